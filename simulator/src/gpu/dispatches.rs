@@ -112,6 +112,14 @@ impl RunBuffers {
         &self.buffers[name]
     }
 
+    pub(super) fn upload_flow(&self, tables: &Tables) -> Result<(), Error> {
+        let (params, species_rows) = (encoded(&tables.params), encoded(&tables.species_rows));
+        with_error_scope(&self.own, "the flow", 0, || {
+            self.own.queue.write_buffer(self.buffer("params"), 0, &params);
+            self.own.queue.write_buffer(self.buffer("species_rows"), 0, &species_rows);
+        })
+    }
+
     pub(super) fn upload_cells(&self, receiver_cells: &ReceiverCells) -> Result<(), Error> {
         let words = bytemuck::cast_slice(&receiver_cells.words);
         with_error_scope(&self.own, "lists of receivers", 0, || {

@@ -52,6 +52,8 @@ pub(super) struct SpeciesRow {
     pub(super) tumble_threshold: u32,
     pub(super) decay_rate: f32,
     pub(super) mobility: f32,
+    /// Bits of the axes whose walls reflect paths with diffusion and drift.
+    pub(super) drifts_at_wall: u32,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]

@@ -15,6 +15,7 @@ mod device;
 mod dispatches;
 mod kernel;
 mod layout;
+mod model_check;
 mod plan;
 mod receiver_cells;
 mod receiver_trajectory;

@@ -6,10 +6,11 @@ use super::detectors::Detectors;
 use super::device::{read, refused, with_error_scope};
 use super::dispatches::{RunBuffers, StepDispatches};
 use super::layout::{ControlHeader, ReceiverCellsHeader};
+use super::model_check::check;
 use super::plan::{GpuOptions, MAX_BIRTHS, MAX_LOOP_ITERATIONS, Sizes, grown, steps_per_readback};
 use super::receiver_cells::{ReceiverCells, ReceiverCellsBuilder};
 use super::receiver_trajectory::{ReceiverTrajectory, max_steps};
-use super::tables::{BoundSpecies, Tables, Tallies, check};
+use super::tables::{BoundSpecies, Tables};
 use crate::model::Model;
 use crate::model::particles::Particles;
 use crate::model::receiver::ReceiverKind;
@@ -20,6 +21,7 @@ use crate::release::origins::{Arrival, Origins};
 use crate::{Error, State, Totals};
 
 mod events;
+mod flow;
 mod overflow;
 mod receivers;
 mod releases;
@@ -34,10 +36,9 @@ pub struct GpuSimulation {
     model: Model,
     key: Key,
     decays: Decays,
-    tallies: Tallies,
-    /// Most events of a particle in a step that one tally counts.
-    max_counts: u32,
-    dissociates: bool,
+    tables: Tables,
+    /// Fraction of a step during which the flow of `tables` is on.
+    flow_part: f64,
     bound_species: Vec<BoundSpecies>,
     trajectory: ReceiverTrajectory,
     cells_builder: ReceiverCellsBuilder,
@@ -130,10 +131,9 @@ impl GpuSimulation {
         let mut simulation = Self {
             key,
             decays: Decays::new(&model),
-            tallies: tables.tallies,
-            max_counts: tables.max_counts,
-            dissociates: tables.dissociates(),
             bound_species: tables.bound_species(),
+            tables,
+            flow_part: 1.0,
             trajectory: ReceiverTrajectory::new(&model, key, &state.centers, state.step, 0),
             cells: receiver_cells.head,
             cells_builder,
@@ -218,10 +218,11 @@ impl GpuSimulation {
         let end = self.step.saturating_add(steps);
         while self.step < end {
             let most = (end - self.step).min(max_steps(&self.model)).min(self.steps_per_readback());
+            let most = self.steps_of_flow(most);
             let bursts = self.bursts(most)?;
             // Dissociations change the ids of later releases.
             let most = match bursts.first() {
-                Some(burst) if self.dissociates => burst.step - self.step,
+                Some(burst) if self.tables.dissociates() => burst.step - self.step,
                 _ => most,
             };
             let added =
@@ -244,12 +245,13 @@ impl GpuSimulation {
     }
 
     fn steps_per_readback(&self) -> u32 {
-        let most = steps_per_readback(self.steps.sizes.particles, self.max_counts);
+        let most = steps_per_readback(self.steps.sizes.particles, self.tables.max_counts);
         if self.steps.sizes.near > 0 { most.min(MAX_STEPS_WITH_COLLISIONS) } else { most }
     }
 
     fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<ControlHeader, Error> {
         self.prepare_receivers(steps)?;
+        self.prepare_flow()?;
         // A halted step does not consume them; its repetition does.
         let due = self.due.clone();
         let mut bursts_left = bursts.iter().peekable();
@@ -266,7 +268,7 @@ impl GpuSimulation {
             let burst = burst.filter(|particles| !particles.is_empty());
             particles += burst.map_or(0, Particles::len) as u32;
             let burst = burst.map(|burst| self.append(burst)).transpose()?;
-            if self.dissociates {
+            if self.tables.dissociates() {
                 particles = self.steps.sizes.particles;
             }
             self.steps.encode_begin(&mut encoder, burst.as_ref(), particles);
@@ -315,7 +317,7 @@ impl GpuSimulation {
         bursts: &[Burst],
     ) -> Result<ControlHeader, Error> {
         self.steps.encode_census(&mut encoder, particles);
-        let tallies = self.tallies.len();
+        let tallies = self.tables.tallies.len();
         let head_bytes = size_of::<ControlHeader>();
         let parts = [
             (self.buffers.buffer("control"), (head_bytes + 8 * tallies) as u64),
@@ -333,8 +335,8 @@ impl GpuSimulation {
         self.record_steps(bursts, head, &events)?;
         self.add_tallies(&counts);
         self.inside = inside
-            .chunks(self.tallies.species.max(1))
-            .take(self.tallies.receivers)
+            .chunks(self.tables.tallies.species.max(1))
+            .take(self.tables.tallies.receivers)
             .map(|row| row.iter().map(|&count| count.into()).collect())
             .collect();
         let pairs = &log[..head.logged as usize];

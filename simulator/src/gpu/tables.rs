@@ -3,17 +3,18 @@
 use super::layout::{
     DissociationRow, EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow, SpeciesRow,
 };
+use super::model_check::{Carried, chained_decays};
 use super::receiver_cells::MIN_LISTED_RECEIVERS;
 use super::receiver_trajectory::max_rows;
 use crate::model::receiver::{Adsorption, ReceiverKind, Receptors};
-use crate::model::{Contact, Decay, Model, Unbinding};
+use crate::model::{Contact, Model, Unbinding};
+use crate::motion::adsorption;
 use crate::motion::propagate::{Propagator, SpeciesStep};
-use crate::motion::vessel_flow::FlowStep;
-use crate::motion::{adsorption, path_hit};
+use crate::motion::vessel_flow::{FlowStep, StepDrift};
 use crate::random::philox::Key;
 use crate::reaction::dissociation::Dissociation;
 use crate::reaction::{ReactionRule, Reactions};
-use crate::{Axis, Error, Receiver};
+use crate::{Axis, Receiver};
 
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Tables {
@@ -59,68 +60,7 @@ impl Tallies {
 
 /// Equal to that of `decay.wgsl`.
 const MAX_DECAYS: u32 = 64;
-/// At a mean of 16, [`MAX_DECAYS`] is exceeded with a probability of 10⁻¹⁷.
-const MAX_DECAY_RATE: f64 = 16.0;
-/// Most receivers that an arriving particle can name, as in `decay.wgsl`.
-const MAX_LOGGED_RECEIVERS: usize = (1 << 17) - 2;
 
-fn chained_decays(model: &Model) -> impl Iterator<Item = (&Decay, &Decay)> {
-    let after = |first: &Decay| {
-        let product = first.products[0];
-        model.decays.iter().filter(move |second| Some(second.reactant) == product)
-    };
-    model.decays.iter().flat_map(move |first| after(first).map(move |second| (first, second)))
-}
-
-pub(super) fn check(model: &Model) -> Result<(), Error> {
-    let rejected = |what: String| Err(Error::NotOnGpu { what });
-    for (first, second) in chained_decays(model) {
-        let expected = second.rate * model.time_step;
-        if expected > MAX_DECAY_RATE {
-            return rejected(format!(
-                "'{}' after '{}' at {expected:.1} expected decays per step; set time-step to {:.2e} or less",
-                second.name,
-                first.name,
-                MAX_DECAY_RATE / second.rate
-            ));
-        }
-    }
-    if model.logs_arrivals && model.receivers.len() > MAX_LOGGED_RECEIVERS {
-        let count = model.receivers.len();
-        return rejected(format!("arrivals at {count} receivers; it logs those at {MAX_LOGGED_RECEIVERS}"));
-    }
-    if let Some(wall) = model.receivers.iter().find(|receiver| matches!(receiver.kind, ReceiverKind::Wall(_)))
-    {
-        return rejected(format!("the absorbing wall {}", wall.name));
-    }
-    if model.flow_pulse.is_some() {
-        return rejected("a flow that begins or ends during the run".to_owned());
-    }
-    check_receivers(model)?;
-    let steps = Propagator::new(model).steps;
-    let carriers: Vec<Carried> =
-        (0..steps.len()).map(|species| Carried::new(model, &steps, species)).collect();
-    // Others count ends of steps only, or nothing.
-    let by_path = |r: &&Receiver| r.kind == ReceiverKind::Absorbing || r.kind.reflects() && r.kind.absorbs();
-    let binds = |r: &&Receiver| matches!(r.kind, ReceiverKind::Receptors(_));
-    for receiver in model.receivers.iter().filter(|r| by_path(r) || binds(r)) {
-        let seen = (0..steps.len()).filter(|&species| receiver.sees[species]);
-        let passed = |&s: &usize| carriers[s].drifts_past(receiver, model);
-        if let Some(species) = seen.into_iter().find(passed) {
-            return rejected(format!(
-                "{}, whose drift may carry it past receiver {} within a step; shorten the time step until the drift of a \
-                 step is a sixteenth of the receiver's radius",
-                model.species[species].name, receiver.name
-            ));
-        }
-    }
-    Ok(())
-}
-
-/// Most receivers and species of a thread and step: software drivers end loops after 65,535 iterations.
-const MAX_SEEN: usize = 60_000;
-/// Surfaces make a thread visit receivers twice.
-const MAX_SEEN_REFLECTING: usize = 25_000;
 /// Loop iterations of a thread near surfaces, additional ones per search, and most reflections in a step.
 const REFLECTION_ITERATIONS: u32 = 60_000;
 const ITERATIONS_PER_SEARCH: u32 = 1_100;
@@ -132,84 +72,6 @@ fn max_requeries(species_rows: &[SpeciesRow]) -> u32 {
     let most = species_rows.iter().map(|kind| kind.decays_begin - kind.events_begin).max().unwrap_or(0);
     (REFLECTION_ITERATIONS.saturating_sub(most + ITERATIONS_PER_SEARCH) / (most + ITERATIONS_PER_SEARCH))
         .clamp(1, BOUNCES)
-}
-
-fn check_receivers(model: &Model) -> Result<(), Error> {
-    let seen: usize = model.receivers.iter().map(|r| r.sees.iter().filter(|sees| **sees).count()).sum();
-    let reflects = model.receivers.iter().any(|receiver| receiver.kind.reflects());
-    let most = if reflects { MAX_SEEN_REFLECTING } else { MAX_SEEN };
-    let visits = seen.max(model.receivers.len());
-    match visits > most {
-        true => Err(Error::NotOnGpu {
-            what: format!("{visits} counts of a receiver and a species, beyond {most}"),
-        }),
-        false => Ok(()),
-    }
-}
-
-/// Bounds of a species' displacement in a step apart from diffusion.
-struct Carried {
-    /// Plug flow and drift, in µm.
-    drift: [f32; 3],
-    /// Poiseuille flow, and own velocity in any direction, in µm.
-    flow: f32,
-    own: f32,
-    diffusion: f32,
-}
-
-/// In standard deviations; a component exceeds it once in 10⁹ draws.
-const MAX_THERMAL: f32 = 6.0;
-
-impl Carried {
-    fn new(model: &Model, steps: &[SpeciesStep], species: usize) -> Self {
-        let SpeciesStep { drift, diffusion, .. } = steps[species];
-        let kind = &model.species[species];
-        let speed = if kind.speed > 0.0 {
-            kind.speed as f32
-        } else {
-            MAX_THERMAL * 3f32.sqrt() * kind.thermal_speed as f32
-        };
-        let flow = FlowStep::new(model).map_or(0.0, |flow| flow.fastest as f32);
-        // A product keeps the velocity of a reactant with the same speed.
-        let hottest = model.species.iter().map(|species| species.thermal_speed).fold(0.0, f64::max);
-        let speed = speed.max(MAX_THERMAL * 3f32.sqrt() * hottest as f32);
-        Self { drift, flow, own: speed * model.time_step as f32, diffusion }
-    }
-
-    fn length(&self) -> f32 {
-        self.drift.iter().map(|d| d * d).sum::<f32>().sqrt() + self.flow.abs() + self.own
-    }
-
-    /// Returns `true` if the ends of a step do not decide on a hit: drift may carry a diffusing particle past the
-    /// receiver, or a line may involve a wall or another image.
-    fn drifts_past(&self, receiver: &Receiver, model: &Model) -> bool {
-        let (time_step, boundary) = (model.time_step, &model.boundary);
-        let own = receiver.velocity.map(|v| (v * time_step) as f32);
-        let diffusion = self.diffusion + (receiver.diffusion * time_step) as f32;
-        let relative: [f32; 3] = std::array::from_fn(|k| self.drift[k] - own[k]);
-        if diffusion > 0.0 {
-            let length = relative.iter().map(|d| d * d).sum::<f32>().sqrt() + self.flow.abs() + self.own;
-            return path_hit::is_long(length, (2.0 * diffusion).sqrt(), receiver.radius);
-        }
-        let along = |k: usize| {
-            let vessel = boundary.vessel.filter(|vessel| vessel.along == Some(k));
-            self.own + if vessel.is_some() { self.flow.abs() } else { 0.0 }
-        };
-        let across = |k: usize| boundary.vessel.is_some_and(|vessel| vessel.along != Some(k));
-        (0..3).filter(|&k| relative[k] != 0.0 || along(k) > 0.0).any(|k| {
-            let moved = self.drift[k].abs() + along(k);
-            let (center, reach) = (receiver.center[k], receiver.radius + moved);
-            match boundary.axes[k] {
-                Axis::Open | Axis::Frozen => across(k),
-                Axis::Reflecting { .. } if moved == 0.0 => false,
-                Axis::Reflecting { .. } if own[k] != 0.0 => true,
-                Axis::Reflecting { low, high } => center - reach < low || center + reach > high,
-                Axis::Periodic { low, high } => {
-                    2.0 * (receiver.radius + relative[k].abs() + along(k)) > high - low
-                }
-            }
-        })
-    }
 }
 
 impl Tables {
@@ -236,6 +98,18 @@ impl Tables {
             dissociation_rows: dissociation_rows(model, &tallies),
             max_counts: if chained_decays(model).next().is_some() { MAX_DECAYS } else { 1 },
             tallies,
+        }
+    }
+
+    /// Sets the fraction of the step during which the flow is on.
+    pub(super) fn set_flow(&mut self, model: &Model, part: f64) {
+        for (row, drift) in self.species_rows.iter_mut().zip(StepDrift::all(model, part)) {
+            row.drift = drift.drift.into();
+            row.drifts_at_wall = at_wall_bits(drift);
+        }
+        if let Some(mut flow) = FlowStep::new(model) {
+            flow.set(model, part);
+            self.params.peak_flow = flow.fastest as f32;
         }
     }
 
@@ -341,7 +215,8 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
             ..EventRow::default()
         }));
         species_rows.push(SpeciesRow {
-            drift: step.drift.into(),
+            drift: step.drift.drift.into(),
+            drifts_at_wall: at_wall_bits(step.drift),
             length: step.length,
             diffusion: step.diffusion,
             radius: species.radius,
@@ -349,7 +224,7 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
             decays_begin,
             events_end: event_rows.len() as u32,
             bend: step.bend,
-            reach: reach(&step, &Carried::new(model, &motion.steps, id)),
+            reach: reach(&step, &Carried::all(model, &motion.steps, id)),
             cell_lists: if is_listed { listed } else { NOTHING },
             speed: species.speed as f32,
             thermal_speed: species.thermal_speed as f32,
@@ -366,9 +241,14 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
     (species_rows, event_rows)
 }
 
+fn at_wall_bits(drift: StepDrift) -> u32 {
+    (0..3).map(|k| u32::from(drift.at_wall[k]) << k).sum()
+}
+
 /// Distance of all but one in ten million particles, plus three displacements of a receiver.
-fn reach(step: &SpeciesStep, carried: &Carried) -> f32 {
-    1.01 * (6.0 * step.length + carried.length()) + step.bend
+fn reach(step: &SpeciesStep, carried: &[Carried]) -> f32 {
+    let longest = carried.iter().map(Carried::length).fold(0.0, f32::max);
+    1.01 * (6.0 * step.length + longest) + step.bend
 }
 
 fn surface(receiver: &Receiver, step: &SpeciesStep, time_step: f64) -> Option<EventRow> {

@@ -193,6 +193,11 @@ impl Model {
         ((end.min(until) - begin.max(from)) / (end - begin)).clamp(0.0, 1.0)
     }
 
+    /// Returns the fraction of a step during which the flow is on.
+    pub(crate) fn flow_part_of_step(&self, step: u32) -> f64 {
+        self.flow_part([0.0, 1.0].map(|later| (f64::from(step) + later) * self.time_step))
+    }
+
     /// Returns the flow velocity at a point, in µm/s.
     pub fn flow_at(&self, point: [f32; 3]) -> [f64; 3] {
         match (self.flow, &self.boundary.vessel) {

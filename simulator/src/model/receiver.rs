@@ -108,6 +108,12 @@ impl Receiver {
         self.kind.reflects() && self.sees.contains(&true)
     }
 
+    /// Returns `true` if it is a wall across an axis.
+    pub(crate) fn is_across(&self, axis: usize) -> bool {
+        let faces = [WallFace::Low(axis), WallFace::High(axis)];
+        matches!(self.kind, ReceiverKind::Wall(face) if faces.contains(&face))
+    }
+
     /// Returns `true` if the receiver moves.
     pub fn moves(&self) -> bool {
         self.velocity != [0.0; 3] || self.diffusion > 0.0

@@ -6,16 +6,16 @@
 use rayon::prelude::*;
 
 use crate::Error;
-use crate::model::boundary::{Axis, Boundary};
+use crate::model::boundary::Boundary;
 use crate::model::particles::Particles;
-use crate::model::{Flow, Model, Species};
+use crate::model::{Model, Species};
 use crate::motion::collisions::Flight;
 use crate::motion::path_hit::{BEND, DrawContext, Path};
 use crate::motion::receiver_search::{ReceiverSearch, StepBounds};
 use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
 use crate::motion::step_normals::{BLOCK, draw};
 use crate::motion::surface_events::ParticleMove;
-use crate::motion::vessel_flow::FlowStep;
+use crate::motion::vessel_flow::{FlowStep, StepDrift};
 use crate::motion::wall::{AbsorbingWall, reflected};
 use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose, probability_threshold};
@@ -45,12 +45,10 @@ pub(crate) struct SpeciesStep {
     lengths: [f32; 3],
     /// DΔt in µm².
     pub(crate) diffusion: f32,
-    pub(crate) drift: [f32; 3],
+    pub(crate) drift: StepDrift,
     pub(crate) domain: Boundary,
     /// Largest bending of the path by the diffusion of particle and receiver, in µm.
     pub(crate) bend: f32,
-    /// Axes whose walls reflect paths with diffusion and drift.
-    drifts_at_wall: [bool; 3],
     /// Largest word at which a swimmer tumbles, and its speed in µm/s.
     pub(crate) tumbles: Option<(u32, f32)>,
 }
@@ -62,31 +60,21 @@ impl Propagator {
     /// Creates the constants of a checked model.
     pub fn new(model: &Model) -> Self {
         let time_step = model.time_step;
-        let plug = plug(model);
         let bodies = ActiveReceivers::new(model);
         let walls = AbsorbingWall::all(model);
-        let step = |(index, species): (usize, &Species)| SpeciesStep {
+        let step = |(species, drift): (&Species, StepDrift)| SpeciesStep {
             bend: BEND * (2.0 * ((species.diffusion * time_step) as f32 + bodies.diffusion)).sqrt(),
             length: (2.0 * species.diffusion * time_step).sqrt() as f32,
             lengths: model.boundary.flattened([(2.0 * species.diffusion * time_step).sqrt() as f32; 3]),
             diffusion: (species.diffusion * time_step) as f32,
-            drift: drift(species, plug, time_step),
+            drift,
             tumbles: probability_threshold(-libm::expm1(-species.tumble_rate * time_step))
                 .filter(|_| species.speed > 0.0)
                 .map(|up_to| (up_to, species.speed as f32)),
             domain: model.boundary.inset(species.radius),
-            drifts_at_wall: std::array::from_fn(|k| {
-                let drifts = species.drift[k] + plug[k] != 0.0 && species.diffusion > 0.0;
-                // Particles that the wall does not absorb never touched it.
-                let is_absorbed = walls.iter().any(|wall| wall.is_across(k) && wall.sees[index]);
-                drifts
-                    && !is_absorbed
-                    && !species.has_velocity()
-                    && matches!(model.boundary.axes[k], Axis::Reflecting { .. })
-            }),
         };
         Self {
-            steps: model.species.iter().enumerate().map(step).collect(),
+            steps: model.species.iter().zip(StepDrift::all(model, 1.0)).map(step).collect(),
             time_step: time_step as f32,
             with_velocity: model.has_velocity(),
             bounded: !model.boundary.is_unbounded(),
@@ -103,10 +91,9 @@ impl Propagator {
         if model.flow_pulse.is_none() {
             return;
         }
-        let part = model.flow_part([0.0, 1.0].map(|later| (f64::from(step) + later) * model.time_step));
-        let plug = plug(model).map(|v| part * v);
-        for (step, species) in self.steps.iter_mut().zip(&model.species) {
-            step.drift = drift(species, plug, model.time_step);
+        let part = model.flow_part_of_step(step);
+        for (step, drift) in self.steps.iter_mut().zip(StepDrift::all(model, part)) {
+            step.drift = drift;
         }
         if let Some(stream) = &mut self.stream {
             stream.set(model, part);
@@ -341,7 +328,8 @@ impl Propagator {
         mut velocity: Option<&mut [f32; 3]>,
         who: DrawContext,
     ) -> (Path, [f32; 3]) {
-        let SpeciesStep { length, lengths, diffusion, mut drift, ref domain, .. } = *kind;
+        let SpeciesStep { length, lengths, diffusion, ref domain, .. } = *kind;
+        let StepDrift { mut drift, at_wall } = kind.drift;
         if let Some(own) = &velocity {
             drift = std::array::from_fn(|axis| drift[axis] + own[axis] * self.time_step);
         }
@@ -367,27 +355,15 @@ impl Propagator {
         }
         let free_end = end;
         let mut end = end;
-        if kind.drifts_at_wall != [false; 3] {
+        if at_wall != [false; 3] {
             let words = who.key.draw(who.id, 0, who.step, Purpose::Wall);
-            for axis in (0..3).filter(|&axis| kind.drifts_at_wall[axis]) {
+            for axis in (0..3).filter(|&axis| at_wall[axis]) {
                 let ends = [before[axis], end[axis]];
                 end[axis] = reflected(domain.axes[axis], ends, length, words[axis]).unwrap_or(end[axis]);
             }
         }
         (Path { before, end, after: domain.confine(end), drift, diffusion }, free_end)
     }
-}
-
-fn plug(model: &Model) -> [f64; 3] {
-    match model.flow {
-        Some(Flow::Plug(velocity)) => velocity,
-        _ => [0.0; 3],
-    }
-}
-
-/// Returns the displacement of a species by drift and flow in a step, in µm.
-fn drift(species: &Species, plug: [f64; 3], time_step: f64) -> [f32; 3] {
-    std::array::from_fn(|k| ((species.drift[k] + plug[k]) * time_step) as f32)
 }
 
 fn tumble(velocity: &mut [f32; 3], (up_to, speed): (u32, f32), words: [u32; 4], domain: &Boundary) {

@@ -1,12 +1,42 @@
-use crate::model::boundary::Boundary;
+use crate::model::boundary::{Axis, Boundary};
 use crate::model::vessel::Vessel;
-use crate::model::{Flow, Model};
+use crate::model::{Flow, Model, Species};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FlowStep {
     pub(crate) vessel: Vessel,
     /// Displacement per step of Poiseuille flow on the axis, in µm.
     pub(crate) fastest: f64,
+}
+
+/// Displacement of a species by drift and plug flow in a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct StepDrift {
+    /// In µm.
+    pub(crate) drift: [f32; 3],
+    /// Axes whose walls reflect paths with diffusion and drift.
+    pub(crate) at_wall: [bool; 3],
+}
+
+impl StepDrift {
+    /// Returns the drift of each species if the flow is on during the fraction `part` of the step.
+    pub(crate) fn all(model: &Model, part: f64) -> impl Iterator<Item = Self> {
+        let plug = match model.flow {
+            Some(Flow::Plug(velocity)) => velocity.map(|v| part * v),
+            _ => [0.0; 3],
+        };
+        let one = move |(index, species): (usize, &Species)| {
+            let drift = std::array::from_fn(|k| ((species.drift[k] + plug[k]) * model.time_step) as f32);
+            let diffuses = species.diffusion > 0.0 && !species.has_velocity();
+            // Particles that the wall does not absorb never touched it.
+            let reflects = |k| {
+                matches!(model.boundary.axes[k], Axis::Reflecting { .. })
+                    && !model.receivers.iter().any(|receiver| receiver.is_across(k) && receiver.sees[index])
+            };
+            Self { drift, at_wall: std::array::from_fn(|k| diffuses && drift[k] != 0.0 && reflects(k)) }
+        };
+        model.species.iter().enumerate().map(one)
+    }
 }
 
 pub(crate) struct AdvectedPath {

@@ -62,10 +62,6 @@ impl AbsorbingWall {
         model.receivers.iter().enumerate().filter_map(wall).collect()
     }
 
-    pub(crate) fn is_across(&self, axis: usize) -> bool {
-        [WallFace::Low(axis), WallFace::High(axis)].contains(&self.face)
-    }
-
     /// Returns `true` if the wall absorbs the particle. `domain` is the boundary of its center, `free_end` the end
     /// without walls.
     pub(crate) fn absorbs(

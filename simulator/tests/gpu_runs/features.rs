@@ -112,6 +112,29 @@ fn vessels_carry_as_on_the_cpu() {
     compare(&sphere, 25, 8);
 }
 
+/// Batches of steps across the ends of a pulse, which are within steps.
+#[test]
+fn pulses_of_flow_match_the_cpu() {
+    let Some(own) = device() else { return };
+    let plug = |velocity| Model { flow: Some(Flow::Plug(velocity)), time_step: 0.004, ..brownian(true) };
+    // The flow alone drifts along x, and cancels the drift of B.
+    let models = [plug([40.0, 0.0, 0.0]), plug([-0.5, 30.0, 0.0]), in_vessel(1, Axis::Open)];
+    for (k, mut model) in models.into_iter().enumerate() {
+        let time_step = model.time_step;
+        model.flow_pulse = Some([2.25, 5.75].map(|steps| steps * time_step));
+        let (mut there, mut here) = (gpu(&own, &model, 31, GpuOptions::default()), cpu(&model, 31));
+        for steps in [5, 4] {
+            there.run(steps).expect("steps");
+            (0..steps).for_each(|_| here.step().expect("a step"));
+            assert_close(&there.state().expect("a state"), here.state(), 2e-4);
+        }
+        model.flow_pulse = None;
+        let mut steady = cpu(&model, 31);
+        (0..9).for_each(|_| steady.step().expect("a step"));
+        assert_ne!(steady.state().particles, here.state().particles, "model {k}");
+    }
+}
+
 #[test]
 fn decay_chains_match_the_cpu() {
     let mut model = brownian(true);

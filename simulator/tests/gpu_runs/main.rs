@@ -14,7 +14,8 @@ use lazygrid::Algorithm;
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Axis, Boundary, Contact, Decay, Error, Model, Receiver, ReceiverKind, Shape, Simulation, Transmitter,
+    Axis, Boundary, Contact, Decay, Error, Flow, Model, Receiver, ReceiverKind, Shape, Simulation,
+    Transmitter,
 };
 use models::{assert_same, brownian, by_id, cpu, dyadic, gpu, species};
 
@@ -263,16 +264,22 @@ fn models_without_kernels_are_refused_by_name() {
             other => panic!("{other:?}"),
         }
     };
+    fn receiver(kind: ReceiverKind) -> Receiver {
+        Receiver { name: "rx".into(), radius: 0.25, kind, sees: vec![true; 2], ..Receiver::default() }
+    }
     fn decay(reactant: u32, products: [Option<u32>; 2]) -> Decay {
         Decay { reactant, products, rate: 32_000.0, ..Decay::default() }
     }
     let chain = refused(|m| m.decays = vec![decay(0, [Some(1), None]), decay(1, [None, None])]);
     assert!(chain.contains("32.0 expected decays per step; set time-step to 5.00e-4 or less"), "{chain}");
-    let pulse = refused(|m| m.flow_pulse = Some([0.0, 1.0]));
-    assert!(pulse.contains("a flow that begins or ends"), "{pulse}");
-    fn receiver(kind: ReceiverKind) -> Receiver {
-        Receiver { name: "rx".into(), radius: 0.25, kind, sees: vec![true; 2], ..Receiver::default() }
-    }
+    // A pulse that cancels the drift of B leaves it as it is before.
+    let off = refused(|m| {
+        m.species[1].drift = [9000.0, 0.0, 0.0];
+        (m.flow, m.flow_pulse) = (Some(Flow::Plug([-9000.0, 0.0, 0.0])), Some([0.5, 1.0]));
+        m.receivers = vec![receiver(ReceiverKind::Absorbing)];
+        m.receivers[0].sees = vec![false, true];
+    });
+    assert!(off.contains("B, whose drift may carry it past receiver rx"), "{off}");
     let crowd = refused(|m| m.receivers = vec![receiver(ReceiverKind::Absorbing); 40_000]);
     assert!(crowd.contains("80000 counts"), "{crowd}");
     let crowd = refused(|m| m.receivers = vec![receiver(ReceiverKind::Reflecting); 13_000]);

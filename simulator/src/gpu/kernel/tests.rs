@@ -74,7 +74,8 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             tumbles,
             tumble_threshold,
             decay_rate,
-            mobility
+            mobility,
+            drifts_at_wall
         }),
         layout!(ReceiverCellsHeader { low, cells_per_length, counts }),
         layout!(EventRow {

@@ -45,7 +45,7 @@ impl GpuSimulation {
                 self.origins.enter(self.next_id, self.origins.of(parent));
                 self.next_id += 1;
             }
-            if self.dissociates && step == done {
+            if self.tables.dissociates() && step == done {
                 // Without a log of arrivals, births have no entries.
                 self.next_id = head.next_id;
             }
@@ -71,7 +71,7 @@ impl GpuSimulation {
         }
         let Some(burst) = burst else { return Ok(()) };
         let mut released = burst.released.clone();
-        if self.dissociates {
+        if self.tables.dissociates() {
             let centers = self.trajectory.centers_at(step);
             let (decays, key, next_id) = (&self.decays, self.key, self.next_id);
             released = self.model.release(ReleaseStep { decays, key, step, next_id, centers })?;

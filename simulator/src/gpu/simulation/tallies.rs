@@ -1,11 +1,11 @@
 //! Totals from the counts of the device.
 
-use super::GpuSimulation;
+use super::{GpuSimulation, Tables};
 use crate::model::receiver::ReceiverKind;
 
 impl GpuSimulation {
     pub(super) fn add_tallies(&mut self, counts: &[u32]) {
-        let Self { model, tallies, totals, .. } = self;
+        let Self { model, tables: Tables { tallies, .. }, totals, .. } = self;
         let count = |at: usize| u64::from(counts[at]);
         // A species may appear and disappear between readbacks; only the final count cannot be negative.
         let present = &mut totals.present;

@@ -101,8 +101,11 @@ var<private> receiver_rows: array<vec4<u32>, 6>;
                 let before = 4.0 * vec3(open_unit(words.x), open_unit(words.y), open_unit(words.z)) - 2.0;
                 let end = before + 4.0 * (vec3(open_unit(more.x), open_unit(more.y), open_unit(more.z)) - 0.5);
                 trajectory.max_displacement = 0.6; params.time_step = 1.0; params.max_requeries = 8u;
-                let kind = SpeciesRow(vec3(0.0), 0.0, 0.0, 0.0, 0u, 3u, 3u, 0.0, 0.0, NOTHING, 0.0, 0.0, 0u, 0u, 0.0, 0.0);
-                let reflected = reflect_path(kind, Path(before, end, confined(end, 0.0), vec3(0.0)));
+                var kind: SpeciesRow;
+                kind.decays_begin = 3u; kind.cell_lists = NOTHING;
+                var path: Path;
+                path.before = before; path.end = end; path.after = confined(end, 0.0);
+                let reflected = reflect_path(kind, path);
                 out[k] = vec4(bitcast<vec3<u32>>(reflected.after), reflected.first + 1u);",
                 u32::from(axes == 0)
             );

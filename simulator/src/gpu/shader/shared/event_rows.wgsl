@@ -22,6 +22,8 @@ struct SpeciesRow {
     tumble_threshold: u32,
     decay_rate: f32,
     mobility: f32,
+    // Bits of the axes whose walls reflect paths with diffusion and drift.
+    drifts_at_wall: u32,
 }
 
 // A possible event of a species' particle, in the order of precedence.

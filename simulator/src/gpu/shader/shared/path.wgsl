@@ -8,9 +8,7 @@ fn free_end_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32
 fn path_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32) -> Path {
     var end = free_end_of(before, velocity, kind, id);
     if (params.vessel_axis == NO_VESSEL) {
-        if (kind.length > 0.0 && kind.speed == 0.0 && kind.thermal_speed == 0.0) {
-            end = reflected_at_walls(before, end, kind, id);
-        }
+        end = reflected_at_walls(before, end, kind, id);
         let own = select(velocity, -velocity, reversed_axes(end, kind.radius));
         return Path(before, end, confined(end, kind.radius), own);
     }
@@ -36,14 +34,13 @@ fn velocity_of(at: u32, kind: SpeciesRow, id: u32) -> vec3<f32> {
 
 // Returns the end of a step after reflection at walls along which the particle drifts.
 fn reflected_at_walls(before: vec3<f32>, end: vec3<f32>, kind: SpeciesRow, id: u32) -> vec3<f32> {
-    let drifts = (kind.drift != vec3(0.0)) & (params.axes == vec3(1u));
-    if (!any(drifts)) {
+    if (kind.drifts_at_wall == 0u) {
         return end;
     }
     let words = philox(vec4(id, 0u, control.step, PURPOSE_WALL), params.key);
     var reflected = end;
     for (var k = 0u; k < 3u; k++) {
-        if (drifts[k]) {
+        if ((kind.drifts_at_wall & (1u << k)) != 0u) {
             let low = params.low[k] + kind.radius;
             let high = params.high[k] - kind.radius;
             reflected[k] = reflected_at_wall(low, high, vec2(before[k], end[k]), kind.length, words[k]);
