@@ -138,6 +138,7 @@ kernels! {
 }
 
 const SHARED: &[(&str, &str)] = &[
+    ("absorbing_wall", include_str!("shader/shared/absorbing_wall.wgsl")),
     ("adsorption", include_str!("shader/shared/adsorption.wgsl")),
     ("apply_reaction", include_str!("shader/shared/apply_reaction.wgsl")),
     ("born", include_str!("shader/shared/born.wgsl")),

@@ -42,6 +42,7 @@ pub(super) struct SpeciesRow {
     pub(super) radius: f32,
     pub(super) events_begin: u32,
     pub(super) decays_begin: u32,
+    pub(super) walls_begin: u32,
     pub(super) events_end: u32,
     pub(super) bend: f32,
     pub(super) reach: f32,
@@ -82,6 +83,7 @@ impl EventRow {
     pub(super) const PER_STEP: u32 = 4;
     pub(super) const RECEPTORS: u32 = 5;
     pub(super) const DECAY: u32 = 6;
+    pub(super) const WALL: u32 = 7;
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]

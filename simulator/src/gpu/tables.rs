@@ -6,7 +6,7 @@ use super::layout::{
 use super::model_check::{Carried, chained_decays};
 use super::receiver_cells::MIN_LISTED_RECEIVERS;
 use super::receiver_trajectory::max_rows;
-use crate::model::receiver::{Adsorption, ReceiverKind, Receptors};
+use crate::model::receiver::{Adsorption, ReceiverKind, Receptors, WallFace};
 use crate::model::{Contact, Model, Unbinding};
 use crate::motion::adsorption;
 use crate::motion::propagate::{Propagator, SpeciesStep};
@@ -214,6 +214,17 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
             share: channel.share as f32,
             ..EventRow::default()
         }));
+        let walls_begin = event_rows.len() as u32;
+        let walls = model.receivers.iter().enumerate().filter(|(_, receiver)| receiver.sees[id]);
+        event_rows.extend(walls.filter_map(|(place, receiver)| {
+            let ReceiverKind::Wall(face) = receiver.kind else { return None };
+            Some(EventRow {
+                kind: EventRow::WALL + face_index(face),
+                receiver: place as u32,
+                tally: tallies.arrival(place, id) as u32,
+                ..EventRow::default()
+            })
+        }));
         species_rows.push(SpeciesRow {
             drift: step.drift.drift.into(),
             drifts_at_wall: at_wall_bits(step.drift),
@@ -222,6 +233,7 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
             radius: species.radius,
             events_begin,
             decays_begin,
+            walls_begin,
             events_end: event_rows.len() as u32,
             bend: step.bend,
             reach: reach(&step, &Carried::all(model, &motion.steps, id)),
@@ -239,6 +251,14 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
         listed += u32::from(is_listed);
     }
     (species_rows, event_rows)
+}
+
+fn face_index(face: WallFace) -> u32 {
+    match face {
+        WallFace::Low(axis) => 2 * axis as u32,
+        WallFace::High(axis) => 2 * axis as u32 + 1,
+        WallFace::Side => 6,
+    }
 }
 
 fn at_wall_bits(drift: StepDrift) -> u32 {

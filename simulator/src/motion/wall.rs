@@ -93,7 +93,7 @@ const IMAGES: i32 = 6;
 
 /// Returns the probability that a path in a sphere reaches its surface between two heights above it, both positive. `diffusion` is
 /// DΔt.
-fn hit_from_inside(radius: f32, heights: [f32; 2], diffusion: f32) -> f32 {
+pub(crate) fn hit_from_inside(radius: f32, heights: [f32; 2], diffusion: f32) -> f32 {
     let [radius, diffusion] = [radius, diffusion].map(f64::from);
     if diffusion >= radius * radius {
         // The survival is below exp(−π²).

@@ -1,5 +1,6 @@
 use lazygrid::gpu::GpuDevice;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
+use lazygrid_sim::model::receiver::WallFace;
 use lazygrid_sim::{
     Arrival, Axis, Boundary, Decay, Error, Flow, Model, ReactionRate, Receiver, ReceiverKind, Receptors,
     Schedule, Shape, Species, Transmitter, Unbinding, Vessel,
@@ -132,6 +133,61 @@ fn pulses_of_flow_match_the_cpu() {
         let mut steady = cpu(&model, 31);
         (0..9).for_each(|_| steady.step().expect("a step"));
         assert_ne!(steady.state().particles, here.state().particles, "model {k}");
+    }
+}
+
+fn wall(name: &str, face: WallFace) -> Receiver {
+    receiver(name, [0.0; 3], 0.0, ReceiverKind::Wall(face))
+}
+
+fn with_walls(mut model: Model, faces: &[WallFace]) -> Model {
+    model.logs_arrivals = true;
+    model.decays = vec![Decay { reactant: 1, products: [Some(0), None], rate: 5.0, ..Decay::default() }];
+    model.receivers.extend(faces.iter().map(|&face| wall("wall", face)));
+    model
+}
+
+#[test]
+fn walls_absorb_as_on_the_cpu() {
+    let Some(own) = device() else { return };
+    // All but the last wall see both species, which drift; a receiver takes what reaches it and a wall.
+    let faces = [WallFace::Low(0), WallFace::High(0), WallFace::High(1), WallFace::Low(2)];
+    let mut planes = Model { time_step: 0.02, ..with_walls(brownian(true), &faces) };
+    planes.species[0].radius = 0.125;
+    planes.species[0].drift = [-1.0, 0.5, 1.0];
+    planes.receivers[3].sees = vec![false, true];
+    planes.receivers.insert(1, receiver("at the wall", [1.75, 0.0, 0.0], 0.5, ReceiverKind::Absorbing));
+    let mut mirrors = planes.clone();
+    mirrors.receivers[1].kind = ReceiverKind::Reflecting;
+    let faces = [WallFace::Side, WallFace::Low(1), WallFace::High(1)];
+    let ends = Axis::Reflecting { low: -2.0, high: 2.0 };
+    let mut cylinder = with_walls(in_vessel(1, ends), &faces);
+    cylinder.receivers.remove(0);
+    let vessel = Vessel { along: None, center: [0.125, -0.25, 0.5], radius: 1.5 };
+    let mut sphere = with_walls(brownian(true), &faces[..1]);
+    sphere.boundary = Boundary { axes: [Axis::Open; 3], vessel: Some(vessel) };
+    sphere.species[1].drift = [0.0; 3];
+    for transmitter in &mut sphere.transmitters {
+        (transmitter.center, transmitter.shape) = (vessel.center, Shape::Shell(0.0, 1.25));
+    }
+    let long = Model { time_step: 0.05, ..sphere.clone() };
+    let beyond = Model { time_step: 1.5, ..sphere.clone() };
+    for (k, model) in [planes, mirrors, cylinder, sphere, long, beyond].into_iter().enumerate() {
+        let (mut there, mut here) = (gpu(&own, &model, 32, GpuOptions::default()), cpu(&model, 32));
+        let mut expected = Vec::new();
+        for _ in 0..6 {
+            here.step().expect("a step");
+            expected.extend_from_slice(here.arrivals());
+        }
+        there.run(6).expect("steps");
+        assert_eq!(there.arrivals(), expected, "model {k}");
+        assert_close(&there.state().expect("a state"), here.state(), 2e-4);
+        let silent = |row: &&Vec<u64>| row.iter().sum::<u64>() == 0;
+        assert_eq!(
+            here.state().totals.arrived.iter().filter(silent).count(),
+            usize::from(k == 1),
+            "model {k}"
+        );
     }
 }
 

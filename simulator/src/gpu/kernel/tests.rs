@@ -65,6 +65,7 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             radius,
             events_begin,
             decays_begin,
+            walls_begin,
             events_end,
             bend,
             reach,

@@ -68,7 +68,7 @@ fn path_to(receiver: u32, path: Path, reflected: ReflectedPath) -> Path {
     if (reflected.first == receiver) {
         return path;
     }
-    return Path(path.before, reflected.end, reflected.after, path.velocity);
+    return Path(path.before, reflected.end, reflected.after, path.velocity, path.free_end);
 }
 
 fn bind(at: u32, place: u32, path: Path, id: u32) {
@@ -125,7 +125,7 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
         }
     }
     if (first == NOTHING) {
-        return decay(here, tag.y);
+        return absorb_or_decay(here, path, kind, tag.y);
     }
     let event = event_rows[first];
     if (event.kind == RECEPTORS) {

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::Vessel;
+use crate::motion::wall::hit_from_inside;
 use crate::random::philox::open_unit;
 
 #[test]
@@ -39,4 +40,28 @@ fn vessel_paths_match_the_cpu() {
         assert!(reflected > count / 2, "{reflected}");
         assert!(others <= count / 1000, "{others} of {count} differ, axis {along:?}");
     }
+}
+
+#[test]
+fn absorption_from_inside_a_sphere_matches_the_cpu() {
+    let Some(own) = device() else { return };
+    let pieces = "#include params\nvar<private> params: Params;\n#include control\n\
+        @group(0) @binding(1) var<storage, read_write> control: Control;\n\
+        @group(0) @binding(2) var<storage, read> event_rows: array<EventRow>;\n\
+        @group(0) @binding(3) var<storage, read> species_rows: array<SpeciesRow>;\n\
+        #include philox\n#include normal\n#include unit_32\n#include velocity\n#include boundary\n\
+        #include event_rows\n#include first_passage\n#include decay\n#include absorbing_wall";
+    let body = "let w = philox(vec4(k, 1u, 2u, 3u), vec2(4u, 5u));
+        let heights = 2.0 * pow(vec2(open_unit(w.x), open_unit(w.y)), vec2(f32(1u + k % 4u)));
+        let diffusion = 4.5 * pow(10.0, -5.0 * open_unit(w.z));
+        out[k] = vec4(bitcast<vec3<u32>>(vec3(heights, diffusion)),
+                      bitcast<u32>(hit_from_inside(2.0, heights, diffusion)));";
+    let (mut between, count) = (0, 40_000);
+    for (k, words) in (0..).zip(evaluate(&own, pieces, body, count)) {
+        let [a, b, diffusion, found] = words.map(f32::from_bits);
+        let expected = hit_from_inside(2.0, [a, b], diffusion);
+        assert!((found - expected).abs() < 1e-5, "{k}: {found}, not {expected}, {a} {b} {diffusion}");
+        between += u32::from((0.01..0.99).contains(&expected));
+    }
+    assert!(between > count / 20, "{between}");
 }

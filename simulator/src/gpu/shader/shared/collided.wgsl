@@ -8,5 +8,6 @@ fn collided(path: Path, at: u32, radius: f32) -> Path {
     if (params.has_velocity != 0u) {
         velocity = moved[velocity_at(at)].xyz;
     }
-    return Path(path.before, select(after, moved[at].xyz, params.axes == vec3(2u)), after, velocity);
+    let end = select(after, moved[at].xyz, params.axes == vec3(2u));
+    return Path(path.before, end, after, velocity, path.free_end);
 }

@@ -37,7 +37,7 @@ fn decay_time(rate: f32, left: f32, word: u32) -> f32 {
 }
 
 fn first_decay(kind: SpeciesRow, word: u32) -> u32 {
-    for (var k = kind.decays_begin; k < kind.events_end; k++) {
+    for (var k = kind.decays_begin; k < kind.walls_begin; k++) {
         if (word <= event_rows[k].threshold) {
             return k;
         }
@@ -47,11 +47,11 @@ fn first_decay(kind: SpeciesRow, word: u32) -> u32 {
 
 // A further decay of a particle that exists for `left` of the step, or NOTHING.
 fn next_decay(kind: SpeciesRow, left: f32, word: u32) -> u32 {
-    if (kind.decays_begin == kind.events_end) {
+    if (kind.decays_begin == kind.walls_begin) {
         return NOTHING;
     }
     let ratio = unit_32(word) / probability_within(kind.decay_rate * left);
-    for (var k = kind.decays_begin; k < kind.events_end; k++) {
+    for (var k = kind.decays_begin; k < kind.walls_begin; k++) {
         if (ratio < event_rows[k].share) {
             return k;
         }
@@ -63,7 +63,7 @@ fn next_decay(kind: SpeciesRow, left: f32, word: u32) -> u32 {
 fn decay(moved: Moved, id: u32) -> Moved {
     var here = moved;
     var kind = species_rows[here.species];
-    if (kind.decays_begin == kind.events_end) {
+    if (kind.decays_begin == kind.walls_begin) {
         return here;
     }
     var left = 1.0;

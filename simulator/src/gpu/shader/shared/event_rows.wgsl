@@ -4,9 +4,10 @@ struct SpeciesRow {
     length: f32,
     diffusion: f32,
     radius: f32,
-    // First row in the table of events: receivers, then decays.
+    // First row in the table of events: receivers, then decays, then walls that absorb.
     events_begin: u32,
     decays_begin: u32,
+    walls_begin: u32,
     events_end: u32,
     // Bound of the distance of a path from the line between its ends, near a diffusing receiver.
     bend: f32,
@@ -76,6 +77,8 @@ struct Path {
     end: vec3<f32>,
     after: vec3<f32>,
     velocity: vec3<f32>,
+    // End without reflection.
+    free_end: vec3<f32>,
 }
 
 const ABSORBING: u32 = 0u;
@@ -86,3 +89,5 @@ const PARTIAL: u32 = 3u;
 const PER_STEP: u32 = 4u;
 const RECEPTORS: u32 = 5u;
 const DECAY: u32 = 6u;
+// The first face of the boundary, then the others.
+const WALL: u32 = 7u;

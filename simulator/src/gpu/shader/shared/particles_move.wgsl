@@ -25,3 +25,4 @@
 #include path_hit
 #include collided
 #include decay
+#include absorbing_wall

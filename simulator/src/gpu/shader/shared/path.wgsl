@@ -6,17 +6,17 @@ fn free_end_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32
 }
 
 fn path_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32) -> Path {
-    var end = free_end_of(before, velocity, kind, id);
+    let free_end = free_end_of(before, velocity, kind, id);
     if (params.vessel_axis == NO_VESSEL) {
-        end = reflected_at_walls(before, end, kind, id);
+        let end = reflected_at_walls(before, free_end, kind, id);
         let own = select(velocity, -velocity, reversed_axes(end, kind.radius));
-        return Path(before, end, confined(end, kind.radius), own);
+        return Path(before, end, confined(end, kind.radius), own, free_end);
     }
-    let reflected = reflect_in_vessel(before, end, params.vessel_radius - kind.radius, velocity);
-    var carried = reflected.end;
-    carried += flow_between(before, reflected.end) * along_vessel();
+    let reflected = reflect_in_vessel(before, free_end, params.vessel_radius - kind.radius, velocity);
+    let flow = flow_between(before, reflected.end) * along_vessel();
+    let carried = reflected.end + flow;
     let own = select(reflected.velocity, -reflected.velocity, reversed_axes(carried, kind.radius));
-    return Path(before, carried, confined_axes(carried, kind.radius), own);
+    return Path(before, carried, confined_axes(carried, kind.radius), own, free_end + flow);
 }
 
 fn velocity_of(at: u32, kind: SpeciesRow, id: u32) -> vec3<f32> {

@@ -1,0 +1,78 @@
+// Walls that absorb, as in wall.rs.
+
+// Faces: low-x, high-x, low-y, high-y, low-z, high-z.
+const SIDE: u32 = 6u;
+// Value of params.vessel_axis.
+const SPHERE: u32 = 4u;
+// Images on each side, as on the CPU.
+const IMAGES: u32 = 6u;
+
+// Returns the height of a point above the wall; negative beyond it.
+fn wall_height(face: u32, radius: f32, point: vec3<f32>) -> f32 {
+    if (face >= SIDE) {
+        return params.vessel_radius - radius - length(across_vessel(point));
+    }
+    let axis = face / 2u;
+    if (face % 2u == 0u) {
+        return point[axis] - (params.low[axis] + radius);
+    }
+    return params.high[axis] - radius - point[axis];
+}
+
+// Returns the probability that a path in a sphere reaches its surface between two heights above it. Terms of the CPU's
+// sum in f64 are combined so that none cancels in f32.
+fn hit_from_inside(radius: f32, heights: vec2<f32>, diffusion: f32) -> f32 {
+    if (diffusion >= radius * radius) {
+        return 1.0;
+    }
+    let above = min(heights, vec2((1.0 - 1e-4) * radius));
+    let ends = radius - above;
+    let w = ends.x * ends.y / diffusion;
+    var sum = 0.0;
+    for (var k = 1u; k <= IMAGES; k++) {
+        let far = f32(k) * radius;
+        let rest = far - radius + above;
+        let inner = -rest.x * rest.y / diffusion;
+        let outer = -(far + ends.x) * (far + ends.y) / diffusion;
+        if (w < 0.5) {
+            let u = 2.0 * far * ends / diffusion;
+            let product = one_minus_exp(u.x) * one_minus_exp(u.y) / one_minus_exp(w);
+            sum += exp(inner + w) * (product - 1.0) - exp(outer + w);
+        } else {
+            let crossed = exp(-far * (rest.x + ends.y) / diffusion) + exp(-far * (rest.y + ends.x) / diffusion);
+            sum += (exp(inner) + exp(outer) - crossed) / one_minus_exp(w);
+        }
+    }
+    return sum;
+}
+
+fn wall_absorbs(event: EventRow, kind: SpeciesRow, path: Path, id: u32) -> bool {
+    let face = event.kind - WALL;
+    let heights = vec2(wall_height(face, kind.radius, path.before), wall_height(face, kind.radius, path.free_end));
+    if (any(heights <= vec2(0.0))) {
+        return true;
+    }
+    let product = heights.x * heights.y;
+    if (product >= NEVER * kind.diffusion) {
+        return false;
+    }
+    var probability = exp(-product / kind.diffusion);
+    if (params.vessel_axis == SPHERE) {
+        probability = hit_from_inside(params.vessel_radius - kind.radius, heights, kind.diffusion);
+    }
+    let words = philox(vec4(id, event.receiver, control.step, PURPOSE_RECEIVER), params.key);
+    return open_unit(words.x) < probability;
+}
+
+fn absorb_or_decay(moved: Moved, path: Path, kind: SpeciesRow, id: u32) -> Moved {
+    for (var k = kind.walls_begin; k < kind.events_end; k++) {
+        let event = event_rows[k];
+        if (wall_absorbs(event, kind, path, id)) {
+            atomicAdd(&control.tallies[event.tally], 1u);
+            var here = moved;
+            here.sphere.w = radius_of_arrived(event.receiver);
+            return here;
+        }
+    }
+    return decay(moved, id);
+}
