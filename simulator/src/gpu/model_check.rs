@@ -37,6 +37,13 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
         let count = model.receivers.len();
         return rejected(format!("arrivals at {count} receivers; it logs those at {MAX_LOGGED_RECEIVERS}"));
     }
+    if let Some(receiver) = model.receivers.iter().find(|receiver| receiver.receptor_types().len() > 1) {
+        let types = receiver.receptor_types().len();
+        return rejected(format!(
+            "the {types} receptor types of {}; it has one, with any ligands",
+            receiver.name
+        ));
+    }
     check_receivers(model)?;
     let steps = Propagator::new(model).steps;
     let carriers: Vec<Vec<Carried>> =

@@ -6,7 +6,7 @@ use super::layout::{
 use super::model_check::{Carried, chained_decays};
 use super::receiver_cells::MIN_LISTED_RECEIVERS;
 use super::receiver_trajectory::max_rows;
-use crate::model::receiver::{Adsorption, ReceiverKind, Receptors, WallFace};
+use crate::model::receiver::{Adsorption, ReceiverKind, WallFace};
 use crate::model::{Contact, Model, Unbinding};
 use crate::motion::adsorption;
 use crate::motion::propagate::{Propagator, SpeciesStep};
@@ -139,10 +139,8 @@ pub(super) struct BoundSpecies {
 }
 
 fn receptors(model: &Model) -> Vec<ReceptorRow> {
-    let count = |receiver: &Receiver| match receiver.kind {
-        ReceiverKind::Receptors(Receptors { count, .. }) => Some(count),
-        _ => None,
-    };
+    // The check leaves one type.
+    let count = |receiver: &Receiver| receiver.receptor_types().first().map(|kind| kind.count);
     if model.receivers.iter().all(|receiver| count(receiver).is_none()) {
         return Vec::new();
     }
@@ -193,7 +191,7 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
         let events_begin = event_rows.len() as u32;
         let step = motion.steps[id];
         for (place, receiver) in model.receivers.iter().enumerate().filter(|(_, r)| r.sees[id]) {
-            let Some(surface) = surface(receiver, &step, model.time_step) else { continue };
+            let Some(surface) = surface(receiver, id as u32, &step, model.time_step) else { continue };
             event_rows.push(EventRow {
                 drift: receiver.velocity.map(|v| (v * model.time_step) as f32).into(),
                 radius: receiver.radius,
@@ -271,7 +269,7 @@ fn reach(step: &SpeciesStep, carried: &[Carried]) -> f32 {
     1.01 * (6.0 * step.length + longest) + step.bend
 }
 
-fn surface(receiver: &Receiver, step: &SpeciesStep, time_step: f64) -> Option<EventRow> {
+fn surface(receiver: &Receiver, species: u32, step: &SpeciesStep, time_step: f64) -> Option<EventRow> {
     let diffusion = f64::from(step.diffusion + (receiver.diffusion * time_step) as f32);
     let length = diffusion.sqrt();
     let own = |reactivity: f64| (reactivity * time_step / length) as f32;
@@ -288,10 +286,13 @@ fn surface(receiver: &Receiver, step: &SpeciesStep, time_step: f64) -> Option<Ev
             Some(threshold) => EventRow { threshold, ..of_kind(EventRow::PER_STEP) },
             None => of_kind(EventRow::REFLECTING),
         },
-        ReceiverKind::Receptors(Receptors { binding_rate, unbinding_rate, .. }) => EventRow {
-            own: own(adsorption::reactivity(binding_rate, 1, receiver.radius.into())),
-            unbinding: (unbinding_rate * time_step) as f32,
-            ..of_kind(EventRow::RECEPTORS)
+        ReceiverKind::Receptors(ref types) => match types.iter().find_map(|kind| kind.ligand(species)) {
+            Some(ligand) => EventRow {
+                own: own(adsorption::reactivity(ligand.binding_rate, 1, receiver.radius.into())),
+                unbinding: (ligand.unbinding_rate * time_step) as f32,
+                ..of_kind(EventRow::RECEPTORS)
+            },
+            None => of_kind(EventRow::REFLECTING),
         },
     })
 }

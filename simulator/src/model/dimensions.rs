@@ -36,8 +36,8 @@ impl Model {
                 "place for {name}, of which a vector is {v:?}; set the last coordinates to 0"
             ));
         }
-        let binds = |kind: ReceiverKind| matches!(kind, ReceiverKind::Receptors(_));
-        if let Some(receiver) = self.receivers.iter().find(|receiver| binds(receiver.kind)) {
+        let binds = |kind: &ReceiverKind| matches!(kind, ReceiverKind::Receptors(_));
+        if let Some(receiver) = self.receivers.iter().find(|receiver| binds(&receiver.kind)) {
             let name = &receiver.name;
             return fault(format!(
                 "receptors, whose rates {name} gives in µm³/s; make it partial, with a rate"

@@ -5,6 +5,7 @@ pub mod message;
 pub mod particles;
 pub(crate) mod probability;
 pub mod receiver;
+pub mod receptors;
 pub mod time;
 pub mod transmitter;
 pub mod vessel;

@@ -5,6 +5,7 @@ use lazygrid::{Algorithm, Backend, Config, Detector, Order, Spheres};
 use crate::Error;
 use crate::model::boundary::Boundary;
 use crate::model::particles::Particles;
+use crate::model::receptors::ReceptorType;
 
 /// A sphere, or a wall, that acts on particles by their centers.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -26,7 +27,7 @@ pub struct Receiver {
 }
 
 /// The effect of a receiver on particles.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub enum ReceiverKind {
     /// Removes and counts particles whose path reaches it; see [`path_hit`](crate::motion::path_hit).
     #[default]
@@ -40,7 +41,7 @@ pub enum ReceiverKind {
     /// Removes and counts some of the particles that reach it, reflects the others.
     Partial(Adsorption),
     /// Binds particles to receptors, reflects the others, counts bound ones.
-    Receptors(Receptors),
+    Receptors(Vec<ReceptorType>),
     /// Wall that removes and counts particles whose path reaches it.
     Wall(WallFace),
 }
@@ -65,29 +66,18 @@ pub enum Adsorption {
     Reactivity(f64),
 }
 
-/// Identical receptors on a surface, without positions.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Receptors {
-    /// Receptors; each binds one particle.
-    pub count: u32,
-    /// Binding rate of a free receptor, in µm³/s: `n` free ones on a sphere have the reactivity n·rate/(4πR²).
-    pub binding_rate: f64,
-    /// Unbinding rate of a bound particle, in 1/s.
-    pub unbinding_rate: f64,
-}
-
 impl ReceiverKind {
     /// Returns `true` if the surface reflects particles that do not adsorb or bind.
-    pub fn reflects(self) -> bool {
+    pub fn reflects(&self) -> bool {
         matches!(self, Self::Reflecting | Self::Partial(_) | Self::Receptors(_))
     }
 
-    pub(crate) fn is_active_sphere(self) -> bool {
+    pub(crate) fn is_active_sphere(&self) -> bool {
         !matches!(self, Self::Transparent | Self::Wall(_))
     }
 
     /// Returns `true` if the receiver removes particles; each removal is an arrival.
-    pub fn absorbs(self) -> bool {
+    pub fn absorbs(&self) -> bool {
         matches!(self, Self::Absorbing | Self::Endpoint | Self::Partial(_) | Self::Wall(_))
     }
 }
@@ -95,7 +85,12 @@ impl ReceiverKind {
 impl Receiver {
     /// Returns `true` if the receiver counts a species.
     pub fn counts(&self, species: usize) -> bool {
-        self.sees[species] && self.kind != ReceiverKind::Reflecting
+        let counts = match self.kind {
+            ReceiverKind::Reflecting => false,
+            ReceiverKind::Receptors(_) => self.binds(species),
+            _ => true,
+        };
+        self.sees[species] && counts
     }
 
     /// Returns `true` if its count is that of particles inside or bound now.

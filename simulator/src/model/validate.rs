@@ -2,7 +2,7 @@ use crate::Error;
 use crate::model::boundary::Axis;
 use crate::model::message::Symbols;
 use crate::model::probability::ReactionProbabilities;
-use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors, WallFace};
+use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, WallFace};
 use crate::model::transmitter::{Schedule, Shape, Transmitter};
 use crate::model::{Contact, Decay, Flow, Model, Reaction, ReactionRate, Species, Unbinding};
 
@@ -91,13 +91,13 @@ impl Model {
     }
 
     pub(crate) fn resting_before(&self, receiver: &Receiver) -> Option<String> {
-        let by_rate = matches!(
-            receiver.kind,
-            ReceiverKind::Partial(Adsorption::Reactivity(_)) | ReceiverKind::Receptors(_)
-        );
-        let rests = |(k, species): &(usize, &Species)| receiver.sees[*k] && species.diffusion == 0.0;
+        let by_rate = |species: usize| match receiver.kind {
+            ReceiverKind::Partial(Adsorption::Reactivity(_)) => receiver.sees[species],
+            _ => receiver.binds(species),
+        };
+        let rests = |(k, species): &(usize, &Species)| by_rate(*k) && species.diffusion == 0.0;
         let mut all = self.species.iter().enumerate();
-        let (_, species) = all.find(rests).filter(|_| by_rate && receiver.diffusion == 0.0)?;
+        let (_, species) = all.find(rests).filter(|_| receiver.diffusion == 0.0)?;
         Some(format!(
             "{} takes particles at a rate, to which they diffuse, and {} does not; let it see others by species, or give it \
              a probability",
@@ -150,16 +150,36 @@ impl Model {
                     return Err(Error::Model(message));
                 }
             }
-            ReceiverKind::Receptors(Receptors { binding_rate, unbinding_rate, .. }) => {
-                not_negative(&of("the binding rate"), binding_rate)?;
-                not_negative(&of("the unbinding rate"), unbinding_rate)?;
-            }
             _ => {}
         }
+        self.check_receptors(receiver)?;
         if receiver.reflects_some() {
             positive(&of("the radius"), receiver.radius.into())?;
         }
         self.resting_before(receiver).map_or(Ok(()), |message| Err(Error::Model(message)))
+    }
+
+    fn check_receptors(&self, receiver: &Receiver) -> Result<(), Error> {
+        let name = &receiver.name;
+        for kind in receiver.receptor_types() {
+            self.check_species(name, kind.ligands.iter().map(|ligand| ligand.species))?;
+            for (k, ligand) in kind.ligands.iter().enumerate() {
+                not_negative(&format!("the binding rate of {name}"), ligand.binding_rate)?;
+                not_negative(&format!("the unbinding rate of {name}"), ligand.unbinding_rate)?;
+                let species = &self.species[ligand.species as usize].name;
+                if !receiver.sees[ligand.species as usize] {
+                    return Err(Error::Model(format!(
+                        "receptors of {name} bind {species}, which {name} does not see; let it see {species}"
+                    )));
+                }
+                if kind.ligands[..k].iter().any(|other| other.species == ligand.species) {
+                    return Err(Error::Model(format!(
+                        "receptors of {name} have two rates for {species}; give them one"
+                    )));
+                }
+            }
+        }
+        Ok(())
     }
 
     fn check_reaction(&self, reaction: &Reaction) -> Result<(), Error> {

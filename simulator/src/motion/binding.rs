@@ -4,13 +4,14 @@ use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
 use crate::model::Model;
-use crate::model::receiver::{ReceiverKind, Receptors, rounding, signed_distance};
+use crate::model::receiver::{rounding, signed_distance};
+use crate::model::receptors::ReceptorType;
 use crate::motion::adsorption::{Step, reactivity};
 use crate::motion::surface_events::Event;
 use crate::random::philox::{Draws, Key, Purpose};
 
 /// A bound particle.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct Bound {
     /// Id.
@@ -19,6 +20,8 @@ pub struct Bound {
     pub species: u32,
     /// Receiver, as index in the model.
     pub receiver: u32,
+    /// Receptor type, as index among those of all receivers.
+    pub receptor: u32,
     /// Direction from the center.
     pub direction: [f32; 3],
 }
@@ -29,14 +32,11 @@ pub(crate) struct UnboundParticle {
     height: f32,
 }
 
-pub(crate) fn free(model: &Model, arrived: &[Vec<u64>]) -> Vec<u32> {
-    let one = |(receiver, held): (&crate::Receiver, &Vec<u64>)| match receiver.kind {
-        ReceiverKind::Receptors(Receptors { count, .. }) => {
-            count.saturating_sub(held.iter().sum::<u64>().try_into().unwrap_or(u32::MAX))
-        }
-        _ => 0,
-    };
-    model.receivers.iter().zip(arrived).map(one).collect()
+/// Returns the free receptors by type.
+pub(crate) fn free(model: &Model, occupied: &[u64]) -> Vec<u32> {
+    let one =
+        |(kind, &held): (&ReceptorType, &u64)| kind.count.saturating_sub(held.try_into().unwrap_or(u32::MAX));
+    model.receptor_types().zip(occupied).map(one).collect()
 }
 
 pub(crate) fn leaving(
@@ -45,17 +45,22 @@ pub(crate) fn leaving(
     free: &[u32],
     (key, step): (Key, u32),
 ) -> Vec<UnboundParticle> {
+    let first_types = model.first_receptor_types();
     let leaves = |(at, held): (usize, &Bound)| {
         let receiver = &model.receivers[held.receiver as usize];
-        let ReceiverKind::Receptors(receptors) = receiver.kind else { return None };
+        let first = first_types[held.receiver as usize];
+        let own = receiver.receptor_types().get((held.receptor - first) as usize)?.ligand(held.species)?;
         let diffusion =
             (model.species[held.species as usize].diffusion + receiver.diffusion) * model.time_step;
         let radius = f64::from(receiver.radius);
         // Detailed balance: the reverse reaction sees one more free receptor.
-        let free = free[held.receiver as usize].saturating_add(1);
-        let reactivity = reactivity(receptors.binding_rate, free, radius);
+        let of_type = |(index, kind): (u32, &ReceptorType)| {
+            let free = free[index as usize].saturating_add(u32::from(index == held.receptor));
+            kind.ligand(held.species).map_or(0.0, |ligand| reactivity(ligand.binding_rate, free, radius))
+        };
+        let reactivity = (first..).zip(receiver.receptor_types()).map(of_type).sum();
         let way = Step::new(diffusion, model.time_step, (radius, reactivity));
-        let probability = receptors.unbinding_rate * model.time_step * way.effective_part();
+        let probability = own.unbinding_rate * model.time_step * way.effective_part();
         let mut draws = Draws::new(key, held.id, step, Purpose::Unbinding);
         (draws.unit() < probability)
             .then(|| UnboundParticle { at, height: way.height_after(&mut draws) as f32 })
@@ -87,25 +92,25 @@ impl UnboundParticle {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct BindingRequest {
-    receiver: u32,
+    receptor: u32,
     rank: u32,
     id: u32,
 }
 
 pub(crate) fn bids(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<BindingRequest> {
     let bid = |event: &Event| match *event {
-        Event::Bound { at, receiver, rank, .. } => Some(BindingRequest { receiver, rank, id: id(at) }),
+        Event::Bound { at, receptor, rank, .. } => Some(BindingRequest { receptor, rank, id: id(at) }),
         _ => None,
     };
     events.iter().filter_map(bid).collect()
 }
 
-/// Returns the ids without a free receptor, ascending: at each receiver the highest ranks, then ids.
+/// Returns the ids without a free receptor, ascending: of each receptor type the highest ranks, then ids.
 pub(crate) fn rejected(mut bids: Vec<BindingRequest>, free: &[u32]) -> Vec<u32> {
     bids.sort_unstable();
-    let of_one = bids.chunk_by(|a, b| a.receiver == b.receiver);
+    let of_one = bids.chunk_by(|a, b| a.receptor == b.receptor);
     let mut rejected: Vec<u32> = of_one
-        .flat_map(|many| many.iter().skip(free[many[0].receiver as usize] as usize).map(|bid| bid.id))
+        .flat_map(|many| many.iter().skip(free[many[0].receptor as usize] as usize).map(|bid| bid.id))
         .collect();
     rejected.sort_unstable();
     rejected
@@ -116,11 +121,12 @@ mod tests {
     use lazygrid::Algorithm;
 
     use super::*;
-    use crate::{Boundary, Receiver, Shape, Simulation, Species, State, Transmitter};
+    use crate::{Boundary, Receiver, ReceiverKind, Shape, Simulation, Species, State, Transmitter};
 
     #[test]
     fn the_first_in_rank_find_receptors() {
-        let bound = |at, receiver, rank| Event::Bound { at, receiver, direction: [0.0; 3], rank };
+        let bound =
+            |at, receptor, rank| Event::Bound { at, receiver: 0, receptor, direction: [0.0; 3], rank };
         let events = [bound(4, 1, 7), bound(5, 0, 9), bound(6, 1, 3), bound(7, 1, 3), bound(8, 0, 1)];
         let rejected = |free: &[u32]| rejected(bids(&events, |at| 100 - at), free);
         assert_eq!(rejected(&[1, 1]), [94, 95, 96]);
@@ -130,12 +136,12 @@ mod tests {
 
     #[test]
     fn a_run_continues_with_its_bound_particles() {
-        let receptors = Receptors { count: 3, binding_rate: 20.0, unbinding_rate: 5.0 };
+        let receptors = vec![ReceptorType::new(3, 20.0, 5.0, [0])];
         let receiver = |x| Receiver {
             name: "rx".into(),
             center: [x, 0.0, 0.0],
             radius: 0.5,
-            kind: ReceiverKind::Receptors(receptors),
+            kind: ReceiverKind::Receptors(receptors.clone()),
             sees: vec![true],
             velocity: [0.0, x.into(), 0.0],
             diffusion: 0.5,

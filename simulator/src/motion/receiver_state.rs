@@ -3,7 +3,7 @@
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, signed_distance};
-use crate::motion::adsorption;
+use crate::motion::adsorption::reactivity;
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose};
 
@@ -22,8 +22,12 @@ pub struct ReceiverState {
     pub drift: [f32; 3],
     /// DΔt, in µm².
     pub diffusion: f32,
-    /// Adsorption rule.
+    /// Adsorption rule, without receptors.
     pub sticking: Adsorption,
+    /// Index of its first receptor type in the model.
+    pub(crate) first_type: u32,
+    /// Free receptors of each type.
+    pub(crate) free: Vec<u32>,
     /// Number of dimensions: it is a sphere, a disk or a segment.
     pub dimensions: usize,
 }
@@ -41,6 +45,8 @@ impl ReceiverState {
                 ReceiverKind::Partial(sticking) => sticking,
                 _ => Adsorption::Reactivity(0.0),
             },
+            first_type: 0,
+            free: Vec::new(),
             dimensions: 3,
             receiver,
         }
@@ -75,12 +81,13 @@ impl ReceiverState {
         }
     }
 
-    fn set_free(&mut self, free: u32) {
-        if let ReceiverKind::Receptors(receptors) = self.receiver.kind {
-            let radius = self.receiver.radius.into();
-            self.sticking =
-                Adsorption::Reactivity(adsorption::reactivity(receptors.binding_rate, free, radius));
-        }
+    /// Returns the reactivity of each type's free receptors for a species, in µm/s.
+    pub(crate) fn reactivities(&self, species: u32) -> impl Iterator<Item = f64> {
+        let radius = self.receiver.radius.into();
+        let types = self.receiver.receptor_types().iter().zip(&self.free);
+        types.map(move |(kind, &free)| {
+            kind.ligand(species).map_or(0.0, |ligand| reactivity(ligand.binding_rate, free, radius))
+        })
     }
 }
 
@@ -98,11 +105,13 @@ pub(crate) struct ActiveReceivers {
 
 impl ActiveReceivers {
     pub(crate) fn new(model: &Model) -> Self {
+        let first_types = model.first_receptor_types();
         let sees = |r: &Receiver| r.sees.contains(&true);
         let acts = model.receivers.iter().enumerate().filter(|(_, r)| r.kind.is_active_sphere() && sees(r));
         let all: Vec<ReceiverState> = acts
             .map(|(at, receiver)| ReceiverState {
                 dimensions: model.boundary.dimensions(),
+                first_type: first_types[at],
                 ..ReceiverState::new(at as u32, receiver.clone(), model.time_step)
             })
             .collect();
@@ -137,7 +146,9 @@ impl ActiveReceivers {
             body.displacement = places[at].displacement;
             let displacement = body.displacement.iter().map(|w| w * w).sum::<f32>().sqrt();
             self.max_displacement = self.max_displacement.max(displacement);
-            body.set_free(free[at]);
+            let first = body.first_type as usize;
+            body.free.clear();
+            body.free.extend_from_slice(&free[first..first + body.receiver.receptor_types().len()]);
         }
     }
 }

@@ -22,6 +22,8 @@ pub enum Event {
         at: u32,
         /// Receiver, as index in the model.
         receiver: u32,
+        /// Receptor type, as index in the model.
+        receptor: u32,
         /// Point of contact, from the center.
         direction: [f32; 3],
         /// Rank among requests; the lowest comes first.
@@ -135,7 +137,7 @@ fn reflect_or_keep<'a>(
         };
         let Some(hit) = hits(body, domain, taken, who) else { continue };
         let event = match reflects(body) {
-            true => adsorb(at, body, (domain, taken, time_step), who),
+            true => adsorb(moved, body, (domain, taken, time_step)),
             false => Some(Event::Arrived { at, receiver: body.place }),
         };
         if let Some(event) = event {
@@ -146,13 +148,19 @@ fn reflect_or_keep<'a>(
 }
 
 fn adsorb(
-    at: u32,
+    moved: &ParticleMove,
     body: &ReceiverState,
     (domain, path, time_step): (&Boundary, &Path, f32),
-    who: DrawContext,
 ) -> Option<Event> {
+    let ParticleMove { at, species, who, .. } = *moved;
+    let has_receptors = matches!(body.receiver.kind, ReceiverKind::Receptors(_));
+    let reactivity = body.reactivities(species).sum();
+    if has_receptors && reactivity <= 0.0 {
+        return None;
+    }
     let [a, b] = body.heights(domain, [path.before, path.after], [0.0, 1.0]);
-    let probability = match body.sticking {
+    let sticking = if has_receptors { Adsorption::Reactivity(reactivity) } else { body.sticking };
+    let probability = match sticking {
         Adsorption::PerStep(probability) => probability,
         Adsorption::Reactivity(reactivity) => {
             let diffusion = f64::from(path.diffusion + body.diffusion);
@@ -161,12 +169,12 @@ fn adsorb(
         }
     };
     // The first word decided on the hit.
-    let [_, word, rank, _] = who.key.draw(who.id, body.place, who.step, Purpose::Receiver);
+    let [_, word, rank, of_type] = who.key.draw(who.id, body.place, who.step, Purpose::Receiver);
     if fine_unit(word) >= probability {
         return None;
     }
     let receiver = body.place;
-    if !matches!(body.receiver.kind, ReceiverKind::Receptors(_)) {
+    if !has_receptors {
         return Some(Event::Arrived { at, receiver });
     }
     let [a, b] = [a.abs(), b.abs()];
@@ -175,5 +183,19 @@ fn adsorb(
     let out = domain.displacement(body.center_at(time), touching);
     let length = (out[0] * out[0] + out[1] * out[1] + out[2] * out[2]).sqrt();
     let direction = if length > 0.0 { out.map(|c| c / length) } else { [1.0, 0.0, 0.0] };
-    Some(Event::Bound { at, receiver, direction, rank })
+    let receptor = body.first_type + chosen_type(body, species, fine_unit(of_type) * reactivity);
+    Some(Event::Bound { at, receiver, receptor, direction, rank })
+}
+
+/// Returns the type at which the running sum of reactivities passes `at`.
+fn chosen_type(body: &ReceiverState, species: u32, mut at: f64) -> u32 {
+    let mut last = 0;
+    for (k, reactivity) in (0..).zip(body.reactivities(species)).filter(|&(_, reactivity)| reactivity > 0.0) {
+        last = k;
+        at -= reactivity;
+        if at < 0.0 {
+            break;
+        }
+    }
+    last
 }

@@ -11,7 +11,7 @@ use crate::motion::binding::{self, BindingRequest};
 use crate::reaction::dissociation::Dissociated;
 use crate::release::rank_slice::RankSlice;
 use crate::run::simulation::Moved;
-use crate::{Arrival, Error, Model, ReceiverKind, Simulation, State, Totals};
+use crate::{Arrival, Error, Model, Simulation, State, Totals};
 
 /// One rank's part of a run.
 ///
@@ -129,7 +129,7 @@ impl<C: Communicator> RankSimulation<C> {
     /// # Errors
     /// Returns the error of one rank on all: as [`Simulation::step`], and the communicator's.
     pub fn step(&mut self) -> Result<(), C::Error> {
-        let free = binding::free(&self.run.model, &self.totals.arrived);
+        let free = binding::free(&self.run.model, &self.totals.occupied);
         let moved = self.advance(&free)?;
         let bids = self.all_bids(&moved)?;
         self.run.apply_events(&moved, &binding::rejected(bids, &free));
@@ -168,8 +168,7 @@ impl<C: Communicator> RankSimulation<C> {
     }
 
     fn all_bids(&mut self, moved: &Moved) -> Result<Vec<BindingRequest>, C::Error> {
-        let has_receptors = |receiver: &crate::Receiver| matches!(receiver.kind, ReceiverKind::Receptors(_));
-        if !self.run.model.receivers.iter().any(has_receptors) {
+        if self.totals.occupied.is_empty() {
             return Ok(Vec::new());
         }
         Ok(self.communicator.all_gather("bids for receptors", &self.run.bids(moved))?.0)

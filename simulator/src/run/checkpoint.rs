@@ -227,7 +227,7 @@ mod tests {
             let mut state = State { step: 3, ..State::default() };
             for id in next.by_ref().take(count) {
                 state.particles.push(Particle { id, ..Particle::default() }, true);
-                state.bound.push(Bound { id: 100 + id, species: 0, receiver: 0, direction: [0.0; 3] });
+                state.bound.push(Bound { id: 100 + id, ..Bound::default() });
             }
             let record = Checkpoint::write_part(&path, 5, rank, 4, &state).expect("is written");
             assert_eq!(record.counts(), [count as u64; 2]);

@@ -55,11 +55,12 @@ impl State {
         }
         self.particles.remove(&mut places);
         let before = self.bound.len();
-        let arrived = &mut self.totals.arrived;
+        let (arrived, occupied) = (&mut self.totals.arrived, &mut self.totals.occupied);
         self.bound.retain(|bound| {
             let is_kept = !is_named(bound.id);
             if !is_kept {
                 arrived[bound.receiver as usize][bound.species as usize] -= 1;
+                occupied[bound.receptor as usize] -= 1;
             }
             is_kept
         });

@@ -151,7 +151,7 @@ impl Simulation {
     /// # Errors
     /// [`Error::OutOfIds`], [`Error::Collisions`], and [`Error::Step`] from the detector, such as for too many pairs.
     pub fn step(&mut self) -> Result<(), Error> {
-        let free = binding::free(&self.model, &self.state.totals.arrived);
+        let free = binding::free(&self.model, &self.state.totals.occupied);
         let moved = self.advance(&free, &mut Undivided)?;
         self.apply_events(&moved, &binding::rejected(self.bids(&moved), &free));
         let outcomes = self.interact()?;
@@ -202,11 +202,12 @@ impl Simulation {
                     }
                     self.transform(at, None, &mut gone);
                 }
-                Event::Bound { at, receiver, direction, .. } => {
+                Event::Bound { at, receiver, receptor, direction, .. } => {
                     let Particle { species, id, .. } = self.state.particles.get(at as usize);
                     if rejected.binary_search(&id).is_err() {
                         self.state.totals.arrived[receiver as usize][species as usize] += 1;
-                        self.state.bound.push(Bound { id, species, receiver, direction });
+                        self.state.totals.occupied[receptor as usize] += 1;
+                        self.state.bound.push(Bound { id, species, receiver, receptor, direction });
                         self.transform(at, None, &mut gone);
                     }
                 }
@@ -229,13 +230,14 @@ impl Simulation {
             let held = state.bound[leaving.at()];
             let center = state.centers[held.receiver as usize];
             let Some(position) = binding::place_of(model, &held, *leaving, center) else { continue };
-            let Bound { id, species, receiver, .. } = state.bound.swap_remove(leaving.at());
+            let Bound { id, species, receiver, receptor, .. } = state.bound.swap_remove(leaving.at());
             let kind = &model.species[species as usize];
             let velocity = model.own_velocity(species, key.draw(id, 2, state.step, Purpose::Velocity));
             let particle = Particle { position, velocity, radius: kind.radius, species, id };
             state.particles.push(particle, with_velocity);
             state.totals.present[species as usize] += 1;
             state.totals.arrived[receiver as usize][species as usize] -= 1;
+            state.totals.occupied[receptor as usize] -= 1;
         }
     }
 

@@ -235,10 +235,26 @@ pub(super) struct Receiver {
     pub(super) count: Option<Spanned<std::num::NonZeroU32>>,
     pub(super) binding_rate: Option<Spanned<Positive>>,
     pub(super) unbinding_rate: Option<Spanned<Positive>>,
+    pub(super) receptors: Option<Spanned<Vec<ReceptorType>>>,
     #[serde(default)]
     pub(super) velocity: [Finite; 3],
     #[serde(default)]
     pub(super) diffusion: NotNegative,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct ReceptorType {
+    pub(super) count: std::num::NonZeroU32,
+    pub(super) ligands: Vec<Ligand>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct Ligand {
+    pub(super) species: Spanned<String>,
+    pub(super) binding_rate: Positive,
+    pub(super) unbinding_rate: Positive,
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]

@@ -2,7 +2,7 @@
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::probability::undoes;
-use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors, signed_distance};
+use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, signed_distance};
 use crate::model::transmitter::{Shape, Transmitter};
 use crate::model::{Contact, Decay, Flow, Model, Reaction, Species, Unbinding};
 use crate::reaction::rate;
@@ -190,7 +190,8 @@ fn speed_past(receiver: &Receiver, species: &Species, model: &Model) -> f64 {
 }
 
 pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<String> {
-    let ReceiverKind::Receptors(Receptors { unbinding_rate, .. }) = receiver.kind else { return None };
+    let ligands = receiver.receptor_types().iter().flat_map(|kind| &kind.ligands);
+    let unbinding_rate = ligands.map(|ligand| ligand.unbinding_rate).fold(0.0, f64::max);
     (unbinding_rate * model.time_step > FAST_REACTION).then(|| {
         format!(
             "receptors of {} hold a particle for {:.3e} s on average, and a step has {:.3e} s: many would come and go within \

@@ -43,6 +43,8 @@ pub struct Totals {
     pub released: Vec<u64>,
     /// Removed or currently bound particles, by receiver and species.
     pub arrived: Vec<Vec<u64>>,
+    /// Occupied receptors, by receptor type in the order of receivers.
+    pub occupied: Vec<u64>,
     /// Reactions, in the order of the model.
     pub reacted: Vec<u64>,
     /// Decays, in the order of the model.
@@ -87,13 +89,15 @@ impl State {
         let mut totals = if is_first { self.totals } else { Totals::of(model) };
         totals.present.fill(0);
         self.particles.species.iter().for_each(|&species| totals.present[species as usize] += 1);
+        totals.occupied.fill(0);
         for (receiver, held) in model.receivers.iter().zip(&mut totals.arrived) {
             if let ReceiverKind::Receptors(_) = receiver.kind {
                 held.fill(0);
             }
         }
-        for &Bound { receiver, species, .. } in &self.bound {
+        for &Bound { receiver, receptor, species, .. } in &self.bound {
             totals.arrived[receiver as usize][species as usize] += 1;
+            totals.occupied[receptor as usize] += 1;
         }
         Self { totals, ..self }
     }
@@ -101,9 +105,16 @@ impl State {
     pub(crate) fn belongs_to(&self, model: &Model) -> bool {
         let receivers = model.receivers.len();
         let is_known = |species: u32| (species as usize) < model.species.len();
-        let known = |held: &Bound| (held.receiver as usize) < receivers && is_known(held.species);
+        let first_types = model.first_receptor_types();
+        let known = |held: &Bound| {
+            let receiver = held.receiver as usize;
+            receiver < receivers
+                && (first_types[receiver]..first_types[receiver + 1]).contains(&held.receptor)
+                && is_known(held.species)
+        };
         self.centers.len() == receivers
             && self.totals.arrived.len() == receivers
+            && first_types.last() == Some(&(self.totals.occupied.len() as u32))
             && self.bound.iter().all(known)
             && self.particles.species.iter().all(|&species| is_known(species))
     }
@@ -141,14 +152,14 @@ impl Totals {
     }
 
     pub(crate) fn counts(&self) -> impl Iterator<Item = &u64> {
-        let Self { present, released, arrived, reacted, decayed, pairs, contacts } = self;
-        let lists = [present, released, reacted, decayed].into_iter().chain(arrived);
+        let Self { present, released, arrived, occupied, reacted, decayed, pairs, contacts } = self;
+        let lists = [present, released, occupied, reacted, decayed].into_iter().chain(arrived);
         lists.flatten().chain([pairs, contacts])
     }
 
     pub(crate) fn counts_mut(&mut self) -> impl Iterator<Item = &mut u64> {
-        let Self { present, released, arrived, reacted, decayed, pairs, contacts } = self;
-        let lists = [present, released, reacted, decayed].into_iter().chain(arrived);
+        let Self { present, released, arrived, occupied, reacted, decayed, pairs, contacts } = self;
+        let lists = [present, released, occupied, reacted, decayed].into_iter().chain(arrived);
         lists.flatten().chain([pairs, contacts])
     }
 
@@ -158,6 +169,7 @@ impl Totals {
             present: vec![0; species],
             released: vec![0; species],
             arrived: vec![vec![0; species]; model.receivers.len()],
+            occupied: vec![0; model.receptor_types().count()],
             reacted: vec![0; model.reactions.len()],
             decayed: vec![0; model.decays.len()],
             ..Self::default()

@@ -2,7 +2,7 @@ use lazygrid::gpu::GpuDevice;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::model::receiver::WallFace;
 use lazygrid_sim::{
-    Arrival, Axis, Boundary, Decay, Error, Flow, Model, ReactionRate, Receiver, ReceiverKind, Receptors,
+    Arrival, Axis, Boundary, Decay, Error, Flow, Model, ReactionRate, Receiver, ReceiverKind, ReceptorType,
     Schedule, Shape, Species, Transmitter, Unbinding, Vessel,
 };
 
@@ -56,7 +56,7 @@ fn unbound_swimmers_have_the_velocities_of_the_cpu() {
     let mut model = brownian(false);
     model.time_step = 0.002;
     model.species[0].speed = 2.0;
-    let receptors = Receptors { count: 400, binding_rate: 400.0, unbinding_rate: 100.0 };
+    let receptors = vec![ReceptorType::new(400, 400.0, 100.0, [0, 1])];
     model.receivers = vec![receiver("cell", [0.0; 3], 1.0, ReceiverKind::Receptors(receptors))];
     let state = compare(&model, 23, 8);
     if device().is_some() {

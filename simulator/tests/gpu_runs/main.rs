@@ -14,8 +14,8 @@ use lazygrid::Algorithm;
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Axis, Boundary, Contact, Decay, Error, Flow, Model, Receiver, ReceiverKind, Shape, Simulation,
-    Transmitter,
+    Axis, Boundary, Contact, Decay, Error, Flow, Model, Receiver, ReceiverKind, ReceptorType, Shape,
+    Simulation, Transmitter,
 };
 use models::{assert_same, brownian, by_id, cpu, dyadic, gpu, species};
 
@@ -225,7 +225,7 @@ fn many_receivers() {
         name: format!("{k}"),
         center: [k % 8, k / 8 % 8, k / 64].map(|c| c as f32 * 1.125 - 4.0),
         radius: 0.28,
-        kind: kinds[k as usize % 3],
+        kind: kinds[k as usize % 3].clone(),
         sees: vec![true, !k.is_multiple_of(5), true, true],
         ..Receiver::default()
     };
@@ -280,6 +280,11 @@ fn models_without_kernels_are_refused_by_name() {
         m.receivers[0].sees = vec![false, true];
     });
     assert!(off.contains("B, whose drift may carry it past receiver rx"), "{off}");
+    let types = refused(|m| {
+        let kind = ReceptorType::new(4, 1.0, 1.0, [1]);
+        m.receivers = vec![receiver(ReceiverKind::Receptors(vec![kind.clone(), kind]))];
+    });
+    assert!(types.contains("the 2 receptor types of rx"), "{types}");
     let crowd = refused(|m| m.receivers = vec![receiver(ReceiverKind::Absorbing); 40_000]);
     assert!(crowd.contains("80000 counts"), "{crowd}");
     let crowd = refused(|m| m.receivers = vec![receiver(ReceiverKind::Reflecting); 13_000]);

@@ -3,8 +3,8 @@
 use lazygrid::Algorithm;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Adsorption, Axis, Boundary, Error, Model, Receiver, ReceiverKind, Receptors, Schedule, Shape, Simulation,
-    State, Transmitter,
+    Adsorption, Axis, Boundary, Error, Model, Receiver, ReceiverKind, ReceptorType, Schedule, Shape,
+    Simulation, State, Transmitter,
 };
 
 use super::device;
@@ -41,8 +41,7 @@ pub(super) fn receiver(name: &str, center: [f32; 3], radius: f32, kind: Receiver
 }
 
 pub(super) fn surfaces() -> Model {
-    let receptors =
-        |count| ReceiverKind::Receptors(Receptors { count, binding_rate: 40.0, unbinding_rate: 60.0 });
+    let receptors = |count| ReceiverKind::Receptors(vec![ReceptorType::new(count, 40.0, 60.0, [0, 1])]);
     Model {
         receivers: vec![
             receiver("mirror", [0.0, 0.0, 0.0], 0.75, ReceiverKind::Reflecting),
@@ -142,7 +141,11 @@ fn crowd_of_receivers(boundary: Boundary, speed: f64) -> Model {
         let velocity = if k.is_multiple_of(3) { [speed, -speed, 0.5 * speed] } else { [0.0; 3] };
         let sees = vec![true, !k.is_multiple_of(4)];
         let center = [x, y + 0.125 * (k % 3) as f32, z];
-        Receiver { velocity, sees, ..receiver("one", center, 0.125, kinds[k as usize % kinds.len()]) }
+        let mut kind = kinds[k as usize % kinds.len()].clone();
+        if let ReceiverKind::Receptors(types) = &mut kind {
+            types[0].ligands.retain(|ligand| sees[ligand.species as usize]);
+        }
+        Receiver { velocity, sees, ..receiver("one", center, 0.125, kind) }
     };
     Model { receivers: (0..100).map(one).collect(), boundary, time_step: 0.002, ..brownian(true) }
 }
@@ -241,7 +244,7 @@ fn a_push_beyond_the_receiver_search_is_an_error() {
 #[test]
 fn few_receptors_go_to_the_lowest_ranks() {
     let Some(own) = device() else { return };
-    let kind = ReceiverKind::Receptors(Receptors { count: 700, binding_rate: 1e4, unbinding_rate: 20.0 });
+    let kind = ReceiverKind::Receptors(vec![ReceptorType::new(700, 1e4, 20.0, [0])]);
     let burst = Transmitter {
         name: "burst".into(),
         shape: Shape::Box([1.0; 3]),
@@ -250,7 +253,7 @@ fn few_receptors_go_to_the_lowest_ranks() {
     };
     let model = Model {
         receivers: vec![
-            Receiver { sees: vec![true], ..receiver("rx", [0.0; 3], 0.25, kind) },
+            Receiver { sees: vec![true], ..receiver("rx", [0.0; 3], 0.25, kind.clone()) },
             Receiver { sees: vec![true], ..receiver("other", [0.5; 3], 0.25, kind) },
         ],
         time_step: 0.01,

@@ -1,6 +1,6 @@
 use lazygrid_sim::{
     Adsorption, Axis, Boundary, Contact, Decay, Model, Reaction, ReactionRate, Receiver, ReceiverKind,
-    Receptors, Schedule, Shape, Species, Transmitter, Unbinding,
+    ReceptorType, Schedule, Shape, Species, Transmitter, Unbinding,
 };
 use proptest::prelude::*;
 
@@ -128,11 +128,14 @@ pub(crate) fn model(parts: &Parts) -> Model {
 fn receivers(parts: &Parts) -> Vec<Receiver> {
     let kinds = [
         ReceiverKind::Transparent,
-        ReceiverKind::Receptors(Receptors { count: 3, binding_rate: 200.0, unbinding_rate: 3.0 }),
+        ReceiverKind::Receptors(vec![
+            ReceptorType::new(3, 200.0, 3.0, [0, 1, 3]),
+            ReceptorType::new(2, 100.0, 30.0, [3, 1]),
+        ]),
         ReceiverKind::Absorbing,
     ];
     let one = |kind: ReceiverKind, k: usize| Receiver {
-        name: format!("{kind:?} {k}"),
+        name: format!("receiver {k}"),
         center: [2.0 + k as f32, 7.0 - k as f32 * 0.5, 4.0],
         radius: 0.8,
         kind,
@@ -140,9 +143,11 @@ fn receivers(parts: &Parts) -> Vec<Receiver> {
         diffusion: if k == 1 { 0.5 } else { 0.0 },
         ..Receiver::default()
     };
-    let mut all: Vec<_> = (0..3)
-        .flat_map(|kind| (0..parts.receivers[kind]).map(move |k| one(kinds[kind], 3 * k + kind)))
-        .collect();
+    let of_kind = |at: usize| {
+        let kind = &kinds[at];
+        (0..parts.receivers[at]).map(move |k| one(kind.clone(), 3 * k + at))
+    };
+    let mut all: Vec<_> = (0..3).flat_map(of_kind).collect();
     if let Some(partial) = all.last_mut().filter(|receiver| receiver.kind == ReceiverKind::Absorbing) {
         partial.kind = ReceiverKind::Partial(Adsorption::Reactivity(20.0));
     }

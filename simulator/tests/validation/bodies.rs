@@ -2,8 +2,8 @@ use std::path::Path;
 
 use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{
-    Adsorption, Boundary, Flow, Model, Particle, Particles, Receiver, ReceiverKind, Receptors, Shape,
-    Simulation, Transmitter,
+    Adsorption, Boundary, Flow, Ligand, Model, Particle, Particles, Receiver, ReceiverKind, ReceptorType,
+    Shape, Simulation, Transmitter,
 };
 use rayon::prelude::*;
 
@@ -93,11 +93,12 @@ pub(crate) fn receptors() -> Vec<Row> {
     let free_volume = EDGE.powi(3) - 4.0 / 3.0 * std::f64::consts::PI * f64::powi(radius, 3);
     let row = |(time_step, binding_rate): (f64, f64)| {
         let unbinding_rate = 5.0;
-        let receptors = Receptors { count: 100, binding_rate, unbinding_rate };
+        let receptors = ReceptorType::new(100, binding_rate, unbinding_rate, [0]);
+        let count = receptors.count;
         let receiver = Receiver {
             name: "rx".to_owned(),
             radius: radius as f32,
-            kind: ReceiverKind::Receptors(receptors),
+            kind: ReceiverKind::Receptors(vec![receptors]),
             sees: vec![true],
             ..Receiver::default()
         };
@@ -124,11 +125,101 @@ pub(crate) fn receptors() -> Vec<Row> {
         };
         let means: Vec<f64> = (0..16).into_par_iter().map(run).collect();
         let (measured, error) = mean(&means);
-        let expected = bound(N, receptors.count, binding_rate / unbinding_rate / free_volume);
+        let expected = bound(N, count, binding_rate / unbinding_rate / free_volume);
         let what = format!("held, binding {binding_rate} µm³/s, step {time_step} s");
         Row::new(what, expected, measured, 4.0 * error)
     };
     [(0.005, 2.0), (0.02, 2.0), (0.02, 0.2)].map(row).into()
+}
+
+/// Means of A and B bound to the first receptors, and of A bound to the second, of [`competition`]. The weight of a state
+/// changes with each binding by the ratio of the binding to the unbinding rates.
+fn competing(free: [u32; 2], receptors: [u32; 2], constants: [f64; 3]) -> [f64; 3] {
+    let [a, b] = free.map(f64::from);
+    let [both, only] = receptors.map(f64::from);
+    let (mut sums, mut total, mut of_b) = ([0.0; 3], 0.0, 1.0);
+    for bound_b in 0..=receptors[0] {
+        let held_b = f64::from(bound_b);
+        let mut of_a = of_b;
+        for bound_a in 0..=receptors[0] - bound_b {
+            let held_a = f64::from(bound_a);
+            let mut weight = of_a;
+            for bound_only in 0..=receptors[1] {
+                let held_only = f64::from(bound_only);
+                total += weight;
+                for (sum, held) in sums.iter_mut().zip([held_a, held_b, held_only]) {
+                    *sum += held * weight;
+                }
+                weight *= (a - held_a - held_only) * (only - held_only) * constants[2] / (held_only + 1.0);
+            }
+            of_a *= (a - held_a) * (both - held_a - held_b) * constants[0] / (held_a + 1.0);
+        }
+        of_b *= (b - held_b) * (both - held_b) * constants[1] / (held_b + 1.0);
+    }
+    sums.map(|sum| sum / total)
+}
+
+/// Two ligands that compete for receptors, one of which also binds to others: the law of mass action, exactly and with
+/// the mean free concentrations c, which is N·(c/K)/(1 + Σ c/K) up to fluctuations.
+pub(crate) fn competition() -> Vec<Row> {
+    const FREE: [u32; 2] = [150, 100];
+    const RECEPTORS: [u32; 2] = [60, 30];
+    const EDGE: f64 = 4.0;
+    let ligand = |species, binding_rate, unbinding_rate| Ligand { species, binding_rate, unbinding_rate };
+    let [a, b, only] = [ligand(0, 2.0, 4.0), ligand(1, 3.0, 8.0), ligand(0, 1.0, 4.0)];
+    let types = vec![
+        ReceptorType { count: RECEPTORS[0], ligands: vec![a, b] },
+        ReceptorType { count: RECEPTORS[1], ligands: vec![only] },
+    ];
+    let receiver = Receiver {
+        name: "rx".to_owned(),
+        radius: 0.5,
+        kind: ReceiverKind::Receptors(types),
+        sees: vec![true; 2],
+        ..Receiver::default()
+    };
+    let volume = EDGE.powi(3) - 4.0 / 3.0 * std::f64::consts::PI * f64::powi(0.5, 3);
+    let constants = [a, b, only].map(|ligand| ligand.binding_rate / ligand.unbinding_rate / volume);
+    let expected = competing(FREE, RECEPTORS, constants);
+    let mut rows = Vec::new();
+    for time_step in [0.005, 0.02] {
+        let model = Model {
+            time_step,
+            species: vec![species("A", 0.0, 1.0), species("B", 0.0, 0.5)],
+            transmitters: vec![burst(Shape::Box([EDGE as f32; 3]), &[(0, FREE[0]), (1, FREE[1])])],
+            receivers: vec![receiver.clone()],
+            boundary: Boundary::periodic([-2.0; 3], [2.0; 3]),
+            ..Model::default()
+        };
+        let run = |seed: u64| {
+            let mut simulation = begin(&model, seed);
+            steps(&mut simulation, (3.0 / time_step) as u32);
+            let (samples, between) = (300, (0.04 / time_step) as u32);
+            let mut held = [0.0; 3];
+            for _ in 0..samples {
+                steps(&mut simulation, between);
+                for bound in &simulation.state().bound {
+                    held[(bound.species + 2 * bound.receptor) as usize] += 1.0 / f64::from(samples);
+                }
+            }
+            held
+        };
+        let runs: Vec<[f64; 3]> = (0..48).into_par_iter().map(run).collect();
+        let of = |k: usize| mean(&runs.iter().map(|held| held[k]).collect::<Vec<_>>());
+        let names = ["A on both's", "B on both's", "A on its own"];
+        for k in 0..3 {
+            let (measured, error) = of(k);
+            let what = format!("{} receptors, step {time_step} s", names[k]);
+            rows.push(Row::new(what, expected[k], measured, 4.0 * error));
+        }
+        let [bound_a, bound_b, bound_only] = [0, 1, 2].map(|k| of(k).0);
+        let c_a = (f64::from(FREE[0]) - bound_a - bound_only) * constants[0];
+        let c_b = (f64::from(FREE[1]) - bound_b) * constants[1];
+        let mass_action = f64::from(RECEPTORS[0]) * c_b / (1.0 + c_a + c_b);
+        let what = format!("B by the law of mass action, step {time_step} s");
+        rows.push(Row::new(what, mass_action, bound_b, 4.0 * of(1).1 + 0.005 * mass_action));
+    }
+    rows
 }
 
 pub(crate) fn reflecting() -> Vec<Row> {

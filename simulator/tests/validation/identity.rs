@@ -1,7 +1,8 @@
 use lazygrid::Algorithm;
 use lazygrid_sim::{
-    Adsorption, Axis, Boundary, Contact, CountDistribution, Decay, Model, Particles, Reaction, ReactionRate,
-    Receiver, ReceiverKind, Receptors, Schedule, Shape, Simulation, State, Transmitter, Unbinding,
+    Adsorption, Axis, Boundary, Contact, CountDistribution, Decay, Ligand, Model, Particles, Reaction,
+    ReactionRate, Receiver, ReceiverKind, ReceptorType, Schedule, Shape, Simulation, State, Transmitter,
+    Unbinding,
 };
 
 use crate::Row;
@@ -38,7 +39,11 @@ fn model() -> Model {
         sees: vec![true, true, false],
         ..Receiver::default()
     };
-    let receptors = Receptors { count: 5, binding_rate: 9.0, unbinding_rate: 9.0 };
+    let ligand = |species, binding_rate| Ligand { species, binding_rate, unbinding_rate: 9.0 };
+    let receptors = vec![
+        ReceptorType::new(5, 9.0, 9.0, [0, 1]),
+        ReceptorType { count: 7, ligands: vec![ligand(1, 20.0), ligand(0, 5.0)] },
+    ];
     Model {
         time_step: 1e-3,
         species: vec![species("A", 0.1, 1.0), species("B", 0.15, 0.5), species("C", 0.2, 0.3)],

@@ -49,7 +49,7 @@ impl Row {
 
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 36] = [
+const ITEMS: [Item; 37] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -86,6 +86,7 @@ const ITEMS: [Item; 36] = [
     ("34-sphere", walls::inside_a_sphere),
     ("35-dimensions", dimensions::fewer_dimensions),
     ("36-moving-transmitters", bodies::transmitters),
+    ("37-competition", bodies::competition),
 ];
 
 fn main() -> ExitCode {

@@ -36,7 +36,7 @@ pub(crate) fn absorbing() -> Vec<Row> {
     let mut rows = Vec::new();
     for kind in [ReceiverKind::Absorbing, ReceiverKind::Endpoint] {
         for count in [50, 200, 500] {
-            let mut simulation = begin(&model(time / f64::from(count), kind), 2);
+            let mut simulation = begin(&model(time / f64::from(count), kind.clone()), 2);
             steps(&mut simulation, count);
             let share = simulation.state().totals.arrived[0][0] as f64 / f64::from(N);
             let what = format!("{kind:?}, {count} steps").to_lowercase();
@@ -156,16 +156,15 @@ const GAP: f64 = 0.1;
 /// Two equal spheres adsorb equally from the same distance, and together as the method of images predicts.
 pub(crate) fn neighbors() -> Vec<Row> {
     let kinds = [ReceiverKind::Absorbing, ReceiverKind::Partial(Adsorption::Reactivity(2.0))];
-    let cases: Vec<_> =
-        kinds.into_iter().flat_map(|kind| [0.25, 0.5, 1.0].map(|step| (kind, step))).collect();
+    let cases: Vec<_> = kinds.iter().flat_map(|kind| [0.25, 0.5, 1.0].map(|step| (kind, step))).collect();
     let (n, time, height) = (10_000_u32, 100.0, 1.5);
-    let rows = |&(kind, step): &(ReceiverKind, f64)| {
+    let rows = |&(kind, step): &(&ReceiverKind, f64)| {
         let time_step = step * step / 2.0;
         let receiver = |sign: f64| Receiver {
             name: "rx".to_owned(),
             center: [(sign * (1.0 + GAP / 2.0)) as f32, 0.0, 0.0],
             radius: 1.0,
-            kind,
+            kind: kind.clone(),
             sees: vec![true],
             ..Receiver::default()
         };
@@ -183,14 +182,14 @@ pub(crate) fn neighbors() -> Vec<Row> {
         steps(&mut simulation, (time / time_step) as u32);
         let [first, second] = [0, 1].map(|k| simulation.state().totals.arrived[k][0] as f64);
         let both = first + second;
-        let name = if kind == ReceiverKind::Absorbing { "absorbing" } else { "partial" };
+        let name = if *kind == ReceiverKind::Absorbing { "absorbing" } else { "partial" };
         let mut rows = vec![Row::new(
             format!("first of two, {name}, step {step} R"),
             0.5,
             first / both,
             4.0 * share_error(0.5, both),
         )];
-        if kind == ReceiverKind::Absorbing {
+        if *kind == ReceiverKind::Absorbing {
             let expected = reached_by_two(height, time);
             let tolerance = 4.0 * share_error(expected, n.into());
             rows.push(Row::new(format!("both, step {step} R"), expected, both / f64::from(n), tolerance));

@@ -40,5 +40,10 @@ impl GpuSimulation {
                 turn(Some(species as u32), None, count);
             }
         }
+        let first_types = model.first_receptor_types();
+        for (arrived, kinds) in totals.arrived.iter().zip(first_types.windows(2)) {
+            let occupied = &mut totals.occupied[kinds[0] as usize..kinds[1] as usize];
+            occupied.iter_mut().for_each(|occupied| *occupied = arrived.iter().sum());
+        }
     }
 }

@@ -30,6 +30,7 @@ impl GpuSimulation {
         let mut rows: Vec<_> = spheres.into_iter().zip(velocities).zip(tags).collect();
         rows.sort_unstable_by_key(|&(_, [_, id])| id);
         let (mut particles, mut bound) = (Particles::default(), Vec::new());
+        let first_types = self.model.first_receptor_types();
         for (([x, y, z, radius], [u, v, w, _]), [species, id]) in rows {
             if radius >= 0.0 {
                 let (position, velocity) = ([x, y, z], [u, v, w]);
@@ -43,7 +44,8 @@ impl GpuSimulation {
                 ));
             };
             let receiver = self.bound_species[at].receiver;
-            bound.push(Bound { id, species, receiver, direction: [x, y, z] });
+            let receptor = first_types[receiver as usize];
+            bound.push(Bound { id, species, receiver, receptor, direction: [x, y, z] });
         }
         (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), sizes.has_velocity));
         let Self { step, next_id, .. } = *self;
@@ -68,7 +70,7 @@ impl GpuSimulation {
         };
         let (mut spheres, mut tags) = columns(&state.particles);
         let velocities = velocities(&state.particles);
-        for &Bound { id, species, receiver, direction: [x, y, z] } in &state.bound {
+        for &Bound { id, species, receiver, direction: [x, y, z], .. } in &state.bound {
             let found =
                 self.bound_species.binary_search_by_key(&(species, receiver), |h| (h.species, h.receiver));
             let Ok(at) = found else {

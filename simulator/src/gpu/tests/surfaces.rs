@@ -172,7 +172,7 @@ fn crowd(count: u32) -> Crowd {
         crowd.claims.push(if comes { bid } else { [0; 8] });
         if comes {
             crowd.coming[place] += 1;
-            crowd.events.push(Event::Bound { at, receiver, direction: [0.0; 3], rank });
+            crowd.events.push(Event::Bound { at, receiver, receptor: receiver, direction: [0.0; 3], rank });
         }
     }
     crowd

@@ -19,8 +19,10 @@ fn diffusion_follows_the_bridge() {
     let open = Boundary::default();
     let step = path([2.5, 0.0, 0.0], [1.0, 1.25, 0.0], &open, 0.25);
     let n = 20_000;
-    let met = |kind| {
-        (0..n).filter(|&id| hits(&body(kind), &open, &step, DrawContext { id, ..DRAWS }).is_some()).count()
+    let met = |kind: ReceiverKind| {
+        (0..n)
+            .filter(|&id| hits(&body(kind.clone()), &open, &step, DrawContext { id, ..DRAWS }).is_some())
+            .count()
     };
     let p = f64::from(hit_probability(1.0, [0.5, 0.25], 0.25));
     let error =

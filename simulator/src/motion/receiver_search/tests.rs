@@ -1,6 +1,7 @@
 use super::*;
 use crate::model::particles::{Particle, Particles};
-use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors};
+use crate::model::receiver::{Adsorption, Receiver, ReceiverKind};
+use crate::model::receptors::ReceptorType;
 use crate::model::vessel::Vessel;
 use crate::model::{Flow, Model, Species};
 use crate::motion::propagate::Propagator;
@@ -23,13 +24,13 @@ fn model(boundary: Boundary, flow: Option<Flow>, speed: f64) -> Model {
         ReceiverKind::Reflecting,
         ReceiverKind::Partial(Adsorption::PerStep(0.3)),
         ReceiverKind::Partial(Adsorption::Reactivity(2.0)),
-        ReceiverKind::Receptors(Receptors { count: 9, binding_rate: 2.0, unbinding_rate: 1.0 }),
+        ReceiverKind::Receptors(vec![ReceptorType::new(9, 2.0, 1.0, [0])]),
     ];
     let receiver = |k: u32| Receiver {
         name: "rx".into(),
         center: place(k),
         radius: sizes[k as usize % 3],
-        kind: kinds[k as usize / 3 % 7],
+        kind: kinds[k as usize / 3 % 7].clone(),
         sees: vec![true, !k.is_multiple_of(4)],
         velocity: if k.is_multiple_of(5) { [speed, 0.0, -speed] } else { [0.0; 3] },
         diffusion: if k.is_multiple_of(7) { speed } else { 0.0 },
@@ -147,7 +148,7 @@ fn receivers_in_the_path_of_a_pushed_particle_are_found() {
             species: vec![Species { name: "A".into(), radius: 0.01, mass: 1.0, ..Species::default() }],
             receivers: vec![
                 of(-0.51, ReceiverKind::Reflecting, 100.0),
-                of(2.1, kind, back),
+                of(2.1, kind.clone(), back),
                 of(4.2, ReceiverKind::Absorbing, 0.0),
             ],
             ..Model::default()

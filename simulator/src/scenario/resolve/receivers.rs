@@ -5,7 +5,8 @@ use super::schedule::place;
 use super::transmitters::check_place;
 use crate::memory::check_available;
 use crate::model::Model;
-use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, Receptors, WallFace};
+use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, WallFace};
+use crate::model::receptors::{Ligand, ReceptorType};
 use crate::model::transmitter::Shape;
 use crate::scenario::file::{self, Finite};
 use crate::scenario::{Problem, warnings};
@@ -87,7 +88,7 @@ fn receiver(
     for name in one.species.iter().flatten() {
         sees[names.get(name)? as usize] = true;
     }
-    let kind = kind(one)?;
+    let kind = kind(one, names, &sees)?;
     let (center, radius) = extent(one)?;
     let receiver = Receiver {
         name: one.name.0.clone(),
@@ -98,7 +99,7 @@ fn receiver(
         velocity: one.velocity.map(|Finite(v)| v),
         diffusion: one.diffusion.0,
     };
-    if let (ReceiverKind::Wall(face), Some(span)) = (receiver.kind, one.face.as_ref().map(Spanned::span))
+    if let (&ReceiverKind::Wall(face), Some(span)) = (&receiver.kind, one.face.as_ref().map(Spanned::span))
         && let Some(message) = model.missing_wall(&receiver.name, face)
     {
         return Err(Problem::at(span, message));
@@ -108,9 +109,10 @@ fn receiver(
     }
     let at_kind = |message| Problem::at(one.kind.span(), message);
     warnings.extend(warnings::long_step_before(&receiver, model).map(at_kind));
-    if let Some(rate) = &one.unbinding_rate {
+    let rates = one.unbinding_rate.as_ref().map(Spanned::span);
+    if let Some(span) = rates.or_else(|| one.receptors.as_ref().map(Spanned::span)) {
         let message = warnings::fast_unbinding(&receiver, model);
-        warnings.extend(message.map(|message| Problem::at(rate.span(), message)));
+        warnings.extend(message.map(|message| Problem::at(span, message)));
     }
     Ok(receiver)
 }
@@ -132,7 +134,7 @@ fn extent(one: &file::Receiver) -> Result<([f32; 3], f32), Problem> {
     }
 }
 
-fn kind(one: &file::Receiver) -> Result<ReceiverKind, Problem> {
+fn kind(one: &file::Receiver, names: &Names<'_>, sees: &[bool]) -> Result<ReceiverKind, Problem> {
     let kind = *one.kind.get_ref();
     let misplaced = [
         (one.probability.as_ref().map(Spanned::span), "probability", file::ReceiverKind::Partial),
@@ -140,6 +142,7 @@ fn kind(one: &file::Receiver) -> Result<ReceiverKind, Problem> {
         (one.count.as_ref().map(Spanned::span), "count", file::ReceiverKind::Receptors),
         (one.binding_rate.as_ref().map(Spanned::span), "binding-rate", file::ReceiverKind::Receptors),
         (one.unbinding_rate.as_ref().map(Spanned::span), "unbinding-rate", file::ReceiverKind::Receptors),
+        (one.receptors.as_ref().map(Spanned::span), "receptors", file::ReceiverKind::Receptors),
         (one.face.as_ref().map(Spanned::span), "face", file::ReceiverKind::Wall),
     ];
     for (span, key, of) in misplaced {
@@ -181,19 +184,54 @@ fn kind(one: &file::Receiver) -> Result<ReceiverKind, Problem> {
                 file::Face::Side => WallFace::Side,
             })
         }
-        file::ReceiverKind::Receptors => {
-            let (Some(count), Some(binding), Some(unbinding)) =
-                (&one.count, &one.binding_rate, &one.unbinding_rate)
-            else {
-                return lacking(
-                    "receptors have a count, a binding-rate in µm³/s and an unbinding-rate in 1/s",
-                );
-            };
-            ReceiverKind::Receptors(Receptors {
-                count: (*count.get_ref()).into(),
-                binding_rate: binding.get_ref().0,
-                unbinding_rate: unbinding.get_ref().0,
-            })
-        }
+        file::ReceiverKind::Receptors => ReceiverKind::Receptors(receptor_types(one, names, sees)?),
     })
+}
+
+fn receptor_types(
+    one: &file::Receiver,
+    names: &Names<'_>,
+    sees: &[bool],
+) -> Result<Vec<ReceptorType>, Problem> {
+    let short = (&one.count, &one.binding_rate, &one.unbinding_rate);
+    match (short, &one.receptors) {
+        ((Some(count), Some(binding), Some(unbinding)), None) => {
+            let [binding, unbinding] = [binding, unbinding].map(|rate| rate.get_ref().0);
+            let species = (0..).zip(sees).filter(|&(_, &sees)| sees).map(|(species, _)| species);
+            Ok(vec![ReceptorType::new((*count.get_ref()).into(), binding, unbinding, species)])
+        }
+        ((None, None, None), Some(types)) if !types.get_ref().is_empty() => {
+            types.get_ref().iter().map(|kind| receptor_type(kind, names, sees)).collect()
+        }
+        _ => Err(Problem::at(
+            one.kind.span(),
+            "receptors have a count, a binding-rate in µm³/s and an unbinding-rate in 1/s, or types in a list \
+             `receptors`, each with a count and ligands"
+                .to_owned(),
+        )),
+    }
+}
+
+fn receptor_type(
+    kind: &file::ReceptorType,
+    names: &Names<'_>,
+    sees: &[bool],
+) -> Result<ReceptorType, Problem> {
+    let mut ligands: Vec<Ligand> = Vec::new();
+    for ligand in &kind.ligands {
+        let species = names.get(&ligand.species)?;
+        let (name, span) = (ligand.species.get_ref(), ligand.species.span());
+        if !sees[species as usize] {
+            return Err(Problem::at(span, format!("the receiver's species leave out '{name}'; add it")));
+        }
+        if ligands.iter().any(|other| other.species == species) {
+            return Err(Problem::at(
+                span,
+                format!("'{name}' is a ligand of these receptors twice; take one away"),
+            ));
+        }
+        let [binding_rate, unbinding_rate] = [ligand.binding_rate, ligand.unbinding_rate].map(|rate| rate.0);
+        ligands.push(Ligand { species, binding_rate, unbinding_rate });
+    }
+    Ok(ReceptorType { count: kind.count.into(), ligands })
 }

@@ -78,8 +78,8 @@ fn every_key_arrives() {
         (&Schedule::Times(vec![0.0, 0.5]), &vec![(0, 3)])
     );
     assert_eq!(
-        (model.receivers[0].kind, &model.receivers[0].sees),
-        (ReceiverKind::Transparent, &vec![false, true])
+        (&model.receivers[0].kind, &model.receivers[0].sees),
+        (&ReceiverKind::Transparent, &vec![false, true])
     );
     let expected = Output {
         every: 5,

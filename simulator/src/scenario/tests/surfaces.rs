@@ -1,5 +1,5 @@
 use super::*;
-use crate::{Adsorption, Axis, Receptors};
+use crate::{Adsorption, Axis, Ligand, ReceptorType};
 
 fn with(receiver: &str) -> String {
     let begin = GOOD.find("radius = 0.5\nkind").unwrap();
@@ -10,14 +10,26 @@ fn with(receiver: &str) -> String {
 
 #[test]
 fn every_surface_arrives() {
-    let receptors = Receptors { count: 7, binding_rate: 2.5, unbinding_rate: 0.5 };
+    let ligand = |species, binding_rate, unbinding_rate| Ligand { species, binding_rate, unbinding_rate };
+    let [fast, slow, base] = [ligand(0, 2.5, 0.5), ligand(0, 0.25, 0.0625), ligand(1, 2.5, 0.5)];
+    let one = ReceptorType { count: 7, ligands: vec![fast, base] };
+    let two = ReceptorType { count: 3, ligands: vec![base, slow] };
     let surfaces = [
         ("kind = \"reflecting\"", ReceiverKind::Reflecting),
         ("kind = \"partial\"\nrate = 3", ReceiverKind::Partial(Adsorption::Reactivity(3.0))),
         ("kind = \"partial\"\nprobability = 0.25", ReceiverKind::Partial(Adsorption::PerStep(0.25))),
         (
             "kind = \"receptors\"\ncount = 7\nbinding-rate = 2.5\nunbinding-rate = 0.5",
-            ReceiverKind::Receptors(receptors),
+            ReceiverKind::Receptors(vec![one.clone()]),
+        ),
+        (
+            "kind = \"receptors\"\n[[receiver.receptors]]\ncount = 7\nligands = [\
+             { species = \"acid\", binding-rate = 2.5, unbinding-rate = 0.5 }, \
+             { species = \"base\", binding-rate = 2.5, unbinding-rate = 0.5 }]\n\
+             [[receiver.receptors]]\ncount = 3\nligands = [\
+             { species = \"base\", binding-rate = 2.5, unbinding-rate = 0.5 }, \
+             { species = \"acid\", binding-rate = 0.25, unbinding-rate = 0.0625 }]",
+            ReceiverKind::Receptors(vec![one, two]),
         ),
     ];
     for (text, kind) in surfaces {
@@ -38,7 +50,7 @@ fn a_lattice_makes_many_and_a_transmitter_is_a_body() {
     assert_eq!(receivers.len(), 9);
     assert_eq!((receivers[3].name.as_str(), receivers[3].center), ("rx-3", [-0.75, 0.0, -0.25]));
     let body = &receivers[8];
-    assert_eq!((body.name.as_str(), body.kind, body.radius), ("tx", ReceiverKind::Reflecting, 0.25));
+    assert_eq!((body.name.as_str(), &body.kind, body.radius), ("tx", &ReceiverKind::Reflecting, 0.25));
     assert_eq!((body.center, &body.sees), ([0.0, 0.5, 0.0], &vec![true; 2]));
     let moving = text.replace("body-radius = 0.25", "velocity = [1, 0, 0]\ndiffusion = 2");
     let model = parse(&moving).unwrap().model;
@@ -91,6 +103,26 @@ fn contradictory_surfaces_are_refused() {
         ("kind = \"partial\"\nrate = 1\nprobability = 0.5", "kind", "either a rate"),
         ("kind = \"absorbing\"\nrate = 1", "rate", "goes with kind = \"partial\""),
         ("kind = \"receptors\"\ncount = 1\nbinding-rate = 1", "kind", "an unbinding-rate in 1/s"),
+        ("kind = \"receptors\"\nreceptors = []", "kind", "types in a list `receptors`"),
+        (
+            "kind = \"receptors\"\ncount = 1\nreceptors = [{ count = 1, ligands = [] }]",
+            "kind",
+            "types in a list `receptors`",
+        ),
+        (
+            "kind = \"receptors\"\nspecies = [\"acid\"]\nreceptors = [{ count = 1, ligands = [\
+             { species = \"base\", binding-rate = 1, unbinding-rate = 1 }] }]",
+            "receptors",
+            "leave out 'base'",
+        ),
+        (
+            "kind = \"receptors\"\nreceptors = [{ count = 1, ligands = [\
+             { species = \"base\", binding-rate = 1, unbinding-rate = 1 }, \
+             { species = \"base\", binding-rate = 2, unbinding-rate = 1 }] }]",
+            "receptors",
+            "'base' is a ligand of these receptors twice",
+        ),
+        ("kind = \"absorbing\"\nreceptors = []", "receptors", "goes with kind = \"receptors\""),
         ("kind = \"partial\"\nrate = 1\ncount = 3", "count", "goes with kind = \"receptors\""),
         ("kind = \"partial\"\nprobability = 1.5", "probability", "1.5 is not a probability"),
     ];

@@ -1,0 +1,76 @@
+//! Receptors on the surface of a receiver, without positions.
+
+use crate::model::Model;
+use crate::model::receiver::{Receiver, ReceiverKind};
+
+/// Identical receptors, for which ligands compete.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ReceptorType {
+    /// Receptors; each binds one particle.
+    pub count: u32,
+    /// Species that bind.
+    pub ligands: Vec<Ligand>,
+}
+
+/// A species that binds to receptors.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Ligand {
+    /// Species.
+    pub species: u32,
+    /// Binding rate of a free receptor, in µm³/s: `n` free ones on a sphere have the reactivity n·rate/(4πR²).
+    pub binding_rate: f64,
+    /// Unbinding rate of a bound particle, in 1/s.
+    pub unbinding_rate: f64,
+}
+
+impl ReceptorType {
+    /// Creates receptors that bind several species at the same rates.
+    pub fn new(
+        count: u32,
+        binding_rate: f64,
+        unbinding_rate: f64,
+        species: impl IntoIterator<Item = u32>,
+    ) -> Self {
+        let ligand = |species| Ligand { species, binding_rate, unbinding_rate };
+        Self { count, ligands: species.into_iter().map(ligand).collect() }
+    }
+
+    /// Returns the rates of a species; `None` if it does not bind.
+    pub fn ligand(&self, species: u32) -> Option<&Ligand> {
+        self.ligands.iter().find(|ligand| ligand.species == species)
+    }
+}
+
+impl Receiver {
+    /// Returns the types of its receptors; empty for a receiver of another kind.
+    pub fn receptor_types(&self) -> &[ReceptorType] {
+        match &self.kind {
+            ReceiverKind::Receptors(types) => types,
+            _ => &[],
+        }
+    }
+
+    /// Returns `true` if some of its receptors bind a species.
+    pub(crate) fn binds(&self, species: usize) -> bool {
+        self.receptor_types().iter().any(|kind| kind.ligand(species as u32).is_some())
+    }
+}
+
+impl Model {
+    /// Returns the receptor types of all receivers, in order.
+    pub(crate) fn receptor_types(&self) -> impl Iterator<Item = &ReceptorType> {
+        self.receivers.iter().flat_map(Receiver::receptor_types)
+    }
+
+    /// Returns the index of each receiver's first receptor type, and the number of types.
+    pub(crate) fn first_receptor_types(&self) -> Vec<u32> {
+        let mut next = 0;
+        let first = self.receivers.iter().map(|receiver| {
+            next += receiver.receptor_types().len() as u32;
+            next - receiver.receptor_types().len() as u32
+        });
+        let mut all: Vec<u32> = first.collect();
+        all.push(next);
+        all
+    }
+}
