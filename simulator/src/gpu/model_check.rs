@@ -37,6 +37,9 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
         let count = model.receivers.len();
         return rejected(format!("arrivals at {count} receivers; it logs those at {MAX_LOGGED_RECEIVERS}"));
     }
+    if let Some(membrane) = model.membranes.first() {
+        return rejected(format!("the membrane {}", membrane.name));
+    }
     if let Some(receiver) = model.receivers.iter().find(|receiver| receiver.receptor_types().len() > 1) {
         let types = receiver.receptor_types().len();
         return rejected(format!(

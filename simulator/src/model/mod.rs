@@ -1,6 +1,7 @@
 //! The model as plain data. Lengths are in µm and times in s, or any other consistent pair of units.
 
 pub mod boundary;
+pub mod membrane;
 pub mod message;
 pub mod particles;
 pub(crate) mod probability;
@@ -14,6 +15,7 @@ mod dimensions;
 mod validate;
 
 use crate::model::boundary::Boundary;
+use crate::model::membrane::Membrane;
 use crate::model::receiver::Receiver;
 use crate::model::transmitter::Transmitter;
 use crate::random::gaussian::{direction, normals};
@@ -33,6 +35,8 @@ pub struct Model {
     pub transmitters: Vec<Transmitter>,
     /// Receivers of particles.
     pub receivers: Vec<Receiver>,
+    /// Planes that hold back diffusing particles.
+    pub membranes: Vec<Membrane>,
     /// Walls, periodic boundaries and the vessel.
     pub boundary: Boundary,
     /// Flow that carries all particles.

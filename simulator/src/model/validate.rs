@@ -83,6 +83,9 @@ impl Model {
             )));
         }
         self.check_vessel()?;
+        if let Some((_, message)) = self.faulty_membrane() {
+            return Err(Error::Model(message));
+        }
         self.reactions.iter().try_for_each(|reaction| self.check_reaction(reaction))?;
         self.decays.iter().try_for_each(|decay| self.check_decay(decay))?;
         self.check_channels()?;

@@ -7,6 +7,7 @@ use rayon::prelude::*;
 
 use crate::Error;
 use crate::model::boundary::Boundary;
+use crate::model::membrane::{Membrane, MembraneStep};
 use crate::model::particles::Particles;
 use crate::model::{Model, Species};
 use crate::motion::collisions::Flight;
@@ -34,6 +35,7 @@ pub struct Propagator {
     stream: Option<FlowStep>,
     pub(crate) bodies: ActiveReceivers,
     walls: Vec<AbsorbingWall>,
+    membranes: Vec<Membrane>,
     pub(crate) decays: Decays,
 }
 
@@ -82,6 +84,7 @@ impl Propagator {
             stream: FlowStep::new(model),
             bodies,
             walls,
+            membranes: model.membranes.clone(),
             decays: Decays::new(model),
         }
     }
@@ -130,8 +133,28 @@ impl Propagator {
         }
         let mut velocity = begun;
         let own = self.with_velocity.then_some(&mut velocity);
-        let (path, free_end) = self.path(kind, [before, normal], own, who);
+        let (mut path, mut free_end) = self.path(kind, [before, normal], own, who);
+        if !self.membranes.is_empty() {
+            let ends = self.among_membranes(species).ends([before, free_end], (key, id, step));
+            for (axis, held) in (0..3).zip(ends).filter_map(|(axis, held)| Some((axis, held?))) {
+                (path.end[axis], path.after[axis]) = (held.free, held.confined);
+                free_end[axis] = held.free;
+            }
+        }
         Flight { path, free_end, begun, velocity }
+    }
+
+    #[inline(never)]
+    fn among_membranes(&self, species: u32) -> MembraneStep<'_> {
+        let SpeciesStep { ref domain, length, diffusion, .. } = self.steps[species as usize];
+        let diffusion = f64::from(diffusion) / f64::from(self.time_step);
+        MembraneStep {
+            membranes: &self.membranes,
+            domain,
+            species: species as usize,
+            diffusion,
+            spread: length,
+        }
     }
 
     /// Moves all particles and returns their events, by index. `receiver_search` replaces tests of every receiver if
@@ -252,7 +275,11 @@ impl Propagator {
         events: &mut Vec<Event>,
     ) {
         let space = (&self.steps[moved.species as usize].domain, self.time_step);
-        match self.bodies.resolve(moved, space, receivers) {
+        let (species, after) = (moved.species, moved.path.after);
+        let is_near_side = |body: &&ReceiverState| {
+            self.membranes.is_empty() || !self.among_membranes(species).separates([after, body.center])
+        };
+        match self.bodies.resolve(moved, space, receivers.filter(is_near_side)) {
             Some(event) => events.push(event),
             None => self.absorb_or_decay(moved, events),
         }
@@ -263,7 +290,12 @@ impl Propagator {
     fn absorb_or_decay(&self, moved: &ParticleMove, events: &mut Vec<Event>) {
         let ParticleMove { at, species, who, path, free_end, .. } = *moved;
         let domain = &self.steps[species as usize].domain;
-        let mut walls = self.walls.iter().filter(|wall| wall.sees[species as usize]);
+        let is_near_side = |wall: &&AbsorbingWall| {
+            self.membranes.is_empty()
+                || !self.among_membranes(species).separates([path.after, wall.foot(domain, path.after)])
+        };
+        let seen = self.walls.iter().filter(|wall| wall.sees[species as usize]);
+        let mut walls = seen.filter(is_near_side);
         if let Some(wall) = walls.find(|wall| wall.absorbs(domain, &path, free_end, who)) {
             return events.push(Event::Arrived { at, receiver: wall.receiver });
         }

@@ -62,6 +62,16 @@ impl AbsorbingWall {
         model.receivers.iter().enumerate().filter_map(wall).collect()
     }
 
+    /// Returns the point of the wall across from another.
+    pub(crate) fn foot(&self, domain: &Boundary, mut point: [f32; 3]) -> [f32; 3] {
+        let (WallFace::Low(axis) | WallFace::High(axis)) = self.face else { return point };
+        point[axis] -= match self.face {
+            WallFace::High(_) => -height(self.face, domain, point),
+            _ => height(self.face, domain, point),
+        };
+        point
+    }
+
     /// Returns `true` if the wall absorbs the particle. `domain` is the boundary of its center, `free_end` the end
     /// without walls.
     pub(crate) fn absorbs(

@@ -41,6 +41,8 @@ pub enum Purpose {
     HitTime = 14,
     /// Extreme position of a path near a wall.
     Wall = 15,
+    /// Extreme position of a path near a membrane, and its side, by particle and membrane.
+    Membrane = 16,
     /// Seed of a replica, by its number.
     Replica = 100,
 }

@@ -13,6 +13,7 @@ use rand_distr::{Distribution, Poisson};
 
 use crate::error::Error;
 use crate::model::Model;
+use crate::model::membrane::MembraneStep;
 use crate::model::particles::{Particle, Particles};
 use crate::model::transmitter::{CountDistribution, Schedule, Transmitter};
 use crate::random::gaussian;
@@ -182,6 +183,24 @@ impl Model {
         rates.iter().map(batch).collect()
     }
 
+    /// Returns the end of a released particle's path among membranes.
+    fn hold_back(
+        &self,
+        species: u32,
+        [from, to]: [[f32; 3]; 2],
+        spread: f32,
+        (key, id): (Key, u32),
+    ) -> [f32; 3] {
+        let (species, kind) = (species as usize, &self.species[species as usize]);
+        let domain = self.boundary.inset(kind.radius);
+        let (membranes, diffusion) = (&self.membranes, kind.diffusion);
+        let step = MembraneStep { membranes, domain: &domain, species, diffusion, spread };
+        let before = domain.confine(from);
+        let end = std::array::from_fn(|k| before[k] + (to[k] - from[k]));
+        let held = step.ends([before, end], (key, id, 0));
+        std::array::from_fn(|k| held[k].map_or(to[k], |held| held.confined))
+    }
+
     fn add(
         &self,
         batch: &Batch<'_>,
@@ -214,6 +233,9 @@ impl Model {
             let flow = self.flow_at(from).map(|v| part * v);
             let drift = |k: usize| ((kind.drift[k] + flow[k] + f64::from(velocity[k])) * age) as f32;
             position = std::array::from_fn(|k| from[k] + (length * z[k] + drift(k)));
+            if !self.membranes.is_empty() {
+                position = self.hold_back(batch.species, [from, position], length, (key, id));
+            }
             let words = |generation| key.draw(id, 1 + generation, 0, Purpose::PartialStep);
             decays.continue_chain(batch.species, age, words, |decay, product| {
                 out.decayed[decay as usize] += 1;

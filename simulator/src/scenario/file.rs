@@ -23,6 +23,8 @@ pub(super) struct File {
     pub(super) transmitters: Vec<Transmitter>,
     #[serde(default, rename = "receiver")]
     pub(super) receivers: Vec<Receiver>,
+    #[serde(default, rename = "membrane")]
+    pub(super) membranes: Vec<Membrane>,
     #[serde(default)]
     pub(super) output: Output,
     pub(super) sweep: Option<Spanned<serde::de::IgnoredAny>>,
@@ -240,6 +242,16 @@ pub(super) struct Receiver {
     pub(super) velocity: [Finite; 3],
     #[serde(default)]
     pub(super) diffusion: NotNegative,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "kebab-case", deny_unknown_fields)]
+pub(super) struct Membrane {
+    pub(super) name: Spanned<Name>,
+    pub(super) axis: AxisName,
+    pub(super) position: Finite,
+    pub(super) permeability: NotNegative,
+    pub(super) species: Option<Vec<Spanned<String>>>,
 }
 
 #[derive(Debug, Deserialize)]

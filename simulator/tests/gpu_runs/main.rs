@@ -14,8 +14,8 @@ use lazygrid::Algorithm;
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Axis, Boundary, Contact, Decay, Error, Flow, Model, Receiver, ReceiverKind, ReceptorType, Shape,
-    Simulation, Transmitter,
+    Axis, Boundary, Contact, Decay, Error, Flow, Membrane, Model, Receiver, ReceiverKind, ReceptorType,
+    Shape, Simulation, Transmitter,
 };
 use models::{assert_same, brownian, by_id, cpu, dyadic, gpu, species};
 
@@ -280,6 +280,11 @@ fn models_without_kernels_are_refused_by_name() {
         m.receivers[0].sees = vec![false, true];
     });
     assert!(off.contains("B, whose drift may carry it past receiver rx"), "{off}");
+    let membrane = refused(|m| {
+        let sees = vec![true, false];
+        m.membranes = vec![Membrane { name: "skin".into(), sees, ..Membrane::default() }];
+    });
+    assert!(membrane.contains("the membrane skin"), "{membrane}");
     let types = refused(|m| {
         let kind = ReceptorType::new(4, 1.0, 1.0, [1]);
         m.receivers = vec![receiver(ReceiverKind::Receptors(vec![kind.clone(), kind]))];

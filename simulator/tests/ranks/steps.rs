@@ -1,8 +1,8 @@
 use lazygrid::Algorithm;
 use lazygrid_sim::ranks::{GatherFields, RankSimulation};
 use lazygrid_sim::{
-    Arrival, Decay, Model, Origin, Receiver, ReceiverKind, RunView, Schedule, Simulation, Species, State,
-    Transmitter,
+    Arrival, Boundary, Decay, Membrane, Model, Origin, Receiver, ReceiverKind, RunView, Schedule, Simulation,
+    Species, State, Transmitter,
 };
 use proptest::prelude::*;
 
@@ -76,6 +76,20 @@ fn combined_model_equals_one_process() {
     assert!(totals.decayed.iter().all(|&decayed| decayed > 5), "{totals:?}");
     assert!(totals.arrived.iter().skip(1).any(|of| of.iter().sum::<u64>() > 0), "{totals:?}");
     compare(&model, 3, 40, &[1, 2, 3, 8]);
+}
+
+#[test]
+fn membranes_over_ranks_equal_one_process() {
+    let mut model = model(&everything());
+    model.receivers.retain(|receiver| receiver.kind == ReceiverKind::Transparent);
+    model.boundary = Boundary::periodic([0.0; 3], [10.0; 3]);
+    let sees = model.species.iter().map(|species| !species.has_velocity()).collect();
+    model.species.iter_mut().for_each(|species| species.drift = [0.0; 3]);
+    model.flow = None;
+    model.membranes = vec![Membrane { name: "skin".into(), axis: 0, position: 5.0, permeability: 2.0, sees }];
+    let open = Model { membranes: Vec::new(), ..model.clone() };
+    assert!(alone(&model, 4, 10).last() != alone(&open, 4, 10).last());
+    compare(&model, 4, 10, &[3]);
 }
 
 #[test]

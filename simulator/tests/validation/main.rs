@@ -12,6 +12,7 @@ mod crowd;
 mod diffusion;
 mod dimensions;
 mod identity;
+mod membranes;
 mod networks;
 mod reactions;
 mod receivers;
@@ -49,7 +50,7 @@ impl Row {
 
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 37] = [
+const ITEMS: [Item; 38] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -87,6 +88,7 @@ const ITEMS: [Item; 37] = [
     ("35-dimensions", dimensions::fewer_dimensions),
     ("36-moving-transmitters", bodies::transmitters),
     ("37-competition", bodies::competition),
+    ("38-membranes", membranes::membranes),
 ];
 
 fn main() -> ExitCode {

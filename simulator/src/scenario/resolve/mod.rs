@@ -12,6 +12,7 @@ use toml::Spanned;
 
 use super::file::{self, File, Finite};
 use super::{Output, Problem, warnings};
+use crate::model::membrane::Membrane;
 use crate::model::{Contact, Model, Species};
 
 pub(super) struct Resolved {
@@ -71,7 +72,11 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
         transmitters::transmitters(file.transmitters, &names, &model.boundary, &mut warnings)?;
     transmitters.iter_mut().zip(carriers).for_each(|(transmitter, carrier)| transmitter.carrier = carrier);
     transmitters.extend(transmitters::sources(&file.sources, &names, &model.boundary, &mut warnings)?);
-    model = Model { reactions, decays, transmitters, receivers, ..model };
+    let membranes = file.membranes.iter().map(|one| membrane(one, &names)).collect::<Result<_, _>>()?;
+    model = Model { reactions, decays, transmitters, receivers, membranes, ..model };
+    if let Some((k, message)) = model.faulty_membrane() {
+        return Err(Problem::at(file.membranes[k].name.span(), message));
+    }
     if let (Some(dimensions), Some(message)) = (&file.dimensions, model.beyond_dimensions()) {
         return Err(Problem::at(dimensions.span(), message));
     }
@@ -119,6 +124,16 @@ fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {
     }
 }
 
+fn membrane(one: &file::Membrane, names: &Names<'_>) -> Result<Membrane, Problem> {
+    Ok(Membrane {
+        name: one.name.get_ref().0.clone(),
+        axis: space::number(one.axis),
+        position: one.position.0 as f32,
+        permeability: one.permeability.0,
+        sees: names.seen(one.species.as_deref())?,
+    })
+}
+
 struct Names<'a> {
     species: &'a [Species],
     places: HashMap<&'a str, u32>,
@@ -143,6 +158,15 @@ impl<'a> Names<'a> {
             let (name, known) = (excerpt(name.as_bytes()), excerpt(known.as_bytes()));
             Problem::at(span, format!("there is no species '{name}'; there are {known}"))
         })
+    }
+
+    /// Returns flags by species; all if none is named.
+    fn seen(&self, named: Option<&[Spanned<String>]>) -> Result<Vec<bool>, Problem> {
+        let mut sees = vec![named.is_none(); self.species.len()];
+        for name in named.unwrap_or_default() {
+            sees[self.get(name)? as usize] = true;
+        }
+        Ok(sees)
     }
 
     fn get(&self, name: &Spanned<String>) -> Result<u32, Problem> {

@@ -84,10 +84,7 @@ fn receiver(
     model: &Model,
     warnings: &mut Vec<Problem>,
 ) -> Result<Receiver, Problem> {
-    let mut sees = vec![one.species.is_none(); names.species.len()];
-    for name in one.species.iter().flatten() {
-        sees[names.get(name)? as usize] = true;
-    }
+    let sees = names.seen(one.species.as_deref())?;
     let kind = kind(one, names, &sees)?;
     let (center, radius) = extent(one)?;
     let receiver = Receiver {

@@ -1,5 +1,5 @@
 use super::*;
-use crate::{Adsorption, Axis, Ligand, ReceptorType};
+use crate::{Adsorption, Axis, Ligand, Membrane, ReceptorType};
 
 fn with(receiver: &str) -> String {
     let begin = GOOD.find("radius = 0.5\nkind").unwrap();
@@ -157,5 +157,29 @@ fn advice_about_surfaces_is_right_when_followed() {
         assert_eq!(own(&text.replace("time-step = 0.001", &format!("time-step = {step}"))), None, "{said}");
         let longer = 1.05 * step.parse::<f64>().unwrap();
         assert!(own(&text.replace("0.001", &longer.to_string())).is_some(), "{said}");
+    }
+}
+
+#[test]
+fn membranes_arrive_or_are_refused() {
+    const MEMBRANE: &str = "[[membrane]]\nname = \"skin\"\naxis = \"y\"\nposition = 0.25\npermeability = 3\n\
+                            species = [\"acid\"]\n";
+    let text = |membranes: &str| GOOD.replace("contact = \"separate\"", "") + membranes;
+    let model = parse(&text(MEMBRANE)).unwrap().model;
+    let sees = vec![true, false];
+    let expected = Membrane { name: "skin".into(), axis: 1, position: 0.25, permeability: 3.0, sees };
+    assert_eq!(model.membranes, [expected]);
+    let replaced = |from, to| MEMBRANE.replace(from, to);
+    let absorbing = text(MEMBRANE).replace("\"transparent\"\nspecies = [\"base\"]", "\"absorbing\"");
+    for (text, key, message) in [
+        (text(&replaced("0.25", "1")), "name", "is at 1 µm, where no plane fits"),
+        (text(&replaced("\"y\"", "\"x\"").replace("acid", "base")), "name", "holds back base, which drifts"),
+        (text(&(MEMBRANE.to_owned() + MEMBRANE)), "name", "is where skin is for the same species"),
+        (text(&replaced("= 3", "= -3")), "permeability", "-3 is not a number from 0"),
+        (GOOD.to_owned() + MEMBRANE, "name", "particles that collide"),
+        (absorbing, "name", "meets receiver rx"),
+    ] {
+        let error = parse(&text).expect_err(message).to_string();
+        assert!(error.contains(&format!("`{key}`")) && error.contains(message), "{message}: {error}");
     }
 }

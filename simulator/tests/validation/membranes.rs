@@ -1,0 +1,128 @@
+//! Membranes with a permeability.
+
+use std::path::Path;
+
+use lazygrid_sim::model::receiver::WallFace;
+use lazygrid_sim::scenario::Scenario;
+use lazygrid_sim::{Model, Receiver, ReceiverKind};
+
+use crate::Row;
+use crate::setup::{begin, share_error, steps};
+
+const N: u32 = 40_000;
+const D: f64 = 1.0;
+
+fn model(time_step: f64, boundary: &str, permeability: f64, transmitter: &str) -> Model {
+    let text = format!(
+        "time-step = {time_step}\nsteps = 1\n{boundary}\n[[species]]\nname = \"A\"\ndiffusion = {D}\n\
+         [[membrane]]\nname = \"m\"\naxis = \"x\"\nposition = 0\npermeability = {permeability}\n\
+         [[transmitter]]\nname = \"tx\"\n{transmitter}\n"
+    );
+    Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
+}
+
+fn burst(center: f64, shape: &str) -> String {
+    format!("center = [{center}, 0, 0]\nshape = {shape}\nrelease = [{{ species = \"A\", count = {N} }}]")
+}
+
+/// The fraction of particles with an x from `low` to `high`.
+fn share(model: &Model, count: u32, seed: u64, [low, high]: [f32; 2]) -> f64 {
+    let mut simulation = begin(model, seed);
+    steps(&mut simulation, count);
+    let particles = &simulation.state().particles;
+    let inside = |at: &usize| (low..high).contains(&particles.position_of(*at)[0]);
+    (0..particles.len()).filter(inside).count() as f64 / particles.len() as f64
+}
+
+/// The n-th zero of μ·tan μ − b.
+fn zero(n: u32, b: f64) -> f64 {
+    let from = f64::from(n) * std::f64::consts::PI;
+    let [mut low, mut high] = [from, from + 0.5 * std::f64::consts::PI];
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if middle * middle.sin() < b * middle.cos() { low = middle } else { high = middle }
+    }
+    low
+}
+
+pub(crate) fn membranes() -> Vec<Row> {
+    let mut rows = Vec::new();
+    let mut add = |what: String, expected: f64, found: f64| {
+        rows.push(Row::new(what, expected, found, 4.0 * share_error(expected, N.into())));
+    };
+    // One half of a box with particles, the other without. The difference of both is that of a plate which loses heat
+    // at one face, with b = 2κw/D (Carslaw and Jaeger, *Conduction of Heat in Solids*, section 3.11).
+    let halves = "[boundary]\nkind = \"reflecting\"\nlow = [-1, -50, -50]\nhigh = [1, 50, 50]";
+    for (seed, spread, permeability, time) in [
+        (1, 0.05_f64, 0.5, 0.3),
+        (2, 0.05, 0.5, 1.0),
+        (3, 0.3, 0.5, 1.0),
+        (4, 0.3, 5.0, 0.3),
+        (5, 0.5, 0.5, 1.0),
+    ] {
+        let count = (2.0 * D * time / (spread * spread)).round() as u32;
+        let time_step = time / f64::from(count);
+        let b = 2.0 * permeability / D;
+        let mode = |n: u32| {
+            let mu = zero(n, b);
+            2.0 * b * b / (mu * mu * (mu * mu + b * b + b)) * (-mu * mu * D * time).exp()
+        };
+        let expected = 0.5 * (1.0 - (0..20).map(mode).sum::<f64>());
+        let model =
+            model(time_step, halves, permeability, &burst(-0.5, "{ kind = \"box\", size = [1, 1, 1] }"));
+        let what = format!("κ = {permeability}, passed in {time} s, steps of {spread}");
+        add(what, expected, share(&model, count, seed, [0.0, 2.0]));
+    }
+    // From the distance 1 in free space, in steps of up to four times that: by the mean of exp(−2κL/D).
+    for (seed, permeability, count) in [(6, 0.5, 1), (7, 0.5, 100), (8, 4.0, 2), (9, 4.0, 400)] {
+        let time = 8.0;
+        let (h, y) = (2.0 * permeability / D, 1.0 / (4.0 * D * time).sqrt());
+        let x = y + h * (D * time).sqrt();
+        // exp(x²)·erfc(x), by its continued fraction.
+        let erfcx = 1.0 / (std::f64::consts::PI.sqrt() * (x + 0.5 / (x + 1.0 / (x + 1.5 / (x + 2.0 / x)))));
+        let expected = 0.5 * (libm::erfc(y) - (-y * y).exp() * erfcx);
+        let model = model(time / f64::from(count), "", permeability, &burst(1.0, "{ kind = \"point\" }"));
+        let found = share(&model, count, seed, [-1e9, 0.0]);
+        add(format!("κ = {permeability}, passed from a point, {count} steps"), expected, found);
+    }
+    for (seed, low, high) in [(10, -0.05, 0.0), (11, 0.0, 0.05)] {
+        let model = model(0.045, halves, 1.0, &burst(0.0, "{ kind = \"box\", size = [2, 1, 1] }"));
+        add(format!("uniform from {low} to {high}"), 0.025, share(&model, 20, seed, [low, high]));
+    }
+    // A closed membrane, also for particles released within a step, and for a receiver next to it.
+    let steady = "center = [0.01, 0, 0]\nrelease = [{ species = \"A\", rate = 20000 }]";
+    let mut closed = model(0.02, "", 0.0, steady);
+    closed.receivers.push(Receiver {
+        name: "rx".to_owned(),
+        center: [-0.52, 0.0, 0.0],
+        radius: 0.5,
+        sees: vec![true],
+        ..Receiver::default()
+    });
+    let mut simulation = begin(&closed, 12);
+    steps(&mut simulation, 50);
+    rows.push(Row::exact("closed, arrived on the other side", 0, simulation.state().totals.arrived[0][0]));
+    let mut walls = model(0.0625, halves, 0.0, &burst(0.1, "{ kind = \"point\" }"));
+    for kind in [WallFace::Low(0), WallFace::High(0)].map(ReceiverKind::Wall) {
+        walls.receivers.push(Receiver {
+            name: "wall".to_owned(),
+            kind,
+            sees: vec![true],
+            ..Receiver::default()
+        });
+    }
+    let mut simulation = begin(&walls, 14);
+    steps(&mut simulation, 8);
+    let [beyond, before] = [0, 1].map(|k| simulation.state().totals.arrived[k][0]);
+    rows.push(Row::exact("closed, arrived at the wall beyond it", 0, beyond));
+    // From 0.1 between a mirror at 0 and the wall at 1.
+    let mode = |n: i32| {
+        let k = f64::from(2 * n + 1) * 0.5 * std::f64::consts::PI;
+        2.0 / k * f64::from(1 - 2 * (n % 2)) * (0.1 * k).cos() * (-k * k * D * 0.5).exp()
+    };
+    let (reached, found) = (1.0 - (0..20).map(mode).sum::<f64>(), before as f64 / f64::from(N));
+    let tolerance = 4.0 * share_error(reached, N.into());
+    rows.push(Row::new("closed, arrived at the wall before it", reached, found, tolerance));
+    rows.push(Row::new("closed, passed", 0.0, share(&closed, 50, 13, [-1e9, 0.0]), 0.0));
+    rows
+}
