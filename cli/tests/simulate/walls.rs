@@ -37,10 +37,4 @@ fn faulty_walls_are_refused_by_line() {
         let run = lazygrid(["simulate", &scenario, "--output", &scratch.path("out")]).fails();
         assert!(run.err.contains(message) && run.err.contains("line "), "{to}: {}", run.err);
     }
-    if lazygrid_tests::command::has_gpu() {
-        let scenario = concat!(env!("CARGO_MANIFEST_DIR"), "/../simulator/scenarios/wall.toml");
-        let run =
-            lazygrid(["simulate", scenario, "--output", &scratch.path("gpu"), "--backend", "gpu"]).fails();
-        assert!(run.err.contains("does not support the absorbing wall outlet"), "{}", run.err);
-    }
 }
