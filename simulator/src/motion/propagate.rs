@@ -133,17 +133,22 @@ impl Propagator {
         }
         let mut velocity = begun;
         let own = self.with_velocity.then_some(&mut velocity);
-        let (mut path, mut free_end) = self.path(kind, [before, normal], own, who);
-        if !self.membranes.is_empty() {
-            let ends = self.among_membranes(species).ends([before, free_end], (key, id, step));
-            for (axis, held) in (0..3).zip(ends).filter_map(|(axis, held)| Some((axis, held?))) {
-                (path.end[axis], path.after[axis]) = (held.free, held.confined);
-                free_end[axis] = held.free;
-            }
-        }
+        let (path, free_end) = self.path(kind, [before, normal], own, who);
         Flight { path, free_end, begun, velocity }
     }
 
+    #[cold]
+    #[inline(never)]
+    fn hold_back(&self, moved: &mut ParticleMove) {
+        let ParticleMove { species, who: DrawContext { key, id, step }, path, free_end, .. } = moved;
+        let ends = self.among_membranes(*species).ends([path.before, *free_end], (*key, *id, *step));
+        for (axis, held) in (0..3).zip(ends).filter_map(|(axis, held)| Some((axis, held?))) {
+            (path.end[axis], path.after[axis]) = (held.free, held.confined);
+            free_end[axis] = held.free;
+        }
+    }
+
+    #[cold]
     #[inline(never)]
     fn among_membranes(&self, species: u32) -> MembraneStep<'_> {
         let SpeciesStep { ref domain, length, diffusion, .. } = self.steps[species as usize];
@@ -209,7 +214,9 @@ impl Propagator {
         (key, step): (Key, u32),
     ) -> (Vec<Event>, Vec<ParticleMove>) {
         let Chunk { base, position: [x, y, z], velocity, id, species } = chunk;
-        let watches = !self.bodies.all.is_empty() || !self.decays.is_empty() || !self.walls.is_empty();
+        let has_membranes = !self.membranes.is_empty();
+        let watches =
+            has_membranes || !self.bodies.all.is_empty() || !self.decays.is_empty() || !self.walls.is_empty();
         let (mut events, mut unsure) = (Vec::new(), Vec::new());
         let mut random = [[0.0; BLOCK]; 3];
         for (block, ids) in id.chunks(BLOCK).enumerate() {
@@ -244,6 +251,9 @@ impl Propagator {
                         gone: 0.0,
                         velocity: own,
                     };
+                    if has_membranes {
+                        self.hold_back(&mut moved);
+                    }
                     match receiver_search {
                         None => self.resolve_events(&mut moved, self.bodies.all.iter(), &mut events),
                         Some(receiver_search) if receiver_search.is_clear(place, &self.reach(&moved)) => {
