@@ -190,13 +190,19 @@ impl TriclinicCell {
 /// Returns `vector + (S₁e₁ + S₂e₂ + S₃e₃)`, component by component from left to right, never fused: part of the exact
 /// test.
 pub(crate) fn shifted(vector: [f64; 3], shift: [f64; 3], vectors: &[Option<[f64; 3]>; 3]) -> [f64; 3] {
-    [0, 1, 2].map(|axis| {
-        let terms = [0, 1, 2].map(|k| vectors[k].map(|vector| shift[k] * vector[axis]));
-        match terms.into_iter().flatten().reduce(|sum, term| sum + term) {
-            Some(sum) => vector[axis] + sum,
-            None => vector[axis],
+    let mut image = vector;
+    for axis in 0..3 {
+        let mut sum: Option<f64> = None;
+        for (edge, count) in vectors.iter().zip(shift) {
+            if let Some(edge) = edge {
+                let term = count * edge[axis];
+                sum = Some(sum.map_or(term, |sum| sum + term));
+            }
         }
-    })
+        // An unbounded space keeps the sign of zero.
+        image[axis] = sum.map_or(vector[axis], |sum| vector[axis] + sum);
+    }
+    image
 }
 
 pub(crate) fn combination(basis: &[DVec3; 3], counts: [f64; 3]) -> DVec3 {
