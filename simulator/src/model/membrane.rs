@@ -9,13 +9,13 @@
 //! ½(1 − exp(−2κL/D)),   L = max(0, −min over s ≤ t of X(s)),   |x(t)| = X(t) + L
 //! ```
 //!
-//! with the free path X. Between its ends X is a Brownian bridge, whose minimum has a closed form (`wall.rs`), so that L,
+//! with the free path X. Between its ends X is a Brownian bridge, whose minimum has a closed form (`bridge.rs`), so that L,
 //! |x| and the side are exact for steps of any length that reach one membrane and no wall.
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::Receiver;
 use crate::model::{Contact, Flow, Model};
-use crate::random::gaussian::ln;
+use crate::random::bridge::lowest;
 use crate::random::philox::{Key, Purpose, open_unit};
 
 /// A plane across an axis that holds back diffusing particles.
@@ -60,9 +60,6 @@ struct Slab {
     high: f32,
 }
 
-/// Above this exponent a probability is below the smallest random number.
-const NEVER: f32 = 17.0;
-
 impl MembraneStep<'_> {
     /// Returns the ends of a step along the axes with membranes.
     pub(crate) fn ends(
@@ -87,11 +84,11 @@ impl MembraneStep<'_> {
             return self.within(axis, slab, end);
         };
         let sign = if is_low { 1.0 } else { -1.0 };
-        let Some([height, local_time]) =
-            reflected([before, end].map(|x| sign * (x - at)), self.spread, || words(membrane)[0])
-        else {
+        let heights = [before, end].map(|x| sign * (x - at));
+        let Some(lowest) = lowest(heights, self.spread, || words(membrane)[0]) else {
             return self.within(axis, slab, end);
         };
+        let (height, local_time) = (heights[1] - lowest, -lowest);
         let rate = 2.0 * self.membranes[membrane].permeability / self.diffusion;
         let changes = -0.5 * libm::expm1(-rate * f64::from(local_time));
         if f64::from(open_unit(words(membrane)[1])) >= changes {
@@ -151,17 +148,6 @@ impl Slab {
         let x = if x >= high { 2.0 * high - x } else { x };
         x.min(high.next_down()).max(low)
     }
-}
-
-/// Returns the height above a plane, and the local time, of a reflected path between the heights of the free one, if it
-/// touches the plane. `spread` is √(2DΔt) in µm.
-fn reflected([a, b]: [f32; 2], spread: f32, word: impl Fn() -> u32) -> Option<[f32; 2]> {
-    let square = spread * spread;
-    if 2.0 * a * b >= NEVER * square {
-        return None;
-    }
-    let lowest = 0.5 * (a + b - ((b - a) * (b - a) - 2.0 * square * ln(open_unit(word()))).sqrt());
-    (lowest < 0.0).then_some([b - lowest, -lowest])
 }
 
 impl Model {

@@ -21,26 +21,17 @@ use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{ReceiverKind, WallFace};
 use crate::model::vessel::Vessel;
 use crate::motion::path_hit::{DrawContext, Path};
-use crate::random::gaussian::ln;
+use crate::random::bridge::{NEVER, lowest};
 use crate::random::philox::{Purpose, open_unit};
 
-/// Above this exponent a probability is below the smallest random number.
-const NEVER: f32 = 17.0;
-
 /// Returns the end of a step if its path touches the nearer wall. `spread` is √(2DΔt) in µm, `word` is random.
-/// `wall.wgsl` has the same operations.
 #[inline]
 pub(crate) fn reflected(axis: Axis, [before, end]: [f32; 2], spread: f32, word: u32) -> Option<f32> {
     let Axis::Reflecting { low, high } = axis else { return None };
     let is_low = (before - low) + (end - low) < (high - before) + (high - end);
     let [a, b] = if is_low { [before - low, end - low] } else { [high - before, high - end] };
-    let square = spread * spread;
-    if 2.0 * a * b >= NEVER * square {
-        return None;
-    }
-    let lowest = 0.5 * (a + b - ((b - a) * (b - a) - 2.0 * square * ln(open_unit(word))).sqrt());
-    let inside = b - lowest;
-    (lowest < 0.0).then_some(if is_low { low + inside } else { high - inside })
+    let inside = b - lowest([a, b], spread, || word)?;
+    Some(if is_low { low + inside } else { high - inside })
 }
 
 #[derive(Clone, Debug)]

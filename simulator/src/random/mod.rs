@@ -1,4 +1,5 @@
 //! Counter-based random numbers, and distributions.
 
+pub(crate) mod bridge;
 pub mod gaussian;
 pub mod philox;

@@ -1,4 +1,4 @@
-// Reflection at walls of diffusion with drift, as in wall.rs.
+// Reflection at walls of diffusion with drift, as in wall.rs and bridge.rs.
 
 fn reflected_at_wall(low: f32, high: f32, ends: vec2<f32>, spread: f32, word: u32) -> f32 {
     let before = ends.x;
