@@ -99,8 +99,9 @@ impl<C: Communicator> Halo for RankHalo<'_, C> {
         let own = movers.len();
         self.sent.clear();
         self.held = vec![Vec::new(); self.communicator.ranks() as usize];
+        let mut wrapped = Vec::new();
         for _ in 0..HOPS {
-            let wrapped = self.wrapped(movers, allowance);
+            wrapped.extend(self.wrapped(&movers[wrapped.len()..], allowance));
             let bounds = RankBounds::gather(self.communicator, &wrapped)?;
             let unsent = self.unsent(&wrapped, own, &bounds);
             let message =

@@ -30,6 +30,9 @@ pub(super) fn bounce_overlaps<H: Halo>(
         overlap.then_some(([a.id, b.id], pair))
     };
     let mut pairs: Vec<_> = candidates.par_iter().filter_map(overlaps).collect();
+    if halo.gather(pairs.len() as u64).iter().all(|&pairs| pairs == 0) {
+        return Ok(0);
+    }
     pairs.par_sort_unstable();
     let pairs: Vec<[u32; 2]> = pairs.into_iter().map(|(_, pair)| pair).collect();
     let mut partners = Adjacency::default();
