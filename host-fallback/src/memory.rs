@@ -24,6 +24,13 @@ pub(crate) fn prefetch<T>(values: &[T], at: usize) {
     prefetch_address(values.as_ptr().wrapping_add(at).cast());
 }
 
+/// Prefetches row `k`, which may lie in two cache lines.
+#[inline(always)]
+pub(crate) fn prefetch_row(rows: &[[f64; 4]], k: usize) {
+    prefetch(rows.as_flattened(), 4 * k);
+    prefetch(rows.as_flattened(), 4 * k + 3);
+}
+
 /// Prefetches an address on x86-64. Ignores an invalid one.
 #[inline(always)]
 pub(crate) fn prefetch_address(address: *const u8) {

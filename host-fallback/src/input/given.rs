@@ -4,7 +4,7 @@ use lazygrid_kernels::{Space, Spheres, Strided};
 
 use crate::compare::{SimdWidth, Xyzr};
 use crate::frame::{Bounds, FrameMap, SearchFrame};
-use crate::memory::{prefetch, prefetch_address};
+use crate::memory::{prefetch, prefetch_address, prefetch_row};
 
 /// Half the largest distance with any other species, and `true` if some pairs are decided by contact.
 pub(super) type LargestHalf = (f64, bool);
@@ -88,9 +88,7 @@ fn run_mapped<V: SimdWidth, L: GivenLoop>(
 impl GivenRows for &[[f64; 4]] {
     #[inline(always)]
     fn prefetch(self, k: usize) {
-        // A row may lie in two cache lines.
-        prefetch(self.as_flattened(), 4 * k);
-        prefetch(self.as_flattened(), 4 * k + 3);
+        prefetch_row(self, k);
     }
 
     #[inline(always)]

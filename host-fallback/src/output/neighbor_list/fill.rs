@@ -4,7 +4,7 @@ use lazygrid_kernels::{Error, ImageVector, Pair};
 
 use super::{CHUNK_ROWS, ContactTest, ListOptions, PeriodicImages};
 use crate::compare::PairFilter;
-use crate::memory::{prefetch, try_collect, try_push};
+use crate::memory::{prefetch_row, try_collect, try_push};
 use crate::output::Neighbors;
 
 /// Below this fraction of a length, a difference of coordinates is the minimum image, with a margin for rounding.
@@ -206,8 +206,7 @@ impl Fill<'_> {
         let (offsets, indices) = (self.candidates.offsets(), self.candidates.indices());
         let until = indices.len().min(offsets[row + 1] as usize + PREFETCHED);
         for &j in &indices[until.min(*requested)..until] {
-            prefetch(self.second.as_flattened(), 4 * j as usize);
-            prefetch(self.second.as_flattened(), 4 * j as usize + 3);
+            prefetch_row(self.second, j as usize);
         }
         *requested = until;
     }
