@@ -44,7 +44,8 @@ pub(super) fn encoder(path: &Path, out: impl Write + Send + 'static) -> io::Resu
     })
 }
 
-/// An error where the system refuses the memory, which `BufWriter` itself would end the process for.
+/// An error where the system refuses the memory, which `BufWriter` itself would end the process for. Small allocations
+/// follow, so as much again must be free.
 fn buffered<W: Write>(out: W) -> io::Result<BufWriter<W>> {
     Vec::<u8>::new().try_reserve_exact(2 * BUFFER)?;
     Ok(BufWriter::with_capacity(BUFFER, out))

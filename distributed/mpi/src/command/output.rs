@@ -101,11 +101,14 @@ fn table(
     };
     file.write_with(|out| {
         out.write_all(&header)?;
-        pairs.iter().try_for_each(|&[i, j]| match (target.format, wide) {
-            (TableFormat::Csv, _) => writeln!(out, "{i},{j}"),
-            (TableFormat::Npy, true) => out.write_all(bytemuck::bytes_of(&[i, j])),
-            (TableFormat::Npy, false) => out.write_all(bytemuck::bytes_of(&[i as u32, j as u32])),
-        })
+        let mut each = pairs.iter();
+        match (target.format, wide) {
+            (TableFormat::Csv, _) => each.try_for_each(|[i, j]| writeln!(out, "{i},{j}")),
+            (TableFormat::Npy, true) => out.write_all(bytemuck::cast_slice(pairs)),
+            (TableFormat::Npy, false) => {
+                each.try_for_each(|pair| out.write_all(bytemuck::bytes_of(&pair.map(|id| id as u32))))
+            }
+        }
     })?;
     Ok(file)
 }
