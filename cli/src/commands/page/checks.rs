@@ -16,6 +16,8 @@ const CAPACITY: u32 = 256;
 /// Sizes of the scenes that the device makes itself, and the largest of which all pairs are tested.
 const MADE: [u32; 2] = [1000, 5000];
 const MOST_NAIVE: u32 = 1000;
+/// Entries per sphere of the plans after the first: eight on each of 32 levels are the most, which take long to sort.
+const ENTRIES: [u32; 2] = [32, 8 * 32];
 /// Factor of radii that finds all pairs near tangency.
 const WIDER: f32 = 1.0 + 1e-5;
 
@@ -135,8 +137,10 @@ fn calls(bundle: &mut Bundle, scenario: &TestInput, capacity: u32, scene: &Value
                 .radix_sort_from(radix_sort_from);
             let planner = Planner::new(config, limits.of_device()).count_in_buffer(true);
             let mut call = |planner: Planner| bundle.add(&planner.plan(capacity).map_err(CliError::Setting)?);
-            // Eight entries on each of 32 levels are the most.
-            let mut grown = vec![call(planner.clone())?, call(planner.min_entries(8 * 32 * capacity))?];
+            let mut grown = vec![call(planner.clone())?];
+            for entries in ENTRIES {
+                grown.push(call(planner.clone().min_entries(entries * capacity))?);
+            }
             grown.dedup();
             calls.push(json!({ "algorithm": algorithm.name(), "way": way, "calls": grown }));
         }
