@@ -35,13 +35,13 @@ has_vulkan() {
 
 # A driver with subgroups of 4, which takes subnormal numbers for zero and ends no loop by itself. Here run each
 # kernel, and with few cases of each property what the suite has of arbitrary spheres, tables and results: scenes of a
-# kind would only be the same again, and take long.
+# kind would only be the same again, and take long. Arguments choose packages and features.
 swiftshader=/usr/lib/chromium/vk_swiftshader_icd.json
 on_swiftshader() {
     say "on SwiftShader:"
     export VK_DRIVER_FILES=$swiftshader LAZYGRID_REQUIRE_GPU=1 LAZYGRID_TEST_VARIANTS=gpu PROPTEST_CASES=2
-    cargo test --workspace --test gpu_kernels --test gpu_skin
-    cargo test --workspace --test suite -- properties:: interactions:: results::
+    cargo test "$@" --test gpu_kernels --test gpu_skin
+    cargo test "$@" --test suite -- properties:: interactions:: results::
 }
 
 command -v cc >/dev/null || install gcc libc6-dev
@@ -54,7 +54,7 @@ case ${1:-} in
     "")
         cargo test --workspace
         if [ -e $swiftshader ]; then
-            on_swiftshader
+            on_swiftshader --workspace
         else
             say "skipped: SwiftShader is not installed; \`apt-get install chromium-common\` does that on Debian"
         fi
@@ -62,6 +62,9 @@ case ${1:-} in
             || say "skipped: Tint is not installed; \`npm ci --prefix kernels/tint\` does that"
         ;;
     --quick) PROPTEST_CASES=4 cargo test --workspace --lib --bins --test=suite --test=cli --test=loops --test=reflection ;;
-    --swiftshader) on_swiftshader ;;
+    --swiftshader)
+        shift
+        on_swiftshader "${@:---workspace}"
+        ;;
     *) cargo test "$@" ;;
 esac

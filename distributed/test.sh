@@ -54,7 +54,7 @@ done
 
 # A panic on one rank ends the waiting others, with an exit code that is not 0.
 code=0
-LAZYGRID_TEST_MPI_PANIC=1 timeout 30 env "$runner=mpirun --oversubscribe -n 3" cargo test --quiet "${features[@]}" --test suite \
+LAZYGRID_TEST_MPI_PANIC=1 timeout 120 env "$runner=mpirun --oversubscribe -n 3" cargo test --quiet "${features[@]}" --test suite \
     >/dev/null 2>&1 || code=$?
 if [ $code = 0 ] || [ $code = 124 ]; then
     say "a panic on one of three ranks ended with code $code"
