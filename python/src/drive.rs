@@ -95,6 +95,7 @@ impl SimulationCore {
                             "it is of another scenario; pass the scenario that it was written with".into();
                         return Err(Error::Checkpoint { path, message });
                     }
+                    checkpoint.check_flow_field(&path, &scenario.model)?;
                     scenario.seed = checkpoint.seed;
                     Some(checkpoint.into_state(&path)?)
                 }
@@ -334,6 +335,7 @@ impl Inner {
         let checkpoint = Checkpoint {
             scenario: self.scenario.text.clone(),
             seed: self.scenario.seed,
+            flow_field: self.scenario.model.flow_field().map(|field| field.checksum()),
             backend: self.simulation.backend().name().to_owned(),
             every: [1, 1, 0],
             files: Vec::new(),

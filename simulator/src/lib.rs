@@ -49,6 +49,7 @@ mod output;
 
 pub use error::{Damage, Error};
 pub use model::boundary::{Axis, Boundary};
+pub use model::flow_field::FlowField;
 pub use model::membrane::Membrane;
 pub use model::particles::{Particle, Particles};
 pub use model::receiver::{Adsorption, Receiver, ReceiverKind};

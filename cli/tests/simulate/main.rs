@@ -256,8 +256,8 @@ fn damaged_file_is_refused_with_its_name_and_a_remedy() {
     for damaged in [&whole[..whole.len() / 2], &whole[..10], &[], &[&whole[..], b"more"].concat(), &flipped] {
         assert!(refused("checkpoint", damaged).contains("the file is damaged: it"));
     }
-    let older = refused("checkpoint", b"lazygrid checkpoint 5\n\x07");
-    assert!(older.contains("the checkpoint has version 5 and this build reads version 6"), "{older}");
+    let older = refused("checkpoint", b"lazygrid checkpoint 6\n\x07");
+    assert!(older.contains("the checkpoint has version 6 and this build reads version 7"), "{older}");
     let series = fs::read_to_string(out.clone() + "/series.csv").unwrap();
     refused("series.csv", series.replacen("200", "201", 1).as_bytes());
     lazygrid(["simulate", &scenario, "--output", &out, "--resume"]).succeeds();

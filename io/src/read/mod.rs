@@ -45,6 +45,7 @@ use self::read_context::ReadContext;
 use self::source::Source;
 use crate::error::Error;
 
+pub use npy::ArrayFile;
 pub use pairs::pairs;
 pub use species::{Radii, Species};
 
@@ -211,6 +212,16 @@ enum Reader {
     Ended,
 }
 
+/// Opens a file. Returns it with its length, if it is a regular file.
+fn open(path: &Path) -> Result<(File, Option<u64>), Error> {
+    let open = || {
+        let file = File::open(path)?;
+        let metadata = file.metadata()?;
+        Ok((file, metadata.is_file().then_some(metadata.len())))
+    };
+    open().map_err(|source| Error::Read { path: path.to_owned(), source })
+}
+
 impl Frames {
     /// Opens a file.
     ///
@@ -218,12 +229,7 @@ impl Frames {
     /// [`Error::Read`]; [`Error::UnknownFormat`] if the format is neither given nor clear.
     pub fn open(path: impl AsRef<Path>, options: Options) -> Result<Self, Error> {
         let path = path.as_ref();
-        let open = || {
-            let file = File::open(path)?;
-            let metadata = file.metadata()?;
-            Ok((file, metadata.is_file().then_some(metadata.len())))
-        };
-        let (file, length) = open().map_err(|source| Error::Read { path: path.to_owned(), source })?;
+        let (file, length) = open(path)?;
         Self::new(path, file, length, options)
     }
 

@@ -5,6 +5,7 @@
 //! Rows of `f32` in this machine's layout are read directly. The file is not mapped: a mapped file that another
 //! program shortens ends the process.
 
+mod array;
 mod dictionary;
 mod dtype;
 mod fields;
@@ -18,6 +19,8 @@ use super::Frame;
 use super::read_context::ReadContext;
 use super::source::Source;
 use crate::error::{Error, Position};
+
+pub use self::array::ArrayFile;
 
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 /// In the cache between decoding and checking.

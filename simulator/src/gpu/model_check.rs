@@ -37,6 +37,9 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
         let count = model.receivers.len();
         return rejected(format!("arrivals at {count} receivers; it logs those at {MAX_LOGGED_RECEIVERS}"));
     }
+    if model.flow_field().is_some() {
+        return rejected("a flow from a file".to_owned());
+    }
     if let Some(membrane) = model.membranes.first() {
         return rejected(format!("the membrane {}", membrane.name));
     }

@@ -20,8 +20,9 @@ impl Model {
             return fault("such vessel; make it a box, or in two dimensions a cylinder along z".to_owned());
         }
         let leaves = |v: [f64; 3]| v[dimensions..].iter().any(|&c| c != 0.0);
-        let plug = match self.flow {
-            Some(Flow::Plug(velocity)) => velocity,
+        let plug = match &self.flow {
+            Some(Flow::Plug(velocity)) => *velocity,
+            Some(Flow::Field(field)) => field.fastest(),
             Some(Flow::Poiseuille { .. }) => return fault("Poiseuille flow; make it a plug".to_owned()),
             None => [0.0; 3],
         };

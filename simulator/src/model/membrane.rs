@@ -195,9 +195,10 @@ impl Model {
                 "holds back particles that collide; let contact be \"count\" or \"ignore\"".to_owned(),
             );
         }
-        let flow = match self.flow {
+        let flow = match &self.flow {
             Some(Flow::Plug(velocity)) => velocity[axis],
-            Some(Flow::Poiseuille { mean }) => mean,
+            Some(Flow::Poiseuille { mean }) => *mean,
+            Some(Flow::Field(field)) => field.fastest()[axis],
             None => 0.0,
         };
         let drifts = |species: &usize| {

@@ -1,6 +1,7 @@
 //! The model as plain data. Lengths are in µm and times in s, or any other consistent pair of units.
 
 pub mod boundary;
+pub mod flow_field;
 pub mod membrane;
 pub mod message;
 pub mod particles;
@@ -14,7 +15,10 @@ pub mod vessel;
 mod dimensions;
 mod validate;
 
+use std::sync::Arc;
+
 use crate::model::boundary::Boundary;
+use crate::model::flow_field::FlowField;
 use crate::model::membrane::Membrane;
 use crate::model::receiver::Receiver;
 use crate::model::transmitter::Transmitter;
@@ -78,7 +82,7 @@ impl Species {
 }
 
 /// Flow that carries particles.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Flow {
     /// Uniform velocity, in µm/s.
     Plug([f64; 3]),
@@ -87,6 +91,8 @@ pub enum Flow {
         /// Mean velocity v, in µm/s.
         mean: f64,
     },
+    /// Velocities on a grid.
+    Field(Arc<FlowField>),
 }
 
 /// A bimolecular reaction of two particles within the binding radius.
@@ -205,14 +211,23 @@ impl Model {
 
     /// Returns the flow velocity at a point, in µm/s.
     pub fn flow_at(&self, point: [f32; 3]) -> [f64; 3] {
-        match (self.flow, &self.boundary.vessel) {
-            (Some(Flow::Plug(velocity)), _) => velocity,
+        match (&self.flow, &self.boundary.vessel) {
+            (Some(Flow::Plug(velocity)), _) => *velocity,
+            (Some(Flow::Field(field)), _) => field.at(self.boundary.confine(point)),
             (Some(Flow::Poiseuille { mean }), Some(vessel)) => {
                 let part = (vessel.distance(point) / f64::from(vessel.radius)).min(1.0);
                 let speed = 2.0 * mean * (1.0 - part * part);
                 std::array::from_fn(|k| if Some(k) == vessel.along { speed } else { 0.0 })
             }
             _ => [0.0; 3],
+        }
+    }
+
+    /// Returns the flow's velocities on a grid, if it has them.
+    pub fn flow_field(&self) -> Option<&Arc<FlowField>> {
+        match &self.flow {
+            Some(Flow::Field(field)) => Some(field),
+            _ => None,
         }
     }
 

@@ -16,7 +16,7 @@ use crate::motion::receiver_search::{ReceiverSearch, StepBounds};
 use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
 use crate::motion::step_normals::{BLOCK, draw};
 use crate::motion::surface_events::ParticleMove;
-use crate::motion::vessel_flow::{FlowStep, StepDrift};
+use crate::motion::vessel_flow::{FieldStep, FlowStep, StepDrift};
 use crate::motion::wall::{AbsorbingWall, reflected};
 use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose, probability_threshold};
@@ -33,6 +33,7 @@ pub struct Propagator {
     bounded: bool,
     whole: Boundary,
     stream: Option<FlowStep>,
+    field: Option<FieldStep>,
     pub(crate) bodies: ActiveReceivers,
     walls: Vec<AbsorbingWall>,
     membranes: Vec<Membrane>,
@@ -82,6 +83,7 @@ impl Propagator {
             bounded: !model.boundary.is_unbounded(),
             whole: model.boundary,
             stream: FlowStep::new(model),
+            field: FieldStep::new(model),
             bodies,
             walls,
             membranes: model.membranes.clone(),
@@ -100,6 +102,9 @@ impl Propagator {
         }
         if let Some(stream) = &mut self.stream {
             stream.set(model, part);
+        }
+        if let Some(field) = &mut self.field {
+            field.set(model, part);
         }
     }
 
@@ -375,8 +380,14 @@ impl Propagator {
         if let Some(own) = &velocity {
             drift = std::array::from_fn(|axis| drift[axis] + own[axis] * self.time_step);
         }
-        let end: [f32; 3] =
-            std::array::from_fn(|axis| before[axis] + (lengths[axis] * normal[axis] + drift[axis]));
+        let free_end = |drift: [f32; 3]| -> [f32; 3] {
+            std::array::from_fn(|axis| before[axis] + (lengths[axis] * normal[axis] + drift[axis]))
+        };
+        if let Some(field) = &self.field {
+            let carried = field.carry(domain, [before, free_end(drift)]);
+            drift = std::array::from_fn(|axis| drift[axis] + carried[axis]);
+        }
+        let end = free_end(drift);
         if let Some(stream) = &self.stream {
             let carried = stream.carry(domain, [before, end], velocity.unwrap_or(&mut [0.0; 3]));
             // Arrays indexed by variables stay in memory, whose round trip delays all other particles.

@@ -40,7 +40,7 @@ impl Digest {
         self.hasher.finish()
     }
 
-    fn add(&mut self, bytes: &[u8]) {
+    pub(crate) fn add(&mut self, bytes: &[u8]) {
         self.length += bytes.len() as u64;
         self.hasher.write(bytes);
     }

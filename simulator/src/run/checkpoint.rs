@@ -24,7 +24,7 @@ use crate::motion::binding::Bound;
 pub use crate::output::append_file::FileRecord;
 use crate::release::rank_slice::RankSlice;
 use crate::run::sealed::{self, Kind};
-use crate::{Error, Particles, State};
+use crate::{Error, Model, Particles, State};
 
 /// All data to continue a run bit for bit.
 ///
@@ -35,6 +35,8 @@ pub struct Checkpoint {
     pub scenario: String,
     /// Seed.
     pub seed: u64,
+    /// Checksum of a flow field, which must match.
+    pub flow_field: Option<u64>,
     /// Name of the backend.
     pub backend: String,
     /// Steps between rows, frames, and frames of the animation (0 without one).
@@ -112,6 +114,24 @@ impl Checkpoint {
         let (checkpoint, _): (Self, _) = sealed::read(path, Kind::Whole)?;
         check_columns(path, &checkpoint.state.particles)?;
         Ok(checkpoint)
+    }
+
+    /// Checks that the model has the flow field of the run.
+    ///
+    /// # Errors
+    /// [`Error::Checkpoint`] if the file of the field has other contents now.
+    pub fn check_flow_field(&self, path: &Path, model: &Model) -> Result<(), Error> {
+        let now = model.flow_field().map(|field| field.checksum());
+        let shown = |checksum: Option<u64>| checksum.map_or("none".to_owned(), |sum| format!("{sum:016x}"));
+        if self.flow_field == now {
+            return Ok(());
+        }
+        let (before, now) = (shown(self.flow_field), shown(now));
+        let message = format!(
+            "the flow field has the checksum {before} there and {now} now, since 'flow.file' has other contents; restore \
+             that file, or start again with --overwrite"
+        );
+        Err(Error::Checkpoint { path: path.to_owned(), message })
     }
 
     /// Returns the state, with the parts of the checkpoint at `path`.
@@ -236,6 +256,7 @@ mod tests {
         let checkpoint = Checkpoint {
             scenario: String::new(),
             seed: 5,
+            flow_field: None,
             backend: "cpu".to_owned(),
             every: [1, 1, 0],
             files: Vec::new(),

@@ -314,6 +314,7 @@ impl Run {
                 "it is of another scenario than {name}{differs}; restore the scenario, or start again with --overwrite"
             ));
         }
+        checkpoint.check_flow_field(path, &own.model)?;
         if *seed != own.seed {
             return refused(format!("it is of seed {seed} and not {}; give --seed {seed}", own.seed));
         }
@@ -346,10 +347,11 @@ impl Run {
     }
 
     pub(crate) fn checkpoint(&self, backend: Backend, files: Vec<FileRecord>, state: State) -> Checkpoint {
-        let Scenario { text, seed, output, .. } = &self.scenario;
+        let Scenario { model, text, seed, output, .. } = &self.scenario;
         Checkpoint {
             scenario: text.clone(),
             seed: *seed,
+            flow_field: model.flow_field().map(|field| field.checksum()),
             backend: backend.name().to_owned(),
             every: intervals(*output),
             files,

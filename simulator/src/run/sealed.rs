@@ -2,7 +2,7 @@
 //!
 //! | bytes | content |
 //! | --- | --- |
-//! | text | `lazygrid checkpoint 6`, of a rank also `, part`, and a line feed |
+//! | text | `lazygrid checkpoint 7`, of a rank also `, part`, and a line feed |
 //! | 8 | XXH64 of all bytes after it, little-endian |
 //! | 8 | number of bytes after it, little-endian |
 //! | the rest | content, as postcard |
@@ -19,7 +19,7 @@ use crate::{Error, output};
 
 /// Begins checkpoints of all versions.
 const NAME: &str = "lazygrid checkpoint ";
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {

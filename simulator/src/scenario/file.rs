@@ -84,15 +84,19 @@ pub(super) struct Flow {
     pub(super) profile: Spanned<Profile>,
     pub(super) velocity: Option<Spanned<[Finite; 3]>>,
     pub(super) speed: Option<Spanned<Finite>>,
+    pub(super) file: Option<Spanned<String>>,
+    pub(super) origin: Option<Spanned<[Finite; 3]>>,
+    pub(super) spacing: Option<Spanned<[Positive; 3]>>,
     pub(super) from: Option<Spanned<NotNegative>>,
     pub(super) until: Option<Spanned<NotNegative>>,
 }
 
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Profile {
     Plug,
     Poiseuille,
+    Field,
 }
 
 #[derive(Debug, Deserialize)]

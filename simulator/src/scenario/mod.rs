@@ -1,6 +1,7 @@
 //! Scenario files: a [`Model`] and its output, as TOML. `docs/simulator.md` lists the keys.
 
 mod file;
+mod flow_file;
 mod nearest;
 mod overrides;
 mod resolve;
@@ -62,7 +63,7 @@ impl Scenario {
         let placed = |problem| located(path, &text, problem);
         let file = toml::from_str::<file::File>(&text).map_err(|error| placed(error.into()))?;
         let resolve::Resolved { model, steps, seed, output, warnings } =
-            resolve::resolve(file).map_err(placed)?;
+            resolve::resolve(file, path.parent().unwrap_or(Path::new(""))).map_err(placed)?;
         model.check()?;
         let more = warnings.len().saturating_sub(MAX_WARNINGS);
         let first = warnings.into_iter().take(MAX_WARNINGS);

@@ -7,7 +7,7 @@ use lazygrid_io::excerpt;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::{Problem, Scenario, check_length, located, nearest};
+use super::{Problem, Scenario, check_length, flow_file, located, nearest};
 use crate::Error;
 
 const MAX_POINTS: usize = 100_000;
@@ -81,11 +81,14 @@ impl Sweep {
         let points = combinations(&keys).map_err(Error::Model)?;
         // A scenario keeps a tenth of what its parsing takes.
         check_length(text.len() * points.len() / 10)?;
-        let mut logged = Vec::new();
+        let (mut logged, mut fields) = (Vec::new(), Vec::new());
+        let directory = path.parent().unwrap_or(Path::new(""));
         let points = points.into_iter().map(|values| {
-            let scenario = Scenario::parse_silently(path, replaced(&text, &spots, &values));
+            let text = flow_file::with_absolute_path(replaced(&text, &spots, &values), directory);
+            let scenario = Scenario::parse_silently(path, text);
             let values: Vec<String> = values.iter().map(|value| plain(value)).collect();
-            let scenario = scenario.map_err(|source| sweep_point_error(&keys, &values, source))?;
+            let mut scenario = scenario.map_err(|source| sweep_point_error(&keys, &values, source))?;
+            flow_file::share(&mut scenario.model, &mut fields);
             for warning in scenario.warnings.iter().filter(|warning| !logged.contains(*warning)) {
                 log::warn!("{}: {warning}", named_values(&keys, &values));
             }
@@ -165,7 +168,7 @@ fn option_key(option: &str) -> Result<SweptKey, String> {
     Ok(SweptKey { path: path.to_owned(), values })
 }
 
-fn quoted(value: &str) -> String {
+pub(super) fn quoted(value: &str) -> String {
     format!("\"{}\"", value.replace('\\', "\\\\").replace('"', "\\\""))
 }
 

@@ -177,12 +177,46 @@ pub(super) fn long_step_before(receiver: &Receiver, model: &Model) -> Option<Str
     })
 }
 
+/// Largest change of a flow over a step: above it the second order in the time step is coarse.
+const STEEP_FLOW: f64 = 0.3;
+
+/// Warns of a flow on a grid that changes much within a step, or whose grid ends before the walls.
+pub(super) fn unresolved_flow(model: &Model) -> Vec<String> {
+    let Some(field) = model.flow_field() else { return Vec::new() };
+    let mut messages = Vec::new();
+    if field.steepest() * model.time_step > STEEP_FLOW {
+        messages.push(format!(
+            "the flow changes by {:.3} µm/s per µm, so that a step changes the distance of two particles by {:.0} %; \
+             time-step = {} is short enough",
+            field.steepest(),
+            100.0 * field.steepest() * model.time_step,
+            below(STEEP_FLOW / field.steepest())
+        ));
+    }
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        let (Axis::Reflecting { low, high } | Axis::Periodic { low, high }) = model.boundary.axes[axis]
+        else {
+            continue;
+        };
+        let [low, high] = [low, high].map(f64::from);
+        let beyond = |&[first, last, spacing]: &[f64; 3]| low < first - spacing || high > last + spacing;
+        if let Some([first, last, _]) = field.extent(axis).filter(beyond) {
+            messages.push(format!(
+                "the flow field is from {first} to {last} µm along {name} and the boundary from {low} to {high} µm; outside, \
+                 the flow is that of the nearest point; check origin, spacing and shape"
+            ));
+        }
+    }
+    messages
+}
+
 fn speed_past(receiver: &Receiver, species: &Species, model: &Model) -> f64 {
     let mut velocity = species.drift;
     let mut more = species.thermal_speed + species.speed;
-    match model.flow {
+    match &model.flow {
         Some(Flow::Plug(flow)) => velocity.iter_mut().zip(flow).for_each(|(v, u)| *v += u),
         Some(Flow::Poiseuille { mean }) => more += 2.0 * mean.abs(),
+        Some(Flow::Field(field)) => more += field.fastest().iter().map(|v| v * v).sum::<f64>().sqrt(),
         None => {}
     }
     let relative: f64 = velocity.iter().zip(receiver.velocity).map(|(v, u)| (v - u).powi(2)).sum();

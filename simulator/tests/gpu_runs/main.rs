@@ -9,13 +9,15 @@ mod features;
 mod models;
 mod surfaces;
 
+use std::sync::Arc;
+
 use adapter::or_skip;
 use lazygrid::Algorithm;
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Axis, Boundary, Contact, Decay, Error, Flow, Membrane, Model, Receiver, ReceiverKind, ReceptorType,
-    Shape, Simulation, Transmitter,
+    Axis, Boundary, Contact, Decay, Error, Flow, FlowField, Membrane, Model, Receiver, ReceiverKind,
+    ReceptorType, Shape, Simulation, Transmitter,
 };
 use models::{assert_same, brownian, by_id, cpu, dyadic, gpu, species};
 
@@ -285,6 +287,11 @@ fn models_without_kernels_are_refused_by_name() {
         m.membranes = vec![Membrane { name: "skin".into(), sees, ..Membrane::default() }];
     });
     assert!(membrane.contains("the membrane skin"), "{membrane}");
+    let field = refused(|m| {
+        let field = FlowField::new([[0.0; 3], [1.0; 3]], [1; 3], vec![0.0; 3]).expect("a field");
+        m.flow = Some(Flow::Field(Arc::new(field)));
+    });
+    assert!(field.contains("a flow from a file"), "{field}");
     let types = refused(|m| {
         let kind = ReceptorType::new(4, 1.0, 1.0, [1]);
         m.receivers = vec![receiver(ReceiverKind::Receptors(vec![kind.clone(), kind]))];

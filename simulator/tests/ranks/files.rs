@@ -172,6 +172,42 @@ fn any_number_of_ranks_continues_a_run() {
 }
 
 #[test]
+fn resume_with_another_flow_field_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("flow.npy");
+    let write = |v: f32| {
+        let mut bytes = b"\x93NUMPY\x01\x00\x3e\x00".to_vec();
+        bytes.extend(b"{'descr': '<f4', 'fortran_order': False, 'shape': (1,1,1,3)}  ");
+        (0..3).for_each(|_| bytes.extend(v.to_le_bytes()));
+        std::fs::write(&path, bytes).unwrap();
+    };
+    let field = "[flow]\nprofile = 'field'\nfile = 'flow.npy'\nspacing = [1, 1, 1]\n\n[output]";
+    let run = |steps| {
+        let mut run = run(directory.path(), steps, steps > 10);
+        run.scenario =
+            Scenario::parse(&run.path, SCENARIO.replace("[output]", field)).unwrap_or_else(|e| panic!("{e}"));
+        run.scenario.steps = steps;
+        run
+    };
+    write(2.0);
+    go(&run(10), 2);
+    write(3.0);
+    let alone = run(20).run(|_| ControlFlow::Continue(())).map(|done| done.0).unwrap_err().to_string();
+    let all = threads::on(2, |thread| {
+        let done = run(20).run_distributed(thread, |_| ControlFlow::Continue(()));
+        done.map(|done| done.0).unwrap_err().to_string()
+    });
+    for error in all.into_iter().chain([alone]) {
+        assert!(
+            error.contains("checkpoint: the flow field has the checksum ") && error.contains("'flow.file'"),
+            "{error}"
+        );
+    }
+    write(2.0);
+    go(&run(20), 2);
+}
+
+#[test]
 fn one_rank_stops_all_and_the_run_can_continue() {
     let directory = tempfile::tempdir().unwrap();
     let first = run(directory.path(), 40, false);

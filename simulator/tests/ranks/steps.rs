@@ -1,8 +1,10 @@
+use std::sync::Arc;
+
 use lazygrid::Algorithm;
 use lazygrid_sim::ranks::{GatherFields, RankSimulation};
 use lazygrid_sim::{
-    Arrival, Boundary, Decay, Membrane, Model, Origin, Receiver, ReceiverKind, RunView, Schedule, Simulation,
-    Species, State, Transmitter,
+    Arrival, Boundary, Decay, Flow, FlowField, Membrane, Model, Origin, Receiver, ReceiverKind, RunView,
+    Schedule, Simulation, Species, State, Transmitter,
 };
 use proptest::prelude::*;
 
@@ -89,6 +91,17 @@ fn membranes_over_ranks_equal_one_process() {
     model.membranes = vec![Membrane { name: "skin".into(), axis: 0, position: 5.0, permeability: 2.0, sees }];
     let open = Model { membranes: Vec::new(), ..model.clone() };
     assert!(alone(&model, 4, 10).last() != alone(&open, 4, 10).last());
+    compare(&model, 4, 10, &[3]);
+}
+
+#[test]
+fn flow_field_over_ranks_equals_one_process() {
+    let mut model = model(&everything());
+    let velocities: Vec<f32> = (0..24_u8).map(|k| f32::from(k % 7) - 3.0).collect();
+    let field = FlowField::new([[0.0; 3], [10.0; 3]], [2; 3], velocities).unwrap();
+    model.flow = Some(Flow::Field(Arc::new(field)));
+    let still = Model { flow: None, ..model.clone() };
+    assert!(alone(&model, 4, 10).last() != alone(&still, 4, 10).last());
     compare(&model, 4, 10, &[3]);
 }
 

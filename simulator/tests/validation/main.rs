@@ -11,6 +11,7 @@ mod channel;
 mod crowd;
 mod diffusion;
 mod dimensions;
+mod flow_field;
 mod identity;
 mod membranes;
 mod networks;
@@ -50,7 +51,7 @@ impl Row {
 
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 38] = [
+const ITEMS: [Item; 39] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -89,6 +90,7 @@ const ITEMS: [Item; 38] = [
     ("36-moving-transmitters", bodies::transmitters),
     ("37-competition", bodies::competition),
     ("38-membranes", membranes::membranes),
+    ("39-flow-fields", flow_field::flow_fields),
 ];
 
 fn main() -> ExitCode {

@@ -1,6 +1,6 @@
 use lazygrid::MAX_SPHERES;
 
-use super::dictionary::{Descr, Dictionary};
+use super::dictionary::{Descr, Description, Dictionary};
 use super::dtype::{Dtype, DtypeKind};
 use super::fields::Fields;
 use super::{MAGIC, Source, syntax, truncated};
@@ -24,34 +24,40 @@ pub(super) enum Layout {
     Structured(Fields),
 }
 
+/// Reads the dictionary of a header. Returns it with the length of the header in bytes.
+pub(super) fn read_text(source: &mut Source) -> Result<(Vec<u8>, u64), Error> {
+    let mut start = [0; 8];
+    if source.fill(&mut start)? < start.len() || !start.starts_with(MAGIC) {
+        return Err(syntax(source, "a NumPy array", "other content"));
+    }
+    let major = start[6];
+    let mut length = [0; 4];
+    let width = match major {
+        1 => 2,
+        2 | 3 => 4,
+        _ => {
+            let found = format!("version {major}");
+            return Err(syntax(source, "version 1, 2 or 3 of the NumPy format", &found));
+        }
+    };
+    source.fill(&mut length[..width])?;
+    let length = u32::from_le_bytes(length) as usize;
+    if length > LONGEST_HEADER {
+        let expected = format!("a header of at most {LONGEST_HEADER} bytes");
+        return Err(syntax(source, &expected, &format!("{length}")));
+    }
+    let mut text = vec![0; length];
+    if source.fill(&mut text)? < length {
+        return Err(syntax(source, "a whole header", "the end of the file"));
+    }
+    Ok((text, (start.len() + width + length) as u64))
+}
+
 impl Header {
     pub(super) fn read(source: &mut Source) -> Result<Self, Error> {
-        let mut start = [0; 8];
-        if source.fill(&mut start)? < start.len() || !start.starts_with(MAGIC) {
-            return Err(syntax(source, "a NumPy array", "other content"));
-        }
-        let major = start[6];
-        let mut length = [0; 4];
-        let width = match major {
-            1 => 2,
-            2 | 3 => 4,
-            _ => {
-                let found = format!("version {major}");
-                return Err(syntax(source, "version 1, 2 or 3 of the NumPy format", &found));
-            }
-        };
-        source.fill(&mut length[..width])?;
-        let length = u32::from_le_bytes(length) as usize;
-        if length > LONGEST_HEADER {
-            let expected = format!("a header of at most {LONGEST_HEADER} bytes");
-            return Err(syntax(source, &expected, &format!("{length}")));
-        }
-        let mut text = vec![0; length];
-        if source.fill(&mut text)? < length {
-            return Err(syntax(source, "a whole header", "the end of the file"));
-        }
+        let (text, end) = read_text(source)?;
         let (layout, rows) = layout(source, &text)?;
-        let header = Self { layout, rows, end: (start.len() + width + length) as u64 };
+        let header = Self { layout, rows, end };
         if rows > MAX_SPHERES {
             return Err(header.too_many(source, "32-bit indices"));
         }
@@ -75,18 +81,28 @@ impl Header {
     }
 }
 
-fn layout(source: &Source, text: &[u8]) -> Result<(Layout, u64), Error> {
-    let said = Dictionary::parse(text).map_err(|rest| {
+/// Parses the dictionary of a header.
+pub(super) fn describe<'a>(source: &Source, text: &'a [u8]) -> Result<Description<'a>, Error> {
+    Dictionary::parse(text).map_err(|rest| {
         let expected = "a header {'descr': …, 'fortran_order': …, 'shape': …} of a plain or structured array";
         syntax(source, expected, &format!("'{}'", excerpt(rest)))
-    })?;
+    })
+}
+
+/// Parses the type of a plain array's numbers.
+pub(super) fn float_type(source: &Source, descr: &[u8]) -> Result<Dtype, Error> {
+    Dtype::parse(descr).filter(|kind| kind.class == DtypeKind::Float).ok_or_else(|| {
+        let found = format!("'{}'; convert it with .astype('f4')", excerpt(descr));
+        syntax(source, "values of type f4 or f8", &found)
+    })
+}
+
+fn layout(source: &Source, text: &[u8]) -> Result<(Layout, u64), Error> {
+    let said = describe(source, text)?;
     let found = format!("shape {:?}", said.shape);
     match said.descr {
         Descr::Plain(descr) => {
-            let Some(kind) = Dtype::parse(descr).filter(|kind| kind.class == DtypeKind::Float) else {
-                let found = format!("'{}'; convert it with .astype('f4')", excerpt(descr));
-                return Err(syntax(source, "values of type f4 or f8", &found));
-            };
+            let kind = float_type(source, descr)?;
             match said.shape.as_slice() {
                 &[rows, 4] => Ok((Layout::Plain { kind, fortran: said.fortran }, rows)),
                 _ => Err(syntax(source, "an array of shape (n, 4)", &found)),

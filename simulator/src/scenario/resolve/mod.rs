@@ -1,3 +1,4 @@
+mod flow_field;
 mod reactions;
 mod receivers;
 mod schedule;
@@ -6,6 +7,7 @@ mod transmitters;
 
 use std::collections::HashMap;
 use std::ops::Range;
+use std::path::Path;
 
 use lazygrid_io::excerpt;
 use toml::Spanned;
@@ -23,7 +25,8 @@ pub(super) struct Resolved {
     pub(super) warnings: Vec<Problem>,
 }
 
-pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
+/// Resolves a file of a directory, to which the files that it names are relative.
+pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem> {
     if let Some(sweep) = &file.sweep {
         let message = "it is several scenarios; run them with `lazygrid simulate`, or take the scenario.toml of one of its points";
         return Err(Problem {
@@ -45,8 +48,12 @@ pub(super) fn resolve(file: File) -> Result<Resolved, Problem> {
         logs_arrivals: file.output.arrivals,
         ..Model::default()
     };
-    model.flow = space::flow(file.flow.as_ref(), &model.boundary)?;
+    model.flow = space::flow(file.flow.as_ref(), &model.boundary, directory)?;
     model.flow_pulse = file.flow.as_ref().map(space::flow_pulse).transpose()?.flatten();
+    if let Some(flow) = &file.flow {
+        let messages = warnings::unresolved_flow(&model);
+        warnings.extend(messages.into_iter().map(|message| Problem::at(flow.profile.span(), message)));
+    }
     for one in &file.species {
         let species = species(one, &model)?;
         model.species.push(species);

@@ -1,5 +1,8 @@
+use std::path::Path;
+
 use toml::Spanned;
 
+use super::flow_field;
 use super::schedule::place;
 use crate::model::Flow;
 use crate::model::boundary::{Axis, Boundary};
@@ -117,8 +120,17 @@ pub(super) fn number(axis: AxisName) -> usize {
     }
 }
 
-pub(super) fn flow(flow: Option<&file::Flow>, boundary: &Boundary) -> Result<Option<Flow>, Problem> {
+/// Returns the flow of a scenario in a directory.
+pub(super) fn flow(
+    flow: Option<&file::Flow>,
+    boundary: &Boundary,
+    directory: &Path,
+) -> Result<Option<Flow>, Problem> {
     let Some(flow) = flow else { return Ok(None) };
+    if *flow.profile.get_ref() == file::Profile::Field {
+        return flow_field::read(flow, directory).map(|field| Some(Flow::Field(field)));
+    }
+    flow_field::check_unused(flow)?;
     let span = flow.profile.span();
     let along = |speed: f64| match boundary.vessel.and_then(|vessel| vessel.along) {
         Some(along) => Ok(std::array::from_fn(|k| if k == along { speed } else { 0.0 })),
@@ -140,7 +152,7 @@ pub(super) fn flow(flow: Option<&file::Flow>, boundary: &Boundary) -> Result<Opt
                 "a plug needs either a velocity, or a speed along the cylinder".to_owned(),
             ));
         }
-        (file::Profile::Poiseuille, ..) => {
+        (file::Profile::Poiseuille | file::Profile::Field, ..) => {
             return Err(Problem::at(
                 span,
                 "Poiseuille flow needs a speed, its mean along the cylinder".to_owned(),

@@ -1,3 +1,4 @@
+mod flow;
 mod network;
 mod surfaces;
 

@@ -1,0 +1,152 @@
+//! A flow with velocities on a regular grid.
+//!
+//! Between grid points velocities are interpolated linearly along each axis. Outside the grid the velocity is that of
+//! the nearest point of its surface, so an axis with one point has the same flow everywhere.
+
+use std::fmt;
+
+use crate::Error;
+use crate::output::checksum::Digest;
+
+/// Velocities on a regular grid.
+#[derive(Clone, PartialEq)]
+pub struct FlowField {
+    origin: [f64; 3],
+    spacing: [f64; 3],
+    points: [usize; 3],
+    /// Velocities in µm/s, z fastest.
+    velocities: Vec<f32>,
+    checksum: u64,
+    /// Largest component along each axis.
+    fastest: [f64; 3],
+    /// Largest difference of neighbors over their distance, in 1/s.
+    steepest: f64,
+}
+
+impl FlowField {
+    /// Bytes of a grid point.
+    pub(crate) const BYTES_PER_POINT: u64 = 3 * size_of::<f32>() as u64;
+
+    /// Creates a field from the first point and the distances of points, in µm, and velocities in µm/s: three
+    /// components of each point, points along z in turn, then along y, then along x.
+    ///
+    /// # Errors
+    /// [`Error::Model`] if the number of velocities, the spacing or a velocity is invalid.
+    pub fn new(
+        [origin, spacing]: [[f64; 3]; 2],
+        points: [usize; 3],
+        velocities: Vec<f32>,
+    ) -> Result<Self, Error> {
+        let fault = |message: String| Err(Error::Model(format!("the flow field {message}")));
+        let count = points.iter().try_fold(3_usize, |count, &n| count.checked_mul(n));
+        if points.contains(&0) || count != Some(velocities.len()) {
+            let found = velocities.len();
+            return fault(format!("has {points:?} points and {found} numbers; give three for each point"));
+        }
+        if !origin.iter().all(|x| x.is_finite()) || !spacing.iter().all(|h| h.is_finite() && *h > 0.0) {
+            return fault(format!(
+                "begins at {origin:?} with a spacing of {spacing:?}; make the first finite and the second positive"
+            ));
+        }
+        if let Some(at) = velocities.iter().position(|v| !v.is_finite()) {
+            let (point, value) = (at / 3, velocities[at]);
+            return fault(format!("has the velocity {value} at point {point}; give finite velocities"));
+        }
+        let mut field =
+            Self { origin, spacing, points, velocities, checksum: 0, fastest: [0.0; 3], steepest: 0.0 };
+        field.checksum = field.digest();
+        field.measure();
+        Ok(field)
+    }
+
+    fn digest(&self) -> u64 {
+        let mut digest = Digest::new();
+        self.points.iter().for_each(|&n| digest.add(&(n as u64).to_le_bytes()));
+        for some in self.velocities.chunks(4096) {
+            digest.add(&some.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>());
+        }
+        digest.checksum()
+    }
+
+    fn measure(&mut self) {
+        for velocity in self.velocities.chunks_exact(3) {
+            for (most, &v) in self.fastest.iter_mut().zip(velocity) {
+                *most = most.max(f64::from(v).abs());
+            }
+        }
+        let [_, ny, nz] = self.points;
+        let strides = [3 * ny * nz, 3 * nz, 3];
+        for (axis, stride) in strides.into_iter().enumerate() {
+            let is_last = |at: usize| at / stride % self.points[axis] == self.points[axis] - 1;
+            let ends = (0..self.velocities.len()).filter(|&at| !is_last(at));
+            let change = |at: usize| f64::from(self.velocities[at + stride]) - f64::from(self.velocities[at]);
+            let most = ends.map(|at| change(at).abs()).fold(0.0, f64::max);
+            self.steepest = self.steepest.max(most / self.spacing[axis]);
+        }
+    }
+
+    /// Returns the checksum of the numbers of points and of all velocities.
+    pub fn checksum(&self) -> u64 {
+        self.checksum
+    }
+
+    /// Returns the largest component of any velocity along each axis, in µm/s.
+    pub(crate) fn fastest(&self) -> [f64; 3] {
+        self.fastest
+    }
+
+    /// Returns the largest change of a component between neighboring points over their distance, in 1/s.
+    pub(crate) fn steepest(&self) -> f64 {
+        self.steepest
+    }
+
+    /// Returns the first and the last coordinate of points along an axis with several, and their distance.
+    pub(crate) fn extent(&self, axis: usize) -> Option<[f64; 3]> {
+        let (first, spacing) = (self.origin[axis], self.spacing[axis]);
+        let last = first + (self.points[axis] - 1) as f64 * spacing;
+        (self.points[axis] > 1).then_some([first, last, spacing])
+    }
+
+    /// Returns the velocity at a point, in µm/s.
+    pub fn at(&self, point: [f32; 3]) -> [f64; 3] {
+        let cells: [_; 3] = std::array::from_fn(|axis| self.cell(axis, point[axis]));
+        let mut sum = [0.0; 3];
+        for corner in 0..8_usize {
+            let mut weight = 1.0;
+            let mut index = 0;
+            for (axis, (first, part)) in cells.into_iter().enumerate() {
+                let upper = corner >> axis & 1;
+                weight *= if upper == 1 { part } else { 1.0 - part };
+                index = index * self.points[axis] + (first + upper).min(self.points[axis] - 1);
+            }
+            let velocity = &self.velocities[3 * index..3 * index + 3];
+            for (sum, &v) in sum.iter_mut().zip(velocity) {
+                *sum += weight * f64::from(v);
+            }
+        }
+        sum
+    }
+
+    /// Returns the index of the point before a coordinate, and the fraction of the way to the next point.
+    fn cell(&self, axis: usize, x: f32) -> (usize, f64) {
+        let last = self.points[axis] - 1;
+        let at = ((f64::from(x) - self.origin[axis]) / self.spacing[axis]).clamp(0.0, last as f64);
+        let first = (at as usize).min(last.saturating_sub(1));
+        (first, at - first as f64)
+    }
+}
+
+/// Without velocities, which may be millions; their checksum tells fields apart.
+impl fmt::Debug for FlowField {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("FlowField")
+            .field("origin", &self.origin)
+            .field("spacing", &self.spacing)
+            .field("points", &self.points)
+            .field("checksum", &self.checksum)
+            .finish()
+    }
+}
+
+#[cfg(test)]
+mod tests;

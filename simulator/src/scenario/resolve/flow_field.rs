@@ -1,0 +1,54 @@
+//! Flows from a file.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use lazygrid_io::read::ArrayFile;
+use toml::Spanned;
+
+use crate::model::flow_field::FlowField;
+use crate::run::memory_estimate::check_flow_field;
+use crate::scenario::Problem;
+use crate::scenario::file::{self, Finite, Positive};
+
+/// Reads the velocities of a flow from its file, relative to a directory.
+pub(super) fn read(flow: &file::Flow, directory: &Path) -> Result<Arc<FlowField>, Problem> {
+    let speed = flow.speed.as_ref().map(Spanned::span);
+    if let Some(span) = flow.velocity.as_ref().map(Spanned::span).or(speed) {
+        return Err(Problem::at(
+            span,
+            "the velocities of a field are in its file; remove this key".to_owned(),
+        ));
+    }
+    let (Some(file), Some(spacing)) = (&flow.file, &flow.spacing) else {
+        let message = "a field needs a file, and the spacing of its points along each axis";
+        return Err(Problem::at(flow.profile.span(), message.to_owned()));
+    };
+    let fault = |message: String| Problem::at(file.span(), message);
+    let array = ArrayFile::open(directory.join(file.get_ref())).map_err(|error| fault(error.to_string()))?;
+    let &[nx, ny, nz, 3] = array.shape() else {
+        let shape = array.shape();
+        return Err(fault(format!(
+            "it has the shape {shape:?}; make it (nx, ny, nz, 3), velocities in µm/s"
+        )));
+    };
+    check_flow_field([nx, ny, nz]).map_err(|error| fault(error.to_string()))?;
+    let velocities = array.read().map_err(|error| fault(error.to_string()))?;
+    let origin = flow.origin.as_ref().map_or([0.0; 3], |origin| origin.get_ref().map(|Finite(x)| x));
+    let place = [origin, spacing.get_ref().map(|Positive(h)| h)];
+    let field = FlowField::new(place, [nx, ny, nz].map(|n| n as usize), velocities);
+    field.map(Arc::new).map_err(|error| fault(error.to_string()))
+}
+
+/// Refuses the keys of a field in another flow.
+pub(super) fn check_unused(flow: &file::Flow) -> Result<(), Problem> {
+    let keys = [
+        ("file", flow.file.as_ref().map(Spanned::span)),
+        ("origin", flow.origin.as_ref().map(Spanned::span)),
+        ("spacing", flow.spacing.as_ref().map(Spanned::span)),
+    ];
+    match keys.into_iter().find_map(|(key, span)| Some((key, span?))) {
+        Some((key, span)) => Err(Problem::at(span, format!("{key} goes with profile = \"field\""))),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,114 @@
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::*;
+use crate::scenario::Sweep;
+
+const TEXT: &str = "time-step = 0.01
+steps = 3
+[boundary]
+kind = 'periodic'
+low = [0, 0, 0]
+high = [2, 1, 1]
+[flow]
+profile = 'field'
+file = 'flow.npy'
+origin = [0, -1, 0]
+spacing = [1, 1, 1]
+[[species]]
+name = 'A'
+diffusion = 1
+";
+
+/// Writes a field of shape (3, 2, 1, 3) with these velocities along x at each x.
+pub(super) fn write(directory: &Path, along: [f32; 3]) -> PathBuf {
+    let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (3, 2, 1, 3)}\n";
+    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
+    bytes.extend((header.len() as u16).to_le_bytes());
+    bytes.extend(header.as_bytes());
+    for v in along.into_iter().flat_map(|v| [v, 0.0, 0.0, v, 0.0, 0.0]) {
+        bytes.extend(v.to_le_bytes());
+    }
+    std::fs::write(directory.join("flow.npy"), bytes).unwrap();
+    directory.join("scenario.toml")
+}
+
+fn parse_at(path: &Path, text: &str) -> Result<Scenario, String> {
+    Scenario::parse(path, text.to_owned()).map_err(|error| error.to_string())
+}
+
+#[test]
+fn flow_field_is_read_from_the_scenario_directory() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = write(directory.path(), [1.0, 2.0, 4.0]);
+    let Scenario { model, warnings, .. } = parse_at(&path, TEXT).unwrap();
+    assert_eq!(warnings, [""; 0]);
+    assert_eq!(model.flow_at([0.5, 0.0, 0.0]), [1.5, 0.0, 0.0]);
+    assert_eq!(model.flow_at([3.5, 0.0, 7.0]), [3.0, 0.0, 0.0]);
+}
+
+#[test]
+fn faulty_flow_files_are_named_by_line() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = write(directory.path(), [1.0, f32::INFINITY, 4.0]);
+    let error = parse_at(&path, TEXT).unwrap_err();
+    assert!(error.contains("line 9, `file`: ") && error.contains("number at [1, 0, 0, 0] is inf"), "{error}");
+    write(directory.path(), [1.0; 3]);
+    for (right, wrong, message) in [
+        ("flow.npy", "flaw.npy", "line 9, `file`: "),
+        ("flow.npy", "flaw.npy", "cannot read"),
+        (
+            "profile = 'field'",
+            "profile = 'plug'\nspeed = 1",
+            "line 10, `file`: file goes with profile = \"field\"",
+        ),
+        (
+            "origin",
+            "velocity = [0, 0, 0]\norigin",
+            "line 10, `velocity`: the velocities of a field are in its file",
+        ),
+        ("spacing = [1, 1, 1]", "", "line 8, `profile`: a field needs a file, and the spacing"),
+        ("spacing = [1, 1, 1]", "spacing = [1, 0, 1]", "line 11, `spacing`: 0 is not a positive number"),
+    ] {
+        let error = parse_at(&path, &TEXT.replace(right, wrong)).unwrap_err();
+        assert!(error.contains(message), "{error}");
+    }
+    let shape = std::fs::read(directory.path().join("flow.npy")).unwrap();
+    let shape = String::from_utf8_lossy(&shape[10..74]).into_owned();
+    assert!(shape.contains("(3, 2, 1, 3)"), "{shape}");
+    let mut bytes = std::fs::read(directory.path().join("flow.npy")).unwrap();
+    let at = 10 + shape.find("1, 3)").unwrap();
+    bytes[at..at + 5].copy_from_slice(b"3, 1)");
+    std::fs::write(directory.path().join("flow.npy"), bytes).unwrap();
+    let error = parse_at(&path, TEXT).unwrap_err();
+    assert!(error.contains("it has the shape [3, 2, 3, 1]; make it (nx, ny, nz, 3)"), "{error}");
+}
+
+#[test]
+fn unresolved_flow_fields_are_warned_of() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = write(directory.path(), [0.0, 50.0, 0.0]);
+    let said = parse_at(&path, TEXT).unwrap().warnings;
+    assert!(said.len() == 1 && said[0].contains("by 50 %; time-step = 5.99e-3 is short enough"), "{said:?}");
+    let said =
+        parse_at(&path, &TEXT.replace("0.01", "5.99e-3").replace("high = [2", "high = [4")).unwrap().warnings;
+    assert!(
+        said.len() == 1 && said[0].contains("is from 0 to 2 µm along x and the boundary from 0 to 4"),
+        "{said:?}"
+    );
+}
+
+#[test]
+fn points_of_a_sweep_name_the_file_by_its_absolute_path() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = write(directory.path(), [1.0; 3]);
+    let sweep = Sweep::parse(&path, TEXT, &["seed=1,2".to_owned()]);
+    assert!(sweep.unwrap_err().to_string().contains("no key 'seed'"));
+    let text = format!("seed = 0\n{TEXT}");
+    let sweep = Sweep::parse(&path, &text, &["seed=1,2".to_owned()]).unwrap().unwrap();
+    let fields: Vec<_> =
+        sweep.points.iter().map(|point| point.scenario.model.flow_field().unwrap().clone()).collect();
+    assert!(Arc::ptr_eq(&fields[0], &fields[1]));
+    let again = parse_at(Path::new("elsewhere/scenario.toml"), &sweep.points[1].scenario.text).unwrap();
+    assert_eq!(again.model, sweep.points[1].scenario.model);
+}
