@@ -49,6 +49,7 @@ mod output;
 
 pub use error::{Damage, Error};
 pub use model::boundary::{Axis, Boundary};
+pub use model::chemotaxis::{Attractant, AttractantProfile, Chemotaxis};
 pub use model::flow_field::FlowField;
 pub use model::membrane::Membrane;
 pub use model::particles::{Particle, Particles};

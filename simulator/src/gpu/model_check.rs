@@ -40,6 +40,9 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
     if model.flow_field().is_some() {
         return rejected("a flow from a file".to_owned());
     }
+    if let Some(species) = model.species.iter().find(|species| species.chemotaxis.is_some()) {
+        return rejected(format!("the chemotaxis of {}", species.name));
+    }
     if let Some(membrane) = model.membranes.first() {
         return rejected(format!("the membrane {}", membrane.name));
     }

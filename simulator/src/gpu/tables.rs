@@ -10,6 +10,7 @@ use crate::model::receiver::{Adsorption, ReceiverKind, WallFace};
 use crate::model::{Contact, Model, Unbinding};
 use crate::motion::adsorption;
 use crate::motion::propagate::{Propagator, SpeciesStep};
+use crate::motion::tumble::TumbleStep;
 use crate::motion::vessel_flow::{FlowStep, StepDrift};
 use crate::random::philox::Key;
 use crate::reaction::dissociation::Dissociation;
@@ -223,6 +224,7 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
                 ..EventRow::default()
             })
         }));
+        let tumbles = TumbleStep::new(model, id);
         species_rows.push(SpeciesRow {
             drift: step.drift.drift.into(),
             drifts_at_wall: at_wall_bits(step.drift),
@@ -238,8 +240,8 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
             cell_lists: if is_listed { listed } else { NOTHING },
             speed: species.speed as f32,
             thermal_speed: species.thermal_speed as f32,
-            tumbles: step.tumbles.is_some().into(),
-            tumble_threshold: step.tumbles.map_or(0, |(threshold, _)| threshold),
+            tumbles: tumbles.is_some().into(),
+            tumble_threshold: tumbles.map_or(0, |tumbles| tumbles.up_to),
             decay_rate: (motion.decays.rate(id as u32) * model.time_step) as f32,
             mobility: match model.contact {
                 Contact::Elastic => (1.0 / species.mass) as f32,

@@ -1,6 +1,7 @@
 //! The model as plain data. Lengths are in µm and times in s, or any other consistent pair of units.
 
 pub mod boundary;
+pub mod chemotaxis;
 pub mod flow_field;
 pub mod membrane;
 pub mod message;
@@ -18,6 +19,7 @@ mod validate;
 use std::sync::Arc;
 
 use crate::model::boundary::Boundary;
+use crate::model::chemotaxis::{Attractant, Chemotaxis};
 use crate::model::flow_field::FlowField;
 use crate::model::membrane::Membrane;
 use crate::model::receiver::Receiver;
@@ -31,6 +33,8 @@ pub struct Model {
     pub time_step: f64,
     /// Species, to which other parts refer by index.
     pub species: Vec<Species>,
+    /// Concentrations that swimmers follow.
+    pub attractants: Vec<Attractant>,
     /// Reactions of two particles.
     pub reactions: Vec<Reaction>,
     /// Unimolecular reactions.
@@ -72,6 +76,8 @@ pub struct Species {
     pub speed: f64,
     /// Rate at which a swimmer takes a random direction, in 1/s.
     pub tumble_rate: f64,
+    /// Response of the tumble rate to a concentration.
+    pub chemotaxis: Option<Chemotaxis>,
 }
 
 impl Species {

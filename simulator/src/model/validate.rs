@@ -71,6 +71,10 @@ impl Model {
                 return Err(Error::Model(message));
             }
         }
+        let taxis = (0..self.species.len()).find_map(|species| self.faulty_chemotaxis(species));
+        if let Some(message) = self.faulty_attractant().map(|(_, message)| message).or(taxis) {
+            return Err(Error::Model(message));
+        }
         if let Some(message) = self.idle_contact().or_else(|| self.groundless_flow()) {
             return Err(Error::Model(message));
         }

@@ -13,4 +13,5 @@ pub(crate) mod reflection;
 pub(crate) mod step_normals;
 pub(crate) mod surface_events;
 pub(crate) mod vessel_flow;
+pub(crate) mod tumble;
 pub(crate) mod wall;

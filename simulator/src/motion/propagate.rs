@@ -16,10 +16,10 @@ use crate::motion::receiver_search::{ReceiverSearch, StepBounds};
 use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
 use crate::motion::step_normals::{BLOCK, draw};
 use crate::motion::surface_events::ParticleMove;
+use crate::motion::tumble::TumbleStep;
 use crate::motion::vessel_flow::{FieldStep, FlowStep, StepDrift};
 use crate::motion::wall::{AbsorbingWall, reflected};
-use crate::random::gaussian::direction;
-use crate::random::philox::{Key, Purpose, probability_threshold};
+use crate::random::philox::{Key, Purpose};
 use crate::reaction::decay::Decays;
 
 pub use crate::motion::surface_events::Event;
@@ -28,6 +28,8 @@ pub use crate::motion::surface_events::Event;
 #[derive(Clone, Debug)]
 pub struct Propagator {
     pub(crate) steps: Vec<SpeciesStep>,
+    /// Tumbles of each species.
+    tumbles: Vec<Option<TumbleStep>>,
     pub(crate) time_step: f32,
     with_velocity: bool,
     bounded: bool,
@@ -52,8 +54,6 @@ pub(crate) struct SpeciesStep {
     pub(crate) domain: Boundary,
     /// Largest bending of the path by the diffusion of particle and receiver, in µm.
     pub(crate) bend: f32,
-    /// Largest word at which a swimmer tumbles, and its speed in µm/s.
-    pub(crate) tumbles: Option<(u32, f32)>,
 }
 
 const CHUNK: usize = 4096;
@@ -71,13 +71,11 @@ impl Propagator {
             lengths: model.boundary.flattened([(2.0 * species.diffusion * time_step).sqrt() as f32; 3]),
             diffusion: (species.diffusion * time_step) as f32,
             drift,
-            tumbles: probability_threshold(-libm::expm1(-species.tumble_rate * time_step))
-                .filter(|_| species.speed > 0.0)
-                .map(|up_to| (up_to, species.speed as f32)),
             domain: model.boundary.inset(species.radius),
         };
         Self {
             steps: model.species.iter().zip(StepDrift::all(model, 1.0)).map(step).collect(),
+            tumbles: (0..model.species.len()).map(|species| TumbleStep::new(model, species)).collect(),
             time_step: time_step as f32,
             with_velocity: model.has_velocity(),
             bounded: !model.boundary.is_unbounded(),
@@ -133,8 +131,9 @@ impl Propagator {
     ) -> Flight {
         let kind = &self.steps[species as usize];
         let DrawContext { key, id, step } = who;
-        if let Some(tumbles) = kind.tumbles {
-            tumble(&mut begun, tumbles, key.draw(id, 0, step, Purpose::Tumble), &kind.domain);
+        if let Some(tumbles) = &self.tumbles[species as usize] {
+            let words = key.draw(id, 0, step, Purpose::Tumble);
+            tumbles.apply(before, &mut begun, words, &kind.domain);
         }
         let mut velocity = begun;
         let own = self.with_velocity.then_some(&mut velocity);
@@ -416,13 +415,6 @@ impl Propagator {
             }
         }
         (Path { before, end, after: domain.confine(end), drift, diffusion }, free_end)
-    }
-}
-
-fn tumble(velocity: &mut [f32; 3], (up_to, speed): (u32, f32), words: [u32; 4], domain: &Boundary) {
-    let [word, first, second, _] = words;
-    if word <= up_to {
-        *velocity = domain.direction_within(direction(first, second)).map(|c| c * speed);
     }
 }
 

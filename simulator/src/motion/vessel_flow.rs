@@ -36,7 +36,7 @@ impl StepDrift {
                 matches!(model.boundary.axes[k], Axis::Reflecting { .. })
                     && !model.receivers.iter().any(|receiver| receiver.is_across(k) && receiver.sees[index])
             };
-            let drifts = |k: usize| drift[k] != 0.0 || model.flow_field().is_some();
+            let drifts = |k: usize| drift[k] != 0.0 || part > 0.0 && model.flow_field().is_some();
             Self { drift, at_wall: std::array::from_fn(|k| diffuses && drifts(k) && reflects(k)) }
         };
         model.species.iter().enumerate().map(one)

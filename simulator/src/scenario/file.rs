@@ -1,5 +1,9 @@
+mod chemotaxis;
+
 use serde::Deserialize;
 use toml::Spanned;
+
+pub(super) use self::chemotaxis::{Attractant, AttractantProfile, Chemotaxis};
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
@@ -13,6 +17,8 @@ pub(super) struct File {
     pub(super) boundary: Option<Boundary>,
     pub(super) flow: Option<Flow>,
     pub(super) species: Vec<Species>,
+    #[serde(default, rename = "attractant")]
+    pub(super) attractants: Vec<Attractant>,
     #[serde(default, rename = "reaction")]
     pub(super) reactions: Vec<Reaction>,
     #[serde(default, rename = "decay")]
@@ -115,6 +121,7 @@ pub(super) struct Species {
     pub(super) speed: Option<Spanned<NotNegative>>,
     #[serde(default)]
     pub(super) tumble_rate: NotNegative,
+    pub(super) chemotaxis: Option<Chemotaxis>,
 }
 
 #[derive(Debug, Deserialize)]

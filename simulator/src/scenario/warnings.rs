@@ -1,5 +1,8 @@
 //! Warnings of probably unintended scenarios, with remedies.
 
+mod transport;
+
+pub(super) use self::transport::{frequent_tumbles, unresolved_flow};
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::probability::undoes;
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, signed_distance};
@@ -175,39 +178,6 @@ pub(super) fn long_step_before(receiver: &Receiver, model: &Model) -> Option<Str
             below(longest)
         )
     })
-}
-
-/// Largest change of a flow over a step: above it the second order in the time step is coarse.
-const STEEP_FLOW: f64 = 0.3;
-
-/// Warns of a flow on a grid that changes much within a step, or whose grid ends before the walls.
-pub(super) fn unresolved_flow(model: &Model) -> Vec<String> {
-    let Some(field) = model.flow_field() else { return Vec::new() };
-    let mut messages = Vec::new();
-    if field.steepest() * model.time_step > STEEP_FLOW {
-        messages.push(format!(
-            "the flow changes by {:.3} µm/s per µm, so that a step changes the distance of two particles by {:.0} %; \
-             time-step = {} is short enough",
-            field.steepest(),
-            100.0 * field.steepest() * model.time_step,
-            below(STEEP_FLOW / field.steepest())
-        ));
-    }
-    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
-        let (Axis::Reflecting { low, high } | Axis::Periodic { low, high }) = model.boundary.axes[axis]
-        else {
-            continue;
-        };
-        let [low, high] = [low, high].map(f64::from);
-        let beyond = |&[first, last, spacing]: &[f64; 3]| low < first - spacing || high > last + spacing;
-        if let Some([first, last, _]) = field.extent(axis).filter(beyond) {
-            messages.push(format!(
-                "the flow field is from {first} to {last} µm along {name} and the boundary from {low} to {high} µm; outside, \
-                 the flow is that of the nearest point; check origin, spacing and shape"
-            ));
-        }
-    }
-    messages
 }
 
 fn speed_past(receiver: &Receiver, species: &Species, model: &Model) -> f64 {

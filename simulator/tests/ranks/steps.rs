@@ -3,8 +3,9 @@ use std::sync::Arc;
 use lazygrid::Algorithm;
 use lazygrid_sim::ranks::{GatherFields, RankSimulation};
 use lazygrid_sim::{
-    Arrival, Boundary, Decay, Flow, FlowField, Membrane, Model, Origin, Receiver, ReceiverKind, RunView,
-    Schedule, Simulation, Species, State, Transmitter,
+    Arrival, Attractant, AttractantProfile, Boundary, Chemotaxis, Decay, Flow, FlowField, Membrane,
+    Model, Origin, Receiver, ReceiverKind, RunView, Schedule, Simulation, Species, State,
+    Transmitter,
 };
 use proptest::prelude::*;
 
@@ -102,6 +103,22 @@ fn flow_field_over_ranks_equals_one_process() {
     model.flow = Some(Flow::Field(Arc::new(field)));
     let still = Model { flow: None, ..model.clone() };
     assert!(alone(&model, 4, 10).last() != alone(&still, 4, 10).last());
+    compare(&model, 4, 10, &[3]);
+}
+
+#[test]
+fn chemotaxis_over_ranks_equals_one_process() {
+    let mut model = model(&everything());
+    let profile = AttractantProfile::Source { peak: 2.0, radius: 0.5 };
+    model.attractants = vec![Attractant { name: "food".into(), center: [5.0; 3], profile }];
+    for species in model.species.iter_mut().filter(|species| species.thermal_speed == 0.0) {
+        (species.speed, species.tumble_rate) = (5.0, 10.0);
+    }
+    let aimless = model.clone();
+    let taxis = Chemotaxis { attractant: 0, sensitivity: 1.0, half_saturation: Some(0.5) };
+    let swimmers = model.species.iter_mut().filter(|species| species.speed > 0.0);
+    swimmers.for_each(|species| species.chemotaxis = Some(taxis));
+    assert!(alone(&model, 4, 10).last() != alone(&aimless, 4, 10).last());
     compare(&model, 4, 10, &[3]);
 }
 

@@ -8,6 +8,7 @@ mod bacteria;
 mod bodies;
 mod burst;
 mod channel;
+mod chemotaxis;
 mod crowd;
 mod diffusion;
 mod dimensions;
@@ -51,7 +52,7 @@ impl Row {
 
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 39] = [
+const ITEMS: [Item; 40] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -91,6 +92,7 @@ const ITEMS: [Item; 39] = [
     ("37-competition", bodies::competition),
     ("38-membranes", membranes::membranes),
     ("39-flow-fields", flow_field::flow_fields),
+    ("40-chemotaxis", chemotaxis::chemotaxis),
 ];
 
 fn main() -> ExitCode {

@@ -1,3 +1,4 @@
+mod chemotaxis;
 mod flow_field;
 mod reactions;
 mod receivers;
@@ -58,6 +59,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
         let species = species(one, &model)?;
         model.species.push(species);
     }
+    chemotaxis::resolve(&file.attractants, &file.species, &mut model, &mut warnings)?;
     let names = Names::new(&model.species, &file.species)?;
     if let Some(contact) = &file.contact
         && let Some(message) = model.idle_contact()
@@ -122,6 +124,7 @@ fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {
     if let (Some(speed), true) = (&one.speed, species.speed > 0.0 && species.thermal_speed > 0.0) {
         let message =
             "a swimmer has a speed, and a particle of a gas a thermal-speed; take one away".to_owned();
+        chemotaxis: None,
         return Err(Problem::at(speed.span(), message));
     }
     match (model.misfit(&species), &one.radius) {

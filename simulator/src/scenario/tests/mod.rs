@@ -1,3 +1,4 @@
+mod chemotaxis;
 mod flow;
 mod network;
 mod surfaces;

@@ -1,0 +1,242 @@
+//! Swimmers whose tumble rate depends on a concentration.
+//!
+//! A swimmer of velocity v in a concentration c tumbles at the rate
+//!
+//! ```text
+//! λ = λ₀·exp(−χ·v·∇B),   B = c or c/(K + c)
+//! ```
+//!
+//! with the occupied fraction B of receptors of the dissociation constant K (M. Rivero, R. Tranquillo, H. Buettner and
+//! D. Lauffenburger, *Transport models for chemotactic cell populations based on individual cell behavior*, Chemical
+//! Engineering Science 44 (1989) 2881). A tumble takes a random direction, so in a constant gradient the direction has
+//! the stationary density ∝ 1/λ. With α = χ·v·|∇B| the drift velocity is
+//!
+//! ```text
+//! v·(coth α − 1/α) ≈ χv²|∇B|/3   in three dimensions,   v·tanh α   in one
+//! ```
+//!
+//! In a step the probability of a tumble is 1 − exp(−λ₀Δt) times λ/λ₀, whose stationary density of directions is the
+//! same at any time step, as long as the probability is at most 1.
+
+use crate::model::Model;
+use crate::model::boundary::{Axis, Boundary};
+use crate::model::vessel::dot;
+
+/// A concentration that does not change.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Attractant {
+    /// Name.
+    pub name: String,
+    /// Center, in µm.
+    pub center: [f32; 3],
+    /// Profile around the center.
+    pub profile: AttractantProfile,
+}
+
+/// A concentration by the displacement from its center, in any unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AttractantProfile {
+    /// The `level` at the center plus a constant gradient per µm, but not below 0.
+    Linear {
+        /// Concentration at the center.
+        level: f64,
+        /// Gradient per µm.
+        gradient: [f64; 3],
+    },
+    /// The `peak` times exp(−r²/2w²).
+    Gaussian {
+        /// Concentration at the center.
+        peak: f64,
+        /// Width w, in µm.
+        width: f64,
+    },
+    /// The `peak` times R/r, the steady state around a source of radius R, inside which it is constant.
+    Source {
+        /// Concentration at the surface of the source.
+        peak: f64,
+        /// Radius R, in µm.
+        radius: f64,
+    },
+}
+
+/// The response of a swimmer to a concentration.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chemotaxis {
+    /// Attractant, as index in the model.
+    pub attractant: u32,
+    /// Sensitivity χ: in s over the unit of the concentration, with `half_saturation` in s. A negative one repels.
+    pub sensitivity: f64,
+    /// Concentration K at which half of the receptors are occupied; `None` responds to the concentration itself.
+    pub half_saturation: Option<f64>,
+}
+
+impl Attractant {
+    /// Returns the concentration at a point, and its gradient per µm.
+    pub fn at(&self, point: [f32; 3], boundary: &Boundary) -> (f64, [f64; 3]) {
+        let r = boundary.displacement(self.center, point).map(f64::from);
+        let square = dot(r, r);
+        match self.profile {
+            AttractantProfile::Linear { level, gradient } => {
+                let c = level + dot(r, gradient);
+                if c > 0.0 { (c, gradient) } else { (0.0, [0.0; 3]) }
+            }
+            AttractantProfile::Gaussian { peak, width } => {
+                let c = peak * libm::exp(-square / (2.0 * width * width));
+                (c, r.map(|x| -c * x / (width * width)))
+            }
+            AttractantProfile::Source { peak, radius } if square > radius * radius => {
+                let c = peak * radius / square.sqrt();
+                (c, r.map(|x| -c * x / square))
+            }
+            AttractantProfile::Source { peak, .. } => (peak, [0.0; 3]),
+        }
+    }
+
+    /// Returns the largest gradient of the response B, per µm, to a thousandth of the range of a profile.
+    fn steepest(&self, half_saturation: Option<f64>) -> f64 {
+        const SAMPLES: u32 = 1000;
+        let response = |c: f64| half_saturation.map_or(1.0, |k| k / ((k + c) * (k + c)));
+        match self.profile {
+            // The response is the strongest at c = 0.
+            AttractantProfile::Linear { gradient, .. } => response(0.0) * dot(gradient, gradient).sqrt(),
+            AttractantProfile::Gaussian { peak, width } => {
+                let at = |k: u32| {
+                    let r = 6.0 * width * f64::from(k) / f64::from(SAMPLES);
+                    let c = peak * libm::exp(-r * r / (2.0 * width * width));
+                    response(c) * c * r / (width * width)
+                };
+                (1..=SAMPLES).map(at).fold(0.0, f64::max)
+            }
+            // The product of response and gradient, K/(K + c)²·c²/(c₀R), rises with c up to the surface.
+            AttractantProfile::Source { peak, radius } => response(peak) * peak / radius,
+        }
+    }
+}
+
+impl Chemotaxis {
+    /// Returns λ/λ₀ of a swimmer with this velocity, in µm/s.
+    pub(crate) fn rate_factor(&self, (c, gradient): (f64, [f64; 3]), velocity: [f32; 3]) -> f64 {
+        let rise = dot(gradient, velocity.map(f64::from));
+        let occupied = match self.half_saturation {
+            Some(k) => rise * k / ((k + c) * (k + c)),
+            None => rise,
+        };
+        libm::exp(-self.sensitivity * occupied)
+    }
+}
+
+impl Model {
+    /// Returns the largest factor by which the gradient raises the tumble rate of a species.
+    pub(crate) fn largest_rate_factor(&self, species: usize) -> f64 {
+        let species = &self.species[species];
+        let Some(Chemotaxis { attractant, sensitivity, half_saturation }) = species.chemotaxis else {
+            return 1.0;
+        };
+        let gradient = self.attractants[attractant as usize].steepest(half_saturation);
+        libm::exp(sensitivity.abs() * species.speed * gradient)
+    }
+
+    /// Returns the first attractant with a fault, and the fault.
+    pub(crate) fn faulty_attractant(&self) -> Option<(usize, String)> {
+        (0..self.attractants.len()).find_map(|k| Some((k, self.fault_of_attractant(k)?)))
+    }
+
+    fn fault_of_attractant(&self, k: usize) -> Option<String> {
+        let Attractant { name, center, profile } = &self.attractants[k];
+        let fault = |what: &str| Some(format!("attractant {name} {what}"));
+        let (level, size, gradient) = match *profile {
+            AttractantProfile::Linear { level, gradient } => (level, 1.0, gradient),
+            AttractantProfile::Gaussian { peak, width } => (peak, width, [0.0; 3]),
+            AttractantProfile::Source { peak, radius } => (peak, radius, [0.0; 3]),
+        };
+        let is_finite = center.iter().all(|x| x.is_finite()) && gradient.iter().all(|g| g.is_finite());
+        if !(is_finite && level.is_finite() && level >= 0.0 && size.is_finite() && size > 0.0) {
+            return fault(
+                "has an invalid number; make all finite, concentrations not negative, and lengths positive",
+            );
+        }
+        let repeats = |k: usize| matches!(self.boundary.axes[k], Axis::Periodic { .. });
+        if let Some(axis) = (0..3).find(|&k| gradient[k] != 0.0 && repeats(k)) {
+            let axis = ["x", "y", "z"][axis];
+            return fault(&format!(
+                "rises along {axis}, which is periodic; put walls there, or take another profile"
+            ));
+        }
+        let dimensions = self.boundary.dimensions();
+        let leaves = (dimensions..3).any(|k| gradient[k] != 0.0 || center[k] != 0.0);
+        leaves.then(|| {
+            format!("attractant {name} leaves the {dimensions} dimensions; set other coordinates to 0")
+        })
+    }
+
+    /// Returns the fault of a species' chemotaxis.
+    pub(crate) fn faulty_chemotaxis(&self, species: usize) -> Option<String> {
+        let one = &self.species[species];
+        let Chemotaxis { attractant, sensitivity, half_saturation } = one.chemotaxis?;
+        let fault = |what: String| Some(format!("species {} {what}", one.name));
+        if attractant as usize >= self.attractants.len() {
+            return fault(format!(
+                "follows attractant {attractant} but there are {}",
+                self.attractants.len()
+            ));
+        }
+        if !(one.speed > 0.0 && one.tumble_rate > 0.0) {
+            return fault(
+                "follows an attractant but does not swim; give it a speed and a tumble-rate".to_owned(),
+            );
+        }
+        if !sensitivity.is_finite() {
+            return fault(format!("has the sensitivity {sensitivity}; make it finite"));
+        }
+        let k = half_saturation.filter(|k| !(k.is_finite() && *k > 0.0))?;
+        fault(format!("has the half-saturation {k}; make it positive and finite"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn attractant(profile: AttractantProfile) -> Attractant {
+        Attractant { name: "food".into(), center: [1.0, -2.0, 0.5], profile }
+    }
+
+    #[test]
+    fn gradients_are_those_of_the_concentrations() {
+        let profiles = [
+            AttractantProfile::Linear { level: 5.0, gradient: [0.5, -1.0, 0.25] },
+            AttractantProfile::Gaussian { peak: 3.0, width: 2.0 },
+            AttractantProfile::Source { peak: 4.0, radius: 0.5 },
+        ];
+        for attractant in profiles.map(attractant) {
+            let boundary = Boundary::periodic([-10.0; 3], [10.0; 3]);
+            let [most, saturated] = [None, Some(2.0)].map(|k| attractant.steepest(k));
+            for point in [[2.0, -1.0, 0.0], [-8.0, -2.5, 1.0], [1.25, -1.5, 0.75], [1.0, -2.0, 0.625]] {
+                let (c, gradient) = attractant.at(point, &boundary);
+                for axis in 0..3 {
+                    let moved = |by: f32| {
+                        let mut point = point;
+                        point[axis] += by;
+                        attractant.at(point, &boundary).0
+                    };
+                    let slope = (moved(0.0078125) - moved(-0.0078125)) / 0.015625;
+                    assert!((slope - gradient[axis]).abs() < 2e-3, "{attractant:?}: {slope}, {gradient:?}");
+                }
+                let length = gradient.iter().map(|g| g * g).sum::<f64>().sqrt();
+                assert!(length <= most * (1.0 + 1e-9), "{attractant:?}: {length}");
+                let response = length * 2.0 / ((2.0 + c) * (2.0 + c));
+                assert!(response <= saturated * (1.0 + 1e-9), "{attractant:?}: {response}");
+            }
+        }
+    }
+
+    #[test]
+    fn occupied_receptors_saturate() {
+        let taxis = Chemotaxis { attractant: 0, sensitivity: 2.0, half_saturation: Some(3.0) };
+        // dB/dt = 3/(3 + 1)²·(0.5·2).
+        let factor = taxis.rate_factor((1.0, [0.5, 0.0, 0.0]), [2.0, 9.0, 0.0]);
+        assert!((factor.ln() + 2.0 * 3.0 / 16.0).abs() < 1e-12, "{factor}");
+        let linear = Chemotaxis { half_saturation: None, ..taxis };
+        assert!((linear.rate_factor((1.0, [0.5, 0.0, 0.0]), [-2.0, 0.0, 0.0]).ln() - 2.0).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,51 @@
+//! Tumbles of swimmers.
+
+use crate::model::Model;
+use crate::model::boundary::Boundary;
+use crate::model::chemotaxis::{Attractant, Chemotaxis};
+use crate::random::gaussian::direction;
+use crate::random::philox::probability_threshold;
+
+/// The tumbles of a species in a step.
+#[derive(Clone, Debug)]
+pub(crate) struct TumbleStep {
+    /// Largest word at which a swimmer tumbles without a gradient.
+    pub(crate) up_to: u32,
+    /// Probability of a tumble without a gradient.
+    probability: f64,
+    /// In µm/s.
+    speed: f32,
+    taxis: Option<(Chemotaxis, Attractant)>,
+}
+
+impl TumbleStep {
+    /// Returns the tumbles of a species, if it swims and tumbles.
+    pub(crate) fn new(model: &Model, species: usize) -> Option<Self> {
+        let one = &model.species[species];
+        let probability = -libm::expm1(-one.tumble_rate * model.time_step);
+        let up_to = probability_threshold(probability).filter(|_| one.speed > 0.0)?;
+        let taxis = one.chemotaxis.map(|taxis| (taxis, model.attractants[taxis.attractant as usize].clone()));
+        Some(Self { up_to, probability, speed: one.speed as f32, taxis })
+    }
+
+    /// Gives a swimmer that tumbles a random direction. `domain` is the boundary of its center.
+    pub(crate) fn apply(
+        &self,
+        position: [f32; 3],
+        velocity: &mut [f32; 3],
+        words: [u32; 4],
+        domain: &Boundary,
+    ) {
+        let [word, first, second, _] = words;
+        let up_to = match &self.taxis {
+            None => Some(self.up_to),
+            Some((taxis, attractant)) => {
+                let factor = taxis.rate_factor(attractant.at(position, domain), *velocity);
+                probability_threshold((self.probability * factor).min(1.0))
+            }
+        };
+        if up_to.is_some_and(|up_to| word <= up_to) {
+            *velocity = domain.direction_within(direction(first, second)).map(|c| c * self.speed);
+        }
+    }
+}

@@ -1,0 +1,54 @@
+//! Warnings of flows and swimmers that need a shorter time step.
+
+use super::below;
+use crate::model::Model;
+use crate::model::boundary::Axis;
+
+/// Largest change of a flow over a step: above it the second order in the time step is coarse.
+const STEEP_FLOW: f64 = 0.3;
+
+/// Warns of a flow on a grid that changes much within a step, or whose grid ends before the walls.
+pub(in crate::scenario) fn unresolved_flow(model: &Model) -> Vec<String> {
+    let Some(field) = model.flow_field() else { return Vec::new() };
+    let mut messages = Vec::new();
+    if field.steepest() * model.time_step > STEEP_FLOW {
+        messages.push(format!(
+            "the flow changes by {:.3} µm/s per µm, so that a step changes the distance of two particles by {:.0} %; \
+             time-step = {} is short enough",
+            field.steepest(),
+            100.0 * field.steepest() * model.time_step,
+            below(STEEP_FLOW / field.steepest())
+        ));
+    }
+    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+        let (Axis::Reflecting { low, high } | Axis::Periodic { low, high }) = model.boundary.axes[axis]
+        else {
+            continue;
+        };
+        let [low, high] = [low, high].map(f64::from);
+        let beyond = |&[first, last, spacing]: &[f64; 3]| low < first - spacing || high > last + spacing;
+        if let Some([first, last, _]) = field.extent(axis).filter(beyond) {
+            messages.push(format!(
+                "the flow field is from {first} to {last} µm along {name} and the boundary from {low} to {high} µm; outside, \
+                 the flow is that of the nearest point; check origin, spacing and shape"
+            ));
+        }
+    }
+    messages
+}
+
+/// Warns of a gradient in which a swimmer would have to tumble more than once in a step.
+pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Option<String> {
+    let one = &model.species[species];
+    let most = model.largest_rate_factor(species);
+    let probability = -libm::expm1(-one.tumble_rate * model.time_step) * most;
+    (probability > 1.0).then(|| {
+        format!(
+            "{} tumbles at up to {:.3e} times its tumble-rate where it swims down the steepest gradient, and at most once in a \
+             step, so that its drift is too low there; time-step = {} is short enough",
+            one.name,
+            most,
+            below(-libm::log1p(-1.0 / most) / one.tumble_rate)
+        )
+    })
+}
