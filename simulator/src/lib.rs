@@ -51,7 +51,7 @@ pub use error::{Damage, Error};
 pub use model::boundary::{Axis, Boundary};
 pub use model::chemotaxis::{Attractant, AttractantProfile, Chemotaxis};
 pub use model::flow_field::FlowField;
-pub use model::membrane::Membrane;
+pub use model::membrane::{Membrane, MembraneSurface};
 pub use model::particles::{Particle, Particles};
 pub use model::receiver::{Adsorption, Receiver, ReceiverKind};
 pub use model::receptors::{Ligand, ReceptorType};

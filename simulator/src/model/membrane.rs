@@ -1,4 +1,4 @@
-//! Planes that diffusing particles pass with a permeability.
+//! Membranes that diffusing particles pass with a permeability: planes, and spheres (`sphere.rs`).
 //!
 //! The flux through a membrane is κ times the difference of the concentrations on its sides. The distance |x| from the
 //! plane is a reflected Brownian motion on either side. Each time its local time L has grown by D/(2κ) on average, the
@@ -12,25 +12,61 @@
 //! with the free path X. Between its ends X is a Brownian bridge, whose minimum has a closed form (`bridge.rs`), so that L,
 //! |x| and the side are exact for steps of any length that reach one membrane and no wall.
 
+mod check;
+mod sphere;
+
+use self::sphere::SphereEnd;
 use crate::model::boundary::{Axis, Boundary};
-use crate::model::receiver::Receiver;
-use crate::model::{Contact, Flow, Model};
 use crate::random::bridge::lowest;
 use crate::random::philox::{Key, Purpose, open_unit};
 
-/// A plane across an axis that holds back diffusing particles.
+/// A surface that holds back diffusing particles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Membrane {
     /// Name.
     pub name: String,
-    /// The axis across which it is: 0, 1 or 2.
-    pub axis: usize,
-    /// Coordinate, in µm.
-    pub position: f32,
+    /// Plane or sphere.
+    pub surface: MembraneSurface,
     /// Permeability κ, in µm/s.
     pub permeability: f64,
     /// Flags by species: `true` if the membrane holds it back. Others pass freely.
     pub sees: Vec<bool>,
+}
+
+/// The surface of a membrane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MembraneSurface {
+    /// A plane.
+    Plane {
+        /// The axis across which it is: 0, 1 or 2.
+        axis: usize,
+        /// Coordinate, in µm.
+        position: f32,
+    },
+    /// A sphere.
+    Sphere {
+        /// Center, in µm.
+        center: [f32; 3],
+        /// Radius, in µm.
+        radius: f32,
+    },
+}
+
+impl Default for MembraneSurface {
+    fn default() -> Self {
+        Self::Plane { axis: 0, position: 0.0 }
+    }
+}
+
+/// The ends of a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct StepEnds {
+    /// Without images, in µm.
+    pub(crate) end: [f32; 3],
+    /// Without images and walls, in µm.
+    pub(crate) free: [f32; 3],
+    /// In µm.
+    pub(crate) after: [f32; 3],
 }
 
 /// A step of a diffusing particle among membranes.
@@ -61,16 +97,31 @@ struct Slab {
 }
 
 impl MembraneStep<'_> {
-    /// Returns the ends of a step along the axes with membranes.
-    pub(crate) fn ends(
-        &self,
-        [before, end]: [[f32; 3]; 2],
-        (key, id, step): (Key, u32, u32),
-    ) -> [Option<HeldEnd>; 3] {
-        let words = |membrane: usize| key.draw(id, membrane as u32, step, Purpose::Membrane);
+    /// Changes the ends of a step from `before` by the membranes.
+    pub(crate) fn hold_back(&self, before: [f32; 3], ends: &mut StepEnds, (key, id, step): (Key, u32, u32)) {
+        let words = |membrane: usize, event: u32| {
+            key.draw_part([id, membrane as u32], event, step, Purpose::Membrane)
+        };
+        let around = self.sphere_end([before, ends.free], |membrane, event| words(membrane, event)[0]);
+        if let Some(SphereEnd { free, confined }) = around {
+            *ends = StepEnds { end: free, free, after: confined };
+        }
+        let side = around.map_or(before, |around| around.confined);
+        let held = self.ends([before, ends.free], |membrane| words(membrane, 0));
+        for (axis, held) in (0..3).zip(held).filter_map(|(axis, held)| Some((axis, held?))) {
+            (ends.end[axis], ends.free[axis], ends.after[axis]) = (held.free, held.free, held.confined);
+        }
+        // A plane mirrors a path, and a periodic box rounds its end.
+        if self.is_across_sphere([side, ends.after]) {
+            *ends = StepEnds { end: before, free: before, after: before };
+        }
+    }
+
+    /// Returns the ends of a step along the axes with planes.
+    fn ends(&self, [before, end]: [[f32; 3]; 2], words: impl Fn(usize) -> [u32; 4]) -> [Option<HeldEnd>; 3] {
         std::array::from_fn(|axis| {
             self.planes(axis).next()?;
-            Some(self.end(axis, [before[axis], end[axis]], words))
+            Some(self.end(axis, [before[axis], end[axis]], &words))
         })
     }
 
@@ -112,12 +163,14 @@ impl MembraneStep<'_> {
             Axis::Periodic { low, high } => high - low,
             _ => 0.0,
         };
-        let own =
-            move |(_, membrane): &(usize, &Membrane)| membrane.axis == axis && membrane.sees[self.species];
-        let all = self.membranes.iter().enumerate().filter(own);
-        all.flat_map(move |(k, membrane)| {
-            images.iter().map(move |image| (k, membrane.position + image * period))
-        })
+        let own = move |(k, membrane): (usize, &Membrane)| match membrane.surface {
+            MembraneSurface::Plane { axis: across, position } if across == axis => {
+                membrane.sees[self.species].then_some((k, position))
+            }
+            _ => None,
+        };
+        let all = self.membranes.iter().enumerate().filter_map(own);
+        all.flat_map(move |(k, position)| images.iter().map(move |image| (k, position + image * period)))
     }
 
     /// Returns the end in a slab, mirrored at the membranes that it would pass.
@@ -134,10 +187,11 @@ impl MembraneStep<'_> {
     /// Returns `true` if a membrane is between two points, by the shortest way.
     pub(crate) fn separates(&self, [a, b]: [[f32; 3]; 2]) -> bool {
         let way = self.domain.displacement(a, b);
-        (0..3).any(|axis| {
+        let is_across_plane = (0..3).any(|axis| {
             let is_above = |at: f32| [a[axis] >= at, a[axis] + way[axis] >= at];
             self.planes(axis).map(|(_, at)| is_above(at)).any(|[a, b]| a != b)
-        })
+        });
+        is_across_plane || self.is_across_sphere([a, b])
     }
 }
 
@@ -147,84 +201,6 @@ impl Slab {
         let x = if x < low { 2.0 * low - x } else { x };
         let x = if x >= high { 2.0 * high - x } else { x };
         x.min(high.next_down()).max(low)
-    }
-}
-
-impl Model {
-    /// Returns the first membrane with a fault, and the fault.
-    pub(crate) fn faulty_membrane(&self) -> Option<(usize, String)> {
-        (0..self.membranes.len()).find_map(|k| Some((k, self.fault_of_membrane(k)?)))
-    }
-
-    fn fault_of_membrane(&self, k: usize) -> Option<String> {
-        let membrane = &self.membranes[k];
-        let Membrane { ref name, axis, position, permeability, ref sees } = *membrane;
-        let fault = |what: String| Some(format!("membrane {name} {what}"));
-        if sees.len() != self.species.len() || axis > 2 {
-            return fault(format!(
-                "is across axis {axis} and sees {} species, of {}",
-                sees.len(),
-                self.species.len()
-            ));
-        }
-        if !(permeability.is_finite() && permeability >= 0.0) {
-            return fault(format!("has the permeability {permeability}; it must be finite and not negative"));
-        }
-        let seen = self.species.iter().zip(sees).filter(|(_, sees)| **sees);
-        let radius = seen.map(|(species, _)| species.radius).fold(0.0, f32::max);
-        let is_inside = match self.boundary.axes[axis].inset(radius) {
-            Axis::Open => position.is_finite(),
-            Axis::Reflecting { low, high } | Axis::Periodic { low, high } => {
-                low < position && position < high
-            }
-            Axis::Frozen => false,
-        };
-        if !is_inside || self.boundary.vessel.is_some_and(|vessel| vessel.along != Some(axis)) {
-            return fault(format!(
-                "is at {position} µm, where no plane fits; put it between the walls of a box, or across the axis of a cylinder"
-            ));
-        }
-        let shared = |other: &Membrane| (0..sees.len()).find(|&species| sees[species] && other.sees[species]);
-        let is_same = |other: &&Membrane| other.axis == axis && other.position == position;
-        if let Some(other) = self.membranes[..k].iter().filter(is_same).find(|other| shared(other).is_some())
-        {
-            return fault(format!("is where {} is for the same species; remove one", other.name));
-        }
-        if matches!(self.contact, Contact::Separate | Contact::Elastic) {
-            return fault(
-                "holds back particles that collide; let contact be \"count\" or \"ignore\"".to_owned(),
-            );
-        }
-        let flow = match &self.flow {
-            Some(Flow::Plug(velocity)) => velocity[axis],
-            Some(Flow::Poiseuille { mean }) => *mean,
-            Some(Flow::Field(field)) => field.fastest()[axis],
-            None => 0.0,
-        };
-        let drifts = |species: &usize| {
-            let one = &self.species[*species];
-            sees[*species] && (one.has_velocity() || one.drift[axis] != 0.0 || flow != 0.0)
-        };
-        if let Some(species) = (0..sees.len()).find(drifts) {
-            let species = &self.species[species].name;
-            return fault(format!(
-                "holds back {species}, which drifts or swims through it; let it drift along the membrane, or exclude it by species"
-            ));
-        }
-        let receiver = self.receivers.iter().find(|receiver| self.meets(receiver, membrane))?;
-        fault(format!(
-            "meets receiver {}, which moves, reflects or touches it; use a resting absorbing receiver away from it",
-            receiver.name
-        ))
-    }
-
-    fn meets(&self, receiver: &Receiver, membrane: &Membrane) -> bool {
-        let shares = membrane.sees.iter().zip(&receiver.sees).any(|(a, b)| *a && *b);
-        let axis = membrane.axis;
-        let away = self.boundary.axes[axis].displacement(receiver.center[axis] - membrane.position);
-        shares
-            && receiver.kind.is_active_sphere()
-            && (receiver.moves() || receiver.kind.reflects() || away.abs() <= receiver.radius)
     }
 }
 

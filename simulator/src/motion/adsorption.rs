@@ -66,8 +66,8 @@ impl Step {
         Self { length, radius, own, all: own + length / radius }
     }
 
-    /// The sum of both heights decides.
-    fn on_plane(&self, distances: f64) -> f64 {
+    /// Returns the adsorption probability at a plane, by the sum of both heights, in µm.
+    pub(crate) fn on_plane(&self, distances: f64) -> f64 {
         (ROOT_PI * self.own * erfcx(self.all + distances / (2.0 * self.length))).min(1.0)
     }
 

@@ -12,6 +12,6 @@ pub(crate) mod receiver_search;
 pub(crate) mod reflection;
 pub(crate) mod step_normals;
 pub(crate) mod surface_events;
-pub(crate) mod vessel_flow;
 pub(crate) mod tumble;
 pub(crate) mod wall;
+pub(crate) mod vessel_flow;

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use crate::Error;
 use crate::model::boundary::Boundary;
-use crate::model::membrane::{Membrane, MembraneStep};
+use crate::model::membrane::{Membrane, MembraneStep, StepEnds};
 use crate::model::particles::Particles;
 use crate::model::{Model, Species};
 use crate::motion::collisions::Flight;
@@ -145,11 +145,9 @@ impl Propagator {
     #[inline(never)]
     fn hold_back(&self, moved: &mut ParticleMove) {
         let ParticleMove { species, who: DrawContext { key, id, step }, path, free_end, .. } = moved;
-        let ends = self.among_membranes(*species).ends([path.before, *free_end], (*key, *id, *step));
-        for (axis, held) in (0..3).zip(ends).filter_map(|(axis, held)| Some((axis, held?))) {
-            (path.end[axis], path.after[axis]) = (held.free, held.confined);
-            free_end[axis] = held.free;
-        }
+        let mut ends = StepEnds { end: path.end, free: *free_end, after: path.after };
+        self.among_membranes(*species).hold_back(path.before, &mut ends, (*key, *id, *step));
+        (path.end, *free_end, path.after) = (ends.end, ends.free, ends.after);
     }
 
     #[cold]

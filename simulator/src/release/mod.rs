@@ -13,7 +13,7 @@ use rand_distr::{Distribution, Poisson};
 
 use crate::error::Error;
 use crate::model::Model;
-use crate::model::membrane::MembraneStep;
+use crate::model::membrane::{MembraneStep, StepEnds};
 use crate::model::particles::{Particle, Particles};
 use crate::model::transmitter::{CountDistribution, Schedule, Transmitter};
 use crate::random::gaussian;
@@ -196,9 +196,10 @@ impl Model {
         let (membranes, diffusion) = (&self.membranes, kind.diffusion);
         let step = MembraneStep { membranes, domain: &domain, species, diffusion, spread };
         let before = domain.confine(from);
-        let end = std::array::from_fn(|k| before[k] + (to[k] - from[k]));
-        let held = step.ends([before, end], (key, id, 0));
-        std::array::from_fn(|k| held[k].map_or(to[k], |held| held.confined))
+        let free = std::array::from_fn(|k| before[k] + (to[k] - from[k]));
+        let mut ends = StepEnds { end: free, free, after: domain.confine(to) };
+        step.hold_back(before, &mut ends, (key, id, 0));
+        ends.after
     }
 
     fn add(

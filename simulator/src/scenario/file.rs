@@ -259,8 +259,10 @@ pub(super) struct Receiver {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct Membrane {
     pub(super) name: Spanned<Name>,
-    pub(super) axis: AxisName,
-    pub(super) position: Finite,
+    pub(super) axis: Option<Spanned<AxisName>>,
+    pub(super) position: Option<Spanned<Finite>>,
+    pub(super) center: Option<Spanned<[Finite; 3]>>,
+    pub(super) radius: Option<Spanned<Positive>>,
     pub(super) permeability: NotNegative,
     pub(super) species: Option<Vec<Spanned<String>>>,
 }

@@ -2,7 +2,7 @@
 
 mod transport;
 
-pub(super) use self::transport::{frequent_tumbles, unresolved_flow};
+pub(super) use self::transport::{frequent_tumbles, long_step_through, unresolved_flow};
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::probability::undoes;
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, signed_distance};

@@ -4,7 +4,7 @@ use lazygrid::Algorithm;
 use lazygrid_sim::ranks::{GatherFields, RankSimulation};
 use lazygrid_sim::{
     Arrival, Attractant, AttractantProfile, Boundary, Chemotaxis, Decay, Flow, FlowField, Membrane,
-    Model, Origin, Receiver, ReceiverKind, RunView, Schedule, Simulation, Species, State,
+    MembraneSurface, Model, Origin, Receiver, ReceiverKind, RunView, Schedule, Simulation, Species, State,
     Transmitter,
 };
 use proptest::prelude::*;
@@ -86,10 +86,13 @@ fn membranes_over_ranks_equal_one_process() {
     let mut model = model(&everything());
     model.receivers.retain(|receiver| receiver.kind == ReceiverKind::Transparent);
     model.boundary = Boundary::periodic([0.0; 3], [10.0; 3]);
-    let sees = model.species.iter().map(|species| !species.has_velocity()).collect();
+    let sees: Vec<_> = model.species.iter().map(|species| !species.has_velocity()).collect();
     model.species.iter_mut().for_each(|species| species.drift = [0.0; 3]);
     model.flow = None;
-    model.membranes = vec![Membrane { name: "skin".into(), axis: 0, position: 5.0, permeability: 2.0, sees }];
+    let surface = MembraneSurface::Plane { axis: 0, position: 5.0 };
+    let ball = MembraneSurface::Sphere { center: [7.0, 5.0, 5.0], radius: 1.5 };
+    let membrane = |surface| Membrane { name: "skin".into(), surface, permeability: 2.0, sees: sees.clone() };
+    model.membranes = vec![membrane(surface), membrane(ball)];
     let open = Model { membranes: Vec::new(), ..model.clone() };
     assert!(alone(&model, 4, 10).last() != alone(&open, 4, 10).last());
     compare(&model, 4, 10, &[3]);

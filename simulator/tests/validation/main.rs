@@ -7,6 +7,7 @@
 mod bacteria;
 mod bodies;
 mod burst;
+mod cells;
 mod channel;
 mod chemotaxis;
 mod crowd;
@@ -52,7 +53,7 @@ impl Row {
 
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 40] = [
+const ITEMS: [Item; 41] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -93,6 +94,7 @@ const ITEMS: [Item; 40] = [
     ("38-membranes", membranes::membranes),
     ("39-flow-fields", flow_field::flow_fields),
     ("40-chemotaxis", chemotaxis::chemotaxis),
+    ("41-spherical-membranes", cells::spherical_membranes),
 ];
 
 fn main() -> ExitCode {

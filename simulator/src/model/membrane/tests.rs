@@ -4,13 +4,15 @@ use crate::random::gaussian::normals;
 const KEY: Key = Key::new(3);
 
 fn membrane(position: f32, permeability: f64) -> Membrane {
-    Membrane { name: "m".into(), axis: 0, position, permeability, sees: vec![true] }
+    let surface = MembraneSurface::Plane { axis: 0, position };
+    Membrane { name: "m".into(), surface, permeability, sees: vec![true] }
 }
 
 fn ends(membranes: &[Membrane], domain: &Boundary, before: f32, spread: f32, id: u32) -> HeldEnd {
     let step = MembraneStep { membranes, domain, species: 0, diffusion: 1.0, spread };
     let end = before + spread * normals(KEY.draw(id, 0, 0, Purpose::Move))[0];
-    step.ends([[before, 0.0, 0.0], [end, 0.0, 0.0]], (KEY, id, 0))[0].expect("a membrane")
+    let words = |membrane: usize| KEY.draw(id, membrane as u32, 0, Purpose::Membrane);
+    step.ends([[before, 0.0, 0.0], [end, 0.0, 0.0]], words)[0].expect("a membrane")
 }
 
 /// From the height a: ½(1 − erf(y) − exp(ha + h²Dt)·erfc(y + h√(Dt))) with y = a/√(4Dt), h = 2κ/D.
@@ -75,4 +77,72 @@ fn a_point_on_a_membrane_is_above_it() {
         let points = [[0.0, 0.5], [-0.25, 0.0], [-0.75, 0.75]];
         assert_eq!(points.map(|[a, b]| step.separates([[a, 0.0, 0.0], [b, 0.0, 0.0]])), expected);
     }
+}
+
+fn sphere(center: [f32; 3], radius: f32, permeability: f64) -> Membrane {
+    let surface = MembraneSurface::Sphere { center, radius };
+    Membrane { name: "m".into(), surface, permeability, sees: vec![true] }
+}
+
+/// Runs particles from a point and returns how many end across the first membrane.
+fn crossed(membranes: &[Membrane], domain: &Boundary, from: [f32; 3], spread: f32) -> u32 {
+    let step = MembraneStep { membranes, domain, species: 0, diffusion: 1.0, spread };
+    let walk = |id: u32| {
+        let mut at = from;
+        for now in 0..40 {
+            let z = normals(KEY.draw(id, 0, now, Purpose::Move));
+            let end: [f32; 3] = std::array::from_fn(|k| at[k] + spread * z[k]);
+            let mut ends = StepEnds { end, free: end, after: domain.confine(end) };
+            step.hold_back(at, &mut ends, (KEY, id, now));
+            at = ends.after;
+            assert_eq!(at, domain.confine(at));
+        }
+        step.is_across_sphere([from, at])
+    };
+    (0..400).map(|id| u32::from(walk(id))).sum()
+}
+
+#[test]
+fn closed_spheres_keep_particles_on_their_side() {
+    let center = [1.0, -2.0, 0.5];
+    let closed = [sphere(center, 0.5, 0.0), sphere(center, 0.75, 0.0), membrane(1.8, 0.0)];
+    for domain in [
+        Boundary::default(),
+        Boundary::periodic([0.0, -3.0, -1.0], [2.0, -1.0, 3.0]),
+        Boundary::reflecting([0.0, -3.0, -1.0], [2.0, -1.0, 3.0]),
+    ] {
+        for spread in [0.02, 0.3, 3.0] {
+            for from in [center, [1.0, -2.0, 1.0625], [0.125, -2.75, 0.5]] {
+                assert_eq!(crossed(&closed, &domain, from, spread), 0, "{domain:?} {spread} {from:?}");
+            }
+        }
+        let open = [sphere(center, 0.5, 1.0)];
+        assert!(crossed(&open, &domain, center, 0.3) > 100, "{domain:?}");
+    }
+}
+
+#[test]
+fn segment_across_a_sphere_passes_with_the_probability_of_a_plane() {
+    // A segment of length 2 at 60° to the normal, in a step with DΔt = 0.5 and κ = 0.75: X = 1.5·√0.5, y = 1/√2.
+    let membranes = [sphere([0.0; 3], 4.0, 0.75)];
+    let step = MembraneStep {
+        membranes: &membranes,
+        domain: &Boundary::default(),
+        species: 0,
+        diffusion: 1.0,
+        spread: 1.0,
+    };
+    let (before, end) = ([3.5, -0.866_025_4, 0.0], [4.5, 0.866_025_4, 0.0]);
+    let n = 40_000_u32;
+    let passes = |&id: &u32| {
+        let mut ends = StepEnds { end, free: end, after: end };
+        step.hold_back(before, &mut ends, (KEY, id, 0));
+        ends.after == end
+    };
+    let found = (0..n).filter(passes).count() as f64 / f64::from(n);
+    let x = 1.5 * 0.5_f64.sqrt();
+    let y = x + 0.5_f64.sqrt();
+    let expected = std::f64::consts::PI.sqrt() * x * (y * y).exp() * libm::erfc(y);
+    let tolerance = 4.0 * (expected * (1.0 - expected) / f64::from(n)).sqrt();
+    assert!((found - expected).abs() <= tolerance, "{found}, not {expected}");
 }

@@ -15,7 +15,7 @@ use toml::Spanned;
 
 use super::file::{self, File, Finite};
 use super::{Output, Problem, warnings};
-use crate::model::membrane::Membrane;
+use crate::model::membrane::{Membrane, MembraneSurface};
 use crate::model::{Contact, Model, Species};
 
 pub(super) struct Resolved {
@@ -86,6 +86,10 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
     if let Some((k, message)) = model.faulty_membrane() {
         return Err(Problem::at(file.membranes[k].name.span(), message));
     }
+    for (membrane, from) in model.membranes.iter().zip(&file.membranes) {
+        let message = warnings::long_step_through(membrane, &model);
+        warnings.extend(message.map(|message| Problem::at(from.name.span(), message)));
+    }
     if let (Some(dimensions), Some(message)) = (&file.dimensions, model.beyond_dimensions()) {
         return Err(Problem::at(dimensions.span(), message));
     }
@@ -120,11 +124,11 @@ fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {
         thermal_speed: one.thermal_speed.0,
         speed: one.speed.as_ref().map_or(0.0, |speed| speed.get_ref().0),
         tumble_rate: one.tumble_rate.0,
+        chemotaxis: None,
     };
     if let (Some(speed), true) = (&one.speed, species.speed > 0.0 && species.thermal_speed > 0.0) {
         let message =
             "a swimmer has a speed, and a particle of a gas a thermal-speed; take one away".to_owned();
-        chemotaxis: None,
         return Err(Problem::at(speed.span(), message));
     }
     match (model.misfit(&species), &one.radius) {
@@ -135,10 +139,23 @@ fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {
 }
 
 fn membrane(one: &file::Membrane, names: &Names<'_>) -> Result<Membrane, Problem> {
+    let surface = match (&one.axis, &one.position, &one.center, &one.radius) {
+        (Some(axis), Some(position), None, None) => {
+            let (axis, position) = (space::number(*axis.get_ref()), position.get_ref().0 as f32);
+            MembraneSurface::Plane { axis, position }
+        }
+        (None, None, Some(center), Some(radius)) => {
+            let (center, radius) = (schedule::place(*center.get_ref()), radius.get_ref().0 as f32);
+            MembraneSurface::Sphere { center, radius }
+        }
+        _ => {
+            let message = "a membrane has either axis and position, or center and radius";
+            return Err(Problem::at(one.name.span(), message.to_owned()));
+        }
+    };
     Ok(Membrane {
         name: one.name.get_ref().0.clone(),
-        axis: space::number(one.axis),
-        position: one.position.0 as f32,
+        surface,
         permeability: one.permeability.0,
         sees: names.seen(one.species.as_deref())?,
     })

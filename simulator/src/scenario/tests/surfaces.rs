@@ -1,5 +1,5 @@
 use super::*;
-use crate::{Adsorption, Axis, Ligand, Membrane, ReceptorType};
+use crate::{Adsorption, Axis, Ligand, Membrane, MembraneSurface, ReceptorType};
 
 fn with(receiver: &str) -> String {
     let begin = GOOD.find("radius = 0.5\nkind").unwrap();
@@ -167,7 +167,8 @@ fn membranes_arrive_or_are_refused() {
     let text = |membranes: &str| GOOD.replace("contact = \"separate\"", "") + membranes;
     let model = parse(&text(MEMBRANE)).unwrap().model;
     let sees = vec![true, false];
-    let expected = Membrane { name: "skin".into(), axis: 1, position: 0.25, permeability: 3.0, sees };
+    let surface = MembraneSurface::Plane { axis: 1, position: 0.25 };
+    let expected = Membrane { name: "skin".into(), surface, permeability: 3.0, sees };
     assert_eq!(model.membranes, [expected]);
     let replaced = |from, to| MEMBRANE.replace(from, to);
     let absorbing = text(MEMBRANE).replace("\"transparent\"\nspecies = [\"base\"]", "\"absorbing\"");
@@ -181,5 +182,40 @@ fn membranes_arrive_or_are_refused() {
     ] {
         let error = parse(&text).expect_err(message).to_string();
         assert!(error.contains(&format!("`{key}`")) && error.contains(message), "{message}: {error}");
+    }
+}
+
+#[test]
+fn spherical_membranes_arrive_or_are_refused() {
+    const SPHERE: &str = "[[membrane]]\nname = \"cell\"\ncenter = [0, 0, 0.5]\nradius = 0.25\npermeability = 3\n\
+                          species = [\"acid\"]\n";
+    let text = |membranes: &str| GOOD.replace("contact = \"separate\"", "") + membranes;
+    let model = parse(&text(SPHERE)).unwrap().model;
+    let surface = MembraneSurface::Sphere { center: [0.0, 0.0, 0.5], radius: 0.25 };
+    let sees = vec![true, false];
+    assert_eq!(model.membranes, [Membrane { name: "cell".into(), surface, permeability: 3.0, sees }]);
+    let said = parse(&text(SPHERE)).unwrap().warnings.join("\n");
+    assert!(said.contains("0.447 µm, which is long compared with the radius of 0.25 µm of cell"), "{said}");
+    let short = text(SPHERE).replace("time-step = 0.001", "time-step = 1.95e-5");
+    assert!(said.contains("time-step = 1.95e-5 is short enough"), "{said}");
+    assert!(parse(&short).unwrap().warnings.iter().all(|said| !said.contains("which is long compared")));
+    let replaced = |from, to| SPHERE.replace(from, to);
+    let touching = replaced("[0, 0, 0.5]", "[0.5, 0.5, 0]");
+    let absorbing = text(&touching).replace("\"transparent\"\nspecies = [\"base\"]", "\"absorbing\"");
+    for (text, message) in [
+        (
+            text(&replaced("0, 0.5]", "0, 1.4]")),
+            "has the radius 0.25 µm around [0.0, 0.0, 1.4], where no sphere fits",
+        ),
+        (text(&replaced("acid", "base")), "holds back base, which drifts"),
+        (text(&(SPHERE.to_owned() + SPHERE)), "is where cell is for the same species"),
+        (
+            text(&replaced("radius = 0.25", "position = 0.25")),
+            "either axis and position, or center and radius",
+        ),
+        (absorbing, "meets receiver rx"),
+    ] {
+        let error = parse(&text).expect_err(message).to_string();
+        assert!(error.contains("`name`") && error.contains(message), "{message}: {error}");
     }
 }

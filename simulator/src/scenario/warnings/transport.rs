@@ -1,8 +1,9 @@
-//! Warnings of flows and swimmers that need a shorter time step.
+//! Warnings of flows, swimmers and membranes that need a shorter time step.
 
 use super::below;
 use crate::model::Model;
 use crate::model::boundary::Axis;
+use crate::model::membrane::{Membrane, MembraneSurface};
 
 /// Largest change of a flow over a step: above it the second order in the time step is coarse.
 const STEEP_FLOW: f64 = 0.3;
@@ -49,6 +50,27 @@ pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Op
             one.name,
             most,
             below(-libm::log1p(-1.0 / most) / one.tumble_rate)
+        )
+    })
+}
+
+/// Largest √(2DΔt) at a spherical membrane, in radii.
+const LONG_AT_SPHERE: f64 = 0.25;
+
+/// Warns of steps that are long compared with a spherical membrane.
+pub(in crate::scenario) fn long_step_through(membrane: &Membrane, model: &Model) -> Option<String> {
+    let MembraneSurface::Sphere { radius, .. } = membrane.surface else { return None };
+    let seen = model.species.iter().zip(&membrane.sees).filter(|(_, sees)| **sees);
+    let (species, _) = seen.max_by(|a, b| a.0.diffusion.total_cmp(&b.0.diffusion))?;
+    let longest = (LONG_AT_SPHERE * f64::from(radius)).powi(2) / (2.0 * species.diffusion);
+    (model.time_step > longest).then(|| {
+        format!(
+            "a step takes {} {:.3} µm, which is long compared with the radius of {radius} µm of {}: the equilibrium is right, \
+             but it passes at another rate; time-step = {} is short enough",
+            species.name,
+            (2.0 * species.diffusion * model.time_step).sqrt(),
+            membrane.name,
+            below(longest)
         )
     })
 }

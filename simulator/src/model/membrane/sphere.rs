@@ -1,0 +1,257 @@
+//! Spherical membranes.
+//!
+//! A path between the distances a and b of a plane passes it with a density that depends on a + b alone: the Gaussian
+//! density of the free end on the other side, times
+//!
+//! ```text
+//! √π·X·erfcx(X + z/√(4DΔt)),   X = 2κ√(Δt/D),   z = a + b
+//! ```
+//!
+//! This is the probability ½(1 − exp(−2κL/D)) of the local time L (`membrane.rs`), averaged over L, of the free ends on
+//! both sides. A segment from the beginning to the free end that crosses the plane therefore passes with this
+//! probability, and is reflected otherwise, which is exact for a plane and steps of any length.
+//!
+//! # Correctness
+//!
+//! On a sphere the segment is that of a billiard: at each crossing it continues or is reflected, with z = ℓ·cos θ by
+//! the length ℓ of the whole segment and the angle θ to the normal. A uniform density stays uniform at any step length:
+//!
+//! 1. Reflections and passages conserve volumes of positions and directions.
+//! 2. The reverse of a segment has the same crossings, ℓ and angles, hence the same probability.
+//! 3. Gaussian segments have the same density in each direction.
+//!
+//! The flux between different concentrations has an error from the curvature, which vanishes with √(2DΔt)/R.
+
+use crate::model::boundary::{Axis, Boundary};
+use crate::model::membrane::{Membrane, MembraneStep, MembraneSurface};
+use crate::model::vessel::dot;
+use crate::motion::adsorption;
+use crate::random::philox::fine_unit;
+
+/// Crossings and reflections per step; then a particle stays where it was.
+const EVENTS: u32 = 64;
+/// Largest correction of a rounded position, in parts of the radius.
+const NUDGES: u32 = 8;
+
+/// The end of a step that reaches spheres.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct SphereEnd {
+    /// Without the images of a periodic box, and beyond walls that reflected it.
+    pub(super) free: [f32; 3],
+    pub(super) confined: [f32; 3],
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Sphere {
+    membrane: usize,
+    center: [f32; 3],
+    radius: f32,
+    permeability: f64,
+}
+
+/// The rest of a step.
+struct Ray<'a> {
+    domain: &'a Boundary,
+    at: [f64; 3],
+    way: [f64; 3],
+    /// Spheres, and `true` for those that contain the ray's beginning.
+    spheres: Vec<(Sphere, bool)>,
+    /// Coordinates of walls that reflected the ray.
+    walls: [Option<f64>; 3],
+}
+
+#[derive(Clone, Copy)]
+enum Obstacle {
+    Sphere(usize, [f64; 3]),
+    Wall(usize, f64),
+}
+
+impl MembraneStep<'_> {
+    /// Returns the spherical membranes of the species.
+    fn spheres(&self) -> impl Iterator<Item = Sphere> {
+        let own = |(membrane, one): (usize, &Membrane)| match one.surface {
+            MembraneSurface::Sphere { center, radius } if one.sees[self.species] => {
+                Some(Sphere { membrane, center, radius, permeability: one.permeability })
+            }
+            _ => None,
+        };
+        self.membranes.iter().enumerate().filter_map(own)
+    }
+
+    /// Returns `true` if a spherical membrane is between two points.
+    pub(super) fn is_across_sphere(&self, [a, b]: [[f32; 3]; 2]) -> bool {
+        self.spheres().any(|sphere| sphere.contains(self.domain, a) != sphere.contains(self.domain, b))
+    }
+
+    /// Returns the end of a step if it may reach a sphere. `word` is random by membrane and event.
+    pub(super) fn sphere_end(
+        &self,
+        [before, end]: [[f32; 3]; 2],
+        word: impl Fn(usize, u32) -> u32,
+    ) -> Option<SphereEnd> {
+        let way: [f64; 3] = std::array::from_fn(|k| f64::from(end[k]) - f64::from(before[k]));
+        let length = dot(way, way).sqrt();
+        let is_near = |sphere: Sphere| sphere.height(self.domain, before).abs() <= length * (1.0 + 1e-6);
+        if length == 0.0 || !self.spheres().any(is_near) {
+            return None;
+        }
+        let spheres = self.spheres().map(|sphere| (sphere, sphere.contains(self.domain, before)));
+        let mut ray = Ray {
+            domain: self.domain,
+            at: before.map(f64::from),
+            way,
+            spheres: spheres.collect(),
+            walls: [None; 3],
+        };
+        let stays = SphereEnd { free: before, confined: before };
+        for event in 0..EVENTS {
+            let Some(obstacle) = ray.advance() else { return Some(ray.end().unwrap_or(stays)) };
+            match obstacle {
+                Obstacle::Wall(axis, wall) => {
+                    ray.walls[axis] = Some(wall);
+                    ray.way[axis] = -ray.way[axis];
+                }
+                Obstacle::Sphere(k, normal) => {
+                    let out = dot(ray.way, normal);
+                    let cosine = (out * out / dot(ray.way, ray.way)).sqrt();
+                    let (sphere, is_inside) = &mut ray.spheres[k];
+                    let passes = self.passing(sphere.permeability, length * cosine);
+                    if fine_unit(word(sphere.membrane, event)) < passes {
+                        *is_inside = !*is_inside;
+                    } else {
+                        ray.way = std::array::from_fn(|axis| ray.way[axis] - 2.0 * out * normal[axis]);
+                    }
+                }
+            }
+        }
+        Some(stays)
+    }
+
+    /// Returns the probability that a segment passes, by its length across the membrane, in µm.
+    fn passing(&self, permeability: f64, across: f64) -> f64 {
+        let diffusion = 0.5 * f64::from(self.spread).powi(2);
+        let time_step = diffusion / self.diffusion;
+        let plane = (f64::INFINITY, 2.0 * permeability);
+        adsorption::Step::new(diffusion, time_step, plane).on_plane(across)
+    }
+}
+
+impl Sphere {
+    /// Returns the distance of a point from the surface, negative inside.
+    fn height(&self, domain: &Boundary, point: [f32; 3]) -> f64 {
+        let away = self.vector_to(domain, point.map(f64::from));
+        dot(away, away).sqrt() - f64::from(self.radius)
+    }
+
+    /// Returns the vector to a point from the nearest image of the center.
+    fn vector_to(&self, domain: &Boundary, point: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|k| domain.axes[k].displacement_exact(point[k] - f64::from(self.center[k])))
+    }
+
+    fn contains(&self, domain: &Boundary, point: [f32; 3]) -> bool {
+        self.height(domain, point) < 0.0
+    }
+
+    /// Returns the part of a way after which the surface is reached, if it is. `from` is from the center.
+    fn reached(&self, is_inside: bool, from: [f64; 3], way: [f64; 3]) -> Option<f64> {
+        let [a, b] = [dot(way, way), dot(from, way)];
+        let c = dot(from, from) - f64::from(self.radius).powi(2);
+        if is_inside {
+            return Some((-b + (b * b - a * c.min(0.0)).sqrt()) / a);
+        }
+        let root = b * b - a * c.max(0.0);
+        (b < 0.0 && root >= 0.0).then(|| c.max(0.0) / (-b + root.sqrt()))
+    }
+}
+
+impl Ray<'_> {
+    /// Moves to the next obstacle and shortens the way, or to the end of the way.
+    fn advance(&mut self) -> Option<Obstacle> {
+        let (part, obstacle) = self.next().map_or((1.0, None), |(part, obstacle)| (part, Some(obstacle)));
+        for axis in 0..3 {
+            self.at[axis] += part * self.way[axis];
+            self.way[axis] *= 1.0 - part;
+        }
+        Some(match obstacle? {
+            Obstacle::Sphere(k, from) => {
+                let point: [f64; 3] =
+                    std::array::from_fn(|axis| from[axis] + part / (1.0 - part) * self.way[axis]);
+                let distance = dot(point, point).sqrt();
+                Obstacle::Sphere(k, point.map(|x| x / distance))
+            }
+            wall => wall,
+        })
+    }
+
+    /// Returns the nearest obstacle within the way: a sphere with the vector from its center, or a wall.
+    fn next(&self) -> Option<(f64, Obstacle)> {
+        let walls = (0..3).filter_map(|axis| {
+            let Axis::Reflecting { low, high } = self.domain.axes[axis] else { return None };
+            let wall = f64::from(if self.way[axis] < 0.0 { low } else { high });
+            let part = ((wall - self.at[axis]) / self.way[axis]).max(0.0);
+            Some((part, Obstacle::Wall(axis, wall)))
+        });
+        let spheres = self.spheres.iter().enumerate().flat_map(|(k, &(sphere, is_inside))| {
+            let from = sphere.vector_to(self.domain, self.at);
+            self.images(is_inside).filter_map(move |image| {
+                let from = std::array::from_fn(|axis| from[axis] + image[axis]);
+                Some((sphere.reached(is_inside, from, self.way)?, Obstacle::Sphere(k, from)))
+            })
+        });
+        let within = walls.chain(spheres).filter(|(part, _)| *part < 1.0);
+        within.min_by(|a, b| a.0.total_cmp(&b.0))
+    }
+
+    /// Returns the shifts of images of a sphere. One that contains the point is the nearest.
+    fn images(&self, is_inside: bool) -> impl Iterator<Item = [f64; 3]> {
+        let period = |axis: usize| match self.domain.axes[axis] {
+            Axis::Periodic { low, high } if !is_inside => f64::from(high) - f64::from(low),
+            _ => 0.0,
+        };
+        let periods: [f64; 3] = std::array::from_fn(period);
+        (0..27).filter_map(move |k: i32| {
+            let shift = [k / 9 - 1, k / 3 % 3 - 1, k % 3 - 1];
+            let is_used = (0..3).all(|axis| shift[axis] == 0 || periods[axis] > 0.0);
+            is_used.then(|| std::array::from_fn(|axis| f64::from(shift[axis]) * periods[axis]))
+        })
+    }
+
+    /// Returns the rounded end, on the right side of each sphere.
+    fn end(&self) -> Option<SphereEnd> {
+        let is_right = |point: [f32; 3]| {
+            let own =
+                |(sphere, is_inside): &(Sphere, bool)| sphere.contains(self.domain, point) == *is_inside;
+            self.spheres.iter().all(own)
+        };
+        let free = self.at.map(|x| x as f32);
+        let confined = self.domain.confine(free);
+        if is_right(confined) {
+            return Some(self.beyond_walls(free, confined));
+        }
+        (1..=NUDGES).find_map(|k| {
+            let free = self.nudged(2_f64.powi(k as i32 - 23));
+            let confined = self.domain.confine(free);
+            is_right(confined).then(|| self.beyond_walls(free, confined))
+        })
+    }
+
+    /// Returns the end moved by a part of the radius to its side of the nearest surface.
+    fn nudged(&self, part: f64) -> [f32; 3] {
+        let gap = |sphere: &Sphere| {
+            let from = sphere.vector_to(self.domain, self.at);
+            (dot(from, from).sqrt() - f64::from(sphere.radius)).abs()
+        };
+        let nearest = self.spheres.iter().min_by(|a, b| gap(&a.0).total_cmp(&gap(&b.0)));
+        let Some((sphere, is_inside)) = nearest else { return self.at.map(|x| x as f32) };
+        let from = sphere.vector_to(self.domain, self.at);
+        let by = if *is_inside { -part } else { part };
+        std::array::from_fn(|axis| (self.at[axis] + by * from[axis]) as f32)
+    }
+
+    fn beyond_walls(&self, mut free: [f32; 3], confined: [f32; 3]) -> SphereEnd {
+        for (x, wall) in free.iter_mut().zip(self.walls) {
+            *x = wall.map_or(*x, |wall| (2.0 * wall) as f32 - *x);
+        }
+        SphereEnd { free, confined }
+    }
+}

@@ -1,0 +1,140 @@
+//! Spherical membranes.
+
+use std::f64::consts::{LN_2, PI};
+use std::path::Path;
+
+use lazygrid_sim::Model;
+use lazygrid_sim::scenario::Scenario;
+
+use crate::Row;
+use crate::setup::{begin, share_error, steps};
+
+const N: u32 = 20_000;
+const D: f64 = 1.0;
+/// Radius of the membrane around the origin.
+const R: f64 = 1.0;
+
+fn model(time_step: f64, diffusion: f64, permeability: f64, more: &str) -> Model {
+    let text = format!(
+        "time-step = {time_step}\nsteps = 1\n{more}\nrelease = [{{ species = \"A\", count = {N} }}]\n[[species]]\n\
+         name = \"A\"\ndiffusion = {diffusion}\n[[membrane]]\nname = \"m\"\ncenter = [0, 0, 0]\nradius = {R}\n\
+         permeability = {permeability}\n"
+    );
+    Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
+}
+
+fn inside(model: &Model, count: u32, seed: u64) -> f64 {
+    let mut simulation = begin(model, seed);
+    steps(&mut simulation, count);
+    let particles = &simulation.state().particles;
+    let square = |at: usize| particles.position_of(at).map(|x| f64::from(x).powi(2)).into_iter().sum::<f64>();
+    (0..particles.len()).filter(|&at| square(at) < R * R).count() as f64 / f64::from(N)
+}
+
+/// A radial function times r: its value and derivative at the membrane.
+#[derive(Clone, Copy)]
+struct AtMembrane(f64, f64);
+
+impl AtMembrane {
+    fn concentration(self) -> f64 {
+        self.0 / R
+    }
+
+    fn gradient(self) -> f64 {
+        self.1 / R - self.0 / (R * R)
+    }
+}
+
+/// The Laplace transform of the fraction inside, by the transforms r·c = A·sinh(qr) inside and B·exp(−q(r − R)) outside, next to
+/// those of the source at the distance `from`, with equal fluxes D·c′ = κ·(c₊ − c₋).
+fn transformed(p: f64, from: f64, permeability: f64) -> f64 {
+    let q = (p / D).sqrt();
+    let [own, other] = match from == 0.0 {
+        true => {
+            let near = (-q * R).exp() / (4.0 * PI * D);
+            [AtMembrane(near, -q * near), AtMembrane(0.0, 0.0)]
+        }
+        false => {
+            let near = (-q * (from - R)).exp() / (8.0 * PI * D * q * from);
+            [AtMembrane(0.0, 0.0), AtMembrane(near, q * near)]
+        }
+    };
+    let (sinh, cosh) = (AtMembrane((q * R).sinh(), q * (q * R).cosh()), (q * R).cosh());
+    let out = AtMembrane(1.0, -q);
+    // Two linear equations for A and B: the second with B of the first.
+    let ratio = sinh.gradient() / out.gradient();
+    let begun = (own.gradient() - other.gradient()) / out.gradient();
+    let jump = other.concentration() - own.concentration() + begun * out.concentration();
+    let a = (permeability * jump - D * own.gradient())
+        / (D * sinh.gradient() + permeability * (sinh.concentration() - ratio * out.concentration()));
+    let of_source = if from == 0.0 { (1.0 - (1.0 + q * R) * (-q * R).exp()) / p } else { 0.0 };
+    of_source + 4.0 * PI * a * (R * cosh / q - sinh.0 / (q * q))
+}
+
+/// The inverse transform (H. Stehfest, *Numerical inversion of Laplace transforms*, Communications of the ACM 13 (1970) 47).
+fn fraction(time: f64, from: f64, permeability: f64) -> f64 {
+    const HALF: u32 = 7;
+    let factorial = |n: u32| (1..=n).map(f64::from).product::<f64>();
+    let weight = |k: u32| {
+        let term = |j: u32| {
+            f64::from(j).powi(HALF as i32) * factorial(2 * j)
+                / (factorial(HALF - j)
+                    * factorial(j)
+                    * factorial(j - 1)
+                    * factorial(k - j)
+                    * factorial(2 * j - k))
+        };
+        let sum: f64 = (k.div_ceil(2)..=k.min(HALF)).map(term).sum();
+        if (k + HALF).is_multiple_of(2) { sum } else { -sum }
+    };
+    let rate = LN_2 / time;
+    rate * (1..=2 * HALF)
+        .map(|k| weight(k) * transformed(rate * f64::from(k), from, permeability))
+        .sum::<f64>()
+}
+
+/// From the center and from outside in free space; the equilibrium with a box; the relaxation of two well-mixed volumes.
+pub(crate) fn spherical_membranes() -> Vec<Row> {
+    let mut rows = Vec::new();
+    let mut add = |what: String, expected: f64, (found, more): (f64, f64)| {
+        rows.push(Row::new(what, expected, found, 4.0 * share_error(expected, N.into()) + more));
+    };
+    for (seed, from, permeability, time, spread) in [
+        (1, 0.0, 0.5, 0.5, 0.05_f64),
+        (2, 0.0, 0.5, 0.5, 0.25),
+        (3, 0.0, 5.0, 0.3, 0.05),
+        (4, 0.0, 5.0, 0.3, 0.25),
+        (5, 1.5, 2.0, 0.5, 0.05),
+        (6, 1.5, 2.0, 0.5, 0.25),
+    ] {
+        let count = (2.0 * D * time / (spread * spread)).round() as u32;
+        let source = format!("[[transmitter]]\nname = \"tx\"\ncenter = [0, {from}, 0]");
+        let model = model(time / f64::from(count), D, permeability, &source);
+        let what = format!("from {from} R, κ = {permeability}, inside, steps of {spread} R");
+        add(what, fraction(time, from, permeability), (inside(&model, count, seed), 0.0));
+    }
+    let space = "[boundary]\nkind = \"periodic\"\nlow = [-2, -2, -2]\nhigh = [2, 2, 2]\n[[transmitter]]\nname = \"tx\"\n\
+                 center = [0, 0, 0]\nshape = ";
+    let share = 4.0 / 3.0 * PI * R.powi(3) / 64.0;
+    let full = |shape: &str| format!("{space}{shape}");
+    let all = full("{ kind = \"box\", size = [4, 4, 4] }");
+    for (seed, spread) in [(7, 0.3_f64), (8, 2.0)] {
+        let model = model(spread * spread / (2.0 * D), D, 2.0, &all);
+        add(format!("uniform, inside, steps of {spread} R"), share, (inside(&model, 20, seed), 0.0));
+    }
+    let ball = full("{ kind = \"ball\", radius = 0.999 }");
+    let walls = ball.replace("periodic", "reflecting");
+    add("equilibrium, from inside".to_owned(), share, (inside(&model(0.05, D, 2.0, &walls), 200, 9), 0.0));
+    // Well mixed up to κR/5D = 0.2 %.
+    let (diffusion, permeability) = (20.0, 0.2);
+    let rate = permeability * 4.0 * PI * R * R * (1.0 / share + 1.0 / (1.0 - share)) / 64.0;
+    for (seed, time) in [(10, 0.5), (11, 1.5)] {
+        let model = model(0.002, diffusion, permeability, &ball);
+        let expected = share + (1.0 - share) * (-rate * time).exp();
+        let found = inside(&model, (time / 0.002_f64).round() as u32, seed);
+        add(format!("relaxation, inside after {time} s"), expected, (found, 0.002));
+    }
+    let closed = model(0.5, D, 0.0, &walls);
+    add("closed, inside".to_owned(), 1.0, (inside(&closed, 50, 12), 0.0));
+    rows
+}
