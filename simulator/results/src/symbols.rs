@@ -160,8 +160,7 @@ pub(crate) mod tests {
                 radius: 1.0,
                 kind: ReceiverKind::Absorbing,
                 sees: vec![true],
-                velocity: [0.0; 3],
-                diffusion: 0.0,
+                ..Receiver::default()
             }],
             ..Model::default()
         }

@@ -53,6 +53,9 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
             receiver.name
         ));
     }
+    if let Some(receiver) = model.receivers.iter().find(|receiver| receiver.surface_diffusion > 0.0) {
+        return rejected(format!("the surface diffusion of {}", receiver.name));
+    }
     check_receivers(model)?;
     let steps = Propagator::new(model).steps;
     let carriers: Vec<Vec<Carried>> =

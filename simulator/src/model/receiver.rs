@@ -24,6 +24,8 @@ pub struct Receiver {
     pub velocity: [f64; 3],
     /// Diffusion coefficient, in µm²/s.
     pub diffusion: f64,
+    /// Diffusion coefficient of bound particles on the surface, in µm²/s.
+    pub surface_diffusion: f64,
 }
 
 /// The effect of a receiver on particles.

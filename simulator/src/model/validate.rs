@@ -144,6 +144,12 @@ impl Model {
             )));
         }
         not_negative(&of("the diffusion coefficient"), receiver.diffusion)?;
+        not_negative(&of("the surface diffusion"), receiver.surface_diffusion)?;
+        if receiver.surface_diffusion > 0.0 && receiver.receptor_types().is_empty() {
+            return Err(Error::Model(
+                of("the surface diffusion") + " moves bound particles; give it receptors, or 0",
+            ));
+        }
         if !receiver.velocity.iter().all(|v| v.is_finite()) {
             return Err(Error::Model(of("the velocity") + " must be finite"));
         }

@@ -145,6 +145,7 @@ mod tests {
             sees: vec![true],
             velocity: [0.0, x.into(), 0.0],
             diffusion: 0.5,
+            surface_diffusion: 0.25,
         };
         let transmitter = Transmitter {
             name: "tx".into(),

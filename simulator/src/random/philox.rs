@@ -43,6 +43,8 @@ pub enum Purpose {
     Wall = 15,
     /// Extreme position of a path near a membrane, and its side, by particle and membrane.
     Membrane = 16,
+    /// Displacement of a bound particle on a surface.
+    SurfaceDiffusion = 17,
     /// Seed of a replica, by its number.
     Replica = 100,
 }

@@ -11,6 +11,7 @@ use crate::motion::contact::Contacts;
 use crate::motion::propagate::{Event, Propagator};
 use crate::motion::receiver_search::ReceiverSearch;
 use crate::motion::receiver_state;
+use crate::motion::surface_diffusion::SurfaceSteps;
 use crate::random::philox::{Key, Purpose};
 use crate::reaction::candidates::StepPairs;
 use crate::reaction::dissociation::{self, Dissociated, Dissociation};
@@ -31,6 +32,7 @@ pub struct Simulation {
     pub(crate) reactions: Reactions,
     pub(crate) collisions: Option<Collisions>,
     pub(crate) contacts: Contacts,
+    surface_steps: SurfaceSteps,
     pub(crate) dissociation: Dissociation,
     pub(crate) detector: Option<Detector>,
     matching: Matching,
@@ -73,6 +75,7 @@ impl Simulation {
             reactions: Reactions::new(&model),
             collisions: Collisions::new(&model)?,
             contacts: Contacts::new(&model),
+            surface_steps: SurfaceSteps::new(&model),
             dissociation: Dissociation::new(&model),
             detector,
             matching: Matching::default(),
@@ -164,8 +167,9 @@ impl Simulation {
 
     /// Moves receivers and particles. Collective.
     pub(crate) fn advance<H: Halo>(&mut self, free: &[u32], halo: &mut H) -> Result<Moved, H::Error> {
-        let Self { model, key, state, motion, receiver_search, collisions, .. } = self;
+        let Self { model, key, state, motion, receiver_search, collisions, surface_steps, .. } = self;
         let now = (*key, state.step);
+        surface_steps.advance(&mut state.bound, now);
         let leaving = binding::leaving(model, &state.bound, free, now);
         let places = receiver_state::move_receivers(model, &state.centers, *key, state.step);
         motion.bodies.set(&state.centers, &places, free);

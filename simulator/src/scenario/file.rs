@@ -249,6 +249,7 @@ pub(super) struct Receiver {
     pub(super) binding_rate: Option<Spanned<Positive>>,
     pub(super) unbinding_rate: Option<Spanned<Positive>>,
     pub(super) receptors: Option<Spanned<Vec<ReceptorType>>>,
+    pub(super) surface_diffusion: Option<Spanned<NotNegative>>,
     #[serde(default)]
     pub(super) velocity: [Finite; 3],
     #[serde(default)]

@@ -304,6 +304,11 @@ fn models_without_kernels_are_refused_by_name() {
         m.receivers = vec![receiver(ReceiverKind::Receptors(vec![kind.clone(), kind]))];
     });
     assert!(types.contains("the 2 receptor types of rx"), "{types}");
+    let surface = refused(|m| {
+        let kind = ReceiverKind::Receptors(vec![ReceptorType::new(4, 1.0, 1.0, [1])]);
+        m.receivers = vec![Receiver { surface_diffusion: 1.0, ..receiver(kind) }];
+    });
+    assert!(surface.contains("the surface diffusion of rx"), "{surface}");
     let crowd = refused(|m| m.receivers = vec![receiver(ReceiverKind::Absorbing); 40_000]);
     assert!(crowd.contains("80000 counts"), "{crowd}");
     let crowd = refused(|m| m.receivers = vec![receiver(ReceiverKind::Reflecting); 13_000]);

@@ -138,6 +138,7 @@ fn receivers(parts: &Parts) -> Vec<Receiver> {
         name: format!("receiver {k}"),
         center: [2.0 + k as f32, 7.0 - k as f32 * 0.5, 4.0],
         radius: 0.8,
+        surface_diffusion: if kind == kinds[1] { 0.5 } else { 0.0 },
         kind,
         sees: vec![true, true, false, true],
         diffusion: if k == 1 { 0.5 } else { 0.0 },

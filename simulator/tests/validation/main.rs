@@ -20,6 +20,7 @@ mod networks;
 mod reactions;
 mod receivers;
 mod setup;
+mod surface;
 mod vessel;
 mod walls;
 
@@ -53,7 +54,7 @@ impl Row {
 
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 41] = [
+const ITEMS: [Item; 42] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -95,6 +96,7 @@ const ITEMS: [Item; 41] = [
     ("39-flow-fields", flow_field::flow_fields),
     ("40-chemotaxis", chemotaxis::chemotaxis),
     ("41-spherical-membranes", cells::spherical_membranes),
+    ("42-surface-diffusion", surface::surface_diffusion),
 ];
 
 fn main() -> ExitCode {

@@ -34,6 +34,7 @@ fn model(boundary: Boundary, flow: Option<Flow>, speed: f64) -> Model {
         sees: vec![true, !k.is_multiple_of(4)],
         velocity: if k.is_multiple_of(5) { [speed, 0.0, -speed] } else { [0.0; 3] },
         diffusion: if k.is_multiple_of(7) { speed } else { 0.0 },
+        ..Receiver::default()
     };
     let species = |name: &str, diffusion, drift, thermal_speed| Species {
         name: name.into(),
@@ -138,7 +139,7 @@ fn receivers_in_the_path_of_a_pushed_particle_are_found() {
         kind,
         sees: vec![true],
         velocity: [velocity, 0.0, 0.0],
-        diffusion: 0.0,
+        ..Receiver::default()
     };
     for (kind, back) in
         [(ReceiverKind::Absorbing, 0.0), (ReceiverKind::Reflecting, 0.0), (ReceiverKind::Reflecting, -100.0)]

@@ -74,6 +74,7 @@ pub(super) fn body(transmitter: &file::Transmitter, species: usize) -> Option<Re
         sees: vec![transmitter.body_radius.is_some(); species],
         velocity: transmitter.velocity.map(|Finite(v)| v),
         diffusion: transmitter.diffusion.0,
+        ..Receiver::default()
     };
     (body.radius > 0.0 || body.moves()).then_some(body)
 }
@@ -95,6 +96,7 @@ fn receiver(
         sees,
         velocity: one.velocity.map(|Finite(v)| v),
         diffusion: one.diffusion.0,
+        surface_diffusion: one.surface_diffusion.as_ref().map_or(0.0, |d| d.get_ref().0),
     };
     if let (&ReceiverKind::Wall(face), Some(span)) = (&receiver.kind, one.face.as_ref().map(Spanned::span))
         && let Some(message) = model.missing_wall(&receiver.name, face)
@@ -140,6 +142,11 @@ fn kind(one: &file::Receiver, names: &Names<'_>, sees: &[bool]) -> Result<Receiv
         (one.binding_rate.as_ref().map(Spanned::span), "binding-rate", file::ReceiverKind::Receptors),
         (one.unbinding_rate.as_ref().map(Spanned::span), "unbinding-rate", file::ReceiverKind::Receptors),
         (one.receptors.as_ref().map(Spanned::span), "receptors", file::ReceiverKind::Receptors),
+        (
+            one.surface_diffusion.as_ref().map(Spanned::span),
+            "surface-diffusion",
+            file::ReceiverKind::Receptors,
+        ),
         (one.face.as_ref().map(Spanned::span), "face", file::ReceiverKind::Wall),
     ];
     for (span, key, of) in misplaced {

@@ -32,7 +32,7 @@ fn every_surface_arrives() {
             ReceiverKind::Receptors(vec![one, two]),
         ),
     ];
-    for (text, kind) in surfaces {
+    for (text, kind) in surfaces.clone() {
         let model = parse(&with(&format!("radius = 2\n{text}"))).unwrap().model;
         assert_eq!(model.receivers[0].kind, kind);
         assert!(!model.receivers[0].moves());
@@ -40,6 +40,15 @@ fn every_surface_arrives() {
     let moving = with("radius = 2\nkind = \"absorbing\"\nvelocity = [0, -1, 2]\ndiffusion = 3");
     let receiver = &parse(&moving).unwrap().model.receivers[0];
     assert_eq!((receiver.velocity, receiver.diffusion), ([0.0, -1.0, 2.0], 3.0));
+    let (text, _) = &surfaces[3];
+    let on_surface = with(&format!("radius = 2\n{text}\nsurface-diffusion = 0.75"));
+    assert_eq!(parse(&on_surface).unwrap().model.receivers[0].surface_diffusion, 0.75);
+    let misplaced = with("radius = 2\nkind = \"absorbing\"\nsurface-diffusion = 0.75");
+    let error = parse(&misplaced).unwrap_err().to_string();
+    assert!(
+        error.contains("`surface-diffusion`: surface-diffusion goes with kind = \"receptors\""),
+        "{error}"
+    );
 }
 
 #[test]
