@@ -1,8 +1,10 @@
+use std::sync::Arc;
+
 use lazygrid::Algorithm;
 use lazygrid_sim::{
-    Adsorption, Axis, Boundary, Contact, CountDistribution, Decay, Ligand, Model, Particles, Reaction,
-    ReactionRate, Receiver, ReceiverKind, ReceptorType, Schedule, Shape, Simulation, State, Transmitter,
-    Unbinding,
+    Adsorption, Attractant, AttractantProfile, Axis, Boundary, Chemotaxis, Contact, CountDistribution, Decay,
+    Flow, FlowField, Ligand, Membrane, MembraneSurface, Model, Particles, Reaction, ReactionRate, Receiver,
+    ReceiverKind, ReceptorType, Schedule, Shape, Simulation, Species, State, Transmitter, Unbinding,
 };
 
 use crate::Row;
@@ -63,7 +65,7 @@ fn model() -> Model {
             receiver(ReceiverKind::Endpoint, -2.5),
             Receiver { velocity: [0.0, 3.0, 0.0], ..receiver(ReceiverKind::Reflecting, 1.5) },
             Receiver { diffusion: 1.0, ..receiver(ReceiverKind::Partial(Adsorption::Reactivity(3.0)), 0.0) },
-            receiver(ReceiverKind::Receptors(receptors), -1.5),
+            Receiver { surface_diffusion: 0.5, ..receiver(ReceiverKind::Receptors(receptors), -1.5) },
         ],
         boundary: Boundary {
             axes: [
@@ -74,29 +76,67 @@ fn model() -> Model {
             vessel: None,
         },
         contact: Contact::Separate,
+        flow: Some(Flow::Field(Arc::new(field()))),
         ..Model::default()
     }
 }
 
-fn run(algorithm: Algorithm, threads: usize) -> State {
+/// A circulation around the x axis.
+fn field() -> FlowField {
+    let corners = (0..8_u8).map(|k| [k >> 2, k >> 1 & 1, k & 1].map(|upper| 2.0 * f32::from(upper) - 1.0));
+    let velocities = corners.flat_map(|[_, y, z]| [0.0, -z, y]);
+    FlowField::new([[-3.0; 3], [6.0; 3]], [2; 3], velocities.collect()).expect("a field")
+}
+
+/// Swimmers in search of an attractant, and particles among membranes.
+fn cells() -> Model {
+    let profile = AttractantProfile::Source { peak: 1.0, radius: 0.5 };
+    let taxis = Chemotaxis { attractant: 0, sensitivity: 2.0, half_saturation: Some(0.5) };
+    let swimmer =
+        Species { speed: 3.0, tumble_rate: 5.0, chemotaxis: Some(taxis), ..species("swimmer", 0.0, 0.1) };
+    let membrane = |name: &str, surface, permeability| Membrane {
+        name: name.to_owned(),
+        surface,
+        permeability,
+        sees: vec![false, true],
+    };
+    Model {
+        time_step: 0.02,
+        species: vec![swimmer, species("molecule", 0.0, 1.0)],
+        attractants: vec![Attractant { name: "food".to_owned(), center: [1.0, 0.0, 0.0], profile }],
+        transmitters: vec![burst(Shape::Gaussian(1.0), &[(0, 5000), (1, 10_000)])],
+        membranes: vec![
+            membrane("cell", MembraneSurface::Sphere { center: [0.0; 3], radius: 1.0 }, 2.0),
+            membrane("wall", MembraneSurface::Plane { axis: 0, position: 1.5 }, 1.0),
+        ],
+        boundary: Boundary::periodic([-2.0; 3], [2.0; 3]),
+        ..Model::default()
+    }
+}
+
+fn run(model: Model, algorithm: Algorithm, threads: usize) -> State {
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
     pool.install(|| {
-        let mut simulation = Simulation::new(model(), 9, algorithm).expect("a valid model");
-        (0..1000).for_each(|_| simulation.step().expect("a step"));
+        let count = if model.receivers.is_empty() { 50 } else { 1000 };
+        let mut simulation = Simulation::new(model, 9, algorithm).expect("a valid model");
+        (0..count).for_each(|_| simulation.step().expect("a step"));
         simulation.state().clone()
     })
 }
 
 pub(crate) fn same_bytes() -> Vec<Row> {
-    let reference = run(Algorithm::Auto, 1);
+    let reference = run(model(), Algorithm::Auto, 1);
     let mut rows = Vec::new();
     for (algorithm, threads) in [(Algorithm::Auto, 2), (Algorithm::Auto, 7)]
         .into_iter()
         .chain(Algorithm::CPU.iter().map(|&algorithm| (algorithm, 2)))
     {
-        let different = u64::from(run(algorithm, threads) != reference);
+        let different = u64::from(run(model(), algorithm, threads) != reference);
         rows.push(Row::exact(format!("states that differ, {algorithm}, {threads} threads"), 0, different));
     }
+    let alone = run(cells(), Algorithm::Auto, 1);
+    let different = u64::from(run(cells(), Algorithm::Auto, 7) != alone);
+    rows.push(Row::exact("states that differ, membranes, 7 threads", 0, different));
     let totals = &reference.totals;
     let reacted = totals.reacted.iter().chain(&totals.decayed).copied().min().unwrap_or(0);
     rows.push(Row { must_differ: true, ..Row::exact("fewest reactions and decays of a kind", 0, reacted) });
