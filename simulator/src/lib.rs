@@ -43,9 +43,11 @@ pub mod run;
 pub mod scenario;
 pub mod state;
 
+mod checksum;
 mod error;
 mod memory;
 mod output;
+mod special;
 
 pub use error::{Damage, Error};
 pub use model::boundary::{Axis, Boundary};

@@ -6,7 +6,7 @@
 use std::fmt;
 
 use crate::Error;
-use crate::output::checksum::Digest;
+use crate::checksum::Digest;
 
 /// Velocities on a regular grid.
 #[derive(Clone, PartialEq)]

@@ -32,17 +32,7 @@
 use std::f64::consts::PI;
 
 use crate::random::philox::Draws;
-
-const ROOT_PI: f64 = 1.772_453_850_905_516;
-
-/// For x ≥ 0: exp(x²)·erfc(x).
-pub(crate) fn erfcx(x: f64) -> f64 {
-    if x < 25.0 {
-        return libm::exp(x * x) * libm::erfc(x);
-    }
-    let s = 1.0 / (2.0 * x * x);
-    (1.0 - s * (1.0 - 3.0 * s * (1.0 - 5.0 * s))) / (x * ROOT_PI)
-}
+use crate::special::{ROOT_PI, erfcx};
 
 pub(crate) fn reactivity(binding_rate: f64, free: u32, radius: f64) -> f64 {
     binding_rate * f64::from(free) / (4.0 * PI * radius * radius)
@@ -66,8 +56,8 @@ impl Step {
         Self { length, radius, own, all: own + length / radius }
     }
 
-    /// Returns the adsorption probability at a plane, by the sum of both heights, in µm.
-    pub(crate) fn on_plane(&self, distances: f64) -> f64 {
+    /// The sum of both heights decides.
+    fn on_plane(&self, distances: f64) -> f64 {
         (ROOT_PI * self.own * erfcx(self.all + distances / (2.0 * self.length))).min(1.0)
     }
 
@@ -153,15 +143,6 @@ mod tests {
 
     fn steps() -> impl Iterator<Item = Step> {
         CASES.into_iter().map(|(diffusion, radius, kappa)| Step::new(diffusion, 0.1, (radius, kappa)))
-    }
-
-    #[test]
-    fn the_scaled_error_function_joins_its_series() {
-        assert_eq!(erfcx(0.0), 1.0);
-        // Abramowitz and Stegun, table 7.1, and the limit 1/(x√π).
-        assert!((erfcx(1.0) - 0.427_583_576_2).abs() < 1e-9);
-        assert!((erfcx(25.0) / erfcx(24.999_999) - 1.0).abs() < 1e-7);
-        assert!((erfcx(1e6) * 1e6 * ROOT_PI - 1.0).abs() < 1e-12);
     }
 
     /// Paths from height a end at ±b with the density of diffusion.

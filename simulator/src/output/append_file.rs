@@ -8,7 +8,7 @@ use crate::Error;
 use crate::error::Damage;
 use serde::{Deserialize, Serialize};
 
-use crate::output::checksum::{Digest, DigestWriter};
+use crate::checksum::{Digest, DigestWriter};
 
 type Out = BufWriter<DigestWriter<File>>;
 

@@ -7,7 +7,6 @@ pub(crate) mod append_file;
 mod arrivals;
 #[cfg(feature = "arrow")]
 mod arrow;
-pub(crate) mod checksum;
 mod disk_estimate;
 mod frames;
 mod lock;

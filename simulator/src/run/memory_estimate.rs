@@ -1,7 +1,6 @@
 //! The forecast of a run's memory. A run that cannot fit is refused, or stops with a checkpoint.
 
 use crate::memory::check_available;
-use crate::model::flow_field::FlowField;
 use crate::model::transmitter::Schedule;
 use crate::{Error, Model};
 
@@ -35,14 +34,6 @@ pub(crate) fn check_largest_release(model: &Model, steps: u32, sharing: Sharing)
         return Ok(());
     }
     check_particles(particles, sharing.bytes(particles, MIN_BYTES_PER_PARTICLE))
-}
-
-/// Refuses a flow field of these points that exceeds the memory, before it is read. All runs of a process share it.
-pub(crate) fn check_flow_field(points: [u64; 3]) -> Result<(), Error> {
-    let count = points.into_iter().fold(1, u64::saturating_mul);
-    let remedy = "give it fewer points, or raise the limit";
-    let what = format!("{count} points of a flow field");
-    check_available(&what, count.saturating_mul(FlowField::BYTES_PER_POINT), remedy)
 }
 
 fn largest_release(model: &Model, steps: u32) -> u64 {
@@ -131,13 +122,7 @@ mod tests {
             assert!(error.contains("bytes") && error.contains("release fewer"), "{error}");
             assert!(MemoryGuard::default().check(&huge(0.3), (0, 0, 5), Sharing::NONE).is_err());
             assert!(MemoryGuard::default().check(&huge(0.0), (0, 0, 5), Sharing::NONE).is_ok());
-            let error = check_flow_field([1 << 16; 3]).unwrap_err().to_string();
-            assert!(
-                error.starts_with("281474976710656 points of a flow field need 3377699720527872"),
-                "{error}"
-            );
         }
-        assert!(check_flow_field([100; 3]).is_ok());
         let none = Model { time_step: 0.1, ..Model::default() };
         assert!(check_largest_release(&none, 10, Sharing::NONE).is_ok());
         assert!(MemoryGuard::default().check(&none, (1000, 0, 5), Sharing::NONE).is_ok());

@@ -14,8 +14,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::error::Damage;
-use crate::output::checksum;
-use crate::{Error, output};
+use crate::{Error, checksum, output};
 
 /// Begins checkpoints of all versions.
 const NAME: &str = "lazygrid checkpoint ";

@@ -25,8 +25,8 @@
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::membrane::{Membrane, MembraneStep, MembraneSurface};
 use crate::model::vessel::dot;
-use crate::motion::adsorption;
 use crate::random::philox::fine_unit;
+use crate::special::{ROOT_PI, erfcx};
 
 /// Crossings and reflections per step; then a particle stays where it was.
 const EVENTS: u32 = 64;
@@ -131,8 +131,8 @@ impl MembraneStep<'_> {
     fn passing(&self, permeability: f64, across: f64) -> f64 {
         let diffusion = 0.5 * f64::from(self.spread).powi(2);
         let time_step = diffusion / self.diffusion;
-        let plane = (f64::INFINITY, 2.0 * permeability);
-        adsorption::Step::new(diffusion, time_step, plane).on_plane(across)
+        let x = 2.0 * permeability * (time_step / self.diffusion).sqrt();
+        ROOT_PI * x * erfcx(x + across / (2.0 * diffusion.sqrt()))
     }
 }
 

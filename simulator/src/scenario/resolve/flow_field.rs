@@ -6,8 +6,9 @@ use std::sync::Arc;
 use lazygrid_io::read::ArrayFile;
 use toml::Spanned;
 
+use crate::Error;
+use crate::memory::check_available;
 use crate::model::flow_field::FlowField;
-use crate::run::memory_estimate::check_flow_field;
 use crate::scenario::Problem;
 use crate::scenario::file::{self, Finite, Positive};
 
@@ -32,12 +33,20 @@ pub(super) fn read(flow: &file::Flow, directory: &Path) -> Result<Arc<FlowField>
             "it has the shape {shape:?}; make it (nx, ny, nz, 3), velocities in µm/s"
         )));
     };
-    check_flow_field([nx, ny, nz]).map_err(|error| fault(error.to_string()))?;
+    check_memory([nx, ny, nz]).map_err(|error| fault(error.to_string()))?;
     let velocities = array.read().map_err(|error| fault(error.to_string()))?;
     let origin = flow.origin.as_ref().map_or([0.0; 3], |origin| origin.get_ref().map(|Finite(x)| x));
     let place = [origin, spacing.get_ref().map(|Positive(h)| h)];
     let field = FlowField::new(place, [nx, ny, nz].map(|n| n as usize), velocities);
     field.map(Arc::new).map_err(|error| fault(error.to_string()))
+}
+
+/// Refuses a field that exceeds the memory, before it is read. All runs of a process share it.
+fn check_memory(points: [u64; 3]) -> Result<(), Error> {
+    let count = points.into_iter().fold(1, u64::saturating_mul);
+    let remedy = "give it fewer points, or raise the limit";
+    let what = format!("{count} points of a flow field");
+    check_available(&what, count.saturating_mul(FlowField::BYTES_PER_POINT), remedy)
 }
 
 /// Refuses the keys of a field in another flow.
@@ -50,5 +59,22 @@ pub(super) fn check_unused(flow: &file::Flow) -> Result<(), Problem> {
     match keys.into_iter().find_map(|(key, span)| Some((key, span?))) {
         Some((key, span)) => Err(Problem::at(span, format!("{key} goes with profile = \"field\""))),
         None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn field_beyond_the_memory_is_refused() {
+        if lazygrid_io::available_memory().is_some() {
+            let error = check_memory([1 << 16; 3]).unwrap_err().to_string();
+            assert!(
+                error.starts_with("281474976710656 points of a flow field need 3377699720527872"),
+                "{error}"
+            );
+        }
+        assert!(check_memory([100; 3]).is_ok());
     }
 }
