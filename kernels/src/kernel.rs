@@ -63,7 +63,7 @@ pub struct Variant {
     pub wide_tiles: bool,
 }
 
-/// Of the statistics of all sides; every device has at least this much workgroup memory in bytes.
+/// Workgroup memory in bytes for the statistics of all sides. Every device has at least this much.
 const SPECIES_MEMORY: u32 = 16 << 10;
 
 impl Variant {

@@ -35,7 +35,7 @@ impl Division {
         count - count / 5
     }
 
-    /// Of a sphere that may pair.
+    /// Returns the side of a sphere that may pair.
     pub(crate) fn side(self, index: usize, count: usize) -> usize {
         self.species_of(index, count)
     }

@@ -2,15 +2,10 @@
 // further levels the depths of smaller spheres. On each axis cells form a ring, so spheres that cannot be distinguished
 // share a cell, which costs tests but no pair.
 
-// Of all sides, one after the other.
+// The levels of all sides, one side after the other.
 const LEVELS: u32 = 32u;
 // Cells of depth k are 2^-k of the size of level 0.
 const DEPTHS: u32 = 16u;
-#ifdef SPECIES
-const MAX_SIDES: u32 = 8u;
-#else
-const MAX_SIDES: u32 = 2u;
-#endif
 // Exponents of the effective radius.
 const CLASSES: u32 = 256u;
 // For size classes with so few spheres that these are listed instead of put into cells.
