@@ -17,11 +17,23 @@ pub enum SpeciesScene {
     Ring,
     /// Four species that all pair; uniform.
     AllPair,
+    /// Three disjoint pairs of species; uniform.
+    DisjointPairs,
+    /// Three disjoint pairs of species, nearly at one point.
+    DisjointPairsCrowd,
 }
 
 impl SpeciesScene {
     /// All scenes.
-    pub const ALL: [Self; 5] = [Self::RarePartner, Self::Enzymes, Self::Target, Self::Ring, Self::AllPair];
+    pub const ALL: [Self; 7] = [
+        Self::RarePartner,
+        Self::Enzymes,
+        Self::Target,
+        Self::Ring,
+        Self::AllPair,
+        Self::DisjointPairs,
+        Self::DisjointPairsCrowd,
+    ];
 
     /// The name in lower case with hyphens.
     pub const fn name(self) -> &'static str {
@@ -31,6 +43,8 @@ impl SpeciesScene {
             Self::Target => "target",
             Self::Ring => "ring",
             Self::AllPair => "all-pair",
+            Self::DisjointPairs => "disjoint-pairs",
+            Self::DisjointPairsCrowd => "disjoint-pairs-crowd",
         }
     }
 
@@ -38,9 +52,9 @@ impl SpeciesScene {
     pub fn spheres(self, n: usize, seed: u64) -> Vec<Sphere> {
         let (extent, radius) = match self {
             Self::RarePartner => (0.5, 0.05),
-            Self::Enzymes => (0.05, 0.005),
+            Self::Enzymes | Self::DisjointPairsCrowd => (0.05, 0.005),
             Self::Target => (7.0, 0.5),
-            Self::Ring | Self::AllPair => return Scene::Equal.spheres(n, seed),
+            Self::Ring | Self::AllPair | Self::DisjointPairs => return Scene::Equal.spheres(n, seed),
         };
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut center = || UnitBall.sample(&mut random).map(|x: f32| extent * x);
@@ -54,6 +68,7 @@ impl SpeciesScene {
             Self::Enzymes => u32::from(!k.is_multiple_of(26)),
             Self::Target => u32::from(k > 0),
             Self::Ring | Self::AllPair => k as u32 % 4,
+            Self::DisjointPairs | Self::DisjointPairsCrowd => k as u32 % 6,
         };
         (0..n).map(species).collect()
     }
@@ -63,6 +78,7 @@ impl SpeciesScene {
         let (count, pairs): (_, &[(u32, u32)]) = match self {
             Self::RarePartner | Self::Enzymes | Self::Target => (2, &[(0, 1)]),
             Self::Ring => (4, &[(0, 1), (1, 2), (2, 3), (0, 3)]),
+            Self::DisjointPairs | Self::DisjointPairsCrowd => (6, &[(0, 1), (2, 3), (4, 5)]),
             Self::AllPair => return Ok(Interactions::new(4, Interaction::Touch)?),
         };
         let mut table = Interactions::new(count, Interaction::Never)?;

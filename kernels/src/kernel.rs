@@ -63,6 +63,9 @@ pub struct Variant {
     pub wide_tiles: bool,
 }
 
+/// Workgroup memory in bytes for the statistics of all sides. Every device has at least this much.
+const SPECIES_MEMORY: u32 = 16 << 10;
+
 impl Variant {
     /// The smallest subgroup whose radix ranking tables fit into workgroup memory.
     pub const MIN_RANKING_SUBGROUP: u32 = 8;
@@ -82,7 +85,8 @@ impl Variant {
 
     /// Returns an upper bound of the workgroup memory of every kernel of this variant, in bytes.
     pub fn workgroup_memory(self) -> u32 {
-        self.radix_scratch() * 4 + 4096
+        let sort = self.radix_scratch() * 4 + 4096;
+        if self.species { sort.max(SPECIES_MEMORY) } else { sort }
     }
 
     /// Returns `true` if subgroups rank the keys of a radix pass.

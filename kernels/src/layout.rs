@@ -7,8 +7,10 @@ use glam::{IVec3, UVec3, Vec3};
 
 use crate::Space;
 
+mod cell_list;
 mod columns;
 
+pub use cell_list::{CellListLayout, CellListLevel, InputStats, SpeciesParams};
 pub use columns::ColumnLayout;
 
 /// The parameters of a search. The first word is the number of spheres, so the buffer also serves as `count_source`.
@@ -65,9 +67,14 @@ pub struct SearchParams {
     pub chunks_per_block: u32,
     /// 1 if pairs of a cell list hold positions in cell order.
     pub pairs_in_cell_order: u32,
-    /// The compared sides of a cell list: [`Self::FIRST_WITH_ITSELF`], [`Self::FIRST_WITH_SECOND`] and
-    /// [`Self::SECOND_WITH_ITSELF`].
-    pub side_pairs: u32,
+    /// The sides of a cell list, at most [`CellListLayout::MAX_SIDES`]; see [`Self::with_sides`].
+    pub sides: u32,
+    /// The levels of each side.
+    pub levels_per_side: u32,
+    /// The sides that sides 0 to 3 are compared with: eight bits per side.
+    pub partners_low: u32,
+    /// The sides that sides 4 to 7 are compared with.
+    pub partners_high: u32,
     /// The common interaction of all spheres of compared sides: a distance or [`Self::TOUCH`]; else
     /// [`Self::BY_SPECIES`].
     pub interaction: f32,
@@ -95,18 +102,29 @@ impl SearchParams {
     /// No limit of [`tiles_per_submission`](Self::tiles_per_submission).
     pub const UNLIMITED: u32 = u32::MAX;
 
-    /// Compares the first side with itself.
-    pub const FIRST_WITH_ITSELF: u32 = 1;
-    /// Compares the first side with the second.
-    pub const FIRST_WITH_SECOND: u32 = 2;
-    /// Compares the second side with itself.
-    pub const SECOND_WITH_ITSELF: u32 = 4;
     /// Interaction of two species that never pair.
     pub const NEVER: f32 = -1.0;
     /// Interaction of spheres that pair if they touch.
     pub const TOUCH: f32 = -2.0;
     /// The interaction table decides per pair of species.
     pub const BY_SPECIES: f32 = -3.0;
+
+    /// Returns these parameters with one side per element of `partners`: the sides that it is compared with, one bit
+    /// each.
+    pub fn with_sides(self, partners: &[u8]) -> Self {
+        let word = |first: usize| {
+            let bytes = partners.iter().skip(first).take(4).enumerate();
+            bytes.fold(0, |word, (side, &partners)| word | u32::from(partners) << (8 * side))
+        };
+        let levels_per_side = CellListLayout::levels_per_side(partners.len());
+        Self {
+            sides: partners.len() as u32,
+            levels_per_side: levels_per_side as u32,
+            partners_low: word(0),
+            partners_high: word(4),
+            ..self
+        }
+    }
 
     /// Returns these parameters with the periods of `space`.
     pub fn in_space(self, space: Space) -> Self {
@@ -290,94 +308,6 @@ impl Outcome {
     pub fn candidates_needed(&self) -> u64 {
         self.entries_needed()
     }
-}
-
-/// Statistics of the spheres of a cell list. All zeros mean no sphere.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
-#[repr(C)]
-pub struct InputStats {
-    /// Complements of the lowest center, in an order-preserving encoding.
-    pub low: [u32; 3],
-    /// The highest center, in this encoding.
-    pub high: [u32; 3],
-    /// Complement of the bits of the smallest effective radius.
-    pub smallest: u32,
-    /// The number of invalid spheres.
-    pub quarantined: u32,
-    /// Spheres per size class (exponent of the effective radius), of the first side and then of the second.
-    pub members: [u32; 512],
-    /// Bits of the largest radius per class.
-    pub largest: [u32; 256],
-}
-
-/// Flags and interaction range of a species.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct SpeciesParams {
-    /// [`TOUCHES`](Self::TOUCHES), [`SECOND_SIDE`](Self::SECOND_SIDE) and [`IDLE`](Self::IDLE).
-    pub flags: u32,
-    /// Half the largest interaction distance.
-    pub half: f32,
-}
-
-impl SpeciesParams {
-    /// The species has pairs decided by contact.
-    pub const TOUCHES: u32 = 1;
-    /// The species is on the second side of a cell list.
-    pub const SECOND_SIDE: u32 = 2;
-    /// The species never pairs.
-    pub const IDLE: u32 = 4;
-}
-
-/// A level of a cell list.
-#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType, Zeroable)]
-#[repr(C)]
-pub struct CellListLevel {
-    /// Cells around each axis.
-    pub cells: UVec3,
-    /// The first cell in the table.
-    pub base: u32,
-    /// The first cell of an unbounded axis.
-    pub low: UVec3,
-    /// Fixed-point units per unit of length, a power of two.
-    pub units_per_length: f32,
-    /// Cells per unit of length on a periodic axis.
-    pub cells_per_length: Vec3,
-    /// Bits of the coordinate at or above which neighboring floats are more than a cell apart; infinity if none is.
-    pub far: u32,
-    /// The largest radius of the level.
-    pub max_radius: f32,
-    /// The levels in which spheres of this level search all cells that their boxes overlap, one bit each.
-    pub searched_levels: u32,
-    /// 1 if spheres of this level are compared with each other.
-    pub searches_itself: u32,
-}
-
-/// The cells of a cell list.
-#[derive(Clone, Copy, Debug, PartialEq, ShaderType, Zeroable)]
-#[repr(C)]
-pub struct CellListLayout {
-    /// The number of spheres.
-    pub spheres: u32,
-    /// Cells of all levels.
-    pub cells: u32,
-    /// Fixed-point units per cell.
-    pub units_per_cell: u32,
-    /// The levels with cells, one bit each.
-    pub levels: u32,
-    /// 1 if smaller spheres leave overfull cells of the first level.
-    pub has_overfull_cells: u32,
-    /// 1 if no distance test can overflow or underflow.
-    pub ordinary: u32,
-    /// Levels of the size classes, four per word.
-    pub class_levels: [u32; 64],
-    /// The levels of the first side, then of the second.
-    pub level: [CellListLevel; 2 * CellListLayout::LEVELS],
-}
-
-impl CellListLayout {
-    /// Levels per side.
-    pub const LEVELS: usize = 16;
 }
 
 /// The sizes of a sort and of a scan.

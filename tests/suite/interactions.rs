@@ -22,6 +22,25 @@ fn random_tables_in_crowded_boxes() {
     check(96, (hard::mixture(hard::soup()), settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
 
+/// Up to five pairs of species, which on a GPU are up to eight sides of a cell list.
+#[test]
+fn disjoint_pairs_of_species() {
+    let spheres = prop_oneof![hard::powers_of_two(), hard::soup(), hard::any_spheres()];
+    let ids = prop::collection::vec(any::<u32>(), 601);
+    let strategy = (spheres, ids, 2_usize..6, any::<bool>());
+    let strategy = strategy.prop_map(|(spheres, ids, pairs, meets_itself)| {
+        let between = |a: usize, b: usize| match a ^ b {
+            0 if a == 2 && meets_itself => Interaction::Touch,
+            1 => Interaction::Touch,
+            _ => Interaction::Never,
+        };
+        let rows = (0..2 * pairs).map(|a| (0..=a).map(|b| between(a, b)).collect()).collect();
+        let species = ids[..spheres.len()].iter().map(|id| id % (2 * pairs as u32)).collect();
+        TestInput { spheres, mixture: Some(SpeciesSetup { species, rows }), ..TestInput::default() }
+    });
+    check(96, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
+}
+
 /// Tiny spheres that interact with one other species at a large distance: the effective radius comes from the table,
 /// not from radii.
 #[test]

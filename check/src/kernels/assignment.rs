@@ -78,9 +78,10 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
             same(what, &own.base, &base)?;
             same(what, &own.cells.to_array().iter().all(|&cells| cells == 1 || cells > 2), &true)?;
             let edge = list.units_per_cell as f32 / own.units_per_length;
+            let finer = own.units_per_length / list.level[0].units_per_length;
+            let radius_is_finer = list.level[0].max_radius / own.max_radius == finer;
             let edges = (64..=127).contains(&list.units_per_cell)
-                && own.units_per_length
-                    == list.level[0].units_per_length * ((level % CellListLayout::LEVELS) as f32).exp2()
+                && radius_is_finer
                 && (2.0 * own.max_radius..2.1 * own.max_radius).contains(&edge);
             same(what, &edges, &true)?;
             // At the coordinate `far`, the number of quanta reaches 2³⁰.
@@ -100,10 +101,38 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     let listed = valid().filter(|sphere| level_of(list, sphere.radius) == LISTED).count();
     let is_few = listed <= 8 || valid().count() == listed;
     same(|| what("few spheres are listed"), &is_few, &true)?;
-    for sphere in valid().filter(|sphere| level_of(list, sphere.radius) != LISTED) {
-        let level = if list.has_overfull_cells == 0 { 0 } else { level_of(list, sphere.radius) };
-        let fits = sphere.radius <= list.level[level].max_radius && sphere.radius <= list.level[0].max_radius;
-        same(|| format!("{sphere:?} fits level {level}, {case:?}"), &fits, &true)?;
+    levels_are_those_of_their_spheres(chosen, case)
+}
+
+/// Each occurring depth is a level of every side, or shares one with its neighbors if a side has fewer levels.
+fn levels_are_those_of_their_spheres(
+    chosen: &ConfiguredCellList,
+    case: CellListCase,
+) -> Result<(), KernelError> {
+    let ConfiguredCellList { list, scenario, division, .. } = chosen;
+    let per_side = division.levels_per_side();
+    let fits = |radius: f32, depth: i32| radius <= list.level[0].max_radius * (-depth as f32).exp2();
+    let depth_of =
+        |radius: f32| (1..CellListLayout::DEPTHS as i32).take_while(|&depth| fits(radius, depth)).count();
+    let unlisted = (0..scenario.spheres.len())
+        .filter(|&id| chosen.may_pair(id) && level_of(list, scenario.spheres[id].radius) != LISTED);
+    let unlisted: Vec<(usize, f32)> =
+        unlisted.map(|id| (division.side(id, scenario.spheres.len()), scenario.spheres[id].radius)).collect();
+    let mut depths: Vec<usize> = unlisted.iter().map(|&(_, radius)| depth_of(radius)).chain([0]).collect();
+    depths.sort_unstable();
+    depths.dedup();
+    let level_of_depth = |number: usize| number * per_side / depths.len().max(per_side);
+    for &(side, radius) in &unlisted {
+        let number = depths.partition_point(|&depth| depth < depth_of(radius));
+        let level = level_of_depth(number);
+        let what = || format!("level of {radius} on side {side}, {case:?}");
+        same(what, &level_of(list, radius), &level)?;
+        let own = &list.level[side * per_side + if list.has_overfull_cells == 0 { 0 } else { level }];
+        let first =
+            (0..=number).find(|&number| level_of_depth(number) == level).map_or(0, |first| depths[first]);
+        let depth = if list.has_overfull_cells == 0 { 0 } else { first };
+        let expected = list.level[0].max_radius * (-(depth as f32)).exp2();
+        same(what, &(own.cells.x != 0, own.max_radius, radius <= own.max_radius), &(true, expected, true))?;
     }
     Ok(())
 }
@@ -115,15 +144,14 @@ fn levels_look_once(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     let used = || (0..list.level.len()).filter(|level| list.levels >> level & 1 == 1);
     for a in used() {
         let what = |b: usize| format!("levels {a} and {b} of {:b}, {case:?}", list.levels);
-        let meets =
-            |b: usize| u32::from(case.division.meets(a / CellListLayout::LEVELS, b / CellListLayout::LEVELS));
+        let per_side = case.division.levels_per_side();
+        let meets = |b: usize| u32::from(case.division.meets(a / per_side, b / per_side));
         same(|| what(a), &(list.level[a].searches_itself, looks(a, a)), &(meets(a), 0))?;
         same(|| what(a), &(list.level[a].searched_levels & !list.levels), &0)?;
         for b in used().filter(|&b| b > a) {
             same(|| what(b), &(looks(a, b) + looks(b, a)), &meets(b))?;
-            let is_coarser = |from: usize, at: usize| {
-                looks(from, at) == 0 || at % CellListLayout::LEVELS <= from % CellListLayout::LEVELS
-            };
+            let is_coarser =
+                |from: usize, at: usize| looks(from, at) == 0 || at % per_side <= from % per_side;
             same(|| what(b), &(is_coarser(a, b) && is_coarser(b, a)), &true)?;
         }
     }
@@ -145,7 +173,8 @@ fn touching_spheres_are_in_adjacent_cells(
             continue;
         }
         let own = if levels[0] == levels[1] && list.has_overfull_cells != 0 { levels[0] } else { 0 };
-        for level in [0, own, CellListLayout::LEVELS, CellListLayout::LEVELS + own] {
+        let first_of_side = (0..chosen.division.sides()).map(|side| side * chosen.division.levels_per_side());
+        for level in first_of_side.flat_map(|first| [first, first + own]) {
             if list.level[level].cells.x == 0 {
                 continue;
             }

@@ -13,7 +13,8 @@ use crate::{Random, SceneSeed};
 
 /// Any number of workgroups gives the same statistics, and clears the counters.
 pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
-    let divisions = [Division::OneSet, Division::TwoSets, Division::Species { meets_itself: true }];
+    let species = Division::Species { meets_itself: true };
+    let divisions = [Division::OneSet, Division::TwoSets, species, Division::DisjointPairs(4)];
     for (size, groups, division) in SIZES.into_iter().flat_map(|size| {
         [1, 3].into_iter().flat_map(move |groups| divisions.map(|division| (size, groups, division)))
     }) {
@@ -45,7 +46,9 @@ pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
         let counted = |survey: &InputStats| (survey.low, survey.high, survey.smallest, survey.quarantined);
         same(|| case("bounds"), &counted(&found), &counted(&expected))?;
         for class in 0..256 {
-            let members = |survey: &InputStats| [0, 256].map(|side| survey.members[side + class]);
+            let members = |survey: &InputStats| {
+                survey.members[class..].iter().step_by(256).copied().collect::<Vec<_>>()
+            };
             let sizes = |survey: &InputStats| (members(survey), survey.largest[class]);
             same(|| case(&format!("class {class}")), &sizes(&found), &sizes(&expected))?;
         }
@@ -60,7 +63,8 @@ pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
 /// Chooses the cells of the kernels for many spheres, and clears the statistics.
 pub(crate) fn cell_list_setup_small(own: &GpuDevice) -> Result<(), KernelError> {
     let one_set = [0, 1, 300, 2048].map(|size| (size, Division::OneSet));
-    let divided = [Division::TwoSets, Division::Species { meets_itself: false }];
+    let species = Division::Species { meets_itself: false };
+    let divided = [Division::TwoSets, species, Division::DisjointPairs(3)];
     let divided = divided.into_iter().flat_map(|division| [(300, division), (2048, division)]);
     let cases = one_set.into_iter().chain(divided);
     for (size, division, periodic) in

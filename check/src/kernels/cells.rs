@@ -41,26 +41,27 @@ pub(crate) struct CellListCase {
     pub(crate) division: Division,
 }
 
-/// Few and many spheres, unbounded and periodic, with and without overfull cells, on one side and on two.
+/// Few and many spheres, unbounded and periodic, with and without overfull cells, on one to eight sides.
 pub(crate) fn cases() -> impl Iterator<Item = CellListCase> {
     let spaces = [[None; 3], [Some(20.0), None, Some(24.5)], [Some(0.75); 3]];
     let species = [false, true].map(|meets_itself| Division::Species { meets_itself });
-    let two_sides = [Division::TwoSets, species[0], species[1]];
+    let pairs = [2, 3, 4].map(Division::DisjointPairs);
+    let several_sides = [Division::TwoSets, species[0], species[1]].into_iter().chain(pairs);
     let one = [0, 1, 257, 5000].map(|spheres| (spheres, Division::OneSet));
-    let two = [257, 5000].into_iter().flat_map(move |spheres| two_sides.map(|division| (spheres, division)));
-    one.into_iter().chain(two).flat_map(move |(spheres, division)| {
+    let several = several_sides.flat_map(|division| [257, 5000].map(move |spheres| (spheres, division)));
+    one.into_iter().chain(several).flat_map(move |(spheres, division)| {
         let case = move |lengths, is_dense| CellListCase { spheres, lengths, is_dense, division };
         spaces.into_iter().flat_map(move |lengths| [false, true].map(|is_dense| case(lengths, is_dense)))
     })
 }
 
-/// Three sizes, a crowd, a few much larger spheres, and some invalid ones.
+/// More sizes than eight sides have levels, a crowd, a few much larger spheres, and some invalid ones.
 fn scene(count: u32) -> Vec<Sphere> {
     let mut random = Random(u64::from(count));
     let mut coordinate = |edge: f32| (random.unit() - 0.5) * edge;
     let sphere = |k: u32| {
         let edge = if k.is_multiple_of(3) { 1.0 } else { 20.0 };
-        let radius = if k % 200 == 50 { 4.0 } else { [0.5, 0.06, 0.01][k as usize / 3 % 3] };
+        let radius = if k % 200 == 50 { 4.0 } else { [0.5, 0.2, 0.06, 0.025, 0.01][k as usize / 3 % 5] };
         let center = [(); 3].map(|()| coordinate(edge));
         Sphere::new(if k % 100 == 99 { [f32::NAN; 3] } else { center }, radius)
     };
@@ -213,7 +214,7 @@ impl ConfiguredCellList {
     }
 
     fn first_level(&self, id: usize) -> usize {
-        CellListLayout::LEVELS * self.division.side(id, self.scenario.spheres.len())
+        self.division.levels_per_side() * self.division.side(id, self.scenario.spheres.len())
     }
 
     fn coarsest(&self, id: usize, fused: bool) -> Option<u32> {

@@ -1,8 +1,8 @@
-//! Divisions of the spheres of a cell list into two sides.
+//! Divisions of the spheres of a cell list into sides.
 
 use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid::{Error, Interaction};
-use lazygrid_kernels::layout::{SearchParams, SpeciesParams};
+use lazygrid_kernels::layout::{CellListLayout, SearchParams, SpeciesParams};
 
 use crate::SpeciesSetup;
 use crate::device::upload;
@@ -15,18 +15,19 @@ pub(crate) enum Division {
     Species {
         meets_itself: bool,
     },
+    /// Species that each pair with one other, and every seventh sphere of one that never pairs.
+    DisjointPairs(usize),
 }
 
-const SECOND: u32 = 1;
-const IDLE: u32 = 2;
-
 impl Division {
-    fn species_of(self, index: usize, count: usize) -> u32 {
+    fn species_of(self, index: usize, count: usize) -> usize {
         match self {
             Self::OneSet => 0,
-            Self::TwoSets => u32::from(index >= self.first_set(count)),
-            Self::Species { .. } if index % 7 == 3 => IDLE,
-            Self::Species { .. } => u32::from(index.is_multiple_of(5)),
+            Self::TwoSets => usize::from(index >= self.first_set(count)),
+            // The species that never pairs comes after those with sides.
+            _ if index % 7 == 3 => self.partners().len(),
+            Self::Species { .. } => usize::from(index.is_multiple_of(5)),
+            Self::DisjointPairs(pairs) => index / 2 % (2 * pairs),
         }
     }
 
@@ -34,65 +35,75 @@ impl Division {
         count - count / 5
     }
 
+    /// Returns the side of a sphere that may pair.
     pub(crate) fn side(self, index: usize, count: usize) -> usize {
-        usize::from(self.species_of(index, count) == SECOND)
+        self.species_of(index, count)
     }
 
     pub(crate) fn may_pair(self, index: usize, count: usize) -> bool {
-        self.species_of(index, count) != IDLE
+        self.species_of(index, count) < self.partners().len()
     }
 
     pub(crate) fn meets(self, a: usize, b: usize) -> bool {
-        self.side_pairs() >> (a + b) & 1 == 1
+        self.partners().get(a).is_some_and(|&partners| u32::from(partners) >> b & 1 == 1)
     }
 
-    fn side_pairs(self) -> u32 {
+    fn partners(self) -> Vec<u8> {
         match self {
-            Self::OneSet => SearchParams::FIRST_WITH_ITSELF,
-            Self::Species { meets_itself: true } => {
-                SearchParams::FIRST_WITH_ITSELF | SearchParams::FIRST_WITH_SECOND
-            }
-            Self::TwoSets | Self::Species { .. } => SearchParams::FIRST_WITH_SECOND,
+            Self::OneSet => vec![1],
+            Self::Species { meets_itself: true } => vec![0b11, 0b01],
+            Self::TwoSets | Self::Species { .. } => vec![0b10, 0b01],
+            Self::DisjointPairs(pairs) => (0..2 * pairs).map(|side| 1 << (side ^ 1)).collect(),
         }
     }
 
+    pub(crate) fn sides(self) -> usize {
+        self.partners().len()
+    }
+
+    pub(crate) fn levels_per_side(self) -> usize {
+        CellListLayout::levels_per_side(self.sides())
+    }
+
     pub(crate) fn has_species(self) -> bool {
-        matches!(self, Self::Species { .. })
+        matches!(self, Self::Species { .. } | Self::DisjointPairs(_))
     }
 
     pub(crate) fn divide(self, call: SearchParams) -> SearchParams {
         let second_set_start =
             if self == Self::TwoSets { self.first_set(call.spheres as usize) as u32 } else { 0 };
-        let species = if self.has_species() { IDLE + 1 } else { 0 };
-        SearchParams {
-            side_pairs: self.side_pairs(),
-            interaction: SearchParams::TOUCH,
-            second_set_start,
-            species,
-            ..call
-        }
+        let species = if self.has_species() { self.sides() as u32 + 1 } else { 0 };
+        let call = SearchParams { interaction: SearchParams::TOUCH, second_set_start, species, ..call };
+        call.with_sides(&self.partners())
+    }
+
+    /// All species, with the one that never pairs.
+    fn ids(self) -> std::ops::RangeInclusive<usize> {
+        0..=self.sides()
     }
 
     pub(crate) fn mixture(self, count: usize) -> Option<SpeciesSetup> {
-        let first = if self.meets(0, 0) { Interaction::Touch } else { Interaction::Never };
-        let never = Interaction::Never;
+        let between =
+            |a: usize, b: usize| if self.meets(a, b) { Interaction::Touch } else { Interaction::Never };
         (self != Self::OneSet).then(|| SpeciesSetup {
             species: self.species(count),
-            rows: vec![vec![first], vec![Interaction::Touch, never], vec![never; 3]],
+            rows: self.ids().map(|a| (0..=a).map(|b| between(a, b)).collect()).collect(),
         })
     }
 
     pub(crate) fn species(self, count: usize) -> Vec<u32> {
-        (0..count).map(|index| self.species_of(index, count)).collect()
+        (0..count).map(|index| self.species_of(index, count) as u32).collect()
     }
 
     pub(crate) fn upload(self, own: &GpuDevice, count: usize) -> Result<Species, Error> {
-        let touches = SpeciesParams::TOUCHES;
-        let flags = [touches, touches | SpeciesParams::SECOND_SIDE, SpeciesParams::IDLE];
-        let reach = flags.map(|flags| SpeciesParams { flags, half: 0.0 });
-        let (never, touch) = (SearchParams::NEVER, SearchParams::TOUCH);
-        let first = if self.meets(0, 0) { touch } else { never };
-        let table = [[first, touch, never], [touch, never, never], [never; 3]];
+        let flags = |id: usize| match id < self.sides() {
+            true => SpeciesParams::TOUCHES | (id as u32) << SpeciesParams::SIDE_SHIFT,
+            false => SpeciesParams::IDLE,
+        };
+        let reach: Vec<_> = self.ids().map(|id| SpeciesParams { flags: flags(id), half: 0.0 }).collect();
+        let between =
+            |a: usize, b: usize| if self.meets(a, b) { SearchParams::TOUCH } else { SearchParams::NEVER };
+        let table: Vec<f32> = self.ids().flat_map(|a| self.ids().map(move |b| between(a, b))).collect();
         Ok(Species {
             species: upload(own, &self.species(count))?,
             reach: upload(own, &reach)?,

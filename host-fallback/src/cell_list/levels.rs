@@ -191,6 +191,19 @@ mod tests {
     }
 
     #[test]
+    fn few_searches_make_more_levels() {
+        let levels = |searches| plan_for(searches, (50_000, 1.0), &[1.0, 0.5, 0.25]).levels.len();
+        assert_eq!([1.0, 0.01].map(levels), [1, 2]);
+    }
+
+    #[test]
+    fn searches_of_coincident_spheres_cost_their_fraction() {
+        let cost = |searches| plan_for(searches, (3000, 0.0), &[1.0]).cost;
+        let saved = cost(1.0) - cost(0.25);
+        assert!((saved / (3000.0 * ROW_NS) - 0.75).abs() < 0.01, "{saved}");
+    }
+
+    #[test]
     fn equal_spheres_share_one_level_of_cells_about_as_wide_as_their_diameter() {
         let plan = plan(100_000, 4.0, &[1.0]);
         assert_eq!(plan.levels.len(), 1);

@@ -1,7 +1,8 @@
-pub(super) const INCLUDES: [(&str, &str); 43] = [
+pub(super) const INCLUDES: [(&str, &str); 44] = [
     ("candidates", include_str!("../shader/shared/candidates.wgsl")),
     ("cell_assignment", include_str!("../shader/shared/cell_assignment.wgsl")),
     ("cell_list", include_str!("../shader/shared/cell_list.wgsl")),
+    ("cell_list_levels", include_str!("../shader/shared/cell_list_levels.wgsl")),
     ("cell_list_search", include_str!("../shader/shared/cell_list_search.wgsl")),
     ("cell_list_setup", include_str!("../shader/shared/cell_list_setup.wgsl")),
     ("cell_numbers", include_str!("../shader/shared/cell_numbers.wgsl")),

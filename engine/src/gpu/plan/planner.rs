@@ -137,15 +137,12 @@ pub(crate) struct CallSettings<'a> {
 impl Plan {
     pub(crate) fn call(&self, settings: &CallSettings<'_>) -> SearchParams {
         let sides = settings.sides;
-        let (side_pairs, interaction) = if settings.split == 0 {
-            sides.map_or((SearchParams::FIRST_WITH_ITSELF, SearchParams::TOUCH), |sides| {
-                (sides.side_pairs, sides.interaction)
-            })
+        let (partners, interaction): (&[u8], f32) = if settings.split == 0 {
+            sides.map_or((&[1], SearchParams::TOUCH), |sides| (&sides.partners, sides.interaction))
         } else {
-            (SearchParams::FIRST_WITH_SECOND, sides.map_or(SearchParams::TOUCH, |sides| sides.across_sets))
+            (&[0b10, 0b01], sides.map_or(SearchParams::TOUCH, |sides| sides.across_sets))
         };
-        SearchParams {
-            side_pairs,
+        let call = SearchParams {
             interaction,
             entry_capacity: self.entries,
             key_bits: self.key_bits,
@@ -160,7 +157,8 @@ impl Plan {
             candidates_per_invocation: self.candidates_per_invocation,
             chunks_per_block: self.chunks_per_block,
             ..settings.config.call(self.spheres, &settings.window, settings.split)
-        }
+        };
+        call.with_sides(partners)
     }
 }
 

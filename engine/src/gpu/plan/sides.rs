@@ -1,25 +1,20 @@
-//! The two sides of a cell list's spheres on the GPU. Sides without common interactions are never compared.
+//! The sides of a cell list's spheres on the GPU: groups of species, divided so that few spheres are compared. Sides
+//! without common interactions are never compared.
 
 use lazygrid_host::SpeciesPartition;
-use lazygrid_kernels::layout::SearchParams;
+use lazygrid_kernels::layout::{CellListLayout, SearchParams};
 use lazygrid_kernels::{Interaction, Interactions};
 
-/// Sides are kept apart if they save at least this fraction of comparisons.
+/// More sides must save at least this fraction of comparisons: each side has a table of cells.
 const WORTHWHILE: f64 = 0.25;
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Side {
-    /// The species pairs with none.
-    Idle,
-    First,
-    Second,
-}
+const MAX_SIDES: usize = CellListLayout::MAX_SIDES;
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Sides {
-    pub(crate) of_species: Vec<Side>,
-    /// For one set; see [`SearchParams::side_pairs`].
-    pub(crate) side_pairs: u32,
+    /// `None` for a species that never pairs.
+    pub(crate) of_species: Vec<Option<u8>>,
+    /// For one set: the sides that each side is compared with, one bit each.
+    pub(crate) partners: Vec<u8>,
     /// For one set; see [`SearchParams::interaction`].
     pub(crate) interaction: f32,
     /// For two sets, where spheres of one species may meet.
@@ -29,44 +24,114 @@ pub(crate) struct Sides {
 impl Sides {
     /// Minimizes the comparisons for equal numbers of each species.
     pub(crate) fn of(table: &Interactions) -> Self {
-        let groups = SpeciesPartition::of_table(table);
+        let partition = SpeciesPartition::of_table(table);
         let species = || 0..table.species();
-        let is_idle = |group: usize| (0..groups.count()).all(|other| !groups.meets(group, other));
-        let active: Vec<usize> = (0..groups.count()).filter(|&group| !is_idle(group)).collect();
-        let weights: Vec<f64> = active
-            .iter()
-            .map(|&group| species().filter(|&of| groups.group_of(of) == group).count() as f64)
-            .collect();
-        // The first group is on the first side.
-        let divisions = 1_u32 << active.len().saturating_sub(1);
-        let meets = |a: usize, b: usize| groups.meets(active[a], active[b]);
-        let cost = |second: u32| comparisons((second << 1, &weights), meets);
-        let best = (0..divisions).min_by(|&a, &b| cost(a).0.total_cmp(&cost(b).0)).unwrap_or(0);
-        let best = if cost(best).0 <= (1.0 - WORTHWHILE) * cost(0).0 { best } else { 0 };
-        let side = |of: u32| match active.iter().position(|&group| group == groups.group_of(of)) {
-            None => Side::Idle,
-            Some(at) if (best << 1) >> at & 1 == 1 => Side::Second,
-            Some(_) => Side::First,
+        let is_idle = |group: usize| (0..partition.count()).all(|other| !partition.meets(group, other));
+        let active: Vec<usize> = (0..partition.count()).filter(|&group| !is_idle(group)).collect();
+        let weight = |group: usize| species().filter(|&of| partition.group_of(of) == group).count() as f64;
+        let partners = |group: usize| mask(active.iter().map(|&other| partition.meets(group, other)));
+        let groups = PairingGroups {
+            weights: active.iter().map(|&group| weight(group)).collect(),
+            partners: active.iter().map(|&group| partners(group)).collect(),
         };
-        let of_species: Vec<Side> = species().map(side).collect();
-        let side_pairs = cost(best).1;
-        let on = |side: Side| species().filter(|&of| of_species[of as usize] == side).collect::<Vec<_>>();
-        let [first, second] = [Side::First, Side::Second].map(on);
-        let compared = [
-            (SearchParams::FIRST_WITH_ITSELF, &first, &first),
-            (SearchParams::FIRST_WITH_SECOND, &first, &second),
-            (SearchParams::SECOND_WITH_ITSELF, &second, &second),
-        ];
-        let compared = compared.into_iter().filter(|(bit, ..)| side_pairs & bit != 0);
-        let interaction = common(compared.flat_map(|(_, a, b)| product(a, b)), table);
-        let across_sets = if second.is_empty() {
+        let division = groups.divide();
+        let side_of = |of: u32| {
+            let group = active.iter().position(|&group| group == partition.group_of(of))?;
+            Some(division[group])
+        };
+        let of_species: Vec<Option<u8>> = species().map(side_of).collect();
+        let partners = groups.side_partners(&division);
+        let on = |side: usize| {
+            let own = species().filter(|&of| of_species[of as usize].map(usize::from) == Some(side));
+            own.collect::<Vec<_>>()
+        };
+        let members: Vec<Vec<u32>> = (0..partners.len()).map(on).collect();
+        let compared = side_pairs(&partners).flat_map(|(a, b)| product(&members[a], &members[b]));
+        let interaction = common(compared, table);
+        let across_sets = if partners.len() == 1 {
             interaction
         } else {
-            let all = [first, second].concat();
+            let all = members.concat();
             common(product(&all, &all), table)
         };
-        Self { of_species, side_pairs, interaction, across_sets }
+        Self { of_species, partners, interaction, across_sets }
     }
+}
+
+/// The groups of species that pair with some group.
+struct PairingGroups {
+    /// Numbers of spheres.
+    weights: Vec<f64>,
+    /// The groups with which each group pairs, one bit each.
+    partners: Vec<u8>,
+}
+
+/// The side of each group.
+type Division = [u8; MAX_SIDES];
+
+impl PairingGroups {
+    /// Returns the division with fewest comparisons, with as many sides as save enough of them.
+    fn divide(&self) -> Division {
+        let mut best = [(f64::INFINITY, [0; MAX_SIDES]); MAX_SIDES + 1];
+        for division in divisions(self.weights.len()) {
+            let partners = self.side_partners(&division);
+            let (cost, of_this_many) = (self.comparisons(&division, &partners), &mut best[partners.len()]);
+            if cost < of_this_many.0 {
+                *of_this_many = (cost, division);
+            }
+        }
+        let [_, one, more @ ..] = best;
+        let chosen = more
+            .into_iter()
+            .fold(one, |chosen, more| if more.0 <= (1.0 - WORTHWHILE) * chosen.0 { more } else { chosen });
+        chosen.1
+    }
+
+    /// Returns the sides with which each side is compared, one bit each.
+    fn side_partners(&self, division: &Division) -> Vec<u8> {
+        let groups = self.partners.len();
+        let sides = division[..groups].iter().max().map_or(1, |&last| usize::from(last) + 1);
+        let mut partners = vec![0; sides];
+        let pairs = (0..groups).flat_map(|a| (0..groups).map(move |b| (a, b)));
+        for (a, b) in pairs.filter(|&(a, b)| self.partners[a] >> b & 1 == 1) {
+            partners[usize::from(division[a])] |= 1 << division[b];
+        }
+        partners
+    }
+
+    fn comparisons(&self, division: &Division, partners: &[u8]) -> f64 {
+        let mut spheres = [0.0; MAX_SIDES];
+        self.weights.iter().zip(division).for_each(|(weight, &side)| spheres[usize::from(side)] += weight);
+        side_pairs(partners)
+            .map(|(a, b)| if a == b { 0.5 * spheres[a] * spheres[a] } else { spheres[a] * spheres[b] })
+            .sum()
+    }
+}
+
+/// Returns all divisions of groups into sides, once each: a group is on the side of an earlier group or on the next one.
+fn divisions(groups: usize) -> Vec<Division> {
+    let mut divisions = vec![([0; MAX_SIDES], 0)];
+    for group in 0..groups {
+        let on_each_side = |(division, sides): (Division, u8)| {
+            (0..=sides).map(move |side| {
+                let mut division = division;
+                division[group] = side;
+                (division, sides.max(side + 1))
+            })
+        };
+        divisions = divisions.into_iter().flat_map(on_each_side).collect();
+    }
+    divisions.into_iter().map(|(division, _)| division).collect()
+}
+
+/// Returns each pair of sides that are compared.
+fn side_pairs(partners: &[u8]) -> impl Iterator<Item = (usize, usize)> {
+    let pairs = (0..partners.len()).flat_map(|a| (a..partners.len()).map(move |b| (a, b)));
+    pairs.filter(|&(a, b)| partners[a] >> b & 1 == 1)
+}
+
+fn mask(bits: impl Iterator<Item = bool>) -> u8 {
+    bits.enumerate().fold(0, |mask, (at, bit)| mask | u8::from(bit) << at)
 }
 
 fn product(a: &[u32], b: &[u32]) -> impl Iterator<Item = (u32, u32)> {
@@ -84,23 +149,8 @@ fn common(mut pairs: impl Iterator<Item = (u32, u32)>, table: &Interactions) -> 
     }
 }
 
-/// The comparisons with the groups in the set `second` on the second side, and the compared sides. `weights` are the
-/// groups' numbers of spheres.
-fn comparisons((second, weights): (u32, &[f64]), meets: impl Fn(usize, usize) -> bool) -> (f64, u32) {
-    let groups = weights.len();
-    let side = |group: usize| (second >> group & 1) as usize;
-    let mut spheres = [0.0; 2];
-    (0..groups).for_each(|group| spheres[side(group)] += weights[group]);
-    let pairs = (0..groups).flat_map(|a| (a..groups).map(move |b| (a, b)));
-    let side_pairs =
-        pairs.filter(|&(a, b)| meets(a, b)).fold(0, |bits, (a, b)| bits | 1 << (side(a) + side(b)));
-    let each = [0.5 * spheres[0] * spheres[0], spheres[0] * spheres[1], 0.5 * spheres[1] * spheres[1]];
-    ((0..3).filter(|bit| side_pairs >> bit & 1 == 1).map(|bit| each[bit]).sum(), side_pairs)
-}
-
 #[cfg(test)]
 mod tests {
-    use super::Side::{First, Idle, Second};
     use super::*;
 
     fn table(species: u32, pairs: &[(u32, u32, Interaction)]) -> Interactions {
@@ -110,52 +160,81 @@ mod tests {
     }
 
     const TOUCH: Interaction = Interaction::Touch;
+    const ACROSS: [u8; 2] = [0b10, 0b01];
 
     #[test]
     fn reactants_are_on_opposite_sides_and_products_on_none() {
-        let within = Interaction::Within(0.5);
-        let sides = Sides::of(&table(5, &[(0, 1, within), (2, 3, within)]));
-        // Either reactant of the second reaction may be on the first side.
-        assert!([[First, Second], [Second, First]].contains(&[sides.of_species[2], sides.of_species[3]]));
-        assert_eq!([sides.of_species[0], sides.of_species[1], sides.of_species[4]], [First, Second, Idle]);
-        assert_eq!(
-            (sides.side_pairs, sides.interaction),
-            (SearchParams::FIRST_WITH_SECOND, SearchParams::BY_SPECIES)
-        );
-        let sides = Sides::of(&table(3, &[(0, 1, within)]));
-        assert_eq!((sides.of_species, sides.interaction), (vec![First, Second, Idle], 0.5));
+        let sides = Sides::of(&table(3, &[(0, 1, Interaction::Within(0.5))]));
+        assert_eq!((sides.of_species, sides.interaction), (vec![Some(0), Some(1), None], 0.5));
+        assert_eq!(sides.partners, ACROSS);
         assert_eq!(sides.across_sets, SearchParams::BY_SPECIES, "of two sets spheres of one species meet");
+    }
+
+    #[test]
+    fn species_of_disjoint_pairs_have_a_side_each() {
+        for pairs in 2..=4 {
+            let rows: Vec<_> = (0..pairs).map(|pair| (2 * pair, 2 * pair + 1, TOUCH)).collect();
+            let sides = Sides::of(&table(2 * pairs + 1, &rows));
+            let one_each = (0..2 * pairs as u8).map(Some).chain([None]);
+            assert_eq!(sides.of_species, one_each.collect::<Vec<_>>());
+            let partner = |side: u8| 1 << (side ^ 1);
+            assert_eq!(sides.partners, (0..2 * pairs as u8).map(partner).collect::<Vec<_>>());
+            assert_eq!(
+                (sides.interaction, sides.across_sets),
+                (SearchParams::TOUCH, SearchParams::BY_SPECIES)
+            );
+        }
+        let distances = [(0, 1, Interaction::Within(0.5)), (2, 3, Interaction::Within(0.25))];
+        assert_eq!(Sides::of(&table(4, &distances)).interaction, SearchParams::BY_SPECIES);
+    }
+
+    #[test]
+    fn species_beyond_the_most_groups_share_a_side_that_meets_itself() {
+        let pairs: Vec<_> = (0..6).map(|pair| (2 * pair, 2 * pair + 1, TOUCH)).collect();
+        let sides = Sides::of(&table(12, &pairs));
+        let last = sides.of_species[11].expect("the species pairs");
+        assert_eq!(sides.of_species[7..], [Some(last); 5]);
+        assert_eq!(sides.partners[usize::from(last)] >> last & 1, 1);
+        assert_ne!(sides.of_species[0], sides.of_species[1]);
+        assert_eq!(sides.interaction, SearchParams::BY_SPECIES);
     }
 
     #[test]
     fn ring_of_reactions_has_two_sides_that_pair_alike() {
         let ring: Vec<_> = (0..4).map(|of| (of, (of + 1) % 4, TOUCH)).collect();
         let sides = Sides::of(&table(4, &ring));
-        assert_eq!(sides.of_species, [First, Second, First, Second]);
-        assert_eq!(
-            (sides.side_pairs, sides.interaction),
-            (SearchParams::FIRST_WITH_SECOND, SearchParams::TOUCH)
-        );
+        assert_eq!(sides.of_species, [0, 1, 0, 1].map(Some));
+        assert_eq!((&sides.partners[..], sides.interaction), (&ACROSS[..], SearchParams::TOUCH));
     }
 
     #[test]
     fn species_that_all_pair_are_on_one_side() {
         let all = Sides::of(&Interactions::new(7, TOUCH).expect("a table"));
-        assert_eq!(all.of_species, [First; 7]);
-        assert_eq!(
-            (all.side_pairs, all.interaction, all.across_sets),
-            (1, SearchParams::TOUCH, SearchParams::TOUCH)
-        );
+        assert_eq!((all.of_species, all.partners), (vec![Some(0); 7], vec![1]));
+        assert_eq!((all.interaction, all.across_sets), (SearchParams::TOUCH, SearchParams::TOUCH));
         let none = Sides::of(&Interactions::new(2, Interaction::Never).expect("a table"));
-        assert_eq!((none.of_species, none.side_pairs), (vec![Idle; 2], 0));
+        assert_eq!((none.of_species, none.partners), (vec![None; 2], vec![0]));
         assert_eq!(Sides::of(&Interactions::new(0, TOUCH).expect("a table")).of_species, []);
     }
 
     #[test]
     fn species_that_meets_itself_may_be_a_side() {
         let sides = Sides::of(&table(2, &[(0, 0, TOUCH), (0, 1, TOUCH)]));
-        assert_eq!(sides.of_species, [First, Second]);
-        assert_eq!(sides.side_pairs, SearchParams::FIRST_WITH_ITSELF | SearchParams::FIRST_WITH_SECOND);
+        assert_eq!(sides.of_species, [Some(0), Some(1)]);
+        assert_eq!(sides.partners, [0b11, 0b01]);
+    }
+
+    #[test]
+    fn side_that_saves_little_is_not_separated() {
+        // A side of the species that does not meet itself would save half of one in 18 comparisons.
+        let mut almost_all = Interactions::new(6, TOUCH).expect("a table");
+        almost_all.set(5, 5, Interaction::Never).expect("a species of the table");
+        assert_eq!(Sides::of(&almost_all).of_species, [Some(0); 6]);
+    }
+
+    #[test]
+    fn divisions_are_counted_by_bell_numbers() {
+        assert_eq!([0, 1, 2, 3, 4, 8].map(|groups| divisions(groups).len()), [1, 1, 2, 5, 15, 4140]);
     }
 
     #[test]
@@ -172,15 +251,9 @@ mod tests {
             let table = table(species, &pairs);
             let sides = Sides::of(&table);
             let all: Vec<u32> = (0..species).collect();
-            for (a, b) in product(&all, &all) {
-                if table.get(a, b) != Interaction::Never {
-                    let bit = [a, b].map(|of| match sides.of_species[of as usize] {
-                        First => 0,
-                        Second => 1,
-                        Idle => panic!("species {of} pairs"),
-                    });
-                    assert_eq!(sides.side_pairs >> (bit[0] + bit[1]) & 1, 1, "{a} and {b} of {species}");
-                }
+            for (a, b) in product(&all, &all).filter(|&(a, b)| table.get(a, b) != Interaction::Never) {
+                let [of_a, of_b] = [a, b].map(|of| sides.of_species[of as usize].expect("the species pairs"));
+                assert_eq!(sides.partners[usize::from(of_a)] >> of_b & 1, 1, "{a} and {b} of {species}");
             }
         }
     }

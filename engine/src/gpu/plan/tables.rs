@@ -3,7 +3,7 @@ use std::sync::Arc;
 use lazygrid_kernels::layout::{SearchParams, SpeciesParams};
 use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions};
 
-use super::sides::{Side, Sides};
+use super::sides::Sides;
 use crate::Error;
 
 #[derive(Clone, Debug)]
@@ -23,10 +23,9 @@ impl TableBytes {
             return Err(Error::LimitExceeded { what, needed: bytes, limit: storage_binding, remedy });
         }
         let sides = Sides::of(interactions);
-        let flags = |side: Side| match side {
-            Side::First => 0,
-            Side::Second => SpeciesParams::SECOND_SIDE,
-            Side::Idle => SpeciesParams::IDLE,
+        let flags = |side: Option<u8>| match side {
+            Some(side) => u32::from(side) << SpeciesParams::SIDE_SHIFT,
+            None => SpeciesParams::IDLE,
         };
         let touches = |reach: EffectiveRadius| if reach.touches { SpeciesParams::TOUCHES } else { 0 };
         let reach: Vec<SpeciesParams> = (0..species)

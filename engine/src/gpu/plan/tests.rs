@@ -187,8 +187,8 @@ fn a_cell_list_is_small_and_has_few_dispatches() {
         (spheres, plan.bytes() / u64::from(spheres), plan.dispatches.len())
     });
     let expected = [
-        (2000, 47, 5),
-        (10_000, 44, 5),
+        (2000, 50, 5),
+        (10_000, 45, 5),
         (400_000, 49, 12),
         (1_000_000, 42, 18),
         (10_000_000, 39, 18),

@@ -38,7 +38,7 @@ fn occupancy_count(
         if (index < cell_list.spheres) {
             let sphere = spheres[index];
             if (may_pair(index, sphere) && level_of(class_of(effective_radius(index, sphere))) != LISTED) {
-                let cell = cell_of(wrapped_sphere(sphere).xyz, side_of(index) * LEVELS);
+                let cell = cell_of(wrapped_sphere(sphere).xyz, side_of(index) * params.levels_per_side);
                 atomicAdd(&occupancy[occupancy_slot(cell)], 1u);
             }
         }

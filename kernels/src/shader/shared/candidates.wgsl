@@ -43,9 +43,9 @@ fn is_candidate_pair(query: QuerySphere, other: u32) -> bool {
     return is_pair(query.sphere, sorted[other], query.species, sorted_species[other]);
 }
 
-// Listed spheres are candidates of both sides, and the test without guards ignores species.
+// Listed spheres are candidates of all sides, and the test without guards ignores species.
 fn mixes_sides() -> bool {
-    return params.side_pairs > 1u && is_ordinary() && starts[cell_list.cells] != starts[cell_list.cells + 1u];
+    return params.sides > 1u && is_ordinary() && starts[cell_list.cells] != starts[cell_list.cells + 1u];
 }
 
 fn species_pair(query: QuerySphere, other: u32) -> bool {

@@ -17,7 +17,7 @@ fn assign_cell(index: u32, sphere: vec4<f32>) -> CellAssignment {
         return CellAssignment(cell_list.cells, 0u, false);
     }
     let position = wrapped_sphere(sphere).xyz;
-    let first = side_of(index) * LEVELS;
+    let first = side_of(index) * params.levels_per_side;
     // Without an occupancy table, every sphere uses its own level. The occupancy of its own cell is a lower bound for
     // the cell of level 0.
     var level = first + select(0u, own, cell_list.has_overfull_cells != 0u && params.occupancy_slots == 0u);

@@ -1,10 +1,11 @@
-// Each sphere is in the one cell of its center, at the level of its size class. Cells of level k are 2^-k of the size
-// of level 0. On each axis they form a ring, so spheres that cannot be distinguished share a cell, which costs tests
-// but no pair.
+// Each sphere is in the one cell of its center, at the level of its size class. Level 0 of a side has depth 0, and
+// further levels the depths of smaller spheres. On each axis cells form a ring, so spheres that cannot be distinguished
+// share a cell, which costs tests but no pair.
 
-const LEVELS: u32 = 16u;
-// The first side, then the second.
-const SIDED_LEVELS: u32 = 32u;
+// The levels of all sides, one side after the other.
+const LEVELS: u32 = 32u;
+// Cells of depth k are 2^-k of the size of level 0.
+const DEPTHS: u32 = 16u;
 // Exponents of the effective radius.
 const CLASSES: u32 = 256u;
 // For size classes with so few spheres that these are listed instead of put into cells.
@@ -16,7 +17,7 @@ struct InputStats {
     high: array<atomic<u32>, 3>,
     smallest: atomic<u32>,
     quarantined: atomic<u32>,
-    members: array<atomic<u32>, 512>,
+    members: array<atomic<u32>, 2048>,
     largest: array<atomic<u32>, 256>,
 }
 
@@ -33,7 +34,7 @@ struct CellListLevel {
     // At most half a cell.
     max_radius: f32,
     // Levels in which spheres search all cells that their boxes overlap, one bit each: coarser ones of the compared
-    // sides, and the same level of the other side if that has more spheres.
+    // sides, and the same level of another side if that has more spheres.
     searched_levels: u32,
     searches_itself: u32,
 }
@@ -49,5 +50,5 @@ struct CellListLayout {
     ordinary: u32,
     // Four per word.
     class_levels: array<u32, 64>,
-    level: array<CellListLevel, 32>,
+    level: array<CellListLevel, LEVELS>,
 }

@@ -1,6 +1,7 @@
 // Also clears the statistics and counters.
 
 #include outcome_begin
+#include cell_list_levels
 
 const SAMPLES: u32 = 256u;
 const MAX_SAMPLES: u32 = 1024u;
@@ -17,36 +18,26 @@ const MAX_RING_CELLS: f32 = 32768.0;
 // A box may begin this many cells below the lowest center.
 const MARGIN: u32 = 8u;
 
-var<workgroup> members: array<u32, 512>;
 var<workgroup> largest: array<u32, 256>;
 var<workgroup> base_class: atomic<u32>;
 var<workgroup> largest_of_all: atomic<u32>;
-var<workgroup> populations: array<atomic<u32>, 32>;
-var<workgroup> on_side: array<atomic<u32>, 2>;
 var<workgroup> packed_levels: array<atomic<u32>, 64>;
 var<workgroup> low: array<u32, 3>;
 var<workgroup> high: array<u32, 3>;
 var<workgroup> samples: u32;
+// First the sums of a scan, later the cells of samples.
 var<workgroup> sampled: array<u32, 1024>;
 var<workgroup> sampled_pairs: atomic<u32>;
 var<workgroup> unit_exponent: i32;
 var<workgroup> units: u32;
 var<workgroup> level_radius: f32;
 var<workgroup> is_single: u32;
-var<workgroup> level_cells: array<vec3<u32>, 32>;
+var<workgroup> level_cells: array<vec3<u32>, LEVELS>;
 var<workgroup> has_overfull_cells: bool;
 var<workgroup> used_levels: u32;
 
 fn power_of_two(exponent: i32) -> f32 {
     return bitcast<f32>(u32(clamp(127 + exponent, 1, 254)) << 23u);
-}
-
-fn has_two_sides() -> bool {
-    return params.side_pairs > 1u;
-}
-
-fn meets(a: u32, b: u32) -> bool {
-    return ((params.side_pairs >> (a + b)) & 1u) != 0u;
 }
 
 fn exponent_of(value: f32) -> i32 {
@@ -55,15 +46,6 @@ fn exponent_of(value: f32) -> i32 {
 
 fn cube_root(value: f32) -> f32 {
     return pow(max(value, 0x1p-120), 1.0 / 3.0);
-}
-
-// With cells that hold a sphere of this radius.
-fn finest_level(radius: f32) -> u32 {
-    if (is_single != 0u) {
-        return 0u;
-    }
-    let mantissa = select(0, 1, (bitcast<u32>(radius) & 0x7fffffu) > (bitcast<u32>(level_radius) & 0x7fffffu));
-    return u32(clamp(exponent_of(level_radius) - exponent_of(radius) - mantissa, 0, i32(LEVELS) - 1));
 }
 
 // The largest diameter of spheres with cells, or up to `cell_ratio` times as much if the table could not hold the
@@ -103,7 +85,7 @@ fn fit(cells: vec3<u32>, room: u32) -> bool {
 // that is rounded up would leave an axis one cell.
 fn cells_around(level: u32, room: u32) -> vec3<u32> {
     let lengths = periods();
-    let cell_size = f32(units) * power_of_two(unit_exponent - i32(level % LEVELS));
+    let cell_size = f32(units) * power_of_two(unit_exponent - i32(depth_of(level)));
     var wanted = vec3(1u);
     for (var axis = 0u; axis < 3u; axis++) {
         if (lengths[axis] > 0.0) {
@@ -133,7 +115,7 @@ fn cells_around(level: u32, room: u32) -> vec3<u32> {
 
 fn set_level(level: u32, room: u32) {
     let lengths = periods();
-    let depth = i32(level % LEVELS);
+    let depth = i32(depth_of(level));
     cell_list.level[level].units_per_length = power_of_two(depth - unit_exponent);
     cell_list.level[level].far = u32(clamp(127 + 30 + unit_exponent - depth, 1, 255)) << 23u;
     cell_list.level[level].max_radius = level_radius * power_of_two(-depth);
@@ -150,29 +132,6 @@ fn set_level(level: u32, room: u32) {
     cell_list.level[level].cells = cells;
     let used = (lengths > vec3(0.0)) & (cells > vec3(1u));
     cell_list.level[level].cells_per_length = select(vec3(0.0), vec3<f32>(cells) / max(lengths, vec3(MIN_CELL_SIZE)), used);
-}
-
-fn spheres_at(level: u32) -> u32 {
-    if (has_overfull_cells) {
-        return atomicLoad(&populations[level]);
-    }
-    return select(0u, atomicLoad(&on_side[level / LEVELS]), level % LEVELS == 0u);
-}
-
-// The sphere at the finer level finds the other; at one level of different sides, a sphere of the side
-// with fewer spheres there.
-fn set_searched_levels(level: u32, used: u32) {
-    let side = level / LEVELS;
-    let own = 1u << (level % LEVELS);
-    var searched_levels = 0u;
-    for (var other = 0u; other < 2u; other++) {
-        let same = other * LEVELS + level % LEVELS;
-        let fewer = spheres_at(level) < spheres_at(same) || (spheres_at(level) == spheres_at(same) && side == 0u);
-        let looks = (own - 1u) | select(0u, own, other != side && fewer);
-        searched_levels |= select(0u, (looks << (other * LEVELS)) & used, meets(side, other));
-    }
-    cell_list.level[level].searched_levels = searched_levels;
-    cell_list.level[level].searches_itself = select(0u, 1u, meets(side, side));
 }
 
 fn set_call(count: u32) {
@@ -217,16 +176,13 @@ fn sample_cell(number: u32, count: u32) -> u32 {
     if (!may_pair(index, sphere) || class_of(effective_radius(index, sphere)) > atomicLoad(&base_class)) {
         return 0xffffffffu - number;
     }
-    return cell_of(wrapped_sphere(sphere).xyz, side_of(index) * LEVELS);
+    return cell_of(wrapped_sphere(sphere).xyz, side_of(index) * params.levels_per_side);
 }
 
 // Smaller spheres leave overfull cells of level 0 if finer levels exist, and samples or the last call found such cells.
 // If both may miss some, the call looks for them.
 fn decide_descent(count: u32) {
-    var finer = false;
-    for (var level = 1u; level < SIDED_LEVELS; level++) {
-        finer = finer || (level != LEVELS && atomicLoad(&populations[level]) != 0u);
-    }
+    let finer = atomicLoad(&level_depths[1]) != DEPTHS;
     // The mean occupancy that a sphere sees: the fraction of ordered pairs of samples in one cell, times the spheres.
     let pairs = f32(atomicLoad(&sampled_pairs));
     let share = f32(count) / f32(min(count, samples) * min(count, samples) + 1u);
@@ -240,17 +196,20 @@ fn decide_descent(count: u32) {
 // Called by the only workgroup.
 fn configure(local_index: u32) {
     let count = min(count_source[0], params.spheres);
-    let own = vec2(atomicLoad(&stats.members[local_index]), atomicLoad(&stats.members[CLASSES + local_index]));
-    let own_members = own.x + own.y;
-    members[local_index] = own_members;
+    var own_members = 0u;
+    for (var side = 0u; side < params.sides; side++) {
+        own_members += atomicLoad(&stats.members[side * CLASSES + local_index]);
+    }
+    sampled[local_index] = own_members;
     largest[local_index] = atomicLoad(&stats.largest[local_index]);
-    atomicStore(&stats.members[local_index], 0u);
-    atomicStore(&stats.members[CLASSES + local_index], 0u);
     atomicStore(&stats.largest[local_index], 0u);
-    if (local_index < SIDED_LEVELS) {
+    if (local_index < LEVELS) {
         atomicStore(&populations[local_index], 0u);
     }
-    if (local_index < 2u) {
+    if (local_index < DEPTHS) {
+        atomicStore(&level_depths[local_index], select(DEPTHS, 0u, local_index == 0u));
+    }
+    if (local_index < MAX_SIDES) {
         atomicStore(&on_side[local_index], 0u);
     }
     if (local_index < 64u) {
@@ -265,6 +224,7 @@ fn configure(local_index: u32) {
         atomicStore(&stats.high[local_index], 0u);
     }
     if (local_index == 0u) {
+        atomicStore(&depths, 1u);
         atomicStore(&base_class, 0u);
         atomicStore(&largest_of_all, 0u);
         atomicStore(&sampled_pairs, 0u);
@@ -276,15 +236,15 @@ fn configure(local_index: u32) {
 
     var front = 0u;
     for (var step = 1u; step < CLASSES; step *= 2u) {
-        var sum = members[front + local_index];
+        var sum = sampled[front + local_index];
         if (local_index + step < CLASSES) {
-            sum += members[front + local_index + step];
+            sum += sampled[front + local_index + step];
         }
         front = CLASSES - front;
-        members[front + local_index] = sum;
+        sampled[front + local_index] = sum;
         workgroupBarrier();
     }
-    if (own_members != 0u && members[front + local_index] > MAX_LISTED) {
+    if (own_members != 0u && sampled[front + local_index] > MAX_LISTED) {
         atomicMax(&base_class, local_index);
     }
     workgroupBarrier();
@@ -295,28 +255,38 @@ fn configure(local_index: u32) {
     }
     workgroupBarrier();
 
-    var level = LISTED;
-    if (local_index <= atomicLoad(&base_class)) {
-        level = finest_level(bitcast<f32>(largest[local_index]));
-        atomicAdd(&populations[level], own.x);
-        atomicAdd(&populations[LEVELS + level], own.y);
-        atomicAdd(&on_side[0], own.x);
-        atomicAdd(&on_side[1], own.y);
+    let is_listed = local_index > atomicLoad(&base_class);
+    let depth = finest_depth(bitcast<f32>(largest[local_index]));
+    if (own_members != 0u && !is_listed) {
+        atomicOr(&depths, 1u << depth);
+    }
+    workgroupBarrier();
+    let level = select(level_of_depth(depth), LISTED, is_listed);
+    if (own_members != 0u && !is_listed) {
+        atomicMin(&level_depths[level], depth);
+        for (var side = 0u; side < params.sides; side++) {
+            let count = atomicLoad(&stats.members[side * CLASSES + local_index]);
+            atomicAdd(&populations[side * params.levels_per_side + level], count);
+            atomicAdd(&on_side[side], count);
+        }
+    }
+    for (var side = 0u; side < params.sides; side++) {
+        atomicStore(&stats.members[side * CLASSES + local_index], 0u);
     }
     atomicOr(&packed_levels[local_index / 4u], level << ((local_index % 4u) * 8u));
     workgroupBarrier();
     if (local_index < 64u) {
         cell_list.class_levels[local_index] = atomicLoad(&packed_levels[local_index]);
     }
-    if (local_index < SIDED_LEVELS) {
+    if (local_index < LEVELS) {
         level_cells[local_index] = vec3(0u);
     }
     storageBarrier();
     workgroupBarrier();
-    if (local_index == 0u || (local_index == LEVELS && has_two_sides())) {
-        // With two sides, half of the cells are shared equally, and half by number of spheres.
-        let share = 0.25 + 0.5 * f32(atomicLoad(&on_side[local_index / LEVELS])) / f32(max(count, 1u));
-        let room = select(params.cells, u32(f32(params.cells) * share * 0x1.ffffp-1), has_two_sides());
+    if (local_index < LEVELS && is_used(local_index)) {
+        // With several sides, half of the cells are shared equally, and half by number of spheres.
+        let share = 0.5 / f32(params.sides) + 0.5 * f32(spheres_on_side(local_index)) / f32(max(count, 1u));
+        let room = select(params.cells, u32(f32(params.cells) * share * 0x1.ffffp-1), params.sides > 1u);
         set_level(local_index, max(room, 1u));
     }
     storageBarrier();
@@ -352,14 +322,14 @@ fn configure(local_index: u32) {
     }
     // If smaller spheres leave the first level, half of the cells are shared equally by all levels, half by number of
     // spheres.
-    if (workgroupUniformLoad(&has_overfull_cells) && local_index < SIDED_LEVELS) {
+    if (workgroupUniformLoad(&has_overfull_cells) && local_index < LEVELS) {
         let population = atomicLoad(&populations[local_index]);
-        var levels = select(1.0, 2.0, has_two_sides());
-        for (var other = 1u; other < SIDED_LEVELS; other++) {
-            levels += select(0.0, 1.0, other != LEVELS && atomicLoad(&populations[other]) != 0u);
+        var levels = 0.0;
+        for (var other = 0u; other < LEVELS; other++) {
+            levels += select(0.0, 1.0, is_used(other) || atomicLoad(&populations[other]) != 0u);
         }
         let share = 0.5 / levels + 0.5 * f32(population) / f32(max(count, 1u));
-        if (local_index == 0u || (local_index == LEVELS && has_two_sides()) || population != 0u) {
+        if (is_used(local_index) || population != 0u) {
             set_level(local_index, max(u32(f32(params.cells) * share * 0x1.ffffp-1), 1u));
         }
     }
@@ -367,7 +337,7 @@ fn configure(local_index: u32) {
     if (local_index == 0u) {
         var base = 0u;
         var levels = 0u;
-        for (var level = 0u; level < SIDED_LEVELS; level++) {
+        for (var level = 0u; level < LEVELS; level++) {
             let cells = level_cells[level];
             cell_list.level[level].base = base;
             levels |= select(0u, 1u << level, cells.x != 0u);
@@ -384,7 +354,7 @@ fn configure(local_index: u32) {
         sort_counts.counters = select(tiles * 256u, base + 2u, params.radix_tile == 0u);
     }
     workgroupBarrier();
-    if (local_index < SIDED_LEVELS && ((used_levels >> local_index) & 1u) != 0u) {
+    if (local_index < LEVELS && ((used_levels >> local_index) & 1u) != 0u) {
         set_searched_levels(local_index, used_levels);
     }
 }

@@ -4,10 +4,10 @@ const FLUSHED: f32 = 0x1p-120;
 
 #ifdef SPECIES
 // `species_params[s]` holds the flags of species s, and the bits of half the largest distance at which it pairs.
-// TOUCHES: the species has pairs decided by contact.
+// TOUCHES: the species has pairs decided by contact. Above SIDE_SHIFT: the side of a cell list.
 const TOUCHES: u32 = 1u;
-const SECOND_SIDE: u32 = 2u;
-const IDLE: u32 = 4u;
+const IDLE: u32 = 2u;
+const SIDE_SHIFT: u32 = 8u;
 
 // Half of the largest distance at which the sphere pairs, or its radius if contact counts.
 fn effective_radius(index: u32, sphere: vec4<f32>) -> f32 {

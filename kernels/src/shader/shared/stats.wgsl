@@ -4,12 +4,12 @@ var<workgroup> group_low: array<atomic<u32>, 3>;
 var<workgroup> group_high: array<atomic<u32>, 3>;
 var<workgroup> group_smallest: atomic<u32>;
 var<workgroup> group_quarantined: atomic<u32>;
-var<workgroup> group_members: array<atomic<u32>, 512>;
+var<workgroup> group_members: array<atomic<u32>, MAX_SIDES * CLASSES>;
 var<workgroup> group_largest: array<atomic<u32>, 256>;
 
 // Consecutive spheres of one size class and side in a thread.
 struct Streak {
-    // CLASSES is added on the second side.
+    // Plus CLASSES times the side.
     size_class: u32,
     members: u32,
     largest: u32,
@@ -55,8 +55,9 @@ fn add_sphere(own: ptr<function, ThreadStats>, index: u32, sphere: vec4<f32>) {
 // Called by a whole workgroup; each thread strides over the spheres from `first`.
 fn reduce_stats(first: u32, stride: u32, thread: Thread) {
     let local_index = thread.local_index;
-    atomicStore(&group_members[local_index], 0u);
-    atomicStore(&group_members[CLASSES + local_index], 0u);
+    for (var side = 0u; side < params.sides; side++) {
+        atomicStore(&group_members[side * CLASSES + local_index], 0u);
+    }
     atomicStore(&group_largest[local_index], 0u);
     if (local_index < 3u) {
         atomicStore(&group_low[local_index], 0u);
@@ -102,7 +103,7 @@ fn reduce_stats(first: u32, stride: u32, thread: Thread) {
     clear_counters(first, stride);
     workgroupBarrier();
 
-    for (var side = 0u; side < 2u; side++) {
+    for (var side = 0u; side < params.sides; side++) {
         let members = atomicLoad(&group_members[side * CLASSES + local_index]);
         if (members != 0u) {
             atomicAdd(&stats.members[side * CLASSES + local_index], members);
