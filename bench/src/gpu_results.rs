@@ -134,7 +134,7 @@ fn count(number: u64) -> String {
     }
 }
 
-/// The document: predictions, how to run, and the runs.
+/// Writes the document: predictions, how to run, and the runs.
 pub fn document(runs: &[GpuRun], commit: &str) -> String {
     let mut text = format!(
         "# Results on GPUs\n\n\

@@ -1,5 +1,3 @@
-//! Uploads, readbacks and runs of single kernels.
-
 use std::time::Duration;
 
 use bytemuck::Pod;
@@ -10,10 +8,10 @@ use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid_kernels::kernel::{Binding, Kernel, Variant};
 use wgpu::BufferUsages;
 
-/// The timeout of each operation.
+/// Limits each operation.
 pub const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Creates a storage and uniform buffer with copies in both directions.
+/// Creates a storage and uniform buffer that can be copied to and from.
 pub fn storage_buffer(own: &GpuDevice, bytes: u64) -> Result<wgpu::Buffer, Error> {
     let usage =
         BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
@@ -27,7 +25,6 @@ fn buffer(own: &GpuDevice, bytes: u64, usage: BufferUsages) -> Result<wgpu::Buff
     own.with_error_scope("a buffer to check with", size, || own.device.create_buffer(&descriptor))
 }
 
-/// Creates a [`storage_buffer`] with this content.
 pub fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> Result<wgpu::Buffer, Error> {
     let bytes: &[u8] = bytemuck::cast_slice(data);
     let buffer = storage_buffer(own, bytes.len() as u64)?;
@@ -75,7 +72,6 @@ pub fn wait(own: &GpuDevice) -> Result<(), Error> {
     })
 }
 
-/// Records and submits commands.
 pub fn submit<R>(
     own: &GpuDevice,
     record: impl FnOnce(&mut wgpu::CommandEncoder) -> Result<R, Error>,
@@ -102,7 +98,7 @@ pub fn run(
     run_over(own, kernel, variant, [groups, 1, 1], buffers)
 }
 
-/// Runs one kernel over a number of workgroups per dimension.
+/// Runs one kernel on workgroups per dimension.
 ///
 /// # Panics
 /// If a binding has no buffer.

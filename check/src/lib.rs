@@ -2,11 +2,13 @@
 //!
 //! * [`oracle`]: a [`TestInput`] and its [pairs](TestInput::oracle) by a plain double loop; [`difference`] explains the
 //!   first wrong pair, and [`shrink`] minimizes failing scenes.
-//! * [`scenes`]: hard scenes, and families of scenes from a [`SceneSeed`], which shrink.
+//! * [`scenes`]: hard scenes, and families of scenes from a [`SceneSeed`].
 //! * [`detectors`]: compares each [`DetectorVariant`] with the expected pairs, on fixed scenes, random rounds and
 //!   random sequences of calls.
 //! * [`kernels`]: each GPU kernel against a sequential function.
 //! * [`timing`]: times of copies, of the building blocks and of each algorithm.
+
+#![allow(missing_docs, reason = "internal to the workspace: most names and types are clear")]
 
 pub mod detectors;
 pub mod device;
@@ -15,7 +17,6 @@ pub mod oracle;
 pub mod scenes;
 pub mod timing;
 
-/// The effort of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
     /// Small scenes and sizes: seconds.

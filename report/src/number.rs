@@ -9,7 +9,7 @@ pub fn count(n: usize) -> String {
     }
 }
 
-/// Returns a unit for about `seconds` seconds, and its number per second.
+/// Returns a unit for about `seconds` seconds, and the number of units per second.
 pub fn unit(seconds: f64) -> (f64, &'static str) {
     match seconds {
         s if s < 1e-9 => (1e12, "ps"),
@@ -26,7 +26,6 @@ pub fn three_figures(value: f64) -> String {
     format!("{value:.digits$}")
 }
 
-/// Formats seconds with a unit and three digits.
 pub fn time(seconds: f64) -> String {
     let (factor, unit) = unit(seconds);
     format!("{} {unit}", three_figures(seconds * factor))

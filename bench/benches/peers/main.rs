@@ -71,7 +71,6 @@ enum Mode {
     Scratch,
     /// One thread compared with two.
     Threads,
-    /// Time and memory per sphere for growing numbers of spheres, each in a separate process.
     Sizes,
 }
 

@@ -13,7 +13,6 @@ use lazygrid_io::scenes::Scene;
 /// The smallest spheres and points share the last class.
 const CLASSES: usize = 24;
 
-/// The settings of the cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
     /// Cell size of a class over its largest diameter, at least 0.25. Below 1.01, a sphere searches more than one cell
@@ -24,10 +23,9 @@ pub struct Tuning {
 }
 
 impl Tuning {
-    /// The settings for unknown spheres.
     pub const DEFAULT: Self = Self { edge: 1.5, class: 4.0 };
 
-    /// The fastest of [`tunings`] for a scene, by the ratio to parry3d's refitted tree within rounds of `cargo bench -p
+    /// Returns the fastest of [`tunings`], by the ratio to parry3d's refitted tree within rounds of `cargo bench -p
     /// lazygrid-bench --bench peers -- --mode yardstick --algorithm cell-list --output unordered --n 100000 --rounds 7
     /// --steps 3`.
     pub fn best(scene: Scene) -> Self {
@@ -42,7 +40,7 @@ impl Tuning {
     }
 }
 
-/// The candidate settings.
+/// Returns the candidate settings.
 pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     let classes: &[f32] = match scene {
         Scene::Equal => &[4.0],
@@ -59,12 +57,11 @@ pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     tunings
 }
 
-/// The baseline for any spheres, which starts from the order of the previous step.
+/// Creates the baseline for any spheres, which starts from the previous step's order.
 pub fn incremental() -> ContenderFactory {
     with("plain cell list", Tuning::DEFAULT)
 }
 
-/// The baseline with the fastest settings for a scene.
 pub fn tuned(name: impl Into<String>, scene: Scene) -> ContenderFactory {
     with(name, Tuning::best(scene))
 }
@@ -93,7 +90,7 @@ impl CellList {
         &self.pairs
     }
 
-    /// In cell order, class by class.
+    /// Returns indices in cell order, class by class.
     pub(super) fn order(&self) -> impl Iterator<Item = u32> {
         self.classes.iter().flat_map(|class| class.order.iter().copied())
     }
@@ -102,7 +99,7 @@ impl CellList {
         Self { tuning, classes: vec![], pairs: vec![], spheres: 0 }
     }
 
-    /// Once: radii do not change between steps.
+    /// Runs once: radii do not change between steps.
     fn classify(&mut self, spheres: &[Sphere]) {
         let largest = spheres.iter().fold(0.0_f32, |largest, s| largest.max(s.radius));
         self.classes = std::iter::repeat_with(SizeClassGrid::default).take(CLASSES).collect();

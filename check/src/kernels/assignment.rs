@@ -166,7 +166,7 @@ fn touching_spheres_are_in_adjacent_cells(
     Ok(())
 }
 
-/// Each counter holds the number of unlisted spheres, if smaller spheres may leave cells.
+/// Counters hold the number of unlisted spheres, if smaller spheres may leave cells.
 pub(crate) fn occupancy_count(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;

@@ -33,7 +33,6 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
         same(|| case("spheres"), &download_one::<Grid>(own, &grid)?.spheres, &given.min(most))?;
         let found = download::<Outcome>(own, &outcome, 1)?[0];
         let overflow = if given > most { Outcome::OVERFLOW_SPHERES } else { 0 };
-        // The last kernel of a call sets these, so they may hold anything here.
         let (x, y, z) = (found.dispatch_x, found.dispatch_y, found.dispatch_z);
         let cleared = Outcome {
             overflow,
@@ -78,7 +77,7 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// None is written above the number or the capacity.
+/// No value is written above the number or the capacity.
 pub(crate) fn spheres_interleave(own: &GpuDevice) -> Result<(), KernelError> {
     const ROOM: usize = 700;
     const UNWRITTEN: [u32; 4] = [7; 4];

@@ -86,7 +86,7 @@ impl Runs {
     }
 }
 
-/// Active entries meet all entries of their run; all spheres are at one point.
+/// Active entries meet all entries of their run, which are at one point.
 pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
     for (actives, passives, passive) in
         [(0, 5, 1), (1, 0, 1), (1, 256, 1), (3, 200, 1), (257, 0, 0), (100, 157, 1)]

@@ -1,27 +1,23 @@
 use crate::Random;
 
-/// The words of one element of a scene.
 pub type ElementSeed = [u32; 12];
 
-/// The random input of a scene: words for the whole scene, and for each element (mostly a sphere).
+/// Random input of a scene: words for the whole scene, and for each element (mostly a sphere).
 ///
 /// Elements are independent, so a scene shrinks by removing elements. Smaller words make simpler elements.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SceneSeed {
-    /// Words of the whole scene.
     pub setup: ElementSeed,
-    /// Words of each element.
     pub elements: Vec<ElementSeed>,
 }
 
 impl SceneSeed {
-    /// Draws random words for `elements` elements.
     pub fn drawn(random: &mut Random, elements: usize) -> Self {
         let mut element = || [(); 12].map(|()| random.word());
         Self { setup: element(), elements: (0..elements).map(|_| element()).collect() }
     }
 
-    /// The choices for the whole scene.
+    /// Returns a reader of the whole scene's words.
     pub fn reader(&self) -> SeedReader<'_> {
         SeedReader::new(&self.setup)
     }
@@ -39,7 +35,6 @@ pub struct SeedReader<'a> {
 }
 
 impl<'a> SeedReader<'a> {
-    /// Creates a reader of these words.
     pub fn new(words: &'a [u32]) -> Self {
         Self { words: words.iter() }
     }
@@ -83,7 +78,6 @@ impl<'a> SeedReader<'a> {
         f32::from_bits(self.below(bits))
     }
 
-    /// Returns `x` or `-x`.
     pub fn signed(&mut self, x: f32) -> f32 {
         if self.below(2) == 0 { x } else { -x }
     }

@@ -68,7 +68,7 @@ fn skin(random: &mut Random, variant: DetectorVariant, radius: f32) -> Skin {
     }
 }
 
-/// Mostly few, often near the crossover to a cell list.
+/// Returns mostly few spheres, often near the crossover to a cell list.
 pub(super) fn number(random: &mut Random, variant: DetectorVariant, most: usize) -> usize {
     let is_on_gpu = matches!(variant.target, TargetDevice::Gpu { .. });
     let about_crossover = if variant.algorithm == Algorithm::Auto { 9 } else { 4 };
@@ -203,7 +203,7 @@ fn change(random: &mut Random, world: &mut World, k: u32) -> Vec<&'static str> {
         _ if random.below(5) == 0 => vec![world.back(random)],
         _ => {
             let events = 1 + random.below(3) / 2;
-            // Wrong state left by a change shows in calls with the same input.
+            // Shows wrong state in calls with the same input.
             world.held = random.below(3);
             (0..events).map(|_| world.event(random)).collect()
         }
