@@ -4,9 +4,9 @@ use bytemuck::{Pod, Zeroable};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 #[repr(C)]
 pub struct SphereRef {
-    /// Id.
+    /// The sphere's id.
     pub id: u64,
-    /// Owner.
+    /// The rank that owns the sphere.
     pub rank: u32,
     /// Index on that rank, from 0.
     pub index: u32,

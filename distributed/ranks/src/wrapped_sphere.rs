@@ -10,7 +10,7 @@ use crate::{Particle, SizeClass};
 pub struct WrappedSphere {
     /// Center, within half a length of the origin along periodic axes; orthogonalized in triclinic spaces.
     pub center: Vec3,
-    /// Effective radius: spheres that may pair are within the sum of both.
+    /// Effective radius: spheres that may pair are at most the sum of both radii apart.
     pub radius: f32,
     /// Species group; see [`SphereWrapper::can_pair`].
     pub group: u32,
