@@ -12,8 +12,8 @@ use crate::{Failure, OutPtr};
 
 /// `lazygrid_detector`: a detector and the texts that C has pointers to.
 ///
-/// All functions use `try_lock`, so a second thread and a stream's callback get [`BUSY`]. A panic poisons the mutex,
-/// and all later calls with the detector fail.
+/// All functions use `try_lock`, so a second thread and a stream's callback get [`BUSY`]. A panic poisons the mutex, so
+/// all later calls with the detector fail.
 #[derive(Debug)]
 pub struct DetectorHandle(Mutex<HandleState>);
 
@@ -69,9 +69,9 @@ pub unsafe extern "C" fn lazygrid_create(
     detector: *mut *mut DetectorHandle,
 ) -> Status {
     without_detector(|| {
-        // SAFETY: `detector` is NULL or can be written to, by this function's condition.
+        // SAFETY: by this function's condition.
         let out = unsafe { OutPtr::new(detector, "detector", std::ptr::null_mut()) }?;
-        // SAFETY: `settings` is NULL or such a structure, by this function's condition.
+        // SAFETY: by this function's condition.
         let config = unsafe { CSettings::config(settings) }?;
         let detector = Detector::new(config)?;
         let state = HandleState { detector, report: CString::default(), message: CString::default() };

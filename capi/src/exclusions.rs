@@ -18,7 +18,7 @@ unsafe fn create(
     list: impl FnOnce() -> Result<Exclusions, Failure>,
 ) -> Status {
     without_detector(|| {
-        // SAFETY: `exclusions` is NULL or can be written to, by this function's condition.
+        // SAFETY: by this function's condition.
         let out = unsafe { OutPtr::new(exclusions, "exclusions", std::ptr::null_mut()) }?;
         out.put(Box::into_raw(Box::new(ExclusionsHandle(list()?))));
         Ok(())
@@ -48,9 +48,9 @@ pub unsafe extern "C" fn lazygrid_exclusions_create(
     count: usize,
     exclusions: *mut *mut ExclusionsHandle,
 ) -> Status {
-    // SAFETY: `pairs_at` is NULL or points to `count` pairs, by this function's condition.
+    // SAFETY: by this function's condition.
     let list = || Ok(Exclusions::new(count_of_spheres, unsafe { pairs(pairs_at, count) }?)?);
-    // SAFETY: `exclusions` is NULL or can be written to, by this function's condition.
+    // SAFETY: by this function's condition.
     unsafe { create(exclusions, list) }
 }
 
@@ -68,10 +68,10 @@ pub unsafe extern "C" fn lazygrid_exclusions_across(
 ) -> Status {
     let list = || {
         let (first, second) = (first, second);
-        // SAFETY: `pairs_at` is NULL or points to `count` pairs, by this function's condition.
+        // SAFETY: by this function's condition.
         Ok(Exclusions::across(first, second, unsafe { pairs(pairs_at, count) }?)?)
     };
-    // SAFETY: `exclusions` is NULL or can be written to, by this function's condition.
+    // SAFETY: by this function's condition.
     unsafe { create(exclusions, list) }
 }
 
@@ -107,7 +107,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_from_csr(
         // SAFETY: this number of values is there by this function's condition, and takes at most `isize::MAX` bytes.
         Ok(Exclusions::from_csr(&starts, unsafe { array(indices, count, "indices") }?)?)
     };
-    // SAFETY: `exclusions` is NULL or can be written to, by this function's condition.
+    // SAFETY: by this function's condition.
     unsafe { create(exclusions, list) }
 }
 

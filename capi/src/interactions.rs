@@ -31,7 +31,7 @@ pub unsafe extern "C" fn lazygrid_interactions_create(
     interactions: *mut *mut InteractionsHandle,
 ) -> Status {
     without_detector(|| {
-        // SAFETY: `interactions` is NULL or can be written to, by this function's condition.
+        // SAFETY: by this function's condition.
         let out = unsafe { OutPtr::new(interactions, "interactions", std::ptr::null_mut()) }?;
         let table = Interactions::new(species, interaction(kind, distance)?)?;
         out.put(Box::into_raw(Box::new(InteractionsHandle(table))));

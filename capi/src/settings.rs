@@ -85,14 +85,14 @@ impl CSettings {
         if settings.is_null() {
             return Ok(Config::default());
         }
-        // SAFETY: `settings` is NULL or points to such a structure, by this function's condition.
+        // SAFETY: by this function's condition.
         let settings = unsafe { sized::read(settings, "settings") }?;
         let mut config = Config::default()
             .backend(choice(&BACKENDS, settings.backend, "backend")?)
             .algorithm(choice(&ALGORITHMS, settings.algorithm, "algorithm")?)
             .order(choice(&ORDERS, settings.order, "order")?)
             .skin(settings.skin()?)
-            // SAFETY: `edges` is NULL or nine numbers, by this function's condition.
+            // SAFETY: by this function's condition.
             .space(unsafe { settings.space() }?);
         if settings.threads != 0 {
             config = config.threads(settings.threads as usize);
@@ -105,7 +105,7 @@ impl CSettings {
             // SAFETY: not NULL and aligned, and a table by this function's condition.
             config = config.interactions(unsafe { &*settings.interactions }.0.clone());
         }
-        // SAFETY: `adapter` is NULL or a text that ends with a zero byte, by this function's condition.
+        // SAFETY: by this function's condition.
         unsafe { settings.on_gpu(config) }
     }
 

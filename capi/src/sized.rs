@@ -18,7 +18,7 @@ pub unsafe trait VersionedStruct: Copy {
     const REMEDY: &'static str;
 }
 
-/// Copies a structure of a program that may know fewer fields than this library, or more. Fields that the program does
+/// Copies a structure of a program that may know fewer or more fields than this library. Fields that the program does
 /// not know are 0.
 ///
 /// # Errors

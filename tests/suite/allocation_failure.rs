@@ -150,7 +150,7 @@ fn walk<'a>(
     walk_after(&[], variant, config, query.into(), next);
 }
 
-/// Does the same with detectors that have searched `before` already, and may keep its candidates.
+/// Repeats [`walk`] with detectors that have searched `before`, and may keep its candidates.
 fn walk_after(
     before: &[Sphere],
     variant: DetectorVariant,
@@ -203,7 +203,7 @@ fn variants() -> impl Iterator<Item = DetectorVariant> {
     variants::all().into_iter().filter(is_one)
 }
 
-/// A single test, because all tests share the allocator.
+/// Runs as one test, because tests share the allocator.
 #[test]
 fn failed_allocation_is_an_error_wherever_it_occurs() {
     let sizes = Scene::FiveSizes.spheres(1300, 41);

@@ -1,5 +1,5 @@
-//! Memory that detectors hold and allocate, measured by the allocator. Mostly on one thread: with more threads, the
-//! number of workspaces depends on scheduling.
+//! Memory that detectors hold and allocate, measured by the allocator. Mostly on one thread, because scheduling
+//! determines the number of workspaces.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ops::ControlFlow;
@@ -140,8 +140,9 @@ fn memory_for_is_an_upper_bound() {
     }
 }
 
-/// The benchmark scenes; equal spheres in a ball about as large as one cell of the paper's grids, where each sphere has
-/// the maximum number of cells; and one huge sphere far from the origin along one axis, filled with small ones.
+/// Returns the benchmark scenes; equal spheres in a ball about as large as one cell of the paper's grids, where each
+/// sphere has the maximum number of cells; and one huge sphere far from the origin along one axis, filled with small
+/// ones.
 fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
     let crowd = Scene::Equal.spheres(n, seed).into_iter().map(|sphere| {
         let extent = (n as f32 * 20.0).cbrt().max(1.0);

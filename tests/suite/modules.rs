@@ -26,7 +26,7 @@ const CRATES: [&str; 16] = [
 /// The modules that each module uses.
 type Graph = BTreeMap<String, BTreeSet<String>>;
 
-/// Code without comments, strings and items that only tests compile.
+/// Returns code without comments, strings and test-only items.
 fn code(source: &str) -> String {
     let mut text = String::with_capacity(source.len());
     let mut rest = source;

@@ -19,7 +19,7 @@ use crate::args::{Check, Checked};
 use crate::error::CliError;
 use crate::progress;
 
-/// Weights of stages in the progress: about seconds on a slow machine.
+/// Weights in the progress bar: about seconds on a slow machine.
 const KERNELS: u64 = 20;
 const SCENES: u64 = 40;
 const SPEEDS: u64 = 60;
@@ -95,7 +95,7 @@ struct Runner<'a> {
     pace: Pace,
     left_out: usize,
     wrong: usize,
-    /// Wrong scene with the fewest spheres, and its fault.
+    /// The wrong scene with the fewest spheres, and its fault.
     smallest: Option<(&'a SceneCase, String)>,
 }
 

@@ -4,6 +4,7 @@ use thiserror::Error;
 /// An error, equal on all ranks, with value, limit and remedy.
 #[derive(Clone, Debug, Error, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "messages explain the fields")]
 pub enum Error {
     /// Refused input of a rank.
     #[error("rank {rank}: {message}")]
@@ -12,7 +13,6 @@ pub enum Error {
         rank: u32,
         /// First such sphere of the rank, if it is one sphere.
         index: Option<u32>,
-        /// Fault and remedy.
         message: String,
     },
     /// Two spheres have the same id.
@@ -23,19 +23,14 @@ pub enum Error {
     DuplicateId {
         /// Smallest such id.
         id: u64,
-        /// Rank and index of one.
         first: [u32; 2],
-        /// Rank and index of the other.
         second: [u32; 2],
     },
     /// Setting out of range.
     #[error("{name} = {value} is out of range; {range}")]
     Setting {
-        /// Setting.
         name: String,
-        /// Refused value.
         value: String,
-        /// Allowed values.
         range: String,
     },
     /// Setting differs between ranks.
@@ -45,7 +40,6 @@ pub enum Error {
         name: String,
         /// Rank 0, and the first that differs from it.
         ranks: [u32; 2],
-        /// Values, the number of ranks that differ, and the remedy.
         message: String,
     },
     /// A rank lacks memory.
@@ -56,7 +50,6 @@ pub enum Error {
     OutOfMemory {
         /// First such rank.
         rank: u32,
-        /// Purpose.
         what: String,
         /// Requested bytes.
         bytes: u64,
@@ -69,9 +62,7 @@ pub enum Error {
     TooManyPairs {
         /// First such rank.
         rank: u32,
-        /// Its pairs.
         found: u64,
-        /// Pairs allowed on a rank.
         limit: u64,
     },
     /// Detector of one rank failed.
@@ -79,13 +70,11 @@ pub enum Error {
     Detection {
         /// First such rank.
         rank: u32,
-        /// Error of the detector.
         message: String,
     },
     /// More data than a message can carry.
     #[error("{what}: {needed} bytes are more than the {limit} that one message can carry; use fewer ranks")]
     Message {
-        /// Data.
         what: String,
         /// Size in bytes.
         needed: u64,

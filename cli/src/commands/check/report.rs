@@ -17,7 +17,7 @@ use crate::commands::detect::summary::{cost_object, cost_text};
 use crate::error::CliError;
 use crate::{devices, print};
 
-/// A GPU's counts may differ by tangent pairs: two, and one in this number.
+/// A GPU's count may differ by two tangent pairs, and by one in this number.
 const TANGENT: u64 = 1_000_000;
 
 /// Prints results at once, or as one JSON object at the end.
