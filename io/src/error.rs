@@ -43,24 +43,16 @@ impl fmt::Display for Location {
 pub enum Error {
     /// The file cannot be opened or read.
     #[error("{}: cannot read: {source}", path.display())]
-    Read {
-        path: PathBuf,
-        source: io::Error,
-    },
+    Read { path: PathBuf, source: io::Error },
     /// The file cannot be created or written. An existing one is untouched.
     #[error("{}: cannot write: {source}", path.display())]
-    Write {
-        path: PathBuf,
-        source: io::Error,
-    },
+    Write { path: PathBuf, source: io::Error },
     /// Neither name nor content tell the format.
     #[error(
         "{}: neither the name nor the content tells the format; say --format csv, npy, xyz, lammps or smoldyn",
         path.display()
     )]
-    UnknownFormat {
-        path: PathBuf,
-    },
+    UnknownFormat { path: PathBuf },
     /// Text that does not fit the format.
     #[error("{place}: expected {expected}, found {found}")]
     Syntax {
@@ -71,11 +63,7 @@ pub enum Error {
     },
     /// Field that is not a number.
     #[error("{place}: {column} '{text}' is not a number")]
-    Number {
-        place: Location,
-        column: String,
-        text: String,
-    },
+    Number { place: Location, column: String, text: String },
     /// Number that no sphere can have.
     #[error("{place}: {column} is {value}; {rule}")]
     Value {
@@ -87,10 +75,7 @@ pub enum Error {
     },
     /// The file has no radii, and none was given for this species.
     #[error("{place}: no radius column and no radius for {}", remedy(species.as_deref()))]
-    NoRadius {
-        place: Location,
-        species: Option<String>,
-    },
+    NoRadius { place: Location, species: Option<String> },
     /// File ends inside a frame.
     #[error("{place}: the file ends after {found} of {expected} {what}")]
     Truncated {
@@ -107,20 +92,13 @@ pub enum Error {
         "{place}: the box cannot be periodic: {reason}; give lengths with --periodic X,Y,Z, or take space as unbounded with \
          --periodic none"
     )]
-    BoxEdges {
-        place: Location,
-        reason: Box<lazygrid::InputError>,
-    },
+    BoxEdges { place: Location, reason: Box<lazygrid::InputError> },
     /// A box length that is no period.
     #[error(
         "{place}: the box is periodic along {axis} and its length there is {length}, no 32-bit number above zero; give \
          lengths with --periodic X,Y,Z, or take space as unbounded with --periodic none"
     )]
-    BoxLength {
-        place: Location,
-        axis: &'static str,
-        length: f64,
-    },
+    BoxLength { place: Location, axis: &'static str, length: f64 },
     /// A Smoldyn molecule is listed twice: the file has several listings without a separator.
     #[error(
         "{place}: molecule {serial} is listed a second time, first on line {first}; several listings in one \
@@ -134,10 +112,7 @@ pub enum Error {
     },
     /// Line too long for a text file.
     #[error("{place}: the line is longer than {limit} bytes; is this a text file?")]
-    LineTooLong {
-        place: Location,
-        limit: usize,
-    },
+    LineTooLong { place: Location, limit: usize },
     /// More spheres in a frame than indices or memory.
     #[error("{place}: no room for {spheres} spheres ({limit}); split the file")]
     TooManySpheres {
