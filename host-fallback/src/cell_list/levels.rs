@@ -1,8 +1,8 @@
 //! The sizes that share a level, and the cell size of each level.
 //!
 //! A search compares each sphere with its neighbor cells at its own level and at every coarser one. Few levels mean
-//! long runs of spheres too small for their cells; many mean many short runs. The best choice depends on the density,
-//! so dynamic programming minimizes a cost estimate. The paper's τ decides the same per cell.
+//! long runs of spheres too small for their cells; many mean many short runs. Dynamic programming minimizes the cost
+//! estimated from the density.
 
 #![expect(clippy::disallowed_methods, clippy::disallowed_macros, reason = "a plan is of 256 classes at most")]
 
@@ -99,7 +99,7 @@ struct LevelCostModel<'c> {
 
 impl LevelCostModel<'_> {
     /// Calls `offer` for every level that begins with class `from` and every cell size, with the end of its classes,
-    /// the cost of searching it for its own and all smaller spheres, and log₂ of the cell size.
+    /// its search cost for its own and all smaller spheres, and log₂ of the cell size.
     fn levels_from(&self, from: usize, mut offer: impl FnMut(usize, f32, f32)) {
         let ends = from + 1..=self.counts.len();
         let extent = self.density.log_extent();
@@ -138,8 +138,7 @@ impl LevelCostModel<'_> {
     }
 
     /// Returns the costs of each class at or after `from`: for the later half of the rows around its spheres, and for
-    /// the comparisons there if the level held all spheres. Members search later spheres only; smaller spheres search
-    /// both halves.
+    /// the comparisons there if the level held all spheres. Smaller spheres search both halves.
     fn halves(&self, from: usize, log_size: f32) -> [[f32; 2]; MAX_CLASS_GROUPS] {
         let cell_size = log_size.exp2();
         let mut halves = [[0.0; 2]; MAX_CLASS_GROUPS];

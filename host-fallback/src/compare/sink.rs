@@ -15,7 +15,7 @@ use super::simd::SimdWidth;
 use crate::Error;
 use crate::memory::{self, try_resize};
 
-/// Pairs per buffer of a thread: 64 KiB, far below a core's cache, large enough to amortize delivery.
+/// Pairs per thread's buffer: 64 KiB, far below a core's cache, large enough to amortize delivery.
 const CHUNK: usize = 8192;
 /// The least cleared size of a reused buffer.
 const MIN_CHUNK: usize = 256;

@@ -23,7 +23,6 @@ use state::{Built, DetectorState};
 /// Finds overlapping pairs on the CPU, reusing its buffers.
 pub type HostDetector = PairFinder<HostBackend>;
 
-/// Searches with the threads of the host.
 #[derive(Debug)]
 pub struct HostBackend {
     settings: Settings,
@@ -52,8 +51,6 @@ impl PairFinder<HostBackend> {
 }
 
 impl HostBackend {
-    /// Creates a backend with these settings.
-    ///
     /// # Errors
     /// See [`HostDetector::new`].
     pub fn new(settings: Settings) -> Result<Self, Error> {
@@ -80,11 +77,11 @@ impl HostBackend {
 
     /// The most bytes held for `spheres` spheres, without the result and its chunks.
     ///
-    /// For the paper's grids this holds if space has up to 2²⁹ cells; beyond that, and for periodic axes shorter than
-    /// three cells, up to four times as much each. The recursive grid is covered with one overfull cell of all spheres;
-    /// nested ones add up to 150 bytes per sphere. The list of a skin counts with its maximum, 96 candidates of 8 bytes
-    /// per sphere; few scenes have more than ten, and [`Skin::Off`](crate::Skin::Off) keeps none. `f64` spheres in
-    /// unbounded space take up to 18 bytes more each.
+    /// The paper's grids may take four times as much beyond 2²⁹ cells, and again on periodic axes shorter than three
+    /// cells. The recursive grid is covered with one overfull cell of all spheres; nested ones add up to 150 bytes per
+    /// sphere. The list of a skin counts with its maximum, 96 candidates of 8 bytes per sphere; few scenes have more
+    /// than ten, and [`Skin::Off`](crate::Skin::Off) keeps none. `f64` spheres in unbounded space take up to 18 bytes
+    /// more each.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let (ratio, threads) = (self.settings.cell_ratio, self.team.count() as u64);
         let wrapped = match self.settings.space.is_periodic() {

@@ -88,7 +88,7 @@ impl DetectorState {
         Ok(())
     }
 
-    /// Returns `true` if a search probably ends before other threads wake.
+    /// Returns `true` if a search probably ends before threads wake.
     pub(crate) fn is_short(&self, input: &SearchInput<'_>) -> bool {
         match self.report.algorithm {
             _ if self.from_candidates => false,

@@ -39,10 +39,9 @@ const MAX_RADIUS: f64 = 4.0;
 const MIN_SPREAD: f64 = 1.0 / (1 << 20) as f64;
 /// The absolute part of the slack, and the part relative to the largest radius.
 const SLACK: [f32; 2] = [1.0 / (1 << 20) as f32, 1.0 / (1 << 18) as f32];
-/// The smallest filled fraction with which a frame is kept, so radii of moving spheres do not change.
+/// A frame filled less is replaced; a kept one preserves the radii of moving spheres.
 const MIN_FILLED: f64 = 1.0 / 8.0;
 
-/// The map from given to searched spheres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchFrame {
     origin: [f64; 3],
@@ -106,7 +105,6 @@ impl SearchFrame {
         Self { origin, scale, axes }
     }
 
-    /// The searched space.
     pub fn space(&self) -> Space {
         match &self.axes {
             Axes::Orthogonal(axes) => {
@@ -121,12 +119,11 @@ impl SearchFrame {
         matches!(self.axes, Axes::Orthogonal(_))
     }
 
-    /// The factor from distances in space to distances in the frame.
     pub fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// The overlap beyond which spheres up to this radius certainly touch in space.
+    /// Returns the overlap beyond which spheres up to this radius certainly touch in space.
     pub(crate) fn slack(largest: f32) -> f32 {
         let [absolute, relative] = SLACK;
         absolute + relative * largest
@@ -166,7 +163,7 @@ impl SearchFrame {
 fn searched_radius(radius: f64) -> f32 {
     let [relative, absolute] = GROWTH;
     let radius = if radius < MAX_RADIUS { radius } else { MAX_RADIUS };
-    // The next larger number, since this one is positive and finite.
+    // The next larger number of a positive, finite one.
     f32::from_bits(((radius * relative + absolute) as f32).to_bits() + 1)
 }
 

@@ -192,7 +192,7 @@ struct TileRow {
 }
 
 impl OverfullCell {
-    /// The most bytes for cells of `spheres` spheres of one group.
+    /// Returns the most bytes for cells of `spheres` spheres of one group.
     pub(crate) fn memory_for(spheres: u64, threads: u64) -> u64 {
         threads * with_growth(Columns::BYTES_PER_SPHERE * spheres.min((TILE + ROW) as u64))
     }
@@ -237,8 +237,8 @@ impl OverfullCell {
         self.search(input, id, (output, sink))
     }
 
-    /// Appends the members of a cell to the order, group by group; a single group needs none. Returns the positions of
-    /// each group. The first member has the index `from`.
+    /// Appends the members of a cell to the order, group by group, unless there is a single group. Returns the
+    /// positions of each group. The first member has the index `from`.
     fn arrange(
         &mut self,
         members: &[impl CellMember],

@@ -147,14 +147,14 @@ pub(crate) fn memory_of_entries(entries: u64) -> u64 {
     Radix::<u32>::memory_for(entries)
 }
 
-/// Above 5 % and 64 more than the bound on the mean, the grid is shifted; chance alone shifts no grid.
+/// Limits the entries to the bound on the mean, plus 5 % and 64, so that chance shifts no grid.
 pub(crate) fn most_entries(spheres: usize, ratio: f32) -> usize {
     (1.05 * UniformGrid::most_cells(ratio) * spheres as f64) as usize + 64
 }
 
 /// Writes an entry for every cell that each of `n` spheres overlaps. `sphere` returns the cells of the `k`-th sphere, a
 /// mask for its corner masks, and its id, or `None` to omit it; for many spheres it is called twice. `place` wraps a
-/// cell. Returns `false`, without entries, if there are more than `most`.
+/// cell. Returns `false`, without entries, for more than `most`.
 pub(crate) fn fill<K: RadixKey>(
     (n, executor): (usize, Executor),
     (sphere, place): (impl Fn(usize) -> Option<(CellBox, u8, u32)> + Sync, impl Fn(UVec3) -> UVec3 + Sync),
@@ -218,7 +218,7 @@ pub(crate) fn runs<K: RadixKey>(mut rest: &[KeyedSphere<K>]) -> impl Iterator<It
     })
 }
 
-/// The end of the cell's entries from `from`, by exponential search, because most runs are short.
+/// Finds the end of a cell's entries by exponential search, because most runs are short.
 #[inline]
 fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> usize {
     let cell = entries[from].cell();

@@ -21,9 +21,9 @@ use crate::input::InputStats;
 use crate::math::floor;
 
 pub(crate) const ALL_AXES: u8 = 0b111;
-/// The largest cell number on either side of the origin. Farther out, different `f32` coordinates are at least eight
-/// cells apart and no sphere is larger than two, so only equal coordinates can touch: the number of such a far cell
-/// follows from the bits of the coordinate.
+/// Largest cell number on either side of the origin. Farther out, different `f32` coordinates are at least eight cells
+/// apart and no sphere exceeds two cells, so only equal coordinates can touch: their bits give the number of a far
+/// cell.
 const MAX_INTEGER_CELL: u32 = 1 << 27;
 /// Unused numbers before the far cells: spheres near the limit overlap two cells beyond it.
 const FAR_GAP: u32 = 16;
@@ -113,16 +113,16 @@ impl UniformGrid {
         Self { cell_size, per_length, shift: DVec3::ZERO, first_far, periodic }
     }
 
-    /// The number of shifts per axis; at most one places a given sphere across a cell boundary.
+    /// Returns the number of shifts per axis, at most one of which places a given sphere across a cell boundary.
     fn places(ratio: f32) -> usize {
         (ratio as usize).clamp(1, MAX_SHIFTS)
     }
 
-    /// The largest mean number of cells per sphere in a grid of this `ratio`, which is [shifted](Self::shifted) if it
-    /// has more.
+    /// Returns the largest mean number of cells per sphere in a grid of this `ratio`, which is [shifted](Self::shifted)
+    /// if it has more.
     ///
-    /// At each of *p* shifts per axis a sphere overlaps one cell along that axis, except at one, where it overlaps two.
-    /// The mean over all *p*³ shifts is (1 + 1/*p*)³ cells, so the best shift has no more.
+    /// At one of *p* shifts per axis a sphere overlaps two cells along that axis, otherwise one. The mean over all *p*³
+    /// shifts is (1 + 1/*p*)³ cells, so the best shift has no more.
     pub(crate) fn most_cells(ratio: f32) -> f64 {
         let places = Self::places(ratio) as f64;
         if ratio < 1.0 { 27.0 } else { (1.0 + places.recip()).powi(3) }
@@ -186,8 +186,8 @@ impl UniformGrid {
             .fold(self.cell_size, |cell_size, axis| cell_size.min(per_length[axis].recip()))
     }
 
-    /// Returns the box around a sphere, in cells, widened by more than the rounding error. Both corners come from one
-    /// monotone expression.
+    /// Returns the box around a sphere in cells, widened by more than rounding. Both corners come from one monotone
+    /// expression.
     #[inline(always)]
     pub(crate) fn bounds<const PERIODIC: bool>(&self, center: Vec3, radius: f32) -> (DVec3, DVec3) {
         let center = center.as_dvec3();
@@ -257,7 +257,7 @@ impl UniformGrid {
         (low, high)
     }
 
-    /// The most cells between the origin and a coordinate in this cell; on a ring, its number of cells.
+    /// Returns the most cells between the origin and a coordinate in this cell; on a ring, its number of cells.
     pub(crate) fn away(&self, corner: DVec3) -> DVec3 {
         corner.abs().max(self.periodic.count.as_dvec3()) + 1.0
     }
@@ -311,8 +311,7 @@ pub(crate) struct CellBox {
 }
 
 impl CellBox {
-    /// The number of cells: at most 8 if the cell size is at least the largest diameter, 27 if it is at least half of
-    /// it.
+    /// Returns at most 8 cells if the cell size is at least the largest diameter, 27 if at least half of it.
     #[inline(always)]
     pub(crate) fn cells(self) -> usize {
         let size = self.high - self.low + 1;

@@ -1,6 +1,6 @@
 //! Species grouped by their partners, so a search compares only spheres that may pair.
 //!
-//! Present species with the same present partners share a group. A group without partners costs only sorting.
+//! Present species with the same present partners share a group.
 
 #![expect(
     clippy::disallowed_methods,
@@ -29,7 +29,7 @@ pub(crate) struct Meeting {
     pub(crate) touches: bool,
     /// The largest distance of a pair, or 0.
     pub(crate) distance: f64,
-    /// Spheres of the groups pair exactly if their effective radii touch, up to rounding.
+    /// Touching effective radii decide pairs of the groups, up to rounding.
     pub(crate) is_by_radii: bool,
 }
 
@@ -62,7 +62,6 @@ impl Meeting {
     }
 }
 
-/// A division of the present species into groups.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SpeciesPartition {
     pub(super) of_species: Vec<u8>,
@@ -83,7 +82,6 @@ impl SpeciesPartition {
         Self { of_species, count, meetings }
     }
 
-    /// Divides all species of a table by their partners.
     pub fn of_table(table: &Interactions) -> Self {
         let all: Vec<u32> = (0..table.species()).collect();
         let [by_partners, _] = Self::of_present(&all, table);
@@ -109,12 +107,10 @@ impl SpeciesPartition {
         [partition(&|own| own, count), partition(&|_| 0, count.min(1))]
     }
 
-    /// The number of groups.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// The group of a species.
     pub fn group_of(&self, species: u32) -> usize {
         self.of_species[species as usize].into()
     }

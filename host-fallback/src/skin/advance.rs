@@ -1,4 +1,4 @@
-//! Measures the displacements of the spheres of a call and copies them in the order of the candidates.
+//! Measures displacements of the spheres of a call and copies them in the order of the candidates.
 
 use std::sync::Mutex;
 use std::sync::PoisonError;
@@ -16,8 +16,8 @@ pub(super) const CHUNK_SPHERES: usize = 1 << 13;
 const PREFETCH_SPHERES: usize = 128;
 
 /// Copies the spheres to their positions in `rows`. `then` holds each center at the build, and as its radius the
-/// inverse square of its displacement limit. Returns the largest used fraction of a limit, or infinity for an invalid
-/// sphere; and `true` if an effective radius has changed, or the frame no longer fits.
+/// inverse square of its displacement limit. Returns the largest used fraction of a limit, infinity for an invalid
+/// sphere; and `true` if an effective radius has changed or the frame no longer fits.
 pub(super) fn advance(
     (test, given): (&PairTest<'_>, Option<GivenSpheres<'_>>),
     (then, rows): (&[SortRecord], &mut [Xyzr]),

@@ -26,7 +26,7 @@ const PREFETCH_VECTORS: usize = 16;
 const USABLE_FRACTION: f32 = 1.0 - 1.0 / (1 << 16) as f32;
 /// The largest error of a minimum-image distance, as a fraction of the longest axis.
 const BOUNDARY_ROUNDING: f32 = 1.0 / (1 << 20) as f32;
-/// The most candidates per sphere in a list, 768 bytes; with more, every call searches. `cost_model` plans with at most
+/// Maximum candidates per sphere in a list, 768 bytes; with more, every call searches. `cost_model` plans with at most
 /// 64; a Lennard-Jones liquid with a cutoff of 3 σ and a skin of 0.3 σ has 63.
 const MAX_CANDIDATES_PER_SPHERE: u64 = 96;
 /// Displacement limits vanish next to larger radii.
@@ -116,8 +116,8 @@ impl CandidateList {
         }
     }
 
-    /// Returns `false`, without a candidate list, if candidates exceed [`MAX_CANDIDATES_PER_SPHERE`] or the limit of a
-    /// result, or if memory is refused.
+    /// Returns `false`, without a list, if candidates exceed [`MAX_CANDIDATES_PER_SPHERE`] or the limit of a result, or
+    /// if memory is refused.
     pub(crate) fn find(
         &mut self,
         (list, density_cache): (&mut CellList, &DensityCache),
@@ -230,7 +230,7 @@ pub(crate) fn memory_of_candidates(spheres: u64, max_pairs: u64, threads: u64) -
     own.saturating_add(memory_of_list(CandidateList::limit(spheres, max_pairs), threads))
 }
 
-/// Minus the rounding error of distances; `None` if too little of a limit is left.
+/// Returns inverse squares of limits minus the rounding of distances; `None` if too little of a limit is left.
 fn inverse_squares(limits: &DisplacementLimits, test: &PairTest<'_>) -> Option<DisplacementLimits> {
     let longest = test.lengths().into_iter().flatten().fold(0.0, f32::max);
     let rounding = longest * BOUNDARY_ROUNDING;

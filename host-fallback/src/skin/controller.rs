@@ -8,7 +8,7 @@ use crate::input::{GivenSpheres, SearchInput};
 use crate::report::{RebuildReason, Report};
 use crate::{Error, Settings, Skin};
 
-/// The candidate list, and the decision to test it, rebuild it, or search without one.
+/// A candidate list, and the decision to test, rebuild or drop it.
 #[derive(Debug, Default)]
 pub(crate) struct SkinController {
     pub(crate) candidates: CandidateList,
@@ -17,8 +17,8 @@ pub(crate) struct SkinController {
 }
 
 impl SkinController {
-    /// Returns the reason for a rebuild, or `None` if the candidate list is valid. `given` spheres are not mapped to
-    /// their frame yet.
+    /// Returns the reason for a rebuild, or `None` if the list is valid. `given` spheres are not mapped to their frame
+    /// yet.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,
@@ -34,7 +34,7 @@ impl SkinController {
         Ok(lapsed)
     }
 
-    /// Builds a candidate list if it pays, else only the cell list. Returns `true` for a candidate list.
+    /// Builds a candidate list if it pays, otherwise only the cell list. Returns `true` for a candidate list.
     pub(crate) fn find(
         &mut self,
         list: &mut CellList,

@@ -26,8 +26,8 @@ pub(crate) struct DisplacementStats {
     growth: DisplacementGrowth,
 }
 
-/// The largest displacement after a number of calls, `factor · calls^exponent`, in units of the largest displacement
-/// per call of the sample. Ballistic motion has the exponent 1, diffusion ½.
+/// Growth law of the largest displacement, `factor · calls^exponent`, in units of the largest displacement per call of
+/// the sample. Ballistic motion has the exponent 1, diffusion ½.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DisplacementGrowth {
     pub(crate) factor: f32,
@@ -88,8 +88,8 @@ impl DisplacementStats {
         Ok(())
     }
 
-    /// From the largest displacements `first` after one call, and `last` with its number of calls, in units of the
-    /// largest displacement per call of the sample.
+    /// Learns from the largest displacements `first` after one call, and `last` with its number of calls, in units of
+    /// the largest displacement per call of the sample.
     pub(crate) fn learn(&mut self, first: f32, last: (u32, f32)) {
         if first > 0.0 {
             self.growth = DisplacementGrowth::between(first, last);
@@ -102,8 +102,8 @@ impl DisplacementStats {
         *exponent += GROWTH_DECAY * (DisplacementGrowth::ASSUMED.exponent - *exponent);
     }
 
-    /// The largest displacement per call of each class (unobserved classes get the largest) and its growth law; `None`
-    /// before two calls.
+    /// Returns the largest displacement per call of each class (unobserved classes get the largest) and its growth law;
+    /// `None` before two calls.
     pub(crate) fn steps(&self) -> Option<([f32; SIZE_CLASSES], DisplacementGrowth)> {
         let farthest = self.steps.iter().copied().fold(0.0, f32::max);
         let steps = self.steps.map(|step| if step > 0.0 { step } else { farthest });

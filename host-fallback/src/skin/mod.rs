@@ -1,6 +1,6 @@
 //! Candidate lists (Verlet lists): pairs that may touch until a sphere has moved too far.
 //!
-//! Every sphere has a *displacement limit*. Candidates are the pairs that touch with radii larger by the limits.
+//! Candidates are the pairs that touch with radii larger by the spheres' *displacement limits*.
 //!
 //! # Correctness
 //!

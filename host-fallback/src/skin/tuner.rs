@@ -13,9 +13,9 @@ use crate::input::{GivenSpheres, InputStats};
 use crate::report::RebuildReason;
 use crate::size_class::SIZE_CLASSES;
 
-/// Searches before a new choice at most, and searches without a list after an overflow.
+/// Maximum searches before a new choice, and number of searches without a list after an overflow.
 const MAX_WAIT: u32 = 31;
-/// Ratios of observed to expected validity and candidates with which a choice stands.
+/// A choice stands while ratios of observed to expected validity and candidates are in this range.
 const AS_EXPECTED: std::ops::RangeInclusive<f32> = 0.5..=2.0;
 
 /// It never reads a clock, so that runs are reproducible.
@@ -24,7 +24,7 @@ pub struct SkinTuner {
     displacements: DisplacementStats,
     choice: Option<SkinChoice>,
     first: f32,
-    /// The remaining searches before a new choice, and their last number.
+    /// Remaining searches before a new choice, and their last number.
     wait: u32,
     patience: u32,
     pause: u32,
@@ -53,8 +53,7 @@ impl SkinTuner {
         self.displacements.observe(test, given)
     }
 
-    /// Records the age of the list in calls, the largest used fraction of a displacement limit, and the reason for a
-    /// rebuild.
+    /// Records the age of the list in calls, the largest used fraction of a limit, and the reason for a rebuild.
     pub fn record_age(&mut self, (age, moved): (u32, f32), lapsed: Option<RebuildReason>) {
         if age == 1 {
             self.first = moved;
@@ -90,8 +89,8 @@ impl SkinTuner {
         is_paused
     }
 
-    /// Chooses the skin of the next list for all spheres; `None` if searching costs less. Spheres are measured only for
-    /// a new choice. Call it before a search, or after one that built a list.
+    /// Chooses the skin of the next list for all spheres; `None` if searching costs less. Measures spheres only for a
+    /// new choice. Call it before a search, or after one that built a list.
     ///
     /// # Errors
     /// [`Error::Input`] for invalid spheres, [`Error::OutOfMemory`], [`Error::ThreadPool`].
@@ -111,7 +110,7 @@ impl SkinTuner {
         Ok(limits.map(|limits| 2.0 * limits[0]))
     }
 
-    /// Uses the last choice, or a new one by `think`, which gets the displacements and the excess of candidates.
+    /// Uses the last choice, or a new one by `think`, which gets displacements and the excess of candidates.
     pub(super) fn limits(
         &mut self,
         scaling: SkinScaling,
@@ -157,8 +156,8 @@ mod tests {
         call_ns: 0.0,
     };
 
-    /// Simulates spheres in a periodic box that all move by `step` in every call. Returns the calls that candidates
-    /// served, and the last skin.
+    /// Moves spheres of a periodic box by `step` in every call. Returns the calls that candidates served, and the last
+    /// skin.
     fn follow(
         tuner: &mut SkinTuner,
         n: usize,

@@ -9,8 +9,8 @@ use super::{
 };
 use crate::frame::{Bounds, FrameMap};
 
-/// Defines a width from one list of instruction sets: those that its tasks are compiled with and that the processor is
-/// checked for, including sets that `rustc` enables implicitly.
+/// Defines a width from one list of instruction sets: those of its compiled tasks and of the processor check, including
+/// sets that `rustc` enables implicitly.
 macro_rules! width {
     ($(#[$doc:meta])* $name:ident, $run:ident: $($feature:tt)+) => {
         $(#[$doc])*
@@ -30,13 +30,13 @@ macro_rules! width {
 }
 
 width! {
-    /// Proof that the processor has the features of [`with_avx512`], its only constructor.
+    /// Proof of the features of [`with_avx512`], its only constructor.
     Avx512, with_avx512:
     "sse3" "ssse3" "sse4.1" "sse4.2" "popcnt" "avx" "f16c" "fma" "avx2" "bmi1" "bmi2" "lzcnt" "avx512f"
 }
 
 width! {
-    /// Proof that the processor has the features of [`with_avx2`], its only constructor.
+    /// Proof of the features of [`with_avx2`], its only constructor.
     Avx2, with_avx2:
     "sse3" "ssse3" "sse4.1" "sse4.2" "popcnt" "avx" "fma" "avx2" "bmi1" "bmi2" "lzcnt"
 }
@@ -235,7 +235,7 @@ impl SimdWidth for Avx512 {
         let [x, y, z, r] = columns.lanes::<16>(at);
         let NeighborRows { low, high, rows } = neighbors;
         // SAFETY: `self` proves AVX-512F. Each array read is one vector long. `len` starts below `FULL` and grows by at
-        // most sixteen for each of five rows, so every vector is written inside the columns of `jobs`.
+        // most sixteen for each of five rows, so every vector is inside the columns of `jobs`.
         unsafe {
             let [x, y] = [_mm512_loadu_ps(x.as_ptr()), _mm512_loadu_ps(y.as_ptr())];
             let [z, r] = [_mm512_loadu_ps(z.as_ptr()), _mm512_loadu_ps(r.as_ptr())];
