@@ -60,8 +60,8 @@ impl Config {
         self
     }
 
-    /// Sets GPU measurements, by which `Auto` chooses. Entries for other adapters are ignored; for one adapter the last
-    /// entry counts. Default: none; crossover and costs are assumed.
+    /// Sets GPU measurements, by which `Auto` chooses. Entries for other adapters are ignored; of one adapter the last
+    /// counts. Default: none; crossover and costs are assumed.
     #[cfg(feature = "gpu")]
     pub fn calibration(mut self, measured: impl IntoIterator<Item = Calibration>) -> Self {
         self.calibrations.extend(measured);
@@ -109,23 +109,22 @@ impl Config {
         self
     }
 
-    /// The most pairs of a list; more are an error with the exact number. Default: 2²⁹ (4 GiB). Counting and streaming
-    /// have no limit.
+    /// The most pairs of a list; more are an error with the exact number. Default: 2²⁹ (4 GiB).
     pub fn max_pairs(mut self, max_pairs: u64) -> Self {
         self.settings.max_pairs = max_pairs;
         self
     }
 
-    /// Sets the interaction table: species that pair, and their distances. Spheres must then carry species ids. `None`
-    /// removes the table. Default: none; all touching spheres pair.
+    /// Sets the interaction table: species that pair, and their distances. Spheres then need species ids. Default:
+    /// `None`; all touching spheres pair.
     pub fn interactions(mut self, interactions: impl Into<Option<Interactions>>) -> Self {
         self.settings.interactions = interactions.into();
         self
     }
 
-    /// Sets a flag that cancels CPU searches, for example on Ctrl-C. While it is `true`, searches return
-    /// [`Error::Cancelled`](crate::Error::Cancelled) within milliseconds, except during sorting. It does not affect the
-    /// GPU; see [`timeout`](Self::timeout). Default: none.
+    /// Sets a flag that cancels CPU searches, for example on Ctrl-C. While it is `true`, they return
+    /// [`Error::Cancelled`](crate::Error::Cancelled) within milliseconds, except during sorting. GPU calls have a
+    /// [`timeout`](Self::timeout). Default: none.
     pub fn cancel_flag(mut self, flag: Arc<AtomicBool>) -> Self {
         self.settings.stop = Some(flag);
         self
@@ -139,17 +138,16 @@ impl Config {
         self
     }
 
-    /// Sets the skin of the candidate list (Verlet list) kept between calls. A list pays if spheres move little;
-    /// results do not change. Default: [`Skin::Auto`], which uses the adapter's costs on the GPU; see
-    /// [`calibration`](Self::calibration).
+    /// Sets the skin of the candidate list (Verlet list) kept between calls. Results do not change. Default:
+    /// [`Skin::Auto`], which uses the adapter's costs on the GPU; see [`calibration`](Self::calibration).
     pub fn skin(mut self, skin: Skin) -> Self {
         self.settings.skin = skin;
         self
     }
 
     /// Sets the space of the spheres. Default: [`Space::UNBOUNDED`]. On the GPU, pairs within 4 ulp of tangency
-    /// (relative to the squared cutoff; 5 ulp in a periodic space) may fall either way. In a triclinic space the host
-    /// decides in `f64`, and a count reads all candidates back.
+    /// (relative to the squared cutoff; 5 ulp in a periodic space) may fall either way, except in a triclinic space,
+    /// where the host decides and a count reads all candidates back.
     pub fn space(mut self, space: Space) -> Self {
         self.settings.space = space;
         self

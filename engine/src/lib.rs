@@ -12,21 +12,7 @@
 //! # Ok::<(), lazygrid::Error>(())
 //! ```
 //!
-//! A simulation keeps one [`Detector`], which reuses its buffers:
-//!
-//! ```
-//! use lazygrid::{Config, Detector, Sphere};
-//!
-//! let mut detector = Detector::new(Config::default())?;
-//! let mut spheres = vec![Sphere::new([0.0, 0.0, 0.0], 1.0); 3];
-//! for _ in 0..10 {
-//!     for pair in detector.pairs(&spheres)? {
-//!         assert!(pair.i < pair.j);
-//!     }
-//!     spheres[2].center.x += 0.5;
-//! }
-//! # Ok::<(), lazygrid::Error>(())
-//! ```
+//! A simulation keeps one [`Detector`], which reuses its buffers.
 //!
 //! # Features
 //!

@@ -40,7 +40,7 @@ pub(crate) fn algorithm(
     (chosen, format!("{chosen}: {spheres} spheres in {sizes} are {relation} {at} ({source})"))
 }
 
-/// Returns the reason against a candidate list, or `Ok`.
+/// Returns the reason against a candidate list.
 pub(crate) fn can_use_skin(
     asked: Algorithm,
     chosen: Algorithm,

@@ -67,8 +67,8 @@ impl GpuConfig {
     }
 
     /// The space of the spheres, not [triclinic](Space::triclinic), with lengths rounded to `f32`. Default:
-    /// [`Space::UNBOUNDED`]. A periodic space costs a wrapped copy, 16 bytes per sphere. Pairs within 5 ulp of tangency
-    /// (4 in unbounded space), relative to the squared cutoff, may fall either way.
+    /// [`Space::UNBOUNDED`]. A periodic space costs a copy, 16 bytes per sphere. Pairs within 5 ulp of tangency (4 in
+    /// unbounded space), relative to the squared cutoff, may fall either way.
     pub fn space(self, space: Space) -> Self {
         Self { space, ..self }
     }
@@ -85,19 +85,19 @@ impl GpuConfig {
         Self { consumer_workgroup_size, ..self }
     }
 
-    /// Sets if pairs of the cell list hold positions in its cell order ([`CellOrder`](super::CellOrder)) instead of
-    /// input indices. [`Outcome::pairs_in_cell_order`] tells if they do: other algorithms, windows and a
+    /// Lets pairs of the cell list hold positions in its cell order ([`CellOrder`](super::CellOrder)) instead of input
+    /// indices. [`Outcome::pairs_in_cell_order`] tells if they do: other algorithms, windows and a
     /// [`GpuSession`](super::GpuSession) always use input indices. Default: no.
     pub fn pairs_in_cell_order(self, pairs_in_cell_order: bool) -> Self {
         Self { pairs_in_cell_order, ..self }
     }
 
-    /// Sets if the subgroup operations of the device are used. Default: yes.
+    /// Permits subgroup operations. Default: yes.
     pub fn subgroups(self, subgroups: bool) -> Self {
         Self { subgroups, ..self }
     }
 
-    /// Sets if phases are timed on a device with timestamp queries. Without timestamps inside passes
+    /// Times phases on a device with timestamp queries. Without timestamps inside passes
     /// ([`optional_features`](super::optional_features)) each phase has its own pass, which costs some microseconds.
     /// Default: no.
     pub fn timestamps(self, timestamps: bool) -> Self {
@@ -106,16 +106,15 @@ impl GpuConfig {
 
     /// Sets the most distance tests of one dispatch, so that no driver's watchdog ends it. Longer searches have several
     /// dispatches ([`CallCost::parts`](super::CallCost::parts)). Default: the tests of 200 ms, at 2.5·10¹⁰ tests/s for
-    /// a discrete GPU, 2.5·10⁹ for an integrated one and 5·10⁸ for a software adapter; no GPU has confirmed these
-    /// rates. A [`Detector`](crate::Detector) uses the measured rate of its [`Calibration`].
+    /// a discrete GPU, 2.5·10⁹ for an integrated one and 5·10⁸ for a software adapter, which no GPU has confirmed. A
+    /// [`Detector`](crate::Detector) uses the rate of its [`Calibration`].
     pub fn max_tests_per_dispatch(self, tests: u64) -> Self {
         Self { max_tests_per_dispatch: Some(tests), ..self }
     }
 
-    /// Sets the recorded parts of the search of crowded cells, whose size only the device knows. If it exceeds
-    /// [`max_tests_per_dispatch`](Self::max_tests_per_dispatch) per part, the outcome has [`Outcome::OVERFLOW_WORK`].
-    /// Parts without work cost some microseconds each. Default: 1. A [`GpuSession`](super::GpuSession) adds parts
-    /// itself.
+    /// Sets the recorded parts of the search of crowded cells, whose size only the device knows. If a part would exceed
+    /// [`max_tests_per_dispatch`](Self::max_tests_per_dispatch), the outcome has [`Outcome::OVERFLOW_WORK`]. Parts
+    /// without work cost some microseconds each. Default: 1. A [`GpuSession`](super::GpuSession) adds parts itself.
     pub fn deferred_parts(self, parts: u32) -> Self {
         Self { deferred_parts: parts, ..self }
     }

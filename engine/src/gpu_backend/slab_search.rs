@@ -203,8 +203,8 @@ impl SlabSearch {
         Ok(found)
     }
 
-    /// With `in_order` by ascending smaller index. Such parts have at most that many pairs, unless one sphere, or the
-    /// output of the device, has more.
+    /// Passes parts of pairs, with `in_order` by ascending smaller index. They have at most that many pairs, unless one
+    /// sphere, or the output of the device, has more.
     pub(super) fn parts(
         &mut self,
         request: &SearchRequest<'_>,
@@ -260,8 +260,8 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// In ascending order of the smaller index. More than `most` pairs are first counted per sphere, then searched for one range of
-    /// indices after another.
+    /// Passes pairs in ascending order of the smaller index. More than `most` pairs are first counted per sphere, then
+    /// searched for one range of indices after another.
     fn range_by_range(
         &mut self,
         cut: Cut<'_>,

@@ -21,7 +21,7 @@ use measure::{ROUNDS, SIZES, crossing, race, time};
 /// Equal radii, and the classes of the paper's figure 3b.
 const CLASSES: [usize; 2] = [1, 5];
 
-/// A measurement of the crossover: the fastest of several calls, with upload and readback of the count.
+/// The fastest of several calls, with upload and readback of the count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CrossoverSample {

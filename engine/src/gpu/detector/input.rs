@@ -32,7 +32,7 @@ impl From<u32> for SphereCount<'_> {
 }
 
 /// A buffer or a range of it: `&buffer`, `buffer.slice(..)` or [`BufferRange::new`]. The buffer may exceed the binding
-/// limit, because a call binds only the bytes it needs.
+/// limit, because a call binds only the needed bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BufferRange<'a> {
     buffer: &'a wgpu::Buffer,

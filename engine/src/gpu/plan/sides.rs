@@ -84,8 +84,8 @@ fn common(mut pairs: impl Iterator<Item = (u32, u32)>, table: &Interactions) -> 
     }
 }
 
-/// The comparisons with the groups in the set `second` on the second side, and the compared sides. `weights` are the
-/// groups' numbers of spheres.
+/// Returns the comparisons with the groups in the set `second` on the second side, and the compared sides. `weights`
+/// are the groups' numbers of spheres.
 fn comparisons((second, weights): (u32, &[f64]), meets: impl Fn(usize, usize) -> bool) -> (f64, u32) {
     let groups = weights.len();
     let side = |group: usize| (second >> group & 1) as usize;

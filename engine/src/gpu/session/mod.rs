@@ -26,8 +26,8 @@ const FIRST_PAIRS: u64 = 1 << 12;
 
 /// Uploads spheres, detects, reads back, and retries if a capacity was too small.
 ///
-/// Two calls may be in flight: [`begin`](Self::begin) one during the other, so that upload, detection and readback
-/// overlap. The input is not checked: invalid spheres never pair.
+/// Two calls may be in flight, so that upload, detection and readback overlap. The input is not checked: invalid
+/// spheres never pair.
 #[derive(Debug)]
 pub struct GpuSession {
     gpu: GpuDevice,

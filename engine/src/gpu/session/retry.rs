@@ -1,4 +1,4 @@
-//! Calls of several submissions: too small a capacity, a result larger than the output, or a search beyond one
+//! Calls of several submissions: a capacity too small, a result larger than the output, or a search beyond one
 //! submission.
 
 use std::ops::{ControlFlow, Range};
@@ -15,7 +15,7 @@ use crate::gpu::device::Wait;
 
 impl AlgorithmChoice {
     /// Returns settings with fewer entries than the call that `ran`: a coarser grid, and finally a single level at the
-    /// cell ratio `asked`, which alone helps coincident spheres, with eight entries per level at any cell size.
+    /// cell ratio `asked`, which coincident spheres need, with eight entries per level at any cell size.
     fn with_fewer_entries(self, ran: Algorithm, asked: f32) -> Option<Self> {
         if self.cell_ratio < GpuConfig::MAX_CELL_RATIO {
             let cell_ratio = (self.cell_ratio * 2.0).min(GpuConfig::MAX_CELL_RATIO);
