@@ -28,12 +28,10 @@ pub enum Access {
     ReadWrite,
 }
 
-/// A binding of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Binding {
-    /// The variable in the shader.
+    /// Variable in the shader.
     pub name: &'static str,
-    /// Its use.
     pub access: Access,
 }
 
@@ -111,12 +109,10 @@ impl SortCounts {
     }
 }
 
-/// One compute stage.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Kernel {
-    /// The entry point and file name.
+    /// Entry point and file name.
     pub name: &'static str,
-    /// Threads per workgroup.
     pub workgroup_size: u32,
     source: &'static str,
     bindings: &'static [Binding],

@@ -1,5 +1,5 @@
 //! Rust counterparts of shader structures; a test compares sizes and offsets. Structures with vectors have WGSL's
-//! layout (`ShaderType`), and `repr(C)` keeps the order of members. The others consist of words (`Pod`).
+//! layout (`ShaderType`); `repr(C)` keeps the order of members. Others consist of words (`Pod`).
 
 use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;

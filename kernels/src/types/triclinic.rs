@@ -23,8 +23,8 @@ const FAR: f64 = 1.0 / (1 << 20) as f64;
 const REACH_MARGIN: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 
 /// The cell of a space with a cell vector that is not along an axis. All images of a sphere are at integer multiples of
-/// *basis* vectors from it. The basis is reduced (Lenstra, Lenstra and Lovász), so its vectors are nearly as short and
-/// orthogonal as the images allow, at any tilt.
+/// *basis* vectors from it. The basis is reduced (Lenstra, Lenstra and Lovász): nearly as short and orthogonal as the
+/// images allow, at any tilt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriclinicCell {
     vectors: [Option<[f64; 3]>; 3],
@@ -246,10 +246,10 @@ impl Orthogonalization {
         self.lengths[..self.rank].iter().all(is_normal)
     }
 
-    /// Orthogonalizes a valid sphere and wraps it to the image nearest to the origin. Any two spheres whose minimum
-    /// images touch also touch there: radii grow by `stretch`, and by more than coordinates lose to rounding. That
-    /// growth hardly depends on the position, so a moving sphere keeps its radius. A radius above `limit` becomes
-    /// `limit`, which must be large enough that the sphere touches all others.
+    /// Orthogonalizes a valid sphere and wraps it to the image nearest to the origin. Spheres whose minimum images
+    /// touch also touch there: radii grow by `stretch`, and by more than coordinates lose to rounding. That growth
+    /// hardly depends on the position, so a moving sphere keeps its radius. Radii are cut at `limit`, with which a
+    /// sphere must touch all others.
     pub fn sphere(&self, center: [f64; 3], radius: f64, limit: f64) -> Sphere {
         let center = DVec3::from(center) * self.unit;
         let mut orthogonal = Vec3::ZERO;

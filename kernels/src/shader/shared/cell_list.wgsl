@@ -1,6 +1,5 @@
-// Each sphere is in the one cell of its center, at the level of its size class. Cells of level k are 2^-k of the size
-// of level 0. On each axis they form a ring, so spheres that cannot be distinguished share a cell, which costs tests
-// but no pair.
+// Each sphere is in the cell of its center, at the level of its size class. Cells of level k are 2^-k of the size of
+// level 0. On each axis they form a ring, so spheres may share a cell, which costs tests but no pair.
 
 const LEVELS: u32 = 16u;
 // The first side, then the second.
