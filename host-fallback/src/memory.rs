@@ -24,7 +24,7 @@ pub(crate) fn prefetch<T>(values: &[T], at: usize) {
     prefetch_address(values.as_ptr().wrapping_add(at).cast());
 }
 
-/// Prefetches row `k`, which may lie in two cache lines.
+/// The row may lie in two cache lines.
 #[inline(always)]
 pub(crate) fn prefetch_row(rows: &[[f64; 4]], k: usize) {
     prefetch(rows.as_flattened(), 4 * k);

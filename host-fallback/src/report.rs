@@ -82,7 +82,6 @@ impl PhaseTime {
 }
 
 impl Report {
-    /// Runs `work` and adds its time to phase `name`.
     pub(crate) fn time<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();

@@ -165,7 +165,6 @@ pub(crate) fn rows<'py, S: NoUninit + bytemuck::AnyBitPattern, T: Element + byte
     flat.reshape([count, width])
 }
 
-/// Returns an `InputError` if the length differs.
 pub(crate) fn same_length(what: &'static str, length: usize, expected: usize) -> PyResult<()> {
     match length == expected {
         true => Ok(()),

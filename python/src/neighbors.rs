@@ -40,7 +40,6 @@ impl Cutoffs<'_> {
         }
     }
 
-    /// The settings of a detector for these cutoffs.
     fn config(&self, space: Space) -> Result<Config, Error> {
         let config = Config::default().backend(Backend::Cpu).space(space);
         let Self::Kinds { table, count, .. } = *self else { return Ok(config) };

@@ -9,16 +9,7 @@ use thiserror::Error;
 pub enum Error {
     /// Invalid scenario file.
     #[error("{}, line {line}, `{key}`: {message}", path.display())]
-    Scenario {
-        /// File.
-        path: PathBuf,
-        /// Line, from 1.
-        line: usize,
-        /// Key on that line.
-        key: String,
-        /// Fault and valid values.
-        message: String,
-    },
+    Scenario { path: PathBuf, line: usize, key: String, message: String },
     /// Model that cannot be run.
     #[error("{0}")]
     Model(String),
@@ -27,14 +18,10 @@ pub enum Error {
         "particle ids are exhausted: {released} particles need one each, and ids have 32 bits; release fewer, or run \
          fewer steps"
     )]
-    OutOfIds {
-        /// Particles that the run would have released.
-        released: u64,
-    },
+    OutOfIds { released: u64 },
     /// System refused memory for more particles.
     #[error("no memory for {particles} particles: {bytes} bytes were refused; release fewer")]
     OutOfMemory {
-        /// Particles that the run would have had.
         particles: u64,
         /// Bytes of one column.
         bytes: u64,
@@ -44,26 +31,17 @@ pub enum Error {
         "no memory for {candidates} pairs that may react: {bytes} bytes were refused; release fewer particles, or run fewer \
          replicas at once (--threads)"
     )]
-    OutOfCandidateMemory {
-        /// Number of candidates.
-        candidates: u64,
-        /// Size.
-        bytes: u64,
-    },
+    OutOfCandidateMemory { candidates: u64, bytes: u64 },
     /// The particles of a step, or a scenario, exceed the available memory.
     #[error(
         "{what} need {needed} bytes of memory or more, and {available} bytes are available ({limit}); {remedy}"
     )]
     TooLittleMemory {
-        /// Number and kind.
         what: String,
-        /// Required bytes.
         needed: u64,
-        /// Available bytes.
         available: u64,
         /// Limit that determines `available`.
         limit: &'static str,
-        /// Remedy.
         remedy: &'static str,
     },
     /// Detector refused the particles, or found too many pairs.
@@ -71,7 +49,6 @@ pub enum Error {
     Step {
         /// Step, from 0.
         step: u32,
-        /// Error of the detector.
         source: lazygrid::Error,
     },
     #[error(
@@ -81,7 +58,6 @@ pub enum Error {
     Collisions {
         /// Step, from 0.
         step: u32,
-        /// Number of particles.
         particles: u64,
         /// Collisions at which the step stopped.
         collisions: u64,
@@ -91,16 +67,10 @@ pub enum Error {
     Detection(#[from] lazygrid::Error),
     /// GPU backend cannot run a part of the model.
     #[error("the GPU backend does not support {what}; choose the CPU")]
-    NotOnGpu {
-        /// Refused part and its owner.
-        what: String,
-    },
+    NotOnGpu { what: String },
     /// Ranks cannot run a part of the model.
     #[error("a run over ranks does not support {what}; run it in one process, with `lazygrid simulate`")]
-    NotOverRanks {
-        /// Refused part.
-        what: String,
-    },
+    NotOverRanks { what: String },
     /// Positions became non-finite on the GPU.
     #[error(
         "step {step}: {particles} particles have non-finite positions; shorten the time step or weaken the drift"
@@ -108,7 +78,6 @@ pub enum Error {
     NotFinite {
         /// Step, from 0.
         step: u32,
-        /// Number of such particles.
         particles: u64,
     },
     /// The build has no Arrow writer.
@@ -116,77 +85,39 @@ pub enum Error {
     NoArrow,
     /// Threads could not be started.
     #[error("cannot start {threads} threads: {reason}; ask for fewer")]
-    Threads {
-        /// Requested threads.
-        threads: usize,
-        /// System message.
-        reason: String,
-    },
+    Threads { threads: usize, reason: String },
     /// A file cannot be read.
     #[error("{}: cannot read: {source}", path.display())]
-    Read {
-        /// File.
-        path: PathBuf,
-        /// System error.
-        source: io::Error,
-    },
+    Read { path: PathBuf, source: io::Error },
     /// A file cannot be written.
     #[error("{}: cannot write: {source}", path.display())]
-    Write {
-        /// File.
-        path: PathBuf,
-        /// System error.
-        source: io::Error,
-    },
+    Write { path: PathBuf, source: io::Error },
     /// Replica failed.
     #[error("replica {replica}: {source}")]
     Replica {
         /// Replica, from 0.
         replica: u32,
-        /// Reason.
         source: Box<Error>,
     },
     /// Point of a sweep failed, or is no valid scenario.
     #[error("{values}: {source}")]
-    SweepPoint {
-        /// Keys and values.
-        values: String,
-        /// Cause.
-        source: Box<Error>,
-    },
+    SweepPoint { values: String, source: Box<Error> },
     /// A checkpoint of another layout version.
     #[error(
         "{}: the checkpoint has version {found} and this build reads version {expected}; resume it with the build that \
          wrote it, or start over with --overwrite in place of --resume",
         path.display()
     )]
-    CheckpointVersion {
-        /// File.
-        path: PathBuf,
-        /// Version of the file.
-        found: u32,
-        /// Version that this build reads.
-        expected: u32,
-    },
+    CheckpointVersion { path: PathBuf, found: u32, expected: u32 },
     /// A damaged file of a run to resume. No file was changed.
     #[error(
         "{}: the file is damaged: {damage}; restore it from a copy, or start over with --overwrite in place of --resume",
         path.display()
     )]
-    Damaged {
-        /// File.
-        path: PathBuf,
-        /// Damage.
-        damage: Damage,
-    },
+    Damaged { path: PathBuf, damage: Damage },
     /// Checkpoint of another run, such as of another scenario.
     #[error("{}: {message}", path.display())]
-    Checkpoint {
-        /// File.
-        path: PathBuf,
-        /// Mismatch.
-        message: String,
-    },
+    Checkpoint { path: PathBuf, message: String },
 }
 
 /// A difference between a damaged file and the written one.
@@ -201,28 +132,13 @@ pub enum Damage {
     },
     /// Wrong length, or shorter than the checkpoint records.
     #[error("it has {found} bytes instead of {expected}")]
-    Length {
-        /// Length of the file.
-        found: u64,
-        /// Recorded length.
-        expected: u64,
-    },
+    Length { found: u64, expected: u64 },
     /// Wrong checksum.
     #[error("its checksum is {found:016x} instead of {expected:016x}")]
-    Checksum {
-        /// Checksum of the bytes.
-        found: u64,
-        /// Recorded checksum.
-        expected: u64,
-    },
+    Checksum { found: u64, expected: u64 },
     /// The file is whole, but the checkpoint names another.
     #[error("it belongs to another checkpoint, since its checksum is {found:016x} and not {expected:016x}")]
-    Foreign {
-        /// Checksum of the file.
-        found: u64,
-        /// Checksum in the checkpoint.
-        expected: u64,
-    },
+    Foreign { found: u64, expected: u64 },
     /// Right checksum over invalid content.
     #[error("its content cannot be decoded ({0})")]
     Content(String),

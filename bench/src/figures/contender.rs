@@ -86,7 +86,7 @@ impl Contender {
         Unavailable::BULLET.factory(self.to_string())
     }
 
-    /// The varied parameter of the sweeps: τ, the cell ratio, or the number of threads.
+    /// τ, the cell ratio, or the number of threads.
     pub(super) fn setting(self) -> Option<f64> {
         let Self::Lazygrid(variant) = self else { return None };
         let threads = match variant.target {

@@ -244,7 +244,6 @@ pub(crate) fn cells_count(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Each sphere's key is its cell, and the digits of the first sort pass are counted.
 pub(crate) fn cells_key(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;

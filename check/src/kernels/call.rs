@@ -10,7 +10,6 @@ use crate::device::{download, download_one, run, upload, upload_one};
 use crate::scenes::{hard, periodic};
 use crate::{Random, SceneSeed, TestInput};
 
-/// Clears accumulators and limits the number of spheres to the capacity.
 pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
     for (given, most) in [(0_u32, 10), (10, 10), (11, 10)] {
         let call = upload(own, &[SearchParams { spheres: most, ..SearchParams::zeroed() }])?;

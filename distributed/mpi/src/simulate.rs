@@ -11,9 +11,7 @@ use crate::{Config, Error};
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Simulated {
-    /// End of the run.
     pub end: RunEnd,
-    /// Completed steps.
     pub steps: u32,
     /// Line per count.
     pub summary: String,

@@ -30,7 +30,6 @@ pub struct Digest {
 }
 
 impl Digest {
-    /// Digests ids.
     pub fn of(ids: impl IntoIterator<Item = u64>) -> Self {
         ids.into_iter().fold(Self::default(), |digest, id| {
             let one = mix(id ^ 0xA076_1D64_78BD_642F);

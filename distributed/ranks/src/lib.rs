@@ -22,6 +22,8 @@
 //! 2. *No pair is lost.* A sphere that may pair with one in a bounding box overlaps the box by a test that no
 //!    rounding makes fail ([`ClassBounds::overlaps`]).
 
+#![allow(missing_docs, reason = "most names and types are clear")]
+
 mod across;
 mod communicator;
 mod difference;

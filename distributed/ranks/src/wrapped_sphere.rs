@@ -17,7 +17,6 @@ pub struct WrappedSphere {
 }
 
 impl WrappedSphere {
-    /// Returns the class of the effective radius.
     #[inline]
     pub fn class(&self) -> SizeClass {
         SizeClass::of(self.radius)
@@ -41,7 +40,6 @@ struct SpeciesTable {
 }
 
 impl SphereWrapper {
-    /// Creates a wrapper.
     pub fn new(space: Space, interactions: Option<&Interactions>) -> Self {
         let species = interactions.map(|table| SpeciesTable {
             effective_radius: (0..table.species()).map(|species| table.effective_radius(species)).collect(),

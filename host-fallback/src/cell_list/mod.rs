@@ -202,7 +202,6 @@ impl CellList {
         search::search(self, input, output)
     }
 
-    /// Replaces ids by positions in the list, and fills `order` with the ids.
     pub(crate) fn renumber(&mut self, order: &mut Vec<u32>) -> Result<(), Error> {
         self.columns.renumber(order)
     }

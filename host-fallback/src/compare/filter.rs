@@ -21,7 +21,7 @@ pub struct PairFilter<'a> {
 }
 
 impl<'a> PairFilter<'a> {
-    /// Creates the filter of a query; `None` if the search decides. Species ids and exclusions must be valid.
+    /// `None` if the search decides. Species ids and exclusions must be valid.
     pub(crate) fn new(
         query: Query<'a>,
         contact: Option<(&'a Space, Option<&'a Interactions>)>,

@@ -125,7 +125,6 @@ impl<'a> PairTest<'a> {
         self.margin.is_some()
     }
 
-    /// Returns the species of the spheres, and the effective radius of each species.
     #[inline(always)]
     pub(crate) fn species_radii(&self) -> Option<(&'a [u32], &[EffectiveRadius])> {
         self.species.as_ref().map(|species| (species.ids, &species.reach[..]))

@@ -41,7 +41,6 @@ pub trait SearchBackend {
 
     fn team(&self) -> &Arc<Team>;
 
-    /// Number of pairs and phases of the last report.
     fn report_mut(&mut self) -> (&mut u64, &mut Vec<PhaseTime>);
 
     /// Checks a query, chooses, builds, and lets `work` search.

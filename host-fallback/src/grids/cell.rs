@@ -192,7 +192,6 @@ struct TileRow {
 }
 
 impl OverfullCell {
-    /// Returns the most bytes for cells of `spheres` spheres of one group.
     pub(crate) fn memory_for(spheres: u64, threads: u64) -> u64 {
         threads * with_growth(Columns::BYTES_PER_SPHERE * spheres.min((TILE + ROW) as u64))
     }
@@ -260,7 +259,6 @@ impl OverfullCell {
         Ok(groups)
     }
 
-    /// Adds rows for every corner mask of `of` with its partners among `with`.
     fn plan(&mut self, of: &Starts, with: &Starts, partners: &[&[MaskRange]; MASKS]) -> Result<(), Error> {
         for (corner_mask, partners) in partners.iter().enumerate() {
             for &partners in *partners {

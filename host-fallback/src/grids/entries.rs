@@ -208,7 +208,6 @@ pub(crate) fn accumulate(lengths: &mut [usize]) -> usize {
     })
 }
 
-/// The entries of each cell, one cell after the other.
 #[inline]
 pub(crate) fn runs<K: RadixKey>(mut rest: &[KeyedSphere<K>]) -> impl Iterator<Item = &[KeyedSphere<K>]> {
     std::iter::from_fn(move || {

@@ -86,7 +86,6 @@ impl InputStats {
         (first..end).zip(classes.iter().copied()).rev().filter(|(_, class)| class.count > 0)
     }
 
-    /// Maps each class to its largest radius by `larger`.
     pub(crate) fn with_sizes(&self, larger: impl Fn(usize, f32) -> f32) -> Self {
         let mut stats = Self { spheres: self.spheres, min: self.min, max: self.max, ..Self::empty() };
         for (class, SizeClass { count, largest }) in self.occupied() {

@@ -34,7 +34,6 @@ const MAX_RADIUS: f32 = 1e30;
 /// Displacement limits whose squares `f32` holds.
 pub(super) const LIMIT_RANGE: std::ops::RangeInclusive<f32> = 0.5 * *SKIN_RANGE.start()..=*SKIN_RANGE.end();
 
-/// Half of a fixed skin for every sphere.
 pub(super) fn fixed(distance: f32) -> DisplacementLimits {
     [distance / 2.0; SIZE_CLASSES]
 }
@@ -267,7 +266,6 @@ impl HitBuffer {
     /// 4 KiB, a small part of the first-level cache.
     const FULL: usize = 512;
 
-    /// Returns `true` if the buffer is full.
     #[inline(always)]
     fn keep<V: SimdWidth>(&mut self, vector: V, pairs: &[Pair; MAX_LANES], lanes: u32) -> bool {
         if let Some(room) = self.pairs[self.len..].first_chunk_mut() {

@@ -167,7 +167,6 @@ impl Lines {
         Ok(true)
     }
 
-    /// Moves unread bytes to the front and reads more.
     fn fill(&mut self) -> Result<(), Error> {
         self.buffer.copy_within(self.unread.clone(), 0);
         self.unread = 0..self.unread.len();

@@ -88,7 +88,6 @@ fn create_locked(path: &Path) -> io::Result<File> {
     }
 }
 
-/// Removes this host's orphans in a directory.
 fn sweep(directory: &Path) {
     let Ok(entries) = fs::read_dir(directory) else { return };
     let prefix = prefix();

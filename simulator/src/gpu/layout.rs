@@ -1,5 +1,5 @@
-//! Rust twins of shader structures. A test compares sizes and offsets, so members stay in order by `repr(C)`.
-//! [`ControlHeader`] is read back as words, which have one layout on both sides.
+//! Rust twins of shader structures; a test compares sizes and offsets. [`ControlHeader`] is read back as words, which
+//! have one layout on both sides.
 
 use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;

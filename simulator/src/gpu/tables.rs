@@ -101,7 +101,6 @@ impl Tables {
         }
     }
 
-    /// Sets the fraction of the step during which the flow is on.
     pub(super) fn set_flow(&mut self, model: &Model, part: f64) {
         for (row, drift) in self.species_rows.iter_mut().zip(StepDrift::all(model, part)) {
             row.drift = drift.drift.into();

@@ -12,12 +12,7 @@ pub enum Axis {
     #[default]
     Open,
     /// Walls at both coordinates, in µm; they reflect surfaces of spheres.
-    Reflecting {
-        /// Lower wall.
-        low: f32,
-        /// Upper wall.
-        high: f32,
-    },
+    Reflecting { low: f32, high: f32 },
     /// Periodic: `high` is the same position as `low`, in µm.
     Periodic {
         /// Lower end, inside the box.
@@ -73,7 +68,6 @@ impl Axis {
         }
     }
 
-    /// Returns [`displacement`](Self::displacement) in `f64`.
     pub(crate) fn displacement_exact(self, d: f64) -> f64 {
         match self {
             Self::Periodic { low, high } => {
@@ -107,7 +101,6 @@ fn round_trip(way: f32, length: f32) -> f32 {
 /// The boundary of space.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Boundary {
-    /// Boundaries along x, y and z.
     pub axes: [Axis; 3],
     /// Vessel around all particles. Axes across it must be open.
     pub vessel: Option<Vessel>,

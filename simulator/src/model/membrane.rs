@@ -1,15 +1,16 @@
 //! Planes that diffusing particles pass with a permeability.
 //!
-//! The flux through a membrane is κ times the difference of the concentrations on its sides. The distance |x| from the
-//! plane is a reflected Brownian motion on either side. Each time its local time L has grown by D/(2κ) on average, the
-//! particle takes either side with equal probability (A. Lejay, *The snapping out Brownian motion*, The Annals of
-//! Applied Probability 26 (2016) 1727), so that it has changed sides with the probability
+//! The flux is κ times the difference of the concentrations on both sides. The distance |x| from the plane is a
+//! reflected Brownian motion. Each time its local time L has grown by D/(2κ) on average, the particle takes either side
+//! with equal probability (A. Lejay, *The snapping out Brownian motion*, The Annals of Applied Probability 26 (2016)
+//! 1727), so that it has changed sides with the probability
 //!
 //! ```text
 //! ½(1 − exp(−2κL/D)),   L = max(0, −min over s ≤ t of X(s)),   |x(t)| = X(t) + L
 //! ```
 //!
-//! with the free path X. Between its ends X is a Brownian bridge, whose minimum has a closed form (`bridge.rs`), so that L,
+//! with the free path X. Between its ends X is a Brownian bridge, whose minimum has a closed form (`bridge.rs`), so
+//! that L,
 //! |x| and the side are exact for steps of any length that reach one membrane and no wall.
 
 use crate::model::boundary::{Axis, Boundary};
@@ -21,7 +22,6 @@ use crate::random::philox::{Key, Purpose, open_unit};
 /// A plane across an axis that holds back diffusing particles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Membrane {
-    /// Name.
     pub name: String,
     /// The axis across which it is: 0, 1 or 2.
     pub axis: usize,
@@ -61,7 +61,6 @@ struct Slab {
 }
 
 impl MembraneStep<'_> {
-    /// Returns the ends of a step along the axes with membranes.
     pub(crate) fn ends(
         &self,
         [before, end]: [[f32; 3]; 2],
@@ -131,7 +130,6 @@ impl MembraneStep<'_> {
         }
     }
 
-    /// Returns `true` if a membrane is between two points, by the shortest way.
     pub(crate) fn separates(&self, [a, b]: [[f32; 3]; 2]) -> bool {
         let way = self.domain.displacement(a, b);
         (0..3).any(|axis| {
@@ -151,7 +149,6 @@ impl Slab {
 }
 
 impl Model {
-    /// Returns the first membrane with a fault, and the fault.
     pub(crate) fn faulty_membrane(&self) -> Option<(usize, String)> {
         (0..self.membranes.len()).find_map(|k| Some((k, self.fault_of_membrane(k)?)))
     }

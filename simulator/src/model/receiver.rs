@@ -10,7 +10,6 @@ use crate::model::receptors::ReceptorType;
 /// A sphere, or a wall, that acts on particles by their centers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Receiver {
-    /// Name in output.
     pub name: String,
     /// Center at the beginning of the run, in µm.
     pub center: [f32; 3],
@@ -98,18 +97,15 @@ impl Receiver {
         matches!(self.kind, ReceiverKind::Transparent | ReceiverKind::Receptors(_))
     }
 
-    /// Returns `true` if it reflects particles of some species.
     pub(crate) fn reflects_some(&self) -> bool {
         self.kind.reflects() && self.sees.contains(&true)
     }
 
-    /// Returns `true` if it is a wall across an axis.
     pub(crate) fn is_across(&self, axis: usize) -> bool {
         let faces = [WallFace::Low(axis), WallFace::High(axis)];
         matches!(self.kind, ReceiverKind::Wall(face) if faces.contains(&face))
     }
 
-    /// Returns `true` if the receiver moves.
     pub fn moves(&self) -> bool {
         self.velocity != [0.0; 3] || self.diffusion > 0.0
     }
@@ -129,8 +125,7 @@ impl Receiver {
     }
 }
 
-/// Receivers that test every particle: 0.7 times as long as a search for one receiver, 2.5 times for two (machine of
-/// docs/simulator.md).
+/// Receivers that test every particle: 0.7 times as long as a search for one receiver, 2.5 times for two (two cores of an AMD EPYC).
 const FEW: usize = 1;
 const CHUNK: usize = 1 << 16;
 

@@ -22,7 +22,6 @@ impl Vessel {
         Self { radius: self.radius - radius, ..self }
     }
 
-    /// Returns a vector without its component along the vessel.
     #[inline(always)]
     pub(crate) fn across(&self, mut v: [f64; 3]) -> [f64; 3] {
         if let Some(along) = self.along {
@@ -41,7 +40,6 @@ impl Vessel {
         self.length(self.offset(p.map(f64::from)))
     }
 
-    /// Returns the length of a vector across the vessel.
     pub(crate) fn length(&self, v: [f64; 3]) -> f64 {
         match self.along {
             Some(along) => v[(along + 1) % 3].hypot(v[(along + 2) % 3]),

@@ -19,7 +19,6 @@ use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose};
 use crate::reaction::distance_squared;
 
-/// Separation of overlaps.
 #[derive(Debug)]
 pub struct Contacts {
     separates: bool,
@@ -51,7 +50,6 @@ impl Contacts {
         }
     }
 
-    /// Returns `true` if the model separates particles.
     pub fn separate(&self) -> bool {
         self.separates
     }
@@ -78,7 +76,6 @@ impl Contacts {
         resolved
     }
 
-    /// Returns the displacements of both particles of each overlap.
     pub(crate) fn pushes(
         &self,
         particles: &Particles,

@@ -48,11 +48,8 @@ pub struct Path {
 /// Random numbers of a particle in a step.
 #[derive(Clone, Copy, Debug)]
 pub struct DrawContext {
-    /// Seed.
     pub key: Key,
-    /// Id of the particle.
     pub id: u32,
-    /// Step.
     pub step: u32,
 }
 

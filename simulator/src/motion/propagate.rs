@@ -89,7 +89,6 @@ impl Propagator {
         }
     }
 
-    /// Sets the flow of a step, if it is a pulse.
     pub(crate) fn set_flow(&mut self, model: &Model, step: u32) {
         if model.flow_pulse.is_none() {
             return;
@@ -295,7 +294,6 @@ impl Propagator {
         }
     }
 
-    /// Applies an absorbing wall, or decays.
     #[inline]
     fn absorb_or_decay(&self, moved: &ParticleMove, events: &mut Vec<Event>) {
         let ParticleMove { at, species, who, path, free_end, .. } = *moved;

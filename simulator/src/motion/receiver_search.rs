@@ -68,7 +68,7 @@ const WINDOW: u32 = 16;
 /// Steps without searches after a window in which they cost more.
 const REST: u32 = 240;
 /// Cost of a search per particle and per found receiver, in tests: about 100 ns, and 20 ns and often a test, against
-/// 35 ns (machine of docs/simulator.md).
+/// 35 ns (two cores of an AMD EPYC).
 const COSTS: [usize; 2] = [3, 1];
 
 const UNKNOWN: [f32; 4] = [0.0, 0.0, 0.0, -1.0];

@@ -10,9 +10,7 @@ use crate::random::philox::{Key, Purpose};
 /// A receiver in a step.
 #[derive(Clone, Debug)]
 pub struct ReceiverState {
-    /// Index in the model.
     pub place: u32,
-    /// Description in the model.
     pub receiver: Receiver,
     /// Center at the beginning, in µm.
     pub center: [f32; 3],
@@ -26,7 +24,6 @@ pub struct ReceiverState {
     pub sticking: Adsorption,
     /// Index of its first receptor type in the model.
     pub(crate) first_type: u32,
-    /// Free receptors of each type.
     pub(crate) free: Vec<u32>,
     /// Number of dimensions: it is a sphere, a disk or a segment.
     pub dimensions: usize,

@@ -7,7 +7,6 @@ use std::num::NonZeroU32;
 
 use crate::{Model, State};
 
-/// Animation options.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Animation {
     /// Steps between frames.
@@ -20,14 +19,11 @@ const HEAD: usize = 6;
 const ROW: usize = 5;
 const CENTER: usize = 3;
 
-/// A frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Completed steps.
     pub step: u32,
     /// One in 2ˢʰⁱᶠᵗ particles is drawn, by id.
     pub shift: u32,
-    /// Number of particles, drawn or not.
     pub present: u64,
     /// Drawn particles.
     pub rows: Vec<DrawnParticle>,
@@ -35,12 +31,9 @@ pub struct Frame {
     pub centers: Vec<[f32; 3]>,
 }
 
-/// A drawn particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DrawnParticle {
-    /// Id.
     pub id: u32,
-    /// Species.
     pub species: u32,
     /// Position, in µm.
     pub position: [f32; 3],
@@ -96,7 +89,6 @@ pub(crate) fn append(out: &mut impl Write, model: &Model, state: &State, most: N
 pub struct Frames<R>(R);
 
 impl<R: Read> Frames<R> {
-    /// Creates a reader.
     pub fn new(input: R) -> Self {
         Self(input)
     }

@@ -17,7 +17,6 @@ type Out = BufWriter<DigestWriter<File>>;
 pub struct FileRecord {
     /// Name in the directory of the run.
     pub name: String,
-    /// Number of bytes.
     pub length: u64,
     /// XXH64.
     pub checksum: u64,

@@ -187,7 +187,6 @@ impl Files {
     }
 }
 
-/// Checks the files of a run against a checkpoint, without a change.
 pub(crate) fn check(directory: &Path, records: &[FileRecord]) -> Result<(), Error> {
     records.iter().try_for_each(|record| AppendFile::reopen(directory, record).map(drop))
 }
@@ -216,7 +215,6 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
     Ok(lock)
 }
 
-/// Removes files of an earlier run that could be mistaken for this run's.
 pub(crate) fn remove_stale(directory: &Path, names: &[&str]) -> Result<(), Error> {
     for name in names {
         let path = directory.join(name);

@@ -19,11 +19,9 @@ pub enum Purpose {
     Receiver = 3,
     /// Priority, probability and direction of a candidate pair, by both ids.
     Pair = 4,
-    /// Decay.
     Decay = 5,
     /// Position within a step, by particle and piece of its path.
     Path = 6,
-    /// Dissociation.
     Dissociation = 7,
     /// Events between release and the next step.
     PartialStep = 8,
@@ -57,7 +55,6 @@ impl Key {
         Self([seed as u32, (seed >> 32) as u32])
     }
 
-    /// Seed.
     pub const fn seed(self) -> u64 {
         self.0[0] as u64 | (self.0[1] as u64) << 32
     }

@@ -95,12 +95,10 @@ impl<C: Communicator> RankSimulation<C> {
         Ok(all)
     }
 
-    /// Returns the model.
     pub fn model(&self) -> &Model {
         &self.run.model
     }
 
-    /// Returns the finished steps.
     pub fn step_count(&self) -> u32 {
         self.run.state.step
     }
@@ -115,7 +113,6 @@ impl<C: Communicator> RankSimulation<C> {
         &self.run.state
     }
 
-    /// Returns the communicator.
     pub fn communicator(&mut self) -> &mut C {
         &mut self.communicator
     }

@@ -12,16 +12,11 @@ use crate::random::philox::{self, Purpose};
 use crate::reaction::matching::{Key, ReactionCandidate};
 use crate::reaction::{ReactionRule, Reactions, distance_squared};
 
-/// The pairs of a step.
 #[derive(Clone, Copy, Debug)]
 pub struct StepPairs<'a> {
-    /// Particles.
     pub particles: &'a Particles,
-    /// Pairs of particle indices.
     pub pairs: &'a [Pair],
-    /// Key of the run.
     pub key: philox::Key,
-    /// Step.
     pub step: u32,
 }
 

@@ -40,7 +40,6 @@ impl Decays {
         Self { kinds, time_step: model.time_step }
     }
 
-    /// Returns `true` if nothing decays.
     pub fn is_empty(&self) -> bool {
         self.kinds.iter().all(|kind| kind.channels.is_empty())
     }

@@ -36,14 +36,11 @@ pub(crate) struct Product {
     domain: Boundary,
 }
 
-/// A dissociation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dissociated {
-    /// Index of the particle.
     pub at: u32,
-    /// Id.
     pub id: u32,
-    /// Decay, as index in the model.
+    /// As index in the model.
     pub decay: u32,
     /// Species, radius and position of each product.
     pub products: [Option<(u32, f32, [f32; 3])>; 2],
@@ -92,7 +89,6 @@ impl Dissociation {
         Self { any, channels, boundary: model.boundary }
     }
 
-    /// Returns `true` if no species dissociates.
     pub fn is_empty(&self) -> bool {
         !self.any
     }
@@ -153,7 +149,6 @@ impl Dissociation {
     }
 }
 
-/// Returns the second product, with its parent's velocity.
 pub(crate) fn second(split: &Dissociated, velocity: [f32; 3], id: u32) -> Option<Particle> {
     let (species, radius, position) = split.products[1]?;
     Some(Particle { position, velocity, radius, species, id })

@@ -19,7 +19,6 @@ pub struct ReactionCandidate {
     pub at: [u32; 2],
     /// `true` for each that is consumed; at least one.
     pub consumes: [bool; 2],
-    /// Index of the rule.
     pub rule: u32,
     /// Priority; the lowest wins.
     pub priority: u32,

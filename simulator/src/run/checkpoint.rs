@@ -33,17 +33,13 @@ use crate::{Error, Particles, State};
 pub struct Checkpoint {
     /// Text of the scenario, which must match.
     pub scenario: String,
-    /// Seed.
     pub seed: u64,
-    /// Name of the backend.
     pub backend: String,
     /// Steps between rows, frames, and frames of the animation (0 without one).
     pub every: [u32; 3],
-    /// Files that the run appends to.
     pub files: Vec<FileRecord>,
     /// Files of ranks; empty if `state` has the particles.
     pub parts: Vec<PartRecord>,
-    /// State.
     pub state: State,
 }
 
@@ -51,9 +47,7 @@ pub struct Checkpoint {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct PartRecord {
-    /// Particles in the file.
     pub particles: u64,
-    /// Bound particles in the file.
     pub bound: u64,
     /// Checksum in its header.
     pub checksum: u64,
@@ -88,7 +82,6 @@ impl Checkpoint {
         Ok(())
     }
 
-    /// Writes a rank's part of the checkpoint at `path`, and returns its record.
     pub(crate) fn write_part(
         path: &Path,
         seed: u64,
@@ -122,7 +115,6 @@ impl Checkpoint {
         self.into_slice(path, RankSlice::WHOLE)
     }
 
-    /// Returns the state with a slice of the free and bound particles.
     pub(crate) fn into_slice(self, path: &Path, slice: RankSlice) -> Result<State, Error> {
         let Self { parts, mut state, .. } = self;
         let wanted = |k: usize| {

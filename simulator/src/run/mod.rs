@@ -32,17 +32,16 @@ use crate::{AnySimulation, Error, RunView, State};
 /// A run and its directory.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// Scenario, after overrides.
+    /// After overrides.
     pub scenario: Scenario,
-    /// File of the scenario, for messages.
+    /// For messages.
     pub path: PathBuf,
-    /// Output directory.
     pub directory: PathBuf,
     /// Backend; see [`AnySimulation::begin`].
     pub backend: Backend,
     /// Algorithm of the CPU, without effect on the result.
     pub algorithm: Algorithm,
-    /// Number of threads; `None` for all.
+    /// `None` for all.
     pub threads: Option<usize>,
     /// Resumes from the checkpoint in the directory.
     pub resume: bool,
@@ -169,7 +168,6 @@ impl Run {
         PathBuf::from(scenario.file_stem().unwrap_or(scenario.as_os_str()))
     }
 
-    /// Returns the name of the run.
     pub fn title(&self) -> String {
         let name = self.path.file_stem().unwrap_or_default().to_string_lossy();
         format!("{name}, seed {}", self.scenario.seed)

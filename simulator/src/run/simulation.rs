@@ -82,12 +82,10 @@ impl Simulation {
         })
     }
 
-    /// Returns the model.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Returns the state.
     pub fn state(&self) -> &State {
         &self.state
     }
@@ -162,7 +160,7 @@ impl Simulation {
         self.finish(RankSlice::WHOLE)
     }
 
-    /// Moves receivers and particles. Collective.
+    /// Collective.
     pub(crate) fn advance<H: Halo>(&mut self, free: &[u32], halo: &mut H) -> Result<Moved, H::Error> {
         let Self { model, key, state, motion, receiver_search, collisions, .. } = self;
         let now = (*key, state.step);

@@ -18,13 +18,10 @@ const POINTS: &str = "points.csv";
 /// All points of a sweep, each in a directory with its scenario and replicas.
 #[derive(Clone, Debug)]
 pub struct SweepRuns {
-    /// Swept keys.
     pub keys: Vec<SweptKey>,
-    /// Values of each point.
     pub values: Vec<Vec<String>>,
-    /// Replicas of each point.
     pub points: Vec<Replicas>,
-    /// Parent directory of the points.
+    /// The points are in directories of it.
     pub directory: PathBuf,
     resume: bool,
 }

@@ -19,18 +19,12 @@ use crate::memory::check_available;
 pub use crate::output::options::Output;
 use crate::{Error, Model, Transmitter};
 
-/// A scenario.
 #[derive(Clone, Debug)]
 pub struct Scenario {
-    /// Model.
     pub model: Model,
-    /// Steps of the run.
     pub steps: u32,
-    /// Seed.
     pub seed: u64,
-    /// Outputs.
     pub output: Output,
-    /// Text of the file.
     pub text: String,
     /// Logged warnings: location and remedy.
     pub warnings: Vec<String>,
@@ -56,7 +50,6 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// [`parse`](Self::parse) without logged warnings.
     fn parse_silently(path: &Path, text: String) -> Result<Self, Error> {
         check_length(text.len())?;
         let placed = |problem| located(path, &text, problem);

@@ -17,7 +17,6 @@ pub(super) fn is_walled_off(boundary: &Boundary, center: [f32; 3], radius: f32) 
     squares.sum::<f32>() + across * across > radius * radius
 }
 
-/// Returns the position in a periodic box to write instead.
 pub(super) fn image(boundary: &Boundary, center: [f32; 3]) -> Option<String> {
     let images = boundary.axes.map(|axis| match axis {
         Axis::Periodic { .. } => axis,

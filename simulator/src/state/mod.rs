@@ -18,17 +18,14 @@ use crate::release::{ReleaseStep, Released};
 /// With the model and the seed, it determines the rest of the run bit for bit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct State {
-    /// Free particles.
+    /// Without bound particles.
     pub particles: Particles,
-    /// Completed steps.
     pub step: u32,
-    /// Next free id.
     pub next_id: u32,
     /// Counts since the beginning of the run.
     pub totals: Totals,
     /// Centers of the receivers, in µm.
     pub centers: Vec<[f32; 3]>,
-    /// Bound particles.
     pub bound: Vec<Bound>,
     /// Origins, if the model logs arrivals.
     pub origins: Origins,
@@ -45,9 +42,7 @@ pub struct Totals {
     pub arrived: Vec<Vec<u64>>,
     /// Occupied receptors, by receptor type in the order of receivers.
     pub occupied: Vec<u64>,
-    /// Reactions, in the order of the model.
     pub reacted: Vec<u64>,
-    /// Decays, in the order of the model.
     pub decayed: Vec<u64>,
     /// Pairs found in the last step.
     pub pairs: u64,

@@ -254,7 +254,6 @@ impl Report {
         self.say(&format!("{algorithm:<15}{spheres:>11}   left out, and more: {why}\n"))
     }
 
-    /// Prints a failure and writes its scene.
     pub(super) fn failure(&mut self, fault: FailedCase) -> Result<(), CliError> {
         let path = PathBuf::from(format!("lazygrid-check-{}.csv", self.files + 1));
         let FailedCase { name, what, scenario, options } = fault;
@@ -296,7 +295,6 @@ impl Report {
         }
     }
 
-    /// Prints the object, and returns the result of the checks.
     pub(super) fn finish(mut self) -> Result<(), CliError> {
         let failures = self.failures.len();
         let time = self.start.elapsed();

@@ -40,7 +40,6 @@ impl From<&wgpu::Limits> for DeviceLimits {
 }
 
 impl DeviceLimits {
-    /// Keys per workgroup of a radix pass.
     pub(crate) fn radix_tile(&self) -> u32 {
         k::Variant { wide_tiles: self.wide(), ..k::Variant::default() }.radix_tile()
     }

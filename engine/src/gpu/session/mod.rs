@@ -382,7 +382,6 @@ impl GpuSession {
         &mut self.pairs
     }
 
-    /// Exchanges the pairs of the last call for a list whose memory is reused.
     pub(crate) fn swap_pairs(&mut self, pairs: &mut Vec<Pair>) {
         std::mem::swap(&mut self.pairs, pairs);
     }

@@ -58,7 +58,6 @@ impl GpuSession {
             .map_err(|error| self.gpu.reason(error))
     }
 
-    /// The maximum of calls with and without a candidate list.
     pub(crate) fn memory_with_candidates(&self, spheres: u32) -> Result<u64, Error> {
         let kept = match &self.skin {
             Some(skin) => skin.detector.memory_for(spheres)?,

@@ -112,7 +112,6 @@ impl Window<'_> {
         }
     }
 
-    /// Lets safe events of this rank's movers happen.
     fn round(
         &self,
         movers: &mut [Mover],
@@ -165,7 +164,6 @@ impl Window<'_> {
         events.chain(self.rules.predict_wall(movers, at)).fold(Event::NEVER, Event::earlier)
     }
 
-    /// Predicts events again after particles `changed`.
     fn update(&self, movers: &[Mover], agenda: &mut Agenda, changed: &[u32]) {
         changed.iter().for_each(|&at| agenda.news[at as usize] = News::Own);
         let stale = agenda.lose_partners(changed.iter().flat_map(|&at| self.neighbors.of(at)));

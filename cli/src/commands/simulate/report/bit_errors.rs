@@ -69,7 +69,6 @@ pub(super) fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, 
     Ok(section)
 }
 
-/// A rate and its 95 % interval.
 fn rate_point(x: f64, errors: &BitErrors, wrong: u64) -> PlotPoint {
     let [low, high] = errors.interval(wrong);
     PlotPoint::new(x, wrong as f64 / errors.bits as f64, (low, high))

@@ -86,7 +86,6 @@ fn head(done: &Done<'_>) -> Section {
     Section { title: "The run".into(), text, tables: vec![table], ..Section::default() }
 }
 
-/// Plots each group, and tabulates the last values.
 fn series(done: &Done<'_>) -> Result<Section, Box<dyn Error>> {
     let (model, mean) = (&done.run.scenario.model, done.mean);
     let mut section = Section { title: "Series".into(), ..Section::default() };
@@ -221,7 +220,6 @@ pub(super) fn mark(x: f64, mean: f64, error: Option<f64>) -> PlotPoint {
     PlotPoint::new(x, mean, (mean - error, mean + error))
 }
 
-/// A mean with its standard error, if any.
 fn written(mean: f64, error: Option<f64>) -> String {
     match error.filter(|error| *error > 0.0) {
         _ if mean.is_nan() => "–".to_owned(),
