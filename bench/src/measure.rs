@@ -44,7 +44,7 @@ pub trait PairFinder {
         Vec::new()
     }
 
-    /// The GPU time of the last call; `None` without a GPU or timestamps.
+    /// GPU time of the last call; `None` without a GPU or timestamps.
     fn gpu_time(&self) -> Option<Duration> {
         None
     }
@@ -161,7 +161,7 @@ impl Digest {
     }
 }
 
-/// The finalizer of SplitMix64, which avoids equal sums of different sets of pairs.
+/// Finalizer of SplitMix64, which avoids equal sums of different sets of pairs.
 fn scramble(i: u32, j: u32) -> u64 {
     let mut x = (u64::from(i) << 32 | u64::from(j)).wrapping_add(0x9e37_79b9_7f4a_7c15);
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -212,7 +212,7 @@ impl MovingScene {
         }
     }
 
-    /// The last frame starts the round after it.
+    /// Last frame starts the round after it.
     fn next_round(&mut self) -> &[Vec<Sphere>] {
         let mut last = self.frames[self.frames.len() - 1].clone();
         for frame in &mut self.frames {

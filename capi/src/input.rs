@@ -114,7 +114,7 @@ impl CSpheres {
         Ok(spheres)
     }
 
-    /// The spheres without species and groups.
+    /// Spheres without species and groups.
     ///
     /// # Safety
     /// The same as [`borrow`](Self::borrow); `count` is at most the number of spheres that fit in memory.

@@ -20,7 +20,7 @@ pub struct CNeighborList {
     pub distances: *const f64,
 }
 
-/// The options by their names in the header, and their bits.
+/// Options by their names in the header, and their bits.
 pub const OPTIONS: [(&str, u32); 6] =
     [("HALF", 1), ("OPEN", 2), ("SELF", 4), ("SHIFTS", 8), ("VECTORS", 16), ("DISTANCES", 32)];
 

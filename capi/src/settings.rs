@@ -49,7 +49,7 @@ pub const ALGORITHMS: [Algorithm; 8] = [
 
 pub const ORDERS: [Order; 2] = [Order::Canonical, Order::Unordered];
 
-/// The constructor of each skin from `skin_distance`, by the number in the header.
+/// Constructor of each skin from `skin_distance`, by the number in the header.
 pub const SKINS: [fn(f64) -> Skin; 3] = [|_| Skin::Auto, |_| Skin::Off, Skin::Fixed];
 
 impl CSettings {

@@ -39,7 +39,7 @@ impl Config {
     #[cfg(feature = "gpu")]
     pub(crate) const RASTER_RATIOS: RangeInclusive<f32> = 0.5..=16.0;
 
-    /// The backend to run on. Default: [`Backend::Auto`].
+    /// Backend to run on. Default: [`Backend::Auto`].
     pub fn backend(mut self, backend: Backend) -> Self {
         self.backend = backend;
         self
@@ -54,7 +54,7 @@ impl Config {
         self
     }
 
-    /// The algorithm. Default: [`Algorithm::Auto`], chosen per call.
+    /// Algorithm. Default: [`Algorithm::Auto`], chosen per call.
     pub fn algorithm(mut self, algorithm: Algorithm) -> Self {
         self.settings.algorithm = algorithm;
         self
@@ -68,13 +68,13 @@ impl Config {
         self
     }
 
-    /// The order of results. Default: [`Order::Canonical`].
+    /// Order of results. Default: [`Order::Canonical`].
     pub fn order(mut self, order: Order) -> Self {
         self.settings.order = order;
         self
     }
 
-    /// The number of CPU threads, in a pool of the detector's own. Default: the rayon pool of the caller.
+    /// Number of CPU threads, in a pool of the detector's own. Default: the rayon pool of the caller.
     pub fn threads(mut self, threads: usize) -> Self {
         self.settings.threads = Some(threads);
         self
@@ -109,7 +109,7 @@ impl Config {
         self
     }
 
-    /// The most pairs of a list; more are an error with the exact number. Default: 2²⁹ (4 GiB).
+    /// Most pairs of a list; more are an error with the exact number. Default: 2²⁹ (4 GiB).
     pub fn max_pairs(mut self, max_pairs: u64) -> Self {
         self.settings.max_pairs = max_pairs;
         self
@@ -130,7 +130,7 @@ impl Config {
         self
     }
 
-    /// The time limit of a GPU call, after which it returns [`Error::Timeout`](crate::Error::Timeout). Default: ten
+    /// Time limit of a GPU call, after which it returns [`Error::Timeout`](crate::Error::Timeout). Default: ten
     /// minutes.
     #[cfg(feature = "gpu")]
     pub fn timeout(mut self, timeout: Duration) -> Self {

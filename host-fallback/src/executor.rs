@@ -23,9 +23,9 @@ const MIN_PARALLEL_NS: f32 = 300_000.0;
 /// The threads that execute a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Executor {
-    /// The calling thread only.
+    /// Calling thread only.
     Caller,
-    /// The calling thread's pool, or rayon's global pool.
+    /// Calling thread's pool, or rayon's global pool.
     Pool,
 }
 

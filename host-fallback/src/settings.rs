@@ -13,8 +13,8 @@ pub enum Order {
     /// Ascending by `i`, then `j`.
     #[default]
     Canonical,
-    /// The order in which they are found, without sorting. Reproducible and independent of the number of threads,
-    /// except for streamed chunks.
+    /// Order in which they are found, without sorting. Reproducible and independent of the number of threads, except
+    /// for streamed chunks.
     Unordered,
 }
 
@@ -44,7 +44,7 @@ pub struct Settings {
     pub order: Order,
     /// Maximum SIMD width.
     pub simd: Simd,
-    /// The size of the detector's own pool; `None` uses the caller's rayon pool.
+    /// Size of the detector's own pool; `None` uses the caller's rayon pool.
     pub threads: Option<usize>,
     /// Cells with more smaller spheres are split in the recursive grid.
     pub tau: u32,

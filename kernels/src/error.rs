@@ -14,7 +14,7 @@ pub enum InputError {
         x = .center[0], y = .center[1], z = .center[2], r = .radius
     )]
     Sphere {
-        /// The first such sphere.
+        /// First such sphere.
         index: u32,
         center: [f64; 3],
         radius: f64,
@@ -36,7 +36,7 @@ pub enum InputError {
         at = .index.map(|i| format!(" of sphere {i}")).unwrap_or_default()
     )]
     SpeciesId {
-        /// The first sphere with this id; `None` for an argument.
+        /// First sphere with this id; `None` for an argument.
         index: Option<u32>,
         id: u32,
         count: u32,
@@ -72,9 +72,9 @@ pub enum InputError {
          name; choose a smaller cutoff or a larger box"
     )]
     Images {
-        /// The number of images, rounded to `f64`.
+        /// Number of images, rounded to `f64`.
         images: f64,
-        /// The largest cutoff of two spheres.
+        /// Largest cutoff of two spheres.
         reach: f64,
     },
     /// A shift of 2³¹ or more cell vectors.
@@ -90,9 +90,9 @@ pub enum InputError {
     ExcludedIndex {
         i: u32,
         j: u32,
-        /// The size of the first set.
+        /// Size of the first set.
         first: usize,
-        /// The size of the second set.
+        /// Size of the second set.
         second: usize,
     },
     /// Invalid offsets of compressed sparse rows of excluded pairs.
@@ -139,7 +139,7 @@ pub enum Error {
         "out of memory: the system refused {bytes} bytes for {what}; use fewer spheres or stream the pairs"
     )]
     OutOfMemory {
-        /// The purpose of the memory.
+        /// Purpose of the memory.
         what: &'static str,
         bytes: u64,
     },
@@ -181,7 +181,7 @@ pub enum Error {
     #[error("{what} needs {needed}, but the device's limit is {limit}; {remedy}")]
     LimitExceeded {
         what: &'static str,
-        /// The required amount, in bytes unless `what` says otherwise.
+        /// Required amount, in bytes unless `what` says otherwise.
         needed: u64,
         limit: u64,
         remedy: &'static str,
@@ -191,7 +191,7 @@ pub enum Error {
         "the device is out of memory: {bytes} bytes ({what}); use fewer spheres or a smaller pair capacity"
     )]
     DeviceOutOfMemory {
-        /// The purpose of the memory.
+        /// Purpose of the memory.
         what: &'static str,
         bytes: u64,
     },
@@ -217,7 +217,7 @@ pub enum Error {
         what: &'static str,
         size: u64,
         needed: u64,
-        /// The missing usage, if any.
+        /// Missing usage, if any.
         usage: &'static str,
     },
     /// An interaction table without a species buffer, or the reverse.

@@ -50,7 +50,7 @@ const fn write(name: &'static str) -> Binding {
 /// The variant of a kernel's text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Variant {
-    /// The smallest subgroup size if subgroup operations are used; `None` works everywhere.
+    /// Smallest subgroup size if subgroup operations are used; `None` works everywhere.
     pub subgroups: Option<u32>,
     /// `true` if an interaction table decides pairs.
     pub species: bool,
@@ -62,7 +62,7 @@ pub struct Variant {
 }
 
 impl Variant {
-    /// The smallest subgroup whose radix ranking tables fit into workgroup memory.
+    /// Smallest subgroup whose radix ranking tables fit into workgroup memory.
     pub const MIN_RANKING_SUBGROUP: u32 = 8;
 
     /// Returns the variant for a device: subgroup operations if `smallest_subgroup` is given, wide tiles if
@@ -289,7 +289,7 @@ kernels! {
         [uniform("params"), uniform("digit_pass"), read("cell_list"), read("sort_counts"), read("spheres"), write("occupancy"),
          write("outcome"), write("keys"), write("counts")],
         species: [read("species"), read("species_params")];
-    /// The first sphere of each cell.
+    /// First sphere of each cell.
     CELL_STARTS_FIND = "cell_list" / "cell_starts_find", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("cell_list"), read("cells"), write("starts")], species: [];
     /// Gathers the spheres in cell order.

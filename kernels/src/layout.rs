@@ -15,65 +15,64 @@ pub use columns::ColumnLayout;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SearchParams {
-    /// The number of spheres, or its maximum if a buffer holds it.
+    /// Number of spheres, or its maximum if a buffer holds it.
     pub spheres: u32,
-    /// The capacity of the output in pairs.
+    /// Capacity of the output in pairs.
     pub pair_capacity: u32,
-    /// The capacity of the entry buffers in (cell, object) entries.
+    /// Capacity of the entry buffers in (cell, object) entries.
     pub entry_capacity: u32,
     /// Bits of a cell's key.
     pub key_bits: u32,
     /// Cell size as a multiple of the largest diameter.
     pub cell_ratio: f32,
-    /// The species of the interaction table; 0 without one.
+    /// Species of the interaction table; 0 without one.
     pub species: u32,
     /// Workgroups of the naive search.
     pub search_groups: u32,
     /// Threads per workgroup of the indirectly dispatched consumer.
     pub consumer_workgroup_size: u32,
-    /// The start of the window: only pairs with a smaller index in `window_begin..window_end` are counted and written,
-    /// to fetch large results in parts.
+    /// Start of the window: only pairs with a smaller index in `window_begin..window_end` are counted and written, to
+    /// fetch large results in parts.
     pub window_begin: u32,
     /// The end of the window.
     pub window_end: u32,
-    /// The cells that pass smaller spheres to the next level: 0 none, 1 all, 2 with more than `tau`.
+    /// Cells that pass smaller spheres to the next level: 0 none, 1 all, 2 with more than `tau`.
     pub split_policy: u32,
-    /// The most smaller spheres of an unsplit cell.
+    /// Most smaller spheres of an unsplit cell.
     pub tau: u32,
     /// Counters in either half of the occupancy table, a power of two.
     pub occupancy_slots: u32,
     /// Tiles of deferred blocks per submission, unless a single block has more; [`Self::UNLIMITED`] without a limit.
     pub tiles_per_submission: u32,
-    /// The length of a periodic x axis, else 0.
+    /// Length of a periodic x axis, else 0.
     pub period_x: f32,
-    /// The length of a periodic y axis, else 0.
+    /// Length of a periodic y axis, else 0.
     pub period_y: f32,
-    /// The length of a periodic z axis, else 0.
+    /// Length of a periodic z axis, else 0.
     pub period_z: f32,
-    /// The capacity of a cell list's table in cells.
+    /// Capacity of a cell list's table in cells.
     pub cells: u32,
-    /// The counters of that table: two more.
+    /// Counters of that table: two more.
     pub counters: u32,
-    /// The first index of the second set, if only pairs across the sets are found; 0 for one set.
+    /// First index of the second set, if only pairs across the sets are found; 0 for one set.
     pub second_set_start: u32,
     /// Keys per tile of a radix sort of a cell list; 0 for a counting sort.
     pub radix_tile: u32,
     /// Candidates of a sphere that one invocation tests.
     pub candidates_per_invocation: u32,
-    /// The workgroups of the search for each block of few spheres, one per chunk of candidates; 0 if the first search defers
-    /// blocks with more than one chunk.
+    /// Workgroups of the search for each block of few spheres, one per chunk of candidates; 0 if the first search
+    /// defers blocks with more than one chunk.
     pub chunks_per_block: u32,
     /// 1 if pairs of a cell list hold positions in cell order.
     pub pairs_in_cell_order: u32,
-    /// The compared sides of a cell list: [`Self::FIRST_WITH_ITSELF`], [`Self::FIRST_WITH_SECOND`] and
+    /// Compared sides of a cell list: [`Self::FIRST_WITH_ITSELF`], [`Self::FIRST_WITH_SECOND`] and
     /// [`Self::SECOND_WITH_ITSELF`].
     pub side_pairs: u32,
-    /// The common interaction of all spheres of compared sides: a distance or [`Self::TOUCH`]; else
-    /// [`Self::BY_SPECIES`].
+    /// Common interaction of all spheres of compared sides: a distance or [`Self::TOUCH`]; else [`Self::BY_SPECIES`].
     pub interaction: f32,
-    /// The first workgroup of a partial dispatch.
+    /// First workgroup of a partial dispatch.
     pub first_workgroup: u32,
-    /// The most workgroups per dispatch of candidate tests; 0 without a limit.
+    /// Most workgroups per dispatch of candidate tests; 0 without a limit.
     pub workgroups_per_dispatch: u32,
     /// Always 0, unknown to shader compilers: guards expressions whose order of evaluation matters.
     pub opaque_zero: u32,
@@ -83,9 +82,9 @@ pub struct SearchParams {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct RadixPass {
-    /// The lowest bit of the digit.
+    /// Lowest bit of the digit.
     pub shift: u32,
-    /// The mask after the shift.
+    /// Mask after the shift.
     pub mask: u32,
     /// 1 if the payload is the index of each key, and is not read.
     pub is_first: u32,
@@ -119,15 +118,15 @@ impl SearchParams {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Bounds {
-    /// The lowest corner of all boxes, in an order-preserving encoding.
+    /// Lowest corner of all boxes, in an order-preserving encoding.
     pub low: [u32; 3],
-    /// The highest corner of all boxes, in this encoding.
+    /// Highest corner of all boxes, in this encoding.
     pub high: [u32; 3],
     /// Bits of the smallest effective radius.
     pub radius_min: u32,
     /// Bits of the largest effective radius.
     pub radius_max: u32,
-    /// The depths that occur, one bit each.
+    /// Depths that occur, one bit each.
     pub depth_mask: u32,
     /// Spheres per depth that continue below the first level.
     pub descending: [u32; 32],
@@ -139,7 +138,7 @@ pub struct Bounds {
 pub struct LevelKeys {
     /// Key bits per axis.
     pub bits: UVec3,
-    /// The first key.
+    /// First key.
     pub base: u32,
 }
 
@@ -149,27 +148,27 @@ pub struct LevelKeys {
 pub struct Grid {
     /// A common corner of cells of all levels.
     pub origin: Vec3,
-    /// The number of spheres.
+    /// Number of spheres.
     pub spheres: u32,
     /// Cells of depth 0 per unit of length.
     pub inverse_edge: Vec3,
     /// 1 if no distance test can overflow or underflow.
     pub ordinary: u32,
-    /// The lowest cell of depth 0.
+    /// Lowest cell of depth 0.
     pub low: IVec3,
-    /// The policy of the parameters; 0 if one level suffices.
+    /// Policy of the parameters; 0 if one level suffices.
     pub split_policy: u32,
-    /// The highest cell of depth 0.
+    /// Highest cell of depth 0.
     pub high: IVec3,
-    /// The depths that are levels, one bit each.
+    /// Depths that are levels, one bit each.
     pub level_mask: u32,
     /// Cells of depth 0 around each periodic axis; 0 for an unbounded one.
     pub ring_cells: Vec3,
-    /// The depths with spheres, one bit each.
+    /// Depths with spheres, one bit each.
     pub depth_mask: u32,
-    /// The key bit of passive entries, or 0.
+    /// Key bit of passive entries, or 0.
     pub passive: u32,
-    /// The keys per depth.
+    /// Keys per depth.
     pub levels: [LevelKeys; 32],
 }
 
@@ -181,9 +180,9 @@ pub struct Outcome {
     pub found_lo: u32,
     /// High word of the number of pairs.
     pub found_hi: u32,
-    /// The bits [`Self::OVERFLOW_PAIRS`] to [`Self::OVERFLOW_WORK`].
+    /// Bits [`Self::OVERFLOW_PAIRS`] to [`Self::OVERFLOW_WORK`].
     pub overflow: u32,
-    /// The number of invalid spheres (non-finite value, negative radius or unknown species), which never pair.
+    /// Number of invalid spheres (non-finite value, negative radius or unknown species), which never pair.
     pub quarantined: u32,
     /// Workgroups for a consumer with one thread per written pair.
     pub dispatch_x: u32,
@@ -191,17 +190,17 @@ pub struct Outcome {
     pub dispatch_y: u32,
     /// Third dimension of that dispatch, 1.
     pub dispatch_z: u32,
-    /// The number of blocks deferred by the first search.
+    /// Number of blocks deferred by the first search.
     pub deferred_blocks: u32,
     /// Low word of the number of entries.
     pub entries_lo: u32,
     /// High word of the number of entries.
     pub entries_hi: u32,
-    /// The number of spheres.
+    /// Number of spheres.
     pub spheres: u32,
-    /// The most tiles of a deferred block.
+    /// Most tiles of a deferred block.
     pub deferred_max_tiles: u32,
-    /// The first deferred block of the last submission.
+    /// First deferred block of the last submission.
     pub deferred_begin: u32,
     /// The end of the deferred blocks of the last submission.
     pub deferred_end: u32,
@@ -217,9 +216,9 @@ pub struct Outcome {
 pub struct SkinParams {
     /// Half of the skin, which is added to radii.
     pub half_skin: f32,
-    /// The squared displacement limit, a little less than half the skin.
+    /// Squared displacement limit, a little less than half the skin.
     pub limit_squared: f32,
-    /// The capacity in candidates.
+    /// Capacity in candidates.
     pub candidate_capacity: u32,
 }
 
@@ -233,14 +232,14 @@ pub struct SkinState {
     pub input_changed: u32,
     /// 1 if the list holds all candidates.
     pub is_complete: u32,
-    /// The number of spheres.
+    /// Number of spheres.
     pub spheres: u32,
-    /// The reason for the last call's rebuild: [`NO_LIST`](Self::NO_LIST), [`INPUT_CHANGED`](Self::INPUT_CHANGED) or
+    /// Reason for the last call's rebuild: [`NO_LIST`](Self::NO_LIST), [`INPUT_CHANGED`](Self::INPUT_CHANGED) or
     /// [`DISPLACEMENT`](Self::DISPLACEMENT); 0 without one.
     pub rebuild_reason: u32,
     /// Calls since the rebuild.
     pub age: u32,
-    /// The number of candidates.
+    /// Number of candidates.
     pub candidates: u32,
     /// Bits of the largest squared displacement at the last call.
     pub last_displacement: u32,
@@ -249,7 +248,7 @@ pub struct SkinState {
 impl SkinState {
     /// No complete list existed.
     pub const NO_LIST: u32 = 1;
-    /// The number of spheres, a radius or a species changed.
+    /// Number of spheres, a radius or a species changed.
     pub const INPUT_CHANGED: u32 = 2;
     /// A sphere exceeded the displacement limit.
     pub const DISPLACEMENT: u32 = 3;
@@ -298,11 +297,11 @@ impl Outcome {
 pub struct InputStats {
     /// Complements of the lowest center, in an order-preserving encoding.
     pub low: [u32; 3],
-    /// The highest center, in this encoding.
+    /// Highest center, in this encoding.
     pub high: [u32; 3],
     /// Complement of the bits of the smallest effective radius.
     pub smallest: u32,
-    /// The number of invalid spheres.
+    /// Number of invalid spheres.
     pub quarantined: u32,
     /// Spheres per size class (exponent of the effective radius), of the first side and then of the second.
     pub members: [u32; 512],
@@ -325,7 +324,7 @@ impl SpeciesParams {
     pub const TOUCHES: u32 = 1;
     /// The species is on the second side of a cell list.
     pub const SECOND_SIDE: u32 = 2;
-    /// The species never pairs.
+    /// Species never pairs.
     pub const IDLE: u32 = 4;
 }
 
@@ -335,9 +334,9 @@ impl SpeciesParams {
 pub struct CellListLevel {
     /// Cells around each axis.
     pub cells: UVec3,
-    /// The first cell in the table.
+    /// First cell in the table.
     pub base: u32,
-    /// The first cell of an unbounded axis.
+    /// First cell of an unbounded axis.
     pub low: UVec3,
     /// Fixed-point units per unit of length, a power of two.
     pub units_per_length: f32,
@@ -345,9 +344,9 @@ pub struct CellListLevel {
     pub cells_per_length: Vec3,
     /// Bits of the coordinate at or above which neighboring floats are more than a cell apart; infinity if none is.
     pub far: u32,
-    /// The largest radius of the level.
+    /// Largest radius of the level.
     pub max_radius: f32,
-    /// The levels in which spheres of this level search all cells that their boxes overlap, one bit each.
+    /// Levels in which spheres of this level search all cells that their boxes overlap, one bit each.
     pub searched_levels: u32,
     /// 1 if spheres of this level are compared with each other.
     pub searches_itself: u32,
@@ -357,13 +356,13 @@ pub struct CellListLevel {
 #[derive(Clone, Copy, Debug, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct CellListLayout {
-    /// The number of spheres.
+    /// Number of spheres.
     pub spheres: u32,
     /// Cells of all levels.
     pub cells: u32,
     /// Fixed-point units per cell.
     pub units_per_cell: u32,
-    /// The levels with cells, one bit each.
+    /// Levels with cells, one bit each.
     pub levels: u32,
     /// 1 if smaller spheres leave overfull cells of the first level.
     pub has_overfull_cells: u32,
@@ -371,7 +370,7 @@ pub struct CellListLayout {
     pub ordinary: u32,
     /// Levels of the size classes, four per word.
     pub class_levels: [u32; 64],
-    /// The levels of the first side, then of the second.
+    /// Levels of the first side, then of the second.
     pub level: [CellListLevel; 2 * CellListLayout::LEVELS],
 }
 
@@ -384,8 +383,8 @@ impl CellListLayout {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SortCounts {
-    /// The number of keys.
+    /// Number of keys.
     pub items: u32,
-    /// The number of values to scan.
+    /// Number of values to scan.
     pub counters: u32,
 }

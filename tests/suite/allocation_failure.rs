@@ -19,7 +19,7 @@ const LARGE: usize = 4096;
 
 static LIVE: AtomicUsize = AtomicUsize::new(0);
 static GRANTS: AtomicUsize = AtomicUsize::new(usize::MAX);
-/// The total bytes above which large allocations are refused.
+/// Total bytes above which large allocations are refused.
 static LIMIT: AtomicUsize = AtomicUsize::new(usize::MAX);
 static REFUSED: AtomicUsize = AtomicUsize::new(0);
 
@@ -195,7 +195,7 @@ fn walk_after(
     }
 }
 
-/// The CPU algorithms on one and two threads. A GPU driver has its own allocator.
+/// CPU algorithms on one and two threads. A GPU driver has its own allocator.
 fn variants() -> impl Iterator<Item = DetectorVariant> {
     let is_one = |s: &DetectorVariant| {
         s.backend() == Backend::Cpu && s.threads() <= 2 && s.algorithm != Algorithm::Auto

@@ -72,7 +72,7 @@ impl Measurement {
         LIVE.load(SeqCst).saturating_sub(self.live)
     }
 
-    /// The sum of all allocations, and the largest allocation, in bytes.
+    /// Sum of all allocations, and the largest allocation, in bytes.
     fn total_and_largest(&self) -> (usize, usize) {
         (TOTAL.load(SeqCst), LARGEST.load(SeqCst))
     }
@@ -159,7 +159,7 @@ fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
     scenes
 }
 
-/// The bound includes the growth of buffers, which inputs of constant size do not need.
+/// Bound includes the growth of buffers, which inputs of constant size do not need.
 #[test]
 fn memory_for_exceeds_the_peak_by_at_most_two_thirds() {
     let mut measurement = Measurement::alone();

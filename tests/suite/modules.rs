@@ -53,7 +53,7 @@ fn code(source: &str) -> String {
     text
 }
 
-/// The text after a string literal whose opening quote is gone.
+/// Text after a string literal whose opening quote is gone.
 fn after_string(mut rest: &str) -> &str {
     while let Some(at) = rest.find(['"', '\\']) {
         let skipped = if rest[at..].starts_with('\\') { 2 } else { 1 };
@@ -66,7 +66,7 @@ fn after_string(mut rest: &str) -> &str {
     ""
 }
 
-/// The text after an item: after its semicolon, or after its braces.
+/// Text after an item: after its semicolon, or after its braces.
 fn after_item(rest: &str) -> &str {
     let mut depth = 0_usize;
     for (at, character) in rest.char_indices() {

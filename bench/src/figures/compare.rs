@@ -2,7 +2,7 @@
 
 use super::row::{Results, Row, Status};
 
-/// The smallest ratio that counts as a change: processes differ more than runs within a process.
+/// Smallest ratio that counts as a change: processes differ more than runs within a process.
 const LEAST: f64 = 1.05;
 const ENOUGH: usize = 5;
 
@@ -10,7 +10,7 @@ const ENOUGH: usize = 5;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Change {
-    /// The new run failed or gave a wrong answer; the old one did not.
+    /// New run failed or gave a wrong answer; the old one did not.
     Broken,
     /// Missing from the new run, which should have it.
     Lost,

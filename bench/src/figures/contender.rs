@@ -25,7 +25,7 @@ pub enum Contender {
     ParryMargin,
     /// parry3d's tree, partly rebuilt at each step.
     ParryOptimised,
-    /// The plain cell list, the baseline.
+    /// Plain cell list, the baseline.
     PlainCellList,
     /// A Verlet list with the fastest skin for the scene and its steps.
     Verlet,

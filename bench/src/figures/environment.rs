@@ -17,7 +17,7 @@ pub struct Environment {
     pub adapter: Option<Adapter>,
     /// Compared programs and their versions.
     pub versions: Vec<(String, String)>,
-    /// The commit of the build, marked `with changes` if files had changed, or `unknown`.
+    /// Commit of the build, marked `with changes` if files had changed, or `unknown`.
     pub commit: String,
     pub date: String,
 }

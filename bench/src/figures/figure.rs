@@ -57,7 +57,7 @@ impl Figure {
         Self::Species,
     ];
 
-    /// The name on the command line.
+    /// Name on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::F3a => "3a",

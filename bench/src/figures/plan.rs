@@ -29,7 +29,7 @@ pub struct Settings {
     pub minutes: f64,
     /// Seed of all scenes.
     pub seed: u64,
-    /// The command that started the run; may be empty.
+    /// Command that started the run; may be empty.
     #[serde(default)]
     pub command: String,
 }

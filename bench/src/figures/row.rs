@@ -34,17 +34,17 @@ impl Status {
 pub struct Row {
     /// Such as `3a`.
     pub figure: String,
-    /// The scene, with the parameters that the figure does not vary.
+    /// Scene, with the parameters that the figure does not vary.
     pub scene: String,
     pub n: usize,
-    /// The value of the varied parameter: step length, τ, cell ratio, threads, simulated seconds, transceivers, or size
+    /// Value of the varied parameter: step length, τ, cell ratio, threads, simulated seconds, transceivers, or size
     /// ratio.
     pub at: Option<f64>,
     pub engine: String,
     pub status: Status,
     /// Empty for `Ok`.
     pub reason: String,
-    /// The number of overlapping pairs in the last run.
+    /// Number of overlapping pairs in the last run.
     pub pairs: u64,
     /// Maximum number of tangent pairs in a run that differ from the reference. The contract allows this within 4 ulp
     /// on GPUs.
@@ -127,7 +127,7 @@ pub struct Results {
     pub settings: Settings,
     /// Total over all sessions.
     pub seconds: f64,
-    /// The points for which no time was left.
+    /// Points for which no time was left.
     #[serde(default)]
     pub missing: Vec<String>,
     pub rows: Vec<Row>,

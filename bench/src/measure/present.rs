@@ -3,7 +3,7 @@ use std::process::Command;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
-    /// The mean of the middle two for an even number; NaN without values.
+    /// Mean of the middle two for an even number; NaN without values.
     pub median: f64,
     pub low: f64,
     pub high: f64,

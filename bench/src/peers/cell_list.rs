@@ -10,7 +10,7 @@ use super::size_class_grid::SizeClassGrid;
 use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
-/// The smallest spheres and points share the last class.
+/// Smallest spheres and points share the last class.
 const CLASSES: usize = 24;
 
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -15,7 +15,7 @@ use tempfile::NamedTempFile;
 
 use crate::measure::{ContenderFactory, Found, PairFinder};
 
-/// The environment variable with the path of `liblammps.so`.
+/// Environment variable with the path of `liblammps.so`.
 pub const VARIABLE: &str = "LAZYGRID_LAMMPS_LIB";
 
 type Handle = *mut c_void;

@@ -110,7 +110,7 @@ struct Octree {
     free: Vec<usize>,
     boxes: Vec<Bounds>,
     before: Vec<Bounds>,
-    /// The leaf that encloses a sphere's box, which is in no other leaf.
+    /// Leaf that encloses a sphere's box, which is in no other leaf.
     home: Vec<Option<u32>>,
     pairs: Vec<Pair>,
 }

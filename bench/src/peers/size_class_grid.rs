@@ -24,7 +24,7 @@ pub(super) struct SizeClassGrid {
     r: Vec<f32>,
     /// Layers of empty cells surround the grid, so that each cell has all its neighbors.
     starts: Vec<u32>,
-    /// The largest distance of cells of touching spheres, and the number of empty layers.
+    /// Largest distance of cells of touching spheres, and the number of empty layers.
     reach: u32,
     /// In the order of the previous step.
     members: Vec<Sphere>,

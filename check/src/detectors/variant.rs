@@ -11,7 +11,7 @@ use crate::{Effort, TestInput, Tolerance};
 #[derive(Clone, Debug)]
 pub struct Gpu {
     pub own: GpuDevice,
-    /// The adapter that the caller named.
+    /// Adapter that the caller named.
     pub adapter: Option<AdapterId>,
 }
 

@@ -205,7 +205,7 @@ pub(crate) fn entries_finish(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// The dispatch arguments suffice if one cell has all entries, up to the largest plan.
+/// Dispatch arguments suffice if one cell has all entries, up to the largest plan.
 pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
     let most = 65_535 * k::RUN_TILES;
     let blocks = [1, 5, 4096, 65_535, 65_536, most];

@@ -11,7 +11,7 @@ pub const EXCLUSION_WORDS: usize = 64;
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExclusionCase {
     list: Exclusions,
-    /// The smaller index first.
+    /// Smaller index first.
     pairs: BTreeSet<(u32, u32)>,
 }
 

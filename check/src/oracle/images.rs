@@ -8,7 +8,7 @@ pub(crate) struct ImageOracle {
     given: [Option<[f64; 3]>; 3],
     /// With their original indices, the longest first. The last one needs no loop.
     edges: Vec<(usize, DVec3)>,
-    /// The rows of the inverse matrix give fractional coordinates.
+    /// Rows of the inverse matrix give fractional coordinates.
     fractions: Vec<DVec3>,
 }
 

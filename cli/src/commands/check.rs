@@ -95,7 +95,7 @@ struct Runner<'a> {
     pace: Pace,
     left_out: usize,
     wrong: usize,
-    /// The wrong scene with the fewest spheres, and its fault.
+    /// Wrong scene with the fewest spheres, and its fault.
     smallest: Option<(&'a SceneCase, String)>,
 }
 

@@ -7,7 +7,7 @@ use crate::hash::{mix, tie_breaker};
 
 /// A part's size errs by about the reciprocal square root, 1.1 %.
 pub const SAMPLES_PER_PART: u64 = 8192;
-/// The rank that gathers the samples needs 40 MB.
+/// Rank that gathers the samples needs 40 MB.
 pub const MAX_SAMPLES: u64 = 1 << 21;
 
 /// A sampled sphere, 20 bytes.

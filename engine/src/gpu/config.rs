@@ -33,13 +33,13 @@ impl GpuConfig {
         Self { algorithm, ..self }
     }
 
-    /// The number of spheres below which `Auto` tests all pairs; [`calibrate`](super::calibrate) measures it. Radii on
-    /// the GPU count as one size class. Default: [`Crossover::HARDWARE`].
+    /// Number of spheres below which `Auto` tests all pairs; [`calibrate`](super::calibrate) measures it. Radii on the
+    /// GPU count as one size class. Default: [`Crossover::HARDWARE`].
     pub fn crossover(self, crossover: Crossover) -> Self {
         Self { crossover, ..self }
     }
 
-    /// The capacity of the output in pairs; further pairs are counted but not written. Default: 2²⁰ (8 MiB).
+    /// Capacity of the output in pairs; further pairs are counted but not written. Default: 2²⁰ (8 MiB).
     pub fn pair_capacity(self, pair_capacity: u32) -> Self {
         Self { pair_capacity, ..self }
     }
@@ -55,27 +55,27 @@ impl GpuConfig {
         Self { tau, ..self }
     }
 
-    /// The number of spheres at or above which a cell list is sorted by radix instead of by counting;
+    /// Number of spheres at or above which a cell list is sorted by radix instead of by counting;
     /// [`calibrate`](super::calibrate) measures it. Default: [`Calibration::RADIX_SORT_FROM`].
     pub fn radix_sort_from(self, radix_sort_from: u32) -> Self {
         Self { radix_sort_from, ..self }
     }
 
-    /// The species that pair, with their distances, rounded to `f32`. Default: none; all touching spheres pair.
+    /// Species that pair, with their distances, rounded to `f32`. Default: none; all touching spheres pair.
     pub fn interactions(self, interactions: impl Into<Option<Interactions>>) -> Self {
         Self { interactions: interactions.into(), ..self }
     }
 
-    /// The space of the spheres, not [triclinic](Space::triclinic), with lengths rounded to `f32`. Default:
+    /// Space of the spheres, not [triclinic](Space::triclinic), with lengths rounded to `f32`. Default:
     /// [`Space::UNBOUNDED`]. A periodic space costs a copy, 16 bytes per sphere. Pairs within 5 ulp of tangency (4 in
     /// unbounded space), relative to the squared cutoff, may fall either way.
     pub fn space(self, space: Space) -> Self {
         Self { space, ..self }
     }
 
-    /// The layout of spheres in four `f32` arrays, passed by [`GpuSpheres::from_columns`]. A further dispatch copies
-    /// them to rows, 16 bytes per sphere. A [`GpuSession`](super::GpuSession) ignores it. Default: `None`, rows of `x,
-    /// y, z, r`.
+    /// Layout of spheres in four `f32` arrays, passed by [`GpuSpheres::from_columns`]. A further dispatch copies them
+    /// to rows, 16 bytes per sphere. A [`GpuSession`](super::GpuSession) ignores it. Default: `None`, rows of `x, y, z,
+    /// r`.
     pub fn columns(self, columns: impl Into<Option<ColumnLayout>>) -> Self {
         Self { columns: columns.into(), ..self }
     }
@@ -121,15 +121,15 @@ impl GpuConfig {
 }
 
 impl GpuConfig {
-    /// The default of τ. On Mesa's llvmpipe, 100 000 spheres of five sizes take the same time at any τ of 32 or more; a
+    /// Default of τ. On Mesa's llvmpipe, 100 000 spheres of five sizes take the same time at any τ of 32 or more; a
     /// burst of ten sizes is fastest near 128 (`cargo bench -p lazygrid-bench --bench parameter_sweep -- --backend gpu
     /// --what tau`).
     pub const TAU: u32 = 64;
-    /// The default cell ratio: on llvmpipe the best for five sizes; for equal spheres 3 is a tenth better.
+    /// Default cell ratio: on llvmpipe the best for five sizes; for equal spheres 3 is a tenth better.
     pub const CELL_RATIO: f32 = 2.0;
-    /// The smallest cell ratio with which no sphere overlaps more than two cells per axis.
+    /// Smallest cell ratio with which no sphere overlaps more than two cells per axis.
     pub const MIN_CELL_RATIO: f32 = 1.5;
-    /// The largest cell ratio.
+    /// Largest cell ratio.
     pub const MAX_CELL_RATIO: f32 = 16.0;
 }
 

@@ -6,9 +6,9 @@ use super::device::AdapterSummary;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Crossover {
-    /// The number for equal radii.
+    /// Number for equal radii.
     pub naive_below: u32,
-    /// The increase per further size class (radii of another binary exponent).
+    /// Increase per further size class (radii of another binary exponent).
     pub per_class: u32,
 }
 
@@ -44,15 +44,15 @@ impl Crossover {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Calibration {
-    /// The adapter's name.
+    /// Adapter's name.
     pub adapter: String,
-    /// The driver and its version.
+    /// Driver and its version.
     pub driver: String,
-    /// The version of this library.
+    /// Version of this library.
     pub version: String,
-    /// The crossover between all pairs and the cell list.
+    /// Crossover between all pairs and the cell list.
     pub crossover: Crossover,
-    /// The number of spheres at or above which a cell list is sorted by radix.
+    /// Number of spheres at or above which a cell list is sorted by radix.
     pub radix_sort_from: u32,
     /// The costs of calls with and without a candidate list.
     pub skin: SkinCosts,

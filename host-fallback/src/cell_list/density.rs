@@ -12,7 +12,7 @@ use crate::{Error, InputStats};
 
 /// 21 bits per axis fill a 63-bit Morton code.
 const DEPTHS: usize = 21;
-/// The fewest coincidences at one depth that are evidence of density.
+/// Fewest coincidences at one depth that are evidence of density.
 const MIN_COINCIDENCES: u64 = 24;
 
 /// Smaller inputs reuse a sample: sampling takes a sixth of a call with 1000 spheres, and a poor plan costs little at
@@ -32,7 +32,7 @@ pub(crate) struct DensityProfile {
     top: f32,
     /// log₂ of the mean number at size `2^(top - depth)`, for the depths that the sample resolves.
     log_mean: Vec<f32>,
-    /// The decrease of log₂ of the mean per halving below these depths.
+    /// Decrease of log₂ of the mean per halving below these depths.
     slope: f32,
     /// Searches in cells, as a fraction of those if all spheres were one group.
     pub(crate) searches: f32,

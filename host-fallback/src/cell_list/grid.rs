@@ -28,7 +28,7 @@ pub(crate) struct CellGrid {
     pub(crate) circular: bool,
     /// `true` if touching spheres of the level are always in the same or adjacent cells.
     pub(crate) adjoining: bool,
-    /// The largest effective radius of the level plus its rounding error.
+    /// Largest effective radius of the level plus its rounding error.
     reach: f64,
     largest: f32,
 }

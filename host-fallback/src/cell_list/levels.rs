@@ -40,7 +40,7 @@ pub(crate) struct Level {
 struct LevelOption {
     cost: f32,
     log_size: f32,
-    /// The number of groups before this level.
+    /// Number of groups before this level.
     from: usize,
 }
 

@@ -183,7 +183,7 @@ impl CellList {
         self.touch_decides
     }
 
-    /// The number of spheres up to the last one that may pair.
+    /// Number of spheres up to the last one that may pair.
     pub(crate) fn paired(&self) -> usize {
         let searched = self.targets.iter().map(|target| &self.levels[target.level]);
         let own = self.levels.iter().filter(|level| level.pairs_within || !level.targets.is_empty());

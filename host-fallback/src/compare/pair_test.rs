@@ -37,7 +37,7 @@ pub(crate) struct PairTest<'a> {
 pub(crate) struct SphereRadii {
     pub(crate) center: Vec3,
     pub(crate) own: f32,
-    /// The radius by the interactions of the species.
+    /// Radius by the interactions of the species.
     pub(crate) effective: f32,
     /// Plus the skin margin in a search for candidates.
     pub(crate) widened: f32,

@@ -26,7 +26,7 @@ pub type HostDetector = PairFinder<HostBackend>;
 #[derive(Debug)]
 pub struct HostBackend {
     settings: Settings,
-    /// The largest index that its calls may build.
+    /// Largest index that its calls may build.
     structure: IndexKind,
     team: Arc<Team>,
     buffers: QueryBuffers,
@@ -44,7 +44,7 @@ impl PairFinder<HostBackend> {
         HostBackend::new(settings).map(Self::on)
     }
 
-    /// The report of the last call.
+    /// Report of the last call.
     pub fn report(&self) -> &Report {
         self.backend().report()
     }
@@ -70,12 +70,12 @@ impl HostBackend {
         })
     }
 
-    /// The report of the last call.
+    /// Report of the last call.
     pub fn report(&self) -> &Report {
         &self.state.report
     }
 
-    /// The most bytes held for `spheres` spheres, without the result and its chunks.
+    /// Most bytes held for `spheres` spheres, without the result and its chunks.
     ///
     /// The paper's grids may take four times as much beyond 2²⁹ cells, and again on periodic axes shorter than three
     /// cells. The recursive grid is covered with one overfull cell of all spheres; nested ones add up to 150 bytes per

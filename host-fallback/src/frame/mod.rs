@@ -35,9 +35,9 @@ pub(crate) use map::FrameMap;
 
 const GROWTH: [f64; 2] = [1.0 + 1.0 / (1 << 20) as f64, 1.0 / (1 << 23) as f64];
 const MAX_RADIUS: f64 = 4.0;
-/// The smallest frame as a fraction of the distance between spheres along a periodic axis.
+/// Smallest frame as a fraction of the distance between spheres along a periodic axis.
 const MIN_SPREAD: f64 = 1.0 / (1 << 20) as f64;
-/// The absolute part of the slack, and the part relative to the largest radius.
+/// Absolute part of the slack, and the part relative to the largest radius.
 const SLACK: [f32; 2] = [1.0 / (1 << 20) as f32, 1.0 / (1 << 18) as f32];
 /// A frame filled less is replaced; a kept one preserves the radii of moving spheres.
 const MIN_FILLED: f64 = 1.0 / 8.0;
@@ -51,10 +51,10 @@ pub struct SearchFrame {
 
 #[derive(Clone, Debug, PartialEq)]
 enum Axes {
-    /// The length of each axis as given, and its period in the frame.
+    /// Length of each axis as given, and its period in the frame.
     Orthogonal([Option<(f64, f32)>; 3]),
     Triclinic(Orthogonalization),
-    /// The axes of `f32` spheres in a triclinic space, whose rounding does not depend on bounds.
+    /// Axes of `f32` spheres in a triclinic space, whose rounding does not depend on bounds.
     Narrow(Orthogonalization),
 }
 

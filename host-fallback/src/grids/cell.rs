@@ -180,7 +180,7 @@ impl<S: Sink> SimdTask for Cells<'_, S> {
 #[derive(Debug, Default)]
 pub(crate) struct OverfullCell {
     rows: Vec<TileRow>,
-    /// The member of the cell at each position, group by group.
+    /// Member of the cell at each position, group by group.
     order: Vec<u32>,
     columns: Workspaces<Columns>,
 }

@@ -138,7 +138,7 @@ impl CellSplit {
 struct Extent {
     low: DVec3,
     high: DVec3,
-    /// The largest extent of the centers along an axis.
+    /// Largest extent of the centers along an axis.
     wide: f64,
     radius: f32,
 }
@@ -161,7 +161,7 @@ struct NestedCell {
     scale: DVec3,
     /// Relative to the top cell's corner.
     corner: DVec3,
-    /// The most top cells between the origin, or the ring's start, and a coordinate in this cell.
+    /// Most top cells between the origin, or the ring's start, and a coordinate in this cell.
     away: DVec3,
 }
 

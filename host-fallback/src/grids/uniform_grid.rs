@@ -30,10 +30,9 @@ const FAR_GAP: u32 = 16;
 const MIDDLE: u32 = 1 << 31;
 /// Relative widening of radii, far above the rounding of the exact test.
 const WIDER: f64 = 1.0 + 1e-9;
-/// The largest relative rounding error of a coordinate: some ulp of `f64`.
+/// Largest relative rounding error of a coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
-/// The factor by which cells are larger than requested, so that a widened sphere of one cell's diameter never spans
-/// three.
+/// Factor by which cells are larger than requested, so that a widened sphere of one cell's diameter never spans three.
 const CELL_SLACK: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 /// With at most this many cells, rounding of the ring's length is less than [`CELL_SLACK`].
 const MAX_RING_CELLS: f64 = (1 << 26) as f64;
@@ -46,9 +45,9 @@ const CHUNK_SPHERES: usize = 1 << 14;
 pub(crate) struct UniformGrid {
     cell_size: f64,
     per_length: f64,
-    /// The shift of all coordinates in cells, below 1. For rings their origin includes it.
+    /// Shift of all coordinates in cells, below 1. For rings their origin includes it.
     shift: DVec3,
-    /// The bits of the first coordinate in a far cell.
+    /// Bits of the first coordinate in a far cell.
     first_far: u32,
     periodic: PeriodicAxes,
 }

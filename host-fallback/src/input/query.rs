@@ -26,7 +26,7 @@ pub struct QueryBuffers {
 /// A query that is ready for a search.
 #[derive(Debug)]
 pub struct PreparedQuery<'a> {
-    /// The spheres of both sets, with their species if both sets have them.
+    /// Spheres of both sets, with their species if both sets have them.
     pub spheres: Spheres<'a>,
     pub split: Option<usize>,
     /// `None` for spheres as given; otherwise their radii are effective.

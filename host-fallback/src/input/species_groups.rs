@@ -18,8 +18,8 @@ pub(crate) const MAX_GROUPS: usize = 8;
 /// Grouping takes quadratic time.
 const MAX_PRESENT: usize = 512;
 const CHUNK_SPHERES: usize = 1 << 14;
-/// The largest sum of two effective radii, as a multiple of the distance that they stand for: rounding up adds one ulp,
-/// or 4 of the 16 half ulps of the filter's band in the square.
+/// Largest sum of two effective radii, as a multiple of the distance that they stand for: rounding up adds one ulp, or
+/// 4 of the 16 half ulps of the filter's band in the square.
 const ROUNDED_UP: f64 = 1.0 + f32::EPSILON as f64;
 const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
 
@@ -27,7 +27,7 @@ const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
 pub(crate) struct Meeting {
     /// Some species of the groups pair by touching.
     pub(crate) touches: bool,
-    /// The largest distance of a pair, or 0.
+    /// Largest distance of a pair, or 0.
     pub(crate) distance: f64,
     /// Touching effective radii decide pairs of the groups, up to rounding.
     pub(crate) is_by_radii: bool,

@@ -18,13 +18,13 @@ const MIN_TABLED_SPHERES: usize = 512;
 #[derive(Clone, Debug)]
 pub struct InputStats {
     pub spheres: usize,
-    /// The smallest coordinates of any center.
+    /// Smallest coordinates of any center.
     pub min: Vec3,
-    /// The largest coordinates of any center.
+    /// Largest coordinates of any center.
     pub max: Vec3,
     /// Spheres by size: class `k` holds the effective radii with binary exponent `k`; class 0 zero and subnormals.
     pub classes: [SizeClass; SIZE_CLASSES],
-    /// The first class that may have spheres, and the end of those classes.
+    /// First class that may have spheres, and the end of those classes.
     span: [usize; 2],
 }
 

@@ -21,7 +21,7 @@ const BUCKET: usize = 1 << 13;
 
 /// Their counters stay in the cache.
 const MAX_WIDTH: usize = 1 << 15;
-/// The most bits per pass: 8 KiB of counters for a bucket of 64 KiB.
+/// Most bits per pass: 8 KiB of counters for a bucket of 64 KiB.
 const DIGIT: u32 = 11;
 /// Fewer pairs are sorted by comparisons.
 const MIN_RADIX_KEYS: usize = 256;

@@ -124,7 +124,7 @@ impl GivenLoop for AdvanceGiven<'_> {
 struct Largest {
     /// Infinite for an unbounded axis.
     lengths: [f32; 4],
-    /// The bits of the largest used fraction of a limit, squared; infinity and NaN have the largest bits.
+    /// Bits of the largest used fraction of a limit, squared; infinity and NaN have the largest bits.
     part: u32,
     /// Bits in which the rows differ from the last call.
     differing: [u32; 4],

@@ -24,7 +24,7 @@ pub(super) type DisplacementLimits = [f32; SIZE_CLASSES];
 const PREFETCH_VECTORS: usize = 16;
 /// The rest exceeds the rounding error of a displacement in `f32`.
 const USABLE_FRACTION: f32 = 1.0 - 1.0 / (1 << 16) as f32;
-/// The largest error of a minimum-image distance, as a fraction of the longest axis.
+/// Largest error of a minimum-image distance, as a fraction of the longest axis.
 const BOUNDARY_ROUNDING: f32 = 1.0 / (1 << 20) as f32;
 /// Maximum candidates per sphere in a list, 768 bytes; with more, every call searches. `cost_model` plans with at most
 /// 64; a Lennard-Jones liquid with a cutoff of 3 σ and a skin of 0.3 σ has 63.

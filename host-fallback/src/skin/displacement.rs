@@ -10,7 +10,7 @@ use crate::memory::try_resize;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
 const MAX_SAMPLE: usize = 1 << 10;
-/// The sample costs almost nothing.
+/// Sample costs almost nothing.
 const MIN_SPHERES_PER_SAMPLE: usize = 32;
 /// Per call, of a class's largest displacement.
 const STEP_DECAY: f32 = 0.9;

@@ -23,7 +23,7 @@ use crate::random::philox::{Key, Purpose, open_unit};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Membrane {
     pub name: String,
-    /// The axis across which it is: 0, 1 or 2.
+    /// Axis across which it is: 0, 1 or 2.
     pub axis: usize,
     /// Coordinate, in µm.
     pub position: f32,

@@ -12,7 +12,7 @@ pub struct Transmitter {
     pub name: String,
     /// Center, in µm.
     pub center: [f32; 3],
-    /// The index of the receiver with which it moves, at whose center it is.
+    /// Index of the receiver with which it moves, at whose center it is.
     pub carrier: Option<u32>,
     /// Distribution around the center.
     pub shape: Shape,
@@ -60,7 +60,6 @@ pub enum CountDistribution {
 /// The distribution of released particles around the center. Lengths are in µm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Shape {
-    /// One point.
     #[default]
     Point,
     /// Normal, with this standard deviation along each axis.

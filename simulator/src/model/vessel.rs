@@ -4,7 +4,7 @@
 /// A cylinder along an axis, which the boundary of that axis may limit, or a sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vessel {
-    /// The axis of a cylinder: 0, 1 or 2. `None` is a sphere.
+    /// Axis of a cylinder: 0, 1 or 2. `None` is a sphere.
     pub along: Option<usize>,
     /// A point on the middle line, or the center of a sphere, in µm.
     pub center: [f32; 3],

@@ -89,7 +89,7 @@ impl AbsorbingWall {
     }
 }
 
-/// The number of images on each side, which suffices up to DΔt = R².
+/// Number of images on each side, which suffices up to DΔt = R².
 const IMAGES: i32 = 6;
 
 /// Returns the probability that a path in a sphere reaches its surface between two heights above it, both positive. `diffusion` is

@@ -25,7 +25,6 @@ pub struct Frame {
     /// One in 2ˢʰⁱᶠᵗ particles is drawn, by id.
     pub shift: u32,
     pub present: u64,
-    /// Drawn particles.
     pub rows: Vec<DrawnParticle>,
     /// Moving receivers, in the order of the model.
     pub centers: Vec<[f32; 3]>,
@@ -44,7 +43,7 @@ pub fn is_drawn(id: u32, shift: u32) -> bool {
     mixed(id).leading_zeros() >= shift
 }
 
-/// The finalizer of MurmurHash3: ids follow releases, and all species must be thinned alike.
+/// Finalizer of MurmurHash3: ids follow releases, and all species must be thinned alike.
 fn mixed(id: u32) -> u32 {
     let a = (id ^ id >> 16).wrapping_mul(0x85EB_CA6B);
     let b = (a ^ a >> 13).wrapping_mul(0xC2B2_AE35);

@@ -50,7 +50,6 @@ pub enum Purpose {
 pub struct Key(pub [u32; 2]);
 
 impl Key {
-    /// Creates the key of a seed.
     pub const fn new(seed: u64) -> Self {
         Self([seed as u32, (seed >> 32) as u32])
     }

@@ -49,7 +49,7 @@ pub struct ReleaseStep<'a> {
 struct Batch<'a> {
     from: &'a Transmitter,
     center: [f32; 3],
-    /// The time of the release or later, in s.
+    /// Time of the release or later, in s.
     now: f64,
     species: u32,
     count: u32,

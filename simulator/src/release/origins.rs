@@ -18,7 +18,6 @@ pub struct Origin {
 pub struct Arrival {
     /// As index in the model.
     pub receiver: u32,
-    /// Species on arrival.
     pub species: u32,
     pub id: u32,
     /// Completed steps, including that of the arrival.

@@ -51,7 +51,6 @@ pub struct Run {
     pub space_check: bool,
 }
 
-/// The end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RunEnd {
     /// All steps are done.

@@ -21,7 +21,7 @@ pub struct SweepRuns {
     pub keys: Vec<SweptKey>,
     pub values: Vec<Vec<String>>,
     pub points: Vec<Replicas>,
-    /// The points are in directories of it.
+    /// Parent of the points' directories.
     pub directory: PathBuf,
     resume: bool,
 }

@@ -12,9 +12,9 @@ use crate::{DetectorVariant, Random, SceneSeed, SpeciesSetup, TestInput};
 
 /// Makes a sequence unrelated to the [round](crate::detectors::fuzz::Round) of the same seed.
 const OTHER: u64 = 0x5e90_e4ce;
-/// The first of the eight kinds of spaces with tilted cell vectors.
+/// First of the eight kinds of spaces with tilted cell vectors.
 const TRICLINIC: u32 = 6;
-/// The most spheres in general, and in triclinic cells, where the definition tests many images.
+/// Most spheres in general, and in triclinic cells, where the definition tests many images.
 const MAX_SPHERES: [usize; 2] = [5000, 1300];
 /// The number of spheres may grow by this factor in its space.
 const CROWDING: usize = 4;

@@ -33,7 +33,7 @@ pub(super) struct Limits {
 
 impl Limits {
     pub(super) const LARGE: Self = Self { is_large: true, is_wide: true };
-    /// The best first, every device's last.
+    /// Best first, every device's last.
     const ALL: [Self; 4] = [
         Self::LARGE,
         Self { is_large: true, is_wide: false },

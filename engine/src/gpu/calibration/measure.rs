@@ -43,8 +43,8 @@ pub(super) fn race(
     Ok(samples)
 }
 
-/// The number of spheres at which the second algorithm overtakes the first, interpolated in logarithms; the first size
-/// if the second always wins, twice the last size (at most `most`) if it never does.
+/// Number of spheres at which the second algorithm overtakes the first, interpolated in logarithms; the first size if
+/// the second always wins, twice the last size (at most `most`) if it never does.
 pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
     // Between two samples the lead is a power of the number of spheres.
     let lead = |(_, [first, second]): &(u32, [Duration; 2])| {

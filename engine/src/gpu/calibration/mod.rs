@@ -25,9 +25,9 @@ const CLASSES: [usize; 2] = [1, 5];
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CrossoverSample {
-    /// The number of size classes of the radii.
+    /// Number of size classes of the radii.
     pub classes: usize,
-    /// The number of spheres.
+    /// Number of spheres.
     pub spheres: u32,
     /// Time of all pairs.
     pub naive: Duration,

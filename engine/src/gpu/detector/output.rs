@@ -8,14 +8,14 @@ use crate::gpu::GpuConfig;
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct GpuOutput {
-    /// The pairs as `[u32; 2]`, unordered, `i < j`; `STORAGE` and `COPY_SRC` usage.
+    /// Pairs as `[u32; 2]`, unordered, `i < j`; `STORAGE` and `COPY_SRC` usage.
     pub pairs: wgpu::Buffer,
-    /// The capacity of the buffer in pairs.
+    /// Capacity of the buffer in pairs.
     pub capacity: u32,
     /// The [`Outcome`]: number of pairs and overflow flags; `STORAGE`, `INDIRECT` and `COPY_SRC` usage.
     /// [`Outcome::DISPATCH_OFFSET`] has the dispatch arguments of a consumer with a thread per pair.
     pub outcome: wgpu::Buffer,
-    /// The spheres in cell order, if the cell list ran.
+    /// Spheres in cell order, if the cell list ran.
     pub sorted: Option<CellOrder>,
 }
 
@@ -25,11 +25,11 @@ pub struct GpuOutput {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CellOrder {
-    /// The input index as `u32`. Invalid spheres come last.
+    /// Input index as `u32`. Invalid spheres come last.
     pub order: wgpu::Buffer,
     /// `x, y, z, r` as four `f32`, wrapped into a periodic space.
     pub spheres: wgpu::Buffer,
-    /// The species as `u32`, with interactions.
+    /// Species as `u32`, with interactions.
     pub species: Option<wgpu::Buffer>,
 }
 

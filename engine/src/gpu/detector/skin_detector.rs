@@ -22,7 +22,7 @@ use crate::gpu::device::{Pipelines, constant_buffer};
 use crate::gpu::encode::{BoundBuffer, Buffers, Recording, SmallCache};
 use crate::gpu::plan::{BufferId, DeviceLimits, Dispatch, Plan, check_buffers, column_named, skin};
 
-/// The usable fraction of half the skin, below 1 by more than the rounding error.
+/// Usable fraction of half the skin, below 1 by more than the rounding error.
 const USABLE: f32 = 1.0 - 1.0 / 1024.0;
 /// Species distances grow by this factor besides the skin, as radii do.
 const ROUNDING: f32 = 1.0 + 1.0 / (1 << 19) as f32;
@@ -96,7 +96,7 @@ impl GpuSkinDetector {
         self.skin
     }
 
-    /// The next call rebuilds the list in the existing buffers.
+    /// Next call rebuilds the list in the existing buffers.
     pub(crate) fn set_skin(&mut self, skin: f32) -> Result<(), Error> {
         check_skin(skin)?;
         if self.tables.is_some() {

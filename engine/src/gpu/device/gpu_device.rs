@@ -28,7 +28,7 @@ enum SharedRequest {
 /// A device with its adapter and compiled kernels.
 #[derive(Clone, Debug)]
 pub struct GpuDevice {
-    /// The device.
+    /// Device.
     pub device: wgpu::Device,
     /// Its queue.
     pub queue: wgpu::Queue,

@@ -140,7 +140,7 @@ impl BoundScan {
         self.recording.encode(encoder);
     }
 
-    /// The buffer of the total as (low, high).
+    /// Buffer of the total as (low, high).
     pub fn total(&self) -> &wgpu::Buffer {
         &self.total
     }

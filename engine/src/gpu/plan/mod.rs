@@ -45,7 +45,7 @@ pub(crate) use work_budget::{WorkBudget, tests_within_limit};
 
 /// Enough to fill today's largest devices.
 const SEARCH_GROUPS: u64 = 2048;
-/// The crowded search distributes these over one dimension, even if all are in one cell.
+/// Crowded search distributes these over one dimension, even if all are in one cell.
 const MAX_ENTRIES: u64 = 65_535 * (k::RUN_TILES * k::WORKGROUP_SIZE) as u64;
 /// Folding needs three key bits per axis at each of up to 32 levels.
 const MIN_KEY_BITS: u32 = 16;

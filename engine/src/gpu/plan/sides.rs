@@ -9,7 +9,7 @@ const WORTHWHILE: f64 = 0.25;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Side {
-    /// The species pairs with none.
+    /// Species pairs with none.
     Idle,
     First,
     Second,

@@ -40,7 +40,7 @@ pub struct GpuSession {
     slots: [CallBuffers; MAX_IN_FLIGHT],
     calls: [QueuedCall; MAX_IN_FLIGHT],
     begun: u64,
-    /// The call in the detector's buffers, and its output.
+    /// Call in the detector's buffers, and its output.
     submitted: Option<(u64, GpuOutput)>,
     pending: [Option<PendingReadback>; MAX_IN_FLIGHT],
     tickets: [Weak<()>; MAX_IN_FLIGHT],
@@ -167,7 +167,7 @@ impl GpuSession {
         Ok(())
     }
 
-    /// The algorithm of the last call: ArrayGrid if the entries of several levels did not fit; `Auto` before the first.
+    /// Algorithm of the last call: ArrayGrid if the entries of several levels did not fit; `Auto` before the first.
     pub fn algorithm(&self) -> Algorithm {
         self.plan().map_or(Algorithm::Auto, |plan| plan.algorithm)
     }

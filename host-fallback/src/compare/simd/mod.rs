@@ -201,7 +201,7 @@ pub(crate) trait PeriodicSimd: SimdWidth {
 pub(crate) struct Axes {
     pub(crate) per_length: [f64; 4],
     pub(crate) origin: [f64; 4],
-    /// The highest cell of each axis, at most `i32::MAX`.
+    /// Highest cell of each axis, at most `i32::MAX`.
     pub(crate) last: [f64; 4],
 }
 

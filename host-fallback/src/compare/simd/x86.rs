@@ -138,7 +138,7 @@ unsafe fn minimum_image_touching(
     masks
 }
 
-/// The methods for which AVX2 and FMA suffice.
+/// Methods for which AVX2 and FMA suffice.
 macro_rules! methods_of_avx2 {
     () => {
         #[inline(always)]

@@ -15,14 +15,14 @@ const PREFETCHED: usize = 16;
 
 pub(super) struct Fill<'a> {
     pub contact: ContactTest<'a>,
-    /// The spheres whose rows are filled, and their neighbors.
+    /// Spheres whose rows are filled, and their neighbors.
     pub first: &'a [[f64; 4]],
     pub second: &'a [[f64; 4]],
     pub images: Option<&'a PeriodicImages>,
     pub options: ListOptions,
     /// Groups and exclusions, if the search has not considered them.
     pub filter: Option<PairFilter<'a>>,
-    /// The found neighbors of each sphere: indices of spheres or images.
+    /// Found neighbors of each sphere: indices of spheres or images.
     pub candidates: Neighbors<'a>,
 }
 

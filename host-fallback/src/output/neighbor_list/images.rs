@@ -14,7 +14,7 @@ use lazygrid_kernels::{Error, InputError, Lattice, MAX_SPHERES, Query, Spheres, 
 use super::ContactTest;
 use crate::memory::{try_extend, try_push, try_resize};
 
-/// The relative growth of cutoffs, for rounding in proportion to them.
+/// Relative growth of cutoffs, for rounding in proportion to them.
 const GROWTH: f64 = 1.0 + 1.0 / (1_u64 << 40) as f64;
 /// Two cutoffs below this fraction of the distance between images prove that minimum images suffice.
 const SPARE: f64 = 1.0 - 1.0 / (1 << 20) as f64;

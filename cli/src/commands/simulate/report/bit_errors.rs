@@ -80,7 +80,7 @@ fn rate(errors: &BitErrors, wrong: u64) -> String {
     format!("{:.4} ({low:.4} to {high:.4})", wrong as f64 / errors.bits as f64)
 }
 
-/// The first delay, and the one with the fewest errors.
+/// First delay, and the one with the fewest errors.
 fn shown(of: &[BitErrors]) -> impl Iterator<Item = &BitErrors> {
     let found = of.iter().min_by(|a, b| a.least().total_cmp(&b.least()));
     of.iter().take(1).chain(found.filter(|errors| errors.delay != of[0].delay))
