@@ -8,7 +8,7 @@ pub struct Report {
     pub owned: LoadBalance,
     /// Distribution of the ghosts: spheres sent to a rank for the search.
     pub ghosts: LoadBalance,
-    /// Those that are reported.
+    /// Reported pairs.
     pub pairs: LoadBalance,
     /// Pairs found here and reported by another rank.
     pub elsewhere: u64,

@@ -67,7 +67,7 @@ pub struct BitErrors {
     /// Steps from a symbol to the start of its slot.
     pub delay: u32,
     pub bits: u64,
-    /// Of these bits, those that are 1.
+    /// Bits that are 1.
     pub ones: u64,
     decision: DetectionRule,
     width: u32,

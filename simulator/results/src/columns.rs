@@ -4,7 +4,7 @@ use lazygrid_sim::Model;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ColumnGroup {
-    /// Also of files.
+    /// Name in texts and of files.
     pub name: &'static str,
     /// Title of the axis.
     pub axis: &'static str,

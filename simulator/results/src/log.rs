@@ -18,7 +18,7 @@ pub struct Log {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrived {
     pub step: u32,
-    /// As index in the model.
+    /// Index in the model.
     pub receiver: usize,
     pub species: usize,
     /// Transmitter index and completed steps at its release; `None` for inserted particles.
@@ -29,7 +29,7 @@ pub struct Arrived {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Inside {
     pub step: u32,
-    /// As index in the model.
+    /// Index in the model.
     pub receiver: usize,
     pub species: usize,
     /// Transmitter index and completed steps at the release; `None` for inserted particles.
@@ -41,7 +41,7 @@ pub struct Inside {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Released {
     pub step: u32,
-    /// As index in the model.
+    /// Index in the model.
     pub transmitter: usize,
     pub species: usize,
     pub count: u64,

@@ -7,9 +7,9 @@ use lazygrid_sim::Model;
 /// A link from a transmitter to a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Link {
-    /// As index in the model.
+    /// Index in the model.
     pub transmitter: usize,
-    /// As index in the model.
+    /// Index in the model.
     pub receiver: usize,
     /// Species on arrival.
     pub species: usize,

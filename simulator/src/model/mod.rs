@@ -89,7 +89,7 @@ pub enum Flow {
 /// probabilities, of those whose binding radius contains it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reaction {
-    /// As in `A + B -> C`.
+    /// Such as `A + B -> C`.
     pub name: String,
     /// Species of the reactants; both may be the same.
     pub reactants: [u32; 2],
@@ -123,7 +123,7 @@ impl Default for ReactionRate {
 /// The first product keeps the position and id. The second gets a new id.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Decay {
-    /// As in `A -> B`.
+    /// Such as `A -> B`.
     pub name: String,
     /// Species of the reactant.
     pub reactant: u32,

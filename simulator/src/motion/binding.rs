@@ -16,7 +16,7 @@ use crate::random::philox::{Draws, Key, Purpose};
 pub struct Bound {
     pub id: u32,
     pub species: u32,
-    /// As index in the model.
+    /// Index in the model.
     pub receiver: u32,
     /// Receptor type, as index among those of all receivers.
     pub receptor: u32,

@@ -40,7 +40,7 @@ pub(crate) struct Product {
 pub struct Dissociated {
     pub at: u32,
     pub id: u32,
-    /// As index in the model.
+    /// Index in the model.
     pub decay: u32,
     /// Species, radius and position of each product.
     pub products: [Option<(u32, f32, [f32; 3])>; 2],

@@ -26,7 +26,7 @@ use crate::release::rank_slice::RankSlice;
 pub struct Released {
     /// Remaining particles.
     pub particles: Particles,
-    /// Of all ranks.
+    /// Common to all ranks.
     pub next_id: u32,
     /// Released numbers, by species.
     pub released: Vec<u64>,
@@ -40,7 +40,7 @@ pub struct ReleaseStep<'a> {
     pub decays: &'a Decays,
     pub key: Key,
     pub step: u32,
-    /// Of all ranks.
+    /// Common to all ranks.
     pub next_id: u32,
     /// Centers of receivers at the beginning of the step, in µm.
     pub centers: &'a [[f32; 3]],

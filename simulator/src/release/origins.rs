@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origin {
-    /// As index in the model.
+    /// Index in the model.
     pub transmitter: u32,
     /// Step at whose beginning it was released.
     pub step: u32,
@@ -16,7 +16,7 @@ pub struct Origin {
 /// A particle that a receiver removed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrival {
-    /// As index in the model.
+    /// Index in the model.
     pub receiver: u32,
     pub species: u32,
     pub id: u32,

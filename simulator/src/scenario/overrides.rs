@@ -9,7 +9,7 @@ const FRAMES: u32 = 200;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overrides {
     pub seed: Option<u64>,
-    /// Of the whole run.
+    /// Steps of the whole run.
     pub steps: Option<u32>,
     /// Steps between rows of the series.
     pub every: Option<NonZeroU32>,

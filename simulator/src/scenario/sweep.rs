@@ -16,7 +16,7 @@ const MAX_POINTS: usize = 100_000;
 pub struct SweptKey {
     /// Path, such as `receiver.rx.center.x`.
     pub path: String,
-    /// As TOML.
+    /// TOML.
     pub values: Vec<String>,
 }
 
