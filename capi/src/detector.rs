@@ -62,7 +62,7 @@ pub unsafe fn with_detector(
 /// Creates a detector.
 ///
 /// # Safety
-/// The header's conditions: `settings` is NULL or such a structure, `detector` is NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_create(
     settings: *const CSettings,
@@ -83,8 +83,7 @@ pub unsafe extern "C" fn lazygrid_create(
 /// Frees a detector.
 ///
 /// # Safety
-/// The header's conditions: `detector` is NULL or a detector that no thread uses any more, except for a running search,
-/// which makes this call fail.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_destroy(detector: *mut DetectorHandle) -> Status {
     guarded(|| {
@@ -105,7 +104,7 @@ pub unsafe extern "C" fn lazygrid_destroy(detector: *mut DetectorHandle) -> Stat
 /// Returns the error message of the last call.
 ///
 /// # Safety
-/// The header's conditions: `detector` is NULL or a detector that is not destroyed before this returns.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_last_error(detector: *const DetectorHandle) -> *const c_char {
     if detector.is_null() {

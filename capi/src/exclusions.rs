@@ -40,7 +40,7 @@ unsafe fn pairs<'a>(at: *const Pair, count: usize) -> Result<impl Iterator<Item 
 /// Creates exclusions among one set.
 ///
 /// # Safety
-/// The header's conditions: `pairs` is NULL or points to `count` pairs, `exclusions` is NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_exclusions_create(
     count_of_spheres: usize,
@@ -57,7 +57,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_create(
 /// Creates exclusions across two sets.
 ///
 /// # Safety
-/// The same as [`lazygrid_exclusions_create`].
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_exclusions_across(
     first: usize,
@@ -78,8 +78,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_across(
 /// Creates exclusions from compressed sparse rows.
 ///
 /// # Safety
-/// The header's conditions: `offsets` is NULL or points to one more value than there are spheres, `indices` is NULL or points to
-/// as many values as the last offset, `exclusions` is NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_exclusions_from_csr(
     count_of_spheres: usize,
@@ -114,7 +113,7 @@ pub unsafe extern "C" fn lazygrid_exclusions_from_csr(
 /// Frees exclusions.
 ///
 /// # Safety
-/// The header's conditions: `exclusions` is NULL or exclusions that no thread uses any more.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_exclusions_destroy(exclusions: *mut ExclusionsHandle) {
     guarded(|| {

@@ -77,7 +77,7 @@ impl CNeighborList {
 /// Finds the neighbor list of a query, with geometry.
 ///
 /// # Safety
-/// The header's conditions: `detector` and `query` are what they are called or NULL, `list` is NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_neighbor_list(
     detector: *mut DetectorHandle,

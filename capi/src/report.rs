@@ -44,7 +44,7 @@ fn cost(_: &Report) -> Value {
 /// Returns the report of the last search.
 ///
 /// # Safety
-/// The header's conditions: `detector` is NULL or a detector, `json` is NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_report_json(
     detector: *mut DetectorHandle,
@@ -65,7 +65,7 @@ pub unsafe extern "C" fn lazygrid_report_json(
 /// Estimates the memory for a number of spheres.
 ///
 /// # Safety
-/// The header's conditions: `detector` is NULL or a detector, `bytes` is NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_memory_for(
     detector: *mut DetectorHandle,

@@ -34,7 +34,7 @@ pub unsafe fn search(
 /// Finds the overlapping pairs of one set, or across two sets.
 ///
 /// # Safety
-/// The header's conditions: `detector` and `query` are what they are called or NULL, the others NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_pairs(
     detector: *mut DetectorHandle,
@@ -74,7 +74,7 @@ fn put_pairs(
 /// Counts the pairs.
 ///
 /// # Safety
-/// The header's conditions: `detector` and `query` are what they are called or NULL, `count` is NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_count(
     detector: *mut DetectorHandle,
@@ -97,7 +97,7 @@ pub unsafe extern "C" fn lazygrid_count(
 /// Finds the pairs as neighbor lists.
 ///
 /// # Safety
-/// The header's conditions: `detector` and `query` are what they are called or NULL, the others NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_neighbors(
     detector: *mut DetectorHandle,
@@ -162,8 +162,7 @@ impl Consumer {
 /// Passes the pairs to a callback in chunks.
 ///
 /// # Safety
-/// The header's conditions: `detector` and `query` are what they are called or NULL, `delivered` is NULL or can be written to,
-/// `consume` is NULL or may be called with `context` from any thread, and returns.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_stream(
     detector: *mut DetectorHandle,

@@ -181,7 +181,7 @@ fn choice<T: Copy>(values: &[T], number: i32, field: &str) -> Result<T, Failure>
 /// Writes the default settings.
 ///
 /// # Safety
-/// The header's conditions: `settings` is NULL or this number of its bytes can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_settings_init(settings: *mut CSettings, size: usize) -> Status {
     without_detector(|| {

@@ -1,10 +1,9 @@
 //! Correctness and speed checks of lazygrid on the machine at hand:
 //!
-//! * [`oracle`]: a [`TestInput`] and its [pairs](TestInput::oracle) by a plain double loop; [`difference`] explains the
-//!   first wrong pair, and [`shrink`] minimizes failing scenes.
+//! * [`oracle`]: a [`TestInput`] and its pairs by a plain double loop; [`difference`] explains the first wrong pair,
+//!   and [`shrink`] minimizes failing scenes.
 //! * [`scenes`]: hard scenes, and families of scenes from a [`SceneSeed`].
-//! * [`detectors`]: compares each [`DetectorVariant`] with the expected pairs, on fixed scenes, random rounds and
-//!   random sequences of calls.
+//! * [`detectors`]: compares each [`DetectorVariant`] with the expected pairs.
 //! * [`kernels`]: each GPU kernel against a sequential function.
 //! * [`timing`]: times of copies, of the building blocks and of each algorithm.
 

@@ -45,9 +45,8 @@ impl Config {
         self
     }
 
-    /// Selects a GPU by its index among [`gpu::adapters`](crate::gpu::adapters), or by a part of its name that no other
-    /// adapter has. Implies [`Backend::Gpu`] and permits a software adapter. Default: the best adapter, discrete before
-    /// integrated.
+    /// Selects a GPU by [index or name](AdapterId). Implies [`Backend::Gpu`] and permits a software adapter. Default:
+    /// the best adapter, discrete before integrated.
     #[cfg(feature = "gpu")]
     pub fn adapter(mut self, adapter: impl Into<AdapterId>) -> Self {
         self.adapter = Some(adapter.into());

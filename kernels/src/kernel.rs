@@ -159,9 +159,9 @@ impl Kernel {
         Preprocessor { variant: self.effective_variant(variant), strict: false }.expand(self.source)
     }
 
-    /// Returns the text for compilers that follow the WGSL standard strictly, such as in browsers. These require
-    /// `enable subgroups;`, which naga 30 rejects, and a diagnostic filter around subgroup operations whose uniformity
-    /// only this library knows, for which naga warns.
+    /// Returns the text for compilers that follow the WGSL standard strictly, such as in browsers: with `enable
+    /// subgroups;`, which naga 30 rejects, and a diagnostic filter around subgroup operations whose uniformity only
+    /// this library knows.
     pub fn strict_wgsl(&self, variant: Variant) -> String {
         let variant = self.effective_variant(variant);
         let text = Preprocessor { variant, strict: true }.expand(self.source);

@@ -22,10 +22,10 @@ impl Tuning {
     pub const SHIPPED: Self = Self { margin: None, deferred: false };
 
     /// Returns the margin with the smallest total time over at least 60 steps (fewer for bursts) after the tree's first
-    /// full update, by `cargo bench -p lazygrid-bench --features bullet --bench peers -- --mode bullet --algorithm
-    /// cell-list --csv FILE`. Equal spheres at 100,000 and bursts, at 10,000, are from the shim alone, in processor
-    /// time of its thread. Nanoseconds per sphere and step with margins of 0.25, 0.5, 1 and 2: equal spheres 311, 170,
-    /// 123, 139 (10,000) and 1160, 417, 237, 556 (100,000); five sizes 147, 111, 108, 245 and 824, 475, 708, 1805.
+    /// full update, by `--mode bullet --algorithm cell-list --csv FILE` of the bench `peers`. Equal spheres at 100,000
+    /// and bursts, at 10,000, are from the shim alone, in processor time of its thread. Nanoseconds per sphere and step
+    /// with margins of 0.25, 0.5, 1 and 2: equal spheres 311, 170, 123, 139 (10,000) and 1160, 417, 237, 556 (100,000);
+    /// five sizes 147, 111, 108, 245 and 824, 475, 708, 1805.
     pub fn best(scene: Scene, _: usize) -> Self {
         let margin = match scene {
             Scene::Equal => 1.0,

@@ -1,6 +1,5 @@
-//! A plain, well-made cell list as the baseline: spheres sorted by the cell of their center, one grid per size class,
-//! half of the neighbor cells visited, contiguous runs compared. It shares only the exact test with lazygrid's
-//! detectors, so it can serve as the reference.
+//! A plain, well-made cell list as the baseline: one grid per size class, half of the neighbor cells visited,
+//! contiguous runs compared. It shares only the exact test with lazygrid's detectors, so it can serve as the reference.
 
 use std::error::Error;
 
@@ -25,9 +24,8 @@ pub struct Tuning {
 impl Tuning {
     pub const DEFAULT: Self = Self { edge: 1.5, class: 4.0 };
 
-    /// Returns the fastest of [`tunings`], by the ratio to parry3d's refitted tree within rounds of `cargo bench -p
-    /// lazygrid-bench --bench peers -- --mode yardstick --algorithm cell-list --output unordered --n 100000 --rounds 7
-    /// --steps 3`.
+    /// Returns the fastest of [`tunings`], by the ratio to parry3d's refitted tree within rounds of `--mode yardstick
+    /// --algorithm cell-list --output unordered --n 100000 --rounds 7 --steps 3` of the bench `peers`.
     pub fn best(scene: Scene) -> Self {
         match scene {
             Scene::Equal => Self { edge: 2.5, ..Self::DEFAULT },

@@ -2,8 +2,8 @@
 //!
 //! In each cell, pairs with a large sphere (one that no finer grid suits) are found among all its spheres. If more than
 //! τ smaller spheres remain, the cell is split into a finer grid, else they are compared with each other. Finer cells
-//! are a power of two smaller and nest in the cell they split, so a pair's own cell lies in its own coarser cell. A
-//! split refines the cell's entries, and the corner mask of a finer entry has only bits of the coarser one.
+//! are a power of two smaller and nest in the cell they split, so a pair's own cell lies in its own coarser cell. The
+//! corner mask of a finer entry has only bits of the coarser one.
 //!
 //! A split goes directly to the cell size that the largest remaining sphere requires, or, for few spheres, to cells
 //! that hold a handful. If spheres as large as the extent of all remain, no split separates the centers, and those

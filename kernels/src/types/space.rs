@@ -51,8 +51,7 @@ impl Space {
 
     /// Creates a space that is periodic along up to three cell vectors of any direction, in the unit of the spheres. A
     /// LAMMPS box of lengths `lx, ly, lz` and tilts `xy, xz, yz` has the cell vectors `(lx, 0, 0)`, `(xy, ly, 0)` and
-    /// `(xz, yz, lz)`. The rows of an ASE cell are its cell vectors; omit rows without `pbc`. Vectors along different
-    /// axes give the space of [`periodic`](Self::periodic).
+    /// `(xz, yz, lz)`. The rows of an ASE cell are its cell vectors; omit rows without `pbc`.
     ///
     /// # Errors
     /// [`InputError::CellVectors`] if vectors are not finite, zero, or so nearly in one line or plane that the box is

@@ -4,8 +4,8 @@
 //! nothing. Other particles go to the detector as spheres that cover several steps, with the receivers as second set.
 //! So a step costs one distance per particle, and a search for few.
 //!
-//! A clear sphere is a fact about space: it stays true if the particle moves or another takes its index. The result
-//! equals a loop over all receivers bit for bit.
+//! A clear sphere stays true if the particle moves or another takes its index. The result equals a loop over all
+//! receivers bit for bit.
 //!
 //! If most particles leave their clear spheres in every step, the loop is faster and takes over for some steps.
 

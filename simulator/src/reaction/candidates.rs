@@ -1,7 +1,7 @@
 //! Candidates of a step: pairs whose random words say that they react.
 //!
-//! Crowds have far more candidates than particles, so only the best are kept. The matching consumes particles and
-//! asks again; consumed particles then draw nothing.
+//! Crowds have far more candidates than particles, so only the best are kept. The matching consumes particles and asks
+//! again.
 
 use lazygrid::Pair;
 use rayon::prelude::*;

@@ -5,9 +5,8 @@
 //! A resumed run is the run without a break, or is refused with [`Error::Damaged`]:
 //!
 //! 1. The header of `checkpoint` has its length and checksum (`sealed.rs`), checked before decoding.
-//! 2. `checkpoint` has the checksum of each rank's part ([`PartRecord`]). A part is checked against its header and
-//!    that record, so parts of different checkpoints do not mix. Ranks that take its particles read a part; the first
-//!    rank reads parts without particles.
+//! 2. `checkpoint` has the checksum of each rank's part ([`PartRecord`]). A part is checked against its header and that
+//!    record, so parts of different checkpoints do not mix.
 //! 3. `checkpoint` has the length and checksum of each file that the run appends to ([`FileRecord`]), all checked
 //!    before any is cut.
 //!

@@ -29,8 +29,8 @@ use crate::Error;
 
 /// Finds overlapping pairs from GPU buffers to GPU buffers.
 ///
-/// [`encode`](Self::encode) records into the caller's encoder; it neither submits nor polls. The results are in the
-/// buffers of [`GpuOutput`]. Invalid spheres (non-finite value or negative radius) are counted and never pair.
+/// Results are in the buffers of [`GpuOutput`]. Invalid spheres (non-finite value or negative radius) are counted and
+/// never pair.
 #[derive(Debug)]
 pub struct GpuDetector {
     device: wgpu::Device,

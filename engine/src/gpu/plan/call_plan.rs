@@ -15,12 +15,7 @@ use super::{BufferId, CallCost, Dispatch, GpuPhase, Plan, Resource, flattened};
 
 /// A call without a device. [`GpuDetector`](crate::gpu::GpuDetector) executes the same plans.
 ///
-/// The feature `serde` serializes plans; `docs/page.md` describes the format.
-///
-/// To run a call: create the [`buffers`](Self::buffers), write the constants, create a compute pipeline per kernel, and
-/// record all dispatches in order in one compute pass. The [`Outcome`] is then in the buffer
-/// [`outcome`](Self::outcome). While it [has remaining work](Outcome::has_remaining_work), record the dispatches from
-/// [`continuation`](DispatchSequence::continuation) again.
+/// The feature `serde` serializes plans. `docs/page.md` describes the format, and how to run a call.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CallPlan {
