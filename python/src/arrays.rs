@@ -121,8 +121,7 @@ where
     Ok(array)
 }
 
-/// Returns pairs as an array of shape `(m, 2)`: a new one, or the first rows of `out`, which may be an `InputError` or
-/// too small (`TooManyPairs`).
+/// Returns pairs as an array of shape `(m, 2)`: a new one, or the first rows of `out`.
 pub(crate) fn pairs<'py>(
     py: Python<'py>,
     found: &[Pair],

@@ -62,9 +62,8 @@ impl ImageOracle {
         DVec3::new(component(0), component(1), component(2))
     }
 
-    /// Returns the smallest squared length of the image at `shift` and of images `turns` away along each remaining cell
-    /// vector. `near` is approximately that image. Along the last vector, the parabola's minimum and its two neighbors
-    /// suffice.
+    /// Returns the smallest squared length of images up to `turns` away from `shift` along each remaining cell vector.
+    /// `near` is approximately that image. Along the last vector, the parabola's minimum and its two neighbors suffice.
     fn nearest(&self, vector: DVec3, shift: [f64; 3], near: DVec3, turns: &[[i32; 2]]) -> f64 {
         let at = self.edges.len() - turns.len();
         let Some((k, edge)) = self.edges.get(at) else { return squared(self.image(vector, shift)) };

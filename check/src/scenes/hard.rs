@@ -150,8 +150,8 @@ pub fn one_magnitude(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| Sphere::new(place(|| value(of)), value(of).abs()))
 }
 
-/// Returns a length near which `f32` arithmetic changes: the smallest numbers, the smallest normal one and its
-/// neighbors, and numbers whose squares underflow or overflow.
+/// Returns a length near which `f32` arithmetic changes: smallest numbers, around the smallest normal one, and numbers
+/// whose squares underflow or overflow.
 pub(crate) fn extreme_unit(of: &mut SeedReader<'_>) -> f32 {
     let exponents =
         [-76, -149, -147, -130, -127, -126, -125, -120, -101, -64, -41, -39, 59, 64, 100, 119, 121];

@@ -260,8 +260,8 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// Passes pairs in ascending order of the smaller index. More than `most` pairs are first counted per sphere, then
-    /// searched for one range of indices after another.
+    /// Passes pairs by ascending smaller index. More than `most` are first counted per sphere, then searched range by
+    /// range.
     fn range_by_range(
         &mut self,
         cut: Cut<'_>,

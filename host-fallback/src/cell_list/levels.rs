@@ -98,8 +98,8 @@ struct LevelCostModel<'c> {
 }
 
 impl LevelCostModel<'_> {
-    /// Calls `offer` for every level that begins with class `from` and every cell size, with the end of its classes,
-    /// its search cost for its own and all smaller spheres, and log₂ of the cell size.
+    /// Calls `offer` for every level from class `from` and every cell size, with the end of its classes, its search
+    /// cost for its own and all smaller spheres, and log₂ of the cell size.
     fn levels_from(&self, from: usize, mut offer: impl FnMut(usize, f32, f32)) {
         let ends = from + 1..=self.counts.len();
         let extent = self.density.log_extent();

@@ -97,8 +97,8 @@ impl Lines {
         Location { path: self.source.path.clone(), at }
     }
 
-    /// Hands whole lines, at most `most`, to `parse` while `meanwhile` runs and reading continues. Returns the result
-    /// and the number of lines, 0 at the end.
+    /// Hands at most `most` lines to `parse` while `meanwhile` runs and reading continues. Returns the result and the
+    /// number of lines, 0 at the end.
     pub(super) fn parse<T: Send>(
         &mut self,
         most: u64,

@@ -137,7 +137,7 @@ impl BitErrors {
         self.slots.push(all);
     }
 
-    /// Counts by entry of the burst: one list of arrivals, or a list per row of the series.
+    /// Counts by entry of the burst: arrivals, or a list per row of the series.
     fn observed(&self, files: &ReplicaFiles, model: &Model, slots: &SymbolSlots) -> Vec<Vec<Vec<u64>>> {
         let release = &model.transmitters[self.transmitter].release;
         if self.detector == Detector::Arrivals {

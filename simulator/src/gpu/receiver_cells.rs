@@ -61,8 +61,8 @@ impl ReceiverCellsBuilder {
         self.species_rows.iter().map(|kind| self.events_of(kind).len()).sum()
     }
 
-    /// Builds lists for receivers that begin at `centers`, stay within `displacements` of them, and move by at most
-    /// `max_displacement` in a step; none if numbers are too large for cells.
+    /// Builds lists for receivers that stay within `displacements` of `centers`, and move by at most `max_displacement`
+    /// in a step; none if numbers are too large for cells.
     pub(super) fn build(
         &mut self,
         centers: &[[f32; 3]],

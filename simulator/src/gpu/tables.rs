@@ -66,8 +66,7 @@ const REFLECTION_ITERATIONS: u32 = 60_000;
 const ITERATIONS_PER_SEARCH: u32 = 1_100;
 const BOUNCES: u32 = 64;
 
-/// Returns the most searches for surfaces by a particle in a step. It searches again if moving surfaces push it
-/// beyond the region.
+/// Most searches by a particle in a step: moving surfaces may push it beyond the searched region.
 fn max_requeries(species_rows: &[SpeciesRow]) -> u32 {
     let most = species_rows.iter().map(|kind| kind.decays_begin - kind.events_begin).max().unwrap_or(0);
     (REFLECTION_ITERATIONS.saturating_sub(most + ITERATIONS_PER_SEARCH) / (most + ITERATIONS_PER_SEARCH))
@@ -262,7 +261,7 @@ fn at_wall_bits(drift: StepDrift) -> u32 {
     (0..3).map(|k| u32::from(drift.at_wall[k]) << k).sum()
 }
 
-/// Distance of all but one in ten million particles, plus three displacements of a receiver.
+/// Displacement of all but one in ten million particles, plus three displacements of a receiver.
 fn reach(step: &SpeciesStep, carried: &[Carried]) -> f32 {
     let longest = carried.iter().map(Carried::length).fold(0.0, f32::max);
     1.01 * (6.0 * step.length + longest) + step.bend

@@ -134,7 +134,7 @@ impl Boundary {
         std::array::from_fn(|k| if self.axes[k] == Axis::Frozen { 0.0 } else { v[k] })
     }
 
-    /// Returns a direction that is uniform in the dimensions of the run, from one that is uniform in three.
+    /// Converts a uniform direction to a uniform one in the dimensions of the run.
     pub(crate) fn direction_within(&self, direction: [f32; 3]) -> [f32; 3] {
         if self.dimensions() == 3 {
             return direction;

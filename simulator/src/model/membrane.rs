@@ -101,7 +101,7 @@ impl MembraneStep<'_> {
         self.within(axis, other, at - sign * height)
     }
 
-    /// Returns the membranes of the species across an axis, with the coordinates of their images.
+    /// Returns the species' membranes across an axis, with coordinates of their images.
     fn planes(&self, axis: usize) -> impl Iterator<Item = (usize, f32)> {
         let images: &[f32] = match self.domain.axes[axis] {
             Axis::Periodic { .. } => &[-1.0, 0.0, 1.0],
@@ -119,7 +119,7 @@ impl MembraneStep<'_> {
         })
     }
 
-    /// Returns the end in a slab, mirrored at the membranes that it would pass.
+    /// Returns the end in a slab, mirrored at membranes.
     fn within(&self, axis: usize, slab: Slab, end: f32) -> HeldEnd {
         let free = slab.mirrored(end);
         let confined = self.domain.axes[axis].confine(free);

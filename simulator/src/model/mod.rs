@@ -216,7 +216,7 @@ impl Model {
         self.decays.iter().any(|decay| decay.reactant == species && decay.splits())
     }
 
-    /// Returns the first particle's fraction of a displacement between two, by their diffusion.
+    /// Returns the first particle's fraction of a displacement, by their diffusion.
     pub(crate) fn share(&self, [a, b]: [u32; 2]) -> f32 {
         let [a, b] = [a, b].map(|species| self.species[species as usize].diffusion);
         if a + b > 0.0 { (a / (a + b)) as f32 } else { 0.5 }

@@ -197,7 +197,7 @@ pub(crate) fn finder(boundary: &Boundary) -> Result<Detector, Error> {
     Ok(Detector::new(config.space(boundary.space()?))?)
 }
 
-/// Returns a bound of the rounding error of distances up to `distance` from a point.
+/// Bounds the rounding error of distances up to `distance` from a point.
 #[inline(always)]
 pub(crate) fn rounding(point: [f32; 3], distance: f32) -> f32 {
     4e-6 * (point[0].abs() + point[1].abs() + point[2].abs() + distance)

@@ -104,8 +104,7 @@ impl Step {
         }
     }
 
-    /// Draws the height in µm of a desorbed particle at the end of the step, as that from which a uniform
-    /// concentration is adsorbed.
+    /// Draws the height in µm after desorption, as that from which a uniform concentration is adsorbed.
     pub(crate) fn height_after(&self, draws: &mut Draws) -> f64 {
         let scale = 2.0 * self.length;
         let most = self.taken_from(0.0) * (1.0 + FAR * scale / self.radius);

@@ -102,7 +102,7 @@ pub(crate) fn bids(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<BindingRequ
     events.iter().filter_map(bid).collect()
 }
 
-/// Returns the ids without a free receptor, ascending: of each receptor type the highest ranks, then ids.
+/// Returns ascending ids without a free receptor: of each type the highest ranks, then ids.
 pub(crate) fn rejected(mut bids: Vec<BindingRequest>, free: &[u32]) -> Vec<u32> {
     bids.sort_unstable();
     let of_one = bids.chunk_by(|a, b| a.receptor == b.receptor);

@@ -148,7 +148,7 @@ mod tests {
         Model { species: vec![species], contact: Contact::Separate, time_step: 1.0, ..Model::default() }
     }
 
-    /// Runs four steps of two particles at `x` that overlap by `overlap` of their distance. Returns overlaps per
+    /// Separates two particles at `x` that overlap by `overlap` of their distance in four steps. Returns overlaps per
     /// step, and whether a particle moved.
     fn pushed(x: f32, overlap: f32) -> (Vec<u64>, bool) {
         let model = model(0.5 + 0.5 * overlap);

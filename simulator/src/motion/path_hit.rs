@@ -250,7 +250,7 @@ fn length(v: [f32; 3]) -> f32 {
 /// Cuts per axis; above it a position has no meaning.
 const CUTS: usize = 1000;
 
-/// Returns the hit of a path without diffusion, cut at walls and at changes of the receiver's nearest image.
+/// Returns the hit of a line, cut at walls and at changes of the receiver's nearest image.
 fn line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
     let [from, to] = [path.before, path.end].map(|end| end.map(f64::from));
     let way: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);

@@ -161,8 +161,7 @@ impl Propagator {
         }
     }
 
-    /// Moves all particles and returns their events, by index. `receiver_search` replaces tests of every receiver if
-    /// it is faster. `flights` are the paths after collisions.
+    /// Moves all particles and returns their events, by index. `flights` are the paths after collisions.
     pub(crate) fn advance(
         &self,
         particles: &mut Particles,

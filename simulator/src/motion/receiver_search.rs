@@ -127,8 +127,7 @@ impl ReceiverSearch {
         distance + reach.half + reach.more <= radius - self.traveled
     }
 
-    /// Finds the receivers near particles, given as beginnings and search radii. Returns them by particle, in the
-    /// order of the model.
+    /// Finds receivers by particle, in the order of the model. Particles are beginnings and search radii.
     pub(crate) fn find<'a>(
         &'a mut self,
         particles: impl Iterator<Item = ([f32; 3], f32)>,

@@ -65,8 +65,8 @@ impl ReceiverState {
         }
     }
 
-    /// Returns the heights of both ends of a path above the surface, at these fractions of the step; negative inside. A path to the
-    /// other side of a segment ends inside.
+    /// Returns heights of both ends of a path, at these fractions of the step; negative inside. A path to the other
+    /// side of a segment ends inside.
     #[inline(always)]
     pub(crate) fn heights(&self, domain: &Boundary, ends: [[f32; 3]; 2], parts: [f32; 2]) -> [f32; 2] {
         let radius = self.receiver.radius;
@@ -179,7 +179,7 @@ pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step
     model.receivers.iter().zip(centers).enumerate().map(one).collect()
 }
 
-/// Returns the boundary of a receiver's center; if the receiver does not fit, of its center alone.
+/// Returns the boundary of a receiver's center; of a point if the receiver does not fit.
 fn domain_of(model: &Model, receiver: &Receiver) -> Boundary {
     let domain = model.boundary;
     match domain.too_narrow(receiver.radius) {

@@ -56,8 +56,7 @@ pub(crate) struct ParticleMove {
 }
 
 impl ActiveReceivers {
-    /// Returns the event at the receiver that the path hits first and that keeps the particle. Reflecting receivers
-    /// change the path.
+    /// Returns the event at the first receiver that keeps the particle. Reflecting receivers change the path.
     #[inline]
     pub(crate) fn resolve<'a>(
         &self,

@@ -96,7 +96,7 @@ impl Files {
         Ok(files)
     }
 
-    /// Reopens the files at a checkpoint after `done` steps. Changes none unless all begin as recorded.
+    /// Reopens the files at a checkpoint. Changes none unless all begin as recorded.
     pub(crate) fn reopen(
         directory: &Path,
         output: Output,
@@ -191,7 +191,7 @@ pub(crate) fn check(directory: &Path, records: &[FileRecord]) -> Result<(), Erro
     records.iter().try_for_each(|record| AppendFile::reopen(directory, record).map(drop))
 }
 
-/// Prepares and locks a directory. Refuses one with a run or foreign files under its names, unless `overwrite`.
+/// Prepares and locks a directory. Refuses one with its files, unless `overwrite`.
 pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> {
     let refused = |source| Error::Write { path: directory.to_owned(), source };
     fs::create_dir_all(directory).map_err(refused)?;

@@ -162,7 +162,7 @@ impl RankPairSearch {
     }
 }
 
-/// Delivers the pairs that this rank reports, and returns their number. Ghosts are the last particles.
+/// Delivers and counts this rank's pairs. Ghosts are the last particles.
 fn find(
     search: &mut Search,
     run: &Simulation,

@@ -250,7 +250,7 @@ impl Run {
         Error::Write { path: self.directory.clone(), source }
     }
 
-    /// Returns `true` if the next output and a checkpoint may exceed the disk. For rows alone, checks rarely.
+    /// Returns `true` if the next output and a checkpoint may exceed the disk.
     pub(crate) fn is_disk_full(&self, simulation: &impl RunView, slot: ReplicaSlot) -> Result<bool, Error> {
         let (step, output) = (simulation.step_count(), self.scenario.output);
         let rows = output.every.saturating_mul(ROWS);

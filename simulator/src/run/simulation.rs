@@ -306,8 +306,7 @@ impl Simulation {
         splits
     }
 
-    /// Applies reactions and dissociations. `parents` are the ascending ids of all dissociated particles; second
-    /// products get ids in that order.
+    /// Applies reactions and dissociations. `parents` are ascending ids, in whose order second products get ids.
     pub(crate) fn conclude(
         &mut self,
         outcomes: &[ReactantChange],

@@ -134,7 +134,7 @@ impl SweepRuns {
         self.points.iter().enumerate().try_for_each(check)
     }
 
-    /// Refuses a sweep that surely exceeds the disk; warns if it may. Begun runs are checked when resumed.
+    /// Refuses a sweep that surely exceeds the disk; warns if it may.
     fn check_disk(&self) -> Result<(), (usize, Error)> {
         let mut all = DiskEstimate { least: 0, most: 0, checkpoint: 0 };
         for (k, point) in self.points.iter().enumerate().filter(|(_, point)| point.run.space_check) {

@@ -90,7 +90,7 @@ const MAX_WARNINGS: usize = 100;
 /// Bytes that parsing takes per byte of tables with one short key each; tables of two keys take a third.
 const BYTES_PER_BYTE: u64 = 200;
 
-/// Refuses a text that exceeds the memory before it is parsed: a failed allocation of the parser ends the process.
+/// Refuses a text whose parsing exceeds the memory, which would end the process.
 fn check_length(bytes: usize) -> Result<(), Error> {
     let remedy = "make it shorter, or raise the limit";
     check_available(

@@ -79,7 +79,7 @@ impl State {
         }
     }
 
-    /// Returns one rank's state: it counts its present and bound particles; the first also keeps all other totals.
+    /// Returns one rank's state, which counts its particles; the first also keeps all other totals.
     pub(crate) fn part(self, model: &Model, is_first: bool) -> Self {
         let mut totals = if is_first { self.totals } else { Totals::of(model) };
         totals.present.fill(0);

@@ -44,7 +44,7 @@ pub(super) fn race(
 }
 
 /// Number of spheres at which the second algorithm overtakes the first, interpolated in logarithms; the first size if
-/// the second always wins, twice the last size (at most `most`) if it never does.
+/// it always wins, twice the last size (at most `most`) if never.
 pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
     // Between two samples the lead is a power of the number of spheres.
     let lead = |(_, [first, second]): &(u32, [Duration; 2])| {

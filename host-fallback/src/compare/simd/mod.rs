@@ -161,8 +161,8 @@ pub(crate) trait SimdWidth: Copy {
     fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr;
     /// Between minimum images if `PERIODIC`. The last lane has no effect.
     fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32;
-    /// Appends the runs to compare with at most [`MAX_LANES`] spheres of one cell, given by start and number, at most
-    /// five per sphere. A run starts after its own sphere.
+    /// Appends the runs to compare with at most [`MAX_LANES`] spheres of one cell (start, number), at most five per
+    /// sphere, starting after it.
     fn find_neighbor_runs(
         self,
         columns: &Columns,

@@ -198,7 +198,7 @@ impl Fill<'_> {
         is_plain.then(|| space.lengths().map(|length| NEAR * length.unwrap_or(f64::INFINITY)))
     }
 
-    /// Prefetches neighbors, which lie anywhere in memory: waiting for them would take most of the time.
+    /// Prefetches neighbors, whose memory accesses would take most of the time.
     #[inline]
     fn prefetch(&self, requested: &mut usize, row: usize) {
         if self.images.is_some() {
