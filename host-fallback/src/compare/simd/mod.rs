@@ -25,6 +25,8 @@ mod scalar;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 #[cfg(target_arch = "x86_64")]
+mod x86_pairs;
+#[cfg(target_arch = "x86_64")]
 mod x86_rows;
 
 /// Relative half-width of the band. `f32` rounding changes `d²` relative to `(ri + rj)²` by at most 4 ulp, 2⁻²¹; twice
