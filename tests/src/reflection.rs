@@ -52,7 +52,7 @@ pub(crate) fn structures(module: &Module) -> Vec<Structure> {
     found.collect()
 }
 
-pub(crate) fn spirv(name: &str, (module, info): (&Module, &ModuleInfo)) -> Vec<u32> {
+pub(crate) fn spirv(name: &str, module: &Module, info: &ModuleInfo) -> Vec<u32> {
     let options = naga::back::spv::Options { lang_version: (1, 3), ..Default::default() };
     naga::back::spv::write_vec(module, info, &options, None).unwrap_or_else(|error| panic!("{name}: {error}"))
 }

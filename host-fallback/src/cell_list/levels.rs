@@ -164,10 +164,10 @@ mod tests {
     use crate::input::SearchInput;
 
     fn plan(n: u32, spacing: f32, radii: &[f32]) -> LevelPlan {
-        plan_for(1.0, (n, spacing), radii)
+        plan_for(1.0, n, spacing, radii)
     }
 
-    fn plan_for(searches: f32, (n, spacing): (u32, f32), radii: &[f32]) -> LevelPlan {
+    fn plan_for(searches: f32, n: u32, spacing: f32, radii: &[f32]) -> LevelPlan {
         let side = f64::from(n).cbrt().ceil() as u32;
         let spheres: Vec<_> = (0..n)
             .map(|k| {
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn few_searches_make_small_cells() {
-        let [many, few] = [1.0, 0.01].map(|searches| plan_for(searches, (100_000, 1.0), &[1.0]));
+        let [many, few] = [1.0, 0.01].map(|searches| plan_for(searches, 100_000, 1.0, &[1.0]));
         assert!(few.levels[0].cell_size < 0.8 * many.levels[0].cell_size, "{few:?}, {many:?}");
     }
 

@@ -14,7 +14,7 @@ use crate::grids::{ArrayGrid, HashGrid, RecursiveGrid};
 use crate::input::{InputStats, QueryBuffers, SearchInput, SpeciesGroups, check_valid};
 use crate::memory::with_growth;
 use crate::naive::Naive;
-use crate::skin::memory_of_candidates;
+use crate::skin::{CallSpheres, memory_of_candidates};
 use crate::{Error, PhaseTime, RebuildReason, Report, Settings};
 use algorithm_choice::IndexKind;
 pub use finder::{ChunkConsumer, PairFinder, PairSource, SearchBackend, Work, ranges};
@@ -132,7 +132,8 @@ impl SearchBackend for HostBackend {
                 // If the candidates are valid, no copy is needed.
                 prepared = buffers.prepare_in_place(query, settings, executor)?;
                 if let Some(given) = &prepared {
-                    lapsed = state.advance(settings, (&given.test(settings), given.given), executor)?;
+                    let spheres = CallSpheres { test: &given.test(settings), given: given.given };
+                    lapsed = state.advance(settings, spheres, executor)?;
                 }
             }
             let is_advanced = prepared.is_some();
@@ -142,7 +143,7 @@ impl SearchBackend for HostBackend {
             };
             let test = prepared.test(settings);
             if !is_advanced && prepared.split.is_none() {
-                lapsed = state.advance(settings, (&test, None), executor)?;
+                lapsed = state.advance(settings, CallSpheres { test: &test, given: None }, executor)?;
             }
             let stats = match (lapsed, state.skin.candidates.input_stats()) {
                 (None, Some(stats)) => stats.clone(),

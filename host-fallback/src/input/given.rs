@@ -40,7 +40,8 @@ impl<'a> GivenSpheres<'a> {
     pub(super) fn new(
         spheres: Spheres<'a>,
         halves: Option<&'a [LargestHalf]>,
-        (frame, space): (&'a SearchFrame, &'a Space),
+        frame: &'a SearchFrame,
+        space: &'a Space,
     ) -> Self {
         Self { spheres, species: spheres.species().zip(halves), frame, space }
     }

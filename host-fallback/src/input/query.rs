@@ -98,7 +98,7 @@ impl QueryBuffers {
         }
         let halves = settings.interactions.as_ref().map(|_| &*self.halves);
         let spheres = query.first();
-        let given = Some(GivenSpheres::new(spheres, halves, (frame, &settings.space)));
+        let given = Some(GivenSpheres::new(spheres, halves, frame, &settings.space));
         Ok(Some(PreparedQuery { spheres, split: None, frame: Some(frame), given, filter }))
     }
 
@@ -121,7 +121,7 @@ impl QueryBuffers {
             Some(cell) => {
                 let last = last.filter(SearchFrame::is_narrow);
                 let frame = last.unwrap_or_else(|| SearchFrame::narrow(cell));
-                self.fill(query, &frame, (settings, executor))?;
+                self.fill(query, &frame, settings, executor)?;
                 frame
             }
             None => {
@@ -132,7 +132,7 @@ impl QueryBuffers {
                 let kept = match last.filter(|last| !last.is_narrow()) {
                     None => None,
                     Some(last) => {
-                        let given = self.fill(query, &last, (settings, executor))?;
+                        let given = self.fill(query, &last, settings, executor)?;
                         check(&given)?;
                         bounds = Some(given);
                         last.fits(&given, space).then_some(last)
@@ -144,7 +144,7 @@ impl QueryBuffers {
                         let bounds = bounds.unwrap_or_else(|| Bounds::of(query, executor));
                         check(&bounds)?;
                         let frame = SearchFrame::new(&bounds, space);
-                        self.fill(query, &frame, (settings, executor))?;
+                        self.fill(query, &frame, settings, executor)?;
                         frame
                     }
                 }
@@ -158,13 +158,14 @@ impl QueryBuffers {
         &mut self,
         query: &Query<'_>,
         frame: &SearchFrame,
-        (settings, executor): (&Settings, Executor),
+        settings: &Settings,
+        executor: Executor,
     ) -> Result<Bounds, Error> {
         let Self { spheres, halves, .. } = self;
         let halves = settings.interactions.as_ref().map(|_| &**halves);
         let (first, second) = spheres.split_at_mut(query.first().len());
         let map = |set: Spheres<'_>, targets| {
-            let given = GivenSpheres::new(set, halves, (frame, &settings.space));
+            let given = GivenSpheres::new(set, halves, frame, &settings.space);
             map_to_frame(given, targets, settings.simd, executor.for_light_work(set.len()))
         };
         let bounds = map(query.first(), first)?;

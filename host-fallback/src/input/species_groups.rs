@@ -71,7 +71,7 @@ pub struct SpeciesPartition {
 }
 
 impl SpeciesPartition {
-    fn new(of_species: Vec<u8>, count: usize, (present, table): (&[u32], &Interactions)) -> Self {
+    fn new(of_species: Vec<u8>, count: usize, present: &[u32], table: &Interactions) -> Self {
         let members = |group: usize| {
             let of_species = &of_species;
             present.iter().copied().filter(move |&s| usize::from(of_species[s as usize]) == group)
@@ -102,7 +102,7 @@ impl SpeciesPartition {
             for (&species, own) in present.iter().zip(&groups) {
                 of_species[species as usize] = own.map_or(count, group) as u8;
             }
-            Self::new(of_species, count + usize::from(is_idle), (present, table))
+            Self::new(of_species, count + usize::from(is_idle), present, table)
         };
         [partition(&|own| own, count), partition(&|_| 0, count.min(1))]
     }

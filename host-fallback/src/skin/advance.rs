@@ -4,6 +4,7 @@ use std::sync::Mutex;
 use std::sync::PoisonError;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
+use super::CallSpheres;
 use crate::Simd;
 use crate::cell_list::SortRecord;
 use crate::compare::{EffectiveLoop, EffectiveRows, PairTest, SimdTask, SimdWidth, Xyzr};
@@ -19,9 +20,11 @@ const PREFETCH_SPHERES: usize = 128;
 /// inverse square of its displacement limit. Returns the largest used fraction of a limit, infinity for an invalid
 /// sphere; and `true` if an effective radius has changed or the frame no longer fits.
 pub(super) fn advance(
-    (test, given): (&PairTest<'_>, Option<GivenSpheres<'_>>),
-    (then, rows): (&[SortRecord], &mut [Xyzr]),
-    (simd, executor): (Simd, Executor),
+    CallSpheres { test, given }: CallSpheres<'_>,
+    then: &[SortRecord],
+    rows: &mut [Xyzr],
+    simd: Simd,
+    executor: Executor,
 ) -> (f32, bool) {
     let (farthest, changed) = (AtomicU32::new(0), AtomicBool::new(false));
     let all_bounds = Mutex::new(Bounds::EMPTY);

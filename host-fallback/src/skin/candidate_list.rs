@@ -3,6 +3,7 @@ use std::sync::atomic::AtomicU64;
 use glam::Vec3;
 use lazygrid_kernels::Pair;
 
+use super::CallSpheres;
 use super::advance::{CHUNK_SPHERES, advance};
 use crate::cell_list::{CellList, DensityCache, SortRecord};
 use crate::compare::{
@@ -10,8 +11,7 @@ use crate::compare::{
     at_places, memory_of_list,
 };
 use crate::executor::Executor;
-use crate::input::InputStats;
-use crate::input::{GivenSpheres, SearchInput, check_valid, search_pieces};
+use crate::input::{InputStats, SearchInput, check_valid, search_pieces};
 use crate::memory::{prefetch, try_resize, with_growth};
 use crate::report::{CandidateListStats, RebuildReason, Report};
 use crate::settings::SKIN_RANGE;
@@ -83,16 +83,17 @@ impl CandidateList {
     /// An invalid list is dropped here, before the call can fail: no later call may use it.
     pub(crate) fn update_displacements(
         &mut self,
-        (test, given): (&PairTest<'_>, Option<GivenSpheres<'_>>),
+        current: CallSpheres<'_>,
         list: &CellList,
-        (simd, executor): (Simd, Executor),
+        simd: Simd,
+        executor: Executor,
     ) -> Option<RebuildReason> {
-        let spheres = test.spheres();
+        let spheres = current.test.spheres();
         let Some(input_stats) = self.input_stats.take() else { return Some(RebuildReason::NoList) };
         if spheres.len() != self.order.len() || spheres.species().unwrap_or(&[]) != self.species {
             return Some(RebuildReason::InputChanged);
         }
-        let rows = match given {
+        let rows = match current.given {
             Some(_) => &mut self.rows[..],
             // An effective radius that depends on the species alone hides an invalid radius.
             None if spheres.species().is_some() && check_valid(&spheres.into(), executor).is_err() => {
@@ -101,7 +102,7 @@ impl CandidateList {
             // No candidate has a sphere whose species pairs with none.
             None => &mut self.rows[..list.paired()],
         };
-        let (moved, changed) = advance((test, given), (list.notes(), rows), (simd, executor));
+        let (moved, changed) = advance(current, list.notes(), rows, simd, executor);
         self.displacement_fraction = moved;
         self.age += 1;
         match (changed, self.displacement_fraction <= USABLE_FRACTION) {

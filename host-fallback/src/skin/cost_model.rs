@@ -4,7 +4,7 @@
 //! time.
 
 use super::candidate_list::{DisplacementLimits, LIMIT_RANGE};
-use super::displacement::DisplacementGrowth;
+use super::displacement::Displacements;
 use crate::cell_list::{DensityProfile, LevelPlan};
 use crate::input::{InputStats, SizeClass};
 use crate::size_class::SIZE_CLASSES;
@@ -94,12 +94,19 @@ pub(super) struct SkinChoice {
     pub(super) candidates: f32,
 }
 
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SkinModel<'a> {
+    pub(super) costs: &'a SkinCosts,
+    pub(super) scaling: SkinScaling,
+}
+
 /// Minimizes the mean time of a call; `None` if no skin is better. `excess` multiplies the estimated number of
 /// candidates.
 pub(super) fn choose(
-    (stats, density): (&InputStats, &DensityProfile),
-    (steps, growth): (&[f32; SIZE_CLASSES], DisplacementGrowth),
-    (costs, scaling): (&SkinCosts, SkinScaling),
+    stats: &InputStats,
+    density: &DensityProfile,
+    Displacements { steps, growth }: Displacements<'_>,
+    SkinModel { costs, scaling }: SkinModel<'_>,
     excess: f32,
 ) -> Option<SkinChoice> {
     let n = stats.spheres as f32;

@@ -11,6 +11,9 @@
 //!
 //! The GPU shares `displacement`, `cost_model` and `tuner`.
 
+use crate::compare::PairTest;
+use crate::input::GivenSpheres;
+
 mod advance;
 mod candidate_list;
 mod controller;
@@ -24,3 +27,10 @@ pub(crate) use candidate_list::memory_of_candidates;
 pub(crate) use controller::SkinController;
 pub use cost_model::SkinCosts;
 pub use tuner::SkinTuner;
+
+/// The spheres of a call; `given` ones are not mapped to their frame yet.
+#[derive(Clone, Copy)]
+pub(crate) struct CallSpheres<'a> {
+    pub(crate) test: &'a PairTest<'a>,
+    pub(crate) given: Option<GivenSpheres<'a>>,
+}

@@ -2,16 +2,16 @@
 
 use lazygrid_kernels::{Interactions, Space, Spheres};
 
+use super::CallSpheres;
 use super::candidate_list::DisplacementLimits;
-use super::cost_model::{SkinChoice, SkinCosts, SkinScaling, choose};
-use super::displacement::{DisplacementGrowth, DisplacementStats};
+use super::cost_model::{SkinChoice, SkinCosts, SkinModel, SkinScaling, choose};
+use super::displacement::{DisplacementStats, Displacements};
 use crate::Error;
 use crate::cell_list::DensityProfile;
 use crate::compare::PairTest;
 use crate::executor::Executor;
-use crate::input::{GivenSpheres, InputStats};
+use crate::input::InputStats;
 use crate::report::RebuildReason;
-use crate::size_class::SIZE_CLASSES;
 
 /// Maximum searches before a new choice, and number of searches without a list after an overflow.
 const MAX_WAIT: u32 = 31;
@@ -42,15 +42,12 @@ impl SkinTuner {
         interactions: Option<&Interactions>,
         space: Space,
     ) -> Result<(), Error> {
-        self.observe(&PairTest::new(spheres, interactions).in_space(space), None)
+        let test = PairTest::new(spheres, interactions).in_space(space);
+        self.observe(CallSpheres { test: &test, given: None })
     }
 
-    pub(super) fn observe(
-        &mut self,
-        test: &PairTest<'_>,
-        given: Option<GivenSpheres<'_>>,
-    ) -> Result<(), Error> {
-        self.displacements.observe(test, given)
+    pub(super) fn observe(&mut self, spheres: CallSpheres<'_>) -> Result<(), Error> {
+        self.displacements.observe(spheres)
     }
 
     /// Records the age of the list in calls, the largest used fraction of a limit, and the reason for a rebuild.
@@ -59,7 +56,7 @@ impl SkinTuner {
             self.first = moved;
         }
         if let (Some(RebuildReason::Displacement), Some(choice)) = (lapsed, &self.choice) {
-            self.displacements.learn(self.first * choice.skin, (age, moved * choice.skin));
+            self.displacements.learn(self.first * choice.skin, age, moved * choice.skin);
             // A list that lasted about as long as predicted is not reconsidered soon.
             let is_as_expected = AS_EXPECTED.contains(&(age as f32 / (choice.calls + 1.0)));
             self.wait = if is_as_expected { self.wait } else { 0 };
@@ -101,10 +98,16 @@ impl SkinTuner {
         space: Space,
         costs: &SkinCosts,
     ) -> Result<Option<f32>, Error> {
-        let think = |displacements: (&[f32; SIZE_CLASSES], DisplacementGrowth), excess: f32| {
+        let think = |displacements: Displacements<'_>, excess: f32| {
             let stats = InputStats::of(&PairTest::new(spheres, interactions), Executor::current()?)?;
             let density = DensityProfile::of_places(spheres, space)?;
-            Ok(choose((&stats, &density), displacements, (costs, SkinScaling::Alike), excess))
+            Ok(choose(
+                &stats,
+                &density,
+                displacements,
+                SkinModel { costs, scaling: SkinScaling::Alike },
+                excess,
+            ))
         };
         let limits = self.limits(SkinScaling::Alike, think)?;
         Ok(limits.map(|limits| 2.0 * limits[0]))
@@ -114,7 +117,7 @@ impl SkinTuner {
     pub(super) fn limits(
         &mut self,
         scaling: SkinScaling,
-        think: impl FnOnce((&[f32; SIZE_CLASSES], DisplacementGrowth), f32) -> Result<Option<SkinChoice>, Error>,
+        think: impl FnOnce(Displacements<'_>, f32) -> Result<Option<SkinChoice>, Error>,
     ) -> Result<Option<DisplacementLimits>, Error> {
         if self.is_paused() {
             return Ok(None);
@@ -123,7 +126,7 @@ impl SkinTuner {
         if self.wait > 0 {
             self.wait -= 1;
         } else {
-            let choice = think((&steps, growth), self.excess.exp2())?;
+            let choice = think(Displacements { steps: &steps, growth }, self.excess.exp2())?;
             let skin = |choice: Option<SkinChoice>| choice.map(|choice| choice.skin);
             let same = skin(choice) == skin(self.choice);
             self.patience = if same { (2 * self.patience + 1).min(MAX_WAIT) } else { 0 };

@@ -20,7 +20,8 @@ pub(super) fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Durat
 
 /// Until the second algorithm is clearly faster or `goes_on` returns `false`.
 pub(super) fn race(
-    (sizes, classes): (&[u32], usize),
+    sizes: &[u32],
+    classes: usize,
     rounds: usize,
     mut times: impl FnMut(&[Sphere]) -> Result<[Duration; 2], Error>,
     mut goes_on: impl FnMut(u32, [Duration; 2]) -> bool,

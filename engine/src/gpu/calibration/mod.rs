@@ -48,7 +48,7 @@ pub fn calibrate(gpu: &GpuDevice, mut seen: impl FnMut(&CrossoverSample)) -> Res
             seen(&CrossoverSample { classes, spheres, naive, grid });
             true
         };
-        race((&SIZES, classes), ROUNDS, times, goes_on)
+        race(&SIZES, classes, ROUNDS, times, goes_on)
     });
     let (one, five) = (one?, five?);
     let tests_per_second = naive_rate(&one)

@@ -246,10 +246,10 @@ impl GpuSkinDetector {
             let half = self.skin / 2.0;
             let limit_squared = (half * USABLE).powi(2);
             let skin = SkinParams { half_skin: half, limit_squared, candidate_capacity: found.capacity };
-            let division = skin::candidate_parts(found.capacity, self.search.budget());
+            let (parts, per_dispatch) = skin::candidate_parts(found.capacity, self.search.budget());
             let columns = self.settings.columns;
-            let dispatches = skin::dispatches(key.call.spheres, columns.is_some(), division);
-            let workgroups_per_dispatch = if division.0 > 1 { division.1 } else { 0 };
+            let dispatches = skin::dispatches(key.call.spheres, columns.is_some(), parts, per_dispatch);
+            let workgroups_per_dispatch = if parts > 1 { per_dispatch } else { 0 };
             let call = SearchParams { workgroups_per_dispatch, ..key.call };
             let params = params_buffers(&self.device, dispatches.iter().flatten(), &call)?;
             let skin = constant_buffer(&self.device, "skin", bytemuck::bytes_of(&skin))?;

@@ -40,7 +40,7 @@ impl Sides {
         // The first group is on the first side.
         let divisions = 1_u32 << active.len().saturating_sub(1);
         let meets = |a: usize, b: usize| groups.meets(active[a], active[b]);
-        let cost = |second: u32| comparisons((second << 1, &weights), meets);
+        let cost = |second: u32| comparisons(second << 1, &weights, meets);
         let best = (0..divisions).min_by(|&a, &b| cost(a).0.total_cmp(&cost(b).0)).unwrap_or(0);
         let best = if cost(best).0 <= (1.0 - WORTHWHILE) * cost(0).0 { best } else { 0 };
         let side = |of: u32| match active.iter().position(|&group| group == groups.group_of(of)) {
@@ -86,7 +86,7 @@ fn common(mut pairs: impl Iterator<Item = (u32, u32)>, table: &Interactions) -> 
 
 /// Returns the comparisons with the groups in the set `second` on the second side, and the compared sides. `weights`
 /// are the groups' numbers of spheres.
-fn comparisons((second, weights): (u32, &[f64]), meets: impl Fn(usize, usize) -> bool) -> (f64, u32) {
+fn comparisons(second: u32, weights: &[f64], meets: impl Fn(usize, usize) -> bool) -> (f64, u32) {
     let groups = weights.len();
     let side = |group: usize| (second >> group & 1) as usize;
     let mut spheres = [0.0; 2];

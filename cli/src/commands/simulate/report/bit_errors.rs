@@ -64,7 +64,7 @@ pub(super) fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, 
         ("bit-errors-by-delay", "Fewest bit errors by delay", "delay of the slots, s", &by_delay),
     ] {
         let axes = [(x, Scale::Linear), ("part of the bits", Scale::Logarithmic)];
-        section.plots.extend(plot_scaled((file, title), axes, lines)?);
+        section.plots.extend(plot_scaled(file, title, axes, lines)?);
     }
     Ok(section)
 }
