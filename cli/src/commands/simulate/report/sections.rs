@@ -186,8 +186,12 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
         cells.push(Cell::plain(written(own.late.mean(), own.late.standard_error())));
         rows.push(cells);
     }
-    let of = ("interference", "Inter-symbol interference");
-    section.plots.extend(plot(of, ("slots after the release", "part of the particles"), &all)?);
+    section.plots.extend(plot(
+        "interference",
+        "Inter-symbol interference",
+        ("slots after the release", "part of the particles"),
+        &all,
+    )?);
     let lags = channels.interference.first().map_or(0, |own| own.by_lag.len());
     let header = ["way".to_owned()].into_iter().chain((0..lags).map(|lag| lag.to_string()));
     section.tables.push(Table {
