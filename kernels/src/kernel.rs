@@ -181,29 +181,23 @@ macro_rules! kernels {
             uses_subgroups: $sub,
             knows_periods: $per,
         };)*
-        /// Every kernel.
         pub static KERNELS: [&Kernel; [$($name),*].len()] = [$(&$id),*];
     };
 }
 
 kernels! {
-    /// Tests the assumptions about subgroups.
     SUBGROUP_PROBE = "probe" / "subgroup_probe", WORKGROUP_SIZE, subgroups: true, periodic: false, [write("probe")],
         species: [];
-    /// Clears the accumulators of a call.
     CALL_BEGIN = "grid" / "call_begin", 1, subgroups: false, periodic: false,
         [uniform("params"), read("count_source"), write("bounds"), write("grid"), write("outcome")], species: [];
-    /// Wraps each sphere to its image nearest to the origin.
     SPHERES_WRAP = "grid" / "spheres_wrap", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("params"), read("grid"), read("given"), write("wrapped")], species: [];
     /// Reduces the valid spheres to bounds and counts the invalid ones.
     BOUNDS_REDUCE = "grid" / "bounds_reduce", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [uniform("params"), read("grid"), read("spheres"), write("bounds"), write("outcome")],
         species: [read("species"), read("species_params")];
-    /// Chooses the grid.
     GRID_CONFIGURE = "grid" / "grid_configure", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("spheres"), write("bounds"), write("grid")], species: [];
-    /// Clears the occupancy table.
     OCCUPANCY_CLEAR = "grid" / "occupancy_clear", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("params"), read("grid"), write("occupancy")], species: [];
     /// Finds each sphere's depth and cells.
@@ -213,17 +207,13 @@ kernels! {
     /// Counts the smaller spheres in cells of deeper levels.
     LEVELS_COUNT = "grid" / "levels_count", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("grid"), write("bounds"), read("cells"), write("occupancy")], species: [];
-    /// Divides the keys among the levels.
     LEVELS_ASSIGN_KEYS = "grid" / "levels_assign_keys", DEPTHS, subgroups: false, periodic: true,
         [uniform("params"), write("bounds"), write("grid")], species: [];
-    /// Writes one entry per overlapped cell and level.
     ENTRIES_EMIT = "grid" / "entries_emit", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("grid"), read("cells"), write("occupancy"), write("outcome"), write("keys"),
          write("objects")], species: [];
-    /// Clamps and stores the number of entries.
     ENTRIES_FINISH = "grid" / "entries_finish", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("sort_counts")], species: [];
-    /// Sums the tiles of a scan.
     SCAN_REDUCE = "sort" / "scan_reduce", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("sort_counts"), read("values"), write("sums")], species: [];
     /// Prefix sums of the tile sums, and the total.
@@ -234,7 +224,6 @@ kernels! {
         [read("sort_counts"), read("sums"), write("values")], species: [];
     /// Prefix sums of few values, in place, in one dispatch.
     SCAN_ONCE = "sort" / "scan_once", WORKGROUP_SIZE, subgroups: true, periodic: false, [read("sort_counts"), write("values")], species: [];
-    /// Digit counts of a radix pass.
     RADIX_COUNT = "sort" / "radix_count", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("digit_pass"), read("sort_counts"), read("keys"), write("counts")], species: [];
     /// Prefix sums of the counts of each digit.
@@ -249,7 +238,6 @@ kernels! {
         [uniform("params"), read("grid"), read("sort_counts"), read("keys"), read("objects"), read("spheres"),
          write("outcome"), write("pairs"), write("deferred")],
         species: [read("species"), read("table")];
-    /// Dispatch arguments of `runs_search_far`.
     RUNS_SEARCH_FAR_DISPATCH_ARGS = "grid" / "runs_search_far_dispatch_args", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("dispatch")], species: [];
     /// Pairs of entries far apart in a run.
@@ -257,7 +245,6 @@ kernels! {
         [uniform("params"), read("grid"), read("sort_counts"), read("keys"), read("objects"), read("spheres"),
          write("outcome"), write("pairs"), read("deferred")],
         species: [read("species"), read("table")];
-    /// All pairs.
     NAIVE_SEARCH = "grid" / "naive_search", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("grid"), read("spheres"), write("outcome"), write("pairs")],
         species: [read("species"), read("species_params"), read("table")];
@@ -265,7 +252,6 @@ kernels! {
     STATS_REDUCE = "cell_list" / "stats_reduce", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("starts"), write("occupancy")],
         species: [read("species"), read("species_params")];
-    /// Chooses the cells of a cell list.
     CELL_LIST_CONFIGURE = "cell_list" / "cell_list_configure", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
          write("sort_counts")],
@@ -275,7 +261,6 @@ kernels! {
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
          write("sort_counts"), write("starts"), write("occupancy")],
         species: [read("species"), read("species_params")];
-    /// Counts the spheres in each cell of the first level.
     OCCUPANCY_COUNT = "cell_list" / "occupancy_count", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("spheres"), write("occupancy")],
         species: [read("species"), read("species_params")];
@@ -284,19 +269,15 @@ kernels! {
         [uniform("params"), read("cell_list"), read("spheres"), write("occupancy"), write("outcome"), write("starts"),
          write("cell_ranks")],
         species: [read("species"), read("species_params")];
-    /// Assigns each sphere its cell as a sort key.
     CELLS_KEY = "cell_list" / "cells_key", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), uniform("digit_pass"), read("cell_list"), read("sort_counts"), read("spheres"), write("occupancy"),
          write("outcome"), write("keys"), write("counts")],
         species: [read("species"), read("species_params")];
-    /// First sphere of each cell.
     CELL_STARTS_FIND = "cell_list" / "cell_starts_find", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("cell_list"), read("cells"), write("starts")], species: [];
-    /// Gathers the spheres in cell order.
     SPHERES_GATHER = "cell_list" / "spheres_gather", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("spheres"), read("order"), write("sorted")],
         species: [read("species"), write("sorted_species")];
-    /// Scatters the spheres to cell order.
     SPHERES_SCATTER = "cell_list" / "spheres_scatter", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("spheres"), read("starts"), read("cell_ranks"), write("sorted"),
          write("cells"), write("order")],
@@ -306,7 +287,6 @@ kernels! {
         [uniform("params"), read("cell_list"), read("starts"), read("sorted"), read("cells"), read("order"),
          write("outcome"), write("pairs"), write("deferred")],
         species: [read("sorted_species"), read("table")];
-    /// Dispatch arguments of `cell_list_search_overflow`.
     CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS = "cell_list" / "cell_list_search_overflow_dispatch_args", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("dispatch")], species: [];
     /// Pairs of the spheres of deferred blocks with their later candidates.
@@ -326,15 +306,12 @@ kernels! {
     SKIN_STORE_REFERENCE = "skin" / "skin_store_reference", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), uniform("skin"), read("spheres"), write("state"), write("reference")],
         species: [read("species"), write("reference_species")];
-    /// Dispatch arguments of the candidate test.
     CANDIDATES_TEST_DISPATCH_ARGS = "skin" / "candidates_test_dispatch_args", 1, subgroups: false, periodic: false,
         [uniform("params"), uniform("skin"), read("count_source"), write("found"), write("state"), write("outcome"),
          write("dispatch")], species: [];
-    /// Pairs among the candidates.
     CANDIDATES_TEST = "skin" / "candidates_test", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("candidates"), write("state"), read("spheres"), write("outcome"), write("pairs")],
         species: [read("species"), read("table")];
-    /// Copies spheres from columns to rows.
     SPHERES_INTERLEAVE = "shared" / "spheres_interleave", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("params"), uniform("columns"), read("count_source"), read("x"), read("y"), read("z"), read("r"),
          write("rows")], species: [];

@@ -27,9 +27,7 @@ pub struct SearchParams {
     pub cell_ratio: f32,
     /// Species of the interaction table; 0 without one.
     pub species: u32,
-    /// Workgroups of the naive search.
     pub search_groups: u32,
-    /// Threads per workgroup of the indirectly dispatched consumer.
     pub consumer_workgroup_size: u32,
     /// Start of the window: only pairs with a smaller index in `window_begin..window_end` are counted and written, to
     /// fetch large results in parts.
@@ -82,9 +80,7 @@ pub struct SearchParams {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct RadixPass {
-    /// Lowest bit of the digit.
     pub shift: u32,
-    /// Mask after the shift.
     pub mask: u32,
     /// 1 if the payload is the index of each key, and is not read.
     pub is_first: u32,
@@ -94,13 +90,9 @@ impl SearchParams {
     /// No limit of [`tiles_per_submission`](Self::tiles_per_submission).
     pub const UNLIMITED: u32 = u32::MAX;
 
-    /// Compares the first side with itself.
     pub const FIRST_WITH_ITSELF: u32 = 1;
-    /// Compares the first side with the second.
     pub const FIRST_WITH_SECOND: u32 = 2;
-    /// Compares the second side with itself.
     pub const SECOND_WITH_ITSELF: u32 = 4;
-    /// Interaction of two species that never pair.
     pub const NEVER: f32 = -1.0;
     /// Interaction of spheres that pair if they touch.
     pub const TOUCH: f32 = -2.0;
@@ -114,7 +106,6 @@ impl SearchParams {
     }
 }
 
-/// Statistics of the spheres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Bounds {
@@ -132,23 +123,18 @@ pub struct Bounds {
     pub descending: [u32; 32],
 }
 
-/// The keys of one depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct LevelKeys {
-    /// Key bits per axis.
     pub bits: UVec3,
-    /// First key.
     pub base: u32,
 }
 
-/// The grids of a call.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct Grid {
     /// A common corner of cells of all levels.
     pub origin: Vec3,
-    /// Number of spheres.
     pub spheres: u32,
     /// Cells of depth 0 per unit of length.
     pub inverse_edge: Vec3,
@@ -158,7 +144,6 @@ pub struct Grid {
     pub low: IVec3,
     /// Policy of the parameters; 0 if one level suffices.
     pub split_policy: u32,
-    /// Highest cell of depth 0.
     pub high: IVec3,
     /// Depths that are levels, one bit each.
     pub level_mask: u32,
@@ -218,7 +203,6 @@ pub struct SkinParams {
     pub half_skin: f32,
     /// Squared displacement limit, a little less than half the skin.
     pub limit_squared: f32,
-    /// Capacity in candidates.
     pub candidate_capacity: u32,
 }
 
@@ -297,11 +281,9 @@ impl Outcome {
 pub struct InputStats {
     /// Complements of the lowest center, in an order-preserving encoding.
     pub low: [u32; 3],
-    /// Highest center, in this encoding.
     pub high: [u32; 3],
     /// Complement of the bits of the smallest effective radius.
     pub smallest: u32,
-    /// Number of invalid spheres.
     pub quarantined: u32,
     /// Spheres per size class (exponent of the effective radius), of the first side and then of the second.
     pub members: [u32; 512],
@@ -328,11 +310,9 @@ impl SpeciesParams {
     pub const IDLE: u32 = 4;
 }
 
-/// A level of a cell list.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct CellListLevel {
-    /// Cells around each axis.
     pub cells: UVec3,
     /// First cell in the table.
     pub base: u32,
@@ -344,7 +324,6 @@ pub struct CellListLevel {
     pub cells_per_length: Vec3,
     /// Bits of the coordinate at or above which neighboring floats are more than a cell apart; infinity if none is.
     pub far: u32,
-    /// Largest radius of the level.
     pub max_radius: f32,
     /// Levels in which spheres of this level search all cells that their boxes overlap, one bit each.
     pub searched_levels: u32,
@@ -356,9 +335,7 @@ pub struct CellListLevel {
 #[derive(Clone, Copy, Debug, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct CellListLayout {
-    /// Number of spheres.
     pub spheres: u32,
-    /// Cells of all levels.
     pub cells: u32,
     /// Fixed-point units per cell.
     pub units_per_cell: u32,
@@ -375,7 +352,6 @@ pub struct CellListLayout {
 }
 
 impl CellListLayout {
-    /// Levels per side.
     pub const LEVELS: usize = 16;
 }
 
@@ -383,7 +359,6 @@ impl CellListLayout {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SortCounts {
-    /// Number of keys.
     pub items: u32,
     /// Number of values to scan.
     pub counters: u32,

@@ -13,6 +13,7 @@ mod backend;
 mod error;
 #[allow(missing_docs, reason = "internal to the workspace: most names and types are clear")]
 pub mod kernel;
+#[allow(missing_docs, reason = "internal to the workspace: most names and types are clear")]
 pub mod layout;
 mod limits;
 mod memory;

@@ -13,7 +13,6 @@ pub const SCAN_TILE: u32 = WORKGROUP_SIZE * SCAN_ITEMS;
 pub const BOUNDS_TILE: u32 = WORKGROUP_SIZE * SPHERES_PER_THREAD;
 /// Counters that one workgroup of `occupancy_clear` clears.
 pub const DENSITY_TILE: u32 = WORKGROUP_SIZE * SPHERES_PER_THREAD;
-/// Depths of a grid; each halves the cell size.
 pub const DEPTHS: u32 = 32;
 /// Bits of one radix digit.
 pub const DIGIT_BITS: u32 = 8;

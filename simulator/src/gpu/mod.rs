@@ -21,6 +21,7 @@ mod receiver_cells;
 mod receiver_trajectory;
 mod simulation;
 mod tables;
+mod tally_layout;
 #[cfg(test)]
 mod tests;
 

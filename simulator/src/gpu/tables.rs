@@ -6,6 +6,7 @@ use super::layout::{
 use super::model_check::{Carried, chained_decays};
 use super::receiver_cells::MIN_LISTED_RECEIVERS;
 use super::receiver_trajectory::max_rows;
+use super::tally_layout::Tallies;
 use crate::model::receiver::{Adsorption, ReceiverKind, WallFace};
 use crate::model::{Contact, Model, Unbinding};
 use crate::motion::adsorption;
@@ -29,33 +30,6 @@ pub(super) struct Tables {
     pub(super) dissociation_rows: Vec<DissociationRow>,
     pub(super) max_counts: u32,
     pub(super) tallies: Tallies,
-}
-
-/// Layout of tallies: arrivals by receiver and species, decays, reactions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Tallies {
-    pub(super) species: usize,
-    pub(super) receivers: usize,
-    pub(super) decays: usize,
-    pub(super) reactions: usize,
-}
-
-impl Tallies {
-    pub(super) fn arrival(&self, receiver: usize, species: usize) -> usize {
-        receiver * self.species + species
-    }
-
-    pub(super) fn decay(&self, decay: usize) -> usize {
-        self.receivers * self.species + decay
-    }
-
-    pub(super) fn reaction(&self, reaction: usize) -> usize {
-        self.decay(self.decays) + reaction
-    }
-
-    pub(super) fn len(&self) -> usize {
-        self.reaction(self.reactions)
-    }
 }
 
 /// Equal to that of `decay.wgsl`.
