@@ -7,32 +7,26 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// Invalid scenario file.
     #[error("{}, line {line}, `{key}`: {message}", path.display())]
     Scenario { path: PathBuf, line: usize, key: String, message: String },
-    /// Model that cannot be run.
     #[error("{0}")]
     Model(String),
-    /// Ids are used up.
     #[error(
         "particle ids are exhausted: {released} particles need one each, and ids have 32 bits; release fewer, or run \
          fewer steps"
     )]
     OutOfIds { released: u64 },
-    /// System refused memory for more particles.
     #[error("no memory for {particles} particles: {bytes} bytes were refused; release fewer")]
     OutOfMemory {
         particles: u64,
         /// Bytes of one column.
         bytes: u64,
     },
-    /// The system refused memory for reaction candidates.
     #[error(
         "no memory for {candidates} pairs that may react: {bytes} bytes were refused; release fewer particles, or run fewer \
          replicas at once (--threads)"
     )]
     OutOfCandidateMemory { candidates: u64, bytes: u64 },
-    /// The particles of a step, or a scenario, exceed the available memory.
     #[error(
         "{what} need {needed} bytes of memory or more, and {available} bytes are available ({limit}); {remedy}"
     )]
@@ -44,7 +38,6 @@ pub enum Error {
         limit: &'static str,
         remedy: &'static str,
     },
-    /// Detector refused the particles, or found too many pairs.
     #[error("step {step}: {source}")]
     Step {
         /// Step, from 0.
@@ -54,7 +47,6 @@ pub enum Error {
     #[error(
         "step {step}: {particles} particles collided {collisions} times in one step; shorten the time step, or let contact = \"count\" only count overlaps"
     )]
-    /// Particles collided too often in a step.
     Collisions {
         /// Step, from 0.
         step: u32,
@@ -62,16 +54,12 @@ pub enum Error {
         /// Collisions at which the step stopped.
         collisions: u64,
     },
-    /// Detector could not be created.
     #[error(transparent)]
     Detection(#[from] lazygrid::Error),
-    /// GPU backend cannot run a part of the model.
     #[error("the GPU backend does not support {what}; choose the CPU")]
     NotOnGpu { what: String },
-    /// Ranks cannot run a part of the model.
     #[error("a run over ranks does not support {what}; run it in one process, with `lazygrid simulate`")]
     NotOverRanks { what: String },
-    /// Positions became non-finite on the GPU.
     #[error(
         "step {step}: {particles} particles have non-finite positions; shorten the time step or weaken the drift"
     )]
@@ -80,29 +68,22 @@ pub enum Error {
         step: u32,
         particles: u64,
     },
-    /// The build has no Arrow writer.
     #[error("this build cannot write Arrow files; build it with --features arrow, or write the log as CSV")]
     NoArrow,
-    /// Threads could not be started.
     #[error("cannot start {threads} threads: {reason}; ask for fewer")]
     Threads { threads: usize, reason: String },
-    /// A file cannot be read.
     #[error("{}: cannot read: {source}", path.display())]
     Read { path: PathBuf, source: io::Error },
-    /// A file cannot be written.
     #[error("{}: cannot write: {source}", path.display())]
     Write { path: PathBuf, source: io::Error },
-    /// Replica failed.
     #[error("replica {replica}: {source}")]
     Replica {
         /// Replica, from 0.
         replica: u32,
         source: Box<Error>,
     },
-    /// Point of a sweep failed, or is no valid scenario.
     #[error("{values}: {source}")]
     SweepPoint { values: String, source: Box<Error> },
-    /// A checkpoint of another layout version.
     #[error(
         "{}: the checkpoint has version {found} and this build reads version {expected}; resume it with the build that \
          wrote it, or start over with --overwrite in place of --resume",
@@ -115,7 +96,6 @@ pub enum Error {
         path.display()
     )]
     Damaged { path: PathBuf, damage: Damage },
-    /// Checkpoint of another run, such as of another scenario.
     #[error("{}: {message}", path.display())]
     Checkpoint { path: PathBuf, message: String },
 }
@@ -124,22 +104,17 @@ pub enum Error {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum Damage {
-    /// Wrong first line.
     #[error("it does not begin with the line '{expected}'")]
     Header {
         /// Required beginning of the line.
         expected: String,
     },
-    /// Wrong length, or shorter than the checkpoint records.
     #[error("it has {found} bytes instead of {expected}")]
     Length { found: u64, expected: u64 },
-    /// Wrong checksum.
     #[error("its checksum is {found:016x} instead of {expected:016x}")]
     Checksum { found: u64, expected: u64 },
-    /// The file is whole, but the checkpoint names another.
     #[error("it belongs to another checkpoint, since its checksum is {found:016x} and not {expected:016x}")]
     Foreign { found: u64, expected: u64 },
-    /// Right checksum over invalid content.
     #[error("its content cannot be decoded ({0})")]
     Content(String),
 }

@@ -6,7 +6,6 @@ use thiserror::Error;
 #[non_exhaustive]
 #[allow(missing_docs, reason = "messages explain the fields")]
 pub enum Error {
-    /// Refused input of a rank.
     #[error("rank {rank}: {message}")]
     Input {
         /// First such rank.
@@ -15,7 +14,6 @@ pub enum Error {
         index: Option<u32>,
         message: String,
     },
-    /// Two spheres have the same id.
     #[error(
         "duplicate id {id}: sphere {} on rank {} and sphere {} on rank {}; give each sphere of all ranks its own id",
         first[1], first[0], second[1], second[0]
@@ -26,14 +24,12 @@ pub enum Error {
         first: [u32; 2],
         second: [u32; 2],
     },
-    /// Setting out of range.
     #[error("{name} = {value} is out of range; {range}")]
     Setting {
         name: String,
         value: String,
         range: String,
     },
-    /// Setting differs between ranks.
     #[error("{message}")]
     Settings {
         /// First such setting.
@@ -42,7 +38,6 @@ pub enum Error {
         ranks: [u32; 2],
         message: String,
     },
-    /// A rank lacks memory.
     #[error(
         "rank {rank}: no memory for {what}: {bytes} bytes were refused; use more nodes or fewer ranks on each, or \
          count or stream the pairs"
@@ -65,14 +60,12 @@ pub enum Error {
         found: u64,
         limit: u64,
     },
-    /// Detector of one rank failed.
     #[error("rank {rank}: {message}")]
     Detection {
         /// First such rank.
         rank: u32,
         message: String,
     },
-    /// More data than a message can carry.
     #[error("{what}: {needed} bytes are more than the {limit} that one message can carry; use fewer ranks")]
     Message {
         what: String,

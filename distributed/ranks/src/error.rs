@@ -5,10 +5,8 @@ use thiserror::Error;
 #[non_exhaustive]
 #[allow(missing_docs, reason = "messages explain the fields")]
 pub enum Error {
-    /// Planes that make no partition of this size, or along no axis.
     #[error("{planes} planes cut space into {} parts, not {parts}; use the planes of one partition", *planes + 1)]
     Planes { planes: usize, parts: u32 },
-    /// A message limit below one element per rank.
     #[error(
         "a limit of {limit} elements per message is below the {ranks} ranks that share each message; raise the limit"
     )]
