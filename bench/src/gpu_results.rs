@@ -89,7 +89,6 @@ struct SpeedCost {
 }
 
 impl GpuRun {
-    /// Reads the JSON of a run.
     pub fn parse(text: &str) -> Result<Self, String> {
         let run: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
         if run.gpu.is_none() {

@@ -58,7 +58,6 @@ pub trait PairFinder {
 pub type Make = Box<dyn Fn() -> Result<Box<dyn PairFinder>, Box<dyn Error>>>;
 
 pub struct ContenderFactory {
-    /// Name in tables.
     pub name: String,
     /// Creates a search without earlier steps.
     pub make: Make,
@@ -72,12 +71,10 @@ impl ContenderFactory {
         Self { name: name.into(), make: Box::new(move || Ok(Box::new(make()?))) }
     }
 
-    /// Creates a detector that lists pairs.
     pub fn list(name: impl Into<String>, config: Config) -> Self {
         Self::new(name, move || Ok(List { detector: Detector::new(config.clone())?, species: None }))
     }
 
-    /// Creates a detector that lists the pairs of a scene of species.
     pub fn list_by_species(name: impl Into<String>, config: Config, scene: SpeciesScene) -> Self {
         Self::new(name, move || {
             let detector = Detector::new(config.clone().interactions(scene.table()?))?;
@@ -85,7 +82,6 @@ impl ContenderFactory {
         })
     }
 
-    /// Creates a detector that only counts pairs.
     pub fn count(name: impl Into<String>, config: Config) -> Self {
         Self::new(name, move || Ok(Count(Detector::new(config.clone())?)))
     }
@@ -117,14 +113,12 @@ pub struct Timing {
     pub name: String,
     /// Nanoseconds per sphere and step, one value per round.
     pub nanos: Vec<f64>,
-    /// Note on the last step.
     pub note: String,
     /// Number of pairs at the last step.
     pub pairs: u64,
 }
 
 impl Timing {
-    /// Returns the median of the rounds.
     pub fn median(&self) -> f64 {
         Spread::of(&self.nanos).median
     }

@@ -21,7 +21,6 @@ pub enum SpeciesScene {
 impl SpeciesScene {
     pub const ALL: [Self; 5] = [Self::RarePartner, Self::Enzymes, Self::Target, Self::Ring, Self::AllPair];
 
-    /// Returns the name in lower case with hyphens.
     pub const fn name(self) -> &'static str {
         match self {
             Self::RarePartner => "rare-partner",

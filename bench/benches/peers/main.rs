@@ -78,7 +78,6 @@ enum Mode {
 enum Output {
     /// List in canonical order.
     List,
-    /// List in any order.
     Unordered,
     /// List in any order, streamed in chunks that are dropped.
     Stream,

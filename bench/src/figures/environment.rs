@@ -62,12 +62,10 @@ impl Environment {
         }
     }
 
-    /// Formats processor, cores, memory and system as a line.
     pub fn machine(&self) -> String {
         format!("{}, {} cores, {} GiB, {}", self.cpu, self.cores, self.memory_gib, self.system)
     }
 
-    /// Formats the adapter as a line.
     pub fn graphics(&self) -> String {
         match &self.adapter {
             None => "no GPU adapter".to_owned(),

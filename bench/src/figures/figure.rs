@@ -57,7 +57,6 @@ impl Figure {
         Self::Species,
     ];
 
-    /// Name on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::F3a => "3a",

@@ -79,7 +79,6 @@ impl Row {
         }
     }
 
-    /// Returns the median seconds of a run.
     pub fn median(&self) -> f64 {
         Spread::of(&self.wall).median
     }
@@ -97,7 +96,6 @@ impl Row {
         quartiles(&self.wall)
     }
 
-    /// Returns `true` for the same measurement in another run.
     pub fn matches(&self, other: &Self) -> bool {
         self.figure == other.figure
             && self.scene == other.scene

@@ -1,5 +1,3 @@
-//! Peak memory of a search in a separate process.
-
 use std::error::Error;
 use std::time::Instant;
 

@@ -29,7 +29,6 @@ impl fmt::Display for Spread {
     }
 }
 
-/// Formats a Markdown table.
 pub fn markdown(header: &[&str], rows: &[Vec<String>]) -> String {
     let cells = |row: &mut dyn Iterator<Item = &str>| format!("| {} |", row.collect::<Vec<_>>().join(" | "));
     let mut table = String::new();
@@ -42,7 +41,6 @@ pub fn markdown(header: &[&str], rows: &[Vec<String>]) -> String {
     table
 }
 
-/// Returns a line with processor, cores, date and commit.
 pub fn provenance() -> String {
     let run = |program: &str, args: &[&str]| {
         let output = Command::new(program).args(args).output().ok().filter(|o| o.status.success())?;

@@ -21,18 +21,12 @@ impl Tuning {
     /// Bullet's default settings.
     pub const SHIPPED: Self = Self { margin: None, deferred: false };
 
-    /// Returns the margin with the smallest total time over at least 60 steps (fewer for bursts) after the tree's first
-    /// full update, by `--mode bullet --algorithm cell-list --csv FILE` of the bench `peers`. Equal spheres at 100,000
-    /// and bursts, at 10,000, are from the shim alone, in processor time of its thread. Nanoseconds per sphere and step
-    /// with margins of 0.25, 0.5, 1 and 2: equal spheres 311, 170, 123, 139 (10,000) and 1160, 417, 237, 556 (100,000);
-    /// five sizes 147, 111, 108, 245 and 824, 475, 708, 1805.
+    /// Returns the fastest margin by `bench/results/amd-epyc-2-cores.md`.
     pub fn best(scene: Scene, _: usize) -> Self {
         let margin = match scene {
             Scene::Equal => 1.0,
             Scene::FiveSizes => 0.5,
             Scene::Transceivers(mixture) => mixture.carrier(),
-            // Over 12 steps of 10,000 spheres: 29 µs per sphere and step with 0.05, 14 with 0.1, 5.6 with 0.25; larger
-            // margins were not measured.
             _ => 0.25,
         };
         Self { margin: Some(margin), deferred: false }

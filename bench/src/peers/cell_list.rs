@@ -38,7 +38,6 @@ impl Tuning {
     }
 }
 
-/// Returns the candidate settings.
 pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     let classes: &[f32] = match scene {
         Scene::Equal => &[4.0],

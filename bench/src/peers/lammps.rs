@@ -44,13 +44,11 @@ pub fn tuned(name: impl Into<String>, step_length: f32) -> ContenderFactory {
     with(name, best(step_length))
 }
 
-/// Returns the candidate skins; empty without LAMMPS.
 pub fn skins() -> Vec<ContenderFactory> {
     let of = |skin: f32| with(format!("LAMMPS, skin {skin}"), skin);
     if is_named() { [0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0].map(of).into() } else { Vec::new() }
 }
 
-/// Returns `true` if the environment names the LAMMPS library.
 pub fn is_named() -> bool {
     env::var_os(VARIABLE).is_some()
 }

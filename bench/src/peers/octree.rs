@@ -25,7 +25,6 @@ const DEEPEST: u32 = 20;
 /// Relative to the extent of the spheres.
 const ROOM: f32 = 1.5;
 
-/// Creates the octree, in the caller's rayon pool.
 pub fn incremental() -> ContenderFactory {
     ContenderFactory::new("octree (BiNS2)", || Ok(Octree::default()))
 }

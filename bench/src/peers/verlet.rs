@@ -67,7 +67,6 @@ impl Verlet {
         }
     }
 
-    /// Returns `true` if the candidates are still valid.
     fn advance(&mut self, spheres: &[Sphere]) -> bool {
         if self.order.len() != spheres.len() {
             return false;

@@ -1,5 +1,3 @@
-//! Figures 4 and 5: lazygrid compared with peers.
-
 use std::error::Error;
 
 use super::super::figure::Figure;
