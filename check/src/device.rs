@@ -32,7 +32,6 @@ pub fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> Result<wgpu::Buffer, Error
     Ok(buffer)
 }
 
-/// Reads a buffer back after all submitted work.
 pub fn download<T: Pod>(own: &GpuDevice, from: &wgpu::Buffer, count: usize) -> Result<Vec<T>, Error> {
     if count == 0 {
         return Ok(Vec::new());
@@ -57,13 +56,11 @@ pub fn upload_one<T: ShaderType + WriteInto>(own: &GpuDevice, data: &T) -> Resul
     upload(own, bytes.as_ref())
 }
 
-/// Reads back one structure from the shader's memory layout.
 pub fn download_one<T: ShaderType + CreateFrom>(own: &GpuDevice, from: &wgpu::Buffer) -> Result<T, Error> {
     let bytes = download::<u8>(own, from, T::min_size().get() as usize)?;
     Ok(StorageBuffer::new(bytes).create().expect("all of it"))
 }
 
-/// Waits for all submitted work.
 pub fn wait(own: &GpuDevice) -> Result<(), Error> {
     let until = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
     own.device.poll(until).map(drop).map_err(|error| match error {

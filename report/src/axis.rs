@@ -1,5 +1,3 @@
-//! Axes: labeled values and their text.
-
 use std::ops::Range;
 
 use crate::number::{count, time};
@@ -85,7 +83,6 @@ pub(crate) struct LabelSpace {
 }
 
 impl LabelSpace {
-    /// Returns `true` if the labels do not overlap.
     fn holds(&self, ticks: &[f64], range: &Range<f64>, quantity: Quantity) -> bool {
         let [low, high] = [range.start, range.end].map(|value| self.scale.position(value));
         let position = |value: f64| (self.scale.position(value) - low) / (high - low) * self.axis;

@@ -1,5 +1,3 @@
-//! A report as data.
-
 #[derive(Clone, Debug, Default)]
 pub struct Document {
     pub title: String,

@@ -1,6 +1,3 @@
-//! Numbers in tables and at axes.
-
-/// Formats a number of spheres for tables.
 pub fn count(n: usize) -> String {
     match n {
         1_000_000.. if n.is_multiple_of(100_000) => format!("{} M", n as f64 / 1e6),
@@ -20,7 +17,6 @@ pub fn unit(seconds: f64) -> (f64, &'static str) {
     }
 }
 
-/// Formats a number with three digits.
 pub fn three_figures(value: f64) -> String {
     let digits = if value < 10.0 { 2 } else { usize::from(value < 100.0) };
     format!("{value:.digits$}")

@@ -1,5 +1,3 @@
-//! Line plots as SVG.
-
 use std::error::Error;
 use std::ops::Range;
 
@@ -16,12 +14,10 @@ pub struct PlotPoint {
 }
 
 impl PlotPoint {
-    /// Creates a point with the ends of its bar.
     pub fn new(x: f64, y: f64, bar: (f64, f64)) -> Self {
         Self { at: (x, y), bar }
     }
 
-    /// Divides the value and the bar by `by`.
     #[must_use]
     pub fn over(self, by: f64) -> Self {
         Self { at: (self.at.0, self.at.1 / by), bar: (self.bar.0 / by, self.bar.1 / by) }

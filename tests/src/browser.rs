@@ -1,4 +1,3 @@
-//! Browsers and their screenshots.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::io::Read;

@@ -47,7 +47,6 @@ impl Program {
         self.command(args).output().unwrap().into()
     }
 
-    /// Runs the command with this cache directory (on Linux).
     pub fn run_with_cache(self, cache: &str, args: &[&str]) -> Run {
         self.command(args).env("XDG_CACHE_HOME", cache).output().unwrap().into()
     }
@@ -69,7 +68,6 @@ impl From<Output> for Run {
 }
 
 impl Run {
-    /// Asserts that the exit code is 0.
     pub fn succeeds(self) -> Self {
         assert_eq!(self.code, Some(0), "{}", self.err);
         self
@@ -93,7 +91,6 @@ impl Run {
     }
 }
 
-/// Returns the path of a file in `tests/data`.
 pub fn data(name: &str) -> String {
     format!("{}/data/{name}", env!("CARGO_MANIFEST_DIR"))
 }
@@ -110,14 +107,12 @@ impl Scratch {
         self.0.path().join(name).to_str().unwrap().to_owned()
     }
 
-    /// Writes a file and returns its path.
     pub fn write(&self, name: &str, content: &str) -> String {
         let path = self.path(name);
         fs::write(&path, content).unwrap();
         path
     }
 
-    /// Returns the sorted names of all files.
     pub fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();

@@ -1,5 +1,3 @@
-//! The detector variants of the suite.
-
 use std::env;
 use std::sync::LazyLock;
 

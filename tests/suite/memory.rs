@@ -62,12 +62,10 @@ impl Measurement {
         LARGEST.store(0, SeqCst);
     }
 
-    /// Minus the bytes at the start.
     fn peak(&self) -> usize {
         PEAK.load(SeqCst).saturating_sub(self.live)
     }
 
-    /// Minus the bytes at the start.
     fn held(&self) -> usize {
         LIVE.load(SeqCst).saturating_sub(self.live)
     }

@@ -1,5 +1,3 @@
-//! Comparison of each detector variant with the definition of the pairs.
-
 use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Sphere};
 use lazygrid_io::scenes::Scene;
 
@@ -85,7 +83,6 @@ pub(crate) fn with_species(spheres: Vec<Sphere>, random: &mut Random) -> TestInp
     TestInput { mixture: Some(mixture), ..spheres.into() }
 }
 
-/// Returns the expected pairs in canonical order.
 pub fn expected(scenario: &TestInput) -> Result<Vec<Pair>, String> {
     if scenario.spheres.len() <= ALL_PAIRS {
         return Ok(scenario.oracle());

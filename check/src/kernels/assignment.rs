@@ -1,5 +1,3 @@
-//! Checks of the kernels that configure a cell list and assign its spheres to cells.
-
 use bytemuck::Zeroable;
 use lazygrid::Sphere;
 use lazygrid::gpu::{GpuDevice, Outcome};

@@ -1,5 +1,3 @@
-//! Sequential versions of the device's cell assignment.
-
 use bytemuck::Zeroable;
 use glam::Vec3;
 use lazygrid::gpu::{GpuDevice, Outcome};

@@ -35,7 +35,6 @@ const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> 
 
 pub type Run = fn(&GpuDevice, Effort) -> Result<(), KernelError>;
 
-/// All checks, in the kernels' order.
 pub const CHECKS: [KernelCheck; 36] = [
     one("subgroup probe", &["subgroup_probe"], |own, _| probe::subgroup_probe(own)),
     one("start of a call", &["call_begin"], |own, _| call::call_begin(own)),

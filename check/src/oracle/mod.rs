@@ -75,7 +75,6 @@ impl TestInput {
         self.mixture.as_ref().map(SpeciesSetup::interactions).transpose()
     }
 
-    /// Adds the scenario's space and interactions to `config`.
     pub fn config(&self, config: Config) -> Result<Config, InputError> {
         let config = if self.space.is_periodic() { config.space(self.space) } else { config };
         Ok(match self.interactions()? {

@@ -1,5 +1,3 @@
-//! Families of scenes that are hard on grids.
-
 use glam::{DVec3, Vec3};
 use lazygrid::{Interaction, Sphere};
 

@@ -28,7 +28,6 @@ fn moved(spheres: Vec<Sphere>, by: f32) -> Vec<Sphere> {
     spheres.into_iter().map(|s| Sphere::new(s.center + by, s.radius)).collect()
 }
 
-/// Returns the hard scenes and their names.
 pub fn scenes() -> Vec<(&'static str, Vec<Sphere>)> {
     let lattice = |edge: f32, radius: f32| -> Vec<Sphere> {
         let at = |i: i32| [(i % 10) as f32 * edge, (i / 10 % 10) as f32 * edge, (i / 100) as f32 * edge];

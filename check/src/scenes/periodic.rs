@@ -1,5 +1,3 @@
-//! Families of scenes in periodic spaces.
-
 use lazygrid::{Space, Sphere};
 
 #[cfg(doc)]

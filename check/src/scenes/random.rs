@@ -20,7 +20,6 @@ impl Random {
         (self.bits() >> 40) as f32 / (1 << 24) as f32
     }
 
-    /// Returns a number below `limit`.
     pub fn below(&mut self, limit: u32) -> u32 {
         ((u64::from(self.word()) * u64::from(limit)) >> 32) as u32
     }

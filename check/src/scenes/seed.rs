@@ -17,7 +17,6 @@ impl SceneSeed {
         Self { setup: element(), elements: (0..elements).map(|_| element()).collect() }
     }
 
-    /// Returns a reader of the whole scene's words.
     pub fn reader(&self) -> SeedReader<'_> {
         SeedReader::new(&self.setup)
     }
@@ -43,7 +42,6 @@ impl<'a> SeedReader<'a> {
         self.words.next().copied().unwrap_or(0)
     }
 
-    /// Draws a number below `limit`.
     pub fn below(&mut self, limit: u32) -> u32 {
         ((u64::from(self.word()) * u64::from(limit)) >> 32) as u32
     }

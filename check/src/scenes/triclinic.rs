@@ -1,5 +1,3 @@
-//! Families of scenes in triclinic cells.
-
 use glam::Vec3;
 use lazygrid::{Space, Sphere};
 
@@ -25,7 +23,6 @@ pub fn tilted(lengths: [Option<f32>; 3], [xy, xz, yz]: [f32; 3]) -> [Option<Vec3
     [x.map(|x| Vec3::new(x, 0.0, 0.0)), y.map(|y| Vec3::new(xy, y, 0.0)), z.map(|z| Vec3::new(xz, yz, z))]
 }
 
-/// Creates a space of independent cell vectors.
 pub fn space(edges: [Option<Vec3>; 3]) -> Space {
     Space::triclinic(edges.map(|edge| edge.map(|edge| edge.as_dvec3().to_array()))).unwrap_or_default()
 }

@@ -26,7 +26,6 @@ impl Measured {
         median(&self.times)
     }
 
-    /// Returns bytes per second.
     pub fn bandwidth(&self) -> f64 {
         self.bytes as f64 / self.median().max(1e-9)
     }

@@ -1,5 +1,3 @@
-//! Times of each algorithm's phases.
-
 use std::time::Instant;
 
 use lazygrid::gpu::{self, CallCost, GpuConfig, GpuDevice, GpuSession};
@@ -42,7 +40,6 @@ pub enum SkipReason {
     Failed(String),
 }
 
-/// Times repeated counts on the GPU.
 pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
     let mut is_too_large = false;
     let mut said = |error: Error| {
@@ -67,7 +64,6 @@ pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Resu
     speed.map_err(|what| if is_too_large { SkipReason::TooLarge(what) } else { SkipReason::Failed(what) })
 }
 
-/// Times repeated counts on the CPU.
 pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
     // Spheres at rest would never rebuild a candidate list.
     let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).skin(Skin::Off);
