@@ -17,9 +17,7 @@ pub use columns::ColumnLayout;
 pub struct SearchParams {
     /// Number of spheres, or its maximum if a buffer holds it.
     pub spheres: u32,
-    /// Capacity of the output in pairs.
     pub pair_capacity: u32,
-    /// Capacity of the entry buffers in (cell, object) entries.
     pub entry_capacity: u32,
     /// Bits of a cell's key.
     pub key_bits: u32,
@@ -32,7 +30,6 @@ pub struct SearchParams {
     /// Start of the window: only pairs with a smaller index in `window_begin..window_end` are counted and written, to
     /// fetch large results in parts.
     pub window_begin: u32,
-    /// The end of the window.
     pub window_end: u32,
     /// Cells that pass smaller spheres to the next level: 0 none, 1 all, 2 with more than `tau`.
     pub split_policy: u32,
@@ -44,9 +41,7 @@ pub struct SearchParams {
     pub tiles_per_submission: u32,
     /// Length of a periodic x axis, else 0.
     pub period_x: f32,
-    /// Length of a periodic y axis, else 0.
     pub period_y: f32,
-    /// Length of a periodic z axis, else 0.
     pub period_z: f32,
     /// Capacity of a cell list's table in cells.
     pub cells: u32,
@@ -68,7 +63,6 @@ pub struct SearchParams {
     pub side_pairs: u32,
     /// Common interaction of all spheres of compared sides: a distance or [`Self::TOUCH`]; else [`Self::BY_SPECIES`].
     pub interaction: f32,
-    /// First workgroup of a partial dispatch.
     pub first_workgroup: u32,
     /// Most workgroups per dispatch of candidate tests; 0 without a limit.
     pub workgroups_per_dispatch: u32,
@@ -111,11 +105,9 @@ impl SearchParams {
 pub struct Bounds {
     /// Lowest corner of all boxes, in an order-preserving encoding.
     pub low: [u32; 3],
-    /// Highest corner of all boxes, in this encoding.
     pub high: [u32; 3],
     /// Bits of the smallest effective radius.
     pub radius_min: u32,
-    /// Bits of the largest effective radius.
     pub radius_max: u32,
     /// Depths that occur, one bit each.
     pub depth_mask: u32,
@@ -126,6 +118,7 @@ pub struct Bounds {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct LevelKeys {
+    /// Bits of a coordinate, which is reduced modulo 2ᵇⁱᵗˢ.
     pub bits: UVec3,
     pub base: u32,
 }
@@ -140,20 +133,18 @@ pub struct Grid {
     pub inverse_edge: Vec3,
     /// 1 if no distance test can overflow or underflow.
     pub ordinary: u32,
-    /// Lowest cell of depth 0.
     pub low: IVec3,
     /// Policy of the parameters; 0 if one level suffices.
     pub split_policy: u32,
     pub high: IVec3,
     /// Depths that are levels, one bit each.
     pub level_mask: u32,
-    /// Cells of depth 0 around each periodic axis; 0 for an unbounded one.
+    /// Cells of depth 0 around each periodic axis: a multiple of 4, or a power of two below it; 0 for an unbounded one.
     pub ring_cells: Vec3,
     /// Depths with spheres, one bit each.
     pub depth_mask: u32,
     /// Key bit of passive entries, or 0.
     pub passive: u32,
-    /// Keys per depth.
     pub levels: [LevelKeys; 32],
 }
 
@@ -161,9 +152,7 @@ pub struct Grid {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Outcome {
-    /// Low word of the number of pairs.
     pub found_lo: u32,
-    /// High word of the number of pairs.
     pub found_hi: u32,
     /// Bits [`Self::OVERFLOW_PAIRS`] to [`Self::OVERFLOW_WORK`].
     pub overflow: u32,
@@ -173,21 +162,15 @@ pub struct Outcome {
     pub dispatch_x: u32,
     /// Second dimension of that dispatch, above 1 for more than 65,535 workgroups.
     pub dispatch_y: u32,
-    /// Third dimension of that dispatch, 1.
     pub dispatch_z: u32,
-    /// Number of blocks deferred by the first search.
     pub deferred_blocks: u32,
-    /// Low word of the number of entries.
     pub entries_lo: u32,
-    /// High word of the number of entries.
     pub entries_hi: u32,
-    /// Number of spheres.
     pub spheres: u32,
     /// Most tiles of a deferred block.
     pub deferred_max_tiles: u32,
     /// First deferred block of the last submission.
     pub deferred_begin: u32,
-    /// The end of the deferred blocks of the last submission.
     pub deferred_end: u32,
     /// Cell list: the spheres in the fullest cell that smaller spheres left, or would have left; 0 without such a cell.
     pub max_occupancy: u32,
@@ -216,14 +199,11 @@ pub struct SkinState {
     pub input_changed: u32,
     /// 1 if the list holds all candidates.
     pub is_complete: u32,
-    /// Number of spheres.
     pub spheres: u32,
     /// Reason for the last call's rebuild: [`NO_LIST`](Self::NO_LIST), [`INPUT_CHANGED`](Self::INPUT_CHANGED) or
     /// [`DISPLACEMENT`](Self::DISPLACEMENT); 0 without one.
     pub rebuild_reason: u32,
-    /// Calls since the rebuild.
     pub age: u32,
-    /// Number of candidates.
     pub candidates: u32,
     /// Bits of the largest squared displacement at the last call.
     pub last_displacement: u32,
@@ -302,7 +282,6 @@ pub struct SpeciesParams {
 }
 
 impl SpeciesParams {
-    /// The species has pairs decided by contact.
     pub const TOUCHES: u32 = 1;
     /// The species is on the second side of a cell list.
     pub const SECOND_SIDE: u32 = 2;
@@ -313,17 +292,18 @@ impl SpeciesParams {
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct CellListLevel {
+    /// Cells around each axis: 1, or at least 3; 0 without spheres.
     pub cells: UVec3,
-    /// First cell in the table.
     pub base: u32,
     /// First cell of an unbounded axis.
     pub low: UVec3,
     /// Fixed-point units per unit of length, a power of two.
     pub units_per_length: f32,
-    /// Cells per unit of length on a periodic axis.
+    /// Cells per unit of length on a periodic axis; 0 if it has a single cell.
     pub cells_per_length: Vec3,
     /// Bits of the coordinate at or above which neighboring floats are more than a cell apart; infinity if none is.
     pub far: u32,
+    /// At most half a cell.
     pub max_radius: f32,
     /// Levels in which spheres of this level search all cells that their boxes overlap, one bit each.
     pub searched_levels: u32,
@@ -337,7 +317,7 @@ pub struct CellListLevel {
 pub struct CellListLayout {
     pub spheres: u32,
     pub cells: u32,
-    /// Fixed-point units per cell.
+    /// Fixed-point units per cell, 64 to 127.
     pub units_per_cell: u32,
     /// Levels with cells, one bit each.
     pub levels: u32,
@@ -360,6 +340,5 @@ impl CellListLayout {
 #[repr(C)]
 pub struct SortCounts {
     pub items: u32,
-    /// Number of values to scan.
     pub counters: u32,
 }

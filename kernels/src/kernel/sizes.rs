@@ -1,5 +1,3 @@
-//! Sizes that shaders and plans share.
-
 /// Threads per workgroup of every kernel with more than one thread.
 pub const WORKGROUP_SIZE: u32 = 256;
 /// Keys that one workgroup sorts in a radix pass if its memory suffices: runs of equal digits are as long as a cache
