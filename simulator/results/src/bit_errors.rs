@@ -1,5 +1,3 @@
-//! Bit errors of a receiver.
-
 use crate::columns::column_of;
 use crate::interval::wilson;
 use crate::log::Log;

@@ -1,5 +1,3 @@
-//! The log of a run.
-
 use std::path::Path;
 
 use lazygrid_sim::table::{TableReader, TableRow};

@@ -1,5 +1,3 @@
-//! Means over replicas and their standard errors.
-
 use std::io::{self, Write};
 use std::path::Path;
 

@@ -1,5 +1,3 @@
-//! The table of a sweep.
-
 use std::io::{self, Write};
 
 use crate::channel::{Channels, link_name};

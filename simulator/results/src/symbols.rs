@@ -1,5 +1,3 @@
-//! Symbol slots, and inter-symbol interference.
-
 use crate::log::Log;
 use crate::mean::RunningStats;
 use crate::response::Link;
@@ -40,7 +38,6 @@ impl SymbolSlots {
     }
 }
 
-/// Returns transmitters with messages, with their indices.
 pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
     model.transmitters.iter().enumerate().filter_map(|(place, transmitter)| match &transmitter.schedule {
         Schedule::Message(message) => Some((place, message)),

@@ -1,5 +1,3 @@
-//! A run on the device.
-
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSpheres, SphereCount, wgpu};
 
 use super::detectors::Detectors;

@@ -1,5 +1,3 @@
-//! A model as the tables of kernels.
-
 use super::layout::{
     DissociationRow, EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow, SpeciesRow,
 };

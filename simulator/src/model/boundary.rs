@@ -34,7 +34,6 @@ impl Axis {
         }
     }
 
-    /// Reflects or wraps a coordinate into the box.
     #[inline(always)]
     pub fn confine(self, x: f32) -> f32 {
         match self {
@@ -79,7 +78,6 @@ impl Axis {
         }
     }
 
-    /// Returns the minimum image of a difference `d`.
     #[inline(always)]
     pub fn displacement(self, d: f32) -> f32 {
         match self {
@@ -107,24 +105,20 @@ pub struct Boundary {
 }
 
 impl Boundary {
-    /// Creates a box with reflecting walls.
     pub fn reflecting(low: [f32; 3], high: [f32; 3]) -> Self {
         let axes = std::array::from_fn(|k| Axis::Reflecting { low: low[k], high: high[k] });
         Self { axes, vessel: None }
     }
 
-    /// Creates a box that is periodic along all axes.
     pub fn periodic(low: [f32; 3], high: [f32; 3]) -> Self {
         let axes = std::array::from_fn(|k| Axis::Periodic { low: low[k], high: high[k] });
         Self { axes, vessel: None }
     }
 
-    /// Returns `true` if space is unbounded.
     pub fn is_unbounded(&self) -> bool {
         self.axes == [Axis::Open; 3] && self.vessel.is_none()
     }
 
-    /// Returns the number of dimensions.
     pub fn dimensions(&self) -> usize {
         self.axes.iter().filter(|axis| **axis != Axis::Frozen).count()
     }

@@ -62,7 +62,6 @@ impl Modulation {
         }
     }
 
-    /// Returns the particles released for a symbol, by species.
     pub fn burst(&self, symbol: u32, release: &[(u32, u32)]) -> Vec<(u32, u32)> {
         match self {
             Self::OnOff => {
@@ -94,12 +93,10 @@ impl Modulation {
 }
 
 impl Message {
-    /// Returns the time of symbol `k`, in s.
     pub fn time_of(&self, k: u32) -> f64 {
         self.start + f64::from(k) * self.symbol_time
     }
 
-    /// Returns symbol `k` of the model's transmitter `place`.
     pub fn symbol(&self, k: u32, place: u32, key: Key) -> u32 {
         match &self.symbols {
             Symbols::Given(symbols) => symbols[k as usize],

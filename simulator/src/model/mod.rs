@@ -22,7 +22,6 @@ use crate::random::gaussian::{direction, normals};
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
-    /// Time step Δt, in s.
     pub time_step: f64,
     /// Other parts refer to these by index.
     pub species: Vec<Species>,
@@ -45,11 +44,8 @@ pub struct Model {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Species {
     pub name: String,
-    /// Radius in µm.
     pub radius: f32,
-    /// Diffusion coefficient in µm²/s.
     pub diffusion: f64,
-    /// Drift velocity in µm/s.
     pub drift: [f64; 3],
     /// Mass, for elastic contact; only ratios matter.
     pub mass: f64,
@@ -62,7 +58,6 @@ pub struct Species {
 }
 
 impl Species {
-    /// Returns `true` if particles of this species carry a velocity.
     pub fn has_velocity(&self) -> bool {
         self.thermal_speed > 0.0 || self.speed > 0.0
     }
@@ -74,10 +69,7 @@ pub enum Flow {
     /// Uniform velocity, in µm/s.
     Plug([f64; 3]),
     /// Parabolic profile along a cylinder: v(r) = 2v(1 − r²/R²), with the mean v.
-    Poiseuille {
-        /// Mean velocity v, in µm/s.
-        mean: f64,
-    },
+    Poiseuille { mean: f64 },
 }
 
 /// A bimolecular reaction of two particles within the binding radius.
@@ -136,7 +128,6 @@ pub struct Decay {
 }
 
 impl Decay {
-    /// Returns `true` if the decay has two products.
     pub fn splits(&self) -> bool {
         self.products[1].is_some()
     }

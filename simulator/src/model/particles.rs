@@ -77,7 +77,6 @@ impl Particles {
         self.id.push(particle.id);
     }
 
-    /// Appends particles, with velocities if these have some.
     pub fn append(&mut self, mut others: Self) {
         for axis in 0..3 {
             self.position[axis].append(&mut others.position[axis]);
@@ -157,7 +156,6 @@ impl Particles {
         permuted
     }
 
-    /// Returns indices by ascending id.
     pub fn by_id(&self) -> Vec<u32> {
         let mut order: Vec<u32> = (0..self.len() as u32).collect();
         order.sort_unstable_by_key(|&at| self.id[at as usize]);

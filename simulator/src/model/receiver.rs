@@ -82,7 +82,6 @@ impl ReceiverKind {
 }
 
 impl Receiver {
-    /// Returns `true` if the receiver counts a species.
     pub fn counts(&self, species: usize) -> bool {
         let counts = match self.kind {
             ReceiverKind::Reflecting => false,

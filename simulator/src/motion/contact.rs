@@ -38,7 +38,6 @@ const UNITS: f64 = (1_u64 << 40) as f64;
 pub(crate) type Push = (u32, [i64; 3]);
 
 impl Contacts {
-    /// Creates the separation of a checked model.
     pub fn new(model: &Model) -> Self {
         let largest = model.species.iter().map(|species| f64::from(species.radius)).fold(0.0, f64::max);
         Self {

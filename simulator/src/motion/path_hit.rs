@@ -33,11 +33,9 @@ use crate::random::philox::{Key, Purpose, open_unit};
 /// A particle's step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
-    /// Beginning, in µm.
     pub before: [f32; 3],
     /// End without walls and images, in µm.
     pub end: [f32; 3],
-    /// End, in µm.
     pub after: [f32; 3],
     /// Displacement apart from diffusion, in µm.
     pub drift: [f32; 3],

@@ -59,7 +59,6 @@ const CHUNK: usize = 4096;
 const ROUNDED: f32 = 1e-6;
 
 impl Propagator {
-    /// Creates the constants of a checked model.
     pub fn new(model: &Model) -> Self {
         let time_step = model.time_step;
         let bodies = ActiveReceivers::new(model);

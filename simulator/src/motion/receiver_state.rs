@@ -30,7 +30,6 @@ pub struct ReceiverState {
 }
 
 impl ReceiverState {
-    /// Creates a receiver at its initial position.
     pub fn new(place: u32, receiver: Receiver, time_step: f64) -> Self {
         Self {
             place,
@@ -49,7 +48,6 @@ impl ReceiverState {
         }
     }
 
-    /// Returns its center after the fraction `part` of the step.
     #[inline(always)]
     pub fn center_at(&self, part: f32) -> [f32; 3] {
         std::array::from_fn(|k| self.center[k] + part * self.displacement[k])

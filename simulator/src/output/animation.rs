@@ -50,7 +50,6 @@ fn mixed(id: u32) -> u32 {
     b ^ b >> 16
 }
 
-/// Returns the indices of moving receivers.
 pub fn moving_receivers(model: &Model) -> impl Iterator<Item = usize> + '_ {
     (0..model.receivers.len()).filter(|&k| model.receivers[k].moves())
 }

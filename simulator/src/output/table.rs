@@ -34,7 +34,6 @@ impl<'a> TableReader<'a> {
         Ok(Self { path, header: first.split(',').map(str::to_owned).collect(), lines, line: 1 })
     }
 
-    /// Names of the columns.
     pub fn header(&self) -> &[String] {
         &self.header
     }

@@ -3,7 +3,6 @@
 //! All operations are correctly rounded and none is fused, so every processor and vector width gives the same bits.
 //! Logarithm and sine are Cephes polynomials. A device may round the WGSL version differently.
 
-/// Returns three standard normal numbers.
 #[inline(always)]
 pub fn normals(words: [u32; 4]) -> [f32; 3] {
     let [cosine, sine] = cos_sin(words[1]);

@@ -13,7 +13,6 @@ pub enum Purpose {
     Move = 0,
     /// Position at release: the first four words.
     Release = 1,
-    /// Velocity at release.
     Velocity = 2,
     /// Hit of a receiver, by particle and receiver.
     Receiver = 3,

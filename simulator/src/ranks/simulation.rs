@@ -103,12 +103,10 @@ impl<C: Communicator> RankSimulation<C> {
         self.run.state.step
     }
 
-    /// Returns the counts of all ranks.
     pub fn totals(&self) -> &Totals {
         &self.totals
     }
 
-    /// Returns this rank's particles and part of the counts.
     pub fn part(&self) -> &State {
         &self.run.state
     }

@@ -37,7 +37,6 @@ const TASK: usize = 4096;
 const BLOCK: usize = 64 * TASK;
 
 impl BestCandidates {
-    /// Creates a buffer for the candidates of `particles` particles.
     pub fn new(particles: usize) -> Self {
         let capacity = particles.saturating_mul(CANDIDATES_PER_PARTICLE).max(MIN_CAPACITY);
         Self { candidates: Vec::new(), capacity, bound: None }

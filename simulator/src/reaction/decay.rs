@@ -34,7 +34,6 @@ pub(crate) struct Channel {
 const MOST: u32 = 1000;
 
 impl Decays {
-    /// Creates the decays of a checked model.
     pub fn new(model: &Model) -> Self {
         let kinds = (0..model.species.len() as u32).map(|species| kind(model, species)).collect();
         Self { kinds, time_step: model.time_step }

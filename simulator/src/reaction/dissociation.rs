@@ -55,7 +55,6 @@ impl Dissociated {
 const TASK: usize = 4096;
 
 impl Dissociation {
-    /// Creates the dissociations of a checked model.
     pub fn new(model: &Model) -> Self {
         let chances = ReactionProbabilities(model);
         let center_domains = model.center_domains();

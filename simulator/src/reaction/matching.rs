@@ -52,7 +52,6 @@ pub struct Matching {
 pub struct Consumed<'a>(&'a [AtomicU32]);
 
 impl Consumed<'_> {
-    /// Returns `true` if a chosen reaction consumes the particle.
     #[inline]
     pub fn contains(self, particle: u32) -> bool {
         self.0[particle as usize].load(Ordering::Relaxed) == TAKEN

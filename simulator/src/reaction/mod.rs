@@ -67,7 +67,6 @@ pub struct ReactantChange {
 }
 
 impl Reactions {
-    /// Creates the reactions of a checked model.
     pub fn new(model: &Model) -> Self {
         let chances = ReactionProbabilities(model);
         let mut reactants: Vec<u32> =

@@ -359,7 +359,6 @@ impl Run {
         self.directory.join("checkpoint")
     }
 
-    /// Returns a line for each count.
     pub fn summary(&self, standing: &impl RunView) -> String {
         let (model, totals) = (standing.model(), standing.totals());
         let mut lines = vec![

@@ -90,7 +90,6 @@ impl Simulation {
         &self.state
     }
 
-    /// Returns the simulated time, in s.
     pub fn time(&self) -> f64 {
         f64::from(self.state.step) * self.model.time_step
     }
@@ -121,7 +120,6 @@ impl Simulation {
         Ok(())
     }
 
-    /// Returns the particles inside a receiver's sphere, by species.
     pub fn inside(&self, receiver: usize) -> Vec<u64> {
         let center = self.state.centers[receiver];
         self.model.receivers[receiver].inside(center, &self.model.boundary, &self.state.particles)

@@ -1,5 +1,3 @@
-//! The state of a run.
-
 pub mod view;
 
 use serde::{Deserialize, Serialize};

@@ -1,5 +1,3 @@
-//! A view of a run on any backend.
-
 use std::borrow::Cow;
 
 use crate::{Arrival, Error, Model, State, Totals};
@@ -10,7 +8,6 @@ pub trait RunView {
 
     fn step_count(&self) -> u32;
 
-    /// Returns the simulated time, in s.
     fn time(&self) -> f64 {
         f64::from(self.step_count()) * self.model().time_step
     }

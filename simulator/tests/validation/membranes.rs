@@ -1,5 +1,3 @@
-//! Membranes with a permeability.
-
 use std::path::Path;
 
 use lazygrid_sim::model::receiver::WallFace;

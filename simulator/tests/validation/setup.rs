@@ -1,5 +1,3 @@
-//! Models in few words.
-
 use lazygrid::Algorithm;
 use lazygrid_sim::{Model, Shape, Simulation, Species, Transmitter};
 

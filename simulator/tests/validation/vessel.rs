@@ -1,5 +1,3 @@
-//! Flow in a cylinder.
-
 use std::path::Path;
 
 use lazygrid_sim::scenario::Scenario;
