@@ -1,5 +1,3 @@
-//! `lazygrid check`.
-
 mod report;
 mod speeds;
 

@@ -8,9 +8,8 @@ use thiserror::Error;
 pub enum Error {
     #[error("rank {rank}: {message}")]
     Input {
-        /// First such rank.
         rank: u32,
-        /// First such sphere of the rank, if it is one sphere.
+        /// First invalid sphere of this rank, if the fault is that of a sphere.
         index: Option<u32>,
         message: String,
     },
@@ -25,11 +24,7 @@ pub enum Error {
         second: [u32; 2],
     },
     #[error("{name} = {value} is out of range; {range}")]
-    Setting {
-        name: String,
-        value: String,
-        range: String,
-    },
+    Setting { name: String, value: String, range: String },
     #[error("{message}")]
     Settings {
         /// First such setting.
@@ -43,7 +38,6 @@ pub enum Error {
          count or stream the pairs"
     )]
     OutOfMemory {
-        /// First such rank.
         rank: u32,
         what: String,
         /// Requested bytes.
@@ -54,18 +48,9 @@ pub enum Error {
         "rank {rank}: {found} pairs are more than the limit of {limit} for the list of a rank; count or stream them, \
          use more ranks, or raise `max_pairs`"
     )]
-    TooManyPairs {
-        /// First such rank.
-        rank: u32,
-        found: u64,
-        limit: u64,
-    },
+    TooManyPairs { rank: u32, found: u64, limit: u64 },
     #[error("rank {rank}: {message}")]
-    Detection {
-        /// First such rank.
-        rank: u32,
-        message: String,
-    },
+    Detection { rank: u32, message: String },
     #[error("{what}: {needed} bytes are more than the {limit} that one message can carry; use fewer ranks")]
     Message {
         what: String,

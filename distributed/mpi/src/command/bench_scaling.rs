@@ -1,5 +1,3 @@
-//! `lazygrid-mpi bench-scaling`.
-
 use std::fmt::Write;
 use std::time::{Duration, Instant};
 

@@ -1,5 +1,3 @@
-//! The input of a [`GpuDetector`].
-
 use std::ops::Range;
 
 use lazygrid_kernels::layout::ColumnLayout;

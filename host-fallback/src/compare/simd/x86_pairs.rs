@@ -1,5 +1,3 @@
-//! Tests of pairs of rows, four at a time.
-
 use std::arch::x86_64::*;
 
 use lazygrid_kernels::Pair;

@@ -1,5 +1,3 @@
-//! The report of a sweep.
-
 use std::error::Error;
 
 use lazygrid_report::plot::{PlotPoint, Series};
