@@ -1,4 +1,4 @@
-//! Gives the shared library its SONAME, so that programs keep to the version they were linked with.
+//! Gives the shared library its SONAME, so that programs load a compatible version.
 
 use std::env;
 

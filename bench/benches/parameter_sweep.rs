@@ -1,8 +1,6 @@
-//! Measurements for the defaults: τ and the cell ratio of the paper's grids, and the crossovers of algorithms, as
-//! Markdown.
+//! Measurements for the defaults: τ and the cell ratio of the paper's grids, and crossovers.
 //!
-//! `cargo bench -p lazygrid-bench --bench parameter_sweep -- --what tau --scene burst --n 100000` `cargo bench -p
-//! lazygrid-bench --bench parameter_sweep -- --backend gpu --what tau,cell-ratio`
+//! `cargo bench -p lazygrid-bench --bench parameter_sweep -- --what tau --scene burst --n 100000`
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;

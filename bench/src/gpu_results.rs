@@ -89,7 +89,6 @@ struct SpeedCost {
 }
 
 impl GpuRun {
-    /// Reads the JSON of a run.
     pub fn parse(text: &str) -> Result<Self, String> {
         let run: Self = serde_json::from_str(text).map_err(|error| error.to_string())?;
         if run.gpu.is_none() {
@@ -134,7 +133,7 @@ fn count(number: u64) -> String {
     }
 }
 
-/// The document: predictions, how to run, and the runs.
+/// Writes the document: predictions, how to run, and the runs.
 pub fn document(runs: &[GpuRun], commit: &str) -> String {
     let mut text = format!(
         "# Results on GPUs\n\n\

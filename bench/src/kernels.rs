@@ -13,15 +13,12 @@ use serde::Serialize;
 
 use vulkan::Compiler;
 
-/// The value of a driver statistic.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Number {
-    /// An unsigned integer; 1 or 0 for booleans.
+    /// Also a boolean, as 1 or 0.
     Whole(u64),
-    /// A signed integer.
     Signed(i64),
-    /// A floating-point number.
     Real(f64),
 }
 
@@ -35,85 +32,67 @@ impl fmt::Display for Number {
     }
 }
 
-/// A driver's statistic about a program.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Statistic {
-    /// The driver's name of the statistic.
     pub name: String,
-    /// The value.
     pub value: Number,
 }
 
-/// A representation of a program, such as its assembly.
+/// A representation, such as assembly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Text {
-    /// The driver's name of the representation.
     pub name: String,
-    /// The text.
     pub text: String,
 }
 
-/// A program that a driver compiled from a kernel; some drivers compile several, for different subgroup sizes.
+/// A compiled program; some drivers compile several per kernel, for different subgroup sizes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Program {
-    /// The driver's name of the program.
     pub name: String,
-    /// Threads per subgroup.
     pub subgroup: u32,
-    /// The driver's statistics.
     pub statistics: Vec<Statistic>,
-    /// The representations, if requested.
+    /// Empty unless requested.
     #[serde(skip)]
     pub texts: Vec<Text>,
 }
 
-/// The compilation result of a kernel variant.
 #[derive(Clone, Debug, Serialize)]
 pub struct Compiled {
-    /// The kernel.
     pub kernel: &'static str,
-    /// The variant.
     pub variant: String,
     /// Bytes of workgroup memory.
     pub workgroup_memory: u32,
-    /// The compiled programs; empty if the driver reports none.
+    /// Empty if the driver reports none.
     pub programs: Vec<Program>,
-    /// The error of a rejected kernel.
     pub error: Option<String>,
 }
 
-/// The compilation results of all kernels for one adapter.
 #[derive(Clone, Debug, Serialize)]
 pub struct Kernels {
-    /// The adapter.
     pub adapter: String,
-    /// Its driver.
     pub driver: String,
     /// `true` if the driver reports statistics (`VK_KHR_pipeline_executable_properties`).
     pub has_statistics: bool,
-    /// The results, one per kernel variant.
     pub compiled: Vec<Compiled>,
 }
 
 impl Kernels {
-    /// The kernel variants that the driver rejected.
     pub fn rejected(&self) -> impl Iterator<Item = &Compiled> {
         self.compiled.iter().filter(|compiled| compiled.error.is_some())
     }
 }
 
-/// The selection of kernels and outputs.
 #[derive(Clone, Debug, Default)]
 pub struct Wanted {
-    /// Names of the kernels to compile; empty for all.
+    /// Names of kernels; empty for all.
     pub only: Vec<String>,
-    /// `true` to include variants for devices without subgroup operations or with little workgroup memory.
+    /// Also variants for devices without subgroup operations or with little workgroup memory.
     pub all_variants: bool,
-    /// `true` to include representations such as assembly.
+    /// Also representations such as assembly.
     pub disassembly: bool,
 }
 
-/// Compiles the kernels for an adapter, as the engine does.
+/// Compiles the kernels as the engine does.
 ///
 /// # Errors
 /// Fails if Vulkan does not open the adapter. Rejected kernels are part of the result.

@@ -1,6 +1,8 @@
 //! The paper's figures, the peers of lazygrid, interleaved timing, driver statistics of the GPU kernels, and
 //! `RESULTS-GPU.md`.
 
+#![allow(missing_docs, reason = "internal to the workspace: most names and types are clear")]
+
 pub mod figures;
 pub mod gpu_results;
 pub mod kernels;
@@ -10,5 +12,5 @@ mod species_scene;
 
 pub use species_scene::SpeciesScene;
 
-/// The commit of the build, marked `with changes` if its sources had changed; `unknown` outside a git clone.
+/// Commit of the build, marked `with changes` if its sources had changed; `unknown` outside a git clone.
 pub const COMMIT: &str = env!("LAZYGRID_COMMIT");

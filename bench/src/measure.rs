@@ -22,54 +22,48 @@ use finders::{Count, List, Stream};
 pub use options::Options;
 pub use present::{Spread, markdown, provenance};
 
-/// The result of a search.
 #[derive(Clone, Copy, Debug)]
 pub enum Found<'a> {
     /// Each pair once, in any order.
     Pairs(&'a [Pair]),
-    /// The number of pairs.
     Count(u64),
 }
 
-/// A search for the pairs of moving spheres, with its state between steps.
+/// A stateful search for the pairs of moving spheres.
 pub trait PairFinder {
-    /// Receives the spheres of the next call, outside the measured time, for programs that store spheres elsewhere.
+    /// Receives the next call's spheres, untimed, for programs that store spheres elsewhere.
     fn prepare(&mut self, _spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
         Ok(())
     }
 
-    /// Finds the pairs of these spheres, which have moved a little since the last call.
+    /// Finds the pairs of these spheres, which have moved slightly since the last call.
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>>;
 
-    /// The time of each phase of the last call; empty if unknown.
+    /// Times of the last call's phases; empty if unknown.
     fn phases(&self) -> Vec<PhaseTime> {
         Vec::new()
     }
 
-    /// The GPU time of the last call; `None` without a GPU or timestamps.
+    /// GPU time of the last call; `None` without a GPU or timestamps.
     fn gpu_time(&self) -> Option<Duration> {
         None
     }
 
-    /// A note on the last call, or an empty text.
+    /// A note on the last call; may be empty.
     fn note(&self) -> String {
         String::new()
     }
 }
 
-/// Creates a search.
 pub type Make = Box<dyn Fn() -> Result<Box<dyn PairFinder>, Box<dyn Error>>>;
 
-/// A named kind of search.
 pub struct ContenderFactory {
-    /// The name in tables.
     pub name: String,
     /// Creates a search without earlier steps.
     pub make: Make,
 }
 
 impl ContenderFactory {
-    /// Creates a contender from its name and its constructor.
     pub fn new<S: PairFinder + 'static>(
         name: impl Into<String>,
         make: impl Fn() -> Result<S, Box<dyn Error>> + 'static,
@@ -77,12 +71,10 @@ impl ContenderFactory {
         Self { name: name.into(), make: Box::new(move || Ok(Box::new(make()?))) }
     }
 
-    /// A lazygrid detector that lists pairs.
     pub fn list(name: impl Into<String>, config: Config) -> Self {
         Self::new(name, move || Ok(List { detector: Detector::new(config.clone())?, species: None }))
     }
 
-    /// A lazygrid detector that lists the pairs of a scene of species.
     pub fn list_by_species(name: impl Into<String>, config: Config, scene: SpeciesScene) -> Self {
         Self::new(name, move || {
             let detector = Detector::new(config.clone().interactions(scene.table()?))?;
@@ -90,73 +82,63 @@ impl ContenderFactory {
         })
     }
 
-    /// A lazygrid detector that only counts pairs.
     pub fn count(name: impl Into<String>, config: Config) -> Self {
         Self::new(name, move || Ok(Count(Detector::new(config.clone())?)))
     }
 
-    /// A lazygrid detector that streams pairs in chunks, which are dropped.
+    /// Creates a detector that streams pairs in chunks, which are dropped.
     pub fn stream(name: impl Into<String>, config: Config) -> Self {
         Self::new(name, move || Ok(Stream(Detector::new(config.clone())?)))
     }
 }
 
-/// The spheres and steps of a comparison.
 #[derive(Clone, Copy, Debug)]
 pub struct Plan {
-    /// The scene.
     pub scene: Scene,
-    /// The number of spheres.
     pub n: usize,
-    /// The seed of the scene and of all steps.
+    /// Seed of the scene and of all steps.
     pub seed: u64,
-    /// The rounds that count, after one to warm up.
+    /// Measured rounds, after one to warm up.
     pub rounds: usize,
-    /// The steps of each contender per round, at least one.
+    /// Steps of each contender per round, at least one.
     pub steps: usize,
-    /// The displacement of each sphere per step, in radii.
+    /// Displacement per step, in radii.
     pub step_length: f32,
-    /// `true` if each step creates a new search.
+    /// `true` creates a new search at each step.
     pub fresh: bool,
 }
 
-/// The times of one contender.
 #[derive(Clone, Debug)]
 pub struct Timing {
-    /// The contender's name.
     pub name: String,
     /// Nanoseconds per sphere and step, one value per round.
     pub nanos: Vec<f64>,
-    /// The contender's note on its last step.
     pub note: String,
-    /// The number of pairs at the last step.
+    /// Number of pairs at the last step.
     pub pairs: u64,
 }
 
 impl Timing {
-    /// The median of the rounds.
     pub fn median(&self) -> f64 {
         Spread::of(&self.nanos).median
     }
 
-    /// The ratio of this time to the time of `other`, per round.
+    /// Returns the ratio of this time to that of `other`, per round.
     pub fn over(&self, other: &Self) -> Spread {
         let ratios: Vec<f64> = self.nanos.iter().zip(&other.nanos).map(|(a, b)| a / b).collect();
         Spread::of(&ratios)
     }
 }
 
-/// The number of pairs, and a checksum independent of their order.
+/// Number of pairs, and a checksum independent of their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Digest {
-    /// The number of pairs.
     pub pairs: u64,
-    /// The checksum; `None` if pairs were only counted.
+    /// `None` if pairs were only counted.
     pub sum: Option<u64>,
 }
 
 impl Digest {
-    /// The digest of a result.
     pub fn of(found: &Found<'_>) -> Self {
         match found {
             Found::Count(pairs) => Self { pairs: *pairs, sum: None },
@@ -173,7 +155,7 @@ impl Digest {
     }
 }
 
-/// The finalizer of SplitMix64, which avoids equal sums of different sets of pairs.
+/// Finalizer of SplitMix64, which avoids equal sums of different sets of pairs.
 fn scramble(i: u32, j: u32) -> u64 {
     let mut x = (u64::from(i) << 32 | u64::from(j)).wrapping_add(0x9e37_79b9_7f4a_7c15);
     x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
@@ -181,13 +163,13 @@ fn scramble(i: u32, j: u32) -> u64 {
     x ^ (x >> 31)
 }
 
-/// Runs all contenders through one motion, round by round, and returns their times in the given order. Answers are
-/// compared, by number and checksum, with the first contender that lists pairs. Neither the comparison nor the motion
-/// is timed. No contender skips a step, because a kept search would see larger displacements.
+/// Runs all contenders through one motion, round by round. Compares number and checksum of pairs with the first
+/// contender that lists them. Neither comparison nor motion is timed. No contender skips a step, because a kept search
+/// would see larger displacements.
 pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timing>, Box<dyn Error>> {
     let mut runs = contenders.iter().map(ContenderRun::new).collect::<Result<Vec<_>, _>>()?;
     let mut motion = MovingScene::new(plan);
-    // All contenders read the spheres from the same memory, as in a simulation.
+    // All contenders read the same memory, as in a simulation.
     let mut now = motion.frames[0].clone();
     for round in 0..=plan.rounds {
         let frames = motion.next_round();
@@ -224,7 +206,7 @@ impl MovingScene {
         }
     }
 
-    /// The last frame starts the round after it.
+    /// Last frame starts the round after it.
     fn next_round(&mut self) -> &[Vec<Sphere>] {
         let mut last = self.frames[self.frames.len() - 1].clone();
         for frame in &mut self.frames {

@@ -13,7 +13,7 @@ pub mod verlet;
 
 use lazygrid::Sphere;
 
-/// The exact test of all lazygrid detectors: in `f64` near tangency.
+/// Exact test of all lazygrid detectors: in `f64` near tangency.
 #[inline]
 fn touch(a: &Sphere, b: &Sphere) -> bool {
     let reach = a.radius + b.radius;

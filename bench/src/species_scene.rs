@@ -4,7 +4,6 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, UnitBall};
 
-/// A scene of species.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpeciesScene {
     /// A burst of one species, with one sphere in a thousand of its only partner.
@@ -35,7 +34,6 @@ impl SpeciesScene {
         Self::DisjointPairsCrowd,
     ];
 
-    /// The name in lower case with hyphens.
     pub const fn name(self) -> &'static str {
         match self {
             Self::RarePartner => "rare-partner",
@@ -48,7 +46,6 @@ impl SpeciesScene {
         }
     }
 
-    /// `n` spheres, reproducible by seed.
     pub fn spheres(self, n: usize, seed: u64) -> Vec<Sphere> {
         let (extent, radius) = match self {
             Self::RarePartner => (0.5, 0.05),
@@ -61,7 +58,6 @@ impl SpeciesScene {
         (0..n).map(|_| Sphere::new(center(), radius)).collect()
     }
 
-    /// The species of `n` spheres.
     pub fn species(self, n: usize) -> Vec<u32> {
         let species = |k: usize| match self {
             Self::RarePartner => u32::from(k % 1000 == 999),
@@ -73,7 +69,6 @@ impl SpeciesScene {
         (0..n).map(species).collect()
     }
 
-    /// The interactions.
     pub fn table(self) -> Result<Interactions, lazygrid::Error> {
         let (count, pairs): (_, &[(u32, u32)]) = match self {
             Self::RarePartner | Self::Enzymes | Self::Target => (2, &[(0, 1)]),

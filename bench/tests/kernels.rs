@@ -1,4 +1,4 @@
-//! A real GPU compiler accepts all kernels: Mesa's for AMD, whose driver can compile without a GPU.
+//! A real GPU compiler accepts all kernels: Mesa's for AMD, which compiles without a GPU.
 
 use std::collections::HashSet;
 use std::fs;

@@ -12,8 +12,8 @@ use crate::{Failure, OutPtr};
 
 /// `lazygrid_detector`: a detector and the texts that C has pointers to.
 ///
-/// All functions use `try_lock`, so a second thread and a stream's callback get [`BUSY`]. A panic poisons the mutex,
-/// and all later calls with the detector fail.
+/// All functions use `try_lock`, so a second thread and a stream's callback get [`BUSY`]. A panic poisons the mutex, so
+/// all later calls with the detector fail.
 #[derive(Debug)]
 pub struct DetectorHandle(Mutex<HandleState>);
 
@@ -62,16 +62,16 @@ pub unsafe fn with_detector(
 /// Creates a detector.
 ///
 /// # Safety
-/// The header's conditions: `settings` is NULL or such a structure, `detector` is NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_create(
     settings: *const CSettings,
     detector: *mut *mut DetectorHandle,
 ) -> Status {
     without_detector(|| {
-        // SAFETY: `detector` is NULL or can be written to, by this function's condition.
+        // SAFETY: by this function's condition.
         let out = unsafe { OutPtr::new(detector, "detector", std::ptr::null_mut()) }?;
-        // SAFETY: `settings` is NULL or such a structure, by this function's condition.
+        // SAFETY: by this function's condition.
         let config = unsafe { CSettings::config(settings) }?;
         let detector = Detector::new(config)?;
         let state = HandleState { detector, report: CString::default(), message: CString::default() };
@@ -83,8 +83,7 @@ pub unsafe extern "C" fn lazygrid_create(
 /// Frees a detector.
 ///
 /// # Safety
-/// The header's conditions: `detector` is NULL or a detector that no thread uses any more, except for a running search,
-/// which makes this call fail.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_destroy(detector: *mut DetectorHandle) -> Status {
     guarded(|| {
@@ -105,7 +104,7 @@ pub unsafe extern "C" fn lazygrid_destroy(detector: *mut DetectorHandle) -> Stat
 /// Returns the error message of the last call.
 ///
 /// # Safety
-/// The header's conditions: `detector` is NULL or a detector that is not destroyed before this returns.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_last_error(detector: *const DetectorHandle) -> *const c_char {
     if detector.is_null() {

@@ -18,7 +18,7 @@ unsafe fn create(
     list: impl FnOnce() -> Result<Exclusions, Failure>,
 ) -> Status {
     without_detector(|| {
-        // SAFETY: `exclusions` is NULL or can be written to, by this function's condition.
+        // SAFETY: by this function's condition.
         let out = unsafe { OutPtr::new(exclusions, "exclusions", std::ptr::null_mut()) }?;
         out.put(Box::into_raw(Box::new(ExclusionsHandle(list()?))));
         Ok(())
@@ -40,7 +40,7 @@ unsafe fn pairs<'a>(at: *const Pair, count: usize) -> Result<impl Iterator<Item 
 /// Creates exclusions among one set.
 ///
 /// # Safety
-/// The header's conditions: `pairs` is NULL or points to `count` pairs, `exclusions` is NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_exclusions_create(
     count_of_spheres: usize,
@@ -48,16 +48,16 @@ pub unsafe extern "C" fn lazygrid_exclusions_create(
     count: usize,
     exclusions: *mut *mut ExclusionsHandle,
 ) -> Status {
-    // SAFETY: `pairs_at` is NULL or points to `count` pairs, by this function's condition.
+    // SAFETY: by this function's condition.
     let list = || Ok(Exclusions::new(count_of_spheres, unsafe { pairs(pairs_at, count) }?)?);
-    // SAFETY: `exclusions` is NULL or can be written to, by this function's condition.
+    // SAFETY: by this function's condition.
     unsafe { create(exclusions, list) }
 }
 
 /// Creates exclusions across two sets.
 ///
 /// # Safety
-/// The same as [`lazygrid_exclusions_create`].
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_exclusions_across(
     first: usize,
@@ -68,18 +68,17 @@ pub unsafe extern "C" fn lazygrid_exclusions_across(
 ) -> Status {
     let list = || {
         let (first, second) = (first, second);
-        // SAFETY: `pairs_at` is NULL or points to `count` pairs, by this function's condition.
+        // SAFETY: by this function's condition.
         Ok(Exclusions::across(first, second, unsafe { pairs(pairs_at, count) }?)?)
     };
-    // SAFETY: `exclusions` is NULL or can be written to, by this function's condition.
+    // SAFETY: by this function's condition.
     unsafe { create(exclusions, list) }
 }
 
 /// Creates exclusions from compressed sparse rows.
 ///
 /// # Safety
-/// The header's conditions: `offsets` is NULL or points to one more value than there are spheres, `indices` is NULL or points to
-/// as many values as the last offset, `exclusions` is NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_exclusions_from_csr(
     count_of_spheres: usize,
@@ -107,14 +106,14 @@ pub unsafe extern "C" fn lazygrid_exclusions_from_csr(
         // SAFETY: this number of values is there by this function's condition, and takes at most `isize::MAX` bytes.
         Ok(Exclusions::from_csr(&starts, unsafe { array(indices, count, "indices") }?)?)
     };
-    // SAFETY: `exclusions` is NULL or can be written to, by this function's condition.
+    // SAFETY: by this function's condition.
     unsafe { create(exclusions, list) }
 }
 
 /// Frees exclusions.
 ///
 /// # Safety
-/// The header's conditions: `exclusions` is NULL or exclusions that no thread uses any more.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_exclusions_destroy(exclusions: *mut ExclusionsHandle) {
     guarded(|| {

@@ -65,18 +65,18 @@ unsafe impl VersionedStruct for CQuery {
 /// The header's conditions: `query` is NULL or points to such a structure, whose pointers are NULL or point to
 /// what the header says, which does not change while the result is in use.
 pub unsafe fn borrow<'a>(query: *const CQuery) -> Result<Query<'a>, Failure> {
-    // SAFETY: `query` is NULL or points to such a structure, by this function's condition.
+    // SAFETY: by this function's condition.
     let CQuery { first, second, exclusions, .. } = unsafe { sized::read(query, "query") }?;
-    // SAFETY: `first` is NULL or describes live arrays, by this function's condition.
+    // SAFETY: by this function's condition.
     let first = unsafe { CSpheres::borrow(first, "query.first") }?;
     let query = if second.is_null() {
         Query::new(first)
     } else {
-        // SAFETY: `second` is NULL or describes live arrays, by this function's condition.
+        // SAFETY: by this function's condition.
         let second = unsafe { CSpheres::borrow(second, "query.second") }.map_err(of_second)?;
         Query::new((first, second))
     };
-    // SAFETY: a list or NULL, by this function's condition.
+    // SAFETY: by this function's condition.
     let exclusions = unsafe { exclusions::borrow(exclusions) }?;
     Ok(exclusions.map_or(query, |exclusions| query.without(exclusions)))
 }
@@ -91,7 +91,7 @@ impl CSpheres {
     /// # Safety
     /// The same as [`borrow`], for these spheres.
     unsafe fn borrow<'a>(at: *const Self, name: &str) -> Result<Spheres<'a>, Failure> {
-        // SAFETY: `at` is NULL or points to such a structure, by this function's condition.
+        // SAFETY: by this function's condition.
         let set = unsafe { sized::read(at, name) }?;
         let Self { count, species, groups, zero, .. } = set;
         if zero != 0 {
@@ -114,7 +114,7 @@ impl CSpheres {
         Ok(spheres)
     }
 
-    /// The spheres without species and groups.
+    /// Spheres without species and groups.
     ///
     /// # Safety
     /// The same as [`borrow`](Self::borrow); `count` is at most the number of spheres that fit in memory.

@@ -22,7 +22,7 @@ fn interaction(kind: i32, distance: f64) -> Result<Interaction, Failure> {
 /// Creates a table.
 ///
 /// # Safety
-/// The header's conditions: `interactions` is NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_interactions_create(
     species: u32,
@@ -31,7 +31,7 @@ pub unsafe extern "C" fn lazygrid_interactions_create(
     interactions: *mut *mut InteractionsHandle,
 ) -> Status {
     without_detector(|| {
-        // SAFETY: `interactions` is NULL or can be written to, by this function's condition.
+        // SAFETY: by this function's condition.
         let out = unsafe { OutPtr::new(interactions, "interactions", std::ptr::null_mut()) }?;
         let table = Interactions::new(species, interaction(kind, distance)?)?;
         out.put(Box::into_raw(Box::new(InteractionsHandle(table))));
@@ -42,7 +42,7 @@ pub unsafe extern "C" fn lazygrid_interactions_create(
 /// Sets the interaction of two species.
 ///
 /// # Safety
-/// The header's conditions: `interactions` is NULL or a table that no other thread uses.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_interactions_set(
     interactions: *mut InteractionsHandle,
@@ -62,7 +62,7 @@ pub unsafe extern "C" fn lazygrid_interactions_set(
 /// Frees a table.
 ///
 /// # Safety
-/// The header's conditions: `interactions` is NULL or a table that no thread uses any more.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_interactions_destroy(interactions: *mut InteractionsHandle) {
     guarded(|| {

@@ -1,13 +1,11 @@
 //! lazygrid for C and C++, documented in `include/lazygrid.h`; a test compares it with this crate.
 //!
-//! Each exported function converts its pointers to references, slices and [`OutPtr`]s, and checks all that can be
-//! checked; the header asks the caller for the rest. The work runs inside [`status::guarded`], which turns a panic into
-//! a status. A detector is in a mutex on which functions call `try_lock` only, so a second thread or a callback gets an
-//! error instead of waiting.
+//! Exported functions convert pointers to references, slices and [`OutPtr`]s, after all possible checks.
+//! [`status::guarded`] turns a panic into a status. A detector is in a mutex that functions only `try_lock`, so a
+//! second thread or a callback gets an error instead of waiting.
 //!
-//! Safety comments refer to the conditions of the header ("by the header"): pointers are NULL or valid for their type,
-//! live and unchanged for the time that the header names; handles come from the function that makes them and have not
-//! been destroyed.
+//! Safety comments refer to the header's conditions: pointers are NULL or valid for their type, live and unchanged for
+//! the time that the header names; handles come from the function that makes them and have not been destroyed.
 
 // No Rust program uses this crate; `pub` items are public to C.
 #![allow(unreachable_pub)]

@@ -20,7 +20,7 @@ pub struct CNeighborList {
     pub distances: *const f64,
 }
 
-/// The options by their names in the header, and their bits.
+/// Options by their names in the header, and their bits.
 pub const OPTIONS: [(&str, u32); 6] =
     [("HALF", 1), ("OPEN", 2), ("SELF", 4), ("SHIFTS", 8), ("VECTORS", 16), ("DISTANCES", 32)];
 
@@ -77,7 +77,7 @@ impl CNeighborList {
 /// Finds the neighbor list of a query, with geometry.
 ///
 /// # Safety
-/// The header's conditions: `detector` and `query` are what they are called or NULL, `list` is NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_neighbor_list(
     detector: *mut DetectorHandle,
@@ -85,16 +85,16 @@ pub unsafe extern "C" fn lazygrid_neighbor_list(
     options_of_list: u32,
     list: *mut CNeighborList,
 ) -> Status {
-    // SAFETY: `list` is NULL or can be written to, by this function's condition.
+    // SAFETY: by this function's condition.
     let list = unsafe { OutPtr::new(list, "list", CNeighborList::EMPTY) };
     let work = |state: &mut HandleState| {
         let (list, options) = (list?, options(options_of_list)?);
-        // SAFETY: `query` is NULL or describes live arrays, by this function's condition.
+        // SAFETY: by this function's condition.
         let query = unsafe { input::borrow(query) }?;
         let found = state.detector.neighbor_list(query, options)?;
         list.put(CNeighborList::new(&found, options_of_list));
         Ok(())
     };
-    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
+    // SAFETY: by this function's condition.
     unsafe { search(detector, work) }
 }

@@ -44,13 +44,13 @@ fn cost(_: &Report) -> Value {
 /// Returns the report of the last search.
 ///
 /// # Safety
-/// The header's conditions: `detector` is NULL or a detector, `json` is NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_report_json(
     detector: *mut DetectorHandle,
     json: *mut *const c_char,
 ) -> Status {
-    // SAFETY: `json` is NULL or can be written to, by this function's condition.
+    // SAFETY: by this function's condition.
     let json = unsafe { OutPtr::new(json, "json", ptr::null()) };
     let work = |state: &mut HandleState| {
         let json = json?;
@@ -58,27 +58,27 @@ pub unsafe extern "C" fn lazygrid_report_json(
         json.put(state.report.as_ptr());
         Ok(())
     };
-    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
+    // SAFETY: by this function's condition.
     unsafe { with_detector(detector, work) }
 }
 
 /// Estimates the memory for a number of spheres.
 ///
 /// # Safety
-/// The header's conditions: `detector` is NULL or a detector, `bytes` is NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_memory_for(
     detector: *mut DetectorHandle,
     spheres: u64,
     bytes: *mut u64,
 ) -> Status {
-    // SAFETY: `bytes` is NULL or can be written to, by this function's condition.
+    // SAFETY: by this function's condition.
     let bytes = unsafe { OutPtr::new(bytes, "bytes", 0) };
     let work = |state: &mut HandleState| {
         let bytes = bytes?;
         bytes.put(state.detector.memory_for(spheres));
         Ok(())
     };
-    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
+    // SAFETY: by this function's condition.
     unsafe { with_detector(detector, work) }
 }

@@ -27,14 +27,14 @@ pub unsafe fn search(
     if IN_CALLBACK.get() {
         return BUSY;
     }
-    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
+    // SAFETY: by this function's condition.
     unsafe { with_detector(detector, work) }
 }
 
 /// Finds the overlapping pairs of one set, or across two sets.
 ///
 /// # Safety
-/// The header's conditions: `detector` and `query` are what they are called or NULL, the others NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_pairs(
     detector: *mut DetectorHandle,
@@ -42,16 +42,16 @@ pub unsafe extern "C" fn lazygrid_pairs(
     pairs: *mut *const Pair,
     count: *mut u64,
 ) -> Status {
-    // SAFETY: `pairs` and `count` are NULL or can be written to, by this function's condition.
+    // SAFETY: by this function's condition.
     let (pairs, count) =
         unsafe { (OutPtr::new(pairs, "pairs", ptr::null()), OutPtr::new(count, "count", 0)) };
     let work = |state: &mut HandleState| {
         let (pairs, count) = (pairs?, count?);
-        // SAFETY: `query` is NULL or describes live arrays, by this function's condition.
+        // SAFETY: by this function's condition.
         let query = unsafe { input::borrow(query) }?;
         put_pairs(state.detector.pairs(query), &pairs, &count)
     };
-    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
+    // SAFETY: by this function's condition.
     unsafe { search(detector, work) }
 }
 
@@ -74,30 +74,30 @@ fn put_pairs(
 /// Counts the pairs.
 ///
 /// # Safety
-/// The header's conditions: `detector` and `query` are what they are called or NULL, `count` is NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_count(
     detector: *mut DetectorHandle,
     query: *const CQuery,
     count: *mut u64,
 ) -> Status {
-    // SAFETY: `count` is NULL or can be written to, by this function's condition.
+    // SAFETY: by this function's condition.
     let count = unsafe { OutPtr::new(count, "count", 0) };
     let work = |state: &mut HandleState| {
         let count = count?;
-        // SAFETY: `query` is NULL or describes live arrays, by this function's condition.
+        // SAFETY: by this function's condition.
         let query = unsafe { input::borrow(query) }?;
         count.put(state.detector.count(query)?);
         Ok(())
     };
-    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
+    // SAFETY: by this function's condition.
     unsafe { search(detector, work) }
 }
 
 /// Finds the pairs as neighbor lists.
 ///
 /// # Safety
-/// The header's conditions: `detector` and `query` are what they are called or NULL, the others NULL or can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_neighbors(
     detector: *mut DetectorHandle,
@@ -105,18 +105,18 @@ pub unsafe extern "C" fn lazygrid_neighbors(
     offsets: *mut *const u64,
     indices: *mut *const u32,
 ) -> Status {
-    // SAFETY: `offsets` and `indices` are NULL or can be written to, by this function's condition.
+    // SAFETY: by this function's condition.
     let (offsets, indices) = unsafe {
         (OutPtr::new(offsets, "offsets", ptr::null()), OutPtr::new(indices, "indices", ptr::null()))
     };
     let work = |state: &mut HandleState| {
         let (offsets, indices) = (offsets?, indices?);
-        // SAFETY: `query` is NULL or describes live arrays, by this function's condition.
+        // SAFETY: by this function's condition.
         let query = unsafe { input::borrow(query) }?;
         put_lists(&state.detector.neighbors(query)?, &offsets, &indices);
         Ok(())
     };
-    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
+    // SAFETY: by this function's condition.
     unsafe { search(detector, work) }
 }
 
@@ -162,8 +162,7 @@ impl Consumer {
 /// Passes the pairs to a callback in chunks.
 ///
 /// # Safety
-/// The header's conditions: `detector` and `query` are what they are called or NULL, `delivered` is NULL or can be written to,
-/// `consume` is NULL or may be called with `context` from any thread, and returns.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_stream(
     detector: *mut DetectorHandle,
@@ -173,16 +172,16 @@ pub unsafe extern "C" fn lazygrid_stream(
     context: *mut c_void,
     delivered: *mut u64,
 ) -> Status {
-    // SAFETY: `delivered` is NULL or can be written to, by this function's condition.
+    // SAFETY: by this function's condition.
     let delivered = unsafe { OutPtr::new(delivered, "delivered", 0) };
     let work = |state: &mut HandleState| {
         let delivered = delivered?;
-        // SAFETY: `query` is NULL or describes live arrays, by this function's condition.
+        // SAFETY: by this function's condition.
         let query = unsafe { input::borrow(query) }?;
         let mut consumer = Consumer::new(consume, context, chunk)?;
         delivered.put(state.detector.stream(query, chunk, move |pairs| consumer.take(pairs))?);
         Ok(())
     };
-    // SAFETY: `detector` is NULL or a live detector, by this function's condition.
+    // SAFETY: by this function's condition.
     unsafe { search(detector, work) }
 }

@@ -49,7 +49,7 @@ pub const ALGORITHMS: [Algorithm; 8] = [
 
 pub const ORDERS: [Order; 2] = [Order::Canonical, Order::Unordered];
 
-/// The constructor of each skin from `skin_distance`, by the number in the header.
+/// Constructor of each skin from `skin_distance`, by the number in the header.
 pub const SKINS: [fn(f64) -> Skin; 3] = [|_| Skin::Auto, |_| Skin::Off, Skin::Fixed];
 
 impl CSettings {
@@ -85,14 +85,14 @@ impl CSettings {
         if settings.is_null() {
             return Ok(Config::default());
         }
-        // SAFETY: `settings` is NULL or points to such a structure, by this function's condition.
+        // SAFETY: by this function's condition.
         let settings = unsafe { sized::read(settings, "settings") }?;
         let mut config = Config::default()
             .backend(choice(&BACKENDS, settings.backend, "backend")?)
             .algorithm(choice(&ALGORITHMS, settings.algorithm, "algorithm")?)
             .order(choice(&ORDERS, settings.order, "order")?)
             .skin(settings.skin()?)
-            // SAFETY: `edges` is NULL or nine numbers, by this function's condition.
+            // SAFETY: by this function's condition.
             .space(unsafe { settings.space() }?);
         if settings.threads != 0 {
             config = config.threads(settings.threads as usize);
@@ -105,7 +105,7 @@ impl CSettings {
             // SAFETY: not NULL and aligned, and a table by this function's condition.
             config = config.interactions(unsafe { &*settings.interactions }.0.clone());
         }
-        // SAFETY: `adapter` is NULL or a text that ends with a zero byte, by this function's condition.
+        // SAFETY: by this function's condition.
         unsafe { settings.on_gpu(config) }
     }
 
@@ -181,7 +181,7 @@ fn choice<T: Copy>(values: &[T], number: i32, field: &str) -> Result<T, Failure>
 /// Writes the default settings.
 ///
 /// # Safety
-/// The header's conditions: `settings` is NULL or this number of its bytes can be written to.
+/// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_settings_init(settings: *mut CSettings, size: usize) -> Status {
     without_detector(|| {

@@ -4,7 +4,7 @@ use std::{ptr, slice};
 use crate::Failure;
 use crate::pointer::check;
 
-/// The largest accepted size of a structure in bytes. A larger value is uninitialized memory.
+/// Largest accepted size of a structure in bytes. A larger value is uninitialized memory.
 const MAX_SIZE: usize = 1 << 16;
 
 /// A C structure that begins with its own size, and to which later versions append fields.
@@ -12,13 +12,13 @@ const MAX_SIZE: usize = 1 << 16;
 /// # Safety
 /// The first field is the size, a `usize`, and any bits, zeros too, are values of all fields.
 pub unsafe trait VersionedStruct: Copy {
-    /// The size of the first version.
+    /// Size of the first version.
     const FIRST_SIZE: usize;
-    /// The expression by which a program sets the size.
+    /// Expression by which a program sets the size.
     const REMEDY: &'static str;
 }
 
-/// Copies a structure of a program that may know fewer fields than this library, or more. Fields that the program does
+/// Copies a structure of a program that may know fewer or more fields than this library. Fields that the program does
 /// not know are 0.
 ///
 /// # Errors

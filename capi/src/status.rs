@@ -37,7 +37,7 @@ pub const NAMES: [&CStr; 13] = [
     c"LAZYGRID_ERROR_INTERNAL",
 ];
 
-/// The message after a panic.
+/// Message after a panic.
 pub const PANICKED: &CStr =
     c"a bug in lazygrid ended this call or an earlier one; destroy the detector and create a new one";
 
@@ -98,7 +98,7 @@ pub fn c_text(text: String) -> CString {
 }
 
 thread_local! {
-    /// The error message of this thread's last call without a detector.
+    /// Error message of this thread's last call without a detector.
     static LAST: RefCell<CString> = RefCell::default();
 }
 
@@ -116,7 +116,7 @@ fn keep(status: Status, message: CString) -> Status {
     status
 }
 
-/// The error message of this thread's last call without a detector.
+/// Error message of this thread's last call without a detector.
 pub fn last_without_detector() -> *const c_char {
     LAST.try_with(|last| last.borrow().as_ptr()).unwrap_or(c"".as_ptr())
 }

@@ -1,5 +1,5 @@
-//! Compares the header with the library. Each function's Rust type is written as a C declaration, and the C compiler
-//! reads it after the header, so a difference is an error. Layouts and constants are compared by static assertions.
+//! Compares the header with the library. The C compiler reads each function's Rust type, as a C declaration, after the
+//! header, so a difference is an error. Static assertions compare layouts and constants.
 
 use std::collections::BTreeSet;
 use std::ffi::{CStr, c_char, c_void};

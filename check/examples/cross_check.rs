@@ -1,8 +1,7 @@
-//! Searches dense scenes with the cell list, the recursive grid and the hash grid on the CPU, and the cell list on the
-//! GPU, and ends with an error at the first frame in which their pairs differ.
+//! Searches dense scenes with the cell list, recursive grid and hash grid on the CPU, and the cell list on the GPU.
+//! Fails at the first frame with different pairs.
 //!
-//! Coordinates and radii are multiples of 1/2048 of the largest cutoff, so squared distances near a cutoff are exact in
-//! `f32`, and no device may round a pair away.
+//! Coordinates and radii are multiples of 1/2048 of the largest cutoff, so `f32` is exact near a cutoff.
 //!
 //! ```sh
 //! cargo run --release -p lazygrid-check --example cross_check -- 1e10
@@ -18,7 +17,7 @@ use lazygrid_io::scenes::Scene;
 
 const CHUNK: usize = 1 << 22;
 const SPHERES: usize = 100_000;
-/// The most pairs with which the GPU takes part: without hardware a pair takes a microsecond.
+/// Above this number the GPU takes no part: a software adapter takes a microsecond per pair.
 const MAX_GPU_PAIRS: u64 = 1 << 22;
 const DENSITIES: [f32; 3] = [1.0, 0.5, 0.2];
 

@@ -1,5 +1,3 @@
-//! Uploads, readbacks and runs of single kernels.
-
 use std::time::Duration;
 
 use bytemuck::Pod;
@@ -10,10 +8,10 @@ use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid_kernels::kernel::{Binding, Kernel, Variant};
 use wgpu::BufferUsages;
 
-/// The timeout of each operation.
+/// Limits each operation.
 pub const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Creates a storage and uniform buffer with copies in both directions.
+/// Creates a storage and uniform buffer that can be copied to and from.
 pub fn storage_buffer(own: &GpuDevice, bytes: u64) -> Result<wgpu::Buffer, Error> {
     let usage =
         BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
@@ -27,7 +25,6 @@ fn buffer(own: &GpuDevice, bytes: u64, usage: BufferUsages) -> Result<wgpu::Buff
     own.with_error_scope("a buffer to check with", size, || own.device.create_buffer(&descriptor))
 }
 
-/// Creates a [`storage_buffer`] with this content.
 pub fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> Result<wgpu::Buffer, Error> {
     let bytes: &[u8] = bytemuck::cast_slice(data);
     let buffer = storage_buffer(own, bytes.len() as u64)?;
@@ -35,7 +32,6 @@ pub fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> Result<wgpu::Buffer, Error
     Ok(buffer)
 }
 
-/// Reads a buffer back after all submitted work.
 pub fn download<T: Pod>(own: &GpuDevice, from: &wgpu::Buffer, count: usize) -> Result<Vec<T>, Error> {
     if count == 0 {
         return Ok(Vec::new());
@@ -60,13 +56,11 @@ pub fn upload_one<T: ShaderType + WriteInto>(own: &GpuDevice, data: &T) -> Resul
     upload(own, bytes.as_ref())
 }
 
-/// Reads back one structure from the shader's memory layout.
 pub fn download_one<T: ShaderType + CreateFrom>(own: &GpuDevice, from: &wgpu::Buffer) -> Result<T, Error> {
     let bytes = download::<u8>(own, from, T::min_size().get() as usize)?;
     Ok(StorageBuffer::new(bytes).create().expect("all of it"))
 }
 
-/// Waits for all submitted work.
 pub fn wait(own: &GpuDevice) -> Result<(), Error> {
     let until = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
     own.device.poll(until).map(drop).map_err(|error| match error {
@@ -75,7 +69,6 @@ pub fn wait(own: &GpuDevice) -> Result<(), Error> {
     })
 }
 
-/// Records and submits commands.
 pub fn submit<R>(
     own: &GpuDevice,
     record: impl FnOnce(&mut wgpu::CommandEncoder) -> Result<R, Error>,
@@ -102,7 +95,7 @@ pub fn run(
     run_over(own, kernel, variant, [groups, 1, 1], buffers)
 }
 
-/// Runs one kernel over a number of workgroups per dimension.
+/// Runs one kernel on workgroups per dimension.
 ///
 /// # Panics
 /// If a binding has no buffer.

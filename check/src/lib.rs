@@ -1,12 +1,13 @@
 //! Correctness and speed checks of lazygrid on the machine at hand:
 //!
-//! * [`oracle`]: a [`TestInput`] and its [pairs](TestInput::oracle) by a plain double loop; [`difference`] explains the
-//!   first wrong pair, and [`shrink`] minimizes failing scenes.
-//! * [`scenes`]: hard scenes, and families of scenes from a [`SceneSeed`], which shrink.
-//! * [`detectors`]: compares each [`DetectorVariant`] with the expected pairs, on fixed scenes, random rounds and
-//!   random sequences of calls.
+//! * [`oracle`]: a [`TestInput`] and its pairs by a plain double loop; [`difference`] explains the first wrong pair,
+//!   and [`shrink`] minimizes failing scenes.
+//! * [`scenes`]: hard scenes, and families of scenes from a [`SceneSeed`].
+//! * [`detectors`]: compares each [`DetectorVariant`] with the expected pairs.
 //! * [`kernels`]: each GPU kernel against a sequential function.
 //! * [`timing`]: times of copies, of the building blocks and of each algorithm.
+
+#![allow(missing_docs, reason = "internal to the workspace: most names and types are clear")]
 
 pub mod detectors;
 pub mod device;
@@ -15,7 +16,6 @@ pub mod oracle;
 pub mod scenes;
 pub mod timing;
 
-/// The effort of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
     /// Small scenes and sizes: seconds.

@@ -38,7 +38,7 @@ fn every_scene_agrees_with_all_pairs() {
     }
 }
 
-/// Two cells on some axes, one on others. A periodic grid would make the two cells neighbors on both sides.
+/// A periodic grid of two cells on an axis would make them neighbors on both sides.
 #[test]
 fn grid_of_few_cells_finds_each_pair_once() {
     let Some(own) = device() else { return };

@@ -1,5 +1,5 @@
-//! The kernels under transformations that WGSL allows and fast-math compilers make. Results stay within the contract;
-//! without the guards of `evaluation_order.wgsl` they do not.
+//! The kernels under transformations that WGSL allows and fast-math compilers make. Results stay within the contract
+//! only with the guards of `evaluation_order.wgsl`.
 
 mod common;
 #[path = "fast_math/inline.rs"]
@@ -142,7 +142,7 @@ fn rebuilds(own: &GpuDevice, rewrite: fn(&str) -> String) -> usize {
 }
 
 /// Compilers may treat one expression differently in two kernels whose results are compared. On llvmpipe the text
-/// without the guard shows no difference either, so this test cannot show that the guard is needed.
+/// without the guard shows no difference, so this test cannot show that the guard is needed.
 #[test]
 fn inflated_radii_agree_between_kernels() {
     let Some(own) = device() else { return };

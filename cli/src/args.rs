@@ -60,7 +60,7 @@ pub(crate) enum Command {
     Plan(Box<PlanArgs>),
     /// Write a completion script for a shell to standard output
     Completions {
-        /// The shell
+        /// Shell
         shell: clap_complete::Shell,
     },
 }
@@ -327,7 +327,7 @@ pub(crate) enum Checked {
     All,
 }
 
-/// The algorithms that find pairs for a simulation.
+/// Algorithms that find pairs for a simulation.
 const ON_CPU: [Algorithm; 6] = [
     Algorithm::Auto,
     Algorithm::Naive,

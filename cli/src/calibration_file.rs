@@ -44,7 +44,7 @@ struct Skin {
     call_ns: f32,
 }
 
-/// Returns the stored calibrations. Warns of an invalid file, which counts as empty.
+/// An invalid file counts as empty, with a warning.
 pub(crate) fn load() -> Vec<Calibration> {
     let Some(path) = path() else { return Vec::new() };
     match read(&path).and_then(checked) {

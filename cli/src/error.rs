@@ -124,7 +124,6 @@ impl CliError {
     }
 }
 
-/// Options for the engine's remedies.
 fn remedy(error: &lazygrid::Error) -> &'static str {
     match error {
         lazygrid::Error::TooManyPairs { .. } => " (--count, --output without --neighbors, or --max-pairs)",

@@ -19,8 +19,8 @@ use crate::args::{Args, Command};
 use crate::commands::{calibrate, check, detect, devices, generate, page, simulate};
 use crate::error::CliError;
 
-/// Runs a command; the first argument is the program's name. Returns the exit code: 0 done, 1 bad input or failure, 2
-/// wrong usage, 128 plus the signal for a run stopped with a checkpoint.
+/// Runs a command; the first argument is the program's name. Returns the exit code: 0 for success, 1 for bad input or a
+/// failure, 2 for wrong usage, 128 plus the signal for a run stopped with a checkpoint.
 ///
 /// Writes to standard output and standard error, handles signals, and sets up the log.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
@@ -79,7 +79,7 @@ fn command(command: Command) -> Result<(), CliError> {
     }
 }
 
-/// Starts the process's threads, unless the command makes a pool. Later rayon could not report a refusal.
+/// Starts the process's threads, unless the command makes a pool. Later rayon could not report a failure.
 fn start_threads(threads: Option<NonZeroUsize>) -> Result<(), CliError> {
     if threads.is_some() {
         return Ok(());
@@ -91,7 +91,7 @@ fn start_threads(threads: Option<NonZeroUsize>) -> Result<(), CliError> {
     }
 }
 
-/// The process began without standard output.
+/// `true` if the process began without standard output.
 static OUTPUT_IS_CLOSED: AtomicBool = AtomicBool::new(false);
 
 /// Makes later writes to standard output fail, for a program that began with a closed one, which Rust replaces by

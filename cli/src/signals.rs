@@ -33,7 +33,7 @@ pub(crate) fn install_stop_handler() -> Result<StopSignal, CliError> {
     Ok(asked)
 }
 
-/// Handles signals in a thread. SIGHUP is one unless it is ignored, as under `nohup`.
+/// Handles signals in a thread; SIGHUP only if it is not ignored, as under `nohup`.
 #[cfg(unix)]
 fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), CliError> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};

@@ -1,4 +1,5 @@
 //! `lazygrid detect` in pipelines.
+
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;

@@ -47,7 +47,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         cache: None,
     });
 
-    // Without this probe of the adapter detectors use no subgroup operations.
+    // Probes the adapter; otherwise detectors use no subgroup operations.
     let _ = GpuDevice::from_wgpu(&device, &queue);
     let mut detector = GpuDetector::new(&device, GpuConfig::default())?;
     let GpuOutput { pairs, outcome, .. } = detector.reserve(SPHERES)?;

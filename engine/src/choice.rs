@@ -52,7 +52,6 @@ pub(crate) fn backend<D>(
     }
 }
 
-/// Returns `true` if each call chooses between the CPU and the opened device.
 pub(crate) fn is_per_call(asked: Backend, algorithm: Algorithm) -> bool {
     asked == Backend::Auto && matches!(algorithm, Algorithm::Auto | Algorithm::CellList)
 }

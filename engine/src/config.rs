@@ -39,42 +39,41 @@ impl Config {
     #[cfg(feature = "gpu")]
     pub(crate) const RASTER_RATIOS: RangeInclusive<f32> = 0.5..=16.0;
 
-    /// The backend to run on. Default: [`Backend::Auto`].
+    /// Backend to run on. Default: [`Backend::Auto`].
     pub fn backend(mut self, backend: Backend) -> Self {
         self.backend = backend;
         self
     }
 
-    /// Selects a GPU by its index among [`gpu::adapters`](crate::gpu::adapters), or by a part of its name that no other
-    /// adapter has. Implies [`Backend::Gpu`] and permits a software adapter. Default: the best adapter, discrete before
-    /// integrated.
+    /// Selects a GPU by [index or name](AdapterId). Implies [`Backend::Gpu`] and permits a software adapter. Default:
+    /// the best adapter, discrete before integrated.
     #[cfg(feature = "gpu")]
     pub fn adapter(mut self, adapter: impl Into<AdapterId>) -> Self {
         self.adapter = Some(adapter.into());
         self
     }
 
-    /// The algorithm. Default: [`Algorithm::Auto`], chosen per call.
+    /// Algorithm. Default: [`Algorithm::Auto`], chosen per call.
     pub fn algorithm(mut self, algorithm: Algorithm) -> Self {
         self.settings.algorithm = algorithm;
         self
     }
 
-    /// Sets GPU measurements, by which `Auto` chooses. Entries for other adapters are ignored; for one adapter the last
-    /// entry counts. Default: none; crossover and costs are assumed.
+    /// Sets GPU measurements, by which `Auto` chooses. Entries for other adapters are ignored; of one adapter the last
+    /// counts. Default: none; crossover and costs are assumed.
     #[cfg(feature = "gpu")]
     pub fn calibration(mut self, measured: impl IntoIterator<Item = Calibration>) -> Self {
         self.calibrations.extend(measured);
         self
     }
 
-    /// The order of results. Default: [`Order::Canonical`].
+    /// Order of results. Default: [`Order::Canonical`].
     pub fn order(mut self, order: Order) -> Self {
         self.settings.order = order;
         self
     }
 
-    /// The number of CPU threads, in a pool of the detector's own. Default: the rayon pool of the caller.
+    /// Number of CPU threads, in a pool of the detector's own. Default: the rayon pool of the caller.
     pub fn threads(mut self, threads: usize) -> Self {
         self.settings.threads = Some(threads);
         self
@@ -109,29 +108,28 @@ impl Config {
         self
     }
 
-    /// The most pairs of a list; more are an error with the exact number. Default: 2²⁹ (4 GiB). Counting and streaming
-    /// have no limit.
+    /// Most pairs of a list; more are an error with the exact number. Default: 2²⁹ (4 GiB).
     pub fn max_pairs(mut self, max_pairs: u64) -> Self {
         self.settings.max_pairs = max_pairs;
         self
     }
 
-    /// Sets the interaction table: species that pair, and their distances. Spheres must then carry species ids. `None`
-    /// removes the table. Default: none; all touching spheres pair.
+    /// Sets the interaction table: species that pair, and their distances. Spheres then need species ids. Default:
+    /// `None`; all touching spheres pair.
     pub fn interactions(mut self, interactions: impl Into<Option<Interactions>>) -> Self {
         self.settings.interactions = interactions.into();
         self
     }
 
-    /// Sets a flag that cancels CPU searches, for example on Ctrl-C. While it is `true`, searches return
-    /// [`Error::Cancelled`](crate::Error::Cancelled) within milliseconds, except during sorting. It does not affect the
-    /// GPU; see [`timeout`](Self::timeout). Default: none.
+    /// Sets a flag that cancels CPU searches, for example on Ctrl-C. While it is `true`, they return
+    /// [`Error::Cancelled`](crate::Error::Cancelled) within milliseconds, except during sorting. GPU calls have a
+    /// [`timeout`](Self::timeout). Default: none.
     pub fn cancel_flag(mut self, flag: Arc<AtomicBool>) -> Self {
         self.settings.stop = Some(flag);
         self
     }
 
-    /// The time limit of a GPU call, after which it returns [`Error::Timeout`](crate::Error::Timeout). Default: ten
+    /// Time limit of a GPU call, after which it returns [`Error::Timeout`](crate::Error::Timeout). Default: ten
     /// minutes.
     #[cfg(feature = "gpu")]
     pub fn timeout(mut self, timeout: Duration) -> Self {
@@ -139,17 +137,16 @@ impl Config {
         self
     }
 
-    /// Sets the skin of the candidate list (Verlet list) kept between calls. A list pays if spheres move little;
-    /// results do not change. Default: [`Skin::Auto`], which uses the adapter's costs on the GPU; see
-    /// [`calibration`](Self::calibration).
+    /// Sets the skin of the candidate list (Verlet list) kept between calls. Results do not change. Default:
+    /// [`Skin::Auto`], which uses the adapter's costs on the GPU; see [`calibration`](Self::calibration).
     pub fn skin(mut self, skin: Skin) -> Self {
         self.settings.skin = skin;
         self
     }
 
     /// Sets the space of the spheres. Default: [`Space::UNBOUNDED`]. On the GPU, pairs within 4 ulp of tangency
-    /// (relative to the squared cutoff; 5 ulp in a periodic space) may fall either way. In a triclinic space the host
-    /// decides in `f64`, and a count reads all candidates back.
+    /// (relative to the squared cutoff; 5 ulp in a periodic space) may fall either way, except in a triclinic space,
+    /// where the host decides and a count reads all candidates back.
     pub fn space(mut self, space: Space) -> Self {
         self.settings.space = space;
         self

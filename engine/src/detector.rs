@@ -112,10 +112,10 @@ impl Detector {
 
     /// Returns neighbor lists with the shifts, vectors and distances that `options` request.
     ///
-    /// Other searches consider the minimum image only. This search finds all images within the cutoff, also in a box
-    /// smaller than the cutoff, where a sphere may neighbor its own images. Exclusions apply to all images. `i` and `j`
-    /// are neighbors at shift `S` if `v = (cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)` is at most their cutoff long, in `f64` on
-    /// any backend. The order is canonical.
+    /// Unlike other searches, this one finds all images within the cutoff, also in a box smaller than the cutoff, where
+    /// a sphere may neighbor its own images. Exclusions apply to all images. `i` and `j` are neighbors at shift `S` if
+    /// `v = (cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)` is at most their cutoff long, in `f64` on any backend. The order is
+    /// canonical.
     ///
     /// ```
     /// use lazygrid::{Config, Detector, ListOptions, Radii, Space, Spheres};
@@ -189,12 +189,11 @@ impl Detector {
     /// rows or columns. Two sets, `f64` and strided input are copied: up to 23 bytes more per sphere. Neighbor lists
     /// take memory in proportion to the neighbors.
     ///
-    /// Unless the skin is [`Off`](crate::Skin::Off), the estimate includes candidates: on the CPU 96 per sphere (768
-    /// bytes), the maximum; few scenes exceed ten.
+    /// Unless the skin is [`Off`](crate::Skin::Off), the estimate includes the maximum of candidates, on the CPU 96 per
+    /// sphere (768 bytes); few scenes exceed ten.
     ///
     /// On a GPU the estimate has eight (cell, sphere) entries per sphere, the maximum on one level. Crowded spheres of
-    /// many sizes may need more: ten sizes at one point have about 44 each. Such a call allocates 16 bytes per further
-    /// entry, and later estimates include them.
+    /// many sizes may need more (ten sizes at one point: about 44), of 16 bytes each, which later estimates include.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         self.finder.backend().memory_for(spheres.min(MAX_SPHERES))
     }

@@ -13,7 +13,7 @@ use crate::{Error, Report};
 pub(crate) struct Geometry {
     builder: NeighborListBuilder,
     images: PeriodicImages,
-    /// On the CPU, because pairs are decided in `f64`.
+    /// Runs on the CPU, because `f64` decides pairs.
     image_search: Option<HostDetector>,
     report: Option<Report>,
 }

@@ -12,21 +12,7 @@
 //! # Ok::<(), lazygrid::Error>(())
 //! ```
 //!
-//! A simulation keeps one [`Detector`], which reuses its buffers:
-//!
-//! ```
-//! use lazygrid::{Config, Detector, Sphere};
-//!
-//! let mut detector = Detector::new(Config::default())?;
-//! let mut spheres = vec![Sphere::new([0.0, 0.0, 0.0], 1.0); 3];
-//! for _ in 0..10 {
-//!     for pair in detector.pairs(&spheres)? {
-//!         assert!(pair.i < pair.j);
-//!     }
-//!     spheres[2].center.x += 0.5;
-//! }
-//! # Ok::<(), lazygrid::Error>(())
-//! ```
+//! A simulation keeps one [`Detector`], which reuses its buffers.
 //!
 //! # Features
 //!
@@ -61,7 +47,7 @@ pub use lazygrid_kernels::{
     Algorithm, Backend, EffectiveRadius, Error, Exclusions, ImageVector, InputError, Interaction,
     Interactions, MAX_SPHERES, Pair, Query, Radii, Real, Space, Sphere, Spheres, Strided, UnknownName,
 };
-/// The map of triclinic cells for runs on several ranks; no part of the stable interface.
+/// Map of triclinic cells for runs on several ranks; no part of the stable interface.
 #[doc(hidden)]
 pub use lazygrid_kernels::{Orthogonalization, TriclinicCell};
 pub use report::Report;

@@ -7,22 +7,22 @@ use crate::Backend;
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Report {
-    /// The number of spheres.
+    /// Number of spheres.
     pub spheres: u64,
-    /// The number of pairs found.
+    /// Number of pairs found.
     pub pairs: u64,
-    /// The backend that ran; never `Auto`.
+    /// Backend that ran; never `Auto`.
     pub backend: Backend,
-    /// The GPU adapter's name; `None` on the CPU.
+    /// GPU adapter's name; `None` on the CPU.
     pub adapter: Option<String>,
-    /// The algorithm that ran; never `Auto` after a call.
+    /// Algorithm that ran; never `Auto` after a call.
     pub algorithm: Algorithm,
-    /// The reason for this backend and this algorithm.
+    /// Reason for this backend and this algorithm.
     pub reason: String,
-    /// The planned cost on the GPU; `None` on the CPU, or if a candidate list answered the call.
+    /// Planned cost on the GPU; `None` on the CPU, or if a candidate list answered the call.
     #[cfg(feature = "gpu")]
     pub cost: Option<crate::gpu::CallCost>,
-    /// The candidate list, if it answered the call.
+    /// Candidate list, if it answered the call.
     pub candidates: Option<CandidateListStats>,
     /// Time of each phase in execution order, summed over the submissions of a call.
     pub phases: Vec<PhaseTime>,

@@ -3,15 +3,15 @@ use std::sync::atomic::AtomicU32;
 
 use crate::{Error, memory};
 
-/// A slice whose elements several threads may write, each element by one thread only.
+/// A slice to which several threads may write, each element by one thread only.
 pub(crate) struct DisjointSlice<'a, T> {
     start: *mut T,
     len: usize,
     slice: PhantomData<&'a mut [T]>,
 }
 
-// SAFETY: the only access is `write`, whose caller promises that no two threads write the same element; values move to
-// other threads, hence `T: Send`.
+// SAFETY: the only access is `write`, whose caller promises that no two threads write one element; values move to other
+// threads, hence `T: Send`.
 unsafe impl<T: Send> Sync for DisjointSlice<'_, T> {}
 
 impl<'a, T: Copy> DisjointSlice<'a, T> {

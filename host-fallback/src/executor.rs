@@ -11,9 +11,9 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::Error;
 
-/// A process may be given more cores while it runs.
+/// A process may get more cores while it runs.
 const MAX_THREADS_PER_CORE: usize = 4;
-/// This number of threads is always started if requested.
+/// This number of threads may always be started.
 const MIN_MAX_THREADS: usize = 16;
 
 /// Below this number of spheres, waking threads takes as long as a light pass.
@@ -23,9 +23,9 @@ const MIN_PARALLEL_NS: f32 = 300_000.0;
 /// The threads that execute a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Executor {
-    /// The calling thread only.
+    /// Calling thread only.
     Caller,
-    /// The calling thread's pool, or rayon's global pool.
+    /// Calling thread's pool, or rayon's global pool.
     Pool,
 }
 
@@ -68,8 +68,8 @@ impl Executor {
         }
     }
 
-    /// Folds consecutive chunks from `open` with `step`, and merges the results in order. At most `most` chunks are one
-    /// task.
+    /// Folds consecutive chunks from `open` with `step`, and merges the results in order. A task has at most `most`
+    /// chunks.
     pub(crate) fn fold<S: Send, E: Send>(
         self,
         (pieces, most): (usize, usize),

@@ -7,11 +7,14 @@
 
 mod cell_list;
 mod compare;
+#[allow(missing_docs, reason = "no part of the interface of `lazygrid`")]
 mod detector;
 mod disjoint_writes;
 mod executor;
+#[allow(missing_docs, reason = "no part of the interface of `lazygrid`")]
 mod frame;
 mod grids;
+#[allow(missing_docs, reason = "no part of the interface of `lazygrid`")]
 mod input;
 mod math;
 mod memory;
@@ -19,6 +22,7 @@ mod naive;
 mod output;
 mod radix;
 mod report;
+#[allow(missing_docs, reason = "no part of the interface of `lazygrid`")]
 mod settings;
 mod size_class;
 mod skin;

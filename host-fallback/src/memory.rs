@@ -1,5 +1,5 @@
-//! Fallible allocation of memory whose size depends on the input or on the result. A refusal is an
-//! [`Error::OutOfMemory`]; `clippy.toml` forbids growing vectors elsewhere.
+//! Fallible allocation of memory whose size depends on the input or on the result; `clippy.toml` forbids growing
+//! vectors elsewhere.
 
 #![expect(clippy::disallowed_methods, reason = "memory is reserved first")]
 
@@ -11,7 +11,7 @@ use crate::Error;
 const GROWTH_DIVISOR: usize = 8;
 
 const MIN_GROWTH: usize = 64;
-/// The length up to which a buffer doubles when it grows value by value.
+/// Buffers double up to this length when they grow value by value.
 const MAX_DOUBLING_LEN: usize = 4096;
 
 pub(crate) fn with_growth(bytes: u64) -> u64 {
@@ -24,7 +24,7 @@ pub(crate) fn prefetch<T>(values: &[T], at: usize) {
     prefetch_address(values.as_ptr().wrapping_add(at).cast());
 }
 
-/// Prefetches row `k`, which may lie in two cache lines.
+/// The row may lie in two cache lines.
 #[inline(always)]
 pub(crate) fn prefetch_row(rows: &[[f64; 4]], k: usize) {
     prefetch(rows.as_flattened(), 4 * k);

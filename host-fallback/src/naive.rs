@@ -54,7 +54,6 @@ impl Naive {
         with_growth(spheres * (Columns::BYTES_PER_SPHERE + size_of::<u32>() as u64))
     }
 
-    /// Plans the tiles of every two groups that meet.
     pub(crate) fn build(&mut self, input: &SearchInput<'_>) -> Result<(), Error> {
         let grouping = input.grouping(true);
         let ends = sort_by_group(&grouping, input.stats.spheres, &mut self.order)?;

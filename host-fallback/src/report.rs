@@ -5,17 +5,17 @@ use lazygrid_kernels::Algorithm;
 /// The report of a call.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
-    /// The number of spheres.
+    /// Number of spheres.
     pub spheres: u64,
-    /// The number of pairs.
+    /// Number of pairs.
     pub pairs: u64,
-    /// The algorithm that ran; never `Auto` after a call.
+    /// Algorithm that ran; never `Auto` after a call.
     pub algorithm: Algorithm,
-    /// The reason for the algorithm.
+    /// Reason for the algorithm.
     pub reason: String,
     /// Wall-clock time of each phase, in execution order.
     pub phases: Vec<PhaseTime>,
-    /// The candidate list of the call; `None` for a search without one.
+    /// Candidate list of the call; `None` for a search without one.
     pub candidates: Option<CandidateListStats>,
 }
 
@@ -23,13 +23,13 @@ pub struct Report {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct CandidateListStats {
-    /// The number of candidates.
+    /// Number of candidates.
     pub count: u64,
     /// The number of calls since the build; 0 in the call that builds it.
     pub age: u32,
-    /// The largest fraction of its displacement limit that any sphere has used, from 0 to 1.
+    /// Largest fraction of its displacement limit that any sphere has used, from 0 to 1.
     pub displacement_fraction: f32,
-    /// The reason for a rebuild in this call; `None` if the list was kept.
+    /// Reason for a rebuild in this call; `None` if the list was kept.
     pub rebuilt: Option<RebuildReason>,
 }
 
@@ -41,7 +41,7 @@ pub enum RebuildReason {
     NoList,
     /// A sphere exceeded its displacement limit.
     Displacement,
-    /// The number, the radii or the species of the spheres changed.
+    /// Number, the radii or the species of the spheres changed.
     InputChanged,
 }
 
@@ -59,7 +59,7 @@ impl std::fmt::Display for RebuildReason {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PhaseTime {
-    /// The name, such as `sort` or `search`.
+    /// Name, such as `sort` or `search`.
     pub name: &'static str,
     /// Wall-clock time.
     pub time: Duration,
@@ -82,7 +82,6 @@ impl PhaseTime {
 }
 
 impl Report {
-    /// Runs `work` and adds its time to phase `name`.
     pub(crate) fn time<T>(&mut self, name: &'static str, work: impl FnOnce() -> T) -> T {
         let start = Instant::now();
         let result = work();

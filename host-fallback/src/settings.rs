@@ -13,8 +13,8 @@ pub enum Order {
     /// Ascending by `i`, then `j`.
     #[default]
     Canonical,
-    /// The order in which they are found, without sorting. Reproducible and independent of the number of threads,
-    /// except for streamed chunks.
+    /// Order in which they are found, without sorting. Reproducible and independent of the number of threads, except
+    /// for streamed chunks.
     Unordered,
 }
 
@@ -24,9 +24,8 @@ pub enum Order {
 pub enum Skin {
     /// Keeps no candidate list: every call searches.
     Off,
-    /// Chooses the skin by the observed displacements: on the CPU per size class, on a GPU for all. No list is kept if
-    /// searching is expected to be cheaper, or in a single call. Decisions never depend on a clock, so runs are
-    /// reproducible.
+    /// Chooses the skin by observed displacements: on the CPU per size class, on a GPU for all. Keeps no list if
+    /// searching is expected to be cheaper. Decisions never depend on a clock, so runs are reproducible.
     #[default]
     Auto,
     /// A fixed distance. Candidates are the pairs with gaps up to this distance. The list is valid until a sphere has
@@ -37,39 +36,36 @@ pub enum Skin {
 /// Valid distances of a fixed skin: `f32` holds the square of half of it without overflow.
 pub const SKIN_RANGE: std::ops::RangeInclusive<f32> = 1e-14..=1e17;
 
-/// The settings of a detector, on the CPU or for the host's part of a device.
+/// Settings of a detector, on the CPU or for the host's part of a device.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// The algorithm; `Auto` chooses per call.
+    /// `Auto` chooses per call.
     pub algorithm: Algorithm,
-    /// The order of results.
     pub order: Order,
-    /// The widest SIMD code to use.
+    /// Maximum SIMD width.
     pub simd: Simd,
-    /// The size of the detector's own pool; `None` uses the caller's rayon pool.
+    /// Size of the detector's own pool; `None` uses the caller's rayon pool.
     pub threads: Option<usize>,
-    /// The recursive grid splits a cell with more smaller spheres than this.
+    /// Cells with more smaller spheres are split in the recursive grid.
     pub tau: u32,
-    /// The cell size of the paper's grids as a multiple of the largest diameter, between 0.5 and 16.
+    /// Cell size of the paper's grids as a multiple of the largest diameter, 0.5 to 16.
     pub cell_ratio: f32,
-    /// The most pairs of a list (8 bytes each, and 12 to 16 more while they are ordered).
+    /// Limit of a list (8 bytes per pair, and 12 to 16 more while it is ordered).
     pub max_pairs: u64,
-    /// The interactions between species; `None` if all touching spheres pair.
+    /// `None` if all touching spheres pair.
     pub interactions: Option<Interactions>,
-    /// The space of the spheres.
     pub space: Space,
-    /// The skin of the candidate list.
     pub skin: Skin,
     /// Searches return [`Error::Cancelled`] while this flag is `true`.
     pub stop: Option<Arc<AtomicBool>>,
 }
 
 impl Settings {
-    /// The default of τ. A vector compares 16 spheres at once, so comparing a few hundred costs less than a split; less
+    /// Default of τ. A vector compares 16 spheres at once, so comparing a few hundred costs less than a split; less
     /// makes dense scenes slower, more changes little until cells hold thousands.
     pub const TAU: u32 = 512;
-    /// The default cell ratio. Smaller cells mean more entries per sphere, larger ones more comparisons: uniform scenes
-    /// are fastest between 4 and 8, dense ones in the array grid between 1 and 1.5.
+    /// Default cell ratio. Smaller cells mean more entries per sphere, larger ones more comparisons: uniform scenes are
+    /// fastest between 4 and 8, dense ones in the array grid between 1 and 1.5.
     pub const CELL_RATIO: f32 = 4.0;
     /// 2²⁹ pairs, a list of 4 GiB.
     pub const MAX_PAIRS: u64 = 1 << 29;

@@ -1,4 +1,4 @@
-/// The number of size classes, one per binary exponent of `f32`.
+/// Number of size classes, one per binary exponent of `f32`.
 pub const SIZE_CLASSES: usize = 256;
 
 #[inline(always)]

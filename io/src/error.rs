@@ -39,76 +39,46 @@ impl fmt::Display for Location {
 /// A failure to read or write a file. Messages name the file, the line or row, and the text.
 #[derive(Debug, Error)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "messages explain the fields")]
 pub enum Error {
     /// The file cannot be opened or read.
     #[error("{}: cannot read: {source}", path.display())]
-    Read {
-        /// File.
-        path: PathBuf,
-        /// System error.
-        source: io::Error,
-    },
+    Read { path: PathBuf, source: io::Error },
     /// The file cannot be created or written. An existing one is untouched.
     #[error("{}: cannot write: {source}", path.display())]
-    Write {
-        /// File.
-        path: PathBuf,
-        /// System error.
-        source: io::Error,
-    },
+    Write { path: PathBuf, source: io::Error },
     /// Neither name nor content tell the format.
     #[error(
         "{}: neither the name nor the content tells the format; say --format csv, npy, xyz, lammps or smoldyn",
         path.display()
     )]
-    UnknownFormat {
-        /// File.
-        path: PathBuf,
-    },
+    UnknownFormat { path: PathBuf },
     /// Text that does not fit the format.
     #[error("{place}: expected {expected}, found {found}")]
     Syntax {
-        /// Location.
         place: Location,
-        /// Requirement of the format.
         expected: String,
         /// Text of the file.
         found: String,
     },
     /// Field that is not a number.
     #[error("{place}: {column} '{text}' is not a number")]
-    Number {
-        /// Location.
-        place: Location,
-        /// Name of the column.
-        column: String,
-        /// Field.
-        text: String,
-    },
+    Number { place: Location, column: String, text: String },
     /// Number that no sphere can have.
     #[error("{place}: {column} is {value}; {rule}")]
     Value {
-        /// Location.
         place: Location,
-        /// Name of the column.
         column: String,
         /// Number as written.
         value: String,
-        /// Valid values.
         rule: &'static str,
     },
     /// The file has no radii, and none was given for this species.
     #[error("{place}: no radius column and no radius for {}", remedy(species.as_deref()))]
-    NoRadius {
-        /// Location.
-        place: Location,
-        /// Species, if named.
-        species: Option<String>,
-    },
+    NoRadius { place: Location, species: Option<String> },
     /// File ends inside a frame.
     #[error("{place}: the file ends after {found} of {expected} {what}")]
     Truncated {
-        /// End of the file.
         place: Location,
         /// Counted things.
         what: &'static str,
@@ -122,50 +92,30 @@ pub enum Error {
         "{place}: the box cannot be periodic: {reason}; give lengths with --periodic X,Y,Z, or take space as unbounded with \
          --periodic none"
     )]
-    BoxEdges {
-        /// Location of the box.
-        place: Location,
-        /// Fault.
-        reason: Box<lazygrid::InputError>,
-    },
+    BoxEdges { place: Location, reason: Box<lazygrid::InputError> },
     /// A box length that is no period.
     #[error(
         "{place}: the box is periodic along {axis} and its length there is {length}, no 32-bit number above zero; give \
          lengths with --periodic X,Y,Z, or take space as unbounded with --periodic none"
     )]
-    BoxLength {
-        /// Location of the box.
-        place: Location,
-        /// Axis.
-        axis: &'static str,
-        /// Length.
-        length: f64,
-    },
+    BoxLength { place: Location, axis: &'static str, length: f64 },
     /// A Smoldyn molecule is listed twice: the file has several listings without a separator.
     #[error(
         "{place}: molecule {serial} is listed a second time, first on line {first}; several listings in one \
          file cannot be told apart: write one file per listing (Smoldyn's `incrementfile`)"
     )]
     RepeatedMolecule {
-        /// Location of the second occurrence.
         place: Location,
-        /// Serial number.
         serial: String,
         /// Line of the first occurrence.
         first: u64,
     },
     /// Line too long for a text file.
     #[error("{place}: the line is longer than {limit} bytes; is this a text file?")]
-    LineTooLong {
-        /// Location.
-        place: Location,
-        /// Longest line.
-        limit: usize,
-    },
+    LineTooLong { place: Location, limit: usize },
     /// More spheres in a frame than indices or memory.
     #[error("{place}: no room for {spheres} spheres ({limit}); split the file")]
     TooManySpheres {
-        /// Location.
         place: Location,
         /// Actual number.
         spheres: u64,

@@ -1,5 +1,3 @@
-//! The memory that this process may still get.
-
 use std::fs;
 use std::path::{Path, PathBuf};
 

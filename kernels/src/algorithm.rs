@@ -40,11 +40,11 @@ impl Algorithm {
         Self::LazyGrid,
     ];
 
-    /// The algorithms on the CPU, naive first.
+    /// Algorithms on the CPU, naive first.
     pub const CPU: &'static [Self] =
         &[Self::Naive, Self::HashGrid, Self::ArrayGrid, Self::RecursiveGrid, Self::CellList];
 
-    /// The algorithms on the GPU, naive first.
+    /// Algorithms on the GPU, naive first.
     pub const GPU: &'static [Self] =
         &[Self::Naive, Self::ArrayGrid, Self::EagerGrid, Self::LazyGrid, Self::CellList];
 

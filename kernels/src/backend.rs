@@ -7,11 +7,11 @@ use crate::UnknownName;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Backend {
-    /// The CPU, or a hardware GPU if present. Spheres in host memory are searched on the GPU if measurement or estimate
+    /// CPU, or a hardware GPU if present. Spheres in host memory are searched on the GPU if measurement or estimate
     /// says that it is faster. An algorithm that only GPUs have falls back to a software adapter.
     #[default]
     Auto,
-    /// The CPU, through rayon.
+    /// CPU, through rayon.
     Cpu,
     /// A wgpu adapter, hardware or software. Never falls back.
     Gpu,

@@ -5,6 +5,7 @@ use crate::{Algorithm, Backend, MAX_SPHERES};
 /// An invalid input. Messages name the value, the limit and the remedy.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "messages explain the fields")]
 pub enum InputError {
     /// Spheres with a non-finite value or a negative radius.
     #[error(
@@ -13,15 +14,11 @@ pub enum InputError {
         x = .center[0], y = .center[1], z = .center[2], r = .radius
     )]
     Sphere {
-        /// The first such sphere.
+        /// First such sphere.
         index: u32,
-        /// Its center.
         center: [f64; 3],
-        /// Its radius.
         radius: f64,
-        /// The number of such spheres.
         count: u64,
-        /// The number of all spheres.
         total: u64,
     },
     /// An error of the second of two sets of spheres.
@@ -29,51 +26,29 @@ pub enum InputError {
     SecondSet(Box<InputError>),
     /// Columns or ids of different lengths.
     #[error("`{what}` has {length} values where {expected} are needed: one per sphere")]
-    Lengths {
-        /// The column.
-        what: &'static str,
-        /// Its length.
-        length: usize,
-        /// The length of the others.
-        expected: usize,
-    },
+    Lengths { what: &'static str, length: usize, expected: usize },
     /// More spheres than 32-bit indices can name.
     #[error("{count} spheres exceed the {MAX_SPHERES} that 32-bit indices can name; split the input")]
-    TooManySpheres {
-        /// The number of spheres.
-        count: u64,
-    },
+    TooManySpheres { count: u64 },
     /// A species id outside the interaction table.
     #[error(
         "species id {id}{at} is not below the {count} species of the interaction table",
         at = .index.map(|i| format!(" of sphere {i}")).unwrap_or_default()
     )]
     SpeciesId {
-        /// The first sphere with this id; `None` for an argument.
+        /// First sphere with this id; `None` for an argument.
         index: Option<u32>,
-        /// The id.
         id: u32,
-        /// The number of species of the table.
         count: u32,
     },
     /// An interaction table for too many species.
     #[error("an interaction table for {count} species exceeds the limit of {limit}; merge species")]
-    SpeciesCount {
-        /// The requested number.
-        count: u32,
-        /// The most species.
-        limit: u32,
-    },
+    SpeciesCount { count: u32, limit: u32 },
     /// The system refused memory for an interaction table.
     #[error(
         "no memory for an interaction table of {species} species: {bytes} bytes were refused; merge species"
     )]
-    TableMemory {
-        /// The number of species.
-        species: u32,
-        /// The requested bytes.
-        bytes: u64,
-    },
+    TableMemory { species: u32, bytes: u64 },
     /// Spheres without species ids, though an interaction table is set.
     #[error(
         "interactions are set but the spheres have no species ids; add them with `Spheres::with_species`"
@@ -83,31 +58,23 @@ pub enum InputError {
     #[error(
         "the length {length} of the periodic axis {axis} must be finite and above 0; omit the length of an unbounded axis"
     )]
-    PeriodicLength {
-        /// The axis: `x`, `y` or `z`.
-        axis: char,
-        /// The length.
-        length: f64,
-    },
+    PeriodicLength { axis: char, length: f64 },
     /// Cell vectors that span no box.
     #[error(
         "the cell vectors {} must be finite and independent, and their box at least 2^-24 as thick as its longest vector; omit \
          vectors along which space is not periodic",
         .vectors.iter().flatten().map(|[x, y, z]| format!("({x}, {y}, {z})")).collect::<Vec<_>>().join(", ")
     )]
-    CellVectors {
-        /// The cell vectors.
-        vectors: Box<[Option<[f64; 3]>; 3]>,
-    },
+    CellVectors { vectors: Box<[Option<[f64; 3]>; 3]> },
     /// More images within the cutoff than indices can name.
     #[error(
         "{images} images of spheres are within the cutoff {reach} of others, more than the {MAX_SPHERES} that 32-bit indices can \
          name; choose a smaller cutoff or a larger box"
     )]
     Images {
-        /// The number of images, rounded to `f64`.
+        /// Number of images, rounded to `f64`.
         images: f64,
-        /// The largest cutoff of two spheres.
+        /// Largest cutoff of two spheres.
         reach: f64,
     },
     /// A shift of 2³¹ or more cell vectors.
@@ -115,24 +82,17 @@ pub enum InputError {
         "spheres {i} and {j} are 2^31 or more cell vectors apart, which a 32-bit shift cannot hold; wrap the coordinates into the \
          box"
     )]
-    Shift {
-        /// The sphere.
-        i: u32,
-        /// Its neighbor.
-        j: u32,
-    },
+    Shift { i: u32, j: u32 },
     /// An excluded pair with an index out of range.
     #[error(
         "the excluded pair ({i}, {j}) is out of range ({first} and {second} spheres); indices start at 0"
     )]
     ExcludedIndex {
-        /// The first index.
         i: u32,
-        /// The second index.
         j: u32,
-        /// The size of the first set.
+        /// Size of the first set.
         first: usize,
-        /// The size of the second set.
+        /// Size of the second set.
         second: usize,
     },
     /// Invalid offsets of compressed sparse rows of excluded pairs.
@@ -140,74 +100,37 @@ pub enum InputError {
         "offset {at} of the excluded pairs is {offset}; the {offsets} offsets must begin with 0, never decrease, and end with the \
          number of indices, {indices}"
     )]
-    ExcludedOffsets {
-        /// The position of the invalid offset.
-        at: usize,
-        /// The invalid offset.
-        offset: usize,
-        /// The number of offsets.
-        offsets: usize,
-        /// The number of indices.
-        indices: usize,
-    },
+    ExcludedOffsets { at: usize, offset: usize, offsets: usize, indices: usize },
     /// Exclusions for other numbers of spheres.
     #[error(
         "the exclusions were made for {}, but the call has {}; create `Exclusions` again when the number of spheres changes",
         sets(.made_for), sets(.given)
     )]
-    ExclusionSizeMismatch {
-        /// The numbers of spheres of the exclusions, of one set or both.
-        made_for: (usize, Option<usize>),
-        /// The numbers of spheres of the call.
-        given: (usize, Option<usize>),
-    },
+    ExclusionSizeMismatch { made_for: (usize, Option<usize>), given: (usize, Option<usize>) },
     /// An interaction distance that is negative or not finite.
     #[error("the interaction distance {distance} of species {a} and {b} must be finite and not negative")]
-    Distance {
-        /// One species.
-        a: u32,
-        /// The other.
-        b: u32,
-        /// The distance.
-        distance: f64,
-    },
+    Distance { a: u32, b: u32, distance: f64 },
 }
 
 /// The failure of a call. Messages name the value, the limit and the remedy.
 #[derive(Clone, Debug, Error, PartialEq)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "messages explain the fields")]
 pub enum Error {
     /// An invalid input.
     #[error(transparent)]
     Input(InputError),
     /// A setting out of range.
     #[error("{name} = {value} is out of range; {range}")]
-    InvalidSetting {
-        /// The setting.
-        name: &'static str,
-        /// Its value.
-        value: String,
-        /// The valid values.
-        range: &'static str,
-    },
+    InvalidSetting { name: &'static str, value: String, range: &'static str },
     /// The algorithm does not run on the backend.
     #[error("{algorithm} does not run on the {backend} backend; choose {}", runs_on(*backend))]
-    NotOnBackend {
-        /// The requested algorithm.
-        algorithm: Algorithm,
-        /// The requested backend.
-        backend: Backend,
-    },
+    NotOnBackend { algorithm: Algorithm, backend: Backend },
     /// More pairs than `max_pairs`. The count is exact; nothing was truncated.
     #[error(
         "{found} pairs exceed the limit of {limit} for a list; count or stream the pairs, or raise `max_pairs`"
     )]
-    TooManyPairs {
-        /// The number of pairs.
-        found: u64,
-        /// The limit.
-        limit: u64,
-    },
+    TooManyPairs { found: u64, limit: u64 },
     /// The caller cancelled the search.
     #[error("the search was cancelled by the caller's cancel flag; clear the flag before the next call")]
     Cancelled,
@@ -216,42 +139,27 @@ pub enum Error {
         "out of memory: the system refused {bytes} bytes for {what}; use fewer spheres or stream the pairs"
     )]
     OutOfMemory {
-        /// The purpose of the memory.
+        /// Purpose of the memory.
         what: &'static str,
-        /// The requested bytes.
         bytes: u64,
     },
     /// The system refused the threads of a thread pool.
     #[error("could not start {threads} threads: {reason}; request fewer")]
-    ThreadPool {
-        /// The requested number.
-        threads: usize,
-        /// The operating system's message.
-        reason: String,
-    },
+    ThreadPool { threads: usize, reason: String },
     /// The requested GPU backend cannot be used.
     #[error("the GPU backend is not available: {reason}; choose the `cpu` or `auto` backend")]
-    GpuUnavailable {
-        /// The reason.
-        reason: String,
-    },
+    GpuUnavailable { reason: String },
     /// This build lacks the feature `gpu`.
     #[error("lazygrid was built without its feature `gpu`; enable it, or use the CPU")]
     WithoutGpu,
     /// An adapter and the CPU backend were requested together.
     #[error("adapter '{adapter}' and the cpu backend exclude each other; omit one of them")]
-    AdapterOnCpu {
-        /// The requested adapter.
-        adapter: String,
-    },
+    AdapterOnCpu { adapter: String },
     /// No adapter was found.
     #[error(
         "no GPU adapter was found ({reason}); install a Vulkan, Metal or DirectX 12 driver, or use the CPU"
     )]
-    NoAdapter {
-        /// The reason.
-        reason: String,
-    },
+    NoAdapter { reason: String },
     /// The request matches no adapter, or several.
     #[error(
         "{} '{requested}'; give an index or a part of one name only; available: {available}",
@@ -261,31 +169,21 @@ pub enum Error {
         }
     )]
     UnknownAdapter {
-        /// The requested index or name.
         requested: String,
-        /// The number of adapters that match.
         matches: usize,
         /// Index, name and API of each adapter.
         available: String,
     },
     /// The adapter refused a device.
     #[error("adapter {adapter} refused a device: {reason}")]
-    NoDevice {
-        /// The adapter's name.
-        adapter: String,
-        /// The message of the device.
-        reason: String,
-    },
+    NoDevice { adapter: String, reason: String },
     /// A requirement exceeds a limit of the device. Nothing was allocated.
     #[error("{what} needs {needed}, but the device's limit is {limit}; {remedy}")]
     LimitExceeded {
-        /// The buffer or number.
         what: &'static str,
-        /// The required amount, in bytes unless `what` says otherwise.
+        /// Required amount, in bytes unless `what` says otherwise.
         needed: u64,
-        /// The available amount.
         limit: u64,
-        /// The remedy.
         remedy: &'static str,
     },
     /// The device has no memory left.
@@ -293,51 +191,33 @@ pub enum Error {
         "the device is out of memory: {bytes} bytes ({what}); use fewer spheres or a smaller pair capacity"
     )]
     DeviceOutOfMemory {
-        /// The purpose of the memory.
+        /// Purpose of the memory.
         what: &'static str,
-        /// The requested bytes.
         bytes: u64,
     },
     /// The device was unplugged, reset by its driver, or destroyed by its owner.
     #[error("the device was lost ({reason}); create a new device and a new detector")]
-    DeviceLost {
-        /// The driver's message.
-        reason: String,
-    },
+    DeviceLost { reason: String },
     /// The device rejected a call because of an error of this library or of a given buffer.
     #[error("the device rejected {what}: {reason}")]
-    DeviceRejected {
-        /// The operation.
-        what: &'static str,
-        /// The message of the device.
-        reason: String,
-    },
+    DeviceRejected { what: &'static str, reason: String },
     /// The device did not finish in time.
     #[error(
         "the device did not finish within {seconds} seconds; use fewer spheres per call or raise the time-out"
     )]
-    Timeout {
-        /// The time limit.
-        seconds: u64,
-    },
+    Timeout { seconds: u64 },
     /// All call slots of a session are in use, or the ticket's call has failed.
     #[error(
         "all {calls} call slots are in use, or this call failed; finish a call before beginning the next"
     )]
-    TooManyInFlight {
-        /// The number of calls that may be in flight.
-        calls: usize,
-    },
+    TooManyInFlight { calls: usize },
     /// A given buffer is too small or lacks a usage.
     #[error("the `{what}` buffer has {size} bytes, but {needed} are needed{usage}")]
     Buffer {
-        /// The buffer.
         what: &'static str,
-        /// Its size.
         size: u64,
-        /// The required size.
         needed: u64,
-        /// The missing usage, if any.
+        /// Missing usage, if any.
         usage: &'static str,
     },
     /// An interaction table without a species buffer, or the reverse.

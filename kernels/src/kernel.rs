@@ -28,12 +28,10 @@ pub enum Access {
     ReadWrite,
 }
 
-/// A binding of a kernel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Binding {
-    /// The variable in the shader.
+    /// Variable in the shader.
     pub name: &'static str,
-    /// Its use.
     pub access: Access,
 }
 
@@ -52,7 +50,7 @@ const fn write(name: &'static str) -> Binding {
 /// The variant of a kernel's text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Variant {
-    /// The smallest subgroup size if subgroup operations are used; `None` works everywhere.
+    /// Smallest subgroup size if subgroup operations are used; `None` works everywhere.
     pub subgroups: Option<u32>,
     /// `true` if an interaction table decides pairs.
     pub species: bool,
@@ -67,7 +65,7 @@ pub struct Variant {
 const SPECIES_MEMORY: u32 = 16 << 10;
 
 impl Variant {
-    /// The smallest subgroup whose radix ranking tables fit into workgroup memory.
+    /// Smallest subgroup whose radix ranking tables fit into workgroup memory.
     pub const MIN_RANKING_SUBGROUP: u32 = 8;
 
     /// Returns the variant for a device: subgroup operations if `smallest_subgroup` is given, wide tiles if
@@ -115,12 +113,10 @@ impl SortCounts {
     }
 }
 
-/// One compute stage.
 #[derive(Debug, PartialEq, Eq)]
 pub struct Kernel {
-    /// The entry point and file name.
+    /// Entry point and file name.
     pub name: &'static str,
-    /// Threads per workgroup.
     pub workgroup_size: u32,
     source: &'static str,
     bindings: &'static [Binding],
@@ -167,9 +163,9 @@ impl Kernel {
         Preprocessor { variant: self.effective_variant(variant), strict: false }.expand(self.source)
     }
 
-    /// Returns the text for compilers that follow the WGSL standard strictly, such as in browsers. These require
-    /// `enable subgroups;`, which naga 30 rejects, and a diagnostic filter around subgroup operations whose uniformity
-    /// only this library knows, for which naga warns.
+    /// Returns the text for compilers that follow the WGSL standard strictly, such as in browsers: with `enable
+    /// subgroups;`, which naga 30 rejects, and a diagnostic filter around subgroup operations whose uniformity only
+    /// this library knows.
     pub fn strict_wgsl(&self, variant: Variant) -> String {
         let variant = self.effective_variant(variant);
         let text = Preprocessor { variant, strict: true }.expand(self.source);
@@ -189,29 +185,23 @@ macro_rules! kernels {
             uses_subgroups: $sub,
             knows_periods: $per,
         };)*
-        /// Every kernel.
         pub static KERNELS: [&Kernel; [$($name),*].len()] = [$(&$id),*];
     };
 }
 
 kernels! {
-    /// Tests the assumptions about subgroups.
     SUBGROUP_PROBE = "probe" / "subgroup_probe", WORKGROUP_SIZE, subgroups: true, periodic: false, [write("probe")],
         species: [];
-    /// Clears the accumulators of a call.
     CALL_BEGIN = "grid" / "call_begin", 1, subgroups: false, periodic: false,
         [uniform("params"), read("count_source"), write("bounds"), write("grid"), write("outcome")], species: [];
-    /// Wraps each sphere to its image nearest to the origin.
     SPHERES_WRAP = "grid" / "spheres_wrap", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("params"), read("grid"), read("given"), write("wrapped")], species: [];
     /// Reduces the valid spheres to bounds and counts the invalid ones.
     BOUNDS_REDUCE = "grid" / "bounds_reduce", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [uniform("params"), read("grid"), read("spheres"), write("bounds"), write("outcome")],
         species: [read("species"), read("species_params")];
-    /// Chooses the grid.
     GRID_CONFIGURE = "grid" / "grid_configure", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("spheres"), write("bounds"), write("grid")], species: [];
-    /// Clears the occupancy table.
     OCCUPANCY_CLEAR = "grid" / "occupancy_clear", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("params"), read("grid"), write("occupancy")], species: [];
     /// Finds each sphere's depth and cells.
@@ -221,17 +211,13 @@ kernels! {
     /// Counts the smaller spheres in cells of deeper levels.
     LEVELS_COUNT = "grid" / "levels_count", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("grid"), write("bounds"), read("cells"), write("occupancy")], species: [];
-    /// Divides the keys among the levels.
     LEVELS_ASSIGN_KEYS = "grid" / "levels_assign_keys", DEPTHS, subgroups: false, periodic: true,
         [uniform("params"), write("bounds"), write("grid")], species: [];
-    /// Writes one entry per overlapped cell and level.
     ENTRIES_EMIT = "grid" / "entries_emit", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("grid"), read("cells"), write("occupancy"), write("outcome"), write("keys"),
          write("objects")], species: [];
-    /// Clamps and stores the number of entries.
     ENTRIES_FINISH = "grid" / "entries_finish", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("sort_counts")], species: [];
-    /// Sums the tiles of a scan.
     SCAN_REDUCE = "sort" / "scan_reduce", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("sort_counts"), read("values"), write("sums")], species: [];
     /// Prefix sums of the tile sums, and the total.
@@ -242,7 +228,6 @@ kernels! {
         [read("sort_counts"), read("sums"), write("values")], species: [];
     /// Prefix sums of few values, in place, in one dispatch.
     SCAN_ONCE = "sort" / "scan_once", WORKGROUP_SIZE, subgroups: true, periodic: false, [read("sort_counts"), write("values")], species: [];
-    /// Digit counts of a radix pass.
     RADIX_COUNT = "sort" / "radix_count", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("digit_pass"), read("sort_counts"), read("keys"), write("counts")], species: [];
     /// Prefix sums of the counts of each digit.
@@ -257,7 +242,6 @@ kernels! {
         [uniform("params"), read("grid"), read("sort_counts"), read("keys"), read("objects"), read("spheres"),
          write("outcome"), write("pairs"), write("deferred")],
         species: [read("species"), read("table")];
-    /// Dispatch arguments of `runs_search_far`.
     RUNS_SEARCH_FAR_DISPATCH_ARGS = "grid" / "runs_search_far_dispatch_args", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("dispatch")], species: [];
     /// Pairs of entries far apart in a run.
@@ -265,7 +249,6 @@ kernels! {
         [uniform("params"), read("grid"), read("sort_counts"), read("keys"), read("objects"), read("spheres"),
          write("outcome"), write("pairs"), read("deferred")],
         species: [read("species"), read("table")];
-    /// All pairs.
     NAIVE_SEARCH = "grid" / "naive_search", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("grid"), read("spheres"), write("outcome"), write("pairs")],
         species: [read("species"), read("species_params"), read("table")];
@@ -273,7 +256,6 @@ kernels! {
     STATS_REDUCE = "cell_list" / "stats_reduce", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("starts"), write("occupancy")],
         species: [read("species"), read("species_params")];
-    /// Chooses the cells of a cell list.
     CELL_LIST_CONFIGURE = "cell_list" / "cell_list_configure", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
          write("sort_counts")],
@@ -283,7 +265,6 @@ kernels! {
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
          write("sort_counts"), write("starts"), write("occupancy")],
         species: [read("species"), read("species_params")];
-    /// Counts the spheres in each cell of the first level.
     OCCUPANCY_COUNT = "cell_list" / "occupancy_count", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("spheres"), write("occupancy")],
         species: [read("species"), read("species_params")];
@@ -292,19 +273,15 @@ kernels! {
         [uniform("params"), read("cell_list"), read("spheres"), write("occupancy"), write("outcome"), write("starts"),
          write("cell_ranks")],
         species: [read("species"), read("species_params")];
-    /// Assigns each sphere its cell as a sort key.
     CELLS_KEY = "cell_list" / "cells_key", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), uniform("digit_pass"), read("cell_list"), read("sort_counts"), read("spheres"), write("occupancy"),
          write("outcome"), write("keys"), write("counts")],
         species: [read("species"), read("species_params")];
-    /// The first sphere of each cell.
     CELL_STARTS_FIND = "cell_list" / "cell_starts_find", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("cell_list"), read("cells"), write("starts")], species: [];
-    /// Gathers the spheres in cell order.
     SPHERES_GATHER = "cell_list" / "spheres_gather", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("spheres"), read("order"), write("sorted")],
         species: [read("species"), write("sorted_species")];
-    /// Scatters the spheres to cell order.
     SPHERES_SCATTER = "cell_list" / "spheres_scatter", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("spheres"), read("starts"), read("cell_ranks"), write("sorted"),
          write("cells"), write("order")],
@@ -314,7 +291,6 @@ kernels! {
         [uniform("params"), read("cell_list"), read("starts"), read("sorted"), read("cells"), read("order"),
          write("outcome"), write("pairs"), write("deferred")],
         species: [read("sorted_species"), read("table")];
-    /// Dispatch arguments of `cell_list_search_overflow`.
     CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS = "cell_list" / "cell_list_search_overflow_dispatch_args", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("dispatch")], species: [];
     /// Pairs of the spheres of deferred blocks with their later candidates.
@@ -334,15 +310,12 @@ kernels! {
     SKIN_STORE_REFERENCE = "skin" / "skin_store_reference", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), uniform("skin"), read("spheres"), write("state"), write("reference")],
         species: [read("species"), write("reference_species")];
-    /// Dispatch arguments of the candidate test.
     CANDIDATES_TEST_DISPATCH_ARGS = "skin" / "candidates_test_dispatch_args", 1, subgroups: false, periodic: false,
         [uniform("params"), uniform("skin"), read("count_source"), write("found"), write("state"), write("outcome"),
          write("dispatch")], species: [];
-    /// Pairs among the candidates.
     CANDIDATES_TEST = "skin" / "candidates_test", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("candidates"), write("state"), read("spheres"), write("outcome"), write("pairs")],
         species: [read("species"), read("table")];
-    /// Copies spheres from columns to rows.
     SPHERES_INTERLEAVE = "shared" / "spheres_interleave", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("params"), uniform("columns"), read("count_source"), read("x"), read("y"), read("z"), read("r"),
          write("rows")], species: [];

@@ -1,5 +1,5 @@
 //! Rust counterparts of shader structures; a test compares sizes and offsets. Structures with vectors have WGSL's
-//! layout (`ShaderType`), and `repr(C)` keeps the order of members. The others consist of words (`Pod`).
+//! layout (`ShaderType`); `repr(C)` keeps the order of members. Others consist of words (`Pod`).
 
 use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;
@@ -17,53 +17,46 @@ pub use columns::ColumnLayout;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SearchParams {
-    /// The number of spheres, or its maximum if a buffer holds it.
+    /// Number of spheres, or its maximum if a buffer holds it.
     pub spheres: u32,
-    /// The capacity of the output in pairs.
     pub pair_capacity: u32,
-    /// The capacity of the entry buffers in (cell, object) entries.
     pub entry_capacity: u32,
     /// Bits of a cell's key.
     pub key_bits: u32,
     /// Cell size as a multiple of the largest diameter.
     pub cell_ratio: f32,
-    /// The species of the interaction table; 0 without one.
+    /// Species of the interaction table; 0 without one.
     pub species: u32,
-    /// Workgroups of the naive search.
     pub search_groups: u32,
-    /// Threads per workgroup of the indirectly dispatched consumer.
     pub consumer_workgroup_size: u32,
-    /// The start of the window: only pairs with a smaller index in `window_begin..window_end` are counted and written,
-    /// to fetch large results in parts.
+    /// Start of the window: only pairs with a smaller index in `window_begin..window_end` are counted and written, to
+    /// fetch large results in parts.
     pub window_begin: u32,
-    /// The end of the window.
     pub window_end: u32,
-    /// The cells that pass smaller spheres to the next level: 0 none, 1 all, 2 with more than `tau`.
+    /// Cells that pass smaller spheres to the next level: 0 none, 1 all, 2 with more than `tau`.
     pub split_policy: u32,
-    /// The most smaller spheres of an unsplit cell.
+    /// Most smaller spheres of an unsplit cell.
     pub tau: u32,
     /// Counters in either half of the occupancy table, a power of two.
     pub occupancy_slots: u32,
     /// Tiles of deferred blocks per submission, unless a single block has more; [`Self::UNLIMITED`] without a limit.
     pub tiles_per_submission: u32,
-    /// The length of a periodic x axis, else 0.
+    /// Length of a periodic x axis, else 0.
     pub period_x: f32,
-    /// The length of a periodic y axis, else 0.
     pub period_y: f32,
-    /// The length of a periodic z axis, else 0.
     pub period_z: f32,
-    /// The capacity of a cell list's table in cells.
+    /// Capacity of a cell list's table in cells.
     pub cells: u32,
-    /// The counters of that table: two more.
+    /// Counters of that table: two more.
     pub counters: u32,
-    /// The first index of the second set, if only pairs across the sets are found; 0 for one set.
+    /// First index of the second set, if only pairs across the sets are found; 0 for one set.
     pub second_set_start: u32,
     /// Keys per tile of a radix sort of a cell list; 0 for a counting sort.
     pub radix_tile: u32,
     /// Candidates of a sphere that one invocation tests.
     pub candidates_per_invocation: u32,
-    /// The workgroups of the search for each block of few spheres, one per chunk of candidates; 0 if the first search defers
-    /// blocks with more than one chunk.
+    /// Workgroups of the search for each block of few spheres, one per chunk of candidates; 0 if the first search
+    /// defers blocks with more than one chunk.
     pub chunks_per_block: u32,
     /// 1 if pairs of a cell list hold positions in cell order.
     pub pairs_in_cell_order: u32,
@@ -78,9 +71,8 @@ pub struct SearchParams {
     /// The common interaction of all spheres of compared sides: a distance or [`Self::TOUCH`]; else
     /// [`Self::BY_SPECIES`].
     pub interaction: f32,
-    /// The first workgroup of a partial dispatch.
     pub first_workgroup: u32,
-    /// The most workgroups per dispatch of candidate tests; 0 without a limit.
+    /// Most workgroups per dispatch of candidate tests; 0 without a limit.
     pub workgroups_per_dispatch: u32,
     /// Always 0, unknown to shader compilers: guards expressions whose order of evaluation matters.
     pub opaque_zero: u32,
@@ -90,9 +82,7 @@ pub struct SearchParams {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct RadixPass {
-    /// The lowest bit of the digit.
     pub shift: u32,
-    /// The mask after the shift.
     pub mask: u32,
     /// 1 if the payload is the index of each key, and is not read.
     pub is_first: u32,
@@ -133,61 +123,51 @@ impl SearchParams {
     }
 }
 
-/// Statistics of the spheres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Bounds {
-    /// The lowest corner of all boxes, in an order-preserving encoding.
+    /// Lowest corner of all boxes, in an order-preserving encoding.
     pub low: [u32; 3],
-    /// The highest corner of all boxes, in this encoding.
     pub high: [u32; 3],
     /// Bits of the smallest effective radius.
     pub radius_min: u32,
-    /// Bits of the largest effective radius.
     pub radius_max: u32,
-    /// The depths that occur, one bit each.
+    /// Depths that occur, one bit each.
     pub depth_mask: u32,
     /// Spheres per depth that continue below the first level.
     pub descending: [u32; 32],
 }
 
-/// The keys of one depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct LevelKeys {
-    /// Key bits per axis.
+    /// Bits of a coordinate, which is reduced modulo 2ᵇⁱᵗˢ.
     pub bits: UVec3,
-    /// The first key.
     pub base: u32,
 }
 
-/// The grids of a call.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct Grid {
     /// A common corner of cells of all levels.
     pub origin: Vec3,
-    /// The number of spheres.
     pub spheres: u32,
     /// Cells of depth 0 per unit of length.
     pub inverse_edge: Vec3,
     /// 1 if no distance test can overflow or underflow.
     pub ordinary: u32,
-    /// The lowest cell of depth 0.
     pub low: IVec3,
-    /// The policy of the parameters; 0 if one level suffices.
+    /// Policy of the parameters; 0 if one level suffices.
     pub split_policy: u32,
-    /// The highest cell of depth 0.
     pub high: IVec3,
-    /// The depths that are levels, one bit each.
+    /// Depths that are levels, one bit each.
     pub level_mask: u32,
-    /// Cells of depth 0 around each periodic axis; 0 for an unbounded one.
+    /// Cells of depth 0 around each periodic axis: a multiple of 4, or a power of two below it; 0 for an unbounded one.
     pub ring_cells: Vec3,
-    /// The depths with spheres, one bit each.
+    /// Depths with spheres, one bit each.
     pub depth_mask: u32,
-    /// The key bit of passive entries, or 0.
+    /// Key bit of passive entries, or 0.
     pub passive: u32,
-    /// The keys per depth.
     pub levels: [LevelKeys; 32],
 }
 
@@ -195,33 +175,25 @@ pub struct Grid {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Outcome {
-    /// Low word of the number of pairs.
     pub found_lo: u32,
-    /// High word of the number of pairs.
     pub found_hi: u32,
-    /// The bits [`Self::OVERFLOW_PAIRS`] to [`Self::OVERFLOW_WORK`].
+    /// Bits [`Self::OVERFLOW_PAIRS`] to [`Self::OVERFLOW_WORK`].
     pub overflow: u32,
-    /// The number of invalid spheres (non-finite value, negative radius or unknown species), which never pair.
+    /// Number of invalid spheres (non-finite value, negative radius or unknown species), which never pair.
     pub quarantined: u32,
     /// Workgroups for a consumer with one thread per written pair.
     pub dispatch_x: u32,
     /// Second dimension of that dispatch, above 1 for more than 65,535 workgroups.
     pub dispatch_y: u32,
-    /// Third dimension of that dispatch, 1.
     pub dispatch_z: u32,
-    /// The number of blocks deferred by the first search.
     pub deferred_blocks: u32,
-    /// Low word of the number of entries.
     pub entries_lo: u32,
-    /// High word of the number of entries.
     pub entries_hi: u32,
-    /// The number of spheres.
     pub spheres: u32,
-    /// The most tiles of a deferred block.
+    /// Most tiles of a deferred block.
     pub deferred_max_tiles: u32,
-    /// The first deferred block of the last submission.
+    /// First deferred block of the last submission.
     pub deferred_begin: u32,
-    /// The end of the deferred blocks of the last submission.
     pub deferred_end: u32,
     /// Cell list: the spheres in the fullest cell that smaller spheres left, or would have left; 0 without such a cell.
     pub max_occupancy: u32,
@@ -235,9 +207,8 @@ pub struct Outcome {
 pub struct SkinParams {
     /// Half of the skin, which is added to radii.
     pub half_skin: f32,
-    /// The squared displacement limit, a little less than half the skin.
+    /// Squared displacement limit, a little less than half the skin.
     pub limit_squared: f32,
-    /// The capacity in candidates.
     pub candidate_capacity: u32,
 }
 
@@ -251,14 +222,11 @@ pub struct SkinState {
     pub input_changed: u32,
     /// 1 if the list holds all candidates.
     pub is_complete: u32,
-    /// The number of spheres.
     pub spheres: u32,
-    /// The reason for the last call's rebuild: [`NO_LIST`](Self::NO_LIST), [`INPUT_CHANGED`](Self::INPUT_CHANGED) or
+    /// Reason for the last call's rebuild: [`NO_LIST`](Self::NO_LIST), [`INPUT_CHANGED`](Self::INPUT_CHANGED) or
     /// [`DISPLACEMENT`](Self::DISPLACEMENT); 0 without one.
     pub rebuild_reason: u32,
-    /// Calls since the rebuild.
     pub age: u32,
-    /// The number of candidates.
     pub candidates: u32,
     /// Bits of the largest squared displacement at the last call.
     pub last_displacement: u32,
@@ -267,7 +235,7 @@ pub struct SkinState {
 impl SkinState {
     /// No complete list existed.
     pub const NO_LIST: u32 = 1;
-    /// The number of spheres, a radius or a species changed.
+    /// Number of spheres, a radius or a species changed.
     pub const INPUT_CHANGED: u32 = 2;
     /// A sphere exceeded the displacement limit.
     pub const DISPLACEMENT: u32 = 3;
@@ -314,8 +282,6 @@ impl Outcome {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SortCounts {
-    /// The number of keys.
     pub items: u32,
-    /// The number of values to scan.
     pub counters: u32,
 }

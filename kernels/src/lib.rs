@@ -1,20 +1,19 @@
 //! The types and rules that all lazygrid detectors share, without device calls.
 //!
-//! * [`Sphere`], [`Spheres`] — input, as rows or columns, without copying;
-//! * [`Query`] — one or two sets of spheres, and exclusions;
-//! * [`Interactions`] — the species that pair, and their distances;
-//! * [`Exclusions`] — pairs that are never reported, such as bonds;
-//! * [`Space`] — unbounded, or periodic along axes or cell vectors;
-//! * [`Pair`] — an overlapping pair, smaller index first;
-//! * [`Algorithm`], [`Backend`] — the detectors and their processors;
-//! * [`Error`], [`InputError`] — failures and invalid inputs;
-//! * [`kernel`], [`layout`] — the GPU kernels in WGSL, and the structures they share with Rust;
-//! * [`wgsl`] — the WGSL preprocessor.
+//! * [`Spheres`] and [`Query`]: the input of a search;
+//! * [`Interactions`], [`Exclusions`] and [`Space`]: the rules that decide which spheres pair;
+//! * [`Pair`]: an overlapping pair, smaller index first;
+//! * [`Algorithm`], [`Backend`]: the detectors and their processors;
+//! * [`Error`], [`InputError`]: failures and invalid inputs;
+//! * [`kernel`], [`layout`]: the GPU kernels in WGSL, and the structures they share with Rust;
+//! * [`wgsl`]: the WGSL preprocessor.
 
 mod algorithm;
 mod backend;
 mod error;
+#[allow(missing_docs, reason = "internal to the workspace: most names and types are clear")]
 pub mod kernel;
+#[allow(missing_docs, reason = "internal to the workspace: most names and types are clear")]
 pub mod layout;
 mod limits;
 mod memory;

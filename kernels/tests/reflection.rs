@@ -83,7 +83,7 @@ fn workgroup_memory_is_as_promised() {
 fn every_shader_translates_to_spirv() {
     let mut written = 0;
     each_shader(|kernel, variant, module, info| {
-        let words = spirv(&format!("{} {variant:?}", kernel.name), (module, info));
+        let words = spirv(&format!("{} {variant:?}", kernel.name), module, info);
         assert_eq!(words[0], 0x0723_0203);
         written += 1;
     });

@@ -121,8 +121,7 @@ where
     Ok(array)
 }
 
-/// Returns pairs as an array of shape `(m, 2)`: a new one, or the first rows of `out`, which may be an `InputError` or
-/// too small (`TooManyPairs`).
+/// Returns pairs as an array of shape `(m, 2)`: a new one, or the first rows of `out`.
 pub(crate) fn pairs<'py>(
     py: Python<'py>,
     found: &[Pair],
@@ -165,7 +164,6 @@ pub(crate) fn rows<'py, S: NoUninit + bytemuck::AnyBitPattern, T: Element + byte
     flat.reshape([count, width])
 }
 
-/// Returns an `InputError` if the length differs.
 pub(crate) fn same_length(what: &'static str, length: usize, expected: usize) -> PyResult<()> {
     match length == expected {
         true => Ok(()),

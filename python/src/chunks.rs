@@ -1,5 +1,5 @@
-//! A thread searches and sends chunks through a channel that holds two. It works on a copy of the spheres, because the
-//! caller may move them between two chunks.
+//! A thread searches and sends chunks through a channel that holds two. It copies the spheres, because the caller may
+//! move them between chunks.
 
 use std::ops::ControlFlow;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
@@ -50,7 +50,7 @@ impl Chunks {
         Ok(Self { chunks: Mutex::new(Some(chunks)), stopper, process: Process::current() })
     }
 
-    /// The next chunk; the outer `None` means that none has arrived yet.
+    /// The next chunk; the outer `None` if none has arrived yet.
     fn take(&self) -> Option<Option<Sent>> {
         let mut chunks = self.chunks.lock().unwrap_or_else(PoisonError::into_inner);
         let Some(receiver) = &*chunks else { return Some(None) };
@@ -197,7 +197,7 @@ fn search(mut lease: DetectorLease, owned: &OwnedQuery, chunk: usize, to: &SyncS
     };
     let detector = lease.parts().0;
     let streamed = owned.query().and_then(|query| detector.stream(query, chunk, send));
-    // Before the caller sees the end, so that it can use the engine again, and read its report.
+    // Lets a caller that sees the end use the detector again and read its report.
     drop(lease);
     if let Some(error) = refused.or(streamed.err()) {
         // A closed iterator receives no error.

@@ -31,7 +31,6 @@ pub(crate) struct Interactions {
 }
 
 impl Interactions {
-    /// The current table.
     pub(crate) fn table(&self) -> lazygrid::Interactions {
         self.lock().clone()
     }

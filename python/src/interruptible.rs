@@ -1,8 +1,8 @@
 //! Calls that release the interpreter's lock and that Ctrl-C ends.
 //!
-//! Python handles signals in its main thread only. A long call therefore works in another thread, while the calling
-//! thread polls for signals. A signal sets the flag that ends the search, and the call returns when the search has
-//! ended, so the caller may change the arrays again.
+//! Python handles signals in its main thread only. A long call therefore works in another thread while its own polls
+//! for signals. A signal sets the flag that ends the search. The call returns after the search, so the caller may
+//! change the arrays again.
 
 use std::panic::resume_unwind;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -1,7 +1,7 @@
 //! Neighbor lists of atoms in NumPy arrays of ASE's types.
 //!
-//! ASE keeps atoms if `√d < c` for the cutoff `c` and the sum of squares `d` of the vector between them. This is the
-//! [open](lazygrid::ListOptions::open) list of spheres whose radii add up to the cutoff, to the last bit.
+//! ASE keeps pairs with `√d < c`, for the cutoff `c` and the squared distance `d`. This is exactly the
+//! [open](lazygrid::ListOptions::open) list of spheres whose radii add up to the cutoff.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -40,7 +40,6 @@ impl Cutoffs<'_> {
         }
     }
 
-    /// The settings of a detector for these cutoffs.
     fn config(&self, space: Space) -> Result<Config, Error> {
         let config = Config::default().backend(Backend::Cpu).space(space);
         let Self::Kinds { table, count, .. } = *self else { return Ok(config) };
@@ -61,7 +60,7 @@ impl Cutoffs<'_> {
     }
 }
 
-/// The largest list whose detector keeps its buffers, a few hundred MB.
+/// Detectors of larger lists drop their buffers, beyond a few hundred MB.
 const MAX_KEPT_ENTRIES: usize = 1 << 23;
 
 /// The detectors of the last call. New memory would take a third of the next call's time.

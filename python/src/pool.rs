@@ -29,7 +29,6 @@ struct Idle {
 }
 
 impl DetectorPool {
-    /// Creates a pool with one detector.
     pub(crate) fn new(config: Config, is_single_threaded: bool) -> Result<Arc<Self>, Error> {
         let first = PooledDetector::new(&config)?;
         let report = first.detector.report();

@@ -1,5 +1,3 @@
-//! Reading simulators' files.
-
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::{Mutex, MutexGuard, PoisonError};

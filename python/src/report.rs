@@ -1,5 +1,3 @@
-//! Reports as dictionaries.
-
 use lazygrid::Report;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

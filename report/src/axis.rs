@@ -1,12 +1,9 @@
-//! Axes: labeled values and their text.
-
 use std::ops::Range;
 
 use crate::number::{count, time};
 
-/// Most labels.
 const MAX_LABELS: usize = 8;
-/// Labeled values of a decade, in ascending size.
+/// Labeled values of a decade.
 const DECADES: [&[f64]; 4] = [&[1.0], &[1.0, 3.0], &[1.0, 2.0, 5.0], &[1.0, 2.0, 3.0, 5.0, 7.0]];
 /// Label steps of narrow axes, times powers of ten.
 const STEPS: [f64; 3] = [1.0, 2.0, 5.0];
@@ -35,7 +32,6 @@ impl Scale {
     }
 }
 
-/// A quantity of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quantity {
     /// Spheres: `100 k`.
@@ -87,7 +83,6 @@ pub(crate) struct LabelSpace {
 }
 
 impl LabelSpace {
-    /// Returns `true` if the labels do not overlap.
     fn holds(&self, ticks: &[f64], range: &Range<f64>, quantity: Quantity) -> bool {
         let [low, high] = [range.start, range.end].map(|value| self.scale.position(value));
         let position = |value: f64| (self.scale.position(value) - low) / (high - low) * self.axis;
@@ -110,7 +105,7 @@ pub(crate) fn ticks(range: &Range<f64>, quantity: Quantity, space: LabelSpace) -
     candidates.reduce(|best, next| if next.len() > best.len() { next } else { best }).unwrap_or_default()
 }
 
-/// Returns the measured values if all labels fit, else round values.
+/// Returns the measured values if all labels fit, otherwise round values.
 pub(crate) fn ticks_at(
     measured: &[f64],
     range: &Range<f64>,

@@ -1,5 +1,3 @@
-//! A report as HTML.
-
 use std::fmt::Write;
 
 use crate::document::{Cell, Document, Kind, Section, Table};

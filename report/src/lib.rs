@@ -2,6 +2,8 @@
 //!
 //! [`plot::lines`] draws a [`Plot`]; [`html::page`] formats a [`Document`].
 
+#![allow(missing_docs, reason = "internal to the workspace: most names and types are clear")]
+
 mod axis;
 mod document;
 pub mod html;

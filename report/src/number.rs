@@ -1,6 +1,3 @@
-//! Numbers in tables and at axes.
-
-/// Formats a number of spheres for tables.
 pub fn count(n: usize) -> String {
     match n {
         1_000_000.. if n.is_multiple_of(100_000) => format!("{} M", n as f64 / 1e6),
@@ -9,7 +6,7 @@ pub fn count(n: usize) -> String {
     }
 }
 
-/// Returns a unit for about `seconds` seconds, and its number per second.
+/// Returns a unit for about `seconds` seconds, and the number of units per second.
 pub fn unit(seconds: f64) -> (f64, &'static str) {
     match seconds {
         s if s < 1e-9 => (1e12, "ps"),
@@ -20,13 +17,11 @@ pub fn unit(seconds: f64) -> (f64, &'static str) {
     }
 }
 
-/// Formats a number with three digits.
 pub fn three_figures(value: f64) -> String {
     let digits = if value < 10.0 { 2 } else { usize::from(value < 100.0) };
     format!("{value:.digits$}")
 }
 
-/// Formats seconds with a unit and three digits.
 pub fn time(seconds: f64) -> String {
     let (factor, unit) = unit(seconds);
     format!("{} {unit}", three_figures(seconds * factor))

@@ -1,5 +1,3 @@
-//! Line plots as SVG.
-
 use std::error::Error;
 use std::ops::Range;
 
@@ -16,12 +14,10 @@ pub struct PlotPoint {
 }
 
 impl PlotPoint {
-    /// Creates a point with the ends of its bar.
     pub fn new(x: f64, y: f64, bar: (f64, f64)) -> Self {
         Self { at: (x, y), bar }
     }
 
-    /// Divides the value and the bar by `by`.
     #[must_use]
     pub fn over(self, by: f64) -> Self {
         Self { at: (self.at.0, self.at.1 / by), bar: (self.bar.0 / by, self.bar.1 / by) }
@@ -33,16 +29,14 @@ impl PlotPoint {
     }
 }
 
-/// A line of a plot.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// Name in the legend.
+    /// In the legend.
     pub name: String,
-    /// Points in ascending x.
+    /// In ascending x.
     pub points: Vec<PlotPoint>,
-    /// Dashed if `true`.
     pub dashed: bool,
-    /// Index of the color; related lines share one.
+    /// Index of a color; related lines share one.
     pub color: usize,
 }
 
@@ -56,21 +50,19 @@ impl Series {
     }
 }
 
-/// The title and the axes of a plot.
 #[derive(Clone, Copy, Debug)]
 pub struct Axes<'a> {
-    /// Title of the plot.
     pub title: &'a str,
-    /// Horizontal axis: title and quantity.
+    /// Title and quantity.
     pub x: (&'a str, Quantity),
-    /// Vertical axis: title and quantity.
+    /// Title and quantity.
     pub y: (&'a str, Quantity),
     /// Horizontal and vertical scale.
     pub scales: [Scale; 2],
 }
 
 const SIZE: (u32, u32) = (1120, 600);
-/// Fits the longest name.
+/// Width, which fits the longest name.
 const LEGEND: u32 = 320;
 const FONT: &str = "sans-serif";
 /// Height of titles; letters have about four fifths.
@@ -98,9 +90,6 @@ const GRID: RGBColor = RGBColor(225, 225, 225);
 const POINTS: usize = 50;
 
 /// Draws the plot as SVG; `None` without points.
-///
-/// # Errors
-/// Fails if the backend fails.
 pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<dyn Error>> {
     let scales = axes.scales;
     let marks = || series.iter().flat_map(|line| line.marks(scales));

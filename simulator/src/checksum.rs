@@ -25,7 +25,6 @@ impl Digest {
         Self { length: 0, hasher: XxHash64::with_seed(0) }
     }
 
-    /// Digests at most `length` bytes of a reader.
     pub(crate) fn of_next(reader: impl Read, length: u64) -> io::Result<Self> {
         let mut sink = DigestWriter::new(io::sink(), Self::new());
         io::copy(&mut BufReader::with_capacity(BUFFER_BYTES, reader.take(length)), &mut sink)?;

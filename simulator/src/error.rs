@@ -7,223 +7,114 @@ use thiserror::Error;
 #[derive(Debug, Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// Invalid scenario file.
     #[error("{}, line {line}, `{key}`: {message}", path.display())]
-    Scenario {
-        /// File.
-        path: PathBuf,
-        /// Line, from 1.
-        line: usize,
-        /// Key on that line.
-        key: String,
-        /// Fault and valid values.
-        message: String,
-    },
-    /// Model that cannot be run.
+    Scenario { path: PathBuf, line: usize, key: String, message: String },
     #[error("{0}")]
     Model(String),
-    /// Ids are used up.
     #[error(
         "particle ids are exhausted: {released} particles need one each, and ids have 32 bits; release fewer, or run \
          fewer steps"
     )]
-    OutOfIds {
-        /// Particles that the run would have released.
-        released: u64,
-    },
-    /// System refused memory for more particles.
+    OutOfIds { released: u64 },
     #[error("no memory for {particles} particles: {bytes} bytes were refused; release fewer")]
     OutOfMemory {
-        /// Particles that the run would have had.
         particles: u64,
         /// Bytes of one column.
         bytes: u64,
     },
-    /// The system refused memory for reaction candidates.
     #[error(
         "no memory for {candidates} pairs that may react: {bytes} bytes were refused; release fewer particles, or run fewer \
          replicas at once (--threads)"
     )]
-    OutOfCandidateMemory {
-        /// Number of candidates.
-        candidates: u64,
-        /// Size.
-        bytes: u64,
-    },
-    /// The particles of a step, or a scenario, exceed the available memory.
+    OutOfCandidateMemory { candidates: u64, bytes: u64 },
     #[error(
         "{what} need {needed} bytes of memory or more, and {available} bytes are available ({limit}); {remedy}"
     )]
     TooLittleMemory {
-        /// Number and kind.
         what: String,
-        /// Required bytes.
         needed: u64,
-        /// Available bytes.
         available: u64,
         /// Limit that determines `available`.
         limit: &'static str,
-        /// Remedy.
         remedy: &'static str,
     },
-    /// Detector refused the particles, or found too many pairs.
     #[error("step {step}: {source}")]
     Step {
         /// Step, from 0.
         step: u32,
-        /// Error of the detector.
         source: lazygrid::Error,
     },
     #[error(
         "step {step}: {particles} particles collided {collisions} times in one step; shorten the time step, or let contact = \"count\" only count overlaps"
     )]
-    /// Particles collided too often in a step.
     Collisions {
         /// Step, from 0.
         step: u32,
-        /// Number of particles.
         particles: u64,
         /// Collisions at which the step stopped.
         collisions: u64,
     },
-    /// Detector could not be created.
     #[error(transparent)]
     Detection(#[from] lazygrid::Error),
-    /// GPU backend cannot run a part of the model.
     #[error("the GPU backend does not support {what}; choose the CPU")]
-    NotOnGpu {
-        /// Refused part and its owner.
-        what: String,
-    },
-    /// Ranks cannot run a part of the model.
+    NotOnGpu { what: String },
     #[error("a run over ranks does not support {what}; run it in one process, with `lazygrid simulate`")]
-    NotOverRanks {
-        /// Refused part.
-        what: String,
-    },
-    /// Positions became non-finite on the GPU.
+    NotOverRanks { what: String },
     #[error(
         "step {step}: {particles} particles have non-finite positions; shorten the time step or weaken the drift"
     )]
     NotFinite {
         /// Step, from 0.
         step: u32,
-        /// Number of such particles.
         particles: u64,
     },
-    /// The build has no Arrow writer.
     #[error("this build cannot write Arrow files; build it with --features arrow, or write the log as CSV")]
     NoArrow,
-    /// Threads could not be started.
     #[error("cannot start {threads} threads: {reason}; ask for fewer")]
-    Threads {
-        /// Requested threads.
-        threads: usize,
-        /// System message.
-        reason: String,
-    },
-    /// A file cannot be read.
+    Threads { threads: usize, reason: String },
     #[error("{}: cannot read: {source}", path.display())]
-    Read {
-        /// File.
-        path: PathBuf,
-        /// System error.
-        source: io::Error,
-    },
-    /// A file cannot be written.
+    Read { path: PathBuf, source: io::Error },
     #[error("{}: cannot write: {source}", path.display())]
-    Write {
-        /// File.
-        path: PathBuf,
-        /// System error.
-        source: io::Error,
-    },
-    /// Replica failed.
+    Write { path: PathBuf, source: io::Error },
     #[error("replica {replica}: {source}")]
     Replica {
         /// Replica, from 0.
         replica: u32,
-        /// Reason.
         source: Box<Error>,
     },
-    /// Point of a sweep failed, or is no valid scenario.
     #[error("{values}: {source}")]
-    SweepPoint {
-        /// Keys and values.
-        values: String,
-        /// Cause.
-        source: Box<Error>,
-    },
-    /// A checkpoint of another layout version.
+    SweepPoint { values: String, source: Box<Error> },
     #[error(
         "{}: the checkpoint has version {found} and this build reads version {expected}; resume it with the build that \
          wrote it, or start over with --overwrite in place of --resume",
         path.display()
     )]
-    CheckpointVersion {
-        /// File.
-        path: PathBuf,
-        /// Version of the file.
-        found: u32,
-        /// Version that this build reads.
-        expected: u32,
-    },
+    CheckpointVersion { path: PathBuf, found: u32, expected: u32 },
     /// A damaged file of a run to resume. No file was changed.
     #[error(
         "{}: the file is damaged: {damage}; restore it from a copy, or start over with --overwrite in place of --resume",
         path.display()
     )]
-    Damaged {
-        /// File.
-        path: PathBuf,
-        /// Damage.
-        damage: Damage,
-    },
-    /// Checkpoint of another run, such as of another scenario.
+    Damaged { path: PathBuf, damage: Damage },
     #[error("{}: {message}", path.display())]
-    Checkpoint {
-        /// File.
-        path: PathBuf,
-        /// Mismatch.
-        message: String,
-    },
+    Checkpoint { path: PathBuf, message: String },
 }
 
 /// A difference between a damaged file and the written one.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[non_exhaustive]
 pub enum Damage {
-    /// Wrong first line.
     #[error("it does not begin with the line '{expected}'")]
     Header {
         /// Required beginning of the line.
         expected: String,
     },
-    /// Wrong length, or shorter than the checkpoint records.
     #[error("it has {found} bytes instead of {expected}")]
-    Length {
-        /// Length of the file.
-        found: u64,
-        /// Recorded length.
-        expected: u64,
-    },
-    /// Wrong checksum.
+    Length { found: u64, expected: u64 },
     #[error("its checksum is {found:016x} instead of {expected:016x}")]
-    Checksum {
-        /// Checksum of the bytes.
-        found: u64,
-        /// Recorded checksum.
-        expected: u64,
-    },
-    /// The file is whole, but the checkpoint names another.
+    Checksum { found: u64, expected: u64 },
     #[error("it belongs to another checkpoint, since its checksum is {found:016x} and not {expected:016x}")]
-    Foreign {
-        /// Checksum of the file.
-        found: u64,
-        /// Checksum in the checkpoint.
-        expected: u64,
-    },
-    /// Right checksum over invalid content.
+    Foreign { found: u64, expected: u64 },
     #[error("its content cannot be decoded ({0})")]
     Content(String),
 }

@@ -1,9 +1,9 @@
-//! A reference simulator of molecular communication, and an example of a reaction–diffusion simulator on
-//! [`lazygrid`]'s public API.
+//! A reference simulator of molecular communication, and an example of a reaction–diffusion simulator on [`lazygrid`]'s
+//! public API.
 //!
 //! A [`Model`] describes the system and a [`Simulation`] advances it. The outcome for each particle or pair is a pure
-//! function of its columns, the seed and the step, with counter-based random numbers ([`random::philox`]). A run
-//! therefore depends on its seed alone, not on threads, the order of particles or the detection algorithm.
+//! function of its columns, the seed and the step, so a run depends on its seed alone, not on threads, the order of
+//! particles or the detection algorithm.
 //!
 //! `gpu` runs on a GPU, an [`AnySimulation`] on either backend, and [`ranks`] over several processes.
 //!
@@ -29,6 +29,8 @@
 //! assert_eq!(simulation.state().particles.len(), 1000);
 //! # Ok::<(), lazygrid_sim::Error>(())
 //! ```
+
+#![allow(missing_docs, reason = "most names and types are clear")]
 
 #[cfg(feature = "gpu")]
 pub mod gpu;

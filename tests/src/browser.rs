@@ -1,4 +1,3 @@
-//! Browsers and their screenshots.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::io::Read;
@@ -16,7 +15,7 @@ pub fn skipped(required: &str, why: &str) {
     }
 }
 
-/// The name of an installed browser. Without one the test is skipped, unless `LAZYGRID_REQUIRE_BROWSER` is set.
+/// Returns the name of an installed browser. Without one, skips the test, unless `LAZYGRID_REQUIRE_BROWSER` is set.
 pub fn browser() -> Option<&'static str> {
     let known = ["chromium", "chromium-headless-shell", "google-chrome"];
     let runs = |name: &&str| {
@@ -34,7 +33,7 @@ pub fn browser() -> Option<&'static str> {
     found
 }
 
-/// The RGB pixels of a PNG file of eight bits per channel, row by row.
+/// Decodes the RGB pixels of a PNG file of eight bits per channel, row by row.
 pub fn decoded(png: &[u8], size: [usize; 2]) -> Vec<[u8; 3]> {
     assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
     let (mut rest, mut packed) = (&png[8..], Vec::new());

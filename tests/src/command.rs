@@ -8,13 +8,9 @@ use std::process::{Command, Output, Stdio};
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// The result of a run.
 pub struct Run {
-    /// The exit code.
     pub code: Option<i32>,
-    /// Standard output.
     pub out: String,
-    /// Standard error.
     pub err: String,
 }
 
@@ -30,7 +26,6 @@ pub fn has_gpu() -> bool {
     has_one
 }
 
-/// The path of a command's binary.
 #[derive(Clone, Copy, Debug)]
 pub struct Program(pub &'static str);
 
@@ -48,12 +43,10 @@ impl Program {
         command
     }
 
-    /// Runs the command.
     pub fn run(self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
         self.command(args).output().unwrap().into()
     }
 
-    /// Runs the command with this cache directory (on Linux).
     pub fn run_with_cache(self, cache: &str, args: &[&str]) -> Run {
         self.command(args).env("XDG_CACHE_HOME", cache).output().unwrap().into()
     }
@@ -75,7 +68,6 @@ impl From<Output> for Run {
 }
 
 impl Run {
-    /// Asserts that the exit code is 0.
     pub fn succeeds(self) -> Self {
         assert_eq!(self.code, Some(0), "{}", self.err);
         self
@@ -88,47 +80,39 @@ impl Run {
         self
     }
 
-    /// The JSON object on standard output.
     pub fn json(&self) -> Value {
         let mut objects = self.json_lines();
         assert_eq!(objects.len(), 1, "{}", self.out);
         objects.remove(0)
     }
 
-    /// The JSON objects on standard output, one per line.
     pub fn json_lines(&self) -> Vec<Value> {
         self.out.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
     }
 }
 
-/// The path of a file in `tests/data`.
 pub fn data(name: &str) -> String {
     format!("{}/data/{name}", env!("CARGO_MANIFEST_DIR"))
 }
 
-/// A temporary directory.
 pub struct Scratch(TempDir);
 
 impl Scratch {
-    /// Creates an empty directory.
     #[expect(clippy::new_without_default, reason = "a default that makes a directory would surprise")]
     pub fn new() -> Self {
         Self(TempDir::new().unwrap())
     }
 
-    /// The path of a file in the directory.
     pub fn path(&self, name: &str) -> String {
         self.0.path().join(name).to_str().unwrap().to_owned()
     }
 
-    /// Writes a file and returns its path.
     pub fn write(&self, name: &str, content: &str) -> String {
         let path = self.path(name);
         fs::write(&path, content).unwrap();
         path
     }
 
-    /// The sorted names of all files.
     pub fn names(&self) -> Vec<String> {
         let entries = fs::read_dir(self.0.path()).unwrap();
         let mut names: Vec<_> = entries.map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
@@ -137,7 +121,7 @@ impl Scratch {
     }
 }
 
-/// The shape and the 32-bit words of a NumPy file, in rows of `N`.
+/// Reads the shape and the 32-bit words of a NumPy file, in rows of `N`.
 pub fn npy<const N: usize>(path: &str, kind: &str) -> (String, Vec<[u32; N]>) {
     let bytes = fs::read(path).unwrap();
     assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
@@ -152,7 +136,7 @@ pub fn npy<const N: usize>(path: &str, kind: &str) -> (String, Vec<[u32; N]>) {
     (shape.to_owned(), rows.to_vec())
 }
 
-/// The rows of a CSV table with the columns `i,j`.
+/// Reads the rows of a CSV table with the columns `i,j`.
 pub fn table(path: &str) -> Vec<[u32; 2]> {
     let text = fs::read_to_string(path).unwrap();
     let mut lines = text.lines();

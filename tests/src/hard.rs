@@ -9,7 +9,6 @@ use proptest::prelude::*;
 
 use crate::{SceneSeed, TestInput};
 
-/// A strategy for spheres.
 pub type Spheres = BoxedStrategy<Vec<Sphere>>;
 
 /// Seeds of mostly a few dozen elements, sometimes none, at most 600.

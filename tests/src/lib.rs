@@ -1,11 +1,12 @@
 //! Shared code of the tests in `suite/`:
 //!
-//! * [`TestInput`]: spheres, species, space and exclusions, with the [oracle](TestInput::oracle), a plain double loop.
-//! * [`DetectorVariant`]: a detector variant; [`variants::all`] lists them, and [`SuiteVariant`] runs one.
+//! * [`TestInput`]: an input with its [oracle](TestInput::oracle), a plain double loop.
+//! * [`variants::all`]: the [`DetectorVariant`]s, which [`SuiteVariant`] runs.
 //! * [`periodic`], [`triclinic`] and [`hard`]: oracles and generators of scenarios, which shrink.
 //! * [`difference`]: explains the first wrong pair of a result.
-//! * [`device`]: a GPU device, if an adapter exists.
 //! * [`browser`] and [`command`]: browsers and built commands.
+
+#![allow(missing_docs, reason = "internal to the workspace: most names and types are clear")]
 
 pub mod browser;
 pub mod command;

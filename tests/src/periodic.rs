@@ -8,8 +8,8 @@ use proptest::prelude::*;
 use crate::hard::{self, words};
 use crate::{SeedReader, SuiteVariant, TestInput, Tolerance, variants};
 
-/// The pairs by definition: `d − L·round(d/L)` on each periodic axis, of coordinates reduced by whole lengths (by exact
-/// remainders).
+/// Finds the pairs by definition: `d − L·round(d/L)` on each periodic axis, of coordinates reduced by whole lengths (by
+/// exact remainders).
 pub fn oracle(scenario: &TestInput) -> Vec<Pair> {
     let lengths = scenario.space.lengths();
     scenario.pairs_by(|i, j, _| {
@@ -28,7 +28,7 @@ pub fn oracle(scenario: &TestInput) -> Vec<Pair> {
     })
 }
 
-/// The pairs by enumeration of all images up to one length away: correct if all spheres lie in the box.
+/// Finds the pairs by enumeration of all images up to one length away: correct if all spheres lie in the box.
 pub fn oracle_of_images(scenario: &TestInput) -> Vec<Pair> {
     let lengths = scenario.space.lengths();
     scenario.pairs_by(|i, j, _| {
@@ -47,8 +47,8 @@ pub fn oracle_of_images(scenario: &TestInput) -> Vec<Pair> {
     })
 }
 
-/// The pairs by integer arithmetic: correct at any distance, if radii, coordinates and lengths are multiples of 2⁻³⁰
-/// and lengths are below 2²⁰.
+/// Finds the pairs by integer arithmetic: correct at any distance, if radii, coordinates and lengths are multiples of
+/// 2⁻³⁰ and lengths are below 2²⁰.
 pub fn oracle_of_integers(scenario: &TestInput) -> Vec<Pair> {
     let whole = |x: f64| (x * f64::from(1 << 30)) as i128;
     let lengths = scenario.space.lengths().map(|length| length.map(whole));

@@ -22,7 +22,7 @@ pub(crate) fn parse(name: &str, source: &str) -> (Module, ModuleInfo) {
     (module, info)
 }
 
-/// The number, name and access of each binding in group 0.
+/// Returns the number, name and access of each binding in group 0.
 pub(crate) fn bindings(name: &str, module: &Module) -> Vec<(u32, String, Access)> {
     let bound = module.global_variables.iter().filter_map(|(_, global)| {
         let binding = global.binding.as_ref()?;
@@ -52,13 +52,13 @@ pub(crate) fn structures(module: &Module) -> Vec<Structure> {
     found.collect()
 }
 
-pub(crate) fn spirv(name: &str, (module, info): (&Module, &ModuleInfo)) -> Vec<u32> {
+pub(crate) fn spirv(name: &str, module: &Module, info: &ModuleInfo) -> Vec<u32> {
     let options = naga::back::spv::Options { lang_version: (1, 3), ..Default::default() };
     naga::back::spv::write_vec(module, info, &options, None).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-/// The layout of a Rust structure. `fields` are sorted by their offsets in memory, because `repr(C)` keeps their order;
-/// `offsets` are those in a shader buffer.
+/// Returns the layout of a Rust structure. `fields` are sorted by their offsets in memory, because `repr(C)` keeps
+/// their order; `offsets` are those in a shader buffer.
 pub(crate) fn laid_out<const N: usize>(
     name: &str,
     size: NonZeroU64,

@@ -1,5 +1,3 @@
-//! The detector variants of the suite.
-
 use std::env;
 use std::sync::LazyLock;
 
@@ -11,11 +9,11 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use crate::adapter::or_skip;
 use crate::{TestInput, Tolerance, difference};
 
-/// The numbers of threads of the CPU variants: one, a few, and usually more than cores.
+/// Numbers of threads of the CPU variants: one, a few, and usually more than cores.
 pub const THREADS: [usize; 3] = [1, 2, 7];
 
-/// All variants. `LAZYGRID_TEST_VARIANTS=cpu` or `=gpu` selects the variants of one backend,
-/// `LAZYGRID_TEST_VARIANTS=gpu/cell-list` one GPU algorithm.
+/// Returns all variants. `LAZYGRID_TEST_VARIANTS=cpu` or `=gpu` selects those of one backend, `=gpu/cell-list` one GPU
+/// algorithm.
 ///
 /// # Panics
 /// If `LAZYGRID_TEST_VARIANTS` has another value, or a required GPU is missing.
@@ -45,15 +43,15 @@ fn on_cpu() -> impl Iterator<Item = DetectorVariant> {
     Algorithm::CPU.iter().copied().chain([Algorithm::Auto]).flat_map(with)
 }
 
-/// The GPU variants, one per algorithm except `Auto`.
+/// Returns one variant per GPU algorithm except `Auto`.
 fn on_gpu() -> Vec<DetectorVariant> {
     let Some(gpu) = or_skip(GpuDevice::shared(SoftwareAdapter::Allow)) else { return Vec::new() };
     let target = TargetDevice::Gpu { subgroups: gpu.adapter.has_subgroups };
     Algorithm::GPU.iter().map(|&algorithm| DetectorVariant::new(algorithm, target)).collect()
 }
 
-/// The variants for one of many scenarios: all CPU variants, and two GPU variants chosen by the scenario, because
-/// software adapters are slow. All variants if `LAZYGRID_TEST_VARIANTS` is set.
+/// Returns the variants for one of many scenarios: all CPU variants, and two GPU variants chosen by the scenario,
+/// because software adapters are slow. All variants if `LAZYGRID_TEST_VARIANTS` is set.
 ///
 /// # Panics
 /// See [`all`].
@@ -69,20 +67,19 @@ pub fn in_turn(scenario: &TestInput) -> Vec<DetectorVariant> {
     variants
 }
 
-/// The variants with the fewest threads: one per backend and algorithm.
+/// Returns one variant per backend and algorithm, with the fewest threads.
 pub fn each_algorithm() -> Vec<DetectorVariant> {
     all().into_iter().filter(|variant| variant.threads() == THREADS[0]).collect()
 }
 
 /// A [`DetectorVariant`] in the suite, where detectors share thread pools.
 pub trait SuiteVariant: Copy {
-    /// The number of threads; on a GPU, of the host's work.
+    /// Number of threads; on a GPU, of the host's work.
     fn threads(self) -> usize;
 
-    /// The settings, without threads: those are the pool's in which a detector [runs](Self::run).
+    /// Settings without threads, which are those of the pool in which a detector [runs](Self::run).
     fn settings(self) -> Config;
 
-    /// Runs `work` with this number of threads.
     fn run<T: Send>(self, work: impl FnOnce() -> T + Send) -> T {
         in_pool(self.threads(), work)
     }
@@ -90,8 +87,8 @@ pub trait SuiteVariant: Copy {
     /// Finds the pairs with a new detector of these settings.
     fn find(self, scenario: &TestInput, settings: Config) -> Result<Vec<Pair>, String>;
 
-    /// The reference for this variant's other results: the `expected` pairs if it is exact, otherwise its own list,
-    /// compared with them, because tangent pairs may fall either way.
+    /// Returns the reference for this variant's other results: the `expected` pairs if it is exact; otherwise its own
+    /// list after a comparison, because tangent pairs may fall either way.
     fn own_pairs(self, scenario: &TestInput, expected: &[Pair]) -> Result<Vec<Pair>, String>;
 
     /// Checks this variant in both orders; GPU variants in one, because only the host sorts pairs.

@@ -19,7 +19,7 @@ const LARGE: usize = 4096;
 
 static LIVE: AtomicUsize = AtomicUsize::new(0);
 static GRANTS: AtomicUsize = AtomicUsize::new(usize::MAX);
-/// The total bytes above which large allocations are refused.
+/// Total bytes above which large allocations are refused.
 static LIMIT: AtomicUsize = AtomicUsize::new(usize::MAX);
 static REFUSED: AtomicUsize = AtomicUsize::new(0);
 
@@ -150,7 +150,7 @@ fn walk<'a>(
     walk_after(&[], variant, config, query.into(), next);
 }
 
-/// Does the same with detectors that have searched `before` already, and may keep its candidates.
+/// Repeats [`walk`] with detectors that have searched `before`, and may keep its candidates.
 fn walk_after(
     before: &[Sphere],
     variant: DetectorVariant,
@@ -195,7 +195,7 @@ fn walk_after(
     }
 }
 
-/// The CPU algorithms on one and two threads. A GPU driver has its own allocator.
+/// CPU algorithms on one and two threads. A GPU driver has its own allocator.
 fn variants() -> impl Iterator<Item = DetectorVariant> {
     let is_one = |s: &DetectorVariant| {
         s.backend() == Backend::Cpu && s.threads() <= 2 && s.algorithm != Algorithm::Auto
@@ -203,7 +203,7 @@ fn variants() -> impl Iterator<Item = DetectorVariant> {
     variants::all().into_iter().filter(is_one)
 }
 
-/// A single test, because all tests share the allocator.
+/// Runs as one test, because tests share the allocator.
 #[test]
 fn failed_allocation_is_an_error_wherever_it_occurs() {
     let sizes = Scene::FiveSizes.spheres(1300, 41);

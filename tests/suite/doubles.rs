@@ -46,7 +46,7 @@ fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Random) -> Ve
 
 const NEAR: std::ops::RangeInclusive<i32> = -2..=2;
 
-/// The smallest squared length of an image of `to − from`, by the contract's expression.
+/// Smallest squared length of an image of `to − from`, by the contract's expression.
 fn distance_squared(space: &Space, from: [f64; 4], to: [f64; 4]) -> f64 {
     let edges = space.cell_vectors();
     let apart = [0, 1, 2].map(|axis| to[axis] - from[axis]);

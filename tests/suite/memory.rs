@@ -1,5 +1,5 @@
-//! Memory that detectors hold and allocate, measured by the allocator. Mostly on one thread: with more threads, the
-//! number of workspaces depends on scheduling.
+//! Memory that detectors hold and allocate, measured by the allocator. Mostly on one thread, because scheduling
+//! determines the number of workspaces.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ops::ControlFlow;
@@ -62,17 +62,15 @@ impl Measurement {
         LARGEST.store(0, SeqCst);
     }
 
-    /// Minus the bytes at the start.
     fn peak(&self) -> usize {
         PEAK.load(SeqCst).saturating_sub(self.live)
     }
 
-    /// Minus the bytes at the start.
     fn held(&self) -> usize {
         LIVE.load(SeqCst).saturating_sub(self.live)
     }
 
-    /// The sum of all allocations, and the largest allocation, in bytes.
+    /// Sum of all allocations, and the largest allocation, in bytes.
     fn total_and_largest(&self) -> (usize, usize) {
         (TOTAL.load(SeqCst), LARGEST.load(SeqCst))
     }
@@ -140,8 +138,9 @@ fn memory_for_is_an_upper_bound() {
     }
 }
 
-/// The benchmark scenes; equal spheres in a ball about as large as one cell of the paper's grids, where each sphere has
-/// the maximum number of cells; and one huge sphere far from the origin along one axis, filled with small ones.
+/// Returns the benchmark scenes; equal spheres in a ball about as large as one cell of the paper's grids, where each
+/// sphere has the maximum number of cells; and one huge sphere far from the origin along one axis, filled with small
+/// ones.
 fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
     let crowd = Scene::Equal.spheres(n, seed).into_iter().map(|sphere| {
         let extent = (n as f32 * 20.0).cbrt().max(1.0);
@@ -158,7 +157,7 @@ fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
     scenes
 }
 
-/// The bound includes the growth of buffers, which inputs of constant size do not need.
+/// Bound includes the growth of buffers, which inputs of constant size do not need.
 #[test]
 fn memory_for_exceeds_the_peak_by_at_most_two_thirds() {
     let mut measurement = Measurement::alone();

@@ -26,7 +26,7 @@ const CRATES: [&str; 16] = [
 /// The modules that each module uses.
 type Graph = BTreeMap<String, BTreeSet<String>>;
 
-/// Code without comments, strings and items that only tests compile.
+/// Returns code without comments, strings and test-only items.
 fn code(source: &str) -> String {
     let mut text = String::with_capacity(source.len());
     let mut rest = source;
@@ -53,7 +53,7 @@ fn code(source: &str) -> String {
     text
 }
 
-/// The text after a string literal whose opening quote is gone.
+/// Text after a string literal whose opening quote is gone.
 fn after_string(mut rest: &str) -> &str {
     while let Some(at) = rest.find(['"', '\\']) {
         let skipped = if rest[at..].starts_with('\\') { 2 } else { 1 };
@@ -66,7 +66,7 @@ fn after_string(mut rest: &str) -> &str {
     ""
 }
 
-/// The text after an item: after its semicolon, or after its braces.
+/// Text after an item: after its semicolon, or after its braces.
 fn after_item(rest: &str) -> &str {
     let mut depth = 0_usize;
     for (at, character) in rest.char_indices() {

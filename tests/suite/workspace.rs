@@ -51,8 +51,8 @@ fn metadata() -> serde_json::Value {
     serde_json::from_slice(&metadata.stdout).expect("metadata is JSON")
 }
 
-/// The version outside this workspace's crates: a file, and the text before and after it. The tests of `capi` check the
-/// C header.
+/// Version outside this workspace's crates: a file, and the text before and after it. The tests of `capi` check the C
+/// header.
 const VERSIONED: [(&str, &str, &str); 13] = [
     ("python/Cargo.toml", "\nversion = \"", "\""),
     ("distributed/mpi/Cargo.toml", "\nversion = \"", "\""),

@@ -60,28 +60,26 @@ const ALGORITHMS: [Algorithm; 6] = [
 enum Mode {
     /// A simulation: one detector, or one tree, kept between steps; one thread.
     Running,
-    /// The settings of Bullet, kept between steps; one thread.
+    /// Settings of Bullet, kept between steps; one thread.
     #[cfg(feature = "bullet")]
     Bullet,
-    /// The skins of the Verlet list and, for equal spheres, of LAMMPS, kept between steps; one thread.
+    /// Skins of the Verlet list and, for equal spheres, of LAMMPS, kept between steps; one thread.
     Skins,
-    /// The settings of the plain cell list compared with parry3d's tree, kept between steps; one thread.
+    /// Settings of the plain cell list compared with parry3d's tree, kept between steps; one thread.
     Yardstick,
     /// One call from arbitrary order; one thread.
     Scratch,
     /// One thread compared with two.
     Threads,
-    /// Time and memory per sphere for growing numbers of spheres, each in a separate process.
     Sizes,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Output {
-    /// The list in canonical order.
+    /// List in canonical order.
     List,
-    /// The list in any order.
     Unordered,
-    /// The list in any order, streamed in chunks that are dropped.
+    /// List in any order, streamed in chunks that are dropped.
     Stream,
     /// Only the number of pairs.
     Count,

@@ -64,8 +64,8 @@ pub(crate) struct Figures {
     pub(crate) budget_minutes: Option<f64>,
 }
 
-/// List the measurements that changed by more than their noise between two runs: medians more than 5 % apart, and
-/// disjoint ranges of the middle halves of the runs. Exit code 1 if any broke, was lost, or became slower or larger.
+/// List the measurements that changed by more than their noise between two runs: medians more than 5 % apart, with
+/// disjoint middle halves. Exit code 1 if any broke, was lost, or became slower or larger.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Compare {
     /// Folder of the older run

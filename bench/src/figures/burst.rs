@@ -31,7 +31,7 @@ pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.
 const STEPS_PER_SECOND: f64 = 5e8;
 /// Volume fraction of the initial ball: about the freezing density of hard spheres.
 const FILLED: f64 = 0.5;
-/// Time step in seconds in which particles move by less than rounding errors.
+/// Time step in seconds that moves particles by less than rounding errors.
 const STILL: f64 = 1e-30;
 /// Radii grow while overlaps are removed; otherwise overlaps below the last digit of a coordinate would remain.
 const MARGIN: f32 = 1e-3;
@@ -159,8 +159,7 @@ mod tests {
         assert!(lazygrid::detect(&begun).expect("spheres").is_empty());
         let filled: f64 = begun.iter().map(|s| f64::from(s.radius).powi(3)).sum::<f64>();
         assert!((filled / f64::from(radius).powi(3) - FILLED).abs() < 1e-4);
-        // In a ball ⟨r²⟩ is 3/5 of the squared radius, with a standard deviation of √(12/175) of the squared radius per
-        // carrier.
+        // In a ball, ⟨r²⟩ is 3/5 of the squared radius; its standard deviation per carrier is √(12/175) of it.
         let uniform = 0.6 * f64::from(radius).powi(2);
         let all = spread(begun.iter().copied()) / uniform;
         assert!((1.0..1.12).contains(&all), "{all}");

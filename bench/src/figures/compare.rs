@@ -2,48 +2,39 @@
 
 use super::row::{Results, Row, Status};
 
-/// The smallest ratio that counts as a change: times of different processes differ even if times within a process
-/// hardly vary.
+/// Smallest ratio that counts as a change: processes differ more than runs within a process.
 const LEAST: f64 = 1.05;
-/// The fewest runs for an estimate of their spread.
 const ENOUGH: usize = 5;
 
-/// The change of a measurement, the worst first.
+/// The change of a measurement, ordered from the worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Change {
-    /// The new run has a wrong answer or a failure, the old one had none.
+    /// New run failed or gave a wrong answer; the old one did not.
     Broken,
-    /// Not measured by the new run, though it should have been.
+    /// Missing from the new run, which should have it.
     Lost,
-    /// Slower beyond the noise.
     Slower,
-    /// More bytes per sphere.
     Larger,
-    /// Faster beyond the noise.
     Faster,
-    /// Fewer bytes per sphere.
     Smaller,
-    /// Within the noise.
     Same,
-    /// Too few runs to say.
+    /// Too few runs to estimate the noise.
     TooFew,
 }
 
 /// One measurement in both runs.
 #[derive(Clone, Debug)]
 pub struct Difference<'a> {
-    /// The row of the old run.
     pub old: &'a Row,
-    /// The row of the new run; `None` if it has no such row.
+    /// `None` if the new run has no such row.
     pub new: Option<&'a Row>,
     /// New median over old, or new bytes over old; NaN if either is missing.
     pub ratio: f64,
-    /// The classification of the ratio.
     pub change: Change,
 }
 
-/// The differences that make two runs hard to compare: machine, adapter, scale or number of runs.
+/// Returns the differences that make two runs hard to compare: machine, adapter, scale or number of runs.
 pub fn circumstances(old: &Results, new: &Results) -> Vec<String> {
     let runs = |results: &Results| results.settings.runs.map_or("the default".to_owned(), |n| n.to_string());
     let of = |results: &Results| {
@@ -56,8 +47,8 @@ pub fn circumstances(old: &Results, new: &Results) -> Vec<String> {
     differing.map(|((name, old), new)| format!("different {name}: {old} / {new}")).collect()
 }
 
-/// Returns all measurements of the old run that the new one should repeat. Times differ if the medians are more than 5
-/// % apart and the middle halves of the runs do not overlap; bytes differ if they are more than 5 % apart.
+/// Compares all measurements that the new run should repeat. Times differ if medians are more than 5 % apart and the
+/// middle halves of the runs are disjoint; bytes differ if they are more than 5 % apart.
 pub fn differences<'a>(old: &'a Results, new: &'a Results) -> Vec<Difference<'a>> {
     let of = |row: &'a Row| match new.rows.iter().find(|n| n.matches(row)) {
         Some(found) => difference(row, found),

@@ -16,7 +16,7 @@ use crate::measure::{ContenderFactory, Digest, Found, PairFinder, Spread, turns}
 /// An engine may use this multiple of its time to reach the minimum number of runs.
 const MORE: u32 = 3;
 
-/// Warm-up time of an engine if numbers of threads are compared: newly woken threads may share a core for milliseconds.
+/// Warm-up time per engine if numbers of threads are compared: woken threads may share a core for milliseconds.
 const WAKING: Duration = Duration::from_millis(40);
 
 #[derive(Clone, Copy, Debug, Error)]
@@ -45,11 +45,11 @@ impl PairFinder for NoFinder {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     pub(super) runs: usize,
-    /// The minimum, unless it takes [`MORE`] times the allowed time.
+    /// Minimum number of runs, unless it takes [`MORE`] times the allowed time.
     pub(super) at_least: usize,
-    /// Time of an engine's own runs after which no further run starts.
+    /// An engine starts no run after this total time of its own runs.
     pub(super) time: Duration,
-    /// Time of all engines and of the work between runs after which no further run starts.
+    /// No run starts after this time of all engines, including the work between runs.
     pub(super) in_all: Duration,
 }
 

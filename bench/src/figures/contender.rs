@@ -10,7 +10,6 @@ use crate::measure::ContenderFactory;
 use crate::peers::{cell_list, lammps, octree, parry, sweep_and_prune, verlet};
 use lazygrid_io::scenes::Scene;
 
-/// A contender in the figures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Contender {
     /// A lazygrid detector; pairs in any order. Only `Auto` keeps candidates between steps. A GPU variant falls back to
@@ -26,7 +25,7 @@ pub enum Contender {
     ParryMargin,
     /// parry3d's tree, partly rebuilt at each step.
     ParryOptimised,
-    /// The plain cell list, the baseline.
+    /// Plain cell list, the baseline.
     PlainCellList,
     /// A Verlet list with the fastest skin for the scene and its steps.
     Verlet,
@@ -39,13 +38,12 @@ pub enum Contender {
 }
 
 impl Contender {
-    /// A CPU algorithm with default settings; `None` for all threads.
+    /// Creates a CPU algorithm with default settings, on all threads if `threads` is `None`.
     pub fn cpu(algorithm: Algorithm, threads: Option<usize>) -> Self {
         let target = TargetDevice::Cpu { simd: Simd::detect(), threads };
         Self::Lazygrid(DetectorVariant::new(algorithm, target))
     }
 
-    /// A GPU algorithm with default settings.
     pub fn gpu(algorithm: Algorithm) -> Self {
         Self::Lazygrid(DetectorVariant::new(algorithm, TargetDevice::Gpu { subgroups: true }))
     }
@@ -58,7 +56,7 @@ impl Contender {
         }
     }
 
-    /// Creates the factory of searches for `n` spheres of a scene that move by `step_length` radii per step.
+    /// Creates a factory of searches for `n` spheres that move by `step_length` radii per step.
     pub fn factory(self, scene: Scene, n: usize, step_length: f32) -> ContenderFactory {
         let name = self.to_string();
         match self {
@@ -88,7 +86,7 @@ impl Contender {
         Unavailable::BULLET.factory(self.to_string())
     }
 
-    /// The varied parameter of the sweeps: τ, the cell ratio, or the number of threads.
+    /// τ, the cell ratio, or the number of threads.
     pub(super) fn setting(self) -> Option<f64> {
         let Self::Lazygrid(variant) = self else { return None };
         let threads = match variant.target {

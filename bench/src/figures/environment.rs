@@ -8,39 +8,32 @@ const LOCK: &str = include_str!("../../../Cargo.lock");
 /// The machine and software of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
-    /// The processor.
     pub cpu: String,
-    /// The number of available logical cores.
+    /// Available logical cores.
     pub cores: usize,
-    /// The main memory in GiB; 0 if unknown.
+    /// 0 if unknown.
     pub memory_gib: f64,
-    /// The operating system.
     pub system: String,
-    /// The GPU adapter.
     pub adapter: Option<Adapter>,
-    /// The compared programs and their versions.
+    /// Compared programs and their versions.
     pub versions: Vec<(String, String)>,
-    /// The commit of the build, marked `with changes` if files had changed, or `unknown`.
+    /// Commit of the build, marked `with changes` if files had changed, or `unknown`.
     pub commit: String,
-    /// The start time (UTC).
     pub date: String,
 }
 
-/// The GPU adapter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Adapter {
-    /// The name of the adapter.
     pub name: String,
-    /// The driver and its version.
+    /// Name and version of the driver.
     pub driver: String,
-    /// The graphics API.
+    /// Graphics API.
     pub api: String,
     /// `false` for a software adapter, whose times do not apply to GPUs.
     pub is_hardware: bool,
 }
 
 impl Environment {
-    /// Describes this machine now.
     pub fn here() -> Self {
         let file = |path: &str| std::fs::read_to_string(path).unwrap_or_default();
         let field = |text: &str, name: &str, by: char| {
@@ -69,12 +62,10 @@ impl Environment {
         }
     }
 
-    /// A line with processor, cores, memory and system.
     pub fn machine(&self) -> String {
         format!("{}, {} cores, {} GiB, {}", self.cpu, self.cores, self.memory_gib, self.system)
     }
 
-    /// A line about the adapter.
     pub fn graphics(&self) -> String {
         match &self.adapter {
             None => "no GPU adapter".to_owned(),

@@ -39,7 +39,7 @@ pub enum Figure {
 }
 
 impl Figure {
-    /// All figures in the order of the report.
+    /// All figures, in the report's order.
     pub const ALL: [Self; 14] = [
         Self::F3a,
         Self::F3b,
@@ -57,7 +57,6 @@ impl Figure {
         Self::Species,
     ];
 
-    /// The name on the command line.
     pub const fn name(self) -> &'static str {
         match self {
             Self::F3a => "3a",

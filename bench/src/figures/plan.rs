@@ -19,20 +19,17 @@ pub enum RunScale {
     Full,
 }
 
-/// The settings of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
-    /// The size of the figures.
     pub scale: RunScale,
-    /// The figures to run.
     pub only: Vec<Figure>,
-    /// The most runs, or steps, of an engine at a point; `None` for the paper's number, or fewer below full scale.
+    /// Maximum runs, or steps, of an engine at a point; `None` for the paper's number, or fewer below full scale.
     pub runs: Option<usize>,
-    /// The approximate time budget in minutes.
+    /// Approximate time budget.
     pub minutes: f64,
-    /// The seed of all scenes.
+    /// Seed of all scenes.
     pub seed: u64,
-    /// The command that started the run, or an empty text.
+    /// Command that started the run; may be empty.
     #[serde(default)]
     pub command: String,
 }
@@ -70,7 +67,6 @@ impl DataPoint {
         }
     }
 
-    /// The displacement per step, in radii.
     pub(super) fn step_length(&self) -> f32 {
         if let SceneUpdate::Steps { part } = self.update { part } else { Scene::STEP }
     }
@@ -235,7 +231,7 @@ impl Settings {
             (RunScale::Full, Tau | Ratio | Transceivers | SizeRatio | StepLength) => &[100_000],
             (RunScale::Full, Species) => &[10_000, 100_000],
             (RunScale::Full, Threads) => &[10_000, 100_000, 1_000_000],
-            // Building trees for a million spheres takes minutes, and each engine does so in its own process.
+            // Building trees for a million spheres takes minutes, in each engine's process.
             (RunScale::Full, Memory) => &[100_000],
             (RunScale::Full, Point) => &[100, 1000, 3000, 10_000],
         }

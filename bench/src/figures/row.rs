@@ -4,23 +4,21 @@ use super::plan::DataPoint;
 use super::{Contender, Environment, Settings};
 use crate::measure::Spread;
 
-/// The outcome of a measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Status {
-    /// Each answer was right; the times count.
+    /// Every answer was right.
     Ok,
     /// A wrong answer or a failure; the rest of the row is void.
     Error,
     /// The engine cannot run here or at this size.
     NotAvailable,
-    /// The engine would have taken too long.
+    /// The predicted time was too long.
     LeftOut,
 }
 
 impl Status {
-    /// The name as in `results.json`.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Ok => "ok",
@@ -34,30 +32,29 @@ impl Status {
 /// One engine at one point of a figure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// The figure, such as `3a`.
+    /// Such as `3a`.
     pub figure: String,
-    /// The scene, with the parameters that the figure does not vary.
+    /// Scene, with the parameters that the figure does not vary.
     pub scene: String,
-    /// The number of spheres.
     pub n: usize,
-    /// The varied parameter: step length, τ, cell ratio, threads, simulated seconds, transceivers, or size ratio.
+    /// Value of the varied parameter: step length, τ, cell ratio, threads, simulated seconds, transceivers, or size
+    /// ratio.
     pub at: Option<f64>,
-    /// The engine.
     pub engine: String,
-    /// The outcome of a measurement.
     pub status: Status,
-    /// The reason for any status except `Ok`; otherwise empty.
+    /// Empty for `Ok`.
     pub reason: String,
-    /// The number of overlapping pairs in the last run.
+    /// Number of overlapping pairs in the last run.
     pub pairs: u64,
-    /// The most tangent pairs in a run that differ from the reference. The contract allows this within 4 ulp on GPUs.
+    /// Maximum number of tangent pairs in a run that differ from the reference. The contract allows this within 4 ulp
+    /// on GPUs.
     #[serde(default)]
     pub tangent: u64,
     /// Seconds of each run after the warm-up, until the pairs are in host memory.
     pub wall: Vec<f64>,
-    /// Seconds of GPU time in each of these runs, by timestamps.
+    /// Seconds of GPU time of these runs, by timestamps.
     pub gpu: Vec<f64>,
-    /// Median seconds of each phase.
+    /// Median seconds per phase.
     pub phases: Vec<(String, f64)>,
     /// Peak bytes per sphere besides input and result, if memory was measured.
     pub bytes: Option<f64>,
@@ -82,12 +79,11 @@ impl Row {
         }
     }
 
-    /// Median seconds of a run.
     pub fn median(&self) -> f64 {
         Spread::of(&self.wall).median
     }
 
-    /// Mean and standard deviation of the seconds of a run.
+    /// Returns mean and standard deviation of the seconds of a run.
     pub fn mean(&self) -> (f64, f64) {
         let n = self.wall.len() as f64;
         let mean = self.wall.iter().sum::<f64>() / n;
@@ -95,12 +91,11 @@ impl Row {
         (mean, (squares / (n - 1.0).max(1.0)).sqrt())
     }
 
-    /// Lower and upper quartile of the seconds of a run.
+    /// Returns lower and upper quartile of the seconds of a run.
     pub fn quartiles(&self) -> (f64, f64) {
         quartiles(&self.wall)
     }
 
-    /// Returns `true` for the same measurement in another run.
     pub fn matches(&self, other: &Self) -> bool {
         self.figure == other.figure
             && self.scene == other.scene
@@ -126,16 +121,13 @@ pub(super) fn quartiles(values: &[f64]) -> (f64, f64) {
 /// The results of a run: `results.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Results {
-    /// The machine and software.
     pub environment: Environment,
-    /// The settings.
     pub settings: Settings,
-    /// The seconds of all points, over all sessions.
+    /// Total over all sessions.
     pub seconds: f64,
-    /// The points for which no time was left.
+    /// Points for which no time was left.
     #[serde(default)]
     pub missing: Vec<String>,
-    /// The measurements.
     pub rows: Vec<Row>,
 }
 

@@ -1,4 +1,4 @@
-//! Runs all points in turn. Finished points are cached, and the remaining ones share the remaining time.
+//! Runs all points. Finished points are cached; the remaining ones share the remaining time.
 
 use std::error::Error;
 use std::fs;
@@ -14,24 +14,22 @@ use super::row::{Results, Row};
 use super::{Contender, Environment, Figure, burst, memory};
 use lazygrid_io::scenes::Scene;
 
-/// The fraction of a point's time that counts; the rest is for spheres, references and warm-ups.
+/// Fraction of a point's time that counts; the rest is for spheres, references and warm-ups.
 const MEASURED: f64 = 0.6;
 /// An engine is left out if one run would take this multiple of its time at the point, and more than [`always`].
 const MAX_TIME_FACTOR: f64 = 4.0;
 
-/// Points beyond this multiple of the time budget, the largest ones, are left out.
+/// The largest points are left out beyond this multiple of the time budget.
 const OVERRUN: f64 = 1.5;
 
-/// The progress of a run.
 #[derive(Clone, Debug)]
 pub struct Progress {
-    /// Finished points, including an earlier run's.
+    /// Finished points, including those of earlier runs.
     pub done: usize,
     /// Total number of points.
     pub points: usize,
-    /// The next point.
     pub next: String,
-    /// The estimated time left; slow engines may need more.
+    /// Estimated time left; slow engines may need more.
     pub left: Duration,
 }
 
@@ -39,13 +37,12 @@ pub struct Progress {
 struct CachedPoint {
     #[serde(rename = "mark")]
     fingerprint: String,
-    /// Seconds.
     seconds: f64,
     rows: Vec<Row>,
 }
 
-/// Runs all figures and stores each finished point in `folder`, for the next run with these settings and this build.
-/// `program` is the `lazygrid-bench` command, for memory measurements.
+/// Runs all figures and stores each finished point in `folder`, to resume a run of the same settings and build.
+/// `program` is `lazygrid-bench`, for memory measurements.
 ///
 /// # Errors
 /// Fails if the folder cannot be written or a reference fails. A wrong answer is a row with
@@ -201,7 +198,7 @@ fn is_quadratic(contender: Contender, scene: Scene) -> bool {
     contender.is_quadratic() || scene == Scene::Point
 }
 
-/// From the largest smaller point of this figure and scene and its slowest moment.
+/// Scales the slowest moment at the largest smaller point of this figure and scene.
 fn predicted(contender: Contender, point: &DataPoint, earlier: &[Row]) -> Option<f64> {
     let name = contender.to_string();
     let same = earlier.iter().filter(|row| {
@@ -213,7 +210,7 @@ fn predicted(contender: Contender, point: &DataPoint, earlier: &[Row]) -> Option
     Some(last.median() * (point.n as f64 / last.n as f64).powf(exponent))
 }
 
-/// Cached results must share settings except the choice of figures, commit, build, machine and adapter.
+/// Cached results must share commit, build, machine, adapter, and all settings except the choice of figures.
 fn fingerprint(settings: &Settings, environment: &Environment, program: &Path) -> String {
     let Settings { scale, runs, minutes, seed, only: _, command: _ } = settings;
     let built = fs::metadata(program).ok().and_then(|file| {

@@ -48,7 +48,7 @@ impl<'a> Reference<'a> {
     }
 
     /// Counts the differing pairs within 4 ulp of tangency, relative to the squared cutoff, as GPUs may round (see
-    /// `docs/contract.md`). Others, missing, extra or repeated, are an error.
+    /// `docs/contract.md`). Any other missing, extra or repeated pair is an error.
     pub(super) fn tangent(&self, found: &[Pair]) -> Result<u64, String> {
         let sorted = |pairs: &[Pair]| {
             let mut pairs = pairs.to_vec();

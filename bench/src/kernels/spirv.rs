@@ -33,8 +33,8 @@ pub(super) fn translate(name: &str, wgsl: &str, target: Target) -> Result<Transl
     Ok(Translated { words, workgroup_memory: module.global_variables.iter().filter_map(shared).sum() })
 }
 
-/// The options of `wgpu_hal::vulkan`, without the checks that `lazygrid`'s pipelines disable: loop bounds, and clearing
-/// of workgroup memory.
+/// Returns the options of `wgpu_hal::vulkan`, without the checks that `lazygrid`'s pipelines disable: loop bounds, and
+/// clearing of workgroup memory.
 fn options(target: Target) -> spv::Options<'static> {
     spv::Options {
         lang_version: match target.vulkan {

@@ -9,7 +9,6 @@ use lazygrid_kernels::kernel::Access;
 use super::spirv::Target;
 use super::{Number, Program, Statistic, Text};
 
-/// Compiles pipelines and runs nothing.
 pub(super) struct Compiler {
     device: ash::Device,
     instance: ash::Instance,
@@ -101,7 +100,7 @@ impl Compiler {
             .flags(self.captured(with_texts))
             .layout(layout)
             .stage(stage);
-        // SAFETY: as before; the layout has each binding of the module, as `kernels/tests/reflection.rs` checks.
+        // SAFETY: as before; the layout has each binding of the module (`kernels/tests/reflection.rs`).
         let pipelines =
             unsafe { self.device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };
         let pipelines = pipelines.map_err(|(_, result)| failed("vkCreateComputePipelines")(result))?;
@@ -130,8 +129,8 @@ impl Compiler {
 
 impl Drop for Compiler {
     fn drop(&mut self) {
-        // SAFETY: all objects of the device are destroyed (`Made` ends with each call), nothing was submitted to it,
-        // and neither handle is used any more.
+        // SAFETY: all objects of the device are destroyed (`Made` ends with each call), nothing was submitted, and
+        // neither handle is used any more.
         unsafe {
             self.device.destroy_device(None);
             self.instance.destroy_instance(None);
@@ -171,8 +170,8 @@ fn offered(
         features = features.push_next(&mut subgroups);
     }
     if version >= (1, 1) {
-        // SAFETY: the instance is of version 1.1 or later, as is the device; the chain has only structures that this
-        // device knows, and outlives the call.
+        // SAFETY: instance and device are of version 1.1 or later; the chain has only structures that this device
+        // knows, and outlives the call.
         unsafe { instance.get_physical_device_features2(physical, &mut features) };
     }
     Ok(Offered {
@@ -182,7 +181,7 @@ fn offered(
     })
 }
 
-/// With statistics, and the features that wgpu requests and that affect code.
+/// Creates a device that reports statistics, with the features that wgpu requests and that affect code.
 fn device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
@@ -209,9 +208,9 @@ fn device(
         info = info.push_next(&mut subgroups);
     }
     info = info.enabled_extension_names(&extensions);
-    // SAFETY: the device comes from this instance, which is alive; it supports all requested extensions and features
-    // (`robustBufferAccess` is mandatory), and all that `info` refers to outlives the call. Each device has a queue
-    // family 0 with a queue.
+    // SAFETY: the device comes from this instance, which is alive, and supports all requested extensions and features
+    // (`robustBufferAccess` is mandatory). All that `info` refers to outlives the call. Each device has a queue family
+    // 0 with a queue.
     unsafe { instance.create_device(physical, &info, None) }.map_err(failed("vkCreateDevice"))
 }
 
@@ -237,7 +236,7 @@ struct Made<'a> {
 
 impl Drop for Made<'_> {
     fn drop(&mut self) {
-        // SAFETY: all come from this device, which is alive, have never been submitted, and are not used any more.
+        // SAFETY: all come from this device, which is alive; none was submitted or is used any more.
         unsafe {
             if let Some(pipeline) = self.pipeline {
                 self.device.destroy_pipeline(pipeline, None);
@@ -306,8 +305,7 @@ fn texts(
     }
     let mut count = sized.len() as u32;
     let get = asked.fp().get_pipeline_executable_internal_representations_khr;
-    // SAFETY: as before; `sized` has `count` structures, each with a buffer of the size that it states, and the buffers
-    // outlive the call.
+    // SAFETY: as before; each of the `count` structures has a buffer of its stated size, which outlives the call.
     let result = unsafe { get(asked.device(), info, &mut count, sized.as_mut_ptr()) };
     result.result().map_err(failed(CALL))?;
     let text = |(of, bytes): (&vk::PipelineExecutableInternalRepresentationKHR<'_>, Vec<u8>)| {

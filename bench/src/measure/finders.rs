@@ -1,5 +1,3 @@
-//! Lazygrid's detectors as contenders.
-
 use std::error::Error;
 use std::hint::black_box;
 use std::ops::ControlFlow;

@@ -1,5 +1,3 @@
-//! Memory of a search: the peak of a separate process.
-
 use std::error::Error;
 use std::time::Instant;
 
@@ -8,16 +6,15 @@ use lazygrid::{Pair, Sphere};
 use super::{ContenderFactory, Digest, PairFinder, Spread};
 use lazygrid_io::scenes::Scene;
 
-/// The time and memory of a search in a separate process.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Sample {
-    /// Nanoseconds per sphere of the first call, which allocates its memory.
+    /// Nanoseconds per sphere of the first call, which allocates.
     pub first: f64,
     /// Median nanoseconds per sphere and step of later calls, or of the only call.
     pub nanos: f64,
     /// Peak bytes per sphere besides spheres and result; `None` if the system does not report it.
     pub bytes: Option<f64>,
-    /// The number of pairs at the last step.
+    /// Number of pairs at the last step.
     pub pairs: u64,
     /// [`Digest::sum`] of these pairs; `None` if they were only counted.
     pub sum: Option<u64>,

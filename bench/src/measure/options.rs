@@ -32,7 +32,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// Returns `true` if answers are checked and times do not matter.
+    /// Returns `true` to check answers without meaningful times.
     pub fn is_quick(&self) -> bool {
         self.quick || !self.bench
     }
@@ -42,7 +42,6 @@ impl Options {
         if self.is_quick() { Self { n: vec![300], rounds: 1, steps: 2, ..self } } else { self }
     }
 
-    /// A plan for each scene and number of spheres.
     pub fn plans(&self) -> Vec<Plan> {
         let Self { rounds, steps, seed, step_length, .. } = *self;
         let of = |scene: Scene| {

@@ -1,19 +1,15 @@
 use std::fmt::{self, Write as _};
 use std::process::Command;
 
-/// The median, smallest and largest of some values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
-    /// The median; the mean of the middle two for an even number. NaN without values.
+    /// Mean of the middle two for an even number; NaN without values.
     pub median: f64,
-    /// The smallest value.
     pub low: f64,
-    /// The largest value.
     pub high: f64,
 }
 
 impl Spread {
-    /// The spread of `values`.
     pub fn of(values: &[f64]) -> Self {
         let mut sorted = values.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -33,7 +29,6 @@ impl fmt::Display for Spread {
     }
 }
 
-/// Formats a Markdown table.
 pub fn markdown(header: &[&str], rows: &[Vec<String>]) -> String {
     let cells = |row: &mut dyn Iterator<Item = &str>| format!("| {} |", row.collect::<Vec<_>>().join(" | "));
     let mut table = String::new();
@@ -46,7 +41,6 @@ pub fn markdown(header: &[&str], rows: &[Vec<String>]) -> String {
     table
 }
 
-/// A line with processor, cores, date and commit.
 pub fn provenance() -> String {
     let run = |program: &str, args: &[&str]| {
         let output = Command::new(program).args(args).output().ok().filter(|o| o.status.success())?;

@@ -9,40 +9,31 @@ use lazygrid::{Pair, Sphere};
 use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
-/// The settings of Bullet.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
-    /// The margin of a box on each side, in units of length (the largest radius of each scene); `None` for Bullet's
-    /// default of 0.05.
+    /// Margin of a box on each side, in units of length (the largest radius is 1); `None` for Bullet's default of 0.05.
     pub margin: Option<f32>,
     /// `true` if the tree is searched once per step instead of once per updated box.
     pub deferred: bool,
 }
 
 impl Tuning {
-    /// The default settings of the library.
+    /// Bullet's default settings.
     pub const SHIPPED: Self = Self { margin: None, deferred: false };
 
-    /// The margin with the smallest total time over at least 60 steps (fewer for bursts), after the first full update
-    /// of the tree. Measured at 10,000 and 100,000 spheres, bursts at 10,000, from [`tunings`] by `cargo bench -p
-    /// lazygrid-bench --features bullet --bench peers -- --mode bullet --algorithm cell-list --csv FILE`. Equal spheres
-    /// at 100,000 and bursts are from the shim alone, in processor time of its thread. Nanoseconds per sphere and step
-    /// with margins of 0.25, 0.5, 1 and 2: equal spheres 311, 170, 123, 139 (10,000) and 1160, 417, 237, 556 (100,000);
-    /// five sizes 147, 111, 108, 245 and 824, 475, 708, 1805.
+    /// Returns the fastest margin by `bench/results/amd-epyc-2-cores.md`.
     pub fn best(scene: Scene, _: usize) -> Self {
         let margin = match scene {
             Scene::Equal => 1.0,
             Scene::FiveSizes => 0.5,
             Scene::Transceivers(mixture) => mixture.carrier(),
-            // Over 12 steps of 10,000 spheres: 29 µs per sphere and step with 0.05, 14 with 0.1, 5.6 with 0.25; larger
-            // margins were not measured.
             _ => 0.25,
         };
         Self { margin: Some(margin), deferred: false }
     }
 }
 
-/// The candidate settings; a margin of 0.05 that is not deferred is the default.
+/// Returns candidate settings; the default is a margin of 0.05 that is not deferred.
 pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     let margins: &[f32] = match scene {
         Scene::Equal | Scene::FiveSizes => &[0.05, 0.1, 0.25, 0.5, 1.0, 2.0],
@@ -59,12 +50,10 @@ pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     tunings
 }
 
-/// Bullet with these settings.
 pub fn incremental(name: impl Into<String>, tuning: Tuning) -> ContenderFactory {
     ContenderFactory::new(name, move || Bullet::new(tuning))
 }
 
-/// The version of Bullet's headers.
 pub fn version() -> String {
     let version = lazygrid_bullet_version();
     format!("{}.{:02}", version / 100, version % 100)
@@ -119,8 +108,8 @@ impl PairFinder for Bullet {
             return Err("the number of spheres must not change, as Bullet's proxies are kept".into());
         }
         let (mut pairs, mut found) = (std::ptr::null(), 0);
-        // SAFETY: `spheres` are `n` rows of four floats (`Sphere` is `repr(C)`), read during the call only, and as many
-        // as there are proxies. `world` is alive and used by one thread at a time, as `self` is borrowed mutably.
+        // SAFETY: `spheres` are `n` rows of four floats (`Sphere` is `repr(C)`), as many as proxies, read only during
+        // the call. `&mut self` lets one thread at a time use `world`, which is alive.
         let done =
             unsafe { lazygrid_bullet_step(self.world.as_ptr(), spheres.as_ptr(), n, &mut pairs, &mut found) };
         if !done {
@@ -129,8 +118,8 @@ impl PairFinder for Bullet {
         if found == 0 {
             return Ok(Found::Pairs(&[]));
         }
-        // SAFETY: the shim returns `found` pairs of two `u32` (`Pair` is `repr(C)`) that stay in place until its next
-        // call, which needs `self` mutably and so outlives this borrow.
+        // SAFETY: the shim returns `found` pairs of two `u32` (`Pair` is `repr(C)`). They stay in place until its next
+        // call, which needs `&mut self` and so outlives this borrow.
         Ok(Found::Pairs(unsafe { std::slice::from_raw_parts(pairs, found) }))
     }
 }

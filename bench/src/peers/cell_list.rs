@@ -1,6 +1,5 @@
-//! A plain, well-made cell list as the baseline: spheres sorted by the cell of their center, one grid per size class,
-//! half of the neighbor cells visited, contiguous runs compared. It shares only the exact test with lazygrid's
-//! detectors, so it can serve as the reference.
+//! A plain, well-made cell list as the baseline: one grid per size class, half of the neighbor cells visited,
+//! contiguous runs compared. It shares only the exact test with lazygrid's detectors, so it can serve as the reference.
 
 use std::error::Error;
 
@@ -10,10 +9,9 @@ use super::size_class_grid::SizeClassGrid;
 use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
-/// The smallest spheres and points share the last class.
+/// Smallest spheres and points share the last class.
 const CLASSES: usize = 24;
 
-/// The settings of the cells.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
     /// Cell size of a class over its largest diameter, at least 0.25. Below 1.01, a sphere searches more than one cell
@@ -24,12 +22,10 @@ pub struct Tuning {
 }
 
 impl Tuning {
-    /// The settings for unknown spheres.
     pub const DEFAULT: Self = Self { edge: 1.5, class: 4.0 };
 
-    /// The fastest of [`tunings`] for a scene, by the ratio to parry3d's refitted tree within rounds of `cargo bench -p
-    /// lazygrid-bench --bench peers -- --mode yardstick --algorithm cell-list --output unordered --n 100000 --rounds 7
-    /// --steps 3`.
+    /// Returns the fastest of [`tunings`], by the ratio to parry3d's refitted tree within rounds of `--mode yardstick
+    /// --algorithm cell-list --output unordered --n 100000 --rounds 7 --steps 3` of the bench `peers`.
     pub fn best(scene: Scene) -> Self {
         match scene {
             Scene::Equal => Self { edge: 2.5, ..Self::DEFAULT },
@@ -42,7 +38,6 @@ impl Tuning {
     }
 }
 
-/// The candidate settings.
 pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     let classes: &[f32] = match scene {
         Scene::Equal => &[4.0],
@@ -59,12 +54,11 @@ pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     tunings
 }
 
-/// The baseline for any spheres, which starts from the order of the previous step.
+/// Creates the baseline for any spheres, which starts from the previous step's order.
 pub fn incremental() -> ContenderFactory {
     with("plain cell list", Tuning::DEFAULT)
 }
 
-/// The baseline with the fastest settings for a scene.
 pub fn tuned(name: impl Into<String>, scene: Scene) -> ContenderFactory {
     with(name, Tuning::best(scene))
 }
@@ -93,7 +87,7 @@ impl CellList {
         &self.pairs
     }
 
-    /// In cell order, class by class.
+    /// Returns indices in cell order, class by class.
     pub(super) fn order(&self) -> impl Iterator<Item = u32> {
         self.classes.iter().flat_map(|class| class.order.iter().copied())
     }
@@ -102,7 +96,7 @@ impl CellList {
         Self { tuning, classes: vec![], pairs: vec![], spheres: 0 }
     }
 
-    /// Once: radii do not change between steps.
+    /// Runs once: radii do not change between steps.
     fn classify(&mut self, spheres: &[Sphere]) {
         let largest = spheres.iter().fold(0.0_f32, |largest, s| largest.max(s.radius));
         self.classes = std::iter::repeat_with(SizeClassGrid::default).take(CLASSES).collect();

@@ -1,6 +1,6 @@
-//! LAMMPS through its C library, loaded at run time from the path in [`VARIABLE`]: in doubles, with a half list within
-//! a skin that is kept until an atom has moved half the skin, and with forces at each step. Its pair style has an
-//! energy of 1 for each pair within the cutoff, so the energy of a step is the number of pairs.
+//! LAMMPS through its C library, loaded at run time from the path in [`VARIABLE`]: in doubles, with a half list and
+//! forces at each step. Its pair style has an energy of 1 per pair within the cutoff, so a step's energy is the number
+//! of pairs.
 //!
 //! A LAMMPS simulation stores its atoms there, so copying the coordinates is not timed.
 
@@ -15,7 +15,7 @@ use tempfile::NamedTempFile;
 
 use crate::measure::{ContenderFactory, Found, PairFinder};
 
-/// The environment variable with the path of `liblammps.so`.
+/// Environment variable with the path of `liblammps.so`.
 pub const VARIABLE: &str = "LAZYGRID_LAMMPS_LIB";
 
 type Handle = *mut c_void;
@@ -37,20 +37,18 @@ type Create = unsafe extern "C" fn(
     c_int,
 ) -> c_int;
 
-/// LAMMPS for equal spheres of radius 1, with the fastest skin for steps of `step_length` radii, by [`skins`] in `cargo bench
-/// -p lazygrid-bench --bench peers -- --mode skins --scene equal --output unordered --algorithm auto --steps 100
-/// --rounds 3 --step-length 0.01`.
+/// Creates LAMMPS for equal spheres of radius 1, with the fastest of [`skins`] for steps of `step_length` radii, by
+/// `--mode skins --scene equal --output unordered --algorithm auto --steps 100 --rounds 3 --step-length 0.01` of the
+/// bench `peers`.
 pub fn tuned(name: impl Into<String>, step_length: f32) -> ContenderFactory {
     with(name, best(step_length))
 }
 
-/// The candidate skins; empty without LAMMPS.
 pub fn skins() -> Vec<ContenderFactory> {
     let of = |skin: f32| with(format!("LAMMPS, skin {skin}"), skin);
     if is_named() { [0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0].map(of).into() } else { Vec::new() }
 }
 
-/// Returns `true` if the environment names the LAMMPS library.
 pub fn is_named() -> bool {
     env::var_os(VARIABLE).is_some()
 }
@@ -110,8 +108,8 @@ impl Lammps {
 
     fn check(&self) -> Result<(), Box<dyn Error>> {
         let mut said = [0; 1000];
-        // SAFETY: the types are those of the two functions; the second writes no more than the given size, including a
-        // final zero. `handle` is alive.
+        // SAFETY: the types are those of the two functions; the second writes at most the given size, including a final
+        // zero. `handle` is alive.
         unsafe {
             if self.library.get::<Failed>(b"lammps_has_error\0")?(self.handle) == 0 {
                 return Ok(());
@@ -154,8 +152,8 @@ impl Lammps {
         let places: Vec<c_double> =
             spheres.iter().flat_map(|sphere| sphere.center.to_array().map(f64::from)).collect();
         let (none, no_images) = (std::ptr::null(), std::ptr::null());
-        // SAFETY: the type is that of `lammps_create_atoms` for ids of 4 bytes, as checked in `new`; there are as many
-        // ids and types as atoms, and three times as many coordinates; velocities and images may be null.
+        // SAFETY: the type is that of `lammps_create_atoms` for ids of 4 bytes, as checked in `new`. There are as many
+        // ids and types as atoms, and three coordinates per atom; velocities and images may be null.
         let made = unsafe {
             let create = self.library.get::<Create>(b"lammps_create_atoms\0")?;
             create(self.handle, count, ids.as_ptr(), types.as_ptr(), places.as_ptr(), none, no_images, 1)
@@ -191,8 +189,8 @@ impl PairFinder for Lammps {
         if ids.is_null() || places.is_null() {
             return Err("LAMMPS returned no ids or coordinates of its atoms".into());
         }
-        // SAFETY: `id` is an array with one number for each atom of this process, which has all atoms, each from 1 to
-        // their number; the array is not accessed otherwise during the call.
+        // SAFETY: `id` has one number from 1 to their count for each atom of this process, which has all atoms; the
+        // array is not accessed otherwise during the call.
         let ids = unsafe { std::slice::from_raw_parts(ids.cast::<c_int>(), spheres.len()) };
         // SAFETY: `x` is an array of pointers to three coordinates for each atom.
         let places =

@@ -19,13 +19,12 @@ use crate::measure::{ContenderFactory, Found, PairFinder};
 const SPLIT_ABOVE: usize = 256;
 /// Eight sibling leaves below this total are merged.
 const MERGE_BELOW: usize = 96;
-/// Over the mean diameter of its spheres, which would be in most children if smaller.
+/// Relative to the mean diameter of its spheres; smaller leaves would have most spheres in common.
 const SMALLEST_EDGE: f32 = 2.0;
 const DEEPEST: u32 = 20;
-/// Over the extent of the spheres.
+/// Relative to the extent of the spheres.
 const ROOM: f32 = 1.5;
 
-/// The octree, in the rayon pool of the caller.
 pub fn incremental() -> ContenderFactory {
     ContenderFactory::new("octree (BiNS2)", || Ok(Octree::default()))
 }
@@ -105,12 +104,12 @@ impl Node {
 
 #[derive(Default)]
 struct Octree {
-    /// Starting with the root. Children of merged nodes stay in place and are reused.
+    /// The root is first. Children of merged nodes stay in place for reuse.
     nodes: Vec<Node>,
     free: Vec<usize>,
     boxes: Vec<Bounds>,
     before: Vec<Bounds>,
-    /// The leaf that encloses a sphere's box, which is in no other leaf.
+    /// Leaf that encloses a sphere's box, which is in no other leaf.
     home: Vec<Option<u32>>,
     pairs: Vec<Pair>,
 }
@@ -189,7 +188,7 @@ impl Octree {
         });
     }
 
-    /// From the leaves up. Returns the number of spheres of a leaf.
+    /// Merges from the leaves up. Returns the number of spheres of a leaf.
     fn merge(&mut self, node: usize) -> Option<usize> {
         let Some(first) = self.nodes[node].children else {
             return Some(self.nodes[node].members.len());

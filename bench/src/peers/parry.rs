@@ -1,4 +1,4 @@
-//! parry3d's bounding volume hierarchy, used as its documentation advises, with several settings.
+//! parry3d's bounding volume hierarchy, used as its documentation advises.
 
 use std::error::Error;
 
@@ -21,8 +21,8 @@ enum TreeUpdate {
     Optimize,
 }
 
-/// The candidate settings of a kept tree. Full rebuilds are not included: within a hundred steps of the scenes, they
-/// cost more than they gain.
+/// Returns the candidate settings of a kept tree. Full rebuilds are not included: within a hundred steps, they cost
+/// more than they gain.
 pub fn incremental() -> Vec<ContenderFactory> {
     vec![
         refitted("parry3d refit"),
@@ -31,22 +31,20 @@ pub fn incremental() -> Vec<ContenderFactory> {
     ]
 }
 
-/// A tree that is refitted at each step.
 pub fn refitted(name: impl Into<String>) -> ContenderFactory {
     ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Refit)))
 }
 
-/// A refitted tree with a margin of a fifth of the radius.
+/// Creates a refitted tree with a margin of a fifth of the radius.
 pub fn with_margin(name: impl Into<String>) -> ContenderFactory {
     ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Fat(0.2))))
 }
 
-/// A refitted tree that is partly rebuilt at each step.
 pub fn optimised(name: impl Into<String>) -> ContenderFactory {
     ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Optimize)))
 }
 
-/// The two methods of building a tree from scratch.
+/// Returns the two methods of building a tree from scratch.
 pub fn from_scratch() -> Vec<ContenderFactory> {
     [("binned", BvhBuildStrategy::Binned), ("PLOC", BvhBuildStrategy::Ploc)]
         .map(|(name, strategy)| {

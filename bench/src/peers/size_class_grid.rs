@@ -9,7 +9,7 @@ const MARGIN: f32 = 1.01;
 const SMALLEST_EDGE: f32 = 0.25;
 /// Limits empty cells in sparse scenes.
 const CELLS_PER_SPHERE: f32 = 4.0;
-/// After a sphere's own: with the smallest cells, it searches five cells along each axis.
+/// Rows of cells after a sphere's own: with the smallest cells, it searches five cells along each axis.
 const ROWS: usize = 5 + 5 * 11;
 /// A vector of AVX2.
 const LANES: usize = 8;
@@ -24,7 +24,7 @@ pub(super) struct SizeClassGrid {
     r: Vec<f32>,
     /// Layers of empty cells surround the grid, so that each cell has all its neighbors.
     starts: Vec<u32>,
-    /// The largest distance of cells of touching spheres, and the number of empty layers.
+    /// Largest distance of cells of touching spheres, and the number of empty layers.
     reach: u32,
     /// In the order of the previous step.
     members: Vec<Sphere>,
@@ -38,7 +38,7 @@ pub(super) struct SizeClassGrid {
 }
 
 impl SizeClassGrid {
-    /// Into cells of `edge` times the largest diameter, from the order of the previous step.
+    /// Builds cells of `edge` times the largest diameter, from the previous step's order.
     #[inline(always)]
     pub(super) fn build(&mut self, spheres: &[Sphere], edge: f32) {
         self.members.clear();

@@ -9,7 +9,7 @@ use lazygrid::{Pair, Sphere};
 use super::{half_extent, touch};
 use crate::measure::{ContenderFactory, Found, PairFinder};
 
-/// Sweep and prune along an axis of (nearly) the largest variance of the centers.
+/// Creates sweep and prune along an axis of (nearly) the largest variance of the centers.
 pub fn incremental() -> ContenderFactory {
     ContenderFactory::new("sort-and-sweep (N3Sim)", || Ok(Sweep::default()))
 }
@@ -30,7 +30,7 @@ impl Interval {
     }
 }
 
-/// Ratio of variances at which the axis changes. A new axis makes the stored order useless, and in a round cloud the
+/// Ratio of variances at which the axis changes. A new axis makes the stored order useless; in a round cloud the
 /// largest variance is random.
 const CLEARLY: f64 = 1.5;
 
@@ -65,7 +65,7 @@ impl PairFinder for Sweep {
     }
 }
 
-/// In linear time if little has changed.
+/// Takes linear time if little has changed.
 pub(super) fn sort(intervals: &mut [Interval]) {
     // Insertion moves each interval past those that it overtook, or gives up for a sort.
     let patience = 8 * intervals.len();

@@ -10,9 +10,9 @@ use super::touch;
 use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
-/// The fastest skin for a scene with steps of `step_length` radii and a largest radius of 1, from [`skins`] in `cargo
-/// bench -p lazygrid-bench --bench peers -- --mode skins --output unordered --algorithm auto --steps 100 --rounds 3
-/// --step-length 0.01`. Skins of other scenes than equal spheres are for steps of a tenth.
+/// Returns the fastest of [`skins`] for steps of `step_length` radii and a largest radius of 1, by `--mode skins
+/// --output unordered --algorithm auto --steps 100 --rounds 3 --step-length 0.01` of the bench `peers`. Skins of scenes
+/// other than equal spheres are for steps of a tenth.
 fn best(scene: Scene, step_length: f32) -> f32 {
     match scene {
         Scene::Equal if step_length <= 0.003 => 0.1,
@@ -20,18 +20,16 @@ fn best(scene: Scene, step_length: f32) -> f32 {
         Scene::Equal => 2.0,
         Scene::FiveSizes => 1.0,
         Scene::Burst | Scene::BurstLinear | Scene::Point => 0.1,
-        // Not measured: uses the skin of equal spheres, because nearly all spheres are carriers. Transceivers exceed
-        // its limit at each step.
+        // Not measured: the skin of equal spheres, because nearly all spheres are carriers. Transceivers exceed its
+        // limit at each step.
         Scene::Transceivers(mixture) => 2.0 * mixture.carrier(),
     }
 }
 
-/// The list with the fastest skin for a scene and its steps.
 pub fn tuned(name: impl Into<String>, scene: Scene, step_length: f32) -> ContenderFactory {
     with(name, scene, best(scene, step_length))
 }
 
-/// The candidate skins.
 pub fn skins(scene: Scene) -> Vec<ContenderFactory> {
     let of = |skin: f32| with(format!("Verlet list, skin {skin}"), scene, skin);
     [0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 2.5].map(of).into()
@@ -69,7 +67,6 @@ impl Verlet {
         }
     }
 
-    /// Returns `true` if the candidates are still valid.
     fn advance(&mut self, spheres: &[Sphere]) -> bool {
         if self.order.len() != spheres.len() {
             return false;

@@ -1,5 +1,3 @@
-//! Comparison of each detector variant with the definition of the pairs.
-
 use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Sphere};
 use lazygrid_io::scenes::Scene;
 
@@ -11,19 +9,16 @@ use crate::{
     shrink,
 };
 
-/// The largest scene whose reference tests all pairs; above it, the CPU's cell list is the reference.
+/// Larger scenes use the CPU's cell list as the reference instead of testing all pairs.
 const ALL_PAIRS: usize = 4000;
 
-/// A named scene.
 #[derive(Clone, Debug)]
 pub struct SceneCase {
-    /// The difficulty of the scene.
     pub name: String,
-    /// The input.
     pub scenario: TestInput,
 }
 
-/// All scenes for an effort, reproducibly.
+/// Returns all scenes for an effort; they are reproducible.
 pub fn cases(effort: Effort) -> Vec<SceneCase> {
     let case = |name: &str, scenario: TestInput| SceneCase { name: name.to_owned(), scenario };
     let mut cases: Vec<SceneCase> =
@@ -88,7 +83,6 @@ pub(crate) fn with_species(spheres: Vec<Sphere>, random: &mut Random) -> TestInp
     TestInput { mixture: Some(mixture), ..spheres.into() }
 }
 
-/// The expected pairs, in canonical order.
 pub fn expected(scenario: &TestInput) -> Result<Vec<Pair>, String> {
     if scenario.spheres.len() <= ALL_PAIRS {
         return Ok(scenario.oracle());
@@ -101,16 +95,13 @@ pub fn expected(scenario: &TestInput) -> Result<Vec<Pair>, String> {
     })
 }
 
-/// A failing case, shrunk as far as possible.
 #[derive(Clone, Debug)]
 pub struct FailedCase {
-    /// The scene and the detector variant.
+    /// Names of scene and detector variant.
     pub name: String,
-    /// The failure.
     pub what: String,
-    /// The failing scene, if there is one.
     pub scenario: Option<TestInput>,
-    /// The options of `lazygrid detect` that reproduce the failure, if they exist.
+    /// Options of `lazygrid detect` that reproduce the failure, if they exist.
     pub options: String,
 }
 
@@ -126,10 +117,10 @@ pub fn verify(
     difference(scenario, &pairs(scenario)?, &expected(scenario)?, variant.tolerance())
 }
 
-/// The speed of a detector variant, estimated from its calls so far.
+/// Speed of a detector variant, estimated from its calls so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pace {
-    /// Seconds per unit of work, the least.
+    /// Smallest seconds per unit of work.
     rate: Option<f64>,
 }
 
@@ -137,12 +128,11 @@ impl Pace {
     /// Smaller calls say little about larger ones.
     const TELLING: usize = 1000;
 
-    /// The predicted seconds of a call with `spheres` spheres; 0 before the first measurement.
+    /// Returns predicted seconds of a call; 0 before the first measurement.
     pub fn forecast(self, variant: &DetectorVariant, spheres: usize) -> f64 {
         self.rate.unwrap_or(0.0) * Self::work(variant, spheres)
     }
 
-    /// Records the time of a call with `spheres` spheres.
     pub fn saw(&mut self, variant: &DetectorVariant, spheres: usize, seconds: f64) {
         if spheres >= Self::TELLING {
             let rate = seconds / Self::work(variant, spheres);
@@ -156,13 +146,13 @@ impl Pace {
 }
 
 impl SceneCase {
-    /// Runs one detector variant and returns a description of the difference from `expected`, if any.
+    /// Runs one detector variant and describes the first difference from `expected`.
     pub fn fault(&self, variant: &DetectorVariant, gpu: Option<&Gpu>, expected: &[Pair]) -> Option<String> {
         let found = variant.pairs(gpu, &self.scenario);
         found.and_then(|found| difference(&self.scenario, &found, expected, variant.tolerance())).err()
     }
 
-    /// Shrinks a failure of one detector variant with at most `tries` attempts of [`shrink`].
+    /// Shrinks a failure of one detector variant in at most `tries` attempts.
     pub fn failure(
         &self,
         variant: &DetectorVariant,

@@ -8,54 +8,45 @@ use crate::device::TIMEOUT;
 use crate::scenes::motion::{skin_of, walk};
 use crate::{Effort, TestInput, Tolerance};
 
-/// The GPU under test.
 #[derive(Clone, Debug)]
 pub struct Gpu {
-    /// The device.
     pub own: GpuDevice,
-    /// The adapter, if the caller named one.
+    /// Adapter that the caller named.
     pub adapter: Option<AdapterId>,
 }
 
-/// A detector variant under test.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DetectorVariant {
-    /// The algorithm.
     pub algorithm: Algorithm,
-    /// The target device.
     pub target: TargetDevice,
-    /// τ, or `None` for the default.
+    /// `None` for the default.
     pub tau: Option<u32>,
-    /// The cell ratio, or `None` for the default.
+    /// `None` for the default.
     pub cell_ratio: Option<f32>,
-    /// The skin of the candidate list as a fraction of a radius; 0 leaves the choice to the detector.
+    /// Skin as a fraction of a radius; 0 leaves the choice to the detector.
     pub skin: f32,
 }
 
-/// The target of a detector and its target-specific settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TargetDevice {
-    /// The CPU.
     Cpu {
-        /// The widest SIMD code to use.
+        /// Maximum SIMD width.
         simd: Simd,
-        /// The number of threads; `None` for the global pool.
+        /// `None` for the global pool.
         threads: Option<usize>,
     },
-    /// The GPU.
     Gpu {
-        /// `true` if kernels use subgroup operations.
+        /// `true` to use subgroup operations.
         subgroups: bool,
     },
 }
 
 impl DetectorVariant {
-    /// Creates a variant with default settings.
     pub fn new(algorithm: Algorithm, target: TargetDevice) -> Self {
         Self { algorithm, target, tau: None, cell_ratio: None, skin: 0.0 }
     }
 
-    /// Each CPU algorithm on one thread with each SIMD width, and on all threads with the widest.
+    /// Returns each algorithm on one thread with each SIMD width, and on all threads with the widest.
     pub fn on_cpu() -> Vec<Self> {
         let widest = Simd::detect();
         let mut widths = vec![Simd::Avx512, Simd::Avx2, Simd::Portable];
@@ -67,8 +58,8 @@ impl DetectorVariant {
             .collect()
     }
 
-    /// Each GPU algorithm with and without subgroup operations and with τ = 1, and a cell list with candidates. A
-    /// [quick](Effort::Quick) check has default settings only, and the cell list with candidates.
+    /// Returns each algorithm with and without subgroup operations and with τ = 1, and a cell list with candidates. A
+    /// [quick](Effort::Quick) check has only default settings and the cell list with candidates.
     pub fn on_gpu(own: &GpuDevice, effort: Effort) -> Vec<Self> {
         let with = |subgroups, tau| {
             let variant =
@@ -89,7 +80,6 @@ impl DetectorVariant {
         variants
     }
 
-    /// The backend of the target.
     pub fn backend(&self) -> Backend {
         match self.target {
             TargetDevice::Cpu { .. } => Backend::Cpu,
@@ -97,7 +87,6 @@ impl DetectorVariant {
         }
     }
 
-    /// The allowed deviation from the definition.
     pub fn tolerance(&self) -> Tolerance {
         match self.target {
             TargetDevice::Cpu { .. } => Tolerance::Exact,
@@ -105,7 +94,7 @@ impl DetectorVariant {
         }
     }
 
-    /// The settings of a `Detector`, which uses subgroup operations whenever the device supports them.
+    /// Returns the settings of a `Detector`, which uses all subgroup operations of the device.
     pub fn config(&self, gpu: Option<&Gpu>) -> Config {
         let mut config = Config::default().backend(self.backend()).algorithm(self.algorithm).timeout(TIMEOUT);
         if let Some(tau) = self.tau {
@@ -126,7 +115,7 @@ impl DetectorVariant {
         }
     }
 
-    /// Finds the pairs of a scenario, in any order.
+    /// Returns pairs in any order.
     pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> Result<Vec<Pair>, String> {
         catch_panic(|| match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
@@ -145,8 +134,8 @@ impl DetectorVariant {
         })
     }
 
-    /// Returns `true` if the variant supports the scenario. A host-side filter needs a `Detector`, which uses subgroup
-    /// operations whenever the device supports them.
+    /// Returns `true` if the variant supports the scenario. A host-side filter needs a `Detector`, which uses all
+    /// subgroup operations of the device.
     pub fn takes(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> bool {
         match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) => {
@@ -188,7 +177,7 @@ impl DetectorVariant {
         Ok(session.finish(ticket, u64::MAX).map_err(text)?.to_vec())
     }
 
-    /// The options of `lazygrid detect` for this variant, if they exist.
+    /// Returns options of `lazygrid detect` for this variant, if they exist.
     pub fn options(&self, gpu: Option<&Gpu>) -> String {
         let mut options = format!(" --backend {} --algorithm {}", self.backend(), self.algorithm);
         if let (TargetDevice::Gpu { .. }, Some(adapter)) =

@@ -1,5 +1,3 @@
-//! Checks of the kernels that configure a cell list and assign its spheres to cells.
-
 use bytemuck::Zeroable;
 use lazygrid::Sphere;
 use lazygrid::gpu::{GpuDevice, Outcome};
@@ -195,7 +193,7 @@ fn touching_spheres_are_in_adjacent_cells(
     Ok(())
 }
 
-/// Each counter holds the number of unlisted spheres, if smaller spheres may leave cells.
+/// Counters hold the number of unlisted spheres, if smaller spheres may leave cells.
 pub(crate) fn occupancy_count(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
@@ -273,7 +271,6 @@ pub(crate) fn cells_count(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Each sphere's key is its cell, and the digits of the first sort pass are counted.
 pub(crate) fn cells_key(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;

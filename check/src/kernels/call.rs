@@ -10,7 +10,6 @@ use crate::device::{download, download_one, run, upload, upload_one};
 use crate::scenes::{hard, periodic};
 use crate::{Random, SceneSeed, TestInput};
 
-/// Clears accumulators and limits the number of spheres to the capacity.
 pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
     for (given, most) in [(0_u32, 10), (10, 10), (11, 10)] {
         let call = upload(own, &[SearchParams { spheres: most, ..SearchParams::zeroed() }])?;
@@ -33,7 +32,6 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
         same(|| case("spheres"), &download_one::<Grid>(own, &grid)?.spheres, &given.min(most))?;
         let found = download::<Outcome>(own, &outcome, 1)?[0];
         let overflow = if given > most { Outcome::OVERFLOW_SPHERES } else { 0 };
-        // The last kernel of a call sets these, so they may hold anything here.
         let (x, y, z) = (found.dispatch_x, found.dispatch_y, found.dispatch_z);
         let cleared = Outcome {
             overflow,
@@ -78,7 +76,7 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// None is written above the number or the capacity.
+/// No value is written above the number or the capacity.
 pub(crate) fn spheres_interleave(own: &GpuDevice) -> Result<(), KernelError> {
     const ROOM: usize = 700;
     const UNWRITTEN: [u32; 4] = [7; 4];
@@ -207,7 +205,7 @@ pub(crate) fn entries_finish(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// The dispatch arguments suffice if one cell has all entries, up to the largest plan.
+/// Dispatch arguments suffice if one cell has all entries, up to the largest plan.
 pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
     let most = 65_535 * k::RUN_TILES;
     let blocks = [1, 5, 4096, 65_535, 65_536, most];

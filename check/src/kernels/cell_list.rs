@@ -148,7 +148,7 @@ fn begun(
 /// Keeps radii above the subnormal numbers that devices flush.
 const FLUSHED: f32 = f32::MIN_POSITIVE * 64.0;
 
-/// The expected statistics, if subnormal numbers are flushed or not.
+/// Expected statistics, if subnormal numbers are flushed or not.
 pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) -> InputStats {
     let mut survey = InputStats::zeroed();
     for (id, sphere) in spheres.iter().enumerate() {

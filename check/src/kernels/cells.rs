@@ -1,5 +1,3 @@
-//! Sequential versions of the device's cell assignment.
-
 use bytemuck::Zeroable;
 use glam::Vec3;
 use lazygrid::gpu::{GpuDevice, Outcome};
@@ -17,7 +15,7 @@ use crate::{Random, TestInput};
 pub(crate) const CELL_CAPACITY: u32 = 4096;
 /// For size classes without cells, whose spheres are listed.
 pub(crate) const LISTED: usize = 255;
-/// The largest occupancy at which smaller spheres stay in a coarse cell.
+/// Largest occupancy at which smaller spheres stay in a coarse cell.
 pub(crate) const TAU: u32 = 8;
 
 #[derive(Clone)]

@@ -1,5 +1,3 @@
-//! Divisions of the spheres of a cell list into sides.
-
 use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid::{Error, Interaction};
 use lazygrid_kernels::layout::{CellListLayout, SearchParams, SpeciesParams};

@@ -9,7 +9,6 @@ mod division;
 mod grid;
 mod grid_levels;
 mod overflow;
-/// Checks of the radix sort and the prefix scan.
 pub mod primitives;
 mod probe;
 mod runs;
@@ -23,14 +22,10 @@ use crate::Effort;
 pub use support::KernelError;
 pub(crate) use support::same;
 
-/// A check of one or more kernels.
 #[derive(Clone, Copy, Debug)]
 pub struct KernelCheck {
-    /// The name.
     pub name: &'static str,
-    /// The checked kernels.
     pub kernels: &'static [&'static str],
-    /// The check.
     pub run: Run,
 }
 
@@ -38,10 +33,8 @@ const fn one(name: &'static str, kernels: &'static [&'static str], run: Run) -> 
     KernelCheck { name, kernels, run }
 }
 
-/// A check function.
 pub type Run = fn(&GpuDevice, Effort) -> Result<(), KernelError>;
 
-/// All checks, in the order of the kernels in a call.
 pub const CHECKS: [KernelCheck; 36] = [
     one("subgroup probe", &["subgroup_probe"], |own, _| probe::subgroup_probe(own)),
     one("start of a call", &["call_begin"], |own, _| call::call_begin(own)),

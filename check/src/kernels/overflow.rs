@@ -127,7 +127,7 @@ pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelErr
     Ok(())
 }
 
-/// The candidates of coincident spheres are all later ones. The first search covers its share and lists blocks with
+/// All later spheres are candidates of a coincident sphere. The first search covers its share and lists blocks with
 /// more.
 pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
     for count in [2_u32, 256, 257, 300, 700, 769, 1400] {
@@ -156,8 +156,8 @@ pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Checks the search of few spheres: one dispatch with a workgroup for each chunk of candidates of each block, which also
-/// finishes the outcome.
+/// Searches few spheres in one dispatch with a workgroup per chunk of candidates of each block, which also finishes the
+/// outcome.
 fn few(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
     let count = chosen.call.spheres;
     let pairs = count * (count - 1) / 2;

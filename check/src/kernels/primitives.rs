@@ -6,9 +6,9 @@ use super::support::{KernelError, same, variants};
 use crate::Random;
 use crate::device::{download, run, submit, upload};
 
-/// Numbers of values: around a workgroup, around a tile, and many tiles.
+/// Around a workgroup, around a tile, and many tiles.
 pub const SIZES: [usize; 12] = [0, 1, 255, 256, 257, 2047, 2048, 2049, 4095, 4096, 4097, 300_000];
-/// At or above this number only random keys are sorted, by two numbers of bits.
+/// Larger inputs sort only random keys, by two numbers of bits.
 const MANY: usize = 100_000;
 
 fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
@@ -21,7 +21,7 @@ fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
     (before.collect(), total)
 }
 
-/// Checks the scan of `size` values of several kinds, with and without subgroup operations.
+/// Scans `size` values of several kinds, with and without subgroup operations.
 pub fn scan(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let scan = PrefixScan::new(&own.device, subgroups);
@@ -48,7 +48,7 @@ pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         for size in [0, 1, 255, 256, 257, 30_002, SCANNED_AT_ONCE as usize] {
             let mut random = Random(size as u64);
-            // The sum fits 32 bits, as that of counters does.
+            // The sum fits in 32 bits, as that of counters does.
             let mut values: Vec<u32> = (0..size).map(|_| random.word() >> 16).collect();
             let largest = values.iter().copied().max().unwrap_or(0);
             // Four are read at once, and the largest value follows.
@@ -93,8 +93,8 @@ fn keys_of_each_kind(size: usize) -> [Vec<u32>; 4] {
     ]
 }
 
-/// Checks the sort of `size` keys, with and without subgroup operations: random keys by several numbers of bits, other
-/// kinds by 13 and 32 bits; at or above 100,000 keys only random ones, by 24 and 32 bits.
+/// Sorts `size` keys, with and without subgroup operations: random keys by several numbers of bits, other kinds by 13
+/// and 32 bits; at or above 100,000 keys only random ones, by 24 and 32 bits.
 pub fn sort(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let sort = RadixSort::new(&own.device, subgroups);

@@ -9,7 +9,7 @@ use crate::Random;
 use crate::device::{download, run, run_over, upload, upload_one};
 
 const PAIR_CAPACITY: u32 = 1 << 21;
-/// The first search compares entries up to this distance.
+/// First search compares entries up to this distance.
 const NEAR: u32 = 256;
 
 struct Runs {
@@ -86,7 +86,7 @@ impl Runs {
     }
 }
 
-/// Active entries meet all entries of their run; all spheres are at one point.
+/// Active entries meet all entries of their run, which are at one point.
 pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
     for (actives, passives, passive) in
         [(0, 5, 1), (1, 0, 1), (1, 256, 1), (3, 200, 1), (257, 0, 0), (100, 157, 1)]

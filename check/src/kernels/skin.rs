@@ -44,7 +44,6 @@ fn call(spheres: usize, space: Space) -> (SearchParams, Variant) {
     (call.in_space(space), Variant { periodic: space.is_periodic(), ..Variant::default() })
 }
 
-/// Finds the largest displacement and changed spheres.
 pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
     for (size, lengths) in SIZES.into_iter().flat_map(|size| SPACES.map(|lengths| (size, lengths))) {
         let space = periodic::space(lengths);
@@ -99,7 +98,6 @@ pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Rebuilds if the list is incomplete, spheres changed, or a displacement exceeds the limit.
 pub(crate) fn skin_check(own: &GpuDevice) -> Result<(), KernelError> {
     let kept = SkinState {
         is_complete: 1,

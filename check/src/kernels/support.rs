@@ -7,13 +7,10 @@ use thiserror::Error;
 
 pub(super) const SIZES: [usize; 7] = [0, 1, 255, 256, 257, 1023, 20_000];
 
-/// The failure of a check.
 #[derive(Clone, Debug, Error, PartialEq)]
 pub enum KernelError {
-    /// A result differs from the expected one.
     #[error("{0}")]
     WrongResult(String),
-    /// The device failed.
     #[error(transparent)]
     Device(#[from] Error),
 }

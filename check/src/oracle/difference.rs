@@ -5,10 +5,10 @@ use crate::TestInput;
 /// The allowed deviation from the definition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tolerance {
-    /// None: for the CPU.
+    /// For the CPU.
     Exact,
-    /// For the GPU: pairs within 4 ulp of tangency, relative to the squared cutoff, may fall either way; within 5 ulp
-    /// in a periodic space, where a distance across the boundary is the sum of two. Triclinic cells are exact.
+    /// For the GPU: pairs within 4 ulp of tangency, relative to the squared cutoff, may fall either way; in a periodic
+    /// space within 5 ulp, because a distance across the boundary is a sum of two. Triclinic cells are exact.
     Tangent,
 }
 
@@ -30,10 +30,10 @@ impl Tolerance {
     }
 }
 
-/// Compares `found`, in any order, with the `expected` pairs in canonical order.
+/// Compares `found`, in any order, with `expected` in canonical order.
 ///
 /// # Errors
-/// The numbers of missing, extra, duplicate and malformed pairs, and the first of each with its spheres and gap.
+/// Counts missing, extra, duplicate and malformed pairs, and describes the first of each.
 pub fn difference(
     scenario: &TestInput,
     found: &[Pair],
@@ -80,7 +80,7 @@ fn describe(scenario: &TestInput, pair: Pair) -> String {
     format!("{} and {}, {gap}", sphere(i), sphere(j))
 }
 
-/// A digest of the pairs, independent of their order. Duplicates count.
+/// Returns a digest independent of the pairs' order. Duplicates count.
 pub fn checksum(pairs: &[Pair]) -> u64 {
     // The finalizer of SplitMix64.
     let mix = |pair: &Pair| {
@@ -127,7 +127,7 @@ mod tests {
         let [none, one] = [&[][..], &[(0, 1)]];
         assert_eq!(verdict(&[0.0, 2.0], none, Tangent), Ok(()));
         assert!(verdict(&[0.0, 2.0], none, Exact).is_err());
-        // Moving by one ulp of 2 changes the squared distance by 2 ulp, relative to the squared cutoff.
+        // One ulp of 2 changes the squared distance by 2 ulp, relative to the squared cutoff.
         let ulp = 2.0 * f32::EPSILON;
         assert_eq!(verdict(&[0.0, 2.0 + ulp], one, Tangent), Ok(()));
         assert!(verdict(&[0.0, 2.0 + ulp], one, Exact).is_err());

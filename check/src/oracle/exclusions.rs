@@ -4,14 +4,14 @@ use lazygrid::{Error, Exclusions, Spheres};
 
 use crate::TestInput;
 
-/// The words from which the exclusions of a scene are drawn.
+/// Words from which exclusions are drawn.
 pub const EXCLUSION_WORDS: usize = 64;
 
 /// Excluded pairs, as the library's [`Exclusions`] and as a plain set for the oracle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExclusionCase {
     list: Exclusions,
-    /// The smaller index first.
+    /// Smaller index first.
     pairs: BTreeSet<(u32, u32)>,
 }
 
@@ -23,12 +23,11 @@ impl ExclusionCase {
         Ok(Self { list, pairs: pairs.into_iter().map(|(i, j)| (i.min(j), i.max(j))).collect() })
     }
 
-    /// The exclusions as the library's type.
     pub fn list(&self) -> &Exclusions {
         &self.list
     }
 
-    /// The excluded pairs, each once and with the smaller index first.
+    /// Returns each pair once, with the smaller index first.
     pub fn pairs(&self) -> impl Iterator<Item = (u32, u32)> {
         self.pairs.iter().copied()
     }
@@ -46,8 +45,7 @@ impl ExclusionCase {
 }
 
 impl TestInput {
-    /// Adds exclusions drawn from `words`: groups of any size with some spheres in none, a list of pairs in either
-    /// order with repetitions, or both.
+    /// Adds groups of any size with some spheres in none, a list of pairs in either order with repetitions, or both.
     pub fn with_exclusions(self, words: &[u32; EXCLUSION_WORDS]) -> Self {
         let spheres = self.spheres.len();
         let word = |k: usize| words[k % words.len()].rotate_left((k / words.len()) as u32 * 7);
@@ -64,7 +62,7 @@ impl TestInput {
             groups: (kind != 1).then(|| (0..spheres).map(group).collect()),
             excluded: match kind {
                 0 => None,
-                // All indices are below the number of spheres. Without spheres the list is empty.
+                // Indices are below the number of spheres; without spheres the list is empty.
                 _ => ExclusionCase::new(spheres, (0..4 * spheres).map(pair)).ok(),
             },
             ..self

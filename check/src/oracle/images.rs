@@ -8,7 +8,7 @@ pub(crate) struct ImageOracle {
     given: [Option<[f64; 3]>; 3],
     /// With their original indices, the longest first. The last one needs no loop.
     edges: Vec<(usize, DVec3)>,
-    /// The rows of the inverse matrix give fractional coordinates.
+    /// Rows of the inverse matrix give fractional coordinates.
     fractions: Vec<DVec3>,
 }
 
@@ -28,8 +28,8 @@ impl ImageOracle {
         &self.fractions
     }
 
-    /// The smallest squared length of `apart` and its images. For a finite `reach`: of any image within `reach`, or of
-    /// any image if none is.
+    /// Returns the smallest squared length of `apart` and its images. For a finite `reach`: of any image within
+    /// `reach`, or of any image if none is.
     ///
     /// An image within `reach` has a fractional coordinate of at most `reach` over the height of the cell along that
     /// vector.
@@ -39,7 +39,7 @@ impl ImageOracle {
             shift[*k] = -row.dot(apart).round();
         }
         let folded = self.image(apart, shift);
-        // If the folded image is within `reach`, no search is needed.
+        // A folded image within `reach` needs no search.
         if reach.is_finite() && folded.length() <= reach {
             return squared(folded);
         }
@@ -62,9 +62,8 @@ impl ImageOracle {
         DVec3::new(component(0), component(1), component(2))
     }
 
-    /// The smallest squared length of the image at `shift` and the images that differ from it by `turns` of each
-    /// remaining cell vector. `near` is approximately that image. Along the last vector, the minimum of the parabola
-    /// and its two neighbors suffice.
+    /// Returns the smallest squared length of images up to `turns` away from `shift` along each remaining cell vector.
+    /// `near` is approximately that image. Along the last vector, the parabola's minimum and its two neighbors suffice.
     fn nearest(&self, vector: DVec3, shift: [f64; 3], near: DVec3, turns: &[[i32; 2]]) -> f64 {
         let at = self.edges.len() - turns.len();
         let Some((k, edge)) = self.edges.get(at) else { return squared(self.image(vector, shift)) };
@@ -91,7 +90,7 @@ fn squared(vector: DVec3) -> f64 {
     vector.x * vector.x + vector.y * vector.y + vector.z * vector.z
 }
 
-/// The inverse matrix, or its pseudoinverse within the plane or line of the cell vectors.
+/// Returns the inverse matrix, or its pseudoinverse within the plane or line of the cell vectors.
 fn fractions(edges: &[DVec3]) -> Vec<DVec3> {
     match *edges {
         [a] => vec![a / a.length_squared()],

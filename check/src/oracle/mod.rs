@@ -13,27 +13,22 @@ pub use difference::{Tolerance, checksum, difference};
 pub use exclusions::{EXCLUSION_WORDS, ExclusionCase};
 pub use shrink::shrink;
 
-/// A test input with everything that determines its pairs.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TestInput {
-    /// The spheres.
     pub spheres: Vec<Sphere>,
-    /// The space of the spheres.
     pub space: Space,
-    /// Species and interactions; `None` if all touching spheres pair.
+    /// `None` if all touching spheres pair.
     pub mixture: Option<SpeciesSetup>,
-    /// The group of each sphere, or [`Spheres::NO_GROUP`].
+    /// Group of each sphere, or [`Spheres::NO_GROUP`].
     pub groups: Option<Vec<u32>>,
-    /// The excluded pairs.
     pub excluded: Option<ExclusionCase>,
 }
 
-/// Species and their interactions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpeciesSetup {
-    /// The species id of each sphere.
+    /// Species id of each sphere.
     pub species: Vec<u32>,
-    /// The lower triangle of the table: `rows[a][b]` for `b ≤ a`.
+    /// Lower triangle of the table: `rows[a][b]` for `b ≤ a`.
     pub rows: Vec<Vec<Interaction>>,
 }
 
@@ -42,7 +37,6 @@ impl SpeciesSetup {
         self.rows[a.max(b) as usize][a.min(b) as usize]
     }
 
-    /// Converts the table to the library's type.
     pub fn interactions(&self) -> Result<Interactions, InputError> {
         let mut table = Interactions::new(self.rows.len() as u32, Interaction::Never)?;
         for (a, row) in self.rows.iter().enumerate() {
@@ -61,13 +55,11 @@ impl From<Vec<Sphere>> for TestInput {
 }
 
 impl TestInput {
-    /// The query for a detector.
     pub fn query(&self) -> Query<'_> {
         let query = Query::new(self.view());
         self.excluded.as_ref().map_or(query, |excluded| query.without(excluded.list()))
     }
 
-    /// The spheres with species and groups.
     pub fn view(&self) -> Spheres<'_> {
         let mut spheres = Spheres::from(&self.spheres);
         if let Some(mixture) = &self.mixture {
@@ -79,12 +71,10 @@ impl TestInput {
         spheres
     }
 
-    /// The interaction table, with species.
     pub fn interactions(&self) -> Result<Option<Interactions>, InputError> {
         self.mixture.as_ref().map(SpeciesSetup::interactions).transpose()
     }
 
-    /// Adds this scenario's space and interactions to `config`.
     pub fn config(&self, config: Config) -> Result<Config, InputError> {
         let config = if self.space.is_periodic() { config.space(self.space) } else { config };
         Ok(match self.interactions()? {
@@ -93,7 +83,7 @@ impl TestInput {
         })
     }
 
-    /// The scenario with only the spheres for which `keep` returns `true`.
+    /// Returns the scenario with only the spheres for which `keep` returns `true`.
     pub fn only(&self, mut keep: impl FnMut(usize) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.spheres.len()).filter(|&k| keep(k)).collect();
         let mixture = self.mixture.as_ref().map(|mixture| SpeciesSetup {
@@ -114,14 +104,13 @@ impl TestInput {
         self.space.triclinic_cell().is_some() || self.groups.is_some() || self.excluded.is_some()
     }
 
-    /// Returns `true` if the pair is excluded.
     pub fn excludes(&self, i: usize, j: usize) -> bool {
         let of_one_group = |groups: &Vec<u32>| groups[i] == groups[j] && groups[i] != Spheres::NO_GROUP;
         self.groups.as_ref().is_some_and(of_one_group)
             || self.excluded.as_ref().is_some_and(|excluded| excluded.has(i as u32, j as u32))
     }
 
-    /// The cutoff of two spheres; `None` if they never pair.
+    /// Returns the cutoff of two spheres; `None` if they never pair.
     pub fn reach(&self, i: usize, j: usize) -> Option<f64> {
         if self.excludes(i, j) {
             return None;
@@ -137,7 +126,7 @@ impl TestInput {
         }
     }
 
-    /// The squared distance of two centers, or of their nearest images.
+    /// Returns the squared distance of two centers, or of their nearest images.
     pub fn distance_squared(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (self.spheres[i].center, self.spheres[j].center);
         if self.space.triclinic_cell().is_some() {
@@ -150,7 +139,7 @@ impl TestInput {
         dx * dx + dy * dy + dz * dz
     }
 
-    /// All pairs in canonical order by the contract, in the simplest code.
+    /// Returns all pairs in canonical order by the contract, in the simplest code.
     pub fn oracle(&self) -> Vec<Pair> {
         if self.space.triclinic_cell().is_none() {
             return self.pairs_by(|i, j, _| self.distance_squared(i, j));
@@ -162,8 +151,8 @@ impl TestInput {
         })
     }
 
-    /// All pairs in canonical order. `apart` returns the squared distance of two spheres; beyond the given cutoff, any
-    /// larger value.
+    /// Returns all pairs in canonical order. `apart` returns the squared distance of two spheres; beyond the given
+    /// cutoff, any larger value.
     pub fn pairs_by(&self, apart: impl Fn(usize, usize, f64) -> f64) -> Vec<Pair> {
         let mut pairs = Vec::new();
         for i in 0..self.spheres.len() {

@@ -1,20 +1,14 @@
-//! Families of scenes that are hard on grids, made from a [`SceneSeed`], so that they shrink.
-
 use glam::{DVec3, Vec3};
 use lazygrid::{Interaction, Sphere};
 
 use crate::{SceneSeed, SeedReader, SpeciesSetup};
 
-/// A family of scenes.
 #[derive(Clone, Copy, Debug)]
 pub struct SceneFamily {
-    /// The name for reports.
     pub name: &'static str,
-    /// Makes the spheres of a seed.
     pub spheres: fn(&SceneSeed) -> Vec<Sphere>,
 }
 
-/// All families.
 pub const FAMILIES: [SceneFamily; 12] = [
     SceneFamily { name: "lattices in contact", spheres: lattice },
     SceneFamily { name: "duplicates", spheres: duplicates },
@@ -154,8 +148,8 @@ pub fn one_magnitude(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| Sphere::new(place(|| value(of)), value(of).abs()))
 }
 
-/// A length near which `f32` arithmetic changes: the smallest numbers, the smallest normal one and its neighbors, and
-/// numbers whose squares underflow or overflow.
+/// Returns a length near which `f32` arithmetic changes: smallest numbers, around the smallest normal one, and numbers
+/// whose squares underflow or overflow.
 pub(crate) fn extreme_unit(of: &mut SeedReader<'_>) -> f32 {
     let exponents =
         [-76, -149, -147, -130, -127, -126, -125, -120, -101, -64, -41, -39, 59, 64, 100, 119, 121];
@@ -202,11 +196,11 @@ pub fn soup(words: &SceneSeed) -> Vec<Sphere> {
     })
 }
 
-/// The words of a table of [`mixture`].
+/// Words of a table of [`mixture`].
 pub const TABLE_WORDS: usize = 41;
 
 /// Makes up to four species with all kinds of interactions. Distances may be 0, the exact distance of two spheres, or
-/// large compared with all radii. `ids` has one word for each sphere.
+/// large compared with all radii. `ids` has one word per sphere.
 pub fn mixture(spheres: &[Sphere], table: &[u32; TABLE_WORDS], ids: &[u32]) -> SpeciesSetup {
     let mut choices = SeedReader::new(table);
     let count = 1 + choices.below(4);

@@ -13,7 +13,7 @@ use lazygrid::Sphere;
 pub use random::Random;
 pub use seed::{ElementSeed, SceneSeed, SeedReader};
 
-/// `n` spheres with centers uniform in the cube from the origin to `extent`.
+/// Returns `n` spheres with centers uniform in the cube from the origin to `extent`.
 pub fn cloud(seed: u64, n: usize, extent: f32, radius: impl Fn(&mut Random) -> f32) -> Vec<Sphere> {
     let mut random = Random(seed);
     (0..n)
@@ -28,7 +28,6 @@ fn moved(spheres: Vec<Sphere>, by: f32) -> Vec<Sphere> {
     spheres.into_iter().map(|s| Sphere::new(s.center + by, s.radius)).collect()
 }
 
-/// The hard scenes and their names.
 pub fn scenes() -> Vec<(&'static str, Vec<Sphere>)> {
     let lattice = |edge: f32, radius: f32| -> Vec<Sphere> {
         let at = |i: i32| [(i % 10) as f32 * edge, (i / 10 % 10) as f32 * edge, (i / 100) as f32 * edge];

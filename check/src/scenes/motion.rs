@@ -1,14 +1,12 @@
-//! Moving spheres, and skins for their candidate lists.
-
 use lazygrid::{Skin, Sphere};
 
-/// A skin of `part` times the first nonzero radius, or times the first nonzero distance of consecutive spheres if all
-/// radii are 0.
+/// Returns a skin of `part` times the first nonzero radius, or times the first nonzero distance of consecutive spheres
+/// if all radii are 0.
 pub fn skin_of(spheres: &[Sphere], part: f32) -> Skin {
     let radius = spheres.iter().map(|sphere| sphere.radius).find(|&radius| radius > 0.0);
     let apart = |two: &[Sphere]| two[0].center.distance(two[1].center);
     let distance = spheres.windows(2).map(apart).find(|&distance| distance > 0.0);
-    // The distance may exceed the range of `f32`.
+    // `f32` may not hold the distance.
     match part * radius.or(distance).unwrap_or(1.0).min(f32::MAX) {
         0.0 => Skin::Auto,
         distance => Skin::Fixed(distance.clamp(1e-14, 1e17).into()),

@@ -1,5 +1,3 @@
-//! Families of scenes in periodic spaces, made from a [`SceneSeed`].
-
 use lazygrid::{Space, Sphere};
 
 #[cfg(doc)]
@@ -7,16 +5,12 @@ use crate::scenes::hard;
 use crate::scenes::hard::extreme_unit;
 use crate::{SceneSeed, SeedReader, TestInput};
 
-/// A family of scenes in a periodic space.
 #[derive(Clone, Copy, Debug)]
 pub struct PeriodicSceneFamily {
-    /// The name for reports.
     pub name: &'static str,
-    /// Makes the scene of a seed.
     pub scene: fn(&SceneSeed) -> TestInput,
 }
 
-/// All families.
 pub const FAMILIES: [PeriodicSceneFamily; 6] = [
     PeriodicSceneFamily { name: "lattices across a periodic boundary", scene: lattice },
     PeriodicSceneFamily { name: "soup in a box", scene: soup },
@@ -34,7 +28,6 @@ pub fn lengths(of: &mut SeedReader<'_>, lengths: &[f32]) -> [Option<f32>; 3] {
     })
 }
 
-/// Creates the periodic space of valid lengths.
 pub fn space(lengths: [Option<f32>; 3]) -> Space {
     Space::periodic(lengths.map(|length| length.map(f64::from))).unwrap_or_default()
 }
@@ -44,7 +37,7 @@ fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> TestInput {
 }
 
 /// Lattice sites in exact contact, in a box of a whole number of spacings, shifted by whole boxes and half spacings.
-/// Some spheres have twice the radius, are points, or are larger than the box.
+/// Some spheres have twice the radius, are points, or exceed the box.
 pub fn lattice(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let spacing = choices.of(&[1.0_f32, 0.25, 3.0, 1.0 / 1024.0]);

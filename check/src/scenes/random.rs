@@ -1,9 +1,8 @@
-/// A random number generator (SplitMix64) with the same numbers on all platforms.
+/// SplitMix64, with the same numbers on all platforms.
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
 
 impl Random {
-    /// Returns 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
         let mut z = self.0;
@@ -12,7 +11,6 @@ impl Random {
         z ^ (z >> 31)
     }
 
-    /// Returns 32 random bits.
     pub fn word(&mut self) -> u32 {
         (self.bits() >> 32) as u32
     }
@@ -22,7 +20,6 @@ impl Random {
         (self.bits() >> 40) as f32 / (1 << 24) as f32
     }
 
-    /// Returns a number below `limit`.
     pub fn below(&mut self, limit: u32) -> u32 {
         ((u64::from(self.word()) * u64::from(limit)) >> 32) as u32
     }

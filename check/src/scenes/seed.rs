@@ -1,27 +1,22 @@
 use crate::Random;
 
-/// The words of one element of a scene.
 pub type ElementSeed = [u32; 12];
 
-/// The random input of a scene: words for the whole scene, and for each element (mostly a sphere).
+/// Random input of a scene: words for the whole scene, and for each element (mostly a sphere).
 ///
 /// Elements are independent, so a scene shrinks by removing elements. Smaller words make simpler elements.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SceneSeed {
-    /// Words of the whole scene.
     pub setup: ElementSeed,
-    /// Words of each element.
     pub elements: Vec<ElementSeed>,
 }
 
 impl SceneSeed {
-    /// Draws random words for `elements` elements.
     pub fn drawn(random: &mut Random, elements: usize) -> Self {
         let mut element = || [(); 12].map(|()| random.word());
         Self { setup: element(), elements: (0..elements).map(|_| element()).collect() }
     }
 
-    /// The choices for the whole scene.
     pub fn reader(&self) -> SeedReader<'_> {
         SeedReader::new(&self.setup)
     }
@@ -39,7 +34,6 @@ pub struct SeedReader<'a> {
 }
 
 impl<'a> SeedReader<'a> {
-    /// Creates a reader of these words.
     pub fn new(words: &'a [u32]) -> Self {
         Self { words: words.iter() }
     }
@@ -48,7 +42,6 @@ impl<'a> SeedReader<'a> {
         self.words.next().copied().unwrap_or(0)
     }
 
-    /// Draws a number below `limit`.
     pub fn below(&mut self, limit: u32) -> u32 {
         ((u64::from(self.word()) * u64::from(limit)) >> 32) as u32
     }
@@ -83,7 +76,6 @@ impl<'a> SeedReader<'a> {
         f32::from_bits(self.below(bits))
     }
 
-    /// Returns `x` or `-x`.
     pub fn signed(&mut self, x: f32) -> f32 {
         if self.below(2) == 0 { x } else { -x }
     }

@@ -1,5 +1,3 @@
-//! Families of scenes in triclinic cells, which the words of the whole scene determine.
-
 use glam::Vec3;
 use lazygrid::{Space, Sphere};
 
@@ -8,7 +6,6 @@ use crate::scenes::hard;
 use crate::scenes::periodic::PeriodicSceneFamily;
 use crate::{SceneSeed, SeedReader, TestInput};
 
-/// All families.
 pub const FAMILIES: [PeriodicSceneFamily; 7] = [
     PeriodicSceneFamily { name: "lattices in triclinic cells", scene: lattice },
     PeriodicSceneFamily { name: "soup in a triclinic cell", scene: soup },
@@ -19,13 +16,13 @@ pub const FAMILIES: [PeriodicSceneFamily; 7] = [
     PeriodicSceneFamily { name: "the largest spheres in a triclinic cell", scene: largest_spheres },
 ];
 
-/// The cell vectors of a box with these lengths and the tilts xy, xz and yz. An axis without a length is not periodic.
+/// Returns the cell vectors of a box with these lengths and the tilts xy, xz and yz. An axis without a length is not
+/// periodic.
 pub fn tilted(lengths: [Option<f32>; 3], [xy, xz, yz]: [f32; 3]) -> [Option<Vec3>; 3] {
     let [x, y, z] = lengths;
     [x.map(|x| Vec3::new(x, 0.0, 0.0)), y.map(|y| Vec3::new(xy, y, 0.0)), z.map(|z| Vec3::new(xz, yz, z))]
 }
 
-/// Creates the space of independent cell vectors.
 pub fn space(edges: [Option<Vec3>; 3]) -> Space {
     Space::triclinic(edges.map(|edge| edge.map(|edge| edge.as_dvec3().to_array()))).unwrap_or_default()
 }

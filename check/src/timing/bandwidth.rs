@@ -12,35 +12,32 @@ use crate::Random;
 use crate::device::{download, storage_buffer, submit, upload, wait};
 use crate::kernels::{KernelError, same};
 
-/// Times of several rounds, and the bytes of a round.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
-    /// Time of each round in seconds.
+    /// Seconds of each round.
     pub times: Vec<f64>,
-    /// Bytes that a round reads and writes.
+    /// Bytes read and written per round.
     pub bytes: u64,
 }
 
 impl Measured {
-    /// The median time in seconds; 0 without times.
+    /// Returns the median seconds; 0 without times.
     pub fn median(&self) -> f64 {
         median(&self.times)
     }
 
-    /// The bandwidth in bytes per second.
     pub fn bandwidth(&self) -> f64 {
         self.bytes as f64 / self.median().max(1e-9)
     }
 }
 
-/// The median; 0 for an empty slice.
+/// Median; 0 for an empty slice.
 pub(crate) fn median(times: &[f64]) -> f64 {
     let mut sorted = times.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
 }
 
-/// Times commands on the GPU.
 #[derive(Debug)]
 pub struct GpuTimer {
     own: GpuDevice,
@@ -98,7 +95,7 @@ impl GpuTimer {
         Ok(Measured { times, bytes: 12 * u64::from(n) })
     }
 
-    /// Times a radix sort. Each pass counts the keys, scans the counters, and moves keys and payload.
+    /// Times a radix sort. A pass counts keys, scans counters, and moves keys and payload.
     pub fn sort(&self, n: u32, bits: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let (keys, payload) = (random(n), (0..n).collect::<Vec<_>>());
         let fresh = [upload(&self.own, &keys)?, upload(&self.own, &payload)?];

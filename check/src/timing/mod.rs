@@ -1,4 +1,2 @@
-//! Times of copies, of the building blocks and of each algorithm.
-
 pub mod bandwidth;
 pub mod speed;

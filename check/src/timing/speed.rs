@@ -1,5 +1,3 @@
-//! Times of each algorithm, phase by phase.
-
 use std::time::Instant;
 
 use lazygrid::gpu::{self, CallCost, GpuConfig, GpuDevice, GpuSession};
@@ -12,41 +10,36 @@ use crate::device::TIMEOUT;
 
 /// Numbers of spheres to time.
 pub const SIZES: [usize; 4] = [10_000, 100_000, 1_000_000, 10_000_000];
-/// An additional number of spheres for full checks.
+/// Additional number of spheres for full checks.
 pub const FULL: usize = 100_000_000;
 /// After one round to warm up.
 const ROUNDS: usize = 5;
-/// Seconds after which no further round starts.
+/// No further round starts after this time.
 const SECONDS: f64 = 0.5;
 
-/// The times of one algorithm.
 #[derive(Clone, Debug)]
 pub struct Speed {
-    /// The number of pairs.
     pub pairs: u64,
     /// Median seconds of a call, with upload of spheres and readback of the count.
     pub seconds: f64,
-    /// Seconds that the GPU was busy, by GPU timestamps if available; otherwise, and on the CPU, the median of the
-    /// whole call.
+    /// Seconds of GPU work by timestamps; without them, and on the CPU, the median of the whole call.
     pub busy: f64,
-    /// Median seconds of each phase, in execution order.
+    /// Median seconds, in execution order.
     pub stages: Vec<(&'static str, f64)>,
-    /// The number of timed rounds.
+    /// Number of timed rounds.
     pub rounds: usize,
-    /// The plan's dispatches and memory traffic; `None` on the CPU.
+    /// Dispatches and memory traffic; `None` on the CPU.
     pub cost: Option<CallCost>,
 }
 
-/// The reason for an algorithm without a time.
+/// The reason why an algorithm has no time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SkipReason {
-    /// The spheres do not fit in memory.
+    /// Spheres do not fit in memory.
     TooLarge(String),
-    /// A call failed.
     Failed(String),
 }
 
-/// Times repeated counts on the GPU.
 pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
     let mut is_too_large = false;
     let mut said = |error: Error| {
@@ -71,7 +64,6 @@ pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Resu
     speed.map_err(|what| if is_too_large { SkipReason::TooLarge(what) } else { SkipReason::Failed(what) })
 }
 
-/// Times repeated counts on the CPU.
 pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
     // Spheres at rest would never rebuild a candidate list.
     let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).skin(Skin::Off);
@@ -134,8 +126,8 @@ fn timed(mut call: impl FnMut() -> Result<(u64, Vec<PhaseTime>), String>) -> Res
     })
 }
 
-/// Predicts the seconds of a call from smaller calls: continues the growth of the last step, at least linearly
-/// (quadratically for `Naive`). Returns 0 without earlier times.
+/// Predicts the seconds of a call by continuing the growth of the last step, at least linearly (quadratically for
+/// `Naive`). Returns 0 without earlier times.
 pub fn forecast(algorithm: Algorithm, before: &[(usize, f64)], spheres: usize) -> f64 {
     let Some(&(last, seconds)) = before.last() else { return 0.0 };
     let growth = (spheres as f64 / last as f64).ln();

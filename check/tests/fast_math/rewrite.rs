@@ -271,7 +271,7 @@ impl Scope<'_> {
         (!is_assignment).then_some(range)
     }
 
-    /// The source range of a value. naga's span of a call ends before its arguments.
+    /// Source range of a value. naga's span of a call ends before its arguments.
     fn range(&self, value: Value) -> Option<Range<usize>> {
         let range = self.function.expressions.get_span(value).to_range().filter(|range| !range.is_empty())?;
         let mut depth = 0;

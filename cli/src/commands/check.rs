@@ -1,5 +1,3 @@
-//! `lazygrid check`.
-
 mod report;
 mod speeds;
 
@@ -19,7 +17,7 @@ use crate::args::{Check, Checked};
 use crate::error::CliError;
 use crate::progress;
 
-/// Weights of stages in the progress: about seconds on a slow machine.
+/// Weights in the progress bar: about seconds on a slow machine.
 const KERNELS: u64 = 20;
 const SCENES: u64 = 40;
 const SPEEDS: u64 = 60;

@@ -1,5 +1,3 @@
-//! `lazygrid detect`.
-
 pub(crate) mod exclusions;
 pub(crate) mod input;
 pub(crate) mod search;

@@ -1,5 +1,3 @@
-//! `lazygrid page` and `lazygrid plan`.
-
 mod bundle;
 mod checks;
 mod scenes;

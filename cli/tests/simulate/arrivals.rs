@@ -1,5 +1,3 @@
-//! Arrivals and origins.
-
 use super::{files, lazygrid, rows};
 use lazygrid_tests::command::{Scratch, has_gpu};
 

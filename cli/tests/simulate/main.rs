@@ -125,7 +125,7 @@ fn a_run_writes_the_files_of_the_scenario() {
     }
     let last = rows.last().unwrap();
     assert!([5, 6, 7, 10].iter().all(|&k| last[k] > 0.0), "something never happened: {last:?}");
-    // Pairs are those of one step: none may be left once all base has reacted.
+    // Pairs are counted per step, so the last row may have none.
     assert!(rows.iter().any(|row| row[9] > 0.0), "no pairs in {rows:?}");
 
     let xyz = fs::read_to_string(out.clone() + "/frames.xyz").unwrap();

@@ -1,4 +1,3 @@
-//! `--report`.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::collections::HashMap;

@@ -3,10 +3,10 @@ use mpi::traits::{Communicator, CommunicatorCollectives, Root};
 
 use crate::Error;
 
-/// Returns this rank's result if no rank failed, else the error of the first that did. Collective.
+/// Returns this rank's result if no rank failed. Collective.
 ///
 /// # Errors
-/// The same on all ranks.
+/// On all ranks, the error of the first rank that failed.
 pub fn agree<T>(comm: &impl Communicator, result: Result<T, Error>) -> Result<T, Error> {
     let rank = comm.rank();
     let own = if result.is_err() { rank } else { i32::MAX };

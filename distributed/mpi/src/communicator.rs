@@ -38,7 +38,6 @@ impl MpiCommunicator {
         &self.comm
     }
 
-    /// Returns the bytes sent since its last call.
     pub(crate) fn take_sent(&mut self) -> u64 {
         std::mem::take(&mut self.sent)
     }
@@ -84,7 +83,6 @@ impl MpiCommunicator {
         Ok(())
     }
 
-    /// Exchanges one message within the limit.
     fn message<T: Pod>(&self, outgoing: Outgoing<'_, T>, incoming: Incoming<'_, T>) {
         let (Outgoing { data: out, segments: leaving }, Incoming { data: into, segments: coming }) =
             (outgoing, incoming);

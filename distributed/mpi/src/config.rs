@@ -36,9 +36,9 @@ pub enum Delivery {
 
 /// Settings of a [`Distributed`](crate::Distributed).
 ///
-/// All ranks need the same space, interactions, ownership, delivery, order and message limit, which
-/// [`Distributed::new`](crate::Distributed::new) compares. Backend, threads, the limit of pairs and the
-/// [detector](Self::detector) may differ.
+/// [`Distributed::new`](crate::Distributed::new) requires that all ranks have the same space, interactions, ownership,
+/// delivery, order and message limit. Backend, threads, the limit of pairs and the [detector](Self::detector) may
+/// differ.
 #[derive(Clone, Debug)]
 pub struct Config {
     pub(crate) detector: lazygrid::Config,

@@ -125,8 +125,8 @@ impl Distributed {
         gather(&mut self.comm, "what is gathered", elements)
     }
 
-    /// Returns the pairs that this rank reports, in the configured order, until the next call. Each pair is in the
-    /// list of one rank, or with [`Delivery::Owners`] of each owner of one of its spheres.
+    /// Returns the pairs that this rank reports, in the configured order, until the next call. [`Config::delivery`]
+    /// decides which ranks report a pair.
     ///
     /// # Errors
     /// [`Error::Input`] for non-finite spheres, negative radii, unknown species or different lengths;

@@ -4,18 +4,15 @@ use thiserror::Error;
 /// An error, equal on all ranks, with value, limit and remedy.
 #[derive(Clone, Debug, Error, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "messages explain the fields")]
 pub enum Error {
-    /// Refused input of a rank.
     #[error("rank {rank}: {message}")]
     Input {
-        /// First such rank.
         rank: u32,
-        /// First such sphere of the rank, if it is one sphere.
+        /// First invalid sphere of this rank, if the fault is that of a sphere.
         index: Option<u32>,
-        /// Fault and remedy.
         message: String,
     },
-    /// Two spheres have the same id.
     #[error(
         "duplicate id {id}: sphere {} on rank {} and sphere {} on rank {}; give each sphere of all ranks its own id",
         first[1], first[0], second[1], second[0]
@@ -23,40 +20,25 @@ pub enum Error {
     DuplicateId {
         /// Smallest such id.
         id: u64,
-        /// Rank and index of one.
         first: [u32; 2],
-        /// Rank and index of the other.
         second: [u32; 2],
     },
-    /// Setting out of range.
     #[error("{name} = {value} is out of range; {range}")]
-    Setting {
-        /// Setting.
-        name: String,
-        /// Refused value.
-        value: String,
-        /// Allowed values.
-        range: String,
-    },
-    /// Setting differs between ranks.
+    Setting { name: String, value: String, range: String },
     #[error("{message}")]
     Settings {
         /// First such setting.
         name: String,
         /// Rank 0, and the first that differs from it.
         ranks: [u32; 2],
-        /// Values, the number of ranks that differ, and the remedy.
         message: String,
     },
-    /// A rank lacks memory.
     #[error(
         "rank {rank}: no memory for {what}: {bytes} bytes were refused; use more nodes or fewer ranks on each, or \
          count or stream the pairs"
     )]
     OutOfMemory {
-        /// First such rank.
         rank: u32,
-        /// Purpose.
         what: String,
         /// Requested bytes.
         bytes: u64,
@@ -66,26 +48,11 @@ pub enum Error {
         "rank {rank}: {found} pairs are more than the limit of {limit} for the list of a rank; count or stream them, \
          use more ranks, or raise `max_pairs`"
     )]
-    TooManyPairs {
-        /// First such rank.
-        rank: u32,
-        /// Its pairs.
-        found: u64,
-        /// Pairs allowed on a rank.
-        limit: u64,
-    },
-    /// Detector of one rank failed.
+    TooManyPairs { rank: u32, found: u64, limit: u64 },
     #[error("rank {rank}: {message}")]
-    Detection {
-        /// First such rank.
-        rank: u32,
-        /// Error of the detector.
-        message: String,
-    },
-    /// More data than a message can carry.
+    Detection { rank: u32, message: String },
     #[error("{what}: {needed} bytes are more than the {limit} that one message can carry; use fewer ranks")]
     Message {
-        /// Data.
         what: String,
         /// Size in bytes.
         needed: u64,

@@ -28,6 +28,8 @@
 //!
 //! `lazygrid-ranks` has the algorithm.
 
+#![allow(missing_docs, reason = "most names and types are clear")]
+
 mod abort;
 mod agree;
 mod agree_on;

@@ -1,5 +1,3 @@
-//! Threads and GPU of a rank on its node.
-
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 use lazygrid::Backend;

@@ -1,12 +1,9 @@
 use bytemuck::{Pod, Zeroable};
 
-/// A sphere of a pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 #[repr(C)]
 pub struct SphereRef {
-    /// Id.
     pub id: u64,
-    /// Owner.
     pub rank: u32,
     /// Index on that rank, from 0.
     pub index: u32,

@@ -10,11 +10,9 @@ use crate::{Error, LocalSpheres, OwnedSpheres};
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct RebalanceReport {
-    /// New distribution of spheres.
     pub owned: LoadBalance,
     /// Spheres that changed rank.
     pub moved: u64,
-    /// Rebuilt partition, if `true`.
     pub rebuilt: bool,
     /// Destinations, for [further data](crate::Distributed::migrate_data).
     pub migration: Migration,

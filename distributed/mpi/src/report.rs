@@ -8,12 +8,11 @@ pub struct Report {
     pub owned: LoadBalance,
     /// Distribution of the ghosts: spheres sent to a rank for the search.
     pub ghosts: LoadBalance,
-    /// Distribution of the reported pairs.
+    /// Reported pairs.
     pub pairs: LoadBalance,
     /// Pairs found here and reported by another rank.
     pub elsewhere: u64,
     /// Bytes that this rank sent.
     pub sent: u64,
-    /// Report of this rank's detector.
     pub detector: String,
 }

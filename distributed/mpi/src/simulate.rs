@@ -11,18 +11,15 @@ use crate::{Config, Error};
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Simulated {
-    /// End of the run.
     pub end: RunEnd,
-    /// Completed steps.
     pub steps: u32,
     /// Line per count.
     pub summary: String,
 }
 
 /// Runs the simulator on all ranks with the files of `lazygrid simulate`. All ranks need the same run and see its
-/// directory. `watch` is called on every rank with the completed steps, and stops all if it breaks on one.
-///
-/// Ranks compute in the caller's rayon pool, and send from the calling thread.
+/// directory. `watch` is called on every rank with the completed steps, and stops all if it breaks on one. Ranks
+/// compute in the caller's rayon pool, and send from the calling thread.
 ///
 /// # Errors
 /// [`Error::Input`] with the simulator's message.

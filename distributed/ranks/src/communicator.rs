@@ -39,10 +39,10 @@ pub trait Communicator {
         counts: &[usize],
     ) -> Result<RankData<T>, Self::Error>;
 
-    /// Returns `result` if no rank failed, else the error of the first that did, on all ranks.
+    /// Returns `result` if no rank failed.
     ///
     /// # Errors
-    /// That of the first rank that failed.
+    /// On all ranks, the error of the first rank that failed.
     fn agree<T>(&self, result: Result<T, Self::Error>) -> Result<T, Self::Error>;
 
     /// Returns a failure of this rank. Not collective.

@@ -3,15 +3,12 @@ use std::fmt;
 /// A setting that differs between ranks.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
-    /// Name of the setting.
     pub setting: String,
     /// Rank 0, and the first that differs from it.
     pub ranks: [u32; 2],
-    /// Values.
     pub values: [String; 2],
     /// Ranks that differ from rank 0.
     pub differing: u32,
-    /// Number of ranks.
     pub all: u32,
 }
 

@@ -3,23 +3,12 @@ use thiserror::Error;
 /// An error, with value, limit and remedy.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
+#[allow(missing_docs, reason = "messages explain the fields")]
 pub enum Error {
-    /// Planes that make no partition of this size, or along no axis.
     #[error("{planes} planes cut space into {} parts, not {parts}; use the planes of one partition", *planes + 1)]
-    Planes {
-        /// Number of planes.
-        planes: usize,
-        /// Requested parts.
-        parts: u32,
-    },
-    /// A message limit below one element per rank.
+    Planes { planes: usize, parts: u32 },
     #[error(
         "a limit of {limit} elements per message is below the {ranks} ranks that share each message; raise the limit"
     )]
-    MessageLimit {
-        /// Limit in elements.
-        limit: u64,
-        /// Number of ranks.
-        ranks: u32,
-    },
+    MessageLimit { limit: u64, ranks: u32 },
 }

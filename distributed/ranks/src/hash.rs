@@ -1,6 +1,6 @@
 use bytemuck::{Pod, Zeroable};
 
-/// The finalizer of SplitMix64: a bijection whose every output bit depends on every input bit.
+/// Finalizer of SplitMix64: a bijection whose every output bit depends on every input bit.
 pub(crate) fn mix(word: u64) -> u64 {
     let word = (word ^ (word >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     let word = (word ^ (word >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
@@ -30,7 +30,6 @@ pub struct Digest {
 }
 
 impl Digest {
-    /// Digests ids.
     pub fn of(ids: impl IntoIterator<Item = u64>) -> Self {
         ids.into_iter().fold(Self::default(), |digest, id| {
             let one = mix(id ^ 0xA076_1D64_78BD_642F);

@@ -1,4 +1,4 @@
-//! All ranks in one process, by the functions of a rank: for tests, and to count traffic.
+//! All ranks in one process, for tests and to count traffic.
 
 use std::ops::ControlFlow;
 
@@ -53,7 +53,7 @@ impl InProcessRanks {
         Ok(Self { wrapper, owned, ghosts, bounds })
     }
 
-    /// Creates ranks whose particles are those of their domains.
+    /// Creates ranks that own the particles of their domains.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].

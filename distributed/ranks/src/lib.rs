@@ -3,8 +3,8 @@
 //! Messages go through a [`Communicator`]: MPI in `lazygrid-mpi`, [`threads`], or all ranks in one process
 //! ([`in_process`]).
 //!
-//! 1. A [`Partition`] cuts space into a domain per rank, from a [sample] of all spheres. Optional: placement does not
-//!    change the result.
+//! 1. A [`Partition`] cuts space into a domain per rank, from a [sample] of all spheres. Placement does not change the
+//!    result.
 //! 2. Every rank tells all others its [`ClassBounds`]: a bounding box for each binade of radius ([`SizeClass`]) and
 //!    each species group.
 //! 3. *The larger sphere becomes a ghost at the owner of the smaller one*; within a class, ghosts go one way between
@@ -17,10 +17,12 @@
 //!
 //! # Correctness
 //!
-//! 1. *Each pair is reported once.* Of two spheres on different ranks exactly one becomes a ghost at the other's
-//!    owner, by a rule of size classes and ranks that both know.
-//! 2. *No pair is lost.* A sphere that may pair with one in a bounding box overlaps the box by a test that no
-//!    rounding makes fail ([`ClassBounds::overlaps`]).
+//! 1. *Each pair is reported once.* Of two spheres on different ranks exactly one becomes a ghost at the other's owner,
+//!    by a rule of size classes and ranks that both know.
+//! 2. *No pair is lost.* A sphere that may pair with one in a bounding box overlaps the box by a test that no rounding
+//!    makes fail ([`ClassBounds::overlaps`]).
+
+#![allow(missing_docs, reason = "most names and types are clear")]
 
 mod across;
 mod communicator;

@@ -5,7 +5,6 @@ pub struct LoadBalance {
     pub total: u64,
     /// Largest load of a rank.
     pub most: u64,
-    /// Number of ranks.
     pub ranks: u32,
 }
 

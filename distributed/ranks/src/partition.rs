@@ -55,7 +55,6 @@ impl Partition {
         &self.planes
     }
 
-    /// Returns the number of parts.
     pub fn parts(&self) -> u32 {
         self.parts
     }

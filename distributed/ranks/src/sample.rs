@@ -5,9 +5,9 @@ use glam::Vec3;
 
 use crate::hash::{mix, tie_breaker};
 
-/// Part's size errs by about the reciprocal root of it, 1.1 %.
+/// A part's size errs by about the reciprocal square root, 1.1 %.
 pub const SAMPLES_PER_PART: u64 = 8192;
-/// 40 MB on the rank that gathers them.
+/// Rank that gathers the samples needs 40 MB.
 pub const MAX_SAMPLES: u64 = 1 << 21;
 
 /// A sampled sphere, 20 bytes.
@@ -15,7 +15,7 @@ pub const MAX_SAMPLES: u64 = 1 << 21;
 #[repr(C)]
 pub struct Sample {
     center: [f32; 3],
-    /// Halves: a 64-bit number would make the sample 24 bytes.
+    /// Two halves: a 64-bit number would enlarge the sample to 24 bytes.
     tie_breaker: [u32; 2],
 }
 

@@ -9,7 +9,6 @@ use crate::{Ghosts, Particle, SizeClass, SphereWrapper};
 
 const CHUNK_PAIRS: usize = 1 << 14;
 
-/// A kind of pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum PairKind {
     /// Two owned spheres, the smaller index first.
@@ -36,7 +35,6 @@ impl PairCounts {
     }
 }
 
-/// Finds a rank's pairs.
 #[derive(Debug)]
 pub struct Search {
     detector: Detector,
@@ -61,7 +59,6 @@ impl Search {
         Self { detector, across, wrapper, rank, ranks }
     }
 
-    /// Returns the detector of owned spheres.
     pub fn detector(&self) -> &Detector {
         &self.detector
     }

@@ -10,7 +10,6 @@
 pub struct SizeClass(u8);
 
 impl SizeClass {
-    /// Number of classes.
     pub const COUNT: usize = 256;
 
     /// Returns the class of a finite, non-negative radius.

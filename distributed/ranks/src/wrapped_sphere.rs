@@ -10,14 +10,13 @@ use crate::{Particle, SizeClass};
 pub struct WrappedSphere {
     /// Center, within half a length of the origin along periodic axes; orthogonalized in triclinic spaces.
     pub center: Vec3,
-    /// Effective radius: spheres that may pair are within the sum of both.
+    /// Effective radius: spheres that may pair are at most the sum of both radii apart.
     pub radius: f32,
     /// Species group; see [`SphereWrapper::can_pair`].
     pub group: u32,
 }
 
 impl WrappedSphere {
-    /// Returns the class of the effective radius.
     #[inline]
     pub fn class(&self) -> SizeClass {
         SizeClass::of(self.radius)
@@ -41,7 +40,6 @@ struct SpeciesTable {
 }
 
 impl SphereWrapper {
-    /// Creates a wrapper.
     pub fn new(space: Space, interactions: Option<&Interactions>) -> Self {
         let species = interactions.map(|table| SpeciesTable {
             effective_radius: (0..table.species()).map(|species| table.effective_radius(species)).collect(),

@@ -10,12 +10,12 @@ pub(crate) const LARGE_INPUT_ALGORITHM: Algorithm = Algorithm::CellList;
 #[derive(Clone, Copy)]
 pub(crate) struct CallSize {
     pub(crate) spheres: u32,
-    /// The size of the first of two sets.
+    /// Size of the first of two sets.
     pub(crate) split: Option<u32>,
     pub(crate) classes: usize,
 }
 
-/// The reason names the `source` of `crossover`.
+/// Reason names the `source` of `crossover`.
 pub(crate) fn algorithm(
     asked: Algorithm,
     size: CallSize,
@@ -40,7 +40,7 @@ pub(crate) fn algorithm(
     (chosen, format!("{chosen}: {spheres} spheres in {sizes} are {relation} {at} ({source})"))
 }
 
-/// Returns the reason against a candidate list, or `Ok`.
+/// Returns the reason against a candidate list.
 pub(crate) fn can_use_skin(
     asked: Algorithm,
     chosen: Algorithm,

@@ -33,13 +33,13 @@ impl GpuConfig {
         Self { algorithm, ..self }
     }
 
-    /// The number of spheres below which `Auto` tests all pairs; [`calibrate`](super::calibrate) measures it. Radii on
-    /// the GPU count as one size class. Default: [`Crossover::HARDWARE`].
+    /// Number of spheres below which `Auto` tests all pairs; [`calibrate`](super::calibrate) measures it. Radii on the
+    /// GPU count as one size class. Default: [`Crossover::HARDWARE`].
     pub fn crossover(self, crossover: Crossover) -> Self {
         Self { crossover, ..self }
     }
 
-    /// The capacity of the output in pairs; further pairs are counted but not written. Default: 2²⁰ (8 MiB).
+    /// Capacity of the output in pairs; further pairs are counted but not written. Default: 2²⁰ (8 MiB).
     pub fn pair_capacity(self, pair_capacity: u32) -> Self {
         Self { pair_capacity, ..self }
     }
@@ -55,27 +55,27 @@ impl GpuConfig {
         Self { tau, ..self }
     }
 
-    /// The number of spheres at or above which a cell list is sorted by radix instead of by counting;
+    /// Number of spheres at or above which a cell list is sorted by radix instead of by counting;
     /// [`calibrate`](super::calibrate) measures it. Default: [`Calibration::RADIX_SORT_FROM`].
     pub fn radix_sort_from(self, radix_sort_from: u32) -> Self {
         Self { radix_sort_from, ..self }
     }
 
-    /// The species that pair, with their distances, rounded to `f32`. Default: none; all touching spheres pair.
+    /// Species that pair, with their distances, rounded to `f32`. Default: none; all touching spheres pair.
     pub fn interactions(self, interactions: impl Into<Option<Interactions>>) -> Self {
         Self { interactions: interactions.into(), ..self }
     }
 
-    /// The space of the spheres, not [triclinic](Space::triclinic), with lengths rounded to `f32`. Default:
-    /// [`Space::UNBOUNDED`]. A periodic space costs a wrapped copy, 16 bytes per sphere. Pairs within 5 ulp of tangency
-    /// (4 in unbounded space), relative to the squared cutoff, may fall either way.
+    /// Space of the spheres, not [triclinic](Space::triclinic), with lengths rounded to `f32`. Default:
+    /// [`Space::UNBOUNDED`]. A periodic space costs a copy, 16 bytes per sphere. Pairs within 5 ulp of tangency (4 in
+    /// unbounded space), relative to the squared cutoff, may fall either way.
     pub fn space(self, space: Space) -> Self {
         Self { space, ..self }
     }
 
-    /// The layout of spheres in four `f32` arrays, passed by [`GpuSpheres::from_columns`]. A further dispatch copies
-    /// them to rows, 16 bytes per sphere. A [`GpuSession`](super::GpuSession) ignores it. Default: `None`, rows of `x,
-    /// y, z, r`.
+    /// Layout of spheres in four `f32` arrays, passed by [`GpuSpheres::from_columns`]. A further dispatch copies them
+    /// to rows, 16 bytes per sphere. A [`GpuSession`](super::GpuSession) ignores it. Default: `None`, rows of `x, y, z,
+    /// r`.
     pub fn columns(self, columns: impl Into<Option<ColumnLayout>>) -> Self {
         Self { columns: columns.into(), ..self }
     }
@@ -85,19 +85,19 @@ impl GpuConfig {
         Self { consumer_workgroup_size, ..self }
     }
 
-    /// Sets if pairs of the cell list hold positions in its cell order ([`CellOrder`](super::CellOrder)) instead of
-    /// input indices. [`Outcome::pairs_in_cell_order`] tells if they do: other algorithms, windows and a
+    /// Lets pairs of the cell list hold positions in its cell order ([`CellOrder`](super::CellOrder)) instead of input
+    /// indices. [`Outcome::pairs_in_cell_order`] tells if they do: other algorithms, windows and a
     /// [`GpuSession`](super::GpuSession) always use input indices. Default: no.
     pub fn pairs_in_cell_order(self, pairs_in_cell_order: bool) -> Self {
         Self { pairs_in_cell_order, ..self }
     }
 
-    /// Sets if the subgroup operations of the device are used. Default: yes.
+    /// Permits subgroup operations. Default: yes.
     pub fn subgroups(self, subgroups: bool) -> Self {
         Self { subgroups, ..self }
     }
 
-    /// Sets if phases are timed on a device with timestamp queries. Without timestamps inside passes
+    /// Times phases on a device with timestamp queries. Without timestamps inside passes
     /// ([`optional_features`](super::optional_features)) each phase has its own pass, which costs some microseconds.
     /// Default: no.
     pub fn timestamps(self, timestamps: bool) -> Self {
@@ -106,31 +106,30 @@ impl GpuConfig {
 
     /// Sets the most distance tests of one dispatch, so that no driver's watchdog ends it. Longer searches have several
     /// dispatches ([`CallCost::parts`](super::CallCost::parts)). Default: the tests of 200 ms, at 2.5·10¹⁰ tests/s for
-    /// a discrete GPU, 2.5·10⁹ for an integrated one and 5·10⁸ for a software adapter; no GPU has confirmed these
-    /// rates. A [`Detector`](crate::Detector) uses the measured rate of its [`Calibration`].
+    /// a discrete GPU, 2.5·10⁹ for an integrated one and 5·10⁸ for a software adapter, which no GPU has confirmed. A
+    /// [`Detector`](crate::Detector) uses the rate of its [`Calibration`].
     pub fn max_tests_per_dispatch(self, tests: u64) -> Self {
         Self { max_tests_per_dispatch: Some(tests), ..self }
     }
 
-    /// Sets the recorded parts of the search of crowded cells, whose size only the device knows. If it exceeds
-    /// [`max_tests_per_dispatch`](Self::max_tests_per_dispatch) per part, the outcome has [`Outcome::OVERFLOW_WORK`].
-    /// Parts without work cost some microseconds each. Default: 1. A [`GpuSession`](super::GpuSession) adds parts
-    /// itself.
+    /// Sets the recorded parts of the search of crowded cells, whose size only the device knows. If a part would exceed
+    /// [`max_tests_per_dispatch`](Self::max_tests_per_dispatch), the outcome has [`Outcome::OVERFLOW_WORK`]. Parts
+    /// without work cost some microseconds each. Default: 1. A [`GpuSession`](super::GpuSession) adds parts itself.
     pub fn deferred_parts(self, parts: u32) -> Self {
         Self { deferred_parts: parts, ..self }
     }
 }
 
 impl GpuConfig {
-    /// The default of τ. On Mesa's llvmpipe, 100 000 spheres of five sizes take the same time at any τ of 32 or more; a
+    /// Default of τ. On Mesa's llvmpipe, 100 000 spheres of five sizes take the same time at any τ of 32 or more; a
     /// burst of ten sizes is fastest near 128 (`cargo bench -p lazygrid-bench --bench parameter_sweep -- --backend gpu
     /// --what tau`).
     pub const TAU: u32 = 64;
-    /// The default cell ratio: on llvmpipe the best for five sizes; for equal spheres 3 is a tenth better.
+    /// Default cell ratio: on llvmpipe the best for five sizes; for equal spheres 3 is a tenth better.
     pub const CELL_RATIO: f32 = 2.0;
-    /// The smallest cell ratio with which no sphere overlaps more than two cells per axis.
+    /// Smallest cell ratio with which no sphere overlaps more than two cells per axis.
     pub const MIN_CELL_RATIO: f32 = 1.5;
-    /// The largest cell ratio.
+    /// Largest cell ratio.
     pub const MAX_CELL_RATIO: f32 = 16.0;
 }
 

@@ -6,14 +6,14 @@ use super::device::AdapterSummary;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Crossover {
-    /// The number for equal radii.
+    /// Number for equal radii.
     pub naive_below: u32,
-    /// The increase per further size class (radii of another binary exponent).
+    /// Increase per further size class (radii of another binary exponent).
     pub per_class: u32,
 }
 
 impl Crossover {
-    /// Creates a crossover of `naive_below` spheres of equal radii, and `per_class` more per further size class.
+    /// Creates a crossover.
     pub const fn new(naive_below: u32, per_class: u32) -> Self {
         Self { naive_below, per_class }
     }
@@ -28,36 +28,35 @@ impl Crossover {
         if is_hardware { Self::HARDWARE } else { Self::SOFTWARE }
     }
 
-    /// The largest measurable crossover: twice the spheres of the largest scene of [`calibrate`](super::calibrate).
+    /// Largest measurable crossover: twice the spheres of the largest scene of [`calibrate`](super::calibrate).
     pub const MOST: u32 = 1 << 18;
 
-    /// The crossover for `classes` size classes; at most [`Crossover::MOST`], because all pairs of many more take
-    /// minutes.
+    /// Returns the crossover for `classes` size classes; at most [`Crossover::MOST`], because all pairs of many more
+    /// take minutes.
     pub fn of(self, classes: usize) -> u32 {
         let further = u32::try_from(classes.saturating_sub(1)).unwrap_or(u32::MAX);
         self.naive_below.saturating_add(self.per_class.saturating_mul(further)).min(Self::MOST)
     }
 }
 
-/// The measurements by which `Auto` chooses, valid for one adapter, driver and library version. The application stores
-/// them and passes them to [`Config::calibration`](crate::Config::calibration). No GPU has confirmed the assumed values
-/// for GPUs.
+/// Measurements by which `Auto` chooses, valid for one adapter, driver and library version. The application stores them
+/// and passes them to [`Config::calibration`](crate::Config::calibration). No GPU has confirmed the assumed values.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Calibration {
-    /// The adapter's name.
+    /// Adapter's name.
     pub adapter: String,
-    /// Its driver and the driver's version.
+    /// Driver and its version.
     pub driver: String,
-    /// The version of this library.
+    /// Version of this library.
     pub version: String,
-    /// The crossover between all pairs and the cell list.
+    /// Crossover between all pairs and the cell list.
     pub crossover: Crossover,
-    /// The number of spheres at or above which a cell list is sorted by radix.
+    /// Number of spheres at or above which a cell list is sorted by radix.
     pub radix_sort_from: u32,
     /// The costs of calls with and without a candidate list.
     pub skin: SkinCosts,
-    /// The number of spheres in host memory at or above which this device is faster than the CPU with all threads;
+    /// Number of spheres in host memory at or above which this device is faster than the CPU with all threads;
     /// [`u32::MAX`] if it never is. [`Backend::Auto`](crate::Backend::Auto) uses it.
     pub device_from: u32,
     /// Distance tests per second, by which long searches are divided into dispatches of at most 200 ms.

@@ -1,8 +1,8 @@
 //! The GPU engine: wgpu on Vulkan, Metal or DirectX 12, with hardware or in software.
 //!
 //! [`GpuDetector`] records into a caller's encoder, from GPU buffers to GPU buffers, without submit, poll or readback.
-//! [`GpuSession`] transfers spheres and pairs between host and device. [`CallCost`] predicts the cost of a call.
-//! [`RadixSort`] and [`PrefixScan`] are building blocks.
+//! [`GpuSession`] transfers spheres and pairs between host and device. [`RadixSort`] and [`PrefixScan`] are building
+//! blocks.
 
 mod calibration;
 pub(crate) mod choice;

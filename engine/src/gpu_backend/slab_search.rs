@@ -25,7 +25,13 @@ impl SearchRequest<'_> {
     }
 }
 
-type Cut<'a> = (&'a SearchRequest<'a>, &'a SlabInput<'a>, &'a Slabs);
+/// A request that is searched in slabs.
+#[derive(Clone, Copy)]
+struct Cut<'a> {
+    request: &'a SearchRequest<'a>,
+    input: &'a SlabInput<'a>,
+    slabs: &'a Slabs,
+}
 
 /// Searches in one call, or slab by slab if the device cannot bind all spheres.
 #[derive(Debug)]
@@ -87,8 +93,8 @@ impl SlabSearch {
         list: &mut Vec<Pair>,
     ) -> Result<(), Error> {
         match (self.list_found(request, limit, list), request.filter) {
-            (Ok(()), Some(filter)) => {
-                refine(list, filter);
+            (Ok(()), Some((filter, team))) => {
+                refine(list, filter, team);
                 Ok(())
             }
             // Candidates that the filter drops need no capacity in the list.
@@ -114,12 +120,11 @@ impl SlabSearch {
             self.add_timings();
             return Ok(());
         };
+        let cut = Cut { request, input: &input, slabs: &slabs };
         let mut found = 0;
         list.clear();
         for number in 0..slabs.len() {
-            let Some(ticket) =
-                self.begin_slab((&slabs, number), (&input, request.algorithm), &GpuSpheres::ALL)?
-            else {
+            let Some(ticket) = self.begin_slab(cut, number, &GpuSpheres::ALL)? else {
                 continue;
             };
             if found > limit {
@@ -190,11 +195,10 @@ impl SlabSearch {
             self.add_timings();
             return Ok(found);
         };
+        let cut = Cut { request, input: &input, slabs: &slabs };
         let mut found = 0;
         for number in 0..slabs.len() {
-            let Some(ticket) =
-                self.begin_slab((&slabs, number), (&input, request.algorithm), &GpuSpheres::ALL)?
-            else {
+            let Some(ticket) = self.begin_slab(cut, number, &GpuSpheres::ALL)? else {
                 continue;
             };
             found += self.session.finish_count(ticket)?;
@@ -203,8 +207,8 @@ impl SlabSearch {
         Ok(found)
     }
 
-    /// With `in_order` by ascending smaller index. Such parts have at most that many pairs, unless one sphere, or the
-    /// output of the device, has more.
+    /// Passes parts of pairs, with `in_order` by ascending smaller index. They have at most that many pairs, unless one
+    /// sphere, or the output of the device, has more.
     pub(super) fn parts(
         &mut self,
         request: &SearchRequest<'_>,
@@ -217,8 +221,8 @@ impl SlabSearch {
         let Some((input, slabs)) = self.cut(request)? else {
             let ticket = self.begin(request)?;
             self.session.finish_in_parts(ticket, |pairs| {
-                if let Some(filter) = request.filter {
-                    refine(pairs, filter);
+                if let Some((filter, team)) = request.filter {
+                    refine(pairs, filter, team);
                 }
                 consume(pairs)
             })?;
@@ -226,27 +230,29 @@ impl SlabSearch {
             return Ok(());
         };
         match in_order {
-            None => self.slab_by_slab((request, &input, &slabs), &GpuSpheres::ALL, consume),
-            Some(most) => self.range_by_range((request, &input, &slabs), most, consume),
+            None => {
+                self.slab_by_slab(Cut { request, input: &input, slabs: &slabs }, &GpuSpheres::ALL, consume)
+            }
+            Some(most) => self.range_by_range(Cut { request, input: &input, slabs: &slabs }, most, consume),
         }
     }
 
     /// For smaller indices in `range`.
     fn slab_by_slab(
         &mut self,
-        (request, input, slabs): Cut<'_>,
+        cut: Cut<'_>,
         range: &Range<u32>,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
-        for number in 0..slabs.len() {
-            let Some(ticket) = self.begin_slab((slabs, number), (input, request.algorithm), range)? else {
+        for number in 0..cut.slabs.len() {
+            let Some(ticket) = self.begin_slab(cut, number, range)? else {
                 continue;
             };
             let (slab, mut is_enough) = (&self.slab, false);
             self.session.finish_in_parts(ticket, |pairs| {
                 slab.name(pairs);
-                if let Some(filter) = request.filter {
-                    refine(pairs, filter);
+                if let Some((filter, team)) = cut.request.filter {
+                    refine(pairs, filter, team);
                 }
                 let flow = consume(pairs);
                 is_enough = flow.is_break();
@@ -260,8 +266,8 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// In ascending order of the smaller index. More than `most` pairs are first counted per sphere, then searched for one range of
-    /// indices after another.
+    /// Passes pairs by ascending smaller index. More than `most` are first counted per sphere, then searched range by
+    /// range.
     fn range_by_range(
         &mut self,
         cut: Cut<'_>,
@@ -270,8 +276,8 @@ impl SlabSearch {
     ) -> Result<(), Error> {
         let mut counts = Vec::new();
         let (mut list, mut found) = (Vec::new(), 0);
-        try_reserve(&mut counts, cut.0.spheres.len(), "pairs of each sphere")?;
-        counts.resize(cut.0.spheres.len(), 0_u32);
+        try_reserve(&mut counts, cut.request.spheres.len(), "pairs of each sphere")?;
+        counts.resize(cut.request.spheres.len(), 0_u32);
         self.slab_by_slab(cut, &GpuSpheres::ALL, |pairs| {
             found += pairs.len() as u64;
             pairs.iter().for_each(|pair| counts[pair.i as usize] += 1);
@@ -347,19 +353,19 @@ impl SlabSearch {
     /// call is another slab.
     fn begin_slab(
         &mut self,
-        (slabs, number): (&Slabs, usize),
-        (input, algorithm): (&SlabInput<'_>, Algorithm),
+        cut: Cut<'_>,
+        number: usize,
         range: &Range<u32>,
     ) -> Result<Option<Ticket>, Error> {
         let start = Instant::now();
-        slabs.gather(number, input, range, &mut self.slab)?;
+        cut.slabs.gather(number, cut.input, range, &mut self.slab)?;
         self.time("cut", start);
         if self.slab.window().is_empty() {
             return Ok(None);
         }
         let start = Instant::now();
         let (window, split) = (self.slab.window(), self.slab.split());
-        let call = QueuedCall { window, split, keeps: false, ..self.session.call(algorithm) };
+        let call = QueuedCall { window, split, keeps: false, ..self.session.call(cut.request.algorithm) };
         let ticket = self.session.begin_as(call, self.slab.spheres()?)?;
         self.time("upload", start);
         Ok(Some(ticket))
@@ -375,7 +381,7 @@ impl SlabSearch {
     }
 }
 
-fn refine(pairs: &mut Vec<Pair>, (filter, team): (&PairFilter<'_>, &Team)) {
+fn refine(pairs: &mut Vec<Pair>, filter: &PairFilter<'_>, team: &Team) {
     let refined = team.pass(pairs.len(), |executor| {
         filter.retain(pairs, executor);
         Ok(())

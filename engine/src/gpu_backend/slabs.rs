@@ -4,8 +4,8 @@
 //! extend into it from below.
 //!
 //! For a *range* of indices, only pairs whose smaller index is in the range are found. Spheres of smaller indices are
-//! omitted, spheres of the range come first, and the search window ends with them. Pairs of two ghosts are dropped,
-//! because the slab that owns one of the two finds them as well.
+//! omitted, and the search window ends with the spheres of the range, which come first. Pairs of two ghosts are
+//! dropped, because the slab that owns one of them finds them as well.
 //!
 //! The first of two sets has the smaller indices, and no range exceeds it. Spheres of the first set outside the range
 //! are omitted, so the first set also comes first in a slab.
@@ -64,7 +64,7 @@ impl<'a> SlabInput<'a> {
         Self { split, ..self }
     }
 
-    /// The part of `range` that can contain smaller indices of pairs.
+    /// Part of `range` that can contain smaller indices of pairs.
     fn first_indices(&self, range: &Range<u32>) -> Range<u32> {
         if self.split == 0 { range.clone() } else { range.start..range.end.min(self.split) }
     }
@@ -231,8 +231,7 @@ impl Slab {
         Ok(if self.species.is_empty() { spheres } else { spheres.with_species(&self.species)? })
     }
 
-    /// The size of the first of two sets; 0 for one set. For two sets it is 0 only if the [window](Self::window) is
-    /// empty.
+    /// Size of the first of two sets; 0 for one set. For two sets it is 0 only if the [window](Self::window) is empty.
     pub(crate) fn split(&self) -> u32 {
         if self.has_two_sets { self.ends[1] } else { 0 }
     }

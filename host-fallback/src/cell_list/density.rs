@@ -12,29 +12,29 @@ use crate::{Error, InputStats};
 
 /// 21 bits per axis fill a 63-bit Morton code.
 const DEPTHS: usize = 21;
-/// The fewest coincidences at one depth that are evidence of density.
+/// Fewest coincidences at one depth that are evidence of density.
 const MIN_COINCIDENCES: u64 = 24;
 
-/// Inputs below this number of spheres reuse a sample: sampling takes a sixth of a call with 1000 spheres, and a poor
-/// plan costs little at this size.
+/// Smaller inputs reuse a sample: sampling takes a sixth of a call with 1000 spheres, and a poor plan costs little at
+/// this size.
 const MAX_REUSE_SPHERES: usize = 1 << 12;
 const MAX_REUSES: u32 = 15;
-/// The largest shift of the bounds, as a fraction of the extent, with which a sample is reused.
+/// Larger shifts of the bounds, as a fraction of the extent, discard the sample.
 const MAX_BOUNDS_SHIFT: f32 = 0.0625;
 const MAX_SEPARATE_COST: f32 = 0.9;
 /// Estimated, with random access to the spheres.
 const EXACT_TEST_NS: f32 = 60.0;
 const MAX_SEPARATE: usize = 2 * (MAX_GROUPS + 1);
 
-/// The mean number of spheres around a sphere by cube size: a polyline in log-log scale.
+/// Mean number of spheres around a sphere by cube size: a polyline in log-log scale.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct DensityProfile {
     top: f32,
     /// log₂ of the mean number at size `2^(top - depth)`, for the depths that the sample resolves.
     log_mean: Vec<f32>,
-    /// The decrease of log₂ of the mean per halving below these depths.
+    /// Decrease of log₂ of the mean per halving below these depths.
     slope: f32,
-    /// The searches in cells, as a fraction of those if all spheres were one group.
+    /// Searches in cells, as a fraction of those if all spheres were one group.
     pub(crate) searches: f32,
 }
 
@@ -143,7 +143,6 @@ impl Sample {
         DensityProfile { searches: grouping.map_or(1.0, |grouping| self.searches(grouping)), ..density }
     }
 
-    /// Returns the number of cell searches, as a fraction of those if all spheres were one group.
     fn searches(&self, grouping: &Grouping<'_>) -> f32 {
         let mut members = [0.0_f32; MAX_SEPARATE];
         for (_, index) in &self.codes {
@@ -156,7 +155,7 @@ impl Sample {
     }
 }
 
-/// A density sample that small inputs reuse, and the decision to keep groups of species apart.
+/// A density sample for reuse, and the decision to keep groups of species apart.
 #[derive(Debug)]
 pub(crate) struct DensityCache {
     density: DensityProfile,

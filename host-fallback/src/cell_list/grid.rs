@@ -8,8 +8,8 @@ use glam::{DVec3, Vec3};
 use crate::compare::{Axes, Portable, SimdWidth};
 use crate::math::floor;
 
-/// Below this many cells from the origin `f64` counts single cells; farther out, different `f32` coordinates are at
-/// least 2²⁵ cells apart, so only equal ones can meet.
+/// Below this many cells from the origin `f64` counts single cells; farther out, only equal `f32` coordinates can meet,
+/// since others are at least 2²⁵ cells apart.
 const COUNTABLE: f64 = (1_u64 << 50) as f64;
 /// Relative to the largest coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
@@ -28,7 +28,7 @@ pub(crate) struct CellGrid {
     pub(crate) circular: bool,
     /// `true` if touching spheres of the level are always in the same or adjacent cells.
     pub(crate) adjoining: bool,
-    /// The largest effective radius of the level plus its rounding error.
+    /// Largest effective radius of the level plus its rounding error.
     reach: f64,
     largest: f32,
 }
@@ -132,7 +132,7 @@ impl CellGrid {
         row * self.size[0] as usize + cell[0] as usize
     }
 
-    /// Returns all cells of spheres that may touch one with this center and radius.
+    /// Returns all cells with spheres that may touch this one.
     ///
     /// Not for folded or periodic grids. Both corners come from the same monotone expression as
     /// [`cell_of`](Self::cell_of), from coordinates moved outwards by more than the rounding error.
@@ -148,8 +148,8 @@ impl CellGrid {
     }
 
     /// Returns the bounds within which a sphere of `cell`, radius included, touches no sphere of lower and of higher
-    /// cells along each axis, moved inwards by far more than the `f32` rounding error; infinite without such cells. Not
-    /// for folded grids.
+    /// cells along each axis, moved inwards by far more than `f32` rounding; infinite without such cells. Not for
+    /// folded grids.
     #[inline(always)]
     pub(crate) fn bounds(&self, cell: [u32; 3]) -> ([f32; 3], [f32; 3]) {
         let (mut low, mut high) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
@@ -184,8 +184,8 @@ impl CellGrid {
             let cells = f64::from(self.size[axis]);
             let (low, high) = match (self.periodic[axis], self.folded) {
                 (true, _) => {
-                    // Wrapped coordinates differ from unwrapped ones by the rounding of one length. A center at the
-                    // very end of the axis lies in its last cell, closer to the first cell than that.
+                    // Wrapping changes coordinates by the rounding of one length. A center at the very end of the axis
+                    // lies in its last cell, closer to the first cell than that.
                     let (at, span) = (x * per_length + 0.5 * cells, reach * per_length + cells * ROUNDING);
                     (floor(at - span), floor(at + span))
                 }

@@ -1,8 +1,8 @@
 //! The sizes that share a level, and the cell size of each level.
 //!
 //! A search compares each sphere with its neighbor cells at its own level and at every coarser one. Few levels mean
-//! long runs of spheres too small for their cells; many mean many short runs. The best choice depends on the density,
-//! so dynamic programming minimizes a cost estimate. The paper's τ decides the same per cell.
+//! long runs of spheres too small for their cells; many mean many short runs. Dynamic programming minimizes the cost
+//! estimated from the density.
 
 #![expect(clippy::disallowed_methods, clippy::disallowed_macros, reason = "a plan is of 256 classes at most")]
 
@@ -40,7 +40,7 @@ pub(crate) struct Level {
 struct LevelOption {
     cost: f32,
     log_size: f32,
-    /// The number of groups before this level.
+    /// Number of groups before this level.
     from: usize,
 }
 
@@ -98,8 +98,8 @@ struct LevelCostModel<'c> {
 }
 
 impl LevelCostModel<'_> {
-    /// Calls `offer` for every level that begins with class `from` and every cell size, with the end of its classes,
-    /// the cost of searching it for its own and all smaller spheres, and log₂ of the cell size.
+    /// Calls `offer` for every level from class `from` and every cell size, with the end of its classes, its search
+    /// cost for its own and all smaller spheres, and log₂ of the cell size.
     fn levels_from(&self, from: usize, mut offer: impl FnMut(usize, f32, f32)) {
         let ends = from + 1..=self.counts.len();
         let extent = self.density.log_extent();
@@ -138,8 +138,7 @@ impl LevelCostModel<'_> {
     }
 
     /// Returns the costs of each class at or after `from`: for the later half of the rows around its spheres, and for
-    /// the comparisons there if the level held all spheres. Members search later spheres only; smaller spheres search
-    /// both halves.
+    /// the comparisons there if the level held all spheres. Smaller spheres search both halves.
     fn halves(&self, from: usize, log_size: f32) -> [[f32; 2]; MAX_CLASS_GROUPS] {
         let cell_size = log_size.exp2();
         let mut halves = [[0.0; 2]; MAX_CLASS_GROUPS];
@@ -165,10 +164,10 @@ mod tests {
     use crate::input::SearchInput;
 
     fn plan(n: u32, spacing: f32, radii: &[f32]) -> LevelPlan {
-        plan_for(1.0, (n, spacing), radii)
+        plan_for(1.0, n, spacing, radii)
     }
 
-    fn plan_for(searches: f32, (n, spacing): (u32, f32), radii: &[f32]) -> LevelPlan {
+    fn plan_for(searches: f32, n: u32, spacing: f32, radii: &[f32]) -> LevelPlan {
         let side = f64::from(n).cbrt().ceil() as u32;
         let spheres: Vec<_> = (0..n)
             .map(|k| {
@@ -186,19 +185,19 @@ mod tests {
 
     #[test]
     fn few_searches_make_small_cells() {
-        let [many, few] = [1.0, 0.01].map(|searches| plan_for(searches, (100_000, 1.0), &[1.0]));
+        let [many, few] = [1.0, 0.01].map(|searches| plan_for(searches, 100_000, 1.0, &[1.0]));
         assert!(few.levels[0].cell_size < 0.8 * many.levels[0].cell_size, "{few:?}, {many:?}");
     }
 
     #[test]
     fn few_searches_make_more_levels() {
-        let levels = |searches| plan_for(searches, (50_000, 1.0), &[1.0, 0.5, 0.25]).levels.len();
+        let levels = |searches| plan_for(searches, 50_000, 1.0, &[1.0, 0.5, 0.25]).levels.len();
         assert_eq!([1.0, 0.01].map(levels), [1, 2]);
     }
 
     #[test]
     fn searches_of_coincident_spheres_cost_their_fraction() {
-        let cost = |searches| plan_for(searches, (3000, 0.0), &[1.0]).cost;
+        let cost = |searches| plan_for(searches, 3000, 0.0, &[1.0]).cost;
         let saved = cost(1.0) - cost(0.25);
         assert!((saved / (3000.0 * ROW_NS) - 0.75).abs() < 0.01, "{saved}");
     }

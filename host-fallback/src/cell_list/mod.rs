@@ -1,8 +1,8 @@
 //! Hierarchical cell list: every sphere is in the cell of its center, at the level of its size.
 //!
-//! All levels are sorted together, in one numbering of cells, coarse levels first. Each sphere searches the cells
-//! around it: at its own level for later spheres only, at coarser levels for all. So a pair is found once, from its
-//! finer sphere or, within a level, from its earlier one.
+//! All levels are sorted together, coarse levels first. Each sphere searches the cells around it: at its own level for
+//! later spheres only, at coarser levels for all. So a pair is found once, from its finer sphere or, within a level,
+//! from its earlier one.
 //!
 //! Groups of spheres that do not pair among themselves, such as two sets or species without a reaction, have separate
 //! levels. Spheres search only levels of groups that pair with theirs; each two levels are searched from one side.
@@ -46,7 +46,7 @@ pub(crate) struct CellList {
     starts: Vec<u32>,
     targets: Vec<Target>,
     members: Vec<GroupMembers>,
-    /// `true` if compared spheres pair exactly if their effective radii touch.
+    /// `true` if touching effective radii decide pairs.
     touch_decides: bool,
     sorter: Sorter,
     plan: Option<CachedPlan>,
@@ -183,7 +183,7 @@ impl CellList {
         self.touch_decides
     }
 
-    /// The number of spheres up to the last one that may pair.
+    /// Number of spheres up to the last one that may pair.
     pub(crate) fn paired(&self) -> usize {
         let searched = self.targets.iter().map(|target| &self.levels[target.level]);
         let own = self.levels.iter().filter(|level| level.pairs_within || !level.targets.is_empty());
@@ -202,7 +202,6 @@ impl CellList {
         search::search(self, input, output)
     }
 
-    /// Replaces ids by positions in the list, and fills `order` with the ids.
     pub(crate) fn renumber(&mut self, order: &mut Vec<u32>) -> Result<(), Error> {
         self.columns.renumber(order)
     }

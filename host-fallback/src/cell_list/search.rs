@@ -10,7 +10,7 @@ use crate::input::{SearchInput, search_pieces};
 
 /// Some tens of microseconds at moderate density.
 const CHUNK_SPHERES: usize = 1 << 10;
-/// The average number of runs per hit at or below which hits are queued.
+/// With at most this average number of runs per hit, hits are queued.
 const RUNS_PER_HIT: usize = 2;
 
 pub(super) fn search<'o, O: Output>(
@@ -163,7 +163,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// A range that wraps is no longer than its axis, so no row is queued twice.
+    /// Queues rows of a range, which is never longer than its axis, so no row is queued twice.
     #[inline(always)]
     fn rows(&mut self, level: &LevelGrid, block: CellRange, at: usize, from: usize) {
         let (size, first, count) = (level.grid.size, block.first, block.count());

@@ -45,7 +45,6 @@ impl Columns {
         Ok(ColumnsMut { xyzr, id: &mut id[..len] })
     }
 
-    /// Moves the ids to `order` and replaces them by positions.
     pub(crate) fn renumber(&mut self, order: &mut Vec<u32>) -> Result<(), Error> {
         try_resize(order, self.len, "the order of spheres")?;
         order.copy_from_slice(&self.id[..self.len]);

@@ -3,10 +3,9 @@ use lazygrid_kernels::{EffectiveRadius, Sphere};
 use super::{PairTest, Xyzr};
 use crate::memory::{prefetch, prefetch_address};
 
-/// One of the layouts for which loops over effective spheres are compiled.
+/// A layout for which loops over effective spheres are compiled.
 pub(crate) trait EffectiveRows: Copy {
     fn prefetch(self, k: usize);
-    /// Returns sphere `k` with its own radius.
     fn get(self, k: usize) -> Xyzr;
     /// Returns the effective radius of sphere `k`, whose own radius is `radius`.
     fn effective(self, k: usize, radius: f32) -> f32;
@@ -74,7 +73,6 @@ impl EffectiveRows for [&[f32]; 4] {
     }
 }
 
-/// With the species and their effective radii.
 impl<R: EffectiveRows> EffectiveRows for (R, &[u32], &[EffectiveRadius]) {
     #[inline(always)]
     fn prefetch(self, k: usize) {

@@ -11,17 +11,17 @@ use crate::memory::try_collect;
 /// About 0.2 ms (50 ns per pair of distant spheres).
 const CHUNK_PAIRS: usize = 1 << 12;
 
-/// The exact filter of found pairs. Indices of a second set follow the first.
+/// Exact filter of found pairs. Indices of a second set follow the first.
 #[derive(Clone, Debug)]
 pub struct PairFilter<'a> {
     query: Query<'a>,
-    /// The space and the table that decide contact, for spheres in a frame.
+    /// Decides contact of spheres in a frame.
     contact: Option<(&'a Space, Option<&'a Interactions>)>,
     has_groups: bool,
 }
 
 impl<'a> PairFilter<'a> {
-    /// Creates the filter of a query; `None` if the search decides. Species ids and exclusions are already checked.
+    /// `None` if the search decides. Species ids and exclusions must be valid.
     pub(crate) fn new(
         query: Query<'a>,
         contact: Option<(&'a Space, Option<&'a Interactions>)>,
@@ -33,22 +33,20 @@ impl<'a> PairFilter<'a> {
         is_needed.then_some(Self { query, contact, has_groups })
     }
 
-    /// Returns `true` if it also decides contact, so that a search finds candidates only.
+    /// Returns `true` if the filter decides contact, so that a search finds only candidates.
     pub fn decides_contact(&self) -> bool {
         self.contact.is_some()
     }
 
-    /// Returns `true` if it decides only contact.
     pub(crate) fn is_contact(&self) -> bool {
         !self.has_groups && self.query.exclusions().is_none()
     }
 
-    /// Returns `true` if it has no table.
     pub(crate) fn is_by_radii(&self) -> bool {
         matches!(self.contact, Some((_, None)))
     }
 
-    /// Returns `true` if two spheres found by the broad phase are a pair.
+    /// Returns `true` if two found spheres are a pair.
     pub fn accepts(&self, i: u32, j: u32) -> bool {
         // The exclusion lookup is the slowest test, so it comes last.
         !(self.has_groups && self.are_of_one_group(i, j))

@@ -37,13 +37,13 @@ pub(crate) struct PairTest<'a> {
 pub(crate) struct SphereRadii {
     pub(crate) center: Vec3,
     pub(crate) own: f32,
-    /// The radius by the interactions of the species.
+    /// Radius by the interactions of the species.
     pub(crate) effective: f32,
     /// Plus the skin margin in a search for candidates.
     pub(crate) widened: f32,
 }
 
-/// The margin added to radii in a search for candidates.
+/// Growth of radii in a search for candidates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SkinMargin<'a> {
     pub(crate) by_class: &'a [f32; SIZE_CLASSES],
@@ -99,7 +99,7 @@ impl<'a> PairTest<'a> {
         &self.space
     }
 
-    /// `None` if space is unbounded and contact needs no slack.
+    /// `None` in unbounded space, or if contact needs no slack.
     pub(crate) fn periodic_box(&self, largest: f32) -> Option<PeriodicBox> {
         match self.frame.is_some_and(SearchFrame::is_orthogonal) {
             true => Some(PeriodicBox::of_frame(&self.space, largest)),
@@ -125,7 +125,6 @@ impl<'a> PairTest<'a> {
         self.margin.is_some()
     }
 
-    /// The species of the spheres, and the effective radii of these.
     #[inline(always)]
     pub(crate) fn species_radii(&self) -> Option<(&'a [u32], &[EffectiveRadius])> {
         self.species.as_ref().map(|species| (species.ids, &species.reach[..]))
@@ -157,7 +156,7 @@ impl<'a> PairTest<'a> {
         SphereRadii { center: sphere.center, own: sphere.radius, effective, widened }
     }
 
-    /// Declares that contact by effective radii decides up to rounding, if no filter or frame requires more.
+    /// Lets contact by effective radii decide up to rounding, unless a filter or frame requires more.
     pub(crate) fn decided_by_radii(&mut self) {
         self.is_plain = self.frame.is_none_or(SearchFrame::is_orthogonal)
             && self.filter.is_none_or(PairFilter::is_contact);
@@ -173,7 +172,7 @@ impl<'a> PairTest<'a> {
         [center.x, center.y, center.z, radius]
     }
 
-    /// Returns `true` if the species of two spheres that touch with margins interact; `None` for a test of pairs.
+    /// `None` if the search is for pairs.
     #[inline(always)]
     pub(crate) fn is_candidate(&self, i: u32, j: u32) -> Option<bool> {
         let order = self.margin?.order?;

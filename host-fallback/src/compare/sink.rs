@@ -15,15 +15,15 @@ use super::simd::SimdWidth;
 use crate::Error;
 use crate::memory::{self, try_resize};
 
-/// Pairs per buffer of a thread: 64 KiB, far below a core's cache, large enough to amortize delivery.
+/// Pairs per thread's buffer: 64 KiB, far below a core's cache, large enough to amortize delivery.
 const CHUNK: usize = 8192;
-/// The least cleared size of a reused buffer.
+/// Least cleared size of a reused buffer.
 const MIN_CHUNK: usize = 256;
 
 /// The most partly filled chunks per thread, at the ends of its work.
 const PARTLY_FILLED: u64 = 8;
 
-/// The most bytes while `threads` threads write a list.
+/// Most bytes while `threads` threads write a list.
 pub(crate) fn memory_of_list(pairs: u64, threads: u64) -> u64 {
     let bytes = pairs.saturating_mul(size_of::<Pair>() as u64);
     let chunks = |count: u64| count.saturating_mul((CHUNK * size_of::<Pair>()) as u64);
@@ -104,7 +104,7 @@ impl Sink for Counter {
 
 pub(crate) struct ChunkedOutput<'c> {
     pub(crate) to: ChunkTarget<'c>,
-    /// The range of the smaller index; `None` for all.
+    /// Range of the smaller index; `None` for all.
     pub(crate) window: Option<Range<u32>>,
     /// With arbitrary contents.
     pub(crate) free_chunks: Mutex<Vec<Vec<Pair>>>,

@@ -27,13 +27,13 @@ impl IndexKind {
     }
 }
 
-/// The number of spheres of one size class below which all pairs are compared, because sampling and sorting cost more.
-/// Measured with `cargo bench --bench parameter_sweep -- --what crossover`; a wrong value costs a few microseconds.
+/// Smaller inputs of one size class compare all pairs, because sampling and sorting cost more. Measured with `cargo
+/// bench --bench parameter_sweep -- --what crossover`; a wrong value costs a few microseconds.
 pub const NAIVE_BELOW: usize = 400;
-/// The increase per further size class, which slows the plan of the cell list.
+/// Increase per further size class, which slows the plan of the cell list.
 pub const NAIVE_PER_CLASS: usize = 80;
 
-/// Returns the algorithm and the reason. `Auto` depends on the statistics of the spheres.
+/// Returns the algorithm and its reason. `Auto` depends on the statistics of the spheres.
 pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
     if asked != Algorithm::Auto {
         return (asked, format!("{asked}: asked for"));
@@ -51,7 +51,7 @@ pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
 /// Comparisons between two sets that cost as much as sorting and searching for one sphere.
 const COMPARED_PER_SPHERE: u64 = 200;
 
-/// For two sets, the first of `split` spheres.
+/// Chooses for two sets, the first of `split` spheres.
 pub(crate) fn choose_between(asked: Algorithm, stats: &InputStats, split: usize) -> (Algorithm, String) {
     if asked != Algorithm::Auto {
         return choose(asked, stats);

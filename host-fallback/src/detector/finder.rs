@@ -23,29 +23,24 @@ pub type Work<'w> = &'w mut (dyn FnMut(&mut dyn PairSource) -> Result<(), Error>
 
 /// The index of one query. Indices of a second set follow the first.
 pub trait PairSource {
-    /// Counts the pairs.
     fn count(&mut self) -> Result<u64, Error>;
 
     /// Passes all pairs as one part unless they exceed `limit`. Returns their number.
     fn list(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<u64, Error>;
 
-    /// Passes all pairs in parts with ascending first indices, of at most `limit` pairs unless a single sphere, or the
-    /// output of a device, has more.
+    /// Passes all pairs in parts with ascending first indices. A part has at most `limit` pairs unless a single sphere,
+    /// or the output of a device, has more.
     fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error>;
 
-    /// Passes all pairs in any order.
     fn unordered(&mut self, take: PairConsumer<'_>) -> Result<(), Error>;
 }
 
 /// A backend: the CPU or a device.
 pub trait SearchBackend {
-    /// The settings of the backend.
     fn settings(&self) -> &Settings;
 
-    /// The threads of the host.
     fn team(&self) -> &Arc<Team>;
 
-    /// The number of pairs and the phases of the last report.
     fn report_mut(&mut self) -> (&mut u64, &mut Vec<PhaseTime>);
 
     /// Checks a query, chooses, builds, and lets `work` search.
@@ -81,7 +76,6 @@ pub struct PairFinder<B> {
 }
 
 impl<B: SearchBackend> PairFinder<B> {
-    /// Creates a finder that searches on `backend`.
     pub fn on(backend: B) -> Self {
         let (sorter, lists, pairs, numbering) = Default::default();
         Self { backend, sorter, lists, pairs, numbering }
@@ -131,22 +125,20 @@ impl<B: SearchBackend> PairFinder<B> {
         Ok(())
     }
 
-    /// The pairs of the last list.
     pub fn last_pairs(&self) -> &[Pair] {
         &self.pairs
     }
 
-    /// The pairs of the last list, without a copy.
+    /// Returns the pairs of the last list, without a copy.
     pub fn into_pairs(self) -> Vec<Pair> {
         self.pairs
     }
 
-    /// The backend.
     pub fn backend(&self) -> &B {
         &self.backend
     }
 
-    /// The phases of the last call, which the caller may extend.
+    /// Phases of the last call, which the caller may extend.
     pub fn phases_mut(&mut self) -> &mut Vec<PhaseTime> {
         self.backend.report_mut().1
     }

@@ -14,7 +14,7 @@ use crate::grids::{ArrayGrid, HashGrid, RecursiveGrid};
 use crate::input::{InputStats, QueryBuffers, SearchInput, SpeciesGroups, check_valid};
 use crate::memory::with_growth;
 use crate::naive::Naive;
-use crate::skin::memory_of_candidates;
+use crate::skin::{CallSpheres, memory_of_candidates};
 use crate::{Error, PhaseTime, RebuildReason, Report, Settings};
 use algorithm_choice::IndexKind;
 pub use finder::{ChunkConsumer, PairFinder, PairSource, SearchBackend, Work, ranges};
@@ -23,11 +23,10 @@ use state::{Built, DetectorState};
 /// Finds overlapping pairs on the CPU, reusing its buffers.
 pub type HostDetector = PairFinder<HostBackend>;
 
-/// Searches with the threads of the host.
 #[derive(Debug)]
 pub struct HostBackend {
     settings: Settings,
-    /// The largest index that its calls may build.
+    /// Largest index that its calls may build.
     structure: IndexKind,
     team: Arc<Team>,
     buffers: QueryBuffers,
@@ -45,15 +44,13 @@ impl PairFinder<HostBackend> {
         HostBackend::new(settings).map(Self::on)
     }
 
-    /// The report of the last call.
+    /// Report of the last call.
     pub fn report(&self) -> &Report {
         self.backend().report()
     }
 }
 
 impl HostBackend {
-    /// Creates a backend with these settings.
-    ///
     /// # Errors
     /// See [`HostDetector::new`].
     pub fn new(settings: Settings) -> Result<Self, Error> {
@@ -73,18 +70,18 @@ impl HostBackend {
         })
     }
 
-    /// The report of the last call.
+    /// Report of the last call.
     pub fn report(&self) -> &Report {
         &self.state.report
     }
 
-    /// The most bytes held for `spheres` spheres, without the result and its chunks.
+    /// Most bytes held for `spheres` spheres, without the result and its chunks.
     ///
-    /// For the paper's grids this holds if space has up to 2²⁹ cells; beyond that, and for periodic axes shorter than
-    /// three cells, up to four times as much each. The recursive grid is covered with one overfull cell of all spheres;
-    /// nested ones add up to 150 bytes per sphere. The list of a skin counts with its maximum, 96 candidates of 8 bytes
-    /// per sphere; few scenes have more than ten, and [`Skin::Off`](crate::Skin::Off) keeps none. `f64` spheres in
-    /// unbounded space take up to 18 bytes more each.
+    /// The paper's grids may take four times as much beyond 2²⁹ cells, and again on periodic axes shorter than three
+    /// cells. The recursive grid is covered with one overfull cell of all spheres; nested ones add up to 150 bytes per
+    /// sphere. The list of a skin counts with its maximum, 96 candidates of 8 bytes per sphere; few scenes have more
+    /// than ten, and [`Skin::Off`](crate::Skin::Off) keeps none. `f64` spheres in unbounded space take up to 18 bytes
+    /// more each.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let (ratio, threads) = (self.settings.cell_ratio, self.team.count() as u64);
         let wrapped = match self.settings.space.is_periodic() {
@@ -135,7 +132,8 @@ impl SearchBackend for HostBackend {
                 // If the candidates are valid, no copy is needed.
                 prepared = buffers.prepare_in_place(query, settings, executor)?;
                 if let Some(given) = &prepared {
-                    lapsed = state.advance(settings, (&given.test(settings), given.given), executor)?;
+                    let spheres = CallSpheres { test: &given.test(settings), given: given.given };
+                    lapsed = state.advance(settings, spheres, executor)?;
                 }
             }
             let is_advanced = prepared.is_some();
@@ -145,7 +143,7 @@ impl SearchBackend for HostBackend {
             };
             let test = prepared.test(settings);
             if !is_advanced && prepared.split.is_none() {
-                lapsed = state.advance(settings, (&test, None), executor)?;
+                lapsed = state.advance(settings, CallSpheres { test: &test, given: None }, executor)?;
             }
             let stats = match (lapsed, state.skin.candidates.input_stats()) {
                 (None, Some(stats)) => stats.clone(),

@@ -7,14 +7,14 @@ use lazygrid_kernels::{Algorithm, Pair};
 use super::algorithm_choice::{self, IndexKind};
 use super::finder::{ChunkConsumer, PairSource, ranges};
 use crate::cell_list::CellList;
-use crate::compare::{ChunkTarget, ChunkedOutput, Count, Output, PairConsumer, PairTest, deliver_unordered};
+use crate::compare::{ChunkTarget, ChunkedOutput, Count, Output, PairConsumer, deliver_unordered};
 use crate::disjoint_writes::shared;
 use crate::executor::Executor;
 use crate::grids::{ArrayGrid, HashGrid, RecursiveGrid};
-use crate::input::{GivenSpheres, SearchInput};
+use crate::input::SearchInput;
 use crate::memory::{try_collect, try_extend};
 use crate::naive::{self, Naive};
-use crate::skin::SkinController;
+use crate::skin::{CallSpheres, SkinController};
 use crate::{CandidateListStats, Error, RebuildReason, Report, Settings};
 
 #[derive(Debug, Default)]
@@ -35,7 +35,7 @@ impl DetectorState {
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,
-        test: (&PairTest<'_>, Option<GivenSpheres<'_>>),
+        spheres: CallSpheres<'_>,
         executor: Executor,
     ) -> Result<Option<RebuildReason>, Error> {
         if !settings.keeps_candidates() {
@@ -43,7 +43,7 @@ impl DetectorState {
         }
         let Self { report, skin, cell_list, .. } = self;
         let is_kept = skin.candidates.input_stats().is_some();
-        let mut advance = || skin.advance(settings, test, cell_list, executor);
+        let mut advance = || skin.advance(settings, spheres, cell_list, executor);
         match is_kept {
             true => report.time("measure", advance),
             false => advance(),
@@ -88,7 +88,7 @@ impl DetectorState {
         Ok(())
     }
 
-    /// Returns `true` if a search probably ends before other threads wake.
+    /// Returns `true` if a search probably ends before threads wake.
     pub(crate) fn is_short(&self, input: &SearchInput<'_>) -> bool {
         match self.report.algorithm {
             _ if self.from_candidates => false,

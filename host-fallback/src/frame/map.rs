@@ -8,10 +8,10 @@ pub(crate) struct FrameMap<'f> {
     pub(crate) origin: [f64; 4],
     /// Infinite for an unbounded axis and for the radius. NaN in a triclinic space.
     pub(crate) lengths: [f64; 4],
-    /// The largest radius; infinite for coordinates.
+    /// Largest radius; infinite for coordinates.
     pub(crate) limit: [f64; 4],
-    /// The scale of the frame with the growth of radii, and the summand of the growth. The scale is a power of two, so
-    /// the product rounds as if both factors were applied in turn.
+    /// Scale with the growth of radii, and the summand of the growth. The scale is a power of two, so the product
+    /// rounds as if both factors were applied in turn.
     pub(crate) growth: [[f64; 4]; 2],
     /// Half the period of each axis; infinite for an unbounded one and for the radius.
     pub(crate) half: [f32; 4],

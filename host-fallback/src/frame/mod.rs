@@ -35,14 +35,13 @@ pub(crate) use map::FrameMap;
 
 const GROWTH: [f64; 2] = [1.0 + 1.0 / (1 << 20) as f64, 1.0 / (1 << 23) as f64];
 const MAX_RADIUS: f64 = 4.0;
-/// The smallest frame as a fraction of the distance between spheres along a periodic axis.
+/// Smallest frame as a fraction of the distance between spheres along a periodic axis.
 const MIN_SPREAD: f64 = 1.0 / (1 << 20) as f64;
-/// The absolute part of the slack, and the part relative to the largest radius.
+/// Absolute part of the slack, and the part relative to the largest radius.
 const SLACK: [f32; 2] = [1.0 / (1 << 20) as f32, 1.0 / (1 << 18) as f32];
-/// The smallest filled fraction with which a frame is kept, so radii of moving spheres do not change.
+/// A frame filled less is replaced; a kept one preserves the radii of moving spheres.
 const MIN_FILLED: f64 = 1.0 / 8.0;
 
-/// The map from given to searched spheres.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchFrame {
     origin: [f64; 3],
@@ -52,10 +51,10 @@ pub struct SearchFrame {
 
 #[derive(Clone, Debug, PartialEq)]
 enum Axes {
-    /// The length of each axis as given, and its period in the frame.
+    /// Length of each axis as given, and its period in the frame.
     Orthogonal([Option<(f64, f32)>; 3]),
     Triclinic(Orthogonalization),
-    /// The axes of `f32` spheres in a triclinic space, whose rounding does not depend on bounds.
+    /// Axes of `f32` spheres in a triclinic space, whose rounding does not depend on bounds.
     Narrow(Orthogonalization),
 }
 
@@ -106,7 +105,6 @@ impl SearchFrame {
         Self { origin, scale, axes }
     }
 
-    /// The searched space.
     pub fn space(&self) -> Space {
         match &self.axes {
             Axes::Orthogonal(axes) => {
@@ -121,12 +119,11 @@ impl SearchFrame {
         matches!(self.axes, Axes::Orthogonal(_))
     }
 
-    /// The factor from distances in space to distances in the frame.
     pub fn scale(&self) -> f64 {
         self.scale
     }
 
-    /// The overlap beyond which spheres up to this radius certainly touch in space.
+    /// Returns the overlap beyond which spheres up to this radius certainly touch in space.
     pub(crate) fn slack(largest: f32) -> f32 {
         let [absolute, relative] = SLACK;
         absolute + relative * largest
@@ -166,7 +163,7 @@ impl SearchFrame {
 fn searched_radius(radius: f64) -> f32 {
     let [relative, absolute] = GROWTH;
     let radius = if radius < MAX_RADIUS { radius } else { MAX_RADIUS };
-    // The next larger number, since this one is positive and finite.
+    // The next larger number of a positive, finite one.
     f32::from_bits(((radius * relative + absolute) as f32).to_bits() + 1)
 }
 

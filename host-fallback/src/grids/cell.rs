@@ -180,7 +180,7 @@ impl<S: Sink> SimdTask for Cells<'_, S> {
 #[derive(Debug, Default)]
 pub(crate) struct OverfullCell {
     rows: Vec<TileRow>,
-    /// The member of the cell at each position, group by group.
+    /// Member of the cell at each position, group by group.
     order: Vec<u32>,
     columns: Workspaces<Columns>,
 }
@@ -192,7 +192,6 @@ struct TileRow {
 }
 
 impl OverfullCell {
-    /// The most bytes for cells of `spheres` spheres of one group.
     pub(crate) fn memory_for(spheres: u64, threads: u64) -> u64 {
         threads * with_growth(Columns::BYTES_PER_SPHERE * spheres.min((TILE + ROW) as u64))
     }
@@ -237,7 +236,7 @@ impl OverfullCell {
         self.search(input, id, (output, sink))
     }
 
-    /// Appends the members of a cell to the order, group by group; a single group needs none. Returns the positions of
+    /// Appends the members of a cell to the order, group by group, unless there is one group. Returns the positions of
     /// each group. The first member has the index `from`.
     fn arrange(
         &mut self,
@@ -260,7 +259,6 @@ impl OverfullCell {
         Ok(groups)
     }
 
-    /// Adds rows for every corner mask of `of` with its partners among `with`.
     fn plan(&mut self, of: &Starts, with: &Starts, partners: &[&[MaskRange]; MASKS]) -> Result<(), Error> {
         for (corner_mask, partners) in partners.iter().enumerate() {
             for &partners in *partners {

@@ -67,7 +67,7 @@ pub(crate) struct Entries {
     pub(crate) grid: UniformGrid,
     layout: KeyLayout,
     offsets: Vec<usize>,
-    /// The entries if keys fit 32 bits: unless space has very many cells.
+    /// Entries if keys fit 32 bits: unless space has very many cells.
     narrow: Radix<u32>,
     /// Three coordinates of 32 bits always fit.
     wide: Radix<u128>,
@@ -147,14 +147,14 @@ pub(crate) fn memory_of_entries(entries: u64) -> u64 {
     Radix::<u32>::memory_for(entries)
 }
 
-/// Above 5 % and 64 more than the bound on the mean, the grid is shifted; chance alone shifts no grid.
+/// Limits the entries to the bound on the mean, plus 5 % and 64, so that chance shifts no grid.
 pub(crate) fn most_entries(spheres: usize, ratio: f32) -> usize {
     (1.05 * UniformGrid::most_cells(ratio) * spheres as f64) as usize + 64
 }
 
 /// Writes an entry for every cell that each of `n` spheres overlaps. `sphere` returns the cells of the `k`-th sphere, a
 /// mask for its corner masks, and its id, or `None` to omit it; for many spheres it is called twice. `place` wraps a
-/// cell. Returns `false`, without entries, if there are more than `most`.
+/// cell. Returns `false`, without entries, for more than `most`.
 pub(crate) fn fill<K: RadixKey>(
     (n, executor): (usize, Executor),
     (sphere, place): (impl Fn(usize) -> Option<(CellBox, u8, u32)> + Sync, impl Fn(UVec3) -> UVec3 + Sync),
@@ -208,7 +208,6 @@ pub(crate) fn accumulate(lengths: &mut [usize]) -> usize {
     })
 }
 
-/// The entries of each cell, one cell after the other.
 #[inline]
 pub(crate) fn runs<K: RadixKey>(mut rest: &[KeyedSphere<K>]) -> impl Iterator<Item = &[KeyedSphere<K>]> {
     std::iter::from_fn(move || {
@@ -218,7 +217,7 @@ pub(crate) fn runs<K: RadixKey>(mut rest: &[KeyedSphere<K>]) -> impl Iterator<It
     })
 }
 
-/// The end of the cell's entries from `from`, by exponential search, because most runs are short.
+/// Finds the end of a cell's entries by exponential search, because most runs are short.
 #[inline]
 fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> usize {
     let cell = entries[from].cell();

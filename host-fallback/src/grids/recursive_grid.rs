@@ -2,13 +2,13 @@
 //!
 //! In each cell, pairs with a large sphere (one that no finer grid suits) are found among all its spheres. If more than
 //! τ smaller spheres remain, the cell is split into a finer grid, else they are compared with each other. Finer cells
-//! are a power of two smaller and nest in the cell they split, so a pair's own cell lies in its own coarser cell. A
-//! split refines the cell's entries, and the corner mask of a finer entry has only bits of the coarser one.
+//! are a power of two smaller and nest in the cell they split, so a pair's own cell lies in its own coarser cell. The
+//! corner mask of a finer entry has only bits of the coarser one.
 //!
 //! A split goes directly to the cell size that the largest remaining sphere requires, or, for few spheres, to cells
-//! that hold a handful. If it cannot separate the centers, because spheres as large as the extent of all remain, those
-//! count as large. So every step halves the largest remaining size or the extent of the spheres in a cell, and a
-//! recursion ends after some tens of steps on any input.
+//! that hold a handful. If spheres as large as the extent of all remain, no split separates the centers, and those
+//! count as large. So every step halves the largest remaining size or the extent of a cell's spheres, and a recursion
+//! ends after some tens of steps on any input.
 
 use glam::{BVec3, DVec3, UVec3, Vec3};
 
@@ -31,8 +31,8 @@ const CHUNK_ENTRIES: usize = 1 << 11;
 const PER_CELL: f64 = 16.0;
 /// So that 32 bits hold a finer cell's key.
 const MAX_HALVINGS: f64 = 7.0;
-/// The most finer cells from the origin to a coordinate. Boxes are widened for rounding by 2⁻⁴⁹ of the coordinate, then
-/// at most an eighth of a cell. Different coordinates are 2²² such cells apart, so on an axis with this many cells all
+/// Maximum number of finer cells from the origin to a coordinate. Boxes are widened by 2⁻⁴⁹ of the coordinate for
+/// rounding, at most an eighth of a cell. Different coordinates are 2²² such cells apart, so along such an axis all
 /// spheres of a cell agree, and it need not be split further.
 const MAX_FINENESS: f64 = (1_u64 << 46) as f64;
 
@@ -138,7 +138,7 @@ impl CellSplit {
 struct Extent {
     low: DVec3,
     high: DVec3,
-    /// The largest extent of the centers along an axis.
+    /// Largest extent of the centers along an axis.
     wide: f64,
     radius: f32,
 }
@@ -146,7 +146,7 @@ struct Extent {
 enum SplitDecision {
     /// Into this many parts per axis, a power of two.
     Split(f64),
-    /// Spheres above this radius with all, then decide again.
+    /// Compares spheres above this radius with all, then decides again.
     CompareLarge(f64),
     /// No finer grid separates them.
     BruteForce,
@@ -161,7 +161,7 @@ struct NestedCell {
     scale: DVec3,
     /// Relative to the top cell's corner.
     corner: DVec3,
-    /// The most top cells between the origin and a coordinate in this cell, or in a ring.
+    /// Most top cells between the origin, or the ring's start, and a coordinate in this cell.
     away: DVec3,
 }
 
@@ -226,8 +226,8 @@ impl RecursiveGrid {
         }
     }
 
-    /// The most bytes held: the top grid, one split cell of all spheres, and gathered spheres; with narrow keys and
-    /// without nested overfull cells.
+    /// Returns the most bytes held: the top grid, one split cell of all spheres, and gathered spheres; with narrow keys
+    /// and without nested overfull cells.
     pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
         let entries = most_entries(spheres as usize, ratio) as u64;
         let batches = 2 * threads * Batch::memory_for(entries.min(2 * CHUNK_ENTRIES as u64));

@@ -21,19 +21,18 @@ use crate::input::InputStats;
 use crate::math::floor;
 
 pub(crate) const ALL_AXES: u8 = 0b111;
-/// The largest cell number on either side of the origin. Farther out, different `f32` coordinates are at least eight
-/// cells apart and no sphere is larger than two, so only equal coordinates can touch: the number of such a far cell
-/// follows from the bits of the coordinate.
+/// Largest cell number on either side of the origin. Farther out, different `f32` coordinates are at least eight cells
+/// apart and no sphere exceeds two cells, so only equal coordinates can touch: their bits give the number of a far
+/// cell.
 const MAX_INTEGER_CELL: u32 = 1 << 27;
 /// Unused numbers before the far cells: spheres near the limit overlap two cells beyond it.
 const FAR_GAP: u32 = 16;
 const MIDDLE: u32 = 1 << 31;
 /// Relative widening of radii, far above the rounding of the exact test.
 const WIDER: f64 = 1.0 + 1e-9;
-/// The largest relative rounding error of a coordinate: some ulp of `f64`.
+/// Largest relative rounding error of a coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
-/// The factor by which cells are larger than requested, so that a widened sphere of one cell's diameter never spans
-/// three.
+/// Factor by which cells are larger than requested, so that a widened sphere of one cell's diameter never spans three.
 const CELL_SLACK: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 /// With at most this many cells, rounding of the ring's length is less than [`CELL_SLACK`].
 const MAX_RING_CELLS: f64 = (1 << 26) as f64;
@@ -46,9 +45,9 @@ const CHUNK_SPHERES: usize = 1 << 14;
 pub(crate) struct UniformGrid {
     cell_size: f64,
     per_length: f64,
-    /// The shift of all coordinates in cells, below 1. For rings their origin includes it.
+    /// Shift of all coordinates in cells, below 1. For rings their origin includes it.
     shift: DVec3,
-    /// The bits of the first coordinate in a far cell.
+    /// Bits of the first coordinate in a far cell.
     first_far: u32,
     periodic: PeriodicAxes,
 }
@@ -113,16 +112,16 @@ impl UniformGrid {
         Self { cell_size, per_length, shift: DVec3::ZERO, first_far, periodic }
     }
 
-    /// The number of shifts per axis; at most one places a given sphere across a cell boundary.
+    /// Returns the number of shifts per axis, at most one of which places a given sphere across a cell boundary.
     fn places(ratio: f32) -> usize {
         (ratio as usize).clamp(1, MAX_SHIFTS)
     }
 
-    /// The largest mean number of cells per sphere in a grid of this `ratio`, which is [shifted](Self::shifted) if it
-    /// has more.
+    /// Returns the largest mean number of cells per sphere in a grid of this `ratio`, which is [shifted](Self::shifted)
+    /// if it has more.
     ///
-    /// At each of *p* shifts per axis a sphere overlaps one cell along that axis, except at one, where it overlaps two.
-    /// The mean over all *p*³ shifts is (1 + 1/*p*)³ cells, so the best shift has no more.
+    /// At one of *p* shifts per axis a sphere overlaps two cells along that axis, otherwise one. The mean over all *p*³
+    /// shifts is (1 + 1/*p*)³ cells, so the best shift has no more.
     pub(crate) fn most_cells(ratio: f32) -> f64 {
         let places = Self::places(ratio) as f64;
         if ratio < 1.0 { 27.0 } else { (1.0 + places.recip()).powi(3) }
@@ -186,8 +185,8 @@ impl UniformGrid {
             .fold(self.cell_size, |cell_size, axis| cell_size.min(per_length[axis].recip()))
     }
 
-    /// Returns the box around a sphere, in cells, widened by more than the rounding error. Both corners come from one
-    /// monotone expression.
+    /// Returns the box around a sphere in cells, widened by more than rounding. Both corners come from one monotone
+    /// expression.
     #[inline(always)]
     pub(crate) fn bounds<const PERIODIC: bool>(&self, center: Vec3, radius: f32) -> (DVec3, DVec3) {
         let center = center.as_dvec3();
@@ -257,7 +256,7 @@ impl UniformGrid {
         (low, high)
     }
 
-    /// The most cells between the origin and a coordinate in this cell; on a ring, its number of cells.
+    /// Returns the most cells between the origin and a coordinate in this cell; on a ring, its number of cells.
     pub(crate) fn away(&self, corner: DVec3) -> DVec3 {
         corner.abs().max(self.periodic.count.as_dvec3()) + 1.0
     }
@@ -311,8 +310,7 @@ pub(crate) struct CellBox {
 }
 
 impl CellBox {
-    /// The number of cells: at most 8 if the cell size is at least the largest diameter, 27 if it is at least half of
-    /// it.
+    /// Returns at most 8 cells if the cell size is at least the largest diameter, 27 if at least half of it.
     #[inline(always)]
     pub(crate) fn cells(self) -> usize {
         let size = self.high - self.low + 1;

@@ -10,7 +10,7 @@ use crate::memory::try_collect;
 use crate::{Error, math};
 
 const CHUNK_SPHERES: usize = 1 << 14;
-/// The number of lengths up to which [`Wrapping::wrap`] is exact.
+/// Up to this number of lengths [`Wrapping::wrap`] is exact.
 const NEAR: f64 = (1 << 20) as f64;
 
 pub(super) fn copy(
@@ -91,7 +91,6 @@ impl SimdTask for WrapChunk<'_> {
     }
 }
 
-/// Returns the bounds of the given spheres.
 pub(super) fn map_to_frame(
     given: GivenSpheres<'_>,
     targets: &mut [Sphere],

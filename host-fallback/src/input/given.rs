@@ -17,11 +17,10 @@ pub(crate) struct GivenSpheres<'a> {
     space: &'a Space,
 }
 
-/// One of the layouts for which loops are compiled.
+/// A layout for which loops are compiled.
 pub(crate) trait GivenRows: Copy {
     fn prefetch(self, k: usize);
     fn get(self, k: usize) -> [f64; 4];
-    /// Replaces the radius of sphere `k` by its effective radius.
     fn effective(self, k: usize, row: [f64; 4]) -> [f64; 4];
 }
 
@@ -41,7 +40,8 @@ impl<'a> GivenSpheres<'a> {
     pub(super) fn new(
         spheres: Spheres<'a>,
         halves: Option<&'a [LargestHalf]>,
-        (frame, space): (&'a SearchFrame, &'a Space),
+        frame: &'a SearchFrame,
+        space: &'a Space,
     ) -> Self {
         Self { spheres, species: spheres.species().zip(halves), frame, space }
     }
@@ -162,7 +162,7 @@ impl GivenRows for &GivenSpheres<'_> {
     }
 }
 
-/// An invalid radius stays as it is: the validity check finds it.
+/// Keeps an invalid radius, which the validity check finds.
 #[inline(always)]
 fn effective([x, y, z, radius]: [f64; 4], (half, touches): LargestHalf) -> [f64; 4] {
     let is_valid = (0.0..f64::INFINITY).contains(&radius);

@@ -2,7 +2,7 @@ use super::species_groups::{Meeting, SpeciesPartition};
 use crate::Error;
 use crate::memory::{try_collect, try_resize};
 
-/// The groups of spheres that a search keeps apart: the two sets, each divided by species.
+/// Groups of spheres that a search keeps apart: the two sets, each divided by species.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grouping<'a> {
     split: Option<usize>,
@@ -27,7 +27,7 @@ impl<'a> Grouping<'a> {
         self.split.filter(|_| self.species.is_none_or(|(partition, _)| partition.count == 1))
     }
 
-    /// Returns `true` if spheres of groups that meet pair exactly if their effective radii touch.
+    /// Returns `true` if touching effective radii decide pairs of groups that meet.
     pub(crate) fn is_by_radii(&self) -> bool {
         self.species
             .is_some_and(|(partition, _)| partition.meetings.iter().flatten().all(|of| of.is_by_radii))

@@ -26,15 +26,14 @@ pub struct QueryBuffers {
 /// A query that is ready for a search.
 #[derive(Debug)]
 pub struct PreparedQuery<'a> {
-    /// The spheres of both sets, with their species if both sets have them.
+    /// Spheres of both sets, with their species if both sets have them.
     pub spheres: Spheres<'a>,
-    /// The size of the first of two sets.
     pub split: Option<usize>,
-    /// The frame of the spheres, whose radii are then effective radii; `None` for spheres as given.
+    /// `None` for spheres as given; otherwise their radii are effective.
     pub frame: Option<&'a SearchFrame>,
-    /// The spheres and their map to the frame, if they are not mapped yet.
+    /// Spheres that are not mapped to the frame yet.
     pub(crate) given: Option<GivenSpheres<'a>>,
-    /// The exact filter after the search; `None` if contact decides.
+    /// `None` if contact decides.
     pub filter: Option<PairFilter<'a>>,
 }
 
@@ -50,7 +49,7 @@ impl PreparedQuery<'_> {
 
 impl QueryBuffers {
     /// Checks a query and prepares its spheres. Validity is checked only if they need a frame. `wraps` requests
-    /// wrapping into an orthogonal periodic space. The time of a copy is added to `phases`.
+    /// wrapping into an orthogonal periodic space. Adds the time of a copy to `phases`.
     ///
     /// # Errors
     /// [`Error::Input`] for too many spheres, unknown species, exclusions of other numbers of spheres, and invalid
@@ -83,8 +82,8 @@ impl QueryBuffers {
         Ok(PreparedQuery { spheres, split, frame, given: None, filter })
     }
 
-    /// Prepares the spheres as given, for a test of candidates in the last frame. `None` if they need no frame, are two
-    /// sets, or the last frame has another number type.
+    /// Prepares the spheres as given, to test candidates in the last frame. `None` if they need no frame, are two sets,
+    /// or the last frame has another number type.
     pub(crate) fn prepare_in_place<'a>(
         &'a self,
         query: &Query<'a>,
@@ -99,11 +98,11 @@ impl QueryBuffers {
         }
         let halves = settings.interactions.as_ref().map(|_| &*self.halves);
         let spheres = query.first();
-        let given = Some(GivenSpheres::new(spheres, halves, (frame, &settings.space)));
+        let given = Some(GivenSpheres::new(spheres, halves, frame, &settings.space));
         Ok(Some(PreparedQuery { spheres, split: None, frame: Some(frame), given, filter }))
     }
 
-    /// To the last frame, if they fit, or else to a new one.
+    /// Maps spheres to the last frame, if they fit, or to a new one.
     fn map_to_frame(
         &mut self,
         query: &Query<'_>,
@@ -122,7 +121,7 @@ impl QueryBuffers {
             Some(cell) => {
                 let last = last.filter(SearchFrame::is_narrow);
                 let frame = last.unwrap_or_else(|| SearchFrame::narrow(cell));
-                self.fill(query, &frame, (settings, executor))?;
+                self.fill(query, &frame, settings, executor)?;
                 frame
             }
             None => {
@@ -133,7 +132,7 @@ impl QueryBuffers {
                 let kept = match last.filter(|last| !last.is_narrow()) {
                     None => None,
                     Some(last) => {
-                        let given = self.fill(query, &last, (settings, executor))?;
+                        let given = self.fill(query, &last, settings, executor)?;
                         check(&given)?;
                         bounds = Some(given);
                         last.fits(&given, space).then_some(last)
@@ -145,7 +144,7 @@ impl QueryBuffers {
                         let bounds = bounds.unwrap_or_else(|| Bounds::of(query, executor));
                         check(&bounds)?;
                         let frame = SearchFrame::new(&bounds, space);
-                        self.fill(query, &frame, (settings, executor))?;
+                        self.fill(query, &frame, settings, executor)?;
                         frame
                     }
                 }
@@ -159,13 +158,14 @@ impl QueryBuffers {
         &mut self,
         query: &Query<'_>,
         frame: &SearchFrame,
-        (settings, executor): (&Settings, Executor),
+        settings: &Settings,
+        executor: Executor,
     ) -> Result<Bounds, Error> {
         let Self { spheres, halves, .. } = self;
         let halves = settings.interactions.as_ref().map(|_| &**halves);
         let (first, second) = spheres.split_at_mut(query.first().len());
         let map = |set: Spheres<'_>, targets| {
-            let given = GivenSpheres::new(set, halves, (frame, &settings.space));
+            let given = GivenSpheres::new(set, halves, frame, &settings.space);
             map_to_frame(given, targets, settings.simd, executor.for_light_work(set.len()))
         };
         let bounds = map(query.first(), first)?;
@@ -206,7 +206,7 @@ fn is_f64(query: &Query<'_>) -> bool {
     query.first().is_f64() || query.second().is_some_and(|set| set.is_f64())
 }
 
-/// Does not check spheres. Returns `true` if they need a frame, and the exact filter.
+/// Returns `true` if spheres, which are not checked, need a frame; and the exact filter.
 fn check_and_filter<'a>(
     query: &Query<'a>,
     settings: &'a Settings,

@@ -54,8 +54,8 @@ impl<'a> SearchInput<'a> {
     }
 }
 
-/// Searches chunks of work on the threads and merges their sinks in order, until the caller wants no more pairs. At
-/// most `most` chunks are one task.
+/// Searches chunks on all threads and merges their sinks in order, until the caller stops. A task has at most `most`
+/// chunks.
 pub(crate) fn search_pieces<'o, O: Output>(
     output: &'o O,
     input: &SearchInput<'_>,

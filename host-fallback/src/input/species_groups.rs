@@ -1,6 +1,6 @@
 //! Species grouped by their partners, so a search compares only spheres that may pair.
 //!
-//! Present species with the same present partners share a group. A group without partners costs only sorting.
+//! Present species with the same present partners share a group.
 
 #![expect(
     clippy::disallowed_methods,
@@ -18,8 +18,8 @@ pub(crate) const MAX_GROUPS: usize = 8;
 /// Grouping takes quadratic time.
 const MAX_PRESENT: usize = 512;
 const CHUNK_SPHERES: usize = 1 << 14;
-/// The largest sum of two effective radii, as a multiple of the distance that they stand for: rounding up adds one ulp,
-/// or 4 of the 16 half ulps of the filter's band in the square.
+/// Largest sum of two effective radii, as a multiple of the distance that they stand for: rounding up adds one ulp, or
+/// 4 of the 16 half ulps of the filter's band in the square.
 const ROUNDED_UP: f64 = 1.0 + f32::EPSILON as f64;
 const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
 
@@ -27,9 +27,9 @@ const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
 pub(crate) struct Meeting {
     /// Some species of the groups pair by touching.
     pub(crate) touches: bool,
-    /// The largest distance of a pair, or 0.
+    /// Largest distance of a pair, or 0.
     pub(crate) distance: f64,
-    /// Spheres of the groups pair exactly if their effective radii touch, up to rounding.
+    /// Touching effective radii decide pairs of the groups, up to rounding.
     pub(crate) is_by_radii: bool,
 }
 
@@ -62,7 +62,6 @@ impl Meeting {
     }
 }
 
-/// A division of the present species into groups.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SpeciesPartition {
     pub(super) of_species: Vec<u8>,
@@ -72,7 +71,7 @@ pub struct SpeciesPartition {
 }
 
 impl SpeciesPartition {
-    fn new(of_species: Vec<u8>, count: usize, (present, table): (&[u32], &Interactions)) -> Self {
+    fn new(of_species: Vec<u8>, count: usize, present: &[u32], table: &Interactions) -> Self {
         let members = |group: usize| {
             let of_species = &of_species;
             present.iter().copied().filter(move |&s| usize::from(of_species[s as usize]) == group)
@@ -83,7 +82,6 @@ impl SpeciesPartition {
         Self { of_species, count, meetings }
     }
 
-    /// Divides all species of a table by their partners.
     pub fn of_table(table: &Interactions) -> Self {
         let all: Vec<u32> = (0..table.species()).collect();
         let [by_partners, _] = Self::of_present(&all, table);
@@ -104,17 +102,15 @@ impl SpeciesPartition {
             for (&species, own) in present.iter().zip(&groups) {
                 of_species[species as usize] = own.map_or(count, group) as u8;
             }
-            Self::new(of_species, count + usize::from(is_idle), (present, table))
+            Self::new(of_species, count + usize::from(is_idle), present, table)
         };
         [partition(&|own| own, count), partition(&|_| 0, count.min(1))]
     }
 
-    /// The number of groups.
     pub fn count(&self) -> usize {
         self.count
     }
 
-    /// The group of a species.
     pub fn group_of(&self, species: u32) -> usize {
         self.of_species[species as usize].into()
     }

@@ -15,27 +15,22 @@ const TABLES: usize = 4;
 /// Several tables must be cleared and merged.
 const MIN_TABLED_SPHERES: usize = 512;
 
-/// Statistics of the input for planning.
 #[derive(Clone, Debug)]
 pub struct InputStats {
-    /// The number of spheres.
     pub spheres: usize,
-    /// The smallest coordinates of any center.
+    /// Smallest coordinates of any center.
     pub min: Vec3,
-    /// The largest coordinates of any center.
+    /// Largest coordinates of any center.
     pub max: Vec3,
     /// Spheres by size: class `k` holds the effective radii with binary exponent `k`; class 0 zero and subnormals.
     pub classes: [SizeClass; SIZE_CLASSES],
-    /// The first class that may have spheres, and the end of those classes.
+    /// First class that may have spheres, and the end of those classes.
     span: [usize; 2],
 }
 
-/// The spheres whose effective radii share a binary exponent.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SizeClass {
-    /// The number of spheres.
     pub count: u32,
-    /// The largest radius.
     pub largest: f32,
 }
 
@@ -75,25 +70,22 @@ impl EffectiveLoop for AddRows<'_> {
 }
 
 impl InputStats {
-    /// The class of a radius.
     #[inline]
     pub fn class_of(radius: f32) -> usize {
         class_of(radius)
     }
 
-    /// The largest effective radius.
     pub fn largest_radius(&self) -> f32 {
         self.occupied().next().map_or(0.0, |(_, class)| class.largest)
     }
 
-    /// The classes with spheres, the largest first.
+    /// Returns the classes with spheres, the largest first.
     pub fn occupied(&self) -> impl Iterator<Item = (usize, SizeClass)> + '_ {
         let [first, end] = self.span;
         let classes = self.classes.get(first..end).unwrap_or_default();
         (first..end).zip(classes.iter().copied()).rev().filter(|(_, class)| class.count > 0)
     }
 
-    /// `larger` maps each class to its largest radius.
     pub(crate) fn with_sizes(&self, larger: impl Fn(usize, f32) -> f32) -> Self {
         let mut stats = Self { spheres: self.spheres, min: self.min, max: self.max, ..Self::empty() };
         for (class, SizeClass { count, largest }) in self.occupied() {

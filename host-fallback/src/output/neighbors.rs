@@ -13,23 +13,23 @@ pub struct Neighbors<'a> {
 }
 
 impl<'a> Neighbors<'a> {
-    /// The start of each sphere's list; the last is the length of [`indices`](Self::indices).
+    /// Start of each sphere's list; the last is the length of [`indices`](Self::indices).
     pub fn offsets(&self) -> &'a [u64] {
         self.offsets
     }
 
-    /// The neighbors, list after list.
+    /// Neighbors, list after list.
     pub fn indices(&self) -> &'a [u32] {
         self.indices
     }
 
-    /// The lists in order of their spheres.
+    /// Lists in order of their spheres.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = &'a [u32]> + use<'a> {
         let (offsets, indices) = (self.offsets, self.indices);
         offsets.windows(2).map(move |ends| &indices[ends[0] as usize..ends[1] as usize])
     }
 
-    /// The neighbors of sphere `k`.
+    /// Neighbors of sphere `k`.
     ///
     /// # Panics
     /// Panics if there is no sphere `k`.
@@ -37,7 +37,7 @@ impl<'a> Neighbors<'a> {
         &self.indices[self.offsets[k] as usize..self.offsets[k + 1] as usize]
     }
 
-    /// The number of lists.
+    /// Number of lists.
     pub fn len(&self) -> usize {
         self.offsets.len() - 1
     }

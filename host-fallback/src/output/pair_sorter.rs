@@ -1,8 +1,8 @@
 //! Puts pairs in canonical order: by `i`, then `j`.
 //!
-//! One pass distributes the pairs to buckets of consecutive `i` that fit the cache, as keys: the low digits of `i` and
-//! `j`, for up to millions of spheres half the size of a pair. A radix sort then orders each bucket, and its last pass
-//! turns keys into pairs.
+//! One pass distributes the pairs to buckets of consecutive `i` that fit the cache, as keys of the low digits of `i`
+//! and `j`, which for up to millions of spheres are half as large as a pair. A radix sort orders each bucket, and its
+//! last pass turns keys into pairs.
 
 use bytemuck::{Pod, cast_slice_mut};
 use lazygrid_kernels::Pair;
@@ -21,7 +21,7 @@ const BUCKET: usize = 1 << 13;
 
 /// Their counters stay in the cache.
 const MAX_WIDTH: usize = 1 << 15;
-/// The most bits per pass: 8 KiB of counters for a bucket of 64 KiB.
+/// Most bits per pass: 8 KiB of counters for a bucket of 64 KiB.
 const DIGIT: u32 = 11;
 /// Fewer pairs are sorted by comparisons.
 const MIN_RADIX_KEYS: usize = 256;
@@ -101,8 +101,8 @@ impl BucketLayout {
 }
 
 impl PairSorter {
-    /// Writes the pairs of `chunks` to `out`. Indices must be below `spheres`. Threads divide the chunks, so a hundred
-    /// are better than one.
+    /// Writes the pairs of `chunks` to `out`. Indices must be below `spheres`. Threads divide the chunks, so there
+    /// should be about a hundred.
     pub(crate) fn order(
         &mut self,
         executor: Executor,

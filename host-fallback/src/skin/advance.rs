@@ -1,9 +1,10 @@
-//! Measures the displacements of the spheres of a call and copies them in the order of the candidates.
+//! Measures displacements of the spheres of a call and copies them in the order of the candidates.
 
 use std::sync::Mutex;
 use std::sync::PoisonError;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
+use super::CallSpheres;
 use crate::Simd;
 use crate::cell_list::SortRecord;
 use crate::compare::{EffectiveLoop, EffectiveRows, PairTest, SimdTask, SimdWidth, Xyzr};
@@ -16,12 +17,14 @@ pub(super) const CHUNK_SPHERES: usize = 1 << 13;
 const PREFETCH_SPHERES: usize = 128;
 
 /// Copies the spheres to their positions in `rows`. `then` holds each center at the build, and as its radius the
-/// inverse square of its displacement limit. Returns the largest used fraction of a limit, or infinity for an invalid
-/// sphere; and `true` if an effective radius has changed, or the frame no longer fits.
+/// inverse square of its displacement limit. Returns the largest used fraction of a limit, infinity for an invalid
+/// sphere; and `true` if an effective radius has changed or the frame no longer fits.
 pub(super) fn advance(
-    (test, given): (&PairTest<'_>, Option<GivenSpheres<'_>>),
-    (then, rows): (&[SortRecord], &mut [Xyzr]),
-    (simd, executor): (Simd, Executor),
+    CallSpheres { test, given }: CallSpheres<'_>,
+    then: &[SortRecord],
+    rows: &mut [Xyzr],
+    simd: Simd,
+    executor: Executor,
 ) -> (f32, bool) {
     let (farthest, changed) = (AtomicU32::new(0), AtomicBool::new(false));
     let all_bounds = Mutex::new(Bounds::EMPTY);
@@ -124,7 +127,7 @@ impl GivenLoop for AdvanceGiven<'_> {
 struct Largest {
     /// Infinite for an unbounded axis.
     lengths: [f32; 4],
-    /// The bits of the largest used fraction of a limit, squared; infinity and NaN have the largest bits.
+    /// Bits of the largest used fraction of a limit, squared; infinity and NaN have the largest bits.
     part: u32,
     /// Bits in which the rows differ from the last call.
     differing: [u32; 4],

@@ -3,6 +3,7 @@ use std::sync::atomic::AtomicU64;
 use glam::Vec3;
 use lazygrid_kernels::Pair;
 
+use super::CallSpheres;
 use super::advance::{CHUNK_SPHERES, advance};
 use crate::cell_list::{CellList, DensityCache, SortRecord};
 use crate::compare::{
@@ -10,8 +11,7 @@ use crate::compare::{
     at_places, memory_of_list,
 };
 use crate::executor::Executor;
-use crate::input::InputStats;
-use crate::input::{GivenSpheres, SearchInput, check_valid, search_pieces};
+use crate::input::{InputStats, SearchInput, check_valid, search_pieces};
 use crate::memory::{prefetch, try_resize, with_growth};
 use crate::report::{CandidateListStats, RebuildReason, Report};
 use crate::settings::SKIN_RANGE;
@@ -24,9 +24,9 @@ pub(super) type DisplacementLimits = [f32; SIZE_CLASSES];
 const PREFETCH_VECTORS: usize = 16;
 /// The rest exceeds the rounding error of a displacement in `f32`.
 const USABLE_FRACTION: f32 = 1.0 - 1.0 / (1 << 16) as f32;
-/// The largest error of a minimum-image distance, as a fraction of the longest axis.
+/// Largest error of a minimum-image distance, as a fraction of the longest axis.
 const BOUNDARY_ROUNDING: f32 = 1.0 / (1 << 20) as f32;
-/// The most candidates per sphere in a list, 768 bytes; with more, every call searches. `cost_model` plans with at most
+/// Maximum candidates per sphere in a list, 768 bytes; with more, every call searches. `cost_model` plans with at most
 /// 64; a Lennard-Jones liquid with a cutoff of 3 σ and a skin of 0.3 σ has 63.
 const MAX_CANDIDATES_PER_SPHERE: u64 = 96;
 /// Displacement limits vanish next to larger radii.
@@ -34,7 +34,6 @@ const MAX_RADIUS: f32 = 1e30;
 /// Displacement limits whose squares `f32` holds.
 pub(super) const LIMIT_RANGE: std::ops::RangeInclusive<f32> = 0.5 * *SKIN_RANGE.start()..=*SKIN_RANGE.end();
 
-/// Half of a fixed skin for every sphere.
 pub(super) fn fixed(distance: f32) -> DisplacementLimits {
     [distance / 2.0; SIZE_CLASSES]
 }
@@ -84,16 +83,17 @@ impl CandidateList {
     /// An invalid list is dropped here, before the call can fail: no later call may use it.
     pub(crate) fn update_displacements(
         &mut self,
-        (test, given): (&PairTest<'_>, Option<GivenSpheres<'_>>),
+        current: CallSpheres<'_>,
         list: &CellList,
-        (simd, executor): (Simd, Executor),
+        simd: Simd,
+        executor: Executor,
     ) -> Option<RebuildReason> {
-        let spheres = test.spheres();
+        let spheres = current.test.spheres();
         let Some(input_stats) = self.input_stats.take() else { return Some(RebuildReason::NoList) };
         if spheres.len() != self.order.len() || spheres.species().unwrap_or(&[]) != self.species {
             return Some(RebuildReason::InputChanged);
         }
-        let rows = match given {
+        let rows = match current.given {
             Some(_) => &mut self.rows[..],
             // An effective radius that depends on the species alone hides an invalid radius.
             None if spheres.species().is_some() && check_valid(&spheres.into(), executor).is_err() => {
@@ -102,7 +102,7 @@ impl CandidateList {
             // No candidate has a sphere whose species pairs with none.
             None => &mut self.rows[..list.paired()],
         };
-        let (moved, changed) = advance((test, given), (list.notes(), rows), (simd, executor));
+        let (moved, changed) = advance(current, list.notes(), rows, simd, executor);
         self.displacement_fraction = moved;
         self.age += 1;
         match (changed, self.displacement_fraction <= USABLE_FRACTION) {
@@ -116,8 +116,8 @@ impl CandidateList {
         }
     }
 
-    /// Returns `false`, without a candidate list, if candidates exceed [`MAX_CANDIDATES_PER_SPHERE`] or the limit of a
-    /// result, or if memory is refused.
+    /// Returns `false`, without a list, if candidates exceed [`MAX_CANDIDATES_PER_SPHERE`] or the limit of a result, or
+    /// if memory is refused.
     pub(crate) fn find(
         &mut self,
         (list, density_cache): (&mut CellList, &DensityCache),
@@ -230,7 +230,7 @@ pub(crate) fn memory_of_candidates(spheres: u64, max_pairs: u64, threads: u64) -
     own.saturating_add(memory_of_list(CandidateList::limit(spheres, max_pairs), threads))
 }
 
-/// Minus the rounding error of distances; `None` if too little of a limit is left.
+/// Returns inverse squares of limits minus the rounding of distances; `None` if too little of a limit is left.
 fn inverse_squares(limits: &DisplacementLimits, test: &PairTest<'_>) -> Option<DisplacementLimits> {
     let longest = test.lengths().into_iter().flatten().fold(0.0, f32::max);
     let rounding = longest * BOUNDARY_ROUNDING;
@@ -267,7 +267,6 @@ impl HitBuffer {
     /// 4 KiB, a small part of the first-level cache.
     const FULL: usize = 512;
 
-    /// Returns `true` if the buffer is full.
     #[inline(always)]
     fn keep<V: SimdWidth>(&mut self, vector: V, pairs: &[Pair; MAX_LANES], lanes: u32) -> bool {
         if let Some(room) = self.pairs[self.len..].first_chunk_mut() {

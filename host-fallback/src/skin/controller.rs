@@ -1,14 +1,14 @@
+use super::CallSpheres;
 use super::candidate_list::{CandidateList, DisplacementLimits, fixed};
-use super::cost_model::{SkinCosts, SkinScaling, choose};
+use super::cost_model::{SkinCosts, SkinModel, SkinScaling, choose};
 use super::tuner::SkinTuner;
 use crate::cell_list::{CellList, DensityCache, DensityProfile};
-use crate::compare::PairTest;
 use crate::executor::Executor;
-use crate::input::{GivenSpheres, SearchInput};
+use crate::input::SearchInput;
 use crate::report::{RebuildReason, Report};
 use crate::{Error, Settings, Skin};
 
-/// The candidate list, and the decision to test it, rebuild it, or search without one.
+/// A candidate list, and the decision to test, rebuild or drop it.
 #[derive(Debug, Default)]
 pub(crate) struct SkinController {
     pub(crate) candidates: CandidateList,
@@ -17,24 +17,23 @@ pub(crate) struct SkinController {
 }
 
 impl SkinController {
-    /// Returns the reason for a rebuild, or `None` if the candidate list is valid. `given` spheres are not mapped to
-    /// their frame yet.
+    /// Returns the reason for a rebuild, or `None` if the list is valid.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,
-        (test, given): (&PairTest<'_>, Option<GivenSpheres<'_>>),
+        spheres: CallSpheres<'_>,
         list: &CellList,
         executor: Executor,
     ) -> Result<Option<RebuildReason>, Error> {
         if settings.skin == Skin::Auto {
-            self.tuner.observe(test, given)?;
+            self.tuner.observe(spheres)?;
         }
-        let lapsed = self.candidates.update_displacements((test, given), list, (settings.simd, executor));
+        let lapsed = self.candidates.update_displacements(spheres, list, settings.simd, executor);
         self.tuner.record_age(self.candidates.age(), lapsed);
         Ok(lapsed)
     }
 
-    /// Builds a candidate list if it pays, else only the cell list. Returns `true` for a candidate list.
+    /// Builds a candidate list if it pays, otherwise only the cell list. Returns `true` for a candidate list.
     pub(crate) fn find(
         &mut self,
         list: &mut CellList,
@@ -73,7 +72,13 @@ impl SkinController {
         density: &DensityProfile,
     ) -> Result<Option<DisplacementLimits>, Error> {
         self.tuner.limits(SkinScaling::BySize, |motion, excess| {
-            Ok(choose((&input.stats, density), motion, (&SkinCosts::CPU, SkinScaling::BySize), excess))
+            Ok(choose(
+                &input.stats,
+                density,
+                motion,
+                SkinModel { costs: &SkinCosts::CPU, scaling: SkinScaling::BySize },
+                excess,
+            ))
         })
     }
 }

@@ -1,10 +1,10 @@
-//! Chooses the skin from size statistics, displacements and costs.
+//! Chooses the skin from sizes, displacements and costs.
 //!
 //! With a skin in proportion to the displacements of each size class, all classes exceed their limits at about the same
 //! time.
 
 use super::candidate_list::{DisplacementLimits, LIMIT_RANGE};
-use super::displacement::DisplacementGrowth;
+use super::displacement::Displacements;
 use crate::cell_list::{DensityProfile, LevelPlan};
 use crate::input::{InputStats, SizeClass};
 use crate::size_class::SIZE_CLASSES;
@@ -16,7 +16,7 @@ const MAX_RELATIVE_COST: f32 = 0.9;
 const MAX_CLASS_GROUPS: usize = 16;
 const MIN_LIMIT_RATIO: f32 = 1e-3;
 
-/// The costs of calls with and without a candidate list. Only their ratios count.
+/// Costs of calls with and without a candidate list. Only their ratios count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkinCosts {
     /// Nanoseconds per sphere of a search, to measure and sort, without its result.
@@ -36,7 +36,7 @@ pub struct SkinCosts {
 }
 
 impl SkinCosts {
-    /// Nanoseconds of the CPU path, measured in one run on an AMD EPYC.
+    /// Measured in one run on an AMD EPYC.
     pub const CPU: Self = Self {
         search_ns: 24.0,
         levels_ns: 1.4,
@@ -94,12 +94,19 @@ pub(super) struct SkinChoice {
     pub(super) candidates: f32,
 }
 
-/// Minimizes the average time of a call; `None` if no skin is better. `excess` multiplies the estimated number of
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SkinModel<'a> {
+    pub(super) costs: &'a SkinCosts,
+    pub(super) scaling: SkinScaling,
+}
+
+/// Minimizes the mean time of a call; `None` if no skin is better. `excess` multiplies the estimated number of
 /// candidates.
 pub(super) fn choose(
-    (stats, density): (&InputStats, &DensityProfile),
-    (steps, growth): (&[f32; SIZE_CLASSES], DisplacementGrowth),
-    (costs, scaling): (&SkinCosts, SkinScaling),
+    stats: &InputStats,
+    density: &DensityProfile,
+    Displacements { steps, growth }: Displacements<'_>,
+    SkinModel { costs, scaling }: SkinModel<'_>,
     excess: f32,
 ) -> Option<SkinChoice> {
     let n = stats.spheres as f32;

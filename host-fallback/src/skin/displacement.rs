@@ -2,15 +2,14 @@
 
 use glam::Vec3;
 
+use super::CallSpheres;
 use super::candidate_list::nearest;
 use crate::Error;
-use crate::compare::PairTest;
-use crate::input::GivenSpheres;
 use crate::memory::try_resize;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
 const MAX_SAMPLE: usize = 1 << 10;
-/// The sample costs almost nothing.
+/// Sample costs almost nothing.
 const MIN_SPHERES_PER_SAMPLE: usize = 32;
 /// Per call, of a class's largest displacement.
 const STEP_DECAY: f32 = 0.9;
@@ -26,12 +25,19 @@ pub(crate) struct DisplacementStats {
     growth: DisplacementGrowth,
 }
 
-/// The largest displacement after a number of calls, `factor · calls^exponent`, in units of the largest displacement
-/// per call of the sample. Ballistic motion has the exponent 1, diffusion ½.
+/// Growth law of the largest displacement, `factor · calls^exponent`, in units of the largest displacement per call of
+/// the sample. Ballistic motion has the exponent 1, diffusion ½.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DisplacementGrowth {
     pub(crate) factor: f32,
     pub(crate) exponent: f32,
+}
+
+/// Displacement per call of each size class, and its growth.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Displacements<'a> {
+    pub(crate) steps: &'a [f32; SIZE_CLASSES],
+    pub(crate) growth: DisplacementGrowth,
 }
 
 impl DisplacementGrowth {
@@ -43,7 +49,7 @@ impl DisplacementGrowth {
     }
 
     /// From the largest displacement `first` after one call and `last` after `steps` calls.
-    fn between(first: f32, (steps, last): (u32, f32)) -> Self {
+    fn between(first: f32, steps: u32, last: f32) -> Self {
         let exponent = if steps > 1 { (last / first).ln() / (steps as f32).ln() } else { 1.0 };
         Self { factor: first, exponent: if exponent.is_finite() { exponent.clamp(0.3, 1.5) } else { 1.0 } }
     }
@@ -57,11 +63,7 @@ impl Default for DisplacementStats {
 }
 
 impl DisplacementStats {
-    pub(crate) fn observe(
-        &mut self,
-        test: &PairTest<'_>,
-        given: Option<GivenSpheres<'_>>,
-    ) -> Result<(), Error> {
+    pub(crate) fn observe(&mut self, CallSpheres { test, given }: CallSpheres<'_>) -> Result<(), Error> {
         let n = test.spheres().len();
         let size = (n / MIN_SPHERES_PER_SAMPLE).clamp(n.min(MIN_SPHERES_PER_SAMPLE), MAX_SAMPLE);
         let known = self.spheres == n && self.positions.len() == size;
@@ -88,11 +90,11 @@ impl DisplacementStats {
         Ok(())
     }
 
-    /// From the largest displacements `first` after one call, and `last` with its number of calls, in units of the
-    /// largest displacement per call of the sample.
-    pub(crate) fn learn(&mut self, first: f32, last: (u32, f32)) {
+    /// Learns from the largest displacements `first` after one call, and `last` after `calls`, in units of the largest
+    /// displacement per call of the sample.
+    pub(crate) fn learn(&mut self, first: f32, calls: u32, last: f32) {
         if first > 0.0 {
-            self.growth = DisplacementGrowth::between(first, last);
+            self.growth = DisplacementGrowth::between(first, calls, last);
         }
     }
 
@@ -102,8 +104,8 @@ impl DisplacementStats {
         *exponent += GROWTH_DECAY * (DisplacementGrowth::ASSUMED.exponent - *exponent);
     }
 
-    /// The largest displacement per call of each class (unobserved classes get the largest) and its growth law; `None`
-    /// before two calls.
+    /// Returns the largest displacement per call of each class (unobserved classes get the largest) and its growth law;
+    /// `None` before two calls.
     pub(crate) fn steps(&self) -> Option<([f32; SIZE_CLASSES], DisplacementGrowth)> {
         let farthest = self.steps.iter().copied().fold(0.0, f32::max);
         let steps = self.steps.map(|step| if step > 0.0 { step } else { farthest });
@@ -116,6 +118,7 @@ mod tests {
     use lazygrid_kernels::{Space, Sphere};
 
     use super::*;
+    use crate::compare::PairTest;
 
     #[test]
     fn largest_displacement_of_each_class_decays_slowly() {
@@ -123,7 +126,9 @@ mod tests {
         let at = |x: f32| [Sphere::new([x, 0.0, 0.0], 1.0), Sphere::new([0.0, 2.0 * x, 0.0], 0.25)];
         let mut steps = |x: f32| {
             let spheres = at(x);
-            motion.observe(&PairTest::new((&spheres).into(), None), None).expect("there is memory");
+            motion
+                .observe(CallSpheres { test: &PairTest::new((&spheres).into(), None), given: None })
+                .expect("there is memory");
             motion.steps().map(|(steps, _)| [steps[class_of(1.0)], steps[class_of(0.25)], steps[7]])
         };
         assert_eq!(steps(5.0), None);
@@ -138,17 +143,17 @@ mod tests {
         for x in [3.75, -3.75] {
             let spheres = [Sphere::new([x, 0.0, 0.0], 1.0)];
             let test = PairTest::new((&spheres).into(), None).in_space(space);
-            motion.observe(&test, None).expect("there is memory");
+            motion.observe(CallSpheres { test: &test, given: None }).expect("there is memory");
         }
         assert_eq!(motion.steps().expect("two calls").0[class_of(1.0)], 0.5);
     }
 
     #[test]
     fn growth_law_follows_from_two_distances() {
-        let diffusive = DisplacementGrowth::between(1.5, (16, 6.0));
+        let diffusive = DisplacementGrowth::between(1.5, 16, 6.0);
         assert_eq!(diffusive, DisplacementGrowth { factor: 1.5, exponent: 0.5 });
         assert_eq!(diffusive.steps(6.0), 16.0);
-        assert_eq!(DisplacementGrowth::between(1.0, (1, 1.0)).exponent, 1.0);
-        assert_eq!(DisplacementGrowth::between(1.0, (4, 1.0)).exponent, 0.3);
+        assert_eq!(DisplacementGrowth::between(1.0, 1, 1.0).exponent, 1.0);
+        assert_eq!(DisplacementGrowth::between(1.0, 4, 1.0).exponent, 0.3);
     }
 }

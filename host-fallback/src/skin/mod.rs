@@ -1,6 +1,6 @@
 //! Candidate lists (Verlet lists): pairs that may touch until a sphere has moved too far.
 //!
-//! Every sphere has a *displacement limit*. Candidates are the pairs that touch with radii larger by the limits.
+//! Candidates are the pairs that touch with radii larger by the spheres' *displacement limits*.
 //!
 //! # Correctness
 //!
@@ -10,6 +10,9 @@
 //!    limits.
 //!
 //! The GPU shares `displacement`, `cost_model` and `tuner`.
+
+use crate::compare::PairTest;
+use crate::input::GivenSpheres;
 
 mod advance;
 mod candidate_list;
@@ -24,3 +27,10 @@ pub(crate) use candidate_list::memory_of_candidates;
 pub(crate) use controller::SkinController;
 pub use cost_model::SkinCosts;
 pub use tuner::SkinTuner;
+
+/// The spheres of a call; `given` ones are not mapped to their frame yet.
+#[derive(Clone, Copy)]
+pub(crate) struct CallSpheres<'a> {
+    pub(crate) test: &'a PairTest<'a>,
+    pub(crate) given: Option<GivenSpheres<'a>>,
+}

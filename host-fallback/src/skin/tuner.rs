@@ -2,20 +2,20 @@
 
 use lazygrid_kernels::{Interactions, Space, Spheres};
 
+use super::CallSpheres;
 use super::candidate_list::DisplacementLimits;
-use super::cost_model::{SkinChoice, SkinCosts, SkinScaling, choose};
-use super::displacement::{DisplacementGrowth, DisplacementStats};
+use super::cost_model::{SkinChoice, SkinCosts, SkinModel, SkinScaling, choose};
+use super::displacement::{DisplacementStats, Displacements};
 use crate::Error;
 use crate::cell_list::DensityProfile;
 use crate::compare::PairTest;
 use crate::executor::Executor;
-use crate::input::{GivenSpheres, InputStats};
+use crate::input::InputStats;
 use crate::report::RebuildReason;
-use crate::size_class::SIZE_CLASSES;
 
-/// Searches before a new choice at most, and searches without a list after an overflow.
+/// Maximum searches before a new choice, and number of searches without a list after an overflow.
 const MAX_WAIT: u32 = 31;
-/// Ratios of observed to expected validity and candidates with which a choice stands.
+/// A choice stands while ratios of observed to expected validity and candidates are in this range.
 const AS_EXPECTED: std::ops::RangeInclusive<f32> = 0.5..=2.0;
 
 /// It never reads a clock, so that runs are reproducible.
@@ -24,7 +24,7 @@ pub struct SkinTuner {
     displacements: DisplacementStats,
     choice: Option<SkinChoice>,
     first: f32,
-    /// The remaining searches before a new choice, and their last number.
+    /// Remaining searches before a new choice, and their last number.
     wait: u32,
     patience: u32,
     pause: u32,
@@ -42,25 +42,21 @@ impl SkinTuner {
         interactions: Option<&Interactions>,
         space: Space,
     ) -> Result<(), Error> {
-        self.observe(&PairTest::new(spheres, interactions).in_space(space), None)
+        let test = PairTest::new(spheres, interactions).in_space(space);
+        self.observe(CallSpheres { test: &test, given: None })
     }
 
-    pub(super) fn observe(
-        &mut self,
-        test: &PairTest<'_>,
-        given: Option<GivenSpheres<'_>>,
-    ) -> Result<(), Error> {
-        self.displacements.observe(test, given)
+    pub(super) fn observe(&mut self, spheres: CallSpheres<'_>) -> Result<(), Error> {
+        self.displacements.observe(spheres)
     }
 
-    /// Records the age of the list in calls, the largest used fraction of a displacement limit, and the reason for a
-    /// rebuild.
+    /// Records the age of the list in calls, the largest used fraction of a limit, and the reason for a rebuild.
     pub fn record_age(&mut self, (age, moved): (u32, f32), lapsed: Option<RebuildReason>) {
         if age == 1 {
             self.first = moved;
         }
         if let (Some(RebuildReason::Displacement), Some(choice)) = (lapsed, &self.choice) {
-            self.displacements.learn(self.first * choice.skin, (age, moved * choice.skin));
+            self.displacements.learn(self.first * choice.skin, age, moved * choice.skin);
             // A list that lasted about as long as predicted is not reconsidered soon.
             let is_as_expected = AS_EXPECTED.contains(&(age as f32 / (choice.calls + 1.0)));
             self.wait = if is_as_expected { self.wait } else { 0 };
@@ -90,8 +86,8 @@ impl SkinTuner {
         is_paused
     }
 
-    /// Chooses the skin of the next list for all spheres; `None` if searching costs less. Spheres are measured only for
-    /// a new choice. Call it before a search, or after one that built a list.
+    /// Chooses the skin of the next list for all spheres; `None` if searching costs less. Measures spheres only for a
+    /// new choice. Call it before a search, or after one that built a list.
     ///
     /// # Errors
     /// [`Error::Input`] for invalid spheres, [`Error::OutOfMemory`], [`Error::ThreadPool`].
@@ -102,20 +98,26 @@ impl SkinTuner {
         space: Space,
         costs: &SkinCosts,
     ) -> Result<Option<f32>, Error> {
-        let think = |displacements: (&[f32; SIZE_CLASSES], DisplacementGrowth), excess: f32| {
+        let think = |displacements: Displacements<'_>, excess: f32| {
             let stats = InputStats::of(&PairTest::new(spheres, interactions), Executor::current()?)?;
             let density = DensityProfile::of_places(spheres, space)?;
-            Ok(choose((&stats, &density), displacements, (costs, SkinScaling::Alike), excess))
+            Ok(choose(
+                &stats,
+                &density,
+                displacements,
+                SkinModel { costs, scaling: SkinScaling::Alike },
+                excess,
+            ))
         };
         let limits = self.limits(SkinScaling::Alike, think)?;
         Ok(limits.map(|limits| 2.0 * limits[0]))
     }
 
-    /// Uses the last choice, or a new one by `think`, which gets the displacements and the excess of candidates.
+    /// Uses the last choice, or a new one by `think`, which gets displacements and the excess of candidates.
     pub(super) fn limits(
         &mut self,
         scaling: SkinScaling,
-        think: impl FnOnce((&[f32; SIZE_CLASSES], DisplacementGrowth), f32) -> Result<Option<SkinChoice>, Error>,
+        think: impl FnOnce(Displacements<'_>, f32) -> Result<Option<SkinChoice>, Error>,
     ) -> Result<Option<DisplacementLimits>, Error> {
         if self.is_paused() {
             return Ok(None);
@@ -124,7 +126,7 @@ impl SkinTuner {
         if self.wait > 0 {
             self.wait -= 1;
         } else {
-            let choice = think((&steps, growth), self.excess.exp2())?;
+            let choice = think(Displacements { steps: &steps, growth }, self.excess.exp2())?;
             let skin = |choice: Option<SkinChoice>| choice.map(|choice| choice.skin);
             let same = skin(choice) == skin(self.choice);
             self.patience = if same { (2 * self.patience + 1).min(MAX_WAIT) } else { 0 };
@@ -157,8 +159,8 @@ mod tests {
         call_ns: 0.0,
     };
 
-    /// Simulates spheres in a periodic box that all move by `step` in every call. Returns the calls that candidates
-    /// served, and the last skin.
+    /// Moves spheres of a periodic box by `step` in every call. Returns the calls that candidates served, and the last
+    /// skin.
     fn follow(
         tuner: &mut SkinTuner,
         n: usize,

@@ -75,7 +75,6 @@ impl Columns {
         &self.names
     }
 
-    /// Checks for missing and duplicate columns.
     pub(super) fn check(&self, header: Line<'_>, context: &ReadContext) -> Result<(), Error> {
         let found = || format!("columns {}", excerpt(self.names.join(", ").as_bytes()));
         match self.lacks(context) {

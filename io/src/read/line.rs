@@ -64,7 +64,7 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// Parses a radius: finite, not negative.
+    /// Finite, not negative.
     pub(super) fn radius(self, column: &str, field: &[u8]) -> Result<f32, Error> {
         let radius = self.number(column, field)?;
         if radius < 0.0 {
@@ -82,7 +82,7 @@ impl<'a> Line<'a> {
         })
     }
 
-    /// Parses a molecule's number; 0 means no molecule.
+    /// 0 means no molecule.
     pub(super) fn group(self, field: &[u8]) -> Result<u32, Error> {
         let refused = || Error::Syntax {
             place: self.place(),

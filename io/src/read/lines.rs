@@ -97,8 +97,8 @@ impl Lines {
         Location { path: self.source.path.clone(), at }
     }
 
-    /// Hands whole lines, at most `most`, to `parse` while `meanwhile` runs and reading continues. Returns the result
-    /// and the number of lines, 0 at the end.
+    /// Hands at most `most` lines to `parse` while `meanwhile` runs and reading continues. Returns the result and the
+    /// number of lines, 0 at the end.
     pub(super) fn parse<T: Send>(
         &mut self,
         most: u64,
@@ -167,7 +167,6 @@ impl Lines {
         Ok(true)
     }
 
-    /// Moves unread bytes to the front and reads more.
     fn fill(&mut self) -> Result<(), Error> {
         self.buffer.copy_within(self.unread.clone(), 0);
         self.unread = 0..self.unread.len();

@@ -1,9 +1,9 @@
-//! NumPy arrays, format versions 1 to 3, one frame: numbers of shape `(n, 4)` with x, y, z and radius, `f32` or
-//! `f64`, of either byte and memory order; or a structured array of shape `(n,)` with fields `x`, `y`, `z` (or `pos`
-//! with three numbers), `r`, `radius` or `diameter`, optionally `species` and `id`, in any order among others.
+//! NumPy arrays, format versions 1 to 3, one frame: numbers of shape `(n, 4)` with x, y, z and radius, `f32` or `f64`,
+//! of either byte and memory order; or a structured array of shape `(n,)` with fields `x`, `y`, `z` (or `pos` with
+//! three numbers), `r`, `radius` or `diameter`, optionally `species` and `id`, in any order among others.
 //!
-//! Rows of `f32` in this machine's layout are read directly. The file is not mapped: a mapped file that another
-//! program shortens ends the process.
+//! Rows of `f32` in this machine's layout are read directly. The file is not mapped, because shortening a mapped file
+//! ends the process.
 
 mod array;
 mod dictionary;

@@ -34,7 +34,6 @@ impl ReadContext {
         }
     }
 
-    /// Refuses a repeated serial number.
     pub(super) fn listed(&mut self, serials: &[(Serial, u64)], file: &Location) -> Result<(), Error> {
         for &(serial, line) in serials {
             if let Some(first) = self.serials.insert(serial, line) {

@@ -51,7 +51,6 @@ impl Lines {
         }
     }
 
-    /// Adds all rows to a frame.
     pub(super) fn all_rows(
         &mut self,
         table: &impl Table,

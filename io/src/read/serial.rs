@@ -1,5 +1,3 @@
-//! Smoldyn's serial numbers.
-
 use super::line::Line;
 use crate::error::Error;
 

@@ -1,7 +1,6 @@
 //! Smoldyn's `listmols` output: `name(state) x y z serial` per molecule, radii by species, one frame.
 //!
-//! Smoldyn may append listings without a separator. A repeated serial number shows that and is refused, because
-//! molecules differ between listings.
+//! Smoldyn may append listings without a separator. A repeated serial number, which shows this, is refused.
 
 use super::Frame;
 use super::columns::{Column, Columns, Row};

@@ -63,7 +63,7 @@ impl Source {
         }
     }
 
-    /// Fills the buffer, except at the end.
+    /// Reads less only at the end.
     pub(super) fn fill(&mut self, buffer: &mut [u8]) -> Result<usize, Error> {
         let mut filled = 0;
         while filled < buffer.len() {

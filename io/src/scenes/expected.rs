@@ -111,7 +111,7 @@ impl CenterDistribution {
         }
     }
 
-    /// The chance that a center is within `reach` of a point at `distance` from the middle.
+    /// Chance that a center is within `reach` of a point at `distance` from the middle.
     fn hit_at(self, distance: f64, reach: f64) -> f64 {
         match self {
             Self::Ball { radius } => lens(distance, reach, radius) / radius.powi(3),

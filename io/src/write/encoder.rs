@@ -44,8 +44,8 @@ pub(super) fn encoder(path: &Path, out: impl Write + Send + 'static) -> io::Resu
     })
 }
 
-/// An error where the system refuses the memory, which `BufWriter` itself would end the process for. Small allocations
-/// follow, so as much again must be free.
+/// Returns an error if the system refuses the memory, for which `BufWriter` itself would end the process. Small
+/// allocations follow, so as much again must be free.
 fn buffered<W: Write>(out: W) -> io::Result<BufWriter<W>> {
     Vec::<u8>::new().try_reserve_exact(2 * BUFFER)?;
     Ok(BufWriter::with_capacity(BUFFER, out))
@@ -63,7 +63,7 @@ impl<W: Write + Send> Encoder for GzEncoder<W> {
     }
 }
 
-/// A single frame. The compressor pulls its input, so it has a thread at the other end of a pipe.
+/// A single frame. The compressor pulls its input, so a thread runs it at the other end of a pipe.
 struct Zstandard {
     running: Option<(BufWriter<PipeWriter>, JoinHandle<io::Result<()>>)>,
 }

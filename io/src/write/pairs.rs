@@ -123,10 +123,9 @@ fn header_line(ids: bool) -> &'static [u8] {
 
 /// Writes neighbor lists, without committing them.
 ///
-/// CSV: a table `i,j` with every pair twice, by `i`, then `j`; with ids, `id_i,id_j`. NumPy: for `near.npy`,
-/// `near.offsets.npy` with `n + 1` numbers `u8` (64 bits), and `near.indices.npy` of `u4`; the neighbors of sphere
-/// `k` are `indices[offsets[k]:offsets[k + 1]]`. With ids also `near.ids.npy` of `i8`, by sphere. Several files
-/// cannot go to standard output.
+/// CSV: a table `i,j` with every pair twice, by `i`, then `j`; with ids, `id_i,id_j`. NumPy: for `near.npy`, compressed
+/// sparse rows in `near.offsets.npy` (`u8`) and `near.indices.npy` (`u4`), with ids also `near.ids.npy` of `i8`, by
+/// sphere. Several files cannot go to standard output.
 ///
 /// # Errors
 /// [`Error::Write`].

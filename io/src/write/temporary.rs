@@ -1,7 +1,7 @@
 //! Hidden incomplete files in the directories of the final ones.
 //!
-//! The writing process locks `.lazygrid-HOST-RANDOM.part` while it lives. After a kill, the next process of the same
-//! host that writes to the directory removes the files that it can lock; without file locks, none.
+//! The writing process locks `.lazygrid-HOST-RANDOM.part`. The host's next process that writes to the directory removes
+//! unlocked files of killed processes; without file locks, none.
 
 use std::fs::{self, File};
 use std::io;
@@ -66,7 +66,7 @@ impl Drop for Temporary {
     }
 }
 
-/// Removes all uncommitted files of this process. Later calls wait for its end. For signal handlers.
+/// Removes all uncommitted files of this process. Later calls wait for the process's end. For signal handlers.
 pub fn remove_temporaries() {
     let begun = begun();
     for file in &begun.files {
@@ -88,7 +88,6 @@ fn create_locked(path: &Path) -> io::Result<File> {
     }
 }
 
-/// Removes this host's orphans in a directory.
 fn sweep(directory: &Path) {
     let Ok(entries) = fs::read_dir(directory) else { return };
     let prefix = prefix();

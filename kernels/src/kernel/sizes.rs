@@ -1,5 +1,3 @@
-//! Sizes that shaders and plans share.
-
 /// Threads per workgroup of every kernel with more than one thread.
 pub const WORKGROUP_SIZE: u32 = 256;
 /// Keys that one workgroup sorts in a radix pass if its memory suffices: runs of equal digits are as long as a cache
@@ -13,33 +11,32 @@ pub const SCAN_TILE: u32 = WORKGROUP_SIZE * SCAN_ITEMS;
 pub const BOUNDS_TILE: u32 = WORKGROUP_SIZE * SPHERES_PER_THREAD;
 /// Counters that one workgroup of `occupancy_clear` clears.
 pub const DENSITY_TILE: u32 = WORKGROUP_SIZE * SPHERES_PER_THREAD;
-/// The depths of a grid; each halves the cell size.
 pub const DEPTHS: u32 = 32;
 /// Bits of one radix digit.
 pub const DIGIT_BITS: u32 = 8;
-/// The most objects that an entry can name: three bits of its word are the axes on which the object begins.
+/// Most objects that an entry can name: three bits of its word are the axes on which the object begins.
 pub const MAX_ENTRY_OBJECTS: u64 = 1 << 29;
-/// The most entries per sphere and level: two cells per axis.
+/// Most entries per sphere and level: two cells per axis.
 pub const MAX_ENTRIES_PER_SPHERE: u64 = 8;
 
-/// The most loop iterations per invocation. Lavapipe silently ends loops after 65,535.
+/// Most loop iterations per invocation. Lavapipe silently ends loops after 65,535.
 pub const MAX_LOOP_ITERATIONS: u32 = 16_000;
 /// Iterations of the naive search per tile: for each of its eight parts 32 tests and up to 32 pairs.
 pub const NAIVE_ITERATIONS_PER_TILE: u32 = 8 * (1 + 32 + 32);
 /// Iterations of `runs_search_far` per tile, which also tests the ownership of 32 pairs.
 pub const RUN_ITERATIONS_PER_TILE: u32 = 8 * (1 + 32 + 32 + 32);
-/// The most tiles per workgroup of the naive search.
+/// Most tiles per workgroup of the naive search.
 pub const NAIVE_TILES: u32 = MAX_LOOP_ITERATIONS / NAIVE_ITERATIONS_PER_TILE;
 /// The most tiles per workgroup of `runs_search_far`, after its search for the end of a run.
 pub const RUN_TILES: u32 = (MAX_LOOP_ITERATIONS - u32::BITS) / RUN_ITERATIONS_PER_TILE;
 
-/// The most positions between two entries of a run that `runs_search_near` tests.
+/// Most positions between two entries of a run that `runs_search_near` tests.
 pub const NEAR: u32 = 256;
 
 /// Candidates of a sphere of a cell list that one invocation tests.
 pub const CANDIDATES_PER_INVOCATION: u32 = 2048;
 
-/// The most values of [`SCAN_ONCE`](super::SCAN_ONCE).
+/// Most values of [`SCAN_ONCE`](super::SCAN_ONCE).
 pub const SCANNED_AT_ONCE: u32 = 1 << 16;
 pub(super) const SCAN_ITEMS: u32 = 8;
 pub(super) const SPHERES_PER_THREAD: u32 = 4;

@@ -8,13 +8,13 @@ use super::WORKGROUP_SIZE;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SubgroupProbe {
-    /// The bits [`Self::PARTIAL`], [`Self::OUT_OF_ORDER`] and [`Self::NO_SUBGROUPS`].
+    /// Bits [`Self::PARTIAL`], [`Self::OUT_OF_ORDER`] and [`Self::NO_SUBGROUPS`].
     pub faults: u32,
-    /// The number of invocations.
+    /// Number of invocations.
     pub invocations: u32,
-    /// The smallest subgroup.
+    /// Smallest subgroup.
     pub smallest: u32,
-    /// The largest subgroup.
+    /// Largest subgroup.
     pub largest: u32,
 }
 
@@ -25,9 +25,9 @@ impl SubgroupProbe {
     pub const OUT_OF_ORDER: u32 = 2;
     /// The probe was compiled without subgroup operations.
     pub const NO_SUBGROUPS: u32 = 4;
-    /// The number of workgroups of the probe.
+    /// Number of workgroups of the probe.
     pub const WORKGROUPS: u32 = 64;
-    /// The buffer before the probe runs.
+    /// Buffer before the probe runs.
     pub const BEFORE: Self = Self { faults: 0, invocations: 0, smallest: u32::MAX, largest: 0 };
 
     /// Returns the reason not to use subgroup operations in kernels for subgroups of at least `smallest` lanes; `None`

@@ -5,9 +5,9 @@ use bytemuck::{Pod, Zeroable};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ColumnLayout {
-    /// The position of the first sphere.
+    /// Position of the first sphere.
     pub first: [u32; 4],
-    /// The distance between consecutive spheres; 0 if all share one number, such as a radius.
+    /// Distance between consecutive spheres; 0 if all share one number, such as a radius.
     pub stride: [u32; 4],
 }
 

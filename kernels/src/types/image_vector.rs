@@ -7,7 +7,7 @@ use crate::Space;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct ImageVector {
-    /// The multiples `S` of the cell vectors that lead to the image.
+    /// Multiples `S` of the cell vectors that lead to the image.
     pub shift: [i32; 3],
     /// `(to − from) + (S₁e₁ + S₂e₂ + S₃e₃)`, in the length unit of the spheres.
     pub vector: [f64; 3],
@@ -54,8 +54,8 @@ impl Space {
         ImageVector { shift: shift.map(|count| count as i32), vector }
     }
 
-    /// The exact contact test: returns `true` if minimum images of the spheres `a` and `b`, given as `x, y, z, r`,
-    /// touch, or are within `distance` if given. Nothing overflows or underflows.
+    /// Exact contact test: returns `true` if minimum images of the spheres `a` and `b`, given as `x, y, z, r`, touch,
+    /// or are within `distance` if given. Nothing overflows or underflows.
     #[inline]
     pub fn touch(&self, a: [f64; 4], b: [f64; 4], distance: Option<f64>) -> bool {
         self.decide(a, b, distance, |space, from, to| space.nearest(from, to).1)

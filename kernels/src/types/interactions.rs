@@ -32,8 +32,7 @@ impl Interaction {
     }
 }
 
-/// A symmetric table of the interaction of any two species, for reaction–diffusion models, whose reaction radii are not
-/// sums of radii.
+/// A symmetric table of the interaction of any two species, for reaction–diffusion models.
 ///
 /// ```
 /// # use lazygrid_kernels::{Interaction, Interactions};
@@ -52,7 +51,7 @@ pub struct Interactions {
 }
 
 impl Interactions {
-    /// The most species of a table; 4096² entries are 128 MiB.
+    /// Most species of a table; 4096² entries are 128 MiB.
     pub const MAX_SPECIES: u32 = 4096;
 
     /// Creates a table for species `0..species` in which every pair has the interaction `all`.
@@ -151,8 +150,8 @@ impl Interactions {
     }
 }
 
-/// The rule for a species' effective radius: the centers of spheres that may pair are no farther apart than the sum of
-/// their effective radii, so culling by radii is valid.
+/// The rule for a species' effective radius: spheres that may pair are no farther apart than the sum of their effective
+/// radii, so culling by radii is valid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffectiveRadius {
     /// `true` if the species has pairs decided by contact.

@@ -13,18 +13,18 @@ pub struct Lattice {
     unit: f64,
     basis: [DVec3; 3],
     inverse: [DVec3; 3],
-    /// The multiple of each cell vector in each basis vector.
+    /// Multiple of each cell vector in each basis vector.
     turns: [[f64; 3]; 3],
 }
 
 /// A point, wrapped into the box of the basis vectors of a [`Lattice`].
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WrappedPoint {
-    /// The point in the unit of the lattice.
+    /// Point in the unit of the lattice.
     pub point: [f64; 3],
-    /// The multiple of each basis vector that was subtracted.
+    /// Multiple of each basis vector that was subtracted.
     pub counts: [f64; 3],
-    /// The remaining fraction of each basis vector, between 0 and 1 up to rounding.
+    /// Remaining fraction of each basis vector, between 0 and 1 up to rounding.
     pub fractions: [f64; 3],
 }
 

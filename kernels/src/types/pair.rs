@@ -7,9 +7,9 @@ use bytemuck::{Pod, Zeroable};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 #[repr(C)]
 pub struct Pair {
-    /// The smaller index.
+    /// Smaller index.
     pub i: u32,
-    /// The larger index.
+    /// Larger index.
     pub j: u32,
 }
 

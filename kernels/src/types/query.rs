@@ -2,8 +2,7 @@ use crate::{Exclusions, InputError, Spheres};
 
 /// The input of a search: one set of spheres, or two sets, across which pairs are found; and exclusions.
 ///
-/// Searches accept anything that converts into a query: a set of spheres, a tuple of two sets, or a query with
-/// exclusions.
+/// Searches accept a set of spheres, a tuple of two sets, or a query with exclusions.
 ///
 /// ```
 /// # use lazygrid_kernels::{Exclusions, Query, Sphere};

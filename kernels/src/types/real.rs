@@ -56,7 +56,7 @@ pub enum Radii<'a, T> {
 pub struct Strided<'a, T> {
     /// Each column from the value of the first sphere. Unread memory between values may be uninitialized.
     axes: [&'a [MaybeUninit<T>]; 3],
-    /// The number of values from one center to the next.
+    /// Number of values from one center to the next.
     step: usize,
     radii: Source<'a, T>,
     count: usize,

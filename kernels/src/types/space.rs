@@ -8,8 +8,8 @@ use crate::InputError;
 /// In a periodic space, the distance of two spheres is the distance of their minimum images: along a periodic axis of
 /// length `L`, a coordinate difference `d` counts as `d − L·round(d/L)`. Two spheres pair once if that distance is at
 /// most their cutoff, for any number of images in reach and any radii; a sphere never pairs with its own image. In a
-/// triclinic cell, images are at integer multiples of the cell vectors, and the minimum image is found at any tilt. The
-/// box may begin anywhere, and coordinates may lie outside of it, as in unwrapped trajectories.
+/// triclinic cell, images are at integer multiples of the cell vectors. The box may begin anywhere, and coordinates may
+/// lie outside of it, as in unwrapped trajectories.
 ///
 /// ```
 /// # use lazygrid_kernels::Space;
@@ -51,8 +51,7 @@ impl Space {
 
     /// Creates a space that is periodic along up to three cell vectors of any direction, in the unit of the spheres. A
     /// LAMMPS box of lengths `lx, ly, lz` and tilts `xy, xz, yz` has the cell vectors `(lx, 0, 0)`, `(xy, ly, 0)` and
-    /// `(xz, yz, lz)`. The rows of an ASE cell are its cell vectors; omit rows without `pbc`. Vectors along different
-    /// axes give the space of [`periodic`](Self::periodic).
+    /// `(xz, yz, lz)`. The rows of an ASE cell are its cell vectors; omit rows without `pbc`.
     ///
     /// # Errors
     /// [`InputError::CellVectors`] if vectors are not finite, zero, or so nearly in one line or plane that the box is
@@ -168,11 +167,10 @@ fn along_axes(edges: &[Option<[f64; 3]>; 3]) -> Option<[Option<f64>; 3]> {
     Some(lengths)
 }
 
-/// Returns the remainder of `x` of least magnitude.
+/// Returns the remainder of `x` of least magnitude, without rounding.
 /// # Correctness
-/// Nothing is rounded. A remainder is a multiple of the last place of `length`, or half of that if `x` is less than
-/// `length`, and it is at most half of `length`, so 24 bits hold it. The integer part and its product with `length` fit
-/// the 53 bits of `f64`.
+/// A remainder is a multiple of the last place of `length`, or half of that if `x` is less than `length`, and it is at
+/// most half of `length`, so 24 bits hold it. The integer part and its product with `length` fit the 53 bits of `f64`.
 #[inline(always)]
 fn wrap(x: f32, length: f32) -> f32 {
     /// Below this number of lengths, the integer part gives the exact remainder, except next to a tie.

@@ -60,7 +60,7 @@ enum Layout<'a> {
 }
 
 impl<'a> Spheres<'a> {
-    /// The number of no group: see [`with_groups`](Self::with_groups).
+    /// Number of no group: see [`with_groups`](Self::with_groups).
     pub const NO_GROUP: u32 = u32::MAX;
 
     fn of(layout: Layout<'a>) -> Self {

@@ -6,37 +6,37 @@ use glam::{DVec3, Vec3};
 use super::lattice::Lattice;
 use crate::{InputError, Space, Sphere};
 
-/// The thinnest box, as a fraction of its longest cell vector. In a thinner one, `f64` could not distinguish images.
+/// Thinnest box, as a fraction of its longest cell vector. In a thinner one, `f64` could not distinguish images.
 const MIN_THICKNESS: f64 = 1.0 / (1 << 24) as f64;
-/// The most steps and swaps of the lattice reduction. Boxes of the allowed thickness need some hundreds.
+/// Most steps and swaps of the lattice reduction. Boxes of the allowed thickness need some hundreds.
 const MAX_REDUCTION_STEPS: usize = 1 << 16;
-/// The most steps that wrap a vector: each leaves about 2⁻⁵⁰ of its length.
+/// Most steps that wrap a vector: each leaves about 2⁻⁵⁰ of its length.
 const MAX_WRAP_STEPS: usize = 4;
-/// The gain that a swap of the reduction requires, so that rounding cannot make it cycle (Lovász's δ).
+/// Gain that a swap of the reduction requires, so that rounding cannot make it cycle (Lovász's δ).
 const LLL_DELTA: f64 = 0.99;
-/// The growth of an orthogonalized sphere, as a fraction of its coordinates: four times the rounding to `f32`, on three
+/// Growth of an orthogonalized sphere, as a fraction of its coordinates: four times the rounding to `f32`, on three
 /// axes.
 const ROUNDING: f64 = 1.0 / (1 << 21) as f64;
-/// The inverse of the number of lengths at which the rounding of `f64` reaches that of `f32`.
+/// Inverse of the number of lengths at which the rounding of `f64` reaches that of `f32`.
 const FAR: f64 = 1.0 / (1 << 20) as f64;
-/// The growth of orthogonalized radii: above the error of a GPU, 5 ulp of the squared cutoff.
+/// Growth of orthogonalized radii: above the error of a GPU, 5 ulp of the squared cutoff.
 const REACH_MARGIN: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 
 /// The cell of a space with a cell vector that is not along an axis. All images of a sphere are at integer multiples of
-/// *basis* vectors from it. The basis is reduced (Lenstra, Lenstra and Lovász), so its vectors are nearly as short and
-/// orthogonal as the images allow, at any tilt.
+/// *basis* vectors from it. The basis is reduced (Lenstra, Lenstra and Lovász): nearly as short and orthogonal as the
+/// images allow, at any tilt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriclinicCell {
     vectors: [Option<[f64; 3]>; 3],
     rank: usize,
     /// A power of two that scales lengths before they meet the basis, so that no product overflows.
     unit: f64,
-    /// The reduced vectors, followed by unit vectors that are orthogonal to all before.
+    /// Reduced vectors, followed by unit vectors that are orthogonal to all before.
     basis: [DVec3; 3],
     turns: [[f64; 3]; 3],
-    /// The part of each basis vector that is orthogonal to its predecessors, divided by its squared length.
+    /// Part of each basis vector that is orthogonal to its predecessors, divided by its squared length.
     steps: [DVec3; 3],
-    /// The rows of the inverse of the basis: they give the fractions of a vector.
+    /// Rows of the inverse of the basis: they give the fractions of a vector.
     inverse: [DVec3; 3],
     /// `true` if orthogonalized coordinates at [`Orthogonalization::SCALE`] suit `f32` spheres. Read in every call,
     /// hence stored.
@@ -224,14 +224,14 @@ pub struct Orthogonalization {
     rank: usize,
     unit: f64,
     inverse: [DVec3; 3],
-    /// The length of each axis, an `f32` number; for an unbounded axis, its scale.
+    /// Length of each axis, an `f32` number; for an unbounded axis, its scale.
     lengths: [f64; 3],
-    /// The largest factor by which a distance grows.
+    /// Largest factor by which a distance grows.
     stretch: f64,
 }
 
 impl Orthogonalization {
-    /// The scale of orthogonalized coordinates of `f32` spheres. Distances grow by up to √3, and none may exceed `f32`.
+    /// Scale of orthogonalized coordinates of `f32` spheres. Distances grow by up to √3, and none may exceed `f32`.
     pub const SCALE: f64 = 0.25;
 
     /// Returns the space of these coordinates.
@@ -246,10 +246,10 @@ impl Orthogonalization {
         self.lengths[..self.rank].iter().all(is_normal)
     }
 
-    /// Orthogonalizes a valid sphere and wraps it to the image nearest to the origin. Any two spheres whose minimum
-    /// images touch also touch there: radii grow by `stretch`, and by more than coordinates lose to rounding. That
-    /// growth hardly depends on the position, so a moving sphere keeps its radius. A radius above `limit` becomes
-    /// `limit`, which must be large enough that the sphere touches all others.
+    /// Orthogonalizes a valid sphere and wraps it to the image nearest to the origin. Spheres whose minimum images
+    /// touch also touch there: radii grow by `stretch`, and by more than coordinates lose to rounding. That growth
+    /// hardly depends on the position, so a moving sphere keeps its radius. Radii are cut at `limit`, with which a
+    /// sphere must touch all others.
     pub fn sphere(&self, center: [f64; 3], radius: f64, limit: f64) -> Sphere {
         let center = DVec3::from(center) * self.unit;
         let mut orthogonal = Vec3::ZERO;

@@ -14,7 +14,8 @@ from ._files import read
 from ._lazygrid import NO_GROUP, Chunks, Detector, Exclusions, Frame, Frames, Interactions
 from ._lazygrid import VERSION as __version__
 from ._once import pairs
-from ._simulation import Arrivals, ParticleColumns, Particles, Simulation, SimulationResult, simulate
+from ._particles import Arrivals, ParticleColumns, Particles
+from ._simulation import Simulation, SimulationResult, simulate
 
 __all__ = [
     "NO_GROUP",

@@ -1,5 +1,3 @@
-//! Bit errors of a receiver.
-
 use crate::columns::column_of;
 use crate::interval::wilson;
 use crate::log::Log;
@@ -27,7 +25,6 @@ impl Detector {
     /// Detectors of receivers with a momentary count.
     pub const MOMENTARY: [Self; 3] = [Self::Peak, Self::Energy, Self::Strength];
 
-    /// Returns the name in tables.
     pub fn name(self) -> &'static str {
         match self {
             Self::Arrivals => "arrivals",
@@ -46,14 +43,11 @@ impl Detector {
     }
 }
 
-/// The files of a replica.
 #[derive(Clone, Debug, Default)]
 pub struct ReplicaFiles {
-    /// Seed.
     pub seed: u64,
     /// Log of arrivals; empty if none was written.
     pub log: Log,
-    /// Series.
     pub series: Series,
 }
 
@@ -67,13 +61,11 @@ pub struct BitErrors {
     pub transmitter: usize,
     /// Index of the receiver in the model.
     pub receiver: usize,
-    /// Observed quantity.
     pub detector: Detector,
     /// Steps from a symbol to the start of its slot.
     pub delay: u32,
-    /// Number of bits.
     pub bits: u64,
-    /// Number of bits that were 1.
+    /// Bits that are 1.
     pub ones: u64,
     decision: DetectionRule,
     width: u32,
@@ -118,7 +110,6 @@ impl BitErrors {
         Self { transmitter, receiver, detector, delay, bits: 0, ones: 0, decision, width, slots: Vec::new() }
     }
 
-    /// Adds a replica.
     pub fn add(&mut self, files: &ReplicaFiles, model: &Model, slots: &SymbolSlots) {
         let transmitter = &model.transmitters[self.transmitter];
         let Schedule::Message(message) = &transmitter.schedule else { return };
@@ -144,7 +135,7 @@ impl BitErrors {
         self.slots.push(all);
     }
 
-    /// Counts by entry of the burst: one list of arrivals, or a list per row of the series.
+    /// Counts by entry of the burst: arrivals, or a list per row of the series.
     fn observed(&self, files: &ReplicaFiles, model: &Model, slots: &SymbolSlots) -> Vec<Vec<Vec<u64>>> {
         let release = &model.transmitters[self.transmitter].release;
         if self.detector == Detector::Arrivals {
@@ -169,7 +160,6 @@ impl BitErrors {
         counts
     }
 
-    /// Returns the thresholds at which the errors may change, for a single threshold.
     pub fn steps(&self) -> Vec<u64> {
         let mut seen: Vec<u64> = self.slots.iter().flatten().map(|slot| slot.seen + 1).chain([0]).collect();
         seen.sort_unstable();
@@ -177,7 +167,6 @@ impl BitErrors {
         seen
     }
 
-    /// Returns the number of thresholds of a decision.
     pub fn thresholds(&self) -> usize {
         match &self.decision {
             DetectionRule::Level(symbols) => symbols.len() - 1,

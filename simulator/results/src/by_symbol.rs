@@ -15,19 +15,16 @@ use lazygrid_sim::random::philox::Key;
 /// from the last row at or before the beginning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CountsBySymbol {
-    /// Link.
     pub link: Link,
     /// Statistics by symbol and steps since the beginning of the slot.
     pub symbols: BTreeMap<u32, BTreeMap<u32, IntegerStats>>,
 }
 
 impl CountsBySymbol {
-    /// Creates an empty statistic.
     pub fn new(link: Link) -> Self {
         Self { link, symbols: BTreeMap::new() }
     }
 
-    /// Returns `true` if any count is above 0.
     pub fn is_any(&self) -> bool {
         self.symbols.values().flat_map(BTreeMap::values).any(|sample| sample.mean() > 0.0)
     }

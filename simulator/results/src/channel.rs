@@ -259,7 +259,6 @@ fn names(link: Link, model: &Model) -> String {
     format!("{transmitter},{receiver},{species}")
 }
 
-/// Formats the thresholds, separated by spaces.
 pub fn spaced(thresholds: &[u64]) -> String {
     thresholds.iter().map(u64::to_string).collect::<Vec<_>>().join(" ")
 }

@@ -2,10 +2,9 @@
 
 use lazygrid_sim::Model;
 
-/// Counts of one kind.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ColumnGroup {
-    /// Name, also of files.
+    /// Name in texts and of files.
     pub name: &'static str,
     /// Title of the axis.
     pub axis: &'static str,

@@ -1,5 +1,3 @@
-//! Confidence intervals of probabilities.
-
 /// Normal quantile for 95 %.
 const Z: f64 = 1.959_963_984_540_054;
 

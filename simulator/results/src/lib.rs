@@ -3,6 +3,8 @@
 //!
 //! Lengths are in µm and times in s, as in [`lazygrid_sim`].
 
+#![allow(missing_docs, reason = "most names and types are clear")]
+
 pub mod animation;
 pub mod bit_errors;
 pub mod by_symbol;

@@ -1,5 +1,3 @@
-//! The log of a run.
-
 use std::path::Path;
 
 use lazygrid_sim::table::{TableReader, TableRow};
@@ -8,9 +6,7 @@ use lazygrid_sim::{Error, Model, Receiver};
 /// Arrivals and releases of a run, in the order of steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Log {
-    /// Arrivals.
     pub arrivals: Vec<Arrived>,
-    /// Releases.
     pub releases: Vec<Released>,
     /// Particles inside or bound to receivers, at each row of the series.
     pub inside: Vec<Inside>,
@@ -19,11 +15,9 @@ pub struct Log {
 /// A particle that arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrived {
-    /// Completed steps at its arrival.
     pub step: u32,
-    /// Index of the receiver in the model.
+    /// Index in the model.
     pub receiver: usize,
-    /// Species on arrival.
     pub species: usize,
     /// Transmitter index and completed steps at its release; `None` for inserted particles.
     pub origin: Option<(usize, u32)>,
@@ -32,28 +26,22 @@ pub struct Arrived {
 /// Particles of one origin inside a receiver or bound to it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Inside {
-    /// Completed steps.
     pub step: u32,
-    /// Index of the receiver in the model.
+    /// Index in the model.
     pub receiver: usize,
-    /// Species.
     pub species: usize,
     /// Transmitter index and completed steps at the release; `None` for inserted particles.
     pub origin: Option<(usize, u32)>,
-    /// Number of particles.
     pub count: u64,
 }
 
 /// Particles that were released together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Released {
-    /// Completed steps at the release.
     pub step: u32,
-    /// Index of the transmitter in the model.
+    /// Index in the model.
     pub transmitter: usize,
-    /// Species.
     pub species: usize,
-    /// Number of particles.
     pub count: u64,
 }
 

@@ -1,5 +1,3 @@
-//! Means over replicas and their standard errors.
-
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -16,7 +14,6 @@ pub struct IntegerStats {
 }
 
 impl IntegerStats {
-    /// Adds a value.
     pub fn add(&mut self, value: u64) {
         self.count += 1;
         self.sum += u128::from(value);
@@ -24,7 +21,6 @@ impl IntegerStats {
         self.squares = self.squares.saturating_add(u128::from(value) * u128::from(value));
     }
 
-    /// Returns the number of values.
     pub fn count(&self) -> u64 {
         self.count
     }
@@ -59,7 +55,6 @@ pub struct RunningStats {
 }
 
 impl RunningStats {
-    /// Adds a value.
     pub fn add(&mut self, value: f64) {
         self.count += 1;
         let off = value - self.mean;
@@ -67,7 +62,6 @@ impl RunningStats {
         self.spread += off * (value - self.mean);
     }
 
-    /// Returns the number of values.
     pub fn count(&self) -> u64 {
         self.count
     }
@@ -88,15 +82,12 @@ impl RunningStats {
 /// The series of several replicas, summed row by row.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeanSeries {
-    /// Names of the counts.
     pub names: Vec<String>,
-    /// Completed steps, by row.
     pub steps: Vec<u32>,
     /// Time in s, by row.
     pub times: Vec<f64>,
     /// Statistics of each count, row after row.
     pub samples: Vec<IntegerStats>,
-    /// Number of replicas.
     pub replicas: u64,
 }
 
@@ -144,7 +135,6 @@ impl MeanSeries {
         Ok(())
     }
 
-    /// Returns the statistics of a row.
     pub fn row(&self, row: usize) -> &[IntegerStats] {
         let width = self.names.len();
         &self.samples[row * width..][..width]

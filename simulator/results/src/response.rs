@@ -7,16 +7,15 @@ use lazygrid_sim::Model;
 /// A link from a transmitter to a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Link {
-    /// Index of the transmitter in the model.
+    /// Index in the model.
     pub transmitter: usize,
-    /// Index of the receiver in the model.
+    /// Index in the model.
     pub receiver: usize,
     /// Species on arrival.
     pub species: usize,
 }
 
 impl Link {
-    /// Returns all links of a model.
     pub fn all(model: &Model) -> Vec<Self> {
         let mut all = Vec::new();
         for transmitter in 0..model.transmitters.len() {
@@ -47,9 +46,7 @@ impl Link {
 /// The fraction of particles that arrives, or is inside, in each bin after their release.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response {
-    /// Link.
     pub link: Link,
-    /// Steps of a bin.
     pub width: u32,
     /// Fraction of each bin, over replicas.
     pub parts: Vec<RunningStats>,
@@ -58,7 +55,6 @@ pub struct Response {
 }
 
 impl Response {
-    /// Creates a response without replicas.
     pub fn new(link: Link, width: u32, bins: usize) -> Self {
         let none = vec![RunningStats::default(); bins];
         Self { link, width, parts: none.clone(), cumulative: none }
@@ -119,7 +115,6 @@ impl Response {
         }
     }
 
-    /// Returns `true` if any particle arrives.
     pub fn is_any(&self) -> bool {
         self.parts.iter().any(|part| part.mean() > 0.0)
     }

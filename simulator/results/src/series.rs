@@ -5,12 +5,10 @@ use std::path::Path;
 use lazygrid_sim::Error;
 use lazygrid_sim::table::TableReader;
 
-/// The rows of a `series.csv`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Series {
     /// Names of the counts; see [`names`](lazygrid_sim::series::names).
     pub names: Vec<String>,
-    /// Completed steps, by row.
     pub steps: Vec<u32>,
     /// Time in s, by row.
     pub times: Vec<f64>,
@@ -19,8 +17,6 @@ pub struct Series {
 }
 
 impl Series {
-    /// Reads a series.
-    ///
     /// # Errors
     /// [`Error::Read`] with the line if the file cannot be read or is not a series.
     pub fn read(path: &Path) -> Result<Self, Error> {
@@ -36,13 +32,11 @@ impl Series {
         Ok(series)
     }
 
-    /// The counts of a row.
     pub fn row(&self, row: usize) -> &[u64] {
         let width = self.names.len();
         &self.counts[row * width..][..width]
     }
 
-    /// The counts of a column.
     pub fn column(&self, column: usize) -> impl Iterator<Item = u64> + '_ {
         self.counts.iter().skip(column).step_by(self.names.len().max(1)).copied()
     }

@@ -1,5 +1,3 @@
-//! The table of a sweep.
-
 use std::io::{self, Write};
 
 use crate::channel::{Channels, link_name};
@@ -7,12 +5,10 @@ use crate::columns::groups;
 use crate::mean::MeanSeries;
 use lazygrid_sim::Model;
 
-/// A result of a point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepResult {
     /// Group, such as `particles` or `bit errors`.
     pub group: &'static str,
-    /// Name.
     pub name: String,
     /// Mean over replicas, or the rate of all bits.
     pub value: f64,
@@ -23,14 +19,10 @@ pub struct SweepResult {
 /// Group of the error rates, for logarithmic axes.
 pub const BIT_ERRORS: &str = "bit errors";
 
-/// A point of a sweep.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepRow {
-    /// Values of the swept keys.
     pub values: Vec<String>,
-    /// Number of finished replicas.
     pub replicas: u64,
-    /// Results.
     pub results: Vec<SweepResult>,
 }
 

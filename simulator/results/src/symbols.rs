@@ -1,5 +1,3 @@
-//! Symbol slots, and inter-symbol interference.
-
 use crate::log::Log;
 use crate::mean::RunningStats;
 use crate::response::Link;
@@ -22,12 +20,10 @@ impl SymbolSlots {
         Self { bounds }
     }
 
-    /// Returns the number of slots.
     pub fn len(&self) -> usize {
         self.bounds.len().saturating_sub(1)
     }
 
-    /// Returns `true` if there are no slots.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -42,7 +38,6 @@ impl SymbolSlots {
     }
 }
 
-/// Returns transmitters with messages, with their indices.
 pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
     model.transmitters.iter().enumerate().filter_map(|(place, transmitter)| match &transmitter.schedule {
         Schedule::Message(message) => Some((place, message)),
@@ -54,7 +49,6 @@ pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
 /// slot, the next one and so on, over replicas.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interference {
-    /// Link.
     pub link: Link,
     /// Fraction that arrives, by slots since the release.
     pub by_lag: Vec<RunningStats>,
@@ -63,7 +57,6 @@ pub struct Interference {
 }
 
 impl Interference {
-    /// Creates a statistic of `lags` slots.
     pub fn new(link: Link, lags: usize) -> Self {
         Self { link, by_lag: vec![RunningStats::default(); lags], late: RunningStats::default() }
     }

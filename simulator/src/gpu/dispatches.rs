@@ -149,8 +149,8 @@ impl RunBuffers {
     ) -> Result<Stage, Error> {
         if !self.pipelines.contains_key(kernel.name) {
             let accesses = kernel.bindings.iter().map(|&(_, access)| access);
-            // SAFETY: the kernel is one of this crate. `kernels/tests/loops.rs` checks that each loop of these texts
-            // has a counter that approaches a limit by steps that cannot pass it, or clears a bit at each iteration.
+            // SAFETY: the kernel is one of this crate, and `kernels/tests/loops.rs` checks that each loop of its text
+            // ends.
             let made = unsafe { self.own.compile(kernel.name, accesses, kernel.wgsl()) }.map_err(refused)?;
             self.pipelines.insert(kernel.name, made);
         }
@@ -292,7 +292,6 @@ impl StepDispatches {
         &self.buffers[name]
     }
 
-    /// Returns `true` if the stages are bound to these detector buffers.
     pub(super) fn are_bound_to(&self, found: &Found) -> bool {
         let is_bound = |found: &GpuOutput| {
             let order = found.sorted.as_ref().is_none_or(|sorted| sorted.order == *self.buffer("order"));

@@ -1,5 +1,5 @@
-//! Rust twins of shader structures. A test compares sizes and offsets, so members stay in order by `repr(C)`.
-//! [`ControlHeader`] is read back as words, which have one layout on both sides.
+//! Rust twins of shader structures; a test compares sizes and offsets. [`ControlHeader`] is read back as words, which
+//! have one layout on both sides.
 
 use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;
@@ -19,7 +19,7 @@ pub(super) struct Params {
     pub(super) has_velocity: u32,
     pub(super) logs_arrivals: u32,
     pub(super) time_step: f32,
-    /// The boundary of each axis: 0 open, 1 reflecting, 2 periodic, 3 frozen.
+    /// Boundary of each axis: 0 open, 1 reflecting, 2 periodic, 3 frozen.
     pub(super) axes: UVec3,
     /// 1 plus the axis of a cylinder; 4 for a sphere, 0 without a vessel.
     pub(super) vessel_axis: u32,
@@ -225,7 +225,7 @@ impl ControlHeader {
     pub(super) const TOO_FAST: u32 = 32768;
     pub(super) const TOO_MANY_NEIGHBORS: u32 = 65536;
 
-    /// The reason of a halt, or 0: the lowest bit, independent of the order of threads.
+    /// Reason of a halt, or 0: the lowest bit, independent of the order of threads.
     pub(super) fn reason(&self) -> u32 {
         self.halted & self.halted.wrapping_neg()
     }

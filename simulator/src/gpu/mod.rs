@@ -2,11 +2,11 @@
 //!
 //! One encoder records many steps. Each moves the particles, finds their pairs with a [`lazygrid::gpu::GpuDetector`],
 //! and consumes the pairs in place. Random numbers, rules and the matching are those of the CPU; runs diverge only by
-//! the device's rounding.
+//! rounding.
 //!
-//! A step is a transaction from one set of buffers to another. If a capacity is exceeded, the device *halts* before
-//! the write, and later recorded steps do nothing. The host reads the flag, enlarges the capacity and repeats the
-//! step. No event is lost or applied twice.
+//! A step is a transaction from one set of buffers to another. If a capacity is exceeded, the device *halts* before the
+//! write, and later recorded steps do nothing. The host enlarges the capacity and repeats the step, so no event is lost
+//! or applied twice.
 //!
 //! The host computes bursts and receiver positions in advance.
 
@@ -21,6 +21,7 @@ mod receiver_cells;
 mod receiver_trajectory;
 mod simulation;
 mod tables;
+mod tally_layout;
 #[cfg(test)]
 mod tests;
 

@@ -109,7 +109,7 @@ pub(super) struct Carried {
 const MAX_THERMAL: f32 = 6.0;
 
 impl Carried {
-    /// Returns the bounds of a species in a steady flow, or those with and without a pulse, which bound all fractions.
+    /// Returns bounds in a steady flow, or those with and without a pulse, which bound all fractions.
     pub(super) fn all(model: &Model, steps: &[SpeciesStep], species: usize) -> Vec<Self> {
         let parts = if model.flow_pulse.is_some() { &[1.0, 0.0][..] } else { &[1.0] };
         let drifts = parts.iter().map(|&part| StepDrift::all(model, part).nth(species));
@@ -137,8 +137,8 @@ impl Carried {
         self.drift.iter().map(|d| d * d).sum::<f32>().sqrt() + self.flow.abs() + self.own
     }
 
-    /// Returns `true` if the ends of a step do not decide on a hit: drift may carry a diffusing particle past the
-    /// receiver, or a line may involve a wall or another image.
+    /// Returns `true` if drift may carry a diffusing particle past the receiver, or a line may involve a wall or
+    /// another image.
     fn drifts_past(&self, receiver: &Receiver, model: &Model) -> bool {
         let (time_step, boundary) = (model.time_step, &model.boundary);
         let own = receiver.velocity.map(|v| (v * time_step) as f32);

@@ -111,8 +111,7 @@ pub(super) fn groups_for(items: u32, limits: &DeviceLimits) -> [u32; 2] {
     [groups.div_ceil(rows), rows]
 }
 
-/// Returns the steps between readbacks for which no tally exceeds 32 bits, if each particle counts at most `counts`
-/// times per step.
+/// Returns the steps after which no tally exceeds 32 bits, if each particle counts at most `counts` times per step.
 pub(super) fn steps_per_readback(particles: u32, counts: u32) -> u32 {
     (u32::MAX / particles.saturating_mul(counts).max(1)).clamp(1, LOG_ROWS)
 }

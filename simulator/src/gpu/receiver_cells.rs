@@ -2,7 +2,7 @@
 //!
 //! The host searches two sets: cells, inflated by the displacement of particles in a step, and receivers, inflated by
 //! their displacements while the lists are valid. Lists keep the order of receivers, so the result is that of a loop
-//! over all. Particles with a larger displacement, and species without lists, use that loop.
+//! over all, which serves particles with a larger displacement and species without lists.
 
 use glam::{UVec3, Vec3};
 use lazygrid::Sphere;
@@ -49,7 +49,6 @@ impl ReceiverCellsBuilder {
         self.species_rows.len() * (2 * self.max_cells + 1) + ENTRIES_PER_RECEIVER * self.receivers()
     }
 
-    /// Returns `true` if lists for this number of particle steps pay off.
     pub(super) fn is_worthwhile(&self, steps: u64) -> bool {
         !self.species_rows.is_empty() && steps >= MIN_STEPS_PER_RECEIVER * self.receivers() as u64
     }
@@ -62,8 +61,8 @@ impl ReceiverCellsBuilder {
         self.species_rows.iter().map(|kind| self.events_of(kind).len()).sum()
     }
 
-    /// Builds lists for receivers that begin at `centers`, stay within `displacements` of them, and move by at most
-    /// `max_displacement` in a step; none if numbers are too large for cells.
+    /// Builds lists for receivers that stay within `displacements` of `centers`, and move by at most `max_displacement`
+    /// in a step; none if numbers are too large for cells.
     pub(super) fn build(
         &mut self,
         centers: &[[f32; 3]],

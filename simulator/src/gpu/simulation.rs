@@ -1,5 +1,3 @@
-//! A run on the device.
-
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSpheres, SphereCount, wgpu};
 
 use super::detectors::Detectors;
@@ -160,27 +158,22 @@ impl GpuSimulation {
         Ok(simulation)
     }
 
-    /// Returns the model.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Returns the finished steps.
     pub fn step_count(&self) -> u32 {
         self.step
     }
 
-    /// Returns the elapsed time, in s.
     pub fn time(&self) -> f64 {
         f64::from(self.step) * self.model.time_step
     }
 
-    /// Returns the seed.
     pub fn seed(&self) -> u64 {
         self.key.seed()
     }
 
-    /// Returns the counts.
     pub fn totals(&self) -> &Totals {
         &self.totals
     }

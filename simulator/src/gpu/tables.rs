@@ -1,11 +1,10 @@
-//! A model as the tables of kernels.
-
 use super::layout::{
     DissociationRow, EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow, SpeciesRow,
 };
 use super::model_check::{Carried, chained_decays};
 use super::receiver_cells::MIN_LISTED_RECEIVERS;
 use super::receiver_trajectory::max_rows;
+use super::tally_layout::Tallies;
 use crate::model::receiver::{Adsorption, ReceiverKind, WallFace};
 use crate::model::{Contact, Model, Unbinding};
 use crate::motion::adsorption;
@@ -32,33 +31,6 @@ pub(super) struct Tables {
     pub(super) tallies: Tallies,
 }
 
-/// Layout of tallies: arrivals by receiver and species, decays, reactions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Tallies {
-    pub(super) species: usize,
-    pub(super) receivers: usize,
-    pub(super) decays: usize,
-    pub(super) reactions: usize,
-}
-
-impl Tallies {
-    pub(super) fn arrival(&self, receiver: usize, species: usize) -> usize {
-        receiver * self.species + species
-    }
-
-    pub(super) fn decay(&self, decay: usize) -> usize {
-        self.receivers * self.species + decay
-    }
-
-    pub(super) fn reaction(&self, reaction: usize) -> usize {
-        self.decay(self.decays) + reaction
-    }
-
-    pub(super) fn len(&self) -> usize {
-        self.reaction(self.reactions)
-    }
-}
-
 /// Equal to that of `decay.wgsl`.
 const MAX_DECAYS: u32 = 64;
 
@@ -67,8 +39,7 @@ const REFLECTION_ITERATIONS: u32 = 60_000;
 const ITERATIONS_PER_SEARCH: u32 = 1_100;
 const BOUNCES: u32 = 64;
 
-/// Returns the most searches for surfaces by a particle in a step. It searches again if moving surfaces push it
-/// beyond the region.
+/// Most searches by a particle in a step: moving surfaces may push it beyond the searched region.
 fn max_requeries(species_rows: &[SpeciesRow]) -> u32 {
     let most = species_rows.iter().map(|kind| kind.decays_begin - kind.events_begin).max().unwrap_or(0);
     (REFLECTION_ITERATIONS.saturating_sub(most + ITERATIONS_PER_SEARCH) / (most + ITERATIONS_PER_SEARCH))
@@ -102,7 +73,6 @@ impl Tables {
         }
     }
 
-    /// Sets the fraction of the step during which the flow is on.
     pub(super) fn set_flow(&mut self, model: &Model, part: f64) {
         for (row, drift) in self.species_rows.iter_mut().zip(StepDrift::all(model, part)) {
             row.drift = drift.drift.into();
@@ -265,7 +235,7 @@ fn at_wall_bits(drift: StepDrift) -> u32 {
     (0..3).map(|k| u32::from(drift.at_wall[k]) << k).sum()
 }
 
-/// Distance of all but one in ten million particles, plus three displacements of a receiver.
+/// Displacement of all but one in ten million particles, plus three displacements of a receiver.
 fn reach(step: &SpeciesStep, carried: &[Carried]) -> f32 {
     let longest = carried.iter().map(Carried::length).fold(0.0, f32::max);
     1.01 * (6.0 * step.length + longest) + step.bend

@@ -12,12 +12,7 @@ pub enum Axis {
     #[default]
     Open,
     /// Walls at both coordinates, in µm; they reflect surfaces of spheres.
-    Reflecting {
-        /// Lower wall.
-        low: f32,
-        /// Upper wall.
-        high: f32,
-    },
+    Reflecting { low: f32, high: f32 },
     /// Periodic: `high` is the same position as `low`, in µm.
     Periodic {
         /// Lower end, inside the box.
@@ -39,7 +34,6 @@ impl Axis {
         }
     }
 
-    /// Reflects or wraps a coordinate into the box.
     #[inline(always)]
     pub fn confine(self, x: f32) -> f32 {
         match self {
@@ -73,7 +67,6 @@ impl Axis {
         }
     }
 
-    /// Returns [`displacement`](Self::displacement) in `f64`.
     pub(crate) fn displacement_exact(self, d: f64) -> f64 {
         match self {
             Self::Periodic { low, high } => {
@@ -85,7 +78,6 @@ impl Axis {
         }
     }
 
-    /// Returns the minimum image of a difference `d`.
     #[inline(always)]
     pub fn displacement(self, d: f32) -> f32 {
         match self {
@@ -107,31 +99,26 @@ fn round_trip(way: f32, length: f32) -> f32 {
 /// The boundary of space.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Boundary {
-    /// Boundaries along x, y and z.
     pub axes: [Axis; 3],
     /// Vessel around all particles. Axes across it must be open.
     pub vessel: Option<Vessel>,
 }
 
 impl Boundary {
-    /// Creates a box with reflecting walls.
     pub fn reflecting(low: [f32; 3], high: [f32; 3]) -> Self {
         let axes = std::array::from_fn(|k| Axis::Reflecting { low: low[k], high: high[k] });
         Self { axes, vessel: None }
     }
 
-    /// Creates a box that is periodic along all axes.
     pub fn periodic(low: [f32; 3], high: [f32; 3]) -> Self {
         let axes = std::array::from_fn(|k| Axis::Periodic { low: low[k], high: high[k] });
         Self { axes, vessel: None }
     }
 
-    /// Returns `true` if space is unbounded.
     pub fn is_unbounded(&self) -> bool {
         self.axes == [Axis::Open; 3] && self.vessel.is_none()
     }
 
-    /// Returns the number of dimensions.
     pub fn dimensions(&self) -> usize {
         self.axes.iter().filter(|axis| **axis != Axis::Frozen).count()
     }
@@ -141,7 +128,7 @@ impl Boundary {
         std::array::from_fn(|k| if self.axes[k] == Axis::Frozen { 0.0 } else { v[k] })
     }
 
-    /// Returns a direction that is uniform in the dimensions of the run, from one that is uniform in three.
+    /// Converts a uniform direction to a uniform one in the dimensions of the run.
     pub(crate) fn direction_within(&self, direction: [f32; 3]) -> [f32; 3] {
         if self.dimensions() == 3 {
             return direction;

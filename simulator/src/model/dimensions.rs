@@ -6,7 +6,7 @@ use crate::model::transmitter::Shape;
 use crate::model::{Flow, Model};
 
 impl Model {
-    /// The fault if a run of fewer than three dimensions has what only three have.
+    /// Fault if a run of fewer than three dimensions has what only three have.
     pub(crate) fn beyond_dimensions(&self) -> Option<String> {
         let dimensions = self.boundary.dimensions();
         if dimensions == 3 {

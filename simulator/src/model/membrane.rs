@@ -1,15 +1,16 @@
 //! Membranes that diffusing particles pass with a permeability: planes, and spheres (`sphere.rs`).
 //!
-//! The flux through a membrane is κ times the difference of the concentrations on its sides. The distance |x| from the
-//! plane is a reflected Brownian motion on either side. Each time its local time L has grown by D/(2κ) on average, the
-//! particle takes either side with equal probability (A. Lejay, *The snapping out Brownian motion*, The Annals of
-//! Applied Probability 26 (2016) 1727), so that it has changed sides with the probability
+//! The flux is κ times the difference of the concentrations on both sides. The distance |x| from the plane is a
+//! reflected Brownian motion. Each time its local time L has grown by D/(2κ) on average, the particle takes either side
+//! with equal probability (A. Lejay, *The snapping out Brownian motion*, The Annals of Applied Probability 26 (2016)
+//! 1727), so that it has changed sides with the probability
 //!
 //! ```text
 //! ½(1 − exp(−2κL/D)),   L = max(0, −min over s ≤ t of X(s)),   |x(t)| = X(t) + L
 //! ```
 //!
-//! with the free path X. Between its ends X is a Brownian bridge, whose minimum has a closed form (`bridge.rs`), so that L,
+//! with the free path X. Between its ends X is a Brownian bridge, whose minimum has a closed form (`bridge.rs`), so
+//! that L,
 //! |x| and the side are exact for steps of any length that reach one membrane and no wall.
 
 mod check;
@@ -23,7 +24,6 @@ use crate::random::philox::{Key, Purpose, open_unit};
 /// A surface that holds back diffusing particles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Membrane {
-    /// Name.
     pub name: String,
     /// Plane or sphere.
     pub surface: MembraneSurface,
@@ -153,7 +153,7 @@ impl MembraneStep<'_> {
         self.within(axis, other, at - sign * height)
     }
 
-    /// Returns the membranes of the species across an axis, with the coordinates of their images.
+    /// Returns the species' membranes across an axis, with coordinates of their images.
     fn planes(&self, axis: usize) -> impl Iterator<Item = (usize, f32)> {
         let images: &[f32] = match self.domain.axes[axis] {
             Axis::Periodic { .. } => &[-1.0, 0.0, 1.0],
@@ -173,7 +173,7 @@ impl MembraneStep<'_> {
         all.flat_map(move |(k, position)| images.iter().map(move |image| (k, position + image * period)))
     }
 
-    /// Returns the end in a slab, mirrored at the membranes that it would pass.
+    /// Returns the end in a slab, mirrored at membranes.
     fn within(&self, axis: usize, slab: Slab, end: f32) -> HeldEnd {
         let free = slab.mirrored(end);
         let confined = self.domain.axes[axis].confine(free);
@@ -184,7 +184,6 @@ impl MembraneStep<'_> {
         }
     }
 
-    /// Returns `true` if a membrane is between two points, by the shortest way.
     pub(crate) fn separates(&self, [a, b]: [[f32; 3]; 2]) -> bool {
         let way = self.domain.displacement(a, b);
         let is_across_plane = (0..3).any(|axis| {

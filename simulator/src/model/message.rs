@@ -10,7 +10,6 @@ pub struct Message {
     pub start: f64,
     /// Time between symbols, in s.
     pub symbol_time: f64,
-    /// Symbols.
     pub symbols: Symbols,
     /// Mapping of symbols to bursts.
     pub modulation: Modulation,
@@ -23,7 +22,6 @@ pub enum Symbols {
     Given(Vec<u32>),
     /// Uniformly random, drawn with the seed of the run.
     Random {
-        /// Number of symbols.
         count: u32,
         /// Distinct symbols, a power of two.
         alphabet: u32,
@@ -31,7 +29,6 @@ pub enum Symbols {
 }
 
 impl Symbols {
-    /// Returns the number of symbols.
     pub fn len(&self) -> u32 {
         match self {
             Self::Given(symbols) => symbols.len() as u32,
@@ -39,7 +36,6 @@ impl Symbols {
         }
     }
 
-    /// Returns `true` if the message has no symbols.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
@@ -66,7 +62,6 @@ impl Modulation {
         }
     }
 
-    /// Returns the particles released for a symbol, by species.
     pub fn burst(&self, symbol: u32, release: &[(u32, u32)]) -> Vec<(u32, u32)> {
         match self {
             Self::OnOff => {
@@ -98,12 +93,10 @@ impl Modulation {
 }
 
 impl Message {
-    /// Returns the time of symbol `k`, in s.
     pub fn time_of(&self, k: u32) -> f64 {
         self.start + f64::from(k) * self.symbol_time
     }
 
-    /// Returns symbol `k` of the model's transmitter `place`.
     pub fn symbol(&self, k: u32, place: u32, key: Key) -> u32 {
         match &self.symbols {
             Symbols::Given(symbols) => symbols[k as usize],

@@ -26,28 +26,19 @@ use crate::model::receiver::Receiver;
 use crate::model::transmitter::Transmitter;
 use crate::random::gaussian::{direction, normals};
 
-/// A complete description of a run, except its seed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
-    /// Time step Δt, in s.
     pub time_step: f64,
-    /// Species, to which other parts refer by index.
+    /// Other parts refer to these by index.
     pub species: Vec<Species>,
     /// Concentrations that swimmers follow.
     pub attractants: Vec<Attractant>,
-    /// Reactions of two particles.
     pub reactions: Vec<Reaction>,
-    /// Unimolecular reactions.
     pub decays: Vec<Decay>,
-    /// Sources of particles.
     pub transmitters: Vec<Transmitter>,
-    /// Receivers of particles.
     pub receivers: Vec<Receiver>,
-    /// Planes that hold back diffusing particles.
     pub membranes: Vec<Membrane>,
-    /// Walls, periodic boundaries and the vessel.
     pub boundary: Boundary,
-    /// Flow that carries all particles.
     pub flow: Option<Flow>,
     /// Begin and end of the flow, in s; `None` is always.
     pub flow_pulse: Option<[f64; 2]>,
@@ -60,13 +51,9 @@ pub struct Model {
 /// A species of particles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Species {
-    /// Name.
     pub name: String,
-    /// Radius in µm.
     pub radius: f32,
-    /// Diffusion coefficient in µm²/s.
     pub diffusion: f64,
-    /// Drift velocity in µm/s.
     pub drift: [f64; 3],
     /// Mass, for elastic contact; only ratios matter.
     pub mass: f64,
@@ -81,7 +68,6 @@ pub struct Species {
 }
 
 impl Species {
-    /// Returns `true` if particles of this species carry a velocity.
     pub fn has_velocity(&self) -> bool {
         self.thermal_speed > 0.0 || self.speed > 0.0
     }
@@ -110,7 +96,7 @@ pub enum Flow {
 /// probabilities, of those whose binding radius contains it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reaction {
-    /// Name in output, as in `A + B -> C`.
+    /// Such as `A + B -> C`.
     pub name: String,
     /// Species of the reactants; both may be the same.
     pub reactants: [u32; 2],
@@ -144,7 +130,7 @@ impl Default for ReactionRate {
 /// The first product keeps the position and id. The second gets a new id.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Decay {
-    /// Name in output, as in `A -> B`.
+    /// Such as `A -> B`.
     pub name: String,
     /// Species of the reactant.
     pub reactant: u32,
@@ -157,7 +143,6 @@ pub struct Decay {
 }
 
 impl Decay {
-    /// Returns `true` if the decay has two products.
     pub fn splits(&self) -> bool {
         self.products[1].is_some()
     }
@@ -185,7 +170,6 @@ pub enum Contact {
     /// Neither searched nor resolved.
     #[default]
     Ignore,
-    /// Counted.
     Count,
     /// Hard diffusing spheres collide on their paths; remaining overlaps are separated.
     Separate,
@@ -194,7 +178,6 @@ pub enum Contact {
 }
 
 impl Model {
-    /// Returns `true` if some species carries a velocity.
     pub fn has_velocity(&self) -> bool {
         self.species.iter().any(Species::has_velocity)
     }
@@ -210,7 +193,6 @@ impl Model {
         ((end.min(until) - begin.max(from)) / (end - begin)).clamp(0.0, 1.0)
     }
 
-    /// Returns the fraction of a step during which the flow is on.
     pub(crate) fn flow_part_of_step(&self, step: u32) -> f64 {
         self.flow_part([0.0, 1.0].map(|later| (f64::from(step) + later) * self.time_step))
     }
@@ -237,7 +219,6 @@ impl Model {
         }
     }
 
-    /// Returns the velocity that a particle begins with.
     pub(crate) fn own_velocity(&self, species: u32, words: [u32; 4]) -> [f32; 3] {
         let Species { speed, thermal_speed, .. } = self.species[species as usize];
         match speed > 0.0 {
@@ -250,7 +231,7 @@ impl Model {
         self.decays.iter().any(|decay| decay.reactant == species && decay.splits())
     }
 
-    /// Returns the first particle's fraction of a displacement between two, by their diffusion.
+    /// Returns the first particle's fraction of a displacement, by their diffusion.
     pub(crate) fn share(&self, [a, b]: [u32; 2]) -> f32 {
         let [a, b] = [a, b].map(|species| self.species[species as usize].diffusion);
         if a + b > 0.0 { (a / (a + b)) as f32 } else { 0.5 }

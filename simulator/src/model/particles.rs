@@ -18,13 +18,10 @@ pub struct Particles {
     pub velocity: [Vec<f32>; 3],
     /// Radii, in µm.
     pub radius: Vec<f32>,
-    /// Species indices.
     pub species: Vec<u32>,
-    /// Distinct ids.
     pub id: Vec<u32>,
 }
 
-/// A particle.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Particle {
     /// Coordinates, in µm.
@@ -33,24 +30,19 @@ pub struct Particle {
     pub velocity: [f32; 3],
     /// Radius, in µm.
     pub radius: f32,
-    /// Species.
     pub species: u32,
-    /// Id.
     pub id: u32,
 }
 
 impl Particles {
-    /// Number of particles.
     pub fn len(&self) -> usize {
         self.id.len()
     }
 
-    /// Returns `true` if there are no particles.
     pub fn is_empty(&self) -> bool {
         self.id.is_empty()
     }
 
-    /// Returns `true` if the particles carry velocities.
     pub fn has_velocity(&self) -> bool {
         !self.is_empty() && self.velocity[0].len() == self.len()
     }
@@ -73,7 +65,6 @@ impl Particles {
         Ok(())
     }
 
-    /// Adds a particle at the end.
     pub fn push(&mut self, particle: Particle, with_velocity: bool) {
         for axis in 0..3 {
             self.position[axis].push(particle.position[axis]);
@@ -86,7 +77,6 @@ impl Particles {
         self.id.push(particle.id);
     }
 
-    /// Appends particles, with velocities if these have some.
     pub fn append(&mut self, mut others: Self) {
         for axis in 0..3 {
             self.position[axis].append(&mut others.position[axis]);
@@ -97,7 +87,6 @@ impl Particles {
         self.id.append(&mut others.id);
     }
 
-    /// Returns a particle by index.
     pub fn get(&self, at: usize) -> Particle {
         Particle {
             position: self.position_of(at),
@@ -108,13 +97,11 @@ impl Particles {
         }
     }
 
-    /// Returns a particle's position.
     #[inline]
     pub fn position_of(&self, at: usize) -> [f32; 3] {
         [self.position[0][at], self.position[1][at], self.position[2][at]]
     }
 
-    /// Sets a particle's position.
     #[inline]
     pub fn set_position(&mut self, at: usize, position: [f32; 3]) {
         for (column, coordinate) in self.position.iter_mut().zip(position) {
@@ -169,7 +156,6 @@ impl Particles {
         permuted
     }
 
-    /// Returns indices by ascending id.
     pub fn by_id(&self) -> Vec<u32> {
         let mut order: Vec<u32> = (0..self.len() as u32).collect();
         order.sort_unstable_by_key(|&at| self.id[at as usize]);

@@ -59,7 +59,6 @@ impl<'a> ReactionProbabilities<'a> {
     }
 }
 
-/// Returns (1 − exp(−RΔt))/R.
 fn factor(rate: f64, time_step: f64) -> f64 {
     if rate > 0.0 { -libm::expm1(-rate * time_step) / rate } else { time_step }
 }

@@ -10,7 +10,6 @@ use crate::model::receptors::ReceptorType;
 /// A sphere, or a wall, that acts on particles by their centers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Receiver {
-    /// Name in output.
     pub name: String,
     /// Center at the beginning of the run, in µm.
     pub center: [f32; 3],
@@ -85,7 +84,6 @@ impl ReceiverKind {
 }
 
 impl Receiver {
-    /// Returns `true` if the receiver counts a species.
     pub fn counts(&self, species: usize) -> bool {
         let counts = match self.kind {
             ReceiverKind::Reflecting => false,
@@ -100,18 +98,15 @@ impl Receiver {
         matches!(self.kind, ReceiverKind::Transparent | ReceiverKind::Receptors(_))
     }
 
-    /// Returns `true` if it reflects particles of some species.
     pub(crate) fn reflects_some(&self) -> bool {
         self.kind.reflects() && self.sees.contains(&true)
     }
 
-    /// Returns `true` if it is a wall across an axis.
     pub(crate) fn is_across(&self, axis: usize) -> bool {
         let faces = [WallFace::Low(axis), WallFace::High(axis)];
         matches!(self.kind, ReceiverKind::Wall(face) if faces.contains(&face))
     }
 
-    /// Returns `true` if the receiver moves.
     pub fn moves(&self) -> bool {
         self.velocity != [0.0; 3] || self.diffusion > 0.0
     }
@@ -131,8 +126,7 @@ impl Receiver {
     }
 }
 
-/// Receivers that test every particle: 0.7 times as long as a search for one receiver, 2.5 times for two (machine of
-/// docs/simulator.md).
+/// Receivers that test every particle: 0.7 times as long as a search for one receiver, 2.5 times for two (two cores of an AMD EPYC).
 const FEW: usize = 1;
 const CHUNK: usize = 1 << 16;
 
@@ -204,7 +198,7 @@ pub(crate) fn finder(boundary: &Boundary) -> Result<Detector, Error> {
     Ok(Detector::new(config.space(boundary.space()?))?)
 }
 
-/// Returns a bound of the rounding error of distances up to `distance` from a point.
+/// Bounds the rounding error of distances up to `distance` from a point.
 #[inline(always)]
 pub(crate) fn rounding(point: [f32; 3], distance: f32) -> f32 {
     4e-6 * (point[0].abs() + point[1].abs() + point[2].abs() + distance)

@@ -8,14 +8,12 @@ use crate::model::receiver::{Receiver, ReceiverKind};
 pub struct ReceptorType {
     /// Receptors; each binds one particle.
     pub count: u32,
-    /// Species that bind.
     pub ligands: Vec<Ligand>,
 }
 
 /// A species that binds to receptors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ligand {
-    /// Species.
     pub species: u32,
     /// Binding rate of a free receptor, in µm³/s: `n` free ones on a sphere have the reactivity n·rate/(4πR²).
     pub binding_rate: f64,
@@ -50,14 +48,12 @@ impl Receiver {
         }
     }
 
-    /// Returns `true` if some of its receptors bind a species.
     pub(crate) fn binds(&self, species: usize) -> bool {
         self.receptor_types().iter().any(|kind| kind.ligand(species as u32).is_some())
     }
 }
 
 impl Model {
-    /// Returns the receptor types of all receivers, in order.
     pub(crate) fn receptor_types(&self) -> impl Iterator<Item = &ReceptorType> {
         self.receivers.iter().flat_map(Receiver::receptor_types)
     }

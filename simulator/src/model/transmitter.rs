@@ -9,19 +9,16 @@ use crate::random::philox::{Key, open_unit};
 /// A source of particles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Transmitter {
-    /// Name in messages.
     pub name: String,
     /// Center, in µm.
     pub center: [f32; 3],
-    /// The index of the receiver with which it moves, at whose center it is.
+    /// Index of the receiver with which it moves, at whose center it is.
     pub carrier: Option<u32>,
     /// Distribution around the center.
     pub shape: Shape,
-    /// Release times.
     pub schedule: Schedule,
     /// Species and number per burst.
     pub release: Vec<(u32, u32)>,
-    /// Distribution of numbers.
     pub numbers: CountDistribution,
 }
 
@@ -39,7 +36,7 @@ pub enum Schedule {
         from: f64,
         /// End, in s.
         until: f64,
-        /// Species and rate, in 1/s.
+        /// In 1/s, by species.
         rates: Vec<(u32, f64)>,
     },
 }
@@ -63,7 +60,6 @@ pub enum CountDistribution {
 /// The distribution of released particles around the center. Lengths are in µm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Shape {
-    /// One point.
     #[default]
     Point,
     /// Normal, with this standard deviation along each axis.
@@ -92,7 +88,6 @@ impl Transmitter {
         }
     }
 
-    /// Returns its center, given those of all receivers.
     pub(crate) fn center_among(&self, centers: &[[f32; 3]]) -> [f32; 3] {
         self.carrier.and_then(|carrier| centers.get(carrier as usize)).copied().unwrap_or(self.center)
     }

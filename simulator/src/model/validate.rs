@@ -112,8 +112,7 @@ impl Model {
         ))
     }
 
-    /// Returns the fault of a wall that the boundary lacks, or of particles that collide, since a wall sees only the
-    /// ends of paths.
+    /// Returns the fault of a missing wall, or of particles that collide, since a wall sees only the ends of paths.
     pub(crate) fn missing_wall(&self, name: &str, face: WallFace) -> Option<String> {
         if matches!(self.contact, Contact::Separate | Contact::Elastic) {
             return Some(format!(

@@ -4,7 +4,7 @@
 /// A cylinder along an axis, which the boundary of that axis may limit, or a sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vessel {
-    /// The axis of a cylinder: 0, 1 or 2. `None` is a sphere.
+    /// Axis of a cylinder: 0, 1 or 2. `None` is a sphere.
     pub along: Option<usize>,
     /// A point on the middle line, or the center of a sphere, in µm.
     pub center: [f32; 3],
@@ -22,7 +22,6 @@ impl Vessel {
         Self { radius: self.radius - radius, ..self }
     }
 
-    /// Returns a vector without its component along the vessel.
     #[inline(always)]
     pub(crate) fn across(&self, mut v: [f64; 3]) -> [f64; 3] {
         if let Some(along) = self.along {
@@ -41,7 +40,6 @@ impl Vessel {
         self.length(self.offset(p.map(f64::from)))
     }
 
-    /// Returns the length of a vector across the vessel.
     pub(crate) fn length(&self, v: [f64; 3]) -> f64 {
         match self.along {
             Some(along) => v[(along + 1) % 3].hypot(v[(along + 2) % 3]),

@@ -1,10 +1,9 @@
 //! Adsorption at a surface of given reactivity, and desorption, for a time step of any length.
 //!
-//! A surface of reactivity κ adsorbs κ times the local concentration, per area and time. A fixed probability per
-//! contact is right for one time step only. S. S. Andrews (*Accurate particle-based simulation of adsorption,
-//! desorption and partial transmission*, Physical Biology 6 (2009) 046015) fits a correction for particles observed
-//! at the ends of steps. Here the path counts ([`path_hit`](crate::motion::path_hit)), and the correction is a closed
-//! form.
+//! A surface of reactivity κ adsorbs κ times the local concentration, per area and time. S. S. Andrews (*Accurate
+//! particle-based simulation of adsorption, desorption and partial transmission*, Physical Biology 6 (2009) 046015)
+//! fits a probability for particles observed at the ends of steps. Here the path counts
+//! ([`path_hit`](crate::motion::path_hit)), and the probability has a closed form.
 //!
 //! *On a plane*, the density of particles that are not adsorbed is known (Carslaw and Jaeger, *Conduction of Heat in
 //! Solids*, section 14.2). Divided by the density before a reflecting wall, it gives the adsorption probability of a
@@ -14,8 +13,8 @@
 //! √π·X·erfcx(X + y),   X = κ√(Δt/D),   y = (a + b)/√(4DΔt),   erfcx(x) = exp(x²)·erfc(x)
 //! ```
 //!
-//! *On a sphere* of radius R, r times the density obeys the equation of the half line r ≥ R, with κ + D/R for κ. `X`
-//! in the argument of erfcx becomes X + √(DΔt)/R; the factor stays. The free density is that of the half line with an
+//! *On a sphere* of radius R, r times the density obeys the equation of the half line r ≥ R, with κ + D/R for κ. `X` in
+//! the argument of erfcx becomes X + √(DΔt)/R; the factor stays. The free density is that of the half line with an
 //! image at −r, so a path between the distances r₀ and r₁ is adsorbed with the probability
 //!
 //! ```text
@@ -95,8 +94,7 @@ impl Step {
         }
     }
 
-    /// Draws the height in µm of a desorbed particle at the end of the step, as that from which a uniform
-    /// concentration is adsorbed.
+    /// Draws the height in µm after desorption, as that from which a uniform concentration is adsorbed.
     pub(crate) fn height_after(&self, draws: &mut Draws) -> f64 {
         let scale = 2.0 * self.length;
         let most = self.taken_from(0.0) * (1.0 + FAR * scale / self.radius);

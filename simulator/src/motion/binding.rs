@@ -14,11 +14,9 @@ use crate::random::philox::{Draws, Key, Purpose};
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct Bound {
-    /// Id.
     pub id: u32,
-    /// Species.
     pub species: u32,
-    /// Receiver, as index in the model.
+    /// Index in the model.
     pub receiver: u32,
     /// Receptor type, as index among those of all receivers.
     pub receptor: u32,
@@ -32,7 +30,6 @@ pub(crate) struct UnboundParticle {
     height: f32,
 }
 
-/// Returns the free receptors by type.
 pub(crate) fn free(model: &Model, occupied: &[u64]) -> Vec<u32> {
     let one =
         |(kind, &held): (&ReceptorType, &u64)| kind.count.saturating_sub(held.try_into().unwrap_or(u32::MAX));
@@ -105,7 +102,7 @@ pub(crate) fn bids(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<BindingRequ
     events.iter().filter_map(bid).collect()
 }
 
-/// Returns the ids without a free receptor, ascending: of each receptor type the highest ranks, then ids.
+/// Returns ascending ids without a free receptor: of each type the highest ranks, then ids.
 pub(crate) fn rejected(mut bids: Vec<BindingRequest>, free: &[u32]) -> Vec<u32> {
     bids.sort_unstable();
     let of_one = bids.chunk_by(|a, b| a.receptor == b.receptor);

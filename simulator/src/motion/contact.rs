@@ -19,7 +19,6 @@ use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose};
 use crate::reaction::distance_squared;
 
-/// Separation of overlaps.
 #[derive(Debug)]
 pub struct Contacts {
     separates: bool,
@@ -39,7 +38,6 @@ const UNITS: f64 = (1_u64 << 40) as f64;
 pub(crate) type Push = (u32, [i64; 3]);
 
 impl Contacts {
-    /// Creates the separation of a checked model.
     pub fn new(model: &Model) -> Self {
         let largest = model.species.iter().map(|species| f64::from(species.radius)).fold(0.0, f64::max);
         Self {
@@ -51,7 +49,6 @@ impl Contacts {
         }
     }
 
-    /// Returns `true` if the model separates particles.
     pub fn separate(&self) -> bool {
         self.separates
     }
@@ -78,7 +75,6 @@ impl Contacts {
         resolved
     }
 
-    /// Returns the displacements of both particles of each overlap.
     pub(crate) fn pushes(
         &self,
         particles: &Particles,
@@ -151,7 +147,7 @@ mod tests {
         Model { species: vec![species], contact: Contact::Separate, time_step: 1.0, ..Model::default() }
     }
 
-    /// Runs four steps of two particles at `x` that overlap by `overlap` of their distance. Returns overlaps per
+    /// Separates two particles at `x` that overlap by `overlap` of their distance in four steps. Returns overlaps per
     /// step, and whether a particle moved.
     fn pushed(x: f32, overlap: f32) -> (Vec<u64>, bool) {
         let model = model(0.5 + 0.5 * overlap);

@@ -33,11 +33,9 @@ use crate::random::philox::{Key, Purpose, open_unit};
 /// A particle's step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
-    /// Beginning, in µm.
     pub before: [f32; 3],
     /// End without walls and images, in µm.
     pub end: [f32; 3],
-    /// End, in µm.
     pub after: [f32; 3],
     /// Displacement apart from diffusion, in µm.
     pub drift: [f32; 3],
@@ -48,11 +46,8 @@ pub struct Path {
 /// Random numbers of a particle in a step.
 #[derive(Clone, Copy, Debug)]
 pub struct DrawContext {
-    /// Seed.
     pub key: Key,
-    /// Id of the particle.
     pub id: u32,
-    /// Step.
     pub step: u32,
 }
 
@@ -253,7 +248,7 @@ fn length(v: [f32; 3]) -> f32 {
 /// Cuts per axis; above it a position has no meaning.
 const CUTS: usize = 1000;
 
-/// Returns the hit of a path without diffusion, cut at walls and at changes of the receiver's nearest image.
+/// Returns the hit of a line, cut at walls and at changes of the receiver's nearest image.
 fn line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
     let [from, to] = [path.before, path.end].map(|end| end.map(f64::from));
     let way: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);

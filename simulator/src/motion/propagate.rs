@@ -60,7 +60,6 @@ const CHUNK: usize = 4096;
 const ROUNDED: f32 = 1e-6;
 
 impl Propagator {
-    /// Creates the constants of a checked model.
     pub fn new(model: &Model) -> Self {
         let time_step = model.time_step;
         let bodies = ActiveReceivers::new(model);
@@ -89,7 +88,6 @@ impl Propagator {
         }
     }
 
-    /// Sets the flow of a step, if it is a pulse.
     pub(crate) fn set_flow(&mut self, model: &Model, step: u32) {
         if model.flow_pulse.is_none() {
             return;
@@ -164,8 +162,7 @@ impl Propagator {
         }
     }
 
-    /// Moves all particles and returns their events, by index. `receiver_search` replaces tests of every receiver if
-    /// it is faster. `flights` are the paths after collisions.
+    /// Moves all particles and returns their events, by index. `flights` are the paths after collisions.
     pub(crate) fn advance(
         &self,
         particles: &mut Particles,
@@ -297,7 +294,6 @@ impl Propagator {
         }
     }
 
-    /// Applies an absorbing wall, or decays.
     #[inline]
     fn absorb_or_decay(&self, moved: &ParticleMove, events: &mut Vec<Event>) {
         let ParticleMove { at, species, who, path, free_end, .. } = *moved;

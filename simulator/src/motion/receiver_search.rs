@@ -4,8 +4,8 @@
 //! nothing. Other particles go to the detector as spheres that cover several steps, with the receivers as second set.
 //! So a step costs one distance per particle, and a search for few.
 //!
-//! A clear sphere is a fact about space: it stays true if the particle moves or another takes its index. The result
-//! equals a loop over all receivers bit for bit.
+//! A clear sphere stays true if the particle moves or another takes its index. The result equals a loop over all
+//! receivers bit for bit.
 //!
 //! If most particles leave their clear spheres in every step, the loop is faster and takes over for some steps.
 
@@ -68,7 +68,7 @@ const WINDOW: u32 = 16;
 /// Steps without searches after a window in which they cost more.
 const REST: u32 = 240;
 /// Cost of a search per particle and per found receiver, in tests: about 100 ns, and 20 ns and often a test, against
-/// 35 ns (machine of docs/simulator.md).
+/// 35 ns (two cores of an AMD EPYC).
 const COSTS: [usize; 2] = [3, 1];
 
 const UNKNOWN: [f32; 4] = [0.0, 0.0, 0.0, -1.0];
@@ -127,8 +127,7 @@ impl ReceiverSearch {
         distance + reach.half + reach.more <= radius - self.traveled
     }
 
-    /// Finds the receivers near particles, given as beginnings and search radii. Returns them by particle, in the
-    /// order of the model.
+    /// Finds receivers by particle, in the order of the model. Particles are beginnings and search radii.
     pub(crate) fn find<'a>(
         &'a mut self,
         particles: impl Iterator<Item = ([f32; 3], f32)>,

@@ -10,9 +10,7 @@ use crate::random::philox::{Key, Purpose};
 /// A receiver in a step.
 #[derive(Clone, Debug)]
 pub struct ReceiverState {
-    /// Index in the model.
     pub place: u32,
-    /// Description in the model.
     pub receiver: Receiver,
     /// Center at the beginning, in µm.
     pub center: [f32; 3],
@@ -26,14 +24,12 @@ pub struct ReceiverState {
     pub sticking: Adsorption,
     /// Index of its first receptor type in the model.
     pub(crate) first_type: u32,
-    /// Free receptors of each type.
     pub(crate) free: Vec<u32>,
     /// Number of dimensions: it is a sphere, a disk or a segment.
     pub dimensions: usize,
 }
 
 impl ReceiverState {
-    /// Creates a receiver at its initial position.
     pub fn new(place: u32, receiver: Receiver, time_step: f64) -> Self {
         Self {
             place,
@@ -52,7 +48,6 @@ impl ReceiverState {
         }
     }
 
-    /// Returns its center after the fraction `part` of the step.
     #[inline(always)]
     pub fn center_at(&self, part: f32) -> [f32; 3] {
         std::array::from_fn(|k| self.center[k] + part * self.displacement[k])
@@ -68,8 +63,8 @@ impl ReceiverState {
         }
     }
 
-    /// Returns the heights of both ends of a path above the surface, at these fractions of the step; negative inside. A path to the
-    /// other side of a segment ends inside.
+    /// Returns heights of both ends of a path, at these fractions of the step; negative inside. A path to the other
+    /// side of a segment ends inside.
     #[inline(always)]
     pub(crate) fn heights(&self, domain: &Boundary, ends: [[f32; 3]; 2], parts: [f32; 2]) -> [f32; 2] {
         let radius = self.receiver.radius;
@@ -182,7 +177,7 @@ pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step
     model.receivers.iter().zip(centers).enumerate().map(one).collect()
 }
 
-/// Returns the boundary of a receiver's center; if the receiver does not fit, of its center alone.
+/// Returns the boundary of a receiver's center; of a point if the receiver does not fit.
 fn domain_of(model: &Model, receiver: &Receiver) -> Boundary {
     let domain = model.boundary;
     match domain.too_narrow(receiver.radius) {

@@ -6,23 +6,14 @@ use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
 use crate::motion::reflection::{ReflectedPath, reflect_path};
 use crate::random::philox::{Purpose, fine_unit};
 
-/// An event of a particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
     /// Reached a receiver that removes it.
-    Arrived {
-        /// Index of the particle.
-        at: u32,
-        /// Receiver, as index in the model.
-        receiver: u32,
-    },
+    Arrived { at: u32, receiver: u32 },
     /// Requests a receptor; stays at its position otherwise.
     Bound {
-        /// Index of the particle.
         at: u32,
-        /// Receiver, as index in the model.
         receiver: u32,
-        /// Receptor type, as index in the model.
         receptor: u32,
         /// Point of contact, from the center.
         direction: [f32; 3],
@@ -31,9 +22,7 @@ pub enum Event {
     },
     /// Decayed. The product's decay is the next event.
     Decayed {
-        /// Index of the particle.
         at: u32,
-        /// Decay, as index in the model.
         decay: u32,
         /// Species of the product; `None` removes the particle.
         product: Option<u32>,
@@ -48,7 +37,6 @@ impl Event {
         }
     }
 
-    /// Index of the particle.
     pub fn at(&self) -> u32 {
         match *self {
             Self::Arrived { at, .. } | Self::Bound { at, .. } | Self::Decayed { at, .. } => at,
@@ -68,8 +56,7 @@ pub(crate) struct ParticleMove {
 }
 
 impl ActiveReceivers {
-    /// Returns the event at the receiver that the path hits first and that keeps the particle. Reflecting receivers
-    /// change the path.
+    /// Returns the event at the first receiver that keeps the particle. Reflecting receivers change the path.
     #[inline]
     pub(crate) fn resolve<'a>(
         &self,

@@ -24,7 +24,7 @@ use crate::motion::path_hit::{DrawContext, Path};
 use crate::random::bridge::{NEVER, lowest};
 use crate::random::philox::{Purpose, open_unit};
 
-/// Returns the end of a step if its path touches the nearer wall. `spread` is √(2DΔt) in µm, `word` is random.
+/// Returns the end of a step that touches the nearer wall. `spread` is √(2DΔt) in µm, `word` is random.
 #[inline]
 pub(crate) fn reflected(axis: Axis, [before, end]: [f32; 2], spread: f32, word: u32) -> Option<f32> {
     let Axis::Reflecting { low, high } = axis else { return None };
@@ -89,10 +89,10 @@ impl AbsorbingWall {
     }
 }
 
-/// The number of images on each side, which suffices up to DΔt = R².
+/// Number of images on each side, which suffices up to DΔt = R².
 const IMAGES: i32 = 6;
 
-/// Returns the probability that a path in a sphere reaches its surface between two heights above it, both positive. `diffusion` is
+/// Returns the probability that a path in a sphere reaches its surface between two positive heights. `diffusion` is
 /// DΔt.
 pub(crate) fn hit_from_inside(radius: f32, heights: [f32; 2], diffusion: f32) -> f32 {
     let [radius, diffusion] = [radius, diffusion].map(f64::from);

@@ -7,7 +7,6 @@ use std::num::NonZeroU32;
 
 use crate::{Model, State};
 
-/// Animation options.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Animation {
     /// Steps between frames.
@@ -20,27 +19,20 @@ const HEAD: usize = 6;
 const ROW: usize = 5;
 const CENTER: usize = 3;
 
-/// A frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
-    /// Completed steps.
     pub step: u32,
     /// One in 2ˢʰⁱᶠᵗ particles is drawn, by id.
     pub shift: u32,
-    /// Number of particles, drawn or not.
     pub present: u64,
-    /// Drawn particles.
     pub rows: Vec<DrawnParticle>,
     /// Moving receivers, in the order of the model.
     pub centers: Vec<[f32; 3]>,
 }
 
-/// A drawn particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DrawnParticle {
-    /// Id.
     pub id: u32,
-    /// Species.
     pub species: u32,
     /// Position, in µm.
     pub position: [f32; 3],
@@ -51,14 +43,13 @@ pub fn is_drawn(id: u32, shift: u32) -> bool {
     mixed(id).leading_zeros() >= shift
 }
 
-/// The finalizer of MurmurHash3: ids follow releases, and all species must be thinned alike.
+/// Finalizer of MurmurHash3: ids follow releases, and all species must be thinned alike.
 fn mixed(id: u32) -> u32 {
     let a = (id ^ id >> 16).wrapping_mul(0x85EB_CA6B);
     let b = (a ^ a >> 13).wrapping_mul(0xC2B2_AE35);
     b ^ b >> 16
 }
 
-/// Returns the indices of moving receivers.
 pub fn moving_receivers(model: &Model) -> impl Iterator<Item = usize> + '_ {
     (0..model.receivers.len()).filter(|&k| model.receivers[k].moves())
 }
@@ -96,7 +87,6 @@ pub(crate) fn append(out: &mut impl Write, model: &Model, state: &State, most: N
 pub struct Frames<R>(R);
 
 impl<R: Read> Frames<R> {
-    /// Creates a reader.
     pub fn new(input: R) -> Self {
         Self(input)
     }

@@ -17,7 +17,6 @@ type Out = BufWriter<DigestWriter<File>>;
 pub struct FileRecord {
     /// Name in the directory of the run.
     pub name: String,
-    /// Number of bytes.
     pub length: u64,
     /// XXH64.
     pub checksum: u64,
@@ -35,8 +34,7 @@ impl AppendFile {
         Ok(Self { path, out: BufWriter::new(DigestWriter::new(file, Digest::new())) })
     }
 
-    /// Opens a file that begins with its content at a checkpoint, unchanged; [`cut`](Self::cut) precedes the first
-    /// write.
+    /// Opens a file with its content at a checkpoint; [`cut`](Self::cut) precedes the first write.
     pub(super) fn reopen(directory: &Path, record: &FileRecord) -> Result<Self, Error> {
         let path = directory.join(&record.name);
         let mut file = OpenOptions::new().read(true).write(true).open(&path).map_err(|source| {

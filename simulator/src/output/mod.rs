@@ -95,7 +95,7 @@ impl Files {
         Ok(files)
     }
 
-    /// Reopens the files at a checkpoint after `done` steps. Changes none unless all begin as recorded.
+    /// Reopens the files at a checkpoint. Changes none unless all begin as recorded.
     pub(crate) fn reopen(
         directory: &Path,
         output: Output,
@@ -186,12 +186,11 @@ impl Files {
     }
 }
 
-/// Checks the files of a run against a checkpoint, without a change.
 pub(crate) fn check(directory: &Path, records: &[FileRecord]) -> Result<(), Error> {
     records.iter().try_for_each(|record| AppendFile::reopen(directory, record).map(drop))
 }
 
-/// Prepares and locks a directory. Refuses one with a run or foreign files under its names, unless `overwrite`.
+/// Prepares and locks a directory. Refuses one with its files, unless `overwrite`.
 pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> {
     let refused = |source| Error::Write { path: directory.to_owned(), source };
     fs::create_dir_all(directory).map_err(refused)?;
@@ -215,7 +214,6 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
     Ok(lock)
 }
 
-/// Removes files of an earlier run that could be mistaken for this run's.
 pub(crate) fn remove_stale(directory: &Path, names: &[&str]) -> Result<(), Error> {
     for name in names {
         let path = directory.join(name);

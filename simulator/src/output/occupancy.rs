@@ -7,7 +7,6 @@ use super::series::moment;
 use crate::model::receiver::inside_of;
 use crate::{Model, Receiver, State};
 
-/// Returns `true` if a model logs arrivals and has receivers that hold particles.
 pub(crate) fn is_logged(model: &Model) -> bool {
     model.logs_arrivals && model.receivers.iter().any(Receiver::is_momentary)
 }

@@ -1,6 +1,5 @@
 use super::animation::Animation;
 
-/// Outputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Output {
     /// Steps between rows of the series.
@@ -15,12 +14,10 @@ pub struct Output {
     pub checkpoint_every: Option<u32>,
     /// Also writes the log as Arrow files; needs the feature `arrow`.
     pub arrow: bool,
-    /// Animation.
     pub animation: Option<Animation>,
 }
 
 impl Output {
-    /// Returns `true` if the run writes a frame after `step` steps.
     pub fn has_frame(&self, step: u32) -> bool {
         (self.xyz || self.npy) && step.is_multiple_of(self.frames_every)
     }

@@ -28,7 +28,6 @@ pub fn names(model: &Model) -> Vec<String> {
     names
 }
 
-/// Returns the counts in the order of the [`names`].
 pub fn counts(simulation: &impl RunView) -> Vec<u64> {
     let (totals, model) = (simulation.totals(), simulation.model());
     let mut counts = [&totals.present[..], &totals.reacted, &totals.decayed].concat();

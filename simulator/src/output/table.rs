@@ -5,7 +5,6 @@ use std::path::Path;
 
 use crate::Error;
 
-/// A reader of a run's table.
 pub struct TableReader<'a> {
     path: &'a Path,
     header: Vec<String>,
@@ -13,7 +12,6 @@ pub struct TableReader<'a> {
     line: usize,
 }
 
-/// A row.
 pub struct TableRow<'a> {
     path: &'a Path,
     number: usize,
@@ -36,7 +34,6 @@ impl<'a> TableReader<'a> {
         Ok(Self { path, header: first.split(',').map(str::to_owned).collect(), lines, line: 1 })
     }
 
-    /// The names of the columns.
     pub fn header(&self) -> &[String] {
         &self.header
     }
@@ -59,7 +56,6 @@ impl<'a> TableReader<'a> {
 }
 
 impl TableRow<'_> {
-    /// Returns a field.
     pub fn field(&self, column: usize) -> &str {
         let start = column.checked_sub(1).map_or(0, |before| self.ends[before] + 1);
         &self.text[start..self.ends[column]]

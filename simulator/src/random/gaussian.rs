@@ -1,10 +1,8 @@
 //! Normal numbers from random words, by Box and Muller.
 //!
-//! Additions, multiplications, a division, square roots and bit operations only, each correctly rounded and none
-//! fused, so every processor and vector width gives the same bits. Logarithm and sine are Cephes polynomials. A
-//! device may round the WGSL version differently.
+//! All operations are correctly rounded and none is fused, so every processor and vector width gives the same bits.
+//! Logarithm and sine are Cephes polynomials. A device may round the WGSL version differently.
 
-/// Returns three standard normal numbers.
 #[inline(always)]
 pub fn normals(words: [u32; 4]) -> [f32; 3] {
     let [cosine, sine] = cos_sin(words[1]);

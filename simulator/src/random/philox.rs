@@ -13,17 +13,14 @@ pub enum Purpose {
     Move = 0,
     /// Position at release: the first four words.
     Release = 1,
-    /// Velocity at release.
     Velocity = 2,
     /// Hit of a receiver, by particle and receiver.
     Receiver = 3,
     /// Priority, probability and direction of a candidate pair, by both ids.
     Pair = 4,
-    /// Decay.
     Decay = 5,
     /// Position within a step, by particle and piece of its path.
     Path = 6,
-    /// Dissociation.
     Dissociation = 7,
     /// Events between release and the next step.
     PartialStep = 8,
@@ -54,12 +51,10 @@ pub enum Purpose {
 pub struct Key(pub [u32; 2]);
 
 impl Key {
-    /// Creates the key of a seed.
     pub const fn new(seed: u64) -> Self {
         Self([seed as u32, (seed >> 32) as u32])
     }
 
-    /// Seed.
     pub const fn seed(self) -> u64 {
         self.0[0] as u64 | (self.0[1] as u64) << 32
     }

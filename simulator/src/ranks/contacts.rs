@@ -34,7 +34,7 @@ struct PushMessage {
     push: [i64; 3],
 }
 
-/// Separates the overlaps among this rank's `pairs`, except particles that `reacted`. Adds their number to the counts.
+/// Separates and counts this rank's overlaps, except particles that `reacted`.
 pub(super) fn separate<C: Communicator>(
     communicator: &mut C,
     run: &mut Simulation,

@@ -57,7 +57,7 @@ impl<'a, C: Communicator> RankHalo<'a, C> {
         movers.par_iter().map(wrap).collect()
     }
 
-    /// Returns the movers among the first `own` that may be candidates of a mover on another rank, and are unknown there.
+    /// Returns the first `own` movers that may be candidates on another rank, and are unknown there.
     fn unsent(&self, wrapped: &[WrappedSphere], own: usize, bounds: &RankBounds) -> Vec<SentGhost> {
         let (this, space) = (self.communicator.rank(), self.wrapper.space());
         let here = ClassBounds::all_of(&wrapped[..own]);

@@ -223,7 +223,7 @@ mod tests {
         (here, own, Ghosts::new(ghosts.iter().map(particle).collect(), &counts))
     }
 
-    /// Returns the ids that all ranks choose, by key. Each chooses twice: a call's state must not disturb the next.
+    /// Returns the ids that all ranks choose, by key. Each chooses twice, to test the state between calls.
     fn chosen(all: &[ReactionCandidate], owners: &[u32]) -> Vec<[u32; 2]> {
         let ranks = owners.iter().max().map_or(1, |most| most + 1);
         let chosen = threads::on(ranks, |mut thread| {

@@ -1,17 +1,14 @@
 //! A run over ranks: processes that each own a part of the particles.
 //!
 //! Every rank does with its own particles what [`Simulation`](crate::Simulation) does with all, and moves all
-//! receivers: pure functions of id, seed and step. Ranks communicate for
+//! receivers. Ranks communicate for
 //!
-//! - *collisions* (`motion/collisions/`): all ranks do a round together, and owners send ghosts that collided;
+//! - *collisions* (`motion/collisions/`) and *reactions* (`matching.rs`), in rounds;
 //! - *receptors*: all ranks select from all requests;
 //! - *pairs*: particles migrate to the owner of their part of space, and ghosts to ranks with particles within reach
 //!   ([`lazygrid_ranks`]);
-//! - *reactions* ([`matching`](crate::reaction::matching)): in rounds, a particle's owner receives each rank's best
-//!   key and replies with the best of all;
 //! - *separation* of overlaps: owners sum displacements, and send positions before each pass;
-//! - *ids* of second products of dissociations: all ranks know the parents of the step;
-//! - *counts*: sums.
+//! - *ids* of second products of dissociations: all ranks know the parents of the step.
 //!
 //! A run equals that of one process, row by row and frame by frame; either resumes the other's checkpoints.
 

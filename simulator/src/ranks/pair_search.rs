@@ -79,7 +79,6 @@ impl RankPairSearch {
         Ok(())
     }
 
-    /// Counts pairs, separates overlaps and returns the outcomes of reactions.
     pub(super) fn interact<C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -147,7 +146,6 @@ impl RankPairSearch {
         Ok(())
     }
 
-    /// Returns the pairs that this rank reports, and counts them.
     fn list(&mut self, run: &mut Simulation, ghosts: &Ghosts) -> Result<Vec<Pair>, Error> {
         let (mut all, mut refused) = (Vec::new(), Ok(()));
         run.state.totals.pairs = find(&mut self.search, run, ghosts, |pairs| {
@@ -164,7 +162,7 @@ impl RankPairSearch {
     }
 }
 
-/// Delivers the pairs that this rank reports, and returns their number. Ghosts are the last particles.
+/// Delivers and counts this rank's pairs. Ghosts are the last particles.
 fn find(
     search: &mut Search,
     run: &Simulation,
@@ -188,7 +186,6 @@ fn find(
     Ok(counts.map_err(|source| Error::Step { step: *step, source })?.reported())
 }
 
-/// Adds the reaction candidates of pairs to `best`, without `taken` particles.
 fn sample(run: &Simulation, pairs: &[Pair], taken: &[bool], best: &mut BestCandidates) -> Result<(), Error> {
     let pairs = StepPairs { particles: &run.state.particles, pairs, key: run.key, step: run.state.step };
     run.reactions.sample(pairs, |particle| taken[particle as usize], best)

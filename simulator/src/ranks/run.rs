@@ -77,7 +77,6 @@ impl Run {
         Ok((if done { RunEnd::Finished } else { RunEnd::Stopped }, simulation))
     }
 
-    /// Settings that all ranks share, besides those of a [`RankSimulation`].
     fn shared(&self) -> Settings {
         let Scenario { steps, output, .. } = &self.scenario;
         Settings::new(env!("CARGO_PKG_VERSION"))

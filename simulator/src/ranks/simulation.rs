@@ -95,27 +95,22 @@ impl<C: Communicator> RankSimulation<C> {
         Ok(all)
     }
 
-    /// Returns the model.
     pub fn model(&self) -> &Model {
         &self.run.model
     }
 
-    /// Returns the finished steps.
     pub fn step_count(&self) -> u32 {
         self.run.state.step
     }
 
-    /// Returns the counts of all ranks.
     pub fn totals(&self) -> &Totals {
         &self.totals
     }
 
-    /// Returns this rank's particles and part of the counts.
     pub fn part(&self) -> &State {
         &self.run.state
     }
 
-    /// Returns the communicator.
     pub fn communicator(&mut self) -> &mut C {
         &mut self.communicator
     }

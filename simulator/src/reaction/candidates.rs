@@ -1,7 +1,7 @@
 //! Candidates of a step: pairs whose random words say that they react.
 //!
-//! Crowds have far more candidates than particles, so only the best are kept. The matching consumes particles and
-//! asks again; consumed particles then draw nothing.
+//! Crowds have far more candidates than particles, so only the best are kept. The matching consumes particles and asks
+//! again.
 
 use lazygrid::Pair;
 use rayon::prelude::*;
@@ -12,16 +12,11 @@ use crate::random::philox::{self, Purpose};
 use crate::reaction::matching::{Key, ReactionCandidate};
 use crate::reaction::{ReactionRule, Reactions, distance_squared};
 
-/// The pairs of a step.
 #[derive(Clone, Copy, Debug)]
 pub struct StepPairs<'a> {
-    /// Particles.
     pub particles: &'a Particles,
-    /// Pairs of particle indices.
     pub pairs: &'a [Pair],
-    /// Key of the run.
     pub key: philox::Key,
-    /// Step.
     pub step: u32,
 }
 
@@ -42,7 +37,6 @@ const TASK: usize = 4096;
 const BLOCK: usize = 64 * TASK;
 
 impl BestCandidates {
-    /// Creates a buffer for the candidates of `particles` particles.
     pub fn new(particles: usize) -> Self {
         let capacity = particles.saturating_mul(CANDIDATES_PER_PARTICLE).max(MIN_CAPACITY);
         Self { candidates: Vec::new(), capacity, bound: None }

@@ -34,13 +34,11 @@ pub(crate) struct Channel {
 const MOST: u32 = 1000;
 
 impl Decays {
-    /// Creates the decays of a checked model.
     pub fn new(model: &Model) -> Self {
         let kinds = (0..model.species.len() as u32).map(|species| kind(model, species)).collect();
         Self { kinds, time_step: model.time_step }
     }
 
-    /// Returns `true` if nothing decays.
     pub fn is_empty(&self) -> bool {
         self.kinds.iter().all(|kind| kind.channels.is_empty())
     }

@@ -36,14 +36,11 @@ pub(crate) struct Product {
     domain: Boundary,
 }
 
-/// A dissociation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dissociated {
-    /// Index of the particle.
     pub at: u32,
-    /// Id.
     pub id: u32,
-    /// Decay, as index in the model.
+    /// Index in the model.
     pub decay: u32,
     /// Species, radius and position of each product.
     pub products: [Option<(u32, f32, [f32; 3])>; 2],
@@ -58,7 +55,6 @@ impl Dissociated {
 const TASK: usize = 4096;
 
 impl Dissociation {
-    /// Creates the dissociations of a checked model.
     pub fn new(model: &Model) -> Self {
         let chances = ReactionProbabilities(model);
         let center_domains = model.center_domains();
@@ -92,7 +88,6 @@ impl Dissociation {
         Self { any, channels, boundary: model.boundary }
     }
 
-    /// Returns `true` if no species dissociates.
     pub fn is_empty(&self) -> bool {
         !self.any
     }
@@ -153,7 +148,6 @@ impl Dissociation {
     }
 }
 
-/// Returns the second product, with its parent's velocity.
 pub(crate) fn second(split: &Dissociated, velocity: [f32; 3], id: u32) -> Option<Particle> {
     let (species, radius, position) = split.products[1]?;
     Some(Particle { position, velocity, radius, species, id })

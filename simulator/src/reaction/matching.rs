@@ -19,7 +19,6 @@ pub struct ReactionCandidate {
     pub at: [u32; 2],
     /// `true` for each that is consumed; at least one.
     pub consumes: [bool; 2],
-    /// Index of the rule.
     pub rule: u32,
     /// Priority; the lowest wins.
     pub priority: u32,
@@ -53,7 +52,6 @@ pub struct Matching {
 pub struct Consumed<'a>(&'a [AtomicU32]);
 
 impl Consumed<'_> {
-    /// Returns `true` if a chosen reaction consumes the particle.
     #[inline]
     pub fn contains(self, particle: u32) -> bool {
         self.0[particle as usize].load(Ordering::Relaxed) == TAKEN

@@ -57,10 +57,8 @@ pub(crate) struct ReactionRule {
     pub(crate) consumes: [bool; 2],
 }
 
-/// A change of a reactant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReactantChange {
-    /// Index of the particle.
     pub at: u32,
     /// Species of the product; `None` removes the particle.
     pub product: Option<u32>,
@@ -69,7 +67,6 @@ pub struct ReactantChange {
 }
 
 impl Reactions {
-    /// Creates the reactions of a checked model.
     pub fn new(model: &Model) -> Self {
         let chances = ReactionProbabilities(model);
         let mut reactants: Vec<u32> =
@@ -90,7 +87,6 @@ impl Reactions {
         }
     }
 
-    /// Returns `true` if the model has no reactions.
     pub fn is_empty(&self) -> bool {
         self.reactions.is_empty()
     }

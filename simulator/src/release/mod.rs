@@ -26,7 +26,7 @@ use crate::release::rank_slice::RankSlice;
 pub struct Released {
     /// Remaining particles.
     pub particles: Particles,
-    /// Next free id.
+    /// Common to all ranks.
     pub next_id: u32,
     /// Released numbers, by species.
     pub released: Vec<u64>,
@@ -37,13 +37,10 @@ pub struct Released {
 /// The step that a release begins, and its random numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct ReleaseStep<'a> {
-    /// Decays of the model.
     pub decays: &'a Decays,
-    /// Key of the run.
     pub key: Key,
-    /// Number of the step.
     pub step: u32,
-    /// Next free id, of all ranks.
+    /// Common to all ranks.
     pub next_id: u32,
     /// Centers of receivers at the beginning of the step, in µm.
     pub centers: &'a [[f32; 3]],
@@ -52,7 +49,7 @@ pub struct ReleaseStep<'a> {
 struct Batch<'a> {
     from: &'a Transmitter,
     center: [f32; 3],
-    /// The time of the release or later, in s.
+    /// Time of the release or later, in s.
     now: f64,
     species: u32,
     count: u32,
@@ -76,7 +73,6 @@ impl Model {
         self.release_slice(at, RankSlice::WHOLE)
     }
 
-    /// Returns one rank's share of a [release](Self::release).
     pub(crate) fn release_slice(&self, at: ReleaseStep<'_>, slice: RankSlice) -> Result<Released, Error> {
         let ReleaseStep { decays, key, step, next_id, centers } = at;
         let mut batches: Vec<_> = self.all_batches(step, key).map(|(_, batch)| batch).collect();

@@ -5,10 +5,9 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The origin of a particle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origin {
-    /// Index of the transmitter in the model.
+    /// Index in the model.
     pub transmitter: u32,
     /// Step at whose beginning it was released.
     pub step: u32,
@@ -17,15 +16,13 @@ pub struct Origin {
 /// A particle that a receiver removed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrival {
-    /// Index of the receiver in the model.
+    /// Index in the model.
     pub receiver: u32,
-    /// Species on arrival.
     pub species: u32,
-    /// Id.
     pub id: u32,
     /// Completed steps, including that of the arrival.
     pub step: u32,
-    /// Origin; `None` for inserted particles.
+    /// `None` for inserted particles.
     pub origin: Option<Origin>,
 }
 
@@ -46,7 +43,6 @@ impl Origins {
         }
     }
 
-    /// Returns the origin of an id.
     pub fn of(&self, id: u32) -> Option<Origin> {
         let after = self.ranges.partition_point(|&(first, _)| first <= id);
         self.ranges[..after].last().and_then(|&(_, origin)| origin)

@@ -15,9 +15,7 @@ use crate::{Arrival, Error, Model, Simulation, State, Totals};
 /// A run on the CPU or on a GPU.
 #[derive(Debug)]
 pub enum AnySimulation {
-    /// On the CPU.
     Cpu(Box<Simulation>),
-    /// On a GPU.
     #[cfg(feature = "gpu")]
     Gpu(Box<GpuSimulation>),
 }
@@ -78,7 +76,6 @@ impl AnySimulation {
         }
     }
 
-    /// Returns the seed.
     pub fn seed(&self) -> u64 {
         match self {
             Self::Cpu(run) => run.key.seed(),
@@ -87,7 +84,6 @@ impl AnySimulation {
         }
     }
 
-    /// Returns the backend.
     pub fn backend(&self) -> Backend {
         match self {
             Self::Cpu(_) => Backend::Cpu,

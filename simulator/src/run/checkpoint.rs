@@ -5,9 +5,8 @@
 //! A resumed run is the run without a break, or is refused with [`Error::Damaged`]:
 //!
 //! 1. The header of `checkpoint` has its length and checksum (`sealed.rs`), checked before decoding.
-//! 2. `checkpoint` has the checksum of each rank's part ([`PartRecord`]). A part is checked against its header and
-//!    that record, so parts of different checkpoints do not mix. Ranks that take its particles read a part; the first
-//!    rank reads parts without particles.
+//! 2. `checkpoint` has the checksum of each rank's part ([`PartRecord`]). A part is checked against its header and that
+//!    record, so parts of different checkpoints do not mix.
 //! 3. `checkpoint` has the length and checksum of each file that the run appends to ([`FileRecord`]), all checked
 //!    before any is cut.
 //!
@@ -33,19 +32,15 @@ use crate::{Error, Model, Particles, State};
 pub struct Checkpoint {
     /// Text of the scenario, which must match.
     pub scenario: String,
-    /// Seed.
     pub seed: u64,
     /// Checksum of a flow field, which must match.
     pub flow_field: Option<u64>,
-    /// Name of the backend.
     pub backend: String,
     /// Steps between rows, frames, and frames of the animation (0 without one).
     pub every: [u32; 3],
-    /// Files that the run appends to.
     pub files: Vec<FileRecord>,
     /// Files of ranks; empty if `state` has the particles.
     pub parts: Vec<PartRecord>,
-    /// State.
     pub state: State,
 }
 
@@ -53,9 +48,7 @@ pub struct Checkpoint {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct PartRecord {
-    /// Particles in the file.
     pub particles: u64,
-    /// Bound particles in the file.
     pub bound: u64,
     /// Checksum in its header.
     pub checksum: u64,
@@ -90,7 +83,6 @@ impl Checkpoint {
         Ok(())
     }
 
-    /// Writes a rank's part of the checkpoint at `path`, and returns its record.
     pub(crate) fn write_part(
         path: &Path,
         seed: u64,
@@ -142,7 +134,6 @@ impl Checkpoint {
         self.into_slice(path, RankSlice::WHOLE)
     }
 
-    /// Returns the state with a slice of the free and bound particles.
     pub(crate) fn into_slice(self, path: &Path, slice: RankSlice) -> Result<State, Error> {
         let Self { parts, mut state, .. } = self;
         let wanted = |k: usize| {

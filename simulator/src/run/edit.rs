@@ -153,7 +153,7 @@ impl Simulation {
 }
 
 impl AnySimulation {
-    /// Calls [`Simulation::add`]; a GPU reads the state back and uploads it again.
+    /// [`Simulation::add`]; a GPU reads the state back and uploads it again.
     ///
     /// # Errors
     /// As [`Simulation::add`], and [`Error::Detection`] from the GPU.

@@ -32,17 +32,16 @@ use crate::{AnySimulation, Error, RunView, State};
 /// A run and its directory.
 #[derive(Clone, Debug)]
 pub struct Run {
-    /// Scenario, after overrides.
+    /// After overrides.
     pub scenario: Scenario,
-    /// File of the scenario, for messages.
+    /// For messages.
     pub path: PathBuf,
-    /// Output directory.
     pub directory: PathBuf,
     /// Backend; see [`AnySimulation::begin`].
     pub backend: Backend,
     /// Algorithm of the CPU, without effect on the result.
     pub algorithm: Algorithm,
-    /// Number of threads; `None` for all.
+    /// `None` for all.
     pub threads: Option<usize>,
     /// Resumes from the checkpoint in the directory.
     pub resume: bool,
@@ -52,7 +51,6 @@ pub struct Run {
     pub space_check: bool,
 }
 
-/// The end of a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RunEnd {
     /// All steps are done.
@@ -169,7 +167,6 @@ impl Run {
         PathBuf::from(scenario.file_stem().unwrap_or(scenario.as_os_str()))
     }
 
-    /// Returns the name of the run.
     pub fn title(&self) -> String {
         let name = self.path.file_stem().unwrap_or_default().to_string_lossy();
         format!("{name}, seed {}", self.scenario.seed)
@@ -253,7 +250,7 @@ impl Run {
         Error::Write { path: self.directory.clone(), source }
     }
 
-    /// Returns `true` if the next output and a checkpoint may exceed the disk. For rows alone, checks rarely.
+    /// Returns `true` if the next output and a checkpoint may exceed the disk.
     pub(crate) fn is_disk_full(&self, simulation: &impl RunView, slot: ReplicaSlot) -> Result<bool, Error> {
         let (step, output) = (simulation.step_count(), self.scenario.output);
         let rows = output.every.saturating_mul(ROWS);
@@ -364,7 +361,6 @@ impl Run {
         self.directory.join("checkpoint")
     }
 
-    /// Returns a line for each count.
     pub fn summary(&self, standing: &impl RunView) -> String {
         let (model, totals) = (standing.model(), standing.totals());
         let mut lines = vec![

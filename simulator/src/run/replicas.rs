@@ -21,11 +21,9 @@ const ROWS_PER_QUESTION: u32 = 1 << 16;
 pub struct Replicas {
     /// Scenario, parent directory, and the seed from which those of the replicas are derived.
     pub run: Run,
-    /// Number of replicas.
     pub count: NonZeroU32,
 }
 
-/// The result of replicas.
 #[derive(Clone, Debug)]
 pub struct ReplicaResults {
     /// [`RunEnd::Finished`] if all are done.
@@ -34,7 +32,6 @@ pub struct ReplicaResults {
     pub done: Vec<u32>,
 }
 
-/// Returns the seed of a replica.
 pub fn seed_of(seed: u64, replica: u32) -> u64 {
     let [low, high, ..] = Key::new(seed).draw(replica, 0, 0, Purpose::Replica);
     u64::from(low) | u64::from(high) << 32
@@ -73,7 +70,6 @@ impl Replicas {
         Ok(all.remove(0))
     }
 
-    /// Returns the directory of a replica.
     pub fn directory_of(&self, replica: u32) -> PathBuf {
         self.run.directory.join(format!("replica-{replica:04}"))
     }
@@ -91,7 +87,6 @@ impl Replicas {
         Ok(begun)
     }
 
-    /// Returns a replica as a run.
     pub fn replica(&self, replica: u32) -> Run {
         let mut run = self.run.clone();
         run.scenario.seed = seed_of(run.scenario.seed, replica);

@@ -1,11 +1,4 @@
-//! Files of checkpoints.
-//!
-//! | bytes | content |
-//! | --- | --- |
-//! | text | `lazygrid checkpoint 7`, of a rank also `, part`, and a line feed |
-//! | 8 | XXH64 of all bytes after it, little-endian |
-//! | 8 | number of bytes after it, little-endian |
-//! | the rest | content, as postcard |
+//! Files of checkpoints, in the layout of `docs/simulator.md`.
 
 use std::io::Write;
 use std::path::Path;

@@ -85,17 +85,14 @@ impl Simulation {
         })
     }
 
-    /// Returns the model.
     pub fn model(&self) -> &Model {
         &self.model
     }
 
-    /// Returns the state.
     pub fn state(&self) -> &State {
         &self.state
     }
 
-    /// Returns the simulated time, in s.
     pub fn time(&self) -> f64 {
         f64::from(self.state.step) * self.model.time_step
     }
@@ -126,7 +123,6 @@ impl Simulation {
         Ok(())
     }
 
-    /// Returns the particles inside a receiver's sphere, by species.
     pub fn inside(&self, receiver: usize) -> Vec<u64> {
         let center = self.state.centers[receiver];
         self.model.receivers[receiver].inside(center, &self.model.boundary, &self.state.particles)
@@ -165,7 +161,7 @@ impl Simulation {
         self.finish(RankSlice::WHOLE)
     }
 
-    /// Moves receivers and particles. Collective.
+    /// Collective.
     pub(crate) fn advance<H: Halo>(&mut self, free: &[u32], halo: &mut H) -> Result<Moved, H::Error> {
         let Self { model, key, state, motion, receiver_search, collisions, surface_steps, .. } = self;
         let now = (*key, state.step);
@@ -312,8 +308,7 @@ impl Simulation {
         splits
     }
 
-    /// Applies reactions and dissociations. `parents` are the ascending ids of all dissociated particles; second
-    /// products get ids in that order.
+    /// Applies reactions and dissociations. `parents` are ascending ids, in whose order second products get ids.
     pub(crate) fn conclude(
         &mut self,
         outcomes: &[ReactantChange],

@@ -18,13 +18,10 @@ const POINTS: &str = "points.csv";
 /// All points of a sweep, each in a directory with its scenario and replicas.
 #[derive(Clone, Debug)]
 pub struct SweepRuns {
-    /// Swept keys.
     pub keys: Vec<SweptKey>,
-    /// Values of each point.
     pub values: Vec<Vec<String>>,
-    /// Replicas of each point.
     pub points: Vec<Replicas>,
-    /// Parent directory of the points.
+    /// Parent of the points' directories.
     pub directory: PathBuf,
     resume: bool,
 }
@@ -137,7 +134,7 @@ impl SweepRuns {
         self.points.iter().enumerate().try_for_each(check)
     }
 
-    /// Refuses a sweep that surely exceeds the disk; warns if it may. Begun runs are checked when resumed.
+    /// Refuses a sweep that surely exceeds the disk; warns if it may.
     fn check_disk(&self) -> Result<(), (usize, Error)> {
         let mut all = DiskEstimate { least: 0, most: 0, checkpoint: 0 };
         for (k, point) in self.points.iter().enumerate().filter(|(_, point)| point.run.space_check) {

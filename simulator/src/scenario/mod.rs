@@ -20,18 +20,12 @@ use crate::memory::check_available;
 pub use crate::output::options::Output;
 use crate::{Error, Model, Transmitter};
 
-/// A scenario.
 #[derive(Clone, Debug)]
 pub struct Scenario {
-    /// Model.
     pub model: Model,
-    /// Steps of the run.
     pub steps: u32,
-    /// Seed.
     pub seed: u64,
-    /// Outputs.
     pub output: Output,
-    /// Text of the file.
     pub text: String,
     /// Logged warnings: location and remedy.
     pub warnings: Vec<String>,
@@ -57,7 +51,6 @@ impl Scenario {
         Ok(scenario)
     }
 
-    /// [`parse`](Self::parse) without logged warnings.
     fn parse_silently(path: &Path, text: String) -> Result<Self, Error> {
         check_length(text.len())?;
         let placed = |problem| located(path, &text, problem);
@@ -98,7 +91,7 @@ const MAX_WARNINGS: usize = 100;
 /// Bytes that parsing takes per byte of tables with one short key each; tables of two keys take a third.
 const BYTES_PER_BYTE: u64 = 200;
 
-/// Refuses a text that exceeds the memory before it is parsed: a failed allocation of the parser ends the process.
+/// Refuses a text whose parsing exceeds the memory, which would end the process.
 fn check_length(bytes: usize) -> Result<(), Error> {
     let remedy = "make it shorter, or raise the limit";
     check_available(

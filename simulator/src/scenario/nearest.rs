@@ -1,6 +1,6 @@
 //! The nearest of several names.
 
-/// Returns the name with the fewest insertions, deletions and replacements of characters, the first of equals.
+/// Returns the first name with the least edit distance.
 pub(super) fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     names.min_by_key(|known| edits(name, known))
 }

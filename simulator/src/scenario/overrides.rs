@@ -6,12 +6,10 @@ use crate::output::animation::Animation;
 /// Default frames of an animation.
 const FRAMES: u32 = 200;
 
-/// Overrides of a scenario.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overrides {
-    /// Seed.
     pub seed: Option<u64>,
-    /// Number of steps of the run.
+    /// Steps of the whole run.
     pub steps: Option<u32>,
     /// Steps between rows of the series.
     pub every: Option<NonZeroU32>,
@@ -26,7 +24,6 @@ pub struct Overrides {
 }
 
 impl Scenario {
-    /// Applies overrides.
     pub fn change(&mut self, changes: &Overrides) {
         let animation = |particles| Animation {
             // From the scenario, so that an extended run has the same.

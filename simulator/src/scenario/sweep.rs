@@ -12,21 +12,18 @@ use crate::Error;
 
 const MAX_POINTS: usize = 100_000;
 
-/// A swept key.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SweptKey {
     /// Path, such as `receiver.rx.center.x`.
     pub path: String,
-    /// Values as TOML.
+    /// TOML.
     pub values: Vec<String>,
 }
 
-/// A combination of values.
 #[derive(Clone, Debug)]
 pub struct SweepPoint {
     /// Plain value of each key, in order.
     pub values: Vec<String>,
-    /// Scenario.
     pub scenario: Scenario,
 }
 
@@ -35,7 +32,6 @@ pub struct SweepPoint {
 pub struct Sweep {
     /// Keys of `[sweep]` in alphabetical order, then of options.
     pub keys: Vec<SweptKey>,
-    /// Combinations.
     pub points: Vec<SweepPoint>,
 }
 

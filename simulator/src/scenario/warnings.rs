@@ -20,7 +20,6 @@ pub(super) fn is_walled_off(boundary: &Boundary, center: [f32; 3], radius: f32) 
     squares.sum::<f32>() + across * across > radius * radius
 }
 
-/// Returns the position in a periodic box to write instead.
 pub(super) fn image(boundary: &Boundary, center: [f32; 3]) -> Option<String> {
     let images = boundary.axes.map(|axis| match axis {
         Axis::Periodic { .. } => axis,
@@ -208,8 +207,8 @@ pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<Strin
     })
 }
 
-/// Mean collisions per particle and step above which their order matters: separated particles diffuse more slowly,
-/// and receivers see the chord of a bent path.
+/// With more mean collisions per particle and step, separated particles diffuse more slowly, and receivers see the
+/// chord of a bent path.
 const MANY_COLLISIONS: f64 = 1.0;
 /// Above it a step takes long, though its result is right.
 const COSTLY_COLLISIONS: f64 = 100.0;
@@ -297,8 +296,8 @@ fn volume(boundary: &Boundary) -> Option<f64> {
 /// Fraction of reversible pairs that may bind again at once.
 const BOUND_AGAIN: f64 = 0.02;
 
-/// Warns of a reversible reaction that relaxes more slowly than its rates say, because dissociated pairs bind again
-/// at once. The equilibrium is right.
+/// Warns of a reversible reaction that relaxes slowly, because dissociated pairs bind again at once. The equilibrium is
+/// right.
 pub(super) fn slow_relaxation(
     equation: &str,
     [rate, radius, unbinding]: [f64; 3],

@@ -1,5 +1,3 @@
-//! The state of a run.
-
 pub mod view;
 
 use serde::{Deserialize, Serialize};
@@ -18,17 +16,14 @@ use crate::release::{ReleaseStep, Released};
 /// With the model and the seed, it determines the rest of the run bit for bit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct State {
-    /// Free particles.
+    /// Without bound particles.
     pub particles: Particles,
-    /// Completed steps.
     pub step: u32,
-    /// Next free id.
     pub next_id: u32,
     /// Counts since the beginning of the run.
     pub totals: Totals,
     /// Centers of the receivers, in µm.
     pub centers: Vec<[f32; 3]>,
-    /// Bound particles.
     pub bound: Vec<Bound>,
     /// Origins, if the model logs arrivals.
     pub origins: Origins,
@@ -45,9 +40,7 @@ pub struct Totals {
     pub arrived: Vec<Vec<u64>>,
     /// Occupied receptors, by receptor type in the order of receivers.
     pub occupied: Vec<u64>,
-    /// Reactions, in the order of the model.
     pub reacted: Vec<u64>,
-    /// Decays, in the order of the model.
     pub decayed: Vec<u64>,
     /// Pairs found in the last step.
     pub pairs: u64,
@@ -84,7 +77,7 @@ impl State {
         }
     }
 
-    /// Returns one rank's state: it counts its present and bound particles; the first also keeps all other totals.
+    /// Returns one rank's state, which counts its particles; the first also keeps all other totals.
     pub(crate) fn part(self, model: &Model, is_first: bool) -> Self {
         let mut totals = if is_first { self.totals } else { Totals::of(model) };
         totals.present.fill(0);

@@ -1,23 +1,17 @@
-//! A view of a run on any backend.
-
 use std::borrow::Cow;
 
 use crate::{Arrival, Error, Model, State, Totals};
 
 /// A read-only view of a run, for its files.
 pub trait RunView {
-    /// Returns the model.
     fn model(&self) -> &Model;
 
-    /// Returns the completed steps.
     fn step_count(&self) -> u32;
 
-    /// Returns the simulated time, in s.
     fn time(&self) -> f64 {
         f64::from(self.step_count()) * self.model().time_step
     }
 
-    /// Returns the counts.
     fn totals(&self) -> &Totals;
 
     /// Returns counts by receiver and species: arrivals so far, bound particles, or particles inside.

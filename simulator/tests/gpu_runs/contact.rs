@@ -1,5 +1,3 @@
-//! Collisions and separation.
-
 use std::f64::consts::PI;
 
 use lazygrid_sim::model::vessel::Vessel;

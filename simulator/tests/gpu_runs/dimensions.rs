@@ -9,7 +9,6 @@ use super::device;
 use super::models::{brownian, species};
 use super::surfaces::{compare, receiver, surfaces};
 
-/// Freezes the axes beyond the dimensions of a model.
 fn frozen(mut model: Model, dimensions: usize) -> Model {
     model.boundary.axes[dimensions..].fill(Axis::Frozen);
     for species in &mut model.species {

@@ -1,5 +1,3 @@
-//! Collisions between ranks.
-
 use std::f64::consts::PI;
 use std::path::Path;
 

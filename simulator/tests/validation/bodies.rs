@@ -85,7 +85,7 @@ fn bound(n: u32, receptors: u32, constant_per_volume: f64) -> f64 {
     sum / total
 }
 
-/// The law of mass action, from well-resolved to long steps.
+/// Law of mass action, from well-resolved to long steps.
 pub(crate) fn receptors() -> Vec<Row> {
     const N: u32 = 200;
     const EDGE: f64 = 4.0;

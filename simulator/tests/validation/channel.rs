@@ -37,7 +37,7 @@ fn arrived(time: f64) -> f64 {
     if time > 0.0 { R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * D * time).sqrt()) } else { 0.0 }
 }
 
-/// The probability of fewer arrivals than the threshold, by the fractions `parts` of Poisson or fixed bursts.
+/// Probability of fewer arrivals than the threshold, by the fractions `parts` of Poisson or fixed bursts.
 fn too_few(parts: &[f64], is_poisson: bool) -> f64 {
     let mut below = [0.0; THRESHOLD];
     below[0] = 1.0;
@@ -142,7 +142,7 @@ const THRESHOLDS: [u64; 3] = [14, 30, 52];
 const MOST: u32 = 120;
 const OF_A_SPECIES: u32 = 15;
 
-/// The probability of each number of arrivals of bursts (size, fraction in time).
+/// Probability of each number of arrivals of bursts (size, fraction in time).
 fn arrivals_of(bursts: &[(u32, f64)]) -> Vec<f64> {
     let mut chances = vec![1.0];
     for &(count, part) in bursts {
@@ -156,7 +156,7 @@ fn arrivals_of(bursts: &[(u32, f64)]) -> Vec<f64> {
     chances
 }
 
-/// The probability of each received symbol; `sent` begins with the latest burst.
+/// Probability of each received symbol; `sent` begins with the latest burst.
 fn taken_for(modulation: &str, sent: &[u32], parts: &[f64]) -> [f64; 4] {
     let ago = |k: usize| parts[sent.len() - 1 - k];
     if modulation == "csk" {

@@ -1,5 +1,3 @@
-//! Hard spheres.
-
 use std::f64::consts::PI;
 
 use lazygrid::{Config, Detector, Space};

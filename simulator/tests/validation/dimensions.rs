@@ -1,5 +1,3 @@
-//! Runs of one and two dimensions.
-
 use std::path::Path;
 
 use lazygrid_sim::Model;

@@ -1,5 +1,3 @@
-//! Membranes with a permeability.
-
 use std::path::Path;
 
 use lazygrid_sim::model::receiver::WallFace;
@@ -25,7 +23,7 @@ fn burst(center: f64, shape: &str) -> String {
     format!("center = [{center}, 0, 0]\nshape = {shape}\nrelease = [{{ species = \"A\", count = {N} }}]")
 }
 
-/// The fraction of particles with an x from `low` to `high`.
+/// Fraction of particles with an x from `low` to `high`.
 fn share(model: &Model, count: u32, seed: u64, [low, high]: [f32; 2]) -> f64 {
     let mut simulation = begin(model, seed);
     steps(&mut simulation, count);
@@ -34,7 +32,7 @@ fn share(model: &Model, count: u32, seed: u64, [low, high]: [f32; 2]) -> f64 {
     (0..particles.len()).filter(inside).count() as f64 / particles.len() as f64
 }
 
-/// The n-th zero of μ·tan μ − b.
+/// N-th zero of μ·tan μ − b.
 fn zero(n: u32, b: f64) -> f64 {
     let from = f64::from(n) * std::f64::consts::PI;
     let [mut low, mut high] = [from, from + 0.5 * std::f64::consts::PI];

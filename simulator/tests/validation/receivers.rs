@@ -47,7 +47,7 @@ pub(crate) fn absorbing() -> Vec<Row> {
     rows
 }
 
-/// The concentration, integrated over a transparent sphere.
+/// Concentration, integrated over a transparent sphere.
 pub(crate) fn transparent() -> Vec<Row> {
     let time_step = 0.01;
     let mut simulation = begin(&model(time_step, ReceiverKind::Transparent), 3);
@@ -64,7 +64,7 @@ pub(crate) fn transparent() -> Vec<Row> {
     rows
 }
 
-/// The fraction in a flow v that ever reaches an absorbing sphere: with κ = v/2D, exp(−κr·cosθ)·Σ (2l +
+/// Fraction in a flow v that ever reaches an absorbing sphere: with κ = v/2D, exp(−κr·cosθ)·Σ (2l +
 /// 1)·iₗ(κR)·kₗ(κr)/kₗ(κR)·Pₗ(cosθ), θ from the flow; steps up to two radii.
 pub(crate) fn absorbing_in_flow() -> Vec<Row> {
     let mut rows = vec![Row::new("the series, hardly a flow", 0.25, reached(1e-3, 4.0, 0.3), 0.002)];
@@ -199,9 +199,9 @@ pub(crate) fn neighbors() -> Vec<Row> {
     cases.par_iter().flat_map(rows).collect()
 }
 
-/// The fraction from the middle plane of two spheres, at a height above their line, that reaches one: the potential
-/// of both at 1 is that of charges q and their images, q′ = −q/(d − a) at a′ = 1/(d − a). Later arrivals are those of a
-/// sphere of the same capacity.
+/// Fraction from the middle plane of two spheres, at a height above their line, that reaches one: the potential of both
+/// at 1 is that of charges q and their images, q′ = −q/(d − a) at a′ = 1/(d − a). Later arrivals are those of a sphere
+/// of the same capacity.
 fn reached_by_two(height: f64, time: f64) -> f64 {
     let distance = 2.0 + GAP;
     let (mut charge, mut place, mut potential, mut capacity) = (1.0, 0.0, 0.0, 0.0);
@@ -213,7 +213,7 @@ fn reached_by_two(height: f64, time: f64) -> f64 {
     potential - (1.0 - potential) * capacity / (std::f64::consts::PI * time).sqrt()
 }
 
-/// The steady density at a wall towards which particles drift: v/D, falling by exp(−vx/D).
+/// Steady density at a wall towards which particles drift: v/D, falling by exp(−vx/D).
 pub(crate) fn drift_at_wall() -> Vec<Row> {
     let (n, layer, width) = (20_000_u32, 0.1_f32, 12.0_f32);
     let row = |&ratio: &f64| {

@@ -1,5 +1,3 @@
-//! Models in few words.
-
 use lazygrid::Algorithm;
 use lazygrid_sim::{Model, Shape, Simulation, Species, Transmitter};
 
@@ -35,8 +33,8 @@ pub(crate) fn share_error(p: f64, n: f64) -> f64 {
     (p * (1.0 - p) / n).sqrt()
 }
 
-/// The probability that a normal variable of variance `v` per axis is in a ball of radius `r` whose center is `d` from
-/// the mean.
+/// Probability that a normal variable of variance `v` per axis is in a ball of radius `r` whose center is `d` from the
+/// mean.
 pub(crate) fn in_ball(r: f64, d: f64, v: f64) -> f64 {
     let (s, erf) = ((2.0 * v).sqrt(), libm::erf);
     let bell = |x: f64| (-(x * x) / (2.0 * v)).exp();

@@ -1,5 +1,3 @@
-//! Flow in a cylinder.
-
 use std::path::Path;
 
 use lazygrid_sim::scenario::Scenario;
@@ -26,8 +24,8 @@ fn model(profile: &str) -> Model {
 
 const ZEROS: [f64; 6] = [3.831_706, 7.015_587, 10.173_468, 13.323_692, 16.470_630, 19.615_859];
 
-/// The variance along a vessel after a release that is uniform across it. The flow at a particle is correlated with
-/// that a time s before as v²·Σ (64/λ⁴)·exp(−λ²Ds/R²), so the limit is D(1 + v²R²/48D²) of Taylor and Aris.
+/// Variance along a vessel after a release that is uniform across it. The flow at a particle is correlated with that a
+/// time s before as v²·Σ (64/λ⁴)·exp(−λ²Ds/R²), so the limit is D(1 + v²R²/48D²) of Taylor and Aris.
 fn taylor(time: f64) -> f64 {
     let term = |zero: f64| {
         let rate = zero * zero * D / (RADIUS * RADIUS);
@@ -36,7 +34,7 @@ fn taylor(time: f64) -> f64 {
     2.0 * D * time + 2.0 * SPEED * SPEED * ZEROS.into_iter().map(term).sum::<f64>()
 }
 
-/// The mean displacement by a flow that is on for 0.123 s, between the ends of steps.
+/// Mean displacement by a flow that is on for 0.123 s, between the ends of steps.
 fn pulse(profile: &str) -> Row {
     let mut model = model(profile);
     model.flow_pulse = Some([0.0642, 0.1872]);

@@ -1,5 +1,3 @@
-//! Walls that absorb.
-
 use std::path::Path;
 
 use lazygrid_sim::Model;

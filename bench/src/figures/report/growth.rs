@@ -13,7 +13,7 @@ use lazygrid_report::number::{count, time};
 use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Cell, Plot, Quantity, Scale, Section, Table};
 
-/// The fewest spheres for fits: below it, fixed costs hide the growth.
+/// Fixed costs hide the growth of smaller inputs.
 const FIT_FROM: usize = 1000;
 
 pub(super) fn section(figure: Figure, rows: &[&Row], all: &[Row]) -> Result<Section, Box<dyn Error>> {

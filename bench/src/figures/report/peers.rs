@@ -1,5 +1,3 @@
-//! Figures 4 and 5: lazygrid compared with peers.
-
 use std::error::Error;
 
 use super::super::figure::Figure;
@@ -13,7 +11,7 @@ use lazygrid_report::number::count;
 use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Plot, Quantity, Scale, Section, Table};
 
-/// Position, value, and the middle half of the runs.
+/// Creates a point from position, value, and middle half of the runs.
 type Shown = fn(&Row) -> PlotPoint;
 
 /// Figure 4: kept trees and rebuilt grids, with small steps on one thread.
@@ -65,7 +63,6 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     Ok(section)
 }
 
-/// Steps of several lengths on one thread.
 pub(super) fn step_length(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let text = "As figure 4, with steps of three lengths, in radii. The Verlet list and LAMMPS keep pairs within a skin that is \
                 chosen for the length of the steps; lazygrid chooses its own. LAMMPS computes with doubles, and forces \

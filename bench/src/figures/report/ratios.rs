@@ -19,7 +19,7 @@ pub(super) const OURS: [&str; 7] = [
     "auto (software GPU)",
 ];
 
-/// The inconclusive range of time ratios if single steps differ in both directions.
+/// Inconclusive range of time ratios if single steps differ in both directions.
 pub(super) const NEAR: std::ops::RangeInclusive<f64> = 0.9..=1.1;
 
 pub(super) struct Times {

@@ -118,7 +118,6 @@ fn remarks(rows: &[&Row]) -> Vec<Note> {
     notes.into_iter().map(note).chain(roundings(rows)).collect()
 }
 
-/// Notes on tangent pairs that differ from the reference, as the contract allows.
 fn roundings<'a>(rows: &'a [&Row]) -> impl Iterator<Item = Note> + 'a {
     let most = |engine: &str| rows.iter().filter(|row| row.engine == engine).map(|row| row.tangent).max();
     let counts =

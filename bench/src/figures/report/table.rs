@@ -160,7 +160,7 @@ pub(super) fn best_of_columns(table: &mut Table, rows: &[&Row], columns: &[Colum
     }
 }
 
-/// The last line of a table made by [`by_engine`].
+/// Last line of a table made by [`by_engine`].
 pub(super) fn pairs(rows: &[&Row], columns: &[Column]) -> Vec<Cell> {
     let of = |column: &Column| {
         let found = rows.iter().find(|row| column.holds(row) && row.status == Status::Ok);

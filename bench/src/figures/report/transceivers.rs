@@ -120,7 +120,6 @@ fn verdict(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Opt
     })
 }
 
-/// Compared with the paper's bound.
 fn growth(what: &str, rows: &[&Row]) -> Option<Note> {
     let (ours, without) = (fitted(rows, OURS)?, fitted(rows, WITHOUT)?);
     let verdict = if ours <= 1.0 { "within" } else { "beyond" };

@@ -10,7 +10,6 @@ use crate::scenes::{hard, periodic, triclinic};
 use crate::{DetectorVariant, EXCLUSION_WORDS, ElementSeed, Random, SceneSeed, TestInput};
 
 impl Round {
-    /// Draws the round of this seed, on the CPU, the GPU or both, as allowed.
     pub fn drawn(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
         let mut random = Random(seed);
         let variant = variant(&mut random, on_cpu, on_gpu);
@@ -40,8 +39,8 @@ impl Round {
     }
 }
 
-/// The words of the scene determine the cell. All spheres of a round are of one family: others may lie too many boxes
-/// away for `f64` to distinguish the images.
+/// The words of the scene determine the cell. All spheres of a round share a family: others may be too many boxes away
+/// for `f64` to distinguish the images.
 #[derive(Clone, Copy)]
 struct Triclinic {
     family: PeriodicSceneFamily,

@@ -12,10 +12,8 @@ use crate::{DetectorVariant, Gpu, TestInput, Tolerance, catch_panic, difference,
 
 pub(crate) mod draw;
 
-/// A sequence of calls with one detector.
 #[derive(Clone, Debug)]
 pub struct Round {
-    /// The seed that determines the round.
     pub seed: u64,
     variant: DetectorVariant,
     order: Order,
@@ -39,8 +37,8 @@ enum Answer {
 }
 
 impl Round {
-    /// Runs the round with a new detector. Returns a failure with as few calls and spheres as show it. `tries` limits
-    /// the attempts of [`shrink`].
+    /// Runs the round with a new detector. Returns a failure with as few calls and spheres as found in at most `tries`
+    /// attempts of [`shrink`].
     pub fn check(self, gpu: Option<&Gpu>, tries: usize) -> Option<FailedCase> {
         let variant = self.variant;
         self.check_with(tries, |round| catch_panic(|| round.run(gpu))).map(|(round, what)| {
@@ -54,11 +52,10 @@ impl Round {
         })
     }
 
-    /// `run` returns a fault.
     fn check_with(self, tries: usize, run: impl Fn(&Self) -> Result<(), String>) -> Option<(Self, String)> {
         let mut what = run(&self).err()?;
         let mut round = self;
-        // First removes calls, starting with the last, then the spheres of each call.
+        // Removes calls, starting with the last, before spheres of calls.
         for k in (0..round.calls.len()).rev().filter(|_| tries > 0) {
             let mut fewer = round.clone();
             fewer.calls.remove(k);
@@ -147,7 +144,7 @@ impl std::fmt::Display for Round {
     }
 }
 
-/// The smallest and the largest number within the tolerance.
+/// Returns the smallest and largest number within the tolerance.
 pub(crate) fn counts(scenario: &TestInput, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
     if tolerance == Tolerance::Exact {
         return [expected.len() as u64; 2];

@@ -12,9 +12,9 @@ use crate::{DetectorVariant, Random, SceneSeed, SpeciesSetup, TestInput};
 
 /// Makes a sequence unrelated to the [round](crate::detectors::fuzz::Round) of the same seed.
 const OTHER: u64 = 0x5e90_e4ce;
-/// The first of the eight kinds of spaces with tilted cell vectors.
+/// First of the eight kinds of spaces with tilted cell vectors.
 const TRICLINIC: u32 = 6;
-/// The most spheres in general, and in triclinic cells, where the definition tests many images.
+/// Most spheres in general, and in triclinic cells, where the definition tests many images.
 const MAX_SPHERES: [usize; 2] = [5000, 1300];
 /// The number of spheres may grow by this factor in its space.
 const CROWDING: usize = 4;
@@ -68,7 +68,7 @@ fn skin(random: &mut Random, variant: DetectorVariant, radius: f32) -> Skin {
     }
 }
 
-/// Mostly few, often near the crossover to a cell list.
+/// Returns mostly few spheres, often near the crossover to a cell list.
 pub(super) fn number(random: &mut Random, variant: DetectorVariant, most: usize) -> usize {
     let is_on_gpu = matches!(variant.target, TargetDevice::Gpu { .. });
     let about_crossover = if variant.algorithm == Algorithm::Auto { 9 } else { 4 };
@@ -203,7 +203,7 @@ fn change(random: &mut Random, world: &mut World, k: u32) -> Vec<&'static str> {
         _ if random.below(5) == 0 => vec![world.back(random)],
         _ => {
             let events = 1 + random.below(3) / 2;
-            // Wrong state left by a change shows in calls with the same input.
+            // Shows wrong state in calls with the same input.
             world.held = random.below(3);
             (0..events).map(|_| world.event(random)).collect()
         }

@@ -6,7 +6,7 @@ use crate::scenes::motion::walk;
 use crate::{DetectorVariant, ExclusionCase, Random, TestInput};
 
 const REMEMBERED: usize = 4;
-/// The most spheres at one point, where all pair.
+/// All spheres of a crowd pair.
 const MAX_CROWD: usize = 400;
 const MAX_LISTED: usize = 600;
 
@@ -20,7 +20,7 @@ pub(super) struct World {
     pub(super) calm: u32,
     pub(super) variant: DetectorVariant,
     pub(super) most: usize,
-    /// Further calls without changes, which show wrong state left by an earlier call.
+    /// Further calls without changes, to show wrong state of an earlier call.
     pub(super) held: u32,
 }
 

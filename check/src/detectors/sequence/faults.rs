@@ -1,6 +1,5 @@
 use crate::{Random, TestInput};
 
-/// Returns the name of the fault.
 pub(super) fn spoil(random: &mut Random, scenario: &mut TestInput, radius: f32) -> &'static str {
     let n = scenario.spheres.len() as u32;
     if n == 0 {

@@ -1,8 +1,7 @@
 //! Sequences of random calls of one detector, determined by the seed.
 //!
-//! No kept state may affect an answer. A sequence mostly keeps its spheres, so that candidate lists are reused. In
-//! between it changes radii, numbers, species, groups and positions, and makes calls that fail, are cancelled, break
-//! off or panic. Each answer must match the definition and a new detector.
+//! Most calls keep the spheres, so that candidate lists are reused. Others change radii, numbers, species, groups and
+//! positions, or fail, are cancelled, break off or panic. Each answer must match the definition and a new detector.
 
 use std::fmt;
 use std::sync::Arc;
@@ -27,7 +26,6 @@ mod verifier;
 use ask::{Answer, Ask};
 use verifier::Verifier;
 
-/// Settings of a detector, and its calls.
 #[derive(Clone, Debug)]
 pub struct Sequence {
     seed: u64,
@@ -52,14 +50,11 @@ struct Step {
     ask: Ask,
 }
 
-/// Counts of sequences, calls and outcomes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tally {
-    /// Sequences.
     pub sequences: u64,
-    /// Calls in all sequences.
     pub calls: u64,
-    /// Calls that an earlier call's candidate list answered.
+    /// Calls that reused a candidate list.
     pub served: u64,
     /// Calls that returned an error.
     pub refused: u64,
@@ -68,18 +63,17 @@ pub struct Tally {
 type Wrong = (usize, String);
 
 impl Sequence {
-    /// Draws the sequence of this seed, on the CPU, the GPU or both, as allowed.
     pub fn drawn(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
         draw::sequence(seed, |random| draw::variant(random, on_cpu, on_gpu))
     }
 
-    /// Draws the sequence of this seed for a given variant, with the seed's skin.
+    /// Draws the sequence with a given variant and the seed's skin.
     pub fn drawn_for(seed: u64, variant: DetectorVariant) -> Self {
         draw::sequence(seed, |_| variant)
     }
 
-    /// Runs the sequence with a new detector. Returns a failure with as few calls and spheres as show it, found in at
-    /// most `tries` further runs.
+    /// Runs the sequence with a new detector. Returns a failure with as few calls and spheres as found in at most
+    /// `tries` further runs.
     pub fn check(self, gpu: Option<&Gpu>, tries: usize, tally: &mut Tally) -> Option<FailedCase> {
         let first = self.run_guarded(gpu, tally);
         tally.sequences += 1;
@@ -143,7 +137,7 @@ impl Settings {
         Ok(config.interactions(table))
     }
 
-    /// Threads change no answer, and creating a pool would take longer than the call.
+    /// Uses one thread: threads change no answer, and creating a pool would take longer than the call.
     fn fresh(&self, config: Config) -> Config {
         match self.variant.target {
             TargetDevice::Cpu { .. } => config.threads(1),
@@ -151,7 +145,7 @@ impl Settings {
         }
     }
 
-    /// On a GPU creating a detector takes longer than many calls, so only errors and every eighth call are compared.
+    /// Compares only errors and every eighth call on a GPU, where creating a detector takes longer than many calls.
     fn compares_with_new(&self, k: usize, answer: &Answer) -> bool {
         let is_on_cpu = matches!(self.variant.target, TargetDevice::Cpu { .. });
         is_on_cpu || k % 8 == 7 || matches!(answer, Answer::Refused(_))

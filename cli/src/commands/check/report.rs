@@ -17,7 +17,7 @@ use crate::commands::detect::summary::{cost_object, cost_text};
 use crate::error::CliError;
 use crate::{devices, print};
 
-/// A GPU's counts may differ by tangent pairs: two, and one in this number.
+/// A GPU's count may differ by two tangent pairs, and by one in this number.
 const TANGENT: u64 = 1_000_000;
 
 /// Prints results at once, or as one JSON object at the end.
@@ -254,7 +254,6 @@ impl Report {
         self.say(&format!("{algorithm:<15}{spheres:>11}   left out, and more: {why}\n"))
     }
 
-    /// Prints a failure and writes its scene.
     pub(super) fn failure(&mut self, fault: FailedCase) -> Result<(), CliError> {
         let path = PathBuf::from(format!("lazygrid-check-{}.csv", self.files + 1));
         let FailedCase { name, what, scenario, options } = fault;
@@ -296,7 +295,6 @@ impl Report {
         }
     }
 
-    /// Prints the object, and returns the result of the checks.
     pub(super) fn finish(mut self) -> Result<(), CliError> {
         let failures = self.failures.len();
         let time = self.start.elapsed();

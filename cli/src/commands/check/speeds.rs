@@ -90,7 +90,7 @@ struct Runner {
     algorithm: Algorithm,
     /// Spheres and seconds of calls.
     times: Vec<(usize, f64)>,
-    /// More spheres than in a skipped call would take longer still.
+    /// Larger inputs than that of a skipped call are skipped too.
     is_out: bool,
 }
 

@@ -18,7 +18,7 @@ impl Excluded {
         Ok(Some(Self { path: path.clone(), pairs: read::pairs(path)?, by_id: args.ids }))
     }
 
-    /// Converts to rows of a frame, whose ids ascend. Absent spheres are in no pair.
+    /// Ids of a frame ascend. Absent spheres are in no pair.
     pub(crate) fn of(&self, frame: &Frame, number: usize) -> Result<Exclusions, CliError> {
         let refused = |reason: Error| CliError::Excluded {
             path: self.path.clone(),

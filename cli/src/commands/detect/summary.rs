@@ -11,7 +11,7 @@ pub(crate) struct Summary {
     /// Number of the time step.
     pub(crate) step: Option<i64>,
     pub(crate) space: Space,
-    /// The options gave the space.
+    /// Options gave the space.
     pub(crate) space_given: bool,
     pub(crate) report: Report,
     /// Species so far; 0 if the file has none.

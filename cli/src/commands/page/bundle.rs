@@ -33,7 +33,7 @@ pub(super) struct Limits {
 
 impl Limits {
     pub(super) const LARGE: Self = Self { is_large: true, is_wide: true };
-    /// The best first, every device's last.
+    /// Best first, every device's last.
     const ALL: [Self; 4] = [
         Self::LARGE,
         Self { is_large: true, is_wide: false },
@@ -76,14 +76,12 @@ impl Bundle {
         Ok(numbered(&mut self.calls, &mut self.call_numbers, call))
     }
 
-    /// Returns a kernel's texts for all subgroup sizes.
     fn kernel(&mut self, kernel: &PlanKernel) -> Result<Value, CliError> {
         let mut form = serde_json::to_value(kernel).map_err(CliError::Json)?;
         form["wgsl"] = json!(SUBGROUPS.map(|size| self.texts.add(kernel.with_subgroups(size).wgsl())));
         Ok(form)
     }
 
-    /// Returns the probe for kernels with subgroups.
     fn probe(&mut self) -> Result<Value, CliError> {
         let SubgroupProbe { faults, invocations, smallest, largest } = SubgroupProbe::BEFORE;
         let kernel = Planner::subgroup_probe(1);

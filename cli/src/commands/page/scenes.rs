@@ -50,7 +50,7 @@ impl Kind {
             self.radii.iter().map(|&radius| of(radius.into())).sum::<f64>() / self.radii.len() as f64
         };
         if self.is_burst {
-            // n / 2 · Σ p_a p_b (4π / 3) (r_a + r_b)³ / (4π σ²)^(3/2) pairs per sphere for small radii.
+            // For small radii, n / 2 · Σ p_a p_b (4π / 3) (r_a + r_b)³ / (4π σ²)^(3/2) pairs per sphere.
             let cubes = mean(&|a| mean(&|b| (a + b).powi(3)));
             let sigma = (n / 2.0 * 4.0 / 3.0 * std::f64::consts::PI * cubes / BURST_PAIRS).cbrt()
                 / (4.0 * std::f64::consts::PI).sqrt();

@@ -154,7 +154,7 @@ impl Scene {
 }
 
 impl Command {
-    /// The command and the options that all ranks must share. Those of runs are compared when their scenarios are read.
+    /// Command and the options that all ranks must share. Those of runs are compared when their scenarios are read.
     pub(crate) fn shared(&self) -> Settings {
         let settings = Settings::new(env!("CARGO_PKG_VERSION"));
         match self {

@@ -1,5 +1,3 @@
-//! `lazygrid-mpi bench-scaling`.
-
 use std::fmt::Write;
 use std::time::{Duration, Instant};
 
@@ -71,7 +69,6 @@ fn slowest(world: &SimpleCommunicator, own: Duration) -> Duration {
     Duration::from_secs_f64(most)
 }
 
-/// The median step's times as JSON.
 fn row(args: &BenchScaling, first: &Step, steps: &[Step], report: &Report) -> String {
     let spheres = report.owned.total.max(1) as f64;
     let median = |of: fn(&Step) -> f64| {

@@ -127,7 +127,6 @@ fn common_space(world: &SimpleCommunicator, split: &FileSplit, own: Space) -> Re
     agree(world, agreed)
 }
 
-/// Returns the sum over previous ranks.
 fn before(world: &SimpleCommunicator, own: u64) -> u64 {
     let mut all = vec![0_u64; world.size() as usize];
     world.all_gather_into(&own, &mut all[..]);

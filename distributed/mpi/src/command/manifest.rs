@@ -5,7 +5,7 @@ use serde_json::json;
 
 use super::output::Target;
 
-/// Writes the manifest. Scripts depend on its names.
+/// Scripts depend on its names.
 pub(crate) fn write(
     target: &Target,
     files: &[PathBuf],

@@ -27,7 +27,6 @@ impl Rows {
         Ok(Self::parse(head, length))
     }
 
-    /// Parses the head of a file of this length.
     fn parse(mut header: Vec<u8>, length: u64) -> Option<Self> {
         let bytes = |range: std::ops::Range<usize>| header.get(range);
         let (begin, size) = match bytes(6..7)?[0] {

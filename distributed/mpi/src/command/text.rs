@@ -113,7 +113,7 @@ fn head(start: &[u8]) -> Option<usize> {
     None
 }
 
-/// The first line that begins at or after `at`.
+/// First line that begins at or after `at`.
 fn line_from(file: &mut File, first: u64, end: u64, at: u64) -> io::Result<u64> {
     if at <= first {
         return Ok(first);

@@ -12,7 +12,7 @@ fn part(world: &SimpleCommunicator) -> OwnedSpheres {
     Scene::Uniform.part(900, world.rank() as u32, |k| (k % ranks) as u32)
 }
 
-/// The error of [`Distributed::new`] if rank `odd` has the second configuration.
+/// Error of [`Distributed::new`] if rank `odd` has the second configuration.
 fn refused(world: &SimpleCommunicator, odd: i32, [all, one]: [&Config; 2]) -> Error {
     let own = if world.rank() == odd { one } else { all };
     let error = Distributed::new(world, own.clone()).err().expect("ranks disagree");

@@ -52,13 +52,11 @@ impl ClassBounds {
         self.radius = self.radius.max(sphere.radius);
     }
 
-    /// Returns the size class.
     #[inline]
     pub fn class(&self) -> SizeClass {
         SizeClass::of(self.radius)
     }
 
-    /// Returns the species group.
     #[inline]
     pub fn group(&self) -> u32 {
         self.group

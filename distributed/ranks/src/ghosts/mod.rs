@@ -46,7 +46,6 @@ impl Ghosts {
         Ok(Self::new(ghosts, &counts))
     }
 
-    /// Returns all ghosts.
     pub fn particles(&self) -> &[Particle] {
         &self.particles
     }

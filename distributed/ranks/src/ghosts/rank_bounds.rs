@@ -54,8 +54,8 @@ impl RankBounds {
         &self.bounds[self.starts[rank as usize]..self.starts[rank as usize + 1]]
     }
 
-    /// Returns by rank the ascending indices of spheres of `rank` that become ghosts there: those that may pair
-    /// there, by the [rule](becomes_ghost).
+    /// Returns, for each other rank, the ascending indices of `rank`'s spheres that become ghosts there: they may pair
+    /// there, and the [rule](becomes_ghost) sends them.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -87,7 +87,7 @@ impl RankBounds {
         (0..self.ranks()).into_par_iter().map(to).collect()
     }
 
-    /// Returns the boxes of rank `to` that may have a partner of spheres in `bounds`, which become ghosts there.
+    /// Returns rank `to`'s boxes that may have a partner of spheres in `bounds`, where these become ghosts.
     fn near(
         &self,
         from: RankAndClass,

@@ -21,7 +21,7 @@ pub(super) fn device_from(gpu: &GpuDevice, crossover: Crossover, radix_sort_from
         log::debug!("{spheres} spheres on the CPU and on the device: {least:?}");
         least[1] <= LONG
     };
-    let samples = race((&SIZES, 1), ROUNDS, times, goes_on)?;
+    let samples = race(&SIZES, 1, ROUNDS, times, goes_on)?;
     let is_slower = samples.last().is_some_and(|(_, [on_host, on_device])| on_host < on_device);
     Ok(if is_slower { u32::MAX } else { crossing(&samples, u32::MAX) })
 }

@@ -20,7 +20,8 @@ pub(super) fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Durat
 
 /// Until the second algorithm is clearly faster or `goes_on` returns `false`.
 pub(super) fn race(
-    (sizes, classes): (&[u32], usize),
+    sizes: &[u32],
+    classes: usize,
     rounds: usize,
     mut times: impl FnMut(&[Sphere]) -> Result<[Duration; 2], Error>,
     mut goes_on: impl FnMut(u32, [Duration; 2]) -> bool,
@@ -43,8 +44,8 @@ pub(super) fn race(
     Ok(samples)
 }
 
-/// The number of spheres at which the second algorithm overtakes the first, interpolated in logarithms; the first size
-/// if the second always wins, twice the last size (at most `most`) if it never does.
+/// Number of spheres at which the second algorithm overtakes the first, interpolated in logarithms; the first size if
+/// it always wins, twice the last size (at most `most`) if never.
 pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
     // Between two samples the lead is a power of the number of spheres.
     let lead = |(_, [first, second]): &(u32, [Duration; 2])| {

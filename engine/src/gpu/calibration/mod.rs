@@ -21,13 +21,13 @@ use measure::{ROUNDS, SIZES, crossing, race, time};
 /// Equal radii, and the classes of the paper's figure 3b.
 const CLASSES: [usize; 2] = [1, 5];
 
-/// A measurement of the crossover: the fastest of several calls, with upload and readback of the count.
+/// The fastest of several calls, with upload and readback of the count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CrossoverSample {
-    /// The number of size classes of the radii.
+    /// Number of size classes of the radii.
     pub classes: usize,
-    /// The number of spheres.
+    /// Number of spheres.
     pub spheres: u32,
     /// Time of all pairs.
     pub naive: Duration,
@@ -48,7 +48,7 @@ pub fn calibrate(gpu: &GpuDevice, mut seen: impl FnMut(&CrossoverSample)) -> Res
             seen(&CrossoverSample { classes, spheres, naive, grid });
             true
         };
-        race((&SIZES, classes), ROUNDS, times, goes_on)
+        race(&SIZES, classes, ROUNDS, times, goes_on)
     });
     let (one, five) = (one?, five?);
     let tests_per_second = naive_rate(&one)

@@ -26,7 +26,7 @@ pub(super) fn radix_sort_from(gpu: &GpuDevice) -> Result<u32, Error> {
         log::debug!("{spheres} spheres by counting and by radix: {least:?}");
         least[0] <= LONG
     };
-    let samples = race((&SIZES, 1), ROUNDS, times, goes_on)?;
+    let samples = race(&SIZES, 1, ROUNDS, times, goes_on)?;
     let assumed = AdapterProfile::assumed(&gpu.adapter).radix_sort_from;
     let is_open = samples.last().is_some_and(|(_, [counted, sorted])| counted < sorted);
     Ok(crossing(&samples, MOST).max(if is_open { assumed } else { 0 }))

@@ -1,5 +1,3 @@
-//! The input of a [`GpuDetector`].
-
 use std::ops::Range;
 
 use lazygrid_kernels::layout::ColumnLayout;
@@ -16,11 +14,11 @@ use crate::gpu::{GpuDetector, Outcome};
 pub enum SphereCount<'a> {
     /// Known to the host.
     Host(u32),
-    /// The first `u32` of a buffer with `STORAGE` usage, read on the GPU.
+    /// First `u32` of a buffer with `STORAGE` usage, read on the GPU.
     Buffer {
-        /// The buffer.
+        /// Buffer.
         buffer: &'a wgpu::Buffer,
-        /// The largest number; more set [`Outcome::OVERFLOW_SPHERES`].
+        /// Largest number; more set [`Outcome::OVERFLOW_SPHERES`].
         at_most: u32,
     },
 }
@@ -32,7 +30,7 @@ impl From<u32> for SphereCount<'_> {
 }
 
 /// A buffer or a range of it: `&buffer`, `buffer.slice(..)` or [`BufferRange::new`]. The buffer may exceed the binding
-/// limit, because a call binds only the bytes it needs.
+/// limit, because a call binds only the needed bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BufferRange<'a> {
     buffer: &'a wgpu::Buffer,
@@ -41,7 +39,7 @@ pub struct BufferRange<'a> {
 }
 
 impl<'a> BufferRange<'a> {
-    /// The bytes from `offset`, a multiple of the device's `min_storage_buffer_offset_alignment`.
+    /// Bytes from `offset`, a multiple of the device's `min_storage_buffer_offset_alignment`.
     pub fn new(buffer: &'a wgpu::Buffer, offset: u64) -> Self {
         Self { buffer, offset, size: buffer.size().saturating_sub(offset) }
     }
@@ -98,19 +96,18 @@ pub struct GpuSpheres<'a> {
     pub(crate) species: Option<BufferRange<'a>>,
     /// Range of the smaller index of pairs.
     pub(crate) window: Range<u32>,
-    /// The size of the first of two sets; 0 for one set.
+    /// Size of the first of two sets; 0 for one set.
     pub(crate) split: u32,
 }
 
 impl<'a> GpuSpheres<'a> {
-    /// The first `count` spheres of a buffer; `count` is a number or a [`SphereCount`]. The buffer needs `STORAGE`
-    /// usage.
+    /// First `count` spheres of a buffer; `count` is a number or a [`SphereCount`]. The buffer needs `STORAGE` usage.
     pub fn new(spheres: impl Into<BufferRange<'a>>, count: impl Into<SphereCount<'a>>) -> Self {
         Self::from_buffers(SphereBuffers::Rows(spheres.into()), count.into())
     }
 
-    /// The first `count` spheres of arrays of `x`, `y`, `z` and `r`, in the layout of [`GpuConfig::columns`]. Arrays
-    /// may share a range.
+    /// First `count` spheres of arrays of `x`, `y`, `z` and `r`, in the layout of [`GpuConfig::columns`]. Arrays may
+    /// share a range.
     pub fn from_columns(columns: [BufferRange<'a>; 4], count: impl Into<SphereCount<'a>>) -> Self {
         Self::from_buffers(SphereBuffers::Columns(columns), count.into())
     }
@@ -137,7 +134,7 @@ impl<'a> GpuSpheres<'a> {
         }
     }
 
-    /// The window of all pairs.
+    /// Window of all pairs.
     pub const ALL: Range<u32> = 0..u32::MAX;
 
     /// With the bytes that the call binds. Refuses rows if the configuration has columns, and the reverse.

@@ -29,8 +29,8 @@ use crate::Error;
 
 /// Finds overlapping pairs from GPU buffers to GPU buffers.
 ///
-/// [`encode`](Self::encode) records into the caller's encoder; it neither submits nor polls. The results are in the
-/// buffers of [`GpuOutput`]. Invalid spheres (non-finite value or negative radius) are counted and never pair.
+/// Results are in the buffers of [`GpuOutput`]. Invalid spheres (non-finite value or negative radius) are counted and
+/// never pair.
 #[derive(Debug)]
 pub struct GpuDetector {
     device: wgpu::Device,
@@ -134,7 +134,7 @@ impl GpuDetector {
         plan(&request, &DeviceLimits::of(&self.device))
     }
 
-    /// Allocates buffers for calls of up to `spheres` spheres, unless they exist. Smaller buffers are released.
+    /// Allocates buffers for calls of up to `spheres` spheres, unless they exist, and releases smaller ones.
     ///
     /// # Errors
     /// [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`] and [`Error::DeviceLost`].
@@ -145,7 +145,7 @@ impl GpuDetector {
 
     fn prepare(&mut self, spheres: u32, choice: AlgorithmChoice) -> Result<Prepared, Error> {
         let plan = self.plan_for(spheres, choice)?;
-        // Old buffers are released first, so that both need not fit at once. Larger buffers, and buffers of a grid for
+        // Releases old buffers first, so that both need not fit at once. Larger buffers, and buffers of a grid for
         // naive calls, are reused.
         let kept = self.prepared.take().filter(|prepared| prepared.buffers.have_room_for(&plan.buffers));
         if let Some(mut prepared) = kept {

@@ -8,28 +8,28 @@ use crate::gpu::GpuConfig;
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct GpuOutput {
-    /// The pairs as `[u32; 2]`, unordered, `i < j`; `STORAGE` and `COPY_SRC` usage.
+    /// Pairs as `[u32; 2]`, unordered, `i < j`; `STORAGE` and `COPY_SRC` usage.
     pub pairs: wgpu::Buffer,
-    /// The capacity of the buffer in pairs.
+    /// Capacity of the buffer in pairs.
     pub capacity: u32,
     /// The [`Outcome`]: number of pairs and overflow flags; `STORAGE`, `INDIRECT` and `COPY_SRC` usage.
     /// [`Outcome::DISPATCH_OFFSET`] has the dispatch arguments of a consumer with a thread per pair.
     pub outcome: wgpu::Buffer,
-    /// The spheres in cell order, if the cell list ran.
+    /// Spheres in cell order, if the cell list ran.
     pub sorted: Option<CellOrder>,
 }
 
-/// The spheres in the cell order of a cell list, which preserves spatial locality. Adopting it now and then accelerates
-/// later calls and, with [`GpuConfig::pairs_in_cell_order`], the caller's work on pairs. The buffers have `STORAGE` and
-/// `COPY_SRC` usage and an element per sphere, and are valid until the next call.
+/// The spheres in the cell order of a cell list. Adopting its spatial locality now and then accelerates later calls
+/// and, with [`GpuConfig::pairs_in_cell_order`], the caller's work on pairs. The buffers have `STORAGE` and `COPY_SRC`
+/// usage and an element per sphere, and are valid until the next call.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CellOrder {
-    /// The input index as `u32`. Invalid spheres come last.
+    /// Input index as `u32`. Invalid spheres come last.
     pub order: wgpu::Buffer,
     /// `x, y, z, r` as four `f32`, wrapped into a periodic space.
     pub spheres: wgpu::Buffer,
-    /// The species as `u32`, with interactions.
+    /// Species as `u32`, with interactions.
     pub species: Option<wgpu::Buffer>,
 }
 

@@ -69,7 +69,6 @@ impl Prepared {
     }
 }
 
-/// Returns the parameter buffers by the first workgroup of a dispatch.
 pub(super) fn params_buffers<'a>(
     device: &wgpu::Device,
     dispatches: impl IntoIterator<Item = &'a Dispatch>,

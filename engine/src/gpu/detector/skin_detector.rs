@@ -1,8 +1,7 @@
 //! A candidate list that stays on the device between calls.
 //!
-//! A rebuild stores the spheres and searches them with radii larger by half the skin. Each call measures displacements
-//! since the rebuild; the device sets the workgroup counts of the search to their values or to zero. Then the call
-//! tests the candidates.
+//! A rebuild searches the stored spheres with radii larger by half the skin. Each call measures displacements; the
+//! device sets the workgroup counts of the search to their values or to zero. Then the call tests the candidates.
 
 use lazygrid_host::SKIN_RANGE;
 use lazygrid_kernels::kernel::{self as k, Variant};
@@ -23,7 +22,7 @@ use crate::gpu::device::{Pipelines, constant_buffer};
 use crate::gpu::encode::{BoundBuffer, Buffers, Recording, SmallCache};
 use crate::gpu::plan::{BufferId, DeviceLimits, Dispatch, Plan, check_buffers, column_named, skin};
 
-/// The usable fraction of half the skin, below 1 by more than the rounding error.
+/// Usable fraction of half the skin, below 1 by more than the rounding error.
 const USABLE: f32 = 1.0 - 1.0 / 1024.0;
 /// Species distances grow by this factor besides the skin, as radii do.
 const ROUNDING: f32 = 1.0 + 1.0 / (1 << 19) as f32;
@@ -32,9 +31,9 @@ const PER_PAIR: u32 = 4;
 
 /// Finds overlapping pairs of slowly moving spheres in GPU buffers.
 ///
-/// Works like [`GpuDetector`], with a candidate list of pairs with gaps up to the skin. Each call, the device rebuilds
-/// the list if a sphere has moved half the skin, or the number of spheres, a radius or a species has changed. Results
-/// do not depend on the skin.
+/// Works like [`GpuDetector`], with a candidate list of pairs with gaps up to the skin. The device rebuilds the list if
+/// a sphere has moved half the skin, or the number of spheres, a radius or a species has changed. Results do not depend
+/// on the skin.
 #[derive(Debug)]
 pub struct GpuSkinDetector {
     device: wgpu::Device,
@@ -97,7 +96,7 @@ impl GpuSkinDetector {
         self.skin
     }
 
-    /// The next call rebuilds the list in the existing buffers.
+    /// Next call rebuilds the list in the existing buffers.
     pub(crate) fn set_skin(&mut self, skin: f32) -> Result<(), Error> {
         check_skin(skin)?;
         if self.tables.is_some() {
@@ -247,10 +246,10 @@ impl GpuSkinDetector {
             let half = self.skin / 2.0;
             let limit_squared = (half * USABLE).powi(2);
             let skin = SkinParams { half_skin: half, limit_squared, candidate_capacity: found.capacity };
-            let division = skin::candidate_parts(found.capacity, self.search.budget());
+            let (parts, per_dispatch) = skin::candidate_parts(found.capacity, self.search.budget());
             let columns = self.settings.columns;
-            let dispatches = skin::dispatches(key.call.spheres, columns.is_some(), division);
-            let workgroups_per_dispatch = if division.0 > 1 { division.1 } else { 0 };
+            let dispatches = skin::dispatches(key.call.spheres, columns.is_some(), parts, per_dispatch);
+            let workgroups_per_dispatch = if parts > 1 { per_dispatch } else { 0 };
             let call = SearchParams { workgroups_per_dispatch, ..key.call };
             let params = params_buffers(&self.device, dispatches.iter().flatten(), &call)?;
             let skin = constant_buffer(&self.device, "skin", bytemuck::bytes_of(&skin))?;

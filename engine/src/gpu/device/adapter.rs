@@ -6,11 +6,11 @@ use crate::Error;
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct AdapterSummary {
-    /// The adapter's name.
+    /// Adapter's name.
     pub name: String,
-    /// The driver and its version.
+    /// Driver and its version.
     pub driver: String,
-    /// The API, such as `vulkan`.
+    /// API, such as `vulkan`.
     pub api: String,
     /// `false` for a software rasterizer, which `Backend::Auto` never chooses.
     pub is_hardware: bool,
@@ -41,9 +41,9 @@ pub fn adapters() -> Vec<AdapterSummary> {
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum AdapterId {
-    /// The index among [`adapters`], starting at 0; `lazygrid devices` lists them.
+    /// Index among [`adapters`], starting at 0; `lazygrid devices` lists them.
     Index(usize),
-    /// The name, or a part that no other adapter's name has, ignoring case.
+    /// Name, or a part that no other adapter's name has, ignoring case.
     Name(String),
 }
 

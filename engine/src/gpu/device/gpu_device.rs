@@ -28,11 +28,11 @@ enum SharedRequest {
 /// A device with its adapter and compiled kernels.
 #[derive(Clone, Debug)]
 pub struct GpuDevice {
-    /// The device.
+    /// Device.
     pub device: wgpu::Device,
     /// Its queue.
     pub queue: wgpu::Queue,
-    /// The adapter of the device.
+    /// Its adapter.
     pub adapter: AdapterSummary,
     pub(crate) pipelines: Pipelines,
     lost: Arc<OnceLock<String>>,
@@ -152,8 +152,8 @@ impl GpuDevice {
         self.probe().err().unwrap_or(error)
     }
 
-    /// Tests if the device still works: a lost device refuses even a small buffer. The driver reports a loss late, and
-    /// for a host application's device only to the application.
+    /// Tests if the device works: a lost device refuses even a small buffer. The driver reports a loss late, and for a
+    /// host application's device only to the application.
     pub(crate) fn probe(&self) -> Result<(), Error> {
         // A poll delivers the report of a loss.
         let _ = self.device.poll(wgpu::PollType::Poll);
@@ -207,8 +207,8 @@ impl GpuDevice {
         self.pipelines.subgroup_refusal()
     }
 
-    /// Returns this device with kernels whose WGSL `rewrite` changes before compilation, for tests. The rewrite must
-    /// keep all loops, and the results up to rounding.
+    /// Lets `rewrite` change the WGSL of kernels before compilation, for tests. It must keep all loops, and the results
+    /// up to rounding.
     #[doc(hidden)]
     #[must_use]
     pub fn with_rewritten_kernels(self, rewrite: fn(&str) -> String) -> Self {

@@ -90,9 +90,9 @@ impl Pipelines {
 
 fn compile(device: &wgpu::Device, kernel: &Kernel, variant: Variant, text: String) -> Pipeline {
     let accesses = kernel.bindings(variant).map(|bound| bound.access);
-    // SAFETY: the text belongs to lazygrid-kernels. Its loop counters approach a constant limit by steps that cannot pass
-    // it, or clear a bit at each iteration. `kernels/tests/loops.rs` checks each loop of all texts. A rewrite must keep
-    // the loops; only tests rewrite.
+    // SAFETY: the text belongs to lazygrid-kernels. Its loop counters approach a constant limit by steps that cannot
+    // pass it, or clear a bit at each iteration, as `kernels/tests/loops.rs` checks. Only tests rewrite, and keep the
+    // loops.
     let module = unsafe { shader_module(device, kernel.name, text) };
     // Every kernel clears workgroup memory before it reads it.
     pipeline(device, kernel.name, accesses, &module, false)

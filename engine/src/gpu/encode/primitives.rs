@@ -1,5 +1,4 @@
-//! Building blocks that are bound once and recorded without allocation: a stable radix sort and an exclusive prefix
-//! scan.
+//! Building blocks that are bound once and recorded without allocation.
 
 use lazygrid_kernels::kernel::SCAN_TILE;
 use lazygrid_kernels::layout::{RadixPass, SortCounts};
@@ -17,12 +16,12 @@ pub struct RadixSort {
     pipelines: Pipelines,
 }
 
-/// Keys and payload, a `u32` each; `STORAGE` usage.
+/// Keys and payload with `STORAGE` usage.
 #[derive(Clone, Debug)]
 pub struct KeyValueBuffers {
-    /// The keys.
+    /// A `u32` each.
     pub keys: wgpu::Buffer,
-    /// The values that move with the keys.
+    /// A `u32` each, which move with the keys.
     pub payload: wgpu::Buffer,
 }
 
@@ -141,7 +140,7 @@ impl BoundScan {
         self.recording.encode(encoder);
     }
 
-    /// The buffer of the total as (low, high).
+    /// Buffer of the total as (low, high).
     pub fn total(&self) -> &wgpu::Buffer {
         &self.total
     }

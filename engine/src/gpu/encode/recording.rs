@@ -42,7 +42,7 @@ impl Buffers {
 #[derive(Debug)]
 pub(crate) struct Recording {
     dispatches: Vec<BoundDispatch>,
-    /// The number of dispatches without a continuation.
+    /// Number of dispatches without a continuation.
     continuation_start: usize,
     part_starts: Vec<usize>,
     stamps_inside_passes: bool,

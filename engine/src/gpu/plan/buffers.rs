@@ -78,7 +78,7 @@ pub struct BufferUsage {
 }
 
 impl BufferUsage {
-    /// The names of the usages, in lower case.
+    /// Names of the usages, in lower case.
     pub fn names(self) -> Vec<&'static str> {
         let Self { storage, uniform, indirect, copy_src, copy_dst } = self;
         let all = [

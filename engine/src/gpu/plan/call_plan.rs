@@ -15,32 +15,27 @@ use super::{BufferId, CallCost, Dispatch, GpuPhase, Plan, Resource, flattened};
 
 /// A call without a device. [`GpuDetector`](crate::gpu::GpuDetector) executes the same plans.
 ///
-/// The feature `serde` serializes plans; `docs/page.md` describes the format.
-///
-/// To run a call: create the [`buffers`](Self::buffers), write the constants, create a compute pipeline per kernel, and
-/// record all dispatches in order in one compute pass. The [`Outcome`] is then in the buffer
-/// [`outcome`](Self::outcome). While it [has remaining work](Outcome::has_remaining_work), record the dispatches from
-/// [`continuation`](DispatchSequence::continuation) again.
+/// The feature `serde` serializes plans. `docs/page.md` describes the format, and how to run a call.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CallPlan {
-    /// The algorithm, never `Auto`.
+    /// Algorithm, never `Auto`.
     pub algorithm: Algorithm,
-    /// The number of spheres, the largest if a buffer holds it.
+    /// Number of spheres, the largest if a buffer holds it.
     pub spheres: u32,
-    /// The capacity of the pair buffer.
+    /// Capacity of the pair buffer.
     pub pair_capacity: u32,
-    /// The buffers, which dispatches name by position.
+    /// Buffers, which dispatches name by position.
     pub buffers: Vec<PlanBuffer>,
-    /// The kernels and dispatches.
+    /// Kernels and dispatches.
     pub sequence: DispatchSequence,
-    /// The position of the [`Outcome`] buffer.
+    /// Position of the [`Outcome`] buffer.
     pub outcome: usize,
-    /// The position of the pair buffer, two `u32` indices per pair.
+    /// Position of the pair buffer, two `u32` indices per pair.
     pub pairs: usize,
-    /// The cost of the call.
+    /// Cost of the call.
     pub cost: CallCost,
-    /// The device limits that the call requires.
+    /// Device limits that the call requires.
     pub requirements: DeviceLimits,
 }
 
@@ -50,17 +45,17 @@ pub struct CallPlan {
 pub struct PlanBuffer {
     /// A name, unique in the plan.
     pub name: String,
-    /// The minimum size in bytes.
+    /// Minimum size in bytes.
     pub size: u64,
-    /// The minimum usage.
+    /// Minimum usage.
     pub usage: BufferUsage,
-    /// The origin of the contents.
+    /// Origin of the contents.
     pub source: BufferSource,
     pub(crate) resource: Resource,
 }
 
 impl PlanBuffer {
-    /// The bytes of a constant; empty for other buffers.
+    /// Bytes of a constant; empty for other buffers.
     pub fn constant(&self) -> &[u8] {
         match &self.source {
             BufferSource::Constant(bytes) => bytes,
@@ -72,12 +67,12 @@ impl PlanBuffer {
 /// The origin of a buffer's contents.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BufferSource {
-    /// The host: `spheres` (`x, y, z, r` as `f32` rows) or the columns `x`, `y`, `z` and `r`, `species` (a `u32` per
+    /// Host: `spheres` (`x, y, z, r` as `f32` rows) or the columns `x`, `y`, `z` and `r`, `species` (a `u32` per
     /// sphere), `count` (a `u32`).
     Input,
     /// These bytes, written before the call and never changed.
     Constant(Arc<[u8]>),
-    /// The kernels; initial contents have no effect.
+    /// Kernels; initial contents have no effect.
     Working,
 }
 
@@ -85,14 +80,14 @@ pub enum BufferSource {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct DispatchSequence {
-    /// The distinct kernels.
+    /// Distinct kernels.
     pub kernels: Vec<PlanKernel>,
     /// The dispatches in order, each after its predecessors' writes.
     pub dispatches: Vec<PlanDispatch>,
-    /// The first dispatch of a continuation; the number of dispatches if calls have one part.
+    /// First dispatch of a continuation; the number of dispatches if calls have one part.
     pub continuation: usize,
-    /// The first dispatch of each part after the first. A part has about 200 ms of work at the planned rate; parts may
-    /// be submitted separately.
+    /// First dispatch of each part after the first. A part has about 200 ms of work at the planned rate; parts may be
+    /// submitted separately.
     pub part_starts: Vec<usize>,
 }
 
@@ -104,7 +99,7 @@ pub struct PlanKernel {
 }
 
 impl PlanKernel {
-    /// The entry point.
+    /// Entry point.
     pub fn entry_point(&self) -> &'static str {
         self.kernel.name
     }
@@ -114,12 +109,12 @@ impl PlanKernel {
         self.kernel.workgroup_size
     }
 
-    /// The bindings of group 0, numbered from 0.
+    /// Bindings of group 0, numbered from 0.
     pub fn bindings(&self) -> impl Iterator<Item = Binding> + use<> {
         self.kernel.bindings(self.variant)
     }
 
-    /// The standard WGSL text.
+    /// Standard WGSL text.
     pub fn wgsl(&self) -> String {
         self.kernel.strict_wgsl(self.variant)
     }
@@ -135,13 +130,13 @@ impl PlanKernel {
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct PlanDispatch {
-    /// The position in [`DispatchSequence::kernels`].
+    /// Position in [`DispatchSequence::kernels`].
     pub kernel: usize,
-    /// The positions in [`CallPlan::buffers`], by binding number.
+    /// Positions in [`CallPlan::buffers`], by binding number.
     pub buffers: Vec<usize>,
-    /// The number of workgroups.
+    /// Number of workgroups.
     pub workgroups: Workgroups,
-    /// The phase of the dispatch.
+    /// Phase of the dispatch.
     pub phase: GpuPhase,
 }
 
@@ -152,9 +147,9 @@ pub enum Workgroups {
     Fixed([u32; 2]),
     /// Three `u32` that an earlier dispatch writes.
     Indirect {
-        /// The position of their buffer.
+        /// Position of their buffer.
         buffer: usize,
-        /// The offset in bytes.
+        /// Offset in bytes.
         offset: u64,
     },
 }
@@ -327,7 +322,7 @@ impl Plan {
 }
 
 impl CallPlan {
-    /// The offset in bytes of each field of the [`Outcome`], all `u32`.
+    /// Offset in bytes of each field of the [`Outcome`], all `u32`.
     pub const OUTCOME_FIELDS: [(&'static str, usize); 16] = {
         use std::mem::offset_of;
         [
@@ -350,7 +345,7 @@ impl CallPlan {
         ]
     };
 
-    /// The names of the `overflow` bits of the [`Outcome`].
+    /// Names of the `overflow` bits of the [`Outcome`].
     pub const OVERFLOW_BITS: [(&'static str, u32); 5] = [
         ("pairs", Outcome::OVERFLOW_PAIRS),
         ("entries", Outcome::OVERFLOW_ENTRIES),
@@ -359,7 +354,7 @@ impl CallPlan {
         ("work", Outcome::OVERFLOW_WORK),
     ];
 
-    /// The smallest subgroup size, if kernels use subgroups.
+    /// Smallest subgroup size, if kernels use subgroups.
     pub fn subgroups(&self) -> Option<u32> {
         self.sequence.kernels.iter().find_map(|kernel| kernel.variant.subgroups)
     }

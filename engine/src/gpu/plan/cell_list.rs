@@ -19,7 +19,7 @@ const MOST_CELLS: u64 = 1 << 30;
 /// The device computes cell counts as products of floats, which round three times by 2⁻²⁴; one cell in 2²² may be
 /// added.
 const ROUNDED: u64 = 1 << 22;
-/// The counters of level 0 that fit the caches of current devices.
+/// Counters of level 0 that fit the caches of current devices.
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
 /// Enough for current devices, with little contention at the counters of the statistics kernel.
 const SURVEY_GROUPS: u32 = 1024;

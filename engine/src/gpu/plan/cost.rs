@@ -7,11 +7,11 @@ use super::{BufferId, Dispatch, Plan};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CallCost {
-    /// The algorithm that runs; never `Auto`.
+    /// Algorithm that runs; never `Auto`.
     pub algorithm: Algorithm,
-    /// The largest number of spheres.
+    /// Largest number of spheres.
     pub spheres: u32,
-    /// The number of dispatches.
+    /// Number of dispatches.
     pub dispatches: u32,
     /// Parts of the call; none has a dispatch of more than
     /// [`GpuConfig::max_tests_per_dispatch`](crate::gpu::GpuConfig::max_tests_per_dispatch) distance tests.

@@ -22,7 +22,7 @@ impl GpuPhase {
     /// Every phase in execution order.
     pub const ALL: [Self; 4] = [Self::Survey, Self::Entries, Self::Sort, Self::Search];
 
-    /// The name in lower case.
+    /// Name in lower case.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Survey => "survey",

@@ -17,7 +17,7 @@ pub struct DeviceLimits {
 }
 
 impl DeviceLimits {
-    /// The limits of a device.
+    /// Limits of a device.
     pub fn of(device: &wgpu::Device) -> Self {
         Self::from(&device.limits())
     }
@@ -40,12 +40,11 @@ impl From<&wgpu::Limits> for DeviceLimits {
 }
 
 impl DeviceLimits {
-    /// Keys per workgroup of a radix pass.
     pub(crate) fn radix_tile(&self) -> u32 {
         k::Variant { wide_tiles: self.wide(), ..k::Variant::default() }.radix_tile()
     }
 
-    /// The most bytes of a buffer that is bound as a whole.
+    /// Most bytes of a buffer that is bound as a whole.
     pub(crate) fn bytes(&self) -> u64 {
         self.storage_binding.min(self.buffer)
     }

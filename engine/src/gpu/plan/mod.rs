@@ -45,7 +45,7 @@ pub(crate) use work_budget::{WorkBudget, tests_within_limit};
 
 /// Enough to fill today's largest devices.
 const SEARCH_GROUPS: u64 = 2048;
-/// The crowded search distributes these over one dimension, even if all are in one cell.
+/// Crowded search distributes these over one dimension, even if all are in one cell.
 const MAX_ENTRIES: u64 = 65_535 * (k::RUN_TILES * k::WORKGROUP_SIZE) as u64;
 /// Folding needs three key bits per axis at each of up to 32 levels.
 const MIN_KEY_BITS: u32 = 16;
@@ -269,8 +269,8 @@ pub(super) fn most_entries(limits: &DeviceLimits) -> u64 {
     (limits.bytes() / 4).min(MAX_ENTRIES)
 }
 
-/// Eight per sphere, the most at one level, or as many as the device can bind. Several levels rarely need more, which
-/// the overflow flag reports. Unused capacity costs workgroups without work.
+/// Returns eight entries per sphere, the most at one level, or as many as the device can bind. Several levels rarely
+/// need more, which the overflow flag reports. Unused capacity costs workgroups without work.
 fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error> {
     let spheres = request.spheres;
     let wanted = (u64::from(spheres) * k::MAX_ENTRIES_PER_SPHERE).max(request.entries.into());
@@ -298,7 +298,7 @@ fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
     Ok(needed as u32)
 }
 
-/// For the cells that the spheres can occupy, in whole digits. Larger grids are hashed.
+/// Returns the bits for the cells that the spheres can occupy, in whole digits. Larger grids are hashed.
 fn key_bits(spheres: u32) -> u32 {
     let bits = u32::BITS - spheres.max(2).leading_zeros();
     bits.next_multiple_of(k::DIGIT_BITS).max(MIN_KEY_BITS)

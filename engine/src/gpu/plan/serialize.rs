@@ -6,7 +6,7 @@ use serde::{Serialize, Serializer};
 
 use super::call_plan::{BufferSource, CallPlan, PlanBuffer, PlanDispatch, PlanKernel, Workgroups};
 
-/// The format version. Readers refuse unknown versions.
+/// Format version. Readers refuse unknown versions.
 const FORMAT: u32 = 1;
 
 #[derive(Serialize)]

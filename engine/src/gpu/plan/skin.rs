@@ -34,11 +34,7 @@ pub(crate) fn buffers(
     buffers
 }
 
-pub(crate) fn dispatches(
-    spheres: u32,
-    columns: bool,
-    (parts, per_dispatch): (u32, u32),
-) -> [Vec<Dispatch>; 2] {
+pub(crate) fn dispatches(spheres: u32, columns: bool, parts: u32, per_dispatch: u32) -> [Vec<Dispatch>; 2] {
     let per_sphere = spheres.div_ceil(k::WORKGROUP_SIZE);
     let mut before = vec![
         Dispatch::new(&k::SKIN_DISPLACEMENT, per_sphere, GpuPhase::Survey),

@@ -330,7 +330,7 @@ fn candidates_are_tested_in_rows_within_the_budget() {
     assert_eq!(skin::candidate_parts(1 << 22, budget(5_000_000_000)), (1, 1 << 14));
     assert_eq!(skin::candidate_parts(1 << 22, budget(1 << 20)), (4, 1 << 12));
     assert_eq!(skin::candidate_parts(0, budget(1)), (1, 1));
-    let [_, after] = skin::dispatches(10, false, (3, 100));
+    let [_, after] = skin::dispatches(10, false, 3, 100);
     let parts: Vec<_> = after.iter().filter(|dispatch| dispatch.indirect).collect();
     assert_eq!(
         parts.iter().map(|part| (part.args_index, part.first_group)).collect::<Vec<_>>(),

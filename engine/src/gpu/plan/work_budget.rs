@@ -2,11 +2,11 @@
 //!
 //! # Correctness
 //!
-//! 1. A divided kernel derives its work from the number of its workgroup, plus
-//!    [`SearchParams::first_workgroup`](lazygrid_kernels::layout::SearchParams::first_workgroup), alone.
-//! 2. The parts of a division cover each workgroup once: a part begins where its predecessor ends.
-//! 3. A dispatch of several rows may have more workgroups than requested, which would belong to the next part.
-//!    Therefore a part has at most one row.
+//! 1. A divided kernel derives its work only from the number of its workgroup, plus
+//!    [`SearchParams::first_workgroup`](lazygrid_kernels::layout::SearchParams::first_workgroup).
+//! 2. A part begins where its predecessor ends.
+//! 3. A part has at most one row, because a dispatch of several rows may have more workgroups than requested, which
+//!    would belong to the next part.
 
 use std::time::Duration;
 

@@ -26,8 +26,8 @@ const FIRST_PAIRS: u64 = 1 << 12;
 
 /// Uploads spheres, detects, reads back, and retries if a capacity was too small.
 ///
-/// Two calls may be in flight: [`begin`](Self::begin) one during the other, so that upload, detection and readback
-/// overlap. The input is not checked: invalid spheres never pair.
+/// Two calls may be in flight, so that upload, detection and readback overlap. The input is not checked: invalid
+/// spheres never pair.
 #[derive(Debug)]
 pub struct GpuSession {
     gpu: GpuDevice,
@@ -40,7 +40,7 @@ pub struct GpuSession {
     slots: [CallBuffers; MAX_IN_FLIGHT],
     calls: [QueuedCall; MAX_IN_FLIGHT],
     begun: u64,
-    /// The call in the detector's buffers, and its output.
+    /// Call in the detector's buffers, and its output.
     submitted: Option<(u64, GpuOutput)>,
     pending: [Option<PendingReadback>; MAX_IN_FLIGHT],
     tickets: [Weak<()>; MAX_IN_FLIGHT],
@@ -167,7 +167,7 @@ impl GpuSession {
         Ok(())
     }
 
-    /// The algorithm of the last call: ArrayGrid if the entries of several levels did not fit; `Auto` before the first.
+    /// Algorithm of the last call: ArrayGrid if the entries of several levels did not fit; `Auto` before the first.
     pub fn algorithm(&self) -> Algorithm {
         self.plan().map_or(Algorithm::Auto, |plan| plan.algorithm)
     }
@@ -382,7 +382,6 @@ impl GpuSession {
         &mut self.pairs
     }
 
-    /// Exchanges the pairs of the last call for a list whose memory is reused.
     pub(crate) fn swap_pairs(&mut self, pairs: &mut Vec<Pair>) {
         std::mem::swap(&mut self.pairs, pairs);
     }

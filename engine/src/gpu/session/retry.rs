@@ -1,4 +1,4 @@
-//! Calls of several submissions: too small a capacity, a result larger than the output, or a search beyond one
+//! Calls of several submissions: a capacity too small, a result larger than the output, or a search beyond one
 //! submission.
 
 use std::ops::{ControlFlow, Range};
@@ -14,8 +14,8 @@ use crate::gpu::detector::{AlgorithmChoice, CapacitySnapshot, GpuOutput};
 use crate::gpu::device::Wait;
 
 impl AlgorithmChoice {
-    /// Returns settings with fewer entries than the call that `ran`: a coarser grid, and finally a single level at the
-    /// cell ratio `asked`, which alone helps coincident spheres, with eight entries per level at any cell size.
+    /// Returns settings with fewer entries than the call that `ran`: a coarser grid, and finally a single level, which
+    /// coincident spheres need, at the cell ratio `asked`.
     fn with_fewer_entries(self, ran: Algorithm, asked: f32) -> Option<Self> {
         if self.cell_ratio < GpuConfig::MAX_CELL_RATIO {
             let cell_ratio = (self.cell_ratio * 2.0).min(GpuConfig::MAX_CELL_RATIO);

@@ -22,8 +22,8 @@ pub(super) struct SkinSession {
 }
 
 impl GpuSession {
-    /// Sets the skin of later calls; `None` disables the candidate list. A list serves until a sphere has moved half
-    /// the skin. Results do not change. If candidates do not fit the device, calls search without a list.
+    /// Sets the skin of later calls; `None` disables the candidate list. Results do not change. If candidates do not
+    /// fit the device, calls search without a list.
     ///
     /// # Errors
     /// [`Error::InvalidSetting`] if `distance` is out of range, or an error of the device.
@@ -58,7 +58,6 @@ impl GpuSession {
             .map_err(|error| self.gpu.reason(error))
     }
 
-    /// The maximum of calls with and without a candidate list.
     pub(crate) fn memory_with_candidates(&self, spheres: u32) -> Result<u64, Error> {
         let kept = match &self.skin {
             Some(skin) => skin.detector.memory_for(spheres)?,

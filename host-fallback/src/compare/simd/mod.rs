@@ -25,11 +25,13 @@ mod scalar;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 #[cfg(target_arch = "x86_64")]
+mod x86_pairs;
+#[cfg(target_arch = "x86_64")]
 mod x86_rows;
 
-/// Relative half-width of the band. Rounding in `f32` changes `d²` relative to `(ri + rj)²` by at most 4 ulp, 2⁻²¹;
-/// twice that is safe and leaves one comparison in 10⁶ to the exact test. Between minimum images, with separate slack,
-/// it is at most 11 of the 16 half ulps of the band.
+/// Relative half-width of the band. `f32` rounding changes `d²` relative to `(ri + rj)²` by at most 4 ulp, 2⁻²¹; twice
+/// that leaves one comparison in 10⁶ to the exact test. Between minimum images, with separate slack, it is at most 11
+/// of the 16 half ulps of the band.
 const BAND: f32 = 1.0 / (1 << 20) as f32;
 /// Absolute half-width of the band: below it products underflow and relative error says nothing.
 const FLOOR: f32 = f32::MIN_POSITIVE;
@@ -98,7 +100,7 @@ impl Simd {
         if self as u8 > other as u8 { self } else { other }
     }
 
-    /// Returns the widest code for which all instruction sets are present: a virtual machine may hide any of them.
+    /// Returns the widest code with all its instruction sets, because a virtual machine may hide any of them.
     #[cfg(target_arch = "x86_64")]
     fn widest(has: impl Fn(&Feature) -> bool) -> Self {
         if x86::Avx512::FEATURES.iter().all(&has) {
@@ -161,8 +163,8 @@ pub(crate) trait SimdWidth: Copy {
     fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr;
     /// Between minimum images if `PERIODIC`. The last lane has no effect.
     fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32;
-    /// Appends the runs to compare with at most [`MAX_LANES`] spheres of one cell, given by start and number, at most
-    /// five per sphere. A run starts after its own sphere.
+    /// Appends the runs to compare with at most [`MAX_LANES`] spheres of one cell (start, number), at most five per
+    /// sphere, starting after it.
     fn find_neighbor_runs(
         self,
         columns: &Columns,
@@ -201,7 +203,7 @@ pub(crate) trait PeriodicSimd: SimdWidth {
 pub(crate) struct Axes {
     pub(crate) per_length: [f64; 4],
     pub(crate) origin: [f64; 4],
-    /// The highest cell of each axis, at most `i32::MAX`.
+    /// Highest cell of each axis, at most `i32::MAX`.
     pub(crate) last: [f64; 4],
 }
 

@@ -28,7 +28,7 @@ pub(crate) struct RunQueue {
 impl RunQueue {
     /// 6 KiB, a small part of the first-level cache.
     const ROOM: usize = 512;
-    /// The length at which only the runs of one more vector of spheres fit.
+    /// Length at which only the runs of one more vector of spheres fit.
     pub(super) const FULL: usize = Self::ROOM - (ROWS + 1) * MAX_LANES;
 
     pub(crate) fn new() -> Self {

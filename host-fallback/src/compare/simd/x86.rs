@@ -5,12 +5,12 @@ use lazygrid_kernels::Pair;
 use super::super::columns::Columns;
 use super::{
     Axes, BAND, FLOOR, Feature, MAX_LANES, NeighborRows, PeriodicBox, PeriodicSimd, RunQueue, SimdTask,
-    SimdWidth, Xyzr, over, portable, x86_rows,
+    SimdWidth, Xyzr, over, portable, x86_pairs, x86_rows,
 };
 use crate::frame::{Bounds, FrameMap};
 
-/// Defines a width from one list of instruction sets: those that its tasks are compiled with and that the processor is
-/// checked for, including sets that `rustc` enables implicitly.
+/// Defines a width from one list of instruction sets: those of its compiled tasks and of the processor check, including
+/// sets that `rustc` enables implicitly.
 macro_rules! width {
     ($(#[$doc:meta])* $name:ident, $run:ident: $($feature:tt)+) => {
         $(#[$doc])*
@@ -30,13 +30,13 @@ macro_rules! width {
 }
 
 width! {
-    /// Proof that the processor has the features of [`with_avx512`], its only constructor.
+    /// Proof of the features of [`with_avx512`], its only constructor.
     Avx512, with_avx512:
     "sse3" "ssse3" "sse4.1" "sse4.2" "popcnt" "avx" "f16c" "fma" "avx2" "bmi1" "bmi2" "lzcnt" "avx512f"
 }
 
 width! {
-    /// Proof that the processor has the features of [`with_avx2`], its only constructor.
+    /// Proof of the features of [`with_avx2`], its only constructor.
     Avx2, with_avx2:
     "sse3" "ssse3" "sse4.1" "sse4.2" "popcnt" "avx" "fma" "avx2" "bmi1" "bmi2" "lzcnt"
 }
@@ -60,91 +60,13 @@ unsafe fn cell(axes: &Axes, [x, y, z]: [f32; 3], offset: f64) -> [u32; 4] {
     cell
 }
 
-/// Four pairs at a time, each in its own vector until their coordinates are transposed.
-///
-/// # Safety
-/// The processor must have FMA.
-#[inline(always)]
-unsafe fn touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
-    let last = pairs.iter().fold(0, |last, pair| last.max(pair.i).max(pair.j));
-    assert!((last as usize) < rows.len(), "every place has a row");
-    let mut masks = [0; 2];
-    for (k, four) in pairs.chunks_exact(4).enumerate() {
-        // SAFETY: FMA, hence SSE, by the caller's promise; no position is above the last, which has a row.
-        unsafe {
-            let negative = _mm_setr_ps(0.0, 0.0, 0.0, -0.0);
-            let squares = |pair: &Pair| {
-                let [a, b] = [pair.i, pair.j].map(|place| rows.get_unchecked(place as usize));
-                let other = _mm_xor_ps(_mm_loadu_ps(b.as_ptr()), negative);
-                let gap = _mm_sub_ps(_mm_loadu_ps(a.as_ptr()), other);
-                _mm_mul_ps(gap, gap)
-            };
-            let [a, b, c, d] = [squares(&four[0]), squares(&four[1]), squares(&four[2]), squares(&four[3])];
-            let (xy, zs) = (_mm_unpacklo_ps(a, b), _mm_unpackhi_ps(a, b));
-            let (other_xy, other_zs) = (_mm_unpacklo_ps(c, d), _mm_unpackhi_ps(c, d));
-            let (x2, y2) = (_mm_movelh_ps(xy, other_xy), _mm_movehl_ps(other_xy, xy));
-            let (z2, s2) = (_mm_movelh_ps(zs, other_zs), _mm_movehl_ps(other_zs, zs));
-            let d2 = _mm_add_ps(_mm_add_ps(x2, y2), z2);
-            let most = _mm_fmadd_ps(s2, _mm_set1_ps(1.0 + BAND), _mm_set1_ps(FLOOR));
-            let least = _mm_fmsub_ps(s2, _mm_set1_ps(1.0 - BAND), _mm_set1_ps(FLOOR));
-            masks[0] |= (_mm_movemask_ps(_mm_cmple_ps(d2, most)) as u32) << (4 * k);
-            masks[1] |= (_mm_movemask_ps(_mm_cmplt_ps(d2, least)) as u32) << (4 * k);
-        }
-    }
-    masks
-}
-
-/// Tests pairs between minimum images, like [`touching`].
-///
-/// # Safety
-/// The processor must have FMA.
-#[inline(always)]
-unsafe fn minimum_image_touching(
-    rows: &[Xyzr],
-    pairs: &[Pair; MAX_LANES],
-    periodic: &PeriodicBox,
-) -> [u32; 2] {
-    let last = pairs.iter().fold(0, |last, pair| last.max(pair.i).max(pair.j));
-    assert!((last as usize) < rows.len(), "every position has a row");
-    let mut masks = [0; 2];
-    for (k, four) in pairs.chunks_exact(4).enumerate() {
-        // SAFETY: FMA, hence SSE, by the caller's promise; no position is above the last, which has a row.
-        unsafe {
-            let negative = _mm_setr_ps(0.0, 0.0, 0.0, -0.0);
-            let [x, y, z] = periodic.lengths;
-            let lengths = _mm_setr_ps(x, y, z, f32::INFINITY);
-            let apart = |pair: &Pair| {
-                let [a, b] = [pair.i, pair.j].map(|at| rows.get_unchecked(at as usize));
-                let other = _mm_xor_ps(_mm_loadu_ps(b.as_ptr()), negative);
-                let apart = _mm_andnot_ps(_mm_set1_ps(-0.0), _mm_sub_ps(_mm_loadu_ps(a.as_ptr()), other));
-                _mm_min_ps(_mm_sub_ps(lengths, apart), apart)
-            };
-            let [a, b, c, d] = [apart(&four[0]), apart(&four[1]), apart(&four[2]), apart(&four[3])];
-            let (xy, zs) = (_mm_unpacklo_ps(a, b), _mm_unpackhi_ps(a, b));
-            let (other_xy, other_zs) = (_mm_unpacklo_ps(c, d), _mm_unpackhi_ps(c, d));
-            let (x, y) = (_mm_movelh_ps(xy, other_xy), _mm_movehl_ps(other_xy, xy));
-            let (z, s) = (_mm_movelh_ps(zs, other_zs), _mm_movehl_ps(other_zs, zs));
-            let d2 = _mm_fmadd_ps(x, x, _mm_fmadd_ps(y, y, _mm_mul_ps(z, z)));
-            let slack = _mm_set1_ps(periodic.slack);
-            let wide = _mm_add_ps(s, slack);
-            let narrow = _mm_max_ps(_mm_sub_ps(s, slack), _mm_setzero_ps());
-            let (wide, narrow) = (_mm_mul_ps(wide, wide), _mm_mul_ps(narrow, narrow));
-            let most = _mm_fmadd_ps(wide, _mm_set1_ps(1.0 + BAND), _mm_set1_ps(FLOOR));
-            let least = _mm_fmsub_ps(narrow, _mm_set1_ps(1.0 - BAND), _mm_set1_ps(FLOOR));
-            masks[0] |= (_mm_movemask_ps(_mm_cmple_ps(d2, most)) as u32) << (4 * k);
-            masks[1] |= (_mm_movemask_ps(_mm_cmplt_ps(d2, least)) as u32) << (4 * k);
-        }
-    }
-    masks
-}
-
-/// The methods for which AVX2 and FMA suffice.
+/// Methods for which AVX2 and FMA suffice.
 macro_rules! methods_of_avx2 {
     () => {
         #[inline(always)]
         fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
             // SAFETY: `self` proves FMA.
-            unsafe { touching(rows, pairs) }
+            unsafe { x86_pairs::touching(rows, pairs) }
         }
 
         #[inline(always)]
@@ -235,7 +157,7 @@ impl SimdWidth for Avx512 {
         let [x, y, z, r] = columns.lanes::<16>(at);
         let NeighborRows { low, high, rows } = neighbors;
         // SAFETY: `self` proves AVX-512F. Each array read is one vector long. `len` starts below `FULL` and grows by at
-        // most sixteen for each of five rows, so every vector is written inside the columns of `jobs`.
+        // most sixteen for each of five rows, so every vector is inside the columns of `jobs`.
         unsafe {
             let [x, y] = [_mm512_loadu_ps(x.as_ptr()), _mm512_loadu_ps(y.as_ptr())];
             let [z, r] = [_mm512_loadu_ps(z.as_ptr()), _mm512_loadu_ps(r.as_ptr())];
@@ -379,7 +301,7 @@ impl PeriodicSimd for Avx512 {
         periodic: &PeriodicBox,
     ) -> [u32; 2] {
         // SAFETY: `self` proves FMA.
-        unsafe { minimum_image_touching(rows, pairs, periodic) }
+        unsafe { x86_pairs::minimum_image_touching(rows, pairs, periodic) }
     }
 
     #[inline(always)]
@@ -419,7 +341,7 @@ impl PeriodicSimd for Avx2 {
         periodic: &PeriodicBox,
     ) -> [u32; 2] {
         // SAFETY: `self` proves FMA.
-        unsafe { minimum_image_touching(rows, pairs, periodic) }
+        unsafe { x86_pairs::minimum_image_touching(rows, pairs, periodic) }
     }
 
     #[inline(always)]

@@ -60,7 +60,7 @@ pub(super) unsafe fn map_to_frame<const PERIODIC: bool>(map: &FrameMap<'_>, row:
     searched
 }
 
-/// The squared distance, with the operations of the scalar code.
+/// Squared distance, with the operations of the scalar code.
 ///
 /// # Safety
 /// The processor must have SSE3.

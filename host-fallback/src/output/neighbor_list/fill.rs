@@ -15,14 +15,14 @@ const PREFETCHED: usize = 16;
 
 pub(super) struct Fill<'a> {
     pub contact: ContactTest<'a>,
-    /// The spheres whose rows are filled, and their neighbors.
+    /// Spheres whose rows are filled, and their neighbors.
     pub first: &'a [[f64; 4]],
     pub second: &'a [[f64; 4]],
     pub images: Option<&'a PeriodicImages>,
     pub options: ListOptions,
     /// Groups and exclusions, if the search has not considered them.
     pub filter: Option<PairFilter<'a>>,
-    /// The found neighbors of each sphere: indices of spheres or images.
+    /// Found neighbors of each sphere: indices of spheres or images.
     pub candidates: Neighbors<'a>,
 }
 
@@ -139,7 +139,8 @@ impl<'s> Piece<'s> {
         }
     }
 
-    /// For minimum images that mostly have shift 0: differences of coordinates below `near` are the vectors to them.
+    /// Fills rows whose minimum images mostly have shift 0: differences of coordinates below `near` are the vectors to
+    /// them.
     fn fill_near(&mut self, fill: &Fill<'_>, i: u32, near: [f64; 3]) {
         let neighbors = fill.candidates.neighbors_of(i as usize);
         let mirrored = match fill.contact.query.second() {
@@ -151,7 +152,7 @@ impl<'s> Piece<'s> {
         self.fill_side::<false>(fill, i, after, near);
     }
 
-    /// For few neighbors. If mirrored, `i` is the second sphere of its pairs.
+    /// Fills rows with few neighbors. If mirrored, `i` is the second sphere of its pairs.
     #[inline(always)]
     fn fill_side<const MIRRORED: bool>(
         &mut self,
@@ -189,15 +190,15 @@ impl<'s> Piece<'s> {
 }
 
 impl Fill<'_> {
-    /// The differences below which a minimum image has shift 0; `None` if rows need more than minimum images of an
-    /// orthogonal space.
+    /// Returns the differences below which a minimum image has shift 0; `None` if rows need more than minimum images of
+    /// an orthogonal space.
     fn near(&self) -> Option<[f64; 3]> {
         let ContactTest { space, .. } = self.contact;
         let is_plain = self.images.is_none() && !self.options.has_self && space.triclinic_cell().is_none();
         is_plain.then(|| space.lengths().map(|length| NEAR * length.unwrap_or(f64::INFINITY)))
     }
 
-    /// Neighbors lie anywhere in memory: without this most of the time is spent waiting for them.
+    /// Prefetches neighbors, whose memory accesses would take most of the time.
     #[inline]
     fn prefetch(&self, requested: &mut usize, row: usize) {
         if self.images.is_some() {

@@ -14,9 +14,9 @@ use lazygrid_kernels::{Error, InputError, Lattice, MAX_SPHERES, Query, Spheres, 
 use super::ContactTest;
 use crate::memory::{try_extend, try_push, try_resize};
 
-/// The relative growth of cutoffs, for rounding in proportion to them.
+/// Relative growth of cutoffs, for rounding in proportion to them.
 const GROWTH: f64 = 1.0 + 1.0 / (1_u64 << 40) as f64;
-/// The fraction of the distance between images below which two cutoffs prove that minimum images suffice.
+/// Two cutoffs below this fraction of the distance between images prove that minimum images suffice.
 const SPARE: f64 = 1.0 - 1.0 / (1 << 20) as f64;
 
 /// Folded spheres and their images.
@@ -199,7 +199,7 @@ impl Spread {
         lattice.rounding(2.0 * self.extent + reach, counts)
     }
 
-    /// The first and last step along each basis vector to images within `reach` of the first set.
+    /// Returns the first and last step along each basis vector to images within `reach` of the first set.
     fn steps(&self, lattice: &Lattice, folded: &WrappedPoint, reach: f64) -> [[f64; 2]; 3] {
         let heights = lattice.heights();
         [0, 1, 2].map(|axis| {

@@ -36,33 +36,33 @@ pub struct NeighborList<'a> {
 }
 
 impl<'a> NeighborList<'a> {
-    /// The start of each sphere's neighbors; the last is the number of entries.
+    /// Start of each sphere's neighbors; the last is the number of entries.
     pub fn offsets(&self) -> &'a [u64] {
         self.offsets
     }
 
-    /// The sphere and its neighbor per entry. In a full list `i` may exceed `j`, and equals it for an image of the
-    /// sphere itself.
+    /// Sphere and its neighbor per entry. In a full list `i` may exceed `j`, and equals it for an image of the sphere
+    /// itself.
     pub fn pairs(&self) -> &'a [Pair] {
         self.pairs
     }
 
-    /// The numbers of cell vectors to the image of the neighbor, per entry.
+    /// Numbers of cell vectors to the image of the neighbor, per entry.
     pub fn shifts(&self) -> &'a [[i32; 3]] {
         self.shifts
     }
 
-    /// The vector from sphere `i` to the image of its neighbor per entry, `(cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)`.
+    /// Vector from sphere `i` to the image of its neighbor per entry, `(cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)`.
     pub fn vectors(&self) -> &'a [[f64; 3]] {
         self.vectors
     }
 
-    /// The length of the vector, per entry.
+    /// Length of the vector, per entry.
     pub fn distances(&self) -> &'a [f64] {
         self.distances
     }
 
-    /// The number of entries.
+    /// Number of entries.
     pub fn len(&self) -> usize {
         self.pairs.len()
     }
@@ -76,11 +76,11 @@ impl<'a> NeighborList<'a> {
 /// The contact test of a query.
 #[derive(Clone, Copy, Debug)]
 pub struct ContactTest<'a> {
-    /// The spheres and exclusions.
+    /// Spheres and exclusions.
     pub query: &'a Query<'a>,
-    /// The space of the spheres.
+    /// Space of the spheres.
     pub space: &'a Space,
-    /// The species that pair, and their distances.
+    /// Species that pair, and their distances.
     pub table: Option<&'a Interactions>,
 }
 

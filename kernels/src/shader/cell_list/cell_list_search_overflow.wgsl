@@ -1,5 +1,5 @@
-// Tests later chunks of candidates of deferred blocks, so that a single overfull cell keeps the whole device busy, and
-// no invocation exceeds the loop iterations that devices allow.
+// Tests later chunks of candidates of deferred blocks, so that an overfull cell keeps the whole device busy within the
+// loop iterations that devices allow.
 #include cell_list_search read
 
 var<workgroup> deferred_range: vec2<u32>;

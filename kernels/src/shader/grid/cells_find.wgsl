@@ -1,5 +1,5 @@
-// Cells are found in this kernel alone because rounding may differ between kernels. Also records the depths that occur
-// and, if only overfull cells are split, counts the smaller spheres per cell of the first level.
+// Only this kernel finds cells, because rounding may differ between kernels. Also records the depths that occur and, if
+// only overfull cells are split, counts the smaller spheres per cell of the first level.
 #include layout
 #include thread
 #include sphere

@@ -14,8 +14,8 @@ const SAMPLES: u32 = 256u;
 // Factor on the cell size of grids with levels: sizes that are each half of the next keep their depths when boxes are
 // widened.
 const SLACK: f32 = 0x1.04p0;
-// Cells on either side of the origin; coordinates beyond share the outermost cell. Within them, a box is widened by at
-// most an eighth of a cell, so no sphere overlaps more than two cells per axis.
+// Cells on either side of the origin; coordinates beyond share the outermost cell. Within them, a box widens by at most
+// an eighth of a cell, so no sphere overlaps more than two cells per axis.
 const HALF_GRID: f32 = 0x1p17;
 // Cells in a ring at depth 0. The upper limit keeps rounding at the periodic boundary below a fraction of a cell. Rings
 // at the lower limit, and axes with a length out of range, have one cell.
@@ -56,8 +56,8 @@ fn from_first(sample: vec3<f32>) -> vec3<f32> {
 }
 
 // Cells around an axis, each at least `edge` wide; 0 for an unbounded axis. A multiple of four, so that neither the key
-// hash nor the periodic boundary merges neighbors, or else a power of two small enough that the axis has one cell until
-// a depth at which four fit.
+// hash nor the periodic boundary merges neighbors, or a power of two so small that the axis has one cell until a depth
+// at which four fit.
 fn ring_cells_of(length: f32, edge: f32) -> f32 {
     if (is_open(length)) {
         return 0.0;

@@ -1,6 +1,6 @@
 // Pairs of entries more than NEAR positions apart in one run. Each workgroup tests a deferred block of 256 entries with
-// some of the tiles after it, so that a single overfull cell keeps the whole device busy, and no invocation exceeds the
-// loop iterations that devices allow.
+// some of the tiles after it, so that an overfull cell keeps the whole device busy within the loop iterations that
+// devices allow.
 #include runs_search read
 #include reserve_by_subgroup
 #include entry

@@ -11,7 +11,7 @@ const CLASSES: u32 = 256u;
 // For size classes with so few spheres that these are listed instead of put into cells.
 const LISTED: u32 = 255u;
 
-// See layout.rs. All zeros mean no sphere: lower bounds are stored as complements.
+// See layout.rs.
 struct InputStats {
     low: array<atomic<u32>, 3>,
     high: array<atomic<u32>, 3>,
@@ -22,16 +22,12 @@ struct InputStats {
 }
 
 struct CellListLevel {
-    // Cells around each axis: 1, or 3 and more. 0 if the level has no spheres.
     cells: vec3<u32>,
     base: u32,
     low: vec3<u32>,
     units_per_length: f32,
-    // Per periodic axis; 0 if it has a single cell.
     cells_per_length: vec3<f32>,
-    // Bits of the coordinate at or above which neighboring floats are more than a cell apart; infinity if none is.
     far: u32,
-    // At most half a cell.
     max_radius: f32,
     // Levels in which spheres search all cells that their boxes overlap, one bit each: coarser ones of the compared
     // sides, and the same level of another side if that has more spheres.
@@ -42,13 +38,10 @@ struct CellListLevel {
 struct CellListLayout {
     spheres: u32,
     cells: u32,
-    // At every level: 64 to 127.
     units_per_cell: u32,
     levels: u32,
-    // 1 if smaller spheres leave the cells of level 0 with more than `tau` spheres.
     has_overfull_cells: u32,
     ordinary: u32,
-    // Four per word.
     class_levels: array<u32, 64>,
     level: array<CellListLevel, LEVELS>,
 }

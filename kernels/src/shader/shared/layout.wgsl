@@ -52,7 +52,6 @@ struct Bounds {
 }
 
 struct LevelKeys {
-    // Coordinates are reduced modulo 2^bits.
     bits: vec3<u32>,
     base: u32,
 }
@@ -62,27 +61,21 @@ struct LevelKeys {
 struct Grid {
     origin: vec3<f32>,
     spheres: u32,
-    // 0 puts everything into one cell.
     inverse_edge: vec3<f32>,
     ordinary: u32,
     low: vec3<i32>,
-    // 0 if all spheres have depth 0, or no cell is overfull.
     split_policy: u32,
     high: vec3<i32>,
     level_mask: u32,
-    // At depth 0: a multiple of 4, or a power of two below it; 0 for an unbounded axis.
     ring_cells: vec3<f32>,
     depth_mask: u32,
-    // 1, or 0 with a single level.
     passive: u32,
     levels: array<LevelKeys, 32>,
 }
 
-// Dispatch arguments are read from here.
 struct Outcome {
     found_lo: atomic<u32>,
     found_hi: atomic<u32>,
-    // Bit 0: more pairs than the buffer holds; bit 1: more entries; bit 2: more spheres than prepared for.
     overflow: atomic<u32>,
     quarantined: atomic<u32>,
     dispatch_x: atomic<u32>,

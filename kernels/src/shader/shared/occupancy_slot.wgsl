@@ -1,4 +1,3 @@
-// Cells that share a counter look fuller than they are, to every reader.
 fn occupancy_slot(cell: u32) -> u32 {
     return cell & (params.occupancy_slots - 1u);
 }

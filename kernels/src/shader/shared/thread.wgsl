@@ -1,6 +1,6 @@
-// Per-thread indices. Workgroup-uniform values are passed separately: Tint treats all members of a structure with a
-// varying member as varying, and rejects barriers after a branch on one. Entry points take the builtins as parameters,
-// because naga 30 writes subgroup builtins in a structure to HLSL without semantics.
+// Per-thread indices. Workgroup-uniform values are passed separately, because Tint treats all members of a structure
+// with a varying member as varying. Entry points take the builtins as parameters, because naga 30 writes subgroup
+// builtins in a structure to HLSL without semantics.
 struct Thread {
     local_index: u32,
 #ifdef SUBGROUPS

@@ -30,15 +30,10 @@ pub fn write(run: &Run) -> Result<(), Error> {
     }
     let series = Series::read(&run.directory.join("series.csv"))?;
     let path = run.directory.join("animation.html");
-    write_atomically(&path, |out| page(out, (&run.scenario.model, &run.title()), &frames, &series))
+    write_atomically(&path, |out| page(out, &run.scenario.model, &run.title(), &frames, &series))
 }
 
-fn page(
-    out: &mut impl Write,
-    (model, title): (&Model, &str),
-    frames: &Path,
-    series: &Series,
-) -> io::Result<()> {
+fn page(out: &mut impl Write, model: &Model, title: &str, frames: &Path, series: &Series) -> io::Result<()> {
     let open = || File::open(frames).map(BufReader::new).map(Frames::new);
     let mut scene = Scene::new(model, title, series);
     let mut shift = 0;

@@ -22,7 +22,7 @@ fn metadata_matches_every_shader() {
         let (module, info) = parse(kernel.name, &kernel.wgsl());
         assert_eq!(module.entry_points.len(), 1, "{}", kernel.name);
         assert_eq!(module.entry_points[0].name, kernel.name);
-        assert!(!spirv(kernel.name, (&module, &info)).is_empty());
+        assert!(!spirv(kernel.name, &module, &info).is_empty());
         let said: Vec<_> =
             (0..).zip(kernel.bindings).map(|(k, &(name, access))| (k, name.to_owned(), access)).collect();
         assert_eq!(bindings(kernel.name, &module), said, "{}", kernel.name);

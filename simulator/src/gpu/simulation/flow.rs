@@ -4,7 +4,6 @@ use super::GpuSimulation;
 use crate::Error;
 
 impl GpuSimulation {
-    /// Returns the number of next steps with the same flow, `most` at most.
     pub(super) fn steps_of_flow(&self, most: u32) -> u32 {
         let part = |later: u32| self.model.flow_part_of_step(self.step + later);
         (1..most).find(|&later| part(later) != part(0)).unwrap_or(most)

@@ -157,7 +157,7 @@ impl GpuSimulation {
         })
     }
 
-    /// Changes sizes. Only particles stay on the device.
+    /// Only particles stay on the device.
     pub(super) fn rebuild(&mut self, sizes: Sizes) -> Result<(), Error> {
         let found = self.detectors.reserve(sizes)?;
         let steps = StepDispatches::new(&mut self.buffers, sizes, self.options.rounds, found)?;

@@ -1,5 +1,3 @@
-//! Totals from the counts of the device.
-
 use super::{GpuSimulation, Tables};
 use crate::model::receiver::ReceiverKind;
 

@@ -1,5 +1,3 @@
-//! Upload and download of particles.
-
 use super::GpuSimulation;
 use crate::gpu::device::{read, with_error_scope};
 use crate::gpu::layout::ControlHeader;

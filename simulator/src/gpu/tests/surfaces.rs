@@ -1,5 +1,3 @@
-//! Surfaces against the CPU.
-
 use std::collections::HashMap;
 
 use super::*;

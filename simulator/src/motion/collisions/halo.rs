@@ -13,7 +13,6 @@ pub(crate) trait Halo {
     /// Error of the run, equal on all ranks.
     type Error;
 
-    /// Returns `result` if no rank failed.
     fn agree<T>(&self, result: Result<T, Error>) -> Result<T, Self::Error>;
 
     /// Returns the values of all ranks. A value consists of 64-bit words.

@@ -1,23 +1,22 @@
 //! Collisions of particles on their paths within a step.
 //!
-//! Every particle moves along a line until it collides with a wall or another particle. The time of impact of
-//! candidate pairs decides each particle's next collision, so a step of any length leaves no new overlap. The contact
-//! of the model sets the result:
+//! Every particle moves along a line until it collides with a wall or another particle, so a step of any length leaves
+//! no new overlap. The contact of the model sets the result:
 //!
 //! - *Elastic*: the particles exchange momentum by their masses.
-//! - *Separate*: a diffusion step is a displacement with a variance proportional to D, as if the particle had the
-//!   mass 1/D and a thermal velocity drawn per step. Such collisions keep the uniform distribution over states
-//!   without overlap, because the motion conserves volumes and energy (A. Scala, T. Voigtmann and C. De Michele,
-//!   *Event-driven Brownian dynamics for hard spheres*, Journal of Chemical Physics 126 (2007) 134109).
+//! - *Separate*: a diffusion step is a displacement with a variance proportional to D, as if the particle had the mass
+//!   1/D and a thermal velocity drawn per step. Such collisions keep the uniform distribution over states without
+//!   overlap, because the motion conserves volumes and energy (A. Scala, T. Voigtmann and C. De Michele, *Event-driven
+//!   Brownian dynamics for hard spheres*, Journal of Chemical Physics 126 (2007) 134109).
 //!
-//! *Not detected* are collisions of species that react with each other, which must overlap to react, and of pairs
-//! that overlap at the beginning. Elastic ones of these bounce then if they approach.
+//! *Not detected* are collisions of species that react with each other, which must overlap to react, and of pairs that
+//! overlap at the beginning. Elastic ones of these bounce then if they approach.
 //!
 //! # Correctness
 //!
 //! 1. A step consists of windows. A window's candidate list holds every pair whose surfaces are within twice an
-//!    allowance. No particle exceeds a top speed, and the window ends when that speed has traveled the allowance. So
-//!    no other pair collides in it.
+//!    allowance. No particle exceeds a top speed, and the window ends when that speed has traveled the allowance. So no
+//!    other pair collides in it.
 //! 2. If a collision exceeds the top speed, the window begins again with a higher one.
 //! 3. The events of a window happen in the order of times, then of ids (`rounds.rs`). A prediction uses only the two
 //!    particles, and candidates are tried in the order of ids. So the result is independent of the order of particles

@@ -13,8 +13,8 @@ use super::mover::Mover;
 use super::rounds::Adjacency;
 use super::rules::Rules;
 
-/// Lets overlapping pairs among `candidates` bounce if they approach. The first `own` movers are this rank's. Returns
-/// the number of bounces on all ranks.
+/// Lets overlapping pairs bounce if they approach. The first `own` movers are this rank's. Returns the bounces on all
+/// ranks.
 pub(super) fn bounce_overlaps<H: Halo>(
     rules: &Rules,
     movers: &mut [Mover],

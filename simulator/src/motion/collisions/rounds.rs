@@ -87,8 +87,8 @@ enum News {
 }
 
 impl Window<'_> {
-    /// Lets all events of the window happen, those of this rank's movers here. Ghosts must include all movers up to
-    /// [`HOPS`](super::halo::HOPS) candidates away.
+    /// Lets all events of the window happen. Ghosts must include all movers up to [`HOPS`](super::halo::HOPS)
+    /// candidates away.
     pub(crate) fn run<H: Halo>(&self, movers: &mut [Mover], halo: &mut H) -> Result<WindowEnd, H::Error> {
         let mut agenda = self.begin(movers);
         let (mut last, mut collisions) = (Progress::zeroed(), 0);
@@ -112,7 +112,6 @@ impl Window<'_> {
         }
     }
 
-    /// Lets safe events of this rank's movers happen.
     fn round(
         &self,
         movers: &mut [Mover],
@@ -165,7 +164,6 @@ impl Window<'_> {
         events.chain(self.rules.predict_wall(movers, at)).fold(Event::NEVER, Event::earlier)
     }
 
-    /// Predicts events again after particles `changed`.
     fn update(&self, movers: &[Mover], agenda: &mut Agenda, changed: &[u32]) {
         changed.iter().for_each(|&at| agenda.news[at as usize] = News::Own);
         let stale = agenda.lose_partners(changed.iter().flat_map(|&at| self.neighbors.of(at)));
@@ -261,7 +259,7 @@ impl Progress {
 }
 
 impl Agenda {
-    /// Returns the time of the next event of the first `own` particles; infinite if none is within the window.
+    /// Returns the next event's time of the first `own` particles; infinite beyond the window.
     fn earliest(&self, own: usize) -> f64 {
         let active = self.active.iter().filter(|&&at| (at as usize) < own);
         active.map(|&at| self.next[at as usize].time).fold(f64::INFINITY, f64::min)
@@ -308,7 +306,7 @@ impl Adjacency {
         }
     }
 
-    /// Sorts the candidates of each particle by id, so that the first that delays an event is the same in any order.
+    /// Sorts each particle's candidates by id, so that the first that delays an event is the same in any order.
     pub(crate) fn sort_by_id(&mut self, movers: &[Mover]) {
         // Movers are large: reading them in this order would miss caches.
         let ids: Vec<u32> = movers.iter().map(|mover| mover.id).collect();

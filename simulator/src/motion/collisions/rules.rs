@@ -73,7 +73,7 @@ impl Rules {
         })
     }
 
-    /// Returns `true` if collisions of two particles are not detected: they react, or overlap already.
+    /// Returns `true` if two particles react or overlap, so that their collisions are not detected.
     pub(crate) fn passes(&self, [a, b]: [&Mover; 2]) -> bool {
         let reacts = self.reacts[a.species as usize * self.mobility.len() + b.species as usize];
         // The lower id: the order of particles has no effect.

@@ -64,7 +64,6 @@ pub(crate) fn movers(case: u32, edge: u32, speed: f64) -> Vec<Mover> {
     (0..edge.pow(3)).map(mover).collect()
 }
 
-/// Returns the movers after a window, and its end.
 fn run(movers: &[Mover], rules: &Rules, slack: f64) -> (Vec<Mover>, WindowEnd) {
     let mut movers = movers.to_vec();
     let pairs = detected(rules, &movers);

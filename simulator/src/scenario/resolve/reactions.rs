@@ -201,7 +201,7 @@ impl Network<'_> {
     }
 }
 
-/// Returns the product in the place of each reactant: of its own species, else the first free one.
+/// Returns each reactant's product: of its own species, else the first free one.
 fn places(reactants: [u32; 2], products: &[u32]) -> Option<[Option<u32>; 2]> {
     let mut placed = [None; 2];
     let mut others = Vec::new();

@@ -10,7 +10,6 @@ use crate::model::vessel::Vessel;
 use crate::scenario::Problem;
 use crate::scenario::file::{self, AxisName, BoundaryKind, Finite};
 
-/// Returns the boundary of a run with this number of dimensions.
 pub(super) fn boundary(boundary: Option<&file::Boundary>, dimensions: usize) -> Result<Boundary, Problem> {
     let mut found = match boundary.map(|boundary| (boundary, *boundary.kind.get_ref())) {
         None => Boundary::default(),
@@ -161,7 +160,6 @@ pub(super) fn flow(
     }))
 }
 
-/// Returns the begin and the end of a flow, if it has any.
 pub(super) fn flow_pulse(flow: &file::Flow) -> Result<Option<[f64; 2]>, Problem> {
     let Some(given) = flow.until.as_ref().or(flow.from.as_ref()) else { return Ok(None) };
     let time = |key: &Option<Spanned<file::NotNegative>>| key.as_ref().map(|time| time.get_ref().0);

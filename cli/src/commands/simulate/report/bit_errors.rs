@@ -64,12 +64,11 @@ pub(super) fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, 
         ("bit-errors-by-delay", "Fewest bit errors by delay", "delay of the slots, s", &by_delay),
     ] {
         let axes = [(x, Scale::Linear), ("part of the bits", Scale::Logarithmic)];
-        section.plots.extend(plot_scaled((file, title), axes, lines)?);
+        section.plots.extend(plot_scaled(file, title, axes, lines)?);
     }
     Ok(section)
 }
 
-/// A rate and its 95 % interval.
 fn rate_point(x: f64, errors: &BitErrors, wrong: u64) -> PlotPoint {
     let [low, high] = errors.interval(wrong);
     PlotPoint::new(x, wrong as f64 / errors.bits as f64, (low, high))
@@ -81,7 +80,7 @@ fn rate(errors: &BitErrors, wrong: u64) -> String {
     format!("{:.4} ({low:.4} to {high:.4})", wrong as f64 / errors.bits as f64)
 }
 
-/// The first delay, and the one with the fewest errors.
+/// First delay, and the one with the fewest errors.
 fn shown(of: &[BitErrors]) -> impl Iterator<Item = &BitErrors> {
     let found = of.iter().min_by(|a, b| a.least().total_cmp(&b.least()));
     of.iter().take(1).chain(found.filter(|errors| errors.delay != of[0].delay))

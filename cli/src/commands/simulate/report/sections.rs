@@ -62,7 +62,7 @@ fn by_symbol(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
                 lines.push(Series { name, points, dashed: false, color: lines.len() });
             }
         }
-        section.plots.extend(plot((file, "Counts by symbol"), ("time since the symbol, s", axis), &lines)?);
+        section.plots.extend(plot(file, "Counts by symbol", ("time since the symbol, s", axis), &lines)?);
     }
     Ok(section)
 }
@@ -86,7 +86,6 @@ fn head(done: &Done<'_>) -> Section {
     Section { title: "The run".into(), text, tables: vec![table], ..Section::default() }
 }
 
-/// Plots each group, and tabulates the last values.
 fn series(done: &Done<'_>) -> Result<Section, Box<dyn Error>> {
     let (model, mean) = (&done.run.scenario.model, done.mean);
     let mut section = Section { title: "Series".into(), ..Section::default() };
@@ -106,7 +105,7 @@ fn series(done: &Done<'_>) -> Result<Section, Box<dyn Error>> {
         };
         let happens = |column: &usize| (0..mean.steps.len()).any(|row| mean.row(row)[*column].mean() > 0.0);
         let all: Vec<Series> = columns.into_iter().filter(happens).enumerate().map(line).collect();
-        section.plots.extend(plot((name, name), ("time, s", axis), &all)?);
+        section.plots.extend(plot(name, name, ("time, s", axis), &all)?);
     }
     if let Some(last) = mean.steps.len().checked_sub(1) {
         let row = |(name, sample): (&String, &IntegerStats)| {
@@ -153,12 +152,13 @@ fn responses(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
             rows.push(cells.map(Cell::plain).to_vec());
         }
     }
-    let of = ("impulse-response", "Impulse response");
-    section.plots.extend(plot(of, ("time since release, s", "arrivals per particle and s"), &densities)?);
-    let of = ("impulse-response-inside", "Impulse response: part inside");
-    section.plots.extend(plot(of, ("time since release, s", "part of the particles"), &momentary)?);
-    let of = ("arrived", "Part that has arrived");
-    section.plots.extend(plot(of, ("time since release, s", "part of the particles"), &sums)?);
+    let time = "time since release, s";
+    let density_axes = (time, "arrivals per particle and s");
+    section.plots.extend(plot("impulse-response", "Impulse response", density_axes, &densities)?);
+    let axes = (time, "part of the particles");
+    let title = "Impulse response: part inside";
+    section.plots.extend(plot("impulse-response-inside", title, axes, &momentary)?);
+    section.plots.extend(plot("arrived", "Part that has arrived", axes, &sums)?);
     section.tables.push(Table {
         caption: "part that has arrived".into(),
         header: vec!["way".into(), "within".into(), "part".into()],
@@ -186,8 +186,12 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
         cells.push(Cell::plain(written(own.late.mean(), own.late.standard_error())));
         rows.push(cells);
     }
-    let of = ("interference", "Inter-symbol interference");
-    section.plots.extend(plot(of, ("slots after the release", "part of the particles"), &all)?);
+    section.plots.extend(plot(
+        "interference",
+        "Inter-symbol interference",
+        ("slots after the release", "part of the particles"),
+        &all,
+    )?);
     let lags = channels.interference.first().map_or(0, |own| own.by_lag.len());
     let header = ["way".to_owned()].into_iter().chain((0..lags).map(|lag| lag.to_string()));
     section.tables.push(Table {
@@ -200,15 +204,17 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
 
 /// A plot of these lines, if they have points.
 pub(super) fn plot(
-    (name, title): (&str, &str),
+    name: &str,
+    title: &str,
     (x, y): (&str, &str),
     series: &[Series],
 ) -> Result<Option<Plot>, Box<dyn Error>> {
-    plot_scaled((name, title), [(x, Scale::Linear), (y, Scale::Linear)], series)
+    plot_scaled(name, title, [(x, Scale::Linear), (y, Scale::Linear)], series)
 }
 
 pub(super) fn plot_scaled(
-    (name, title): (&str, &str),
+    name: &str,
+    title: &str,
     [x, y]: [(&str, Scale); 2],
     series: &[Series],
 ) -> Result<Option<Plot>, Box<dyn Error>> {
@@ -221,7 +227,6 @@ pub(super) fn mark(x: f64, mean: f64, error: Option<f64>) -> PlotPoint {
     PlotPoint::new(x, mean, (mean - error, mean + error))
 }
 
-/// A mean with its standard error, if any.
 fn written(mean: f64, error: Option<f64>) -> String {
     match error.filter(|error| *error > 0.0) {
         _ if mean.is_nan() => "–".to_owned(),

@@ -1,5 +1,3 @@
-//! The report of a sweep.
-
 use std::error::Error;
 
 use lazygrid_report::plot::{PlotPoint, Series};
@@ -97,7 +95,7 @@ fn curves(sweep: &SweepRuns, rows: &[SweepRow]) -> Result<Option<Section>, Box<d
             section.notes.push(Note { text, is_error: false });
             continue;
         }
-        section.plots.extend(plot_scaled((&file, group), [(x, Scale::Linear), (group, y)], &lines)?);
+        section.plots.extend(plot_scaled(&file, group, [(x, Scale::Linear), (group, y)], &lines)?);
     }
     Ok(Some(section))
 }
@@ -126,7 +124,7 @@ fn response_section(
         return Ok(None);
     }
     let axes = ("time since release, s", "arrivals per particle and s");
-    let plots = plot(("impulse-responses", "Impulse responses of all points"), axes, &lines)?;
+    let plots = plot("impulse-responses", "Impulse responses of all points", axes, &lines)?;
     let section = Section { title: "Impulse responses".into(), ..Section::default() };
     Ok(Some(Section { plots: plots.into_iter().collect(), ..section }))
 }

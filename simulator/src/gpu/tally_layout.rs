@@ -1,0 +1,26 @@
+/// Indices of tallies: arrivals by receiver and species, decays, reactions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Tallies {
+    pub(super) species: usize,
+    pub(super) receivers: usize,
+    pub(super) decays: usize,
+    pub(super) reactions: usize,
+}
+
+impl Tallies {
+    pub(super) fn arrival(&self, receiver: usize, species: usize) -> usize {
+        receiver * self.species + species
+    }
+
+    pub(super) fn decay(&self, decay: usize) -> usize {
+        self.receivers * self.species + decay
+    }
+
+    pub(super) fn reaction(&self, reaction: usize) -> usize {
+        self.decay(self.decays) + reaction
+    }
+
+    pub(super) fn len(&self) -> usize {
+        self.reaction(self.reactions)
+    }
+}
