@@ -10,8 +10,7 @@
 //! ```
 //!
 //! with the free path X. Between its ends X is a Brownian bridge, whose minimum has a closed form (`bridge.rs`), so
-//! that L,
-//! |x| and the side are exact for steps of any length that reach one membrane and no wall.
+//! that L, |x| and the side are exact for steps of any length that reach one membrane and no wall.
 
 mod check;
 mod sphere;

@@ -11,6 +11,7 @@ use std::f64::consts::TAU;
 use rayon::prelude::*;
 
 use crate::model::Model;
+use crate::model::vessel::dot;
 use crate::motion::binding::Bound;
 use crate::random::philox::{Key, Purpose, fine_unit};
 
@@ -88,7 +89,7 @@ fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 fn unit(v: [f64; 3]) -> [f64; 3] {
-    let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let length = dot(v, v).sqrt();
     v.map(|x| x / length)
 }
 
