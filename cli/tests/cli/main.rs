@@ -1,6 +1,18 @@
 //! The command from outside: outputs and exit codes.
 
+mod animation;
+mod check;
+mod exclusions;
 mod gpu;
+#[cfg(target_os = "linux")]
+mod memory_limits;
+mod outputs;
+mod page;
+mod periodic;
+#[cfg(target_os = "linux")]
+mod refusals;
+mod simulate;
+mod streams;
 
 use std::ffi::OsStr;
 use std::fs;

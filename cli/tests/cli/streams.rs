@@ -7,9 +7,9 @@ use std::io::Write;
 use std::process::{Command, Stdio};
 
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::command::{Program, Run, Scratch, data, has_gpu, npy, table};
+use lazygrid_tests::command::{Run, Scratch, data, has_gpu, npy, table};
 
-const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+use crate::LAZYGRID;
 
 const SPHERES: &str = "x,y,z,r\n0,0,0,1\n1,0,0,1\n";
 const FRAME: &str = "2\nProperties=pos:R:3:radius:R:1\n0 0 0 1\n1 0 0 1\n";

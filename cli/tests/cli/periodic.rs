@@ -3,10 +3,10 @@
 use lazygrid::Sphere;
 use lazygrid_io::read::Frames;
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::command::{Program, Run, Scratch, data, table};
+use lazygrid_tests::command::{Run, Scratch, data, table};
 use serde_json::json;
 
-const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+use crate::LAZYGRID;
 
 fn detect<const N: usize>(file: &str, args: [&str; N]) -> Run {
     LAZYGRID.run(["detect", file, "--backend", "cpu"].into_iter().chain(args))

@@ -23,7 +23,7 @@ fn shipped_wall_absorbs_by_the_closed_form() {
 #[test]
 fn faulty_walls_are_refused_by_line() {
     let scratch = Scratch::new();
-    let text = include_str!("../../../simulator/scenarios/wall.toml");
+    let text = include_str!("../../../../simulator/scenarios/wall.toml");
     let cases = [
         ("face = \"low-x\"", "face = \"side\"", "is a wall that the boundary does not have"),
         ("face = \"low-x\"", "", "a wall needs a face"),

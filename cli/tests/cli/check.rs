@@ -2,10 +2,9 @@
 
 use lazygrid::Algorithm;
 use lazygrid::gpu::adapters;
-use lazygrid_tests::command::Program;
 use serde_json::Value;
 
-const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+use crate::LAZYGRID;
 
 fn checked(args: &[&str]) -> Value {
     let object = LAZYGRID.run([&["check", "--json"], args].concat()).succeeds().json();

@@ -1,14 +1,13 @@
 //! Under a memory limit a command ends with an error or succeeds, never by a signal. `LAZYGRID_TEST_FULL=1` sweeps
 //! more limits.
-#![cfg(target_os = "linux")]
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::os::unix::process::ExitStatusExt;
 use std::process::Command;
 
-use lazygrid_tests::command::{Program, Scratch};
+use lazygrid_tests::command::Scratch;
 
-const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+use crate::LAZYGRID;
 
 const BURST: &str = "steps = 3
 time-step = 1e-3

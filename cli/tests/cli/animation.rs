@@ -5,10 +5,10 @@ use std::fs;
 use std::process::{Command, Stdio};
 
 use lazygrid_tests::browser::{browser, decoded};
-use lazygrid_tests::command::{Program, Scratch};
+use lazygrid_tests::command::Scratch;
 use serde_json::Value;
 
-const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+use crate::LAZYGRID;
 
 const SCENARIO: &str = r#"
 time-step = 0.001

@@ -15,7 +15,7 @@ import { dirname, join } from "node:path";
 import { fileURLToPath } from "node:url";
 
 const here = dirname(fileURLToPath(import.meta.url));
-const { create, globals } = createRequire(join(here, "../../../kernels/tint/package.json"))("webgpu");
+const { create, globals } = createRequire(join(here, "../../../../kernels/tint/package.json"))("webgpu");
 Object.assign(globalThis, globals);
 // Dawn asks for work at every turn of the event loop, which keeps a processor busy.
 globalThis.setImmediate = (work, ...args) => setTimeout(work, 1, ...args);
@@ -26,7 +26,7 @@ const gpu = create(["backend=vulkan"]);
 const load = (text, names) => new Function(`${text}\nreturn { ${names} };`)();
 
 async function replay(manifest) {
-  const script = readFileSync(join(here, "../../src/commands/page/player.js"), "utf8");
+  const script = readFileSync(join(here, "../../../src/commands/page/player.js"), "utf8");
   const { Player, PlannedCall } = load(script, "Player, PlannedCall");
   const player = await Player.open(gpu), results = [];
   for (const { plan: path, spheres, count } of JSON.parse(readFileSync(manifest, "utf8"))) {

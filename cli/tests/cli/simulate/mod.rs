@@ -8,11 +8,11 @@ mod report;
 mod sweep;
 mod walls;
 
-use lazygrid_tests::command::{Program, Run, Scratch, has_gpu};
+use lazygrid_tests::command::{Run, Scratch, has_gpu};
 use std::ffi::OsStr;
 use std::fs;
 
-const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+use crate::LAZYGRID;
 
 fn lazygrid(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
     LAZYGRID.run(args)

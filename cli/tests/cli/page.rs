@@ -11,10 +11,11 @@ use lazygrid_check::detectors::compare;
 use lazygrid_check::{TestInput, Tolerance, difference};
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::browser::{browser, decoded, skipped};
-use lazygrid_tests::command::{Program, Scratch};
+use lazygrid_tests::command::Scratch;
 use serde_json::{Value, json};
 
-const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+use crate::LAZYGRID;
+
 /// Driver of Debian's Chromium.
 const SWIFTSHADER: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
 
@@ -25,7 +26,7 @@ static PAGE: LazyLock<PathBuf> = LazyLock::new(|| {
 });
 
 fn tool(name: &str) -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/page").join(name)
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cli/page").join(name)
 }
 
 /// Returns `true` if Node with Dawn and SwiftShader are installed; else prints a skip.

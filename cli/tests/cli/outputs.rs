@@ -3,9 +3,9 @@
 
 use std::fs;
 
-use lazygrid_tests::command::{Program, Run, Scratch, table};
+use lazygrid_tests::command::{Run, Scratch, table};
 
-const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+use crate::LAZYGRID;
 
 const SPHERES: &str = "x,y,z,r\n0,0,0,1\n1,0,0,1\n";
 const FRAME: &str = "2\nProperties=pos:R:3:radius:R:1\n0 0 0 1\n1 0 0 1\n";

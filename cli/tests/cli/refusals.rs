@@ -1,13 +1,12 @@
 //! Refused inputs and environments; foreign files stay.
-#![cfg(target_os = "linux")]
 
 use std::fs;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use lazygrid_tests::command::{Program, Scratch};
+use lazygrid_tests::command::Scratch;
 
-const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+use crate::LAZYGRID;
 
 const SPHERES: &str = "x,y,z,r\n0,0,0,1\n1,0,0,1\n";
 

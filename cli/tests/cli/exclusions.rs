@@ -1,8 +1,8 @@
 //! `lazygrid detect` with excluded pairs.
 
-use lazygrid_tests::command::{Program, Run, Scratch, data, table};
+use lazygrid_tests::command::{Run, Scratch, data, table};
 
-const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
+use crate::LAZYGRID;
 
 fn detect<const N: usize>(file: &str, args: [&str; N]) -> Run {
     LAZYGRID.run(["detect", file, "--backend", "cpu"].into_iter().chain(args))

@@ -128,19 +128,19 @@ fn interrupted_replicas_leave_the_finished_ones() {
     let scratch = Scratch::new();
     let scenario = scratch.write("s.toml", SCENARIO);
     let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
-    let args = |out| ["simulate", &scenario, "--output", out, "--replicas", "80"];
+    let args = |out| ["simulate", &scenario, "--output", out, "--replicas", "32"];
     let ended =
         super::interruptions::begun(&args(&out), &(out.clone() + "/replica-0004/checkpoint")).end("-INT");
     let message = String::from_utf8(ended.stderr).unwrap();
     assert_eq!(ended.status.code(), Some(130), "{message}");
     assert!(
-        message.contains("of 80 replicas done; go on with: ") && message.contains("--replicas 80 --resume"),
+        message.contains("of 32 replicas done; go on with: ") && message.contains("--replicas 32 --resume"),
         "{message}"
     );
     let done: u64 = message.split_whitespace().nth(3).unwrap().parse().unwrap();
-    assert!((1..80).contains(&done), "{message}");
+    assert!((1..32).contains(&done), "{message}");
     assert!(rows(&(out.clone() + "/mean.csv")).iter().all(|row| row["replicas"] == done.to_string()));
-    assert!(!fs::exists(out.clone() + "/replica-0079").unwrap());
+    assert!(!fs::exists(out.clone() + "/replica-0031").unwrap());
     lazygrid(args(&out).into_iter().chain(["--resume"])).succeeds();
     lazygrid(args(&whole)).succeeds();
     assert_eq!(files(&out), files(&whole));

@@ -133,13 +133,13 @@ fn interrupted_sweep_goes_on() {
     let scenario = scratch.write("s.toml", SCENARIO);
     let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
     let sweep = "species.acid.diffusion=1,2,3,4,5,6,7,8";
-    let args = |out| ["simulate", &scenario, "--output", out, "--sweep", sweep, "--replicas", "10"];
+    let args = |out| ["simulate", &scenario, "--output", out, "--sweep", sweep, "--replicas", "4"];
     let ended =
         super::interruptions::begun(&args(&out), &(out.clone() + "/point-0001/replica-0000/checkpoint"))
             .end("-INT");
     let message = String::from_utf8(ended.stderr).unwrap();
     assert_eq!(ended.status.code(), Some(130), "{message}");
-    let says = ["of 80 runs done; go on with: ", "--sweep \"species", "--replicas 10 --resume"];
+    let says = ["of 32 runs done; go on with: ", "--sweep \"species", "--replicas 4 --resume"];
     assert!(says.iter().all(|part| message.contains(part)), "{message}");
     lazygrid(args(&out).into_iter().chain(["--resume"])).succeeds();
     lazygrid(args(&whole)).succeeds();
