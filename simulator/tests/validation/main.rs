@@ -25,6 +25,7 @@ mod vessel;
 mod walls;
 
 use std::process::ExitCode;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
 pub(crate) struct Row {
@@ -102,25 +103,39 @@ const ITEMS: [Item; 42] = [
 fn main() -> ExitCode {
     // Options of the usual harness.
     let wanted: Vec<String> = std::env::args().skip(1).filter(|arg| !arg.starts_with('-')).collect();
+    let is_wanted = |name: &str| wanted.is_empty() || wanted.iter().any(|w| name.contains(w.as_str()));
+    let items: Vec<Item> = ITEMS.into_iter().filter(|(name, _)| is_wanted(name)).collect();
     println!("{:<20} {:<46} {:>14} {:>14} {:>12}", "item", "quantity", "expected", "measured", "tolerance");
-    let mut failed = 0;
-    for (name, measure) in ITEMS {
-        if !wanted.is_empty() && !wanted.iter().any(|w| name.contains(w.as_str())) {
-            continue;
+    let (next, failed) = (AtomicUsize::new(0), AtomicUsize::new(0));
+    // Most items leave threads idle at times.
+    std::thread::scope(|scope| {
+        for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
+            scope.spawn(|| {
+                while let Some(item) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    failed.fetch_add(run(item), Ordering::Relaxed);
+                }
+            });
         }
-        let start = Instant::now();
-        for row in measure() {
-            let verdict = if row.passes() { "" } else { "  FAILS" };
-            failed += usize::from(!row.passes());
-            let sign = if row.must_differ { ">" } else { "" };
-            let Row { what, expected, measured, tolerance, .. } = row;
-            let tolerance = format!("{sign}{}", short(tolerance));
-            let (expected, measured) = (short(expected), short(measured));
-            println!("{name:<20} {what:<46} {expected:>14} {measured:>14} {tolerance:>12}{verdict}");
-        }
-        println!("{name:<20} took {:.1} s", start.elapsed().as_secs_f64());
+    });
+    if failed.into_inner() == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Prints the rows of an item at once. Returns the number of failures.
+fn run((name, measure): &Item) -> usize {
+    let start = Instant::now();
+    let rows = measure();
+    let failed = rows.iter().filter(|row| !row.passes()).count();
+    let mut table = String::new();
+    for row in rows {
+        let verdict = if row.passes() { "" } else { "  FAILS" };
+        let sign = if row.must_differ { ">" } else { "" };
+        let Row { what, expected, measured, tolerance, .. } = row;
+        let tolerance = format!("{sign}{}", short(tolerance));
+        let (expected, measured) = (short(expected), short(measured));
+        table += &format!("{name:<20} {what:<46} {expected:>14} {measured:>14} {tolerance:>12}{verdict}\n");
     }
-    if failed == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+    println!("{table}{name:<20} took {:.1} s", start.elapsed().as_secs_f64());
+    failed
 }
 
 fn short(value: f64) -> String {
