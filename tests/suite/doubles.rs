@@ -46,30 +46,38 @@ fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Random) -> Ve
 
 const NEAR: std::ops::RangeInclusive<i32> = -2..=2;
 
-/// Smallest squared length of an image of `to − from`, by the contract's expression.
-fn distance_squared(space: &Space, from: [f64; 4], to: [f64; 4]) -> f64 {
+/// Sums of cell vectors near zero, rounded as in the contract's expression.
+fn images(space: &Space) -> Vec<[f64; 3]> {
     let edges = space.cell_vectors();
-    let apart = [0, 1, 2].map(|axis| to[axis] - from[axis]);
     // The extent of these scenes is no larger than a few cell vectors.
-    let counts = edges.map(|edge| if edge.is_some() { NEAR } else { 0..=0 });
-    let mut least = f64::INFINITY;
-    for a in counts[0].clone() {
-        for b in counts[1].clone() {
-            for c in counts[2].clone() {
-                let terms = [a, b, c].map(f64::from);
-                let [x, y, z] = [0, 1, 2].map(|axis| {
-                    let term = |k: usize| edges[k].map_or(0.0, |edge| terms[k] * edge[axis]);
-                    apart[axis] + (term(0) + term(1) + term(2))
-                });
-                least = least.min(x * x + y * y + z * z);
+    let [counts_a, counts_b, counts_c] = edges.map(|edge| if edge.is_some() { NEAR } else { 0..=0 });
+    let mut images = Vec::new();
+    for a in counts_a {
+        for b in counts_b.clone() {
+            for c in counts_c.clone() {
+                let counts = [a, b, c].map(f64::from);
+                let term = |k: usize, axis: usize| edges[k].map_or(0.0, |edge| counts[k] * edge[axis]);
+                images.push([0, 1, 2].map(|axis| term(0, axis) + term(1, axis) + term(2, axis)));
             }
         }
+    }
+    images
+}
+
+/// Smallest squared length of an image of `to − from`, by the contract's expression.
+fn distance_squared(images: &[[f64; 3]], from: [f64; 4], to: [f64; 4]) -> f64 {
+    let apart = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
+    let mut least = f64::INFINITY;
+    for image in images {
+        let [x, y, z] = [apart[0] + image[0], apart[1] + image[1], apart[2] + image[2]];
+        least = least.min(x * x + y * y + z * z);
     }
     least
 }
 
 /// The species of sphere `k` is `k % 2`.
 fn oracle(spheres: &[[f64; 4]], space: &Space, table: Option<&Interactions>) -> Vec<Pair> {
+    let images = images(space);
     let mut pairs = Vec::new();
     for (j, b) in spheres.iter().enumerate() {
         for (i, a) in spheres[..j].iter().enumerate() {
@@ -78,7 +86,7 @@ fn oracle(spheres: &[[f64; 4]], space: &Space, table: Option<&Interactions>) -> 
                 Some(Interaction::Within(distance)) => distance,
                 Some(Interaction::Never) => continue,
             };
-            if distance_squared(space, *a, *b) <= reach * reach {
+            if distance_squared(&images, *a, *b) <= reach * reach {
                 pairs.push(Pair { i: i as u32, j: j as u32 });
             }
         }
