@@ -11,7 +11,6 @@ use lazygrid_sim::{Model, Schedule};
 /// The quantity of a slot by which a receiver decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Detector {
-    /// Number of arrivals.
     Arrivals,
     /// Largest momentary count.
     Peak,
@@ -46,7 +45,7 @@ impl Detector {
 #[derive(Clone, Debug, Default)]
 pub struct ReplicaFiles {
     pub seed: u64,
-    /// Log of arrivals; empty if none was written.
+    /// Empty if none was written.
     pub log: Log,
     pub series: Series,
 }
@@ -57,9 +56,7 @@ pub struct ReplicaFiles {
 /// keying: the species with the most arrivals, the first of equal ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BitErrors {
-    /// Index of the transmitter in the model.
     pub transmitter: usize,
-    /// Index of the receiver in the model.
     pub receiver: usize,
     pub detector: Detector,
     /// Steps from a symbol to the start of its slot.

@@ -17,13 +17,10 @@ use lazygrid_sim::{Error, Model};
 /// logged arrivals.
 #[derive(Clone, Debug, Default)]
 pub struct Channels {
-    /// Impulse responses of links with arrivals.
     pub responses: Vec<Response>,
-    /// Interference on the links with messages.
     pub interference: Vec<Interference>,
-    /// Bit errors by message, receiver, detector and delay of the slots.
+    /// Ordered by message, receiver, detector and delay of the slots.
     pub bit_errors: Vec<BitErrors>,
-    /// Counts of receivers within slots, by sent symbol.
     pub by_symbol: Vec<CountsBySymbol>,
 }
 

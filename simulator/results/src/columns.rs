@@ -4,11 +4,9 @@ use lazygrid_sim::Model;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ColumnGroup {
-    /// Name in texts and of files.
     pub name: &'static str,
-    /// Title of the axis.
     pub axis: &'static str,
-    /// Indices of the counts in a row; see [`names`](lazygrid_sim::series::names).
+    /// In a row; see [`names`](lazygrid_sim::series::names).
     pub columns: Vec<usize>,
 }
 

@@ -72,7 +72,6 @@ impl RunningStats {
     }
 
     /// Returns the standard error of the mean; `None` below two values.
-    /// D 62 70
     pub fn standard_error(&self) -> Option<f64> {
         let n = self.count as f64;
         (self.count > 1).then(|| (self.spread / (n - 1.0) / n).sqrt())
@@ -84,7 +83,6 @@ impl RunningStats {
 pub struct MeanSeries {
     pub names: Vec<String>,
     pub steps: Vec<u32>,
-    /// Time in s, by row.
     pub times: Vec<f64>,
     /// Statistics of each count, row after row.
     pub samples: Vec<IntegerStats>,

@@ -5,7 +5,6 @@ use lazygrid::Space;
 use crate::Error;
 use crate::model::vessel::Vessel;
 
-/// The boundary along an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Axis {
     /// Unbounded.
@@ -15,7 +14,6 @@ pub enum Axis {
     Reflecting { low: f32, high: f32 },
     /// Periodic: `high` is the same position as `low`, in µm.
     Periodic {
-        /// Lower end, inside the box.
         low: f32,
         /// Upper end, outside the box.
         high: f32,
@@ -123,7 +121,6 @@ impl Boundary {
         self.axes.iter().filter(|axis| **axis != Axis::Frozen).count()
     }
 
-    /// Returns a vector without its components along frozen axes.
     pub(crate) fn flattened(&self, v: [f32; 3]) -> [f32; 3] {
         std::array::from_fn(|k| if self.axes[k] == Axis::Frozen { 0.0 } else { v[k] })
     }
@@ -150,7 +147,6 @@ impl Boundary {
         Ok(Space::periodic(lengths).map_err(lazygrid::Error::from)?)
     }
 
-    /// Returns the boundary for centers of spheres of this radius.
     #[inline(always)]
     pub fn inset(&self, radius: f32) -> Self {
         Self {
@@ -159,7 +155,7 @@ impl Boundary {
         }
     }
 
-    /// Returns the first direction in which a sphere of this radius does not fit, and the width there.
+    /// Returns the first direction in which a sphere of this radius does not fit, and the width.
     pub fn too_narrow(&self, radius: f32) -> Option<(&'static str, f32)> {
         let inset = self.inset(radius);
         let walls = ["along x", "along y", "along z"].into_iter().zip(self.axes.into_iter().zip(inset.axes));

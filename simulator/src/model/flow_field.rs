@@ -14,12 +14,12 @@ pub struct FlowField {
     origin: [f64; 3],
     spacing: [f64; 3],
     points: [usize; 3],
-    /// Velocities in µm/s, z fastest.
+    /// z fastest.
     velocities: Vec<f32>,
     checksum: u64,
     /// Largest component along each axis.
     fastest: [f64; 3],
-    /// Largest difference of neighbors over their distance, in 1/s.
+    /// In 1/s.
     steepest: f64,
 }
 
@@ -28,7 +28,7 @@ impl FlowField {
     pub(crate) const BYTES_PER_POINT: u64 = 3 * size_of::<f32>() as u64;
 
     /// Creates a field from the first point and the distances of points, in µm, and velocities in µm/s: three
-    /// components of each point, points along z in turn, then along y, then along x.
+    /// components per point, z fastest, x slowest.
     ///
     /// # Errors
     /// [`Error::Model`] if the number of velocities, the spacing or a velocity is invalid.
@@ -107,7 +107,6 @@ impl FlowField {
         (self.points[axis] > 1).then_some([first, last, spacing])
     }
 
-    /// Returns the velocity at a point, in µm/s.
     pub fn at(&self, point: [f32; 3]) -> [f64; 3] {
         let cells: [_; 3] = std::array::from_fn(|axis| self.cell(axis, point[axis]));
         let mut sum = [0.0; 3];
@@ -136,7 +135,7 @@ impl FlowField {
     }
 }
 
-/// Without velocities, which may be millions; their checksum tells fields apart.
+/// Omits the velocities, which may be millions; their checksum tells fields apart.
 impl fmt::Debug for FlowField {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("FlowField")

@@ -8,7 +8,6 @@ pub struct Vessel {
     pub along: Option<usize>,
     /// A point on the middle line, or the center of a sphere, in µm.
     pub center: [f32; 3],
-    /// Radius, in µm.
     pub radius: f32,
 }
 

@@ -10,7 +10,6 @@ use crate::motion::adsorption::{Step, reactivity};
 use crate::motion::surface_events::Event;
 use crate::random::philox::{Draws, Key, Purpose};
 
-/// A bound particle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct Bound {

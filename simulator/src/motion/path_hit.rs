@@ -30,7 +30,6 @@ use crate::motion::receiver_state::ReceiverState;
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose, open_unit};
 
-/// A particle's step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
     pub before: [f32; 3],
@@ -43,7 +42,6 @@ pub struct Path {
     pub diffusion: f32,
 }
 
-/// Random numbers of a particle in a step.
 #[derive(Clone, Copy, Debug)]
 pub struct DrawContext {
     pub key: Key,

@@ -28,7 +28,6 @@ pub use crate::motion::surface_events::Event;
 #[derive(Clone, Debug)]
 pub struct Propagator {
     pub(crate) steps: Vec<SpeciesStep>,
-    /// Tumbles of each species.
     tumbles: Vec<Option<TumbleStep>>,
     pub(crate) time_step: f32,
     with_velocity: bool,

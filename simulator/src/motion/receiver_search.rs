@@ -54,7 +54,6 @@ pub(crate) struct ReceiverSearch {
     worth: SearchCost,
 }
 
-/// Results do not depend on it.
 #[derive(Debug, Default)]
 struct SearchCost {
     steps: u32,

@@ -7,20 +7,18 @@ use crate::motion::adsorption::reactivity;
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose};
 
-/// A receiver in a step.
 #[derive(Clone, Debug)]
 pub struct ReceiverState {
     pub place: u32,
     pub receiver: Receiver,
-    /// Center at the beginning, in µm.
+    /// At the beginning of the step, in µm.
     pub center: [f32; 3],
-    /// Displacement in the step, in µm.
+    /// In the step, in µm.
     pub displacement: [f32; 3],
     /// Part of the displacement that is drift, in µm.
     pub drift: [f32; 3],
     /// DΔt, in µm².
     pub diffusion: f32,
-    /// Adsorption rule, without receptors.
     pub sticking: Adsorption,
     /// Index of its first receptor type in the model.
     pub(crate) first_type: u32,

@@ -3,7 +3,6 @@
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose};
 
-/// Particles in a block.
 pub(crate) const BLOCK: usize = 64;
 
 /// Writes the normal numbers of the motion of up to [`BLOCK`] particles in a step, by axis.

@@ -15,7 +15,6 @@ use crate::model::vessel::dot;
 use crate::motion::binding::Bound;
 use crate::random::philox::{Key, Purpose, fine_unit};
 
-/// The steps of particles on surfaces.
 #[derive(Clone, Debug)]
 pub(crate) struct SurfaceSteps {
     /// Concentration k of the density by receiver, if particles diffuse on it.

@@ -6,7 +6,6 @@ use crate::model::chemotaxis::{Attractant, Chemotaxis};
 use crate::random::gaussian::direction;
 use crate::random::philox::probability_threshold;
 
-/// The tumbles of a species in a step.
 #[derive(Clone, Debug)]
 pub(crate) struct TumbleStep {
     /// Largest word at which a swimmer tumbles without a gradient.

@@ -9,7 +9,6 @@ use crate::{Model, State};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Animation {
-    /// Steps between frames.
     pub every: u32,
     /// Most drawn particles. Above it, all frames draw a half, a quarter and so on, by a hash of ids.
     pub particles: NonZeroU32,
@@ -34,7 +33,6 @@ pub struct Frame {
 pub struct DrawnParticle {
     pub id: u32,
     pub species: u32,
-    /// Position, in µm.
     pub position: [f32; 3],
 }
 

@@ -5,11 +5,9 @@
 
 use rand::TryRng;
 
-/// The purpose of a draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
-    /// Brownian step of a particle.
     Move = 0,
     /// Position at release: the first four words.
     Release = 1,
@@ -26,13 +24,13 @@ pub enum Purpose {
     PartialStep = 8,
     /// Released number, by transmitter.
     Count = 9,
-    /// Symbol, by transmitter and index in the message.
+    /// Released number, by transmitter.
     Symbol = 10,
-    /// Tumble of a swimmer, and its new direction.
+    /// Index: transmitter, and place in the message.
     Tumble = 11,
     /// Displacement of a receiver, by its index.
     ReceiverMotion = 12,
-    /// Time and position of unbinding.
+    /// Index: the receiver's.
     Unbinding = 13,
     /// Time of a hit, by particle and receiver.
     HitTime = 14,
@@ -40,9 +38,8 @@ pub enum Purpose {
     Wall = 15,
     /// Extreme position of a path near a membrane, and its side, by particle and membrane.
     Membrane = 16,
-    /// Displacement of a bound particle on a surface.
     SurfaceDiffusion = 17,
-    /// Seed of a replica, by its number.
+    /// Index: the replica's number.
     Replica = 100,
 }
 

@@ -28,9 +28,7 @@ pub struct RankSimulation<C> {
 /// Data that [`RankSimulation::gather`] gathers on rank 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GatherFields {
-    /// Counts of receivers.
     pub received: bool,
-    /// Free and bound particles.
     pub particles: bool,
 }
 

@@ -12,7 +12,6 @@ use crate::model::{Model, Unbinding};
 use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose, open_unit, probability_threshold};
 
-/// Dissociations by species.
 #[derive(Clone, Debug, Default)]
 pub struct Dissociation {
     /// Largest word of each decay, by species.

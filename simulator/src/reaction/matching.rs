@@ -12,15 +12,13 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::reaction::candidates::BestCandidates;
 
-/// Two particles that may react.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReactionCandidate {
-    /// Indices of the particles.
     pub at: [u32; 2],
     /// `true` for each that is consumed; at least one.
     pub consumes: [bool; 2],
     pub rule: u32,
-    /// Priority; the lowest wins.
+    /// The lowest wins.
     pub priority: u32,
     /// Ascending ids, which break ties.
     pub ids: [u32; 2],
@@ -40,7 +38,6 @@ impl ReactionCandidate {
     }
 }
 
-/// Chooses candidates without a common consumed particle.
 #[derive(Debug, Default)]
 pub struct Matching {
     /// Indexed by particle: 1 plus the best candidate so far, or a value below.

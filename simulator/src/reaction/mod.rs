@@ -17,7 +17,6 @@ use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose, probability_threshold};
 use crate::reaction::matching::ReactionCandidate;
 
-/// Reactions by pairs of species.
 #[derive(Clone, Debug)]
 pub struct Reactions {
     reactants: usize,
@@ -60,9 +59,8 @@ pub(crate) struct ReactionRule {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReactantChange {
     pub at: u32,
-    /// Species of the product; `None` removes the particle.
+    /// `None` removes the particle.
     pub product: Option<u32>,
-    /// Position of the product.
     pub position: [f32; 3],
 }
 

@@ -21,7 +21,6 @@ use crate::random::philox::{Draws, Key, Purpose, open_unit};
 use crate::reaction::decay::Decays;
 use crate::release::rank_slice::RankSlice;
 
-/// Particles released at the beginning of a step.
 #[derive(Clone, Debug, Default)]
 pub struct Released {
     /// Remaining particles.

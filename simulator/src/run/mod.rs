@@ -6,7 +6,6 @@ pub mod replicas;
 /// Command-line arguments of commands that run scenarios.
 #[cfg(feature = "clap")]
 pub mod run_args;
-/// Runs on the CPU.
 pub mod simulation;
 pub mod sweep;
 
@@ -37,15 +36,13 @@ pub struct Run {
     /// For messages.
     pub path: PathBuf,
     pub directory: PathBuf,
-    /// Backend; see [`AnySimulation::begin`].
+    /// See [`AnySimulation::begin`].
     pub backend: Backend,
-    /// Algorithm of the CPU, without effect on the result.
+    /// For the CPU, without effect on the result.
     pub algorithm: Algorithm,
     /// `None` for all.
     pub threads: Option<usize>,
-    /// Resumes from the checkpoint in the directory.
     pub resume: bool,
-    /// Replaces a run in the directory.
     pub overwrite: bool,
     /// Refuses a run that will not fit the disk, and stops before the disk is full.
     pub space_check: bool,
@@ -53,9 +50,8 @@ pub struct Run {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RunEnd {
-    /// All steps are done.
     Finished,
-    /// Stopped, to be resumed.
+    /// Can be resumed.
     Stopped,
 }
 

@@ -28,7 +28,7 @@ pub struct Replicas {
 pub struct ReplicaResults {
     /// [`RunEnd::Finished`] if all are done.
     pub end: RunEnd,
-    /// Finished replicas, ascending.
+    /// Ascending.
     pub done: Vec<u32>,
 }
 

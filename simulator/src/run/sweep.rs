@@ -21,7 +21,6 @@ pub struct SweepRuns {
     pub keys: Vec<SweptKey>,
     pub values: Vec<Vec<String>>,
     pub points: Vec<Replicas>,
-    /// Parent of the points' directories.
     pub directory: PathBuf,
     resume: bool,
 }

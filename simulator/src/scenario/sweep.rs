@@ -22,7 +22,7 @@ pub struct SweptKey {
 
 #[derive(Clone, Debug)]
 pub struct SweepPoint {
-    /// Plain value of each key, in order.
+    /// In the order of keys.
     pub values: Vec<String>,
     pub scenario: Scenario,
 }

@@ -26,7 +26,6 @@ pub(crate) trait Halo {
     fn refresh(&mut self, movers: &mut [Mover], changed: &mut Vec<u32>) -> Result<(), Self::Error>;
 }
 
-/// A run in one process.
 #[derive(Debug)]
 pub(crate) struct Undivided;
 
