@@ -20,11 +20,8 @@ pub use subgroup_probe::SubgroupProbe;
 /// The use of a binding; its position in [`Kernel::bindings`] is the binding number of group 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Access {
-    /// A uniform buffer.
     Uniform,
-    /// A read-only storage buffer.
     Read,
-    /// A writable storage buffer.
     ReadWrite,
 }
 
@@ -47,7 +44,6 @@ const fn write(name: &'static str) -> Binding {
     Binding { name, access: Access::ReadWrite }
 }
 
-/// The variant of a kernel's text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Variant {
     /// Smallest subgroup size if subgroup operations are used; `None` works everywhere.
@@ -56,12 +52,12 @@ pub struct Variant {
     pub species: bool,
     /// `true` if some axis is periodic.
     pub periodic: bool,
-    /// `true` if radix passes sort tiles of [`WIDE_TILE`] keys instead of [`NARROW_TILE`]: 20 KiB of workgroup memory
-    /// instead of at least 12.
+    /// `true` if radix passes sort tiles of [`WIDE_TILE`] keys instead of [`NARROW_TILE`], in 20 KiB of workgroup
+    /// memory instead of at least 12.
     pub wide_tiles: bool,
 }
 
-/// Workgroup memory in bytes for the statistics of all sides. Every device has at least this much.
+/// Bytes for the statistics of all sides. Every device has at least this much.
 const SPECIES_MEMORY: u32 = 16 << 10;
 
 impl Variant {
@@ -72,7 +68,7 @@ impl Variant {
     /// `workgroup_memory` (bytes) suffices. The call decides the rest.
     pub fn for_device(smallest_subgroup: Option<u32>, workgroup_memory: u32) -> Self {
         let fits = |variant: Self| variant.workgroup_memory() <= workgroup_memory;
-        // Ranking tables of small subgroups need more workgroup memory than some devices have.
+        // Ranking tables of small subgroups exceed the workgroup memory of some devices.
         let serves = |&size: &u32| size >= 4 && fits(Self { subgroups: Some(size), ..Self::default() });
         Self {
             subgroups: smallest_subgroup.filter(serves),
@@ -100,7 +96,6 @@ impl Variant {
         tables.max(self.radix_tile())
     }
 
-    /// Returns the keys that one workgroup sorts in a radix pass.
     pub fn radix_tile(self) -> u32 {
         if self.wide_tiles { WIDE_TILE } else { NARROW_TILE }
     }
@@ -126,7 +121,6 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// Returns the bindings of group 0, by number.
     pub fn bindings(&self, variant: Variant) -> impl Iterator<Item = Binding> + use<> {
         let species = if variant.species { self.species_bindings } else { &[] };
         self.bindings.iter().chain(species).copied()
@@ -142,7 +136,6 @@ impl Kernel {
         }
     }
 
-    /// Returns every variant with a distinct text, over all subgroup sizes.
     pub fn variants(&self) -> Vec<Variant> {
         let subgroups = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
         let mut found = Vec::new();
@@ -158,13 +151,12 @@ impl Kernel {
         found
     }
 
-    /// Returns the complete WGSL text for naga.
     pub fn wgsl(&self, variant: Variant) -> String {
         Preprocessor { variant: self.effective_variant(variant), strict: false }.expand(self.source)
     }
 
     /// Returns the text for compilers that follow the WGSL standard strictly, such as in browsers: with `enable
-    /// subgroups;`, which naga 30 rejects, and a diagnostic filter around subgroup operations whose uniformity only
+    /// subgroups;`, which naga 30 rejects, and a filter for diagnostics of subgroup operations whose uniformity only
     /// this library knows.
     pub fn strict_wgsl(&self, variant: Variant) -> String {
         let variant = self.effective_variant(variant);

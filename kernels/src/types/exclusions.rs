@@ -48,8 +48,8 @@ impl Exclusions {
         Self::of(first, Some(second), checked(first, second, pairs)?)
     }
 
-    /// Creates exclusions from compressed sparse rows: sphere `i` and each of `indices[offsets[i]..offsets[i + 1]]`, in
-    /// any order. One of the two rows of a pair suffices.
+    /// Creates exclusions from compressed sparse rows: sphere `i` with each of `indices[offsets[i]..offsets[i + 1]]`,
+    /// in any order. Either of the two rows of a pair suffices.
     ///
     /// # Errors
     /// [`InputError::ExcludedOffsets`] if offsets do not begin with 0, decrease, or do not end with the number of
