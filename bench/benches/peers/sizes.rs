@@ -26,7 +26,6 @@ struct Kind {
     output: Output,
 }
 
-/// Interleaves the sizes.
 pub(crate) fn run(args: &Args) -> Result<(), Box<dyn Error>> {
     let mut rows = vec![];
     for &scene in &args.options.scene {

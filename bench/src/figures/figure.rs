@@ -4,7 +4,6 @@ use std::str::FromStr;
 use lazygrid::UnknownName;
 use serde::{Deserialize, Serialize};
 
-/// A figure of the paper, or an additional figure or table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Figure {
@@ -24,22 +23,18 @@ pub enum Figure {
     Transceivers,
     /// A fixed number of transceivers, by their size ratio.
     SizeRatio,
-    /// τ of the recursive grid.
     Tau,
     /// Cell ratio (cell size over largest diameter) of the paper's grids.
     Ratio,
-    /// Strong scaling.
     Threads,
-    /// Bytes per sphere.
     Memory,
-    /// All spheres at one point.
     Point,
     /// Species of which most never pair.
     Species,
 }
 
 impl Figure {
-    /// All figures, in the report's order.
+    /// In the report's order.
     pub const ALL: [Self; 14] = [
         Self::F3a,
         Self::F3b,

@@ -29,7 +29,7 @@ impl Tuning {
     pub fn best(scene: Scene) -> Self {
         match scene {
             Scene::Equal => Self { edge: 2.5, ..Self::DEFAULT },
-            // One class suffices: a cell of the largest spheres holds no more spheres than a vector compares.
+            // One class suffices: a cell of the largest spheres holds at most as many spheres as a vector compares.
             Scene::FiveSizes => Self { edge: 1.25, class: 32.0 },
             Scene::Burst => Self { edge: 0.51, class: 4.0 },
             // Transceivers and carriers have separate grids by default.
@@ -54,7 +54,7 @@ pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     tunings
 }
 
-/// Creates the baseline for any spheres, which starts from the previous step's order.
+/// Starts from the previous step's order.
 pub fn incremental() -> ContenderFactory {
     with("plain cell list", Tuning::DEFAULT)
 }

@@ -9,7 +9,7 @@ use lazygrid::{Pair, Sphere};
 use super::{half_extent, touch};
 use crate::measure::{ContenderFactory, Found, PairFinder};
 
-/// Creates sweep and prune along an axis of (nearly) the largest variance of the centers.
+/// The axis has (nearly) the largest variance of the centers.
 pub fn incremental() -> ContenderFactory {
     ContenderFactory::new("sort-and-sweep (N3Sim)", || Ok(Sweep::default()))
 }

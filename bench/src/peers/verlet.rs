@@ -1,5 +1,4 @@
-//! A typical Verlet list: candidates within a skin, found by the plain cell list, are tested until some sphere has
-//! moved by half the skin.
+//! A typical Verlet list: candidates of the plain cell list are tested until some sphere has moved by half the skin.
 
 use std::error::Error;
 
