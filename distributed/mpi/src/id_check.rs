@@ -26,8 +26,7 @@ struct IdRecord {
 }
 
 impl IdCheck {
-    /// Refuses duplicate ids, and returns the spheres by rank. A set equal to that of the last call is not compared
-    /// again.
+    /// Refuses duplicate ids, and returns the spheres by rank. Compares no set that equals the last call's.
     pub(crate) fn check(
         &mut self,
         comm: &mut MpiCommunicator,

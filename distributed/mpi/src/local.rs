@@ -68,11 +68,10 @@ impl<'a> LocalSpheres<'a> {
 /// Owned spheres of a rank, which can [move](crate::Distributed::rebalance).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OwnedSpheres {
-    /// Centers and radii.
     pub spheres: Vec<Sphere>,
-    /// Id of each sphere, unique among all ranks.
+    /// Unique among all ranks.
     pub ids: Vec<u64>,
-    /// Species of each sphere, with interactions.
+    /// Present with interactions.
     pub species: Option<Vec<u32>>,
 }
 

@@ -12,8 +12,6 @@ pub struct MessageRounds {
 }
 
 impl MessageRounds {
-    /// Creates rounds of at most `limit` elements per message.
-    ///
     /// # Errors
     /// [`Error::MessageLimit`] below one element per rank.
     pub fn new(limit: u64, ranks: u32) -> Result<Self, Error> {

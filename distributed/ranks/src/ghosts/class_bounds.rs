@@ -3,8 +3,8 @@ use lazygrid::Space;
 
 use crate::{SizeClass, WrappedSphere};
 
-/// The box of the centers of a rank's spheres of one size class and species group, and their largest effective
-/// radius. 32 bytes.
+/// The box of the centers of a rank's spheres of one size class and species group, and their largest effective radius.
+/// 32 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ClassBounds {
@@ -62,13 +62,13 @@ impl ClassBounds {
         self.group
     }
 
-    /// Returns `true` if a sphere may overlap one in this box. `false` is always right.
+    /// Returns `true` if a sphere may overlap one in this box, or if unsure.
     #[inline]
     pub fn overlaps_sphere(&self, space: &Space, sphere: &WrappedSphere) -> bool {
         self.overlaps(space, &Self::around(sphere))
     }
 
-    /// Returns `true` if spheres of both boxes may overlap. `false` is always right.
+    /// Returns `true` if spheres of both boxes may overlap, or if unsure.
     ///
     /// # Correctness
     ///

@@ -5,17 +5,14 @@ use std::cmp::Ordering;
 
 use crate::SizeClass;
 
-/// Owner and size class of a sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RankAndClass {
-    /// Owner.
     pub rank: u32,
-    /// Class of the effective radius.
     pub class: SizeClass,
 }
 
-/// Returns `true` if `sphere` becomes a ghost at the owner of `other`, which then reports the pair. On different
-/// ranks exactly one of two spheres does; on one rank neither.
+/// Returns `true` if `sphere` becomes a ghost at the owner of `other`, which then reports the pair. On different ranks
+/// exactly one of two spheres does; on one rank neither.
 #[inline]
 pub fn becomes_ghost(sphere: RankAndClass, other: RankAndClass, ranks: u32) -> bool {
     if sphere.rank == other.rank {
