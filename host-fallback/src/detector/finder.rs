@@ -25,17 +25,16 @@ pub type Work<'w> = &'w mut (dyn FnMut(&mut dyn PairSource) -> Result<(), Error>
 pub trait PairSource {
     fn count(&mut self) -> Result<u64, Error>;
 
-    /// Passes all pairs as one part unless they exceed `limit`. Returns their number.
+    /// Passes all pairs as one part, unless they exceed `limit`, and returns their number.
     fn list(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<u64, Error>;
 
-    /// Passes all pairs in parts with ascending first indices. A part has at most `limit` pairs unless a single sphere,
-    /// or the output of a device, has more.
+    /// Passes parts with ascending first indices. A part has at most `limit` pairs unless a single sphere, or the
+    /// output of a device, has more.
     fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error>;
 
     fn unordered(&mut self, take: PairConsumer<'_>) -> Result<(), Error>;
 }
 
-/// A backend: the CPU or a device.
 pub trait SearchBackend {
     fn settings(&self) -> &Settings;
 
@@ -138,7 +137,7 @@ impl<B: SearchBackend> PairFinder<B> {
         &self.backend
     }
 
-    /// Phases of the last call, which the caller may extend.
+    /// The caller may extend these phases of the last call.
     pub fn phases_mut(&mut self) -> &mut Vec<PhaseTime> {
         self.backend.report_mut().1
     }
@@ -156,8 +155,6 @@ impl<B: SearchBackend> PairFinder<B> {
         Ok(neighbors)
     }
 
-    /// Returns the number of pairs.
-    ///
     /// # Errors
     /// See [`pairs`](Self::pairs), except [`Error::TooManyPairs`].
     pub fn count<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<u64, Error> {

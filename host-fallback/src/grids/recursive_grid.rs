@@ -6,9 +6,9 @@
 //! corner mask of a finer entry has only bits of the coarser one.
 //!
 //! A split goes directly to the cell size that the largest remaining sphere requires, or, for few spheres, to cells
-//! that hold a handful. If spheres as large as the extent of all remain, no split separates the centers, and those
-//! count as large. So every step halves the largest remaining size or the extent of a cell's spheres, and a recursion
-//! ends after some tens of steps on any input.
+//! that hold a handful. Spheres as large as the extent of all remaining ones are large too, since no split separates
+//! the centers. So every step halves the largest remaining size or the extent of a cell's spheres, and a recursion ends
+//! after some tens of steps on any input.
 
 use glam::{BVec3, DVec3, UVec3, Vec3};
 
@@ -201,7 +201,7 @@ impl NestedCell {
     /// Clamped to this cell.
     ///
     /// The map is monotone, so the larger of two lower bounds never exceeds either upper bound. A coordinate keeps its
-    /// cell when the cell is split again, because all but the first subtraction are exact inside the cell.
+    /// cell in further splits, because all but the first subtraction are exact inside the cell.
     #[inline(always)]
     fn part(&self, at: DVec3, parts: f64) -> DVec3 {
         let at = ((at - self.top) * self.scale - self.corner) * parts;
@@ -363,8 +363,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
 
 fn decide(cell: &NestedCell, cell_size: f64, count: usize, extent: &Extent) -> SplitDecision {
     let wide = extent.wide;
-    // Centers of a cell's small spheres lie within one and a half cell sizes, except for rounding; no split separates
-    // those.
+    // No split separates the centers of small spheres, which lie within one and a half cell sizes, except for rounding.
     if wide == 0.0 || wide > 2.0 * cell_size {
         return SplitDecision::BruteForce;
     }

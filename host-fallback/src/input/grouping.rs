@@ -44,7 +44,7 @@ impl<'a> Grouping<'a> {
         }
     }
 
-    /// A bit for each group that meets some group.
+    /// Returns a bit for each group that meets some group.
     pub(crate) fn paired(&self) -> u32 {
         self.meetings().fold(0, |paired, (a, b)| paired | 1 << a | 1 << b)
     }

@@ -88,7 +88,7 @@ impl SpeciesPartition {
         by_partners
     }
 
-    /// Returns two divisions of the species `present`: by their partners, and with all species that pair in one group.
+    /// Returns two divisions of the species `present`: by partners, and with all that pair in one group.
     fn of_present(present: &[u32], table: &Interactions) -> [Self; 2] {
         if present.len() > MAX_PRESENT {
             return [(); 2].map(|()| Self::undivided(table.species()));

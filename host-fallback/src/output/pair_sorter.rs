@@ -101,8 +101,8 @@ impl BucketLayout {
 }
 
 impl PairSorter {
-    /// Writes the pairs of `chunks` to `out`. Indices must be below `spheres`. Threads divide the chunks, so there
-    /// should be about a hundred.
+    /// Writes the pairs of `chunks` to `out`. Indices must be below `spheres`. Threads divide the chunks: about a
+    /// hundred are best.
     pub(crate) fn order(
         &mut self,
         executor: Executor,

@@ -17,7 +17,7 @@ pub(crate) struct SkinController {
 }
 
 impl SkinController {
-    /// Returns the reason for a rebuild, or `None` if the list is valid.
+    /// Returns the reason for a rebuild; `None` for a valid list.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,
@@ -33,7 +33,7 @@ impl SkinController {
         Ok(lapsed)
     }
 
-    /// Builds a candidate list if it pays, otherwise only the cell list. Returns `true` for a candidate list.
+    /// Builds a candidate list if it pays, otherwise only the cell list. Returns `true` for the former.
     pub(crate) fn find(
         &mut self,
         list: &mut CellList,
