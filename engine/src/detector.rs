@@ -101,8 +101,8 @@ impl Detector {
         self.finder().pairs(query)
     }
 
-    /// Returns the neighbors of every sphere, ascending; each pair is in both lists. For two sets, every sphere of the
-    /// first set lists its neighbors in the second.
+    /// Returns the neighbors of every sphere, ascending; each pair is in both lists. For two sets, spheres of the first
+    /// list their neighbors in the second.
     ///
     /// # Errors
     /// See [`pairs`](Self::pairs).
@@ -154,8 +154,7 @@ impl Detector {
     ///
     /// In canonical order the whole stream is sorted; each further [`Config::max_pairs`] pairs then cost one more
     /// search. Unordered chunks arrive one at a time, possibly from another thread. `consume` must not wait for work of
-    /// the same rayon pool, because searching threads may wait for it. A search by a detector with its own pool is
-    /// allowed.
+    /// the same rayon pool, because searching threads may wait for it; a detector with its own pool may search.
     ///
     /// # Errors
     /// See [`count`](Self::count).

@@ -19,8 +19,6 @@ use pyo3::types::PyModule;
 
 use crate::error;
 
-/// Borrows a contiguous array of `u32`, or a copy.
-///
 /// # Errors
 /// `TypeError` for values that are not whole numbers; `InputError` for values out of range, and for another shape.
 pub(crate) fn whole<'py>(
@@ -77,7 +75,7 @@ pub(crate) fn package(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
     Ok(module.bind(py))
 }
 
-/// Creates a contiguous array with uninitialized values.
+/// Leaves values uninitialized.
 pub(crate) fn empty<T: Element, const N: usize>(
     py: Python<'_>,
     shape: [usize; N],

@@ -39,7 +39,7 @@ impl GpuConfig {
         Self { crossover, ..self }
     }
 
-    /// Capacity of the output in pairs; further pairs are counted but not written. Default: 2²⁰ (8 MiB).
+    /// Capacity of the output; further pairs are counted but not written. Default: 2²⁰ (8 MiB).
     pub fn pair_capacity(self, pair_capacity: u32) -> Self {
         Self { pair_capacity, ..self }
     }
@@ -106,8 +106,8 @@ impl GpuConfig {
 
     /// Sets the most distance tests of one dispatch, so that no driver's watchdog ends it. Longer searches have several
     /// dispatches ([`CallCost::parts`](super::CallCost::parts)). Default: the tests of 200 ms, at 2.5·10¹⁰ tests/s for
-    /// a discrete GPU, 2.5·10⁹ for an integrated one and 5·10⁸ for a software adapter, which no GPU has confirmed. A
-    /// [`Detector`](crate::Detector) uses the rate of its [`Calibration`].
+    /// a discrete GPU, 2.5·10⁹ for an integrated one and 5·10⁸ for a software adapter; no GPU has confirmed these
+    /// rates. A [`Detector`](crate::Detector) uses the rate of its [`Calibration`].
     pub fn max_tests_per_dispatch(self, tests: u64) -> Self {
         Self { max_tests_per_dispatch: Some(tests), ..self }
     }

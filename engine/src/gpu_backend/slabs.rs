@@ -5,7 +5,7 @@
 //!
 //! For a *range* of indices, only pairs whose smaller index is in the range are found. Spheres of smaller indices are
 //! omitted, and the search window ends with the spheres of the range, which come first. Pairs of two ghosts are
-//! dropped, because the slab that owns one of them finds them as well.
+//! dropped, because the slab that owns one of them finds them too.
 //!
 //! The first of two sets has the smaller indices, and no range exceeds it. Spheres of the first set outside the range
 //! are omitted, so the first set also comes first in a slab.

@@ -23,7 +23,6 @@ const TANGENT: u64 = 1_000_000;
 /// Prints results at once, or as one JSON object at the end.
 pub(super) struct Report {
     is_json: bool,
-    /// Repeats the check.
     backend: &'static str,
     object: Map<String, Value>,
     failures: Vec<Value>,

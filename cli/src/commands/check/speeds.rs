@@ -81,7 +81,7 @@ struct Race<'a> {
     work: &'a Work<'a>,
     backend: Backend,
     time: Time<'a>,
-    /// Start in the progress bar.
+    /// In the progress bar.
     from: u64,
     spent: f64,
 }
@@ -90,7 +90,7 @@ struct Runner {
     algorithm: Algorithm,
     /// Spheres and seconds of calls.
     times: Vec<(usize, f64)>,
-    /// Larger inputs than that of a skipped call are skipped too.
+    /// `true` after a skipped call: larger inputs are skipped too.
     is_out: bool,
 }
 

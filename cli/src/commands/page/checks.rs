@@ -21,10 +21,6 @@ const ENTRIES: [u32; 2] = [32, 8 * 32];
 /// Factor of radii that finds all pairs near tangency.
 const WIDER: f32 = 1.0 + 1e-5;
 
-/// Returns the scenes of the check with their calls.
-///
-/// # Errors
-/// Fails if a reference or a plan fails.
 pub(super) fn scenes(bundle: &mut Bundle) -> Result<Vec<Value>, CliError> {
     let mut scenes = Vec::new();
     for SceneCase { name, scenario } in compare::cases(Effort::Quick) {

@@ -55,7 +55,7 @@ pub(crate) fn done<'a>(replicas: &'a Replicas, results: &ReplicaResults, mean: &
     Done { run, mean, runs: results.done.iter().map(of).collect(), command }
 }
 
-/// Progress of all replicas.
+/// Counts the steps of all replicas.
 pub(crate) struct Advance {
     pub(crate) bar: ProgressBar,
     /// Indexed by point and replica.

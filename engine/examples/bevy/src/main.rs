@@ -50,7 +50,7 @@ struct Scene {
 
 fn prepare(mut commands: Commands, device: Res<RenderDevice>, queue: Res<RenderQueue>) -> Result {
     let device = device.wgpu_device();
-    // Without this probe of the adapter detectors use no subgroup operations.
+    // Probes the adapter; otherwise detectors use no subgroup operations.
     let _ = GpuDevice::from_wgpu(device, &queue);
     let layout = ColumnLayout { first: [0, 1, 2, 3], stride: [WORDS; 4] };
     let detector = GpuDetector::new(device, GpuConfig::default().columns(layout))?;

@@ -222,7 +222,7 @@ impl GpuSession {
         most_spheres(&DeviceLimits::of(&self.gpu.device))
     }
 
-    /// Returns the bytes of input and staging buffers on the device.
+    /// Returns the bytes of input and staging buffers.
     pub fn held_bytes(&self) -> u64 {
         self.slots.iter().map(CallBuffers::device_bytes).sum()
     }
