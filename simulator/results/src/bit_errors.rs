@@ -66,13 +66,13 @@ pub struct BitErrors {
     pub ones: u64,
     decision: DetectionRule,
     width: u32,
-    /// Observation of each slot, by replica.
+    /// Indexed by replica.
     slots: Vec<Vec<SymbolObservation>>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 enum DetectionRule {
-    /// Symbols from the lowest level to the highest.
+    /// From the lowest level to the highest.
     Level(Vec<u32>),
     Species,
 }
@@ -85,7 +85,7 @@ struct SymbolObservation {
 }
 
 impl BitErrors {
-    /// Creates the statistic of a transmitter's message at a receiver, without replicas.
+    /// Has no replicas yet.
     pub fn new(
         model: &Model,
         message: &Message,
@@ -171,7 +171,7 @@ impl BitErrors {
         }
     }
 
-    /// Returns the most arrivals in a slot, if thresholds decide.
+    /// Returns the largest count of a slot, if thresholds decide.
     pub fn most(&self) -> u64 {
         self.slots.iter().flatten().map(|slot| slot.seen).max().unwrap_or(0)
     }

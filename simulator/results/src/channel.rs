@@ -24,7 +24,7 @@ pub struct Channels {
     pub by_symbol: Vec<CountsBySymbol>,
 }
 
-/// Bins of a response without a message.
+/// Used without a message.
 const BINS: u32 = 100;
 const PER_SYMBOL: f64 = 20.0;
 /// Symbols of a response, and slots of interference.
@@ -237,7 +237,7 @@ fn delays(message: &Message, time_step: f64) -> impl Iterator<Item = u32> {
     delays.into_iter()
 }
 
-/// Returns the name of a link on pages: `tx to rx: A`.
+/// Such as `tx to rx: A`.
 pub fn link_name(link: Link, model: &Model) -> String {
     format!(
         "{} to {}: {}",

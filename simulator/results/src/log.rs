@@ -17,7 +17,7 @@ pub struct Arrived {
     pub step: u32,
     pub receiver: usize,
     pub species: usize,
-    /// Transmitter index and completed steps at its release; `None` for inserted particles.
+    /// Transmitter, and completed steps at the release; `None` for inserted particles.
     pub origin: Option<(usize, u32)>,
 }
 
@@ -27,7 +27,7 @@ pub struct Inside {
     pub step: u32,
     pub receiver: usize,
     pub species: usize,
-    /// Transmitter index and completed steps at the release; `None` for inserted particles.
+    /// `None` for inserted particles, as in [`Arrived`].
     pub origin: Option<(usize, u32)>,
     pub count: u64,
 }

@@ -78,13 +78,12 @@ impl RunningStats {
     }
 }
 
-/// The series of several replicas, summed row by row.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeanSeries {
     pub names: Vec<String>,
     pub steps: Vec<u32>,
     pub times: Vec<f64>,
-    /// Statistics of each count, row after row.
+    /// Row after row.
     pub samples: Vec<IntegerStats>,
     pub replicas: u64,
 }

@@ -45,7 +45,7 @@ impl Link {
 pub struct Response {
     pub link: Link,
     pub width: u32,
-    /// Fraction of each bin, over replicas.
+    /// Indexed by bin, over replicas.
     pub parts: Vec<RunningStats>,
     /// Fraction up to the end of each bin, over replicas; empty for momentary counts.
     pub cumulative: Vec<RunningStats>,

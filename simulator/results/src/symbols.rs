@@ -8,7 +8,7 @@ use lazygrid_sim::{Model, Schedule};
 /// The complete slots of a message, from symbol to symbol, with a delay.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SymbolSlots {
-    /// First step of each slot, and the end of the last slot.
+    /// First step of each slot, and the last one's end.
     pub(crate) bounds: Vec<u32>,
 }
 
@@ -50,7 +50,6 @@ pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interference {
     pub link: Link,
-    /// Fraction that arrives, by slots since the release.
     pub by_lag: Vec<RunningStats>,
     /// Fraction of arrivals after the symbol's own slot.
     pub late: RunningStats,

@@ -94,7 +94,6 @@ fn round_trip(way: f32, length: f32) -> f32 {
     way - 2.0 * length * (way / (2.0 * length)).floor()
 }
 
-/// The boundary of space.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Boundary {
     pub axes: [Axis; 3],
@@ -125,7 +124,7 @@ impl Boundary {
         std::array::from_fn(|k| if self.axes[k] == Axis::Frozen { 0.0 } else { v[k] })
     }
 
-    /// Converts a uniform direction to a uniform one in the dimensions of the run.
+    /// Keeps a uniform direction uniform in
     pub(crate) fn direction_within(&self, direction: [f32; 3]) -> [f32; 3] {
         if self.dimensions() == 3 {
             return direction;
@@ -169,7 +168,7 @@ impl Boundary {
         narrow.or_else(|| Some(("across the vessel", 2.0 * vessel()?.radius)))
     }
 
-    /// Reflects or wraps a position into the box and the vessel.
+    /// Reflects or wraps a position.
     #[inline(always)]
     pub fn confine(&self, p: [f32; 3]) -> [f32; 3] {
         let p = [self.axes[0].confine(p[0]), self.axes[1].confine(p[1]), self.axes[2].confine(p[2])];
@@ -179,7 +178,7 @@ impl Boundary {
         }
     }
 
-    /// Returns the vector from `p` to the nearest periodic image of `q`.
+    /// Points from `p` to the nearest periodic image of `q`.
     #[inline(always)]
     pub fn displacement(&self, p: [f32; 3], q: [f32; 3]) -> [f32; 3] {
         [

@@ -53,7 +53,6 @@ pub enum AttractantProfile {
     },
 }
 
-/// The response of a swimmer to a concentration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chemotaxis {
     /// Index in the model.
@@ -120,7 +119,6 @@ impl Chemotaxis {
 }
 
 impl Model {
-    /// Returns the largest factor by which the gradient raises the tumble rate of a species.
     pub(crate) fn largest_rate_factor(&self, species: usize) -> f64 {
         let species = &self.species[species];
         let Some(Chemotaxis { attractant, sensitivity, half_saturation }) = species.chemotaxis else {
@@ -130,7 +128,6 @@ impl Model {
         libm::exp(sensitivity.abs() * species.speed * gradient)
     }
 
-    /// Returns the first attractant with a fault, and the fault.
     pub(crate) fn faulty_attractant(&self) -> Option<(usize, String)> {
         (0..self.attractants.len()).find_map(|k| Some((k, self.fault_of_attractant(k)?)))
     }
@@ -163,7 +160,6 @@ impl Model {
         })
     }
 
-    /// Returns the fault of a species' chemotaxis.
     pub(crate) fn faulty_chemotaxis(&self, species: usize) -> Option<String> {
         let one = &self.species[species];
         let Chemotaxis { attractant, sensitivity, half_saturation } = one.chemotaxis?;

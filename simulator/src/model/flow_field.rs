@@ -8,7 +8,6 @@ use std::fmt;
 use crate::Error;
 use crate::checksum::Digest;
 
-/// Velocities on a regular grid.
 #[derive(Clone, PartialEq)]
 pub struct FlowField {
     origin: [f64; 3],
@@ -24,7 +23,6 @@ pub struct FlowField {
 }
 
 impl FlowField {
-    /// Bytes of a grid point.
     pub(crate) const BYTES_PER_POINT: u64 = 3 * size_of::<f32>() as u64;
 
     /// Creates a field from the first point and the distances of points, in µm, and velocities in µm/s: three
@@ -85,17 +83,17 @@ impl FlowField {
         }
     }
 
-    /// Returns the checksum of the numbers of points and of all velocities.
+    /// Includes the numbers of points.
     pub fn checksum(&self) -> u64 {
         self.checksum
     }
 
-    /// Returns the largest component of any velocity along each axis, in µm/s.
+    /// In µm/s, by axis.
     pub(crate) fn fastest(&self) -> [f64; 3] {
         self.fastest
     }
 
-    /// Returns the largest change of a component between neighboring points over their distance, in 1/s.
+    /// Largest difference of neighbors over their distance, in 1/s.
     pub(crate) fn steepest(&self) -> f64 {
         self.steepest
     }

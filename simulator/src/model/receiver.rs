@@ -62,7 +62,7 @@ pub enum Adsorption {
 }
 
 impl ReceiverKind {
-    /// Returns `true` if the surface reflects particles that do not adsorb or bind.
+    /// `true` if the surface reflects particles that do not adsorb or bind.
     pub fn reflects(&self) -> bool {
         matches!(self, Self::Reflecting | Self::Partial(_) | Self::Receptors(_))
     }

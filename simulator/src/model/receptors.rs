@@ -39,7 +39,7 @@ impl ReceptorType {
 }
 
 impl Receiver {
-    /// Returns the types of its receptors; empty for a receiver of another kind.
+    /// Is empty for other kinds.
     pub fn receptor_types(&self) -> &[ReceptorType] {
         match &self.kind {
             ReceiverKind::Receptors(types) => types,

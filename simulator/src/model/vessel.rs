@@ -15,7 +15,7 @@ pub struct Vessel {
 const BOUNCES: usize = 64;
 
 impl Vessel {
-    /// Returns the vessel for centers of spheres of this radius.
+    /// Bounds centers of spheres of this radius.
     #[inline(always)]
     pub fn inset(self, radius: f32) -> Self {
         Self { radius: self.radius - radius, ..self }

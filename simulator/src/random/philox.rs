@@ -70,7 +70,6 @@ impl Key {
     }
 }
 
-/// A stream of random words.
 #[derive(Clone, Debug)]
 pub struct Draws {
     key: Key,

@@ -39,7 +39,6 @@ pub(crate) struct Product {
 pub struct Dissociated {
     pub at: u32,
     pub id: u32,
-    /// Index in the model.
     pub decay: u32,
     /// Species, radius and position of each product.
     pub products: [Option<(u32, f32, [f32; 3])>; 2],

@@ -133,7 +133,6 @@ impl SweepRuns {
         self.points.iter().enumerate().try_for_each(check)
     }
 
-    /// Refuses a sweep that surely exceeds the disk; warns if it may.
     fn check_disk(&self) -> Result<(), (usize, Error)> {
         let mut all = DiskEstimate { least: 0, most: 0, checkpoint: 0 };
         for (k, point) in self.points.iter().enumerate().filter(|(_, point)| point.run.space_check) {

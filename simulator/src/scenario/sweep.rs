@@ -253,7 +253,7 @@ fn combinations(keys: &[SweptKey]) -> Result<Vec<Vec<String>>, String> {
     Ok(keys.iter().fold(vec![Vec::new()], add))
 }
 
-/// Returns the text with these values; strings stay strings.
+/// Strings stay strings.
 fn replaced(text: &str, spots: &[(Range<usize>, bool)], values: &[String]) -> String {
     let mut edits: Vec<_> = spots.iter().zip(values).collect();
     edits.sort_by_key(|((span, _), _)| std::cmp::Reverse(span.start));

@@ -20,7 +20,6 @@ pub struct State {
     pub particles: Particles,
     pub step: u32,
     pub next_id: u32,
-    /// Counts since the beginning of the run.
     pub totals: Totals,
     /// Centers of receivers, in µm.
     pub centers: Vec<[f32; 3]>,

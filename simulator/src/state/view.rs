@@ -2,7 +2,7 @@ use std::borrow::Cow;
 
 use crate::{Arrival, Error, Model, State, Totals};
 
-/// A read-only view of a run, for its files.
+/// Read by the writers of a run's files.
 pub trait RunView {
     fn model(&self) -> &Model;
 

@@ -49,7 +49,6 @@ fn check_memory(points: [u64; 3]) -> Result<(), Error> {
     check_available(&what, count.saturating_mul(FlowField::BYTES_PER_POINT), remedy)
 }
 
-/// Refuses the keys of a field in another flow.
 pub(super) fn check_unused(flow: &file::Flow) -> Result<(), Problem> {
     let keys = [
         ("file", flow.file.as_ref().map(Spanned::span)),
