@@ -200,7 +200,6 @@ kernels! {
     CELLS_FIND = "grid" / "cells_find", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("grid"), read("spheres"), write("bounds"), write("cells"), write("occupancy")],
         species: [read("species"), read("species_params")];
-    /// Counts the smaller spheres in cells of deeper levels.
     LEVELS_COUNT = "grid" / "levels_count", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("grid"), write("bounds"), read("cells"), write("occupancy")], species: [];
     LEVELS_ASSIGN_KEYS = "grid" / "levels_assign_keys", DEPTHS, subgroups: false, periodic: true,
@@ -212,31 +211,25 @@ kernels! {
         [uniform("params"), write("outcome"), write("sort_counts")], species: [];
     SCAN_REDUCE = "sort" / "scan_reduce", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("sort_counts"), read("values"), write("sums")], species: [];
-    /// Prefix sums of the tile sums, and the total.
     SCAN_SPINE = "sort" / "scan_spine", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("sort_counts"), write("sums"), write("total")], species: [];
     /// Prefix sums of all values, in place.
     SCAN_SPREAD = "sort" / "scan_spread", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [read("sort_counts"), read("sums"), write("values")], species: [];
-    /// Prefix sums of few values, in place, in one dispatch.
     SCAN_ONCE = "sort" / "scan_once", WORKGROUP_SIZE, subgroups: true, periodic: false, [read("sort_counts"), write("values")], species: [];
     RADIX_COUNT = "sort" / "radix_count", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("digit_pass"), read("sort_counts"), read("keys"), write("counts")], species: [];
-    /// Prefix sums of the counts of each digit.
     RADIX_SCAN = "sort" / "radix_scan", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [read("sort_counts"), write("counts"), write("totals")], species: [];
-    /// Moves keys and payload to their sorted positions.
     RADIX_SCATTER = "sort" / "radix_scatter", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [uniform("digit_pass"), read("sort_counts"), read("keys"), read("payload"), read("counts"), read("totals"),
          write("sorted_keys"), write("sorted_payload")], species: [];
-    /// Pairs of entries close together in a run.
     RUNS_SEARCH_NEAR = "grid" / "runs_search_near", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("grid"), read("sort_counts"), read("keys"), read("objects"), read("spheres"),
          write("outcome"), write("pairs"), write("deferred")],
         species: [read("species"), read("table")];
     RUNS_SEARCH_FAR_DISPATCH_ARGS = "grid" / "runs_search_far_dispatch_args", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("dispatch")], species: [];
-    /// Pairs of entries far apart in a run.
     RUNS_SEARCH_FAR = "grid" / "runs_search_far", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("grid"), read("sort_counts"), read("keys"), read("objects"), read("spheres"),
          write("outcome"), write("pairs"), read("deferred")],
@@ -252,7 +245,7 @@ kernels! {
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
          write("sort_counts")],
         species: [read("species"), read("species_params")];
-    /// Both for small inputs, in one workgroup.
+    /// `STATS_REDUCE` and `CELL_LIST_CONFIGURE` for small inputs, in one workgroup.
     CELL_LIST_SETUP_SMALL = "cell_list" / "cell_list_setup_small", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
          write("sort_counts"), write("starts"), write("occupancy")],
@@ -278,14 +271,12 @@ kernels! {
         [uniform("params"), read("cell_list"), read("spheres"), read("starts"), read("cell_ranks"), write("sorted"),
          write("cells"), write("order")],
         species: [read("species"), write("sorted_species")];
-    /// Pairs of each sphere with its first candidates.
     CELL_LIST_SEARCH = "cell_list" / "cell_list_search", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("starts"), read("sorted"), read("cells"), read("order"),
          write("outcome"), write("pairs"), write("deferred")],
         species: [read("sorted_species"), read("table")];
     CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS = "cell_list" / "cell_list_search_overflow_dispatch_args", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("dispatch")], species: [];
-    /// Pairs of the spheres of deferred blocks with their later candidates.
     CELL_LIST_SEARCH_OVERFLOW = "cell_list" / "cell_list_search_overflow", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("starts"), read("sorted"), read("cells"), read("order"),
          write("outcome"), write("pairs"), read("deferred")],
@@ -294,11 +285,9 @@ kernels! {
     SKIN_DISPLACEMENT = "skin" / "skin_displacement", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), uniform("skin"), read("count_source"), read("spheres"), read("reference"), write("state")],
         species: [read("species"), read("reference_species")];
-    /// Decides whether the candidate list is rebuilt.
     SKIN_CHECK = "skin" / "skin_check", 64, subgroups: false, periodic: false,
         [uniform("params"), uniform("skin"), read("count_source"), write("state"), read("full_counts"), write("dispatch_counts"),
          write("dispatch")], species: [];
-    /// Stores the reference positions, with inflated radii.
     SKIN_STORE_REFERENCE = "skin" / "skin_store_reference", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), uniform("skin"), read("spheres"), write("state"), write("reference")],
         species: [read("species"), write("reference_species")];

@@ -138,9 +138,6 @@ impl Channels {
 
     /// Writes the impulse responses: the fraction of particles that arrives, or is inside, in each bin after the
     /// release, its sum over arrivals, and standard errors.
-    ///
-    /// # Errors
-    /// Fails if the writer fails.
     pub fn write_responses(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(
             out,
@@ -161,9 +158,6 @@ impl Channels {
     }
 
     /// Writes the fraction of particles that arrives in each slot after the release.
-    ///
-    /// # Errors
-    /// Fails if the writer fails.
     pub fn write_interference(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(out, "transmitter,receiver,species,slot,replicas,part mean,part error")?;
         for interference in &self.interference {
@@ -177,9 +171,6 @@ impl Channels {
 
     /// Writes errors, bits, error rate and 95 % interval for each detector and delay. One threshold of arrivals takes
     /// every value, of another detector those at which errors may change; several take those with the fewest errors.
-    ///
-    /// # Errors
-    /// Fails if the writer fails.
     pub fn write_bit_errors(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(
             out,
@@ -209,9 +200,6 @@ impl Channels {
     }
 
     /// Writes the mean count over slots and replicas, by symbol and time within the slot.
-    ///
-    /// # Errors
-    /// Fails if the writer fails.
     pub fn write_by_symbol(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(out, "transmitter,receiver,species,symbol,time,slots,count mean,count error")?;
         for counts in &self.by_symbol {

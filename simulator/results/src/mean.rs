@@ -139,9 +139,6 @@ impl MeanSeries {
 
     /// Writes step, time, replicas, and the mean and standard error of each count; the error is empty for one
     /// replica.
-    ///
-    /// # Errors
-    /// Fails if the writer fails.
     pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
         write!(out, "step,time,replicas")?;
         self.names.iter().try_for_each(|name| write!(out, ",{name} mean,{name} error"))?;

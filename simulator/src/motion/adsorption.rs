@@ -47,8 +47,7 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// Creates a step near a sphere of (radius in µm, reactivity in µm/s). `diffusion` is DΔt in µm², of particle and
-    /// sphere.
+    /// Radius in µm, reactivity in µm/s; `diffusion` is DΔt in µm², of particle and sphere.
     pub(crate) fn new(diffusion: f64, time_step: f64, (radius, reactivity): (f64, f64)) -> Self {
         let length = diffusion.sqrt();
         let own = reactivity * time_step / length;
@@ -74,7 +73,7 @@ impl Step {
         erfcx(y) - erfcx(self.all + y)
     }
 
-    /// Returns the volume in µm³ of a uniform concentration that a step adsorbs: κ·4πR²Δt if weak.
+    /// Volume in µm³ of a uniform concentration that a step adsorbs: κ·4πR²Δt if weak.
     pub(crate) fn volume(&self) -> f64 {
         let x = self.all;
         // The mean of erfcx(x√t) over t in [0, 1], without cancellation.
@@ -94,7 +93,7 @@ impl Step {
         }
     }
 
-    /// Draws the height in µm after desorption, as that from which a uniform concentration is adsorbed.
+    /// Draws the height in µm as that from which a uniform concentration is adsorbed.
     pub(crate) fn height_after(&self, draws: &mut Draws) -> f64 {
         let scale = 2.0 * self.length;
         let most = self.taken_from(0.0) * (1.0 + FAR * scale / self.radius);

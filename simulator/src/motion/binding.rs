@@ -64,7 +64,7 @@ pub(crate) fn leaving(
     bound.iter().enumerate().filter_map(leaves).collect()
 }
 
-/// Returns the position of a particle that unbinds; `None` if walls leave no space.
+/// Returns `None` if walls leave no space.
 pub(crate) fn place_of(
     model: &Model,
     held: &Bound,

@@ -91,7 +91,6 @@ impl Contacts {
         chunks.into_iter().flatten().flatten().collect()
     }
 
-    /// Moves each particle by the mean of its displacements.
     pub(crate) fn displace(&self, particles: &mut Particles, mut pushes: Vec<Push>) {
         pushes.par_sort_unstable();
         for of_one in pushes.chunk_by(|a, b| a.0 == b.0) {

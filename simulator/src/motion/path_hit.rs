@@ -97,7 +97,7 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
     BrownianBridge { receiver, domain, who }.hits(segment)
 }
 
-/// Returns the radius for [`hit_probability`], which is infinite without an image.
+/// Is infinite without an image.
 fn image_radius(receiver: &ReceiverState) -> f32 {
     if receiver.dimensions == 3 { receiver.receiver.radius } else { f32::INFINITY }
 }

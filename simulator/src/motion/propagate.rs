@@ -161,7 +161,7 @@ impl Propagator {
         }
     }
 
-    /// Moves all particles and returns their events, by index. `flights` are the paths after collisions.
+    /// `flights` are the paths after collisions.
     pub(crate) fn advance(
         &self,
         particles: &mut Particles,
@@ -358,7 +358,7 @@ impl Propagator {
         Ok(events)
     }
 
-    /// Returns a particle's path, and its end without walls, which reverse its velocity.
+    /// Returns the end without walls, too, which reverse the velocity.
     #[inline(always)]
     fn path(
         &self,

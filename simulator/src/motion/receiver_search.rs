@@ -17,8 +17,8 @@ use crate::model::receiver::{finder, rounding};
 use crate::motion::path_hit::Path;
 use crate::motion::receiver_state::ActiveReceivers;
 
-/// Bounds of a path: a sphere of radius `half` around the middle of its ends, enlarged by `more` for diffusion and
-/// approaching receivers. In µm.
+/// A sphere of radius `half` around the middle of a path's ends, enlarged by `more` for diffusion and approaching
+/// receivers. In µm.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepBounds {
     middle: [f32; 3],
@@ -126,7 +126,7 @@ impl ReceiverSearch {
         distance + reach.half + reach.more <= radius - self.traveled
     }
 
-    /// Finds receivers by particle, in the order of the model. Particles are beginnings and search radii.
+    /// Keeps the order of the model. Particles are beginnings and search radii.
     pub(crate) fn find<'a>(
         &'a mut self,
         particles: impl Iterator<Item = ([f32; 3], f32)>,

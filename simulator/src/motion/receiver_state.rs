@@ -61,8 +61,7 @@ impl ReceiverState {
         }
     }
 
-    /// Returns heights of both ends of a path, at these fractions of the step; negative inside. A path to the other
-    /// side of a segment ends inside.
+    /// Heights are at these fractions of the step, negative inside. A path to the other side of a segment ends inside.
     #[inline(always)]
     pub(crate) fn heights(&self, domain: &Boundary, ends: [[f32; 3]; 2], parts: [f32; 2]) -> [f32; 2] {
         let radius = self.receiver.radius;
@@ -74,7 +73,7 @@ impl ReceiverState {
         }
     }
 
-    /// Returns the reactivity of each type's free receptors for a species, in µm/s.
+    /// In µm/s, by type.
     pub(crate) fn reactivities(&self, species: u32) -> impl Iterator<Item = f64> {
         let radius = self.receiver.radius.into();
         let types = self.receiver.receptor_types().iter().zip(&self.free);

@@ -31,7 +31,6 @@ impl SurfaceSteps {
         Self { concentrations: model.receivers.iter().map(one).collect() }
     }
 
-    /// Moves bound particles by a step.
     pub(crate) fn advance(&self, bound: &mut [Bound], (key, step): (Key, u32)) {
         if self.concentrations.iter().all(Option::is_none) {
             return;

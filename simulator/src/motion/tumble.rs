@@ -18,7 +18,6 @@ pub(crate) struct TumbleStep {
 }
 
 impl TumbleStep {
-    /// Returns the tumbles of a species, if it swims and tumbles.
     pub(crate) fn new(model: &Model, species: usize) -> Option<Self> {
         let one = &model.species[species];
         let probability = -libm::expm1(-one.tumble_rate * model.time_step);

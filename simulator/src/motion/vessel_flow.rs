@@ -12,7 +12,7 @@ pub(crate) struct FlowStep {
     pub(crate) fastest: f64,
 }
 
-/// Displacement of a species by drift and plug flow in a step.
+/// In a step, by drift and plug flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StepDrift {
     /// In µm.
@@ -22,7 +22,7 @@ pub(crate) struct StepDrift {
 }
 
 impl StepDrift {
-    /// Returns the drift of each species if the flow is on during the fraction `part` of the step.
+    /// The flow is on during the fraction `part` of the step.
     pub(crate) fn all(model: &Model, part: f64) -> impl Iterator<Item = Self> {
         let plug = match &model.flow {
             Some(Flow::Plug(velocity)) => velocity.map(|v| part * v),
@@ -43,7 +43,6 @@ impl StepDrift {
     }
 }
 
-/// A flow on a grid in a step.
 #[derive(Clone, Debug)]
 pub(crate) struct FieldStep {
     field: Arc<FlowField>,

@@ -24,7 +24,7 @@ use crate::motion::path_hit::{DrawContext, Path};
 use crate::random::bridge::{NEVER, lowest};
 use crate::random::philox::{Purpose, open_unit};
 
-/// Returns the end of a step that touches the nearer wall. `spread` is √(2DΔt) in µm, `word` is random.
+/// `spread` is √(2DΔt) in µm, `word` is random.
 #[inline]
 pub(crate) fn reflected(axis: Axis, [before, end]: [f32; 2], spread: f32, word: u32) -> Option<f32> {
     let Axis::Reflecting { low, high } = axis else { return None };
@@ -53,7 +53,6 @@ impl AbsorbingWall {
         model.receivers.iter().enumerate().filter_map(wall).collect()
     }
 
-    /// Returns the point of the wall across from another.
     pub(crate) fn foot(&self, domain: &Boundary, mut point: [f32; 3]) -> [f32; 3] {
         let (WallFace::Low(axis) | WallFace::High(axis)) = self.face else { return point };
         point[axis] -= match self.face {
@@ -63,8 +62,7 @@ impl AbsorbingWall {
         point
     }
 
-    /// Returns `true` if the wall absorbs the particle. `domain` is the boundary of its center, `free_end` the end
-    /// without walls.
+    /// `domain` is the boundary of the center, `free_end` the end without walls.
     pub(crate) fn absorbs(
         &self,
         domain: &Boundary,
@@ -92,8 +90,7 @@ impl AbsorbingWall {
 /// Number of images on each side, which suffices up to DΔt = R².
 const IMAGES: i32 = 6;
 
-/// Returns the probability that a path in a sphere reaches its surface between two positive heights. `diffusion` is
-/// DΔt.
+/// Between two positive heights in a sphere. `diffusion` is DΔt.
 pub(crate) fn hit_from_inside(radius: f32, heights: [f32; 2], diffusion: f32) -> f32 {
     let [radius, diffusion] = [radius, diffusion].map(f64::from);
     if diffusion >= radius * radius {

@@ -139,7 +139,7 @@ impl DistributedMatching {
         self.touched.push(at as u32);
     }
 
-    /// Sends the keys of ghosts `wanted`, and the ghosts `won`, to their owners. Records the replies.
+    /// Sends owners the keys of ghosts `wanted`, and the ghosts `won`, and records the replies.
     fn ask<C: Communicator>(
         &mut self,
         communicator: &mut C,

@@ -179,9 +179,6 @@ impl<C: Communicator> RankSimulation<C> {
     }
 
     /// Gathers the state on rank 0.
-    ///
-    /// # Errors
-    /// Fails if the communicator fails.
     pub fn gather(&mut self, fields: GatherFields) -> Result<Gathered<'_>, C::Error> {
         let Self { communicator, run, totals, .. } = self;
         let mut arrivals = Vec::new();

@@ -46,7 +46,6 @@ impl ReactionShell {
     }
 }
 
-/// A reaction and the words at which it happens.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReactionRule {
     pub(crate) reaction: u32,
@@ -89,7 +88,7 @@ impl Reactions {
         self.reactions.is_empty()
     }
 
-    /// Returns the shells of two species, innermost first.
+    /// Innermost first.
     #[inline]
     pub(crate) fn shells(&self, a: u32, b: u32) -> &[ReactionShell] {
         let [a, b] = [a, b].map(|species| self.rows[species as usize] as usize);

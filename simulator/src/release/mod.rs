@@ -103,7 +103,7 @@ impl Model {
         Ok(out)
     }
 
-    /// Returns a release outside the schedule, with these ids. `at` has the centers and the key.
+    /// Releases outside the schedule, with these ids. `at` has the centers and the key.
     pub(crate) fn burst(
         &self,
         from: &Transmitter,
@@ -178,7 +178,6 @@ impl Model {
         rates.iter().map(batch).collect()
     }
 
-    /// Returns the end of a released particle's path among membranes.
     fn hold_back(
         &self,
         species: u32,

@@ -91,7 +91,7 @@ impl Run {
         }
     }
 
-    /// [`run`](Self::run) in the current thread pool. The first replica logs common messages.
+    /// Uses the current thread pool. The first replica logs common messages.
     pub(crate) fn run_here(
         &self,
         slot: ReplicaSlot,
@@ -193,7 +193,7 @@ impl Run {
         Ok((simulation, files))
     }
 
-    /// Refuses a run whose files, with later replicas', surely exceed the disk; warns if they may.
+    /// Includes files of later replicas.
     pub(crate) fn check_disk_space(&self, simulation: &impl RunView, slot: ReplicaSlot) -> Result<(), Error> {
         if !self.space_check {
             return Ok(());
@@ -206,7 +206,7 @@ impl Run {
         DiskEstimate::of(simulation, *output, *steps, text)
     }
 
-    /// Refuses output that surely exceeds the disk; warns if it may.
+    /// Warns if the output may exceed the disk, refuses if it surely does.
     fn check_fits(&self, estimate: DiskEstimate) -> Result<(), Error> {
         let DiskEstimate { least, most, checkpoint } = estimate;
         let free = self.free_disk_bytes()?;

@@ -97,7 +97,7 @@ impl Replicas {
         run
     }
 
-    /// Locks the directory, and writes the seeds; `None` if cancelled.
+    /// Writes the seeds; `None` if cancelled.
     pub(crate) fn prepare(&self, is_cancelled: &impl Fn() -> bool) -> Result<Option<Lock>, Error> {
         let directory = &self.run.directory;
         let path = directory.join("replicas.csv");

@@ -73,7 +73,6 @@ impl SweepRuns {
         queue::run_all(&self.points, &watch).map_err(named)
     }
 
-    /// Locks the directory, which has this sweep or none.
     fn lock(&self) -> Result<Lock, Error> {
         if self.resume {
             self.check_points(&self.directory.join(POINTS))?;
