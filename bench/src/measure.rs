@@ -120,7 +120,7 @@ impl Timing {
         Spread::of(&self.nanos).median
     }
 
-    /// Returns the ratio of this time to that of `other`, per round.
+    /// Ratio of this time to the other, per round.
     pub fn over(&self, other: &Self) -> Spread {
         let ratios: Vec<f64> = self.nanos.iter().zip(&other.nanos).map(|(a, b)| a / b).collect();
         Spread::of(&ratios)

@@ -79,7 +79,7 @@ impl Detector {
 
     /// Returns the overlapping pairs, each once, in the configured order.
     ///
-    /// For two sets, only pairs across them count: `i` is an index of the first set, `j` of the second.
+    /// For two sets, only pairs across them are found: `i` is an index of the first set, `j` of the second.
     ///
     /// ```
     /// use lazygrid::{Config, Detector, Pair, Sphere};

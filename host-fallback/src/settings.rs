@@ -119,7 +119,6 @@ impl Settings {
         self.space.is_narrow() && self.interactions.as_ref().is_none_or(Interactions::is_narrow)
     }
 
-    /// Returns `true` if a detector may keep candidates between calls.
     pub fn keeps_candidates(&self) -> bool {
         self.skin != Skin::Off && matches!(self.algorithm, Algorithm::Auto | Algorithm::CellList)
     }

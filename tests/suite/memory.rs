@@ -192,7 +192,7 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
             for n in (40_000..=60_000).step_by(2000) {
                 detector.count(&spheres[..n]).expect("a count");
             }
-            // Growing a buffer briefly needs the old one too, so only the remaining memory counts.
+            // Growing a buffer briefly needs the old one too, so only the remaining memory is compared.
             measurement.held()
         });
         let bound = detector.memory_for(60_000) as usize + FIXED;

@@ -99,7 +99,6 @@ impl<'a> Comparison<'a> {
         self.began.is_some_and(|began| began.elapsed() >= self.limits.in_all)
     }
 
-    /// Runs each engine that has runs left, and checks all answers.
     pub(super) fn frame(&mut self, spheres: &[Sphere], warm_up: bool) -> Result<(), Box<dyn Error>> {
         if !warm_up {
             self.began.get_or_insert_with(Instant::now);

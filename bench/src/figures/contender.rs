@@ -37,7 +37,7 @@ pub enum Contender {
 }
 
 impl Contender {
-    /// Creates a CPU algorithm with default settings, on all threads if `threads` is `None`.
+    /// Uses default settings, and all threads if `threads` is `None`.
     pub fn cpu(algorithm: Algorithm, threads: Option<usize>) -> Self {
         let target = TargetDevice::Cpu { simd: Simd::detect(), threads };
         Self::Lazygrid(DetectorVariant::new(algorithm, target))
@@ -55,7 +55,7 @@ impl Contender {
         }
     }
 
-    /// Creates a factory of searches for `n` spheres that move by `step_length` radii per step.
+    /// Spheres move by `step_length` radii per step.
     pub fn factory(self, scene: Scene, n: usize, step_length: f32) -> ContenderFactory {
         let name = self.to_string();
         match self {

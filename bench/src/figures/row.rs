@@ -115,7 +115,6 @@ pub(super) fn quartiles(values: &[f64]) -> (f64, f64) {
     (at(0.25), at(0.75))
 }
 
-/// Written as `results.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Results {
     pub environment: Environment,

@@ -14,7 +14,7 @@ use super::row::{Results, Row};
 use super::{Contender, Environment, Figure, burst, memory};
 use lazygrid_io::scenes::Scene;
 
-/// Fraction of a point's time that counts; the rest is for spheres, references and warm-ups.
+/// Fraction of a point's time for measured runs; the rest is for spheres, references and warm-ups.
 const MEASURED: f64 = 0.6;
 /// An engine is left out if one run would take longer than this multiple of its time at the point and than [`always`].
 const MAX_TIME_FACTOR: f64 = 4.0;

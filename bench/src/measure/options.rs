@@ -32,7 +32,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// Returns `true` to check answers without meaningful times.
+    /// Checks answers without meaningful times.
     pub fn is_quick(&self) -> bool {
         self.quick || !self.bench
     }

@@ -87,7 +87,6 @@ impl CellList {
         &self.pairs
     }
 
-    /// Returns indices in cell order, class by class.
     pub(super) fn order(&self) -> impl Iterator<Item = u32> {
         self.classes.iter().flat_map(|class| class.order.iter().copied())
     }

@@ -34,7 +34,7 @@ pub fn refitted(name: impl Into<String>) -> ContenderFactory {
     ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Refit)))
 }
 
-/// Creates a refitted tree with a margin of a fifth of the radius.
+/// The margin is a fifth of the radius.
 pub fn with_margin(name: impl Into<String>) -> ContenderFactory {
     ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Fat(0.2))))
 }

@@ -113,7 +113,6 @@ pub fn verify(
     difference(scenario, &pairs(scenario)?, &expected(scenario)?, variant.tolerance())
 }
 
-/// Estimated from the variant's calls so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pace {
     /// In seconds per unit of work.
@@ -124,7 +123,7 @@ impl Pace {
     /// Smaller calls say little about larger ones.
     const TELLING: usize = 1000;
 
-    /// Returns predicted seconds of a call; 0 before the first measurement.
+    /// In seconds; 0 before the first measurement.
     pub fn forecast(self, variant: &DetectorVariant, spheres: usize) -> f64 {
         self.rate.unwrap_or(0.0) * Self::work(variant, spheres)
     }
@@ -142,7 +141,6 @@ impl Pace {
 }
 
 impl SceneCase {
-    /// Describes the first difference from `expected`.
     pub fn fault(&self, variant: &DetectorVariant, gpu: Option<&Gpu>, expected: &[Pair]) -> Option<String> {
         let found = variant.pairs(gpu, &self.scenario);
         found.and_then(|found| difference(&self.scenario, &found, expected, variant.tolerance())).err()

@@ -91,7 +91,7 @@ impl DetectorVariant {
         }
     }
 
-    /// Returns the settings of a `Detector`, which uses all subgroup operations of the device.
+    /// A `Detector` uses all subgroup operations of the device.
     pub fn config(&self, gpu: Option<&Gpu>) -> Config {
         let mut config = Config::default().backend(self.backend()).algorithm(self.algorithm).timeout(TIMEOUT);
         if let Some(tau) = self.tau {
@@ -131,7 +131,7 @@ impl DetectorVariant {
         })
     }
 
-    /// A host-side filter needs a `Detector`, which uses all subgroup operations of the device.
+    /// A host-side filter needs a [`Detector`](Self::config).
     pub fn takes(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> bool {
         match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) => {
@@ -173,7 +173,7 @@ impl DetectorVariant {
         Ok(session.finish(ticket, u64::MAX).map_err(text)?.to_vec())
     }
 
-    /// Returns options of `lazygrid detect`, if they exist.
+    /// Options of `lazygrid detect`, if they exist.
     pub fn options(&self, gpu: Option<&Gpu>) -> String {
         let mut options = format!(" --backend {} --algorithm {}", self.backend(), self.algorithm);
         if let (TargetDevice::Gpu { .. }, Some(adapter)) =

@@ -134,7 +134,6 @@ fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
     spheres
 }
 
-/// Bounds contain all valid spheres with little margin.
 pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     let float = |word: u32| f32::from_bits(if word >> 31 == 1 { word ^ 1 << 31 } else { !word });
     for size in SIZES {

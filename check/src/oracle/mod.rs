@@ -82,7 +82,6 @@ impl TestInput {
         })
     }
 
-    /// Keeps the spheres for which `keep` returns `true`.
     pub fn only(&self, mut keep: impl FnMut(usize) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.spheres.len()).filter(|&k| keep(k)).collect();
         let mixture = self.mixture.as_ref().map(|mixture| SpeciesSetup {
@@ -109,7 +108,7 @@ impl TestInput {
             || self.excluded.as_ref().is_some_and(|excluded| excluded.has(i as u32, j as u32))
     }
 
-    /// Returns the cutoff of two spheres; `None` if they never pair.
+    /// `None` if the spheres never pair.
     pub fn reach(&self, i: usize, j: usize) -> Option<f64> {
         if self.excludes(i, j) {
             return None;

@@ -31,7 +31,7 @@ impl Measured {
     }
 }
 
-/// Median; 0 for an empty slice.
+/// Is 0 for an empty slice.
 pub(crate) fn median(times: &[f64]) -> f64 {
     let mut sorted = times.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);

@@ -3,7 +3,6 @@ use lazygrid_ranks::Settings;
 
 use crate::Error;
 
-/// Assigns spheres to ranks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum Ownership {

@@ -186,7 +186,6 @@ impl Distributed {
         Ok(self.report.pairs.total)
     }
 
-    /// Returns the report of the last call.
     pub fn report(&self) -> &Report {
         &self.report
     }

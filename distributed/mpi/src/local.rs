@@ -3,7 +3,6 @@ use lazygrid_ranks::Particle;
 
 use crate::Error;
 
-/// Borrowed spheres of a rank.
 #[derive(Clone, Copy, Debug)]
 pub struct LocalSpheres<'a> {
     pub(crate) spheres: Spheres<'a>,

@@ -39,15 +39,15 @@ pub trait Communicator {
     /// On all ranks, the error of the first rank that failed.
     fn agree<T>(&self, result: Result<T, Self::Error>) -> Result<T, Self::Error>;
 
-    /// Returns a failure of this rank. Not collective.
+    /// For a failure of this rank. Not collective.
     fn failure(&self, message: String) -> Self::Error;
 
-    /// Returns a failure of this rank's detector or memory. Not collective.
+    /// For a failure of this rank's detector or memory. Not collective.
     fn detector_failure(&self, error: lazygrid::Error) -> Self::Error {
         self.failure(error.to_string())
     }
 
-    /// Returns the error of a setting that differs. Not collective.
+    /// Not collective.
     fn difference(&self, difference: Difference) -> Self::Error {
         self.failure(difference.to_string())
     }

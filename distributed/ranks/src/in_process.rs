@@ -17,7 +17,6 @@ pub struct Reported {
     pub counts: PairCounts,
 }
 
-/// The spheres of every rank, and its ghosts.
 #[derive(Clone, Debug)]
 pub struct InProcessRanks {
     wrapper: SphereWrapper,
@@ -75,7 +74,7 @@ impl InProcessRanks {
         LoadBalance::of(&self.ghosts.iter().map(|ghosts| ghosts.particles().len() as u64).collect::<Vec<_>>())
     }
 
-    /// Returns the number of boxes of all ranks.
+    /// Counts boxes of all ranks.
     pub fn bounds(&self) -> u64 {
         self.bounds
     }

@@ -90,7 +90,6 @@ fn partition<C: Communicator>(
     communicator.agree(partition)
 }
 
-/// The destinations of a rank's spheres.
 #[derive(Clone, Debug, Default)]
 pub struct Migration {
     /// Previous indices, by destination, then ascending.

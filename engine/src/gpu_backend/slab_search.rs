@@ -25,7 +25,6 @@ impl SearchRequest<'_> {
     }
 }
 
-/// A request that is searched in slabs.
 #[derive(Clone, Copy)]
 struct Cut<'a> {
     request: &'a SearchRequest<'a>,
@@ -33,7 +32,7 @@ struct Cut<'a> {
     slabs: &'a Slabs,
 }
 
-/// Searches in one call, or slab by slab if the device cannot bind all spheres.
+/// Searches slab by slab if the device cannot bind all spheres.
 #[derive(Debug)]
 pub(super) struct SlabSearch {
     pub(super) session: GpuSession,

@@ -256,7 +256,7 @@ fn coincidences(codes: &[(u64, u32)], depth: usize) -> u64 {
     cells(codes, depth).map(|run| run.len() as u64 * (run.len() as u64 - 1) / 2).sum()
 }
 
-/// Returns the pairs in cells of `depth` halvings: of groups that meet, and in all.
+/// In cells of `depth` halvings: pairs of groups that meet, and all.
 fn meetings(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64; 2] {
     cells(codes, depth).fold([0, 0], |[met, all], run| {
         let mut members = [0_u64; MAX_SEPARATE];

@@ -31,7 +31,7 @@ pub(crate) struct DetectorState {
 }
 
 impl DetectorState {
-    /// Returns the reason for a rebuild; `None` for a valid list.
+    /// `None` for a valid list.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,

@@ -27,7 +27,6 @@ impl<'a> Grouping<'a> {
         self.split.filter(|_| self.species.is_none_or(|(partition, _)| partition.count == 1))
     }
 
-    /// Returns `true` if touching effective radii decide pairs of groups that meet.
     pub(crate) fn is_by_radii(&self) -> bool {
         self.species
             .is_some_and(|(partition, _)| partition.meetings.iter().flatten().all(|of| of.is_by_radii))

@@ -12,7 +12,7 @@ pub(crate) struct SearchInput<'a> {
     pub(crate) settings: &'a Settings,
     pub(crate) simd: Simd,
     pub(crate) executor: Executor,
-    /// Set if only pairs across two sets count.
+    /// Set if only pairs across two sets are found.
     pub(crate) split: Option<usize>,
     pub(crate) groups: Option<&'a SpeciesGroups>,
 }

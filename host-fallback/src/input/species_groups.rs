@@ -115,7 +115,6 @@ impl SpeciesPartition {
         self.of_species[species as usize].into()
     }
 
-    /// Returns `true` if some species of one group pairs with some species of the other.
     pub fn meets(&self, a: usize, b: usize) -> bool {
         self.meetings[a * self.count + b].is_some()
     }
@@ -194,7 +193,7 @@ fn find_present(ids: &[u32], species: u32, executor: Executor) -> Result<[u64; W
     )
 }
 
-/// Returns the group of each present species, `None` without partners; and the number of groups.
+/// `None` for species without partners. Also returns the number of groups.
 fn group_by_partners(present: &[u32], table: &Interactions) -> (Vec<Option<usize>>, usize) {
     let mut partners: Vec<[u64; MAX_PRESENT / 64]> = Vec::new();
     let groups: Vec<_> = present

@@ -77,7 +77,7 @@ impl InputStats {
         self.occupied().next().map_or(0.0, |(_, class)| class.largest)
     }
 
-    /// Returns the classes with spheres, largest first.
+    /// Largest first.
     pub fn occupied(&self) -> impl Iterator<Item = (usize, SizeClass)> + '_ {
         let [first, end] = self.span;
         let classes = self.classes.get(first..end).unwrap_or_default();

@@ -8,7 +8,6 @@ use crate::input::SearchInput;
 use crate::report::{RebuildReason, Report};
 use crate::{Error, Settings, Skin};
 
-/// A candidate list, and the decision to test, rebuild or drop it.
 #[derive(Debug, Default)]
 pub(crate) struct SkinController {
     pub(crate) candidates: CandidateList,
@@ -17,7 +16,7 @@ pub(crate) struct SkinController {
 }
 
 impl SkinController {
-    /// Returns the reason for a rebuild; `None` for a valid list.
+    /// `None` for a valid list.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,

@@ -16,7 +16,7 @@ const MAX_RELATIVE_COST: f32 = 0.9;
 const MAX_CLASS_GROUPS: usize = 16;
 const MIN_LIMIT_RATIO: f32 = 1e-3;
 
-/// Costs of calls with and without a candidate list. Only their ratios count.
+/// Costs of calls with and without a candidate list. Only their ratios have an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkinCosts {
     /// Nanoseconds per sphere to measure and sort for a search.

@@ -33,7 +33,6 @@ pub(crate) struct DisplacementGrowth {
     pub(crate) exponent: f32,
 }
 
-/// Displacement per call of each size class, and its growth.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Displacements<'a> {
     pub(crate) steps: &'a [f32; SIZE_CLASSES],

@@ -85,7 +85,6 @@ impl<'a, T: Copy> Strided<'a, T> {
         Self { axes: [x, y, z].map(maybe), step: 1, radii: Source::Each(maybe(r), 1), count: x.len() }
     }
 
-    /// Creates strided spheres from centers `x, y, z`.
     pub(crate) fn of_points(centers: &'a [[T; 3]], radii: Radii<'a, T>) -> Result<Self, InputError> {
         let radii = match radii {
             Radii::All(radius) => Source::All(radius),

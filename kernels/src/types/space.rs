@@ -77,7 +77,7 @@ impl Space {
         self.lengths.map(|length| length.map(|length| length as f32))
     }
 
-    /// Returns the space in a unit that is `1 / scale` of this one's.
+    /// The unit is `1 / scale` of this one's.
     pub(crate) fn scaled(&self, scale: f64) -> Self {
         let lengths = self.lengths.map(|length| length.map(|length| length * scale));
         Self { lengths, triclinic: self.triclinic.map(|cell| cell.scaled(scale)) }

@@ -92,7 +92,7 @@ impl TriclinicCell {
         Orthogonalization { rank: self.rank, unit: self.unit, inverse: self.inverse, lengths, stretch }
     }
 
-    /// Returns the cell in a unit that is `1 / scale` of this one's.
+    /// The unit is `1 / scale` of this one's.
     pub(crate) fn scaled(self, scale: f64) -> Self {
         let vectors = self.vectors.map(|edge| edge.map(|edge| edge.map(|number| number * scale)));
         Self { vectors, unit: self.unit / scale, ..self }
@@ -102,7 +102,6 @@ impl TriclinicCell {
         self.is_narrow
     }
 
-    /// Returns the reduced basis as a lattice.
     pub(crate) fn lattice(&self) -> Lattice {
         let mut basis = self.basis;
         for (vector, turns) in basis.iter_mut().zip(&self.turns).take(self.rank) {

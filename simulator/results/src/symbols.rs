@@ -60,7 +60,7 @@ impl Interference {
         Self { link, by_lag: vec![RunningStats::default(); lags], late: RunningStats::default() }
     }
 
-    /// Adds a replica. A symbol counts for the lags whose slots are complete.
+    /// Adds a replica. A symbol enters the lags whose slots are complete.
     pub fn add(&mut self, log: &Log, slots: &SymbolSlots) {
         let (link, lags) = (self.link, self.by_lag.len());
         let released = released(link, log, slots);

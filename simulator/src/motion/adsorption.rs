@@ -2,7 +2,7 @@
 //!
 //! A surface of reactivity κ adsorbs κ times the local concentration, per area and time. S. S. Andrews (*Accurate
 //! particle-based simulation of adsorption, desorption and partial transmission*, Physical Biology 6 (2009) 046015)
-//! fits a probability for particles observed at the ends of steps. Here the path counts
+//! fits a probability for particles observed at the ends of steps. Here the path decides
 //! ([`path_hit`](crate::motion::path_hit)), and the probability has a closed form.
 //!
 //! *On a plane*, the density of particles that are not adsorbed is known (Carslaw and Jaeger, *Conduction of Heat in
@@ -151,7 +151,7 @@ mod tests {
                 libm::exp(-scaled * scaled) / (2.0 * step.length * ROOT_PI)
             };
             for a in [0.0, 0.3, 2.0].map(|a| a * step.length) {
-                // Both signs of b weigh the same, if paths that end outside count by their crossing probability.
+                // Both signs of b weigh the same, if paths that end outside are weighted by their crossing probability.
                 let sum = over_heights(&step, |b| 2.0 * spread(a + b) * step.on_plane(a + b));
                 let expected = collins_kimball(&step, a);
                 assert!((sum - expected).abs() < 1e-5 * expected.max(1e-9), "{step:?}: {sum} and {expected}");

@@ -85,7 +85,6 @@ fn table(figure: Figure, what: &str, rows: &[&Row]) -> Table {
     table
 }
 
-/// The speed-up on all threads, and the end of scaling, per engine.
 fn scaling(what: &str, rows: &[&Row]) -> Vec<Note> {
     let note = |engine: &str| {
         let times = by_setting(rows, "").into_iter().filter_map(|column| {
@@ -154,7 +153,7 @@ mod tests {
         assert_eq!(limit(&[(1.0, 8.0), (2.0, 4.0), (4.0, 2.0)]), "it scales up to there");
         assert_eq!(limit(&[(1.0, 8.0), (2.0, 4.0), (4.0, 3.9)]), "more than 2 threads gain less than 5 %");
         assert_eq!(limit(&[(1.0, 8.0), (2.0, 8.1)]), "more than one thread gains less than 5 %");
-        // A slower intermediate value does not count.
+        // A slower intermediate value is ignored.
         assert_eq!(limit(&[(1.0, 8.0), (2.0, 8.1), (4.0, 2.0)]), "it scales up to there");
     }
 }

@@ -144,7 +144,7 @@ impl std::fmt::Display for Round {
     }
 }
 
-/// Returns the smallest and largest number within the tolerance.
+/// Smallest and largest number within the tolerance.
 pub(crate) fn counts(scenario: &TestInput, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
     if tolerance == Tolerance::Exact {
         return [expected.len() as u64; 2];

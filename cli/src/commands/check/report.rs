@@ -34,7 +34,6 @@ pub(super) struct Report {
     start: Instant,
 }
 
-/// Copy, scan or sort.
 pub(super) struct Primitive {
     pub(super) what: String,
     pub(super) values: u32,

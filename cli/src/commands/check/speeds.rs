@@ -132,7 +132,7 @@ impl<'a> Race<'a> {
         Ok(())
     }
 
-    /// Times an algorithm on spheres that are made on demand.
+    /// Makes spheres on demand.
     fn call(
         &mut self,
         runner: &mut Runner,
@@ -172,7 +172,6 @@ impl<'a> Race<'a> {
         }
     }
 
-    /// Returns the reason to skip a call of predicted `seconds`.
     fn too_long(&self, seconds: f64) -> Option<String> {
         let times = if self.work.args.full { FULL_TIMES } else { 1.0 };
         let remedy = if self.work.args.full { "" } else { "; --full gives more time" };

@@ -88,7 +88,7 @@ impl ClassBounds {
     }
 }
 
-/// Returns the least distance of two intervals, on a ring if `length` is given.
+/// Is on a ring if `length` is given.
 #[inline]
 fn gap(a: [f64; 2], b: [f64; 2], length: Option<f32>) -> f64 {
     let direct = (b[0] - a[1]).max(a[0] - b[1]).max(0.0);

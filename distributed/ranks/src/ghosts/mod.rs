@@ -47,7 +47,6 @@ impl Ghosts {
         &self.particles
     }
 
-    /// Returns the owner of ghost `k`.
     #[inline]
     pub fn rank_of(&self, k: u32) -> u32 {
         (self.starts.partition_point(|&start| start <= k as usize) - 1) as u32

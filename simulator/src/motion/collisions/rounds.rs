@@ -16,7 +16,7 @@
 //!    event, it is the same as in the order of times.
 //!
 //! The earliest event is always safe, so every round has one. In dense clusters distances vanish, and the parallelism
-//! with them. There each distance counts as larger by [`SLACK`] contact distances: a third particle may hit late by
+//! with them. There each distance is taken as larger by [`SLACK`] contact distances: a third particle may hit late by
 //! the time of that distance, at that overlap.
 
 use bytemuck::{Pod, Zeroable};
