@@ -138,9 +138,8 @@ fn memory_for_is_an_upper_bound() {
     }
 }
 
-/// Returns the benchmark scenes; equal spheres in a ball about as large as one cell of the paper's grids, where each
-/// sphere has the maximum number of cells; and one huge sphere far from the origin along one axis, filled with small
-/// ones.
+/// Besides the benchmark scenes: equal spheres in a ball about as large as one cell of the paper's grids, each in the
+/// maximum number of cells; and one huge sphere far from the origin along one axis, filled with small ones.
 fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
     let crowd = Scene::Equal.spheres(n, seed).into_iter().map(|sphere| {
         let extent = (n as f32 * 20.0).cbrt().max(1.0);

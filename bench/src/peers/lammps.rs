@@ -1,6 +1,5 @@
 //! LAMMPS through its C library, loaded at run time from the path in [`VARIABLE`]: in doubles, with a half list and
-//! forces at each step. Its pair style has an energy of 1 per pair within the cutoff, so a step's energy is the number
-//! of pairs.
+//! forces at each step. Its pair style has an energy of 1 within the cutoff, so a step's energy is the number of pairs.
 //!
 //! A LAMMPS simulation stores its atoms there, so copying the coordinates is not timed.
 

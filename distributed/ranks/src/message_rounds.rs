@@ -4,8 +4,8 @@ use crate::Error;
 
 /// Rounds of an exchange beyond one message, as MPI counts elements in 32 bits.
 ///
-/// A round has at most `limit / ranks` elements from each rank to each, so neither sent nor received elements exceed
-/// the limit.
+/// A round has at most `limit / ranks` elements between two ranks, so neither sent nor received elements exceed the
+/// limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MessageRounds {
     per_rank: u64,

@@ -45,8 +45,8 @@ pub struct Search {
 impl Search {
     /// Creates the search of `rank` among `ranks`.
     ///
-    /// The detector must have the wrapper's space and interactions, equal on all ranks; its order does not matter.
-    /// `across`, if given, searches between owned spheres and ghosts, with the same settings on the CPU.
+    /// The detector must have the wrapper's space and interactions, equal on all ranks. `across`, if given, searches
+    /// between owned spheres and ghosts, with the same settings on the CPU.
     pub fn new(
         detector: Detector,
         across: Option<Detector>,

@@ -1,7 +1,7 @@
 //! The sizes that share a level, and the cell size of each level.
 //!
 //! A search compares each sphere with its neighbor cells at its own level and at every coarser one. Few levels mean
-//! long runs of spheres too small for their cells; many mean many short runs. Dynamic programming minimizes the cost
+//! long runs of spheres too small for their cells; many mean short runs. Dynamic programming minimizes the cost
 //! estimated from the density.
 
 #![expect(clippy::disallowed_methods, clippy::disallowed_macros, reason = "a plan is of 256 classes at most")]

@@ -1,8 +1,8 @@
 //! Hierarchical cell list: every sphere is in the cell of its center, at the level of its size.
 //!
-//! All levels are sorted together, coarse levels first. Each sphere searches the cells around it: at its own level for
-//! later spheres only, at coarser levels for all. So a pair is found once, from its finer sphere or, within a level,
-//! from its earlier one.
+//! All levels are sorted together, coarse levels first. Each sphere searches the cells around it, at its own level for
+//! later spheres only, and at coarser levels. So a pair is found once, from its finer sphere or, within a level, from
+//! its earlier one.
 //!
 //! Groups of spheres that do not pair among themselves, such as two sets or species without a reaction, have separate
 //! levels. Spheres search only levels of groups that pair with theirs, each two levels from one side.

@@ -6,10 +6,10 @@
 //! cells. Every (cell, sphere) entry carries a corner mask: one bit per axis, set if the cell is the sphere's lowest on
 //! that axis. A cell owns the pair of two of its spheres exactly if their masks together have all three bits.
 //!
-//! A periodic axis is a ring of cells. There a cell owns a pair if on every axis one of the two begins in it and the
-//! other lies in it too. Spheres of `a` and `b` cells have one such cell if they share any: two would mean that each
-//! begins inside the other, so that together they cover the ring, with `a + b − 2` cells at least. A ring therefore has
-//! at least 3 cells for spheres of at most 2, and 5 for spheres of 3; else it is one cell, in which all begin. For the
+//! A periodic axis is a ring of cells. There a cell owns a pair if on every axis one of both begins in it and the other
+//! overlaps it. Spheres of `a` and `b` cells have one such cell if they share any: two would mean that each begins
+//! inside the other, so that together they cover the ring, with `a + b − 2` cells at least. A ring therefore has at
+//! least 3 cells for spheres of at most 2, and 5 for spheres of 3; else it is one cell, in which all begin. For the
 //! same reason two spheres share one arc of the ring only, so inside it they can be treated as on a line.
 
 use std::convert::Infallible;

@@ -169,8 +169,8 @@ impl Channels {
         Ok(())
     }
 
-    /// Writes errors, bits, error rate and 95 % interval for each detector and delay. One threshold of arrivals takes
-    /// every value, of another detector those at which errors may change; several take those with the fewest errors.
+    /// Writes errors, bits, error rate and 95 % interval for each detector and delay. A single threshold takes every
+    /// value for arrivals, else those at which errors may change; several take those with the fewest errors.
     pub fn write_bit_errors(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(
             out,

@@ -1,7 +1,7 @@
 //! A flow with velocities on a regular grid.
 //!
-//! Between grid points velocities are interpolated linearly along each axis. Outside the grid the velocity is that of
-//! the nearest point of its surface, so an axis with one point has the same flow everywhere.
+//! Between grid points velocities are interpolated linearly along each axis. Outside, the velocity is that of the
+//! nearest point, so an axis with one point has the same flow everywhere.
 
 use std::fmt;
 

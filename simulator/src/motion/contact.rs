@@ -3,8 +3,8 @@
 //! `collisions/` prevents overlaps on paths. Overlaps remain after releases and reactions, and between species that
 //! react with each other.
 //!
-//! In each of a few passes, every overlap asks its particles to move apart until they touch, and each particle moves
-//! by the mean displacement. Sums are integers, so the order of overlaps has no effect.
+//! In each of a few passes, each particle moves by the mean of the displacements that would separate its overlaps. Sums
+//! are integers, so the order of overlaps has no effect.
 //!
 //! Overlaps below the rounding error of an `f32` distance remain and are not counted.
 

@@ -154,9 +154,9 @@ impl Hit {
     /// In steps, for the receiver `place`.
     ///
     /// A Brownian path from height α to ±β that reaches the surface does so first at s, where u = s/(1 − s) has the
-    /// inverse Gaussian density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2), drawn by a quadratic equation with one normal and
-    /// one uniform number (Michael, Schucany and Haas, *Generating random variates using transformations with
-    /// multiple roots*, The American Statistician 30 (1976) 88). The surface counts as a plane.
+    /// inverse Gaussian density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2), drawn by a quadratic equation with one normal and one
+    /// uniform number (Michael, Schucany and Haas, *Generating random variates using transformations with multiple
+    /// roots*, The American Statistician 30 (1976) 88). The surface is taken as a plane.
     pub(crate) fn time(&self, who: DrawContext, place: u32) -> f32 {
         let Self { begin, part, heights: [a, b] } = *self;
         if part == 0.0 {

@@ -2,7 +2,7 @@
 //!
 //! Every particle has a clear sphere without receivers, known since the last search around it. A path inside it hits
 //! nothing. Other particles go to the detector as spheres that cover several steps, with the receivers as second set.
-//! So a step costs one distance per particle, and a search for few.
+//! So most particles cost one distance per step.
 //!
 //! A clear sphere stays true if the particle moves or another takes its index. The result equals a loop over all
 //! receivers bit for bit.

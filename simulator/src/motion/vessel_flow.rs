@@ -62,8 +62,8 @@ impl FieldStep {
 
     /// Returns the displacement in µm on a path between `ends`, the second without flow and walls.
     ///
-    /// The mean of the velocities at the beginning and at the end that the first velocity predicts (Heun) is right to
-    /// second order in the time step, also for paths that diffuse.
+    /// The mean of the velocities at the beginning and at the predicted end (Heun) is right to second order in the time
+    /// step, also with diffusion.
     pub(crate) fn carry(&self, domain: &Boundary, [before, end]: [[f32; 3]; 2]) -> [f32; 3] {
         let first = self.field.at(before);
         let predicted = std::array::from_fn(|k| end[k] + (first[k] * self.duration) as f32);

@@ -1,18 +1,18 @@
 //! Reflection at walls of paths with diffusion and drift.
 //!
-//! Mirroring the end of a step is exact for diffusion alone, but a drift towards the wall leaves too few particles
-//! near it. The reflected motion is the free path X plus the least displacement that keeps it inside (Skorokhod),
-//! with the wall at 0:
+//! Mirroring the end of a step is exact for diffusion alone, but a drift towards the wall leaves too few particles near
+//! it. The reflected motion is the free path X plus the least displacement that keeps it inside (Skorokhod), with the
+//! wall at 0:
 //!
 //! ```text
 //! Y(t) = X(t) + max(0, −min over s ≤ t of X(s))
 //! ```
 //!
-//! Between ends `a` and `b` the path is a Brownian bridge for any drift. Its minimum m has P(m ≤ y) = exp(−2(a − y)(b
-//! − y)/s²), s² = 2DΔt, inverted in closed form. The end is exact unless the path also reaches the opposite wall.
+//! Between ends `a` and `b` the path is a Brownian bridge for any drift. Its minimum m has P(m ≤ y) = exp(−2(a − y)(b −
+//! y)/s²), s² = 2DΔt, inverted in closed form. The end is exact unless the path also reaches the opposite wall.
 //!
 //! *Absorbing walls.* For y = 0, a path between heights `a` and `b` above a plane touched it with the probability
-//! exp(−ab/DΔt), for any step and drift. A cylinder counts as its tangent plane, which is right for steps short
+//! exp(−ab/DΔt), for any step and drift. Of a cylinder the tangent plane is used, which is right for steps short
 //! compared with the radius. In a sphere r times the density is that of a slit from 0 to R with absorbing ends: the
 //! probability is a sum over images, for any step.
 

@@ -1,7 +1,7 @@
 //! Dissociation of one particle into two: `C -> A + B`.
 //!
-//! Drawn before the reactions of a step and applied after them. Products do not react, and products of reactions do
-//! not dissociate, in the same step, so each is the inverse of the other.
+//! Drawn before the reactions of a step and applied after them. In one step, products do not react, and products of
+//! reactions do not dissociate, so each is the inverse of the other.
 
 use rayon::prelude::*;
 

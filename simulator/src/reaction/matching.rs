@@ -1,9 +1,8 @@
 //! Matching: chooses reactions among candidate pairs that share particles.
 //!
 //! Keys are totally ordered. Each round takes the candidates that are best at all particles they consume. Repeated,
-//! this gives the result of a sequential pass from the best to the worst (Blelloch, Fineman and Shun, *Greedy
-//! sequential maximal independent set and matching are parallel on average*, SPAA 2012), for any order of candidates
-//! and any threads.
+//! this gives the result of a sequential pass from the best to the worst in any order of candidates (Blelloch, Fineman
+//! and Shun, *Greedy sequential maximal independent set and matching are parallel on average*, SPAA 2012).
 
 use std::sync::atomic::{AtomicU32, Ordering};
 

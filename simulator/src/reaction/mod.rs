@@ -98,7 +98,7 @@ impl Reactions {
     /// Returns the changes of a candidate's consumed reactants.
     ///
     /// Reactants meet at their mean position, weighted by diffusion, where one product appears. Two products separate
-    /// from there by the unbinding radius in a random direction, weighted likewise.
+    /// from there by the unbinding radius in a random direction.
     pub fn outcomes(
         &self,
         particles: &Particles,

@@ -1,7 +1,7 @@
 //! Releases: a pure function of the model, the seed and the step.
 //!
-//! Bursts appear at the beginning of a step. Particles of continuous release appear between steps and move and decay
-//! for the rest, so numbers are right at any step length.
+//! Bursts appear at the beginning of a step, particles of continuous release within it: they move and decay for the
+//! rest, so numbers are right at any step length.
 
 pub mod origins;
 

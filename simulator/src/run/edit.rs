@@ -115,8 +115,8 @@ fn known(model: &Model, species: u32) -> Result<&crate::Species, Error> {
 }
 
 impl Simulation {
-    /// Adds particles of a species at positions in µm, with velocities as released. Positions are wrapped or
-    /// reflected into the boundary. Returns the ids.
+    /// Adds particles at positions in µm, wrapped or reflected into the boundary, with velocities as released. Returns
+    /// the ids.
     ///
     /// # Errors
     /// [`Error::Model`] for an unknown species or a non-finite position; [`Error::OutOfIds`]; [`Error::OutOfMemory`].

@@ -40,8 +40,8 @@ pub fn seed_of(seed: u64, replica: u32) -> u64 {
 impl Replicas {
     /// Does all replicas, one per thread at once, and writes `mean.csv`. Files do not depend on threads.
     ///
-    /// Calls `watch` as [`Run::run`], with the replica, from several threads; a break stops all. [`Run::resume`]
-    /// continues stopped replicas and begins others, possibly more.
+    /// Calls `watch` as [`Run::run`], from several threads; a break stops all. [`Run::resume`] continues stopped
+    /// replicas and begins others, possibly more.
     ///
     /// # Errors
     /// As [`Run::run`], as [`Error::Replica`] for one replica. The others then have checkpoints.

@@ -46,9 +46,8 @@ impl SweepRuns {
 
     /// Does all replicas of all points, one per thread at once. Files do not depend on threads.
     ///
-    /// Calls `watch` as [`Run::run`], with point and replica, from several threads; a break stops all.
-    /// [`Run::resume`] continues stopped replicas and begins others; replicas and values of the first key may be
-    /// added.
+    /// Calls `watch` as [`Replicas::run`](super::replicas::Replicas::run), with the point. [`Run::resume`] may add
+    /// replicas and values of the first key.
     ///
     /// # Errors
     /// [`Error::Write`] and [`Error::SweepPoint`], before the first step also for a lack of memory or disk.

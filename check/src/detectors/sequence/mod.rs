@@ -1,7 +1,7 @@
 //! Sequences of random calls of one detector, determined by the seed.
 //!
-//! Most calls keep the spheres, so that candidate lists are reused. Others change radii, numbers, species, groups and
-//! positions, or fail, are cancelled, break off or panic. Each answer must match the definition and a new detector.
+//! Most calls keep the spheres, so that candidate lists are reused. Others change the input, fail, are cancelled, break
+//! off or panic. Each answer must match the definition and a new detector.
 
 use std::fmt;
 use std::sync::Arc;

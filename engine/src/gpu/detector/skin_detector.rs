@@ -1,7 +1,7 @@
 //! A candidate list that stays on the device between calls.
 //!
-//! A rebuild searches the stored spheres with radii larger by half the skin. Each call measures displacements; the
-//! device sets the workgroup counts of the search to their values or to zero. Then the call tests the candidates.
+//! A rebuild searches the stored spheres with radii larger by half the skin. Each call measures displacements, by which
+//! the device sets the workgroup counts of that search to their values or zero, and tests the candidates.
 
 use lazygrid_host::SKIN_RANGE;
 use lazygrid_kernels::kernel::{self as k, Variant};
