@@ -161,7 +161,7 @@ fn scramble(i: u32, j: u32) -> u64 {
 }
 
 /// Runs all contenders through one motion, round by round. Compares number and checksum of pairs with the first
-/// contender that lists them, untimed. No contender skips a step, because a kept search would see larger displacements.
+/// contender that lists them, untimed. None skips a step, because a kept search would see larger displacements.
 pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timing>, Box<dyn Error>> {
     let mut runs = contenders.iter().map(ContenderRun::new).collect::<Result<Vec<_>, _>>()?;
     let mut motion = MovingScene::new(plan);

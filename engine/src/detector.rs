@@ -112,10 +112,9 @@ impl Detector {
 
     /// Returns neighbor lists with the shifts, vectors and distances that `options` request.
     ///
-    /// Unlike other searches, this one finds all images within the cutoff, also in a box smaller than the cutoff, where
-    /// a sphere may neighbor its own images. Exclusions apply to all images. `i` and `j` are neighbors at shift `S` if
-    /// `v = (cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)` is at most their cutoff long, in `f64` on any backend. The order is
-    /// canonical.
+    /// Unlike other searches, this one finds all images within the cutoff, also of a sphere itself in a smaller box.
+    /// Exclusions apply to all images. `i` and `j` are neighbors at shift `S` if `v = (cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)`
+    /// is at most their cutoff long, in `f64` on any backend. The order is canonical.
     ///
     /// ```
     /// use lazygrid::{Config, Detector, ListOptions, Radii, Space, Spheres};
@@ -185,8 +184,8 @@ impl Detector {
 
     /// Estimates the bytes that this detector holds for `spheres` spheres (at most
     /// [`MAX_SPHERES`](crate::MAX_SPHERES)), without the result. On the CPU this is an upper bound for one set in `f32`
-    /// rows or columns. Two sets, `f64` and strided input are copied: up to 23 bytes more per sphere. Neighbor lists
-    /// take memory in proportion to the neighbors.
+    /// rows or columns. Copies of two sets, `f64` and strided input take up to 23 bytes more per sphere, neighbor lists
+    /// memory in proportion to the neighbors.
     ///
     /// Unless the skin is [`Off`](crate::Skin::Off), the estimate includes the maximum of candidates, on the CPU 96 per
     /// sphere (768 bytes); few scenes exceed ten.

@@ -46,7 +46,7 @@ pub(crate) fn prefetch_address(address: *const u8) {
 
 /// Sets the length of a buffer; values are then arbitrary. After an error the buffer is empty.
 ///
-/// New memory comes zeroed from the system and is not written here, so that threads share the cost of its page faults.
+/// New memory comes zeroed from the system and is not written here: threads share its page faults.
 pub(crate) fn try_resize<T: Zeroable>(
     buffer: &mut Vec<T>,
     len: usize,

@@ -62,7 +62,8 @@ impl ImageOracle {
     }
 
     /// Returns the smallest squared length of images up to `turns` away from `shift` along each remaining cell vector.
-    /// `near` is approximately that image. Along the last vector, the parabola's minimum and its two neighbors suffice.
+    /// `near` is approximately that image. Along the last vector, the minimum of the parabola and its neighbors
+    /// suffice.
     fn nearest(&self, vector: DVec3, shift: [f64; 3], near: DVec3, turns: &[[i32; 2]]) -> f64 {
         let at = self.edges.len() - turns.len();
         let Some((k, edge)) = self.edges.get(at) else { return squared(self.image(vector, shift)) };

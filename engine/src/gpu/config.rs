@@ -112,7 +112,7 @@ impl GpuConfig {
         Self { max_tests_per_dispatch: Some(tests), ..self }
     }
 
-    /// Sets the recorded parts of the search of crowded cells, whose size only the device knows. If a part would exceed
+    /// Sets the recorded parts of the search of crowded cells, whose size the device determines. If a part would exceed
     /// [`max_tests_per_dispatch`](Self::max_tests_per_dispatch), the outcome has [`Outcome::OVERFLOW_WORK`]. Parts
     /// without work cost some microseconds each. Default: 1. A [`GpuSession`](super::GpuSession) adds parts itself.
     pub fn deferred_parts(self, parts: u32) -> Self {

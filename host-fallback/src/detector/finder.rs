@@ -28,8 +28,8 @@ pub trait PairSource {
     /// Passes all pairs as one part, unless they exceed `limit`, and returns their number.
     fn list(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<u64, Error>;
 
-    /// Passes parts with ascending first indices. A part has at most `limit` pairs unless a single sphere, or the
-    /// output of a device, has more.
+    /// Passes parts with ascending first indices, of at most `limit` pairs unless a single sphere, or the output of a
+    /// device, has more.
     fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error>;
 
     fn unordered(&mut self, take: PairConsumer<'_>) -> Result<(), Error>;

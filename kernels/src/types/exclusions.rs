@@ -4,9 +4,8 @@ const WHAT: &str = "excluded pairs";
 
 /// Pairs that a search never reports, such as bonds.
 ///
-/// [`Query::without`](crate::Query::without) applies them. Pairs may be in either order and repeated. A lookup is a
-/// binary search in a row, for touching pairs only. To exclude whole molecules, [groups](crate::Spheres::with_groups)
-/// cost less.
+/// [`Query::without`](crate::Query::without) applies them. Pairs may be in either order and repeated. A touching pair
+/// costs a binary search in a row. To exclude whole molecules, [groups](crate::Spheres::with_groups) cost less.
 ///
 /// ```
 /// # use lazygrid_kernels::Exclusions;

@@ -73,7 +73,7 @@ impl Interactions {
     ///
     /// # Errors
     /// [`InputError::SpeciesId`] for an unknown species, [`InputError::Distance`] for a negative or non-finite
-    /// distance, and [`InputError::TableMemory`] if memory for a copy of a shared table is refused.
+    /// distance, and [`InputError::TableMemory`] for a copy of a shared table.
     pub fn set(&mut self, a: u32, b: u32, interaction: Interaction) -> Result<(), InputError> {
         for id in [a, b] {
             if id >= self.species {

@@ -1,6 +1,6 @@
 use crate::{Exclusions, InputError, Spheres};
 
-/// The input of a search: one set of spheres, or two sets, across which pairs are found; and exclusions.
+/// The input of a search: one set of spheres, or two, across which pairs are found; and exclusions.
 ///
 /// Searches accept a set of spheres, a tuple of two sets, or a query with exclusions.
 ///

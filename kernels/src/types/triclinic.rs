@@ -218,7 +218,7 @@ pub(crate) fn power_of_two_below(number: f64) -> f64 {
 }
 
 /// The map from a triclinic cell to orthogonalized coordinates: the distances from the planes that pairs of basis
-/// vectors span. There space is periodic along the axes, and no distance grows by more than the factor `stretch`.
+/// vectors span. Their space is periodic along the axes, and no distance grows by more than `stretch`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orthogonalization {
     rank: usize,
@@ -247,9 +247,9 @@ impl Orthogonalization {
     }
 
     /// Orthogonalizes a valid sphere and wraps it to the image nearest to the origin. Spheres whose minimum images
-    /// touch also touch there: radii grow by `stretch`, and by more than coordinates lose to rounding. That growth
-    /// hardly depends on the position, so a moving sphere keeps its radius. Radii are cut at `limit`, with which a
-    /// sphere must touch all others.
+    /// touch also touch there: radii grow by `stretch`, and by more than rounding. That growth hardly depends on the
+    /// position, so a moving sphere keeps its radius. Radii are cut at `limit`, with which a sphere must touch all
+    /// others.
     pub fn sphere(&self, center: [f64; 3], radius: f64, limit: f64) -> Sphere {
         let center = DVec3::from(center) * self.unit;
         let mut orthogonal = Vec3::ZERO;

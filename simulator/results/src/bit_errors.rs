@@ -224,7 +224,7 @@ impl BitErrors {
         thresholds
     }
 
-    /// Returns the 95 % interval of the rate of `wrong` errors, as if errors of successive bits were independent.
+    /// Returns the 95 % interval of the rate, as if errors of successive bits were independent.
     pub fn interval(&self, wrong: u64) -> [f64; 2] {
         wilson(wrong, self.bits)
     }

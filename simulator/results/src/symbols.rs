@@ -80,8 +80,7 @@ impl Interference {
         self.add_parts(arrived.into_iter().enumerate().map(|(lag, arrived)| (arrived, seen(lag))));
     }
 
-    /// Adds a replica at a receiver with a momentary count whose series has these `rows` (steps): the mean fraction
-    /// inside during a slot.
+    /// Adds a replica of a momentary count, in these `rows` (steps): the mean fraction inside during a slot.
     pub fn add_momentary(&mut self, log: &Log, rows: &[u32], slots: &SymbolSlots) {
         let (link, lags) = (self.link, self.by_lag.len());
         let released = released(link, log, slots);

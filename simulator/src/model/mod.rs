@@ -139,7 +139,7 @@ impl Decay {
     }
 }
 
-/// Placement of two products in opposite random directions from the reactant; the faster one goes further.
+/// Products go in opposite random directions from the reactant, the faster one further.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unbinding {
     /// At this distance, in µm.

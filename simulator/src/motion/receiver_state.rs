@@ -51,8 +51,8 @@ impl ReceiverState {
         std::array::from_fn(|k| self.center[k] + part * self.displacement[k])
     }
 
-    /// Returns the radius of the sphere whose curvature its surface has: 2D/r of the drift of the distance is D/r on a disk, and 0
-    /// on a segment.
+    /// Returns the radius of a sphere of equal curvature: the drift of the distance, 2D/r, is D/r on a disk and 0 on a
+    /// segment.
     pub(crate) fn curved_radius(&self) -> f32 {
         match self.dimensions {
             1 => f32::INFINITY,

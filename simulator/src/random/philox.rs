@@ -1,7 +1,7 @@
 //! Philox 4×32 with ten rounds (Salmon et al., *Parallel random numbers: as easy as 1, 2, 3*, SC 2011).
 //!
-//! A draw is a pure function of the seed, the drawer, the step and the purpose, so no order of particles, thread or
-//! machine changes a run. WGSL has the same 32-bit operations.
+//! A draw is a pure function of the seed, the drawer, the step and the purpose, independent of order, threads and
+//! machine. WGSL has the same 32-bit operations.
 
 use rand::TryRng;
 

@@ -1,7 +1,6 @@
 //! Particles in Bevy's render world, colored by their number of contacts.
 //!
-//! One of Bevy's command encoders moves the particles, finds their contacts and draws them, without readback. lazygrid
-//! reads positions and radii in place.
+//! One of Bevy's command encoders moves the particles, finds their contacts and draws them, without readback or copy.
 //!
 //! `cargo run --release` in this folder, with the Rust release that Bevy 0.20 needs.
 

@@ -176,7 +176,7 @@ impl GpuDetector {
         self.settings.pair_capacity = pairs;
     }
 
-    /// Raises the capacity to at least `entries` (cell, object) entries, with a reserve, after a call with too few
+    /// Raises the capacity to at least `entries` (cell, object) entries, after a call with too few
     /// ([`Outcome::entries_needed`]). Calls of less than half as many spheres keep theirs. Returns `false` if the
     /// device cannot hold that many.
     pub fn set_entry_capacity(&mut self, entries: u64) -> bool {
