@@ -19,7 +19,7 @@ pub(crate) fn parse(name: &str, source: &str) -> (Module, ModuleInfo) {
     (module, info)
 }
 
-/// Returns number, name and access of each binding in group 0.
+/// Includes only group 0.
 pub(crate) fn bindings(name: &str, module: &Module) -> Vec<(u32, String, Access)> {
     let bound = module.global_variables.iter().filter_map(|(_, global)| {
         let binding = global.binding.as_ref()?;

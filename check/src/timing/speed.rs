@@ -9,7 +9,7 @@ use crate::detectors::text;
 use crate::device::TIMEOUT;
 
 pub const SIZES: [usize; 4] = [10_000, 100_000, 1_000_000, 10_000_000];
-/// Also timed by full checks.
+/// Timed by full checks.
 pub const FULL: usize = 100_000_000;
 /// After one round to warm up.
 const ROUNDS: usize = 5;

@@ -18,7 +18,6 @@ pub enum Ownership {
 }
 
 impl Ownership {
-    /// With a bound of 1.2.
     pub const BALANCE: Self = Self::Balance { bound: 1.2 };
 }
 

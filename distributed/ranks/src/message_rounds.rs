@@ -26,7 +26,6 @@ impl MessageRounds {
         most.div_ceil(self.per_rank)
     }
 
-    /// Returns a round's range of `length` elements.
     pub fn range(self, length: u64, round: u64) -> Range<u64> {
         let start = round.saturating_mul(self.per_rank).min(length);
         start..start.saturating_add(self.per_rank).min(length)

@@ -128,7 +128,7 @@ impl Migration {
         self.order.len()
     }
 
-    /// Counts spheres that leave `rank`, this rank.
+    /// `rank` is this rank.
     pub fn sent_count(&self, rank: u32) -> usize {
         self.spheres() - self.counts[rank as usize]
     }

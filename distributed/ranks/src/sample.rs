@@ -39,7 +39,6 @@ impl Sample {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleFilter {
-    /// Largest sampled hash.
     largest: u64,
 }
 

@@ -224,7 +224,7 @@ fn modulo(cell: i64, size: u32) -> u32 {
     cell.rem_euclid(i64::from(size)) as u32
 }
 
-/// Folds the longest axes to at most `most` cells.
+/// Folds the longest axes.
 fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
     if extent.x * extent.y * extent.z <= most as f64 {
         return (extent.max(DVec3::ONE).to_array().map(|cells| cells as u32), false);

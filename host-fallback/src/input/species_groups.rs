@@ -25,7 +25,6 @@ const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Meeting {
-    /// Some species of the groups pair by touching.
     pub(crate) touches: bool,
     /// Largest distance of a pair, or 0.
     pub(crate) distance: f64,

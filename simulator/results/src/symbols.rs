@@ -157,7 +157,7 @@ pub(crate) mod tests {
         }
     }
 
-    /// A log of arrivals by slot of the symbol and slot of arrival.
+    /// Arrivals by slot of the symbol and slot of arrival.
     pub(crate) fn log(arrivals: &[(usize, usize, usize)]) -> Log {
         let begin = |slot: usize| 5 + 10 * slot as u32;
         let arrived = |&(from, to, count): &(usize, usize, usize)| {

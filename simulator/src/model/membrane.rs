@@ -87,7 +87,7 @@ struct Slab {
 }
 
 impl MembraneStep<'_> {
-    /// Changes the ends of a step from `before` by the membranes.
+    /// `before` is the beginning of the step.
     pub(crate) fn hold_back(&self, before: [f32; 3], ends: &mut StepEnds, (key, id, step): (Key, u32, u32)) {
         let words = |membrane: usize, event: u32| {
             key.draw_part([id, membrane as u32], event, step, Purpose::Membrane)

@@ -95,7 +95,7 @@ impl Transmitter {
         self.release.iter().map(|&(species, _)| species).chain(steady.iter().map(|&(species, _)| species))
     }
 
-    /// Returns the mean release in steps `begin..end`, by species.
+    /// In steps `begin..end`, by species.
     pub fn mean_between(&self, [begin, end]: [u32; 2], time_step: f64) -> Vec<(u32, f64)> {
         let scaled = |by: f64| self.release.iter().map(move |&(species, n)| (species, by * f64::from(n)));
         match &self.schedule {

@@ -12,7 +12,7 @@ pub(crate) struct FlowStep {
     pub(crate) fastest: f64,
 }
 
-/// In a step, by drift and plug flow.
+/// Includes plug flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StepDrift {
     /// In µm.

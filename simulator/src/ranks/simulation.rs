@@ -25,7 +25,7 @@ pub struct RankSimulation<C> {
     wrapper: SphereWrapper,
 }
 
-/// Data that [`RankSimulation::gather`] gathers on rank 0.
+/// Requested of [`RankSimulation::gather`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GatherFields {
     pub received: bool,

@@ -7,8 +7,9 @@ use crate::frame::{Bounds, FrameMap, SearchFrame};
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PeriodicBox {
     pub(super) lengths: [f32; 3],
-    /// Upper bound on the error of a distance. Coordinates, of at most half a length, are exact; their difference is rounded to 2⁻²⁴ of a length,
-    /// and subtracting it from the length rounds no more. The slack is over twice that for three axes together.
+    /// Upper bound on the error of a distance. Coordinates, of at most half a length, are exact; their difference is
+    /// rounded to 2⁻²⁴ of a length, and subtracting it from the length rounds no more. The slack is over twice that for
+    /// three axes together.
     pub(super) slack: f32,
 }
 

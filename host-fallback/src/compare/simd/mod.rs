@@ -180,7 +180,6 @@ pub(crate) trait SimdWidth: Copy {
 }
 
 pub(crate) trait PeriodicSimd: SimdWidth {
-    /// [`touching`](SimdWidth::touching) between minimum images.
     fn minimum_image_touching(
         self,
         rows: &[Xyzr],
