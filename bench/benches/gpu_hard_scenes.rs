@@ -39,7 +39,7 @@ struct Args {
     /// Rounds, after one to warm up
     #[arg(long, default_value_t = 5)]
     rounds: usize,
-    /// Check answers at small sizes instead of measuring (the default without `--bench`, which `cargo bench` passes)
+    /// Check answers at small sizes instead of measuring (the default except in `cargo bench`)
     #[arg(long)]
     quick: bool,
     #[arg(long, hide = true)]

@@ -34,7 +34,7 @@ struct Args {
     /// Steps, after one to warm up
     #[arg(long, default_value_t = 30)]
     steps: u32,
-    /// Check answers at small sizes instead of measuring (the default without `--bench`, which `cargo bench` passes)
+    /// Check answers at small sizes instead of measuring (the default except in `cargo bench`)
     #[arg(long)]
     quick: bool,
     #[arg(long, hide = true)]

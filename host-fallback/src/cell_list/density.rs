@@ -15,8 +15,7 @@ const DEPTHS: usize = 21;
 /// Fewer coincidences at one depth are no evidence of density.
 const MIN_COINCIDENCES: u64 = 24;
 
-/// Smaller inputs reuse a sample: sampling takes a sixth of a call with 1000 spheres, for which a poor plan costs
-/// little.
+/// Smaller inputs reuse a sample, which takes a sixth of a call with 1000 spheres; a poor plan costs little.
 const MAX_REUSE_SPHERES: usize = 1 << 12;
 const MAX_REUSES: u32 = 15;
 /// Larger shifts of the bounds, as a fraction of the extent, discard the sample.

@@ -135,7 +135,7 @@ impl CellGrid {
     /// Returns all cells with spheres that may touch this one.
     ///
     /// Not for folded or periodic grids. Both corners come from the monotone expression of [`cell_of`](Self::cell_of),
-    /// from coordinates moved outwards by more than the rounding error.
+    /// with coordinates moved outwards by more than rounding.
     #[inline(always)]
     pub(crate) fn block<V: SimdWidth>(&self, vector: V, [x, y, z, r]: [f32; 4]) -> CellRange {
         if self.circular {

@@ -4,8 +4,8 @@
 //! later spheres only, and at coarser levels. So a pair is found once, from its finer sphere or, within a level, from
 //! its earlier one.
 //!
-//! Groups of spheres that do not pair among themselves, such as two sets or species without a reaction, have separate
-//! levels. Spheres search only levels of groups that pair with theirs, each two levels from one side.
+//! Groups of spheres, such as two sets or species with the same partners, have separate levels. Spheres search only
+//! levels of groups that pair with theirs, each two levels from one side.
 
 mod density;
 mod grid;

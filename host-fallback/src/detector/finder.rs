@@ -64,7 +64,7 @@ impl<B: SearchBackend + ?Sized> SearchBackend for Box<B> {
     }
 }
 
-/// Finds overlapping pairs on a backend, in buffers that are reused between calls.
+/// Finds overlapping pairs on a backend, in reused buffers.
 #[derive(Debug)]
 pub struct PairFinder<B> {
     backend: B,
@@ -89,7 +89,7 @@ impl<B: SearchBackend> PairFinder<B> {
         Ok(&self.pairs)
     }
 
-    /// Finds the pairs in this order; [`last_pairs`](Self::last_pairs) returns them.
+    /// Finds the pairs in this order, for [`last_pairs`](Self::last_pairs).
     ///
     /// # Errors
     /// See [`pairs`](Self::pairs).
@@ -128,7 +128,7 @@ impl<B: SearchBackend> PairFinder<B> {
         &self.pairs
     }
 
-    /// Returns the pairs of the last list, without a copy.
+    /// Returns the last list, without a copy.
     pub fn into_pairs(self) -> Vec<Pair> {
         self.pairs
     }
@@ -142,8 +142,6 @@ impl<B: SearchBackend> PairFinder<B> {
         self.backend.report_mut().1
     }
 
-    /// Returns the pairs as neighbor lists.
-    ///
     /// # Errors
     /// See [`pairs`](Self::pairs).
     pub fn neighbors<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<Neighbors<'_>, Error> {

@@ -236,8 +236,8 @@ impl OverfullCell {
         self.search(input, id, (output, sink))
     }
 
-    /// Appends the members of a cell to the order, group by group, unless there is one group. Returns the positions of
-    /// each group. The first member has the index `from`.
+    /// Appends the members of a cell to the order, group by group, unless there is one group. Returns each group's
+    /// positions. `from` is the first member's index.
     fn arrange(
         &mut self,
         members: &[impl CellMember],

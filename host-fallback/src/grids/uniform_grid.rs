@@ -10,7 +10,7 @@
 //! overlaps it. Spheres of `a` and `b` cells have one such cell if they share any: two would mean that each begins
 //! inside the other, so that together they cover the ring, with `a + b − 2` cells at least. A ring therefore has at
 //! least 3 cells for spheres of at most 2, and 5 for spheres of 3; else it is one cell, in which all begin. For the
-//! same reason two spheres share one arc of the ring only, so inside it they can be treated as on a line.
+//! same reason two spheres share only one arc of the ring, which is treated as a line.
 
 use std::convert::Infallible;
 

@@ -1,6 +1,6 @@
-//! Frames of an animation, `animation.frames`, as little-endian 32-bit words: step, shift, particles (two words),
-//! drawn particles, moving receivers; then id, species and position of each drawn particle, and the center of each
-//! moving receiver.
+//! Frames of an animation, `animation.frames`, as little-endian 32-bit words: step, shift, numbers of particles (two
+//! words), drawn particles and moving receivers; then id, species and position of each drawn particle, and the moving
+//! receivers' centers.
 
 use std::io::{self, Read, Write};
 use std::num::NonZeroU32;

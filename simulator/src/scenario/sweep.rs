@@ -36,12 +36,11 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// Reads a sweep: the section `[sweep]`, and `KEY=VALUE,VALUE` options, which replace values of the same key.
-    /// Returns `None` without either.
+    /// Reads the section `[sweep]`, and `KEY=VALUE,VALUE` options, which replace values of the same key. Returns `None`
+    /// without either.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::Scenario`] for a faulty file or key; [`Error::SweepPoint`] for an invalid
-    /// combination.
+    /// [`Error::Read`]; [`Error::Scenario`] for a faulty file or key; [`Error::SweepPoint`] for an invalid combination.
     pub fn read(path: &Path, options: &[String]) -> Result<Option<Self>, Error> {
         let text = std::fs::read_to_string(path);
         let text = text.map_err(|source| Error::Read { path: path.to_owned(), source })?;

@@ -32,8 +32,7 @@ const PER_PAIR: u32 = 4;
 /// Finds overlapping pairs of slowly moving spheres in GPU buffers.
 ///
 /// Works like [`GpuDetector`], with a candidate list of pairs with gaps up to the skin. The device rebuilds the list if
-/// a sphere has moved half the skin, or the number of spheres, a radius or a species has changed. Results do not depend
-/// on the skin.
+/// a sphere has moved half the skin, or the number of spheres, a radius or a species has changed.
 #[derive(Debug)]
 pub struct GpuSkinDetector {
     device: wgpu::Device,

@@ -175,7 +175,7 @@ pub(crate) fn device_or_skip() -> Option<GpuDevice> {
 
 impl GpuDevice {
     /// Runs `work` in an error scope and returns the device's error, which would otherwise panic in a handler. Messages
-    /// name the activity `what` and its `bytes`.
+    /// name `what` and `bytes`.
     ///
     /// # Errors
     /// [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::DeviceRejected`].
