@@ -1,4 +1,4 @@
-//! Time and memory per sphere for growing numbers of spheres, each in a separate process, for its peak resident memory.
+//! Time and memory per sphere for growing numbers of spheres, each in a separate process.
 
 use std::error::Error;
 use std::process::Command;

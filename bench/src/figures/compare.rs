@@ -2,7 +2,7 @@
 
 use super::row::{Results, Row, Status};
 
-/// Smallest ratio that counts as a change: processes differ more than runs within a process.
+/// Smaller ratios are no change: processes differ more than runs within a process.
 const LEAST: f64 = 1.05;
 const ENOUGH: usize = 5;
 

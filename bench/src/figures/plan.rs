@@ -270,7 +270,7 @@ fn contenders(figure: Figure) -> Vec<Contender> {
             ours.into_iter().chain([Contender::PlainCellList, Contender::Verlet, Contender::Lammps]).collect()
         }
         Figure::F5a | Figure::F5b => {
-            // The paper's grid, and the GPU path's own choice: small inputs use the naive algorithm.
+            // The paper's grid, and the GPU path's choice, which is naive for small inputs.
             let gpu = on_gpu(&[Algorithm::LazyGrid, Algorithm::Auto]);
             let cpu = [Contender::cpu(Algorithm::Auto, None), Contender::Octree, Contender::SortAndSweep];
             gpu.into_iter().chain(cpu).collect()

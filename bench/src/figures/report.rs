@@ -18,7 +18,7 @@ use lazygrid_report::html;
 
 use super::row::Results;
 
-/// Writes all files into `folder`, and labels engines on a software adapter, except in `results.json`, which names it.
+/// Labels engines on a software adapter, except in `results.json`, which names it.
 pub fn write(results: &Results, folder: &Path) -> Result<(), Box<dyn Error>> {
     let labelled = sections::labelled(results);
     let document = sections::document(&labelled)?;

@@ -36,8 +36,8 @@ type Create = unsafe extern "C" fn(
     c_int,
 ) -> c_int;
 
-/// For equal spheres of radius 1, with the fastest of [`skins`] for steps of `step_length` radii, by `--mode skins
-/// --scene equal --output unordered --algorithm auto --steps 100 --rounds 3 --step-length 0.01` of the bench `peers`.
+/// For equal spheres of radius 1, with the fastest of [`skins`] for steps of `step_length` radii, by the command in
+/// `verlet.rs` with `--scene equal`.
 pub fn tuned(name: impl Into<String>, step_length: f32) -> ContenderFactory {
     with(name, best(step_length))
 }

@@ -1,8 +1,8 @@
 //! An octree whose leaves run sweep and prune in parallel, updated between steps, as the paper describes BiNS2 (section
 //! 4.3). Overfull leaves are split, and sparse siblings merged.
 //!
-//! A sphere is in each leaf that its box overlaps. The leaf with the corner `max(low corner of a, low corner of b)`,
-//! which is in both boxes, reports a pair.
+//! A sphere is in each leaf that its box overlaps. The leaf with `max(low corner of a, low corner of b)`, which is in
+//! both boxes, reports a pair.
 
 use std::error::Error;
 use std::mem;

@@ -1,5 +1,4 @@
-//! Sweep and prune along one axis, as in N3Sim. Each sort of the intervals by their lower ends starts from the order of
-//! the previous step.
+//! Sweep and prune along one axis, as in N3Sim. Each sort by lower ends starts from the order of the previous step.
 
 use std::error::Error;
 

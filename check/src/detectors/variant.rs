@@ -56,7 +56,7 @@ impl DetectorVariant {
     }
 
     /// Returns each algorithm with and without subgroup operations and with τ = 1, and a cell list with candidates. A
-    /// [quick](Effort::Quick) check has only default settings and the cell list with candidates.
+    /// [quick](Effort::Quick) check has only default settings and the latter.
     pub fn on_gpu(own: &GpuDevice, effort: Effort) -> Vec<Self> {
         let with = |subgroups, tau| {
             let variant =

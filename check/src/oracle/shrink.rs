@@ -3,7 +3,7 @@ use glam::Vec3;
 use crate::TestInput;
 
 /// Removes exclusions, then spheres in ever smaller groups, then rounds numbers. Calls `failing`, which describes a
-/// fault, at most `tries` times. Returns the smallest failing scenario and its description.
+/// fault, at most `tries` times. Returns the smallest failure.
 pub fn shrink(
     scenario: TestInput,
     what: String,

@@ -72,8 +72,8 @@ impl Distributed {
         })
     }
 
-    /// Moves spheres to the ranks of their domains if the [ownership](Config::ownership) is
-    /// [`Balance`](Ownership::Balance), else only checks them. Searches give the same pairs without it.
+    /// Moves spheres to the ranks of their domains with [`Balance`](Ownership::Balance), else only checks them.
+    /// Searches give the same pairs without it.
     ///
     /// Afterwards spheres are sorted by previous rank, and within it as before.
     ///

@@ -13,18 +13,17 @@
 //! lazygrid_mpi::abort_on_panic();
 //!
 //! let rank = world.rank() as f32;
-//! let spheres = [Sphere::new([rank, 0.0, 0.0], 0.6)];           // those of this rank
-//! let ids = [world.rank() as u64];                              // unique among all ranks
+//! let spheres = [Sphere::new([rank, 0.0, 0.0], 0.6)];      // those of this rank
+//! let ids = [world.rank() as u64];               // unique among all ranks
 //! let mut distributed = Distributed::new(&world, Config::default())?;
-//! for pair in distributed.pairs(LocalSpheres::new(&spheres, &ids))? {  // on all ranks together
+//! for pair in distributed.pairs(LocalSpheres::new(&spheres, &ids))? { // on all ranks together
 //!     log::info!("{} of rank {} overlaps {} of rank {}", pair.a.id, pair.a.rank, pair.b.id, pair.b.rank);
 //! }
 //! # Ok(())
 //! # }
 //! ```
 //!
-//! Methods of [`Distributed`] are collective: all ranks call them in the same order. An error is the same on all
-//! ranks, and names one.
+//! An error is the same on all ranks, and names one.
 //!
 //! `lazygrid-ranks` has the algorithm.
 

@@ -10,8 +10,8 @@ pub struct LocalSpheres<'a> {
 }
 
 impl<'a> LocalSpheres<'a> {
-    /// Creates a set of spheres, as rows or columns, with species if there are interactions, and ids that are unique
-    /// among all ranks. All ranks have one length unit.
+    /// `spheres` have species if there are interactions, and `ids` are unique among all ranks. All ranks have one
+    /// length unit.
     pub fn new(spheres: impl Into<Spheres<'a>>, ids: &'a [u64]) -> Self {
         Self { spheres: spheres.into(), ids }
     }

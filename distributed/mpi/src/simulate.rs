@@ -18,8 +18,8 @@ pub struct Simulated {
 }
 
 /// Runs the simulator on all ranks with the files of `lazygrid simulate`. All ranks need the same run and see its
-/// directory. `watch` gets the completed steps on every rank, and stops all if it breaks on one. Ranks compute in the
-/// caller's rayon pool, and send from the calling thread.
+/// directory. `watch` gets the completed steps on every rank; a break on one stops all. Ranks compute in the caller's
+/// rayon pool, and send from the calling thread.
 ///
 /// # Errors
 /// [`Error::Input`] with the simulator's message.

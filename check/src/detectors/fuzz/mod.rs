@@ -37,8 +37,7 @@ enum Answer {
 }
 
 impl Round {
-    /// Runs the round with a new detector. Returns a failure with as few calls and spheres as [`shrink`] finds in
-    /// `tries` attempts.
+    /// Uses a new detector. Returns a failure with as few calls and spheres as [`shrink`] finds in `tries` attempts.
     pub fn check(self, gpu: Option<&Gpu>, tries: usize) -> Option<FailedCase> {
         let variant = self.variant;
         self.check_with(tries, |round| catch_panic(|| round.run(gpu))).map(|(round, what)| {

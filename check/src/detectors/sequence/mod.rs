@@ -71,8 +71,7 @@ impl Sequence {
         draw::sequence(seed, |_| variant)
     }
 
-    /// Runs the sequence with a new detector. Returns a failure with as few calls and spheres as found in `tries`
-    /// further runs.
+    /// Uses a new detector. Returns a failure with as few calls and spheres as found in `tries` further runs.
     pub fn check(self, gpu: Option<&Gpu>, tries: usize, tally: &mut Tally) -> Option<FailedCase> {
         let first = self.run_guarded(gpu, tally);
         tally.sequences += 1;
