@@ -73,7 +73,7 @@ impl Config {
         self
     }
 
-    /// Number of CPU threads, in an own pool. Default: the rayon pool of the caller.
+    /// Number of CPU threads, in the detector's own pool. Default: the rayon pool of the caller.
     pub fn threads(mut self, threads: usize) -> Self {
         self.settings.threads = Some(threads);
         self

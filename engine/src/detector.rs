@@ -112,7 +112,7 @@ impl Detector {
 
     /// Returns neighbor lists with the shifts, vectors and distances that `options` request.
     ///
-    /// Unlike other searches, this one finds all images within the cutoff, also of a sphere itself in a smaller box.
+    /// Unlike other searches, this one finds all images within the cutoff, in a smaller box also a sphere's own.
     /// Exclusions apply to all images. `i` and `j` are neighbors at shift `S` if `v = (cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)`
     /// is at most their cutoff long, in `f64` on any backend. The order is canonical.
     ///

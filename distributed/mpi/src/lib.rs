@@ -13,10 +13,10 @@
 //! lazygrid_mpi::abort_on_panic();
 //!
 //! let rank = world.rank() as f32;
-//! let spheres = [Sphere::new([rank, 0.0, 0.0], 0.6)];      // those of this rank
-//! let ids = [world.rank() as u64];               // unique among all ranks
+//! let spheres = [Sphere::new([rank, 0.0, 0.0], 0.6)];           // those of this rank
+//! let ids = [world.rank() as u64];                              // unique among all ranks
 //! let mut distributed = Distributed::new(&world, Config::default())?;
-//! for pair in distributed.pairs(LocalSpheres::new(&spheres, &ids))? { // on all ranks together
+//! for pair in distributed.pairs(LocalSpheres::new(&spheres, &ids))? {  // on all ranks together
 //!     log::info!("{} of rank {} overlaps {} of rank {}", pair.a.id, pair.a.rank, pair.b.id, pair.b.rank);
 //! }
 //! # Ok(())

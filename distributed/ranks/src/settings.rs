@@ -127,7 +127,7 @@ fn split<'a, T>(all: &'a [T], counts: &'a [usize]) -> impl Iterator<Item = &'a [
     })
 }
 
-/// Index and rank.
+/// Returns the index and the rank.
 fn first_difference(of_ranks: &[&[u64]]) -> Option<(usize, usize)> {
     let first = of_ranks.first()?;
     let places = of_ranks.iter().map(|own| own.len()).max()?;

@@ -7,7 +7,7 @@ use crate::memory::{prefetch, prefetch_address};
 pub(crate) trait EffectiveRows: Copy {
     fn prefetch(self, k: usize);
     fn get(self, k: usize) -> Xyzr;
-    /// `radius` is the own one of sphere `k`.
+    /// `radius` is that of sphere `k`.
     fn effective(self, k: usize, radius: f32) -> f32;
 
     #[inline(always)]

@@ -1,5 +1,5 @@
 //! The paper's HashGrid: a hash table with chaining and an entry for every cell that a sphere overlaps. Cells of equal
-//! hash share a chain.
+//! hash share a chain and are distinguished by coordinates.
 
 use std::sync::atomic::Ordering::Relaxed;
 

@@ -6,7 +6,7 @@ use lazygrid_sim::Model;
 pub struct ColumnGroup {
     pub name: &'static str,
     pub axis: &'static str,
-    /// In a row; see [`names`](lazygrid_sim::series::names).
+    /// Indices in a row; see [`names`](lazygrid_sim::series::names).
     pub columns: Vec<usize>,
 }
 

@@ -124,7 +124,7 @@ impl Boundary {
         std::array::from_fn(|k| if self.axes[k] == Axis::Frozen { 0.0 } else { v[k] })
     }
 
-    /// Keeps a uniform direction uniform in
+    /// Keeps a uniform direction uniform in the dimensions of the run.
     pub(crate) fn direction_within(&self, direction: [f32; 3]) -> [f32; 3] {
         if self.dimensions() == 3 {
             return direction;

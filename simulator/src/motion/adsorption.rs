@@ -10,7 +10,7 @@
 //! particle that reaches the surface between the heights `a` and ±`b`:
 //!
 //! ```text
-//! √π·X·erfcx(X + y),  X = κ√(Δt/D),  y = (a + b)/√(4DΔt),  erfcx(x) = exp(x²)·erfc(x)
+//! √π·X·erfcx(X + y),   X = κ√(Δt/D),   y = (a + b)/√(4DΔt),   erfcx(x) = exp(x²)·erfc(x)
 //! ```
 //!
 //! *On a sphere* of radius R, r times the density obeys the equation of the half line r ≥ R, with κ + D/R for κ. `X` in
@@ -18,7 +18,7 @@
 //! image at −r, so a path between the distances r₀ and r₁ is adsorbed with the probability
 //!
 //! ```text
-//! (w·s(a + |b|) − exp(−r₀r₁/DΔt)·s(r₀ + r₁)) / (1 − exp(−r₀r₁/DΔt)),  w = exp(−ab/DΔt) for b > 0, else 1
+//! (w·s(a + |b|) − exp(−r₀r₁/DΔt)·s(r₀ + r₁)) / (1 − exp(−r₀r₁/DΔt)),   w = exp(−ab/DΔt) for b > 0, else 1
 //! ```
 //!
 //! with s for the expression above. From a height, this gives the adsorbed fraction of Collins and Kimball

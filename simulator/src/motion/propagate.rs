@@ -358,7 +358,7 @@ impl Propagator {
         Ok(events)
     }
 
-    /// Returns the end without walls, too, which reverse the velocity.
+    /// Also returns the end without walls, which reverse the velocity.
     #[inline(always)]
     fn path(
         &self,

@@ -8,11 +8,12 @@
 //! Y(t) = X(t) + max(0, −min over s ≤ t of X(s))
 //! ```
 //!
-//! Between ends `a` and `b` the path is a Brownian bridge for any drift. Its minimum m has P(m ≤ y) = exp(−2(a − y)(b −
-//! y)/s²), s² = 2DΔt, inverted in closed form. The end is exact unless the path also reaches the opposite wall.
+//! Between ends `a` and `b` the path is a Brownian bridge for any drift. Its minimum m has
+//! P(m ≤ y) = exp(−2(a − y)(b − y)/s²), s² = 2DΔt, inverted in closed form. The end is exact unless the path also
+//! reaches the opposite wall.
 //!
 //! *Absorbing walls.* For y = 0, a path between heights `a` and `b` above a plane touched it with the probability
-//! exp(−ab/DΔt), for any step and drift. Of a cylinder the tangent plane is used, which is right for steps short
+//! exp(−ab/DΔt), for any step and drift. For a cylinder the tangent plane is used, which is right for steps short
 //! compared with the radius. In a sphere r times the density is that of a slit from 0 to R with absorbing ends: the
 //! probability is a sum over images, for any step.
 

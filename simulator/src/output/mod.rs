@@ -190,7 +190,7 @@ pub(crate) fn check(directory: &Path, records: &[FileRecord]) -> Result<(), Erro
     records.iter().try_for_each(|record| AppendFile::reopen(directory, record).map(drop))
 }
 
-/// Also locks it. Refuses one with files of a run, unless `overwrite`.
+/// Also locks the directory. Refuses one with files of a run, unless `overwrite`.
 pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> {
     let refused = |source| Error::Write { path: directory.to_owned(), source };
     fs::create_dir_all(directory).map_err(refused)?;

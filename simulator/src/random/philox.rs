@@ -26,11 +26,11 @@ pub enum Purpose {
     Count = 9,
     /// Released number, by transmitter.
     Symbol = 10,
-    /// Index: transmitter, and place in the message.
+    /// Symbol, by transmitter and index in the message.
     Tumble = 11,
     /// Displacement of a receiver, by its index.
     ReceiverMotion = 12,
-    /// Index: the receiver's.
+    /// Displacement of a receiver, by its index.
     Unbinding = 13,
     /// Time of a hit, by particle and receiver.
     HitTime = 14,
@@ -39,7 +39,7 @@ pub enum Purpose {
     /// Extreme position of a path near a membrane, and its side, by particle and membrane.
     Membrane = 16,
     SurfaceDiffusion = 17,
-    /// Index: the replica's number.
+    /// Seed of a replica, by its number.
     Replica = 100,
 }
 

@@ -25,7 +25,7 @@ pub struct RankSimulation<C> {
     wrapper: SphereWrapper,
 }
 
-/// Requested of [`RankSimulation::gather`].
+/// Data requested of [`RankSimulation::gather`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GatherFields {
     pub received: bool,
