@@ -19,6 +19,8 @@ use pyo3::types::PyModule;
 
 use crate::error;
 
+/// Borrows a contiguous array of `u32`, or a copy.
+///
 /// # Errors
 /// `TypeError` for values that are not whole numbers; `InputError` for values out of range, and for another shape.
 pub(crate) fn whole<'py>(
