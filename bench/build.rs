@@ -23,7 +23,7 @@ fn main() {
     bullet();
 }
 
-/// `BULLET_INCLUDE` overrides Debian's path of Bullet's headers.
+/// `BULLET_INCLUDE` overrides Debian's path of the headers.
 #[cfg(feature = "bullet")]
 fn bullet() {
     const DEBIAN: &str = "/usr/include/bullet";

@@ -1,4 +1,4 @@
-//! The GPU cell list in hard scenes, compared with equal spheres and another algorithm by GPU timestamps of each phase.
+//! The GPU cell list in hard scenes, compared with equal spheres and another algorithm by GPU timestamps per phase.
 //!
 //! `cargo bench -p lazygrid-bench --bench gpu_hard_scenes -- --n 1000000 --baseline lazy-grid`
 #![allow(clippy::print_stdout)]
@@ -39,7 +39,7 @@ struct Args {
     /// Rounds, after one to warm up
     #[arg(long, default_value_t = 5)]
     rounds: usize,
-    /// Check answers at small sizes instead of measuring (the default without `--bench`, which `cargo bench` passes)
+    /// Check answers at small sizes instead of measuring (the default except in `cargo bench`)
     #[arg(long)]
     quick: bool,
     #[arg(long, hide = true)]

@@ -1,5 +1,5 @@
-//! Spheres that stay on the GPU: the cell list at each step compared with candidate lists, by wall time from submission
-//! to completion.
+//! Spheres that stay on the GPU: the cell list at each step compared with candidate lists, by wall time until
+//! completion.
 //!
 //! `cargo bench -p lazygrid-bench --bench gpu_skin -- --n 1000000 --step-length 0.01,0.1 --skin 0.25,0.5`
 #![allow(clippy::print_stdout)]
@@ -34,7 +34,7 @@ struct Args {
     /// Steps, after one to warm up
     #[arg(long, default_value_t = 30)]
     steps: u32,
-    /// Check answers at small sizes instead of measuring (the default without `--bench`, which `cargo bench` passes)
+    /// Check answers at small sizes instead of measuring (the default except in `cargo bench`)
     #[arg(long)]
     quick: bool,
     #[arg(long, hide = true)]

@@ -24,7 +24,7 @@ struct Args {
     /// Use no subgroup operations
     #[arg(long)]
     no_subgroups: bool,
-    /// Check answers at small sizes instead of measuring (the default without `--bench`, which `cargo bench` passes)
+    /// Check answers at small sizes instead of measuring (the default except in `cargo bench`)
     #[arg(long)]
     quick: bool,
     #[arg(long, hide = true)]

@@ -1,4 +1,4 @@
-//! Species that seldom or never pair, and two sets, with and without a table of interactions, on the CPU and on a GPU.
+//! Species that seldom or never pair, and two sets, with and without a table of interactions, on CPU and GPU.
 //!
 //! `cargo bench -p lazygrid-bench --bench species -- enzymes`
 

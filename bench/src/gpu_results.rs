@@ -1,5 +1,4 @@
-//! `RESULTS-GPU.md`: the GPU times that arithmetic predicts, next to those of `lazygrid check --json` or of the page of
-//! `lazygrid page`.
+//! `RESULTS-GPU.md`: the GPU times that arithmetic predicts, next to those of `lazygrid check --json` or of the page.
 
 use std::fmt::Write;
 
@@ -25,7 +24,7 @@ const DEVICES: [Device; 4] = [
     Device { name: "integrated, 90 GB/s", bandwidth: 9e10, source: "two channels of DDR5-5600" },
 ];
 
-/// The results of `lazygrid check --json` or of the page's measurement.
+/// Results of `lazygrid check --json` or the page.
 #[derive(Clone, Debug, Deserialize)]
 pub struct GpuRun {
     version: String,
@@ -133,7 +132,6 @@ fn count(number: u64) -> String {
     }
 }
 
-/// Writes the document: predictions, how to run, and the runs.
 pub fn document(runs: &[GpuRun], commit: &str) -> String {
     let mut text = format!(
         "# Results on GPUs\n\n\

@@ -38,14 +38,13 @@ pub struct Statistic {
     pub value: Number,
 }
 
-/// A representation, such as assembly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Text {
     pub name: String,
     pub text: String,
 }
 
-/// A compiled program; some drivers compile several per kernel, for different subgroup sizes.
+/// Some drivers compile several per kernel, for different subgroup sizes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Program {
     pub name: String,
@@ -60,7 +59,7 @@ pub struct Program {
 pub struct Compiled {
     pub kernel: &'static str,
     pub variant: String,
-    /// Bytes of workgroup memory.
+    /// In bytes.
     pub workgroup_memory: u32,
     /// Empty if the driver reports none.
     pub programs: Vec<Program>,
@@ -71,7 +70,7 @@ pub struct Compiled {
 pub struct Kernels {
     pub adapter: String,
     pub driver: String,
-    /// `true` if the driver reports statistics (`VK_KHR_pipeline_executable_properties`).
+    /// Requires `VK_KHR_pipeline_executable_properties`.
     pub has_statistics: bool,
     pub compiled: Vec<Compiled>,
 }
@@ -84,7 +83,7 @@ impl Kernels {
 
 #[derive(Clone, Debug, Default)]
 pub struct Wanted {
-    /// Names of kernels; empty for all.
+    /// Empty for all.
     pub only: Vec<String>,
     /// Also variants for devices without subgroup operations or with little workgroup memory.
     pub all_variants: bool,

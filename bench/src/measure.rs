@@ -1,5 +1,5 @@
-//! Compares searches for pairs: one set of spheres for all, answers checked before times are reported, rounds
-//! interleaved, and ratios within rounds.
+//! Compares searches for pairs of the same spheres: answers checked before times are reported, rounds interleaved, and
+//! ratios within rounds.
 
 mod finders;
 pub mod memory;
@@ -29,27 +29,26 @@ pub enum Found<'a> {
     Count(u64),
 }
 
-/// A stateful search for the pairs of moving spheres.
 pub trait PairFinder {
-    /// Receives the next call's spheres, untimed, for programs that store spheres elsewhere.
+    /// Receives the next call's spheres, untimed, for programs that store them elsewhere.
     fn prepare(&mut self, _spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
         Ok(())
     }
 
-    /// Finds the pairs of these spheres, which have moved slightly since the last call.
+    /// Spheres have moved slightly since the last call.
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>>;
 
-    /// Times of the last call's phases; empty if unknown.
+    /// Returns those of the last call; empty if unknown.
     fn phases(&self) -> Vec<PhaseTime> {
         Vec::new()
     }
 
-    /// GPU time of the last call; `None` without a GPU or timestamps.
+    /// Returns that of the last call; `None` without a GPU or timestamps.
     fn gpu_time(&self) -> Option<Duration> {
         None
     }
 
-    /// A note on the last call; may be empty.
+    /// Describes the last call; may be empty.
     fn note(&self) -> String {
         String::new()
     }
@@ -59,7 +58,6 @@ pub type Make = Box<dyn Fn() -> Result<Box<dyn PairFinder>, Box<dyn Error>>>;
 
 pub struct ContenderFactory {
     pub name: String,
-    /// Creates a search without earlier steps.
     pub make: Make,
 }
 
@@ -86,7 +84,7 @@ impl ContenderFactory {
         Self::new(name, move || Ok(Count(Detector::new(config.clone())?)))
     }
 
-    /// Creates a detector that streams pairs in chunks, which are dropped.
+    /// Drops the chunks.
     pub fn stream(name: impl Into<String>, config: Config) -> Self {
         Self::new(name, move || Ok(Stream(Detector::new(config.clone())?)))
     }
@@ -96,13 +94,12 @@ impl ContenderFactory {
 pub struct Plan {
     pub scene: Scene,
     pub n: usize,
-    /// Seed of the scene and of all steps.
     pub seed: u64,
     /// Measured rounds, after one to warm up.
     pub rounds: usize,
-    /// Steps of each contender per round, at least one.
+    /// At least one per contender and round.
     pub steps: usize,
-    /// Displacement per step, in radii.
+    /// In radii per step.
     pub step_length: f32,
     /// `true` creates a new search at each step.
     pub fresh: bool,
@@ -111,10 +108,10 @@ pub struct Plan {
 #[derive(Clone, Debug)]
 pub struct Timing {
     pub name: String,
-    /// Nanoseconds per sphere and step, one value per round.
+    /// Per sphere and step, one value per round.
     pub nanos: Vec<f64>,
     pub note: String,
-    /// Number of pairs at the last step.
+    /// At the last step.
     pub pairs: u64,
 }
 
@@ -123,14 +120,14 @@ impl Timing {
         Spread::of(&self.nanos).median
     }
 
-    /// Returns the ratio of this time to that of `other`, per round.
+    /// Ratio of this time to the other, per round.
     pub fn over(&self, other: &Self) -> Spread {
         let ratios: Vec<f64> = self.nanos.iter().zip(&other.nanos).map(|(a, b)| a / b).collect();
         Spread::of(&ratios)
     }
 }
 
-/// Number of pairs, and a checksum independent of their order.
+/// Independent of the order of pairs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Digest {
     pub pairs: u64,
@@ -149,7 +146,7 @@ impl Digest {
         }
     }
 
-    /// Returns `true` if counts and, if both exist, checksums are equal.
+    /// Compares counts and, if both exist, checksums.
     pub fn agrees(&self, other: &Self) -> bool {
         self.pairs == other.pairs && (self.sum.is_none() || other.sum.is_none() || self.sum == other.sum)
     }
@@ -164,8 +161,7 @@ fn scramble(i: u32, j: u32) -> u64 {
 }
 
 /// Runs all contenders through one motion, round by round. Compares number and checksum of pairs with the first
-/// contender that lists them. Neither comparison nor motion is timed. No contender skips a step, because a kept search
-/// would see larger displacements.
+/// contender that lists them, untimed. None skips a step, because a kept search would see larger displacements.
 pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timing>, Box<dyn Error>> {
     let mut runs = contenders.iter().map(ContenderRun::new).collect::<Result<Vec<_>, _>>()?;
     let mut motion = MovingScene::new(plan);
@@ -181,7 +177,7 @@ pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timin
     Ok(runs.into_iter().map(ContenderRun::timing).collect())
 }
 
-/// Returns a random permutation of the numbers below `count`. A rotation would keep each contender's predecessor.
+/// Returns a random permutation, since a rotation would keep each contender's predecessor.
 pub fn turns(count: usize, seed: u64) -> Vec<usize> {
     let mut turns: Vec<usize> = (0..count).collect();
     turns.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));

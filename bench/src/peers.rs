@@ -1,5 +1,5 @@
-//! The peers of lazygrid: trees of C++ and Rust programs, the methods of earlier nanosimulators, and a plain cell list
-//! as the baseline. Each is a [`PairFinder`](crate::measure::PairFinder) with the same exact test.
+//! The peers of lazygrid: trees of C++ and Rust programs, methods of earlier nanosimulators, and a plain cell list.
+//! Each is a [`PairFinder`](crate::measure::PairFinder) with the same exact test.
 
 #[cfg(feature = "bullet")]
 pub mod bullet;
@@ -13,7 +13,7 @@ pub mod verlet;
 
 use lazygrid::Sphere;
 
-/// Exact test of all lazygrid detectors: in `f64` near tangency.
+/// In `f64` near tangency, as all lazygrid detectors.
 #[inline]
 fn touch(a: &Sphere, b: &Sphere) -> bool {
     let reach = a.radius + b.radius;
@@ -25,7 +25,7 @@ fn touch(a: &Sphere, b: &Sphere) -> bool {
     a.center.as_dvec3().distance_squared(b.center.as_dvec3()) <= reach * reach
 }
 
-/// A few ulp more than the radius, because rounding of the box might otherwise lose a tangent pair.
+/// Returns a few ulp more than the radius, so that rounding of the box loses no tangent pair.
 #[inline]
 fn half_extent(sphere: &Sphere) -> f32 {
     sphere.radius + (sphere.center.abs().max_element() + sphere.radius) * f32::EPSILON

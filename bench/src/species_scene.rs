@@ -23,7 +23,6 @@ pub enum SpeciesScene {
 }
 
 impl SpeciesScene {
-    /// All scenes.
     pub const ALL: [Self; 7] = [
         Self::RarePartner,
         Self::Enzymes,

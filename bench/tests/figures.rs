@@ -1,4 +1,4 @@
-//! The figures at the smallest scale: each engine gives the right answer, and all files exist.
+//! At the smallest scale, each engine gives the right answer, and all files exist.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::ffi::OsStr;

@@ -12,8 +12,8 @@ use crate::{Failure, OutPtr};
 
 /// `lazygrid_detector`: a detector and the texts that C has pointers to.
 ///
-/// All functions use `try_lock`, so a second thread and a stream's callback get [`BUSY`]. A panic poisons the mutex, so
-/// all later calls with the detector fail.
+/// A second thread and a stream's callback get [`BUSY`] by `try_lock`. A panic poisons the mutex, so all later calls
+/// fail.
 #[derive(Debug)]
 pub struct DetectorHandle(Mutex<HandleState>);
 

@@ -1,8 +1,8 @@
 //! lazygrid for C and C++, documented in `include/lazygrid.h`; a test compares it with this crate.
 //!
 //! Exported functions convert pointers to references, slices and [`OutPtr`]s, after all possible checks.
-//! [`status::guarded`] turns a panic into a status. A detector is in a mutex that functions only `try_lock`, so a
-//! second thread or a callback gets an error instead of waiting.
+//! [`status::guarded`] turns a panic into a status. Functions only `try_lock` the mutex of a detector, so a second
+//! thread or a callback gets an error.
 //!
 //! Safety comments refer to the header's conditions: pointers are NULL or valid for their type, live and unchanged for
 //! the time that the header names; handles come from the function that makes them and have not been destroyed.

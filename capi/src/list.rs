@@ -24,7 +24,6 @@ pub struct CNeighborList {
 pub const OPTIONS: [(&str, u32); 6] =
     [("HALF", 1), ("OPEN", 2), ("SELF", 4), ("SHIFTS", 8), ("VECTORS", 16), ("DISTANCES", 32)];
 
-/// Converts `LAZYGRID_LIST_…` bits to options.
 fn options(bits: u32) -> Result<ListOptions, Failure> {
     let known = OPTIONS.iter().fold(0, |known, (_, bit)| known | bit);
     if bits & !known != 0 {

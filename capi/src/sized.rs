@@ -18,8 +18,7 @@ pub unsafe trait VersionedStruct: Copy {
     const REMEDY: &'static str;
 }
 
-/// Copies a structure of a program that may know fewer or more fields than this library. Fields that the program does
-/// not know are 0.
+/// Copies a structure of a program that may know fewer fields, which are then 0, or more than this library.
 ///
 /// # Errors
 /// If `at` is NULL or misaligned, if the size is wrong, or if a field that this library does not know is set.

@@ -17,7 +17,7 @@ use lazygrid_io::scenes::Scene;
 
 const CHUNK: usize = 1 << 22;
 const SPHERES: usize = 100_000;
-/// Above this number the GPU takes no part: a software adapter takes a microsecond per pair.
+/// The GPU omits scenes with more pairs: a software adapter takes a microsecond per pair.
 const MAX_GPU_PAIRS: u64 = 1 << 22;
 const DENSITIES: [f32; 3] = [1.0, 0.5, 0.2];
 

@@ -11,7 +11,7 @@ use wgpu::BufferUsages;
 /// Limits each operation.
 pub const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Creates a storage and uniform buffer that can be copied to and from.
+/// Copies to and from the buffer are allowed.
 pub fn storage_buffer(own: &GpuDevice, bytes: u64) -> Result<wgpu::Buffer, Error> {
     let usage =
         BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
@@ -81,7 +81,7 @@ pub fn submit<R>(
     })?
 }
 
-/// Runs one kernel in `groups` workgroups, on buffers by binding name.
+/// Runs one kernel on buffers by binding name.
 ///
 /// # Panics
 /// If a binding has no buffer.
@@ -95,7 +95,7 @@ pub fn run(
     run_over(own, kernel, variant, [groups, 1, 1], buffers)
 }
 
-/// Runs one kernel on workgroups per dimension.
+/// `groups` are by dimension.
 ///
 /// # Panics
 /// If a binding has no buffer.

@@ -18,11 +18,11 @@ pub mod timing;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
-    /// Small scenes and sizes: seconds.
+    /// Seconds.
     Quick,
     /// About a minute, also on a software adapter.
     Default,
-    /// More and larger scenes and sizes: up to an hour on a software adapter.
+    /// Up to an hour on a software adapter.
     Full,
 }
 

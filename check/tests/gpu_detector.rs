@@ -53,8 +53,8 @@ fn grid_of_few_cells_finds_each_pair_once() {
     }
 }
 
-/// Small spheres at the surfaces of much larger ones, also below the lowest center. A crowd elsewhere makes all small
-/// spheres leave the cells of the large ones.
+/// Small spheres at the surfaces of much larger ones, also below the lowest center, and a crowd elsewhere that makes
+/// all small spheres leave the cells of the large ones.
 #[test]
 fn small_spheres_below_the_lowest_center_are_found() {
     let Some(own) = device() else { return };

@@ -1,4 +1,4 @@
-//! Lost devices and requests that are too large: typed errors, and recovery. The tests share one device; those that
+//! Lost devices and requests that are too large: typed errors, and recovery. The tests share a device; those that
 //! destroy it run one at a time.
 
 mod common;

@@ -28,8 +28,8 @@ fn unguarded(text: &str, function: &str) -> String {
     format!("{before}{header}{body}\n}}{after}")
 }
 
-/// Scenes in which the order of evaluation decides: differences across the periodic boundary, tiny differences of large
-/// coordinates, and the largest floats.
+/// The order of evaluation decides: differences across the periodic boundary, tiny differences of large coordinates,
+/// and the largest floats.
 fn scenes() -> Vec<Scene> {
     // Multiples of one ulp of 500. Odd distances across the boundary are multiples of half an ulp of 1000, where a sum
     // is rounded; some lie just below the cutoff of 51.5 units.
@@ -141,8 +141,8 @@ fn rebuilds(own: &GpuDevice, rewrite: fn(&str) -> String) -> usize {
     (0..3).filter(|_| call()).count()
 }
 
-/// Compilers may treat one expression differently in two kernels whose results are compared. On llvmpipe the text
-/// without the guard shows no difference, so this test cannot show that the guard is needed.
+/// Compilers may treat one expression differently in two kernels whose results are compared. On llvmpipe this test also
+/// passes without the guard.
 #[test]
 fn inflated_radii_agree_between_kernels() {
     let Some(own) = device() else { return };

@@ -51,8 +51,7 @@ fn both_ways(kernel: &Kernel) -> [String; 2] {
     [forwards, backwards]
 }
 
-/// A scan of many tiles takes several rounds; the thread that starts a round must not change values that others still
-/// read.
+/// The thread that starts a round must not change values that others still read.
 #[test]
 fn scan_of_many_tiles_continues_over_rounds() {
     let Some(own) = device() else { return };

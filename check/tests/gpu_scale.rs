@@ -115,7 +115,7 @@ fn soak_of_changing_sizes_and_shapes() {
     let mut session = GpuSession::new(own.clone(), GpuConfig::default()).expect("made");
     session.set_timeout(Duration::from_secs(60));
     let mut detector = cpu();
-    // Both calls in flight first get the largest input and the largest result, so that any later growth is a leak.
+    // Both calls in flight first get the largest input and result, so that later growth is a leak.
     let largest = [uniform(0, LARGEST, 20.0, 0.5), vec![Sphere::new([0.0; 3], 0.25); CROWD]];
     for spheres in &largest {
         let tickets = [(); 2].map(|()| session.begin(Spheres::from(spheres)).expect("begun"));

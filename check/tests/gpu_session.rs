@@ -168,8 +168,8 @@ fn crowded_searches_continue_over_several_submissions() {
     }
 }
 
-/// Groups that LazyGrid keeps in one cell and EagerGrid spreads over twenty levels, beyond the entry capacity of a
-/// first call; and a crowd that takes several submissions.
+/// Groups in one cell of LazyGrid and twenty levels of EagerGrid, beyond the entry capacity of a first call; and a
+/// crowd that takes several submissions.
 #[test]
 fn retried_call_keeps_its_algorithm_and_pairs() {
     let Some(own) = device() else { return };

@@ -100,7 +100,6 @@ pub fn set_output_closed() {
     OUTPUT_IS_CLOSED.store(true, Ordering::Relaxed);
 }
 
-/// Fails without standard output.
 fn check_output() -> Result<(), CliError> {
     match OUTPUT_IS_CLOSED.load(Ordering::Relaxed) {
         true => Err(CliError::Stdout(io::Error::new(io::ErrorKind::NotConnected, "it is closed"))),

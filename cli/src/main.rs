@@ -18,9 +18,8 @@ fn quiet_wayland() {
     let missing = !std::env::var_os(RUNTIME_DIRECTORY)
         .is_some_and(|directory| std::path::Path::new(&directory).is_absolute());
     if cfg!(target_os = "linux") && missing {
-        // SAFETY: `main` has just begun. No thread has been started, by this program or by a library that is loaded
-        // with it, so no other code uses the environment at the same time. No compositor is found below this path, as
-        // before.
+        // SAFETY: `main` has just begun. Neither this program nor a loaded library has started a thread, so no other
+        // code uses the environment at the same time. No compositor is found below this path, as before.
         unsafe { std::env::set_var(RUNTIME_DIRECTORY, "/dev/null") };
     }
 }

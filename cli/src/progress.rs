@@ -7,13 +7,13 @@ use indicatif::{ProgressBar, ProgressBarIter, ProgressDrawTarget, ProgressStyle}
 const DELAY: Duration = Duration::from_secs(1);
 const TICK: Duration = Duration::from_millis(200);
 
-/// Current work and read part of the input, on terminals, after a second.
+/// Shows the current work and the read part of the input, on terminals, after a second.
 pub(crate) struct Progress {
     bar: ProgressBar,
 }
 
 impl Progress {
-    /// For an input of `length` bytes, if known.
+    /// `length` is that of the input in bytes, if known.
     pub(crate) fn new(length: Option<u64>) -> Self {
         let progress = Self::hidden(length);
         let bar = progress.bar.downgrade();

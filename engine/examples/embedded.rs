@@ -1,5 +1,4 @@
-//! A simulation that stays on the GPU: a compute pass counts the contacts of each sphere from the detected pairs,
-//! without readback.
+//! A simulation on the GPU: a compute pass counts each sphere's contacts from the detected pairs, without readback.
 //!
 //! `cargo run --release -p lazygrid --example embedded`
 

@@ -1,5 +1,4 @@
-//! Choice of the backend, with a reason. Each backend chooses its algorithm: `gpu::choice` and
-//! `lazygrid_host::algorithm_choice`.
+//! Choice of the backend. Each backend chooses its algorithm: `gpu::choice` and `lazygrid_host::algorithm_choice`.
 
 use lazygrid_kernels::Algorithm;
 

@@ -59,8 +59,8 @@ impl Config {
         self
     }
 
-    /// Sets GPU measurements, by which `Auto` chooses. Entries for other adapters are ignored; of one adapter the last
-    /// counts. Default: none; crossover and costs are assumed.
+    /// Sets GPU measurements, by which `Auto` chooses. Entries for other adapters are ignored; the last one of an
+    /// adapter applies. Default: none; crossover and costs are assumed.
     #[cfg(feature = "gpu")]
     pub fn calibration(mut self, measured: impl IntoIterator<Item = Calibration>) -> Self {
         self.calibrations.extend(measured);
@@ -73,7 +73,7 @@ impl Config {
         self
     }
 
-    /// Number of CPU threads, in a pool of the detector's own. Default: the rayon pool of the caller.
+    /// Number of CPU threads, in the detector's own pool. Default: the rayon pool of the caller.
     pub fn threads(mut self, threads: usize) -> Self {
         self.settings.threads = Some(threads);
         self
@@ -114,8 +114,8 @@ impl Config {
         self
     }
 
-    /// Sets the interaction table: species that pair, and their distances. Spheres then need species ids. Default:
-    /// `None`; all touching spheres pair.
+    /// Sets the species that pair, and their distances. Spheres then need species ids. Default: `None`; all touching
+    /// spheres pair.
     pub fn interactions(mut self, interactions: impl Into<Option<Interactions>>) -> Self {
         self.settings.interactions = interactions.into();
         self

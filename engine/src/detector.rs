@@ -79,7 +79,7 @@ impl Detector {
 
     /// Returns the overlapping pairs, each once, in the configured order.
     ///
-    /// For two sets, only pairs across them count: `i` is an index of the first set, `j` of the second.
+    /// For two sets, only pairs across them are found: `i` is an index of the first set, `j` of the second.
     ///
     /// ```
     /// use lazygrid::{Config, Detector, Pair, Sphere};
@@ -101,8 +101,8 @@ impl Detector {
         self.finder().pairs(query)
     }
 
-    /// Returns the neighbors of every sphere, ascending; each pair is in both lists. For two sets, every sphere of the
-    /// first set lists its neighbors in the second.
+    /// Returns the neighbors of every sphere, ascending; each pair is in both lists. For two sets, spheres of the first
+    /// list their neighbors in the second.
     ///
     /// # Errors
     /// See [`pairs`](Self::pairs).
@@ -112,10 +112,9 @@ impl Detector {
 
     /// Returns neighbor lists with the shifts, vectors and distances that `options` request.
     ///
-    /// Unlike other searches, this one finds all images within the cutoff, also in a box smaller than the cutoff, where
-    /// a sphere may neighbor its own images. Exclusions apply to all images. `i` and `j` are neighbors at shift `S` if
-    /// `v = (cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)` is at most their cutoff long, in `f64` on any backend. The order is
-    /// canonical.
+    /// Unlike other searches, this one finds all images within the cutoff, in a smaller box also a sphere's own.
+    /// Exclusions apply to all images. `i` and `j` are neighbors at shift `S` if `v = (cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)`
+    /// is at most their cutoff long, in `f64` on any backend. The order is canonical.
     ///
     /// ```
     /// use lazygrid::{Config, Detector, ListOptions, Radii, Space, Spheres};
@@ -154,8 +153,7 @@ impl Detector {
     ///
     /// In canonical order the whole stream is sorted; each further [`Config::max_pairs`] pairs then cost one more
     /// search. Unordered chunks arrive one at a time, possibly from another thread. `consume` must not wait for work of
-    /// the same rayon pool, because searching threads may wait for it. A search by a detector with its own pool is
-    /// allowed.
+    /// the same rayon pool, because searching threads may wait for it; a detector with its own pool may search.
     ///
     /// # Errors
     /// See [`count`](Self::count).
@@ -186,8 +184,8 @@ impl Detector {
 
     /// Estimates the bytes that this detector holds for `spheres` spheres (at most
     /// [`MAX_SPHERES`](crate::MAX_SPHERES)), without the result. On the CPU this is an upper bound for one set in `f32`
-    /// rows or columns. Two sets, `f64` and strided input are copied: up to 23 bytes more per sphere. Neighbor lists
-    /// take memory in proportion to the neighbors.
+    /// rows or columns. Copies of two sets, `f64` and strided input take up to 23 bytes more per sphere, neighbor lists
+    /// memory in proportion to the neighbors.
     ///
     /// Unless the skin is [`Off`](crate::Skin::Off), the estimate includes the maximum of candidates, on the CPU 96 per
     /// sphere (768 bytes); few scenes exceed ten.

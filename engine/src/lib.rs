@@ -47,7 +47,7 @@ pub use lazygrid_kernels::{
     Algorithm, Backend, EffectiveRadius, Error, Exclusions, ImageVector, InputError, Interaction,
     Interactions, MAX_SPHERES, Pair, Query, Radii, Real, Space, Sphere, Spheres, Strided, UnknownName,
 };
-/// Map of triclinic cells for runs on several ranks; no part of the stable interface.
+/// For runs on several ranks; no part of the stable interface.
 #[doc(hidden)]
 pub use lazygrid_kernels::{Orthogonalization, TriclinicCell};
 pub use report::Report;

@@ -22,7 +22,7 @@ pub struct Report {
     /// Planned cost on the GPU; `None` on the CPU, or if a candidate list answered the call.
     #[cfg(feature = "gpu")]
     pub cost: Option<crate::gpu::CallCost>,
-    /// Candidate list, if it answered the call.
+    /// Candidate list that answered the call.
     pub candidates: Option<CandidateListStats>,
     /// Time of each phase in execution order, summed over the submissions of a call.
     pub phases: Vec<PhaseTime>,

@@ -2,8 +2,8 @@ use std::io::Cursor;
 
 use lazygrid_io::read::{Format, Frames, Options};
 
-/// Reads `bytes` with and without a known length and ids. Checks that reading never panics, spheres are valid and at
-/// most as many as bytes, and nothing follows an error.
+/// Reads `bytes` with and without a known length and ids. Checks that reading never panics, spheres are valid and no
+/// more than bytes, and nothing follows an error.
 pub fn read(format: Option<Format>, bytes: &[u8]) {
     let radii = [("A".to_owned(), 1.0), ("1".to_owned(), 0.5)];
     for (length, ids) in [(None, true), (Some(bytes.len() as u64), false)] {

@@ -51,7 +51,7 @@ pub(crate) fn split_at<T>(
     memory::try_collect(ends.map(cut), "stretches of a buffer")
 }
 
-/// Closes the gaps between the filled ranges of a buffer, given the start and length of each.
+/// Closes the gaps between filled ranges, given as start and length.
 pub(crate) fn close_gaps<T: Copy>(values: &mut Vec<T>, filled: impl Iterator<Item = (usize, usize)>) {
     let mut end = 0;
     for (start, count) in filled {

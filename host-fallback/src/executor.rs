@@ -1,6 +1,6 @@
 //! The threads of a call: the calling thread, or a rayon pool. No other module uses rayon.
 //!
-//! Work consists of numbered chunks. The first chunk that fails ends the work with its error.
+//! Work consists of numbered chunks. The first that fails ends the work with its error.
 
 use std::error::Error as _;
 use std::sync::OnceLock;
@@ -20,7 +20,7 @@ const MIN_MAX_THREADS: usize = 16;
 pub(crate) const MIN_PARALLEL_SPHERES: usize = 1 << 14;
 const MIN_PARALLEL_NS: f32 = 300_000.0;
 
-/// The threads that execute a call.
+/// The threads of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Executor {
     /// Calling thread only.

@@ -1,7 +1,7 @@
 //! The CPU path of lazygrid: every pair of overlapping spheres, found by rayon threads.
 //!
 //! Start with [`HostDetector`]. Data flows one way: spheres → [`InputStats`] → [`algorithm_choice`] → plan → detector →
-//! pairs. Most programs use the `lazygrid` crate.
+//! pairs.
 
 #![cfg_attr(test, allow(clippy::disallowed_methods, clippy::disallowed_macros))]
 

@@ -1,5 +1,5 @@
-//! Fallible allocation of memory whose size depends on the input or on the result; `clippy.toml` forbids growing
-//! vectors elsewhere.
+//! Fallible allocation of memory whose size depends on input or result; `clippy.toml` forbids growing vectors
+//! elsewhere.
 
 #![expect(clippy::disallowed_methods, reason = "memory is reserved first")]
 
@@ -31,7 +31,7 @@ pub(crate) fn prefetch_row(rows: &[[f64; 4]], k: usize) {
     prefetch(rows.as_flattened(), 4 * k + 3);
 }
 
-/// Prefetches an address on x86-64. Ignores an invalid one.
+/// Ignores an invalid address, like [`prefetch`].
 #[inline(always)]
 pub(crate) fn prefetch_address(address: *const u8) {
     #[cfg(target_arch = "x86_64")]
@@ -46,14 +46,14 @@ pub(crate) fn prefetch_address(address: *const u8) {
 
 /// Sets the length of a buffer; values are then arbitrary. After an error the buffer is empty.
 ///
-/// New memory comes zeroed from the system and is not written here, so that threads share the cost of its page faults.
+/// New memory comes zeroed from the system and is not written here: threads share its page faults.
 pub(crate) fn try_resize<T: Zeroable>(
     buffer: &mut Vec<T>,
     len: usize,
     what: &'static str,
 ) -> Result<(), Error> {
     if buffer.capacity() < len {
-        // A buffer that grows once is likely to grow again, a little.
+        // A buffer that grows once often grows again, a little.
         let room = if buffer.capacity() == 0 { len } else { len + len / GROWTH_DIVISOR };
         drop(std::mem::take(buffer));
         *buffer = try_zeroed_vec(room).map_err(|()| refused::<T>(room, what))?;

@@ -1,4 +1,4 @@
-//! All-pairs comparison of the groups that meet, the reference of every other algorithm.
+//! All-pairs comparison of the groups that meet, the reference of all other algorithms.
 
 use std::ops::Range;
 

@@ -1,7 +1,7 @@
-//! A parallel stable radix sort of (key, sphere) entries, least significant digit first.
+//! A parallel stable radix sort of (key, sphere) entries, least significant digit first, independent of threads.
 //!
 //! Each chunk counts its digits, a prefix sum over (digit, chunk) gives it positions, and it moves its entries. A pass
-//! in which all digits agree moves nothing. The result does not depend on threads.
+//! in which all digits agree moves nothing.
 
 use bytemuck::Zeroable;
 

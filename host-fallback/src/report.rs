@@ -25,7 +25,7 @@ pub struct Report {
 pub struct CandidateListStats {
     /// Number of candidates.
     pub count: u64,
-    /// The number of calls since the build; 0 in the call that builds it.
+    /// Calls since the build; 0 in the call that builds it.
     pub age: u32,
     /// Largest fraction of its displacement limit that any sphere has used, from 0 to 1.
     pub displacement_fraction: f32,
@@ -41,7 +41,7 @@ pub enum RebuildReason {
     NoList,
     /// A sphere exceeded its displacement limit.
     Displacement,
-    /// Number, the radii or the species of the spheres changed.
+    /// The number, the radii or the species of the spheres changed.
     InputChanged,
 }
 

@@ -13,8 +13,7 @@ pub enum Order {
     /// Ascending by `i`, then `j`.
     #[default]
     Canonical,
-    /// Order in which they are found, without sorting. Reproducible and independent of the number of threads, except
-    /// for streamed chunks.
+    /// Without sorting. Reproducible and independent of the number of threads, except for streamed chunks.
     Unordered,
 }
 
@@ -28,21 +27,18 @@ pub enum Skin {
     /// searching is expected to be cheaper. Decisions never depend on a clock, so runs are reproducible.
     #[default]
     Auto,
-    /// A fixed distance. Candidates are the pairs with gaps up to this distance. The list is valid until a sphere has
-    /// moved by half of it.
+    /// A fixed distance. Candidates are the pairs with gaps up to it, until a sphere has moved by half of it.
     Fixed(f64),
 }
 
 /// Valid distances of a fixed skin: `f32` holds the square of half of it without overflow.
 pub const SKIN_RANGE: std::ops::RangeInclusive<f32> = 1e-14..=1e17;
 
-/// Settings of a detector, on the CPU or for the host's part of a device.
 #[derive(Clone, Debug)]
 pub struct Settings {
     /// `Auto` chooses per call.
     pub algorithm: Algorithm,
     pub order: Order,
-    /// Maximum SIMD width.
     pub simd: Simd,
     /// Size of the detector's own pool; `None` uses the caller's rayon pool.
     pub threads: Option<usize>,
@@ -123,7 +119,6 @@ impl Settings {
         self.space.is_narrow() && self.interactions.as_ref().is_none_or(Interactions::is_narrow)
     }
 
-    /// Returns `true` if a detector may keep candidates between calls.
     pub fn keeps_candidates(&self) -> bool {
         self.skin != Skin::Off && matches!(self.algorithm, Algorithm::Auto | Algorithm::CellList)
     }

@@ -3,7 +3,7 @@ use std::str::FromStr;
 
 use crate::UnknownName;
 
-/// The algorithms. All find the same pairs; they differ in time and memory. Text form (`Display`, `FromStr`):
+/// The algorithms. All find the same pairs, in different time and memory. Text form (`Display`, `FromStr`):
 /// `cell-list`, `recursive-grid`, …
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
@@ -13,9 +13,9 @@ pub enum Algorithm {
     Auto,
     /// Tests all pairs: the reference, and the fastest for a few hundred spheres.
     Naive,
-    /// Uniform grid in a hash table with separate chaining (Stroobant et al., section 3.1). CPU.
+    /// Uniform grid in a hash table with chaining (Stroobant et al., section 3.1). CPU.
     HashGrid,
-    /// Uniform grid as an array of (cell, object) entries sorted by cell (section 3.1). CPU and GPU.
+    /// Uniform grid as array of (cell, object) entries sorted by cell (section 3.1). CPU and GPU.
     ArrayGrid,
     /// Uniform grid of the largest diameter whose overfull cells are split again (section 3.2). CPU.
     RecursiveGrid,
@@ -28,7 +28,7 @@ pub enum Algorithm {
 }
 
 impl Algorithm {
-    /// Every value, in the order of the command line's help.
+    /// Every value, in the order of the help.
     pub const ALL: &'static [Self] = &[
         Self::Auto,
         Self::Naive,

@@ -7,8 +7,8 @@ use crate::UnknownName;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Backend {
-    /// CPU, or a hardware GPU if present. Spheres in host memory are searched on the GPU if measurement or estimate
-    /// says that it is faster. An algorithm that only GPUs have falls back to a software adapter.
+    /// CPU, or a hardware GPU if present. Spheres in host memory go to the GPU if a measurement or estimate favors it.
+    /// An algorithm that only GPUs have falls back to a software adapter.
     #[default]
     Auto,
     /// CPU, through rayon.

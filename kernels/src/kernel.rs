@@ -20,11 +20,8 @@ pub use subgroup_probe::SubgroupProbe;
 /// The use of a binding; its position in [`Kernel::bindings`] is the binding number of group 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Access {
-    /// A uniform buffer.
     Uniform,
-    /// A read-only storage buffer.
     Read,
-    /// A writable storage buffer.
     ReadWrite,
 }
 
@@ -47,7 +44,6 @@ const fn write(name: &'static str) -> Binding {
     Binding { name, access: Access::ReadWrite }
 }
 
-/// The variant of a kernel's text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Variant {
     /// Smallest subgroup size if subgroup operations are used; `None` works everywhere.
@@ -56,12 +52,12 @@ pub struct Variant {
     pub species: bool,
     /// `true` if some axis is periodic.
     pub periodic: bool,
-    /// `true` if radix passes sort tiles of [`WIDE_TILE`] keys instead of [`NARROW_TILE`]: 20 KiB of workgroup memory
-    /// instead of at least 12.
+    /// `true` if radix passes sort tiles of [`WIDE_TILE`] keys instead of [`NARROW_TILE`], in 20 KiB of workgroup
+    /// memory instead of at least 12.
     pub wide_tiles: bool,
 }
 
-/// Workgroup memory in bytes for the statistics of all sides. Every device has at least this much.
+/// Bytes for the statistics of all sides. Every device has at least this much.
 const SPECIES_MEMORY: u32 = 16 << 10;
 
 impl Variant {
@@ -72,7 +68,7 @@ impl Variant {
     /// `workgroup_memory` (bytes) suffices. The call decides the rest.
     pub fn for_device(smallest_subgroup: Option<u32>, workgroup_memory: u32) -> Self {
         let fits = |variant: Self| variant.workgroup_memory() <= workgroup_memory;
-        // Ranking tables of small subgroups need more workgroup memory than some devices have.
+        // Ranking tables of small subgroups exceed the workgroup memory of some devices.
         let serves = |&size: &u32| size >= 4 && fits(Self { subgroups: Some(size), ..Self::default() });
         Self {
             subgroups: smallest_subgroup.filter(serves),
@@ -100,7 +96,6 @@ impl Variant {
         tables.max(self.radix_tile())
     }
 
-    /// Returns the keys that one workgroup sorts in a radix pass.
     pub fn radix_tile(self) -> u32 {
         if self.wide_tiles { WIDE_TILE } else { NARROW_TILE }
     }
@@ -126,7 +121,6 @@ pub struct Kernel {
 }
 
 impl Kernel {
-    /// Returns the bindings of group 0, by number.
     pub fn bindings(&self, variant: Variant) -> impl Iterator<Item = Binding> + use<> {
         let species = if variant.species { self.species_bindings } else { &[] };
         self.bindings.iter().chain(species).copied()
@@ -142,7 +136,6 @@ impl Kernel {
         }
     }
 
-    /// Returns every variant with a distinct text, over all subgroup sizes.
     pub fn variants(&self) -> Vec<Variant> {
         let subgroups = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
         let mut found = Vec::new();
@@ -158,13 +151,12 @@ impl Kernel {
         found
     }
 
-    /// Returns the complete WGSL text for naga.
     pub fn wgsl(&self, variant: Variant) -> String {
         Preprocessor { variant: self.effective_variant(variant), strict: false }.expand(self.source)
     }
 
     /// Returns the text for compilers that follow the WGSL standard strictly, such as in browsers: with `enable
-    /// subgroups;`, which naga 30 rejects, and a diagnostic filter around subgroup operations whose uniformity only
+    /// subgroups;`, which naga 30 rejects, and a filter for diagnostics of subgroup operations whose uniformity only
     /// this library knows.
     pub fn strict_wgsl(&self, variant: Variant) -> String {
         let variant = self.effective_variant(variant);
@@ -208,7 +200,6 @@ kernels! {
     CELLS_FIND = "grid" / "cells_find", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("grid"), read("spheres"), write("bounds"), write("cells"), write("occupancy")],
         species: [read("species"), read("species_params")];
-    /// Counts the smaller spheres in cells of deeper levels.
     LEVELS_COUNT = "grid" / "levels_count", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("grid"), write("bounds"), read("cells"), write("occupancy")], species: [];
     LEVELS_ASSIGN_KEYS = "grid" / "levels_assign_keys", DEPTHS, subgroups: false, periodic: true,
@@ -220,31 +211,25 @@ kernels! {
         [uniform("params"), write("outcome"), write("sort_counts")], species: [];
     SCAN_REDUCE = "sort" / "scan_reduce", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("sort_counts"), read("values"), write("sums")], species: [];
-    /// Prefix sums of the tile sums, and the total.
     SCAN_SPINE = "sort" / "scan_spine", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("sort_counts"), write("sums"), write("total")], species: [];
     /// Prefix sums of all values, in place.
     SCAN_SPREAD = "sort" / "scan_spread", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [read("sort_counts"), read("sums"), write("values")], species: [];
-    /// Prefix sums of few values, in place, in one dispatch.
     SCAN_ONCE = "sort" / "scan_once", WORKGROUP_SIZE, subgroups: true, periodic: false, [read("sort_counts"), write("values")], species: [];
     RADIX_COUNT = "sort" / "radix_count", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("digit_pass"), read("sort_counts"), read("keys"), write("counts")], species: [];
-    /// Prefix sums of the counts of each digit.
     RADIX_SCAN = "sort" / "radix_scan", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [read("sort_counts"), write("counts"), write("totals")], species: [];
-    /// Moves keys and payload to their sorted positions.
     RADIX_SCATTER = "sort" / "radix_scatter", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [uniform("digit_pass"), read("sort_counts"), read("keys"), read("payload"), read("counts"), read("totals"),
          write("sorted_keys"), write("sorted_payload")], species: [];
-    /// Pairs of entries close together in a run.
     RUNS_SEARCH_NEAR = "grid" / "runs_search_near", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("grid"), read("sort_counts"), read("keys"), read("objects"), read("spheres"),
          write("outcome"), write("pairs"), write("deferred")],
         species: [read("species"), read("table")];
     RUNS_SEARCH_FAR_DISPATCH_ARGS = "grid" / "runs_search_far_dispatch_args", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("dispatch")], species: [];
-    /// Pairs of entries far apart in a run.
     RUNS_SEARCH_FAR = "grid" / "runs_search_far", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("grid"), read("sort_counts"), read("keys"), read("objects"), read("spheres"),
          write("outcome"), write("pairs"), read("deferred")],
@@ -260,7 +245,7 @@ kernels! {
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
          write("sort_counts")],
         species: [read("species"), read("species_params")];
-    /// Both for small inputs, in one workgroup.
+    /// `STATS_REDUCE` and `CELL_LIST_CONFIGURE` for small inputs, in one workgroup.
     CELL_LIST_SETUP_SMALL = "cell_list" / "cell_list_setup_small", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
          write("sort_counts"), write("starts"), write("occupancy")],
@@ -286,14 +271,12 @@ kernels! {
         [uniform("params"), read("cell_list"), read("spheres"), read("starts"), read("cell_ranks"), write("sorted"),
          write("cells"), write("order")],
         species: [read("species"), write("sorted_species")];
-    /// Pairs of each sphere with its first candidates.
     CELL_LIST_SEARCH = "cell_list" / "cell_list_search", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("starts"), read("sorted"), read("cells"), read("order"),
          write("outcome"), write("pairs"), write("deferred")],
         species: [read("sorted_species"), read("table")];
     CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS = "cell_list" / "cell_list_search_overflow_dispatch_args", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome"), write("dispatch")], species: [];
-    /// Pairs of the spheres of deferred blocks with their later candidates.
     CELL_LIST_SEARCH_OVERFLOW = "cell_list" / "cell_list_search_overflow", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("starts"), read("sorted"), read("cells"), read("order"),
          write("outcome"), write("pairs"), read("deferred")],
@@ -302,11 +285,9 @@ kernels! {
     SKIN_DISPLACEMENT = "skin" / "skin_displacement", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), uniform("skin"), read("count_source"), read("spheres"), read("reference"), write("state")],
         species: [read("species"), read("reference_species")];
-    /// Decides whether the candidate list is rebuilt.
     SKIN_CHECK = "skin" / "skin_check", 64, subgroups: false, periodic: false,
         [uniform("params"), uniform("skin"), read("count_source"), write("state"), read("full_counts"), write("dispatch_counts"),
          write("dispatch")], species: [];
-    /// Stores the reference positions, with inflated radii.
     SKIN_STORE_REFERENCE = "skin" / "skin_store_reference", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), uniform("skin"), read("spheres"), write("state"), write("reference")],
         species: [read("species"), write("reference_species")];

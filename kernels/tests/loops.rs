@@ -1,5 +1,5 @@
-//! Every loop of every kernel has a bound that its text shows, so it ends on any device and for any data. Accepted
-//! loops have a single comparison as condition, and a counter that only their update changes:
+//! Every loop of every kernel has a bound that its text shows, so it always ends. Accepted loops have a single
+//! comparison as condition, and a counter that only their update changes:
 //! * `for (var k = a; k < b; k++)`, also downward or with a constant step or factor, if `b` does not change while the
 //!   loop runs and the counter cannot pass it by wrapping;
 //! * `for (; bits != 0u; bits &= bits - 1u)`, which clears a bit per iteration.

@@ -1,4 +1,4 @@
-//! naga translates every text to HLSL for DirectX 12 and to MSL for Metal, and each input of an entry point has the
+//! naga translates every text to HLSL for DirectX 12 and MSL for Metal, and each input of an entry point has the
 //! semantic that the target's compiler requires.
 
 mod texts;

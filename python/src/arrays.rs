@@ -77,7 +77,7 @@ pub(crate) fn package(py: Python<'_>) -> PyResult<&Bound<'_, PyModule>> {
     Ok(module.bind(py))
 }
 
-/// Creates a contiguous array with uninitialized values.
+/// Leaves values uninitialized.
 pub(crate) fn empty<T: Element, const N: usize>(
     py: Python<'_>,
     shape: [usize; N],

@@ -15,7 +15,6 @@ use crate::pool::{DetectorLease, StreamStopper};
 use crate::spheres::BorrowedQuery;
 use crate::{arrays, error};
 
-/// Chunks that the channel holds.
 const AHEAD: usize = 2;
 
 type Sent = Result<Vec<Pair>, Error>;

@@ -144,7 +144,7 @@ impl<'a, T: Number> Column<'a, T> {
         })
     }
 
-    /// The values of an array made by [`Floats`], along its first axis, after `offset` values in the first row.
+    /// Values along the first axis, after `offset` values in the first row.
     fn new<D: Dimension>(array: &'a PyReadonlyArray<'_, T, D>, offset: usize) -> Self {
         let rows = array.shape()[0];
         if rows == 0 {

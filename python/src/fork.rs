@@ -25,7 +25,7 @@ impl Process {
         self.0 == COPIES.load(Ordering::Relaxed)
     }
 
-    /// Returns an `Error` in a copy of this process, in which the thread is missing.
+    /// Returns an `Error` in a copy of this process.
     pub(crate) fn check(self) -> PyResult<()> {
         if self.is_current() { Ok(()) } else { Err(gone()) }
     }

@@ -14,7 +14,6 @@ use crate::error;
 /// In 8-byte words: 512 MiB.
 const MAX_POOLED_WORDS: usize = 1 << 26;
 
-/// Memory of dropped arrays.
 static POOL: Mutex<Vec<Vec<u64>>> = Mutex::new(Vec::new());
 
 #[pyclass(frozen)]
@@ -30,7 +29,7 @@ impl Drop for ResultMemory {
     }
 }
 
-/// Creates a contiguous array of 8-byte values with arbitrary contents.
+/// Leaves contents arbitrary.
 pub(crate) fn array<T: Element + Pod, const N: usize>(
     py: Python<'_>,
     shape: [usize; N],

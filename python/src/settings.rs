@@ -17,7 +17,6 @@ pub(crate) struct Settings<'s> {
 }
 
 impl Settings<'_> {
-    /// Converts the keywords of a detector to the engine's settings.
     pub(crate) fn config(self) -> PyResult<Config> {
         let config = Config::default()
             .backend(self.backend.parse().map_err(error::unknown)?)

@@ -44,7 +44,6 @@ struct Run {
     every: u32,
     frames_every: Option<u32>,
     steps: Vec<u32>,
-    /// The counts by column.
     counts: Vec<Vec<u64>>,
     frames: Vec<(u32, State)>,
     /// `None` for the global pool.

@@ -10,7 +10,6 @@ const STEPS: [f64; 3] = [1.0, 2.0, 5.0];
 /// Largest over smallest value; below it decades give too few labels.
 const NARROW: f64 = 6.0;
 
-/// The scale of an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
     /// Equal ratios have equal lengths.
@@ -105,7 +104,7 @@ pub(crate) fn ticks(range: &Range<f64>, quantity: Quantity, space: LabelSpace) -
     candidates.reduce(|best, next| if next.len() > best.len() { next } else { best }).unwrap_or_default()
 }
 
-/// Returns the measured values if all labels fit, otherwise round values.
+/// Prefers the measured values if all labels fit.
 pub(crate) fn ticks_at(
     measured: &[f64],
     range: &Range<f64>,

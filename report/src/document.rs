@@ -4,7 +4,6 @@ pub struct Document {
     pub sections: Vec<Section>,
 }
 
-/// A figure with its text, plots and tables.
 #[derive(Clone, Debug, Default)]
 pub struct Section {
     pub title: String,
@@ -28,7 +27,6 @@ pub struct Note {
 pub struct Plot {
     /// File name without `.svg`.
     pub name: String,
-    /// Caption.
     pub caption: String,
     pub svg: String,
 }
@@ -36,7 +34,6 @@ pub struct Plot {
 #[derive(Clone, Debug, Default)]
 pub struct Table {
     pub caption: String,
-    /// Names of the columns.
     pub header: Vec<String>,
     pub rows: Vec<Vec<Cell>>,
 }

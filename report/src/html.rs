@@ -9,7 +9,6 @@ th{background:#f3f3f3}caption{text-align:left;padding:.3rem 0;color:#555}.best{f
 .error{color:#fff;background:#c00}li.error{background:none;color:#c00;font-weight:700}figure{margin:1rem 0}\
 svg{max-width:100%;height:auto}.wide{overflow-x:auto}";
 
-/// Formats the document as one self-contained page.
 pub fn page(document: &Document) -> String {
     let title = escaped(&document.title);
     let mut out = format!(

@@ -6,7 +6,7 @@ pub fn count(n: usize) -> String {
     }
 }
 
-/// Returns a unit for about `seconds` seconds, and the number of units per second.
+/// Returns the units per second, and the unit.
 pub fn unit(seconds: f64) -> (f64, &'static str) {
     match seconds {
         s if s < 1e-9 => (1e12, "ps"),

@@ -6,7 +6,6 @@ use plotters::prelude::*;
 
 use crate::axis::{LabelSpace, Quantity, Scale, ticks, ticks_at};
 
-/// A point with an error bar.
 #[derive(Clone, Copy, Debug)]
 pub struct PlotPoint {
     at: (f64, f64),
@@ -57,7 +56,6 @@ pub struct Axes<'a> {
     pub x: (&'a str, Quantity),
     /// Title and quantity.
     pub y: (&'a str, Quantity),
-    /// Horizontal and vertical scale.
     pub scales: [Scale; 2],
 }
 

@@ -15,7 +15,7 @@ const THRESHOLD: u64 = 25;
 
 fn model() -> Model {
     let species = |name: &str| Species { name: name.into(), diffusion: 100.0, ..Species::default() };
-    // // Molecules that stay disturb later symbols.
+    // Molecules that stay disturb later symbols.
     let decay = |name: &str, reactant| Decay {
         name: name.into(),
         reactant,

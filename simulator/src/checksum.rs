@@ -1,7 +1,7 @@
 //! XXH64, the checksum of files that a run resumes from.
 //!
-//! Checkpoints must tell apart whole files: of a million, two almost surely share a 32-bit checksum, and a 64-bit one
-//! with a probability of 3 × 10⁻⁸. It does not stop a forger.
+//! Two of a million files almost surely share a 32-bit checksum, and a 64-bit one with a probability of 3 × 10⁻⁸. It
+//! does not stop a forger.
 
 use std::hash::Hasher;
 use std::io::{self, BufReader, Read, Write};
@@ -45,7 +45,7 @@ impl Digest {
     }
 }
 
-/// A digesting writer, after a buffer, because short writes are slow to digest.
+/// Digests after a buffer, because short writes are slow to digest.
 #[derive(Debug)]
 pub(crate) struct DigestWriter<W> {
     inner: W,

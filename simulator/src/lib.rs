@@ -1,9 +1,8 @@
 //! A reference simulator of molecular communication, and an example of a reaction–diffusion simulator on [`lazygrid`]'s
 //! public API.
 //!
-//! A [`Model`] describes the system and a [`Simulation`] advances it. The outcome for each particle or pair is a pure
-//! function of its columns, the seed and the step, so a run depends on its seed alone, not on threads, the order of
-//! particles or the detection algorithm.
+//! A [`Model`] describes the system and a [`Simulation`] advances it. A run depends on its seed alone, not on threads,
+//! the order of particles or the detection algorithm.
 //!
 //! `gpu` runs on a GPU, an [`AnySimulation`] on either backend, and [`ranks`] over several processes.
 //!

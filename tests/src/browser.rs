@@ -33,7 +33,7 @@ pub fn browser() -> Option<&'static str> {
     found
 }
 
-/// Decodes the RGB pixels of a PNG file of eight bits per channel, row by row.
+/// Decodes eight bits per channel, row by row.
 pub fn decoded(png: &[u8], size: [usize; 2]) -> Vec<[u8; 3]> {
     assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
     let (mut rest, mut packed) = (&png[8..], Vec::new());

@@ -51,7 +51,7 @@ impl Program {
         self.command(args).env("XDG_CACHE_HOME", cache).output().unwrap().into()
     }
 
-    /// Runs the command with a standard output whose reader is closed.
+    /// Closes the reader of standard output first.
     pub fn run_with_closed_output(self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);

@@ -35,7 +35,7 @@ strategies! {
     lattice duplicates giant powers_of_two flat clusters far any_floats one_magnitude extremes huge_radii soup
 }
 
-/// Spheres of any family, or of two families together.
+/// Mixes up to two families.
 pub fn any_spheres() -> Spheres {
     let family = 0..families::FAMILIES.len();
     let one =
@@ -49,7 +49,7 @@ pub fn any_spheres() -> Spheres {
     prop_oneof![3 => one, 1 => two].boxed()
 }
 
-/// Spheres of up to four species with all kinds of interactions.
+/// Up to four species have all kinds of interactions.
 pub fn mixture(spheres: Spheres) -> impl Strategy<Value = TestInput> {
     let table = vec(any::<u32>(), TABLE_WORDS);
     (spheres, vec(any::<u32>(), 601), table).prop_map(|(spheres, ids, table)| {

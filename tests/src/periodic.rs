@@ -1,5 +1,4 @@
-//! Scenarios in periodic spaces: reference loops, and the families of [`lazygrid_check::scenes::periodic`] as
-//! strategies.
+//! Reference loops for periodic spaces, and the families of [`lazygrid_check::scenes::periodic`] as strategies.
 
 use lazygrid::{Config, Pair};
 use lazygrid_check::scenes::periodic as families;
@@ -8,8 +7,7 @@ use proptest::prelude::*;
 use crate::hard::{self, words};
 use crate::{SeedReader, SuiteVariant, TestInput, Tolerance, variants};
 
-/// Finds the pairs by definition: `d − L·round(d/L)` on each periodic axis, of coordinates reduced by whole lengths (by
-/// exact remainders).
+/// Uses `d − L·round(d/L)` on each periodic axis, of coordinates reduced by whole lengths (by exact remainders).
 pub fn oracle(scenario: &TestInput) -> Vec<Pair> {
     let lengths = scenario.space.lengths();
     scenario.pairs_by(|i, j, _| {
@@ -28,7 +26,7 @@ pub fn oracle(scenario: &TestInput) -> Vec<Pair> {
     })
 }
 
-/// Finds the pairs by enumeration of all images up to one length away: correct if all spheres lie in the box.
+/// Enumerates all images up to one length away: correct if all spheres lie in the box.
 pub fn oracle_of_images(scenario: &TestInput) -> Vec<Pair> {
     let lengths = scenario.space.lengths();
     scenario.pairs_by(|i, j, _| {
@@ -47,8 +45,8 @@ pub fn oracle_of_images(scenario: &TestInput) -> Vec<Pair> {
     })
 }
 
-/// Finds the pairs by integer arithmetic: correct at any distance, if radii, coordinates and lengths are multiples of
-/// 2⁻³⁰ and lengths are below 2²⁰.
+/// Uses integer arithmetic: correct at any distance, if radii, coordinates and lengths are multiples of 2⁻³⁰ and
+/// lengths are below 2²⁰.
 pub fn oracle_of_integers(scenario: &TestInput) -> Vec<Pair> {
     let whole = |x: f64| (x * f64::from(1 << 30)) as i128;
     let lengths = scenario.space.lengths().map(|length| length.map(whole));
@@ -77,8 +75,7 @@ pub fn oracle_of_integers(scenario: &TestInput) -> Vec<Pair> {
     pairs
 }
 
-/// Checks all variants: CPU variants in both orders, GPU variants in canonical order only, because the host sorts their
-/// pairs.
+/// Checks CPU variants in both orders, GPU variants in canonical order only, because the host sorts their pairs.
 pub fn verify_all(scenario: &TestInput, expected: &[Pair], settings: &Config) -> Result<(), String> {
     variants::in_turn(scenario).into_iter().try_for_each(|variant| match variant.tolerance() {
         Tolerance::Exact => variant.verify(scenario, expected, settings),

@@ -1,5 +1,4 @@
-//! Reflection of WGSL shaders by naga. Tests of several crates include this file and must define `Access` in the parent
-//! module.
+//! Reflection of WGSL by naga. Tests of several crates include this file and must define `Access` in the parent module.
 
 use std::num::NonZeroU64;
 
@@ -8,8 +7,6 @@ use naga::{AddressSpace, Module, StorageAccess, TypeInner};
 
 use super::Access;
 
-/// Parses and validates a shader.
-///
 /// # Panics
 /// With the location of the error if the shader is invalid.
 pub(crate) fn parse(name: &str, source: &str) -> (Module, ModuleInfo) {
@@ -22,7 +19,7 @@ pub(crate) fn parse(name: &str, source: &str) -> (Module, ModuleInfo) {
     (module, info)
 }
 
-/// Returns the number, name and access of each binding in group 0.
+/// Includes only group 0.
 pub(crate) fn bindings(name: &str, module: &Module) -> Vec<(u32, String, Access)> {
     let bound = module.global_variables.iter().filter_map(|(_, global)| {
         let binding = global.binding.as_ref()?;
@@ -40,7 +37,7 @@ pub(crate) fn bindings(name: &str, module: &Module) -> Vec<(u32, String, Access)
     found
 }
 
-/// A structure: its name, its size, and the name and offset of each member.
+/// Name, size, and the name and offset of each member.
 pub(crate) type Structure = (String, usize, Vec<(String, usize)>);
 
 pub(crate) fn structures(module: &Module) -> Vec<Structure> {
@@ -57,8 +54,8 @@ pub(crate) fn spirv(name: &str, module: &Module, info: &ModuleInfo) -> Vec<u32> 
     naga::back::spv::write_vec(module, info, &options, None).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-/// Returns the layout of a Rust structure. `fields` are sorted by their offsets in memory, because `repr(C)` keeps
-/// their order; `offsets` are those in a shader buffer.
+/// `fields` are sorted by their offsets in memory, because `repr(C)` keeps their order; `offsets` are those in a shader
+/// buffer.
 pub(crate) fn laid_out<const N: usize>(
     name: &str,
     size: NonZeroU64,

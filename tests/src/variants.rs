@@ -9,7 +9,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use crate::adapter::or_skip;
 use crate::{TestInput, Tolerance, difference};
 
-/// Numbers of threads of the CPU variants: one, a few, and usually more than cores.
+/// One, a few, and usually more than cores.
 pub const THREADS: [usize; 3] = [1, 2, 7];
 
 /// Returns all variants. `LAZYGRID_TEST_VARIANTS=cpu` or `=gpu` selects those of one backend, `=gpu/cell-list` one GPU
@@ -43,15 +43,14 @@ fn on_cpu() -> impl Iterator<Item = DetectorVariant> {
     Algorithm::CPU.iter().copied().chain([Algorithm::Auto]).flat_map(with)
 }
 
-/// Returns one variant per GPU algorithm except `Auto`.
 fn on_gpu() -> Vec<DetectorVariant> {
     let Some(gpu) = or_skip(GpuDevice::shared(SoftwareAdapter::Allow)) else { return Vec::new() };
     let target = TargetDevice::Gpu { subgroups: gpu.adapter.has_subgroups };
     Algorithm::GPU.iter().map(|&algorithm| DetectorVariant::new(algorithm, target)).collect()
 }
 
-/// Returns the variants for one of many scenarios: all CPU variants, and two GPU variants chosen by the scenario,
-/// because software adapters are slow. All variants if `LAZYGRID_TEST_VARIANTS` is set.
+/// Returns all CPU variants, and two GPU variants chosen by the scenario, because software adapters are slow. All
+/// variants if `LAZYGRID_TEST_VARIANTS` is set.
 ///
 /// # Panics
 /// See [`all`].
@@ -67,14 +66,14 @@ pub fn in_turn(scenario: &TestInput) -> Vec<DetectorVariant> {
     variants
 }
 
-/// Returns one variant per backend and algorithm, with the fewest threads.
+/// Uses the fewest threads.
 pub fn each_algorithm() -> Vec<DetectorVariant> {
     all().into_iter().filter(|variant| variant.threads() == THREADS[0]).collect()
 }
 
 /// A [`DetectorVariant`] in the suite, where detectors share thread pools.
 pub trait SuiteVariant: Copy {
-    /// Number of threads; on a GPU, of the host's work.
+    /// On a GPU, those of the host's work.
     fn threads(self) -> usize;
 
     /// Settings without threads, which are those of the pool in which a detector [runs](Self::run).
@@ -84,14 +83,14 @@ pub trait SuiteVariant: Copy {
         in_pool(self.threads(), work)
     }
 
-    /// Finds the pairs with a new detector of these settings.
+    /// Uses a new detector.
     fn find(self, scenario: &TestInput, settings: Config) -> Result<Vec<Pair>, String>;
 
     /// Returns the reference for this variant's other results: the `expected` pairs if it is exact; otherwise its own
     /// list after a comparison, because tangent pairs may fall either way.
     fn own_pairs(self, scenario: &TestInput, expected: &[Pair]) -> Result<Vec<Pair>, String>;
 
-    /// Checks this variant in both orders; GPU variants in one, because only the host sorts pairs.
+    /// Checks both orders; GPU variants in one, because only the host sorts pairs.
     fn verify(self, scenario: &TestInput, expected: &[Pair], settings: &Config) -> Result<(), String>;
 }
 

@@ -1,4 +1,4 @@
-//! A failed allocation is an error, wherever it occurs: never an abort or a wrong answer. The detector stays usable.
+//! A failed allocation is an error, wherever it occurs, never an abort or a wrong answer. The detector stays usable.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ops::ControlFlow;
@@ -11,8 +11,7 @@ use lazygrid::{
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{DetectorVariant, SuiteVariant, variants};
 
-/// The system allocator, which refuses large allocations on request. Small ones, such as the text of a message, always
-/// succeed.
+/// Refuses large allocations on request. Small ones, such as the text of a message, always succeed.
 struct Refusing;
 
 const LARGE: usize = 4096;
@@ -103,8 +102,8 @@ impl Ask {
         }
     }
 
-    /// Returns the number of pairs and a checksum. `streamed` has the capacity for all pairs, because the consumer's
-    /// allocations do not count.
+    /// Returns the number of pairs and a checksum. `streamed` has the capacity for all pairs, so that the consumer
+    /// allocates nothing.
     fn answer(
         self,
         detector: &mut Detector,

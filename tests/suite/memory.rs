@@ -80,7 +80,7 @@ fn on_cpu(variants: Vec<DetectorVariant>) -> impl Iterator<Item = DetectorVarian
     variants.into_iter().filter(|variant| variant.backend() == Backend::Cpu)
 }
 
-/// Bytes that a detector may hold in addition to its estimate: reports, plans, padding.
+/// For reports, plans and padding, which the estimate excludes.
 const FIXED: usize = 16 << 10;
 
 #[test]
@@ -138,9 +138,8 @@ fn memory_for_is_an_upper_bound() {
     }
 }
 
-/// Returns the benchmark scenes; equal spheres in a ball about as large as one cell of the paper's grids, where each
-/// sphere has the maximum number of cells; and one huge sphere far from the origin along one axis, filled with small
-/// ones.
+/// Besides the benchmark scenes: equal spheres in a ball about as large as one cell of the paper's grids, each in the
+/// maximum number of cells; and one huge sphere far from the origin along one axis, filled with small ones.
 fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
     let crowd = Scene::Equal.spheres(n, seed).into_iter().map(|sphere| {
         let extent = (n as f32 * 20.0).cbrt().max(1.0);
@@ -157,7 +156,7 @@ fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
     scenes
 }
 
-/// Bound includes the growth of buffers, which inputs of constant size do not need.
+/// The bound includes the growth of buffers, which inputs of constant size do not need.
 #[test]
 fn memory_for_exceeds_the_peak_by_at_most_two_thirds() {
     let mut measurement = Measurement::alone();
@@ -192,7 +191,7 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
             for n in (40_000..=60_000).step_by(2000) {
                 detector.count(&spheres[..n]).expect("a count");
             }
-            // Growing a buffer briefly needs both the old and the new one, so only the remaining memory counts.
+            // Growing a buffer briefly needs the old one too, so only the remaining memory is compared.
             measurement.held()
         });
         let bound = detector.memory_for(60_000) as usize + FIXED;
@@ -200,8 +199,8 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
     }
 }
 
-/// Equal spheres have nearly the announced number of entries in cells of up to two diameters, and a buffer that grows
-/// has an eighth more than it needs.
+/// Equal spheres have nearly the announced number of entries in cells of up to two diameters, and a growing buffer has
+/// an eighth more than it needs.
 #[test]
 fn memory_for_is_an_upper_bound_for_growing_grids_of_small_cells() {
     let mut measurement = Measurement::alone();
@@ -262,7 +261,7 @@ fn cube(n: usize, edge: f32) -> Vec<Sphere> {
     (0..n).map(|k| Sphere::new(at(k), 0.5)).collect()
 }
 
-/// A stream of 200 million pairs needs the memory of the detector and a few chunks for each thread.
+/// Besides the detector, needs a few chunks for each thread.
 #[test]
 fn a_stream_needs_no_memory_for_its_pairs() {
     let mut measurement = Measurement::alone();
@@ -298,7 +297,7 @@ fn a_refused_list_stays_within_its_limit() {
     }
 }
 
-/// Two million pairs in canonical order need the memory of the detector and a few times a list of `limit` pairs.
+/// Besides the detector, needs a few times a list of `limit` pairs.
 #[test]
 fn a_canonical_stream_stays_within_its_limit() {
     let mut measurement = Measurement::alone();

@@ -23,7 +23,7 @@ const CRATES: [&str; 16] = [
     "tests/src",
 ];
 
-/// The modules that each module uses.
+/// Used modules, by module.
 type Graph = BTreeMap<String, BTreeSet<String>>;
 
 /// Returns code without comments, strings and test-only items.

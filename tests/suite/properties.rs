@@ -11,7 +11,7 @@ use proptest::test_runner::{RngSeed, TestCaseError, TestError, TestRunner};
 /// Divisor of the number of cases unless `LAZYGRID_TEST_FULL` is set. Software adapters take most of the time.
 const SHORT: u32 = 3;
 
-/// Runs `test` on `cases` values, fewer unless `LAZYGRID_TEST_FULL` is set. The seed is fixed. `PROPTEST_CASES` and
+/// Runs fewer than `cases` unless `LAZYGRID_TEST_FULL` is set. The seed is fixed. `PROPTEST_CASES` and
 /// `PROPTEST_RNG_SEED` change the number and the seed.
 pub(crate) fn check<S>(cases: u32, strategy: S, test: impl Fn(S::Value) -> Result<(), String>)
 where

@@ -1,4 +1,4 @@
-//! Time and memory per sphere for growing numbers of spheres, each in a separate process, for its peak resident memory.
+//! Time and memory per sphere for growing numbers of spheres, each in a separate process.
 
 use std::error::Error;
 use std::process::Command;
@@ -26,7 +26,6 @@ struct Kind {
     output: Output,
 }
 
-/// Interleaves the sizes.
 pub(crate) fn run(args: &Args) -> Result<(), Box<dyn Error>> {
     let mut rows = vec![];
     for &scene in &args.options.scene {

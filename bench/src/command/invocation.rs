@@ -2,8 +2,7 @@ use std::env;
 
 const PACKAGE: &str = env!("CARGO_PKG_NAME");
 
-/// Returns a command to type again: `cargo run` with this build's profile and features, or the program as it was
-/// called.
+/// Returns a command to type again: `cargo run` with this build's profile and features, or the program's path.
 pub(crate) fn command() -> String {
     let mut words = env::args_os().map(|word| word.to_string_lossy().into_owned());
     let program = words.next().unwrap_or_else(|| PACKAGE.to_owned());

@@ -31,9 +31,9 @@ pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.
 const STEPS_PER_SECOND: f64 = 5e8;
 /// Volume fraction of the initial ball: about the freezing density of hard spheres.
 const FILLED: f64 = 0.5;
-/// Time step in seconds that moves particles by less than rounding errors.
+/// In seconds: moves particles by less than rounding errors.
 const STILL: f64 = 1e-30;
-/// Radii grow while overlaps are removed; otherwise overlaps below the last digit of a coordinate would remain.
+/// Radii grow while overlaps are removed, or those below the last digit of a coordinate would remain.
 const MARGIN: f32 = 1e-3;
 const PUSHES: u32 = 200;
 

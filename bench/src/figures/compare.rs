@@ -2,15 +2,15 @@
 
 use super::row::{Results, Row, Status};
 
-/// Smallest ratio that counts as a change: processes differ more than runs within a process.
+/// Smaller ratios are no change: processes differ more than runs within a process.
 const LEAST: f64 = 1.05;
 const ENOUGH: usize = 5;
 
-/// The change of a measurement, ordered from the worst.
+/// Ordered from the worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Change {
-    /// New run failed or gave a wrong answer; the old one did not.
+    /// Only the new run failed or gave a wrong answer.
     Broken,
     /// Missing from the new run, which should have it.
     Lost,
@@ -19,17 +19,15 @@ pub enum Change {
     Faster,
     Smaller,
     Same,
-    /// Too few runs to estimate the noise.
     TooFew,
 }
 
-/// One measurement in both runs.
 #[derive(Clone, Debug)]
 pub struct Difference<'a> {
     pub old: &'a Row,
     /// `None` if the new run has no such row.
     pub new: Option<&'a Row>,
-    /// New median over old, or new bytes over old; NaN if either is missing.
+    /// New over old: medians or bytes; NaN if either is missing.
     pub ratio: f64,
     pub change: Change,
 }
@@ -47,8 +45,8 @@ pub fn circumstances(old: &Results, new: &Results) -> Vec<String> {
     differing.map(|((name, old), new)| format!("different {name}: {old} / {new}")).collect()
 }
 
-/// Compares all measurements that the new run should repeat. Times differ if medians are more than 5 % apart and the
-/// middle halves of the runs are disjoint; bytes differ if they are more than 5 % apart.
+/// Compares all measurements that the new run should repeat. Values differ if medians or bytes are more than 5 % apart,
+/// times also only if the middle halves of the runs are disjoint.
 pub fn differences<'a>(old: &'a Results, new: &'a Results) -> Vec<Difference<'a>> {
     let of = |row: &'a Row| match new.rows.iter().find(|n| n.matches(row)) {
         Some(found) => difference(row, found),

@@ -13,7 +13,7 @@ use super::verify::Reference;
 use super::{Contender, Figure};
 use crate::measure::{ContenderFactory, Digest, Found, PairFinder, Spread, turns};
 
-/// An engine may use this multiple of its time to reach the minimum number of runs.
+/// An engine may use this multiple of its time to reach `at_least` runs.
 const MORE: u32 = 3;
 
 /// Warm-up time per engine if numbers of threads are compared: woken threads may share a core for milliseconds.
@@ -45,9 +45,9 @@ impl PairFinder for NoFinder {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     pub(super) runs: usize,
-    /// Minimum number of runs, unless it takes [`MORE`] times the allowed time.
+    /// Minimum number of runs, within [`MORE`] times the allowed time.
     pub(super) at_least: usize,
-    /// An engine starts no run after this total time of its own runs.
+    /// An engine starts no run after this total of its own runs.
     pub(super) time: Duration,
     /// No run starts after this time of all engines, including the work between runs.
     pub(super) in_all: Duration,
@@ -99,7 +99,6 @@ impl<'a> Comparison<'a> {
         self.began.is_some_and(|began| began.elapsed() >= self.limits.in_all)
     }
 
-    /// Runs each engine that has runs left, and checks all answers. Warm-up times are dropped.
     pub(super) fn frame(&mut self, spheres: &[Sphere], warm_up: bool) -> Result<(), Box<dyn Error>> {
         if !warm_up {
             self.began.get_or_insert_with(Instant::now);
@@ -149,7 +148,7 @@ impl ContenderRun {
         self.search.is_none() || runs >= limits.runs || out_of_time
     }
 
-    /// Until the engine's threads run on separate cores.
+    /// Runs until the engine's threads are on separate cores.
     fn wake(&mut self, point: &DataPoint, spheres: &[Sphere]) {
         let Some(search) = self.search.as_mut().filter(|_| point.figure == Figure::Threads) else { return };
         let begun = Instant::now();
@@ -183,7 +182,7 @@ impl ContenderRun {
     fn verify(&mut self, reference: &Reference<'_>, spheres: &[Sphere]) {
         let Some(found) = self.last else { return };
         let verdict = match (reference.check(found), &mut self.search) {
-            // Compares pair by pair, because a GPU may round differently from the reference.
+            // GPUs may round differently from the reference, so pairs are compared one by one.
             (Err(reason), Some(search)) if self.contender.rounds_freely() => match search.run(spheres) {
                 Ok(again) if Digest::of(&again) != found => {
                     Err("repeated search gave another answer".to_owned())

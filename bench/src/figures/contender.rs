@@ -12,33 +12,32 @@ use lazygrid_io::scenes::Scene;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Contender {
-    /// A lazygrid detector; pairs in any order. Only `Auto` keeps candidates between steps. A GPU variant falls back to
-    /// a software adapter, and its pairs are read back to the host.
+    /// Delivers pairs in any order. Only `Auto` keeps candidates between steps. A GPU variant falls back to a software
+    /// adapter, and its pairs are read back to the host.
     Lazygrid(DetectorVariant),
-    /// Bullet's `btDbvtBroadphase` with default settings.
     BulletAsShipped,
-    /// Bullet's `btDbvtBroadphase` with the fastest margin for the scene.
+    /// With the fastest margin for the scene.
     BulletTuned,
-    /// parry3d's tree, refitted at each step.
+    /// Refitted at each step.
     Parry,
-    /// parry3d's tree with boxes larger than the spheres, so that few are updated.
+    /// With boxes larger than the spheres, so that few are updated.
     ParryMargin,
-    /// parry3d's tree, partly rebuilt at each step.
+    /// Partly rebuilt at each step.
     ParryOptimised,
-    /// Plain cell list, the baseline.
+    /// The baseline.
     PlainCellList,
-    /// A Verlet list with the fastest skin for the scene and its steps.
+    /// With the fastest skin for the scene and its steps.
     Verlet,
-    /// LAMMPS with the fastest skin for the steps, including forces.
+    /// With the fastest skin for the steps, including forces.
     Lammps,
-    /// Sweep and prune along one axis.
+    /// Along one axis.
     SortAndSweep,
-    /// An octree with sweep and prune in its leaves.
+    /// With sweep and prune in its leaves.
     Octree,
 }
 
 impl Contender {
-    /// Creates a CPU algorithm with default settings, on all threads if `threads` is `None`.
+    /// Uses default settings, and all threads if `threads` is `None`.
     pub fn cpu(algorithm: Algorithm, threads: Option<usize>) -> Self {
         let target = TargetDevice::Cpu { simd: Simd::detect(), threads };
         Self::Lazygrid(DetectorVariant::new(algorithm, target))
@@ -56,7 +55,7 @@ impl Contender {
         }
     }
 
-    /// Creates a factory of searches for `n` spheres that move by `step_length` radii per step.
+    /// Spheres move by `step_length` radii per step.
     pub fn factory(self, scene: Scene, n: usize, step_length: f32) -> ContenderFactory {
         let name = self.to_string();
         match self {
@@ -102,7 +101,7 @@ impl Contender {
         matches!(self, Self::SortAndSweep) || matches!(self, Self::Lazygrid(variant) if is_naive(variant))
     }
 
-    /// Pairs within 4 ulp of tangency may fall either way.
+    /// Returns `true` if pairs within 4 ulp of tangency may be found or missed.
     pub(super) fn rounds_freely(self) -> bool {
         matches!(self, Self::Lazygrid(variant) if variant.backend() == Backend::Gpu)
     }

@@ -5,11 +5,9 @@ use serde::{Deserialize, Serialize};
 
 const LOCK: &str = include_str!("../../../Cargo.lock");
 
-/// The machine and software of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Environment {
     pub cpu: String,
-    /// Available logical cores.
     pub cores: usize,
     /// 0 if unknown.
     pub memory_gib: f64,
@@ -17,7 +15,7 @@ pub struct Environment {
     pub adapter: Option<Adapter>,
     /// Compared programs and their versions.
     pub versions: Vec<(String, String)>,
-    /// Commit of the build, marked `with changes` if files had changed, or `unknown`.
+    /// Marked `with changes` if files had changed, or `unknown`.
     pub commit: String,
     pub date: String,
 }
@@ -25,9 +23,7 @@ pub struct Environment {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Adapter {
     pub name: String,
-    /// Name and version of the driver.
     pub driver: String,
-    /// Graphics API.
     pub api: String,
     /// `false` for a software adapter, whose times do not apply to GPUs.
     pub is_hardware: bool,

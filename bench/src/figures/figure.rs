@@ -4,42 +4,28 @@ use std::str::FromStr;
 use lazygrid::UnknownName;
 use serde::{Deserialize, Serialize};
 
-/// A figure of the paper, or an additional figure or table.
+/// Described in `docs/benchmarks.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Figure {
-    /// Equal sizes: time against the number of spheres.
     F3a,
-    /// Five sizes compared with equal ones.
     F3b,
-    /// Small steps, compared with trees on one thread.
     F4,
-    /// Steps of several lengths, compared with Verlet lists on one thread.
     StepLength,
-    /// One burst of carriers of ten sizes: time against simulated time.
     F5a,
-    /// Bursts of several sizes at several moments: speed-up over the octree.
     F5b,
-    /// Transceivers among carriers, by their number and by their size ratio.
     Transceivers,
-    /// A fixed number of transceivers, by their size ratio.
     SizeRatio,
-    /// τ of the recursive grid.
     Tau,
-    /// Cell ratio (cell size over largest diameter) of the paper's grids.
     Ratio,
-    /// Strong scaling.
     Threads,
-    /// Bytes per sphere.
     Memory,
-    /// All spheres at one point.
     Point,
-    /// Species of which most never pair.
     Species,
 }
 
 impl Figure {
-    /// All figures, in the report's order.
+    /// In the report's order.
     pub const ALL: [Self; 14] = [
         Self::F3a,
         Self::F3b,

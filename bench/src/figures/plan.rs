@@ -7,7 +7,6 @@ use crate::SpeciesScene;
 use crate::measure::ContenderFactory;
 use lazygrid_io::scenes::{Scene, Transceivers};
 
-/// The size of the figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RunScale {
@@ -23,13 +22,11 @@ pub enum RunScale {
 pub struct Settings {
     pub scale: RunScale,
     pub only: Vec<Figure>,
-    /// Maximum runs, or steps, of an engine at a point; `None` for the paper's number, or fewer below full scale.
+    /// Maximum runs, or steps, of an engine at a point; `None` for the paper's, or fewer below full scale.
     pub runs: Option<usize>,
-    /// Approximate time budget.
     pub minutes: f64,
-    /// Seed of all scenes.
     pub seed: u64,
-    /// Command that started the run; may be empty.
+    /// May be empty.
     #[serde(default)]
     pub command: String,
 }
@@ -273,7 +270,7 @@ fn contenders(figure: Figure) -> Vec<Contender> {
             ours.into_iter().chain([Contender::PlainCellList, Contender::Verlet, Contender::Lammps]).collect()
         }
         Figure::F5a | Figure::F5b => {
-            // The paper's grid, and the GPU path's own choice: small inputs use the naive algorithm.
+            // The paper's grid, and the GPU path's choice, which is naive for small inputs.
             let gpu = on_gpu(&[Algorithm::LazyGrid, Algorithm::Auto]);
             let cpu = [Contender::cpu(Algorithm::Auto, None), Contender::Octree, Contender::SortAndSweep];
             gpu.into_iter().chain(cpu).collect()

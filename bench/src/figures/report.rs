@@ -18,8 +18,7 @@ use lazygrid_report::html;
 
 use super::row::Results;
 
-/// Writes all files into `folder`. Engines on a software adapter are labeled, except in `results.json`, which names the
-/// adapter.
+/// Labels engines on a software adapter, except in `results.json`, which names it.
 pub fn write(results: &Results, folder: &Path) -> Result<(), Box<dyn Error>> {
     let labelled = sections::labelled(results);
     let document = sections::document(&labelled)?;

@@ -8,7 +8,6 @@ use crate::measure::Spread;
 #[serde(rename_all = "kebab-case")]
 #[non_exhaustive]
 pub enum Status {
-    /// Every answer was right.
     Ok,
     /// A wrong answer or a failure; the rest of the row is void.
     Error,
@@ -29,12 +28,11 @@ impl Status {
     }
 }
 
-/// One engine at one point of a figure.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Such as `3a`.
     pub figure: String,
-    /// Scene, with the parameters that the figure does not vary.
+    /// With the parameters that the figure does not vary.
     pub scene: String,
     pub n: usize,
     /// Value of the varied parameter: step length, τ, cell ratio, threads, simulated seconds, transceivers, or size
@@ -44,15 +42,14 @@ pub struct Row {
     pub status: Status,
     /// Empty for `Ok`.
     pub reason: String,
-    /// Number of overlapping pairs in the last run.
+    /// In the last run.
     pub pairs: u64,
-    /// Maximum number of tangent pairs in a run that differ from the reference. The contract allows this within 4 ulp
-    /// on GPUs.
+    /// Most tangent pairs in a run that differ from the reference: GPUs may, within 4 ulp.
     #[serde(default)]
     pub tangent: u64,
-    /// Seconds of each run after the warm-up, until the pairs are in host memory.
+    /// Seconds of each run until the pairs are in host memory.
     pub wall: Vec<f64>,
-    /// Seconds of GPU time of these runs, by timestamps.
+    /// Seconds of GPU time of these runs.
     pub gpu: Vec<f64>,
     /// Median seconds per phase.
     pub phases: Vec<(String, f64)>,
@@ -83,7 +80,7 @@ impl Row {
         Spread::of(&self.wall).median
     }
 
-    /// Returns mean and standard deviation of the seconds of a run.
+    /// Returns mean and standard deviation, in seconds.
     pub fn mean(&self) -> (f64, f64) {
         let n = self.wall.len() as f64;
         let mean = self.wall.iter().sum::<f64>() / n;
@@ -91,7 +88,7 @@ impl Row {
         (mean, (squares / (n - 1.0).max(1.0)).sqrt())
     }
 
-    /// Returns lower and upper quartile of the seconds of a run.
+    /// Returns lower and upper quartile, in seconds.
     pub fn quartiles(&self) -> (f64, f64) {
         quartiles(&self.wall)
     }
@@ -105,7 +102,7 @@ impl Row {
     }
 }
 
-/// Lower and upper quartile with linear interpolation; NaN without values.
+/// Interpolates linearly; NaN without values.
 pub(super) fn quartiles(values: &[f64]) -> (f64, f64) {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -118,7 +115,6 @@ pub(super) fn quartiles(values: &[f64]) -> (f64, f64) {
     (at(0.25), at(0.75))
 }
 
-/// The results of a run: `results.json`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Results {
     pub environment: Environment,
@@ -132,7 +128,6 @@ pub struct Results {
 }
 
 impl Results {
-    /// Rows with a wrong answer or a failure.
     pub fn errors(&self) -> impl Iterator<Item = &Row> {
         self.rows.iter().filter(|row| row.status == Status::Error)
     }

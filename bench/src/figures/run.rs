@@ -14,9 +14,9 @@ use super::row::{Results, Row};
 use super::{Contender, Environment, Figure, burst, memory};
 use lazygrid_io::scenes::Scene;
 
-/// Fraction of a point's time that counts; the rest is for spheres, references and warm-ups.
+/// Fraction of a point's time for measured runs; the rest is for spheres, references and warm-ups.
 const MEASURED: f64 = 0.6;
-/// An engine is left out if one run would take this multiple of its time at the point, and more than [`always`].
+/// An engine is left out if one run would take longer than this multiple of its time at the point and than [`always`].
 const MAX_TIME_FACTOR: f64 = 4.0;
 
 /// The largest points are left out beyond this multiple of the time budget.
@@ -26,10 +26,9 @@ const OVERRUN: f64 = 1.5;
 pub struct Progress {
     /// Finished points, including those of earlier runs.
     pub done: usize,
-    /// Total number of points.
     pub points: usize,
     pub next: String,
-    /// Estimated time left; slow engines may need more.
+    /// Slow engines may need more.
     pub left: Duration,
 }
 
@@ -160,7 +159,7 @@ fn rows_of(
                 None => *spheres = point.scene.spheres(point.n, settings.seed),
                 Some(step) => Scene::advance_by(part, spheres, settings.seed, step as u32),
             };
-            // A tree with a margin enlarges its boxes in the second frame.
+            // Trees with a margin enlarge boxes in the second frame.
             let single = || {
                 run_comparison(Comparison::new(point, limits, left_out), 2, sample).map_err(|e| e.to_string())
             };

@@ -1,5 +1,3 @@
-//! The reference pairs, and the allowed deviation of an engine.
-
 use std::error::Error;
 
 use lazygrid::{Algorithm, Backend, Config, Order, Pair, Sphere};
@@ -47,8 +45,8 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// Counts the differing pairs within 4 ulp of tangency, relative to the squared cutoff, as GPUs may round (see
-    /// `docs/contract.md`). Any other missing, extra or repeated pair is an error.
+    /// Counts the differing pairs within 4 ulp of tangency, relative to the squared cutoff, as GPUs may round
+    /// (`docs/contract.md`). Any other missing, extra or repeated pair is an error.
     pub(super) fn tangent(&self, found: &[Pair]) -> Result<u64, String> {
         let sorted = |pairs: &[Pair]| {
             let mut pairs = pairs.to_vec();

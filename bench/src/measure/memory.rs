@@ -10,17 +10,16 @@ use lazygrid_io::scenes::Scene;
 pub struct Sample {
     /// Nanoseconds per sphere of the first call, which allocates.
     pub first: f64,
-    /// Median nanoseconds per sphere and step of later calls, or of the only call.
+    /// Median nanoseconds per sphere and step of later calls, or of the only one.
     pub nanos: f64,
-    /// Peak bytes per sphere besides spheres and result; `None` if the system does not report it.
+    /// Peak per sphere besides spheres and result; `None` if the system does not report it.
     pub bytes: Option<f64>,
-    /// Number of pairs at the last step.
     pub pairs: u64,
-    /// [`Digest::sum`] of these pairs; `None` if they were only counted.
+    /// [`Digest::sum`]; `None` if pairs were only counted.
     pub sum: Option<u64>,
 }
 
-/// Runs a search over `steps` steps and measures the peak memory of this process.
+/// Measures the peak memory of this process.
 pub fn sample(
     contender: &ContenderFactory,
     scene: Scene,

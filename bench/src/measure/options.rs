@@ -24,7 +24,7 @@ pub struct Options {
     /// Displacement of a sphere per step, in radii
     #[arg(long, default_value_t = Scene::STEP)]
     pub step_length: f32,
-    /// Check answers at a tiny size instead of measuring (the default without `--bench`, which `cargo bench` passes)
+    /// Check answers at a tiny size instead of measuring (the default except in `cargo bench`)
     #[arg(long)]
     pub quick: bool,
     #[arg(long, hide = true)]
@@ -32,7 +32,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// Returns `true` to check answers without meaningful times.
+    /// Checks answers without meaningful times.
     pub fn is_quick(&self) -> bool {
         self.quick || !self.bench
     }

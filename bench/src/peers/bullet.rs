@@ -11,17 +11,16 @@ use lazygrid_io::scenes::Scene;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
-    /// Margin of a box on each side, in units of length (the largest radius is 1); `None` for Bullet's default of 0.05.
+    /// Added to a box on each side, in units of length (the largest radius is 1); `None` for Bullet's default of 0.05.
     pub margin: Option<f32>,
     /// `true` if the tree is searched once per step instead of once per updated box.
     pub deferred: bool,
 }
 
 impl Tuning {
-    /// Bullet's default settings.
     pub const SHIPPED: Self = Self { margin: None, deferred: false };
 
-    /// Returns the fastest margin by `bench/results/amd-epyc-2-cores.md`.
+    /// Measured in `bench/results/amd-epyc-2-cores.md`.
     pub fn best(scene: Scene, _: usize) -> Self {
         let margin = match scene {
             Scene::Equal => 1.0,

@@ -1,5 +1,5 @@
 //! A plain, well-made cell list as the baseline: one grid per size class, half of the neighbor cells visited,
-//! contiguous runs compared. It shares only the exact test with lazygrid's detectors, so it can serve as the reference.
+//! contiguous runs compared. It shares only the exact test with lazygrid's detectors, and serves as the reference.
 
 use std::error::Error;
 
@@ -29,7 +29,7 @@ impl Tuning {
     pub fn best(scene: Scene) -> Self {
         match scene {
             Scene::Equal => Self { edge: 2.5, ..Self::DEFAULT },
-            // One class suffices: a cell of the largest spheres holds no more spheres than a vector compares.
+            // One class suffices: a cell of the largest spheres holds at most as many spheres as a vector compares.
             Scene::FiveSizes => Self { edge: 1.25, class: 32.0 },
             Scene::Burst => Self { edge: 0.51, class: 4.0 },
             // Transceivers and carriers have separate grids by default.
@@ -54,7 +54,7 @@ pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     tunings
 }
 
-/// Creates the baseline for any spheres, which starts from the previous step's order.
+/// Starts from the previous step's order.
 pub fn incremental() -> ContenderFactory {
     with("plain cell list", Tuning::DEFAULT)
 }
@@ -87,7 +87,6 @@ impl CellList {
         &self.pairs
     }
 
-    /// Returns indices in cell order, class by class.
     pub(super) fn order(&self) -> impl Iterator<Item = u32> {
         self.classes.iter().flat_map(|class| class.order.iter().copied())
     }

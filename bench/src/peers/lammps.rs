@@ -1,6 +1,5 @@
 //! LAMMPS through its C library, loaded at run time from the path in [`VARIABLE`]: in doubles, with a half list and
-//! forces at each step. Its pair style has an energy of 1 per pair within the cutoff, so a step's energy is the number
-//! of pairs.
+//! forces at each step. Its pair style has an energy of 1 within the cutoff, so a step's energy is the number of pairs.
 //!
 //! A LAMMPS simulation stores its atoms there, so copying the coordinates is not timed.
 
@@ -37,9 +36,8 @@ type Create = unsafe extern "C" fn(
     c_int,
 ) -> c_int;
 
-/// Creates LAMMPS for equal spheres of radius 1, with the fastest of [`skins`] for steps of `step_length` radii, by
-/// `--mode skins --scene equal --output unordered --algorithm auto --steps 100 --rounds 3 --step-length 0.01` of the
-/// bench `peers`.
+/// For equal spheres of radius 1, with the fastest of [`skins`] for steps of `step_length` radii, by the command in
+/// `verlet.rs` with `--scene equal`.
 pub fn tuned(name: impl Into<String>, step_length: f32) -> ContenderFactory {
     with(name, best(step_length))
 }

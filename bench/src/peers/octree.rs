@@ -1,8 +1,8 @@
 //! An octree whose leaves run sweep and prune in parallel, updated between steps, as the paper describes BiNS2 (section
-//! 4.3). Overfull leaves are split, and sparse siblings are merged.
+//! 4.3). Overfull leaves are split, and sparse siblings merged.
 //!
-//! A sphere is in each leaf that its box overlaps. The leaf that holds the corner `max(low corner of a, low corner of
-//! b)`, which is in both boxes, reports a pair.
+//! A sphere is in each leaf that its box overlaps. The leaf with `max(low corner of a, low corner of b)`, which is in
+//! both boxes, reports a pair.
 
 use std::error::Error;
 use std::mem;
@@ -15,9 +15,9 @@ use super::half_extent;
 use super::sweep_and_prune::{Interval, sort, sweep};
 use crate::measure::{ContenderFactory, Found, PairFinder};
 
-/// A leaf above this number is split, if that separates its spheres.
+/// Larger leaves are split, if that separates their spheres.
 const SPLIT_ABOVE: usize = 256;
-/// Eight sibling leaves below this total are merged.
+/// Eight sibling leaves with a smaller total are merged.
 const MERGE_BELOW: usize = 96;
 /// Relative to the mean diameter of its spheres; smaller leaves would have most spheres in common.
 const SMALLEST_EDGE: f32 = 2.0;

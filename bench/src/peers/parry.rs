@@ -21,8 +21,7 @@ enum TreeUpdate {
     Optimize,
 }
 
-/// Returns the candidate settings of a kept tree. Full rebuilds are not included: within a hundred steps, they cost
-/// more than they gain.
+/// Full rebuilds are not included: within a hundred steps, they cost more than they gain.
 pub fn incremental() -> Vec<ContenderFactory> {
     vec![
         refitted("parry3d refit"),
@@ -35,7 +34,7 @@ pub fn refitted(name: impl Into<String>) -> ContenderFactory {
     ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Refit)))
 }
 
-/// Creates a refitted tree with a margin of a fifth of the radius.
+/// The margin is a fifth of the radius.
 pub fn with_margin(name: impl Into<String>) -> ContenderFactory {
     ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Fat(0.2))))
 }
@@ -44,7 +43,6 @@ pub fn optimised(name: impl Into<String>) -> ContenderFactory {
     ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Optimize)))
 }
 
-/// Returns the two methods of building a tree from scratch.
 pub fn from_scratch() -> Vec<ContenderFactory> {
     [("binned", BvhBuildStrategy::Binned), ("PLOC", BvhBuildStrategy::Ploc)]
         .map(|(name, strategy)| {

@@ -205,7 +205,7 @@ impl SizeClassGrid {
         }
     }
 
-    /// A mask of the spheres from `from` that touch, up to rounding.
+    /// Spheres from `from` that touch, up to rounding, as a mask.
     #[inline(always)]
     fn near(&self, sphere: &Sphere, from: usize) -> u32 {
         let lanes = from..from + LANES;

@@ -1,5 +1,4 @@
-//! Sweep and prune along one axis, as in N3Sim. Each sort of the intervals by their lower ends starts from the order of
-//! the previous step.
+//! Sweep and prune along one axis, as in N3Sim. Each sort by lower ends starts from the order of the previous step.
 
 use std::error::Error;
 
@@ -9,7 +8,7 @@ use lazygrid::{Pair, Sphere};
 use super::{half_extent, touch};
 use crate::measure::{ContenderFactory, Found, PairFinder};
 
-/// Creates sweep and prune along an axis of (nearly) the largest variance of the centers.
+/// The axis has (nearly) the largest variance of the centers.
 pub fn incremental() -> ContenderFactory {
     ContenderFactory::new("sort-and-sweep (N3Sim)", || Ok(Sweep::default()))
 }

@@ -1,5 +1,4 @@
-//! A typical Verlet list: candidates within a skin, found by the plain cell list, are tested until some sphere has
-//! moved by half the skin.
+//! A typical Verlet list: candidates of the plain cell list are tested until some sphere has moved by half the skin.
 
 use std::error::Error;
 
@@ -10,9 +9,9 @@ use super::touch;
 use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
-/// Returns the fastest of [`skins`] for steps of `step_length` radii and a largest radius of 1, by `--mode skins
-/// --output unordered --algorithm auto --steps 100 --rounds 3 --step-length 0.01` of the bench `peers`. Skins of scenes
-/// other than equal spheres are for steps of a tenth.
+/// The fastest of [`skins`] for steps of `step_length` radii and a largest radius of 1, by `--mode skins --output
+/// unordered --algorithm auto --steps 100 --rounds 3 --step-length 0.01` of the bench `peers`. Skins of scenes other
+/// than equal spheres are for steps of a tenth.
 fn best(scene: Scene, step_length: f32) -> f32 {
     match scene {
         Scene::Equal if step_length <= 0.003 => 0.1,

@@ -9,7 +9,7 @@ use crate::{
     shrink,
 };
 
-/// Larger scenes use the CPU's cell list as the reference instead of testing all pairs.
+/// Larger scenes use the CPU's cell list as the reference.
 const ALL_PAIRS: usize = 4000;
 
 #[derive(Clone, Debug)]
@@ -18,7 +18,6 @@ pub struct SceneCase {
     pub scenario: TestInput,
 }
 
-/// Returns all scenes for an effort; they are reproducible.
 pub fn cases(effort: Effort) -> Vec<SceneCase> {
     let case = |name: &str, scenario: TestInput| SceneCase { name: name.to_owned(), scenario };
     let mut cases: Vec<SceneCase> =
@@ -97,18 +96,15 @@ pub fn expected(scenario: &TestInput) -> Result<Vec<Pair>, String> {
 
 #[derive(Clone, Debug)]
 pub struct FailedCase {
-    /// Names of scene and detector variant.
     pub name: String,
     pub what: String,
     pub scenario: Option<TestInput>,
-    /// Options of `lazygrid detect` that reproduce the failure, if they exist.
+    /// Options of `lazygrid detect` that reproduce the failure, if any.
     pub options: String,
 }
 
-/// Compares a detector's pairs in a scene with the expected pairs.
-///
 /// # Errors
-/// The first difference, or the detector's error.
+/// The first difference from the expected pairs, or the detector's error.
 pub fn verify(
     scenario: &TestInput,
     variant: &DetectorVariant,
@@ -117,10 +113,9 @@ pub fn verify(
     difference(scenario, &pairs(scenario)?, &expected(scenario)?, variant.tolerance())
 }
 
-/// Speed of a detector variant, estimated from its calls so far.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pace {
-    /// Smallest seconds per unit of work.
+    /// In seconds per unit of work.
     rate: Option<f64>,
 }
 
@@ -128,7 +123,7 @@ impl Pace {
     /// Smaller calls say little about larger ones.
     const TELLING: usize = 1000;
 
-    /// Returns predicted seconds of a call; 0 before the first measurement.
+    /// In seconds; 0 before the first measurement.
     pub fn forecast(self, variant: &DetectorVariant, spheres: usize) -> f64 {
         self.rate.unwrap_or(0.0) * Self::work(variant, spheres)
     }
@@ -146,13 +141,12 @@ impl Pace {
 }
 
 impl SceneCase {
-    /// Runs one detector variant and describes the first difference from `expected`.
     pub fn fault(&self, variant: &DetectorVariant, gpu: Option<&Gpu>, expected: &[Pair]) -> Option<String> {
         let found = variant.pairs(gpu, &self.scenario);
         found.and_then(|found| difference(&self.scenario, &found, expected, variant.tolerance())).err()
     }
 
-    /// Shrinks a failure of one detector variant in at most `tries` attempts.
+    /// Shrinks a failure in at most `tries` attempts.
     pub fn failure(
         &self,
         variant: &DetectorVariant,

@@ -11,7 +11,6 @@ use crate::{Effort, TestInput, Tolerance};
 #[derive(Clone, Debug)]
 pub struct Gpu {
     pub own: GpuDevice,
-    /// Adapter that the caller named.
     pub adapter: Option<AdapterId>,
 }
 
@@ -23,20 +22,18 @@ pub struct DetectorVariant {
     pub tau: Option<u32>,
     /// `None` for the default.
     pub cell_ratio: Option<f32>,
-    /// Skin as a fraction of a radius; 0 leaves the choice to the detector.
+    /// Fraction of a radius; 0 leaves the choice to the detector.
     pub skin: f32,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TargetDevice {
     Cpu {
-        /// Maximum SIMD width.
         simd: Simd,
         /// `None` for the global pool.
         threads: Option<usize>,
     },
     Gpu {
-        /// `true` to use subgroup operations.
         subgroups: bool,
     },
 }
@@ -59,7 +56,7 @@ impl DetectorVariant {
     }
 
     /// Returns each algorithm with and without subgroup operations and with τ = 1, and a cell list with candidates. A
-    /// [quick](Effort::Quick) check has only default settings and the cell list with candidates.
+    /// [quick](Effort::Quick) check has only default settings and the latter.
     pub fn on_gpu(own: &GpuDevice, effort: Effort) -> Vec<Self> {
         let with = |subgroups, tau| {
             let variant =
@@ -94,7 +91,7 @@ impl DetectorVariant {
         }
     }
 
-    /// Returns the settings of a `Detector`, which uses all subgroup operations of the device.
+    /// A `Detector` uses all subgroup operations of the device.
     pub fn config(&self, gpu: Option<&Gpu>) -> Config {
         let mut config = Config::default().backend(self.backend()).algorithm(self.algorithm).timeout(TIMEOUT);
         if let Some(tau) = self.tau {
@@ -115,7 +112,7 @@ impl DetectorVariant {
         }
     }
 
-    /// Returns pairs in any order.
+    /// In any order.
     pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> Result<Vec<Pair>, String> {
         catch_panic(|| match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
@@ -134,8 +131,7 @@ impl DetectorVariant {
         })
     }
 
-    /// Returns `true` if the variant supports the scenario. A host-side filter needs a `Detector`, which uses all
-    /// subgroup operations of the device.
+    /// A host-side filter needs a [`Detector`](Self::config).
     pub fn takes(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> bool {
         match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) => {
@@ -177,7 +173,7 @@ impl DetectorVariant {
         Ok(session.finish(ticket, u64::MAX).map_err(text)?.to_vec())
     }
 
-    /// Returns options of `lazygrid detect` for this variant, if they exist.
+    /// Options of `lazygrid detect`, if they exist.
     pub fn options(&self, gpu: Option<&Gpu>) -> String {
         let mut options = format!(" --backend {} --algorithm {}", self.backend(), self.algorithm);
         if let (TargetDevice::Gpu { .. }, Some(adapter)) =
@@ -210,7 +206,7 @@ impl fmt::Display for DetectorVariant {
     }
 }
 
-/// Runs `work` and turns a panic into an error.
+/// Turns a panic into an error.
 pub fn catch_panic<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         let said = payload.downcast_ref::<String>().map(String::as_str);

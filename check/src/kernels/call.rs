@@ -39,7 +39,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
             dispatch_x: x,
             dispatch_y: y,
             dispatch_z: z,
-            // The occupancy of the previous call is kept for this one.
+            // Kept from the previous call.
             max_occupancy: 1,
             ..Outcome::zeroed()
         };
@@ -134,7 +134,6 @@ fn wrapped_scene(seed: u64, space: Space) -> Vec<Sphere> {
     spheres
 }
 
-/// Bounds contain all valid spheres with little margin; invalid ones are counted.
 pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     let float = |word: u32| f32::from_bits(if word >> 31 == 1 { word ^ 1 << 31 } else { !word });
     for size in SIZES {
@@ -175,7 +174,7 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
             let case = || format!("{low}..{high} within {found_low}..{found_high}, {size} spheres");
             same(case, &(is_held && is_near), &true)?;
         }
-        // A radius of 0 is increased slightly, to distinguish it from "no radius".
+        // A radius of 0 is increased slightly, to differ from "no radius".
         let [least, most] = extent(&|sphere| sphere.radius);
         let radii = [found.radius_min, found.radius_max].map(f32::from_bits);
         let near = radii[0] >= least && radii[0] <= least + 1e-30 && radii[1] == most;
@@ -237,7 +236,7 @@ pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
     Ok(())
 }
 
-/// At one point: with a window, with too small a capacity, with and without subgroup operations.
+/// All spheres at one point, with a window, or with too small a capacity.
 pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         more_than_a_word_of_pairs(own, variant)?;

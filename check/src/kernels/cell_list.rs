@@ -145,7 +145,7 @@ fn begun(
     })
 }
 
-/// Keeps radii above the subnormal numbers that devices flush.
+/// Larger than the numbers that devices flush.
 const FLUSHED: f32 = f32::MIN_POSITIVE * 64.0;
 
 /// Expected statistics, if subnormal numbers are flushed or not.
@@ -174,7 +174,7 @@ pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) ->
     survey
 }
 
-/// For many cells and for one cell with all spheres.
+/// With many cells, and one with all spheres.
 pub(crate) fn cell_starts_find(own: &GpuDevice) -> Result<(), KernelError> {
     let sizes = [(0, 10), (1, 1), (300, 5000), (20_000, 9000), (20_000, 3), (70_000, 4096), (70_000, 1)];
     for (spheres, cells) in sizes {

@@ -34,7 +34,7 @@ pub(crate) struct ConfiguredCellList {
 pub(crate) struct CellListCase {
     pub(crate) spheres: u32,
     pub(crate) lengths: [Option<f32>; 3],
-    /// Smaller spheres leave overfull cells, as the previous call has found.
+    /// Smaller spheres leave cells that the previous call found overfull.
     pub(crate) is_dense: bool,
     pub(crate) division: Division,
 }
@@ -232,7 +232,7 @@ impl ConfiguredCellList {
         density
     }
 
-    /// Also the occupancy of the overfull cell that it left, or 0.
+    /// Also returns the occupancy of the overfull cell that it left, or 0.
     fn home(&self, id: usize, density: &[u32], fused: bool) -> (u32, u32) {
         let (list, space, sphere) = (&self.list, self.scenario.space, &self.scenario.spheres[id]);
         let Some(coarsest) = self.coarsest(id, fused) else {
@@ -246,7 +246,7 @@ impl ConfiguredCellList {
         }
     }
 
-    /// Also the largest occupancy of a cell that a sphere left.
+    /// Also returns the largest occupancy of a cell that a sphere left.
     pub(crate) fn homes(&self, density: &[u32], fused: bool) -> (Vec<u32>, u32) {
         let homes = (0..self.scenario.spheres.len()).map(|id| self.home(id, density, fused));
         let (cells, crowds): (Vec<u32>, Vec<u32>) = homes.unzip();

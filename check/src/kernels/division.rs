@@ -9,11 +9,11 @@ use crate::device::upload;
 pub(crate) enum Division {
     OneSet,
     TwoSets,
-    /// Every fifth sphere is of a species that does not pair with itself, and every seventh of one that never pairs.
+    /// Every fifth sphere is of a species that does not pair with itself, every seventh of one that never pairs.
     Species {
         meets_itself: bool,
     },
-    /// Species that each pair with one other, and every seventh sphere of one that never pairs.
+    /// Each species pairs with one other; every seventh sphere never pairs.
     DisjointPairs(usize),
 }
 

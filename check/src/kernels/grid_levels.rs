@@ -152,7 +152,7 @@ fn table(own: &GpuDevice) -> Result<wgpu::Buffer, Error> {
     upload(own, &vec![0_u32; 2 * SLOTS as usize])
 }
 
-/// The occupancy table is cleared to its end if it is used.
+/// Clears the occupancy table to its end if it is used.
 pub(crate) fn occupancy_clear(own: &GpuDevice) -> Result<(), KernelError> {
     for slots in [1_u32, 256, 512, 8192] {
         for split_policy in [1, 2] {

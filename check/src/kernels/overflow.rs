@@ -156,7 +156,7 @@ pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Searches few spheres in one dispatch with a workgroup per chunk of candidates of each block, which also finishes the
+/// Few spheres take one dispatch with a workgroup per chunk of candidates of each block, which also finishes the
 /// outcome.
 fn few(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
     let count = chosen.call.spheres;

@@ -21,7 +21,6 @@ fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
     (before.collect(), total)
 }
 
-/// Scans `size` values of several kinds, with and without subgroup operations.
 pub fn scan(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let scan = PrefixScan::new(&own.device, subgroups);
@@ -93,8 +92,8 @@ fn keys_of_each_kind(size: usize) -> [Vec<u32>; 4] {
     ]
 }
 
-/// Sorts `size` keys, with and without subgroup operations: random keys by several numbers of bits, other kinds by 13
-/// and 32 bits; at or above 100,000 keys only random ones, by 24 and 32 bits.
+/// Random keys by several numbers of bits, other kinds by 13 and 32 bits; at or above 100,000 keys only random ones, by
+/// 24 and 32 bits.
 pub fn sort(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let sort = RadixSort::new(&own.device, subgroups);

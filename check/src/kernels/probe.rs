@@ -5,7 +5,7 @@ use lazygrid_kernels::kernel::SubgroupProbe;
 use super::support::{KernelError, same, variants};
 use crate::device::{download, run, upload};
 
-/// All invocations run, and the adapter's subgroup sizes are reported if full.
+/// All invocations run, and subgroup sizes are reported if full.
 pub(crate) fn subgroup_probe(own: &GpuDevice) -> Result<(), KernelError> {
     let [least, most] = own.adapter.subgroup_sizes;
     for variant in variants(own) {

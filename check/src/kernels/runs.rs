@@ -9,7 +9,7 @@ use crate::Random;
 use crate::device::{download, run, run_over, upload, upload_one};
 
 const PAIR_CAPACITY: u32 = 1 << 21;
-/// First search compares entries up to this distance.
+/// The first search compares entries up to this distance.
 const NEAR: u32 = 256;
 
 struct Runs {

@@ -2,18 +2,17 @@ use lazygrid::Pair;
 
 use crate::TestInput;
 
-/// The allowed deviation from the definition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tolerance {
     /// For the CPU.
     Exact,
-    /// For the GPU: pairs within 4 ulp of tangency, relative to the squared cutoff, may fall either way; in a periodic
-    /// space within 5 ulp, because a distance across the boundary is a sum of two. Triclinic cells are exact.
+    /// For the GPU: pairs within 4 ulp of tangency, relative to the squared cutoff, may be missing or extra; in a
+    /// periodic space within 5 ulp, because a distance across the boundary is a sum of two. Triclinic cells are exact.
     Tangent,
 }
 
 impl Tolerance {
-    /// Returns `true` if the pair may fall either way.
+    /// Returns `true` if the pair may be missing or extra.
     pub fn allows(self, scenario: &TestInput, pair: Pair) -> bool {
         if scenario.space.triclinic_cell().is_some() {
             // The host applies the exact test to all pairs of a triclinic cell.
@@ -80,7 +79,7 @@ fn describe(scenario: &TestInput, pair: Pair) -> String {
     format!("{} and {}, {gap}", sphere(i), sphere(j))
 }
 
-/// Returns a digest independent of the pairs' order. Duplicates count.
+/// Is independent of order; duplicates change it.
 pub fn checksum(pairs: &[Pair]) -> u64 {
     // The finalizer of SplitMix64.
     let mix = |pair: &Pair| {

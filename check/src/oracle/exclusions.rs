@@ -4,10 +4,9 @@ use lazygrid::{Error, Exclusions, Spheres};
 
 use crate::TestInput;
 
-/// Words from which exclusions are drawn.
 pub const EXCLUSION_WORDS: usize = 64;
 
-/// Excluded pairs, as the library's [`Exclusions`] and as a plain set for the oracle.
+/// Stored as the library's [`Exclusions`] and as a plain set for the oracle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExclusionCase {
     list: Exclusions,
@@ -16,7 +15,7 @@ pub struct ExclusionCase {
 }
 
 impl ExclusionCase {
-    /// Excludes `pairs` of `spheres` spheres, in either order and possibly repeated.
+    /// `pairs` may be in either order and repeated.
     pub fn new(spheres: usize, pairs: impl IntoIterator<Item = (u32, u32)>) -> Result<Self, Error> {
         let pairs: Vec<(u32, u32)> = pairs.into_iter().collect();
         let list = Exclusions::new(spheres, pairs.iter().copied())?;
@@ -27,7 +26,7 @@ impl ExclusionCase {
         &self.list
     }
 
-    /// Returns each pair once, with the smaller index first.
+    /// Returns each pair once, the smaller index first.
     pub fn pairs(&self) -> impl Iterator<Item = (u32, u32)> {
         self.pairs.iter().copied()
     }

@@ -1,9 +1,8 @@
-//! Distances in triclinic cells by enumeration of images: the reference for detectors.
+//! Distances in triclinic cells by enumeration of images, without the library's reduction: the reference for detectors.
 
 use glam::{DMat3, DVec3};
 use lazygrid::Space;
 
-/// Without the library's reduction.
 pub(crate) struct ImageOracle {
     given: [Option<[f64; 3]>; 3],
     /// With their original indices, the longest first. The last one needs no loop.
@@ -43,7 +42,7 @@ impl ImageOracle {
         if reach.is_finite() && folded.length() <= reach {
             return squared(folded);
         }
-        // The nearest image is no longer than the folded one, which bounds the search.
+        // The folded image bounds the search: the nearest is no longer.
         let along = self.edges.iter().zip(&self.fractions).map(|((_, edge), row)| *edge * row.dot(folded));
         let looked_at = reach.min(along.sum::<DVec3>().length());
         let turns = self.fractions.iter().map(|row| {
@@ -63,7 +62,8 @@ impl ImageOracle {
     }
 
     /// Returns the smallest squared length of images up to `turns` away from `shift` along each remaining cell vector.
-    /// `near` is approximately that image. Along the last vector, the parabola's minimum and its two neighbors suffice.
+    /// `near` is approximately that image. Along the last vector, the minimum of the parabola and its neighbors
+    /// suffice.
     fn nearest(&self, vector: DVec3, shift: [f64; 3], near: DVec3, turns: &[[i32; 2]]) -> f64 {
         let at = self.edges.len() - turns.len();
         let Some((k, edge)) = self.edges.get(at) else { return squared(self.image(vector, shift)) };

@@ -19,16 +19,15 @@ pub struct TestInput {
     pub space: Space,
     /// `None` if all touching spheres pair.
     pub mixture: Option<SpeciesSetup>,
-    /// Group of each sphere, or [`Spheres::NO_GROUP`].
+    /// Some may be [`Spheres::NO_GROUP`].
     pub groups: Option<Vec<u32>>,
     pub excluded: Option<ExclusionCase>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct SpeciesSetup {
-    /// Species id of each sphere.
     pub species: Vec<u32>,
-    /// Lower triangle of the table: `rows[a][b]` for `b ≤ a`.
+    /// Lower triangle: `rows[a][b]` for `b ≤ a`.
     pub rows: Vec<Vec<Interaction>>,
 }
 
@@ -83,7 +82,6 @@ impl TestInput {
         })
     }
 
-    /// Returns the scenario with only the spheres for which `keep` returns `true`.
     pub fn only(&self, mut keep: impl FnMut(usize) -> bool) -> Self {
         let kept: Vec<usize> = (0..self.spheres.len()).filter(|&k| keep(k)).collect();
         let mixture = self.mixture.as_ref().map(|mixture| SpeciesSetup {
@@ -99,7 +97,7 @@ impl TestInput {
         }
     }
 
-    /// Returns `true` if the host filters a device's pairs: for a triclinic cell or exclusions.
+    /// Returns `true` if the host filters a device's pairs.
     pub fn is_refined(&self) -> bool {
         self.space.triclinic_cell().is_some() || self.groups.is_some() || self.excluded.is_some()
     }
@@ -110,7 +108,7 @@ impl TestInput {
             || self.excluded.as_ref().is_some_and(|excluded| excluded.has(i as u32, j as u32))
     }
 
-    /// Returns the cutoff of two spheres; `None` if they never pair.
+    /// `None` if the spheres never pair.
     pub fn reach(&self, i: usize, j: usize) -> Option<f64> {
         if self.excludes(i, j) {
             return None;
@@ -126,7 +124,7 @@ impl TestInput {
         }
     }
 
-    /// Returns the squared distance of two centers, or of their nearest images.
+    /// Uses nearest images.
     pub fn distance_squared(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (self.spheres[i].center, self.spheres[j].center);
         if self.space.triclinic_cell().is_some() {
@@ -151,8 +149,8 @@ impl TestInput {
         })
     }
 
-    /// Returns all pairs in canonical order. `apart` returns the squared distance of two spheres; beyond the given
-    /// cutoff, any larger value.
+    /// Returns all pairs in canonical order. `apart` returns the squared distance of two spheres, or any larger value
+    /// beyond the given cutoff.
     pub fn pairs_by(&self, apart: impl Fn(usize, usize, f64) -> f64) -> Vec<Pair> {
         let mut pairs = Vec::new();
         for i in 0..self.spheres.len() {

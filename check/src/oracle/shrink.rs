@@ -2,9 +2,8 @@ use glam::Vec3;
 
 use crate::TestInput;
 
-/// Shrinks a failing scenario: removes exclusions, then spheres in ever smaller groups, then rounds numbers. Calls
-/// `failing`, which describes a fault, at most `tries` times. Returns the smallest failing scenario and its
-/// description.
+/// Removes exclusions, then spheres in ever smaller groups, then rounds numbers. Calls `failing`, which describes a
+/// fault, at most `tries` times. Returns the smallest failure.
 pub fn shrink(
     scenario: TestInput,
     what: String,

@@ -137,7 +137,7 @@ pub fn any_floats(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| Sphere::new(place(|| any_magnitude(of)), any_magnitude(of).abs()))
 }
 
-/// Values log-uniform over four binades at a random place in the range of `f32`, subnormals included.
+/// Values log-uniform over four binades anywhere in the range of `f32`, subnormals included.
 pub fn one_magnitude(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
     let lowest = if choices.below(4) == 0 { 0 } else { choices.below(251) };
@@ -196,11 +196,10 @@ pub fn soup(words: &SceneSeed) -> Vec<Sphere> {
     })
 }
 
-/// Words of a table of [`mixture`].
 pub const TABLE_WORDS: usize = 41;
 
 /// Makes up to four species with all kinds of interactions. Distances may be 0, the exact distance of two spheres, or
-/// large compared with all radii. `ids` has one word per sphere.
+/// larger than all radii. `ids` has one word per sphere.
 pub fn mixture(spheres: &[Sphere], table: &[u32; TABLE_WORDS], ids: &[u32]) -> SpeciesSetup {
     let mut choices = SeedReader::new(table);
     let count = 1 + choices.below(4);

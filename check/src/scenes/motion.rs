@@ -1,7 +1,7 @@
 use lazygrid::{Skin, Sphere};
 
-/// Returns a skin of `part` times the first nonzero radius, or times the first nonzero distance of consecutive spheres
-/// if all radii are 0.
+/// Returns `part` times the first nonzero radius, or the first nonzero distance of consecutive spheres if all radii are
+/// 0.
 pub fn skin_of(spheres: &[Sphere], part: f32) -> Skin {
     let radius = spheres.iter().map(|sphere| sphere.radius).find(|&radius| radius > 0.0);
     let apart = |two: &[Sphere]| two[0].center.distance(two[1].center);

@@ -20,7 +20,7 @@ pub const FAMILIES: [PeriodicSceneFamily; 6] = [
     PeriodicSceneFamily { name: "giants in small boxes", scene: giant },
 ];
 
-/// Draws the length of each axis from `lengths`. One axis in four is unbounded.
+/// Draws each axis from `lengths`. One axis in four is unbounded.
 pub fn lengths(of: &mut SeedReader<'_>, lengths: &[f32]) -> [Option<f32>; 3] {
     [(); 3].map(|()| {
         let (length, is_unbounded) = (of.of(lengths), of.once_in(4));
@@ -50,7 +50,7 @@ pub fn lattice(words: &SceneSeed) -> TestInput {
     in_box(spheres, counts.map(|count| count.map(|count| count * spacing)))
 }
 
-/// Random spheres with radii from 0 to more than the box, up to several boxes from the origin.
+/// Radii range from 0 to more than the box, centers up to several boxes from the origin.
 pub fn soup(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let lengths = match choices.below(3) {
@@ -102,7 +102,7 @@ pub fn unwrapped(words: &SceneSeed) -> TestInput {
     in_box(spheres, lengths.map(Some))
 }
 
-/// Boxes and spheres of sizes near which `f32` arithmetic changes, up to several boxes from the origin.
+/// Sizes near which `f32` arithmetic changes, up to several boxes from the origin.
 pub fn extremes(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let unit = extreme_unit(&mut choices);

@@ -1,4 +1,4 @@
-/// SplitMix64, with the same numbers on all platforms.
+/// SplitMix64, equal on all platforms.
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
 

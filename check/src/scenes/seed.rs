@@ -2,7 +2,7 @@ use crate::Random;
 
 pub type ElementSeed = [u32; 12];
 
-/// Random input of a scene: words for the whole scene, and for each element (mostly a sphere).
+/// Random words for the whole scene, and for each element (mostly a sphere).
 ///
 /// Elements are independent, so a scene shrinks by removing elements. Smaller words make simpler elements.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -21,7 +21,6 @@ impl SceneSeed {
         SeedReader::new(&self.setup)
     }
 
-    /// Makes one value from the words of each element.
     pub fn each<T>(&self, mut of: impl FnMut(&mut SeedReader<'_>) -> T) -> Vec<T> {
         self.elements.iter().map(|words| of(&mut SeedReader::new(words))).collect()
     }

@@ -16,8 +16,7 @@ pub const FAMILIES: [PeriodicSceneFamily; 7] = [
     PeriodicSceneFamily { name: "the largest spheres in a triclinic cell", scene: largest_spheres },
 ];
 
-/// Returns the cell vectors of a box with these lengths and the tilts xy, xz and yz. An axis without a length is not
-/// periodic.
+/// Returns the cell vectors of these lengths and tilts. An axis without a length is not periodic.
 pub fn tilted(lengths: [Option<f32>; 3], [xy, xz, yz]: [f32; 3]) -> [Option<Vec3>; 3] {
     let [x, y, z] = lengths;
     [x.map(|x| Vec3::new(x, 0.0, 0.0)), y.map(|y| Vec3::new(xy, y, 0.0)), z.map(|z| Vec3::new(xz, yz, z))]
@@ -51,8 +50,8 @@ pub fn lattice(words: &SceneSeed) -> TestInput {
     in_space(spheres, edges)
 }
 
-/// Random spheres in cells of any tilt: half a length, as LAMMPS allows, and much more. Radii range from 0 to more than
-/// the cell; coordinates reach several cells from the origin.
+/// Cells of any tilt: half a length, as LAMMPS allows, and much more. Radii range from 0 to more than the cell;
+/// coordinates reach several cells from the origin.
 pub fn soup(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let most = choices.of(&[0.5_f32, 0.5, 1.5, 6.0]);
@@ -62,8 +61,7 @@ pub fn soup(words: &SceneSeed) -> TestInput {
     in_space(sizes(words), edges)
 }
 
-/// Random spheres in cells with vectors of any direction, the longest up to about a hundred times as long as the
-/// shortest.
+/// Cells with vectors of any direction, the longest up to about a hundred times as long as the shortest.
 pub fn directions(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let mut edge = || {
@@ -79,7 +77,7 @@ pub fn directions(words: &SceneSeed) -> TestInput {
     in_space(sizes(words), edges)
 }
 
-/// Random spheres with radii from 0 to more than a cell, up to several cells from the origin.
+/// Radii range from 0 to more than a cell, centers up to several cells from the origin.
 pub fn sizes(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| {
         let radius = match of.below(10) {

@@ -14,14 +14,14 @@ use crate::kernels::{KernelError, same};
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
-    /// Seconds of each round.
+    /// Seconds per round.
     pub times: Vec<f64>,
-    /// Bytes read and written per round.
+    /// Read and written per round.
     pub bytes: u64,
 }
 
 impl Measured {
-    /// Returns the median seconds; 0 without times.
+    /// In seconds; 0 without times.
     pub fn median(&self) -> f64 {
         median(&self.times)
     }
@@ -31,7 +31,7 @@ impl Measured {
     }
 }
 
-/// Median; 0 for an empty slice.
+/// Is 0 for an empty slice.
 pub(crate) fn median(times: &[f64]) -> f64 {
     let mut sorted = times.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -46,7 +46,7 @@ pub struct GpuTimer {
 }
 
 impl GpuTimer {
-    /// Creates a timer of `rounds` rounds, after one to warm up.
+    /// Adds a round to warm up.
     pub fn new(own: GpuDevice, rounds: usize) -> Result<Self, Error> {
         let ticks = own.adapter.has_timestamps.then(|| {
             let descriptor =
@@ -64,7 +64,7 @@ impl GpuTimer {
         Ok(Self { rounds, ticks: ticks.transpose()?, own })
     }
 
-    /// Returns `true` for GPU timestamps, `false` for wall time, which includes the submission.
+    /// Returns `false` for wall time, which includes the submission.
     pub fn has_gpu_timestamps(&self) -> bool {
         self.ticks.is_some()
     }
@@ -77,7 +77,7 @@ impl GpuTimer {
         Ok(Measured { times, bytes: 2 * size })
     }
 
-    /// Times a prefix scan, which reads each value twice and writes it once.
+    /// A prefix scan reads each value twice and writes it once.
     pub fn scan(&self, n: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let values = random(n);
         let (fresh, work) = (upload(&self.own, &values)?, storage_buffer(&self.own, u64::from(n) * 4)?);
@@ -95,7 +95,7 @@ impl GpuTimer {
         Ok(Measured { times, bytes: 12 * u64::from(n) })
     }
 
-    /// Times a radix sort. A pass counts keys, scans counters, and moves keys and payload.
+    /// A pass counts keys, scans counters, and moves keys and payload.
     pub fn sort(&self, n: u32, bits: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let (keys, payload) = (random(n), (0..n).collect::<Vec<_>>());
         let fresh = [upload(&self.own, &keys)?, upload(&self.own, &payload)?];

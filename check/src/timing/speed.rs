@@ -8,9 +8,8 @@ use crate::catch_panic;
 use crate::detectors::text;
 use crate::device::TIMEOUT;
 
-/// Numbers of spheres to time.
 pub const SIZES: [usize; 4] = [10_000, 100_000, 1_000_000, 10_000_000];
-/// Additional number of spheres for full checks.
+/// Timed by full checks.
 pub const FULL: usize = 100_000_000;
 /// After one round to warm up.
 const ROUNDS: usize = 5;
@@ -20,22 +19,19 @@ const SECONDS: f64 = 0.5;
 #[derive(Clone, Debug)]
 pub struct Speed {
     pub pairs: u64,
-    /// Median seconds of a call, with upload of spheres and readback of the count.
+    /// Median of a call, with upload of spheres and readback of the count.
     pub seconds: f64,
     /// Seconds of GPU work by timestamps; without them, and on the CPU, the median of the whole call.
     pub busy: f64,
     /// Median seconds, in execution order.
     pub stages: Vec<(&'static str, f64)>,
-    /// Number of timed rounds.
     pub rounds: usize,
-    /// Dispatches and memory traffic; `None` on the CPU.
+    /// `None` on the CPU.
     pub cost: Option<CallCost>,
 }
 
-/// The reason why an algorithm has no time.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SkipReason {
-    /// Spheres do not fit in memory.
     TooLarge(String),
     Failed(String),
 }

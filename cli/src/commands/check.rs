@@ -25,7 +25,7 @@ const SPEEDS: u64 = 60;
 /// Slower scenes are skipped; with `--full` twenty times as long.
 const SCENE_SECONDS: f64 = 0.2;
 
-/// Attempts to shrink a failing case.
+/// To shrink a failing case.
 const TRIES: usize = 1500;
 
 /// Failing rounds that end the fuzzer.
@@ -65,7 +65,7 @@ pub(crate) fn run(args: &Check) -> Result<(), CliError> {
     report.finish()
 }
 
-/// Opens the GPU, or returns the reason for checking none.
+/// Returns the reason if no GPU is to be checked.
 fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, CliError> {
     if args.backend == Checked::Cpu {
         return match &args.adapter {
@@ -93,7 +93,6 @@ struct Runner<'a> {
     pace: Pace,
     left_out: usize,
     wrong: usize,
-    /// Wrong scene with the fewest spheres, and its fault.
     smallest: Option<(&'a SceneCase, String)>,
 }
 

@@ -51,7 +51,7 @@ fn once(run: Run, reports: bool) -> Result<(), CliError> {
     let (end, simulation) = run.run(|simulation| {
         if !started {
             started = true;
-            // Steps of an earlier run do not count for the speed.
+            // Steps of an earlier run are not part of the speed.
             bar.set_position(simulation.step_count().into());
             bar.reset_eta();
         }

@@ -12,7 +12,6 @@ fn checked(args: &[&str]) -> Value {
     object
 }
 
-/// Timed algorithms of a backend.
 fn timed(object: &Value, backend: &str) -> Vec<String> {
     let rows = object["speeds"].as_array().expect("rows").iter().filter(|row| row["backend"] == backend);
     rows.map(|row| {

@@ -104,7 +104,7 @@ fn a_box_may_change_from_frame_to_frame() {
     assert_eq!(counts, boxes.map(|lengths| brute_force(&spheres(), lengths).len()));
 }
 
-/// Every image up to three cell vectors away, in `f64`.
+/// Tests every image up to three cell vectors away, in `f64`.
 fn brute_force_of_edges(spheres: &[Sphere], edges: [[f64; 3]; 3]) -> Vec<[u32; 2]> {
     let steps = (0..343).map(|k| [k % 7 - 3, k / 7 % 7 - 3, k / 49 - 3].map(f64::from));
     let images: Vec<[f64; 3]> =

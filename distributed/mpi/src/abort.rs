@@ -3,8 +3,8 @@ use mpi::traits::Communicator;
 
 /// Makes a panic in any thread end the job on all ranks, with exit code 101, after its message.
 ///
-/// Otherwise the other ranks would wait for the launcher's time limit: unwinding ends in `MPI_Finalize`, which waits
-/// for them. Programs call this once after initializing MPI, because a library must not set a panic hook.
+/// Otherwise unwinding ends in `MPI_Finalize`, where all ranks wait for the launcher's time limit. Programs call this
+/// once after initializing MPI, because a library must not set a panic hook.
 pub fn abort_on_panic() {
     let before = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

@@ -4,10 +4,10 @@ use mpi::traits::Communicator;
 use crate::communicator::MpiCommunicator;
 use crate::{Config, Error};
 
-/// Compares settings of a program, such as its time step, on all ranks. Collective.
+/// Compares settings of a program on all ranks. Collective.
 ///
 /// # Errors
-/// [`Error::Settings`] on all ranks if a setting differs.
+/// [`Error::Settings`] on all ranks if one differs.
 pub fn agree_on(communicator: &impl Communicator, settings: &Settings) -> Result<(), Error> {
     settings.agree(&mut MpiCommunicator::new(communicator.duplicate(), Config::default().message_limit))
 }

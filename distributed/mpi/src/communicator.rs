@@ -42,7 +42,7 @@ impl MpiCommunicator {
         std::mem::take(&mut self.sent)
     }
 
-    /// Exchanges segments in rounds. `most` is the largest number of elements between two ranks.
+    /// `most` is the largest number of elements between two ranks.
     fn exchange_in_rounds<T: Pod>(
         &mut self,
         what: &str,

@@ -3,27 +3,24 @@ use lazygrid_ranks::Settings;
 
 use crate::Error;
 
-/// Assigns spheres to ranks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum Ownership {
     /// Assigned by the caller: spheres stay on their ranks.
     #[default]
     Keep,
-    /// Assigned by [`rebalance`](crate::Distributed::rebalance): spheres move to the rank of their domain. Domains are rebuilt
-    /// only if a rank has more than `bound` times the mean load.
+    /// Assigned by [`rebalance`](crate::Distributed::rebalance): spheres move to the rank of their domain. Domains are
+    /// rebuilt only if a rank has more than `bound` times the mean load.
     Balance {
-        /// Largest over mean number of spheres, at least 1.
+        /// At least 1.
         bound: f64,
     },
 }
 
 impl Ownership {
-    /// [`Balance`](Self::Balance) with a bound of 1.2.
     pub const BALANCE: Self = Self::Balance { bound: 1.2 };
 }
 
-/// The ranks that get a pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Delivery {
@@ -71,25 +68,25 @@ impl Default for Config {
 }
 
 impl Config {
-    /// Assignment of spheres to ranks. Default: [`Ownership::Keep`].
+    /// Default: [`Ownership::Keep`].
     pub fn ownership(mut self, ownership: Ownership) -> Self {
         self.ownership = ownership;
         self
     }
 
-    /// Ranks that get a pair of a list. Default: [`Delivery::Once`].
+    /// Default: [`Delivery::Once`].
     pub fn delivery(mut self, delivery: Delivery) -> Self {
         self.delivery = delivery;
         self
     }
 
-    /// Space. Default: unbounded.
+    /// Default: unbounded.
     pub fn space(mut self, space: Space) -> Self {
         self.space = space;
         self
     }
 
-    /// Species that pair, and their distances; all spheres then have species.
+    /// All spheres then have species.
     pub fn interactions(mut self, interactions: Interactions) -> Self {
         self.interactions = Some(interactions);
         self
@@ -101,14 +98,14 @@ impl Config {
         self
     }
 
-    /// Backend of each rank. Default: [`Backend::Auto`], by which the first ranks of a node take a real GPU each and
-    /// the others the CPU. With [`Backend::Gpu`], ranks share GPUs if there are too few.
+    /// Default: [`Backend::Auto`], by which the first ranks of a node take a real GPU each and the others the CPU. With
+    /// [`Backend::Gpu`], ranks share GPUs if there are too few.
     pub fn backend(mut self, backend: Backend) -> Self {
         self.backend = backend;
         self
     }
 
-    /// Threads of each rank. Default: its share of the cores of its node.
+    /// Default: the rank's share of the cores of its node.
     pub fn threads(mut self, threads: usize) -> Self {
         self.threads = Some(threads);
         self
@@ -120,15 +117,15 @@ impl Config {
         self
     }
 
-    /// Most bytes of a message; larger data take rounds. From 64 per rank to 2³¹ − 1, as MPI counts in 32 bits.
-    /// Default: 2²⁸.
+    /// Most bytes of a message, at least 64 per rank and at most 2³¹ − 1, as MPI counts in 32 bits. Larger data take
+    /// rounds. Default: 2²⁸.
     pub fn message_limit(mut self, bytes: u64) -> Self {
         self.message_limit = bytes;
         self
     }
 
-    /// Other settings of a detector, such as its algorithm. Space, interactions, order, backend and limits are those
-    /// of this configuration.
+    /// Other settings of a detector, such as its algorithm. This configuration replaces its space, interactions, order,
+    /// backend and limits.
     pub fn detector(mut self, detector: lazygrid::Config) -> Self {
         self.detector = detector;
         self

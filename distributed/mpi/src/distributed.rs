@@ -72,10 +72,10 @@ impl Distributed {
         })
     }
 
-    /// Moves spheres to the ranks of their domains if the [ownership](Config::ownership) is
-    /// [`Balance`](Ownership::Balance), else checks them. Searches give the same pairs without it.
+    /// Moves spheres to the ranks of their domains with [`Balance`](Ownership::Balance), else only checks them.
+    /// Searches give the same pairs without it.
     ///
-    /// Afterwards spheres are sorted by previous rank, each rank's in their previous order.
+    /// Afterwards spheres are sorted by previous rank, and within it as before.
     ///
     /// # Errors
     /// [`Error::Input`] and [`Error::OutOfMemory`]; no sphere has moved.
@@ -100,8 +100,8 @@ impl Distributed {
         Ok(RebalanceReport { owned: LoadBalance::of(&counts), moved: 0, rebuilt: false, migration })
     }
 
-    /// Moves further data, one element per sphere in the previous order, like a [`rebalance`](Self::rebalance).
-    /// Returns the present order.
+    /// Moves further data, one element per sphere in the previous order, like a [`rebalance`](Self::rebalance). Returns
+    /// the present order.
     ///
     /// # Errors
     /// [`Error::Input`] for another number of elements; [`Error::OutOfMemory`].
@@ -125,8 +125,7 @@ impl Distributed {
         gather(&mut self.comm, "what is gathered", elements)
     }
 
-    /// Returns the pairs that this rank reports, in the configured order, until the next call. [`Config::delivery`]
-    /// decides which ranks report a pair.
+    /// Returns the pairs that this rank reports ([`Config::delivery`]) in the configured order, until the next call.
     ///
     /// # Errors
     /// [`Error::Input`] for non-finite spheres, negative radii, unknown species or different lengths;
@@ -187,7 +186,6 @@ impl Distributed {
         Ok(self.report.pairs.total)
     }
 
-    /// Returns the report of the last call, equal on all ranks except for fields of this rank.
     pub fn report(&self) -> &Report {
         &self.report
     }
@@ -310,7 +308,7 @@ fn detectors(config: &Config, node: NodeRank) -> Result<(Detector, Option<Detect
     if report.backend == Backend::Cpu && of_two {
         return Ok((made, None));
     }
-    // Ghosts are few, and a GPU would get all owned spheres again. The paper's grids have one set.
+    // A GPU would get all owned spheres again for few ghosts. The paper's grids have one set.
     let across = Detector::new(ours(lazygrid::Config::default()).backend(Backend::Cpu));
     Ok((made, Some(across.map_err(|error| error.to_string())?)))
 }

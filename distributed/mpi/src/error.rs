@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// An error, equal on all ranks, with value, limit and remedy.
+/// Equal on all ranks, with value, limit and remedy.
 #[derive(Clone, Debug, Error, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "messages explain the fields")]
@@ -9,7 +9,7 @@ pub enum Error {
     #[error("rank {rank}: {message}")]
     Input {
         rank: u32,
-        /// First invalid sphere of this rank, if the fault is that of a sphere.
+        /// First invalid sphere of this rank, if a sphere is at fault.
         index: Option<u32>,
         message: String,
     },

@@ -26,8 +26,7 @@ struct IdRecord {
 }
 
 impl IdCheck {
-    /// Refuses duplicate ids, and returns the spheres by rank. A set equal to that of the last call is not compared
-    /// again.
+    /// Refuses duplicate ids, and returns the spheres by rank. Compares no set that equals the last call's.
     pub(crate) fn check(
         &mut self,
         comm: &mut MpiCommunicator,
@@ -68,7 +67,7 @@ fn compare(comm: &mut MpiCommunicator, local: LocalSpheres<'_>) -> Result<(), Er
     comm.agree(duplicate)
 }
 
-/// A record per sphere by home rank, and their number for each rank.
+/// Grouped by home rank, with their number for each.
 fn records(local: LocalSpheres<'_>, rank: u32, ranks: u32) -> Result<(Vec<IdRecord>, Vec<usize>), Error> {
     let mut counts = vec![0; ranks as usize];
     let mut records: Vec<IdRecord> = try_zeroed("ids", local.ids.len() as u64, rank)?;

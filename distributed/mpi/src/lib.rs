@@ -23,8 +23,7 @@
 //! # }
 //! ```
 //!
-//! Methods of [`Distributed`] are collective: all ranks call them in the same order. An error is the same on all
-//! ranks, and names one.
+//! An error is the same on all ranks, and names one.
 //!
 //! `lazygrid-ranks` has the algorithm.
 

@@ -3,7 +3,6 @@ use lazygrid_ranks::Particle;
 
 use crate::Error;
 
-/// Borrowed spheres of a rank.
 #[derive(Clone, Copy, Debug)]
 pub struct LocalSpheres<'a> {
     pub(crate) spheres: Spheres<'a>,
@@ -11,8 +10,8 @@ pub struct LocalSpheres<'a> {
 }
 
 impl<'a> LocalSpheres<'a> {
-    /// Creates a set of spheres, as rows or columns, with species if there are interactions, and ids that are unique
-    /// among all ranks. All ranks have one length unit.
+    /// `spheres` have species if there are interactions, and `ids` are unique among all ranks. All ranks have one
+    /// length unit.
     pub fn new(spheres: impl Into<Spheres<'a>>, ids: &'a [u64]) -> Self {
         Self { spheres: spheres.into(), ids }
     }
@@ -68,11 +67,10 @@ impl<'a> LocalSpheres<'a> {
 /// Owned spheres of a rank, which can [move](crate::Distributed::rebalance).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OwnedSpheres {
-    /// Centers and radii.
     pub spheres: Vec<Sphere>,
-    /// Id of each sphere, unique among all ranks.
+    /// Unique among all ranks.
     pub ids: Vec<u64>,
-    /// Species of each sphere, with interactions.
+    /// Present with interactions.
     pub species: Option<Vec<u32>>,
 }
 

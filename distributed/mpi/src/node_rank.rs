@@ -34,8 +34,7 @@ impl NodeRank {
     }
 }
 
-/// Returns a rank's default threads: its share of the cores that it and other ranks of its node may run on.
-/// Collective.
+/// Returns a rank's default threads: its share of the cores on which ranks of its node may run. Collective.
 pub fn threads(communicator: &impl Communicator) -> usize {
     NodeRank::of(&communicator.duplicate()).threads()
 }

@@ -13,14 +13,13 @@ pub struct SphereRef {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 #[repr(C)]
 pub struct GlobalPair {
-    /// Sphere with the smaller id.
+    /// With the smaller id.
     pub a: SphereRef,
-    /// Other sphere.
     pub b: SphereRef,
 }
 
 impl GlobalPair {
-    /// Creates the pair of two spheres in any order.
+    /// In any order.
     #[inline]
     pub fn new(one: SphereRef, other: SphereRef) -> Self {
         if one.id <= other.id { Self { a: one, b: other } } else { Self { a: other, b: one } }

@@ -6,15 +6,13 @@ use lazygrid_ranks::{
 use crate::communicator::{MpiCommunicator, try_zeroed};
 use crate::{Error, LocalSpheres, OwnedSpheres};
 
-/// A result of [`rebalance`](crate::Distributed::rebalance).
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct RebalanceReport {
     pub owned: LoadBalance,
-    /// Spheres that changed rank.
     pub moved: u64,
     pub rebuilt: bool,
-    /// Destinations, for [further data](crate::Distributed::migrate_data).
+    /// For [further data](crate::Distributed::migrate_data).
     pub migration: Migration,
 }
 

@@ -7,7 +7,7 @@ use mpi::traits::Communicator;
 use crate::communicator::MpiCommunicator;
 use crate::{Config, Error};
 
-/// A run's result, equal on all ranks.
+/// Equal on all ranks.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Simulated {
@@ -18,8 +18,8 @@ pub struct Simulated {
 }
 
 /// Runs the simulator on all ranks with the files of `lazygrid simulate`. All ranks need the same run and see its
-/// directory. `watch` is called on every rank with the completed steps, and stops all if it breaks on one. Ranks
-/// compute in the caller's rayon pool, and send from the calling thread.
+/// directory. `watch` gets the completed steps on every rank; a break on one stops all. Ranks compute in the caller's
+/// rayon pool, and send from the calling thread.
 ///
 /// # Errors
 /// [`Error::Input`] with the simulator's message.

@@ -81,7 +81,6 @@ fn compare(name: &str, times: [u32; 2], numbers: &[u32]) -> State {
     compare_at(&scenario(name), times, numbers)
 }
 
-/// Returns the last state.
 fn compare_at(path: &Path, [steps, frames_every]: [u32; 2], numbers: &[u32]) -> State {
     let directory = tempfile::tempdir().unwrap();
     let (name, one) = (path.display(), directory.path().join("run"));

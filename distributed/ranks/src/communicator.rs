@@ -3,7 +3,7 @@ use bytemuck::Pod;
 use crate::Difference;
 use crate::memory::try_collect;
 
-/// Elements by rank, and the count of each rank.
+/// Elements by rank, and the count of each.
 pub type RankData<T> = (Vec<T>, Vec<usize>);
 
 /// The collective operations of the algorithm.
@@ -13,25 +13,19 @@ pub trait Communicator {
     /// Error of a transport or a [rank](Self::failure), equal on all ranks.
     type Error;
 
-    /// Returns the index of this rank. Not collective.
+    /// Not collective.
     fn rank(&self) -> u32;
 
-    /// Returns the number of ranks. Not collective.
+    /// Not collective.
     fn ranks(&self) -> u32;
 
     /// Returns the sum of each element over all ranks.
     fn all_reduce_sum(&mut self, values: &[u64]) -> Vec<u64>;
 
     /// Returns the elements of all ranks, on all ranks.
-    ///
-    /// # Errors
-    /// Fails if the transport fails.
     fn all_gather<T: Pod>(&mut self, what: &str, own: &[T]) -> Result<RankData<T>, Self::Error>;
 
     /// Sends `counts[rank]` consecutive elements to each rank, and returns those for this rank.
-    ///
-    /// # Errors
-    /// Fails if the transport fails.
     fn all_to_all_v<T: Pod>(
         &mut self,
         what: &str,
@@ -45,24 +39,21 @@ pub trait Communicator {
     /// On all ranks, the error of the first rank that failed.
     fn agree<T>(&self, result: Result<T, Self::Error>) -> Result<T, Self::Error>;
 
-    /// Returns a failure of this rank. Not collective.
+    /// For a failure of this rank. Not collective.
     fn failure(&self, message: String) -> Self::Error;
 
-    /// Returns a failure of this rank's detector or memory. Not collective.
+    /// For a failure of this rank's detector or memory. Not collective.
     fn detector_failure(&self, error: lazygrid::Error) -> Self::Error {
         self.failure(error.to_string())
     }
 
-    /// Returns the error of a setting that differs. Not collective.
+    /// Not collective.
     fn difference(&self, difference: Difference) -> Self::Error {
         self.failure(difference.to_string())
     }
 }
 
 /// Gathers elements on rank 0, by rank. Collective.
-///
-/// # Errors
-/// Fails if the communicator fails.
 pub fn gather<T: Pod, C: Communicator>(
     communicator: &mut C,
     what: &str,
@@ -74,9 +65,6 @@ pub fn gather<T: Pod, C: Communicator>(
 }
 
 /// Sends each element to its rank, in order. Collective.
-///
-/// # Errors
-/// Fails if the communicator fails.
 pub fn send_to_ranks<T: Pod, C: Communicator>(
     communicator: &mut C,
     what: &str,

@@ -1,13 +1,12 @@
 use std::fmt;
 
-/// A setting that differs between ranks.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Difference {
     pub setting: String,
     /// Rank 0, and the first that differs from it.
     pub ranks: [u32; 2],
     pub values: [String; 2],
-    /// Ranks that differ from rank 0.
+    /// Number of ranks that differ from rank 0.
     pub differing: u32,
     pub all: u32,
 }

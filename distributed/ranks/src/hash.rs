@@ -38,13 +38,12 @@ impl Digest {
         })
     }
 
-    /// Joins the digests of disjoint sets.
+    /// The sets must be disjoint.
     pub fn join(self, other: Self) -> Self {
         let sum = |k: usize| self.sums[k].wrapping_add(other.sums[k]);
         Self { sums: [sum(0), sum(1)] }
     }
 
-    /// Returns the rank that checks this id.
     pub fn home_rank(id: u64, ranks: u32) -> u32 {
         ((u128::from(mix(id ^ 0x8EBC_6AF0_9C88_C6E3)) * u128::from(ranks.max(1))) >> 64) as u32
     }

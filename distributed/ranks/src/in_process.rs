@@ -10,16 +10,13 @@ use crate::{
     SphereWrapper, WrappedSphere, tie_breaker,
 };
 
-/// A rank's report.
 #[derive(Clone, Debug, Default)]
 pub struct Reported {
-    /// Pairs of ids, the smaller first, in any order.
+    /// Ids, the smaller first, in any order.
     pub pairs: Vec<[u64; 2]>,
-    /// Numbers of pairs.
     pub counts: PairCounts,
 }
 
-/// The spheres of every rank, and its ghosts.
 #[derive(Clone, Debug)]
 pub struct InProcessRanks {
     wrapper: SphereWrapper,
@@ -29,8 +26,6 @@ pub struct InProcessRanks {
 }
 
 impl InProcessRanks {
-    /// Creates ranks with these particles.
-    ///
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub fn with_owners(owned: Vec<Vec<Particle>>, wrapper: SphereWrapper) -> Result<Self, Error> {
@@ -53,7 +48,7 @@ impl InProcessRanks {
         Ok(Self { wrapper, owned, ghosts, bounds })
     }
 
-    /// Creates ranks that own the particles of their domains.
+    /// Assigns particles to the ranks of their domains.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -71,17 +66,15 @@ impl InProcessRanks {
         Self::with_owners(owned, wrapper)
     }
 
-    /// Returns the distribution of spheres.
     pub fn owned(&self) -> LoadBalance {
         LoadBalance::of(&self.owned.iter().map(|own| own.len() as u64).collect::<Vec<_>>())
     }
 
-    /// Returns the distribution of ghosts.
     pub fn ghosts(&self) -> LoadBalance {
         LoadBalance::of(&self.ghosts.iter().map(|ghosts| ghosts.particles().len() as u64).collect::<Vec<_>>())
     }
 
-    /// Returns the number of boxes of all ranks.
+    /// Counts boxes of all ranks.
     pub fn bounds(&self) -> u64 {
         self.bounds
     }

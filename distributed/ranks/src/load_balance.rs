@@ -1,9 +1,6 @@
-/// The distribution of a load among ranks.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LoadBalance {
-    /// Sum over ranks.
     pub total: u64,
-    /// Largest load of a rank.
     pub most: u64,
     pub ranks: u32,
 }
@@ -12,7 +9,6 @@ impl LoadBalance {
     /// With few spheres per rank, this surplus is no imbalance.
     const SLACK: f64 = 64.0;
 
-    /// Summarizes the load of each rank.
     pub fn of(each: &[u64]) -> Self {
         let most = each.iter().copied().max().unwrap_or(0);
         Self { total: each.iter().sum(), most, ranks: each.len() as u32 }

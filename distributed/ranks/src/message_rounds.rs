@@ -4,16 +4,14 @@ use crate::Error;
 
 /// Rounds of an exchange beyond one message, as MPI counts elements in 32 bits.
 ///
-/// A round has at most `limit / ranks` elements from each rank to each, so neither sent nor received elements exceed
-/// the limit.
+/// A round has at most `limit / ranks` elements between two ranks, so neither sent nor received elements exceed the
+/// limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MessageRounds {
     per_rank: u64,
 }
 
 impl MessageRounds {
-    /// Creates rounds of at most `limit` elements per message.
-    ///
     /// # Errors
     /// [`Error::MessageLimit`] below one element per rank.
     pub fn new(limit: u64, ranks: u32) -> Result<Self, Error> {
@@ -28,7 +26,6 @@ impl MessageRounds {
         most.div_ceil(self.per_rank)
     }
 
-    /// Returns a round's range of `length` elements.
     pub fn range(self, length: u64, round: u64) -> Range<u64> {
         let start = round.saturating_mul(self.per_rank).min(length);
         start..start.saturating_add(self.per_rank).min(length)

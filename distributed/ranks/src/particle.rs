@@ -5,11 +5,11 @@ use lazygrid::Sphere;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Particle {
-    /// Center and radius, in the caller's length unit.
+    /// In the caller's length unit.
     pub sphere: Sphere,
-    /// Id, unique among all ranks.
+    /// Unique among all ranks.
     pub id: u64,
-    /// Species; 0 without interactions.
+    /// 0 without interactions.
     pub species: u32,
     /// Index on its owner.
     pub index: u32,

@@ -10,7 +10,7 @@ use crate::sample::Sample;
 pub struct BisectionPlane {
     axis: u32,
     at: f32,
-    /// Tie breaker of the sphere at the plane.
+    /// Belongs to the sphere at the plane.
     tie_breaker: u64,
 }
 
@@ -50,7 +50,7 @@ impl Partition {
         if sound { Ok(Self { parts, planes }) } else { Err(Error::Planes { planes: planes.len(), parts }) }
     }
 
-    /// Returns the planes, one less than parts.
+    /// One less than parts.
     pub fn planes(&self) -> &[BisectionPlane] {
         &self.planes
     }

@@ -6,7 +6,7 @@ use crate::memory::try_collect;
 use crate::sample::{Sample, SampleFilter};
 use crate::{Communicator, LoadBalance, Partition, WrappedSphere, tie_breaker};
 
-/// Assigns spheres to domains, and keeps the partition between steps.
+/// Keeps the partition between steps.
 #[derive(Clone, Debug, Default)]
 pub struct Partitioner {
     current: Option<FreshPartition>,
@@ -18,23 +18,18 @@ struct FreshPartition {
     fresh: f64,
 }
 
-/// Destinations of spheres.
 #[derive(Clone, Debug)]
 pub struct Assignment {
-    /// Rank of each sphere.
+    /// Indexed by sphere.
     pub ranks: Vec<u32>,
-    /// Resulting distribution.
     pub owned: LoadBalance,
-    /// Rebuilt partition, if `true`.
+    /// `true` if the partition was rebuilt.
     pub rebuilt: bool,
 }
 
 impl Partitioner {
     /// Returns the ranks of the spheres' domains. Rebuilds the partition if a rank would have more than `bound` times
     /// the mean. Collective.
-    ///
-    /// # Errors
-    /// Fails if the communicator fails.
     pub fn assign<C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -95,7 +90,6 @@ fn partition<C: Communicator>(
     communicator.agree(partition)
 }
 
-/// The destinations of a rank's spheres.
 #[derive(Clone, Debug, Default)]
 pub struct Migration {
     /// Previous indices, by destination, then ascending.
@@ -105,7 +99,7 @@ pub struct Migration {
 }
 
 impl Migration {
-    /// Creates a migration in which all `spheres` of `rank` stay.
+    /// Keeps all `spheres` on `rank`.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -115,7 +109,7 @@ impl Migration {
         Ok(Self { order: try_collect(spheres, 0..spheres as u32, "the order of spheres")?, counts })
     }
 
-    /// Creates a migration of each sphere to its rank below `ranks`.
+    /// Sends each sphere to its destination, below `ranks`.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -129,21 +123,18 @@ impl Migration {
         Ok(Self { order, counts })
     }
 
-    /// Returns the number of spheres before the migration.
+    /// Counts spheres before the migration.
     pub fn spheres(&self) -> usize {
         self.order.len()
     }
 
-    /// Returns the number of spheres that leave `rank`, this rank.
+    /// `rank` is this rank.
     pub fn sent_count(&self, rank: u32) -> usize {
         self.spheres() - self.counts[rank as usize]
     }
 
     /// Moves `data(k)` of each sphere `k` to its destination. Returns data by previous rank, in its order there.
     /// Collective.
-    ///
-    /// # Errors
-    /// Fails if the communicator fails.
     pub fn apply<T: Pod, C: Communicator>(
         &self,
         communicator: &mut C,

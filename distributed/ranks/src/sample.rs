@@ -7,7 +7,7 @@ use crate::hash::{mix, tie_breaker};
 
 /// A part's size errs by about the reciprocal square root, 1.1 %.
 pub const SAMPLES_PER_PART: u64 = 8192;
-/// Rank that gathers the samples needs 40 MB.
+/// The rank that gathers the samples needs 40 MB.
 pub const MAX_SAMPLES: u64 = 1 << 21;
 
 /// A sampled sphere, 20 bytes.
@@ -20,7 +20,7 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Samples a sphere by its id and the center of its [`WrappedSphere`](crate::WrappedSphere).
+    /// Uses the center of the [`WrappedSphere`](crate::WrappedSphere).
     pub fn new(center: Vec3, id: u64) -> Self {
         let tie_breaker = tie_breaker(id);
         Self { center: center.to_array(), tie_breaker: [(tie_breaker >> 32) as u32, tie_breaker as u32] }
@@ -37,15 +37,13 @@ impl Sample {
     }
 }
 
-/// Chooses samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SampleFilter {
-    /// Largest sampled hash.
     largest: u64,
 }
 
 impl SampleFilter {
-    /// Creates a filter for all `spheres` and `parts`.
+    /// `spheres` are those of all ranks.
     pub fn new(spheres: u64, parts: u32) -> Self {
         let wanted = (SAMPLES_PER_PART * u64::from(parts)).min(MAX_SAMPLES);
         let fraction = wanted as f64 / spheres.max(1) as f64;
@@ -53,7 +51,6 @@ impl SampleFilter {
         Self { largest: (fraction * 2_f64.powi(64)) as u64 }
     }
 
-    /// Returns `true` if the sphere with this id is sampled.
     #[inline]
     pub fn takes(self, id: u64) -> bool {
         // With the hash of the tie breaker, samples at one point would all be on one side of its plane.

@@ -17,10 +17,9 @@ pub enum PairKind {
     WithGhost,
 }
 
-/// Numbers of pairs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PairCounts {
-    /// Owned spheres.
+    /// Between owned spheres.
     pub local: u64,
     /// With ghosts, reported by this rank.
     pub with_ghosts: u64,
@@ -29,7 +28,6 @@ pub struct PairCounts {
 }
 
 impl PairCounts {
-    /// Returns the pairs that this rank reports.
     pub fn reported(&self) -> u64 {
         self.local + self.with_ghosts
     }
@@ -47,8 +45,8 @@ pub struct Search {
 impl Search {
     /// Creates the search of `rank` among `ranks`.
     ///
-    /// The detector must have the wrapper's space and interactions, equal on all ranks; its order does not matter.
-    /// `across`, if given, searches between owned spheres and ghosts, with the same settings on the CPU.
+    /// The detector must have the wrapper's space and interactions, equal on all ranks. `across`, if given, searches
+    /// between owned spheres and ghosts, with the same settings on the CPU.
     pub fn new(
         detector: Detector,
         across: Option<Detector>,
@@ -99,7 +97,7 @@ impl Search {
         Ok(counts)
     }
 
-    /// Counts this rank's pairs, one by one only if the other rank may report some.
+    /// Counts one by one only if the other rank may report some.
     ///
     /// # Errors
     /// As [`Detector::count`].

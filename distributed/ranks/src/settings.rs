@@ -47,7 +47,7 @@ impl Settings {
         Self { each: Vec::new() }.with("version", version)
     }
 
-    /// Adds a setting by its complete text.
+    /// `value` is the complete text.
     pub fn with(self, name: &'static str, value: impl fmt::Display) -> Self {
         let text = value.to_string();
         let digest = sequence(words(name).chain(words(&text)));
@@ -59,12 +59,10 @@ impl Settings {
         self.with_words(name, what, words(&value.to_string()))
     }
 
-    /// Adds `space`.
     pub fn with_space(self, space: &Space) -> Self {
         self.with("space", describe(space))
     }
 
-    /// Adds `interactions`, possibly absent.
     pub fn with_interactions(self, table: Option<&Interactions>) -> Self {
         let name = "interactions";
         let Some(table) = table else { return self.with(name, "no table") };
@@ -129,7 +127,7 @@ fn split<'a, T>(all: &'a [T], counts: &'a [usize]) -> impl Iterator<Item = &'a [
     })
 }
 
-/// Returns the first index at which a rank differs from rank 0, and that rank.
+/// Returns the index and the rank.
 fn first_difference(of_ranks: &[&[u64]]) -> Option<(usize, usize)> {
     let first = of_ranks.first()?;
     let places = of_ranks.iter().map(|own| own.len()).max()?;

@@ -12,14 +12,14 @@ pub struct SizeClass(u8);
 impl SizeClass {
     pub const COUNT: usize = 256;
 
-    /// Returns the class of a finite, non-negative radius.
+    /// `radius` must be finite and not negative.
     #[inline]
     pub fn of(radius: f32) -> Self {
         // The cast drops the sign of −0.
         Self((radius.to_bits() >> 23) as u8)
     }
 
-    /// Returns the index, 0 for the smallest radii, below [`COUNT`](Self::COUNT).
+    /// 0 for the smallest radii, below [`COUNT`](Self::COUNT).
     #[inline]
     pub fn index(self) -> usize {
         self.0.into()

@@ -13,8 +13,7 @@ pub(crate) struct SpeciesGroups {
 }
 
 impl SpeciesGroups {
-    /// Groups add bounding boxes, which all ranks get. Further groups share these, which sends more ghosts and loses
-    /// none.
+    /// Groups add bounding boxes on all ranks. Further groups share these, which sends more ghosts and loses none.
     const MAX_GROUPS: u32 = 16;
 
     pub(crate) fn new(table: &Interactions) -> Self {
@@ -42,7 +41,7 @@ impl SpeciesGroups {
         Self { groups, partners }
     }
 
-    /// Returns a species' group; unknown species have one of their own.
+    /// Unknown species have a group of their own.
     #[inline]
     pub(crate) fn of(&self, species: u32) -> u32 {
         self.groups.get(species as usize).copied().unwrap_or(self.partners.len() as u32)

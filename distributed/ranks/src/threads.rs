@@ -13,8 +13,6 @@ pub struct Thread {
     from: Vec<Receiver<Vec<u8>>>,
 }
 
-/// Runs `work` on `ranks` ranks, and returns their results.
-///
 /// # Panics
 /// If `work` panics on a rank.
 pub fn on<T: Send>(ranks: u32, work: impl Fn(Thread) -> T + Sync) -> Vec<T> {

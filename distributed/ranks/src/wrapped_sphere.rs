@@ -23,7 +23,6 @@ impl WrappedSphere {
     }
 }
 
-/// Wraps spheres of a space with interactions.
 #[derive(Clone, Debug, Default)]
 pub struct SphereWrapper {
     space: Space,
@@ -32,7 +31,7 @@ pub struct SphereWrapper {
     species: Option<SpeciesTable>,
 }
 
-/// Interactions by species, for the exchange of ghosts.
+/// For the exchange of ghosts.
 #[derive(Clone, Debug)]
 struct SpeciesTable {
     effective_radius: Vec<EffectiveRadius>,
@@ -60,7 +59,7 @@ impl SphereWrapper {
         self.species.as_ref().is_none_or(|species| species.groups.can_pair(one, other))
     }
 
-    /// Wraps a sphere. An unknown species has the sphere's radius and may pair with all.
+    /// An unknown species has the sphere's radius and may pair with all.
     #[inline]
     pub fn wrap(&self, sphere: Sphere, species: u32) -> WrappedSphere {
         let (radius, group) = match &self.species {
@@ -81,8 +80,6 @@ impl SphereWrapper {
         }
     }
 
-    /// Wraps particles, in order.
-    ///
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub fn wrap_all(

@@ -39,7 +39,7 @@ impl GpuConfig {
         Self { crossover, ..self }
     }
 
-    /// Capacity of the output in pairs; further pairs are counted but not written. Default: 2²⁰ (8 MiB).
+    /// Capacity of the output; further pairs are counted but not written. Default: 2²⁰ (8 MiB).
     pub fn pair_capacity(self, pair_capacity: u32) -> Self {
         Self { pair_capacity, ..self }
     }
@@ -106,13 +106,13 @@ impl GpuConfig {
 
     /// Sets the most distance tests of one dispatch, so that no driver's watchdog ends it. Longer searches have several
     /// dispatches ([`CallCost::parts`](super::CallCost::parts)). Default: the tests of 200 ms, at 2.5·10¹⁰ tests/s for
-    /// a discrete GPU, 2.5·10⁹ for an integrated one and 5·10⁸ for a software adapter, which no GPU has confirmed. A
-    /// [`Detector`](crate::Detector) uses the rate of its [`Calibration`].
+    /// a discrete GPU, 2.5·10⁹ for an integrated one and 5·10⁸ for a software adapter; no GPU has confirmed these
+    /// rates. A [`Detector`](crate::Detector) uses the rate of its [`Calibration`].
     pub fn max_tests_per_dispatch(self, tests: u64) -> Self {
         Self { max_tests_per_dispatch: Some(tests), ..self }
     }
 
-    /// Sets the recorded parts of the search of crowded cells, whose size only the device knows. If a part would exceed
+    /// Sets the recorded parts of the search of crowded cells, whose size the device determines. If a part would exceed
     /// [`max_tests_per_dispatch`](Self::max_tests_per_dispatch), the outcome has [`Outcome::OVERFLOW_WORK`]. Parts
     /// without work cost some microseconds each. Default: 1. A [`GpuSession`](super::GpuSession) adds parts itself.
     pub fn deferred_parts(self, parts: u32) -> Self {

@@ -54,10 +54,10 @@ pub struct Calibration {
     pub crossover: Crossover,
     /// Number of spheres at or above which a cell list is sorted by radix.
     pub radix_sort_from: u32,
-    /// The costs of calls with and without a candidate list.
+    /// Costs of calls with and without a candidate list.
     pub skin: SkinCosts,
-    /// Number of spheres in host memory at or above which this device is faster than the CPU with all threads;
-    /// [`u32::MAX`] if it never is. [`Backend::Auto`](crate::Backend::Auto) uses it.
+    /// Spheres in host memory at or above which this device is faster than the CPU with all threads; [`u32::MAX`] if it
+    /// never is. [`Backend::Auto`](crate::Backend::Auto) uses it.
     pub device_from: u32,
     /// Distance tests per second, by which long searches are divided into dispatches of at most 200 ms.
     pub tests_per_second: f64,

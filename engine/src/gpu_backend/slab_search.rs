@@ -25,7 +25,6 @@ impl SearchRequest<'_> {
     }
 }
 
-/// A request that is searched in slabs.
 #[derive(Clone, Copy)]
 struct Cut<'a> {
     request: &'a SearchRequest<'a>,
@@ -33,7 +32,7 @@ struct Cut<'a> {
     slabs: &'a Slabs,
 }
 
-/// Searches in one call, or slab by slab if the device cannot bind all spheres.
+/// Searches slab by slab if the device cannot bind all spheres.
 #[derive(Debug)]
 pub(super) struct SlabSearch {
     pub(super) session: GpuSession,
@@ -207,8 +206,8 @@ impl SlabSearch {
         Ok(found)
     }
 
-    /// Passes parts of pairs, with `in_order` by ascending smaller index. They have at most that many pairs, unless one
-    /// sphere, or the output of the device, has more.
+    /// Passes parts of pairs, with `in_order` by ascending smaller index, of at most that many pairs unless one sphere,
+    /// or the output of the device, has more.
     pub(super) fn parts(
         &mut self,
         request: &SearchRequest<'_>,
@@ -266,8 +265,7 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// Passes pairs by ascending smaller index. More than `most` are first counted per sphere, then searched range by
-    /// range.
+    /// Passes pairs by ascending smaller index. More than `most` are counted per sphere, then searched range by range.
     fn range_by_range(
         &mut self,
         cut: Cut<'_>,

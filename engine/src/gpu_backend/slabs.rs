@@ -1,11 +1,11 @@
 //! Division of a call with more spheres than a device can bind into slabs.
 //!
-//! Slabs divide one axis. A slab *owns* the spheres whose lower end it contains. Its *ghosts* are the spheres that
-//! extend into it from below.
+//! Slabs divide one axis. A slab *owns* the spheres whose lower end it contains; its *ghosts* extend into it from
+//! below.
 //!
 //! For a *range* of indices, only pairs whose smaller index is in the range are found. Spheres of smaller indices are
 //! omitted, and the search window ends with the spheres of the range, which come first. Pairs of two ghosts are
-//! dropped, because the slab that owns one of them finds them as well.
+//! dropped: the slab that owns one finds them too.
 //!
 //! The first of two sets has the smaller indices, and no range exceeds it. Spheres of the first set outside the range
 //! are omitted, so the first set also comes first in a slab.

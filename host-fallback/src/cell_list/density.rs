@@ -12,11 +12,10 @@ use crate::{Error, InputStats};
 
 /// 21 bits per axis fill a 63-bit Morton code.
 const DEPTHS: usize = 21;
-/// Fewest coincidences at one depth that are evidence of density.
+/// Fewer coincidences at one depth are no evidence of density.
 const MIN_COINCIDENCES: u64 = 24;
 
-/// Smaller inputs reuse a sample: sampling takes a sixth of a call with 1000 spheres, and a poor plan costs little at
-/// this size.
+/// Smaller inputs reuse a sample, which takes a sixth of a call with 1000 spheres; a poor plan costs little.
 const MAX_REUSE_SPHERES: usize = 1 << 12;
 const MAX_REUSES: u32 = 15;
 /// Larger shifts of the bounds, as a fraction of the extent, discard the sample.
@@ -34,7 +33,7 @@ pub(crate) struct DensityProfile {
     log_mean: Vec<f32>,
     /// Decrease of log₂ of the mean per halving below these depths.
     slope: f32,
-    /// Searches in cells, as a fraction of those if all spheres were one group.
+    /// Searches in cells, as a fraction of those of a single group.
     pub(crate) searches: f32,
 }
 
@@ -55,7 +54,7 @@ impl DensityProfile {
         Ok(Sample::new(bounds, places, n)?.density(None))
     }
 
-    /// Computes the profile from sorted codes. With a grouping, only spheres of groups that pair count.
+    /// With a grouping, only coincidences of groups that pair are included.
     #[expect(clippy::disallowed_macros, clippy::disallowed_methods, reason = "there are 22 depths")]
     fn from_codes(codes: &[(u64, u32)], n: usize, cell_size: f64, grouping: Option<&Grouping<'_>>) -> Self {
         let (n, size) = (n as f32, codes.len() as f32);
@@ -69,7 +68,7 @@ impl DensityProfile {
             log_mean.push((n * shared as f32 / pairs).log2());
         }
         if let Some(grouping) = grouping {
-            // With too few pairs at a depth the fraction of the enclosing cubes is an upper estimate.
+            // With too few pairs at a depth, the fraction of the enclosing cubes is an upper estimate.
             let mut fraction = 1.0;
             for (depth, log_mean) in log_mean.iter_mut().enumerate() {
                 let [met, all] = meetings(codes, depth, grouping);
@@ -97,7 +96,7 @@ impl DensityProfile {
         stats.occupied().map(|(_, class)| class.count as f32 * around(class.largest)).sum::<f32>() / 2.0
     }
 
-    /// Returns the mean number of spheres, itself included, in a cube around a sphere.
+    /// The number includes the sphere itself.
     pub(crate) fn mean(&self, log_size: f32) -> f32 {
         let (depth, last) = ((self.top - log_size).max(0.0), self.log_mean.len() - 1);
         let log_mean = if depth >= last as f32 {
@@ -256,7 +255,7 @@ fn coincidences(codes: &[(u64, u32)], depth: usize) -> u64 {
     cells(codes, depth).map(|run| run.len() as u64 * (run.len() as u64 - 1) / 2).sum()
 }
 
-/// Returns the pairs in cells of `depth` halvings: of groups that meet, and in all.
+/// In cells of `depth` halvings: pairs of groups that meet, and all.
 fn meetings(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64; 2] {
     cells(codes, depth).fold([0, 0], |[met, all], run| {
         let mut members = [0_u64; MAX_SEPARATE];

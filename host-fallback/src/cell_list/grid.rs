@@ -8,8 +8,8 @@ use glam::{DVec3, Vec3};
 use crate::compare::{Axes, Portable, SimdWidth};
 use crate::math::floor;
 
-/// Below this many cells from the origin `f64` counts single cells; farther out, only equal `f32` coordinates can meet,
-/// since others are at least 2²⁵ cells apart.
+/// Below this number of cells from the origin `f64` numbers single cells; farther out, only equal `f32` coordinates can
+/// meet, since others are at least 2²⁵ cells apart.
 const COUNTABLE: f64 = (1_u64 << 50) as f64;
 /// Relative to the largest coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
@@ -26,7 +26,7 @@ pub(crate) struct CellGrid {
     pub(crate) folded: bool,
     /// `true` if a row of cells may wrap.
     pub(crate) circular: bool,
-    /// `true` if touching spheres of the level are always in the same or adjacent cells.
+    /// `true` if touching spheres are always in the same or adjacent cells.
     pub(crate) adjoining: bool,
     /// Largest effective radius of the level plus its rounding error.
     reach: f64,
@@ -134,8 +134,8 @@ impl CellGrid {
 
     /// Returns all cells with spheres that may touch this one.
     ///
-    /// Not for folded or periodic grids. Both corners come from the same monotone expression as
-    /// [`cell_of`](Self::cell_of), from coordinates moved outwards by more than the rounding error.
+    /// Not for folded or periodic grids. Both corners come from the monotone expression of [`cell_of`](Self::cell_of),
+    /// with coordinates moved outwards by more than rounding.
     #[inline(always)]
     pub(crate) fn block<V: SimdWidth>(&self, vector: V, [x, y, z, r]: [f32; 4]) -> CellRange {
         if self.circular {
@@ -185,7 +185,7 @@ impl CellGrid {
             let (low, high) = match (self.periodic[axis], self.folded) {
                 (true, _) => {
                     // Wrapping changes coordinates by the rounding of one length. A center at the very end of the axis
-                    // lies in its last cell, closer to the first cell than that.
+                    // is nearer to the first cell than that.
                     let (at, span) = (x * per_length + 0.5 * cells, reach * per_length + cells * ROUNDING);
                     (floor(at - span), floor(at + span))
                 }
@@ -224,7 +224,7 @@ fn modulo(cell: i64, size: u32) -> u32 {
     cell.rem_euclid(i64::from(size)) as u32
 }
 
-/// Folds the longest axes to at most `most` cells.
+/// Folds the longest axes.
 fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
     if extent.x * extent.y * extent.z <= most as f64 {
         return (extent.max(DVec3::ONE).to_array().map(|cells| cells as u32), false);

@@ -1,7 +1,7 @@
 //! The sizes that share a level, and the cell size of each level.
 //!
 //! A search compares each sphere with its neighbor cells at its own level and at every coarser one. Few levels mean
-//! long runs of spheres too small for their cells; many mean many short runs. Dynamic programming minimizes the cost
+//! long runs of spheres too small for their cells; many mean short runs. Dynamic programming minimizes the cost
 //! estimated from the density.
 
 #![expect(clippy::disallowed_methods, clippy::disallowed_macros, reason = "a plan is of 256 classes at most")]
@@ -47,7 +47,7 @@ struct LevelOption {
 impl LevelPlan {
     pub(crate) fn plan(stats: &InputStats, density: &DensityProfile) -> Self {
         let classes: Vec<_> = stats.occupied().collect();
-        // Neighboring classes are merged if there are very many: planning time grows with the square.
+        // Planning time grows with the square of the number of classes, so neighboring ones are merged.
         let groups: Vec<&[(usize, SizeClass)]> =
             classes.chunks(classes.len().div_ceil(MAX_CLASS_GROUPS).max(1)).collect();
         let count = |group: &&[(usize, SizeClass)]| group.iter().map(|(_, class)| class.count as f32).sum();
@@ -112,7 +112,7 @@ impl LevelCostModel<'_> {
             return ends.for_each(|to| offer(to, members(to) * (row_ns + COMPARE_NS * met(to)), 0.0));
         }
         let most: Vec<f32> = ends.clone().map(|to| (members(to) * CELLS_PER_SPHERE).max(64.0)).collect();
-        // From cells of the largest table's full size to one cell for all, without sizes far below the largest radius.
+        // From cells of the largest table's full size to one for all, without sizes far below the largest radius.
         let finest = extent - most[most.len() - 1].log2() / 3.0;
         let lowest = finest.max(self.radii[from].log2() - 1.0).min(extent);
         let cell_sizes = (0..MAX_CELL_SIZES).map(|k| lowest + k as f32 / SIZES_PER_DOUBLING);

@@ -1,11 +1,11 @@
 //! Hierarchical cell list: every sphere is in the cell of its center, at the level of its size.
 //!
-//! All levels are sorted together, coarse levels first. Each sphere searches the cells around it: at its own level for
-//! later spheres only, at coarser levels for all. So a pair is found once, from its finer sphere or, within a level,
-//! from its earlier one.
+//! All levels are sorted together, coarse levels first. Each sphere searches the cells around it, at its own level for
+//! later spheres only, and at coarser levels. So a pair is found once, from its finer sphere or, within a level, from
+//! its earlier one.
 //!
-//! Groups of spheres that do not pair among themselves, such as two sets or species without a reaction, have separate
-//! levels. Spheres search only levels of groups that pair with theirs; each two levels are searched from one side.
+//! Groups of spheres, such as two sets or species with the same partners, have separate levels. Spheres search only
+//! levels of groups that pair with theirs, each two levels from one side.
 
 mod density;
 mod grid;
@@ -36,7 +36,7 @@ use sort::Sorter;
 
 /// Keeps entries of all levels within 32 bits.
 const MAX_CELLS: u64 = 1 << 26;
-/// Factors by which cells may exceed the planned size to avoid a folded table, which is slower.
+/// Factors on the planned cell size that avoid a folded table, which is slower.
 const WIDER: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
 
 #[derive(Debug, Default)]
@@ -90,7 +90,7 @@ impl LevelGrid {
 #[derive(Clone, Copy, Debug)]
 struct Target {
     level: usize,
-    /// No searching sphere pairs with a sphere of the level at a greater distance.
+    /// No searching sphere pairs with one of the level at a greater distance.
     cap: f32,
 }
 

@@ -104,7 +104,7 @@ struct Finder<'p, V, S> {
 }
 
 impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
-    /// Searches for the spheres at `members`; spheres of one cell share its neighbor cells.
+    /// Spheres of one cell share its neighbor cells.
     #[inline(always)]
     fn cell_by_cell(&mut self, level: &LevelGrid, targets: &[Target], members: Range<usize>) {
         let mut at = members.start;
@@ -163,7 +163,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Queues rows of a range, which is never longer than its axis, so no row is queued twice.
+    /// Queues rows of a range, none twice, because no range is longer than its axis.
     #[inline(always)]
     fn rows(&mut self, level: &LevelGrid, block: CellRange, at: usize, from: usize) {
         let (size, first, count) = (level.grid.size, block.first, block.count());

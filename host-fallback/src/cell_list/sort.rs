@@ -1,8 +1,8 @@
-//! Sorts spheres by cell in two passes: into buckets of consecutive cells, then within each bucket.
+//! Sorts spheres by cell in two stable passes, whose order does not depend on threads: into buckets of consecutive
+//! cells, then within each bucket.
 //!
-//! A single counting sort would miss every cache for large inputs. Buckets are few enough that the first pass keeps
-//! their ends in cache, and small enough that the second runs in cache. Both passes are stable, so the order does not
-//! depend on threads.
+//! A single counting sort would miss every cache for large inputs. The ends of the few buckets stay in cache in the
+//! first pass, and each bucket in the second.
 
 use bytemuck::Zeroable;
 

@@ -30,7 +30,7 @@ impl Columns {
         self.len
     }
 
-    /// Sets the number of spheres, which the caller must write. After an error the columns are empty.
+    /// The caller must write the spheres. After an error the columns are empty.
     pub(crate) fn resize(&mut self, len: usize) -> Result<ColumnsMut<'_>, Error> {
         let Self { x, y, z, r, id, .. } = self;
         self.len = 0;

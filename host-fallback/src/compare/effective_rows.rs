@@ -7,7 +7,7 @@ use crate::memory::{prefetch, prefetch_address};
 pub(crate) trait EffectiveRows: Copy {
     fn prefetch(self, k: usize);
     fn get(self, k: usize) -> Xyzr;
-    /// Returns the effective radius of sphere `k`, whose own radius is `radius`.
+    /// `radius` is that of sphere `k`.
     fn effective(self, k: usize, radius: f32) -> f32;
 
     #[inline(always)]

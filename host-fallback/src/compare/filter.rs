@@ -11,7 +11,7 @@ use crate::memory::try_collect;
 /// About 0.2 ms (50 ns per pair of distant spheres).
 const CHUNK_PAIRS: usize = 1 << 12;
 
-/// Exact filter of found pairs. Indices of a second set follow the first.
+/// Indices of a second set follow the first.
 #[derive(Clone, Debug)]
 pub struct PairFilter<'a> {
     query: Query<'a>,
@@ -26,7 +26,7 @@ impl<'a> PairFilter<'a> {
         query: Query<'a>,
         contact: Option<(&'a Space, Option<&'a Interactions>)>,
     ) -> Option<Self> {
-        // Across two sets, spheres never share a group if one set has none.
+        // If one of two sets has no groups, none is shared.
         let has_groups =
             query.first().groups().is_some() && query.second().is_none_or(|second| second.groups().is_some());
         let is_needed = contact.is_some() || has_groups || query.exclusions().is_some();
@@ -46,7 +46,7 @@ impl<'a> PairFilter<'a> {
         matches!(self.contact, Some((_, None)))
     }
 
-    /// Returns `true` if two found spheres are a pair.
+    /// Returns `true` if two found spheres pair.
     pub fn accepts(&self, i: u32, j: u32) -> bool {
         // The exclusion lookup is the slowest test, so it comes last.
         !(self.has_groups && self.are_of_one_group(i, j))
@@ -54,7 +54,7 @@ impl<'a> PairFilter<'a> {
             && !self.query.exclusions().is_some_and(|exclusions| self.are_listed(exclusions, i, j))
     }
 
-    /// Removes rejected pairs in parallel; the others keep their order.
+    /// Removes rejected pairs, in parallel and without changing the order.
     pub fn retain(&self, pairs: &mut Vec<Pair>, executor: Executor) {
         let accepts = |pair: &Pair| self.accepts(pair.i, pair.j);
         let none_kept = std::iter::repeat_n(0_u32, pairs.len().div_ceil(CHUNK_PAIRS));

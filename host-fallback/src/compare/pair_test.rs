@@ -43,11 +43,10 @@ pub(crate) struct SphereRadii {
     pub(crate) widened: f32,
 }
 
-/// Growth of radii in a search for candidates.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SkinMargin<'a> {
     pub(crate) by_class: &'a [f32; SIZE_CLASSES],
-    /// If ids of columns are positions in another order.
+    /// Set if ids of columns are positions in another order.
     pub(crate) order: Option<&'a [u32]>,
 }
 
@@ -80,7 +79,7 @@ impl<'a> PairTest<'a> {
     }
 
     pub(crate) fn filtered(self, filter: Option<&'a PairFilter<'a>>, frame: Option<&'a SearchFrame>) -> Self {
-        // In orthogonalized coordinates, and between effective radii of species, no contact is certain.
+        // No contact is certain in orthogonalized coordinates, or between effective radii of species.
         let is_certain = frame.is_none_or(SearchFrame::is_orthogonal)
             && filter.is_none_or(|filter| filter.is_contact() && filter.is_by_radii());
         Self { filter, frame, is_plain: self.is_plain && is_certain, ..self }

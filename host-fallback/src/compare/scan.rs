@@ -43,7 +43,7 @@ pub(crate) fn scan<V: SimdWidth, S: Sink>(
 /// A queue of vectors with hits.
 ///
 /// If about every second vector has a hit, branches are mispredicted. Comparing therefore appends to the queue without
-/// a branch, and pairs are written later.
+/// a branch, and writes pairs later.
 pub(crate) struct HitQueue {
     at: [u32; Self::ROOM],
     base: [u32; Self::ROOM],
@@ -62,7 +62,7 @@ impl HitQueue {
         Self { at: [0; Self::ROOM], base: [0; Self::ROOM], lanes: [0; Self::ROOM], len: 0, hit_vectors: 0 }
     }
 
-    /// For spheres with many hits. [`flush`](Self::flush) writes the last pairs.
+    /// Serves spheres with many hits. [`flush`](Self::flush) writes the last pairs.
     #[inline(always)]
     pub(crate) fn scan<V: SimdWidth, S: Sink>(
         &mut self,

@@ -1,7 +1,7 @@
 //! Outputs of a search: pairs are counted, listed, or passed on in chunks.
 //!
-//! Threads share an [`Output`]; each opens a [`Sink`]. Sinks of consecutive chunks of work are merged in order, so the
-//! order of a list does not depend on the number of threads.
+//! Threads share an [`Output`]; each opens a [`Sink`]. Sinks of consecutive chunks of work are merged in order, so a
+//! list does not depend on the number of threads.
 
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
@@ -20,7 +20,7 @@ const CHUNK: usize = 8192;
 /// Least cleared size of a reused buffer.
 const MIN_CHUNK: usize = 256;
 
-/// The most partly filled chunks per thread, at the ends of its work.
+/// Most partly filled chunks per thread, at the ends of its work.
 const PARTLY_FILLED: u64 = 8;
 
 /// Most bytes while `threads` threads write a list.
@@ -137,7 +137,7 @@ impl<'c> ChunkedOutput<'c> {
         matches!(&self.to, ChunkTarget::List { limit, kept } if kept.load(Relaxed) > *limit)
     }
 
-    /// Drops pairs outside the window, so chunks take no more memory than the requested pairs.
+    /// Drops pairs outside the window, so chunks hold only requested pairs.
     #[inline(always)]
     fn inside(&self, id: u32, ids: &[u32; MAX_LANES], lanes: u32) -> u32 {
         let Some(Range { start, end }) = self.window else { return lanes };
@@ -199,7 +199,7 @@ impl<'c> ChunkedOutput<'c> {
         Ok(())
     }
 
-    /// At its current length, because growing it would clear the new part.
+    /// Keeps the length, because growing would clear the new part.
     fn put_back(&self, chunk: Vec<Pair>) -> Result<(), Error> {
         if chunk.capacity() > 0 {
             memory::try_push(&mut lock(&self.free_chunks), chunk, "chunks of pairs")?;

@@ -25,17 +25,16 @@ pub type Work<'w> = &'w mut (dyn FnMut(&mut dyn PairSource) -> Result<(), Error>
 pub trait PairSource {
     fn count(&mut self) -> Result<u64, Error>;
 
-    /// Passes all pairs as one part unless they exceed `limit`. Returns their number.
+    /// Passes all pairs as one part, unless they exceed `limit`, and returns their number.
     fn list(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<u64, Error>;
 
-    /// Passes all pairs in parts with ascending first indices. A part has at most `limit` pairs unless a single sphere,
-    /// or the output of a device, has more.
+    /// Passes parts with ascending first indices, of at most `limit` pairs unless a single sphere, or the output of a
+    /// device, has more.
     fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error>;
 
     fn unordered(&mut self, take: PairConsumer<'_>) -> Result<(), Error>;
 }
 
-/// A backend: the CPU or a device.
 pub trait SearchBackend {
     fn settings(&self) -> &Settings;
 
@@ -65,7 +64,7 @@ impl<B: SearchBackend + ?Sized> SearchBackend for Box<B> {
     }
 }
 
-/// Finds overlapping pairs on a backend, in buffers that are reused between calls.
+/// Finds overlapping pairs on a backend, in reused buffers.
 #[derive(Debug)]
 pub struct PairFinder<B> {
     backend: B,
@@ -90,7 +89,7 @@ impl<B: SearchBackend> PairFinder<B> {
         Ok(&self.pairs)
     }
 
-    /// Finds the pairs in this order; [`last_pairs`](Self::last_pairs) returns them.
+    /// Finds the pairs in this order, for [`last_pairs`](Self::last_pairs).
     ///
     /// # Errors
     /// See [`pairs`](Self::pairs).
@@ -129,7 +128,7 @@ impl<B: SearchBackend> PairFinder<B> {
         &self.pairs
     }
 
-    /// Returns the pairs of the last list, without a copy.
+    /// Returns the last list, without a copy.
     pub fn into_pairs(self) -> Vec<Pair> {
         self.pairs
     }
@@ -138,13 +137,11 @@ impl<B: SearchBackend> PairFinder<B> {
         &self.backend
     }
 
-    /// Phases of the last call, which the caller may extend.
+    /// The caller may extend these phases of the last call.
     pub fn phases_mut(&mut self) -> &mut Vec<PhaseTime> {
         self.backend.report_mut().1
     }
 
-    /// Returns the pairs as neighbor lists.
-    ///
     /// # Errors
     /// See [`pairs`](Self::pairs).
     pub fn neighbors<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<Neighbors<'_>, Error> {
@@ -156,8 +153,6 @@ impl<B: SearchBackend> PairFinder<B> {
         Ok(neighbors)
     }
 
-    /// Returns the number of pairs.
-    ///
     /// # Errors
     /// See [`pairs`](Self::pairs), except [`Error::TooManyPairs`].
     pub fn count<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<u64, Error> {

@@ -20,7 +20,7 @@ use algorithm_choice::IndexKind;
 pub use finder::{ChunkConsumer, PairFinder, PairSource, SearchBackend, Work, ranges};
 use state::{Built, DetectorState};
 
-/// Finds overlapping pairs on the CPU, reusing its buffers.
+/// Reuses its buffers.
 pub type HostDetector = PairFinder<HostBackend>;
 
 #[derive(Debug)]
@@ -35,8 +35,6 @@ pub struct HostBackend {
 }
 
 impl PairFinder<HostBackend> {
-    /// Creates a detector with these settings.
-    ///
     /// # Errors
     /// [`Error::InvalidSetting`], [`Error::NotOnBackend`] for a GPU algorithm, [`Error::ThreadPool`] if the system
     /// refuses the threads.
@@ -44,7 +42,6 @@ impl PairFinder<HostBackend> {
         HostBackend::new(settings).map(Self::on)
     }
 
-    /// Report of the last call.
     pub fn report(&self) -> &Report {
         self.backend().report()
     }
@@ -70,7 +67,6 @@ impl HostBackend {
         })
     }
 
-    /// Report of the last call.
     pub fn report(&self) -> &Report {
         &self.state.report
     }
@@ -79,9 +75,8 @@ impl HostBackend {
     ///
     /// The paper's grids may take four times as much beyond 2²⁹ cells, and again on periodic axes shorter than three
     /// cells. The recursive grid is covered with one overfull cell of all spheres; nested ones add up to 150 bytes per
-    /// sphere. The list of a skin counts with its maximum, 96 candidates of 8 bytes per sphere; few scenes have more
-    /// than ten, and [`Skin::Off`](crate::Skin::Off) keeps none. `f64` spheres in unbounded space take up to 18 bytes
-    /// more each.
+    /// sphere. The list of a skin has its maximum, 96 candidates of 8 bytes per sphere; few scenes have more than ten,
+    /// and [`Skin::Off`](crate::Skin::Off) keeps none. `f64` spheres in unbounded space take up to 18 bytes more each.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let (ratio, threads) = (self.settings.cell_ratio, self.team.count() as u64);
         let wrapped = match self.settings.space.is_periodic() {

@@ -31,7 +31,7 @@ pub(crate) struct DetectorState {
 }
 
 impl DetectorState {
-    /// Returns the reason for a rebuild, or `None` if the candidate list is valid.
+    /// `None` for a valid list.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,
@@ -187,7 +187,7 @@ impl PairSource for Built<'_> {
         Ok(found)
     }
 
-    /// Delivers one part if there are at most `limit` pairs, else searches once per range of `i`.
+    /// Delivers one part of at most `limit` pairs, else searches once per range of `i`.
     fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error> {
         let Self { state, input } = self;
         let (found, chunks) = state.collect(input, limit, None)?;

@@ -4,7 +4,7 @@ use crate::executor::Executor;
 
 const CHUNK_SPHERES: usize = 1 << 13;
 
-/// The smallest and the largest numbers `x, y, z, r` of spheres.
+/// Bounds of the numbers `x, y, z, r` of spheres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bounds {
     pub(crate) min: [f64; 4],

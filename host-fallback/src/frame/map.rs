@@ -2,7 +2,7 @@ use bytemuck::cast;
 
 use super::{Axes, GROWTH, MAX_RADIUS, SearchFrame};
 
-/// The map to a frame, for all lanes of a row. Its results equal [`SearchFrame::sphere`].
+/// Maps all lanes of a row. Its results equal [`SearchFrame::sphere`].
 pub(crate) struct FrameMap<'f> {
     pub(crate) frame: &'f SearchFrame,
     pub(crate) origin: [f64; 4],
@@ -11,7 +11,7 @@ pub(crate) struct FrameMap<'f> {
     /// Largest radius; infinite for coordinates.
     pub(crate) limit: [f64; 4],
     /// Scale with the growth of radii, and the summand of the growth. The scale is a power of two, so the product
-    /// rounds as if both factors were applied in turn.
+    /// rounds like both factors in turn.
     pub(crate) growth: [[f64; 4]; 2],
     /// Half the period of each axis; infinite for an unbounded one and for the radius.
     pub(crate) half: [f32; 4],

@@ -1,4 +1,4 @@
-//! The paper's ArrayGrid: an array of (cell, sphere) entries for every cell that a sphere overlaps, sorted by cell.
+//! The paper's ArrayGrid: (cell, sphere) entries for every cell that a sphere overlaps, sorted by cell.
 
 use super::cell::{Batch, OverfullCell};
 use super::entries::{Entries, KeyLayout, Visit, cells_of_piece, memory_of_entries, most_entries, runs};

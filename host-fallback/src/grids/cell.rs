@@ -120,7 +120,7 @@ impl Batch {
         self.ids.len()
     }
 
-    /// Compares inside every cell, and empties the batch.
+    /// Empties the batch.
     pub(crate) fn search<S: Sink>(&mut self, input: &SearchInput<'_>, sink: &mut S) -> Result<(), Error> {
         let Self { ids, cells, meetings, columns, .. } = self;
         columns.gather(&input.test, ids.iter().copied())?;
@@ -180,7 +180,7 @@ impl<S: Sink> SimdTask for Cells<'_, S> {
 #[derive(Debug, Default)]
 pub(crate) struct OverfullCell {
     rows: Vec<TileRow>,
-    /// Member of the cell at each position, group by group.
+    /// Positions in the cell, group by group.
     order: Vec<u32>,
     columns: Workspaces<Columns>,
 }
@@ -210,7 +210,7 @@ impl OverfullCell {
         self.among(input, (run, &run[..0]), (output, sink))
     }
 
-    /// Compares the spheres `large` of one cell with each other and with `small`, both sorted by corner mask.
+    /// Compares `large` with each other and with `small`, all in one cell and sorted by corner mask.
     pub(crate) fn among<'o, O: Output>(
         &mut self,
         input: &SearchInput<'_>,
@@ -236,8 +236,8 @@ impl OverfullCell {
         self.search(input, id, (output, sink))
     }
 
-    /// Appends the members of a cell to the order, group by group, unless there is one group. Returns the positions of
-    /// each group. The first member has the index `from`.
+    /// Appends the members of a cell to the order, group by group, unless there is one group. Returns each group's
+    /// positions. `from` is the first member's index.
     fn arrange(
         &mut self,
         members: &[impl CellMember],

@@ -67,7 +67,7 @@ pub(crate) struct Entries {
     pub(crate) grid: UniformGrid,
     layout: KeyLayout,
     offsets: Vec<usize>,
-    /// Entries if keys fit 32 bits: unless space has very many cells.
+    /// Serves keys of 32 bits, unless space has very many cells.
     narrow: Radix<u32>,
     /// Three coordinates of 32 bits always fit.
     wide: Radix<u128>,

@@ -1,5 +1,5 @@
-//! The paper's HashGrid: a hash table with separate chaining and an entry for every cell that a sphere overlaps. Cells
-//! of equal hash share a chain and are distinguished by coordinates.
+//! The paper's HashGrid: a hash table with chaining and an entry for every cell that a sphere overlaps. Cells of equal
+//! hash share a chain and are distinguished by coordinates.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -87,7 +87,7 @@ impl HashGrid {
         })
     }
 
-    /// Counts the entries of each chunk. Shifts the grid if there are too many, and doubles its cells until 32 bits
+    /// Counts the entries of each chunk. Shifts the grid if they are too many, and doubles its cells until 32 bits
     /// number the entries.
     fn count<const PERIODIC: bool>(&mut self, input: &SearchInput<'_>) -> Result<UniformGrid, Error> {
         let (n, ratio, lengths) = (input.stats.spheres, input.settings.cell_ratio, input.test.lengths());

@@ -1,14 +1,14 @@
 //! The paper's RecursiveGrid: a grid for the largest spheres, whose overfull cells are split for the smaller ones.
 //!
-//! In each cell, pairs with a large sphere (one that no finer grid suits) are found among all its spheres. If more than
-//! τ smaller spheres remain, the cell is split into a finer grid, else they are compared with each other. Finer cells
-//! are a power of two smaller and nest in the cell they split, so a pair's own cell lies in its own coarser cell. The
-//! corner mask of a finer entry has only bits of the coarser one.
+//! In each cell, large spheres (which no finer grid suits) are compared with all. If more than τ smaller spheres
+//! remain, the cell is split into a finer grid, else they are compared with each other. Finer cells are a power of two
+//! smaller and nest in the cell they split, so a pair's own cell lies in its own coarser cell. The corner mask of a
+//! finer entry has only bits of the coarser one.
 //!
 //! A split goes directly to the cell size that the largest remaining sphere requires, or, for few spheres, to cells
-//! that hold a handful. If spheres as large as the extent of all remain, no split separates the centers, and those
-//! count as large. So every step halves the largest remaining size or the extent of a cell's spheres, and a recursion
-//! ends after some tens of steps on any input.
+//! that hold a handful. Spheres as large as the extent of all remaining ones are large too, since no split separates
+//! the centers. So every step halves the largest remaining size or the extent of a cell's spheres, and a recursion ends
+//! after some tens of steps on any input.
 
 use glam::{BVec3, DVec3, UVec3, Vec3};
 
@@ -33,7 +33,7 @@ const PER_CELL: f64 = 16.0;
 const MAX_HALVINGS: f64 = 7.0;
 /// Maximum number of finer cells from the origin to a coordinate. Boxes are widened by 2⁻⁴⁹ of the coordinate for
 /// rounding, at most an eighth of a cell. Different coordinates are 2²² such cells apart, so along such an axis all
-/// spheres of a cell agree, and it need not be split further.
+/// spheres of a cell agree, and no split is needed.
 const MAX_FINENESS: f64 = (1_u64 << 46) as f64;
 
 #[derive(Debug, Default)]
@@ -201,7 +201,7 @@ impl NestedCell {
     /// Clamped to this cell.
     ///
     /// The map is monotone, so the larger of two lower bounds never exceeds either upper bound. A coordinate keeps its
-    /// cell when the cell is split again, because all but the first subtraction are exact inside the cell.
+    /// cell in further splits, because all but the first subtraction are exact inside the cell.
     #[inline(always)]
     fn part(&self, at: DVec3, parts: f64) -> DVec3 {
         let at = ((at - self.top) * self.scale - self.corner) * parts;
@@ -363,8 +363,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
 
 fn decide(cell: &NestedCell, cell_size: f64, count: usize, extent: &Extent) -> SplitDecision {
     let wide = extent.wide;
-    // Centers of a cell's small spheres lie within one and a half cell sizes, except for rounding; no split separates
-    // those.
+    // No split separates the centers of small spheres, which lie within one and a half cell sizes, except for rounding.
     if wide == 0.0 || wide > 2.0 * cell_size {
         return SplitDecision::BruteForce;
     }

@@ -6,11 +6,11 @@
 //! cells. Every (cell, sphere) entry carries a corner mask: one bit per axis, set if the cell is the sphere's lowest on
 //! that axis. A cell owns the pair of two of its spheres exactly if their masks together have all three bits.
 //!
-//! A periodic axis is a ring of cells. There a cell owns a pair if on every axis one of the two begins in it and the
-//! other lies in it too. Spheres of `a` and `b` cells have one such cell if they share any: two would mean that each
-//! begins inside the other, so that together they cover the ring, with `a + b − 2` cells at least. A ring therefore has
-//! at least 3 cells for spheres of at most 2, and 5 for spheres of 3; else it is one cell, in which all begin. For the
-//! same reason two spheres share one arc of the ring only, so inside it they can be treated as on a line.
+//! A periodic axis is a ring of cells. There a cell owns a pair if on every axis one of both begins in it and the other
+//! overlaps it. Spheres of `a` and `b` cells have one such cell if they share any: two would mean that each begins
+//! inside the other, so that together they cover the ring, with `a + b − 2` cells at least. A ring therefore has at
+//! least 3 cells for spheres of at most 2, and 5 for spheres of 3; else it is one cell, in which all begin. For the
+//! same reason two spheres share only one arc of the ring, which is treated as a line.
 
 use std::convert::Infallible;
 
@@ -32,7 +32,7 @@ const MIDDLE: u32 = 1 << 31;
 const WIDER: f64 = 1.0 + 1e-9;
 /// Largest relative rounding error of a coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
-/// Factor by which cells are larger than requested, so that a widened sphere of one cell's diameter never spans three.
+/// Factor on the cell size, so that a widened sphere of one cell's diameter never spans three.
 const CELL_SLACK: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 /// With at most this many cells, rounding of the ring's length is less than [`CELL_SLACK`].
 const MAX_RING_CELLS: f64 = (1 << 26) as f64;
@@ -40,7 +40,7 @@ const POINTS_PER_CELL: f64 = 4.0;
 const MAX_SHIFTS: usize = 4;
 const CHUNK_SPHERES: usize = 1 << 14;
 
-/// Cells of one size, numbered per axis in ascending order.
+/// Numbered per axis in ascending order.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct UniformGrid {
     cell_size: f64,
@@ -199,7 +199,7 @@ impl UniformGrid {
         ((center - reach) * self.per_length + self.shift, (center + reach) * self.per_length + self.shift)
     }
 
-    /// Returns the cells that a sphere overlaps. On a ring their numbers may exceed its end; see [`wrap`](Self::wrap).
+    /// On a ring, numbers may exceed the end; see [`wrap`](Self::wrap).
     #[inline(always)]
     pub(crate) fn cover<const PERIODIC: bool>(&self, center: Vec3, radius: f32) -> CellBox {
         let (low, high) = self.bounds::<PERIODIC>(center, radius);

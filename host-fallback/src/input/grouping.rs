@@ -27,7 +27,6 @@ impl<'a> Grouping<'a> {
         self.split.filter(|_| self.species.is_none_or(|(partition, _)| partition.count == 1))
     }
 
-    /// Returns `true` if touching effective radii decide pairs of groups that meet.
     pub(crate) fn is_by_radii(&self) -> bool {
         self.species
             .is_some_and(|(partition, _)| partition.meetings.iter().flatten().all(|of| of.is_by_radii))
@@ -44,7 +43,7 @@ impl<'a> Grouping<'a> {
         }
     }
 
-    /// A bit for each group that meets some group.
+    /// Returns a bit for each group that meets some group.
     pub(crate) fn paired(&self) -> u32 {
         self.meetings().fold(0, |paired, (a, b)| paired | 1 << a | 1 << b)
     }

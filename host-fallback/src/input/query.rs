@@ -1,5 +1,5 @@
-//! Prepares a query: checks it, appends the second set to the first, and wraps spheres into a periodic space or maps
-//! them to a frame. Both backends start here.
+//! Prepares a query, for both backends: checks it, appends the second set to the first, and wraps spheres into a
+//! periodic space or maps them to a frame.
 
 use std::time::Instant;
 
@@ -14,7 +14,7 @@ use crate::frame::{Bounds, SearchFrame};
 use crate::memory::{try_collect, try_resize};
 use crate::{Error, InputError, PhaseTime, Settings, Simd};
 
-/// Buffers for spheres that cannot be searched in place, and the last frame.
+/// For spheres that cannot be searched in place, with the last frame.
 #[derive(Debug, Default)]
 pub struct QueryBuffers {
     spheres: Vec<Sphere>,
@@ -23,15 +23,14 @@ pub struct QueryBuffers {
     halves: Vec<LargestHalf>,
 }
 
-/// A query that is ready for a search.
 #[derive(Debug)]
 pub struct PreparedQuery<'a> {
-    /// Spheres of both sets, with their species if both sets have them.
+    /// Both sets, with species if both sets have them.
     pub spheres: Spheres<'a>,
     pub split: Option<usize>,
     /// `None` for spheres as given; otherwise their radii are effective.
     pub frame: Option<&'a SearchFrame>,
-    /// Spheres that are not mapped to the frame yet.
+    /// Not mapped to the frame yet.
     pub(crate) given: Option<GivenSpheres<'a>>,
     /// `None` if contact decides.
     pub filter: Option<PairFilter<'a>>,
@@ -102,7 +101,7 @@ impl QueryBuffers {
         Ok(Some(PreparedQuery { spheres, split: None, frame: Some(frame), given, filter }))
     }
 
-    /// Maps spheres to the last frame, if they fit, or to a new one.
+    /// Uses the last frame if spheres fit, else a new one.
     fn map_to_frame(
         &mut self,
         query: &Query<'_>,
@@ -230,8 +229,6 @@ fn check_query(
     query.check_each(|spheres| check_species(spheres, table, executor))
 }
 
-/// Checks a query like a search.
-///
 /// # Errors
 /// The [`InputError`] of a search.
 pub fn check(query: &Query<'_>, table: Option<&Interactions>, executor: Executor) -> Result<(), InputError> {

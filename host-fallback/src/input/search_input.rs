@@ -12,7 +12,7 @@ pub(crate) struct SearchInput<'a> {
     pub(crate) settings: &'a Settings,
     pub(crate) simd: Simd,
     pub(crate) executor: Executor,
-    /// Set if only pairs across two sets count.
+    /// Set if only pairs across two sets are found.
     pub(crate) split: Option<usize>,
     pub(crate) groups: Option<&'a SpeciesGroups>,
 }
@@ -43,7 +43,7 @@ impl<'a> SearchInput<'a> {
         self.settings.stop.as_ref().is_some_and(|stop| stop.load(Relaxed))
     }
 
-    /// Species that pair with different ones are kept apart if `is_separate`.
+    /// If `is_separate`, species that pair with different ones are kept apart.
     pub(crate) fn grouping(&self, is_separate: bool) -> Grouping<'a> {
         let species = self.groups.zip(self.test.spheres().species());
         Grouping::new(self.split, species.map(|(groups, ids)| (groups.partition(is_separate), ids)))

@@ -25,7 +25,6 @@ const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Meeting {
-    /// Some species of the groups pair by touching.
     pub(crate) touches: bool,
     /// Largest distance of a pair, or 0.
     pub(crate) distance: f64,
@@ -88,7 +87,7 @@ impl SpeciesPartition {
         by_partners
     }
 
-    /// Returns two divisions of the species `present`: by their partners, and with all species that pair in one group.
+    /// Returns two divisions of the species `present`: by partners, and with all that pair in one group.
     fn of_present(present: &[u32], table: &Interactions) -> [Self; 2] {
         if present.len() > MAX_PRESENT {
             return [(); 2].map(|()| Self::undivided(table.species()));
@@ -115,7 +114,6 @@ impl SpeciesPartition {
         self.of_species[species as usize].into()
     }
 
-    /// Returns `true` if some species of one group pairs with some species of the other.
     pub fn meets(&self, a: usize, b: usize) -> bool {
         self.meetings[a * self.count + b].is_some()
     }
@@ -194,7 +192,7 @@ fn find_present(ids: &[u32], species: u32, executor: Executor) -> Result<[u64; W
     )
 }
 
-/// Returns the group of each present species, `None` without partners; and the number of groups.
+/// `None` for species without partners. Also returns the number of groups.
 fn group_by_partners(present: &[u32], table: &Interactions) -> (Vec<Option<usize>>, usize) {
     let mut partners: Vec<[u64; MAX_PRESENT / 64]> = Vec::new();
     let groups: Vec<_> = present

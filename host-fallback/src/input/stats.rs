@@ -18,9 +18,7 @@ const MIN_TABLED_SPHERES: usize = 512;
 #[derive(Clone, Debug)]
 pub struct InputStats {
     pub spheres: usize,
-    /// Smallest coordinates of any center.
     pub min: Vec3,
-    /// Largest coordinates of any center.
     pub max: Vec3,
     /// Spheres by size: class `k` holds the effective radii with binary exponent `k`; class 0 zero and subnormals.
     pub classes: [SizeClass; SIZE_CLASSES],
@@ -79,7 +77,7 @@ impl InputStats {
         self.occupied().next().map_or(0.0, |(_, class)| class.largest)
     }
 
-    /// Returns the classes with spheres, the largest first.
+    /// Largest first.
     pub fn occupied(&self) -> impl Iterator<Item = (usize, SizeClass)> + '_ {
         let [first, end] = self.span;
         let classes = self.classes.get(first..end).unwrap_or_default();
@@ -97,7 +95,7 @@ impl InputStats {
         stats
     }
 
-    /// Checks and measures spheres with checked species ids.
+    /// Species ids must have been checked.
     ///
     /// # Errors
     /// [`InputError::Sphere`] for the first invalid sphere.
@@ -171,7 +169,7 @@ impl InputStats {
         }
         let is_suspect = poison != [0.0; 4] || min[3] < 0.0;
         let (first, end) = (class_of(smallest), class_of(largest) + 1);
-        // Not so without spheres or with invalid ones only.
+        // Without valid spheres, this does not hold.
         if first < end {
             self.span = [self.span[0].min(first), self.span[1].max(end)];
             for table in &tables {

@@ -4,8 +4,6 @@ use crate::executor::Executor;
 
 const CHUNK_SPHERES: usize = 1 << 13;
 
-/// Checks that all spheres of a query are valid.
-///
 /// # Errors
 /// [`InputError::Sphere`] for the first set, [`InputError::SecondSet`] for the second.
 pub fn check_valid(query: &Query<'_>, executor: Executor) -> Result<(), InputError> {

@@ -1,8 +1,8 @@
 //! Puts pairs in canonical order: by `i`, then `j`.
 //!
-//! One pass distributes the pairs to buckets of consecutive `i` that fit the cache, as keys of the low digits of `i`
-//! and `j`, which for up to millions of spheres are half as large as a pair. A radix sort orders each bucket, and its
-//! last pass turns keys into pairs.
+//! One pass distributes the pairs to buckets of consecutive `i` that fit the cache, as keys of low digits of `i` and
+//! `j`, half as large as a pair for up to millions of spheres. A radix sort orders each bucket, and its last pass turns
+//! keys into pairs.
 
 use bytemuck::{Pod, cast_slice_mut};
 use lazygrid_kernels::Pair;
@@ -101,8 +101,8 @@ impl BucketLayout {
 }
 
 impl PairSorter {
-    /// Writes the pairs of `chunks` to `out`. Indices must be below `spheres`. Threads divide the chunks, so there
-    /// should be about a hundred.
+    /// Writes the pairs of `chunks` to `out`. Indices must be below `spheres`. Threads divide the chunks: about a
+    /// hundred are best.
     pub(crate) fn order(
         &mut self,
         executor: Executor,

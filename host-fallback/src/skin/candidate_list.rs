@@ -78,7 +78,7 @@ impl CandidateList {
         }
     }
 
-    /// Returns the reason for a rebuild, or `None` if the list is valid.
+    /// Returns the reason for a rebuild; `None` for a valid list.
     ///
     /// An invalid list is dropped here, before the call can fail: no later call may use it.
     pub(crate) fn update_displacements(
@@ -116,8 +116,8 @@ impl CandidateList {
         }
     }
 
-    /// Returns `false`, without a list, if candidates exceed [`MAX_CANDIDATES_PER_SPHERE`] or the limit of a result, or
-    /// if memory is refused.
+    /// Returns `false`, without a list, above [`MAX_CANDIDATES_PER_SPHERE`] or the limit of a result, or if memory is
+    /// refused.
     pub(crate) fn find(
         &mut self,
         (list, density_cache): (&mut CellList, &DensityCache),

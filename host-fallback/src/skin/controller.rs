@@ -8,7 +8,6 @@ use crate::input::SearchInput;
 use crate::report::{RebuildReason, Report};
 use crate::{Error, Settings, Skin};
 
-/// A candidate list, and the decision to test, rebuild or drop it.
 #[derive(Debug, Default)]
 pub(crate) struct SkinController {
     pub(crate) candidates: CandidateList,
@@ -17,7 +16,7 @@ pub(crate) struct SkinController {
 }
 
 impl SkinController {
-    /// Returns the reason for a rebuild, or `None` if the list is valid.
+    /// `None` for a valid list.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,
@@ -33,7 +32,7 @@ impl SkinController {
         Ok(lapsed)
     }
 
-    /// Builds a candidate list if it pays, otherwise only the cell list. Returns `true` for a candidate list.
+    /// Builds a candidate list if it pays, otherwise only the cell list. Returns `true` for the former.
     pub(crate) fn find(
         &mut self,
         list: &mut CellList,

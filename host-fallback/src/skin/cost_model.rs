@@ -11,15 +11,15 @@ use crate::size_class::SIZE_CLASSES;
 
 /// In units of the largest displacement per call of the sample.
 const SKIN_STEPS: [f32; 9] = [2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 32.0, 64.0];
-/// Compared with no skin; the estimate of displacements is uncertain.
+/// Fraction of the cost without a skin: the estimate of displacements is uncertain.
 const MAX_RELATIVE_COST: f32 = 0.9;
 const MAX_CLASS_GROUPS: usize = 16;
 const MIN_LIMIT_RATIO: f32 = 1e-3;
 
-/// Costs of calls with and without a candidate list. Only their ratios count.
+/// Costs of calls with and without a candidate list. Only their ratios have an effect.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SkinCosts {
-    /// Nanoseconds per sphere of a search, to measure and sort, without its result.
+    /// Nanoseconds per sphere to measure and sort for a search.
     pub search_ns: f32,
     /// Nanoseconds per unit of cost in the CPU's level plan. 0 on a GPU.
     pub levels_ns: f32,
@@ -47,13 +47,13 @@ impl SkinCosts {
         call_ns: 0.0,
     };
 
-    /// Returns the fewest spheres for which a candidate list may cost less than a search; `None` if it never does.
+    /// Returns the fewest spheres for which a candidate list may pay; `None` if it never does.
     pub fn min_worthwhile_spheres(&self) -> Option<u32> {
         let saved = self.search_ns - self.measure_ns;
         (saved > 0.0).then(|| (self.call_ns / saved).ceil() as u32)
     }
 
-    /// Returns `true` if each cost is finite, not negative, and positive for a search.
+    /// Requires finite costs that are not negative, and positive ones for a search.
     pub fn is_valid(&self) -> bool {
         let Self { search_ns, levels_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns } = *self;
         let others = [levels_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns];

@@ -9,7 +9,7 @@ use crate::memory::try_resize;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
 const MAX_SAMPLE: usize = 1 << 10;
-/// Sample costs almost nothing.
+/// Sampling costs almost nothing.
 const MIN_SPHERES_PER_SAMPLE: usize = 32;
 /// Per call, of a class's largest displacement.
 const STEP_DECAY: f32 = 0.9;
@@ -33,7 +33,6 @@ pub(crate) struct DisplacementGrowth {
     pub(crate) exponent: f32,
 }
 
-/// Displacement per call of each size class, and its growth.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Displacements<'a> {
     pub(crate) steps: &'a [f32; SIZE_CLASSES],

@@ -6,8 +6,7 @@
 //!
 //! 1. If no sphere exceeds its limit, two spheres that touch now were at most their radii and both limits apart when
 //!    the list was built, so every pair is a candidate.
-//! 2. A call measures the displacements, and tests the candidates or builds a new list. Results never depend on the
-//!    limits.
+//! 2. A call measures the displacements, and tests the candidates or builds a new list.
 //!
 //! The GPU shares `displacement`, `cost_model` and `tuner`.
 

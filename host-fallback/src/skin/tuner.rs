@@ -159,7 +159,7 @@ mod tests {
         call_ns: 0.0,
     };
 
-    /// Moves spheres of a periodic box by `step` in every call. Returns the calls that candidates served, and the last
+    /// Spheres of a periodic box move by `step` in every call. Returns the calls that candidates served, and the last
     /// skin.
     fn follow(
         tuner: &mut SkinTuner,

@@ -9,8 +9,7 @@
 //! # Ok::<(), lazygrid_io::Error>(())
 //! ```
 //!
-//! Memory is bounded by one frame, not by declared sizes. Radii and coordinates are `f32`, rounded once from the
-//! text.
+//! One frame bounds the memory, not declared sizes. Radii and coordinates are `f32`, rounded once from the text.
 
 mod cell;
 mod columns;

@@ -27,7 +27,7 @@ fn begun() -> MutexGuard<'static, Begun> {
     BEGUN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// An incomplete file, removed by a drop.
+/// Removed by a drop.
 #[derive(Debug)]
 pub(super) struct Temporary {
     path: Option<TempPath>,

@@ -5,14 +5,11 @@ pub const WORKGROUP_SIZE: u32 = 256;
 pub const WIDE_TILE: u32 = WORKGROUP_SIZE * 16;
 /// Keys that one workgroup sorts with less memory.
 pub const NARROW_TILE: u32 = WORKGROUP_SIZE * 8;
-/// Values that one workgroup scans.
 pub const SCAN_TILE: u32 = WORKGROUP_SIZE * SCAN_ITEMS;
 /// Spheres that one workgroup of `bounds_reduce` reads.
 pub const BOUNDS_TILE: u32 = WORKGROUP_SIZE * SPHERES_PER_THREAD;
-/// Counters that one workgroup of `occupancy_clear` clears.
 pub const DENSITY_TILE: u32 = WORKGROUP_SIZE * SPHERES_PER_THREAD;
 pub const DEPTHS: u32 = 32;
-/// Bits of one radix digit.
 pub const DIGIT_BITS: u32 = 8;
 /// Most objects that an entry can name: three bits of its word are the axes on which the object begins.
 pub const MAX_ENTRY_OBJECTS: u64 = 1 << 29;
@@ -27,7 +24,7 @@ pub const NAIVE_ITERATIONS_PER_TILE: u32 = 8 * (1 + 32 + 32);
 pub const RUN_ITERATIONS_PER_TILE: u32 = 8 * (1 + 32 + 32 + 32);
 /// Most tiles per workgroup of the naive search.
 pub const NAIVE_TILES: u32 = MAX_LOOP_ITERATIONS / NAIVE_ITERATIONS_PER_TILE;
-/// The most tiles per workgroup of `runs_search_far`, after its search for the end of a run.
+/// Most tiles per workgroup of `runs_search_far`, after its search for the end of a run.
 pub const RUN_TILES: u32 = (MAX_LOOP_ITERATIONS - u32::BITS) / RUN_ITERATIONS_PER_TILE;
 
 /// Most positions between two entries of a run that `runs_search_near` tests.

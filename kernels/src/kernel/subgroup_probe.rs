@@ -4,17 +4,13 @@ use bytemuck::{Pod, Zeroable};
 
 use super::WORKGROUP_SIZE;
 
-/// The result of [`SUBGROUP_PROBE`](super::SUBGROUP_PROBE).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SubgroupProbe {
     /// Bits [`Self::PARTIAL`], [`Self::OUT_OF_ORDER`] and [`Self::NO_SUBGROUPS`].
     pub faults: u32,
-    /// Number of invocations.
     pub invocations: u32,
-    /// Smallest subgroup.
     pub smallest: u32,
-    /// Largest subgroup.
     pub largest: u32,
 }
 
@@ -25,7 +21,6 @@ impl SubgroupProbe {
     pub const OUT_OF_ORDER: u32 = 2;
     /// The probe was compiled without subgroup operations.
     pub const NO_SUBGROUPS: u32 = 4;
-    /// Number of workgroups of the probe.
     pub const WORKGROUPS: u32 = 64;
     /// Buffer before the probe runs.
     pub const BEFORE: Self = Self { faults: 0, invocations: 0, smallest: u32::MAX, largest: 0 };

@@ -4,9 +4,8 @@ const WHAT: &str = "excluded pairs";
 
 /// Pairs that a search never reports, such as bonds.
 ///
-/// [`Query::without`](crate::Query::without) applies them. Pairs may be in either order and repeated. A lookup is a
-/// binary search in a row, for touching pairs only. To exclude whole molecules, [groups](crate::Spheres::with_groups)
-/// cost less.
+/// [`Query::without`](crate::Query::without) applies them. Pairs may be in either order and repeated. A touching pair
+/// costs a binary search in a row. To exclude whole molecules, [groups](crate::Spheres::with_groups) cost less.
 ///
 /// ```
 /// # use lazygrid_kernels::Exclusions;
@@ -48,8 +47,8 @@ impl Exclusions {
         Self::of(first, Some(second), checked(first, second, pairs)?)
     }
 
-    /// Creates exclusions from compressed sparse rows: sphere `i` and each of `indices[offsets[i]..offsets[i + 1]]`, in
-    /// any order. One of the two rows of a pair suffices.
+    /// Creates exclusions from compressed sparse rows: sphere `i` with each of `indices[offsets[i]..offsets[i + 1]]`,
+    /// in any order. Either of the two rows of a pair suffices.
     ///
     /// # Errors
     /// [`InputError::ExcludedOffsets`] if offsets do not begin with 0, decrease, or do not end with the number of

@@ -61,7 +61,7 @@ impl Space {
         self.decide(a, b, distance, |space, from, to| space.nearest(from, to).1)
     }
 
-    /// Tests contact of sphere `a` and the image of `b` at these multiples of the cell vectors.
+    /// Tests `a` and the image of `b` at these multiples of the cell vectors.
     pub fn touch_image(&self, a: [f64; 4], b: [f64; 4], shift: [f64; 3], distance: Option<f64>) -> bool {
         self.decide(a, b, distance, |space, from, to| space.image(apart(from, to), shift))
     }
@@ -104,7 +104,7 @@ impl Space {
         is_within(way(&self.scaled(DOWN), center(a), center(b)), reach)
     }
 
-    /// Returns the multiples of the cell vectors of the minimum image, and the vector to it.
+    /// Returns the minimum image as multiples of the cell vectors, and the vector to it.
     #[inline]
     fn nearest(&self, from: [f64; 3], to: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let apart = apart(from, to);

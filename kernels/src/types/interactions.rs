@@ -73,7 +73,7 @@ impl Interactions {
     ///
     /// # Errors
     /// [`InputError::SpeciesId`] for an unknown species, [`InputError::Distance`] for a negative or non-finite
-    /// distance, and [`InputError::TableMemory`] if memory for a copy of a shared table is refused.
+    /// distance, and [`InputError::TableMemory`] for a copy of a shared table.
     pub fn set(&mut self, a: u32, b: u32, interaction: Interaction) -> Result<(), InputError> {
         for id in [a, b] {
             if id >= self.species {
@@ -125,8 +125,8 @@ impl Interactions {
         self.species
     }
 
-    /// Returns half the largest distance of this species with any other, or 0, and `true` if it has pairs decided by
-    /// contact.
+    /// Returns half the largest distance of this species with any other, or 0, and `true` if contact decides some of
+    /// its pairs.
     #[doc(hidden)]
     pub fn largest_half(&self, species: u32) -> (f64, bool) {
         let row = &self.table[species as usize * self.species as usize..][..self.species as usize];
@@ -154,7 +154,7 @@ impl Interactions {
 /// radii, so culling by radii is valid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EffectiveRadius {
-    /// `true` if the species has pairs decided by contact.
+    /// `true` if contact decides some of its pairs.
     pub touches: bool,
     /// Half the largest interaction distance.
     pub half: f32,

@@ -61,9 +61,9 @@ impl Lattice {
         self.unit
     }
 
-    /// Returns, for each basis vector, the distance between neighboring images of the plane that the other vectors
-    /// span, in the unit of the lattice. No image of a point is nearer than the smallest of the first
-    /// [`rank`](Self::rank) heights.
+    /// Returns, for each basis vector, the distance between neighboring images of the plane that the others span, in
+    /// the unit of the lattice. No image of a point is nearer than the smallest of the first [`rank`](Self::rank)
+    /// heights.
     pub fn heights(&self) -> [f64; 3] {
         self.inverse.map(|row| row.length().recip())
     }
@@ -97,8 +97,8 @@ impl Lattice {
     }
 
     /// Returns an upper bound of the rounding error of vectors between images, in the unit of the lattice, for up to
-    /// `counts` basis vectors added to coordinates of up to `extent`: in [`wrap`](Self::wrap), in
-    /// [`image`](Self::image), and in [`Space::image`].
+    /// `counts` basis vectors added to coordinates up to `extent`: in [`wrap`](Self::wrap), [`image`](Self::image) and
+    /// [`Space::image`].
     pub fn rounding(&self, extent: f64, counts: [f64; 3]) -> f64 {
         const PART: f64 = 1.0 / (1_u64 << 47) as f64;
         // No cell vector is longer than 2 in the unit of the lattice.

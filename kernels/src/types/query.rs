@@ -1,6 +1,6 @@
 use crate::{Exclusions, InputError, Spheres};
 
-/// The input of a search: one set of spheres, or two sets, across which pairs are found; and exclusions.
+/// The input of a search: one set of spheres, or two, across which pairs are found; and exclusions.
 ///
 /// Searches accept a set of spheres, a tuple of two sets, or a query with exclusions.
 ///
@@ -32,13 +32,13 @@ impl<'a> Query<'a> {
         Self { exclusions: Some(pairs), ..self }
     }
 
-    /// Returns the only set, or the first of two.
+    /// Returns the only or first set.
     #[inline]
     pub fn first(&self) -> Spheres<'a> {
         self.first
     }
 
-    /// Returns the second set, if the query has two.
+    /// Returns the second set, if any.
     #[inline]
     pub fn second(&self) -> Option<Spheres<'a>> {
         self.second
@@ -79,10 +79,10 @@ impl<'a> Query<'a> {
         }
     }
 
-    /// Runs a check on each set. An error of the second set becomes an [`InputError::SecondSet`].
+    /// Runs a check on each set. Errors of the second become [`InputError::SecondSet`].
     ///
     /// # Errors
-    /// The errors of `check`.
+    /// Those of `check`.
     pub fn check_each(
         &self,
         check: impl Fn(Spheres<'a>) -> Result<(), InputError>,

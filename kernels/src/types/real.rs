@@ -15,7 +15,6 @@ pub(crate) mod sealed {
 
     #[expect(unnameable_types, reason = "nothing else is a coordinate type")]
     pub trait Sealed: Copy + Into<f64> + Send + Sync + 'static {
-        /// Returns the columns if they are `f32`.
         fn narrow(columns: [&[Self]; 4]) -> Option<[&[f32]; 4]>;
         fn wide(strided: Strided<'_, Self>) -> Wide<'_>;
     }
@@ -86,7 +85,6 @@ impl<'a, T: Copy> Strided<'a, T> {
         Self { axes: [x, y, z].map(maybe), step: 1, radii: Source::Each(maybe(r), 1), count: x.len() }
     }
 
-    /// Creates strided spheres from centers `x, y, z`.
     pub(crate) fn of_points(centers: &'a [[T; 3]], radii: Radii<'a, T>) -> Result<Self, InputError> {
         let radii = match radii {
             Radii::All(radius) => Source::All(radius),
@@ -136,7 +134,7 @@ impl<'a, T: Copy> Strided<'a, T> {
 }
 
 impl<T> Strided<'_, T> {
-    /// Addresses of the numbers of sphere `i`, which may be out of range: they are for prefetches only.
+    /// Addresses of the numbers of sphere `i`, which may be out of range: only for prefetches.
     #[inline(always)]
     #[doc(hidden)]
     pub fn addresses(&self, i: usize) -> [*const u8; 4] {

@@ -8,8 +8,8 @@ use crate::InputError;
 /// In a periodic space, the distance of two spheres is the distance of their minimum images: along a periodic axis of
 /// length `L`, a coordinate difference `d` counts as `d − L·round(d/L)`. Two spheres pair once if that distance is at
 /// most their cutoff, for any number of images in reach and any radii; a sphere never pairs with its own image. In a
-/// triclinic cell, images are at integer multiples of the cell vectors. The box may begin anywhere, and coordinates may
-/// lie outside of it, as in unwrapped trajectories.
+/// triclinic cell, images are at integer multiples of the cell vectors. Coordinates may lie anywhere, as in unwrapped
+/// trajectories.
 ///
 /// ```
 /// # use lazygrid_kernels::Space;
@@ -77,7 +77,7 @@ impl Space {
         self.lengths.map(|length| length.map(|length| length as f32))
     }
 
-    /// Returns the space in a unit that is `1 / scale` of this one's.
+    /// The unit is `1 / scale` of this one's.
     pub(crate) fn scaled(&self, scale: f64) -> Self {
         let lengths = self.lengths.map(|length| length.map(|length| length * scale));
         Self { lengths, triclinic: self.triclinic.map(|cell| cell.scaled(scale)) }
@@ -116,9 +116,8 @@ impl Space {
     /// Returns the image of a point nearest to the origin: along a periodic axis of length `L` between `−L/2` and
     /// `L/2`.
     ///
-    /// Exact: the result is an integer number of lengths away, and `f32` can represent it. Non-finite coordinates give
-    /// NaN. In a triclinic cell, the result is the image with at most half of each vector of the reduced basis,
-    /// rounded.
+    /// The result is exact: an integer number of lengths away. Non-finite coordinates give NaN. In a triclinic cell,
+    /// the result is the image with at most half of each vector of the reduced basis, rounded.
     pub fn wrap(&self, point: Vec3) -> Vec3 {
         if let Some(cell) = &self.triclinic {
             let (_, [x, y, z]) = cell.minimum_image(point.as_dvec3().to_array());

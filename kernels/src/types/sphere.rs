@@ -176,7 +176,7 @@ impl<'a> Spheres<'a> {
         }
     }
 
-    /// Returns addresses of the numbers of sphere `i`, which may be out of range: they are for prefetches only.
+    /// Returns addresses of the numbers of sphere `i`, which may be out of range: only for prefetches.
     #[inline]
     #[doc(hidden)]
     pub fn addresses(&self, i: usize) -> [*const u8; 4] {

@@ -8,7 +8,7 @@ use crate::{InputError, Space, Sphere};
 
 /// Thinnest box, as a fraction of its longest cell vector. In a thinner one, `f64` could not distinguish images.
 const MIN_THICKNESS: f64 = 1.0 / (1 << 24) as f64;
-/// Most steps and swaps of the lattice reduction. Boxes of the allowed thickness need some hundreds.
+/// Most steps and swaps of the lattice reduction. Allowed boxes need some hundreds.
 const MAX_REDUCTION_STEPS: usize = 1 << 16;
 /// Most steps that wrap a vector: each leaves about 2⁻⁵⁰ of its length.
 const MAX_WRAP_STEPS: usize = 4;
@@ -22,9 +22,9 @@ const FAR: f64 = 1.0 / (1 << 20) as f64;
 /// Growth of orthogonalized radii: above the error of a GPU, 5 ulp of the squared cutoff.
 const REACH_MARGIN: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 
-/// The cell of a space with a cell vector that is not along an axis. All images of a sphere are at integer multiples of
-/// *basis* vectors from it. The basis is reduced (Lenstra, Lenstra and Lovász): nearly as short and orthogonal as the
-/// images allow, at any tilt.
+/// The cell of a space with a cell vector that is not along an axis. Images are at integer multiples of *basis*
+/// vectors, which are reduced (Lenstra, Lenstra and Lovász): nearly as short and orthogonal as the images allow, at any
+/// tilt.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriclinicCell {
     vectors: [Option<[f64; 3]>; 3],
@@ -38,8 +38,8 @@ pub struct TriclinicCell {
     steps: [DVec3; 3],
     /// Rows of the inverse of the basis: they give the fractions of a vector.
     inverse: [DVec3; 3],
-    /// `true` if orthogonalized coordinates at [`Orthogonalization::SCALE`] suit `f32` spheres. Read in every call,
-    /// hence stored.
+    /// `true` if orthogonalized coordinates at [`Orthogonalization::SCALE`] suit `f32` spheres. Stored, because every
+    /// call reads it.
     is_narrow: bool,
 }
 
@@ -92,7 +92,7 @@ impl TriclinicCell {
         Orthogonalization { rank: self.rank, unit: self.unit, inverse: self.inverse, lengths, stretch }
     }
 
-    /// Returns the cell in a unit that is `1 / scale` of this one's.
+    /// The unit is `1 / scale` of this one's.
     pub(crate) fn scaled(self, scale: f64) -> Self {
         let vectors = self.vectors.map(|edge| edge.map(|edge| edge.map(|number| number * scale)));
         Self { vectors, unit: self.unit / scale, ..self }
@@ -102,7 +102,6 @@ impl TriclinicCell {
         self.is_narrow
     }
 
-    /// Returns the reduced basis as a lattice.
     pub(crate) fn lattice(&self) -> Lattice {
         let mut basis = self.basis;
         for (vector, turns) in basis.iter_mut().zip(&self.turns).take(self.rank) {
@@ -128,12 +127,13 @@ impl TriclinicCell {
     }
 
     /// Returns the multiples of the cell vectors that, added to a vector, give its minimum image, and that image.
+    ///
     /// # Correctness
     /// 1. A vector with at most half of each basis vector is at most `ρ = ½√(r₁² + r₂² + r₃²)` from one that stands for
-    ///    the minimum image. `rₖ` is the part of the `k`-th basis vector that is orthogonal to its predecessors.
+    ///    the minimum image. `rₖ` is the part of the `k`-th basis vector orthogonal to its predecessors.
     /// 2. In a reduced basis `rₖ² ≥ 0.74 rₖ₋₁²`, hence `ρ < 1.1 r₃`.
     /// 3. Hence only −1, 0 and 1 times the third vector can lead there from at most half of it.
-    /// 4. In each of these three planes the same holds for the second vector. Along the first one, rounding finds the
+    /// 4. The same holds for the second vector in each of these three planes. Along the first one, rounding finds the
     ///    image.
     pub(crate) fn minimum_image(&self, vector: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let scaled = DVec3::from(vector) * self.unit;
@@ -218,7 +218,7 @@ pub(crate) fn power_of_two_below(number: f64) -> f64 {
 }
 
 /// The map from a triclinic cell to orthogonalized coordinates: the distances from the planes that pairs of basis
-/// vectors span. There space is periodic along the axes, and no distance grows by more than the factor `stretch`.
+/// vectors span. Their space is periodic along the axes, and no distance grows by more than `stretch`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orthogonalization {
     rank: usize,
@@ -247,9 +247,9 @@ impl Orthogonalization {
     }
 
     /// Orthogonalizes a valid sphere and wraps it to the image nearest to the origin. Spheres whose minimum images
-    /// touch also touch there: radii grow by `stretch`, and by more than coordinates lose to rounding. That growth
-    /// hardly depends on the position, so a moving sphere keeps its radius. Radii are cut at `limit`, with which a
-    /// sphere must touch all others.
+    /// touch also touch there: radii grow by `stretch`, and by more than rounding. That growth hardly depends on the
+    /// position, so a moving sphere keeps its radius. Radii are cut at `limit`, with which a sphere must touch all
+    /// others.
     pub fn sphere(&self, center: [f64; 3], radius: f64, limit: f64) -> Sphere {
         let center = DVec3::from(center) * self.unit;
         let mut orthogonal = Vec3::ZERO;
@@ -340,9 +340,9 @@ fn heights(inverse: &[DVec3; 3]) -> [f64; 3] {
     inverse.map(|row| row.length().recip())
 }
 
-/// Returns an upper bound of the factor by which a matrix with these rows lengthens a vector: the largest singular
-/// value, rounded up. With `n` rows, the trace of the `p`-th power of a symmetric matrix lies between the `p`-th power
-/// of its largest eigenvalue and `n` times as much.
+/// Returns an upper bound of the largest singular value of a matrix with these rows, the factor by which it lengthens a
+/// vector. The trace of the `p`-th power of a symmetric `n` × `n` matrix lies between the `p`-th power of its largest
+/// eigenvalue and `n` times as much.
 fn norm_bound(rows: [DVec3; 3]) -> f64 {
     const DOUBLINGS: i32 = 10;
     let mut products = glam::DMat3::from_cols(rows[0], rows[1], rows[2]);

@@ -11,7 +11,6 @@ use lazygrid_sim::{Model, Schedule};
 /// The quantity of a slot by which a receiver decides.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Detector {
-    /// Number of arrivals.
     Arrivals,
     /// Largest momentary count.
     Peak,
@@ -46,7 +45,7 @@ impl Detector {
 #[derive(Clone, Debug, Default)]
 pub struct ReplicaFiles {
     pub seed: u64,
-    /// Log of arrivals; empty if none was written.
+    /// Empty if none was written.
     pub log: Log,
     pub series: Series,
 }
@@ -57,9 +56,7 @@ pub struct ReplicaFiles {
 /// keying: the species with the most arrivals, the first of equal ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BitErrors {
-    /// Index of the transmitter in the model.
     pub transmitter: usize,
-    /// Index of the receiver in the model.
     pub receiver: usize,
     pub detector: Detector,
     /// Steps from a symbol to the start of its slot.
@@ -69,13 +66,13 @@ pub struct BitErrors {
     pub ones: u64,
     decision: DetectionRule,
     width: u32,
-    /// Observation of each slot, by replica.
+    /// Indexed by replica.
     slots: Vec<Vec<SymbolObservation>>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 enum DetectionRule {
-    /// Symbols from the lowest level to the highest.
+    /// From the lowest level to the highest.
     Level(Vec<u32>),
     Species,
 }
@@ -88,7 +85,7 @@ struct SymbolObservation {
 }
 
 impl BitErrors {
-    /// Creates the statistic of a transmitter's message at a receiver, without replicas.
+    /// Has no replicas yet.
     pub fn new(
         model: &Model,
         message: &Message,
@@ -174,7 +171,7 @@ impl BitErrors {
         }
     }
 
-    /// Returns the most arrivals in a slot, if thresholds decide.
+    /// Returns the largest count of a slot, if thresholds decide.
     pub fn most(&self) -> u64 {
         self.slots.iter().flatten().map(|slot| slot.seen).max().unwrap_or(0)
     }
@@ -227,7 +224,7 @@ impl BitErrors {
         thresholds
     }
 
-    /// Returns the 95 % interval of the rate of `wrong` errors, as if errors of successive bits were independent.
+    /// Returns the 95 % interval of the rate, as if errors of successive bits were independent.
     pub fn interval(&self, wrong: u64) -> [f64; 2] {
         wilson(wrong, self.bits)
     }

@@ -11,8 +11,8 @@ use lazygrid_sim::Model;
 use lazygrid_sim::model::message::Message;
 use lazygrid_sim::random::philox::Key;
 
-/// The count of a receiver by the time within a slot and the slot's symbol, over slots and replicas. Arrivals count
-/// from the last row at or before the beginning.
+/// The count of a receiver by the time within a slot and the slot's symbol, over slots and replicas. Arrivals are
+/// counted from the last row at or before the beginning.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CountsBySymbol {
     pub link: Link,

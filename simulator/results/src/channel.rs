@@ -17,17 +17,14 @@ use lazygrid_sim::{Error, Model};
 /// logged arrivals.
 #[derive(Clone, Debug, Default)]
 pub struct Channels {
-    /// Impulse responses of links with arrivals.
     pub responses: Vec<Response>,
-    /// Interference on the links with messages.
     pub interference: Vec<Interference>,
-    /// Bit errors by message, receiver, detector and delay of the slots.
+    /// Ordered by message, receiver, detector and delay of the slots.
     pub bit_errors: Vec<BitErrors>,
-    /// Counts of receivers within slots, by sent symbol.
     pub by_symbol: Vec<CountsBySymbol>,
 }
 
-/// Bins of a response without a message.
+/// Used without a message.
 const BINS: u32 = 100;
 const PER_SYMBOL: f64 = 20.0;
 /// Symbols of a response, and slots of interference.
@@ -141,9 +138,6 @@ impl Channels {
 
     /// Writes the impulse responses: the fraction of particles that arrives, or is inside, in each bin after the
     /// release, its sum over arrivals, and standard errors.
-    ///
-    /// # Errors
-    /// Fails if the writer fails.
     pub fn write_responses(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(
             out,
@@ -164,9 +158,6 @@ impl Channels {
     }
 
     /// Writes the fraction of particles that arrives in each slot after the release.
-    ///
-    /// # Errors
-    /// Fails if the writer fails.
     pub fn write_interference(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(out, "transmitter,receiver,species,slot,replicas,part mean,part error")?;
         for interference in &self.interference {
@@ -178,11 +169,8 @@ impl Channels {
         Ok(())
     }
 
-    /// Writes errors, bits, error rate and 95 % interval for each detector and delay. One threshold of arrivals takes
-    /// every value, of another detector those at which errors may change; several take those with the fewest errors.
-    ///
-    /// # Errors
-    /// Fails if the writer fails.
+    /// Writes errors, bits, error rate and 95 % interval for each detector and delay. A single threshold takes every
+    /// value for arrivals, else those at which errors may change; several take those with the fewest errors.
     pub fn write_bit_errors(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(
             out,
@@ -212,9 +200,6 @@ impl Channels {
     }
 
     /// Writes the mean count over slots and replicas, by symbol and time within the slot.
-    ///
-    /// # Errors
-    /// Fails if the writer fails.
     pub fn write_by_symbol(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(out, "transmitter,receiver,species,symbol,time,slots,count mean,count error")?;
         for counts in &self.by_symbol {
@@ -240,7 +225,7 @@ fn delays(message: &Message, time_step: f64) -> impl Iterator<Item = u32> {
     delays.into_iter()
 }
 
-/// Returns the name of a link on pages: `tx to rx: A`.
+/// Such as `tx to rx: A`.
 pub fn link_name(link: Link, model: &Model) -> String {
     format!(
         "{} to {}: {}",

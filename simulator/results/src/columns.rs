@@ -4,11 +4,9 @@ use lazygrid_sim::Model;
 
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ColumnGroup {
-    /// Name in texts and of files.
     pub name: &'static str,
-    /// Title of the axis.
     pub axis: &'static str,
-    /// Indices of the counts in a row; see [`names`](lazygrid_sim::series::names).
+    /// Indices in a row; see [`names`](lazygrid_sim::series::names).
     pub columns: Vec<usize>,
 }
 
@@ -34,7 +32,6 @@ pub fn groups(model: &Model) -> [ColumnGroup; 5] {
     ]
 }
 
-/// Returns the index of the count of a species at a receiver.
 pub fn column_of(model: &Model, receiver: usize, species: usize) -> Option<usize> {
     let species_of = |at: usize| (0..model.species.len()).filter(move |&k| model.receivers[at].counts(k));
     let before = (0..receiver).map(|at| species_of(at).count()).sum::<usize>();

@@ -3,23 +3,21 @@ use std::path::Path;
 use lazygrid_sim::table::{TableReader, TableRow};
 use lazygrid_sim::{Error, Model, Receiver};
 
-/// Arrivals and releases of a run, in the order of steps.
+/// In the order of steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Log {
     pub arrivals: Vec<Arrived>,
     pub releases: Vec<Released>,
-    /// Particles inside or bound to receivers, at each row of the series.
+    /// At each row of the series.
     pub inside: Vec<Inside>,
 }
 
-/// A particle that arrived.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrived {
     pub step: u32,
-    /// Index in the model.
     pub receiver: usize,
     pub species: usize,
-    /// Transmitter index and completed steps at its release; `None` for inserted particles.
+    /// Transmitter, and completed steps at the release; `None` for inserted particles.
     pub origin: Option<(usize, u32)>,
 }
 
@@ -27,19 +25,16 @@ pub struct Arrived {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Inside {
     pub step: u32,
-    /// Index in the model.
     pub receiver: usize,
     pub species: usize,
-    /// Transmitter index and completed steps at the release; `None` for inserted particles.
+    /// `None` for inserted particles, as in [`Arrived`].
     pub origin: Option<(usize, u32)>,
     pub count: u64,
 }
 
-/// Particles that were released together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Released {
     pub step: u32,
-    /// Index in the model.
     pub transmitter: usize,
     pub species: usize,
     pub count: u64,

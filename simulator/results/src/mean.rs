@@ -72,21 +72,18 @@ impl RunningStats {
     }
 
     /// Returns the standard error of the mean; `None` below two values.
-    /// D 62 70
     pub fn standard_error(&self) -> Option<f64> {
         let n = self.count as f64;
         (self.count > 1).then(|| (self.spread / (n - 1.0) / n).sqrt())
     }
 }
 
-/// The series of several replicas, summed row by row.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeanSeries {
     pub names: Vec<String>,
     pub steps: Vec<u32>,
-    /// Time in s, by row.
     pub times: Vec<f64>,
-    /// Statistics of each count, row after row.
+    /// Row after row.
     pub samples: Vec<IntegerStats>,
     pub replicas: u64,
 }
@@ -142,9 +139,6 @@ impl MeanSeries {
 
     /// Writes step, time, replicas, and the mean and standard error of each count; the error is empty for one
     /// replica.
-    ///
-    /// # Errors
-    /// Fails if the writer fails.
     pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
         write!(out, "step,time,replicas")?;
         self.names.iter().try_for_each(|name| write!(out, ",{name} mean,{name} error"))?;

@@ -4,12 +4,9 @@ use crate::log::Log;
 use crate::mean::RunningStats;
 use lazygrid_sim::Model;
 
-/// A link from a transmitter to a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Link {
-    /// Index in the model.
     pub transmitter: usize,
-    /// Index in the model.
     pub receiver: usize,
     /// Species on arrival.
     pub species: usize,
@@ -48,7 +45,7 @@ impl Link {
 pub struct Response {
     pub link: Link,
     pub width: u32,
-    /// Fraction of each bin, over replicas.
+    /// Indexed by bin, over replicas.
     pub parts: Vec<RunningStats>,
     /// Fraction up to the end of each bin, over replicas; empty for momentary counts.
     pub cumulative: Vec<RunningStats>,

@@ -7,7 +7,7 @@ use lazygrid_sim::table::TableReader;
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Series {
-    /// Names of the counts; see [`names`](lazygrid_sim::series::names).
+    /// See [`names`](lazygrid_sim::series::names).
     pub names: Vec<String>,
     pub steps: Vec<u32>,
     /// Time in s, by row.

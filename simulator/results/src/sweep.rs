@@ -74,9 +74,6 @@ impl SweepRow {
 }
 
 /// Writes a row per point: its values, replicas, and each result with its bounds. Missing results are empty.
-///
-/// # Errors
-/// Fails if the writer fails.
 pub fn write(out: &mut impl Write, keys: &[String], rows: &[SweepRow]) -> io::Result<()> {
     let mut names: Vec<&str> = Vec::new();
     for result in rows.iter().flat_map(|row| &row.results) {

@@ -8,7 +8,7 @@ use lazygrid_sim::{Model, Schedule};
 /// The complete slots of a message, from symbol to symbol, with a delay.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SymbolSlots {
-    /// First step of each slot, and the end of the last slot.
+    /// First step of each slot, and the last one's end.
     pub(crate) bounds: Vec<u32>,
 }
 
@@ -50,7 +50,6 @@ pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interference {
     pub link: Link,
-    /// Fraction that arrives, by slots since the release.
     pub by_lag: Vec<RunningStats>,
     /// Fraction of arrivals after the symbol's own slot.
     pub late: RunningStats,
@@ -61,7 +60,7 @@ impl Interference {
         Self { link, by_lag: vec![RunningStats::default(); lags], late: RunningStats::default() }
     }
 
-    /// Adds a replica. A symbol counts for the lags whose slots are complete.
+    /// Adds a replica. A symbol enters the lags whose slots are complete.
     pub fn add(&mut self, log: &Log, slots: &SymbolSlots) {
         let (link, lags) = (self.link, self.by_lag.len());
         let released = released(link, log, slots);
@@ -81,8 +80,7 @@ impl Interference {
         self.add_parts(arrived.into_iter().enumerate().map(|(lag, arrived)| (arrived, seen(lag))));
     }
 
-    /// Adds a replica at a receiver with a momentary count whose series has these `rows` (steps): the mean fraction
-    /// inside during a slot.
+    /// Adds a replica of a momentary count, in these `rows` (steps): the mean fraction inside during a slot.
     pub fn add_momentary(&mut self, log: &Log, rows: &[u32], slots: &SymbolSlots) {
         let (link, lags) = (self.link, self.by_lag.len());
         let released = released(link, log, slots);
@@ -159,7 +157,7 @@ pub(crate) mod tests {
         }
     }
 
-    /// A log of arrivals by slot of the symbol and slot of arrival.
+    /// Arrivals by slot of the symbol and slot of arrival.
     pub(crate) fn log(arrivals: &[(usize, usize, usize)]) -> Log {
         let begin = |slot: usize| 5 + 10 * slot as u32;
         let arrived = |&(from, to, count): &(usize, usize, usize)| {

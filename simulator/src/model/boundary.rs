@@ -5,7 +5,6 @@ use lazygrid::Space;
 use crate::Error;
 use crate::model::vessel::Vessel;
 
-/// The boundary along an axis.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Axis {
     /// Unbounded.
@@ -15,7 +14,6 @@ pub enum Axis {
     Reflecting { low: f32, high: f32 },
     /// Periodic: `high` is the same position as `low`, in µm.
     Periodic {
-        /// Lower end, inside the box.
         low: f32,
         /// Upper end, outside the box.
         high: f32,
@@ -96,7 +94,6 @@ fn round_trip(way: f32, length: f32) -> f32 {
     way - 2.0 * length * (way / (2.0 * length)).floor()
 }
 
-/// The boundary of space.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Boundary {
     pub axes: [Axis; 3],
@@ -123,12 +120,11 @@ impl Boundary {
         self.axes.iter().filter(|axis| **axis != Axis::Frozen).count()
     }
 
-    /// Returns a vector without its components along frozen axes.
     pub(crate) fn flattened(&self, v: [f32; 3]) -> [f32; 3] {
         std::array::from_fn(|k| if self.axes[k] == Axis::Frozen { 0.0 } else { v[k] })
     }
 
-    /// Converts a uniform direction to a uniform one in the dimensions of the run.
+    /// Keeps a uniform direction uniform in the dimensions of the run.
     pub(crate) fn direction_within(&self, direction: [f32; 3]) -> [f32; 3] {
         if self.dimensions() == 3 {
             return direction;
@@ -150,7 +146,6 @@ impl Boundary {
         Ok(Space::periodic(lengths).map_err(lazygrid::Error::from)?)
     }
 
-    /// Returns the boundary for centers of spheres of this radius.
     #[inline(always)]
     pub fn inset(&self, radius: f32) -> Self {
         Self {
@@ -159,7 +154,7 @@ impl Boundary {
         }
     }
 
-    /// Returns the first direction in which a sphere of this radius does not fit, and the width there.
+    /// Returns the first direction in which a sphere of this radius does not fit, and the width.
     pub fn too_narrow(&self, radius: f32) -> Option<(&'static str, f32)> {
         let inset = self.inset(radius);
         let walls = ["along x", "along y", "along z"].into_iter().zip(self.axes.into_iter().zip(inset.axes));
@@ -173,7 +168,7 @@ impl Boundary {
         narrow.or_else(|| Some(("across the vessel", 2.0 * vessel()?.radius)))
     }
 
-    /// Reflects or wraps a position into the box and the vessel.
+    /// Reflects or wraps a position.
     #[inline(always)]
     pub fn confine(&self, p: [f32; 3]) -> [f32; 3] {
         let p = [self.axes[0].confine(p[0]), self.axes[1].confine(p[1]), self.axes[2].confine(p[2])];
@@ -183,7 +178,7 @@ impl Boundary {
         }
     }
 
-    /// Returns the vector from `p` to the nearest periodic image of `q`.
+    /// Points from `p` to the nearest periodic image of `q`.
     #[inline(always)]
     pub fn displacement(&self, p: [f32; 3], q: [f32; 3]) -> [f32; 3] {
         [

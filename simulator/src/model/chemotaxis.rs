@@ -25,44 +25,37 @@ use crate::model::vessel::dot;
 /// A concentration that does not change.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Attractant {
-    /// Name.
     pub name: String,
-    /// Center, in µm.
     pub center: [f32; 3],
-    /// Profile around the center.
     pub profile: AttractantProfile,
 }
 
 /// A concentration by the displacement from its center, in any unit.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AttractantProfile {
-    /// The `level` at the center plus a constant gradient per µm, but not below 0.
+    /// The `level` at the center plus a gradient, but not below 0.
     Linear {
-        /// Concentration at the center.
         level: f64,
-        /// Gradient per µm.
+        /// Per µm.
         gradient: [f64; 3],
     },
     /// The `peak` times exp(−r²/2w²).
     Gaussian {
-        /// Concentration at the center.
         peak: f64,
-        /// Width w, in µm.
+        /// w, in µm.
         width: f64,
     },
     /// The `peak` times R/r, the steady state around a source of radius R, inside which it is constant.
     Source {
-        /// Concentration at the surface of the source.
         peak: f64,
-        /// Radius R, in µm.
+        /// R, in µm.
         radius: f64,
     },
 }
 
-/// The response of a swimmer to a concentration.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chemotaxis {
-    /// Attractant, as index in the model.
+    /// Index in the model.
     pub attractant: u32,
     /// Sensitivity χ: in s over the unit of the concentration, with `half_saturation` in s. A negative one repels.
     pub sensitivity: f64,
@@ -126,7 +119,6 @@ impl Chemotaxis {
 }
 
 impl Model {
-    /// Returns the largest factor by which the gradient raises the tumble rate of a species.
     pub(crate) fn largest_rate_factor(&self, species: usize) -> f64 {
         let species = &self.species[species];
         let Some(Chemotaxis { attractant, sensitivity, half_saturation }) = species.chemotaxis else {
@@ -136,7 +128,6 @@ impl Model {
         libm::exp(sensitivity.abs() * species.speed * gradient)
     }
 
-    /// Returns the first attractant with a fault, and the fault.
     pub(crate) fn faulty_attractant(&self) -> Option<(usize, String)> {
         (0..self.attractants.len()).find_map(|k| Some((k, self.fault_of_attractant(k)?)))
     }
@@ -169,7 +160,6 @@ impl Model {
         })
     }
 
-    /// Returns the fault of a species' chemotaxis.
     pub(crate) fn faulty_chemotaxis(&self, species: usize) -> Option<String> {
         let one = &self.species[species];
         let Chemotaxis { attractant, sensitivity, half_saturation } = one.chemotaxis?;

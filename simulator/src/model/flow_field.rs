@@ -1,34 +1,32 @@
 //! A flow with velocities on a regular grid.
 //!
-//! Between grid points velocities are interpolated linearly along each axis. Outside the grid the velocity is that of
-//! the nearest point of its surface, so an axis with one point has the same flow everywhere.
+//! Between grid points velocities are interpolated linearly along each axis. Outside, the velocity is that of the
+//! nearest point, so an axis with one point has the same flow everywhere.
 
 use std::fmt;
 
 use crate::Error;
 use crate::checksum::Digest;
 
-/// Velocities on a regular grid.
 #[derive(Clone, PartialEq)]
 pub struct FlowField {
     origin: [f64; 3],
     spacing: [f64; 3],
     points: [usize; 3],
-    /// Velocities in µm/s, z fastest.
+    /// z fastest.
     velocities: Vec<f32>,
     checksum: u64,
     /// Largest component along each axis.
     fastest: [f64; 3],
-    /// Largest difference of neighbors over their distance, in 1/s.
+    /// In 1/s.
     steepest: f64,
 }
 
 impl FlowField {
-    /// Bytes of a grid point.
     pub(crate) const BYTES_PER_POINT: u64 = 3 * size_of::<f32>() as u64;
 
     /// Creates a field from the first point and the distances of points, in µm, and velocities in µm/s: three
-    /// components of each point, points along z in turn, then along y, then along x.
+    /// components per point, z fastest, x slowest.
     ///
     /// # Errors
     /// [`Error::Model`] if the number of velocities, the spacing or a velocity is invalid.
@@ -85,17 +83,17 @@ impl FlowField {
         }
     }
 
-    /// Returns the checksum of the numbers of points and of all velocities.
+    /// Includes the numbers of points.
     pub fn checksum(&self) -> u64 {
         self.checksum
     }
 
-    /// Returns the largest component of any velocity along each axis, in µm/s.
+    /// In µm/s, by axis.
     pub(crate) fn fastest(&self) -> [f64; 3] {
         self.fastest
     }
 
-    /// Returns the largest change of a component between neighboring points over their distance, in 1/s.
+    /// Largest difference of neighbors over their distance, in 1/s.
     pub(crate) fn steepest(&self) -> f64 {
         self.steepest
     }
@@ -107,7 +105,6 @@ impl FlowField {
         (self.points[axis] > 1).then_some([first, last, spacing])
     }
 
-    /// Returns the velocity at a point, in µm/s.
     pub fn at(&self, point: [f32; 3]) -> [f64; 3] {
         let cells: [_; 3] = std::array::from_fn(|axis| self.cell(axis, point[axis]));
         let mut sum = [0.0; 3];
@@ -136,7 +133,7 @@ impl FlowField {
     }
 }
 
-/// Without velocities, which may be millions; their checksum tells fields apart.
+/// Omits the velocities, which may be millions; their checksum tells fields apart.
 impl fmt::Debug for FlowField {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("FlowField")

@@ -24,29 +24,22 @@ use crate::random::philox::{Key, Purpose, open_unit};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Membrane {
     pub name: String,
-    /// Plane or sphere.
     pub surface: MembraneSurface,
     /// Permeability κ, in µm/s.
     pub permeability: f64,
-    /// Flags by species: `true` if the membrane holds it back. Others pass freely.
+    /// Flags by species: `true` if the membrane holds it back.
     pub sees: Vec<bool>,
 }
 
-/// The surface of a membrane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MembraneSurface {
-    /// A plane.
     Plane {
-        /// The axis across which it is: 0, 1 or 2.
+        /// The normal: 0, 1 or 2.
         axis: usize,
-        /// Coordinate, in µm.
         position: f32,
     },
-    /// A sphere.
     Sphere {
-        /// Center, in µm.
         center: [f32; 3],
-        /// Radius, in µm.
         radius: f32,
     },
 }
@@ -57,7 +50,6 @@ impl Default for MembraneSurface {
     }
 }
 
-/// The ends of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StepEnds {
     /// Without images, in µm.
@@ -68,7 +60,6 @@ pub(crate) struct StepEnds {
     pub(crate) after: [f32; 3],
 }
 
-/// A step of a diffusing particle among membranes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MembraneStep<'a> {
     pub(crate) membranes: &'a [Membrane],
@@ -96,7 +87,7 @@ struct Slab {
 }
 
 impl MembraneStep<'_> {
-    /// Changes the ends of a step from `before` by the membranes.
+    /// `before` is the beginning of the step.
     pub(crate) fn hold_back(&self, before: [f32; 3], ends: &mut StepEnds, (key, id, step): (Key, u32, u32)) {
         let words = |membrane: usize, event: u32| {
             key.draw_part([id, membrane as u32], event, step, Purpose::Membrane)

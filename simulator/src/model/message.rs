@@ -6,19 +6,17 @@ use crate::random::philox::{Key, Purpose};
 /// A sequence of symbols that a transmitter sends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message {
-    /// Time of the first symbol, in s.
+    /// In s.
     pub start: f64,
-    /// Time between symbols, in s.
+    /// In s.
     pub symbol_time: f64,
     pub symbols: Symbols,
-    /// Mapping of symbols to bursts.
     pub modulation: Modulation,
 }
 
 /// The symbols of a message, from 0.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Symbols {
-    /// Given sequence.
     Given(Vec<u32>),
     /// Uniformly random, drawn with the seed of the run.
     Random {
@@ -41,7 +39,6 @@ impl Symbols {
     }
 }
 
-/// The mapping of symbols to bursts.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Modulation {
     /// On–off keying: 1 sends a burst, 0 nothing.

@@ -31,7 +31,6 @@ pub struct Model {
     pub time_step: f64,
     /// Other parts refer to these by index.
     pub species: Vec<Species>,
-    /// Concentrations that swimmers follow.
     pub attractants: Vec<Attractant>,
     pub reactions: Vec<Reaction>,
     pub decays: Vec<Decay>,
@@ -48,7 +47,6 @@ pub struct Model {
     pub logs_arrivals: bool,
 }
 
-/// A species of particles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Species {
     pub name: String,
@@ -63,7 +61,6 @@ pub struct Species {
     pub speed: f64,
     /// Rate at which a swimmer takes a random direction, in 1/s.
     pub tumble_rate: f64,
-    /// Response of the tumble rate to a concentration.
     pub chemotaxis: Option<Chemotaxis>,
 }
 
@@ -73,44 +70,40 @@ impl Species {
     }
 }
 
-/// Flow that carries particles.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Flow {
     /// Uniform velocity, in µm/s.
     Plug([f64; 3]),
     /// Parabolic profile along a cylinder: v(r) = 2v(1 − r²/R²), with the mean v.
     Poiseuille {
-        /// Mean velocity v, in µm/s.
         mean: f64,
     },
-    /// Velocities on a grid.
     Field(Arc<FlowField>),
 }
 
 /// A bimolecular reaction of two particles within the binding radius.
 ///
-/// Products take the positions and ids of their reactants, in order. A reactant that is its own product is not
-/// consumed: it keeps its position and may react with several partners in one step.
+/// Products take the positions and ids of their reactants, in order. A reactant that is its own product keeps its
+/// position and may react with several partners in one step.
 ///
-/// Several reactions of the same reactants are channels. A pair undergoes at most one per step, by their
-/// probabilities, of those whose binding radius contains it.
+/// Several reactions of the same reactants are channels: a pair undergoes at most one per step, by their probabilities,
+/// of those whose binding radius contains it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reaction {
     /// Such as `A + B -> C`.
     pub name: String,
-    /// Species of the reactants; both may be the same.
+    /// Both may be the same species.
     pub reactants: [u32; 2],
-    /// Species of the products; `None` removes the reactant.
+    /// `None` removes the reactant.
     pub products: [Option<u32>; 2],
     /// Largest center distance at which the pair can react, in µm.
     pub binding_radius: f32,
     /// Distance of two products, in µm.
     pub unbinding_radius: f32,
-    /// Probability or rate within the binding radius.
     pub chance: ReactionRate,
 }
 
-/// The probability or rate of a reaction within the binding radius.
+/// Applies within the binding radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ReactionRate {
     /// Probability per step.
@@ -132,13 +125,11 @@ impl Default for ReactionRate {
 pub struct Decay {
     /// Such as `A -> B`.
     pub name: String,
-    /// Species of the reactant.
     pub reactant: u32,
-    /// Species of the products; a second requires a first.
+    /// A second product requires a first.
     pub products: [Option<u32>; 2],
-    /// Placement of two products.
     pub unbinding: Unbinding,
-    /// Rate, in 1/s.
+    /// In 1/s.
     pub rate: f64,
 }
 
@@ -148,7 +139,7 @@ impl Decay {
     }
 }
 
-/// Placement of two products in opposite random directions from the reactant; the faster one goes further.
+/// Products go in opposite random directions from the reactant, the faster one further.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unbinding {
     /// At this distance, in µm.

@@ -7,16 +7,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::Error;
 
-/// All particles of a run, one column per quantity.
+/// One column per quantity.
 ///
 /// An id names a particle as long as it exists. Its index changes when particles are removed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Particles {
     /// Coordinates by axis, in µm.
     pub position: [Vec<f32>; 3],
-    /// Velocities by axis, in µm/s; empty in a model without velocities.
+    /// In µm/s, by axis; empty in a model without velocities.
     pub velocity: [Vec<f32>; 3],
-    /// Radii, in µm.
     pub radius: Vec<f32>,
     pub species: Vec<u32>,
     pub id: Vec<u32>,
@@ -24,11 +23,9 @@ pub struct Particles {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Particle {
-    /// Coordinates, in µm.
     pub position: [f32; 3],
-    /// Velocity, in µm/s; unused in a model without velocities.
+    /// In µm/s; unused in a model without velocities.
     pub velocity: [f32; 3],
-    /// Radius, in µm.
     pub radius: f32,
     pub species: u32,
     pub id: u32,
@@ -47,8 +44,6 @@ impl Particles {
         !self.is_empty() && self.velocity[0].len() == self.len()
     }
 
-    /// Reserves space for more particles.
-    ///
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub fn reserve(&mut self, count: u64, with_velocity: bool) -> Result<(), Error> {
@@ -138,7 +133,6 @@ impl Particles {
         }
     }
 
-    /// Keeps the first `count` only.
     pub fn truncate(&mut self, count: usize) {
         for column in self.position.iter_mut().chain(&mut self.velocity).chain([&mut self.radius]) {
             column.truncate(count);

@@ -11,23 +11,20 @@ use crate::model::receptors::ReceptorType;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Receiver {
     pub name: String,
-    /// Center at the beginning of the run, in µm.
+    /// At the beginning of the run.
     pub center: [f32; 3],
-    /// Radius, in µm.
     pub radius: f32,
-    /// Effect on particles.
     pub kind: ReceiverKind,
-    /// Flags by species: `true` if the receiver acts on it. Others pass through.
+    /// Flags by species: `true` if the receiver acts on it.
     pub sees: Vec<bool>,
-    /// Velocity, in µm/s.
+    /// In µm/s.
     pub velocity: [f64; 3],
-    /// Diffusion coefficient, in µm²/s.
+    /// In µm²/s.
     pub diffusion: f64,
-    /// Diffusion coefficient of bound particles on the surface, in µm²/s.
+    /// In µm²/s, for bound particles.
     pub surface_diffusion: f64,
 }
 
-/// The effect of a receiver on particles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum ReceiverKind {
     /// Removes and counts particles whose path reaches it; see [`path_hit`](crate::motion::path_hit).
@@ -47,18 +44,15 @@ pub enum ReceiverKind {
     Wall(WallFace),
 }
 
-/// A wall of the boundary.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WallFace {
-    /// Lower wall across an axis.
+    /// Across this axis.
     Low(usize),
-    /// Upper wall across an axis.
+    /// Across this axis.
     High(usize),
-    /// Wall of the cylinder.
     Side,
 }
 
-/// The adsorption rule of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Adsorption {
     /// Probability per particle and step in which it reaches the surface; the rate depends on the time step.
@@ -68,7 +62,7 @@ pub enum Adsorption {
 }
 
 impl ReceiverKind {
-    /// Returns `true` if the surface reflects particles that do not adsorb or bind.
+    /// `true` if the surface reflects particles that do not adsorb or bind.
     pub fn reflects(&self) -> bool {
         matches!(self, Self::Reflecting | Self::Partial(_) | Self::Receptors(_))
     }

@@ -6,18 +6,17 @@ use crate::model::receiver::{Receiver, ReceiverKind};
 /// Identical receptors, for which ligands compete.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReceptorType {
-    /// Receptors; each binds one particle.
+    /// Each binds one particle.
     pub count: u32,
     pub ligands: Vec<Ligand>,
 }
 
-/// A species that binds to receptors.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ligand {
     pub species: u32,
     /// Binding rate of a free receptor, in µm³/s: `n` free ones on a sphere have the reactivity n·rate/(4πR²).
     pub binding_rate: f64,
-    /// Unbinding rate of a bound particle, in 1/s.
+    /// Per bound particle, in 1/s.
     pub unbinding_rate: f64,
 }
 
@@ -40,7 +39,7 @@ impl ReceptorType {
 }
 
 impl Receiver {
-    /// Returns the types of its receptors; empty for a receiver of another kind.
+    /// Is empty for other kinds.
     pub fn receptor_types(&self) -> &[ReceptorType] {
         match &self.kind {
             ReceiverKind::Receptors(types) => types,

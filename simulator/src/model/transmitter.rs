@@ -6,11 +6,9 @@ use crate::model::time::step_of;
 use crate::random::gaussian;
 use crate::random::philox::{Key, open_unit};
 
-/// A source of particles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Transmitter {
     pub name: String,
-    /// Center, in µm.
     pub center: [f32; 3],
     /// Index of the receiver with which it moves, at whose center it is.
     pub carrier: Option<u32>,
@@ -22,7 +20,6 @@ pub struct Transmitter {
     pub numbers: CountDistribution,
 }
 
-/// The release schedule of a transmitter.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Schedule {
     /// Burst at each of these ascending times, in s. It appears before the first step that begins at its time or
@@ -30,11 +27,10 @@ pub enum Schedule {
     Times(Vec<f64>),
     /// Burst per symbol.
     Message(Message),
-    /// Steady release.
     Steady {
-        /// Start, in s.
+        /// In s.
         from: f64,
-        /// End, in s.
+        /// In s.
         until: f64,
         /// In 1/s, by species.
         rates: Vec<(u32, f64)>,
@@ -47,7 +43,6 @@ impl Default for Schedule {
     }
 }
 
-/// The distribution of released numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CountDistribution {
     /// Exact. Steady release is evenly spaced.
@@ -57,7 +52,7 @@ pub enum CountDistribution {
     Poisson,
 }
 
-/// The distribution of released particles around the center. Lengths are in µm.
+/// Distribution of released particles around the center. Lengths are in µm.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Shape {
     #[default]
@@ -100,7 +95,7 @@ impl Transmitter {
         self.release.iter().map(|&(species, _)| species).chain(steady.iter().map(|&(species, _)| species))
     }
 
-    /// Returns the mean release in steps `begin..end`, by species.
+    /// In steps `begin..end`, by species.
     pub fn mean_between(&self, [begin, end]: [u32; 2], time_step: f64) -> Vec<(u32, f64)> {
         let scaled = |by: f64| self.release.iter().map(move |&(species, n)| (species, by * f64::from(n)));
         match &self.schedule {

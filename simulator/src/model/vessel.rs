@@ -8,7 +8,6 @@ pub struct Vessel {
     pub along: Option<usize>,
     /// A point on the middle line, or the center of a sphere, in µm.
     pub center: [f32; 3],
-    /// Radius, in µm.
     pub radius: f32,
 }
 
@@ -16,7 +15,7 @@ pub struct Vessel {
 const BOUNCES: usize = 64;
 
 impl Vessel {
-    /// Returns the vessel for centers of spheres of this radius.
+    /// Bounds centers of spheres of this radius.
     #[inline(always)]
     pub fn inset(self, radius: f32) -> Self {
         Self { radius: self.radius - radius, ..self }

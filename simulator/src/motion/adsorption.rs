@@ -2,7 +2,7 @@
 //!
 //! A surface of reactivity κ adsorbs κ times the local concentration, per area and time. S. S. Andrews (*Accurate
 //! particle-based simulation of adsorption, desorption and partial transmission*, Physical Biology 6 (2009) 046015)
-//! fits a probability for particles observed at the ends of steps. Here the path counts
+//! fits a probability for particles observed at the ends of steps. Here the path decides
 //! ([`path_hit`](crate::motion::path_hit)), and the probability has a closed form.
 //!
 //! *On a plane*, the density of particles that are not adsorbed is known (Carslaw and Jaeger, *Conduction of Heat in
@@ -21,7 +21,7 @@
 //! (w·s(a + |b|) − exp(−r₀r₁/DΔt)·s(r₀ + r₁)) / (1 − exp(−r₀r₁/DΔt)),   w = exp(−ab/DΔt) for b > 0, else 1
 //! ```
 //!
-//! with s for the expression above. From a height `a`, this gives the adsorbed fraction of Collins and Kimball
+//! with s for the expression above. From a height, this gives the adsorbed fraction of Collins and Kimball
 //! (*Diffusion-controlled reaction rates*, Journal of Colloid Science 4 (1949) 425), also for large steps or κ.
 //!
 //! *Desorption* follows from detailed balance: in equilibrium, as many particles desorb to each height as adsorb from
@@ -47,8 +47,7 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// Creates a step near a sphere of (radius in µm, reactivity in µm/s). `diffusion` is DΔt in µm², of particle and
-    /// sphere.
+    /// Radius in µm, reactivity in µm/s; `diffusion` is DΔt in µm², of particle and sphere.
     pub(crate) fn new(diffusion: f64, time_step: f64, (radius, reactivity): (f64, f64)) -> Self {
         let length = diffusion.sqrt();
         let own = reactivity * time_step / length;
@@ -74,7 +73,7 @@ impl Step {
         erfcx(y) - erfcx(self.all + y)
     }
 
-    /// Returns the volume in µm³ of a uniform concentration that a step adsorbs: κ·4πR²Δt if weak.
+    /// Volume in µm³ of a uniform concentration that a step adsorbs: κ·4πR²Δt if weak.
     pub(crate) fn volume(&self) -> f64 {
         let x = self.all;
         // The mean of erfcx(x√t) over t in [0, 1], without cancellation.
@@ -94,7 +93,7 @@ impl Step {
         }
     }
 
-    /// Draws the height in µm after desorption, as that from which a uniform concentration is adsorbed.
+    /// Draws the height in µm as that from which a uniform concentration is adsorbed.
     pub(crate) fn height_after(&self, draws: &mut Draws) -> f64 {
         let scale = 2.0 * self.length;
         let most = self.taken_from(0.0) * (1.0 + FAR * scale / self.radius);
@@ -152,7 +151,7 @@ mod tests {
                 libm::exp(-scaled * scaled) / (2.0 * step.length * ROOT_PI)
             };
             for a in [0.0, 0.3, 2.0].map(|a| a * step.length) {
-                // Both signs of b weigh the same, if paths that end outside count by their crossing probability.
+                // Both signs of b weigh the same, if paths that end outside are weighted by their crossing probability.
                 let sum = over_heights(&step, |b| 2.0 * spread(a + b) * step.on_plane(a + b));
                 let expected = collins_kimball(&step, a);
                 assert!((sum - expected).abs() < 1e-5 * expected.max(1e-9), "{step:?}: {sum} and {expected}");

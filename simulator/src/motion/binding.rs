@@ -10,7 +10,6 @@ use crate::motion::adsorption::{Step, reactivity};
 use crate::motion::surface_events::Event;
 use crate::random::philox::{Draws, Key, Purpose};
 
-/// A bound particle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct Bound {
@@ -65,7 +64,7 @@ pub(crate) fn leaving(
     bound.iter().enumerate().filter_map(leaves).collect()
 }
 
-/// Returns the position of a particle that unbinds; `None` if walls leave no space.
+/// Returns `None` if walls leave no space.
 pub(crate) fn place_of(
     model: &Model,
     held: &Bound,

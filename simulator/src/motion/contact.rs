@@ -3,8 +3,8 @@
 //! `collisions/` prevents overlaps on paths. Overlaps remain after releases and reactions, and between species that
 //! react with each other.
 //!
-//! In each of a few passes, every overlap asks its particles to move apart until they touch, and each particle moves
-//! by the mean displacement. Sums are integers, so the order of overlaps has no effect.
+//! In each of a few passes, each particle moves by the mean of the displacements that would separate its overlaps. Sums
+//! are integers, so the order of overlaps has no effect.
 //!
 //! Overlaps below the rounding error of an `f32` distance remain and are not counted.
 
@@ -91,7 +91,6 @@ impl Contacts {
         chunks.into_iter().flatten().flatten().collect()
     }
 
-    /// Moves each particle by the mean of its displacements.
     pub(crate) fn displace(&self, particles: &mut Particles, mut pushes: Vec<Push>) {
         pushes.par_sort_unstable();
         for of_one in pushes.chunk_by(|a, b| a.0 == b.0) {

@@ -30,7 +30,6 @@ use crate::motion::receiver_state::ReceiverState;
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose, open_unit};
 
-/// A particle's step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
     pub before: [f32; 3],
@@ -43,7 +42,6 @@ pub struct Path {
     pub diffusion: f32,
 }
 
-/// Random numbers of a particle in a step.
 #[derive(Clone, Copy, Debug)]
 pub struct DrawContext {
     pub key: Key,
@@ -99,7 +97,7 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
     BrownianBridge { receiver, domain, who }.hits(segment)
 }
 
-/// Returns the radius for [`hit_probability`], which is infinite without an image.
+/// Is infinite without an image.
 fn image_radius(receiver: &ReceiverState) -> f32 {
     if receiver.dimensions == 3 { receiver.receiver.radius } else { f32::INFINITY }
 }
@@ -156,9 +154,9 @@ impl Hit {
     /// In steps, for the receiver `place`.
     ///
     /// A Brownian path from height α to ±β that reaches the surface does so first at s, where u = s/(1 − s) has the
-    /// inverse Gaussian density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2), drawn by a quadratic equation with one normal and
-    /// one uniform number (Michael, Schucany and Haas, *Generating random variates using transformations with
-    /// multiple roots*, The American Statistician 30 (1976) 88). The surface counts as a plane.
+    /// inverse Gaussian density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2), drawn by a quadratic equation with one normal and one
+    /// uniform number (Michael, Schucany and Haas, *Generating random variates using transformations with multiple
+    /// roots*, The American Statistician 30 (1976) 88). The surface is taken as a plane.
     pub(crate) fn time(&self, who: DrawContext, place: u32) -> f32 {
         let Self { begin, part, heights: [a, b] } = *self;
         if part == 0.0 {

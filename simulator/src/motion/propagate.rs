@@ -28,7 +28,6 @@ pub use crate::motion::surface_events::Event;
 #[derive(Clone, Debug)]
 pub struct Propagator {
     pub(crate) steps: Vec<SpeciesStep>,
-    /// Tumbles of each species.
     tumbles: Vec<Option<TumbleStep>>,
     pub(crate) time_step: f32,
     with_velocity: bool,
@@ -162,7 +161,7 @@ impl Propagator {
         }
     }
 
-    /// Moves all particles and returns their events, by index. `flights` are the paths after collisions.
+    /// `flights` are the paths after collisions.
     pub(crate) fn advance(
         &self,
         particles: &mut Particles,
@@ -359,7 +358,7 @@ impl Propagator {
         Ok(events)
     }
 
-    /// Returns a particle's path, and its end without walls, which reverse its velocity.
+    /// Also returns the end without walls, which reverse the velocity.
     #[inline(always)]
     fn path(
         &self,

@@ -2,7 +2,7 @@
 //!
 //! Every particle has a clear sphere without receivers, known since the last search around it. A path inside it hits
 //! nothing. Other particles go to the detector as spheres that cover several steps, with the receivers as second set.
-//! So a step costs one distance per particle, and a search for few.
+//! So most particles cost one distance per step.
 //!
 //! A clear sphere stays true if the particle moves or another takes its index. The result equals a loop over all
 //! receivers bit for bit.
@@ -17,8 +17,8 @@ use crate::model::receiver::{finder, rounding};
 use crate::motion::path_hit::Path;
 use crate::motion::receiver_state::ActiveReceivers;
 
-/// Bounds of a path: a sphere of radius `half` around the middle of its ends, enlarged by `more` for diffusion and
-/// approaching receivers. In µm.
+/// A sphere of radius `half` around the middle of a path's ends, enlarged by `more` for diffusion and approaching
+/// receivers. In µm.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepBounds {
     middle: [f32; 3],
@@ -54,7 +54,6 @@ pub(crate) struct ReceiverSearch {
     worth: SearchCost,
 }
 
-/// Results do not depend on it.
 #[derive(Debug, Default)]
 struct SearchCost {
     steps: u32,
@@ -127,7 +126,7 @@ impl ReceiverSearch {
         distance + reach.half + reach.more <= radius - self.traveled
     }
 
-    /// Finds receivers by particle, in the order of the model. Particles are beginnings and search radii.
+    /// Keeps the order of the model. Particles are beginnings and search radii.
     pub(crate) fn find<'a>(
         &'a mut self,
         particles: impl Iterator<Item = ([f32; 3], f32)>,

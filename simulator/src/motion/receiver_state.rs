@@ -7,20 +7,18 @@ use crate::motion::adsorption::reactivity;
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose};
 
-/// A receiver in a step.
 #[derive(Clone, Debug)]
 pub struct ReceiverState {
     pub place: u32,
     pub receiver: Receiver,
-    /// Center at the beginning, in µm.
+    /// At the beginning of the step, in µm.
     pub center: [f32; 3],
-    /// Displacement in the step, in µm.
+    /// In the step, in µm.
     pub displacement: [f32; 3],
     /// Part of the displacement that is drift, in µm.
     pub drift: [f32; 3],
     /// DΔt, in µm².
     pub diffusion: f32,
-    /// Adsorption rule, without receptors.
     pub sticking: Adsorption,
     /// Index of its first receptor type in the model.
     pub(crate) first_type: u32,
@@ -53,8 +51,8 @@ impl ReceiverState {
         std::array::from_fn(|k| self.center[k] + part * self.displacement[k])
     }
 
-    /// Returns the radius of the sphere whose curvature its surface has: 2D/r of the drift of the distance is D/r on a disk, and 0
-    /// on a segment.
+    /// Returns the radius of a sphere of equal curvature: the drift of the distance, 2D/r, is D/r on a disk and 0 on a
+    /// segment.
     pub(crate) fn curved_radius(&self) -> f32 {
         match self.dimensions {
             1 => f32::INFINITY,
@@ -63,8 +61,7 @@ impl ReceiverState {
         }
     }
 
-    /// Returns heights of both ends of a path, at these fractions of the step; negative inside. A path to the other
-    /// side of a segment ends inside.
+    /// Heights are at these fractions of the step, negative inside. A path to the other side of a segment ends inside.
     #[inline(always)]
     pub(crate) fn heights(&self, domain: &Boundary, ends: [[f32; 3]; 2], parts: [f32; 2]) -> [f32; 2] {
         let radius = self.receiver.radius;
@@ -76,7 +73,7 @@ impl ReceiverState {
         }
     }
 
-    /// Returns the reactivity of each type's free receptors for a species, in µm/s.
+    /// In µm/s, by type.
     pub(crate) fn reactivities(&self, species: u32) -> impl Iterator<Item = f64> {
         let radius = self.receiver.radius.into();
         let types = self.receiver.receptor_types().iter().zip(&self.free);

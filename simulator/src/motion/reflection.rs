@@ -27,8 +27,7 @@ struct Obstacle<'a> {
 /// Reflections per step; a particle stays at the last.
 const BOUNCES: usize = 64;
 
-/// Returns the reflected path of a particle that begins outside all spheres, if any reflects it. Changes `velocity`, in
-/// µm per step.
+/// The particle begins outside all spheres. Changes `velocity`, in µm per step.
 pub(crate) fn reflect_path(
     bodies: &[&ReceiverState],
     domain: &Boundary,

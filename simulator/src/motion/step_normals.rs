@@ -3,10 +3,9 @@
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose};
 
-/// Particles in a block.
 pub(crate) const BLOCK: usize = 64;
 
-/// Writes the normal numbers of the motion of up to [`BLOCK`] particles in a step, by axis.
+/// Writes numbers of up to [`BLOCK`] particles, by axis.
 pub(crate) fn draw(key: Key, ids: &[u32], step: u32, random: &mut [[f32; BLOCK]; 3]) {
     let mut block = [0; BLOCK];
     block[..ids.len()].copy_from_slice(ids);

@@ -15,7 +15,6 @@ use crate::model::vessel::dot;
 use crate::motion::binding::Bound;
 use crate::random::philox::{Key, Purpose, fine_unit};
 
-/// The steps of particles on surfaces.
 #[derive(Clone, Debug)]
 pub(crate) struct SurfaceSteps {
     /// Concentration k of the density by receiver, if particles diffuse on it.
@@ -32,7 +31,6 @@ impl SurfaceSteps {
         Self { concentrations: model.receivers.iter().map(one).collect() }
     }
 
-    /// Moves bound particles by a step.
     pub(crate) fn advance(&self, bound: &mut [Bound], (key, step): (Key, u32)) {
         if self.concentrations.iter().all(Option::is_none) {
             return;

@@ -97,7 +97,6 @@ impl FirstHit {
     }
 }
 
-/// [`resolve`](Self::resolve) with reflecting receivers.
 fn reflect_or_keep<'a>(
     moved: &mut ParticleMove,
     (domain, time_step): (&Boundary, f32),

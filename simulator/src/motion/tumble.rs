@@ -6,7 +6,6 @@ use crate::model::chemotaxis::{Attractant, Chemotaxis};
 use crate::random::gaussian::direction;
 use crate::random::philox::probability_threshold;
 
-/// The tumbles of a species in a step.
 #[derive(Clone, Debug)]
 pub(crate) struct TumbleStep {
     /// Largest word at which a swimmer tumbles without a gradient.
@@ -19,7 +18,6 @@ pub(crate) struct TumbleStep {
 }
 
 impl TumbleStep {
-    /// Returns the tumbles of a species, if it swims and tumbles.
     pub(crate) fn new(model: &Model, species: usize) -> Option<Self> {
         let one = &model.species[species];
         let probability = -libm::expm1(-one.tumble_rate * model.time_step);

@@ -12,7 +12,7 @@ pub(crate) struct FlowStep {
     pub(crate) fastest: f64,
 }
 
-/// Displacement of a species by drift and plug flow in a step.
+/// Includes plug flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StepDrift {
     /// In µm.
@@ -22,7 +22,7 @@ pub(crate) struct StepDrift {
 }
 
 impl StepDrift {
-    /// Returns the drift of each species if the flow is on during the fraction `part` of the step.
+    /// The flow is on during the fraction `part` of the step.
     pub(crate) fn all(model: &Model, part: f64) -> impl Iterator<Item = Self> {
         let plug = match &model.flow {
             Some(Flow::Plug(velocity)) => velocity.map(|v| part * v),
@@ -43,7 +43,6 @@ impl StepDrift {
     }
 }
 
-/// A flow on a grid in a step.
 #[derive(Clone, Debug)]
 pub(crate) struct FieldStep {
     field: Arc<FlowField>,
@@ -63,8 +62,8 @@ impl FieldStep {
 
     /// Returns the displacement in µm on a path between `ends`, the second without flow and walls.
     ///
-    /// The mean of the velocities at the beginning and at the end that the first velocity predicts (Heun) is right to
-    /// second order in the time step, also for paths that diffuse.
+    /// The mean of the velocities at the beginning and at the predicted end (Heun) is right to second order in the time
+    /// step, also with diffusion.
     pub(crate) fn carry(&self, domain: &Boundary, [before, end]: [[f32; 3]; 2]) -> [f32; 3] {
         let first = self.field.at(before);
         let predicted = std::array::from_fn(|k| end[k] + (first[k] * self.duration) as f32);

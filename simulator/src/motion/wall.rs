@@ -1,18 +1,19 @@
 //! Reflection at walls of paths with diffusion and drift.
 //!
-//! Mirroring the end of a step is exact for diffusion alone, but a drift towards the wall leaves too few particles
-//! near it. The reflected motion is the free path X plus the least displacement that keeps it inside (Skorokhod),
-//! with the wall at 0:
+//! Mirroring the end of a step is exact for diffusion alone, but a drift towards the wall leaves too few particles near
+//! it. The reflected motion is the free path X plus the least displacement that keeps it inside (Skorokhod), with the
+//! wall at 0:
 //!
 //! ```text
 //! Y(t) = X(t) + max(0, −min over s ≤ t of X(s))
 //! ```
 //!
-//! Between ends `a` and `b` the path is a Brownian bridge for any drift. Its minimum m has P(m ≤ y) = exp(−2(a − y)(b
-//! − y)/s²), s² = 2DΔt, inverted in closed form. The end is exact unless the path also reaches the opposite wall.
+//! Between ends `a` and `b` the path is a Brownian bridge for any drift. Its minimum m has
+//! P(m ≤ y) = exp(−2(a − y)(b − y)/s²), s² = 2DΔt, inverted in closed form. The end is exact unless the path also
+//! reaches the opposite wall.
 //!
 //! *Absorbing walls.* For y = 0, a path between heights `a` and `b` above a plane touched it with the probability
-//! exp(−ab/DΔt), for any step and drift. A cylinder counts as its tangent plane, which is right for steps short
+//! exp(−ab/DΔt), for any step and drift. For a cylinder the tangent plane is used, which is right for steps short
 //! compared with the radius. In a sphere r times the density is that of a slit from 0 to R with absorbing ends: the
 //! probability is a sum over images, for any step.
 
@@ -24,7 +25,7 @@ use crate::motion::path_hit::{DrawContext, Path};
 use crate::random::bridge::{NEVER, lowest};
 use crate::random::philox::{Purpose, open_unit};
 
-/// Returns the end of a step that touches the nearer wall. `spread` is √(2DΔt) in µm, `word` is random.
+/// `spread` is √(2DΔt) in µm, `word` is random.
 #[inline]
 pub(crate) fn reflected(axis: Axis, [before, end]: [f32; 2], spread: f32, word: u32) -> Option<f32> {
     let Axis::Reflecting { low, high } = axis else { return None };
@@ -53,7 +54,6 @@ impl AbsorbingWall {
         model.receivers.iter().enumerate().filter_map(wall).collect()
     }
 
-    /// Returns the point of the wall across from another.
     pub(crate) fn foot(&self, domain: &Boundary, mut point: [f32; 3]) -> [f32; 3] {
         let (WallFace::Low(axis) | WallFace::High(axis)) = self.face else { return point };
         point[axis] -= match self.face {
@@ -63,8 +63,7 @@ impl AbsorbingWall {
         point
     }
 
-    /// Returns `true` if the wall absorbs the particle. `domain` is the boundary of its center, `free_end` the end
-    /// without walls.
+    /// `domain` is the boundary of the center, `free_end` the end without walls.
     pub(crate) fn absorbs(
         &self,
         domain: &Boundary,
@@ -92,8 +91,7 @@ impl AbsorbingWall {
 /// Number of images on each side, which suffices up to DΔt = R².
 const IMAGES: i32 = 6;
 
-/// Returns the probability that a path in a sphere reaches its surface between two positive heights. `diffusion` is
-/// DΔt.
+/// Between two positive heights in a sphere. `diffusion` is DΔt.
 pub(crate) fn hit_from_inside(radius: f32, heights: [f32; 2], diffusion: f32) -> f32 {
     let [radius, diffusion] = [radius, diffusion].map(f64::from);
     if diffusion >= radius * radius {

@@ -1,6 +1,6 @@
-//! Frames of an animation, `animation.frames`, as little-endian 32-bit words: step, shift, particles (two words),
-//! drawn particles, moving receivers; then id, species and position of each drawn particle, and the center of each
-//! moving receiver.
+//! Frames of an animation, `animation.frames`, as little-endian 32-bit words: step, shift, numbers of particles (two
+//! words), drawn particles and moving receivers; then id, species and position of each drawn particle, and the moving
+//! receivers' centers.
 
 use std::io::{self, Read, Write};
 use std::num::NonZeroU32;
@@ -9,7 +9,6 @@ use crate::{Model, State};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Animation {
-    /// Steps between frames.
     pub every: u32,
     /// Most drawn particles. Above it, all frames draw a half, a quarter and so on, by a hash of ids.
     pub particles: NonZeroU32,
@@ -34,7 +33,6 @@ pub struct Frame {
 pub struct DrawnParticle {
     pub id: u32,
     pub species: u32,
-    /// Position, in µm.
     pub position: [f32; 3],
 }
 

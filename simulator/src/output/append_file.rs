@@ -15,7 +15,6 @@ type Out = BufWriter<DigestWriter<File>>;
 /// An appended file at the checkpoint, without the bytes after `length`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileRecord {
-    /// Name in the directory of the run.
     pub name: String,
     pub length: u64,
     /// XXH64.

@@ -1,6 +1,6 @@
 //! The log as Arrow IPC files: the columns of the CSV files, names as dictionaries.
 //!
-//! Converted at the end of a run: an Arrow file ends with a table of its batches and cannot be appended to.
+//! Converted at the end of a run: an Arrow file, which ends with a table, cannot be appended to.
 
 use std::io::{self, Write};
 use std::path::Path;

@@ -3,7 +3,7 @@ use super::{frames, series};
 use crate::output::options::Output;
 use crate::{Model, ReceiverKind, RunView, State};
 
-/// The remaining output, in bytes.
+/// Remaining output, in bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct DiskEstimate {
     /// Lower bound: particles disappear as soon as they can.

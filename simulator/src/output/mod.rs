@@ -95,7 +95,7 @@ impl Files {
         Ok(files)
     }
 
-    /// Reopens the files at a checkpoint. Changes none unless all begin as recorded.
+    /// Changes no file unless all begin as recorded.
     pub(crate) fn reopen(
         directory: &Path,
         output: Output,
@@ -190,7 +190,7 @@ pub(crate) fn check(directory: &Path, records: &[FileRecord]) -> Result<(), Erro
     records.iter().try_for_each(|record| AppendFile::reopen(directory, record).map(drop))
 }
 
-/// Prepares and locks a directory. Refuses one with its files, unless `overwrite`.
+/// Also locks the directory. Refuses one with files of a run, unless `overwrite`.
 pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> {
     let refused = |source| Error::Write { path: directory.to_owned(), source };
     fs::create_dir_all(directory).map_err(refused)?;

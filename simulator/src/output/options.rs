@@ -4,13 +4,10 @@ use super::animation::Animation;
 pub struct Output {
     /// Steps between rows of the series.
     pub every: u32,
-    /// Steps between frames.
     pub frames_every: u32,
-    /// Frames in one extended XYZ file.
     pub xyz: bool,
-    /// NumPy file for each frame.
     pub npy: bool,
-    /// Steps between checkpoints, besides the last.
+    /// Besides the last step.
     pub checkpoint_every: Option<u32>,
     /// Also writes the log as Arrow files; needs the feature `arrow`.
     pub arrow: bool,

@@ -3,7 +3,7 @@
 use super::gaussian::ln;
 use super::philox::open_unit;
 
-/// Above this exponent a probability is below the smallest random number.
+/// Equal to that of `path_hit.rs`.
 pub(crate) const NEVER: f32 = 17.0;
 
 /// Returns the lowest point of a Brownian bridge from `a` to `b` if it is below 0. `spread` is √(2DΔt), in the unit of

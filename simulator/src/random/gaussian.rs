@@ -49,7 +49,7 @@ pub fn cos_sin(word: u32) -> [f32; 2] {
     [f32::from_bits(c ^ cosine_sign), f32::from_bits(s ^ sine_sign)]
 }
 
-/// Returns a uniformly distributed unit vector.
+/// Returns a uniform unit vector.
 #[inline]
 pub fn direction(first: u32, second: u32) -> [f32; 3] {
     let z = 2.0 * crate::random::philox::open_unit(first) - 1.0;

@@ -1,15 +1,13 @@
 //! Philox 4×32 with ten rounds (Salmon et al., *Parallel random numbers: as easy as 1, 2, 3*, SC 2011).
 //!
-//! A draw is a pure function of the seed, the drawer, the step and the purpose, so no order of particles, thread or
-//! machine changes a run. WGSL has the same 32-bit operations.
+//! A draw is a pure function of the seed, the drawer, the step and the purpose, independent of order, threads and
+//! machine. WGSL has the same 32-bit operations.
 
 use rand::TryRng;
 
-/// The purpose of a draw.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
-    /// Brownian step of a particle.
     Move = 0,
     /// Position at release: the first four words.
     Release = 1,
@@ -26,13 +24,13 @@ pub enum Purpose {
     PartialStep = 8,
     /// Released number, by transmitter.
     Count = 9,
-    /// Symbol, by transmitter and index in the message.
+    /// Released number, by transmitter.
     Symbol = 10,
-    /// Tumble of a swimmer, and its new direction.
+    /// Symbol, by transmitter and index in the message.
     Tumble = 11,
     /// Displacement of a receiver, by its index.
     ReceiverMotion = 12,
-    /// Time and position of unbinding.
+    /// Displacement of a receiver, by its index.
     Unbinding = 13,
     /// Time of a hit, by particle and receiver.
     HitTime = 14,
@@ -40,7 +38,6 @@ pub enum Purpose {
     Wall = 15,
     /// Extreme position of a path near a membrane, and its side, by particle and membrane.
     Membrane = 16,
-    /// Displacement of a bound particle on a surface.
     SurfaceDiffusion = 17,
     /// Seed of a replica, by its number.
     Replica = 100,
@@ -73,7 +70,6 @@ impl Key {
     }
 }
 
-/// A stream of random words.
 #[derive(Clone, Debug)]
 pub struct Draws {
     key: Key,
@@ -128,7 +124,7 @@ const MULTIPLIERS: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
 const WEYL: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const ROUNDS: usize = 10;
 
-/// Returns Philox 4×32-10 of a counter under a key.
+/// Philox 4×32-10.
 #[inline(always)]
 pub fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     for _ in 0..ROUNDS {

@@ -11,7 +11,7 @@ use lazygrid_ranks::{Communicator, Ghosts, send_to_ranks};
 use crate::Simulation;
 use crate::motion::contact::{PASSES, Push};
 
-/// The particles that ranks share: ghosts follow `own` particles, and `sent` are ghosts on each rank.
+/// Ghosts follow `own` particles, and `sent` are ghosts on each rank.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SharedParticles<'a> {
     pub(super) own: usize,
@@ -34,7 +34,7 @@ struct PushMessage {
     push: [i64; 3],
 }
 
-/// Separates and counts this rank's overlaps, except particles that `reacted`.
+/// Skips particles that `reacted`.
 pub(super) fn separate<C: Communicator>(
     communicator: &mut C,
     run: &mut Simulation,

@@ -229,7 +229,7 @@ mod tests {
             (movers, end)
         }
 
-        /// Returns the movers of all ranks by id, and the end of the window.
+        /// Returns movers by id.
         fn over_ranks(&self, hops: u32) -> (Vec<Mover>, WindowEnd) {
             let ranks = threads::on(RANKS, |mut thread| {
                 let this = thread.rank();

@@ -1,8 +1,8 @@
 //! Matching of reactions whose candidates are on several ranks.
 //!
-//! Every candidate is on one rank; every particle has an owner. In each round, a rank sends its best key of each
-//! ghost to the owner, which replies with the best key of all ranks, or that the particle is taken. The rank then
-//! applies candidates that are best at all particles they consume.
+//! Every candidate is on one rank; every particle has an owner. In each round, a rank sends its best key of each ghost
+//! to the owner, which replies with the best key of all ranks, or that the particle is taken. The rank then applies
+//! candidates that are best at all their consumed particles.
 //!
 //! # Correctness
 //! 1. After the replies, a rank knows of its candidates' particles what
@@ -139,7 +139,7 @@ impl DistributedMatching {
         self.touched.push(at as u32);
     }
 
-    /// Sends the keys of ghosts `wanted`, and the ghosts `won`, to their owners. Records the replies.
+    /// Sends owners the keys of ghosts `wanted`, and the ghosts `won`, and records the replies.
     fn ask<C: Communicator>(
         &mut self,
         communicator: &mut C,

@@ -162,7 +162,7 @@ impl RankPairSearch {
     }
 }
 
-/// Delivers and counts this rank's pairs. Ghosts are the last particles.
+/// Ghosts are the last particles.
 fn find(
     search: &mut Search,
     run: &Simulation,

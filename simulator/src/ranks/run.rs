@@ -16,14 +16,13 @@ use crate::scenario::Scenario;
 use crate::{Error, RunView};
 
 impl Run {
-    /// Does all steps as [`run`](Self::run), together with all ranks of a communicator. All must see the directory:
-    /// the first writes common files, every rank its particles. `watch` is called on every rank and stops all.
-    /// Refuses [`Backend::Gpu`]; uses the caller's rayon pool.
+    /// Does all steps as [`run`](Self::run), together with all ranks. All must see the directory: the first writes
+    /// common files, every rank its particles. `watch` is called on every rank and stops all. Refuses [`Backend::Gpu`];
+    /// uses the caller's rayon pool.
     ///
     /// # Errors
     /// On all ranks, those of one: as [`run`](Self::run), [`Error::NotOverRanks`], and the communicator's.
-    /// [`Communicator::difference`] if ranks have different runs; algorithm and [`threads`](Self::threads) may
-    /// differ.
+    /// [`Communicator::difference`] if ranks have different runs; algorithm and [`threads`](Self::threads) may differ.
     pub fn run_distributed<C: Communicator>(
         &self,
         mut communicator: C,

@@ -25,12 +25,10 @@ pub struct RankSimulation<C> {
     wrapper: SphereWrapper,
 }
 
-/// Data that [`RankSimulation::gather`] gathers on rank 0.
+/// Data requested of [`RankSimulation::gather`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct GatherFields {
-    /// Counts of receivers.
     pub received: bool,
-    /// Free and bound particles.
     pub particles: bool,
 }
 
@@ -181,9 +179,6 @@ impl<C: Communicator> RankSimulation<C> {
     }
 
     /// Gathers the state on rank 0.
-    ///
-    /// # Errors
-    /// Fails if the communicator fails.
     pub fn gather(&mut self, fields: GatherFields) -> Result<Gathered<'_>, C::Error> {
         let Self { communicator, run, totals, .. } = self;
         let mut arrivals = Vec::new();

@@ -1,7 +1,7 @@
 //! Dissociation of one particle into two: `C -> A + B`.
 //!
-//! Drawn before the reactions of a step and applied after them. Products do not react, and products of reactions do
-//! not dissociate, in the same step, so each is the inverse of the other.
+//! Drawn before the reactions of a step and applied after them. In one step, products do not react, and products of
+//! reactions do not dissociate, so each is the inverse of the other.
 
 use rayon::prelude::*;
 
@@ -12,7 +12,6 @@ use crate::model::{Model, Unbinding};
 use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose, open_unit, probability_threshold};
 
-/// Dissociations by species.
 #[derive(Clone, Debug, Default)]
 pub struct Dissociation {
     /// Largest word of each decay, by species.
@@ -40,7 +39,6 @@ pub(crate) struct Product {
 pub struct Dissociated {
     pub at: u32,
     pub id: u32,
-    /// Index in the model.
     pub decay: u32,
     /// Species, radius and position of each product.
     pub products: [Option<(u32, f32, [f32; 3])>; 2],

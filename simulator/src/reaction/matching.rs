@@ -1,9 +1,8 @@
 //! Matching: chooses reactions among candidate pairs that share particles.
 //!
 //! Keys are totally ordered. Each round takes the candidates that are best at all particles they consume. Repeated,
-//! this gives the result of a sequential pass from the best to the worst (Blelloch, Fineman and Shun, *Greedy
-//! sequential maximal independent set and matching are parallel on average*, SPAA 2012), for any order of candidates
-//! and any threads.
+//! this gives the result of a sequential pass from the best to the worst in any order of candidates (Blelloch, Fineman
+//! and Shun, *Greedy sequential maximal independent set and matching are parallel on average*, SPAA 2012).
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -12,15 +11,13 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::reaction::candidates::BestCandidates;
 
-/// Two particles that may react.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReactionCandidate {
-    /// Indices of the particles.
     pub at: [u32; 2],
     /// `true` for each that is consumed; at least one.
     pub consumes: [bool; 2],
     pub rule: u32,
-    /// Priority; the lowest wins.
+    /// The lowest wins.
     pub priority: u32,
     /// Ascending ids, which break ties.
     pub ids: [u32; 2],
@@ -40,7 +37,6 @@ impl ReactionCandidate {
     }
 }
 
-/// Chooses candidates without a common consumed particle.
 #[derive(Debug, Default)]
 pub struct Matching {
     /// Indexed by particle: 1 plus the best candidate so far, or a value below.

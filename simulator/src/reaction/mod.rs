@@ -17,7 +17,6 @@ use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose, probability_threshold};
 use crate::reaction::matching::ReactionCandidate;
 
-/// Reactions by pairs of species.
 #[derive(Clone, Debug)]
 pub struct Reactions {
     reactants: usize,
@@ -47,7 +46,6 @@ impl ReactionShell {
     }
 }
 
-/// A reaction and the words at which it happens.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReactionRule {
     pub(crate) reaction: u32,
@@ -60,9 +58,8 @@ pub(crate) struct ReactionRule {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReactantChange {
     pub at: u32,
-    /// Species of the product; `None` removes the particle.
+    /// `None` removes the particle.
     pub product: Option<u32>,
-    /// Position of the product.
     pub position: [f32; 3],
 }
 
@@ -91,7 +88,7 @@ impl Reactions {
         self.reactions.is_empty()
     }
 
-    /// Returns the shells of two species, innermost first.
+    /// Innermost first.
     #[inline]
     pub(crate) fn shells(&self, a: u32, b: u32) -> &[ReactionShell] {
         let [a, b] = [a, b].map(|species| self.rows[species as usize] as usize);
@@ -101,7 +98,7 @@ impl Reactions {
     /// Returns the changes of a candidate's consumed reactants.
     ///
     /// Reactants meet at their mean position, weighted by diffusion, where one product appears. Two products separate
-    /// from there by the unbinding radius in a random direction, weighted likewise.
+    /// from there by the unbinding radius in a random direction.
     pub fn outcomes(
         &self,
         particles: &Particles,

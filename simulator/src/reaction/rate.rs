@@ -33,7 +33,7 @@ pub fn longest_step(binding_radius: f64, diffusion: f64) -> f64 {
     (LONG_STEP * binding_radius).powi(2) / (2.0 * diffusion)
 }
 
-/// Returns the longest time step, in s, at which partners of this rate constant rarely jump over each other.
+/// Like [`longest_step`], for a rate constant in µm³/s.
 pub fn longest_step_for(rate: f64, diffusion: f64) -> f64 {
     let radius = rate / (4.0 * std::f64::consts::PI * diffusion * absorbed(LONG_STEP));
     longest_step(radius, diffusion)

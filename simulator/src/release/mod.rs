@@ -1,7 +1,7 @@
 //! Releases: a pure function of the model, the seed and the step.
 //!
-//! Bursts appear at the beginning of a step. Particles of continuous release appear between steps and move and decay
-//! for the rest, so numbers are right at any step length.
+//! Bursts appear at the beginning of a step, particles of continuous release within it: they move and decay for the
+//! rest, so numbers are right at any step length.
 
 pub mod origins;
 
@@ -21,7 +21,6 @@ use crate::random::philox::{Draws, Key, Purpose, open_unit};
 use crate::reaction::decay::Decays;
 use crate::release::rank_slice::RankSlice;
 
-/// Particles released at the beginning of a step.
 #[derive(Clone, Debug, Default)]
 pub struct Released {
     /// Remaining particles.
@@ -104,7 +103,7 @@ impl Model {
         Ok(out)
     }
 
-    /// Returns a release outside the schedule, with these ids. `at` has the centers and the key.
+    /// Releases outside the schedule, with these ids. `at` has the centers and the key.
     pub(crate) fn burst(
         &self,
         from: &Transmitter,
@@ -179,7 +178,6 @@ impl Model {
         rates.iter().map(batch).collect()
     }
 
-    /// Returns the end of a released particle's path among membranes.
     fn hold_back(
         &self,
         species: u32,

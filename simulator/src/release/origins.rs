@@ -7,16 +7,13 @@ use serde::{Deserialize, Serialize};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origin {
-    /// Index in the model.
     pub transmitter: u32,
     /// Step at whose beginning it was released.
     pub step: u32,
 }
 
-/// A particle that a receiver removed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrival {
-    /// Index in the model.
     pub receiver: u32,
     pub species: u32,
     pub id: u32,
@@ -26,7 +23,6 @@ pub struct Arrival {
     pub origin: Option<Origin>,
 }
 
-/// Origins by id.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origins {
     /// First ids of ranges, ascending; each ends where the next begins.

@@ -44,13 +44,12 @@ pub struct Checkpoint {
     pub state: State,
 }
 
-/// A rank's file.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct PartRecord {
     pub particles: u64,
     pub bound: u64,
-    /// Checksum in its header.
+    /// In its header.
     pub checksum: u64,
 }
 

@@ -2,7 +2,7 @@
 
 use toml::Value;
 
-/// Returns the first key whose values differ, with both; `None` if only comments or layout differ.
+/// Returns the first key with different values; `None` if only comments or layout differ.
 pub(super) fn of_scenarios(before: &str, now: &str) -> Option<String> {
     let [before, now] = [before, now].map(|text| text.parse::<toml::Table>().ok().map(Value::Table));
     value_difference("", &before?, &now?)

@@ -1,4 +1,4 @@
-//! Changes between steps by the driving program.
+//! Changes between steps by the driving program. A GPU reads the state back for each and uploads it again.
 //!
 //! New particles take the next free ids, which determine their random numbers: a run depends only on the model, the
 //! seed and the changes.
@@ -115,8 +115,8 @@ fn known(model: &Model, species: u32) -> Result<&crate::Species, Error> {
 }
 
 impl Simulation {
-    /// Adds particles of a species at positions in µm, with velocities as released. Positions are wrapped or
-    /// reflected into the boundary. Returns the ids.
+    /// Adds particles at positions in µm, wrapped or reflected into the boundary, with velocities as released. Returns
+    /// the ids.
     ///
     /// # Errors
     /// [`Error::Model`] for an unknown species or a non-finite position; [`Error::OutOfIds`]; [`Error::OutOfMemory`].
@@ -130,11 +130,10 @@ impl Simulation {
         self.state.remove(ids)
     }
 
-    /// Releases `count` particles of a species from a transmitter, besides its schedule. Returns the ids.
+    /// Releases particles from a transmitter, besides its schedule. Returns the ids.
     ///
     /// # Errors
-    /// [`Error::Model`] for an unknown transmitter or species; [`Error::OutOfIds`]; [`Error::OutOfMemory`]. Then nothing
-    /// changes.
+    /// [`Error::Model`] for an unknown transmitter or species; otherwise as [`add`](Self::add).
     pub fn emit(&mut self, transmitter: u32, species: u32, count: u32) -> Result<Range<u32>, Error> {
         self.state.emit(&self.model, self.key, transmitter, (species, count))
     }
@@ -153,15 +152,15 @@ impl Simulation {
 }
 
 impl AnySimulation {
-    /// [`Simulation::add`]; a GPU reads the state back and uploads it again.
+    /// See [`Simulation::add`].
     ///
     /// # Errors
-    /// As [`Simulation::add`], and [`Error::Detection`] from the GPU.
+    /// Also [`Error::Detection`] from the GPU.
     pub fn add(&mut self, species: u32, positions: &[[f32; 3]]) -> Result<Range<u32>, Error> {
         self.edit(|state, model, key| state.add(model, key, species, positions))
     }
 
-    /// Calls [`Simulation::remove`]; a GPU reads the state back and uploads it again.
+    /// See [`Simulation::remove`].
     ///
     /// # Errors
     /// [`Error::Detection`] if the GPU fails.
@@ -169,10 +168,10 @@ impl AnySimulation {
         self.edit(|state, _, _| Ok(state.remove(ids)))
     }
 
-    /// Calls [`Simulation::emit`]; a GPU reads the state back and uploads it again.
+    /// See [`Simulation::emit`].
     ///
     /// # Errors
-    /// As [`Simulation::emit`], and [`Error::Detection`] from the GPU.
+    /// Also [`Error::Detection`] from the GPU.
     pub fn emit(&mut self, transmitter: u32, species: u32, count: u32) -> Result<Range<u32>, Error> {
         self.edit(|state, model, key| state.emit(model, key, transmitter, (species, count)))
     }

@@ -6,7 +6,6 @@ pub mod replicas;
 /// Command-line arguments of commands that run scenarios.
 #[cfg(feature = "clap")]
 pub mod run_args;
-/// Runs on the CPU.
 pub mod simulation;
 pub mod sweep;
 
@@ -37,15 +36,13 @@ pub struct Run {
     /// For messages.
     pub path: PathBuf,
     pub directory: PathBuf,
-    /// Backend; see [`AnySimulation::begin`].
+    /// See [`AnySimulation::begin`].
     pub backend: Backend,
-    /// Algorithm of the CPU, without effect on the result.
+    /// For the CPU, without effect on the result.
     pub algorithm: Algorithm,
     /// `None` for all.
     pub threads: Option<usize>,
-    /// Resumes from the checkpoint in the directory.
     pub resume: bool,
-    /// Replaces a run in the directory.
     pub overwrite: bool,
     /// Refuses a run that will not fit the disk, and stops before the disk is full.
     pub space_check: bool,
@@ -53,9 +50,8 @@ pub struct Run {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum RunEnd {
-    /// All steps are done.
     Finished,
-    /// Stopped, to be resumed.
+    /// Can be resumed.
     Stopped,
 }
 
@@ -95,7 +91,7 @@ impl Run {
         }
     }
 
-    /// [`run`](Self::run) in the current thread pool. The first replica logs common messages.
+    /// Uses the current thread pool. The first replica logs common messages.
     pub(crate) fn run_here(
         &self,
         slot: ReplicaSlot,
@@ -197,7 +193,7 @@ impl Run {
         Ok((simulation, files))
     }
 
-    /// Refuses a run whose files, with later replicas', surely exceed the disk; warns if they may.
+    /// Includes files of later replicas.
     pub(crate) fn check_disk_space(&self, simulation: &impl RunView, slot: ReplicaSlot) -> Result<(), Error> {
         if !self.space_check {
             return Ok(());
@@ -210,7 +206,7 @@ impl Run {
         DiskEstimate::of(simulation, *output, *steps, text)
     }
 
-    /// Refuses output that surely exceeds the disk; warns if it may.
+    /// Warns if the output may exceed the disk, refuses if it surely does.
     fn check_fits(&self, estimate: DiskEstimate) -> Result<(), Error> {
         let DiskEstimate { least, most, checkpoint } = estimate;
         let free = self.free_disk_bytes()?;

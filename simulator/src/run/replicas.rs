@@ -28,7 +28,7 @@ pub struct Replicas {
 pub struct ReplicaResults {
     /// [`RunEnd::Finished`] if all are done.
     pub end: RunEnd,
-    /// Finished replicas, ascending.
+    /// Ascending.
     pub done: Vec<u32>,
 }
 
@@ -40,8 +40,8 @@ pub fn seed_of(seed: u64, replica: u32) -> u64 {
 impl Replicas {
     /// Does all replicas, one per thread at once, and writes `mean.csv`. Files do not depend on threads.
     ///
-    /// Calls `watch` as [`Run::run`], with the replica, from several threads; a break stops all. [`Run::resume`]
-    /// continues stopped replicas and begins others, possibly more.
+    /// Calls `watch` as [`Run::run`], from several threads; a break stops all. [`Run::resume`] continues stopped
+    /// replicas and begins others, possibly more.
     ///
     /// # Errors
     /// As [`Run::run`], as [`Error::Replica`] for one replica. The others then have checkpoints.
@@ -97,7 +97,7 @@ impl Replicas {
         run
     }
 
-    /// Locks the directory, and writes the seeds; `None` if cancelled.
+    /// Writes the seeds; `None` if cancelled.
     pub(crate) fn prepare(&self, is_cancelled: &impl Fn() -> bool) -> Result<Option<Lock>, Error> {
         let directory = &self.run.directory;
         let path = directory.join("replicas.csv");

@@ -21,7 +21,6 @@ use crate::release::origins::Arrival;
 use crate::release::rank_slice::RankSlice;
 use crate::state::State;
 
-/// A run on the CPU.
 #[derive(Debug)]
 pub struct Simulation {
     pub(crate) model: Model,
@@ -57,8 +56,6 @@ impl Simulation {
         Self::resume(model, seed, algorithm, state)
     }
 
-    /// Resumes a run from a state of the same model and seed.
-    ///
     /// # Errors
     /// As [`new`](Self::new).
     pub fn resume(model: Model, seed: u64, algorithm: Algorithm, state: State) -> Result<Self, Error> {

@@ -21,7 +21,6 @@ pub struct SweepRuns {
     pub keys: Vec<SweptKey>,
     pub values: Vec<Vec<String>>,
     pub points: Vec<Replicas>,
-    /// Parent of the points' directories.
     pub directory: PathBuf,
     resume: bool,
 }
@@ -47,9 +46,8 @@ impl SweepRuns {
 
     /// Does all replicas of all points, one per thread at once. Files do not depend on threads.
     ///
-    /// Calls `watch` as [`Run::run`], with point and replica, from several threads; a break stops all.
-    /// [`Run::resume`] continues stopped replicas and begins others; replicas and values of the first key may be
-    /// added.
+    /// Calls `watch` as [`Replicas::run`](super::replicas::Replicas::run), with the point. [`Run::resume`] may add
+    /// replicas and values of the first key.
     ///
     /// # Errors
     /// [`Error::Write`] and [`Error::SweepPoint`], before the first step also for a lack of memory or disk.
@@ -74,7 +72,6 @@ impl SweepRuns {
         queue::run_all(&self.points, &watch).map_err(named)
     }
 
-    /// Locks the directory, which has this sweep or none.
     fn lock(&self) -> Result<Lock, Error> {
         if self.resume {
             self.check_points(&self.directory.join(POINTS))?;
@@ -134,7 +131,6 @@ impl SweepRuns {
         self.points.iter().enumerate().try_for_each(check)
     }
 
-    /// Refuses a sweep that surely exceeds the disk; warns if it may.
     fn check_disk(&self) -> Result<(), (usize, Error)> {
         let mut all = DiskEstimate { least: 0, most: 0, checkpoint: 0 };
         for (k, point) in self.points.iter().enumerate().filter(|(_, point)| point.run.space_check) {

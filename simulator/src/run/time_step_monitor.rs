@@ -5,7 +5,7 @@
 
 use crate::{Model, Totals};
 
-/// Largest fraction of reactants per step.
+/// Fraction of reactants per step.
 const FAST: f64 = 0.02;
 /// Fraction of fast reactions that warns.
 const MANY: f64 = 0.1;

@@ -67,7 +67,7 @@ impl Scenario {
         Ok(Self { model, steps, seed, output, text, warnings })
     }
 
-    /// Returns warnings of releases that the run does not reach.
+    /// Warns of releases that the run does not reach.
     pub fn late_releases(&self) -> Vec<String> {
         let end = f64::from(self.steps) * self.model.time_step;
         let late = |t: &Transmitter| {

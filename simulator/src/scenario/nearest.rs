@@ -1,6 +1,6 @@
 //! The nearest of several names.
 
-/// Returns the first name with the least edit distance.
+/// Measures edit distance; the first wins.
 pub(super) fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     names.min_by_key(|known| edits(name, known))
 }

@@ -3,23 +3,19 @@ use std::num::NonZeroU32;
 use super::Scenario;
 use crate::output::animation::Animation;
 
-/// Default frames of an animation.
 const FRAMES: u32 = 200;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overrides {
     pub seed: Option<u64>,
-    /// Steps of the whole run.
     pub steps: Option<u32>,
     /// Steps between rows of the series.
     pub every: Option<NonZeroU32>,
-    /// Steps between frames.
     pub frames_every: Option<NonZeroU32>,
-    /// Steps between checkpoints.
     pub checkpoint_every: Option<NonZeroU32>,
     /// Most drawn particles of an animation; `None` without one.
     pub animated: Option<NonZeroU32>,
-    /// Steps between its frames; default: a two-hundredth of the scenario's.
+    /// Default: a two-hundredth of the scenario's steps.
     pub animate_every: Option<NonZeroU32>,
 }
 

@@ -22,7 +22,7 @@ pub struct SweptKey {
 
 #[derive(Clone, Debug)]
 pub struct SweepPoint {
-    /// Plain value of each key, in order.
+    /// In the order of keys.
     pub values: Vec<String>,
     pub scenario: Scenario,
 }
@@ -36,12 +36,11 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// Reads a sweep: the section `[sweep]`, and `KEY=VALUE,VALUE` options, which replace values of the same key.
-    /// Returns `None` without either.
+    /// Reads the section `[sweep]`, and `KEY=VALUE,VALUE` options, which replace values of the same key. Returns `None`
+    /// without either.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::Scenario`] for a faulty file or key; [`Error::SweepPoint`] for an invalid
-    /// combination.
+    /// [`Error::Read`]; [`Error::Scenario`] for a faulty file or key; [`Error::SweepPoint`] for an invalid combination.
     pub fn read(path: &Path, options: &[String]) -> Result<Option<Self>, Error> {
         let text = std::fs::read_to_string(path);
         let text = text.map_err(|source| Error::Read { path: path.to_owned(), source })?;
@@ -253,7 +252,7 @@ fn combinations(keys: &[SweptKey]) -> Result<Vec<Vec<String>>, String> {
     Ok(keys.iter().fold(vec![Vec::new()], add))
 }
 
-/// Returns the text with these values; strings stay strings.
+/// Strings stay strings.
 fn replaced(text: &str, spots: &[(Range<usize>, bool)], values: &[String]) -> String {
     let mut edits: Vec<_> = spots.iter().zip(values).collect();
     edits.sort_by_key(|((span, _), _)| std::cmp::Reverse(span.start));

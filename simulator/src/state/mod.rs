@@ -20,29 +20,28 @@ pub struct State {
     pub particles: Particles,
     pub step: u32,
     pub next_id: u32,
-    /// Counts since the beginning of the run.
     pub totals: Totals,
-    /// Centers of the receivers, in µm.
+    /// Centers of receivers, in µm.
     pub centers: Vec<[f32; 3]>,
     pub bound: Vec<Bound>,
-    /// Origins, if the model logs arrivals.
+    /// Empty if the model does not log arrivals.
     pub origins: Origins,
 }
 
 /// Counts since the beginning of a run.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Totals {
-    /// Present particles, by species.
+    /// Indexed by species.
     pub present: Vec<u64>,
-    /// Released particles, by species.
+    /// Indexed by species.
     pub released: Vec<u64>,
     /// Removed or currently bound particles, by receiver and species.
     pub arrived: Vec<Vec<u64>>,
-    /// Occupied receptors, by receptor type in the order of receivers.
+    /// Indexed by receptor type in the order of receivers.
     pub occupied: Vec<u64>,
     pub reacted: Vec<u64>,
     pub decayed: Vec<u64>,
-    /// Pairs found in the last step.
+    /// In the last step.
     pub pairs: u64,
     /// Collisions and separated overlaps in the last step.
     pub contacts: u64,

@@ -2,7 +2,7 @@ use std::borrow::Cow;
 
 use crate::{Arrival, Error, Model, State, Totals};
 
-/// A read-only view of a run, for its files.
+/// Read by the writers of a run's files.
 pub trait RunView {
     fn model(&self) -> &Model;
 
@@ -14,10 +14,10 @@ pub trait RunView {
 
     fn totals(&self) -> &Totals;
 
-    /// Returns counts by receiver and species: arrivals so far, bound particles, or particles inside.
+    /// See [`Simulation::received`](crate::Simulation::received).
     fn received(&self) -> Vec<Vec<u64>>;
 
-    /// Returns the last step's arrivals by id, in a model that logs arrivals.
+    /// See [`Simulation::arrivals`](crate::Simulation::arrivals).
     fn arrivals(&self) -> &[Arrival];
 
     /// Returns the state, read back or gathered if necessary.

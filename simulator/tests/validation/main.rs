@@ -1,5 +1,5 @@
-//! The simulator against closed forms, with fixed seeds and tolerances in standard errors, plus an allowance for
-//! terms that the closed form omits.
+//! The simulator against closed forms, with fixed seeds and tolerances in standard errors, plus terms that the closed
+//! form omits.
 //!
 //! `cargo test --release -p lazygrid-sim --test validation` (arguments select items by name)
 #![expect(clippy::print_stdout, reason = "the table is what this is for")]

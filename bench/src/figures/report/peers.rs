@@ -11,10 +11,9 @@ use lazygrid_report::number::count;
 use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Plot, Quantity, Scale, Section, Table};
 
-/// Creates a point from position, value, and middle half of the runs.
+/// From position, value, and middle half of the runs.
 type Shown = fn(&Row) -> PlotPoint;
 
-/// Figure 4: kept trees and rebuilt grids, with small steps on one thread.
 pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let mut section = Section {
         title: "Figure 4: one thread, trees with state between steps".to_owned(),
@@ -90,7 +89,7 @@ pub(super) fn step_length(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     Ok(section)
 }
 
-/// Figure 5: times and speed-ups per burst; plots of times in 5a, of speed-ups in 5b.
+/// Plots times in 5a, speed-ups in 5b.
 pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let (title, text) = match figure {
         Figure::F5a => {

@@ -85,7 +85,6 @@ fn table(figure: Figure, what: &str, rows: &[&Row]) -> Table {
     table
 }
 
-/// The speed-up on all threads, and the end of scaling, per engine.
 fn scaling(what: &str, rows: &[&Row]) -> Vec<Note> {
     let note = |engine: &str| {
         let times = by_setting(rows, "").into_iter().filter_map(|column| {
@@ -108,7 +107,7 @@ fn scaling(what: &str, rows: &[&Row]) -> Vec<Note> {
     engines(rows).into_iter().filter_map(note).collect()
 }
 
-/// `times` holds threads and seconds by ascending threads.
+/// `times` are threads and seconds, by threads.
 fn limit(times: &[(f64, f64)]) -> String {
     let best_after = |k: usize| times[k + 1..].iter().map(|t| t.1).fold(f64::INFINITY, f64::min);
     let stop = (0..times.len()).find(|&k| times[k].1 < GAIN * best_after(k)).unwrap_or(0);
@@ -154,7 +153,7 @@ mod tests {
         assert_eq!(limit(&[(1.0, 8.0), (2.0, 4.0), (4.0, 2.0)]), "it scales up to there");
         assert_eq!(limit(&[(1.0, 8.0), (2.0, 4.0), (4.0, 3.9)]), "more than 2 threads gain less than 5 %");
         assert_eq!(limit(&[(1.0, 8.0), (2.0, 8.1)]), "more than one thread gains less than 5 %");
-        // A slower intermediate value does not count.
+        // A slower intermediate value is ignored.
         assert_eq!(limit(&[(1.0, 8.0), (2.0, 8.1), (4.0, 2.0)]), "it scales up to there");
     }
 }

@@ -37,8 +37,7 @@ enum Answer {
 }
 
 impl Round {
-    /// Runs the round with a new detector. Returns a failure with as few calls and spheres as found in at most `tries`
-    /// attempts of [`shrink`].
+    /// Uses a new detector. Returns a failure with as few calls and spheres as [`shrink`] finds in `tries` attempts.
     pub fn check(self, gpu: Option<&Gpu>, tries: usize) -> Option<FailedCase> {
         let variant = self.variant;
         self.check_with(tries, |round| catch_panic(|| round.run(gpu))).map(|(round, what)| {
@@ -144,7 +143,7 @@ impl std::fmt::Display for Round {
     }
 }
 
-/// Returns the smallest and largest number within the tolerance.
+/// Smallest and largest number within the tolerance.
 pub(crate) fn counts(scenario: &TestInput, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
     if tolerance == Tolerance::Exact {
         return [expected.len() as u64; 2];

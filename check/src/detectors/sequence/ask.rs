@@ -28,14 +28,13 @@ pub(super) enum Output {
     Stream { chunk: usize, ending: Ending },
 }
 
-/// The end of a stream by its consumer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ending {
     All,
-    /// At this chunk, counted from 1.
+    /// At this chunk, from 1.
     Break(usize),
     Panic(usize),
-    /// Sets the cancel flag at this chunk and continues.
+    /// Sets the cancel flag at this chunk, and continues.
     Stop(usize),
 }
 
@@ -205,7 +204,6 @@ impl Received {
     }
 }
 
-/// The consumer ends as requested; chunks are checked.
 fn streamed(
     chunk: usize,
     ending: Ending,

@@ -1,4 +1,4 @@
-//! The pairs of a scene by their definition, faster than [`TestInput::oracle`] because it skips distant pairs first.
+//! The pairs of a scene by their definition, faster than [`TestInput::oracle`] because distant pairs are skipped.
 
 use glam::DVec3;
 use lazygrid::{Interaction, Pair};

@@ -84,7 +84,7 @@ pub(super) fn number(random: &mut Random, variant: DetectorVariant, most: usize)
 }
 
 fn world(random: &mut Random, variant: DetectorVariant) -> World {
-    // Few scenes have sizes far from 1, where the detector gives up candidate lists.
+    // Rare sizes far from 1 make the detector give up candidate lists.
     let scales = [1.0, 1.0, 1.0, 1.0, 0.01, 37.0, 1e-12, 1e12];
     let radius = scales[random.below(8) as usize];
     let family = random.below(8);
@@ -186,7 +186,7 @@ fn step(random: &mut Random, world: &mut World, k: u32) -> Step {
     Step { scenario, changes, ask }
 }
 
-/// Returns the changes, or nothing if the spheres only move a little.
+/// Returns nothing if the spheres only move a little.
 fn change(random: &mut Random, world: &mut World, k: u32) -> Vec<&'static str> {
     if world.held > 0 {
         world.held -= 1;

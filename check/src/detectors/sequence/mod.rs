@@ -1,7 +1,7 @@
 //! Sequences of random calls of one detector, determined by the seed.
 //!
-//! Most calls keep the spheres, so that candidate lists are reused. Others change radii, numbers, species, groups and
-//! positions, or fail, are cancelled, break off or panic. Each answer must match the definition and a new detector.
+//! Most calls keep the spheres, so that candidate lists are reused. Others change the input, fail, are cancelled, break
+//! off or panic. Each answer must match the definition and a new detector.
 
 use std::fmt;
 use std::sync::Arc;
@@ -67,13 +67,11 @@ impl Sequence {
         draw::sequence(seed, |random| draw::variant(random, on_cpu, on_gpu))
     }
 
-    /// Draws the sequence with a given variant and the seed's skin.
     pub fn drawn_for(seed: u64, variant: DetectorVariant) -> Self {
         draw::sequence(seed, |_| variant)
     }
 
-    /// Runs the sequence with a new detector. Returns a failure with as few calls and spheres as found in at most
-    /// `tries` further runs.
+    /// Uses a new detector. Returns a failure with as few calls and spheres as found in `tries` further runs.
     pub fn check(self, gpu: Option<&Gpu>, tries: usize, tally: &mut Tally) -> Option<FailedCase> {
         let first = self.run_guarded(gpu, tally);
         tally.sequences += 1;
@@ -137,7 +135,7 @@ impl Settings {
         Ok(config.interactions(table))
     }
 
-    /// Uses one thread: threads change no answer, and creating a pool would take longer than the call.
+    /// Uses one thread: more change no answer, and a pool takes longer to create than the call.
     fn fresh(&self, config: Config) -> Config {
         match self.variant.target {
             TargetDevice::Cpu { .. } => config.threads(1),
@@ -145,7 +143,7 @@ impl Settings {
         }
     }
 
-    /// Compares only errors and every eighth call on a GPU, where creating a detector takes longer than many calls.
+    /// On a GPU, where creating a detector takes longer than many calls, compares only errors and every eighth call.
     fn compares_with_new(&self, k: usize, answer: &Answer) -> bool {
         let is_on_cpu = matches!(self.variant.target, TargetDevice::Cpu { .. });
         is_on_cpu || k % 8 == 7 || matches!(answer, Answer::Refused(_))

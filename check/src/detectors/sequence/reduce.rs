@@ -1,7 +1,7 @@
 use super::{Sequence, Step, Wrong};
 use crate::TestInput;
 
-/// Removes calls and spheres in at most `tries` runs, while `run` still fails.
+/// Tries at most `tries` runs.
 pub(super) fn reduce(
     sequence: Sequence,
     wrong: Wrong,

@@ -13,9 +13,9 @@ pub(super) struct Verifier<'a> {
 }
 
 enum Right {
-    /// One of these errors, as text because NaN does not equal itself.
+    /// Texts, because NaN does not equal itself.
     Refused(Vec<String>),
-    /// These pairs, and the smallest and largest number of pairs within the tolerance.
+    /// With the smallest and largest number of pairs within the tolerance.
     Pairs(Vec<Pair>, [u64; 2]),
 }
 

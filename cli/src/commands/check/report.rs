@@ -23,7 +23,6 @@ const TANGENT: u64 = 1_000_000;
 /// Prints results at once, or as one JSON object at the end.
 pub(super) struct Report {
     is_json: bool,
-    /// Repeats the check.
     backend: &'static str,
     object: Map<String, Value>,
     failures: Vec<Value>,
@@ -35,7 +34,6 @@ pub(super) struct Report {
     start: Instant,
 }
 
-/// Copy, scan or sort.
 pub(super) struct Primitive {
     pub(super) what: String,
     pub(super) values: u32,

@@ -81,7 +81,7 @@ struct Race<'a> {
     work: &'a Work<'a>,
     backend: Backend,
     time: Time<'a>,
-    /// Start in the progress bar.
+    /// In the progress bar.
     from: u64,
     spent: f64,
 }
@@ -90,7 +90,7 @@ struct Runner {
     algorithm: Algorithm,
     /// Spheres and seconds of calls.
     times: Vec<(usize, f64)>,
-    /// Larger inputs than that of a skipped call are skipped too.
+    /// `true` after a skipped call: larger inputs are skipped too.
     is_out: bool,
 }
 
@@ -132,7 +132,7 @@ impl<'a> Race<'a> {
         Ok(())
     }
 
-    /// Times an algorithm on spheres that are made on demand.
+    /// Makes spheres on demand.
     fn call(
         &mut self,
         runner: &mut Runner,
@@ -172,7 +172,6 @@ impl<'a> Race<'a> {
         }
     }
 
-    /// Returns the reason to skip a call of predicted `seconds`.
     fn too_long(&self, seconds: f64) -> Option<String> {
         let times = if self.work.args.full { FULL_TIMES } else { 1.0 };
         let remedy = if self.work.args.full { "" } else { "; --full gives more time" };

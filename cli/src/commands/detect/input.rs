@@ -103,7 +103,7 @@ fn open(path: &Path) -> io::Result<(Box<dyn Read + Send>, Option<u64>)> {
     Ok((Box::new(file), metadata.is_file().then_some(metadata.len())))
 }
 
-/// Returns the file that is read, to compare it with written files.
+/// Compared with written files.
 pub(crate) fn handle(path: &Path) -> Option<Handle> {
     let handle = if path == Path::new(STANDARD) { Handle::stdin() } else { Handle::from_path(path) };
     // A terminal may be both.

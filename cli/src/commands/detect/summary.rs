@@ -8,15 +8,14 @@ use serde_json::{Map, Value, json};
 
 pub(crate) struct Summary {
     pub(crate) frame: usize,
-    /// Number of the time step.
     pub(crate) step: Option<i64>,
     pub(crate) space: Space,
     /// Options gave the space.
     pub(crate) space_given: bool,
     pub(crate) report: Report,
-    /// Species so far; 0 if the file has none.
+    /// 0 if the file has none.
     pub(crate) species: usize,
-    /// Reading and writing, besides the search.
+    /// Besides the search.
     pub(crate) read: Duration,
     pub(crate) write: Option<Duration>,
     pub(crate) output: Option<PathBuf>,
@@ -40,7 +39,7 @@ struct Object<'a> {
     reason: &'a str,
     gpu: Option<Value>,
     candidates: Option<Value>,
-    /// Seconds by name.
+    /// In seconds, by name.
     phases: Map<String, Value>,
 }
 

@@ -11,7 +11,6 @@ use super::checks;
 use super::scenes::KINDS;
 use crate::error::CliError;
 
-/// Numbers of spheres on the page.
 const SIZES: [u32; 9] = [1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000, 3_000_000, 10_000_000];
 /// Above, all pairs take seconds on most GPUs.
 const MOST_NAIVE: u32 = 100_000;
@@ -147,8 +146,6 @@ fn numbered(list: &mut Vec<Value>, numbers: &mut BTreeMap<String, usize>, value:
     })
 }
 
-/// # Errors
-/// Fails if the CPU cannot count the pairs of a scene.
 pub(super) fn contents(version: &str, commit: &str) -> Result<Value, CliError> {
     let mut bundle = Bundle::default();
     let sizes = SIZES.into_iter().map(|spheres| size(&mut bundle, spheres)).collect::<Result<Vec<_>, _>>()?;
@@ -170,7 +167,7 @@ pub(super) fn contents(version: &str, commit: &str) -> Result<Value, CliError> {
     }))
 }
 
-/// Returns each algorithm's calls, for the best limits first.
+/// The best limits come first.
 fn size(bundle: &mut Bundle, spheres: u32) -> Result<Value, CliError> {
     let pairs = spheres.saturating_mul(PAIRS_PER_SPHERE).min(MOST_PAIRS);
     let config = |algorithm| GpuConfig::default().algorithm(algorithm).pair_capacity(pairs);

@@ -16,15 +16,11 @@ const CAPACITY: u32 = 256;
 /// Sizes of the scenes that the device makes itself, and the largest of which all pairs are tested.
 const MADE: [u32; 2] = [1000, 5000];
 const MOST_NAIVE: u32 = 1000;
-/// Entries per sphere of the plans after the first: eight on each of 32 levels are the most, which take long to sort.
+/// Entries per sphere of the plans after the first; the most, eight on each of 32 levels, take long to sort.
 const ENTRIES: [u32; 2] = [32, 8 * 32];
 /// Factor of radii that finds all pairs near tangency.
 const WIDER: f32 = 1.0 + 1e-5;
 
-/// Returns the scenes of the check with their calls.
-///
-/// # Errors
-/// Fails if a reference or a plan fails.
 pub(super) fn scenes(bundle: &mut Bundle) -> Result<Vec<Value>, CliError> {
     let mut scenes = Vec::new();
     for SceneCase { name, scenario } in compare::cases(Effort::Quick) {

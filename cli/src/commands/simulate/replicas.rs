@@ -55,7 +55,6 @@ pub(crate) fn done<'a>(replicas: &'a Replicas, results: &ReplicaResults, mean: &
     Done { run, mean, runs: results.done.iter().map(of).collect(), command }
 }
 
-/// Progress of all replicas.
 pub(crate) struct Advance {
     pub(crate) bar: ProgressBar,
     /// Indexed by point and replica.
@@ -81,7 +80,7 @@ impl Advance {
     }
 }
 
-/// Mean last rows, with standard errors.
+/// Has mean last rows, with standard errors.
 fn summary(replicas: &Replicas, replicated: &ReplicaResults, mean: &MeanSeries) -> String {
     let run = &replicas.run;
     let mut lines = vec![

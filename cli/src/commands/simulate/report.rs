@@ -15,12 +15,10 @@ use lazygrid_sim::run::Run;
 
 use crate::error::CliError;
 
-/// Finished runs of one scenario.
 pub(crate) struct Done<'a> {
-    /// Scenario, and directory of the report.
+    /// `run` has the directory of the report.
     pub(crate) run: &'a Run,
     pub(crate) mean: &'a MeanSeries,
-    /// Seeds and directories.
     pub(crate) runs: Vec<(u64, PathBuf)>,
     pub(crate) command: String,
 }
@@ -44,7 +42,7 @@ pub(crate) fn of_one(run: &Run) -> Result<MeanSeries, CliError> {
     Ok(mean)
 }
 
-/// Writes `report.html`, its plots, and the tables of channels, which it returns.
+/// Returns the tables of channels, which it writes with `report.html` and its plots.
 pub(crate) fn write(done: &Done<'_>) -> Result<Channels, CliError> {
     let channels = channels(done)?;
     tables(&channels, &done.run.scenario.model, &done.run.directory)?;

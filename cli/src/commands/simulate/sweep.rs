@@ -61,7 +61,6 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
     Err(CliError::StoppedSweep { done: finished, count: runs().sum(), command, signal })
 }
 
-/// Values and finished replicas of each point.
 fn summary(sweep: &SweepRuns, rows: &[SweepRow], finished: usize) -> String {
     let mut lines = vec![format!("sweep      {} points, {finished} runs done", rows.len())];
     for (k, row) in rows.iter().enumerate() {

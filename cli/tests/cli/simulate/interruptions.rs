@@ -9,7 +9,7 @@ use lazygrid_tests::command::Scratch;
 
 use super::{SCENARIO, files, lazygrid};
 
-/// A run without an end; killed when dropped.
+/// Killed when dropped.
 pub(crate) struct Endless(Option<Child>);
 
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]

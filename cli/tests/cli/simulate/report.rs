@@ -80,7 +80,7 @@ fn channels_are_as_formulas_and_logs_say() {
         let error = (part / released).sqrt() * 2.0_f64.sqrt();
         assert!((number(row, "part mean") - part).abs() < 4.0 * error, "{row:?}, not {part}");
     }
-    // Counted again from each replica's files.
+    // Counts again from each replica's files.
     let errors = table("bit-errors.csv");
     let mut best = usize::MAX;
     for delay in [0.0, 0.1, 0.4] {
@@ -193,7 +193,7 @@ fn transparent_receivers_have_responses_and_bit_errors() {
         let part = (1..=4).map(|k| inside(from + 0.05 * f64::from(k))).sum::<f64>() / 4.0;
         assert!((number(row, "part mean") / part - 1.0).abs() < 0.1, "{row:?}, not {part}");
     }
-    // Counted again from the series and symbols.
+    // Counts again from the series and symbols.
     let errors = table("bit-errors.csv");
     for (detector, delay) in [("peak", 0.0), ("energy", 0.05), ("strength", 0.1)] {
         let mut slots = Vec::new();

@@ -18,7 +18,7 @@ struct Step {
     rebalance: Duration,
     search: Duration,
     moved: u64,
-    /// Bytes sent by all ranks in the search.
+    /// Bytes of all ranks, in the search.
     sent: u64,
 }
 

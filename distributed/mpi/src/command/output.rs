@@ -55,7 +55,7 @@ impl Target {
     }
 }
 
-/// Writes all pairs as ids, in order per rank. Returns the files on rank 0. Collective.
+/// Writes all pairs as ids, in order per rank, and returns the files on rank 0. Collective.
 pub(crate) fn write(
     world: &SimpleCommunicator,
     distributed: &mut Distributed,

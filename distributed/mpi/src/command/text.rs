@@ -14,7 +14,7 @@ const LONGEST: u64 = 1 << 16;
 #[derive(Debug)]
 pub(crate) struct TextRows {
     format: Format,
-    /// Lines before the rows, read by every rank.
+    /// Read by every rank, before the rows.
     head: Vec<u8>,
     end: u64,
 }
@@ -24,7 +24,7 @@ pub(crate) struct RankLines {
     format: Format,
     head: Vec<u8>,
     bytes: Vec<u8>,
-    /// Rank 0, which also reports an empty file.
+    /// `true` on rank 0, which also reports an empty file.
     is_first: bool,
 }
 
@@ -43,7 +43,7 @@ impl TextRows {
         }))
     }
 
-    /// Lines that begin in a rank's share of the bytes.
+    /// Returns the lines that begin in a rank's share of the bytes.
     pub(crate) fn lines_of(&self, path: &Path, rank: u64, ranks: u64) -> Result<RankLines, String> {
         let from = self.head.len() as u64;
         let cut = |rank| from + share(self.end.saturating_sub(from), rank, ranks);

@@ -3,8 +3,8 @@ use lazygrid::Space;
 
 use crate::{SizeClass, WrappedSphere};
 
-/// The box of the centers of a rank's spheres of one size class and species group, and their largest effective
-/// radius. 32 bytes.
+/// The box of the centers of a rank's spheres of one size class and species group, and their largest effective radius.
+/// 32 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ClassBounds {
@@ -62,13 +62,13 @@ impl ClassBounds {
         self.group
     }
 
-    /// Returns `true` if a sphere may overlap one in this box. `false` is always right.
+    /// Returns `true` if a sphere may overlap one in this box, or if unsure.
     #[inline]
     pub fn overlaps_sphere(&self, space: &Space, sphere: &WrappedSphere) -> bool {
         self.overlaps(space, &Self::around(sphere))
     }
 
-    /// Returns `true` if spheres of both boxes may overlap. `false` is always right.
+    /// Returns `true` if spheres of both boxes may overlap, or if unsure.
     ///
     /// # Correctness
     ///
@@ -88,7 +88,7 @@ impl ClassBounds {
     }
 }
 
-/// Returns the least distance of two intervals, on a ring if `length` is given.
+/// Is on a ring if `length` is given.
 #[inline]
 fn gap(a: [f64; 2], b: [f64; 2], length: Option<f32>) -> f64 {
     let direct = (b[0] - a[1]).max(a[0] - b[1]).max(0.0);

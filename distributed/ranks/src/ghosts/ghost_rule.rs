@@ -5,17 +5,14 @@ use std::cmp::Ordering;
 
 use crate::SizeClass;
 
-/// Owner and size class of a sphere.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RankAndClass {
-    /// Owner.
     pub rank: u32,
-    /// Class of the effective radius.
     pub class: SizeClass,
 }
 
-/// Returns `true` if `sphere` becomes a ghost at the owner of `other`, which then reports the pair. On different
-/// ranks exactly one of two spheres does; on one rank neither.
+/// Returns `true` if `sphere` becomes a ghost at the owner of `other`, which then reports the pair. On different ranks
+/// exactly one of two spheres does; on one rank neither.
 #[inline]
 pub fn becomes_ghost(sphere: RankAndClass, other: RankAndClass, ranks: u32) -> bool {
     if sphere.rank == other.rank {
@@ -29,8 +26,8 @@ pub fn becomes_ghost(sphere: RankAndClass, other: RankAndClass, ranks: u32) -> b
 
 /// Returns `true` if ghosts of one class go from rank `from` to `to`, and not back.
 ///
-/// A rank sends to the ranks up to half of all ahead of it, so all send to equally many. Two ranks exactly half of
-/// all apart alternate.
+/// A rank sends to the half of the ranks that follows it, so all send to equally many. Two ranks exactly half of all
+/// apart alternate.
 #[inline]
 pub fn sends_ghosts(from: u32, to: u32, ranks: u32) -> bool {
     let (from, to, ranks) = (u64::from(from), u64::from(to), u64::from(ranks.max(1)));

@@ -11,7 +11,7 @@ use crate::{Communicator, Particle};
 pub use class_bounds::ClassBounds;
 pub use rank_bounds::RankBounds;
 
-/// The ghosts of a rank, by owner.
+/// Sorted by owner.
 #[derive(Clone, Debug, Default)]
 pub struct Ghosts {
     particles: Vec<Particle>,
@@ -31,9 +31,6 @@ impl Ghosts {
     }
 
     /// Sends the particles `leaving[rank]` to each rank, and receives this rank's ghosts. Collective.
-    ///
-    /// # Errors
-    /// Fails if the communicator fails.
     pub fn exchange<C: Communicator>(
         communicator: &mut C,
         leaving: &[Vec<u32>],
@@ -50,7 +47,6 @@ impl Ghosts {
         &self.particles
     }
 
-    /// Returns the owner of ghost `k`.
     #[inline]
     pub fn rank_of(&self, k: u32) -> u32 {
         (self.starts.partition_point(|&start| start <= k as usize) - 1) as u32

@@ -6,7 +6,6 @@ use super::ghost_rule::{RankAndClass, becomes_ghost};
 use crate::memory::try_push;
 use crate::{Communicator, SphereWrapper, WrappedSphere};
 
-/// Bounding boxes of all ranks.
 #[derive(Clone, Debug, Default)]
 pub struct RankBounds {
     bounds: Vec<ClassBounds>,
@@ -21,7 +20,6 @@ struct BoxedSpheres<'a> {
 }
 
 impl RankBounds {
-    /// Creates bounds from each rank's boxes.
     pub fn new(of_ranks: impl IntoIterator<Item = Vec<ClassBounds>>) -> Self {
         let mut all = Self { bounds: Vec::new(), starts: vec![0] };
         for bounds in of_ranks {
@@ -32,9 +30,6 @@ impl RankBounds {
     }
 
     /// Sends this rank's boxes to all, and receives theirs. Collective.
-    ///
-    /// # Errors
-    /// Fails if the communicator fails.
     pub fn gather<C: Communicator>(
         communicator: &mut C,
         spheres: &[WrappedSphere],
@@ -44,12 +39,10 @@ impl RankBounds {
         Ok(Self::new(counts.iter().map(|&count| bounds.by_ref().take(count).collect())))
     }
 
-    /// Returns the number of ranks.
     pub fn ranks(&self) -> u32 {
         self.starts.len().saturating_sub(1) as u32
     }
 
-    /// Returns a rank's boxes.
     pub fn of_rank(&self, rank: u32) -> &[ClassBounds] {
         &self.bounds[self.starts[rank as usize]..self.starts[rank as usize + 1]]
     }

@@ -1,7 +1,6 @@
 //! Particles in Bevy's render world, colored by their number of contacts.
 //!
-//! One of Bevy's command encoders moves the particles, finds their contacts and draws them, without readback. lazygrid
-//! reads positions and radii in place.
+//! One of Bevy's command encoders moves the particles, finds their contacts and draws them, without readback or copy.
 //!
 //! `cargo run --release` in this folder, with the Rust release that Bevy 0.20 needs.
 
@@ -50,7 +49,7 @@ struct Scene {
 
 fn prepare(mut commands: Commands, device: Res<RenderDevice>, queue: Res<RenderQueue>) -> Result {
     let device = device.wgpu_device();
-    // Without this probe of the adapter detectors use no subgroup operations.
+    // Probes the adapter; otherwise detectors use no subgroup operations.
     let _ = GpuDevice::from_wgpu(device, &queue);
     let layout = ColumnLayout { first: [0, 1, 2, 3], stride: [WORDS; 4] };
     let detector = GpuDetector::new(device, GpuConfig::default().columns(layout))?;

@@ -6,7 +6,7 @@ use crate::Error;
 use crate::gpu::session::GpuSession;
 
 pub(super) const SIZES: [u32; 10] = [256, 512, 1024, 2048, 4096, 8192, 16_384, 32_768, 65_536, 131_072];
-/// The fastest round counts, because disturbances only add time.
+/// Disturbances only add time, so the fastest round counts.
 pub(super) const ROUNDS: usize = 7;
 pub(super) const CLEARLY: f64 = 0.7;
 const DENSITY: f32 = 0.05;
@@ -62,7 +62,7 @@ pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
     (from + (to - from) * here / (here - there)).exp().round() as u32
 }
 
-/// Evenly spread spheres of radii 1, 1/2, 1/4, … in turn that fill the fraction `density` of a cube.
+/// Evenly spread spheres of radii 1, 1/2, 1/4, … in turn, which fill the fraction `density` of a cube.
 pub(super) fn scene(spheres: u32, classes: usize, density: f32) -> Vec<Sphere> {
     let radius = |k: usize| 0.5_f32.powi((k % classes) as i32);
     let volume = (0..spheres as usize).map(|k| 4.188_79 * radius(k).powi(3)).sum::<f32>();

@@ -1,5 +1,5 @@
-//! Measures the numbers of spheres at which the grid overtakes all pairs, the radix sort overtakes counting and the
-//! device overtakes the CPU; and the costs of candidate lists.
+//! Measures the numbers of spheres at which the grid overtakes all pairs, the radix sort counting, and the device the
+//! CPU; and the costs of candidate lists.
 
 mod host;
 mod measure;

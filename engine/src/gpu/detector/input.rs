@@ -18,7 +18,7 @@ pub enum SphereCount<'a> {
     Buffer {
         /// Buffer.
         buffer: &'a wgpu::Buffer,
-        /// Largest number; more set [`Outcome::OVERFLOW_SPHERES`].
+        /// Largest number; above it, the outcome has [`Outcome::OVERFLOW_SPHERES`].
         at_most: u32,
     },
 }

@@ -27,10 +27,9 @@ use super::plan::{
 };
 use crate::Error;
 
-/// Finds overlapping pairs from GPU buffers to GPU buffers.
+/// Finds overlapping pairs from GPU buffers to GPU buffers, into those of [`GpuOutput`].
 ///
-/// Results are in the buffers of [`GpuOutput`]. Invalid spheres (non-finite value or negative radius) are counted and
-/// never pair.
+/// Invalid spheres (non-finite value or negative radius) are counted and never pair.
 #[derive(Debug)]
 pub struct GpuDetector {
     device: wgpu::Device,
@@ -145,7 +144,7 @@ impl GpuDetector {
 
     fn prepare(&mut self, spheres: u32, choice: AlgorithmChoice) -> Result<Prepared, Error> {
         let plan = self.plan_for(spheres, choice)?;
-        // Releases old buffers first, so that both need not fit at once. Larger buffers, and buffers of a grid for
+        // Old buffers are released first, so that both need not fit at once. Larger buffers, and those of a grid for
         // naive calls, are reused.
         let kept = self.prepared.take().filter(|prepared| prepared.buffers.have_room_for(&plan.buffers));
         if let Some(mut prepared) = kept {
@@ -177,7 +176,7 @@ impl GpuDetector {
         self.settings.pair_capacity = pairs;
     }
 
-    /// Raises the capacity to at least `entries` (cell, object) entries, with a reserve, after a call with too few
+    /// Raises the capacity to at least `entries` (cell, object) entries, after a call with too few
     /// ([`Outcome::entries_needed`]). Calls of less than half as many spheres keep theirs. Returns `false` if the
     /// device cannot hold that many.
     pub fn set_entry_capacity(&mut self, entries: u64) -> bool {

@@ -19,9 +19,9 @@ pub struct GpuOutput {
     pub sorted: Option<CellOrder>,
 }
 
-/// The spheres in the cell order of a cell list. Adopting its spatial locality now and then accelerates later calls
-/// and, with [`GpuConfig::pairs_in_cell_order`], the caller's work on pairs. The buffers have `STORAGE` and `COPY_SRC`
-/// usage and an element per sphere, and are valid until the next call.
+/// The spheres in the cell order of a cell list. Adopting this order now and then accelerates later calls and, with
+/// [`GpuConfig::pairs_in_cell_order`], the caller's work on pairs. The buffers have `STORAGE` and `COPY_SRC` usage and
+/// an element per sphere, until the next call.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CellOrder {

@@ -1,7 +1,7 @@
 //! A candidate list that stays on the device between calls.
 //!
-//! A rebuild searches the stored spheres with radii larger by half the skin. Each call measures displacements; the
-//! device sets the workgroup counts of the search to their values or to zero. Then the call tests the candidates.
+//! A rebuild searches the stored spheres with radii larger by half the skin. Each call measures displacements, by which
+//! the device sets the workgroup counts of that search to their values or zero, and tests the candidates.
 
 use lazygrid_host::SKIN_RANGE;
 use lazygrid_kernels::kernel::{self as k, Variant};
@@ -32,8 +32,7 @@ const PER_PAIR: u32 = 4;
 /// Finds overlapping pairs of slowly moving spheres in GPU buffers.
 ///
 /// Works like [`GpuDetector`], with a candidate list of pairs with gaps up to the skin. The device rebuilds the list if
-/// a sphere has moved half the skin, or the number of spheres, a radius or a species has changed. Results do not depend
-/// on the skin.
+/// a sphere has moved half the skin, or the number of spheres, a radius or a species has changed.
 #[derive(Debug)]
 pub struct GpuSkinDetector {
     device: wgpu::Device,

@@ -143,8 +143,8 @@ fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)>
 #[test]
 fn split_and_unsplit_cells_share_spheres() {
     let Some(gpu) = device_or_skip() else { return };
-    // Cells are 4.1 wide with a corner at the median. Only the largest sphere has its depth, so a cell has entries of
-    // other spheres only if it is not split.
+    // Cells are 4.1 wide with a corner at the median. Only the largest sphere has its depth, so only unsplit cells have
+    // entries of others.
     let mut spheres = vec![Sphere::new([40.0; 3], 1.0)];
     let mut state = 40_u64;
     let mut unit = || {

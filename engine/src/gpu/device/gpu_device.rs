@@ -147,12 +147,12 @@ impl GpuDevice {
         }
     }
 
-    /// Returns the cause of an error, because a lost device first refuses calls with other errors.
+    /// Returns the cause of an error: a lost device first refuses calls with other errors.
     pub(crate) fn reason(&self, error: Error) -> Error {
         self.probe().err().unwrap_or(error)
     }
 
-    /// Tests if the device works: a lost device refuses even a small buffer. The driver reports a loss late, and for a
+    /// Tests if the device works: a lost one refuses even a small buffer. The driver reports a loss late, and for a
     /// host application's device only to the application.
     pub(crate) fn probe(&self) -> Result<(), Error> {
         // A poll delivers the report of a loss.
@@ -175,7 +175,7 @@ pub(crate) fn device_or_skip() -> Option<GpuDevice> {
 
 impl GpuDevice {
     /// Runs `work` in an error scope and returns the device's error, which would otherwise panic in a handler. Messages
-    /// name the activity `what` and its `bytes`.
+    /// name `what` and `bytes`.
     ///
     /// # Errors
     /// [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::DeviceRejected`].

@@ -222,7 +222,7 @@ impl GpuSession {
         most_spheres(&DeviceLimits::of(&self.gpu.device))
     }
 
-    /// Returns the bytes of input and staging buffers on the device.
+    /// Returns the bytes of input and staging buffers.
     pub fn held_bytes(&self) -> u64 {
         self.slots.iter().map(CallBuffers::device_bytes).sum()
     }
@@ -304,8 +304,8 @@ impl GpuSession {
         self.calls[ticket.number as usize % MAX_IN_FLIGHT].window.clone()
     }
 
-    /// Passes the pairs of a call to `consume` in parts, by ascending smaller index; within a part pairs are unordered.
-    /// The output grows only if a single sphere has more pairs than its capacity.
+    /// Passes the pairs of a call to `consume` in parts by ascending smaller index, unordered within a part. The output
+    /// grows only if a single sphere has more pairs than its capacity.
     ///
     /// # Errors
     /// An error of the device, which may be unable to hold the pairs of a single sphere.

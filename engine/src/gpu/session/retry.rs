@@ -14,7 +14,7 @@ use crate::gpu::detector::{AlgorithmChoice, CapacitySnapshot, GpuOutput};
 use crate::gpu::device::Wait;
 
 impl AlgorithmChoice {
-    /// Returns settings with fewer entries than the call that `ran`: a coarser grid, and finally a single level, which
+    /// Returns settings with fewer entries than the call that `ran`: a coarser grid, finally a single level, which
     /// coincident spheres need, at the cell ratio `asked`.
     fn with_fewer_entries(self, ran: Algorithm, asked: f32) -> Option<Self> {
         if self.cell_ratio < GpuConfig::MAX_CELL_RATIO {

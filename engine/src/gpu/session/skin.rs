@@ -36,7 +36,7 @@ impl GpuSession {
         Ok(())
     }
 
-    /// Like [`set_skin`](Self::set_skin), but an equal skin keeps the list.
+    /// Keeps the list if the skin is equal.
     pub(crate) fn update_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
         match (&mut self.skin, distance) {
             (Some(skin), Some(distance)) if skin.detector.skin() == distance => Ok(()),

@@ -33,7 +33,7 @@ mod x86_rows;
 /// that leaves one comparison in 10⁶ to the exact test. Between minimum images, with separate slack, it is at most 11
 /// of the 16 half ulps of the band.
 const BAND: f32 = 1.0 / (1 << 20) as f32;
-/// Absolute half-width of the band: below it products underflow and relative error says nothing.
+/// Absolute half-width of the band: below it products underflow, and relative error has no meaning.
 const FLOOR: f32 = f32::MIN_POSITIVE;
 
 /// Named as in compiler and processor.
@@ -43,7 +43,7 @@ struct Feature {
     is_detected: fn() -> bool,
 }
 
-/// The widest SIMD code of this processor.
+/// The widest SIMD code to use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Simd {
@@ -100,7 +100,7 @@ impl Simd {
         if self as u8 > other as u8 { self } else { other }
     }
 
-    /// Returns the widest code with all its instruction sets, because a virtual machine may hide any of them.
+    /// A virtual machine may hide any instruction set, so all are tested.
     #[cfg(target_arch = "x86_64")]
     fn widest(has: impl Fn(&Feature) -> bool) -> Self {
         if x86::Avx512::FEATURES.iter().all(&has) {
@@ -180,15 +180,14 @@ pub(crate) trait SimdWidth: Copy {
 }
 
 pub(crate) trait PeriodicSimd: SimdWidth {
-    /// [`touching`](SimdWidth::touching) between minimum images.
     fn minimum_image_touching(
         self,
         rows: &[Xyzr],
         pairs: &[Pair; MAX_LANES],
         periodic: &PeriodicBox,
     ) -> [u32; 2];
-    /// [`squared_distances`](SimdWidth::squared_distances) between minimum images, with the slack added to the sum of
-    /// radii, and subtracted down to zero.
+    /// Like [`squared_distances`](SimdWidth::squared_distances) between minimum images, with the slack added to the sum
+    /// of radii, and subtracted down to zero.
     fn minimum_image_distances(
         self,
         columns: &Columns,

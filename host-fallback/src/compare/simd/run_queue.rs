@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use super::MAX_LANES;
 
-/// Its own, and the four adjacent ones later in the table.
+/// The own row, and the four adjacent ones later in the table.
 const ROWS: usize = 5;
 
 /// The neighbor rows of a cell, in a grid in which touching spheres are in adjacent cells.
@@ -12,8 +12,8 @@ pub(crate) struct NeighborRows {
     pub(crate) low: [f32; 3],
     /// A sphere touches higher cells only if its center plus its radius is above this.
     pub(crate) high: [f32; 3],
-    /// The starts of cells `x - 1`, `x` and `x + 1`, and the end. Rows outside the grid are replaced by rows inside,
-    /// which `low` and `high` exclude.
+    /// Starts of cells `x - 1`, `x` and `x + 1`, and the end. Rows inside the grid replace those outside, and `low` and
+    /// `high` exclude them.
     pub(crate) rows: [[u32; 4]; ROWS],
 }
 

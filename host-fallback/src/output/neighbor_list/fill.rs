@@ -7,7 +7,7 @@ use crate::compare::PairFilter;
 use crate::memory::{prefetch_row, try_collect, try_push};
 use crate::output::Neighbors;
 
-/// Below this fraction of a length, a difference of coordinates is the minimum image, with a margin for rounding.
+/// A difference of coordinates below this fraction of a length is the minimum image, with a margin for rounding.
 const NEAR: f64 = 0.49;
 
 /// Neighbors requested from memory beyond the current row.
@@ -241,7 +241,7 @@ impl Fill<'_> {
     #[inline(never)]
     fn nearest(&self, i: u32, j: u32) -> Option<Entry> {
         let ContactTest { query, space, .. } = self.contact;
-        // For two equally distant images, the direction of the pair decides, not that of the entry.
+        // The direction of the pair chooses between two equally distant images, not that of the entry.
         let is_mirrored = query.second().is_none() && j < i;
         let (from, to) = if is_mirrored { (j, i) } else { (i, j) };
         let mut bond =

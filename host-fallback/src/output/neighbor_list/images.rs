@@ -16,7 +16,7 @@ use crate::memory::{try_extend, try_push, try_resize};
 
 /// Relative growth of cutoffs, for rounding in proportion to them.
 const GROWTH: f64 = 1.0 + 1.0 / (1_u64 << 40) as f64;
-/// Two cutoffs below this fraction of the distance between images prove that minimum images suffice.
+/// Minimum images suffice if two cutoffs are below this fraction of the distance between images.
 const SPARE: f64 = 1.0 - 1.0 / (1 << 20) as f64;
 
 /// Folded spheres and their images.
@@ -66,7 +66,7 @@ impl PeriodicImages {
         let spread = self.fold_all(&lattice, query)?;
         let growth = spread.rounding(&lattice, largest * lattice.unit());
         self.reaches.clear();
-        // Half the largest cutoff of each sphere, so that the sum for two spheres covers their cutoff.
+        // Half the largest cutoff of each sphere: the sum for two covers their cutoff.
         for set in [query.first(), second] {
             let reaches =
                 (0..set.len()).map(|k| half_reach(contact, set, k) * lattice.unit() * GROWTH + growth);

@@ -27,7 +27,7 @@ impl ListOptions {
     }
 
     /// Omits neighbors whose distance, rounded, is not less than their cutoff, as ASE and matscipy do. Otherwise
-    /// touching counts.
+    /// spheres that touch are neighbors.
     pub fn open(self) -> Self {
         Self { is_open: true, ..self }
     }

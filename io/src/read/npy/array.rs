@@ -94,7 +94,7 @@ impl ArrayFile {
         })
     }
 
-    /// Returns the index of the number at a position in the file.
+    /// `position` is in the file.
     fn index(&self, mut position: u64) -> Vec<u64> {
         let mut index = vec![0; self.shape.len()];
         let mut next = |axis: usize| {

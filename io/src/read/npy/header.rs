@@ -81,7 +81,6 @@ impl Header {
     }
 }
 
-/// Parses the dictionary of a header.
 pub(super) fn describe<'a>(source: &Source, text: &'a [u8]) -> Result<Description<'a>, Error> {
     Dictionary::parse(text).map_err(|rest| {
         let expected = "a header {'descr': …, 'fortran_order': …, 'shape': …} of a plain or structured array";
@@ -89,7 +88,6 @@ pub(super) fn describe<'a>(source: &Source, text: &'a [u8]) -> Result<Descriptio
     })
 }
 
-/// Parses the type of a plain array's numbers.
 pub(super) fn float_type(source: &Source, descr: &[u8]) -> Result<Dtype, Error> {
     Dtype::parse(descr).filter(|kind| kind.class == DtypeKind::Float).ok_or_else(|| {
         let found = format!("'{}'; convert it with .astype('f4')", excerpt(descr));

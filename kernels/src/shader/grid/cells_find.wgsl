@@ -1,5 +1,5 @@
 // Only this kernel finds cells, because rounding may differ between kernels. Also records the depths that occur and, if
-// only overfull cells are split, counts the smaller spheres per cell of the first level.
+// only overfull cells are split, counts smaller spheres per cell of the first level.
 #include layout
 #include thread
 #include sphere
@@ -27,7 +27,7 @@ fn exponent_of(value: f32) -> i32 {
     return i32(bitcast<u32>(value) >> 23u) - 127;
 }
 
-// The finest depth at which a sphere's box, widening and rounding included, overlaps at most two cells per axis and has
+// The finest depth at which a sphere's box, widened for rounding, overlaps at most two cells per axis and has
 // coordinates of at most 17 bits.
 fn depth_of(sphere: vec4<f32>, radius: f32) -> u32 {
     if (grid.split_policy == 0u) {

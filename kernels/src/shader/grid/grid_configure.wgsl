@@ -11,11 +11,11 @@
 #include key_hash
 
 const SAMPLES: u32 = 256u;
-// Factor on the cell size of grids with levels: sizes that are each half of the next keep their depths when boxes are
-// widened.
+// Factor on the cell size of grids with levels: sizes that are each half of the next keep their depths although boxes
+// are widened.
 const SLACK: f32 = 0x1.04p0;
-// Cells on either side of the origin; coordinates beyond share the outermost cell. Within them, a box widens by at most
-// an eighth of a cell, so no sphere overlaps more than two cells per axis.
+// Cells on either side of the origin; coordinates beyond share the outermost cell. Within them a box widens by at most
+// an eighth of a cell, so it overlaps at most two cells per axis.
 const HALF_GRID: f32 = 0x1p17;
 // Cells in a ring at depth 0. The upper limit keeps rounding at the periodic boundary below a fraction of a cell. Rings
 // at the lower limit, and axes with a length out of range, have one cell.
@@ -45,7 +45,7 @@ fn periods() -> vec3<f32> {
     return vec3(params.period_x, params.period_y, params.period_z);
 }
 
-// The image nearest to the first sphere, so that a cluster across the periodic boundary stays one cluster.
+// The image nearest to the first sphere keeps a cluster across the periodic boundary together.
 fn from_first(sample: vec3<f32>) -> vec3<f32> {
     let lengths = periods();
     let first = spheres[0].xyz;
@@ -196,7 +196,7 @@ fn grid_configure(
     grid.low = low;
     grid.high = high;
     grid.ordinary = select(0u, 1u, radius_min > 0x1p-40 && largest < 0x1p58);
-    // If even the smallest sphere does not fit cells of half the size, all spheres have depth 0.
+    // If the smallest sphere does not fit cells of half the size, all have depth 0.
     let finest = max(inverse_edge.x, max(inverse_edge.y, inverse_edge.z));
     let some_fit = 4.0 * params.cell_ratio * (radius_min * finest) < 0x1.01p0;
     grid.split_policy = select(0u, params.split_policy, some_fit && open_inverse > 0.0);

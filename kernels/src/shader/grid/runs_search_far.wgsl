@@ -1,6 +1,5 @@
 // Pairs of entries more than NEAR positions apart in one run. Each workgroup tests a deferred block of 256 entries with
-// some of the tiles after it, so that an overfull cell keeps the whole device busy within the loop iterations that
-// devices allow.
+// some of the later tiles, so that an overfull cell occupies the whole device within the limit of loop iterations.
 #include runs_search read
 #include reserve_by_subgroup
 #include entry
@@ -18,7 +17,7 @@ struct DeferredRange {
 
 var<workgroup> group_range: DeferredRange;
 
-// The hits whose pairs this cell owns and the call asks for.
+// Hits whose pairs this cell owns and the call asks for.
 fn owned_hits(object: u32, first: u32, hits: u32) -> u32 {
     var owned = 0u;
     for (var k = 0u; k < 32u; k++) {

@@ -2,7 +2,6 @@
 #include thread
 
 struct SubgroupProbe {
-    // Bit 0: some subgroup is not full; bit 1: lanes do not follow local indices; bit 2: no subgroup operations.
     faults: atomic<u32>,
     invocations: atomic<u32>,
     smallest: atomic<u32>,

@@ -113,7 +113,7 @@ fn asked_for(query: QuerySphere, ranges: CandidateRanges, first: u32, found: u32
     return bits;
 }
 
-// Returns the first candidate not tested because the list of hits was full.
+// Returns the first candidate left untested by a full list of hits.
 fn gather_candidates(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: u32) -> u32 {
     var reached = end;
     let batches = (end - begin + 31u) / 32u;
@@ -180,8 +180,8 @@ fn index_in_pair(position: u32) -> u32 {
     return index;
 }
 
-// Stores the overflow flag and the dispatch arguments for at least `found` pairs, fewer than 2^32, of few spheres. All
-// of it only grows, so workgroups need no order, and the call no further dispatch.
+// Stores the overflow flag and the dispatch arguments for at least `found` pairs, fewer than 2^32, of few spheres.
+// These only grow, so workgroups need no order, and the call no further dispatch.
 fn finish_outcome(found: u32) {
     if (found > params.pair_capacity) {
         atomicOr(&outcome.overflow, 1u);

@@ -1,5 +1,5 @@
-// A coordinate times a power of two gives whole fixed-point units on an unbounded axis, divided as integers. As nothing
-// is rounded, every kernel computes the same cell, and touching spheres lie in neighboring cells.
+// A coordinate times a power of two gives whole fixed-point units on an unbounded axis, divided as integers. Nothing is
+// rounded, so every kernel computes the same cell, and touching spheres lie in neighboring cells.
 
 // The cell of coordinate 0, before `low` is subtracted.
 const MIDDLE: u32 = 0x40000000u;

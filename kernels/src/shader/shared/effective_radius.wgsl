@@ -1,5 +1,5 @@
-// Devices may flush any number below 2^-126, as operand and as result. A box is a sum of four numbers, so this addition
-// to the radius exceeds the loss. It does not change radii of 2^-96 and above.
+// Devices may flush any number below 2^-126, as operand and as result. A box is a sum of four numbers; this addition to
+// the radius exceeds the loss, and does not change radii of 2^-96 and above.
 const FLUSHED: f32 = 0x1p-120;
 
 #ifdef SPECIES
@@ -9,7 +9,7 @@ const TOUCHES: u32 = 1u;
 const IDLE: u32 = 2u;
 const SIDE_SHIFT: u32 = 8u;
 
-// Half of the largest distance at which the sphere pairs, or its radius if contact counts.
+// Half of the largest distance at which the sphere pairs, and at least its radius if contact decides some pairs.
 fn effective_radius(index: u32, sphere: vec4<f32>) -> f32 {
     let own = species_params[species[index]];
     let half = bitcast<f32>(own.y);

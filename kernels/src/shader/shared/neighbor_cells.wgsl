@@ -33,7 +33,7 @@ struct CellRow {
     in_plane: u32,
 }
 
-// Up to five rows of cells, and after the last row the listed spheres. The candidates of each range have consecutive
+// Up to five rows of cells, and after the last row the listed spheres. Candidates of each range have consecutive
 // numbers below `until`; a number plus `shift` is a position in cell order.
 struct CandidateRanges {
     until: vec4<u32>,
@@ -184,7 +184,7 @@ fn enter_level(neighbors: ptr<function, NeighborCells>, level: u32, sphere: vec4
     var first = in_ring(low, around);
     var span = min(high - low, around - vec3(1u)) + vec3(1u);
 #ifdef PERIODIC
-    // A box as wide as the period covers all of it; its corners may be too far away for cell numbers.
+    // A box as wide as the period covers it all; its corners may be too far away for cell numbers.
     let whole = (periods() > vec3(0.0)) & (2.0 * half >= periods());
     first = select(first, vec3(0u), whole);
     span = select(span, around, whole);

@@ -15,7 +15,6 @@ struct Streak {
     largest: u32,
 }
 
-// The statistics that one thread collects.
 struct ThreadStats {
     low: vec3<u32>,
     high: vec3<u32>,

@@ -1,5 +1,5 @@
-// Only the leader writes the maximum: atomics on one address in workgroup memory serialize. Without subgroups, every
-// thread leads itself. Called by whole subgroups; after a loop, no compiler can see that.
+// Only the leader writes the maximum, because atomics on one address in workgroup memory serialize. Without subgroups,
+// every thread leads itself. Called by whole subgroups; after a loop, no compiler can see that.
 #ifdef SUBGROUPS
 #standard @diagnostic(off, subgroup_uniformity)
 fn max_in_subgroup(value: u32) -> u32 {

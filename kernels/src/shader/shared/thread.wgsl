@@ -1,6 +1,6 @@
 // Per-thread indices. Workgroup-uniform values are passed separately, because Tint treats all members of a structure
-// with a varying member as varying. Entry points take the builtins as parameters, because naga 30 writes subgroup
-// builtins in a structure to HLSL without semantics.
+// with a varying member as varying. Builtins are parameters of entry points, because naga 30 writes subgroup builtins
+// in a structure to HLSL without semantics.
 struct Thread {
     local_index: u32,
 #ifdef SUBGROUPS

@@ -1,6 +1,6 @@
 const WORKGROUP_SIZE: u32 = 256u;
 
-// Separate from the partial sums: the next scan writes those while some threads may still read the total.
+// Separate from the partial sums, which the next scan writes while some threads may still read the total.
 var<workgroup> group_total: u32;
 
 fn workgroup_sum() -> u32 {

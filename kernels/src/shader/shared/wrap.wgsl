@@ -36,7 +36,7 @@ fn wrap(coordinate: u32, period: u32) -> u32 {
         }
         return bits_of(Number(2u * length.digits - x.digits, x.exponent)) | (sign ^ SIGN);
     }
-    // Numbers of 24 digits differ by less than a factor of two, so coordinates within two periods need no division.
+    // Numbers of 24 digits differ by less than a factor of two, so within two periods no division is needed.
     var rest = x.digits - select(0u, length.digits, x.digits >= length.digits);
     var left = x.exponent - length.exponent;
     // Eight of at most 254 digits per iteration: 32 bits hold these and 24. The number of iterations varies, because compilers

@@ -39,12 +39,12 @@ fn candidates_test_dispatch_args() {
         left -= taken;
     }
     outcome_begin(overflow, atomicLoad(&found.quarantined));
-    // The number of all candidates, so that the caller can allocate enough.
+    // The number of all candidates, for the caller's allocation.
     atomicStore(&outcome.entries_lo, count);
     atomicStore(&outcome.entries_hi, atomicLoad(&found.found_hi));
     atomicStore(&outcome.max_occupancy, 0u);
     if ((overflow & WORK) != 0u) {
-        // The size of the unfinished search, so that the caller can record enough parts.
+        // The size of the unfinished search, for the number of parts that the caller records.
         atomicStore(&outcome.deferred_blocks, atomicLoad(&found.deferred_blocks));
         atomicStore(&outcome.deferred_max_tiles, atomicLoad(&found.deferred_max_tiles));
     }

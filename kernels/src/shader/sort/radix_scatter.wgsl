@@ -27,8 +27,8 @@ var<workgroup> digits: array<u32, 256>;
 
 #ifdef SUBGROUP_RANKING
 // Each subgroup ranks its own part of the tile, with a table of 16-bit counters, two per word. Rows of keys update the
-// counters one after another: only a barrier after each row orders the updates of different lanes, and without that
-// order the sort would not be stable.
+// counters one after another: only a barrier after each row orders the updates of different lanes, which a stable sort
+// needs.
 fn item_index(thread: Thread, item: u32) -> u32 {
     return thread.subgroup * thread.subgroup_size * ITEMS + item * thread.subgroup_size + thread.lane;
 }
@@ -89,7 +89,7 @@ fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
 }
 
 // Replaces counts by the positions in the tile at which a subgroup's keys of each digit begin. Sums both halves of a
-// word at once, because neither reaches 2^16. A barrier must precede it.
+// word at once, as neither reaches 2^16. A barrier must precede it.
 fn merge_tables(thread: Thread) {
     if (thread.local_index < 128u) {
         var total = 0u;
@@ -132,8 +132,8 @@ fn clear_tables(thread: Thread) {
     workgroupBarrier();
 }
 
-// The number of earlier keys of the tile with this digit, and the digit in the upper half. All threads with one digit
-// set their bits in that digit's 256-bit mask; the bits below a thread's own bit are its rank.
+// Ranks within the whole tile. Threads with one digit set their bits in its 256-bit mask; the bits below a thread's own
+// bit are its rank.
 fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
     let digit = digit_of(key);
     let own_word = thread.local_index / 32u;

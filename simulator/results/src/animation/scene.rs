@@ -85,7 +85,7 @@ struct Line {
     counts: Vec<u64>,
 }
 
-/// Most rows of the series on a page.
+/// Most rows of the series.
 const ROWS: usize = 1000;
 /// Particles per frame that determine the view.
 const SEEN: usize = 500;

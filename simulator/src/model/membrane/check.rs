@@ -4,7 +4,6 @@ use crate::model::receiver::{Receiver, signed_distance};
 use crate::model::{Contact, Flow, Model};
 
 impl Model {
-    /// Returns the first membrane with a fault, and the fault.
     pub(crate) fn faulty_membrane(&self) -> Option<(usize, String)> {
         (0..self.membranes.len()).find_map(|k| Some((k, self.fault_of_membrane(k)?)))
     }

@@ -33,7 +33,6 @@ const EVENTS: u32 = 64;
 /// Largest correction of a rounded position, in parts of the radius.
 const NUDGES: u32 = 8;
 
-/// The end of a step that reaches spheres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct SphereEnd {
     /// Without the images of a periodic box, and beyond walls that reflected it.
@@ -67,7 +66,6 @@ enum Obstacle {
 }
 
 impl MembraneStep<'_> {
-    /// Returns the spherical membranes of the species.
     fn spheres(&self) -> impl Iterator<Item = Sphere> {
         let own = |(membrane, one): (usize, &Membrane)| match one.surface {
             MembraneSurface::Sphere { center, radius } if one.sees[self.species] => {

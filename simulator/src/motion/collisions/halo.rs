@@ -8,7 +8,7 @@ use crate::Error;
 /// A mover's event depends on a neighbor that may leave its path, and a third that may hit this neighbor.
 pub(crate) const HOPS: u32 = 3;
 
-/// Movers of other ranks. Every method is collective.
+/// Every method is collective.
 pub(crate) trait Halo {
     /// Error of the run, equal on all ranks.
     type Error;
@@ -26,7 +26,6 @@ pub(crate) trait Halo {
     fn refresh(&mut self, movers: &mut [Mover], changed: &mut Vec<u32>) -> Result<(), Self::Error>;
 }
 
-/// A run in one process.
 #[derive(Debug)]
 pub(crate) struct Undivided;
 

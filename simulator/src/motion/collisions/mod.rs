@@ -64,7 +64,6 @@ struct Scratch {
     neighbors: Adjacency,
 }
 
-/// Number, largest radius and bounds of movers.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Extent {
@@ -76,7 +75,7 @@ struct Extent {
 
 /// Allowance over the mean distance of neighbors, and over the largest radius.
 const ALLOWANCE: [f64; 2] = [0.25, 0.25];
-/// Top speed of a window over its fastest particle.
+/// Over the fastest particle of a window.
 const TOP_SPEED: f64 = 1.15;
 const MAX_COLLISIONS: u64 = 1000;
 /// Additional collisions, for few particles.

@@ -14,10 +14,9 @@ pub(crate) struct Flight {
     pub(crate) velocity: [f32; 3],
 }
 
-/// A particle in motion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Mover {
-    /// Position at `time`, in µm, not wrapped.
+    /// At `time`, in µm, not wrapped.
     pub(crate) position: [f64; 3],
     /// Fraction of the step up to which the path is known.
     pub(crate) time: f64,

@@ -3,7 +3,7 @@
 //! # Correctness
 //!
 //! 1. A pair changes two particles. It happens once all pairs before it of either particle have, as in the order.
-//! 2. In each round, every particle is in one pair at most, so owners and holders of a ghost count alike.
+//! 2. In each round, every particle is in one pair at most, so its owner and the ranks with a ghost of it agree.
 //! 3. The first remaining pair of all happens, so the rounds end.
 
 use rayon::prelude::*;
@@ -13,8 +13,7 @@ use super::mover::Mover;
 use super::rounds::Adjacency;
 use super::rules::Rules;
 
-/// Lets overlapping pairs bounce if they approach. The first `own` movers are this rank's. Returns the bounces on all
-/// ranks.
+/// Overlapping pairs bounce if they approach. The first `own` movers are this rank's. Returns the bounces on all ranks.
 pub(super) fn bounce_overlaps<H: Halo>(
     rules: &Rules,
     movers: &mut [Mover],

@@ -16,7 +16,7 @@
 //!    event, it is the same as in the order of times.
 //!
 //! The earliest event is always safe, so every round has one. In dense clusters distances vanish, and the parallelism
-//! with them. There each distance counts as larger by [`SLACK`] contact distances: a third particle may hit late by
+//! with them. There each distance is taken as larger by [`SLACK`] contact distances: a third particle may hit late by
 //! the time of that distance, at that overlap.
 
 use bytemuck::{Pod, Zeroable};
@@ -51,7 +51,7 @@ pub(crate) struct Window<'a> {
     pub(crate) limit: u64,
 }
 
-/// End of a window, with the collisions of all ranks.
+/// Has the collisions of all ranks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum WindowEnd {
     Finished(u64),
@@ -59,7 +59,6 @@ pub(crate) enum WindowEnd {
     TooMany(u64),
 }
 
-/// The earliest pending event, and the last round's speed and collisions.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Progress {
@@ -87,8 +86,7 @@ enum News {
 }
 
 impl Window<'_> {
-    /// Lets all events of the window happen. Ghosts must include all movers up to [`HOPS`](super::halo::HOPS)
-    /// candidates away.
+    /// Ghosts must include all movers up to [`HOPS`](super::halo::HOPS) candidates away.
     pub(crate) fn run<H: Halo>(&self, movers: &mut [Mover], halo: &mut H) -> Result<WindowEnd, H::Error> {
         let mut agenda = self.begin(movers);
         let (mut last, mut collisions) = (Progress::zeroed(), 0);

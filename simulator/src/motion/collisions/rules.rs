@@ -125,7 +125,7 @@ impl Rules {
         Some(Event { time: time + after.max(0.0), ids: [mover.id, WALL], at: [at, WALL], wall })
     }
 
-    /// Returns the particles of an event after it, and the number of collisions. For a wall both are the first.
+    /// Also returns the number of collisions. For a wall both particles are the first.
     pub(crate) fn outcome(&self, movers: &[Mover], event: &Event) -> ([Mover; 2], u64) {
         let second = if event.at[1] == WALL { event.at[0] } else { event.at[1] };
         let mut pair = [event.at[0], second].map(|at| movers[at as usize]);

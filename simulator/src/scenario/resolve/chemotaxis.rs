@@ -21,7 +21,6 @@ fn attractant(one: &file::Attractant) -> Attractant {
     Attractant { name: one.name.get_ref().0.clone(), center, profile }
 }
 
-/// Adds the attractants and the responses of species to the model.
 pub(super) fn resolve(
     attractants: &[file::Attractant],
     species: &[file::Species],

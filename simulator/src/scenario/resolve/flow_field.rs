@@ -12,7 +12,7 @@ use crate::model::flow_field::FlowField;
 use crate::scenario::Problem;
 use crate::scenario::file::{self, Finite, Positive};
 
-/// Reads the velocities of a flow from its file, relative to a directory.
+/// The file is relative to the directory.
 pub(super) fn read(flow: &file::Flow, directory: &Path) -> Result<Arc<FlowField>, Problem> {
     let speed = flow.speed.as_ref().map(Spanned::span);
     if let Some(span) = flow.velocity.as_ref().map(Spanned::span).or(speed) {
@@ -49,7 +49,6 @@ fn check_memory(points: [u64; 3]) -> Result<(), Error> {
     check_available(&what, count.saturating_mul(FlowField::BYTES_PER_POINT), remedy)
 }
 
-/// Refuses the keys of a field in another flow.
 pub(super) fn check_unused(flow: &file::Flow) -> Result<(), Problem> {
     let keys = [
         ("file", flow.file.as_ref().map(Spanned::span)),

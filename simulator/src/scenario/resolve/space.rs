@@ -119,7 +119,6 @@ pub(super) fn number(axis: AxisName) -> usize {
     }
 }
 
-/// Returns the flow of a scenario in a directory.
 pub(super) fn flow(
     flow: Option<&file::Flow>,
     boundary: &Boundary,

@@ -8,7 +8,7 @@ use crate::model::membrane::{Membrane, MembraneSurface};
 /// Largest change of a flow over a step: above it the second order in the time step is coarse.
 const STEEP_FLOW: f64 = 0.3;
 
-/// Warns of a flow on a grid that changes much within a step, or whose grid ends before the walls.
+/// Also warns of a grid that ends before the walls.
 pub(in crate::scenario) fn unresolved_flow(model: &Model) -> Vec<String> {
     let Some(field) = model.flow_field() else { return Vec::new() };
     let mut messages = Vec::new();
@@ -38,7 +38,6 @@ pub(in crate::scenario) fn unresolved_flow(model: &Model) -> Vec<String> {
     messages
 }
 
-/// Warns of a gradient in which a swimmer would have to tumble more than once in a step.
 pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
     let most = model.largest_rate_factor(species);
@@ -57,7 +56,6 @@ pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Op
 /// Largest √(2DΔt) at a spherical membrane, in radii.
 const LONG_AT_SPHERE: f64 = 0.25;
 
-/// Warns of steps that are long compared with a spherical membrane.
 pub(in crate::scenario) fn long_step_through(membrane: &Membrane, model: &Model) -> Option<String> {
     let MembraneSurface::Sphere { radius, .. } = membrane.surface else { return None };
     let seen = model.species.iter().zip(&membrane.sees).filter(|(_, sees)| **sees);

@@ -74,7 +74,6 @@ fn rate_point(x: f64, errors: &BitErrors, wrong: u64) -> PlotPoint {
     PlotPoint::new(x, wrong as f64 / errors.bits as f64, (low, high))
 }
 
-/// A rate and its 95 % interval.
 fn rate(errors: &BitErrors, wrong: u64) -> String {
     let [low, high] = errors.interval(wrong);
     format!("{:.4} ({low:.4} to {high:.4})", wrong as f64 / errors.bits as f64)
@@ -86,7 +85,7 @@ fn shown(of: &[BitErrors]) -> impl Iterator<Item = &BitErrors> {
     of.iter().take(1).chain(found.filter(|errors| errors.delay != of[0].delay))
 }
 
-/// A row per delay, with the best thresholds.
+/// Has a row per delay, with the best thresholds.
 fn table_by_delay(of: &[BitErrors], name: &str, model: &Model) -> Table {
     let least = of.iter().map(BitErrors::least).fold(f64::INFINITY, f64::min);
     let row = |errors: &BitErrors| {

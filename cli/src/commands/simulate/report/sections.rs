@@ -11,7 +11,6 @@ use lazygrid_sim::Model;
 use super::Done;
 use super::bit_errors::bit_errors;
 
-/// Most points of a line.
 pub(super) const POINTS: usize = 400;
 
 pub(super) fn all(done: &Done<'_>, channels: &Channels) -> Result<Vec<Section>, Box<dyn Error>> {
