@@ -1,9 +1,11 @@
 mod chemotaxis;
+mod space;
 
 use serde::Deserialize;
 use toml::Spanned;
 
 pub(super) use self::chemotaxis::{Attractant, AttractantProfile, Chemotaxis};
+pub(super) use self::space::{AxisName, Boundary, BoundaryKind, Ends, Flow, Profile};
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
@@ -44,65 +46,6 @@ pub(super) enum Contact {
     Count,
     Separate,
     Elastic,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) struct Boundary {
-    pub(super) kind: Spanned<BoundaryKind>,
-    pub(super) low: Option<Spanned<[Finite; 3]>>,
-    pub(super) high: Option<Spanned<[Finite; 3]>>,
-    pub(super) axis: Option<Spanned<AxisName>>,
-    pub(super) center: Option<Spanned<[Finite; 3]>>,
-    pub(super) radius: Option<Spanned<Positive>>,
-    pub(super) ends: Option<Spanned<[Finite; 2]>>,
-    pub(super) at_ends: Option<Spanned<Ends>>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum BoundaryKind {
-    Reflecting,
-    Periodic,
-    Cylinder,
-    Sphere,
-}
-
-#[derive(Clone, Copy, Debug, Default, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum AxisName {
-    #[default]
-    X,
-    Y,
-    Z,
-}
-
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Ends {
-    Reflecting,
-    Periodic,
-}
-
-#[derive(Debug, Deserialize)]
-#[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) struct Flow {
-    pub(super) profile: Spanned<Profile>,
-    pub(super) velocity: Option<Spanned<[Finite; 3]>>,
-    pub(super) speed: Option<Spanned<Finite>>,
-    pub(super) file: Option<Spanned<String>>,
-    pub(super) origin: Option<Spanned<[Finite; 3]>>,
-    pub(super) spacing: Option<Spanned<[Positive; 3]>>,
-    pub(super) from: Option<Spanned<NotNegative>>,
-    pub(super) until: Option<Spanned<NotNegative>>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum Profile {
-    Plug,
-    Poiseuille,
-    Field,
 }
 
 #[derive(Debug, Deserialize)]
