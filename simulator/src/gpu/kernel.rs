@@ -36,15 +36,15 @@ kernels! {
     STEP_BEGIN = "step_begin" [Uniform "params", Write "control"];
     PARTICLES_MOVE = "particles_move" [
         Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
-        Write "species", Read "species_rows", Read "event_rows", Read "receiver_rows",
+        Write "species", Read "species_rows", Read "event_rows", Read "scene_rows",
     ];
     PARTICLES_MOVE_REFLECTING = "particles_move_reflecting" [
         Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
-        Write "species", Read "species_rows", Read "event_rows", Read "receiver_rows", Write "claims", Write "receptors",
+        Write "species", Read "species_rows", Read "event_rows", Read "scene_rows", Write "claims", Write "receptors",
     ];
     COLLISIONS_BEGIN = "collisions_begin" [
         Uniform "params", Write "control", Read "spheres", Read "tags", Read "species_rows", Write "movers",
-        Write "next_events", Write "window",
+        Write "next_events", Write "window", Read "scene_rows",
     ];
     WINDOW_BEGIN = "window_begin" [Uniform "params", Write "control", Write "window"];
     WINDOW_SPHERES = "window_spheres" [
@@ -133,7 +133,7 @@ kernels! {
     ];
     RECEIVERS_COUNT = "receivers_count" [
         Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Read "occupancy_rows",
-        Read "receiver_rows", Write "inside",
+        Read "scene_rows", Write "inside",
     ];
 }
 
@@ -144,6 +144,7 @@ const SHARED: &[(&str, &str)] = &[
     ("born", include_str!("shader/shared/born.wgsl")),
     ("boundary", include_str!("shader/shared/boundary.wgsl")),
     ("candidate", include_str!("shader/shared/candidate.wgsl")),
+    ("chemotaxis", include_str!("shader/shared/chemotaxis.wgsl")),
     ("claims", include_str!("shader/shared/claims.wgsl")),
     ("collided", include_str!("shader/shared/collided.wgsl")),
     ("compaction", include_str!("shader/shared/compaction.wgsl")),
@@ -153,6 +154,7 @@ const SHARED: &[(&str, &str)] = &[
     ("event_rows", include_str!("shader/shared/event_rows.wgsl")),
     ("events", include_str!("shader/shared/events.wgsl")),
     ("first_passage", include_str!("shader/shared/first_passage.wgsl")),
+    ("flow_field", include_str!("shader/shared/flow_field.wgsl")),
     ("gap", include_str!("shader/shared/gap.wgsl")),
     ("matching_stage", include_str!("shader/shared/matching_stage.wgsl")),
     ("mover", include_str!("shader/shared/mover.wgsl")),

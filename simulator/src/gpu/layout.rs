@@ -31,6 +31,26 @@ pub(super) struct Params {
     pub(super) largest_radius: f32,
     pub(super) collides: u32,
     pub(super) is_elastic: u32,
+    pub(super) flow_duration: f32,
+    pub(super) field_at: u32,
+    pub(super) field_origin: Vec3,
+    pub(super) field_spacing: Vec3,
+    /// Zeros without a flow field.
+    pub(super) field_points: UVec3,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
+#[repr(C)]
+pub(super) struct ChemotaxisRow {
+    pub(super) center: Vec3,
+    /// 0 for species that follow no concentration.
+    pub(super) profile: u32,
+    pub(super) gradient: Vec3,
+    pub(super) level: f32,
+    pub(super) size: f32,
+    pub(super) sensitivity: f32,
+    pub(super) saturates: u32,
+    pub(super) probability: f32,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
@@ -55,6 +75,7 @@ pub(super) struct SpeciesRow {
     pub(super) mobility: f32,
     /// Bits of the axes whose walls reflect paths with diffusion and drift.
     pub(super) drifts_at_wall: u32,
+    pub(super) taxis: ChemotaxisRow,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]

@@ -10,6 +10,7 @@
 //!
 //! The host computes bursts and receiver positions in advance.
 
+mod chemotaxis;
 mod detectors;
 mod device;
 mod dispatches;
@@ -19,6 +20,7 @@ mod model_check;
 mod plan;
 mod receiver_cells;
 mod receiver_trajectory;
+mod scene_rows;
 mod simulation;
 mod tables;
 mod tally_layout;

@@ -37,12 +37,6 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
         let count = model.receivers.len();
         return rejected(format!("arrivals at {count} receivers; it logs those at {MAX_LOGGED_RECEIVERS}"));
     }
-    if model.flow_field().is_some() {
-        return rejected("a flow from a file".to_owned());
-    }
-    if let Some(species) = model.species.iter().find(|species| species.chemotaxis.is_some()) {
-        return rejected(format!("the chemotaxis of {}", species.name));
-    }
     if let Some(membrane) = model.membranes.first() {
         return rejected(format!("the membrane {}", membrane.name));
     }
@@ -99,10 +93,16 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
 pub(super) struct Carried {
     /// Plug flow and drift, in µm.
     drift: [f32; 3],
+    /// Largest displacement by a flow field along each axis, in µm.
+    field: [f32; 3],
     /// Poiseuille flow, and own velocity in any direction, in µm.
     flow: f32,
     own: f32,
     diffusion: f32,
+}
+
+fn length(v: [f32; 3]) -> f32 {
+    v.iter().map(|c| c * c).sum::<f32>().sqrt()
 }
 
 /// In standard deviations; a component exceeds it once in 10⁹ draws.
@@ -130,11 +130,18 @@ impl Carried {
         // A product keeps the velocity of a reactant with the same speed.
         let hottest = model.species.iter().map(|species| species.thermal_speed).fold(0.0, f64::max);
         let speed = speed.max(MAX_THERMAL * 3f32.sqrt() * hottest as f32);
-        Self { drift, flow, own: speed * model.time_step as f32, diffusion }
+        let field = model.flow_field().map_or([0.0; 3], |field| field.fastest());
+        let field = field.map(|v| (v * model.time_step) as f32);
+        Self { drift, field, flow, own: speed * model.time_step as f32, diffusion }
     }
 
     pub(super) fn length(&self) -> f32 {
-        self.drift.iter().map(|d| d * d).sum::<f32>().sqrt() + self.flow.abs() + self.own
+        length(self.drift) + self.carried()
+    }
+
+    /// Bounds the displacement apart from the drift.
+    fn carried(&self) -> f32 {
+        length(self.field) + self.flow.abs() + self.own
     }
 
     /// Returns `true` if drift may carry a diffusing particle past the receiver, or a line may involve a wall or
@@ -145,12 +152,12 @@ impl Carried {
         let diffusion = self.diffusion + (receiver.diffusion * time_step) as f32;
         let relative: [f32; 3] = std::array::from_fn(|k| self.drift[k] - own[k]);
         if diffusion > 0.0 {
-            let length = relative.iter().map(|d| d * d).sum::<f32>().sqrt() + self.flow.abs() + self.own;
+            let length = length(relative) + self.carried();
             return path_hit::is_long(length, (2.0 * diffusion).sqrt(), receiver.radius);
         }
         let along = |k: usize| {
             let vessel = boundary.vessel.filter(|vessel| vessel.along == Some(k));
-            self.own + if vessel.is_some() { self.flow.abs() } else { 0.0 }
+            self.field[k] + self.own + if vessel.is_some() { self.flow.abs() } else { 0.0 }
         };
         let across = |k: usize| boundary.vessel.is_some_and(|vessel| vessel.along != Some(k));
         (0..3).filter(|&k| relative[k] != 0.0 || along(k) > 0.0).any(|k| {

@@ -1,9 +1,9 @@
 use super::layout::{
-    DissociationRow, EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow, SpeciesRow,
+    ChemotaxisRow, DissociationRow, EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow, SpeciesRow,
 };
 use super::model_check::{Carried, chained_decays};
 use super::receiver_cells::MIN_LISTED_RECEIVERS;
-use super::receiver_trajectory::max_rows;
+use super::scene_rows::SceneRows;
 use super::tally_layout::Tallies;
 use crate::model::receiver::{Adsorption, ReceiverKind, WallFace};
 use crate::model::{Contact, Model, Unbinding};
@@ -24,7 +24,7 @@ pub(super) struct Tables {
     pub(super) occupancy_rows: Vec<OccupancyRow>,
     pub(super) receptors: Vec<ReceptorRow>,
     pub(super) reflects: bool,
-    pub(super) receiver_rows: usize,
+    pub(super) scene_rows: SceneRows,
     pub(super) reaction_rows: Vec<ReactionRow>,
     pub(super) dissociation_rows: Vec<DissociationRow>,
     pub(super) max_counts: u32,
@@ -55,17 +55,18 @@ impl Tables {
             reactions: model.reactions.len(),
         };
         let (species_rows, event_rows) = species_and_event_rows(model, &tallies);
+        let scene_rows = SceneRows::new(model);
+        let mut params = params(model, key, max_iterations, &tallies);
+        params.max_requeries = max_requeries(&species_rows);
+        scene_rows.describe_field(&mut params);
         Self {
-            params: Params {
-                max_requeries: max_requeries(&species_rows),
-                ..params(model, key, max_iterations, &tallies)
-            },
+            params,
             species_rows,
             event_rows,
             occupancy_rows: occupancy_rows(model, &tallies),
             receptors: receptors(model),
             reflects: model.receivers.iter().any(Receiver::reflects_some),
-            receiver_rows: max_rows(model),
+            scene_rows,
             reaction_rows: reaction_rows(model),
             dissociation_rows: dissociation_rows(model, &tallies),
             max_counts: if chained_decays(model).next().is_some() { MAX_DECAYS } else { 1 },
@@ -78,6 +79,7 @@ impl Tables {
             row.drift = drift.drift.into();
             row.drifts_at_wall = at_wall_bits(drift);
         }
+        self.params.flow_duration = (part * model.time_step) as f32;
         if let Some(mut flow) = FlowStep::new(model) {
             flow.set(model, part);
             self.params.peak_flow = flow.fastest as f32;
@@ -211,7 +213,10 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
             speed: species.speed as f32,
             thermal_speed: species.thermal_speed as f32,
             tumbles: tumbles.is_some().into(),
-            tumble_threshold: tumbles.map_or(0, |tumbles| tumbles.up_to),
+            tumble_threshold: tumbles.as_ref().map_or(0, |tumbles| tumbles.up_to),
+            taxis: tumbles.map_or(ChemotaxisRow::default(), |tumbles| {
+                ChemotaxisRow::new(model, id, tumbles.probability)
+            }),
             decay_rate: (motion.decays.rate(id as u32) * model.time_step) as f32,
             mobility: match model.contact {
                 Contact::Elastic => (1.0 / species.mass) as f32,

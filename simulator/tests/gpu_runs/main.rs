@@ -8,6 +8,7 @@ mod dimensions;
 mod features;
 mod models;
 mod surfaces;
+mod transport;
 
 use std::sync::Arc;
 
@@ -16,7 +17,7 @@ use lazygrid::Algorithm;
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Attractant, AttractantProfile, Axis, Boundary, Chemotaxis, Contact, Decay, Error, Flow, FlowField,
+    Axis, Boundary, Contact, Decay, Error, Flow, FlowField,
     Membrane, Model, Receiver, ReceiverKind, ReceptorType, Shape, Simulation, Transmitter,
 };
 use models::{assert_same, brownian, by_id, cpu, dyadic, gpu, species};
@@ -287,18 +288,12 @@ fn models_without_kernels_are_refused_by_name() {
         m.membranes = vec![Membrane { name: "skin".into(), sees, ..Membrane::default() }];
     });
     assert!(membrane.contains("the membrane skin"), "{membrane}");
-    let taxis = refused(|m| {
-        let profile = AttractantProfile::Gaussian { peak: 1.0, width: 1.0 };
-        m.attractants = vec![Attractant { name: "food".into(), center: [0.0; 3], profile }];
-        (m.species[0].speed, m.species[0].tumble_rate) = (1.0, 1.0);
-        m.species[0].chemotaxis = Some(Chemotaxis { attractant: 0, sensitivity: 1.0, half_saturation: None });
-    });
-    assert!(taxis.contains("the chemotaxis of A"), "{taxis}");
     let field = refused(|m| {
-        let field = FlowField::new([[0.0; 3], [1.0; 3]], [1; 3], vec![0.0; 3]).expect("a field");
-        m.flow = Some(Flow::Field(Arc::new(field)));
+        let field = FlowField::new([[0.0; 3], [1.0; 3]], [2, 1, 1], vec![0.0, 0.0, 0.0, 0.0, 9000.0, 0.0]);
+        m.flow = Some(Flow::Field(Arc::new(field.expect("a field"))));
+        m.receivers = vec![receiver(ReceiverKind::Absorbing)];
     });
-    assert!(field.contains("a flow from a file"), "{field}");
+    assert!(field.contains("A, whose drift may carry it past receiver rx"), "{field}");
     let types = refused(|m| {
         let kind = ReceptorType::new(4, 1.0, 1.0, [1]);
         m.receivers = vec![receiver(ReceiverKind::Receptors(vec![kind.clone(), kind]))];

@@ -10,7 +10,7 @@ use encase::ShaderType;
 use reflection::{bindings, laid_out, layout, parse, spirv, structures};
 
 use super::super::layout::{
-    BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, ControlHeader, DissociationRow, EventRow, MOVER_BYTES,
+    BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, ChemotaxisRow, ControlHeader, DissociationRow, EventRow, MOVER_BYTES,
     NEXT_EVENT_BYTES, OccupancyRow, PUSH_BYTES, Params, ReactionRow, ReceiverCellsHeader, ReceiverRow,
     SpeciesRow, TrajectoryHeader, WINDOW_BYTES,
 };
@@ -56,7 +56,22 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             vessel_center,
             largest_radius,
             collides,
-            is_elastic
+            is_elastic,
+            flow_duration,
+            field_at,
+            field_origin,
+            field_spacing,
+            field_points
+        }),
+        layout!(ChemotaxisRow {
+            center,
+            profile,
+            gradient,
+            level,
+            size,
+            sensitivity,
+            saturates,
+            probability
         }),
         layout!(SpeciesRow {
             drift,
@@ -76,7 +91,8 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             tumble_threshold,
             decay_rate,
             mobility,
-            drifts_at_wall
+            drifts_at_wall,
+            taxis
         }),
         layout!(ReceiverCellsHeader { low, cells_per_length, counts }),
         layout!(EventRow {

@@ -61,8 +61,8 @@ fn spheres(ways: [[f32; 3]; 3]) -> ([Receiver; 3], String) {
     let mut text = String::new();
     for (k, (receiver, way)) in receivers.iter().zip(ways).enumerate() {
         let (center, radius) = (vector(receiver.center), receiver.radius);
-        text += &format!("receiver_rows[{}] = bitcast<vec4<u32>>(vec4({center}, 0.0));\n", 2 * k);
-        text += &format!("receiver_rows[{}] = bitcast<vec4<u32>>(vec4({}, 0.0));\n", 2 * k + 1, vector(way));
+        text += &format!("scene_rows[{}] = bitcast<vec4<u32>>(vec4({center}, 0.0));\n", 2 * k);
+        text += &format!("scene_rows[{}] = bitcast<vec4<u32>>(vec4({}, 0.0));\n", 2 * k + 1, vector(way));
         text += &format!("event_rows[{k}].radius = {radius:?};\nevent_rows[{k}].kind = REFLECTING;\n");
         text += &format!("event_rows[{k}].receiver = {k}u;\n");
     }
@@ -80,7 +80,7 @@ var<private> params: Params;
 #include event
 var<private> trajectory: TrajectoryHeader;
 var<private> event_rows: array<EventRow, 3>;
-var<private> receiver_rows: array<vec4<u32>, 6>;
+var<private> scene_rows: array<vec4<u32>, 6>;
 #include receiver_cells
 #include reflection";
     let rooms = [

@@ -1,3 +1,18 @@
+// The response of a swimmer to a concentration, in a unit chosen by the host.
+struct ChemotaxisRow {
+    center: vec3<f32>,
+    profile: u32,
+    gradient: vec3<f32>,
+    // At the center, or at the surface of a source.
+    level: f32,
+    // Width, or radius of a source.
+    size: f32,
+    sensitivity: f32,
+    saturates: u32,
+    // Of a tumble in a step without a gradient.
+    probability: f32,
+}
+
 struct SpeciesRow {
     drift: vec3<f32>,
     // Standard deviation along each axis.
@@ -25,6 +40,7 @@ struct SpeciesRow {
     mobility: f32,
     // Bits of the axes whose walls reflect paths with diffusion and drift.
     drifts_at_wall: u32,
+    taxis: ChemotaxisRow,
 }
 
 // A possible event of a species' particle, in the order of precedence.
