@@ -22,7 +22,7 @@ pub(super) struct RunBuffers {
     pub(super) limits: DeviceLimits,
     counts_inside: bool,
     reflects: bool,
-    /// Receivers if some have receptors, else 0.
+    /// Types.
     receptors: u32,
     dissociates: bool,
     reacts: bool,

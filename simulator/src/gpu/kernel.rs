@@ -172,6 +172,7 @@ const SHARED: &[(&str, &str)] = &[
     ("reflection", include_str!("shader/shared/reflection.wgsl")),
     ("round", include_str!("shader/shared/round.wgsl")),
     ("running_sum", include_str!("shader/shared/running_sum.wgsl")),
+    ("surface_diffusion", include_str!("shader/shared/surface_diffusion.wgsl")),
     ("unit_32", include_str!("shader/shared/unit_32.wgsl")),
     ("velocity", include_str!("shader/shared/velocity.wgsl")),
     ("velocity_index", include_str!("shader/shared/velocity_index.wgsl")),

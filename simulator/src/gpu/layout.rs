@@ -94,6 +94,11 @@ pub(super) struct EventRow {
     pub(super) unbinding: f32,
     /// Fraction of the decay rate up to this channel.
     pub(super) share: f32,
+    pub(super) ligands_begin: u32,
+    pub(super) ligands_end: u32,
+    pub(super) receptor: u32,
+    pub(super) occupied: u32,
+    pub(super) concentration: f32,
 }
 
 impl EventRow {

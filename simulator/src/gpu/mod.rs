@@ -16,6 +16,7 @@ mod device;
 mod dispatches;
 mod kernel;
 mod layout;
+mod ligand_rows;
 mod model_check;
 mod plan;
 mod receiver_cells;

@@ -40,16 +40,6 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
     if let Some(membrane) = model.membranes.first() {
         return rejected(format!("the membrane {}", membrane.name));
     }
-    if let Some(receiver) = model.receivers.iter().find(|receiver| receiver.receptor_types().len() > 1) {
-        let types = receiver.receptor_types().len();
-        return rejected(format!(
-            "the {types} receptor types of {}; it has one, with any ligands",
-            receiver.name
-        ));
-    }
-    if let Some(receiver) = model.receivers.iter().find(|receiver| receiver.surface_diffusion > 0.0) {
-        return rejected(format!("the surface diffusion of {}", receiver.name));
-    }
     check_receivers(model)?;
     let steps = Propagator::new(model).steps;
     let carriers: Vec<Vec<Carried>> =
@@ -77,7 +67,8 @@ const MAX_SEEN: usize = 60_000;
 const MAX_SEEN_REFLECTING: usize = 25_000;
 
 fn check_receivers(model: &Model) -> Result<(), Error> {
-    let seen: usize = model.receivers.iter().map(|r| r.sees.iter().filter(|sees| **sees).count()).sum();
+    let ligands = model.receptor_types().map(|kind| kind.ligands.len()).sum::<usize>();
+    let seen = model.receivers.iter().flat_map(|r| &r.sees).filter(|sees| **sees).count() + ligands;
     let reflects = model.receivers.iter().any(|receiver| receiver.kind.reflects());
     let most = if reflects { MAX_SEEN_REFLECTING } else { MAX_SEEN };
     let visits = seen.max(model.receivers.len());

@@ -7,6 +7,7 @@ mod contact;
 mod dimensions;
 mod features;
 mod models;
+mod receptors;
 mod surfaces;
 mod transport;
 
@@ -295,15 +296,10 @@ fn models_without_kernels_are_refused_by_name() {
     });
     assert!(field.contains("A, whose drift may carry it past receiver rx"), "{field}");
     let types = refused(|m| {
-        let kind = ReceptorType::new(4, 1.0, 1.0, [1]);
-        m.receivers = vec![receiver(ReceiverKind::Receptors(vec![kind.clone(), kind]))];
+        let kind = ReceptorType::new(4, 1.0, 1.0, [0, 1]);
+        m.receivers = vec![receiver(ReceiverKind::Receptors(vec![kind; 5])); 2_500];
     });
-    assert!(types.contains("the 2 receptor types of rx"), "{types}");
-    let surface = refused(|m| {
-        let kind = ReceiverKind::Receptors(vec![ReceptorType::new(4, 1.0, 1.0, [1])]);
-        m.receivers = vec![Receiver { surface_diffusion: 1.0, ..receiver(kind) }];
-    });
-    assert!(surface.contains("the surface diffusion of rx"), "{surface}");
+    assert!(types.contains("30000 counts of a receiver and a species, beyond 25000"), "{types}");
     let crowd = refused(|m| m.receivers = vec![receiver(ReceiverKind::Absorbing); 40_000]);
     assert!(crowd.contains("80000 counts"), "{crowd}");
     let crowd = refused(|m| m.receivers = vec![receiver(ReceiverKind::Reflecting); 13_000]);

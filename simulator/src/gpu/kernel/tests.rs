@@ -107,7 +107,12 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             length,
             own,
             unbinding,
-            share
+            share,
+            ligands_begin,
+            ligands_end,
+            receptor,
+            occupied,
+            concentration
         }),
         layout!(ReceiverRow { center, displacement }),
         layout!(TrajectoryHeader { first, stride, max_displacement, cells_at, cells }),

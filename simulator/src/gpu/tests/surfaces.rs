@@ -202,7 +202,7 @@ fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
     let rows: Vec<ReceptorRow> =
         RECEPTORS.iter().map(|&[count, _]| ReceptorRow { count, ..ReceptorRow::default() }).collect();
     let event_rows: Vec<EventRow> = (0..3)
-        .map(|k| EventRow { kind: EventRow::RECEPTORS, receiver: k, tally: k, ..EventRow::default() })
+        .map(|k| EventRow { receptor: k, tally: k, occupied: 3 + k, ..EventRow::default() })
         .collect();
     let tags: Vec<[u32; 2]> = (0..count).map(|at| [0, id_of(at)]).collect();
     let made: HashMap<&str, wgpu::Buffer> = [
@@ -241,7 +241,7 @@ fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
         (&made["moved"], 16 * u64::from(count)),
         (&made["claims"], CLAIM_BYTES * u64::from(count)),
         (&made["receptors"], 48),
-        (&made["control"], size_of::<ControlHeader>() as u64 + 12),
+        (&made["control"], size_of::<ControlHeader>() as u64 + 24),
     ];
     let read = read(own, encoder, &parts).expect("read");
     let receptors: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(&read[2]);
@@ -279,7 +279,7 @@ fn lowest_ranks_bind_to_free_receptors() {
         assert!(is_bound || moved[at] == spheres[at], "{:?}", moved[at]);
     }
     let bound: Vec<u32> = (0..3).map(|k| coming[k].min(free[k])).collect();
-    assert_eq!((&tallies, removed), (&bound, bound.iter().sum()));
+    assert_eq!((tallies, removed), ([&bound[..]; 2].concat(), bound.iter().sum()));
 }
 
 #[test]

@@ -62,6 +62,14 @@ struct EventRow {
     unbinding: f32,
     // Fraction of the decay rate up to this channel.
     share: f32,
+    // Rows of a receiver's receptors that bind the species, after those of all events. In such a row: the receptor
+    // type, and the tally of occupied receptors.
+    ligands_begin: u32,
+    ligands_end: u32,
+    receptor: u32,
+    occupied: u32,
+    // Of the cosines in a step of surface diffusion; 0 without.
+    concentration: f32,
 }
 
 // A receiver's center at the beginning of a step, and its displacement.
