@@ -75,6 +75,9 @@ pub(super) struct SpeciesRow {
     pub(super) mobility: f32,
     /// Bits of the axes whose walls reflect paths with diffusion and drift.
     pub(super) drifts_at_wall: u32,
+    /// First row and number.
+    pub(super) membrane_planes: UVec2,
+    pub(super) membrane_spheres: UVec2,
     pub(super) taxis: ChemotaxisRow,
 }
 

@@ -17,6 +17,7 @@ mod dispatches;
 mod kernel;
 mod layout;
 mod ligand_rows;
+mod membrane_rows;
 mod model_check;
 mod plan;
 mod receiver_cells;

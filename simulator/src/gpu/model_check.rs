@@ -1,5 +1,6 @@
 //! Models that the device cannot run, and bounds of the displacement of their particles.
 
+use super::membrane_rows::{MAX_SPHERES, MembraneRows};
 use crate::model::receiver::ReceiverKind;
 use crate::model::{Decay, Model};
 use crate::motion::path_hit;
@@ -37,9 +38,6 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
         let count = model.receivers.len();
         return rejected(format!("arrivals at {count} receivers; it logs those at {MAX_LOGGED_RECEIVERS}"));
     }
-    if let Some(membrane) = model.membranes.first() {
-        return rejected(format!("the membrane {}", membrane.name));
-    }
     check_receivers(model)?;
     let steps = Propagator::new(model).steps;
     let carriers: Vec<Vec<Carried>> =
@@ -72,12 +70,33 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
     let reflects = model.receivers.iter().any(|receiver| receiver.kind.reflects());
     let most = if reflects { MAX_SEEN_REFLECTING } else { MAX_SEEN };
     let visits = seen.max(model.receivers.len());
-    match visits > most {
-        true => Err(Error::NotOnGpu {
-            what: format!("{visits} counts of a receiver and a species, beyond {most}"),
-        }),
-        false => Ok(()),
+    if visits > most {
+        let what = format!("{visits} counts of a receiver and a species, beyond {most}");
+        return Err(Error::NotOnGpu { what });
     }
+    check_membranes(model, visits, most)
+}
+
+/// Most loop iterations per membrane in a step: per spherical one in periodic space and otherwise, and per plane.
+const MEMBRANE_ITERATIONS: [usize; 3] = [540, 90, 6];
+
+/// `visits` are those of receivers, each of which may be behind any membrane.
+fn check_membranes(model: &Model, visits: usize, most: usize) -> Result<(), Error> {
+    let [periodic, open, plane] = MEMBRANE_ITERATIONS;
+    let repeats = model.boundary.axes.iter().any(|axis| matches!(axis, Axis::Periodic { .. }));
+    let sphere = if repeats { periodic } else { open };
+    for (id, species) in model.species.iter().enumerate() {
+        let (planes, spheres) = MembraneRows::new(model, id).counts();
+        let iterations = visits * (planes + spheres) + plane * planes + sphere * spheres;
+        if iterations > most || spheres > MAX_SPHERES {
+            let what = format!(
+                "{spheres} spherical and {planes} plane membranes that hold back {}, with {visits} receivers that see a                  species",
+                species.name
+            );
+            return Err(Error::NotOnGpu { what });
+        }
+    }
+    Ok(())
 }
 
 /// Bounds of a species' displacement in a step apart from diffusion.

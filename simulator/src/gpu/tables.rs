@@ -1,5 +1,6 @@
 use super::layout::{
-    ChemotaxisRow, DissociationRow, EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow, SpeciesRow,
+    ChemotaxisRow, DissociationRow, EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow,
+    SpeciesRow,
 };
 use super::ligand_rows::LigandRows;
 use super::model_check::{Carried, chained_decays};
@@ -56,8 +57,9 @@ impl Tables {
             reactions: model.reactions.len(),
             receptors: model.receptor_types().count(),
         };
-        let (species_rows, event_rows) = species_and_event_rows(model, &tallies);
-        let scene_rows = SceneRows::new(model);
+        let (mut species_rows, event_rows) = species_and_event_rows(model, &tallies);
+        let mut scene_rows = SceneRows::new(model);
+        scene_rows.add_membranes(model, &mut species_rows);
         let mut params = params(model, key, max_iterations, &tallies);
         params.max_requeries = max_requeries(&species_rows);
         scene_rows.describe_field(&mut params);
@@ -200,6 +202,7 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
                 Contact::Elastic => (1.0 / species.mass) as f32,
                 _ => step.diffusion,
             },
+            ..SpeciesRow::default()
         });
         listed += u32::from(is_listed);
     }

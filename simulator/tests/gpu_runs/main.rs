@@ -6,6 +6,7 @@ mod adapter;
 mod contact;
 mod dimensions;
 mod features;
+mod membranes;
 mod models;
 mod receptors;
 mod surfaces;
@@ -18,8 +19,8 @@ use lazygrid::Algorithm;
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Axis, Boundary, Contact, Decay, Error, Flow, FlowField,
-    Membrane, Model, Receiver, ReceiverKind, ReceptorType, Shape, Simulation, Transmitter,
+    Axis, Boundary, Contact, Decay, Error, Flow, FlowField, Membrane, MembraneSurface, Model, Receiver,
+    ReceiverKind, ReceptorType, Shape, Simulation, Transmitter,
 };
 use models::{assert_same, brownian, by_id, cpu, dyadic, gpu, species};
 
@@ -284,11 +285,12 @@ fn models_without_kernels_are_refused_by_name() {
         m.receivers[0].sees = vec![false, true];
     });
     assert!(off.contains("B, whose drift may carry it past receiver rx"), "{off}");
-    let membrane = refused(|m| {
-        let sees = vec![true, false];
-        m.membranes = vec![Membrane { name: "skin".into(), sees, ..Membrane::default() }];
+    let membranes = refused(|m| {
+        let cell = |k: u8| MembraneSurface::Sphere { center: [0.0; 3], radius: 1.0 + f32::from(k) / 128.0 };
+        let skin = |k| Membrane { surface: cell(k), sees: vec![true, false], ..Membrane::default() };
+        m.membranes = (0..101).map(skin).collect();
     });
-    assert!(membrane.contains("the membrane skin"), "{membrane}");
+    assert!(membranes.contains("101 spherical and 0 plane membranes that hold back A"), "{membranes}");
     let field = refused(|m| {
         let field = FlowField::new([[0.0; 3], [1.0; 3]], [2, 1, 1], vec![0.0, 0.0, 0.0, 0.0, 9000.0, 0.0]);
         m.flow = Some(Flow::Field(Arc::new(field.expect("a field"))));

@@ -14,8 +14,8 @@ fn competing() -> Model {
     let types = |few: u32| {
         vec![
             ReceptorType { count: few, ligands: vec![ligand(0, 60.0, 40.0), ligand(1, 20.0, 20.0)] },
-            ReceptorType { count: 400, ligands: vec![ligand(1, 0.5, 50.0)] },
-            ReceptorType { count: 300, ligands: vec![ligand(1, 0.25, 30.0), ligand(0, 1.0, 90.0)] },
+            ReceptorType { count: 400, ligands: vec![ligand(1, 5.0, 50.0)] },
+            ReceptorType { count: 300, ligands: vec![ligand(1, 5.0, 30.0), ligand(0, 8.0, 90.0)] },
         ]
     };
     let mut only_b = types(50);
@@ -81,13 +81,13 @@ fn either_side_continues_with_receptor_types() {
     assert_close(&third.state().expect("a state"), whole.state(), 2e-4);
 }
 
-/// With n free receptors in a volume V, c bound and a free ligands: c·ku·V = a·(n − c)·kb, and directions are uniform.
+/// Of n receptors a part q/(1 + q) is occupied, with q = a·kb/(ku·V) and a free particles in the volume V.
 #[test]
 fn types_are_in_equilibrium() {
     let Some(own) = device() else { return };
     let mut model = brownian(false);
     (model.time_step, model.species[1].drift) = (0.01, [0.0; 3]);
-    let kinds = [(300, 4.0, 2.0), (900, 1.0, 2.0)];
+    let kinds = [(300, 0.2, 2.0), (900, 0.1, 2.0)];
     let types = kinds.map(|(count, binding, unbinding)| ReceptorType::new(count, binding, unbinding, [0, 1]));
     model.receivers = vec![receiver("cell", [0.0; 3], 1.0, ReceiverKind::Receptors(types.to_vec()))];
     model.receivers[0].surface_diffusion = 0.5;
@@ -106,7 +106,8 @@ fn types_are_in_equilibrium() {
     let volume = 64.0 - 4.0 / 3.0 * std::f64::consts::PI;
     let free = 2000.0 - bound[0] - bound[1];
     for (k, (receptors, binding, unbinding)) in kinds.into_iter().enumerate() {
-        let expected = free * (f64::from(receptors) - bound[k]) * binding / (unbinding * volume);
+        let odds = free * binding / (unbinding * volume);
+        let expected = f64::from(receptors) * odds / (1.0 + odds);
         // Occupancies vary as a binomial number, and samples are 0.1 s apart.
         let tolerance = 4.0 * (bound[k] * (1.0 - bound[k] / f64::from(receptors)) / 10.0).sqrt();
         assert!((bound[k] - expected).abs() < tolerance, "{k}: {} and not {expected}", bound[k]);

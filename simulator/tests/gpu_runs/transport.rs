@@ -61,7 +61,8 @@ fn swimmers_follow_attractants_as_on_the_cpu() {
 /// A field that neither ends nor begins at walls, with velocities up to `fastest`.
 fn field(points: [usize; 3], fastest: f32) -> Option<Flow> {
     let count = 3 * points.iter().product::<usize>() as u32;
-    let velocities = (0..count).map(|k| fastest * (k.wrapping_mul(0x9e37_79b9) as f32 / 2_147_483_648.0 - 1.0));
+    let velocities =
+        (0..count).map(|k| fastest * (k.wrapping_mul(0x9e37_79b9) as f32 / 2_147_483_648.0 - 1.0));
     let field = FlowField::new([[-1.5, -1.75, -1.0], [0.625, 0.875, 0.5]], points, velocities.collect());
     Some(Flow::Field(Arc::new(field.expect("a field"))))
 }
@@ -84,7 +85,8 @@ fn flow_fields_carry_as_on_the_cpu() {
                 transmitter.shape = Shape::Shell(0.0, 2.0);
             }
             let Some(Flow::Field(grid)) = field(points, 40.0) else { return };
-            let flat = |k: usize| if k % 3 == 2 { 0.0 } else { grid.at([k as f32 / 8.0, 0.0, 0.0])[k % 3] as f32 };
+            let flat =
+                |k: usize| if k % 3 == 2 { 0.0 } else { grid.at([k as f32 / 8.0, 0.0, 0.0])[k % 3] as f32 };
             let flat = FlowField::new([[-1.5, -1.75, 0.0], [0.625; 3]], points, (0..27).map(flat).collect());
             model.flow = Some(Flow::Field(Arc::new(flat.expect("a field"))));
         }

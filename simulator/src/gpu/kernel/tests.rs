@@ -10,9 +10,9 @@ use encase::ShaderType;
 use reflection::{bindings, laid_out, layout, parse, spirv, structures};
 
 use super::super::layout::{
-    BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, ChemotaxisRow, ControlHeader, DissociationRow, EventRow, MOVER_BYTES,
-    NEXT_EVENT_BYTES, OccupancyRow, PUSH_BYTES, Params, ReactionRow, ReceiverCellsHeader, ReceiverRow,
-    SpeciesRow, TrajectoryHeader, WINDOW_BYTES,
+    BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, ChemotaxisRow, ControlHeader, DissociationRow, EventRow,
+    MOVER_BYTES, NEXT_EVENT_BYTES, OccupancyRow, PUSH_BYTES, Params, ReactionRow, ReceiverCellsHeader,
+    ReceiverRow, SpeciesRow, TrajectoryHeader, WINDOW_BYTES,
 };
 use super::*;
 
@@ -92,6 +92,8 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             decay_rate,
             mobility,
             drifts_at_wall,
+            membrane_planes,
+            membrane_spheres,
             taxis
         }),
         layout!(ReceiverCellsHeader { low, cells_per_length, counts }),

@@ -134,7 +134,7 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
         let receiver = receiver_at(event.receiver, control.step);
         let a = signed_distance(event.radius, receiver.center, path.before);
         // A particle inside may leave.
-        if (event.kind == REFLECTING || (event.kind > REFLECTING && a < 0.0)) {
+        if (is_separated(kind, path.after, receiver.center) || event.kind == REFLECTING || (event.kind > REFLECTING && a < 0.0)) {
             continue;
         }
         let taken = path_to(event.receiver, path, reflected);
@@ -184,8 +184,8 @@ fn particles_move_reflecting(@builtin(workgroup_id) group: vec3<u32>, @builtin(n
             here.velocity = drawn_velocity(kind.speed, kind.thermal_speed, tag.y, VELOCITY_OF_UNBOUND);
         }
     } else {
-        let path = path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y);
-        here = move_free(at, collided(path, at, kind.radius), kind, tag, before.w);
+        let path = collided(path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y), at, kind.radius);
+        here = move_free(at, held_back(path, kind, tag.y), kind, tag, before.w);
     }
     if (here.sphere.w < 0.0) {
         atomicAdd(&control.removed, 1u);

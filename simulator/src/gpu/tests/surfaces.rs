@@ -201,9 +201,8 @@ fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
     let mut buffers = buffers_of_three(own);
     let rows: Vec<ReceptorRow> =
         RECEPTORS.iter().map(|&[count, _]| ReceptorRow { count, ..ReceptorRow::default() }).collect();
-    let event_rows: Vec<EventRow> = (0..3)
-        .map(|k| EventRow { receptor: k, tally: k, occupied: 3 + k, ..EventRow::default() })
-        .collect();
+    let event_rows: Vec<EventRow> =
+        (0..3).map(|k| EventRow { receptor: k, tally: k, occupied: 3 + k, ..EventRow::default() }).collect();
     let tags: Vec<[u32; 2]> = (0..count).map(|at| [0, id_of(at)]).collect();
     let made: HashMap<&str, wgpu::Buffer> = [
         ("spheres", written(own, "spheres", bytemuck::cast_slice(&crowd.spheres))),

@@ -40,6 +40,9 @@ struct SpeciesRow {
     mobility: f32,
     // Bits of the axes whose walls reflect paths with diffusion and drift.
     drifts_at_wall: u32,
+    // First row and number of membranes across an axis, and of spheres.
+    membrane_planes: vec2<u32>,
+    membrane_spheres: vec2<u32>,
     taxis: ChemotaxisRow,
 }
 

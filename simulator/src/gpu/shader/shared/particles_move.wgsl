@@ -23,6 +23,7 @@
 #include first_passage
 #include wall
 #include path_hit
+#include membranes
 #include collided
 #include decay
 #include absorbing_wall
