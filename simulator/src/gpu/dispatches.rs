@@ -22,7 +22,7 @@ pub(super) struct RunBuffers {
     pub(super) limits: DeviceLimits,
     counts_inside: bool,
     reflects: bool,
-    /// Types.
+    /// Receptor types.
     receptors: u32,
     dissociates: bool,
     reacts: bool,

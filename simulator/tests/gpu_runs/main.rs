@@ -259,7 +259,7 @@ fn overlaps_are_counted_without_room_for_them() {
 }
 
 #[test]
-fn models_without_kernels_are_refused_by_name() {
+fn models_beyond_the_device_are_refused_by_name() {
     let Some(own) = device() else { return };
     let refused = |change: fn(&mut Model)| {
         let mut model = brownian(true);
