@@ -22,6 +22,7 @@ pub(super) struct RunBuffers {
     pub(super) limits: DeviceLimits,
     counts_inside: bool,
     reflects: bool,
+    has_membranes: bool,
     /// Receptor types.
     receptors: u32,
     dissociates: bool,
@@ -97,6 +98,7 @@ impl RunBuffers {
             limits,
             counts_inside,
             reflects: tables.reflects,
+            has_membranes: tables.scene_rows.has_membranes(),
             receptors: tables.receptors.len() as u32,
             dissociates: tables.dissociates(),
             reacts: tables.tallies.reactions > 0,
@@ -151,7 +153,8 @@ impl RunBuffers {
             let accesses = kernel.bindings.iter().map(|&(_, access)| access);
             // SAFETY: the kernel is one of this crate, and `kernels/tests/loops.rs` checks that each loop of its text
             // ends.
-            let made = unsafe { self.own.compile(kernel.name, accesses, kernel.wgsl()) }.map_err(refused)?;
+            let made = unsafe { self.own.compile(kernel.name, accesses, kernel.wgsl(self.has_membranes)) }
+                .map_err(refused)?;
             self.pipelines.insert(kernel.name, made);
         }
         let (pipeline, layout) = self.pipelines[kernel.name].clone();

@@ -162,6 +162,7 @@ const SHARED: &[(&str, &str)] = &[
     ("membranes", include_str!("shader/shared/membranes.wgsl")),
     ("mover", include_str!("shader/shared/mover.wgsl")),
     ("near", include_str!("shader/shared/near.wgsl")),
+    ("no_membranes", include_str!("shader/shared/no_membranes.wgsl")),
     ("normal", include_str!("shader/shared/normal.wgsl")),
     ("output_order", include_str!("shader/shared/output_order.wgsl")),
     ("params", include_str!("shader/shared/params.wgsl")),
@@ -185,13 +186,13 @@ const SHARED: &[(&str, &str)] = &[
 ];
 
 impl Kernel {
-    pub(super) fn wgsl(&self) -> String {
-        expand(self.source)
+    pub(super) fn wgsl(&self, has_membranes: bool) -> String {
+        expand(self.source, has_membranes)
     }
 }
 
-pub(super) fn expand(source: &str) -> String {
-    wgsl::expand(source, SHARED, &|_| false)
+pub(super) fn expand(source: &str, has_membranes: bool) -> String {
+    wgsl::expand(source, SHARED, &|name| name == "WITHOUT_MEMBRANES" && !has_membranes)
 }
 
 #[cfg(test)]

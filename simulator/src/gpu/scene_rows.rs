@@ -42,6 +42,10 @@ impl SceneRows {
         }
     }
 
+    pub(super) fn has_membranes(&self) -> bool {
+        !self.membranes.is_empty()
+    }
+
     /// Returns the first row of the flow field.
     fn field_at(&self) -> usize {
         self.receivers + self.membranes.len()

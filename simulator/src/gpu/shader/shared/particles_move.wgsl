@@ -23,7 +23,11 @@
 #include first_passage
 #include wall
 #include path_hit
+#ifdef WITHOUT_MEMBRANES
+#include no_membranes
+#else
 #include membranes
+#endif
 #include collided
 #include decay
 #include absorbing_wall
