@@ -1,15 +1,15 @@
 use std::collections::HashMap;
 
-use encase::ShaderType;
 use lazygrid::gpu::{DeviceLimits, GpuDevice, GpuOutput, Outcome, wgpu};
 
 use super::detectors::Found;
 use super::device::{buffer, encoded, filled, refused, with_error_scope};
 use super::kernel::{self as k, Kernel};
-use super::layout::{ControlHeader, ReceiverCellsHeader, ReceiverRow, TrajectoryHeader, WINDOW_BYTES};
+use super::layout::{ControlHeader, ReceiverCellsHeader, TrajectoryHeader, WINDOW_BYTES};
 use super::plan::{LOG_ROWS, Sizes, groups_for};
 use super::receiver_cells::ReceiverCells;
 use super::receiver_trajectory::ReceiverTrajectory;
+use super::scene_rows::ROW_BYTES;
 use super::tables::Tables;
 use crate::Error;
 
@@ -22,7 +22,8 @@ pub(super) struct RunBuffers {
     pub(super) limits: DeviceLimits,
     counts_inside: bool,
     reflects: bool,
-    /// Receivers if some have receptors, else 0.
+    has_membranes: bool,
+    /// Receptor types.
     receptors: u32,
     dissociates: bool,
     reacts: bool,
@@ -72,8 +73,8 @@ impl RunBuffers {
         keep("reaction_rows", filled(&own, "reaction_rows", &tables.reaction_rows)?);
         keep("occupancy_rows", filled(&own, "occupancy_rows", &tables.occupancy_rows)?);
         keep("receptors", filled(&own, "receptors", &tables.receptors)?);
-        let cells_at = tables.receiver_rows as u64 * ReceiverRow::min_size().get();
-        keep("receiver_rows", buffer(&own, "receiver_rows", cells_at + 4 * lists as u64)?);
+        let cells_at = tables.scene_rows.cells_at();
+        keep("scene_rows", tables.scene_rows.create(&own, lists)?);
         keep("trajectory", filled(&own, "trajectory", &TrajectoryHeader::default())?);
         keep("round0", filled(&own, "round", &[0u32; 4])?);
         keep("round1", filled(&own, "round", &[1u32, 0, 0, 0])?);
@@ -97,6 +98,7 @@ impl RunBuffers {
             limits,
             counts_inside,
             reflects: tables.reflects,
+            has_membranes: tables.scene_rows.has_membranes(),
             receptors: tables.receptors.len() as u32,
             dissociates: tables.dissociates(),
             reacts: tables.tallies.reactions > 0,
@@ -123,7 +125,7 @@ impl RunBuffers {
     pub(super) fn upload_cells(&self, receiver_cells: &ReceiverCells) -> Result<(), Error> {
         let words = bytemuck::cast_slice(&receiver_cells.words);
         with_error_scope(&self.own, "lists of receivers", 0, || {
-            self.own.queue.write_buffer(self.buffer("receiver_rows"), self.cells_at, words);
+            self.own.queue.write_buffer(self.buffer("scene_rows"), self.cells_at, words);
         })
     }
 
@@ -132,12 +134,12 @@ impl RunBuffers {
         trajectory: &ReceiverTrajectory,
         cells: ReceiverCellsHeader,
     ) -> Result<(), Error> {
-        let cells_at = (self.cells_at / 16) as u32;
+        let cells_at = (self.cells_at / ROW_BYTES) as u32;
         let head = encoded(&TrajectoryHeader { cells_at, cells, ..trajectory.head });
         let rows = encoded(&trajectory.rows);
         with_error_scope(&self.own, "positions of receivers", 0, || {
             self.own.queue.write_buffer(self.buffer("trajectory"), 0, &head);
-            self.own.queue.write_buffer(self.buffer("receiver_rows"), 0, &rows);
+            self.own.queue.write_buffer(self.buffer("scene_rows"), 0, &rows);
         })
     }
 
@@ -151,7 +153,8 @@ impl RunBuffers {
             let accesses = kernel.bindings.iter().map(|&(_, access)| access);
             // SAFETY: the kernel is one of this crate, and `kernels/tests/loops.rs` checks that each loop of its text
             // ends.
-            let made = unsafe { self.own.compile(kernel.name, accesses, kernel.wgsl()) }.map_err(refused)?;
+            let made = unsafe { self.own.compile(kernel.name, accesses, kernel.wgsl(self.has_membranes)) }
+                .map_err(refused)?;
             self.pipelines.insert(kernel.name, made);
         }
         let (pipeline, layout) = self.pipelines[kernel.name].clone();

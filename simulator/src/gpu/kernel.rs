@@ -36,15 +36,15 @@ kernels! {
     STEP_BEGIN = "step_begin" [Uniform "params", Write "control"];
     PARTICLES_MOVE = "particles_move" [
         Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
-        Write "species", Read "species_rows", Read "event_rows", Read "receiver_rows",
+        Write "species", Read "species_rows", Read "event_rows", Read "scene_rows",
     ];
     PARTICLES_MOVE_REFLECTING = "particles_move_reflecting" [
         Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
-        Write "species", Read "species_rows", Read "event_rows", Read "receiver_rows", Write "claims", Write "receptors",
+        Write "species", Read "species_rows", Read "event_rows", Read "scene_rows", Write "claims", Write "receptors",
     ];
     COLLISIONS_BEGIN = "collisions_begin" [
         Uniform "params", Write "control", Read "spheres", Read "tags", Read "species_rows", Write "movers",
-        Write "next_events", Write "window",
+        Write "next_events", Write "window", Read "scene_rows",
     ];
     WINDOW_BEGIN = "window_begin" [Uniform "params", Write "control", Write "window"];
     WINDOW_SPHERES = "window_spheres" [
@@ -133,7 +133,7 @@ kernels! {
     ];
     RECEIVERS_COUNT = "receivers_count" [
         Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Read "occupancy_rows",
-        Read "receiver_rows", Write "inside",
+        Read "scene_rows", Write "inside",
     ];
 }
 
@@ -144,19 +144,25 @@ const SHARED: &[(&str, &str)] = &[
     ("born", include_str!("shader/shared/born.wgsl")),
     ("boundary", include_str!("shader/shared/boundary.wgsl")),
     ("candidate", include_str!("shader/shared/candidate.wgsl")),
+    ("chemotaxis", include_str!("shader/shared/chemotaxis.wgsl")),
     ("claims", include_str!("shader/shared/claims.wgsl")),
     ("collided", include_str!("shader/shared/collided.wgsl")),
     ("compaction", include_str!("shader/shared/compaction.wgsl")),
     ("control", include_str!("shader/shared/control.wgsl")),
     ("decay", include_str!("shader/shared/decay.wgsl")),
+    ("erfcx", include_str!("shader/shared/erfcx.wgsl")),
     ("event", include_str!("shader/shared/event.wgsl")),
     ("event_rows", include_str!("shader/shared/event_rows.wgsl")),
     ("events", include_str!("shader/shared/events.wgsl")),
     ("first_passage", include_str!("shader/shared/first_passage.wgsl")),
+    ("flow_field", include_str!("shader/shared/flow_field.wgsl")),
     ("gap", include_str!("shader/shared/gap.wgsl")),
     ("matching_stage", include_str!("shader/shared/matching_stage.wgsl")),
+    ("membrane_spheres", include_str!("shader/shared/membrane_spheres.wgsl")),
+    ("membranes", include_str!("shader/shared/membranes.wgsl")),
     ("mover", include_str!("shader/shared/mover.wgsl")),
     ("near", include_str!("shader/shared/near.wgsl")),
+    ("no_membranes", include_str!("shader/shared/no_membranes.wgsl")),
     ("normal", include_str!("shader/shared/normal.wgsl")),
     ("output_order", include_str!("shader/shared/output_order.wgsl")),
     ("params", include_str!("shader/shared/params.wgsl")),
@@ -170,6 +176,7 @@ const SHARED: &[(&str, &str)] = &[
     ("reflection", include_str!("shader/shared/reflection.wgsl")),
     ("round", include_str!("shader/shared/round.wgsl")),
     ("running_sum", include_str!("shader/shared/running_sum.wgsl")),
+    ("surface_diffusion", include_str!("shader/shared/surface_diffusion.wgsl")),
     ("unit_32", include_str!("shader/shared/unit_32.wgsl")),
     ("velocity", include_str!("shader/shared/velocity.wgsl")),
     ("velocity_index", include_str!("shader/shared/velocity_index.wgsl")),
@@ -179,13 +186,13 @@ const SHARED: &[(&str, &str)] = &[
 ];
 
 impl Kernel {
-    pub(super) fn wgsl(&self) -> String {
-        expand(self.source)
+    pub(super) fn wgsl(&self, has_membranes: bool) -> String {
+        expand(self.source, has_membranes)
     }
 }
 
-pub(super) fn expand(source: &str) -> String {
-    wgsl::expand(source, SHARED, &|_| false)
+pub(super) fn expand(source: &str, has_membranes: bool) -> String {
+    wgsl::expand(source, SHARED, &|name| name == "WITHOUT_MEMBRANES" && !has_membranes)
 }
 
 #[cfg(test)]

@@ -31,6 +31,26 @@ pub(super) struct Params {
     pub(super) largest_radius: f32,
     pub(super) collides: u32,
     pub(super) is_elastic: u32,
+    pub(super) flow_duration: f32,
+    pub(super) field_at: u32,
+    pub(super) field_origin: Vec3,
+    pub(super) field_spacing: Vec3,
+    /// Zeros without a flow field.
+    pub(super) field_points: UVec3,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
+#[repr(C)]
+pub(super) struct ChemotaxisRow {
+    pub(super) center: Vec3,
+    /// 0 for species that follow no concentration.
+    pub(super) profile: u32,
+    pub(super) gradient: Vec3,
+    pub(super) level: f32,
+    pub(super) size: f32,
+    pub(super) sensitivity: f32,
+    pub(super) saturates: u32,
+    pub(super) probability: f32,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
@@ -55,6 +75,10 @@ pub(super) struct SpeciesRow {
     pub(super) mobility: f32,
     /// Bits of the axes whose walls reflect paths with diffusion and drift.
     pub(super) drifts_at_wall: u32,
+    /// First row and number.
+    pub(super) membrane_planes: UVec2,
+    pub(super) membrane_spheres: UVec2,
+    pub(super) taxis: ChemotaxisRow,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
@@ -73,6 +97,11 @@ pub(super) struct EventRow {
     pub(super) unbinding: f32,
     /// Fraction of the decay rate up to this channel.
     pub(super) share: f32,
+    pub(super) ligands_begin: u32,
+    pub(super) ligands_end: u32,
+    pub(super) receptor: u32,
+    pub(super) occupied: u32,
+    pub(super) concentration: f32,
 }
 
 impl EventRow {

@@ -10,15 +10,19 @@
 //!
 //! The host computes bursts and receiver positions in advance.
 
+mod chemotaxis;
 mod detectors;
 mod device;
 mod dispatches;
 mod kernel;
 mod layout;
+mod ligand_rows;
+mod membrane_rows;
 mod model_check;
 mod plan;
 mod receiver_cells;
 mod receiver_trajectory;
+mod scene_rows;
 mod simulation;
 mod tables;
 mod tally_layout;

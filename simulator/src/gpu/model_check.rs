@@ -1,5 +1,6 @@
 //! Models that the device cannot run, and bounds of the displacement of their particles.
 
+use super::membrane_rows::{MAX_SPHERES, MembraneRows};
 use crate::model::receiver::ReceiverKind;
 use crate::model::{Decay, Model};
 use crate::motion::path_hit;
@@ -37,25 +38,6 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
         let count = model.receivers.len();
         return rejected(format!("arrivals at {count} receivers; it logs those at {MAX_LOGGED_RECEIVERS}"));
     }
-    if model.flow_field().is_some() {
-        return rejected("a flow from a file".to_owned());
-    }
-    if let Some(species) = model.species.iter().find(|species| species.chemotaxis.is_some()) {
-        return rejected(format!("the chemotaxis of {}", species.name));
-    }
-    if let Some(membrane) = model.membranes.first() {
-        return rejected(format!("the membrane {}", membrane.name));
-    }
-    if let Some(receiver) = model.receivers.iter().find(|receiver| receiver.receptor_types().len() > 1) {
-        let types = receiver.receptor_types().len();
-        return rejected(format!(
-            "the {types} receptor types of {}; it has one, with any ligands",
-            receiver.name
-        ));
-    }
-    if let Some(receiver) = model.receivers.iter().find(|receiver| receiver.surface_diffusion > 0.0) {
-        return rejected(format!("the surface diffusion of {}", receiver.name));
-    }
     check_receivers(model)?;
     let steps = Propagator::new(model).steps;
     let carriers: Vec<Vec<Carried>> =
@@ -83,26 +65,54 @@ const MAX_SEEN: usize = 60_000;
 const MAX_SEEN_REFLECTING: usize = 25_000;
 
 fn check_receivers(model: &Model) -> Result<(), Error> {
-    let seen: usize = model.receivers.iter().map(|r| r.sees.iter().filter(|sees| **sees).count()).sum();
+    let ligands = model.receptor_types().map(|kind| kind.ligands.len()).sum::<usize>();
+    let seen = model.receivers.iter().flat_map(|r| &r.sees).filter(|sees| **sees).count() + ligands;
     let reflects = model.receivers.iter().any(|receiver| receiver.kind.reflects());
     let most = if reflects { MAX_SEEN_REFLECTING } else { MAX_SEEN };
     let visits = seen.max(model.receivers.len());
-    match visits > most {
-        true => Err(Error::NotOnGpu {
-            what: format!("{visits} counts of a receiver and a species, beyond {most}"),
-        }),
-        false => Ok(()),
+    if visits > most {
+        let what = format!("{visits} counts of a receiver and a species, beyond {most}");
+        return Err(Error::NotOnGpu { what });
     }
+    check_membranes(model, visits, most)
+}
+
+/// Most loop iterations per membrane in a step: per spherical one in periodic space and otherwise, and per plane.
+const MEMBRANE_ITERATIONS: [usize; 3] = [540, 90, 6];
+
+/// `visits` are those of receivers, each of which may be behind any membrane.
+fn check_membranes(model: &Model, visits: usize, most: usize) -> Result<(), Error> {
+    let [periodic, open, plane] = MEMBRANE_ITERATIONS;
+    let repeats = model.boundary.axes.iter().any(|axis| matches!(axis, Axis::Periodic { .. }));
+    let sphere = if repeats { periodic } else { open };
+    for (id, species) in model.species.iter().enumerate() {
+        let (planes, spheres) = MembraneRows::new(model, id).counts();
+        let iterations = visits * (planes + spheres) + plane * planes + sphere * spheres;
+        if iterations > most || spheres > MAX_SPHERES {
+            let what = format!(
+                "{spheres} spherical and {planes} plane membranes that hold back {}, with {visits} receivers that see a                  species",
+                species.name
+            );
+            return Err(Error::NotOnGpu { what });
+        }
+    }
+    Ok(())
 }
 
 /// Bounds of a species' displacement in a step apart from diffusion.
 pub(super) struct Carried {
     /// Plug flow and drift, in µm.
     drift: [f32; 3],
+    /// Largest displacement by a flow field along each axis, in µm.
+    field: [f32; 3],
     /// Poiseuille flow, and own velocity in any direction, in µm.
     flow: f32,
     own: f32,
     diffusion: f32,
+}
+
+fn length(v: [f32; 3]) -> f32 {
+    v.iter().map(|c| c * c).sum::<f32>().sqrt()
 }
 
 /// In standard deviations; a component exceeds it once in 10⁹ draws.
@@ -130,11 +140,18 @@ impl Carried {
         // A product keeps the velocity of a reactant with the same speed.
         let hottest = model.species.iter().map(|species| species.thermal_speed).fold(0.0, f64::max);
         let speed = speed.max(MAX_THERMAL * 3f32.sqrt() * hottest as f32);
-        Self { drift, flow, own: speed * model.time_step as f32, diffusion }
+        let field = model.flow_field().map_or([0.0; 3], |field| field.fastest());
+        let field = field.map(|v| (v * model.time_step) as f32);
+        Self { drift, field, flow, own: speed * model.time_step as f32, diffusion }
     }
 
     pub(super) fn length(&self) -> f32 {
-        self.drift.iter().map(|d| d * d).sum::<f32>().sqrt() + self.flow.abs() + self.own
+        length(self.drift) + self.carried()
+    }
+
+    /// Bounds the displacement apart from the drift.
+    fn carried(&self) -> f32 {
+        length(self.field) + self.flow.abs() + self.own
     }
 
     /// Returns `true` if drift may carry a diffusing particle past the receiver, or a line may involve a wall or
@@ -145,12 +162,12 @@ impl Carried {
         let diffusion = self.diffusion + (receiver.diffusion * time_step) as f32;
         let relative: [f32; 3] = std::array::from_fn(|k| self.drift[k] - own[k]);
         if diffusion > 0.0 {
-            let length = relative.iter().map(|d| d * d).sum::<f32>().sqrt() + self.flow.abs() + self.own;
+            let length = length(relative) + self.carried();
             return path_hit::is_long(length, (2.0 * diffusion).sqrt(), receiver.radius);
         }
         let along = |k: usize| {
             let vessel = boundary.vessel.filter(|vessel| vessel.along == Some(k));
-            self.own + if vessel.is_some() { self.flow.abs() } else { 0.0 }
+            self.field[k] + self.own + if vessel.is_some() { self.flow.abs() } else { 0.0 }
         };
         let across = |k: usize| boundary.vessel.is_some_and(|vessel| vessel.along != Some(k));
         (0..3).filter(|&k| relative[k] != 0.0 || along(k) > 0.0).any(|k| {

@@ -4,11 +4,12 @@ use super::detectors::Detectors;
 use super::device::{read, refused, with_error_scope};
 use super::dispatches::{RunBuffers, StepDispatches};
 use super::layout::{ControlHeader, ReceiverCellsHeader};
+use super::ligand_rows::LigandRow;
 use super::model_check::check;
 use super::plan::{GpuOptions, MAX_BIRTHS, MAX_LOOP_ITERATIONS, Sizes, grown, steps_per_readback};
 use super::receiver_cells::{ReceiverCells, ReceiverCellsBuilder};
 use super::receiver_trajectory::{ReceiverTrajectory, max_steps};
-use super::tables::{BoundSpecies, Tables};
+use super::tables::Tables;
 use crate::model::Model;
 use crate::model::particles::Particles;
 use crate::model::receiver::ReceiverKind;
@@ -37,7 +38,7 @@ pub struct GpuSimulation {
     tables: Tables,
     /// Fraction of a step during which the flow of `tables` is on.
     flow_part: f64,
-    bound_species: Vec<BoundSpecies>,
+    ligands: Vec<LigandRow>,
     trajectory: ReceiverTrajectory,
     cells_builder: ReceiverCellsBuilder,
     cells: ReceiverCellsHeader,
@@ -129,7 +130,7 @@ impl GpuSimulation {
         let mut simulation = Self {
             key,
             decays: Decays::new(&model),
-            bound_species: tables.bound_species(),
+            ligands: tables.ligands(),
             tables,
             flow_part: 1.0,
             trajectory: ReceiverTrajectory::new(&model, key, &state.centers, state.step, 0),

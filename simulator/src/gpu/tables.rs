@@ -1,13 +1,15 @@
 use super::layout::{
-    DissociationRow, EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow, SpeciesRow,
+    ChemotaxisRow, DissociationRow, EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow,
+    SpeciesRow,
 };
+use super::ligand_rows::LigandRows;
 use super::model_check::{Carried, chained_decays};
 use super::receiver_cells::MIN_LISTED_RECEIVERS;
-use super::receiver_trajectory::max_rows;
+use super::scene_rows::SceneRows;
 use super::tally_layout::Tallies;
 use crate::model::receiver::{Adsorption, ReceiverKind, WallFace};
+use crate::model::receptors::ReceptorType;
 use crate::model::{Contact, Model, Unbinding};
-use crate::motion::adsorption;
 use crate::motion::propagate::{Propagator, SpeciesStep};
 use crate::motion::tumble::TumbleStep;
 use crate::motion::vessel_flow::{FlowStep, StepDrift};
@@ -24,7 +26,7 @@ pub(super) struct Tables {
     pub(super) occupancy_rows: Vec<OccupancyRow>,
     pub(super) receptors: Vec<ReceptorRow>,
     pub(super) reflects: bool,
-    pub(super) receiver_rows: usize,
+    pub(super) scene_rows: SceneRows,
     pub(super) reaction_rows: Vec<ReactionRow>,
     pub(super) dissociation_rows: Vec<DissociationRow>,
     pub(super) max_counts: u32,
@@ -53,19 +55,22 @@ impl Tables {
             receivers: model.receivers.len(),
             decays: model.decays.len(),
             reactions: model.reactions.len(),
+            receptors: model.receptor_types().count(),
         };
-        let (species_rows, event_rows) = species_and_event_rows(model, &tallies);
+        let (mut species_rows, event_rows) = species_and_event_rows(model, &tallies);
+        let mut scene_rows = SceneRows::new(model);
+        scene_rows.add_membranes(model, &mut species_rows);
+        let mut params = params(model, key, max_iterations, &tallies);
+        params.max_requeries = max_requeries(&species_rows);
+        scene_rows.describe_field(&mut params);
         Self {
-            params: Params {
-                max_requeries: max_requeries(&species_rows),
-                ..params(model, key, max_iterations, &tallies)
-            },
+            params,
             species_rows,
             event_rows,
             occupancy_rows: occupancy_rows(model, &tallies),
-            receptors: receptors(model),
+            receptors: model.receptor_types().map(receptor_row).collect(),
             reflects: model.receivers.iter().any(Receiver::reflects_some),
-            receiver_rows: max_rows(model),
+            scene_rows,
             reaction_rows: reaction_rows(model),
             dissociation_rows: dissociation_rows(model, &tallies),
             max_counts: if chained_decays(model).next().is_some() { MAX_DECAYS } else { 1 },
@@ -78,6 +83,7 @@ impl Tables {
             row.drift = drift.drift.into();
             row.drifts_at_wall = at_wall_bits(drift);
         }
+        self.params.flow_duration = (part * model.time_step) as f32;
         if let Some(mut flow) = FlowStep::new(model) {
             flow.set(model, part);
             self.params.peak_flow = flow.fastest as f32;
@@ -87,36 +93,10 @@ impl Tables {
     pub(super) fn dissociates(&self) -> bool {
         !self.dissociation_rows.is_empty()
     }
-
-    pub(super) fn bound_species(&self) -> Vec<BoundSpecies> {
-        let of_kind = |(species, kind): (usize, &SpeciesRow)| {
-            let event_rows =
-                (kind.events_begin..kind.decays_begin).map(|k| (k, &self.event_rows[k as usize]));
-            let binding = event_rows.filter(|(_, event)| event.kind == EventRow::RECEPTORS);
-            binding
-                .map(|(event, row)| BoundSpecies { species: species as u32, receiver: row.receiver, event })
-                .collect()
-        };
-        self.species_rows.iter().enumerate().flat_map(|kind| -> Vec<BoundSpecies> { of_kind(kind) }).collect()
-    }
 }
 
-/// A species that a receiver's receptors bind, with that event's index.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct BoundSpecies {
-    pub(super) species: u32,
-    pub(super) receiver: u32,
-    pub(super) event: u32,
-}
-
-fn receptors(model: &Model) -> Vec<ReceptorRow> {
-    // The check leaves one type.
-    let count = |receiver: &Receiver| receiver.receptor_types().first().map(|kind| kind.count);
-    if model.receivers.iter().all(|receiver| count(receiver).is_none()) {
-        return Vec::new();
-    }
-    let row = |receiver| ReceptorRow { count: count(receiver).unwrap_or(0), ..ReceptorRow::default() };
-    model.receivers.iter().map(row).collect()
+fn receptor_row(kind: &ReceptorType) -> ReceptorRow {
+    ReceptorRow { count: kind.count, ..ReceptorRow::default() }
 }
 
 fn params(model: &Model, key: Key, max_iterations: u32, tallies: &Tallies) -> Params {
@@ -156,13 +136,13 @@ fn params(model: &Model, key: Key, max_iterations: u32, tallies: &Tallies) -> Pa
 }
 
 fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>, Vec<EventRow>) {
-    let motion = Propagator::new(model);
+    let (motion, ligand_rows) = (Propagator::new(model), LigandRows::new(model, tallies));
     let (mut event_rows, mut species_rows, mut listed) = (Vec::new(), Vec::new(), 0);
     for (id, species) in model.species.iter().enumerate() {
         let events_begin = event_rows.len() as u32;
         let step = motion.steps[id];
         for (place, receiver) in model.receivers.iter().enumerate().filter(|(_, r)| r.sees[id]) {
-            let Some(surface) = surface(receiver, id as u32, &step, model.time_step) else { continue };
+            let Some(surface) = surface(receiver, id, &step, model.time_step) else { continue };
             event_rows.push(EventRow {
                 drift: receiver.velocity.map(|v| (v * model.time_step) as f32).into(),
                 radius: receiver.radius,
@@ -194,6 +174,8 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
                 ..EventRow::default()
             })
         }));
+        let events_end = event_rows.len() as u32;
+        ligand_rows.append(id as u32, events_begin as usize..decays_begin as usize, &mut event_rows);
         let tumbles = TumbleStep::new(model, id);
         species_rows.push(SpeciesRow {
             drift: step.drift.drift.into(),
@@ -204,19 +186,23 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
             events_begin,
             decays_begin,
             walls_begin,
-            events_end: event_rows.len() as u32,
+            events_end,
             bend: step.bend,
             reach: reach(&step, &Carried::all(model, &motion.steps, id)),
             cell_lists: if is_listed { listed } else { NOTHING },
             speed: species.speed as f32,
             thermal_speed: species.thermal_speed as f32,
             tumbles: tumbles.is_some().into(),
-            tumble_threshold: tumbles.map_or(0, |tumbles| tumbles.up_to),
+            tumble_threshold: tumbles.as_ref().map_or(0, |tumbles| tumbles.up_to),
+            taxis: tumbles.map_or(ChemotaxisRow::default(), |tumbles| {
+                ChemotaxisRow::new(model, id, tumbles.probability)
+            }),
             decay_rate: (motion.decays.rate(id as u32) * model.time_step) as f32,
             mobility: match model.contact {
                 Contact::Elastic => (1.0 / species.mass) as f32,
                 _ => step.diffusion,
             },
+            ..SpeciesRow::default()
         });
         listed += u32::from(is_listed);
     }
@@ -241,7 +227,7 @@ fn reach(step: &SpeciesStep, carried: &[Carried]) -> f32 {
     1.01 * (6.0 * step.length + longest) + step.bend
 }
 
-fn surface(receiver: &Receiver, species: u32, step: &SpeciesStep, time_step: f64) -> Option<EventRow> {
+fn surface(receiver: &Receiver, species: usize, step: &SpeciesStep, time_step: f64) -> Option<EventRow> {
     let diffusion = f64::from(step.diffusion + (receiver.diffusion * time_step) as f32);
     let length = diffusion.sqrt();
     let own = |reactivity: f64| (reactivity * time_step / length) as f32;
@@ -258,14 +244,8 @@ fn surface(receiver: &Receiver, species: u32, step: &SpeciesStep, time_step: f64
             Some(threshold) => EventRow { threshold, ..of_kind(EventRow::PER_STEP) },
             None => of_kind(EventRow::REFLECTING),
         },
-        ReceiverKind::Receptors(ref types) => match types.iter().find_map(|kind| kind.ligand(species)) {
-            Some(ligand) => EventRow {
-                own: own(adsorption::reactivity(ligand.binding_rate, 1, receiver.radius.into())),
-                unbinding: (ligand.unbinding_rate * time_step) as f32,
-                ..of_kind(EventRow::RECEPTORS)
-            },
-            None => of_kind(EventRow::REFLECTING),
-        },
+        ReceiverKind::Receptors(_) if receiver.binds(species) => of_kind(EventRow::RECEPTORS),
+        ReceiverKind::Receptors(_) => of_kind(EventRow::REFLECTING),
     })
 }
 

@@ -1,10 +1,11 @@
-/// Indices of tallies: arrivals by receiver and species, decays, reactions.
+/// Indices of tallies: arrivals by receiver and species, decays, reactions, occupied receptors by type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Tallies {
     pub(super) species: usize,
     pub(super) receivers: usize,
     pub(super) decays: usize,
     pub(super) reactions: usize,
+    pub(super) receptors: usize,
 }
 
 impl Tallies {
@@ -20,7 +21,11 @@ impl Tallies {
         self.decay(self.decays) + reaction
     }
 
+    pub(super) fn occupied(&self, receptor: usize) -> usize {
+        self.reaction(self.reactions) + receptor
+    }
+
     pub(super) fn len(&self) -> usize {
-        self.reaction(self.reactions)
+        self.occupied(self.receptors)
     }
 }

@@ -35,7 +35,7 @@ fn evaluate(own: &GpuDevice, pieces: &str, body: &str, count: u32) -> Vec<[u32; 
     );
     let module = own.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
-        source: wgpu::ShaderSource::Wgsl(expand(&source).into()),
+        source: wgpu::ShaderSource::Wgsl(expand(&source, true).into()),
     });
     let pipeline = own.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: None,

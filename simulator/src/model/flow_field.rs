@@ -105,6 +105,18 @@ impl FlowField {
         (self.points[axis] > 1).then_some([first, last, spacing])
     }
 
+    /// Returns the first point and the distances of points, in µm, and the numbers of points.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn grid(&self) -> ([[f64; 3]; 2], [usize; 3]) {
+        ([self.origin, self.spacing], self.points)
+    }
+
+    /// Returns the velocities of all points in µm/s, z fastest.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn velocities(&self) -> &[[f32; 3]] {
+        bytemuck::cast_slice(&self.velocities)
+    }
+
     pub fn at(&self, point: [f32; 3]) -> [f64; 3] {
         let cells: [_; 3] = std::array::from_fn(|axis| self.cell(axis, point[axis]));
         let mut sum = [0.0; 3];

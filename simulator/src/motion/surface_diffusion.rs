@@ -31,6 +31,12 @@ impl SurfaceSteps {
         Self { concentrations: model.receivers.iter().map(one).collect() }
     }
 
+    /// Returns the concentration k of a receiver, if particles diffuse on it.
+    #[cfg(feature = "gpu")]
+    pub(crate) fn concentration_of(&self, receiver: usize) -> Option<f64> {
+        self.concentrations[receiver]
+    }
+
     pub(crate) fn advance(&self, bound: &mut [Bound], (key, step): (Key, u32)) {
         if self.concentrations.iter().all(Option::is_none) {
             return;
@@ -52,7 +58,8 @@ fn concentration(decay: f64) -> f64 {
     let less = -libm::expm1(-decay);
     let mean = 1.0 - less;
     if mean < 1e-6 {
-        return 3.0 * mean;
+        // At 0 the density is uniform, but its inverse is not defined.
+        return (3.0 * mean).max(1e-7);
     }
     let mut k = mean * (3.0 - mean * mean) / (less * (1.0 + mean));
     for _ in 0..8 {
@@ -97,7 +104,7 @@ mod tests {
 
     #[test]
     fn concentration_has_the_mean_cosine_of_the_decay() {
-        for decay in [1e-12_f64, 1e-6, 1e-3, 0.1, 1.0, 5.0, 13.0, 20.0] {
+        for decay in [1e-12_f64, 1e-6, 1e-3, 0.1, 1.0, 5.0, 13.0, 20.0, 50.0] {
             let k = concentration(decay);
             let less = 1.0 / k - 2.0 / libm::expm1(2.0 * k);
             let exact = -libm::expm1(-decay);
@@ -107,7 +114,7 @@ mod tests {
 
     #[test]
     fn gaps_have_the_mean_of_the_density() {
-        for decay in [1e-4_f64, 0.3, 4.0] {
+        for decay in [1e-4_f64, 0.3, 4.0, 50.0] {
             let (k, n) = (concentration(decay), 100_000);
             let at = |i: u32| gap(k, (f64::from(i) + 0.5) / f64::from(n));
             let mean = (0..n).map(at).sum::<f64>() / f64::from(n);

@@ -11,7 +11,7 @@ pub(crate) struct TumbleStep {
     /// Largest word at which a swimmer tumbles without a gradient.
     pub(crate) up_to: u32,
     /// Probability of a tumble without a gradient.
-    probability: f64,
+    pub(crate) probability: f64,
     /// In µm/s.
     speed: f32,
     taxis: Option<(Chemotaxis, Attractant)>,

@@ -6,8 +6,11 @@ mod adapter;
 mod contact;
 mod dimensions;
 mod features;
+mod membranes;
 mod models;
+mod receptors;
 mod surfaces;
+mod transport;
 
 use std::sync::Arc;
 
@@ -16,8 +19,8 @@ use lazygrid::Algorithm;
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Attractant, AttractantProfile, Axis, Boundary, Chemotaxis, Contact, Decay, Error, Flow, FlowField,
-    Membrane, Model, Receiver, ReceiverKind, ReceptorType, Shape, Simulation, Transmitter,
+    Axis, Boundary, Contact, Decay, Error, Flow, FlowField, Membrane, MembraneSurface, Model, Receiver,
+    ReceiverKind, ReceptorType, Shape, Simulation, Transmitter,
 };
 use models::{assert_same, brownian, by_id, cpu, dyadic, gpu, species};
 
@@ -256,7 +259,7 @@ fn overlaps_are_counted_without_room_for_them() {
 }
 
 #[test]
-fn models_without_kernels_are_refused_by_name() {
+fn models_beyond_the_device_are_refused_by_name() {
     let Some(own) = device() else { return };
     let refused = |change: fn(&mut Model)| {
         let mut model = brownian(true);
@@ -282,33 +285,23 @@ fn models_without_kernels_are_refused_by_name() {
         m.receivers[0].sees = vec![false, true];
     });
     assert!(off.contains("B, whose drift may carry it past receiver rx"), "{off}");
-    let membrane = refused(|m| {
-        let sees = vec![true, false];
-        m.membranes = vec![Membrane { name: "skin".into(), sees, ..Membrane::default() }];
+    let membranes = refused(|m| {
+        let cell = |k: u8| MembraneSurface::Sphere { center: [0.0; 3], radius: 1.0 + f32::from(k) / 128.0 };
+        let skin = |k| Membrane { surface: cell(k), sees: vec![true, false], ..Membrane::default() };
+        m.membranes = (0..101).map(skin).collect();
     });
-    assert!(membrane.contains("the membrane skin"), "{membrane}");
-    let taxis = refused(|m| {
-        let profile = AttractantProfile::Gaussian { peak: 1.0, width: 1.0 };
-        m.attractants = vec![Attractant { name: "food".into(), center: [0.0; 3], profile }];
-        (m.species[0].speed, m.species[0].tumble_rate) = (1.0, 1.0);
-        m.species[0].chemotaxis = Some(Chemotaxis { attractant: 0, sensitivity: 1.0, half_saturation: None });
-    });
-    assert!(taxis.contains("the chemotaxis of A"), "{taxis}");
+    assert!(membranes.contains("101 spherical and 0 plane membranes that hold back A"), "{membranes}");
     let field = refused(|m| {
-        let field = FlowField::new([[0.0; 3], [1.0; 3]], [1; 3], vec![0.0; 3]).expect("a field");
-        m.flow = Some(Flow::Field(Arc::new(field)));
+        let field = FlowField::new([[0.0; 3], [1.0; 3]], [2, 1, 1], vec![0.0, 0.0, 0.0, 0.0, 9000.0, 0.0]);
+        m.flow = Some(Flow::Field(Arc::new(field.expect("a field"))));
+        m.receivers = vec![receiver(ReceiverKind::Absorbing)];
     });
-    assert!(field.contains("a flow from a file"), "{field}");
+    assert!(field.contains("A, whose drift may carry it past receiver rx"), "{field}");
     let types = refused(|m| {
-        let kind = ReceptorType::new(4, 1.0, 1.0, [1]);
-        m.receivers = vec![receiver(ReceiverKind::Receptors(vec![kind.clone(), kind]))];
+        let kind = ReceptorType::new(4, 1.0, 1.0, [0, 1]);
+        m.receivers = vec![receiver(ReceiverKind::Receptors(vec![kind; 5])); 2_500];
     });
-    assert!(types.contains("the 2 receptor types of rx"), "{types}");
-    let surface = refused(|m| {
-        let kind = ReceiverKind::Receptors(vec![ReceptorType::new(4, 1.0, 1.0, [1])]);
-        m.receivers = vec![Receiver { surface_diffusion: 1.0, ..receiver(kind) }];
-    });
-    assert!(surface.contains("the surface diffusion of rx"), "{surface}");
+    assert!(types.contains("30000 counts of a receiver and a species, beyond 25000"), "{types}");
     let crowd = refused(|m| m.receivers = vec![receiver(ReceiverKind::Absorbing); 40_000]);
     assert!(crowd.contains("80000 counts"), "{crowd}");
     let crowd = refused(|m| m.receivers = vec![receiver(ReceiverKind::Reflecting); 13_000]);

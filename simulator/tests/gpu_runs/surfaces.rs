@@ -30,7 +30,7 @@ pub(super) fn assert_close(a: &State, b: &State, tolerance: f32) {
     });
     assert_eq!(held.len(), expected.len());
     for (a, b) in held.into_iter().zip(expected) {
-        assert_eq!((a.id, a.species, a.receiver), (b.id, b.species, b.receiver));
+        assert_eq!((a.id, a.species, a.receiver, a.receptor), (b.id, b.species, b.receiver, b.receptor));
         assert!(near(a.direction, b.direction), "{a:?} {b:?}");
     }
     assert_eq!(a.centers, b.centers);

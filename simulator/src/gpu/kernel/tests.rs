@@ -10,16 +10,20 @@ use encase::ShaderType;
 use reflection::{bindings, laid_out, layout, parse, spirv, structures};
 
 use super::super::layout::{
-    BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, ControlHeader, DissociationRow, EventRow, MOVER_BYTES,
-    NEXT_EVENT_BYTES, OccupancyRow, PUSH_BYTES, Params, ReactionRow, ReceiverCellsHeader, ReceiverRow,
-    SpeciesRow, TrajectoryHeader, WINDOW_BYTES,
+    BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, ChemotaxisRow, ControlHeader, DissociationRow, EventRow,
+    MOVER_BYTES, NEXT_EVENT_BYTES, OccupancyRow, PUSH_BYTES, Params, ReactionRow, ReceiverCellsHeader,
+    ReceiverRow, SpeciesRow, TrajectoryHeader, WINDOW_BYTES,
 };
 use super::*;
 
+fn texts() -> impl Iterator<Item = (&'static Kernel, String)> {
+    KERNELS.iter().flat_map(|&kernel| [true, false].map(|has_membranes| (kernel, kernel.wgsl(has_membranes))))
+}
+
 #[test]
 fn metadata_matches_every_shader() {
-    for kernel in KERNELS {
-        let (module, info) = parse(kernel.name, &kernel.wgsl());
+    for (kernel, text) in texts() {
+        let (module, info) = parse(kernel.name, &text);
         assert_eq!(module.entry_points.len(), 1, "{}", kernel.name);
         assert_eq!(module.entry_points[0].name, kernel.name);
         assert!(!spirv(kernel.name, &module, &info).is_empty());
@@ -56,7 +60,22 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             vessel_center,
             largest_radius,
             collides,
-            is_elastic
+            is_elastic,
+            flow_duration,
+            field_at,
+            field_origin,
+            field_spacing,
+            field_points
+        }),
+        layout!(ChemotaxisRow {
+            center,
+            profile,
+            gradient,
+            level,
+            size,
+            sensitivity,
+            saturates,
+            probability
         }),
         layout!(SpeciesRow {
             drift,
@@ -76,7 +95,10 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             tumble_threshold,
             decay_rate,
             mobility,
-            drifts_at_wall
+            drifts_at_wall,
+            membrane_planes,
+            membrane_spheres,
+            taxis
         }),
         layout!(ReceiverCellsHeader { low, cells_per_length, counts }),
         layout!(EventRow {
@@ -91,7 +113,12 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             length,
             own,
             unbinding,
-            share
+            share,
+            ligands_begin,
+            ligands_end,
+            receptor,
+            occupied,
+            concentration
         }),
         layout!(ReceiverRow { center, displacement }),
         layout!(TrajectoryHeader { first, stride, max_displacement, cells_at, cells }),
@@ -138,8 +165,8 @@ fn rust_structures_have_the_layout_of_the_shaders() {
         ("Window", WINDOW_BYTES),
     ];
     let mut held = 0;
-    for kernel in KERNELS {
-        let (module, _) = parse(kernel.name, &kernel.wgsl());
+    for (kernel, text) in texts() {
+        let (module, _) = parse(kernel.name, &text);
         for structure in structures(&module) {
             let (name, span, members) = &structure;
             if name == "Control" {
@@ -172,9 +199,9 @@ fn tint_accepts_every_text() {
         return;
     }
     let folder = tempfile::tempdir().expect("a folder");
-    for kernel in KERNELS {
-        let path = folder.path().join(kernel.name).with_extension("wgsl");
-        std::fs::write(path, kernel.wgsl()).expect("written");
+    for (k, (kernel, text)) in texts().enumerate() {
+        let path = folder.path().join(format!("{}-{k}.wgsl", kernel.name));
+        std::fs::write(path, text).expect("written");
     }
     let check = tint.join("check.mjs");
     let run = std::process::Command::new("node").arg(check).arg(folder.path()).output().expect("node runs");

@@ -17,6 +17,7 @@
 @group(0) @binding(5) var<storage, read_write> movers: array<Mover>;
 @group(0) @binding(6) var<storage, read_write> next_events: array<NextEvent>;
 @group(0) @binding(7) var<storage, read_write> window: Window;
+@group(0) @binding(8) var<storage, read> scene_rows: array<vec4<u32>>;
 
 #include velocity_index
 #include wall

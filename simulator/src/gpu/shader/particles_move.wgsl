@@ -12,7 +12,8 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     let before = spheres[at];
     let tag = tags[at];
     let kind = species_rows[tag.x];
-    let path = collided(path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y), at, kind.radius);
+    let free = path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y);
+    let path = held_back(collided(free, at, kind.radius), kind, tag.y);
     var here = Moved(vec4(path.after, before.w), tag.x, path.velocity);
     var first = NOTHING;
     var first_hit: Hit;
@@ -20,7 +21,11 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     for (var k = near_receivers.begin; k < near_receivers.end; k++) {
         let place = event_at(near_receivers, k);
         let event = event_rows[place];
-        let hit = hit_of(event, receiver_at(event.receiver, control.step), path, kind.diffusion, tag.y);
+        let receiver = receiver_at(event.receiver, control.step);
+        if (is_separated(kind, path.after, receiver.center)) {
+            continue;
+        }
+        let hit = hit_of(event, receiver, path, kind.diffusion, tag.y);
         if (hit.is_hit && is_earlier(hit, event.receiver, first_hit, first, tag.y)) {
             first = place;
             first_hit = hit;

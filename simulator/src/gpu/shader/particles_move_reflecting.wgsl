@@ -8,12 +8,40 @@
 
 #include reflection
 #include adsorption
+#include surface_diffusion
 
 const REQUESTED: u32 = 2u;
 
-fn free_receptors(receiver: u32) -> u32 {
-    let count = receptors[receiver].count;
-    return count - min(count, atomicLoad(&receptors[receiver].bound));
+fn free_receptors(receptor: u32) -> u32 {
+    let count = receptors[receptor].count;
+    return count - min(count, atomicLoad(&receptors[receptor].bound));
+}
+
+// Reactivity of the free receptors of all types. By detailed balance, the reverse of unbinding sees one more free
+// receptor, that of the row `bound`.
+fn reactivity_of(event: EventRow, bound: u32) -> f32 {
+    var sum = 0.0;
+    for (var k = event.ligands_begin; k < event.ligands_end; k++) {
+        sum += event_rows[k].own * (f32(free_receptors(event_rows[k].receptor)) + select(0.0, 1.0, k == bound));
+    }
+    return sum;
+}
+
+// Returns the row at which the running sum of reactivities passes this part of the sum.
+fn chosen_ligand(event: EventRow, part: f32) -> u32 {
+    var rest = part * reactivity_of(event, NOTHING);
+    var last = event.ligands_begin;
+    for (var k = event.ligands_begin; k < event.ligands_end; k++) {
+        let own = event_rows[k].own * f32(free_receptors(event_rows[k].receptor));
+        if (own > 0.0) {
+            last = k;
+            rest -= own;
+        }
+        if (rest < 0.0) {
+            break;
+        }
+    }
+    return last;
 }
 
 // `word` is the draw.
@@ -23,7 +51,7 @@ fn adsorbs(event: EventRow, a: f32, b: f32, word: u32) -> bool {
     }
     var own = event.own;
     if (event.kind == RECEPTORS) {
-        own *= f32(free_receptors(event.receiver));
+        own = reactivity_of(event, NOTHING);
     }
     // The radius of the sphere with the curvature of a disk or a segment.
     let flatter = select(2.0 * event.radius, FLAT, params.axes.y == FROZEN);
@@ -38,28 +66,29 @@ fn request_binding(at: u32, k: u32, touching: vec3<f32>, center: vec3<f32>, rank
     claims[at].sphere = vec4(direction, 0.0);
     claims[at].product = k;
     atomicStore(&claims[at].priority, rank);
-    atomicStore(&claims[at].other, atomicAdd(&receptors[event_rows[k].receiver].requests, 1u));
+    atomicStore(&claims[at].other, atomicAdd(&receptors[event_rows[k].receptor].requests, 1u));
     atomicStore(&claims[at].is_taken, REQUESTED);
 }
 
-// The step of a bound particle: it stays, or unbinds to some height above its receptor.
+// The step of a bound particle: it moves on the surface, and may unbind to some height above its receptor.
 fn unbind(bound: vec4<f32>, id: u32, kind: SpeciesRow) -> vec4<f32> {
-    let event = event_rows[event_of_bound(bound)];
-    // Detailed balance: the reverse reaction sees one more free receptor.
-    let own = event.own * (f32(free_receptors(event.receiver)) + 1.0);
-    let surface = surface_of(own, event.length, event.radius);
+    let ligand = ligand_of_bound(bound);
+    let event = event_rows[ligand];
+    let stays = vec4(moved_on_surface(bound.xyz, event.concentration, id), bound.w);
+    let surface = surface_of(reactivity_of(event, ligand), event.length, event.radius);
     var draws = Draws(vec4(id, 0u, control.step, PURPOSE_UNBINDING), vec4(0u), 4u);
     if (unit_of(&draws) >= event.unbinding * effective_part(surface)) {
-        return bound;
+        return stays;
     }
     let center = receiver_at(event.receiver, control.step + 1u).center;
     let above = event.radius + height_after(surface, &draws);
     let away = above + 4e-6 * (abs(center.x) + abs(center.y) + abs(center.z) + above);
-    let place = confined(center + away * bound.xyz, kind.radius);
+    let place = confined(center + away * stays.xyz, kind.radius);
     if (signed_distance(event.radius, center, place) < 0.0) {
-        return bound;
+        return stays;
     }
     atomicSub(&control.tallies[event.tally], 1u);
+    atomicSub(&control.tallies[event.occupied], 1u);
     return vec4(place, kind.radius);
 }
 
@@ -82,7 +111,8 @@ fn bind(at: u32, place: u32, path: Path, id: u32) {
     }
     let words = philox(vec4(id, event.receiver, control.step, PURPOSE_RECEIVER), params.key);
     let touching = path.before + time * (path.end - path.before);
-    request_binding(at, place, touching, receiver.center + time * receiver.displacement, words.z);
+    let ligand = chosen_ligand(event, unit_32(words.w));
+    request_binding(at, ligand, touching, receiver.center + time * receiver.displacement, words.z);
 }
 
 fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32) -> Moved {
@@ -104,7 +134,7 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
         let receiver = receiver_at(event.receiver, control.step);
         let a = signed_distance(event.radius, receiver.center, path.before);
         // A particle inside may leave.
-        if (event.kind == REFLECTING || (event.kind > REFLECTING && a < 0.0)) {
+        if (is_separated(kind, path.after, receiver.center) || event.kind == REFLECTING || (event.kind > REFLECTING && a < 0.0)) {
             continue;
         }
         let taken = path_to(event.receiver, path, reflected);
@@ -154,8 +184,8 @@ fn particles_move_reflecting(@builtin(workgroup_id) group: vec3<u32>, @builtin(n
             here.velocity = drawn_velocity(kind.speed, kind.thermal_speed, tag.y, VELOCITY_OF_UNBOUND);
         }
     } else {
-        let path = path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y);
-        here = move_free(at, collided(path, at, kind.radius), kind, tag, before.w);
+        let path = collided(path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y), at, kind.radius);
+        here = move_free(at, held_back(path, kind, tag.y), kind, tag, before.w);
     }
     if (here.sphere.w < 0.0) {
         atomicAdd(&control.removed, 1u);

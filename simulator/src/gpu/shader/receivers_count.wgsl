@@ -17,7 +17,7 @@ struct OccupancyRow {
 @group(0) @binding(3) var<storage, read> spheres: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> tags: array<vec2<u32>>;
 @group(0) @binding(5) var<storage, read> occupancy_rows: array<OccupancyRow>;
-@group(0) @binding(6) var<storage, read> receiver_rows: array<vec4<u32>>;
+@group(0) @binding(6) var<storage, read> scene_rows: array<vec4<u32>>;
 @group(0) @binding(7) var<storage, read_write> inside: array<atomic<u32>>;
 
 @compute @workgroup_size(256)

@@ -16,6 +16,6 @@ fn receptors_count_bound(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_w
     }
     let sphere = spheres[at];
     if (sphere.w <= BOUND_RADIUS) {
-        atomicAdd(&receptors[event_rows[event_of_bound(sphere)].receiver].bound, 1u);
+        atomicAdd(&receptors[event_rows[ligand_of_bound(sphere)].receptor].bound, 1u);
     }
 }

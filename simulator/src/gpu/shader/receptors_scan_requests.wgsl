@@ -1,4 +1,4 @@
-// Computes the beginning of each receiver's requests in the common list.
+// Computes the beginning of the requests for each receptor type in the common list.
 #include control
 #include receptor
 #include running_sum

@@ -1,5 +1,5 @@
 // Binds particles to a receiver's free receptors: if too few, those with the lowest ranks, then ids. One workgroup
-// per receiver.
+// per type.
 #include control
 #include candidate
 #include event_rows
@@ -15,7 +15,7 @@
 
 const DIGITS: u32 = 8u;
 
-// Requests, free receptors, and the beginning of the receiver's list.
+// Requests, free receptors, and the beginning of the type's list.
 var<workgroup> numbers: vec3<u32>;
 // Histogram of the next digit, over requests with the known digits.
 var<workgroup> digits: array<atomic<u32>, 256>;
@@ -73,12 +73,12 @@ fn last_key(requests: u32, free: u32, first: u32, local_index: u32) -> vec2<u32>
 
 @compute @workgroup_size(256)
 fn receptors_select(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_index) local_index: u32) {
-    let receiver = group.x;
+    let receptor = group.x;
     if (local_index == 0u) {
-        let count = receptors[receiver].count;
-        let free = count - min(count, atomicLoad(&receptors[receiver].bound));
-        let requests = select(0u, atomicLoad(&receptors[receiver].requests), atomicLoad(&control.halted) == 0u);
-        numbers = vec3(requests, free, receptors[receiver].first);
+        let count = receptors[receptor].count;
+        let free = count - min(count, atomicLoad(&receptors[receptor].bound));
+        let requests = select(0u, atomicLoad(&receptors[receptor].requests), atomicLoad(&control.halted) == 0u);
+        numbers = vec3(requests, free, receptors[receptor].first);
     }
     let all_numbers = workgroupUniformLoad(&numbers);
     let requests = all_numbers.x;
@@ -98,9 +98,10 @@ fn receptors_select(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invo
         }
         let at = requesters[first + j];
         if (is_up_to(key_of(at), last)) {
-            let event = claims[at].product;
-            moved[at] = as_bound(claims[at].sphere.xyz, event);
-            atomicAdd(&control.tallies[event_rows[event].tally], 1u);
+            let ligand = claims[at].product;
+            moved[at] = as_bound(claims[at].sphere.xyz, ligand);
+            atomicAdd(&control.tallies[event_rows[ligand].tally], 1u);
+            atomicAdd(&control.tallies[event_rows[ligand].occupied], 1u);
             atomicAdd(&control.removed, 1u);
         }
     }

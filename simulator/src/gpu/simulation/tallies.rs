@@ -38,10 +38,9 @@ impl GpuSimulation {
                 turn(Some(species as u32), None, count);
             }
         }
-        let first_types = model.first_receptor_types();
-        for (arrived, kinds) in totals.arrived.iter().zip(first_types.windows(2)) {
-            let occupied = &mut totals.occupied[kinds[0] as usize..kinds[1] as usize];
-            occupied.iter_mut().for_each(|occupied| *occupied = arrived.iter().sum());
+        for (receptor, occupied) in totals.occupied.iter_mut().enumerate() {
+            let change = i64::from(counts[tallies.occupied(receptor)] as i32);
+            *occupied = occupied.wrapping_add(change as u64);
         }
     }
 }

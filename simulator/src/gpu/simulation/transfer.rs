@@ -1,6 +1,7 @@
 use super::GpuSimulation;
 use crate::gpu::device::{read, with_error_scope};
 use crate::gpu::layout::ControlHeader;
+use crate::gpu::ligand_rows::LigandRow;
 use crate::model::particles::{Particle, Particles};
 use crate::motion::binding::Bound;
 use crate::{Error, State};
@@ -28,21 +29,19 @@ impl GpuSimulation {
         let mut rows: Vec<_> = spheres.into_iter().zip(velocities).zip(tags).collect();
         rows.sort_unstable_by_key(|&(_, [_, id])| id);
         let (mut particles, mut bound) = (Particles::default(), Vec::new());
-        let first_types = self.model.first_receptor_types();
         for (([x, y, z, radius], [u, v, w, _]), [species, id]) in rows {
             if radius >= 0.0 {
                 let (position, velocity) = ([x, y, z], [u, v, w]);
                 particles.push(Particle { position, velocity, radius, species, id }, sizes.has_velocity);
                 continue;
             }
-            let event = (BOUND_RADIUS - radius) as u32;
-            let Ok(at) = self.bound_species.binary_search_by_key(&event, |bound| bound.event) else {
+            let row = (BOUND_RADIUS - radius) as u32;
+            let Ok(at) = self.ligands.binary_search_by_key(&row, |ligand| ligand.row) else {
                 return Err(Error::Model(
                     "a particle on the device is bound to a receiver without receptors".to_owned(),
                 ));
             };
-            let receiver = self.bound_species[at].receiver;
-            let receptor = first_types[receiver as usize];
+            let LigandRow { receiver, receptor, .. } = self.ligands[at];
             bound.push(Bound { id, species, receiver, receptor, direction: [x, y, z] });
         }
         (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), sizes.has_velocity));
@@ -68,15 +67,16 @@ impl GpuSimulation {
         };
         let (mut spheres, mut tags) = columns(&state.particles);
         let velocities = velocities(&state.particles);
-        for &Bound { id, species, receiver, direction: [x, y, z], .. } in &state.bound {
-            let found =
-                self.bound_species.binary_search_by_key(&(species, receiver), |h| (h.species, h.receiver));
+        for &Bound { id, species, receptor, direction: [x, y, z], .. } in &state.bound {
+            let found = self
+                .ligands
+                .binary_search_by_key(&(species, receptor), |ligand| (ligand.species, ligand.receptor));
             let Ok(at) = found else {
                 return Err(Error::Model(
                     "a particle of the state is bound to a receiver without receptors".to_owned(),
                 ));
             };
-            spheres.push([x, y, z, BOUND_RADIUS - self.bound_species[at].event as f32]);
+            spheres.push([x, y, z, BOUND_RADIUS - self.ligands[at].row as f32]);
             tags.push([species, id]);
         }
         let queue = &self.buffers.own.queue;

@@ -61,8 +61,8 @@ fn spheres(ways: [[f32; 3]; 3]) -> ([Receiver; 3], String) {
     let mut text = String::new();
     for (k, (receiver, way)) in receivers.iter().zip(ways).enumerate() {
         let (center, radius) = (vector(receiver.center), receiver.radius);
-        text += &format!("receiver_rows[{}] = bitcast<vec4<u32>>(vec4({center}, 0.0));\n", 2 * k);
-        text += &format!("receiver_rows[{}] = bitcast<vec4<u32>>(vec4({}, 0.0));\n", 2 * k + 1, vector(way));
+        text += &format!("scene_rows[{}] = bitcast<vec4<u32>>(vec4({center}, 0.0));\n", 2 * k);
+        text += &format!("scene_rows[{}] = bitcast<vec4<u32>>(vec4({}, 0.0));\n", 2 * k + 1, vector(way));
         text += &format!("event_rows[{k}].radius = {radius:?};\nevent_rows[{k}].kind = REFLECTING;\n");
         text += &format!("event_rows[{k}].receiver = {k}u;\n");
     }
@@ -80,7 +80,7 @@ var<private> params: Params;
 #include event
 var<private> trajectory: TrajectoryHeader;
 var<private> event_rows: array<EventRow, 3>;
-var<private> receiver_rows: array<vec4<u32>, 6>;
+var<private> scene_rows: array<vec4<u32>, 6>;
 #include receiver_cells
 #include reflection";
     let rooms = [
@@ -201,9 +201,8 @@ fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
     let mut buffers = buffers_of_three(own);
     let rows: Vec<ReceptorRow> =
         RECEPTORS.iter().map(|&[count, _]| ReceptorRow { count, ..ReceptorRow::default() }).collect();
-    let event_rows: Vec<EventRow> = (0..3)
-        .map(|k| EventRow { kind: EventRow::RECEPTORS, receiver: k, tally: k, ..EventRow::default() })
-        .collect();
+    let event_rows: Vec<EventRow> =
+        (0..3).map(|k| EventRow { receptor: k, tally: k, occupied: 3 + k, ..EventRow::default() }).collect();
     let tags: Vec<[u32; 2]> = (0..count).map(|at| [0, id_of(at)]).collect();
     let made: HashMap<&str, wgpu::Buffer> = [
         ("spheres", written(own, "spheres", bytemuck::cast_slice(&crowd.spheres))),
@@ -241,7 +240,7 @@ fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
         (&made["moved"], 16 * u64::from(count)),
         (&made["claims"], CLAIM_BYTES * u64::from(count)),
         (&made["receptors"], 48),
-        (&made["control"], size_of::<ControlHeader>() as u64 + 12),
+        (&made["control"], size_of::<ControlHeader>() as u64 + 24),
     ];
     let read = read(own, encoder, &parts).expect("read");
     let receptors: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(&read[2]);
@@ -279,7 +278,7 @@ fn lowest_ranks_bind_to_free_receptors() {
         assert!(is_bound || moved[at] == spheres[at], "{:?}", moved[at]);
     }
     let bound: Vec<u32> = (0..3).map(|k| coming[k].min(free[k])).collect();
-    assert_eq!((&tallies, removed), (&bound, bound.iter().sum()));
+    assert_eq!((tallies, removed), ([&bound[..]; 2].concat(), bound.iter().sum()));
 }
 
 #[test]

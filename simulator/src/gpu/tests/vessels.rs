@@ -50,7 +50,9 @@ fn absorption_from_inside_a_sphere_matches_the_cpu() {
         @group(0) @binding(2) var<storage, read> event_rows: array<EventRow>;\n\
         @group(0) @binding(3) var<storage, read> species_rows: array<SpeciesRow>;\n\
         #include philox\n#include normal\n#include unit_32\n#include velocity\n#include boundary\n\
-        #include event_rows\n#include first_passage\n#include decay\n#include absorbing_wall";
+        #include event_rows\n#include first_passage\n#include decay\n\
+        fn is_separated(kind: SpeciesRow, a: vec3<f32>, b: vec3<f32>) -> bool { return false; }\n\
+        #include absorbing_wall";
     let body = "let w = philox(vec4(k, 1u, 2u, 3u), vec2(4u, 5u));
         let heights = 2.0 * pow(vec2(open_unit(w.x), open_unit(w.y)), vec2(f32(1u + k % 4u)));
         let diffusion = 4.5 * pow(10.0, -5.0 * open_unit(w.z));

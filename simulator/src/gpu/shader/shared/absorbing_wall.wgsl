@@ -46,8 +46,21 @@ fn hit_from_inside(radius: f32, heights: vec2<f32>, diffusion: f32) -> f32 {
     return sum;
 }
 
+// Returns the point of the wall across from another.
+fn foot_at(face: u32, radius: f32, point: vec3<f32>) -> vec3<f32> {
+    var foot = point;
+    if (face < SIDE) {
+        let axis = face / 2u;
+        foot[axis] = select(params.high[axis] - radius, params.low[axis] + radius, face % 2u == 0u);
+    }
+    return foot;
+}
+
 fn wall_absorbs(event: EventRow, kind: SpeciesRow, path: Path, id: u32) -> bool {
     let face = event.kind - WALL;
+    if (is_separated(kind, path.after, foot_at(face, kind.radius, path.after))) {
+        return false;
+    }
     let heights = vec2(wall_height(face, kind.radius, path.before), wall_height(face, kind.radius, path.free_end));
     if (any(heights <= vec2(0.0))) {
         return true;

@@ -2,7 +2,7 @@
 
 fn receiver_at(receiver: u32, step: u32) -> ReceiverRow {
     let row = 2u * ((step - trajectory.first) * trajectory.stride + receiver);
-    return ReceiverRow(bitcast<vec3<f32>>(receiver_rows[row].xyz), bitcast<vec3<f32>>(receiver_rows[row + 1u].xyz));
+    return ReceiverRow(bitcast<vec3<f32>>(scene_rows[row].xyz), bitcast<vec3<f32>>(scene_rows[row + 1u].xyz));
 }
 
 fn signed_distance(radius: f32, center: vec3<f32>, point: vec3<f32>) -> f32 {

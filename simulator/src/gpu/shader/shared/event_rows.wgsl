@@ -1,3 +1,18 @@
+// The response of a swimmer to a concentration, in a unit chosen by the host.
+struct ChemotaxisRow {
+    center: vec3<f32>,
+    profile: u32,
+    gradient: vec3<f32>,
+    // At the center, or at the surface of a source.
+    level: f32,
+    // Width, or radius of a source.
+    size: f32,
+    sensitivity: f32,
+    saturates: u32,
+    // Of a tumble in a step without a gradient.
+    probability: f32,
+}
+
 struct SpeciesRow {
     drift: vec3<f32>,
     // Standard deviation along each axis.
@@ -25,6 +40,10 @@ struct SpeciesRow {
     mobility: f32,
     // Bits of the axes whose walls reflect paths with diffusion and drift.
     drifts_at_wall: u32,
+    // First row and number of membranes across an axis, and of spheres.
+    membrane_planes: vec2<u32>,
+    membrane_spheres: vec2<u32>,
+    taxis: ChemotaxisRow,
 }
 
 // A possible event of a species' particle, in the order of precedence.
@@ -46,6 +65,14 @@ struct EventRow {
     unbinding: f32,
     // Fraction of the decay rate up to this channel.
     share: f32,
+    // Rows of a receiver's receptors that bind the species, after those of all events. In such a row: the receptor
+    // type, and the tally of occupied receptors.
+    ligands_begin: u32,
+    ligands_end: u32,
+    receptor: u32,
+    occupied: u32,
+    // Of the cosines in a step of surface diffusion; 0 without.
+    concentration: f32,
 }
 
 // A receiver's center at the beginning of a step, and its displacement.

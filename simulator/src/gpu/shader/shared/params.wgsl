@@ -23,4 +23,11 @@ struct Params {
     largest_radius: f32,
     collides: u32,
     is_elastic: u32,
+    // Time in which the flow is on, and the row of the first velocity of a flow field.
+    flow_duration: f32,
+    field_at: u32,
+    field_origin: vec3<f32>,
+    field_spacing: vec3<f32>,
+    // Zeros without a flow field.
+    field_points: vec3<u32>,
 }

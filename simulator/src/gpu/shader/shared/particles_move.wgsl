@@ -16,13 +16,18 @@
 @group(0) @binding(6) var<storage, read_write> species: array<u32>;
 @group(0) @binding(7) var<storage, read> species_rows: array<SpeciesRow>;
 @group(0) @binding(8) var<storage, read> event_rows: array<EventRow>;
-@group(0) @binding(9) var<storage, read> receiver_rows: array<vec4<u32>>;
+@group(0) @binding(9) var<storage, read> scene_rows: array<vec4<u32>>;
 
 #include velocity_index
 #include receiver_cells
 #include first_passage
 #include wall
 #include path_hit
+#ifdef WITHOUT_MEMBRANES
+#include no_membranes
+#else
+#include membranes
+#endif
 #include collided
 #include decay
 #include absorbing_wall

@@ -1,8 +1,12 @@
 // The path of a particle in a step, as in propagate.rs.
+#include chemotaxis
+#include flow_field
 
 fn free_end_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32) -> vec3<f32> {
     let random = flattened(normals(philox(vec4(id, 0u, control.step, PURPOSE_MOVE), params.key)));
-    return before + (kind.length * random + (kind.drift + velocity * params.time_step));
+    let spread = kind.length * random;
+    let drift = kind.drift + velocity * params.time_step;
+    return before + (spread + (drift + carried_by_field(before, before + (spread + drift), kind.radius)));
 }
 
 fn path_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32) -> Path {
@@ -23,13 +27,14 @@ fn velocity_of(at: u32, kind: SpeciesRow, id: u32) -> vec3<f32> {
     if (params.has_velocity == 0u) {
         return vec3(0.0);
     }
+    let velocity = spheres[velocity_at(at)].xyz;
     if (kind.tumbles != 0u) {
         let words = philox(vec4(id, 0u, control.step, PURPOSE_TUMBLE), params.key);
-        if (words.x <= kind.tumble_threshold) {
+        if (is_tumbling(kind, spheres[at].xyz, velocity, words.x)) {
             return kind.speed * direction_within(direction(words.y, words.z));
         }
     }
-    return spheres[velocity_at(at)].xyz;
+    return velocity;
 }
 
 // Returns the end of a step after reflection at walls along which the particle drifts.

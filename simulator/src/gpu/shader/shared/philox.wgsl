@@ -8,6 +8,8 @@ const PURPOSE_TUMBLE: u32 = 11u;
 const PURPOSE_UNBINDING: u32 = 13u;
 const PURPOSE_HIT_TIME: u32 = 14u;
 const PURPOSE_WALL: u32 = 15u;
+const PURPOSE_MEMBRANE: u32 = 16u;
+const PURPOSE_SURFACE_DIFFUSION: u32 = 17u;
 
 fn wide(a: u32, b: u32) -> vec2<u32> {
     let a0 = a & 0xffffu;

@@ -7,7 +7,7 @@ struct NearbyReceivers {
 }
 
 fn list_word(k: u32) -> u32 {
-    return receiver_rows[trajectory.cells_at + k / 4u][k % 4u];
+    return scene_rows[trajectory.cells_at + k / 4u][k % 4u];
 }
 
 // Returns the receivers within `reach` of `point`, and possibly more.

@@ -1,4 +1,4 @@
-// The receptors of a receiver, possibly none.
+// The receptors of a type.
 struct Receptors {
     count: u32,
     // Occupied at the beginning of the step.
@@ -9,13 +9,13 @@ struct Receptors {
 }
 
 // A bound particle has its direction from the center as its position, and a radius of -2 minus the index of its
-// event, which names the receiver. Negative radii pair with nothing.
+// row among ligands. Negative radii pair with nothing.
 const BOUND_RADIUS: f32 = -2.0;
 
-fn as_bound(direction: vec3<f32>, event: u32) -> vec4<f32> {
-    return vec4(direction, BOUND_RADIUS - f32(event));
+fn as_bound(direction: vec3<f32>, ligand: u32) -> vec4<f32> {
+    return vec4(direction, BOUND_RADIUS - f32(ligand));
 }
 
-fn event_of_bound(sphere: vec4<f32>) -> u32 {
+fn ligand_of_bound(sphere: vec4<f32>) -> u32 {
     return u32(BOUND_RADIUS - sphere.w);
 }

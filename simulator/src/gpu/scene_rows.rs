@@ -1,0 +1,97 @@
+//! The table of 16-byte rows with positions of receivers, membranes, velocities of a flow field and lists of receivers.
+//! One buffer holds them, since portable devices bind eight in a stage.
+
+use std::sync::Arc;
+
+use lazygrid::gpu::{DeviceLimits, GpuDevice, wgpu};
+
+use super::device::{buffer, refused, with_error_scope};
+use super::layout::{Params, SpeciesRow};
+use super::membrane_rows::{MembraneRows, Row};
+use super::receiver_trajectory::max_rows;
+use crate::Error;
+use crate::model::Model;
+use crate::model::flow_field::FlowField;
+
+pub(super) const ROW_BYTES: u64 = 16;
+/// Of a receiver: center and displacement.
+const RECEIVER_ROWS: usize = 2;
+/// Grid points in an upload.
+const CHUNK: usize = 1 << 16;
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct SceneRows {
+    receivers: usize,
+    membranes: Vec<Row>,
+    field: Option<Arc<FlowField>>,
+}
+
+impl SceneRows {
+    pub(super) fn new(model: &Model) -> Self {
+        let (membranes, field) = (Vec::new(), model.flow_field().cloned());
+        // An upload of no receivers is padded to one.
+        Self { receivers: RECEIVER_ROWS * max_rows(model).max(1), membranes, field }
+    }
+
+    /// Adds the membranes of each species.
+    pub(super) fn add_membranes(&mut self, model: &Model, species_rows: &mut [SpeciesRow]) {
+        for (species, kind) in species_rows.iter_mut().enumerate() {
+            let rows = MembraneRows::new(model, species);
+            [kind.membrane_planes, kind.membrane_spheres] = rows.ranges(self.field_at());
+            self.membranes.extend(rows.planes.into_iter().chain(rows.spheres));
+        }
+    }
+
+    pub(super) fn has_membranes(&self) -> bool {
+        !self.membranes.is_empty()
+    }
+
+    /// Returns the first row of the flow field.
+    fn field_at(&self) -> usize {
+        self.receivers + self.membranes.len()
+    }
+
+    /// Sets the grid of a flow field that is on during a whole step.
+    pub(super) fn describe_field(&self, params: &mut Params) {
+        let Some(field) = &self.field else { return };
+        let ([origin, spacing], points) = field.grid();
+        params.field_at = self.field_at() as u32;
+        params.field_points = points.map(|n| n as u32).into();
+        params.field_origin = origin.map(|x| x as f32).into();
+        params.field_spacing = spacing.map(|h| h as f32).into();
+        params.flow_duration = params.time_step;
+    }
+
+    /// Returns the offset of the lists of receivers, in bytes.
+    pub(super) fn cells_at(&self) -> u64 {
+        let points = self.field.as_ref().map_or(0, |field| field.velocities().len());
+        ROW_BYTES * (self.field_at() + points) as u64
+    }
+
+    /// Creates the table with capacity for `words` of lists of receivers.
+    pub(super) fn create(&self, own: &GpuDevice, words: usize) -> Result<wgpu::Buffer, Error> {
+        let needed = self.cells_at() + 4 * words as u64;
+        let limits = DeviceLimits::of(&own.device);
+        let limit = limits.storage_binding.min(limits.buffer);
+        if needed > limit {
+            let (what, remedy) =
+                ("scene_rows", "use a coarser flow field or fewer receivers, or choose the CPU");
+            return Err(refused(lazygrid::Error::LimitExceeded { what, needed, limit, remedy }));
+        }
+        let made = buffer(own, "scene_rows", needed)?;
+        let velocities = self.field.iter().flat_map(|field| field.velocities().chunks(CHUNK));
+        let mut at = ROW_BYTES * self.receivers as u64;
+        with_error_scope(own, "membranes", 0, || {
+            own.queue.write_buffer(&made, at, bytemuck::cast_slice(&self.membranes));
+        })?;
+        at += ROW_BYTES * self.membranes.len() as u64;
+        for chunk in velocities {
+            let rows: Vec<[f32; 4]> = chunk.iter().map(|&[u, v, w]| [u, v, w, 0.0]).collect();
+            with_error_scope(own, "the flow field", 0, || {
+                own.queue.write_buffer(&made, at, bytemuck::cast_slice(&rows));
+            })?;
+            at += ROW_BYTES * rows.len() as u64;
+        }
+        Ok(made)
+    }
+}
