@@ -238,7 +238,7 @@ fn cells_of_another_space_or_algorithm_are_not_reused() {
     let space = |length: f64| Space::periodic([Some(length); 3]).expect("valid");
     let settings = GpuConfig::default().algorithm(Algorithm::CellList).space(space(10.0));
     let mut session = GpuSession::new(gpu, settings).expect("made");
-    let mut call = |session: &mut GpuSession, expected_reuse: u32| {
+    let call = |session: &mut GpuSession, expected_reuse: u32| {
         let found = finish(session, &spheres);
         assert_eq!(
             (session.submissions().searches, session.submissions().reused_layouts),
