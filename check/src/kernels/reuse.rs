@@ -196,7 +196,7 @@ impl Reused<'_> {
             ("counts", &counts),
         ]);
         run(own, &k::CELLS_KEY, *variant, tiles, &bound)?;
-        same(|| what(), &download::<u32>(own, &keys, SPHERES as usize)?, &cells.to_vec())?;
+        same(&what, &download::<u32>(own, &keys, SPHERES as usize)?, &cells.to_vec())?;
         let overflow = download::<Outcome>(own, &outcome, 1)?[0].overflow;
         same(|| format!("keys: {}", what()), &overflow, &if suits { 0 } else { Outcome::OVERFLOW_LAYOUT })?;
 
