@@ -176,7 +176,7 @@ impl Reused<'_> {
         let (given, of_list, count) =
             (upload(own, &[*call])?, upload_one(own, list)?, upload(own, &[count])?);
         let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &[0_u32; 512])?);
-        // Of an earlier call with more pairs than its output held.
+        // From an earlier call.
         let before =
             Outcome { found_lo: 9, quarantined: 2, deferred_blocks: 4, dispatch_z: 1, ..Outcome::zeroed() };
         let outcome = upload(own, &[before])?;

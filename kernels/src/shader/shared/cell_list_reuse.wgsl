@@ -12,7 +12,7 @@ fn refuse_layout() {
     }
 }
 
-// The most spheres of a cell, but for spheres that do not pair.
+// The most spheres of a cell, except spheres that do not pair.
 fn max_occupancy_of(cell: u32) -> u32 {
     let limit = select(min(params.tau, MAX_OCCUPANCY), MAX_LISTED, cell == cell_list.cells);
     return select(limit, 0xffffffffu, cell > cell_list.cells);
