@@ -121,7 +121,8 @@ pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, Str
 fn variants(kernel: &Kernel, own: Variant, all_variants: bool) -> Vec<Variant> {
     let mut bases = vec![own];
     if all_variants {
-        bases.extend([Variant { subgroups: None, ..own }, Variant { wide_tiles: false, ..own }]);
+        let (narrow, reuse) = (Variant { wide_tiles: false, ..own }, Variant { reuse: true, ..own });
+        bases.extend([Variant { subgroups: None, ..own }, narrow, reuse]);
     }
     let mut found = Vec::new();
     for base in bases {
@@ -162,6 +163,7 @@ fn label(variant: Variant, own: Variant) -> String {
         (variant.species, "species"),
         (variant.subgroups != own.subgroups, "no subgroups"),
         (variant.wide_tiles != own.wide_tiles, "narrow tiles"),
+        (variant.reuse, "reused cells"),
     ];
     let words: Vec<_> = said.into_iter().filter_map(|(is_so, word)| is_so.then_some(word)).collect();
     if words.is_empty() { "plain".to_owned() } else { words.join(", ") }

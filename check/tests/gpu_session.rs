@@ -319,3 +319,51 @@ fn candidate_overflow_never_fails_a_call() {
         count(80, "few at last").is_some_and(|(candidates, age, _)| (candidates, age > 0) == (3160, true))
     );
 }
+
+/// The sizes take all sorts: counted in one or several scans, and by radix.
+#[test]
+fn slowly_moving_spheres_are_surveyed_every_seventeenth_call() {
+    let Some(own) = device() else { return };
+    for (n, extent, radix_from) in [(3000, 20, u32::MAX), (40_000, 50, u32::MAX), (20_000, 40, 0)] {
+        let mut spheres = cloud(9, n, extent);
+        spheres.truncate(n);
+        let settings = GpuConfig::default().algorithm(Algorithm::CellList).radix_sort_from(radix_from);
+        let mut session = GpuSession::new(own.clone(), settings).expect("made");
+        let mut reused = Vec::new();
+        for call in 0..19 {
+            let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
+            let mut pairs = session.finish(ticket, u64::MAX).expect("found").to_vec();
+            pairs.sort_unstable();
+            assert!(pairs == expected(&spheres), "{n} spheres, call {call}: {} pairs", pairs.len());
+            let counts = session.submissions();
+            assert_eq!(counts.searches, 1, "{n} spheres, call {call}");
+            reused.push(counts.reused_layouts == 1);
+            let step = |k: usize| if k.is_multiple_of(2) { 0.015_625 } else { -0.015_625 };
+            spheres.iter_mut().enumerate().for_each(|(k, sphere)| sphere.center[k % 3] += step(k));
+        }
+        let surveys: Vec<usize> = (0..19).filter(|&call| !reused[call]).collect();
+        assert_eq!(surveys, [0, 17], "{n} spheres");
+    }
+}
+
+/// Both calls in flight refuse the cells of the call before, and are repeated.
+#[test]
+fn calls_in_flight_are_repeated_if_reused_cells_do_not_suit() {
+    let Some(own) = device() else { return };
+    let settings = GpuConfig::default().algorithm(Algorithm::CellList);
+    let mut session = GpuSession::new(own, settings).expect("made");
+    let small = cloud(3, 3000, 20);
+    let ticket = session.begin(Spheres::from(&small)).expect("begun");
+    assert_eq!(session.finish_count(ticket), Ok(expected(&small).len() as u64));
+    let mut large = small.clone();
+    large.iter_mut().step_by(2).for_each(|sphere| sphere.radius *= 4.0);
+    let crowd = vec![Sphere::new([3.0; 3], 0.25); 3000];
+    let tickets = [&large, &crowd].map(|spheres| session.begin(Spheres::from(spheres)).expect("begun"));
+    for (ticket, spheres) in tickets.into_iter().zip([&large, &crowd]) {
+        let mut pairs = session.finish(ticket, u64::MAX).expect("found").to_vec();
+        pairs.sort_unstable();
+        assert!(pairs == expected(spheres), "{} pairs", pairs.len());
+        let counts = session.submissions();
+        assert!(counts.reused_layouts == 1 && counts.searches > 1, "{counts:?}");
+    }
+}

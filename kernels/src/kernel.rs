@@ -55,6 +55,8 @@ pub struct Variant {
     /// `true` if radix passes sort tiles of [`WIDE_TILE`] keys instead of [`NARROW_TILE`], in 20 KiB of workgroup
     /// memory instead of at least 12.
     pub wide_tiles: bool,
+    /// `true` if the cells of a cell list are those of an earlier call, and are checked.
+    pub reuse: bool,
 }
 
 /// Bytes for the statistics of all sides. Every device has at least this much.
@@ -133,6 +135,7 @@ impl Kernel {
             species: variant.species && !self.species_bindings.is_empty(),
             periodic: variant.periodic && self.knows_periods,
             wide_tiles: variant.wide_tiles && self.source.contains("#{RADIX_ITEMS}"),
+            reuse: variant.reuse && self.source.contains("#ifdef REUSE"),
         }
     }
 
@@ -140,10 +143,11 @@ impl Kernel {
         let subgroups = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
         let mut found = Vec::new();
         for (subgroups, flags) in
-            subgroups.into_iter().flat_map(|size| (0..8).map(move |flags| (size, flags)))
+            subgroups.into_iter().flat_map(|size| (0..16).map(move |flags| (size, flags)))
         {
-            let [species, periodic, wide_tiles] = [1, 2, 4].map(|flag| flags & flag != 0);
-            let variant = self.effective_variant(Variant { subgroups, species, periodic, wide_tiles });
+            let [species, periodic, wide_tiles, reuse] = [1, 2, 4, 8].map(|flag| flags & flag != 0);
+            let variant = Variant { subgroups, species, periodic, wide_tiles, reuse };
+            let variant = self.effective_variant(variant);
             if !found.contains(&variant) {
                 found.push(variant);
             }
@@ -255,21 +259,21 @@ kernels! {
         species: [read("species"), read("species_params")];
     /// Assigns each sphere its cell and its rank there.
     CELLS_COUNT = "cell_list" / "cells_count", WORKGROUP_SIZE, subgroups: false, periodic: true,
-        [uniform("params"), read("cell_list"), read("spheres"), write("occupancy"), write("outcome"), write("starts"),
-         write("cell_ranks")],
+        [uniform("params"), read("cell_list"), read("count_source"), read("spheres"), write("occupancy"), write("outcome"),
+         write("starts"), write("cell_ranks")],
         species: [read("species"), read("species_params")];
     CELLS_KEY = "cell_list" / "cells_key", WORKGROUP_SIZE, subgroups: false, periodic: true,
-        [uniform("params"), uniform("digit_pass"), read("cell_list"), read("sort_counts"), read("spheres"), write("occupancy"),
-         write("outcome"), write("keys"), write("counts")],
+        [uniform("params"), uniform("digit_pass"), read("cell_list"), read("sort_counts"), read("count_source"), read("spheres"),
+         write("occupancy"), write("outcome"), write("keys"), write("counts")],
         species: [read("species"), read("species_params")];
     CELL_STARTS_FIND = "cell_list" / "cell_starts_find", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("cell_list"), read("cells"), write("starts")], species: [];
     SPHERES_GATHER = "cell_list" / "spheres_gather", WORKGROUP_SIZE, subgroups: false, periodic: true,
-        [uniform("params"), read("cell_list"), read("spheres"), read("order"), write("sorted")],
+        [uniform("params"), read("cell_list"), read("spheres"), read("cells"), read("order"), write("sorted"), write("outcome")],
         species: [read("species"), write("sorted_species")];
     SPHERES_SCATTER = "cell_list" / "spheres_scatter", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("spheres"), read("starts"), read("cell_ranks"), write("sorted"),
-         write("cells"), write("order")],
+         write("cells"), write("order"), write("outcome")],
         species: [read("species"), write("sorted_species")];
     CELL_LIST_SEARCH = "cell_list" / "cell_list_search", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("starts"), read("sorted"), read("cells"), read("order"),
@@ -325,6 +329,7 @@ impl Preprocessor {
             "SUBGROUP_RANKING" => self.variant.ranks_by_subgroup(),
             "SPECIES" => self.variant.species,
             "PERIODIC" => self.variant.periodic,
+            "REUSE" => self.variant.reuse,
             "STANDARD" => self.strict,
             _ => false,
         }

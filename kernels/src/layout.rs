@@ -177,7 +177,7 @@ pub struct Grid {
 pub struct Outcome {
     pub found_lo: u32,
     pub found_hi: u32,
-    /// Bits [`Self::OVERFLOW_PAIRS`] to [`Self::OVERFLOW_WORK`].
+    /// Bits [`Self::OVERFLOW_PAIRS`] to [`Self::OVERFLOW_LAYOUT`].
     pub overflow: u32,
     /// Number of invalid spheres (non-finite value, negative radius or unknown species), which never pair.
     pub quarantined: u32,
@@ -254,6 +254,9 @@ impl Outcome {
     pub const OVERFLOW_CANDIDATES: u32 = 8;
     /// Overflow bit: the search [has remaining work](Self::has_remaining_work); the number of pairs is a lower bound.
     pub const OVERFLOW_WORK: u32 = 16;
+    /// Overflow bit: the cells of an earlier call do not suit the spheres, so pairs are missing. Only calls of a
+    /// `GpuSession` reuse cells; it retries.
+    pub const OVERFLOW_LAYOUT: u32 = 32;
     /// Offset of the indirect dispatch arguments in bytes.
     pub const DISPATCH_OFFSET: u64 = std::mem::offset_of!(Self, dispatch_x) as u64;
 

@@ -1,6 +1,7 @@
 //! All combinations of detector, scenario, number of threads and order against the oracle.
 
 mod bad_input;
+mod cell_reuse;
 mod doubles;
 mod exclusions;
 mod expected;

@@ -228,6 +228,7 @@ pub(crate) fn cells_count(own: &GpuDevice) -> Result<(), KernelError> {
         let bound = [
             ("params", &given),
             ("cell_list", &of_list),
+            ("count_source", &given),
             ("spheres", &spheres),
             ("occupancy", &density),
             ("outcome", &outcome),
@@ -290,6 +291,7 @@ pub(crate) fn cells_key(own: &GpuDevice) -> Result<(), KernelError> {
             ("digit_pass", &pass),
             ("cell_list", &of_list),
             ("sort_counts", &lengths),
+            ("count_source", &given),
             ("spheres", &spheres),
             ("occupancy", &density),
             ("outcome", &outcome),

@@ -216,6 +216,7 @@ pub(crate) fn spheres_scatter(own: &GpuDevice) -> Result<(), KernelError> {
         let mut order: Vec<u32> = (0..size as u32).collect();
         order.sort_by_key(|&at| homes[at as usize]);
         let call = upload(own, &[SearchParams::zeroed()])?;
+        let outcome = upload(own, &[Outcome::default()])?;
         let list = upload_one(own, &CellListLayout { spheres: size as u32, ..CellListLayout::zeroed() })?;
         let (input, starts, homes_given) =
             (upload(own, &spheres)?, upload(own, &starts)?, upload(own, &homes)?);
@@ -230,6 +231,7 @@ pub(crate) fn spheres_scatter(own: &GpuDevice) -> Result<(), KernelError> {
             ("sorted", &sorted),
             ("cells", &cells),
             ("order", &places),
+            ("outcome", &outcome),
         ];
         let groups = (size as u32).div_ceil(k::WORKGROUP_SIZE);
         run(own, &k::SPHERES_SCATTER, Variant::default(), groups, &bound)?;
@@ -243,8 +245,10 @@ pub(crate) fn spheres_scatter(own: &GpuDevice) -> Result<(), KernelError> {
             ("params", &call),
             ("cell_list", &list),
             ("spheres", &input),
+            ("cells", &cells),
             ("order", &places),
             ("sorted", &sorted),
+            ("outcome", &outcome),
         ];
         run(own, &k::SPHERES_GATHER, Variant::default(), groups, &bound)?;
         gathered(own, &sorted, &spheres, &order)?;

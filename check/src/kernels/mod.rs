@@ -11,6 +11,7 @@ mod grid_levels;
 mod overflow;
 pub mod primitives;
 mod probe;
+mod reuse;
 mod runs;
 mod skin;
 mod support;
@@ -62,7 +63,10 @@ pub const CHECKS: [KernelCheck; 36] = [
     }),
     one("cells of few spheres", &["cell_list_setup_small"], |own, _| cell_list::cell_list_setup_small(own)),
     one("occupancy of the first cells", &["occupancy_count"], |own, _| assignment::occupancy_count(own)),
-    one("cells and ranks", &["cells_count"], |own, _| assignment::cells_count(own)),
+    one("cells and ranks", &["cells_count"], |own, _| {
+        assignment::cells_count(own)?;
+        reuse::reused_cells(own)
+    }),
     one("cells as sort keys", &["cells_key"], |own, _| assignment::cells_key(own)),
     one("starts of cells", &["cell_starts_find"], |own, _| cell_list::cell_starts_find(own)),
     one("spheres in cell order", &["spheres_scatter", "spheres_gather"], |own, _| {

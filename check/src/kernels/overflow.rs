@@ -152,6 +152,7 @@ pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
         crowded.sort_unstable();
         same(|| what("blocks"), &crowded, &blocks)?;
         few(own, &chosen)?;
+        refused(own, &chosen)?;
     }
     Ok(())
 }
@@ -175,6 +176,21 @@ fn few(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> 
         let overflow = if pair_capacity < pairs { Outcome::OVERFLOW_PAIRS } else { 0 };
         let expected = [pairs, overflow, pair_capacity.div_ceil(64), 0];
         same(|| format!("outcome of {count} at one point"), &found, &expected)?;
+    }
+    Ok(())
+}
+
+/// If the cells of an earlier call do not suit the spheres, nothing is searched.
+fn refused(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
+    for overflow in [0, Outcome::OVERFLOW_LAYOUT] {
+        let variant = k::Variant { reuse: true, ..chosen.variant };
+        let chosen = ConfiguredCellList { variant, ..chosen.clone() };
+        let searched = Searched::of(own, &chosen)?;
+        let before = Outcome { overflow, ..Outcome::zeroed() };
+        own.queue.write_buffer(&searched.outcome, 0, bytemuck::bytes_of(&before));
+        searched.first_shares(own, &chosen)?;
+        let is_searched = searched.outcome(own)? != before;
+        same(|| format!("search with overflow {overflow}"), &is_searched, &(overflow == 0))?;
     }
     Ok(())
 }

@@ -47,6 +47,15 @@ pub(crate) struct AlgorithmChoice {
     pub(crate) cell_ratio: f32,
 }
 
+/// The origin of a cell list's cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum LayoutSource {
+    /// Statistics of the spheres.
+    Survey,
+    /// The last submitted call if it had equal parameters, otherwise statistics.
+    EarlierCall,
+}
+
 impl GpuDetector {
     /// Creates a detector on the caller's device. Kernels are compiled on first use.
     ///
@@ -154,7 +163,7 @@ impl GpuDetector {
             return Ok(Prepared { plan, ..prepared });
         }
         let buffers = Buffers::allocate(&self.device, &plan.buffers)?;
-        Ok(Prepared { plan, buffers, recordings: SmallCache::NONE })
+        Ok(Prepared::new(plan, buffers))
     }
 
     pub(crate) fn settings(&self) -> &GpuConfig {
@@ -254,7 +263,7 @@ impl GpuDetector {
     /// # Errors
     /// See [`encode`](Self::encode).
     pub fn bind(&mut self, input: &GpuSpheres<'_>) -> Result<GpuOutput, Error> {
-        self.bind_as(self.algorithm_choice(), input)
+        self.bind_as(self.algorithm_choice(), input, LayoutSource::Survey)
     }
 
     /// Returns the number of parts of the bound call; 0 before the first call.
@@ -276,12 +285,25 @@ impl GpuDetector {
         &mut self,
         choice: AlgorithmChoice,
         input: &GpuSpheres<'_>,
+        source: LayoutSource,
     ) -> Result<GpuOutput, Error> {
         let spheres = input.check(&self.settings, &self.device)?;
         let mut prepared = self.prepare(spheres, choice)?;
-        let bound = self.bind_prepared(&mut prepared, choice, input);
+        let bound = self.bind_prepared(&mut prepared, (choice, source), input);
         let output = self.prepared.insert(prepared).output();
         bound.map(|()| output)
+    }
+
+    /// If the bound call uses the cells of an earlier call. Its outcome then may have [`Outcome::OVERFLOW_LAYOUT`].
+    pub(crate) fn reuses_layout(&self) -> bool {
+        self.plan().is_some_and(|plan| plan.reuses_layout)
+    }
+
+    /// After the submission of the bound call. Later calls may use its cells.
+    pub(crate) fn note_submitted(&mut self) {
+        if let Some(prepared) = &mut self.prepared {
+            prepared.note_submitted();
+        }
     }
 
     pub(crate) fn recording(&self) -> Option<&Recording> {
@@ -309,7 +331,7 @@ impl GpuDetector {
     fn bind_prepared(
         &self,
         prepared: &mut Prepared,
-        choice: AlgorithmChoice,
+        (choice, source): (AlgorithmChoice, LayoutSource),
         input: &GpuSpheres<'_>,
     ) -> Result<(), Error> {
         let settings = CallSettings {
@@ -320,8 +342,14 @@ impl GpuDetector {
             sides: self.tables.as_ref().map(|tables| &tables.bytes.sides),
         };
         let call = prepared.plan.call(&settings);
+        if source == LayoutSource::EarlierCall && prepared.has_layout_for(&call) {
+            prepared.plan = prepared.plan.clone().reusing_layout();
+        } else {
+            prepared.layout = None;
+        }
+        prepared.bound = call;
         let input = input.bound(call.spheres, self.settings.columns.as_ref())?;
-        let key = Key { input, call };
+        let key = Key { input, call, reuses_layout: prepared.plan.reuses_layout };
         prepared.bind(&self.device, &self.pipelines, key, self.tables.as_ref())
     }
 }

@@ -16,15 +16,36 @@ pub(super) struct Prepared {
     pub(super) plan: Plan,
     pub(super) buffers: Buffers,
     pub(super) recordings: SmallCache<Key, Recording>,
+    /// Parameters of the submitted call that chose the cells in the buffers; `None` if cells are not known.
+    pub(super) layout: Option<SearchParams>,
+    /// Parameters of the bound call.
+    pub(super) bound: SearchParams,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Key {
     pub(crate) input: BoundInput,
     pub(crate) call: SearchParams,
+    pub(crate) reuses_layout: bool,
 }
 
 impl Prepared {
+    pub(super) fn new(plan: Plan, buffers: Buffers) -> Self {
+        let bound = SearchParams::default();
+        Self { plan, buffers, recordings: SmallCache::NONE, layout: None, bound }
+    }
+
+    /// If `call` may use the cells in the buffers, provided that they suit its spheres.
+    pub(super) fn has_layout_for(&self, call: &SearchParams) -> bool {
+        call.spheres > 0 && self.layout.is_some_and(|layout| layout == layout_params(call))
+    }
+
+    /// After the submission of the bound call.
+    pub(super) fn note_submitted(&mut self) {
+        let chose = self.plan.algorithm == Algorithm::CellList;
+        self.layout = chose.then(|| layout_params(&self.bound));
+    }
+
     pub(super) fn output(&self) -> GpuOutput {
         let [pairs, outcome] =
             [BufferId::Pairs, BufferId::Outcome].map(|slot| self.buffers.get(slot).clone());
@@ -43,7 +64,7 @@ impl Prepared {
         key: Key,
         tables: Option<&Tables>,
     ) -> Result<(), Error> {
-        let Self { plan, buffers, recordings } = self;
+        let Self { plan, buffers, recordings, .. } = self;
         recordings.get_or_insert_with(key, |key| {
             let constants = CallConstants {
                 call: key.call,
@@ -64,9 +85,18 @@ impl Prepared {
                 })
             });
             let bound = bound.collect::<Result<Vec<BoundBuffer>, Error>>()?;
-            Recording::from_sequence(device, pipelines, &call_plan.sequence, &bound)
+            let recording = Recording::from_sequence(device, pipelines, &call_plan.sequence, &bound)?;
+            Ok(match plan.cleared_bytes() {
+                0 => recording,
+                bytes => recording.clearing(buffers.get(BufferId::Starts), bytes),
+            })
         })
     }
+}
+
+/// Without the parameters that do not affect the cells.
+fn layout_params(call: &SearchParams) -> SearchParams {
+    SearchParams { window_begin: 0, window_end: 0, pair_capacity: 0, ..*call }
 }
 
 pub(super) fn params_buffers<'a>(

@@ -12,7 +12,7 @@ use super::input::GpuSpheres;
 use super::output::GpuOutput;
 use super::prepared::{Key, params_buffers};
 use super::tables::Tables;
-use super::{AlgorithmChoice, GpuDetector};
+use super::{AlgorithmChoice, GpuDetector, LayoutSource};
 use crate::Error;
 use crate::gpu::Outcome;
 #[cfg(doc)]
@@ -200,7 +200,7 @@ impl GpuSkinDetector {
             species: buffers.find(BufferId::ReferenceSpecies).map(Into::into),
             ..GpuSpheres::new(buffers.get(BufferId::ReferenceSpheres), input.count)
         };
-        let found = self.search.bind_as(choice, &kept)?;
+        let found = self.search.bind_as(choice, &kept, LayoutSource::Survey)?;
         // New search buffers invalidate the candidates.
         let candidates = match candidates.take().filter(|candidates| candidates.found == found) {
             Some(same) => candidates.insert(same),
@@ -212,6 +212,7 @@ impl GpuSkinDetector {
         let key = Key {
             input: input.bound(spheres, self.settings.columns.as_ref())?,
             call: self.settings.call(spheres, &input.window, input.split),
+            reuses_layout: false,
         };
         self.record(buffers, candidates, key)?;
         if let (Some(Parts { before, counts, after }), Some(search)) =

@@ -46,6 +46,8 @@ pub(crate) struct Recording {
     continuation_start: usize,
     part_starts: Vec<usize>,
     stamps_inside_passes: bool,
+    /// Bytes of a buffer to clear before the first dispatch.
+    cleared: Option<(wgpu::Buffer, u64)>,
 }
 
 #[derive(Debug)]
@@ -112,7 +114,11 @@ impl Recording {
         }
         let (continuation_start, part_starts) = (sequence.continuation, sequence.part_starts.clone());
         let stamps_inside_passes = device.features().contains(wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES);
-        Ok(Self { dispatches, continuation_start, part_starts, stamps_inside_passes })
+        Ok(Self { dispatches, continuation_start, part_starts, stamps_inside_passes, cleared: None })
+    }
+
+    pub(crate) fn clearing(self, buffer: &wgpu::Buffer, bytes: u64) -> Self {
+        Self { cleared: Some((buffer.clone(), bytes)), ..self }
     }
 
     pub(crate) fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
@@ -181,6 +187,9 @@ impl Recording {
             part => self.part_starts.get(part as usize - 1).copied().unwrap_or(self.dispatches.len()),
         };
         let dispatches = &self.dispatches[start_of(part)..start_of(part + 1)];
+        if let Some((buffer, bytes)) = self.cleared.as_ref().filter(|_| part == 0) {
+            encoder.clear_buffer(buffer, 0, Some(*bytes));
+        }
         let Some(queries) = queries else {
             let descriptor = wgpu::ComputePassDescriptor { label: Some("lazygrid"), timestamp_writes: None };
             let mut pass = encoder.begin_compute_pass(&descriptor);

@@ -43,7 +43,7 @@ impl BufferId {
             storage: true,
             copy_src: true,
             indirect: matches!(self, Self::Outcome | Self::DispatchArgs | Self::DispatchCounts),
-            copy_dst: self == Self::Total,
+            copy_dst: matches!(self, Self::Total | Self::Starts),
             uniform: false,
         }
     }

@@ -237,7 +237,8 @@ impl Plan {
         limits: &DeviceLimits,
     ) -> CallPlan {
         let has_species = constants.tables.is_some();
-        let variant = Variant { species: has_species, periodic: self.periodic, ..variant };
+        let variant =
+            Variant { species: has_species, periodic: self.periodic, reuse: self.reuses_layout, ..variant };
         let (sequence, resources) =
             DispatchSequence::resolved(self.dispatches.iter().cloned(), variant, limits, |dispatch, name| {
                 match self.resource(dispatch, name) {

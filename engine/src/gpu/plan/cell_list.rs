@@ -54,6 +54,22 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
     }
 }
 
+impl Plan {
+    /// Without the dispatches that choose the cells: those of an earlier call are checked instead. The caller clears
+    /// [`Self::cleared_bytes`] of the counters.
+    pub(crate) fn reusing_layout(mut self) -> Self {
+        let choosing =
+            [&k::CELL_LIST_SETUP_SMALL, &k::STATS_REDUCE, &k::CELL_LIST_CONFIGURE, &k::OCCUPANCY_COUNT];
+        self.dispatches.retain(|dispatch| !choosing.contains(&dispatch.kernel));
+        Self { reuses_layout: true, ..self }
+    }
+
+    /// Bytes of [`BufferId::Starts`] to clear before the first dispatch.
+    pub(crate) fn cleared_bytes(&self) -> u64 {
+        if self.reuses_layout && self.tile == 0 { 4 * u64::from(self.counters) } else { 0 }
+    }
+}
+
 pub(super) fn buffers(plan: &Plan, species: bool) -> Vec<(BufferId, u64)> {
     let mut buffers = vec![
         (BufferId::InputStats, size_of::<InputStats>() as u64),

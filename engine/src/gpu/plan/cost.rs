@@ -36,7 +36,12 @@ impl Plan {
             parts: self.parts(),
             working_bytes: self.bytes() - pair_bytes,
             pair_bytes,
-            traffic_bytes: self.dispatches.iter().map(|dispatch| self.traffic_of(dispatch)).sum(),
+            traffic_bytes: self
+                .dispatches
+                .iter()
+                .map(|dispatch| self.traffic_of(dispatch))
+                .sum::<Option<u64>>()
+                .map(|bytes| bytes + self.cleared_bytes()),
         }
     }
 
@@ -74,8 +79,8 @@ impl Plan {
             // Cell and sphere in; sphere, cell and index out, by sectors.
             (8 + 16 + 3 * 32, 4)
         } else if is(&k::SPHERES_GATHER) {
-            // Index in, sphere in by sectors, sphere out.
-            (4 + 32 + 16, 0)
+            // Index in, sphere in by sectors, sphere out. Reused cells are checked for crowds.
+            (4 + 32 + 16 + if self.reuses_layout { 4 } else { 0 }, 0)
         } else if is(&k::CELL_LIST_SEARCH) {
             // Sphere, cell and index, and the starts of cells.
             (16 + 4 + 4, 4)

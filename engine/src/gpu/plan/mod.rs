@@ -100,6 +100,8 @@ pub(crate) struct Plan {
     pub(crate) search_groups: u32,
     pub(crate) budget: WorkBudget,
     pub(crate) deferred_parts: u32,
+    /// If the cells of a cell list are those of an earlier call.
+    pub(crate) reuses_layout: bool,
     pub(crate) buffers: Vec<(BufferId, u64)>,
     pub(crate) dispatches: Vec<Dispatch>,
 }
@@ -130,6 +132,7 @@ pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Err
         search_groups: 0,
         budget: WorkBudget { tests: request.max_tests, row: limits.groups_per_dimension },
         deferred_parts: request.deferred_parts.max(1),
+        reuses_layout: false,
         buffers: call_buffers(request.pairs).to_vec(),
         dispatches: Vec::new(),
     };

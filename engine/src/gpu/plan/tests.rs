@@ -198,6 +198,25 @@ fn a_cell_list_is_small_and_has_few_dispatches() {
 }
 
 #[test]
+fn reused_cells_take_fewer_dispatches_and_bytes() {
+    let measured = [10_000, 30_000, 100_000, 1_000_000, 10_000_000, 100_000_000].map(|spheres| {
+        let bytes = |plan: &Plan| plan.cost().traffic_bytes.map_or(0, |bytes| bytes / u64::from(spheres));
+        let (whole, reusing) = (list(spheres, false), list(spheres, false).reusing_layout());
+        assert_eq!(whole.bytes(), reusing.bytes(), "the same buffers");
+        (spheres, [whole.dispatches.len(), reusing.dispatches.len()], [bytes(&whole), bytes(&reusing)])
+    });
+    let expected = [
+        (10_000, [5, 4], [268, 252]),
+        (30_000, [8, 6], [280, 264]),
+        (100_000, [12, 9], [285, 264]),
+        (1_000_000, [18, 15], [184, 168]),
+        (10_000_000, [18, 15], [181, 168]),
+        (100_000_000, [21, 18], [200, 188]),
+    ];
+    assert_eq!(measured[..], expected, "spheres, dispatches and bytes of each");
+}
+
+#[test]
 fn a_cell_list_moves_few_bytes() {
     let moved = [400_000, 1_000_000, 10_000_000, 100_000_000].map(|spheres| {
         let cost = list(spheres, false).cost();

@@ -1,4 +1,5 @@
 mod call_buffers;
+mod layout_reuse;
 mod retry;
 mod skin;
 mod submission;
@@ -17,6 +18,7 @@ use super::device::{AdapterSummary, GpuDevice, Wait};
 use super::plan::{CallCost, DeviceLimits, Plan, most_spheres};
 use crate::Error;
 use call_buffers::CallBuffers;
+use layout_reuse::LayoutReuse;
 use skin::SkinSession;
 use submission::{PendingReadback, Submission};
 
@@ -32,6 +34,7 @@ const FIRST_PAIRS: u64 = 1 << 12;
 pub struct GpuSession {
     gpu: GpuDevice,
     detector: GpuDetector,
+    layouts: LayoutReuse,
     skin: Option<SkinSession>,
     kept: Option<CandidateListStats>,
     /// The settings of calls to begin.
@@ -59,6 +62,8 @@ pub struct GpuSession {
 pub struct SubmissionCounts {
     /// Searches, including retries.
     pub searches: u32,
+    /// Searches that reused the cells of an earlier call's cell list.
+    pub reused_layouts: u32,
     /// Command buffers of searches and continuations. Long searches have several.
     pub parts: u32,
     /// Copies of pairs that a search left on the device.
@@ -73,11 +78,13 @@ pub(crate) struct QueuedCall {
     pub(crate) split: u32,
     /// If the candidate list may serve it.
     pub(crate) keeps: bool,
+    /// If the cells of an earlier call may serve it.
+    pub(crate) reuses_layout: bool,
 }
 
 impl QueuedCall {
     fn new(choice: AlgorithmChoice) -> Self {
-        Self { choice, window: GpuSpheres::ALL, split: 0, keeps: true }
+        Self { choice, window: GpuSpheres::ALL, split: 0, keeps: true, reuses_layout: true }
     }
 }
 
@@ -109,6 +116,7 @@ impl GpuSession {
         Ok(Self {
             asked,
             detector,
+            layouts: LayoutReuse::default(),
             skin: None,
             kept: None,
             gpu,

@@ -43,6 +43,11 @@ impl GpuSession {
             if is_kept && outcome.overflow & !Outcome::OVERFLOW_PAIRS != 0 {
                 self.pairs.clear();
                 self.repeat_for_candidates(number, window.clone(), &outcome)?;
+            } else if outcome.overflow & Outcome::OVERFLOW_LAYOUT != 0 {
+                log::debug!("the cells of an earlier call do not suit the spheres: repeating with others");
+                self.pairs.clear();
+                self.calls[number as usize % MAX_IN_FLIGHT].reuses_layout = false;
+                self.submit(number, Submission::Full(window.clone()))?;
             } else if outcome.overflow & Outcome::OVERFLOW_ENTRIES != 0 {
                 self.pairs.clear();
                 self.repeat_for_entries(number, window.clone(), outcome.entries_needed())?;

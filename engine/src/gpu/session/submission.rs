@@ -22,6 +22,8 @@ pub(super) struct PendingReadback {
     timed: &'static [GpuPhase],
     /// If candidates answered it, whose state is read back in place of times.
     pub(super) is_kept: bool,
+    /// `true` if a search reused the cells of an earlier call, `None` without a search of a cell list.
+    has_reused: Option<bool>,
 }
 
 #[derive(Clone, Debug)]
@@ -56,9 +58,9 @@ impl GpuSession {
     fn try_submit(&mut self, number: u64, work: Submission) -> Result<(), Error> {
         let at = number as usize % MAX_IN_FLIGHT;
         let keeps = self.uses_candidates(number);
-        let Self { gpu, detector, skin, slots, calls, expected, counts, .. } = self;
+        let Self { gpu, detector, layouts, skin, slots, calls, expected, counts, .. } = self;
         let count = &mut counts[at];
-        let (choice, split) = (calls[at].choice, calls[at].split);
+        let (choice, split, may_reuse) = (calls[at].choice, calls[at].split, calls[at].reuses_layout);
         let slot = &mut slots[at];
         let capacity = detector.pair_capacity();
         let staged = (*expected).min(capacity.into());
@@ -73,6 +75,7 @@ impl GpuSession {
             Submission::Copy => &[],
         };
         let is_kept = skin.is_some() && !matches!(work, Submission::Copy);
+        let searches = skin.is_none() && matches!(work, Submission::Full(_));
         // No earlier call can be continued after this, even after an error.
         let before = self.submitted.take();
         let (found, details) = match (work, skin) {
@@ -88,7 +91,8 @@ impl GpuSession {
                         (Some(found), skin.state())
                     }
                     None => {
-                        let found = detector.bind_as(choice, &input)?;
+                        let found = detector.bind_as(choice, &input, layouts.source(may_reuse))?;
+                        count.reused_layouts += u32::from(detector.reuses_layout());
                         for part in 0..detector.parts() {
                             if part > 0 {
                                 // Submitted separately, so that no submission is long.
@@ -127,6 +131,9 @@ impl GpuSession {
             (gpu.queue.submit([encoder.finish()]), Mapping::request(&staging))
         })?;
         gpu.check_lost()?;
+        if searches {
+            detector.note_submitted();
+        }
         let device = gpu.device.clone();
         let flight = PendingReadback {
             number,
@@ -138,6 +145,7 @@ impl GpuSession {
             capacity,
             timed,
             is_kept,
+            has_reused: searches.then(|| detector.reuses_layout()),
         };
         self.submitted = found.map(|found| (number, found));
         self.pending[at] = Some(flight);
@@ -173,6 +181,9 @@ impl GpuSession {
                 let [begin, end] = ticks[*phase as usize];
                 self.time(phase.name(), Duration::from_secs_f64(end.saturating_sub(begin) as f64 * period));
             }
+        }
+        if let Some(has_reused) = flight.has_reused {
+            self.layouts.note(has_reused, &outcome);
         }
         drop(view);
         drop(flight);

@@ -230,3 +230,33 @@ fn ranges_of_a_pooled_buffer_above_the_binding_limit_are_searched() {
     assert!(refused(&mut detector, BufferRange::new(&pool, 4)).contains("buffer offset"));
     assert!(refused(&mut detector, pool.slice(offset..offset + 160).into()).contains("160"));
 }
+
+#[test]
+fn cells_of_another_space_or_algorithm_are_not_reused() {
+    let Some(gpu) = device_or_skip() else { return };
+    let spheres: Vec<Sphere> = spheres().split_off(2600);
+    let space = |length: f64| Space::periodic([Some(length); 3]).expect("valid");
+    let settings = GpuConfig::default().algorithm(Algorithm::CellList).space(space(10.0));
+    let mut session = GpuSession::new(gpu, settings).expect("made");
+    let call = |session: &mut GpuSession, expected_reuse: u32| {
+        let found = finish(session, &spheres);
+        assert_eq!(
+            (session.submissions().searches, session.submissions().reused_layouts),
+            (1, expected_reuse)
+        );
+        found
+    };
+    let wide = call(&mut session, 0);
+    assert_eq!(call(&mut session, 1), wide);
+    session.set_space(space(9.0)).expect("of the same axes");
+    let narrow = call(&mut session, 0);
+    assert_ne!(narrow, wide);
+    assert_eq!(call(&mut session, 1), narrow);
+    session.set_algorithm(Algorithm::LazyGrid).expect("on the GPU");
+    assert_eq!(call(&mut session, 0), narrow);
+    session.set_algorithm(Algorithm::CellList).expect("on the GPU");
+    assert_eq!(call(&mut session, 0), narrow);
+    assert_eq!(call(&mut session, 1), narrow);
+    session.set_space(space(10.0)).expect("of the same axes");
+    assert_eq!(call(&mut session, 0), wide);
+}

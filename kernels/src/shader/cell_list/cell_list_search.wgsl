@@ -2,6 +2,19 @@
 // spheres, each chunk of candidates of a block has a workgroup here.
 #include cell_list_search read_write
 
+#ifdef REUSE
+#include cell_list_reuse
+
+// Cells of an earlier call may be crowded.
+fn is_refused() -> bool {
+    return (atomicLoad(&outcome.overflow) & OVERFLOW_LAYOUT) != 0u;
+}
+#else
+fn is_refused() -> bool {
+    return false;
+}
+#endif
+
 var<workgroup> most_candidates: atomic<u32>;
 
 // With a single level, a sphere has candidates in at most 14 cells and the cell of listed spheres.

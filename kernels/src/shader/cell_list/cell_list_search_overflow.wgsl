@@ -2,6 +2,10 @@
 // loop iterations that devices allow.
 #include cell_list_search read
 
+fn is_refused() -> bool {
+    return false;
+}
+
 var<workgroup> deferred_range: vec2<u32>;
 
 @compute @workgroup_size(256)

@@ -8,14 +8,15 @@
 @group(0) @binding(1) var<uniform> digit_pass: RadixPass;
 @group(0) @binding(2) var<storage, read> cell_list: CellListLayout;
 @group(0) @binding(3) var<storage, read> sort_counts: SortCounts;
-@group(0) @binding(4) var<storage, read> spheres: array<vec4<f32>>;
-@group(0) @binding(5) var<storage, read_write> occupancy: array<atomic<u32>>;
-@group(0) @binding(6) var<storage, read_write> outcome: Outcome;
-@group(0) @binding(7) var<storage, read_write> keys: array<u32>;
-@group(0) @binding(8) var<storage, read_write> counts: array<u32>;
+@group(0) @binding(4) var<storage, read> count_source: array<u32>;
+@group(0) @binding(5) var<storage, read> spheres: array<vec4<f32>>;
+@group(0) @binding(6) var<storage, read_write> occupancy: array<atomic<u32>>;
+@group(0) @binding(7) var<storage, read_write> outcome: Outcome;
+@group(0) @binding(8) var<storage, read_write> keys: array<u32>;
+@group(0) @binding(9) var<storage, read_write> counts: array<u32>;
 #ifdef SPECIES
-@group(0) @binding(9) var<storage, read> species: array<u32>;
-@group(0) @binding(10) var<storage, read> species_params: array<vec2<u32>>;
+@group(0) @binding(10) var<storage, read> species: array<u32>;
+@group(0) @binding(11) var<storage, read> species_params: array<vec2<u32>>;
 #endif
 #include effective_radius
 #include side
@@ -23,6 +24,10 @@
 #include wrapped_sphere
 #include cell_numbers
 #include cell_assignment
+#ifdef REUSE
+#include cell_list_reuse
+#include reused_cell
+#endif
 #include digit_pass
 
 const WORKGROUP_SIZE: u32 = 256u;
@@ -39,6 +44,12 @@ fn cells_key(
 #include thread_from_builtins
     let group = workgroup_index(id, groups);
     let start = group * WORKGROUP_SIZE * ITEMS;
+#ifdef REUSE
+    var suits = group + thread.local_index != 0u || count_source[0] == cell_list.spheres;
+    if (!suits) {
+        refuse_layout();
+    }
+#endif
     if (start >= cell_list.spheres) {
         return;
     }
@@ -48,12 +59,22 @@ fn cells_key(
     for (var item = 0u; item < ITEMS; item++) {
         let index = start + item * WORKGROUP_SIZE + thread.local_index;
         if (index < cell_list.spheres) {
+#ifdef REUSE
+            let assigned = reused_cell(index, spheres[index]);
+            suits = suits && assigned.suits;
+#else
             let assigned = assign_cell(index, spheres[index]);
+            occupancy = max(occupancy, assigned.occupancy);
+#endif
             keys[index] = assigned.cell;
             atomicAdd(&histogram[digit_of(assigned.cell)], 1u);
-            occupancy = max(occupancy, assigned.occupancy);
         }
     }
+#ifdef REUSE
+    if (!suits) {
+        refuse_layout();
+    }
+#endif
     if (cell_list.has_overfull_cells != 0u) {
         record_occupancy(occupancy, thread.local_index);
     }

@@ -10,11 +10,15 @@
 @group(0) @binding(5) var<storage, read_write> sorted: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> cells: array<u32>;
 @group(0) @binding(7) var<storage, read_write> order: array<u32>;
+@group(0) @binding(8) var<storage, read_write> outcome: Outcome;
 #ifdef SPECIES
-@group(0) @binding(8) var<storage, read> species: array<u32>;
-@group(0) @binding(9) var<storage, read_write> sorted_species: array<u32>;
+@group(0) @binding(9) var<storage, read> species: array<u32>;
+@group(0) @binding(10) var<storage, read_write> sorted_species: array<u32>;
 #endif
 #include store_sorted
+#ifdef REUSE
+#include cell_list_reuse
+#endif
 
 @compute @workgroup_size(256)
 fn spheres_scatter(
@@ -24,6 +28,11 @@ fn spheres_scatter(
 ) {
 #include thread_from_builtins
     let index = workgroup_index(id, groups) * 256u + thread.local_index;
+#ifdef REUSE
+    if (index == 0u) {
+        reuse_outcome();
+    }
+#endif
     if (index >= cell_list.spheres) {
         return;
     }

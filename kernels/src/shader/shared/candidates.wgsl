@@ -197,7 +197,7 @@ fn search_candidates(block: u32, chunk: u32, local_index: u32) -> u32 {
     var query: QuerySphere;
     var neighbors: NeighborCells;
     neighbors.level = NO_LEVEL;
-    if (block + local_index < starts[cell_list.cells + 1u]) {
+    if (block + local_index < starts[cell_list.cells + 1u] && !is_refused()) {
         query = query_sphere(block + local_index);
         neighbors = neighbor_cells_of(query.cell);
     }

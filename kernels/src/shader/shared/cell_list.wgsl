@@ -10,6 +10,8 @@ const DEPTHS: u32 = 16u;
 const CLASSES: u32 = 256u;
 // For size classes with so few spheres that these are listed instead of put into cells.
 const LISTED: u32 = 255u;
+// Large spheres compared with all others instead of having cells.
+const MAX_LISTED: u32 = 8u;
 
 // See layout.rs.
 struct InputStats {

@@ -5,8 +5,6 @@
 
 const SAMPLES: u32 = 256u;
 const MAX_SAMPLES: u32 = 1024u;
-// Large spheres compared with all others instead of having cells.
-const MAX_LISTED: u32 = 8u;
 // Cell size over diameter: above the rounding of the distance test.
 const SLACK: f32 = 0x1.04p0;
 // Below this cell size, devices may flush fixed-point units.
@@ -15,8 +13,8 @@ const MIN_CELL_SIZE: f32 = 0x1p-90;
 const MAX_CELL_SIZE: f32 = 0x1p120;
 // Rounding at the boundary stays below SLACK.
 const MAX_RING_CELLS: f32 = 32768.0;
-// A box may begin this many cells below the lowest center.
-const MARGIN: u32 = 8u;
+// A box may begin 8 cells below a center, and centers of later calls may lie 8 cells below the lowest one.
+const MARGIN: u32 = 16u;
 
 var<workgroup> largest: array<u32, 256>;
 var<workgroup> base_class: atomic<u32>;

@@ -1,15 +1,8 @@
+#include outcome_clear
+
 fn outcome_begin(overflow: u32, quarantined: u32) {
     let given = count_source[0];
-    atomicStore(&outcome.found_lo, 0u);
-    atomicStore(&outcome.found_hi, 0u);
     atomicStore(&outcome.overflow, overflow | select(0u, 4u, given > params.spheres));
     atomicStore(&outcome.quarantined, quarantined);
-    atomicStore(&outcome.deferred_blocks, 0u);
-    atomicStore(&outcome.deferred_max_tiles, 0u);
-    atomicStore(&outcome.deferred_begin, 0u);
-    atomicStore(&outcome.deferred_end, 0u);
-    atomicStore(&outcome.entries_lo, 0u);
-    atomicStore(&outcome.entries_hi, 0u);
-    atomicStore(&outcome.spheres, given);
-    atomicStore(&outcome.pairs_in_cell_order, 0u);
+    outcome_clear(given);
 }

@@ -1,0 +1,235 @@
+//! Calls with the cells of an earlier call, whose spheres were others.
+
+use bytemuck::Zeroable;
+use lazygrid::Sphere;
+use lazygrid::gpu::{GpuDevice, Outcome};
+use lazygrid_kernels::kernel::{self as k, Variant};
+use lazygrid_kernels::layout::{RadixPass, SearchParams, SortCounts};
+
+use super::cells::{CellListCase, ConfiguredCellList, LISTED, level_of, numbers};
+use super::division::Division;
+use super::support::{KernelError, same};
+use crate::device::{download, run, upload, upload_one};
+use crate::{Random, TestInput};
+
+const SPHERES: u32 = 2000;
+/// Spheres of a cell, and listed spheres, at most.
+const LIMITS: [u32; 2] = [64, 8];
+
+type Change = (&'static str, fn(&mut [Sphere]));
+
+const CHANGES: [Change; 19] = [
+    ("no change", |_| ()),
+    ("a step", |spheres| shift(spheres, 0.3)),
+    ("positions a little below the bounds", |spheres| shift(spheres, -4.0)),
+    ("positions below the bounds", |spheres| shift(spheres, -1000.0)),
+    ("positions above the bounds", |spheres| shift(spheres, 1000.0)),
+    ("a sphere far below the bounds", |spheres| spheres[7].center.x = -1e12),
+    ("positions that share cells", |spheres| shift(spheres, 1e9)),
+    ("a larger radius", |spheres| spheres[0].radius = 0.51),
+    ("a radius above its level's", |spheres| spheres[0].radius = 0.9),
+    ("a smaller radius", |spheres| spheres[0].radius = 0.015),
+    ("a radius below the ordinary range", |spheres| spheres[0].radius = 0.0),
+    ("a position beyond the ordinary range", |spheres| spheres[0].center.y = 1e18),
+    ("eight listed spheres", |spheres| spheres[..8].iter_mut().for_each(|sphere| sphere.radius = 5.0)),
+    ("nine listed spheres", |spheres| spheres[..9].iter_mut().for_each(|sphere| sphere.radius = 5.0)),
+    ("a NaN", |spheres| spheres[9].center.z = f32::NAN),
+    ("an infinite radius", |spheres| spheres[9].radius = f32::INFINITY),
+    ("a negative radius", |spheres| spheres[9].radius = -1.0),
+    ("64 spheres at one point", |spheres| gather(&mut spheres[..64])),
+    ("all spheres at one point", gather),
+];
+
+fn shift(spheres: &mut [Sphere], by: f32) {
+    spheres.iter_mut().for_each(|sphere| sphere.center += by);
+}
+
+fn gather(spheres: &mut [Sphere]) {
+    // No cell begins there, and no other sphere is near.
+    spheres.iter_mut().for_each(|sphere| sphere.center = [40.01; 3].into());
+}
+
+fn cases() -> impl Iterator<Item = CellListCase> {
+    let spaces = [[None; 3], [Some(120.0), None, Some(130.5)]];
+    let divisions = [Division::OneSet, Division::TwoSets, Division::Species { meets_itself: true }];
+    divisions.into_iter().flat_map(move |division| {
+        let case = move |lengths, is_dense| CellListCase { spheres: SPHERES, lengths, is_dense, division };
+        spaces.into_iter().flat_map(move |lengths| [false, true].map(|is_dense| case(lengths, is_dense)))
+    })
+}
+
+fn sparse() -> Vec<Sphere> {
+    let mut random = Random(5);
+    let radius = |k: u32| [0.5, 0.2, 0.06, 0.025, 0.013][k as usize % 5];
+    (0..SPHERES).map(|k| Sphere::new([(); 3].map(|()| (random.unit() - 0.5) * 30.0), radius(k))).collect()
+}
+
+/// If the cells suit the radii and the number of spheres, without occupancies.
+fn suits(chosen: &ConfiguredCellList, count: u32, spheres: &[Sphere]) -> bool {
+    let ConfiguredCellList { list, division, call, scenario, .. } = chosen;
+    let suits_one = |id: usize| {
+        let Sphere { center, radius } = spheres[id];
+        if !chosen.may_pair(id) || !spheres[id].is_valid() {
+            return spheres[id].is_valid();
+        }
+        let is_ordinary =
+            radius > 1e-12 && radius < 2e17 && center.to_array().into_iter().all(|x| x.abs() < 2e17);
+        let level = level_of(list, radius);
+        if level == LISTED {
+            return is_ordinary;
+        }
+        let is_dense = list.has_overfull_cells != 0;
+        let first = division.levels_per_side() * division.side(id, spheres.len());
+        let level = first + if is_dense { level } else { 0 };
+        let has_cells = list.levels >> level & 1 == 1 && radius <= list.level[level].max_radius;
+        let lengths = scenario.space.lengths();
+        let is_above = || {
+            let at = numbers(list, scenario.space, chosen.place(&spheres[id]), level, true);
+            (0..3).all(|axis| lengths[axis].is_some() || at[axis] as i32 >= 8)
+        };
+        is_ordinary && has_cells && !(is_dense && call.occupancy_slots != 0) && is_above()
+    };
+    count == list.spheres && (0..spheres.len()).all(suits_one)
+}
+
+fn has_room(chosen: &ConfiguredCellList, cells: &[u32]) -> bool {
+    let mut counts = vec![0; chosen.list.cells as usize + 2];
+    cells.iter().for_each(|&cell| counts[cell as usize] += 1);
+    let [most, most_listed] = LIMITS;
+    let (most, in_cells) = (most.min(chosen.call.tau), chosen.list.cells as usize);
+    counts[..in_cells].iter().all(|&count| count <= most) && counts[in_cells] <= most_listed
+}
+
+/// Each change of the spheres after their cells were chosen, for both sorts.
+pub(crate) fn reused_cells(own: &GpuDevice) -> Result<(), KernelError> {
+    let mut refused = [0; 2];
+    for (case, (what, change)) in cases().flat_map(|case| CHANGES.map(|change| (case, change))) {
+        for (occupancy_slots, count) in [(0, SPHERES), (512, SPHERES), (0, SPHERES - 1)] {
+            let chosen = case.choose_for(own, sparse())?;
+            let mut spheres = chosen.scenario.spheres.clone();
+            change(&mut spheres);
+            let call = SearchParams { occupancy_slots, ..chosen.call };
+            let variant = Variant { reuse: true, ..chosen.variant };
+            let scenario = TestInput { spheres, ..chosen.scenario.clone() };
+            let after = ConfiguredCellList { call, scenario, variant, ..chosen };
+            let text = || format!("{what}, {count} spheres, {occupancy_slots} counters, {case:?}");
+            let suits = suits(&after, count, &after.scenario.spheres);
+            let reused = Reused { own, chosen: &after, count };
+            let cells = reused.counted(suits, text)?;
+            reused.sorted(suits, &cells, text)?;
+            refused[usize::from(suits && has_room(&after, &cells))] += 1;
+        }
+    }
+    same(|| format!("{refused:?} calls refused and not"), &refused.iter().all(|&calls| calls > 30), &true)
+}
+
+struct Reused<'a> {
+    own: &'a GpuDevice,
+    chosen: &'a ConfiguredCellList,
+    count: u32,
+}
+
+impl Reused<'_> {
+    fn refusal(&self, suits: bool, cells: &[u32]) -> u32 {
+        if suits && has_room(self.chosen, cells) { 0 } else { Outcome::OVERFLOW_LAYOUT }
+    }
+
+    fn counted(&self, suits: bool, what: impl Fn() -> String) -> Result<Vec<u32>, KernelError> {
+        let Self { own, chosen, count } = *self;
+        let ConfiguredCellList { call, scenario, list, variant, division, .. } = chosen;
+        let (given, of_list, count) =
+            (upload(own, &[*call])?, upload_one(own, list)?, upload(own, &[count])?);
+        let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &[0_u32; 512])?);
+        let outcome = upload(own, &[Outcome::zeroed()])?;
+        let homes = upload(own, &vec![[0_u32; 2]; SPHERES as usize])?;
+        let starts = upload(own, &vec![0_u32; list.cells as usize + 2])?;
+        let species = division.upload(own, scenario.spheres.len())?;
+        let bound = species.and(&[
+            ("params", &given),
+            ("cell_list", &of_list),
+            ("count_source", &count),
+            ("spheres", &spheres),
+            ("occupancy", &density),
+            ("outcome", &outcome),
+            ("starts", &starts),
+            ("cell_ranks", &homes),
+        ]);
+        run(own, &k::CELLS_COUNT, *variant, SPHERES.div_ceil(k::WORKGROUP_SIZE), &bound)?;
+        let found = download::<[u32; 2]>(own, &homes, SPHERES as usize)?;
+        let cells: Vec<u32> = found.into_iter().map(|[cell, _]| cell).collect();
+        if suits {
+            let of_each = |fused| chosen.homes(&[u32::MAX], fused).0;
+            ConfiguredCellList::agrees(|| format!("cells: {}", what()), &cells, of_each)?;
+        }
+        let overflow = download::<Outcome>(own, &outcome, 1)?[0].overflow;
+        same(|| format!("ranks: {}", what()), &overflow, &self.refusal(suits, &cells))?;
+        Ok(cells)
+    }
+
+    /// Keys, and the spheres in cell order, which begin the outcome of the call.
+    fn sorted(&self, suits: bool, cells: &[u32], what: impl Fn() -> String) -> Result<(), KernelError> {
+        let Self { own, chosen, count } = *self;
+        let ConfiguredCellList { call, scenario, list, variant, division, .. } = chosen;
+        let tiles = SPHERES.div_ceil(variant.radix_tile());
+        let pass = upload(own, &[RadixPass { shift: 0, mask: 255, is_first: 1 }])?;
+        let lengths = upload(own, &[SortCounts { items: SPHERES, counters: 256 * tiles }])?;
+        let (given, of_list, count) =
+            (upload(own, &[*call])?, upload_one(own, list)?, upload(own, &[count])?);
+        let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &[0_u32; 512])?);
+        // From an earlier call.
+        let before =
+            Outcome { found_lo: 9, quarantined: 2, deferred_blocks: 4, dispatch_z: 1, ..Outcome::zeroed() };
+        let outcome = upload(own, &[before])?;
+        let keys = upload(own, &[0_u32; SPHERES as usize])?;
+        let counts = upload(own, &vec![0_u32; 256 * tiles as usize])?;
+        let species = division.upload(own, scenario.spheres.len())?;
+        let bound = species.and(&[
+            ("params", &given),
+            ("digit_pass", &pass),
+            ("cell_list", &of_list),
+            ("sort_counts", &lengths),
+            ("count_source", &count),
+            ("spheres", &spheres),
+            ("occupancy", &density),
+            ("outcome", &outcome),
+            ("keys", &keys),
+            ("counts", &counts),
+        ]);
+        run(own, &k::CELLS_KEY, *variant, tiles, &bound)?;
+        same(&what, &download::<u32>(own, &keys, SPHERES as usize)?, &cells.to_vec())?;
+        let overflow = download::<Outcome>(own, &outcome, 1)?[0].overflow;
+        same(|| format!("keys: {}", what()), &overflow, &if suits { 0 } else { Outcome::OVERFLOW_LAYOUT })?;
+
+        let mut order: Vec<u32> = (0..SPHERES).collect();
+        order.sort_by_key(|&id| cells[id as usize]);
+        let sorted_cells: Vec<u32> = order.iter().map(|&id| cells[id as usize]).collect();
+        let (order, in_order) = (upload(own, &order)?, upload(own, &sorted_cells)?);
+        let sorted = upload(own, &[[0_u32; 4]; SPHERES as usize])?;
+        let sorted_species = upload(own, &[0_u32; SPHERES as usize])?;
+        let bound = species.and(&[
+            ("params", &given),
+            ("cell_list", &of_list),
+            ("spheres", &spheres),
+            ("cells", &in_order),
+            ("order", &order),
+            ("sorted", &sorted),
+            ("outcome", &outcome),
+            ("sorted_species", &sorted_species),
+        ]);
+        run(own, &k::SPHERES_GATHER, *variant, SPHERES.div_ceil(k::WORKGROUP_SIZE), &bound)?;
+        let expected = begun(self.refusal(suits, cells));
+        same(|| format!("gathered: {}", what()), &download::<Outcome>(own, &outcome, 1)?[0], &expected)
+    }
+}
+
+/// The outcome before the search.
+pub(crate) fn begun(overflow: u32) -> Outcome {
+    Outcome {
+        overflow,
+        entries_lo: SPHERES,
+        spheres: SPHERES,
+        dispatch_y: 1,
+        dispatch_z: 1,
+        ..Outcome::zeroed()
+    }
+}

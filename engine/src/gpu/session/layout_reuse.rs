@@ -1,0 +1,85 @@
+use lazygrid_kernels::layout::Outcome;
+
+use crate::gpu::detector::LayoutSource;
+
+/// Calls between surveys: cells grow stale, which costs time. A survey takes about a tenth of a call.
+const CALLS: u32 = 16;
+const MAX_PAUSE: u32 = 63;
+
+/// Decides which searches reuse the cells of an earlier call. The device checks that they suit the spheres, so the
+/// decision affects the time only.
+#[derive(Debug, Default)]
+pub(super) struct LayoutReuse {
+    /// Further searches that may reuse the cells.
+    left: u32,
+    /// Surveys before the next attempt.
+    pause: u32,
+    /// The pause after the last refusal, because a call of a refused kind costs about two.
+    last_pause: u32,
+}
+
+impl LayoutReuse {
+    pub(super) fn source(&self, may_reuse: bool) -> LayoutSource {
+        if may_reuse && self.left > 0 { LayoutSource::EarlierCall } else { LayoutSource::Survey }
+    }
+
+    /// After a search.
+    pub(super) fn note(&mut self, has_reused: bool, outcome: &Outcome) {
+        if has_reused && outcome.overflow & Outcome::OVERFLOW_LAYOUT != 0 {
+            self.last_pause = (2 * self.last_pause + 1).min(MAX_PAUSE);
+            (self.left, self.pause) = (0, self.last_pause);
+        } else if has_reused {
+            self.left = self.left.saturating_sub(1);
+            if self.left == 0 {
+                self.last_pause = 0;
+            }
+        } else if self.pause > 0 {
+            self.pause -= 1;
+        } else {
+            // Overfull cells need a survey.
+            let suits = outcome.max_occupancy == 0 && outcome.quarantined == 0;
+            self.left = if suits { CALLS } else { 0 };
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn searches(reuse: &mut LayoutReuse, count: u32, refuses: impl Fn(u32) -> bool) -> Vec<bool> {
+        let search = |search: u32| {
+            let reused = reuse.source(true) == LayoutSource::EarlierCall;
+            let is_refused = reused && refuses(search);
+            let overflow = if is_refused { Outcome::OVERFLOW_LAYOUT } else { 0 };
+            reuse.note(reused, &Outcome { overflow, ..Outcome::default() });
+            reused
+        };
+        (0..count).map(search).collect()
+    }
+
+    #[test]
+    fn every_seventeenth_call_surveys() {
+        let reused = searches(&mut LayoutReuse::default(), 40, |_| false);
+        let surveys: Vec<usize> = (0..40).filter(|&call| !reused[call]).collect();
+        assert_eq!(surveys, [0, 17, 34]);
+    }
+
+    #[test]
+    fn refusals_make_attempts_rare() {
+        let mut reuse = LayoutReuse::default();
+        let attempts = searches(&mut reuse, 1000, |_| true).into_iter().filter(|&reused| reused).count();
+        assert!((10..30).contains(&attempts), "{attempts} attempts");
+        assert!(searches(&mut reuse, 200, |_| false).into_iter().filter(|&reused| reused).count() > 100);
+    }
+
+    #[test]
+    fn calls_with_overfull_cells_are_surveyed() {
+        let mut reuse = LayoutReuse::default();
+        reuse.note(false, &Outcome { max_occupancy: 100, ..Outcome::default() });
+        assert_eq!(reuse.source(true), LayoutSource::Survey);
+        reuse.note(false, &Outcome::default());
+        assert_eq!(reuse.source(true), LayoutSource::EarlierCall);
+        assert_eq!(reuse.source(false), LayoutSource::Survey);
+    }
+}
