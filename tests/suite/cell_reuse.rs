@@ -152,3 +152,20 @@ fn answers_do_not_depend_on_reused_cells() {
     let (reused, refused) = (tally.reused.get(), tally.refused.get());
     assert!(reused > 20 && refused > 20, "{reused} calls reused cells, {refused} could not");
 }
+
+#[test]
+fn spheres_that_outgrow_their_cells_find_their_pairs() {
+    let Some(gpu) = lazygrid_tests::device() else { return };
+    let at = |k: u32| [k % 9, k / 9 % 9, k / 81].map(|x| 1.4 * x as f32);
+    let mut input = TestInput::from((0..729).map(|k| Sphere::new(at(k), 0.5)).collect::<Vec<_>>());
+    let config = GpuConfig::default().algorithm(Algorithm::CellList).cell_ratio(1.5);
+    let mut session = session(&gpu, &config, &input).expect("a session");
+    for (call, radius) in [0.5, 0.5, 0.95, 0.95, 0.5].into_iter().enumerate() {
+        // Within one size class, so that the level stays the same.
+        input.spheres.iter_mut().step_by(7).for_each(|sphere| sphere.radius = radius);
+        let ticket = session.begin(input.view()).expect("valid spheres");
+        let found = session.finish(ticket, u64::MAX).expect("pairs").to_vec();
+        difference(&input, &found, &oracle(&input), Tolerance::Tangent)
+            .unwrap_or_else(|text| panic!("call {call}: {text}"));
+    }
+}

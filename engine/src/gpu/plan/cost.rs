@@ -11,7 +11,7 @@ pub struct CallCost {
     pub algorithm: Algorithm,
     /// Largest number of spheres.
     pub spheres: u32,
-    /// Number of dispatches.
+    /// Number of dispatches and clears of buffers.
     pub dispatches: u32,
     /// Parts of the call; none has a dispatch of more than
     /// [`GpuConfig::max_tests_per_dispatch`](crate::gpu::GpuConfig::max_tests_per_dispatch) distance tests.
@@ -32,7 +32,7 @@ impl Plan {
         CallCost {
             algorithm: self.algorithm,
             spheres: self.spheres,
-            dispatches: self.dispatches.len() as u32,
+            dispatches: self.dispatches.len() as u32 + u32::from(self.cleared_bytes() > 0),
             parts: self.parts(),
             working_bytes: self.bytes() - pair_bytes,
             pair_bytes,

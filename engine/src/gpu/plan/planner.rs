@@ -8,7 +8,7 @@ use super::call_plan::{CallConstants, CallPlan, PlanKernel};
 use super::sides::Sides;
 use super::tables::TableBytes;
 use super::work_budget::{WorkBudget, tests_within_limit};
-use super::{DeviceLimits, Plan, Request, plan};
+use super::{CallCost, DeviceLimits, Plan, Request, plan};
 use crate::Error;
 use crate::gpu::choice::{self, CallSize};
 use crate::gpu::config::{GpuConfig, check};
@@ -65,9 +65,7 @@ impl Planner {
     /// configuration.
     pub fn plan(&self, spheres: u32) -> Result<CallPlan, Error> {
         let Self { config, limits, .. } = self;
-        check(config)?;
-        let (algorithm, _) = config.chosen(config.algorithm, spheres);
-        let sized = plan(&Request::new(config, algorithm, spheres, self.min_entries), limits)?;
+        let sized = self.sized(spheres)?;
         let table = |interactions| TableBytes::new(interactions, limits.storage_binding);
         let tables = config.interactions.as_ref().map(table).transpose()?;
         let call = sized.call(&CallSettings {
@@ -82,6 +80,23 @@ impl Planner {
         let count_in_buffer = self.count_in_buffer;
         let constants = CallConstants { call, count_in_buffer, tables: tables.as_ref() };
         Ok(sized.call_plan(&constants, variant, limits))
+    }
+
+    /// Returns the cost of a call that reuses the cells of an earlier call, as most calls of a
+    /// [`GpuSession`](crate::gpu::GpuSession) do. Other algorithms than the cell list have no such calls.
+    ///
+    /// # Errors
+    /// See [`plan`](Self::plan).
+    pub fn cost_with_reused_cells(&self, spheres: u32) -> Result<CallCost, Error> {
+        let sized = self.sized(spheres)?;
+        let reuses = sized.algorithm == Algorithm::CellList;
+        Ok(if reuses { sized.reusing_layout().cost() } else { sized.cost() })
+    }
+
+    fn sized(&self, spheres: u32) -> Result<Plan, Error> {
+        check(&self.config)?;
+        let (algorithm, _) = self.config.chosen(self.config.algorithm, spheres);
+        plan(&Request::new(&self.config, algorithm, spheres, self.min_entries), &self.limits)
     }
 
     /// Returns the kernel that tests the assumptions of kernels for subgroups of at least this size. Its buffer holds a
