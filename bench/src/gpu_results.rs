@@ -24,7 +24,6 @@ const DEVICES: [Device; 4] = [
     Device { name: "integrated, 90 GB/s", bandwidth: 9e10, source: "two channels of DDR5-5600" },
 ];
 
-/// Results of `lazygrid check --json` or the page.
 #[derive(Clone, Debug, Deserialize)]
 pub struct GpuRun {
     version: String,

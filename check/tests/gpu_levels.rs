@@ -45,7 +45,6 @@ fn mixed_refinement_loses_no_pair() {
     }
 }
 
-/// Each level has spheres, each with entries in eight cells.
 #[test]
 fn entry_overflow_is_reported_and_retried_by_a_session() {
     let Some(own) = device() else { return };

@@ -81,7 +81,6 @@ fn nested_grids_are_periodic_at_all_depths() {
     }
 }
 
-/// On the periodic boundary, a few ulp away, at the opposite boundary, and many boxes away.
 #[test]
 fn spheres_on_the_periodic_boundary() {
     let Some(own) = device() else { return };

@@ -346,7 +346,7 @@ fn slowly_moving_spheres_are_surveyed_every_seventeenth_call() {
     }
 }
 
-/// Both calls in flight refuse the cells of the call before, and are repeated.
+/// Both calls in flight refuse the cells of an earlier call, and are repeated.
 #[test]
 fn calls_in_flight_are_repeated_if_reused_cells_do_not_suit() {
     let Some(own) = device() else { return };

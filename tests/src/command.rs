@@ -121,7 +121,6 @@ impl Scratch {
     }
 }
 
-/// Reads the shape and the 32-bit words of a NumPy file, in rows of `N`.
 pub fn npy<const N: usize>(path: &str, kind: &str) -> (String, Vec<[u32; N]>) {
     let bytes = fs::read(path).unwrap();
     assert_eq!(&bytes[..8], b"\x93NUMPY\x01\x00");
@@ -136,7 +135,6 @@ pub fn npy<const N: usize>(path: &str, kind: &str) -> (String, Vec<[u32; N]>) {
     (shape.to_owned(), rows.to_vec())
 }
 
-/// Reads the rows of a CSV table with the columns `i,j`.
 pub fn table(path: &str) -> Vec<[u32; 2]> {
     let text = fs::read_to_string(path).unwrap();
     let mut lines = text.lines();

@@ -35,7 +35,6 @@ strategies! {
     lattice duplicates giant powers_of_two flat clusters far any_floats one_magnitude extremes huge_radii soup
 }
 
-/// Mixes up to two families.
 pub fn any_spheres() -> Spheres {
     let family = 0..families::FAMILIES.len();
     let one =
@@ -49,7 +48,6 @@ pub fn any_spheres() -> Spheres {
     prop_oneof![3 => one, 1 => two].boxed()
 }
 
-/// Up to four species have all kinds of interactions.
 pub fn mixture(spheres: Spheres) -> impl Strategy<Value = TestInput> {
     let table = vec(any::<u32>(), TABLE_WORDS);
     (spheres, vec(any::<u32>(), 601), table).prop_map(|(spheres, ids, table)| {

@@ -98,8 +98,6 @@ macro_rules! strategies {
 
 strategies! { lattice soup corner unwrapped extremes giant }
 
-/// Spheres that are hard on unbounded grids, in boxes of moderate lengths, with four species and all kinds of
-/// interactions.
 pub fn mixture() -> impl Strategy<Value = TestInput> {
     let spheres = prop_oneof![hard::soup(), hard::lattice(), hard::clusters(), hard::duplicates()];
     (hard::mixture(spheres.boxed()), any::<[u32; 6]>()).prop_map(|(scenario, words)| {

@@ -17,7 +17,6 @@ macro_rules! strategies {
 
 strategies! { lattice soup directions carried_away corners ends_of_the_range largest_spheres }
 
-/// Species with all kinds of interactions, in triclinic cells.
 pub fn mixture() -> impl Strategy<Value = TestInput> {
     let spheres = words().prop_map(|words| families::sizes(&words)).boxed();
     (crate::hard::mixture(spheres), any::<[u32; 12]>()).prop_map(|(scenario, setup)| {

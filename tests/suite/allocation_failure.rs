@@ -59,7 +59,6 @@ enum Refusal {
 }
 
 impl Refusal {
-    /// Also returns the number of refused allocations.
     fn during<T>(self, work: impl FnOnce() -> T) -> (T, usize) {
         REFUSED.store(0, SeqCst);
         match self {

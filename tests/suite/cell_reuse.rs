@@ -1,4 +1,4 @@
-//! Calls of one session, which reuses the cells of earlier calls if they suit the spheres.
+//! Calls of one session, with the cells of an earlier call if they suit the spheres.
 
 use std::cell::Cell;
 
@@ -11,7 +11,7 @@ use proptest::sample::select;
 
 use crate::properties::check;
 
-/// A change of all spheres, or of the one with this number.
+/// A change of all spheres, or of one by index.
 #[derive(Clone, Copy, Debug)]
 enum Change {
     Drift(f32),
@@ -79,7 +79,7 @@ impl Change {
     }
 }
 
-/// Five sizes, few of them in contact.
+/// Spheres of five sizes, few of them in contact.
 fn start() -> impl Strategy<Value = TestInput> {
     let sphere = ([0_u32..1024, 0..1024, 0..1024], 0..5_usize).prop_map(|(at, size)| {
         Sphere::new(at.map(|x| x as f32 / 64.0 - 3.0), [0.5, 0.4, 0.2, 0.06, 0.02][size])

@@ -41,7 +41,7 @@ fn disjoint_pairs_of_species() {
     check(96, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
 
-/// Tiny spheres interact with one other species at a large distance: the effective radius comes from the table.
+/// Tiny spheres interact at a large distance: the effective radius comes from the table.
 #[test]
 fn small_radii_with_large_distances() {
     // Distances that are no `f32` numbers, near those of the lattice.

@@ -223,7 +223,6 @@ fn memory_for_is_an_upper_bound_for_growing_grids_of_small_cells() {
     }
 }
 
-/// With more candidates than the limit, each call searches within the same memory.
 #[test]
 fn memory_for_includes_candidates() {
     const N: usize = 20_000;

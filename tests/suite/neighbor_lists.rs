@@ -121,7 +121,6 @@ fn spaces() -> [Space; 7] {
     ]
 }
 
-/// From reaching only nearest images to reaching over three boxes.
 const RADII: [f64; 4] = [0.3, 1.0, 1.5, 2.9];
 
 #[test]

@@ -5,7 +5,6 @@ use lazygrid_check::detectors::sequence::{Sequence, Tally};
 use lazygrid_check::{DetectorVariant, Effort, Gpu};
 use lazygrid_tests::variants;
 
-/// Sequences per CPU variant and per GPU variant.
 const COUNTS: [u64; 2] = [40, 8];
 
 fn share(count: u64) -> u64 {

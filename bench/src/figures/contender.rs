@@ -24,15 +24,12 @@ pub enum Contender {
     ParryMargin,
     /// Partly rebuilt at each step.
     ParryOptimised,
-    /// The baseline.
     PlainCellList,
     /// With the fastest skin for the scene and its steps.
     Verlet,
     /// With the fastest skin for the steps, including forces.
     Lammps,
-    /// Along one axis.
     SortAndSweep,
-    /// With sweep and prune in its leaves.
     Octree,
 }
 

@@ -16,7 +16,6 @@ pub(super) struct Reference<'a> {
 }
 
 impl<'a> Reference<'a> {
-    /// Uses a new search; for species by their interactions.
     pub(super) fn of(spheres: &'a [Sphere], species: Option<SpeciesScene>) -> Result<Self, Box<dyn Error>> {
         let naive =
             Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive).order(Order::Unordered);

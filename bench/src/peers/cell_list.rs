@@ -1,5 +1,5 @@
-//! A plain, well-made cell list as the baseline: one grid per size class, half of the neighbor cells visited,
-//! contiguous runs compared. It shares only the exact test with lazygrid's detectors, and serves as the reference.
+//! A plain, well-made cell list: one grid per size class, half of the neighbor cells visited, contiguous runs compared.
+//! It shares only the exact test with lazygrid's detectors, so it is the baseline and the reference.
 
 use std::error::Error;
 

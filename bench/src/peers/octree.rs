@@ -104,7 +104,7 @@ impl Node {
 
 #[derive(Default)]
 struct Octree {
-    /// The root is first. Children of merged nodes stay in place for reuse.
+    /// The root is first; children of merged nodes stay for reuse.
     nodes: Vec<Node>,
     free: Vec<usize>,
     boxes: Vec<Bounds>,

@@ -183,7 +183,6 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Limited to the capacity.
 pub(crate) fn entries_finish(own: &GpuDevice) -> Result<(), KernelError> {
     let capacity = 5000;
     for (low, high) in [(0_u32, 0_u32), (1, 0), (4999, 0), (5000, 0), (5001, 0), (u32::MAX, 0), (7, 1)] {
@@ -236,7 +235,6 @@ pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
     Ok(())
 }
 
-/// All spheres at one point, with a window, or with too small a capacity.
 pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         more_than_a_word_of_pairs(own, variant)?;

@@ -174,7 +174,6 @@ pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) ->
     survey
 }
 
-/// With many cells, and one with all spheres.
 pub(crate) fn cell_starts_find(own: &GpuDevice) -> Result<(), KernelError> {
     let sizes = [(0, 10), (1, 1), (300, 5000), (20_000, 9000), (20_000, 3), (70_000, 4096), (70_000, 1)];
     for (spheres, cells) in sizes {

@@ -39,7 +39,6 @@ pub(crate) struct CellListCase {
     pub(crate) division: Division,
 }
 
-/// Few and many spheres, unbounded and periodic, with and without overfull cells, on one to eight sides.
 pub(crate) fn cases() -> impl Iterator<Item = CellListCase> {
     let spaces = [[None; 3], [Some(20.0), None, Some(24.5)], [Some(0.75); 3]];
     let species = [false, true].map(|meets_itself| Division::Species { meets_itself });

@@ -325,7 +325,6 @@ fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec
     entries
 }
 
-/// On all levels, with and without subgroup operations.
 pub(crate) fn entries_emit(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         for (size, (split_policy, tau)) in SIZES.into_iter().flat_map(|size| {

@@ -93,7 +93,6 @@ impl Searched {
     }
 }
 
-/// Both searches find each pair once, in one submission or in several.
 pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let case = CellListCase { spheres: case.spheres.min(1500), ..case };
@@ -180,7 +179,6 @@ fn few(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> 
     Ok(())
 }
 
-/// If the cells of an earlier call do not suit the spheres, nothing is searched.
 fn refused(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
     for overflow in [0, Outcome::OVERFLOW_LAYOUT] {
         let variant = k::Variant { reuse: true, ..chosen.variant };

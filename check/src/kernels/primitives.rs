@@ -42,7 +42,6 @@ pub fn scan(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// With and without subgroup operations.
 pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         for size in [0, 1, 255, 256, 257, 30_002, SCANNED_AT_ONCE as usize] {

@@ -1,4 +1,4 @@
-//! Calls with the cells of an earlier call, whose spheres were others.
+//! Calls with the cells of an earlier call for other spheres.
 
 use bytemuck::Zeroable;
 use lazygrid::Sphere;
@@ -13,7 +13,7 @@ use crate::device::{download, run, upload, upload_one};
 use crate::{Random, TestInput};
 
 const SPHERES: u32 = 2000;
-/// Spheres of a cell, and listed spheres, at most.
+/// Most spheres of a cell, and most listed spheres.
 const LIMITS: [u32; 2] = [64, 8];
 
 type Change = (&'static str, fn(&mut [Sphere]));
@@ -64,7 +64,7 @@ fn sparse() -> Vec<Sphere> {
     (0..SPHERES).map(|k| Sphere::new([(); 3].map(|()| (random.unit() - 0.5) * 30.0), radius(k))).collect()
 }
 
-/// If the cells suit the radii and the number of spheres, without occupancies.
+/// Returns `true` if the cells suit the spheres, apart from occupancies.
 fn suits(chosen: &ConfiguredCellList, count: u32, spheres: &[Sphere]) -> bool {
     let ConfiguredCellList { list, division, call, scenario, .. } = chosen;
     let suits_one = |id: usize| {
@@ -100,7 +100,7 @@ fn has_room(chosen: &ConfiguredCellList, cells: &[u32]) -> bool {
     counts[..in_cells].iter().all(|&count| count <= most) && counts[in_cells] <= most_listed
 }
 
-/// Each change of the spheres after their cells were chosen, for both sorts.
+/// Changes the spheres after their cells were chosen, for both sorts.
 pub(crate) fn reused_cells(own: &GpuDevice) -> Result<(), KernelError> {
     let mut refused = [0; 2];
     for (case, (what, change)) in cases().flat_map(|case| CHANGES.map(|change| (case, change))) {
@@ -166,7 +166,7 @@ impl Reused<'_> {
         Ok(cells)
     }
 
-    /// Keys, and the spheres in cell order, which begin the outcome of the call.
+    /// Checks the keys, and the kernel that stores the spheres in cell order and begins the outcome.
     fn sorted(&self, suits: bool, cells: &[u32], what: impl Fn() -> String) -> Result<(), KernelError> {
         let Self { own, chosen, count } = *self;
         let ConfiguredCellList { call, scenario, list, variant, division, .. } = chosen;
@@ -176,7 +176,7 @@ impl Reused<'_> {
         let (given, of_list, count) =
             (upload(own, &[*call])?, upload_one(own, list)?, upload(own, &[count])?);
         let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &[0_u32; 512])?);
-        // From an earlier call.
+        // Left by an earlier call.
         let before =
             Outcome { found_lo: 9, quarantined: 2, deferred_blocks: 4, dispatch_z: 1, ..Outcome::zeroed() };
         let outcome = upload(own, &[before])?;

@@ -9,7 +9,6 @@ use crate::Random;
 use crate::device::{download, run, run_over, upload, upload_one};
 
 const PAIR_CAPACITY: u32 = 1 << 21;
-/// The first search compares entries up to this distance.
 const NEAR: u32 = 256;
 
 struct Runs {

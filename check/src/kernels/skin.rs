@@ -232,7 +232,6 @@ pub(crate) fn candidates_test_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
     Ok(())
 }
 
-/// Within a window and up to the capacity.
 pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
     for (lengths, (window, capacity)) in SPACES.into_iter().flat_map(|lengths| {
         [(0..u32::MAX, 1 << 16), (100..200, 1 << 16), (0..u32::MAX, 50)].map(|limits| (lengths, limits))

@@ -12,7 +12,6 @@ pub(crate) use lazygrid_check::Random;
 use lazygrid_check::device;
 use lazygrid_kernels::kernel::{Kernel, Variant};
 
-/// Without a device the test is skipped, unless `LAZYGRID_REQUIRE_GPU` is set.
 pub(crate) fn device() -> Option<GpuDevice> {
     or_skip(GpuDevice::open(SoftwareAdapter::Allow))
 }

@@ -30,7 +30,6 @@ fn uniform(spheres: usize, sizes: i32) -> Vec<Sphere> {
     (0..spheres).map(|k| Sphere::new([(); 3].map(|()| edge * random.next()), radius(k))).collect()
 }
 
-/// Adds a sphere half as wide as the cube.
 fn giant(spheres: usize) -> Vec<Sphere> {
     let mut all = uniform(spheres, 1);
     let edge = (spheres as f32 * 4.19 / 0.05).cbrt();

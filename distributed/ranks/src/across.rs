@@ -1,4 +1,3 @@
-//! The search between a rank's spheres and its ghosts.
 
 use std::ops::ControlFlow;
 

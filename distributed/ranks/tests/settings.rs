@@ -32,7 +32,6 @@ fn equal_settings_agree() {
     let reacts = table(&[(0, 1, Interaction::Within(0.5))]);
     for ranks in [1, 2, 5] {
         let settings = |rank| {
-            // Equal spaces and tables are equal settings.
             let zero = if rank % 2 == 0 { 0.0 } else { -0.0 };
             Settings::new("1").with_space(&sheared(zero)).with_interactions(Some(&reacts)).with("steps", 3)
         };

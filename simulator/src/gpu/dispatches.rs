@@ -28,7 +28,6 @@ pub(super) struct RunBuffers {
     dissociates: bool,
     reacts: bool,
     separates: bool,
-    /// Most searches for surfaces per particle and step.
     pub(super) max_requeries: u32,
     cells_at: u64,
     buffers: HashMap<&'static str, wgpu::Buffer>,

@@ -1,5 +1,5 @@
-//! Rust twins of shader structures; a test compares sizes and offsets. [`ControlHeader`] is read back as words, which
-//! have one layout on both sides.
+//! Rust twins of shader structures, whose WGSL has the comments; a test compares sizes and offsets. [`ControlHeader`]
+//! is read back as words, which have one layout on both sides.
 
 use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;
@@ -19,9 +19,7 @@ pub(super) struct Params {
     pub(super) has_velocity: u32,
     pub(super) logs_arrivals: u32,
     pub(super) time_step: f32,
-    /// Boundary of each axis: 0 open, 1 reflecting, 2 periodic, 3 frozen.
     pub(super) axes: UVec3,
-    /// 1 plus the axis of a cylinder; 4 for a sphere, 0 without a vessel.
     pub(super) vessel_axis: u32,
     pub(super) low: Vec3,
     pub(super) vessel_radius: f32,
@@ -35,7 +33,6 @@ pub(super) struct Params {
     pub(super) field_at: u32,
     pub(super) field_origin: Vec3,
     pub(super) field_spacing: Vec3,
-    /// Zeros without a flow field.
     pub(super) field_points: UVec3,
 }
 
@@ -73,9 +70,7 @@ pub(super) struct SpeciesRow {
     pub(super) tumble_threshold: u32,
     pub(super) decay_rate: f32,
     pub(super) mobility: f32,
-    /// Bits of the axes whose walls reflect paths with diffusion and drift.
     pub(super) drifts_at_wall: u32,
-    /// First row and number.
     pub(super) membrane_planes: UVec2,
     pub(super) membrane_spheres: UVec2,
     pub(super) taxis: ChemotaxisRow,
@@ -95,7 +90,6 @@ pub(super) struct EventRow {
     pub(super) length: f32,
     pub(super) own: f32,
     pub(super) unbinding: f32,
-    /// Fraction of the decay rate up to this channel.
     pub(super) share: f32,
     pub(super) ligands_begin: u32,
     pub(super) ligands_end: u32,
@@ -195,7 +189,6 @@ pub(super) struct DissociationRow {
 }
 
 impl ReactionRow {
-    /// Detector's cutoff exceeds `within`.
     pub(super) const NARROWER: u32 = 4;
     pub(super) const APART: u32 = 8;
 }

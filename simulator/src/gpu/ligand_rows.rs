@@ -9,7 +9,6 @@ use crate::model::Model;
 use crate::motion::adsorption;
 use crate::motion::surface_diffusion::SurfaceSteps;
 
-/// The row of a species that receptors of a type bind.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct LigandRow {
     pub(super) species: u32,

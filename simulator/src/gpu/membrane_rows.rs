@@ -80,7 +80,7 @@ impl MembraneRows {
         (self.planes.len(), self.spheres.len() / 2)
     }
 
-    /// Returns the first row and the number of planes, then of spheres, if the rows follow `first` others.
+    /// Returns the first row and the number of planes, then of spheres, after `first` other rows.
     pub(super) fn ranges(&self, first: usize) -> [UVec2; 2] {
         let (planes, spheres) = self.counts();
         [[first, planes], [first + planes, spheres]].map(|range| UVec2::from(range.map(|n| n as u32)))

@@ -119,7 +119,7 @@ fn length(v: [f32; 3]) -> f32 {
 const MAX_THERMAL: f32 = 6.0;
 
 impl Carried {
-    /// Returns bounds in a steady flow, or those with and without a pulse, which bound all fractions.
+    /// Returns bounds in a steady flow, or with and without a pulse, which bound all fractions of it.
     pub(super) fn all(model: &Model, steps: &[SpeciesStep], species: usize) -> Vec<Self> {
         let parts = if model.flow_pulse.is_some() { &[1.0, 0.0][..] } else { &[1.0] };
         let drifts = parts.iter().map(|&part| StepDrift::all(model, part).nth(species));

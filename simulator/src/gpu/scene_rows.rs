@@ -33,7 +33,6 @@ impl SceneRows {
         Self { receivers: RECEIVER_ROWS * max_rows(model).max(1), membranes, field }
     }
 
-    /// Adds the membranes of each species.
     pub(super) fn add_membranes(&mut self, model: &Model, species_rows: &mut [SpeciesRow]) {
         for (species, kind) in species_rows.iter_mut().enumerate() {
             let rows = MembraneRows::new(model, species);

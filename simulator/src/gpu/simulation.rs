@@ -67,7 +67,7 @@ struct Burst {
 
 /// With random priorities, rounds grow as the logarithm of the candidates.
 const MAX_ROUNDS: u32 = 512;
-/// In moved particles: far below the limit of watchdogs.
+/// Moved particles per submission: far below the limit of watchdogs.
 const MAX_SUBMITTED_WORK: u32 = 1 << 24;
 const MAX_SUBMITTED_STEPS: u32 = 64;
 /// With collisions, steps after a halt are wasted.
@@ -246,7 +246,7 @@ impl GpuSimulation {
     fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<ControlHeader, Error> {
         self.prepare_receivers(steps)?;
         self.prepare_flow()?;
-        // A halted step does not consume them; its repetition does.
+        // Only the repetition of a halted step consumes them.
         let due = self.due.clone();
         let mut bursts_left = bursts.iter().peekable();
         let mut particles = self.alive;

@@ -33,7 +33,7 @@ pub(super) struct Tables {
     pub(super) tallies: Tallies,
 }
 
-/// Equal to that of `decay.wgsl`.
+/// As in `decay.wgsl`.
 const MAX_DECAYS: u32 = 64;
 
 /// Loop iterations of a thread near surfaces, additional ones per search, and most reflections in a step.
@@ -41,7 +41,7 @@ const REFLECTION_ITERATIONS: u32 = 60_000;
 const ITERATIONS_PER_SEARCH: u32 = 1_100;
 const BOUNCES: u32 = 64;
 
-/// Most searches by a particle in a step: moving surfaces may push it beyond the searched region.
+/// Most searches by a particle in a step: moving surfaces may push it out of the searched region.
 fn max_requeries(species_rows: &[SpeciesRow]) -> u32 {
     let most = species_rows.iter().map(|kind| kind.decays_begin - kind.events_begin).max().unwrap_or(0);
     (REFLECTION_ITERATIONS.saturating_sub(most + ITERATIONS_PER_SEARCH) / (most + ITERATIONS_PER_SEARCH))
@@ -249,7 +249,7 @@ fn surface(receiver: &Receiver, species: usize, step: &SpeciesStep, time_step: f
     })
 }
 
-/// Equals the CPU for numbers in (0, 1).
+/// Equals the CPU's threshold for probabilities in (0, 1).
 fn below(probability: f64) -> Option<u32> {
     let count = (probability * 4_294_967_296.0 - 0.5).ceil().clamp(0.0, 4_294_967_296.0);
     (count >= 1.0).then_some((count - 1.0) as u32)

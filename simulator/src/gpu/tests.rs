@@ -106,7 +106,7 @@ fn normal_numbers_and_directions_differ_in_the_last_bits_at_most() {
     }
 }
 
-/// Equal diffusion: reactants meet halfway. A + A uses up both, A + B the first, B + B the second.
+/// Equal diffusion: reactants meet halfway. A + A consumes both, A + B the first, B + B the second.
 fn model() -> Model {
     let species = |name: &str| Species { name: name.into(), mass: 1.0, ..Species::default() };
     let reaction = |reactants: [u32; 2], products| Reaction {
@@ -156,7 +156,7 @@ fn candidates(particles: u32, count: u32, salt: u32) -> Vec<ReactionCandidate> {
     all
 }
 
-/// Runs the matching. Returns the reason of a halt, and each particle's reaction, as the product's position.
+/// Runs the matching. Returns the reason of a halt, and each particle's reaction as the product's position.
 fn matched(
     own: &GpuDevice,
     all: &[ReactionCandidate],

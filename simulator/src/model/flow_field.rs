@@ -16,9 +16,9 @@ pub struct FlowField {
     /// z fastest.
     velocities: Vec<f32>,
     checksum: u64,
-    /// Largest component along each axis.
+    /// Largest component along each axis, in µm/s.
     fastest: [f64; 3],
-    /// In 1/s.
+    /// Largest difference of neighbors over their distance, in 1/s.
     steepest: f64,
 }
 
@@ -88,12 +88,10 @@ impl FlowField {
         self.checksum
     }
 
-    /// In µm/s, by axis.
     pub(crate) fn fastest(&self) -> [f64; 3] {
         self.fastest
     }
 
-    /// Largest difference of neighbors over their distance, in 1/s.
     pub(crate) fn steepest(&self) -> f64 {
         self.steepest
     }

@@ -107,7 +107,6 @@ impl MembraneStep<'_> {
         }
     }
 
-    /// Returns the ends of a step along the axes with planes.
     fn ends(&self, [before, end]: [[f32; 3]; 2], words: impl Fn(usize) -> [u32; 4]) -> [Option<HeldEnd>; 3] {
         std::array::from_fn(|axis| {
             self.planes(axis).next()?;
@@ -163,7 +162,6 @@ impl MembraneStep<'_> {
         all.flat_map(move |(k, position)| images.iter().map(move |image| (k, position + image * period)))
     }
 
-    /// Returns the end in a slab, mirrored at membranes.
     fn within(&self, axis: usize, slab: Slab, end: f32) -> HeldEnd {
         let free = slab.mirrored(end);
         let confined = self.domain.axes[axis].confine(free);

@@ -142,7 +142,7 @@ impl ReceiverSearch {
         let found: usize = (0..near.len()).map(|k| near.neighbors_of(k).len()).sum();
         worth.see([queries.len(), found], clear_spheres.len() * receivers.len());
         let [_, least, most] = FACTORS;
-        // Few particles say little about the next step.
+        // Few particles do not predict the next step.
         if found > FOUND[1] * queries.len().max(16) {
             *factor = (*factor / 1.5).max(least);
         } else if found < FOUND[0] * queries.len() {

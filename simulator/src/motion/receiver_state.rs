@@ -174,7 +174,7 @@ pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step
     model.receivers.iter().zip(centers).enumerate().map(one).collect()
 }
 
-/// Returns the boundary of a receiver's center; of a point if the receiver does not fit.
+/// Returns the boundary of a receiver's center, or of a point if the receiver does not fit.
 fn domain_of(model: &Model, receiver: &Receiver) -> Boundary {
     let domain = model.boundary;
     match domain.too_narrow(receiver.radius) {

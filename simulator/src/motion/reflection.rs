@@ -115,8 +115,8 @@ fn turned(velocity: [f64; 3], of_surface: [f64; 3], normal: [f64; 3]) -> [f64; 3
     std::array::from_fn(|k| velocity[k] - 2.0 * out * normal[k])
 }
 
-/// Returns the end of a path, or its beginning if walls or rounding moved the end into a sphere. A sphere that covers
-/// both pushes the particle out.
+/// Returns the end of a path, or its beginning if the end was moved into a sphere; a sphere that covers both pushes the
+/// particle out.
 fn outside(bodies: &[&ReceiverState], domain: &Boundary, before: [f32; 3], after: [f32; 3]) -> [f32; 3] {
     let inside = |point: [f32; 3]| {
         let height =

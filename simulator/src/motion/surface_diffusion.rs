@@ -31,7 +31,6 @@ impl SurfaceSteps {
         Self { concentrations: model.receivers.iter().map(one).collect() }
     }
 
-    /// Returns the concentration k of a receiver, if particles diffuse on it.
     #[cfg(feature = "gpu")]
     pub(crate) fn concentration_of(&self, receiver: usize) -> Option<f64> {
         self.concentrations[receiver]

@@ -85,7 +85,6 @@ impl FlowStep {
         Some(step)
     }
 
-    /// Sets the fraction of the step during which the flow is on.
     pub(crate) fn set(&mut self, model: &Model, part: f64) {
         let mean = match model.flow {
             Some(Flow::Poiseuille { mean }) => mean,

@@ -53,7 +53,7 @@ pub(crate) struct Files {
 struct Logs {
     arrivals: AppendFile,
     releases: AppendFile,
-    /// For receivers that hold particles.
+    /// Exists if receivers hold particles.
     occupancy: Option<AppendFile>,
     seed: u64,
     /// First step whose releases are not logged.

@@ -24,13 +24,11 @@ pub enum Purpose {
     PartialStep = 8,
     /// Released number, by transmitter.
     Count = 9,
-    /// Released number, by transmitter.
-    Symbol = 10,
     /// Symbol, by transmitter and index in the message.
+    Symbol = 10,
     Tumble = 11,
     /// Displacement of a receiver, by its index.
     ReceiverMotion = 12,
-    /// Displacement of a receiver, by its index.
     Unbinding = 13,
     /// Time of a hit, by particle and receiver.
     HitTime = 14,

@@ -115,7 +115,6 @@ impl RankPairSearch {
         chosen.iter().for_each(|c| run.state.totals.reacted[c.rule as usize] += 1);
         let outcomes = deliver_outcomes(communicator, outcomes, own, &ghosts)?;
         if let Some(pairs) = pairs {
-            // Reactants that come out unchanged stay free to move.
             let reacted = outcomes.iter().map(|outcome| outcome.at).collect();
             let shared = SharedParticles { own, ghosts: &ghosts, sent: &sent };
             separate(communicator, run, shared, &pairs, reacted)?;
@@ -124,7 +123,7 @@ impl RankPairSearch {
         Ok(outcomes)
     }
 
-    /// Returns this rank's ghosts, and its particles that are ghosts on each rank.
+    /// Returns this rank's ghosts, and its particles sent as ghosts to each rank.
     fn ghosts<C: Communicator>(
         &self,
         communicator: &mut C,

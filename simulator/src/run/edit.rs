@@ -1,5 +1,4 @@
-//! Changes between steps by the driving program. A GPU reads the state back for each and uploads it again.
-//!
+//! Changes between steps by the driving program. A GPU run reads the state back for each and uploads it again.
 //! New particles take the next free ids, which determine their random numbers: a run depends only on the model, the
 //! seed and the changes.
 

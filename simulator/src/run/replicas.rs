@@ -92,7 +92,7 @@ impl Replicas {
         run.scenario.seed = seed_of(run.scenario.seed, replica);
         run.directory = self.directory_of(replica);
         run.scenario.output.animation = run.scenario.output.animation.filter(|_| replica == 0);
-        // Only a replica that was begun can resume.
+        // A replica without checkpoint begins.
         run.resume &= run.directory.join("checkpoint").exists();
         run
     }
@@ -104,7 +104,7 @@ impl Replicas {
         let lock = match self.run.resume {
             false => {
                 let lock = output::prepare(directory, self.run.overwrite)?;
-                // Replicas of the former run could count as done.
+                // Or replicas of a former run could count as done.
                 for replica in (0..).map(|k| self.directory_of(k)).take_while(|replica| replica.exists()) {
                     output::remove_stale(&replica, &["checkpoint", "series.csv"])?;
                 }

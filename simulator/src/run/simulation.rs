@@ -222,7 +222,7 @@ impl Simulation {
     fn let_off(&mut self, leaving: &[UnboundParticle]) {
         let Self { model, key, state, .. } = self;
         let with_velocity = model.has_velocity();
-        // `swap_remove` fills a gap with a later entry, which is done.
+        // `swap_remove` fills a gap with a later entry, which was handled.
         for leaving in leaving.iter().rev() {
             let held = state.bound[leaving.at()];
             let center = state.centers[held.receiver as usize];

@@ -36,7 +36,7 @@ impl SweepRuns {
             directory.clone_from(&run.directory);
             resume = run.resume;
             run.directory = directory_of(&directory, k);
-            // Only a point that was begun can resume.
+            // A point without table begins.
             run.resume &= run.directory.join("replicas.csv").exists();
             values.push(point.values);
             points.push(Replicas { run, count });

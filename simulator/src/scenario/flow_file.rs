@@ -10,7 +10,7 @@ use crate::Model;
 use crate::model::Flow;
 use crate::model::flow_field::FlowField;
 
-/// Returns the text with the absolute path of the file of a flow, since each point has its own directory.
+/// Returns the text with the absolute path of a flow's file, since each point has its own directory.
 pub(super) fn with_absolute_path(mut text: String, directory: &Path) -> String {
     let found = DeTable::parse(&text).ok().and_then(|file| {
         let DeValue::Table(flow) = file.get_ref().get("flow")?.get_ref() else { return None };

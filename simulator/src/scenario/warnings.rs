@@ -212,8 +212,7 @@ pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<Strin
 /// Fraction of reversible pairs that may bind again at once.
 const BOUND_AGAIN: f64 = 0.02;
 
-/// Warns of a reversible reaction that relaxes slowly, because dissociated pairs bind again at once. The equilibrium is
-/// right.
+/// Warns of a reversible reaction that relaxes slowly, because dissociated pairs bind again at once.
 pub(super) fn slow_relaxation(
     equation: &str,
     [rate, radius, unbinding]: [f64; 3],

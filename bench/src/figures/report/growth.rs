@@ -1,4 +1,3 @@
-//! Figures 3a and 3b, all spheres at one point, and species: time against the number of spheres.
 
 use std::error::Error;
 

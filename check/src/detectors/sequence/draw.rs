@@ -203,7 +203,6 @@ fn change(random: &mut Random, world: &mut World, k: u32) -> Vec<&'static str> {
         _ if random.below(5) == 0 => vec![world.back(random)],
         _ => {
             let events = 1 + random.below(3) / 2;
-            // Shows wrong state in calls with the same input.
             world.held = random.below(3);
             (0..events).map(|_| world.event(random)).collect()
         }

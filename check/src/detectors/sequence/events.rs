@@ -20,7 +20,7 @@ pub(super) struct World {
     pub(super) calm: u32,
     pub(super) variant: DetectorVariant,
     pub(super) most: usize,
-    /// Further calls without changes, to show wrong state of an earlier call.
+    /// Further calls without changes, to show wrong state.
     pub(super) held: u32,
 }
 

@@ -19,7 +19,7 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// Finds the rows of a file; `None` to read all of it, also to report a fault.
+    /// Returns the rows of a file; `None` to read all of it, also to report a fault.
     pub(crate) fn of(path: &Path) -> io::Result<Option<Self>> {
         let length = path.metadata()?.len();
         let mut head = Vec::new();

@@ -36,7 +36,6 @@ pub(crate) fn simulate(world: &SimpleCommunicator, args: &Simulate) -> Result<()
     }
 }
 
-/// First rank logs the warnings.
 fn read(world: &SimpleCommunicator, args: &Simulate) -> Result<Run, lazygrid_sim::Error> {
     let level = log::max_level();
     if world.rank() != 0 {

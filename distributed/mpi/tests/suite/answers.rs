@@ -135,7 +135,6 @@ pub(crate) fn streams(world: &SimpleCommunicator) {
     let r = column(|s| s.radius);
     let columns = lazygrid::Spheres::columns(&x, &y, &z, &r).unwrap();
     assert_eq!(distributed.count(LocalSpheres::new(columns, &particles.ids)), Ok(listed.len() as u64));
-    // Without a search of two sets.
     let grid = lazygrid::Config::default().algorithm(lazygrid::Algorithm::RecursiveGrid);
     let mut distributed = Distributed::new(world, config().detector(grid)).unwrap();
     assert_eq!(gathered(world, distributed.pairs(local(&particles)).unwrap()), listed);

@@ -85,7 +85,6 @@ pub(crate) fn refusals(world: &SimpleCommunicator) {
         panic!("ids were missing")
     };
     assert!(named == last && message.contains("`ids`"), "{message}");
-    // Too many pairs on all ranks: the first is named, with its number.
     let limit = |limit| config().max_pairs(limit);
     let point = Scene::Point.part(400, rank, |k| (k % u64::from(last + 1)) as u32);
     let error = Distributed::new(world, limit(10)).unwrap().pairs(local(&point)).unwrap_err();

@@ -35,7 +35,7 @@ impl Prepared {
         Self { plan, buffers, recordings: SmallCache::NONE, layout: None, bound }
     }
 
-    /// If `call` may use the cells in the buffers, provided that they suit its spheres.
+    /// Returns `true` if the cells in the buffers were chosen for equal parameters. The device checks the spheres.
     pub(super) fn has_layout_for(&self, call: &SearchParams) -> bool {
         call.spheres > 0 && self.layout.is_some_and(|layout| layout == layout_params(call))
     }

@@ -55,8 +55,8 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
 }
 
 impl Plan {
-    /// Without the dispatches that choose the cells: those of an earlier call are checked instead. The caller clears
-    /// [`Self::cleared_bytes`] of the counters.
+    /// Returns the plan of a call with the cells of an earlier call, which it checks instead of choosing cells. The
+    /// caller clears [`Self::cleared_bytes`] of the counters.
     pub(crate) fn reusing_layout(mut self) -> Self {
         let choosing =
             [&k::CELL_LIST_SETUP_SMALL, &k::STATS_REDUCE, &k::CELL_LIST_CONFIGURE, &k::OCCUPANCY_COUNT];

@@ -2,7 +2,8 @@ use lazygrid_kernels::layout::Outcome;
 
 use crate::gpu::detector::LayoutSource;
 
-/// Calls between surveys: cells grow stale, which costs time. A survey takes about a tenth of a call.
+/// Calls that reuse cells before a survey chooses others: older cells suit the spheres less, which costs time. A survey
+/// takes about a tenth of a call.
 const CALLS: u32 = 16;
 const MAX_PAUSE: u32 = 63;
 
@@ -14,7 +15,7 @@ pub(super) struct LayoutReuse {
     left: u32,
     /// Surveys before the next attempt.
     pause: u32,
-    /// The pause after the last refusal, because a call of a refused kind costs about two.
+    /// The pause after the last refusal. Pauses grow, because a refused call runs twice.
     last_pause: u32,
 }
 

@@ -5,7 +5,7 @@
 #ifdef REUSE
 #include cell_list_reuse
 
-// Cells of an earlier call may be crowded.
+// A refused call tests nothing.
 fn is_refused() -> bool {
     return (atomicLoad(&outcome.overflow) & OVERFLOW_LAYOUT) != 0u;
 }

@@ -17,7 +17,7 @@
 #ifdef REUSE
 #include cell_list_reuse
 
-// If the cell of the sphere at `position` has more spheres than cells of an earlier call may have.
+// True if the cell of the sphere at `position` has too many spheres.
 fn is_crowded(position: u32) -> bool {
     let cell = cells[position];
     let limit = max_occupancy_of(cell);

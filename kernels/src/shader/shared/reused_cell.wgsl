@@ -1,20 +1,20 @@
-// A sphere in the cells of an earlier call, which chose them for other spheres.
+// The cell of a sphere among those of an earlier call.
 struct ReusedCell {
     cell: u32,
-    // If the cells suit the sphere. Otherwise it joins those that do not pair, until another call repeats this one.
+    // True if the cells suit the sphere. Otherwise the session repeats the call with other cells.
     suits: bool,
 }
 
-// A box begins fewer than this many cells before its center's.
+// A box begins fewer than this many cells below its center.
 const MIN_NUMBER: u32 = 8u;
 
-// If tests without guards are safe for the sphere too.
+// True if tests without guards against overflow and underflow are safe for the sphere.
 fn is_ordinary_sphere(sphere: vec4<f32>, radius: f32) -> bool {
     let farthest = max(max(abs(sphere.x), abs(sphere.y)), abs(sphere.z));
     return radius > 0x1p-40 && radius < 0x1p58 && farthest < 0x1p58;
 }
 
-// If the level has cells for this radius. Occupancies are not counted again.
+// True if the level has cells for this radius. Cells that depend on occupancies suit no sphere.
 fn level_suits(level: u32, radius: f32) -> bool {
     let has_table = cell_list.has_overfull_cells != 0u && params.occupancy_slots != 0u;
     let has_cells = level < LEVELS && ((cell_list.levels >> (level % LEVELS)) & 1u) != 0u;
@@ -37,7 +37,7 @@ fn reused_cell(index: u32, sphere: vec4<f32>) -> ReusedCell {
         return ReusedCell(cell_list.cells + 1u, false);
     }
     let numbers = cell_numbers(wrapped_sphere(sphere).xyz, level);
-    // Above the bounds cells form rings. Below the first one, numbers have wrapped past 0.
+    // Above the bounds, cells form rings. Numbers below the first cell have wrapped past 0.
     let is_after_first = (numbers >= vec3(MIN_NUMBER)) & (numbers < vec3(0x80000000u));
     let suits = all(is_after_first | (periods() > vec3(0.0)));
     return ReusedCell(cell_index(in_ring(numbers, cell_list.level[level].cells), level), suits);

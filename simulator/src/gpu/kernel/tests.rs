@@ -1,4 +1,4 @@
-//! Texts against their metadata and Rust twins.
+//! WGSL texts compared with their metadata and Rust twins.
 
 #[path = "../../../../tests/src/reflection.rs"]
 mod reflection;

@@ -1,4 +1,4 @@
-// Chooses the events of this round: the next one of both particles, and safe; see collisions/rounds.rs.
+// Chooses the events of this round: safe ones that are the next of both particles; see collisions/rounds.rs.
 #include control
 #include params
 #include boundary
@@ -18,8 +18,7 @@ const MAX_ITERATIONS: u32 = 60000u;
 
 var<private> iterations: u32;
 
-// Returns a lower bound of the time at which a particle that leaves its path at `time` or later hits one that does
-// not.
+// Returns a lower bound of the time at which a particle that leaves its path at or after `time` hits a steady one.
 fn hit(left: Mover, steady: Mover, time: f32) -> f32 {
     let gap = gap_at(left, steady, max(time, max(left.time, steady.time))) + SLACK * (left.radius + steady.radius);
     return time + max(gap, 0.0) / (window.top_speed + length(steady.motion));

@@ -39,7 +39,7 @@ fn predict(at: u32) -> f32 {
         next.time = hit.time;
         next.partner = hit.wall;
     }
-    // The overlapping neighbor of the lowest id that has not bounced.
+    // The overlapping neighbor with the lowest id that has not bounced.
     var bounce = NOTHING;
     var bounce_id = NOTHING;
     let end = next.begin + next.count;

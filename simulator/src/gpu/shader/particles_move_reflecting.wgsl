@@ -1,4 +1,4 @@
-// Moves particles if some surfaces reflect or adsorb. Later kernels decide which particles that reach receptors bind.
+// Moves particles if some surfaces reflect or adsorb. Later kernels choose the requests for receptors that are granted.
 #include particles_move
 #include candidate
 #include receptor
@@ -17,8 +17,7 @@ fn free_receptors(receptor: u32) -> u32 {
     return count - min(count, atomicLoad(&receptors[receptor].bound));
 }
 
-// Reactivity of the free receptors of all types. By detailed balance, the reverse of unbinding sees one more free
-// receptor, that of the row `bound`.
+// Reactivity of the free receptors of all types. In the row `bound` it has one more: detailed balance of unbinding.
 fn reactivity_of(event: EventRow, bound: u32) -> f32 {
     var sum = 0.0;
     for (var k = event.ligands_begin; k < event.ligands_end; k++) {
@@ -27,7 +26,7 @@ fn reactivity_of(event: EventRow, bound: u32) -> f32 {
     return sum;
 }
 
-// Returns the row at which the running sum of reactivities passes this part of the sum.
+// Returns the row at which the running sum of reactivities passes `part`.
 fn chosen_ligand(event: EventRow, part: f32) -> u32 {
     var rest = part * reactivity_of(event, NOTHING);
     var last = event.ligands_begin;
@@ -70,7 +69,7 @@ fn request_binding(at: u32, k: u32, touching: vec3<f32>, center: vec3<f32>, rank
     atomicStore(&claims[at].is_taken, REQUESTED);
 }
 
-// The step of a bound particle: it moves on the surface, and may unbind to some height above its receptor.
+// The step of a bound particle: it moves on the surface, and may unbind to a height above its receptor.
 fn unbind(bound: vec4<f32>, id: u32, kind: SpeciesRow) -> vec4<f32> {
     let ligand = ligand_of_bound(bound);
     let event = event_rows[ligand];

@@ -18,6 +18,6 @@ fn receptors_group_requests(@builtin(workgroup_id) group: vec3<u32>, @builtin(nu
     }
     let first = receptors[event_rows[claims[at].product].receptor].first;
     requesters[first + atomicLoad(&claims[at].other)] = at;
-    // The matching must see the particle as free.
+    // The matching must treat the particle as free.
     atomicStore(&claims[at].is_taken, 0u);
 }

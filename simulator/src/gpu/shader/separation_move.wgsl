@@ -1,4 +1,4 @@
-// Moves particles by the mean of the displacements that overlaps ask for.
+// Moves particles by the mean displacement of their overlaps.
 #include control
 #include params
 #include boundary

@@ -1,4 +1,4 @@
-// Sums the displacements that overlaps ask for, as integers, as in contact.rs.
+// Sums the displacements that separate overlaps, as integers, as in contact.rs.
 #include control
 #include params
 #include philox

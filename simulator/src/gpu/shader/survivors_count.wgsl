@@ -19,7 +19,7 @@
 #include output_order
 #include compaction
 
-// Logs a particle that a receiver removed; see radius_of_arrived.
+// Logs a particle that a receiver removed.
 fn log_arrival(at: u32) {
     let radius = moved[at].w;
     if (radius >= -1.0 || radius <= -2.0 || atomicLoad(&control.halted) != 0u) {

@@ -15,7 +15,7 @@ const ITEMS: u32 = 16u;
 var<workgroup> group_halted: u32;
 var<workgroup> group_total: u32;
 
-// Returns true if all results of the step fit; halts the run otherwise.
+// Returns true if all results of the step fit; otherwise halts the run.
 fn has_capacity(survivors: u32) -> bool {
     let born = atomicLoad(&control.born);
     let logged = select(0u, born, params.logs_arrivals != 0u);

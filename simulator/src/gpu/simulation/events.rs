@@ -60,7 +60,7 @@ impl GpuSimulation {
         Ok(())
     }
 
-    /// Particles released after the last step are not on the device yet.
+    /// Releases after the last step are not on the device yet.
     fn record_release(&mut self, burst: Option<&Burst>, step: u32, is_last: bool) -> Result<(), Error> {
         if self.model.logs_arrivals {
             let mut first = self.next_id;

@@ -5,7 +5,7 @@ impl GpuSimulation {
     pub(super) fn add_tallies(&mut self, counts: &[u32]) {
         let Self { model, tables: Tables { tallies, .. }, totals, .. } = self;
         let count = |at: usize| u64::from(counts[at]);
-        // A species may appear and disappear between readbacks; only the final count cannot be negative.
+        // A species may appear and disappear between readbacks, so only the final count is not negative.
         let present = &mut totals.present;
         let mut turn = |from: Option<u32>, to: Option<u32>, count: u64| {
             if let Some(from) = from {

@@ -141,7 +141,7 @@ var<private> scene_rows: array<vec4<u32>, 6>;
     }
 }
 
-/// Receptors and occupied ones: enough for all requests, for some, for none.
+/// Receptors and occupied ones: enough for all, some or no requests.
 const RECEPTORS: [[u32; 2]; 3] = [[5_000, 100], [900, 7], [40, 40]];
 
 #[derive(Default)]

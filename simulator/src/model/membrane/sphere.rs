@@ -76,7 +76,6 @@ impl MembraneStep<'_> {
         self.membranes.iter().enumerate().filter_map(own)
     }
 
-    /// Returns `true` if a spherical membrane is between two points.
     pub(super) fn is_across_sphere(&self, [a, b]: [[f32; 3]; 2]) -> bool {
         self.spheres().any(|sphere| sphere.contains(self.domain, a) != sphere.contains(self.domain, b))
     }
@@ -141,7 +140,6 @@ impl Sphere {
         dot(away, away).sqrt() - f64::from(self.radius)
     }
 
-    /// Returns the vector to a point from the nearest image of the center.
     fn vector_to(&self, domain: &Boundary, point: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|k| domain.axes[k].displacement_exact(point[k] - f64::from(self.center[k])))
     }
@@ -181,7 +179,8 @@ impl Ray<'_> {
         })
     }
 
-    /// Returns the nearest obstacle within the way: a sphere with the vector from its center, or a wall.
+    /// Returns the nearest obstacle within the way, and the part of the way to it. A sphere has the vector from its
+    /// center.
     fn next(&self) -> Option<(f64, Obstacle)> {
         let walls = (0..3).filter_map(|axis| {
             let Axis::Reflecting { low, high } = self.domain.axes[axis] else { return None };

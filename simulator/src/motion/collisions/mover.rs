@@ -66,7 +66,7 @@ impl Mover {
         f64::from(self.radius) + f64::from(other.radius)
     }
 
-    /// In µm; negative for an overlap.
+    /// Returns the gap in µm, negative for an overlap.
     pub(crate) fn gap(&self, other: &Self, time: f64, boundary: &Boundary) -> f64 {
         length(self.displacement(other, time, boundary)) - self.touch(other)
     }

@@ -222,7 +222,7 @@ impl Window<'_> {
         Some(earliest)
     }
 
-    /// Returns `true` if [`hit`](Self::hit) from `from` is at `until` or later, without a root.
+    /// Returns `true` if [`hit`](Self::hit) is at `until` or later, without a root.
     fn misses(&self, movers: &[Mover], pair: [u32; 2], [from, until]: [f64; 2]) -> bool {
         let [left, steady] = pair.map(|at| &movers[at as usize]);
         let time = from.max(left.time).max(steady.time);
@@ -263,7 +263,7 @@ impl Agenda {
         active.map(|&at| self.next[at as usize].time).fold(f64::INFINITY, f64::min)
     }
 
-    /// Returns the unchanged candidates whose next event was with a changed particle.
+    /// Returns the unchanged candidates whose next event involved a changed particle.
     fn lose_partners<'a>(&mut self, candidates: impl Iterator<Item = &'a u32>) -> Vec<u32> {
         let Self { next, news, .. } = self;
         let mut stale = Vec::new();

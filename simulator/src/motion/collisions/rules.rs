@@ -50,7 +50,6 @@ impl Event {
 }
 
 impl Rules {
-    /// `None` if particles pass through each other.
     pub(crate) fn new(model: &Model) -> Option<Self> {
         let mobility = match model.contact {
             Contact::Separate => model.species.iter().map(|species| species.diffusion).collect(),

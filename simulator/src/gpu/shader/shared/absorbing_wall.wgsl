@@ -2,7 +2,6 @@
 
 // Faces: low-x, high-x, low-y, high-y, low-z, high-z.
 const SIDE: u32 = 6u;
-// Value of params.vessel_axis.
 const SPHERE: u32 = 4u;
 // Images on each side, as on the CPU.
 const IMAGES: u32 = 6u;
@@ -19,8 +18,8 @@ fn wall_height(face: u32, radius: f32, point: vec3<f32>) -> f32 {
     return params.high[axis] - radius - point[axis];
 }
 
-// Returns the probability that a path in a sphere reaches its surface between two heights above it. Terms of the CPU's
-// sum in f64 are combined so that none cancels in f32.
+// Returns the probability that a path in a sphere reaches its surface between two heights. Terms of the CPU's `f64` sum
+// are combined so that none cancels in `f32`.
 fn hit_from_inside(radius: f32, heights: vec2<f32>, diffusion: f32) -> f32 {
     if (diffusion >= radius * radius) {
         return 1.0;
@@ -46,7 +45,7 @@ fn hit_from_inside(radius: f32, heights: vec2<f32>, diffusion: f32) -> f32 {
     return sum;
 }
 
-// Returns the point of the wall across from another.
+// Returns the point of the wall nearest to another point.
 fn foot_at(face: u32, radius: f32, point: vec3<f32>) -> vec3<f32> {
     var foot = point;
     if (face < SIDE) {

@@ -17,7 +17,6 @@ fn surface_of(own: f32, length: f32, radius: f32) -> Surface {
     return Surface(own, own + length / radius, length, radius);
 }
 
-// The sum of both distances decides.
 fn on_plane(surface: Surface, distances: f32) -> f32 {
     return min(ROOT_PI * surface.own * erfcx(surface.all + distances / (2.0 * surface.length)), 1.0);
 }
@@ -90,7 +89,6 @@ fn unit_of(draws: ptr<function, Draws>) -> f32 {
     return unit_32(word_of(draws));
 }
 
-// After unbinding within the step.
 fn height_after(surface: Surface, draws: ptr<function, Draws>) -> f32 {
     let scale = 2.0 * surface.length;
     let most = taken_from(surface.all, 0.0) * (1.0 + FAR * scale / surface.radius);

@@ -11,8 +11,7 @@ fn apply_if_best(index: u32) {
     react(candidate, rule);
 }
 
-// Records the outcome at each consumed reactant. No reaction writes the positions that this reads, so a catalyst can
-// take part in several.
+// Records the outcome at each consumed reactant. Reactions only read positions, so a catalyst can take part in several.
 fn react(candidate: Candidate, rule: ReactionRow) {
     let first = moved[candidate.at.x].xyz;
     let meeting = first + rule.share * minimum_image(moved[candidate.at.y].xyz - first);

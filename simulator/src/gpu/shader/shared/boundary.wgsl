@@ -8,7 +8,7 @@ fn flattened(v: vec3<f32>) -> vec3<f32> {
     return select(v, vec3(0.0), params.axes == vec3(FROZEN));
 }
 
-// Returns a direction that is uniform in the dimensions of the run, from one that is uniform in three.
+// Makes a direction that is uniform in three dimensions uniform in those of the run.
 fn direction_within(direction: vec3<f32>) -> vec3<f32> {
     if (params.axes.z != FROZEN) {
         return direction;
@@ -44,7 +44,7 @@ fn confined(x: vec3<f32>, radius: f32) -> vec3<f32> {
     return confined_in_vessel(p, params.vessel_radius - radius);
 }
 
-// True for walls that reverse a particle that would end at x.
+// True for walls that reverse a particle that would end at x without them.
 fn reversed_axes(x: vec3<f32>, radius: f32) -> vec3<bool> {
     let low = params.low + radius;
     let high = params.high - radius;

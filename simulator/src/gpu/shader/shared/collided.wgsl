@@ -1,4 +1,4 @@
-// From collisions_land.
+// The path written by collisions_land.
 fn collided(path: Path, at: u32, radius: f32) -> Path {
     if (params.collides == 0u || moved[at].w == 0.0) {
         return path;

@@ -14,8 +14,7 @@ struct Control {
     pairs: u32,
     found_lo: u32,
     found_hi: u32,
-    // Needed capacity: entries of the detector's grid, pairs, particles, non-finite particles, or blocks and
-    // tiles of the detector's search of crowded cells.
+    // Needed capacity: detector entries, pairs, particles, non-finite particles, or blocks and tiles of crowded cells.
     missing_lo: u32,
     missing_hi: u32,
     // Most surfaces near a particle above NEAR, and most requests above MAX_REQUESTS.

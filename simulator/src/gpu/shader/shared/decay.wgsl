@@ -6,7 +6,6 @@ struct Moved {
     velocity: vec3<f32>,
 }
 
-// Models beyond it are refused.
 const MAX_DECAYS: u32 = 64u;
 const ARRIVAL_UNIT: f32 = 0x1p-17;
 
@@ -31,7 +30,7 @@ fn minus_ln_of_rest(x: f32) -> f32 {
     return x * (1.0 + x * (1.0 / 2.0 + x * (1.0 / 3.0 + x * (1.0 / 4.0 + x * (1.0 / 5.0 + x * (1.0 / 6.0))))));
 }
 
-// The part of `left` steps after which a decay happened, given that one did; `rate` is per step.
+// The part of `left` steps after which a given decay happened; `rate` is per step.
 fn decay_time(rate: f32, left: f32, word: u32) -> f32 {
     return min(minus_ln_of_rest(unit_32(word) * probability_within(rate * left)) / rate, left);
 }
@@ -59,7 +58,7 @@ fn next_decay(kind: SpeciesRow, left: f32, word: u32) -> u32 {
     return NOTHING;
 }
 
-// Decays a particle without another event, and its products for the rest of the step; see decay.rs.
+// Decays a particle without another event, then its products for the rest of the step; see decay.rs.
 fn decay(moved: Moved, id: u32) -> Moved {
     var here = moved;
     var kind = species_rows[here.species];

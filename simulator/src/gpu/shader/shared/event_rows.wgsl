@@ -24,10 +24,9 @@ struct SpeciesRow {
     decays_begin: u32,
     walls_begin: u32,
     events_end: u32,
-    // Bound of the distance of a path from the line between its ends, near a diffusing receiver.
+    // Bound of the distance of a path from its chord, near a diffusing receiver.
     bend: f32,
-    // Bound of the displacement of almost all particles, plus three displacements of a receiver. Receivers within it
-    // are listed.
+    // Bound of the displacement of almost all particles, plus three of a receiver. Receivers within it are listed.
     reach: f32,
     // Index among species with lists of receivers, or NOTHING.
     cell_lists: u32,
@@ -65,8 +64,8 @@ struct EventRow {
     unbinding: f32,
     // Fraction of the decay rate up to this channel.
     share: f32,
-    // Rows of a receiver's receptors that bind the species, after those of all events. In such a row: the receptor
-    // type, and the tally of occupied receptors.
+    // Rows of receptors that bind the species, after those of all events. Each has the receptor type and its tally of
+    // occupied receptors.
     ligands_begin: u32,
     ligands_end: u32,
     receptor: u32,

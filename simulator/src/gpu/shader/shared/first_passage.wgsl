@@ -1,6 +1,6 @@
 // The probability and time at which a diffusing path reaches a sphere, as in path_hit.rs.
 
-// Beyond it the probability is below the smallest random number.
+// Above it the probability is below the smallest random number.
 const NEVER: f32 = 17.0;
 
 // 1 - exp(-x) for x >= 0, to a few units in the last place.

@@ -1,7 +1,7 @@
 // Spherical membranes, as in membrane/sphere.rs, in f32.
 #include erfcx
 
-// Crossings and reflections of a step; then a particle stays where it was.
+// Crossings and reflections per step, after which a particle stays at its beginning.
 const MEMBRANE_EVENTS: u32 = 64u;
 const NUDGES: u32 = 8u;
 
@@ -11,7 +11,7 @@ struct MembraneSphere {
     // 2 kappa sqrt(dt / D).
     own: f32,
     membrane: u32,
-    // Distance from the surface at or above which rounding does not decide on the side.
+    // Distance from the surface above which rounding does not change the side.
     rounding: f32,
 }
 
@@ -61,7 +61,7 @@ fn is_across_sphere(kind: SpeciesRow, a: vec3<f32>, b: vec3<f32>) -> bool {
     return false;
 }
 
-// Returns the part of a displacement after which a surface is reached, above 1 if it is not.
+// Returns the part of a displacement at which it reaches a surface; above 1 if it does not.
 fn time_to_surface(radius: f32, is_within: bool, start: vec3<f32>, displacement: vec3<f32>) -> f32 {
     let a = dot(displacement, displacement);
     let b = dot(start, displacement);
@@ -123,7 +123,7 @@ fn next_crossing(ray: Ray, kind: SpeciesRow) -> Crossing {
     return next;
 }
 
-// Returns true if the point is on the right side of each sphere, whatever the rounding.
+// Returns true if the point is on the right side of each sphere by more than rounding.
 fn is_on_right_sides(kind: SpeciesRow, point: vec3<f32>) -> bool {
     for (var k = 0u; k < kind.membrane_spheres.y; k++) {
         let sphere = membrane_sphere(kind, k);
@@ -134,7 +134,7 @@ fn is_on_right_sides(kind: SpeciesRow, point: vec3<f32>) -> bool {
     return true;
 }
 
-// Returns a displacement from the nearest surface to the right side, by the distance that rounding needs.
+// Returns the displacement from the nearest surface to the right side that rounding needs.
 fn nudge(kind: SpeciesRow, point: vec3<f32>) -> vec3<f32> {
     var nearest = 1e38;
     var found = vec3(0.0);
@@ -150,7 +150,7 @@ fn nudge(kind: SpeciesRow, point: vec3<f32>) -> vec3<f32> {
     return found;
 }
 
-// Returns the end of a ray, beyond walls that reflected it, or the beginning if no place on the right sides is near.
+// Returns the end of a ray, beyond walls that reflected it, or the beginning if no near place is on the right sides.
 fn end_of(ray: Ray, start: Path, kind: SpeciesRow) -> Path {
     var point = ray.at;
     let unit = nudge(kind, ray.at);

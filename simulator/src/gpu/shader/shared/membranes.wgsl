@@ -92,7 +92,6 @@ fn hold_back_by_planes(start: Path, kind: SpeciesRow, axis: u32, id: u32) -> Pat
     path.free_end[axis] = end;
     path.end[axis] = end;
     let after = confined_axes(path.free_end, kind.radius)[axis];
-    // A wall may have mirrored it past a membrane.
     path.after[axis] = select(mirrored_in(slab, after), after, params.axes[axis] == 2u);
     return path;
 }
@@ -109,7 +108,7 @@ fn is_separated(kind: SpeciesRow, a: vec3<f32>, b: vec3<f32>) -> bool {
     return is_across_sphere(kind, a, b);
 }
 
-// Returns the path of a step among the species' membranes.
+// Returns the path of a step as the species' membranes change it.
 fn held_back(start: Path, kind: SpeciesRow, id: u32) -> Path {
     if (kind.membrane_planes.y + kind.membrane_spheres.y == 0u) {
         return start;
@@ -123,7 +122,6 @@ fn held_back(start: Path, kind: SpeciesRow, id: u32) -> Path {
     for (var axis = 0u; axis < 3u; axis++) {
         path = hold_back_by_planes(path, kind, axis, id);
     }
-    // A plane mirrors a path, and a periodic box rounds its end.
     if (is_across_sphere(kind, side, path.after)) {
         return Path(start.before, start.before, start.before, start.velocity, start.before);
     }

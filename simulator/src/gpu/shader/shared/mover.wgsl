@@ -1,7 +1,6 @@
 // Particles in motion, their next events and neighbors, as in collisions/mover.rs and rules.rs.
 struct Mover {
-    // Position at the beginning of the step, and the displacement from there at the particle's clock: differences
-    // keep the last digits of displacements.
+    // Position at the beginning of the step, and the displacement until the particle's clock, kept apart for precision.
     base: vec3<f32>,
     id: u32,
     offset: vec3<f32>,

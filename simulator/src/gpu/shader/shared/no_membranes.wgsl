@@ -1,4 +1,4 @@
-// For models without membranes, whose kernels drivers then compile and run faster.
+// Stubs for models without membranes, whose kernels then compile and run faster.
 
 fn held_back(path: Path, kind: SpeciesRow, id: u32) -> Path {
     return path;

@@ -1,7 +1,7 @@
 // Hits of a particle's path on receivers, as in path_hit.rs.
 #include path
 
-// A hit: a certain time, or heights at both ends in units of sqrt(2 D dt), from which a time is drawn.
+// A hit: a certain time, or both end heights in units of sqrt(2 D dt), from which a time is drawn.
 struct Hit {
     is_hit: bool,
     is_drawn: bool,
@@ -28,7 +28,7 @@ fn entry_time(event: EventRow, receiver: ReceiverRow, path: Path) -> f32 {
     return outside / (approach + sqrt(root));
 }
 
-// Returns the heights of both ends of a path above the surface; negative inside. In one dimension a path to the other side ends
+// Returns the heights of both ends above the surface, negative inside. A path to the other side of a segment ends
 // inside.
 fn heights_of(event: EventRow, receiver: ReceiverRow, path: Path) -> vec2<f32> {
     let last = receiver.center + receiver.displacement;
@@ -74,7 +74,7 @@ fn time_of(hit: Hit, receiver: u32, id: u32) -> f32 {
     return first_passage(hit.heights, normals(words).x, open_unit(words.z));
 }
 
-// Returns true if a hit precedes the first one so far, of the event at first.
+// Returns true if a hit precedes the hit so far of event `first`.
 fn is_earlier(hit: Hit, receiver: u32, first_hit: Hit, first: u32, id: u32) -> bool {
     if (first == NOTHING) {
         return true;

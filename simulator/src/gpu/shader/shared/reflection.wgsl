@@ -43,8 +43,8 @@ fn add_obstacle(obstacle: Obstacle, reach: f32) {
     near_count++;
 }
 
-// Lists the spheres within `reach` of the path's beginning that the particle is outside of. In periodic space, the
-// image nearest to the path's end is another obstacle.
+// Lists the spheres within `reach` of the path's beginning that do not contain it. In periodic space, the image nearest
+// to the path's end is another obstacle.
 fn search_surfaces(kind: SpeciesRow, path: Path, displacement: vec3<f32>, reach: f32) {
     near_count = 0u;
     let near_receivers = receivers_near(kind, path.before, reach);
@@ -67,7 +67,7 @@ fn search_surfaces(kind: SpeciesRow, path: Path, displacement: vec3<f32>, reach:
     }
 }
 
-// Returns the time until the particle, which is outside, hits the obstacle; above a step if it does not.
+// Returns the time until the particle, from outside, hits the obstacle; above a step if it does not.
 fn time_to_hit(obstacle: Obstacle, traveled: vec3<f32>, time: f32, displacement: vec3<f32>) -> f32 {
     let out = obstacle.offset + traveled - time * obstacle.displacement;
     let relative = displacement - obstacle.displacement;
@@ -94,7 +94,7 @@ fn obstacle_at(point: vec3<f32>, count: u32) -> u32 {
 }
 
 // Returns the end of a path, or its beginning if walls or rounding moved the end into a sphere. A sphere that covers
-// both pushes the particle ahead.
+// both pushes the particle out.
 fn outside(before: vec3<f32>, after: vec3<f32>, radius: f32, count: u32) -> vec3<f32> {
     if (obstacle_at(after, count) == NEAR) {
         return after;
@@ -152,7 +152,7 @@ fn reflect_path(kind: SpeciesRow, path: Path) -> ReflectedPath {
     var found = FollowedPath(vec3(0.0), length(displacement), NOTHING, vec3(0.0));
     left_region = true;
     for (var query = 0u; query < params.max_requeries; query++) {
-        // A sphere that approaches accelerates the particle by at most twice its own speed.
+        // An approaching sphere accelerates the particle by at most twice its own speed.
         let reach = ROUNDING_FACTOR * found.length + 3.0 * trajectory.max_displacement;
         search_surfaces(kind, path, displacement, reach);
         found = follow(displacement, path.velocity * params.time_step, min(near_count, NEAR));

@@ -19,7 +19,6 @@ fn moved_on_surface(direction: vec3<f32>, concentration: f32, id: u32) -> vec3<f
     let gap = gap_of(concentration, words.x);
     let n = normalize(direction);
     let size = abs(n);
-    // The axis with the smallest component gives a normal of length above 1/2.
     let is_first = size.x <= size.y && size.x <= size.z;
     let is_second = !is_first && size.y <= size.z;
     let axis = select(select(vec3(0.0, 0.0, 1.0), vec3(0.0, 1.0, 0.0), is_second), vec3(1.0, 0.0, 0.0), is_first);

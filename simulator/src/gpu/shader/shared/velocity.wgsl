@@ -1,6 +1,6 @@
 // Velocities of particles, as in release/mod.rs and simulation.rs.
 const PURPOSE_VELOCITY: u32 = 2u;
-// Draws for this purpose: after a change of species, and after unbinding.
+// Draws for this purpose.
 const VELOCITY_OF_PRODUCT: u32 = 1u;
 const VELOCITY_OF_UNBOUND: u32 = 2u;
 

@@ -6,18 +6,16 @@ fn along_vessel() -> vec3<f32> {
     return select(vec3(0.0), vec3(1.0), vec3(1u, 2u, 3u) == vec3(params.vessel_axis));
 }
 
-// Returns a vector without its component along the vessel.
 fn across(v: vec3<f32>) -> vec3<f32> {
     return select(v, vec3(0.0), vec3(1u, 2u, 3u) == vec3(params.vessel_axis));
 }
 
 // Most reflections of a step; a particle stops at the last.
 const VESSEL_REFLECTIONS: u32 = 64u;
-// A point that rounding left outside moves towards the axis by this fraction, doubled each time.
+// Fraction by which a point that rounding left outside moves towards the axis, doubled each time.
 const SHRINK: f32 = 2e-7;
 const SHRINK_STEPS: u32 = 15u;
 
-// Returns the vector to a point from the axis or center.
 fn across_vessel(p: vec3<f32>) -> vec3<f32> {
     return across(p - params.vessel_center);
 }
