@@ -1,7 +1,6 @@
 //! XXH64, the checksum of files that a run resumes from.
 //!
-//! Two of a million files almost surely share a 32-bit checksum, and a 64-bit one with a probability of 3 × 10⁻⁸. It
-//! does not stop a forger.
+//! Two of a million files share a 64-bit checksum with a probability of 3 × 10⁻⁸; a 32-bit one would collide.
 
 use std::hash::Hasher;
 use std::io::{self, BufReader, Read, Write};

@@ -4,11 +4,8 @@
 //! and consumes the pairs in place. Random numbers, rules and the matching are those of the CPU; runs diverge only by
 //! rounding.
 //!
-//! A step is a transaction from one set of buffers to another. If a capacity is exceeded, the device *halts* before the
-//! write, and later recorded steps do nothing. The host enlarges the capacity and repeats the step, so no event is lost
-//! or applied twice.
-//!
-//! The host computes bursts and receiver positions in advance.
+//! A step is a transaction from one set of buffers to another: if it exceeds a capacity, the device *halts* before the
+//! write, and the host repeats the step with more capacity (`docs/design/simulator.md`).
 
 mod chemotaxis;
 mod detectors;

@@ -14,7 +14,7 @@ use crate::model::Model;
 use crate::model::flow_field::FlowField;
 
 pub(super) const ROW_BYTES: u64 = 16;
-/// Of a receiver: center and displacement.
+/// Center and displacement.
 const RECEIVER_ROWS: usize = 2;
 /// Grid points in an upload.
 const CHUNK: usize = 1 << 16;

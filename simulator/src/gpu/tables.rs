@@ -33,7 +33,7 @@ pub(super) struct Tables {
     pub(super) tallies: Tallies,
 }
 
-/// As in `decay.wgsl`.
+/// Equal to that of `decay.wgsl`.
 const MAX_DECAYS: u32 = 64;
 
 /// Loop iterations of a thread near surfaces, additional ones per search, and most reflections in a step.

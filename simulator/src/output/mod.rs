@@ -1,6 +1,4 @@
-//! The files of a run in its directory: `series.csv`, `frames.xyz`, `frame-000000000.npy`, …, `symbols.csv` for
-//! messages, `arrivals.csv` and `releases.csv` (also `.arrow`), `occupancy.csv` and `animation.frames` on request,
-//! and `checkpoint`.
+//! The files of a run in its directory, which `docs/simulator.md` describes.
 
 pub mod animation;
 pub(crate) mod append_file;

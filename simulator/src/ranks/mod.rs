@@ -2,8 +2,6 @@
 //!
 //! Every rank does with its own particles what [`Simulation`](crate::Simulation) does with all, and moves all
 //! receivers. `docs/design/ranks.md` has the exchanges between the parts of a step.
-//!
-//! A run equals that of one process, row by row and frame by frame; either resumes the other's checkpoints.
 
 mod contacts;
 mod gathered;

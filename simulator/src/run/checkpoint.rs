@@ -9,8 +9,6 @@
 //!    record, so parts of different checkpoints do not mix.
 //! 3. `checkpoint` has the length and checksum of each file that the run appends to ([`FileRecord`]), all checked
 //!    before any is cut.
-//!
-//! `frame-STEP.npy` is not checked: it is written once and never read.
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};

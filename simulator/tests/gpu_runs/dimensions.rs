@@ -1,4 +1,4 @@
-//! Runs of one and two dimensions draw the same numbers as on the CPU and decide the same.
+//! Runs of one and two dimensions.
 
 use lazygrid_sim::{
     Adsorption, Axis, Boundary, Contact, Decay, Model, ReceiverKind, Shape, Species, Unbinding, Vessel,

@@ -1,5 +1,5 @@
-//! Runs on the GPU against the CPU and closed forms. Skipped without an adapter, unless `LAZYGRID_REQUIRE_GPU` is
-//! set.
+//! Runs on the GPU against the CPU, which draws the same numbers and decides the same, and closed forms. Skipped
+//! without an adapter, unless `LAZYGRID_REQUIRE_GPU` is set.
 
 #[path = "../../../tests/src/adapter.rs"]
 mod adapter;

@@ -1,4 +1,4 @@
-//! Membranes: GPU and CPU draw the same numbers and decide the same.
+//! Runs with membranes.
 
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::model::receiver::WallFace;

@@ -1,4 +1,4 @@
-//! Receptor types and surface diffusion: GPU and CPU draw the same numbers and decide the same.
+//! Runs with receptor types and surface diffusion.
 
 use lazygrid::Algorithm;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
@@ -81,7 +81,7 @@ fn either_side_continues_with_receptor_types() {
     assert_close(&third.state().expect("a state"), whole.state(), 2e-4);
 }
 
-/// Of n receptors a part q/(1 + q) is occupied, with q = a·kb/(ku·V) and a free particles in the volume V.
+/// A part q/(1 + q) of n receptors is occupied, with q = a·kb/(ku·V) and a free particles in the volume V.
 #[test]
 fn types_are_in_equilibrium() {
     let Some(own) = device() else { return };

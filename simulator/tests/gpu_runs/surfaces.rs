@@ -1,4 +1,4 @@
-//! Surfaces: GPU and CPU draw the same numbers and decide the same.
+//! Runs with surfaces.
 
 use lazygrid::Algorithm;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};

@@ -1,4 +1,4 @@
-//! Flow fields and chemotaxis: GPU and CPU draw the same numbers and decide the same.
+//! Runs with flow fields and chemotaxis.
 
 use std::sync::Arc;
 

@@ -187,7 +187,7 @@ fn rust_structures_have_the_layout_of_the_shaders() {
     assert!(held > KERNELS.len(), "only {held} structures were compared");
 }
 
-/// Needs `npm ci --prefix kernels/tint`; skipped without Tint unless `LAZYGRID_REQUIRE_TINT` is set.
+/// Skipped without Tint, as `kernels/tests/tint.rs`.
 #[test]
 fn tint_accepts_every_text() {
     let tint = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../kernels/tint");

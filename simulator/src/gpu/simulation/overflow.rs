@@ -9,9 +9,9 @@ use crate::gpu::dispatches::StepDispatches;
 use crate::gpu::layout::ControlHeader;
 use crate::gpu::plan::{MAX_BIRTHS, MAX_LOOP_ITERATIONS, Sizes, grown};
 
-/// As in `reflection.wgsl`.
+/// Equal to that of `reflection.wgsl`.
 const NEAR: u64 = 16;
-/// As in `receptors_scan_requests.wgsl`.
+/// Equal to that of `receptors_scan_requests.wgsl`.
 const MAX_REQUESTS: u64 = 1 << 20;
 const MAX_COLLISION_ROUNDS: u64 = 1 << 13;
 

@@ -9,7 +9,7 @@ struct ChemotaxisRow {
     size: f32,
     sensitivity: f32,
     saturates: u32,
-    // Of a tumble in a step without a gradient.
+    // Probability of a tumble in a step without a gradient.
     probability: f32,
 }
 
@@ -70,7 +70,7 @@ struct EventRow {
     ligands_end: u32,
     receptor: u32,
     occupied: u32,
-    // Of the cosines in a step of surface diffusion; 0 without.
+    // Concentration of the cosines in a step of surface diffusion; 0 without.
     concentration: f32,
 }
 
