@@ -1,6 +1,4 @@
 //! The GPU cell list in hard scenes, compared with equal spheres and another algorithm by GPU timestamps per phase.
-//!
-//! `cargo bench -p lazygrid-bench --bench gpu_hard_scenes -- --n 1000000 --baseline lazy-grid`
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;

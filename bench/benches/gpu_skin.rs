@@ -1,7 +1,5 @@
 //! Spheres that stay on the GPU: the cell list at each step compared with candidate lists, by wall time until
 //! completion.
-//!
-//! `cargo bench -p lazygrid-bench --bench gpu_skin -- --n 1000000 --step-length 0.01,0.1 --skin 0.25,0.5`
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;

@@ -1,6 +1,4 @@
 //! Measurements for the defaults: τ and the cell ratio of the paper's grids, and crossovers.
-//!
-//! `cargo bench -p lazygrid-bench --bench parameter_sweep -- --what tau --scene burst --n 100000`
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;

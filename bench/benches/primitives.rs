@@ -1,6 +1,4 @@
 //! The GPU engine's radix sort and prefix scan compared with a copy on the device.
-//!
-//! `cargo bench -p lazygrid-bench --bench primitives -- --n 1000000,10000000 --bits 24,25,32`
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;

@@ -1,6 +1,4 @@
 //! Species that seldom or never pair, and two sets, with and without a table of interactions, on CPU and GPU.
-//!
-//! `cargo bench -p lazygrid-bench --bench species -- enzymes`
 
 use std::time::Duration;
 

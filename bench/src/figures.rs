@@ -1,7 +1,4 @@
 //! The paper's evaluation on the machine at hand: `lazygrid-bench figures`.
-//!
-//! Data flows one way: [`Settings`] → points → comparisons of [`Contender`]s → [`Row`]s → files. Times with a wrong
-//! answer are dropped.
 
 mod burst;
 pub mod compare;

@@ -1,11 +1,4 @@
-//! Correctness and speed checks of lazygrid on the machine at hand:
-//!
-//! * [`oracle`]: a [`TestInput`] and its pairs by a plain double loop; [`difference`] explains the first wrong pair,
-//!   and [`shrink`] minimizes failing scenes.
-//! * [`scenes`]: hard scenes, and families of scenes from a [`SceneSeed`].
-//! * [`detectors`]: compares each [`DetectorVariant`] with the expected pairs.
-//! * [`kernels`]: each GPU kernel against a sequential function.
-//! * [`timing`]: times of copies, of the building blocks and of each algorithm.
+//! Correctness and speed checks of lazygrid on the machine at hand; `docs/design/tools.md` describes their parts.
 
 #![allow(missing_docs, reason = "internal to the workspace: most names and types are clear")]
 

@@ -9,7 +9,7 @@ use common::device;
 use lazygrid_check::Effort;
 use lazygrid_check::kernels::CHECKS;
 
-/// The driver's compiler takes most of the time, on one core.
+/// The driver's compiler, on one core, takes most of the time.
 fn faults(next: &AtomicUsize) -> Vec<String> {
     let Some(own) = device() else { return Vec::new() };
     std::iter::from_fn(|| CHECKS.get(next.fetch_add(1, Relaxed)))

@@ -30,7 +30,6 @@ pub(crate) fn whole<'py>(
     of_type(given, name, "whole")
 }
 
-/// Borrows a contiguous array of `u32` of shape `(m, 2)`, or a copy.
 pub(crate) fn whole_pairs<'py>(
     given: &Bound<'py, PyAny>,
     name: &str,
@@ -39,7 +38,6 @@ pub(crate) fn whole_pairs<'py>(
     readable(checked.cast::<PyArray2<u32>>()?, name)
 }
 
-/// Borrows a contiguous array of `u64`, or a copy.
 pub(crate) fn offsets<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArray1<'py, u64>> {
     of_type(given, name, "offsets")
 }

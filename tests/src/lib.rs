@@ -1,10 +1,5 @@
-//! Shared code of the tests in `suite/`:
-//!
-//! * [`TestInput`]: an input with its [oracle](TestInput::oracle), a plain double loop.
-//! * [`variants::all`]: the [`DetectorVariant`]s, which [`SuiteVariant`] runs.
-//! * [`periodic`], [`triclinic`] and [`hard`]: oracles and generators of scenarios, which shrink.
-//! * [`difference`]: explains the first wrong pair of a result.
-//! * [`browser`] and [`command`]: browsers and built commands.
+//! Shared code of the tests in `suite/`: scenarios with their oracles and generators, detector variants, commands and
+//! browsers.
 
 #![allow(missing_docs, reason = "internal to the workspace: most names and types are clear")]
 

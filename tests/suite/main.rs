@@ -1,4 +1,4 @@
-//! All combinations of detector, scenario, number of threads and order against the oracle.
+//! All combinations of detector, scenario, threads and order against the oracle.
 
 mod bad_input;
 mod cell_reuse;

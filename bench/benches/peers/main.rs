@@ -1,7 +1,5 @@
 //! lazygrid compared with parry3d, one thread with two, and small inputs with large ones, as Markdown and on request
 //! CSV.
-//!
-//! `cargo bench -p lazygrid-bench --bench peers -- --mode running --scene equal --n 100000 --rounds 9`
 #![allow(clippy::print_stdout)]
 
 mod sizes;

@@ -1,4 +1,4 @@
-//! Checks of whole detectors against the definition of the pairs.
+//! Checks of whole detectors against the definition.
 
 pub mod compare;
 pub mod fuzz;

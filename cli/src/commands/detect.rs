@@ -90,7 +90,6 @@ fn print_aside(text: &str) -> Result<(), CliError> {
     Ok(())
 }
 
-/// Refuses a frame whose search exceeds the CPU's available memory.
 fn refuse_too_little_memory(
     args: &Detect,
     frame: usize,

@@ -12,7 +12,6 @@ fn detect<const N: usize>(file: &str, args: [&str; N]) -> Run {
     LAZYGRID.run(["detect", file, "--backend", "cpu"].into_iter().chain(args))
 }
 
-/// Minimum images in `f64`.
 fn brute_force(spheres: &[Sphere], lengths: [Option<f64>; 3]) -> Vec<[u32; 2]> {
     let touch = |a: &Sphere, b: &Sphere| {
         let differences = [0, 1, 2].map(|axis| {

@@ -1,4 +1,3 @@
-
 use std::ops::ControlFlow;
 
 use lazygrid::{Detector, Error, Sphere, Spheres};

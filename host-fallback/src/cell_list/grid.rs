@@ -104,7 +104,6 @@ impl CellGrid {
         self.largest
     }
 
-    /// Estimates the searched rows of cells for this radius.
     pub(crate) fn rows_around(&self, radius: f64) -> f64 {
         let cells = |axis: usize| {
             let around = 1.0 + 2.0 * (radius + self.reach).max(0.0) / self.cell_sizes[axis];

@@ -101,7 +101,6 @@ fn near_pairs(scenario: &TestInput) -> Result<Vec<Pair>, CliError> {
     Ok(detector.into_pairs())
 }
 
-/// Every algorithm with every sort.
 fn calls(bundle: &mut Bundle, scenario: &TestInput, capacity: u32, scene: &Value) -> Result<Value, CliError> {
     let expected = &scene["expected"];
     let most =

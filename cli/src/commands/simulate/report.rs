@@ -23,7 +23,6 @@ pub(crate) struct Done<'a> {
     pub(crate) command: String,
 }
 
-/// Options that matter to the report.
 pub(crate) fn command(run: &Run) -> String {
     let Run { scenario, path, directory, .. } = run;
     format!(

@@ -193,7 +193,6 @@ fn transparent_receivers_have_responses_and_bit_errors() {
         let part = (1..=4).map(|k| inside(from + 0.05 * f64::from(k))).sum::<f64>() / 4.0;
         assert!((number(row, "part mean") / part - 1.0).abs() < 0.1, "{row:?}, not {part}");
     }
-    // Counts again from the series and symbols.
     let errors = table("bit-errors.csv");
     for (detector, delay) in [("peak", 0.0), ("energy", 0.05), ("strength", 0.1)] {
         let mut slots = Vec::new();

@@ -2,9 +2,7 @@
 // further levels the depths of smaller spheres. On each axis cells form a ring, so spheres that cannot be distinguished
 // share a cell, which costs tests but no pair.
 
-// The levels of all sides, one side after the other.
 const LEVELS: u32 = 32u;
-// Cells of depth k are 2^-k of the size of level 0.
 const DEPTHS: u32 = 16u;
 // Exponents of the effective radius.
 const CLASSES: u32 = 256u;
