@@ -80,7 +80,7 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
 /// Most loop iterations per membrane in a step: per spherical one in periodic space and otherwise, and per plane.
 const MEMBRANE_ITERATIONS: [usize; 3] = [540, 90, 6];
 
-/// `visits` are those of receivers, each of which may be behind any membrane.
+/// `visits` is the number of receivers that a particle visits; each may be behind any membrane.
 fn check_membranes(model: &Model, visits: usize, most: usize) -> Result<(), Error> {
     let [periodic, open, plane] = MEMBRANE_ITERATIONS;
     let repeats = model.boundary.axes.iter().any(|axis| matches!(axis, Axis::Periodic { .. }));

@@ -11,7 +11,7 @@ struct MembranePlane {
     membrane: u32,
 }
 
-// Rows of the next planes at or below a coordinate, and above; NOTHING if there is none.
+// Rows of the planes around a coordinate: the next one at or below it, and the next one above. NOTHING without a plane.
 struct Slab {
     low: u32,
     high: u32,
