@@ -77,26 +77,38 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
     check_membranes(model, visits, most)
 }
 
-/// Most loop iterations per membrane in a step: per spherical one in periodic space and otherwise, and per plane.
-const MEMBRANE_ITERATIONS: [usize; 3] = [540, 90, 6];
+/// Most loop iterations per membrane in a step of 64 passages: per spherical one in periodic space and otherwise, and
+/// per plane.
+const MEMBRANE_ITERATIONS: [usize; 3] = [660, 210, 8];
 
-/// `visits` is the number of receivers that a particle visits; each may be behind any membrane.
+/// `visits` is the number of receivers that a particle visits. For each, a loop over planes and one over spheres find if
+/// a membrane separates them.
 fn check_membranes(model: &Model, visits: usize, most: usize) -> Result<(), Error> {
-    let [periodic, open, plane] = MEMBRANE_ITERATIONS;
     let repeats = model.boundary.axes.iter().any(|axis| matches!(axis, Axis::Periodic { .. }));
-    let sphere = if repeats { periodic } else { open };
     for (id, species) in model.species.iter().enumerate() {
-        let (planes, spheres) = MembraneRows::new(model, id).counts();
-        let iterations = visits * (planes + spheres) + plane * planes + sphere * spheres;
+        let counts = MembraneRows::new(model, id).counts();
+        let iterations = membrane_iterations(counts, visits, repeats);
+        let (planes, spheres) = counts;
         if iterations > most || spheres > MAX_SPHERES {
             let what = format!(
-                "{spheres} spherical and {planes} plane membranes that hold back {}, with {visits} receivers that see a                  species",
+                "{spheres} spherical and {planes} plane membranes with images that hold back {}, beyond {MAX_SPHERES} spheres or, \
+                 with {visits} visits of receivers, {most} loop iterations ({iterations} needed)",
                 species.name
             );
             return Err(Error::NotOnGpu { what });
         }
     }
     Ok(())
+}
+
+/// Bounds the loop iterations of a particle in a step.
+fn membrane_iterations((planes, spheres): (usize, usize), visits: usize, repeats: bool) -> usize {
+    if planes + spheres == 0 {
+        return 0;
+    }
+    let [periodic, open, plane] = MEMBRANE_ITERATIONS;
+    let sphere = if repeats { periodic } else { open };
+    visits * (planes + spheres + 3) + plane * planes + sphere * spheres
 }
 
 /// Bounds of a species' displacement in a step apart from diffusion.
@@ -183,5 +195,19 @@ impl Carried {
                 }
             }
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn membranes_multiply_the_visits_of_receivers() {
+        assert_eq!(membrane_iterations((0, 0), MAX_SEEN, true), 0);
+        assert!(membrane_iterations((1, 0), 10_000, false) < MAX_SEEN);
+        assert!(membrane_iterations((1, 0), 20_000, false) > MAX_SEEN);
+        assert!(membrane_iterations((0, 90), 0, true) < MAX_SEEN);
+        assert!(membrane_iterations((0, 91), 0, true) > MAX_SEEN);
     }
 }

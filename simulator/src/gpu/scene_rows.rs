@@ -18,6 +18,7 @@ pub(super) const ROW_BYTES: u64 = 16;
 const RECEIVER_ROWS: usize = 2;
 /// Grid points in an upload.
 const CHUNK: usize = 1 << 16;
+const CHUNKS_PER_SUBMISSION: usize = 16;
 
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct SceneRows {
@@ -73,8 +74,8 @@ impl SceneRows {
         let limits = DeviceLimits::of(&own.device);
         let limit = limits.storage_binding.min(limits.buffer);
         if needed > limit {
-            let (what, remedy) =
-                ("scene_rows", "use a coarser flow field or fewer receivers, or choose the CPU");
+            let what = "the table of receivers, membranes and velocities";
+            let remedy = "use a coarser flow field, or fewer receivers or membranes, or choose the CPU";
             return Err(refused(lazygrid::Error::LimitExceeded { what, needed, limit, remedy }));
         }
         let made = buffer(own, "scene_rows", needed)?;
@@ -84,7 +85,11 @@ impl SceneRows {
             own.queue.write_buffer(&made, at, bytemuck::cast_slice(&self.membranes));
         })?;
         at += ROW_BYTES * self.membranes.len() as u64;
-        for chunk in velocities {
+        for (number, chunk) in velocities.enumerate() {
+            if number % CHUNKS_PER_SUBMISSION == 0 {
+                // Frees the copies that the queue holds until a submission.
+                own.queue.submit([]);
+            }
             let rows: Vec<[f32; 4]> = chunk.iter().map(|&[u, v, w]| [u, v, w, 0.0]).collect();
             with_error_scope(own, "the flow field", 0, || {
                 own.queue.write_buffer(&made, at, bytemuck::cast_slice(&rows));
