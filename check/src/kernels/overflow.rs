@@ -162,12 +162,13 @@ fn few(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> 
     let count = chosen.call.spheres;
     let pairs = count * (count - 1) / 2;
     let chunks_per_block = count.div_ceil(chosen.call.candidates_per_invocation);
-    for pair_capacity in [pairs, pairs / 2] {
+    // Only one of the two scans stores the largest number of spheres in a cell.
+    for (pair_capacity, largest) in [(pairs, count), (pairs, 0), (pairs / 2, count)] {
         let call =
             SearchParams { chunks_per_block, pair_capacity, consumer_workgroup_size: 64, ..chosen.call };
         let searched = Searched::of(own, &ConfiguredCellList { call, ..chosen.clone() })?;
         let largest_at = 4 * u64::from(chosen.list.cells + 2);
-        own.queue.write_buffer(&searched.starts, largest_at, bytemuck::bytes_of(&count));
+        own.queue.write_buffer(&searched.starts, largest_at, bytemuck::bytes_of(&largest));
         let groups = count.div_ceil(k::WORKGROUP_SIZE) * chunks_per_block;
         run(own, &k::CELL_LIST_SEARCH, chosen.variant, groups, &searched.bound())?;
         let outcome = searched.outcome(own)?;

@@ -20,9 +20,12 @@ var<workgroup> most_candidates: atomic<u32>;
 // With a single level, a sphere has candidates in at most 14 cells and the cell of listed spheres.
 const MOST_CELLS: u32 = 15u;
 
-// Returns `true` if no sphere can have candidates in this chunk, by the largest number of spheres in a cell.
+// Returns `true` if no sphere can have candidates in this chunk, by the largest number of spheres in a cell. Only
+// `scan_once` stores that number; it is 0 after the scan of more counters.
 fn is_past_last_chunk(chunk: u32) -> bool {
-    let most = select(0xffffffffu, MOST_CELLS * starts[cell_list.cells + 2u], cell_list.levels == 1u);
+    let largest = starts[cell_list.cells + 2u];
+    let is_known = cell_list.levels == 1u && largest != 0u;
+    let most = select(0xffffffffu, MOST_CELLS * largest, is_known);
     return chunk >= params.chunks_per_block || most <= chunk * params.candidates_per_invocation;
 }
 
