@@ -87,6 +87,11 @@ impl Plan {
         } else {
             (0, 0)
         };
-        Some(per_sphere * spheres + per_counter * counters)
+        // A divided search reads each sphere in one of its parts.
+        let parts = match is(&k::CELL_LIST_SEARCH) {
+            true => self.dispatches.iter().filter(|other| other.kernel == dispatch.kernel).count(),
+            false => 1,
+        };
+        Some((per_sphere * spheres + per_counter * counters) / parts as u64)
     }
 }

@@ -224,6 +224,15 @@ fn a_cell_list_moves_few_bytes() {
         cost.traffic_bytes.map(|bytes| bytes / u64::from(spheres))
     });
     assert_eq!(moved, [285, 184, 181, 200].map(Some), "of each sphere");
+    let divided = Request { algorithm: Algorithm::CellList, max_tests: 1 << 28, ..request(1_000_000, 1) };
+    let [whole, parts] =
+        [list(1_000_000, false), plan(&divided, &H200).expect("fits")].map(|plan| plan.cost());
+    assert!(parts.dispatches > whole.dispatches);
+    assert_eq!(
+        parts.traffic_bytes.map(|bytes| bytes / 1_000_000),
+        Some(184),
+        "the same for a divided search"
+    );
     assert_eq!(plan(&request(1000, 1), &H200).expect("fits").cost().traffic_bytes, None);
 }
 
