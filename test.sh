@@ -41,7 +41,7 @@ on_swiftshader() {
     say "on SwiftShader:"
     export VK_DRIVER_FILES=$swiftshader LAZYGRID_REQUIRE_GPU=1 LAZYGRID_TEST_VARIANTS=gpu PROPTEST_CASES=2
     cargo test "$@" --test gpu_kernels --test gpu_skin
-    cargo test "$@" --test suite -- properties:: interactions:: results::
+    cargo test "$@" --test suite -- properties:: interactions:: results:: cell_reuse::
 }
 
 command -v cc >/dev/null || install gcc libc6-dev
