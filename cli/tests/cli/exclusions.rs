@@ -1,12 +1,8 @@
 //! `lazygrid detect` with excluded pairs.
 
-use lazygrid_tests::command::{Run, Scratch, data, table};
+use lazygrid_tests::command::{Scratch, data, table};
 
-use crate::LAZYGRID;
-
-fn detect<const N: usize>(file: &str, args: [&str; N]) -> Run {
-    LAZYGRID.run(["detect", file, "--backend", "cpu"].into_iter().chain(args))
-}
+use crate::detect_file;
 
 const CHAIN: &str =
     "x,y,z,r,id,molecule\n0,0,0,0.5,10,1\n1,0,0,0.5,11,1\n2,0,0,0.5,9,2\n3,0,0,0.5,8,2\n4,0,0,0.5,7,0\n";
@@ -16,21 +12,21 @@ fn rows_that_a_file_names() {
     let scratch = Scratch::new();
     let (file, output) = (scratch.write("chain.csv", CHAIN), scratch.path("pairs.csv"));
     let bonds = scratch.write("bonds.txt", "# bonds\n2 1\n3 2\n\n1 2\n");
-    detect(&file, ["-o", &output, "--exclude", &bonds]).succeeds();
+    detect_file(&file, ["-o", &output, "--exclude", &bonds]).succeeds();
     assert_eq!(table(&output), [[0, 1], [3, 4]]);
     let all = scratch.path("all.csv");
-    detect(&file, ["-o", &all]).succeeds();
-    assert_eq!(detect(&file, ["--json", "--exclude", &all]).succeeds().json()["pairs"], 0);
+    detect_file(&file, ["-o", &all]).succeeds();
+    assert_eq!(detect_file(&file, ["--json", "--exclude", &all]).succeeds().json()["pairs"], 0);
     for (text, message) in [
         ("0 1\n4 5\n", "bonds.txt, frame 0: the excluded pair (4, 5) is out of range (5 and 5 spheres)"),
         ("0 1\n-1 2\n", "bonds.txt, frame 0: the excluded pair"),
         ("0 1 2\n", "bonds.txt, line 1: expected two whole numbers"),
     ] {
         let bonds = scratch.write("bonds.txt", text);
-        let run = detect(&file, ["--exclude", &bonds]).fails();
+        let run = detect_file(&file, ["--exclude", &bonds]).fails();
         assert!(run.err.contains(message), "{}", run.err);
     }
-    assert!(detect(&file, ["--exclude", "no-such-file"]).fails().err.contains("no-such-file"));
+    assert!(detect_file(&file, ["--exclude", "no-such-file"]).fails().err.contains("no-such-file"));
 }
 
 #[test]
@@ -38,7 +34,7 @@ fn ids_that_a_file_names() {
     let scratch = Scratch::new();
     let (file, output) = (scratch.write("chain.csv", CHAIN), scratch.path("pairs.csv"));
     let bonds = scratch.write("bonds.csv", "id_i,id_j\n11,9\n99,7\n7,8\n");
-    detect(&file, ["--ids", "-o", &output, "--exclude", &bonds]).succeeds();
+    detect_file(&file, ["--ids", "-o", &output, "--exclude", &bonds]).succeeds();
     assert_eq!(std::fs::read_to_string(&output).unwrap(), "id_i,id_j\n8,9\n10,11\n");
 }
 
@@ -46,25 +42,25 @@ fn ids_that_a_file_names() {
 fn molecules() {
     let scratch = Scratch::new();
     let (file, output) = (scratch.write("chain.csv", CHAIN), scratch.path("pairs.csv"));
-    detect(&file, ["-o", &output, "--exclude-groups"]).succeeds();
+    detect_file(&file, ["-o", &output, "--exclude-groups"]).succeeds();
     assert_eq!(table(&output), [[1, 2], [3, 4]]);
-    detect(&file, ["-o", &output, "--exclude-groups", "--ids"]).succeeds();
+    detect_file(&file, ["-o", &output, "--exclude-groups", "--ids"]).succeeds();
     assert_eq!(std::fs::read_to_string(&output).unwrap(), "id_i,id_j\n7,8\n9,11\n");
     let atoms = "1 1 0 0 0 0.5\n2 1 1 0 0 0.5\n3 0 2 0 0 0.5\n4 0 3 0 0 0.5\n";
     let dump = format!(
         "ITEM: TIMESTEP\n7\nITEM: NUMBER OF ATOMS\n4\nITEM: BOX BOUNDS ff ff ff\n0 9\n0 9\n0 9\n\
          ITEM: ATOMS id mol x y z radius\n{atoms}"
     );
-    detect(&scratch.write("a.dump", &dump), ["-o", &output, "--exclude-groups"]).succeeds();
+    detect_file(&scratch.write("a.dump", &dump), ["-o", &output, "--exclude-groups"]).succeeds();
     assert_eq!(table(&output), [[1, 2], [2, 3]]);
-    let without = detect(&data("lammps-pour.dump"), ["--exclude-groups"]).fails();
+    let without = detect_file(&data("lammps-pour.dump"), ["--exclude-groups"]).fails();
     assert!(
         without.err.contains("`group`, `molecule` or `mol`, which --exclude-groups asks for"),
         "{}",
         without.err
     );
     let wrong = scratch.write("wrong.csv", &CHAIN.replace("10,1\n", "10,-1\n"));
-    let wrong = detect(&wrong, ["--exclude-groups"]).fails();
+    let wrong = detect_file(&wrong, ["--exclude-groups"]).fails();
     assert!(
         wrong.err.contains("line 2: expected groups as whole numbers below 2^32 - 1, 0 for none"),
         "{}",

@@ -3,16 +3,9 @@
 
 use std::fs;
 
-use lazygrid_tests::command::{Run, Scratch, table};
+use lazygrid_tests::command::{Scratch, table};
 
-use crate::LAZYGRID;
-
-const SPHERES: &str = "x,y,z,r\n0,0,0,1\n1,0,0,1\n";
-const FRAME: &str = "2\nProperties=pos:R:3:radius:R:1\n0 0 0 1\n1 0 0 1\n";
-
-fn detect<const N: usize>(args: [&str; N]) -> Run {
-    LAZYGRID.run(["detect", "--backend", "cpu"].into_iter().chain(args))
-}
+use crate::{FRAME, LAZYGRID, SPHERES, detect};
 
 #[test]
 fn the_input_is_never_replaced() {

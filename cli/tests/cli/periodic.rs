@@ -3,14 +3,10 @@
 use lazygrid::Sphere;
 use lazygrid_io::read::Frames;
 use lazygrid_io::scenes::Scene;
-use lazygrid_tests::command::{Run, Scratch, data, table};
+use lazygrid_tests::command::{Scratch, data, table};
 use serde_json::json;
 
-use crate::LAZYGRID;
-
-fn detect<const N: usize>(file: &str, args: [&str; N]) -> Run {
-    LAZYGRID.run(["detect", file, "--backend", "cpu"].into_iter().chain(args))
-}
+use crate::{LAZYGRID, detect_file};
 
 fn brute_force(spheres: &[Sphere], lengths: [Option<f64>; 3]) -> Vec<[u32; 2]> {
     let touch = |a: &Sphere, b: &Sphere| {
@@ -68,21 +64,21 @@ fn a_box_of_the_file_is_used_and_said() {
     for (name, text) in files {
         let file = scratch.write(name, &text);
         let output = scratch.path("pairs.csv");
-        let run = detect(&file, ["-o", &output]).succeeds();
+        let run = detect_file(&file, ["-o", &output]).succeeds();
         assert_eq!(table(&output), expected, "{name}");
         let line = "periodic   16,20,- (as the file says; --periodic none for unbounded space)";
         assert!(run.out.lines().any(|l| l == line), "{}", run.out);
-        let object = detect(&file, ["--json"]).succeeds().json();
+        let object = detect_file(&file, ["--json"]).succeeds().json();
         assert_eq!(object["periodic"], json!([16.0, 20.0, null]));
         assert_eq!(object["periodic_from"], "file");
 
-        let run = detect(&file, ["-o", &output, "--periodic", "none"]).succeeds();
+        let run = detect_file(&file, ["-o", &output, "--periodic", "none"]).succeeds();
         assert_eq!(table(&output), unbounded, "{name}");
         assert!(run.out.lines().any(|l| l == "periodic   none (--periodic)"), "{}", run.out);
-        let object = detect(&file, ["--json", "--periodic", "none"]).succeeds().json();
+        let object = detect_file(&file, ["--json", "--periodic", "none"]).succeeds().json();
         assert_eq!((&object["periodic"], &object["periodic_from"]), (&json!(null), &json!("option")));
 
-        detect(&file, ["-o", &output, "--periodic", "-,15,12.5"]).succeeds();
+        detect_file(&file, ["-o", &output, "--periodic", "-,15,12.5"]).succeeds();
         assert_eq!(table(&output), brute_force(&spheres(), [None, Some(15.0), Some(12.5)]), "{name}");
     }
 }
@@ -97,7 +93,7 @@ fn a_box_may_change_from_frame_to_frame() {
         dump("pp pp pp\n0 16\n0 16\n0 16", None),
     ];
     let file = scratch.write("run.lammpstrj", &frames.concat());
-    let counts = detect(&file, ["--json"]).succeeds().json_lines();
+    let counts = detect_file(&file, ["--json"]).succeeds().json_lines();
     let counts: Vec<_> = counts.iter().map(|object| object["pairs"].as_u64().unwrap() as usize).collect();
     let boxes = [[Some(16.0); 3], [Some(15.0), None, Some(12.0)], [None; 3], [Some(16.0); 3]];
     assert_eq!(counts, boxes.map(|lengths| brute_force(&spheres(), lengths).len()));
@@ -131,22 +127,23 @@ fn a_box_that_leans_is_used_and_said() {
         ("a.xyz", xyz("Lattice=\"16 0 0 2 16 0 0 -3 16\"")),
     ] {
         let file = scratch.write(name, &text);
-        let run = detect(&file, ["-o", &output]).succeeds();
+        let run = detect_file(&file, ["-o", &output]).succeeds();
         assert_eq!(table(&output), expected, "{name}");
         let line = "periodic   along (16,0,0) (2,16,0) (0,-3,16) (as the file says; --periodic none for unbounded space)";
         assert!(run.out.lines().any(|l| l == line), "{}", run.out);
-        let object = detect(&file, ["--json"]).succeeds().json();
+        let object = detect_file(&file, ["--json"]).succeeds().json();
         assert_eq!(object["cell_vectors"], json!([[16.0, 0.0, 0.0], [2.0, 16.0, 0.0], [0.0, -3.0, 16.0]]));
-        let pairs =
-            |periodic| detect(&file, ["--json", "--periodic", periodic]).succeeds().json()["pairs"].clone();
+        let pairs = |periodic| {
+            detect_file(&file, ["--json", "--periodic", periodic]).succeeds().json()["pairs"].clone()
+        };
         assert_eq!(pairs("none"), brute_force(&spheres(), [None; 3]).len());
         assert_eq!(pairs("16,16,16"), brute_force(&spheres(), [Some(16.0); 3]).len());
-        detect(&file, ["-o", &output, "--periodic", "16,16,16", "--tilt", "2,0,-3"]).succeeds();
+        detect_file(&file, ["-o", &output, "--periodic", "16,16,16", "--tilt", "2,0,-3"]).succeeds();
         assert_eq!(table(&output), expected, "{name}");
     }
     let file = scratch.write("b.xyz", &xyz(""));
     assert!(LAZYGRID.run(["detect", &file, "--tilt", "2,0,0"]).err.contains("--periodic"));
-    let run = detect(&file, ["--periodic", "16,16,16", "--tilt", "1e9,0,0"]).fails();
+    let run = detect_file(&file, ["--periodic", "16,16,16", "--tilt", "1e9,0,0"]).fails();
     assert!(run.err.contains("(1000000000, 16, 0)"), "{}", run.err);
 }
 
@@ -157,7 +154,8 @@ fn the_pour_is_not_periodic_and_could_be() {
     let walled = std::fs::read_to_string(data("lammps-pour.dump")).unwrap();
     let file = scratch.write("a.dump", &walled.replacen("BOUNDS ff ff ff", "BOUNDS pp ff pp", 1));
     let spheres = Frames::open(&file, Default::default()).unwrap().next().unwrap().unwrap().spheres;
-    let count = |file: &str| detect(file, ["--json"]).succeeds().json()["pairs"].as_u64().unwrap() as usize;
+    let count =
+        |file: &str| detect_file(file, ["--json"]).succeeds().json()["pairs"].as_u64().unwrap() as usize;
     assert_eq!(count(&data("lammps-pour.dump")), 3072);
     assert_eq!(count(&file), brute_force(&spheres, [Some(24.0), None, Some(24.0)]).len());
 }

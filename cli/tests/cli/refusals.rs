@@ -6,9 +6,7 @@ use std::time::{Duration, Instant};
 
 use lazygrid_tests::command::Scratch;
 
-use crate::LAZYGRID;
-
-const SPHERES: &str = "x,y,z,r\n0,0,0,1\n1,0,0,1\n";
+use crate::{LAZYGRID, SPHERES};
 
 fn scenario(transmitter: &str) -> String {
     format!(

@@ -9,14 +9,7 @@ use std::process::{Command, Stdio};
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::command::{Run, Scratch, data, has_gpu, npy, table};
 
-use crate::LAZYGRID;
-
-const SPHERES: &str = "x,y,z,r\n0,0,0,1\n1,0,0,1\n";
-const FRAME: &str = "2\nProperties=pos:R:3:radius:R:1\n0 0 0 1\n1 0 0 1\n";
-
-fn detect<const N: usize>(args: [&str; N]) -> Run {
-    LAZYGRID.run(["detect", "--backend", "cpu"].into_iter().chain(args))
-}
+use crate::{FRAME, LAZYGRID, SPHERES, detect};
 
 fn fed<const N: usize>(input: &[u8], args: [&str; N]) -> Run {
     let mut command = Command::new(env!("CARGO_BIN_EXE_lazygrid"));

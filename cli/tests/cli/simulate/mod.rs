@@ -8,15 +8,10 @@ mod report;
 mod sweep;
 mod walls;
 
-use lazygrid_tests::command::{Run, Scratch, has_gpu};
-use std::ffi::OsStr;
+use lazygrid_tests::command::{Scratch, has_gpu};
 use std::fs;
 
-use crate::LAZYGRID;
-
-fn lazygrid(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
-    LAZYGRID.run(args)
-}
+use crate::lazygrid;
 
 const SCENARIO: &str = r#"
 time-step = 0.001
