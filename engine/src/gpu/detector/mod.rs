@@ -160,7 +160,8 @@ impl GpuDetector {
             if prepared.plan.deferred_parts != plan.deferred_parts {
                 prepared.recordings = SmallCache::NONE;
             }
-            return Ok(Prepared { plan, ..prepared });
+            prepared.plan = plan;
+            return Ok(prepared);
         }
         let buffers = Buffers::allocate(&self.device, &plan.buffers)?;
         Ok(Prepared::new(plan, buffers))
@@ -342,12 +343,7 @@ impl GpuDetector {
             sides: self.tables.as_ref().map(|tables| &tables.bytes.sides),
         };
         let call = prepared.plan.call(&settings);
-        if source == LayoutSource::EarlierCall && prepared.has_layout_for(&call) {
-            prepared.plan = prepared.plan.clone().reusing_layout();
-        } else {
-            prepared.layout = None;
-        }
-        prepared.bound = call;
+        prepared.set_call(call, source);
         let input = input.bound(call.spheres, self.settings.columns.as_ref())?;
         let key = Key { input, call, reuses_layout: prepared.plan.reuses_layout };
         prepared.bind(&self.device, &self.pipelines, key, self.tables.as_ref())

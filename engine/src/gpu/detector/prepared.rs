@@ -3,6 +3,7 @@ use std::collections::{BTreeSet, HashMap};
 use lazygrid_kernels::Algorithm;
 use lazygrid_kernels::layout::SearchParams;
 
+use super::LayoutSource;
 use super::input::BoundInput;
 use super::output::{CellOrder, GpuOutput};
 use super::tables::Tables;
@@ -17,9 +18,9 @@ pub(super) struct Prepared {
     pub(super) buffers: Buffers,
     pub(super) recordings: SmallCache<Key, Recording>,
     /// Parameters of the submitted call that chose the cells in the buffers; `None` if cells are not known.
-    pub(super) layout: Option<SearchParams>,
+    layout: Option<SearchParams>,
     /// Parameters of the bound call.
-    pub(super) bound: SearchParams,
+    bound: SearchParams,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -35,9 +36,16 @@ impl Prepared {
         Self { plan, buffers, recordings: SmallCache::NONE, layout: None, bound }
     }
 
-    /// Returns `true` if the cells in the buffers were chosen for equal parameters. The device checks the spheres.
-    pub(super) fn has_layout_for(&self, call: &SearchParams) -> bool {
-        call.spheres > 0 && self.layout.is_some_and(|layout| layout == layout_params(call))
+    /// Removes the dispatches that choose cells if those in the buffers were chosen for equal parameters. The device
+    /// checks the spheres.
+    pub(super) fn set_call(&mut self, call: SearchParams, source: LayoutSource) {
+        let may_reuse = source == LayoutSource::EarlierCall && call.spheres > 0;
+        if may_reuse && self.layout == Some(layout_params(&call)) {
+            self.plan.reuse_layout();
+        } else {
+            self.layout = None;
+        }
+        self.bound = call;
     }
 
     /// After the submission of the bound call.

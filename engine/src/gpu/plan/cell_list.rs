@@ -57,11 +57,11 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
 impl Plan {
     /// Returns the plan of a call with the cells of an earlier call, which it checks instead of choosing cells. The
     /// caller clears [`Self::cleared_bytes`] of the counters.
-    pub(crate) fn reusing_layout(mut self) -> Self {
+    pub(crate) fn reuse_layout(&mut self) {
         let choosing =
             [&k::CELL_LIST_SETUP_SMALL, &k::STATS_REDUCE, &k::CELL_LIST_CONFIGURE, &k::OCCUPANCY_COUNT];
         self.dispatches.retain(|dispatch| !choosing.contains(&dispatch.kernel));
-        Self { reuses_layout: true, ..self }
+        self.reuses_layout = true;
     }
 
     /// Bytes of [`BufferId::Starts`] to clear before the first dispatch.

@@ -88,9 +88,11 @@ impl Planner {
     /// # Errors
     /// See [`plan`](Self::plan).
     pub fn cost_with_reused_cells(&self, spheres: u32) -> Result<CallCost, Error> {
-        let sized = self.sized(spheres)?;
-        let reuses = sized.algorithm == Algorithm::CellList;
-        Ok(if reuses { sized.reusing_layout().cost() } else { sized.cost() })
+        let mut sized = self.sized(spheres)?;
+        if sized.algorithm == Algorithm::CellList {
+            sized.reuse_layout();
+        }
+        Ok(sized.cost())
     }
 
     fn sized(&self, spheres: u32) -> Result<Plan, Error> {

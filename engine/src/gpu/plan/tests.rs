@@ -201,7 +201,8 @@ fn a_cell_list_is_small_and_has_few_dispatches() {
 fn reused_cells_take_fewer_dispatches_and_bytes() {
     let measured = [10_000, 30_000, 100_000, 1_000_000, 10_000_000, 100_000_000].map(|spheres| {
         let bytes = |plan: &Plan| plan.cost().traffic_bytes.map_or(0, |bytes| bytes / u64::from(spheres));
-        let (whole, reusing) = (list(spheres, false), list(spheres, false).reusing_layout());
+        let [whole, mut reusing] = [list(spheres, false), list(spheres, false)];
+        reusing.reuse_layout();
         assert_eq!(whole.bytes(), reusing.bytes(), "the same buffers");
         (spheres, [whole.dispatches.len(), reusing.dispatches.len()], [bytes(&whole), bytes(&reusing)])
     });

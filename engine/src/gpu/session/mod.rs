@@ -22,6 +22,8 @@ use layout_reuse::LayoutReuse;
 use skin::SkinSession;
 use submission::{PendingReadback, Submission};
 
+pub use submission::SubmissionCounts;
+
 const MAX_IN_FLIGHT: usize = 2;
 /// Pairs in the first readback.
 const FIRST_PAIRS: u64 = 1 << 12;
@@ -54,20 +56,6 @@ pub struct GpuSession {
     last: Outcome,
     counts: [SubmissionCounts; MAX_IN_FLIGHT],
     last_counts: SubmissionCounts,
-}
-
-/// The submissions of a call.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[non_exhaustive]
-pub struct SubmissionCounts {
-    /// Searches, including retries.
-    pub searches: u32,
-    /// Searches that reused the cells of an earlier call's cell list.
-    pub reused_layouts: u32,
-    /// Command buffers of searches and continuations. Long searches have several.
-    pub parts: u32,
-    /// Copies of pairs that a search left on the device.
-    pub copies: u32,
 }
 
 #[derive(Clone, Debug)]

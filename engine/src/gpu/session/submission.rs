@@ -10,6 +10,20 @@ use crate::gpu::detector::GpuSpheres;
 use crate::gpu::device::{GpuDevice, Mapping, Wait, with_error_scope};
 use crate::gpu::plan::GpuPhase;
 
+/// The submissions of a call.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub struct SubmissionCounts {
+    /// Searches, including retries.
+    pub searches: u32,
+    /// Searches that reused the cells of an earlier call's cell list.
+    pub reused_layouts: u32,
+    /// Command buffers of searches and continuations. Long searches have several.
+    pub parts: u32,
+    /// Copies of pairs that a search left on the device.
+    pub copies: u32,
+}
+
 #[derive(Debug)]
 pub(super) struct PendingReadback {
     pub(super) number: u64,
@@ -22,7 +36,7 @@ pub(super) struct PendingReadback {
     timed: &'static [GpuPhase],
     /// If candidates answered it, whose state is read back in place of times.
     pub(super) is_kept: bool,
-    /// `true` if a search reused the cells of an earlier call, `None` without a search of a cell list.
+    /// If a search reused the cells of an earlier call; `None` without a search.
     has_reused: Option<bool>,
 }
 
