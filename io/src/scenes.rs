@@ -77,8 +77,7 @@ pub enum Scene {
     BurstLinear,
     /// Radii of [`Burst`](Self::Burst); all centers at the origin.
     Point,
-    /// Few large spheres among small ones, in random order; uniform in a ball, 5 % filled. If the large ones fill most
-    /// of that, the ball grows, so that a small one lies in one of them with a probability of 5 %.
+    /// Few large spheres among small ones, in random order; uniform in a ball, 5 % filled by both.
     Transceivers(Transceivers),
 }
 

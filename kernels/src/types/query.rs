@@ -82,7 +82,7 @@ impl<'a> Query<'a> {
     /// Runs a check on each set. Errors of the second become [`InputError::SecondSet`].
     ///
     /// # Errors
-    /// Those of `check`.
+    /// The errors of `check`.
     pub fn check_each(
         &self,
         check: impl Fn(Spheres<'a>) -> Result<(), InputError>,

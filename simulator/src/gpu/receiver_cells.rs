@@ -1,8 +1,8 @@
 //! Lists of the receivers that a particle may hit, by cell.
 //!
 //! The host searches two sets: cells, inflated by the displacement of particles in a step, and receivers, inflated by
-//! their displacements while the lists are valid. Lists keep the order of receivers, so a search gives the same result
-//! as a loop over all. The loop serves longer displacements and species without lists.
+//! their displacements while the lists are valid. Lists keep the order of receivers, so the result is that of a loop
+//! over all receivers, which serves longer displacements and species without lists.
 
 use glam::{UVec3, Vec3};
 use lazygrid::Sphere;

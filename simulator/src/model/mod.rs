@@ -86,8 +86,8 @@ pub enum Flow {
 /// Products take the positions and ids of their reactants, in order. A reactant that is its own product keeps its
 /// position and may react with several partners in one step.
 ///
-/// Several reactions of the same reactants are channels: a pair undergoes at most one per step, by their probabilities,
-/// of those whose binding radius contains it.
+/// Several reactions of the same reactants are channels: a pair undergoes at most one per step. Probabilities
+/// decide between those whose binding radius contains the pair.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reaction {
     /// Such as `A + B -> C`.

@@ -186,8 +186,8 @@ pub(crate) trait PeriodicSimd: SimdWidth {
         pairs: &[Pair; MAX_LANES],
         periodic: &PeriodicBox,
     ) -> [u32; 2];
-    /// Like [`squared_distances`](SimdWidth::squared_distances) between minimum images, with the slack added to the sum
-    /// of radii, and subtracted down to zero.
+    /// Returns two results like [`squared_distances`](SimdWidth::squared_distances) between minimum images: with the
+    /// slack added to the sum of radii, and with it subtracted, but no sum below zero.
     fn minimum_image_distances(
         self,
         columns: &Columns,

@@ -1,5 +1,5 @@
-// Each workgroup tests 256 spheres with some tiles of larger indices, or of the second set, within the devices' limit
-// of loop iterations.
+// Each workgroup tests 256 spheres with some tiles of larger indices, or of the second set, within the limit of
+// loop iterations of a device.
 #include layout
 #include thread
 #include sphere

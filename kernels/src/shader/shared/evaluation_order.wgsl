@@ -43,8 +43,8 @@ fn scaled_up(value: f32) -> f32 {
     return select(bitcast<f32>(bits + (100u << 23u)), subnormal, (bits & 0x7f800000u) == 0u);
 }
 
-// Times 2^-70, through the exponent, and 0 for smaller results. Compilers may combine two multiplications into one,
-// which may be infinite.
+// Times 2^-70, through the exponent, and 0 for smaller results. Compilers may combine two multiplications into one
+// by an infinite factor.
 fn scaled_down(value: f32) -> f32 {
     let bits = bitcast<u32>(value);
     return select(0.0, bitcast<f32>(bits - (70u << 23u)), (bits & 0x7f800000u) > (70u << 23u));
