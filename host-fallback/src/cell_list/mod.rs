@@ -240,7 +240,7 @@ fn link(
             };
             let reach = match members {
                 [] => f64::INFINITY,
-                _ if input.test.is_framed() || grouping.sets().is_some() => f64::INFINITY,
+                _ if input.test.frame().is_some() || grouping.sets().is_some() => f64::INFINITY,
                 members => members[a].reach(&members[b], meeting),
             };
             let [cap, back] = [other, own].map(|level| reach - f64::from(levels[level].grid.largest()));

@@ -19,6 +19,9 @@ fn within(lengths: Option<DVec3>, a: Vec3, b: Vec3, cutoff: f64) -> bool {
     d.x * d.x + d.y * d.y + d.z * d.z <= cutoff * cutoff
 }
 
+/// The square of twice this radius is finite in `f32`.
+const MAX_CERTAIN_RADIUS: f32 = (1_u64 << 62) as f32;
+
 #[derive(Clone, Debug)]
 pub(crate) struct PairTest<'a> {
     spheres: Spheres<'a>,
@@ -31,6 +34,8 @@ pub(crate) struct PairTest<'a> {
     frame: Option<&'a SearchFrame>,
     /// `true` if spheres that certainly touch are a pair without further tests.
     is_plain: bool,
+    /// `true` if the square of a cutoff may be infinite in `f32`: then no contact is certain.
+    overflows: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -75,6 +80,7 @@ impl<'a> PairTest<'a> {
             filter: None,
             frame: None,
             is_plain,
+            overflows: false,
         }
     }
 
@@ -88,6 +94,12 @@ impl<'a> PairTest<'a> {
     pub(crate) fn in_space(self, space: Space) -> Self {
         let lengths = space.lengths().map(|length| length.unwrap_or(f64::INFINITY));
         Self { space, lengths: space.is_periodic().then_some(lengths.into()), ..self }
+    }
+
+    /// For effective radii up to `largest`.
+    pub(crate) fn with_radii_up_to(self, largest: f32) -> Self {
+        let overflows = largest > MAX_CERTAIN_RADIUS;
+        Self { overflows, is_plain: self.is_plain && !overflows, ..self }
     }
 
     pub(crate) fn widened(&self, margin: SkinMargin<'a>) -> Self {
@@ -157,12 +169,13 @@ impl<'a> PairTest<'a> {
 
     /// Lets contact by effective radii decide up to rounding, unless a filter or frame requires more.
     pub(crate) fn decided_by_radii(&mut self) {
-        self.is_plain = self.frame.is_none_or(SearchFrame::is_orthogonal)
+        self.is_plain = !self.overflows
+            && self.frame.is_none_or(SearchFrame::is_orthogonal)
             && self.filter.is_none_or(PairFilter::is_contact);
     }
 
-    pub(crate) fn is_framed(&self) -> bool {
-        self.frame.is_some()
+    pub(crate) fn frame(&self) -> Option<&'a SearchFrame> {
+        self.frame
     }
 
     #[inline(always)]

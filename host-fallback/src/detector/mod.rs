@@ -153,6 +153,7 @@ impl SearchBackend for HostBackend {
                 groups.update(ids, table, executor)?;
             }
             let groups = table.map(|_| &*groups);
+            let test = test.with_radii_up_to(stats.largest_radius());
             let (simd, split) = (settings.simd, prepared.split);
             let mut input = SearchInput { test, stats, settings, simd, executor, split, groups };
             state.build(&mut input, lapsed)?;

@@ -11,6 +11,7 @@ use crate::compare::{
     at_places, memory_of_list,
 };
 use crate::executor::Executor;
+use crate::frame::SearchFrame;
 use crate::input::{InputStats, SearchInput, check_valid, search_pieces};
 use crate::memory::{prefetch, try_resize, with_growth};
 use crate::report::{CandidateListStats, RebuildReason, Report};
@@ -41,6 +42,8 @@ pub(super) fn fixed(distance: f32) -> DisplacementLimits {
 #[derive(Debug, Default)]
 pub(crate) struct CandidateList {
     input_stats: Option<Box<InputStats>>,
+    /// Coordinates are comparable in this frame only, since other ones have other periods.
+    frame: Option<SearchFrame>,
     species: Vec<u32>,
     order: Vec<u32>,
     rows: Vec<Xyzr>,
@@ -90,7 +93,10 @@ impl CandidateList {
     ) -> Option<RebuildReason> {
         let spheres = current.test.spheres();
         let Some(input_stats) = self.input_stats.take() else { return Some(RebuildReason::NoList) };
-        if spheres.len() != self.order.len() || spheres.species().unwrap_or(&[]) != self.species {
+        if spheres.len() != self.order.len()
+            || spheres.species().unwrap_or(&[]) != self.species
+            || current.test.frame() != self.frame.as_ref()
+        {
             return Some(RebuildReason::InputChanged);
         }
         let rows = match current.given {
@@ -170,6 +176,7 @@ impl CandidateList {
             return Ok(false);
         }
         (self.count, self.age, self.displacement_fraction) = (count, 0, 0.0);
+        self.frame = input.test.frame().cloned();
         self.input_stats = Some(Box::new(input.stats.clone()));
         Ok(true)
     }
