@@ -63,3 +63,18 @@ fn coincident_points_are_counted_exactly() {
         assert_eq!(detector.count(&spheres[..n]), Ok(found), "{variant}");
     }
 }
+
+/// The squares of their cutoff and, in `f32`, of their distance are at the end of the range.
+#[test]
+fn contact_of_spheres_whose_squares_overflow_is_exact() {
+    let far = (11_863_283_u64 << 40) as f32;
+    let [radius, near] = [63, 38].map(|exponent| 2.0_f32.powi(exponent));
+    let apart = [Sphere::new([far, far, 0.0], radius), Sphere::new([-near, -near, 0.0], radius)];
+    let touching = [apart[0], Sphere::new([near, near, 0.0], radius)];
+    for variant in variants::each_algorithm().into_iter().filter(|variant| variant.backend() == Backend::Cpu)
+    {
+        let mut detector = Detector::new(variant.settings()).expect("a detector");
+        assert_eq!(detector.count(&apart), Ok(0), "{variant}");
+        assert_eq!(detector.count(&touching), Ok(1), "{variant}");
+    }
+}

@@ -14,6 +14,10 @@ const COUNTABLE: f64 = (1_u64 << 50) as f64;
 /// Relative to the largest coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 
+/// Relative to a radius: far more than the exact test rounds the difference of two centers that are one radius apart. A
+/// searching sphere may be larger, and farther from the origin, than all spheres of the grid.
+const RADIUS_ROUNDING: f64 = 1e-9;
+
 /// An upper bound for a sum of `f32` coordinates, relative to the largest.
 const SINGLE_ROUNDING: f64 = 1.0 / (1_u64 << 20) as f64;
 
@@ -83,7 +87,7 @@ impl CellGrid {
         }
         let far = min.abs().max(max.abs()).max_element();
         let slack = if folded { 0.0 } else { f64::from(far) * ROUNDING };
-        let reach = f64::from(largest) * (1.0 + 1e-9) + slack;
+        let reach = f64::from(largest) * (1.0 + RADIUS_ROUNDING) + slack;
         let last = size.map(|cells| f64::from(cells - 1));
         let axes = Axes {
             per_length: [cell_sizes[0].recip(), cell_sizes[1].recip(), cell_sizes[2].recip(), 0.0],
@@ -140,7 +144,7 @@ impl CellGrid {
         if self.circular {
             return self.circular_block([x, y, z], r);
         }
-        let reach = f64::from(r) + self.reach;
+        let reach = f64::from(r) * (1.0 + RADIUS_ROUNDING) + self.reach;
         let low = vector.cell(&self.axes, [x, y, z], -reach);
         let high = vector.cell(&self.axes, [x, y, z], reach);
         CellRange { first: [low[0], low[1], low[2]], last: [high[0], high[1], high[2]] }
@@ -179,7 +183,7 @@ impl CellGrid {
         let (mut first, mut last) = (own, own);
         for axis in 0..3 {
             let (x, per_length) = (f64::from(center[axis]), self.axes.per_length[axis]);
-            let reach = f64::from(radius) + self.reach + x.abs() * ROUNDING;
+            let reach = f64::from(radius) * (1.0 + RADIUS_ROUNDING) + self.reach + x.abs() * ROUNDING;
             let cells = f64::from(self.size[axis]);
             let (low, high) = match (self.periodic[axis], self.folded) {
                 (true, _) => {

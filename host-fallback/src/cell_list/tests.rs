@@ -186,3 +186,23 @@ fn slightly_too_many_cells_do_not_fold_the_table() {
         assert!(list.levels.iter().all(|level| !level.grid.folded), "{:?}", list.levels);
     }
 }
+
+/// The difference of the centers rounds to the radius of the giant, which belongs to another group.
+#[test]
+fn giant_touches_points_of_another_group_by_rounding_alone() {
+    let giant = Sphere::new([1_048_576.0, 0.0, 0.0], 1_048_576.0);
+    let points = (0..1000).map(|k| Sphere::new([if k < 500 { -1e-10 } else { 0.0 }, 0.0, 0.0], 0.0));
+    let spheres: Vec<_> = std::iter::once(giant).chain(points).collect();
+    let ids: Vec<u32> = (0..1001).map(|k| u32::from(k == 0)).collect();
+    let mut table = Interactions::new(2, Interaction::Never).expect("few species");
+    table.set(0, 1, Interaction::Touch).expect("known species");
+    for space in [Space::UNBOUNDED, Space::periodic([None, Some(1e7), None]).expect("a box")] {
+        let count = |algorithm| {
+            let settings =
+                Settings { algorithm, interactions: Some(table.clone()), space, ..Settings::default() };
+            let mut detector = HostDetector::new(settings).expect("the settings are in range");
+            detector.count(Spheres::from(&spheres).with_species(&ids).expect("one id for each"))
+        };
+        assert_eq!((count(Algorithm::Naive), count(Algorithm::CellList)), (Ok(1000), Ok(1000)), "{space:?}");
+    }
+}
