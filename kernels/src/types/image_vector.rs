@@ -87,21 +87,15 @@ impl Space {
             // Differences are multiples of the smallest number, so nothing is lost yet.
             is_within(vector.map(|number| number * UP), reach * UP)
         } else {
-            self.decide_scaled([a, b], distance, way)
+            let [a, b] = [a, b].map(|numbers| numbers.map(|number| number * DOWN));
+            let reach = distance.map_or(a[3] + b[3], |distance| distance * DOWN);
+            // Only if a difference overflowed: short cell vectors would become 0.
+            let vector = match vector.iter().all(|number| number.is_finite()) {
+                true => vector.map(|number| number * DOWN),
+                false => way(&self.scaled(DOWN), center(a), center(b)),
+            };
+            is_within(vector, reach)
         }
-    }
-
-    /// Decides with all numbers scaled by a power of two, so that no difference or sum overflows.
-    #[cold]
-    fn decide_scaled(
-        &self,
-        spheres: [[f64; 4]; 2],
-        distance: Option<f64>,
-        way: impl Fn(&Self, [f64; 3], [f64; 3]) -> [f64; 3],
-    ) -> bool {
-        let [a, b] = spheres.map(|numbers| numbers.map(|number| number * DOWN));
-        let reach = distance.map_or(a[3] + b[3], |distance| distance * DOWN);
-        is_within(way(&self.scaled(DOWN), center(a), center(b)), reach)
     }
 
     /// Returns the minimum image as multiples of the cell vectors, and the vector to it.
@@ -175,6 +169,17 @@ mod tests {
         assert!(Space::UNBOUNDED.touch(left, right, None));
         for far in [[0.0; 4], [1e300, -1e300, 1e200, 0.0], [1e-300, 0.0, 0.0, 0.0]] {
             assert!(Space::UNBOUNDED.touch(far, far, None), "{far:?}");
+        }
+    }
+
+    #[test]
+    fn large_spheres_touch_in_small_boxes() {
+        let edges = [Some([1e-130, 0.0, 0.0]), Some([3e-131, 1e-130, 0.0]), Some([0.0, 0.0, 1e-130])];
+        let small = [Space::triclinic(edges), Space::periodic([Some(1e-160); 3])];
+        for space in small.map(|space| space.expect("a box")) {
+            let [giant, other] = [[0.0, 0.0, 0.0, 1e150], [3e-131, 2e-131, 0.0, 1e150]];
+            assert!(space.touch(giant, giant, None) && space.touch(giant, other, None), "{space:?}");
+            assert!(space.touch(giant, other, Some(1e200)), "{space:?}");
         }
     }
 
