@@ -6,7 +6,10 @@ use std::ops::ControlFlow;
 
 use common::{Random, device, limited};
 use lazygrid::gpu::{GpuConfig, GpuSession, wgpu};
-use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Pair, RebuildReason, Sphere, Spheres};
+use lazygrid::{
+    Algorithm, Backend, Config, Detector, Error, Interaction, Interactions, Order, Pair, RebuildReason,
+    Sphere, Spheres,
+};
 
 /// Multiples of a power of two, so that results agree exactly.
 fn cloud(seed: u64, n: usize, extent: u32) -> Vec<Sphere> {
@@ -135,6 +138,22 @@ fn third_call_in_flight_is_refused() {
 
 /// Crowds of a thousand spheres, searched one block of entries at a time, while another call in flight uses the same
 /// buffers.
+#[test]
+fn call_without_species_does_not_use_those_of_an_earlier_one() {
+    let Some(own) = device() else { return };
+    let mut table = Interactions::new(2, Interaction::Never).expect("two species");
+    table.set(0, 1, Interaction::Touch).expect("a pair");
+    let mut session = GpuSession::new(own, GpuConfig::default().interactions(table)).expect("made");
+    let (spheres, species) = (cloud(9, 500, 6), [0, 1].repeat(250));
+    for _ in 0..2 {
+        let given = Spheres::from(&spheres).with_species(&species).expect("as many");
+        let ticket = session.begin(given).expect("begun");
+        assert!(!session.finish(ticket, u64::MAX).expect("found").is_empty());
+    }
+    let refused = session.begin(Spheres::from(&spheres)).expect_err("no species");
+    assert!(matches!(refused, Error::SpeciesBuffer { .. }), "{refused}");
+}
+
 #[test]
 fn crowded_searches_continue_over_several_submissions() {
     let Some(own) = device() else { return };

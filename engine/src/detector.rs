@@ -114,7 +114,8 @@ impl Detector {
     ///
     /// Unlike other searches, this one finds all images within the cutoff, in a smaller box also a sphere's own.
     /// Exclusions apply to all images. `i` and `j` are neighbors at shift `S` if `v = (cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)`
-    /// is at most their cutoff long, in `f64` on any backend. The order is canonical.
+    /// is at most their cutoff long. `v` is computed in `f64` on any backend; a GPU decides pairs of `f32` spheres within
+    /// a few ulp of tangency as for [`pairs`](Self::pairs). The order is canonical.
     ///
     /// ```
     /// use lazygrid::{Config, Detector, ListOptions, Radii, Space, Spheres};

@@ -96,8 +96,12 @@ impl SlabSearch {
                 refine(list, filter, team);
                 Ok(())
             }
-            // Candidates that the filter drops need no capacity in the list.
-            (Err(Error::TooManyPairs { .. }), Some(_)) => self.list_in_parts(request, limit, list),
+            // Candidates that the filter drops need no capacity in the list, nor pairs of two ghosts.
+            (Err(Error::TooManyPairs { .. }), filter)
+                if filter.is_some() || self.has_ghost_pairs(request) =>
+            {
+                self.list_in_parts(request, limit, list)
+            }
             (result, _) => result,
         }
     }
@@ -180,7 +184,7 @@ impl SlabSearch {
         if request.has_no_pairs() {
             return Ok(0);
         }
-        if request.filter.is_some() {
+        if request.filter.is_some() || self.has_ghost_pairs(request) {
             let mut found = 0;
             self.parts(request, None, |pairs| {
                 found += pairs.len() as u64;
@@ -308,6 +312,12 @@ impl SlabSearch {
             }
         }
         Ok(())
+    }
+
+    /// Returns `true` if slabs also find pairs of two ghosts, which only [`Slab::name`] drops. The window of one set leaves
+    /// them out.
+    fn has_ghost_pairs(&self, request: &SearchRequest<'_>) -> bool {
+        request.split.is_some() && !self.is_bound_at_once(request)
     }
 
     pub(super) fn is_bound_at_once(&self, request: &SearchRequest<'_>) -> bool {

@@ -48,6 +48,14 @@ fn inputs_beyond_the_largest_binding_are_searched_in_slabs() {
     let across = |pair: &&Pair| pair.i < 1000 && pair.j >= 1000;
     let across: Vec<_> = expected.iter().filter(across).map(|p| Pair { i: p.i, j: p.j - 1000 }).collect();
     assert!(detector.pairs(Query::new((first, second))).expect("found") == across);
+    let twice = (&spheres[..40_000], &spheres[..40_000]);
+    let expected_twice = host.count(Query::new(twice)).expect("valid");
+    assert_eq!(detector.count(Query::new(twice)), Ok(expected_twice));
+    let mut exact = made(gpu.clone(), config.clone().max_pairs(expected_twice));
+    assert_eq!(exact.pairs(Query::new(twice)).map(<[Pair]>::len), Ok(expected_twice as usize));
+    let (found, limit) = (expected_twice, expected_twice - 1);
+    let mut short = made(gpu.clone(), config.clone().max_pairs(limit));
+    assert_eq!(short.pairs(Query::new(twice)), Err(Error::TooManyPairs { found, limit }));
     let all_pairs = expected.len() as u64;
     for limit in [all_pairs, all_pairs - 1, all_pairs / 7] {
         let mut detector = made(gpu.clone(), config.clone().max_pairs(limit));

@@ -47,6 +47,9 @@ pub(crate) use work_budget::{WorkBudget, tests_within_limit};
 const SEARCH_GROUPS: u64 = 2048;
 /// Crowded search distributes these over one dimension, even if all are in one cell.
 const MAX_ENTRIES: u64 = 65_535 * (k::RUN_TILES * k::WORKGROUP_SIZE) as u64;
+/// Chunks of a sphere's later candidates are the workgroups of one dimension; the first chunk is not among them. Below
+/// [`k::MAX_ENTRY_OBJECTS`].
+const MAX_SPHERES: u64 = 65_536 * k::CANDIDATES_PER_INVOCATION as u64;
 /// Folding needs three key bits per axis at each of up to 32 levels.
 const MIN_KEY_BITS: u32 = 16;
 /// Half of the occupancy table; fits the caches of current devices.
@@ -265,7 +268,7 @@ pub(super) fn digits(bits: u32, is_counted: bool) -> Vec<RadixPass> {
 }
 
 pub(super) fn most_spheres(limits: &DeviceLimits) -> u64 {
-    (limits.bytes() / 16).min(k::MAX_ENTRY_OBJECTS)
+    (limits.bytes() / 16).min(MAX_SPHERES)
 }
 
 pub(super) fn most_entries(limits: &DeviceLimits) -> u64 {
@@ -339,8 +342,8 @@ fn check(plan: &Plan, species: bool, limits: &DeviceLimits) -> Result<(), Error>
     if needed > limit {
         return Err(Error::LimitExceeded { what: "the sphere buffer", needed, limit, remedy });
     }
-    if u64::from(plan.spheres) > k::MAX_ENTRY_OBJECTS {
-        let (needed, limit) = (plan.spheres.into(), k::MAX_ENTRY_OBJECTS);
+    if u64::from(plan.spheres) > MAX_SPHERES {
+        let (needed, limit) = (plan.spheres.into(), MAX_SPHERES);
         return Err(Error::LimitExceeded { what: "the number of spheres", needed, limit, remedy });
     }
     check_buffers(&plan.buffers, limits)?;

@@ -191,7 +191,7 @@ impl GpuConfig {
             window_end: window.end,
             second_set_start: split,
             tau: self.tau,
-            pairs_in_cell_order: u32::from(self.pairs_in_cell_order),
+            pairs_in_cell_order: u32::from(self.pairs_in_cell_order && *window == (0..u32::MAX)),
             ..SearchParams::default()
         };
         call.in_space(self.space)

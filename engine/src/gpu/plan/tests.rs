@@ -63,6 +63,18 @@ fn the_most_spheres_that_can_be_bound_can_be_searched() {
     }
 }
 
+/// A sphere may have all others as candidates.
+#[test]
+fn no_sphere_has_more_chunks_of_candidates_than_workgroups_can_be_dispatched() {
+    let metal = DeviceLimits { storage_binding: 1 << 36, buffer: 1 << 36, ..H200 };
+    let most = most_spheres(&metal);
+    let later_chunks = (most - 1).div_ceil(k::CANDIDATES_PER_INVOCATION.into()) - 1;
+    assert!(most > most_spheres(&H200) && later_chunks <= 65_535, "{later_chunks} chunks of {most} spheres");
+    let request = Request { algorithm: Algorithm::CellList, ..request(most as u32 + 1, 1) };
+    let error = plan(&request, &metal).expect_err("too many");
+    assert!(matches!(error, Error::LimitExceeded { what: "the number of spheres", .. }), "{error}");
+}
+
 #[test]
 fn four_million_spheres_have_room_for_all_entries_on_lavapipe() {
     assert_eq!(plan(&request(4_000_000, 1 << 20), &LAVAPIPE).expect("fits").entries, 32_000_000);

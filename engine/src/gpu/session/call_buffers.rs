@@ -14,7 +14,8 @@ const TICKS_AT: u64 = 64;
 pub(crate) struct CallBuffers {
     pub(crate) count: u32,
     pub(crate) spheres: Option<wgpu::Buffer>,
-    pub(crate) species: Option<wgpu::Buffer>,
+    species: Option<wgpu::Buffer>,
+    has_species: bool,
     staging: Option<wgpu::Buffer>,
     rows: Vec<Sphere>,
 }
@@ -22,6 +23,7 @@ pub(crate) struct CallBuffers {
 impl CallBuffers {
     pub(crate) fn upload(&mut self, gpu: &GpuDevice, spheres: Spheres<'_>) -> Result<(), Error> {
         self.count = spheres.len() as u32;
+        self.has_species = spheres.species().is_some();
         match spheres.as_rows() {
             Some(rows) => write(gpu, &mut self.spheres, "spheres", rows)?,
             None => {
@@ -35,6 +37,11 @@ impl CallBuffers {
             Some(species) => write(gpu, &mut self.species, "species", species),
             None => Ok(()),
         }
+    }
+
+    /// Returns the species of the last upload, if it had any.
+    pub(crate) fn species(&self) -> Option<&wgpu::Buffer> {
+        self.species.as_ref().filter(|_| self.has_species)
     }
 
     pub(crate) fn staging(&mut self, gpu: &GpuDevice, pairs: u64) -> Result<wgpu::Buffer, Error> {
@@ -121,8 +128,9 @@ fn write<T: Pod>(
         return Err(Error::LimitExceeded { what: "the sphere buffer", needed, limit, remedy });
     }
     let size = needed.next_power_of_two().clamp(16, limit);
-    with_error_scope(&gpu.device, what, size, || {
-        let fitting = buffer.take().filter(|buffer| buffer.size() >= needed);
+    // A buffer that could not be created is not kept, since it has the requested size all the same.
+    let fitting = buffer.take().filter(|buffer| buffer.size() >= needed);
+    *buffer = Some(with_error_scope(&gpu.device, what, size, || {
         let target = fitting.unwrap_or_else(|| {
             gpu.device.create_buffer(&wgpu::BufferDescriptor {
                 label: Some(what),
@@ -132,6 +140,7 @@ fn write<T: Pod>(
             })
         });
         gpu.queue.write_buffer(&target, 0, bytes);
-        *buffer = Some(target);
-    })
+        target
+    })?);
+    Ok(())
 }

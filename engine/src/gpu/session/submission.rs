@@ -94,7 +94,7 @@ impl GpuSession {
         let before = self.submitted.take();
         let (found, details) = match (work, skin) {
             (Submission::Full(window), skin) => {
-                let species = slot.species.as_ref().filter(|_| detector.has_interactions()).map(Into::into);
+                let species = slot.species().filter(|_| detector.has_interactions()).map(Into::into);
                 let input = GpuSpheres { species, window, split, ..GpuSpheres::new(&spheres, slot.count) };
                 count.searches += 1;
                 match skin {
