@@ -58,8 +58,6 @@ pub enum Error {
     Detection(#[from] lazygrid::Error),
     #[error("the GPU backend does not support {what}; choose the CPU")]
     NotOnGpu { what: String },
-    #[error("a run over ranks does not support {what}; run it in one process, with `lazygrid simulate`")]
-    NotOverRanks { what: String },
     #[error(
         "step {step}: {particles} particles have non-finite positions; shorten the time step or weaken the drift"
     )]

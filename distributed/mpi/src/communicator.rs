@@ -13,6 +13,7 @@ use crate::rank_segments::RankSegments;
 /// Ranks over MPI. Methods are collective, except getters.
 pub(crate) struct MpiCommunicator {
     comm: SimpleCommunicator,
+    ranks_on_machine: u32,
     limit: u64,
     sent: u64,
 }
@@ -30,8 +31,10 @@ struct Incoming<'a, T> {
 }
 
 impl MpiCommunicator {
+    /// Collective.
     pub(crate) fn new(comm: SimpleCommunicator, limit: u64) -> Self {
-        Self { comm, limit, sent: 0 }
+        let ranks_on_machine = comm.split_shared(comm.rank()).size() as u32;
+        Self { comm, ranks_on_machine, limit, sent: 0 }
     }
 
     pub(crate) fn comm(&self) -> &SimpleCommunicator {
@@ -116,6 +119,10 @@ impl RankCommunicator for MpiCommunicator {
 
     fn agree<T>(&self, result: Result<T, Error>) -> Result<T, Error> {
         agree(&self.comm, result)
+    }
+
+    fn ranks_on_machine(&self) -> u32 {
+        self.ranks_on_machine
     }
 
     fn all_reduce_sum(&mut self, values: &[u64]) -> Vec<u64> {

@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 
 use bytemuck::Pod;
-use lazygrid::{Algorithm, Backend, Detector, Order};
+use lazygrid::{Detector, Order};
 use lazygrid_ranks::{
     Communicator as _, Ghosts, LoadBalance, Migration, PairCounts, PairKind, Partitioner, RankBounds, Search,
     SphereWrapper, gather,
@@ -11,7 +11,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::communicator::{MpiCommunicator, try_reserved};
 use crate::id_check::IdCheck;
-use crate::node_rank::{NodeRank, RankDevice};
+use crate::node_rank::NodeRank;
 use crate::rebalance::rebalance;
 use crate::{
     Config, Delivery, Error, GlobalPair, LocalSpheres, OwnedSpheres, Ownership, RebalanceReport, Report,
@@ -50,14 +50,12 @@ impl Distributed {
         comm.agree(config.check(comm.ranks()))?;
         config.shared().agree(&mut comm)?;
         let node = NodeRank::of(comm.comm());
-        let made = detectors(&config, node);
-        let threads = config.threads.unwrap_or_else(|| node.threads());
-        let made = made.and_then(|detectors| Ok((detectors, pool(threads)?)));
-        let rank = comm.rank();
-        let ((detector, across), pool) =
-            comm.agree(made.map_err(|message| Error::Detection { rank, message }))?;
         let wrapper = SphereWrapper::new(config.space, config.interactions.as_ref());
-        let search = Search::new(detector, across, wrapper.clone(), rank, comm.ranks());
+        let (rank, ranks) = (comm.rank(), comm.ranks());
+        let made = search(&config, node, wrapper.clone(), [rank, ranks]);
+        let threads = config.threads.unwrap_or_else(|| node.threads());
+        let made = made.and_then(|search| Ok((search, pool(threads)?)));
+        let (search, pool) = comm.agree(made.map_err(|message| Error::Detection { rank, message }))?;
         let (id_check, report) = (IdCheck::default(), Report::default());
         Ok(Self {
             comm,
@@ -288,29 +286,20 @@ fn send_to_ranks(comm: &mut MpiCommunicator, pairs: &[GlobalPair]) -> Result<Vec
     lazygrid_ranks::send_to_ranks(comm, "pairs for their other owner", all).map(|(came, _)| came)
 }
 
-/// Returns this rank's detector, and one for ghosts if the first cannot find these.
-fn detectors(config: &Config, node: NodeRank) -> Result<(Detector, Option<Detector>), String> {
+fn search(
+    config: &Config,
+    node: NodeRank,
+    wrapper: SphereWrapper,
+    [rank, ranks]: [u32; 2],
+) -> Result<Search, String> {
     let ours = |detector: lazygrid::Config| {
         detector.space(config.space).interactions(config.interactions.clone()).order(Order::Unordered)
     };
-    let detector = ours(config.detector.clone()).backend(config.backend);
-    let detector = match node.device(config.backend) {
-        RankDevice::Asked => detector,
-        RankDevice::Cpu => detector.backend(Backend::Cpu),
-        #[cfg(feature = "gpu")]
-        RankDevice::Gpu(index) => detector.adapter(index),
-        #[cfg(not(feature = "gpu"))]
-        RankDevice::Gpu(_) => detector,
-    };
-    let made = Detector::new(detector).map_err(|error| error.to_string())?;
-    let report = made.report();
-    let of_two = matches!(report.algorithm, Algorithm::Auto | Algorithm::CellList | Algorithm::Naive);
-    if report.backend == Backend::Cpu && of_two {
-        return Ok((made, None));
-    }
-    // A GPU would get all owned spheres again for few ghosts. The paper's grids have one set.
-    let across = Detector::new(ours(lazygrid::Config::default()).backend(Backend::Cpu));
-    Ok((made, Some(across.map_err(|error| error.to_string())?)))
+    let detector = node.device(config.backend).of(ours(config.detector.clone()), config.backend);
+    let made = Detector::new(detector);
+    let search =
+        made.and_then(|made| Search::new(made, ours(lazygrid::Config::default()), wrapper, rank, ranks));
+    search.map_err(|error| error.to_string())
 }
 
 fn pool(threads: usize) -> Result<ThreadPool, String> {

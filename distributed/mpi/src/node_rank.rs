@@ -1,6 +1,6 @@
 use std::hash::{DefaultHasher, Hash, Hasher};
 
-use lazygrid::Backend;
+use lazygrid::{Backend, Config};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives};
 
@@ -45,6 +45,20 @@ pub(crate) enum RankDevice {
     Cpu,
     /// Index among the real GPUs.
     Gpu(usize),
+}
+
+impl RankDevice {
+    /// Returns the configuration of a detector on this device.
+    pub(crate) fn of(self, detector: Config, asked: Backend) -> Config {
+        match self {
+            Self::Asked => detector.backend(asked),
+            Self::Cpu => detector.backend(Backend::Cpu),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(index) => detector.backend(asked).adapter(index),
+            #[cfg(not(feature = "gpu"))]
+            Self::Gpu(_) => detector.backend(asked),
+        }
+    }
 }
 
 /// The first ranks of a node get a GPU each. The others take the CPU, or share GPUs if only GPUs are allowed.

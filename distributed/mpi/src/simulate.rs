@@ -5,6 +5,7 @@ use lazygrid_sim::run::{Run, RunEnd};
 use mpi::traits::Communicator;
 
 use crate::communicator::MpiCommunicator;
+use crate::node_rank::NodeRank;
 use crate::{Config, Error};
 
 /// Equal on all ranks.
@@ -21,6 +22,9 @@ pub struct Simulated {
 /// directory. `watch` gets the completed steps on every rank; a break on one stops all. Ranks compute in the caller's
 /// rayon pool, and send from the calling thread.
 ///
+/// [`Run::backend`] is where each rank finds its pairs, as for [`Config::backend`]; it may differ between ranks.
+/// Particles move on the CPU.
+///
 /// # Errors
 /// [`Error::Input`] with the simulator's message.
 pub fn simulate(
@@ -29,7 +33,8 @@ pub fn simulate(
     watch: impl FnMut(u32) -> ControlFlow<()>,
 ) -> Result<Simulated, Error> {
     let comm = MpiCommunicator::new(communicator.duplicate(), Config::default().message_limit);
-    let (end, mut simulation) = run.run_distributed(comm, watch)?;
+    let detector = NodeRank::of(comm.comm()).device(run.backend).of(lazygrid::Config::default(), run.backend);
+    let (end, mut simulation) = run.run_distributed(comm, detector, watch)?;
     let standing = simulation.gather(GatherFields { received: true, particles: false })?;
     let summary = run.summary(&standing);
     Ok(Simulated { end, steps: simulation.step_count(), summary })

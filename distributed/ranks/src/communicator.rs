@@ -19,6 +19,9 @@ pub trait Communicator {
     /// Not collective.
     fn ranks(&self) -> u32;
 
+    /// Returns the number of ranks that share this rank's memory, with itself. Not collective.
+    fn ranks_on_machine(&self) -> u32;
+
     /// Returns the sum of each element over all ranks.
     fn all_reduce_sum(&mut self, values: &[u64]) -> Vec<u64>;
 

@@ -96,7 +96,7 @@ impl InProcessRanks {
         ghosts: &Ghosts,
     ) -> Result<Reported, Error> {
         let detector = Detector::new(config.clone().order(Order::Unordered))?;
-        let mut search = Search::new(detector, None, self.wrapper.clone(), rank, self.owned.len() as u32);
+        let mut search = Search::by_one(detector, self.wrapper.clone(), rank, self.owned.len() as u32);
         let rows: Vec<_> = owned.iter().map(|particle| particle.sphere).collect();
         let species: Vec<_> = owned.iter().map(|particle| particle.species).collect();
         let spheres = Spheres::from(&rows).with_species(&species)?;

@@ -1,6 +1,6 @@
 use std::ops::ControlFlow;
 
-use lazygrid::{Detector, Error, Spheres};
+use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Spheres};
 
 use crate::across::{count_across, pairs_across};
 use crate::ghosts::ghost_rule::{RankAndClass, becomes_ghost};
@@ -45,16 +45,30 @@ pub struct Search {
 impl Search {
     /// Creates the search of `rank` among `ranks`.
     ///
-    /// The detector must have the wrapper's space and interactions, equal on all ranks. `across`, if given, searches
-    /// between owned spheres and ghosts, with the same settings on the CPU.
+    /// The detector must have the wrapper's space and interactions, equal on all ranks. Between owned spheres and
+    /// ghosts it searches only if it takes two sets on the CPU, and otherwise a second detector does, which `cpu`
+    /// configures with the same space and interactions: a GPU would get all owned spheres again for few ghosts, and the
+    /// paper's grids take one set.
+    ///
+    /// # Errors
+    /// As [`Detector::new`] of `cpu`.
     pub fn new(
         detector: Detector,
-        across: Option<Detector>,
+        cpu: Config,
         wrapper: SphereWrapper,
         rank: u32,
         ranks: u32,
-    ) -> Self {
-        Self { detector, across, wrapper, rank, ranks }
+    ) -> Result<Self, Error> {
+        let report = detector.report();
+        let takes_two = matches!(report.algorithm, Algorithm::Auto | Algorithm::CellList | Algorithm::Naive);
+        let second = || Detector::new(cpu.backend(Backend::Cpu).order(Order::Unordered));
+        let across = if report.backend == Backend::Cpu && takes_two { None } else { Some(second()?) };
+        Ok(Self { detector, across, wrapper, rank, ranks })
+    }
+
+    /// Creates a search by a detector that takes two sets.
+    pub(crate) fn by_one(detector: Detector, wrapper: SphereWrapper, rank: u32, ranks: u32) -> Self {
+        Self { detector, across: None, wrapper, rank, ranks }
     }
 
     pub fn detector(&self) -> &Detector {

@@ -66,6 +66,10 @@ impl Communicator for Thread {
         self.to.len() as u32
     }
 
+    fn ranks_on_machine(&self) -> u32 {
+        self.ranks()
+    }
+
     fn all_reduce_sum(&mut self, values: &[u64]) -> Vec<u64> {
         let (all, counts) = received::<u64>(&self.to_all(bytemuck::cast_slice(values)));
         assert!(counts.iter().all(|&count| count == values.len()), "ranks are out of step");

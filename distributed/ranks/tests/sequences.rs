@@ -187,12 +187,11 @@ impl<C: Communicator<Error = String>> Rank<C> {
         let (space, table) = (scene.space(), scene.table());
         let config =
             Config::default().space(space).interactions(table.clone()).threads(1).order(Order::Unordered);
-        let detector =
-            |algorithm| Detector::new(config.clone().algorithm(algorithm).skin(scene.skin)).unwrap();
-        let within = detector(scene.algorithm);
-        let across = (scene.algorithm == Algorithm::RecursiveGrid).then(|| detector(Algorithm::Auto));
+        let config = config.skin(scene.skin);
+        let detector = Detector::new(config.clone().algorithm(scene.algorithm)).unwrap();
         let wrapper = SphereWrapper::new(space, table.as_ref());
-        let search = Search::new(within, across, wrapper.clone(), communicator.rank(), communicator.ranks());
+        let (rank, ranks) = (communicator.rank(), communicator.ranks());
+        let search = Search::new(detector, config, wrapper.clone(), rank, ranks).unwrap();
         Self { communicator, wrapper, partitioner: Partitioner::default(), search }
     }
 

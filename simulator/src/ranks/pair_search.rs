@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use bytemuck::{Pod, Zeroable};
-use lazygrid::{Algorithm, Pair};
+use lazygrid::{Config, Detector, Order, Pair};
 use lazygrid_ranks::{
     Communicator, Ghosts, PairKind, Partitioner, RankBounds, Search, SphereWrapper, send_to_ranks,
 };
@@ -13,8 +13,7 @@ use super::matching::DistributedMatching;
 use super::rows;
 use crate::reaction::candidates::{BestCandidates, StepPairs};
 use crate::reaction::{ReactantChange, interactions};
-use crate::run::simulation::detector;
-use crate::{Error, Simulation, State};
+use crate::{Error, Model, Simulation, State};
 
 #[derive(Debug)]
 pub(super) struct RankPairSearch {
@@ -37,18 +36,14 @@ struct OutcomeMessage {
 const BOUND: f64 = 1.2;
 
 impl RankPairSearch {
-    pub(super) fn of(
-        run: &mut Simulation,
-        algorithm: Algorithm,
-        rank: u32,
-        ranks: u32,
-    ) -> Result<Option<Self>, Error> {
-        let Some(within) = run.detector.take() else { return Ok(None) };
-        // The paper's grids take one set, and ghosts are a second.
-        let of_two = matches!(algorithm, Algorithm::Auto | Algorithm::CellList | Algorithm::Naive);
-        let across = if of_two { None } else { detector(&run.model, Algorithm::Auto)? };
-        let wrapper = SphereWrapper::new(run.model.boundary.space()?, interactions(&run.model)?.as_ref());
-        let search = Search::new(within, across, wrapper.clone(), rank, ranks);
+    pub(super) fn of(model: &Model, detector: Config, rank: u32, ranks: u32) -> Result<Option<Self>, Error> {
+        let (space, interactions) = (model.boundary.space()?, interactions(model)?);
+        let wrapper = SphereWrapper::new(space, interactions.as_ref());
+        let Some(table) = interactions else { return Ok(None) };
+        let of_model =
+            |config: Config| config.space(space).interactions(table.clone()).order(Order::Unordered);
+        let detector = Detector::new(of_model(detector))?;
+        let search = Search::new(detector, of_model(Config::default()), wrapper.clone(), rank, ranks)?;
         Ok(Some(Self {
             wrapper,
             search,

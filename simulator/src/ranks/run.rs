@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use lazygrid::Backend;
+use lazygrid::{Backend, Config};
 use lazygrid_ranks::{Communicator, Settings, gather};
 
 use super::{GatherFields, RankSimulation};
@@ -11,32 +11,38 @@ use crate::release::rank_slice::RankSlice;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::memory_estimate::{MemoryGuard, Sharing, check_largest_release};
 use crate::run::time_step_monitor::TimeStepMonitor;
-use crate::run::{ReplicaSlot, Run, RunEnd};
+use crate::run::{ReplicaSlot, Run, RunEnd, STALE};
 use crate::scenario::Scenario;
 use crate::{Error, RunView};
 
 impl Run {
     /// Does all steps as [`run`](Self::run), together with all ranks. All must see the directory: the first writes
-    /// common files, every rank its particles. `watch` is called on every rank and stops all. Refuses [`Backend::Gpu`];
-    /// uses the caller's rayon pool.
+    /// common files, every rank its particles. `watch` is called on every rank and stops all. Uses the caller's rayon pool.
+    ///
+    /// `detector` selects the backend on which this rank finds pairs, instead of [`backend`](Self::backend): particles
+    /// move on the CPU.
     ///
     /// # Errors
-    /// On all ranks, those of one: as [`run`](Self::run), [`Error::NotOverRanks`], and the communicator's.
-    /// [`Communicator::difference`] if ranks have different runs; algorithm and [`threads`](Self::threads) may differ.
+    /// On all ranks, those of one: as [`run`](Self::run), [`RankSimulation::new`], and the communicator's.
+    /// [`Communicator::difference`] if ranks have different runs; detector, algorithm and [`threads`](Self::threads) may
+    /// differ.
     pub fn run_distributed<C: Communicator>(
         &self,
         mut communicator: C,
+        detector: Config,
         mut watch: impl FnMut(u32) -> ControlFlow<()>,
     ) -> Result<(RunEnd, RankSimulation<C>), C::Error> {
         self.shared().agree(&mut communicator)?;
+        let detector = detector.algorithm(self.algorithm);
+        communicator.agree(self.check_formats().map_err(|error| communicator.failure(error.to_string())))?;
         let is_first = communicator.rank() == 0;
         if is_first {
             self.scenario.late_releases().iter().for_each(|message| log::warn!("{message}"));
         }
         let (mut simulation, mut files) = if self.resume {
-            self.resume_distributed(communicator)?
+            self.resume_distributed(communicator, detector)?
         } else {
-            self.begin_distributed(communicator)?
+            self.begin_distributed(communicator, detector)?
         };
         let first = simulation.step_count();
         let mut pace = TimeStepMonitor::default();
@@ -50,7 +56,7 @@ impl Run {
             let before = TimeStepMonitor::part_of(simulation.totals());
             let step = simulation.step_count();
             let present = simulation.totals().present.iter().sum();
-            let sharing = Sharing { runs: 1, ranks: simulation.communicator().ranks() };
+            let sharing = Sharing::over_ranks(simulation.communicator());
             let fits = memory.check(simulation.model(), (present, step, 1), sharing);
             let refused = simulation.communicator().all_reduce_sum(&[fits.is_err().into()])[0] > 0;
             if refused && step > first {
@@ -69,6 +75,8 @@ impl Run {
         if simulation.step_count() > first {
             self.save_distributed(&mut simulation, &mut files)?;
         }
+        let converted = files.as_ref().map_or(Ok(()), |files| files.convert(simulation.model()));
+        simulation.agree(converted)?;
         if is_first {
             pace.warnings(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
         }
@@ -88,19 +96,19 @@ impl Run {
     fn begin_distributed<C: Communicator>(
         &self,
         communicator: C,
+        detector: Config,
     ) -> Result<(RankSimulation<C>, Option<Files>), C::Error> {
         let Scenario { model, seed, output, .. } = &self.scenario;
         let is_first = communicator.rank() == 0;
-        self.check_backend(&communicator)?;
-        let sharing = Sharing { runs: 1, ranks: communicator.ranks() };
+        let sharing = Sharing::over_ranks(&communicator);
         let fits = check_largest_release(model, self.scenario.steps, sharing);
         communicator.agree(fits.map_err(|error| communicator.failure(error.to_string())))?;
-        let mut simulation = RankSimulation::new(communicator, model.clone(), *seed, self.algorithm)?;
+        let mut simulation = RankSimulation::new(communicator, model.clone(), *seed, detector)?;
         let standing = simulation.gather(GatherFields::default())?;
         let create = || {
             let lock = output::prepare(&self.directory, self.overwrite)?;
             self.check_disk_space(&standing, ReplicaSlot::NONE)?;
-            output::remove_stale(&self.directory, &["replicas.csv", "mean.csv", "points.csv", "sweep.csv"])?;
+            output::remove_stale(&self.directory, &STALE)?;
             Files::create(&self.directory, *output, model, *seed, lock)
         };
         let files = is_first.then(create).transpose();
@@ -113,10 +121,10 @@ impl Run {
     fn resume_distributed<C: Communicator>(
         &self,
         communicator: C,
+        detector: Config,
     ) -> Result<(RankSimulation<C>, Option<Files>), C::Error> {
         let own = &self.scenario;
         let path = self.checkpoint_path();
-        self.check_backend(&communicator)?;
         let share = RankSlice::new(communicator.rank(), communicator.ranks());
         let is_first = communicator.rank() == 0;
         let lock = is_first.then(|| self.lock()).transpose();
@@ -134,7 +142,7 @@ impl Run {
         let read = read().map_err(|error: Error| communicator.failure(error.to_string()));
         let (records, state) = communicator.agree(read)?;
         let mut simulation =
-            RankSimulation::resume(communicator, own.model.clone(), own.seed, self.algorithm, state)?;
+            RankSimulation::resume(communicator, own.model.clone(), own.seed, detector, state)?;
         let standing = simulation.gather(GatherFields::default())?;
         let reopen = |lock: Lock| {
             self.check_disk_space(&standing, ReplicaSlot::NONE)?;
@@ -149,17 +157,6 @@ impl Run {
         let files = lock.map(reopen).transpose();
         let files = simulation.agree(files)?;
         Ok((simulation, files))
-    }
-
-    fn check_backend<C: Communicator>(&self, communicator: &C) -> Result<(), C::Error> {
-        let checked = match self.backend {
-            Backend::Gpu => {
-                let error = Error::NotOverRanks { what: "steps on a GPU".to_owned() };
-                Err(communicator.failure(error.to_string()))
-            }
-            _ => Ok(()),
-        };
-        communicator.agree(checked)
     }
 
     fn record_distributed<C: Communicator>(

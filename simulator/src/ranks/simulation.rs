@@ -1,7 +1,7 @@
 //! A run of one rank among others.
 
 use bytemuck::{Pod, Zeroable};
-use lazygrid::Algorithm;
+use lazygrid::{Algorithm, Config};
 use lazygrid_ranks::{Communicator, Settings, SphereWrapper, gather};
 
 use super::halo::RankHalo;
@@ -42,13 +42,15 @@ struct Arrived {
 }
 
 impl<C: Communicator> RankSimulation<C> {
-    /// Begins a run; `algorithm` does not change the result.
+    /// Begins a run. `detector` selects the backend and the algorithm by which this rank finds pairs, each rank its own;
+    /// the model gives the space and the interactions. Particles move on the CPU.
     ///
     /// # Errors
-    /// On every rank, those of the first that fails: as [`Simulation::new`]. [`Communicator::difference`] if models, seeds or steps differ.
-    pub fn new(communicator: C, model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, C::Error> {
+    /// On every rank, those of the first that fails: as [`Simulation::new`] and [`Detector::new`](lazygrid::Detector::new).
+    /// [`Communicator::difference`] if models, seeds or steps differ.
+    pub fn new(communicator: C, model: Model, seed: u64, detector: Config) -> Result<Self, C::Error> {
         let state = State::new_slice(&model, seed, RankSlice::new(communicator.rank(), communicator.ranks()));
-        Self::begin(communicator, model, seed, algorithm, state)
+        Self::begin(communicator, model, seed, detector, state)
     }
 
     /// Resumes a run from a state of the same model and seed, with the counts of all ranks and this rank's particles.
@@ -59,21 +61,21 @@ impl<C: Communicator> RankSimulation<C> {
         communicator: C,
         model: Model,
         seed: u64,
-        algorithm: Algorithm,
+        detector: Config,
         state: State,
     ) -> Result<Self, C::Error> {
         let state = match state.belongs_to(&model) {
             true => Ok(state.part(&model, communicator.rank() == 0)),
             false => Err(Error::Model("the state is one of another model".to_owned())),
         };
-        Self::begin(communicator, model, seed, algorithm, state)
+        Self::begin(communicator, model, seed, detector, state)
     }
 
     fn begin(
         mut communicator: C,
         model: Model,
         seed: u64,
-        algorithm: Algorithm,
+        detector: Config,
         state: Result<State, Error>,
     ) -> Result<Self, C::Error> {
         let (rank, ranks) = (communicator.rank(), communicator.ranks());
@@ -81,8 +83,8 @@ impl<C: Communicator> RankSimulation<C> {
         shared(&model, seed, state.step).agree(&mut communicator)?;
         let made = || {
             let wrapper = SphereWrapper::new(model.boundary.space()?, None);
-            let mut run = Simulation::resume(model, seed, algorithm, state)?;
-            let pair_search = RankPairSearch::of(&mut run, algorithm, rank, ranks)?;
+            let run = Simulation::resume(model, seed, Algorithm::Auto, state)?;
+            let pair_search = RankPairSearch::of(&run.model, detector, rank, ranks)?;
             Ok((run, pair_search, wrapper))
         };
         let made = made().map_err(|error: Error| communicator.failure(error.to_string()));

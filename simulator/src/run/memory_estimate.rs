@@ -1,5 +1,7 @@
 //! The forecast of a run's memory. A run that cannot fit is refused, or stops with a checkpoint.
 
+use lazygrid_ranks::Communicator;
+
 use crate::memory::check_available;
 use crate::model::transmitter::Schedule;
 use crate::{Error, Model};
@@ -13,18 +15,23 @@ const OVERHEAD: u64 = 64 << 20;
 /// Particles between checks.
 const MIN_GROWTH: u64 = 50_000;
 
-/// Simultaneous runs, and ranks that divide each run.
+/// Simultaneous runs, and machines over which the ranks of each run divide its particles.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sharing {
     pub(crate) runs: u32,
-    pub(crate) ranks: u32,
+    pub(crate) machines: u32,
 }
 
 impl Sharing {
-    pub(crate) const NONE: Self = Self { runs: 1, ranks: 1 };
+    pub(crate) const NONE: Self = Self { runs: 1, machines: 1 };
+
+    /// Ranks on one machine take from the same memory.
+    pub(crate) fn over_ranks(communicator: &impl Communicator) -> Self {
+        Self { runs: 1, machines: communicator.ranks() / communicator.ranks_on_machine().max(1) }
+    }
 
     fn bytes(self, particles: u64, of_each: u64) -> u64 {
-        particles.saturating_mul(of_each).saturating_mul(self.runs.into()) / u64::from(self.ranks.max(1))
+        particles.saturating_mul(of_each).saturating_mul(self.runs.into()) / u64::from(self.machines.max(1))
     }
 }
 

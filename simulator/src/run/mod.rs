@@ -66,10 +66,13 @@ impl ReplicaSlot {
     pub(crate) const NONE: Self = Self { place: 0, count: 1, at_once: 1 };
 
     fn sharing(self) -> Sharing {
-        Sharing { runs: self.at_once, ranks: 1 }
+        Sharing { runs: self.at_once, machines: 1 }
     }
 }
 
+/// Files of other runs that this one does not replace.
+pub(crate) const STALE: [&str; 6] =
+    ["replicas.csv", "mean.csv", "points.csv", "sweep.csv", "arrivals.arrow", "releases.arrow"];
 /// Between checks of the disk.
 const ROWS: u32 = 4096;
 
@@ -145,7 +148,7 @@ impl Run {
         Ok((end, simulation))
     }
 
-    fn check_formats(&self) -> Result<(), Error> {
+    pub(crate) fn check_formats(&self) -> Result<(), Error> {
         let Scenario { model, output, .. } = &self.scenario;
         if output.arrow && !cfg!(feature = "arrow") {
             return Err(Error::NoArrow);
@@ -183,10 +186,7 @@ impl Run {
         let simulation = AnySimulation::begin(model, *seed, self.backend, self.algorithm, None)?;
         let lock = output::prepare(&self.directory, self.overwrite)?;
         self.check_disk_space(&simulation, slot)?;
-        output::remove_stale(
-            &self.directory,
-            &["replicas.csv", "mean.csv", "points.csv", "sweep.csv", "arrivals.arrow", "releases.arrow"],
-        )?;
+        output::remove_stale(&self.directory, &STALE)?;
         let mut files = Files::create(&self.directory, *output, model, *seed, lock)?;
         files.record(&simulation)?;
         self.save(&simulation, &mut files)?;

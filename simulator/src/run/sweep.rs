@@ -123,7 +123,7 @@ impl SweepRuns {
     }
 
     fn check_memory(&self) -> Result<(), (usize, Error)> {
-        let sharing = Sharing { runs: queue::at_once(&self.points), ranks: 1 };
+        let sharing = Sharing { runs: queue::at_once(&self.points), machines: 1 };
         let check = |(k, point): (usize, &Replicas)| {
             let scenario = &point.run.scenario;
             check_largest_release(&scenario.model, scenario.steps, sharing).map_err(|error| (k, error))

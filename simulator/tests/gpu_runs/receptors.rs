@@ -9,7 +9,7 @@ use super::device;
 use super::models::{brownian, cpu, gpu};
 use super::surfaces::{assert_close, compare, receiver, surfaces};
 
-fn competing() -> Model {
+pub(super) fn competing() -> Model {
     let ligand = |species, binding_rate, unbinding_rate| Ligand { species, binding_rate, unbinding_rate };
     let types = |few: u32| {
         vec![

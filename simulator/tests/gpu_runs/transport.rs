@@ -5,12 +5,13 @@ use std::sync::Arc;
 use lazygrid_sim::gpu::GpuOptions;
 use lazygrid_sim::{
     Attractant, AttractantProfile, Axis, Boundary, Chemotaxis, Contact, Flow, FlowField, Model, ReceiverKind,
-    Shape, Species, Vessel,
+    Schedule, Shape, Species, Vessel,
 };
 
 use super::contact::crowd;
 use super::device;
 use super::models::{brownian, cpu, gpu};
+use super::receptors::competing;
 use super::surfaces::{assert_close, compare, receiver, surfaces};
 
 fn following(profile: AttractantProfile, sensitivity: f64, half_saturation: Option<f64>) -> Model {
@@ -55,6 +56,37 @@ fn swimmers_follow_attractants_as_on_the_cpu() {
         let mut at_once = gpu(&own, &model, 41, GpuOptions::default());
         at_once.run(8).expect("steps");
         assert_close(&at_once.state().expect("a state"), &state, 2e-4);
+    }
+}
+
+/// Receptor types whose receivers move and carry a transmitter, bound particles that diffuse, and swimmers that follow an
+/// attractant in a flow field.
+#[test]
+fn combined_features_match_the_cpu() {
+    let mut model = competing();
+    let cells =
+        model.receivers.iter_mut().filter(|receiver| matches!(receiver.kind, ReceiverKind::Receptors(_)));
+    for (k, cell) in (0_u8..).zip(cells) {
+        cell.velocity = [0.5, -0.25 * f64::from(k), 0.0];
+        cell.diffusion = 0.25;
+        cell.surface_diffusion = 5.0;
+    }
+    model.transmitters[0].carrier = Some(model.receivers.len() as u32 - 1);
+    model.transmitters[0].schedule = Schedule::Times(vec![0.0, 0.015]);
+    model.transmitters[0].release[0].1 = 500;
+    let profile = AttractantProfile::Gaussian { peak: 3.0, width: 1.5 };
+    model.attractants = vec![Attractant { name: "food".into(), center: [0.5, -0.25, 0.0], profile }];
+    model.flow = field([5, 4, 6], 1.0);
+    let chemotaxis = Some(Chemotaxis { attractant: 0, sensitivity: 0.3, half_saturation: Some(1.0) });
+    model.species[0] = Species { speed: 2.0, tumble_rate: 40.0, chemotaxis, ..model.species[0].clone() };
+    for (seed, boundary) in [(66, model.boundary), (67, Boundary::periodic([-2.0; 3], [2.0; 3]))] {
+        let model = Model { boundary, ..model.clone() };
+        let state = compare(&model, seed, 8);
+        let counts = &state.totals;
+        assert!(
+            device().is_none() || counts.occupied.iter().chain(&counts.reacted).all(|&n| n > 0),
+            "{counts:?}"
+        );
     }
 }
 

@@ -11,7 +11,7 @@ use lazygrid_sim::run::replicas::Replicas;
 use lazygrid_sim::run::{Run, RunEnd};
 use lazygrid_sim::scenario::Scenario;
 
-use crate::{files, threads};
+use crate::{files, on_cpu, threads};
 
 /// Few particles, so that each byte can be flipped, and every kind of file.
 const SCENARIO: &str = r#"
@@ -88,7 +88,7 @@ fn assert_refused(directory: &Path, ranks: u32, name: &str, damage: &str) {
     let watch = |_| ControlFlow::Continue(());
     let said: Vec<Option<String>> = match ranks {
         0 => vec![run.run(|_| ControlFlow::Continue(())).err().map(|error| error.to_string())],
-        _ => threads::on(ranks, |thread| run.run_distributed(thread, watch).err()),
+        _ => threads::on(ranks, |thread| run.run_distributed(thread, on_cpu(), watch).err()),
     };
     for said in said {
         let said = said.unwrap_or_else(|| panic!("{name}, {damage}: the run is not refused"));

@@ -7,7 +7,7 @@ use lazygrid_sim::run::checkpoint::Checkpoint;
 use lazygrid_sim::run::{Run, RunEnd};
 use lazygrid_sim::scenario::Scenario;
 
-use crate::threads;
+use crate::{on_cpu, threads};
 
 const SCENARIO: &str = r#"
 time-step = 0.01
@@ -99,7 +99,7 @@ pub(crate) fn go(run: &Run, ranks: u32) {
         return;
     }
     for end in threads::on(ranks, |thread| {
-        run.run_distributed(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
+        run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|done| done.0)
     }) {
         assert_eq!(end, Ok(RunEnd::Finished));
     }
@@ -194,7 +194,7 @@ fn resume_with_another_flow_field_is_refused() {
     write(3.0);
     let alone = run(20).run(|_| ControlFlow::Continue(())).map(|done| done.0).unwrap_err().to_string();
     let all = threads::on(2, |thread| {
-        let done = run(20).run_distributed(thread, |_| ControlFlow::Continue(()));
+        let done = run(20).run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(()));
         done.map(|done| done.0).unwrap_err().to_string()
     });
     for error in all.into_iter().chain([alone]) {
@@ -215,7 +215,7 @@ fn one_rank_stops_all_and_the_run_can_continue() {
         let rank = lazygrid_ranks::Communicator::rank(&thread);
         let ask =
             |step| if rank == 1 && step == 17 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
-        first.run_distributed(thread, ask).map(|(end, simulation)| (end, simulation.step_count()))
+        first.run_distributed(thread, on_cpu(), ask).map(|(end, simulation)| (end, simulation.step_count()))
     });
     assert_eq!(ends, vec![Ok((RunEnd::Stopped, 17)); 3]);
     assert_eq!(state(directory.path()).step, 17);
@@ -228,14 +228,14 @@ fn lost_part_is_named_and_run_is_not_replaced_unasked() {
     std::fs::remove_file(directory.path().join("checkpoint.000000010.1")).unwrap();
     let resumed = run(directory.path(), 20, true);
     let done = threads::on(3, |thread| {
-        resumed.run_distributed(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
+        resumed.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|done| done.0)
     });
     let said: Vec<_> = done.into_iter().map(Result::unwrap_err).collect();
     assert_eq!(said, vec![said[0].clone(); 3]);
     assert!(said[0].contains("checkpoint.000000010.1: cannot read"), "{}", said[0]);
     let run = run(directory.path(), 20, false);
     let done = threads::on(2, |thread| {
-        run.run_distributed(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
+        run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|done| done.0)
     });
     assert!(done.iter().all(|end| end.as_ref().unwrap_err().contains("it holds a run already")), "{done:?}");
 }
@@ -248,7 +248,7 @@ fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
         let base = base();
         let done = threads::on(3, |thread| {
             let run = if lazygrid_ranks::Communicator::rank(&thread) == 2 { &odd } else { &base };
-            run.run_distributed(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
+            run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|done| done.0)
         });
         let said: Vec<_> = done.into_iter().map(Result::unwrap_err).collect();
         assert_eq!(said, vec![said[0].clone(); 3]);
@@ -274,7 +274,7 @@ fn a_run_that_differs_on_one_rank_is_refused_by_the_name_of_the_setting() {
     let own = Run { algorithm: Algorithm::RecursiveGrid, ..base() };
     let done = threads::on(3, |thread| {
         let run = if lazygrid_ranks::Communicator::rank(&thread) == 2 { own.clone() } else { base() };
-        run.run_distributed(thread, |_| ControlFlow::Continue(())).map(|done| done.0)
+        run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|done| done.0)
     });
     assert_eq!(done, vec![Ok(RunEnd::Finished); 3]);
 }

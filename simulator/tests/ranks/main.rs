@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+#[cfg(feature = "gpu")]
+#[path = "../../../tests/src/adapter.rs"]
+mod adapter;
 mod collisions;
 mod damage;
 mod files;
@@ -9,4 +12,9 @@ mod models;
 mod refusals;
 mod steps;
 
+use lazygrid::{Backend, Config};
 use lazygrid_ranks::threads;
+
+fn on_cpu() -> Config {
+    Config::default().backend(Backend::Cpu)
+}

@@ -6,14 +6,14 @@ use proptest::prelude::*;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Parts {
-    periodic: bool,
-    contact: Contact,
-    reactions: Vec<usize>,
-    decays: bool,
-    splits: bool,
-    receivers: [usize; 3],
-    speed: bool,
-    arrivals: bool,
+    pub(crate) periodic: bool,
+    pub(crate) contact: Contact,
+    pub(crate) reactions: Vec<usize>,
+    pub(crate) decays: bool,
+    pub(crate) splits: bool,
+    pub(crate) receivers: [usize; 3],
+    pub(crate) speed: bool,
+    pub(crate) arrivals: bool,
 }
 
 pub(crate) fn parts() -> impl Strategy<Value = Parts> {

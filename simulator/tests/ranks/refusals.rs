@@ -1,13 +1,12 @@
-use lazygrid::Algorithm;
 use lazygrid_sim::ranks::RankSimulation;
 use lazygrid_sim::{Flow, Model};
 
 use crate::models::{everything, model};
-use crate::threads;
+use crate::{on_cpu, threads};
 
 fn errors(model: &Model, steps: u32) -> Vec<String> {
     threads::on(3, |thread| {
-        let mut run = RankSimulation::new(thread, model.clone(), 1, Algorithm::Auto)?;
+        let mut run = RankSimulation::new(thread, model.clone(), 1, on_cpu())?;
         (0..steps).try_for_each(|_| run.step())
     })
     .into_iter()

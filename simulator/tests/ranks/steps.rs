@@ -1,16 +1,16 @@
 use std::sync::Arc;
 
-use lazygrid::Algorithm;
+use lazygrid::{Algorithm, Config};
 use lazygrid_sim::ranks::{GatherFields, RankSimulation};
 use lazygrid_sim::{
-    Arrival, Attractant, AttractantProfile, Boundary, Chemotaxis, Decay, Flow, FlowField, Membrane,
+    Arrival, Attractant, AttractantProfile, Boundary, Chemotaxis, Contact, Decay, Flow, FlowField, Membrane,
     MembraneSurface, Model, Origin, Receiver, ReceiverKind, RunView, Schedule, Simulation, Species, State,
     Transmitter,
 };
 use proptest::prelude::*;
 
-use crate::models::{everything, model, parts};
-use crate::threads;
+use crate::models::{Parts, everything, model, parts};
+use crate::{on_cpu, threads};
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Seen {
@@ -37,13 +37,13 @@ pub(crate) fn alone(model: &Model, seed: u64, steps: u32) -> Vec<Seen> {
 }
 
 fn over(ranks: u32, model: &Model, seed: u64, steps: u32) -> Vec<Seen> {
-    over_by(Algorithm::Auto, ranks, model, seed, steps)
+    over_by(&on_cpu(), ranks, model, seed, steps)
 }
 
-fn over_by(algorithm: Algorithm, ranks: u32, model: &Model, seed: u64, steps: u32) -> Vec<Seen> {
+fn over_by(detector: &Config, ranks: u32, model: &Model, seed: u64, steps: u32) -> Vec<Seen> {
     let fields = GatherFields { received: true, particles: true };
     let mut of_ranks = threads::on(ranks, |thread| {
-        let mut run = RankSimulation::new(thread, model.clone(), seed, algorithm).unwrap();
+        let mut run = RankSimulation::new(thread, model.clone(), seed, detector.clone()).unwrap();
         let mut all = Vec::new();
         for step in 0..=steps {
             let standing = run.gather(fields).unwrap();
@@ -130,7 +130,27 @@ fn the_algorithm_is_no_part_of_a_result() {
     let model = model(&everything());
     let expected = alone(&model, 5, 10);
     for algorithm in [Algorithm::ArrayGrid, Algorithm::Naive] {
-        assert!(over_by(algorithm, 3, &model, 5, 10) == expected, "{algorithm}");
+        assert!(over_by(&on_cpu().algorithm(algorithm), 3, &model, 5, 10) == expected, "{algorithm}");
+    }
+}
+
+#[test]
+#[cfg(feature = "gpu")]
+fn pairs_found_on_a_gpu_give_the_run_of_one_process() {
+    use lazygrid::Backend;
+    use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
+
+    if crate::adapter::or_skip(GpuDevice::shared(SoftwareAdapter::Allow)).is_none() {
+        return;
+    }
+    for contact in [Contact::Count, Contact::Separate] {
+        let model = model(&Parts { contact, ..everything() });
+        let expected = alone(&model, 6, 10);
+        assert!(expected[1..].iter().all(|seen| seen.state.totals.pairs > 0));
+        assert!(
+            over_by(&Config::default().backend(Backend::Gpu), 3, &model, 6, 10) == expected,
+            "{contact:?}"
+        );
     }
 }
 

@@ -3,7 +3,7 @@ use std::path::Path;
 use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{
     Adsorption, Boundary, Flow, Ligand, Model, Particle, Particles, Receiver, ReceiverKind, ReceptorType,
-    Shape, Simulation, Transmitter,
+    Shape, Transmitter,
 };
 use rayon::prelude::*;
 
@@ -259,8 +259,8 @@ pub(crate) fn reflecting() -> Vec<Row> {
             let all = &from.state().particles;
             let out = |p: &Particle| p.position.iter().map(|c| c * c).sum::<f32>() > RADIUS * RADIUS;
             (0..all.len()).map(|at| all.get(at)).filter(out).for_each(|p| particles.push(p, false));
-            let mut simulation: Simulation = begin(&model, seed);
-            simulation.insert(&particles).expect("known species");
+            let mut simulation = begin(&model, seed);
+            simulation.insert(&particles);
             let mut shares = [0.0; 3];
             for _ in 0..4 {
                 steps(&mut simulation, 4);

@@ -67,7 +67,7 @@ pub(crate) fn acid_base() -> Vec<Row> {
             let left = u64::from(acid + base) - 2 * reacted;
             wrong += u64::from(kept != [u64::from(acid), u64::from(base)] || ids != left);
         }
-        let inside = simulation.inside(0);
+        let inside = simulation.received().swap_remove(0);
         (inside[0] as f64 - inside[1] as f64, wrong, simulation.state().totals.reacted[0])
     };
     let replicas: Vec<_> = (0..60).into_par_iter().map(replica).collect();

@@ -48,7 +48,7 @@ pub(crate) fn hard_spheres() -> Vec<Row> {
     let mut pushed = model(Contact::Separate, PACKING, 0.02, species("A", 0.5, 1.0), EDGE);
     pushed.transmitters.clear();
     let mut simulation = begin(&pushed, 1);
-    simulation.insert(melted).expect("known species");
+    simulation.insert(melted);
     steps(&mut simulation, 20);
     let mut shells = Shells::new(&pushed);
     for _ in 0..100 {

@@ -57,7 +57,7 @@ pub(crate) fn transparent() -> Vec<Row> {
         steps(&mut simulation, until - done);
         let time = simulation.time();
         let expected = in_ball(R, DISTANCE, 2.0 * D * time);
-        let share = simulation.inside(0)[0] as f64 / f64::from(N);
+        let share = simulation.received()[0][0] as f64 / f64::from(N);
         let what = format!("inside after {time} s");
         rows.push(Row::new(what, expected, share, 4.0 * share_error(expected, N.into())));
     }

@@ -1,5 +1,9 @@
-use lazygrid::Algorithm;
-use lazygrid_sim::{Model, Shape, Simulation, Species, Transmitter};
+use std::cell::OnceCell;
+
+use lazygrid::{Algorithm, Backend};
+use lazygrid_sim::{
+    AnySimulation, Arrival, Model, Particles, RunView, Shape, Simulation, Species, State, Transmitter,
+};
 
 pub(crate) fn species(name: &str, radius: f32, diffusion: f64) -> Species {
     Species { name: name.to_owned(), radius, diffusion, mass: 1.0, ..Species::default() }
@@ -14,12 +18,66 @@ pub(crate) fn burst(shape: Shape, release: &[(u32, u32)]) -> Transmitter {
     Transmitter { name: "tx".to_owned(), shape, release: release.to_vec(), ..Transmitter::default() }
 }
 
-pub(crate) fn begin(model: &Model, seed: u64) -> Simulation {
-    Simulation::new(model.clone(), seed, Algorithm::Auto).expect("a valid model")
+/// Returns the backend of all runs: the CPU, or a GPU if `LAZYGRID_TEST_BACKEND` is `gpu`.
+pub(crate) fn backend() -> Backend {
+    match std::env::var("LAZYGRID_TEST_BACKEND") {
+        Ok(name) => name.parse().expect("a backend"),
+        Err(_) => Backend::Cpu,
+    }
 }
 
-pub(crate) fn steps(simulation: &mut Simulation, count: u32) {
-    (0..count).for_each(|_| simulation.step().expect("a step"));
+pub(crate) struct BackendRun {
+    run: AnySimulation,
+    /// Of the last step, once it was read.
+    state: OnceCell<State>,
+}
+
+impl BackendRun {
+    fn new(model: &Model, seed: u64, state: Option<State>) -> Self {
+        let run = AnySimulation::begin(model, seed, backend(), Algorithm::Auto, state);
+        Self { run: run.unwrap_or_else(|error| panic!("{error}")), state: OnceCell::new() }
+    }
+
+    pub(crate) fn state(&self) -> &State {
+        match &self.run {
+            AnySimulation::Cpu(run) => run.state(),
+            #[cfg(feature = "gpu")]
+            run => self.state.get_or_init(|| run.state().expect("a state").into_owned()),
+        }
+    }
+
+    pub(crate) fn received(&self) -> Vec<Vec<u64>> {
+        self.run.received()
+    }
+
+    pub(crate) fn arrivals(&self) -> &[Arrival] {
+        self.run.arrivals()
+    }
+
+    pub(crate) fn time(&self) -> f64 {
+        f64::from(self.run.step_count()) * self.run.model().time_step
+    }
+
+    pub(crate) fn insert(&mut self, particles: &Particles) {
+        let (model, seed) = (self.run.model().clone(), self.run.seed());
+        let state = self.state().clone();
+        let mut there =
+            Simulation::resume(model.clone(), seed, Algorithm::Auto, state).expect("a valid state");
+        there.insert(particles).expect("known species");
+        *self = Self::new(&model, seed, Some(there.state().clone()));
+    }
+}
+
+pub(crate) fn begin(model: &Model, seed: u64) -> BackendRun {
+    BackendRun::new(model, seed, None)
+}
+
+pub(crate) fn steps(simulation: &mut BackendRun, count: u32) {
+    let end = simulation.run.step_count() + count;
+    while simulation.run.step_count() < end {
+        simulation.run.advance(end - simulation.run.step_count()).expect("a step");
+    }
+    simulation.state.take();
 }
 
 pub(crate) fn mean(values: &[f64]) -> (f64, f64) {

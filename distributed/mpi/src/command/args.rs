@@ -100,6 +100,9 @@ Examples:
 pub(crate) struct Simulate {
     #[command(flatten)]
     pub(crate) options: RunArgs,
+    /// Backend on which each rank finds pairs; particles move on the CPU
+    #[arg(long, default_value_t = Backend::Cpu, value_parser = PossibleValuesParser::new(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
+    pub(crate) backend: Backend,
     /// Threads of each rank [default: its share of the cores of its node]
     #[arg(long, value_name = "N")]
     pub(crate) threads: Option<NonZeroUsize>,

@@ -43,7 +43,7 @@ fn read(world: &SimpleCommunicator, args: &Simulate) -> Result<Run, lazygrid_sim
     }
     let run = args.options.read();
     log::set_max_level(level);
-    run
+    run.map(|run| Run { backend: args.backend, ..run })
 }
 
 /// Lets later signals stop the run with a checkpoint.
