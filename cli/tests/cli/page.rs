@@ -288,6 +288,51 @@ fn overlapping_spheres_have_their_color_in_a_browser() {
     assert!(many.0 > 2 * many.1, "orange and blue pixels: {many:?}");
 }
 
+#[test]
+fn controls_change_the_scene_in_a_browser() {
+    let Some(browser) = browser().filter(|_| has_dawn()) else { return };
+    let scratch = Scratch::new();
+    let page = format!("{}#scene=equal&spheres=1000&filling=5&pause=2", PAGE.display());
+    let until = format!(
+        "(() => {{ if (window.tried === undefined) {{ window.tried = false; ({})().catch((error) => error.stack)\
+         .then((report) => {{ window.tried = true; document.getElementById('result').textContent = \
+         JSON.stringify(report); }}); }} return window.tried; }})()",
+        include_str!("page/controls.js")
+    );
+    let (result, said, _) = visit(&scratch, browser, &page, &until);
+    assert_eq!(said, [""; 0]);
+    let report: Value = serde_json::from_str(&result).unwrap();
+    let numbers = |of: &str, name: &str| -> Vec<f64> {
+        let rows = report[of].as_array().unwrap_or_else(|| panic!("{report:#}"));
+        rows.iter().map(|row| row[name].as_f64().unwrap_or(f64::NAN)).collect()
+    };
+    let kinds = numbers("kinds", "pairs");
+    assert!(kinds.len() == 5 && kinds.iter().all(|&pairs| pairs > 0.0), "{kinds:?}");
+    let found = numbers("algorithms", "pairs");
+    assert!(found.len() == 6 && found.iter().all(|&pairs| pairs == found[1]), "{:#}", report["algorithms"]);
+    for row in &report["algorithms"].as_array().unwrap()[1..] {
+        assert_eq!(row["algorithm"], row["value"]);
+    }
+    let fillings = numbers("fillings", "pairs");
+    assert!(fillings[1] > 10.0 * fillings[0], "{fillings:?}");
+    assert_eq!(numbers("sizes", "count"), [3000.0, 1000.0]);
+    assert!(report["refused"]["note"].as_str().unwrap().contains("tests all pairs"), "{}", report["refused"]);
+    assert_eq!(report["paused"][0], report["paused"][1]);
+    assert_eq!(report["label"], "Pause");
+    let times = numbers("speeds", "time");
+    assert!(times[0] == times[1] && times[2] > times[1], "{times:?}");
+    assert_eq!((&report["stopped"], &report["continued"]), (&true.into(), &true.into()));
+    let views = report["views"].as_array().unwrap();
+    let [turn, tilt, distance] = ["turn", "tilt", "distance"].map(|name| numbers("views", name));
+    assert!(turn[1] < turn[0] && tilt[1] > tilt[0] && distance[1] == distance[0], "{views:#?}");
+    assert!(distance[2] < distance[1] && turn[2] == turn[1], "{views:#?}");
+    assert!(distance[3] > distance[2] && turn[3] == turn[2], "{views:#?}");
+    assert_eq!(views[4], views[0]);
+    assert_eq!(report["tabs"], json!([true, false, "Measure", false, true]));
+    assert_eq!(report["copied"]["wrong"], 0);
+    assert!(report["back"]["pairs"].as_f64().unwrap() > 0.0, "{}", report["back"]);
+}
+
 fn failure_with(device: &str, until: &str) -> Option<String> {
     let browser = browser().filter(|_| has_dawn())?;
     let scratch = Scratch::new();
