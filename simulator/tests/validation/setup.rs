@@ -28,7 +28,7 @@ pub(crate) fn backend() -> Backend {
 
 pub(crate) struct BackendRun {
     run: AnySimulation,
-    /// Of the last step, once it was read.
+    /// State of the last step, once it was read.
     state: OnceCell<State>,
 }
 
