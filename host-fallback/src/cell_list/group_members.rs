@@ -17,6 +17,7 @@ pub(super) struct GroupMembers {
     classes: [SizeClass; SIZE_CLASSES],
     min: Vec3,
     max: Vec3,
+    /// Largest radius, or with a skin the largest that leaves effective radii as they are.
     radius: f32,
     margin: f32,
 }
@@ -35,7 +36,8 @@ impl GroupMembers {
         self.classes[InputStats::class_of(widened)].add(widened);
         self.min = self.min.min(center);
         self.max = self.max.max(center);
-        self.radius = self.radius.max(own);
+        // Candidates are valid as long as effective radii stay, up to which radii may grow.
+        self.radius = self.radius.max(if test.has_margin() { own.max(effective) } else { own });
         self.margin = self.margin.max(widened - effective);
     }
 

@@ -368,3 +368,31 @@ fn candidates_of_another_frame_are_not_used() {
     // In a frame of eight times the size, these have the coordinates and radii of the first ones.
     assert_eq!(kept.count(&near_the_seam(8.0)), Ok(250));
 }
+
+/// A distance to a third species hides that radii grow, by which the first two species touch.
+#[test]
+fn radii_that_grow_below_effective_ones_lose_no_pair() {
+    let mut table = Interactions::new(4, Interaction::Never).expect("few species");
+    for (a, b, interaction) in
+        [(0, 1, Interaction::Touch), (0, 2, Interaction::Within(10.0)), (1, 3, Interaction::Within(10.0))]
+    {
+        table.set(a, b, interaction).expect("known species");
+    }
+    let mut random = Random(3);
+    let centers: Vec<_> = (0..20_202).map(|_| random.point(50.0)).collect();
+    let ids: Vec<u32> = (0..20_202)
+        .map(|k| [0, 1, 2, 3][[20_000, 20_200, 20_201].partition_point(|&end| end <= k)])
+        .collect();
+    let count = |skin| {
+        let settings = Settings { skin, interactions: Some(table.clone()), ..Settings::default() };
+        let mut detector = HostDetector::new(settings).expect("good settings");
+        [0.1, 4.9].map(|radius| {
+            let spheres: Vec<_> = centers.iter().map(|&center| Sphere::new(center, radius)).collect();
+            let spheres = Spheres::from(&spheres).with_species(&ids).expect("one id for each");
+            detector.count(spheres).expect("the spheres are valid")
+        })
+    };
+    let expected = count(Skin::Off);
+    assert!(expected[1] > 10_000);
+    assert_eq!(count(Skin::Fixed(0.1)), expected);
+}
