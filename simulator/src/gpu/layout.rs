@@ -183,9 +183,9 @@ pub(super) struct DissociationRow {
     pub(super) share: f32,
     pub(super) products: UVec2,
     pub(super) radii: Vec2,
+    pub(super) product_speeds: Vec2,
+    pub(super) thermal_speeds: Vec2,
     pub(super) speed: f32,
-    pub(super) product_speed: f32,
-    pub(super) thermal_speed: f32,
 }
 
 impl ReactionRow {

@@ -335,7 +335,7 @@ fn dissociation_rows(model: &Model, tallies: &Tallies) -> Vec<DissociationRow> {
     }
     let species = model.species.len();
     let mut rows = vec![DissociationRow { tally: NOTHING, ..DissociationRow::default() }; species];
-    let speed = |species: u32| model.species[species as usize].speed as f32;
+    let kind = |species: u32| &model.species[species as usize];
     for reactant in 0..species {
         let channels = dissociation.channels(reactant as u32);
         for (k, &(threshold, ref channel)) in channels.iter().enumerate() {
@@ -346,7 +346,7 @@ fn dissociation_rows(model: &Model, tallies: &Tallies) -> Vec<DissociationRow> {
                 Unbinding::Apart(radius) => (0, radius),
                 Unbinding::Within(radius) => (1, radius),
             };
-            let first = products[0].map(|(species, _)| species);
+            let kinds = channel.products.map(|product| product.map(|product| kind(product.species)));
             let row = DissociationRow {
                 threshold,
                 next,
@@ -356,10 +356,9 @@ fn dissociation_rows(model: &Model, tallies: &Tallies) -> Vec<DissociationRow> {
                 share: channel.share,
                 products: products.map(|product| product.map_or(NOTHING, |(species, _)| species)).into(),
                 radii: products.map(|product| product.map_or(0.0, |(_, radius)| radius)).into(),
-                speed: speed(reactant as u32),
-                product_speed: first.map_or(0.0, speed),
-                thermal_speed: first
-                    .map_or(0.0, |species| model.species[species as usize].thermal_speed as f32),
+                product_speeds: kinds.map(|kind| kind.map_or(0.0, |kind| kind.speed as f32)).into(),
+                thermal_speeds: kinds.map(|kind| kind.map_or(0.0, |kind| kind.thermal_speed as f32)).into(),
+                speed: kind(reactant as u32).speed as f32,
             };
             match k {
                 0 => rows[reactant] = row,

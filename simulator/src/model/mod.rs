@@ -218,6 +218,23 @@ impl Model {
         }
     }
 
+    /// Returns the velocity of a particle that changes from one species to another; swimmers keep their direction.
+    pub(crate) fn converted_velocity(
+        &self,
+        velocity: [f32; 3],
+        [from, to]: [u32; 2],
+        words: impl FnOnce() -> [u32; 4],
+    ) -> [f32; 3] {
+        let [old, new] = [from, to].map(|species| self.species[species as usize].speed);
+        if old == new {
+            velocity
+        } else if old > 0.0 && new > 0.0 {
+            velocity.map(|v| v * (new / old) as f32)
+        } else {
+            self.own_velocity(to, words())
+        }
+    }
+
     pub(crate) fn dissociates(&self, species: u32) -> bool {
         self.decays.iter().any(|decay| decay.reactant == species && decay.splits())
     }

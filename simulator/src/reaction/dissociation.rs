@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use crate::model::boundary::Boundary;
-use crate::model::particles::{Particle, Particles};
+use crate::model::particles::Particles;
 use crate::model::probability::ReactionProbabilities;
 use crate::model::{Model, Unbinding};
 use crate::random::gaussian::direction;
@@ -146,14 +146,10 @@ impl Dissociation {
     }
 }
 
-pub(crate) fn second(split: &Dissociated, velocity: [f32; 3], id: u32) -> Option<Particle> {
-    let (species, radius, position) = split.products[1]?;
-    Some(Particle { position, velocity, radius, species, id })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::particles::Particle;
     use crate::model::{Decay, Species};
 
     fn model(unbinding: Unbinding) -> Model {

@@ -14,7 +14,7 @@ use crate::motion::receiver_state;
 use crate::motion::surface_diffusion::SurfaceSteps;
 use crate::random::philox::{Key, Purpose};
 use crate::reaction::candidates::StepPairs;
-use crate::reaction::dissociation::{self, Dissociated, Dissociation};
+use crate::reaction::dissociation::{Dissociated, Dissociation};
 use crate::reaction::matching::Matching;
 use crate::reaction::{ReactantChange, Reactions, interactions};
 use crate::release::origins::Arrival;
@@ -246,20 +246,16 @@ impl Simulation {
         totals.present[from as usize] -= 1;
         let Some(species) = product else { return gone.push(at) };
         totals.present[species as usize] += 1;
-        let [old, new] = [from, species].map(|species| &model.species[species as usize]);
+        let radius = model.species[species as usize].radius;
         particles.species[place] = species;
-        particles.radius[place] = new.radius;
+        particles.radius[place] = radius;
         if !model.boundary.is_unbounded() {
-            let domain = model.boundary.inset(new.radius);
+            let domain = model.boundary.inset(radius);
             particles.set_position(place, domain.confine(particles.position_of(place)));
         }
-        if old.speed != new.speed {
-            let velocity = match old.speed > 0.0 && new.speed > 0.0 {
-                true => particles.get(place).velocity.map(|v| v * (new.speed / old.speed) as f32),
-                false => {
-                    model.own_velocity(species, key.draw(particles.id[place], 1, *step, Purpose::Velocity))
-                }
-            };
+        if model.has_velocity() {
+            let words = || key.draw(particles.id[place], 1, *step, Purpose::Velocity);
+            let velocity = model.converted_velocity(particles.get(place).velocity, [from, species], words);
             (0..3).for_each(|axis| particles.velocity[axis][place] = velocity[axis]);
         }
     }
@@ -331,9 +327,8 @@ impl Simulation {
         let mut born = Vec::new();
         for split in splits {
             self.state.totals.decayed[split.decay as usize] += 1;
-            let velocity = self.state.particles.get(split.at as usize).velocity;
             let nth = parents.partition_point(|&parent| parent < split.id) as u32;
-            born.extend(dissociation::second(split, velocity, first_id + nth));
+            born.extend(self.second_product(split, first_id + nth));
             self.transform(split.at, split.products[0].map(|(species, ..)| species), &mut gone);
             if let Some((_, _, position)) = split.products[0] {
                 self.state.particles.set_position(split.at as usize, position);
@@ -346,6 +341,16 @@ impl Simulation {
             particles.push(particle, self.model.has_velocity());
         }
         Ok(())
+    }
+
+    /// Returns the second product. The parent must be the particle still.
+    fn second_product(&self, split: &Dissociated, id: u32) -> Option<Particle> {
+        let Self { model, key, state: State { particles, step, .. }, .. } = self;
+        let (species, radius, position) = split.products[1]?;
+        let parent = particles.get(split.at as usize);
+        let words = || key.draw(split.id, 3, *step, Purpose::Velocity);
+        let velocity = model.converted_velocity(parent.velocity, [parent.species, species], words);
+        Some(Particle { position, velocity, radius, species, id })
     }
 
     pub(crate) fn finish(&mut self, slice: RankSlice) -> Result<(), Error> {

@@ -7,7 +7,7 @@ use lazygrid_sim::{
 };
 
 use super::device;
-use super::models::{brownian, cpu, dyadic, gpu, reaction, species};
+use super::models::{brownian, by_id, cpu, dyadic, gpu, reaction, species};
 use super::surfaces::{assert_close, compare, receiver, surfaces};
 
 fn swimmers() -> Model {
@@ -309,7 +309,12 @@ fn dissociating_swimmers_have_the_velocities_of_the_cpu() {
     model.logs_arrivals = false;
     model.species[0].speed = 10.0;
     model.species[2].speed = 20.0;
-    compare(&model, 29, 8);
+    let state = compare(&model, 29, 8);
+    for particle in by_id(&state) {
+        let own = model.species[particle.species as usize].speed;
+        let found = particle.velocity.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt();
+        assert!((found - own).abs() < 1e-4, "{found}, not {own}: {particle:?}");
+    }
 }
 
 #[test]

@@ -2,7 +2,7 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use lazygrid_sim::scenario::Scenario;
-use lazygrid_sim::{Model, Shape, Species};
+use lazygrid_sim::{Decay, Model, Shape, Species};
 use rayon::prelude::*;
 
 use crate::Row;
@@ -39,6 +39,42 @@ pub(crate) fn run_and_tumble() -> Vec<Row> {
         }
     }
     rows
+}
+
+/// Products have the speeds of their own species: two that diffuse after a swimmer divides have 6Dt, and two swimmers
+/// from a resting particle v²t².
+pub(crate) fn division() -> Vec<Row> {
+    let (n, speed, diffusion, time_step, count) = (20_000, 4.0, 1.0, 0.01, 100);
+    let parent_and_product = [
+        (Species { speed, ..species("C", 0.0, 0.0) }, species("A", 0.0, diffusion)),
+        (species("C", 0.0, 0.0), Species { speed, ..species("A", 0.0, 0.0) }),
+    ];
+    let row = |(parent, product): (Species, Species)| {
+        let swims = product.speed > 0.0;
+        // All but exp(-20) divide at the end of the first step.
+        let decay = Decay { reactant: 0, products: [Some(1); 2], rate: 20.0 / time_step, ..Decay::default() };
+        let model = Model {
+            time_step,
+            species: vec![parent, product],
+            decays: vec![decay],
+            transmitters: vec![burst(Shape::Point, &[(0, n)])],
+            ..Model::default()
+        };
+        let mut simulation = begin(&model, 3);
+        steps(&mut simulation, count);
+        let particles = &simulation.state().particles;
+        let square = |at| particles.position_of(at).map(|x| f64::from(x).powi(2)).into_iter().sum();
+        let (measured, error) = mean(&(0..particles.len()).map(square).collect::<Vec<f64>>());
+        let time = f64::from(count - 1) * time_step;
+        if swims {
+            let exact = (speed * time).powi(2);
+            return Row::new("mean square way, swimmers of a resting one", exact, measured, 1e-4 * exact);
+        }
+        let exact = (speed * time_step).powi(2) + 6.0 * diffusion * time;
+        // Both products begin where the parent was.
+        Row::new("mean square way, offspring of swimmers", exact, measured, 4.0 * 2.0_f64.sqrt() * error)
+    };
+    parent_and_product.into_iter().map(row).collect()
 }
 
 /// Donors transfer at a rate γ to recipients in contact, which decrease as exp(−γ·n·(4/3)πρ³·t), with n donors per

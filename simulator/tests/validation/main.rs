@@ -55,7 +55,7 @@ impl Row {
 
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 42] = [
+const ITEMS: [Item; 43] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -98,6 +98,7 @@ const ITEMS: [Item; 42] = [
     ("40-chemotaxis", chemotaxis::chemotaxis),
     ("41-spherical-membranes", cells::spherical_membranes),
     ("42-surface-diffusion", surface::surface_diffusion),
+    ("43-division", bacteria::division),
 ];
 
 fn main() -> ExitCode {

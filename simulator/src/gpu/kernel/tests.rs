@@ -149,9 +149,9 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             share,
             products,
             radii,
-            speed,
-            product_speed,
-            thermal_speed
+            product_speeds,
+            thermal_speeds,
+            speed
         }),
     ];
     Params::assert_uniform_compat();

@@ -21,9 +21,10 @@ struct DissociationRow {
     share: f32,
     products: vec2<u32>,
     radii: vec2<f32>,
+    // Speeds and thermal speeds of both products; speed of the dissociating particle.
+    product_speeds: vec2<f32>,
+    thermal_speeds: vec2<f32>,
     speed: f32,
-    product_speed: f32,
-    thermal_speed: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -79,18 +80,20 @@ fn particles_dissociate(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_wo
     claims[at].product = row.products.x;
     claims[at].sphere = vec4(confined(parent.xyz - row.share * apart, row.radii.x), row.radii.x);
     atomicStore(&claims[at].is_taken, 1u);
-    var velocity = vec3(0.0);
+    var second_velocity = vec3(0.0);
     if (params.has_velocity != 0u) {
         let own = arrayLength(&moved) / 2u + at;
-        velocity = moved[own].xyz;
-        moved[own] =
-            vec4(converted_velocity(velocity, row.speed, row.product_speed, row.thermal_speed, id), 0.0);
+        let velocity = moved[own].xyz;
+        let speeds = vec3(row.speed, row.product_speeds.x, row.thermal_speeds.x);
+        moved[own] = vec4(converted_velocity(velocity, speeds, id, VELOCITY_OF_PRODUCT), 0.0);
+        let second_speeds = vec3(row.speed, row.product_speeds.y, row.thermal_speeds.y);
+        second_velocity = converted_velocity(velocity, second_speeds, id, VELOCITY_OF_SECOND_PRODUCT);
     }
     if (has_second) {
         let slot = atomicAdd(&control.born, 1u);
         if (slot < arrayLength(&born)) {
             let place = confined(parent.xyz + (1.0 - row.share) * apart, row.radii.y);
-            born[slot] = Born(vec4(place, row.radii.y), velocity, row.products.y);
+            born[slot] = Born(vec4(place, row.radii.y), second_velocity, row.products.y);
             born_keys0[slot] = vec2(id, slot);
         }
     }

@@ -30,8 +30,9 @@ fn react(candidate: Candidate, rule: ReactionRow) {
             claims[at].sphere = vec4(confined(meeting + along * apart, rule.radii[side]), rule.radii[side]);
             if (params.has_velocity != 0u && rule.products[side] != NOTHING) {
                 let own = arrayLength(&moved) / 2u + at;
-                moved[own] = vec4(converted_velocity(moved[own].xyz, rule.speeds[side], rule.product_speeds[side],
-                    rule.thermal_speeds[side], candidate.ids[side]), 0.0);
+                let speeds = vec3(rule.speeds[side], rule.product_speeds[side], rule.thermal_speeds[side]);
+                moved[own] = vec4(
+                    converted_velocity(moved[own].xyz, speeds, candidate.ids[side], VELOCITY_OF_PRODUCT), 0.0);
             }
             atomicStore(&claims[at].is_taken, 1u);
         }

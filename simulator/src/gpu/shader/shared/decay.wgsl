@@ -87,7 +87,8 @@ fn decay(moved: Moved, id: u32) -> Moved {
         let product = species_rows[event.product];
         // A larger product may overlap a wall.
         here.sphere = vec4(confined(here.sphere.xyz, product.radius), product.radius);
-        here.velocity = converted_velocity(here.velocity, kind.speed, product.speed, product.thermal_speed, id);
+        let speeds = vec3(kind.speed, product.speed, product.thermal_speed);
+        here.velocity = converted_velocity(here.velocity, speeds, id, VELOCITY_OF_PRODUCT);
         here.species = event.product;
         kind = product;
     }
