@@ -205,7 +205,7 @@ impl Model {
     ) {
         out.released[batch.species as usize] += 1;
         let kind = &self.species[batch.species as usize];
-        let velocity = self.own_velocity(batch.species, key.draw(id, 0, 0, Purpose::Velocity));
+        let mut velocity = self.own_velocity(batch.species, key.draw(id, 0, 0, Purpose::Velocity));
         let offset = batch.from.shape.offset(key.draw(id, 0, 0, Purpose::Release), place, &self.boundary);
         let mut from: [f32; 3] = std::array::from_fn(|k| batch.center[k] + offset[k]);
         let [word, ..] = key.draw(id, 0, 0, Purpose::PartialStep);
@@ -232,8 +232,12 @@ impl Model {
                 position = self.hold_back(batch.species, [from, position], length, (key, id));
             }
             let words = |generation| key.draw(id, 1 + generation, 0, Purpose::PartialStep);
+            let turned = || key.draw(id, 1, 0, Purpose::Velocity);
             decays.continue_chain(batch.species, age, words, |decay, product| {
                 out.decayed[decay as usize] += 1;
+                if let (Some(from), Some(to)) = (species, product) {
+                    velocity = self.converted_velocity(velocity, [from, to], turned);
+                }
                 species = product;
             });
         }
@@ -243,3 +247,6 @@ impl Model {
         out.particles.push(Particle { position, velocity, radius, species, id }, self.has_velocity());
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,35 @@
+use super::*;
+use crate::model::{Decay, Species};
+
+fn steady(rates: Vec<(u32, f64)>, [from, until]: [f64; 2]) -> Transmitter {
+    Transmitter { schedule: Schedule::Steady { from, until, rates }, ..Transmitter::default() }
+}
+
+/// A swimmer that comes to rest, and one that begins to swim, soon after the release.
+#[test]
+fn products_since_the_release_have_the_speeds_of_their_species() {
+    let species = |speed| Species { speed, mass: 1.0, ..Species::default() };
+    let decay = |reactant, product| Decay {
+        reactant,
+        products: [Some(product), None],
+        rate: 50.0,
+        ..Decay::default()
+    };
+    let model = Model {
+        time_step: 0.1,
+        species: vec![species(20.0), species(0.0), species(5.0)],
+        decays: vec![decay(0, 1), decay(1, 2)],
+        transmitters: vec![steady(vec![(0, 1e4), (1, 1e4)], [0.0, 1.0])],
+        ..Model::default()
+    };
+    let at =
+        ReleaseStep { decays: &Decays::new(&model), key: Key::new(3), step: 1, next_id: 0, centers: &[] };
+    let released = model.release(at).expect("a release");
+    let mut counts = [0; 3];
+    for particle in (0..released.particles.len()).map(|at| released.particles.get(at)) {
+        let speed = particle.velocity.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt();
+        assert!((speed - model.species[particle.species as usize].speed).abs() < 1e-4, "{particle:?}");
+        counts[particle.species as usize] += 1;
+    }
+    assert!(counts.iter().all(|&count| count > 100), "{counts:?}");
+}
