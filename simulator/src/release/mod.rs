@@ -157,9 +157,10 @@ impl Model {
             };
             return counts.map(batch).collect();
         };
-        let now = f64::from(step) * self.time_step;
-        let [first, last] = [begin.max(now - self.time_step), until.min(now)];
-        if step == 0 || first >= last {
+        let end_of = |step: u32| f64::from(step) * self.time_step;
+        let now = end_of(step);
+        let [first, last] = [begin.max(end_of(step.saturating_sub(1))), until.min(now)];
+        if first >= last {
             return Vec::new();
         }
         let batch = |&(species, rate): &(u32, f64)| match from.numbers {
@@ -169,7 +170,7 @@ impl Model {
                 Batch { from, center: from.center, now, species, count, ages }
             }
             CountDistribution::Fixed => {
-                let [before, after] = [first, last].map(|time| (rate * (time - begin) + 1e-9).floor());
+                let [before, after] = [first, last].map(|time| released_until(time, rate, *begin));
                 let oldest = now - begin - (before + 1.0) / rate;
                 let ages = Ages::Spaced(oldest, 1.0 / rate);
                 Batch { from, center: from.center, now, species, count: (after - before) as u32, ages }
@@ -246,6 +247,14 @@ impl Model {
         let position = self.boundary.inset(radius).confine(position);
         out.particles.push(Particle { position, velocity, radius, species, id }, self.has_velocity());
     }
+}
+
+/// Returns the number of evenly spaced particles from `begin` until `time`, in s. Numbers of successive steps add up
+/// exactly, since the end of each is the beginning of the next.
+fn released_until(time: f64, rate: f64, begin: f64) -> f64 {
+    // A few roundings of the time, for instance a particle that is due at the end of a step.
+    let rounding = (4.0 * f64::EPSILON * rate * time).max(1e-9);
+    (rate * (time - begin) + rounding).floor()
 }
 
 #[cfg(test)]

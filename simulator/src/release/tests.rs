@@ -33,3 +33,25 @@ fn products_since_the_release_have_the_speeds_of_their_species() {
     }
     assert!(counts.iter().all(|&count| count > 100), "{counts:?}");
 }
+
+#[test]
+fn fixed_steady_release_counts_every_particle_once() {
+    for (rate, time_step, [from, until], steps) in [
+        (1e7, 1e-4, [0.0, 1e9], 100_000_u32),
+        (3e7, 1e-5, [0.0, 0.9], 100_000),
+        (1e6 / 3.0, 0.1, [0.3, 777.7], 10_000),
+        (7.0, 0.1, [0.0, 1e9], 10_000),
+    ] {
+        let model = Model {
+            time_step,
+            transmitters: vec![steady(vec![(0, rate)], [from, until])],
+            ..Model::default()
+        };
+        let of = |step: u32| -> u64 {
+            model.releases(step, Key::new(1)).map(|(_, _, count)| u64::from(count)).sum()
+        };
+        let released: u64 = (0..=steps).map(of).sum();
+        let expected = rate * (until.min(f64::from(steps) * time_step) - from);
+        assert_eq!(released, (expected + 1e-6).floor() as u64, "{rate} per s in steps of {time_step} s");
+    }
+}
