@@ -120,6 +120,11 @@ impl Boundary {
         self.axes.iter().filter(|axis| **axis != Axis::Frozen).count()
     }
 
+    /// Returns the axis of a cylinder.
+    pub(crate) fn along(&self) -> Option<usize> {
+        self.vessel.and_then(|vessel| vessel.along)
+    }
+
     pub(crate) fn flattened(&self, v: [f32; 3]) -> [f32; 3] {
         std::array::from_fn(|k| if self.axes[k] == Axis::Frozen { 0.0 } else { v[k] })
     }

@@ -25,8 +25,8 @@ impl Model {
     }
 
     pub(crate) fn groundless_flow(&self) -> Option<String> {
-        let cylinder = self.boundary.vessel.and_then(|vessel| vessel.along);
-        let groundless = matches!(self.flow, Some(Flow::Poiseuille { .. })) && cylinder.is_none();
+        let groundless =
+            matches!(self.flow, Some(Flow::Poiseuille { .. })) && self.boundary.along().is_none();
         groundless.then(|| {
             "Poiseuille flow needs a cylinder, and the boundary is not one; make the boundary a cylinder, or the flow a plug"
                 .to_owned()

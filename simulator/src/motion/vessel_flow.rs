@@ -36,7 +36,12 @@ impl StepDrift {
                 matches!(model.boundary.axes[k], Axis::Reflecting { .. })
                     && !model.receivers.iter().any(|receiver| receiver.is_across(k) && receiver.sees[index])
             };
-            let drifts = |k: usize| drift[k] != 0.0 || part > 0.0 && model.flow_field().is_some();
+            let flows = |k: usize| match model.flow {
+                Some(Flow::Field(_)) => true,
+                Some(Flow::Poiseuille { mean }) => mean != 0.0 && model.boundary.along() == Some(k),
+                _ => false,
+            };
+            let drifts = |k: usize| drift[k] != 0.0 || part > 0.0 && flows(k);
             Self { drift, at_wall: std::array::from_fn(|k| diffuses && drifts(k) && reflects(k)) }
         };
         model.species.iter().enumerate().map(one)
@@ -93,12 +98,14 @@ impl FlowStep {
         self.fastest = 2.0 * (part * mean) * model.time_step;
     }
 
-    /// Returns a step between `ends`, the second without wall and flow. Walls reverse the velocity.
+    /// Returns a step between `ends`, the second without wall and flow. Walls reverse the velocity; `reflect_at_end`
+    /// reflects the coordinate along a cylinder if the particle drifts.
     pub(crate) fn carry(
         &self,
         domain: &Boundary,
         ends: [[f32; 3]; 2],
         velocity: &mut [f32; 3],
+        reflect_at_end: impl FnOnce([f32; 2]) -> f32,
     ) -> AdvectedPath {
         let [before, free_end] = ends;
         let mut end = match &domain.vessel {
@@ -109,7 +116,7 @@ impl FlowStep {
         // Right to second order in the time step: the flow does not change the path across.
         let profile = |p| 1.0 - (self.vessel.distance(p) / f64::from(self.vessel.radius)).powi(2);
         let by = (self.fastest * 0.5 * (profile(before) + profile(end))) as f32;
-        end[along] += by;
+        end[along] = reflect_at_end([before[along], end[along] + by]);
         let mut after = end;
         if domain.axes[along].turns(end[along]) {
             velocity[along] = -velocity[along];

@@ -4,7 +4,9 @@ mod collisions;
 mod transport;
 
 pub(super) use self::collisions::many_collisions;
-pub(super) use self::transport::{frequent_tumbles, long_step_through, unresolved_flow};
+pub(super) use self::transport::{
+    drift_at_curved_wall, frequent_tumbles, long_step_through, unresolved_flow,
+};
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::probability::undoes;
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, signed_distance};

@@ -11,6 +11,7 @@ mod models;
 mod receptors;
 mod surfaces;
 mod transport;
+mod vessels;
 
 use std::sync::Arc;
 

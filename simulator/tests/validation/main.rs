@@ -55,7 +55,7 @@ impl Row {
 
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 43] = [
+const ITEMS: [Item; 44] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -99,6 +99,7 @@ const ITEMS: [Item; 43] = [
     ("41-spherical-membranes", cells::spherical_membranes),
     ("42-surface-diffusion", surface::surface_diffusion),
     ("43-division", bacteria::division),
+    ("44-drift-at-ends", vessel::drift_at_ends),
 ];
 
 fn main() -> ExitCode {

@@ -1,10 +1,10 @@
 use std::path::Path;
 
 use lazygrid_sim::scenario::Scenario;
-use lazygrid_sim::{Model, Particles};
+use lazygrid_sim::{Axis, Boundary, Flow, Model, Particles, Shape, Transmitter, Vessel};
 
 use crate::Row;
-use crate::setup::{begin, share_error, steps};
+use crate::setup::{begin, burst, mean, share_error, species, steps};
 
 const RADIUS: f64 = 1.0;
 const SPEED: f64 = 10.0;
@@ -78,4 +78,43 @@ pub(crate) fn flow_profiles() -> Vec<Row> {
         rows.push(Row::new(what, 0.81, share, 4.0 * share_error(0.81, N.into())));
     }
     rows
+}
+
+/// Mean height above the end of a cylinder that particles drift to: D/v. The profile of Poiseuille flow is flat at the
+/// middle line of a wide vessel.
+pub(crate) fn drift_at_ends() -> Vec<Row> {
+    let (n, speed, diffusion, time_step, length) = (20_000, 100.0, 100.0, 0.01, 200.0);
+    let row = |(what, flow, radius, sign): (&str, fn(f64) -> Flow, f32, f64)| {
+        let end = if sign < 0.0 { 0.0 } else { length };
+        let vessel = Some(Vessel { along: Some(2), center: [0.0; 3], radius });
+        let axes = [Axis::Open, Axis::Open, Axis::Reflecting { low: 0.0, high: length as f32 }];
+        let height = (diffusion / speed) as f32;
+        let center = [0.0, 0.0, end as f32 - sign as f32 * height];
+        let model = Model {
+            time_step,
+            species: vec![species("A", 0.0, diffusion)],
+            flow: Some(flow(sign * speed)),
+            transmitters: vec![Transmitter { center, ..burst(Shape::Point, &[(0, n)]) }],
+            boundary: Boundary { axes, vessel },
+            ..Model::default()
+        };
+        let mut simulation = begin(&model, 5);
+        // The slowest relaxation time is 4D/v², four steps.
+        steps(&mut simulation, 40);
+        let mut heights = Vec::new();
+        for _ in 0..4 {
+            steps(&mut simulation, 20);
+            heights
+                .extend(simulation.state().particles.position[2].iter().map(|&z| (f64::from(z) - end).abs()));
+        }
+        let (measured, error) = mean(&heights);
+        Row::new(format!("mean height, {what}"), diffusion / speed, measured, 4.0 * error)
+    };
+    let plug: fn(f64) -> Flow = |v| Flow::Plug([0.0, 0.0, v]);
+    let poiseuille: fn(f64) -> Flow = |v| Flow::Poiseuille { mean: 0.5 * v };
+    vec![
+        row(("plug flow to the lower end", plug, 5.0, -1.0)),
+        row(("plug flow to the upper end", plug, 5.0, 1.0)),
+        row(("poiseuille flow to the upper end", poiseuille, 1e4, 1.0)),
+    ]
 }

@@ -69,8 +69,15 @@ impl Propagator {
             drift = std::array::from_fn(|axis| drift[axis] + carried[axis]);
         }
         let end = free_end(drift);
+        let words = || who.key.draw(who.id, 0, who.step, Purpose::Wall);
         if let Some(stream) = &self.stream {
-            let carried = stream.carry(domain, [before, end], velocity.unwrap_or(&mut [0.0; 3]));
+            let reflect_at_end = |ends: [f32; 2]| match stream.vessel.along.filter(|&along| at_wall[along]) {
+                Some(along) => reflected(domain.axes[along], ends, length, words()[along]).unwrap_or(ends[1]),
+                None => ends[1],
+            };
+            let mut still = [0.0; 3];
+            let own = velocity.unwrap_or(&mut still);
+            let carried = stream.carry(domain, [before, end], own, reflect_at_end);
             // Arrays indexed by variables stay in memory, whose round trip delays all other particles.
             let carry = |from: [f32; 3]| {
                 let along = |axis| {
@@ -90,7 +97,7 @@ impl Propagator {
         let free_end = end;
         let mut end = end;
         if at_wall != [false; 3] {
-            let words = who.key.draw(who.id, 0, who.step, Purpose::Wall);
+            let words = words();
             for axis in (0..3).filter(|&axis| at_wall[axis]) {
                 let ends = [before[axis], end[axis]];
                 end[axis] = reflected(domain.axes[axis], ends, length, words[axis]).unwrap_or(end[axis]);

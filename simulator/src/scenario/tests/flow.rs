@@ -112,3 +112,21 @@ fn points_of_a_sweep_name_the_file_by_its_absolute_path() {
     let again = parse_at(Path::new("elsewhere/scenario.toml"), &sweep.points[1].scenario.text).unwrap();
     assert_eq!(again.model, sweep.points[1].scenario.model);
 }
+
+#[test]
+fn drift_to_the_curved_wall_of_a_vessel_is_warned_of() {
+    let warnings = |time_step: &str, drift: &str, more: &str| {
+        let text = format!(
+            "time-step = {time_step}\nsteps = 3\n[boundary]\nkind = 'cylinder'\naxis = 'z'\nradius = 5\n\
+             [[species]]\nname = 'A'\ndiffusion = 100\ndrift = {drift}\n{more}"
+        );
+        parse(&text).unwrap().warnings
+    };
+    let [warning] = &warnings("0.01", "[0, -100, 0]", "")[..] else { panic!("no warning") };
+    assert!(warning.contains("line 8, `name`: ") && warning.contains("curved wall"), "{warning}");
+    let short = warning.split("time-step = ").nth(1).unwrap().split(' ').next().unwrap();
+    assert_eq!(warnings(short, "[0, -100, 0]", ""), [""; 0]);
+    assert_eq!(warnings("0.01", "[0, 0, -100]", ""), [""; 0]);
+    let side = "[[receiver]]\nname = 'rx'\nkind = 'wall'\nface = 'side'\n";
+    assert_eq!(warnings("0.01", "[0, -100, 0]", side), [""; 0]);
+}

@@ -18,7 +18,7 @@ fn path_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32) ->
     }
     let reflected = reflect_in_vessel(before, free_end, params.vessel_radius - kind.radius, velocity);
     let flow = flow_between(before, reflected.end) * along_vessel();
-    let carried = reflected.end + flow;
+    let carried = reflected_at_walls(before, reflected.end + flow, kind, id);
     let own = select(reflected.velocity, -reflected.velocity, reversed_axes(carried, kind.radius));
     return Path(before, carried, confined_axes(carried, kind.radius), own, free_end + flow);
 }
