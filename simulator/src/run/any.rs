@@ -63,6 +63,15 @@ impl AnySimulation {
         Err(lazygrid::Error::WithoutGpu.into())
     }
 
+    /// Returns the largest number of steps of one call of [`advance`](Self::advance).
+    pub(crate) fn steps_at_once(&self) -> u32 {
+        match self {
+            Self::Cpu(_) => 1,
+            #[cfg(feature = "gpu")]
+            Self::Gpu(_) => GPU_STEPS,
+        }
+    }
+
     /// Does the next steps: one on the CPU, several on a GPU, at most `most`.
     ///
     /// # Errors

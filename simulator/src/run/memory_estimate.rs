@@ -94,10 +94,16 @@ fn check_particles(particles: u64, needed: u64) -> Result<(), Error> {
 
 #[cfg(test)]
 mod tests {
+    use std::ops::ControlFlow;
+    use std::path::Path;
+
+    use lazygrid::{Algorithm, Backend};
     use lazygrid_io::available_memory;
 
     use super::*;
-    use crate::Transmitter;
+    use crate::run::Run;
+    use crate::scenario::Scenario;
+    use crate::{RunView, Transmitter};
 
     #[test]
     fn largest_release_is_a_burst_or_a_step() {
@@ -133,5 +139,36 @@ mod tests {
         let none = Model { time_step: 0.1, ..Model::default() };
         assert!(check_largest_release(&none, 10, Sharing::NONE).is_ok());
         assert!(MemoryGuard::default().check(&none, (1000, 0, 5), Sharing::NONE).is_ok());
+    }
+
+    /// 1000 particles in each of 10⁹ steps, which live for a step.
+    #[test]
+    fn steady_run_needs_the_memory_of_the_next_steps() {
+        let text = "time-step = 1e-6\nsteps = 1000000000\n[[species]]\nname = 'A'\n\
+                    [[decay]]\nequation = 'A ->'\nrate = 1e6\n\
+                    [[transmitter]]\nname = 'tx'\nrelease = [{ species = 'A', rate = 1e9 }]\n\
+                    [output]\nevery = 1000000000\n";
+        let directory = tempfile::tempdir().unwrap();
+        let run = Run {
+            scenario: Scenario::parse(Path::new("s.toml"), text.to_owned()).unwrap(),
+            path: "s.toml".into(),
+            directory: directory.path().join("out"),
+            backend: Backend::Cpu,
+            algorithm: Algorithm::Auto,
+            threads: None,
+            resume: false,
+            overwrite: false,
+            space_check: true,
+        };
+        let mut calls = 0;
+        let (_, simulation) = run
+            .run(|_| {
+                calls += 1;
+                if calls < 20 { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+            })
+            .unwrap();
+        // The steady state is the release per lifetime.
+        let present = simulation.totals().present[0] as f64;
+        assert!((present - 1000.0).abs() < 4.0 * 1000.0_f64.sqrt(), "{present}");
     }
 }

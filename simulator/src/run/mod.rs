@@ -115,7 +115,7 @@ impl Run {
         }
         while end == RunEnd::Finished && simulation.step_count() < self.scenario.steps {
             let (step, before) = (simulation.step_count(), TimeStepMonitor::part_of(simulation.totals()));
-            let next = self.steps_to_next(step);
+            let next = self.steps_to_next(step).min(simulation.steps_at_once());
             let present = simulation.totals().present.iter().sum();
             if let Err(error) = memory.check(simulation.model(), (present, step, next), slot.sharing()) {
                 if step > first {
