@@ -3,7 +3,7 @@
 use lazygrid_ranks::Communicator;
 
 use crate::memory::check_available;
-use crate::model::transmitter::Schedule;
+use crate::model::transmitter::{Schedule, Transmitter};
 use crate::{Error, Model};
 
 /// Estimated from its parts (not measured): columns, displaced copies, the detector's index, a snapshot for the
@@ -43,18 +43,20 @@ pub(crate) fn check_largest_release(model: &Model, steps: u32, sharing: Sharing)
     check_particles(particles, sharing.bytes(particles, MIN_BYTES_PER_PARTICLE))
 }
 
+/// Returns the particles of the first release, which precedes all checks, or those of a later burst or step if larger.
 fn largest_release(model: &Model, steps: u32) -> u64 {
-    let released = |transmitter: &crate::Transmitter| {
-        let mean = |window| -> f64 {
-            transmitter.mean_between(window, model.time_step).iter().map(|&(_, count)| count).sum()
-        };
+    let mean = |transmitter: &Transmitter, window| -> f64 {
+        transmitter.mean_between(window, model.time_step).iter().map(|&(_, count)| count).sum()
+    };
+    let largest = |transmitter: &Transmitter| {
         let burst: f64 = match &transmitter.schedule {
             Schedule::Steady { rates, .. } => rates.iter().map(|&(_, rate)| rate * model.time_step).sum(),
             _ => transmitter.release.iter().map(|&(_, count)| f64::from(count)).sum(),
         };
-        burst.min(mean([0, steps.saturating_add(1)])).max(mean([0, 1])) as u64
+        burst.min(mean(transmitter, [0, steps.saturating_add(1)]))
     };
-    model.transmitters.iter().map(released).max().unwrap_or(0)
+    let at_begin: f64 = model.transmitters.iter().map(|transmitter| mean(transmitter, [0, 1])).sum();
+    model.transmitters.iter().map(largest).fold(at_begin, f64::max) as u64
 }
 
 #[derive(Debug, Default)]
@@ -101,9 +103,9 @@ mod tests {
     use lazygrid_io::available_memory;
 
     use super::*;
+    use crate::RunView;
     use crate::run::Run;
     use crate::scenario::Scenario;
-    use crate::{RunView, Transmitter};
 
     #[test]
     fn largest_release_is_a_burst_or_a_step() {
@@ -170,5 +172,14 @@ mod tests {
         // The steady state is the release per lifetime.
         let present = simulation.totals().present[0] as f64;
         assert!((present - 1000.0).abs() < 4.0 * 1000.0_f64.sqrt(), "{present}");
+    }
+
+    #[test]
+    fn all_transmitters_release_at_once() {
+        let burst = Transmitter { release: vec![(0, 20_000_000)], ..Transmitter::default() };
+        let model = Model { transmitters: vec![burst; 10], time_step: 0.1, ..Model::default() };
+        for steps in [0, 100] {
+            assert_eq!(largest_release(&model, steps), 200_000_000);
+        }
     }
 }
