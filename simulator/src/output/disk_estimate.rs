@@ -1,5 +1,4 @@
-use super::animation;
-use super::{frames, series};
+use super::{animation, frames, log_estimate, series};
 use crate::output::options::Output;
 use crate::{Model, ReceiverKind, RunView, State};
 
@@ -54,6 +53,9 @@ impl DiskEstimate {
         let particles = |count: f64| (count * kept) as u64;
         let most = fixed + (frames as f64 * frame + animation) as u64 + particles(crowd.last);
         let least = if loses(model) { fixed } else { most };
+        let logs =
+            log_estimate::rest(model, [from, steps], [crowd.ids, crowd.mean.iter().sum()], output.every);
+        let most = most.saturating_add(logs as u64);
         Self { least, most, checkpoint: scenario.len() as u64 + particles(crowd.last) }
     }
 }
@@ -69,7 +71,8 @@ pub(crate) fn next_bytes(run: &impl RunView, output: Output) -> u64 {
     let animation = output
         .animation
         .map_or(0, |animation| animation::bytes_of(model, all.min(u32::from(animation.particles).into())));
-    present.map(|(species, &count)| count * each(species)).sum::<u64>() + animation + (1 << 16)
+    let frame: u64 = present.map(|(species, &count)| count * each(species)).sum();
+    frame + animation + log_estimate::next(run) as u64 + (1 << 16)
 }
 
 fn loses(model: &Model) -> bool {
@@ -100,26 +103,31 @@ impl ParticleCounts {
                     ids += count;
                 }
             }
-            decay(model, &mut now, f64::from(end - begin) * model.time_step);
+            ids += decay(model, &mut now, f64::from(end - begin) * model.time_step);
             mean.iter_mut().zip(&now).for_each(|(mean, now)| *mean += now / f64::from(moments));
         }
         Self { mean, last: now.iter().sum(), ids }
     }
 }
 
-fn decay(model: &Model, now: &mut [f64], time: f64) {
+/// Returns the number of second products.
+fn decay(model: &Model, now: &mut [f64], time: f64) -> f64 {
     let before = now.to_vec();
+    let mut split = 0.0;
     for (species, count) in before.into_iter().enumerate() {
         let own = || model.decays.iter().filter(|decay| decay.reactant as usize == species);
         let total: f64 = own().map(|decay| decay.rate).sum();
         let gone = -count * libm::expm1(-total * time);
         now[species] -= gone;
         for decay in own().filter(|_| total > 0.0) {
+            let own = gone * decay.rate / total;
             for product in decay.products.into_iter().flatten() {
-                now[product as usize] += gone * decay.rate / total;
+                now[product as usize] += own;
             }
+            split += if decay.splits() { own } else { 0.0 };
         }
     }
+    split
 }
 
 fn text(model: &Model, species: usize, ids: f64) -> f64 {
@@ -129,9 +137,7 @@ fn text(model: &Model, species: usize, ids: f64) -> f64 {
 }
 
 fn row(model: &Model, crowd: &ParticleCounts, [from, steps]: [u32; 2]) -> f64 {
-    let step = |k: u32| from + (u64::from(steps - from) * u64::from(k) / 16) as u32;
-    let length = |step: u32| series::moment(step, model).len() as f64;
-    let moment = (1..=16).map(|k| length(step(k))).sum::<f64>() / 16.0;
+    let moment = moment(model, [from, steps]);
     let species: f64 = crowd.mean.iter().map(|&count| 1.0 + digits(count)).sum();
     let counts = model.reactions.len() + model.decays.len() + series::seen(model);
     let all: f64 = crowd.mean.iter().sum();
@@ -140,7 +146,14 @@ fn row(model: &Model, crowd: &ParticleCounts, [from, steps]: [u32; 2]) -> f64 {
     moment + species + counts as f64 * (1.0 + digits(0.2 * all)) + 2.0 * (1.0 + pairs) + 1.0
 }
 
-fn digits(count: f64) -> f64 {
+/// Returns the mean length of a step and its time.
+pub(super) fn moment(model: &Model, [from, steps]: [u32; 2]) -> f64 {
+    let step = |k: u32| from + (u64::from(steps - from) * u64::from(k) / 16) as u32;
+    let length = |step: u32| series::moment(step, model).len() as f64;
+    (1..=16).map(|k| length(step(k))).sum::<f64>() / 16.0
+}
+
+pub(super) fn digits(count: f64) -> f64 {
     count.max(1.0).log10().floor() + 1.0
 }
 
@@ -201,6 +214,24 @@ mod tests {
             let ratio = most as f64 / written as f64;
             assert!((1.0 / 1.5..1.5).contains(&ratio), "{what}: {most} foretold, {written} written");
             assert!(if what == "decay" { least < written } else { least == most }, "{what}: {least}");
+        }
+    }
+
+    #[test]
+    fn estimate_includes_the_logs() {
+        let receiver = |kind: &str| {
+            format!("[[receiver]]\nname = 'rx'\ncenter = [0, 0, 0]\nradius = 1e3\nkind = '{kind}'\n")
+        };
+        let steady = "[[transmitter]]\nname = 'steady'\nrelease = [{ species = 'A', rate = 1e3 }]\n";
+        let output = |every: u32| format!("[output]\nevery = {every}\narrivals = true\n");
+        for (what, more, limit) in [
+            ("arrivals", receiver("endpoint") + &output(400), 2.0),
+            ("releases", steady.to_owned() + &output(400), 3.0),
+            ("occupancy", receiver("transparent") + &output(1), 3.0),
+        ] {
+            let [_, most, written] = foretold_and_written(&format!("{CLOUD}{more}"));
+            let ratio = most as f64 / written as f64;
+            assert!((1.0..limit).contains(&ratio), "{what}: {most} foretold, {written} written");
         }
     }
 

@@ -8,6 +8,7 @@ mod arrow;
 mod disk_estimate;
 mod frames;
 mod lock;
+mod log_estimate;
 pub(crate) mod occupancy;
 pub(crate) mod options;
 pub mod series;
@@ -20,6 +21,7 @@ use std::path::{Path, PathBuf};
 
 pub(crate) use disk_estimate::{DiskEstimate, next_bytes};
 pub(crate) use lock::Lock;
+pub(crate) use log_estimate::{LOGGED_ARRIVALS, LOGGED_STEPS};
 
 use append_file::AppendFile;
 

@@ -10,6 +10,7 @@ pub mod simulation;
 pub mod sweep;
 
 mod difference;
+mod disk_space;
 pub(crate) mod memory_estimate;
 pub(crate) mod sealed;
 pub(crate) mod time_step_monitor;
@@ -21,7 +22,7 @@ use lazygrid::{Algorithm, Backend};
 
 use crate::output::append_file::FileRecord;
 use crate::output::options::Output;
-use crate::output::{self, DiskEstimate, Files, Lock};
+use crate::output::{self, Files, Lock};
 use crate::run::checkpoint::Checkpoint;
 use crate::run::memory_estimate::{MemoryGuard, Sharing, check_largest_release};
 use crate::run::time_step_monitor::TimeStepMonitor;
@@ -73,8 +74,6 @@ impl ReplicaSlot {
 /// Files of other runs that this one does not replace.
 pub(crate) const STALE: [&str; 6] =
     ["replicas.csv", "mean.csv", "points.csv", "sweep.csv", "arrivals.arrow", "releases.arrow"];
-/// Between checks of the disk.
-const ROWS: u32 = 4096;
 
 impl Run {
     /// Does all steps. Calls `watch` before the first and after each (several on a GPU) until it breaks. A checkpoint
@@ -175,7 +174,8 @@ impl Run {
         let output = self.scenario.output;
         let frames = (output.xyz || output.npy).then_some(output.frames_every);
         let animated = output.animation.map(|animation| animation.every);
-        let every = [Some(output.every), frames, animated, output.checkpoint_every];
+        let logged = self.scenario.model.logs_arrivals.then_some(output::LOGGED_STEPS);
+        let every = [Some(output.every), frames, animated, output.checkpoint_every, logged];
         let left = every.into_iter().flatten().map(|every| every - step % every);
         left.fold(self.scenario.steps - step, u32::min)
     }
@@ -191,71 +191,6 @@ impl Run {
         files.record(&simulation)?;
         self.save(&simulation, &mut files)?;
         Ok((simulation, files))
-    }
-
-    /// Includes files of later replicas.
-    pub(crate) fn check_disk_space(&self, simulation: &impl RunView, slot: ReplicaSlot) -> Result<(), Error> {
-        if !self.space_check {
-            return Ok(());
-        }
-        self.check_fits(self.disk_estimate(simulation).times(slot.count - slot.place))
-    }
-
-    fn disk_estimate(&self, simulation: &impl RunView) -> DiskEstimate {
-        let Scenario { steps, output, text, .. } = &self.scenario;
-        DiskEstimate::of(simulation, *output, *steps, text)
-    }
-
-    /// Warns if the output may exceed the disk, refuses if it surely does.
-    fn check_fits(&self, estimate: DiskEstimate) -> Result<(), Error> {
-        let DiskEstimate { least, most, checkpoint } = estimate;
-        let free = self.free_disk_bytes()?;
-        if least + checkpoint <= free && most + checkpoint > free {
-            log::warn!(
-                "the run writes about {} MB if no particle is lost, and the disk has {} MB left; it stops with a \
-                 checkpoint before the disk is full",
-                most >> 20,
-                free >> 20
-            );
-        }
-        if least + checkpoint <= free {
-            return Ok(());
-        }
-        Err(self.no_room(format!(
-            "the run is going to write about {} MB and the disk has {} MB left; write frames less often, choose another \
-             directory, or try all the same with --no-space-check",
-            least >> 20,
-            free >> 20
-        )))
-    }
-
-    fn free_disk_bytes(&self) -> Result<u64, Error> {
-        let write = |source| Error::Write { path: self.directory.clone(), source };
-        fs4::available_space(&self.directory).map_err(write)
-    }
-
-    pub(crate) fn stopped_early(&self, steps: u32) -> Error {
-        self.no_room(format!(
-            "it stopped after {steps} steps with a checkpoint, before the disk is full; make room and go on with --resume \
-             (--no-space-check continues until the disk is full)"
-        ))
-    }
-
-    fn no_room(&self, message: String) -> Error {
-        let source = std::io::Error::new(std::io::ErrorKind::StorageFull, message);
-        Error::Write { path: self.directory.clone(), source }
-    }
-
-    /// Returns `true` if the next output and a checkpoint may exceed the disk.
-    pub(crate) fn is_disk_full(&self, simulation: &impl RunView, slot: ReplicaSlot) -> Result<bool, Error> {
-        let (step, output) = (simulation.step_count(), self.scenario.output);
-        let rows = output.every.saturating_mul(ROWS);
-        if !self.space_check
-            || !(output.has_frame(step) || output.animated(step).is_some() || step.is_multiple_of(rows))
-        {
-            return Ok(false);
-        }
-        Ok(self.free_disk_bytes()? < 2 * u64::from(slot.at_once) * output::next_bytes(simulation, output))
     }
 
     fn resume_run(&self, slot: ReplicaSlot) -> Result<(AnySimulation, Files), Error> {

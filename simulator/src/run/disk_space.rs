@@ -1,0 +1,140 @@
+//! The space that a run needs on its disk.
+
+use super::{ReplicaSlot, Run};
+use crate::output::options::Output;
+use crate::output::{self, DiskEstimate, LOGGED_ARRIVALS, LOGGED_STEPS, occupancy};
+use crate::scenario::Scenario;
+use crate::{Error, RunView};
+
+/// Rows of the series between checks.
+const ROWS: u32 = 4096;
+
+impl Run {
+    /// Includes files of later replicas.
+    pub(crate) fn check_disk_space(&self, simulation: &impl RunView, slot: ReplicaSlot) -> Result<(), Error> {
+        if !self.space_check {
+            return Ok(());
+        }
+        self.check_fits(self.disk_estimate(simulation).times(slot.count - slot.place))
+    }
+
+    pub(super) fn disk_estimate(&self, simulation: &impl RunView) -> DiskEstimate {
+        let Scenario { steps, output, text, .. } = &self.scenario;
+        DiskEstimate::of(simulation, *output, *steps, text)
+    }
+
+    /// Warns if the output may exceed the disk, refuses if it surely does.
+    pub(super) fn check_fits(&self, estimate: DiskEstimate) -> Result<(), Error> {
+        let DiskEstimate { least, most, checkpoint } = estimate;
+        let free = self.free_disk_bytes()?;
+        if least + checkpoint <= free && most + checkpoint > free {
+            log::warn!(
+                "the run writes up to about {} MB, and the disk has {} MB left; it stops with a checkpoint before the disk \
+                 is full",
+                most >> 20,
+                free >> 20
+            );
+        }
+        if least + checkpoint <= free {
+            return Ok(());
+        }
+        Err(self.no_room(format!(
+            "the run is going to write about {} MB and the disk has {} MB left; write frames less often, choose another \
+             directory, or try all the same with --no-space-check",
+            least >> 20,
+            free >> 20
+        )))
+    }
+
+    fn free_disk_bytes(&self) -> Result<u64, Error> {
+        let write = |source| Error::Write { path: self.directory.clone(), source };
+        fs4::available_space(&self.directory).map_err(write)
+    }
+
+    pub(crate) fn stopped_early(&self, steps: u32) -> Error {
+        self.no_room(format!(
+            "it stopped after {steps} steps with a checkpoint, before the disk is full; make room and go on with --resume \
+             (--no-space-check continues until the disk is full)"
+        ))
+    }
+
+    fn no_room(&self, message: String) -> Error {
+        let source = std::io::Error::new(std::io::ErrorKind::StorageFull, message);
+        Error::Write { path: self.directory.clone(), source }
+    }
+
+    /// Returns `true` if the next output and a checkpoint may exceed the disk.
+    pub(crate) fn is_disk_full(&self, simulation: &impl RunView, slot: ReplicaSlot) -> Result<bool, Error> {
+        let output = self.scenario.output;
+        if !self.space_check || !is_check_due(simulation, output) {
+            return Ok(false);
+        }
+        Ok(self.free_disk_bytes()? < 2 * u64::from(slot.at_once) * output::next_bytes(simulation, output))
+    }
+}
+
+/// Returns `true` after steps that write a frame, and after several thousand rows of the tables.
+fn is_check_due(simulation: &impl RunView, output: Output) -> bool {
+    let (step, model) = (simulation.step_count(), simulation.model());
+    if output.has_frame(step) || output.animated(step).is_some() {
+        return true;
+    }
+    step.is_multiple_of(output.every.saturating_mul(ROWS))
+        || model.logs_arrivals && (step.is_multiple_of(LOGGED_STEPS) || has_logged_many(simulation))
+        || occupancy::is_logged(model) && step.is_multiple_of(output.every)
+}
+
+/// Returns `true` if the last step logged one of each [`LOGGED_ARRIVALS`] arrivals.
+fn has_logged_many(simulation: &impl RunView) -> bool {
+    let receivers = simulation.model().receivers.iter().zip(&simulation.totals().arrived);
+    let counts = receivers.filter(|(receiver, _)| !receiver.is_momentary()).flat_map(|(_, counts)| counts);
+    let [logged, last] = [counts.sum(), simulation.arrivals().len() as u64];
+    logged / LOGGED_ARRIVALS != logged.saturating_sub(last) / LOGGED_ARRIVALS
+}
+
+#[cfg(test)]
+mod tests {
+    use std::ops::ControlFlow;
+    use std::path::Path;
+
+    use lazygrid::{Algorithm, Backend};
+
+    use super::*;
+    use crate::scenario::Scenario;
+
+    /// 1000 arrivals in each step, of particles that appear in the receiver.
+    #[test]
+    fn disk_is_checked_after_many_arrivals() {
+        let text = "time-step = 0.01\nsteps = 40\n[[species]]\nname = 'A'\n\
+                    [[transmitter]]\nname = 'tx'\nrelease = [{ species = 'A', rate = 1e5 }]\n\
+                    [[receiver]]\nname = 'rx'\nradius = 1\ncenter = [0, 0, 0]\nkind = 'endpoint'\n\
+                    [output]\nevery = 100000\narrivals = true\n";
+        let directory = tempfile::tempdir().unwrap();
+        let run = Run {
+            scenario: Scenario::parse(Path::new("s.toml"), text.to_owned()).unwrap(),
+            path: "s.toml".into(),
+            directory: directory.path().join("out"),
+            backend: Backend::Cpu,
+            algorithm: Algorithm::Auto,
+            threads: None,
+            resume: false,
+            overwrite: false,
+            space_check: true,
+        };
+        let (mut checked, mut reserved) = (Vec::new(), 0);
+        run.run(|simulation| {
+            if is_check_due(simulation, run.scenario.output) {
+                checked.push((simulation.step_count(), simulation.totals().arrived[0][0]));
+            }
+            reserved = output::next_bytes(simulation, run.scenario.output);
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+        assert_eq!(checked[0], (0, 0));
+        let arrived: Vec<u64> = checked[1..].iter().map(|&(_, arrived)| arrived / 1000).collect();
+        assert_eq!(arrived, [17, 33]);
+        let written = std::fs::metadata(run.directory.join("arrivals.csv")).unwrap().len();
+        let until_next = written * (LOGGED_ARRIVALS + 1000) / 39_000;
+        assert!(reserved > until_next && reserved < 3 * until_next, "{reserved}, {until_next} needed");
+    }
+}
