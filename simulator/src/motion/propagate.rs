@@ -214,6 +214,7 @@ impl Propagator {
                         path,
                         free_end: flight.free_end,
                         gone: 0.0,
+                        turns: None,
                         velocity: own,
                     };
                     if has_membranes {
@@ -249,7 +250,7 @@ impl Propagator {
         receivers: impl Iterator<Item = &'a ReceiverState>,
         events: &mut Vec<Event>,
     ) {
-        let space = (&self.steps[moved.species as usize].domain, self.time_step);
+        let space = (&self.steps[moved.species as usize].domain, self.time_step, &self.walls[..]);
         let (species, after) = (moved.species, moved.path.after);
         let is_near_side = |body: &&ReceiverState| {
             self.membranes.is_empty() || !self.among_membranes(species).separates([after, body.center])
@@ -262,7 +263,7 @@ impl Propagator {
 
     #[inline]
     fn absorb_or_decay(&self, moved: &ParticleMove, events: &mut Vec<Event>) {
-        let ParticleMove { at, species, who, path, free_end, .. } = *moved;
+        let ParticleMove { at, species, who, path, .. } = *moved;
         let domain = &self.steps[species as usize].domain;
         let is_near_side = |wall: &&AbsorbingWall| {
             self.membranes.is_empty()
@@ -270,7 +271,7 @@ impl Propagator {
         };
         let seen = self.walls.iter().filter(|wall| wall.sees[species as usize]);
         let mut walls = seen.filter(is_near_side);
-        if let Some(wall) = walls.find(|wall| wall.absorbs(domain, &path, free_end, who)) {
+        if let Some(wall) = walls.find(|wall| wall.absorbs(domain, moved)) {
             return events.push(Event::Arrived { at, receiver: wall.receiver });
         }
         let DrawContext { key, id, step } = who;

@@ -16,6 +16,15 @@ pub(crate) struct ReflectedPath {
     pub(crate) first: u32,
     /// In µm; above the step's displacement if spheres approach.
     pub(crate) gone: f32,
+    pub(crate) turns: PathTurns,
+}
+
+/// The first contact with a sphere, and the ends of the last segment, which is extended backwards to the length of a
+/// step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct PathTurns {
+    pub(crate) contact: [f32; 3],
+    pub(crate) last: [[f32; 3]; 2],
 }
 
 struct Obstacle<'a> {
@@ -41,6 +50,7 @@ pub(crate) fn reflect_path(
     });
     let obstacles = obstacles(bodies, domain, path, displacement);
     let (mut gone, mut length, mut time, mut first) = ([0.0; 3], 0.0, 0.0, None);
+    let at = |gone: [f64; 3]| std::array::from_fn(|k| (f64::from(path.before[k]) + gone[k]) as f32);
     for _ in 0..BOUNCES {
         let left = 1.0 - time;
         let meets = |o: &Obstacle<'_>| {
@@ -52,8 +62,8 @@ pub(crate) fn reflect_path(
             length += left * dot(displacement, displacement).sqrt();
             break;
         };
-        first = first.or(Some(place));
         gone = std::array::from_fn(|k| gone[k] + after * displacement[k]);
+        first = first.or(Some((place, at(gone))));
         length += after * dot(displacement, displacement).sqrt();
         time += after;
         let out = obstacle.offset_at(gone, time);
@@ -63,10 +73,11 @@ pub(crate) fn reflect_path(
         let drift = obstacle.body.drift.map(f64::from);
         *velocity = turned(velocity.map(f64::from), drift, normal).map(|c| c as f32);
     }
-    let first = first?;
-    let end = std::array::from_fn(|k| (f64::from(path.before[k]) + gone[k]) as f32);
+    let (first, contact) = first?;
+    let end = at(gone);
+    let turns = PathTurns { contact, last: [at(std::array::from_fn(|k| gone[k] - displacement[k])), end] };
     let after = outside(bodies, domain, path.before, domain.confine(end));
-    Some(ReflectedPath { path: Path { end, after, ..*path }, first, gone: length as f32 })
+    Some(ReflectedPath { path: Path { end, after, ..*path }, first, gone: length as f32, turns })
 }
 
 fn obstacles<'a>(

@@ -3,7 +3,8 @@ use crate::model::receiver::{Adsorption, ReceiverKind, signed_distance};
 use crate::motion::adsorption;
 use crate::motion::path_hit::{DrawContext, Hit, Path, hits};
 use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
-use crate::motion::reflection::{ReflectedPath, reflect_path};
+use crate::motion::reflection::{PathTurns, ReflectedPath, reflect_path};
+use crate::motion::wall::AbsorbingWall;
 use crate::random::philox::{Purpose, fine_unit};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -52,6 +53,8 @@ pub(crate) struct ParticleMove {
     pub(crate) path: Path,
     pub(crate) free_end: [f32; 3],
     pub(crate) gone: f32,
+    /// At reflecting receivers.
+    pub(crate) turns: Option<PathTurns>,
     pub(crate) velocity: Option<[f32; 3]>,
 }
 
@@ -61,13 +64,13 @@ impl ActiveReceivers {
     pub(crate) fn resolve<'a>(
         &self,
         moved: &mut ParticleMove,
-        (domain, time_step): (&Boundary, f32),
+        (domain, time_step, walls): (&Boundary, f32, &[AbsorbingWall]),
         receivers: impl Iterator<Item = &'a ReceiverState>,
     ) -> Option<Event> {
         let ParticleMove { at, species, who, path, .. } = *moved;
         let seen = receivers.filter(|body| body.receiver.sees[species as usize]);
         if self.any_reflect() {
-            return reflect_or_keep(moved, (domain, time_step), seen);
+            return reflect_or_keep(moved, (domain, time_step, walls), seen);
         }
         let mut first = FirstHit::default();
         for body in seen {
@@ -99,19 +102,21 @@ impl FirstHit {
 
 fn reflect_or_keep<'a>(
     moved: &mut ParticleMove,
-    (domain, time_step): (&Boundary, f32),
+    (domain, time_step, walls): (&Boundary, f32, &[AbsorbingWall]),
     seen: impl Iterator<Item = &'a ReceiverState>,
 ) -> Option<Event> {
-    let ParticleMove { at, who, path, .. } = *moved;
+    let ParticleMove { at, species, who, path, free_end, .. } = *moved;
     let is_outside =
         |body: &ReceiverState| signed_distance(body.receiver.radius, body.center, domain, path.before) >= 0.0;
     let reflects = |body: &ReceiverState| body.receiver.kind.reflects();
     let near: Vec<&ReceiverState> = seen.filter(|body| !reflects(body) || is_outside(body)).collect();
     let reflecting: Vec<&ReceiverState> = near.iter().copied().filter(|body| reflects(body)).collect();
     let mut velocity = moved.velocity.unwrap_or_default().map(|v| v * time_step);
-    let reflected = reflect_path(&reflecting, domain, &path, &mut velocity);
-    if let Some(ReflectedPath { path, gone, .. }) = reflected {
-        (moved.path, moved.gone) = (path, gone);
+    let walls = walls.iter().filter(|wall| wall.sees[species as usize]);
+    let aimed = walls.fold(path, |path, wall| wall.aim(domain, path, free_end));
+    let reflected = reflect_path(&reflecting, domain, &aimed, &mut velocity);
+    if let Some(ReflectedPath { path, gone, turns, .. }) = reflected {
+        (moved.path, moved.gone, moved.turns) = (path, gone, Some(turns));
         moved.velocity = moved.velocity.map(|_| velocity.map(|v| v / time_step));
     }
     let mut first = FirstHit::default();

@@ -16,12 +16,18 @@
 //! exp(−ab/DΔt), for any step and drift. For a cylinder the tangent plane is used, which is right for steps short
 //! compared with the radius. In a sphere r times the density is that of a slit from 0 to R with absorbing ends: the
 //! probability is a sum over images, for any step.
+//!
+//! *Surfaces in front of absorbing walls.* At a reflecting plane the path unfolds into a free one, between the wall and
+//! its mirror image. The latter is the wall seen from the last segment, extended backwards to the length of the step. Both
+//! probabilities add up, unless a step reaches both. Spheres are taken as their tangent planes.
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{ReceiverKind, WallFace};
 use crate::model::vessel::Vessel;
-use crate::motion::path_hit::{DrawContext, Path};
+use crate::motion::path_hit::Path;
+use crate::motion::reflection::PathTurns;
+use crate::motion::surface_events::ParticleMove;
 use crate::random::bridge::{NEVER, lowest};
 use crate::random::philox::{Purpose, open_unit};
 
@@ -63,28 +69,52 @@ impl AbsorbingWall {
         point
     }
 
-    /// `domain` is the boundary of the center, `free_end` the end without walls.
-    pub(crate) fn absorbs(
-        &self,
-        domain: &Boundary,
-        path: &Path,
-        free_end: [f32; 3],
-        who: DrawContext,
-    ) -> bool {
-        let heights = [path.before, free_end].map(|point| height(self.face, domain, point));
-        let [a, b] = heights;
-        if b <= 0.0 || a <= 0.0 {
+    /// Returns a path that ends beyond the wall if the step does, for surfaces in front of the wall. `domain` is the
+    /// boundary of the center, `free_end` the end without walls.
+    pub(crate) fn aim(&self, domain: &Boundary, path: Path, free_end: [f32; 3]) -> Path {
+        let Path { mut end, mut after, .. } = path;
+        if let WallFace::Low(axis) | WallFace::High(axis) = self.face
+            && height(self.face, domain, free_end) <= 0.0
+        {
+            (end[axis], after[axis]) = (free_end[axis], free_end[axis]);
+        }
+        Path { end, after, ..path }
+    }
+
+    pub(crate) fn absorbs(&self, domain: &Boundary, moved: &ParticleMove) -> bool {
+        let ParticleMove { who, path, free_end, turns, .. } = moved;
+        let height = |point: [f32; 3]| height(self.face, domain, point);
+        let [a, b] = [path.before, *free_end].map(height);
+        if a <= 0.0 {
             return true;
         }
-        let exponent = a * b / path.diffusion;
-        exponent < NEVER && {
-            let [word, ..] = who.key.draw(who.id, self.receiver, who.step, Purpose::Receiver);
-            let probability = match domain.vessel {
-                Some(Vessel { along: None, radius, .. }) => hit_from_inside(radius, heights, path.diffusion),
-                _ => (-exponent).exp(),
-            };
-            open_unit(word) < probability
+        let touches = |heights: [f32; 2]| touch_probability(domain, heights, path.diffusion);
+        let mut probability = touches([a, b]);
+        if let Some(PathTurns { contact, last }) = turns {
+            if b <= 0.0 && self.face != WallFace::Side && height(*contact) > 0.0 {
+                probability = 0.0;
+            }
+            let [before, end] = last.map(height);
+            if before > 0.0 || end <= 0.0 {
+                probability += touches([before, end]);
+            }
         }
+        let word = || who.key.draw(who.id, self.receiver, who.step, Purpose::Receiver)[0];
+        probability >= 1.0 || probability > 0.0 && open_unit(word()) < probability
+    }
+}
+
+/// Between two heights, of which the second may be beyond the wall. `diffusion` is DΔt.
+fn touch_probability(domain: &Boundary, heights: [f32; 2], diffusion: f32) -> f32 {
+    let exponent = heights[0] * heights[1] / diffusion;
+    if heights[1] <= 0.0 {
+        1.0
+    } else if exponent >= NEVER {
+        0.0
+    } else if let Some(Vessel { along: None, radius, .. }) = domain.vessel {
+        hit_from_inside(radius, heights, diffusion)
+    } else {
+        (-exponent).exp()
     }
 }
 
@@ -127,8 +157,14 @@ fn height(face: WallFace, domain: &Boundary, point: [f32; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::motion::path_hit::DrawContext;
     use crate::random::gaussian::normals;
     use crate::random::philox::Key;
+
+    fn free(path: Path, who: DrawContext) -> ParticleMove {
+        let free_end = path.end;
+        ParticleMove { at: 0, species: 0, who, path, free_end, gone: 0.0, turns: None, velocity: None }
+    }
 
     #[test]
     fn plane_takes_the_part_of_the_closed_form() {
@@ -143,7 +179,7 @@ mod tests {
                 let before = [20.0, height - 1.0, 20.0];
                 let end: [f32; 3] = std::array::from_fn(|k| before[k] + z[k]);
                 let path = Path { before, end, after: domain.confine(end), drift: [0.0; 3], diffusion: 0.5 };
-                wall.absorbs(&domain, &path, end, who(id))
+                wall.absorbs(&domain, &free(path, who(id)))
             });
             let part = libm::erfc(f64::from(height) / 2.0_f64.sqrt());
             let error = (part * (1.0 - part) / f64::from(n)).sqrt();
@@ -166,7 +202,7 @@ mod tests {
                 let before = [1.0, 2.0, 3.0];
                 let end: [f32; 3] = std::array::from_fn(|k| before[k] + (2.0 * diffusion).sqrt() * z[k]);
                 let path = Path { before, end, after: end, drift: [0.0; 3], diffusion };
-                wall.absorbs(&domain, &path, end, who(id))
+                wall.absorbs(&domain, &free(path, who(id)))
             });
             let mode = |n: i32| {
                 let rate = (f64::from(n) * std::f64::consts::PI).powi(2) * f64::from(diffusion);

@@ -1,7 +1,7 @@
 use std::path::Path;
 
-use lazygrid_sim::Model;
 use lazygrid_sim::scenario::Scenario;
+use lazygrid_sim::{Model, Receiver, ReceiverKind};
 
 use crate::Row;
 use crate::setup::{begin, mean, share_error, steps};
@@ -18,6 +18,18 @@ fn model(time_step: f64, boundary: &str, drift: f64, center: &str, faces: &[&str
         faces.iter().map(face).collect::<String>()
     );
     Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
+}
+
+/// A sphere on the x axis, at this distance from the plane x = 0.
+fn body(distance: f32, radius: f32) -> Receiver {
+    Receiver {
+        name: "body".to_owned(),
+        center: [distance + radius, 0.0, 0.0],
+        radius,
+        kind: ReceiverKind::Reflecting,
+        sees: vec![true],
+        ..Receiver::default()
+    }
 }
 
 fn taken(model: &Model, count: u32, receiver: usize, seed: u64) -> f64 {
@@ -105,6 +117,17 @@ pub(crate) fn absorbing_walls() -> Vec<Row> {
         .sum();
     let both = taken(&slit, 1000, 0, 7) + taken(&slit, 1000, 1, 7);
     add("slit, both planes".to_owned(), 1.0 - survival, both);
+    // Between an absorbing plane and a reflecting sphere that is almost a plane, 0.5 apart, in steps of 0.3.
+    for (seed, start, count) in [(11, 0.4, 1), (12, 0.25, 1), (13, 0.25, 5)] {
+        let mut model = model(0.045, &box_of(3000.0), 0.0, &format!("[{start}, 0, 0]"), &["low-x"]);
+        model.receivers.push(body(0.5, 1000.0));
+        let mode = |n: u32| {
+            let k = f64::from(2 * n + 1) * std::f64::consts::PI;
+            4.0 / k * (k * start).sin() * (-k * k * D * 0.045 * f64::from(count)).exp()
+        };
+        let expected = 1.0 - (0..40).map(mode).sum::<f64>();
+        add(format!("slit, sphere, {count} steps from {start}"), expected, taken(&model, count, 0, seed));
+    }
     // From the middle line of a cylinder of radius 1: Σ 2/(j·J₁(j))·exp(−j²Dt), with the zeros j of J₀.
     let zeros =
         [(2.404_826, 0.519_147), (5.520_078, -0.340_265), (8.653_728, 0.271_452), (11.791_534, -0.232_460)];

@@ -32,7 +32,7 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
         }
     }
     if (first == NOTHING) {
-        here = absorb_or_decay(here, path, kind, tag.y);
+        here = absorb_or_decay(here, path, without_turns(), kind, tag.y);
     } else {
         let event = event_rows[first];
         atomicAdd(&control.tallies[event.tally], 1u);

@@ -115,7 +115,14 @@ fn bind(at: u32, place: u32, path: Path, id: u32) {
 }
 
 fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32) -> Moved {
-    let reflected = reflect_path(kind, path);
+    var reflected = reflect_path(kind, aimed(kind, path));
+    var turns = without_turns();
+    if (reflected.first == NOTHING) {
+        reflected.end = path.end;
+        reflected.after = path.after;
+    } else {
+        turns = PathTurns(true, reflected.contact, reflected.end - reflected.last, reflected.end);
+    }
     if (near_count > NEAR) {
         atomicMax(&control.near_surfaces, near_count);
         atomicOr(&control.halted, TOO_MANY_SURFACES);
@@ -154,7 +161,7 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
         }
     }
     if (first == NOTHING) {
-        return absorb_or_decay(here, path, kind, tag.y);
+        return absorb_or_decay(here, path_to(NOTHING, path, reflected), turns, kind, tag.y);
     }
     let event = event_rows[first];
     if (event.kind == RECEPTORS) {

@@ -55,31 +55,78 @@ fn foot_at(face: u32, radius: f32, point: vec3<f32>) -> vec3<f32> {
     return foot;
 }
 
-fn wall_absorbs(event: EventRow, kind: SpeciesRow, path: Path, id: u32) -> bool {
+// The turns of a path at reflecting receivers: the first contact, and the ends of the last segment, extended backwards to
+// the length of a step.
+struct PathTurns {
+    exist: bool,
+    contact: vec3<f32>,
+    before: vec3<f32>,
+    end: vec3<f32>,
+}
+
+fn without_turns() -> PathTurns {
+    return PathTurns(false, vec3(0.0), vec3(0.0), vec3(0.0));
+}
+
+// Returns a path that ends beyond the absorbing planes that the step passes, for surfaces in front of them.
+fn aimed(kind: SpeciesRow, path: Path) -> Path {
+    var end = path.end;
+    var after = path.after;
+    for (var k = kind.walls_begin; k < kind.events_end; k++) {
+        let face = event_rows[k].kind - WALL;
+        if (face < SIDE && wall_height(face, kind.radius, path.free_end) <= 0.0) {
+            end[face / 2u] = path.free_end[face / 2u];
+            after[face / 2u] = path.free_end[face / 2u];
+        }
+    }
+    return Path(path.before, end, after, path.velocity, path.free_end);
+}
+
+// Returns the probability that a path touches a wall between two heights, the second of which may be beyond it.
+fn touch_probability(radius: f32, heights: vec2<f32>, diffusion: f32) -> f32 {
+    if (heights.y <= 0.0) {
+        return 1.0;
+    }
+    let product = heights.x * heights.y;
+    if (product >= NEVER * diffusion) {
+        return 0.0;
+    }
+    if (params.vessel_axis == SPHERE) {
+        return hit_from_inside(params.vessel_radius - radius, heights, diffusion);
+    }
+    return exp(-product / diffusion);
+}
+
+fn wall_absorbs(event: EventRow, kind: SpeciesRow, path: Path, turns: PathTurns, id: u32) -> bool {
     let face = event.kind - WALL;
     if (is_separated(kind, path.after, foot_at(face, kind.radius, path.after))) {
         return false;
     }
     let heights = vec2(wall_height(face, kind.radius, path.before), wall_height(face, kind.radius, path.free_end));
-    if (any(heights <= vec2(0.0))) {
+    if (heights.x <= 0.0) {
         return true;
     }
-    let product = heights.x * heights.y;
-    if (product >= NEVER * kind.diffusion) {
-        return false;
+    var probability = touch_probability(kind.radius, heights, kind.diffusion);
+    if (turns.exist) {
+        if (heights.y <= 0.0 && face < SIDE && wall_height(face, kind.radius, turns.contact) > 0.0) {
+            probability = 0.0;
+        }
+        let last = vec2(wall_height(face, kind.radius, turns.before), wall_height(face, kind.radius, turns.end));
+        if (last.x > 0.0 || last.y <= 0.0) {
+            probability += touch_probability(kind.radius, last, kind.diffusion);
+        }
     }
-    var probability = exp(-product / kind.diffusion);
-    if (params.vessel_axis == SPHERE) {
-        probability = hit_from_inside(params.vessel_radius - kind.radius, heights, kind.diffusion);
+    if (probability <= 0.0 || probability >= 1.0) {
+        return probability >= 1.0;
     }
     let words = philox(vec4(id, event.receiver, control.step, PURPOSE_RECEIVER), params.key);
     return open_unit(words.x) < probability;
 }
 
-fn absorb_or_decay(moved: Moved, path: Path, kind: SpeciesRow, id: u32) -> Moved {
+fn absorb_or_decay(moved: Moved, path: Path, turns: PathTurns, kind: SpeciesRow, id: u32) -> Moved {
     for (var k = kind.walls_begin; k < kind.events_end; k++) {
         let event = event_rows[k];
-        if (wall_absorbs(event, kind, path, id)) {
+        if (wall_absorbs(event, kind, path, turns, id)) {
             atomicAdd(&control.tallies[event.tally], 1u);
             var here = moved;
             here.sphere.w = radius_of_arrived(event.receiver);

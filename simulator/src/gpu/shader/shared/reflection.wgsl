@@ -11,13 +11,15 @@ struct Obstacle {
 }
 
 // A reflected path: its end, the confined end, the first reflecting receiver or NOTHING, its length, and the
-// particle's velocity at the end.
+// particle's velocity at the end. Then the first contact and the displacement of a step along the last segment.
 struct ReflectedPath {
     end: vec3<f32>,
     after: vec3<f32>,
     first: u32,
     length: f32,
     velocity: vec3<f32>,
+    contact: vec3<f32>,
+    last: vec3<f32>,
 }
 
 // Most spheres and images near a particle; the run halts above it.
@@ -115,11 +117,13 @@ struct FollowedPath {
     length: f32,
     first: u32,
     velocity: vec3<f32>,
+    contact: vec3<f32>,
+    last: vec3<f32>,
 }
 
 fn follow(start: vec3<f32>, velocity: vec3<f32>, count: u32) -> FollowedPath {
     var displacement = start;
-    var found = FollowedPath(vec3(0.0), 0.0, NOTHING, velocity);
+    var found = FollowedPath(vec3(0.0), 0.0, NOTHING, velocity, vec3(0.0), start);
     var time = 0.0;
     for (var bounce = 0u; bounce < BOUNCES; bounce++) {
         var remaining = 1.0 - time;
@@ -138,18 +142,20 @@ fn follow(start: vec3<f32>, velocity: vec3<f32>, count: u32) -> FollowedPath {
         }
         if (found.first == NOTHING) {
             found.first = near[next].receiver;
+            found.contact = found.displacement;
         }
         time += remaining;
         let normal = normalize(near[next].offset + found.displacement - time * near[next].displacement);
         displacement -= 2.0 * dot(displacement - near[next].displacement, normal) * normal;
         found.velocity -= 2.0 * dot(found.velocity - near[next].drift, normal) * normal;
     }
+    found.last = displacement;
     return found;
 }
 
 fn reflect_path(kind: SpeciesRow, path: Path) -> ReflectedPath {
     let displacement = select(path.end, path.after, params.axes == vec3(1u)) - path.before;
-    var found = FollowedPath(vec3(0.0), length(displacement), NOTHING, vec3(0.0));
+    var found = FollowedPath(vec3(0.0), length(displacement), NOTHING, vec3(0.0), vec3(0.0), displacement);
     left_region = true;
     for (var query = 0u; query < params.max_requeries; query++) {
         // An approaching sphere accelerates the particle by at most twice its own speed.
@@ -164,9 +170,11 @@ fn reflect_path(kind: SpeciesRow, path: Path) -> ReflectedPath {
     }
     let end = path.before + found.displacement;
     if (found.first == NOTHING) {
-        return ReflectedPath(path.end, path.after, NOTHING, found.length, path.velocity);
+        return ReflectedPath(path.end, path.after, NOTHING, found.length, path.velocity, path.before, displacement);
     }
     let count = min(near_count, NEAR);
     let after = outside(path.before, confined(end, kind.radius), kind.radius, count);
-    return ReflectedPath(end, after, found.first, found.length, found.velocity / params.time_step);
+    let contact = path.before + found.contact;
+    let velocity = found.velocity / params.time_step;
+    return ReflectedPath(end, after, found.first, found.length, velocity, contact, found.last);
 }
