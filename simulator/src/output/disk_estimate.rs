@@ -9,8 +9,8 @@ pub(crate) struct DiskEstimate {
     pub(crate) least: u64,
     /// Upper bound: particles only decay, at the expected rate.
     pub(crate) most: u64,
-    /// Last checkpoint, included in both. The previous one exists until it is complete.
-    pub(crate) checkpoint: u64,
+    /// Bounds of the last checkpoint, included in both. The previous one exists until it is complete.
+    pub(crate) checkpoint: [u64; 2],
 }
 
 const SAMPLES: u32 = 1000;
@@ -19,9 +19,8 @@ const COORDINATE: f64 = 9.7;
 
 impl DiskEstimate {
     pub(crate) fn times(self, runs: u32) -> Self {
-        let [least, most, checkpoint] =
-            [self.least, self.most, self.checkpoint].map(|bytes| bytes.saturating_mul(runs.into()));
-        Self { least, most, checkpoint }
+        let all = |bytes: u64| bytes.saturating_mul(runs.into());
+        Self { least: all(self.least), most: all(self.most), checkpoint: self.checkpoint.map(all) }
     }
 
     pub(crate) fn of(run: &impl RunView, output: Output, steps: u32, scenario: &str) -> Self {
@@ -52,11 +51,13 @@ impl DiskEstimate {
         let kept = if model.has_velocity() { 32.0 } else { 20.0 };
         let particles = |count: f64| (count * kept) as u64;
         let most = fixed + (frames as f64 * frame + animation) as u64 + particles(crowd.last);
-        let least = if loses(model) { fixed } else { most };
+        let checkpoint = scenario.len() as u64 + particles(crowd.last);
+        let [least, smallest] =
+            if loses(model) { [fixed, scenario.len() as u64] } else { [most, checkpoint] };
         let logs =
             log_estimate::rest(model, [from, steps], [crowd.ids, crowd.mean.iter().sum()], output.every);
         let most = most.saturating_add(logs as u64);
-        Self { least, most, checkpoint: scenario.len() as u64 + particles(crowd.last) }
+        Self { least, most, checkpoint: [smallest, checkpoint] }
     }
 }
 

@@ -27,7 +27,8 @@ impl Run {
     pub(super) fn check_fits(&self, estimate: DiskEstimate) -> Result<(), Error> {
         let DiskEstimate { least, most, checkpoint } = estimate;
         let free = self.free_disk_bytes()?;
-        if least + checkpoint <= free && most + checkpoint > free {
+        let [needed, enough] = [least.saturating_add(checkpoint[0]), most.saturating_add(checkpoint[1])];
+        if needed <= free && enough > free {
             log::warn!(
                 "the run writes up to about {} MB, and the disk has {} MB left; it stops with a checkpoint before the disk \
                  is full",
@@ -35,7 +36,7 @@ impl Run {
                 free >> 20
             );
         }
-        if least + checkpoint <= free {
+        if needed <= free {
             return Ok(());
         }
         Err(self.no_room(format!(
@@ -100,27 +101,33 @@ mod tests {
     use lazygrid::{Algorithm, Backend};
 
     use super::*;
+    use crate::run::RunEnd;
     use crate::scenario::Scenario;
 
-    /// 1000 arrivals in each step, of particles that appear in the receiver.
-    #[test]
-    fn disk_is_checked_after_many_arrivals() {
-        let text = "time-step = 0.01\nsteps = 40\n[[species]]\nname = 'A'\n\
-                    [[transmitter]]\nname = 'tx'\nrelease = [{ species = 'A', rate = 1e5 }]\n\
-                    [[receiver]]\nname = 'rx'\nradius = 1\ncenter = [0, 0, 0]\nkind = 'endpoint'\n\
-                    [output]\nevery = 100000\narrivals = true\n";
-        let directory = tempfile::tempdir().unwrap();
-        let run = Run {
-            scenario: Scenario::parse(Path::new("s.toml"), text.to_owned()).unwrap(),
+    fn run(steps: u32, output: &str, directory: &Path) -> Run {
+        let text = format!(
+            "time-step = 0.01\nsteps = {steps}\n[[species]]\nname = 'A'\n\
+             [[transmitter]]\nname = 'tx'\nrelease = [{{ species = 'A', rate = 1e5 }}]\n\
+             [[receiver]]\nname = 'rx'\nradius = 1\ncenter = [0, 0, 0]\nkind = 'endpoint'\n[output]\n{output}"
+        );
+        Run {
+            scenario: Scenario::parse(Path::new("s.toml"), text).unwrap(),
             path: "s.toml".into(),
-            directory: directory.path().join("out"),
+            directory: directory.join("out"),
             backend: Backend::Cpu,
             algorithm: Algorithm::Auto,
             threads: None,
             resume: false,
             overwrite: false,
             space_check: true,
-        };
+        }
+    }
+
+    /// 1000 arrivals in each step, of particles that appear in the receiver.
+    #[test]
+    fn disk_is_checked_after_many_arrivals() {
+        let directory = tempfile::tempdir().unwrap();
+        let run = run(40, "every = 100000\narrivals = true\n", directory.path());
         let (mut checked, mut reserved) = (Vec::new(), 0);
         run.run(|simulation| {
             if is_check_due(simulation, run.scenario.output) {
@@ -136,5 +143,19 @@ mod tests {
         let written = std::fs::metadata(run.directory.join("arrivals.csv")).unwrap().len();
         let until_next = written * (LOGGED_ARRIVALS + 1000) / 39_000;
         assert!(reserved > until_next && reserved < 3 * until_next, "{reserved}, {until_next} needed");
+    }
+
+    /// 4·10¹² particles in all, of which a step keeps 1000.
+    #[test]
+    fn run_that_loses_its_particles_needs_no_room_for_all() {
+        let directory = tempfile::tempdir().unwrap();
+        let run = run(4_000_000_000, "every = 4000000000\n", directory.path());
+        let (end, simulation) = run
+            .run(|simulation| match simulation.step_count() < 3 {
+                true => ControlFlow::Continue(()),
+                false => ControlFlow::Break(()),
+            })
+            .unwrap();
+        assert_eq!((end, simulation.totals().present[0]), (RunEnd::Stopped, 1000));
     }
 }

@@ -132,7 +132,7 @@ impl SweepRuns {
     }
 
     fn check_disk(&self) -> Result<(), (usize, Error)> {
-        let mut all = DiskEstimate { least: 0, most: 0, checkpoint: 0 };
+        let mut all = DiskEstimate { least: 0, most: 0, checkpoint: [0; 2] };
         for (k, point) in self.points.iter().enumerate().filter(|(_, point)| point.run.space_check) {
             let (run, at) = (&point.run, |error| (k, error));
             let is_new = |&replica: &u32| !point.directory_of(replica).join("checkpoint").exists();
@@ -150,7 +150,7 @@ impl SweepRuns {
             all = DiskEstimate {
                 least: all.least.saturating_add(one.least),
                 most: all.most.saturating_add(one.most),
-                checkpoint: all.checkpoint.saturating_add(one.checkpoint),
+                checkpoint: [0, 1].map(|k| all.checkpoint[k].saturating_add(one.checkpoint[k])),
             };
         }
         match self.points.first() {
