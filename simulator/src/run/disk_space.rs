@@ -158,4 +158,23 @@ mod tests {
             .unwrap();
         assert_eq!((end, simulation.totals().present[0]), (RunEnd::Stopped, 1000));
     }
+
+    /// No disk is large enough for `u32::MAX` simultaneous runs.
+    #[test]
+    fn run_that_stops_for_the_disk_resumes_with_the_same_files() {
+        let directory = tempfile::tempdir().unwrap();
+        let whole = run(30, "every = 9\nframes = ['xyz']\narrivals = true\n", directory.path());
+        whole.run(|_| ControlFlow::Continue(())).unwrap();
+        let mut stopped = Run { directory: directory.path().join("stopped"), ..whole.clone() };
+        let slot = ReplicaSlot { at_once: u32::MAX, ..ReplicaSlot::NONE };
+        let error = stopped.run_here(slot, |_| ControlFlow::Continue(())).unwrap_err().to_string();
+        assert!(error.contains("stopped after 9 steps"), "{error}");
+        stopped.resume = true;
+        stopped.run(|_| ControlFlow::Continue(())).unwrap();
+        for name in ["series.csv", "frames.xyz", "arrivals.csv", "releases.csv"] {
+            let [expected, found] =
+                [&whole, &stopped].map(|run| std::fs::read_to_string(run.directory.join(name)).unwrap());
+            assert!(found == expected, "{name}: {} and {} bytes", found.len(), expected.len());
+        }
+    }
 }

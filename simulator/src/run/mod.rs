@@ -124,11 +124,13 @@ impl Run {
             }
             simulation.advance(next)?;
             pace.see(simulation.model(), [&before, simulation.totals()], simulation.step_count() - step);
-            if self.is_disk_full(&simulation, slot)? {
+            // Half the free space that is required suffices for this output and a checkpoint.
+            let is_last = self.is_disk_full(&simulation, slot)?;
+            files.record(&simulation)?;
+            if is_last {
                 self.save(&simulation, &mut files)?;
                 return Err(self.stopped_early(simulation.step_count()));
             }
-            files.record(&simulation)?;
             let due = |every: u32| simulation.step_count().is_multiple_of(every);
             if self.scenario.output.checkpoint_every.is_some_and(due) {
                 self.save(&simulation, &mut files)?;
