@@ -176,10 +176,9 @@ impl Run {
         }
         let standing = simulation.gather(fields)?;
         let record = |files: &mut Files| {
-            if step > 0 && self.is_disk_full(&standing, ReplicaSlot::NONE)? {
-                return Ok(false);
-            }
-            files.record(&standing).map(|()| true)
+            // The checkpoint of a stop includes this step.
+            let is_full = step > 0 && self.is_disk_full(&standing, ReplicaSlot::NONE)?;
+            files.record(&standing).map(|()| !is_full)
         };
         let written = files.as_mut().map(record).transpose();
         let is_full = simulation.agree(written)? == Some(false);
