@@ -117,6 +117,9 @@ fn compare(
     let mut sums = vec![0.0; runners.len()];
     for step in 0..=args.steps {
         let given = upload::<Sphere>(own, &spheres)?;
+        // The queue writes with the next submission, which would be the first detector's.
+        submit(own, |_| Ok(()))?;
+        wait(own)?;
         let input = GpuSpheres::new(&given, n as u32);
         let mut found = None;
         for (runner, sum) in runners.iter_mut().zip(&mut sums) {

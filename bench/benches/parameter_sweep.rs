@@ -73,7 +73,8 @@ fn sweep(args: &Args, what: What) -> Result<(), Box<dyn Error>> {
 
 impl Args {
     fn config(&self, algorithm: Algorithm) -> Config {
-        Config::default().backend(self.backend).order(Order::Unordered).algorithm(algorithm)
+        // Candidates kept by one algorithm only would move the crossover.
+        Config::default().backend(self.backend).order(Order::Unordered).algorithm(algorithm).skin(Skin::Off)
     }
 
     fn ratios(&self) -> impl Iterator<Item = f32> {

@@ -43,7 +43,11 @@ fn add(text: &mut String, difference: &Difference<'_>) {
     let Difference { old, new, ratio, change } = difference;
     let at = old.at.map_or_else(String::new, |at| format!(" at {at}"));
     let what = format!("{} {} {}{at}, {}", old.figure, old.scene, old.n, old.engine);
-    let reason = new.map_or("not in the new run", |new| &new.reason);
+    let reason = match new {
+        None => "not in the new run",
+        Some(new) if new.reason.is_empty() => "without its measurement",
+        Some(new) => &new.reason,
+    };
     let times = || {
         let (before, after) = (old.median(), new.map_or(f64::NAN, |new| new.median()));
         format!("{before:.3e} s -> {after:.3e} s, {ratio:.2} times the time")

@@ -14,7 +14,7 @@ pub(crate) fn run(args: &Kernels) -> Result<(), Failure> {
         all_variants: args.all_variants,
         disassembly: args.disassembly.is_some(),
     };
-    let (mut found, mut rejected) = (Vec::new(), 0);
+    let (mut found, mut rejected, mut printed) = (Vec::new(), 0, Ok(()));
     for adapter in chosen(args)? {
         let kernels = kernels::compile(&adapter, &wanted).map_err(Failure::Kernels)?;
         rejected += kernels.rejected().count();
@@ -25,15 +25,16 @@ pub(crate) fn run(args: &Kernels) -> Result<(), Failure> {
                 .try_for_each(|compiled| write_texts(compiled, &folder.join(&adapter.name)))?;
         }
         if !args.json {
-            print(format!("{kernels}\n"))?;
+            printed = printed.and_then(|()| print(format!("{kernels}\n")));
         }
         found.push(kernels);
     }
     if args.json {
         let text = serde_json::to_string_pretty(&found).map_err(|e| Failure::Kernels(e.to_string()))?;
-        print(text + "\n")?;
+        printed = print(text + "\n");
     }
-    if rejected > 0 { Err(Failure::Rejected { variants: rejected }) } else { Ok(()) }
+    // The exit code must show the verdict even if standard output is closed.
+    if rejected > 0 { Err(Failure::Rejected { variants: rejected }) } else { printed }
 }
 
 fn chosen(args: &Kernels) -> Result<Vec<AdapterSummary>, Failure> {

@@ -67,7 +67,7 @@ fn was_to_measure(old: &Results, new: &Results, row: &Row) -> bool {
 fn difference<'a>(old: &'a Row, new: &'a Row) -> Option<Difference<'a>> {
     let (ratio, change) = match (old.status, new.status) {
         (Status::Ok, Status::Ok) => changed(old, new)?,
-        (Status::Ok, Status::Error) => (f64::NAN, Change::Broken),
+        (old, Status::Error) if old != Status::Error => (f64::NAN, Change::Broken),
         (Status::Ok, Status::NotAvailable | Status::LeftOut) => (f64::NAN, Change::Lost),
         _ => return None,
     };
@@ -82,6 +82,9 @@ fn changed(old: &Row, new: &Row) -> Option<(f64, Change)> {
             _ => Change::Same,
         };
         return Some((after / before, change));
+    }
+    if old.bytes.is_some() && new.bytes.is_none() {
+        return Some((f64::NAN, Change::Lost));
     }
     if old.wall.is_empty() || new.wall.is_empty() {
         return None;
@@ -121,6 +124,11 @@ mod tests {
         assert_eq!(change(&Row { status: Status::Error, ..row(&[]) }), Some(Change::Broken));
         assert_eq!(change(&Row { status: Status::LeftOut, ..row(&[]) }), Some(Change::Lost));
         assert_eq!(change(&Row { status: Status::NotAvailable, ..row(&[]) }), Some(Change::Lost));
+        for status in [Status::LeftOut, Status::NotAvailable, Status::Error] {
+            let of = |status| Row { status, ..row(&[]) };
+            let change = difference(&of(status), &of(Status::Error)).map(|d| d.change);
+            assert_eq!(change, (status != Status::Error).then_some(Change::Broken));
+        }
     }
 
     #[test]
@@ -130,6 +138,7 @@ mod tests {
         assert_eq!(change(&with(104.0, 9.0)), Some(Change::Same));
         assert_eq!(change(&with(106.0, 1.0)), Some(Change::Larger));
         assert_eq!(change(&with(90.0, 9.0)), Some(Change::Smaller));
+        assert_eq!(change(&row(&[1.0])), Some(Change::Lost));
     }
 
     fn results(scale: RunScale, only: Figure, rows: Vec<Row>) -> Results {
