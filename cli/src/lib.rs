@@ -4,6 +4,7 @@ mod args;
 mod calibration_file;
 mod commands;
 mod error;
+mod printer;
 mod progress;
 mod signals;
 
@@ -37,7 +38,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     let _ = env_logger::Builder::from_env(log).try_init();
     match command(args.command) {
         Ok(()) => 0,
-        // The reader has read enough, as in `lazygrid … | head -1`.
+        // The reader has read enough, as in `lazygrid … | head -1`. Verdicts and files come before failures to print.
         Err(CliError::Stdout(error) | CliError::File(lazygrid_io::Error::Write { source: error, .. }))
             if error.kind() == io::ErrorKind::BrokenPipe =>
         {

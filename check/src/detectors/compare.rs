@@ -94,13 +94,15 @@ pub fn expected(scenario: &TestInput) -> Result<Vec<Pair>, String> {
     })
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct FailedCase {
     pub name: String,
     pub what: String,
     pub scenario: Option<TestInput>,
     /// Options of `lazygrid detect` that reproduce the failure, if any.
     pub options: String,
+    /// Variables of the environment for these options, before the command.
+    pub environment: &'static str,
 }
 
 /// # Errors
@@ -158,7 +160,8 @@ impl SceneCase {
             |smaller: &TestInput| verify(smaller, variant, |scenario| variant.pairs(gpu, scenario)).err();
         let (scenario, what) = shrink(self.scenario.clone(), what, tries, failing);
         let name = format!("{}: {variant}", self.name);
-        FailedCase { name, what, scenario: Some(scenario), options: variant.options(gpu) }
+        let (options, environment) = (variant.options(gpu), variant.environment());
+        FailedCase { name, what, scenario: Some(scenario), options, environment }
     }
 }
 

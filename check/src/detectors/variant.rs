@@ -2,7 +2,7 @@ use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use lazygrid::gpu::{AdapterId, GpuConfig, GpuDevice, GpuSession};
-use lazygrid::{Algorithm, Backend, Config, Detector, Pair, Simd, Skin};
+use lazygrid::{Algorithm, Backend, Config, Detector, Order, Pair, Simd, Skin};
 
 use crate::device::TIMEOUT;
 use crate::scenes::motion::{skin_of, walk};
@@ -112,7 +112,7 @@ impl DetectorVariant {
         }
     }
 
-    /// In any order.
+    /// In canonical order from a `Detector`, which is checked; in any order from a session.
     pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> Result<Vec<Pair>, String> {
         catch_panic(|| match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
@@ -120,13 +120,14 @@ impl DetectorVariant {
             }
             _ => {
                 let skin = skin_of(&scenario.spheres, self.skin);
-                let config = scenario.config(self.config(gpu).skin(skin)).map_err(text)?;
+                let config = self.config(gpu).skin(skin).order(Order::Canonical);
+                let config = scenario.config(config).map_err(text)?;
                 let mut detector = Detector::new(config).map_err(text)?;
                 if self.skin > 0.0 {
                     detector.count(self.before(scenario).query()).map_err(text)?;
                 }
                 detector.pairs(scenario.query()).map_err(text)?;
-                Ok(detector.into_pairs())
+                in_order(detector.into_pairs())
             }
         })
     }
@@ -173,8 +174,16 @@ impl DetectorVariant {
         Ok(session.finish(ticket, u64::MAX).map_err(text)?.to_vec())
     }
 
-    /// Options of `lazygrid detect`, if they exist.
+    /// Options of `lazygrid detect`; empty for candidates of an earlier frame and for kernels without subgroup operations
+    /// on a device that has them, which `detect` does not repeat.
     pub fn options(&self, gpu: Option<&Gpu>) -> String {
+        let without_subgroups = match (self.target, gpu) {
+            (TargetDevice::Gpu { subgroups }, Some(gpu)) => subgroups != gpu.own.adapter.has_subgroups,
+            _ => false,
+        };
+        if self.skin > 0.0 || without_subgroups {
+            return String::new();
+        }
         let mut options = format!(" --backend {} --algorithm {}", self.backend(), self.algorithm);
         if let (TargetDevice::Gpu { .. }, Some(adapter)) =
             (self.target, gpu.and_then(|gpu| gpu.adapter.as_ref()))
@@ -187,6 +196,16 @@ impl DetectorVariant {
         let tau = self.tau.map(|tau| format!(" --tau {tau}"));
         let ratio = self.cell_ratio.map(|ratio| format!(" --cell-ratio {ratio}"));
         options + &tau.unwrap_or_default() + &ratio.unwrap_or_default()
+    }
+
+    /// The variable of the environment that selects the vectors of `lazygrid detect`, before the command.
+    pub fn environment(&self) -> &'static str {
+        match self.target {
+            TargetDevice::Gpu { .. } => "",
+            TargetDevice::Cpu { simd: Simd::Avx512, .. } => "LAZYGRID_SIMD=avx512 ",
+            TargetDevice::Cpu { simd: Simd::Avx2, .. } => "LAZYGRID_SIMD=avx2 ",
+            TargetDevice::Cpu { .. } => "LAZYGRID_SIMD=portable ",
+        }
     }
 }
 
@@ -206,6 +225,11 @@ impl fmt::Display for DetectorVariant {
     }
 }
 
+/// Refuses pairs that are not in canonical order.
+pub(crate) fn in_order(pairs: Vec<Pair>) -> Result<Vec<Pair>, String> {
+    if pairs.is_sorted() { Ok(pairs) } else { Err("the pairs are not in canonical order".to_owned()) }
+}
+
 /// Turns a panic into an error.
 pub fn catch_panic<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
@@ -217,4 +241,38 @@ pub fn catch_panic<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, Str
 
 pub(crate) fn text(error: impl fmt::Display) -> String {
     error.to_string()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pairs_out_of_order_are_refused() {
+        let pairs = |pairs: &[(u32, u32)]| pairs.iter().map(|&(i, j)| Pair { i, j }).collect::<Vec<_>>();
+        assert_eq!(in_order(pairs(&[(0, 1), (0, 2), (1, 2)])), Ok(pairs(&[(0, 1), (0, 2), (1, 2)])));
+        for wrong in [&[(0, 2), (0, 1)], &[(1, 2), (0, 1)]] {
+            assert!(in_order(pairs(wrong)).is_err_and(|what| what.contains("canonical order")));
+        }
+    }
+
+    #[test]
+    fn options_name_all_that_detect_can_repeat() {
+        let on = |target| DetectorVariant::new(Algorithm::CellList, target);
+        let simd = Simd::detect();
+        let one = on(TargetDevice::Cpu { simd, threads: Some(1) });
+        assert_eq!(one.options(None), " --backend cpu --algorithm cell-list --threads 1");
+        let expected = match simd {
+            Simd::Avx512 => "LAZYGRID_SIMD=avx512 ",
+            Simd::Avx2 => "LAZYGRID_SIMD=avx2 ",
+            _ => "LAZYGRID_SIMD=portable ",
+        };
+        assert_eq!(one.environment(), expected);
+        let gpu = on(TargetDevice::Gpu { subgroups: false });
+        assert_eq!(
+            (gpu.environment(), gpu.options(None)),
+            ("", " --backend gpu --algorithm cell-list".to_owned())
+        );
+        assert_eq!(DetectorVariant { skin: 0.5, ..gpu }.options(None), "");
+    }
 }

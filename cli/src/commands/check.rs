@@ -47,20 +47,18 @@ pub(crate) fn run(args: &Check) -> Result<(), CliError> {
         None => gpu.as_ref().map_or(0, |_| KERNELS) + backends * (SCENES + SPEEDS) + fuzz,
     };
     let work = Work { args, gpu, on_cpu, bar: progress::working(parts) };
-    let mut report = Report::new(args, work.gpu.as_ref(), skipped)?;
+    let mut report = Report::new(args, work.gpu.as_ref(), skipped);
     let done = catch_panic(|| {
-        Ok(match args.seed {
+        match args.seed {
             Some(seed) => work.repeat(seed, &mut report),
             None => work.all(&mut report),
-        })
+        }
+        Ok(())
     });
     work.bar.finish_and_clear();
-    match done {
-        Ok(done) => done?,
-        Err(what) => {
-            let name = "the check itself".to_owned();
-            report.failure(FailedCase { name, what, scenario: None, options: String::new() })?;
-        }
+    if let Err(what) = done {
+        let name = "the check itself".to_owned();
+        report.failure(FailedCase { name, what, ..FailedCase::default() });
     }
     report.finish()
 }
@@ -92,13 +90,15 @@ struct Runner<'a> {
     variant: &'a DetectorVariant,
     pace: Pace,
     left_out: usize,
+    /// Scenes that [`DetectorVariant::takes`] refuses.
+    not_taken: usize,
     wrong: usize,
     smallest: Option<(&'a SceneCase, String)>,
 }
 
 impl<'a> Runner<'a> {
     fn new(variant: &'a DetectorVariant) -> Self {
-        Self { variant, pace: Pace::default(), left_out: 0, wrong: 0, smallest: None }
+        Self { variant, pace: Pace::default(), left_out: 0, not_taken: 0, wrong: 0, smallest: None }
     }
 
     fn note(&mut self, case: &'a SceneCase, fault: Option<String>) {
@@ -111,6 +111,20 @@ impl<'a> Runner<'a> {
     }
 }
 
+/// Sums the scenes of variants by algorithm and backend, without zeros.
+fn by_algorithm(runners: &[Runner<'_>], scenes: fn(&Runner<'_>) -> usize) -> Vec<(String, usize)> {
+    let mut sums: Vec<(String, usize)> = Vec::new();
+    for (variant, scenes) in runners.iter().map(|runner| (runner.variant, scenes(runner))) {
+        let name = format!("{} on {}", variant.algorithm, variant.backend());
+        match sums.iter_mut().find(|(other, _)| *other == name) {
+            _ if scenes == 0 => {}
+            Some((_, sum)) => *sum += scenes,
+            None => sums.push((name, scenes)),
+        }
+    }
+    sums
+}
+
 struct Work<'a> {
     args: &'a Check,
     gpu: Option<Gpu>,
@@ -119,12 +133,12 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
-    fn all(&self, report: &mut Report) -> Result<(), CliError> {
+    fn all(&self, report: &mut Report) {
         if let Some(gpu) = &self.gpu {
-            self.kernels(gpu, report)?;
+            self.kernels(gpu, report);
         }
-        self.scenes(report)?;
-        speeds::run(self, report)?;
+        self.scenes(report);
+        speeds::run(self, report);
         self.fuzz(report)
     }
 
@@ -133,7 +147,7 @@ impl Work<'_> {
         self.bar.set_message(what.to_owned());
     }
 
-    fn kernels(&self, gpu: &Gpu, report: &mut Report) -> Result<(), CliError> {
+    fn kernels(&self, gpu: &Gpu, report: &mut Report) {
         let (from, start) = (self.bar.position(), Instant::now());
         for (k, check) in CHECKS.iter().enumerate() {
             self.step(from, KERNELS, [k, CHECKS.len()], &format!("kernels: {}", check.name));
@@ -141,17 +155,15 @@ impl Work<'_> {
                 catch_panic(|| (check.run)(&gpu.own, self.args.effort()).map_err(|fault| fault.to_string()));
             if let Err(what) = checked {
                 let name = format!("{} ({})", check.name, check.kernels.join(", "));
-                self.tell(|| {
-                    report.failure(FailedCase { name, what, scenario: None, options: String::new() })
-                })?;
+                self.tell(|| report.failure(FailedCase { name, what, ..FailedCase::default() }));
             }
         }
         let kernels = CHECKS.iter().map(|check| check.kernels.len()).sum();
         self.bar.set_position(from + KERNELS);
-        self.tell(|| report.kernels(kernels, start.elapsed()))
+        self.tell(|| report.kernels(kernels, start.elapsed()));
     }
 
-    fn scenes(&self, report: &mut Report) -> Result<(), CliError> {
+    fn scenes(&self, report: &mut Report) {
         let (from, start) = (self.bar.position(), Instant::now());
         let cases = compare::cases(self.args.effort());
         let on_gpu = self
@@ -169,14 +181,15 @@ impl Work<'_> {
                 Err(what) => {
                     let (name, scenario) = (format!("{}: reference", case.name), Some(case.scenario.clone()));
                     self.tell(|| {
-                        report.failure(FailedCase { name, what, scenario, options: String::new() })
-                    })?;
+                        report.failure(FailedCase { name, what, scenario, ..FailedCase::default() })
+                    });
                     continue;
                 }
             };
             let spheres = case.scenario.spheres.len();
             for runner in &mut runners {
                 if !runner.variant.takes(self.gpu.as_ref(), &case.scenario) {
+                    runner.not_taken += 1;
                     continue;
                 }
                 if runner.pace.forecast(runner.variant, spheres) > most {
@@ -189,27 +202,24 @@ impl Work<'_> {
                 runner.note(case, fault);
             }
         }
-        let mut left_out: Vec<(String, usize)> = Vec::new();
-        for Runner { variant, wrong, smallest, left_out: scenes, .. } in runners {
-            let name = format!("{} on {}", variant.algorithm, variant.backend());
-            match left_out.iter_mut().find(|(other, _)| *other == name) {
-                _ if scenes == 0 => {}
-                Some((_, all)) => *all += scenes,
-                None => left_out.push((name, scenes)),
-            }
+        let [left_out, not_taken] =
+            [|runner: &Runner<'_>| runner.left_out, |runner: &Runner<'_>| runner.not_taken]
+                .map(|scenes| by_algorithm(&runners, scenes));
+        for Runner { variant, wrong, smallest, .. } in runners {
             if let Some((case, what)) = smallest {
                 self.bar.set_message(format!("making small: {}", case.name));
                 let mut fault = case.failure(variant, self.gpu.as_ref(), what, TRIES);
                 fault.what += &format!("; wrong in {wrong} of {} scenes, this was the smallest", cases.len());
-                self.tell(|| report.failure(fault))?;
+                self.tell(|| report.failure(fault));
             }
         }
         self.bar.set_position(from + backends * SCENES);
-        self.tell(|| report.scenes([cases.len(), on_gpu.len(), on_cpu.len()], &left_out, start.elapsed()))
+        let skipped = [&left_out[..], &not_taken];
+        self.tell(|| report.scenes([cases.len(), on_gpu.len(), on_cpu.len()], skipped, start.elapsed()));
     }
 
-    fn fuzz(&self, report: &mut Report) -> Result<(), CliError> {
-        let Some(time) = self.args.fuzz else { return Ok(()) };
+    fn fuzz(&self, report: &mut Report) {
+        let Some(time) = self.args.fuzz else { return };
         let (from, start) = (self.bar.position(), Instant::now());
         let since = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH).unwrap_or_default();
         let first = u64::from(since.subsec_nanos()) * 1000;
@@ -217,30 +227,30 @@ impl Work<'_> {
         while start.elapsed() < time && wrong < ENOUGH {
             self.bar.set_position(from + start.elapsed().as_secs());
             self.bar.set_message(format!("fuzz: {rounds} rounds"));
-            wrong += self.round(first + rounds, &mut tally, report)?;
+            wrong += self.round(first + rounds, &mut tally, report);
             rounds += 1;
         }
-        self.tell(|| report.fuzz(first, rounds, &tally, start.elapsed()))
+        self.tell(|| report.fuzz(first, rounds, &tally, start.elapsed()));
     }
 
     /// Runs a seed's round and sequence of calls. Returns the number of wrong ones.
-    fn round(&self, seed: u64, tally: &mut Tally, report: &mut Report) -> Result<usize, CliError> {
+    fn round(&self, seed: u64, tally: &mut Tally, report: &mut Report) -> usize {
         let (gpu, has_gpu) = (self.gpu.as_ref(), self.gpu.is_some());
         let round = Round::drawn(seed, self.on_cpu, has_gpu).check(gpu, TRIES);
         let sequence = Sequence::drawn(seed, self.on_cpu, has_gpu).check(gpu, TRIES, tally);
         let faults: Vec<_> = round.into_iter().chain(sequence).collect();
         let wrong = faults.len();
-        faults.into_iter().try_for_each(|fault| self.tell(|| report.failure(fault)))?;
-        Ok(wrong)
+        faults.into_iter().for_each(|fault| self.tell(|| report.failure(fault)));
+        wrong
     }
 
-    fn repeat(&self, seed: u64, report: &mut Report) -> Result<(), CliError> {
+    fn repeat(&self, seed: u64, report: &mut Report) {
         let (start, mut tally) = (Instant::now(), Tally::default());
-        self.round(seed, &mut tally, report)?;
-        self.tell(|| report.fuzz(seed, 1, &tally, start.elapsed()))
+        self.round(seed, &mut tally, report);
+        self.tell(|| report.fuzz(seed, 1, &tally, start.elapsed()));
     }
 
-    fn tell(&self, say: impl FnOnce() -> Result<(), CliError>) -> Result<(), CliError> {
-        self.bar.suspend(say)
+    fn tell(&self, say: impl FnOnce()) {
+        self.bar.suspend(say);
     }
 }

@@ -43,11 +43,18 @@ impl Round {
         self.check_with(tries, |round| catch_panic(|| round.run(gpu))).map(|(round, what)| {
             let is_plain = round.calls.len() == 1 && round.calls[0].1.mixture.is_none();
             let (call, scenario) = round.calls.last().cloned().unzip();
-            let options = match (is_plain, call) {
-                (true, Some(call)) => variant.options(gpu) + &round.detect_options(call),
+            let own = variant.options(gpu);
+            let options = match (is_plain && !own.is_empty(), call) {
+                (true, Some(call)) => own + &round.detect_options(call),
                 _ => String::new(),
             };
-            FailedCase { name: round.to_string(), what, scenario, options }
+            FailedCase {
+                name: round.to_string(),
+                what,
+                scenario,
+                options,
+                environment: variant.environment(),
+            }
         })
     }
 

@@ -79,7 +79,7 @@ impl Sequence {
         let again = |sequence: &Self| sequence.run_guarded(gpu, &mut Tally::default());
         let (sequence, (_, what)) = reduce::reduce(self, wrong, tries, again);
         let scenario = sequence.steps.last().map(|step| step.scenario.clone());
-        Some(FailedCase { name: sequence.to_string(), what, scenario, options: String::new() })
+        Some(FailedCase { name: sequence.to_string(), what, scenario, ..FailedCase::default() })
     }
 
     fn run_guarded(&self, gpu: Option<&Gpu>, tally: &mut Tally) -> Result<(), Wrong> {

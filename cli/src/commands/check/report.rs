@@ -8,14 +8,15 @@ use lazygrid::{Algorithm, Backend};
 use lazygrid_check::detectors::compare::FailedCase;
 use lazygrid_check::detectors::sequence::Tally;
 use lazygrid_check::timing::speed::Speed;
-use lazygrid_check::{Gpu, TestInput};
+use lazygrid_check::{Effort, Gpu};
 use lazygrid_io::scenes::Scene;
 use serde_json::{Map, Value, json};
 
 use crate::args::Check;
 use crate::commands::detect::summary::{cost_object, cost_text};
+use crate::devices;
 use crate::error::CliError;
-use crate::{devices, print};
+use crate::printer::Printer;
 
 /// A GPU's count may differ by two tangent pairs, and by one in this number.
 const TANGENT: u64 = 1_000_000;
@@ -23,7 +24,11 @@ const TANGENT: u64 = 1_000_000;
 /// Prints results at once, or as one JSON object at the end.
 pub(super) struct Report {
     is_json: bool,
-    backend: &'static str,
+    printer: Printer,
+    /// Options of this command that select the device.
+    device: String,
+    /// Option of this command for the number of scenes.
+    effort: &'static str,
     object: Map<String, Value>,
     failures: Vec<Value>,
     files: usize,
@@ -52,16 +57,21 @@ pub(super) struct Called {
 }
 
 impl Report {
-    pub(super) fn new(args: &Check, gpu: Option<&Gpu>, skipped: Option<String>) -> Result<Self, CliError> {
+    pub(super) fn new(args: &Check, gpu: Option<&Gpu>, skipped: Option<String>) -> Self {
         use clap::ValueEnum;
-        let backend = match args.backend.to_possible_value() {
-            Some(value) => value.get_name().to_owned().leak(),
-            None => "all",
+        let backend = args.backend.to_possible_value();
+        let mut report = Self::empty(args.json, backend.as_ref().map_or("all", |value| value.get_name()));
+        if let Some(adapter) = &args.adapter {
+            report.device += &format!(" --adapter '{adapter}'");
+        }
+        report.effort = match args.effort() {
+            Effort::Quick => " --quick",
+            Effort::Default => "",
+            Effort::Full => " --full",
         };
-        let mut report = Self::empty(args.json, backend);
         report.keep("version", env!("CARGO_PKG_VERSION"));
         report.keep("cpu", devices::cpu());
-        report.say(&format!("cpu        {}\n", devices::cpu()))?;
+        report.say(&format!("cpu        {}\n", devices::cpu()));
         match gpu.map(|gpu| &gpu.own.adapter) {
             Some(adapter) => {
                 let subgroups = devices::subgroups(adapter);
@@ -78,23 +88,25 @@ impl Report {
                     "{}, {} by {}, {subgroups}{kind}{clock}",
                     adapter.name, adapter.driver, adapter.api
                 );
-                report.say(&format!("gpu        {line}\n"))?;
+                report.say(&format!("gpu        {line}\n"));
             }
             None => {
                 report.keep("gpu", Value::Null);
                 if let Some(reason) = skipped {
-                    report.say(&format!("gpu        not checked: {reason}\n"))?;
+                    report.say(&format!("gpu        not checked: {reason}\n"));
                     report.keep("gpu_skipped", reason);
                 }
             }
         }
-        Ok(report)
+        report
     }
 
-    fn empty(is_json: bool, backend: &'static str) -> Self {
+    fn empty(is_json: bool, backend: &str) -> Self {
         Self {
             is_json,
-            backend,
+            printer: Printer::default(),
+            device: format!("--backend {backend}"),
+            effort: "",
             object: Map::new(),
             failures: Vec::new(),
             files: 0,
@@ -105,51 +117,53 @@ impl Report {
         }
     }
 
-    fn say(&self, text: &str) -> Result<(), CliError> {
-        if self.is_json { Ok(()) } else { print(text) }
+    fn say(&mut self, text: &str) {
+        if !self.is_json {
+            self.printer.print(text);
+        }
     }
 
     fn keep(&mut self, name: &str, value: impl Into<Value>) {
         self.object.insert(name.to_owned(), value.into());
     }
 
-    pub(super) fn kernels(&mut self, kernels: usize, time: Duration) -> Result<(), CliError> {
+    pub(super) fn kernels(&mut self, kernels: usize, time: Duration) {
         self.keep("kernels", json!({ "checked": kernels, "seconds": time.as_secs_f64() }));
-        self.say(&format!("kernels    {kernels} against sequential functions, {time:.1?}\n"))
+        self.say(&format!("kernels    {kernels} against sequential functions, {time:.1?}\n"));
     }
 
     pub(super) fn scenes(
         &mut self,
         [scenes, gpu, cpu]: [usize; 3],
-        left_out: &[(String, usize)],
+        [left_out, not_taken]: [&[(String, usize)]; 2],
         time: Duration,
-    ) -> Result<(), CliError> {
-        let searches: Map<String, Value> =
-            left_out.iter().map(|(way, searches)| (way.clone(), (*searches).into())).collect();
+    ) {
+        let object = |searches: &[(String, usize)]| -> Map<String, Value> {
+            searches.iter().map(|(way, searches)| (way.clone(), (*searches).into())).collect()
+        };
         self.keep(
             "scenes",
             json!({
-                "scenes": scenes, "ways_on_gpu": gpu, "ways_on_cpu": cpu, "left_out": searches,
+                "scenes": scenes, "ways_on_gpu": gpu, "ways_on_cpu": cpu, "left_out": object(left_out),
+                "not_taken": object(not_taken),
                 "seconds": time.as_secs_f64(),
             }),
         );
         let ways = [(gpu, "gpu"), (cpu, "cpu")].into_iter().filter(|(ways, _)| *ways > 0);
         let ways: Vec<String> = ways.map(|(ways, on)| format!("in {ways} ways on the {on}")).collect();
-        let searches = left_out.iter().map(|(way, searches)| format!("{searches} of {way}"));
-        let left_out = match left_out {
+        let listed = |why: &str, searches: &[(String, usize)]| match searches {
             [] => String::new(),
-            _ => format!("; left out as too long: {}", searches.collect::<Vec<_>>().join(", ")),
+            _ => {
+                let each = searches.iter().map(|(way, searches)| format!("{searches} of {way}"));
+                format!("; {why}: {}", each.collect::<Vec<_>>().join(", "))
+            }
         };
-        self.say(&format!("scenes     {scenes} {}, {time:.1?}{left_out}\n", ways.join(" and ")))
+        let left_out = listed("left out as too long", left_out);
+        let not_taken = listed("left out as filtered on the host, with subgroups only", not_taken);
+        self.say(&format!("scenes     {scenes} {}, {time:.1?}{left_out}{not_taken}\n", ways.join(" and ")));
     }
 
-    pub(super) fn fuzz(
-        &mut self,
-        seed: u64,
-        rounds: u64,
-        tally: &Tally,
-        time: Duration,
-    ) -> Result<(), CliError> {
+    pub(super) fn fuzz(&mut self, seed: u64, rounds: u64, tally: &Tally, time: Duration) {
         let Tally { sequences, calls, served, refused } = *tally;
         let of_sequences =
             json!({ "number": sequences, "calls": calls, "served": served, "refused": refused });
@@ -161,10 +175,10 @@ impl Report {
         self.say(&format!(
             "\nfuzz       {rounds} rounds and {sequences} sequences of {calls} calls, {served} of them answered from \
              candidates, starting with seed {seed}, {time:.1?}\n"
-        ))
+        ));
     }
 
-    pub(super) fn primitives(&mut self, own_clock: bool, rows: Vec<Primitive>) -> Result<(), CliError> {
+    pub(super) fn primitives(&mut self, own_clock: bool, rows: Vec<Primitive>) {
         let clock = if own_clock { "the GPU's clock" } else { "wall time" };
         let mut text =
             format!("\n{:<15}{:>11}{:>12}{:>10}   of a copy, {clock}\n", "", "values", "ms", "GB/s");
@@ -187,18 +201,18 @@ impl Report {
             })
             .collect();
         self.keep("primitives", json!({ "clock": clock, "rows": rows }));
-        self.say(&text)
+        self.say(&text);
     }
 
-    pub(super) fn speeds_of(&mut self, backend: Backend) -> Result<(), CliError> {
+    pub(super) fn speeds_of(&mut self, backend: Backend) {
         let busy = if backend == Backend::Gpu { "ms of gpu" } else { "ns/sphere" };
         self.say(&format!(
             "\n{:<15}{:>11}{:>12}{:>10}{busy:>11}   {backend}, stages in ms\n",
             "", "spheres", "pairs", "ms"
-        ))
+        ));
     }
 
-    pub(super) fn speed(&mut self, called: Called, speed: &Speed) -> Result<(), CliError> {
+    pub(super) fn speed(&mut self, called: Called, speed: &Speed) {
         let Called { backend, algorithm, scene, spheres } = called;
         let stages: Map<String, Value> =
             speed.stages.iter().map(|(name, seconds)| ((*name).to_owned(), (*seconds).into())).collect();
@@ -219,43 +233,43 @@ impl Report {
             speed.pairs,
             speed.seconds * 1e3,
             stages.join(", ")
-        ))?;
-        self.compare_count(called, speed.pairs)
+        ));
+        self.compare_count(called, speed.pairs);
     }
 
     /// Compares with the first count of the same spheres.
-    fn compare_count(&mut self, called: Called, pairs: u64) -> Result<(), CliError> {
+    fn compare_count(&mut self, called: Called, pairs: u64) {
         let Called { backend, algorithm, scene, spheres } = called;
         let known = self.counts.iter().find(|(of, n, _)| *of == scene && *n == spheres);
         let Some(&(.., expected)) = known else {
             self.counts.push((scene, spheres, pairs));
-            return Ok(());
+            return;
         };
         let tolerance = if backend == Backend::Gpu { 2 + expected / TANGENT } else { 0 };
         if pairs.abs_diff(expected) <= tolerance {
-            return Ok(());
+            return;
         }
         let name = format!("{algorithm} on {backend}, {spheres} spheres, {scene}");
         let what = format!("{pairs} pairs counted where {expected} are expected");
         let options = format!(
             "lazygrid generate {scene} -n {spheres} -o check.npy && lazygrid detect check.npy --count --backend {backend} --algorithm {algorithm}"
         );
-        self.failure(FailedCase { name, what, scenario: None, options })
+        self.failure(FailedCase { name, what, options, ..FailedCase::default() });
     }
 
-    pub(super) fn left_out(&mut self, called: Called, why: &str) -> Result<(), CliError> {
+    pub(super) fn left_out(&mut self, called: Called, why: &str) {
         let Called { backend, algorithm, scene, spheres } = called;
         self.left_out.push(json!({
             "backend": backend.name(), "algorithm": algorithm.name(), "scene": scene.name(), "spheres": spheres,
             "why": why,
         }));
-        self.say(&format!("{algorithm:<15}{spheres:>11}   left out, and more: {why}\n"))
+        self.say(&format!("{algorithm:<15}{spheres:>11}   left out, and more: {why}\n"));
     }
 
-    pub(super) fn failure(&mut self, fault: FailedCase) -> Result<(), CliError> {
+    pub(super) fn failure(&mut self, fault: FailedCase) {
         let path = PathBuf::from(format!("lazygrid-check-{}.csv", self.files + 1));
-        let FailedCase { name, what, scenario, options } = fault;
-        let command = self.command(&path, &name, scenario.as_ref(), &options);
+        let command = self.command(&path, &fault);
+        let FailedCase { name, what, scenario, .. } = fault;
         let mut file = Value::Null;
         let mut text = format!("WRONG      {name}: {what}\n");
         if let Some(scenario) = &scenario {
@@ -274,22 +288,24 @@ impl Report {
             "name": name, "what": what, "file": file, "command": command,
             "spheres": scenario.map(|scenario| scenario.spheres.len()),
         }));
-        self.say(&text)
+        self.say(&text);
     }
 
-    fn command(&self, path: &Path, name: &str, scenario: Option<&TestInput>, options: &str) -> String {
+    fn command(&self, path: &Path, fault: &FailedCase) -> String {
+        let FailedCase { name, options, environment, .. } = fault;
+        let (device, effort, scenario) = (&self.device, self.effort, fault.scenario.as_ref());
         let seed = name.strip_prefix("fuzz seed ").and_then(|rest| rest.split_once(':'));
-        let fuzz = seed.map(|(seed, _)| format!("lazygrid check --backend {} --seed {seed}", self.backend));
+        let fuzz = seed.map(|(seed, _)| format!("lazygrid check {device} --seed {seed}"));
         let detect =
             scenario.filter(|_| !options.is_empty()).and_then(|scenario| shown::options(path, scenario));
         match (detect, fuzz) {
             (Some(of_scene), fuzz) => {
-                let detect = format!("lazygrid detect {}{options}{of_scene}", path.display());
+                let detect = format!("{environment}lazygrid detect {}{options}{of_scene}", path.display());
                 fuzz.map_or(detect.clone(), |fuzz| format!("{detect}, or {fuzz}"))
             }
-            (None, None) if scenario.is_none() && !options.is_empty() => options.to_owned(),
+            (None, None) if scenario.is_none() && !options.is_empty() => options.clone(),
             (_, Some(fuzz)) => fuzz,
-            _ => format!("lazygrid check --backend {}", self.backend),
+            _ => format!("lazygrid check {device}{effort}"),
         }
     }
 
@@ -304,11 +320,11 @@ impl Report {
         self.keep("seconds", time.as_secs_f64());
         self.keep("ok", failures == 0);
         if self.is_json {
-            print(format!("{}\n", Value::Object(self.object)))?;
+            self.printer.print(format!("{}\n", Value::Object(self.object)));
         } else if failures == 0 {
-            print(format!("\nall right, {:.0} s\n", time.as_secs_f64()))?;
+            self.printer.print(format!("\nall right, {:.0} s\n", time.as_secs_f64()));
         }
-        if failures == 0 { Ok(()) } else { Err(CliError::Wrong { failures }) }
+        if failures == 0 { self.printer.finish() } else { Err(CliError::Wrong { failures }) }
     }
 }
 

@@ -10,7 +10,6 @@ use lazygrid_io::scenes::Scene;
 
 use super::report::{Called, Primitive, Report};
 use super::{SPEEDS, Work};
-use crate::error::CliError;
 
 /// Seconds for one call and for a backend's calls, and the factor of `--full`.
 const CALL: f64 = 2.5;
@@ -20,23 +19,22 @@ const FULL_TIMES: f64 = 12.0;
 const ROUNDS: usize = 7;
 
 /// The CPU comes first: the GPU's counts are compared with its.
-pub(super) fn run(work: &Work<'_>, report: &mut Report) -> Result<(), CliError> {
+pub(super) fn run(work: &Work<'_>, report: &mut Report) {
     let scenes: &[Scene] = match work.args.effort() {
         Effort::Full => &[Scene::FiveSizes, Scene::Equal, Scene::Burst],
         _ => &[Scene::FiveSizes],
     };
     if work.on_cpu {
-        Race::new(work, Backend::Cpu, &speed::on_cpu).run(scenes, Algorithm::CPU, report)?;
+        Race::new(work, Backend::Cpu, &speed::on_cpu).run(scenes, Algorithm::CPU, report);
     }
     if let Some(gpu) = &work.gpu {
-        primitives(work, gpu, report)?;
+        primitives(work, gpu, report);
         let time = |algorithm, spheres: &[Sphere]| speed::on_gpu(&gpu.own, algorithm, spheres);
-        Race::new(work, Backend::Gpu, &time).run(scenes, Algorithm::GPU, report)?;
+        Race::new(work, Backend::Gpu, &time).run(scenes, Algorithm::GPU, report);
     }
-    Ok(())
 }
 
-fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), CliError> {
+fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) {
     work.bar.set_message("speeds: copy, scan and sort");
     let watch = GpuTimer::new(gpu.own.clone(), ROUNDS);
     let measured = catch_panic(|| {
@@ -70,7 +68,7 @@ fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) -> Result<(), Cli
         Ok((own_clock, rows)) => work.tell(|| report.primitives(own_clock, rows)),
         Err(what) => {
             let name = "copy, scan and sort by the clock".to_owned();
-            work.tell(|| report.failure(FailedCase { name, what, scenario: None, options: String::new() }))
+            work.tell(|| report.failure(FailedCase { name, what, ..FailedCase::default() }))
         }
     }
 }
@@ -99,13 +97,8 @@ impl<'a> Race<'a> {
         Self { work, backend, time, from: work.bar.position(), spent: 0.0 }
     }
 
-    fn run(
-        mut self,
-        scenes: &[Scene],
-        algorithms: &[Algorithm],
-        report: &mut Report,
-    ) -> Result<(), CliError> {
-        self.work.tell(|| report.speeds_of(self.backend))?;
+    fn run(mut self, scenes: &[Scene], algorithms: &[Algorithm], report: &mut Report) {
+        self.work.tell(|| report.speeds_of(self.backend));
         let mut sizes = speed::SIZES.to_vec();
         match self.work.args.effort() {
             Effort::Quick => sizes.truncate(1),
@@ -124,25 +117,18 @@ impl<'a> Race<'a> {
                 for runner in &mut runners {
                     let called =
                         Called { backend: self.backend, algorithm: runner.algorithm, scene, spheres: n };
-                    self.call(runner, called, &mut spheres, report)?;
+                    self.call(runner, called, &mut spheres, report);
                 }
             }
         }
         self.work.bar.set_position(self.from + SPEEDS);
-        Ok(())
     }
 
     /// Makes spheres on demand.
-    fn call(
-        &mut self,
-        runner: &mut Runner,
-        called: Called,
-        spheres: &mut Vec<Sphere>,
-        report: &mut Report,
-    ) -> Result<(), CliError> {
+    fn call(&mut self, runner: &mut Runner, called: Called, spheres: &mut Vec<Sphere>, report: &mut Report) {
         let Called { algorithm, scene, spheres: n, .. } = called;
         if runner.is_out {
-            return Ok(());
+            return;
         }
         if let Some(why) = self.too_long(forecast(algorithm, &runner.times, n)) {
             runner.is_out = true;
@@ -159,14 +145,15 @@ impl<'a> Race<'a> {
                 runner.times.push((n, speed.seconds));
                 self.work.tell(|| report.speed(called, &speed))
             }
-            Err(SkipReason::TooLarge(what)) => {
+            // An algorithm that never runs has not been checked.
+            Err(SkipReason::TooLarge(what)) if n > speed::SIZES[0] => {
                 runner.is_out = true;
                 self.work.tell(|| report.left_out(called, &what))
             }
-            Err(SkipReason::Failed(what)) => {
+            Err(SkipReason::TooLarge(what) | SkipReason::Failed(what)) => {
                 runner.is_out = true;
                 let name = format!("{algorithm} on {}, {n} spheres, {scene}", self.backend);
-                let fault = FailedCase { name, what, scenario: None, options: String::new() };
+                let fault = FailedCase { name, what, ..FailedCase::default() };
                 self.work.tell(|| report.failure(fault))
             }
         }
@@ -179,5 +166,36 @@ impl<'a> Race<'a> {
             return Some(format!("about {seconds:.0} s a call{remedy}"));
         }
         (self.spent + 2.0 * seconds > ALL * times).then(|| format!("no time left{remedy}"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+    use crate::args::{Args, Command};
+    use crate::progress;
+
+    #[test]
+    fn memory_refused_at_the_smallest_size_is_a_failure() {
+        let args = Args::try_parse_from(["lazygrid", "check", "--json", "--backend", "cpu"]).unwrap();
+        let Command::Check(args) = args.command else { panic!("another command") };
+        let work = Work { args: &args, gpu: None, on_cpu: true, bar: progress::working(1) };
+        let failures = |refused_from: usize| {
+            let mut report = Report::new(&args, None, None);
+            let time = |_: Algorithm, spheres: &[Sphere]| match spheres.len() >= refused_from {
+                true => Err(SkipReason::TooLarge("no memory".to_owned())),
+                false => speed::on_cpu(Algorithm::CellList, spheres),
+            };
+            Race::new(&work, Backend::Cpu, &time).run(
+                &[Scene::FiveSizes],
+                &[Algorithm::CellList],
+                &mut report,
+            );
+            report.finish().is_err()
+        };
+        assert!(failures(0));
+        assert!(!failures(speed::SIZES[0] + 1));
     }
 }

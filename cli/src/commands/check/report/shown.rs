@@ -27,7 +27,7 @@ fn excluded(path: &Path) -> PathBuf {
 }
 
 fn of_space(space: &Space) -> Option<String> {
-    let edges = space.cell_vectors().map(|edge| edge.map(|edge| edge.map(|number| number as f32)));
+    let edges = space.cell_vectors();
     if !space.is_periodic() {
         return Some(" --periodic none".to_owned());
     }
@@ -52,7 +52,7 @@ pub(super) fn write(path: &Path, scenario: &TestInput, comments: &str) -> Result
     if options(path, scenario).is_none() && scenario.space.is_periodic() {
         comment("Space repeats along these edges:");
         for [x, y, z] in scenario.space.cell_vectors().into_iter().flatten() {
-            comment(&format!("  {:?} {:?} {:?}", x as f32, y as f32, z as f32));
+            comment(&format!("  {x:?} {y:?} {z:?}"));
         }
     }
     if let Some(mixture) = &scenario.mixture {

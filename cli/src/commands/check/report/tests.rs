@@ -1,6 +1,6 @@
 use lazygrid::{Interaction, Space, Sphere, Spheres};
 use lazygrid_check::scenes::triclinic::{space, tilted};
-use lazygrid_check::{ExclusionCase, SpeciesSetup};
+use lazygrid_check::{ExclusionCase, SpeciesSetup, TestInput};
 use lazygrid_io::read::{Frames, Options, pairs};
 
 use super::*;
@@ -29,23 +29,35 @@ fn a_failing_input_is_written_as_detect_reads_it() {
     }
 }
 
+fn fault(name: &str, scenario: Option<&TestInput>, options: &str) -> FailedCase {
+    let (name, options) = (name.to_owned(), options.to_owned());
+    FailedCase { name, scenario: scenario.cloned(), options, ..FailedCase::default() }
+}
+
 #[test]
 fn commands_reproduce_the_settings() {
     let report = Report::empty(true, "all");
     let path = Path::new("f.csv");
     let scenario =
         TestInput { space: Space::periodic([Some(0.1), None, Some(1e-40)]).unwrap(), ..TestInput::default() };
-    let of = |name, scenario: Option<&TestInput>, options| report.command(path, name, scenario, options);
+    let plain = TestInput::default();
+    let of = |name, scenario, options| report.command(path, &fault(name, scenario, options));
     assert_eq!(
         of("soup: naive on cpu", Some(&scenario), " --backend cpu"),
         "lazygrid detect f.csv --backend cpu --periodic 0.1,-,1e-40"
     );
     assert_eq!(
-        of("fuzz seed 12: naive", Some(&TestInput::default()), " --count"),
+        of("fuzz seed 12: naive", Some(&plain), " --count"),
         "lazygrid detect f.csv --count --periodic none, or lazygrid check --backend all --seed 12"
     );
     assert_eq!(of("fuzz seed 12: naive", Some(&scenario), ""), "lazygrid check --backend all --seed 12");
     assert_eq!(of("radix sort", None, ""), "lazygrid check --backend all");
+    let narrow = FailedCase { environment: "LAZYGRID_SIMD=avx2 ", ..fault("soup", Some(&plain), " --tau 1") };
+    assert_eq!(
+        report.command(path, &narrow),
+        "LAZYGRID_SIMD=avx2 lazygrid detect f.csv --tau 1 --periodic none"
+    );
+    assert_eq!(of("soup: candidates kept", Some(&plain), ""), "lazygrid check --backend all");
 }
 
 #[test]
@@ -59,10 +71,11 @@ fn triclinic_boxes_and_exclusions_are_shown() {
     };
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("f.csv");
-    let command = report.command(&path, "soup: naive on cpu", Some(&skewed), " --backend cpu");
+    let command = report.command(&path, &fault("soup: naive on cpu", Some(&skewed), " --backend cpu"));
     let place = directory.path().display();
     let expected = format!(
-        "lazygrid detect {place}/f.csv --backend cpu --periodic 4.0,-,0.1 --tilt 0.0,-1.5,1e-7 \
+        "lazygrid detect {place}/f.csv --backend cpu --periodic 4.0,-,0.10000000149011612 \
+         --tilt 0.0,-1.5,1.0000000116860974e-7 \
          --exclude {place}/f-excluded.csv --exclude-groups"
     );
     assert_eq!(command, expected);
@@ -76,7 +89,7 @@ fn triclinic_boxes_and_exclusions_are_shown() {
     assert_eq!(pairs(directory.path().join("f-excluded.csv")).unwrap(), [(0, 2), (1, 3)]);
     let [x, y, z] = [[1.0, 0.5, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]].map(|edge| Some(edge.into()));
     let any = TestInput { space: space([x, y, z]), ..skewed };
-    let command = report.command(&path, "soup: naive on cpu", Some(&any), " --backend cpu");
+    let command = report.command(&path, &fault("soup: naive on cpu", Some(&any), " --backend cpu"));
     assert_eq!(command, "lazygrid check --backend cpu");
     shown::write(&path, &any, &command).unwrap();
     assert!(std::fs::read_to_string(&path).unwrap().contains("\n#   1.0 0.5 0.0\n"));
@@ -87,7 +100,7 @@ fn counts_that_differ_are_wrong() {
     let mut report = Report::empty(true, "all");
     let mut count = |backend, spheres, pairs| {
         let called = Called { backend, algorithm: Algorithm::Naive, scene: Scene::Equal, spheres };
-        report.compare_count(called, pairs).unwrap();
+        report.compare_count(called, pairs);
         report.failures.len()
     };
     assert_eq!(count(Backend::Cpu, 10, 5), 0);
@@ -96,4 +109,34 @@ fn counts_that_differ_are_wrong() {
     assert_eq!(count(Backend::Cpu, 10, 6), 2);
     assert_eq!(count(Backend::Cpu, 20, 6), 2);
     assert!(matches!(report.finish(), Err(CliError::Wrong { failures: 2 })));
+}
+
+#[test]
+fn verdict_comes_before_a_closed_output() {
+    let finished = |is_json, fails| {
+        let mut report = Report::empty(is_json, "cpu");
+        report.printer = Printer::closed();
+        if fails {
+            let (name, what) = ("radix sort".to_owned(), "not sorted".to_owned());
+            report.failure(FailedCase { name, what, ..FailedCase::default() });
+        }
+        report.finish()
+    };
+    for is_json in [false, true] {
+        assert!(matches!(finished(is_json, true), Err(CliError::Wrong { failures: 1 })));
+        assert!(matches!(finished(is_json, false), Err(CliError::Stdout(_))));
+    }
+}
+
+#[test]
+fn scenes_that_a_variant_does_not_take_are_listed() {
+    let mut report = Report::empty(true, "gpu");
+    let of = |name: &str, scenes| vec![(name.to_owned(), scenes)];
+    let (left_out, not_taken) = (of("naive on gpu", 3), of("lazy-grid on gpu", 24));
+    report.scenes([90, 15, 0], [&left_out, &not_taken], Duration::ZERO);
+    let scenes = &report.object["scenes"];
+    assert_eq!(
+        (&scenes["left_out"], &scenes["not_taken"]),
+        (&json!({ "naive on gpu": 3 }), &json!({ "lazy-grid on gpu": 24 }))
+    );
 }
