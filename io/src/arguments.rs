@@ -26,8 +26,14 @@ pub fn periodic_space(text: &str) -> Result<Space, String> {
     }
     let length = |text: &str| match text.trim() {
         "-" => Ok(None),
-        number => match f32::from_str(number) {
-            Ok(length) if length.is_finite() && length > 0.0 => Ok(Some(f64::from(length))),
+        number => match f64::from_str(number) {
+            // Spheres have 32-bit coordinates.
+            Ok(length) if length.is_finite() && length > 0.0 => match length as f32 {
+                0.0 | f32::INFINITY => {
+                    Err(format!("the length {number} is outside the range of 32-bit numbers"))
+                }
+                _ => Ok(Some(length)),
+            },
             Ok(_) => Err(format!(
                 "the length {number} is not a finite number above zero; write - for an axis that is unbounded"
             )),

@@ -47,6 +47,12 @@ pub enum Error {
     /// The file cannot be created or written. An existing one is untouched.
     #[error("{}: cannot write: {source}", path.display())]
     Write { path: PathBuf, source: io::Error },
+    /// An array whose header was written before its rows, of another number.
+    #[error(
+        "{}: the header promises {expected} pairs, but the search found {found}; it was not written, try again as .csv",
+        path.display()
+    )]
+    RowCount { path: PathBuf, expected: u64, found: u64 },
     /// Neither name nor content tell the format.
     #[error(
         "{}: neither the name nor the content tells the format; say --format csv, npy, xyz, lammps or smoldyn",
@@ -128,7 +134,9 @@ impl Error {
     /// Returns the location, for callers that read a file in pieces.
     pub fn location_mut(&mut self) -> Option<&mut Location> {
         match self {
-            Self::Read { .. } | Self::Write { .. } | Self::UnknownFormat { .. } => None,
+            Self::Read { .. } | Self::Write { .. } | Self::RowCount { .. } | Self::UnknownFormat { .. } => {
+                None
+            }
             Self::Syntax { place, .. }
             | Self::Number { place, .. }
             | Self::Value { place, .. }

@@ -21,17 +21,17 @@ impl Cell {
                 return self.sheared(place);
             };
             let length = edge[axis].abs();
-            let narrow = length as f32;
-            if !(narrow.is_finite() && narrow > 0.0) {
+            // Spheres have 32-bit coordinates.
+            if !((length as f32).is_finite() && length as f32 > 0.0) {
                 return Err(Error::BoxLength { place: place.clone(), axis: AXES[axis], length });
             }
-            lengths[axis] = Some(f64::from(narrow));
+            lengths[axis] = Some(length);
         }
         Ok(Space::periodic(lengths).unwrap_or_default())
     }
 
     fn sheared(&self, place: &Location) -> Result<Space, Error> {
-        let repeats = |k: usize| self.periodic[k].then(|| self.edges[k].map(|x| f64::from(x as f32)));
+        let repeats = |k: usize| self.periodic[k].then(|| self.edges[k]);
         Space::triclinic([0, 1, 2].map(repeats))
             .map_err(|reason| Error::BoxEdges { place: place.clone(), reason: Box::new(reason) })
     }

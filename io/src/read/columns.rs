@@ -44,13 +44,30 @@ pub(super) struct Columns {
 #[derive(Clone, Copy, Default)]
 pub(super) struct Row<'a> {
     pub(super) center: [f32; 3],
-    pub(super) scaled: [f64; 3],
+    pub(super) scaled: [Scaled<'a>; 3],
     pub(super) radius: Option<f32>,
     pub(super) species: Option<&'a [u8]>,
     pub(super) id: Option<&'a [u8]>,
     pub(super) group: Option<&'a [u8]>,
     /// First column that lost digits, and its field.
     pub(super) rounded: Option<(usize, &'a [u8])>,
+}
+
+/// A coordinate as a fraction of the box.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Scaled<'a> {
+    pub(super) value: f64,
+    /// Unit of the last digit, infinite for few digits.
+    pub(super) unit: f64,
+    /// Column and text.
+    pub(super) field: Option<(usize, &'a [u8])>,
+}
+
+impl<'a> Scaled<'a> {
+    fn of(value: f64, (column, field): (usize, &'a [u8])) -> Self {
+        let unit = digits(field).filter(|&(significant, _)| significant > SAFE_DIGITS);
+        Self { value, unit: unit.map_or(f64::INFINITY, |(_, unit)| unit), field: Some((column, field)) }
+    }
 }
 
 impl Columns {
@@ -131,7 +148,7 @@ impl Columns {
                     value
                 }
                 Column::Scaled(axis) => {
-                    row.scaled[axis] = line.number(name, field)?;
+                    row.scaled[axis] = Scaled::of(line.number(name, field)?, (k, field));
                     continue;
                 }
                 Column::Species => {
@@ -148,7 +165,7 @@ impl Columns {
                 }
                 Column::Other => continue,
             };
-            if field.len() > EXACT_DIGITS && row.rounded.is_none() && loses_digits(field, value) {
+            if field.len() > SAFE_DIGITS as usize && row.rounded.is_none() && loses_digits(field, value) {
                 row.rounded = Some((k, field));
             }
         }
@@ -166,21 +183,42 @@ impl Columns {
     }
 }
 
-/// More digits come from 64-bit computation.
-const EXACT_DIGITS: usize = 9;
+/// Numbers of at most this many digits survive a conversion to `f32` (FLT_DIG of C).
+const SAFE_DIGITS: u32 = 6;
 
-/// Returns `true` for more digits than 32-bit numbers have, and another value.
+/// Returns `true` if `value`, written with as many significant digits as the field has, is another number. Nine digits
+/// of a 32-bit number (`%.9g`) lose none.
 fn loses_digits(field: &[u8], value: f32) -> bool {
-    let (mut digits, mut significant) = (0, 0);
-    for &b in field.iter().take_while(|b| !b"eE".contains(b)).filter(|b| b.is_ascii_digit()) {
-        if digits > 0 || b != b'0' {
-            digits += 1;
-        }
-        if b != b'0' {
-            significant = digits;
+    let Some((_, unit)) = digits(field).filter(|&(significant, _)| significant > SAFE_DIGITS) else {
+        return false;
+    };
+    let Ok(wide) = lexical_core::parse::<f64>(field) else { return false };
+    // A tie may be rounded either way, and so may numbers within the rounding errors of `wide` and `unit`.
+    let error = 1e-9 * unit + wide.abs() * f64::EPSILON;
+    (wide - f64::from(value)).abs() > 0.5 * unit + error
+}
+
+/// Returns the number of significant digits, without zeros at the end, and the unit of the last of them; `None` for zero.
+fn digits(field: &[u8]) -> Option<(u32, f64)> {
+    let end = field.iter().position(|b| b"eE".contains(b));
+    let (mantissa, exponent) = field.split_at(end.unwrap_or(field.len()));
+    let exponent: i32 = exponent.get(1..).map_or(Some(0), |exponent| lexical_core::parse(exponent).ok())?;
+    // Counted in digits from the left.
+    let (mut all, mut point, mut first, mut last) = (0_i32, None, None, 0);
+    for &b in mantissa {
+        match b {
+            b'.' => point = Some(all),
+            b'0' => all += 1,
+            b'1'..=b'9' => {
+                first = first.or(Some(all));
+                last = all;
+                all += 1;
+            }
+            _ => {}
         }
     }
-    significant > EXACT_DIGITS && lexical_core::parse::<f64>(field).is_ok_and(|wide| wide != f64::from(value))
+    let significant = (last - first? + 1) as u32;
+    Some((significant, 10_f64.powi(point.unwrap_or(all) - 1 - last + exponent)))
 }
 
 #[cfg(test)]
@@ -192,16 +230,48 @@ mod tests {
         for (field, lost) in [
             ("0.1234567890123", true),
             ("-1.2000000000000000e+01", false),
-            ("1.00000001e-30", false),
             ("1234567890123", true),
-            ("12345678900000", false),
+            ("12345678900000", true),
+            ("1.0000000e-30", false),
+            ("1.00000001e-30", true),
             ("0.000000000000001", false),
             ("0.00048828125", false),
             ("1.00048828125", false),
             ("1.000488281251", true),
+            ("16777216", false),
+            ("16777217", true),
+            ("-16777217.0", true),
+            ("1.6777217E+7", true),
+            ("0.1", false),
+            ("123.456", false),
+            ("8589973000", true),
+            ("0.0000", false),
+            ("100000.01", false),
+            ("100000.001", true),
         ] {
             let value = field.parse().unwrap();
             assert_eq!(loses_digits(field.as_bytes(), value), lost, "{field}");
+        }
+    }
+
+    #[test]
+    fn digits_of_32_bit_numbers_are_kept() {
+        let mut bits = 1_u32;
+        for _ in 0..100_000 {
+            bits = bits.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let value = f32::from_bits(bits);
+            if value.is_normal() {
+                for text in [
+                    format!("{value:.8e}"),
+                    format!("{value:e}"),
+                    format!("{value}"),
+                    format!("{value:.16e}"),
+                ] {
+                    let read = text.parse().unwrap();
+                    assert_eq!(read, value);
+                    assert!(!loses_digits(text.as_bytes(), read), "{text}");
+                }
+            }
         }
     }
 }

@@ -34,7 +34,7 @@ fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
             return match in_comment {
                 Some(table) if !is_header(line.bytes) => {
                     lines.put_back();
-                    Ok(table)
+                    table
                 }
                 _ => {
                     let table = table?;
@@ -43,14 +43,14 @@ fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
             };
         };
         if is_header(comment) {
-            let table = Csv::of(line, comment)?;
-            table.columns.check(line, context)?;
-            in_comment = Some(table);
+            // The comment is the header only if no other line is.
+            let table = Csv::of(line, comment);
+            in_comment = Some(table.and_then(|table| table.columns.check(line, context).map(|()| table)));
         }
     }
-    in_comment.ok_or_else(|| {
+    in_comment.unwrap_or_else(|| {
         let (place, expected) = (lines.place(), "a header with x, y, z and r, radius or diameter".to_owned());
-        Error::Syntax { place, expected, found: "an empty file".to_owned() }
+        Err(Error::Syntax { place, expected, found: "an empty file".to_owned() })
     })
 }
 

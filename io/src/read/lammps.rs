@@ -109,9 +109,12 @@ impl Lammps {
     }
 
     fn bounds(&mut self, style: Style, periodic: [bool; 3], place: Location) -> Result<Bounds, Error> {
+        const RULE: &str = "the high bound of an axis must not be less than the low one, which comes first";
         let mut rows = [[0.0; 4]; 3];
-        for row in &mut rows {
+        let mut places = [(); 3].map(|()| place.clone());
+        for (row, place) in rows.iter_mut().zip(&mut places) {
             let line = self.head_line()?;
+            *place = line.place();
             let mut words = line.words();
             for value in &mut row[..style.width()] {
                 let word = words.next().ok_or_else(|| line.unexpected("the bounds of the box"))?;
@@ -119,11 +122,15 @@ impl Lammps {
             }
             let [low, high, ..] = *row;
             if !matches!(style, Style::Edges) && high < low {
-                let rule = "the high bound of an axis must not be less than the low one, which comes first";
-                return Err(line.refuse("high", high.to_string().as_bytes(), rule));
+                return Err(line.refuse("high", high.to_string().as_bytes(), RULE));
             }
         }
         let (corner, edges) = style.box_of(rows);
+        if let Some(axis) = (0..3).find(|&axis| matches!(style, Style::Tilted) && edges[axis][axis] < 0.0) {
+            let (column, value) =
+                ("high without the tilts".to_owned(), (corner[axis] + edges[axis][axis]).to_string());
+            return Err(Error::Value { place: places[axis].clone(), column, value, rule: RULE });
+        }
         Ok(Bounds { corner, cell: Cell { edges, periodic }, place })
     }
 }
@@ -141,7 +148,7 @@ impl Table for Atoms {
     fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error> {
         let mut row = self.columns.row(line, line.words())?;
         if let Some(bounds) = &self.scale {
-            row.center = bounds.place(line, row.scaled)?;
+            bounds.place(line, &mut row)?;
         }
         Ok(Some(row))
     }
@@ -198,18 +205,26 @@ impl Style {
 }
 
 impl Bounds {
-    fn place(&self, line: Line<'_>, scaled: [f64; 3]) -> Result<[f32; 3], Error> {
-        let mut center = [0.0; 3];
-        for (axis, (coordinate, name)) in center.iter_mut().zip(["x", "y", "z"]).enumerate() {
-            let steps = self.cell.edges.iter().zip(scaled).map(|(edge, part)| edge[axis] * part);
+    /// Computes the center from the scaled coordinates.
+    fn place(&self, line: Line<'_>, row: &mut Row<'_>) -> Result<(), Error> {
+        let parts = row.scaled;
+        for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
+            let steps = self.cell.edges.iter().zip(parts).map(|(edge, part)| edge[axis] * part.value);
             let value = self.corner[axis] + steps.sum::<f64>();
-            *coordinate = value as f32;
-            if !coordinate.is_finite() {
+            let narrow = value as f32;
+            row.center[axis] = narrow;
+            if !narrow.is_finite() {
                 let rule = "values must be finite 32-bit floating-point numbers";
                 return Err(line.refuse(name, value.to_string().as_bytes(), rule));
             }
+            // Half of the last digit of each field: the coordinate is not known better.
+            let edges = self.cell.edges.iter().zip(parts).filter(|(edge, _)| edge[axis] != 0.0);
+            let units = edges.map(|(edge, part)| edge[axis].abs() * part.unit);
+            if row.rounded.is_none() && (value - f64::from(narrow)).abs() > 0.5 * units.sum::<f64>() {
+                row.rounded = parts[axis].field;
+            }
         }
-        Ok(center)
+        Ok(())
     }
 }
 

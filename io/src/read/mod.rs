@@ -9,7 +9,8 @@
 //! # Ok::<(), lazygrid_io::Error>(())
 //! ```
 //!
-//! One frame bounds the memory, not declared sizes. Radii and coordinates are `f32`, rounded once from the text.
+//! One frame bounds the memory, not declared sizes. Radii and coordinates are `f32`, rounded once from the text;
+//! lengths of boxes are `f64`.
 
 mod cell;
 mod columns;

@@ -40,6 +40,10 @@ pub(super) fn read(mut source: Source, context: &mut ReadContext) -> Result<Fram
             let expected = "a structured array with a field `id`, which --ids asks for";
             return Err(syntax(&source, expected, "an array of numbers"));
         }
+        Layout::Plain { .. } if context.groups => {
+            let expected = "a structured array with a field `group`, `molecule` or `mol`, which --exclude-groups asks for";
+            return Err(syntax(&source, expected, "an array of numbers"));
+        }
         Layout::Plain { kind: Dtype::NATIVE_F32, fortran: false } => {
             read_rows(&mut source, &header, &mut frame.spheres)?;
         }

@@ -4,7 +4,7 @@ use lazygrid::{MAX_SPHERES, Sphere};
 use rayon::prelude::*;
 
 use super::Frame;
-use super::columns::{Columns, Row};
+use super::columns::{Column, Columns, Row};
 use super::line::Line;
 use super::lines::{LineBlock, Lines};
 use super::read_context::ReadContext;
@@ -68,6 +68,7 @@ impl Lines {
         context: &mut ReadContext,
         frame: &mut Frame,
     ) -> Result<u64, Error> {
+        frame.begin(table, context);
         let defaults =
             RowDefaults { species: context.species.with_names(), ids: context.ids, groups: context.groups };
         let parse = |pieces: &[LineBlock<'_>]| match pieces {
@@ -153,6 +154,19 @@ fn try_push<T>(all: &mut Vec<T>, value: T, line: Line<'_>) -> Result<(), Error> 
 }
 
 impl Frame {
+    /// Adds the columns that the table has or the caller requests, also for a frame without spheres.
+    fn begin(&mut self, table: &impl Table, context: &ReadContext) {
+        if table.columns().has(Column::Species) {
+            self.species.get_or_insert_default();
+        }
+        if context.ids {
+            self.ids.get_or_insert_default();
+        }
+        if context.groups {
+            self.groups.get_or_insert_default();
+        }
+    }
+
     fn add(
         &mut self,
         part: ParsedBlock,

@@ -18,7 +18,13 @@ pub(super) fn read(source: Source, context: &mut ReadContext) -> Result<Frame, E
     let listed = [("name(state)", Column::Species)].into_iter().chain(axes).chain([("serial", Column::Id)]);
     let listing = Listing(Columns::new(listed.map(|(name, meaning)| (name.to_owned(), meaning))));
     let mut frame = Frame::default();
-    Lines::new(source).all_rows(&listing, context, &mut frame)?;
+    let mut lines = Lines::new(source);
+    if context.groups {
+        let expected = "a format with groups, which --exclude-groups asks for".to_owned();
+        let found = "molecules without groups, as Smoldyn lists them".to_owned();
+        return Err(Error::Syntax { place: lines.place(), expected, found });
+    }
+    lines.all_rows(&listing, context, &mut frame)?;
     Ok(frame)
 }
 

@@ -56,6 +56,10 @@ impl AtomicFile {
         }
     }
 
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// Writes to the file.
     ///
     /// # Errors

@@ -59,6 +59,8 @@ pub struct PairFile<'a> {
     file: AtomicFile,
     format: TableFormat,
     ids: Option<&'a [i64]>,
+    /// Rows that the header promises, and rows so far.
+    rows: [u64; 2],
 }
 
 impl<'a> PairFile<'a> {
@@ -75,7 +77,7 @@ impl<'a> PairFile<'a> {
                 out.write_all(&npy_header(kind, &format!("({pairs}, 2)")))
             }
         })?;
-        Ok(Self { file, format: output.format, ids })
+        Ok(Self { file, format: output.format, ids, rows: [pairs, 0] })
     }
 
     /// Adds rows.
@@ -83,6 +85,7 @@ impl<'a> PairFile<'a> {
     /// # Errors
     /// [`Error::Write`].
     pub fn add(&mut self, pairs: &[Pair]) -> Result<(), Error> {
+        self.rows[1] += pairs.len() as u64;
         match self.ids {
             None => {
                 let rows: &[[u32; 2]] = bytemuck::cast_slice(pairs);
@@ -97,8 +100,16 @@ impl<'a> PairFile<'a> {
     }
 
     /// Returns the complete file, not committed.
-    pub fn finish(self) -> AtomicFile {
-        self.file
+    ///
+    /// # Errors
+    /// [`Error::RowCount`] if the header of an array has another number of rows.
+    pub fn finish(self) -> Result<AtomicFile, Error> {
+        match (self.format, self.rows) {
+            (TableFormat::Npy, [expected, found]) if expected != found => {
+                Err(Error::RowCount { path: self.file.path().to_owned(), expected, found })
+            }
+            _ => Ok(self.file),
+        }
     }
 }
 
@@ -179,6 +190,22 @@ fn array<T: Pod>(path: &Path, kind: &str, values: &[T]) -> Result<AtomicFile, Er
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn array_with_other_rows_than_its_header_is_refused() {
+        let directory = tempfile::tempdir().unwrap();
+        let finished = |format, pairs: u64| {
+            let output = Output { path: Some(directory.path().join("pairs")), format };
+            let mut file = PairFile::create(&output, pairs, None).unwrap();
+            file.add(&[Pair { i: 0, j: 1 }]).unwrap();
+            file.add(&[Pair { i: 1, j: 2 }]).unwrap();
+            file.finish().map(drop).map_err(|error| error.to_string())
+        };
+        assert_eq!(finished(TableFormat::Npy, 2), Ok(()));
+        assert_eq!(finished(TableFormat::Csv, 3), Ok(()));
+        let refused = finished(TableFormat::Npy, 3).unwrap_err();
+        assert!(refused.contains("pairs: the header promises 3 pairs, but the search found 2"), "{refused}");
+    }
 
     #[test]
     fn neighbors_are_several_files() {

@@ -80,7 +80,7 @@ impl Search<'_> {
                     }
                     Err(error) => return Err(failure(error)),
                 };
-                return Ok(vec![file.finish()]);
+                return Ok(vec![file.finish()?]);
             }
         }
         Ok(Vec::new())

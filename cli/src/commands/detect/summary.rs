@@ -27,9 +27,9 @@ struct Object<'a> {
     frame: usize,
     step: Option<i64>,
     /// Indexed by axis, if periodic.
-    periodic: Option<[Option<f32>; 3]>,
+    periodic: Option<[Option<f64>; 3]>,
     /// If not along the axes; then `periodic` has their lengths.
-    cell_vectors: Option<[Option<[f32; 3]>; 3]>,
+    cell_vectors: Option<[Option<[f64; 3]>; 3]>,
     periodic_from: Option<&'a str>,
     spheres: u64,
     pairs: u64,
@@ -49,10 +49,8 @@ impl Summary {
         let object = Object {
             frame: self.frame,
             step: self.step,
-            periodic: self.space.is_periodic().then(|| self.space.lengths_f32()),
-            cell_vectors: self.space.triclinic_cell().map(|_| {
-                self.space.cell_vectors().map(|edge| edge.map(|edge| edge.map(|number| number as f32)))
-            }),
+            periodic: self.space.is_periodic().then(|| self.space.lengths()),
+            cell_vectors: self.space.triclinic_cell().map(|_| self.space.cell_vectors()),
             periodic_from: self.space_said().then_some(if self.space_given { "option" } else { "file" }),
             spheres: report.spheres,
             pairs: report.pairs,
@@ -147,15 +145,12 @@ fn lengths(space: Space) -> String {
     if space.triclinic_cell().is_some() {
         let edges = space.cell_vectors().map(|edge| match edge {
             None => "-".to_owned(),
-            Some(edge) => {
-                let [x, y, z] = edge.map(|number| number as f32);
-                format!("({x},{y},{z})")
-            }
+            Some([x, y, z]) => format!("({x},{y},{z})"),
         });
         return format!("along {}", edges.join(" "));
     }
     if !space.is_periodic() {
         return "none".to_owned();
     }
-    space.lengths_f32().map(|length| length.map_or("-".to_owned(), |length| length.to_string())).join(",")
+    space.lengths().map(|length| length.map_or("-".to_owned(), |length| length.to_string())).join(",")
 }

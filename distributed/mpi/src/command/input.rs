@@ -53,7 +53,7 @@ pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, E
         }
     };
     let frame = agree(world, frame.map_err(|message| refused(world, message)))?;
-    let space = common_space(world, &split, frame.space)?;
+    let space = in_32_bits(common_space(world, &split, frame.space)?, rank == 0);
     let first = before(world, frame.spheres.len() as u64);
     let mut ids = agree(world, try_reserved("ids", frame.spheres.len() as u64, rank as u32))?;
     ids.extend((first..).take(frame.spheres.len()));
@@ -125,6 +125,23 @@ fn common_space(world: &SimpleCommunicator, split: &FileSplit, own: Space) -> Re
         _ => Ok(first),
     });
     agree(world, agreed)
+}
+
+/// Rounds the lengths of an orthogonal box, because ghosts and bounding boxes have 32 bits.
+fn in_32_bits(space: Space, warns: bool) -> Space {
+    let narrow = space.lengths_f32().map(|length| length.map(f64::from));
+    match Space::periodic(narrow) {
+        Ok(narrow) if space.triclinic_cell().is_none() && narrow != space => {
+            if warns {
+                log::warn!(
+                    "the lengths {:?} of the box are rounded to 32 bits, as ranks search with",
+                    space.lengths()
+                );
+            }
+            narrow
+        }
+        _ => space,
+    }
 }
 
 fn before(world: &SimpleCommunicator, own: u64) -> u64 {

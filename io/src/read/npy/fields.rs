@@ -84,6 +84,8 @@ impl Fields {
             return Err(syntax(source, &expected, &found));
         }
         let rows = header.rows;
+        // Also without rows, a requested column is part of the frame.
+        self.make_room(0, frame, context).map_err(|_| header.too_many(source, "memory"))?;
         let most = (BLOCK / self.width).max(1) as u64;
         let mut bytes = vec![0; most.min(rows) as usize * self.width];
         let mut found = 0;

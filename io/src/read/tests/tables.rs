@@ -10,6 +10,7 @@ fn csv_with_other_separators_and_comments() {
         // Output of numpy.savetxt(…, header="x,y,z,r", delimiter=",").
         "# some title\n# x,y,z,r\n1.0e+00,2.0e+00,3.0e+00,5.0e-01\n-4,5e-3,6.25,0\n",
         "# z,y,x,r\nx,y,z,r\n1,2,3,0.5\n-4,5e-3,6.25,0\n",
+        "# x,y,z: the center\n# x,y,z\nx,y,z,r\n1,2,3,0.5\n-4,5e-3,6.25,0\n",
         "\"x\";\"y\";\"note, or not\";\"z\";\"r\"\n1;2;\"a, b\";3;0.5\n-4;5e-3;;6.25;0\n",
     ] {
         assert_eq!(rows("a.csv", text, &[]), TWO, "{text}");
@@ -160,5 +161,24 @@ fn structured_refusals_name_field_row_and_value() {
     ] {
         let refused = refusal("a.npy", file, &[]);
         assert!(refused.starts_with(message), "{refused}");
+    }
+}
+
+#[test]
+fn frames_without_spheres_have_the_requested_columns() {
+    let fields = "('id', '<u4'), ('species', '<u4'), ('group', '<u4'), ('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('r', '<f4')";
+    let header = format!("{{'descr': [{fields}], 'fortran_order': False, 'shape': (0,), }}\n");
+    let atoms = dump("ff ff ff\n0 1\n0 1\n0 1", "id type mol x y z radius", "");
+    for (name, bytes) in [
+        ("a.csv", b"x,y,z,r,id,species,group\n".to_vec()),
+        ("a.xyz", b"0\nProperties=pos:R:3:radius:R:1:id:I:1:species:S:1:group:I:1\n".to_vec()),
+        ("a.dump", atoms.trim_end().to_owned().into_bytes()),
+        ("a.npy", npy(1, &header, &[])),
+    ] {
+        let options = Options { ids: true, groups: true, ..Options::default() };
+        let frames = frames(name, bytes, options).unwrap();
+        assert_eq!(frames.len(), 1, "{name}");
+        let Frame { ids, species, groups, .. } = &frames[0];
+        assert_eq!((ids, species, groups), (&Some(vec![]), &Some(vec![]), &Some(vec![])), "{name}");
     }
 }
