@@ -22,6 +22,9 @@ use parsers::{PathWith, cell_ratio, one_of, seconds, skin, table_format, threads
 
 pub(crate) const STANDARD: &str = "-";
 
+/// Replaced by the number of the frame in the names of outputs.
+pub(crate) const FRAME: &str = "{frame}";
+
 /// All pairs of overlapping spheres.
 #[derive(Debug, Parser)]
 #[command(name = "lazygrid", version, arg_required_else_help = true)]
@@ -115,7 +118,7 @@ pub(crate) struct Detect {
     pub(crate) periodic: Option<Space>,
     /// Tilts of the box as in LAMMPS: its cell vectors are (X,0,0), (XY,Y,0) and (XZ,YZ,Z)
     #[arg(long, value_name = "XY,XZ,YZ", value_parser = tilts, allow_hyphen_values = true, requires = "periodic")]
-    pub(crate) tilt: Option<[f32; 3]>,
+    pub(crate) tilt: Option<[f64; 3]>,
     /// Backend of the search
     #[arg(long, default_value_t, value_parser = one_of(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
     pub(crate) backend: Backend,

@@ -27,13 +27,21 @@ pub(crate) enum CliError {
         path.display()
     )]
     SeveralFrames { path: PathBuf },
-    #[error("{}: this is the input {}, which the pairs would replace; choose another --output", output.display(), input.display())]
+    #[error("{}: this is the input {}, which the output would replace; choose another --output", output.display(), input.display())]
     OutputIsInput { input: PathBuf, output: PathBuf },
     #[error(
         "{}: unknown output format; use .csv, .npy or --output-format",
         path.display()
     )]
     OutputFormat { path: PathBuf },
+    #[error("{}: {{frame}} cannot be replaced in a name that is not UTF-8; rename the output", path.display())]
+    NumberedName { path: PathBuf },
+    #[error(
+        "--tilt: {name} is {tilt}, but space is unbounded along {axis}; use 0, or give a length along {axis} with --periodic"
+    )]
+    TiltOfUnboundedAxis { name: &'static str, tilt: f64, axis: &'static str },
+    #[error("--timeout limits searches on a GPU and has no effect with --backend cpu; omit one of them")]
+    TimeoutOnCpu,
     #[error(
         "neighbor lists as NumPy arrays are several files, but standard output is one; use --output-format csv"
     )]
@@ -115,6 +123,9 @@ impl CliError {
             | Self::OutputIsInput { .. }
             | Self::SweptOption { .. }
             | Self::OutputFormat { .. }
+            | Self::NumberedName { .. }
+            | Self::TiltOfUnboundedAxis { .. }
+            | Self::TimeoutOnCpu
             | Self::NeighborsToStdout
             | Self::NoTransceivers { .. }
             | Self::TooManyTransceivers { .. }

@@ -4,7 +4,7 @@ use lazygrid::{Backend, Config, Order, Space};
 use lazygrid_io::read::{Options, Radii};
 use lazygrid_io::write::{Output, TableFormat};
 
-use super::{Detect, STANDARD};
+use super::{Detect, FRAME, STANDARD};
 use crate::calibration_file;
 use crate::error::CliError;
 
@@ -28,7 +28,12 @@ impl Detect {
     fn space(&self) -> Result<Option<Space>, CliError> {
         let (Some(space), Some([xy, xz, yz])) = (self.periodic, self.tilt) else { return Ok(self.periodic) };
         let [x, y, z] = space.lengths();
-        let [xy, xz, yz] = [xy, xz, yz].map(f64::from);
+        let of_unbounded = [("xy", xy, "y", y), ("xz", xz, "z", z), ("yz", yz, "z", z)]
+            .into_iter()
+            .find(|(_, tilt, _, length)| *tilt != 0.0 && length.is_none());
+        if let Some((name, tilt, axis, _)) = of_unbounded {
+            return Err(CliError::TiltOfUnboundedAxis { name, tilt, axis });
+        }
         let edges = [x.map(|x| [x, 0.0, 0.0]), y.map(|y| [xy, y, 0.0]), z.map(|z| [xz, yz, z])];
         let sheared = Space::triclinic(edges);
         sheared.map(Some).map_err(|error| CliError::Setting(error.into()))
@@ -36,6 +41,9 @@ impl Detect {
 
     pub(crate) fn output(&self) -> Result<Option<Output>, CliError> {
         let Some(path) = &self.output else { return Ok(None) };
+        if path.to_str().is_none() && path.to_string_lossy().contains(FRAME) {
+            return Err(CliError::NumberedName { path: path.clone() });
+        }
         let to_stdout = path.as_os_str() == STANDARD;
         let by_name = if to_stdout { Some(TableFormat::Csv) } else { TableFormat::from_extension(path) };
         let format = self.output_format.or(by_name);
@@ -46,7 +54,10 @@ impl Detect {
         Ok(Some(Output { path: (!to_stdout).then(|| path.clone()), format }))
     }
 
-    pub(crate) fn config(&self) -> Config {
+    pub(crate) fn config(&self) -> Result<Config, CliError> {
+        if self.backend == Backend::Cpu && self.timeout.is_some() {
+            return Err(CliError::TimeoutOnCpu);
+        }
         let order = if self.unordered { Order::Unordered } else { Order::Canonical };
         let config = Config::default().backend(self.backend).algorithm(self.algorithm).order(order);
         let config = with(config, self.adapter.clone(), Config::adapter);
@@ -57,7 +68,7 @@ impl Detect {
         let config = with(config, self.skin, Config::skin);
         let config = with(config, self.threads.map(NonZeroUsize::get), Config::threads);
         let config = with(config, self.timeout, Config::timeout);
-        with(config, self.max_pairs, Config::max_pairs)
+        Ok(with(config, self.max_pairs, Config::max_pairs))
     }
 }
 

@@ -11,8 +11,8 @@ pub(super) fn one_of(names: impl IntoIterator<Item = &'static str>) -> PossibleV
     PossibleValuesParser::new(names)
 }
 
-pub(super) fn tilts(text: &str) -> Result<[f32; 3], String> {
-    let tilt = |text: &str| f32::from_str(text.trim()).ok().filter(|tilt| tilt.is_finite());
+pub(super) fn tilts(text: &str) -> Result<[f64; 3], String> {
+    let tilt = |text: &str| f64::from_str(text.trim()).ok().filter(|tilt| tilt.is_finite());
     let tilts: Option<Vec<_>> = text.split(',').map(tilt).collect();
     let tilts = tilts.and_then(|tilts| tilts.try_into().ok());
     tilts.ok_or_else(|| "expected three numbers, such as 2.5,0,0".to_owned())

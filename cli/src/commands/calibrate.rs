@@ -2,17 +2,18 @@ use std::fmt::Write;
 
 use lazygrid::gpu::{self, AdapterId, GpuDevice, SoftwareAdapter};
 
+use crate::calibration_file;
 use crate::error::CliError;
-use crate::{calibration_file, print};
+use crate::printer::Printer;
 
 pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), CliError> {
     let own = adapter.map_or_else(|| GpuDevice::shared(SoftwareAdapter::Allow), GpuDevice::shared_adapter);
     let own = own.map_err(CliError::Calibration)?;
-    print(format!(
+    let mut printer = Printer::default();
+    printer.print(format!(
         "{}\n{}\n\nsizes  spheres       naive        grid\n",
         own.adapter.name, own.adapter.driver
-    ))?;
-    let mut printed = Ok(());
+    ));
     let measured = gpu::calibrate(&own, |sample| {
         let mut row = format!("{:>5}{:>9}", sample.classes, sample.spheres);
         for time in [sample.naive, sample.grid] {
@@ -20,11 +21,8 @@ pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), CliError> {
             let _ = write!(shown, "{time:.2?}");
             let _ = write!(row, "{shown:>12}");
         }
-        if printed.is_ok() {
-            printed = print(row + "\n");
-        }
+        printer.print(row + "\n");
     });
-    printed?;
     let measured = measured.map_err(CliError::Calibration)?;
     let path = calibration_file::keep(&measured)?;
     let gpu::Crossover { naive_below, per_class, .. } = measured.crossover;
@@ -38,12 +36,13 @@ pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), CliError> {
         u32::MAX => "the CPU answers earlier than this adapter, however many spheres there are".to_owned(),
         from => format!("the CPU answers earlier than this adapter below {from} spheres"),
     };
-    print(format!(
+    printer.print(format!(
         "\nall pairs are tested of fewer than {naive_below} spheres{further};\ncell lists are sorted by radix from \
         {radix_sort_from} spheres on;\n{device}\n\n\
         nanoseconds for each sphere: {search_ns:.3} to search, {keep_ns:.3} to keep where it was, {measure_ns:.3} to measure how far \
         it has gone;\nfor each candidate: {find_ns:.3} to find, {test_ns:.3} to test; {call_us:.1} microseconds more for a call that \
         keeps some\n\nkept in {}\n",
         path.display()
-    ))
+    ));
+    printer.finish()
 }

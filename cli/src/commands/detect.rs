@@ -17,16 +17,14 @@ use self::exclusions::Excluded;
 use self::input::{IndexedFrame, Input};
 use self::search::{FrameDetector, Search};
 use self::summary::Summary;
-use crate::args::Detect;
+use crate::args::{Detect, FRAME};
 use crate::error::CliError;
+use crate::printer::Printer;
 use crate::{check_output, print};
-
-/// Replaced by the number of the frame.
-const FRAME: &str = "{frame}";
 
 pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
     let output = args.output()?;
-    let mut frames = FrameDetector::new(args.config())?;
+    let mut frames = FrameDetector::new(args.config()?)?;
     let excluded = Excluded::read(args)?;
     let mut input = Input::open(args)?;
     if output.as_ref().is_some_and(|output| output.path.is_none()) {
@@ -35,17 +33,21 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
     let to_stdout = output.as_ref().is_some_and(|output| output.path.is_none());
     let own_output = output.as_ref().is_some_and(has_number);
     // A single frame's output keeps its temporary name until no second frame appears.
-    let mut files = Vec::new();
+    let (mut files, mut printer) = (Vec::new(), Printer::default());
     while let Some(IndexedFrame { number, mut frame, time }) = input.next()? {
         // Bytes on standard output cannot be taken back.
         if !files.is_empty() || (to_stdout && !input.is_last()?) {
             return Err(CliError::SeveralFrames { path: input::name(&args.file).to_owned() });
         }
         let output = output.as_ref().map(|output| numbered(output, number));
-        output.as_ref().map_or(Ok(()), |output| refuse_input(args, output))?;
+        output.as_ref().map_or(Ok(()), |output| refuse_inputs(args, output))?;
         if args.ids {
             let path = || input::name(&args.file).to_owned();
-            frame.sort_by_id().map_err(|id| CliError::IdTwice { path: path(), frame: number, id })?;
+            input.in_pool(|| frame.sort_by_id()).map_err(|id| CliError::IdTwice {
+                path: path(),
+                frame: number,
+                id,
+            })?;
         }
         refuse_too_little_memory(args, number, &frame, &frames)?;
         let exclusions = excluded.as_ref().map(|excluded| excluded.of(&frame, number)).transpose()?;
@@ -64,6 +66,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
         if own_output || to_stdout {
             commit(&mut files)?;
         }
+        let is_product = output.is_none();
         let summary = Summary {
             frame: number,
             step: frame.step,
@@ -76,9 +79,17 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
             output: output.map(|output| output.name().to_owned()),
         };
         let text = if args.json { summary.json() } else { summary.to_string() };
-        input.progress.hidden_during(|| if to_stdout { print_aside(&text) } else { print(text) })?;
+        input.progress.hidden_during(|| match (to_stdout, is_product) {
+            (true, _) => print_aside(&text),
+            (false, true) => print(text),
+            (false, false) => {
+                printer.print(text);
+                Ok(())
+            }
+        })?;
     }
-    commit(&mut files)
+    commit(&mut files)?;
+    printer.finish()
 }
 
 fn commit(files: &mut Vec<AtomicFile>) -> Result<(), CliError> {
@@ -110,10 +121,16 @@ fn refuse_too_little_memory(
     }
 }
 
-/// Refuses an output that would replace the input, under any name.
-fn refuse_input(args: &Detect, output: &Output) -> Result<(), CliError> {
-    let Some(read) = input::handle(&args.file) else { return Ok(()) };
-    let same = |written: io::Result<Handle>| written.is_ok_and(|written| written == read);
+/// Refuses an output that would replace the spheres or the excluded pairs, under any name.
+fn refuse_inputs(args: &Detect, output: &Output) -> Result<(), CliError> {
+    let spheres = input::handle(&args.file).map(|handle| (input::name(&args.file), handle));
+    let excluded = args.exclude.as_deref();
+    let excluded = excluded.and_then(|path| Some((path, input::file_handle(Handle::from_path(path))?)));
+    spheres.into_iter().chain(excluded).try_for_each(|(path, read)| refuse_input(args, output, (path, &read)))
+}
+
+fn refuse_input(args: &Detect, output: &Output, (path, read): (&Path, &Handle)) -> Result<(), CliError> {
+    let same = |written: io::Result<Handle>| written.is_ok_and(|written| written == *read);
     let refused = match output.path {
         None => same(Handle::stdout()).then(|| output.name().to_owned()),
         Some(_) => {
@@ -123,15 +140,15 @@ fn refuse_input(args: &Detect, output: &Output) -> Result<(), CliError> {
             files.into_iter().filter(is_file).find(|file| same(Handle::from_path(file)))
         }
     };
-    let input = || input::name(&args.file).to_owned();
-    refused.map_or(Ok(()), |output| Err(CliError::OutputIsInput { input: input(), output }))
+    refused.map_or(Ok(()), |output| Err(CliError::OutputIsInput { input: path.to_owned(), output }))
 }
 
 fn has_number(output: &Output) -> bool {
-    output.path.as_ref().is_some_and(|path| path.to_string_lossy().contains(FRAME))
+    output.path.as_ref().and_then(|path| path.to_str()).is_some_and(|path| path.contains(FRAME))
 }
 
 fn numbered(output: &Output, frame: usize) -> Output {
+    // `Detect::output` refuses {frame} in a name that is not UTF-8.
     let with_number = |path: &Path| match path.to_str() {
         Some(text) => PathBuf::from(text.replace(FRAME, &frame.to_string())),
         None => path.to_owned(),

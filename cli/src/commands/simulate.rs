@@ -67,9 +67,9 @@ fn once(run: Run, reports: bool) -> Result<(), CliError> {
         let runs = vec![(run.scenario.seed, run.directory.clone())];
         report::write(&Done { run: &run, mean: &mean, runs, command: report::command(&run) })?;
     }
-    print(run.summary(&simulation))?;
+    let printed = print(run.summary(&simulation));
     match end {
-        RunEnd::Finished => Ok(()),
+        RunEnd::Finished => printed,
         RunEnd::Stopped => {
             let steps = simulation.step_count();
             let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);

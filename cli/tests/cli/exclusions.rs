@@ -2,7 +2,7 @@
 
 use lazygrid_tests::command::{Scratch, data, table};
 
-use crate::detect_file;
+use crate::{LAZYGRID, detect_file};
 
 const CHAIN: &str =
     "x,y,z,r,id,molecule\n0,0,0,0.5,10,1\n1,0,0,0.5,11,1\n2,0,0,0.5,9,2\n3,0,0,0.5,8,2\n4,0,0,0.5,7,0\n";
@@ -59,6 +59,13 @@ fn molecules() {
         "{}",
         without.err
     );
+    let array = scratch.path("plain.npy");
+    LAZYGRID.run(["generate", "point", "-n", "2", "-o", &array]).succeeds();
+    let listing = scratch.write("a.lst", "A(up) 0 0 0 1\nA(up) 0 0 0 2\n");
+    for args in [[&array, "--exclude-groups", "--json"], [&listing, "--exclude-groups", "--radius=A=1"]] {
+        let run = detect_file(args[0], [args[1], args[2]]).fails();
+        assert!(run.err.contains("which --exclude-groups asks for, found"), "{}", run.err);
+    }
     let wrong = scratch.write("wrong.csv", &CHAIN.replace("10,1\n", "10,-1\n"));
     let wrong = detect_file(&wrong, ["--exclude-groups"]).fails();
     assert!(
@@ -66,4 +73,24 @@ fn molecules() {
         "{}",
         wrong.err
     );
+}
+
+#[test]
+fn frames_without_spheres_keep_the_columns() {
+    let scratch = Scratch::new();
+    let head = "Properties=pos:R:3:radius:R:1:id:I:1:group:I:1";
+    let text = format!("0\n{head}\n2\n{head}\n0 0 0 1 7 0\n1 0 0 1 8 0\n0\n{head}\n");
+    let (file, bonds) = (scratch.write("a.xyz", &text), scratch.write("bonds.csv", "1,2\n"));
+    for (name, columns) in [("p-{frame}.csv", "id_i,id_j\n"), ("n-{frame}.csv", "id_i,id_j\n")] {
+        let neighbors = name.starts_with('n').then_some("--neighbors");
+        let args =
+            ["detect", "--backend", "cpu", &file, "--ids", "--exclude-groups", "--exclude", &bonds, "-o"];
+        let output = scratch.path(name);
+        LAZYGRID.run(args.into_iter().chain([&*output]).chain(neighbors)).succeeds();
+        for frame in ["0", "2"] {
+            let path = scratch.path(&name.replace("{frame}", frame));
+            assert_eq!(std::fs::read_to_string(path).unwrap(), columns);
+        }
+    }
+    assert_eq!(std::fs::read_to_string(scratch.path("p-1.csv")).unwrap(), "id_i,id_j\n7,8\n");
 }

@@ -13,12 +13,14 @@ fn the_input_is_never_replaced() {
     let file = scratch.write("ok.csv", SPHERES);
     let numbered = scratch.write("pairs-1.csv", &FRAME.repeat(2));
     let listed = scratch.write("near.indices.npy", FRAME);
+    let bonds = scratch.write("bonds.csv", "0,1\n");
     fs::hard_link(&file, scratch.path("hard.csv")).unwrap();
     let mut same = vec![
         (file.clone(), file.clone(), None),
         (file.clone(), scratch.path("./ok.csv"), None),
         (file.clone(), scratch.path("hard.csv"), None),
         (listed, scratch.path("near.npy"), Some(["--neighbors", "--format", "xyz"])),
+        (file.clone(), bonds.clone(), Some(["--exclude", &bonds, "--backend=cpu"])),
     ];
     #[cfg(unix)]
     {
@@ -35,6 +37,7 @@ fn the_input_is_never_replaced() {
         assert_eq!(fs::read_to_string(&file).unwrap(), SPHERES);
     }
     assert_eq!(scratch.names(), before);
+    assert_eq!(fs::read_to_string(&bonds).unwrap(), "0,1\n");
     let run = detect([&numbered, "--format", "xyz", "-o", &scratch.path("pairs-{frame}.csv")]);
     assert_eq!(run.code, Some(2), "{}", run.err);
     assert_eq!(fs::read_to_string(&numbered).unwrap(), FRAME.repeat(2));
@@ -42,6 +45,41 @@ fn the_input_is_never_replaced() {
     let old = scratch.write("old.csv", "what was here before");
     detect([&file, "-o", &old]).succeeds();
     assert_eq!(table(&old), [[0, 1]]);
+}
+
+#[test]
+fn closed_standard_output_loses_no_file() {
+    let scratch = Scratch::new();
+    let (file, frames) = (scratch.write("ok.csv", SPHERES), scratch.write("ok.xyz", &FRAME.repeat(2)));
+    for (input, output, written) in
+        [(&file, "pairs.csv", &["pairs.csv"][..]), (&frames, "p-{frame}.csv", &["p-0.csv", "p-1.csv"])]
+    {
+        let args = ["detect", "--backend", "cpu", input, "-o", &scratch.path(output)];
+        let run = LAZYGRID.run_with_closed_output(args).succeeds();
+        assert_eq!(run.err, "");
+        for name in written {
+            assert_eq!(table(&scratch.path(name)), [[0, 1]]);
+        }
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn number_in_a_name_that_is_not_utf_8_is_refused() {
+    use std::ffi::OsString;
+    use std::os::unix::ffi::OsStringExt;
+
+    let scratch = Scratch::new();
+    let file = scratch.write("two.xyz", &FRAME.repeat(2));
+    let named = |name: &[u8]| {
+        let output = OsString::from_vec([scratch.path("").as_bytes(), name].concat());
+        let args = ["detect", "--backend", "cpu", &file, "--frame", "0", "-o"].map(OsString::from);
+        LAZYGRID.run(args.into_iter().chain([output]))
+    };
+    let run = named(b"\xFF-{frame}.csv");
+    assert!(run.code == Some(2) && run.err.contains("not UTF-8"), "{}", run.err);
+    assert_eq!(scratch.names(), ["two.xyz"]);
+    named(b"\xFF.csv").succeeds();
 }
 
 #[cfg(target_os = "linux")]

@@ -147,6 +147,37 @@ fn a_box_that_leans_is_used_and_said() {
     assert!(run.err.contains("(1000000000, 16, 0)"), "{}", run.err);
 }
 
+/// The contract uses numbers as given. In 32 bits the length would be 0.100000001.
+#[test]
+fn lengths_and_tilts_are_not_rounded() {
+    let scratch = Scratch::new();
+    let point = |x: f64| format!("{x} 0 0 0\n");
+    let file = |comment: &str, x: f64| {
+        let rows = point(0.0) + &point(x);
+        scratch.write("a.xyz", &format!("2\nProperties=pos:R:3:radius:R:1 {comment}\n{rows}"))
+    };
+    let narrow = f64::from(0.1_f32);
+    let lattice = |x: f64, xy: f64| format!("Lattice=\"{x} 0 0 {xy} 4 0 0 0 4\"");
+    for (length, pairs) in [(narrow, 1), (0.1, 0)] {
+        for (comment, periodic) in
+            [(lattice(length, 0.0), None), (String::new(), Some(format!("{length},4,4")))]
+        {
+            let file = file(&comment, narrow);
+            let options = periodic.iter().map(|lengths| format!("--periodic={lengths}"));
+            let args = ["detect", "--backend", "cpu", "--json", &file].map(str::to_owned);
+            let object = LAZYGRID.run(args.into_iter().chain(options)).succeeds().json();
+            assert_eq!(
+                (&object["pairs"], &object["periodic"][0]),
+                (&json!(pairs), &json!(length)),
+                "{comment}"
+            );
+        }
+    }
+    let file = file("", 0.0);
+    let object = detect_file(&file, ["--json", "--periodic", "1,4,4", "--tilt", "0.1,0,0"]).succeeds().json();
+    assert_eq!(object["cell_vectors"][1], json!([0.1, 4.0, 0.0]));
+}
+
 /// The pour has fixed walls (`BOX BOUNDS ff ff ff`). A periodic box adds pairs across its walls.
 #[test]
 fn the_pour_is_not_periodic_and_could_be() {

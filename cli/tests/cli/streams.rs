@@ -203,6 +203,21 @@ fn digits_that_are_lost_are_said_once() {
     assert_eq!(run.err.matches("rounded").count(), 1, "{}", run.err);
     assert!(run.err.contains("a.csv, line 3: y is 0.12345678901, more digits"), "{}", run.err);
 
+    let file = scratch.write("b.csv", "x,y,z,r\n16777216,0,0,1\n16777217,0,0,1\n");
+    let run = detect([&file]).succeeds();
+    assert!(run.err.contains("b.csv, line 3: x is 16777217, more digits"), "{}", run.err);
+    let dump = |x: &str| {
+        let head = "ITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS ff ff ff\n0 1000\n0 1\n0 1\n";
+        let run =
+            detect(
+                [&scratch.write("a.dump", &format!("{head}ITEM: ATOMS xs ys zs radius\n{x} 0.5 0.5 1\n"))],
+            );
+        run.succeeds().err
+    };
+    assert_eq!(dump("0.123457"), "");
+    let warning = dump("0.1234567891");
+    assert!(warning.contains("a.dump, line 8: xs is 0.1234567891, more digits"), "{warning}");
+
     let rows = |value: f64| {
         let header = "{'descr': '<f8', 'fortran_order': False, 'shape': (2, 4), }\n";
         let values = [0.0, 1.0, 2.0, 1.0, 0.5, value, value, 1.0].into_iter().flat_map(|v| v.to_le_bytes());
@@ -228,6 +243,10 @@ fn messages_speak_the_language_of_the_command() {
         (["--threads", "many"], "expected a whole number above zero"),
         (["--timeout", "0"], "expected a number of seconds above zero"),
         (["--radius=a=1", "--radius=a=2"], "--radius a is given twice, as 1 and 2; give one"),
+        (["--timeout", "1"], "--timeout limits searches on a GPU and has no effect with --backend cpu"),
+        (["--periodic=none", "--tilt=2.5,0,0"], "--tilt: xy is 2.5, but space is unbounded along y"),
+        (["--periodic=10,-,10", "--tilt=2.5,0,0"], "--tilt: xy is 2.5, but space is unbounded along y"),
+        (["--periodic=10,10,-", "--tilt=0,0,-1"], "--tilt: yz is -1, but space is unbounded along z"),
     ] {
         let run = detect([&file, args[0], args[1]]);
         assert!(run.code == Some(2) && run.err.contains(message), "{}", run.err);

@@ -49,11 +49,9 @@ impl Input {
         while self.wanted.is_none_or(|wanted| wanted >= self.read) {
             self.progress.say("reading");
             let Self { frames, pool, .. } = self;
-            let frame = match pool {
-                Some(pool) => pool.install(|| frames.next()),
-                None => frames.next(),
+            let Some(frame) = in_pool(pool.as_ref(), || frames.next()).transpose()? else {
+                return self.end();
             };
-            let Some(frame) = frame.transpose()? else { return self.end() };
             let number = self.read;
             self.read += 1;
             if self.wanted.is_none_or(|wanted| wanted == number) {
@@ -61,6 +59,11 @@ impl Input {
             }
         }
         self.end()
+    }
+
+    /// Runs work on the threads that parse.
+    pub(crate) fn in_pool<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
+        in_pool(self.pool.as_ref(), work)
     }
 
     pub(crate) fn is_last(&mut self) -> Result<bool, CliError> {
@@ -89,6 +92,13 @@ impl Input {
     }
 }
 
+fn in_pool<T: Send>(pool: Option<&ThreadPool>, work: impl FnOnce() -> T + Send) -> T {
+    match pool {
+        Some(pool) => pool.install(work),
+        None => work(),
+    }
+}
+
 pub(crate) fn name(file: &Path) -> &Path {
     if file == Path::new(STANDARD) { Path::new("standard input") } else { file }
 }
@@ -105,7 +115,10 @@ fn open(path: &Path) -> io::Result<(Box<dyn Read + Send>, Option<u64>)> {
 
 /// Compared with written files.
 pub(crate) fn handle(path: &Path) -> Option<Handle> {
-    let handle = if path == Path::new(STANDARD) { Handle::stdin() } else { Handle::from_path(path) };
-    // A terminal may be both.
+    file_handle(if path == Path::new(STANDARD) { Handle::stdin() } else { Handle::from_path(path) })
+}
+
+/// Returns `None` for a terminal, which may be input and output, and for other things that no output replaces.
+pub(crate) fn file_handle(handle: io::Result<Handle>) -> Option<Handle> {
     handle.ok().filter(|handle| handle.as_file().metadata().is_ok_and(|metadata| metadata.is_file()))
 }

@@ -31,9 +31,9 @@ pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), CliError> {
     if reports && !replicated.done.is_empty() {
         report::write(&done(&replicas, &replicated, &mean))?;
     }
-    print(summary(&replicas, &replicated, &mean))?;
+    let printed = print(summary(&replicas, &replicated, &mean));
     match replicated.end {
-        RunEnd::Finished => Ok(()),
+        RunEnd::Finished => printed,
         RunEnd::Stopped => {
             let (scenario, directory) = (replicas.run.path, replicas.run.directory);
             let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);

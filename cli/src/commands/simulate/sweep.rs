@@ -45,9 +45,9 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
         report::sweep::write(sweep, &rows, &responses)?;
     }
     let finished: usize = results.iter().map(|results| results.done.len()).sum();
-    print(summary(sweep, &rows, finished))?;
+    let printed = print(summary(sweep, &rows, finished));
     if results.iter().all(|results| results.end == RunEnd::Finished) {
-        return Ok(());
+        return printed;
     }
     let options = args.sweep.iter().map(|option| format!(" --sweep \"{}\"", option.replace('"', "\\\"")));
     let command = format!(

@@ -37,13 +37,17 @@ fn endless(scenario: &str, out: &str) -> Endless {
     begun(&[&["simulate", scenario, "--output", out][..], &rare].concat(), &(out.to_owned() + "/checkpoint"))
 }
 
-#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 pub(crate) fn begun(args: &[&str], file: &str) -> Endless {
+    begun_with(Stdio::null(), args, file)
+}
+
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn begun_with(output: Stdio, args: &[&str], file: &str) -> Endless {
     let started = Command::new(env!("CARGO_BIN_EXE_lazygrid"))
         .args(args)
         .env("RUST_LOG", "error")
         .stdin(Stdio::null())
-        .stdout(Stdio::null())
+        .stdout(output)
         .stderr(Stdio::piped())
         .spawn();
     let child = started.unwrap();
@@ -71,6 +75,23 @@ fn an_interrupted_run_goes_on() {
             lazygrid(args.into_iter().chain(["--frames-every", "100000000"]).chain(resume)).succeeds();
         }
         assert_eq!(files(&out), files(&whole), "{signal}");
+    }
+}
+
+#[test]
+fn closed_standard_output_does_not_hide_the_signal() {
+    for more in [&[][..], &["--replicas", "2"], &["--sweep", "species.acid.diffusion=1,5"]] {
+        let scratch = Scratch::new();
+        let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
+        let args =
+            ["simulate", &scenario, "--output", &out, "--steps", "100000000", "--series-every", "1000000"];
+        let args = [&args[..], &["--frames-every", "100000000", "--no-space-check"], more].concat();
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let ended = begun_with(writer.into(), &args, &out).end("-TERM");
+        let message = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(143), "{more:?}: {message}");
+        assert!(message.starts_with("error: stopped "), "{more:?}: {message}");
     }
 }
 
