@@ -91,13 +91,7 @@ public final class Detector implements AutoCloseable {
     public IntBuffer pairs(Query query) {
         enter(query);
         try {
-            int status = NativeApi.pairs(detector, question, first, second);
-            query.keep();
-            if (status == Status.TOO_MANY_PAIRS.ordinal()) {
-                throw new TooManyPairsException(NativeApi.lastError(detector), result(1));
-            }
-            check(status, detector);
-            return integers(result(0), 2 * result(1));
+            return findPairs(query);
         } finally {
             leave();
         }
@@ -122,10 +116,16 @@ public final class Detector implements AutoCloseable {
      * @throws LazygridException as {@link #pairs(Query)}
      */
     public int[] pairsAsArray(Query query) {
-        IntBuffer pairs = pairs(query);
-        int[] copy = new int[pairs.remaining()];
-        pairs.get(copy);
-        return copy;
+        enter(query);
+        try {
+            // Another thread's search may free the buffer once this thread has left.
+            IntBuffer pairs = findPairs(query);
+            int[] copy = new int[pairs.remaining()];
+            pairs.get(copy);
+            return copy;
+        } finally {
+            leave();
+        }
     }
 
     /**
@@ -182,8 +182,8 @@ public final class Detector implements AutoCloseable {
             int status = NativeApi.neighbors(detector, question, first, second);
             query.keep();
             check(status, detector);
-            LongBuffer offsets = offsets(result(0), query);
-            return new Neighbors(offsets, integers(result(1), offsets.get(query.lists())));
+            LongBuffer offsets = ResultBuffers.offsets(result(0), query);
+            return new Neighbors(offsets, ResultBuffers.integers(result(1), offsets.get(query.lists())));
         } finally {
             leave();
         }
@@ -221,11 +221,11 @@ public final class Detector implements AutoCloseable {
             // Quantities that were not requested have no address.
             long shifts = result(3), vectors = result(4), distances = result(5);
             return new NeighborList(
-                offsets(result(1), query),
-                integers(result(2), 2 * length),
-                integers(shifts, shifts == 0 ? 0 : 3 * length),
-                view(vectors, vectors == 0 ? 0 : 3 * length, Double.BYTES).asDoubleBuffer().asReadOnlyBuffer(),
-                view(distances, distances == 0 ? 0 : length, Double.BYTES).asDoubleBuffer().asReadOnlyBuffer());
+                ResultBuffers.offsets(result(1), query),
+                ResultBuffers.integers(result(2), 2 * length),
+                ResultBuffers.integers(shifts, shifts == 0 ? 0 : 3 * length),
+                ResultBuffers.doubles(vectors, vectors == 0 ? 0 : 3 * length),
+                ResultBuffers.doubles(distances, distances == 0 ? 0 : length));
         } finally {
             leave();
         }
@@ -259,7 +259,7 @@ public final class Detector implements AutoCloseable {
             Throwable[] thrown = new Throwable[1];
             int status = NativeApi.stream(detector, question, chunk, (pairs, count) -> {
                 try {
-                    return consumer.take(integers(pairs, 2 * count)) ? 0 : 1;
+                    return consumer.take(ResultBuffers.integers(pairs, 2 * count)) ? 0 : 1;
                 } catch (Throwable any) {
                     thrown[0] = any;
                     return 1;
@@ -340,6 +340,17 @@ public final class Detector implements AutoCloseable {
         }
     }
 
+    /** Returns the pairs of the query that {@link #enter(Query)} has written, in the detector's memory. */
+    private IntBuffer findPairs(Query query) {
+        int status = NativeApi.pairs(detector, question, first, second);
+        query.keep();
+        if (status == Status.TOO_MANY_PAIRS.ordinal()) {
+            throw new TooManyPairsException(NativeApi.lastError(detector), result(1));
+        }
+        check(status, detector);
+        return ResultBuffers.integers(result(0), 2 * result(1));
+    }
+
     /** Enters and writes the query, which only the thread that is inside may do. */
     private void enter(Query query) {
         Objects.requireNonNull(query, "query");
@@ -373,24 +384,5 @@ public final class Detector implements AutoCloseable {
     /** Returns a number or address that the library has written. */
     private long result(int k) {
         return places.getLong(OUT + Long.BYTES * k);
-    }
-
-    private static LongBuffer offsets(long address, Query query) {
-        return view(address, query.lists() + 1L, Long.BYTES).asLongBuffer().asReadOnlyBuffer();
-    }
-
-    private static IntBuffer integers(long address, long count) {
-        return view(address, count, Integer.BYTES).asIntBuffer().asReadOnlyBuffer();
-    }
-
-    /** Returns {@code count} values of {@code size} bytes in the detector's memory. */
-    private static ByteBuffer view(long address, long count, int size) {
-        if (count > Integer.MAX_VALUE / size) throw tooLarge(count);
-        return NativeApi.view(address, (int) count * size);
-    }
-
-    private static LazygridException tooLarge(long count) {
-        return new LazygridException(
-            Status.DEVICE_LIMIT, count + " numbers are more than a buffer of 2 GiB holds; stream the pairs, or count them");
     }
 }

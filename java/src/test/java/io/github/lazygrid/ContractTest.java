@@ -225,6 +225,38 @@ public final class ContractTest {
         check(right.get() == 20, "threads: " + right);
     }
 
+    /** An array has the pairs of its own call, although the next call of another thread reuses their memory. */
+    private static void sharedDetector() throws InterruptedException {
+        int[] counts = {100_000, 400_000};
+        AtomicLong right = new AtomicLong();
+        try (Detector detector = new Detector(onCpu().threads(1))) {
+            Thread[] workers = new Thread[counts.length];
+            for (int k = 0; k < workers.length; k++) {
+                Spheres spheres = Spheres.rows(line(counts[k]));
+                int[] expected = detector.pairsAsArray(spheres);
+                workers[k] = new Thread(() -> {
+                    for (int turn = 0; turn < 10; turn++) {
+                        if (Arrays.equals(whenFree(detector, spheres), expected)) right.incrementAndGet();
+                    }
+                });
+            }
+            for (Thread worker : workers) worker.start();
+            for (Thread worker : workers) worker.join();
+        }
+        check(right.get() == 20, "arrays of a shared detector: " + right);
+    }
+
+    private static int[] whenFree(Detector detector, Spheres spheres) {
+        while (true) {
+            try {
+                return detector.pairsAsArray(spheres);
+            } catch (LazygridException busy) {
+                if (busy.status() != Status.BUSY) throw busy;
+                Thread.yield();
+            }
+        }
+    }
+
     /** Steps reuse the structures of spheres and detectors, also in searches without pairs. */
     private static void steps() {
         BufferPoolMXBean pool = ManagementFactory.getPlatformMXBeans(BufferPoolMXBean.class).stream()
@@ -287,6 +319,7 @@ public final class ContractTest {
         Precisions.run();
         NeighborLists.run();
         threads();
+        sharedDetector();
         System.out.println(passed + " passed, " + failed + " failed");
         System.exit(failed == 0 ? 0 : 1);
     }
