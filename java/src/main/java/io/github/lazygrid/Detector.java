@@ -251,8 +251,11 @@ public final class Detector implements AutoCloseable {
      * @param consumer receives the chunks
      * @return the number of delivered pairs
      * @throws LazygridException as {@link #count(Query)}; also the exceptions of the consumer
+     * @throws IllegalArgumentException for a chunk of less than 1 pair
      */
     public long stream(Query query, int chunk, PairConsumer consumer) {
+        // The library reads the number as unsigned, so a negative value would become a very large one.
+        if (chunk < 1) throw new IllegalArgumentException("a chunk of " + chunk + " pairs is less than 1");
         enter(query);
         try {
             // A thread of the library writes it; it is read after all have ended.

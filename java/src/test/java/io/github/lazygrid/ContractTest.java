@@ -169,7 +169,10 @@ public final class ContractTest {
                     detector.close();
                     return true;
                 }));
-                failing(Status.ARGUMENT, "chunk", () -> detector.stream(spheres, 0, pairs -> true));
+                for (int chunk : new int[] {0, -1, Integer.MIN_VALUE}) {
+                    throwing(IllegalArgumentException.class, e -> e.getMessage().contains("a chunk of " + chunk),
+                        () -> detector.stream(spheres, chunk, pairs -> true), "chunk " + chunk);
+                }
                 check(detector.count(spheres) == 19_999, "of use afterwards");
             }
         }
