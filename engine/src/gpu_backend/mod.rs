@@ -183,7 +183,10 @@ impl SearchBackend for GpuBackend {
             search.session.update_skin(skin)?;
         }
         work(&mut SlabPairSource { search, request: &request })?;
-        conclude(report, search);
+        // The session is not asked if one set is empty, and still describes an earlier call.
+        if !request.has_no_pairs() {
+            conclude(report, search);
+        }
         if let Some(skin_controller) = skin_controller {
             skin_controller.note(query.len(), report.candidates, search.session.last_rebuild());
         }

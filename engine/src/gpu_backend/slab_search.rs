@@ -20,7 +20,7 @@ pub(super) struct SearchRequest<'a> {
 }
 
 impl SearchRequest<'_> {
-    fn has_no_pairs(&self) -> bool {
+    pub(super) fn has_no_pairs(&self) -> bool {
         self.split.is_some_and(|split| split == 0 || split as usize == self.spheres.len())
     }
 }

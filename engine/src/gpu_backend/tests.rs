@@ -117,6 +117,25 @@ fn a_report_says_why_one_level_had_to_do() {
 }
 
 #[test]
+fn report_with_an_empty_set_describes_its_own_call() {
+    let Some(gpu) = device_or_skip() else { return };
+    let spheres: Vec<_> = (0..75_000).map(|k| Sphere::new([k as f32, 0.0, 0.0], 0.5)).collect();
+    let mut detector = made(with_small_bindings(&gpu), Config::default());
+    for is_first in [true, false] {
+        for (first, second) in [(&spheres[..], &[][..]), (&[], &spheres)] {
+            assert_eq!(detector.count(Query::new((first, second))), Ok(0));
+            let report = detector.backend().report();
+            assert_ne!(report.algorithm, Algorithm::Auto, "{is_first}");
+            assert!(!report.reason.contains("slabs"), "{}", report.reason);
+            assert!(report.phases.iter().all(|phase| phase.name != "upload"), "{:?}", report.phases);
+            assert_eq!((report.pairs, report.cost, report.candidates), (0, None, None), "{is_first}");
+        }
+        assert_eq!(detector.count(&spheres), Ok(74_999));
+        assert!(detector.backend().report().reason.contains("slabs"));
+    }
+}
+
+#[test]
 fn automatic_skin_never_changes_a_result() {
     let Some(gpu) = device_or_skip() else { return };
     let mut word = 11_u32;
