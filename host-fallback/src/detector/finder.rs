@@ -94,6 +94,16 @@ impl<B: SearchBackend> PairFinder<B> {
     /// # Errors
     /// See [`pairs`](Self::pairs).
     pub fn list(&mut self, query: &Query<'_>, order: Order) -> Result<(), Error> {
+        let listed = self.find_list(query, order);
+        // A failed search must not leave the list of an earlier call. To clear the list before would cost each call the
+        // time to fill its memory.
+        if listed.is_err() {
+            self.pairs.clear();
+        }
+        listed
+    }
+
+    fn find_list(&mut self, query: &Query<'_>, order: Order) -> Result<(), Error> {
         let Self { backend, sorter, pairs, .. } = self;
         let (limit, team) = (backend.settings().max_pairs, backend.team().clone());
         let (mut found, mut ordering) = (0, None);
@@ -128,7 +138,7 @@ impl<B: SearchBackend> PairFinder<B> {
         &self.pairs
     }
 
-    /// Returns the last list, without a copy.
+    /// Returns the last list, without a copy; no pairs after a failed search.
     pub fn into_pairs(self) -> Vec<Pair> {
         self.pairs
     }

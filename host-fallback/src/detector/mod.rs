@@ -180,6 +180,27 @@ mod tests {
     use super::*;
     use crate::Order;
 
+    fn two() -> [Sphere; 2] {
+        [Sphere::new([0.0; 3], 1.0); 2]
+    }
+
+    #[test]
+    fn into_pairs_after_failed_search_is_empty() {
+        let settings = Settings { max_pairs: 1, ..Settings::default() };
+        let detector = || {
+            let mut detector = HostDetector::new(settings.clone()).expect("the settings are in range");
+            assert_eq!(detector.pairs(two().as_slice()).map(<[_]>::len), Ok(1));
+            detector
+        };
+        let mut limited = detector();
+        let refused = limited.pairs([two()[0]; 3].as_slice());
+        assert_eq!(refused, Err(Error::TooManyPairs { found: 3, limit: 1 }));
+        assert_eq!(limited.into_pairs(), []);
+        let mut invalid = detector();
+        assert!(invalid.pairs([Sphere::new([f32::NAN; 3], 1.0)].as_slice()).is_err());
+        assert_eq!(invalid.into_pairs(), []);
+    }
+
     fn is_done_here(n: usize, spacing: f32, algorithm: Algorithm) -> bool {
         let spheres: Vec<_> = (0..n).map(|k| Sphere::new([spacing * k as f32, 0.0, 0.0], 1.0)).collect();
         let settings =
