@@ -79,7 +79,8 @@ impl HostBackend {
     /// and [`Skin::Off`](crate::Skin::Off) keeps none. `f64` spheres in unbounded space take up to 18 bytes more each.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let (ratio, threads) = (self.settings.cell_ratio, self.team.count() as u64);
-        let wrapped = match self.settings.space.is_periodic() {
+        // A distance below the normal numbers of `f32`, or above them, forces the copy in unbounded space, too.
+        let copied = match self.settings.space.is_periodic() || self.settings.is_framed() {
             true => with_growth(spheres * size_of::<Sphere>() as u64),
             false => 0,
         };
@@ -94,7 +95,7 @@ impl HostBackend {
             true => memory_of_candidates(spheres, self.settings.max_pairs, threads),
             false => 0,
         };
-        own.saturating_add(wrapped).saturating_add(kept)
+        own.saturating_add(copied).saturating_add(kept)
     }
 }
 
@@ -175,7 +176,7 @@ mod tests {
     use std::ops::ControlFlow;
     use std::thread;
 
-    use lazygrid_kernels::{Algorithm, Sphere};
+    use lazygrid_kernels::{Algorithm, Interaction, Interactions, Sphere};
 
     use super::*;
     use crate::Order;
@@ -199,6 +200,18 @@ mod tests {
         let mut invalid = detector();
         assert!(invalid.pairs([Sphere::new([f32::NAN; 3], 1.0)].as_slice()).is_err());
         assert_eq!(invalid.into_pairs(), []);
+    }
+
+    #[test]
+    fn memory_for_counts_the_copy_for_distances_beyond_f32() {
+        let memory = |distance| {
+            let table = Interactions::new(1, Interaction::Within(distance)).expect("a distance in range");
+            let settings = Settings { interactions: Some(table), ..Settings::default() };
+            HostDetector::new(settings).expect("the settings are in range").backend().memory_for(1000)
+        };
+        for distance in [1e-40, 1e40] {
+            assert_eq!(memory(distance), memory(0.1) + with_growth(16 * 1000), "{distance}");
+        }
     }
 
     fn is_done_here(n: usize, spacing: f32, algorithm: Algorithm) -> bool {
