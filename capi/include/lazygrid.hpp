@@ -135,6 +135,11 @@ inline void check(lazygrid_status status, const lazygrid_detector *detector) {
     fail(status, is_busy ? "the detector is in use, or a callback searches" : lazygrid_last_error(detector));
 }
 
+// C reads a null pointer as an optional argument that was not given.
+inline std::string moved_from(const char *what) {
+    return std::string("the ") + what + " were moved to another object; pass that object";
+}
+
 // The type that data() of a container points to.
 template <class Rows>
 using Row = std::remove_cv_t<std::remove_pointer_t<decltype(std::declval<const Rows &>().data())>>;
@@ -150,7 +155,7 @@ template <class T> const T *offset(const T *first, std::size_t k) { return first
 
 } // namespace detail
 
-// Pairs that a search never reports, such as bonds. Immutable; copies share the data.
+// Pairs that a search never reports, such as bonds. Immutable; copies share the data. A search refuses moved-from ones.
 class Exclusions {
 public:
     // Pairs of `spheres` spheres, in any order, in a contiguous range with data() and size(), such as
@@ -164,9 +169,17 @@ public:
             return lazygrid_exclusions_across(first, second, pairs.data(), pairs.size(), made);
         });
     }
-    // The pairs of neighbor lists, such as from Detector::neighbors.
+    // The pairs of neighbor lists, such as from Detector::neighbors. Throws InputError if the last offset is beyond the
+    // indices.
     static Exclusions from_csr(const Neighbors &lists) {
         if (lists.offsets.empty()) detail::fail(LAZYGRID_ERROR_INPUT, "the lists have no offsets; pass one per sphere and the end");
+        // The library reads as many indices as the last offset says.
+        const std::uint64_t last = lists.offsets[lists.offsets.size() - 1];
+        if (last > lists.indices.size()) {
+            detail::fail(LAZYGRID_ERROR_INPUT, "the last offset is " + std::to_string(last) + ", but there are "
+                                                   + std::to_string(lists.indices.size())
+                                                   + " indices; it must be the number of indices");
+        }
         return Exclusions([&](auto **made) {
             return lazygrid_exclusions_from_csr(lists.offsets.size() - 1, lists.offsets.data(), lists.indices.data(), made);
         });
@@ -267,8 +280,9 @@ public:
     Query(const Rows &rows) : Query(Spheres(rows)) {}
     // Pairs of one sphere of `first` and one of `second`.
     Query(const Spheres &first, const Spheres &second) : first_(*first.get()), second_(*second.get()), is_across_(true) {}
-    // This query without these pairs.
+    // This query without these pairs. Throws Error for moved-from exclusions.
     Query without(const Exclusions &exclusions) const {
+        if (exclusions.get() == nullptr) detail::fail(LAZYGRID_ERROR_ARGUMENT, detail::moved_from("exclusions"));
         Query with = *this;
         with.exclusions_ = exclusions.get();
         return with;
@@ -410,6 +424,9 @@ public:
         given.timeout_seconds = settings.timeout.count();
         given.adapter = settings.adapter.empty() ? nullptr : settings.adapter.c_str();
         given.interactions = settings.interactions == nullptr ? nullptr : settings.interactions->get();
+        if (settings.interactions != nullptr && given.interactions == nullptr) {
+            detail::fail(LAZYGRID_ERROR_ARGUMENT, detail::moved_from("interactions"));
+        }
         given.skin = settings.skin.kind;
         given.skin_distance = settings.skin.distance;
         static_assert(sizeof settings.cell_vectors == 9 * sizeof(double), "cell vectors are nine doubles");

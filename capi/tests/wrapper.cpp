@@ -249,6 +249,28 @@ void boxes_that_lean_and_what_is_left_out() {
     CHECK(throws<lazygrid::Error>([&] { lazygrid::Detector refused(settings); }, "settings.cell_vectors"));
 }
 
+void moved_from_objects_and_short_lists_are_refused() {
+    const auto spheres = line(3);
+    lazygrid::Detector detector(on_cpu());
+    lazygrid::Exclusions bonds(3, std::vector<lazygrid::Pair>{{0, 1}});
+    const lazygrid::Exclusions moved = std::move(bonds);
+    CHECK(detector.count(lazygrid::Query(spheres).without(moved)) == 1);
+    CHECK(throws<lazygrid::Error>([&] { lazygrid::Query(spheres).without(bonds); }, "exclusions were moved"));
+    lazygrid::Interactions table(1, lazygrid::Interaction::never());
+    const lazygrid::Interactions other = std::move(table);
+    auto settings = on_cpu();
+    settings.interactions = &table;
+    CHECK(throws<lazygrid::Error>([&] { lazygrid::Detector refused(settings); }, "interactions were moved"));
+    settings.interactions = &other;
+    lazygrid::Detector with_table(settings);
+    const std::vector<std::uint64_t> offsets = {0, 1, 2, 100000};
+    const std::vector<std::uint32_t> indices = {1, 0};
+    lazygrid::Neighbors lists{{offsets.data(), 4}, {indices.data(), 2}};
+    CHECK(throws<lazygrid::InputError>([&] { lazygrid::Exclusions::from_csr(lists); }, "the last offset is 100000"));
+    lists.offsets = {offsets.data(), 3};
+    CHECK(lazygrid::Exclusions::from_csr(lists).get() != nullptr);
+}
+
 // A thread per detector, and a detector that moves from thread to thread.
 void threads() {
     std::array<std::uint64_t, 4> found{};
@@ -301,6 +323,7 @@ int main() {
     geometry();
     skins();
     boxes_that_lean_and_what_is_left_out();
+    moved_from_objects_and_short_lists_are_refused();
     threads();
     one_at_a_time();
     std::cout << passed << " passed, " << failed << " failed" << std::endl;
