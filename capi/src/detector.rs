@@ -6,7 +6,8 @@ use engine::Detector;
 use crate::pointer::check;
 use crate::settings::CSettings;
 use crate::status::{
-    BUSY, INTERNAL, OK, PANICKED, Status, c_text, guarded, last_without_detector, without_detector,
+    BUSY, INTERNAL, OK, PANICKED, Status, c_text, guarded, guarded_without_detector, last_without_detector,
+    without_detector,
 };
 use crate::{Failure, OutPtr};
 
@@ -86,7 +87,7 @@ pub unsafe extern "C" fn lazygrid_create(
 /// The header's conditions.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn lazygrid_destroy(detector: *mut DetectorHandle) -> Status {
-    guarded(|| {
+    guarded_without_detector(|| {
         if detector.is_null() {
             return OK;
         }

@@ -41,6 +41,10 @@ pub const NAMES: [&CStr; 13] = [
 pub const PANICKED: &CStr =
     c"a bug in lazygrid ended this call or an earlier one; destroy the detector and create a new one";
 
+/// Message after a panic in a call without a detector.
+pub const PANICKED_WITHOUT_DETECTOR: &CStr =
+    c"a bug in lazygrid ended this call; objects of other calls remain usable";
+
 /// The failure of a call.
 #[derive(Debug)]
 pub struct Failure {
@@ -102,9 +106,15 @@ thread_local! {
     static LAST: RefCell<CString> = RefCell::default();
 }
 
+/// Like [`guarded`], for functions without a detector: a panic also replaces this thread's error message.
+pub fn guarded_without_detector(work: impl FnOnce() -> Status) -> Status {
+    let done = catch_unwind(AssertUnwindSafe(work));
+    done.unwrap_or_else(|_| keep(INTERNAL, PANICKED_WITHOUT_DETECTOR.to_owned()))
+}
+
 /// Runs a function without a detector and stores its error message for this thread.
 pub fn without_detector(work: impl FnOnce() -> Result<(), Failure>) -> Status {
-    guarded(|| match work() {
+    guarded_without_detector(|| match work() {
         Ok(()) => keep(OK, CString::default()),
         Err(failure) => keep(failure.status, c_text(failure.message)),
     })

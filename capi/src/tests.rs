@@ -24,7 +24,10 @@ use crate::list::{CNeighborList, OPTIONS, lazygrid_neighbor_list};
 use crate::report::{lazygrid_memory_for, lazygrid_report_json};
 use crate::search::{PairCallback, lazygrid_count, lazygrid_neighbors, lazygrid_pairs, lazygrid_stream};
 use crate::settings::{ALGORITHMS, BACKENDS, CSettings, ORDERS, SKINS, lazygrid_settings_init};
-use crate::status::{INTERNAL, NAMES, OK, PANICKED, lazygrid_status_name, lazygrid_version};
+use crate::status::{
+    ARGUMENT, Failure, INTERNAL, NAMES, OK, PANICKED, PANICKED_WITHOUT_DETECTOR, lazygrid_status_name,
+    lazygrid_version, without_detector,
+};
 
 const HEADER: &str = include_str!("../include/lazygrid.h");
 
@@ -234,4 +237,16 @@ fn panic_becomes_a_status_and_poisons_only_its_detector() {
         assert_eq!(lazygrid_memory_for(other, 10, &raw mut bytes), OK);
         assert_eq!((lazygrid_destroy(poisoned), lazygrid_destroy(other)), (OK, OK));
     }
+}
+
+#[test]
+fn panic_without_detector_replaces_the_message_of_the_thread() {
+    // SAFETY: NULL is allowed, and this thread makes no call before the message is read.
+    let message = || unsafe { CStr::from_ptr(lazygrid_last_error(std::ptr::null())) };
+    assert_eq!(without_detector(|| Err(Failure::argument("an earlier call"))), ARGUMENT);
+    assert_eq!(message(), c"an earlier call");
+    assert_eq!(without_detector(|| panic!("on purpose")), INTERNAL);
+    assert_eq!(message(), PANICKED_WITHOUT_DETECTOR);
+    assert_eq!(without_detector(|| Ok(())), OK);
+    assert_eq!(message(), c"");
 }
