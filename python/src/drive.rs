@@ -132,9 +132,10 @@ impl SimulationCore {
         species: u32,
         positions: PyReadonlyArray2<'py, f32>,
     ) -> PyResult<Bound<'py, PyArray1<u32>>> {
-        if positions.shape()[1] != 3 {
+        // `as_slice` also reads the other order of memory, column by column.
+        if positions.shape()[1] != 3 || !positions.is_c_contiguous() {
             return Err(error::array(format!(
-                "positions have shape {:?} where (n, 3) is needed",
+                "positions have shape {:?} where (n, 3) in C order is needed",
                 positions.shape()
             )));
         }

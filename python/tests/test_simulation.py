@@ -119,6 +119,27 @@ def test_inserted_particles_have_new_ids_and_no_transmitter() -> None:
     assert (run.arrivals.transmitter[at], run.arrivals.released[at]) == (-1, -1)
 
 
+def test_inserted_positions_of_other_shapes_are_refused() -> None:
+    run = Simulation(SCENARIO)
+    before = run.counts
+    for shape in ((3, 2), (2, 6), (1, 2, 3), (6,), (4,), (0, 4), ()):
+        with pytest.raises(lazygrid.InputError, match=r"where \(n, 3\) or \(3,\) is needed"):
+            run.insert("a", np.zeros(shape))
+    assert run.counts == before
+
+
+def test_inserted_positions_are_read_by_rows() -> None:
+    positions = np.arange(12, dtype=np.float32).reshape(4, 3)
+    for given in (np.asfortranarray(positions), positions.tolist(), positions.astype(np.float64)):
+        run = Simulation(SCENARIO)
+        ids = run.insert("a", given)
+        assert (run.particles.position[np.isin(run.particles.id, ids)] == positions).all()
+    assert len(run.insert("a", [1.0, 2.0, 3.0])) == 1
+    assert len(run.insert("a", [])) == len(run.insert("a", np.zeros((0, 3)))) == 0
+    with pytest.raises(lazygrid.InputError, match="C order"):
+        run._core.insert(0, np.asfortranarray(positions))
+
+
 def test_removed_particles_are_gone() -> None:
     run = Simulation(SCENARIO)
     assert run.remove(np.arange(100)) == 100 and run.remove([5, 10_000]) == 0

@@ -79,6 +79,16 @@ def in_one_piece(array: Floats) -> Floats:
     return np.ascontiguousarray(array)
 
 
+def points(given: Any, what: str) -> npt.NDArray[np.float32]:
+    """``given``, of shape ``(n, 3)``, ``(3,)`` or ``(0,)``, as contiguous float32 of shape ``(n, 3)``."""
+    array = _array(given, what)
+    if array.shape in ((3,), (0,)):
+        array = array.reshape(-1, 3)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise InputError(f"`{what}` has shape {array.shape} where (n, 3) or (3,) is needed")
+    return np.require(array, np.float32, ["C", "A"])
+
+
 def whole(given: Any, what: str) -> npt.NDArray[np.uint32]:
     """``given`` as contiguous uint32; refuses values out of range by index."""
     array = _array(given, what)

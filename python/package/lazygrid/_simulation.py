@@ -23,7 +23,7 @@ class Simulation:
     >>> while simulation.time < 1.0:
     ...     simulation.step(10)
     ...     if simulation.counts["rx:acid"] > 100:
-    ...         simulation.emit("tx-base", 500)
+    ...         simulation.emit("tx-base", 500, "base")
 
     Between two steps the program may read particles, counts and arrivals, insert and remove particles, and let
     transmitters emit. The run depends only on the scenario, the seed and these changes, on the CPU bit for bit.
@@ -212,14 +212,14 @@ class Simulation:
         species
             The name or index of their species.
         positions
-            In µm, of shape ``(n, 3)``; wrapped or reflected into the boundary.
+            In µm, of shape ``(n, 3)``, or ``(3,)`` for one particle; wrapped or reflected into the boundary.
 
         Raises
         ------
         InputError, SettingError
             For positions of another shape or not finite, and for an unknown species. Then nothing changes.
         """
-        rows = np.require(np.reshape(positions, (-1, 3)), np.float32, ["C", "A"])
+        rows = _arrays.points(positions, "positions")
         return self._core.insert(_index(species, self.species, "species"), rows)
 
     def remove(self, ids: npt.ArrayLike) -> int:
