@@ -46,7 +46,7 @@ impl Interactions {
     #[new]
     #[pyo3(signature = (species, default=None))]
     fn new(species: u32, default: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        let table = lazygrid::Interactions::new(species, interaction(default)?).map_err(error::input)?;
+        let table = lazygrid::Interactions::new(species, interaction(default)?).map_err(refused)?;
         Ok(Self { table: Mutex::new(table) })
     }
 
@@ -58,7 +58,7 @@ impl Interactions {
 
     fn __setitem__(&self, of: (u32, u32), value: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let value = interaction(value)?;
-        self.lock().set(of.0, of.1, value).map_err(error::input)
+        self.lock().set(of.0, of.1, value).map_err(refused)
     }
 
     fn __getitem__<'py>(&self, py: Python<'py>, of: (u32, u32)) -> PyResult<Bound<'py, PyAny>> {
@@ -77,6 +77,11 @@ impl Interactions {
     fn __repr__(&self) -> String {
         format!("<lazygrid.Interactions of {} species>", self.lock().species())
     }
+}
+
+/// Refused memory is an `InputError` of the table, but no error of the input in Python.
+fn refused(error: lazygrid::InputError) -> PyErr {
+    error::engine(error.into())
 }
 
 fn interaction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Interaction> {

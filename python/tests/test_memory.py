@@ -59,6 +59,33 @@ sys.exit(not (set(codes) == {0, 2} and codes[-1] == 0))
 """
 
 
+# A table of 4096 species has 256 MiB.
+TABLE = """
+import resource
+import lazygrid
+
+small = lazygrid.Interactions(2)
+mapped = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (mapped + 2**26, resource.RLIM_INFINITY))
+try:
+    lazygrid.Interactions(4096, "touch")
+except MemoryError as refused:
+    assert isinstance(refused, lazygrid.OutOfMemory) and refused.bytes > 2**26
+else:
+    raise AssertionError("no error")
+try:
+    small[0, 2] = 1.0
+except lazygrid.InputError as refused:
+    assert "species id 2" in str(refused)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits and the mapped memory are told by Linux")
+def test_refused_table_is_a_memory_error() -> None:
+    done = subprocess.run([sys.executable, "-c", TABLE], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="limits and the mapped memory are told by Linux")
 def test_no_limit_ends_the_process() -> None:
     done = subprocess.run([sys.executable, "-c", SCRIPT], capture_output=True, text=True, check=False)
