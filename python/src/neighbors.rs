@@ -55,6 +55,16 @@ impl Cutoffs<'_> {
         Ok(config.interactions(interactions))
     }
 
+    /// Returns at least the largest cutoff.
+    fn largest(&self) -> f64 {
+        let (of, factor) = match *self {
+            Self::One(cutoff) => return cutoff,
+            Self::Radii(radii) => (radii, 2.0),
+            Self::Kinds { table, .. } => (table, 1.0),
+        };
+        factor * of.iter().copied().fold(0.0, f64::max)
+    }
+
     fn table(&self) -> &[f64] {
         if let Self::Kinds { table, .. } = self { table } else { &[] }
     }
@@ -91,6 +101,33 @@ fn detectors(cell: [[f64; 3]; 3], cutoffs: &Cutoffs<'_>) -> PyResult<Arc<Detecto
 fn keep(cell: [[f64; 3]; 3], cutoffs: &Cutoffs<'_>, detectors: Arc<DetectorPool>) {
     let last = Last { cell, table: cutoffs.table().to_vec(), detectors };
     *LAST.lock().unwrap_or_else(PoisonError::into_inner) = Some(last);
+}
+
+/// Returns the number of spheres whose search takes about as long. Beyond half a height of the cell, the number of
+/// atoms does not bound the work, because each atom has several images within the cutoff.
+fn comparable_spheres(atoms: usize, cell: &[[f64; 3]; 3], cutoff: f64) -> usize {
+    let heights = (0..3).filter(|&axis| cell[axis] != [0.0; 3]).map(|axis| height(cell, axis));
+    let ratios = heights.map(|height| cutoff / height);
+    match ratios.clone().any(|ratio| ratio > 0.5) {
+        false => atoms,
+        // `as` saturates.
+        true => {
+            ratios.map(|ratio| 2.0 * ratio + 1.0).fold((atoms as f64).powi(2), |all, images| all * images)
+                as usize
+        }
+    }
+}
+
+/// Returns the length of a cell vector's component that is orthogonal to the other two.
+fn height(cell: &[[f64; 3]; 3], axis: usize) -> f64 {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let without = |vector: [f64; 3], along: [f64; 3]| {
+        let factor = if along == [0.0; 3] { 0.0 } else { dot(vector, along) / dot(along, along) };
+        [0, 1, 2].map(|k| vector[k] - factor * along[k])
+    };
+    let (first, second) = (cell[(axis + 1) % 3], cell[(axis + 2) % 3]);
+    let rest = without(without(cell[axis], first), without(second, first));
+    dot(rest, rest).sqrt()
 }
 
 struct Arrays<'py> {
@@ -218,7 +255,8 @@ pub(crate) fn neighbors_within<'py>(
     let detectors = detectors(cell, &cutoffs)?;
     let mut lease = detectors.lease()?;
     let (detector, cancel) = lease.parts();
-    let work = Work { spheres: positions.len(), can_hold_lock: true };
+    let spheres_of_work = comparable_spheres(positions.len(), &cell, cutoffs.largest());
+    let work = Work { spheres: spheres_of_work, can_hold_lock: true };
     let found = interruptible(py, work, cancel, || detector.neighbor_list(spheres, options))?;
     let list = found.map_err(error::engine)?;
     let length = list.len();

@@ -77,6 +77,14 @@ def test_other_threads_go_on_meanwhile() -> None:
     assert steps > 0
 
 
+def test_list_of_few_atoms_with_many_images_can_be_interrupted() -> None:
+    class Atoms:
+        positions, cell, pbc, numbers = np.random.default_rng(1).uniform(size=(2000, 3)), np.eye(3), True, np.ones(2000)
+
+    # Uninterrupted, 1e9 pairs are TooManyPairs.
+    interrupted(lambda: lazygrid.neighbor_list("i", Atoms(), 4.0))
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not copied here")
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork")
 def test_a_copied_process_does_not_wait_for_threads_that_it_does_not_have() -> None:
