@@ -95,7 +95,7 @@ impl Detector {
             Some(adapter) => config.adapter(crate::settings::adapter(adapter)?),
         };
         // A driver may need some time.
-        let pool = py.detach(|| DetectorPool::new(config, threads == Some(1))).map_err(error::engine)?;
+        let pool = py.detach(|| DetectorPool::new(config, threads))?;
         Ok(Self { pool })
     }
 
@@ -246,9 +246,9 @@ impl Detector {
 
     /// Iterate over the pairs in arrays of at most ``chunk`` pairs.
     ///
-    /// The spheres are copied first, so you may move them meanwhile and call the detector. In canonical order the
-    /// detector holds up to ``max_pairs`` pairs, and searches again for every further ``max_pairs``. Unordered chunks
-    /// arrive as they are found, with at most four in memory.
+    /// The spheres are copied first, so you may move them meanwhile and call the detector: a stream has threads of its
+    /// own. In canonical order the detector holds up to ``max_pairs`` pairs, and searches again for every further
+    /// ``max_pairs``. Unordered chunks arrive as they are found, with at most four in memory.
     ///
     /// >>> detector = lazygrid.Detector(order="unordered")
     /// >>> for pairs in detector.stream(spheres, chunk=1_000_000):
@@ -280,7 +280,7 @@ impl Detector {
             return Err(error::setting("chunk = 0 is out of range; choose at least one pair per chunk"));
         }
         let borrowed = BorrowedQuery::new(Arguments { spheres, second, species, groups, exclusions })?;
-        let lease = self.pool.lease()?;
+        let lease = self.pool.lease_for_stream()?;
         Chunks::start(lease, &borrowed, chunk)
     }
 

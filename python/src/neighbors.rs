@@ -95,7 +95,7 @@ fn detectors(cell: [[f64; 3]; 3], cutoffs: &Cutoffs<'_>) -> PyResult<Arc<Detecto
         false => Space::triclinic(vectors),
     };
     let config = cutoffs.config(space.map_err(error::input)?).map_err(error::engine)?;
-    DetectorPool::new(config, false).map_err(error::engine)
+    DetectorPool::new(config, None)
 }
 
 fn keep(cell: [[f64; 3]; 3], cutoffs: &Cutoffs<'_>, detectors: Arc<DetectorPool>) {

@@ -1,8 +1,10 @@
 //! The detectors of one Python object. Each call leases one, so several threads can use the object at a time. A
 //! returned detector keeps its buffers.
 
+use std::env;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::available_parallelism;
 
 use lazygrid::{Backend, Config, Error, Report};
 use pyo3::PyResult;
@@ -16,35 +18,59 @@ struct PooledDetector {
 
 pub(crate) struct DetectorPool {
     config: Config,
+    /// The settings of detectors of streams, if other detectors share rayon's global pool. A stream blocks the threads
+    /// of its pool while Python takes no chunk.
+    stream_config: Option<Config>,
     is_single_threaded: bool,
     is_on_cpu: bool,
     idle: Mutex<Idle>,
 }
 
+#[expect(clippy::vec_box, reason = "a lease moves the pointer, not the detector")]
 struct Idle {
-    #[expect(clippy::vec_box, reason = "a lease moves the pointer, not the detector")]
     detectors: Vec<Box<PooledDetector>>,
+    /// Detectors of `stream_config`.
+    of_streams: Vec<Box<PooledDetector>>,
     /// The report of the last finished call, if its detector is leased again.
     report: Report,
 }
 
 impl DetectorPool {
-    pub(crate) fn new(config: Config, is_single_threaded: bool) -> Result<Arc<Self>, Error> {
-        let first = PooledDetector::new(&config)?;
+    /// `threads` is the setting in `config`.
+    pub(crate) fn new(config: Config, threads: Option<usize>) -> PyResult<Arc<Self>> {
+        let first = PooledDetector::new(&config).map_err(error::engine)?;
         let report = first.detector.report();
         let is_on_cpu = report.backend == Backend::Cpu;
-        let idle = Mutex::new(Idle { report, detectors: vec![first] });
-        Ok(Arc::new(Self { config, is_single_threaded, is_on_cpu, idle }))
+        let is_single_threaded = threads == Some(1);
+        let stream_config = threads.is_none().then(|| config.clone().threads(default_threads()));
+        let idle = Mutex::new(Idle { report, detectors: vec![first], of_streams: Vec::new() });
+        Ok(Arc::new(Self { config, stream_config, is_single_threaded, is_on_cpu, idle }))
     }
 
     /// Leases an idle detector, or a new one; an `Error` in a forked process.
     pub(crate) fn lease(self: &Arc<Self>) -> PyResult<DetectorLease> {
+        self.lease_with(None)
+    }
+
+    /// Leases a detector whose threads no other detector uses.
+    pub(crate) fn lease_for_stream(self: &Arc<Self>) -> PyResult<DetectorLease> {
+        self.lease_with(self.stream_config.as_ref())
+    }
+
+    fn lease_with(self: &Arc<Self>, stream_config: Option<&Config>) -> PyResult<DetectorLease> {
         if !self.is_single_threaded {
             fork::use_threads()?;
         }
-        let idle = self.idle().detectors.pop();
-        let detector = idle.map_or_else(|| PooledDetector::new(&self.config).map_err(error::engine), Ok)?;
-        Ok(DetectorLease { pool: self.clone(), detector: Some(detector), stream: None })
+        let idle = self.idle().detectors(stream_config.is_some()).pop();
+        let config = stream_config.unwrap_or(&self.config);
+        let detector = idle.map_or_else(|| PooledDetector::new(config).map_err(error::engine), Ok)?;
+        let has_stream_config = stream_config.is_some();
+        Ok(DetectorLease {
+            pool: self.clone(),
+            detector: Some(detector),
+            has_stream_config,
+            stream: None,
+        })
     }
 
     pub(crate) fn report(&self) -> Report {
@@ -56,6 +82,19 @@ impl DetectorPool {
         // No code panics while it holds the lock.
         self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+impl Idle {
+    #[expect(clippy::vec_box, reason = "as in the structure")]
+    fn detectors(&mut self, has_stream_config: bool) -> &mut Vec<Box<PooledDetector>> {
+        if has_stream_config { &mut self.of_streams } else { &mut self.detectors }
+    }
+}
+
+/// Returns the number of threads of rayon's global pool, without starting it.
+fn default_threads() -> usize {
+    let set = env::var("RAYON_NUM_THREADS").ok().and_then(|threads| threads.parse().ok());
+    set.filter(|&threads| threads > 0).unwrap_or_else(|| available_parallelism().map_or(1, usize::from))
 }
 
 impl PooledDetector {
@@ -70,11 +109,13 @@ pub(crate) struct DetectorLease {
     pool: Arc<DetectorPool>,
     /// `None` only while the lease ends.
     detector: Option<Box<PooledDetector>>,
+    has_stream_config: bool,
     /// The flag of a [`StreamStopper`]: `true` until the lease ends.
     stream: Option<Arc<AtomicBool>>,
 }
 
 impl DetectorLease {
+    /// Returns the detector, for a search.
     pub(crate) fn parts(&mut self) -> (&mut lazygrid::Detector, &AtomicBool) {
         match self.detector.as_deref_mut() {
             Some(PooledDetector { detector, cancel }) => (detector, cancel),
@@ -110,7 +151,7 @@ impl Drop for DetectorLease {
         }
         if let Some(leased) = self.detector.take() {
             leased.cancel.store(false, Ordering::Relaxed);
-            idle.detectors.push(leased);
+            idle.detectors(self.has_stream_config).push(leased);
         }
     }
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
@@ -75,6 +76,31 @@ def test_other_threads_go_on_meanwhile() -> None:
         steps += 1
     worker.join()
     assert steps > 0
+
+
+OPEN_STREAMS = """
+import numpy as np
+import lazygrid
+
+rows = np.zeros((3000, 4), dtype=np.float32)
+line = np.zeros((100_000, 4), dtype=np.float32)
+line[:, 0], line[:, 3] = np.arange(len(line)), 0.5
+for order in ("unordered", "canonical"):
+    detector = lazygrid.Detector(backend="cpu", order=order, max_pairs=100_000)
+    streams = [detector.stream(rows, chunk=1000) for _ in range(3)]
+    for stream in streams:
+        assert len(next(stream)) == 1000
+    assert detector.count(line) == lazygrid.Detector(backend="cpu").count(line) == len(line) - 1
+    for stream in streams:
+        stream.close()
+first = next(iter(detector.stream(line)))
+assert first[0].tolist() == [0, 1]
+"""
+
+
+def test_open_streams_block_no_other_call() -> None:
+    done = subprocess.run([sys.executable, "-c", OPEN_STREAMS], capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 0, done.stderr
 
 
 def test_list_of_few_atoms_with_many_images_can_be_interrupted() -> None:

@@ -216,9 +216,9 @@ class Detector:
     ) -> Chunks:
         """Iterate over the pairs in arrays of at most ``chunk`` pairs.
 
-        The spheres are copied first, so you may move them meanwhile and call the detector. In canonical order the
-        detector holds up to ``max_pairs`` pairs, and searches again for every further ``max_pairs``. Unordered chunks
-        arrive as they are found, with at most four in memory.
+        The spheres are copied first, so you may move them meanwhile and call the detector: a stream has threads of its
+        own. In canonical order the detector holds up to ``max_pairs`` pairs, and searches again for every further
+        ``max_pairs``. Unordered chunks arrive as they are found, with at most four in memory.
 
         >>> detector = lazygrid.Detector(order="unordered")
         >>> for pairs in detector.stream(spheres, chunk=1_000_000):
