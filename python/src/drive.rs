@@ -25,13 +25,18 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
+use crate::error;
+use crate::fork::{self, Process};
 use crate::interruptible::SIGNAL_POLL;
 use crate::simulate::{Source, parse_scenario};
-use crate::{error, fork};
 
 /// A run, step by step. See :class:`lazygrid.Simulation`.
 #[pyclass(frozen, module = "lazygrid._lazygrid")]
-pub(crate) struct SimulationCore(Mutex<Inner>);
+pub(crate) struct SimulationCore {
+    inner: Mutex<Inner>,
+    /// The process that has the threads of the run.
+    process: Process,
+}
 
 struct Inner {
     simulation: AnySimulation,
@@ -104,12 +109,12 @@ impl SimulationCore {
         });
         let simulation = begun.map_err(error::simulator)?;
         let inner = Inner { simulation, scenario, pool, arrivals: Vec::new(), shared: Weak::new() };
-        Ok(Self(Mutex::new(inner)))
+        Ok(Self { inner: Mutex::new(inner), process: Process::current() })
     }
 
     /// Does some steps. A signal stops the run at the step that it has reached.
     fn step(&self, py: Python<'_>, steps: u32) -> PyResult<()> {
-        let mut inner = self.lock()?;
+        let mut inner = self.lock_with_threads()?;
         let inner = &mut *inner;
         inner.detach()?;
         inner.arrivals.clear();
@@ -139,7 +144,7 @@ impl SimulationCore {
                 positions.shape()
             )));
         }
-        let mut inner = self.lock()?;
+        let mut inner = self.lock_with_threads()?;
         inner.detach()?;
         let positions = positions.as_slice()?.as_chunks::<3>().0;
         let ids = inner.simulation.add(species, positions).map_err(error::simulator)?;
@@ -147,7 +152,7 @@ impl SimulationCore {
     }
 
     fn remove(&self, ids: PyReadonlyArray1<'_, u32>) -> PyResult<usize> {
-        let mut inner = self.lock()?;
+        let mut inner = self.lock_with_threads()?;
         inner.detach()?;
         inner.simulation.remove(ids.as_slice()?).map_err(error::simulator)
     }
@@ -159,7 +164,7 @@ impl SimulationCore {
         species: u32,
         count: u32,
     ) -> PyResult<Bound<'py, PyArray1<u32>>> {
-        let mut inner = self.lock()?;
+        let mut inner = self.lock_with_threads()?;
         inner.detach()?;
         let ids = inner.simulation.emit(transmitter, species, count).map_err(error::simulator)?;
         Ok(PyArray1::from_iter(py, ids))
@@ -247,7 +252,7 @@ impl SimulationCore {
     }
 
     fn checkpoint(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
-        let inner = self.lock()?;
+        let inner = self.lock_with_threads()?;
         let inner = &*inner;
         py.detach(|| inner.write_checkpoint(path)).map_err(error::simulator)
     }
@@ -289,9 +294,24 @@ impl SimulationCore {
 }
 
 impl SimulationCore {
+    /// Locks the run for work that may need its threads; an `Error` in a forked process.
+    fn lock_with_threads(&self) -> PyResult<MutexGuard<'_, Inner>> {
+        self.process.check()?;
+        self.lock()
+    }
+
+    /// Locks the run for reads. A forked process may read a run on the CPU.
     fn lock(&self) -> PyResult<MutexGuard<'_, Inner>> {
+        let inner = self.try_lock()?;
+        if !matches!(inner.simulation, AnySimulation::Cpu(_)) {
+            self.process.check()?;
+        }
+        Ok(inner)
+    }
+
+    fn try_lock(&self) -> PyResult<MutexGuard<'_, Inner>> {
         // A waiting thread would hold the interpreter's lock, for which the other thread may wait.
-        match self.0.try_lock() {
+        match self.inner.try_lock() {
             Ok(inner) => Ok(inner),
             Err(TryLockError::WouldBlock) => Err(error::other(
                 "another thread or a signal's handler uses the simulation; wait until its call has returned",

@@ -9,7 +9,8 @@ use std::thread::available_parallelism;
 use lazygrid::{Backend, Config, Error, Report};
 use pyo3::PyResult;
 
-use crate::{error, fork};
+use crate::error;
+use crate::fork::{self, Process};
 
 struct PooledDetector {
     detector: lazygrid::Detector,
@@ -23,6 +24,8 @@ pub(crate) struct DetectorPool {
     stream_config: Option<Config>,
     is_single_threaded: bool,
     is_on_cpu: bool,
+    /// The process that has the threads of the idle detectors, or the connection to their GPU.
+    process: Option<Process>,
     idle: Mutex<Idle>,
 }
 
@@ -42,9 +45,17 @@ impl DetectorPool {
         let report = first.detector.report();
         let is_on_cpu = report.backend == Backend::Cpu;
         let is_single_threaded = threads == Some(1);
+        let process = match is_on_cpu && threads.is_none_or(|threads| threads == 1) {
+            // The threads of the global pool start at the first call.
+            true => None,
+            false => {
+                fork::use_threads()?;
+                Some(Process::current())
+            }
+        };
         let stream_config = threads.is_none().then(|| config.clone().threads(default_threads()));
         let idle = Mutex::new(Idle { report, detectors: vec![first], of_streams: Vec::new() });
-        Ok(Arc::new(Self { config, stream_config, is_single_threaded, is_on_cpu, idle }))
+        Ok(Arc::new(Self { config, stream_config, is_single_threaded, is_on_cpu, process, idle }))
     }
 
     /// Leases an idle detector, or a new one; an `Error` in a forked process.
@@ -58,9 +69,7 @@ impl DetectorPool {
     }
 
     fn lease_with(self: &Arc<Self>, stream_config: Option<&Config>) -> PyResult<DetectorLease> {
-        if !self.is_single_threaded {
-            fork::use_threads()?;
-        }
+        self.check_process()?;
         let idle = self.idle().detectors(stream_config.is_some()).pop();
         let config = stream_config.unwrap_or(&self.config);
         let detector = idle.map_or_else(|| PooledDetector::new(config).map_err(error::engine), Ok)?;
@@ -71,6 +80,13 @@ impl DetectorPool {
             has_stream_config,
             stream: None,
         })
+    }
+
+    fn check_process(&self) -> PyResult<()> {
+        if let Some(process) = self.process {
+            process.check()?;
+        }
+        if self.is_single_threaded && self.is_on_cpu { Ok(()) } else { fork::use_threads() }
     }
 
     pub(crate) fn report(&self) -> Report {

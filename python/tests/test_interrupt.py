@@ -111,6 +111,71 @@ def test_list_of_few_atoms_with_many_images_can_be_interrupted() -> None:
     interrupted(lambda: lazygrid.neighbor_list("i", Atoms(), 4.0))
 
 
+def child_refuses(use: Callable[[], Any]) -> bool:
+    """``use`` raises the error about copied processes in a copied process, and does not wait."""
+    child = os.fork()
+    if child == 0:
+        signal.alarm(20)
+        try:
+            use()
+        except lazygrid.Error as refused:
+            os._exit(0 if "spawn" in str(refused) else 1)
+        except BaseException:
+            os._exit(3)
+        os._exit(2)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+
+COPIED = """
+import os, sys
+import numpy as np
+import lazygrid
+from test_interrupt import child_refuses
+
+line = np.zeros((100_000, 4), dtype=np.float32)
+line[:, 0], line[:, 3] = np.arange(len(line)), 0.5
+"""
+COPIED_DETECTOR = """
+detector, alone = lazygrid.Detector(backend="cpu", threads=2), lazygrid.Detector(backend="cpu", threads=1)
+assert child_refuses(lambda: detector.count(line))
+child = os.fork()
+if child == 0:
+    os._exit(alone.count(line) != len(line) - 1)
+assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+assert detector.count(line) == len(line) - 1
+"""
+COPIED_UNUSED_DETECTOR = """
+detector = lazygrid.Detector(backend="cpu")
+child = os.fork()
+if child == 0:
+    os._exit(detector.count(line) != len(line) - 1)
+assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+"""
+COPIED_SIMULATION = """
+species = {"name": "a", "radius": 0.1, "diffusion": 1.0}
+burst = {"name": "t", "center": [0, 0, 0], "shape": {"kind": "point"}}
+burst["release"] = [{"species": "a", "count": 100_000}]
+scenario = {"time-step": 1e-3, "steps": 9, "species": [species], "transmitter": [burst]}
+for threads in (None, 1, 2):
+    run = lazygrid.Simulation(scenario, threads=threads)
+    run.step()
+    assert child_refuses(lambda: run.step(2))
+    assert child_refuses(lambda: run.insert("a", [0, 0, 0]))
+    run.step()
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not copied here")
+@pytest.mark.parametrize("use", [COPIED_DETECTOR, COPIED_UNUSED_DETECTOR, COPIED_SIMULATION])
+def test_inherited_objects_do_not_wait_for_threads_of_the_parent(use: str) -> None:
+    # A process of its own, in which no other test has started threads.
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", COPIED + use],
+        capture_output=True, text=True, check=False, timeout=120, cwd=os.path.dirname(__file__),
+    )
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not copied here")
 @pytest.mark.filterwarnings("ignore:.*multi-threaded.*fork")
 def test_a_copied_process_does_not_wait_for_threads_that_it_does_not_have() -> None:
