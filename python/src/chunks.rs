@@ -38,7 +38,6 @@ impl Chunks {
     ) -> PyResult<Self> {
         let query = borrowed.query()?;
         let owned = OwnedQuery::new(&query, borrowed.exclusions()).map_err(error::engine)?;
-        lease.keep_report();
         let stopper = lease.stopper();
         let (to, chunks) = sync_channel(AHEAD);
         let thread = thread::Builder::new().name("lazygrid stream".into());

@@ -286,8 +286,7 @@ impl Detector {
 
     /// Return an estimate of the bytes that the detector holds for this number of spheres, without the result.
     fn memory_for(&self, spheres: u64) -> PyResult<u64> {
-        let mut lease = self.pool.lease()?;
-        Ok(lease.parts().0.memory_for(spheres))
+        Ok(self.pool.lease()?.memory_for(spheres))
     }
 
     /// The report of the last finished call; before the first call, of the detector. Times are in seconds.

@@ -4,7 +4,7 @@
 use std::env;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::available_parallelism;
+use std::thread::{self, available_parallelism};
 
 use lazygrid::{Backend, Config, Error, Report};
 use pyo3::PyResult;
@@ -34,7 +34,7 @@ struct Idle {
     detectors: Vec<Box<PooledDetector>>,
     /// Detectors of `stream_config`.
     of_streams: Vec<Box<PooledDetector>>,
-    /// The report of the last finished call, if its detector is leased again.
+    /// The report of the last finished call.
     report: Report,
 }
 
@@ -78,6 +78,7 @@ impl DetectorPool {
             pool: self.clone(),
             detector: Some(detector),
             has_stream_config,
+            has_searched: false,
             stream: None,
         })
     }
@@ -90,8 +91,7 @@ impl DetectorPool {
     }
 
     pub(crate) fn report(&self) -> Report {
-        let idle = self.idle();
-        idle.detectors.last().map_or_else(|| idle.report.clone(), |last| last.detector.report())
+        self.idle().report.clone()
     }
 
     fn idle(&self) -> MutexGuard<'_, Idle> {
@@ -126,6 +126,8 @@ pub(crate) struct DetectorLease {
     /// `None` only while the lease ends.
     detector: Option<Box<PooledDetector>>,
     has_stream_config: bool,
+    /// If `false`, the detector's report is not of this lease.
+    has_searched: bool,
     /// The flag of a [`StreamStopper`]: `true` until the lease ends.
     stream: Option<Arc<AtomicBool>>,
 }
@@ -133,10 +135,15 @@ pub(crate) struct DetectorLease {
 impl DetectorLease {
     /// Returns the detector, for a search.
     pub(crate) fn parts(&mut self) -> (&mut lazygrid::Detector, &AtomicBool) {
+        self.has_searched = true;
         match self.detector.as_deref_mut() {
             Some(PooledDetector { detector, cancel }) => (detector, cancel),
             None => unreachable!("a detector is returned when its lease ends"),
         }
+    }
+
+    pub(crate) fn memory_for(&self, spheres: u64) -> u64 {
+        self.detector.as_ref().map_or(0, |leased| leased.detector.memory_for(spheres))
     }
 
     pub(crate) fn is_on_cpu(&self) -> bool {
@@ -149,14 +156,6 @@ impl DetectorLease {
         let cancel = self.detector.as_ref().map(|leased| leased.cancel.clone()).unwrap_or_default();
         StreamStopper { pool: self.pool.clone(), is_leased, cancel }
     }
-
-    /// Stores the report of the last call in the pool until the detector is returned.
-    pub(crate) fn keep_report(&self) {
-        if let Some(leased) = &self.detector {
-            let report = leased.detector.report();
-            self.pool.idle().report = report;
-        }
-    }
 }
 
 impl Drop for DetectorLease {
@@ -165,10 +164,16 @@ impl Drop for DetectorLease {
         if let Some(is_leased) = &self.stream {
             is_leased.store(false, Ordering::Relaxed);
         }
-        if let Some(leased) = self.detector.take() {
-            leased.cancel.store(false, Ordering::Relaxed);
-            idle.detectors(self.has_stream_config).push(leased);
+        let Some(leased) = self.detector.take() else { return };
+        // A panic may have left the detector's buffers incomplete.
+        if thread::panicking() {
+            return;
         }
+        leased.cancel.store(false, Ordering::Relaxed);
+        if self.has_searched {
+            idle.report = leased.detector.report();
+        }
+        idle.detectors(self.has_stream_config).push(leased);
     }
 }
 

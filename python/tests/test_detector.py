@@ -264,6 +264,21 @@ def test_threads_do_not_change_the_bytes() -> None:
     assert one.tobytes() == two.tobytes()
 
 
+def test_report_during_a_search_is_that_of_the_last_finished_call() -> None:
+    detector = lazygrid.Detector(backend="cpu", algorithm="naive", threads=1)
+    assert detector.count(scene(1, 50)) == detector.report["pairs"]
+    worker = threading.Thread(target=detector.count, args=(scene(2, 60_000, box=1e3),))
+    worker.start()
+    seen = set()
+    while worker.is_alive():
+        seen.add(detector.report["spheres"])
+    worker.join()
+    assert 50 in seen and seen <= {50, 60_000}
+    assert detector.report["spheres"] == 60_000
+    detector.memory_for(10)
+    assert detector.report["spheres"] == 60_000
+
+
 def test_report_and_memory() -> None:
     detector = Detector(backend="cpu")
     assert detector.report["spheres"] == 0

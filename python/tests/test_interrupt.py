@@ -91,6 +91,7 @@ for order in ("unordered", "canonical"):
     for stream in streams:
         assert len(next(stream)) == 1000
     assert detector.count(line) == lazygrid.Detector(backend="cpu").count(line) == len(line) - 1
+    assert detector.report["pairs"] == len(line) - 1
     for stream in streams:
         stream.close()
 first = next(iter(detector.stream(line)))
