@@ -305,10 +305,9 @@ fn reaction_row(
     let thermal = |product: Option<u32>| of(product).map_or(0.0, |species| species.thermal_speed as f32);
     let reaction = &model.reactions[rule.reaction as usize];
     let [share, first_share] = reactions.shares_of(rule.reaction);
-    let parts = reaction.unbinding_radius > 0.0 && reaction.products.iter().all(Option::is_some);
     let mut flags = u32::from(rule.consumes[0]) | u32::from(rule.consumes[1]) << 1;
     flags |= if within.is_some() { ReactionRow::NARROWER } else { 0 };
-    flags |= if parts { ReactionRow::APART } else { 0 };
+    flags |= if reaction.separates() { ReactionRow::APART } else { 0 };
     ReactionRow {
         reaction: rule.reaction,
         next: NOTHING,

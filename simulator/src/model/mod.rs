@@ -83,8 +83,9 @@ pub enum Flow {
 
 /// A bimolecular reaction of two particles within the binding radius.
 ///
-/// Products take the positions and ids of their reactants, in order. A reactant that is its own product keeps its
-/// position and may react with several partners in one step.
+/// Products take the ids of their reactants, in order. A reactant that is its own product keeps its position and may
+/// react with several partners in one step. The product of the other reactant then stays where its reactant was, or
+/// appears at the unbinding radius from that catalyst. Products of two consumed reactants appear where these meet.
 ///
 /// Several reactions of the same reactants are channels: a pair undergoes at most one per step. Probabilities
 /// decide between those whose binding radius contains the pair.
@@ -101,6 +102,13 @@ pub struct Reaction {
     /// Distance of two products, in µm.
     pub unbinding_radius: f32,
     pub chance: ReactionRate,
+}
+
+impl Reaction {
+    /// Returns `true` if two products appear at the unbinding radius from each other.
+    pub(crate) fn separates(&self) -> bool {
+        self.unbinding_radius > 0.0 && self.products.iter().all(Option::is_some)
+    }
 }
 
 /// Applies within the binding radius.

@@ -97,8 +97,11 @@ impl Reactions {
 
     /// Returns the changes of a candidate's consumed reactants.
     ///
-    /// Reactants meet at their mean position, weighted by diffusion, where one product appears. Two products separate
-    /// from there by the unbinding radius in a random direction.
+    /// Consumed reactants meet at their mean position, weighted by diffusion, where one product appears. Two products
+    /// separate from there by the unbinding radius in a random direction.
+    ///
+    /// The product of a reactant next to a catalyst stays at its reactant's position, or appears at the unbinding
+    /// radius from the catalyst.
     pub fn outcomes(
         &self,
         particles: &Particles,
@@ -111,18 +114,22 @@ impl Reactions {
         let toward = self.boundary.displacement(a, b);
         let [share, first_share] = self.shares[candidate.rule as usize];
         let meeting: [f32; 3] = std::array::from_fn(|k| a[k] + share * toward[k]);
-        let apart = match reaction.products {
-            [Some(_), Some(_)] if reaction.unbinding_radius > 0.0 => {
+        let has_catalyst = candidate.consumes.contains(&false);
+        let separates = reaction.separates();
+        let apart = match separates {
+            true => {
                 let [_, _, first, second] = key.draw(candidate.ids[0], candidate.ids[1], step, Purpose::Pair);
                 let away = self.boundary.direction_within(direction(first, second));
                 away.map(|c| c * reaction.unbinding_radius)
             }
-            _ => [0.0; 3],
+            false => [0.0; 3],
         };
         let outcome = |k: usize, along: f32| {
+            // The reactant's own position, since a sum of `toward` rounds it.
+            let from = if has_catalyst && !separates { [a, b][k] } else { meeting };
             let domain =
                 reaction.products[k].map_or(&self.boundary, |product| &self.center_domains[product as usize]);
-            let position = domain.confine(std::array::from_fn(|axis| meeting[axis] + along * apart[axis]));
+            let position = domain.confine(std::array::from_fn(|axis| from[axis] + along * apart[axis]));
             let outcome = ReactantChange { at: candidate.at[k], product: reaction.products[k], position };
             candidate.consumes[k].then_some(outcome)
         };
@@ -273,6 +280,23 @@ mod tests {
         let outcomes = only(&Reactions::new(&model([None, Some(1)])), &two());
         assert_eq!(outcomes[0].map(|o| (o.at, o.product)), Some((1, None)));
         assert_eq!(outcomes[1], None);
+    }
+
+    #[test]
+    fn product_next_to_a_catalyst_stays_unless_it_unbinds() {
+        // A at 1 and B at 0, each as the catalyst.
+        for catalyst in [1, 0] {
+            let mut model = model([Some(2), Some(2)]);
+            model.reactions[0].products[catalyst] = Some(catalyst as u32);
+            let product = |model: &Model| only(&Reactions::new(model), &two())[1 - catalyst];
+            let stays = product(&model).expect("a product");
+            assert_eq!((stays.product, stays.position), (Some(2), [catalyst as f32, 0.0, 0.0]));
+            model.reactions[0].unbinding_radius = 2.0;
+            let unbinds = product(&model).expect("a product").position;
+            let from = [1.0 - catalyst as f32, 0.0, 0.0];
+            let square: f32 = unbinds.into_iter().zip(from).map(|(at, from)| (at - from).powi(2)).sum();
+            assert!((square.sqrt() - 2.0).abs() < 1e-6, "{unbinds:?}");
+        }
     }
 
     #[test]

@@ -16,7 +16,10 @@ fn react(candidate: Candidate, rule: ReactionRow) {
     let first = moved[candidate.at.x].xyz;
     let meeting = first + rule.share * minimum_image(moved[candidate.at.y].xyz - first);
     var apart = vec3(0.0);
-    if ((rule.flags & 8u) != 0u) {
+    let separates = (rule.flags & 8u) != 0u;
+    // The product of a reactant next to a catalyst stays at its reactant's position.
+    let stays = !separates && (rule.flags & 3u) != 3u;
+    if (separates) {
         let low = min(candidate.ids.x, candidate.ids.y);
         let high = max(candidate.ids.x, candidate.ids.y);
         let words = philox(vec4(low, high, control.step, PURPOSE_PAIR), params.key);
@@ -27,7 +30,8 @@ fn react(candidate: Candidate, rule: ReactionRow) {
             let along = f32(side) - rule.first_share;
             let at = candidate.at[side];
             claims[at].product = rule.products[side];
-            claims[at].sphere = vec4(confined(meeting + along * apart, rule.radii[side]), rule.radii[side]);
+            let place = select(meeting, moved[at].xyz, stays);
+            claims[at].sphere = vec4(confined(place + along * apart, rule.radii[side]), rule.radii[side]);
             if (params.has_velocity != 0u && rule.products[side] != NOTHING) {
                 let own = arrayLength(&moved) / 2u + at;
                 let speeds = vec3(rule.speeds[side], rule.product_speeds[side], rule.thermal_speeds[side]);
