@@ -175,8 +175,11 @@ impl Network<'_> {
             return Err(Problem::at(rate.span(), message));
         }
         let (Unbinding::Apart(apart) | Unbinding::Within(apart)) = decay.unbinding;
-        // A step dissociates 1 − exp(−kΔt) and not kΔt, so as many must associate.
-        let kept = -libm::expm1(-decay.rate * dt) / (decay.rate * dt);
+        // With the rate R of all decays, k(1 − exp(−RΔt))/R dissociate in a step and not kΔt, so as many must
+        // associate.
+        let decays = self.decays.iter().filter(|other| other.reactant == decay.reactant);
+        let lost = decays.map(|other| other.rate).sum::<f64>() * dt;
+        let kept = -libm::expm1(-lost) / lost;
         rate::reversible_binding_radius(total * kept, apart.into(), draft.diffusion, dt).map_err(refused)
     }
 

@@ -54,6 +54,21 @@ fn dissociation_products_may_react_again() {
     assert_eq!(model.decays[0].unbinding, Unbinding::Apart(0.0));
 }
 
+/// A step dissociates k(1 − exp(−RΔt))/R of the complexes, with the rate R of all their decays.
+#[test]
+fn association_keeps_the_equilibrium_of_a_complex_with_other_decays() {
+    let [k, other, dt] = [1.0, 9.0, 1e-5];
+    let text = reaction("A + B -> C", "rate = 0.5")
+        + &decay("C -> A + B", &format!("rate = {}\nunbinding-radius = 0.1", k / dt / 10.0))
+        + &decay("C -> D", &format!("rate = {}", other / dt / 10.0));
+    let model = network(&text).unwrap().model;
+    let radius = model.reactions[0].binding_radius.into();
+    let associates = crate::reaction::rate::reversible_rate_constant(radius, 0.1_f32.into(), 2.0, dt);
+    let all = (k + other) / 10.0;
+    let expected = 0.5 * (1.0 - (-all).exp()) / all;
+    assert!((associates / expected - 1.0).abs() < 1e-4, "{associates}, not {expected}");
+}
+
 #[test]
 fn sources_are_everywhere_or_in_a_region() {
     let source = |more: &str| format!("[[source]]\nequation = \"-> A\"\nrate = 3\n{more}\n");
