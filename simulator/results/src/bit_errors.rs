@@ -149,7 +149,7 @@ impl BitErrors {
             release.iter().map(|&(species, _)| column_of(model, self.receiver, species as usize)).collect();
         let mut counts = vec![Vec::new(); slots.len()];
         for (row, &step) in files.series.steps.iter().enumerate() {
-            if let Some(slot) = slots.of_arrival(step) {
+            if let Some(slot) = slots.of_release(step) {
                 let count = |column: &Option<usize>| column.map_or(0, |column| files.series.row(row)[column]);
                 counts[slot].push(columns.iter().map(count).collect());
             }
@@ -299,9 +299,9 @@ mod tests {
         let files = ReplicaFiles { seed: 1, log: Log::default(), series };
         let (_, message) = messages(&model).next().unwrap();
         for (detector, seen) in [
-            (Detector::Peak, [5, 6, 7, 1]),
-            (Detector::Energy, [29, 52, 58, 1]),
-            (Detector::Strength, [7, 10, 10, 1]),
+            (Detector::Peak, [9, 6, 4, 7]),
+            (Detector::Energy, [85, 61, 25, 50]),
+            (Detector::Strength, [11, 11, 7, 8]),
         ] {
             let mut errors = BitErrors::new(&model, message, [0, 0], detector, 0);
             errors.add(&files, &model, &slots(100));

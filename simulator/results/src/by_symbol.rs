@@ -12,7 +12,8 @@ use lazygrid_sim::model::message::Message;
 use lazygrid_sim::random::philox::Key;
 
 /// The count of a receiver by the time within a slot and the slot's symbol, over slots and replicas. Arrivals are
-/// counted from the last row at or before the beginning.
+/// counted from the last row at or before the beginning, up to the row at the end. The row at the end has the next
+/// symbol's burst, so momentary counts leave it to the next slot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CountsBySymbol {
     pub link: Link,
@@ -46,7 +47,8 @@ impl CountsBySymbol {
             let before = series.steps.partition_point(|&step| step <= bounds[0]).checked_sub(1);
             let base = before.filter(|_| grows).map_or(0, |row| series.row(row)[column]);
             let by_time = self.symbols.entry(symbol).or_default();
-            for row in (first..series.steps.len()).take_while(|&row| series.steps[row] <= bounds[1]) {
+            let is_in = |&row: &usize| series.steps[row] < bounds[1] + u32::from(grows);
+            for row in (first..series.steps.len()).take_while(is_in) {
                 let lag = series.steps[row] - bounds[0];
                 by_time.entry(lag).or_default().add(series.row(row)[column].saturating_sub(base));
             }
@@ -86,8 +88,7 @@ mod tests {
             [(0, vec![(0, 0.0, 1), (5, 0.0, 1), (10, 0.0, 1)]), (1, after_one(0.0, 8.0 / 3.0, 14.0 / 3.0))];
         assert_eq!(by_symbol(&model), expected);
         model.receivers[0].kind = ReceiverKind::Transparent;
-        let expected =
-            [(0, vec![(0, 6.0, 1), (5, 6.0, 1), (10, 6.0, 1)]), (1, after_one(19.0 / 3.0, 9.0, 11.0))];
+        let expected = [(0, vec![(0, 6.0, 1), (5, 6.0, 1)]), (1, vec![(0, 19.0 / 3.0, 3), (5, 9.0, 3)])];
         assert_eq!(by_symbol(&model), expected);
     }
 }

@@ -28,7 +28,9 @@ impl SymbolSlots {
         self.len() == 0
     }
 
-    fn of_release(&self, step: u32) -> Option<usize> {
+    /// Returns the slot of a release, or of a row of momentary counts: a row has the state after the releases of its
+    /// step, so that the row at the end of a slot belongs to the next one.
+    pub(crate) fn of_release(&self, step: u32) -> Option<usize> {
         let after = self.bounds.partition_point(|&begin| begin <= step);
         (1..=self.len()).contains(&after).then(|| after - 1)
     }
@@ -71,9 +73,9 @@ impl Interference {
                 == (link.transmitter, link.receiver, link.species);
             if let (true, Some(from), Some(to)) =
                 (is_own, slots.of_release(step), slots.of_arrival(arrival.step))
-                && to - from < lags
+                && let Some(count) = to.checked_sub(from).and_then(|lag| arrived.get_mut(lag))
             {
-                arrived[to - from] += 1;
+                *count += 1;
             }
         }
         let seen = |lag: usize| released[..slots.len().saturating_sub(lag)].iter().sum::<u64>();
@@ -85,30 +87,34 @@ impl Interference {
         let (link, lags) = (self.link, self.by_lag.len());
         let released = released(link, log, slots);
         let (mut inside, mut seen) = (vec![0_u64; lags], vec![0_u64; lags]);
-        for slot in rows.iter().filter_map(|&step| slots.of_arrival(step)) {
+        for slot in rows.iter().filter_map(|&step| slots.of_release(step)) {
             (0..lags.min(slot + 1)).for_each(|lag| seen[lag] += released[slot - lag]);
         }
         for own in &log.inside {
             let Some((transmitter, step)) = own.origin else { continue };
             if link == (Link { transmitter, receiver: own.receiver, species: own.species })
-                && let (Some(from), Some(to)) = (slots.of_release(step), slots.of_arrival(own.step))
-                && to - from < lags
+                && let (Some(from), Some(to)) = (slots.of_release(step), slots.of_release(own.step))
+                && let Some(count) = to.checked_sub(from).and_then(|lag| inside.get_mut(lag))
             {
-                inside[to - from] += own.count;
+                *count += own.count;
             }
         }
         self.add_parts(inside.into_iter().zip(seen));
     }
 
     fn add_parts(&mut self, counts: impl Iterator<Item = (u64, u64)>) {
-        let mut parts = Vec::new();
+        // `None` until the lag of the symbols' own slots has a sample, without which no fraction is late.
+        let (mut own, mut late) = (None, 0.0);
         for (lag, (count, of)) in counts.enumerate().filter(|(_, (_, of))| *of > 0) {
-            parts.push(count as f64 / of as f64);
-            self.by_lag[lag].add(count as f64 / of as f64);
+            let part = count as f64 / of as f64;
+            self.by_lag[lag].add(part);
+            match lag {
+                0 => own = Some(part),
+                _ => late += part,
+            }
         }
-        let all: f64 = parts.iter().sum();
-        if all > 0.0 {
-            self.late.add(parts[1..].iter().sum::<f64>() / all);
+        if let Some(own) = own.filter(|own| own + late > 0.0) {
+            self.late.add(late / (own + late));
         }
     }
 }
@@ -214,8 +220,28 @@ pub(crate) mod tests {
         let mut interference = Interference::new(Link { transmitter: 0, receiver: 0, species: 0 }, 3);
         interference.add_momentary(&log, &rows, &slots(100));
         let parts: Vec<f64> = interference.by_lag.iter().map(RunningStats::mean).collect();
-        // Bursts of 10: six rows in their own slots, four in the next, two in the one after.
-        assert_eq!(parts, [10.0 / 60.0, 4.0 / 40.0, 2.0 / 20.0]);
+        // Bursts of 10: five rows in their own slots, four in the next, two in the one after.
+        assert_eq!(parts, [10.0 / 50.0, 3.0 / 40.0, 3.0 / 20.0]);
+    }
+
+    #[test]
+    fn late_fraction_needs_a_sample_of_own_slots() {
+        // Rows in the second slot only, after a burst of 10 in the first.
+        let one = Inside { step: 20, receiver: 0, species: 0, origin: Some((0, 5)), count: 4 };
+        let log = Log { inside: vec![one], ..log(&[]) };
+        let mut interference = Interference::new(Link { transmitter: 0, receiver: 0, species: 0 }, 2);
+        interference.add_momentary(&log, &[20], &slots(100));
+        assert_eq!((interference.by_lag[0].count(), interference.by_lag[1].mean()), (0, 0.4));
+        assert_eq!(interference.late.count(), 0);
+    }
+
+    #[test]
+    fn burst_at_a_row_is_in_its_own_slot() {
+        let one = |step| Inside { step, receiver: 0, species: 0, origin: Some((0, step)), count: 10 };
+        let log = Log { inside: [5, 25, 35].map(one).to_vec(), ..log(&[]) };
+        let mut interference = Interference::new(Link { transmitter: 0, receiver: 0, species: 0 }, 2);
+        interference.add_momentary(&log, &[5, 15, 25, 35, 45], &slots(100));
+        assert_eq!([0, 1].map(|lag| interference.by_lag[lag].mean()), [1.0, 0.0]);
     }
 
     #[test]
