@@ -71,9 +71,14 @@ impl Channels {
             );
             let width = width.max(1);
             let most = if message.is_some() { SYMBOLS * PER_SYMBOL as usize } else { BINS as usize };
-            channels.responses.push(Response::new(link, width, most.min((steps / width) as usize)));
+            channels.responses.push(Response::new(
+                link,
+                link.source(model),
+                width,
+                most.min((steps / width) as usize),
+            ));
             if message.is_some() {
-                channels.interference.push(Interference::new(link, SYMBOLS));
+                channels.interference.push(Interference::new(link, link.source(model), SYMBOLS));
             }
         }
         for (place, message) in messages(model) {

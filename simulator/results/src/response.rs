@@ -1,6 +1,6 @@
 //! Impulse responses: the fraction of released particles that arrives, by time since the release.
 
-use crate::log::Log;
+use crate::log::{Log, Released};
 use crate::mean::RunningStats;
 use lazygrid_sim::Model;
 
@@ -24,26 +24,38 @@ impl Link {
         all
     }
 
-    pub(crate) fn releases(self, log: &Log) -> impl Iterator<Item = &crate::log::Released> {
-        let own = move || log.releases.iter().filter(move |release| release.transmitter == self.transmitter);
-        let mut species: Vec<usize> = own().map(|release| release.species).collect();
-        species.sort_unstable();
-        species.dedup();
-        species.retain(|&species| self.is_from(log, species));
-        own().filter(move |release| species.contains(&release.species))
+    /// Returns the released species that the particles on arrival are compared with.
+    pub fn source(self, model: &Model) -> SourceSpecies {
+        let mut released = model.transmitters[self.transmitter].species();
+        match released.any(|species| species as usize == self.species) {
+            true => SourceSpecies::Arriving,
+            false => SourceSpecies::Any,
+        }
     }
 
-    /// True for the arriving species if the transmitter releases it, else for any.
-    fn is_from(self, log: &Log, species: usize) -> bool {
-        let own = |s: usize| log.releases.iter().any(|r| r.transmitter == self.transmitter && r.species == s);
-        species == self.species || !own(self.species)
+    pub(crate) fn releases(self, log: &Log, from: SourceSpecies) -> impl Iterator<Item = &Released> {
+        let is_from = move |release: &&Released| {
+            release.transmitter == self.transmitter
+                && (from == SourceSpecies::Any || release.species == self.species)
+        };
+        log.releases.iter().filter(is_from)
     }
+}
+
+/// The released species of a link, the same in all replicas: one that releases none of it has no sample.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SourceSpecies {
+    /// The transmitter of the model releases the arriving species.
+    Arriving,
+    /// The arriving species is a product.
+    Any,
 }
 
 /// The fraction of particles that arrives, or is inside, in each bin after their release.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Response {
     pub link: Link,
+    from: SourceSpecies,
     pub width: u32,
     /// Indexed by bin, over replicas.
     pub parts: Vec<RunningStats>,
@@ -52,19 +64,19 @@ pub struct Response {
 }
 
 impl Response {
-    pub fn new(link: Link, width: u32, bins: usize) -> Self {
+    pub fn new(link: Link, from: SourceSpecies, width: u32, bins: usize) -> Self {
         let none = vec![RunningStats::default(); bins];
-        Self { link, width, parts: none.clone(), cumulative: none }
+        Self { link, from, width, parts: none.clone(), cumulative: none }
     }
 
     /// Adds a replica whose series has these `rows` (steps). A bin's fraction inside is the mean over its rows.
     pub fn add_momentary(&mut self, log: &Log, rows: &[u32]) {
         self.cumulative.clear();
-        let Self { link, width, .. } = *self;
+        let Self { link, from, width, .. } = *self;
         let bins = self.parts.len();
         let (mut released, mut inside) = (vec![0_u64; bins], vec![0_u64; bins]);
         let bin = |step: u32, from: u32| ((step - from) / width) as usize;
-        for release in link.releases(log) {
+        for release in link.releases(log, from) {
             let after =
                 rows.iter().filter(|&&step| step >= release.step).map(|&step| bin(step, release.step));
             after.take_while(|&at| at < bins).for_each(|at| released[at] += release.count);
@@ -84,11 +96,11 @@ impl Response {
 
     /// Adds a replica of `steps` steps. A release counts in bins that end before the run.
     pub fn add(&mut self, log: &Log, steps: u32) {
-        let Self { link, width, .. } = *self;
+        let Self { link, from, width, .. } = *self;
         let bins = self.parts.len();
         let mut released = vec![0_u64; bins];
         let whole = |step: u32| ((steps.saturating_sub(step)) / width) as usize;
-        for release in link.releases(log) {
+        for release in link.releases(log, from) {
             released[..whole(release.step).min(bins)].iter_mut().for_each(|n| *n += release.count);
         }
         let mut arrived = vec![0_u64; bins];
@@ -120,9 +132,10 @@ impl Response {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::log::{Arrived, Inside, Released};
+    use crate::log::{Arrived, Inside};
 
     const LINK: Link = Link { transmitter: 0, receiver: 0, species: 0 };
+    const ARRIVING: SourceSpecies = SourceSpecies::Arriving;
 
     fn released(step: u32, count: u64) -> Released {
         Released { step, transmitter: 0, species: 0, count }
@@ -139,7 +152,7 @@ mod tests {
             releases: vec![released(0, 10), released(8, 10)],
             inside: vec![],
         };
-        let mut response = Response::new(LINK, 4, 4);
+        let mut response = Response::new(LINK, ARRIVING, 4, 4);
         response.add(&log, 12);
         let parts: Vec<f64> = response.parts.iter().map(RunningStats::mean).collect();
         assert_eq!(parts[..3], [0.15, 0.1, 0.1]);
@@ -148,7 +161,7 @@ mod tests {
         assert!((cumulative[2] - 0.35).abs() < 1e-12);
         response.add(&Log { arrivals: vec![], ..log.clone() }, 12);
         assert_eq!((response.parts[0].mean(), response.parts[0].standard_error()), (0.075, Some(0.075)));
-        let mut other = Response::new(Link { receiver: 1, ..LINK }, 4, 4);
+        let mut other = Response::new(Link { receiver: 1, ..LINK }, ARRIVING, 4, 4);
         other.add(&log, 12);
         assert!(response.is_any() && !other.is_any());
     }
@@ -168,12 +181,29 @@ mod tests {
             releases: vec![released(0, 10), released(8, 10)],
             ..Log::default()
         };
-        let mut response = Response::new(LINK, 4, 3);
+        let mut response = Response::new(LINK, ARRIVING, 4, 3);
         response.add_momentary(&log, &[0, 2, 4, 6, 8, 10, 12]);
         let parts: Vec<f64> = response.parts.iter().map(RunningStats::mean).collect();
         // Rows at 0, 2, 8, 10: 4 + 5 of 40; at 4, 6, 12: 2 + 3 + 1 of 30; at 8, 10: none of 20.
         assert_eq!(parts, [9.0 / 40.0, 6.0 / 30.0, 0.0]);
         assert!(response.cumulative.is_empty());
+    }
+
+    #[test]
+    fn replicas_without_a_release_of_the_species_add_no_sample() {
+        // Of two species that the transmitter sends for its symbols, this replica sent the other one.
+        let log = Log { releases: vec![Released { species: 1, ..released(0, 4) }], ..Log::default() };
+        let mut response = Response::new(LINK, ARRIVING, 4, 1);
+        response.add(&log, 4);
+        response.add_momentary(&log, &[0]);
+        assert_eq!(response.parts[0].count(), 0);
+    }
+
+    #[test]
+    fn sources_of_links_follow_from_the_model() {
+        let model = crate::symbols::tests::model();
+        assert_eq!(LINK.source(&model), SourceSpecies::Arriving);
+        assert_eq!(Link { species: 1, ..LINK }.source(&model), SourceSpecies::Any);
     }
 
     #[test]
@@ -183,7 +213,7 @@ mod tests {
             releases: vec![released(0, 4)],
             ..Log::default()
         };
-        let mut response = Response::new(Link { species: 1, ..LINK }, 4, 1);
+        let mut response = Response::new(Link { species: 1, ..LINK }, SourceSpecies::Any, 4, 1);
         response.add(&log, 4);
         assert_eq!(response.parts[0].mean(), 0.25);
     }

@@ -1,6 +1,6 @@
 use crate::log::Log;
 use crate::mean::RunningStats;
-use crate::response::Link;
+use crate::response::{Link, SourceSpecies};
 use lazygrid_sim::model::message::Message;
 use lazygrid_sim::model::time::step_of;
 use lazygrid_sim::{Model, Schedule};
@@ -52,20 +52,21 @@ pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interference {
     pub link: Link,
+    from: SourceSpecies,
     pub by_lag: Vec<RunningStats>,
     /// Fraction of arrivals after the symbol's own slot.
     pub late: RunningStats,
 }
 
 impl Interference {
-    pub fn new(link: Link, lags: usize) -> Self {
-        Self { link, by_lag: vec![RunningStats::default(); lags], late: RunningStats::default() }
+    pub fn new(link: Link, from: SourceSpecies, lags: usize) -> Self {
+        Self { link, from, by_lag: vec![RunningStats::default(); lags], late: RunningStats::default() }
     }
 
     /// Adds a replica. A symbol enters the lags whose slots are complete.
     pub fn add(&mut self, log: &Log, slots: &SymbolSlots) {
         let (link, lags) = (self.link, self.by_lag.len());
-        let released = released(link, log, slots);
+        let released = released(link, self.from, log, slots);
         let mut arrived = vec![0_u64; lags];
         for arrival in &log.arrivals {
             let Some((transmitter, step)) = arrival.origin else { continue };
@@ -85,7 +86,7 @@ impl Interference {
     /// Adds a replica of a momentary count, in these `rows` (steps): the mean fraction inside during a slot.
     pub fn add_momentary(&mut self, log: &Log, rows: &[u32], slots: &SymbolSlots) {
         let (link, lags) = (self.link, self.by_lag.len());
-        let released = released(link, log, slots);
+        let released = released(link, self.from, log, slots);
         let (mut inside, mut seen) = (vec![0_u64; lags], vec![0_u64; lags]);
         for slot in rows.iter().filter_map(|&step| slots.of_release(step)) {
             (0..lags.min(slot + 1)).for_each(|lag| seen[lag] += released[slot - lag]);
@@ -119,9 +120,9 @@ impl Interference {
     }
 }
 
-fn released(link: Link, log: &Log, slots: &SymbolSlots) -> Vec<u64> {
+fn released(link: Link, from: SourceSpecies, log: &Log, slots: &SymbolSlots) -> Vec<u64> {
     let mut released = vec![0_u64; slots.len()];
-    for release in link.releases(log) {
+    for release in link.releases(log, from) {
         if let Some(slot) = slots.of_release(release.step) {
             released[slot] += release.count;
         }
@@ -180,6 +181,8 @@ pub(crate) mod tests {
         }
     }
 
+    const LINK: Link = Link { transmitter: 0, receiver: 0, species: 0 };
+
     pub(crate) fn slots(steps: u32) -> SymbolSlots {
         let model = model();
         let (_, message) = messages(&model).next().unwrap();
@@ -217,7 +220,7 @@ pub(crate) mod tests {
             ],
             ..log(&[])
         };
-        let mut interference = Interference::new(Link { transmitter: 0, receiver: 0, species: 0 }, 3);
+        let mut interference = Interference::new(LINK, SourceSpecies::Arriving, 3);
         interference.add_momentary(&log, &rows, &slots(100));
         let parts: Vec<f64> = interference.by_lag.iter().map(RunningStats::mean).collect();
         // Bursts of 10: five rows in their own slots, four in the next, two in the one after.
@@ -229,7 +232,7 @@ pub(crate) mod tests {
         // Rows in the second slot only, after a burst of 10 in the first.
         let one = Inside { step: 20, receiver: 0, species: 0, origin: Some((0, 5)), count: 4 };
         let log = Log { inside: vec![one], ..log(&[]) };
-        let mut interference = Interference::new(Link { transmitter: 0, receiver: 0, species: 0 }, 2);
+        let mut interference = Interference::new(LINK, SourceSpecies::Arriving, 2);
         interference.add_momentary(&log, &[20], &slots(100));
         assert_eq!((interference.by_lag[0].count(), interference.by_lag[1].mean()), (0, 0.4));
         assert_eq!(interference.late.count(), 0);
@@ -239,7 +242,7 @@ pub(crate) mod tests {
     fn burst_at_a_row_is_in_its_own_slot() {
         let one = |step| Inside { step, receiver: 0, species: 0, origin: Some((0, step)), count: 10 };
         let log = Log { inside: [5, 25, 35].map(one).to_vec(), ..log(&[]) };
-        let mut interference = Interference::new(Link { transmitter: 0, receiver: 0, species: 0 }, 2);
+        let mut interference = Interference::new(LINK, SourceSpecies::Arriving, 2);
         interference.add_momentary(&log, &[5, 15, 25, 35, 45], &slots(100));
         assert_eq!([0, 1].map(|lag| interference.by_lag[lag].mean()), [1.0, 0.0]);
     }
@@ -248,8 +251,7 @@ pub(crate) mod tests {
     fn interference_goes_by_slots_from_the_release() {
         // In their own slots 6, 4, 5 of 10; in the next 2 and 1; then 1.
         let log = log(&[(0, 0, 6), (0, 1, 2), (0, 2, 1), (2, 2, 4), (2, 3, 1), (3, 3, 5)]);
-        let link = Link { transmitter: 0, receiver: 0, species: 0 };
-        let mut interference = Interference::new(link, 4);
+        let mut interference = Interference::new(LINK, SourceSpecies::Arriving, 4);
         interference.add(&log, &slots(100));
         let parts: Vec<f64> = interference.by_lag.iter().map(RunningStats::mean).collect();
         assert_eq!(parts, [15.0 / 30.0, 3.0 / 20.0, 1.0 / 10.0, 0.0]);

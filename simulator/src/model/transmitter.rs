@@ -87,7 +87,8 @@ impl Transmitter {
         self.carrier.and_then(|carrier| centers.get(carrier as usize)).copied().unwrap_or(self.center)
     }
 
-    pub(crate) fn species(&self) -> impl Iterator<Item = u32> {
+    /// Returns the species of the schedule's releases.
+    pub fn species(&self) -> impl Iterator<Item = u32> {
         let steady = match &self.schedule {
             Schedule::Steady { rates, .. } => rates.as_slice(),
             _ => &[],
