@@ -168,8 +168,9 @@ pub(super) struct ReactionRow {
     pub(super) share: f32,
     pub(super) first_share: f32,
     pub(super) speeds: Vec2,
-    pub(super) product_speeds: Vec2,
     pub(super) thermal_speeds: Vec2,
+    pub(super) product_speeds: Vec2,
+    pub(super) product_thermal_speeds: Vec2,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
@@ -184,8 +185,9 @@ pub(super) struct DissociationRow {
     pub(super) products: UVec2,
     pub(super) radii: Vec2,
     pub(super) product_speeds: Vec2,
-    pub(super) thermal_speeds: Vec2,
+    pub(super) product_thermal_speeds: Vec2,
     pub(super) speed: f32,
+    pub(super) thermal_speed: f32,
 }
 
 impl ReactionRow {

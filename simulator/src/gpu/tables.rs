@@ -322,8 +322,9 @@ fn reaction_row(
         share,
         first_share,
         speeds: reaction.reactants.map(|species| speed(Some(species))).into(),
+        thermal_speeds: reaction.reactants.map(|species| thermal(Some(species))).into(),
         product_speeds: reaction.products.map(speed).into(),
-        thermal_speeds: reaction.products.map(thermal).into(),
+        product_thermal_speeds: reaction.products.map(thermal).into(),
     }
 }
 
@@ -356,8 +357,11 @@ fn dissociation_rows(model: &Model, tallies: &Tallies) -> Vec<DissociationRow> {
                 products: products.map(|product| product.map_or(NOTHING, |(species, _)| species)).into(),
                 radii: products.map(|product| product.map_or(0.0, |(_, radius)| radius)).into(),
                 product_speeds: kinds.map(|kind| kind.map_or(0.0, |kind| kind.speed as f32)).into(),
-                thermal_speeds: kinds.map(|kind| kind.map_or(0.0, |kind| kind.thermal_speed as f32)).into(),
+                product_thermal_speeds: kinds
+                    .map(|kind| kind.map_or(0.0, |kind| kind.thermal_speed as f32))
+                    .into(),
                 speed: kind(reactant as u32).speed as f32,
+                thermal_speed: kind(reactant as u32).thermal_speed as f32,
             };
             match k {
                 0 => rows[reactant] = row,

@@ -226,18 +226,23 @@ impl Model {
         }
     }
 
-    /// Returns the velocity of a particle that changes from one species to another; swimmers keep their direction.
+    /// Returns the velocity of a particle that changes from one species to another.
+    ///
+    /// Between two speeds of swimmers, or two thermal speeds, the direction is kept and the velocity scaled. Otherwise
+    /// the velocity is redrawn; it is 0 for a species without any.
     pub(crate) fn converted_velocity(
         &self,
         velocity: [f32; 3],
         [from, to]: [u32; 2],
         words: impl FnOnce() -> [u32; 4],
     ) -> [f32; 3] {
-        let [old, new] = [from, to].map(|species| self.species[species as usize].speed);
-        if old == new {
+        let [old, new] = [from, to].map(|species| &self.species[species as usize]);
+        if old.speed == new.speed && old.thermal_speed == new.thermal_speed {
             velocity
-        } else if old > 0.0 && new > 0.0 {
-            velocity.map(|v| v * (new / old) as f32)
+        } else if old.speed > 0.0 && new.speed > 0.0 {
+            velocity.map(|v| v * (new.speed / old.speed) as f32)
+        } else if old.thermal_speed > 0.0 && new.thermal_speed > 0.0 {
+            velocity.map(|v| v * (new.thermal_speed / old.thermal_speed) as f32)
         } else {
             self.own_velocity(to, words())
         }

@@ -34,6 +34,40 @@ fn products_since_the_release_have_the_speeds_of_their_species() {
     assert!(counts.iter().all(|&count| count > 100), "{counts:?}");
 }
 
+/// Particles that come to rest, move twice as fast, and begin to move soon after the release.
+#[test]
+fn products_since_the_release_have_the_thermal_speeds_of_their_species() {
+    let species = |thermal_speed| Species { thermal_speed, mass: 1.0, ..Species::default() };
+    let decay = |reactant, product| Decay {
+        reactant,
+        products: [Some(product), None],
+        rate: 1e9,
+        ..Decay::default()
+    };
+    let model = Model {
+        time_step: 0.1,
+        species: [100.0, 0.0, 5.0, 10.0, 0.0, 3.0].map(species).to_vec(),
+        decays: vec![decay(0, 1), decay(2, 3), decay(4, 5)],
+        transmitters: vec![steady(vec![(0, 1e5), (2, 1e5), (4, 1e5)], [0.0, 1.0])],
+        ..Model::default()
+    };
+    let at =
+        ReleaseStep { decays: &Decays::new(&model), key: Key::new(3), step: 1, next_id: 0, centers: &[] };
+    let released = model.release(at).expect("a release");
+    let mut sums = [(0.0, 0); 6];
+    for particle in (0..released.particles.len()).map(|at| released.particles.get(at)) {
+        let (sum, count) = &mut sums[particle.species as usize];
+        *sum += particle.velocity.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>();
+        *count += 3;
+    }
+    for (product, speed) in [(1, 0.0), (3, 10.0), (5, 3.0)] {
+        let (sum, count) = sums[product];
+        let measured = (sum / f64::from(count)).sqrt();
+        let error = speed / (2.0 * f64::from(count)).sqrt();
+        assert!(count > 20_000 && (measured - speed).abs() <= 4.0 * error, "{measured}, not {speed}");
+    }
+}
+
 #[test]
 fn fixed_steady_release_counts_every_particle_once() {
     for (rate, time_step, [from, until], steps) in [

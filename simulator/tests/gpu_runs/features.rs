@@ -318,6 +318,21 @@ fn dissociating_swimmers_have_the_velocities_of_the_cpu() {
 }
 
 #[test]
+fn changed_thermal_speeds_match_the_cpu() {
+    let mut model = dissociating();
+    model.receivers.clear();
+    model.logs_arrivals = false;
+    for (species, thermal_speed) in model.species.iter_mut().zip([10.0, 0.0, 5.0]) {
+        species.thermal_speed = thermal_speed;
+    }
+    let state = compare(&model, 30, 8);
+    let resting = by_id(&state).into_iter().filter(|particle| particle.species == 1);
+    assert!(resting.into_iter().all(|particle| particle.velocity == [0.0; 3]));
+    model.decays = vec![Decay { reactant: 1, products: [Some(2), None], rate: 200.0, ..Decay::default() }];
+    compare(&model, 31, 8);
+}
+
+#[test]
 fn dissociation_grows_beyond_the_capacity_for_particles() {
     let Some(own) = device() else { return };
     let mut model = brownian(false);

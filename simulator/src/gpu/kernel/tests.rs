@@ -137,8 +137,9 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             share,
             first_share,
             speeds,
+            thermal_speeds,
             product_speeds,
-            thermal_speeds
+            product_thermal_speeds
         }),
         layout!(DissociationRow {
             threshold,
@@ -150,8 +151,9 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             products,
             radii,
             product_speeds,
-            thermal_speeds,
-            speed
+            product_thermal_speeds,
+            speed,
+            thermal_speed
         }),
     ];
     Params::assert_uniform_compat();

@@ -21,10 +21,11 @@ struct DissociationRow {
     share: f32,
     products: vec2<u32>,
     radii: vec2<f32>,
-    // Speeds and thermal speeds of both products; speed of the dissociating particle.
+    // Speeds and thermal speeds of both products, then of the dissociating particle.
     product_speeds: vec2<f32>,
-    thermal_speeds: vec2<f32>,
+    product_thermal_speeds: vec2<f32>,
     speed: f32,
+    thermal_speed: f32,
 }
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -84,10 +85,11 @@ fn particles_dissociate(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_wo
     if (params.has_velocity != 0u) {
         let own = arrayLength(&moved) / 2u + at;
         let velocity = moved[own].xyz;
-        let speeds = vec3(row.speed, row.product_speeds.x, row.thermal_speeds.x);
-        moved[own] = vec4(converted_velocity(velocity, speeds, id, VELOCITY_OF_PRODUCT), 0.0);
-        let second_speeds = vec3(row.speed, row.product_speeds.y, row.thermal_speeds.y);
-        second_velocity = converted_velocity(velocity, second_speeds, id, VELOCITY_OF_SECOND_PRODUCT);
+        let before = vec2(row.speed, row.thermal_speed);
+        let after = vec2(row.product_speeds.x, row.product_thermal_speeds.x);
+        moved[own] = vec4(converted_velocity(velocity, before, after, id, VELOCITY_OF_PRODUCT), 0.0);
+        let second = vec2(row.product_speeds.y, row.product_thermal_speeds.y);
+        second_velocity = converted_velocity(velocity, before, second, id, VELOCITY_OF_SECOND_PRODUCT);
     }
     if (has_second) {
         let slot = atomicAdd(&control.born, 1u);

@@ -34,9 +34,11 @@ fn react(candidate: Candidate, rule: ReactionRow) {
             claims[at].sphere = vec4(confined(place + along * apart, rule.radii[side]), rule.radii[side]);
             if (params.has_velocity != 0u && rule.products[side] != NOTHING) {
                 let own = arrayLength(&moved) / 2u + at;
-                let speeds = vec3(rule.speeds[side], rule.product_speeds[side], rule.thermal_speeds[side]);
+                let before = vec2(rule.speeds[side], rule.thermal_speeds[side]);
+                let after = vec2(rule.product_speeds[side], rule.product_thermal_speeds[side]);
+                let velocity = moved[own].xyz;
                 moved[own] = vec4(
-                    converted_velocity(moved[own].xyz, speeds, candidate.ids[side], VELOCITY_OF_PRODUCT), 0.0);
+                    converted_velocity(velocity, before, after, candidate.ids[side], VELOCITY_OF_PRODUCT), 0.0);
             }
             atomicStore(&claims[at].is_taken, 1u);
         }

@@ -36,10 +36,11 @@ struct ReactionRow {
     // First reactant's fraction of the distance to the meeting point, and the first product's of `unbinding`.
     share: f32,
     first_share: f32,
-    // Speeds of both reactants; speeds and thermal speeds of both products.
+    // Speeds and thermal speeds of both reactants, then of both products.
     speeds: vec2<f32>,
-    product_speeds: vec2<f32>,
     thermal_speeds: vec2<f32>,
+    product_speeds: vec2<f32>,
+    product_thermal_speeds: vec2<f32>,
 }
 
 fn claims_it(rule: ReactionRow, side: u32) -> bool {

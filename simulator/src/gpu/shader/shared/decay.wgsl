@@ -87,8 +87,9 @@ fn decay(moved: Moved, id: u32) -> Moved {
         let product = species_rows[event.product];
         // A larger product may overlap a wall.
         here.sphere = vec4(confined(here.sphere.xyz, product.radius), product.radius);
-        let speeds = vec3(kind.speed, product.speed, product.thermal_speed);
-        here.velocity = converted_velocity(here.velocity, speeds, id, VELOCITY_OF_PRODUCT);
+        let before = vec2(kind.speed, kind.thermal_speed);
+        let after = vec2(product.speed, product.thermal_speed);
+        here.velocity = converted_velocity(here.velocity, before, after, id, VELOCITY_OF_PRODUCT);
         here.species = event.product;
         kind = product;
     }

@@ -13,14 +13,17 @@ fn drawn_velocity(speed: f32, thermal_speed: f32, id: u32, draw: u32) -> vec3<f3
     return thermal_speed * flattened(normals(words));
 }
 
-// Returns the velocity after a change of species; swimmers keep their direction. `speeds` are the speed of the old
-// species, then speed and thermal speed of the new one.
-fn converted_velocity(velocity: vec3<f32>, speeds: vec3<f32>, id: u32, draw: u32) -> vec3<f32> {
-    if (speeds.x == speeds.y) {
+// Returns the velocity after a change of species: scaled between two swimmers or two thermal speeds, else drawn. Both
+// arguments are the speed and the thermal speed of a species.
+fn converted_velocity(velocity: vec3<f32>, before: vec2<f32>, after: vec2<f32>, id: u32, draw: u32) -> vec3<f32> {
+    if (all(before == after)) {
         return velocity;
     }
-    if (speeds.x > 0.0 && speeds.y > 0.0) {
-        return velocity * (speeds.y / speeds.x);
+    if (before.x > 0.0 && after.x > 0.0) {
+        return velocity * (after.x / before.x);
     }
-    return drawn_velocity(speeds.y, speeds.z, id, draw);
+    if (before.y > 0.0 && after.y > 0.0) {
+        return velocity * (after.y / before.y);
+    }
+    return drawn_velocity(after.x, after.y, id, draw);
 }
