@@ -55,6 +55,22 @@ fn sweep_gives_the_closed_form_at_each_point() {
 }
 
 #[test]
+fn momentary_responses_have_a_plot_of_their_own() {
+    let scratch = Scratch::new();
+    let inside = "[[receiver]]\nname = \"in\"\ncenter = [0, 0, 0]\nradius = 3\nkind = \"transparent\"\n";
+    let text =
+        BURST.replace("[output]", &format!("{inside}[output]\narrivals = true")).replace("every = 200", "");
+    let (scenario, out) = (scratch.write("s.toml", &text), scratch.path("out"));
+    lazygrid(["simulate", &scenario, "--output", &out, "--report"]).succeeds();
+    let report = fs::read_to_string(out.clone() + "/report.html").unwrap();
+    let plot = |name: &str| fs::read_to_string(format!("{out}/plots/{name}.svg")).unwrap();
+    let [arrivals, inside] = ["impulse-responses", "impulse-responses-inside"].map(plot);
+    assert!(report.contains(&arrivals) && report.contains(&inside));
+    assert!(arrivals.contains("tx to rx: A") && !arrivals.contains("tx to in: A"));
+    assert!(inside.contains("tx to in: A") && inside.contains("part of the particles"));
+}
+
+#[test]
 fn options_sweep_and_threads_change_no_byte() {
     let scratch = Scratch::new();
     let scenario = scratch.write("s.toml", SCENARIO);

@@ -104,27 +104,31 @@ fn response_section(
     sweep: &SweepRuns,
     responses: &[Vec<Response>],
 ) -> Result<Option<Section>, Box<dyn Error>> {
-    let mut lines = Vec::new();
+    let (mut densities, mut momentary) = (Vec::new(), Vec::new());
     for ((point, values), responses) in sweep.points.iter().zip(&sweep.values).zip(responses) {
         let model = &point.run.scenario.model;
         for response in responses {
             let bin = f64::from(response.width) * model.time_step;
+            let (lines, by) = match model.receivers[response.link.receiver].is_momentary() {
+                true => (&mut momentary, 1.0),
+                false => (&mut densities, bin),
+            };
             let points = response.parts.iter().enumerate().map(|(k, part)| {
-                mark(
-                    (k as f64 + 0.5) * bin,
-                    part.mean() / bin,
-                    part.standard_error().map(|error| error / bin),
-                )
+                mark((k as f64 + 0.5) * bin, part.mean() / by, part.standard_error().map(|error| error / by))
             });
             let name = format!("{}{}", link_name(response.link, model), others(sweep, values, usize::MAX));
             lines.push(Series { name, points: points.collect(), dashed: false, color: lines.len() });
         }
     }
-    if lines.is_empty() || lines.len() > MAX_LINES {
-        return Ok(None);
+    let mut section = Section { title: "Impulse responses".into(), ..Section::default() };
+    let title = "Impulse responses of all points";
+    for (file, title, axis, lines) in [
+        ("impulse-responses", title.to_owned(), "arrivals per particle and s", densities),
+        ("impulse-responses-inside", format!("{title}: part inside"), "part of the particles", momentary),
+    ] {
+        if lines.len() <= MAX_LINES {
+            section.plots.extend(plot(file, &title, ("time since release, s", axis), &lines)?);
+        }
     }
-    let axes = ("time since release, s", "arrivals per particle and s");
-    let plots = plot("impulse-responses", "Impulse responses of all points", axes, &lines)?;
-    let section = Section { title: "Impulse responses".into(), ..Section::default() };
-    Ok(Some(Section { plots: plots.into_iter().collect(), ..section }))
+    Ok((!section.plots.is_empty()).then_some(section))
 }
