@@ -65,7 +65,8 @@ pub enum Shape {
     Box([f32; 3]),
     /// Uniform in a cylinder: axis, radius, length; a disk if the length is 0.
     Cylinder(usize, f32, f32),
-    /// Lattice in a box: sides, and sites per axis, filled x fastest.
+    /// Lattice in a box: sides, and sites per axis, filled x fastest. Each burst begins at the first site. Steady
+    /// release goes on from site to site, or takes a random site for each particle of a Poisson process.
     Lattice([f32; 3], [u32; 3]),
 }
 
@@ -143,7 +144,14 @@ fn due(times: &[f64], step: u32, time_step: f64) -> &[f64] {
 }
 
 impl Shape {
-    /// Returns the offset from the center of particle `place` of a burst, by random words.
+    /// Returns a uniformly distributed site of a lattice, and 0 for other shapes.
+    pub(crate) fn random_site(self, word: u32) -> u32 {
+        let Self::Lattice(_, sites) = self else { return 0 };
+        let count: u128 = sites.map(u128::from).into_iter().product();
+        ((u128::from(word) * count) >> 32).min(u32::MAX.into()) as u32
+    }
+
+    /// Returns the offset from the center, by random words; of a lattice, that of site `place`.
     pub(crate) fn offset(self, words: [u32; 4], place: u32, boundary: &Boundary) -> [f32; 3] {
         match self {
             Self::Point => [0.0; 3],

@@ -52,6 +52,8 @@ struct Batch<'a> {
     now: f64,
     species: u32,
     count: u32,
+    /// Lattice site of the first particle.
+    site: u32,
     ages: Ages,
 }
 
@@ -87,23 +89,24 @@ impl Model {
             decayed: vec![0; self.decays.len()],
         };
         let own = slice.of(released - u64::from(next_id));
-        let (mut before, mut place) = (0, 0);
+        let (mut before, mut site) = (0, 0);
         for (k, batch) in batches.iter().enumerate() {
             let goes_on = k > 0 && std::ptr::eq(batches[k - 1].from, batch.from);
-            place = if goes_on { place } else { 0 };
+            site = if goes_on { site } else { batch.site };
             let [first, last] =
                 [own.start, own.end].map(|at| at.saturating_sub(before).min(batch.count.into()) as u32);
             for nth in first..last {
                 let id = next_id + before as u32 + nth;
-                self.add(batch, (id, place + nth, nth), (decays, key), &mut out);
+                self.add(batch, (id, site.wrapping_add(nth), nth), (decays, key), &mut out);
             }
             before += u64::from(batch.count);
-            place += batch.count;
+            site = site.wrapping_add(batch.count);
         }
         Ok(out)
     }
 
-    /// Releases outside the schedule, with these ids. `at` has the centers and the key.
+    /// Releases outside the schedule, with these ids, from which lattice sites follow. `at` has the centers and the
+    /// key.
     pub(crate) fn burst(
         &self,
         from: &Transmitter,
@@ -119,9 +122,10 @@ impl Model {
             released: vec![0; self.species.len()],
             decayed: vec![0; self.decays.len()],
         };
-        let batch = Batch { from, center, now: 0.0, species, count: ids.end - ids.start, ages: Ages::None };
+        let [site, count] = [ids.start, ids.end - ids.start];
+        let batch = Batch { from, center, now: 0.0, species, count, site, ages: Ages::None };
         for (nth, id) in (0..).zip(ids) {
-            self.add(&batch, (id, nth, nth), (decays, key), &mut out);
+            self.add(&batch, (id, id, nth), (decays, key), &mut out);
         }
         out
     }
@@ -153,7 +157,7 @@ impl Model {
                 } else {
                     count
                 };
-                Batch { from, center: from.center, now: 0.0, species, count, ages: Ages::None }
+                Batch { from, center: from.center, now: 0.0, species, count, site: 0, ages: Ages::None }
             };
             return counts.map(batch).collect();
         };
@@ -163,17 +167,19 @@ impl Model {
         if first >= last {
             return Vec::new();
         }
+        let before = |rate: f64| released_until(first, rate, *begin);
+        let site = rates.iter().map(|&(_, rate)| before(rate)).sum::<f64>() as u64 as u32;
         let batch = |&(species, rate): &(u32, f64)| match from.numbers {
             CountDistribution::Poisson => {
                 let count = poisson(rate * (last - first));
                 let ages = Ages::Between(now - last, now - first);
-                Batch { from, center: from.center, now, species, count, ages }
+                Batch { from, center: from.center, now, species, count, site, ages }
             }
             CountDistribution::Fixed => {
-                let [before, after] = [first, last].map(|time| released_until(time, rate, *begin));
+                let [before, after] = [before(rate), released_until(last, rate, *begin)];
                 let oldest = now - begin - (before + 1.0) / rate;
                 let ages = Ages::Spaced(oldest, 1.0 / rate);
-                Batch { from, center: from.center, now, species, count: (after - before) as u32, ages }
+                Batch { from, center: from.center, now, species, count: (after - before) as u32, site, ages }
             }
         };
         rates.iter().map(batch).collect()
@@ -200,14 +206,20 @@ impl Model {
     fn add(
         &self,
         batch: &Batch<'_>,
-        (id, place, nth): (u32, u32, u32),
+        (id, site, nth): (u32, u32, u32),
         (decays, key): (&Decays, Key),
         out: &mut Released,
     ) {
         out.released[batch.species as usize] += 1;
         let kind = &self.species[batch.species as usize];
         let mut velocity = self.own_velocity(batch.species, key.draw(id, 0, 0, Purpose::Velocity));
-        let offset = batch.from.shape.offset(key.draw(id, 0, 0, Purpose::Release), place, &self.boundary);
+        let words = key.draw(id, 0, 0, Purpose::Release);
+        let site = match batch.ages {
+            // A Poisson process at each site: the number of earlier particles is unknown.
+            Ages::Between(..) => batch.from.shape.random_site(words[0]),
+            Ages::None | Ages::Spaced(..) => site,
+        };
+        let offset = batch.from.shape.offset(words, site, &self.boundary);
         let mut from: [f32; 3] = std::array::from_fn(|k| batch.center[k] + offset[k]);
         let [word, ..] = key.draw(id, 0, 0, Purpose::PartialStep);
         let age = match batch.ages {

@@ -1,4 +1,5 @@
 use super::*;
+use crate::model::transmitter::Shape;
 use crate::model::{Decay, Species};
 
 fn steady(rates: Vec<(u32, f64)>, [from, until]: [f64; 2]) -> Transmitter {
@@ -66,6 +67,48 @@ fn products_since_the_release_have_the_thermal_speeds_of_their_species() {
         let error = speed / (2.0 * f64::from(count)).sqrt();
         assert!(count > 20_000 && (measured - speed).abs() <= 4.0 * error, "{measured}, not {speed}");
     }
+}
+
+#[test]
+fn steady_release_fills_all_sites_of_a_lattice() {
+    let ends = [0.0, 1.0];
+    for (numbers, rates) in [
+        (CountDistribution::Fixed, vec![(0, 30.0), (0, 10.0)]),
+        (CountDistribution::Poisson, vec![(0, 4000.0)]),
+    ] {
+        let shape = Shape::Lattice([4.0, 1.0, 1.0], [4, 1, 1]);
+        let model = Model {
+            time_step: 0.05,
+            species: vec![Species { mass: 1.0, ..Species::default() }],
+            transmitters: vec![Transmitter { shape, numbers, ..steady(rates, ends) }],
+            ..Model::default()
+        };
+        let (decays, mut next_id) = (Decays::new(&model), 0);
+        let mut counts = [0; 4];
+        for step in 0..=20 {
+            let at = ReleaseStep { decays: &decays, key: Key::new(3), step, next_id, centers: &[] };
+            let released = model.release(at).expect("a release");
+            next_id = released.next_id;
+            let places = (0..released.particles.len()).map(|at| released.particles.get(at).position[0]);
+            places.for_each(|x| counts[(x + 1.5) as usize] += 1);
+        }
+        let all = counts.iter().sum::<usize>();
+        let spread = if numbers == CountDistribution::Fixed { 0.0 } else { 4.0 * (all as f64 / 4.0).sqrt() };
+        let is_even = |&count: &usize| (count as f64 - all as f64 / 4.0).abs() <= spread;
+        assert!(all >= 40 && counts.iter().all(is_even), "{counts:?}");
+    }
+}
+
+#[test]
+fn emitted_particles_go_on_from_site_to_site() {
+    let shape = Shape::Lattice([4.0, 1.0, 1.0], [4, 1, 1]);
+    let transmitter = Transmitter { shape, ..Transmitter::default() };
+    let species = vec![Species { mass: 1.0, ..Species::default() }];
+    let model = Model { time_step: 0.1, species, ..Model::default() };
+    let decays = Decays::new(&model);
+    let at = ReleaseStep { decays: &decays, key: Key::new(3), step: 1, next_id: 0, centers: &[] };
+    let place = |id| model.burst(&transmitter, 0, id..id + 1, at).particles.get(0).position[0];
+    assert_eq!([4, 5, 6, 7, 8].map(place), [-1.5, -0.5, 0.5, 1.5, -1.5]);
 }
 
 #[test]
