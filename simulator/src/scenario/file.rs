@@ -179,7 +179,7 @@ pub(super) enum Shape {
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub(super) struct Receiver {
-    pub(super) name: Name,
+    pub(super) name: Spanned<Name>,
     pub(super) center: Option<Spanned<[Finite; 3]>>,
     pub(super) radius: Option<Spanned<Positive>>,
     pub(super) kind: Spanned<ReceiverKind>,

@@ -170,10 +170,17 @@ struct Names<'a> {
     places: HashMap<&'a str, u32>,
 }
 
+/// Columns of every series.
+const COLUMNS: [&str; 4] = ["step", "time", "pairs", "contacts"];
+
 impl<'a> Names<'a> {
     fn new(species: &'a [Species], file: &[file::Species]) -> Result<Self, Problem> {
         let mut places = HashMap::with_capacity(species.len());
         for ((place, one), from) in (0..).zip(species).zip(file) {
+            if COLUMNS.contains(&one.name.as_str()) {
+                let message = format!("'{}' is another column of the series; rename the species", one.name);
+                return Err(Problem::at(from.name.span(), message));
+            }
             if places.insert(one.name.as_str(), place).is_some() {
                 let message = format!("there are two species '{}'; rename one", one.name);
                 return Err(Problem::at(from.name.span(), message));

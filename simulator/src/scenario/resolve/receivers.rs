@@ -1,3 +1,5 @@
+use std::collections::HashSet;
+
 use toml::Spanned;
 
 use super::Names;
@@ -18,33 +20,48 @@ pub(super) fn receivers(
     warnings: &mut Vec<Problem>,
 ) -> Result<Vec<Receiver>, Problem> {
     check_memory(many, names.species.len())?;
-    let mut all = Vec::new();
+    let (mut all, mut known) = (Vec::new(), HashSet::new());
     for one in many {
-        let receiver = receiver(one, names, model, warnings)?;
-        let Some(center) = one.center.as_ref().map(Spanned::span) else {
+        for receiver in at_places(one, names, model, warnings)? {
+            if !known.insert(receiver.name.clone()) {
+                let message = format!("there are two receivers '{}'; rename one", receiver.name);
+                return Err(Problem::at(one.name.span(), message));
+            }
             all.push(receiver);
-            continue;
-        };
-        let Some(lattice) = one.lattice else {
-            check_place(&model.boundary, center, receiver.center, receiver.radius, warnings)?;
-            all.push(receiver);
-            continue;
-        };
-        let places = lattice.places.map(u32::from);
-        let shape = Shape::Lattice(lattice.size.map(|edge| edge.0 as f32), places);
-        let Some(count) = places.into_iter().try_fold(1, u32::checked_mul) else {
-            let message = format!("{places:?} places are more than can be numbered; make them fewer");
-            return Err(Problem::at(center, message));
-        };
-        let said = warnings.len();
-        for k in 0..count {
-            let offset = shape.offset([0; 4], k, &model.boundary);
-            let at = std::array::from_fn(|axis| receiver.center[axis] + offset[axis]);
-            check_place(&model.boundary, center.clone(), at, receiver.radius, warnings)?;
-            all.push(Receiver { name: format!("{}-{k}", receiver.name), center: at, ..receiver.clone() });
         }
-        warnings.truncate(said + 1);
     }
+    Ok(all)
+}
+
+/// Returns a receiver, or those of its lattice.
+fn at_places(
+    one: &file::Receiver,
+    names: &Names<'_>,
+    model: &Model,
+    warnings: &mut Vec<Problem>,
+) -> Result<Vec<Receiver>, Problem> {
+    let receiver = receiver(one, names, model, warnings)?;
+    let Some(center) = one.center.as_ref().map(Spanned::span) else {
+        return Ok(vec![receiver]);
+    };
+    let Some(lattice) = one.lattice else {
+        check_place(&model.boundary, center, receiver.center, receiver.radius, warnings)?;
+        return Ok(vec![receiver]);
+    };
+    let places = lattice.places.map(u32::from);
+    let shape = Shape::Lattice(lattice.size.map(|edge| edge.0 as f32), places);
+    let Some(count) = places.into_iter().try_fold(1, u32::checked_mul) else {
+        let message = format!("{places:?} places are more than can be numbered; make them fewer");
+        return Err(Problem::at(center, message));
+    };
+    let (mut all, said) = (Vec::new(), warnings.len());
+    for k in 0..count {
+        let offset = shape.offset([0; 4], k, &model.boundary);
+        let at = std::array::from_fn(|axis| receiver.center[axis] + offset[axis]);
+        check_place(&model.boundary, center.clone(), at, receiver.radius, warnings)?;
+        all.push(Receiver { name: format!("{}-{k}", receiver.name), center: at, ..receiver.clone() });
+    }
+    warnings.truncate(said + 1);
     Ok(all)
 }
 
@@ -89,7 +106,7 @@ fn receiver(
     let kind = kind(one, names, &sees)?;
     let (center, radius) = extent(one)?;
     let receiver = Receiver {
-        name: one.name.0.clone(),
+        name: one.name.get_ref().0.clone(),
         center,
         radius,
         kind,

@@ -13,9 +13,17 @@ pub(super) fn schedule(
     names: &Names<'_>,
 ) -> Result<(Schedule, Vec<(u32, u32)>), Problem> {
     let span = transmitter.release.span();
+    let is_message = transmitter.bits.is_some() || transmitter.random_bits.is_some();
     let (mut counts, mut rates) = (Vec::new(), Vec::new());
     for one in transmitter.release.get_ref() {
         let species = names.get(&one.species)?;
+        if is_message && counts.iter().any(|&(other, _)| other == species) {
+            let message = format!(
+                "'{}' is in the release of a symbol twice, which arrivals do not tell apart; take one away",
+                one.species.get_ref()
+            );
+            return Err(Problem::at(one.species.span(), message));
+        }
         match (one.count, one.rate) {
             (Some(count), None) => counts.push((species, count)),
             (None, Some(rate)) => rates.push((species, rate.0)),
@@ -25,7 +33,6 @@ pub(super) fn schedule(
             }
         }
     }
-    let is_message = transmitter.bits.is_some() || transmitter.random_bits.is_some();
     let schedule = match (rates.is_empty(), is_message) {
         (true, true) => Schedule::Message(message(transmitter, counts.len())?),
         (true, false) => {

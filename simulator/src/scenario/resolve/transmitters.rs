@@ -1,3 +1,5 @@
+use std::collections::HashMap;
+
 use lazygrid_io::excerpt;
 
 use super::Names;
@@ -14,7 +16,17 @@ pub(super) fn transmitters(
     boundary: &Boundary,
     warnings: &mut Vec<Problem>,
 ) -> Result<Vec<Transmitter>, Problem> {
-    many.into_iter().map(|one| transmitter(one, names, boundary, warnings)).collect()
+    let mut all: Vec<Transmitter> = Vec::new();
+    for one in many {
+        let span = one.name.span();
+        let own = transmitter(one, names, boundary, warnings)?;
+        if all.iter().any(|other| other.name == own.name) {
+            let message = format!("there are two transmitters '{}'; rename one", own.name);
+            return Err(Problem::at(span, message));
+        }
+        all.push(own);
+    }
+    Ok(all)
 }
 
 fn transmitter(
@@ -58,14 +70,25 @@ fn shape(shape: file::Shape) -> Shape {
     }
 }
 
-/// Sources everywhere or in a region, as transmitters of steady release.
+/// Sources everywhere or in a region, as transmitters of steady release. Equal equations get a number, as in
+/// `-> A (2)`, because files and reports tell transmitters apart by name.
 pub(super) fn sources(
     many: &[file::Source],
     names: &Names<'_>,
     boundary: &Boundary,
     warnings: &mut Vec<Problem>,
 ) -> Result<Vec<Transmitter>, Problem> {
-    many.iter().map(|one| source(one, names, boundary, warnings)).collect()
+    let mut counts: HashMap<String, u32> = HashMap::new();
+    let numbered = |one| {
+        let mut own = source(one, names, boundary, warnings)?;
+        let count = counts.entry(own.name.clone()).or_default();
+        *count += 1;
+        if *count > 1 {
+            own.name = format!("{} ({count})", own.name);
+        }
+        Ok(own)
+    };
+    many.iter().map(numbered).collect()
 }
 
 fn source(

@@ -104,6 +104,7 @@ fn a_mistake_is_named_by_line_and_key() {
         ("high = [1, 1, 1.5]", "high = [1, 1, -2]", 9, "high", "not above low"),
         ("radius = 0.1", "radios = 0.1", 13, "radios", "unknown field"),
         ("name = \"base\"", "name = \"acid\"", 17, "name", "two species 'acid'"),
+        ("name = \"base\"", "name = \"pairs\"", 17, "name", "'pairs' is another column of the series"),
         ("drift = [1, 0, 0]", "drift = [1, 0]", 19, "drift", "invalid length 2"),
         (
             "acid + base -> base",

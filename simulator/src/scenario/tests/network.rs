@@ -76,6 +76,7 @@ fn sources_are_everywhere_or_in_a_region() {
     let ball = "center = [0.5, 1, 1]\nshape = { kind = \"ball\", radius = 0.5 }";
     let model = network(&(source("") + &source(ball) + walls)).unwrap().model;
     let [everywhere, region] = &model.transmitters[..] else { panic!("{:?}", model.transmitters) };
+    assert_eq!([&everywhere.name[..], &region.name], ["-> A", "-> A (2)"]);
     let Shape::Box(edges) = everywhere.shape else { panic!("{everywhere:?}") };
     assert!(edges.into_iter().zip([0.9, 1.9, 3.9]).all(|(edge, is)| (edge - is).abs() < 1e-6), "{edges:?}");
     assert_eq!(everywhere.center, [0.5, 1.0, 2.0]);
@@ -112,6 +113,10 @@ fn a_vessel_has_a_flow() {
 
 fn transmitter(more: &str) -> String {
     format!("[[transmitter]]\nname = \"tx\"\n{more}\n")
+}
+
+fn receiver(name: &str) -> String {
+    format!("[[receiver]]\nkind = \"absorbing\"\ncenter = [0, 0, 0]\nradius = 1\nname = \"{name}\"\n")
 }
 
 #[test]
@@ -236,6 +241,18 @@ fn contradictory_reactions_are_refused() {
             "outside the cylinder of radius 1 along x",
         ),
         (transmitter("release = [{ species = \"A\" }]"), "release", "either a count, for a burst, or a rate"),
+        (transmitter(a) + &transmitter(r), "name", "two transmitters 'tx'"),
+        (
+            transmitter(&format!("{a}bits = \"01\"\nsymbol-time = 1\nmodulation = \"mosk\""))
+                .replace("count = 9 }", "count = 9 }, { species = \"A\", count = 4 }"),
+            "release",
+            "'A' is in the release of a symbol twice",
+        ),
+        (
+            ["rx-1", "rx\"\nlattice = { size = [1, 1, 1], places = [2, 1, 1] }\n#"].map(receiver).concat(),
+            "name",
+            "two receivers 'rx-1'",
+        ),
     ] {
         let error = network(&text).expect_err(&text).to_string();
         assert!(error.contains(&format!("`{key}`: ")) && error.contains(message), "{text}: {error}");
