@@ -22,6 +22,12 @@ impl Progress {
             if let Some(bar) = bar.upgrade() {
                 show(&bar, ProgressDrawTarget::stderr());
             }
+            // The bar's own ticker panics if the system refuses it a thread.
+            while let Some(bar) = bar.upgrade().filter(|bar| !bar.is_finished()) {
+                bar.tick();
+                drop(bar);
+                std::thread::sleep(TICK);
+            }
         };
         if let Err(error) = std::thread::Builder::new().spawn(later) {
             log::info!("no progress is shown: {error}");
@@ -63,7 +69,6 @@ fn show(bar: &ProgressBar, target: ProgressDrawTarget) {
     if !bar.is_finished() {
         bar.set_draw_target(target);
         bar.tick();
-        bar.enable_steady_tick(TICK);
     }
 }
 
