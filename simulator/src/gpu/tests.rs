@@ -208,13 +208,10 @@ fn matching_equals_sequential_greedy_matching() {
             let mut expected = vec![None; particles as usize];
             for chosen in choose(&mut Matching::default(), &all, particles as usize) {
                 let ReactionCandidate { at, consumes, .. } = chosen;
-                let [a, b] = at.map(|at| at as f32);
-                let place = match consumes {
-                    [true, true] => 0.5 * (a + b),
-                    [true, false] => b,
-                    _ => a,
-                };
-                (0..2).filter(|&k| consumes[k]).for_each(|k| expected[at[k] as usize] = Some(place));
+                let own = at.map(|at| at as f32);
+                // Products next to a catalyst stay at their reactants.
+                let places = if consumes == [true; 2] { [0.5 * (own[0] + own[1]); 2] } else { own };
+                (0..2).filter(|&k| consumes[k]).for_each(|k| expected[at[k] as usize] = Some(places[k]));
             }
             let found = matched(&own, &all, particles, [rounds, max_iterations]);
             assert_eq!(found, (0, expected), "{particles} particles, {count} candidates, {rounds} rounds");
