@@ -7,7 +7,6 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use lazygrid::{Algorithm, Backend};
 use lazygrid_sim::State;
 use lazygrid_sim::run::Run;
 use lazygrid_sim::run::checkpoint::Checkpoint;
@@ -46,17 +45,7 @@ fn error(ranks: u32, arguments: &[&str]) -> String {
 fn alone(path: &Path, directory: &Path, changes: &Overrides, resume: bool) -> String {
     let mut scenario = Scenario::read(path).unwrap();
     scenario.change(changes);
-    let run = Run {
-        scenario,
-        path: path.to_owned(),
-        directory: directory.to_owned(),
-        backend: Backend::Cpu,
-        algorithm: Algorithm::Auto,
-        threads: Some(1),
-        resume,
-        overwrite: false,
-        space_check: true,
-    };
+    let run = Run { threads: Some(1), resume, ..Run::new(scenario, path, directory) };
     let (_, simulation) = run.run(|_| ControlFlow::Continue(())).unwrap();
     run.summary(&simulation)
 }

@@ -158,7 +158,6 @@ mod tests {
     use arrow_array::cast::AsArray;
     use arrow_array::types::{Float64Type, UInt32Type, UInt64Type};
     use arrow_ipc::reader::FileReader;
-    use lazygrid::{Algorithm, Backend};
 
     use super::*;
     use crate::run::Run;
@@ -199,17 +198,7 @@ arrivals = true
         let mut scenario = Scenario::parse(Path::new("arrow.toml"), scenario.to_owned())?;
         scenario.output.arrow = true;
         let model = scenario.model.clone();
-        let run = Run {
-            scenario,
-            path: "arrow.toml".into(),
-            directory: directory.to_owned(),
-            backend: Backend::Cpu,
-            algorithm: Algorithm::Auto,
-            threads: None,
-            resume: false,
-            overwrite: true,
-            space_check: false,
-        };
+        let run = Run { overwrite: true, space_check: false, ..Run::new(scenario, "arrow.toml", directory) };
         run.run(|_| std::ops::ControlFlow::Continue(())).map(|_| model)
     }
 

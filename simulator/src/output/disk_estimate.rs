@@ -163,8 +163,6 @@ mod tests {
     use std::ops::ControlFlow;
     use std::path::Path;
 
-    use lazygrid::{Algorithm, Backend};
-
     use super::*;
     use crate::run::Run;
     use crate::scenario::Scenario;
@@ -172,17 +170,7 @@ mod tests {
     fn foretold_and_written(text: &str) -> [u64; 3] {
         let scenario = Scenario::parse(Path::new("s.toml"), text.to_owned()).unwrap();
         let directory = tempfile::tempdir().unwrap();
-        let run = Run {
-            scenario: scenario.clone(),
-            path: "s.toml".into(),
-            directory: directory.path().join("out"),
-            backend: Backend::Cpu,
-            algorithm: Algorithm::Auto,
-            threads: None,
-            resume: false,
-            overwrite: false,
-            space_check: true,
-        };
+        let run = Run::new(scenario.clone(), "s.toml", directory.path().join("out"));
         let mut forecast = None;
         run.run(|simulation| {
             forecast.get_or_insert_with(|| {

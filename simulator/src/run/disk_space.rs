@@ -98,8 +98,6 @@ mod tests {
     use std::ops::ControlFlow;
     use std::path::Path;
 
-    use lazygrid::{Algorithm, Backend};
-
     use super::*;
     use crate::run::RunEnd;
     use crate::scenario::Scenario;
@@ -110,17 +108,7 @@ mod tests {
              [[transmitter]]\nname = 'tx'\nrelease = [{{ species = 'A', rate = 1e5 }}]\n\
              [[receiver]]\nname = 'rx'\nradius = 1\ncenter = [0, 0, 0]\nkind = 'endpoint'\n[output]\n{output}"
         );
-        Run {
-            scenario: Scenario::parse(Path::new("s.toml"), text).unwrap(),
-            path: "s.toml".into(),
-            directory: directory.join("out"),
-            backend: Backend::Cpu,
-            algorithm: Algorithm::Auto,
-            threads: None,
-            resume: false,
-            overwrite: false,
-            space_check: true,
-        }
+        Run::new(Scenario::parse(Path::new("s.toml"), text).unwrap(), "s.toml", directory.join("out"))
     }
 
     /// 1000 arrivals in each step, of particles that appear in the receiver.

@@ -99,7 +99,6 @@ mod tests {
     use std::ops::ControlFlow;
     use std::path::Path;
 
-    use lazygrid::{Algorithm, Backend};
     use lazygrid_io::available_memory;
 
     use super::*;
@@ -151,17 +150,8 @@ mod tests {
                     [[transmitter]]\nname = 'tx'\nrelease = [{ species = 'A', rate = 1e9 }]\n\
                     [output]\nevery = 1000000000\n";
         let directory = tempfile::tempdir().unwrap();
-        let run = Run {
-            scenario: Scenario::parse(Path::new("s.toml"), text.to_owned()).unwrap(),
-            path: "s.toml".into(),
-            directory: directory.path().join("out"),
-            backend: Backend::Cpu,
-            algorithm: Algorithm::Auto,
-            threads: None,
-            resume: false,
-            overwrite: false,
-            space_check: true,
-        };
+        let scenario = Scenario::parse(Path::new("s.toml"), text.to_owned()).unwrap();
+        let run = Run::new(scenario, "s.toml", directory.path().join("out"));
         let mut calls = 0;
         let (_, simulation) = run
             .run(|_| {

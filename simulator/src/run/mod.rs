@@ -76,6 +76,21 @@ pub(crate) const STALE: [&str; 6] =
     ["replicas.csv", "mean.csv", "points.csv", "sweep.csv", "arrivals.arrow", "releases.arrow"];
 
 impl Run {
+    /// Returns a run on the CPU with the default algorithm and all threads, which replaces no other run.
+    pub fn new(scenario: Scenario, path: impl Into<PathBuf>, directory: impl Into<PathBuf>) -> Self {
+        Self {
+            scenario,
+            path: path.into(),
+            directory: directory.into(),
+            backend: Backend::Cpu,
+            algorithm: Algorithm::Auto,
+            threads: None,
+            resume: false,
+            overwrite: false,
+            space_check: true,
+        }
+    }
+
     /// Does all steps. Calls `watch` before the first and after each (several on a GPU) until it breaks. A checkpoint
     /// at the end allows to resume.
     ///

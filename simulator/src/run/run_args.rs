@@ -3,8 +3,6 @@
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 
-use lazygrid::{Algorithm, Backend};
-
 use crate::Error;
 use crate::run::Run;
 use crate::scenario::{Overrides, Scenario};
@@ -73,16 +71,12 @@ impl RunArgs {
             animated: self.animate.then_some(self.animate_particles),
             animate_every: self.animate_every,
         });
+        let directory = self.output.clone().unwrap_or_else(|| Run::directory_of(&self.scenario));
         Run {
-            scenario,
-            path: self.scenario.clone(),
-            directory: self.output.clone().unwrap_or_else(|| Run::directory_of(&self.scenario)),
-            backend: Backend::Cpu,
-            algorithm: Algorithm::Auto,
-            threads: None,
             resume: self.resume,
             overwrite: self.overwrite,
             space_check: !self.no_space_check,
+            ..Run::new(scenario, &self.scenario, directory)
         }
     }
 }

@@ -80,17 +80,7 @@ pub(crate) fn run(directory: &Path, steps: u32, resume: bool) -> Run {
     scenario.steps = steps;
     scenario.output.animation =
         Some(lazygrid_sim::animation::Animation { every: 5, particles: 100.try_into().unwrap() });
-    Run {
-        scenario,
-        path,
-        directory: directory.to_owned(),
-        backend: Backend::Auto,
-        algorithm: Algorithm::Auto,
-        threads: None,
-        resume,
-        overwrite: false,
-        space_check: true,
-    }
+    Run { backend: Backend::Auto, resume, ..Run::new(scenario, path, directory) }
 }
 
 pub(crate) fn go(run: &Run, ranks: u32) {
