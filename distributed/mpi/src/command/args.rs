@@ -65,7 +65,7 @@ pub(crate) struct Detect {
     #[arg(long)]
     no_rebalance: bool,
     /// Backend of each rank
-    #[arg(long, default_value_t, value_parser = PossibleValuesParser::new(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
+    #[arg(long, default_value_t, value_parser = backend())]
     pub(crate) backend: Backend,
     /// Threads of each rank [default: its share of the cores of its node]
     #[arg(long, value_name = "N")]
@@ -101,7 +101,7 @@ pub(crate) struct Simulate {
     #[command(flatten)]
     pub(crate) options: RunArgs,
     /// Backend on which each rank finds pairs; particles move on the CPU
-    #[arg(long, default_value_t = Backend::Cpu, value_parser = PossibleValuesParser::new(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
+    #[arg(long, default_value_t = Backend::Cpu, value_parser = backend())]
     pub(crate) backend: Backend,
     /// Threads of each rank [default: its share of the cores of its node]
     #[arg(long, value_name = "N")]
@@ -125,7 +125,7 @@ pub(crate) struct BenchScaling {
     #[arg(long, value_name = "N", default_value_t = 5)]
     pub(crate) steps: u32,
     /// Backend of each rank
-    #[arg(long, default_value_t, value_parser = PossibleValuesParser::new(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
+    #[arg(long, default_value_t, value_parser = backend())]
     pub(crate) backend: Backend,
     /// Threads of each rank [default: its share of the cores of its node]
     #[arg(long, value_name = "N")]
@@ -154,6 +154,10 @@ impl Scene {
             Self::Point => "point",
         }
     }
+}
+
+fn backend() -> impl TypedValueParser<Value = Backend> {
+    PossibleValuesParser::new(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>())
 }
 
 impl Command {
