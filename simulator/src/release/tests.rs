@@ -6,28 +6,29 @@ fn steady(rates: Vec<(u32, f64)>, [from, until]: [f64; 2]) -> Transmitter {
     Transmitter { schedule: Schedule::Steady { from, until, rates }, ..Transmitter::default() }
 }
 
+fn decay(reactant: u32, product: u32, rate: f64) -> Decay {
+    Decay { reactant, products: [Some(product), None], rate, ..Decay::default() }
+}
+
+fn released_in_a_step(model: &Model) -> impl Iterator<Item = Particle> {
+    let at = ReleaseStep { decays: &Decays::new(model), key: Key::new(3), step: 1, next_id: 0, centers: &[] };
+    let released = model.release(at).expect("a release");
+    (0..released.particles.len()).map(move |at| released.particles.get(at))
+}
+
 /// A swimmer that comes to rest, and one that begins to swim, soon after the release.
 #[test]
 fn products_since_the_release_have_the_speeds_of_their_species() {
     let species = |speed| Species { speed, mass: 1.0, ..Species::default() };
-    let decay = |reactant, product| Decay {
-        reactant,
-        products: [Some(product), None],
-        rate: 50.0,
-        ..Decay::default()
-    };
     let model = Model {
         time_step: 0.1,
         species: vec![species(20.0), species(0.0), species(5.0)],
-        decays: vec![decay(0, 1), decay(1, 2)],
+        decays: vec![decay(0, 1, 50.0), decay(1, 2, 50.0)],
         transmitters: vec![steady(vec![(0, 1e4), (1, 1e4)], [0.0, 1.0])],
         ..Model::default()
     };
-    let at =
-        ReleaseStep { decays: &Decays::new(&model), key: Key::new(3), step: 1, next_id: 0, centers: &[] };
-    let released = model.release(at).expect("a release");
     let mut counts = [0; 3];
-    for particle in (0..released.particles.len()).map(|at| released.particles.get(at)) {
+    for particle in released_in_a_step(&model) {
         let speed = particle.velocity.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>().sqrt();
         assert!((speed - model.species[particle.species as usize].speed).abs() < 1e-4, "{particle:?}");
         counts[particle.species as usize] += 1;
@@ -39,24 +40,15 @@ fn products_since_the_release_have_the_speeds_of_their_species() {
 #[test]
 fn products_since_the_release_have_the_thermal_speeds_of_their_species() {
     let species = |thermal_speed| Species { thermal_speed, mass: 1.0, ..Species::default() };
-    let decay = |reactant, product| Decay {
-        reactant,
-        products: [Some(product), None],
-        rate: 1e9,
-        ..Decay::default()
-    };
     let model = Model {
         time_step: 0.1,
         species: [100.0, 0.0, 5.0, 10.0, 0.0, 3.0].map(species).to_vec(),
-        decays: vec![decay(0, 1), decay(2, 3), decay(4, 5)],
+        decays: vec![decay(0, 1, 1e9), decay(2, 3, 1e9), decay(4, 5, 1e9)],
         transmitters: vec![steady(vec![(0, 1e5), (2, 1e5), (4, 1e5)], [0.0, 1.0])],
         ..Model::default()
     };
-    let at =
-        ReleaseStep { decays: &Decays::new(&model), key: Key::new(3), step: 1, next_id: 0, centers: &[] };
-    let released = model.release(at).expect("a release");
     let mut sums = [(0.0, 0); 6];
-    for particle in (0..released.particles.len()).map(|at| released.particles.get(at)) {
+    for particle in released_in_a_step(&model) {
         let (sum, count) = &mut sums[particle.species as usize];
         *sum += particle.velocity.iter().map(|&v| f64::from(v).powi(2)).sum::<f64>();
         *count += 3;
