@@ -19,8 +19,8 @@ struct PooledDetector {
 
 pub(crate) struct DetectorPool {
     config: Config,
-    /// The settings of detectors of streams, if other detectors share rayon's global pool. A stream blocks the threads
-    /// of its pool while Python takes no chunk.
+    /// The settings of detectors of streams, if other detectors share rayon's global pool: a stream blocks its threads
+    /// while Python takes no chunk.
     stream_config: Option<Config>,
     is_single_threaded: bool,
     is_on_cpu: bool,

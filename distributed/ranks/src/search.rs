@@ -51,7 +51,7 @@ impl Search {
     /// paper's grids take one set.
     ///
     /// # Errors
-    /// As [`Detector::new`] of `cpu`.
+    /// See [`Detector::new`], which gets `cpu`.
     pub fn new(
         detector: Detector,
         cpu: Config,

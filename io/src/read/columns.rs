@@ -186,8 +186,8 @@ impl Columns {
 /// Numbers of at most this many digits survive a conversion to `f32` (FLT_DIG of C).
 const SAFE_DIGITS: u32 = 6;
 
-/// Returns `true` if `value`, written with as many significant digits as the field has, is another number. Nine digits
-/// of a 32-bit number (`%.9g`) lose none.
+/// Returns `true` if `value`, written with as many significant digits as the field has, is another number. Text
+/// that `%.9g` makes from an `f32` loses none.
 fn loses_digits(field: &[u8], value: f32) -> bool {
     let Some((_, unit)) = digits(field).filter(|&(significant, _)| significant > SAFE_DIGITS) else {
         return false;

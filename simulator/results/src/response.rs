@@ -191,7 +191,7 @@ mod tests {
 
     #[test]
     fn replicas_without_a_release_of_the_species_add_no_sample() {
-        // Of two species that the transmitter sends for its symbols, this replica sent the other one.
+        // The transmitter sends one of two species for each symbol; this replica sent the other one.
         let log = Log { releases: vec![Released { species: 1, ..released(0, 4) }], ..Log::default() };
         let mut response = Response::new(LINK, ARRIVING, 4, 1);
         response.add(&log, 4);
