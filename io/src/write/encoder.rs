@@ -76,27 +76,34 @@ impl Zstandard {
             std::thread::Builder::new().name("zstd".to_owned()).spawn(move || compress(source, out))?;
         Ok(Self { running: Some((into, thread)) })
     }
+
+    /// Returns an error of another kind than `BrokenPipe` if the compressor has ended: callers take a broken pipe for an
+    /// output that nobody reads any more.
+    fn piped<T>(&mut self, write: impl FnOnce(&mut BufWriter<PipeWriter>) -> io::Result<T>) -> io::Result<T> {
+        let failed = || io::Error::other("the compressor has failed");
+        let (into, _) = self.running.as_mut().ok_or_else(failed)?;
+        write(into).map_err(|error| if error.kind() == io::ErrorKind::BrokenPipe { failed() } else { error })
+    }
 }
 
 impl Write for Zstandard {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match &mut self.running {
-            Some((into, _)) => into.write(bytes),
-            None => Err(io::ErrorKind::BrokenPipe.into()),
-        }
+        self.piped(|into| into.write(bytes))
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        self.running.as_mut().map_or(Ok(()), |(into, _)| into.flush())
+        self.piped(BufWriter::flush)
     }
 }
 
 impl Encoder for Zstandard {
     fn finish(mut self: Box<Self>) -> io::Result<()> {
         let Some((mut into, thread)) = self.running.take() else { return Ok(()) };
-        into.flush()?;
+        let flushed = into.flush();
+        // Closes the pipe, which ends the compressor.
         drop(into);
-        thread.join().unwrap_or_else(|_| Err(io::Error::other("the compressor has failed")))
+        thread.join().unwrap_or_else(|_| Err(io::Error::other("the compressor has failed")))?;
+        flushed
     }
 }
 
@@ -184,5 +191,27 @@ mod tests {
             let error = encoder.finish().unwrap_err();
             assert_eq!(error.kind(), io::ErrorKind::StorageFull, "{name}");
         }
+    }
+
+    /// Ends the thread that writes to it.
+    struct Broken;
+
+    impl Write for Broken {
+        fn write(&mut self, _: &[u8]) -> io::Result<usize> {
+            panic!("on purpose")
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn a_compressor_that_ends_is_no_closed_output() {
+        let mut encoder = encoder(Path::new("a.csv.zst"), Broken).unwrap();
+        let noise: Vec<u8> = (0..1_u32 << 22).map(|k| (k.wrapping_mul(2_654_435_769) >> 24) as u8).collect();
+        let error = (0..4).find_map(|_| encoder.write_all(&noise).err());
+        assert_eq!(error.map(|error| error.kind()), Some(io::ErrorKind::Other));
+        assert_eq!(encoder.finish().unwrap_err().kind(), io::ErrorKind::Other);
     }
 }
