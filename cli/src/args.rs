@@ -28,8 +28,8 @@ pub(crate) const FRAME: &str = "{frame}";
 /// All pairs of overlapping spheres.
 #[derive(Debug, Parser)]
 #[command(name = "lazygrid", version, arg_required_else_help = true)]
-#[command(after_help = "Exit code: 0 done; 1 bad input or failure; 2 wrong usage. \
-                        RUST_LOG=info says more on standard error.")]
+#[command(after_help = "Exit code: 0 done; 1 bad input or failure; 2 wrong usage; 128 plus the number of a signal \
+                        that stopped simulate. RUST_LOG=info says more on standard error.")]
 pub(crate) struct Args {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -45,7 +45,7 @@ pub(crate) enum Command {
     Simulate(Simulate),
     /// List GPU adapters and the CPU's vector width
     Devices,
-    /// Measure the GPU: the number of spheres from which a grid is faster, and the costs of skins
+    /// Measure the GPU: from how many spheres a grid, a radix sort and the GPU itself are faster, and the costs of skins
     #[command(
         after_help = "The result is stored in the user's cache directory, as lazygrid/calibration.json, for the \
                             adapter, its driver and this version; --json of `detect` says whether it was used."
@@ -167,7 +167,7 @@ pub(crate) struct Detect {
     /// Find neighbor lists instead of pairs
     #[arg(long)]
     pub(crate) neighbors: bool,
-    /// Limit of pairs in memory; more are streamed [default: 2^29]
+    /// Limit of pairs in memory; more are streamed to --output, and otherwise, or with --neighbors, an error [default: 2^29]
     #[arg(long, value_name = "N")]
     pub(crate) max_pairs: Option<u64>,
     /// Print one JSON object per frame, each on a line of its own
@@ -230,14 +230,20 @@ pub(crate) enum ArrivalsFormat {
   arrivals.csv        the time, receiver, species, id, transmitter and release of each arrival, and
   releases.csv        each release, if the scenario asks for arrivals; both also as arrivals.arrow
                       and releases.arrow (Arrow IPC files) with --arrivals-format arrow
+  occupancy.csv       with arrivals, particles inside transparent receivers or bound to receptors, by release
   animation.html      plays the run, with --animate; animation.frames has its frames
   report.html         plots (also in plots) and tables, with --report; with a log of arrivals also
-                      impulse-response.csv, and if bits are sent interference.csv and bit-errors.csv
+                      impulse-response.csv, and if bits are sent interference.csv, bit-errors.csv and
+                      by-symbol.csv, the counts of each sent symbol
   .lock               locked while a run writes to the directory
 With --replicas:
   replicas.csv        the seed of each replica
   replica-0000        the files of a replica, as of a single run with its seed, and so on
   mean.csv            the mean of each series and its standard error, of the finished replicas
+With --sweep or [sweep]:
+  points.csv          the values of each point
+  point-0000          the files of the replicas of a point, and so on
+  sweep.csv           the results of each point, with bounds
 
 Exit code: 0 all steps are done; 1 bad input or failure; 2 wrong usage; 128 plus the signal's number, with a
 checkpoint to resume, after Ctrl-C (130), SIGTERM (143) or SIGHUP (129).

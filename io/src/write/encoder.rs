@@ -78,7 +78,7 @@ impl Zstandard {
     }
 
     /// Returns an error of another kind than `BrokenPipe` if the compressor has ended: callers take a broken pipe for an
-    /// output that nobody reads any more.
+    /// output whose reader has ended.
     fn piped<T>(&mut self, write: impl FnOnce(&mut BufWriter<PipeWriter>) -> io::Result<T>) -> io::Result<T> {
         let failed = || io::Error::other("the compressor has failed");
         let (into, _) = self.running.as_mut().ok_or_else(failed)?;

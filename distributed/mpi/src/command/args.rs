@@ -90,8 +90,8 @@ pub(crate) struct Detect {
 #[command(
     after_help = "Files are those of `lazygrid simulate`, and checkpoint.STEP.RANK, the particles of each
 rank. Any number of ranks and `lazygrid simulate` resume from them, and ranks resume from its
-checkpoint. Collisions are not exchanged between ranks: contact = \"separate\" and
-\"elastic\" are refused. SIGTERM stops a run with a checkpoint.
+checkpoint. Collisions (contact = \"separate\" and \"elastic\") cost rounds of messages in each
+step. SIGTERM stops a run with a checkpoint, and exit code 1.
 
 Examples:
   mpirun -n 8 lazygrid-mpi simulate acid-base.toml
