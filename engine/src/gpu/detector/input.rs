@@ -95,9 +95,9 @@ pub struct GpuSpheres<'a> {
     /// A `u32` per sphere.
     pub(crate) species: Option<BufferRange<'a>>,
     /// Range of the smaller index of pairs.
-    pub(crate) window: Range<u32>,
-    /// Size of the first of two sets; 0 for one set.
-    pub(crate) split: u32,
+    window: Range<u32>,
+    /// Size of the first of two sets.
+    first: Option<u32>,
 }
 
 impl<'a> GpuSpheres<'a> {
@@ -113,7 +113,7 @@ impl<'a> GpuSpheres<'a> {
     }
 
     fn from_buffers(spheres: SphereBuffers<'a>, count: SphereCount<'a>) -> Self {
-        Self { spheres, count, species: None, window: Self::ALL, split: 0 }
+        Self { spheres, count, species: None, window: Self::ALL, first: None }
     }
 
     /// Adds a `u32` species id per sphere, required with interactions; `STORAGE` usage.
@@ -128,9 +128,15 @@ impl<'a> GpuSpheres<'a> {
 
     /// Restricts pairs to one of the first `first` spheres and one of the others.
     pub fn across(self, first: u32) -> Self {
-        match first {
-            0 => Self { window: 0..0, split: 0, ..self },
-            split => Self { split, ..self },
+        Self { first: Some(first), ..self }
+    }
+
+    /// Returns the window of the smaller index and the size of the first of two sets, 0 for one set. An empty set pairs
+    /// with none.
+    pub(crate) fn search(&self) -> (Range<u32>, u32) {
+        match self.first {
+            Some(0) => (0..0, 0),
+            first => (self.window.clone(), first.unwrap_or(0)),
         }
     }
 

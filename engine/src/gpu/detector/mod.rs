@@ -242,7 +242,7 @@ impl GpuDetector {
         check(&self.settings).inspect_err(|_| self.settings.cell_ratio = before)
     }
 
-    /// Records the detection without submit, poll or readback. No dispatch exceeds
+    /// Records the detection without submit, poll or readback, in parts by
     /// [`GpuConfig::max_tests_per_dispatch`]. Allocates only if the call is larger than all before; otherwise it
     /// returns the previous buffers.
     ///
@@ -335,11 +335,12 @@ impl GpuDetector {
         (choice, source): (AlgorithmChoice, LayoutSource),
         input: &GpuSpheres<'_>,
     ) -> Result<(), Error> {
+        let (window, split) = input.search();
         let settings = CallSettings {
             config: &self.settings,
             cell_ratio: choice.cell_ratio,
-            window: input.window.clone(),
-            split: input.split,
+            window,
+            split,
             sides: self.tables.as_ref().map(|tables| &tables.bytes.sides),
         };
         let call = prepared.plan.call(&settings);

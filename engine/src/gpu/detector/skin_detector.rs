@@ -196,10 +196,8 @@ impl GpuSkinDetector {
         };
         let Resident { buffers, candidates, .. } = &mut resident;
         // Candidates serve any window and split.
-        let kept = GpuSpheres {
-            species: buffers.find(BufferId::ReferenceSpecies).map(Into::into),
-            ..GpuSpheres::new(buffers.get(BufferId::ReferenceSpheres), input.count)
-        };
+        let mut kept = GpuSpheres::new(buffers.get(BufferId::ReferenceSpheres), input.count);
+        kept.species = buffers.find(BufferId::ReferenceSpecies).map(Into::into);
         let found = self.search.bind_as(choice, &kept, LayoutSource::Survey)?;
         // New search buffers invalidate the candidates.
         let candidates = match candidates.take().filter(|candidates| candidates.found == found) {
@@ -209,9 +207,10 @@ impl GpuSkinDetector {
                 candidates.insert(Candidates { found, state, parts: SmallCache::NONE })
             }
         };
+        let (window, split) = input.search();
         let key = Key {
             input: input.bound(spheres, self.settings.columns.as_ref())?,
-            call: self.settings.call(spheres, &input.window, input.split),
+            call: self.settings.call(spheres, &window, split),
             reuses_layout: false,
         };
         self.record(buffers, candidates, key)?;

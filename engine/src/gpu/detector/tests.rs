@@ -49,7 +49,7 @@ fn wrapped(gpu: &GpuDevice, space: Space, spheres: &[Sphere]) -> Vec<Sphere> {
     let mut detector = detector(gpu, GpuConfig::default().algorithm(Algorithm::Naive).space(space));
     let given = upload(gpu, spheres);
     let mut encoder = encoder(gpu);
-    let input = GpuSpheres { window: 0..0, ..GpuSpheres::new(&given, spheres.len() as u32) };
+    let input = GpuSpheres::new(&given, spheres.len() as u32).in_window(0..0);
     detector.encode(&mut encoder, &input).expect("recorded");
     let buffers = &detector.prepared.as_ref().expect("recorded").buffers;
     download(gpu, encoder, buffers.get(BufferId::Wrapped), spheres.len())

@@ -95,7 +95,9 @@ impl GpuSession {
         let (found, details) = match (work, skin) {
             (Submission::Full(window), skin) => {
                 let species = slot.species().filter(|_| detector.has_interactions()).map(Into::into);
-                let input = GpuSpheres { species, window, split, ..GpuSpheres::new(&spheres, slot.count) };
+                let mut input = GpuSpheres::new(&spheres, slot.count).in_window(window);
+                input.species = species;
+                input = if split > 0 { input.across(split) } else { input };
                 count.searches += 1;
                 match skin {
                     Some(skin) => {
