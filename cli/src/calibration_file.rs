@@ -91,14 +91,18 @@ fn read(path: &Path) -> io::Result<CalibrationFile> {
     }
 }
 
+/// A device with a rate far from these would run each workgroup by itself, or a call in one dispatch.
+const TESTS_PER_SECOND: std::ops::RangeInclusive<f64> = 1e6..=1e14;
+
 /// Refuses calibrations that would test all pairs of millions of spheres.
 fn checked(file: CalibrationFile) -> io::Result<CalibrationFile> {
     let most = Crossover::MOST;
     for entry in &file.calibrations {
         let Entry { adapter, naive_below, per_class, skin, tests_per_second, .. } = entry;
-        if tests_per_second.is_some_and(|rate| !(rate.is_finite() && rate > 0.0)) {
+        if tests_per_second.is_some_and(|rate| !TESTS_PER_SECOND.contains(&rate)) {
+            let [least, most] = [TESTS_PER_SECOND.start(), TESTS_PER_SECOND.end()];
             return Err(io::Error::other(format!(
-                "the tests per second of {adapter} must be finite and positive"
+                "the tests per second of {adapter} must be from {least:e} to {most:e}"
             )));
         }
         if *naive_below.max(per_class) > most {
@@ -170,20 +174,21 @@ mod tests {
     fn impossible_measurements_are_refused() {
         let costs =
             Skin { search_ns: 1.0, find_ns: 0.0, keep_ns: 0.0, measure_ns: 0.0, test_ns: 0.0, call_ns: 0.0 };
-        for (naive_below, per_class, skin, good) in [
-            (0, 0, Some(costs), true),
-            (0, 0, None, true),
-            (Crossover::MOST, Crossover::MOST, Some(costs), true),
-            (Crossover::MOST + 1, 0, Some(costs), false),
-            (4_000_000_000, 0, None, false),
-            (100, u32::MAX, Some(costs), false),
-            (100, 0, Some(Skin { search_ns: 0.0, ..costs }), false),
-            (100, 0, Some(Skin { test_ns: -1.0, ..costs }), false),
+        for (naive_below, per_class, skin, tests_per_second, good) in [
+            (0, 0, Some(costs), 1e9, true),
+            (0, 0, None, 1e9, true),
+            (Crossover::MOST, Crossover::MOST, Some(costs), 1e9, true),
+            (Crossover::MOST + 1, 0, Some(costs), 1e9, false),
+            (4_000_000_000, 0, None, 1e9, false),
+            (100, u32::MAX, Some(costs), 1e9, false),
+            (100, 0, Some(Skin { search_ns: 0.0, ..costs }), 1e9, false),
+            (100, 0, Some(Skin { test_ns: -1.0, ..costs }), 1e9, false),
+            (100, 0, Some(costs), 1e300, false),
+            (100, 0, Some(costs), 1.0, false),
         ] {
             let [adapter, driver, lazygrid] = [(); 3].map(|()| String::new());
             let radix_sort_from = Some(1 << 19);
             let device_from = Some(4096);
-            let tests_per_second = Some(1e9);
             let entry = Entry {
                 adapter,
                 driver,
@@ -193,11 +198,11 @@ mod tests {
                 radix_sort_from,
                 skin,
                 device_from,
-                tests_per_second,
+                tests_per_second: Some(tests_per_second),
             };
             let has_skin = entry.skin.is_some();
             let file = checked(CalibrationFile { calibrations: vec![entry] });
-            assert_eq!(file.is_ok(), good, "{naive_below}, {per_class}, {has_skin}");
+            assert_eq!(file.is_ok(), good, "{naive_below}, {per_class}, {has_skin}, {tests_per_second}");
             let mut read = file.into_iter().flat_map(|file| file.calibrations).filter_map(Entry::calibration);
             assert_eq!(read.next().is_some(), good && has_skin, "of an earlier version");
         }

@@ -59,7 +59,7 @@ pub struct Calibration {
     /// Spheres in host memory at or above which this device is faster than the CPU with all threads; [`u32::MAX`] if it
     /// never is. [`Backend::Auto`](crate::Backend::Auto) uses it.
     pub device_from: u32,
-    /// Distance tests per second, by which long searches are divided into dispatches of at most 200 ms.
+    /// Distance tests per second of the slowest search, by which long searches are divided into dispatches of at most 200 ms.
     pub tests_per_second: f64,
 }
 

@@ -22,12 +22,43 @@ pub(super) fn device_from(gpu: &GpuDevice, crossover: Crossover, radix_sort_from
         least[1] <= LONG
     };
     let samples = race(&SIZES, 1, ROUNDS, times, goes_on)?;
-    let is_slower = samples.last().is_some_and(|(_, [on_host, on_device])| on_host < on_device);
-    Ok(if is_slower { u32::MAX } else { crossing(&samples, u32::MAX) })
+    Ok(match &samples[..] {
+        [.., from, to @ (_, [on_host, on_device])] if on_host < on_device => crossing_beyond(from, to),
+        [(_, [on_host, on_device])] if on_host < on_device => u32::MAX,
+        _ => crossing(&samples, u32::MAX),
+    })
+}
+
+/// Number of spheres at which the device overtakes the CPU if their times grow as between these samples, in proportion
+/// to the spheres; [`u32::MAX`] if it does not.
+fn crossing_beyond(from: &(u32, [Duration; 2]), to: &(u32, [Duration; 2])) -> u32 {
+    let lag =
+        |(_, [on_host, on_device]): &(u32, [Duration; 2])| on_device.as_secs_f64() - on_host.as_secs_f64();
+    let (before, after) = (lag(from), lag(to));
+    if before <= after {
+        return u32::MAX;
+    }
+    // `as` saturates.
+    (f64::from(to.0) + f64::from(to.0 - from.0) * after / (before - after)) as u32
 }
 
 fn time_on_host(host: &mut HostDetector, spheres: &[Sphere]) -> Result<Duration, Error> {
     let start = Instant::now();
     host.count(Spheres::from(spheres))?;
     Ok(start.elapsed())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn device_overtakes_the_cpu_beyond_the_samples_if_it_catches_up() {
+        let sample = |spheres, micros: [u64; 2]| (spheres, micros.map(Duration::from_micros));
+        let crossing = |from, to| crossing_beyond(&from, &to);
+        assert_eq!(crossing(sample(65_536, [600, 800]), sample(131_072, [1200, 1300])), 196_608);
+        for after in [1400, 1500] {
+            assert_eq!(crossing(sample(65_536, [600, 800]), sample(131_072, [1200, after])), u32::MAX);
+        }
+    }
 }

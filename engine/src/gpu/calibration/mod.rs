@@ -21,6 +21,11 @@ use measure::{ROUNDS, SIZES, crossing, race, time};
 /// Equal radii, and the classes of the paper's figure 3b.
 const CLASSES: [usize; 2] = [1, 5];
 
+/// Least and most spheres in a crowded cell.
+const CROWD: [u32; 2] = [2048, 1 << 18];
+const CROWD_SECONDS: f64 = 0.05;
+const CROWD_ROUNDS: usize = 3;
+
 /// The fastest of several calls, with upload and readback of the count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -51,8 +56,8 @@ pub fn calibrate(gpu: &GpuDevice, mut seen: impl FnMut(&CrossoverSample)) -> Res
         race(&SIZES, classes, ROUNDS, times, goes_on)
     });
     let (one, five) = (one?, five?);
-    let tests_per_second = naive_rate(&one)
-        .unwrap_or(Calibration::assumed_tests_per_second(gpu.adapter.is_hardware, gpu.adapter.is_integrated));
+    let naive = one.first().zip(one.last()).and_then(|ends| rate(ends.into(), |times| times[0]));
+    let tests_per_second = slowest_rate(gpu, naive)?;
     let [one, five] = [one, five].map(|samples| crossing(&samples, Crossover::MOST));
     let radix_sort_from = sort::radix_sort_from(gpu)?;
     let per_class = five.saturating_sub(one) / (CLASSES[1] - CLASSES[0]) as u32;
@@ -73,12 +78,29 @@ fn session(gpu: &GpuDevice, algorithm: Algorithm) -> Result<GpuSession, Error> {
     GpuSession::new(gpu.clone(), GpuConfig::default().algorithm(algorithm).timestamps(true))
 }
 
-/// From the difference of the last and the first sample; `None` if the submission cost hides it.
-fn naive_rate(samples: &[(u32, [Duration; 2])]) -> Option<f64> {
-    let (first, last) = (samples.first()?, samples.last()?);
-    let tests = |(spheres, _): &(u32, [Duration; 2])| f64::from(*spheres).powi(2) / 2.0;
-    let time = last.1[0].saturating_sub(first.1[0]).as_secs_f64();
-    let rate = (tests(last) - tests(first)) / time;
+/// Distance tests per second of a grid in a crowded cell, or of all pairs if these take longer. The assumed rate if
+/// neither can be measured.
+fn slowest_rate(gpu: &GpuDevice, naive: Option<f64>) -> Result<f64, Error> {
+    let assumed = Calibration::assumed_tests_per_second(gpu.adapter.is_hardware, gpu.adapter.is_integrated);
+    // The larger crowd takes about 50 ms at the rate of all pairs.
+    let tests = CROWD_SECONDS * naive.unwrap_or(assumed);
+    let most = ((2.0 * tests).sqrt() as u32).clamp(2 * CROWD[0], CROWD[1]);
+    let mut grid = session(gpu, LARGE_INPUT_ALGORITHM)?;
+    let mut sample = |spheres: u32| -> Result<(u32, Duration), Error> {
+        let crowd = vec![Sphere::new([0.0; 3], 1.0); spheres as usize];
+        let times = (0..CROWD_ROUNDS).map(|_| time(&mut grid, &crowd)).collect::<Result<Vec<_>, _>>()?;
+        Ok((spheres, times.into_iter().min().unwrap_or_default()))
+    };
+    let crowded = rate([&sample(CROWD[0])?, &sample(most)?], |time| time);
+    log::debug!("distance tests per second of all pairs {naive:?}, in a crowded cell {crowded:?}");
+    Ok([naive, crowded].into_iter().flatten().reduce(f64::min).unwrap_or(assumed))
+}
+
+/// Rate of `n²/2` tests, from the difference of two samples; `None` if the submission cost hides it.
+fn rate<T: Copy>([first, last]: [&(u32, T); 2], time: impl Fn(T) -> Duration) -> Option<f64> {
+    let tests = |(spheres, _): &(u32, T)| f64::from(*spheres).powi(2) / 2.0;
+    let seconds = time(last.1).saturating_sub(time(first.1)).as_secs_f64();
+    let rate = (tests(last) - tests(first)) / seconds;
     (rate.is_finite() && rate > 0.0).then_some(rate)
 }
 
@@ -87,12 +109,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn naive_rate_is_free_of_the_cost_of_a_submission() {
-        let sample = |spheres: u32, micros| (spheres, [Duration::from_micros(micros), Duration::ZERO]);
-        let rate = naive_rate(&[sample(1000, 1050), sample(2000, 1200)]).expect("times differ");
-        assert!((rate / 1e10 - 1.0).abs() < 1e-9, "{rate}");
-        for samples in [vec![], vec![sample(1000, 50)], vec![sample(1000, 50), sample(2000, 50)]] {
-            assert_eq!(naive_rate(&samples), None);
+    fn rate_is_free_of_the_cost_of_a_submission() {
+        let sample = |spheres: u32, micros| (spheres, Duration::from_micros(micros));
+        let rate_of = |first, last| rate([&first, &last], |time| time);
+        let found = rate_of(sample(1000, 1050), sample(2000, 1200)).expect("times differ");
+        assert!((found / 1e10 - 1.0).abs() < 1e-9, "{found}");
+        for last in [sample(1000, 50), sample(2000, 50)] {
+            assert_eq!(rate_of(sample(1000, 50), last), None);
         }
     }
 }
