@@ -47,7 +47,7 @@ pub struct SearchParams {
     pub period_z: f32,
     /// Capacity of a cell list's table in cells.
     pub cells: u32,
-    /// Counters of that table: two more.
+    /// Counters of that table, of which a few more than cells exist; 0 for a radix sort.
     pub counters: u32,
     /// First index of the second set, if only pairs across the sets are found; 0 for one set.
     pub second_set_start: u32,

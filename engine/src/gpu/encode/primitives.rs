@@ -41,8 +41,10 @@ impl RadixSort {
     /// Binds a sort of the first `count` keys by their lowest `bits` bits, at least one. The sort overwrites the input.
     ///
     /// # Errors
-    /// Fails if the device refuses a buffer or a binding.
+    /// [`Error::Buffer`] if `input` has less than `count` words; fails if the device refuses a buffer or a binding.
     pub fn bind(&self, input: &KeyValueBuffers, count: u32, bits: u32) -> Result<BoundSort, Error> {
+        check_words("keys", &input.keys, count)?;
+        check_words("payload", &input.payload, count)?;
         let tile = DeviceLimits::of(&self.device).radix_tile();
         let mut sizes = sort_buffers(count, tile).to_vec();
         sizes.retain(|(slot, _)| !matches!(slot, BufferId::Keys(false) | BufferId::Objects(false)));
@@ -87,6 +89,11 @@ impl BoundSort {
     }
 }
 
+fn check_words(what: &'static str, buffer: &wgpu::Buffer, count: u32) -> Result<(), Error> {
+    let (size, needed) = (buffer.size(), 4 * u64::from(count));
+    if size < needed { Err(Error::Buffer { what, size, needed, usage: "" }) } else { Ok(()) }
+}
+
 fn pass_buffers(device: &wgpu::Device, digits: &[RadixPass]) -> Result<Vec<wgpu::Buffer>, Error> {
     digits.iter().map(|digit| constant_buffer(device, "radix pass", bytemuck::bytes_of(digit))).collect()
 }
@@ -114,8 +121,9 @@ impl PrefixScan {
     /// Binds a scan of the first `count` values; `values` needs `STORAGE` usage.
     ///
     /// # Errors
-    /// Fails if the device refuses a buffer or a binding.
+    /// [`Error::Buffer`] if `values` has less than `count` words; fails if the device refuses a buffer or a binding.
     pub fn bind(&self, values: &wgpu::Buffer, count: u32) -> Result<BoundScan, Error> {
+        check_words("values", values, count)?;
         let sums = u64::from(count.div_ceil(SCAN_TILE)).max(2) * 8;
         let buffers = Buffers::allocate(&self.device, &[(BufferId::Sums, sums), (BufferId::Total, 16)])?;
         let lengths = SortCounts { items: 0, counters: count };

@@ -72,7 +72,7 @@ pub enum BufferSource {
     Input,
     /// These bytes, written before the call and never changed.
     Constant(Arc<[u8]>),
-    /// Kernels; initial contents have no effect.
+    /// Kernels, in a buffer that was filled with zeros before its first call.
     Working,
 }
 

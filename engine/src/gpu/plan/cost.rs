@@ -13,8 +13,7 @@ pub struct CallCost {
     pub spheres: u32,
     /// Number of dispatches and clears of buffers.
     pub dispatches: u32,
-    /// Parts of the call; none has a dispatch of more than
-    /// [`GpuConfig::max_tests_per_dispatch`](crate::gpu::GpuConfig::max_tests_per_dispatch) distance tests.
+    /// Parts of the call by [`GpuConfig::max_tests_per_dispatch`](crate::gpu::GpuConfig::max_tests_per_dispatch).
     pub parts: u32,
     /// Bytes of working memory on the device, without spheres and pairs.
     pub working_bytes: u64,

@@ -143,7 +143,7 @@ impl GpuSession {
         Ok(())
     }
 
-    /// Sets the time limit of a call, after which it returns [`Error::Timeout`]. Default: ten minutes.
+    /// Sets the time limit of each submission of a call, after which it returns [`Error::Timeout`]. Default: ten minutes.
     pub fn set_timeout(&mut self, timeout: Duration) {
         self.timeout = timeout;
     }
@@ -209,7 +209,8 @@ impl GpuSession {
     }
 
     fn io_memory(&self, spheres: u32) -> u64 {
-        let input = u64::from(spheres).next_power_of_two().max(1) * 16;
+        let per_sphere = if self.detector.has_interactions() { 20 } else { 16 };
+        let input = u64::from(spheres).next_power_of_two().max(1) * per_sphere;
         MAX_IN_FLIGHT as u64 * (input + self.expected * 8)
     }
 
