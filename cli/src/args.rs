@@ -28,8 +28,10 @@ pub(crate) const FRAME: &str = "{frame}";
 /// All pairs of overlapping spheres.
 #[derive(Debug, Parser)]
 #[command(name = "lazygrid", version, arg_required_else_help = true)]
-#[command(after_help = "Exit code: 0 done; 1 bad input or failure; 2 wrong usage; 128 plus the number of a signal \
-                        that stopped simulate. RUST_LOG=info says more on standard error.")]
+#[command(
+    after_help = "Exit code: 0 done; 1 bad input or failure; 2 wrong usage; 128 plus the number of a signal \
+                        that stopped simulate. RUST_LOG=info says more on standard error."
+)]
 pub(crate) struct Args {
     #[command(subcommand)]
     pub(crate) command: Command,

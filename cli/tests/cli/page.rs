@@ -157,7 +157,7 @@ fn assert_right(report: &Value, least: u64) {
 #[test]
 fn check_of_the_page_finds_no_fault_on_dawn() {
     if has_dawn() {
-        assert_right(&on_dawn(&["check", PAGE.to_str().unwrap(), &FULL]), 50);
+        assert_right(&on_dawn(&["check", PAGE.to_str().unwrap(), &FULL]), 10);
     }
 }
 
@@ -230,6 +230,18 @@ fn measurement_of_the_page_has_the_rows_of_lazygrid_check() {
         assert!((low..=high).contains(&row["busy_seconds"].as_f64().unwrap()), "{row}");
         assert!(row["seconds"].as_f64().unwrap() > 0.0 && row["gpu"]["dispatches"].as_u64().unwrap() > 0);
     }
+}
+
+#[test]
+fn measurement_of_the_page_counts_all_pairs_of_divided_calls() {
+    if !has_dawn() {
+        return;
+    }
+    let report = on_dawn(&["measure-divided", PAGE.to_str().unwrap(), "3000"]);
+    assert_eq!((&report["wrong"], &report["ok"]), (&0.into(), &true.into()), "{:#}", report["failures"]);
+    let is_divided = |row: &&Value| row["stages"].as_object().unwrap().is_empty();
+    let divided = report["speeds"].as_array().unwrap().iter().filter(is_divided);
+    assert!(divided.filter(|row| row["algorithm"] == "array-grid").count() > 0, "{report:#}");
 }
 
 const SIZE: [usize; 2] = [1100, 700];
@@ -331,6 +343,11 @@ fn controls_change_the_scene_in_a_browser() {
     assert_eq!(report["tabs"], json!([true, false, "Measure", false, true]));
     assert_eq!(report["copied"]["wrong"], 0);
     assert!(report["back"]["pairs"].as_f64().unwrap() > 0.0, "{}", report["back"]);
+    let hurried = &report["hurried"];
+    assert_eq!(
+        (&hurried["failures"], &hurried["note"], &hurried["count"]),
+        (&json!([]), &"".into(), &3000.into())
+    );
 }
 
 fn failure_with(device: &str, until: &str) -> Option<String> {

@@ -83,10 +83,21 @@ class SceneTab {
     element("speed-text").textContent = `${element("speed").value} ×`;
   }
 
-  // Prepares the controls' scene. A plan whose capacity was exceeded gives way to one for more spheres.
-  async configure(room = 0) {
-    const asked = this.asked();
+  // Prepares the controls' scene once earlier calls have ended, unless a later one has replaced this one. A plan whose
+  // capacity was exceeded gives way to one for more spheres.
+  configure(room = 0) {
     this.texts();
+    const turn = this.turn = (this.turn ?? 0) + 1, before = this.configured;
+    this.busy = true;
+    this.configured = (async () => {
+      await before?.catch(() => {});
+      if (turn === this.turn) await this.prepare(room);
+    })();
+    return this.configured;
+  }
+
+  async prepare(room) {
+    const asked = this.asked(), { turn } = this;
     Object.assign(this, { seconds: [], frames: [], busy: true });
     try {
       const why = this.bundle.obstacle(this.player, asked.size, asked.algorithm);
@@ -100,7 +111,7 @@ class SceneTab {
       element("note").textContent = error.message;
       if (!(error instanceof PlayerError)) throw error;
     } finally {
-      this.busy = false;
+      this.busy = turn !== this.turn;
     }
   }
 

@@ -270,13 +270,13 @@ class PlannedCall {
     pass.end();
   }
 
-  // Runs the call in as many submissions as it takes.
+  // Runs the call in as many submissions as it takes: of its parts, and of the further parts that it asks for.
   async run() {
     const { device } = this.player, next = (encoder) => this.player.next(encoder);
     device.queue.submit([this.encode(device.createCommandEncoder(), null, next).finish()]);
-    for (;;) {
+    for (let submissions = 1 + this.plan.part_starts.length; ; submissions++) {
       const outcome = outcomeOf(this.plan, await this.player.read(this.outcome, this.plan.outcome.bytes));
-      if (!outcome.partial) return outcome;
+      if (!outcome.partial) return { ...outcome, submissions };
       const encoder = device.createCommandEncoder();
       this.encodeContinuation(encoder);
       device.queue.submit([encoder.finish()]);

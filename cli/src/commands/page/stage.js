@@ -70,7 +70,7 @@ class Camera {
 
 class Stage {
   constructor(player, bundle, canvas) {
-    Object.assign(this, { player, bundle, canvas, camera: new Camera(), frame: 0, time: 0, generation: 0 });
+    Object.assign(this, { player, bundle, canvas, camera: new Camera(), frame: 0, time: 0 });
     const { device } = player;
     this.placer = new Placer(player, bundle.wgsl.scene);
     // Software adapters cannot hand textures to a compositor: pictures go through memory.
@@ -92,9 +92,9 @@ class Stage {
     this.view = device.createBuffer({ size: 112, usage: GPUBufferUsage.UNIFORM | GPUBufferUsage.COPY_DST });
   }
 
-  // Prepares a scene, with the plan of a larger size if `room` asks.
+  // Prepares a scene, with the plan of a larger size if `room` asks. Must end before the next call begins: its error
+  // scopes are those of the device.
   async configure({ kind, size, algorithm, filling }, room = 0) {
-    const generation = ++this.generation;
     const plan = this.bundle.planFor(this.player, Math.min(size + room, this.bundle.sizes.length - 1), algorithm);
     this.release();
     const { device } = this.player, count = this.bundle.sizes[size].spheres;
@@ -110,10 +110,8 @@ class Stage {
       [made.spheres, made.marks, made.number].forEach((buffer) => buffer.destroy());
       throw error;
     }
-    const stale = generation !== this.generation;
     const asked = { kind, size, algorithm, filling, room };
     const set = { ...made, call, asked, plan, count, kind, filling };
-    if (stale) return this.destroy(set);
     this.set = set;
     set.timer = this.player.timed ? new Timer(this.player, call.phases.length) : null;
     set.staging = Array.from({ length: READBACKS }, () => device.createBuffer({

@@ -91,6 +91,15 @@ async () => {
   report.copied = JSON.parse(copied);
   tab("scene");
   await settled();
+  const failures = [];
+  window.addEventListener("unhandledrejection", ({ reason }) => failures.push(String(reason)));
+  for (const spheres of [3000, 1000, 10000, 3000]) {
+    byId("size").value = sized(spheres);
+    byId("size").dispatchEvent(new Event("input"));
+  }
+  await settled();
+  report.hurried = { failures, ...state() };
+  await set("size", sized(1000));
   report.tabs.push(byId("view").hidden, byId("report").hidden);
   report.back = state();
   return report;
