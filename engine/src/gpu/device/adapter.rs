@@ -102,8 +102,15 @@ pub fn optional_features() -> wgpu::Features {
     wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES
 }
 
+/// Returns the default flags without debugging information of shaders, which builds with debug assertions would have:
+/// for it naga counts the lines before each instruction, which takes longer than all else in compiling a kernel.
+fn instance_flags() -> wgpu::InstanceFlags {
+    wgpu::InstanceFlags::default().difference(wgpu::InstanceFlags::DEBUG).with_env()
+}
+
 pub(super) fn enumerate() -> Vec<wgpu::Adapter> {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor { flags: instance_flags(), ..descriptor });
     let mut found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
     let compute = wgpu::DownlevelFlags::COMPUTE_SHADERS;
     found.retain(|adapter| adapter.get_downlevel_capabilities().flags.contains(compute));

@@ -6,7 +6,7 @@ use lazygrid_kernels::kernel::{Access, Kernel, Variant};
 use super::adapter::{AdapterId, AdapterSummary, enumerate, optional_features, summarize, summary};
 use super::constant::constant_buffer;
 use super::error_scope::with_error_scope;
-use super::pipelines::{Pipeline, Pipelines, pipeline, shader_module};
+use super::pipelines::{Pipeline, Pipelines};
 use super::subgroup_probe;
 use crate::Error;
 
@@ -215,8 +215,8 @@ impl GpuDevice {
         Self { pipelines: self.pipelines.rewritten(rewrite), ..self }
     }
 
-    /// Compiles WGSL without wgpu's loop counters. Returns the compute pipeline of entry point `name` and its bind
-    /// group layout: group 0, bindings numbered from 0.
+    /// Compiles WGSL without wgpu's loop counters, once for this device and its clones. Returns the compute pipeline of
+    /// entry point `name` and its bind group layout: group 0, bindings numbered from 0.
     ///
     /// # Errors
     /// See [`with_error_scope`](Self::with_error_scope).
@@ -229,11 +229,9 @@ impl GpuDevice {
         bindings: impl IntoIterator<Item = Access>,
         wgsl: String,
     ) -> Result<(wgpu::ComputePipeline, wgpu::BindGroupLayout), Error> {
-        self.with_error_scope(name, 0, || {
-            // SAFETY: the caller promises that each loop ends.
-            let module = unsafe { shader_module(&self.device, name, wgsl) };
-            let Pipeline { pipeline, layout } = pipeline(&self.device, name, bindings, &module, true);
-            (pipeline, layout)
-        })
+        // SAFETY: the caller promises that each loop ends.
+        let compiled = unsafe { self.pipelines.by_text(name, bindings.into_iter().collect(), wgsl) };
+        let Pipeline { pipeline, layout } = compiled.map_err(|error| self.reason(error))?;
+        Ok((pipeline, layout))
     }
 }

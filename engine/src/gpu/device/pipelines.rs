@@ -16,11 +16,14 @@ pub(crate) struct Pipelines {
     subgroup_refusal: Option<Arc<str>>,
     rewrite: Option<KernelRewrite>,
     compiled: Arc<Mutex<Compiled>>,
+    /// Kernels of callers.
+    by_text: Arc<Mutex<CompiledTexts>>,
 }
 
 pub(crate) type KernelRewrite = fn(&str) -> String;
 
 type Compiled = HashMap<(&'static str, Variant), Pipeline>;
+type CompiledTexts = HashMap<(&'static str, Vec<Access>, String), Pipeline>;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Pipeline {
@@ -46,6 +49,7 @@ impl Pipelines {
             subgroup_refusal: refusal.map(Arc::from),
             rewrite: None,
             compiled: Arc::default(),
+            by_text: Arc::default(),
         }
     }
 
@@ -83,6 +87,32 @@ impl Pipelines {
                 let text = self.rewrite.map_or_else(|| text.clone(), |rewrite| rewrite(&text));
                 let work = || compile(&self.device, kernel, variant, text);
                 Ok(vacant.insert(with_error_scope(&self.device, kernel.name, 0, work)?).clone())
+            }
+        }
+    }
+
+    /// Compiles each text once.
+    ///
+    /// # Safety
+    /// Each loop of `wgsl` must end.
+    pub(super) unsafe fn by_text(
+        &self,
+        name: &'static str,
+        bindings: Vec<Access>,
+        wgsl: String,
+    ) -> Result<Pipeline, Error> {
+        let mut compiled = self.by_text.lock().unwrap_or_else(PoisonError::into_inner);
+        match compiled.entry((name, bindings, wgsl)) {
+            Entry::Occupied(found) => Ok(found.get().clone()),
+            Entry::Vacant(vacant) => {
+                let (_, bindings, wgsl) = vacant.key();
+                let work = || {
+                    // SAFETY: the caller promises that each loop ends.
+                    let module = unsafe { shader_module(&self.device, name, wgsl.clone()) };
+                    pipeline(&self.device, name, bindings.iter().copied(), &module, true)
+                };
+                let made = with_error_scope(&self.device, name, 0, work)?;
+                Ok(vacant.insert(made).clone())
             }
         }
     }
@@ -159,4 +189,28 @@ pub(super) unsafe fn shader_module(
     checks.force_loop_bounding = false;
     // SAFETY: all other checks stay enabled, and the caller promises that each loop ends.
     unsafe { device.create_shader_module_trusted(descriptor, checks) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::gpu::device::device_or_skip;
+
+    #[test]
+    fn text_of_a_caller_is_compiled_once() {
+        let Some(gpu) = device_or_skip() else { return };
+        let text = |value: u32| {
+            format!(
+                "@group(0) @binding(0) var<storage, read_write> out: array<u32>;
+                 @compute @workgroup_size(1) fn put() {{ out[0] = {value}u; }}"
+            )
+        };
+        // SAFETY: the text has no loop.
+        let compiled = |gpu: &crate::gpu::GpuDevice, value| unsafe {
+            gpu.compile("put", [Access::ReadWrite], text(value)).expect("valid").0
+        };
+        let first = compiled(&gpu, 1);
+        assert_eq!(compiled(&gpu.clone(), 1), first);
+        assert_ne!(compiled(&gpu, 2), first);
+    }
 }
