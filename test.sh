@@ -40,7 +40,7 @@ swiftshader=/usr/lib/chromium/vk_swiftshader_icd.json
 on_swiftshader() {
     say "on SwiftShader:"
     export VK_DRIVER_FILES=$swiftshader LAZYGRID_REQUIRE_GPU=1 LAZYGRID_TEST_VARIANTS=gpu PROPTEST_CASES=2
-    cargo test "$@" --test gpu_kernels --test gpu_skin
+    cargo test "$@" --test gpu -- kernels:: skin::
     cargo test "$@" --test suite -- properties:: interactions:: results:: cell_reuse::
 }
 

@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use std::process::Command;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use common::{Random, device};
+use common::{Random, device, new_device};
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession, SoftwareAdapter};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Pair, Sphere, Spheres};
 
@@ -38,7 +38,7 @@ fn assert_lost<T>(result: Result<T, impl Into<Error>>) {
 
 #[test]
 fn lost_device_fails_calls_in_flight() {
-    let Some(own) = device() else { return };
+    let Some(own) = new_device() else { return };
     let spheres = cloud(3000);
     let mut session = GpuSession::new(own.clone(), GpuConfig::default()).expect("made");
     let tickets = [(); 2].map(|()| session.begin(Spheres::from(&spheres)).expect("begun"));
@@ -64,7 +64,7 @@ fn lost_device_fails_calls_in_flight() {
 
 #[test]
 fn lost_device_of_the_caller_is_reported() {
-    let Some(own) = device() else { return };
+    let Some(own) = new_device() else { return };
     let lent = GpuDevice::from_wgpu(&own.device, &own.queue);
     let spheres = cloud(3000);
     let mut session = GpuSession::new(lent, GpuConfig::default()).expect("made");

@@ -19,10 +19,10 @@ pub use lazygrid_check::{
 };
 pub use variants::{SuiteVariant, THREADS, in_pool};
 
-/// Opens a new device; `None` without an adapter.
+/// Returns the device that all tests of a process share; `None` without an adapter.
 ///
 /// # Panics
 /// If no adapter exists but `LAZYGRID_REQUIRE_GPU` is set.
 pub fn device() -> Option<GpuDevice> {
-    adapter::or_skip(GpuDevice::open(SoftwareAdapter::Allow))
+    adapter::or_skip(GpuDevice::shared(SoftwareAdapter::Allow))
 }

@@ -12,7 +12,13 @@ pub(crate) use lazygrid_check::Random;
 use lazygrid_check::device;
 use lazygrid_kernels::kernel::{Kernel, Variant};
 
+/// The device of all tests of a binary, which keeps compiled kernels.
 pub(crate) fn device() -> Option<GpuDevice> {
+    or_skip(GpuDevice::shared(SoftwareAdapter::Allow))
+}
+
+/// A device that a test may destroy.
+pub(crate) fn new_device() -> Option<GpuDevice> {
     or_skip(GpuDevice::open(SoftwareAdapter::Allow))
 }
 

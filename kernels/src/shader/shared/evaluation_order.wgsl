@@ -2,7 +2,7 @@
 //
 // WGSL compilers may fuse and reorder floating-point operations; Metal's and DirectX's do by default. `opaque` hides a
 // value by an exclusive or with a word that only the host knows to be 0. Other expressions stay within the tolerance in
-// any order. `check/tests/gpu_fast_math.rs` reorders all kernels, with and without these guards.
+// any order. `check/tests/gpu/fast_math.rs` reorders all kernels, with and without these guards.
 
 fn opaque(value: f32) -> f32 {
     return bitcast<f32>(bitcast<u32>(value) ^ params.opaque_zero);

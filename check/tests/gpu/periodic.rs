@@ -1,9 +1,7 @@
 //! `GpuDetector` in periodic spaces against all pairs of nearest images in `f64`.
 
-mod common;
-
-use common::periodic::{Scene, cloud, detect, lengths, subjects};
-use common::{Random, device};
+use crate::common::periodic::{Scene, cloud, detect, lengths, subjects};
+use crate::common::{Random, device};
 use lazygrid::gpu::GpuDevice;
 use lazygrid::{Interaction, Interactions, Sphere};
 

@@ -1,14 +1,11 @@
 //! The kernels under transformations that WGSL allows and fast-math compilers make. Results stay within the contract
 //! only with the guards of `evaluation_order.wgsl`.
 
-mod common;
-#[path = "fast_math/inline.rs"]
 mod inline;
-#[path = "fast_math/rewrite.rs"]
 mod rewrite;
 
-use common::periodic::{Scene, cloud, detect, lengths, subjects};
-use common::{Random, device};
+use crate::common::periodic::{Scene, cloud, detect, lengths, subjects};
+use crate::common::{Random, device};
 use inline::inlined;
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession};
 use lazygrid::{Algorithm, Sphere, Spheres};

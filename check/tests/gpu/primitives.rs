@@ -1,14 +1,13 @@
 //! Radix sort and prefix scan with more workgroups than one dispatch dimension holds, and cases that the drivers of
 //! test machines do not show.
 
-mod common;
-
 use std::mem::replace;
 
+use crate::common::{device, download, limited, submit, upload};
 use Access::{Read, ReadWrite};
-use common::{device, download, limited, submit, upload};
-use lazygrid::gpu::GpuDevice;
+use lazygrid::Error;
 use lazygrid::gpu::wgpu::{self, Limits};
+use lazygrid::gpu::{GpuDevice, KeyValueBuffers, PrefixScan, RadixSort};
 use lazygrid_check::kernels::primitives;
 use lazygrid_kernels::kernel::{Access, Kernel, RADIX_SCAN, RADIX_SCATTER, SCAN_SPINE, SCAN_TILE, Variant};
 use lazygrid_kernels::layout::SortCounts;
@@ -95,4 +94,18 @@ fn lowest_lane_of_any_subgroup_mask() {
     run_text(&own, "lowest", format!("{harness}{function}"), &buffers);
     let expected: Vec<u32> = masks.iter().map(|mask| mask.trailing_zeros()).collect();
     assert_eq!(download::<u32>(&own, &found, 128), expected);
+}
+
+#[test]
+fn buffers_shorter_than_the_count_are_refused() {
+    let Some(own) = device() else { return };
+    let short = upload(&own, &[0_u32; 100]);
+    let scan = PrefixScan::new(&own.device, true);
+    let sort = RadixSort::new(&own.device, true);
+    let input = KeyValueBuffers { keys: short.clone(), payload: short.clone() };
+    scan.bind(&short, 100).expect("long enough");
+    sort.bind(&input, 100, 8).expect("long enough");
+    let needed = |error| matches!(error, Error::Buffer { size: 400, needed: 404, .. });
+    assert!(needed(scan.bind(&short, 101).expect_err("too short")));
+    assert!(needed(sort.bind(&input, 101, 8).expect_err("too short")));
 }

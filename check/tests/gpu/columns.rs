@@ -1,9 +1,7 @@
 //! Spheres in columns give the same pairs as rows.
 
-mod common;
-
-use common::scenes::{cloud, detect_with, settings, touching, verify};
-use common::{device, download, submit, upload};
+use crate::common::scenes::{cloud, detect_with, settings, touching, verify};
+use crate::common::{device, download, submit, upload};
 use lazygrid::gpu::{
     BufferRange, ColumnLayout, GpuConfig, GpuDetector, GpuDevice, GpuSkinDetector, GpuSpheres, Outcome,
     SphereCount, wgpu,

@@ -1,11 +1,9 @@
 //! Single kernels against plain sequential functions, as in `lazygrid check`.
 
-mod common;
-
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::thread;
 
-use common::device;
+use crate::common::device;
 use lazygrid_check::Effort;
 use lazygrid_check::kernels::CHECKS;
 

@@ -1,10 +1,8 @@
 //! `GpuDetector` on a caller's device: hard scenes against all pairs in `f64`.
 
-mod common;
-
+use crate::common::scenes::{cloud, detect, detect_with, scenes, settings, touching, verify};
+use crate::common::{Random, device, download, upload};
 use bytemuck::Zeroable;
-use common::scenes::{cloud, detect, detect_with, scenes, settings, touching, verify};
-use common::{Random, device, download, upload};
 use lazygrid::gpu::{GpuDetector, GpuDevice, GpuSpheres, Outcome, SphereCount, wgpu};
 use lazygrid::{Algorithm, Backend, Error, Interaction, Interactions, Pair, Space, Sphere};
 use lazygrid_check::{SpeciesSetup, TestInput, Tolerance, difference};
@@ -277,6 +275,25 @@ fn windows_partition_the_result() {
             all.extend(found.pairs);
         }
         verify("windows", &spheres, &all, touching(&spheres));
+    }
+}
+
+#[test]
+fn first_set_and_window_may_be_given_in_either_order() {
+    let Some(own) = device() else { return };
+    let spheres = cloud(25, 300, 4.0, |_| 0.4);
+    let buffer = upload(&own, &spheres);
+    for &algorithm in ALGORITHMS {
+        let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
+        for (first, window) in [(0, 0..300), (120, 0..300), (120, 50..90)] {
+            let input = GpuSpheres::new(&buffer, 300);
+            let orders = [
+                input.clone().across(first).in_window(window.clone()),
+                input.in_window(window).across(first),
+            ];
+            let [a, b] = orders.map(|input| detect_with(&own, &mut detector, &input).outcome.found());
+            assert_eq!((a, a > 0), (b, first > 0), "{algorithm}, {first}");
+        }
     }
 }
 

@@ -1,9 +1,7 @@
 //! EagerGrid and LazyGrid with several levels, against all pairs in `f64`.
 
-mod common;
-
-use common::scenes::{Found, detect, scenes, settings, touching, verify};
-use common::{Random, device};
+use crate::common::scenes::{Found, detect, scenes, settings, touching, verify};
+use crate::common::{Random, device};
 use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSession, Outcome};
 use lazygrid::{Algorithm, Sphere, Spheres};
 

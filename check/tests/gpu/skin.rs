@@ -1,8 +1,6 @@
 //! `GpuSkinDetector` against all pairs, with small and large displacements.
 
-mod common;
-
-use common::{Random, device, download, submit, upload};
+use crate::common::{Random, device, download, submit, upload};
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSkinDetector, GpuSpheres, Outcome, SkinState, SphereCount};
 use lazygrid::{Algorithm, Interaction, Interactions, Pair, Space, Sphere};
 use lazygrid_check::scenes::cloud;

@@ -1,10 +1,8 @@
 //! Many spheres in one call, and many consecutive calls.
 
-mod common;
-
 use std::time::Duration;
 
-use common::{Random, device};
+use crate::common::{Random, device, new_device};
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession};
 use lazygrid::{Algorithm, Backend, Config, Detector, Sphere, Spheres};
 
@@ -114,7 +112,8 @@ fn one_giant_among_a_hundred_thousand_grains() {
 /// `LAZYGRID_SOAK_STEPS` sets the number of steps (20,000 for a release). Counts and lists alternate.
 #[test]
 fn soak_of_changing_sizes_and_shapes() {
-    let Some(own) = device() else { return };
+    // Other tests allocate memory of the shared device.
+    let Some(own) = new_device() else { return };
     let steps =
         std::env::var("LAZYGRID_SOAK_STEPS").ok().and_then(|text| text.parse().ok()).unwrap_or(150_u64);
     let mut session = GpuSession::new(own.clone(), GpuConfig::default()).expect("made");

@@ -1,10 +1,8 @@
 //! `GpuSession` and `Detector` on the GPU against the CPU.
 
-mod common;
-
 use std::ops::ControlFlow;
 
-use common::{Random, device, limited};
+use crate::common::{Random, device, limited};
 use lazygrid::gpu::{GpuConfig, GpuSession, wgpu};
 use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, Interaction, Interactions, Order, Pair, RebuildReason,
@@ -269,6 +267,29 @@ fn entry_capacity_is_kept_per_input_size() {
     assert_eq!(session.finish_count(ticket), Ok(3000 * 2999 / 2));
     assert!(memory(&session, 3000) > same + 3000 * 8 * 16, "there is more room at that size");
     assert!(memory(&session, 30) < few + (64 << 10), "{} instead of {few}", memory(&session, 30));
+}
+
+#[test]
+fn memory_estimate_includes_the_species_of_each_call() {
+    let Some(own) = device() else { return };
+    let table = Interactions::new(2, Interaction::Touch).expect("small");
+    let spheres = cloud(9, 20_000, 4);
+    let ids = vec![1_u32; spheres.len()];
+    let estimate = |settings: &GpuConfig| {
+        let session = GpuSession::new(own.clone(), settings.clone()).expect("made");
+        session.memory_for(20_000).expect("fits")
+    };
+    let plain = GpuConfig::default().algorithm(Algorithm::Naive);
+    let settings = plain.clone().interactions(table);
+    let mut session = GpuSession::new(own.clone(), settings.clone()).expect("made");
+    let given = Spheres::from(&spheres).with_species(&ids).expect("as many");
+    let tickets = [(); 2].map(|()| session.begin(given).expect("begun"));
+    for ticket in tickets {
+        session.finish_count(ticket).expect("counted");
+    }
+    // Two calls in flight have two buffers of ids each of 4 bytes per sphere, of up to 2^15 spheres.
+    assert!(estimate(&settings) >= estimate(&plain) + 2 * 4 * (1 << 15));
+    assert!(session.held_bytes() <= estimate(&settings));
 }
 
 #[test]
