@@ -148,8 +148,8 @@ fn an_error_is_printed_once() {
     assert!(!Path::new(&at("out")).exists());
 }
 
-/// Error of ranks with different arguments, which end with code 1.
-fn error_of_two(arguments: [&[&str]; 2]) -> String {
+/// Standard error of ranks with different arguments, which end with `code`.
+fn of_two(arguments: [&[&str]; 2], code: i32) -> String {
     // Open MPI ends the others after a failure, with unreliable exit codes.
     let command = env!("CARGO_BIN_EXE_lazygrid-mpi");
     let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", command, "simulate"];
@@ -160,10 +160,25 @@ fn error_of_two(arguments: [&[&str]; 2]) -> String {
         .output()
         .unwrap();
     let [out, said] = [output.stdout, output.stderr].map(|text| String::from_utf8(text).unwrap());
-    assert_eq!(out.matches("code 1\n").count(), 2, "{arguments:?}: {out}{said}");
+    assert_eq!(out.matches(&format!("code {code}\n")).count(), 2, "{arguments:?}: {out}{said}");
+    said
+}
+
+/// Error of ranks with different arguments, which end with code 1.
+fn error_of_two(arguments: [&[&str]; 2]) -> String {
+    let said = of_two(arguments, 1);
     let errors: Vec<_> = said.lines().filter(|line| line.starts_with("error: ")).collect();
     assert_eq!(errors.len(), 1, "{said}");
     errors[0].to_owned()
+}
+
+#[test]
+fn threads_may_be_given_to_some_ranks_only() {
+    let directory = tempfile::tempdir().unwrap();
+    let (burst, output) = (scenario("burst"), directory.path().join("out"));
+    let base = [burst.to_str().unwrap(), "-o", output.to_str().unwrap(), "--steps", "1"];
+    let given = [&base[..], &["--threads", "1"]].concat();
+    of_two([&base, &given], 0);
 }
 
 #[test]

@@ -15,7 +15,9 @@ use crate::command::{print, refused};
 pub(crate) fn simulate(world: &SimpleCommunicator, args: &Simulate) -> Result<(), Error> {
     let say = |error: &dyn std::fmt::Display| refused(world, error.to_string());
     let run = agree(world, read(world, args).map_err(|error| say(&error)))?;
-    let threads = args.threads.map_or_else(|| threads(world), Into::into);
+    // Collective, so every rank asks for its share, also a rank that got a number.
+    let share = threads(world);
+    let threads = args.threads.map_or(share, Into::into);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
     let asked = pool.map_err(|error| say(&error)).and_then(|()| signals().map_err(|error| say(&error)));
     let asked = agree(world, asked)?;
