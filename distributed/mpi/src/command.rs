@@ -25,7 +25,7 @@ pub(crate) use simulate::simulate;
 
 /// Collective.
 pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Error> {
-    let target = agree(world, Target::of(args).map_err(|message| refused(world, message)))?;
+    let target = agree(world, Target::of(world, args).map_err(|message| refused(world, message)))?;
     let mut times = Times::default();
     let input = times.take("read", || input::read(world, args))?;
     let mut distributed = Distributed::new(world, config(args, input.space))?;

@@ -251,3 +251,24 @@ fn memory_limits_end_no_rank_by_a_signal() {
     }
     assert!(ended.contains(&false) && ended.last() == Some(&true), "{ended:?}");
 }
+
+#[test]
+fn output_in_place_of_an_input_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let input = npy(&spheres(60));
+    let names = ["pairs.0.npy", "part.0.npy", "part.1.npy", "part-0.npy", "part-1.npy", "all.manifest.json"];
+    names.iter().for_each(|name| std::fs::write(at(name), &input).unwrap());
+    for (file, read, arguments) in [
+        ("pairs.0.npy", "pairs.0.npy", &["-o", "pairs.npy"][..]),
+        ("pairs.0.npy", "pairs.0.npy", &["-o", "./pairs.0.npy", "--gather"]),
+        ("part.{rank}.npy", "part.0.npy", &["-o", "part.npy"]),
+        ("part-{rank}.npy", "part-1.npy", &["-o", "part-1.npy", "--gather"]),
+        ("all.manifest.json", "all.manifest.json", &["--format", "npy", "-o", "all.npy"]),
+    ] {
+        let said = error(2, directory.path(), &[&[file], arguments].concat(), 1);
+        assert!(said.contains(&format!(": {read}: the output ")), "{file} {arguments:?}: {said}");
+        assert!(names.iter().all(|name| std::fs::read(at(name)).unwrap() == input), "{file} {arguments:?}");
+    }
+    stdout(2, directory.path(), &["part.{rank}.npy", "-o", "part.npy", "--gather"]);
+}

@@ -35,7 +35,7 @@ enum FileSplit {
 }
 
 pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, Error> {
-    let split = agree(world, FileSplit::of(args).map_err(|message| refused(world, message)))?;
+    let split = agree(world, FileSplit::of(args, world.rank()).map_err(|message| refused(world, message)))?;
     let (rank, ranks) = (world.rank() as u64, world.size() as u64);
     let frame = match &split {
         FileSplit::Own(path) => whole(path, args),
@@ -61,11 +61,16 @@ pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, E
     Ok(Input { particles: OwnedSpheres { spheres: frame.spheres, ids, species: None }, space })
 }
 
+/// Returns the file that a rank alone reads; `None` if all ranks read the same file.
+pub(crate) fn own_file(args: &Detect, rank: i32) -> Option<PathBuf> {
+    let name = args.file.to_str().filter(|name| name.contains(RANK))?;
+    Some(name.replace(RANK, &rank.to_string()).into())
+}
+
 impl FileSplit {
-    fn of(args: &Detect) -> Result<Self, String> {
-        if let Some(name) = args.file.to_str().filter(|name| name.contains(RANK)) {
-            let rank = mpi::topology::SimpleCommunicator::world().rank();
-            return Ok(Self::Own(name.replace(RANK, &rank.to_string()).into()));
+    fn of(args: &Detect, rank: i32) -> Result<Self, String> {
+        if let Some(own) = own_file(args, rank) {
+            return Ok(Self::Own(own));
         }
         let path = &args.file;
         let cannot = |error| format!("{}: cannot read: {error}", path.display());

@@ -1,5 +1,3 @@
-use std::path::PathBuf;
-
 use lazygrid_io::write::{AtomicFile, TableFormat};
 use serde_json::json;
 
@@ -8,16 +6,14 @@ use super::output::Target;
 /// Scripts depend on its names.
 pub(crate) fn write(
     target: &Target,
-    files: &[PathBuf],
     pairs: &[u64],
     spheres: u64,
     wide: bool,
 ) -> Result<(), lazygrid_io::Error> {
-    let of_ranks: Vec<_> = files
-        .iter()
+    let of_ranks: Vec<_> = (0..)
         .zip(pairs)
-        .enumerate()
-        .map(|(rank, (file, pairs))| {
+        .map(|(rank, pairs)| {
+            let file = target.of_rank(rank);
             // Relative, so that both can be moved.
             let name = file.file_name().unwrap_or_default().to_string_lossy();
             json!({ "rank": rank, "file": name, "pairs": pairs })
@@ -33,7 +29,7 @@ pub(crate) fn write(
         "type": if wide { "u64" } else { "u32" },
         "spheres": spheres,
         "pairs": pairs.iter().sum::<u64>(),
-        "ranks": files.len(),
+        "ranks": pairs.len(),
         "files": of_ranks,
     });
     let mut file = AtomicFile::create(target.manifest())?;

@@ -6,8 +6,7 @@ use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
 
 use super::args::Detect;
-use super::manifest;
-use super::refused;
+use super::{input, manifest, refused};
 
 #[derive(Debug)]
 pub(crate) struct Target {
@@ -17,7 +16,7 @@ pub(crate) struct Target {
 }
 
 impl Target {
-    pub(crate) fn of(args: &Detect) -> Result<Option<Self>, String> {
+    pub(crate) fn of(world: &SimpleCommunicator, args: &Detect) -> Result<Option<Self>, String> {
         let Some(path) = &args.output else { return Ok(None) };
         let Some(format) = TableFormat::from_extension(path) else {
             return Err(format!(
@@ -26,12 +25,30 @@ impl Target {
             ));
         };
         let target = Self { path: path.clone(), format, gather: args.gather };
-        let canonical = |path: &Path| path.canonicalize().ok();
-        let input = canonical(&args.file);
-        if input.is_some() && input == canonical(path) {
-            return Err(format!("{}: this is the input, which the pairs would replace", path.display()));
+        // Each rank compares the file that it reads, so that together they compare all.
+        let input = input::own_file(args, world.rank()).unwrap_or_else(|| args.file.clone());
+        target.refuse_input(&input, world.size() as u32).map(|()| Some(target))
+    }
+
+    fn refuse_input(&self, input: &Path, ranks: u32) -> Result<(), String> {
+        let Ok(read) = input.canonicalize() else { return Ok(()) };
+        let files = std::iter::once(self.path.clone()).chain(self.files(ranks));
+        let same = |file: &PathBuf| file.canonicalize().is_ok_and(|file| file == read);
+        files.into_iter().find(same).map_or(Ok(()), |file| {
+            let (input, file) = (input.display(), file.display());
+            Err(format!("{input}: the output {file} is this input; choose another --output"))
+        })
+    }
+
+    /// Returns the files that [`write`] writes.
+    fn files(&self, ranks: u32) -> Vec<PathBuf> {
+        match self.gather {
+            true => vec![self.path.clone()],
+            false => {
+                let of_ranks = (0..ranks).map(|rank| self.of_rank(rank));
+                std::iter::once(self.manifest()).chain(of_ranks).collect()
+            }
         }
-        Ok(Some(target))
     }
 
     /// `pairs.3.npy.gz` for rank 3 of `pairs.npy.gz`.
@@ -79,13 +96,12 @@ pub(crate) fn write(
     let file = agree(world, file)?;
     agree(world, file.commit().map_err(failed))?;
     let counts = distributed.gather(&[pairs.len() as u64])?;
-    let files: Vec<_> = (0..world.size() as u32).map(|rank| target.of_rank(rank)).collect();
+    let files = target.files(world.size() as u32);
     let written = match rank {
-        0 => manifest::write(target, &files, &counts, distributed.report().owned.total, wide).map_err(failed),
+        0 => manifest::write(target, &counts, distributed.report().owned.total, wide).map_err(failed),
         _ => Ok(()),
     };
-    agree(world, written)?;
-    Ok(std::iter::once(target.manifest()).chain(files).collect())
+    agree(world, written).map(|()| files)
 }
 
 fn table(
