@@ -272,3 +272,15 @@ fn output_in_place_of_an_input_is_refused() {
     }
     stdout(2, directory.path(), &["part.{rank}.npy", "-o", "part.npy", "--gather"]);
 }
+
+#[test]
+fn smoldyn_listing_repeated_on_another_rank_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let listing: String = (1..=20).map(|serial| format!("A(solution) {serial} 0 0 {serial}\n")).collect();
+    std::fs::write(directory.path().join("twice.smoldyn"), listing.repeat(2)).unwrap();
+    std::fs::write(directory.path().join("once.smoldyn"), listing).unwrap();
+    let said = error(2, directory.path(), &["twice.smoldyn", "--radius", "A=0.6"], 1);
+    assert!(said.contains("twice.smoldyn, line 21: ") && said.contains("line 1"), "{said}");
+    let said = stdout(2, directory.path(), &["once.smoldyn", "--radius", "A=0.6"]);
+    assert!(said.contains("pairs      19 "), "{said}");
+}

@@ -33,8 +33,8 @@ pub(crate) enum Command {
 /// Finds the overlapping pairs of the spheres in a file: the distance of their centers is at most the sum of their radii.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Input:
-  npy, csv, smoldyn   each rank reads its own part of the file: rows of arrays, whole lines of text
-  all others          one rank reads the file: xyz, lammps, Fortran order, and what is compressed
+  npy, csv            each rank reads its own part of the file: rows of arrays, whole lines of text
+  all others          one rank reads the file: xyz, lammps, smoldyn, Fortran order, and what is compressed
   part-{rank}.npy     each rank reads a file of its own, in any of the formats
 Formats are those of `lazygrid detect`. Spheres are numbered from 0 in the order of the file, or of the files.
 

@@ -30,7 +30,7 @@ enum FileSplit {
     Whole,
     /// Each rank reads rows of an array.
     Rows(npy::Rows),
-    /// Each rank reads whole lines.
+    /// Each rank reads whole lines of a table.
     Lines(text::TextRows),
 }
 
@@ -86,9 +86,8 @@ impl FileSplit {
         let split = match known {
             _ if compressed => None,
             Some(Format::Npy) => npy::Rows::of(path).map_err(cannot)?.map(Self::Rows),
-            Some(format @ (Format::Csv | Format::Smoldyn)) => {
-                text::TextRows::of(path, format).map_err(cannot)?.map(Self::Lines)
-            }
+            Some(Format::Csv) => text::TextRows::of(path).map_err(cannot)?.map(Self::Lines),
+            // Among them Smoldyn's listings: only a reader of all lines sees a repeated serial number.
             _ => None,
         };
         Ok(split.unwrap_or_else(|| {

@@ -1,4 +1,4 @@
-//! Lines of a text file: each rank reads whole lines after the common header.
+//! Lines of a CSV file: each rank reads whole lines after the common header.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
@@ -13,7 +13,6 @@ const LONGEST: u64 = 1 << 16;
 
 #[derive(Debug)]
 pub(crate) struct TextRows {
-    format: Format,
     /// Read by every rank, before the rows.
     head: Vec<u8>,
     end: u64,
@@ -21,7 +20,6 @@ pub(crate) struct TextRows {
 
 #[derive(Debug)]
 pub(crate) struct RankLines {
-    format: Format,
     head: Vec<u8>,
     bytes: Vec<u8>,
     /// `true` on rank 0, which also reports an empty file.
@@ -29,17 +27,14 @@ pub(crate) struct RankLines {
 }
 
 impl TextRows {
-    pub(crate) fn of(path: &Path, format: Format) -> io::Result<Option<Self>> {
+    /// Returns the lines of a file; `None` to read all of it.
+    pub(crate) fn of(path: &Path) -> io::Result<Option<Self>> {
         let end = path.metadata()?.len();
         let mut start = Vec::new();
         File::open(path)?.take(LONGEST).read_to_end(&mut start)?;
-        let head = match format {
-            Format::Csv => head(&start),
-            _ => Some(0),
-        };
-        Ok(head.map(|length| {
+        Ok(head(&start).map(|length| {
             start.truncate(length);
-            Self { format, head: start, end }
+            Self { head: start, end }
         }))
     }
 
@@ -58,7 +53,7 @@ impl TextRows {
             Ok(bytes)
         };
         let bytes = read().map_err(|error: io::Error| format!("{}: cannot read: {error}", path.display()))?;
-        Ok(RankLines { format: self.format, head: self.head.clone(), bytes, is_first: rank == 0 })
+        Ok(RankLines { head: self.head.clone(), bytes, is_first: rank == 0 })
     }
 }
 
@@ -73,7 +68,7 @@ impl RankLines {
             return Ok(Frame::default());
         }
         let mut options = options;
-        options.format = Some(self.format);
+        options.format = Some(Format::Csv);
         let head = newlines(&self.head);
         let length = (self.head.len() + self.bytes.len()) as u64;
         let input = Cursor::new(self.head).chain(Cursor::new(self.bytes));
@@ -147,7 +142,7 @@ mod tests {
         for rows in ["", "1,2,3,4\n", "1,2,3,4\n5,6,7,8", "1,2,3,4\n\n55555,6,7,8\n9,9,9,9\n"] {
             std::fs::write(&path, format!("x,y,z,r\n{rows}")).unwrap();
             for ranks in 1..40 {
-                let rows_of_file = TextRows::of(&path, Format::Csv).unwrap();
+                let rows_of_file = TextRows::of(&path).unwrap();
                 let Some(rows_of_file) = rows_of_file else {
                     assert!(rows.is_empty());
                     continue;
