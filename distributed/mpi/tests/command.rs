@@ -284,3 +284,20 @@ fn smoldyn_listing_repeated_on_another_rank_is_refused() {
     let said = stdout(2, directory.path(), &["once.smoldyn", "--radius", "A=0.6"]);
     assert!(said.contains("pairs      19 "), "{said}");
 }
+
+#[test]
+fn frame_after_the_only_one_is_refused_in_every_format() {
+    let directory = tempfile::tempdir().unwrap();
+    let at = |name: &str| directory.path().join(name);
+    let spheres = spheres(30);
+    let table: String = rows(&spheres).collect();
+    std::fs::write(at("all.npy"), npy(&spheres)).unwrap();
+    std::fs::write(at("all.csv"), format!("x,y,z,r\n{table}")).unwrap();
+    std::fs::write(at("all.smoldyn"), "A(solution) 1 2 3 1\nA(solution) 4 5 6 2\n").unwrap();
+    for file in ["all.npy", "all.csv", "all.smoldyn"] {
+        let arguments = [file, "--radius", "A=1", "--frame"];
+        let said = error(2, directory.path(), &[&arguments[..], &["1"]].concat(), 1);
+        assert!(said.contains(&format!("{file}: there is no frame 1; ")), "{said}");
+        stdout(2, directory.path(), &[&arguments[..], &["0"]].concat());
+    }
+}

@@ -83,8 +83,10 @@ impl FileSplit {
             args.format.or_else(|| Format::from_extension(path)).or_else(|| Format::from_content(&head));
         // Compressed files are read from the start.
         let compressed = head.starts_with(b"\x1F\x8B") || head.starts_with(b"\x28\xB5\x2F\xFD");
+        // Parts are of the first frame. The reader of all reports that arrays and tables have no others.
+        let is_later = args.frame.is_some_and(|frame| frame > 0);
         let split = match known {
-            _ if compressed => None,
+            _ if compressed || is_later => None,
             Some(Format::Npy) => npy::Rows::of(path).map_err(cannot)?.map(Self::Rows),
             Some(Format::Csv) => text::TextRows::of(path).map_err(cannot)?.map(Self::Lines),
             // Among them Smoldyn's listings: only a reader of all lines sees a repeated serial number.
