@@ -64,7 +64,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
         files = search.run(output.as_ref())?;
         let writing = search.writing;
         if own_output || to_stdout {
-            commit(&mut files)?;
+            AtomicFile::commit_all(files.drain(..))?;
         }
         let is_product = output.is_none();
         let summary = Summary {
@@ -88,12 +88,8 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
             }
         })?;
     }
-    commit(&mut files)?;
+    AtomicFile::commit_all(files)?;
     printer.finish()
-}
-
-fn commit(files: &mut Vec<AtomicFile>) -> Result<(), CliError> {
-    files.drain(..).try_for_each(|file| Ok(file.commit()?))
 }
 
 fn print_aside(text: &str) -> Result<(), CliError> {

@@ -63,6 +63,20 @@ fn closed_standard_output_loses_no_file() {
     }
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn full_disk_of_one_list_leaves_the_lists_of_the_last_run() {
+    let scratch = Scratch::new();
+    let file = scratch.write("ok.csv", SPHERES);
+    let offsets = scratch.write("near.offsets.npy", "of the last run");
+    std::os::unix::fs::symlink("/dev/full", scratch.path("near.indices.npy")).unwrap();
+    let run = detect([&file, "--neighbors", "-o", &scratch.path("near.npy")]);
+    assert_eq!(run.code, Some(1), "{}", run.err);
+    assert!(run.err.contains("near.indices.npy: cannot write: No space left on device"), "{}", run.err);
+    assert_eq!(fs::read_to_string(&offsets).unwrap(), "of the last run");
+    assert_eq!(scratch.names(), ["near.indices.npy", "near.offsets.npy", "ok.csv"]);
+}
+
 #[cfg(unix)]
 #[test]
 fn number_in_a_name_that_is_not_utf_8_is_refused() {

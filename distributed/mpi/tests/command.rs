@@ -301,3 +301,23 @@ fn frame_after_the_only_one_is_refused_in_every_format() {
         stdout(2, directory.path(), &[&arguments[..], &["0"]].concat());
     }
 }
+
+#[test]
+#[cfg(target_os = "linux")]
+fn full_disk_of_one_file_leaves_all_files_of_the_last_run() {
+    for full in ["pairs.1.npy", "pairs.manifest.json"] {
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        std::fs::write(at("all.npy"), npy(&spheres(60))).unwrap();
+        let kept =
+            ["pairs.0.npy", "pairs.1.npy", "pairs.manifest.json"].into_iter().filter(|name| *name != full);
+        kept.clone().for_each(|name| std::fs::write(at(name), "of the last run").unwrap());
+        std::os::unix::fs::symlink("/dev/full", at(full)).unwrap();
+        let said = error(2, directory.path(), &["all.npy", "-o", "pairs.npy"], 1);
+        assert!(said.contains(&format!("{full}: cannot write: No space left on device")), "{said}");
+        for name in kept {
+            assert_eq!(std::fs::read(at(name)).unwrap(), b"of the last run", "{name} after {full}");
+        }
+        assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 4);
+    }
+}

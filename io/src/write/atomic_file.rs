@@ -68,14 +68,54 @@ impl AtomicFile {
         write(&mut self.out).map_err(|source| Error::Write { path: self.path.clone(), source })
     }
 
+    /// Brings all bytes to the disk, under the temporary name.
+    ///
+    /// # Errors
+    /// [`Error::Write`], also if the disk is full.
+    pub fn finish(self) -> Result<CompleteFile, Error> {
+        let Self { path, temporary, out } = self;
+        // A network file system may report a full disk no earlier than here.
+        let synced = out.finish().and_then(|()| temporary.as_ref().map_or(Ok(()), Temporary::sync));
+        match synced {
+            Ok(()) => Ok(CompleteFile { path, temporary }),
+            Err(source) => Err(Error::Write { path, source }),
+        }
+    }
+
+    /// Finishes and renames the file, in place of an existing one.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn commit(self) -> Result<(), Error> {
+        Self::commit_all([self])
+    }
+
+    /// Finishes all files before it renames the first, so that a full disk leaves no mixture of old and new files.
+    ///
+    /// # Errors
+    /// [`Error::Write`].
+    pub fn commit_all(files: impl IntoIterator<Item = Self>) -> Result<(), Error> {
+        let complete = files.into_iter().map(Self::finish).collect::<Result<Vec<_>, _>>()?;
+        complete.into_iter().try_for_each(CompleteFile::commit)
+    }
+}
+
+/// A file on the disk that lacks only its name; removed unless committed.
+#[derive(Debug)]
+#[must_use = "a file that is not committed disappears"]
+pub struct CompleteFile {
+    path: PathBuf,
+    temporary: Option<Temporary>,
+}
+
+impl CompleteFile {
     /// Renames the file, in place of an existing one.
     ///
     /// # Errors
     /// [`Error::Write`].
     pub fn commit(self) -> Result<(), Error> {
-        let Self { path, temporary, out } = self;
-        let published = out.finish().and_then(|()| temporary.map_or(Ok(()), |file| file.rename(&path)));
-        published.map_err(|source| Error::Write { path, source })
+        let Self { path, temporary } = self;
+        temporary.map_or(Ok(()), |file| file.rename(&path)).map_err(|source| Error::Write { path, source })
     }
 }
 
@@ -135,5 +175,36 @@ mod tests {
         let error = file.commit().unwrap_err().to_string();
         assert_eq!(error, format!("{}: cannot write: No space left on device (os error 28)", path.display()));
         assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn disk_that_reports_its_end_late_is_an_error_and_leaves_nothing() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.npy");
+        let (file, mut temporary) = Temporary::create(directory.path()).unwrap();
+        // Pipes accept bytes, but cannot be synchronized.
+        let (_reader, pipe) = io::pipe().unwrap();
+        temporary.file = File::from(std::os::fd::OwnedFd::from(pipe));
+        let out = encoder(&path, file).unwrap();
+        let mut file = AtomicFile { path: path.clone(), temporary: Some(temporary), out };
+        file.write_with(|out| out.write_all(b"new")).unwrap();
+        let error = file.commit().unwrap_err().to_string();
+        assert!(error.starts_with(&format!("{}: cannot write: Invalid argument", path.display())), "{error}");
+        assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 0);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn full_disk_of_the_last_file_leaves_the_names_of_all() {
+        let directory = tempfile::tempdir().unwrap();
+        let [first, full] = ["a.npy", "b.npy"].map(|name| directory.path().join(name));
+        std::fs::write(&first, "old").unwrap();
+        std::os::unix::fs::symlink("/dev/full", &full).unwrap();
+        let mut files = [&first, &full].map(|path| AtomicFile::create(path).unwrap());
+        files.iter_mut().for_each(|file| file.write_with(|out| out.write_all(b"new")).unwrap());
+        assert!(AtomicFile::commit_all(files).unwrap_err().to_string().contains("No space left"));
+        assert_eq!(std::fs::read_to_string(&first).unwrap(), "old");
+        assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 2);
     }
 }

@@ -12,7 +12,7 @@ mod text;
 use std::ffi::OsStr;
 use std::path::Path;
 
-pub use atomic_file::AtomicFile;
+pub use atomic_file::{AtomicFile, CompleteFile};
 pub use base64::base64;
 pub use pairs::{Output, PairFile, neighbors};
 pub use spheres::{SphereFormat, spheres};

@@ -31,6 +31,8 @@ fn begun() -> MutexGuard<'static, Begun> {
 #[derive(Debug)]
 pub(super) struct Temporary {
     path: Option<TempPath>,
+    /// Holds the lock until the file has its name.
+    pub(super) file: File,
 }
 
 impl Temporary {
@@ -44,8 +46,13 @@ impl Temporary {
         let mut builder = tempfile::Builder::new();
         builder.prefix(&prefix).suffix(SUFFIX).rand_bytes(RANDOM);
         let (file, path) = builder.make_in(directory, create_locked)?.into_parts();
+        let out = file.try_clone()?;
         begun.files.push(path.to_path_buf());
-        Ok((file, Self { path: Some(path) }))
+        Ok((out, Self { path: Some(path), file }))
+    }
+
+    pub(super) fn sync(&self) -> io::Result<()> {
+        self.file.sync_data()
     }
 
     pub(super) fn rename(mut self, path: &Path) -> io::Result<()> {

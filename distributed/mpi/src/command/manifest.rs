@@ -1,4 +1,4 @@
-use lazygrid_io::write::{AtomicFile, TableFormat};
+use lazygrid_io::write::{AtomicFile, CompleteFile, TableFormat};
 use serde_json::json;
 
 use super::output::Target;
@@ -9,7 +9,7 @@ pub(crate) fn write(
     pairs: &[u64],
     spheres: u64,
     wide: bool,
-) -> Result<(), lazygrid_io::Error> {
+) -> Result<CompleteFile, lazygrid_io::Error> {
     let of_ranks: Vec<_> = (0..)
         .zip(pairs)
         .map(|(rank, pairs)| {
@@ -34,5 +34,5 @@ pub(crate) fn write(
     });
     let mut file = AtomicFile::create(target.manifest())?;
     file.write_with(|out| writeln!(out, "{manifest:#}"))?;
-    file.commit()
+    file.finish()
 }

@@ -1,6 +1,6 @@
 use std::path::{Path, PathBuf};
 
-use lazygrid_io::write::{AtomicFile, TableFormat, npy_header};
+use lazygrid_io::write::{AtomicFile, CompleteFile, TableFormat, npy_header};
 use lazygrid_mpi::{Distributed, Error, agree};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
@@ -91,17 +91,17 @@ pub(crate) fn write(
         };
         return agree(world, written).map(|()| vec![target.path.clone()]);
     }
-    // No file gets its name before all are complete.
-    let file = table(&target.of_rank(rank), target, &pairs, wide).map_err(failed);
-    let file = agree(world, file)?;
-    agree(world, file.commit().map_err(failed))?;
+    let file = table(&target.of_rank(rank), target, &pairs, wide).and_then(AtomicFile::finish);
+    let file = agree(world, file.map_err(failed))?;
     let counts = distributed.gather(&[pairs.len() as u64])?;
-    let files = target.files(world.size() as u32);
-    let written = match rank {
-        0 => manifest::write(target, &counts, distributed.report().owned.total, wide).map_err(failed),
-        _ => Ok(()),
-    };
-    agree(world, written).map(|()| files)
+    let manifest = (rank == 0)
+        .then(|| manifest::write(target, &counts, distributed.report().owned.total, wide))
+        .transpose();
+    let manifest = agree(world, manifest.map_err(failed))?;
+    // No file gets its name before all are complete, and the manifest last.
+    agree(world, file.commit().map_err(failed))?;
+    agree(world, manifest.map_or(Ok(()), CompleteFile::commit).map_err(failed))?;
+    Ok(target.files(world.size() as u32))
 }
 
 fn table(
