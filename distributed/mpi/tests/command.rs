@@ -321,3 +321,31 @@ fn full_disk_of_one_file_leaves_all_files_of_the_last_run() {
         assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 4);
     }
 }
+
+#[test]
+fn array_headers_of_any_spelling_are_read() {
+    let directory = tempfile::tempdir().unwrap();
+    let spheres = spheres(300);
+    let columns = |column: usize| {
+        spheres
+            .iter()
+            .map(move |s| [s.center.x, s.center.y, s.center.z, s.radius][column])
+            .collect::<Vec<_>>()
+    };
+    let fortran: Vec<f32> = (0..4).flat_map(columns).collect();
+    let c: Vec<f32> = spheres.iter().flat_map(|s| [s.center.x, s.center.y, s.center.z, s.radius]).collect();
+    let expected = csv(&pairs(&spheres, Space::UNBOUNDED));
+    for (text, body) in [
+        ("{'descr':'<f4','fortran_order':True,'shape':(300,4),}\n", &fortran),
+        ("{\"descr\": '<f4', \"fortran_order\" : True, 'shape': (300, 4)}\n", &fortran),
+        ("{\"shape\" : ( 300 , 4 ), 'descr': '<f4', 'fortran_order':False}", &c),
+    ] {
+        let body: Vec<u8> = body.iter().copied().flat_map(f32::to_le_bytes).collect();
+        let length = (text.len() as u16).to_le_bytes();
+        let bytes = [b"\x93NUMPY\x01\x00", &length[..], text.as_bytes(), &body].concat();
+        std::fs::write(directory.path().join("all.npy"), bytes).unwrap();
+        stdout(3, directory.path(), &["all.npy", "-o", "pairs.csv", "--gather"]);
+        let found = std::fs::read_to_string(directory.path().join("pairs.csv")).unwrap();
+        assert!(found == expected, "{text}");
+    }
+}

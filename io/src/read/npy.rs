@@ -10,6 +10,7 @@ mod dictionary;
 mod dtype;
 mod fields;
 mod header;
+mod npy_rows;
 
 use lazygrid::Sphere;
 
@@ -21,6 +22,7 @@ use super::source::Source;
 use crate::error::{Error, Position};
 
 pub use self::array::ArrayFile;
+pub use self::npy_rows::NpyRows;
 
 pub(super) const MAGIC: &[u8] = b"\x93NUMPY";
 /// In the cache between decoding and checking.
@@ -28,32 +30,38 @@ const BLOCK: usize = 1 << 15;
 const COLUMNS: [&str; 4] = ["x", "y", "z", "radius"];
 
 pub(super) fn read(mut source: Source, context: &mut ReadContext) -> Result<Frame, Error> {
-    let header = Header::read(&mut source)?;
-    header.check_length(&source)?;
+    let header = Header::parse(&mut source)?;
+    read_body(&mut source, &header, context)
+}
+
+/// Reads what follows a header.
+fn read_body(source: &mut Source, header: &Header, context: &mut ReadContext) -> Result<Frame, Error> {
+    header.check_count(source)?;
+    header.check_length(source)?;
     let mut frame = Frame::default();
     if source.length.is_some() {
         let room = frame.spheres.try_reserve_exact(header.rows as usize);
-        room.map_err(|_| header.too_many(&source, "memory"))?;
+        room.map_err(|_| header.too_many(source, "memory"))?;
     }
     match &header.layout {
         Layout::Plain { .. } if context.ids => {
             let expected = "a structured array with a field `id`, which --ids asks for";
-            return Err(syntax(&source, expected, "an array of numbers"));
+            return Err(syntax(source, expected, "an array of numbers"));
         }
         Layout::Plain { .. } if context.groups => {
             let expected = "a structured array with a field `group`, `molecule` or `mol`, which --exclude-groups asks for";
-            return Err(syntax(&source, expected, "an array of numbers"));
+            return Err(syntax(source, expected, "an array of numbers"));
         }
         Layout::Plain { kind: Dtype::NATIVE_F32, fortran: false } => {
-            read_rows(&mut source, &header, &mut frame.spheres)?;
+            read_rows(source, header, &mut frame.spheres)?;
         }
         &Layout::Plain { kind, fortran } => {
-            decode(&mut source, (&header, kind, fortran), &mut frame.spheres, context)?;
+            decode(source, (header, kind, fortran), &mut frame.spheres, context)?;
         }
-        Layout::Structured(fields) => fields.read(&mut source, &header, &mut frame, context)?,
+        Layout::Structured(fields) => fields.read(source, header, &mut frame, context)?,
     }
     if source.fill(&mut [0])? != 0 {
-        return Err(syntax(&source, "the end of the file after the array", "further bytes"));
+        return Err(further_bytes(source));
     }
     Ok(frame)
 }
@@ -134,6 +142,10 @@ fn check(source: &Source, row: u64, column: &str, is_radius: bool, written: f64)
 
 fn truncated(source: &Source, found: u64, expected: u64) -> Error {
     Error::Truncated { place: source.at(Position::File), what: "rows", found, expected }
+}
+
+fn further_bytes(source: &Source) -> Error {
+    syntax(source, "the end of the file after the array", "further bytes")
 }
 
 fn syntax(source: &Source, expected: &str, found: &str) -> Error {

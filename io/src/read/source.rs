@@ -23,7 +23,7 @@ impl Source {
         const GZIP: &[u8] = b"\x1F\x8B";
         const ZSTANDARD: &[u8] = b"\x28\xB5\x2F\xFD";
         const BUFFER: usize = 1 << 18;
-        let mut source = Self { path: path.into(), input: Box::new(input), length };
+        let mut source = Self::uncompressed(path, input, length);
         let head = source.look(ZSTANDARD.len())?;
         let compressed = |source: &mut Self| {
             source.length = None;
@@ -35,6 +35,11 @@ impl Source {
             source.input = Box::new(ZstdReader::new(compressed(&mut source)));
         }
         Ok(source)
+    }
+
+    /// Never decompresses.
+    pub(super) fn uncompressed(path: &Path, input: impl Read + Send + 'static, length: Option<u64>) -> Self {
+        Self { path: path.into(), input: Box::new(input), length }
     }
 
     pub(super) fn guess(&mut self) -> Result<Format, Error> {

@@ -11,6 +11,7 @@ use mpi::traits::{Communicator, CommunicatorCollectives};
 use serde_json::json;
 
 use super::args::{BenchScaling, Scene};
+use super::share::share;
 use super::{print, refused};
 
 #[derive(Default)]
@@ -100,7 +101,7 @@ fn row(args: &BenchScaling, first: &Step, steps: &[Step], report: &Report) -> St
 /// Consecutive ids: the first step must move almost all spheres.
 fn own_part(world: &SimpleCommunicator, scene: Scene, spheres: u64) -> Result<OwnedSpheres, Error> {
     let (rank, ranks) = (world.rank() as u64, world.size() as u64);
-    let ids = super::npy::share(spheres, rank, ranks)..super::npy::share(spheres, rank + 1, ranks);
+    let ids = share(spheres, rank, ranks);
     let mut own = Vec::new();
     let bytes = (ids.end - ids.start).saturating_mul(size_of::<Sphere>() as u64);
     let reserved = own.try_reserve_exact((ids.end - ids.start) as usize).map_err(|_| Error::OutOfMemory {

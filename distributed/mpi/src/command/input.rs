@@ -5,13 +5,14 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use lazygrid::Space;
-use lazygrid_io::read::{Format, Frame, Frames};
+use lazygrid_io::read::{Format, Frame, Frames, NpyRows};
 use lazygrid_mpi::{Error, OwnedSpheres, agree, try_reserved};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives, Root};
 
 use super::args::Detect;
-use super::{npy, refused, text};
+use super::share::share;
+use super::{refused, text};
 
 /// Replaced by the rank's index.
 const RANK: &str = "{rank}";
@@ -22,14 +23,13 @@ pub(crate) struct Input {
     pub(crate) space: Space,
 }
 
-#[derive(Debug)]
 enum FileSplit {
     /// One file per rank.
     Own(PathBuf),
     /// Rank 0 reads everything.
     Whole,
     /// Each rank reads rows of an array.
-    Rows(npy::Rows),
+    Rows(NpyRows),
     /// Each rank reads whole lines of a table.
     Lines(text::TextRows),
 }
@@ -37,11 +37,14 @@ enum FileSplit {
 pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, Error> {
     let split = agree(world, FileSplit::of(args, world.rank()).map_err(|message| refused(world, message)))?;
     let (rank, ranks) = (world.rank() as u64, world.size() as u64);
-    let frame = match &split {
-        FileSplit::Own(path) => whole(path, args),
+    let frame = match split {
+        FileSplit::Own(path) => whole(&path, args),
         FileSplit::Whole if rank == 0 => whole(&args.file, args),
         FileSplit::Whole => Ok(Frame::default()),
-        FileSplit::Rows(rows) => rows.read(&args.file, args.options(), rank, ranks),
+        FileSplit::Rows(rows) => {
+            let own = share(rows.count(), rank, ranks);
+            rows.read(own, args.options()).map_err(|error| error.to_string())
+        }
         // All ranks count lines before one may fail.
         FileSplit::Lines(text) => {
             let rank_lines = agree(
@@ -53,7 +56,7 @@ pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, E
         }
     };
     let frame = agree(world, frame.map_err(|message| refused(world, message)))?;
-    let space = in_32_bits(common_space(world, &split, frame.space)?, rank == 0);
+    let space = in_32_bits(common_space(world, own_file(args, world.rank()), frame.space)?, rank == 0);
     let first = before(world, frame.spheres.len() as u64);
     let mut ids = agree(world, try_reserved("ids", frame.spheres.len() as u64, rank as u32))?;
     ids.extend((first..).take(frame.spheres.len()));
@@ -87,7 +90,7 @@ impl FileSplit {
         let is_later = args.frame.is_some_and(|frame| frame > 0);
         let split = match known {
             _ if compressed || is_later => None,
-            Some(Format::Npy) => npy::Rows::of(path).map_err(cannot)?.map(Self::Rows),
+            Some(Format::Npy) => NpyRows::open(path).map_err(|error| error.to_string())?.map(Self::Rows),
             Some(Format::Csv) => text::TextRows::of(path).map_err(cannot)?.map(Self::Lines),
             // Among them Smoldyn's listings: only a reader of all lines sees a repeated serial number.
             _ => None,
@@ -113,13 +116,13 @@ fn whole(path: &Path, args: &Detect) -> Result<Frame, String> {
     }
 }
 
-fn common_space(world: &SimpleCommunicator, split: &FileSplit, own: Space) -> Result<Space, Error> {
+fn common_space(world: &SimpleCommunicator, file: Option<PathBuf>, own: Space) -> Result<Space, Error> {
     let mut edges = own.cell_vectors().map(|edge| edge.unwrap_or([0.0; 3]));
     world.process_at_rank(0).broadcast_into(edges.as_flattened_mut());
     let first = Space::triclinic(edges.map(|edge| (edge != [0.0; 3]).then_some(edge)));
     let first = first.map_err(|error| refused(world, error.to_string()));
-    let agreed = first.and_then(|first| match split {
-        FileSplit::Own(path) if own != first => Err(refused(
+    let agreed = first.and_then(|first| match file {
+        Some(path) if own != first => Err(refused(
             world,
             format!(
                 "{}: the box {:?} is not that of rank 0, {:?}; give the lengths with --periodic X,Y,Z",

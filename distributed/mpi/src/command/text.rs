@@ -7,7 +7,7 @@ use std::path::Path;
 use lazygrid_io::Position;
 use lazygrid_io::read::{Format, Frame, Frames, Options};
 
-use super::npy::share;
+use super::share::share;
 
 const LONGEST: u64 = 1 << 16;
 
@@ -41,11 +41,11 @@ impl TextRows {
     /// Returns the lines that begin in a rank's share of the bytes.
     pub(crate) fn lines_of(&self, path: &Path, rank: u64, ranks: u64) -> Result<RankLines, String> {
         let from = self.head.len() as u64;
-        let cut = |rank| from + share(self.end.saturating_sub(from), rank, ranks);
+        let own = share(self.end.saturating_sub(from), rank, ranks);
         let read = || {
             let mut file = File::open(path)?;
-            let begin = line_from(&mut file, from, self.end, cut(rank))?;
-            let end = line_from(&mut file, from, self.end, cut(rank + 1))?;
+            let begin = line_from(&mut file, from, self.end, from + own.start)?;
+            let end = line_from(&mut file, from, self.end, from + own.end)?;
             file.seek(SeekFrom::Start(begin))?;
             let mut bytes = Vec::new();
             bytes.try_reserve_exact((end - begin) as usize).map_err(|_| io::ErrorKind::OutOfMemory)?;

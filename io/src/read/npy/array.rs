@@ -4,7 +4,7 @@ use std::path::Path;
 use super::dictionary::Descr;
 use super::dtype::Dtype;
 use super::header::{describe, float_type, read_text};
-use super::{BLOCK, syntax};
+use super::{BLOCK, further_bytes, syntax};
 use crate::error::{Error, Position};
 use crate::read::source::Source;
 
@@ -76,7 +76,7 @@ impl ArrayFile {
             }
         }
         if self.source.fill(&mut [0])? != 0 {
-            return Err(syntax(&self.source, "the end of the file after the array", "further bytes"));
+            return Err(further_bytes(&self.source));
         }
         if self.fortran { self.in_c_order(&values) } else { Ok(values) }
     }

@@ -12,7 +12,8 @@ const LONGEST_HEADER: usize = 1 << 16;
 pub(super) struct Header {
     pub(super) layout: Layout,
     pub(super) rows: u64,
-    end: u64,
+    /// Length in bytes.
+    pub(super) end: u64,
 }
 
 pub(super) enum Layout {
@@ -54,24 +55,33 @@ pub(super) fn read_text(source: &mut Source) -> Result<(Vec<u8>, u64), Error> {
 }
 
 impl Header {
-    pub(super) fn read(source: &mut Source) -> Result<Self, Error> {
+    pub(super) fn parse(source: &mut Source) -> Result<Self, Error> {
         let (text, end) = read_text(source)?;
         let (layout, rows) = layout(source, &text)?;
-        let header = Self { layout, rows, end };
-        if rows > MAX_SPHERES {
-            return Err(header.too_many(source, "32-bit indices"));
+        Ok(Self { layout, rows, end })
+    }
+
+    pub(super) fn check_count(&self, source: &Source) -> Result<(), Error> {
+        if self.rows > MAX_SPHERES {
+            return Err(self.too_many(source, "32-bit indices"));
         }
-        Ok(header)
+        Ok(())
+    }
+
+    pub(super) fn row_bytes(&self) -> u64 {
+        match &self.layout {
+            Layout::Plain { kind, .. } => 4 * kind.width as u64,
+            Layout::Structured(fields) => fields.width() as u64,
+        }
     }
 
     /// Compares the file's length with the header, before memory is reserved.
     pub(super) fn check_length(&self, source: &Source) -> Result<(), Error> {
-        let row = match &self.layout {
-            Layout::Plain { kind, .. } => 4 * kind.width as u64,
-            Layout::Structured(fields) => fields.width() as u64,
-        };
+        let row = self.row_bytes();
         match source.length.map(|length| length.saturating_sub(self.end)) {
-            Some(bytes) if bytes < self.rows * row => Err(truncated(source, bytes / row, self.rows)),
+            Some(bytes) if bytes < self.rows.saturating_mul(row) => {
+                Err(truncated(source, bytes / row, self.rows))
+            }
             _ => Ok(()),
         }
     }

@@ -1,0 +1,22 @@
+use std::ops::Range;
+
+/// Returns a rank's range of `all` rows, bytes or spheres.
+pub(crate) fn share(all: u64, rank: u64, ranks: u64) -> Range<u64> {
+    let begin = |rank: u64| (u128::from(all) * u128::from(rank) / u128::from(ranks.max(1))) as u64;
+    begin(rank)..begin(rank + 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_cover_everything() {
+        for (all, ranks) in [(0, 3), (7, 8), (1 << 60, 512), (1000, 7)] {
+            let shares: Vec<_> = (0..ranks).map(|rank| share(all, rank, ranks)).collect();
+            assert_eq!((shares[0].start, shares[shares.len() - 1].end), (0, all));
+            assert!(shares.windows(2).all(|two| two[0].end == two[1].start));
+            assert!(shares.iter().all(|share| share.start <= share.end));
+        }
+    }
+}
