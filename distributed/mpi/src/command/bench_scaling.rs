@@ -72,11 +72,7 @@ fn slowest(world: &SimpleCommunicator, own: Duration) -> Duration {
 
 fn row(args: &BenchScaling, first: &Step, steps: &[Step], report: &Report) -> String {
     let spheres = report.owned.total.max(1) as f64;
-    let median = |of: fn(&Step) -> f64| {
-        let mut values: Vec<f64> = steps.iter().map(of).collect();
-        values.sort_by(f64::total_cmp);
-        values.get(values.len() / 2).copied()
-    };
+    let median = |of: fn(&Step) -> f64| median(steps.iter().map(of).collect());
     let object = json!({
         "ranks": report.owned.ranks,
         "scene": args.scene.name(),
@@ -96,6 +92,12 @@ fn row(args: &BenchScaling, first: &Step, steps: &[Step], report: &Report) -> St
     let mut line = String::new();
     let _ = writeln!(line, "{object}");
     line
+}
+
+fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let [below, above] = [values.len().saturating_sub(1) / 2, values.len() / 2];
+    Some(f64::midpoint(*values.get(below)?, *values.get(above)?))
 }
 
 /// Consecutive ids: the first step must move almost all spheres.
@@ -144,4 +146,18 @@ fn wander(particles: &mut OwnedSpheres, step: u32) {
 /// In 0..1, the same on every rank.
 fn random(id: u64, stream: u64) -> f32 {
     (tie_breaker(tie_breaker(id) ^ stream) >> 40) as f32 / (1_u32 << 24) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn median_of_an_even_number_is_between_the_two_in_the_middle() {
+        assert_eq!(median(vec![]), None);
+        assert_eq!(median(vec![3.0]), Some(3.0));
+        assert_eq!(median(vec![9.0, 1.0]), Some(5.0));
+        assert_eq!(median(vec![4.0, 1.0, 2.0]), Some(2.0));
+        assert_eq!(median(vec![8.0, 1.0, 4.0, 2.0]), Some(3.0));
+    }
 }
