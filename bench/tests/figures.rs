@@ -106,6 +106,27 @@ fn interrupted_run_resumes() {
 }
 
 #[test]
+fn documents_of_the_last_run_are_replaced_not_rewritten() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |only: &str| {
+        bench(["figures", "--smoke", "--only", only, "--out", path(folder.path())]).succeeds();
+    };
+    run("tau");
+    fs::write(folder.path().join("gpu.md"), "old").unwrap();
+    let names = ["results.json", "results.csv", "report.html", "results.md", "gpu.md"];
+    let old = names.map(|name| {
+        fs::hard_link(folder.path().join(name), folder.path().join(format!("old-{name}"))).unwrap();
+        read(folder.path(), name)
+    });
+    run("point");
+    bench(["gpu-results", "--output", path(&folder.path().join("gpu.md"))]).succeeds();
+    for (name, old) in names.into_iter().zip(old) {
+        assert!(read(folder.path(), name) != old, "{name}");
+        assert!(read(folder.path(), &format!("old-{name}")) == old, "{name} was rewritten in place");
+    }
+}
+
+#[test]
 fn compare_reports_slower_measurements() {
     let folder = tempfile::tempdir().unwrap();
     let [old, new] = ["old", "new"].map(|name| folder.path().join(name));

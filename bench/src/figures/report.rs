@@ -14,6 +14,7 @@ use std::error::Error;
 use std::fs;
 use std::path::Path;
 
+use lazygrid_io::write::AtomicFile;
 use lazygrid_report::html;
 
 use super::row::Results;
@@ -33,8 +34,11 @@ pub fn write(results: &Results, folder: &Path) -> Result<(), Box<dyn Error>> {
         files.push((plots.join(format!("{}.svg", plot.name)), plot.svg.clone()));
     }
     fs::create_dir_all(&plots).map_err(|e| format!("{}: cannot create: {e}", plots.display()))?;
+    let mut drafts = Vec::new();
     for (path, text) in files {
-        fs::write(&path, text).map_err(|e| format!("{}: cannot write: {e}", path.display()))?;
+        let mut draft = AtomicFile::create(path)?;
+        draft.write_with(|out| out.write_all(text.as_bytes()))?;
+        drafts.push(draft);
     }
-    Ok(())
+    Ok(AtomicFile::commit_all(drafts)?)
 }

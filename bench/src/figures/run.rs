@@ -13,6 +13,7 @@ use super::plan::{DataPoint, RunScale, SceneUpdate, Settings};
 use super::row::{Results, Row};
 use super::{Contender, Environment, Figure, burst, memory};
 use lazygrid_io::scenes::Scene;
+use lazygrid_io::write::AtomicFile;
 
 /// Fraction of a point's time for measured runs; the rest is for spheres, references and warm-ups.
 const MEASURED: f64 = 0.6;
@@ -227,11 +228,10 @@ fn load(path: &Path, fingerprint: &str) -> Option<CachedPoint> {
 }
 
 fn save(path: &Path, cached: &CachedPoint) -> Result<(), Box<dyn Error>> {
-    let draft = path.with_extension("part");
-    fs::write(&draft, serde_json::to_vec(cached)?)
-        .and_then(|()| fs::rename(&draft, path))
-        .map_err(|e| format!("{}: cannot write: {e}", path.display()))?;
-    Ok(())
+    let bytes = serde_json::to_vec(cached)?;
+    let mut file = AtomicFile::create(path)?;
+    file.write_with(|out| out.write_all(&bytes))?;
+    Ok(file.commit()?)
 }
 
 #[cfg(test)]

@@ -10,8 +10,8 @@ use lazygrid_report::{Document, Section, html};
 use lazygrid_results::channel::Channels;
 use lazygrid_results::mean::MeanSeries;
 use lazygrid_results::series::Series;
-use lazygrid_sim::Model;
 use lazygrid_sim::run::Run;
+use lazygrid_sim::{Model, write_atomically};
 
 use crate::error::CliError;
 
@@ -66,34 +66,29 @@ fn write_page(
         sections().map_err(|error| CliError::Report { path: page.clone(), reason: error.to_string() })?;
     let document = Document { title, sections };
     let plots = directory.join("plots");
-    fs::create_dir_all(&plots).map_err(|source| refused(&plots, source))?;
+    fs::create_dir_all(&plots)
+        .map_err(|source| lazygrid_sim::Error::Write { path: plots.clone(), source })?;
     for plot in document.sections.iter().flat_map(|section| &section.plots) {
-        file(&plots.join(format!("{}.svg", plot.name)), |out| out.write_all(plot.svg.as_bytes()))?;
+        let path = plots.join(format!("{}.svg", plot.name));
+        write_atomically(&path, |out| out.write_all(plot.svg.as_bytes()))?;
     }
-    file(&page, |out| out.write_all(html::page(&document).as_bytes()))
+    Ok(write_atomically(&page, |out| out.write_all(html::page(&document).as_bytes()))?)
 }
 
-fn tables(channels: &Channels, model: &Model, directory: &Path) -> Result<(), CliError> {
+fn tables(channels: &Channels, model: &Model, directory: &Path) -> Result<(), lazygrid_sim::Error> {
     if model.logs_arrivals {
-        file(&directory.join("impulse-response.csv"), |out| channels.write_responses(out, model))?;
+        write_atomically(&directory.join("impulse-response.csv"), |out| {
+            channels.write_responses(out, model)
+        })?;
     }
     if !channels.by_symbol.is_empty() {
-        file(&directory.join("by-symbol.csv"), |out| channels.write_by_symbol(out, model))?;
+        write_atomically(&directory.join("by-symbol.csv"), |out| channels.write_by_symbol(out, model))?;
     }
     if !channels.interference.is_empty() {
-        file(&directory.join("interference.csv"), |out| channels.write_interference(out, model))?;
+        write_atomically(&directory.join("interference.csv"), |out| channels.write_interference(out, model))?;
     }
     if !channels.bit_errors.is_empty() {
-        file(&directory.join("bit-errors.csv"), |out| channels.write_bit_errors(out, model))?;
+        write_atomically(&directory.join("bit-errors.csv"), |out| channels.write_bit_errors(out, model))?;
     }
     Ok(())
-}
-
-fn file(path: &Path, content: impl FnOnce(&mut Vec<u8>) -> std::io::Result<()>) -> Result<(), CliError> {
-    let mut bytes = Vec::new();
-    content(&mut bytes).and_then(|()| fs::write(path, bytes)).map_err(|source| refused(path, source))
-}
-
-fn refused(path: &Path, source: std::io::Error) -> CliError {
-    lazygrid_sim::Error::Write { path: path.to_owned(), source }.into()
 }

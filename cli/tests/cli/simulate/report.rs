@@ -43,6 +43,26 @@ fn number(row: &HashMap<String, String>, name: &str) -> f64 {
 }
 
 #[test]
+fn report_of_the_last_run_is_replaced_not_rewritten() {
+    let scratch = Scratch::new();
+    let (scenario, out) = (scratch.write("bits.toml", BITS), scratch.path("out"));
+    let args = ["simulate", &scenario, "--output", &out, "--report", "--overwrite", "--seed"];
+    let at = |name: &str| format!("{out}/{name}");
+    lazygrid(args.into_iter().chain(["1"])).succeeds();
+    let plot = fs::read_dir(at("plots")).unwrap().next().unwrap().unwrap().file_name();
+    let names = ["report.html", "impulse-response.csv", &format!("plots/{}", plot.to_str().unwrap())];
+    let old = names.map(|name| {
+        fs::hard_link(at(name), at(name) + ".old").unwrap();
+        fs::read_to_string(at(name)).unwrap()
+    });
+    lazygrid(args.into_iter().chain(["2"])).succeeds();
+    for (name, old) in names.into_iter().zip(old) {
+        assert!(fs::read_to_string(at(name)).unwrap() != old, "{name}");
+        assert!(fs::read_to_string(at(name) + ".old").unwrap() == old, "{name} was rewritten in place");
+    }
+}
+
+#[test]
 fn channels_are_as_formulas_and_logs_say() {
     let scratch = Scratch::new();
     let (scenario, out) = (scratch.write("bits.toml", BITS), scratch.path("out"));
