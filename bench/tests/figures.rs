@@ -106,6 +106,32 @@ fn interrupted_run_resumes() {
 }
 
 #[test]
+fn lammps_named_after_a_run_takes_part_in_the_next() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = ["figures", "--smoke", "--only", "tau,step-length", "--out", path(folder.path())];
+    let rows = |is_lammps: bool| {
+        let mut rows = results(folder.path())["rows"].as_array().unwrap().clone();
+        rows.retain(|row| match is_lammps {
+            true => row["engine"] == "LAMMPS",
+            false => row["figure"] == "tau",
+        });
+        rows
+    };
+    bench(args).succeeds();
+    let (first, others) = (rows(true), rows(false));
+    assert!(!first.is_empty() && first.iter().all(|row| row["status"] == "not-available"), "{first:?}");
+    // Each library that is named is opened.
+    for library in ["/nowhere/liblammps.so", "/elsewhere/liblammps.so"] {
+        BENCH.run_with("LAZYGRID_LAMMPS_LIB", library, &args).fails();
+        for row in rows(true) {
+            assert_eq!(row["status"], "error");
+            assert!(row["reason"].as_str().unwrap().contains(library), "{row}");
+        }
+        assert_eq!(rows(false), others, "measured again");
+    }
+}
+
+#[test]
 fn documents_of_the_last_run_are_replaced_not_rewritten() {
     let folder = tempfile::tempdir().unwrap();
     let run = |only: &str| {

@@ -39,6 +39,7 @@ impl Program {
             // Hides the Git repository: results name their commit, which may change while tests run.
             .env("GIT_DIR", "none")
             .env_remove("RUST_LOG")
+            .env_remove("LAZYGRID_LAMMPS_LIB")
             .stdin(Stdio::null());
         command
     }
@@ -48,7 +49,12 @@ impl Program {
     }
 
     pub fn run_with_cache(self, cache: &str, args: &[&str]) -> Run {
-        self.command(args).env("XDG_CACHE_HOME", cache).output().unwrap().into()
+        self.run_with("XDG_CACHE_HOME", cache, args)
+    }
+
+    /// Sets an environment variable.
+    pub fn run_with(self, variable: &str, value: &str, args: &[&str]) -> Run {
+        self.command(args).env(variable, value).output().unwrap().into()
     }
 
     /// Closes the reader of standard output first.

@@ -37,7 +37,7 @@ pub(crate) enum Command {
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "An interrupted run resumes if settings and build are the same. Exit code 1 if an engine gave a wrong answer.
-Bullet takes part if built with --features bullet.
+Bullet takes part if built with --features bullet, LAMMPS if LAZYGRID_LAMMPS_LIB names its library.
 
 Examples:
   lazygrid-bench figures --quick

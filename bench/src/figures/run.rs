@@ -12,6 +12,7 @@ use super::comparison::{Comparison, Limits};
 use super::plan::{DataPoint, RunScale, SceneUpdate, Settings};
 use super::row::{Results, Row};
 use super::{Contender, Environment, Figure, burst, memory};
+use crate::peers::lammps;
 use lazygrid_io::scenes::Scene;
 use lazygrid_io::write::AtomicFile;
 
@@ -57,9 +58,10 @@ pub fn run(
     let points = settings.points();
     let cache = folder.join("points");
     fs::create_dir_all(&cache).map_err(|e| format!("{}: cannot create: {e}", cache.display()))?;
-    let fingerprint = fingerprint(settings, &environment, program);
+    let fingerprint = Fingerprint::new(settings, &environment, program);
     let path_of = |point: &DataPoint| cache.join(format!("{}.json", point.key()));
-    let cached: Vec<Option<CachedPoint>> = points.iter().map(|p| load(&path_of(p), &fingerprint)).collect();
+    let cached: Vec<Option<CachedPoint>> =
+        points.iter().map(|p| load(&path_of(p), &fingerprint.of(p))).collect();
 
     let mut budget = TimeBudget::new(settings, &points, &cached);
     let (mut rows, mut seconds, mut missing) = (vec![], 0.0, vec![]);
@@ -77,7 +79,7 @@ pub fn run(
                 let rows = rows_of(point, settings, budget.share(point), &rows, program)?;
                 budget.spent(point);
                 let new = CachedPoint {
-                    fingerprint: fingerprint.clone(),
+                    fingerprint: fingerprint.of(point),
                     seconds: began.elapsed().as_secs_f64(),
                     rows,
                 };
@@ -210,16 +212,47 @@ fn predicted(contender: Contender, point: &DataPoint, earlier: &[Row]) -> Option
     Some(last.median() * (point.n as f64 / last.n as f64).powf(exponent))
 }
 
-/// Cached results must share commit, build, machine, adapter, and all settings except the choice of figures.
-fn fingerprint(settings: &Settings, environment: &Environment, program: &Path) -> String {
-    let Settings { scale, runs, minutes, seed, only: _, command: _ } = settings;
-    let built = fs::metadata(program).ok().and_then(|file| {
+/// The conditions of measurements: cached results must share them.
+struct Fingerprint {
+    common: String,
+    /// LAMMPS's library and the folders of libraries that it needs, which the environment names.
+    lammps: String,
+}
+
+impl Fingerprint {
+    /// Takes commit, build, machine, adapter, and all settings except the choice of figures.
+    fn new(settings: &Settings, environment: &Environment, program: &Path) -> Self {
+        let Settings { scale, runs, minutes, seed, only: _, command: _ } = settings;
+        let (commit, machine, graphics) =
+            (&environment.commit, environment.machine(), environment.graphics());
+        let built = file_version(program);
+        let common = format!(
+            "{scale:?}, {runs:?} runs, {minutes} min, seed {seed}, {commit}, {built}, {machine}, {graphics}"
+        );
+        let folders = std::env::var_os("LD_LIBRARY_PATH").unwrap_or_default();
+        let lammps = lammps::library().map_or_else(
+            || "no LAMMPS".to_owned(),
+            |path| format!("{} of {}, {}", path.display(), file_version(&path), folders.display()),
+        );
+        Self { common, lammps }
+    }
+
+    fn of(&self, point: &DataPoint) -> String {
+        let Self { common, lammps } = self;
+        match point.contenders.contains(&Contender::Lammps) {
+            true => format!("{common}, {lammps}"),
+            false => common.clone(),
+        }
+    }
+}
+
+/// Returns size and time of a file; nothing for a file that does not exist.
+fn file_version(path: &Path) -> String {
+    let version = fs::metadata(path).ok().and_then(|file| {
         let modified = file.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
         Some(format!("{} bytes, {}", file.len(), modified.as_millis()))
     });
-    let built = built.unwrap_or_default();
-    let (commit, machine, graphics) = (&environment.commit, environment.machine(), environment.graphics());
-    format!("{scale:?}, {runs:?} runs, {minutes} min, seed {seed}, {commit}, {built}, {machine}, {graphics}")
+    version.unwrap_or_default()
 }
 
 fn load(path: &Path, fingerprint: &str) -> Option<CachedPoint> {

@@ -7,6 +7,7 @@ use std::env;
 use std::error::Error;
 use std::ffi::{CStr, CString, c_char, c_double, c_int, c_void};
 use std::io::Write;
+use std::path::PathBuf;
 
 use lazygrid::Sphere;
 use libloading::Library;
@@ -48,7 +49,12 @@ pub fn skins() -> Vec<ContenderFactory> {
 }
 
 pub fn is_named() -> bool {
-    env::var_os(VARIABLE).is_some()
+    library().is_some()
+}
+
+/// Returns the path of the library, if the environment names it.
+pub fn library() -> Option<PathBuf> {
+    env::var_os(VARIABLE).map(PathBuf::from)
 }
 
 fn best(step_length: f32) -> f32 {
@@ -72,8 +78,7 @@ struct Lammps {
 
 impl Lammps {
     fn new(skin: f32) -> Result<Self, Box<dyn Error>> {
-        let path =
-            env::var_os(VARIABLE).ok_or_else(|| format!("set {VARIABLE} to the path of liblammps.so"))?;
+        let path = library().ok_or_else(|| format!("set {VARIABLE} to the path of liblammps.so"))?;
         // SAFETY: the user names this library as LAMMPS, whose initializers have no preconditions.
         let library = unsafe { Library::new(path)? };
         let mut words: Vec<Vec<u8>> = ["lammps", "-log", "none", "-screen", "none", "-nocite"]
