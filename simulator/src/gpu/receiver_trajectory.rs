@@ -3,7 +3,7 @@
 use super::layout::{ReceiverRow, TrajectoryHeader};
 use super::plan::LOG_ROWS;
 use crate::model::Model;
-use crate::motion::receiver_state;
+use crate::motion::receiver_state::{self, Place};
 use crate::random::philox::Key;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -67,6 +67,17 @@ impl ReceiverTrajectory {
             trajectory.max_displacements = centers.iter().enumerate().map(largest).collect();
         }
         trajectory
+    }
+
+    /// Returns the receivers after `done` steps, at least one of which is in the trajectory.
+    pub(super) fn places_at(&self, done: u32) -> Vec<Place> {
+        let mut places = Place::at_rest(self.centers_at(done));
+        if self.head.stride > 0 {
+            let first = (done - 1 - self.head.first) as usize * places.len();
+            let rows = &self.rows[first..];
+            places.iter_mut().zip(rows).for_each(|(place, row)| place.displacement = row.displacement.into());
+        }
+        places
     }
 
     pub(super) fn centers_at(&self, done: u32) -> &[[f32; 3]] {

@@ -14,9 +14,8 @@ use crate::model::Model;
 use crate::model::particles::Particles;
 use crate::model::receiver::ReceiverKind;
 use crate::random::philox::Key;
-use crate::reaction::decay::Decays;
-use crate::release::Released;
 use crate::release::origins::{Arrival, Origins};
+use crate::release::{PartialEvents, Released};
 use crate::{Error, State, Totals};
 
 mod events;
@@ -34,7 +33,7 @@ mod transfer;
 pub struct GpuSimulation {
     model: Model,
     key: Key,
-    decays: Decays,
+    partial_events: PartialEvents,
     tables: Tables,
     /// Fraction of a step during which the flow of `tables` is on.
     flow_part: f64,
@@ -129,7 +128,7 @@ impl GpuSimulation {
         buffers.upload_cells(&receiver_cells)?;
         let mut simulation = Self {
             key,
-            decays: Decays::new(&model),
+            partial_events: PartialEvents::new(&model),
             ligands: tables.ligands(),
             tables,
             flow_part: 1.0,

@@ -84,10 +84,6 @@ impl Transmitter {
         }
     }
 
-    pub(crate) fn center_among(&self, centers: &[[f32; 3]]) -> [f32; 3] {
-        self.carrier.and_then(|carrier| centers.get(carrier as usize)).copied().unwrap_or(self.center)
-    }
-
     /// Returns the species of the schedule's releases.
     pub fn species(&self) -> impl Iterator<Item = u32> {
         let steady = match &self.schedule {

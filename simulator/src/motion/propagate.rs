@@ -58,7 +58,7 @@ pub(crate) struct SpeciesStep {
 }
 
 const CHUNK: usize = 4096;
-const ROUNDED: f32 = 1e-6;
+pub(crate) const ROUNDED: f32 = 1e-6;
 
 impl Propagator {
     pub fn new(model: &Model) -> Self {

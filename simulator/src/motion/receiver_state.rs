@@ -152,6 +152,12 @@ pub(crate) struct Place {
     pub(crate) displacement: [f32; 3],
 }
 
+impl Place {
+    pub(crate) fn at_rest(centers: &[[f32; 3]]) -> Vec<Self> {
+        centers.iter().map(|&center| Self { center, displacement: [0.0; 3] }).collect()
+    }
+}
+
 /// Moves receivers by a step. Walls act on their surfaces; they pass through each other.
 pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step: u32) -> Vec<Place> {
     let one = |(at, (receiver, &center)): (usize, (&Receiver, &[f32; 3]))| {

@@ -134,7 +134,8 @@ impl<C: Communicator> RankSimulation<C> {
         let splits = self.run.splits(&outcomes);
         let parents = self.all_parents(&splits)?;
         let share = RankSlice::new(self.communicator.rank(), self.communicator.ranks());
-        let done = self.run.conclude(&outcomes, &splits, &parents).and_then(|()| self.run.finish(share));
+        let done =
+            self.run.conclude(&outcomes, &splits, &parents).and_then(|()| self.run.finish(&moved, share));
         self.agree(done)?;
         self.add_up();
         Ok(())

@@ -1,10 +1,11 @@
 //! Releases: a pure function of the model, the seed and the step.
 //!
-//! Bursts appear at the beginning of a step, particles of continuous release within it: they move and decay for the
-//! rest, so numbers are right at any step length.
+//! Bursts appear at the beginning of a step, particles of continuous release within it: they move, meet surfaces and
+//! decay for the rest, so numbers are right at any step length.
 
 pub mod origins;
 
+pub(crate) mod partial_step;
 pub(crate) mod rank_slice;
 
 use std::ops::Range;
@@ -13,36 +14,49 @@ use rand_distr::{Distribution, Poisson};
 
 use crate::error::Error;
 use crate::model::Model;
-use crate::model::membrane::{MembraneStep, StepEnds};
 use crate::model::particles::{Particle, Particles};
 use crate::model::transmitter::{CountDistribution, Schedule, Transmitter};
+use crate::motion::path_hit::{DrawContext, Path};
+use crate::motion::receiver_state::Place;
+use crate::motion::surface_events::ParticleMove;
 use crate::random::gaussian;
 use crate::random::philox::{Draws, Key, Purpose, open_unit};
 use crate::reaction::decay::Decays;
+use crate::release::origins::{Arrival, Origin};
+use crate::release::partial_step::{PartialStep, Surfaces};
 use crate::release::rank_slice::RankSlice;
 
 #[derive(Clone, Debug, Default)]
-pub struct Released {
+pub(crate) struct Released {
     /// Remaining particles.
-    pub particles: Particles,
+    pub(crate) particles: Particles,
     /// Common to all ranks.
-    pub next_id: u32,
+    pub(crate) next_id: u32,
     /// Released numbers, by species.
-    pub released: Vec<u64>,
+    pub(crate) released: Vec<u64>,
     /// Decays since the release, in the order of the model.
-    pub decayed: Vec<u64>,
+    pub(crate) decayed: Vec<u64>,
+    /// Arrivals since the release, by id.
+    pub(crate) arrivals: Vec<Arrival>,
+}
+
+/// The events that act on particles between their release and the next step.
+#[derive(Clone, Debug)]
+pub(crate) struct PartialEvents {
+    decays: Decays,
+    surfaces: Surfaces,
 }
 
 /// The step that a release begins, and its random numbers.
 #[derive(Clone, Copy, Debug)]
-pub struct ReleaseStep<'a> {
-    pub decays: &'a Decays,
-    pub key: Key,
-    pub step: u32,
+pub(crate) struct ReleaseStep<'a> {
+    pub(crate) events: &'a PartialEvents,
+    pub(crate) key: Key,
+    pub(crate) step: u32,
     /// Common to all ranks.
-    pub next_id: u32,
-    /// Centers of receivers at the beginning of the step, in µm.
-    pub centers: &'a [[f32; 3]],
+    pub(crate) next_id: u32,
+    /// Receivers at the beginning of the step, with their displacements in the last one.
+    pub(crate) places: &'a [Place],
 }
 
 struct Batch<'a> {
@@ -65,39 +79,55 @@ enum Ages {
     Spaced(f64, f64),
 }
 
+impl PartialEvents {
+    pub(crate) fn new(model: &Model) -> Self {
+        Self { decays: Decays::new(model), surfaces: Surfaces::new(model) }
+    }
+}
+
+impl Released {
+    fn new(model: &Model, next_id: u32) -> Self {
+        Self {
+            next_id,
+            released: vec![0; model.species.len()],
+            decayed: vec![0; model.decays.len()],
+            ..Self::default()
+        }
+    }
+}
+
 impl Model {
     /// Returns the releases at the beginning of a step, with ids from `next_id`.
     ///
     /// # Errors
     /// [`Error::OutOfIds`].
-    pub fn release(&self, at: ReleaseStep<'_>) -> Result<Released, Error> {
-        self.release_slice(at, RankSlice::WHOLE)
-    }
-
-    pub(crate) fn release_slice(&self, at: ReleaseStep<'_>, slice: RankSlice) -> Result<Released, Error> {
-        let ReleaseStep { decays, key, step, next_id, centers } = at;
-        let mut batches: Vec<_> = self.all_batches(step, key).map(|(_, batch)| batch).collect();
-        batches.iter_mut().for_each(|batch| batch.center = batch.from.center_among(centers));
-        let released = u64::from(next_id) + batches.iter().map(|batch| u64::from(batch.count)).sum::<u64>();
+    pub(crate) fn release(&self, at: ReleaseStep<'_>, slice: RankSlice) -> Result<Released, Error> {
+        let ReleaseStep { key, step, next_id, places, .. } = at;
+        let mut batches: Vec<_> = self.all_batches(step, key).collect();
+        batches.iter_mut().for_each(|(_, batch)| batch.center = center_among(places, batch.from));
+        let released =
+            u64::from(next_id) + batches.iter().map(|(_, batch)| u64::from(batch.count)).sum::<u64>();
         if released > lazygrid::MAX_SPHERES {
             return Err(Error::OutOfIds { released });
         }
-        let mut out = Released {
-            particles: Particles::default(),
-            next_id: released as u32,
-            released: vec![0; self.species.len()],
-            decayed: vec![0; self.decays.len()],
-        };
+        let mut out = Released::new(self, released as u32);
         let own = slice.of(released - u64::from(next_id));
         let (mut before, mut site) = (0, 0);
-        for (k, batch) in batches.iter().enumerate() {
-            let goes_on = k > 0 && std::ptr::eq(batches[k - 1].from, batch.from);
+        for (k, (transmitter, batch)) in batches.iter().enumerate() {
+            let goes_on = k > 0 && batches[k - 1].0 == *transmitter;
             site = if goes_on { site } else { batch.site };
             let [first, last] =
                 [own.start, own.end].map(|at| at.saturating_sub(before).min(batch.count.into()) as u32);
             for nth in first..last {
                 let id = next_id + before as u32 + nth;
-                self.add(batch, (id, site.wrapping_add(nth), nth), (decays, key), &mut out);
+                out.released[batch.species as usize] += 1;
+                let particle = self.born(batch, (id, site.wrapping_add(nth)), key);
+                let age = batch.age(nth, key.draw(id, 0, 0, Purpose::PartialStep)[0]);
+                if age > 0.0 {
+                    self.add_later((*transmitter, batch), (particle, age), at, &mut out);
+                } else {
+                    self.add(particle, &mut out);
+                }
             }
             before += u64::from(batch.count);
             site = site.wrapping_add(batch.count);
@@ -105,28 +135,20 @@ impl Model {
         Ok(out)
     }
 
-    /// Releases outside the schedule, with these ids, from which lattice sites follow. `at` has the centers and the
-    /// key.
+    /// Releases outside the schedule, with these ids, from which lattice sites follow.
     pub(crate) fn burst(
         &self,
         from: &Transmitter,
         species: u32,
         ids: Range<u32>,
-        at: ReleaseStep<'_>,
+        (key, places): (Key, &[Place]),
     ) -> Released {
-        let ReleaseStep { decays, key, centers, .. } = at;
-        let center = from.center_among(centers);
-        let mut out = Released {
-            particles: Particles::default(),
-            next_id: ids.end,
-            released: vec![0; self.species.len()],
-            decayed: vec![0; self.decays.len()],
-        };
+        let center = center_among(places, from);
+        let mut out = Released::new(self, ids.end);
         let [site, count] = [ids.start, ids.end - ids.start];
         let batch = Batch { from, center, now: 0.0, species, count, site, ages: Ages::None };
-        for (nth, id) in (0..).zip(ids) {
-            self.add(&batch, (id, id, nth), (decays, key), &mut out);
-        }
+        out.released[species as usize] += u64::from(count);
+        ids.for_each(|id| self.add(self.born(&batch, (id, id), key), &mut out));
         out
     }
 
@@ -185,34 +207,9 @@ impl Model {
         rates.iter().map(batch).collect()
     }
 
-    fn hold_back(
-        &self,
-        species: u32,
-        [from, to]: [[f32; 3]; 2],
-        spread: f32,
-        (key, id): (Key, u32),
-    ) -> [f32; 3] {
-        let (species, kind) = (species as usize, &self.species[species as usize]);
-        let domain = self.boundary.inset(kind.radius);
-        let (membranes, diffusion) = (&self.membranes, kind.diffusion);
-        let step = MembraneStep { membranes, domain: &domain, species, diffusion, spread };
-        let before = domain.confine(from);
-        let free = std::array::from_fn(|k| before[k] + (to[k] - from[k]));
-        let mut ends = StepEnds { end: free, free, after: domain.confine(to) };
-        step.hold_back(before, &mut ends, (key, id, 0));
-        ends.after
-    }
-
-    fn add(
-        &self,
-        batch: &Batch<'_>,
-        (id, site, nth): (u32, u32, u32),
-        (decays, key): (&Decays, Key),
-        out: &mut Released,
-    ) {
-        out.released[batch.species as usize] += 1;
-        let kind = &self.species[batch.species as usize];
-        let mut velocity = self.own_velocity(batch.species, key.draw(id, 0, 0, Purpose::Velocity));
+    fn born(&self, batch: &Batch<'_>, (id, site): (u32, u32), key: Key) -> Particle {
+        let species = batch.species;
+        let velocity = self.own_velocity(species, key.draw(id, 0, 0, Purpose::Velocity));
         let words = key.draw(id, 0, 0, Purpose::Release);
         let site = match batch.ages {
             // A Poisson process at each site: the number of earlier particles is unknown.
@@ -220,45 +217,99 @@ impl Model {
             Ages::None | Ages::Spaced(..) => site,
         };
         let offset = batch.from.shape.offset(words, site, &self.boundary);
-        let mut from: [f32; 3] = std::array::from_fn(|k| batch.center[k] + offset[k]);
-        let [word, ..] = key.draw(id, 0, 0, Purpose::PartialStep);
-        let age = match batch.ages {
+        let position = std::array::from_fn(|k| batch.center[k] + offset[k]);
+        Particle { position, velocity, radius: 0.0, species, id }
+    }
+
+    fn add(&self, particle: Particle, out: &mut Released) {
+        let radius = self.species[particle.species as usize].radius;
+        let position = self.boundary.inset(radius).confine(particle.position);
+        out.particles.push(Particle { position, radius, ..particle }, self.has_velocity());
+    }
+
+    /// Adds a particle that was released `age` s ago, in the last step.
+    fn add_later(
+        &self,
+        (transmitter, batch): (u32, &Batch<'_>),
+        (mut particle, age): (Particle, f64),
+        at: ReleaseStep<'_>,
+        out: &mut Released,
+    ) {
+        let ReleaseStep { events, key, step, places, .. } = at;
+        let Particle { species: released, id, .. } = particle;
+        let mut moved = self.partial_path(batch, (particle, age), at);
+        let partial = PartialStep::new(self, (&events.surfaces, places), (released, age));
+        if let Some(receiver) = partial.advance(&mut moved) {
+            let origin = Some(Origin { transmitter, step });
+            return out.arrivals.push(Arrival { receiver, species: released, id, step, origin });
+        }
+        particle.position = moved.path.after;
+        particle.velocity = moved.velocity.unwrap_or(particle.velocity);
+        let mut species = Some(released);
+        let words = |generation| key.draw(id, 1 + generation, 0, Purpose::PartialStep);
+        let turned = || key.draw(id, 1, 0, Purpose::Velocity);
+        events.decays.continue_chain(released, age, words, |decay, product| {
+            out.decayed[decay as usize] += 1;
+            if let (Some(from), Some(to)) = (species, product) {
+                particle.velocity = self.converted_velocity(particle.velocity, [from, to], turned);
+            }
+            species = product;
+        });
+        if let Some(species) = species {
+            self.add(Particle { species, ..particle }, out);
+        }
+    }
+
+    /// Returns the path since the release without surfaces and walls.
+    fn partial_path(
+        &self,
+        batch: &Batch<'_>,
+        (particle, age): (Particle, f64),
+        at: ReleaseStep<'_>,
+    ) -> ParticleMove {
+        let Particle { position: mut before, velocity, species, id, .. } = particle;
+        let (key, kind) = (at.key, &self.species[species as usize]);
+        if let Some(carrier) = batch.from.carrier {
+            // It was elsewhere at the time of release.
+            let velocity = self.receivers[carrier as usize].velocity;
+            before = std::array::from_fn(|k| before[k] - (velocity[k] * age) as f32);
+        }
+        let z = gaussian::normals(key.draw(id, 1, 0, Purpose::PartialStep));
+        let length = (2.0 * kind.diffusion * age).sqrt() as f32;
+        let part = self.flow_part([batch.now - age, batch.now]);
+        let flow = self.flow_at(before).map(|v| part * v);
+        let drift =
+            std::array::from_fn(|k| ((kind.drift[k] + flow[k] + f64::from(velocity[k])) * age) as f32);
+        let end = std::array::from_fn(|k| before[k] + (length * z[k] + drift[k]));
+        let diffusion = (kind.diffusion * age) as f32;
+        ParticleMove {
+            at: 0,
+            species,
+            // The particle drew nothing in the step in which it was released.
+            who: DrawContext { key, id, step: at.step - 1 },
+            path: Path { before, end, after: end, drift, diffusion },
+            free_end: end,
+            gone: 0.0,
+            turns: None,
+            velocity: self.has_velocity().then_some(velocity),
+        }
+    }
+}
+
+impl Batch<'_> {
+    /// Returns the time since the release of the `nth` particle, in s.
+    fn age(&self, nth: u32, word: u32) -> f64 {
+        match self.ages {
             Ages::None => 0.0,
             Ages::Between(least, most) => least + f64::from(open_unit(word)) * (most - least),
             Ages::Spaced(oldest, less) => (oldest - f64::from(nth) * less).max(0.0),
-        };
-        let mut species = Some(batch.species);
-        let mut position = from;
-        if age > 0.0 {
-            if let Some(carrier) = batch.from.carrier {
-                // It was elsewhere at the time of release.
-                let velocity = self.receivers[carrier as usize].velocity;
-                from = std::array::from_fn(|k| from[k] - (velocity[k] * age) as f32);
-            }
-            let z = gaussian::normals(key.draw(id, 1, 0, Purpose::PartialStep));
-            let length = (2.0 * kind.diffusion * age).sqrt() as f32;
-            let part = self.flow_part([batch.now - age, batch.now]);
-            let flow = self.flow_at(from).map(|v| part * v);
-            let drift = |k: usize| ((kind.drift[k] + flow[k] + f64::from(velocity[k])) * age) as f32;
-            position = std::array::from_fn(|k| from[k] + (length * z[k] + drift(k)));
-            if !self.membranes.is_empty() {
-                position = self.hold_back(batch.species, [from, position], length, (key, id));
-            }
-            let words = |generation| key.draw(id, 1 + generation, 0, Purpose::PartialStep);
-            let turned = || key.draw(id, 1, 0, Purpose::Velocity);
-            decays.continue_chain(batch.species, age, words, |decay, product| {
-                out.decayed[decay as usize] += 1;
-                if let (Some(from), Some(to)) = (species, product) {
-                    velocity = self.converted_velocity(velocity, [from, to], turned);
-                }
-                species = product;
-            });
         }
-        let Some(species) = species else { return };
-        let radius = self.species[species as usize].radius;
-        let position = self.boundary.inset(radius).confine(position);
-        out.particles.push(Particle { position, velocity, radius, species, id }, self.has_velocity());
     }
+}
+
+fn center_among(places: &[Place], from: &Transmitter) -> [f32; 3] {
+    let place = from.carrier.and_then(|carrier| places.get(carrier as usize));
+    place.map_or(from.center, |place| place.center)
 }
 
 /// Returns the number of evenly spaced particles from `begin` until `time`, in s. Numbers of successive steps add up

@@ -1,6 +1,10 @@
+use lazygrid::Algorithm;
+
 use super::*;
+use crate::model::receiver::{WallFace, signed_distance};
 use crate::model::transmitter::Shape;
 use crate::model::{Decay, Species};
+use crate::{Adsorption, Boundary, Receiver, ReceiverKind, ReceptorType, Simulation};
 
 fn steady(rates: Vec<(u32, f64)>, [from, until]: [f64; 2]) -> Transmitter {
     Transmitter { schedule: Schedule::Steady { from, until, rates }, ..Transmitter::default() }
@@ -11,8 +15,9 @@ fn decay(reactant: u32, product: u32, rate: f64) -> Decay {
 }
 
 fn released_in_a_step(model: &Model) -> impl Iterator<Item = Particle> {
-    let at = ReleaseStep { decays: &Decays::new(model), key: Key::new(3), step: 1, next_id: 0, centers: &[] };
-    let released = model.release(at).expect("a release");
+    let events = PartialEvents::new(model);
+    let at = ReleaseStep { events: &events, key: Key::new(3), step: 1, next_id: 0, places: &[] };
+    let released = model.release(at, RankSlice::WHOLE).expect("a release");
     (0..released.particles.len()).map(move |at| released.particles.get(at))
 }
 
@@ -75,11 +80,11 @@ fn steady_release_fills_all_sites_of_a_lattice() {
             transmitters: vec![Transmitter { shape, numbers, ..steady(rates, ends) }],
             ..Model::default()
         };
-        let (decays, mut next_id) = (Decays::new(&model), 0);
+        let (events, mut next_id) = (PartialEvents::new(&model), 0);
         let mut counts = [0; 4];
         for step in 0..=20 {
-            let at = ReleaseStep { decays: &decays, key: Key::new(3), step, next_id, centers: &[] };
-            let released = model.release(at).expect("a release");
+            let at = ReleaseStep { events: &events, key: Key::new(3), step, next_id, places: &[] };
+            let released = model.release(at, RankSlice::WHOLE).expect("a release");
             next_id = released.next_id;
             let places = (0..released.particles.len()).map(|at| released.particles.get(at).position[0]);
             places.for_each(|x| counts[(x + 1.5) as usize] += 1);
@@ -97,9 +102,8 @@ fn emitted_particles_go_on_from_site_to_site() {
     let transmitter = Transmitter { shape, ..Transmitter::default() };
     let species = vec![Species { mass: 1.0, ..Species::default() }];
     let model = Model { time_step: 0.1, species, ..Model::default() };
-    let decays = Decays::new(&model);
-    let at = ReleaseStep { decays: &decays, key: Key::new(3), step: 1, next_id: 0, centers: &[] };
-    let place = |id| model.burst(&transmitter, 0, id..id + 1, at).particles.get(0).position[0];
+    let burst = |id| model.burst(&transmitter, 0, id..id + 1, (Key::new(3), &[]));
+    let place = |id| burst(id).particles.get(0).position[0];
     assert_eq!([4, 5, 6, 7, 8].map(place), [-1.5, -0.5, 0.5, 1.5, -1.5]);
 }
 
@@ -123,4 +127,78 @@ fn fixed_steady_release_counts_every_particle_once() {
         let expected = rate * (until.min(f64::from(steps) * time_step) - from);
         assert_eq!(released, (expected + 1e-6).floor() as u64, "{rate} per s in steps of {time_step} s");
     }
+}
+
+/// A point at (1.05, 0, 0) releases 10⁵ diffusing particles per s, by a sphere of radius 1 at the origin.
+fn beside_a_sphere(kind: ReceiverKind, time_step: f64) -> Model {
+    let species = Species { name: "A".into(), diffusion: 1.0, mass: 1.0, ..Species::default() };
+    let receiver = Receiver { name: "rx".into(), radius: 1.0, kind, sees: vec![true], ..Receiver::default() };
+    let transmitter = Transmitter { center: [1.05, 0.0, 0.0], ..steady(vec![(0, 1e5)], [0.0, 1.0]) };
+    Model {
+        time_step,
+        species: vec![species],
+        transmitters: vec![transmitter],
+        receivers: vec![receiver],
+        logs_arrivals: true,
+        ..Model::default()
+    }
+}
+
+fn ran(model: &Model, steps: u32) -> Simulation {
+    let mut simulation = Simulation::new(model.clone(), 3, Algorithm::Auto).expect("a run");
+    (0..steps).for_each(|_| simulation.step().expect("a step"));
+    simulation
+}
+
+#[test]
+fn steady_release_stays_outside_of_reflecting_surfaces() {
+    let receptors = ReceiverKind::Receptors(vec![ReceptorType::new(5, 1e3, 1.0, [0])]);
+    let partial = ReceiverKind::Partial(Adsorption::Reactivity(1.0));
+    for kind in [ReceiverKind::Reflecting, partial, receptors] {
+        for velocity in [[0.0; 3], [2.0, 1.0, 0.0]] {
+            let mut model = beside_a_sphere(kind.clone(), 0.01);
+            model.receivers[0].velocity = velocity;
+            let simulation = ran(&model, 1);
+            let state = simulation.state();
+            let is_inside = |&at: &usize| {
+                let position = state.particles.position_of(at);
+                signed_distance(1.0, state.centers[0], &model.boundary, position) < 0.0
+            };
+            let inside = (0..state.particles.len()).filter(is_inside).count();
+            assert!(state.particles.len() > 500, "{kind:?}: {} particles", state.particles.len());
+            assert_eq!(inside, 0, "{kind:?}, {velocity:?}");
+        }
+    }
+}
+
+#[test]
+fn steady_release_arrives_alike_at_any_time_step() {
+    let partial = ReceiverKind::Partial(Adsorption::Reactivity(20.0));
+    let plane = ReceiverKind::Wall(WallFace::Low(0));
+    for kind in [ReceiverKind::Absorbing, partial, plane] {
+        let count = |time_step: f64, steps| {
+            let mut model = beside_a_sphere(kind.clone(), time_step);
+            if let ReceiverKind::Wall(_) = kind {
+                model.boundary = Boundary::reflecting([1.0, -9.0, -9.0], [9.0; 3]);
+            }
+            let simulation = ran(&model, steps);
+            let totals = &simulation.state().totals;
+            assert_eq!(totals.released[0], totals.present[0] + totals.arrived[0][0], "{kind:?}");
+            (totals.arrived[0][0] as f64, totals.released[0] as f64)
+        };
+        let [(long, n), (short, _)] = [count(0.02, 1), count(0.0005, 40)];
+        let error = ((long * (1.0 - long / n)).max(1.0) + short * (1.0 - short / n)).sqrt();
+        assert!(short > 0.1 * n && (long - short).abs() < 4.0 * error, "{kind:?}: {long} and {short} of {n}");
+    }
+}
+
+#[test]
+fn arrivals_since_the_release_are_logged_with_their_origin() {
+    let simulation = ran(&beside_a_sphere(ReceiverKind::Absorbing, 0.01), 1);
+    let origin = Some(Origin { transmitter: 0, step: 1 });
+    let arrivals = simulation.arrivals();
+    assert_eq!(arrivals.len() as u64, simulation.state().totals.arrived[0][0]);
+    assert!(arrivals.len() > 100 && arrivals.is_sorted_by_key(|arrival| arrival.id));
+    assert!(arrivals.iter().all(|arrival| arrival.step == 1 && arrival.origin == origin));
+    assert!(arrivals.iter().all(|arrival| !simulation.state().particles.id.contains(&arrival.id)));
 }

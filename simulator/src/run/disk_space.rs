@@ -127,13 +127,13 @@ mod tests {
         .unwrap();
         assert_eq!(checked[0], (0, 0));
         let arrived: Vec<u64> = checked[1..].iter().map(|&(_, arrived)| arrived / 1000).collect();
-        assert_eq!(arrived, [17, 33]);
+        assert_eq!(arrived, [16, 32]);
         let written = std::fs::metadata(run.directory.join("arrivals.csv")).unwrap().len();
-        let until_next = written * (LOGGED_ARRIVALS + 1000) / 39_000;
+        let until_next = written * (LOGGED_ARRIVALS + 1000) / 40_000;
         assert!(reserved > until_next && reserved < 3 * until_next, "{reserved}, {until_next} needed");
     }
 
-    /// 4·10¹² particles in all, of which a step keeps 1000.
+    /// 4·10¹² particles in all, of which a step keeps the one that is released at its end.
     #[test]
     fn run_that_loses_its_particles_needs_no_room_for_all() {
         let directory = tempfile::tempdir().unwrap();
@@ -144,7 +144,7 @@ mod tests {
                 false => ControlFlow::Break(()),
             })
             .unwrap();
-        assert_eq!((end, simulation.totals().present[0]), (RunEnd::Stopped, 1000));
+        assert_eq!((end, simulation.totals().present[0]), (RunEnd::Stopped, 1));
     }
 
     /// No disk is large enough for `u32::MAX` simultaneous runs.

@@ -6,9 +6,8 @@ use std::ops::Range;
 
 use crate::model::Model;
 use crate::model::particles::{Particle, Particles};
+use crate::motion::receiver_state::Place;
 use crate::random::philox::{Key, Purpose};
-use crate::reaction::decay::Decays;
-use crate::release::ReleaseStep;
 use crate::release::origins::Origin;
 use crate::{AnySimulation, Error, Simulation, State};
 
@@ -80,14 +79,7 @@ impl State {
         known(model, species)?;
         let ids = self.take_ids(count.into())?;
         self.particles.reserve(count.into(), model.has_velocity())?;
-        let at = ReleaseStep {
-            decays: &Decays::new(model),
-            key,
-            step: self.step,
-            next_id: ids.start,
-            centers: &self.centers,
-        };
-        let released = model.burst(from, species, ids.clone(), at);
+        let released = model.burst(from, species, ids.clone(), (key, &Place::at_rest(&self.centers)));
         self.next_id = ids.end;
         self.totals.enter(&released);
         self.particles.append(released.particles);

@@ -10,13 +10,14 @@ use crate::motion::collisions::halo::{Halo, Undivided};
 use crate::motion::contact::Contacts;
 use crate::motion::propagate::{Event, Propagator};
 use crate::motion::receiver_search::ReceiverSearch;
-use crate::motion::receiver_state;
+use crate::motion::receiver_state::{self, Place};
 use crate::motion::surface_diffusion::SurfaceSteps;
 use crate::random::philox::{Key, Purpose};
 use crate::reaction::candidates::StepPairs;
 use crate::reaction::dissociation::{Dissociated, Dissociation};
 use crate::reaction::matching::Matching;
 use crate::reaction::{ReactantChange, Reactions, interactions};
+use crate::release::PartialEvents;
 use crate::release::origins::Arrival;
 use crate::release::rank_slice::RankSlice;
 use crate::state::State;
@@ -35,6 +36,7 @@ pub struct Simulation {
     pub(crate) dissociation: Dissociation,
     pub(crate) detector: Option<Detector>,
     matching: Matching,
+    partial_events: PartialEvents,
     arrivals: Vec<Arrival>,
 }
 
@@ -42,6 +44,8 @@ pub struct Simulation {
 pub(crate) struct Moved {
     events: Vec<Event>,
     leaving: Vec<UnboundParticle>,
+    /// Receivers at the end of the step.
+    places: Vec<Place>,
 }
 
 impl Simulation {
@@ -76,6 +80,7 @@ impl Simulation {
             dissociation: Dissociation::new(&model),
             detector,
             matching: Matching::default(),
+            partial_events: PartialEvents::new(&model),
             arrivals: Vec::new(),
             model,
             state,
@@ -155,7 +160,7 @@ impl Simulation {
         let parents = splits.iter().filter(|split| split.is_parent()).map(|split| split.id);
         let parents: Vec<u32> = parents.collect();
         self.conclude(&outcomes, &splits, &parents)?;
-        self.finish(RankSlice::WHOLE)
+        self.finish(&moved, RankSlice::WHOLE)
     }
 
     /// Collective.
@@ -175,7 +180,7 @@ impl Simulation {
         let events = motion.advance(&mut state.particles, receiver_search.as_mut(), flights.as_deref(), now);
         let events = halo.agree(events)?;
         state.centers = places.iter().map(|place| place.center).collect();
-        Ok(Moved { events, leaving })
+        Ok(Moved { events, leaving, places })
     }
 
     pub(crate) fn bids(&self, moved: &Moved) -> Vec<BindingRequest> {
@@ -353,9 +358,14 @@ impl Simulation {
         Some(Particle { position, velocity, radius, species, id })
     }
 
-    pub(crate) fn finish(&mut self, slice: RankSlice) -> Result<(), Error> {
+    pub(crate) fn finish(&mut self, moved: &Moved, slice: RankSlice) -> Result<(), Error> {
         self.state.step += 1;
-        self.state.release(&self.model, &self.motion.decays, self.key, slice)
+        let events = (&self.partial_events, &moved.places[..]);
+        let arrivals = self.state.release(&self.model, events, self.key, slice)?;
+        if self.model.logs_arrivals {
+            self.arrivals.extend(arrivals);
+        }
+        Ok(())
     }
 }
 

@@ -7,11 +7,11 @@ use crate::model::Model;
 use crate::model::particles::Particles;
 use crate::model::receiver::ReceiverKind;
 use crate::motion::binding::Bound;
+use crate::motion::receiver_state::Place;
 use crate::random::philox::Key;
-use crate::reaction::decay::Decays;
-use crate::release::origins::{Origin, Origins};
+use crate::release::origins::{Arrival, Origin, Origins};
 use crate::release::rank_slice::RankSlice;
-use crate::release::{ReleaseStep, Released};
+use crate::release::{PartialEvents, ReleaseStep, Released};
 
 /// With the model and the seed, it determines the rest of the run bit for bit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -58,9 +58,11 @@ impl State {
 
     pub(crate) fn new_slice(model: &Model, seed: u64, slice: RankSlice) -> Result<Self, Error> {
         model.check()?;
-        let centers = model.receivers.iter().map(|receiver| receiver.center).collect();
+        let centers: Vec<_> = model.receivers.iter().map(|receiver| receiver.center).collect();
+        let places = Place::at_rest(&centers);
         let mut state = Self { totals: Totals::of(model), centers, ..Self::default() };
-        state.release(model, &Decays::new(model), Key::new(seed), slice)?;
+        // Nothing was released before step 0, and so nothing arrives.
+        state.release(model, (&PartialEvents::new(model), &places), Key::new(seed), slice)?;
         Ok(state)
     }
 
@@ -111,15 +113,16 @@ impl State {
             && self.particles.species.iter().all(|&species| is_known(species))
     }
 
+    /// Returns the arrivals since the release, by id.
     pub(crate) fn release(
         &mut self,
         model: &Model,
-        decays: &Decays,
+        (events, places): (&PartialEvents, &[Place]),
         key: Key,
         slice: RankSlice,
-    ) -> Result<(), Error> {
-        let (step, next_id, centers) = (self.step, self.next_id, &self.centers);
-        let released = model.release_slice(ReleaseStep { decays, key, step, next_id, centers }, slice)?;
+    ) -> Result<Vec<Arrival>, Error> {
+        let (step, next_id) = (self.step, self.next_id);
+        let released = model.release(ReleaseStep { events, key, step, next_id, places }, slice)?;
         if model.logs_arrivals {
             let mut first = self.next_id;
             for (transmitter, _, count) in model.releases(self.step, key) {
@@ -130,7 +133,7 @@ impl State {
         self.next_id = released.next_id;
         self.totals.enter(&released);
         self.particles.append(released.particles);
-        Ok(())
+        Ok(released.arrivals)
     }
 }
 
@@ -141,6 +144,9 @@ impl Totals {
         add(&mut self.released, &released.released);
         add(&mut self.decayed, &released.decayed);
         released.particles.species.iter().for_each(|&species| self.present[species as usize] += 1);
+        for arrival in &released.arrivals {
+            self.arrived[arrival.receiver as usize][arrival.species as usize] += 1;
+        }
     }
 
     pub(crate) fn counts(&self) -> impl Iterator<Item = &u64> {

@@ -80,6 +80,26 @@ pub(super) fn compare(model: &Model, seed: u64, steps: u32) -> State {
 }
 
 #[test]
+fn arrivals_since_the_release_are_those_of_the_cpu() {
+    let Some(own) = device() else { return };
+    let steady = |center: [f32; 3]| Transmitter {
+        name: "steady".into(),
+        center,
+        schedule: Schedule::Steady { from: 0.0, until: 1.0, rates: vec![(0, 4e4)] },
+        ..Transmitter::default()
+    };
+    let mut model = bodies();
+    model.transmitters = vec![steady([0.85, 1.25, 1.25]), steady([0.0, 0.0, 0.8])];
+    model.logs_arrivals = true;
+    let (mut there, mut here) = (gpu(&own, &model, 5, GpuOptions::default()), cpu(&model, 5));
+    there.run(1).expect("a step");
+    here.step().expect("a step");
+    assert!(here.arrivals().len() > 20, "{} arrivals", here.arrivals().len());
+    assert_eq!(there.arrivals(), here.arrivals());
+    assert_close(&there.state().expect("a state"), here.state(), 0.0);
+}
+
+#[test]
 fn surfaces_act_as_on_the_cpu() {
     for periodic in [false, true] {
         let mut model = surfaces();

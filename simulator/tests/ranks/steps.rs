@@ -82,6 +82,18 @@ fn combined_model_equals_one_process() {
 }
 
 #[test]
+fn arrivals_since_the_release_over_ranks_equal_one_process() {
+    let mut model = model(&everything());
+    let [x, y, z] = model.receivers.last().unwrap().center;
+    model.transmitters[2].center = [x + 0.85, y, z];
+    let expected = alone(&model, 3, 20);
+    let has_begun = |arrival: &Arrival| arrival.origin.is_some_and(|origin| origin.step == arrival.step);
+    let arrivals = expected.iter().flat_map(|seen| &seen.arrivals).filter(|arrival| has_begun(arrival));
+    assert!(arrivals.count() > 10);
+    compare(&model, 3, 20, &[1, 3]);
+}
+
+#[test]
 fn membranes_over_ranks_equal_one_process() {
     let mut model = model(&everything());
     model.receivers.retain(|receiver| receiver.kind == ReceiverKind::Transparent);

@@ -7,6 +7,7 @@ use crate::gpu::layout::{ControlHeader, EVENT_BYTES, NOTHING};
 use crate::model::particles::Particles;
 use crate::release::ReleaseStep;
 use crate::release::origins::{Arrival, Origin};
+use crate::release::rank_slice::RankSlice;
 
 /// Step, then receiver, species and id of an arrival, or [`NOTHING`], rank and parent's id of a second product.
 pub(super) type Entry = [u32; 4];
@@ -50,18 +51,26 @@ impl GpuSimulation {
                 self.next_id = head.next_id;
             }
             let burst = bursts.next_if(|burst| burst.step == step);
-            self.record_release(burst, step, step == done)?;
+            let released = self.record_release(burst, step, step == done)?;
             while let Some(&[_, receiver, species, id]) = entries.next_if(|entry| entry[0] + 1 == step) {
                 let origin = self.origins.of(id);
                 self.arrivals.push(Arrival { receiver, species, id, step, origin });
+            }
+            if self.model.logs_arrivals {
+                self.arrivals.extend(released);
             }
         }
         self.step = done;
         Ok(())
     }
 
-    /// Releases after the last step are not on the device yet.
-    fn record_release(&mut self, burst: Option<&Burst>, step: u32, is_last: bool) -> Result<(), Error> {
+    /// Returns the arrivals since the release. Releases after the last step are not on the device yet.
+    fn record_release(
+        &mut self,
+        burst: Option<&Burst>,
+        step: u32,
+        is_last: bool,
+    ) -> Result<Vec<Arrival>, Error> {
         if self.model.logs_arrivals {
             let mut first = self.next_id;
             for (transmitter, _, count) in self.model.releases(step, self.key) {
@@ -69,18 +78,19 @@ impl GpuSimulation {
                 first += count;
             }
         }
-        let Some(burst) = burst else { return Ok(()) };
+        let Some(burst) = burst else { return Ok(Vec::new()) };
         let mut released = burst.released.clone();
         if self.tables.dissociates() {
-            let centers = self.trajectory.centers_at(step);
-            let (decays, key, next_id) = (&self.decays, self.key, self.next_id);
-            released = self.model.release(ReleaseStep { decays, key, step, next_id, centers })?;
+            let places = &self.trajectory.places_at(step);
+            let (events, key, next_id) = (&self.partial_events, self.key, self.next_id);
+            let at = ReleaseStep { events, key, step, next_id, places };
+            released = self.model.release(at, RankSlice::WHOLE)?;
         }
         self.next_id = released.next_id;
         self.totals.enter(&released);
         if is_last {
             self.due = released.particles;
         }
-        Ok(())
+        Ok(released.arrivals)
     }
 }

@@ -7,23 +7,24 @@ use crate::gpu::device::filled;
 use crate::gpu::dispatches::{Groups, Stage};
 use crate::gpu::kernel as k;
 use crate::model::particles::Particles;
-use crate::motion::receiver_state::move_receivers;
+use crate::motion::receiver_state::{Place, move_receivers};
 use crate::release::ReleaseStep;
+use crate::release::rank_slice::RankSlice;
 
 impl GpuSimulation {
     pub(super) fn bursts(&self, steps: u32) -> Result<Vec<Burst>, Error> {
         let mut next_id = self.next_id;
         let mut bursts = Vec::new();
-        let carries = self.model.transmitters.iter().any(|transmitter| transmitter.carrier.is_some());
-        let mut centers = self.centers.clone();
+        let moves = self.model.receivers.iter().any(crate::Receiver::moves);
+        let mut places = Place::at_rest(&self.centers);
         for step in self.step + 1..=self.step + steps {
-            if carries {
-                let places = move_receivers(&self.model, &centers, self.key, step - 1);
-                centers = places.iter().map(|place| place.center).collect();
+            if moves {
+                let centers: Vec<_> = places.iter().map(|place| place.center).collect();
+                places = move_receivers(&self.model, &centers, self.key, step - 1);
             }
-            let (decays, key) = (&self.decays, self.key);
-            let at = ReleaseStep { decays, key, step, next_id, centers: &centers };
-            let released = self.model.release(at)?;
+            let (events, key) = (&self.partial_events, self.key);
+            let at = ReleaseStep { events, key, step, next_id, places: &places };
+            let released = self.model.release(at, RankSlice::WHOLE)?;
             if released.next_id > next_id {
                 next_id = released.next_id;
                 bursts.push(Burst { step, released });
