@@ -37,6 +37,33 @@ const RELEASES: &str = "releases.csv";
 const OCCUPANCY: &str = "occupancy.csv";
 const ANIMATED: &str = "animation.frames";
 
+/// Files of runs, replicas, sweeps and reports, apart from frames and plots.
+const RESULTS: [&str; 20] = [
+    "checkpoint",
+    "replicas.csv",
+    "points.csv",
+    SERIES,
+    SYMBOLS,
+    XYZ,
+    ARRIVALS,
+    RELEASES,
+    OCCUPANCY,
+    ANIMATED,
+    "animation.html",
+    "arrivals.arrow",
+    "releases.arrow",
+    "mean.csv",
+    "sweep.csv",
+    "report.html",
+    "impulse-response.csv",
+    "interference.csv",
+    "bit-errors.csv",
+    "by-symbol.csv",
+];
+/// Number of the first [`RESULTS`], which `--resume` continues.
+const RESUMABLE: usize = 3;
+const PLOTS: &str = "plots";
+
 #[derive(Debug)]
 pub(crate) struct Files {
     directory: PathBuf,
@@ -195,16 +222,15 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
     let refused = |source| Error::Write { path: directory.to_owned(), source };
     fs::create_dir_all(directory).map_err(refused)?;
     let lock = Lock::take(directory)?;
-    let holds = |name: &str| directory.join(name).exists();
-    if !overwrite && ["checkpoint", "replicas.csv", "points.csv"].into_iter().any(holds) {
+    let (resumable, others) = RESULTS.split_at(RESUMABLE);
+    let holds = |name: &&str| directory.join(name).exists();
+    if !overwrite && resumable.iter().any(holds) {
         let message = "it holds a run already; continue that with --resume, replace it with --overwrite, or choose \
                        another directory";
         return Err(refused(io::Error::new(io::ErrorKind::AlreadyExists, message)));
     }
-    let foreign =
-        [SERIES, SYMBOLS, XYZ, ARRIVALS, RELEASES, OCCUPANCY, ANIMATED, "animation.html", "mean.csv"];
-    let is_file = |name: &str| directory.join(name).is_file();
-    if let Some(name) = foreign.into_iter().find(|name| !overwrite && is_file(name)) {
+    let is_file = |name: &&&str| directory.join(name).is_file();
+    if let Some(name) = others.iter().find(is_file).filter(|_| !overwrite) {
         let message = format!(
             "it holds a file {name} of no run that can be continued; replace the file with --overwrite, or choose another \
              directory"
@@ -214,17 +240,42 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
     Ok(lock)
 }
 
-pub(crate) fn remove_stale(directory: &Path, names: &[&str]) -> Result<(), Error> {
-    for name in names {
-        let path = directory.join(name);
-        match fs::remove_file(&path) {
-            Err(source) if source.kind() != io::ErrorKind::NotFound => {
-                return Err(Error::Write { path, source });
-            }
-            _ => {}
+/// Removes the files of a run, but not the directories of replicas and points. Begins with the files that `--resume`
+/// continues.
+pub(crate) fn remove_results(directory: &Path) -> Result<(), Error> {
+    RESULTS.into_iter().try_for_each(|name| remove_file(directory.join(name)))?;
+    remove_where(directory, |name| {
+        let step = name.strip_prefix("frame-").and_then(|rest| rest.strip_suffix(".npy"));
+        step.is_some_and(|step| step.len() >= 9 && step.bytes().all(|byte| byte.is_ascii_digit()))
+    })?;
+    let plots = directory.join(PLOTS);
+    remove_where(&plots, |name| name.ends_with(".svg"))?;
+    // Remains if it holds files of the user.
+    let _ = fs::remove_dir(plots);
+    Ok(())
+}
+
+fn remove_where(directory: &Path, is_result: impl Fn(&str) -> bool) -> Result<(), Error> {
+    let read = |source| Error::Read { path: directory.to_owned(), source };
+    let entries = match fs::read_dir(directory) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
+        entries => entries.map_err(read)?,
+    };
+    for entry in entries {
+        let entry = entry.map_err(read)?;
+        if entry.file_name().to_str().is_some_and(&is_result) {
+            remove_file(entry.path())?;
         }
     }
     Ok(())
+}
+
+/// Removes a file, unless the path is a directory or a device.
+fn remove_file(path: PathBuf) -> Result<(), Error> {
+    match path.is_file() {
+        true => fs::remove_file(&path).map_err(|source| Error::Write { path, source }),
+        false => Ok(()),
+    }
 }
 
 /// Replaces a file once its new content is complete.

@@ -11,7 +11,7 @@ use crate::release::rank_slice::RankSlice;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::memory_estimate::{MemoryGuard, Sharing, check_largest_release};
 use crate::run::time_step_monitor::TimeStepMonitor;
-use crate::run::{ReplicaSlot, Run, RunEnd, STALE};
+use crate::run::{ReplicaSlot, Run, RunEnd};
 use crate::scenario::Scenario;
 use crate::{Error, RunView};
 
@@ -108,7 +108,9 @@ impl Run {
         let create = || {
             let lock = output::prepare(&self.directory, self.overwrite)?;
             self.check_disk_space(&standing, ReplicaSlot::NONE)?;
-            output::remove_stale(&self.directory, &STALE)?;
+            if self.overwrite {
+                output::remove_results(&self.directory)?;
+            }
             Files::create(&self.directory, *output, model, *seed, lock)
         };
         let files = is_first.then(create).transpose();

@@ -71,10 +71,6 @@ impl ReplicaSlot {
     }
 }
 
-/// Files of other runs that this one does not replace.
-pub(crate) const STALE: [&str; 6] =
-    ["replicas.csv", "mean.csv", "points.csv", "sweep.csv", "arrivals.arrow", "releases.arrow"];
-
 impl Run {
     /// Returns a run on the CPU with the default algorithm and all threads, which replaces no other run.
     pub fn new(scenario: Scenario, path: impl Into<PathBuf>, directory: impl Into<PathBuf>) -> Self {
@@ -203,7 +199,9 @@ impl Run {
         let simulation = AnySimulation::begin(model, *seed, self.backend, self.algorithm, None)?;
         let lock = output::prepare(&self.directory, self.overwrite)?;
         self.check_disk_space(&simulation, slot)?;
-        output::remove_stale(&self.directory, &STALE)?;
+        if self.overwrite {
+            output::remove_results(&self.directory)?;
+        }
         let mut files = Files::create(&self.directory, *output, model, *seed, lock)?;
         files.record(&simulation)?;
         self.save(&simulation, &mut files)?;

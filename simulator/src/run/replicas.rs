@@ -92,8 +92,10 @@ impl Replicas {
         run.scenario.seed = seed_of(run.scenario.seed, replica);
         run.directory = self.directory_of(replica);
         run.scenario.output.animation = run.scenario.output.animation.filter(|_| replica == 0);
-        // A replica without checkpoint begins.
-        run.resume &= run.directory.join("checkpoint").exists();
+        if run.resume && !run.directory.join("checkpoint").exists() {
+            // It begins. The table of the seeds shows that the directory is of these replicas.
+            (run.resume, run.overwrite) = (false, true);
+        }
         run
     }
 
@@ -104,11 +106,13 @@ impl Replicas {
         let lock = match self.run.resume {
             false => {
                 let lock = output::prepare(directory, self.run.overwrite)?;
-                // Or replicas of a former run could count as done.
-                for replica in (0..).map(|k| self.directory_of(k)).take_while(|replica| replica.exists()) {
-                    output::remove_stale(&replica, &["checkpoint", "series.csv"])?;
+                if self.run.overwrite {
+                    output::remove_results(directory)?;
+                    // Or replicas of a former run could count as done.
+                    let mut replicas =
+                        (0..).map(|k| self.directory_of(k)).take_while(|replica| replica.exists());
+                    replicas.try_for_each(|replica| output::remove_results(&replica))?;
                 }
-                output::remove_stale(directory, &["checkpoint", "mean.csv"])?;
                 lock
             }
             true => {

@@ -36,8 +36,10 @@ impl SweepRuns {
             directory.clone_from(&run.directory);
             resume = run.resume;
             run.directory = directory_of(&directory, k);
-            // A point without table begins.
-            run.resume &= run.directory.join("replicas.csv").exists();
+            if run.resume && !run.directory.join("replicas.csv").exists() {
+                // It begins. The table of the points shows that the directory is of this sweep.
+                (run.resume, run.overwrite) = (false, true);
+            }
             values.push(point.values);
             points.push(Replicas { run, count });
         }
@@ -77,16 +79,20 @@ impl SweepRuns {
             self.check_points(&self.directory.join(POINTS))?;
             return Lock::take(&self.directory);
         }
-        output::prepare(&self.directory, self.points.first().is_some_and(|point| point.run.overwrite))
+        output::prepare(&self.directory, self.overwrites())
     }
 
-    /// Removes tables of a former sweep, whose points could count as done.
+    fn overwrites(&self) -> bool {
+        !self.resume && self.points.first().is_some_and(|point| point.run.overwrite)
+    }
+
+    /// Removes results of a former sweep, whose points could count as done.
     fn write_points(&self) -> Result<(), Error> {
-        if !self.resume {
-            for point in (0..).map(|k| directory_of(&self.directory, k)).take_while(|point| point.exists()) {
-                output::remove_stale(&point, &["replicas.csv", "mean.csv"])?;
-            }
-            output::remove_stale(&self.directory, &["checkpoint", "replicas.csv", "mean.csv", "sweep.csv"])?;
+        if self.overwrites() {
+            output::remove_results(&self.directory)?;
+            let mut points =
+                (0..).map(|k| directory_of(&self.directory, k)).take_while(|point| point.exists());
+            points.try_for_each(|point| output::remove_results(&point))?;
         }
         output::write_atomically(&self.directory.join(POINTS), |out| out.write_all(self.table().as_bytes()))
     }

@@ -145,3 +145,33 @@ fn interrupted_replicas_leave_the_finished_ones() {
     lazygrid(args(&whole)).succeeds();
     assert_eq!(files(&out), files(&whole));
 }
+
+#[test]
+fn overwritten_replicas_are_resumed_with_more() {
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", SCENARIO);
+    let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
+    let simulate = |out: &str, more: &[&str]| {
+        lazygrid(["simulate", &scenario, "--output", out].iter().chain(more)).succeeds()
+    };
+    simulate(&out, &["--replicas", "3"]);
+    simulate(&out, &["--replicas", "2", "--seed", "6", "--overwrite"]);
+    simulate(&out, &["--replicas", "3", "--seed", "6", "--resume"]);
+    simulate(&whole, &["--replicas", "3", "--seed", "6"]);
+    assert_eq!(files(&out), files(&whole));
+}
+
+#[test]
+fn replica_without_a_checkpoint_begins_again() {
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", SCENARIO);
+    let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
+    let simulate = |out: &str, more: &[&str]| {
+        lazygrid(["simulate", &scenario, "--output", out, "--replicas", "2"].iter().chain(more)).succeeds()
+    };
+    simulate(&out, &[]);
+    simulate(&whole, &[]);
+    fs::remove_file(out.clone() + "/replica-0001/checkpoint").unwrap();
+    simulate(&out, &["--resume"]);
+    assert_eq!(files(&out), files(&whole));
+}

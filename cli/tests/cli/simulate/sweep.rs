@@ -123,6 +123,22 @@ fn sweeps_are_resumed_replaced_and_refused() {
 }
 
 #[test]
+fn overwritten_sweep_is_resumed_with_more_points() {
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", SCENARIO);
+    let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
+    let simulate = |out: &str, more: &[&str]| {
+        lazygrid(["simulate", &scenario, "--output", out].iter().chain(more)).succeeds()
+    };
+    let [two, three] = ["species.acid.diffusion=1,5", "species.acid.diffusion=1,5,9"];
+    simulate(&out, &["--sweep", three]);
+    simulate(&out, &["--sweep", two, "--seed", "6", "--overwrite"]);
+    simulate(&out, &["--sweep", three, "--seed", "6", "--resume"]);
+    simulate(&whole, &["--sweep", three, "--seed", "6"]);
+    assert_eq!(files(&out), files(&whole));
+}
+
+#[test]
 fn sweep_that_cannot_fit_is_refused_before_it_begins() {
     let scratch = Scratch::new();
     let [scenario, out] = [scratch.write("s.toml", SCENARIO), scratch.path("out")];
