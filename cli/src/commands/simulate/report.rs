@@ -76,19 +76,24 @@ fn write_page(
 }
 
 fn tables(channels: &Channels, model: &Model, directory: &Path) -> Result<(), lazygrid_sim::Error> {
-    if model.logs_arrivals {
-        write_atomically(&directory.join("impulse-response.csv"), |out| {
-            channels.write_responses(out, model)
-        })?;
-    }
-    if !channels.by_symbol.is_empty() {
-        write_atomically(&directory.join("by-symbol.csv"), |out| channels.write_by_symbol(out, model))?;
-    }
-    if !channels.interference.is_empty() {
-        write_atomically(&directory.join("interference.csv"), |out| channels.write_interference(out, model))?;
-    }
-    if !channels.bit_errors.is_empty() {
-        write_atomically(&directory.join("bit-errors.csv"), |out| channels.write_bit_errors(out, model))?;
-    }
-    Ok(())
+    let table = |name: &str, is_empty: bool, content: &dyn Fn(&mut dyn Write) -> std::io::Result<()>| {
+        let path = directory.join(name);
+        match is_empty {
+            // An earlier report may have had it.
+            true if path.exists() => {
+                fs::remove_file(&path).map_err(|source| lazygrid_sim::Error::Write { path, source })
+            }
+            true => Ok(()),
+            false => write_atomically(&path, |out| content(out)),
+        }
+    };
+    let Channels { by_symbol, interference, bit_errors, .. } = channels;
+    table("impulse-response.csv", !model.logs_arrivals, &|mut out| {
+        channels.write_responses(&mut out, model)
+    })?;
+    table("by-symbol.csv", by_symbol.is_empty(), &|mut out| channels.write_by_symbol(&mut out, model))?;
+    table("interference.csv", interference.is_empty(), &|mut out| {
+        channels.write_interference(&mut out, model)
+    })?;
+    table("bit-errors.csv", bit_errors.is_empty(), &|mut out| channels.write_bit_errors(&mut out, model))
 }

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::fs;
 
-use super::{SCENARIO, lazygrid, rows};
+use super::{SCENARIO, files, lazygrid, rows};
 use lazygrid_tests::command::Scratch;
 
 /// Random bits to an absorbing receiver of 5 µm, 10 µm away.
@@ -137,6 +137,36 @@ fn channels_are_as_formulas_and_logs_say() {
         let svg = fs::read_to_string(format!("{out}/plots/{name}.svg")).unwrap();
         assert!(svg.starts_with("<svg") && report.contains(&svg), "{name}");
     }
+}
+
+#[test]
+fn overwritten_run_leaves_no_file_of_its_report_and_animation() {
+    let scratch = Scratch::new();
+    let text = BITS.replace("arrivals = true", "arrivals = true\nframes = [\"npy\"]\nframes-every = 100");
+    let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
+    let scenario = scratch.write("bits.toml", &text);
+    lazygrid(["simulate", &scenario, "--output", &out, "--report", "--animate"]).succeeds();
+    assert!(
+        ["frame-000000100.npy", "bit-errors.csv", "plots"]
+            .iter()
+            .all(|name| { fs::exists(format!("{out}/{name}")).unwrap() })
+    );
+    let scenario = scratch.write("s.toml", SCENARIO);
+    lazygrid(["simulate", &scenario, "--output", &out, "--overwrite"]).succeeds();
+    lazygrid(["simulate", &scenario, "--output", &whole]).succeeds();
+    assert_eq!(files(&out), files(&whole));
+    assert!(!fs::exists(out + "/plots").unwrap());
+}
+
+#[test]
+fn report_without_a_table_removes_an_earlier_one() {
+    let scratch = Scratch::new();
+    let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
+    lazygrid(["simulate", &scenario, "--output", &out]).succeeds();
+    let table = out.clone() + "/bit-errors.csv";
+    fs::write(&table, "transmitter\n").unwrap();
+    lazygrid(["simulate", &scenario, "--output", &out, "--report", "--resume"]).succeeds();
+    assert!(!fs::exists(table).unwrap());
 }
 
 #[test]
