@@ -53,7 +53,8 @@ impl SweepRow {
             let name = link_name(response.link, model);
             let bin = f64::from(response.width) * model.time_step;
             let means = || response.parts.iter().enumerate().filter(|(_, part)| part.count() > 0);
-            if let Some((k, _)) = means().max_by(|a, b| a.1.mean().total_cmp(&b.1.mean())) {
+            // The last of equal ones is the first in reverse.
+            if let Some((k, _)) = means().rev().max_by(|a, b| a.1.mean().total_cmp(&b.1.mean())) {
                 self.add("peak time", format!("{name} peak time"), (k as f64 + 0.5) * bin, None);
             }
             if let Some(part) = response.cumulative.iter().rfind(|part| part.count() > 0) {
@@ -102,6 +103,19 @@ pub fn write(out: &mut impl Write, keys: &[String], rows: &[SweepRow]) -> io::Re
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::response::{Link, Response, SourceSpecies};
+    use crate::symbols::tests::model;
+
+    #[test]
+    fn peak_time_is_that_of_the_first_of_equal_bins() {
+        let link = Link { transmitter: 0, receiver: 0, species: 0 };
+        let mut response = Response::new(link, SourceSpecies::Arriving, 10, 4);
+        response.parts.iter_mut().zip([0.1, 0.3, 0.2, 0.3]).for_each(|(part, value)| part.add(value));
+        let channels = Channels { responses: vec![response], ..Channels::default() };
+        let row = SweepRow::new(Vec::new(), &model(), &MeanSeries::default(), &channels);
+        let peak = row.results.iter().find(|result| result.group == "peak time").unwrap();
+        assert_eq!(peak.value, 1.5);
+    }
 
     #[test]
     fn a_result_that_a_point_lacks_is_empty() {
