@@ -174,8 +174,8 @@ impl Channels {
         Ok(())
     }
 
-    /// Writes errors, bits, error rate and 95 % interval for each detector and delay. A single threshold takes every
-    /// value for arrivals, else those at which errors may change; several take those with the fewest errors.
+    /// Writes errors, bits, error rate and 95 % interval for each detector and delay. A single threshold takes the
+    /// values at which errors may change; several take those with the fewest errors.
     pub fn write_bit_errors(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(
             out,
@@ -185,16 +185,22 @@ impl Channels {
             let transmitter = &model.transmitters[errors.transmitter].name;
             let receiver = &model.receivers[errors.receiver].name;
             let delay = f64::from(errors.delay) * model.time_step;
-            let all = match (errors.thresholds(), errors.detector) {
-                (1, Detector::Arrivals) => (0..=errors.most() + 1).map(|threshold| vec![threshold]).collect(),
-                (1, _) => errors.steps().into_iter().map(|threshold| vec![threshold]).collect(),
-                _ => vec![errors.best()],
+            let all = match errors.thresholds() {
+                1 => errors
+                    .by_threshold()
+                    .into_iter()
+                    .map(|(threshold, wrong)| (vec![threshold], wrong))
+                    .collect(),
+                _ => {
+                    let best = errors.best();
+                    let wrong = errors.at(&best).1;
+                    vec![(best, wrong)]
+                }
             };
-            for thresholds in all {
-                let (rates, wrong) = errors.at(&thresholds);
-                let (threshold, detector) = (spaced(&thresholds), errors.detector.name());
-                let [bits, replicas] = [errors.bits, rates.count()];
-                let (rate, [low, high]) = (wrong as f64 / bits as f64, errors.interval(wrong));
+            let (detector, bits, replicas) = (errors.detector.name(), errors.bits, errors.replicas());
+            for (thresholds, wrong) in all {
+                let (threshold, rate) = (spaced(&thresholds), wrong as f64 / bits as f64);
+                let [low, high] = errors.interval(wrong);
                 writeln!(
                     out,
                     "{transmitter},{receiver},{detector},{delay},{threshold},{wrong},{bits},{replicas},{rate},{low},{high}"
@@ -256,4 +262,27 @@ pub fn spaced(thresholds: &[u64]) -> String {
 fn value(moments: &RunningStats) -> String {
     let mean = if moments.count() == 0 { String::new() } else { moments.mean().to_string() };
     format!("{mean},{}", moments.standard_error().map_or(String::new(), |error| error.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bit_errors::tests::{arrivals, files};
+    use crate::symbols::tests::{model, slots};
+
+    #[test]
+    fn bit_errors_have_rows_for_thresholds_that_change_them() {
+        let model = model();
+        let (_, message) = messages(&model).next().unwrap();
+        let mut errors = BitErrors::new(&model, message, [0, 0], Detector::Arrivals, 0);
+        errors.add(&files(arrivals(&[&[3000], &[7], &[3000], &[20]])), &model, &slots(100));
+        let channels = Channels { bit_errors: vec![errors], ..Channels::default() };
+        let mut out = Vec::new();
+        channels.write_bit_errors(&mut out, &model).unwrap();
+        let text = String::from_utf8(out).unwrap();
+        let rows =
+            text.lines().skip(1).map(|row| row.split(',').skip(4).take(4).collect::<Vec<_>>().join(","));
+        // Threshold, wrong bits, bits and replicas; the bits are 1011.
+        assert_eq!(rows.collect::<Vec<_>>(), ["0,1,4,1", "8,0,4,1", "21,1,4,1", "3001,3,4,1"]);
+    }
 }

@@ -20,7 +20,7 @@ pub(super) fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, 
          each of several thresholds; molecule shift keying for the species with the most. Slots begin with their symbols, or later by \
          quarters of a symbol's time, up to two of these. Bars are 95 % intervals (Wilson), with errors of successive bits taken as \
          independent. Thresholds are the best for these very bits, so rates are a little too low if bits are few. `bit-errors.csv` has \
-         all delays and thresholds."
+         all delays, and all thresholds at which errors may change."
             .to_owned(),
     );
     let (mut by_delay, mut by_threshold) = (Vec::new(), Vec::new());
