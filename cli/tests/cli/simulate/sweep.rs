@@ -179,6 +179,19 @@ fn interrupted_sweep_goes_on() {
 }
 
 #[test]
+#[test]
+fn order_of_the_values_does_not_change_a_plot() {
+    let scratch = Scratch::new();
+    let scenario = scratch.write("s.toml", BURST);
+    let plot = |name: &str, values: &str| {
+        let out = scratch.path(name);
+        let sweep = format!("receiver.rx.center.x={values}");
+        lazygrid(["simulate", &scenario, "--output", &out, "--sweep", &sweep, "--report"]).succeeds();
+        fs::read_to_string(out + "/plots/arrivals.svg").unwrap()
+    };
+    assert_eq!(plot("mixed", "8,4,6"), plot("ascending", "4,6,8"));
+}
+
 fn shipped_sweep_has_bit_errors_by_distance() {
     let scratch = Scratch::new();
     let out = scratch.path("out");

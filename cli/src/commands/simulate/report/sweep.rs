@@ -71,9 +71,11 @@ fn curves(sweep: &SweepRuns, rows: &[SweepRow]) -> Result<Option<Section>, Box<d
     let mut groups: Vec<&str> = results().map(|result| result.group).collect();
     groups.sort_unstable();
     groups.dedup();
+    let mut points: Vec<(f64, &SweepRow)> = numbers.into_iter().zip(rows).collect();
+    points.sort_by(|(a, _), (b, _)| a.total_cmp(b));
     for group in groups {
         let mut lines: Vec<Series> = Vec::new();
-        for (row, &at) in rows.iter().zip(&numbers) {
+        for &(at, row) in &points {
             let shown = row.results.iter().filter(|result| result.group == group);
             for SweepResult { name, value, bounds, .. } in shown {
                 let name = format!("{name}{}", others(sweep, &row.values, key));
