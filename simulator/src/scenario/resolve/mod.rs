@@ -231,3 +231,20 @@ impl<'a> Names<'a> {
         Ok([side(left)?, side(right)?])
     }
 }
+
+/// Returns an equation in one line.
+fn equation_name(equation: &Spanned<String>) -> String {
+    equation.get_ref().split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Gives equal names a number, as in `-> A (2)`, because files and reports tell their owners apart by name.
+fn number_equal_names<'a>(names: impl Iterator<Item = &'a mut String>) {
+    let mut counts: HashMap<String, u32> = HashMap::new();
+    for name in names {
+        let count = counts.entry(name.clone()).or_default();
+        *count += 1;
+        if *count > 1 {
+            *name = format!("{name} ({count})");
+        }
+    }
+}

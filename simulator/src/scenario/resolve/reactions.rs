@@ -5,7 +5,7 @@ use std::ops::Range;
 use lazygrid_io::excerpt;
 use toml::Spanned;
 
-use super::Names;
+use super::{Names, equation_name, number_equal_names};
 use crate::model::probability::undoes;
 use crate::model::{Decay, Model, Reaction, ReactionRate, Unbinding};
 use crate::reaction::rate;
@@ -19,8 +19,11 @@ pub(super) fn resolve(
     space: &Model,
     warnings: &mut Vec<Problem>,
 ) -> Result<(Vec<Reaction>, Vec<Decay>), Problem> {
-    let drafts = reactions.iter().map(|one| Draft::new(one, names)).collect::<Result<_, _>>()?;
-    let parsed = decays.iter().map(|one| decay(one, names)).collect::<Result<_, _>>()?;
+    let mut drafts =
+        reactions.iter().map(|one| Draft::new(one, names)).collect::<Result<Vec<Draft<'_>>, _>>()?;
+    let mut parsed = decays.iter().map(|one| decay(one, names)).collect::<Result<Vec<Decay>, _>>()?;
+    number_equal_names(drafts.iter_mut().map(|draft| &mut draft.bare.name));
+    number_equal_names(parsed.iter_mut().map(|decay| &mut decay.name));
     let (time_step, dimensions) = (space.time_step, space.boundary.dimensions());
     let all = Network { drafts, decays: parsed, time_step, dimensions };
     let resolved = all.drafts.iter().map(|draft| all.reaction(draft)).collect::<Result<Vec<_>, _>>()?;
@@ -77,7 +80,7 @@ impl<'a> Draft<'a> {
             return Err(Problem::at(span, format!("'{name}' changes nothing; remove it")));
         }
         let bare = Reaction {
-            name: file.equation.get_ref().trim().to_owned(),
+            name: equation_name(&file.equation),
             reactants: [a, b],
             products,
             unbinding_radius: file.unbinding_radius.0 as f32,
@@ -240,7 +243,7 @@ fn decay(decay: &file::Decay, names: &Names<'_>) -> Result<Decay, Problem> {
         Some(radius) => radius.get_ref().0 as f32,
     };
     Ok(Decay {
-        name: decay.equation.get_ref().trim().to_owned(),
+        name: equation_name(&decay.equation),
         reactant,
         products,
         unbinding: Unbinding::Apart(apart),

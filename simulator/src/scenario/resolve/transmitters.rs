@@ -1,10 +1,8 @@
-use std::collections::HashMap;
-
 use lazygrid_io::excerpt;
 
-use super::Names;
 use super::schedule::{place, schedule};
 use super::space::number;
+use super::{Names, equation_name, number_equal_names};
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::transmitter::{CountDistribution, Schedule, Shape, Transmitter};
 use crate::scenario::file;
@@ -70,25 +68,17 @@ fn shape(shape: file::Shape) -> Shape {
     }
 }
 
-/// Sources everywhere or in a region, as transmitters of steady release. Equal equations get a number, as in
-/// `-> A (2)`, because files and reports tell transmitters apart by name.
+/// Sources everywhere or in a region, as transmitters of steady release.
 pub(super) fn sources(
     many: &[file::Source],
     names: &Names<'_>,
     boundary: &Boundary,
     warnings: &mut Vec<Problem>,
 ) -> Result<Vec<Transmitter>, Problem> {
-    let mut counts: HashMap<String, u32> = HashMap::new();
-    let numbered = |one| {
-        let mut own = source(one, names, boundary, warnings)?;
-        let count = counts.entry(own.name.clone()).or_default();
-        *count += 1;
-        if *count > 1 {
-            own.name = format!("{} ({count})", own.name);
-        }
-        Ok(own)
-    };
-    many.iter().map(numbered).collect()
+    let one = |one| source(one, names, boundary, warnings);
+    let mut all = many.iter().map(one).collect::<Result<Vec<_>, _>>()?;
+    number_equal_names(all.iter_mut().map(|source| &mut source.name));
+    Ok(all)
 }
 
 fn source(
@@ -138,7 +128,7 @@ fn source(
     };
     let rates = vec![(species, source.rate.0 * volume)];
     Ok(Transmitter {
-        name: source.equation.get_ref().trim().to_owned(),
+        name: equation_name(&source.equation),
         center,
         carrier: None,
         shape,

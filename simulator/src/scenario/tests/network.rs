@@ -270,3 +270,22 @@ fn long_steps_are_warned_of_with_a_short_enough_one() {
     assert!(said.len() == 1 && said[0].contains("react in 3.333e-5 s on average"), "{said:?}");
     assert!(said[0].contains("time-step = 6.66e-6 is short enough"), "{said:?}");
 }
+
+#[test]
+fn names_of_equations_are_one_line_and_distinct() {
+    let text = reaction("A\\n+ B  ->\\tC", "rate = 0.3")
+        + &reaction("A + B -> C", "rate = 0.1")
+        + &decay("C\\n-> D", "rate = 1")
+        + &decay("C -> D", "rate = 2")
+        + &decay("C ->  D", "rate = 3");
+    let model = network(&text).unwrap().model;
+    let reactions: Vec<_> = model.reactions.iter().map(|reaction| &reaction.name[..]).collect();
+    let decays: Vec<_> = model.decays.iter().map(|decay| &decay.name[..]).collect();
+    assert_eq!(reactions, ["A + B -> C", "A + B -> C (2)"]);
+    assert_eq!(decays, ["C -> D", "C -> D (2)", "C -> D (3)"]);
+    let source = |equation: &str| format!("[[source]]\nequation = \"{equation}\"\nrate = 1\n");
+    let boundary = "[boundary]\nkind = \"periodic\"\nlow = [0, 0, 0]\nhigh = [1, 1, 1]\n";
+    let model = network(&(boundary.to_owned() + &source("->\\nA") + &source("-> A"))).unwrap().model;
+    let sources: Vec<_> = model.transmitters.iter().map(|source| &source.name[..]).collect();
+    assert_eq!(sources, ["-> A", "-> A (2)"]);
+}
