@@ -91,15 +91,10 @@ pub(crate) enum CliError {
     TooLittleMemoryToGenerate { spheres: u64, needed: u64, available: u64, limit: &'static str },
     #[error("cannot listen for Ctrl-C: {0}")]
     Signal(SignalError),
-    #[error("stopped after {steps} steps; go on with: lazygrid simulate {} --output {} --resume", scenario.display(), directory.display())]
-    Stopped { steps: u32, scenario: PathBuf, directory: PathBuf, signal: i32 },
-    #[error(
-        "stopped with {done} of {count} replicas done; go on with: lazygrid simulate {} --output {} --replicas {count} --resume",
-        scenario.display(), directory.display()
-    )]
-    StoppedReplicas { done: u32, count: u32, scenario: PathBuf, directory: PathBuf, signal: i32 },
-    #[error("stopped with {done} of {count} runs done; go on with: {command} --resume")]
-    StoppedSweep { done: usize, count: u64, command: String, signal: i32 },
+    #[error("stopped after {steps} steps; go on with: {command}")]
+    Stopped { steps: u32, command: String, signal: i32 },
+    #[error("stopped with {done} of {count} {runs} done; go on with: {command}")]
+    StoppedRuns { done: usize, count: u64, runs: &'static str, command: String, signal: i32 },
     #[error("--{key} would replace the values of {key} in the sweep; give one of the two")]
     SweptOption { key: &'static str },
     #[error("{}: cannot be drawn: {reason}", path.display())]
@@ -116,9 +111,7 @@ impl CliError {
     /// 2 for contradicting options; 128 plus the signal after Ctrl-C (130) or SIGTERM (143); else 1.
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
-            Self::Stopped { signal, .. }
-            | Self::StoppedReplicas { signal, .. }
-            | Self::StoppedSweep { signal, .. } => 128 + (*signal & 0x7F) as u8,
+            Self::Stopped { signal, .. } | Self::StoppedRuns { signal, .. } => 128 + (*signal & 0x7F) as u8,
             Self::Setting(lazygrid::Error::NotOnBackend { .. } | lazygrid::Error::AdapterOnCpu { .. })
             | Self::OutputIsInput { .. }
             | Self::SweptOption { .. }

@@ -1,4 +1,4 @@
-//! Argument parsers that several commands share.
+//! Parsers and printers of arguments that several commands share.
 
 use std::str::FromStr;
 
@@ -43,4 +43,29 @@ pub fn periodic_space(text: &str) -> Result<Space, String> {
     let lengths: Vec<_> = text.split(',').map(length).collect::<Result<_, _>>()?;
     let lengths = lengths.try_into().map_err(|_| "expected three lengths, such as 10,10,-, or none")?;
     Space::periodic(lengths).map_err(|error| error.to_string())
+}
+
+/// Returns a command to type into a shell, with quotes around words that need them.
+pub fn shell_command(words: &[String]) -> String {
+    words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
+}
+
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| c.is_alphanumeric() || "-_./=,:+@%".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::shell_command;
+
+    #[test]
+    fn words_are_quoted_for_a_shell() {
+        let words = ["lazygrid-bench", "--only", "3a,4", "my folder", "it's", ""].map(str::to_owned);
+        assert_eq!(shell_command(&words), r"lazygrid-bench --only 3a,4 'my folder' 'it'\''s' ''");
+    }
 }

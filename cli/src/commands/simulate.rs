@@ -1,3 +1,4 @@
+mod command;
 mod replicas;
 mod report;
 mod sweep;
@@ -32,8 +33,8 @@ pub(crate) fn run(args: &Simulate) -> Result<(), CliError> {
     }
     let run = with_options(args, args.options.read()?);
     match args.replicas {
-        None => once(run, args.report),
-        Some(count) => replicas::run(Replicas { run, count }, args.report),
+        None => once(run, args),
+        Some(count) => replicas::run(&Replicas { run, count }, args),
     }
 }
 
@@ -44,7 +45,7 @@ fn with_options(args: &Simulate, run: Run) -> Run {
     run
 }
 
-fn once(run: Run, reports: bool) -> Result<(), CliError> {
+fn once(run: Run, args: &Simulate) -> Result<(), CliError> {
     let asked = signals::install_stop_handler()?;
     let bar = progress::running(run.scenario.steps.into());
     let mut started = false;
@@ -62,10 +63,10 @@ fn once(run: Run, reports: bool) -> Result<(), CliError> {
     })?;
     bar.finish_and_clear();
     animation::write(&run)?;
-    if reports && end == RunEnd::Finished {
+    if args.report && end == RunEnd::Finished {
         let mean = report::of_one(&run)?;
         let runs = vec![(run.scenario.seed, run.directory.clone())];
-        report::write(&Done { run: &run, mean: &mean, runs, command: report::command(&run) })?;
+        report::write(&Done { run: &run, mean: &mean, runs, command: command::of_report(&run, None) })?;
     }
     let printed = print(run.summary(&simulation));
     match end {
@@ -73,7 +74,8 @@ fn once(run: Run, reports: bool) -> Result<(), CliError> {
         RunEnd::Stopped => {
             let steps = simulation.step_count();
             let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);
-            Err(CliError::Stopped { steps, scenario: run.path, directory: run.directory, signal })
+            let command = command::goes_on(args, &run.directory);
+            Err(CliError::Stopped { steps, command, signal })
         }
     }
 }

@@ -9,12 +9,14 @@ use lazygrid_sim::run::RunEnd;
 use lazygrid_sim::run::replicas::{ReplicaResults, Replicas, seed_of};
 use lazygrid_sim::{AnySimulation, RunView};
 
+use super::command;
 use super::report::{self, Done};
+use crate::args::Simulate;
 use crate::error::CliError;
 use crate::signals::StopSignal;
 use crate::{print, progress, signals};
 
-pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), CliError> {
+pub(crate) fn run(replicas: &Replicas, args: &Simulate) -> Result<(), CliError> {
     let asked = signals::install_stop_handler()?;
     let count = replicas.count.get();
     let advance = Advance::new(progress::running(u64::from(count) * u64::from(replicas.run.scenario.steps)));
@@ -24,34 +26,29 @@ pub(crate) fn run(replicas: Replicas, reports: bool) -> Result<(), CliError> {
         if is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     advance.bar.finish_and_clear();
-    let mean = MeanSeries::of_replicas(&replicas, &mut replicated)?;
+    let stopped = |done: usize| {
+        let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);
+        let command = command::goes_on(args, &replicas.run.directory);
+        Err(CliError::StoppedRuns { done, count: count.into(), runs: "replicas", command, signal })
+    };
+    let mean = MeanSeries::of_replicas(replicas, &mut replicated)?;
     if replicas.directory_of(0).exists() {
         animation::write(&replicas.replica(0))?;
     }
-    if reports && !replicated.done.is_empty() {
-        report::write(&done(&replicas, &replicated, &mean))?;
+    if args.report && !replicated.done.is_empty() {
+        report::write(&done(replicas, &replicated, &mean))?;
     }
-    let printed = print(summary(&replicas, &replicated, &mean));
+    let printed = print(summary(replicas, &replicated, &mean));
     match replicated.end {
         RunEnd::Finished => printed,
-        RunEnd::Stopped => {
-            let (scenario, directory) = (replicas.run.path, replicas.run.directory);
-            let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);
-            Err(CliError::StoppedReplicas {
-                done: replicated.done.len() as u32,
-                count,
-                scenario,
-                directory,
-                signal,
-            })
-        }
+        RunEnd::Stopped => stopped(replicated.done.len()),
     }
 }
 
 pub(crate) fn done<'a>(replicas: &'a Replicas, results: &ReplicaResults, mean: &'a MeanSeries) -> Done<'a> {
     let run = &replicas.run;
     let of = |&replica: &u32| (seed_of(run.scenario.seed, replica), replicas.directory_of(replica));
-    let command = format!("{} --replicas {}", report::command(run), replicas.count);
+    let command = command::of_report(run, Some(replicas.count));
     Done { run, mean, runs: results.done.iter().map(of).collect(), command }
 }
 

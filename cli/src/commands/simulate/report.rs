@@ -23,17 +23,6 @@ pub(crate) struct Done<'a> {
     pub(crate) command: String,
 }
 
-pub(crate) fn command(run: &Run) -> String {
-    let Run { scenario, path, directory, .. } = run;
-    format!(
-        "lazygrid simulate {} --seed {} --steps {} --output {} --report",
-        path.display(),
-        scenario.seed,
-        scenario.steps,
-        directory.display()
-    )
-}
-
 pub(crate) fn of_one(run: &Run) -> Result<MeanSeries, CliError> {
     let path = run.directory.join("series.csv");
     let mut mean = MeanSeries::default();

@@ -7,7 +7,7 @@ use lazygrid_sim::run::RunEnd;
 use lazygrid_sim::run::sweep::SweepRuns;
 
 use super::replicas::{Advance, done};
-use super::report;
+use super::{command, report};
 use crate::args::Simulate;
 use crate::error::CliError;
 use crate::signals::StopSignal;
@@ -25,6 +25,11 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
         if is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     advance.bar.finish_and_clear();
+    let stopped = |done: usize| {
+        let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);
+        let command = command::goes_on(args, &sweep.directory);
+        Err(CliError::StoppedRuns { done, count: runs().sum(), runs: "runs", command, signal })
+    };
     let (mut rows, mut responses) = (Vec::new(), Vec::new());
     for ((point, values), results) in sweep.points.iter().zip(&sweep.values).zip(&mut results) {
         let mean = MeanSeries::of_replicas(point, results)?;
@@ -46,19 +51,10 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
     }
     let finished: usize = results.iter().map(|results| results.done.len()).sum();
     let printed = print(summary(sweep, &rows, finished));
-    if results.iter().all(|results| results.end == RunEnd::Finished) {
-        return printed;
+    match results.iter().all(|results| results.end == RunEnd::Finished) {
+        true => printed,
+        false => stopped(finished),
     }
-    let options = args.sweep.iter().map(|option| format!(" --sweep \"{}\"", option.replace('"', "\\\"")));
-    let command = format!(
-        "lazygrid simulate {} --output {}{} --replicas {}",
-        args.options.scenario.display(),
-        sweep.directory.display(),
-        options.collect::<String>(),
-        args.replicas.map_or(1, Into::into)
-    );
-    let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);
-    Err(CliError::StoppedSweep { done: finished, count: runs().sum(), command, signal })
 }
 
 fn summary(sweep: &SweepRuns, rows: &[SweepRow], finished: usize) -> String {

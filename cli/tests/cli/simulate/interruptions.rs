@@ -78,6 +78,51 @@ fn an_interrupted_run_goes_on() {
     }
 }
 
+/// Types a printed command into a shell.
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn typed(command: &str) -> Output {
+    let binary = env!("CARGO_BIN_EXE_lazygrid");
+    let command = command.trim().replacen("lazygrid ", &format!("'{binary}' "), 1);
+    Command::new("sh").args(["-c", &command]).env("RUST_LOG", "error").output().unwrap()
+}
+
+#[test]
+fn printed_command_resumes_the_run_with_its_options() {
+    let scratch = Scratch::new();
+    let scenario = scratch.write("my scenario.toml", SCENARIO);
+    let [out, whole] = ["it's out", "whole"].map(|name| scratch.path(name));
+    let options = ["--seed", "7", "--series-every", "1000000", "--frames-every", "100000000"];
+    let options = [&options[..], &["--animate", "--animate-every", "1000000"]].concat();
+    let args =
+        |out, steps| [&["simulate", &scenario, "--output", out, "--steps", steps], &options[..]].concat();
+    let ended = begun(&args(&out, "100000000"), &(out.clone() + "/checkpoint")).end("-INT");
+    let message = String::from_utf8(ended.stderr).unwrap();
+    let steps: u32 = message.split_whitespace().nth(3).unwrap().parse().unwrap();
+    let steps = (steps + 5).to_string();
+    let (_, command) = message.split_once("go on with: ").unwrap();
+    assert!(command.contains("--steps 100000000 "), "{command}");
+    let resumed = typed(&command.replace("--steps 100000000", &format!("--steps {steps}")));
+    assert!(resumed.status.success(), "{command}: {}", String::from_utf8_lossy(&resumed.stderr));
+    lazygrid(args(&whole, &steps)).succeeds();
+    assert_eq!(files(&out), files(&whole));
+}
+
+#[test]
+fn printed_command_resumes_replicas_and_sweeps_with_their_options() {
+    for more in [&["--replicas", "3"][..], &["--sweep", "species.acid.diffusion=1,5"]] {
+        let scratch = Scratch::new();
+        let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("my out"));
+        let args = ["simulate", &scenario, "--output", &out, "--seed", "7", "--steps", "100000000"];
+        let rare = ["--series-every", "1000000", "--frames-every", "100000000", "--no-space-check"];
+        let ended = begun(&[&args[..], &rare, more].concat(), &out).end("-INT");
+        let message = String::from_utf8(ended.stderr).unwrap();
+        let (_, command) = message.split_once("go on with: ").unwrap();
+        let given = ["--seed 7 ", "--steps 100000000 ", "--series-every 1000000 ", "my out' "];
+        assert!(given.iter().all(|option| command.contains(option)), "{command}");
+        assert!(command.contains(&more.join(" ")), "{command}");
+    }
+}
+
 #[test]
 fn closed_standard_output_does_not_hide_the_signal() {
     for more in [&[][..], &["--replicas", "2"], &["--sweep", "species.acid.diffusion=1,5"]] {

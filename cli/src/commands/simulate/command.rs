@@ -1,0 +1,70 @@
+//! Commands to type again.
+
+use std::num::NonZeroU32;
+use std::path::Path;
+
+use lazygrid::{Algorithm, Backend};
+use lazygrid_io::arguments::shell_command;
+use lazygrid_sim::run::Run;
+use lazygrid_sim::run::run_args::RunArgs;
+
+use crate::args::{ArrivalsFormat, Simulate};
+
+/// Returns the command that makes the report of a finished run, or of `replicas`, again.
+pub(crate) fn of_report(run: &Run, replicas: Option<NonZeroU32>) -> String {
+    let mut command = Words::simulate(&run.path, &run.directory);
+    command.value("--seed", Some(run.scenario.seed));
+    command.value("--steps", Some(run.scenario.steps));
+    command.flag("--report", true);
+    command.value("--replicas", replicas);
+    shell_command(&command.0)
+}
+
+/// Returns the command with these options that resumes a stopped run.
+pub(crate) fn goes_on(args: &Simulate, directory: &Path) -> String {
+    let Simulate { ref options, arrivals_format, replicas, ref sweep, report, backend, algorithm, threads } =
+        *args;
+    let mut command = Words::simulate(&options.scenario, directory);
+    command.options(options);
+    command.value("--arrivals-format", (arrivals_format == ArrivalsFormat::Arrow).then_some("arrow"));
+    command.value("--backend", Some(backend).filter(|&backend| backend != Backend::Cpu));
+    command.value("--algorithm", Some(algorithm).filter(|&algorithm| algorithm != Algorithm::default()));
+    command.value("--threads", threads);
+    command.flag("--report", report);
+    sweep.iter().for_each(|sweep| command.value("--sweep", Some(sweep)));
+    command.value("--replicas", replicas);
+    command.flag("--resume", true);
+    shell_command(&command.0)
+}
+
+struct Words(Vec<String>);
+
+impl Words {
+    fn simulate(scenario: &Path, directory: &Path) -> Self {
+        let [scenario, directory] = [scenario, directory].map(|path| path.display().to_string());
+        Self(vec!["lazygrid".into(), "simulate".into(), scenario, "--output".into(), directory])
+    }
+
+    /// Adds overrides of the scenario, except the output.
+    fn options(&mut self, options: &RunArgs) {
+        self.value("--seed", options.seed);
+        self.value("--steps", options.steps);
+        self.value("--series-every", options.series_every);
+        self.value("--frames-every", options.frames_every);
+        self.value("--checkpoint-every", options.checkpoint_every);
+        self.flag("--animate", options.animate);
+        self.value("--animate-every", options.animate_every);
+        self.value("--animate-particles", options.animate.then_some(options.animate_particles));
+        self.flag("--no-space-check", options.no_space_check);
+    }
+
+    fn value(&mut self, option: &str, value: Option<impl ToString>) {
+        if let Some(value) = value {
+            self.0.extend([option.to_owned(), value.to_string()]);
+        }
+    }
+
+    fn flag(&mut self, option: &str, is_given: bool) {
+        self.0.extend(is_given.then(|| option.to_owned()));
+    }
+}
