@@ -74,7 +74,7 @@ fn once(run: Run, args: &Simulate) -> Result<(), CliError> {
         RunEnd::Stopped => {
             let steps = simulation.step_count();
             let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);
-            let command = command::goes_on(args, &run.directory);
+            let command = command::goes_on(args, &run.directory, true);
             Err(CliError::Stopped { steps, command, signal })
         }
     }

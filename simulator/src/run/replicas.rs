@@ -12,6 +12,7 @@ use crate::run::checkpoint::Checkpoint;
 use crate::run::{Run, RunEnd, queue};
 use crate::{AnySimulation, Error};
 
+const SEEDS: &str = "replicas.csv";
 const HEADER: &str = "replica,seed\n";
 const BYTES_PER_ROW: u64 = 28;
 const ROWS_PER_QUESTION: u32 = 1 << 16;
@@ -49,11 +50,12 @@ impl Replicas {
         &self,
         watch: impl Fn(u32, &AnySimulation) -> ControlFlow<()> + Sync,
     ) -> Result<ReplicaResults, Error> {
-        self.run_unless(|| false, watch)
+        let results = self.run_unless(|| false, watch)?;
+        Ok(results.unwrap_or(ReplicaResults { end: RunEnd::Stopped, done: Vec::new() }))
     }
 
     /// [`run`](Self::run) that also asks `is_cancelled` while the seeds are written, which takes minutes for billions
-    /// of replicas.
+    /// of replicas. Returns `None` if cancelled then.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -61,13 +63,16 @@ impl Replicas {
         &self,
         is_cancelled: impl Fn() -> bool + Sync,
         watch: impl Fn(u32, &AnySimulation) -> ControlFlow<()> + Sync,
-    ) -> Result<ReplicaResults, Error> {
-        let Some(_lock) = self.prepare(&is_cancelled)? else {
-            return Ok(ReplicaResults { end: RunEnd::Stopped, done: Vec::new() });
-        };
+    ) -> Result<Option<ReplicaResults>, Error> {
+        let Some(_lock) = self.prepare(&is_cancelled)? else { return Ok(None) };
         let watch = |_: usize, replica: u32, simulation: &AnySimulation| watch(replica, simulation);
         let mut all = queue::run_all(std::slice::from_ref(self), &watch).map_err(|(_, error)| error)?;
-        Ok(all.remove(0))
+        Ok(Some(all.remove(0)))
+    }
+
+    /// Returns `true` if a table of seeds exists, as [`Run::resume`] needs.
+    pub fn is_begun(&self) -> bool {
+        self.run.directory.join(SEEDS).exists()
     }
 
     pub fn directory_of(&self, replica: u32) -> PathBuf {
@@ -102,7 +107,7 @@ impl Replicas {
     /// Writes the seeds; `None` if cancelled.
     pub(crate) fn prepare(&self, is_cancelled: &impl Fn() -> bool) -> Result<Option<Lock>, Error> {
         let directory = &self.run.directory;
-        let path = directory.join("replicas.csv");
+        let path = directory.join(SEEDS);
         let lock = match self.run.resume {
             false => {
                 let lock = output::prepare(directory, self.run.overwrite)?;

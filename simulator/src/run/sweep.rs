@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use crate::output::{self, DiskEstimate, Lock};
 use crate::run::memory_estimate::{Sharing, check_largest_release};
 use crate::run::replicas::{ReplicaResults, Replicas};
-use crate::run::{Run, RunEnd, queue};
+use crate::run::{Run, queue};
 use crate::scenario::sweep::{Sweep, SweptKey, sweep_point_error};
 use crate::{AnySimulation, Error};
 
@@ -36,12 +36,13 @@ impl SweepRuns {
             directory.clone_from(&run.directory);
             resume = run.resume;
             run.directory = directory_of(&directory, k);
-            if run.resume && !run.directory.join("replicas.csv").exists() {
-                // It begins. The table of the points shows that the directory is of this sweep.
-                (run.resume, run.overwrite) = (false, true);
-            }
             values.push(point.values);
-            points.push(Replicas { run, count });
+            let mut replicas = Replicas { run, count };
+            if resume && !replicas.is_begun() {
+                // The table of the points shows that the directory is of this sweep.
+                (replicas.run.resume, replicas.run.overwrite) = (false, true);
+            }
+            points.push(replicas);
         }
         Self { keys: sweep.keys, values, points, directory, resume }
     }
@@ -49,7 +50,8 @@ impl SweepRuns {
     /// Does all replicas of all points, one per thread at once. Files do not depend on threads.
     ///
     /// Calls `watch` as [`Replicas::run`](super::replicas::Replicas::run), with the point. [`Run::resume`] may add
-    /// replicas and values of the first key.
+    /// replicas and values of the first key. Asks `is_cancelled` while the seeds are written, and returns `None` if
+    /// cancelled then.
     ///
     /// # Errors
     /// [`Error::Write`] and [`Error::SweepPoint`], before the first step also for a lack of memory or disk.
@@ -57,7 +59,7 @@ impl SweepRuns {
         &self,
         is_cancelled: impl Fn() -> bool + Sync,
         watch: impl Fn(usize, u32, &AnySimulation) -> ControlFlow<()> + Sync,
-    ) -> Result<Vec<ReplicaResults>, Error> {
+    ) -> Result<Option<Vec<ReplicaResults>>, Error> {
         let named = |(k, error): (usize, Error)| sweep_point_error(&self.keys, &self.values[k], error);
         self.check_memory().map_err(named)?;
         let _lock = self.lock()?;
@@ -65,13 +67,12 @@ impl SweepRuns {
         self.write_points()?;
         for (k, point) in self.points.iter().enumerate() {
             if point.prepare(&is_cancelled).map_err(|error| named((k, error)))?.is_none() {
-                let stopped = ReplicaResults { end: RunEnd::Stopped, done: Vec::new() };
-                return Ok(vec![stopped; self.points.len()]);
+                return Ok(None);
             }
             let (path, text) = (point.run.directory.join("scenario.toml"), &point.run.scenario.text);
             output::write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
         }
-        queue::run_all(&self.points, &watch).map_err(named)
+        queue::run_all(&self.points, &watch).map(Some).map_err(named)
     }
 
     fn lock(&self) -> Result<Lock, Error> {

@@ -20,8 +20,8 @@ pub(crate) fn of_report(run: &Run, replicas: Option<NonZeroU32>) -> String {
     shell_command(&command.0)
 }
 
-/// Returns the command with these options that resumes a stopped run.
-pub(crate) fn goes_on(args: &Simulate, directory: &Path) -> String {
+/// Returns the command with these options that goes on after a stop, and resumes if a run `is_begun`.
+pub(crate) fn goes_on(args: &Simulate, directory: &Path, is_begun: bool) -> String {
     let Simulate { ref options, arrivals_format, replicas, ref sweep, report, backend, algorithm, threads } =
         *args;
     let mut command = Words::simulate(&options.scenario, directory);
@@ -33,7 +33,8 @@ pub(crate) fn goes_on(args: &Simulate, directory: &Path) -> String {
     command.flag("--report", report);
     sweep.iter().for_each(|sweep| command.value("--sweep", Some(sweep)));
     command.value("--replicas", replicas);
-    command.flag("--resume", true);
+    command.flag("--resume", is_begun);
+    command.flag("--overwrite", options.overwrite && !is_begun);
     shell_command(&command.0)
 }
 

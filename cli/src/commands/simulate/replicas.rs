@@ -21,16 +21,17 @@ pub(crate) fn run(replicas: &Replicas, args: &Simulate) -> Result<(), CliError> 
     let count = replicas.count.get();
     let advance = Advance::new(progress::running(u64::from(count) * u64::from(replicas.run.scenario.steps)));
     let is_cancelled = || asked.signal().is_some();
-    let mut replicated = replicas.run_unless(is_cancelled, |replica, simulation| {
+    let replicated = replicas.run_unless(is_cancelled, |replica, simulation| {
         advance.see(0, replica, simulation);
         if is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     advance.bar.finish_and_clear();
     let stopped = |done: usize| {
         let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);
-        let command = command::goes_on(args, &replicas.run.directory);
+        let command = command::goes_on(args, &replicas.run.directory, replicas.is_begun());
         Err(CliError::StoppedRuns { done, count: count.into(), runs: "replicas", command, signal })
     };
+    let Some(mut replicated) = replicated else { return stopped(0) };
     let mean = MeanSeries::of_replicas(replicas, &mut replicated)?;
     if replicas.directory_of(0).exists() {
         animation::write(&replicas.replica(0))?;

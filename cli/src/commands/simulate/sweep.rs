@@ -20,16 +20,18 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
         sweep.points.iter().zip(runs()).map(|(point, runs)| runs * u64::from(point.run.scenario.steps));
     let advance = Advance::new(progress::running(steps.sum()));
     let is_cancelled = || asked.signal().is_some();
-    let mut results = sweep.run(is_cancelled, |point, replica, simulation| {
+    let results = sweep.run(is_cancelled, |point, replica, simulation| {
         advance.see(point, replica, simulation);
         if is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     advance.bar.finish_and_clear();
     let stopped = |done: usize| {
         let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);
-        let command = command::goes_on(args, &sweep.directory);
+        // The table of the points is written first.
+        let command = command::goes_on(args, &sweep.directory, true);
         Err(CliError::StoppedRuns { done, count: runs().sum(), runs: "runs", command, signal })
     };
+    let Some(mut results) = results else { return stopped(0) };
     let (mut rows, mut responses) = (Vec::new(), Vec::new());
     for ((point, values), results) in sweep.points.iter().zip(&sweep.values).zip(&mut results) {
         let mean = MeanSeries::of_replicas(point, results)?;

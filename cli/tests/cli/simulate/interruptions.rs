@@ -1,5 +1,6 @@
 //! Runs that signals and other runs interrupt.
 
+use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::thread;
@@ -75,6 +76,27 @@ fn an_interrupted_run_goes_on() {
             lazygrid(args.into_iter().chain(["--frames-every", "100000000"]).chain(resume)).succeeds();
         }
         assert_eq!(files(&out), files(&whole), "{signal}");
+    }
+}
+
+#[test]
+fn stopped_before_the_seeds_are_written_leaves_no_table() {
+    for more in [&[][..], &["--sweep", "species.acid.diffusion=1,5,9"]] {
+        let scratch = Scratch::new();
+        let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
+        let args = ["simulate", &scenario, "--output", &out, "--no-space-check"];
+        let many = [&args[..], &["--replicas", "4000000000"], more].concat();
+        let lock = out.clone() + if more.is_empty() { "/.lock" } else { "/point-0000/.lock" };
+        let ended = begun(&many, &lock).end("-INT");
+        let message = String::from_utf8(ended.stderr).unwrap();
+        assert_eq!(ended.status.code(), Some(130), "{more:?}: {message}");
+        assert!(message.contains("--replicas 4000000000"), "{message}");
+        assert_eq!(message.contains("--resume"), !more.is_empty(), "{message}");
+        for table in ["mean.csv", "sweep.csv", "point-0000/mean.csv"] {
+            assert!(!fs::exists(format!("{out}/{table}")).unwrap(), "{more:?}: {table}");
+        }
+        let goes_on = if more.is_empty() { &[][..] } else { &["--resume"] };
+        lazygrid([&args[..], &["--replicas", "2"], more, goes_on].concat()).succeeds();
     }
 }
 
