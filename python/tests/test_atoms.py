@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from types import SimpleNamespace
 from typing import Any
 
@@ -175,6 +176,16 @@ def tilted(atoms: Any, cutoff: Any, self_interaction: bool = False) -> int:
     expected_vectors = atoms.positions[j] - atoms.positions[i] + shift @ atoms.cell[:]
     np.testing.assert_allclose(vectors, expected_vectors, rtol=0, atol=1e-9)
     return len(found[0])
+
+
+def test_cell_vectors_along_the_axes_in_any_order_and_direction() -> None:
+    positions = np.random.default_rng(3).random((40, 3)) * [10, 11, 12]
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1, -1), repeat=3):
+            cell = np.diag([10.0, 11.0, 12.0])[list(order)] * np.array(signs)[:, None]
+            for pbc in (True, (True, False, True)):
+                assert tilted(Atoms("H40", positions=positions, cell=cell, pbc=pbc), 3.0) > 50
+    assert tilted(Atoms("H40", positions=positions, cell=cell, pbc=True), 25.0) > 10_000
 
 
 def test_cells_that_lean() -> None:

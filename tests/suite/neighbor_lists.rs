@@ -106,7 +106,7 @@ fn is_itself(entry: &Entry) -> bool {
     entry.pair.i == entry.pair.j && entry.shift == [0; 3]
 }
 
-fn spaces() -> [Space; 7] {
+fn spaces() -> [Space; 8] {
     let tilts = [Some([2.3, 0.0, 0.0]), Some([1.9, 2.1, 0.0]), Some([-0.7, 0.4, 2.9])];
     let cube = 1.805;
     let primitive = [Some([0.0, cube, cube]), Some([cube, 0.0, cube]), Some([cube, cube, 0.0])];
@@ -117,6 +117,8 @@ fn spaces() -> [Space; 7] {
         Space::triclinic(tilts).expect("edges"),
         Space::triclinic([None, tilts[1], tilts[2]]).expect("edges"),
         Space::triclinic(primitive).expect("edges"),
+        // Shifts count these vectors, not the lengths of the axes.
+        Space::triclinic([[0.0, -2.1, 0.0], [1.7, 0.0, 0.0], [0.0, 0.0, -1.3]].map(Some)).expect("edges"),
         Space::periodic([Some(40.0), Some(30.0), None]).expect("lengths"),
     ]
 }

@@ -264,9 +264,12 @@ fn candidate_lists_are_reused() {
 
 #[test]
 fn axis_parallel_vectors_are_lengths() {
-    let edges = [[0.0, -5.0, 0.0], [0.0, 0.0, 7.0], [3.0, 0.0, 0.0]].map(Some);
+    let edges = [[3.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, 7.0]].map(Some);
     let space = Space::triclinic(edges).expect("a box");
     assert_eq!(space, Space::periodic([Some(3.0), Some(5.0), Some(7.0)]).expect("a box"));
+    for edges in [[edges[1], edges[0], edges[2]], [Some([-3.0, 0.0, 0.0]), edges[1], None]] {
+        assert_eq!(Space::triclinic(edges).expect("a box").cell_vectors(), edges);
+    }
     assert_eq!(Space::triclinic([None; 3]), Ok(Space::UNBOUNDED));
     let slab = Space::triclinic([Some([2.0, 1.0, 0.0]), None, Some([0.0, 0.0, 1.0])]).expect("a slab");
     assert!(slab.is_periodic() && slab.triclinic_cell().is_some());

@@ -102,7 +102,7 @@ impl Space {
         }
     }
 
-    /// Returns the triclinic cell, unless all cell vectors lie along the axes.
+    /// Returns the triclinic cell, unless the cell vectors point along x, y and z.
     #[doc(hidden)]
     pub fn triclinic_cell(&self) -> Option<&TriclinicCell> {
         self.triclinic.as_ref()
@@ -153,15 +153,17 @@ impl Space {
     }
 }
 
+/// Returns the lengths of vectors that point along x, y and z, in this order. Shifts count the given vectors, so others
+/// along the axes need a cell.
 fn along_axes(edges: &[Option<[f64; 3]>; 3]) -> Option<[Option<f64>; 3]> {
     let mut lengths = [None; 3];
-    for edge in edges.iter().flatten() {
-        let axis = (0..3).find(|&axis| edge[axis] != 0.0)?;
+    for (axis, edge) in edges.iter().enumerate() {
+        let Some(edge) = edge else { continue };
         let is_along = (0..3).all(|other| other == axis || edge[other] == 0.0);
-        if !is_along || lengths[axis].is_some() {
+        if !is_along || edge[axis].is_nan() || edge[axis] <= 0.0 {
             return None;
         }
-        lengths[axis] = Some(edge[axis].abs());
+        lengths[axis] = Some(edge[axis]);
     }
     Some(lengths)
 }
