@@ -143,7 +143,9 @@ impl Distributed {
         let counts = self.comm.agree(found)?;
         if self.config.delivery == Delivery::Owners {
             let came = send_to_ranks(&mut self.comm, &list.pairs)?;
-            list.pairs.extend(came);
+            list.add(&came);
+            let complete = list.check(rank, counts.reported() + came.len() as u64);
+            self.comm.agree(complete)?;
         }
         if self.config.order == Order::Canonical {
             self.pool.install(|| rayon::slice::ParallelSliceMut::par_sort_unstable(&mut list.pairs[..]));
@@ -177,9 +179,14 @@ impl Distributed {
         F: FnMut(&[GlobalPair]) -> ControlFlow<()> + Send,
     {
         let prepared = self.prepare(local)?;
-        let found = self
-            .search(local, &prepared.ghosts, |pairs| pairs.chunks(chunk.max(1)).try_for_each(&mut consume));
-        let counts = self.comm.agree(found)?;
+        let mut handed = 0;
+        let found = self.search(local, &prepared.ghosts, |pairs| {
+            pairs.chunks(chunk.max(1)).try_for_each(|pairs| {
+                handed += pairs.len() as u64;
+                consume(pairs)
+            })
+        });
+        let counts = self.comm.agree(found)?.up_to(handed);
         self.tell(prepared, counts)?;
         Ok(self.report.pairs.total)
     }

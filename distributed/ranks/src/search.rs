@@ -31,6 +31,13 @@ impl PairCounts {
     pub fn reported(&self) -> u64 {
         self.local + self.with_ghosts
     }
+
+    /// Returns the counts of a search that was stopped after `reported` pairs.
+    #[must_use]
+    pub fn up_to(self, reported: u64) -> Self {
+        let local = self.local.min(reported);
+        Self { local, with_ghosts: self.with_ghosts.min(reported - local), ..self }
+    }
 }
 
 #[derive(Debug)]

@@ -60,6 +60,7 @@ impl QueryBuffers {
         executor: Executor,
         phases: &mut Vec<PhaseTime>,
     ) -> Result<PreparedQuery<'a>, Error> {
+        let query = &with_ids(query, settings.interactions.as_ref());
         let (split, space) = (query.split(), &settings.space);
         let (is_framed, filter) = check_and_filter(query, settings, executor)?;
         let is_wrapped = wraps && space.is_periodic();
@@ -90,6 +91,7 @@ impl QueryBuffers {
         executor: Executor,
     ) -> Result<Option<PreparedQuery<'a>>, Error> {
         let Some(frame) = &self.frame else { return Ok(None) };
+        let query = &with_ids(query, settings.interactions.as_ref());
         let (is_framed, filter) = check_and_filter(query, settings, executor)?;
         let is_of_kind = frame.is_narrow() == is_narrow(query, settings);
         if !is_framed || !is_of_kind || query.split().is_some() {
@@ -180,6 +182,19 @@ impl QueryBuffers {
     }
 }
 
+/// Gives sets without spheres the species ids that interactions require.
+fn with_ids<'a>(query: &Query<'a>, table: Option<&Interactions>) -> Query<'a> {
+    let complete = |set: Spheres<'a>| match table.filter(|_| set.is_empty()) {
+        Some(_) => set.with_species(&[]).unwrap_or(set),
+        None => set,
+    };
+    let sets = match query.second() {
+        None => Query::new(complete(query.first())),
+        Some(second) => Query::new((complete(query.first()), complete(second))),
+    };
+    query.exclusions().map_or(sets, |exclusions| sets.without(exclusions))
+}
+
 fn with_species<'a>(
     spheres: &'a [Sphere],
     species: &'a mut Vec<u32>,
@@ -232,6 +247,7 @@ fn check_query(
 /// # Errors
 /// The [`InputError`] of a search.
 pub fn check(query: &Query<'_>, table: Option<&Interactions>, executor: Executor) -> Result<(), InputError> {
+    let query = &with_ids(query, table);
     check_query(query, table, executor)?;
     query.check_exclusions()?;
     check_valid(query, executor)

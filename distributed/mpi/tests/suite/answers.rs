@@ -125,11 +125,18 @@ pub(crate) fn streams(world: &SimpleCommunicator) {
     assert_eq!(total, Ok(listed.len() as u64));
     assert_eq!(gathered(world, &streamed), listed);
     assert_eq!(distributed.count(local(&particles)), Ok(listed.len() as u64));
-    let stopped = distributed.stream(local(&particles), 1, |_| match rank {
-        0 => ControlFlow::Break(()),
-        _ => ControlFlow::Continue(()),
+    let mut handed = 0;
+    let stopped = distributed.stream(local(&particles), 1, |pairs| {
+        handed += pairs.len() as u64;
+        match rank {
+            0 => ControlFlow::Break(()),
+            _ => ControlFlow::Continue(()),
+        }
     });
-    stopped.unwrap();
+    let all = distributed.gather(&[handed]).unwrap();
+    if rank == 0 {
+        assert_eq!(stopped, Ok(all.iter().sum::<u64>()));
+    }
     let column = |f: fn(&lazygrid::Sphere) -> f32| particles.spheres.iter().map(f).collect::<Vec<_>>();
     let (x, y, z) = (column(|s| s.center.x), column(|s| s.center.y), column(|s| s.center.z));
     let r = column(|s| s.radius);

@@ -1,5 +1,5 @@
 use lazygrid::{Interaction, Interactions, Sphere};
-use lazygrid_mpi::{Config, Distributed, Error, LocalSpheres, OwnedSpheres, Ownership};
+use lazygrid_mpi::{Config, Delivery, Distributed, Error, LocalSpheres, OwnedSpheres, Ownership};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives};
 
@@ -74,6 +74,21 @@ fn error_text(distributed: &mut Distributed, particles: &OwnedSpheres) -> String
     distributed.count(local(particles)).unwrap_err().to_string()
 }
 
+/// Pairs that other ranks send count, too.
+pub(crate) fn pairs_of_owners_above_the_limit(world: &SimpleCommunicator) {
+    let (rank, others) = (world.rank() as u32, world.size() as u64 - 1);
+    // A giant of rank 0 around small spheres of the others.
+    let small = |k: u32| Sphere::new([k as f32, rank as f32, 0.0], 0.1);
+    let spheres = if rank == 0 { vec![Sphere::new([0.0; 3], 1000.0)] } else { (0..8).map(small).collect() };
+    let ids = (0..spheres.len() as u64).map(|k| 100 * u64::from(rank) + k).collect();
+    let particles = OwnedSpheres { spheres, ids, ..OwnedSpheres::default() };
+    let mut distributed = Distributed::new(world, config().delivery(Delivery::Owners).max_pairs(10)).unwrap();
+    match distributed.pairs(local(&particles)) {
+        Ok(pairs) => assert!(others < 2 && pairs.len() as u64 == 8 * others, "{} pairs", pairs.len()),
+        Err(error) => assert_eq!(error, Error::TooManyPairs { rank: 0, found: 8 * others, limit: 10 }),
+    }
+}
+
 pub(crate) fn refusals(world: &SimpleCommunicator) {
     let (rank, last) = (world.rank() as u32, world.size() as u32 - 1);
     let particles = part(world, 800);
@@ -92,6 +107,7 @@ pub(crate) fn refusals(world: &SimpleCommunicator) {
     assert!(found > 10);
     let table = Interactions::new(2, Interaction::Touch).unwrap();
     let mut distributed = Distributed::new(world, config().interactions(table)).unwrap();
+    assert_eq!(distributed.count(local(&OwnedSpheres::default())), Ok(0));
     let error = distributed.count(local(&particles)).unwrap_err().to_string();
     assert!(error.starts_with("rank 0: interactions are set but"), "{error}");
     let mut with = particles.clone();

@@ -28,6 +28,7 @@ const CASES: &[Case] = &[
     ("failures: one bad sphere", failures::bad_sphere),
     ("failures: ids that two spheres have", failures::duplicate_ids),
     ("failures: lengths, species and limits", failures::refusals),
+    ("failures: pairs of owners above the limit", failures::pairs_of_owners_above_the_limit),
     ("disagreements: settings of one rank", disagreements::settings),
     ("disagreements: settings that each rank has for itself", disagreements::own_settings),
     ("disagreements: a table of the detector", disagreements::detectors_own_table),

@@ -75,8 +75,12 @@ impl ClassBounds {
     /// 1. The test has the `f64` operations of the contact test.
     /// 2. Its distance by axis is at most that of any two spheres, and its radii are at least theirs.
     /// 3. Every operation is monotone, with or without rounding.
+    /// 4. Effective radii of larger distances are cut at the largest `f32` number, so that one may overlap anything.
     #[inline]
     pub fn overlaps(&self, space: &Space, other: &Self) -> bool {
+        if self.radius == f32::MAX || other.radius == f32::MAX {
+            return true;
+        }
         let lengths = space.lengths_f32();
         let gap = |axis: usize| {
             let ours = [self.low[axis], self.high[axis]].map(f64::from);
@@ -126,6 +130,8 @@ mod tests {
         assert!(overlaps(2.0, 0.0) && overlaps(6.0, 1.0) && overlaps(-2.0, 1.0));
         assert!(!overlaps(6.0_f32.next_up(), 1.0) && !overlaps((-2.0_f32).next_down(), 1.0));
         assert!(overlaps(f32::MAX, f32::MAX));
+        let far = |sign: f32| WrappedSphere { center: [sign * 3e38; 3].into(), ..sphere(0.0, f32::MAX) };
+        assert!(ClassBounds::all_of(&[far(1.0)])[0].overlaps_sphere(&Space::UNBOUNDED, &far(-1.0)));
     }
 
     #[test]

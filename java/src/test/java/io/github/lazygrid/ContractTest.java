@@ -4,6 +4,7 @@ import java.io.IOException;
 import java.lang.management.BufferPoolMXBean;
 import java.lang.management.ManagementFactory;
 import java.nio.ByteBuffer;
+import java.nio.ByteOrder;
 import java.nio.FloatBuffer;
 import java.nio.IntBuffer;
 import java.nio.file.Files;
@@ -196,6 +197,30 @@ public final class ContractTest {
         throwing(IllegalArgumentException.class, e -> true, () -> onCpu().threads(-1), "threads");
     }
 
+    /** Java 17 has no arenas, so that reflection reaches them. */
+    private static void arenas() throws Exception {
+        Class<?> arenas;
+        try {
+            arenas = Class.forName("java.lang.foreign.Arena");
+            arenas.getMethod("ofShared");
+        } catch (ReflectiveOperationException none) {
+            return;
+        }
+        Object arena = arenas.getMethod("ofShared").invoke(null);
+        Object segment = Class.forName("java.lang.foreign.SegmentAllocator")
+            .getMethod("allocate", long.class, long.class).invoke(arena, 16L * 100, 4L);
+        ByteBuffer bytes =
+            (ByteBuffer) Class.forName("java.lang.foreign.MemorySegment").getMethod("asByteBuffer").invoke(segment);
+        Spheres spheres = Spheres.rows(bytes.order(ByteOrder.nativeOrder()).asFloatBuffer());
+        try (Detector detector = new Detector(onCpu())) {
+            check(detector.count(spheres) == 4950, "points at the origin");
+            arenas.getMethod("close").invoke(arena);
+            throwing(IllegalStateException.class, e -> e.getMessage().contains("arena"),
+                () -> detector.count(spheres), "a closed arena");
+            check(detector.count(Spheres.rows(line(100))) == 99, "of use afterwards");
+        }
+    }
+
     private static void speciesAndBoxes() {
         int acid = 0, base = 1;
         Interactions reactions = new Interactions(2, Interaction.NEVER).set(acid, base, Interaction.within(0.5));
@@ -205,6 +230,8 @@ public final class ContractTest {
             int[] pairs = detector.pairsAsArray(Spheres.rows(rows).withSpecies(species));
             check(Arrays.equals(pairs, new int[] {0, 1, 1, 2}), Arrays.toString(pairs));
             failing(Status.INPUT, "no species ids", () -> detector.count(Spheres.rows(rows)));
+            Spheres none = Spheres.rows(Spheres.allocateFloats(0)).withSpecies(Spheres.allocateInts(0));
+            check(detector.count(none) == 0, "no spheres, no pairs");
         }
         reactions.set(0, 2, Interaction.TOUCH);
         failing(Status.INPUT, "species id 2", () -> new Detector(onCpu().interactions(reactions)).close());
@@ -320,6 +347,7 @@ public final class ContractTest {
         streams();
         errors();
         speciesAndBoxes();
+        arenas();
         steps();
         SetsAndSkins.run();
         BoxesAndExclusions.run();
