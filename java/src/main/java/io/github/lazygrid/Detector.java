@@ -358,7 +358,12 @@ public final class Detector implements AutoCloseable {
     private void enter(Query query) {
         Objects.requireNonNull(query, "query");
         enter();
-        query.write(places, 0);
+        try {
+            query.write(places, 0);
+        } catch (IllegalStateException closed) {
+            leave();
+            throw closed;
+        }
     }
 
     private void enter() {

@@ -40,9 +40,9 @@ final class NativeApi {
             Native.register(Functions.class, NativeLibrary.getInstance(NativeLoader.LOCATION));
         }
 
-        static native String lazygrid_version();
+        static native long lazygrid_version();
 
-        static native String lazygrid_last_error(long detector);
+        static native long lazygrid_last_error(long detector);
 
         static native int lazygrid_settings_init(long settings, long size);
 
@@ -101,6 +101,9 @@ final class NativeApi {
         return Pointer.nativeValue(Native.getDirectBufferPointer(buffer)) + (long) buffer.position() * size;
     }
 
+    /** Returns always: JNA serves versions of Java without arenas. */
+    static void requireAlive(Buffer buffer) {}
+
     /** Memory of the library as a buffer, in native order. */
     static ByteBuffer view(long address, int bytes) {
         if (bytes == 0) return EMPTY.duplicate().order(ByteOrder.nativeOrder());
@@ -113,11 +116,11 @@ final class NativeApi {
     }
 
     static String version() {
-        return Functions.lazygrid_version();
+        return text(Functions.lazygrid_version());
     }
 
     static String lastError(long detector) {
-        return Functions.lazygrid_last_error(detector);
+        return text(Functions.lazygrid_last_error(detector));
     }
 
     static int settingsInit(long settings, long size) {

@@ -258,6 +258,7 @@ public final class Spheres {
 
     /** The address of a {@code lazygrid_spheres}, valid until this is {@linkplain #keep kept}. */
     long address() {
+        kept.forEach(NativeApi::requireAlive);
         return address;
     }
 

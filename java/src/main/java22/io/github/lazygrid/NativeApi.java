@@ -98,6 +98,13 @@ final class NativeApi {
         return MemorySegment.ofBuffer(buffer).address();
     }
 
+    /** Throws an {@link IllegalStateException} if the arena of a direct buffer was closed. */
+    static void requireAlive(Buffer buffer) {
+        if (!MemorySegment.ofBuffer(buffer).scope().isAlive()) {
+            throw new IllegalStateException("the arena of a buffer of these spheres was closed");
+        }
+    }
+
     /** Memory of the library as a buffer, in native order. */
     static ByteBuffer view(long address, int bytes) {
         return MemorySegment.ofAddress(address).reinterpret(bytes).asByteBuffer().order(ByteOrder.nativeOrder());
