@@ -13,6 +13,8 @@ use crate::error;
 
 /// In 8-byte words: 512 MiB.
 const MAX_POOLED_WORDS: usize = 1 << 26;
+/// 256 KiB. The allocator is as fast for smaller blocks, of which the pool might have very many.
+const MIN_POOLED_WORDS: usize = 1 << 15;
 
 static POOL: Mutex<Vec<Vec<u64>>> = Mutex::new(Vec::new());
 
@@ -21,6 +23,9 @@ struct ResultMemory(Vec<u64>);
 
 impl Drop for ResultMemory {
     fn drop(&mut self) {
+        if self.0.len() < MIN_POOLED_WORDS {
+            return;
+        }
         let mut pool = POOL.lock().unwrap_or_else(PoisonError::into_inner);
         let pooled: usize = pool.iter().map(Vec::len).sum();
         if pooled + self.0.len() <= MAX_POOLED_WORDS {
