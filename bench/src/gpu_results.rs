@@ -70,6 +70,9 @@ struct Speed {
     pairs: u64,
     seconds: f64,
     busy_seconds: f64,
+    /// `true` if a call has several submissions, which wall time alone measures.
+    #[serde(default)]
+    divided: bool,
     #[serde(default)]
     quartiles: Option<Quartiles>,
     gpu: Option<SpeedCost>,
@@ -244,13 +247,15 @@ fn measured(text: &mut String, run: &GpuRun) {
             let cost = speed.gpu.as_ref()?;
             Some(expected(cost.dispatches, cost.traffic_bytes?, bandwidth?))
         };
-        let (bound, ratio) = match bound().filter(|_| gpu.hardware) {
+        let (bound, ratio) = match bound().filter(|_| gpu.hardware && !speed.divided) {
             Some(bound) => (duration(bound), format!("{:.1}", speed.busy_seconds / bound)),
             None => ("–".to_owned(), "–".to_owned()),
         };
+        let busy = if speed.divided { "–".to_owned() } else { duration(speed.busy_seconds) };
         let quartiles = speed
             .quartiles
             .as_ref()
+            .filter(|_| !speed.divided)
             .map_or("–".to_owned(), |quartiles| quartiles.busy_seconds.map(duration).join(" to "));
         let _ = writeln!(
             text,
@@ -259,7 +264,7 @@ fn measured(text: &mut String, run: &GpuRun) {
             count(speed.spheres),
             speed.algorithm,
             speed.pairs,
-            duration(speed.busy_seconds),
+            busy,
             duration(speed.seconds),
             speed.busy_seconds / speed.spheres as f64 * 1e9,
         );

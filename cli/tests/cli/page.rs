@@ -156,8 +156,9 @@ fn assert_right(report: &Value, least: u64) {
 
 #[test]
 fn check_of_the_page_finds_no_fault_on_dawn() {
-    if has_dawn() {
-        assert_right(&on_dawn(&["check", PAGE.to_str().unwrap(), &FULL]), 10);
+    // Chromium runs the same scripts on the same Dawn.
+    if has_dawn() && (browser().is_none() || !FULL.is_empty()) {
+        assert_right(&on_dawn(&["check", PAGE.to_str().unwrap(), &FULL]), 50);
     }
 }
 
@@ -221,7 +222,8 @@ fn measurement_of_the_page_has_the_rows_of_lazygrid_check() {
     if !has_dawn() {
         return;
     }
-    let report = on_dawn(&["measure", PAGE.to_str().unwrap(), "1000"]);
+    // One tile of a crowd per submission, so that calls of the burst are divided.
+    let report = on_dawn(&["measure", PAGE.to_str().unwrap(), "3000"]);
     assert_eq!((&report["wrong"], &report["ok"]), (&0.into(), &true.into()), "{:#}", report["failures"]);
     let speeds = report["speeds"].as_array().unwrap();
     assert!(speeds.len() >= 2 * 4, "{} rows: {:#}", speeds.len(), report["left_out"]);
@@ -230,18 +232,9 @@ fn measurement_of_the_page_has_the_rows_of_lazygrid_check() {
         assert!((low..=high).contains(&row["busy_seconds"].as_f64().unwrap()), "{row}");
         assert!(row["seconds"].as_f64().unwrap() > 0.0 && row["gpu"]["dispatches"].as_u64().unwrap() > 0);
     }
-}
-
-#[test]
-fn measurement_of_the_page_counts_all_pairs_of_divided_calls() {
-    if !has_dawn() {
-        return;
-    }
-    let report = on_dawn(&["measure-divided", PAGE.to_str().unwrap(), "3000"]);
-    assert_eq!((&report["wrong"], &report["ok"]), (&0.into(), &true.into()), "{:#}", report["failures"]);
-    let is_divided = |row: &&Value| row["stages"].as_object().unwrap().is_empty();
-    let divided = report["speeds"].as_array().unwrap().iter().filter(is_divided);
-    assert!(divided.filter(|row| row["algorithm"] == "array-grid").count() > 0, "{report:#}");
+    let divided =
+        |scene: &str| speeds.iter().filter(|row| row["scene"] == scene && row["divided"] == true).count();
+    assert!(divided("burst") > 0 && divided("five-sizes") == 0, "{report:#}");
 }
 
 const SIZE: [usize; 2] = [1100, 700];

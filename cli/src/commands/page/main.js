@@ -96,6 +96,13 @@ class SceneTab {
     return this.configured;
   }
 
+  // Ends the configuration and frees the scene's memory.
+  async leave() {
+    this.turn = (this.turn ?? 0) + 1;
+    await this.configured?.catch(() => {});
+    this.stage.release();
+  }
+
   async prepare(room) {
     const asked = this.asked(), { turn } = this;
     Object.assign(this, { seconds: [], frames: [], busy: true });
@@ -209,6 +216,7 @@ class ReportTab {
     this.show();
     element("run").disabled = true;
     element("progress").hidden = false;
+    await this.page.left;
     element("progress").removeAttribute("value");
     let report;
     try {
@@ -262,8 +270,8 @@ class Page {
     element("report").hidden = tab === "scene";
     // The other tabs need the scene's memory.
     if (tab === "scene") return this.scene.configure();
-    this.scene.stage.release();
     this.tabs[tab].show();
+    return this.left = this.scene.leave();
   }
 
   checkTab() {
@@ -305,7 +313,7 @@ class Page {
         const report = await measurer.run((row) => {
           speeds.push(row);
           element("status").textContent = `${row.algorithm}, ${short(row.spheres)} spheres, ${row.scene}`;
-          tab.row([row.scene, short(row.spheres), row.algorithm, row.pairs, row.busy_seconds * 1e3, (row.busy_seconds / row.spheres) * 1e9, row.seconds * 1e3]);
+          tab.row([row.scene, short(row.spheres), row.algorithm, row.pairs, row.divided ? "–" : row.busy_seconds * 1e3, (row.busy_seconds / row.spheres) * 1e9, row.seconds * 1e3]);
         }, undefined, asked?.split(",").map(Number));
         for (const { name, title } of this.bundle.scenes) {
           const of = speeds.filter((row) => row.scene === name);

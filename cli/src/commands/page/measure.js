@@ -92,7 +92,7 @@ class Measurer {
         pairs: first.found, seconds: quantile(wall, 0.5), busy_seconds: quantile(busy, 0.5),
         quartiles: { seconds: [0.25, 0.75].map((q) => quantile(wall, q)), busy_seconds: [0.25, 0.75].map((q) => quantile(busy, q)) },
         stages: timer ? Object.fromEntries([...stages].map(([name, seconds]) => [name, seconds / walls.length])) : {},
-        rounds: walls.length, gpu: plan.cost,
+        rounds: walls.length, gpu: plan.cost, divided: isDivided,
       };
     } finally {
       call.destroy();

@@ -1,13 +1,13 @@
 // Runs the page's scripts in Node on Dawn, from the npm package of `kernels/tint`. Prints JSON.
 //
 //     node node.mjs replay MANIFEST.json                               outcome and pairs of each plan of a list
-//     node node.mjs check PAGE.html [full]                             the object of #check for a few scenes, or of #check&full
+//     node node.mjs check PAGE.html [full]                             the object of #check for every sixth scene, or of #check&full
 //     node node.mjs check-altered PAGE.html                            the same with one pair too many expected in a scene
 //     node node.mjs check-lost PAGE.html                               the errors of two checks whose devices are lost meanwhile
 //     node node.mjs check-small PAGE.html                              the object of a check with WebGPU's least limits, and errors
 //     node node.mjs probe PAGE.html [altered]                          the result of the probe of subgroups, or of one that fails
-//     node node.mjs measure PAGE.html SIZE…                            the object of #measure, for two scenes and these sizes
-//     node node.mjs measure-divided PAGE.html SIZE…                    the same, with one tile of a crowd per submission
+//     node node.mjs measure PAGE.html SIZE…                            the object of #measure, for two scenes and these sizes,
+//                                                                      with one tile of a crowd per submission
 //
 // VK_DRIVER_FILES chooses the Vulkan driver, as for every Vulkan program.
 import { readFileSync } from "node:fs";
@@ -100,10 +100,15 @@ async function checkSmall(path) {
 // The place of the word in `SearchParams` of lazygrid-kernels.
 const TILES_PER_SUBMISSION = 13;
 
-async function measure(path, sizes, change = () => {}) {
+async function measure(path, ...sizes) {
   const alter = (bundle) => {
     bundle.scenes = [bundle.scenes[1], bundle.scenes.at(-1)];
-    change(bundle);
+    const planFor = bundle.planFor.bind(bundle);
+    bundle.planFor = (...of) => {
+      const plan = planFor(...of);
+      for (const { name, words } of plan.buffers) if (name === "params" && words) words[TILES_PER_SUBMISSION] = 1;
+      return plan;
+    };
   };
   const { Measurer, player, bundle } = await open(path, { alter });
   return new Measurer(player, bundle).run(() => {}, () => false, sizes.map(Number));
@@ -112,7 +117,7 @@ async function measure(path, sizes, change = () => {}) {
 const commands = {
   replay,
   check: async (path, full) => {
-    const isFull = full === "full", every = isFull ? 1 : 24;
+    const isFull = full === "full", every = isFull ? 1 : 6;
     const alter = (bundle) => { bundle.checks = bundle.checks.filter((_, at) => at % every === 0); };
     return check(await open(path, { alter }), isFull);
   },
@@ -142,15 +147,7 @@ const commands = {
     const { player, bundle, machine } = await open(path, altered ? { alter } : {});
     return { texts: player.subgroupTexts(bundle.subgroups), subgroups: machine(player, bundle).gpu.subgroups };
   },
-  measure: (path, ...sizes) => measure(path, sizes),
-  "measure-divided": (path, ...sizes) => measure(path, sizes, (bundle) => {
-    const planFor = bundle.planFor.bind(bundle);
-    bundle.planFor = (...of) => {
-      const plan = planFor(...of);
-      plan.buffers.filter(({ name, words }) => name === "params" && words).forEach(({ words }) => { words[TILES_PER_SUBMISSION] = 1; });
-      return plan;
-    };
-  }),
+  measure,
 };
 
 const [command, ...args] = process.argv.slice(2);
