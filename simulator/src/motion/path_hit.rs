@@ -239,7 +239,7 @@ impl BrownianBridge<'_> {
     }
 }
 
-fn length(v: [f32; 3]) -> f32 {
+pub(crate) fn length(v: [f32; 3]) -> f32 {
     (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }
 

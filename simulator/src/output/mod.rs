@@ -243,14 +243,28 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
 /// Removes the files of a run, but not the directories of replicas and points. Begins with the files that `--resume`
 /// continues.
 pub(crate) fn remove_results(directory: &Path) -> Result<(), Error> {
+    remove_plots(directory)?;
     RESULTS.into_iter().try_for_each(|name| remove_file(directory.join(name)))?;
     remove_where(directory, |name| {
         let step = name.strip_prefix("frame-").and_then(|rest| rest.strip_suffix(".npy"));
         step.is_some_and(|step| step.len() >= 9 && step.bytes().all(|byte| byte.is_ascii_digit()))
     })?;
+    Ok(())
+}
+
+/// Removes the plots that are part of the directory's report, but no files of the user.
+fn remove_plots(directory: &Path) -> Result<(), Error> {
     let plots = directory.join(PLOTS);
-    remove_where(&plots, |name| name.ends_with(".svg"))?;
-    // Remains if it holds files of the user.
+    let is_directory = fs::symlink_metadata(&plots).is_ok_and(|plots| plots.is_dir());
+    let Ok(report) = fs::read_to_string(directory.join("report.html")) else { return Ok(()) };
+    if !is_directory {
+        return Ok(());
+    }
+    let is_plot = |svg: String| !svg.is_empty() && report.contains(&svg);
+    remove_where(&plots, |name| {
+        name.ends_with(".svg") && fs::read_to_string(plots.join(name)).is_ok_and(is_plot)
+    })?;
+    // Remains if it holds other files.
     let _ = fs::remove_dir(plots);
     Ok(())
 }

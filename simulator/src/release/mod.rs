@@ -55,7 +55,7 @@ pub(crate) struct ReleaseStep<'a> {
     pub(crate) step: u32,
     /// Common to all ranks.
     pub(crate) next_id: u32,
-    /// Receivers at the beginning of the step, with their displacements in the last one.
+    /// Receivers at the beginning of the step, with their displacements in the step before.
     pub(crate) places: &'a [Place],
 }
 
@@ -269,10 +269,10 @@ impl Model {
     ) -> ParticleMove {
         let Particle { position: mut before, velocity, species, id, .. } = particle;
         let (key, kind) = (at.key, &self.species[species as usize]);
-        if let Some(carrier) = batch.from.carrier {
-            // It was elsewhere at the time of release.
-            let velocity = self.receivers[carrier as usize].velocity;
-            before = std::array::from_fn(|k| before[k] - (velocity[k] * age) as f32);
+        if let Some(carrier) = batch.from.carrier.and_then(|carrier| at.places.get(carrier as usize)) {
+            // It was elsewhere at the time of release, as in `PartialStep`.
+            let part = (age / self.time_step) as f32;
+            before = std::array::from_fn(|k| before[k] - part * carrier.displacement[k]);
         }
         let z = gaussian::normals(key.draw(id, 1, 0, Purpose::PartialStep));
         let length = (2.0 * kind.diffusion * age).sqrt() as f32;

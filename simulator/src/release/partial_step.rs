@@ -7,7 +7,7 @@ use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::membrane::{MembraneStep, StepEnds};
 use crate::model::receiver::{rounding, signed_distance};
-use crate::motion::path_hit::{BEND, DrawContext, Path};
+use crate::motion::path_hit::{BEND, DrawContext, Path, length};
 use crate::motion::propagate::{Event, ROUNDED};
 use crate::motion::receiver_state::{ActiveReceivers, Place, ReceiverState};
 use crate::motion::surface_events::ParticleMove;
@@ -33,7 +33,7 @@ impl Surfaces {
 pub(super) struct PartialStep<'a> {
     model: &'a Model,
     surfaces: &'a Surfaces,
-    /// Receivers at the end of the step.
+    /// Receivers at the end of the step in which the particle was released, with their displacements in it.
     places: &'a [Place],
     species: u32,
     /// Boundary of the center.
@@ -141,8 +141,4 @@ impl<'a> PartialStep<'a> {
             spread: (2.0 * diffusion * self.age).sqrt() as f32,
         }
     }
-}
-
-fn length(v: [f32; 3]) -> f32 {
-    (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }

@@ -111,6 +111,7 @@ impl Replicas {
         let lock = match self.run.resume {
             false => {
                 let lock = output::prepare(directory, self.run.overwrite)?;
+                self.check_table_fits()?;
                 if self.run.overwrite {
                     output::remove_results(directory)?;
                     // Or replicas of a former run could count as done.
@@ -124,10 +125,11 @@ impl Replicas {
                 if !self.check_seeds(&path, is_cancelled)? {
                     return Ok(None);
                 }
-                Lock::take(directory)?
+                let lock = Lock::take(directory)?;
+                self.check_table_fits()?;
+                lock
             }
         };
-        self.check_table_fits()?;
         match output::write_atomically(&path, |out| self.write_seeds(out, is_cancelled)) {
             Err(_) if is_cancelled() => Ok(None),
             written => written.map(|()| Some(lock)),
@@ -181,9 +183,13 @@ impl Replicas {
     }
 
     fn check_table_fits(&self) -> Result<(), Error> {
-        let directory = &self.run.directory;
-        let refused = |source| Error::Write { path: directory.clone(), source };
-        let free = fs4::available_space(directory).map_err(refused)?;
+        self.check_table_fits_into(&self.run.directory)
+    }
+
+    /// `place` is the directory, or one that exists on the same disk.
+    pub(super) fn check_table_fits_into(&self, place: &Path) -> Result<(), Error> {
+        let refused = |source| Error::Write { path: self.run.directory.clone(), source };
+        let free = fs4::available_space(place).map_err(refused)?;
         let bytes = u64::from(self.count.get()) * BYTES_PER_ROW;
         if !self.run.space_check || bytes <= free {
             return Ok(());

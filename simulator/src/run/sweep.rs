@@ -89,6 +89,9 @@ impl SweepRuns {
 
     /// Removes results of a former sweep, whose points could count as done.
     fn write_points(&self) -> Result<(), Error> {
+        for point in self.points.iter().filter(|point| !point.run.resume) {
+            point.check_table_fits_into(&self.directory)?;
+        }
         if self.overwrites() {
             output::remove_results(&self.directory)?;
             let mut points =
