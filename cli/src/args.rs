@@ -169,7 +169,8 @@ pub(crate) struct Detect {
     /// Find neighbor lists instead of pairs
     #[arg(long)]
     pub(crate) neighbors: bool,
-    /// Limit of pairs in memory; more are streamed to --output, and otherwise, or with --neighbors, an error [default: 2^29]
+    /// Limit of pairs in memory [default: 2^29]. More go to --output in parts; without it, or with --neighbors, more are an
+    /// error
     #[arg(long, value_name = "N")]
     pub(crate) max_pairs: Option<u64>,
     /// Print one JSON object per frame, each on a line of its own

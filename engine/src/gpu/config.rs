@@ -67,9 +67,8 @@ impl GpuConfig {
     }
 
     /// Space of the spheres, not [triclinic](Space::triclinic), with lengths rounded to `f32`. Default:
-    /// [`Space::UNBOUNDED`]. For the paper's grids and all pairs, a periodic space
-    /// costs a copy, 16 bytes per sphere. Pairs within 5 ulp of tangency (4 in
-    /// unbounded space), relative to the squared cutoff, may fall either way.
+    /// [`Space::UNBOUNDED`]. For the paper's grids and all pairs, a periodic space costs a copy, 16 bytes per sphere.
+    /// Pairs within 5 ulp of tangency (4 in unbounded space), relative to the squared cutoff, may fall either way.
     pub fn space(self, space: Space) -> Self {
         Self { space, ..self }
     }
@@ -106,10 +105,10 @@ impl GpuConfig {
     }
 
     /// Sets the most distance tests of one dispatch, so that no driver's watchdog ends it. Longer searches have several
-    /// dispatches ([`CallCost::parts`](super::CallCost::parts)). The least that a dispatch does is the search of 256
-    /// spheres, which exceeds the default if 20 million spheres share a cell. Default: the tests of 200 ms, at 2.5·10¹⁰ tests/s for
-    /// a discrete GPU, 2.5·10⁹ for an integrated one and 5·10⁸ for a software adapter; no GPU has confirmed these
-    /// rates. A [`Detector`](crate::Detector) uses the rate of its [`Calibration`].
+    /// dispatches ([`CallCost::parts`](super::CallCost::parts)). A dispatch searches at least 256 spheres: among 20
+    /// million spheres in one cell these have more tests than the default. Default: the tests of 200 ms, at 2.5·10¹⁰
+    /// tests/s for a discrete GPU, 2.5·10⁹ for an integrated one and 5·10⁸ for a software adapter; no GPU has confirmed
+    /// these rates. A [`Detector`](crate::Detector) uses the rate of its [`Calibration`].
     pub fn max_tests_per_dispatch(self, tests: u64) -> Self {
         Self { max_tests_per_dispatch: Some(tests), ..self }
     }

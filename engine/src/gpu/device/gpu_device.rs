@@ -215,8 +215,11 @@ impl GpuDevice {
         Self { pipelines: self.pipelines.rewritten(rewrite), ..self }
     }
 
-    /// Compiles WGSL without wgpu's loop counters, once for this device and its clones. Returns the compute pipeline of
-    /// entry point `name` and its bind group layout: group 0, bindings numbered from 0.
+    /// Compiles WGSL without wgpu's loop counters. Returns the compute pipeline of entry point `name` and its bind group
+    /// layout: group 0, bindings numbered from 0.
+    ///
+    /// The device and its clones keep each text and its pipeline, so pass numbers that change in buffers. One thread
+    /// compiles at a time.
     ///
     /// # Errors
     /// See [`with_error_scope`](Self::with_error_scope).
