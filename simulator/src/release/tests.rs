@@ -172,6 +172,22 @@ fn steady_release_stays_outside_of_reflecting_surfaces() {
 }
 
 #[test]
+fn steady_release_around_a_diffusing_body_stays_outside() {
+    let mut model = beside_a_sphere(ReceiverKind::Reflecting, 0.01);
+    model.receivers[0].diffusion = 1.0;
+    let transmitter = &mut model.transmitters[0];
+    transmitter.carrier = Some(0);
+    transmitter.shape = Shape::Shell(1.0005, 1.001);
+    let simulation = ran(&model, 4);
+    let state = simulation.state();
+    assert!(state.particles.len() > 3000, "{} particles", state.particles.len());
+    let positions = (0..state.particles.len()).map(|at| state.particles.position_of(at));
+    let inside =
+        positions.filter(|&at| signed_distance(1.0, state.centers[0], &model.boundary, at) < 0.0).count();
+    assert_eq!(inside, 0);
+}
+
+#[test]
 fn steady_release_arrives_alike_at_any_time_step() {
     let partial = ReceiverKind::Partial(Adsorption::Reactivity(20.0));
     let plane = ReceiverKind::Wall(WallFace::Low(0));

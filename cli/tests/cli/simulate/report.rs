@@ -158,7 +158,14 @@ fn overwritten_run_leaves_no_file_of_its_report_and_animation() {
     lazygrid(["simulate", &scenario, "--output", &out, "--overwrite"]).succeeds();
     lazygrid(["simulate", &scenario, "--output", &whole]).succeeds();
     assert_eq!(files(&out), files(&whole));
-    assert!(!fs::exists(out + "/plots").unwrap());
+    assert!(!fs::exists(out.clone() + "/plots").unwrap());
+    // Pictures of the user remain.
+    lazygrid(["simulate", &scenario, "--output", &out, "--overwrite", "--report"]).succeeds();
+    let own = out.clone() + "/plots/own.svg";
+    fs::write(&own, "<svg xmlns=\"http://www.w3.org/2000/svg\"/>").unwrap();
+    lazygrid(["simulate", &scenario, "--output", &out, "--overwrite"]).succeeds();
+    let plots = fs::read_dir(out + "/plots").unwrap().map(|entry| entry.unwrap().path());
+    assert!(plots.eq([std::path::Path::new(&own)]));
 }
 
 #[test]
