@@ -1,7 +1,7 @@
 //! The part of a step after a release, with the surfaces that a particle meets in it.
 //!
-//! It is a shorter step, in which receivers go the same fraction of their way. Receptors only reflect, because the number
-//! of free ones is known at the beginnings of steps.
+//! It is a shorter step, in which receivers go the same fraction of their way. Receptors only reflect, because free
+//! ones are counted when a step begins.
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};

@@ -55,7 +55,7 @@ impl Replicas {
     }
 
     /// [`run`](Self::run) that also asks `is_cancelled` while the seeds are written, which takes minutes for billions
-    /// of replicas. Returns `None` if cancelled then.
+    /// of replicas. Returns `None` if `is_cancelled` answers `true` before all seeds are written.
     ///
     /// # Errors
     /// As [`run`](Self::run).

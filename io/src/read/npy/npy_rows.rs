@@ -45,7 +45,7 @@ impl NpyRows {
     /// Reads the part of `rows` that the file has, with the spheres and errors of [`Frames`](super::super::Frames).
     ///
     /// # Errors
-    /// As the iterator [`Frames`](super::super::Frames).
+    /// Returns the errors of the iterator [`Frames`](super::super::Frames).
     pub fn read(self, rows: Range<u64>, options: Options) -> Result<Frame, Error> {
         let Self { path, mut header } = self;
         let width = header.row_bytes();
