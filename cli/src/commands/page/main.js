@@ -15,7 +15,7 @@ const TITLES = { auto: "Automatic", naive: "Naive (all pairs)", "array-grid": "A
 
 class SceneTab {
   constructor(player, bundle) {
-    Object.assign(this, { player, bundle, stage: new Stage(player, bundle, element("stage")), paused: false, seconds: [], frames: [] });
+    Object.assign(this, { player, bundle, stage: new Stage(player, bundle, element("stage")), paused: false, seconds: [], frames: [], turn: 0, configured: null });
     bundle.scenes.forEach(({ title }, value) => made("option", element("kind"), { value, textContent: title }));
     ["auto", ...bundle.algorithms].forEach((value) => made("option", element("algorithm"), { value, textContent: TITLES[value] }));
     element("size").max = bundle.sizes.length - 1;
@@ -87,7 +87,7 @@ class SceneTab {
   // capacity was exceeded gives way to one for more spheres.
   configure(room = 0) {
     this.texts();
-    const turn = this.turn = (this.turn ?? 0) + 1, before = this.configured;
+    const turn = ++this.turn, before = this.configured;
     this.busy = true;
     this.configured = (async () => {
       await before?.catch(() => {});
@@ -98,7 +98,7 @@ class SceneTab {
 
   // Ends the configuration and frees the scene's memory.
   async leave() {
-    this.turn = (this.turn ?? 0) + 1;
+    this.turn++;
     await this.configured?.catch(() => {});
     this.stage.release();
   }
