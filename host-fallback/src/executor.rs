@@ -46,12 +46,7 @@ impl Executor {
     }
 
     pub(crate) fn for_each<T: Send>(self, items: &mut [T], work: impl Fn(usize, &mut T) + Sync) {
-        match self {
-            Self::Pool if items.len() > 1 => {
-                items.par_iter_mut().enumerate().for_each(|(k, item)| work(k, item));
-            }
-            _ => items.iter_mut().enumerate().for_each(|(k, item)| work(k, item)),
-        }
+        self.chunks(items, 1, &|k, item| work(k, &mut item[0]));
     }
 
     pub(crate) fn for_each_chunk<T: Send>(
@@ -60,11 +55,16 @@ impl Executor {
         size: usize,
         work: impl Fn(usize, &mut [T]) + Sync,
     ) {
+        self.chunks(values, size, &work);
+    }
+
+    /// Takes references to functions, so that rayon's code is compiled once per type and not once per caller.
+    fn chunks<T: Send>(self, values: &mut [T], size: usize, work: &(dyn Fn(usize, &mut [T]) + Sync)) {
         match self {
             Self::Pool if values.len() > size => {
-                values.par_chunks_mut(size).enumerate().for_each(|(k, stretch)| work(k, stretch));
+                values.par_chunks_mut(size).enumerate().for_each(|(k, chunk)| work(k, chunk));
             }
-            _ => values.chunks_mut(size).enumerate().for_each(|(k, stretch)| work(k, stretch)),
+            _ => values.chunks_mut(size).enumerate().for_each(|(k, chunk)| work(k, chunk)),
         }
     }
 
@@ -72,19 +72,34 @@ impl Executor {
     /// chunks.
     pub(crate) fn fold<S: Send, E: Send>(
         self,
-        (pieces, most): (usize, usize),
+        chunks: (usize, usize),
         open: impl Fn() -> S + Sync + Send,
         step: impl Fn(S, usize) -> Result<S, E> + Sync + Send,
         merge: impl Fn(S, S) -> Result<S, E> + Sync + Send,
     ) -> Result<S, E> {
+        self.fold_chunks(chunks, Fold { open: &open, step: &step, merge: &merge })
+    }
+
+    /// Compiled once per type, like [`chunks`](Self::chunks).
+    fn fold_chunks<S: Send, E: Send>(
+        self,
+        (chunks, most): (usize, usize),
+        Fold { open, step, merge }: Fold<'_, S, E>,
+    ) -> Result<S, E> {
         match self {
-            Self::Pool if pieces > 1 => {
-                let pieces = (0..pieces).into_par_iter().with_max_len(most);
-                pieces.try_fold(&open, step).try_reduce(&open, merge)
+            Self::Pool if chunks > 1 => {
+                let chunks = (0..chunks).into_par_iter().with_max_len(most);
+                chunks.try_fold(open, step).try_reduce(open, merge)
             }
-            _ => (0..pieces).try_fold(open(), step),
+            _ => (0..chunks).try_fold(open(), step),
         }
     }
+}
+
+struct Fold<'a, S, E> {
+    open: &'a (dyn Fn() -> S + Sync),
+    step: &'a (dyn Fn(S, usize) -> Result<S, E> + Sync),
+    merge: &'a (dyn Fn(S, S) -> Result<S, E> + Sync),
 }
 
 /// The threads of a detector: its own pool, or the caller's.
