@@ -4,7 +4,7 @@ use super::grid::CellRange;
 use super::{CellList, LevelGrid, Target};
 use crate::Error;
 use crate::compare::{
-    HitQueue, MAX_LANES, NeighborRows, Output, PairTest, RunQueue, SimdTask, SimdWidth, Sink, scan,
+    Among, HitQueue, MAX_LANES, NeighborRows, Output, PairTest, RunQueue, SimdTask, SimdWidth, Sink, scan,
 };
 use crate::input::{SearchInput, search_pieces};
 
@@ -191,21 +191,39 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
 
     #[inline(always)]
     fn work(&mut self) {
-        let Self { vector, list, test, ref mut sink, ref runs, ref mut hits, is_crowded } = *self;
+        let Self { vector, list, test, ref mut sink, ref mut runs, ref mut hits, ref mut is_crowded } = *self;
         let among = (&list.columns, test);
+        vector.call(Scan { among, runs, hits, is_crowded, sink: *sink }, vector);
+    }
+}
+
+struct Scan<'f, S> {
+    among: Among<'f>,
+    runs: &'f mut RunQueue,
+    hits: &'f mut HitQueue,
+    is_crowded: &'f mut bool,
+    sink: &'f mut S,
+}
+
+impl<S: Sink> SimdTask for Scan<'_, S> {
+    type Result = ();
+
+    #[inline(always)]
+    fn run<V: SimdWidth>(self, vector: V) {
+        let Self { among, runs, hits, is_crowded, sink } = self;
         let mut hit_vectors = 0;
-        if is_crowded {
+        if *is_crowded {
             for k in 0..runs.len() {
-                hits.scan(vector, among, runs.get(k), *sink);
+                hits.scan(vector, among, runs.get(k), sink);
             }
-            hit_vectors = hits.flush(vector, among, *sink);
+            hit_vectors = hits.flush(vector, among, sink);
         } else {
             for k in 0..runs.len() {
                 let (at, run) = runs.get(k);
-                hit_vectors += scan(vector, among, at, run, *sink);
+                hit_vectors += scan(vector, among, at, run, sink);
             }
         }
-        self.is_crowded = hit_vectors > runs.len() / RUNS_PER_HIT;
-        self.runs.clear();
+        *is_crowded = hit_vectors > runs.len() / RUNS_PER_HIT;
+        runs.clear();
     }
 }

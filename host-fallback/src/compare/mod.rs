@@ -14,7 +14,7 @@ pub(crate) use delivery::deliver_unordered;
 pub(crate) use effective_rows::{EffectiveLoop, EffectiveRows};
 pub use filter::PairFilter;
 pub(crate) use pair_test::{PairTest, SkinMargin, SphereRadii};
-pub(crate) use scan::{COMPARE_NS, HitQueue, scan};
+pub(crate) use scan::{Among, COMPARE_NS, HitQueue, scan};
 pub use simd::Simd;
 pub(crate) use simd::{Axes, NeighborRows, PeriodicBox, Portable, RunQueue, SimdTask, SimdWidth, Xyzr};
 pub use sink::PairConsumer;

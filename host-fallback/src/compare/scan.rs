@@ -13,7 +13,7 @@ struct Lanes {
     possible: u32,
 }
 
-type Among<'c> = (&'c Columns, &'c PairTest<'c>);
+pub(crate) type Among<'c> = (&'c Columns, &'c PairTest<'c>);
 
 /// Compares the sphere at `at` with a run without it. Returns the number of vectors with hits.
 #[inline(always)]

@@ -1,7 +1,7 @@
 use lazygrid_kernels::{Pair, Space};
 
 use super::super::columns::Columns;
-use super::{Axes, MAX_LANES, NeighborRows, PeriodicSimd, RunQueue, SimdWidth, Xyzr};
+use super::{Axes, MAX_LANES, NeighborRows, PeriodicSimd, RunQueue, SimdTask, SimdWidth, Xyzr};
 use crate::frame::{Bounds, FrameMap, SearchFrame};
 
 #[derive(Clone, Copy, Debug)]
@@ -42,6 +42,11 @@ impl<V: PeriodicSimd> SimdWidth for MinimumImage<V> {
     type Query = V::Query;
     /// With the slack added to the sum of radii, and subtracted.
     type SquaredDistances = [V::SquaredDistances; 2];
+
+    #[inline(always)]
+    fn call<T: SimdTask>(self, task: T, vector: impl SimdWidth) -> T::Result {
+        self.vector.call(task, vector)
+    }
 
     #[inline(always)]
     fn query(self, sphere: [f32; 4]) -> V::Query {

@@ -148,6 +148,9 @@ pub(crate) trait SimdWidth: Copy {
     type Query: Copy;
     type SquaredDistances: Copy;
 
+    /// Calls `task` with `vector`, which has no more features than `self`, as a function that is not inlined: for long
+    /// tasks with several callers.
+    fn call<T: SimdTask>(self, task: T, vector: impl SimdWidth) -> T::Result;
     fn query(self, sphere: [f32; 4]) -> Self::Query;
     /// May read padding.
     fn squared_distances(self, columns: &Columns, base: usize, query: Self::Query) -> Self::SquaredDistances;

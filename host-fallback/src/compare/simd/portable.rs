@@ -3,7 +3,8 @@ use wide::f32x8;
 
 use super::super::columns::Columns;
 use super::{
-    Axes, BAND, FLOOR, MAX_LANES, NeighborRows, PeriodicBox, PeriodicSimd, RunQueue, SimdWidth, Xyzr, scalar,
+    Axes, BAND, FLOOR, MAX_LANES, NeighborRows, PeriodicBox, PeriodicSimd, RunQueue, SimdTask, SimdWidth,
+    Xyzr, scalar,
 };
 use crate::frame::{Bounds, FrameMap};
 
@@ -15,6 +16,11 @@ impl SimdWidth for Portable {
     const LANES: usize = 8;
     type Query = [f32x8; 4];
     type SquaredDistances = (f32x8, f32x8);
+
+    #[inline(never)]
+    fn call<T: SimdTask>(self, task: T, vector: impl SimdWidth) -> T::Result {
+        task.run(vector)
+    }
 
     #[inline(always)]
     fn query(self, sphere: [f32; 4]) -> [f32x8; 4] {

@@ -12,7 +12,7 @@ use crate::frame::{Bounds, FrameMap};
 /// Defines a width from one list of instruction sets: those of its compiled tasks and of the processor check, including
 /// sets that `rustc` enables implicitly.
 macro_rules! width {
-    ($(#[$doc:meta])* $name:ident, $run:ident: $($feature:tt)+) => {
+    ($(#[$doc:meta])* $name:ident, $run:ident, $call:ident: $($feature:tt)+) => {
         $(#[$doc])*
         #[derive(Clone, Copy)]
         pub(crate) struct $name(());
@@ -26,18 +26,24 @@ macro_rules! width {
         pub(super) fn $run<T: SimdTask>(task: T, periodic: Option<PeriodicBox>) -> T::Result {
             over(task, $name(()), periodic)
         }
+
+        #[target_feature($(enable = $feature),+)]
+        #[inline(never)]
+        fn $call<T: SimdTask>(task: T, vector: impl SimdWidth) -> T::Result {
+            task.run(vector)
+        }
     };
 }
 
 width! {
     /// Proof of the features of [`with_avx512`], its only constructor.
-    Avx512, with_avx512:
+    Avx512, with_avx512, call_avx512:
     "sse3" "ssse3" "sse4.1" "sse4.2" "popcnt" "avx" "f16c" "fma" "avx2" "bmi1" "bmi2" "lzcnt" "avx512f"
 }
 
 width! {
     /// Proof of the features of [`with_avx2`], its only constructor.
-    Avx2, with_avx2:
+    Avx2, with_avx2, call_avx2:
     "sse3" "ssse3" "sse4.1" "sse4.2" "popcnt" "avx" "fma" "avx2" "bmi1" "bmi2" "lzcnt"
 }
 
@@ -104,6 +110,12 @@ impl SimdWidth for Avx512 {
     const LANES: usize = 16;
     type Query = [__m512; 4];
     type SquaredDistances = (__m512, __m512);
+
+    #[inline(always)]
+    fn call<T: SimdTask>(self, task: T, vector: impl SimdWidth) -> T::Result {
+        // SAFETY: `self` proves the features of `call_avx512`, which are those of `with_avx512`.
+        unsafe { call_avx512(task, vector) }
+    }
 
     #[inline(always)]
     fn query(self, [x, y, z, r]: [f32; 4]) -> [__m512; 4] {
@@ -229,6 +241,12 @@ impl SimdWidth for Avx2 {
     const LANES: usize = 8;
     type Query = [__m256; 4];
     type SquaredDistances = (__m256, __m256);
+
+    #[inline(always)]
+    fn call<T: SimdTask>(self, task: T, vector: impl SimdWidth) -> T::Result {
+        // SAFETY: `self` proves the features of `call_avx2`, which are those of `with_avx2`.
+        unsafe { call_avx2(task, vector) }
+    }
 
     #[inline(always)]
     fn query(self, [x, y, z, r]: [f32; 4]) -> [__m256; 4] {
