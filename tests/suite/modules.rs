@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const CRATES: [&str; 16] = [
+const CRATES: [&str; 17] = [
     "bench/src",
     "capi/src",
     "check/src",
@@ -19,6 +19,7 @@ const CRATES: [&str; 16] = [
     "python/src",
     "report/src",
     "simulator/results/src",
+    "simulator/scenario/src",
     "simulator/src",
     "tests/src",
 ];

@@ -20,14 +20,15 @@ fn names_can_be_parsed() {
     assert!(Algorithm::CPU.iter().all(|algorithm| Algorithm::ALL.contains(algorithm)));
 }
 
-const LAYERS: [(&str, &[&str]); 13] = [
+const LAYERS: [(&str, &[&str]); 14] = [
     ("lazygrid-kernels", &[]),
     ("lazygrid-host", &["lazygrid-kernels"]),
     ("lazygrid", &["lazygrid-kernels", "lazygrid-host"]),
     ("lazygrid-capi", &["lazygrid"]),
     ("lazygrid-ranks", &["lazygrid"]),
     ("lazygrid-io", &["lazygrid"]),
-    ("lazygrid-sim", &["lazygrid", "lazygrid-io", "lazygrid-ranks"]),
+    ("lazygrid-scenario", &[]),
+    ("lazygrid-sim", &["lazygrid", "lazygrid-io", "lazygrid-ranks", "lazygrid-scenario"]),
     ("lazygrid-check", &["lazygrid-kernels", "lazygrid", "lazygrid-io"]),
     ("lazygrid-report", &[]),
     ("lazygrid-results", &["lazygrid-io", "lazygrid-sim"]),

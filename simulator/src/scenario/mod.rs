@@ -1,6 +1,5 @@
 //! Scenario files: a [`Model`] and its output, as TOML. `docs/simulator.md` lists the keys.
 
-mod file;
 mod flow_file;
 mod nearest;
 mod overrides;
@@ -54,7 +53,7 @@ impl Scenario {
     fn parse_silently(path: &Path, text: String) -> Result<Self, Error> {
         check_length(text.len())?;
         let placed = |problem| located(path, &text, problem);
-        let file = toml::from_str::<file::File>(&text).map_err(|error| placed(error.into()))?;
+        let file = lazygrid_scenario::parse(&text).map_err(|error| placed(error.into()))?;
         let resolve::Resolved { model, steps, seed, output, warnings } =
             resolve::resolve(file, path.parent().unwrap_or(Path::new(""))).map_err(placed)?;
         model.check()?;

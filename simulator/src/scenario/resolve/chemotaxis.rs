@@ -2,8 +2,8 @@
 
 use crate::model::Model;
 use crate::model::chemotaxis::{Attractant, AttractantProfile, Chemotaxis};
-use crate::scenario::file::{self, Finite};
 use crate::scenario::{Problem, warnings};
+use lazygrid_scenario::{self as file, Finite};
 
 fn attractant(one: &file::Attractant) -> Attractant {
     let profile = match one.profile {

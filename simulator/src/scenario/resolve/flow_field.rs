@@ -10,7 +10,7 @@ use crate::Error;
 use crate::memory::check_available;
 use crate::model::flow_field::FlowField;
 use crate::scenario::Problem;
-use crate::scenario::file::{self, Finite, Positive};
+use lazygrid_scenario::{self as file, Finite, Positive};
 
 /// The file is relative to the directory.
 pub(super) fn read(flow: &file::Flow, directory: &Path) -> Result<Arc<FlowField>, Problem> {

@@ -13,10 +13,10 @@ use std::path::Path;
 use lazygrid_io::excerpt;
 use toml::Spanned;
 
-use super::file::{self, File, Finite};
 use super::{Output, Problem, warnings};
 use crate::model::membrane::{Membrane, MembraneSurface};
 use crate::model::{Contact, Model, Species};
+use lazygrid_scenario::{self as file, File, Finite};
 
 pub(super) struct Resolved {
     pub(super) model: Model,

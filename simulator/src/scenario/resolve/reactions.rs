@@ -9,8 +9,8 @@ use super::{Names, equation_name, number_equal_names};
 use crate::model::probability::undoes;
 use crate::model::{Decay, Model, Reaction, ReactionRate, Unbinding};
 use crate::reaction::rate;
-use crate::scenario::file::{self, Positive};
 use crate::scenario::{Problem, warnings};
+use lazygrid_scenario::{self as file, Positive};
 
 pub(super) fn resolve(
     reactions: &[file::Reaction],

@@ -10,8 +10,8 @@ use crate::model::Model;
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, WallFace};
 use crate::model::receptors::{Ligand, ReceptorType};
 use crate::model::transmitter::Shape;
-use crate::scenario::file::{self, Finite};
 use crate::scenario::{Problem, warnings};
+use lazygrid_scenario::{self as file, Finite};
 
 pub(super) fn receivers(
     many: &[file::Receiver],

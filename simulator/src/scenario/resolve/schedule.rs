@@ -6,7 +6,7 @@ use super::Names;
 use crate::model::message::{Message, Modulation, Symbols};
 use crate::model::transmitter::Schedule;
 use crate::scenario::Problem;
-use crate::scenario::file::{self, Finite, NotNegative};
+use lazygrid_scenario::{self as file, Finite, NotNegative};
 
 pub(super) fn schedule(
     transmitter: &file::Transmitter,

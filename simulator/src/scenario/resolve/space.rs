@@ -8,7 +8,7 @@ use crate::model::Flow;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::vessel::Vessel;
 use crate::scenario::Problem;
-use crate::scenario::file::{self, AxisName, BoundaryKind, Finite};
+use lazygrid_scenario::{self as file, AxisName, BoundaryKind, Finite};
 
 pub(super) fn boundary(boundary: Option<&file::Boundary>, dimensions: usize) -> Result<Boundary, Problem> {
     let mut found = match boundary.map(|boundary| (boundary, *boundary.kind.get_ref())) {

@@ -1,46 +1,61 @@
+//! Tables of a scenario file for lazygrid's simulator, with the checks that need only one key. `docs/simulator.md`
+//! describes the keys and their units.
+//!
+//! A crate of its own, because the code that serde derives takes long to compile.
+
+#![allow(missing_docs, reason = "docs/simulator.md describes the keys")]
+
 mod chemotaxis;
 mod space;
 
 use serde::Deserialize;
 use toml::Spanned;
 
-pub(super) use self::chemotaxis::{Attractant, AttractantProfile, Chemotaxis};
-pub(super) use self::space::{AxisName, Boundary, BoundaryKind, Ends, Flow, Profile};
+pub use chemotaxis::{Attractant, AttractantProfile, Chemotaxis};
+pub use space::{AxisName, Boundary, BoundaryKind, Ends, Flow, Profile};
+
+/// Parses the text of a scenario file.
+///
+/// # Errors
+/// For a text that is no TOML, for unknown and missing keys, and for values of the wrong type or outside their range.
+pub fn parse(text: &str) -> Result<File, toml::de::Error> {
+    toml::from_str(text)
+}
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) struct File {
-    pub(super) time_step: Positive,
-    pub(super) steps: u32,
+pub struct File {
+    pub time_step: Positive,
+    pub steps: u32,
     #[serde(default)]
-    pub(super) seed: u64,
-    pub(super) dimensions: Option<Spanned<Dimensions>>,
-    pub(super) contact: Option<Spanned<Contact>>,
-    pub(super) boundary: Option<Boundary>,
-    pub(super) flow: Option<Flow>,
-    pub(super) species: Vec<Species>,
+    pub seed: u64,
+    pub dimensions: Option<Spanned<Dimensions>>,
+    pub contact: Option<Spanned<Contact>>,
+    pub boundary: Option<Boundary>,
+    pub flow: Option<Flow>,
+    pub species: Vec<Species>,
     #[serde(default, rename = "attractant")]
-    pub(super) attractants: Vec<Attractant>,
+    pub attractants: Vec<Attractant>,
     #[serde(default, rename = "reaction")]
-    pub(super) reactions: Vec<Reaction>,
+    pub reactions: Vec<Reaction>,
     #[serde(default, rename = "decay")]
-    pub(super) decays: Vec<Decay>,
+    pub decays: Vec<Decay>,
     #[serde(default, rename = "source")]
-    pub(super) sources: Vec<Source>,
+    pub sources: Vec<Source>,
     #[serde(default, rename = "transmitter")]
-    pub(super) transmitters: Vec<Transmitter>,
+    pub transmitters: Vec<Transmitter>,
     #[serde(default, rename = "receiver")]
-    pub(super) receivers: Vec<Receiver>,
+    pub receivers: Vec<Receiver>,
     #[serde(default, rename = "membrane")]
-    pub(super) membranes: Vec<Membrane>,
+    pub membranes: Vec<Membrane>,
     #[serde(default)]
-    pub(super) output: Output,
-    pub(super) sweep: Option<Spanned<serde::de::IgnoredAny>>,
+    pub output: Output,
+    pub sweep: Option<Spanned<serde::de::IgnoredAny>>,
 }
 
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Contact {
+pub enum Contact {
     #[default]
     Ignore,
     Count,
@@ -50,81 +65,81 @@ pub(super) enum Contact {
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) struct Species {
-    pub(super) name: Spanned<Name>,
-    pub(super) radius: Option<Spanned<NotNegative>>,
+pub struct Species {
+    pub name: Spanned<Name>,
+    pub radius: Option<Spanned<NotNegative>>,
     #[serde(default)]
-    pub(super) diffusion: NotNegative,
+    pub diffusion: NotNegative,
     #[serde(default)]
-    pub(super) drift: [Finite; 3],
+    pub drift: [Finite; 3],
     #[serde(default)]
-    pub(super) mass: One,
+    pub mass: One,
     #[serde(default)]
-    pub(super) thermal_speed: NotNegative,
-    pub(super) speed: Option<Spanned<NotNegative>>,
+    pub thermal_speed: NotNegative,
+    pub speed: Option<Spanned<NotNegative>>,
     #[serde(default)]
-    pub(super) tumble_rate: NotNegative,
-    pub(super) chemotaxis: Option<Chemotaxis>,
+    pub tumble_rate: NotNegative,
+    pub chemotaxis: Option<Chemotaxis>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) struct Reaction {
-    pub(super) equation: Spanned<String>,
-    pub(super) binding_radius: Option<Spanned<Positive>>,
-    pub(super) rate: Option<Spanned<Positive>>,
-    pub(super) rate_inside: Option<Spanned<Positive>>,
+pub struct Reaction {
+    pub equation: Spanned<String>,
+    pub binding_radius: Option<Spanned<Positive>>,
+    pub rate: Option<Spanned<Positive>>,
+    pub rate_inside: Option<Spanned<Positive>>,
     #[serde(default)]
-    pub(super) unbinding_radius: NotNegative,
-    pub(super) probability: Option<Spanned<Probability>>,
+    pub unbinding_radius: NotNegative,
+    pub probability: Option<Spanned<Probability>>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) struct Decay {
-    pub(super) equation: Spanned<String>,
-    pub(super) rate: Spanned<Positive>,
-    pub(super) unbinding_radius: Option<Spanned<NotNegative>>,
+pub struct Decay {
+    pub equation: Spanned<String>,
+    pub rate: Spanned<Positive>,
+    pub unbinding_radius: Option<Spanned<NotNegative>>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) struct Source {
-    pub(super) equation: Spanned<String>,
-    pub(super) rate: Positive,
-    pub(super) center: Option<Spanned<[Finite; 3]>>,
-    pub(super) shape: Option<Spanned<Shape>>,
+pub struct Source {
+    pub equation: Spanned<String>,
+    pub rate: Positive,
+    pub center: Option<Spanned<[Finite; 3]>>,
+    pub shape: Option<Spanned<Shape>>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) struct Transmitter {
-    pub(super) name: Spanned<Name>,
-    pub(super) center: Option<Spanned<[Finite; 3]>>,
-    pub(super) body_radius: Option<Positive>,
+pub struct Transmitter {
+    pub name: Spanned<Name>,
+    pub center: Option<Spanned<[Finite; 3]>>,
+    pub body_radius: Option<Positive>,
     #[serde(default)]
-    pub(super) velocity: [Finite; 3],
+    pub velocity: [Finite; 3],
     #[serde(default)]
-    pub(super) diffusion: NotNegative,
-    pub(super) times: Option<Spanned<Vec<NotNegative>>>,
+    pub diffusion: NotNegative,
+    pub times: Option<Spanned<Vec<NotNegative>>>,
     #[serde(default)]
-    pub(super) shape: Shape,
-    pub(super) release: Spanned<Vec<Release>>,
+    pub shape: Shape,
+    pub release: Spanned<Vec<Release>>,
     #[serde(default)]
-    pub(super) numbers: Numbers,
-    pub(super) from: Option<Spanned<NotNegative>>,
-    pub(super) until: Option<Spanned<NotNegative>>,
-    pub(super) bits: Option<Spanned<String>>,
-    pub(super) random_bits: Option<Spanned<std::num::NonZeroU32>>,
-    pub(super) symbol_time: Option<Spanned<Positive>>,
-    pub(super) start: Option<Spanned<NotNegative>>,
-    pub(super) modulation: Option<Spanned<Modulation>>,
-    pub(super) levels: Option<Spanned<Vec<NotNegative>>>,
+    pub numbers: Numbers,
+    pub from: Option<Spanned<NotNegative>>,
+    pub until: Option<Spanned<NotNegative>>,
+    pub bits: Option<Spanned<String>>,
+    pub random_bits: Option<Spanned<std::num::NonZeroU32>>,
+    pub symbol_time: Option<Spanned<Positive>>,
+    pub start: Option<Spanned<NotNegative>>,
+    pub modulation: Option<Spanned<Modulation>>,
+    pub levels: Option<Spanned<Vec<NotNegative>>>,
 }
 
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Numbers {
+pub enum Numbers {
     #[default]
     Fixed,
     Poisson,
@@ -132,7 +147,7 @@ pub(super) enum Numbers {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Modulation {
+pub enum Modulation {
     #[default]
     Ook,
     Csk,
@@ -141,15 +156,15 @@ pub(super) enum Modulation {
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) struct Release {
-    pub(super) species: Spanned<String>,
-    pub(super) count: Option<u32>,
-    pub(super) rate: Option<Positive>,
+pub struct Release {
+    pub species: Spanned<String>,
+    pub count: Option<u32>,
+    pub rate: Option<Positive>,
 }
 
 #[derive(Clone, Copy, Debug, Default, Deserialize)]
 #[serde(rename_all = "kebab-case", rename_all_fields = "kebab-case", tag = "kind", deny_unknown_fields)]
-pub(super) enum Shape {
+pub enum Shape {
     #[default]
     Point,
     Gaussian {
@@ -178,64 +193,64 @@ pub(super) enum Shape {
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) struct Receiver {
-    pub(super) name: Spanned<Name>,
-    pub(super) center: Option<Spanned<[Finite; 3]>>,
-    pub(super) radius: Option<Spanned<Positive>>,
-    pub(super) kind: Spanned<ReceiverKind>,
-    pub(super) face: Option<Spanned<Face>>,
-    pub(super) species: Option<Vec<Spanned<String>>>,
-    pub(super) lattice: Option<Lattice>,
-    pub(super) probability: Option<Spanned<Probability>>,
-    pub(super) rate: Option<Spanned<Positive>>,
-    pub(super) count: Option<Spanned<std::num::NonZeroU32>>,
-    pub(super) binding_rate: Option<Spanned<Positive>>,
-    pub(super) unbinding_rate: Option<Spanned<Positive>>,
-    pub(super) receptors: Option<Spanned<Vec<ReceptorType>>>,
-    pub(super) surface_diffusion: Option<Spanned<NotNegative>>,
+pub struct Receiver {
+    pub name: Spanned<Name>,
+    pub center: Option<Spanned<[Finite; 3]>>,
+    pub radius: Option<Spanned<Positive>>,
+    pub kind: Spanned<ReceiverKind>,
+    pub face: Option<Spanned<Face>>,
+    pub species: Option<Vec<Spanned<String>>>,
+    pub lattice: Option<Lattice>,
+    pub probability: Option<Spanned<Probability>>,
+    pub rate: Option<Spanned<Positive>>,
+    pub count: Option<Spanned<std::num::NonZeroU32>>,
+    pub binding_rate: Option<Spanned<Positive>>,
+    pub unbinding_rate: Option<Spanned<Positive>>,
+    pub receptors: Option<Spanned<Vec<ReceptorType>>>,
+    pub surface_diffusion: Option<Spanned<NotNegative>>,
     #[serde(default)]
-    pub(super) velocity: [Finite; 3],
+    pub velocity: [Finite; 3],
     #[serde(default)]
-    pub(super) diffusion: NotNegative,
+    pub diffusion: NotNegative,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) struct Membrane {
-    pub(super) name: Spanned<Name>,
-    pub(super) axis: Option<Spanned<AxisName>>,
-    pub(super) position: Option<Spanned<Finite>>,
-    pub(super) center: Option<Spanned<[Finite; 3]>>,
-    pub(super) radius: Option<Spanned<Positive>>,
-    pub(super) permeability: NotNegative,
-    pub(super) species: Option<Vec<Spanned<String>>>,
+pub struct Membrane {
+    pub name: Spanned<Name>,
+    pub axis: Option<Spanned<AxisName>>,
+    pub position: Option<Spanned<Finite>>,
+    pub center: Option<Spanned<[Finite; 3]>>,
+    pub radius: Option<Spanned<Positive>>,
+    pub permeability: NotNegative,
+    pub species: Option<Vec<Spanned<String>>>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) struct ReceptorType {
-    pub(super) count: std::num::NonZeroU32,
-    pub(super) ligands: Vec<Ligand>,
+pub struct ReceptorType {
+    pub count: std::num::NonZeroU32,
+    pub ligands: Vec<Ligand>,
 }
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) struct Ligand {
-    pub(super) species: Spanned<String>,
-    pub(super) binding_rate: Positive,
-    pub(super) unbinding_rate: Positive,
+pub struct Ligand {
+    pub species: Spanned<String>,
+    pub binding_rate: Positive,
+    pub unbinding_rate: Positive,
 }
 
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) struct Lattice {
-    pub(super) size: [Positive; 3],
-    pub(super) places: [std::num::NonZeroU32; 3],
+pub struct Lattice {
+    pub size: [Positive; 3],
+    pub places: [std::num::NonZeroU32; 3],
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum ReceiverKind {
+pub enum ReceiverKind {
     Absorbing,
     Endpoint,
     Transparent,
@@ -247,7 +262,7 @@ pub(super) enum ReceiverKind {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum Face {
+pub enum Face {
     LowX,
     LowY,
     LowZ,
@@ -259,19 +274,19 @@ pub(super) enum Face {
 
 #[derive(Debug, Default, Deserialize)]
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
-pub(super) struct Output {
-    pub(super) every: Option<std::num::NonZeroU32>,
-    pub(super) frames_every: Option<std::num::NonZeroU32>,
+pub struct Output {
+    pub every: Option<std::num::NonZeroU32>,
+    pub frames_every: Option<std::num::NonZeroU32>,
     #[serde(default)]
-    pub(super) frames: Vec<FrameFormat>,
-    pub(super) checkpoint_every: Option<std::num::NonZeroU32>,
+    pub frames: Vec<FrameFormat>,
+    pub checkpoint_every: Option<std::num::NonZeroU32>,
     #[serde(default)]
-    pub(super) arrivals: bool,
+    pub arrivals: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum FrameFormat {
+pub enum FrameFormat {
     Xyz,
     Npy,
 }
@@ -281,7 +296,7 @@ macro_rules! number {
     ($name:ident, $rule:expr, $allowed:literal) => {
         #[derive(Clone, Copy, Debug, Default, Deserialize)]
         #[serde(try_from = "f64")]
-        pub(super) struct $name(pub(super) f64);
+        pub struct $name(pub f64);
 
         impl TryFrom<f64> for $name {
             type Error = String;
@@ -307,7 +322,7 @@ number!(Probability, |value| value > 0.0 && value <= 1.0, "a probability above 0
 
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(try_from = "i64")]
-pub(super) struct Dimensions(pub(super) usize);
+pub struct Dimensions(pub usize);
 
 impl TryFrom<i64> for Dimensions {
     type Error = String;
@@ -323,7 +338,7 @@ impl TryFrom<i64> for Dimensions {
 /// Positive; 1 by default.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(transparent)]
-pub(super) struct One(pub(super) Positive);
+pub struct One(pub Positive);
 
 impl Default for One {
     fn default() -> Self {
@@ -333,7 +348,7 @@ impl Default for One {
 
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "String")]
-pub(super) struct Name(pub(super) String);
+pub struct Name(pub String);
 
 impl TryFrom<String> for Name {
     type Error = String;
