@@ -184,9 +184,9 @@ impl Detector {
     }
 
     /// Estimates the bytes that this detector holds for `spheres` spheres (at most
-    /// [`MAX_SPHERES`](crate::MAX_SPHERES)), without the result. On the CPU this is an upper bound, but for a constant
-    /// of about 16 KiB, for one set in `f32` rows or columns. Copies of two sets, `f64` and strided input take up to 23
-    /// bytes more per sphere, neighbor lists memory in proportion to the neighbors.
+    /// [`MAX_SPHERES`](crate::MAX_SPHERES)), without the result. On the CPU this is an upper bound for one set in `f32`
+    /// rows or columns, apart from 16 KiB that do not depend on the spheres. Copies of two sets, `f64` and strided input
+    /// take up to 23 bytes more per sphere, neighbor lists memory in proportion to the neighbors.
     ///
     /// Unless the skin is [`Off`](crate::Skin::Off), the estimate includes the maximum of candidates, on the CPU 96 per
     /// sphere (768 bytes); few scenes exceed ten.
