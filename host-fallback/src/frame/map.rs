@@ -1,6 +1,6 @@
 use bytemuck::cast;
 
-use super::{Axes, GROWTH, MAX_RADIUS, SearchFrame};
+use super::{Axes, GROWTH, MAX_LENGTHS, MAX_RADIUS, SearchFrame};
 
 /// Maps all lanes of a row. Its results equal [`SearchFrame::sphere`].
 pub(crate) struct FrameMap<'f> {
@@ -15,6 +15,8 @@ pub(crate) struct FrameMap<'f> {
     pub(crate) growth: [[f64; 4]; 2],
     /// Half the period of each axis; infinite for an unbounded one and for the radius.
     pub(crate) half: [f32; 4],
+    /// Least and largest difference from the origin of a sphere that the frame [contains](Self::contains).
+    pub(crate) limits: [[f64; 4]; 2],
 }
 
 impl<'f> FrameMap<'f> {
@@ -28,6 +30,7 @@ impl<'f> FrameMap<'f> {
             limit: [f64::INFINITY, f64::INFINITY, f64::INFINITY, MAX_RADIUS / scale],
             growth: [[scale, scale, scale, scale * factor], [0.0, 0.0, 0.0, summand]],
             half: [f32::INFINITY; 4],
+            limits: [[0.0; 4], [f64::MAX; 4]],
         };
         match &frame.axes {
             Axes::Orthogonal(axes) => {
@@ -39,7 +42,25 @@ impl<'f> FrameMap<'f> {
             }
             Axes::Triclinic(_) | Axes::Narrow(_) => map.lengths = [f64::NAN; 4],
         }
+        for axis in 0..3 {
+            let length = map.lengths[axis];
+            // Less than the inverse, which is infinite for the smallest scales.
+            let limit =
+                if length == f64::INFINITY { scale.recip().next_down() } else { MAX_LENGTHS * length };
+            (map.limits[0][axis], map.limits[1][axis]) = (-limit, limit);
+        }
         map
+    }
+
+    /// Returns `true` if the sphere is valid, and the frame represents it without regard to other spheres: inside the
+    /// frame along unbounded axes, within [`MAX_LENGTHS`] along periodic ones. Never in a triclinic space.
+    #[inline(always)]
+    pub(crate) fn contains(&self, row: [f64; 4]) -> bool {
+        let [low, high] = &self.limits;
+        (0..4).all(|lane| {
+            let at = row[lane] - self.origin[lane];
+            at >= low[lane] && at <= high[lane]
+        })
     }
 
     pub(crate) fn is_unbounded(&self) -> bool {
@@ -56,7 +77,7 @@ impl<'f> FrameMap<'f> {
             if PERIODIC {
                 let (away, length) = (at.abs(), self.lengths[lane]);
                 let image = at - length.copysign(at);
-                is_near &= away <= 1.5 * length;
+                is_near &= away <= MAX_LENGTHS * length;
                 at = if away <= 0.5 * length { at } else { image };
             }
             at = if at < self.limit[lane] { at } else { self.limit[lane] };
@@ -68,7 +89,7 @@ impl<'f> FrameMap<'f> {
             }
         }
         if PERIODIC && !is_near {
-            // More than one and a half lengths away from the origin, where this image is wrong, or in a triclinic
+            // More than [`MAX_LENGTHS`] away from the origin, where this image is wrong, or in a triclinic
             // space.
             return cast(self.frame.sphere(row));
         }

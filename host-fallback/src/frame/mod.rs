@@ -39,6 +39,8 @@ const MAX_RADIUS: f64 = 4.0;
 const MIN_SPREAD: f64 = 1.0 / (1 << 20) as f64;
 /// Absolute part of the slack, and the part relative to the largest radius.
 const SLACK: [f32; 2] = [1.0 / (1 << 20) as f32, 1.0 / (1 << 18) as f32];
+/// Largest distance from the origin along a periodic axis, in lengths, at which one subtraction wraps a center.
+const MAX_LENGTHS: f64 = 1.5;
 /// A frame filled less is replaced; a kept one preserves the radii of moving spheres.
 const MIN_FILLED: f64 = 1.0 / 8.0;
 
@@ -67,6 +69,21 @@ impl SearchFrame {
 
     pub(crate) fn fits(&self, bounds: &Bounds, space: &Space) -> bool {
         (MIN_FILLED..1.0).contains(&(Self::size(bounds, space, &self.origin) * self.scale))
+    }
+
+    /// Returns `true` if this frame represents spheres in `bounds` together with any that its map
+    /// [contains](FrameMap::contains). A frame that these fill little represents them, too.
+    pub(crate) fn holds(&self, bounds: &Bounds, space: &Space) -> bool {
+        let mut bounds = *bounds;
+        let periodic = Self::periodic_axes(space);
+        for (axis, length) in space.lengths().into_iter().enumerate() {
+            if let Some(length) = length.filter(|_| periodic[axis]) {
+                let contained = (MAX_LENGTHS * length).min(f64::MAX);
+                bounds.min[axis] = bounds.min[axis].min(-contained);
+                bounds.max[axis] = bounds.max[axis].max(contained);
+            }
+        }
+        Self::size(&bounds, space, &self.origin) * self.scale < 1.0
     }
 
     fn periodic_axes(space: &Space) -> [bool; 3] {
@@ -184,7 +201,7 @@ fn scale_of(size: f64) -> f64 {
 #[inline]
 fn wrap(x: f64, length: f64) -> f64 {
     let half = 0.5 * length;
-    if x.abs() <= 1.5 * length {
+    if x.abs() <= MAX_LENGTHS * length {
         // Exact by Sterbenz's lemma: the operands are within a factor of two.
         let image = x - length.copysign(x);
         return if x.abs() <= half { x } else { image };

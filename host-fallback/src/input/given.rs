@@ -46,8 +46,9 @@ impl<'a> GivenSpheres<'a> {
         Self { spheres, species: spheres.species().zip(halves), frame, space }
     }
 
-    pub(crate) fn fits(&self, bounds: &Bounds) -> bool {
-        self.frame.is_narrow() || self.frame.fits(bounds, self.space)
+    /// Returns `true` if the frame represents the spheres in `bounds` and all that it contains.
+    pub(crate) fn is_held(&self, bounds: &Bounds) -> bool {
+        self.frame.is_narrow() || self.frame.holds(bounds, self.space)
     }
 
     #[inline(always)]

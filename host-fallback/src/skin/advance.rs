@@ -40,7 +40,7 @@ pub(super) fn advance(
         }
     });
     let bounds = all_bounds.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let is_in_frame = given.is_none_or(|given| given.fits(&bounds));
+    let is_in_frame = given.is_none_or(|given| given.is_held(&bounds));
     (f32::from_bits(farthest.into_inner()).sqrt(), changed.into_inner() || !is_in_frame)
 }
 
@@ -115,7 +115,9 @@ impl GivenLoop for AdvanceGiven<'_> {
             given.prefetch(then.get(k + PREFETCH_SPHERES).unwrap_or(&then[k]).id as usize);
             let id = then[k].id as usize;
             let numbers = given.get(id);
-            vector.add_to_bounds(&mut largest.bounds, numbers);
+            if !vector.is_in_frame(map, numbers) {
+                vector.add_to_bounds(&mut largest.bounds, numbers);
+            }
             let now = vector.map_to_frame::<PERIODIC>(map, given.effective(id, numbers));
             largest.add::<V, PERIODIC>(vector, row, &then[k], now);
         }
@@ -132,6 +134,7 @@ struct Largest {
     /// Bits in which the rows differ from the last call.
     differing: [u32; 4],
     is_refused: bool,
+    /// Bounds of the spheres that the frame does not contain.
     bounds: Bounds,
 }
 

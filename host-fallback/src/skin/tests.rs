@@ -351,6 +351,29 @@ fn f64_spheres_that_leave_their_frame_rebuild_the_list() {
     }
 }
 
+/// Coordinates in the frame are the same at every image.
+#[test]
+fn f64_spheres_many_lengths_away_rebuild_the_list() {
+    let space = Space::periodic([Some(8.0), None, None]).expect("a box");
+    let settings = Settings { skin: Skin::Fixed(1.0), space, ..Settings::default() };
+    let mut kept = HostDetector::new(settings.clone()).expect("good settings");
+    let mut off = HostDetector::new(Settings { skin: Skin::Off, ..settings }).expect("good settings");
+    let mut rows = wide(&gas(1000, 2, 8.0));
+    for (lengths, rebuilt) in [
+        (0_u32, Some(RebuildReason::NoList)),
+        (3, None),
+        (1 << 15, None),
+        (1 << 25, Some(RebuildReason::InputChanged)),
+        (1 << 25, None),
+    ] {
+        let x = rows[5][0] + 8.0 * f64::from(lengths);
+        let near = std::mem::replace(&mut rows[5][0], x);
+        assert_eq!(kept.count(&rows), off.count(&rows));
+        assert_eq!(kept.report().candidates.expect("there is a skin").rebuilt, rebuilt, "{lengths} lengths");
+        rows[5][0] = near;
+    }
+}
+
 /// A call of two sets replaces the frame, and tests all pairs, so that the candidates outlive it.
 #[test]
 fn candidates_of_another_frame_are_not_used() {

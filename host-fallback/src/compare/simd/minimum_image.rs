@@ -84,6 +84,11 @@ impl<V: PeriodicSimd> SimdWidth for MinimumImage<V> {
     }
 
     #[inline(always)]
+    fn is_in_frame(self, map: &FrameMap<'_>, row: [f64; 4]) -> bool {
+        self.vector.is_in_frame(map, row)
+    }
+
+    #[inline(always)]
     fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr {
         self.vector.map_to_frame::<PERIODIC>(map, row)
     }

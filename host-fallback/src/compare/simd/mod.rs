@@ -163,6 +163,8 @@ pub(crate) trait SimdWidth: Copy {
     /// every width.
     fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4];
     fn add_to_bounds(self, bounds: &mut Bounds, row: [f64; 4]);
+    /// Equals [`FrameMap::contains`].
+    fn is_in_frame(self, map: &FrameMap<'_>, row: [f64; 4]) -> bool;
     fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr;
     /// Between minimum images if `PERIODIC`. The last lane has no effect.
     fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32;
@@ -256,6 +258,11 @@ mod tests {
                     true => vector.map_to_frame::<false>(&map, row),
                     false => vector.map_to_frame::<true>(&map, row),
                 });
+                let far = [[1e9, 0.0, 0.0, 1.0], [0.0, f64::NAN, 0.0, 1.0], [0.0, 0.0, 0.0, -1e-300]];
+                for row in rows.iter().chain(&far) {
+                    assert_eq!(vector.is_in_frame(&map, *row), map.contains(*row), "{row:?}");
+                    all.push(vector.is_in_frame(&map, *row).into());
+                }
                 all.extend(mapped.as_flattened().iter().map(|number| number.to_bits()));
                 let [x, y, z] = space.lengths_f32().map(|length| length.unwrap_or(f32::INFINITY));
                 let lengths = [x, y, z, f32::INFINITY];

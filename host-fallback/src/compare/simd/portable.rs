@@ -65,6 +65,11 @@ impl SimdWidth for Portable {
     }
 
     #[inline(always)]
+    fn is_in_frame(self, map: &FrameMap<'_>, row: [f64; 4]) -> bool {
+        map.contains(row)
+    }
+
+    #[inline(always)]
     fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr {
         map.map::<PERIODIC>(row)
     }

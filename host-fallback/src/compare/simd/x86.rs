@@ -88,6 +88,12 @@ macro_rules! methods_of_avx2 {
         }
 
         #[inline(always)]
+        fn is_in_frame(self, map: &FrameMap<'_>, row: [f64; 4]) -> bool {
+            // SAFETY: `self` proves AVX2.
+            unsafe { x86_rows::is_in_frame(map, row) }
+        }
+
+        #[inline(always)]
         fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr {
             // SAFETY: `self` proves AVX2.
             unsafe { x86_rows::map_to_frame::<PERIODIC>(map, row) }

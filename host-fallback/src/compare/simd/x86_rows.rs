@@ -23,6 +23,22 @@ pub(super) unsafe fn add_to_bounds(bounds: &mut Bounds, row: [f64; 4]) {
     }
 }
 
+/// [`FrameMap::contains`].
+///
+/// # Safety
+/// The processor must have AVX.
+#[inline(always)]
+pub(super) unsafe fn is_in_frame(map: &FrameMap<'_>, row: [f64; 4]) -> bool {
+    let [low, high] = &map.limits;
+    // SAFETY: AVX by the caller's promise; each array read has the vector's size.
+    unsafe {
+        let at = _mm256_sub_pd(_mm256_loadu_pd(row.as_ptr()), _mm256_loadu_pd(map.origin.as_ptr()));
+        let is_above = _mm256_cmp_pd::<_CMP_GE_OQ>(at, _mm256_loadu_pd(low.as_ptr()));
+        let is_below = _mm256_cmp_pd::<_CMP_LE_OQ>(at, _mm256_loadu_pd(high.as_ptr()));
+        _mm256_movemask_pd(_mm256_and_pd(is_above, is_below)) == 0b1111
+    }
+}
+
 /// Maps a sphere with the operations of [`FrameMap::map`], in the same order.
 ///
 /// # Safety
