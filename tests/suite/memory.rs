@@ -80,9 +80,10 @@ fn on_cpu(variants: Vec<DetectorVariant>) -> impl Iterator<Item = DetectorVarian
     variants.into_iter().filter(|variant| variant.backend() == Backend::Cpu)
 }
 
-/// For reports, plans and padding, which the estimate excludes: up to 16 KiB, and for threads of the test harness, whose
-/// start and end the counters include.
-const FIXED: usize = 32 << 10;
+/// For reports, plans and padding, which the estimate excludes.
+const FIXED: usize = 16 << 10;
+/// Threads that the test harness starts meanwhile add to a measurement, but not to each of several.
+const MEASUREMENTS: usize = 3;
 
 #[test]
 fn second_call_allocates_nothing_proportional_to_the_input() {
@@ -128,11 +129,16 @@ fn memory_for_is_an_upper_bound() {
                 if variant.algorithm == Algorithm::Naive && n > 10_000 {
                     continue;
                 }
-                measurement.start();
-                let mut detector = Detector::new(variant.settings()).expect("a detector");
-                variant.run(|| detector.count(spheres)).expect("a count");
-                let peak = measurement.peak();
-                let bound = variant.run(|| detector.memory_for(n as u64)) as usize + FIXED;
+                let mut peak_and_bound = || {
+                    measurement.start();
+                    let mut detector = Detector::new(variant.settings()).expect("a detector");
+                    variant.run(|| detector.count(spheres)).expect("a count");
+                    let peak = measurement.peak();
+                    (peak, variant.run(|| detector.memory_for(n as u64)) as usize + FIXED)
+                };
+                let (peak, bound) = (1..MEASUREMENTS).fold(peak_and_bound(), |(peak, bound), _| {
+                    if peak <= bound { (peak, bound) } else { peak_and_bound() }
+                });
                 assert!(peak <= bound, "{variant}, {scene}, {n}: {peak} bytes where {bound} are announced");
             }
         }
