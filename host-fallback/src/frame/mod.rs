@@ -40,7 +40,7 @@ const MIN_SPREAD: f64 = 1.0 / (1 << 20) as f64;
 /// Absolute part of the slack, and the part relative to the largest radius.
 const SLACK: [f32; 2] = [1.0 / (1 << 20) as f32, 1.0 / (1 << 18) as f32];
 /// Largest distance from the origin along a periodic axis, in lengths, at which one subtraction wraps a center.
-const MAX_LENGTHS: f64 = 1.5;
+pub(crate) const MAX_LENGTHS: f64 = 1.5;
 /// A frame filled less is replaced; a kept one preserves the radii of moving spheres.
 const MIN_FILLED: f64 = 1.0 / 8.0;
 

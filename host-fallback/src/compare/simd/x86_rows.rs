@@ -5,7 +5,7 @@ use std::arch::x86_64::*;
 use bytemuck::cast;
 
 use super::Xyzr;
-use crate::frame::{Bounds, FrameMap};
+use crate::frame::{Bounds, FrameMap, MAX_LENGTHS};
 
 /// # Safety
 /// The processor must have FMA.
@@ -53,7 +53,8 @@ pub(super) unsafe fn map_to_frame<const PERIODIC: bool>(map: &FrameMap<'_>, row:
         if PERIODIC {
             let (sign, length) = (_mm256_set1_pd(-0.0), _mm256_loadu_pd(map.lengths.as_ptr()));
             let away = _mm256_andnot_pd(sign, at);
-            let is_far = _mm256_cmp_pd::<_CMP_NLE_UQ>(away, _mm256_mul_pd(_mm256_set1_pd(1.5), length));
+            let is_far =
+                _mm256_cmp_pd::<_CMP_NLE_UQ>(away, _mm256_mul_pd(_mm256_set1_pd(MAX_LENGTHS), length));
             if _mm256_testz_pd(is_far, is_far) == 0 {
                 return cast(map.frame.sphere(row));
             }
