@@ -1,9 +1,10 @@
 //! Attractants, and the swimmers that follow them.
 
+use lazygrid_scenario::{self as file, Finite};
+
 use crate::model::Model;
 use crate::model::chemotaxis::{Attractant, AttractantProfile, Chemotaxis};
 use crate::scenario::{Problem, warnings};
-use lazygrid_scenario::{self as file, Finite};
 
 fn attractant(one: &file::Attractant) -> Attractant {
     let profile = match one.profile {

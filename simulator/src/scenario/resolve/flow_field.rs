@@ -4,13 +4,13 @@ use std::path::Path;
 use std::sync::Arc;
 
 use lazygrid_io::read::ArrayFile;
+use lazygrid_scenario::{self as file, Finite, Positive};
 use toml::Spanned;
 
 use crate::Error;
 use crate::memory::check_available;
 use crate::model::flow_field::FlowField;
 use crate::scenario::Problem;
-use lazygrid_scenario::{self as file, Finite, Positive};
 
 /// The file is relative to the directory.
 pub(super) fn read(flow: &file::Flow, directory: &Path) -> Result<Arc<FlowField>, Problem> {

@@ -11,12 +11,12 @@ use std::ops::Range;
 use std::path::Path;
 
 use lazygrid_io::excerpt;
+use lazygrid_scenario::{self as file, File, Finite};
 use toml::Spanned;
 
 use super::{Output, Problem, warnings};
 use crate::model::membrane::{Membrane, MembraneSurface};
 use crate::model::{Contact, Model, Species};
-use lazygrid_scenario::{self as file, File, Finite};
 
 pub(super) struct Resolved {
     pub(super) model: Model,

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use lazygrid_io::excerpt;
+use lazygrid_scenario::{self as file, Positive};
 use toml::Spanned;
 
 use super::{Names, equation_name, number_equal_names};
@@ -10,7 +11,6 @@ use crate::model::probability::undoes;
 use crate::model::{Decay, Model, Reaction, ReactionRate, Unbinding};
 use crate::reaction::rate;
 use crate::scenario::{Problem, warnings};
-use lazygrid_scenario::{self as file, Positive};
 
 pub(super) fn resolve(
     reactions: &[file::Reaction],

@@ -1,5 +1,6 @@
 use std::collections::HashSet;
 
+use lazygrid_scenario::{self as file, Finite};
 use toml::Spanned;
 
 use super::Names;
@@ -11,7 +12,6 @@ use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, WallFace};
 use crate::model::receptors::{Ligand, ReceptorType};
 use crate::model::transmitter::Shape;
 use crate::scenario::{Problem, warnings};
-use lazygrid_scenario::{self as file, Finite};
 
 pub(super) fn receivers(
     many: &[file::Receiver],

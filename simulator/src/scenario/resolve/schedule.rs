@@ -2,11 +2,12 @@ use std::ops::Range;
 
 use lazygrid_io::excerpt;
 
+use lazygrid_scenario::{self as file, Finite, NotNegative};
+
 use super::Names;
 use crate::model::message::{Message, Modulation, Symbols};
 use crate::model::transmitter::Schedule;
 use crate::scenario::Problem;
-use lazygrid_scenario::{self as file, Finite, NotNegative};
 
 pub(super) fn schedule(
     transmitter: &file::Transmitter,

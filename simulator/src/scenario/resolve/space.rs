@@ -1,5 +1,6 @@
 use std::path::Path;
 
+use lazygrid_scenario::{self as file, AxisName, BoundaryKind, Finite};
 use toml::Spanned;
 
 use super::flow_field;
@@ -8,7 +9,6 @@ use crate::model::Flow;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::vessel::Vessel;
 use crate::scenario::Problem;
-use lazygrid_scenario::{self as file, AxisName, BoundaryKind, Finite};
 
 pub(super) fn boundary(boundary: Option<&file::Boundary>, dimensions: usize) -> Result<Boundary, Problem> {
     let mut found = match boundary.map(|boundary| (boundary, *boundary.kind.get_ref())) {

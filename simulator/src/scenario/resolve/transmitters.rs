@@ -1,12 +1,13 @@
 use lazygrid_io::excerpt;
 
+use lazygrid_scenario as file;
+
 use super::schedule::{place, schedule};
 use super::space::number;
 use super::{Names, equation_name, number_equal_names};
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::transmitter::{CountDistribution, Schedule, Shape, Transmitter};
 use crate::scenario::{Problem, warnings};
-use lazygrid_scenario as file;
 
 pub(super) fn transmitters(
     many: Vec<file::Transmitter>,
