@@ -4,8 +4,9 @@ use super::membrane_rows::{MAX_SPHERES, MembraneRows};
 use crate::model::receiver::ReceiverKind;
 use crate::model::{Decay, Model};
 use crate::motion::path_hit;
-use crate::motion::propagate::{Propagator, SpeciesStep};
-use crate::motion::vessel_flow::{FlowStep, StepDrift};
+use crate::motion::propagate::Propagator;
+use crate::motion::species_step::SpeciesStep;
+use crate::motion::vessel_flow::{FlowStep, StepDrift, StepTime};
 use crate::{Axis, Error, Receiver};
 
 /// At a mean of 16, `MAX_DECAYS` of `decay.wgsl` is exceeded with a probability of 10⁻¹⁷.
@@ -134,11 +135,8 @@ impl Carried {
     /// Returns bounds in a steady flow, or with and without a pulse, which bound all fractions of it.
     pub(super) fn all(model: &Model, steps: &[SpeciesStep], species: usize) -> Vec<Self> {
         let parts = if model.flow_pulse.is_some() { &[1.0, 0.0][..] } else { &[1.0] };
-        let drifts = parts.iter().map(|&part| StepDrift::all(model, part).nth(species));
-        drifts
-            .flatten()
-            .map(|drift| Self::new(model, steps[species].diffusion, (species, drift.drift)))
-            .collect()
+        let drifts = parts.iter().map(|&part| StepDrift::new(model, species, StepTime::whole(model, part)));
+        drifts.map(|drift| Self::new(model, steps[species].diffusion, (species, drift.drift))).collect()
     }
 
     fn new(model: &Model, diffusion: f32, (species, drift): (usize, [f32; 3])) -> Self {
@@ -148,7 +146,7 @@ impl Carried {
         } else {
             MAX_THERMAL * 3f32.sqrt() * kind.thermal_speed as f32
         };
-        let flow = FlowStep::new(model).map_or(0.0, |flow| flow.fastest as f32);
+        let flow = FlowStep::new(model, StepTime::whole(model, 1.0)).map_or(0.0, |flow| flow.fastest as f32);
         // A product keeps the velocity of a reactant with the same speed.
         let hottest = model.species.iter().map(|species| species.thermal_speed).fold(0.0, f64::max);
         let speed = speed.max(MAX_THERMAL * 3f32.sqrt() * hottest as f32);

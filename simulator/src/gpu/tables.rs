@@ -10,9 +10,10 @@ use super::tally_layout::Tallies;
 use crate::model::receiver::{Adsorption, ReceiverKind, WallFace};
 use crate::model::receptors::ReceptorType;
 use crate::model::{Contact, Model, Unbinding};
-use crate::motion::propagate::{Propagator, SpeciesStep};
+use crate::motion::propagate::Propagator;
+use crate::motion::species_step::SpeciesStep;
 use crate::motion::tumble::TumbleStep;
-use crate::motion::vessel_flow::{FlowStep, StepDrift};
+use crate::motion::vessel_flow::{FlowStep, StepDrift, StepTime};
 use crate::random::philox::Key;
 use crate::reaction::dissociation::Dissociation;
 use crate::reaction::{ReactionRule, Reactions};
@@ -79,13 +80,14 @@ impl Tables {
     }
 
     pub(super) fn set_flow(&mut self, model: &Model, part: f64) {
-        for (row, drift) in self.species_rows.iter_mut().zip(StepDrift::all(model, part)) {
+        let time = StepTime::whole(model, part);
+        for (species, row) in self.species_rows.iter_mut().enumerate() {
+            let drift = StepDrift::new(model, species, time);
             row.drift = drift.drift.into();
             row.drifts_at_wall = at_wall_bits(drift);
         }
         self.params.flow_duration = (part * model.time_step) as f32;
-        if let Some(mut flow) = FlowStep::new(model) {
-            flow.set(model, part);
+        if let Some(flow) = FlowStep::new(model, time) {
             self.params.peak_flow = flow.fastest as f32;
         }
     }
@@ -116,7 +118,7 @@ fn params(model: &Model, key: Key, max_iterations: u32, tallies: &Tallies) -> Pa
         time_step: model.time_step as f32,
         ..Params::default()
     };
-    if let Some(FlowStep { vessel, fastest }) = FlowStep::new(model) {
+    if let Some(FlowStep { vessel, fastest }) = FlowStep::new(model, StepTime::whole(model, 1.0)) {
         params.vessel_axis = 1 + vessel.along.unwrap_or(3) as u32;
         params.vessel_radius = vessel.radius;
         params.vessel_center = vessel.center.into();

@@ -1,26 +1,23 @@
 //! The independent part of a step: motion, walls, receivers, decays.
-//!
-//! A coordinate becomes `x + (s·z + d)` with `s` = √(2DΔt), a standard normal `z`, and `d` the drift per step plus
-//! own velocity, each operation rounded to `f32`.
 
 mod flight;
 
 use rayon::prelude::*;
 
 use crate::Error;
+use crate::model::Model;
 use crate::model::boundary::Boundary;
-use crate::model::membrane::{Membrane, MembraneStep, StepEnds};
 use crate::model::particles::Particles;
-use crate::model::{Model, Species};
 use crate::motion::collisions::Flight;
-use crate::motion::path_hit::{BEND, DrawContext};
+use crate::motion::path_hit::DrawContext;
 use crate::motion::receiver_search::{ReceiverSearch, StepBounds};
-use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
+use crate::motion::receiver_state::ReceiverState;
+use crate::motion::species_step::{FreePaths, SpeciesStep};
 use crate::motion::step_normals::{BLOCK, draw};
 use crate::motion::surface_events::ParticleMove;
+use crate::motion::surfaces::{SpeciesSurfaces, Surfaces};
 use crate::motion::tumble::TumbleStep;
-use crate::motion::vessel_flow::{FieldStep, FlowStep, StepDrift};
-use crate::motion::wall::AbsorbingWall;
+use crate::motion::vessel_flow::{StepDrift, StepTime};
 use crate::random::philox::Key;
 use crate::reaction::decay::Decays;
 
@@ -30,31 +27,12 @@ pub use crate::motion::surface_events::Event;
 #[derive(Clone, Debug)]
 pub struct Propagator {
     pub(crate) steps: Vec<SpeciesStep>,
+    paths: FreePaths,
     tumbles: Vec<Option<TumbleStep>>,
-    pub(crate) time_step: f32,
     with_velocity: bool,
-    bounded: bool,
     whole: Boundary,
-    stream: Option<FlowStep>,
-    field: Option<FieldStep>,
-    pub(crate) bodies: ActiveReceivers,
-    walls: Vec<AbsorbingWall>,
-    membranes: Vec<Membrane>,
+    pub(crate) surfaces: Surfaces,
     pub(crate) decays: Decays,
-}
-
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct SpeciesStep {
-    /// √(2DΔt) in µm.
-    pub(crate) length: f32,
-    /// √(2DΔt) along each axis.
-    lengths: [f32; 3],
-    /// DΔt in µm².
-    pub(crate) diffusion: f32,
-    pub(crate) drift: StepDrift,
-    pub(crate) domain: Boundary,
-    /// Largest bending of the path by the diffusion of particle and receiver, in µm.
-    pub(crate) bend: f32,
 }
 
 const CHUNK: usize = 4096;
@@ -62,29 +40,16 @@ pub(crate) const ROUNDED: f32 = 1e-6;
 
 impl Propagator {
     pub fn new(model: &Model) -> Self {
-        let time_step = model.time_step;
-        let bodies = ActiveReceivers::new(model);
-        let walls = AbsorbingWall::all(model);
-        let step = |(species, drift): (&Species, StepDrift)| SpeciesStep {
-            bend: BEND * (2.0 * ((species.diffusion * time_step) as f32 + bodies.diffusion)).sqrt(),
-            length: (2.0 * species.diffusion * time_step).sqrt() as f32,
-            lengths: model.boundary.flattened([(2.0 * species.diffusion * time_step).sqrt() as f32; 3]),
-            diffusion: (species.diffusion * time_step) as f32,
-            drift,
-            domain: model.boundary.inset(species.radius),
-        };
+        let (surfaces, time) = (Surfaces::new(model), StepTime::whole(model, 1.0));
+        let species = 0..model.species.len();
+        let step = |species| SpeciesStep::new(model, species, time, surfaces.bodies.diffusion);
         Self {
-            steps: model.species.iter().zip(StepDrift::all(model, 1.0)).map(step).collect(),
-            tumbles: (0..model.species.len()).map(|species| TumbleStep::new(model, species)).collect(),
-            time_step: time_step as f32,
+            steps: species.clone().map(step).collect(),
+            paths: FreePaths::new(model, time),
+            tumbles: species.map(|species| TumbleStep::new(model, species)).collect(),
             with_velocity: model.has_velocity(),
-            bounded: !model.boundary.is_unbounded(),
             whole: model.boundary,
-            stream: FlowStep::new(model),
-            field: FieldStep::new(model),
-            bodies,
-            walls,
-            membranes: model.membranes.clone(),
+            surfaces,
             decays: Decays::new(model),
         }
     }
@@ -93,39 +58,17 @@ impl Propagator {
         if model.flow_pulse.is_none() {
             return;
         }
-        let part = model.flow_part_of_step(step);
-        for (step, drift) in self.steps.iter_mut().zip(StepDrift::all(model, part)) {
-            step.drift = drift;
+        let time = StepTime::whole(model, model.flow_part_of_step(step));
+        for (species, step) in self.steps.iter_mut().enumerate() {
+            step.drift = StepDrift::new(model, species, time);
         }
-        if let Some(stream) = &mut self.stream {
-            stream.set(model, part);
-        }
-        if let Some(field) = &mut self.field {
-            field.set(model, part);
-        }
+        self.paths = FreePaths::new(model, time);
     }
 
-    #[cold]
-    #[inline(never)]
-    fn hold_back(&self, moved: &mut ParticleMove) {
-        let ParticleMove { species, who: DrawContext { key, id, step }, path, free_end, .. } = moved;
-        let mut ends = StepEnds { end: path.end, free: *free_end, after: path.after };
-        self.among_membranes(*species).hold_back(path.before, &mut ends, (*key, *id, *step));
-        (path.end, *free_end, path.after) = (ends.end, ends.free, ends.after);
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn among_membranes(&self, species: u32) -> MembraneStep<'_> {
-        let SpeciesStep { ref domain, length, diffusion, .. } = self.steps[species as usize];
-        let diffusion = f64::from(diffusion) / f64::from(self.time_step);
-        MembraneStep {
-            membranes: &self.membranes,
-            domain,
-            species: species as usize,
-            diffusion,
-            spread: length,
-        }
+    #[inline(always)]
+    fn surfaces_of(&self, species: u32) -> SpeciesSurfaces<'_> {
+        let step = &self.steps[species as usize];
+        SpeciesSurfaces { surfaces: &self.surfaces, step, duration: self.paths.duration }
     }
 
     /// `flights` are the paths after collisions.
@@ -136,8 +79,9 @@ impl Propagator {
         flights: Option<&[Flight]>,
         (key, step): (Key, u32),
     ) -> Result<Vec<Event>, Error> {
-        let begin =
-            |receiver_search: &mut &mut ReceiverSearch| receiver_search.begin(particles.len(), &self.bodies);
+        let begin = |receiver_search: &mut &mut ReceiverSearch| {
+            receiver_search.begin(particles.len(), &self.surfaces.bodies)
+        };
         let searches = receiver_search.as_mut().is_some_and(begin);
         let seen = receiver_search.as_deref().filter(|_| searches);
         let Particles { position: [x, y, z], velocity, species, id, .. } = &mut *particles;
@@ -167,7 +111,7 @@ impl Propagator {
                 events.extend(self.search(particles, receiver_search, unsure.concat(), step)?);
                 events.sort_by_key(Event::at);
             }
-            receiver_search.end(&self.bodies);
+            receiver_search.end(&self.surfaces.bodies);
         }
         Ok(events)
     }
@@ -179,9 +123,8 @@ impl Propagator {
         (key, step): (Key, u32),
     ) -> (Vec<Event>, Vec<ParticleMove>) {
         let Chunk { base, position: [x, y, z], velocity, id, species } = chunk;
-        let has_membranes = !self.membranes.is_empty();
-        let watches =
-            has_membranes || !self.bodies.all.is_empty() || !self.decays.is_empty() || !self.walls.is_empty();
+        let has_membranes = self.surfaces.has_membranes();
+        let watches = !self.surfaces.is_empty() || !self.decays.is_empty();
         let (mut events, mut unsure) = (Vec::new(), Vec::new());
         let mut random = [[0.0; BLOCK]; 3];
         for (block, ids) in id.chunks(BLOCK).enumerate() {
@@ -218,10 +161,10 @@ impl Propagator {
                         velocity: own,
                     };
                     if has_membranes {
-                        self.hold_back(&mut moved);
+                        self.surfaces_of(moved.species).hold_back(&mut moved);
                     }
                     match receiver_search {
-                        None => self.resolve_events(&mut moved, self.bodies.all.iter(), &mut events),
+                        None => self.resolve_events(&mut moved, self.surfaces.bodies.all.iter(), &mut events),
                         Some(receiver_search) if receiver_search.is_clear(place, &self.reach(&moved)) => {
                             self.absorb_or_decay(&moved, &mut events);
                         }
@@ -250,31 +193,26 @@ impl Propagator {
         receivers: impl Iterator<Item = &'a ReceiverState>,
         events: &mut Vec<Event>,
     ) {
-        let space = (&self.steps[moved.species as usize].domain, self.time_step, &self.walls[..]);
-        let (species, after) = (moved.species, moved.path.after);
-        let is_near_side = |body: &&ReceiverState| {
-            self.membranes.is_empty() || !self.among_membranes(species).separates([after, body.center])
-        };
-        match self.bodies.resolve(moved, space, receivers.filter(is_near_side)) {
+        match self.surfaces_of(moved.species).resolve(moved, receivers) {
             Some(event) => events.push(event),
-            None => self.absorb_or_decay(moved, events),
+            None => self.decay(moved, events),
         }
     }
 
-    #[inline]
+    #[inline(always)]
     fn absorb_or_decay(&self, moved: &ParticleMove, events: &mut Vec<Event>) {
-        let ParticleMove { at, species, who, path, .. } = *moved;
-        let domain = &self.steps[species as usize].domain;
-        let is_near_side = |wall: &&AbsorbingWall| {
-            self.membranes.is_empty()
-                || !self.among_membranes(species).separates([path.after, wall.foot(domain, path.after)])
-        };
-        let seen = self.walls.iter().filter(|wall| wall.sees[species as usize]);
-        let mut walls = seen.filter(is_near_side);
-        if let Some(wall) = walls.find(|wall| wall.absorbs(domain, moved)) {
-            return events.push(Event::Arrived { at, receiver: wall.receiver });
+        match self.surfaces_of(moved.species).absorb(moved) {
+            Some(event) => events.push(event),
+            None => self.decay(moved, events),
         }
-        let DrawContext { key, id, step } = who;
+    }
+
+    #[inline(always)]
+    fn decay(&self, moved: &ParticleMove, events: &mut Vec<Event>) {
+        if self.decays.is_empty() {
+            return;
+        }
+        let ParticleMove { at, species, who: DrawContext { key, id, step }, .. } = *moved;
         self.decays.for_each_decay(species, (key, id, step), |decay, product| {
             events.push(Event::Decayed { at, decay, product });
         });
@@ -283,7 +221,7 @@ impl Propagator {
     /// Bounds diffusion and approaching receivers, in µm.
     #[inline(always)]
     fn more(&self, moved: &ParticleMove) -> f32 {
-        self.steps[moved.species as usize].bend + self.bodies.max_displacement
+        self.steps[moved.species as usize].bend + self.surfaces.bodies.max_displacement
     }
 
     fn search(
@@ -299,16 +237,20 @@ impl Propagator {
         let around_beginning = |moved: &ParticleMove| self.reach(moved).around_beginning();
         let begins = unsure.iter().map(|moved| (moved.path.before, around_beginning(moved)));
         let failed = |source| Error::Step { step, source };
-        let found = receiver_search.find(begins, &self.bodies).map_err(failed)?;
+        let found = receiver_search.find(begins, &self.surfaces.bodies).map_err(failed)?;
         let resolve = |(k, moved): (usize, &mut ParticleMove)| {
             let (mut events, begun) = (Vec::new(), *moved);
             let reach = around_beginning(moved);
-            let (near, ball) = found.of(k, reach, (&self.bodies, &self.whole));
-            self.resolve_events(moved, near.iter().map(|&k| &self.bodies.all[k as usize]), &mut events);
+            let (near, ball) = found.of(k, reach, (&self.surfaces.bodies, &self.whole));
+            self.resolve_events(
+                moved,
+                near.iter().map(|&k| &self.surfaces.bodies.all[k as usize]),
+                &mut events,
+            );
             if self.more(moved) + moved.gone > reach * (1.0 + ROUNDED) {
                 *moved = begun;
                 events.clear();
-                self.resolve_events(moved, self.bodies.all.iter(), &mut events);
+                self.resolve_events(moved, self.surfaces.bodies.all.iter(), &mut events);
             }
             (events, ball)
         };

@@ -1,7 +1,7 @@
 use crate::model::boundary::Boundary;
 use crate::model::receiver::{Adsorption, ReceiverKind, signed_distance};
 use crate::motion::adsorption;
-use crate::motion::path_hit::{DrawContext, Hit, Path, hits};
+use crate::motion::path_hit::{DrawContext, Hit, Path, hits, length};
 use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
 use crate::motion::reflection::{PathTurns, ReflectedPath, reflect_path};
 use crate::motion::wall::AbsorbingWall;
@@ -56,6 +56,14 @@ pub(crate) struct ParticleMove {
     /// At reflecting receivers.
     pub(crate) turns: Option<PathTurns>,
     pub(crate) velocity: Option<[f32; 3]>,
+}
+
+impl ParticleMove {
+    /// Returns the distance from the beginning to the end without images, in µm.
+    pub(crate) fn length(&self) -> f32 {
+        let Path { before, end, .. } = self.path;
+        length(std::array::from_fn(|k| end[k] - before[k]))
+    }
 }
 
 impl ActiveReceivers {

@@ -3,13 +3,33 @@ use std::sync::Arc;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::flow_field::FlowField;
 use crate::model::vessel::Vessel;
-use crate::model::{Flow, Model, Species};
+use crate::model::{Flow, Model};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FlowStep {
     pub(crate) vessel: Vessel,
     /// Displacement per step of Poiseuille flow on the axis, in µm.
     pub(crate) fastest: f64,
+}
+
+/// The duration of a step, or of the rest of one after a release.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct StepTime {
+    /// In s.
+    pub(crate) duration: f64,
+    /// Fraction of the duration in which the flow is on.
+    pub(crate) flow_part: f64,
+}
+
+impl StepTime {
+    /// A whole step with this fraction of it in the flow.
+    pub(crate) fn whole(model: &Model, flow_part: f64) -> Self {
+        Self { duration: model.time_step, flow_part }
+    }
+
+    fn in_flow(&self) -> f64 {
+        self.flow_part * self.duration
+    }
 }
 
 /// Includes plug flow.
@@ -22,29 +42,26 @@ pub(crate) struct StepDrift {
 }
 
 impl StepDrift {
-    /// The flow is on during the fraction `part` of the step.
-    pub(crate) fn all(model: &Model, part: f64) -> impl Iterator<Item = Self> {
+    pub(crate) fn new(model: &Model, species: usize, time: StepTime) -> Self {
+        let kind = &model.species[species];
         let plug = match &model.flow {
-            Some(Flow::Plug(velocity)) => velocity.map(|v| part * v),
+            Some(Flow::Plug(velocity)) => velocity.map(|v| time.flow_part * v),
             _ => [0.0; 3],
         };
-        let one = move |(index, species): (usize, &Species)| {
-            let drift = std::array::from_fn(|k| ((species.drift[k] + plug[k]) * model.time_step) as f32);
-            let diffuses = species.diffusion > 0.0 && !species.has_velocity();
-            // Particles that the wall does not absorb never touched it.
-            let reflects = |k| {
-                matches!(model.boundary.axes[k], Axis::Reflecting { .. })
-                    && !model.receivers.iter().any(|receiver| receiver.is_across(k) && receiver.sees[index])
-            };
-            let flows = |k: usize| match model.flow {
-                Some(Flow::Field(_)) => true,
-                Some(Flow::Poiseuille { mean }) => mean != 0.0 && model.boundary.along() == Some(k),
-                _ => false,
-            };
-            let drifts = |k: usize| drift[k] != 0.0 || part > 0.0 && flows(k);
-            Self { drift, at_wall: std::array::from_fn(|k| diffuses && drifts(k) && reflects(k)) }
+        let drift = std::array::from_fn(|k| ((kind.drift[k] + plug[k]) * time.duration) as f32);
+        let diffuses = kind.diffusion > 0.0 && !kind.has_velocity();
+        // Particles that the wall does not absorb never touched it.
+        let reflects = |k| {
+            matches!(model.boundary.axes[k], Axis::Reflecting { .. })
+                && !model.receivers.iter().any(|receiver| receiver.is_across(k) && receiver.sees[species])
         };
-        model.species.iter().enumerate().map(one)
+        let flows = |k: usize| match model.flow {
+            Some(Flow::Field(_)) => true,
+            Some(Flow::Poiseuille { mean }) => mean != 0.0 && model.boundary.along() == Some(k),
+            _ => false,
+        };
+        let drifts = |k: usize| drift[k] != 0.0 || time.flow_part > 0.0 && flows(k);
+        Self { drift, at_wall: std::array::from_fn(|k| diffuses && drifts(k) && reflects(k)) }
     }
 }
 
@@ -56,13 +73,8 @@ pub(crate) struct FieldStep {
 }
 
 impl FieldStep {
-    pub(crate) fn new(model: &Model) -> Option<Self> {
-        Some(Self { field: model.flow_field()?.clone(), duration: model.time_step })
-    }
-
-    /// Sets the fraction of the step during which the flow is on.
-    pub(crate) fn set(&mut self, model: &Model, part: f64) {
-        self.duration = part * model.time_step;
+    pub(crate) fn new(model: &Model, time: StepTime) -> Option<Self> {
+        Some(Self { field: model.flow_field()?.clone(), duration: time.in_flow() })
     }
 
     /// Returns the displacement in µm on a path between `ends`, the second without flow and walls.
@@ -84,18 +96,13 @@ pub(crate) struct AdvectedPath {
 }
 
 impl FlowStep {
-    pub(crate) fn new(model: &Model) -> Option<Self> {
-        let mut step = Self { vessel: model.boundary.vessel?, fastest: 0.0 };
-        step.set(model, 1.0);
-        Some(step)
-    }
-
-    pub(crate) fn set(&mut self, model: &Model, part: f64) {
+    pub(crate) fn new(model: &Model, time: StepTime) -> Option<Self> {
         let mean = match model.flow {
             Some(Flow::Poiseuille { mean }) => mean,
             _ => 0.0,
         };
-        self.fastest = 2.0 * (part * mean) * model.time_step;
+        let fastest = 2.0 * (time.flow_part * mean) * time.duration;
+        Some(Self { vessel: model.boundary.vessel?, fastest })
     }
 
     /// Returns a step between `ends`, the second without wall and flow. Walls reverse the velocity; `reflect_at_end`

@@ -5,7 +5,7 @@
 
 pub mod origins;
 
-pub(crate) mod partial_step;
+mod partial_step;
 pub(crate) mod rank_slice;
 
 use std::ops::Range;
@@ -16,14 +16,11 @@ use crate::error::Error;
 use crate::model::Model;
 use crate::model::particles::{Particle, Particles};
 use crate::model::transmitter::{CountDistribution, Schedule, Transmitter};
-use crate::motion::path_hit::{DrawContext, Path};
 use crate::motion::receiver_state::Place;
-use crate::motion::surface_events::ParticleMove;
-use crate::random::gaussian;
+use crate::motion::surfaces::Surfaces;
 use crate::random::philox::{Draws, Key, Purpose, open_unit};
 use crate::reaction::decay::Decays;
-use crate::release::origins::{Arrival, Origin};
-use crate::release::partial_step::{PartialStep, Surfaces};
+use crate::release::origins::Arrival;
 use crate::release::rank_slice::RankSlice;
 
 #[derive(Clone, Debug, Default)]
@@ -118,15 +115,16 @@ impl Model {
             site = if goes_on { site } else { batch.site };
             let [first, last] =
                 [own.start, own.end].map(|at| at.saturating_sub(before).min(batch.count.into()) as u32);
-            for nth in first..last {
+            out.released[batch.species as usize] += u64::from(last - first);
+            let born = (first..last).map(|nth| {
                 let id = next_id + before as u32 + nth;
-                out.released[batch.species as usize] += 1;
-                let particle = self.born(batch, (id, site.wrapping_add(nth)), key);
                 let age = batch.age(nth, key.draw(id, 0, 0, Purpose::PartialStep)[0]);
-                if age > 0.0 {
-                    self.add_later((*transmitter, batch), (particle, age), at, &mut out);
-                } else {
-                    self.add(particle, &mut out);
+                (self.born(batch, (id, site.wrapping_add(nth)), key), age)
+            });
+            match batch.ages {
+                Ages::None => born.for_each(|(particle, _)| self.add(particle, &mut out)),
+                Ages::Between(..) | Ages::Spaced(..) => {
+                    self.add_later((*transmitter, batch), born, at, &mut out);
                 }
             }
             before += u64::from(batch.count);
@@ -225,74 +223,6 @@ impl Model {
         let radius = self.species[particle.species as usize].radius;
         let position = self.boundary.inset(radius).confine(particle.position);
         out.particles.push(Particle { position, radius, ..particle }, self.has_velocity());
-    }
-
-    /// Adds a particle that was released `age` s ago, in the last step.
-    fn add_later(
-        &self,
-        (transmitter, batch): (u32, &Batch<'_>),
-        (mut particle, age): (Particle, f64),
-        at: ReleaseStep<'_>,
-        out: &mut Released,
-    ) {
-        let ReleaseStep { events, key, step, places, .. } = at;
-        let Particle { species: released, id, .. } = particle;
-        let mut moved = self.partial_path(batch, (particle, age), at);
-        let partial = PartialStep::new(self, (&events.surfaces, places), (released, age));
-        if let Some(receiver) = partial.advance(&mut moved) {
-            let origin = Some(Origin { transmitter, step });
-            return out.arrivals.push(Arrival { receiver, species: released, id, step, origin });
-        }
-        particle.position = moved.path.after;
-        particle.velocity = moved.velocity.unwrap_or(particle.velocity);
-        let mut species = Some(released);
-        let words = |generation| key.draw(id, 1 + generation, 0, Purpose::PartialStep);
-        let turned = || key.draw(id, 1, 0, Purpose::Velocity);
-        events.decays.continue_chain(released, age, words, |decay, product| {
-            out.decayed[decay as usize] += 1;
-            if let (Some(from), Some(to)) = (species, product) {
-                particle.velocity = self.converted_velocity(particle.velocity, [from, to], turned);
-            }
-            species = product;
-        });
-        if let Some(species) = species {
-            self.add(Particle { species, ..particle }, out);
-        }
-    }
-
-    /// Returns the path since the release without surfaces and walls.
-    fn partial_path(
-        &self,
-        batch: &Batch<'_>,
-        (particle, age): (Particle, f64),
-        at: ReleaseStep<'_>,
-    ) -> ParticleMove {
-        let Particle { position: mut before, velocity, species, id, .. } = particle;
-        let (key, kind) = (at.key, &self.species[species as usize]);
-        if let Some(carrier) = batch.from.carrier.and_then(|carrier| at.places.get(carrier as usize)) {
-            // It was elsewhere at the time of release, as in `PartialStep`.
-            let part = (age / self.time_step) as f32;
-            before = std::array::from_fn(|k| before[k] - part * carrier.displacement[k]);
-        }
-        let z = gaussian::normals(key.draw(id, 1, 0, Purpose::PartialStep));
-        let length = (2.0 * kind.diffusion * age).sqrt() as f32;
-        let part = self.flow_part([batch.now - age, batch.now]);
-        let flow = self.flow_at(before).map(|v| part * v);
-        let drift =
-            std::array::from_fn(|k| ((kind.drift[k] + flow[k] + f64::from(velocity[k])) * age) as f32);
-        let end = std::array::from_fn(|k| before[k] + (length * z[k] + drift[k]));
-        let diffusion = (kind.diffusion * age) as f32;
-        ParticleMove {
-            at: 0,
-            species,
-            // The particle drew nothing in the step in which it was released.
-            who: DrawContext { key, id, step: at.step - 1 },
-            path: Path { before, end, after: end, drift, diffusion },
-            free_end: end,
-            gone: 0.0,
-            turns: None,
-            velocity: self.has_velocity().then_some(velocity),
-        }
     }
 }
 

@@ -4,6 +4,7 @@ use super::*;
 use crate::model::receiver::{WallFace, signed_distance};
 use crate::model::transmitter::Shape;
 use crate::model::{Decay, Species};
+use crate::release::origins::Origin;
 use crate::{Adsorption, Boundary, Receiver, ReceiverKind, ReceptorType, Simulation};
 
 fn steady(rates: Vec<(u32, f64)>, [from, until]: [f64; 2]) -> Transmitter {

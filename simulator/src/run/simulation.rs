@@ -71,7 +71,7 @@ impl Simulation {
         let detector = detector(&model, algorithm)?;
         Ok(Self {
             key: Key::new(seed),
-            receiver_search: ReceiverSearch::new(&motion.bodies, &model.boundary)?,
+            receiver_search: ReceiverSearch::new(&motion.surfaces.bodies, &model.boundary)?,
             motion,
             reactions: Reactions::new(&model),
             collisions: Collisions::new(&model)?,
@@ -170,7 +170,7 @@ impl Simulation {
         surface_steps.advance(&mut state.bound, now);
         let leaving = binding::leaving(model, &state.bound, free, now);
         let places = receiver_state::move_receivers(model, &state.centers, *key, state.step);
-        motion.bodies.set(&state.centers, &places, free);
+        motion.surfaces.bodies.set(&state.centers, &places, free);
         motion.set_flow(model, state.step);
         let mut flights = None;
         if let Some(collisions) = collisions {

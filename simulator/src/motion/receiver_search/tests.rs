@@ -62,7 +62,7 @@ fn run(
 ) -> ((Vec<crate::motion::propagate::Event>, Particles), usize) {
     let mut motion = Propagator::new(model);
     let mut receiver_search =
-        ReceiverSearch::new(&motion.bodies, &model.boundary).unwrap().filter(|_| searches);
+        ReceiverSearch::new(&motion.surfaces.bodies, &model.boundary).unwrap().filter(|_| searches);
     assert_eq!(receiver_search.is_some(), searches);
     let mut searched = 0;
     let mut particles = Particles::default();
@@ -78,7 +78,7 @@ fn run(
             receiver_search.as_ref().is_some_and(|receiver_search| receiver_search.worth.rest == 0),
         );
         let places = move_receivers(model, &centers, Key::new(3), step);
-        motion.bodies.set(&centers, &places, &vec![5; centers.len()]);
+        motion.surfaces.bodies.set(&centers, &places, &vec![5; centers.len()]);
         let events =
             motion.advance(&mut particles, receiver_search.as_mut(), None, (Key::new(3), step)).unwrap();
         let mut gone: Vec<u32> = events.iter().map(crate::motion::propagate::Event::at).collect();
@@ -157,11 +157,11 @@ fn receivers_in_the_path_of_a_pushed_particle_are_found() {
         let after = [true, false].map(|searches| {
             let mut motion = Propagator::new(&model);
             let mut receiver_search =
-                ReceiverSearch::new(&motion.bodies, &model.boundary).unwrap().filter(|_| searches);
+                ReceiverSearch::new(&motion.surfaces.bodies, &model.boundary).unwrap().filter(|_| searches);
             let mut particles = Particles::default();
             particles.push(Particle::default(), false);
             let centers: Vec<_> = model.receivers.iter().map(|receiver| receiver.center).collect();
-            motion.bodies.set(&centers, &move_receivers(&model, &centers, Key::new(3), 0), &[0; 3]);
+            motion.surfaces.bodies.set(&centers, &move_receivers(&model, &centers, Key::new(3), 0), &[0; 3]);
             let events =
                 motion.advance(&mut particles, receiver_search.as_mut(), None, (Key::new(3), 0)).unwrap();
             (events, particles)

@@ -1,0 +1,127 @@
+//! Free paths of a species in a step, up to walls.
+//!
+//! A coordinate becomes `x + (s·z + d)` with `s` = √(2DΔt), a standard normal `z`, and `d` the drift per step plus
+//! own velocity, each operation rounded to `f32`.
+
+use crate::model::Model;
+use crate::model::boundary::Boundary;
+use crate::motion::path_hit::{BEND, DrawContext, Path};
+use crate::motion::vessel_flow::{FieldStep, FlowStep, StepDrift, StepTime};
+use crate::motion::wall::reflected;
+use crate::random::philox::Purpose;
+
+/// Constants of a species' paths.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SpeciesStep {
+    /// √(2DΔt) in µm.
+    pub(crate) length: f32,
+    /// √(2DΔt) along each axis.
+    lengths: [f32; 3],
+    /// DΔt in µm².
+    pub(crate) diffusion: f32,
+    /// D in µm²/s.
+    pub(crate) coefficient: f64,
+    pub(crate) drift: StepDrift,
+    /// Boundary of the center.
+    pub(crate) domain: Boundary,
+    /// Largest bending of the path by the diffusion of particle and receiver, in µm.
+    pub(crate) bend: f32,
+}
+
+impl SpeciesStep {
+    /// `of_receivers` is the largest DΔt of a receiver, in µm².
+    pub(crate) fn new(model: &Model, species: usize, time: StepTime, of_receivers: f32) -> Self {
+        let kind = &model.species[species];
+        let diffusion = (kind.diffusion * time.duration) as f32;
+        let length = (2.0 * kind.diffusion * time.duration).sqrt() as f32;
+        Self {
+            length,
+            lengths: model.boundary.flattened([length; 3]),
+            diffusion,
+            coefficient: kind.diffusion,
+            drift: StepDrift::new(model, species, time),
+            domain: model.boundary.inset(kind.radius),
+            bend: BEND * (2.0 * (diffusion + of_receivers)).sqrt(),
+        }
+    }
+}
+
+/// Constants of the paths of all species.
+#[derive(Clone, Debug)]
+pub(crate) struct FreePaths {
+    /// In s.
+    pub(crate) duration: f32,
+    bounded: bool,
+    stream: Option<FlowStep>,
+    field: Option<FieldStep>,
+}
+
+impl FreePaths {
+    pub(crate) fn new(model: &Model, time: StepTime) -> Self {
+        Self {
+            duration: time.duration as f32,
+            bounded: !model.boundary.is_unbounded(),
+            stream: FlowStep::new(model, time),
+            field: FieldStep::new(model, time),
+        }
+    }
+
+    /// Returns the path, and its end without walls, which reverse the velocity.
+    #[inline(always)]
+    pub(crate) fn path(
+        &self,
+        kind: &SpeciesStep,
+        [before, normal]: [[f32; 3]; 2],
+        mut velocity: Option<&mut [f32; 3]>,
+        who: DrawContext,
+    ) -> (Path, [f32; 3]) {
+        let SpeciesStep { length, lengths, diffusion, ref domain, .. } = *kind;
+        let StepDrift { mut drift, at_wall } = kind.drift;
+        if let Some(own) = &velocity {
+            drift = std::array::from_fn(|axis| drift[axis] + own[axis] * self.duration);
+        }
+        let free_end = |drift: [f32; 3]| -> [f32; 3] {
+            std::array::from_fn(|axis| before[axis] + (lengths[axis] * normal[axis] + drift[axis]))
+        };
+        if let Some(field) = &self.field {
+            let carried = field.carry(domain, [before, free_end(drift)]);
+            drift = std::array::from_fn(|axis| drift[axis] + carried[axis]);
+        }
+        let end = free_end(drift);
+        let words = || who.key.draw(who.id, 0, who.step, Purpose::Wall);
+        if let Some(stream) = &self.stream {
+            let reflect_at_end = |ends: [f32; 2]| match stream.vessel.along.filter(|&along| at_wall[along]) {
+                Some(along) => reflected(domain.axes[along], ends, length, words()[along]).unwrap_or(ends[1]),
+                None => ends[1],
+            };
+            let mut still = [0.0; 3];
+            let own = velocity.unwrap_or(&mut still);
+            let carried = stream.carry(domain, [before, end], own, reflect_at_end);
+            // Arrays indexed by variables stay in memory, whose round trip delays all other particles.
+            let carry = |from: [f32; 3]| {
+                let along = |axis| {
+                    if Some(axis) == stream.vessel.along { from[axis] + carried.by } else { from[axis] }
+                };
+                std::array::from_fn(along)
+            };
+            let (drift, free_end) = (carry(drift), carry(end));
+            return (Path { before, end: carried.end, after: carried.after, drift, diffusion }, free_end);
+        }
+        if !self.bounded {
+            return (Path { before, end, after: end, drift, diffusion }, end);
+        }
+        if let Some(own) = &mut velocity {
+            (0..3).filter(|&axis| domain.axes[axis].turns(end[axis])).for_each(|axis| own[axis] = -own[axis]);
+        }
+        let free_end = end;
+        let mut end = end;
+        if at_wall != [false; 3] {
+            let words = words();
+            for axis in (0..3).filter(|&axis| at_wall[axis]) {
+                let ends = [before[axis], end[axis]];
+                end[axis] = reflected(domain.axes[axis], ends, length, words[axis]).unwrap_or(end[axis]);
+            }
+        }
+        (Path { before, end, after: domain.confine(end), drift, diffusion }, free_end)
+    }
+}

@@ -1,0 +1,104 @@
+//! Membranes, receivers and walls on a particle's path.
+
+use crate::model::Model;
+use crate::model::membrane::{Membrane, MembraneStep, StepEnds};
+use crate::motion::path_hit::DrawContext;
+use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
+use crate::motion::species_step::SpeciesStep;
+use crate::motion::surface_events::{Event, ParticleMove};
+use crate::motion::wall::AbsorbingWall;
+
+#[derive(Clone, Debug)]
+pub(crate) struct Surfaces {
+    pub(crate) bodies: ActiveReceivers,
+    walls: Vec<AbsorbingWall>,
+    membranes: Vec<Membrane>,
+}
+
+/// The surfaces on the paths of a species.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct SpeciesSurfaces<'a> {
+    pub(crate) surfaces: &'a Surfaces,
+    pub(crate) step: &'a SpeciesStep,
+    /// In s.
+    pub(crate) duration: f32,
+}
+
+impl Surfaces {
+    pub(crate) fn new(model: &Model) -> Self {
+        Self {
+            bodies: ActiveReceivers::new(model),
+            walls: AbsorbingWall::all(model),
+            membranes: model.membranes.clone(),
+        }
+    }
+
+    pub(crate) fn is_empty(&self) -> bool {
+        self.bodies.all.is_empty() && self.walls.is_empty() && self.membranes.is_empty()
+    }
+
+    pub(crate) fn has_membranes(&self) -> bool {
+        !self.membranes.is_empty()
+    }
+}
+
+impl SpeciesSurfaces<'_> {
+    /// Reflects at membranes, or passes them.
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn hold_back(&self, moved: &mut ParticleMove) {
+        let ParticleMove { species, who: DrawContext { key, id, step }, path, free_end, .. } = moved;
+        let mut ends = StepEnds { end: path.end, free: *free_end, after: path.after };
+        self.among_membranes(*species).hold_back(path.before, &mut ends, (*key, *id, *step));
+        (path.end, *free_end, path.after) = (ends.end, ends.free, ends.after);
+    }
+
+    /// Returns the event at the receiver or wall that keeps the particle.
+    #[inline]
+    pub(crate) fn resolve<'b>(
+        &self,
+        moved: &mut ParticleMove,
+        receivers: impl Iterator<Item = &'b ReceiverState>,
+    ) -> Option<Event> {
+        let Self { surfaces: Surfaces { bodies, walls, .. }, step, duration } = self;
+        let (species, after) = (moved.species, moved.path.after);
+        let near_side = receivers.filter(|body| !self.separates(species, [after, body.center]));
+        bodies.resolve(moved, (&step.domain, *duration, walls), near_side).or_else(|| self.absorb(moved))
+    }
+
+    /// Returns the event at an absorbing wall.
+    #[inline(always)]
+    pub(crate) fn absorb(&self, moved: &ParticleMove) -> Option<Event> {
+        if self.surfaces.walls.is_empty() { None } else { self.absorb_at_walls(moved) }
+    }
+
+    #[inline(never)]
+    fn absorb_at_walls(&self, moved: &ParticleMove) -> Option<Event> {
+        let ParticleMove { at, species, path, .. } = *moved;
+        let domain = &self.step.domain;
+        let seen = self.surfaces.walls.iter().filter(|wall| wall.sees[species as usize]);
+        let mut near_side =
+            seen.filter(|wall| !self.separates(species, [path.after, wall.foot(domain, path.after)]));
+        let wall = near_side.find(|wall| wall.absorbs(domain, moved))?;
+        Some(Event::Arrived { at, receiver: wall.receiver })
+    }
+
+    /// Returns `true` if a membrane lies between both points.
+    #[inline(always)]
+    fn separates(&self, species: u32, ends: [[f32; 3]; 2]) -> bool {
+        self.surfaces.has_membranes() && self.among_membranes(species).separates(ends)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn among_membranes(&self, species: u32) -> MembraneStep<'_> {
+        let SpeciesStep { ref domain, length, coefficient, .. } = *self.step;
+        MembraneStep {
+            membranes: &self.surfaces.membranes,
+            domain,
+            species: species as usize,
+            diffusion: coefficient,
+            spread: length,
+        }
+    }
+}
