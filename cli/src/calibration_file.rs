@@ -59,24 +59,35 @@ pub(crate) fn load() -> Vec<Calibration> {
     }
 }
 
+/// Refuses a cache directory that cannot be written.
+pub(crate) fn check_writable() -> Result<(), CliError> {
+    draft().map(drop)
+}
+
 /// Replaces a calibration of the same adapter, and returns the path.
 pub(crate) fn keep(measured: &Calibration) -> Result<PathBuf, CliError> {
-    let path = path().ok_or(CliError::NoCacheDirectory)?;
-    if let Some(directory) = path.parent() {
-        let failed = |source| lazygrid_io::Error::Write { path: path.clone(), source };
-        fs::create_dir_all(directory).map_err(failed)?;
-    }
+    let (path, mut file) = draft()?;
     let mut all = load();
     all.retain(|known| known.adapter != measured.adapter);
     all.push(measured.clone());
     let stored = CalibrationFile { calibrations: all.into_iter().map(Entry::from).collect() };
-    let mut file = AtomicFile::create(&path)?;
     file.write_with(|out| {
         serde_json::to_writer_pretty(&mut *out, &stored)?;
         out.write_all(b"\n")
     })?;
     file.commit()?;
     Ok(path)
+}
+
+/// Creates the directory, and a file that replaces the calibrations when it is committed.
+fn draft() -> Result<(PathBuf, AtomicFile), CliError> {
+    let path = path().ok_or(CliError::NoCacheDirectory)?;
+    if let Some(directory) = path.parent() {
+        let failed = |source| lazygrid_io::Error::Write { path: path.clone(), source };
+        fs::create_dir_all(directory).map_err(failed)?;
+    }
+    let file = AtomicFile::create(&path)?;
+    Ok((path, file))
 }
 
 fn path() -> Option<PathBuf> {

@@ -9,6 +9,8 @@ use crate::printer::Printer;
 pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), CliError> {
     let own = adapter.map_or_else(|| GpuDevice::shared(SoftwareAdapter::Allow), GpuDevice::shared_adapter);
     let own = own.map_err(CliError::Calibration)?;
+    // Before measurements that take seconds.
+    calibration_file::check_writable()?;
     let mut printer = Printer::default();
     printer.print(format!(
         "{}\n{}\n\nsizes  spheres       naive        grid\n",

@@ -134,4 +134,5 @@ fn the_calibration_is_kept_and_used() {
     let nowhere = scratch.write("file", "");
     let run = LAZYGRID.run_with_cache(&nowhere, &["calibrate"]).fails();
     assert!(run.err.contains("cannot write") && run.err.contains(&nowhere), "{}", run.err);
+    assert!(!run.out.contains("size"), "measured in vain: {}", run.out);
 }
