@@ -316,11 +316,8 @@ struct Preprocessor {
 
 impl Preprocessor {
     fn expand(&self, source: &str) -> String {
-        let mut text = wgsl::expand(source, &INCLUDES, &|name| self.is_defined(name));
-        for (name, value) in self.constants() {
-            text = text.replace(&format!("#{{{name}}}"), &value.to_string());
-        }
-        wgsl::repeated(&text)
+        let text = wgsl::expand(source, &INCLUDES, &|name| self.is_defined(name));
+        wgsl::repeated(&wgsl::with_constants(&text, &self.constants()))
     }
 
     fn is_defined(&self, name: &str) -> bool {

@@ -22,6 +22,12 @@ impl Expansion<'_> {
     fn append(&mut self, source: &str) {
         let mut kept = true;
         for line in source.lines() {
+            if !line.starts_with('#') {
+                if kept {
+                    self.append_line(line);
+                }
+                continue;
+            }
             match line.split_once(' ').unwrap_or((line, "")) {
                 ("#ifdef", name) => kept = (self.is_defined)(name),
                 ("#else", _) => kept = !kept,
@@ -53,6 +59,23 @@ impl Expansion<'_> {
         self.append(&source);
     }
 }
+
+/// Replaces `#{NAME}` of the constants by their values.
+pub fn with_constants(source: &str, constants: &[(&str, u32)]) -> String {
+    let (mut text, mut rest) = (String::with_capacity(source.len()), source);
+    while let Some((before, after)) = rest.split_once("#{") {
+        text += before;
+        let value = |name| constants.iter().find(|(constant, _)| *constant == name).map(|(_, value)| value);
+        let known = after.split_once('}').and_then(|(name, after)| Some((value(name)?, after)));
+        match known {
+            Some((value, _)) => drop(write!(text, "{value}")),
+            None => text += "#{",
+        }
+        rest = known.map_or(after, |(_, after)| after);
+    }
+    text + rest
+}
+
 /// Writes each block between `#repeat NAME 4` and `#end` four times, with `#{NAME}` replaced by 0, 1, 2 and 3.
 pub fn repeated(source: &str) -> String {
     let mut text = String::new();
@@ -75,6 +98,14 @@ pub fn repeated(source: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn constants_are_replaced_and_other_names_stay() {
+        let constants = [("A", 7), ("LONG", 12)];
+        assert_eq!(with_constants("#{A}#{LONG}+#{B}-#{A", &constants), "712+#{B}-#{A");
+        assert_eq!(with_constants("#{#{A}}", &constants), "#{7}");
+        assert_eq!(with_constants("", &constants), "");
+    }
 
     #[test]
     fn includes_and_conditions_are_resolved() {

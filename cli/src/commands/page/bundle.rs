@@ -55,6 +55,7 @@ impl Limits {
 #[derive(Debug, Default)]
 pub(super) struct Bundle {
     texts: Texts,
+    kernels: Vec<(PlanKernel, Value)>,
     plans: Vec<Value>,
     plan_numbers: BTreeMap<String, usize>,
     calls: Vec<Value>,
@@ -63,21 +64,29 @@ pub(super) struct Bundle {
 
 impl Bundle {
     pub(super) fn add(&mut self, plan: &CallPlan) -> Result<usize, CliError> {
-        let mut form = serde_json::to_value(plan).map_err(CliError::Json)?;
+        let kernels: Value =
+            plan.sequence.kernels.iter().map(|kernel| self.kernel(kernel)).collect::<Result<_, _>>()?;
+        // Texts of kernels take longer to write than everything else.
+        let mut without_kernels = plan.clone();
+        without_kernels.sequence.kernels.clear();
+        let mut form = serde_json::to_value(without_kernels).map_err(CliError::Json)?;
         let mut constants = Vec::new();
         for buffer in form["buffers"].as_array_mut().into_iter().flatten() {
             constants.extend(buffer.as_object_mut().and_then(|buffer| buffer.remove("words")));
         }
-        form["kernels"] =
-            plan.sequence.kernels.iter().map(|kernel| self.kernel(kernel)).collect::<Result<_, _>>()?;
+        form["kernels"] = kernels;
         let plan = numbered(&mut self.plans, &mut self.plan_numbers, form);
         let call = json!({ "plan": plan, "constants": constants });
         Ok(numbered(&mut self.calls, &mut self.call_numbers, call))
     }
 
     fn kernel(&mut self, kernel: &PlanKernel) -> Result<Value, CliError> {
+        if let Some((_, known)) = self.kernels.iter().find(|(known, _)| known == kernel) {
+            return Ok(known.clone());
+        }
         let mut form = serde_json::to_value(kernel).map_err(CliError::Json)?;
         form["wgsl"] = json!(SUBGROUPS.map(|size| self.texts.add(kernel.with_subgroups(size).wgsl())));
+        self.kernels.push((*kernel, form.clone()));
         Ok(form)
     }
 
