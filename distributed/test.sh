@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# Runs the tests of several ranks, in about two minutes on two cores. Needs an MPI, a C compiler and libclang (Debian:
-# libopenmpi-dev openmpi-bin libclang-dev); without them it reports a skip, or fails with
-# LAZYGRID_REQUIRE_MPI=1. `cargo test -p lazygrid-ranks` needs no MPI.
+# Runs the tests of several ranks, in about two minutes on two cores after those of the Python package, whose builds it
+# shares. Needs an MPI, a C compiler and libclang (Debian: libopenmpi-dev openmpi-bin libclang-dev); without them it
+# reports a skip, or fails with LAZYGRID_REQUIRE_MPI=1. Ranks with GPUs are skipped without a GPU, or fail with
+# LAZYGRID_REQUIRE_GPU=1. `cargo test -p lazygrid-ranks` needs no MPI.
 #
 #     distributed/test.sh              all tests on 1, 2, 3, 5 and 8 ranks, then the command
 #     distributed/test.sh 3 answers    the cases whose names contain `answers`, on 3 ranks
@@ -27,11 +28,9 @@ export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_mpi_yi
 export OMPI_MCA_rmaps_base_oversubscribe=1 OMPI_MCA_hwloc_base_binding_policy=none
 export OMPI_MCA_btl_vader_single_copy_mechanism=none
 
-# Reuses the builds of the other workspace.
+# Reuses the builds of the other workspaces.
 export CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$PWD/../../target}
 
-# Without wgpu, which would take longer to compile than everything else.
-features=(--no-default-features --features command)
 host=$(rustc -vV | sed -n 's/^host: //p')
 runner=CARGO_TARGET_$(tr 'a-z-' 'A-Z_' <<<"$host")_RUNNER
 
@@ -39,7 +38,7 @@ runner=CARGO_TARGET_$(tr 'a-z-' 'A-Z_' <<<"$host")_RUNNER
 suite() {
     local ranks=$1
     shift
-    env "$runner=mpirun --oversubscribe -n $ranks" cargo test --quiet "${features[@]}" --test suite -- "$@"
+    env "$runner=mpirun --oversubscribe -n $ranks" cargo test --quiet --test suite -- "$@"
 }
 
 if [ $# -gt 0 ]; then
@@ -47,14 +46,14 @@ if [ $# -gt 0 ]; then
     exit
 fi
 
-cargo test --quiet "${features[@]}" --lib --bins
+cargo test --quiet --lib --bins
 for ranks in 1 2 3 5 8; do
     suite "$ranks"
 done
 
 # A panic on one rank ends the waiting others, with an exit code that is not 0.
 code=0
-LAZYGRID_TEST_MPI_PANIC=1 timeout 120 env "$runner=mpirun --oversubscribe -n 3" cargo test --quiet "${features[@]}" --test suite \
+LAZYGRID_TEST_MPI_PANIC=1 timeout 120 env "$runner=mpirun --oversubscribe -n 3" cargo test --quiet --test suite \
     >/dev/null 2>&1 || code=$?
 if [ $code = 0 ] || [ $code = 124 ]; then
     say "a panic on one of three ranks ended with code $code"
@@ -62,4 +61,4 @@ if [ $code = 0 ] || [ $code = 124 ]; then
 fi
 say "a panic on one rank ended the job with code $code"
 
-cargo test --quiet "${features[@]}" --test command --test simulate
+cargo test --quiet --test command --test simulate --test gpu

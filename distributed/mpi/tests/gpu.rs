@@ -1,0 +1,67 @@
+//! `lazygrid-mpi` with `--backend gpu` under `mpirun`, run by `../../test.sh`, against the CPU.
+
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use std::path::Path;
+use std::process::Command;
+
+/// Returns `false` without a GPU, which it reports.
+fn has_gpu() -> bool {
+    let found = !lazygrid::gpu::adapters().is_empty();
+    assert!(found || std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none(), "no GPU adapter was found");
+    if !found {
+        #[allow(clippy::print_stderr, reason = "a test says what it skips")]
+        {
+            eprintln!("skipped: ranks with GPUs, as no adapter was found");
+        }
+    }
+    found
+}
+
+fn on_two_ranks(arguments: &[&str]) -> String {
+    let output = Command::new("mpirun")
+        .args(["--oversubscribe", "-n", "2", env!("CARGO_BIN_EXE_lazygrid-mpi")])
+        .args(arguments)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn ranks_find_the_pairs_of_the_cpu_on_gpus() {
+    if !has_gpu() {
+        return;
+    }
+    let pour = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/data/lammps-pour.dump");
+    let said =
+        |backend| on_two_ranks(&["detect", pour.to_str().unwrap(), "--backend", backend, "--threads", "1"]);
+    let [cpu, gpu] = ["cpu", "gpu"].map(said);
+    assert!(cpu.contains("pairs      3072") && gpu.contains("pairs      3072"), "{cpu}{gpu}");
+    let lists = tempfile::tempdir().unwrap();
+    let list = |backend: &str| {
+        let path = lists.path().join(backend).with_extension("csv");
+        let to = path.to_str().unwrap();
+        on_two_ranks(&["detect", pour.to_str().unwrap(), "--backend", backend, "-o", to, "--gather"]);
+        std::fs::read(path).unwrap()
+    };
+    assert!(list("gpu") == list("cpu"));
+}
+
+#[test]
+fn simulations_over_ranks_with_gpus_are_those_of_the_cpu() {
+    if !has_gpu() {
+        return;
+    }
+    let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../simulator/scenarios/burst.toml");
+    let directory = tempfile::tempdir().unwrap();
+    let series = |backend: &str| {
+        let run = directory.path().join(backend);
+        let paths = [scenario.to_str().unwrap(), "-o", run.to_str().unwrap(), "--steps", "3"];
+        on_two_ranks(&[&["simulate"][..], &paths, &["--threads", "1", "--backend", backend]].concat());
+        std::fs::read_to_string(run.join("series.csv")).unwrap()
+    };
+    let [cpu, gpu] = ["cpu", "gpu"].map(series);
+    let pairs = cpu.lines().last().unwrap().rsplit(',').nth(1).unwrap();
+    assert!(cpu == gpu && pairs.parse::<u32>().unwrap() > 1000, "{cpu}{gpu}");
+}
