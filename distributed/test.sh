@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Runs the tests of several ranks, in about two minutes on two cores after those of the Python package, whose builds it
-# shares. Needs an MPI, a C compiler and libclang (Debian: libopenmpi-dev openmpi-bin libclang-dev); without them it
+# Runs the tests of several ranks, in about two minutes on two cores, or in four without the builds of the Python package,
+# which it shares. Needs an MPI, a C compiler and libclang (Debian: libopenmpi-dev openmpi-bin libclang-dev); without them it
 # reports a skip, or fails with LAZYGRID_REQUIRE_MPI=1. Ranks with GPUs are skipped without a GPU, or fail with
 # LAZYGRID_REQUIRE_GPU=1. `cargo test -p lazygrid-ranks` needs no MPI.
 #

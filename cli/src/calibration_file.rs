@@ -61,12 +61,12 @@ pub(crate) fn load() -> Vec<Calibration> {
 
 /// Refuses a cache directory that cannot be written.
 pub(crate) fn check_writable() -> Result<(), CliError> {
-    draft().map(drop)
+    create_file().map(drop)
 }
 
 /// Replaces a calibration of the same adapter, and returns the path.
 pub(crate) fn keep(measured: &Calibration) -> Result<PathBuf, CliError> {
-    let (path, mut file) = draft()?;
+    let (path, mut file) = create_file()?;
     let mut all = load();
     all.retain(|known| known.adapter != measured.adapter);
     all.push(measured.clone());
@@ -80,7 +80,7 @@ pub(crate) fn keep(measured: &Calibration) -> Result<PathBuf, CliError> {
 }
 
 /// Creates the directory, and a file that replaces the calibrations when it is committed.
-fn draft() -> Result<(PathBuf, AtomicFile), CliError> {
+fn create_file() -> Result<(PathBuf, AtomicFile), CliError> {
     let path = path().ok_or(CliError::NoCacheDirectory)?;
     if let Some(directory) = path.parent() {
         let failed = |source| lazygrid_io::Error::Write { path: path.clone(), source };

@@ -38,6 +38,7 @@ fn ranks_find_the_pairs_of_the_cpu_on_gpus() {
         |backend| on_two_ranks(&["detect", pour.to_str().unwrap(), "--backend", backend, "--threads", "1"]);
     let [cpu, gpu] = ["cpu", "gpu"].map(said);
     assert!(cpu.contains("pairs      3072") && gpu.contains("pairs      3072"), "{cpu}{gpu}");
+    assert!(!cpu.contains("GPU") && gpu.contains("GPU"), "{cpu}{gpu}");
     let lists = tempfile::tempdir().unwrap();
     let list = |backend: &str| {
         let path = lists.path().join(backend).with_extension("csv");
@@ -57,7 +58,7 @@ fn simulations_over_ranks_with_gpus_are_those_of_the_cpu() {
     let directory = tempfile::tempdir().unwrap();
     let series = |backend: &str| {
         let run = directory.path().join(backend);
-        let paths = [scenario.to_str().unwrap(), "-o", run.to_str().unwrap(), "--steps", "3"];
+        let paths = [scenario.to_str().unwrap(), "-o", run.to_str().unwrap(), "--steps", "10"];
         on_two_ranks(&[&["simulate"][..], &paths, &["--threads", "1", "--backend", backend]].concat());
         std::fs::read_to_string(run.join("series.csv")).unwrap()
     };

@@ -135,7 +135,7 @@ impl Carried {
     /// Returns bounds in a steady flow, or with and without a pulse, which bound all fractions of it.
     pub(super) fn all(model: &Model, steps: &[SpeciesStep], species: usize) -> Vec<Self> {
         let parts = if model.flow_pulse.is_some() { &[1.0, 0.0][..] } else { &[1.0] };
-        let drifts = parts.iter().map(|&part| StepDrift::new(model, species, StepTime::whole(model, part)));
+        let drifts = parts.iter().map(|&part| StepDrift::new(model, species, StepTime::new(model, part)));
         drifts.map(|drift| Self::new(model, steps[species].diffusion, (species, drift.drift))).collect()
     }
 
@@ -146,7 +146,7 @@ impl Carried {
         } else {
             MAX_THERMAL * 3f32.sqrt() * kind.thermal_speed as f32
         };
-        let flow = FlowStep::new(model, StepTime::whole(model, 1.0)).map_or(0.0, |flow| flow.fastest as f32);
+        let flow = FlowStep::new(model, StepTime::new(model, 1.0)).map_or(0.0, |flow| flow.fastest as f32);
         // A product keeps the velocity of a reactant with the same speed.
         let hottest = model.species.iter().map(|species| species.thermal_speed).fold(0.0, f64::max);
         let speed = speed.max(MAX_THERMAL * 3f32.sqrt() * hottest as f32);

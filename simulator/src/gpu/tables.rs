@@ -80,7 +80,7 @@ impl Tables {
     }
 
     pub(super) fn set_flow(&mut self, model: &Model, part: f64) {
-        let time = StepTime::whole(model, part);
+        let time = StepTime::new(model, part);
         for (species, row) in self.species_rows.iter_mut().enumerate() {
             let drift = StepDrift::new(model, species, time);
             row.drift = drift.drift.into();
@@ -118,7 +118,7 @@ fn params(model: &Model, key: Key, max_iterations: u32, tallies: &Tallies) -> Pa
         time_step: model.time_step as f32,
         ..Params::default()
     };
-    if let Some(FlowStep { vessel, fastest }) = FlowStep::new(model, StepTime::whole(model, 1.0)) {
+    if let Some(FlowStep { vessel, fastest }) = FlowStep::new(model, StepTime::new(model, 1.0)) {
         params.vessel_axis = 1 + vessel.along.unwrap_or(3) as u32;
         params.vessel_radius = vessel.radius;
         params.vessel_center = vessel.center.into();

@@ -189,6 +189,10 @@ impl Model {
     /// Returns the fraction of an interval, in s, during which the flow is on.
     pub(crate) fn flow_part(&self, [begin, end]: [f64; 2]) -> f64 {
         let Some([from, until]) = self.flow_pulse else { return 1.0 };
+        // An interval below the rounding of its ends has no length.
+        if end <= begin {
+            return if (from..until).contains(&begin) { 1.0 } else { 0.0 };
+        }
         ((end.min(until) - begin.max(from)) / (end - begin)).clamp(0.0, 1.0)
     }
 

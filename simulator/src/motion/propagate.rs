@@ -40,7 +40,7 @@ pub(crate) const ROUNDED: f32 = 1e-6;
 
 impl Propagator {
     pub fn new(model: &Model) -> Self {
-        let (surfaces, time) = (Surfaces::new(model), StepTime::whole(model, 1.0));
+        let (surfaces, time) = (Surfaces::new(model), StepTime::new(model, 1.0));
         let species = 0..model.species.len();
         let step = |species| SpeciesStep::new(model, species, time, surfaces.bodies.diffusion);
         Self {
@@ -58,7 +58,7 @@ impl Propagator {
         if model.flow_pulse.is_none() {
             return;
         }
-        let time = StepTime::whole(model, model.flow_part_of_step(step));
+        let time = StepTime::new(model, model.flow_part_of_step(step));
         for (species, step) in self.steps.iter_mut().enumerate() {
             step.drift = StepDrift::new(model, species, time);
         }

@@ -12,7 +12,7 @@ pub(crate) struct FlowStep {
     pub(crate) fastest: f64,
 }
 
-/// The duration of a step, or of the rest of one after a release.
+/// The duration of a step, or of the part of a step after a release.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StepTime {
     /// In s.
@@ -22,8 +22,8 @@ pub(crate) struct StepTime {
 }
 
 impl StepTime {
-    /// A whole step with this fraction of it in the flow.
-    pub(crate) fn whole(model: &Model, flow_part: f64) -> Self {
+    /// A whole step, during the fraction `flow_part` of which the flow is on.
+    pub(crate) fn new(model: &Model, flow_part: f64) -> Self {
         Self { duration: model.time_step, flow_part }
     }
 

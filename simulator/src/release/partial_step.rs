@@ -1,7 +1,7 @@
 //! The part of a step after a release, in which a particle moves, meets surfaces and decays.
 //!
-//! It is a shorter step, in which receivers go the same fraction of their way. Receptors only reflect, because free
-//! ones are counted when a step begins.
+//! It is a shorter step, in which receivers make the same fraction of their displacement. Receptors only reflect,
+//! because free ones are counted when a step begins.
 
 use rayon::prelude::*;
 
@@ -21,9 +21,9 @@ use crate::random::gaussian;
 use crate::random::philox::Purpose;
 use crate::release::origins::{Arrival, Origin};
 
-/// Particles that are moved together.
-const CHUNK: usize = 1 << 16;
-/// Below this number a thread has less work than its start takes.
+/// Particles that are moved together, to bound memory.
+const CHUNK: usize = 1 << 13;
+/// Particles that one thread moves at least, in about 100 µs (AMD EPYC).
 const MIN_PER_THREAD: usize = 64;
 
 #[derive(Clone, Debug)]
@@ -31,17 +31,32 @@ struct PartialStep<'a> {
     surfaces: &'a Surfaces,
     /// Receivers at the end of the step in which the particle was released, with their displacements in it.
     places: &'a [Place],
-    step: SpeciesStep,
+    constants: SpeciesStep,
     paths: FreePaths,
     /// Duration over the time step.
     part: f32,
 }
 
+/// A particle on its path since the release.
+#[derive(Clone, Debug)]
+struct PartialMove<'a> {
+    step: PartialStep<'a>,
+    moved: ParticleMove,
+    /// Distance from the beginning within which receivers are hit, in µm.
+    reach: f32,
+}
+
 /// The state of a particle at the end of the step.
 #[derive(Debug, PartialEq)]
-enum Fate {
-    Arrived { receiver: u32 },
-    Aged { particle: Option<Particle>, decays: Vec<u32> },
+enum PartialOutcome {
+    Arrived {
+        receiver: u32,
+    },
+    /// `None` if it decayed without a product.
+    Remains {
+        particle: Option<Particle>,
+        decays: Vec<u32>,
+    },
 }
 
 impl Model {
@@ -61,25 +76,22 @@ impl Model {
             let moves: Vec<_> = born
                 .par_iter()
                 .with_min_len(MIN_PER_THREAD)
-                .map(|&born| self.path(batch, born, at))
+                .map(|&born| self.partial_move(batch, born, at))
                 .collect();
             let near = at.near(&self.boundary, &moves);
-            let fates: Vec<_> = born
+            let outcomes: Vec<_> = born
                 .par_iter()
                 .zip(moves)
                 .with_min_len(MIN_PER_THREAD)
-                .map(|(&born, moved)| match moved {
-                    Some((moved, _)) => self.fate(batch, born, (moved, &near[..]), at),
-                    None => Fate::Aged { particle: Some(born.0), decays: Vec::new() },
-                })
+                .map(|(&born, moved)| self.partial_outcome(born, moved, &near, at))
                 .collect();
-            for ((Particle { species, id, .. }, _), fate) in born.into_iter().zip(fates) {
-                match fate {
-                    Fate::Arrived { receiver } => {
+            for ((Particle { species, id, .. }, _), outcome) in born.into_iter().zip(outcomes) {
+                match outcome {
+                    PartialOutcome::Arrived { receiver } => {
                         let origin = Some(Origin { transmitter, step: at.step });
                         out.arrivals.push(Arrival { receiver, species, id, step: at.step, origin });
                     }
-                    Fate::Aged { particle, decays } => {
+                    PartialOutcome::Remains { particle, decays } => {
                         decays.into_iter().for_each(|decay| out.decayed[decay as usize] += 1);
                         particle.into_iter().for_each(|particle| self.add(particle, out));
                     }
@@ -88,50 +100,52 @@ impl Model {
         }
     }
 
-    /// Returns the path since the release without receivers, and the reach of the particle from its beginning, in µm.
-    /// A particle of age 0 has none.
-    fn path(
+    /// Returns the path since the release without receivers, or `None` if the age is 0.
+    fn partial_move<'a>(
         &self,
         batch: &Batch<'_>,
         (particle, age): (Particle, f64),
-        at: ReleaseStep<'_>,
-    ) -> Option<(ParticleMove, f32)> {
+        at: ReleaseStep<'a>,
+    ) -> Option<PartialMove<'a>> {
         if age == 0.0 {
             return None;
         }
         let Particle { mut position, mut velocity, species, id, .. } = particle;
-        let partial = PartialStep::new(self, batch, (species, age), at);
+        let step = PartialStep::new(self, batch, (species, age), at);
         if let Some(carrier) = batch.from.carrier.and_then(|carrier| at.places.get(carrier as usize)) {
             // The transmitter was elsewhere at the time of release.
-            position = std::array::from_fn(|k| position[k] - partial.part * carrier.displacement[k]);
+            position = std::array::from_fn(|k| position[k] - step.part * carrier.displacement[k]);
         }
-        let before = partial.step.domain.confine(position);
+        let before = step.constants.domain.confine(position);
         let normal = gaussian::normals(at.key.draw(id, 1, 0, Purpose::PartialStep));
         // The particle drew nothing in the step in which it was released.
         let who = DrawContext { key: at.key, id, step: at.step - 1 };
         let own = self.has_velocity().then_some(&mut velocity);
-        let (path, free_end) = partial.paths.path(&partial.step, [before, normal], own, who);
+        let (path, free_end) = step.paths.path(&step.constants, [before, normal], own, who);
         let velocity = self.has_velocity().then_some(velocity);
         let mut moved =
             ParticleMove { at: 0, species, who, path, free_end, gone: 0.0, turns: None, velocity };
-        if partial.surfaces.has_membranes() {
-            partial.all_surfaces().hold_back(&mut moved);
+        if step.surfaces.has_membranes() {
+            step.all_surfaces().hold_back(&mut moved);
         }
-        Some((moved, moved.length() + partial.step.bend))
+        let reach = moved.length() + step.constants.bend;
+        Some(PartialMove { step, moved, reach })
     }
 
-    /// Moves a particle along its path, on which only the receivers `near` are within its reach.
-    fn fate(
+    /// Moves a particle, which hits no receivers but those `near`.
+    fn partial_outcome(
         &self,
-        batch: &Batch<'_>,
         (mut particle, age): (Particle, f64),
-        (mut moved, near): (ParticleMove, &[&ReceiverState]),
+        moved: Option<PartialMove<'_>>,
+        near: &[&ReceiverState],
         at: ReleaseStep<'_>,
-    ) -> Fate {
+    ) -> PartialOutcome {
+        let Some(PartialMove { step, mut moved, reach }) = moved else {
+            return PartialOutcome::Remains { particle: Some(particle), decays: Vec::new() };
+        };
         let Particle { species: released, id, .. } = particle;
-        let partial = PartialStep::new(self, batch, (released, age), at);
-        if let Some(receiver) = partial.advance(&mut moved, near) {
-            return Fate::Arrived { receiver };
+        if let Some(receiver) = step.advance(&mut moved, near, reach) {
+            return PartialOutcome::Arrived { receiver };
         }
         particle.position = moved.path.after;
         particle.velocity = moved.velocity.unwrap_or(particle.velocity);
@@ -145,7 +159,7 @@ impl Model {
             }
             species = product;
         });
-        Fate::Aged { particle: species.map(|species| Particle { species, ..particle }), decays }
+        PartialOutcome::Remains { particle: species.map(|species| Particle { species, ..particle }), decays }
     }
 }
 
@@ -154,18 +168,18 @@ impl<'a> PartialStep<'a> {
         let (surfaces, places) = (&at.events.surfaces, at.places);
         let time = StepTime { duration: age, flow_part: model.flow_part([batch.now - age, batch.now]) };
         let part = (age / model.time_step) as f32;
-        let step = SpeciesStep::new(model, species as usize, time, part * surfaces.bodies.diffusion);
-        Self { surfaces, places, step, paths: FreePaths::new(model, time), part }
+        let constants = SpeciesStep::new(model, species as usize, time, part * surfaces.bodies.diffusion);
+        Self { surfaces, places, constants, paths: FreePaths::new(model, time), part }
     }
 
     fn all_surfaces(&self) -> SpeciesSurfaces<'_> {
-        SpeciesSurfaces { surfaces: self.surfaces, step: &self.step, duration: self.paths.duration }
+        SpeciesSurfaces { surfaces: self.surfaces, step: &self.constants, duration: self.paths.duration }
     }
 
     /// Returns the receiver at which the particle arrives.
-    fn advance(&self, moved: &mut ParticleMove, near: &[&ReceiverState]) -> Option<u32> {
+    fn advance(&self, moved: &mut ParticleMove, near: &[&ReceiverState], reach: f32) -> Option<u32> {
         let (begun, length) = (*moved, moved.length());
-        let mut event = self.resolve(moved, near.iter().copied(), length + self.step.bend);
+        let mut event = self.resolve(moved, near.iter().copied(), reach);
         if moved.gone > length * (1.0 + ROUNDED) {
             *moved = begun;
             event = self.resolve(moved, self.surfaces.bodies.all.iter(), f32::INFINITY);
@@ -189,7 +203,7 @@ impl<'a> PartialStep<'a> {
             let displacement = place.displacement.map(|w| self.part * w);
             let center = std::array::from_fn(|k| place.center[k] - displacement[k]);
             let radius = body.receiver.radius;
-            let height = signed_distance(radius, center, &self.step.domain, before);
+            let height = signed_distance(radius, center, &self.constants.domain, before);
             let slack = rounding(before, 2.0 * radius + height.abs());
             (height <= reach + length(displacement) + slack).then(|| ReceiverState {
                 center,
@@ -206,19 +220,21 @@ impl<'a> PartialStep<'a> {
 
 impl<'a> ReleaseStep<'a> {
     /// Returns the receivers that any of these paths may hit.
-    fn near(&self, boundary: &Boundary, moves: &[Option<(ParticleMove, f32)>]) -> Vec<&'a ReceiverState> {
+    fn near(&self, boundary: &Boundary, moves: &[Option<PartialMove<'_>>]) -> Vec<&'a ReceiverState> {
         let moves = || moves.iter().flatten();
-        let Some((ParticleMove { path, .. }, _)) = moves().next() else { return Vec::new() };
-        let center = path.before;
-        let reach = |(moved, reach): &(ParticleMove, f32)| {
-            length(boundary.displacement(center, moved.path.before)) + reach
+        let Some(PartialMove { moved, .. }) = moves().next() else { return Vec::new() };
+        let center = moved.path.before;
+        let reach = |PartialMove { moved, reach, .. }: &PartialMove<'_>| {
+            let before = moved.path.before;
+            let reach = length(boundary.displacement(center, before)) + reach;
+            reach + rounding(before, reach)
         };
         let reach = moves().map(reach).fold(0.0, f32::max);
         let is_near = |body: &&ReceiverState| {
             let place = self.places[body.place as usize];
             let height = signed_distance(body.receiver.radius, place.center, boundary, center);
             let slack = rounding(center, 2.0 * body.receiver.radius + height.abs() + reach);
-            // Covers the way from its beginning, and its motion since.
+            // Once from the end of the step to the release, and once for the path since.
             height <= reach + 2.0 * length(place.displacement) + slack
         };
         self.events.surfaces.bodies.all.iter().filter(is_near).collect()

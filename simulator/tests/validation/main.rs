@@ -110,12 +110,12 @@ fn main() -> ExitCode {
     println!("{:<20} {:<46} {:>14} {:>14} {:>12}", "item", "quantity", "expected", "measured", "tolerance");
     let (next, failed) = (AtomicUsize::new(0), AtomicUsize::new(0));
     let work = || {
-        // The last take longest.
+        // Later items take longer on average.
         while let Some(item) = items.iter().nth_back(next.fetch_add(1, Ordering::Relaxed)) {
             failed.fetch_add(run(item), Ordering::Relaxed);
         }
     };
-    // Steps are too short for several threads, and results do not depend on their number.
+    // Steps are too short for several threads, and results do not depend on the number of threads.
     std::thread::scope(|scope| {
         for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
             scope.spawn(|| {

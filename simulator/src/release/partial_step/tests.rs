@@ -58,53 +58,110 @@ fn a_vessel_turns_velocities_since_the_release() {
     assert!(back.abs_diff(particles.len() / 2) <= 2, "{back} of {}", particles.len());
 }
 
-#[test]
-fn receivers_out_of_reach_change_nothing() {
+/// 10 000 particles per step among 300 moving receivers in a periodic box.
+fn crowd() -> (Model, Vec<Place>) {
     let kinds = [
         ReceiverKind::Absorbing,
         ReceiverKind::Reflecting,
         ReceiverKind::Partial(Adsorption::Reactivity(50.0)),
     ];
     let words = |k: u32| Key::new(8).draw(k, 0, 0, Purpose::Release).map(open_unit);
-    let receivers: Vec<_> = (0..300_u32)
-        .map(|k| {
-            let [x, y, z, r] = words(k);
-            let center = [x, y, z].map(|u| 8.0 * u - 4.0);
-            let (kind, sees) = (kinds[k as usize % 3].clone(), vec![true]);
-            Receiver { center, radius: 0.1 + 0.3 * r, kind, sees, diffusion: 1.0, ..Receiver::default() }
-        })
-        .collect();
+    let receiver = |k: u32| {
+        let [x, y, z, r] = words(k);
+        let center = [x, y, z].map(|u| 8.0 * u + 10.0);
+        let (kind, sees) = (kinds[k as usize % 3].clone(), vec![true]);
+        Receiver { center, radius: 0.1 + 0.3 * r, kind, sees, diffusion: 1.0, ..Receiver::default() }
+    };
     let schedule = Schedule::Steady { from: 0.0, until: 1.0, rates: vec![(0, 5e5)] };
+    let shape = Shape::Box([1.0; 3]);
     let model = Model {
         time_step: 0.02,
         species: vec![Species { diffusion: 1.0, mass: 1.0, ..Species::default() }],
-        transmitters: vec![Transmitter { schedule, shape: Shape::Box([1.0; 3]), ..Transmitter::default() }],
-        boundary: Boundary::periodic([-4.0; 3], [4.0; 3]),
-        receivers,
+        // At a corner, so that particles are born at all of them.
+        transmitters: vec![Transmitter { schedule, shape, center: [10.1; 3], ..Transmitter::default() }],
+        boundary: Boundary::periodic([10.0; 3], [18.0; 3]),
+        receivers: (0..300).map(receiver).collect(),
+        logs_arrivals: true,
         ..Model::default()
     };
     let moved = |(k, receiver): (u32, &Receiver)| {
         let [x, y, z, _] = words(1000 + k);
         Place { center: receiver.center, displacement: [x, y, z].map(|u| 0.4 * u - 0.2) }
     };
-    let places: Vec<_> = (0..).zip(&model.receivers).map(moved).collect();
+    let places = (0..).zip(&model.receivers).map(moved).collect();
+    (model, places)
+}
+
+#[test]
+fn receivers_out_of_reach_change_nothing() {
+    let (model, places) = crowd();
     let events = PartialEvents::new(&model);
     let at = ReleaseStep { events: &events, key: Key::new(3), step: 1, next_id: 0, places: &places };
-    let (mut arrived, mut left_out) = (0, 0);
-    for (_, batch) in model.all_batches(1, at.key) {
-        let born: Vec<_> =
-            (0..batch.count).map(|k| (model.born(&batch, (k, k), at.key), batch.age(k, 0))).collect();
-        let moves: Vec<_> = born.iter().map(|&born| model.path(&batch, born, at)).collect();
-        let all: Vec<_> = events.surfaces.bodies.all.iter().collect();
-        for (&born, moved) in born.iter().zip(moves) {
-            let near = at.near(&model.boundary, &[moved]);
-            left_out += all.len() - near.len();
-            let Some((moved, _)) = moved else { continue };
+    let all: Vec<_> = events.surfaces.bodies.all.iter().collect();
+    let (_, batch) = model.all_batches(1, at.key).next().expect("a batch");
+    let born: Vec<_> =
+        (0..batch.count).map(|k| (model.born(&batch, (k, k), at.key), batch.age(k, 0))).collect();
+    let moves: Vec<_> = born.iter().map(|&born| model.partial_move(&batch, born, at)).collect();
+    let (mut arrived, mut left_out, mut first) = (0, 0, 0);
+    for length in (1..=7).cycle() {
+        let some = first..(first + length).min(born.len());
+        if some.is_empty() {
+            break;
+        }
+        first = some.end;
+        let near = at.near(&model.boundary, &moves[some.clone()]);
+        left_out += all.len() - near.len();
+        for (&born, moved) in born[some.clone()].iter().zip(&moves[some]) {
             let [found, expected] =
-                [&near, &all].map(|receivers| model.fate(&batch, born, (moved, &receivers[..]), at));
+                [&near, &all].map(|receivers| model.partial_outcome(born, moved.clone(), receivers, at));
             assert_eq!(found, expected);
-            arrived += usize::from(matches!(found, Fate::Arrived { .. }));
+            arrived += usize::from(matches!(found, PartialOutcome::Arrived { .. }));
         }
     }
-    assert!(arrived > 100 && left_out > 100_000, "{arrived} arrived, {left_out} receivers left out");
+    assert!(first == 10_000 && arrived > 100 && left_out > 100_000, "{arrived} arrived, {left_out} left out");
+}
+
+#[test]
+fn neither_threads_nor_ranks_change_a_release() {
+    let (model, places) = crowd();
+    let events = PartialEvents::new(&model);
+    let at = ReleaseStep { events: &events, key: Key::new(3), step: 1, next_id: 0, places: &places };
+    let whole = model.release(at, RankSlice::WHOLE).expect("a release");
+    assert!(whole.particles.len() > 5000 && whole.arrivals.len() > 100);
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(7).build().expect("a pool");
+    let other = pool.install(|| model.release(at, RankSlice::WHOLE)).expect("a release");
+    assert!(other.particles == whole.particles && other.arrivals == whole.arrivals);
+    let (mut particles, mut arrivals) = (crate::model::particles::Particles::default(), Vec::new());
+    for rank in 0..3 {
+        let part = model.release(at, RankSlice::new(rank, 3)).expect("a release");
+        (0..part.particles.len()).for_each(|at| particles.push(part.particles.get(at), false));
+        arrivals.extend(part.arrivals);
+    }
+    assert!(particles == whole.particles && arrivals == whole.arrivals);
+}
+
+/// Ages that rounding leaves to particles due at the end of a step are below the rounding of the time.
+#[test]
+fn flow_pulse_carries_particles_of_the_least_ages() {
+    let schedule = Schedule::Steady { from: 0.0, until: 1e9, rates: vec![(0, 100.0)] };
+    let model = Model {
+        time_step: 0.1,
+        species: vec![Species { mass: 1.0, ..Species::default() }],
+        transmitters: vec![Transmitter { schedule, ..Transmitter::default() }],
+        flow: Some(crate::model::Flow::Plug([5.0, 0.0, 0.0])),
+        flow_pulse: Some([0.0, f64::INFINITY]),
+        ..Model::default()
+    };
+    let (events, mut least) = (PartialEvents::new(&model), f64::INFINITY);
+    for step in 1..100 {
+        let at = ReleaseStep { events: &events, key: Key::new(3), step, next_id: 0, places: &[] };
+        for (_, batch) in model.all_batches(step, at.key) {
+            let ages = (0..batch.count).map(|nth| batch.age(nth, 0)).filter(|&age| age > 0.0);
+            least = ages.fold(least, f64::min);
+        }
+        let particles = model.release(at, RankSlice::WHOLE).expect("a release").particles;
+        let positions = (0..particles.len()).map(|at| particles.position_of(at));
+        positions.for_each(|at| assert!(at[0] >= 0.0 && at[0] <= 0.5, "{at:?} in step {step}"));
+    }
+    assert!(least < 1e-16, "{least} s");
 }
