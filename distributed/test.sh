@@ -62,3 +62,5 @@ fi
 say "a panic on one rank ended the job with code $code"
 
 cargo test --quiet --test command --test simulate --test gpu
+# Nodes without GPUs.
+cargo check --quiet --no-default-features --features command
