@@ -3,7 +3,8 @@ use lazygrid::Algorithm;
 use super::*;
 use crate::model::receiver::{WallFace, signed_distance};
 use crate::model::transmitter::Shape;
-use crate::model::{Decay, Species};
+use crate::model::vessel::Vessel;
+use crate::model::{Decay, Flow, Species};
 use crate::release::origins::Origin;
 use crate::{Adsorption, Boundary, Receiver, ReceiverKind, ReceptorType, Simulation};
 
@@ -218,4 +219,68 @@ fn arrivals_since_the_release_are_logged_with_their_origin() {
     assert!(arrivals.len() > 100 && arrivals.is_sorted_by_key(|arrival| arrival.id));
     assert!(arrivals.iter().all(|arrival| arrival.step == 1 && arrival.origin == origin));
     assert!(arrivals.iter().all(|arrival| !simulation.state().particles.id.contains(&arrival.id)));
+}
+
+/// Particles that drift to the wall at which they are released: 2DΔt/v² is 1 in the long step.
+#[test]
+fn steady_release_at_a_wall_with_drift_spreads_alike_at_any_time_step() {
+    let heights = |time_step: f64, steps| {
+        let species = Species {
+            name: "A".into(),
+            diffusion: 1.0,
+            mass: 1.0,
+            drift: [-10.0, 0.0, 0.0],
+            ..Species::default()
+        };
+        let transmitter = Transmitter { center: [0.05, 0.0, 0.0], ..steady(vec![(0, 1e6)], [0.0, 1.0]) };
+        let model = Model {
+            time_step,
+            species: vec![species],
+            transmitters: vec![transmitter],
+            boundary: Boundary::reflecting([0.0, -9.0, -9.0], [9.0; 3]),
+            ..Model::default()
+        };
+        let simulation = ran(&model, steps);
+        let heights = simulation.state().particles.position[0].iter().map(|&x| f64::from(x));
+        let n = heights.len() as f64;
+        let mean = heights.clone().sum::<f64>() / n;
+        (mean, heights.map(|x| (x - mean).powi(2)).sum::<f64>() / n / n)
+    };
+    let [(long, long_variance), (short, short_variance)] = [heights(0.02, 1), heights(0.0005, 40)];
+    let error = (long_variance + short_variance).sqrt();
+    assert!((long - short).abs() < 4.0 * error && error < 0.02 * short, "{long} and {short} ± {error}");
+}
+
+#[test]
+fn steady_release_in_a_pulse_of_flow_goes_as_far_at_any_time_step() {
+    let ends = |time_step: f64, steps| {
+        let vessel = Vessel { along: Some(0), center: [0.0; 3], radius: 1.0 };
+        let transmitter = Transmitter { center: [0.0, 0.5, 0.0], ..steady(vec![(0, 1e4)], [0.0, 1.0]) };
+        let model = Model {
+            time_step,
+            species: vec![Species { name: "A".into(), mass: 1.0, ..Species::default() }],
+            transmitters: vec![transmitter],
+            boundary: Boundary { vessel: Some(vessel), ..Boundary::default() },
+            flow: Some(Flow::Poiseuille { mean: 50.0 }),
+            flow_pulse: Some([0.0031, 0.0155]),
+            ..Model::default()
+        };
+        let simulation = ran(&model, steps);
+        let particles = &simulation.state().particles;
+        let mut ends: Vec<_> =
+            particles.id.iter().copied().zip(particles.position[0].iter().copied()).collect();
+        ends.sort_unstable_by_key(|&(id, _)| id);
+        ends
+    };
+    let (long, short) = (ends(0.02, 1), ends(0.0005, 40));
+    assert!(long.len() == 200 && short.len() == 200);
+    for (&(id, long), (_, short)) in long.iter().zip(short) {
+        // The axis is twice as fast as the mean, and half the radius has three quarters of that.
+        let released = f64::from(id + 1) * 1e-4;
+        let expected = 75.0 * (0.0155 - released.max(0.0031)).max(0.0) as f32;
+        assert!(
+            (long - expected).abs() < 1e-4 && (short - expected).abs() < 1e-4,
+            "{id}: {long}, {short}, {expected}"
+        );
+    }
 }
