@@ -28,10 +28,10 @@ class Checker {
     Object.assign(this, { player, bundle, placer: new Placer(player, bundle.wgsl.scene) });
   }
 
-  // The searches of every `every`th scene: an algorithm in a variant.
-  searches(isFull, every = 1) {
+  // The searches of each scene: an algorithm in a variant.
+  searches(isFull) {
     const variants = this.variants();
-    return this.bundle.checks.map((scene, at) => ({ scene, at })).filter(({ at }) => at % every === 0).map(({ scene, at }) => {
+    return this.bundle.checks.map((scene, at) => {
       if (isFull) return { scene, searches: scene.calls.flatMap((call) => variants.map((variant) => ({ ...call, variant }))) };
       // Every kernel compiles for two or three kinds of scenes instead of eight.
       const { periodic, species } = scene, isPortable = !periodic === !species && (!!periodic || at % 2 === 1);

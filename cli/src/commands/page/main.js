@@ -282,8 +282,7 @@ class Page {
         "The pairs are compared with those that the CPU found when this page was written.",
       run: async (tab) => {
         const asked = new URLSearchParams(location.hash.slice(1)), checker = new Checker(this.player, this.bundle);
-        const every = Math.max(1, Math.floor(Number(asked.get("every"))) || 1);
-        const scenes = checker.searches(asked.has("full") || !this.player.isSoftware, every);
+        const scenes = checker.searches(asked.has("full") || !this.player.isSoftware);
         const all = scenes.reduce((sum, { searches }) => sum + searches.length, 0);
         let done = 0;
         const result = await checker.run(scenes, ({ scene, algorithm, variant }, what) => {
