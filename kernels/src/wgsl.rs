@@ -87,7 +87,7 @@ pub fn repeated(source: &str) -> String {
                 let block: String =
                     lines.by_ref().take_while(|line| *line != "#end").flat_map(|line| [line, "\n"]).collect();
                 for time in 0..times.parse().unwrap_or(0) {
-                    text += &block.replace(&format!("#{{{name}}}"), &u32::to_string(&time));
+                    text += &with_constants(&block, &[(name, time)]);
                 }
             }
         }
