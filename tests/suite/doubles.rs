@@ -337,6 +337,33 @@ fn calls_of_both_precisions_can_alternate() {
 }
 
 #[test]
+fn calls_without_spheres_change_no_later_one() {
+    let mut random = Random(19);
+    for (number, space) in spaces().into_iter().enumerate() {
+        let spheres = scene(240, 2.4, [0.0; 3], &mut random);
+        let expected = oracle(&spheres, &space, None);
+        let narrow: Vec<[f32; 4]> = spheres.iter().map(|sphere| sphere.map(|number| number as f32)).collect();
+        let exact: Vec<[f64; 4]> = narrow.iter().map(|sphere| sphere.map(f64::from)).collect();
+        let expected_narrow = oracle(&exact, &space, None);
+        for variant in variants::each_algorithm() {
+            let new = || Detector::new(variant.settings().space(space)).expect("a detector");
+            let (mut wide, mut rounded) = (new(), new());
+            variant.run(|| {
+                for _ in 0..2 {
+                    assert_eq!(wide.count(&[[0.0_f64; 4]; 0]), Ok(0), "{variant}, space {number}");
+                    agrees(&mut wide, Query::new(&spheres), &expected)
+                        .unwrap_or_else(|text| panic!("{variant}, space {number}: {text}"));
+                    assert_eq!(rounded.count(&[[0.0_f32; 4]; 0]), Ok(0), "{variant}, space {number}");
+                    let found = rounded.count(&narrow).expect("valid");
+                    let is_on_cpu = variant.backend() == Backend::Cpu;
+                    assert!(!is_on_cpu || found == expected_narrow.len() as u64, "{variant}, space {number}");
+                }
+            });
+        }
+    }
+}
+
+#[test]
 fn bad_f64_spheres_are_named_with_their_numbers() {
     let good = [0.1, 0.2, 0.3, 1.0];
     for bad in [[f64::NAN, 0.0, 0.0, 1.0], [0.0, f64::INFINITY, 0.0, 1.0], [0.0, 0.0, 0.0, -1e-320]] {

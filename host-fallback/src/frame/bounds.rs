@@ -55,8 +55,9 @@ impl Bounds {
         self.zero == [0.0; 4] && self.min[3] >= 0.0
     }
 
+    /// Returns 0 without spheres.
     pub(super) fn middle(&self, axis: usize) -> f64 {
-        0.5 * self.min[axis] + 0.5 * self.max[axis]
+        if self.min[axis] > self.max[axis] { 0.0 } else { 0.5 * self.min[axis] + 0.5 * self.max[axis] }
     }
 
     pub(super) fn reach(&self, axis: usize, origin: f64) -> f64 {

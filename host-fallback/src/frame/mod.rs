@@ -228,6 +228,23 @@ mod tests {
     }
 
     #[test]
+    fn a_frame_of_no_spheres_holds_later_ones() {
+        let edges = [Some([7.0, 0.0, 0.0]), Some([2.0, 6.0, 0.0]), None];
+        for space in [
+            Space::UNBOUNDED,
+            Space::periodic([Some(10.0), None, None]).expect("a length"),
+            Space::triclinic(edges).expect("two vectors"),
+        ] {
+            let frame = SearchFrame::new(&Bounds::EMPTY, &space);
+            let Sphere { center, radius } = frame.sphere([0.25, -0.5, 0.125, 0.01]);
+            assert!(
+                center.is_finite() && center != glam::Vec3::ZERO && radius < 0.02,
+                "{space:?}: {center} {radius}"
+            );
+        }
+    }
+
+    #[test]
     fn wrapping_rounds_nothing() {
         for (x, length, expected) in [
             (0.3, 1.0, 0.3),

@@ -14,10 +14,18 @@ use crate::detectors::variant::text;
 pub(super) struct Ask {
     pub(super) output: Output,
     pub(super) split: Option<usize>,
-    pub(super) in_columns: bool,
+    pub(super) layout: Layout,
     pub(super) is_stopped: bool,
     /// Exclusions of one set in a query of two, or the reverse.
     pub(super) has_foreign_exclusions: bool,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Layout {
+    Rows,
+    Columns,
+    /// The same numbers in `f64`.
+    WideRows,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,6 +82,11 @@ impl Columns {
     }
 }
 
+fn wide_rows(spheres: &[Sphere]) -> Vec<[f64; 4]> {
+    let row = |Sphere { center, radius }: &Sphere| [center.x, center.y, center.z, *radius].map(f64::from);
+    spheres.iter().map(row).collect()
+}
+
 impl Ask {
     /// Then clears `stop`. An answer that contradicts itself is an error.
     pub(super) fn answer(
@@ -98,10 +111,12 @@ impl Ask {
         let split = self.split.map(|split| split.min(n));
         let first = split.unwrap_or(n);
         let rows = [&scenario.spheres[..first], &scenario.spheres[first..]];
-        let columns = rows.map(|rows| Columns::of(if self.in_columns { rows } else { &[] }));
-        let [a, b] = match self.in_columns {
-            true => [columns[0].view()?, columns[1].view()?],
-            false => rows.map(Spheres::from),
+        let only = |layout: Layout| rows.map(|rows| if self.layout == layout { rows } else { &[] });
+        let (columns, wide) = (only(Layout::Columns).map(Columns::of), only(Layout::WideRows).map(wide_rows));
+        let [a, b] = match self.layout {
+            Layout::Rows => rows.map(Spheres::from),
+            Layout::Columns => [columns[0].view()?, columns[1].view()?],
+            Layout::WideRows => wide.each_ref().map(Spheres::from),
         };
         let (a, b) = (with_labels(a, scenario, 0..first)?, with_labels(b, scenario, first..n)?);
         let query = if split.is_some() { Query::new((a, b)) } else { Query::new(a) };
@@ -247,7 +262,11 @@ impl fmt::Display for Ask {
             Output::Stream { chunk, ending } => write!(f, "stream by {chunk}, {ending:?},")?,
         }
         self.split.map_or(Ok(()), |split| write!(f, " between {split} and the others"))?;
-        f.write_str(if self.in_columns { " from columns" } else { "" })?;
+        f.write_str(match self.layout {
+            Layout::Rows => "",
+            Layout::Columns => " from columns",
+            Layout::WideRows => " in f64",
+        })?;
         f.write_str(if self.is_stopped { " stopped" } else { "" })?;
         f.write_str(if self.has_foreign_exclusions { " with foreign exclusions" } else { "" })
     }

@@ -1,7 +1,7 @@
 use glam::Vec3;
 use lazygrid::{Algorithm, Interaction, Order, Skin, Space, Sphere};
 
-use super::ask::{Ask, Ending, Output};
+use super::ask::{Ask, Ending, Layout, Output};
 use super::events::World;
 use super::faults::spoil;
 use super::{Sequence, Settings, Step};
@@ -228,7 +228,11 @@ fn ask(random: &mut Random, spheres: usize) -> Ask {
     Ask {
         output,
         split: (random.below(9) == 0).then(|| random.below(spheres as u32 + 1) as usize),
-        in_columns: random.below(7) == 0,
+        layout: match random.below(7) {
+            0 => Layout::Columns,
+            1 => Layout::WideRows,
+            _ => Layout::Rows,
+        },
         is_stopped: random.below(40) == 0,
         has_foreign_exclusions: false,
     }

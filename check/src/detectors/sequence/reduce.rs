@@ -1,3 +1,4 @@
+use super::ask::Layout;
 use super::{Sequence, Step, Wrong};
 use crate::TestInput;
 
@@ -21,7 +22,7 @@ pub(super) fn reduce(
         step.scenario.groups = None;
         step.scenario.excluded = None;
     });
-    best.attempt_each(|step| step.ask.in_columns = false);
+    best.attempt_each(|step| step.ask.layout = Layout::Rows);
     best.drop_spheres();
     (best.sequence, best.wrong)
 }
