@@ -80,7 +80,10 @@ impl DisplacementStats {
             *class = class.max(nearest(center - *position, lengths).length());
             *position = center;
         }
-        if known {
+        // A sphere that is not valid, or too far away: what was seen says nothing about the next call.
+        if steps.iter().any(|step| !step.is_finite()) {
+            (self.calls, self.steps) = (0, [0.0; SIZE_CLASSES]);
+        } else if known {
             self.calls = self.calls.saturating_add(1);
             for (step, seen) in self.steps.iter_mut().zip(steps) {
                 *step = seen.max(STEP_DECAY * *step);
@@ -108,7 +111,7 @@ impl DisplacementStats {
     pub(crate) fn steps(&self) -> Option<([f32; SIZE_CLASSES], DisplacementGrowth)> {
         let farthest = self.steps.iter().copied().fold(0.0, f32::max);
         let steps = self.steps.map(|step| if step > 0.0 { step } else { farthest });
-        (self.calls > 0 && farthest.is_finite()).then_some((steps, self.growth))
+        (self.calls > 0).then_some((steps, self.growth))
     }
 }
 
@@ -133,6 +136,29 @@ mod tests {
         assert_eq!(steps(5.0), None);
         assert_eq!(steps(6.0), Some([1.0, 2.0, 2.0]));
         assert_eq!(steps(6.0), Some([0.9, 1.8, 1.8]));
+    }
+
+    #[test]
+    fn infinite_displacements_are_forgotten() {
+        let mut motion = DisplacementStats::default();
+        let mut seen = |x: f32| {
+            let spheres = [Sphere::new([x, 0.0, 0.0], 1.0)];
+            let test = PairTest::new((&spheres).into(), None);
+            motion.observe(CallSpheres { test: &test, given: None }).expect("there is memory");
+            motion.steps().map(|(steps, _)| steps[class_of(1.0)])
+        };
+        for (x, step) in [
+            (0.0, None),
+            (1.0, Some(1.0)),
+            (f32::INFINITY, None),
+            (1.0, None),
+            (3.0, Some(2.0)),
+            (-2e38, None),
+            (2e38, None),
+            (2e38, Some(0.0)),
+        ] {
+            assert_eq!(seen(x), step, "at {x}");
+        }
     }
 
     #[test]
