@@ -55,7 +55,7 @@ impl MpiCommunicator {
     ) -> Result<(), Error> {
         let (Outgoing { data: send, segments: leaving }, Incoming { data: received, segments: coming }) =
             (outgoing, incoming);
-        let limit = self.limit / size_of::<T>() as u64;
+        let limit = self.limit / size_of::<T>().max(1) as u64;
         let rounds = MessageRounds::new(limit, self.ranks()).map_err(|_| self.too_small(what))?;
         self.count_sent(leaving.total() * size_of::<T>(), 1);
         // Rounds are about equal, so the first needs the largest buffers.
