@@ -4,6 +4,7 @@ use bytemuck::{Pod, Zeroable};
 use serde::{Deserialize, Serialize};
 
 use crate::model::Model;
+use crate::model::membrane::MembraneStep;
 use crate::model::receiver::{rounding, signed_distance};
 use crate::model::receptors::ReceptorType;
 use crate::motion::adsorption::{Step, reactivity};
@@ -64,7 +65,7 @@ pub(crate) fn leaving(
     bound.iter().enumerate().filter_map(leaves).collect()
 }
 
-/// Returns `None` if walls leave no space.
+/// Returns `None` if walls leave no space, or if the place is across a membrane.
 pub(crate) fn place_of(
     model: &Model,
     held: &Bound,
@@ -76,7 +77,11 @@ pub(crate) fn place_of(
     let away = receiver.radius + leaving.height;
     let away = away + rounding(center, away);
     let place = domain.confine(std::array::from_fn(|k| center[k] + away * held.direction[k]));
-    (signed_distance(receiver.radius, center, &domain, place) >= 0.0).then_some(place)
+    let species = held.species as usize;
+    let among_membranes =
+        MembraneStep { membranes: &model.membranes, domain: &domain, species, diffusion: 0.0, spread: 0.0 };
+    let is_outside = signed_distance(receiver.radius, center, &domain, place) >= 0.0;
+    (is_outside && !among_membranes.separates([place, center])).then_some(place)
 }
 
 impl UnboundParticle {

@@ -169,7 +169,7 @@ pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step
         let end: [f32; 3] = std::array::from_fn(|k| {
             center[k] + (spread * z[k] + (receiver.velocity[k] * model.time_step) as f32)
         });
-        let domain = domain_of(model, receiver);
+        let domain = model.domain_of(receiver);
         let after = domain.confine(end);
         let displacement = std::array::from_fn(|k| match domain.axes[k] {
             Axis::Periodic { .. } => end[k] - center[k],
@@ -178,13 +178,4 @@ pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step
         Place { center: after, displacement }
     };
     model.receivers.iter().zip(centers).enumerate().map(one).collect()
-}
-
-/// Returns the boundary of a receiver's center, or of a point if the receiver does not fit.
-fn domain_of(model: &Model, receiver: &Receiver) -> Boundary {
-    let domain = model.boundary;
-    match domain.too_narrow(receiver.radius) {
-        None => domain.inset(receiver.radius),
-        Some(_) => domain,
-    }
 }

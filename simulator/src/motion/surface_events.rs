@@ -59,6 +59,13 @@ pub(crate) struct ParticleMove {
 }
 
 impl ParticleMove {
+    /// Ends the step where it began.
+    pub(crate) fn stay(&mut self) {
+        let before = self.path.before;
+        (self.path.end, self.path.after, self.free_end) = (before, before, before);
+        self.turns = None;
+    }
+
     /// Returns the distance from the beginning to the end without images, in µm.
     pub(crate) fn length(&self) -> f32 {
         let Path { before, end, .. } = self.path;

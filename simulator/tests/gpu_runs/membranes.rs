@@ -8,7 +8,7 @@ use lazygrid_sim::{
 
 use super::device;
 use super::models::{brownian, by_id, cpu, gpu};
-use super::surfaces::{assert_close, compare, receiver};
+use super::surfaces::{assert_close, compare, receiver, surfaces};
 
 fn membrane(surface: MembraneSurface, permeability: f64, sees: [bool; 2]) -> Membrane {
     Membrane { name: "skin".into(), surface, permeability, sees: sees.to_vec() }
@@ -130,6 +130,37 @@ fn spheres_hold_back_as_on_the_cpu() {
             here.step().expect("a step");
             assert_close(&there.state().expect("a state"), here.state(), 1e-5);
         }
+    }
+}
+
+/// Surfaces that reflect, some around or in membranes.
+fn surfaces_among_membranes() -> Model {
+    let mut model = surfaces();
+    model.receivers.retain(|receiver| !["ghost", "endpoint"].contains(&receiver.name.as_str()));
+    model.receivers[0].radius = 0.5;
+    model.receivers[4].radius = 0.25;
+    let (around, beside) = (model.receivers[4].center, model.receivers[5].center);
+    model.species[1].drift = [0.0; 3];
+    model.time_step = 0.0005;
+    model.membranes = vec![
+        plane(2, -0.9, 20.0, [true; 2]),
+        sphere(around, 0.45, 50.0, [true; 2]),
+        sphere(beside, 0.6, 5.0, [true, false]),
+    ];
+    model
+}
+
+#[test]
+fn surfaces_among_membranes_reflect_as_on_the_cpu() {
+    let Some(_) = device() else { return };
+    for (seed, boundary) in (95..).zip([brownian(false).boundary, Boundary::periodic([-2.0; 3], [2.0; 3])]) {
+        let model = Model { boundary, ..surfaces_among_membranes() };
+        let state = compare(&model, seed, 12);
+        for receiver in [3, 4] {
+            assert!(state.bound.iter().any(|held| held.receiver == receiver), "{receiver}");
+        }
+        let open = Model { membranes: Vec::new(), ..model };
+        assert_ne!(compare(&open, seed, 12).particles, state.particles);
     }
 }
 

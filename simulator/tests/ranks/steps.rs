@@ -4,8 +4,8 @@ use lazygrid::{Algorithm, Config};
 use lazygrid_sim::ranks::{GatherFields, RankSimulation};
 use lazygrid_sim::{
     Arrival, Attractant, AttractantProfile, Boundary, Chemotaxis, Contact, Decay, Flow, FlowField, Membrane,
-    MembraneSurface, Model, Origin, Receiver, ReceiverKind, RunView, Schedule, Simulation, Species, State,
-    Transmitter,
+    MembraneSurface, Model, Origin, Receiver, ReceiverKind, ReceptorType, RunView, Schedule, Simulation,
+    Species, State, Transmitter,
 };
 use proptest::prelude::*;
 
@@ -105,6 +105,17 @@ fn membranes_over_ranks_equal_one_process() {
     let ball = MembraneSurface::Sphere { center: [7.0, 5.0, 5.0], radius: 1.5 };
     let membrane = |surface| Membrane { name: "skin".into(), surface, permeability: 2.0, sees: sees.clone() };
     model.membranes = vec![membrane(surface), membrane(ball)];
+    let receiver = |name: &str, center, kind| Receiver {
+        name: name.into(),
+        center,
+        radius: 0.5,
+        kind,
+        sees: sees.clone(),
+        ..Receiver::default()
+    };
+    let receptors = ReceiverKind::Receptors(vec![ReceptorType::new(20, 40.0, 60.0, [0])]);
+    model.receivers.push(receiver("nucleus", [7.0, 5.0, 5.0], ReceiverKind::Reflecting));
+    model.receivers.push(receiver("receptors", [2.0, 5.0, 5.0], receptors));
     let open = Model { membranes: Vec::new(), ..model.clone() };
     assert!(alone(&model, 4, 10).last() != alone(&open, 4, 10).last());
     compare(&model, 4, 10, &[3]);

@@ -3,11 +3,11 @@
 use std::f64::consts::{LN_2, PI};
 use std::path::Path;
 
-use lazygrid_sim::Model;
 use lazygrid_sim::scenario::Scenario;
+use lazygrid_sim::{Adsorption, Model, Receiver, ReceiverKind};
 
 use crate::Row;
-use crate::setup::{begin, share_error, steps};
+use crate::setup::{BackendRun, begin, share_error, steps};
 
 const N: u32 = 20_000;
 const D: f64 = 1.0;
@@ -23,9 +23,13 @@ fn model(time_step: f64, diffusion: f64, permeability: f64, more: &str) -> Model
     Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
 }
 
-fn inside(model: &Model, count: u32, seed: u64) -> f64 {
+fn run(model: &Model, count: u32, seed: u64) -> BackendRun {
     let mut simulation = begin(model, seed);
     steps(&mut simulation, count);
+    simulation
+}
+
+fn inside(simulation: &BackendRun) -> f64 {
     let particles = &simulation.state().particles;
     let square = |at: usize| particles.position_of(at).map(|x| f64::from(x).powi(2)).into_iter().sum::<f64>();
     (0..particles.len()).filter(|&at| square(at) < R * R).count() as f64 / f64::from(N)
@@ -45,10 +49,36 @@ impl AtMembrane {
     }
 }
 
-/// The Laplace transform of the fraction inside, by the transforms r·c = A·sinh(qr) inside and B·exp(−q(r − R)) outside, next to
-/// those of the source at the distance `from`, with equal fluxes D·c′ = κ·(c₊ − c₋).
-fn transformed(p: f64, from: f64, permeability: f64) -> f64 {
+/// A sphere around the origin that reflects and takes particles, in a membrane.
+#[derive(Clone, Copy, Debug)]
+struct Nucleus {
+    radius: f64,
+    /// In µm/s.
+    rate: f64,
+}
+
+/// The Laplace transforms of the fraction inside and of the one taken.
+struct Fractions {
+    inside: f64,
+    taken: f64,
+}
+
+/// By the transforms r·c = A·f(r) inside and B·exp(−q(r − R)) outside, next to those of the source at the distance `from`, with
+/// equal fluxes D·c′ = κ·(c₊ − c₋). Here f(r) = sinh(qr), or sinh(q(r − a)) + γ·cosh(q(r − a)) around a nucleus of radius a, where
+/// D·c′ = k·c.
+fn transformed(p: f64, from: f64, permeability: f64, nucleus: Option<Nucleus>) -> Fractions {
     let q = (p / D).sqrt();
+    let Nucleus { radius, rate } = nucleus.unwrap_or(Nucleus { radius: 0.0, rate: 0.0 });
+    let gamma = if radius > 0.0 { q / (rate / D + 1.0 / radius) } else { 0.0 };
+    // f and its derivative over q, and an integral of r·f.
+    let function = |r: f64| {
+        let (sinh, cosh) = ((q * (r - radius)).sinh(), (q * (r - radius)).cosh());
+        [sinh + gamma * cosh, cosh + gamma * sinh]
+    };
+    let moment = |r: f64| {
+        let [f, slope] = function(r);
+        r * slope / q - f / (q * q)
+    };
     let [own, other] = match from == 0.0 {
         true => {
             let near = (-q * R).exp() / (4.0 * PI * D);
@@ -59,20 +89,24 @@ fn transformed(p: f64, from: f64, permeability: f64) -> f64 {
             [AtMembrane(0.0, 0.0), AtMembrane(near, q * near)]
         }
     };
-    let (sinh, cosh) = (AtMembrane((q * R).sinh(), q * (q * R).cosh()), (q * R).cosh());
+    let [f, slope] = function(R);
+    let layer = AtMembrane(f, q * slope);
     let out = AtMembrane(1.0, -q);
     // Two linear equations for A and B: the second with B of the first.
-    let ratio = sinh.gradient() / out.gradient();
+    let ratio = layer.gradient() / out.gradient();
     let begun = (own.gradient() - other.gradient()) / out.gradient();
     let jump = other.concentration() - own.concentration() + begun * out.concentration();
     let a = (permeability * jump - D * own.gradient())
-        / (D * sinh.gradient() + permeability * (sinh.concentration() - ratio * out.concentration()));
+        / (D * layer.gradient() + permeability * (layer.concentration() - ratio * out.concentration()));
     let of_source = if from == 0.0 { (1.0 - (1.0 + q * R) * (-q * R).exp()) / p } else { 0.0 };
-    of_source + 4.0 * PI * a * (R * cosh / q - sinh.0 / (q * q))
+    Fractions {
+        inside: of_source + 4.0 * PI * a * (moment(R) - moment(radius)),
+        taken: 4.0 * PI * radius * rate * a * gamma / p,
+    }
 }
 
 /// The inverse transform (H. Stehfest, *Numerical inversion of Laplace transforms*, Communications of the ACM 13 (1970) 47).
-fn fraction(time: f64, from: f64, permeability: f64) -> f64 {
+fn fractions(time: f64, from: f64, permeability: f64, nucleus: Option<Nucleus>) -> Fractions {
     const HALF: u32 = 7;
     let factorial = |n: u32| (1..=n).map(f64::from).product::<f64>();
     let weight = |k: u32| {
@@ -88,9 +122,13 @@ fn fraction(time: f64, from: f64, permeability: f64) -> f64 {
         if (k + HALF).is_multiple_of(2) { sum } else { -sum }
     };
     let rate = LN_2 / time;
-    rate * (1..=2 * HALF)
-        .map(|k| weight(k) * transformed(rate * f64::from(k), from, permeability))
-        .sum::<f64>()
+    let mut all = Fractions { inside: 0.0, taken: 0.0 };
+    for k in 1..=2 * HALF {
+        let Fractions { inside, taken } = transformed(rate * f64::from(k), from, permeability, nucleus);
+        all.inside += rate * weight(k) * inside;
+        all.taken += rate * weight(k) * taken;
+    }
+    all
 }
 
 /// From the center and from outside in free space; the equilibrium with a box; the relaxation of two well-mixed volumes.
@@ -111,7 +149,35 @@ pub(crate) fn spherical_membranes() -> Vec<Row> {
         let source = format!("[[transmitter]]\nname = \"tx\"\ncenter = [0, {from}, 0]");
         let model = model(time / f64::from(count), D, permeability, &source);
         let what = format!("from {from} R, κ = {permeability}, inside, steps of {spread} R");
-        add(what, fraction(time, from, permeability), (inside(&model, count, seed), 0.0));
+        let expected = fractions(time, from, permeability, None).inside;
+        add(what, expected, (inside(&run(&model, count, seed)), 0.0));
+    }
+    // A nucleus that reflects, or takes by a rate; surfaces at least four steps from the membrane.
+    for (seed, rate, spread) in [(13, 0.0, 0.05_f64), (14, 0.0, 0.12), (15, 4.0, 0.05), (16, 4.0, 0.12)] {
+        let (from, permeability, time, nucleus) = (1.5, 5.0, 0.5, Nucleus { radius: 0.5, rate });
+        let count = (2.0 * D * time / (spread * spread)).round() as u32;
+        let source = format!("[[transmitter]]\nname = \"tx\"\ncenter = [0, {from}, 0]");
+        let mut model = model(time / f64::from(count), D, permeability, &source);
+        let kind = match rate {
+            0.0 => ReceiverKind::Reflecting,
+            rate => ReceiverKind::Partial(Adsorption::Reactivity(rate)),
+        };
+        let receiver = Receiver {
+            name: "nucleus".to_owned(),
+            radius: nucleus.radius as f32,
+            kind,
+            ..Receiver::default()
+        };
+        model.receivers.push(Receiver { sees: vec![true], ..receiver });
+        let expected = fractions(time, from, permeability, Some(nucleus));
+        let what = format!("nucleus of the rate {rate}, inside, steps of {spread} R");
+        let simulation = run(&model, count, seed);
+        add(what, expected.inside, (inside(&simulation), 0.0));
+        if rate > 0.0 {
+            let what = format!("nucleus of the rate {rate}, taken, steps of {spread} R");
+            let taken = simulation.state().totals.arrived[0][0];
+            add(what, expected.taken, (taken as f64 / f64::from(N), 0.0));
+        }
     }
     let space = "[boundary]\nkind = \"periodic\"\nlow = [-2, -2, -2]\nhigh = [2, 2, 2]\n[[transmitter]]\nname = \"tx\"\n\
                  center = [0, 0, 0]\nshape = ";
@@ -120,21 +186,25 @@ pub(crate) fn spherical_membranes() -> Vec<Row> {
     let all = full("{ kind = \"box\", size = [4, 4, 4] }");
     for (seed, spread) in [(7, 0.3_f64), (8, 2.0)] {
         let model = model(spread * spread / (2.0 * D), D, 2.0, &all);
-        add(format!("uniform, inside, steps of {spread} R"), share, (inside(&model, 20, seed), 0.0));
+        add(format!("uniform, inside, steps of {spread} R"), share, (inside(&run(&model, 20, seed)), 0.0));
     }
     let ball = full("{ kind = \"ball\", radius = 0.999 }");
     let walls = ball.replace("periodic", "reflecting");
-    add("equilibrium, from inside".to_owned(), share, (inside(&model(0.05, D, 2.0, &walls), 200, 9), 0.0));
+    add(
+        "equilibrium, from inside".to_owned(),
+        share,
+        (inside(&run(&model(0.05, D, 2.0, &walls), 200, 9)), 0.0),
+    );
     // Well mixed up to κR/5D = 0.2 %.
     let (diffusion, permeability) = (20.0, 0.2);
     let rate = permeability * 4.0 * PI * R * R * (1.0 / share + 1.0 / (1.0 - share)) / 64.0;
     for (seed, time) in [(10, 0.5), (11, 1.5)] {
         let model = model(0.002, diffusion, permeability, &ball);
         let expected = share + (1.0 - share) * (-rate * time).exp();
-        let found = inside(&model, (time / 0.002_f64).round() as u32, seed);
+        let found = inside(&run(&model, (time / 0.002_f64).round() as u32, seed));
         add(format!("relaxation, inside after {time} s"), expected, (found, 0.002));
     }
     let closed = model(0.5, D, 0.0, &walls);
-    add("closed, inside".to_owned(), 1.0, (inside(&closed, 50, 12), 0.0));
+    add("closed, inside".to_owned(), 1.0, (inside(&run(&closed, 50, 12)), 0.0));
     rows
 }

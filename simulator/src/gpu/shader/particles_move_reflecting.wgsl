@@ -83,7 +83,7 @@ fn unbind(bound: vec4<f32>, id: u32, kind: SpeciesRow) -> vec4<f32> {
     let above = event.radius + height_after(surface, &draws);
     let away = above + 4e-6 * (abs(center.x) + abs(center.y) + abs(center.z) + above);
     let place = confined(center + away * stays.xyz, kind.radius);
-    if (signed_distance(event.radius, center, place) < 0.0) {
+    if (signed_distance(event.radius, center, place) < 0.0 || is_separated(kind, place, center)) {
         return stays;
     }
     atomicSub(&control.tallies[event.tally], 1u);
@@ -129,7 +129,9 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
     } else if (left_region) {
         atomicOr(&control.halted, TOO_MANY_REQUERIES);
     }
-    var here = Moved(vec4(reflected.after, radius), tag.x, reflected.velocity);
+    // As in surfaces.rs.
+    let stays = turns.exist && is_separated(kind, path.after, reflected.after);
+    var here = Moved(vec4(select(reflected.after, path.before, stays), radius), tag.x, reflected.velocity);
     let reach = max(reach_of(path), max(reflected.length, length(minimum_image(reflected.after - path.before))));
     let near_receivers = receivers_near(kind, path.before, reach + kind.bend + trajectory.max_displacement);
     var first = NOTHING;
@@ -161,6 +163,10 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
         }
     }
     if (first == NOTHING) {
+        if (stays) {
+            let rest = Path(path.before, path.before, path.before, path.velocity, path.before);
+            return absorb_or_decay(here, rest, without_turns(), kind, tag.y);
+        }
         return absorb_or_decay(here, path_to(NOTHING, path, reflected), turns, kind, tag.y);
     }
     let event = event_rows[first];

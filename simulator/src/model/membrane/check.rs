@@ -3,6 +3,9 @@ use crate::model::boundary::Axis;
 use crate::model::receiver::{Receiver, signed_distance};
 use crate::model::{Contact, Flow, Model};
 
+/// Least distance of a membrane from a surface that reflects, in √(2DΔt). One step in 16 000 is longer along an axis.
+const STEPS_APART: f64 = 4.0;
+
 impl Model {
     pub(crate) fn faulty_membrane(&self) -> Option<(usize, String)> {
         (0..self.membranes.len()).find_map(|k| Some((k, self.fault_of_membrane(k)?)))
@@ -55,11 +58,7 @@ impl Model {
                 "holds back {species}, which drifts or swims through it; let it drift along a plane, or exclude it by species"
             ));
         }
-        let receiver = self.receivers.iter().find(|receiver| self.meets(receiver, membrane))?;
-        fault(format!(
-            "meets receiver {}, which moves, reflects or touches it; use a resting absorbing receiver away from it",
-            receiver.name
-        ))
+        self.receivers.iter().find_map(|receiver| self.fault_beside(receiver, membrane)).and_then(fault)
     }
 
     /// Returns the fault of a surface that does not fit the boundary of particles up to a radius.
@@ -94,8 +93,14 @@ impl Model {
         }
     }
 
-    fn meets(&self, receiver: &Receiver, membrane: &Membrane) -> bool {
-        let shares = membrane.sees.iter().zip(&receiver.sees).any(|(a, b)| *a && *b);
+    /// Returns the fault of a receiver that is too near to a membrane of the same species.
+    fn fault_beside(&self, receiver: &Receiver, membrane: &Membrane) -> Option<String> {
+        let sees = |species: &usize| membrane.sees[*species] && receiver.sees[*species];
+        let seen = (0..self.species.len()).filter(sees).map(|species| &self.species[species]);
+        let fastest = seen.max_by(|a, b| a.diffusion.total_cmp(&b.diffusion))?;
+        if !receiver.kind.is_active_sphere() {
+            return None;
+        }
         let away = match membrane.surface {
             MembraneSurface::Plane { axis, position } => {
                 self.boundary.axes[axis].displacement(receiver.center[axis] - position)
@@ -104,8 +109,22 @@ impl Model {
                 signed_distance(radius, center, &self.boundary, receiver.center)
             }
         };
-        shares
-            && receiver.kind.is_active_sphere()
-            && (receiver.moves() || receiver.kind.reflects() || away.abs() <= receiver.radius)
+        let gap = f64::from(away.abs() - receiver.radius);
+        let name = &receiver.name;
+        if receiver.moves() || gap <= 0.0 {
+            return Some(format!(
+                "meets receiver {name}, which moves or touches it; use a resting receiver away from it"
+            ));
+        }
+        let needed = STEPS_APART * (2.0 * fastest.diffusion * self.time_step).sqrt();
+        (receiver.kind.reflects() && gap < needed).then(|| {
+            format!(
+                "is {gap:.3} µm from the surface of receiver {name}, which reflects {}; the distance must be at least {needed:.3} µm, \
+                 {STEPS_APART} times √(2DΔt); move the receiver, or let time-step be {:.2e}",
+                fastest.name,
+                // Rounded to a shorter one.
+                0.995 * (gap / STEPS_APART).powi(2) / (2.0 * fastest.diffusion)
+            )
+        })
     }
 }

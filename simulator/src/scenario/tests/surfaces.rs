@@ -181,17 +181,31 @@ fn membranes_arrive_or_are_refused() {
     assert_eq!(model.membranes, [expected]);
     let replaced = |from, to| MEMBRANE.replace(from, to);
     let absorbing = text(MEMBRANE).replace("\"transparent\"\nspecies = [\"base\"]", "\"absorbing\"");
+    let reflecting = |step: &str| {
+        let away = absorbing.replace("absorbing", "reflecting").replace("position = 0.25", "position = 0.75");
+        away.replace("time-step = 0.001", &format!("time-step = {step}"))
+    };
     for (text, key, message) in [
         (text(&replaced("0.25", "1")), "name", "is at 1 µm, where no plane fits"),
         (text(&replaced("\"y\"", "\"x\"").replace("acid", "base")), "name", "holds back base, which drifts"),
         (text(&(MEMBRANE.to_owned() + MEMBRANE)), "name", "is where skin is for the same species"),
         (text(&replaced("= 3", "= -3")), "permeability", "-3 is not a number from 0"),
         (GOOD.to_owned() + MEMBRANE, "name", "particles that collide"),
-        (absorbing, "name", "meets receiver rx"),
+        (absorbing.clone(), "name", "meets receiver rx"),
+        (
+            reflecting("0.001"),
+            "name",
+            "is 0.250 µm from the surface of receiver rx, which reflects acid; the distance must",
+        ),
     ] {
         let error = parse(&text).expect_err(message).to_string();
         assert!(error.contains(&format!("`{key}`")) && error.contains(message), "{message}: {error}");
     }
+    let error = parse(&reflecting("0.001")).expect_err("a surface near a membrane").to_string();
+    let step = error.split("let time-step be ").nth(1).and_then(|rest| rest.split_whitespace().next());
+    let step: f64 = step.expect("a time step").parse().expect("a number");
+    assert!(parse(&reflecting(&step.to_string())).is_ok(), "{error}");
+    assert!(parse(&reflecting(&(1.02 * step).to_string())).is_err(), "{error}");
 }
 
 #[test]

@@ -56,7 +56,7 @@ fn search_surfaces(kind: SpeciesRow, path: Path, displacement: vec3<f32>, reach:
             continue;
         }
         let receiver = receiver_at(event.receiver, control.step);
-        if (signed_distance(event.radius, receiver.center, path.before) < 0.0) {
+        if (signed_distance(event.radius, receiver.center, path.before) < 0.0 || is_separated(kind, path.after, receiver.center)) {
             continue;
         }
         let offset = minimum_image(path.before - receiver.center);
