@@ -77,8 +77,7 @@ pub struct Species {
     #[serde(default)]
     pub thermal_speed: NotNegative,
     pub speed: Option<Spanned<NotNegative>>,
-    #[serde(default)]
-    pub tumble_rate: NotNegative,
+    pub tumble_rate: Option<Spanned<NotNegative>>,
     pub chemotaxis: Option<Chemotaxis>,
 }
 
@@ -89,8 +88,7 @@ pub struct Reaction {
     pub binding_radius: Option<Spanned<Positive>>,
     pub rate: Option<Spanned<Positive>>,
     pub rate_inside: Option<Spanned<Positive>>,
-    #[serde(default)]
-    pub unbinding_radius: NotNegative,
+    pub unbinding_radius: Option<Spanned<NotNegative>>,
     pub probability: Option<Spanned<Probability>>,
 }
 

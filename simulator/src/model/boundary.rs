@@ -183,6 +183,19 @@ impl Boundary {
         }
     }
 
+    /// Returns `true` if no wall separates a point from the inside. Up to rounding it may lie beyond one.
+    pub(crate) fn is_inside_walls(&self, p: [f32; 3]) -> bool {
+        let is_between = |(axis, x): (Axis, f32)| match axis {
+            Axis::Reflecting { low, high } => {
+                let rounding = 1e-6 * low.abs().max(high.abs());
+                (low - rounding..=high + rounding).contains(&x)
+            }
+            _ => true,
+        };
+        self.axes.into_iter().zip(p).all(is_between)
+            && self.vessel.is_none_or(|vessel| vessel.distance(p) as f32 <= vessel.radius * (1.0 + 1e-6))
+    }
+
     /// Points from `p` to the nearest periodic image of `q`.
     #[inline(always)]
     pub fn displacement(&self, p: [f32; 3], q: [f32; 3]) -> [f32; 3] {

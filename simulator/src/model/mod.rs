@@ -47,13 +47,13 @@ pub struct Model {
     pub logs_arrivals: bool,
 }
 
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Species {
     pub name: String,
     pub radius: f32,
     pub diffusion: f64,
     pub drift: [f64; 3],
-    /// Mass, for elastic contact; only ratios matter.
+    /// Mass, for elastic contact; only ratios matter. Default: 1.
     pub mass: f64,
     /// Standard deviation of each velocity component at release, in µm/s.
     pub thermal_speed: f64,
@@ -62,6 +62,22 @@ pub struct Species {
     /// Rate at which a swimmer takes a random direction, in 1/s.
     pub tumble_rate: f64,
     pub chemotaxis: Option<Chemotaxis>,
+}
+
+impl Default for Species {
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            radius: 0.0,
+            diffusion: 0.0,
+            drift: [0.0; 3],
+            mass: 1.0,
+            thermal_speed: 0.0,
+            speed: 0.0,
+            tumble_rate: 0.0,
+            chemotaxis: None,
+        }
+    }
 }
 
 impl Species {

@@ -1,5 +1,5 @@
 use crate::Error;
-use crate::model::boundary::Axis;
+use crate::model::boundary::{Axis, Boundary};
 use crate::model::message::Symbols;
 use crate::model::probability::ReactionProbabilities;
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, WallFace};
@@ -112,6 +112,26 @@ impl Model {
         ))
     }
 
+    /// Returns the boundary of a receiver's center, or of a point if the receiver does not fit.
+    pub(crate) fn domain_of(&self, receiver: &Receiver) -> Boundary {
+        match self.boundary.too_narrow(receiver.radius) {
+            None => self.boundary.inset(receiver.radius),
+            Some(_) => self.boundary,
+        }
+    }
+
+    /// Returns the fault of a moving sphere that a wall would put elsewhere in its first step.
+    pub(crate) fn overlaps_wall(&self, receiver: &Receiver) -> Option<String> {
+        let is_beyond = !self.domain_of(receiver).is_inside_walls(receiver.center);
+        (receiver.moves() && is_beyond).then(|| {
+            format!(
+                "{} moves, and walls reflect its surface, but it begins at {:?} with the radius {}, which overlaps one; move it \
+                 inside, or let it rest",
+                receiver.name, receiver.center, receiver.radius
+            )
+        })
+    }
+
     /// Returns the fault of a missing wall, or of particles that collide, since a wall sees only the ends of paths.
     pub(crate) fn missing_wall(&self, name: &str, face: WallFace) -> Option<String> {
         if matches!(self.contact, Contact::Separate | Contact::Elastic) {
@@ -168,7 +188,8 @@ impl Model {
         if receiver.reflects_some() {
             positive(&of("the radius"), receiver.radius.into())?;
         }
-        self.resting_before(receiver).map_or(Ok(()), |message| Err(Error::Model(message)))
+        let fault = self.resting_before(receiver).or_else(|| self.overlaps_wall(receiver));
+        fault.map_or(Ok(()), |message| Err(Error::Model(message)))
     }
 
     fn check_receptors(&self, receiver: &Receiver) -> Result<(), Error> {

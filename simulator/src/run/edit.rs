@@ -121,7 +121,8 @@ impl Simulation {
         self.state.remove(ids)
     }
 
-    /// Releases particles from a transmitter, besides its schedule. Returns the ids.
+    /// Releases particles from a transmitter, besides its schedule. Returns the ids, from which the places in a lattice
+    /// follow.
     ///
     /// # Errors
     /// [`Error::Model`] for an unknown transmitter or species; otherwise as [`add`](Self::add).

@@ -247,7 +247,10 @@ impl Run {
         let Checkpoint { scenario, seed, every, state, .. } = checkpoint;
         let refused = |message: String| Err(Error::Checkpoint { path: path.to_owned(), message });
         let own = &self.scenario;
-        if *scenario != own.text {
+        // A section of a sweep, which may have got more values, leaves blank lines.
+        let [theirs, ours] =
+            [scenario, &own.text].map(|text| text.lines().filter(|line| !line.trim().is_empty()));
+        if !theirs.eq(ours) {
             let name = self.path.display();
             let differs = match difference::of_scenarios(scenario, &own.text) {
                 Some(what) => format!(": {what}"),

@@ -151,16 +151,16 @@ const LONG_BESIDE_SURFACE: f64 = 0.5;
 const DRIFT_BESIDE_DIFFUSION: f64 = 0.2;
 
 pub(super) fn long_step_before(receiver: &Receiver, model: &Model) -> Option<String> {
-    let by_rate = matches!(
-        receiver.kind,
-        ReceiverKind::Partial(Adsorption::Reactivity(_)) | ReceiverKind::Receptors(_)
-    );
     if !receiver.kind.reflects() {
         return None;
     }
-    let seen =
-        model.species.iter().enumerate().filter(|&(k, _)| receiver.sees[k]).map(|(_, species)| species);
-    let longest = |species: &Species| {
+    let seen = model.species.iter().enumerate().filter(|&(k, _)| receiver.sees[k]);
+    let longest = |(k, species): (usize, &Species)| {
+        // Others are only reflected.
+        let by_rate = match receiver.kind {
+            ReceiverKind::Partial(Adsorption::Reactivity(_)) => true,
+            _ => receiver.binds(k),
+        };
         let diffusion = species.diffusion + receiver.diffusion;
         let limit = (LONG_BESIDE_SURFACE * f64::from(receiver.radius)).powi(2) / (2.0 * diffusion);
         let speed = speed_past(receiver, species, model);
@@ -168,7 +168,7 @@ pub(super) fn long_step_before(receiver: &Receiver, model: &Model) -> Option<Str
         if by_rate { limit.min(carried) } else { limit }
     };
     let (longest, species) =
-        seen.map(|species| (longest(species), species)).min_by(|a, b| a.0.total_cmp(&b.0))?;
+        seen.map(|(k, species)| (longest((k, species)), species)).min_by(|a, b| a.0.total_cmp(&b.0))?;
     (model.time_step > longest).then(|| {
         format!(
             "a step takes {} {:.3} µm by diffusion and {:.3} µm by drift to or past {}, of radius {} µm: what it turns back is \

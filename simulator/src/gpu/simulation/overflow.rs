@@ -7,12 +7,14 @@ use crate::Error;
 use crate::gpu::device::{refused, with_error_scope};
 use crate::gpu::dispatches::StepDispatches;
 use crate::gpu::layout::ControlHeader;
-use crate::gpu::plan::{MAX_BIRTHS, MAX_LOOP_ITERATIONS, Sizes, grown};
+use crate::gpu::plan::{MAX_BIRTHS, Sizes, grown};
 
 /// Equal to that of `reflection.wgsl`.
 const NEAR: u64 = 16;
 /// Equal to that of `receptors_scan_requests.wgsl`.
 const MAX_REQUESTS: u64 = 1 << 20;
+/// Equal to that of `neighbors_reserve.wgsl`.
+const MAX_NEIGHBORS: u64 = 50_000;
 const MAX_COLLISION_ROUNDS: u64 = 1 << 13;
 
 impl GpuSimulation {
@@ -79,9 +81,9 @@ impl GpuSimulation {
                 }
             }
             ControlHeader::TOO_MANY_NEIGHBORS => {
-                let limit = u64::from(MAX_LOOP_ITERATIONS);
-                let (what, needed) = ("the particles near a collision", limit + 1);
-                let remedy = "shorten the time step, or choose the CPU";
+                let (what, remedy) =
+                    ("the particles near one that collides", "shorten the time step, or choose the CPU");
+                let (needed, limit) = (MAX_NEIGHBORS + 1, MAX_NEIGHBORS);
                 return failed(lazygrid::Error::LimitExceeded { what, needed, limit, remedy });
             }
             ControlHeader::TOO_MANY_SURFACES | ControlHeader::TOO_MANY_REQUESTS => {

@@ -127,13 +127,17 @@ fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {
         mass: one.mass.0.0,
         thermal_speed: one.thermal_speed.0,
         speed: one.speed.as_ref().map_or(0.0, |speed| speed.get_ref().0),
-        tumble_rate: one.tumble_rate.0,
+        tumble_rate: one.tumble_rate.as_ref().map_or(0.0, |rate| rate.get_ref().0),
         chemotaxis: None,
     };
     if let (Some(speed), true) = (&one.speed, species.speed > 0.0 && species.thermal_speed > 0.0) {
         let message =
             "a swimmer has a speed, and a particle of a gas a thermal-speed; take one away".to_owned();
         return Err(Problem::at(speed.span(), message));
+    }
+    if let (Some(rate), true) = (&one.tumble_rate, species.tumble_rate > 0.0 && species.speed == 0.0) {
+        let message = "what tumbles is a swimmer; give it a speed, or take the tumble-rate away".to_owned();
+        return Err(Problem::at(rate.span(), message));
     }
     match (model.misfit(&species), &one.radius) {
         (Some(message), Some(radius)) => Err(Problem::at(radius.span(), message)),
@@ -179,6 +183,10 @@ impl<'a> Names<'a> {
         for ((place, one), from) in (0..).zip(species).zip(file) {
             if COLUMNS.contains(&one.name.as_str()) {
                 let message = format!("'{}' is another column of the series; rename the species", one.name);
+                return Err(Problem::at(from.name.span(), message));
+            }
+            if one.name == "0" {
+                let message = "'0' is no product in an equation; rename the species".to_owned();
                 return Err(Problem::at(from.name.span(), message));
             }
             if places.insert(one.name.as_str(), place).is_some() {

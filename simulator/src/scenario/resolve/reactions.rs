@@ -1,7 +1,5 @@
 //! Reactions and decays.
 
-use std::ops::Range;
-
 use lazygrid_io::excerpt;
 use lazygrid_scenario::{self as file, Positive};
 use toml::Spanned;
@@ -27,6 +25,7 @@ pub(super) fn resolve(
     let (time_step, dimensions) = (space.time_step, space.boundary.dimensions());
     let all = Network { drafts, decays: parsed, time_step, dimensions };
     let resolved = all.drafts.iter().map(|draft| all.reaction(draft)).collect::<Result<Vec<_>, _>>()?;
+    all.drafts.iter().try_for_each(|draft| all.check_reverse(draft, &resolved))?;
     warnings
         .extend(all.drafts.iter().zip(&resolved).flat_map(|(draft, reaction)| all.warnings(draft, reaction)));
     let apart = all.decays.iter().zip(decays).map(|(decay, from)| unbinding(decay, from, &resolved));
@@ -51,6 +50,15 @@ struct Network<'a> {
     decays: Vec<Decay>,
     time_step: f64,
     dimensions: usize,
+}
+
+/// A decay or reaction whose products are the reactants of a reaction.
+struct Reverse<'a> {
+    name: &'a str,
+    /// Distance of its products, in µm.
+    apart: f64,
+    /// Part of the reaction's rate that keeps the equilibrium.
+    kept: f64,
 }
 
 struct Draft<'a> {
@@ -83,7 +91,7 @@ impl<'a> Draft<'a> {
             name: equation_name(&file.equation),
             reactants: [a, b],
             products,
-            unbinding_radius: file.unbinding_radius.0 as f32,
+            unbinding_radius: unbinding_radius(&file.unbinding_radius, products, &file.equation)?,
             ..Reaction::default()
         };
         let sum =
@@ -163,27 +171,46 @@ impl Network<'_> {
         }
         let refused = |error: crate::Error| Problem::at(rate.span(), error.to_string());
         let (total, dt) = (self.total_rate(draft), self.time_step);
-        let undone = self
-            .channels(draft)
-            .find_map(|other| self.decays.iter().find(|decay| undoes(decay, &other.bare)));
-        let Some(decay) = undone else {
+        let Some(Reverse { name, apart, kept }) =
+            self.channels(draft).find_map(|other| self.reverse(&other.bare))
+        else {
             return rate::binding_radius(total, draft.diffusion, dt).map_err(refused);
         };
         if self.channels(draft).count() > 1 {
             let message = format!(
-                "'{}' undoes one of several reactions of the same reactants, whose rates cannot be kept then; give all \
-                 of these binding-radius and rate-inside",
-                decay.name
+                "'{name}' undoes one of several reactions of the same reactants, whose rates cannot be kept then; give all \
+                 of these binding-radius and rate-inside"
             );
             return Err(Problem::at(rate.span(), message));
         }
-        let (Unbinding::Apart(apart) | Unbinding::Within(apart)) = decay.unbinding;
-        // With the rate R of all decays, k(1 − exp(−RΔt))/R dissociate in a step and not kΔt, so as many must
-        // associate.
-        let decays = self.decays.iter().filter(|other| other.reactant == decay.reactant);
-        let lost = decays.map(|other| other.rate).sum::<f64>() * dt;
-        let kept = -libm::expm1(-lost) / lost;
-        rate::reversible_binding_radius(total * kept, apart.into(), draft.diffusion, dt).map_err(refused)
+        rate::reversible_binding_radius(total * kept, apart, draft.diffusion, dt).map_err(refused)
+    }
+
+    /// Returns what undoes a reaction, if anything.
+    fn reverse(&self, reaction: &Reaction) -> Option<Reverse<'_>> {
+        let by_decay = self.decays.iter().find(|decay| undoes(decay, reaction)).map(|decay| {
+            let (Unbinding::Apart(apart) | Unbinding::Within(apart)) = decay.unbinding;
+            // With the rate R of all decays, k(1 − exp(−RΔt))/R dissociate in a step and not kΔt, so as many must
+            // associate.
+            let decays = self.decays.iter().filter(|other| other.reactant == decay.reactant);
+            let lost = decays.map(|other| other.rate).sum::<f64>() * self.time_step;
+            Reverse { name: &decay.name, apart: apart.into(), kept: -libm::expm1(-lost) / lost }
+        });
+        by_decay.or_else(|| {
+            let back = self.drafts.iter().map(|draft| &draft.bare).find(|back| is_reverse(back, reaction))?;
+            Some(Reverse { name: &back.name, apart: back.unbinding_radius.into(), kept: 1.0 })
+        })
+    }
+
+    /// Refuses products that would react back in the next step.
+    fn check_reverse(&self, draft: &Draft<'_>, resolved: &[Reaction]) -> Result<(), Problem> {
+        let meets = |other: &&Reaction| {
+            is_reverse(other, &draft.bare) && matches!(other.chance, ReactionRate::PerStep(_))
+        };
+        match resolved.iter().find(meets).filter(|_| draft.file.unbinding_radius.is_none()) {
+            None => Ok(()),
+            Some(back) => Err(Problem::at(draft.file.equation.span(), at_once(&draft.bare.name, &back.name))),
+        }
     }
 
     fn warnings(&self, draft: &Draft<'_>, reaction: &Reaction) -> Vec<Problem> {
@@ -196,15 +223,30 @@ impl Network<'_> {
             ReactionRate::PerStep(_) => None,
         };
         let file::Reaction { rate, rate_inside, equation, .. } = draft.file;
-        let undone = self.decays.iter().find(|decay| rate.is_some() && undoes(decay, &draft.bare));
-        let slow = undone.and_then(|decay| {
-            let (Unbinding::Apart(apart) | Unbinding::Within(apart)) = decay.unbinding;
-            let numbers = [total, reaction.binding_radius.into(), apart.into()];
+        let undone = rate.as_ref().and_then(|_| self.reverse(&draft.bare));
+        let slow = undone.and_then(|back| {
+            let numbers = [total, reaction.binding_radius.into(), back.apart];
             warnings::slow_relaxation(&reaction.name, numbers, draft.diffusion, self.time_step)
         });
         let span = rate.as_ref().or(rate_inside.as_ref()).map_or(equation.span(), Spanned::span);
         long.into_iter().chain(fast).chain(slow).map(|message| Problem::at(span.clone(), message)).collect()
     }
+}
+
+fn at_once(name: &str, back: &str) -> String {
+    format!(
+        "'{name}' puts both within the binding radius of '{back}', by which they meet again in the next step; give an \
+         unbinding-radius"
+    )
+}
+
+/// Returns `true` if the products of each are the reactants of the other.
+fn is_reverse(a: &Reaction, b: &Reaction) -> bool {
+    let leads = |from: &Reaction, to: &Reaction| {
+        let [c, d] = to.reactants.map(Some);
+        from.products == [c, d] || from.products == [d, c]
+    };
+    leads(a, b) && leads(b, a)
 }
 
 /// Returns each reactant's product: of its own species, else the first free one.
@@ -232,16 +274,7 @@ fn decay(decay: &file::Decay, names: &Names<'_>) -> Result<Decay, Problem> {
         return Err(Problem::at(decay.equation.span(), message));
     };
     let products = [right.first().copied(), right.get(1).copied()];
-    let apart = match &decay.unbinding_radius {
-        None => 0.0,
-        Some(radius) if products[1].is_none() => {
-            return Err(Problem::at(
-                radius.span(),
-                format!("'{text}' has no two products to put apart; remove it"),
-            ));
-        }
-        Some(radius) => radius.get_ref().0 as f32,
-    };
+    let apart = unbinding_radius(&decay.unbinding_radius, products, &decay.equation)?;
     Ok(Decay {
         name: equation_name(&decay.equation),
         reactant,
@@ -249,6 +282,22 @@ fn decay(decay: &file::Decay, names: &Names<'_>) -> Result<Decay, Problem> {
         unbinding: Unbinding::Apart(apart),
         rate: decay.rate.get_ref().0,
     })
+}
+
+/// Returns 0 if none is given; one of fewer than two products is an error.
+fn unbinding_radius(
+    radius: &Option<Spanned<file::NotNegative>>,
+    products: [Option<u32>; 2],
+    equation: &Spanned<String>,
+) -> Result<f32, Problem> {
+    match radius {
+        None => Ok(0.0),
+        Some(radius) if products.contains(&None) => {
+            let text = excerpt(equation.get_ref().as_bytes());
+            Err(Problem::at(radius.span(), format!("'{text}' has no two products to put apart; remove it")))
+        }
+        Some(radius) => Ok(radius.get_ref().0 as f32),
+    }
 }
 
 /// Returns the separation of products: as given, or the ball of the reverse reaction, or none.
@@ -261,13 +310,7 @@ fn unbinding(decay: &Decay, from: &file::Decay, reactions: &[Reaction]) -> Resul
         None => Ok(decay.unbinding),
         Some((reaction, ReactionRate::PerTime(_))) => Ok(Unbinding::Within(reaction.binding_radius)),
         Some((reaction, ReactionRate::PerStep(_))) => {
-            let span: Range<usize> = from.equation.span();
-            let message = format!(
-                "'{}' puts both within the binding radius of '{}', by which they meet again in the next step; give an \
-                 unbinding-radius",
-                decay.name, reaction.name
-            );
-            Err(Problem::at(span, message))
+            Err(Problem::at(from.equation.span(), at_once(&decay.name, &reaction.name)))
         }
     }
 }

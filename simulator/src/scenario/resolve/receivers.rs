@@ -45,8 +45,11 @@ fn at_places(
         return Ok(vec![receiver]);
     };
     let Some(lattice) = one.lattice else {
-        check_place(&model.boundary, center, receiver.center, receiver.radius, warnings)?;
-        return Ok(vec![receiver]);
+        check_place(&model.boundary, center.clone(), receiver.center, receiver.radius, warnings)?;
+        return match model.overlaps_wall(&receiver) {
+            None => Ok(vec![receiver]),
+            Some(message) => Err(Problem::at(center, message)),
+        };
     };
     let places = lattice.places.map(u32::from);
     let shape = Shape::Lattice(lattice.size.map(|edge| edge.0 as f32), places);

@@ -181,6 +181,11 @@ fn contradictory_reactions_are_refused() {
             "whose rates cannot be kept",
         ),
         (decay("C -> A", "rate = 1\nunbinding-radius = 1"), "unbinding-radius", "no two products"),
+        (
+            reaction("A + B -> C", "rate = 1\nunbinding-radius = 1"),
+            "unbinding-radius",
+            "no two products to put apart",
+        ),
         (decay("C -> A + B + D", "rate = 1"), "equation", "at most two products"),
         ("[[source]]\nequation = \"-> A\"\nrate = 1\n".into(), "equation", "needs a [boundary], or a shape"),
         ("[[source]]\nequation = \"B -> A\"\nrate = 1\n".into(), "equation", "as in '-> A'"),

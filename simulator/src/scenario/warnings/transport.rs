@@ -43,6 +43,13 @@ pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Op
     let one = &model.species[species];
     let most = model.largest_rate_factor(species);
     let probability = -libm::expm1(-one.tumble_rate * model.time_step) * most;
+    if most.is_infinite() {
+        return Some(format!(
+            "{} would tumble at more than any rate where it swims down the steepest gradient, and tumbles at most once in a step, so \
+             that its drift is too low there; give it a lower sensitivity or speed",
+            one.name
+        ));
+    }
     (probability > 1.0).then(|| {
         format!(
             "{} tumbles at up to {:.3e} times its tumble-rate where it swims down the steepest gradient, and at most once in a \
