@@ -373,7 +373,7 @@ LAZYGRID_API lazygrid_status lazygrid_stream(lazygrid_detector *detector, const 
 enum {
     LAZYGRID_LIST_HALF = 1, /* each pair once instead of twice: i < j, and one of two opposite images of a sphere */
     LAZYGRID_LIST_OPEN = 2, /* distances below the cutoff only, like ASE; without it touching counts */
-    LAZYGRID_LIST_SELF = 4, /* each sphere of a radius above 0 is its own neighbor at distance 0 */
+    LAZYGRID_LIST_SELF = 4, /* each sphere is its own neighbor at distance 0, unless its cutoff with itself is 0 */
     LAZYGRID_LIST_SHIFTS = 8,
     LAZYGRID_LIST_VECTORS = 16,
     LAZYGRID_LIST_DISTANCES = 32

@@ -118,7 +118,7 @@ impl CSettings {
             return Ok(Space::periodic(self.periodic.map(|length| (length != 0.0).then_some(length)))?);
         }
         if self.periodic != [0.0; 3] {
-            return Err(Failure::argument(
+            return Err(Failure::setting(
                 "settings.periodic and settings.cell_vectors are both set; leave one of them 0, and give the length of a periodic \
                  axis as an edge along it",
             ));
@@ -135,7 +135,7 @@ impl CSettings {
         let distance = self.skin_distance;
         let skin = choice(&SKINS, self.skin, "skin")?(distance);
         if distance != 0.0 && !matches!(skin, Skin::Fixed(_)) {
-            return Err(Failure::argument(format!(
+            return Err(Failure::setting(format!(
                 "settings.skin_distance is {distance}, but the skin is not fixed; set skin to LAZYGRID_SKIN_FIXED, or \
                  the distance to 0"
             )));

@@ -57,6 +57,11 @@ impl Failure {
     pub fn argument(message: impl Into<String>) -> Self {
         Self { status: ARGUMENT, message: message.into() }
     }
+
+    /// Creates the failure of settings that contradict each other.
+    pub fn setting(message: impl Into<String>) -> Self {
+        Self { status: SETTING, message: message.into() }
+    }
 }
 
 impl From<Error> for Failure {

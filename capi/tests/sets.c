@@ -220,7 +220,7 @@ static void skins_are_refused(void) {
     CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_ERROR_SETTING);
     settings.algorithm = LAZYGRID_ALGORITHM_AUTO;
     settings.skin = LAZYGRID_SKIN_OFF;
-    CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_ERROR_ARGUMENT);
+    CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_ERROR_SETTING);
     CHECK(says(lazygrid_last_error(NULL), "settings.skin_distance is 0.5"));
     settings.skin_distance = 0;
     settings.skin = 3;

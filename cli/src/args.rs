@@ -74,11 +74,11 @@ pub(crate) enum Command {
 /// Prints the numbers of spheres and pairs, the chosen backend and algorithm with the reason, and the time of each phase.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Formats:
-  csv      a header with x,y,z and r, radius or diameter in any order, optionally species and id;
-           commas, semicolons or tabs between; lines that begin with # are comments, and may hold the
+  csv      a header with x,y,z and r, radius or diameter in any order, optionally species, id and
+           group (or molecule, mol); commas, semicolons or tabs between; lines that begin with # are comments, and may hold the
            header
   npy      a NumPy array of shape (n, 4), f32 or f64: x, y, z, radius; or a structured one with such
-           fields, optionally species and id
+           fields, optionally species, id and group
   xyz      plain (radii from --radius) or extended, with a radius column; a Lattice is periodic
            where pbc says T, or on all sides without pbc; triclinic boxes too
   lammps   text dumps with x y z (or xu, xs, xsu) and radius or diameter; species by type; periodic
@@ -136,7 +136,7 @@ pub(crate) struct Detect {
     /// Cell size as a multiple of the largest diameter, 0.5 to 16 [default: the engine's]
     #[arg(long, value_name = "RATIO", value_parser = cell_ratio)]
     pub(crate) cell_ratio: Option<f32>,
-    /// Skin of the candidate list kept between frames: off, auto or a distance; it loses no pair
+    /// Skin of the candidate list kept between frames: off, auto or a distance; it loses no pair [default: auto]
     #[arg(long, value_name = "off|auto|DISTANCE", value_parser = skin)]
     pub(crate) skin: Option<Skin>,
     /// Threads of the CPU [default: all]
@@ -235,9 +235,9 @@ pub(crate) enum ArrivalsFormat {
                       and releases.arrow (Arrow IPC files) with --arrivals-format arrow
   occupancy.csv       with arrivals, particles inside transparent receivers or bound to receptors, by release
   animation.html      plays the run, with --animate; animation.frames has its frames
-  report.html         plots (also in plots) and tables, with --report; with a log of arrivals also
-                      impulse-response.csv, and if bits are sent interference.csv, bit-errors.csv and
-                      by-symbol.csv, the counts of each sent symbol
+  report.html         plots (also in plots) and tables, with --report; if bits are sent also by-symbol.csv,
+                      the counts of each sent symbol, and bit-errors.csv; with a log of arrivals also
+                      impulse-response.csv, and if bits are sent interference.csv
   .lock               locked while a run writes to the directory
 With --replicas:
   replicas.csv        the seed of each replica

@@ -112,7 +112,11 @@ impl CliError {
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::Stopped { signal, .. } | Self::StoppedRuns { signal, .. } => 128 + (*signal & 0x7F) as u8,
-            Self::Setting(lazygrid::Error::NotOnBackend { .. } | lazygrid::Error::AdapterOnCpu { .. })
+            Self::Setting(
+                lazygrid::Error::InvalidSetting { .. }
+                | lazygrid::Error::NotOnBackend { .. }
+                | lazygrid::Error::AdapterOnCpu { .. },
+            )
             | Self::OutputIsInput { .. }
             | Self::SweptOption { .. }
             | Self::OutputFormat { .. }

@@ -45,8 +45,9 @@ impl Config {
         self
     }
 
-    /// Selects a GPU by [index or name](AdapterId). Implies [`Backend::Gpu`] and permits a software adapter. Default:
-    /// the best adapter, discrete before integrated.
+    /// Selects a GPU by [index or name](AdapterId). With [`Backend::Auto`] it implies [`Backend::Gpu`], and a
+    /// software adapter is permitted; with [`Backend::Cpu`] it is an error. Default: the best adapter, discrete before
+    /// integrated.
     #[cfg(feature = "gpu")]
     pub fn adapter(mut self, adapter: impl Into<AdapterId>) -> Self {
         self.adapter = Some(adapter.into());

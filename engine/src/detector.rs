@@ -70,7 +70,8 @@ impl Detector {
     ///
     /// # Errors
     /// [`Error::GpuUnavailable`] if a requested GPU cannot be used; [`Error::NotOnBackend`] if the backend lacks the
-    /// algorithm; [`Error::InvalidSetting`]; [`Error::UnknownAdapter`].
+    /// algorithm; [`Error::InvalidSetting`]; [`Error::UnknownAdapter`]; [`Error::AdapterOnCpu`] if an adapter is named for
+    /// the CPU; [`Error::ThreadPool`]; [`Error::LimitExceeded`] for a table of interactions above a limit of the device.
     pub fn new(config: Config) -> Result<Self, Error> {
         let (finder, backend_reason) = finder(config)?;
         log::info!("{backend_reason}");

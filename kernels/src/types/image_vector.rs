@@ -40,6 +40,7 @@ const UP: f64 = f64::from_bits((1023 + 600) << 52);
 
 impl Space {
     /// Returns the vector from a point to the minimum image of another, by the expression of the exact contact test.
+    /// Shifts beyond `i32` are cut to its limits; the vector is right in any case.
     ///
     /// ```
     /// # use lazygrid_kernels::Space;

@@ -51,7 +51,7 @@ pub struct Interactions {
 }
 
 impl Interactions {
-    /// Most species of a table; 4096² entries are 128 MiB.
+    /// Most species of a table; 4096² entries take 256 MiB, and 64 MiB on a device.
     pub const MAX_SPECIES: u32 = 4096;
 
     /// Creates a table for species `0..species` in which every pair has the interaction `all`.

@@ -1,20 +1,21 @@
 use bytemuck::{Pod, Zeroable};
 
-/// An overlapping pair by input indices; always `i < j`.
+/// An overlapping pair by input indices, with `i < j`. Of two sets, `i` is an index in the first and `j` in the second; in
+/// a full neighbor list each pair also has the other order. Either index may be larger there.
 ///
 /// The derived ordering (by `i`, then `j`) is the canonical order of results. The layout is `[u32; 2]`
 /// (`bytemuck::cast_slice`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 #[repr(C)]
 pub struct Pair {
-    /// Smaller index.
+    /// First index.
     pub i: u32,
-    /// Larger index.
+    /// Second index.
     pub j: u32,
 }
 
 impl Pair {
-    /// Creates the pair of two different indices, in either order.
+    /// Creates the pair of two different indices of one set, in either order.
     #[inline]
     pub fn new(a: u32, b: u32) -> Self {
         debug_assert_ne!(a, b, "a sphere does not pair with itself");

@@ -46,7 +46,7 @@ class Detector:
     Arrays in native byte order whose strides are multiples of the item size, such as columns of a larger array, are
     read in place; others are copied. With both types in one set, float32 values are copied to float64.
 
-    A call releases the interpreter's lock, and any number of threads may use one detector at once. The arrays of a
+    A call of 64 spheres or more releases the interpreter's lock, and any number of threads may use one detector at once. The arrays of a
     call must not change before it returns. Ctrl-C ends a long call on the CPU.
 
     Parameters

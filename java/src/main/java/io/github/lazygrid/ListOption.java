@@ -6,7 +6,7 @@ public enum ListOption {
     HALF,
     /** Only distances below the cutoff, as in ASE; otherwise touching counts. */
     OPEN,
-    /** Every sphere of a radius above 0 is also its own neighbor, at distance 0. */
+    /** Every sphere is also its own neighbor, at distance 0, unless its cutoff with itself is 0. */
     SELF,
     /** {@link NeighborList#shifts}. */
     SHIFTS,
