@@ -24,7 +24,7 @@ pub(super) struct Ask {
 pub(super) enum Layout {
     Rows,
     Columns,
-    /// The same numbers in `f64`.
+    /// Equal numbers in `f64`.
     WideRows,
 }
 

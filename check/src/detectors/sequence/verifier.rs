@@ -1,6 +1,6 @@
 use lazygrid::{Error, InputError, Order, Pair, Report, Sphere};
 
-use super::ask::{Answer, Ending, Output};
+use super::ask::{Answer, Ending, Layout, Output};
 use super::{Settings, Step, definition};
 use crate::detectors::fuzz::counts;
 use crate::{Tolerance, difference};
@@ -26,7 +26,7 @@ impl<'a> Verifier<'a> {
         let right = match refusals.is_empty() {
             false => Right::Refused(refusals),
             true => {
-                let mut pairs = definition::pairs(&step.scenario);
+                let mut pairs = definition::pairs(&step.scenario, step.ask.layout == Layout::WideRows);
                 let split = step.ask.split.map(|split| split.min(step.scenario.spheres.len()) as u32);
                 pairs.retain(|pair| is_asked(*pair, split));
                 let range = match (tolerance, split) {
