@@ -5,7 +5,7 @@ mod transport;
 
 pub(super) use self::collisions::many_collisions;
 pub(super) use self::transport::{
-    drift_at_curved_wall, frequent_tumbles, long_step_through, unresolved_flow,
+    drift_at_curved_wall, frequent_tumbles, long_step_through, swept_by_motion, unresolved_flow,
 };
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::probability::undoes;

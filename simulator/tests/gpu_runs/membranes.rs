@@ -139,13 +139,13 @@ fn surfaces_among_membranes() -> Model {
     model.receivers.retain(|receiver| !["ghost", "endpoint"].contains(&receiver.name.as_str()));
     model.receivers[0].radius = 0.5;
     model.receivers[4].radius = 0.25;
-    let (around, beside) = (model.receivers[4].center, model.receivers[5].center);
+    let (around, other) = (model.receivers[4].center, model.receivers[5].center);
     model.species[1].drift = [0.0; 3];
     model.time_step = 0.0005;
     model.membranes = vec![
         plane(2, -0.9, 20.0, [true; 2]),
         sphere(around, 0.45, 50.0, [true; 2]),
-        sphere(beside, 0.6, 5.0, [true, false]),
+        sphere(other, 0.6, 5.0, [true, false]),
     ];
     model
 }

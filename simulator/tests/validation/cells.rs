@@ -63,7 +63,7 @@ struct Fractions {
     taken: f64,
 }
 
-/// By the transforms r·c = A·f(r) inside and B·exp(−q(r − R)) outside, next to those of the source at the distance `from`, with
+/// Solves for the transforms r·c = A·f(r) inside and B·exp(−q(r − R)) outside, next to those of the source at the distance `from`, with
 /// equal fluxes D·c′ = κ·(c₊ − c₋). Here f(r) = sinh(qr), or sinh(q(r − a)) + γ·cosh(q(r − a)) around a nucleus of radius a, where
 /// D·c′ = k·c.
 fn transformed(p: f64, from: f64, permeability: f64, nucleus: Option<Nucleus>) -> Fractions {

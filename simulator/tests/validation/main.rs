@@ -55,7 +55,7 @@ impl Row {
 
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 44] = [
+const ITEMS: [Item; 45] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -100,6 +100,7 @@ const ITEMS: [Item; 44] = [
     ("42-surface-diffusion", surface::surface_diffusion),
     ("43-division", bacteria::division),
     ("44-drift-at-ends", vessel::drift_at_ends),
+    ("46-exchange", networks::exchange),
 ];
 
 fn main() -> ExitCode {

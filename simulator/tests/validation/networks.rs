@@ -84,6 +84,42 @@ pub(crate) fn equilibrium() -> Vec<Row> {
     ]
 }
 
+/// A + B ⇌ C + D and the law of mass action, from n + n of A and B.
+pub(crate) fn exchange() -> Vec<Row> {
+    let (n, ratio, seeds) = (60_u32, 4.0_f64, 12);
+    let text = |time_step: f64, [there, back]: [f64; 2]| {
+        let both = format!(
+            "[[species]]\nname = \"D\"\ndiffusion = 50\n\
+             [[reaction]]\nequation = \"A + B -> C + D\"\nrate = 80\nunbinding-radius = {there}\n\
+             [[reaction]]\nequation = \"C + D -> A + B\"\nrate = 20\nunbinding-radius = {back}\n"
+        );
+        box_of(n, time_step, 50.0, &both)
+    };
+    // With m of C and as many of D: (n over m)²·K^m.
+    let (mut weight, mut sum, mut first) = (1.0, 1.0, 0.0);
+    for m in 1..=n {
+        weight *= (f64::from(n - m + 1) / f64::from(m)).powi(2) * ratio;
+        sum += weight;
+        first += f64::from(m) * weight;
+    }
+    let row = |(time_step, apart): (f64, [f64; 2])| {
+        let model = parse(&text(time_step, apart));
+        let (relax, count) = ((0.2 / time_step) as u32, (0.5 / time_step) as u32);
+        let run = |seed: u64| {
+            let mut simulation = begin(&model, seed);
+            steps(&mut simulation, relax);
+            let one = |_| {
+                steps(&mut simulation, 1);
+                simulation.state().totals.present[2] as f64
+            };
+            (0..count).map(one).sum::<f64>() / f64::from(count)
+        };
+        let (measured, error) = mean(&(0..seeds).into_par_iter().map(run).collect::<Vec<_>>());
+        Row::new(format!("exchanged, apart by {apart:?}"), first / sum, measured, 4.0 * error)
+    };
+    [(1e-4, [0.1, 0.3]), (5e-5, [0.3, 0.15])].into_iter().map(row).collect()
+}
+
 /// E + S ⇌ ES → E + P, well mixed, and the rate equations.
 pub(crate) fn michaelis_menten() -> Vec<Row> {
     let (inside, back, onwards, radius) = (40.0, 1.0, 2.0, 0.05_f64);

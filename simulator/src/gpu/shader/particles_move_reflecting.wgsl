@@ -129,7 +129,7 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
     } else if (left_region) {
         atomicOr(&control.halted, TOO_MANY_REQUERIES);
     }
-    // As in surfaces.rs.
+    // See surfaces.rs.
     let stays = turns.exist && is_separated(kind, path.after, reflected.after);
     var here = Moved(vec4(select(reflected.after, path.before, stays), radius), tag.x, reflected.velocity);
     let reach = max(reach_of(path), max(reflected.length, length(minimum_image(reflected.after - path.before))));

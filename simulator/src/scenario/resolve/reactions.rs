@@ -6,7 +6,7 @@ use toml::Spanned;
 
 use super::{Names, equation_name, number_equal_names};
 use crate::model::probability::undoes;
-use crate::model::{Decay, Model, Reaction, ReactionRate, Unbinding};
+use crate::model::{Decay, Model, Reaction, ReactionRate, Species, Unbinding};
 use crate::reaction::rate;
 use crate::scenario::{Problem, warnings};
 
@@ -66,6 +66,8 @@ struct Draft<'a> {
     bare: Reaction,
     diffusion: f64,
     touch: f64,
+    /// Relative speed apart from diffusion, in µm/s.
+    speed: f64,
 }
 
 impl<'a> Draft<'a> {
@@ -96,7 +98,8 @@ impl<'a> Draft<'a> {
         };
         let sum =
             |of: fn(&crate::Species) -> f64| [a, b].iter().map(|&s| of(&names.species[s as usize])).sum();
-        Ok(Self { file, bare, diffusion: sum(|s| s.diffusion), touch: sum(|s| s.radius.into()) })
+        let speed = relative_speed([a, b].map(|species| &names.species[species as usize]));
+        Ok(Self { file, bare, diffusion: sum(|s| s.diffusion), touch: sum(|s| s.radius.into()), speed })
     }
 
     fn shares_reactants(&self, other: &Draft<'_>) -> bool {
@@ -222,6 +225,8 @@ impl Network<'_> {
             ReactionRate::PerTime(rate) => warnings::fast_reaction(&reaction.name, rate, self.time_step),
             ReactionRate::PerStep(_) => None,
         };
+        let swept =
+            rate.and_then(|rate| warnings::swept_by_motion(&reaction.name, rate, radius, draft.speed));
         let file::Reaction { rate, rate_inside, equation, .. } = draft.file;
         let undone = rate.as_ref().and_then(|_| self.reverse(&draft.bare));
         let slow = undone.and_then(|back| {
@@ -229,8 +234,21 @@ impl Network<'_> {
             warnings::slow_relaxation(&reaction.name, numbers, draft.diffusion, self.time_step)
         });
         let span = rate.as_ref().or(rate_inside.as_ref()).map_or(equation.span(), Spanned::span);
-        long.into_iter().chain(fast).chain(slow).map(|message| Problem::at(span.clone(), message)).collect()
+        long.into_iter()
+            .chain(fast)
+            .chain(slow)
+            .chain(swept)
+            .map(|message| Problem::at(span.clone(), message))
+            .collect()
     }
+}
+
+/// Returns the root mean square of the relative speed apart from diffusion.
+fn relative_speed(both: [&Species; 2]) -> f64 {
+    let [a, b] = both.map(|species| species.drift);
+    let by_drift: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
+    let own = both.map(|species| species.speed.powi(2) + 3.0 * species.thermal_speed.powi(2));
+    (by_drift + own.iter().sum::<f64>()).sqrt()
 }
 
 fn at_once(name: &str, back: &str) -> String {

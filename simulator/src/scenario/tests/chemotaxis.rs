@@ -44,7 +44,11 @@ fn faulty_attractants_are_named_by_line() {
             "attractant = 'bait'",
             "line 15, `chemotaxis`: there is no attractant 'bait'; there are food",
         ),
-        ("speed = 20\n", "", "line 14, `chemotaxis`: species A follows an attractant but does not swim"),
+        (
+            "speed = 20\ntumble-rate = 1\n",
+            "",
+            "line 13, `chemotaxis`: species A follows an attractant but does not swim",
+        ),
         ("half-saturation = 4", "half-saturation = 0", "0 is not a positive number"),
         ("peak = 2", "peak = -2", "-2 is not a number from 0"),
     ] {

@@ -54,6 +54,50 @@ fn dissociation_products_may_react_again() {
     assert_eq!(model.decays[0].unbinding, Unbinding::Apart(0.0));
 }
 
+#[test]
+fn reactions_that_undo_each_other_have_the_ratio_of_their_rates() {
+    let both = |[there, back]: [&str; 2]| {
+        reaction("A + B -> C + D", &format!("rate = 0.5\n{there}"))
+            + &reaction("D + C -> A + B", &format!("rate = 0.125\n{back}"))
+    };
+    let apart = ["unbinding-radius = 0.1", "unbinding-radius = 0.07"];
+    let model = network(&both(apart)).unwrap().model;
+    for (reaction, apart, rate) in
+        [(&model.reactions[0], 0.07_f32, 0.5), (&model.reactions[1], 0.1_f32, 0.125)]
+    {
+        let radius = reaction.binding_radius.into();
+        let is = crate::reaction::rate::reversible_rate_constant(radius, apart.into(), 2.0, 1e-5);
+        assert!((is / rate - 1.0).abs() < 1e-4, "{is}");
+    }
+    for without in [["", apart[1]], [apart[0], ""], ["", ""]] {
+        let error = network(&both(without)).expect_err("they meet again").to_string();
+        assert!(error.contains("`equation`") && error.contains("meet again in the next step"), "{error}");
+    }
+    // Catalysts, and reactions inside a radius, which take their time.
+    let catalyst = reaction("A + B -> A + C", "rate = 0.5") + &reaction("A + C -> A + B", "rate = 0.5");
+    assert!(network(&catalyst).is_err());
+    let inside =
+        reaction("A + B -> C + D", "rate-inside = 9") + &reaction("C + D -> A + B", "rate-inside = 9");
+    assert!(network(&inside).is_ok());
+}
+
+#[test]
+fn rate_of_reactants_that_move_apart_from_diffusion_is_warned_of() {
+    let text = reaction("A + B -> C", "rate = 0.5");
+    let warnings = |speed: f64| {
+        let species = "name = \"A\"\nradius = 0.05";
+        let moving =
+            network(&text).unwrap().text.replace(species, &format!("{species}\ndrift = [{speed}, 0, 0]"));
+        parse(&moving).unwrap().warnings
+    };
+    let radius: f64 = network(&text).unwrap().model.reactions[0].binding_radius.into();
+    // 5 % of the rate.
+    let speed = 0.025 / (std::f64::consts::PI * radius * radius);
+    assert_eq!(warnings(0.99 * speed), [""; 0]);
+    let said = warnings(2.0 * speed);
+    assert!(said.len() == 1 && said[0].contains("sweep up to 0.050 µm³/s"), "{said:?}");
+}
+
 /// A step dissociates k(1 − exp(−RΔt))/R of the complexes, with the rate R of all their decays.
 #[test]
 fn association_keeps_the_equilibrium_of_a_complex_with_other_decays() {
@@ -187,6 +231,8 @@ fn contradictory_reactions_are_refused() {
             "no two products to put apart",
         ),
         (decay("C -> A + B + D", "rate = 1"), "equation", "at most two products"),
+        ("[[species]]\nname = \"0\"\n".into(), "name", "'0' is no product in an equation"),
+        ("[[species]]\nname = \"E\"\ntumble-rate = 1\n".into(), "tumble-rate", "give it a speed"),
         ("[[source]]\nequation = \"-> A\"\nrate = 1\n".into(), "equation", "needs a [boundary], or a shape"),
         ("[[source]]\nequation = \"B -> A\"\nrate = 1\n".into(), "equation", "as in '-> A'"),
         (transmitter(&format!("{a}bits = \"01\"")), "bits", "need a symbol-time"),

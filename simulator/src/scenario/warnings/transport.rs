@@ -61,6 +61,25 @@ pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Op
     })
 }
 
+/// Largest volume per time that reactants sweep by drift and velocities, in parts of their rate.
+const SWEPT: f64 = 0.05;
+
+pub(in crate::scenario) fn swept_by_motion(
+    equation: &str,
+    rate: f64,
+    radius: f64,
+    speed: f64,
+) -> Option<String> {
+    let swept = std::f64::consts::PI * radius.powi(2) * speed;
+    (swept > SWEPT * rate).then(|| {
+        format!(
+            "'{equation}': the rate of {rate} µm³/s is that of diffusion alone, and reactants that move at {speed:.3} µm/s \
+             relative to each other sweep up to {swept:.3} µm³/s with the binding radius of {radius:.3} µm, so that more react; \
+             give binding-radius and rate-inside in place of the rate"
+        )
+    })
+}
+
 /// Largest √(2DΔt) at a spherical membrane, in radii.
 const LONG_AT_SPHERE: f64 = 0.25;
 
