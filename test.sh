@@ -5,6 +5,7 @@
 #
 #     ./test.sh                  all tests; then what the GPU does on SwiftShader too, where that is installed
 #     ./test.sh --quick          what is short, for daily work
+#     ./test.sh --all ARGUMENT…  all tests, with these arguments of cargo, as in `--all --workspace --features lazygrid-cli/arrow`
 #     ./test.sh --swiftshader    only what the GPU does, on SwiftShader (Debian: `apt-get install chromium-common`)
 #     ./test.sh ARGUMENT…        `cargo test` with these, as in `./test.sh --workspace --test suite properties`
 #
@@ -44,6 +45,37 @@ on_swiftshader() {
     cargo test "$@" --test suite -- properties:: interactions:: results:: cell_reuse::
 }
 
+# All tests, in two groups side by side: in each process the tests that use a software driver wait for its one queue, which
+# leaves processors idle. `suite workspace` checks that each test is in a group. The output of the second group comes last.
+long_tests=(suite memory allocation_failure gpu gpu_failure)
+other_tests=(api without_gpu cli figures kernels loops reflection tint translation gpu_runs ranks validation
+    exact settings sequences traffic)
+all_tests() {
+    local code=0 name long=() other=(--lib --bins --examples)
+    for name in "${long_tests[@]}"; do long+=(--test "$name"); done
+    for name in "${other_tests[@]}"; do other+=(--test "$name"); done
+    cargo test "$@" --no-run
+    log=$(mktemp)
+    # In a process group, which `end_beside` can end as a whole.
+    set -m
+    cargo test "$@" "${other[@]}" >"$log" 2>&1 &
+    beside=$!
+    set +m
+    trap end_beside EXIT
+    { cargo test "$@" "${long[@]}" && cargo test "$@" --doc; } || code=$?
+    [ "$code" = 0 ] && { wait "$beside" || code=$?; }
+    end_beside
+    return "$code"
+}
+
+end_beside() {
+    trap - EXIT
+    kill -- "-$beside" 2>/dev/null || true
+    say "the other group of tests:"
+    cat "$log"
+    rm "$log"
+}
+
 command -v cc >/dev/null || install gcc libc6-dev
 if [ "$(uname)" = Linux ] && ! has_vulkan; then
     install mesa-vulkan-drivers libvulkan1 || say "no Vulkan driver: the GPU's tests are skipped"
@@ -52,7 +84,7 @@ fi
 # Always the whole workspace: for fewer packages, dependencies would be built again with fewer features.
 case ${1:-} in
     "")
-        cargo test --workspace
+        all_tests --workspace
         if [ -e $swiftshader ]; then
             on_swiftshader --workspace
         else
@@ -64,6 +96,10 @@ case ${1:-} in
     --quick)
         PROPTEST_CASES=4 cargo test --workspace --lib --bins --test=suite --test=cli --test=loops --test=reflection -- \
             --skip animation:: --skip memory_limits:: --skip page:: --skip simulate:: --skip the_gpu_is_all_right
+        ;;
+    --all)
+        shift
+        all_tests "$@"
         ;;
     --swiftshader)
         shift

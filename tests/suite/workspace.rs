@@ -154,3 +154,24 @@ fn each_dependency_is_listed_in_the_architecture() {
         }
     }
 }
+
+/// `test.sh` runs tests by name, in two groups.
+#[test]
+fn every_test_is_in_a_group_of_the_script() {
+    let script =
+        std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../test.sh")).expect("a script");
+    let group = |name: &str| {
+        let names = script.split(&format!("\n{name}=(")).nth(1).and_then(|rest| rest.split(')').next());
+        names.expect("a list").split_whitespace().map(str::to_owned).collect::<Vec<_>>()
+    };
+    let mut named = [group("long_tests"), group("other_tests")].concat();
+    let metadata = metadata();
+    let packages = metadata["packages"].as_array().expect("packages").iter();
+    let targets = packages.flat_map(|package| package["targets"].as_array().expect("targets"));
+    let is_test = |target: &&serde_json::Value| target["kind"][0] == "test";
+    let mut all: Vec<String> =
+        targets.filter(is_test).map(|target| target["name"].as_str().expect("a name").to_owned()).collect();
+    named.sort();
+    all.sort();
+    assert_eq!(named, all);
+}
