@@ -1,5 +1,6 @@
 //! Time and memory per sphere for growing numbers of spheres, each in a separate process.
 
+use std::collections::BTreeMap;
 use std::error::Error;
 use std::process::Command;
 
@@ -17,6 +18,9 @@ struct Sample {
     /// Peak bytes per sphere besides spheres and result; NaN if the system does not report it.
     bytes: f64,
     estimate: f64,
+    pairs: u64,
+    /// `None` if pairs were only counted.
+    sum: Option<u64>,
 }
 
 #[derive(Clone, Copy)]
@@ -26,12 +30,15 @@ struct Kind {
     output: Output,
 }
 
+/// Numbers of pairs and their sums, by scene and number of spheres.
+type Answers = BTreeMap<(&'static str, usize), (u64, Option<u64>)>;
+
 pub(crate) fn run(args: &Args) -> Result<(), Box<dyn Error>> {
-    let mut rows = vec![];
+    let (mut rows, mut answers) = (vec![], Answers::new());
     for &scene in &args.options.scene {
         for &algorithm in &args.algorithm {
             for &output in &args.output {
-                rows.extend(rows_of(args, Kind { scene, algorithm, output })?);
+                rows.extend(rows_of(args, Kind { scene, algorithm, output }, &mut answers)?);
             }
         }
     }
@@ -54,14 +61,16 @@ pub(crate) fn run(args: &Args) -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn rows_of(args: &Args, kind: Kind) -> Result<Vec<Vec<String>>, Box<dyn Error>> {
+fn rows_of(args: &Args, kind: Kind, answers: &mut Answers) -> Result<Vec<Vec<String>>, Box<dyn Error>> {
     let Kind { scene, algorithm, output } = kind;
     let sizes = args.options.n.iter().copied();
     let sizes: Vec<usize> = sizes.filter(|&n| algorithm != Algorithm::Naive || n <= NAIVE_LIMIT).collect();
     let mut samples = vec![vec![]; sizes.len()];
     for _ in 0..args.options.rounds {
         for (k, &n) in sizes.iter().enumerate() {
-            samples[k].push(spawn(args, kind, n)?);
+            let sample = spawn(args, kind, n)?;
+            check(answers, kind, n, &sample)?;
+            samples[k].push(sample);
         }
     }
     let row = |k: usize| {
@@ -101,14 +110,26 @@ fn spawn(args: &Args, kind: Kind, n: usize) -> Result<Sample, Box<dyn Error>> {
     command.args(["--seed", &options.seed.to_string()]);
     let output = command.output()?;
     let text = String::from_utf8_lossy(&output.stdout);
-    let values: Vec<f64> = text.split_whitespace().map(str::parse).collect::<Result<_, _>>()?;
-    match values[..] {
-        [first, nanos, bytes, estimate] => Ok(Sample { first, nanos, bytes, estimate }),
-        _ => {
-            let reason = String::from_utf8_lossy(&output.stderr);
-            Err(format!("{algorithm} at {n} spheres of {scene}: {}, {reason}", output.status).into())
-        }
+    let words: Vec<&str> = text.split_whitespace().collect();
+    let [first, nanos, bytes, estimate, pairs, sum] = words[..] else {
+        let reason = String::from_utf8_lossy(&output.stderr);
+        return Err(format!("{algorithm} at {n} spheres of {scene}: {}, {reason}", output.status).into());
+    };
+    let [first, nanos, bytes, estimate] = [first.parse()?, nanos.parse()?, bytes.parse()?, estimate.parse()?];
+    Ok(Sample { first, nanos, bytes, estimate, pairs: pairs.parse()?, sum: sum.parse().ok() })
+}
+
+/// Checks that a sample has the answer of earlier ones of the same spheres.
+fn check(answers: &mut Answers, kind: Kind, n: usize, sample: &Sample) -> Result<(), Box<dyn Error>> {
+    let (pairs, sum) = answers.entry((kind.scene.name(), n)).or_insert((sample.pairs, sample.sum));
+    *sum = sum.or(sample.sum);
+    if *pairs != sample.pairs || sample.sum.is_some_and(|found| *sum != Some(found)) {
+        let Kind { scene, algorithm, .. } = kind;
+        let message =
+            format!("{algorithm} finds other pairs of {n} spheres of {scene}: {}, not {pairs}", sample.pairs);
+        return Err(message.into());
     }
+    Ok(())
 }
 
 pub(crate) fn child(args: &Args) -> Result<(), Box<dyn Error>> {
@@ -118,6 +139,8 @@ pub(crate) fn child(args: &Args) -> Result<(), Box<dyn Error>> {
     let sample = memory::sample(&contender, scene, n, options.steps as u32, options.seed)?;
     let detector = Detector::new(config(args, algorithm, output, args.threads))?;
     let estimate = detector.memory_for(n as u64) as f64 / n as f64;
-    println!("{} {} {} {estimate}", sample.first, sample.nanos, sample.bytes.unwrap_or(f64::NAN));
+    let sum = sample.sum.map_or("none".to_owned(), |sum| sum.to_string());
+    let bytes = sample.bytes.unwrap_or(f64::NAN);
+    println!("{} {} {bytes} {estimate} {} {sum}", sample.first, sample.nanos, sample.pairs);
     Ok(())
 }

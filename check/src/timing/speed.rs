@@ -3,6 +3,8 @@ use std::time::Instant;
 use lazygrid::gpu::{self, CallCost, GpuConfig, GpuDevice, GpuSession};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, PhaseTime, Skin, Sphere, Spheres};
 
+use lazygrid_io::available_memory;
+
 use super::bandwidth::median;
 use crate::catch_panic;
 use crate::detectors::text;
@@ -64,11 +66,7 @@ pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipRea
     // Spheres at rest would never rebuild a candidate list.
     let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).skin(Skin::Off);
     let mut detector = Detector::new(config).map_err(|error| SkipReason::Failed(error.to_string()))?;
-    let (needed, free) = (detector.memory_for(spheres.len() as u64), free_memory());
-    if free.is_some_and(|free| needed > free) {
-        let [needed, free] = [needed, free.unwrap_or(0)].map(|bytes| bytes >> 20);
-        return Err(SkipReason::TooLarge(format!("{needed} MiB needed, {free} MiB free")));
-    }
+    check_memory(detector.memory_for(spheres.len() as u64)).map_err(SkipReason::TooLarge)?;
     let speed = catch_panic(|| {
         timed(|| {
             let pairs = detector.count(spheres).map_err(text)?;
@@ -78,11 +76,14 @@ pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipRea
     speed.map_err(SkipReason::Failed)
 }
 
-fn free_memory() -> Option<u64> {
-    let told = std::fs::read_to_string("/proc/meminfo").ok()?;
-    let line = told.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
-    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
-    Some(kibibytes << 10)
+/// Describes the lack of memory, if any.
+pub fn check_memory(needed: u64) -> Result<(), String> {
+    match available_memory().filter(|free| needed > free.bytes) {
+        None => Ok(()),
+        Some(free) => {
+            Err(format!("{} MiB needed, {} MiB free ({})", needed >> 20, free.bytes >> 20, free.limit.name()))
+        }
+    }
 }
 
 fn timed(mut call: impl FnMut() -> Result<(u64, Vec<PhaseTime>), String>) -> Result<Speed, String> {

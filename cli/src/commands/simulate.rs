@@ -66,7 +66,8 @@ fn once(run: Run, args: &Simulate) -> Result<(), CliError> {
     if args.report && end == RunEnd::Finished {
         let mean = report::of_one(&run)?;
         let runs = vec![(run.scenario.seed, run.directory.clone())];
-        report::write(&Done { run: &run, mean: &mean, runs, command: command::of_report(&run, None) })?;
+        let command = command::of_report(args, &run, &run.path, None);
+        report::write(&Done { run: &run, mean: &mean, runs, command })?;
     }
     let printed = print(run.summary(&simulation));
     match end {

@@ -63,6 +63,16 @@ const RESULTS: [&str; 20] = [
 /// Number of the first [`RESULTS`], which `--resume` continues.
 const RESUMABLE: usize = 3;
 const PLOTS: &str = "plots";
+/// [`RESULTS`] that are made of a run's other files.
+const DERIVED: [&str; 7] = [
+    "arrivals.arrow",
+    "releases.arrow",
+    "report.html",
+    "impulse-response.csv",
+    "interference.csv",
+    "bit-errors.csv",
+    "by-symbol.csv",
+];
 
 #[derive(Debug)]
 pub(crate) struct Files {
@@ -240,6 +250,19 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
     Ok(lock)
 }
 
+/// Returns the numbers in names of a directory's entries that begin with `prefix`, ascending.
+pub(crate) fn numbered(directory: &Path, prefix: &str) -> Result<Vec<u32>, Error> {
+    let read = |source| Error::Read { path: directory.to_owned(), source };
+    let mut numbers = Vec::new();
+    for entry in fs::read_dir(directory).map_err(read)? {
+        let name = entry.map_err(read)?.file_name();
+        numbers.extend(name.to_str().and_then(|name| name.strip_prefix(prefix)?.parse::<u32>().ok()));
+    }
+    numbers.sort_unstable();
+    numbers.dedup();
+    Ok(numbers)
+}
+
 /// Removes the files of a run, but not the directories of replicas and points. Begins with the files that `--resume`
 /// continues.
 pub(crate) fn remove_results(directory: &Path) -> Result<(), Error> {
@@ -250,6 +273,12 @@ pub(crate) fn remove_results(directory: &Path) -> Result<(), Error> {
         step.is_some_and(|step| step.len() >= 9 && step.bytes().all(|byte| byte.is_ascii_digit()))
     })?;
     Ok(())
+}
+
+/// Removes what is made of a run's finished files: reports, tables and copies in other formats.
+pub(crate) fn remove_derived(directory: &Path) -> Result<(), Error> {
+    remove_plots(directory)?;
+    DERIVED.into_iter().try_for_each(|name| remove_file(directory.join(name)))
 }
 
 /// Removes the plots that are part of the directory's report, but no files of the user.

@@ -56,6 +56,12 @@ pub enum RunEnd {
     Stopped,
 }
 
+/// Ignores blank lines: the section of a sweep, which may have got more values, leaves them.
+fn is_same_text(a: &str, b: &str) -> bool {
+    let [a, b] = [a, b].map(|text| text.lines().filter(|line| !line.trim().is_empty()));
+    a.eq(b)
+}
+
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReplicaSlot {
     pub(crate) place: u32,
@@ -146,7 +152,7 @@ impl Run {
             if self.scenario.output.checkpoint_every.is_some_and(due) {
                 self.save(&simulation, &mut files)?;
             }
-            if watch(&simulation).is_break() {
+            if watch(&simulation).is_break() && simulation.step_count() < self.scenario.steps {
                 end = RunEnd::Stopped;
             }
         }
@@ -224,6 +230,10 @@ impl Run {
         self.check_disk_space(&simulation, slot)?;
         let files =
             Files::reopen(&self.directory, own.output, (&own.model, own.seed), (&records, done), lock)?;
+        if done < own.steps {
+            // They would be of the shorter run.
+            output::remove_derived(&self.directory)?;
+        }
         Ok((simulation, files))
     }
 
@@ -247,10 +257,7 @@ impl Run {
         let Checkpoint { scenario, seed, every, state, .. } = checkpoint;
         let refused = |message: String| Err(Error::Checkpoint { path: path.to_owned(), message });
         let own = &self.scenario;
-        // A section of a sweep, which may have got more values, leaves blank lines.
-        let [theirs, ours] =
-            [scenario, &own.text].map(|text| text.lines().filter(|line| !line.trim().is_empty()));
-        if !theirs.eq(ours) {
+        if !is_same_text(scenario, &own.text) {
             let name = self.path.display();
             let differs = match difference::of_scenarios(scenario, &own.text) {
                 Some(what) => format!(": {what}"),

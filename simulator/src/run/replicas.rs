@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use crate::output::{self, Lock};
 use crate::random::philox::{Key, Purpose};
 use crate::run::checkpoint::Checkpoint;
-use crate::run::{Run, RunEnd, queue};
+use crate::run::{Run, RunEnd, is_same_text, queue};
 use crate::{AnySimulation, Error};
 
 const SEEDS: &str = "replicas.csv";
@@ -80,15 +80,8 @@ impl Replicas {
     }
 
     fn begun(&self) -> Result<Vec<u32>, Error> {
-        let read = |source| Error::Read { path: self.run.directory.clone(), source };
-        let mut begun = Vec::new();
-        for entry in fs::read_dir(&self.run.directory).map_err(read)? {
-            let name = entry.map_err(read)?.file_name();
-            let number = name.to_str().and_then(|name| name.strip_prefix("replica-")?.parse::<u32>().ok());
-            begun.extend(number.filter(|&replica| replica < self.count.get()));
-        }
-        begun.sort_unstable();
-        begun.dedup();
+        let mut begun = output::numbered(&self.run.directory, "replica-")?;
+        begun.retain(|&replica| replica < self.count.get());
         Ok(begun)
     }
 
@@ -115,9 +108,8 @@ impl Replicas {
                 if self.run.overwrite {
                     output::remove_results(directory)?;
                     // Or replicas of a former run could count as done.
-                    let mut replicas =
-                        (0..).map(|k| self.directory_of(k)).take_while(|replica| replica.exists());
-                    replicas.try_for_each(|replica| output::remove_results(&replica))?;
+                    let mut replicas = output::numbered(directory, "replica-")?.into_iter();
+                    replicas.try_for_each(|replica| output::remove_results(&self.directory_of(replica)))?;
                 }
                 lock
             }
@@ -206,7 +198,7 @@ impl Replicas {
     pub(crate) fn results(&self, ended: &[u32]) -> Result<ReplicaResults, Error> {
         let mut done = Vec::new();
         for replica in self.begun()? {
-            if ended.contains(&replica) || is_done(&self.directory_of(replica), self.run.scenario.steps)? {
+            if ended.contains(&replica) || is_done(&self.replica(replica))? {
                 done.push(replica);
             }
         }
@@ -215,16 +207,18 @@ impl Replicas {
     }
 }
 
-fn is_done(directory: &Path, steps: u32) -> Result<bool, Error> {
-    let path = directory.join("checkpoint");
+/// A replica of another scenario or seed is not.
+fn is_done(replica: &Run) -> Result<bool, Error> {
+    let path = replica.directory.join("checkpoint");
     if !path.exists() {
         return Ok(false);
     }
-    let checkpoint = Checkpoint::read(&path)?;
-    if checkpoint.state.step < steps {
+    let Checkpoint { scenario, seed, state, files, .. } = Checkpoint::read(&path)?;
+    let own = &replica.scenario;
+    if state.step < own.steps || seed != own.seed || !is_same_text(&scenario, &own.text) {
         return Ok(false);
     }
-    output::check(directory, &checkpoint.files)?;
+    output::check(&replica.directory, &files)?;
     Ok(true)
 }
 

@@ -70,6 +70,10 @@ impl SweepRuns {
                 return Ok(None);
             }
             let (path, text) = (point.run.directory.join("scenario.toml"), &point.run.scenario.text);
+            // A resumed point keeps its scenario: the one given may be refused.
+            if point.run.resume && path.exists() {
+                continue;
+            }
             output::write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
         }
         queue::run_all(&self.points, &watch).map(Some).map_err(named)
@@ -94,9 +98,9 @@ impl SweepRuns {
         }
         if self.overwrites() {
             output::remove_results(&self.directory)?;
-            let mut points =
-                (0..).map(|k| directory_of(&self.directory, k)).take_while(|point| point.exists());
-            points.try_for_each(|point| output::remove_results(&point))?;
+            for point in output::numbered(&self.directory, "point-")? {
+                output::remove_results(&directory_of(&self.directory, point as usize))?;
+            }
         }
         output::write_atomically(&self.directory.join(POINTS), |out| out.write_all(self.table().as_bytes()))
     }

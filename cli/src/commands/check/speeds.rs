@@ -135,6 +135,12 @@ impl<'a> Race<'a> {
             return self.work.tell(|| report.left_out(called, &why));
         }
         if spheres.is_empty() {
+            // The scene draws all radii first.
+            let needed = n * (size_of::<Sphere>() + size_of::<f32>());
+            if let Err(why) = speed::check_memory(needed as u64) {
+                runner.is_out = true;
+                return self.work.tell(|| report.left_out(called, &why));
+            }
             *spheres = scene.spheres(n, 0);
         }
         let start = Instant::now();

@@ -123,12 +123,12 @@ class SceneTab {
   }
 
   planTable() {
-    const { plan, count } = this.stage.set, { cost } = plan;
+    const { plan } = this.stage.set, { cost } = plan;
     const bytes = (number) => short(number).replace(/( [kMG])?$/, (unit) => `${unit || " "}B`);
     const rows = [
       ["algorithm", TITLES[plan.algorithm]], ["dispatches", cost.dispatches],
       ["memory to work in", bytes(cost.working_bytes)], ["memory for pairs", bytes(cost.pair_bytes)],
-      ["traffic per sphere", cost.traffic_bytes === null ? "varies" : bytes(Math.round(cost.traffic_bytes / count))],
+      ["traffic per sphere", cost.traffic_bytes === null ? "varies" : bytes(Math.round(cost.traffic_bytes / plan.spheres))],
     ];
     element("plan").replaceChildren();
     for (const [name, value] of rows) {
@@ -214,7 +214,9 @@ class ReportTab {
 
   async run() {
     this.show();
-    element("run").disabled = true;
+    // Error scopes and timings are those of the device, so that nothing else may run.
+    const locked = [element("run"), ...document.querySelectorAll("nav button")];
+    locked.forEach((button) => { button.disabled = true; });
     element("progress").hidden = false;
     await this.page.left;
     element("progress").removeAttribute("value");
@@ -224,7 +226,7 @@ class ReportTab {
     } catch (error) {
       report = failed((await this.page.player.isLost()) ? this.page.player.lost : error.message);
     }
-    element("run").disabled = false;
+    locked.forEach((button) => { button.disabled = false; });
     element("progress").hidden = true;
     element("status").textContent = report.ok ? `all right, ${report.seconds.toFixed(0)} s` : `${report.wrong} wrong`;
     element("status").className = report.ok ? "pass" : "fail";

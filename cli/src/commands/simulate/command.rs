@@ -10,26 +10,24 @@ use lazygrid_sim::run::run_args::RunArgs;
 
 use crate::args::{ArrivalsFormat, Simulate};
 
-/// Returns the command that makes the report of a finished run, or of `replicas`, again.
-pub(crate) fn of_report(run: &Run, replicas: Option<NonZeroU32>) -> String {
-    let mut command = Words::simulate(&run.path, &run.directory);
-    command.value("--seed", Some(run.scenario.seed));
-    command.value("--steps", Some(run.scenario.steps));
+/// Returns the command that makes the report of a finished run, or of `replicas`, again. `scenario` is its file.
+pub(crate) fn of_report(args: &Simulate, run: &Run, scenario: &Path, replicas: Option<NonZeroU32>) -> String {
+    let mut options = args.options.clone();
+    (options.seed, options.steps) = (Some(run.scenario.seed), Some(run.scenario.steps));
+    let mut command = Words::simulate(scenario, &run.directory);
+    command.overrides(args, &options);
     command.flag("--report", true);
     command.value("--replicas", replicas);
+    command.flag("--resume", true);
     shell_command(&command.0)
 }
 
 /// Returns the command with these options that goes on after a stop, and resumes if a run `is_begun`.
 pub(crate) fn goes_on(args: &Simulate, directory: &Path, is_begun: bool) -> String {
-    let Simulate { ref options, arrivals_format, replicas, ref sweep, report, backend, algorithm, threads } =
-        *args;
+    let Simulate { ref options, replicas, ref sweep, report, .. } = *args;
     let mut command = Words::simulate(&options.scenario, directory);
-    command.options(options);
-    command.value("--arrivals-format", (arrivals_format == ArrivalsFormat::Arrow).then_some("arrow"));
-    command.value("--backend", Some(backend).filter(|&backend| backend != Backend::Cpu));
-    command.value("--algorithm", Some(algorithm).filter(|&algorithm| algorithm != Algorithm::default()));
-    command.value("--threads", threads);
+    command.overrides(args, options);
+    command.value("--threads", args.threads);
     command.flag("--report", report);
     sweep.iter().for_each(|sweep| command.value("--sweep", Some(sweep)));
     command.value("--replicas", replicas);
@@ -44,6 +42,15 @@ impl Words {
     fn simulate(scenario: &Path, directory: &Path) -> Self {
         let [scenario, directory] = [scenario, directory].map(|path| path.display().to_string());
         Self(vec!["lazygrid".into(), "simulate".into(), scenario, "--output".into(), directory])
+    }
+
+    /// Adds what changes the results of a run.
+    fn overrides(&mut self, args: &Simulate, options: &RunArgs) {
+        let Simulate { arrivals_format, backend, algorithm, .. } = *args;
+        self.options(options);
+        self.value("--arrivals-format", (arrivals_format == ArrivalsFormat::Arrow).then_some("arrow"));
+        self.value("--backend", Some(backend).filter(|&backend| backend != Backend::Cpu));
+        self.value("--algorithm", Some(algorithm).filter(|&algorithm| algorithm != Algorithm::default()));
     }
 
     /// Adds overrides of the scenario, except the output.

@@ -1,5 +1,6 @@
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::sync::Mutex;
 
 use indicatif::ProgressBar;
@@ -37,7 +38,7 @@ pub(crate) fn run(replicas: &Replicas, args: &Simulate) -> Result<(), CliError> 
         animation::write(&replicas.replica(0))?;
     }
     if args.report && !replicated.done.is_empty() {
-        report::write(&done(replicas, &replicated, &mean))?;
+        report::write(&done(args, (replicas, &replicas.run.path), &replicated, &mean))?;
     }
     let printed = print(summary(replicas, &replicated, &mean));
     match replicated.end {
@@ -46,10 +47,16 @@ pub(crate) fn run(replicas: &Replicas, args: &Simulate) -> Result<(), CliError> 
     }
 }
 
-pub(crate) fn done<'a>(replicas: &'a Replicas, results: &ReplicaResults, mean: &'a MeanSeries) -> Done<'a> {
+/// `scenario` is the file of the replicas.
+pub(crate) fn done<'a>(
+    args: &Simulate,
+    (replicas, scenario): (&'a Replicas, &Path),
+    results: &ReplicaResults,
+    mean: &'a MeanSeries,
+) -> Done<'a> {
     let run = &replicas.run;
     let of = |&replica: &u32| (seed_of(run.scenario.seed, replica), replicas.directory_of(replica));
-    let command = command::of_report(run, Some(replicas.count));
+    let command = command::of_report(args, run, scenario, Some(replicas.count));
     Done { run, mean, runs: results.done.iter().map(of).collect(), command }
 }
 

@@ -38,7 +38,8 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
         if point.directory_of(0).exists() {
             animation::write(&point.replica(0))?;
         }
-        let all = done(point, results, &mean);
+        let scenario = point.run.directory.join("scenario.toml");
+        let all = done(args, (point, &scenario), results, &mean);
         let channels = match args.report && !all.runs.is_empty() {
             true => report::write(&all)?,
             false => report::channels(&all)?,

@@ -77,11 +77,12 @@ impl FileSplit {
         }
         let path = &args.file;
         let cannot = |error| format!("{}: cannot read: {error}", path.display());
-        let mut head = Vec::new();
-        File::open(path).and_then(|file| file.take(4096).read_to_end(&mut head)).map_err(cannot)?;
+        // Bytes of a pipe that one rank reads are lost to others.
         if !path.metadata().map_err(cannot)?.is_file() {
             return Ok(Self::Whole);
         }
+        let mut head = Vec::new();
+        File::open(path).and_then(|file| file.take(4096).read_to_end(&mut head)).map_err(cannot)?;
         let known =
             args.format.or_else(|| Format::from_extension(path)).or_else(|| Format::from_content(&head));
         // Compressed files are read from the start.

@@ -10,6 +10,7 @@ use lazygrid_io::read::{Format, Frame, Frames, Options};
 use super::share::share;
 
 const LONGEST: u64 = 1 << 16;
+const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
 #[derive(Debug)]
 pub(crate) struct TextRows {
@@ -93,8 +94,8 @@ fn newlines(bytes: &[u8]) -> u64 {
 
 /// `None` if comments and header do not end.
 fn head(start: &[u8]) -> Option<usize> {
-    let mut length = 0;
-    for line in start.split_inclusive(|&byte| byte == b'\n') {
+    let mut length = if start.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
+    for line in start[length..].split_inclusive(|&byte| byte == b'\n') {
         let text = line.trim_ascii();
         if !line.ends_with(b"\n") {
             return None;
@@ -132,6 +133,7 @@ mod tests {
         assert_eq!(head("x,y,z,r\n1,2,3,4\n"), Some(8));
         assert_eq!(head("# a\n\nx;y;z;radius\n1;2;3;4\n"), Some(18));
         assert_eq!(head("# x y\n# x,y,z,r\n1,2,3,4\n"), Some(16));
+        assert_eq!(head("\u{feff}x,y,z,r\n1,2,3,4\n"), Some(11));
         assert_eq!((head("# x,y,z,r\n"), head(""), head("x,y,z,r")), (None, None, None));
     }
 
