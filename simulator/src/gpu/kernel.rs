@@ -168,6 +168,7 @@ const SHARED: &[(&str, &str)] = &[
     ("params", include_str!("shader/shared/params.wgsl")),
     ("particles_move", include_str!("shader/shared/particles_move.wgsl")),
     ("path", include_str!("shader/shared/path.wgsl")),
+    ("hit", include_str!("shader/shared/hit.wgsl")),
     ("path_hit", include_str!("shader/shared/path_hit.wgsl")),
     ("philox", include_str!("shader/shared/philox.wgsl")),
     ("push", include_str!("shader/shared/push.wgsl")),

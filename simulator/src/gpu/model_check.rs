@@ -11,8 +11,8 @@ use crate::{Axis, Error, Receiver};
 
 /// At a mean of 16, `MAX_DECAYS` of `decay.wgsl` is exceeded with a probability of 10⁻¹⁷.
 const MAX_DECAY_RATE: f64 = 16.0;
-/// Most receivers that an arriving particle can name, as in `decay.wgsl`.
-const MAX_LOGGED_RECEIVERS: usize = (1 << 17) - 2;
+/// Most pairs of a receiver and a species that an arriving particle can name, as in `decay.wgsl`.
+const MAX_LOGGED_PAIRS: usize = (1 << 23) - 2;
 
 pub(super) fn chained_decays(model: &Model) -> impl Iterator<Item = (&Decay, &Decay)> {
     let after = |first: &Decay| {
@@ -35,9 +35,12 @@ pub(super) fn check(model: &Model) -> Result<(), Error> {
             ));
         }
     }
-    if model.logs_arrivals && model.receivers.len() > MAX_LOGGED_RECEIVERS {
-        let count = model.receivers.len();
-        return rejected(format!("arrivals at {count} receivers; it logs those at {MAX_LOGGED_RECEIVERS}"));
+    let pairs = model.receivers.len() * model.species.len();
+    if model.logs_arrivals && pairs > MAX_LOGGED_PAIRS {
+        return rejected(format!(
+            "a log of arrivals for {pairs} pairs of a receiver and a species, beyond {MAX_LOGGED_PAIRS}; set arrivals \
+             to false, or use fewer receivers"
+        ));
     }
     check_receivers(model)?;
     let steps = Propagator::new(model).steps;

@@ -141,14 +141,22 @@ impl DrawContext {
         let word = || key.draw_part([id, place], part, step, Purpose::Receiver)[0];
         let probability = if b <= 0.0 || a < 0.0 { 1.0 } else { hit_probability(radius, heights, diffusion) };
         let hit = probability >= 1.0 || probability > 0.0 && open_unit(word()) < probability;
-        let spread = (2.0 * diffusion).sqrt();
-        hit.then_some(Hit { begin: 0.0, part: 1.0, heights: heights.map(|height| height / spread) })
+        hit.then(|| Hit::between(heights, diffusion))
     }
 }
 
 impl Hit {
-    fn at(time: f32) -> Self {
+    pub(crate) fn at(time: f32) -> Self {
         Self { begin: time, part: 0.0, heights: [0.0; 2] }
+    }
+
+    /// Creates the hit of a whole path between two heights in µm, of which the first is positive. `diffusion` is DΔt.
+    pub(crate) fn between([a, b]: [f32; 2], diffusion: f32) -> Self {
+        if diffusion == 0.0 {
+            return Self::at((a / (a - b)).min(1.0));
+        }
+        let spread = (2.0 * diffusion).sqrt();
+        Self { begin: 0.0, part: 1.0, heights: [a, b].map(|height| height / spread) }
     }
 
     /// In steps, for the receiver `place`.

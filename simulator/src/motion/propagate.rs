@@ -14,12 +14,12 @@ use crate::motion::receiver_search::{ReceiverSearch, StepBounds};
 use crate::motion::receiver_state::ReceiverState;
 use crate::motion::species_step::{FreePaths, SpeciesStep};
 use crate::motion::step_normals::{BLOCK, draw};
-use crate::motion::surface_events::ParticleMove;
+use crate::motion::surface_events::{Capture, ParticleMove};
 use crate::motion::surfaces::{SpeciesSurfaces, Surfaces};
 use crate::motion::tumble::TumbleStep;
 use crate::motion::vessel_flow::{StepDrift, StepTime};
 use crate::random::philox::Key;
-use crate::reaction::decay::Decays;
+use crate::reaction::decay::{CaptureOrder, ChainedDecay, Decays};
 
 pub use crate::motion::surface_events::Event;
 
@@ -193,18 +193,40 @@ impl Propagator {
         receivers: impl Iterator<Item = &'a ReceiverState>,
         events: &mut Vec<Event>,
     ) {
-        match self.surfaces_of(moved.species).resolve(moved, receivers) {
-            Some(event) => events.push(event),
-            None => self.decay(moved, events),
-        }
+        let capture = self.surfaces_of(moved.species).resolve(moved, receivers);
+        self.capture_or_decay(moved, capture, events);
     }
 
     #[inline(always)]
     fn absorb_or_decay(&self, moved: &ParticleMove, events: &mut Vec<Event>) {
-        match self.surfaces_of(moved.species).absorb(moved) {
-            Some(event) => events.push(event),
+        let capture = self.surfaces_of(moved.species).absorb(moved);
+        self.capture_or_decay(moved, capture, events);
+    }
+
+    #[inline(always)]
+    fn capture_or_decay(&self, moved: &ParticleMove, capture: Option<Capture>, events: &mut Vec<Event>) {
+        match capture {
+            Some(capture) if self.decays.has(moved.species) => self.decay_to(moved, capture, events),
+            Some(capture) => events.push(capture.event),
             None => self.decay(moved, events),
         }
+    }
+
+    /// Adds the decays before a capture and the capture, or all decays if it does not apply to the last product.
+    #[cold]
+    #[inline(never)]
+    fn decay_to(&self, moved: &ParticleMove, capture: Capture, events: &mut Vec<Event>) {
+        let ParticleMove { at, species: first, who, .. } = *moved;
+        let DrawContext { key, id, step } = who;
+        let captures = |species| self.surfaces.captures(&capture.event, species);
+        let mut order = CaptureOrder::new(first, (capture.time(who), self.decays.time_step));
+        self.decays.for_each_decay(first, (key, id, step), |decay| {
+            if order.decays(&decay, captures) {
+                let ChainedDecay { decay, product, .. } = decay;
+                events.push(Event::Decayed { at, decay, product });
+            }
+        });
+        events.extend(order.captured(captures).map(|_| capture.event));
     }
 
     #[inline(always)]
@@ -213,7 +235,7 @@ impl Propagator {
             return;
         }
         let ParticleMove { at, species, who: DrawContext { key, id, step }, .. } = *moved;
-        self.decays.for_each_decay(species, (key, id, step), |decay, product| {
+        self.decays.for_each_decay(species, (key, id, step), |ChainedDecay { decay, product, .. }| {
             events.push(Event::Decayed { at, decay, product });
         });
     }

@@ -30,8 +30,22 @@ pub enum Event {
     },
 }
 
+/// The event at a hit, if the particle does not decay before it.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Capture {
+    pub(crate) hit: Hit,
+    pub(crate) event: Event,
+}
+
+impl Capture {
+    /// Returns the time of the hit, in steps.
+    pub(crate) fn time(&self, who: DrawContext) -> f32 {
+        self.hit.time(who, self.event.receiver())
+    }
+}
+
 impl Event {
-    fn receiver(&self) -> u32 {
+    pub(crate) fn receiver(&self) -> u32 {
         match *self {
             Self::Arrived { receiver, .. } | Self::Bound { receiver, .. } => receiver,
             Self::Decayed { .. } => u32::MAX,
@@ -74,14 +88,14 @@ impl ParticleMove {
 }
 
 impl ActiveReceivers {
-    /// Returns the event at the first receiver that keeps the particle. Reflecting receivers change the path.
+    /// Returns the capture at the first receiver that keeps the particle. Reflecting receivers change the path.
     #[inline]
     pub(crate) fn resolve<'a>(
         &self,
         moved: &mut ParticleMove,
         (domain, time_step, walls): (&Boundary, f32, &[AbsorbingWall]),
         receivers: impl Iterator<Item = &'a ReceiverState>,
-    ) -> Option<Event> {
+    ) -> Option<Capture> {
         let ParticleMove { at, species, who, path, .. } = *moved;
         let seen = receivers.filter(|body| body.receiver.sees[species as usize]);
         if self.any_reflect() {
@@ -90,28 +104,23 @@ impl ActiveReceivers {
         let mut first = FirstHit::default();
         for body in seen {
             if let Some(hit) = hits(body, domain, &path, who) {
-                first.update(hit, who, Event::Arrived { at, receiver: body.place });
+                first.update(who, Capture { hit, event: Event::Arrived { at, receiver: body.place } });
             }
         }
-        first.event()
+        first.0
     }
 }
 
 #[derive(Default)]
-struct FirstHit(Option<(Hit, Event)>);
+struct FirstHit(Option<Capture>);
 
 impl FirstHit {
     /// Keeps the earliest hit. Hitting times are drawn only for several hits.
-    fn update(&mut self, hit: Hit, who: DrawContext, event: Event) {
-        let time = |hit: &Hit, event: &Event| hit.time(who, event.receiver());
+    fn update(&mut self, who: DrawContext, capture: Capture) {
         match &self.0 {
-            Some((other, earlier)) if time(other, earlier) <= time(&hit, &event) => {}
-            _ => self.0 = Some((hit, event)),
+            Some(earlier) if earlier.time(who) <= capture.time(who) => {}
+            _ => self.0 = Some(capture),
         }
-    }
-
-    fn event(self) -> Option<Event> {
-        self.0.map(|(_, event)| event)
     }
 }
 
@@ -119,7 +128,7 @@ fn reflect_or_keep<'a>(
     moved: &mut ParticleMove,
     (domain, time_step, walls): (&Boundary, f32, &[AbsorbingWall]),
     seen: impl Iterator<Item = &'a ReceiverState>,
-) -> Option<Event> {
+) -> Option<Capture> {
     let ParticleMove { at, species, who, path, free_end, .. } = *moved;
     let is_outside =
         |body: &ReceiverState| signed_distance(body.receiver.radius, body.center, domain, path.before) >= 0.0;
@@ -147,10 +156,10 @@ fn reflect_or_keep<'a>(
             false => Some(Event::Arrived { at, receiver: body.place }),
         };
         if let Some(event) = event {
-            first.update(hit, who, event);
+            first.update(who, Capture { hit, event });
         }
     }
-    first.event()
+    first.0
 }
 
 fn adsorb(

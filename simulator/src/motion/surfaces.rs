@@ -5,7 +5,7 @@ use crate::model::membrane::{Membrane, MembraneStep, StepEnds};
 use crate::motion::path_hit::DrawContext;
 use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
 use crate::motion::species_step::SpeciesStep;
-use crate::motion::surface_events::{Event, ParticleMove};
+use crate::motion::surface_events::{Capture, Event, ParticleMove};
 use crate::motion::wall::AbsorbingWall;
 
 #[derive(Clone, Debug)]
@@ -13,6 +13,8 @@ pub(crate) struct Surfaces {
     pub(crate) bodies: ActiveReceivers,
     walls: Vec<AbsorbingWall>,
     membranes: Vec<Membrane>,
+    /// Flags by receiver of the model and species.
+    sees: Vec<Vec<bool>>,
 }
 
 /// The surfaces on the paths of a species.
@@ -30,6 +32,7 @@ impl Surfaces {
             bodies: ActiveReceivers::new(model),
             walls: AbsorbingWall::all(model),
             membranes: model.membranes.clone(),
+            sees: model.receivers.iter().map(|receiver| receiver.sees.clone()).collect(),
         }
     }
 
@@ -39,6 +42,15 @@ impl Surfaces {
 
     pub(crate) fn has_membranes(&self) -> bool {
         !self.membranes.is_empty()
+    }
+
+    /// Returns `true` if an event applies to a species. Receptors bind no product of a decay in the same step, because
+    /// the request depends on the species.
+    pub(crate) fn captures(&self, event: &Event, (species, is_product): (u32, bool)) -> bool {
+        match *event {
+            Event::Arrived { receiver, .. } => self.sees[receiver as usize][species as usize],
+            _ => !is_product,
+        }
     }
 }
 
@@ -53,39 +65,41 @@ impl SpeciesSurfaces<'_> {
         (path.end, *free_end, path.after) = (ends.end, ends.free, ends.after);
     }
 
-    /// Returns the event at the receiver or wall that keeps the particle.
+    /// Returns the capture at a receiver or wall, if the particle does not decay before.
     #[inline]
     pub(crate) fn resolve<'b>(
         &self,
         moved: &mut ParticleMove,
         receivers: impl Iterator<Item = &'b ReceiverState>,
-    ) -> Option<Event> {
+    ) -> Option<Capture> {
         let Self { surfaces: Surfaces { bodies, walls, .. }, step, duration } = self;
         let (species, after) = (moved.species, moved.path.after);
         let near_side = receivers.filter(|body| !self.separates(species, [after, body.center]));
-        let event = bodies.resolve(moved, (&step.domain, *duration, walls), near_side);
+        let capture = bodies.resolve(moved, (&step.domain, *duration, walls), near_side);
         // So far from membranes, receivers reflect one step in 16 000 or fewer across one.
         if moved.turns.is_some() && self.separates(species, [after, moved.path.after]) {
             moved.stay();
         }
-        event.or_else(|| self.absorb(moved))
+        capture.or_else(|| self.absorb(moved))
     }
 
-    /// Returns the event at an absorbing wall.
+    /// Returns the capture at an absorbing wall.
     #[inline(always)]
-    pub(crate) fn absorb(&self, moved: &ParticleMove) -> Option<Event> {
+    pub(crate) fn absorb(&self, moved: &ParticleMove) -> Option<Capture> {
         if self.surfaces.walls.is_empty() { None } else { self.absorb_at_walls(moved) }
     }
 
     #[inline(never)]
-    fn absorb_at_walls(&self, moved: &ParticleMove) -> Option<Event> {
+    fn absorb_at_walls(&self, moved: &ParticleMove) -> Option<Capture> {
         let ParticleMove { at, species, path, .. } = *moved;
         let domain = &self.step.domain;
         let seen = self.surfaces.walls.iter().filter(|wall| wall.sees[species as usize]);
         let mut near_side =
             seen.filter(|wall| !self.separates(species, [path.after, wall.foot(domain, path.after)]));
-        let wall = near_side.find(|wall| wall.absorbs(domain, moved))?;
-        Some(Event::Arrived { at, receiver: wall.receiver })
+        near_side.find_map(|wall| {
+            let hit = wall.hit(domain, moved)?;
+            Some(Capture { hit, event: Event::Arrived { at, receiver: wall.receiver } })
+        })
     }
 
     /// Returns `true` if a membrane lies between both points.

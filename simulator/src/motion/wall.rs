@@ -20,12 +20,15 @@
 //! *Surfaces in front of absorbing walls.* At a reflecting plane the path unfolds into a free one, between the wall and
 //! its mirror image. The latter is the wall seen from the last segment, extended backwards to the length of the step. Both
 //! probabilities add up, unless a step reaches both. Spheres are taken as their tangent planes.
+//!
+//! *The time of absorption* follows from both heights as at a receiver (`Hit::time`), with any wall as a plane. Without
+//! diffusion the height is a line.
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{ReceiverKind, WallFace};
 use crate::model::vessel::Vessel;
-use crate::motion::path_hit::Path;
+use crate::motion::path_hit::{Hit, Path};
 use crate::motion::reflection::PathTurns;
 use crate::motion::surface_events::ParticleMove;
 use crate::random::bridge::{NEVER, lowest};
@@ -81,26 +84,33 @@ impl AbsorbingWall {
         Path { end, after, ..path }
     }
 
-    pub(crate) fn absorbs(&self, domain: &Boundary, moved: &ParticleMove) -> bool {
+    /// Returns the hit of a path that the wall absorbs.
+    pub(crate) fn hit(&self, domain: &Boundary, moved: &ParticleMove) -> Option<Hit> {
         let ParticleMove { who, path, free_end, turns, .. } = moved;
         let height = |point: [f32; 3]| height(self.face, domain, point);
         let [a, b] = [path.before, *free_end].map(height);
         if a <= 0.0 {
-            return true;
+            return Some(Hit::at(0.0));
         }
         let touches = |heights: [f32; 2]| touch_probability(domain, heights, path.diffusion);
-        let mut probability = touches([a, b]);
+        let (mut direct, mut turned, mut ends) = (touches([a, b]), 0.0, [a, b]);
         if let Some(PathTurns { contact, last }) = turns {
             if b <= 0.0 && self.face != WallFace::Side && height(*contact) > 0.0 {
-                probability = 0.0;
+                direct = 0.0;
             }
             let [before, end] = last.map(height);
             if before > 0.0 || end <= 0.0 {
-                probability += touches([before, end]);
+                (turned, ends) = (touches([before, end]), [before, end]);
             }
         }
-        let word = || who.key.draw(who.id, self.receiver, who.step, Purpose::Receiver)[0];
-        probability >= 1.0 || probability > 0.0 && open_unit(word()) < probability
+        let probability = direct + turned;
+        let draw = || open_unit(who.key.draw(who.id, self.receiver, who.step, Purpose::Receiver)[0]);
+        let is_hit = probability >= 1.0 || probability > 0.0 && draw() < probability;
+        if !is_hit {
+            return None;
+        }
+        let is_direct = turned == 0.0 || draw() < direct;
+        Some(Hit::between(if is_direct { [a, b] } else { ends }, path.diffusion))
     }
 }
 
@@ -179,7 +189,7 @@ mod tests {
                 let before = [20.0, height - 1.0, 20.0];
                 let end: [f32; 3] = std::array::from_fn(|k| before[k] + z[k]);
                 let path = Path { before, end, after: domain.confine(end), drift: [0.0; 3], diffusion: 0.5 };
-                wall.absorbs(&domain, &free(path, who(id)))
+                wall.hit(&domain, &free(path, who(id))).is_some()
             });
             let part = libm::erfc(f64::from(height) / 2.0_f64.sqrt());
             let error = (part * (1.0 - part) / f64::from(n)).sqrt();
@@ -202,7 +212,7 @@ mod tests {
                 let before = [1.0, 2.0, 3.0];
                 let end: [f32; 3] = std::array::from_fn(|k| before[k] + (2.0 * diffusion).sqrt() * z[k]);
                 let path = Path { before, end, after: end, drift: [0.0; 3], diffusion };
-                wall.absorbs(&domain, &free(path, who(id)))
+                wall.hit(&domain, &free(path, who(id))).is_some()
             });
             let mode = |n: i32| {
                 let rate = (f64::from(n) * std::f64::consts::PI).powi(2) * f64::from(diffusion);

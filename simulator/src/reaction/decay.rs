@@ -2,6 +2,9 @@
 //!
 //! A particle may decay several times in a step: the first decay is drawn for the whole step, then its time, and the
 //! product has the rest. Chains are therefore right at any step length.
+//!
+//! A receiver or a wall that the path hits takes the species that exists at the time of the hit, if it sees that species
+//! ([`CaptureOrder`]). Decays before the hit come first, and further ones do not happen to a particle that was taken.
 
 use crate::model::Model;
 use crate::random::philox::{Key, Purpose, probability_threshold};
@@ -11,7 +14,8 @@ use crate::random::philox::{Key, Purpose, probability_threshold};
 pub struct Decays {
     /// Without decays into two products: [`Dissociation`](crate::reaction::dissociation::Dissociation).
     kinds: Vec<SpeciesDecays>,
-    time_step: f64,
+    /// In s.
+    pub(crate) time_step: f64,
 }
 
 #[derive(Clone, Debug, Default)]
@@ -28,6 +32,68 @@ pub(crate) struct Channel {
     pub(crate) share: f64,
     pub(crate) decay: u32,
     pub(crate) product: Option<u32>,
+}
+
+/// A decay of a chain.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ChainedDecay {
+    /// Index in the model.
+    pub decay: u32,
+    /// Species; `None` removes the particle.
+    pub product: Option<u32>,
+    rate: f64,
+    /// Time that was left before it, in s.
+    left: f64,
+    word: u32,
+}
+
+impl ChainedDecay {
+    /// Returns the time that is left after it, in s.
+    pub(crate) fn left(&self) -> f64 {
+        self.left + libm::log1p(unit(self.word) * libm::expm1(-self.rate * self.left)) / self.rate
+    }
+}
+
+/// The order of a hit and the decays of a particle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct CaptureOrder {
+    /// Species after the decays so far, and `true` if it is a product; fixed at a capture.
+    species: Option<(u32, bool)>,
+    /// Time that is left at the hit, in s.
+    left: f64,
+    /// `None` until a decay follows the hit.
+    is_captured: Option<bool>,
+}
+
+impl CaptureOrder {
+    /// `time` is the hit's fraction of `duration`, which is in s.
+    pub(crate) fn new(species: u32, (time, duration): (f32, f64)) -> Self {
+        Self { species: Some((species, false)), left: duration * (1.0 - f64::from(time)), is_captured: None }
+    }
+
+    /// Adds a decay. Returns `false` if the particle was captured before it. `captures` takes a species, and `true` if it
+    /// is a product.
+    pub(crate) fn decays(
+        &mut self,
+        decay: &ChainedDecay,
+        captures: impl FnOnce((u32, bool)) -> bool,
+    ) -> bool {
+        if self.is_captured.is_none() && decay.left() <= self.left {
+            self.is_captured = Some(self.species.is_some_and(captures));
+        }
+        if self.is_captured == Some(true) {
+            return false;
+        }
+        self.species = decay.product.map(|product| (product, true));
+        true
+    }
+
+    /// Returns the captured species, after all decays.
+    pub(crate) fn captured(self, captures: impl FnOnce((u32, bool)) -> bool) -> Option<u32> {
+        let Self { species, is_captured, .. } = self;
+        let (species, is_product) = species?;
+        is_captured.unwrap_or_else(|| captures((species, is_product))).then_some(species)
+    }
 }
 
 /// More are rare if a step is shorter than a hundred lifetimes.
@@ -54,13 +120,19 @@ impl Decays {
         self.kinds[species as usize].rate
     }
 
-    /// Calls `tell` with the model index and product of each decay of a particle in a step.
+    /// Returns `true` if particles of a species decay while they move.
+    #[inline(always)]
+    pub(crate) fn has(&self, species: u32) -> bool {
+        !self.kinds[species as usize].channels.is_empty()
+    }
+
+    /// Calls `tell` with each decay of a particle in a step.
     #[inline]
     pub fn for_each_decay(
         &self,
         species: u32,
         (key, id, step): (Key, u32, u32),
-        mut tell: impl FnMut(u32, Option<u32>),
+        mut tell: impl FnMut(ChainedDecay),
     ) {
         let kind = &self.kinds[species as usize];
         if kind.channels.is_empty() {
@@ -68,15 +140,11 @@ impl Decays {
         }
         let [word, when, ..] = key.draw(id, 0, step, Purpose::Decay);
         let Some(channel) = kind.channels.iter().find(|channel| word <= channel.up_to) else { return };
-        tell(channel.decay, channel.product);
+        let first = kind.chained(channel, self.time_step, when);
+        tell(first);
         if let Some(product) = channel.product.filter(|&product| self.kinds[product as usize].rate > 0.0) {
-            let left = self.time_step - kind.wait(self.time_step, when);
-            self.continue_chain(
-                product,
-                left,
-                |generation| key.draw(id, generation, step, Purpose::Decay),
-                tell,
-            );
+            let words = |generation| key.draw(id, generation, step, Purpose::Decay);
+            self.continue_chain(product, first.left(), words, tell);
         }
     }
 
@@ -86,24 +154,25 @@ impl Decays {
         mut species: u32,
         mut left: f64,
         words: impl Fn(u32) -> [u32; 4],
-        mut tell: impl FnMut(u32, Option<u32>),
+        mut tell: impl FnMut(ChainedDecay),
     ) {
         for generation in 1..=MOST {
             let kind = &self.kinds[species as usize];
             let [word, when, ..] = words(generation);
             let ratio = unit(word) / -libm::expm1(-kind.rate * left);
             let Some(channel) = kind.channels.iter().find(|channel| ratio < channel.share) else { return };
-            tell(channel.decay, channel.product);
+            let decay = kind.chained(channel, left, when);
+            tell(decay);
             let Some(product) = channel.product else { return };
-            left -= kind.wait(left, when);
-            species = product;
+            (left, species) = (decay.left(), product);
         }
     }
 }
 
 impl SpeciesDecays {
-    fn wait(&self, time: f64, word: u32) -> f64 {
-        -libm::log1p(unit(word) * libm::expm1(-self.rate * time)) / self.rate
+    fn chained(&self, channel: &Channel, left: f64, word: u32) -> ChainedDecay {
+        let Channel { decay, product, .. } = *channel;
+        ChainedDecay { decay, product, rate: self.rate, left, word }
     }
 }
 
@@ -150,7 +219,7 @@ mod tests {
         let n = 100_000;
         let mut counts = [0_u32; 2];
         for id in 0..n {
-            decays.for_each_decay(0, (Key::new(5), id, 7), |decay, product| {
+            decays.for_each_decay(0, (Key::new(5), id, 7), |ChainedDecay { decay, product, .. }| {
                 assert_eq!(product, Some(decay + 1));
                 counts[decay as usize] += 1;
             });

@@ -14,11 +14,12 @@ use crate::motion::path_hit::{DrawContext, length};
 use crate::motion::propagate::{Event, ROUNDED};
 use crate::motion::receiver_state::{Place, ReceiverState};
 use crate::motion::species_step::{FreePaths, SpeciesStep};
-use crate::motion::surface_events::ParticleMove;
+use crate::motion::surface_events::{Capture, ParticleMove};
 use crate::motion::surfaces::{SpeciesSurfaces, Surfaces};
 use crate::motion::vessel_flow::StepTime;
 use crate::random::gaussian;
 use crate::random::philox::Purpose;
+use crate::reaction::decay::{CaptureOrder, ChainedDecay};
 use crate::release::origins::{Arrival, Origin};
 
 /// Particles that are moved together, to bound memory.
@@ -46,17 +47,18 @@ struct PartialMove<'a> {
     reach: f32,
 }
 
-/// The state of a particle at the end of the step.
+/// The decays of a particle, and its state at the end of the step.
 #[derive(Debug, PartialEq)]
-enum PartialOutcome {
-    Arrived {
-        receiver: u32,
-    },
-    /// `None` if it decayed without a product.
-    Remains {
-        particle: Option<Particle>,
-        decays: Vec<u32>,
-    },
+struct PartialOutcome {
+    decays: Vec<u32>,
+    fate: Fate,
+}
+
+#[derive(Debug, PartialEq)]
+enum Fate {
+    Arrived { receiver: u32, species: u32 },
+    Remains(Particle),
+    Decayed,
 }
 
 impl Model {
@@ -85,16 +87,16 @@ impl Model {
                 .with_min_len(MIN_PER_THREAD)
                 .map(|(&born, moved)| self.partial_outcome(born, moved, &near, at))
                 .collect();
-            for ((Particle { species, id, .. }, _), outcome) in born.into_iter().zip(outcomes) {
-                match outcome {
-                    PartialOutcome::Arrived { receiver } => {
+            for ((Particle { id, .. }, _), PartialOutcome { decays, fate }) in born.into_iter().zip(outcomes)
+            {
+                decays.into_iter().for_each(|decay| out.decayed[decay as usize] += 1);
+                match fate {
+                    Fate::Arrived { receiver, species } => {
                         let origin = Some(Origin { transmitter, step: at.step });
                         out.arrivals.push(Arrival { receiver, species, id, step: at.step, origin });
                     }
-                    PartialOutcome::Remains { particle, decays } => {
-                        decays.into_iter().for_each(|decay| out.decayed[decay as usize] += 1);
-                        particle.into_iter().for_each(|particle| self.add(particle, out));
-                    }
+                    Fate::Remains(particle) => self.add(particle, out),
+                    Fate::Decayed => {}
                 }
             }
         }
@@ -141,25 +143,57 @@ impl Model {
         at: ReleaseStep<'_>,
     ) -> PartialOutcome {
         let Some(PartialMove { step, mut moved, reach }) = moved else {
-            return PartialOutcome::Remains { particle: Some(particle), decays: Vec::new() };
+            return PartialOutcome { decays: Vec::new(), fate: Fate::Remains(particle) };
         };
-        let Particle { species: released, id, .. } = particle;
-        if let Some(receiver) = step.advance(&mut moved, near, reach) {
-            return PartialOutcome::Arrived { receiver };
-        }
+        let capture = step.advance(&mut moved, near, reach);
         particle.position = moved.path.after;
         particle.velocity = moved.velocity.unwrap_or(particle.velocity);
-        let (mut species, mut decays) = (Some(released), Vec::new());
+        if at.events.decays.has(particle.species) {
+            return self.partial_decays((particle, age), (capture, moved.who), at);
+        }
+        let arrived = |Capture { event, .. }: Capture| Fate::of(&event, particle.species);
+        PartialOutcome { decays: Vec::new(), fate: capture.map_or(Fate::Remains(particle), arrived) }
+    }
+
+    /// Decays a particle that is at the end of its path, up to a capture of the particle or a product.
+    fn partial_decays(
+        &self,
+        (mut particle, age): (Particle, f64),
+        (capture, who): (Option<Capture>, DrawContext),
+        at: ReleaseStep<'_>,
+    ) -> PartialOutcome {
+        let Particle { species: released, id, .. } = particle;
         let words = |generation| at.key.draw(id, 1 + generation, 0, Purpose::PartialStep);
         let turned = || at.key.draw(id, 1, 0, Purpose::Velocity);
-        at.events.decays.continue_chain(released, age, words, |decay, product| {
+        let captures = |event: &Event, species| at.events.surfaces.captures(event, species);
+        let ordered =
+            |capture: Capture| (CaptureOrder::new(released, (capture.time(who), age)), capture.event);
+        let (mut species, mut decays, mut order) = (Some(released), Vec::new(), capture.map(ordered));
+        at.events.decays.continue_chain(released, age, words, |chained| {
+            if let Some((order, event)) = &mut order
+                && !order.decays(&chained, |species| captures(event, species))
+            {
+                return;
+            }
+            let ChainedDecay { decay, product, .. } = chained;
             decays.push(decay);
             if let (Some(from), Some(to)) = (species, product) {
                 particle.velocity = self.converted_velocity(particle.velocity, [from, to], turned);
             }
             species = product;
         });
-        PartialOutcome::Remains { particle: species.map(|species| Particle { species, ..particle }), decays }
+        let arrived = order.and_then(|(order, event)| {
+            Some(Fate::of(&event, order.captured(|species| captures(&event, species))?))
+        });
+        let remains = || species.map(|species| Fate::Remains(Particle { species, ..particle }));
+        PartialOutcome { decays, fate: arrived.or_else(remains).unwrap_or(Fate::Decayed) }
+    }
+}
+
+impl Fate {
+    /// Receptors only reflect in a partial step, so a capture is an arrival.
+    fn of(event: &Event, species: u32) -> Self {
+        Self::Arrived { receiver: event.receiver(), species }
     }
 }
 
@@ -176,18 +210,15 @@ impl<'a> PartialStep<'a> {
         SpeciesSurfaces { surfaces: self.surfaces, step: &self.constants, duration: self.paths.duration }
     }
 
-    /// Returns the receiver at which the particle arrives.
-    fn advance(&self, moved: &mut ParticleMove, near: &[&ReceiverState], reach: f32) -> Option<u32> {
+    /// Returns the capture at a receiver or wall, if the particle does not decay before.
+    fn advance(&self, moved: &mut ParticleMove, near: &[&ReceiverState], reach: f32) -> Option<Capture> {
         let (begun, length) = (*moved, moved.length());
-        let mut event = self.resolve(moved, near.iter().copied(), reach);
+        let mut capture = self.resolve(moved, near.iter().copied(), reach);
         if moved.gone > length * (1.0 + ROUNDED) {
             *moved = begun;
-            event = self.resolve(moved, self.surfaces.bodies.all.iter(), f32::INFINITY);
+            capture = self.resolve(moved, self.surfaces.bodies.all.iter(), f32::INFINITY);
         }
-        match event {
-            Some(Event::Arrived { receiver, .. }) => Some(receiver),
-            _ => None,
-        }
+        capture
     }
 
     /// Bodies farther than `reach` from the beginning, in µm, are not hit.
@@ -196,7 +227,7 @@ impl<'a> PartialStep<'a> {
         moved: &mut ParticleMove,
         bodies: impl Iterator<Item = &'b ReceiverState>,
         reach: f32,
-    ) -> Option<Event> {
+    ) -> Option<Capture> {
         let before = moved.path.before;
         let near = bodies.filter_map(|body| {
             let place = self.places[body.place as usize];

@@ -34,9 +34,7 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     if (first == NOTHING) {
         here = absorb_or_decay(here, path, without_turns(), kind, tag.y);
     } else {
-        let event = event_rows[first];
-        atomicAdd(&control.tallies[event.tally], 1u);
-        here.sphere.w = radius_of_arrived(event.receiver);
+        here = decay(here, capture_of(first, first_hit, kind, tag.y), tag.y);
     }
     if (here.sphere.w < 0.0) {
         atomicAdd(&control.removed, 1u);

@@ -170,13 +170,16 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
         return absorb_or_decay(here, path_to(NOTHING, path, reflected), turns, kind, tag.y);
     }
     let event = event_rows[first];
+    var capture = capture_of(first, first_hit, kind, tag.y);
     if (event.kind == RECEPTORS) {
-        bind(at, first, path_to(event.receiver, path, reflected), tag.y);
-        return here;
+        if (!decays_before(capture, tag.x, tag.y)) {
+            bind(at, first, path_to(event.receiver, path, reflected), tag.y);
+            return here;
+        }
+        // Receptors bind no products; see surfaces.rs.
+        capture.row = NOTHING;
     }
-    atomicAdd(&control.tallies[event.tally], 1u);
-    here.sphere.w = radius_of_arrived(event.receiver);
-    return here;
+    return decay(here, capture, tag.y);
 }
 
 @compute @workgroup_size(256)

@@ -25,10 +25,10 @@ fn log_arrival(at: u32) {
     if (radius >= -1.0 || radius <= -2.0 || atomicLoad(&control.halted) != 0u) {
         return;
     }
-    let receiver = u32((-1.0 - radius) * 0x1p17 + 0.5) - 1u;
+    let arrival = u32((-1.0 - radius) * 0x1p23 + 0.5) - 1u;
     let slot = atomicAdd(&control.events, 1u);
     if (slot < arrayLength(&events)) {
-        events[slot] = vec4(control.step, receiver, tags[at].x, tags[at].y);
+        events[slot] = vec4(control.step, arrival / params.species, arrival % params.species, tags[at].y);
     }
 }
 

@@ -50,7 +50,7 @@ fn absorption_from_inside_a_sphere_matches_the_cpu() {
         @group(0) @binding(2) var<storage, read> event_rows: array<EventRow>;\n\
         @group(0) @binding(3) var<storage, read> species_rows: array<SpeciesRow>;\n\
         #include philox\n#include normal\n#include unit_32\n#include velocity\n#include boundary\n\
-        #include event_rows\n#include first_passage\n#include decay\n\
+        #include event_rows\n#include first_passage\n#include hit\n#include decay\n\
         fn is_separated(kind: SpeciesRow, a: vec3<f32>, b: vec3<f32>) -> bool { return false; }\n\
         #include absorbing_wall";
     let body = "let w = philox(vec4(k, 1u, 2u, 3u), vec2(4u, 5u));

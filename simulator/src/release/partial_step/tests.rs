@@ -115,7 +115,7 @@ fn receivers_out_of_reach_change_nothing() {
             let [found, expected] =
                 [&near, &all].map(|receivers| model.partial_outcome(born, moved.clone(), receivers, at));
             assert_eq!(found, expected);
-            arrived += usize::from(matches!(found, PartialOutcome::Arrived { .. }));
+            arrived += usize::from(matches!(found.fate, Fate::Arrived { .. }));
         }
     }
     assert!(first == 10_000 && arrived > 100 && left_out > 100_000, "{arrived} arrived, {left_out} left out");

@@ -97,41 +97,52 @@ fn touch_probability(radius: f32, heights: vec2<f32>, diffusion: f32) -> f32 {
     return exp(-product / diffusion);
 }
 
-fn wall_absorbs(event: EventRow, kind: SpeciesRow, path: Path, turns: PathTurns, id: u32) -> bool {
+fn wall_hit_of(event: EventRow, kind: SpeciesRow, path: Path, turns: PathTurns, id: u32) -> Hit {
     let face = event.kind - WALL;
     if (is_separated(kind, path.after, foot_at(face, kind.radius, path.after))) {
-        return false;
+        return hit_at(false, 0.0);
     }
     let heights = vec2(wall_height(face, kind.radius, path.before), wall_height(face, kind.radius, path.free_end));
     if (heights.x <= 0.0) {
-        return true;
+        return hit_at(true, 0.0);
     }
-    var probability = touch_probability(kind.radius, heights, kind.diffusion);
+    var direct = touch_probability(kind.radius, heights, kind.diffusion);
+    var turned = 0.0;
+    var ends = heights;
     if (turns.exist) {
         if (heights.y <= 0.0 && face < SIDE && wall_height(face, kind.radius, turns.contact) > 0.0) {
-            probability = 0.0;
+            direct = 0.0;
         }
         let last = vec2(wall_height(face, kind.radius, turns.before), wall_height(face, kind.radius, turns.end));
         if (last.x > 0.0 || last.y <= 0.0) {
-            probability += touch_probability(kind.radius, last, kind.diffusion);
+            turned = touch_probability(kind.radius, last, kind.diffusion);
+            ends = last;
         }
     }
-    if (probability <= 0.0 || probability >= 1.0) {
-        return probability >= 1.0;
+    let probability = direct + turned;
+    if (probability <= 0.0) {
+        return hit_at(false, 0.0);
     }
-    let words = philox(vec4(id, event.receiver, control.step, PURPOSE_RECEIVER), params.key);
-    return open_unit(words.x) < probability;
+    if (probability < 1.0 || turned > 0.0) {
+        let words = philox(vec4(id, event.receiver, control.step, PURPOSE_RECEIVER), params.key);
+        let word = open_unit(words.x);
+        if (probability < 1.0 && word >= probability) {
+            return hit_at(false, 0.0);
+        }
+        if (turned > 0.0 && word >= direct) {
+            return hit_between(ends, kind.diffusion);
+        }
+    }
+    return hit_between(heights, kind.diffusion);
 }
 
 fn absorb_or_decay(moved: Moved, path: Path, turns: PathTurns, kind: SpeciesRow, id: u32) -> Moved {
     for (var k = kind.walls_begin; k < kind.events_end; k++) {
         let event = event_rows[k];
-        if (wall_absorbs(event, kind, path, turns, id)) {
-            atomicAdd(&control.tallies[event.tally], 1u);
-            var here = moved;
-            here.sphere.w = radius_of_arrived(event.receiver);
-            return here;
+        let hit = wall_hit_of(event, kind, path, turns, id);
+        if (hit.is_hit) {
+            return decay(moved, capture_of(k, hit, kind, id), id);
         }
     }
-    return decay(moved, id);
+    return decay(moved, Capture(NOTHING, 0.0), id);
 }

@@ -6,12 +6,23 @@ struct Moved {
     velocity: vec3<f32>,
 }
 
+// The event of a hit, unless the particle decays before.
+struct Capture {
+    // Row of the event, or NOTHING.
+    row: u32,
+    // In steps.
+    time: f32,
+}
+
 const MAX_DECAYS: u32 = 64u;
-const ARRIVAL_UNIT: f32 = 0x1p-17;
+const ARRIVAL_UNIT: f32 = 0x1p-23;
 
 // The radius of a particle that a receiver removed; log_arrival reads it.
-fn radius_of_arrived(receiver: u32) -> f32 {
-    return -1.0 - f32(receiver + 1u) * ARRIVAL_UNIT;
+fn radius_of_arrived(receiver: u32, arrived: u32) -> f32 {
+    if (params.logs_arrivals == 0u) {
+        return -1.0;
+    }
+    return -1.0 - f32(receiver * params.species + arrived + 1u) * ARRIVAL_UNIT;
 }
 
 // 1 - exp(-x), without cancellation.
@@ -58,11 +69,58 @@ fn next_decay(kind: SpeciesRow, left: f32, word: u32) -> u32 {
     return NOTHING;
 }
 
-// Decays a particle without another event, then its products for the rest of the step; see decay.rs.
-fn decay(moved: Moved, id: u32) -> Moved {
+// Returns the row of a capture for a species, or NOTHING if the receiver does not see it. Rows ascend by receiver.
+fn row_of_capture(row: u32, kind: SpeciesRow) -> u32 {
+    let receiver = event_rows[row].receiver;
+    let is_wall = event_rows[row].kind >= WALL;
+    var begin = select(kind.events_begin, kind.walls_begin, is_wall);
+    var end = select(kind.decays_begin, kind.events_end, is_wall);
+    for (var k = 0u; k < 32u && begin < end; k++) {
+        let middle = begin + (end - begin) / 2u;
+        let found = event_rows[middle].receiver;
+        if (found == receiver) {
+            return middle;
+        }
+        if (found < receiver) {
+            begin = middle + 1u;
+        } else {
+            end = middle;
+        }
+    }
+    return NOTHING;
+}
+
+// Removes a particle at a receiver or wall.
+fn arrive(moved: Moved, row: u32) -> Moved {
+    let event = event_rows[row];
+    atomicAdd(&control.tallies[event.tally], 1u);
+    var here = moved;
+    here.sphere.w = radius_of_arrived(event.receiver, here.species);
+    return here;
+}
+
+// Returns true if the particle decays before the capture.
+fn decays_before(capture: Capture, species: u32, id: u32) -> bool {
+    let kind = species_rows[species];
+    if (kind.decays_begin == kind.walls_begin) {
+        return false;
+    }
+    let words = philox(vec4(id, 0u, control.step, PURPOSE_DECAY), params.key);
+    if (first_decay(kind, words.x) == NOTHING) {
+        return false;
+    }
+    return 1.0 - decay_time(kind.decay_rate, 1.0, words.y) > 1.0 - capture.time;
+}
+
+// Decays a particle, then its products for the rest of the step, up to a capture; see decay.rs.
+fn decay(moved: Moved, capture: Capture, id: u32) -> Moved {
     var here = moved;
     var kind = species_rows[here.species];
+    var row = capture.row;
     if (kind.decays_begin == kind.walls_begin) {
+        if (row != NOTHING) {
+            here = arrive(here, row);
+        }
         return here;
     }
     var left = 1.0;
@@ -74,6 +132,16 @@ fn decay(moved: Moved, id: u32) -> Moved {
         } else {
             found = next_decay(kind, left, words.x);
         }
+        var remaining = left;
+        if (found != NOTHING) {
+            remaining -= decay_time(kind.decay_rate, left, words.y);
+        }
+        if (row != NOTHING && (found == NOTHING || remaining <= 1.0 - capture.time)) {
+            row = row_of_capture(row, kind);
+            if (row != NOTHING) {
+                return arrive(here, row);
+            }
+        }
         if (found == NOTHING) {
             break;
         }
@@ -83,7 +151,7 @@ fn decay(moved: Moved, id: u32) -> Moved {
             here.sphere.w = -1.0;
             break;
         }
-        left -= decay_time(kind.decay_rate, left, words.y);
+        left = remaining;
         let product = species_rows[event.product];
         // A larger product may overlap a wall.
         here.sphere = vec4(confined(here.sphere.xyz, product.radius), product.radius);

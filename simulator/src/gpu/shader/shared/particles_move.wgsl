@@ -22,6 +22,7 @@
 #include receiver_cells
 #include first_passage
 #include wall
+#include hit
 #include path_hit
 #ifdef WITHOUT_MEMBRANES
 #include no_membranes

@@ -1,18 +1,6 @@
 // Hits of a particle's path on receivers, as in path_hit.rs.
 #include path
 
-// A hit: a certain time, or both end heights in units of sqrt(2 D dt), from which a time is drawn.
-struct Hit {
-    is_hit: bool,
-    is_drawn: bool,
-    time: f32,
-    heights: vec2<f32>,
-}
-
-fn hit_at(is_hit: bool, time: f32) -> Hit {
-    return Hit(is_hit, false, time, vec2(0.0));
-}
-
 // Returns the fraction of a line at which it enters the sphere, in its frame; above 1 if it does not.
 fn entry_time(event: EventRow, receiver: ReceiverRow, path: Path) -> f32 {
     let start = minimum_image(path.before - receiver.center);
@@ -64,14 +52,6 @@ fn hit_of(event: EventRow, receiver: ReceiverRow, path: Path, own_diffusion: f32
             && open_unit(philox(vec4(id, event.receiver, control.step, PURPOSE_RECEIVER), params.key).x) < probability;
     }
     return Hit(is_hit, true, 0.0, vec2(a, b) / sqrt(2.0 * diffusion));
-}
-
-fn time_of(hit: Hit, receiver: u32, id: u32) -> f32 {
-    if (!hit.is_drawn) {
-        return hit.time;
-    }
-    let words = philox(vec4(id, receiver, control.step, PURPOSE_HIT_TIME), params.key);
-    return first_passage(hit.heights, normals(words).x, open_unit(words.z));
 }
 
 // Returns true if a hit precedes the hit so far of event `first`.
