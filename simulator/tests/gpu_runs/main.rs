@@ -4,6 +4,7 @@
 #[path = "../../../tests/src/adapter.rs"]
 mod adapter;
 mod contact;
+mod degrading;
 mod dimensions;
 mod features;
 mod membranes;

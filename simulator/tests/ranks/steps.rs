@@ -1,6 +1,7 @@
 use std::sync::Arc;
 
 use lazygrid::{Algorithm, Config};
+use lazygrid_sim::model::receiver::WallFace;
 use lazygrid_sim::ranks::{GatherFields, RankSimulation};
 use lazygrid_sim::{
     Arrival, Attractant, AttractantProfile, Boundary, Chemotaxis, Contact, Decay, Flow, FlowField, Membrane,
@@ -91,6 +92,29 @@ fn arrivals_since_the_release_over_ranks_equal_one_process() {
     let arrivals = expected.iter().flat_map(|seen| &seen.arrivals).filter(|arrival| has_begun(arrival));
     assert!(arrivals.count() > 10);
     compare(&model, 3, 20, &[1, 3]);
+}
+
+/// Several decays per step, and walls in place of the periodic box.
+#[test]
+fn decays_before_hits_over_ranks_equal_one_process() {
+    let mut model = model(&Parts { periodic: false, ..everything() });
+    model.decays.retain(|decay| decay.products[1].is_none());
+    let decay = |reactant, product| Decay { reactant, products: [Some(product), None], ..Decay::default() };
+    model.decays.extend([decay(0, 1), decay(1, 0)]);
+    model.decays.iter_mut().for_each(|decay| decay.rate = 40.0);
+    let wall = |face| Receiver {
+        name: format!("{face:?}"),
+        kind: ReceiverKind::Wall(face),
+        sees: vec![true, false, false, true],
+        ..Receiver::default()
+    };
+    let first = model.receivers.len();
+    model.receivers.extend([WallFace::High(0), WallFace::High(2)].map(wall));
+    let expected = alone(&model, 5, 20);
+    let totals = &expected.last().unwrap().state.totals;
+    assert!(totals.decayed.iter().all(|&decayed| decayed > 10), "{totals:?}");
+    assert!(totals.arrived[first..].iter().all(|row| row[0] > 0 && row[1] == 0), "{totals:?}");
+    compare(&model, 5, 20, &[1, 3]);
 }
 
 #[test]

@@ -11,6 +11,7 @@ mod cells;
 mod channel;
 mod chemotaxis;
 mod crowd;
+mod degrading;
 mod diffusion;
 mod dimensions;
 mod flow_field;
@@ -55,7 +56,7 @@ impl Row {
 
 type Item = (&'static str, fn() -> Vec<Row>);
 
-const ITEMS: [Item; 45] = [
+const ITEMS: [Item; 46] = [
     ("1-displacement", diffusion::displacement),
     ("2-absorbing", receivers::absorbing),
     ("3-transparent", receivers::transparent),
@@ -101,6 +102,7 @@ const ITEMS: [Item; 45] = [
     ("43-division", bacteria::division),
     ("44-drift-at-ends", vessel::drift_at_ends),
     ("46-exchange", networks::exchange),
+    ("45-degrading", degrading::degrading),
 ];
 
 fn main() -> ExitCode {

@@ -82,6 +82,7 @@ var<private> trajectory: TrajectoryHeader;
 var<private> event_rows: array<EventRow, 3>;
 var<private> scene_rows: array<vec4<u32>, 6>;
 #include receiver_cells
+#include no_membranes
 #include reflection";
     let rooms = [
         (Boundary::default(), 0),

@@ -1,0 +1,119 @@
+use lazygrid_sim::model::receiver::WallFace;
+use lazygrid_sim::{Axis, Boundary, Decay, Model, Receiver, ReceiverKind, Schedule, Shape, Transmitter};
+
+use crate::Row;
+use crate::setup::{BackendRun, begin, burst, share_error, species, steps};
+
+const D: f64 = 100.0;
+const R: f64 = 5.0;
+const RATE: f64 = 5.0;
+/// From the release to the surface, in µm.
+const HEIGHT: f64 = 5.0;
+const TIME: f64 = 0.5;
+const N: u32 = 40_000;
+
+/// Fraction that diffuses from a height to a plane before it decays, within `time`; a sphere has R/(R + height) of it.
+fn reached(rate: f64, time: f64) -> f64 {
+    let (decay, length) = (HEIGHT * (rate / D).sqrt(), HEIGHT / (4.0 * D * time).sqrt());
+    let term = |sign: f64| (sign * decay).exp() * libm::erfc(length + sign * (rate * time).sqrt());
+    0.5 * (term(-1.0) + term(1.0))
+}
+
+fn decay(products: [Option<u32>; 2], reactant: u32) -> Decay {
+    Decay { reactant, products, rate: RATE, ..Decay::default() }
+}
+
+/// Releases A, which decays to nothing. Receivers do not see B.
+fn model(time_step: f64, kind: ReceiverKind) -> Model {
+    let receiver = Receiver {
+        name: "rx".to_owned(),
+        radius: R as f32,
+        kind,
+        sees: vec![true, false],
+        ..Receiver::default()
+    };
+    let center = [(R + HEIGHT) as f32, 0.0, 0.0];
+    Model {
+        time_step,
+        species: vec![species("A", 0.0, D), species("B", 0.0, D)],
+        decays: vec![decay([None; 2], 0)],
+        transmitters: vec![Transmitter { center, ..burst(Shape::Point, &[(0, N)]) }],
+        receivers: vec![receiver],
+        ..Model::default()
+    }
+}
+
+fn wall(time_step: f64) -> Model {
+    let mut model = model(time_step, ReceiverKind::Wall(WallFace::Low(0)));
+    model.receivers[0].radius = 0.0;
+    model.transmitters[0].center[0] = HEIGHT as f32;
+    let axes = [Axis::Reflecting { low: 0.0, high: 1e4 }, Axis::Open, Axis::Open];
+    Model { boundary: Boundary { axes, vessel: None }, ..model }
+}
+
+fn after(model: &Model, time: f64, seed: u64) -> BackendRun {
+    let mut simulation = begin(model, seed);
+    steps(&mut simulation, (time / model.time_step).round() as u32);
+    simulation
+}
+
+fn share(what: impl Into<String>, expected: f64, count: u64) -> Row {
+    let n = f64::from(N);
+    Row::new(what, expected, count as f64 / n, 4.0 * share_error(expected, n))
+}
+
+fn arrived(simulation: &BackendRun) -> u64 {
+    simulation.received()[0].iter().sum()
+}
+
+/// Arrivals of molecules that decay, in steps of half of their life and shorter ones.
+pub(crate) fn degrading() -> Vec<Row> {
+    let sphere = |time_step| model(time_step, ReceiverKind::Absorbing);
+    let mut rows = Vec::new();
+    for (seed, time_step) in (1..).zip([0.1, 0.02, 0.005]) {
+        let onto = |what: &str| format!("{what}, steps of {time_step} s");
+        let at_sphere = arrived(&after(&sphere(time_step), TIME, seed));
+        rows.push(share(onto("sphere"), R / (R + HEIGHT) * reached(RATE, TIME), at_sphere));
+        let at_wall = arrived(&after(&wall(time_step), TIME, 10 + seed));
+        rows.push(share(onto("plane"), reached(RATE, TIME), at_wall));
+    }
+    let mut everywhere = model(0.1, ReceiverKind::Endpoint);
+    everywhere.receivers[0].radius = 1e4;
+    rows.push(share("endpoint", (-RATE * 0.1).exp(), arrived(&after(&everywhere, 0.1, 20))));
+    rows.extend(products(&sphere(0.1)));
+    rows.push(since_the_release(&sphere(0.1)));
+    rows
+}
+
+/// A -> B -> nothing at a receiver that sees only A, then A -> B at one that sees both.
+fn products(sphere: &Model) -> Vec<Row> {
+    let mut chain = sphere.clone();
+    chain.decays = vec![decay([Some(1), None], 0), decay([None; 2], 1)];
+    let unseen = after(&chain, TIME, 21);
+    let totals = &unseen.state().totals;
+    let all = arrived(&unseen) + totals.present.iter().sum::<u64>() + totals.decayed[1];
+    chain.decays.truncate(1);
+    chain.receivers[0].sees = vec![true; 2];
+    let seen = after(&chain, TIME, 22);
+    let part = R / (R + HEIGHT);
+    vec![
+        share("unseen product, reactant", part * reached(RATE, TIME), arrived(&unseen)),
+        Row::exact("unseen product, arrivals", 0, unseen.received()[0][1]),
+        Row::exact("unseen product, all", N.into(), all),
+        share("seen product, reactant", part * reached(RATE, TIME), seen.received()[0][0]),
+        share("seen product, both", part * reached(0.0, TIME), arrived(&seen)),
+    ]
+}
+
+/// Releases within one step, of which arrivals are the mean over ages.
+fn since_the_release(sphere: &Model) -> Row {
+    let time = sphere.time_step;
+    let rates = vec![(0, f64::from(N) / time)];
+    let mut model = sphere.clone();
+    model.transmitters[0].release.clear();
+    model.transmitters[0].schedule = Schedule::Steady { from: 0.0, until: time, rates };
+    let parts = 1000;
+    let ages = (0..parts).map(|k| (f64::from(k) + 0.5) / f64::from(parts) * time);
+    let mean = ages.map(|age| reached(RATE, age)).sum::<f64>() / f64::from(parts);
+    share("continuous release", R / (R + HEIGHT) * mean, arrived(&after(&model, time, 23)))
+}
