@@ -101,8 +101,8 @@ const ITEMS: [Item; 46] = [
     ("42-surface-diffusion", surface::surface_diffusion),
     ("43-division", bacteria::division),
     ("44-drift-at-ends", vessel::drift_at_ends),
-    ("46-exchange", networks::exchange),
     ("45-degrading", degrading::degrading),
+    ("46-exchange", networks::exchange),
 ];
 
 fn main() -> ExitCode {
