@@ -78,7 +78,7 @@ kernels! {
     ];
     SEPARATION_PUSH = "separation_push" [
         Uniform "params", Uniform "round", Write "control", Read "pairs", Read "moved", Read "species", Read "tags",
-        Write "claims", Read "species_rows", Write "pushes",
+        Write "claims", Read "reaction_rows", Write "pushes",
     ];
     SEPARATION_MOVE = "separation_move" [Uniform "params", Write "control", Write "moved", Write "pushes"];
     RECEPTORS_RESET = "receptors_reset" [Write "receptors"];

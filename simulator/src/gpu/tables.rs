@@ -273,9 +273,10 @@ fn occupancy_rows(model: &Model, tallies: &Tallies) -> Vec<OccupancyRow> {
 fn reaction_rows(model: &Model) -> Vec<ReactionRow> {
     let reactions = Reactions::new(model);
     let species = model.species.len() as u32;
-    let mut rows =
-        vec![ReactionRow { first: NOTHING, ..ReactionRow::default() }; (species * species) as usize];
-    for [a, b] in (0..species).flat_map(|a| (0..species).map(move |b| [a, b])) {
+    let pairs = || (0..species).flat_map(|a| (0..species).map(move |b| [a, b]));
+    let idle = |pair| ReactionRow { first: NOTHING, share: model.share(pair), ..ReactionRow::default() };
+    let mut rows: Vec<_> = pairs().map(idle).collect();
+    for [a, b] in pairs() {
         let head = (a * species + b) as usize;
         let shells = reactions.shells(a, b).iter().enumerate();
         let all: Vec<_> =

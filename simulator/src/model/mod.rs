@@ -7,6 +7,7 @@ pub mod membrane;
 pub mod message;
 pub mod particles;
 pub(crate) mod probability;
+pub(crate) mod reactive_pairs;
 pub mod receiver;
 pub mod receptors;
 pub mod time;

@@ -1,7 +1,7 @@
 //! Separation of particles that overlap at the end of a step.
 //!
-//! `collisions/` prevents overlaps on paths. Overlaps remain after releases and reactions, and between species that
-//! react with each other.
+//! `collisions/` prevents overlaps on paths. Overlaps remain after releases and reactions, and at bodies that reflect
+//! paths. Species that react with each other are not separated: a reaction may need them closer than contact.
 //!
 //! In each of a few passes, each particle moves by the mean of the displacements that would separate its overlaps. Sums
 //! are integers, so the order of overlaps has no effect.
@@ -13,6 +13,7 @@ use rayon::prelude::*;
 
 use crate::model::boundary::Boundary;
 use crate::model::particles::Particles;
+use crate::model::reactive_pairs::ReactivePairs;
 use crate::model::receiver::rounding;
 use crate::model::{Contact, Model};
 use crate::random::gaussian::direction;
@@ -23,6 +24,7 @@ use crate::reaction::distance_squared;
 pub struct Contacts {
     separates: bool,
     diffusion: Vec<f64>,
+    reactive: ReactivePairs,
     boundary: Boundary,
     center_domains: Vec<Boundary>,
     /// Unit of displacements, in µm.
@@ -43,6 +45,7 @@ impl Contacts {
         Self {
             separates: model.contact == Contact::Separate,
             diffusion: model.species.iter().map(|species| species.diffusion).collect(),
+            reactive: ReactivePairs::new(model),
             boundary: model.boundary,
             center_domains: model.center_domains(),
             quantum: 2.0 * largest / UNITS,
@@ -82,10 +85,10 @@ impl Contacts {
         free: impl Fn(u32) -> bool + Sync,
         now: (Key, u32),
     ) -> Vec<Push> {
-        let push = |pair: &Pair| match free(pair.i) && free(pair.j) {
-            true => self.push(particles, *pair, now),
-            false => None,
-        };
+        let kind = |at: u32| particles.species[at as usize];
+        let separates =
+            |&Pair { i, j }: &Pair| free(i) && free(j) && !self.reactive.contain(kind(i), kind(j));
+        let push = |pair: &Pair| separates(pair).then(|| self.push(particles, *pair, now)).flatten();
         let chunks: Vec<Vec<[Push; 2]>> =
             pairs.par_chunks(TASK).map(|pairs| pairs.iter().filter_map(push).collect()).collect();
         chunks.into_iter().flatten().flatten().collect()
@@ -136,64 +139,4 @@ impl Contacts {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::model::Species;
-    use crate::model::particles::Particle;
-
-    fn model(radius: f32) -> Model {
-        let species = Species { name: "A".into(), radius, diffusion: 1.0, mass: 1.0, ..Species::default() };
-        Model { species: vec![species], contact: Contact::Separate, time_step: 1.0, ..Model::default() }
-    }
-
-    /// Separates two particles at `x` that overlap by `overlap` of their distance in four steps. Returns overlaps per
-    /// step, and whether a particle moved.
-    fn pushed(x: f32, overlap: f32) -> (Vec<u64>, bool) {
-        let model = model(0.5 + 0.5 * overlap);
-        let mut particles = Particles::default();
-        for id in 0..2 {
-            let position = [x + id as f32, 0.0, 0.0];
-            let radius = model.species[0].radius;
-            particles.push(Particle { id, position, radius, ..Particle::default() }, false);
-        }
-        let begun = particles.clone();
-        let contacts = Contacts::new(&model);
-        let resolved = (0..4)
-            .map(|step| contacts.resolve(&mut particles, &[Pair::new(0, 1)], |_| true, (Key::new(1), step)));
-        (resolved.collect(), particles != begun)
-    }
-
-    #[test]
-    fn overlap_below_rounding_remains_and_is_not_counted() {
-        assert_eq!(pushed(0.0, 1e-3), (vec![1, 0, 0, 0], true));
-        assert_eq!(pushed(8192.0, 1e-3), (vec![0; 4], false));
-        assert_eq!(pushed(8192.0, 0.25), (vec![1, 0, 0, 0], true));
-    }
-
-    #[test]
-    fn separation_ignores_the_order_of_pairs_and_particles() {
-        let n = 60;
-        let position = |id: u32| [0.2 * (id % 4) as f32, 0.15 * (id / 4 % 4) as f32, 0.1 * (id / 16) as f32];
-        let run = |order: &dyn Fn(u32) -> u32| {
-            let mut particles = Particles::default();
-            for id in (0..n).map(order) {
-                particles
-                    .push(Particle { id, position: position(id), radius: 0.5, ..Particle::default() }, false);
-            }
-            let all = (0..n).flat_map(|i| (0..i).map(move |j| Pair::new(i, j)));
-            let mut pairs: Vec<Pair> = all.collect();
-            if order(0) != 0 {
-                pairs.reverse();
-            }
-            let contacts = Contacts::new(&model(0.5));
-            let resolved = contacts.resolve(&mut particles, &pairs, |_| true, (Key::new(1), 3));
-            let mut rows: Vec<_> =
-                (0..n as usize).map(|at| (particles.id[at], particles.position_of(at))).collect();
-            rows.sort_by_key(|row| row.0);
-            (resolved, rows)
-        };
-        let forward = run(&|id| id);
-        assert_eq!(forward, run(&|id| n - 1 - id));
-        assert!(forward.0 > 500 && forward.1.iter().any(|(id, p)| *p != position(*id)));
-    }
-}
+mod tests;

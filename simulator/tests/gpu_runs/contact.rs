@@ -118,11 +118,12 @@ fn overlaps_are_separated_as_on_the_cpu() {
     let Some(own) = device() else { return };
     let mut model = crowd(Contact::Separate, 0.1, 0.02, 4);
     model.transmitters[0].shape = Shape::Shell(0.0, 0.7);
-    model.reactions = vec![models::reaction([0, 1], [None, Some(1)], 0.9, 0.02)];
+    // The binding radius is below the contact distance.
+    model.reactions = vec![models::reaction([0, 1], [None, Some(1)], 0.5, 0.05)];
     let (mut there, mut here) = (gpu(&own, &model, 5, GpuOptions::default()), cpu(&model, 5));
     there.run(1).expect("a step");
     here.step().expect("a step");
-    assert!(here.state().totals.contacts > 300);
+    assert!(here.state().totals.contacts > 300 && here.state().totals.reacted[0] > 3);
     assert_eq!(there.totals().contacts, here.state().totals.contacts);
     assert_eq!(there.totals().reacted, here.state().totals.reacted);
     let far = distance(&there.state().expect("a state").particles, &here.state().particles, &model.boundary);

@@ -1,11 +1,10 @@
-// Sums the displacements that separate overlaps, as integers, as in contact.rs.
+// Sums the displacements that separate overlaps of species that do not react, as integers, as in contact.rs.
 #include control
 #include params
 #include philox
 #include normal
 #include boundary
 #include candidate
-#include event_rows
 #include push
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -16,7 +15,7 @@
 @group(0) @binding(5) var<storage, read> species: array<u32>;
 @group(0) @binding(6) var<storage, read> tags: array<vec2<u32>>;
 @group(0) @binding(7) var<storage, read_write> claims: array<Claim>;
-@group(0) @binding(8) var<storage, read> species_rows: array<SpeciesRow>;
+@group(0) @binding(8) var<storage, read> reaction_rows: array<ReactionRow>;
 @group(0) @binding(9) var<storage, read_write> pushes: array<Push>;
 
 #include round
@@ -50,6 +49,10 @@ fn separation_push(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
     if (atomicLoad(&claims[pair.x].is_taken) != 0u || atomicLoad(&claims[pair.y].is_taken) != 0u) {
         return;
     }
+    let rule = species[pair.x] * params.species + species[pair.y];
+    if (reaction_rows[rule].first != NOTHING) {
+        return;
+    }
     let a = moved[pair.x];
     let b = moved[pair.y];
     let touch = a.w + b.w;
@@ -64,11 +67,7 @@ fn separation_push(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
         let words = philox(vec4(tags[pair.x].y, tags[pair.y].y, control.step, PURPOSE_PAIR), params.key);
         normal = direction_within(direction(words.z, words.w));
     }
-    let spread = vec2(species_rows[species[pair.x]].diffusion, species_rows[species[pair.y]].diffusion);
-    var share = 0.5;
-    if (spread.x + spread.y > 0.0) {
-        share = spread.x / (spread.x + spread.y);
-    }
+    let share = reaction_rows[rule].share;
     push(pair.x, -share * overlap * normal);
     push(pair.y, (1.0 - share) * overlap * normal);
     if (round.source == 0u) {

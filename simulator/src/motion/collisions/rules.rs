@@ -4,6 +4,7 @@ use std::cmp::Ordering;
 
 use super::mover::{Mover, dot, length};
 use crate::model::boundary::{Axis, Boundary};
+use crate::model::reactive_pairs::ReactivePairs;
 use crate::model::receiver::rounding;
 use crate::model::{Contact, Model};
 
@@ -14,8 +15,7 @@ pub(crate) struct Rules {
     pub(crate) domains: Vec<Boundary>,
     /// Reciprocal masses by species; diffusion coefficients for separation.
     mobility: Vec<f64>,
-    /// `true` if two species react, by row and column.
-    reacts: Vec<bool>,
+    reactive: ReactivePairs,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,29 +56,22 @@ impl Rules {
             Contact::Elastic => model.species.iter().map(|species| 1.0 / species.mass).collect(),
             _ => return None,
         };
-        let species = model.species.len();
-        let mut reacts = vec![false; species * species];
-        for reaction in &model.reactions {
-            let [a, b] = reaction.reactants.map(|species| species as usize);
-            reacts[a * species + b] = true;
-            reacts[b * species + a] = true;
-        }
         Some(Self {
             is_elastic: model.contact == Contact::Elastic,
             boundary: model.boundary,
             domains: model.center_domains(),
             mobility,
-            reacts,
+            reactive: ReactivePairs::new(model),
         })
     }
 
     /// Returns `true` if two particles react or overlap, so that their collisions are not detected.
     pub(crate) fn passes(&self, [a, b]: [&Mover; 2]) -> bool {
-        let reacts = self.reacts[a.species as usize * self.mobility.len() + b.species as usize];
         // The lower id: the order of particles has no effect.
         let first = if a.id < b.id { a } else { b };
         let tolerance = rounding(first.position.map(|c| c as f32), a.radius + b.radius);
-        reacts || -a.gap(b, a.time, &self.boundary) > f64::from(tolerance)
+        self.reactive.contain(a.species, b.species)
+            || -a.gap(b, a.time, &self.boundary) > f64::from(tolerance)
     }
 
     /// Returns the collision of two approaching particles after both clocks.

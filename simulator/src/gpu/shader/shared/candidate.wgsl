@@ -33,7 +33,8 @@ struct ReactionRow {
     radii: vec2<f32>,
     within: f32,
     unbinding: f32,
-    // First reactant's fraction of the distance to the meeting point, and the first product's of `unbinding`.
+    // First reactant's fraction of the distance to the meeting point, or the first species' of a separation if the
+    // species do not react. Then the first product's of `unbinding`.
     share: f32,
     first_share: f32,
     // Speeds and thermal speeds of both reactants, then of both products.
