@@ -80,7 +80,10 @@ kernels! {
         Uniform "params", Uniform "round", Write "control", Read "pairs", Read "moved", Read "species", Read "tags",
         Write "claims", Read "reaction_rows", Write "pushes",
     ];
-    SEPARATION_MOVE = "separation_move" [Uniform "params", Write "control", Write "moved", Write "pushes"];
+    SEPARATION_MOVE = "separation_move" [
+        Uniform "params", Uniform "trajectory", Write "control", Write "moved", Read "species", Read "species_rows",
+        Read "event_rows", Read "scene_rows", Write "pushes",
+    ];
     RECEPTORS_RESET = "receptors_reset" [Write "receptors"];
     RECEPTORS_COUNT_BOUND = "receptors_count_bound" [Write "control", Read "spheres", Read "event_rows", Write "receptors"];
     RECEPTORS_SCAN_REQUESTS = "receptors_scan_requests" [Write "control", Write "receptors"];

@@ -4,7 +4,7 @@
 //! paths. Species that react with each other are not separated: a reaction may need them closer than contact.
 //!
 //! In each of a few passes, each particle moves by the mean of the displacements that would separate its overlaps. Sums
-//! are integers, so the order of overlaps has no effect.
+//! are integers, so the order of overlaps has no effect. A particle that would enter a body stays instead.
 //!
 //! Overlaps below the rounding error of an `f32` distance remain and are not counted.
 
@@ -20,11 +20,16 @@ use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose};
 use crate::reaction::distance_squared;
 
+mod bodies;
+
+use bodies::{Bodies, Shift};
+
 #[derive(Debug)]
 pub struct Contacts {
     separates: bool,
     diffusion: Vec<f64>,
     reactive: ReactivePairs,
+    bodies: Bodies,
     boundary: Boundary,
     center_domains: Vec<Boundary>,
     /// Unit of displacements, in µm.
@@ -46,6 +51,7 @@ impl Contacts {
             separates: model.contact == Contact::Separate,
             diffusion: model.species.iter().map(|species| species.diffusion).collect(),
             reactive: ReactivePairs::new(model),
+            bodies: Bodies::new(model),
             boundary: model.boundary,
             center_domains: model.center_domains(),
             quantum: 2.0 * largest / UNITS,
@@ -54,6 +60,11 @@ impl Contacts {
 
     pub fn separate(&self) -> bool {
         self.separates
+    }
+
+    /// Moves the bodies to the `centers` of all receivers.
+    pub(crate) fn set_centers(&mut self, centers: &[[f32; 3]]) {
+        self.bodies.set_centers(centers);
     }
 
     /// Separates the overlaps among `pairs` of `free` particles. Returns their number.
@@ -96,17 +107,19 @@ impl Contacts {
 
     pub(crate) fn displace(&self, particles: &mut Particles, mut pushes: Vec<Push>) {
         pushes.par_sort_unstable();
-        for of_one in pushes.chunk_by(|a, b| a.0 == b.0) {
+        let shift = |of_one: &[Push]| {
             let unit = self.quantum / of_one.len() as f64;
             let at = of_one[0].0 as usize;
-            let from = particles.position_of(at);
+            let (species, from) = (particles.species[at], particles.position_of(at));
             let to = std::array::from_fn(|k| {
                 let sum: i64 = of_one.iter().map(|(_, push)| push[k]).sum();
                 (f64::from(from[k]) + sum as f64 * unit) as f32
             });
-            let domain = &self.center_domains[particles.species[at] as usize];
-            particles.set_position(at, domain.confine(to));
-        }
+            Shift { at, species, from, to: self.center_domains[species as usize].confine(to) }
+        };
+        let mut shifts: Vec<Shift> = pushes.chunk_by(|a, b| a.0 == b.0).map(shift).collect();
+        self.bodies.retain_outside(&mut shifts);
+        shifts.iter().for_each(|shift| particles.set_position(shift.at, shift.to));
     }
 
     /// `None` without an overlap.

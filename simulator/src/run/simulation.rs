@@ -165,7 +165,8 @@ impl Simulation {
 
     /// Collective.
     pub(crate) fn advance<H: Halo>(&mut self, free: &[u32], halo: &mut H) -> Result<Moved, H::Error> {
-        let Self { model, key, state, motion, receiver_search, collisions, surface_steps, .. } = self;
+        let Self { model, key, state, motion, receiver_search, collisions, contacts, surface_steps, .. } =
+            self;
         let now = (*key, state.step);
         surface_steps.advance(&mut state.bound, now);
         let leaving = binding::leaving(model, &state.bound, free, now);
@@ -180,6 +181,7 @@ impl Simulation {
         let events = motion.advance(&mut state.particles, receiver_search.as_mut(), flights.as_deref(), now);
         let events = halo.agree(events)?;
         state.centers = places.iter().map(|place| place.center).collect();
+        contacts.set_centers(&state.centers);
         Ok(Moved { events, leaving, places })
     }
 

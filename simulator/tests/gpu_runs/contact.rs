@@ -131,6 +131,44 @@ fn overlaps_are_separated_as_on_the_cpu() {
 }
 
 #[test]
+fn crowd_is_not_pushed_into_a_body_and_moves_as_on_the_cpu() {
+    let Some(own) = device() else { return };
+    for velocity in [0.0, 20.0] {
+        let mut model = crowd(Contact::Separate, 0.3, 0.14, 6);
+        model.transmitters[0].shape = Shape::Shell(2.6, 3.5);
+        let body = |radius, sees| Receiver {
+            radius,
+            sees,
+            kind: ReceiverKind::Reflecting,
+            velocity: [velocity, 0.0, 0.0],
+            ..Receiver::default()
+        };
+        // Four or more receivers have lists.
+        model.receivers = vec![body(2.5, vec![true, true])];
+        model.receivers.extend((1..5).map(|k| body(0.2 * k as f32, vec![true, false])));
+        let (mut there, mut here) = (gpu(&own, &model, 5, GpuOptions::default()), cpu(&model, 5));
+        let step = |run: &mut GpuSimulation| {
+            run.run(1).expect("a step");
+            let state = run.state().expect("a state");
+            for at in 0..state.particles.len() {
+                let p = state.particles.position_of(at);
+                let d = model.boundary.displacement(state.centers[0], p);
+                let height = d.map(|c| c * c).iter().sum::<f32>().sqrt() - 2.5;
+                assert!(height > -1e-5, "{at} is {height} µm inside");
+            }
+            state
+        };
+        let state = step(&mut there);
+        here.step().expect("a step");
+        assert!(here.state().totals.contacts > 300);
+        assert_eq!(there.totals().contacts, here.state().totals.contacts);
+        let far = distance(&state.particles, &here.state().particles, &model.boundary);
+        assert!(far < 1e-4, "{velocity}: {far}");
+        (0..20).for_each(|_| drop(step(&mut there)));
+    }
+}
+
+#[test]
 fn pressure_and_diffusion_match_hard_spheres() {
     let Some(own) = device() else { return };
     let mut model = crowd(Contact::Elastic, 0.3, 0.25, 8);

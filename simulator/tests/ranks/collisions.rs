@@ -2,8 +2,8 @@ use std::f64::consts::PI;
 use std::path::Path;
 
 use lazygrid_sim::{
-    Axis, Boundary, Contact, Decay, Model, Reaction, ReactionRate, Schedule, Shape, Species, Transmitter,
-    Unbinding, Vessel,
+    Axis, Boundary, Contact, Decay, Model, Reaction, ReactionRate, Receiver, ReceiverKind, Schedule, Shape,
+    Species, Transmitter, Unbinding, Vessel,
 };
 
 use crate::files;
@@ -131,6 +131,42 @@ fn overlaps_and_reactions_are_those_of_one_process() {
         assert!(totals.decayed[0] > 5 && totals.contacts > 100, "{totals:?}");
         compare(&model, 7, 10, &RANKS);
     }
+}
+
+/// Species 0 and 1 react below the contact distance.
+fn around_bodies() -> Model {
+    let mut model = crowd(Contact::Separate, 0.25, 9);
+    let Axis::Periodic { high, .. } = model.boundary.axes[0] else { unreachable!() };
+    let center = [high / 2.0; 3];
+    let release = model.transmitters[0].release.clone();
+    model.transmitters = vec![burst(center, Shape::Shell(1.6, high / 2.0), release)];
+    let body = |center, radius, velocity| Receiver {
+        center,
+        radius,
+        velocity: [velocity, 0.0, 0.0],
+        kind: ReceiverKind::Reflecting,
+        sees: vec![true, true, false],
+        ..Receiver::default()
+    };
+    model.receivers = vec![body(center, 1.5, 0.0), body([0.5; 3], 0.6, 10.0)];
+    model.reactions = vec![Reaction {
+        reactants: [0, 1],
+        products: [Some(2), None],
+        binding_radius: 0.5,
+        chance: ReactionRate::PerStep(0.5),
+        ..Reaction::default()
+    }];
+    model
+}
+
+#[test]
+fn bodies_and_reactions_within_contact_are_those_of_one_process() {
+    let model = around_bodies();
+    let totals = &alone(&model, 7, 8).pop().unwrap().state.totals;
+    assert!(totals.reacted[0] > 20 && totals.contacts > 100, "{totals:?}");
+    let without = Model { receivers: Vec::new(), ..model.clone() };
+    assert!(alone(&model, 7, 8).last() != alone(&without, 7, 8).last());
+    compare(&model, 7, 8, &RANKS);
 }
 
 /// A row of touching spheres along x, whose first is hit: momentum crosses all ranks within a step.

@@ -1,13 +1,21 @@
-// Moves particles by the mean displacement of their overlaps.
+// Moves particles by the mean displacement of their overlaps, unless that leads into a body.
 #include control
 #include params
 #include boundary
+#include event
 #include push
 
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<storage, read_write> control: Control;
-@group(0) @binding(2) var<storage, read_write> moved: array<vec4<f32>>;
-@group(0) @binding(3) var<storage, read_write> pushes: array<Push>;
+@group(0) @binding(1) var<uniform> trajectory: TrajectoryHeader;
+@group(0) @binding(2) var<storage, read_write> control: Control;
+@group(0) @binding(3) var<storage, read_write> moved: array<vec4<f32>>;
+@group(0) @binding(4) var<storage, read> species: array<u32>;
+@group(0) @binding(5) var<storage, read> species_rows: array<SpeciesRow>;
+@group(0) @binding(6) var<storage, read> event_rows: array<EventRow>;
+@group(0) @binding(7) var<storage, read> scene_rows: array<vec4<u32>>;
+@group(0) @binding(8) var<storage, read_write> pushes: array<Push>;
+
+#include receiver_cells
 
 // Converts a signed number of two words by its magnitude, so that small negative ones keep their digits.
 fn value_of(low: u32, high: u32) -> f32 {
@@ -16,6 +24,28 @@ fn value_of(low: u32, high: u32) -> f32 {
     }
     let carry = select(0u, 1u, low == 0u);
     return -(f32(~high + carry) * 0x1p32 + f32(~low + 1u));
+}
+
+// Returns true if the line between two points leads from outside into a surface that reflects, at the end of the step,
+// as in bodies.rs.
+fn enters_body(kind: SpeciesRow, before: vec3<f32>, to: vec3<f32>) -> bool {
+    let by = minimum_image(to - before);
+    let square = max(dot(by, by), 1e-37);
+    let near_receivers = receivers_near(kind, to, sqrt(square));
+    var is_entered = false;
+    for (var k = near_receivers.begin; k < near_receivers.end; k++) {
+        let event = event_rows[event_at(near_receivers, k)];
+        let center = receiver_at(event.receiver, control.step + 1u).center;
+        if (event.kind < REFLECTING || signed_distance(event.radius, center, before) < 0.0) {
+            continue;
+        }
+        let start = minimum_image(before - center);
+        let nearest = start + clamp(-dot(start, by) / square, 0.0, 1.0) * by;
+        if (length(nearest) < event.radius || signed_distance(event.radius, center, to) < 0.0) {
+            is_entered = true;
+        }
+    }
+    return is_entered;
 }
 
 @compute @workgroup_size(256)
@@ -38,5 +68,8 @@ fn separation_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
     }
     atomicStore(&pushes[at].count, 0u);
     let sphere = moved[at];
-    moved[at] = vec4(confined(sphere.xyz + by, sphere.w), sphere.w);
+    let to = confined(sphere.xyz + by, sphere.w);
+    if (!enters_body(species_rows[species[at]], sphere.xyz, to)) {
+        moved[at] = vec4(to, sphere.w);
+    }
 }

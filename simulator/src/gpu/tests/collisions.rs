@@ -12,6 +12,7 @@ use crate::motion::collisions::rules::{Event, Rules};
 use crate::motion::collisions::tests::model;
 use crate::motion::contact::Contacts;
 use crate::random::philox::open_unit;
+use crate::{Receiver, ReceiverKind};
 
 const WINDOW: usize = WINDOW_BYTES as usize / 4;
 const MOVER: usize = MOVER_BYTES as usize / 4;
@@ -100,9 +101,10 @@ impl Device {
 
     fn run(&mut self, kernel: &'static Kernel, items: u32, round: u32) {
         let groups = items.div_ceil(k::WORKGROUP_SIZE);
-        let shared: HashMap<&str, wgpu::Buffer> = ["params", "control", "reaction_rows", "species_rows"]
-            .map(|name| (name, self.run.buffer(name).clone()))
-            .into();
+        let shared =
+            ["params", "control", "reaction_rows", "species_rows", "event_rows", "scene_rows", "trajectory"];
+        let shared: HashMap<&str, wgpu::Buffer> =
+            shared.map(|name| (name, self.run.buffer(name).clone())).into();
         let rounds = ["round0", "round1"].map(|name| self.run.buffer(name).clone());
         let find = |name: &'static str| match name {
             "round" => rounds[round as usize % 2].clone(),
@@ -243,7 +245,14 @@ fn collision_rounds_match_the_cpu() {
 #[test]
 fn separation_matches_the_cpu() {
     let Some(own) = device() else { return };
-    let model = crowd(Contact::Separate, Axis::Reflecting { low: 0.0, high: 5.5 });
+    let mut model = crowd(Contact::Separate, Axis::Reflecting { low: 0.0, high: 5.5 });
+    model.reactions = vec![Reaction { reactants: [1, 1], binding_radius: 0.2, ..Reaction::default() }];
+    let free_model = model.clone();
+    // The crowd expands into the body.
+    let center = [4.4, 2.4, 2.4];
+    let (radius, sees) = (0.8, vec![true, false]);
+    model.receivers =
+        vec![Receiver { center, radius, sees, kind: ReceiverKind::Reflecting, ..Receiver::default() }];
     let uploaded = movers(&model, 3);
     let n = uploaded.len() as u32;
     let mut particles = Particles::default();
@@ -272,6 +281,9 @@ fn separation_matches_the_cpu() {
     ] {
         device.buffers.insert(name, written(&own, name, bytes));
     }
+    let [x, y, z] = center;
+    let rows = [[x, y, z, 0.0], [0.0; 4]];
+    own.queue.write_buffer(device.run.buffer("scene_rows"), 0, bytemuck::bytes_of(&rows));
     let near_pairs = device.buffers["near_pairs"].clone();
     device.buffers.insert("pairs", near_pairs);
     for pass in 0..4 {
@@ -280,7 +292,10 @@ fn separation_matches_the_cpu() {
     }
     let all: Vec<lazygrid::Pair> =
         (0..n).flat_map(|j| (0..j).map(move |i| lazygrid::Pair::new(i, j))).collect();
+    let mut without_body = particles.clone();
+    Contacts::new(&free_model).resolve(&mut without_body, &all, free, (Key::new(1), 0));
     let resolved = Contacts::new(&model).resolve(&mut particles, &all, free, (Key::new(1), 0));
+    assert_ne!(particles, without_body);
     let control: Vec<u32> = device.read("control", size_of::<ControlHeader>() / 4);
     let contacts = std::mem::offset_of!(ControlHeader, contacts) / 4;
     assert_eq!((u64::from(control[contacts]), resolved > 300), (resolved, true));

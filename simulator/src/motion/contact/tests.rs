@@ -2,8 +2,10 @@ use lazygrid::Algorithm;
 
 use super::*;
 use crate::model::particles::Particle;
+use crate::model::receiver::signed_distance;
+use crate::random::philox::{open_unit, philox};
 use crate::reaction::rate::binding_radius;
-use crate::{Reaction, ReactionRate, Shape, Simulation, Species, Transmitter};
+use crate::{Reaction, ReactionRate, Receiver, ReceiverKind, Shape, Simulation, Species, State, Transmitter};
 
 fn model(radius: f32) -> Model {
     let species = Species { name: "A".into(), radius, diffusion: 1.0, mass: 1.0, ..Species::default() };
@@ -109,4 +111,70 @@ fn reaction_within_contact_distance_has_its_rate() {
     let [ignored, separated] = [Contact::Ignore, Contact::Separate].map(reacted);
     // Poisson errors of both counts are 14 % each, and volumes that exclude particles change the rate.
     assert!(ignored > 30.0 && (separated / ignored - 1.0).abs() < 0.5, "{separated} and {ignored}");
+}
+
+#[test]
+fn crowd_does_not_push_particles_into_a_body() {
+    for velocity in [0.0, 20.0] {
+        let body = Receiver {
+            radius: 2.5,
+            kind: ReceiverKind::Reflecting,
+            sees: vec![true],
+            velocity: [velocity, 0.0, 0.0],
+            ..Receiver::default()
+        };
+        let model = Model {
+            time_step: 0.01,
+            species: vec![kind("A", 0.5)],
+            contact: Contact::Separate,
+            boundary: Boundary::periodic([-5.0; 3], [5.0; 3]),
+            receivers: vec![body],
+            transmitters: vec![burst(Shape::Shell(2.6, 5.0), &[(0, 500)])],
+            ..Model::default()
+        };
+        let mut separated = 0;
+        run(&model, 60, |simulation| {
+            let State { centers, particles, totals, .. } = simulation.state();
+            separated += totals.contacts;
+            for at in 0..particles.len() {
+                let height = signed_distance(2.5, centers[0], &model.boundary, particles.position_of(at));
+                assert!(height >= 0.0, "{at} is {height} µm inside");
+            }
+        });
+        assert!(separated > 1000, "{separated}");
+    }
+}
+
+#[test]
+fn bodies_that_a_search_finds_are_those_of_all_tests() {
+    let point = |k: u32| {
+        let [x, y, z, by] = philox([k, 0, 0, 0], [3, 4]).map(open_unit);
+        ([10.0 * x, 10.0 * y, 10.0 * z], 0.6 * by)
+    };
+    let body = |k: u32| Receiver {
+        center: point(k).0,
+        radius: 1.5 * point(k).1,
+        kind: ReceiverKind::Reflecting,
+        sees: vec![true, k.is_multiple_of(3)],
+        ..Receiver::default()
+    };
+    let boundary = Boundary::periodic([0.0; 3], [10.0; 3]);
+    let receivers = (0..300).map(body).collect();
+    let bodies = Bodies::new(&Model { receivers, boundary, ..Model::default() });
+    let shift = |k: u32| {
+        let (from, by) = point(1000 + k);
+        let to = boundary.confine([from[0] + by, from[1] - by, from[2] + 0.5 * by]);
+        Shift { at: k as usize, species: k % 2, from, to }
+    };
+    let all: Vec<Shift> = (0..2000).map(shift).collect();
+    let kept = |parts: usize| -> Vec<usize> {
+        let chunks = all.chunks(parts).map(|part| {
+            let mut part = part.to_vec();
+            bodies.retain_outside(&mut part);
+            part
+        });
+        chunks.flatten().map(|shift| shift.at).collect()
+    };
+    assert_eq!(kept(2000), kept(1));
+    assert!((200..1900).contains(&kept(1).len()), "{}", kept(1).len());
 }
