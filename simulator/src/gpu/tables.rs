@@ -111,7 +111,7 @@ fn params(model: &Model, key: Key, max_iterations: u32, tallies: &Tallies) -> Pa
         max_iterations,
         lists_pairs: u32::from(!model.reactions.is_empty() || model.contact == Contact::Separate),
         largest_radius: model.species.iter().map(|species| species.radius).fold(0.0, f32::max),
-        collides: matches!(model.contact, Contact::Separate | Contact::Elastic).into(),
+        collides: model.contact.collides().into(),
         is_elastic: (model.contact == Contact::Elastic).into(),
         has_velocity: model.has_velocity().into(),
         logs_arrivals: model.logs_arrivals.into(),

@@ -193,6 +193,13 @@ pub enum Contact {
     Elastic,
 }
 
+impl Contact {
+    /// Returns `true` if particles collide on their paths.
+    pub(crate) fn collides(self) -> bool {
+        matches!(self, Self::Separate | Self::Elastic)
+    }
+}
+
 impl Model {
     pub fn has_velocity(&self) -> bool {
         self.species.iter().any(Species::has_velocity)

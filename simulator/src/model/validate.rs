@@ -134,7 +134,7 @@ impl Model {
 
     /// Returns the fault of a missing wall, or of particles that collide, since a wall sees only the ends of paths.
     pub(crate) fn missing_wall(&self, name: &str, face: WallFace) -> Option<String> {
-        if matches!(self.contact, Contact::Separate | Contact::Elastic) {
+        if self.contact.collides() {
             return Some(format!(
                 "{name} is a wall that absorbs, which contact = \"separate\" or \"elastic\" does not know; let contact be \"count\""
             ));

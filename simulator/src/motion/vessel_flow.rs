@@ -37,7 +37,7 @@ impl StepTime {
 pub(crate) struct StepDrift {
     /// In µm.
     pub(crate) drift: [f32; 3],
-    /// Axes whose walls reflect paths with diffusion and drift.
+    /// Axes whose walls reflect Brownian motion with drift exactly; others mirror its path.
     pub(crate) at_wall: [bool; 3],
 }
 
@@ -49,7 +49,9 @@ impl StepDrift {
             _ => [0.0; 3],
         };
         let drift = std::array::from_fn(|k| ((kind.drift[k] + plug[k]) * time.duration) as f32);
-        let diffuses = kind.diffusion > 0.0 && !kind.has_velocity();
+        // Particles that collide move along lines that walls mirror. Another end of the paths of the others would
+        // overlap at the walls.
+        let is_exact = kind.diffusion > 0.0 && !kind.has_velocity() && !model.contact.collides();
         // Particles that the wall does not absorb never touched it.
         let reflects = |k| {
             matches!(model.boundary.axes[k], Axis::Reflecting { .. })
@@ -61,7 +63,7 @@ impl StepDrift {
             _ => false,
         };
         let drifts = |k: usize| drift[k] != 0.0 || time.flow_part > 0.0 && flows(k);
-        Self { drift, at_wall: std::array::from_fn(|k| diffuses && drifts(k) && reflects(k)) }
+        Self { drift, at_wall: std::array::from_fn(|k| is_exact && drifts(k) && reflects(k)) }
     }
 }
 

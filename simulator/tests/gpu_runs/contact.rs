@@ -169,6 +169,25 @@ fn crowd_is_not_pushed_into_a_body_and_moves_as_on_the_cpu() {
 }
 
 #[test]
+fn drift_creates_no_overlaps_at_walls_as_on_the_cpu() {
+    let Some(own) = device() else { return };
+    let mut model = crowd(Contact::Separate, 0.15, 0.3, 6);
+    let Axis::Periodic { low, high } = model.boundary.axes[0] else { unreachable!() };
+    model.boundary = Boundary::reflecting([low; 3], [high; 3]);
+    model.transmitters[0].shape = Shape::Lattice([high - low - 1.0; 3], [6; 3]);
+    model.species.iter_mut().for_each(|species| species.drift = [-1e-6; 3]);
+    let (mut there, mut here) = (gpu(&own, &model, 5, GpuOptions::default()), cpu(&model, 5));
+    there.run(20).expect("steps");
+    let overlaps: u64 = there.pairs_by_step().iter().sum();
+    assert!(overlaps < 3, "{overlaps}");
+    let mut there = gpu(&own, &model, 5, GpuOptions::default());
+    there.run(2).expect("steps");
+    (0..2).for_each(|_| here.step().expect("a step"));
+    let far = distance(&there.state().expect("a state").particles, &here.state().particles, &model.boundary);
+    assert!(far < 1e-3, "{far}");
+}
+
+#[test]
 fn pressure_and_diffusion_match_hard_spheres() {
     let Some(own) = device() else { return };
     let mut model = crowd(Contact::Elastic, 0.3, 0.25, 8);

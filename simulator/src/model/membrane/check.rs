@@ -1,7 +1,7 @@
 use super::{Membrane, MembraneSurface};
 use crate::model::boundary::Axis;
 use crate::model::receiver::{Receiver, signed_distance};
-use crate::model::{Contact, Flow, Model};
+use crate::model::{Flow, Model};
 
 /// Least distance of a membrane from a surface that reflects, in √(2DΔt). One step in 16 000 is longer along an axis.
 const STEPS_APART: f64 = 4.0;
@@ -32,7 +32,7 @@ impl Model {
         {
             return fault(format!("is where {} is for the same species; remove one", other.name));
         }
-        if matches!(self.contact, Contact::Separate | Contact::Elastic) {
+        if self.contact.collides() {
             return fault(
                 "holds back particles that collide; let contact be \"count\" or \"ignore\"".to_owned(),
             );

@@ -178,3 +178,29 @@ fn bodies_that_a_search_finds_are_those_of_all_tests() {
     assert_eq!(kept(2000), kept(1));
     assert!((200..1900).contains(&kept(1).len()), "{}", kept(1).len());
 }
+
+#[test]
+fn drift_creates_no_overlaps_at_walls() {
+    let seen = |drift: f64| {
+        let model = Model {
+            time_step: 0.01,
+            species: vec![Species { drift: [0.0, 0.0, drift], ..kind("A", 0.5) }],
+            contact: Contact::Separate,
+            boundary: Boundary::reflecting([-5.0; 3], [5.0; 3]),
+            transmitters: vec![burst(Shape::Lattice([9.0; 3], [6, 6, 5]), &[(0, 180)])],
+            ..Model::default()
+        };
+        let (mut overlaps, mut contacts) = (0, 0);
+        run(&model, 100, |simulation| {
+            overlaps += simulation.state().totals.pairs;
+            contacts += simulation.state().totals.contacts;
+        });
+        (overlaps, contacts)
+    };
+    let (still, drifting) = (seen(0.0), seen(-1e-6));
+    assert!(still.1 > 1000, "{still:?}");
+    assert!(
+        drifting.0 <= still.0 + 2 && drifting.1.abs_diff(still.1) < still.1 / 10,
+        "{still:?} {drifting:?}"
+    );
+}

@@ -91,8 +91,10 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
         warnings.extend(message.map(|message| Problem::at(from.name.span(), message)));
     }
     for (place, from) in file.species.iter().enumerate() {
-        let message = warnings::drift_at_curved_wall(&model, place);
-        warnings.extend(message.map(|message| Problem::at(from.name.span(), message)));
+        let messages =
+            [warnings::drift_at_curved_wall(&model, place), warnings::drift_at_plane_wall(&model, place)];
+        let messages = messages.into_iter().flatten();
+        warnings.extend(messages.map(|message| Problem::at(from.name.span(), message)));
     }
     if let (Some(dimensions), Some(message)) = (&file.dimensions, model.beyond_dimensions()) {
         return Err(Problem::at(dimensions.span(), message));

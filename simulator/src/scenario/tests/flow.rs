@@ -130,3 +130,23 @@ fn drift_to_the_curved_wall_of_a_vessel_is_warned_of() {
     let side = "[[receiver]]\nname = 'rx'\nkind = 'wall'\nface = 'side'\n";
     assert_eq!(warnings("0.01", "[0, -100, 0]", side), [""; 0]);
 }
+
+#[test]
+fn drift_to_a_plane_wall_is_warned_of_if_particles_collide() {
+    let warnings = |time_step: &str, contact: &str, more: &str| {
+        let text = format!(
+            "time-step = {time_step}\nsteps = 3\ncontact = '{contact}'\n[boundary]\nkind = 'reflecting'\nlow = [0, 0, 0]\n\
+             high = [9, 9, 9]\n[[species]]\nname = 'A'\nradius = 0.1\ndiffusion = 100\n{more}"
+        );
+        parse(&text).unwrap().warnings
+    };
+    let drift = "drift = [0, 0, -100]";
+    let [warning] = &warnings("0.01", "separate", drift)[..] else { panic!("no warning") };
+    assert!(warning.contains("line 9, `name`: ") && warning.contains("plane wall"), "{warning}");
+    let short = warning.split("time-step = ").nth(1).unwrap().split(' ').next().unwrap();
+    assert_eq!(warnings(short, "separate", drift), [""; 0]);
+    assert_eq!(warnings("0.01", "separate", ""), [""; 0]);
+    assert_eq!(warnings("0.01", "count", drift), [""; 0]);
+    let plug = "[flow]\nprofile = 'plug'\nvelocity = [-100, 0, 0]";
+    assert_eq!(warnings("0.01", "separate", plug).len(), 1);
+}

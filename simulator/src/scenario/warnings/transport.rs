@@ -100,22 +100,19 @@ pub(in crate::scenario) fn long_step_through(membrane: &Membrane, model: &Model)
     })
 }
 
-/// Largest drift in √(2DΔt) across the curved wall of a vessel, which mirrors paths. At this length, the mean distance
-/// from the wall is 0.7 % too large, and 10 % at four times it (measured in a cylinder with R = 5D/v).
-const DRIFT_AT_CURVED_WALL: f64 = 0.1;
+/// Largest drift in √(2DΔt) towards a wall that mirrors paths. At this length, the mean distance from a plane is 1.0 %
+/// too large, and 16 % at four times it (numerical stationary state, D/v without the error); from the curved wall of a
+/// cylinder 0.7 % and 10 % (measured with R = 5D/v).
+const DRIFT_AT_MIRROR: f64 = 0.1;
 
 pub(in crate::scenario) fn drift_at_curved_wall(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
     let vessel = model.boundary.vessel?;
-    let plug = match model.flow {
-        Some(Flow::Plug(velocity)) => velocity,
-        _ => [0.0; 3],
-    };
-    let across = vessel.across(std::array::from_fn(|k| one.drift[k] + plug[k]));
+    let across = vessel.across(drift(model, species));
     let speed = across.iter().map(|v| v * v).sum::<f64>().sqrt();
     let side = ReceiverKind::Wall(WallFace::Side);
     let absorbs = model.receivers.iter().any(|receiver| receiver.kind == side && receiver.sees[species]);
-    let longest = 2.0 * one.diffusion * (DRIFT_AT_CURVED_WALL / speed).powi(2);
+    let longest = longest_at_mirror(one.diffusion, speed);
     (longest > 0.0 && model.time_step > longest && !absorbs).then(|| {
         format!(
             "a step takes {} {:.3} µm by diffusion and {:.3} µm by drift across the vessel, whose curved wall mirrors paths: \
@@ -126,4 +123,49 @@ pub(in crate::scenario) fn drift_at_curved_wall(model: &Model, species: usize) -
             below(longest)
         )
     })
+}
+
+/// Plane walls mirror the paths of particles that collide.
+pub(in crate::scenario) fn drift_at_plane_wall(model: &Model, species: usize) -> Option<String> {
+    if !model.contact.collides() {
+        return None;
+    }
+    let one = &model.species[species];
+    let drift = drift(model, species);
+    let is_wall = |&k: &usize| matches!(model.boundary.axes[k], Axis::Reflecting { .. });
+    let speed = |k: usize| drift[k].abs() + flow_along(model, k);
+    let speed = (0..3).filter(is_wall).map(speed).fold(0.0, f64::max);
+    let longest = longest_at_mirror(one.diffusion, speed);
+    (longest > 0.0 && model.time_step > longest).then(|| {
+        format!(
+            "a step takes {} {:.3} µm by diffusion and up to {:.3} µm by drift towards a plane wall, which mirrors the paths of \
+             particles that collide: the layer at the wall that the drift feeds is too thick; time-step = {} is short enough",
+            one.name,
+            (2.0 * one.diffusion * model.time_step).sqrt(),
+            speed * model.time_step,
+            below(longest)
+        )
+    })
+}
+
+fn longest_at_mirror(diffusion: f64, speed: f64) -> f64 {
+    2.0 * diffusion * (DRIFT_AT_MIRROR / speed).powi(2)
+}
+
+/// Includes plug flow.
+fn drift(model: &Model, species: usize) -> [f64; 3] {
+    let plug = match model.flow {
+        Some(Flow::Plug(velocity)) => velocity,
+        _ => [0.0; 3],
+    };
+    std::array::from_fn(|k| model.species[species].drift[k] + plug[k])
+}
+
+/// Returns the largest speed of a flow along an axis, without plug flow.
+fn flow_along(model: &Model, axis: usize) -> f64 {
+    match &model.flow {
+        Some(Flow::Poiseuille { mean }) if model.boundary.along() == Some(axis) => 2.0 * mean.abs(),
+        Some(Flow::Field(field)) => field.fastest()[axis],
+        _ => 0.0,
+    }
 }
