@@ -63,10 +63,7 @@ pub fn download_one<T: ShaderType + CreateFrom>(own: &GpuDevice, from: &wgpu::Bu
 
 pub fn wait(own: &GpuDevice) -> Result<(), Error> {
     let until = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
-    own.device.poll(until).map(drop).map_err(|error| match error {
-        wgpu::PollError::Timeout => Error::Timeout { seconds: TIMEOUT.as_secs() },
-        other => Error::DeviceRejected { what: "waiting", reason: other.to_string() },
-    })
+    own.poll(until)
 }
 
 pub fn submit<R>(

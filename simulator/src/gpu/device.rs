@@ -75,10 +75,7 @@ pub(super) fn read(
     let done = move |result| drop(tell.send(result));
     with_error_scope(own, "the readback", size, || staging.slice(..).map_async(wgpu::MapMode::Read, done))?;
     let wait = wgpu::PollType::Wait { submission_index: None, timeout: Some(TIMEOUT) };
-    own.device.poll(wait).map_err(|error| match error {
-        wgpu::PollError::Timeout => refused(lazygrid::Error::Timeout { seconds: TIMEOUT.as_secs() }),
-        other => lost(other.to_string()),
-    })?;
+    own.poll(wait).map_err(refused)?;
     // Another polling thread may deliver the answer slightly later.
     let mapped = answer.recv_timeout(TIMEOUT).map_err(|_| lost("no answer to a readback".to_owned()))?;
     mapped.map_err(|error| lost(error.to_string()))?;

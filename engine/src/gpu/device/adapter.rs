@@ -88,7 +88,14 @@ impl AdapterId {
                 }
             }
         };
-        if let [place] = matches[..] {
+        // One GPU may be found once per API, the preferred one first.
+        let is_one_gpu = |places: &[usize]| {
+            let apis: Vec<&str> = places.iter().map(|&place| &*found[place].api).collect();
+            let is_repeated = |(k, api): (usize, &&str)| apis[..k].contains(api);
+            places.iter().all(|&place| found[place].name == found[places[0]].name)
+                && !apis.iter().enumerate().any(is_repeated)
+        };
+        if let Some(&place) = matches.first().filter(|_| is_one_gpu(&matches)) {
             return Ok(place);
         }
         let one = |place: usize| format!("{place} {} ({})", found[place].name, found[place].api);
@@ -103,9 +110,11 @@ pub fn optional_features() -> wgpu::Features {
 }
 
 /// Returns the default flags without debugging information of shaders, which builds with debug assertions would have:
-/// for it naga counts the lines before each instruction, which takes longer than all else in compiling a kernel.
+/// for it naga counts the lines before each instruction, which takes longer than all else in compiling a kernel. Nor are
+/// indirect dispatches validated, each by a dispatch of its own: kernels write at most 65,535 workgroups.
 fn instance_flags() -> wgpu::InstanceFlags {
-    wgpu::InstanceFlags::default().difference(wgpu::InstanceFlags::DEBUG).with_env()
+    let omitted = wgpu::InstanceFlags::DEBUG | wgpu::InstanceFlags::VALIDATION_INDIRECT_CALL;
+    wgpu::InstanceFlags::default().difference(omitted).with_env()
 }
 
 pub(super) fn enumerate() -> Vec<wgpu::Adapter> {
@@ -206,5 +215,8 @@ mod tests {
         let twins = ["Card", "Card"].map(card);
         assert!(AdapterId::from("card").place_in(&twins).is_err());
         assert_eq!(AdapterId::from(1).place_in(&twins), Ok(1));
+        let by_two_apis =
+            ["vulkan", "dx12"].map(|api| AdapterSummary { api: api.to_owned(), ..card("Card") });
+        assert_eq!(AdapterId::from("card").place_in(&by_two_apis), Ok(0));
     }
 }

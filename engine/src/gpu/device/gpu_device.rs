@@ -6,6 +6,7 @@ use lazygrid_kernels::kernel::{Access, Kernel, Variant};
 use super::adapter::{AdapterId, AdapterSummary, enumerate, optional_features, summarize, summary};
 use super::constant::constant_buffer;
 use super::error_scope::with_error_scope;
+use super::mapping;
 use super::pipelines::{Pipeline, Pipelines};
 use super::subgroup_probe;
 use crate::Error;
@@ -138,6 +139,14 @@ impl GpuDevice {
         opened
     }
 
+    /// Polls the device as [`wgpu::Device::poll`] does, which panics if the driver reports a loss meanwhile.
+    ///
+    /// # Errors
+    /// [`Error::Timeout`] and [`Error::DeviceLost`]; [`Error::DeviceRejected`] for another device's submission.
+    pub fn poll(&self, until: wgpu::PollType) -> Result<(), Error> {
+        mapping::poll(&self.device, until)
+    }
+
     /// # Errors
     /// [`Error::DeviceLost`] after the driver reported it.
     pub(crate) fn check_lost(&self) -> Result<(), Error> {
@@ -155,8 +164,9 @@ impl GpuDevice {
     /// Tests if the device works: a lost one refuses even a small buffer. The driver reports a loss late, and for a
     /// host application's device only to the application.
     pub(crate) fn probe(&self) -> Result<(), Error> {
+        self.check_lost()?;
         // A poll delivers the report of a loss.
-        let _ = self.device.poll(wgpu::PollType::Poll);
+        self.poll(wgpu::PollType::Poll)?;
         self.check_lost()?;
         match constant_buffer(&self.device, "a probe", &[0; 16]) {
             Ok(_) | Err(Error::DeviceOutOfMemory { .. }) => Ok(()),

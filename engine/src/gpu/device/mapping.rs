@@ -1,9 +1,12 @@
-use crate::Error;
+use std::any::Any;
 use std::future::Future;
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::pin::Pin;
 use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll, Waker};
 use std::time::Duration;
+
+use crate::Error;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wait {
@@ -41,19 +44,15 @@ impl Mapping {
     ) -> Result<(), Error> {
         let device = device.clone();
         let waiting = self.clone();
-        let poll = move || {
+        let wait_for = move || {
             let until = wgpu::PollType::Wait { submission_index: Some(submission), timeout: Some(timeout) };
-            if let Err(error) = device.poll(until) {
-                let seconds = timeout.as_secs();
-                waiting.answer(Err(match error {
-                    wgpu::PollError::Timeout => Error::Timeout { seconds },
-                    other => Error::DeviceRejected { what: "waiting", reason: other.to_string() },
-                }));
+            if let Err(error) = poll(&device, until) {
+                waiting.answer(Err(error));
             }
         };
         match wait {
-            Wait::Blocking => poll(),
-            Wait::Async => drop(std::thread::spawn(poll)),
+            Wait::Blocking => wait_for(),
+            Wait::Async => drop(std::thread::spawn(wait_for)),
         }
         self.await
     }
@@ -65,6 +64,29 @@ impl Mapping {
             waker.wake();
         }
     }
+}
+
+/// Polls a device. A loss that the driver reports meanwhile makes wgpu panic; here it is an error.
+pub(crate) fn poll(device: &wgpu::Device, until: wgpu::PollType) -> Result<(), Error> {
+    let seconds = match &until {
+        wgpu::PollType::Wait { timeout: Some(timeout), .. } => timeout.as_secs(),
+        _ => 0,
+    };
+    match catch_unwind(AssertUnwindSafe(|| device.poll(until))) {
+        Ok(Ok(_)) => Ok(()),
+        Ok(Err(wgpu::PollError::Timeout)) => Err(Error::Timeout { seconds }),
+        Ok(Err(other)) => Err(Error::DeviceRejected { what: "waiting", reason: other.to_string() }),
+        Err(panic) => match loss(&*panic) {
+            Some(reason) => Err(Error::DeviceLost { reason }),
+            None => resume_unwind(panic),
+        },
+    }
+}
+
+/// Returns the message of wgpu's panic. Callbacks of a host application, which run while wgpu polls, may panic as well.
+fn loss(panic: &(dyn Any + Send)) -> Option<String> {
+    let message = panic.downcast_ref::<String>()?;
+    message.starts_with("Error in Device::").then(|| message.clone())
 }
 
 impl Future for Mapping {
@@ -79,5 +101,19 @@ impl Future for Mapping {
                 Poll::Pending
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn panics_of_callbacks_are_no_loss() {
+        let panic = |message: &str| -> Box<dyn Any + Send> { Box::new(message.to_owned()) };
+        let lost = "Error in Device::poll: Validation Error";
+        assert_eq!(loss(&*panic(lost)), Some(lost.to_owned()));
+        assert_eq!(loss(&*panic("index out of bounds")), None);
+        assert_eq!(loss(&3_u32), None);
     }
 }

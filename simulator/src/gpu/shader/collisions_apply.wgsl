@@ -30,8 +30,8 @@ fn reflect_at_wall(mover: Mover, wall: u32) -> Mover {
         return reflected;
     }
     let axis = (wall - WALLS) / 2u;
-    reflected.motion[axis] = -mover.motion[axis];
-    reflected.own[axis] = -mover.own[axis];
+    reflected.motion = with_component(mover.motion, axis, -mover.motion[axis]);
+    reflected.own = with_component(mover.own, axis, -mover.own[axis]);
     return reflected;
 }
 

@@ -62,7 +62,7 @@ fn separation_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
     let unit = 2.0 * params.largest_radius / (UNITS * f32(count));
     var by = vec3(0.0);
     for (var k = 0u; k < 3u; k++) {
-        by[k] = value_of(atomicLoad(&pushes[at].low[k]), atomicLoad(&pushes[at].high[k])) * unit;
+        by = with_component(by, k, value_of(atomicLoad(&pushes[at].low[k]), atomicLoad(&pushes[at].high[k])) * unit);
         atomicStore(&pushes[at].low[k], 0u);
         atomicStore(&pushes[at].high[k], 0u);
     }

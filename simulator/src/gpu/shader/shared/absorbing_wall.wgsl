@@ -50,7 +50,7 @@ fn foot_at(face: u32, radius: f32, point: vec3<f32>) -> vec3<f32> {
     var foot = point;
     if (face < SIDE) {
         let axis = face / 2u;
-        foot[axis] = select(params.high[axis] - radius, params.low[axis] + radius, face % 2u == 0u);
+        foot = with_component(foot, axis, select(params.high[axis] - radius, params.low[axis] + radius, face % 2u == 0u));
     }
     return foot;
 }
@@ -75,8 +75,8 @@ fn aimed(kind: SpeciesRow, path: Path) -> Path {
     for (var k = kind.walls_begin; k < kind.events_end; k++) {
         let face = event_rows[k].kind - WALL;
         if (face < SIDE && wall_height(face, kind.radius, path.free_end) <= 0.0) {
-            end[face / 2u] = path.free_end[face / 2u];
-            after[face / 2u] = path.free_end[face / 2u];
+            end = with_component(end, face / 2u, path.free_end[face / 2u]);
+            after = with_component(after, face / 2u, path.free_end[face / 2u]);
         }
     }
     return Path(path.before, end, after, path.velocity, path.free_end);

@@ -8,6 +8,11 @@ fn flattened(v: vec3<f32>) -> vec3<f32> {
     return select(v, vec3(0.0), params.axes == vec3(FROZEN));
 }
 
+// Returns a vector with another component. Some compilers of DirectX refuse to store one by an index that varies.
+fn with_component(v: vec3<f32>, axis: u32, x: f32) -> vec3<f32> {
+    return select(v, vec3(x), vec3(0u, 1u, 2u) == vec3(axis));
+}
+
 // Makes a direction that is uniform in three dimensions uniform in those of the run.
 fn direction_within(direction: vec3<f32>) -> vec3<f32> {
     if (params.axes.z != FROZEN) {

@@ -191,9 +191,9 @@ fn hold_back_by_spheres(path: Path, kind: SpeciesRow, id: u32) -> Path {
         }
         ray.displacement *= 1.0 - next.part;
         if (next.is_wall) {
-            ray.walls[next.index] = next.normal.x;
-            ray.mirrors[next.index] = 1.0;
-            ray.displacement[next.index] = -ray.displacement[next.index];
+            ray.walls = with_component(ray.walls, next.index, next.normal.x);
+            ray.mirrors = with_component(ray.mirrors, next.index, 1.0);
+            ray.displacement = with_component(ray.displacement, next.index, -ray.displacement[next.index]);
             continue;
         }
         let sphere = membrane_sphere(kind, next.index);

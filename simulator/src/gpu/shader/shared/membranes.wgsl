@@ -89,10 +89,11 @@ fn hold_back_by_planes(start: Path, kind: SpeciesRow, axis: u32, id: u32) -> Pat
         }
     }
     end = mirrored_in(slab, end);
-    path.free_end[axis] = end;
-    path.end[axis] = end;
+    path.free_end = with_component(path.free_end, axis, end);
+    path.end = with_component(path.end, axis, end);
     let after = confined_axes(path.free_end, kind.radius)[axis];
-    path.after[axis] = select(mirrored_in(slab, after), after, params.axes[axis] == 2u);
+    let held = select(mirrored_in(slab, after), after, params.axes[axis] == 2u);
+    path.after = with_component(path.after, axis, held);
     return path;
 }
 

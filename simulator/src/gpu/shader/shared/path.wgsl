@@ -48,7 +48,8 @@ fn reflected_at_walls(before: vec3<f32>, end: vec3<f32>, kind: SpeciesRow, id: u
         if ((kind.drifts_at_wall & (1u << k)) != 0u) {
             let low = params.low[k] + kind.radius;
             let high = params.high[k] - kind.radius;
-            reflected[k] = reflected_at_wall(low, high, vec2(before[k], end[k]), kind.length, words[k]);
+            let at_wall = reflected_at_wall(low, high, vec2(before[k], end[k]), kind.length, words[k]);
+            reflected = with_component(reflected, k, at_wall);
         }
     }
     return reflected;
