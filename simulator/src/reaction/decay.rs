@@ -4,7 +4,7 @@
 //! product has the rest. Chains are therefore right at any step length.
 //!
 //! A receiver or a wall that the path hits takes the species that exists at the time of the hit, if it sees that species
-//! ([`CaptureOrder`]). Decays before the hit come first, and further ones do not happen to a particle that was taken.
+//! (`CaptureOrder`). Decays before the hit come first, and further ones do not happen to a particle that was taken.
 
 use crate::model::Model;
 use crate::random::philox::{Key, Purpose, probability_threshold};

@@ -225,6 +225,8 @@ fn is_done(replica: &Run) -> Result<bool, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::RunView;
+    use crate::scenario::Scenario;
 
     #[test]
     fn replicas_have_distinct_seeds() {
@@ -233,5 +235,42 @@ mod tests {
         seeds.sort_unstable();
         seeds.dedup();
         assert_eq!(seeds.len(), 3003);
+    }
+
+    fn scenario(text: &str) -> Scenario {
+        Scenario::parse(Path::new("s.toml"), text.to_owned()).expect("a scenario")
+    }
+
+    const TEXT: &str = "time-step = 0.1\nsteps = 3\n[[species]]\nname = \"A\"\ndiffusion = 1\n\
+                        [[transmitter]]\nname = \"tx\"\nrelease = [{ species = \"A\", count = 5 }]\n";
+
+    #[test]
+    fn replicas_of_another_scenario_or_seed_are_not_done() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let replicas = |text: &str, seed: u64| {
+            let mut run = Run::new(scenario(text), "s.toml", directory.path());
+            run.scenario.seed = seed;
+            Replicas { run, count: NonZeroU32::new(2).expect("two") }
+        };
+        replicas(TEXT, 7).run(|_, _| ControlFlow::Continue(())).expect("a run");
+        let done = |replicas: Replicas| replicas.results(&[]).expect("checkpoints").done;
+        assert_eq!(done(replicas(TEXT, 7)), [0, 1]);
+        assert_eq!(done(replicas(&TEXT.replace("= 1", "= 2"), 7)), [0; 0]);
+        assert_eq!(done(replicas(TEXT, 8)), [0; 0]);
+        assert_eq!(done(replicas(&TEXT.replace("[[t", "\n\n[[t"), 7)), [0, 1]);
+    }
+
+    #[test]
+    fn stop_in_the_last_step_ends_nothing() {
+        let directory = tempfile::tempdir().expect("a directory");
+        let run = |name: &str, last: u32| {
+            let run = Run::new(scenario(TEXT), "s.toml", directory.path().join(name));
+            let watch = |simulation: &AnySimulation| match simulation.step_count() == last {
+                true => ControlFlow::Break(()),
+                false => ControlFlow::Continue(()),
+            };
+            run.run(watch).expect("a run").0
+        };
+        assert_eq!([run("a", 2), run("b", 3)], [RunEnd::Stopped, RunEnd::Finished]);
     }
 }

@@ -180,6 +180,20 @@ fn report_without_a_table_removes_an_earlier_one() {
 }
 
 #[test]
+fn resumed_run_drops_the_report_of_its_shorter_part() {
+    let scratch = Scratch::new();
+    let (scenario, out) = (scratch.write("bits.toml", BITS), scratch.path("out"));
+    let derived = ["report.html", "plots", "impulse-response.csv", "bit-errors.csv"];
+    let exist = || derived.map(|name| fs::exists(format!("{out}/{name}")).unwrap());
+    lazygrid(["simulate", &scenario, "--output", &out, "--steps", "300", "--report"]).succeeds();
+    assert_eq!(exist(), [true; 4]);
+    lazygrid(["simulate", &scenario, "--output", &out, "--steps", "300", "--resume"]).succeeds();
+    assert_eq!(exist(), [true; 4]);
+    lazygrid(["simulate", &scenario, "--output", &out, "--steps", "301", "--resume"]).succeeds();
+    assert_eq!(exist(), [false; 4]);
+}
+
+#[test]
 fn a_report_of_one_run_has_its_series() {
     let scratch = Scratch::new();
     let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));

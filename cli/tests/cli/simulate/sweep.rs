@@ -55,6 +55,36 @@ fn sweep_gives_the_closed_form_at_each_point() {
 }
 
 #[test]
+fn report_of_a_point_has_the_command_that_makes_it() {
+    let scratch = Scratch::new();
+    let (scenario, out) = (scratch.write("s.toml", BURST), scratch.path("out"));
+    let args =
+        ["simulate", &scenario, "--output", &out, "--replicas", "2", "--report", "--series-every", "100"];
+    lazygrid(args).succeeds();
+    let point = out + "/point-0001";
+    let path = point.clone() + "/report.html";
+    let report = fs::read_to_string(&path).unwrap();
+    let options = "--seed 3 --steps 200 --series-every 100 --report --replicas 2 --resume";
+    assert!(report.contains("point-0001/scenario.toml") && report.contains(options), "{report}");
+    fs::remove_file(&path).unwrap();
+    let args = ["simulate", &(point.clone() + "/scenario.toml"), "--output", &point];
+    lazygrid(args.into_iter().chain(options.split(' '))).succeeds();
+    assert_eq!(fs::read_to_string(&path).unwrap(), report);
+}
+
+#[test]
+fn refused_resumption_changes_no_file() {
+    let scratch = Scratch::new();
+    let (scenario, out) = (scratch.write("s.toml", BURST), scratch.path("out"));
+    lazygrid(["simulate", &scenario, "--output", &out]).succeeds();
+    let before = files(&out);
+    scratch.write("s.toml", &BURST.replace("radius = 2", "radius = 3"));
+    let refused = lazygrid(["simulate", &scenario, "--output", &out, "--resume"]).fails();
+    assert!(refused.err.contains("of another scenario"), "{}", refused.err);
+    assert_eq!(files(&out), before);
+}
+
+#[test]
 fn momentary_responses_have_a_plot_of_their_own() {
     let scratch = Scratch::new();
     let inside = "[[receiver]]\nname = \"in\"\ncenter = [0, 0, 0]\nradius = 3\nkind = \"transparent\"\n";
