@@ -69,7 +69,12 @@ fn report_of_a_point_has_the_command_that_makes_it() {
     fs::remove_file(&path).unwrap();
     let args = ["simulate", &(point.clone() + "/scenario.toml"), "--output", &point];
     lazygrid(args.into_iter().chain(options.split(' '))).succeeds();
-    assert_eq!(fs::read_to_string(&path).unwrap(), report);
+    let names_file =
+        |line: &&str| ["lazygrid simulate: ", "<td>scenario</td>"].iter().any(|name| line.contains(name));
+    let again = fs::read_to_string(&path).unwrap();
+    assert!(
+        again.lines().filter(|line| !names_file(line)).eq(report.lines().filter(|line| !names_file(line)))
+    );
 }
 
 #[test]
