@@ -139,7 +139,7 @@ static void edges_are_refused(void) {
     CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_OK);
     lazygrid_destroy(detector);
     settings.periodic[1] = 2;
-    CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_ERROR_ARGUMENT);
+    CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_ERROR_SETTING);
     CHECK(says(lazygrid_last_error(NULL), "settings.periodic and settings.cell_vectors"));
     settings.periodic[1] = 0;
     settings.cell_vectors = (const double *)(const void *)((const char *)cell_vectors + 1);

@@ -64,7 +64,8 @@ const RESULTS: [&str; 20] = [
 const RESUMABLE: usize = 3;
 const PLOTS: &str = "plots";
 /// [`RESULTS`] that are made of a run's other files.
-const DERIVED: [&str; 7] = [
+const DERIVED: [&str; 8] = [
+    "animation.html",
     "arrivals.arrow",
     "releases.arrow",
     "report.html",
@@ -83,6 +84,8 @@ pub(crate) struct Files {
     xyz: Option<AppendFile>,
     logs: Option<Logs>,
     animation: Option<AppendFile>,
+    /// `true` if files made of these may be of fewer steps.
+    has_derived: bool,
     _lock: Lock,
 }
 
@@ -124,7 +127,9 @@ impl Files {
         let animation = animated.then(|| AppendFile::create(directory.join(ANIMATED))).transpose()?;
         let directory = directory.to_owned();
         let symbols = symbols::any(model).then(|| AppendFile::create(directory.join(SYMBOLS))).transpose()?;
-        let mut files = Self { directory, output, series, symbols, xyz, logs, animation, _lock: lock };
+        let has_derived = false;
+        let mut files =
+            Self { directory, output, series, symbols, xyz, logs, animation, has_derived, _lock: lock };
         files.series.put(|out| series::header(out, model))?;
         if let Some(symbols) = &mut files.symbols {
             symbols.put(|out| symbols::write(out, model, seed))?;
@@ -159,7 +164,9 @@ impl Files {
         }
         let animation = output.animation.is_some().then(|| reopen(ANIMATED)).transpose()?;
         let directory = directory.to_owned();
-        let mut files = Self { directory, output, series, symbols, xyz, logs, animation, _lock: lock };
+        let has_derived = true;
+        let mut files =
+            Self { directory, output, series, symbols, xyz, logs, animation, has_derived, _lock: lock };
         files.growing().try_for_each(AppendFile::cut)?;
         Ok(files)
     }
@@ -206,6 +213,9 @@ impl Files {
     }
 
     pub(crate) fn sync(&mut self) -> Result<Vec<FileRecord>, Error> {
+        if std::mem::take(&mut self.has_derived) {
+            remove_derived(&self.directory)?;
+        }
         self.growing().map(AppendFile::sync).collect()
     }
 

@@ -230,10 +230,6 @@ impl Run {
         self.check_disk_space(&simulation, slot)?;
         let files =
             Files::reopen(&self.directory, own.output, (&own.model, own.seed), (&records, done), lock)?;
-        if done < own.steps {
-            // They would be of the shorter run.
-            output::remove_derived(&self.directory)?;
-        }
         Ok((simulation, files))
     }
 

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 
 use crate::output::{self, Lock};
 use crate::random::philox::{Key, Purpose};
-use crate::run::checkpoint::Checkpoint;
+use crate::run::checkpoint::{Checkpoint, FileRecord};
 use crate::run::{Run, RunEnd, is_same_text, queue};
 use crate::{AnySimulation, Error};
 
@@ -85,6 +85,24 @@ impl Replicas {
         Ok(begun)
     }
 
+    pub(super) fn has_checkpoint(&self) -> Result<bool, Error> {
+        let has = |&replica: &u32| self.directory_of(replica).join("checkpoint").exists();
+        Ok(self.begun()?.iter().any(has))
+    }
+
+    pub(super) fn are_finished(&self) -> Result<bool, Error> {
+        let begun = self.begun()?;
+        if begun.len() < self.count.get() as usize {
+            return Ok(false);
+        }
+        for replica in begun {
+            if finished(&self.replica(replica))?.is_none() {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
     pub fn replica(&self, replica: u32) -> Run {
         let mut run = self.run.clone();
         run.scenario.seed = seed_of(run.scenario.seed, replica);
@@ -119,6 +137,9 @@ impl Replicas {
                 }
                 let lock = Lock::take(directory)?;
                 self.check_table_fits()?;
+                if !self.are_finished()? {
+                    output::remove_derived(directory)?;
+                }
                 lock
             }
         };
@@ -207,19 +228,23 @@ impl Replicas {
     }
 }
 
-/// A replica of another scenario or seed is not.
 fn is_done(replica: &Run) -> Result<bool, Error> {
+    match finished(replica)? {
+        None => Ok(false),
+        Some(files) => output::check(&replica.directory, &files).map(|()| true),
+    }
+}
+
+/// Returns the files of a replica whose steps are done. One of another scenario or seed is not.
+fn finished(replica: &Run) -> Result<Option<Vec<FileRecord>>, Error> {
     let path = replica.directory.join("checkpoint");
     if !path.exists() {
-        return Ok(false);
+        return Ok(None);
     }
     let Checkpoint { scenario, seed, state, files, .. } = Checkpoint::read(&path)?;
     let own = &replica.scenario;
-    if state.step < own.steps || seed != own.seed || !is_same_text(&scenario, &own.text) {
-        return Ok(false);
-    }
-    output::check(&replica.directory, &files)?;
-    Ok(true)
+    let is_own = seed == own.seed && is_same_text(&scenario, &own.text);
+    Ok((is_own && state.step >= own.steps).then_some(files))
 }
 
 #[cfg(test)]

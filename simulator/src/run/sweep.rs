@@ -65,18 +65,30 @@ impl SweepRuns {
         let _lock = self.lock()?;
         self.check_disk().map_err(named)?;
         self.write_points()?;
+        if self.resume && !self.are_finished().map_err(named)? {
+            output::remove_derived(&self.directory)?;
+        }
         for (k, point) in self.points.iter().enumerate() {
             if point.prepare(&is_cancelled).map_err(|error| named((k, error)))?.is_none() {
                 return Ok(None);
             }
             let (path, text) = (point.run.directory.join("scenario.toml"), &point.run.scenario.text);
             // A resumed point keeps its scenario: the one given may be refused.
-            if point.run.resume && path.exists() {
+            if point.run.resume && point.has_checkpoint().map_err(|error| named((k, error)))? {
                 continue;
             }
             output::write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
         }
         queue::run_all(&self.points, &watch).map(Some).map_err(named)
+    }
+
+    fn are_finished(&self) -> Result<bool, (usize, Error)> {
+        for (k, point) in self.points.iter().enumerate() {
+            if !point.run.resume || !point.are_finished().map_err(|error| (k, error))? {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     fn lock(&self) -> Result<Lock, Error> {

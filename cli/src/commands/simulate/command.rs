@@ -10,7 +10,7 @@ use lazygrid_sim::run::run_args::RunArgs;
 
 use crate::args::{ArrivalsFormat, Simulate};
 
-/// Returns the command that makes the report of a finished run, or of `replicas`, again. `scenario` is its file.
+/// Returns the command that repeats a run, or `replicas`, with the report. `scenario` is its file.
 pub(crate) fn of_report(args: &Simulate, run: &Run, scenario: &Path, replicas: Option<NonZeroU32>) -> String {
     let mut options = args.options.clone();
     (options.seed, options.steps) = (Some(run.scenario.seed), Some(run.scenario.steps));
@@ -18,7 +18,6 @@ pub(crate) fn of_report(args: &Simulate, run: &Run, scenario: &Path, replicas: O
     command.overrides(args, &options);
     command.flag("--report", true);
     command.value("--replicas", replicas);
-    command.flag("--resume", true);
     shell_command(&command.0)
 }
 

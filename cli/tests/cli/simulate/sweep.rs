@@ -64,11 +64,11 @@ fn report_of_a_point_has_the_command_that_makes_it() {
     let point = out + "/point-0001";
     let path = point.clone() + "/report.html";
     let report = fs::read_to_string(&path).unwrap();
-    let options = "--seed 3 --steps 200 --series-every 100 --report --replicas 2 --resume";
+    let options = "--seed 3 --steps 200 --series-every 100 --report --replicas 2";
     assert!(report.contains("point-0001/scenario.toml") && report.contains(options), "{report}");
     fs::remove_file(&path).unwrap();
     let args = ["simulate", &(point.clone() + "/scenario.toml"), "--output", &point];
-    lazygrid(args.into_iter().chain(options.split(' '))).succeeds();
+    lazygrid(args.into_iter().chain(options.split(' ')).chain(["--resume"])).succeeds();
     let names_file =
         |line: &&str| ["lazygrid simulate: ", "<td>scenario</td>"].iter().any(|name| line.contains(name));
     let again = fs::read_to_string(&path).unwrap();

@@ -137,7 +137,7 @@ fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {
             "a swimmer has a speed, and a particle of a gas a thermal-speed; take one away".to_owned();
         return Err(Problem::at(speed.span(), message));
     }
-    if let (Some(rate), true) = (&one.tumble_rate, species.tumble_rate > 0.0 && species.speed == 0.0) {
+    if let (Some(rate), true) = (&one.tumble_rate, species.tumble_rate > 0.0 && one.speed.is_none()) {
         let message = "what tumbles is a swimmer; give it a speed, or take the tumble-rate away".to_owned();
         return Err(Problem::at(rate.span(), message));
     }
