@@ -192,7 +192,7 @@ final class BoxesAndExclusions {
         failing(Status.INPUT, "", () -> Exclusions.across(2, 1, 1, 1));
         failing(Status.INPUT, "(4, 0, 0)", () -> new Detector(
             onCpu().cellVectors(new double[] {4, 0, 0}, new double[] {8, 0, 0}, null)).close());
-        failing(Status.ARGUMENT, "settings.cell_vectors", () -> new Detector(
+        failing(Status.SETTING, "settings.cell_vectors", () -> new Detector(
             onCpu().periodic(1, 0, 0).cellVectors(new double[] {4, 0, 0}, null, null)).close());
         throwing(IllegalArgumentException.class, e -> true, () -> Exclusions.of(7, 0), "odd");
         throwing(IllegalArgumentException.class, e -> true, () -> Exclusions.of(-1), "negative");

@@ -137,7 +137,7 @@ final class SetsAndSkins {
         }
         failing(Status.SETTING, "skin = ",
             () -> new Detector(onCpu().skin(Skin.fixed(0.1)).algorithm(Algorithm.NAIVE)).close());
-        failing(Status.ARGUMENT, "skin_distance is 0.5",
+        failing(Status.SETTING, "skin_distance is 0.5",
             () -> new Detector(onCpu().skin(new Skin(Skin.Kind.OFF, 0.5))).close());
     }
 }
