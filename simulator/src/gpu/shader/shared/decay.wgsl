@@ -75,7 +75,10 @@ fn row_of_capture(row: u32, kind: SpeciesRow) -> u32 {
     let is_wall = event_rows[row].kind >= WALL;
     var begin = select(kind.events_begin, kind.walls_begin, is_wall);
     var end = select(kind.decays_begin, kind.events_end, is_wall);
-    for (var k = 0u; k < 32u && begin < end; k++) {
+    for (var k = 0u; k < 32u; k++) {
+        if (begin >= end) {
+            break;
+        }
         let middle = begin + (end - begin) / 2u;
         let found = event_rows[middle].receiver;
         if (found == receiver) {
