@@ -1,6 +1,6 @@
 //! Refusals of work that exceeds the available memory.
 
-use lazygrid_io::available_memory;
+use lazygrid_io::lacking_memory;
 
 use crate::Error;
 
@@ -9,7 +9,7 @@ use crate::Error;
 /// # Errors
 /// [`Error::TooLittleMemory`].
 pub(crate) fn check_available(what: &str, needed: u64, remedy: &'static str) -> Result<(), Error> {
-    let Some(available) = available_memory().filter(|available| needed > available.bytes) else {
+    let Some(available) = lacking_memory(needed) else {
         return Ok(());
     };
     let (what, limit) = (what.to_owned(), available.limit.name());

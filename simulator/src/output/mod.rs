@@ -49,11 +49,11 @@ const RESULTS: [&str; 20] = [
     RELEASES,
     OCCUPANCY,
     ANIMATED,
+    "mean.csv",
+    "sweep.csv",
     "animation.html",
     "arrivals.arrow",
     "releases.arrow",
-    "mean.csv",
-    "sweep.csv",
     "report.html",
     "impulse-response.csv",
     "interference.csv",
@@ -63,17 +63,8 @@ const RESULTS: [&str; 20] = [
 /// Number of the first [`RESULTS`], which `--resume` continues.
 const RESUMABLE: usize = 3;
 const PLOTS: &str = "plots";
-/// [`RESULTS`] that are made of a run's other files.
-const DERIVED: [&str; 8] = [
-    "animation.html",
-    "arrivals.arrow",
-    "releases.arrow",
-    "report.html",
-    "impulse-response.csv",
-    "interference.csv",
-    "bit-errors.csv",
-    "by-symbol.csv",
-];
+/// First of the last [`RESULTS`], which are made of a run's other files.
+const DERIVED: usize = 12;
 
 #[derive(Debug)]
 pub(crate) struct Files {
@@ -288,7 +279,7 @@ pub(crate) fn remove_results(directory: &Path) -> Result<(), Error> {
 /// Removes what is made of a run's finished files: reports, tables and copies in other formats.
 pub(crate) fn remove_derived(directory: &Path) -> Result<(), Error> {
     remove_plots(directory)?;
-    DERIVED.into_iter().try_for_each(|name| remove_file(directory.join(name)))
+    RESULTS[DERIVED..].iter().try_for_each(|name| remove_file(directory.join(name)))
 }
 
 /// Removes the plots that are part of the directory's report, but no files of the user.

@@ -65,8 +65,12 @@ impl Replicas {
         watch: impl Fn(u32, &AnySimulation) -> ControlFlow<()> + Sync,
     ) -> Result<Option<ReplicaResults>, Error> {
         let Some(_lock) = self.prepare(&is_cancelled)? else { return Ok(None) };
+        let is_outdated = self.is_outdated()?;
         let watch = |_: usize, replica: u32, simulation: &AnySimulation| watch(replica, simulation);
         let mut all = queue::run_all(std::slice::from_ref(self), &watch).map_err(|(_, error)| error)?;
+        if is_outdated {
+            output::remove_derived(&self.run.directory)?;
+        }
         Ok(Some(all.remove(0)))
     }
 
@@ -86,21 +90,21 @@ impl Replicas {
     }
 
     pub(super) fn has_checkpoint(&self) -> Result<bool, Error> {
-        let has = |&replica: &u32| self.directory_of(replica).join("checkpoint").exists();
-        Ok(self.begun()?.iter().any(has))
+        Ok(self.begun()?.iter().any(|&replica| self.replica(replica).checkpoint_path().exists()))
     }
 
-    pub(super) fn are_finished(&self) -> Result<bool, Error> {
+    /// Returns `true` if replicas have steps to do, so that files made of all replicas are of fewer steps.
+    pub(super) fn is_outdated(&self) -> Result<bool, Error> {
         let begun = self.begun()?;
-        if begun.len() < self.count.get() as usize {
-            return Ok(false);
+        if !self.run.resume || begun.len() < self.count.get() as usize {
+            return Ok(true);
         }
         for replica in begun {
             if finished(&self.replica(replica))?.is_none() {
-                return Ok(false);
+                return Ok(true);
             }
         }
-        Ok(true)
+        Ok(false)
     }
 
     pub fn replica(&self, replica: u32) -> Run {
@@ -108,7 +112,7 @@ impl Replicas {
         run.scenario.seed = seed_of(run.scenario.seed, replica);
         run.directory = self.directory_of(replica);
         run.scenario.output.animation = run.scenario.output.animation.filter(|_| replica == 0);
-        if run.resume && !run.directory.join("checkpoint").exists() {
+        if run.resume && !run.checkpoint_path().exists() {
             // It begins. The table of the seeds shows that the directory is of these replicas.
             (run.resume, run.overwrite) = (false, true);
         }
@@ -137,9 +141,6 @@ impl Replicas {
                 }
                 let lock = Lock::take(directory)?;
                 self.check_table_fits()?;
-                if !self.are_finished()? {
-                    output::remove_derived(directory)?;
-                }
                 lock
             }
         };
@@ -237,7 +238,7 @@ fn is_done(replica: &Run) -> Result<bool, Error> {
 
 /// Returns the files of a replica whose steps are done. One of another scenario or seed is not.
 fn finished(replica: &Run) -> Result<Option<Vec<FileRecord>>, Error> {
-    let path = replica.directory.join("checkpoint");
+    let path = replica.checkpoint_path();
     if !path.exists() {
         return Ok(None);
     }

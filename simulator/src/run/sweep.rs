@@ -65,12 +65,13 @@ impl SweepRuns {
         let _lock = self.lock()?;
         self.check_disk().map_err(named)?;
         self.write_points()?;
-        if self.resume && !self.are_finished().map_err(named)? {
-            output::remove_derived(&self.directory)?;
-        }
+        let mut outdated = Vec::new();
         for (k, point) in self.points.iter().enumerate() {
             if point.prepare(&is_cancelled).map_err(|error| named((k, error)))?.is_none() {
                 return Ok(None);
+            }
+            if point.is_outdated().map_err(|error| named((k, error)))? {
+                outdated.push(&point.run.directory);
             }
             let (path, text) = (point.run.directory.join("scenario.toml"), &point.run.scenario.text);
             // A resumed point keeps its scenario: the one given may be refused.
@@ -79,16 +80,12 @@ impl SweepRuns {
             }
             output::write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
         }
-        queue::run_all(&self.points, &watch).map(Some).map_err(named)
-    }
-
-    fn are_finished(&self) -> Result<bool, (usize, Error)> {
-        for (k, point) in self.points.iter().enumerate() {
-            if !point.run.resume || !point.are_finished().map_err(|error| (k, error))? {
-                return Ok(false);
-            }
+        let results = queue::run_all(&self.points, &watch).map_err(named)?;
+        if !outdated.is_empty() {
+            outdated.push(&self.directory);
         }
-        Ok(true)
+        outdated.into_iter().try_for_each(|directory| output::remove_derived(directory))?;
+        Ok(Some(results))
     }
 
     fn lock(&self) -> Result<Lock, Error> {

@@ -81,7 +81,7 @@ fn report_of_a_point_has_the_command_that_makes_it() {
 fn refused_resumption_changes_no_file() {
     let scratch = Scratch::new();
     let (scenario, out) = (scratch.write("s.toml", BURST), scratch.path("out"));
-    lazygrid(["simulate", &scenario, "--output", &out]).succeeds();
+    lazygrid(["simulate", &scenario, "--output", &out, "--report"]).succeeds();
     let before = files(&out);
     scratch.write("s.toml", &BURST.replace("radius = 2", "radius = 3"));
     let refused = lazygrid(["simulate", &scenario, "--output", &out, "--resume"]).fails();

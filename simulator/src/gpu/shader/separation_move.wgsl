@@ -26,8 +26,8 @@ fn value_of(low: u32, high: u32) -> f32 {
     return -(f32(~high + carry) * 0x1p32 + f32(~low + 1u));
 }
 
-// Returns true if the line between two points leads from outside into a surface that reflects, at the end of the step,
-// as in bodies.rs.
+// Returns true if the line between two points leads from outside into a surface that reflects, at the end of the step;
+// see bodies.rs.
 fn enters_body(kind: SpeciesRow, before: vec3<f32>, to: vec3<f32>) -> bool {
     let by = minimum_image(to - before);
     let square = max(dot(by, by), 1e-37);
