@@ -10,4 +10,4 @@ mod error;
 mod system_memory;
 
 pub use error::{Error, Location, Position, excerpt, printed};
-pub use system_memory::{AvailableMemory, MemoryLimit, available_memory};
+pub use system_memory::{AvailableMemory, MemoryLimit, available_memory, lacking_memory};

@@ -45,6 +45,11 @@ pub fn available_memory() -> Option<AvailableMemory> {
     all.min_by_key(|&(bytes, _)| bytes).map(|(bytes, limit)| AvailableMemory { bytes, limit })
 }
 
+/// Returns the available memory if it is less than `needed` bytes.
+pub fn lacking_memory(needed: u64) -> Option<AvailableMemory> {
+    available_memory().filter(|available| available.bytes < needed)
+}
+
 fn kilobytes(text: &str, name: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'))?;
     Some(line.split_whitespace().next()?.parse::<u64>().ok()?.saturating_mul(1024))

@@ -3,7 +3,7 @@ use std::time::Instant;
 use lazygrid::gpu::{self, CallCost, GpuConfig, GpuDevice, GpuSession};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, PhaseTime, Skin, Sphere, Spheres};
 
-use lazygrid_io::available_memory;
+use lazygrid_io::lacking_memory;
 
 use super::bandwidth::median;
 use crate::catch_panic;
@@ -78,7 +78,7 @@ pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipRea
 
 /// Describes the lack of memory, if any.
 pub fn check_memory(needed: u64) -> Result<(), String> {
-    match available_memory().filter(|free| needed > free.bytes) {
+    match lacking_memory(needed) {
         None => Ok(()),
         Some(free) => {
             Err(format!("{} MiB needed, {} MiB free ({})", needed >> 20, free.bytes >> 20, free.limit.name()))

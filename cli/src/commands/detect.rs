@@ -10,7 +10,7 @@ use std::time::Duration;
 use lazygrid::Backend;
 use lazygrid_io::read::Frame;
 use lazygrid_io::write::{AtomicFile, Output};
-use lazygrid_io::{AvailableMemory, available_memory};
+use lazygrid_io::{AvailableMemory, lacking_memory};
 use same_file::Handle;
 
 use self::exclusions::Excluded;
@@ -108,7 +108,7 @@ fn refuse_too_little_memory(
         return Ok(());
     }
     let needed = frames.least_memory(read.space, spheres as u64)?;
-    match available_memory().filter(|available| available.bytes < needed) {
+    match lacking_memory(needed) {
         None => Ok(()),
         Some(AvailableMemory { bytes: available, limit }) => {
             let (path, limit) = (input::name(&args.file).to_owned(), limit.name());

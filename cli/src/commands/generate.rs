@@ -1,6 +1,6 @@
 use lazygrid::Sphere;
 use lazygrid_io::scenes::{Scene, Transceivers};
-use lazygrid_io::{AvailableMemory, available_memory, write};
+use lazygrid_io::{AvailableMemory, lacking_memory, write};
 
 use crate::args::Generate;
 use crate::error::CliError;
@@ -13,9 +13,7 @@ pub(crate) fn run(args: &Generate) -> Result<(), CliError> {
     let scene = scene(args)?;
     let n = args.spheres as usize;
     let needed = args.spheres.saturating_mul(size_of::<Sphere>() as u64).saturating_add(OVERHEAD);
-    if let Some(AvailableMemory { bytes: available, limit }) =
-        available_memory().filter(|left| left.bytes < needed)
-    {
+    if let Some(AvailableMemory { bytes: available, limit }) = lacking_memory(needed) {
         let limit = limit.name();
         return Err(CliError::TooLittleMemoryToGenerate { spheres: args.spheres, needed, available, limit });
     }

@@ -15,12 +15,15 @@ pub(super) struct Line<'a> {
     pub(super) path: &'a Arc<Path>,
 }
 
+/// Begins text files that some programs write in UTF-8.
+pub const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
+
 impl<'a> Line<'a> {
     pub(super) fn of(bytes: &'a [u8], number: u64, path: &'a Arc<Path>) -> Result<Self, Error> {
         if bytes.len() > LONGEST_LINE {
             return Err(too_long(Location { path: path.clone(), at: Position::Line(number) }));
         }
-        let mark: &[u8] = if number == 1 { b"\xEF\xBB\xBF" } else { b"" };
+        let mark = if number == 1 { BYTE_ORDER_MARK } else { b"" };
         let bytes = bytes.strip_prefix(mark).unwrap_or(bytes);
         Ok(Self { bytes: bytes.strip_suffix(b"\r").unwrap_or(bytes), number, path })
     }

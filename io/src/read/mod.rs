@@ -45,6 +45,7 @@ use self::read_context::ReadContext;
 use self::source::Source;
 use crate::error::Error;
 
+pub use line::BYTE_ORDER_MARK;
 pub use npy::{ArrayFile, NpyRows};
 pub use pairs::pairs;
 pub use species::{Radii, Species};

@@ -5,12 +5,11 @@ use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use lazygrid_io::Position;
-use lazygrid_io::read::{Format, Frame, Frames, Options};
+use lazygrid_io::read::{BYTE_ORDER_MARK, Format, Frame, Frames, Options};
 
 use super::share::share;
 
 const LONGEST: u64 = 1 << 16;
-const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
 #[derive(Debug)]
 pub(crate) struct TextRows {
