@@ -52,13 +52,12 @@ kernels! {
     ];
     CANDIDATES_CHECK = "candidates_check" [Write "control", Write "window", Write "near_outcome"];
     NEIGHBORS_COUNT = "neighbors_count" [
-        Uniform "params", Read "near_pairs", Read "movers", Read "tags", Read "reaction_rows", Write "window",
+        Uniform "params", Write "near_pairs", Read "movers", Read "tags", Read "reaction_rows", Write "window",
         Write "next_events",
     ];
     NEIGHBORS_RESERVE = "neighbors_reserve" [Write "control", Write "window", Write "next_events"];
     NEIGHBORS_LIST = "neighbors_list" [
-        Uniform "params", Read "near_pairs", Read "movers", Read "tags", Read "reaction_rows", Write "window",
-        Write "next_events", Write "neighbors",
+        Read "near_pairs", Write "window", Write "next_events", Write "neighbors",
     ];
     COLLISIONS_PREDICT = "collisions_predict" [
         Uniform "params", Uniform "round", Write "window", Read "movers", Write "next_events", Read "neighbors",

@@ -193,6 +193,7 @@ pub(super) struct DissociationRow {
 impl ReactionRow {
     pub(super) const NARROWER: u32 = 4;
     pub(super) const APART: u32 = 8;
+    pub(super) const REACTS: u32 = 16;
 }
 
 pub(super) const NOTHING: u32 = u32::MAX;

@@ -7,6 +7,7 @@ use super::model_check::{Carried, chained_decays};
 use super::receiver_cells::MIN_LISTED_RECEIVERS;
 use super::scene_rows::SceneRows;
 use super::tally_layout::Tallies;
+use crate::model::reactive_pairs::ReactivePairs;
 use crate::model::receiver::{Adsorption, ReceiverKind, WallFace};
 use crate::model::receptors::ReceptorType;
 use crate::model::{Contact, Model, Unbinding};
@@ -292,6 +293,10 @@ fn reaction_rows(model: &Model) -> Vec<ReactionRow> {
                 _ => rows.push(row),
             }
         }
+    }
+    let reactive = ReactivePairs::new(model);
+    for (_, row) in pairs().zip(&mut rows).filter(|(pair, _)| reactive.contain(pair[0], pair[1])) {
+        row.flags |= ReactionRow::REACTS;
     }
     rows
 }

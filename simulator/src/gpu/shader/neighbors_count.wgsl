@@ -1,5 +1,39 @@
-// Counts the neighbors of each particle.
+// Counts the neighbors of each particle, and marks the candidate pairs: another kernel could round their gaps differently.
+#include control
+#include params
+#include boundary
+#include candidate
 #include near
+
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read_write> near_pairs: array<vec2<u32>>;
+@group(0) @binding(2) var<storage, read> movers: array<Mover>;
+@group(0) @binding(3) var<storage, read> tags: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read> reaction_rows: array<ReactionRow>;
+@group(0) @binding(5) var<storage, read_write> window: Window;
+@group(0) @binding(6) var<storage, read_write> next_events: array<Lists>;
+
+#include gap
+
+// Returns the mark of a candidate pair: 0, PASSES if they overlap and may bounce, or NOTHING if no neighbors.
+fn mark_of(pair: vec2<u32>) -> u32 {
+    let a = movers[pair.x];
+    let b = movers[pair.y];
+    let touch = a.radius + b.radius;
+    let gap = gap_at(a, b, window.now);
+    if (touch <= 0.0 || gap > 2.0 * window.allowance) {
+        return NOTHING;
+    }
+    var place = b.base + b.offset;
+    if (a.id < b.id) {
+        place = a.base + a.offset;
+    }
+    let reacts = may_react(reaction_rows[tags[pair.x].x * params.species + tags[pair.y].x]);
+    if (!reacts && -gap <= 4e-6 * (abs(place.x) + abs(place.y) + abs(place.z) + touch)) {
+        return 0u;
+    }
+    return select(NOTHING, PASSES, params.is_elastic != 0u && window.now == 0.0 && gap < 0.0);
+}
 
 @compute @workgroup_size(256)
 fn neighbors_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
@@ -9,7 +43,9 @@ fn neighbors_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
         return;
     }
     let pair = near_pairs[index];
-    if (mark_of(pair) != NOTHING) {
+    let mark = mark_of(pair);
+    near_pairs[index].y = pair.y | mark;
+    if (mark != NOTHING) {
         atomicAdd(&next_events[pair.x].words[6], 1u);
         atomicAdd(&next_events[pair.y].words[6], 1u);
     }

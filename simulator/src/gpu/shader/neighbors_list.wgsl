@@ -1,7 +1,11 @@
-// Lists the neighbors of each particle.
+// Lists the neighbors of each particle, by the marks of neighbors_count.
+#include control
 #include near
 
-@group(0) @binding(7) var<storage, read_write> neighbors: array<u32>;
+@group(0) @binding(0) var<storage, read> near_pairs: array<vec2<u32>>;
+@group(0) @binding(1) var<storage, read_write> window: Window;
+@group(0) @binding(2) var<storage, read_write> next_events: array<Lists>;
+@group(0) @binding(3) var<storage, read_write> neighbors: array<u32>;
 
 fn list(at: u32, other: u32) {
     // The begin and count of NextEvent.
@@ -17,9 +21,8 @@ fn neighbors_list(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
         return;
     }
     let pair = near_pairs[index];
-    let mark = mark_of(pair);
-    if (mark != NOTHING) {
-        list(pair.x, pair.y | mark);
-        list(pair.y, pair.x | mark);
+    if (pair.y != NOTHING) {
+        list(pair.x, pair.y);
+        list(pair.y & ~PASSES, pair.x | (pair.y & PASSES));
     }
 }

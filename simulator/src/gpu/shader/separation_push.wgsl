@@ -50,7 +50,7 @@ fn separation_push(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
         return;
     }
     let rule = species[pair.x] * params.species + species[pair.y];
-    if (reaction_rows[rule].first != NOTHING) {
+    if (may_react(reaction_rows[rule])) {
         return;
     }
     let a = moved[pair.x];

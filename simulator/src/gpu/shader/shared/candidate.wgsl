@@ -23,11 +23,11 @@ struct ReactionRow {
     // end.
     next: u32,
     next_shell: u32,
-    // First reactant, or NOTHING if the species do not react.
+    // First reactant, or NOTHING if the species never react.
     first: u32,
     threshold: u32,
     // Bits 0 and 1: the reactant is consumed. Bit 2: the detector's cutoff exceeds `within`. Bit 3: products are
-    // placed apart.
+    // placed apart. Bit 4, of first rows: the species have a reaction, be it so slow that none happens.
     flags: u32,
     products: vec2<u32>,
     radii: vec2<f32>,
@@ -42,6 +42,11 @@ struct ReactionRow {
     thermal_speeds: vec2<f32>,
     product_speeds: vec2<f32>,
     product_thermal_speeds: vec2<f32>,
+}
+
+// Contact does not keep such species apart.
+fn may_react(first_row: ReactionRow) -> bool {
+    return (first_row.flags & 16u) != 0u;
 }
 
 fn claims_it(rule: ReactionRow, side: u32) -> bool {
