@@ -74,8 +74,9 @@ fn happens(at: u32, earliest: f32) -> bool {
     if ((next.partner & PASSES) != 0u) {
         return true;
     }
-    let pair = vec2(at, partner);
-    return is_safe(at, pair, next.time, earliest) && is_safe(partner, pair, next.time, earliest);
+    // In the same order for both particles: compilers may round two copies of the test differently.
+    let pair = vec2(min(at, partner), max(at, partner));
+    return is_safe(pair.x, pair, next.time, earliest) && is_safe(pair.y, pair, next.time, earliest);
 }
 
 @compute @workgroup_size(256)

@@ -27,10 +27,14 @@ fn receivers_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
     if (at >= control.alive || spheres[at].w < 0.0) {
         return;
     }
+    let species = tags[at].x;
     for (var k = 0u; k < arrayLength(&occupancy_rows); k++) {
         let row = occupancy_rows[k];
+        if (row.species != species) {
+            continue;
+        }
         let center = receiver_at(row.receiver, control.done).center;
-        if (tags[at].x == row.species && signed_distance(row.radius, center, spheres[at].xyz) <= 0.0) {
+        if (signed_distance(row.radius, center, spheres[at].xyz) <= 0.0) {
             atomicAdd(&inside[row.first], 1u);
         }
     }

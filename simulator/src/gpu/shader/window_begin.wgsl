@@ -1,6 +1,7 @@
 // Begins a window: its end and the allowance of its lists, as in collisions/mod.rs. No particles if the step is over.
 #include control
 #include params
+#include boundary
 #include window
 
 @group(0) @binding(0) var<uniform> params: Params;
@@ -21,7 +22,9 @@ fn largest_allowance() -> f32 {
     var image = NO_LIMIT;
     for (var k = 0u; k < 3u; k++) {
         var extent = params.high[k] - params.low[k];
-        if (params.axes[k] == 0u) {
+        if (params.axes[k] == FROZEN) {
+            extent = 0.0;
+        } else if (params.axes[k] == 0u) {
             extent = coordinate(atomicLoad(&window.highs[k])) - coordinate(~atomicLoad(&window.lows[k]));
         } else if (params.axes[k] == 2u) {
             image = min(image, max(0.25 * extent - largest, 0.01 * largest));

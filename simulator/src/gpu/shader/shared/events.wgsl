@@ -24,11 +24,15 @@ fn collision_time(a: Mover, b: Mover) -> f32 {
 
 const GRAZING: f32 = 1e-6;
 
+// One call for both orders: compilers may round two copies of it differently.
 fn collision_time_by_id(a: Mover, b: Mover) -> f32 {
-    if (a.id < b.id) {
-        return collision_time(a, b);
+    var first = a;
+    var second = b;
+    if (b.id < a.id) {
+        first = b;
+        second = a;
     }
-    return collision_time(b, a);
+    return collision_time(first, second);
 }
 
 struct WallHit {
