@@ -56,6 +56,13 @@ pub enum Error {
     },
     #[error(transparent)]
     Detection(#[from] lazygrid::Error),
+    #[error(
+        "an earlier call failed after steps were submitted to the GPU ({reason}); resume from an earlier state"
+    )]
+    UnknownState {
+        /// Error of that call.
+        reason: String,
+    },
     #[error("the GPU backend does not support {what}; choose the CPU")]
     NotOnGpu { what: String },
     #[error(

@@ -21,6 +21,7 @@ mod receiver_cells;
 mod receiver_trajectory;
 mod scene_rows;
 mod simulation;
+mod submissions;
 mod tables;
 mod tally_layout;
 #[cfg(test)]

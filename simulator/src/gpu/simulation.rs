@@ -1,7 +1,7 @@
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSpheres, SphereCount, wgpu};
 
 use super::detectors::Detectors;
-use super::device::{read, refused, with_error_scope};
+use super::device::{read, with_error_scope};
 use super::dispatches::{RunBuffers, StepDispatches};
 use super::layout::{ControlHeader, ReceiverCellsHeader};
 use super::ligand_rows::LigandRow;
@@ -9,6 +9,7 @@ use super::model_check::check;
 use super::plan::{GpuOptions, MAX_BIRTHS, MAX_LOOP_ITERATIONS, Sizes, grown, steps_per_readback};
 use super::receiver_cells::{ReceiverCells, ReceiverCellsBuilder};
 use super::receiver_trajectory::{ReceiverTrajectory, max_steps};
+use super::submissions::{MAX_WORK, Submissions};
 use super::tables::Tables;
 use crate::model::Model;
 use crate::model::particles::Particles;
@@ -57,6 +58,8 @@ pub struct GpuSimulation {
     pairs: Vec<u64>,
     origins: Origins,
     arrivals: Vec<Arrival>,
+    /// Error of a call with steps submitted. The device then holds a later state than the host.
+    failure: Option<String>,
 }
 
 struct Burst {
@@ -66,9 +69,7 @@ struct Burst {
 
 /// With random priorities, rounds grow as the logarithm of the candidates.
 const MAX_ROUNDS: u32 = 512;
-/// Moved particles per submission: far below the limit of watchdogs.
-const MAX_SUBMITTED_WORK: u32 = 1 << 24;
-const MAX_SUBMITTED_STEPS: u32 = 64;
+const MAX_SUBMITTED_STEPS: u64 = 64;
 /// With collisions, steps after a halt are wasted.
 const MAX_STEPS_WITH_COLLISIONS: u32 = 16;
 const FIRST_WINDOW_ROUNDS: u32 = 8;
@@ -150,6 +151,7 @@ impl GpuSimulation {
             pairs: Vec::new(),
             origins: state.origins.clone(),
             arrivals: Vec::new(),
+            failure: None,
             model,
         };
         simulation.buffers.upload_trajectory(&simulation.trajectory, simulation.cells)?;
@@ -204,8 +206,10 @@ impl GpuSimulation {
     ///
     /// # Errors
     /// [`Error::OutOfIds`], [`Error::NotFinite`], and [`Error::Step`] if pairs or particles exceed the device's
-    /// capacity. The run is then at the beginning of the failed step.
+    /// capacity. The run is then at the beginning of the failed step. After an error of the device with steps submitted,
+    /// this and [`state`](Self::state) return [`Error::UnknownState`].
     pub fn run(&mut self, steps: u32) -> Result<(), Error> {
+        self.check_state()?;
         self.pairs.clear();
         self.arrivals.clear();
         let end = self.step.saturating_add(steps);
@@ -233,6 +237,10 @@ impl GpuSimulation {
         Ok(())
     }
 
+    pub(super) fn check_state(&self) -> Result<(), Error> {
+        self.failure.clone().map_or(Ok(()), |reason| Err(Error::UnknownState { reason }))
+    }
+
     fn encoder(&self) -> wgpu::CommandEncoder {
         self.buffers.own.device.create_command_encoder(&wgpu::CommandEncoderDescriptor::default())
     }
@@ -245,12 +253,29 @@ impl GpuSimulation {
     fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<ControlHeader, Error> {
         self.prepare_receivers(steps)?;
         self.prepare_flow()?;
+        let mut submissions = Submissions::new(self.buffers.own.clone());
+        let recorded = self.encode_steps(&mut submissions, steps, bursts);
+        let is_ahead = recorded.is_ok() || submissions.has_submitted();
+        let head = recorded.and_then(|particles| self.readback(submissions.finish(), particles, bursts));
+        if let Err(error) = &head
+            && is_ahead
+        {
+            self.failure = Some(error.to_string());
+        }
+        head
+    }
+
+    /// Returns an upper bound of the number of particles at the end.
+    fn encode_steps(
+        &mut self,
+        submissions: &mut Submissions,
+        steps: u32,
+        bursts: &[Burst],
+    ) -> Result<u32, Error> {
         // Only the repetition of a halted step consumes them.
         let due = self.due.clone();
         let mut bursts_left = bursts.iter().peekable();
         let mut particles = self.alive;
-        let mut encoder = self.encoder();
-        let mut work = 0;
         for step in self.step..self.step + steps {
             let burst = match step == self.step {
                 true => Some(&due),
@@ -264,41 +289,33 @@ impl GpuSimulation {
             if self.tables.dissociates() {
                 particles = self.steps.sizes.particles;
             }
-            self.steps.encode_begin(&mut encoder, burst.as_ref(), particles);
-            self.encode_collisions(&mut encoder, particles)?;
-            self.steps.encode_motion(&mut encoder, particles);
-            let at_most = self.steps.sizes.particles;
+            self.steps.encode_begin(submissions.encoder(), burst.as_ref(), particles);
+            self.encode_collisions(submissions, particles)?;
+            self.steps.encode_motion(submissions.encoder(), particles);
+            let Sizes { particles: at_most, pairs, .. } = self.steps.sizes;
             if let Some(detector) = &mut self.detectors.interactions {
                 let count = SphereCount::Buffer { buffer: self.buffers.buffer("control"), at_most };
                 let input = GpuSpheres::new(self.steps.buffer("moved"), count)
                     .with_species(self.steps.buffer("species"));
-                detector.encode(&mut encoder, &input).map_err(refused)?;
+                submissions.encode_search(detector, &input)?;
             }
-            self.steps.encode_after(&mut encoder, particles);
-            let Sizes { windows, window_rounds, .. } = self.steps.sizes;
-            let moves = 1 + windows.saturating_mul(window_rounds);
-            work += particles.max(MAX_SUBMITTED_WORK / MAX_SUBMITTED_STEPS).saturating_mul(moves);
-            if work >= MAX_SUBMITTED_WORK {
-                work = 0;
-                let full = std::mem::replace(&mut encoder, self.encoder());
-                with_error_scope(&self.buffers.own, "steps", 0, || {
-                    self.buffers.own.queue.submit([full.finish()])
-                })?;
-            }
+            self.steps.encode_after(submissions.encoder(), particles);
+            let work = u64::from(particles) + u64::from(pairs);
+            submissions.add_work(work.max(MAX_WORK / MAX_SUBMITTED_STEPS))?;
         }
-        self.readback(encoder, particles, bursts)
+        Ok(particles)
     }
 
-    fn encode_collisions(&mut self, encoder: &mut wgpu::CommandEncoder, particles: u32) -> Result<(), Error> {
+    fn encode_collisions(&mut self, submissions: &mut Submissions, particles: u32) -> Result<(), Error> {
         let Some(detector) = &mut self.detectors.candidates else { return Ok(()) };
-        self.steps.encode_collisions(encoder, particles);
+        self.steps.encode_collisions(submissions.encoder(), particles);
         let Sizes { windows, particles: at_most, .. } = self.steps.sizes;
         for _ in 0..windows {
-            self.steps.encode_window(encoder, particles);
+            self.steps.encode_window(submissions.encoder(), particles);
             let count = SphereCount::Buffer { buffer: self.buffers.buffer("window"), at_most };
             let input = GpuSpheres::new(self.steps.buffer("inflated"), count);
-            detector.encode(encoder, &input).map_err(refused)?;
-            self.steps.encode_rounds(encoder, particles);
+            submissions.encode_search(detector, &input)?;
+            self.steps.encode_rounds(submissions, particles)?;
         }
         Ok(())
     }

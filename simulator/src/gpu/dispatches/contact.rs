@@ -7,6 +7,7 @@ use crate::Error;
 use crate::gpu::kernel as k;
 use crate::gpu::kernel::Kernel;
 use crate::gpu::plan::Sizes;
+use crate::gpu::submissions::{MAX_WORK, Submissions};
 
 /// Empty if particles pass through each other.
 #[derive(Debug, Default)]
@@ -67,8 +68,18 @@ impl StepDispatches {
         self.encode(encoder, &self.collisions.before_candidates, particles);
     }
 
-    pub(in crate::gpu) fn encode_rounds(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
-        self.encode(encoder, &self.collisions.window, particles);
+    pub(in crate::gpu) fn encode_rounds(
+        &self,
+        submissions: &mut Submissions,
+        particles: u32,
+    ) -> Result<(), Error> {
+        submissions.add_work(self.sizes.near.into())?;
+        let at_once = (MAX_WORK / u64::from(particles.max(1))).max(1);
+        for stages in self.collisions.window.chunks(at_once as usize) {
+            self.encode(submissions.encoder(), stages, particles);
+            submissions.add_work(u64::from(particles) * stages.len() as u64)?;
+        }
+        Ok(())
     }
 }
 

@@ -11,8 +11,9 @@ const BOUND_RADIUS: f32 = -2.0;
 
 impl GpuSimulation {
     /// # Errors
-    /// [`Error::Detection`] if the device fails.
+    /// [`Error::Detection`] if the device fails, and [`Error::UnknownState`] after such a failure in [`run`](Self::run).
     pub fn state(&self) -> Result<State, Error> {
+        self.check_state()?;
         let n = u64::from(self.alive);
         let sizes = self.steps.sizes;
         let half = 16 * u64::from(sizes.particles);

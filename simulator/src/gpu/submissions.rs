@@ -1,0 +1,67 @@
+use lazygrid::gpu::{GpuDetector, GpuDevice, GpuSpheres, wgpu};
+
+use super::device::{refused, with_error_scope};
+use crate::Error;
+
+/// Moved particles and pairs per submission: far below the limit of watchdogs.
+pub(super) const MAX_WORK: u64 = 1 << 24;
+
+/// Records work, and submits it in parts, none of which is long.
+#[derive(Debug)]
+pub(super) struct Submissions {
+    own: GpuDevice,
+    encoder: wgpu::CommandEncoder,
+    work: u64,
+    has_submitted: bool,
+}
+
+impl Submissions {
+    pub(super) fn new(own: GpuDevice) -> Self {
+        let encoder = own.device.create_command_encoder(&Default::default());
+        Self { own, encoder, work: 0, has_submitted: false }
+    }
+
+    pub(super) fn encoder(&mut self) -> &mut wgpu::CommandEncoder {
+        &mut self.encoder
+    }
+
+    /// The work of what was recorded since the last call.
+    pub(super) fn add_work(&mut self, work: u64) -> Result<(), Error> {
+        self.work += work;
+        if self.work < MAX_WORK { Ok(()) } else { self.submit() }
+    }
+
+    pub(super) fn encode_search(
+        &mut self,
+        detector: &mut GpuDetector,
+        input: &GpuSpheres<'_>,
+    ) -> Result<(), Error> {
+        detector.bind(input).map_err(refused)?;
+        for part in 0..detector.parts() {
+            if part > 0 {
+                self.submit()?;
+            }
+            detector.encode_part(&mut self.encoder, part);
+        }
+        Ok(())
+    }
+
+    fn submit(&mut self) -> Result<(), Error> {
+        let Self { own, encoder, .. } = self;
+        self.has_submitted = true;
+        self.work = 0;
+        with_error_scope(own, "steps", 0, || {
+            let next = own.device.create_command_encoder(&Default::default());
+            own.queue.submit([std::mem::replace(encoder, next).finish()]);
+        })
+    }
+
+    pub(super) fn has_submitted(&self) -> bool {
+        self.has_submitted
+    }
+
+    /// Returns the work that is not submitted yet.
+    pub(super) fn finish(self) -> wgpu::CommandEncoder {
+        self.encoder
+    }
+}
