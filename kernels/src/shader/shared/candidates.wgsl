@@ -3,8 +3,14 @@
 const WORKGROUP_SIZE: u32 = 256u;
 // Rows of cells per sphere and round.
 const ROWS: u32 = 256u;
-// Hits collected before they are written.
+// Hits collected before they are written. Threads write the hits of a batch past these themselves.
 const HITS: u32 = 1024u;
+
+// A bit for each hit of a batch that overflowed the list, and the number of the first of them, then its output position.
+struct HitOverflow {
+    bits: u32,
+    number: u32,
+}
 
 struct QuerySphere {
     sphere: vec4<f32>,
@@ -113,8 +119,14 @@ fn asked_for(query: QuerySphere, ranges: CandidateRanges, first: u32, found: u32
     return bits;
 }
 
-// Returns the first candidate left untested by a full list of hits.
-fn gather_candidates(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: u32) -> u32 {
+// Returns the first candidate of the batch whose hits overflow the list, or `end`.
+fn gather_candidates(
+    query: QuerySphere,
+    ranges: CandidateRanges,
+    begin: u32,
+    end: u32,
+    overflow: ptr<function, HitOverflow>,
+) -> u32 {
     var reached = end;
     let batches = (end - begin + 31u) / 32u;
     for (var batch = 0u; batch < batches; batch++) {
@@ -132,7 +144,8 @@ fn gather_candidates(query: QuerySphere, ranges: CandidateRanges, begin: u32, en
                 open &= open - 1u;
             }
             if (open != 0u) {
-                reached = first + firstTrailingBit(open);
+                *overflow = HitOverflow(open, hit);
+                reached = first;
                 break;
             }
         }
@@ -140,17 +153,37 @@ fn gather_candidates(query: QuerySphere, ranges: CandidateRanges, begin: u32, en
     return reached;
 }
 
+// Writes the hits of the batch at `first` that overflowed the list in the round before.
+fn write_overflow(query: QuerySphere, ranges: CandidateRanges, first: u32, overflow: HitOverflow) {
+    var at_pair = overflow.number;
+    for (var left = overflow.bits; left != 0u; left &= left - 1u) {
+        let other = candidate_at(ranges, first + firstTrailingBit(left));
+        pair_write(at_pair, index_in_pair(query.position), index_in_pair(other));
+        at_pair += 1u;
+    }
+}
+
 // Until the candidates or the chunk end, or the list of hits is full. The first chunk continues to the last cell, to
 // count the remaining candidates.
-fn gather_hits(neighbors: ptr<function, NeighborCells>, query: QuerySphere, chunk: u32) {
+fn gather_hits(
+    neighbors: ptr<function, NeighborCells>,
+    query: QuerySphere,
+    chunk: u32,
+    overflow: ptr<function, HitOverflow>,
+) {
     let chunk_begin = chunk * params.candidates_per_invocation;
     let chunk_end = chunk_begin + params.candidates_per_invocation;
     for (var iteration = 0u; iteration < ROWS; iteration++) {
         for (var at_level = 0u; at_level < ROWS; at_level++) {
             let ranges = next_ranges(*neighbors, query.position, query.cell);
+            if ((*overflow).bits != 0u) {
+                write_overflow(query, ranges, (*neighbors).tested, *overflow);
+                (*overflow).bits = 0u;
+                (*neighbors).tested += 32u;
+            }
             let begin = min(max((*neighbors).tested, max(chunk_begin, (*neighbors).skipped) - (*neighbors).skipped), ranges.total);
             let end = clamp(max(chunk_end, (*neighbors).skipped) - (*neighbors).skipped, begin, ranges.total);
-            (*neighbors).tested = gather_candidates(query, ranges, begin, end);
+            (*neighbors).tested = gather_candidates(query, ranges, begin, end, overflow);
             if ((*neighbors).tested != end) {
                 return;
             }
@@ -197,6 +230,7 @@ fn search_candidates(block: u32, chunk: u32, local_index: u32) -> u32 {
     var query: QuerySphere;
     var neighbors: NeighborCells;
     neighbors.level = NO_LEVEL;
+    var overflow: HitOverflow;
     if (block + local_index < starts[cell_list.cells + 1u] && !is_refused()) {
         query = query_sphere(block + local_index);
         neighbors = neighbor_cells_of(query.cell);
@@ -209,14 +243,14 @@ fn search_candidates(block: u32, chunk: u32, local_index: u32) -> u32 {
     // A round ends with a full list of hits, or after ROWS rows of cells of some sphere.
     for (var round = 0u; round < 2u * params.candidates_per_invocation * WORKGROUP_SIZE / HITS; round++) {
         if (neighbors.level != NO_LEVEL) {
-            gather_hits(&neighbors, query, chunk);
+            gather_hits(&neighbors, query, chunk, &overflow);
             if (neighbors.level != NO_LEVEL) {
                 atomicStore(&has_more, 1u);
             }
         }
         workgroupBarrier();
         if (local_index == 0u) {
-            let count = min(atomicLoad(&hit_count), HITS);
+            let count = atomicLoad(&hit_count);
             var first = 0u;
             if (count != 0u) {
                 first = found_reserve(count);
@@ -229,6 +263,8 @@ fn search_candidates(block: u32, chunk: u32, local_index: u32) -> u32 {
             atomicStore(&has_more, 0u);
         }
         let written = workgroupUniformLoad(&gathered);
+        // No place if the output is full; a sum could wrap.
+        overflow.number = select(params.pair_capacity, written.y + overflow.number, written.y < params.pair_capacity);
         if (written.y < params.pair_capacity) {
             for (var iteration = 0u; iteration < HITS / WORKGROUP_SIZE; iteration++) {
                 let hit = iteration * WORKGROUP_SIZE + local_index;
