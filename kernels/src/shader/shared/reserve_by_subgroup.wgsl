@@ -7,13 +7,14 @@ fn any_in_subgroup(wanted: bool) -> bool {
 }
 
 // One atomic per subgroup and no workgroup barrier. Callers branch on `any_in_subgroup`, which is uniform in the
-// subgroup; no compiler can see that.
+// subgroup; no compiler can see that. The first active thread reserves: after a loop that diverged, no interface promises
+// that all threads of a subgroup are together again.
 #standard @diagnostic(off, subgroup_uniformity)
 fn pairs_reserve_by_subgroup(count: u32, thread: Thread) -> u32 {
     let before = subgroupExclusiveAdd(count);
     let total = subgroupAdd(count);
     var first = 0u;
-    if (thread.lane == 0u) {
+    if (thread.lane == subgroupBroadcastFirst(thread.lane)) {
         first = found_reserve(total);
     }
     first = subgroupBroadcastFirst(first);

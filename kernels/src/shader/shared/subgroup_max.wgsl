@@ -1,13 +1,15 @@
 // Only the leader writes the maximum, because atomics on one address in workgroup memory serialize. Without subgroups,
-// every thread leads itself. Called by whole subgroups; after a loop, no compiler can see that.
+// every thread leads itself. Called by whole subgroups; after a loop, no compiler can see that, and no interface promises
+// it, so that the first active thread leads.
 #ifdef SUBGROUPS
 #standard @diagnostic(off, subgroup_uniformity)
 fn max_in_subgroup(value: u32) -> u32 {
     return subgroupMax(value);
 }
 
+#standard @diagnostic(off, subgroup_uniformity)
 fn is_leader(thread: Thread) -> bool {
-    return thread.lane == 0u;
+    return thread.lane == subgroupBroadcastFirst(thread.lane);
 }
 #else
 fn max_in_subgroup(value: u32) -> u32 {
