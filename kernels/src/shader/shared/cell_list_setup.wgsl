@@ -42,6 +42,15 @@ fn exponent_of(value: f32) -> i32 {
     return i32((bitcast<u32>(value) >> 23u) & 255u) - 127;
 }
 
+// Returns a vector with another component. Some compilers of DirectX refuse to store one by an index that varies.
+fn with_extent(extents: vec3<f32>, axis: u32, extent: f32) -> vec3<f32> {
+    return select(extents, vec3(extent), vec3(0u, 1u, 2u) == vec3(axis));
+}
+
+fn with_cells(cells: vec3<u32>, axis: u32, count: u32) -> vec3<u32> {
+    return select(cells, vec3(count), vec3(0u, 1u, 2u) == vec3(axis));
+}
+
 fn cube_root(value: f32) -> f32 {
     return pow(max(value, 0x1p-120), 1.0 / 3.0);
 }
@@ -54,7 +63,8 @@ fn choose_cell_size() {
     var extent = vec3(0.0);
     for (var axis = 0u; axis < 3u; axis++) {
         let open = from_sortable(high[axis]) * 0.5 - from_sortable(low[axis]) * 0.5;
-        extent[axis] = max(select(2.0 * min(open, 0x1p126), lengths[axis], lengths[axis] > 0.0), diameter);
+        let length = select(2.0 * min(open, 0x1p126), lengths[axis], lengths[axis] > 0.0);
+        extent = with_extent(extent, axis, max(length, diameter));
     }
     let room = f32(max(params.cells, 1u));
     let spacing = cube_root(extent.x / room) * cube_root(extent.y) * cube_root(extent.z);
@@ -89,10 +99,11 @@ fn cells_around(level: u32, room: u32) -> vec3<u32> {
         if (lengths[axis] > 0.0) {
             // Rounded down, so that no rounding makes cells narrower.
             let around = min((lengths[axis] / cell_size) * 0x1.ffffep-1, MAX_RING_CELLS);
-            wanted[axis] = select(1u, u32(around), around >= 3.0 && lengths[axis] > MIN_CELL_SIZE);
+            let count = select(1u, u32(around), around >= 3.0 && lengths[axis] > MIN_CELL_SIZE);
+            wanted = with_cells(wanted, axis, count);
         } else {
             let extent = open_extent(axis, level);
-            wanted[axis] = select(max(extent, 3u), 1u, extent == 1u);
+            wanted = with_cells(wanted, axis, select(max(extent, 3u), 1u, extent == 1u));
         }
     }
     var limit = 0u;
@@ -105,7 +116,7 @@ fn cells_around(level: u32, room: u32) -> vec3<u32> {
     // If fewer than three cells fit on the longest axes, axes get a single cell until all fit.
     for (var axis = 0u; axis < 3u; axis++) {
         if (!fit(cells, room)) {
-            cells[axis] = 1u;
+            cells = with_cells(cells, axis, 1u);
         }
     }
     return cells;
