@@ -141,6 +141,7 @@ pub(crate) fn skin_check(own: &GpuDevice) -> Result<(), KernelError> {
                 rebuild_reason: rebuilt,
                 age: if is_rebuilt { 0 } else { state.age + 1 },
                 last_displacement: state.displacement,
+                is_complete: u32::from(!is_rebuilt),
                 ..state
             };
             same(case, &download::<SkinState>(own, &given, 1)?[0], &expected)?;

@@ -177,13 +177,43 @@ impl GpuSkinDetector {
         encoder: &mut wgpu::CommandEncoder,
         input: &GpuSpheres<'_>,
     ) -> Result<GpuOutput, Error> {
-        self.encode_as(self.search.algorithm_choice(), encoder, input)
+        let output = self.bind(input)?;
+        (0..self.parts()).for_each(|part| self.encode_part(encoder, part));
+        Ok(output)
     }
 
-    pub(crate) fn encode_as(
+    /// Binds a call without recording it, as [`GpuDetector::bind`].
+    ///
+    /// # Errors
+    /// See [`GpuDetector::encode`].
+    pub fn bind(&mut self, input: &GpuSpheres<'_>) -> Result<GpuOutput, Error> {
+        self.bind_as(self.search.algorithm_choice(), input)
+    }
+
+    /// Returns the number of parts of the bound call: those of a search for candidates, which do nothing in a call that
+    /// reuses the list. 0 before the first call.
+    pub fn parts(&self) -> u32 {
+        self.search.parts()
+    }
+
+    /// Records part `part` of the bound call, below [`parts`](Self::parts). Parts must run in ascending order.
+    pub fn encode_part(&self, encoder: &mut wgpu::CommandEncoder, part: u32) {
+        let candidates = self.resident.as_ref().and_then(|resident| resident.candidates.as_ref());
+        let parts = candidates.and_then(|candidates| candidates.parts.current());
+        if let (Some(Parts { before, counts, after }), Some(search)) = (parts, self.search.recording()) {
+            if part == 0 {
+                before.encode(encoder);
+            }
+            search.encode_indirect_part(encoder, part, counts.get(BufferId::DispatchCounts));
+            if part + 1 == search.parts() {
+                after.encode(encoder);
+            }
+        }
+    }
+
+    pub(crate) fn bind_as(
         &mut self,
         choice: AlgorithmChoice,
-        encoder: &mut wgpu::CommandEncoder,
         input: &GpuSpheres<'_>,
     ) -> Result<GpuOutput, Error> {
         let spheres = input.check(&self.settings, &self.device)?;
@@ -214,13 +244,6 @@ impl GpuSkinDetector {
             reuses_layout: false,
         };
         self.record(buffers, candidates, key)?;
-        if let (Some(Parts { before, counts, after }), Some(search)) =
-            (candidates.parts.current(), self.search.recording())
-        {
-            before.encode(encoder);
-            search.encode_indirect(encoder, counts.get(BufferId::DispatchCounts));
-            after.encode(encoder);
-        }
         let [pairs, outcome] = [BufferId::Pairs, BufferId::Outcome].map(|slot| buffers.get(slot).clone());
         self.resident = Some(resident);
         Ok(GpuOutput { pairs, capacity: self.settings.pair_capacity, outcome, sorted: None })

@@ -52,7 +52,11 @@ impl Mapping {
         };
         match wait {
             Wait::Blocking => wait_for(),
-            Wait::Async => drop(std::thread::spawn(wait_for)),
+            Wait::Async => {
+                if let Err(error) = std::thread::Builder::new().spawn(wait_for) {
+                    return Err(Error::ThreadPool { threads: 1, reason: error.to_string() });
+                }
+            }
         }
         self.await
     }

@@ -1,4 +1,5 @@
 use std::collections::HashMap;
+use std::ops::Range;
 
 use lazygrid_kernels::kernel::Variant;
 
@@ -142,12 +143,18 @@ impl Recording {
         })
     }
 
-    /// In one pass with indirect `counts`: [`workgroup_counts`](Self::workgroup_counts) or zeros.
-    pub(crate) fn encode_indirect(&self, encoder: &mut wgpu::CommandEncoder, counts: &wgpu::Buffer) {
+    /// One part, with indirect `counts`: [`workgroup_counts`](Self::workgroup_counts) or zeros.
+    pub(crate) fn encode_indirect_part(
+        &self,
+        encoder: &mut wgpu::CommandEncoder,
+        part: u32,
+        counts: &wgpu::Buffer,
+    ) {
         let descriptor =
             wgpu::ComputePassDescriptor { label: Some("lazygrid indirect"), timestamp_writes: None };
         let mut pass = encoder.begin_compute_pass(&descriptor);
-        for (offset, dispatch) in (0..).step_by(12).zip(&self.dispatches) {
+        let range = self.range_of_part(part);
+        for (offset, dispatch) in (12 * range.start as u64..).step_by(12).zip(&self.dispatches[range]) {
             dispatch.bind(&mut pass);
             match &dispatch.groups {
                 WorkgroupCount::Fixed(_) => pass.dispatch_workgroups_indirect(counts, offset),
@@ -174,6 +181,14 @@ impl Recording {
         1 + self.part_starts.len() as u32
     }
 
+    fn range_of_part(&self, part: u32) -> Range<usize> {
+        let start_of = |part: u32| match part {
+            0 => 0,
+            part => self.part_starts.get(part as usize - 1).copied().unwrap_or(self.dispatches.len()),
+        };
+        start_of(part)..start_of(part + 1)
+    }
+
     /// With queries, records timestamps per phase; on a device without timestamps inside passes, each phase then has
     /// its own pass.
     pub(crate) fn encode_part(
@@ -182,11 +197,7 @@ impl Recording {
         part: u32,
         queries: Option<&wgpu::QuerySet>,
     ) {
-        let start_of = |part: u32| match part {
-            0 => 0,
-            part => self.part_starts.get(part as usize - 1).copied().unwrap_or(self.dispatches.len()),
-        };
-        let dispatches = &self.dispatches[start_of(part)..start_of(part + 1)];
+        let dispatches = &self.dispatches[self.range_of_part(part)];
         if let Some((buffer, bytes)) = self.cleared.as_ref().filter(|_| part == 0) {
             encoder.clear_buffer(buffer, 0, Some(*bytes));
         }

@@ -165,13 +165,13 @@ impl DispatchSequence {
         let (mut sequence, mut resources) = (Self::default(), Vec::new());
         let mut continuation = None;
         for dispatch in dispatches {
-            if dispatch.kernel == &RUNS_SEARCH_FAR_DISPATCH_ARGS
-                || dispatch.kernel == &CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS
-            {
-                continuation = Some(sequence.dispatches.len());
-            }
-            if dispatch.first_group > 0 {
+            let begins_deferred = dispatch.kernel == &RUNS_SEARCH_FAR_DISPATCH_ARGS
+                || dispatch.kernel == &CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS;
+            if dispatch.first_group > 0 || (begins_deferred && continuation.is_some()) {
                 sequence.part_starts.push(sequence.dispatches.len());
+            }
+            if begins_deferred {
+                continuation = Some(sequence.dispatches.len());
             }
             let kernel =
                 PlanKernel { kernel: dispatch.kernel, variant: dispatch.kernel.effective_variant(variant) };

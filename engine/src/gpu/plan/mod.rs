@@ -175,9 +175,12 @@ impl Plan {
         blocks.div_ceil(shares) * u64::from(k::WORKGROUP_SIZE).pow(2)
     }
 
-    /// Each part has at most one divided dispatch.
+    /// Each part has at most one divided dispatch or one part of a deferred search, and the last undeferred one also the
+    /// first of these.
     pub(crate) fn parts(&self) -> u32 {
-        1 + self.dispatches.iter().filter(|dispatch| dispatch.first_group > 0).count() as u32
+        let divided = self.dispatches.iter().filter(|dispatch| dispatch.first_group > 0).count();
+        let deferred = self.dispatches.iter().filter(|dispatch| dispatch.indirect).count();
+        (1 + divided + deferred.saturating_sub(1)) as u32
     }
 
     pub(crate) fn deferred_parts_for(&self, outcome: &Outcome) -> u32 {

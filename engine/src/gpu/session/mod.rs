@@ -135,10 +135,10 @@ impl GpuSession {
     /// Changes the space, which must keep its periodic axes, and discards candidates.
     pub(crate) fn set_space(&mut self, space: Space) -> Result<(), Error> {
         if self.detector.settings().space != space {
+            // After an error no skin is left in the old space.
+            let distance = self.skin.take().map(|skin| skin.detector.skin());
             self.detector.set_space(space);
-            if let Some(distance) = self.skin.as_ref().map(|skin| skin.detector.skin()) {
-                self.set_skin(Some(distance))?;
-            }
+            self.set_skin(distance)?;
         }
         Ok(())
     }

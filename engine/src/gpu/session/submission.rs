@@ -102,24 +102,20 @@ impl GpuSession {
                 match skin {
                     Some(skin) => {
                         skin.set_pair_capacity(capacity);
-                        let found = skin.encode_as(choice, &mut encoder, &input)?;
-                        count.parts += 1;
+                        let found = skin.bind_as(choice, &input)?;
+                        count.parts += skin.parts();
+                        encode_parts(gpu, &mut encoder, skin.parts(), |encoder, part| {
+                            skin.encode_part(encoder, part)
+                        })?;
                         (Some(found), skin.state())
                     }
                     None => {
                         let found = detector.bind_as(choice, &input, layouts.source(may_reuse))?;
                         count.reused_layouts += u32::from(detector.reuses_layout());
-                        for part in 0..detector.parts() {
-                            if part > 0 {
-                                // Submitted separately, so that no submission is long.
-                                let full = std::mem::replace(&mut encoder, new_encoder(gpu)?);
-                                with_error_scope(&gpu.device, "a part of a call", 0, || {
-                                    gpu.queue.submit([full.finish()])
-                                })?;
-                            }
-                            detector.encode_part(&mut encoder, part);
-                            count.parts += 1;
-                        }
+                        count.parts += detector.parts();
+                        encode_parts(gpu, &mut encoder, detector.parts(), |encoder, part| {
+                            detector.encode_part(encoder, part)
+                        })?;
                         (Some(found), detector.ticks())
                     }
                 }
@@ -213,4 +209,21 @@ impl GpuSession {
 
 fn new_encoder(gpu: &GpuDevice) -> Result<wgpu::CommandEncoder, Error> {
     with_error_scope(&gpu.device, "an encoder", 0, || gpu.device.create_command_encoder(&Default::default()))
+}
+
+/// Submits all parts but the last, so that no submission is long.
+fn encode_parts(
+    gpu: &GpuDevice,
+    encoder: &mut wgpu::CommandEncoder,
+    parts: u32,
+    encode: impl Fn(&mut wgpu::CommandEncoder, u32),
+) -> Result<(), Error> {
+    for part in 0..parts {
+        if part > 0 {
+            let full = std::mem::replace(encoder, new_encoder(gpu)?);
+            with_error_scope(&gpu.device, "a part of a call", 0, || gpu.queue.submit([full.finish()]))?;
+        }
+        encode(encoder, part);
+    }
+    Ok(())
 }

@@ -152,6 +152,33 @@ fn candidate_search_of_the_caller_reports_unfinished_work() {
 }
 
 #[test]
+fn unfinished_search_for_candidates_leaves_no_list() {
+    let Some(gpu) = device_or_skip() else { return };
+    let mut spheres = spheres();
+    let settings = GpuConfig::default().algorithm(Algorithm::CellList).max_tests_per_dispatch(1 << 18);
+    let mut skin = GpuSkinDetector::new(&gpu.device, settings.clone(), 0.05).expect("made");
+    let mut slot = CallBuffers::default();
+    for last_part in [u32::MAX, 0, u32::MAX] {
+        slot.upload(&gpu, Spheres::from(&spheres)).expect("uploaded");
+        let buffer = slot.spheres.clone().expect("uploaded");
+        let input = GpuSpheres::new(&buffer, slot.count);
+        let mut encoder = gpu.device.create_command_encoder(&Default::default());
+        let output = skin.bind(&input).expect("bound");
+        assert!(skin.parts() > 9);
+        (0..skin.parts()).take_while(|&part| part <= last_part).for_each(|part| {
+            skin.encode_part(&mut encoder, part);
+        });
+        let outcome = crate::gpu::read_outcome(&read(&gpu, encoder, &output.outcome)).expect("an outcome");
+        if last_part == u32::MAX {
+            let mut whole = GpuDetector::new(&gpu.device, settings.clone()).expect("made");
+            let (_, expected) = encode(&gpu, &mut whole, &input);
+            assert_eq!((outcome.found(), outcome.overflow), (expected.len() as u64, 0));
+            spheres.iter_mut().for_each(|sphere| sphere.center.x *= 1.5);
+        }
+    }
+}
+
+#[test]
 fn result_above_the_staged_pairs_is_copied_without_a_search() {
     let Some(gpu) = device_or_skip() else { return };
     // 6105 pairs, more than `FIRST_PAIRS`.

@@ -36,6 +36,8 @@ fn skin_check(
         state.last_displacement = moved;
         atomicStore(&state.displacement, 0u);
         atomicStore(&state.input_changed, 0u);
+        // Until the search has ended, its candidates are no list for the new reference.
+        state.is_complete = select(0u, state.is_complete, why == VALID);
         if (why == VALID) {
             dispatch[0] = 0u;
             dispatch[1] = 0u;
