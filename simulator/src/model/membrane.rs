@@ -18,7 +18,7 @@ mod sphere;
 use self::sphere::SphereEnd;
 use crate::model::boundary::{Axis, Boundary};
 use crate::random::bridge::lowest;
-use crate::random::philox::{Key, Purpose, open_unit};
+use crate::random::philox::{Key, Purpose, fine_unit};
 
 /// A surface that holds back diffusing particles.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -131,7 +131,7 @@ impl MembraneStep<'_> {
         let (height, local_time) = (heights[1] - lowest, -lowest);
         let rate = 2.0 * self.membranes[membrane].permeability / self.diffusion;
         let changes = -0.5 * libm::expm1(-rate * f64::from(local_time));
-        if f64::from(open_unit(words(membrane)[1])) >= changes {
+        if fine_unit(words(membrane)[1]) >= changes {
             return self.within(axis, slab, at + sign * height);
         }
         let others = self.planes(axis).map(|(_, at)| at);

@@ -39,6 +39,15 @@ fn one_step_changes_sides_with_the_closed_probability() {
     }
 }
 
+/// With the lowest point at −√(−2 ln ½)/2 = −0.589 of the spread the probability is 2.94e-8, 126 words of 2³².
+#[test]
+fn low_permeability_passes_a_part_of_the_least_words() {
+    let (own, domain) = ([membrane(5.0, 5e-8)], Boundary::default());
+    let step = MembraneStep { membranes: &own, domain: &domain, species: 0, diffusion: 1.0, spread: 1.0 };
+    let is_below = |word: u32| step.end(0, [5.0; 2], |_| [1 << 31, word, 0, 0]).confined < 5.0;
+    assert_eq!((0..1000).filter(|&word| is_below(word)).count(), 126);
+}
+
 /// Closed membranes keep particles, in steps of any length and before walls and images.
 #[test]
 fn nothing_passes_a_closed_membrane() {

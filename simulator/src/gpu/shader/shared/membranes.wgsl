@@ -82,7 +82,7 @@ fn hold_back_by_planes(start: Path, kind: SpeciesRow, axis: u32, id: u32) -> Pat
     let words = philox(vec4(id, plane.membrane, control.step, PURPOSE_MEMBRANE), params.key);
     let lowest = lowest_point(heights, kind.length, words.x);
     if (lowest < 0.0) {
-        let passes = open_unit(words.y) < 0.5 * one_minus_exp(-plane.rate * lowest);
+        let passes = unit_32(words.y) < 0.5 * one_minus_exp(-plane.rate * lowest);
         end = plane.position + select(sign, -sign, passes) * (heights.y - lowest);
         if (passes) {
             slab = slab_around(kind, axis, select(plane.position, plane.below, sign > 0.0));
