@@ -15,8 +15,9 @@
 //! v·(coth α − 1/α) ≈ χv²|∇B|/3   in three dimensions,   v·tanh α   in one
 //! ```
 //!
-//! In a step the probability of a tumble is 1 − exp(−λ₀Δt) times λ/λ₀, whose stationary density of directions is the
-//! same at any time step, as long as the probability is at most 1.
+//! In a step the probability of a tumble is λ₀Δt/(1 + λ₀Δt/2) times λ/λ₀, whose stationary density of directions is the
+//! same at any time step, as long as the probability is at most 1. Without a gradient the diffusion coefficient v²/3λ₀
+//! is, too.
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};

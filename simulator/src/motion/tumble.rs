@@ -17,10 +17,18 @@ pub(crate) struct TumbleStep {
     taxis: Option<(Chemotaxis, Attractant)>,
 }
 
+/// Returns the probability of a tumble in a step, for λΔt from 0 to 2: x/(1 + x/2).
+///
+/// Runs of whole steps then have the diffusion coefficient v²Δt/3·(1/p − ½) = v²/(3λ) exactly. With the probability
+/// 1 − exp(−x) it would be (x/2)·coth(x/2) times as large. Above 2 a swimmer would have to tumble more often than once.
+pub(crate) fn tumble_probability(tumbles: f64) -> f64 {
+    tumbles / (1.0 + 0.5 * tumbles)
+}
+
 impl TumbleStep {
     pub(crate) fn new(model: &Model, species: usize) -> Option<Self> {
         let one = &model.species[species];
-        let probability = -libm::expm1(-one.tumble_rate * model.time_step);
+        let probability = tumble_probability(one.tumble_rate * model.time_step).min(1.0);
         let up_to = probability_threshold(probability).filter(|_| one.speed > 0.0)?;
         let taxis = one.chemotaxis.map(|taxis| (taxis, model.attractants[taxis.attractant as usize].clone()));
         Some(Self { up_to, probability, speed: one.speed as f32, taxis })

@@ -33,7 +33,12 @@ pub(super) fn resolve(
         return Err(Problem::at(attractants[k].name.span(), message));
     }
     for (place, one) in species.iter().enumerate() {
-        let Some(taxis) = &one.chemotaxis else { continue };
+        let Some(taxis) = &one.chemotaxis else {
+            let message = warnings::frequent_tumbles(model, place);
+            let span = one.tumble_rate.as_ref().map(toml::Spanned::span).unwrap_or_default();
+            warnings.extend(message.map(|message| Problem::at(span, message)));
+            continue;
+        };
         let span = taxis.attractant.span();
         let name = taxis.attractant.get_ref();
         let Some(found) = model.attractants.iter().position(|known| known.name == *name) else {

@@ -5,6 +5,7 @@ use crate::model::boundary::Axis;
 use crate::model::membrane::{Membrane, MembraneSurface};
 use crate::model::receiver::{ReceiverKind, WallFace};
 use crate::model::{Flow, Model};
+use crate::motion::tumble::tumble_probability;
 
 /// Largest change of a flow over a step: above it the second order in the time step is coarse.
 const STEEP_FLOW: f64 = 0.3;
@@ -42,7 +43,19 @@ pub(in crate::scenario) fn unresolved_flow(model: &Model) -> Vec<String> {
 pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
     let most = model.largest_rate_factor(species);
-    let probability = -libm::expm1(-one.tumble_rate * model.time_step) * most;
+    let tumbles = one.tumble_rate * model.time_step;
+    if one.speed == 0.0 || tumble_probability(tumbles) * most <= 1.0 {
+        return None;
+    }
+    if most == 1.0 {
+        return Some(format!(
+            "{} tumbles {tumbles:.3} times in a step by its tumble-rate, and at most once in the simulation, so that it \
+             diffuses {:.3} times as fast; time-step = {} is short enough",
+            one.name,
+            0.5 * tumbles,
+            below(2.0 / one.tumble_rate)
+        ));
+    }
     if most.is_infinite() {
         return Some(format!(
             "{} would tumble at more than any rate where it swims down the steepest gradient, and tumbles at most once in a step, so \
@@ -50,15 +63,13 @@ pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Op
             one.name
         ));
     }
-    (probability > 1.0).then(|| {
-        format!(
-            "{} tumbles at up to {:.3e} times its tumble-rate where it swims down the steepest gradient, and at most once in a \
-             step, so that its drift is too low there; time-step = {} is short enough",
-            one.name,
-            most,
-            below(-libm::log1p(-1.0 / most) / one.tumble_rate)
-        )
-    })
+    Some(format!(
+        "{} tumbles at up to {:.3e} times its tumble-rate where it swims down the steepest gradient, and at most once in a \
+         step, so that its drift is too low there; time-step = {} is short enough",
+        one.name,
+        most,
+        below(2.0 / (2.0 * most - 1.0) / one.tumble_rate)
+    ))
 }
 
 /// Largest volume per time that reactants sweep by drift and velocities, in parts of their rate.
