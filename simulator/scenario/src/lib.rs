@@ -197,7 +197,7 @@ pub struct Receiver {
     pub radius: Option<Spanned<Positive>>,
     pub kind: Spanned<ReceiverKind>,
     pub face: Option<Spanned<Face>>,
-    pub species: Option<Vec<Spanned<String>>>,
+    pub species: Option<Spanned<Vec<Spanned<String>>>>,
     pub lattice: Option<Lattice>,
     pub probability: Option<Spanned<Probability>>,
     pub rate: Option<Spanned<Positive>>,
@@ -221,7 +221,7 @@ pub struct Membrane {
     pub center: Option<Spanned<[Finite; 3]>>,
     pub radius: Option<Spanned<Positive>>,
     pub permeability: NotNegative,
-    pub species: Option<Vec<Spanned<String>>>,
+    pub species: Option<Spanned<Vec<Spanned<String>>>>,
 }
 
 #[derive(Debug, Deserialize)]

@@ -103,6 +103,17 @@ impl Message {
         }
     }
 
+    /// Returns a fault of the symbols of transmitter `name` if several share a step, in which their slots are empty.
+    pub(crate) fn faulty_symbol_time(&self, name: &str, time_step: f64) -> Option<String> {
+        (self.symbol_time < time_step * (1.0 - 1e-9)).then(|| {
+            format!(
+                "the symbol time of {name} is {} s, and a step has {time_step} s, so that symbols share a step; make the \
+                 symbol-time at least the time-step",
+                self.symbol_time
+            )
+        })
+    }
+
     pub(crate) fn due(&self, step: u32, time_step: f64) -> std::ops::Range<u32> {
         self.sent_before(step, time_step)..self.sent_before(step.saturating_add(1), time_step)
     }

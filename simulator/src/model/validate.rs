@@ -283,6 +283,9 @@ impl Model {
             Schedule::Message(message) => {
                 positive(&format!("the symbol time of {name}"), message.symbol_time)?;
                 not_negative(&format!("the start of {name}"), message.start)?;
+                if let Some(message) = message.faulty_symbol_time(name, self.time_step) {
+                    return refused(message);
+                }
                 let alphabet = message.modulation.alphabet(transmitter.release.len());
                 let known = match &message.symbols {
                     Symbols::Given(symbols) => symbols.iter().all(|&symbol| (symbol as usize) < alphabet),

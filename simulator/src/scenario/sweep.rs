@@ -357,7 +357,7 @@ mod tests {
             ("timestep=1", "the nearest is 'time-step'"),
             ("time-step", "is not KEY=VALUE,VALUE"),
             ("time-step=", "is not KEY=VALUE,VALUE"),
-            ("time-step=1,-1", "time-step = -1: s.toml, line 1, `time-step`: -1 is not a positive number"),
+            ("time-step=0.02,-1", "time-step = -1: s.toml, line 1, `time-step`: -1 is not a positive number"),
             ("receiver.rx.kind=transparent,opaque", "receiver.rx.kind = opaque: s.toml, line 16"),
         ] {
             let error = sweep(TEXT, &[option]).unwrap_err();

@@ -16,6 +16,7 @@ use toml::Spanned;
 
 use super::{Output, Problem, warnings};
 use crate::model::membrane::{Membrane, MembraneSurface};
+use crate::model::transmitter::Schedule;
 use crate::model::{Contact, Model, Species};
 
 pub(super) struct Resolved {
@@ -77,8 +78,17 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
         receivers.extend(body);
     }
     let spans: Vec<_> = file.transmitters.iter().map(|one| one.name.span()).collect();
+    let symbol_times: Vec<_> =
+        file.transmitters.iter().map(|one| one.symbol_time.as_ref().map(Spanned::span)).collect();
     let mut transmitters =
         transmitters::transmitters(file.transmitters, &names, &model.boundary, &mut warnings)?;
+    for (transmitter, span) in transmitters.iter().zip(symbol_times) {
+        if let Schedule::Message(message) = &transmitter.schedule
+            && let Some(message) = message.faulty_symbol_time(&transmitter.name, model.time_step)
+        {
+            return Err(Problem::at(span.unwrap_or_default(), message));
+        }
+    }
     transmitters.iter_mut().zip(carriers).for_each(|(transmitter, carrier)| transmitter.carrier = carrier);
     transmitters.extend(transmitters::sources(&file.sources, &names, &model.boundary, &mut warnings)?);
     let membranes = file.membranes.iter().map(|one| membrane(one, &names)).collect::<Result<_, _>>()?;
@@ -167,7 +177,7 @@ fn membrane(one: &file::Membrane, names: &Names<'_>) -> Result<Membrane, Problem
         name: one.name.get_ref().0.clone(),
         surface,
         permeability: one.permeability.0,
-        sees: names.seen(one.species.as_deref())?,
+        sees: names.seen(one.species.as_ref())?,
     })
 }
 
@@ -209,9 +219,15 @@ impl<'a> Names<'a> {
     }
 
     /// Returns flags by species; all if none is named.
-    fn seen(&self, named: Option<&[Spanned<String>]>) -> Result<Vec<bool>, Problem> {
-        let mut sees = vec![named.is_none(); self.species.len()];
-        for name in named.unwrap_or_default() {
+    fn seen(&self, named: Option<&Spanned<Vec<Spanned<String>>>>) -> Result<Vec<bool>, Problem> {
+        let Some(named) = named else { return Ok(vec![true; self.species.len()]) };
+        if named.get_ref().is_empty() {
+            let message =
+                "the list is empty, so that no species is seen; name some, or remove the key for all";
+            return Err(Problem::at(named.span(), message.to_owned()));
+        }
+        let mut sees = vec![false; self.species.len()];
+        for name in named.get_ref() {
             sees[self.get(name)? as usize] = true;
         }
         Ok(sees)

@@ -105,7 +105,7 @@ fn receiver(
     model: &Model,
     warnings: &mut Vec<Problem>,
 ) -> Result<Receiver, Problem> {
-    let sees = names.seen(one.species.as_deref())?;
+    let sees = names.seen(one.species.as_ref())?;
     let kind = kind(one, names, &sees)?;
     let (center, radius) = extent(one)?;
     let receiver = Receiver {

@@ -243,6 +243,13 @@ fn contradictory_reactions_are_refused() {
             "instead of times",
         ),
         (transmitter(&format!("{a}symbol-time = 1")), "symbol-time", "goes with bits"),
+        (
+            transmitter(&format!("{a}bits = \"01\"\nsymbol-time = 9e-6")),
+            "symbol-time",
+            "the symbol time of tx is 0.000009 s, and a step has 0.00001 s, so that symbols share a step",
+        ),
+        (transmitter("release = []"), "release", "the list is empty, so that nothing is released"),
+        (receiver("rx") + "species = []\n", "species", "the list is empty, so that no species is seen"),
         (transmitter(&format!("{a}from = 1")), "from", "goes with release rates"),
         (transmitter(&format!("{r}times = [1]")), "times", "write from and until"),
         (

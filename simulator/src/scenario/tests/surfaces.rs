@@ -190,6 +190,7 @@ fn membranes_arrive_or_are_refused() {
         (text(&replaced("\"y\"", "\"x\"").replace("acid", "base")), "name", "holds back base, which drifts"),
         (text(&(MEMBRANE.to_owned() + MEMBRANE)), "name", "is where skin is for the same species"),
         (text(&replaced("= 3", "= -3")), "permeability", "-3 is not a number from 0"),
+        (text(&replaced("[\"acid\"]", "[]")), "species", "so that no species is seen"),
         (GOOD.to_owned() + MEMBRANE, "name", "particles that collide"),
         (absorbing.clone(), "name", "meets receiver rx"),
         (
