@@ -63,8 +63,10 @@ struct Batch<'a> {
     now: f64,
     species: u32,
     count: u32,
-    /// Lattice site of the first particle.
+    /// Lattice site of the first particle, unless it continues.
     site: u32,
+    /// `true` if its sites continue those of the batch before, of the same burst or steady release.
+    continues: bool,
     ages: Ages,
 }
 
@@ -110,9 +112,8 @@ impl Model {
         let mut out = Released::new(self, released as u32);
         let own = slice.of(released - u64::from(next_id));
         let (mut before, mut site) = (0, 0);
-        for (k, (transmitter, batch)) in batches.iter().enumerate() {
-            let goes_on = k > 0 && batches[k - 1].0 == *transmitter;
-            site = if goes_on { site } else { batch.site };
+        for (transmitter, batch) in &batches {
+            site = if batch.continues { site } else { batch.site };
             let [first, last] =
                 [own.start, own.end].map(|at| at.saturating_sub(before).min(batch.count.into()) as u32);
             out.released[batch.species as usize] += u64::from(last - first);
@@ -144,7 +145,7 @@ impl Model {
         let center = center_among(places, from);
         let mut out = Released::new(self, ids.end);
         let [site, count] = [ids.start, ids.end - ids.start];
-        let batch = Batch { from, center, now: 0.0, species, count, site, ages: Ages::None };
+        let batch = Batch { center, site, ..Batch::of_burst(from, (species, count), false) };
         out.released[species as usize] += u64::from(count);
         ids.for_each(|id| self.add(self.born(&batch, (id, id), key), &mut out));
         out
@@ -170,16 +171,16 @@ impl Model {
         };
         let Schedule::Steady { from: begin, until, rates } = &from.schedule else {
             let bursts = from.bursts(place, step, self.time_step, key);
-            let counts = bursts.into_iter().flatten();
-            let batch = |(species, count)| {
+            let entries = bursts.into_iter().flat_map(|burst| burst.into_iter().enumerate());
+            let batch = |(entry, (species, count))| {
                 let count = if from.numbers == CountDistribution::Poisson {
                     poisson(f64::from(count))
                 } else {
                     count
                 };
-                Batch { from, center: from.center, now: 0.0, species, count, site: 0, ages: Ages::None }
+                Batch::of_burst(from, (species, count), entry > 0)
             };
-            return counts.map(batch).collect();
+            return entries.map(batch).collect();
         };
         let end_of = |step: u32| f64::from(step) * self.time_step;
         let now = end_of(step);
@@ -189,20 +190,20 @@ impl Model {
         }
         let before = |rate: f64| released_until(first, rate, *begin);
         let site = rates.iter().map(|&(_, rate)| before(rate)).sum::<f64>() as u64 as u32;
-        let batch = |&(species, rate): &(u32, f64)| match from.numbers {
-            CountDistribution::Poisson => {
-                let count = poisson(rate * (last - first));
-                let ages = Ages::Between(now - last, now - first);
-                Batch { from, center: from.center, now, species, count, site, ages }
-            }
-            CountDistribution::Fixed => {
-                let [before, after] = [before(rate), released_until(last, rate, *begin)];
-                let oldest = now - begin - (before + 1.0) / rate;
-                let ages = Ages::Spaced(oldest, 1.0 / rate);
-                Batch { from, center: from.center, now, species, count: (after - before) as u32, site, ages }
-            }
+        let batch = |(entry, &(species, rate)): (usize, &(u32, f64))| {
+            let (count, ages) = match from.numbers {
+                CountDistribution::Poisson => {
+                    (poisson(rate * (last - first)), Ages::Between(now - last, now - first))
+                }
+                CountDistribution::Fixed => {
+                    let [before, after] = [before(rate), released_until(last, rate, *begin)];
+                    let oldest = now - begin - (before + 1.0) / rate;
+                    ((after - before) as u32, Ages::Spaced(oldest, 1.0 / rate))
+                }
+            };
+            Batch { now, site, ages, ..Batch::of_burst(from, (species, count), entry > 0) }
         };
-        rates.iter().map(batch).collect()
+        rates.iter().enumerate().map(batch).collect()
     }
 
     fn born(&self, batch: &Batch<'_>, (id, site): (u32, u32), key: Key) -> Particle {
@@ -226,7 +227,12 @@ impl Model {
     }
 }
 
-impl Batch<'_> {
+impl<'a> Batch<'a> {
+    /// An entry of a burst at the transmitter's center, from the first site.
+    fn of_burst(from: &'a Transmitter, (species, count): (u32, u32), continues: bool) -> Self {
+        Self { from, center: from.center, now: 0.0, species, count, site: 0, continues, ages: Ages::None }
+    }
+
     /// Returns the time since the release of the `nth` particle, in s.
     fn age(&self, nth: u32, word: u32) -> f64 {
         match self.ages {

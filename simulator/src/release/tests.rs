@@ -99,6 +99,25 @@ fn steady_release_fills_all_sites_of_a_lattice() {
 }
 
 #[test]
+fn each_of_two_bursts_in_a_step_begins_at_the_first_site() {
+    let shape = Shape::Lattice([4.0, 1.0, 1.0], [4, 1, 1]);
+    let schedule = Schedule::Times(vec![0.05, 0.1]);
+    let model = Model {
+        time_step: 0.1,
+        species: vec![Species { mass: 1.0, ..Species::default() }],
+        transmitters: vec![Transmitter {
+            shape,
+            schedule,
+            release: vec![(0, 2), (0, 1)],
+            ..Transmitter::default()
+        }],
+        ..Model::default()
+    };
+    let places: Vec<f32> = released_in_a_step(&model).map(|particle| particle.position[0]).collect();
+    assert_eq!(places, [-1.5, -0.5, 0.5, -1.5, -0.5, 0.5]);
+}
+
+#[test]
 fn emitted_particles_go_on_from_site_to_site() {
     let shape = Shape::Lattice([4.0, 1.0, 1.0], [4, 1, 1]);
     let transmitter = Transmitter { shape, ..Transmitter::default() };
