@@ -11,7 +11,7 @@ use crate::response::{Link, Response};
 use crate::series::Series;
 use crate::symbols::{Interference, SymbolSlots, messages};
 use lazygrid_sim::model::message::Message;
-use lazygrid_sim::{Error, Model};
+use lazygrid_sim::{Error, Model, Receiver};
 
 /// The statistics of one or several replicas. Responses, interference and the errors of absorbing receivers need
 /// logged arrivals.
@@ -82,7 +82,11 @@ impl Channels {
             }
         }
         for (place, message) in messages(model) {
-            for (receiver, own) in model.receivers.iter().enumerate() {
+            let release = &model.transmitters[place].release;
+            let counts_some =
+                |one: &&Receiver| release.iter().any(|&(species, _)| one.counts(species as usize));
+            let receivers = model.receivers.iter().enumerate().filter(|(_, own)| counts_some(own));
+            for (receiver, own) in receivers {
                 let detectors: &[Detector] = match own.kind.absorbs() {
                     true if model.logs_arrivals => &[Detector::Arrivals],
                     false if own.is_momentary() => &Detector::MOMENTARY,
@@ -269,6 +273,16 @@ mod tests {
     use super::*;
     use crate::bit_errors::tests::{arrivals, files};
     use crate::symbols::tests::{model, slots};
+
+    #[test]
+    fn bit_errors_leave_out_receivers_that_count_no_sent_species() {
+        let mut model = model();
+        model.logs_arrivals = true;
+        let other = Receiver { name: "other".into(), sees: vec![false], ..model.receivers[0].clone() };
+        model.receivers.insert(0, other);
+        let receivers = Channels::empty(&model, 100).bit_errors.into_iter().map(|errors| errors.receiver);
+        assert_eq!(receivers.collect::<std::collections::BTreeSet<_>>(), [1].into());
+    }
 
     #[test]
     fn bit_errors_have_rows_for_thresholds_that_change_them() {
