@@ -78,29 +78,65 @@ impl Vessel {
         }
         let mut at = self.offset(from.map(f64::from));
         let end = self.offset(to.map(f64::from));
-        let mut way: [f64; 3] = std::array::from_fn(|k| end[k] - at[k]);
+        let way: [f64; 3] = std::array::from_fn(|k| end[k] - at[k]);
         let outside = (self.length(at) / radius).max(1.0);
         at = at.map(|c| c / outside);
+        let at = self.follow(at, way, |_, normal, _| {
+            *velocity = mirrored(velocity.map(f64::from), normal).map(|v| v as f32);
+        });
+        self.put(&mut to, at);
+        to
+    }
+
+    /// Returns the offset at the end of a path, and calls `turn` with the offset, the normal and the part of the rest of
+    /// the path at each reflection.
+    #[inline(always)]
+    fn follow(
+        &self,
+        mut at: [f64; 3],
+        mut way: [f64; 3],
+        mut turn: impl FnMut([f64; 3], [f64; 3], f64),
+    ) -> [f64; 3] {
+        let radius = f64::from(self.radius);
         for _ in 0..BOUNCES {
             let [a, b] = [dot(way, way), dot(at, way)];
             let c = (dot(at, at) - radius * radius).min(0.0);
             let t = (-b + (b * b - a * c).max(0.0).sqrt()) / a;
             if a == 0.0 || t >= 1.0 {
-                at = std::array::from_fn(|k| at[k] + way[k]);
-                break;
+                return std::array::from_fn(|k| at[k] + way[k]);
             }
             at = std::array::from_fn(|k| at[k] + t * way[k]);
             let normal = at.map(|c| c / radius);
-            let turned = |v: [f64; 3]| -> [f64; 3] {
-                let out = dot(v, normal);
-                std::array::from_fn(|k| v[k] - 2.0 * out * normal[k])
-            };
-            way = turned(way.map(|c| (1.0 - t) * c));
-            *velocity = turned(velocity.map(f64::from)).map(|v| v as f32);
+            turn(at, normal, t);
+            way = mirrored(way.map(|c| (1.0 - t) * c), normal);
         }
-        self.put(&mut to, at);
-        to
+        at
     }
+
+    /// Returns the corners of a path with reflections, from its beginning to its end, each with its part of the path.
+    pub(crate) fn corners(&self, from: [f32; 3], to: [f32; 3]) -> Vec<(f64, [f64; 3])> {
+        let begin = from.map(f64::from);
+        let whole: [f64; 3] = std::array::from_fn(|k| f64::from(to[k]) - begin[k]);
+        let center = self.center.map(f64::from);
+        let place = |part: f64, offset: [f64; 3]| -> [f64; 3] {
+            std::array::from_fn(|k| match self.along {
+                Some(along) if k == along => begin[k] + part * whole[k],
+                _ => center[k] + offset[k],
+            })
+        };
+        let (mut corners, mut gone) = (vec![(0.0, begin)], 0.0);
+        let end = self.follow(self.offset(begin), self.across(whole), |at, _, part| {
+            gone += (1.0 - gone) * part;
+            corners.push((gone, place(gone, at)));
+        });
+        corners.push((1.0, place(1.0, end)));
+        corners
+    }
+}
+
+fn mirrored(v: [f64; 3], normal: [f64; 3]) -> [f64; 3] {
+    let out = dot(v, normal);
+    std::array::from_fn(|k| v[k] - 2.0 * out * normal[k])
 }
 
 pub(crate) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {

@@ -14,7 +14,7 @@
 //! exp(−ab/DΔt). *In two* no closed form exists. The terms of both ends beyond this exponential cancel to first order in DΔt/r₀r₁,
 //! which leaves the same expression, for steps that are short compared with the radius.
 //!
-//! *Drift alone.* The path is a line that walls reflect.
+//! *Drift alone.* The path is a line that walls reflect, round ones included.
 //!
 //! *Both.* A long drift may pass the sphere, where an average over directions fails. The path is then halved as a
 //! Brownian bridge until the drift of a segment is short compared with its diffusion or the sphere. Halves far from
@@ -81,7 +81,7 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
         if a < 0.0 {
             return Some(Hit::at(0.0));
         }
-        return line_hit(receiver, domain, path).or((b <= 0.0).then_some(Hit::at(1.0)));
+        return straight_hit(receiver, domain, path).or((b <= 0.0).then_some(Hit::at(1.0)));
     }
     if drift == [0.0; 3] {
         return who.hits_sphere((receiver.place, 0), image_radius(receiver), [a, b], diffusion);
@@ -254,11 +254,39 @@ pub(crate) fn length(v: [f32; 3]) -> f32 {
 /// Cuts per axis; above it a position has no meaning.
 const CUTS: usize = 1000;
 
-/// Returns the hit of a line, cut at walls and at changes of the receiver's nearest image.
-fn line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
-    let [from, to] = [path.before, path.end].map(|end| end.map(f64::from));
+/// Returns the hit of a path without diffusion, which turns at the walls.
+fn straight_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
+    let line = Line { ends: [path.before, path.end].map(|end| end.map(f64::from)), begin: 0.0, part: 1.0 };
+    let Some(vessel) = domain.vessel else { return line_hit(body, domain, line) };
+    let free_end: [f32; 3] = std::array::from_fn(|k| path.before[k] + path.drift[k]);
+    let reflected = vessel.reflect(path.before, free_end, &mut [0.0; 3]);
+    let is_other = |k: usize| Some(k) != vessel.along && reflected[k] != path.end[k];
+    // A collision or a surface has turned other paths, and one inside has no corner.
+    if vessel.distance(free_end) <= f64::from(vessel.radius) || (0..3).any(is_other) {
+        return line_hit(body, domain, line);
+    }
+    vessel.corners(path.before, free_end).windows(2).find_map(|ends| {
+        let &[(begin, from), (end, to)] = ends else { return None };
+        line_hit(body, domain, Line { ends: [from, to], begin, part: end - begin })
+    })
+}
+
+/// A part of a path, by its time in steps.
+#[derive(Clone, Copy)]
+struct Line {
+    ends: [[f64; 3]; 2],
+    begin: f64,
+    part: f64,
+}
+
+/// Returns the hit of a line, cut at plane walls and at changes of the receiver's nearest image.
+fn line_hit(body: &ReceiverState, domain: &Boundary, line: Line) -> Option<Hit> {
+    let Line { ends: [from, to], begin, part: of_step } = line;
     let way: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
     let radius = f64::from(body.receiver.radius);
+    let center = body.center_at(begin as f32);
+    let displacement = body.displacement.map(|c| of_step * f64::from(c));
+    let hit_at = |time: f64| Hit::at((begin + of_step * time) as f32);
     let mut cuts = Vec::new();
     for (k, axis) in domain.axes.into_iter().enumerate() {
         let (first, period, way) = match axis {
@@ -266,11 +294,7 @@ fn line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit>
             Axis::Reflecting { low, high } => (f64::from(low), f64::from(high - low), way[k]),
             Axis::Periodic { low, high } => {
                 let half = 0.5 * f64::from(high - low);
-                (
-                    f64::from(body.center[k]) + half,
-                    f64::from(high - low),
-                    way[k] - f64::from(body.displacement[k]),
-                )
+                (f64::from(center[k]) + half, f64::from(high - low), way[k] - displacement[k])
             }
         };
         let to = from[k] + way;
@@ -279,9 +303,9 @@ fn line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit>
         cuts.extend(planes.map(|plane| (first + plane as f64 * period - from[k]) / way));
     }
     if cuts.is_empty() {
-        let from = domain.displacement(body.center, path.before).map(f64::from);
-        let way = std::array::from_fn(|k| way[k] - f64::from(body.displacement[k]));
-        return entry_time(from, way, radius).map(|time| Hit::at(time as f32));
+        let from = domain.displacement(center, from.map(|x| x as f32)).map(f64::from);
+        let way = std::array::from_fn(|k| way[k] - displacement[k]);
+        return entry_time(from, way, radius).map(hit_at);
     }
     cuts.extend([0.0, 1.0]);
     cuts.retain(|t| (0.0..=1.0).contains(t));
@@ -291,11 +315,12 @@ fn line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit>
         let point: [f32; 3] = std::array::from_fn(|k| (from[k] + middle * way[k]) as f32);
         let way: [f64; 3] = std::array::from_fn(|k| {
             let own = if domain.axes[k].turns(point[k]) { -part * way[k] } else { part * way[k] };
-            own - part * f64::from(body.displacement[k])
+            own - part * displacement[k]
         });
-        let middle = domain.displacement(body.center_at(middle as f32), domain.confine(point)).map(f64::from);
+        let center = body.center_at((begin + of_step * middle) as f32);
+        let middle = domain.displacement(center, domain.confine(point)).map(f64::from);
         let time = entry_time(std::array::from_fn(|k| middle[k] - 0.5 * way[k]), way, radius)?;
-        Some(Hit::at((cut[0] + part * time) as f32))
+        Some(hit_at(cut[0] + part * time))
     })
 }
 

@@ -243,7 +243,7 @@ impl Propagator {
     /// Bounds diffusion and approaching receivers, in µm.
     #[inline(always)]
     fn more(&self, moved: &ParticleMove) -> f32 {
-        self.steps[moved.species as usize].bend + self.surfaces.bodies.max_displacement
+        self.steps[moved.species as usize].bend_of(&moved.path) + self.surfaces.bodies.max_displacement
     }
 
     fn search(

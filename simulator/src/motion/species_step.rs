@@ -5,7 +5,7 @@
 
 use crate::model::Model;
 use crate::model::boundary::Boundary;
-use crate::motion::path_hit::{BEND, DrawContext, Path};
+use crate::motion::path_hit::{BEND, DrawContext, Path, length};
 use crate::motion::vessel_flow::{FieldStep, FlowStep, StepDrift, StepTime};
 use crate::motion::wall::reflected;
 use crate::random::philox::Purpose;
@@ -26,6 +26,8 @@ pub(crate) struct SpeciesStep {
     pub(crate) domain: Boundary,
     /// Largest bending of the path by the diffusion of particle and receiver, in µm.
     pub(crate) bend: f32,
+    /// `true` if the side of a vessel turns paths that receivers follow.
+    turns_at_side: bool,
 }
 
 impl SpeciesStep {
@@ -42,7 +44,14 @@ impl SpeciesStep {
             drift: StepDrift::new(model, species, time),
             domain: model.boundary.inset(kind.radius),
             bend: BEND * (2.0 * (diffusion + of_receivers)).sqrt(),
+            turns_at_side: diffusion == 0.0 && model.boundary.vessel.is_some(),
         }
+    }
+
+    /// Bounds the distance of a path from its chord, in µm.
+    #[inline(always)]
+    pub(crate) fn bend_of(&self, path: &Path) -> f32 {
+        if self.turns_at_side { self.bend + length(path.drift) } else { self.bend }
     }
 }
 

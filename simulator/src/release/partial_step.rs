@@ -130,7 +130,7 @@ impl Model {
         if step.surfaces.has_membranes() {
             step.all_surfaces().hold_back(&mut moved);
         }
-        let reach = moved.length() + step.constants.bend;
+        let reach = moved.length() + step.constants.bend_of(&moved.path);
         Some(PartialMove { step, moved, reach })
     }
 

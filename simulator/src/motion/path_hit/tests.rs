@@ -1,5 +1,6 @@
 use super::*;
 use crate::model::receiver::Receiver;
+use crate::model::vessel::Vessel;
 
 fn body(kind: ReceiverKind) -> ReceiverState {
     let receiver =
@@ -66,6 +67,27 @@ fn a_straight_path_is_followed_through_walls_and_images() {
     assert!(!met(&periodic, [4.0, 0.5, 0.0], [14.0, 0.5, 0.0]));
     assert!(met(&periodic, [4.0, 0.5, 0.0], [20.0, 0.5, 0.0]));
     assert!(!met(&periodic, [4.0, 1.5, 0.0], [20.0, 1.5, 0.0]));
+}
+
+/// From the axis of a cylinder to its side and nearly back.
+#[test]
+fn a_straight_path_is_followed_to_the_side_of_a_vessel() {
+    let vessel = Vessel { along: Some(2), center: [1.0, 0.0, 0.0], radius: 5.0 };
+    let domain = Boundary { vessel: Some(vessel), ..Boundary::default() };
+    let time = |center: [f32; 3], free_end: [f32; 3]| {
+        let before = [1.0, 0.0, 0.0];
+        let drift = std::array::from_fn(|k| free_end[k] - before[k]);
+        let end = vessel.reflect(before, free_end, &mut [0.0; 3]);
+        let mut ball = body(ReceiverKind::Absorbing);
+        (ball.center, ball.receiver.radius) = (center, 0.5);
+        let path = Path { before, end, after: end, drift, diffusion: 0.0 };
+        hits(&ball, &domain, &path, DRAWS).map(|hit| hit.time(DRAWS, 0))
+    };
+    let [out, back] = [time([1.0, 4.0, 0.0], [1.0, 9.9, 0.0]), time([1.0, 4.0, 7.0], [1.0, 9.9, 11.0])];
+    assert!(out.is_some_and(|time| (time - 3.5 / 9.9).abs() < 1e-6), "{out:?}");
+    // On the way back, at 10 − 4 = 6 of 9.9 along y and 6.67 of 11 along z.
+    assert!(back.is_some_and(|time| (0.5..6.0 / 9.9).contains(&time)), "{back:?}");
+    assert_eq!(time([1.0, 4.0, 2.0], [1.0, 9.9, 11.0]), None);
 }
 
 #[test]

@@ -1,3 +1,5 @@
+use lazygrid::Algorithm;
+
 use super::*;
 use crate::model::particles::{Particle, Particles};
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind};
@@ -7,6 +9,7 @@ use crate::model::{Flow, Model, Species};
 use crate::motion::propagate::Propagator;
 use crate::motion::receiver_state::move_receivers;
 use crate::random::philox::{Key, open_unit, philox};
+use crate::{Simulation, Transmitter};
 
 const MANY: u32 = 60;
 
@@ -174,4 +177,22 @@ fn receivers_in_the_path_of_a_pushed_particle_are_found() {
             "{after:?}"
         );
     }
+}
+
+/// Steps of 9.9 µm from the axis of a cylinder of radius 5 µm, whose chords have 0.1 µm.
+#[test]
+fn receivers_by_the_side_of_a_vessel_are_found_without_diffusion() {
+    let vessel = Vessel { along: Some(0), center: [0.0; 3], radius: 5.0 };
+    let receiver = Receiver { center: [0.0, 4.0, 0.0], radius: 0.5, sees: vec![true], ..Receiver::default() };
+    let model = Model {
+        time_step: 0.1,
+        species: vec![Species { drift: [0.0, 99.0, 0.0], mass: 1.0, ..Species::default() }],
+        receivers: vec![receiver],
+        boundary: Boundary { vessel: Some(vessel), ..Boundary::default() },
+        transmitters: vec![Transmitter { release: vec![(0, 5)], ..Transmitter::default() }],
+        ..Model::default()
+    };
+    let mut simulation = Simulation::new(model, 1, Algorithm::Auto).unwrap();
+    simulation.step().unwrap();
+    assert_eq!(simulation.state().totals.arrived[0][0], 5);
 }
