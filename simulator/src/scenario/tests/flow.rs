@@ -132,7 +132,7 @@ fn drift_to_the_curved_wall_of_a_vessel_is_warned_of() {
 }
 
 #[test]
-fn drift_to_a_plane_wall_is_warned_of_if_particles_collide() {
+fn drift_to_a_plane_wall_is_warned_of_if_the_wall_mirrors_paths() {
     let warnings = |time_step: &str, contact: &str, more: &str| {
         let text = format!(
             "time-step = {time_step}\nsteps = 3\ncontact = '{contact}'\n[boundary]\nkind = 'reflecting'\nlow = [0, 0, 0]\n\
@@ -149,4 +149,21 @@ fn drift_to_a_plane_wall_is_warned_of_if_particles_collide() {
     assert_eq!(warnings("0.01", "count", drift), [""; 0]);
     let plug = "[flow]\nprofile = 'plug'\nvelocity = [-100, 0, 0]";
     assert_eq!(warnings("0.01", "separate", plug).len(), 1);
+    for own in ["speed = 20", "thermal-speed = 5"] {
+        let said = warnings("0.01", "ignore", &format!("{drift}\n{own}"));
+        assert!(
+            said.len() == 1 && said[0].contains("because the species has a speed or thermal-speed"),
+            "{said:?}"
+        );
+        assert_eq!(warnings("0.01", "ignore", own), [""; 0]);
+    }
+    let wall = |face: &str| format!("{drift}\n[[receiver]]\nname = 'rx'\nkind = 'wall'\nface = '{face}'\n");
+    let said = warnings("0.01", "ignore", &wall("high-z"));
+    assert!(said.len() == 1 && said[0].contains("because the opposite wall absorbs"), "{said:?}");
+    assert_eq!(warnings(short, "ignore", &wall("high-z")), [""; 0]);
+    // The drift leads to the absorbing wall, or no wall of its axis absorbs.
+    assert_eq!(warnings("0.01", "ignore", &wall("low-z")), [""; 0]);
+    assert_eq!(warnings("0.01", "ignore", &wall("high-x")), [""; 0]);
+}
+
 }

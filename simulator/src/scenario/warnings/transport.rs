@@ -136,27 +136,40 @@ pub(in crate::scenario) fn drift_at_curved_wall(model: &Model, species: usize) -
     })
 }
 
-/// Plane walls mirror the paths of particles that collide.
+/// Warns of a drift towards a plane wall on an axis that [`StepDrift`](crate::motion::vessel_flow::StepDrift) mirrors.
 pub(in crate::scenario) fn drift_at_plane_wall(model: &Model, species: usize) -> Option<String> {
-    if !model.contact.collides() {
-        return None;
-    }
     let one = &model.species[species];
-    let drift = drift(model, species);
-    let is_wall = |&k: &usize| matches!(model.boundary.axes[k], Axis::Reflecting { .. });
-    let speed = |k: usize| drift[k].abs() + flow_along(model, k);
-    let speed = (0..3).filter(is_wall).map(speed).fold(0.0, f64::max);
+    let towards = |axis: usize| speed_to_mirror(model, species, axis);
+    let (speed, reason) = (0..3).filter_map(towards).max_by(|a, b| a.0.total_cmp(&b.0))?;
     let longest = longest_at_mirror(one.diffusion, speed);
     (longest > 0.0 && model.time_step > longest).then(|| {
         format!(
-            "a step takes {} {:.3} µm by diffusion and up to {:.3} µm by drift towards a plane wall, which mirrors the paths of \
-             particles that collide: the layer at the wall that the drift feeds is too thick; time-step = {} is short enough",
+            "a step takes {} {:.3} µm by diffusion and up to {:.3} µm by drift towards a plane wall, which mirrors paths because \
+             {reason}: the layer at the wall that the drift feeds is too thick; time-step = {} is short enough",
             one.name,
             (2.0 * one.diffusion * model.time_step).sqrt(),
             speed * model.time_step,
             below(longest)
         )
     })
+}
+
+/// Returns the largest speed by drift and flow towards a wall across an axis that mirrors paths, and the reason.
+fn speed_to_mirror(model: &Model, species: usize, axis: usize) -> Option<(f64, &'static str)> {
+    let Axis::Reflecting { .. } = model.boundary.axes[axis] else { return None };
+    let absorbs = |face: WallFace| {
+        model.receivers.iter().any(|one| one.kind == ReceiverKind::Wall(face) && one.sees[species])
+    };
+    let absorbing = [WallFace::Low(axis), WallFace::High(axis)].map(absorbs);
+    let reason = match absorbing {
+        _ if model.contact.collides() => "particles collide",
+        _ if model.species[species].has_velocity() => "the species has a speed or thermal-speed",
+        [false, false] => return None,
+        _ => "the opposite wall absorbs",
+    };
+    let [least, most] = flow_along(model, axis).map(|flow| drift(model, species)[axis] + flow);
+    let speeds = absorbing.into_iter().zip([-least, most]).filter(|(absorbs, _)| !absorbs);
+    Some((speeds.map(|(_, speed)| speed).fold(0.0, f64::max), reason))
 }
 
 fn longest_at_mirror(diffusion: f64, speed: f64) -> f64 {
@@ -172,11 +185,13 @@ fn drift(model: &Model, species: usize) -> [f64; 3] {
     std::array::from_fn(|k| model.species[species].drift[k] + plug[k])
 }
 
-/// Returns the largest speed of a flow along an axis, without plug flow.
-fn flow_along(model: &Model, axis: usize) -> f64 {
+/// Returns the least and the largest velocity of a flow along an axis, without plug flow.
+fn flow_along(model: &Model, axis: usize) -> [f64; 2] {
     match &model.flow {
-        Some(Flow::Poiseuille { mean }) if model.boundary.along() == Some(axis) => 2.0 * mean.abs(),
-        Some(Flow::Field(field)) => field.fastest()[axis],
-        _ => 0.0,
+        Some(Flow::Poiseuille { mean }) if model.boundary.along() == Some(axis) => {
+            [2.0 * mean.min(0.0), 2.0 * mean.max(0.0)]
+        }
+        Some(Flow::Field(field)) => [-field.fastest()[axis], field.fastest()[axis]],
+        _ => [0.0; 2],
     }
 }
