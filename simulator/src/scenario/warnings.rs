@@ -11,7 +11,7 @@ pub(super) use self::transport::{
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::probability::undoes;
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, signed_distance};
-use crate::model::transmitter::{Shape, Transmitter};
+use crate::model::transmitter::{Schedule, Shape, Transmitter};
 use crate::model::{Decay, Flow, Model, Reaction, Species, Unbinding};
 use crate::reaction::rate;
 
@@ -117,7 +117,8 @@ pub(super) fn fast_reaction(equation: &str, rate: f64, time_step: f64) -> Option
     })
 }
 
-/// Decays of released particles or of products of decays are right at any step length; others may warn.
+/// Decays of released particles or of products of decays are right at any step length, except those of a species that
+/// dissociates, which come at the ends of whole steps.
 pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     let part = decay.rate * model.time_step;
     let species = decay.reactant;
@@ -133,12 +134,17 @@ pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
         .any(|reaction| reaction.products.contains(&Some(species)) && !exchanged(reaction));
     let from_splits =
         model.decays.iter().any(|decay| decay.splits() && decay.products.contains(&Some(species)));
-    let late = decay.splits() && model.decays.iter().any(|other| other.products.contains(&Some(species)));
+    let forms_within_a_step = || {
+        let is_steady = |one: &&Transmitter| matches!(one.schedule, Schedule::Steady { .. });
+        model.decays.iter().any(|other| other.products.contains(&Some(species)))
+            || model.transmitters.iter().filter(is_steady).any(|one| one.species().any(|s| s == species))
+    };
+    let late = model.dissociates(species) && forms_within_a_step();
     (part > FAST_DECAY && (from_pairs || from_splits || late)).then(|| {
         let name = &model.species[species as usize].name;
         format!(
-            "'{}': {:.1} % of {name} decay in a step, and products of others do so in the next step at the earliest: on average one \
-             lives half a step too long; time-step = {} is short enough",
+            "'{}': {:.1} % of {name} decay in a step, and those that form within a step or are released within it do so in the \
+             next step at the earliest: on average one lives half a step too long; time-step = {} is short enough",
             decay.name,
             100.0 * part,
             below(FAST_DECAY / decay.rate)

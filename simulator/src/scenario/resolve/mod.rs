@@ -96,13 +96,19 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
     if let Some((k, message)) = model.faulty_membrane() {
         return Err(Problem::at(file.membranes[k].name.span(), message));
     }
+    for (decay, from) in model.decays.iter().zip(&file.decays) {
+        let message = warnings::fast_decay(&model, decay);
+        warnings.extend(message.map(|message| Problem::at(from.rate.span(), message)));
+    }
     for (membrane, from) in model.membranes.iter().zip(&file.membranes) {
         let message = warnings::long_step_through(membrane, &model);
         warnings.extend(message.map(|message| Problem::at(from.name.span(), message)));
     }
     for (place, from) in file.species.iter().enumerate() {
-        let messages =
-            [warnings::drift_at_curved_wall(&model, place), warnings::drift_at_plane_wall(&model, place)];
+        let messages = [
+            warnings::drift_at_curved_wall(&model, place),
+            warnings::drift_at_plane_wall(&model, place),
+        ];
         let messages = messages.into_iter().flatten();
         warnings.extend(messages.map(|message| Problem::at(from.name.span(), message)));
     }

@@ -38,10 +38,6 @@ pub(super) fn resolve(
         decays: pairs.map(|(decay, unbinding)| Decay { unbinding, ..decay }).collect(),
         ..Model::default()
     };
-    for (decay, from) in model.decays.iter().zip(decays) {
-        let said = warnings::fast_decay(&model, decay);
-        warnings.extend(said.map(|message| Problem::at(from.rate.span(), message)));
-    }
     Ok((model.reactions, model.decays))
 }
 

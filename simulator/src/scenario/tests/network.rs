@@ -330,6 +330,26 @@ fn long_steps_are_warned_of_with_a_short_enough_one() {
 }
 
 #[test]
+fn dissociation_of_particles_released_within_a_step_is_warned_of() {
+    let warnings = |text: &str| network(text).unwrap().warnings;
+    let steady = transmitter("release = [{ species = \"C\", rate = 9 }]");
+    let source =
+        "[[source]]\nequation = \"-> C\"\nrate = 1\nshape = { kind = \"ball\", radius = 1 }\n".to_owned();
+    let split = decay("C -> A + B", "rate = 3000\nunbinding-radius = 0.1");
+    for release in [&steady, &source] {
+        let said = warnings(&(split.clone() + release));
+        assert!(said.len() == 1 && said[0].contains("'C -> A + B': 3.0 % of C decay in a step"), "{said:?}");
+        assert!(said[0].contains("time-step = 6.66e-6 is short enough"), "{said:?}");
+    }
+    // The rest of a species that dissociates decays at the ends of steps, too.
+    let said = warnings(&(decay("C -> A + B", "rate = 30") + &decay("C ->", "rate = 3000") + &steady));
+    assert!(said.len() == 1 && said[0].contains("'C ->': 3.0 % of C decay"), "{said:?}");
+    let burst = transmitter("release = [{ species = \"C\", count = 9 }]");
+    assert_eq!(warnings(&(split + &burst)), [""; 0]);
+    assert_eq!(warnings(&(decay("C ->", "rate = 3000") + &steady)), [""; 0]);
+}
+
+#[test]
 fn names_of_equations_are_one_line_and_distinct() {
     let text = reaction("A\\n+ B  ->\\tC", "rate = 0.3")
         + &reaction("A + B -> C", "rate = 0.1")
