@@ -108,6 +108,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
         let messages = [
             warnings::drift_at_curved_wall(&model, place),
             warnings::drift_at_plane_wall(&model, place),
+            warnings::long_step_across_flow(&model, place),
         ];
         let messages = messages.into_iter().flatten();
         warnings.extend(messages.map(|message| Problem::at(from.name.span(), message)));

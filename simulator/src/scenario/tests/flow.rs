@@ -166,4 +166,36 @@ fn drift_to_a_plane_wall_is_warned_of_if_the_wall_mirrors_paths() {
     assert_eq!(warnings("0.01", "ignore", &wall("high-x")), [""; 0]);
 }
 
+#[test]
+fn diffusion_across_a_flow_is_warned_of() {
+    let warnings = |time_step: &str, speed: &str| {
+        let text = format!(
+            "time-step = {time_step}\nsteps = 3\n[boundary]\nkind = 'cylinder'\nradius = 5\n[flow]\n\
+             profile = 'poiseuille'\nspeed = {speed}\n[[species]]\nname = 'A'\ndiffusion = 50\n"
+        );
+        parse(&text).unwrap().warnings
+    };
+    // Convection makes 675 of 676 parts of the spread, and a step has 1.47 relaxation times.
+    let [said] = &warnings("0.05", "1800")[..] else { panic!("no warning") };
+    assert!(said.contains("line 10, `name`: a step takes A 2.236 µm by diffusion"), "{said}");
+    assert!(said.contains("the spread along the vessel is 17.3 % too large"), "{said}");
+    let short = said.split("time-step = ").nth(1).unwrap().split(' ').next().unwrap();
+    assert_eq!(short, "1.66e-2");
+    assert_eq!(warnings(short, "1800"), [""; 0]);
+    assert_eq!(warnings("0.017", "1800").len(), 1);
+    // Convection makes 2 % of the spread.
+    assert_eq!(warnings("0.05", "10"), [""; 0]);
+    assert_eq!(warnings("0.05", "0"), [""; 0]);
+}
+
+#[test]
+fn diffusion_across_a_flow_field_is_warned_of() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = write(directory.path(), [0.0, 50.0, 0.0]);
+    // The flow changes on 1 µm: half of it is √(2DΔt) in 1.25e-4 s.
+    let text = |time_step: &str| TEXT.replace("0.01", time_step).replace("diffusion = 1", "diffusion = 1000");
+    let said = parse_at(&path, &text("1.3e-4")).unwrap().warnings;
+    assert!(said.len() == 1 && said[0].contains("the spread along the flow is too large"), "{said:?}");
+    assert!(said[0].contains("time-step = 1.24e-4 is short enough"), "{said:?}");
+    assert_eq!(parse_at(&path, &text("1.24e-4")).unwrap().warnings, [""; 0]);
 }
