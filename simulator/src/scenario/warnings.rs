@@ -1,9 +1,11 @@
 //! Warnings of probably unintended scenarios, with remedies.
 
 mod collisions;
+mod rounding;
 mod transport;
 
 pub(super) use self::collisions::many_collisions;
+pub(super) use self::rounding::{rounded_decays, rounded_reactions, rounded_tumbles};
 pub(super) use self::transport::{
     drift_at_curved_wall, drift_at_plane_wall, frequent_tumbles, long_step_across_flow, long_step_through,
     swept_by_motion, unresolved_flow,

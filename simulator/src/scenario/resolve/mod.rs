@@ -96,9 +96,14 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
     if let Some((k, message)) = model.faulty_membrane() {
         return Err(Problem::at(file.membranes[k].name.span(), message));
     }
-    for (decay, from) in model.decays.iter().zip(&file.decays) {
-        let message = warnings::fast_decay(&model, decay);
-        warnings.extend(message.map(|message| Problem::at(from.rate.span(), message)));
+    for ((decay, rounded), from) in
+        model.decays.iter().zip(warnings::rounded_decays(&model)).zip(&file.decays)
+    {
+        let messages = [warnings::fast_decay(&model, decay), rounded].into_iter().flatten();
+        warnings.extend(messages.map(|message| Problem::at(from.rate.span(), message)));
+    }
+    for (rounded, from) in warnings::rounded_reactions(&model).into_iter().zip(&file.reactions) {
+        warnings.extend(rounded.map(|message| Problem::at(from.equation.span(), message)));
     }
     for (membrane, from) in model.membranes.iter().zip(&file.membranes) {
         let message = warnings::long_step_through(membrane, &model);
@@ -109,6 +114,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
             warnings::drift_at_curved_wall(&model, place),
             warnings::drift_at_plane_wall(&model, place),
             warnings::long_step_across_flow(&model, place),
+            warnings::rounded_tumbles(&model, place),
         ];
         let messages = messages.into_iter().flatten();
         warnings.extend(messages.map(|message| Problem::at(from.name.span(), message)));

@@ -350,6 +350,26 @@ fn dissociation_of_particles_released_within_a_step_is_warned_of() {
 }
 
 #[test]
+fn rates_that_random_numbers_round_are_warned_of() {
+    let warnings = |text: &str| network(text).unwrap().warnings;
+    // 4.29 and 0.43 of 2³² words, and 100.
+    let said = warnings(&decay("C ->", "rate = 1e-4"));
+    assert!(said.len() == 1 && said[0].contains("'C ->' has the probability 1.000e-9 in a step"), "{said:?}");
+    assert!(said[0].contains("rounded to 9.313e-10") && said[0].contains("is off by 6.9 %"), "{said:?}");
+    let said = warnings(&decay("C -> A + B", "rate = 1e-5\nunbinding-radius = 0.1"));
+    assert!(said.len() == 1 && said[0].contains("it never happens"), "{said:?}");
+    let inside = |rate: &str| reaction("A + B -> C", &format!("rate-inside = {rate}"));
+    let said = warnings(&inside("1e-4"));
+    assert!(said.len() == 1 && said[0].contains("'A + B -> C' has the probability 1.000e-9"), "{said:?}");
+    let swimmer = |rate: &str| format!("[[species]]\nname = \"E\"\nspeed = 1\ntumble-rate = {rate}\n");
+    let said = warnings(&swimmer("1e-4"));
+    assert!(said.len() == 1 && said[0].contains("'a tumble of E' has the probability 1.000e-9"), "{said:?}");
+    let fine = decay("C ->", "rate = 2.34e-3") + &inside("2.34e-3") + &swimmer("2.34e-3");
+    assert_eq!(warnings(&fine), [""; 0]);
+    assert_eq!(warnings(&swimmer("0")), [""; 0]);
+}
+
+#[test]
 fn names_of_equations_are_one_line_and_distinct() {
     let text = reaction("A\\n+ B  ->\\tC", "rate = 0.3")
         + &reaction("A + B -> C", "rate = 0.1")

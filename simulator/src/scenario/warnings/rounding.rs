@@ -1,0 +1,70 @@
+//! Warnings of probabilities that the 32 bits of a random number round.
+
+use crate::model::Model;
+use crate::model::probability::ReactionProbabilities;
+use crate::motion::tumble::tumble_probability;
+use crate::random::philox::probability_threshold;
+
+/// Largest relative error of a probability.
+const ROUNDED: f64 = 0.01;
+const WORDS: f64 = 4_294_967_296.0;
+
+/// Returns a warning for each decay of the model, in the model's order.
+pub(in crate::scenario) fn rounded_decays(model: &Model) -> Vec<Option<String>> {
+    let mut messages = vec![None; model.decays.len()];
+    for species in 0..model.species.len() as u32 {
+        let channels = ReactionProbabilities(model).decays(species);
+        for (place, probability, rounded) in rounded(&channels) {
+            messages[place] = Some(message(&model.decays[place].name, probability, rounded));
+        }
+    }
+    messages
+}
+
+/// Returns a warning for each reaction of the model, in the model's order.
+pub(in crate::scenario) fn rounded_reactions(model: &Model) -> Vec<Option<String>> {
+    let mut messages = vec![None; model.reactions.len()];
+    for reaction in &model.reactions {
+        for zone in ReactionProbabilities(model).zones(reaction.reactants) {
+            for (place, probability, rounded) in rounded(&zone.channels) {
+                messages[place] = Some(message(&model.reactions[place].name, probability, rounded));
+            }
+        }
+    }
+    messages
+}
+
+pub(in crate::scenario) fn rounded_tumbles(model: &Model, species: usize) -> Option<String> {
+    let one = &model.species[species];
+    if one.speed == 0.0 {
+        return None;
+    }
+    let probability = tumble_probability(one.tumble_rate * model.time_step).min(1.0);
+    let (_, probability, rounded) = rounded(&[(0, probability)]).next()?;
+    Some(message(&format!("a tumble of {}", one.name), probability, rounded))
+}
+
+/// Returns place, probability and rounded probability of channels that rounding changes.
+fn rounded(channels: &[(usize, f64)]) -> impl Iterator<Item = (usize, f64, f64)> {
+    let words =
+        |probability: f64| probability_threshold(probability).map_or(0.0, |up_to| f64::from(up_to) + 1.0);
+    let mut below = 0.0;
+    channels.iter().filter_map(move |&(place, probability)| {
+        let before = words(below);
+        below += probability;
+        let rounded = (words(below) - before) / WORDS;
+        ((rounded - probability).abs() > ROUNDED * probability).then_some((place, probability, rounded))
+    })
+}
+
+fn message(name: &str, probability: f64, rounded: f64) -> String {
+    let off = match rounded {
+        0.0 => "it never happens".to_owned(),
+        _ => format!("its rate is off by {:.1} %", 100.0 * (rounded / probability - 1.0).abs()),
+    };
+    format!(
+        "'{name}' has the probability {probability:.3e} in a step, which is rounded to {rounded:.3e}, a multiple of 2⁻³², so \
+         that {off}; take a longer time-step or a higher rate: {:.2e} is rounded by 1 % at most",
+        1.0 / (ROUNDED * WORDS)
+    )
+}
