@@ -1,9 +1,11 @@
 //! Warnings of probably unintended scenarios, with remedies.
 
+mod absorption;
 mod collisions;
 mod rounding;
 mod transport;
 
+pub(super) use self::absorption::long_step_to_absorber;
 pub(super) use self::collisions::many_collisions;
 pub(super) use self::rounding::{rounded_decays, rounded_reactions, rounded_tumbles};
 pub(super) use self::transport::{

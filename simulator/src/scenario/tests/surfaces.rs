@@ -243,3 +243,35 @@ fn spherical_membranes_arrive_or_are_refused() {
         assert!(error.contains("`name`") && error.contains(message), "{message}: {error}");
     }
 }
+
+#[test]
+fn long_steps_to_surfaces_that_absorb_are_warned_of() {
+    let warnings = |time_step: &str, more: &str| {
+        let text = format!(
+            "time-step = {time_step}\nsteps = 3\n{more}[[species]]\nname = 'A'\nradius = 0.5\ndiffusion = 2\n"
+        );
+        parse(&text).unwrap().warnings
+    };
+    let wall = |face: &str| format!("[[receiver]]\nname = '{face}'\nkind = 'wall'\nface = '{face}'\n");
+    let walls = "[boundary]\nkind = 'reflecting'\nlow = [0, 0, 0]\nhigh = [6, 9, 9]\n";
+    let disk =
+        "dimensions = 2\n[[receiver]]\nname = 'disk'\nkind = 'absorbing'\ncenter = [0, 0, 0]\nradius = 2\n";
+    let cylinder = format!("[boundary]\nkind = 'cylinder'\nradius = 4.5\n{}", wall("side"));
+    // The square of the length over 4 µm²/s.
+    for (text, said, short) in [
+        (disk.to_owned(), "for disk, a disk of radius 2 µm", "9.90e-1"),
+        (cylinder, "for side, the side of a cylinder of radius 4.5 µm", "9.90e-1"),
+        (
+            walls.to_owned() + &wall("low-x") + &wall("high-x"),
+            "one of two walls that absorb, 6 µm apart",
+            "9.90e-1",
+        ),
+    ] {
+        let found = warnings("1.01", &text);
+        assert!(found.len() == 1 && found[0].contains(said), "{found:?}");
+        assert!(found[0].contains(&format!("time-step = {short} is short enough")), "{found:?}");
+        assert_eq!(warnings(short, &text), [""; 0]);
+    }
+    assert_eq!(warnings("1.01", &(walls.to_owned() + &wall("low-x") + &wall("high-y"))), [""; 0]);
+    assert_eq!(warnings("1.01", &disk.replace("dimensions = 2\n", "")), [""; 0]);
+}

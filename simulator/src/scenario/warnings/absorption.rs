@@ -1,0 +1,78 @@
+//! Warnings of steps that are long for a surface that absorbs.
+
+use super::below;
+use crate::model::boundary::Axis;
+use crate::model::receiver::{Receiver, ReceiverKind, WallFace};
+use crate::model::{Model, Species};
+
+/// Largest √(2DΔt) by a disk, in radii. At this length a disk in a square of 8 radii takes 1 % too few
+/// (Monte Carlo, 4·10⁵ particles).
+const LONG_BY_DISK: f64 = 1.0;
+/// Largest √(2DΔt) in a cylinder whose side absorbs, in radii. At this length 1.2 % too few are left after a time of
+/// 0.25 R²/D, and at 0.7 times the radius 5 % too many (same method).
+const LONG_IN_CYLINDER: f64 = 0.5;
+/// Largest √(2DΔt) between two walls that absorb, in distances L. At 0.45, 3 % too many are left after a time of
+/// 0.2 L²/D, and at 0.63 18 % (same method).
+const LONG_BETWEEN_WALLS: f64 = 0.4;
+
+/// Warns of the surface that needs the shortest time step.
+pub(in crate::scenario) fn long_step_to_absorber(model: &Model, species: usize) -> Option<String> {
+    let one = &model.species[species];
+    let seen = model.receivers.iter().filter(|receiver| receiver.sees[species]);
+    let longest = |receiver: &Receiver| {
+        let (length, surface) = longest_step(model, receiver, (species, one))?;
+        Some((length * length / (2.0 * (one.diffusion + receiver.diffusion)), surface))
+    };
+    let all = seen.filter_map(|receiver| Some((longest(receiver)?, receiver)));
+    let ((longest, surface), receiver) = all.min_by(|a, b| a.0.0.total_cmp(&b.0.0))?;
+    (model.time_step > longest).then(|| {
+        format!(
+            "a step takes {} {:.3} µm by diffusion, which is long for {}, {surface}: it absorbs at another rate; time-step = {} \
+             is short enough",
+            one.name,
+            (2.0 * (one.diffusion + receiver.diffusion) * model.time_step).sqrt(),
+            receiver.name,
+            below(longest)
+        )
+    })
+}
+
+/// Returns the longest √(2DΔt) for a surface in µm, and a description of the surface; `None` if any step is right.
+fn longest_step(
+    model: &Model,
+    receiver: &Receiver,
+    (species, one): (usize, &Species),
+) -> Option<(f64, String)> {
+    match receiver.kind {
+        ReceiverKind::Absorbing if model.boundary.dimensions() == 2 => {
+            let radius = f64::from(receiver.radius);
+            Some((LONG_BY_DISK * radius, format!("a disk of radius {} µm", receiver.radius)))
+        }
+        ReceiverKind::Wall(WallFace::Side) => {
+            let vessel = model.boundary.vessel.filter(|vessel| vessel.along.is_some())?;
+            let radius = f64::from(vessel.radius - one.radius);
+            Some((
+                LONG_IN_CYLINDER * radius,
+                format!("the side of a cylinder of radius {} µm", vessel.radius),
+            ))
+        }
+        ReceiverKind::Wall(face) => {
+            let (axis, opposite) = match face {
+                WallFace::Low(axis) => (axis, WallFace::High(axis)),
+                WallFace::High(axis) => (axis, WallFace::Low(axis)),
+                WallFace::Side => return None,
+            };
+            let is_opposite =
+                |other: &Receiver| other.kind == ReceiverKind::Wall(opposite) && other.sees[species];
+            let Axis::Reflecting { low, high } = model.boundary.axes[axis] else { return None };
+            let distance = f64::from(high - low - 2.0 * one.radius);
+            model.receivers.iter().any(is_opposite).then(|| {
+                (
+                    LONG_BETWEEN_WALLS * distance,
+                    format!("one of two walls that absorb, {} µm apart", high - low),
+                )
+            })
+        }
+        _ => None,
+    }
+}
