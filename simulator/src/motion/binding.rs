@@ -98,6 +98,13 @@ pub(crate) struct BindingRequest {
     id: u32,
 }
 
+impl BindingRequest {
+    /// Returns the receptor type, as index among those of all receivers.
+    pub(crate) fn receptor(self) -> usize {
+        self.receptor as usize
+    }
+}
+
 pub(crate) fn bids(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<BindingRequest> {
     let bid = |event: &Event| match *event {
         Event::Bound { at, receptor, rank, .. } => Some(BindingRequest { receptor, rank, id: id(at) }),

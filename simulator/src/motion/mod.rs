@@ -10,6 +10,7 @@ pub(crate) mod adsorption;
 pub(crate) mod collisions;
 pub(crate) mod receiver_search;
 pub(crate) mod reflection;
+pub(crate) mod request_counts;
 pub(crate) mod species_step;
 pub(crate) mod step_normals;
 pub(crate) mod surface_diffusion;

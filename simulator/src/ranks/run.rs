@@ -78,7 +78,8 @@ impl Run {
         let converted = files.as_ref().map_or(Ok(()), |files| files.convert(simulation.model()));
         simulation.agree(converted)?;
         if is_first {
-            pace.warnings(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
+            let warnings = pace.warnings(simulation.model()).into_iter().chain(simulation.request_warnings());
+            warnings.for_each(|message| log::warn!("{message}"));
         }
         let done = simulation.step_count() >= self.scenario.steps;
         Ok((if done { RunEnd::Finished } else { RunEnd::Stopped }, simulation))

@@ -111,6 +111,11 @@ impl<C: Communicator> RankSimulation<C> {
         &self.run.state
     }
 
+    /// Returns warnings of refused requests for receptors.
+    pub(super) fn request_warnings(&self) -> Vec<String> {
+        self.run.requests.warnings(&self.run.model)
+    }
+
     pub fn communicator(&mut self) -> &mut C {
         &mut self.communicator
     }
@@ -127,7 +132,8 @@ impl<C: Communicator> RankSimulation<C> {
         let free = binding::free(&self.run.model, &self.totals.occupied);
         let moved = self.advance(&free)?;
         let bids = self.all_bids(&moved)?;
-        self.run.apply_events(&moved, &binding::rejected(bids, &free));
+        let rejected = self.run.requests.reject(bids, &free);
+        self.run.apply_events(&moved, &rejected);
         let Self { communicator, run, pair_search, .. } = self;
         let interact = |search: &mut RankPairSearch| search.interact(communicator, run);
         let outcomes = pair_search.as_mut().map_or_else(|| Ok(Vec::new()), interact)?;

@@ -85,6 +85,15 @@ impl AnySimulation {
         }
     }
 
+    /// Returns warnings of refused requests for receptors, which the GPU does not count.
+    pub(crate) fn request_warnings(&self) -> Vec<String> {
+        match self {
+            Self::Cpu(run) => run.requests.warnings(&run.model),
+            #[cfg(feature = "gpu")]
+            Self::Gpu(_) => Vec::new(),
+        }
+    }
+
     pub fn seed(&self) -> u64 {
         match self {
             Self::Cpu(run) => run.key.seed(),

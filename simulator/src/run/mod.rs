@@ -161,7 +161,8 @@ impl Run {
         }
         files.convert(simulation.model())?;
         if slot.place == 0 {
-            pace.warnings(simulation.model()).iter().for_each(|message| log::warn!("{message}"));
+            let warnings = pace.warnings(simulation.model()).into_iter().chain(simulation.request_warnings());
+            warnings.for_each(|message| log::warn!("{message}"));
         }
         Ok((end, simulation))
     }

@@ -11,6 +11,7 @@ use crate::motion::contact::Contacts;
 use crate::motion::propagate::{Event, Propagator};
 use crate::motion::receiver_search::ReceiverSearch;
 use crate::motion::receiver_state::{self, Place};
+use crate::motion::request_counts::RequestCounts;
 use crate::motion::surface_diffusion::SurfaceSteps;
 use crate::random::philox::{Key, Purpose};
 use crate::reaction::candidates::StepPairs;
@@ -38,6 +39,8 @@ pub struct Simulation {
     matching: Matching,
     partial_events: PartialEvents,
     arrivals: Vec<Arrival>,
+    /// Since the run began or was resumed.
+    pub(crate) requests: RequestCounts,
 }
 
 #[derive(Debug)]
@@ -82,6 +85,7 @@ impl Simulation {
             matching: Matching::default(),
             partial_events: PartialEvents::new(&model),
             arrivals: Vec::new(),
+            requests: RequestCounts::default(),
             model,
             state,
         })
@@ -154,7 +158,8 @@ impl Simulation {
     pub fn step(&mut self) -> Result<(), Error> {
         let free = binding::free(&self.model, &self.state.totals.occupied);
         let moved = self.advance(&free, &mut Undivided)?;
-        self.apply_events(&moved, &binding::rejected(self.bids(&moved), &free));
+        let rejected = self.requests.reject(self.bids(&moved), &free);
+        self.apply_events(&moved, &rejected);
         let outcomes = self.interact()?;
         let splits = self.splits(&outcomes);
         let parents = splits.iter().filter(|split| split.is_parent()).map(|split| split.id);

@@ -1,0 +1,89 @@
+//! Counts of requests for receptors, and warnings of refused ones.
+//!
+//! Of f free receptors, min(Poisson(f·x), f) are bound in a step, with x = `binding-rate`·c·Δt. Refused requests are
+//! missing from the equilibrium: of a single receptor about the fraction x/2.
+
+use crate::model::Model;
+use crate::motion::binding::{BindingRequest, rejected};
+
+/// Largest fraction of refused requests.
+const REFUSED: f64 = 0.01;
+/// Refused requests from which a fraction is known well enough.
+const LEAST: u64 = 10;
+
+/// All requests and refused ones, by receptor type.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct RequestCounts(Vec<[u64; 2]>);
+
+impl RequestCounts {
+    /// Counts the requests of a step, and returns the ascending ids without a free receptor.
+    pub(crate) fn reject(&mut self, requests: Vec<BindingRequest>, free: &[u32]) -> Vec<u32> {
+        self.0.resize(free.len(), [0; 2]);
+        let mut of_step = vec![0_u64; free.len()];
+        requests.iter().for_each(|request| of_step[request.receptor()] += 1);
+        for ((all, free), of_step) in self.0.iter_mut().zip(free).zip(of_step) {
+            *all = [all[0] + of_step, all[1] + of_step.saturating_sub((*free).into())];
+        }
+        rejected(requests, free)
+    }
+
+    pub(crate) fn warnings(&self, model: &Model) -> Vec<String> {
+        let first = model.first_receptor_types();
+        let of = |k: usize| {
+            let own = self.0.get(first[k] as usize..first[k + 1] as usize).unwrap_or_default();
+            own.iter().fold([0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]])
+        };
+        let said = |(k, receiver): (usize, &crate::Receiver)| {
+            let [all, refused] = of(k);
+            let part = refused as f64 / all as f64;
+            (part > REFUSED && refused >= LEAST).then(|| {
+                format!(
+                    "{}: {:.1} % of the requests for its receptors were refused, because others of the same step took the last \
+                     free ones, so that it binds fewer particles than in equilibrium; a time-step of about {:.2e} s has {:.0} %",
+                    receiver.name,
+                    100.0 * part,
+                    model.time_step * REFUSED / part,
+                    100.0 * REFUSED
+                )
+            })
+        };
+        model.receivers.iter().enumerate().filter_map(said).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid::Algorithm;
+
+    use super::*;
+    use crate::model::receptors::ReceptorType;
+    use crate::{Boundary, Receiver, ReceiverKind, Shape, Simulation, Species, Transmitter};
+
+    /// One receptor that is requested 50 times per s and keeps a particle for 1/50 s.
+    #[test]
+    fn refused_requests_for_a_receptor_are_warned_of() {
+        let warnings = |time_step: f64, steps: u32| {
+            let kind = ReceiverKind::Receptors(vec![ReceptorType::new(1, 5.0, 50.0, [0])]);
+            let receiver =
+                Receiver { name: "rx".into(), radius: 0.5, kind, sees: vec![true], ..Receiver::default() };
+            let shape = Shape::Box([4.0; 3]);
+            let model = Model {
+                time_step,
+                species: vec![Species { name: "A".into(), diffusion: 20.0, mass: 1.0, ..Species::default() }],
+                transmitters: vec![Transmitter { shape, release: vec![(0, 640)], ..Transmitter::default() }],
+                receivers: vec![receiver],
+                boundary: Boundary::periodic([-2.0; 3], [2.0; 3]),
+                ..Model::default()
+            };
+            let mut simulation = Simulation::new(model.clone(), 3, Algorithm::Auto).unwrap();
+            (0..steps).for_each(|_| simulation.step().unwrap());
+            simulation.requests.warnings(&model)
+        };
+        let [said] = &warnings(0.004, 4000)[..] else { panic!("no warning") };
+        assert!(said.starts_with("rx: ") && said.contains("of the requests for its receptors"), "{said}");
+        let part = said.split(' ').nth(1).and_then(|part| part.parse::<f64>().ok()).unwrap();
+        // 1 − (1 − exp(−x))/x with x = 0.2, less by the depletion at the surface.
+        assert!((5.0..12.0).contains(&part), "{said}");
+        assert_eq!(warnings(0.0001, 4000), [""; 0]);
+    }
+}
