@@ -64,7 +64,7 @@ impl Run {
             }
             simulation.agree(fits)?;
             simulation.step()?;
-            pace.see(simulation.model(), [&before, simulation.totals()], 1);
+            pace.see(simulation.model(), [&before, simulation.totals()], step..step + 1);
             self.record_distributed(&mut simulation, &mut files)?;
             let due = |every: u32| simulation.step_count().is_multiple_of(every);
             if self.scenario.output.checkpoint_every.is_some_and(due) {

@@ -140,7 +140,7 @@ impl Run {
                 return Err(error);
             }
             simulation.advance(next)?;
-            pace.see(simulation.model(), [&before, simulation.totals()], simulation.step_count() - step);
+            pace.see(simulation.model(), [&before, simulation.totals()], step..simulation.step_count());
             // Half the free space that is required suffices for this output and a checkpoint.
             let is_last = self.is_disk_full(&simulation, slot)?;
             files.record(&simulation)?;

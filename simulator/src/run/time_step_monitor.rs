@@ -3,7 +3,9 @@
 //! Products react only in the next step, and reactants disappear at its end. Rates are off by about half of the
 //! fraction that reacts in a step.
 
-use crate::{Model, Totals};
+use std::ops::Range;
+
+use crate::{Model, Schedule, Totals};
 
 /// Fraction of reactants per step.
 const FAST: f64 = 0.02;
@@ -14,20 +16,19 @@ const MANY: f64 = 0.1;
 pub(crate) struct TimeStepMonitor {
     /// Indexed by reaction: all, those in fast steps, and the largest fraction in a step.
     seen: Vec<(f64, f64, f64)>,
-    released: u64,
 }
 
 impl TimeStepMonitor {
     /// Copies the totals before a step for [`see`](Self::see).
-    pub(crate) fn part_of(Totals { present, released, reacted, .. }: &Totals) -> Totals {
-        let [present, released, reacted] = [present, released, reacted].map(Clone::clone);
-        Totals { present, released, reacted, ..Totals::default() }
+    pub(crate) fn part_of(Totals { present, reacted, .. }: &Totals) -> Totals {
+        let [present, reacted] = [present, reacted].map(Clone::clone);
+        Totals { present, reacted, ..Totals::default() }
     }
 
-    pub(crate) fn see(&mut self, model: &Model, [before, after]: [&Totals; 2], steps: u32) {
+    /// Counts the reactions of `steps`.
+    pub(crate) fn see(&mut self, model: &Model, [before, after]: [&Totals; 2], steps: Range<u32>) {
         self.seen.resize(model.reactions.len(), (0.0, 0.0, 0.0));
-        let released = before.released.iter().sum();
-        if std::mem::replace(&mut self.released, released) != released && steps == 1 {
+        if steps.len() == 1 && begins_with_burst(model, steps.start) {
             // Particles released near each other react at once, at any time step.
             return;
         }
@@ -35,7 +36,7 @@ impl TimeStepMonitor {
             let count = (after.reacted[place] - before.reacted[place]) as f64;
             let [a, b] = reaction.reactants.map(|species| before.present[species as usize] as f64);
             let there = if reaction.reactants[0] == reaction.reactants[1] { a / 2.0 } else { a.min(b) };
-            let part = count / f64::from(steps.max(1)) / there.max(1.0);
+            let part = count / steps.len().max(1) as f64 / there.max(1.0);
             let (all, fast, worst) = &mut self.seen[place];
             *all += count;
             if part > FAST && there > 10.0 {
@@ -64,10 +65,16 @@ impl TimeStepMonitor {
     }
 }
 
+fn begins_with_burst(model: &Model, step: u32) -> bool {
+    let bursts = model.transmitters.iter().filter(|one| !matches!(one.schedule, Schedule::Steady { .. }));
+    let mut counts = bursts.flat_map(|one| one.mean_between([step, step.saturating_add(1)], model.time_step));
+    counts.any(|(_, count)| count > 0.0)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Reaction, Species};
+    use crate::{Reaction, Species, Transmitter};
 
     #[test]
     fn reactions_that_are_too_fast_are_named() {
@@ -85,7 +92,7 @@ mod tests {
             ..Totals::default()
         };
         let mut pace = TimeStepMonitor::default();
-        pace.see(&model, [&totals([1000, 100], [0, 0]), &totals([800, 60], [40, 50])], 10);
+        pace.see(&model, [&totals([1000, 100], [0, 0]), &totals([800, 60], [40, 50])], 0..10);
         assert_eq!(pace.warnings(&model).len(), 1);
         let said = &pace.warnings(&model)[0];
         assert!(
@@ -93,7 +100,34 @@ mod tests {
             "{said}"
         );
         assert!(said.contains("of about 5.00e-2 s"), "{said}");
-        pace.see(&model, [&totals([800, 60], [40, 50]), &totals([400, 60], [500, 50])], 1000);
+        pace.see(&model, [&totals([800, 60], [40, 50]), &totals([400, 60], [500, 50])], 10..1010);
         assert_eq!(pace.warnings(&model), [""; 0]);
+    }
+
+    #[test]
+    fn steps_of_continuous_release_count_and_those_with_bursts_do_not() {
+        let reaction = Reaction { name: "A + A -> 0".into(), ..Reaction::default() };
+        let steady = Schedule::Steady { from: 0.0, until: f64::INFINITY, rates: vec![(0, 1e4)] };
+        let bursts = Transmitter { release: vec![(0, 9)], ..Transmitter::default() };
+        let with = |transmitter: Transmitter, step: u32| {
+            let model = Model {
+                time_step: 0.1,
+                species: vec![Species::default()],
+                reactions: vec![reaction.clone()],
+                transmitters: vec![transmitter],
+                ..Model::default()
+            };
+            let mut pace = TimeStepMonitor::default();
+            let totals = |present: u64, released: u64, reacted: u64| Totals {
+                present: vec![present],
+                released: vec![released],
+                reacted: vec![reacted],
+                ..Totals::default()
+            };
+            pace.see(&model, [&totals(1000, 2000, 0), &totals(800, 3000, 200)], step..step + 1);
+            pace.warnings(&model).len()
+        };
+        assert_eq!(with(Transmitter { schedule: steady, ..Transmitter::default() }, 3), 1);
+        assert_eq!((with(bursts.clone(), 0), with(bursts, 3)), (0, 1));
     }
 }
