@@ -6,7 +6,7 @@ use crate::model::transmitter::Shape;
 use crate::model::vessel::Vessel;
 use crate::model::{Decay, Flow, Species};
 use crate::release::origins::Origin;
-use crate::{Adsorption, Boundary, Receiver, ReceiverKind, ReceptorType, Simulation};
+use crate::{Adsorption, Boundary, Receiver, ReceiverKind, ReceptorType, Simulation, State};
 
 fn steady(rates: Vec<(u32, f64)>, [from, until]: [f64; 2]) -> Transmitter {
     Transmitter { schedule: Schedule::Steady { from, until, rates }, ..Transmitter::default() }
@@ -115,6 +115,33 @@ fn each_of_two_bursts_in_a_step_begins_at_the_first_site() {
     };
     let places: Vec<f32> = released_in_a_step(&model).map(|particle| particle.position[0]).collect();
     assert_eq!(places, [-1.5, -0.5, 0.5, -1.5, -0.5, 0.5]);
+}
+
+/// A checkpoint of a run without arrivals has no origins.
+#[test]
+fn origins_are_restored_if_all_ids_are_of_scheduled_releases() {
+    let burst = |times: &[f64]| Transmitter {
+        schedule: Schedule::Times(times.to_vec()),
+        release: vec![(0, 3), (0, 2)],
+        ..Transmitter::default()
+    };
+    let mut model = Model {
+        time_step: 0.1,
+        species: vec![Species { mass: 1.0, ..Species::default() }],
+        transmitters: vec![burst(&[0.0, 0.2]), steady(vec![(0, 50.0)], [0.0, 1.0]), burst(&[0.1])],
+        logs_arrivals: true,
+        ..Model::default()
+    };
+    let expected = ran(&model, 4).state().clone();
+    model.logs_arrivals = false;
+    let silent = ran(&model, 4).state().clone();
+    assert_ne!(silent, expected);
+    model.logs_arrivals = true;
+    let resumed =
+        |state: &State| Simulation::resume(model.clone(), 3, Algorithm::Auto, state.clone()).unwrap();
+    assert_eq!(resumed(&silent).state(), &expected);
+    let more = State { next_id: silent.next_id + 1, ..silent };
+    assert_eq!(resumed(&more).state().origins.of(0), None);
 }
 
 #[test]

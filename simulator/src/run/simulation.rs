@@ -65,11 +65,12 @@ impl Simulation {
 
     /// # Errors
     /// As [`new`](Self::new).
-    pub fn resume(model: Model, seed: u64, algorithm: Algorithm, state: State) -> Result<Self, Error> {
+    pub fn resume(model: Model, seed: u64, algorithm: Algorithm, mut state: State) -> Result<Self, Error> {
         model.check()?;
         if !state.belongs_to(&model) {
             return Err(Error::Model("the state is one of another model".to_owned()));
         }
+        state.restore_origins(&model, Key::new(seed));
         let motion = Propagator::new(&model);
         let detector = detector(&model, algorithm)?;
         Ok(Self {

@@ -96,6 +96,24 @@ impl State {
         Self { totals, ..self }
     }
 
+    /// Restores the origins of a state whose model logged no arrivals, if all ids are those of scheduled releases.
+    pub(crate) fn restore_origins(&mut self, model: &Model, key: Key) {
+        if !model.logs_arrivals || self.origins != Origins::default() {
+            return;
+        }
+        let (mut origins, mut first) = (Origins::default(), 0_u64);
+        for step in 0..=self.step {
+            for (transmitter, _, count) in model.releases(step, key) {
+                origins.enter(first as u32, Some(Origin { transmitter, step }));
+                first += u64::from(count);
+            }
+        }
+        // Dissociations and programs give ids, too.
+        if first == u64::from(self.next_id) {
+            self.origins = origins;
+        }
+    }
+
     pub(crate) fn belongs_to(&self, model: &Model) -> bool {
         let receivers = model.receivers.len();
         let is_known = |species: u32| (species as usize) < model.species.len();
