@@ -348,6 +348,18 @@ impl GpuSession {
             }
             self.pairs.clear();
         }
+        let before = self.detector.capacities();
+        let is_grown = self.grow_for_windows(found);
+        match self.gather_windows(number, found, wait).await {
+            Err(Error::DeviceOutOfMemory { .. }) if is_grown => {
+                self.detector.restore_capacities(before);
+                self.gather_windows(number, found, wait).await
+            }
+            gathered => gathered,
+        }
+    }
+
+    async fn gather_windows(&mut self, number: u64, found: u64, wait: Wait) -> Result<(), Error> {
         let mut all = std::mem::take(&mut self.gathered);
         all.clear();
         try_reserve(&mut all, found as usize, "pairs")?;

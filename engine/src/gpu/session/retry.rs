@@ -130,6 +130,17 @@ impl GpuSession {
             .inspect_err(|_| self.detector.restore_capacities(before))
     }
 
+    /// Makes the output large enough for about four windows of `found` pairs, since each costs a search. Returns `true` if
+    /// that is larger than before.
+    pub(super) fn grow_for_windows(&mut self, found: u64) -> bool {
+        let wanted = (found / 4).next_power_of_two().min(self.largest_capacity());
+        let is_larger = wanted > self.capacity().into();
+        if is_larger {
+            self.detector.set_pair_capacity(wanted as u32);
+        }
+        is_larger
+    }
+
     /// Successive windows of smaller indices, each within the output's capacity.
     pub(super) async fn read_windows(
         &mut self,
