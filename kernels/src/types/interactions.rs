@@ -1,4 +1,4 @@
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::InputError;
 
@@ -42,12 +42,27 @@ impl Interaction {
 /// assert_eq!(reactions.get(base, acid), Interaction::Within(0.2));
 /// # Ok::<(), lazygrid_kernels::InputError>(())
 /// ```
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Interactions {
     species: u32,
     /// Clones share the table until one of them changes.
     table: Arc<Vec<Interaction>>,
     is_narrow: bool,
+    /// Computed once, since every call reads them; `None` if memory was refused.
+    reaches: OnceLock<Option<Arc<Vec<SpeciesReach>>>>,
+}
+
+/// The distances of a species with any other.
+#[derive(Clone, Copy, Debug)]
+struct SpeciesReach {
+    largest_half: f64,
+    effective: EffectiveRadius,
+}
+
+impl PartialEq for Interactions {
+    fn eq(&self, other: &Self) -> bool {
+        (self.species, self.is_narrow) == (other.species, other.is_narrow) && self.table == other.table
+    }
 }
 
 impl Interactions {
@@ -66,7 +81,7 @@ impl Interactions {
         check(0, 0, all)?;
         let mut table = reserved(species)?;
         table.resize(entries(species), all);
-        Ok(Self { species, table: Arc::new(table), is_narrow: is_narrow(all) })
+        Ok(Self { species, table: Arc::new(table), is_narrow: is_narrow(all), reaches: OnceLock::new() })
     }
 
     /// Sets the interaction of species `a` and `b`, in both orders.
@@ -83,6 +98,7 @@ impl Interactions {
         check(a, b, interaction)?;
         let n = self.species as usize;
         let table = own(&mut self.table, self.species)?;
+        self.reaches = OnceLock::new();
         self.is_narrow &= is_narrow(interaction);
         table[a as usize * n + b as usize] = interaction;
         table[b as usize * n + a as usize] = interaction;
@@ -111,7 +127,8 @@ impl Interactions {
         };
         let mut table = reserved(self.species)?;
         table.extend(self.table.iter().map(contact));
-        Ok(Self { species: self.species, table: Arc::new(table), is_narrow: true })
+        let reaches = OnceLock::new();
+        Ok(Self { species: self.species, table: Arc::new(table), is_narrow: true, reaches })
     }
 
     /// Returns `true` if `f32` holds all distances to half an ulp, so that `f32` spheres can be searched as given.
@@ -129,23 +146,39 @@ impl Interactions {
     /// its pairs.
     #[doc(hidden)]
     pub fn largest_half(&self, species: u32) -> (f64, bool) {
-        let row = &self.table[species as usize * self.species as usize..][..self.species as usize];
-        row.iter().fold((0.0, false), |(half, touches), with| match *with {
-            Interaction::Never => (half, touches),
-            Interaction::Touch => (half, true),
-            Interaction::Within(distance) => (half.max(0.5 * distance), touches),
-        })
+        let SpeciesReach { largest_half, effective } = self.reach(species);
+        (largest_half, effective.touches)
     }
 
     /// Returns the rule for the effective radius of this species.
     pub fn effective_radius(&self, species: u32) -> EffectiveRadius {
+        self.reach(species).effective
+    }
+
+    fn reach(&self, species: u32) -> SpeciesReach {
+        let reaches = self.reaches.get_or_init(|| {
+            let mut reaches = Vec::new();
+            reaches.try_reserve_exact(self.species as usize).ok()?;
+            reaches.extend((0..self.species).map(|species| self.scan(species)));
+            Some(Arc::new(reaches))
+        });
+        reaches.as_ref().map_or_else(|| self.scan(species), |reaches| reaches[species as usize])
+    }
+
+    fn scan(&self, species: u32) -> SpeciesReach {
         let row = &self.table[species as usize * self.species as usize..][..self.species as usize];
-        row.iter().fold(EffectiveRadius { touches: false, half: 0.0 }, |reach, with| match *with {
-            Interaction::Never => reach,
-            Interaction::Touch => EffectiveRadius { touches: true, ..reach },
-            Interaction::Within(distance) => {
-                EffectiveRadius { half: reach.half.max(half_up(distance)), ..reach }
+        let none =
+            SpeciesReach { largest_half: 0.0, effective: EffectiveRadius { touches: false, half: 0.0 } };
+        row.iter().fold(none, |mut reach, with| {
+            match *with {
+                Interaction::Never => {}
+                Interaction::Touch => reach.effective.touches = true,
+                Interaction::Within(distance) => {
+                    reach.largest_half = reach.largest_half.max(0.5 * distance);
+                    reach.effective.half = reach.effective.half.max(half_up(distance));
+                }
             }
+            reach
         })
     }
 }
@@ -213,5 +246,42 @@ fn check(a: u32, b: u32, interaction: Interaction) -> Result<(), InputError> {
             Err(InputError::Distance { a, b, distance: d })
         }
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn changed_tables_have_other_effective_radii() {
+        let mut table = Interactions::new(3, Interaction::Never).expect("few species");
+        let radius = |table: &Interactions, species| table.effective_radius(species).for_radius(1.0);
+        assert_eq!([0, 1, 2].map(|species| radius(&table, species)), [0.0; 3]);
+        let before = table.clone();
+        table.set(0, 2, Interaction::Within(6.0)).expect("known species");
+        table.set(1, 1, Interaction::Touch).expect("known species");
+        assert_eq!([0, 1, 2].map(|species| radius(&table, species)), [3.0, 1.0, 3.0]);
+        assert_eq!(
+            [0, 1, 2].map(|species| table.largest_half(species)),
+            [(3.0, false), (0.0, true), (3.0, false)]
+        );
+        assert_eq!([0, 1, 2].map(|species| radius(&before, species)), [0.0; 3]);
+        assert!(table != before && table == table.clone());
+        table.set(2, 0, Interaction::Never).expect("known species");
+        assert_eq!([0, 1, 2].map(|species| radius(&table, species)), [0.0, 1.0, 0.0]);
+    }
+
+    /// Detectors read the radii of all species at every call.
+    #[test]
+    fn effective_radii_are_computed_once() {
+        let table = Interactions::new(Interactions::MAX_SPECIES, Interaction::Within(1.0)).expect("memory");
+        let first = table.effective_radius(0);
+        let shared = table.clone();
+        for table in [&table, &shared] {
+            assert_eq!(table.effective_radius(4095), first);
+            let reaches = table.reaches.get().and_then(Option::as_ref).expect("they are kept");
+            assert_eq!(Arc::strong_count(reaches), 2);
+        }
     }
 }
