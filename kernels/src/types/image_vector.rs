@@ -123,9 +123,21 @@ fn nearest_along(apart: f64, length: f64) -> (f64, f64) {
         return (0.0, apart);
     }
     let turns = -(apart / length).round();
+    if turns.is_infinite() {
+        return far_along(apart, length);
+    }
     let other = turns + if apart + turns * length < 0.0 { 1.0 } else { -1.0 };
     let (image, neighbor) = (apart + turns * length, apart + other * length);
     if neighbor.abs() < image.abs() { (other, neighbor) } else { (turns, image) }
+}
+
+/// Returns the image at a number of lengths that overflows. Numbers so large are whole, and adding 1 does not change
+/// them. The number is returned infinite.
+#[cold]
+fn far_along(apart: f64, length: f64) -> (f64, f64) {
+    let (apart, sign) = (apart * DOWN, apart.signum());
+    let turns = -(apart / length);
+    (-sign * f64::INFINITY, (apart + turns * length) / DOWN)
 }
 
 #[inline]
@@ -170,6 +182,21 @@ mod tests {
         assert!(Space::UNBOUNDED.touch(left, right, None));
         for far in [[0.0; 4], [1e300, -1e300, 1e200, 0.0], [1e-300, 0.0, 0.0, 0.0]] {
             assert!(Space::UNBOUNDED.touch(far, far, None), "{far:?}");
+        }
+    }
+
+    #[test]
+    fn numbers_of_lengths_that_overflow_reach_the_minimum_image() {
+        for (x, length) in
+            [(1.7e308, 0.5), (-1.7e308, 0.5), (2.0_f64.powi(1000), 2.0_f64.powi(-200)), (1.0, 5e-324)]
+        {
+            let space = Space::periodic([Some(length), None, None]).expect("a length");
+            let [a, b] = [[x, 0.0, 0.0, 1e-3], [0.0; 4]];
+            assert!(space.touch(a, b, None) && space.touch(b, a, None), "{x:e} in {length:e}");
+            assert!(!space.touch(a, [0.0, 1.0, 0.0, 0.1], None), "{x:e} in {length:e}");
+            let image = space.minimum_image([0.0; 3], [x, 0.0, 0.0]);
+            let shift = if x < 0.0 { i32::MAX } else { i32::MIN };
+            assert_eq!((image.vector, image.shift), ([0.0; 3], [shift, 0, 0]), "{x:e} in {length:e}");
         }
     }
 
