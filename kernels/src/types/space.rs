@@ -116,18 +116,21 @@ impl Space {
     /// Returns the image of a point nearest to the origin: along a periodic axis of length `L` between `−L/2` and
     /// `L/2`.
     ///
-    /// The result is exact: an integer number of lengths away. Non-finite coordinates give NaN. In a triclinic cell,
-    /// the result is the image with at most half of each vector of the reduced basis, rounded.
+    /// Along an axis whose length is an `f32` number, the result is exact: an integer number of lengths away. Otherwise
+    /// it is computed in `f64` and rounded. Non-finite coordinates give NaN. In a triclinic cell, the result is the
+    /// image with at most half of each vector of the reduced basis, rounded.
     pub fn wrap(&self, point: Vec3) -> Vec3 {
         if let Some(cell) = &self.triclinic {
             let (_, [x, y, z]) = cell.minimum_image(point.as_dvec3().to_array());
             return DVec3::new(x, y, z).as_vec3();
         }
         let mut wrapped = point;
-        for (axis, length) in self.lengths_f32().into_iter().enumerate() {
-            if let Some(length) = length {
-                wrapped[axis] = wrap(point[axis], length);
-            }
+        for (axis, length) in self.lengths.into_iter().enumerate() {
+            let Some(length) = length else { continue };
+            wrapped[axis] = match f64::from(length as f32) == length {
+                true => wrap(point[axis], length as f32),
+                false => remainder(f64::from(point[axis]), length) as f32,
+            };
         }
         wrapped
     }
@@ -189,9 +192,36 @@ fn wrap(x: f32, length: f32) -> f32 {
     }
 }
 
+/// Returns the remainder of `x` of least magnitude, which is less than an ulp of `length` wrong.
+fn remainder(x: f64, length: f64) -> f64 {
+    let rest = x % length;
+    if rest.abs() > 0.5 * length { rest - length.copysign(rest) } else { rest }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn lengths_beyond_f32_wrap_in_f64() {
+        for (x, length, expected) in [
+            (10100.0, 10.1, 0.0),
+            (10100.5, 10.1, 0.5),
+            (-7.0, 10.1, 3.1),
+            (1e38, 1e39, 1e38),
+            (2.5, 1e-60, 0.0),
+            (3e38, 5e38, -2e38),
+        ] {
+            let space = Space::periodic([None, Some(length), None]).expect("a length");
+            let wrapped = f64::from(space.wrap(Vec3::new(x, x, 0.0)).y);
+            let ulp = f64::from(f32::EPSILON) * f64::from(expected);
+            assert!(
+                (wrapped - f64::from(expected)).abs() <= ulp.abs().max(1e-11),
+                "{x:e} in {length:e}: {wrapped:e}"
+            );
+            assert!(space.wrap(Vec3::INFINITY).y.is_nan(), "{length:e}");
+        }
+    }
 
     fn whole(x: f32) -> i128 {
         (f64::from(x) * (1_u64 << 60) as f64) as i128
