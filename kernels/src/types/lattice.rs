@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::triclinic::{combination, inverse, power_of_two_below};
+use super::triclinic::{combination, heights, inverse, power_of_two_below};
 use crate::Space;
 
 /// The reduced basis of a periodic space, and the distance between images. Its unit is a power of two times the unit of
@@ -13,6 +13,7 @@ pub struct Lattice {
     unit: f64,
     basis: [DVec3; 3],
     inverse: [DVec3; 3],
+    heights: [f64; 3],
     /// Multiple of each cell vector in each basis vector.
     turns: [[f64; 3]; 3],
 }
@@ -44,11 +45,15 @@ impl Lattice {
             basis[k] = DVec3::AXES[axis] * lengths[axis].map_or(1.0, |length| length * unit);
             turns[k][axis] = f64::from(u8::from(lengths[axis].is_some()));
         }
-        Some(Self::from_parts(lengths.iter().flatten().count(), unit, basis, turns))
+        // Products of extreme lengths would overflow or underflow.
+        let heights = basis.map(|vector| vector.max_element());
+        let inverse = [0, 1, 2].map(|k| basis[k] / heights[k] / heights[k]);
+        Some(Self { rank: lengths.iter().flatten().count(), unit, basis, inverse, heights, turns })
     }
 
     pub(crate) fn from_parts(rank: usize, unit: f64, basis: [DVec3; 3], turns: [[f64; 3]; 3]) -> Self {
-        Self { rank, unit, basis, inverse: inverse(&basis), turns }
+        let inverse = inverse(&basis);
+        Self { rank, unit, basis, inverse, heights: heights(&inverse), turns }
     }
 
     /// Returns the number of periodic vectors.
@@ -65,7 +70,7 @@ impl Lattice {
     /// the unit of the lattice. No image of a point is nearer than the smallest of the first [`rank`](Self::rank)
     /// heights.
     pub fn heights(&self) -> [f64; 3] {
-        self.inverse.map(|row| row.length().recip())
+        self.heights
     }
 
     /// Wraps a point into the box of the basis vectors, along periodic vectors only.
@@ -110,6 +115,19 @@ impl Lattice {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn heights_of_orthogonal_spaces_are_lengths() {
+        for lengths in
+            [[Some(1.0), Some(1e-162), Some(1e-162)], [Some(1e-300), None, Some(1e200)], [Some(7.0); 3]]
+        {
+            let lattice = Lattice::new(&Space::periodic(lengths).expect("lengths")).expect("it repeats");
+            let heights = lattice.heights();
+            for (height, length) in heights.into_iter().zip(lengths.into_iter().flatten()) {
+                assert_eq!(height, length * lattice.unit(), "{lengths:?}: {heights:?}");
+            }
+        }
+    }
 
     #[test]
     fn folds_are_undone_by_their_shifts() {

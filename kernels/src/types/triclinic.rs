@@ -336,7 +336,7 @@ pub(crate) fn inverse([a, b, c]: &[DVec3; 3]) -> [DVec3; 3] {
     [b.cross(*c) / volume, c.cross(*a) / volume, a.cross(*b) / volume]
 }
 
-fn heights(inverse: &[DVec3; 3]) -> [f64; 3] {
+pub(crate) fn heights(inverse: &[DVec3; 3]) -> [f64; 3] {
     inverse.map(|row| row.length().recip())
 }
 
