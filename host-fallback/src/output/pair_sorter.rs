@@ -187,9 +187,14 @@ impl PairSorter {
     }
 }
 
+/// Returns `true` for numbers of keys that the radix sort, whose counters have 32 bits, orders.
+fn are_radix_sorted(keys: usize) -> bool {
+    keys >= MIN_RADIX_KEYS && u32::try_from(keys).is_ok()
+}
+
 /// Each pass counts the next one's digits.
 fn order_bucket<K: PairKey>(source: &mut [K], target: &mut [Pair], bucket: usize, layout: BucketLayout) {
-    if source.len() < MIN_RADIX_KEYS {
+    if !are_radix_sorted(source.len()) {
         source.sort_unstable_by_key(|key| key.bits());
         let pairs = source.iter().map(|&key| layout.pair(bucket, key));
         return target.iter_mut().zip(pairs).for_each(|(to, pair)| *to = pair);
@@ -261,6 +266,12 @@ mod tests {
                 check(spheres, pairs.collect(), 1000);
             }
         }
+    }
+
+    #[test]
+    fn buckets_beyond_the_counters_are_sorted_by_comparisons() {
+        assert!(are_radix_sorted(MIN_RADIX_KEYS) && are_radix_sorted(u32::MAX as usize));
+        assert!(!are_radix_sorted(MIN_RADIX_KEYS - 1) && !are_radix_sorted(u32::MAX as usize + 1));
     }
 
     #[test]
