@@ -76,7 +76,8 @@ impl Geometry {
 }
 
 fn contact<'a>(query: &'a Query<'a>, settings: &'a Settings) -> ContactTest<'a> {
-    ContactTest { query, space: &settings.space, table: settings.interactions.as_ref() }
+    let Settings { space, interactions, stop, .. } = settings;
+    ContactTest { query, space, table: interactions.as_ref(), stop: stop.as_deref() }
 }
 
 fn among_images(settings: &Settings) -> Settings {

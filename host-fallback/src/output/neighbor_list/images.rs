@@ -19,6 +19,9 @@ const GROWTH: f64 = 1.0 + 1.0 / (1_u64 << 40) as f64;
 /// Minimum images suffice if two cutoffs are below this fraction of the distance between images.
 const SPARE: f64 = 1.0 - 1.0 / (1 << 20) as f64;
 
+/// Images between two looks at the stop flag.
+const STOP_STEPS: usize = 1 << 16;
+
 /// Folded spheres and their images.
 #[derive(Debug, Default)]
 pub struct PeriodicImages {
@@ -57,13 +60,13 @@ impl PeriodicImages {
     /// Folds valid spheres and creates their images.
     ///
     /// # Errors
-    /// [`InputError::Images`] for more images than 32-bit indices; [`Error::OutOfMemory`].
+    /// [`InputError::Images`] for more images than 32-bit indices; [`Error::OutOfMemory`]; [`Error::Cancelled`].
     pub fn build(&mut self, contact: &ContactTest<'_>) -> Result<(), Error> {
         let Some(lattice) = Lattice::new(contact.space) else { return Ok(()) };
         let query = contact.query;
         let second = query.second().unwrap_or(query.first());
         let largest = largest_reach(contact);
-        let spread = self.fold_all(&lattice, query)?;
+        let spread = self.fold_all(&lattice, contact)?;
         let growth = spread.rounding(&lattice, largest * lattice.unit());
         self.reaches.clear();
         // Half the largest cutoff of each sphere: the sum for two covers their cutoff.
@@ -82,17 +85,22 @@ impl PeriodicImages {
         };
         let offset = query.first().len();
         let counted = |k: usize| {
-            ranges(offset + k, self).iter().map(|[from, to]| (to - from + 1.0).max(0.0)).product::<f64>()
+            ranges(offset + k, self).iter().map(|[from, to]| steps_between(*from, *to)).product::<f64>()
         };
-        let count: f64 = (0..second.len()).map(counted).sum();
+        let mut count = 0.0;
+        for k in 0..second.len() {
+            contact.check_stop()?;
+            count += counted(k);
+        }
         let is_possible = count + query.first().len() as f64 <= MAX_SPHERES as f64;
         if !is_possible {
-            return Err(InputError::Images { images: count, reach: largest }.into());
+            let images = if count.is_nan() { f64::INFINITY } else { count };
+            return Err(InputError::Images { images, reach: largest }.into());
         }
         self.reserve(count as usize)?;
         for k in 0..second.len() {
             let ranges = ranges(offset + k, self);
-            self.add(&lattice, k, offset + k, ranges)?;
+            self.add((contact, &lattice), k, offset + k, ranges)?;
         }
         Ok(())
     }
@@ -108,13 +116,15 @@ impl PeriodicImages {
         (self.of[image as usize], [0, 1, 2].map(|edge| shift[edge] + fold[edge]))
     }
 
-    fn fold_all(&mut self, lattice: &Lattice, query: &Query<'_>) -> Result<Spread, Error> {
+    fn fold_all(&mut self, lattice: &Lattice, contact: &ContactTest<'_>) -> Result<Spread, Error> {
+        let query = contact.query;
         let second = query.second().unwrap_or(query.first());
         let mut spread = Spread::default();
         self.folded.clear();
         self.folds.clear();
         for (is_first, set) in [(true, query.first()), (false, second)] {
             for k in 0..set.len() {
+                contact.check_stop()?;
                 let [x, y, z, _] = set.get_f64(k);
                 let folded = lattice.wrap([x, y, z]);
                 spread.add(&folded, [x, y, z].map(|number| (number * lattice.unit()).abs()), is_first);
@@ -138,17 +148,27 @@ impl PeriodicImages {
         Ok(())
     }
 
-    fn add(&mut self, lattice: &Lattice, k: usize, at: usize, ranges: [[f64; 2]; 3]) -> Result<(), Error> {
+    fn add(
+        &mut self,
+        (contact, lattice): (&ContactTest<'_>, &Lattice),
+        k: usize,
+        at: usize,
+        ranges: [[f64; 2]; 3],
+    ) -> Result<(), Error> {
         const WHAT: &str = "images of spheres";
         let (folded, reach) = (self.folded[at], self.reaches[at]);
         let along = |axis: usize| {
             let [from, to] = ranges[axis];
-            (0..(to - from + 1.0).max(0.0) as u64).map(move |step| from + step as f64)
+            (0..steps_between(from, to) as u64).map(move |step| from + step as f64)
         };
+        contact.check_stop()?;
         self.steps.clear();
         for a in along(0) {
             for b in along(1) {
                 for c in along(2) {
+                    if self.steps.len().is_multiple_of(STOP_STEPS) {
+                        contact.check_stop()?;
+                    }
                     let steps = [a, b, c];
                     let counts = [0, 1, 2].map(|axis| steps[axis] - folded.counts[axis]);
                     try_push(&mut self.steps, (steps, lattice.shift(counts)), WHAT)?;
@@ -156,7 +176,10 @@ impl PeriodicImages {
             }
         }
         self.steps.sort_unstable_by(|(_, a), (_, b)| a.partial_cmp(b).unwrap_or(std::cmp::Ordering::Equal));
-        for &(steps, shift) in &self.steps {
+        for (at, &(steps, shift)) in self.steps.iter().enumerate() {
+            if at.is_multiple_of(STOP_STEPS) {
+                contact.check_stop()?;
+            }
             try_push(&mut self.images, row(lattice.image(&folded, steps), reach), WHAT)?;
             try_push(&mut self.of, k as u32, WHAT)?;
             try_push(&mut self.shifts, shift, WHAT)?;
@@ -224,6 +247,51 @@ fn half_reach(contact: &ContactTest<'_>, set: Spheres<'_>, k: usize) -> f64 {
     }
 }
 
+/// Returns the number of steps, or NaN if a height of the box underflows.
+fn steps_between(from: f64, to: f64) -> f64 {
+    let steps = to - from + 1.0;
+    if steps < 0.0 { 0.0 } else { steps }
+}
+
 fn row([x, y, z]: [f64; 3], radius: f64) -> [f64; 4] {
     [x, y, z, radius]
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::atomic::AtomicBool;
+
+    use lazygrid_kernels::Space;
+
+    use super::*;
+
+    #[test]
+    fn images_in_extreme_boxes_are_needed_and_refused() {
+        for length in [1e-162, 1e-300, 5e-324] {
+            let space = Space::periodic([Some(1.0), Some(length), Some(length)]).expect("lengths");
+            let rows = [[0.0_f64, 0.0, 0.0, 0.1], [0.5, 0.0, 0.0, 0.1]];
+            let query = Query::new(&rows);
+            let contact = ContactTest { query: &query, space: &space, table: None, stop: None };
+            assert!(PeriodicImages::are_needed(&contact), "{length:e}");
+            let built = PeriodicImages::default().build(&contact);
+            assert!(matches!(built, Err(Error::Input(InputError::Images { .. }))), "{length:e}: {built:?}");
+        }
+        let space = Space::periodic([Some(1e-162), Some(1.0), None]).expect("lengths");
+        let rows = [[0.0_f64, 0.0, 0.0, 1e-164]; 2];
+        let query = Query::new(&rows);
+        let contact = ContactTest { query: &query, space: &space, table: None, stop: None };
+        assert!(!PeriodicImages::are_needed(&contact));
+    }
+
+    #[test]
+    fn stop_flag_ends_the_creation_of_images() {
+        let (space, rows) =
+            (Space::periodic([Some(1.0); 3]).expect("lengths"), [[0.0_f64, 0.0, 0.0, 1.0]; 2]);
+        let query = Query::new(&rows);
+        for (is_stopped, expected) in [(false, Ok(())), (true, Err(Error::Cancelled))] {
+            let stop = AtomicBool::new(is_stopped);
+            let contact = ContactTest { query: &query, space: &space, table: None, stop: Some(&stop) };
+            assert_eq!(PeriodicImages::default().build(&contact), expected);
+        }
+    }
 }

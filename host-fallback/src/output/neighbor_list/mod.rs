@@ -7,6 +7,8 @@ mod fill;
 mod images;
 mod options;
 
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+
 use lazygrid_kernels::{Error, InputError, Interactions, Pair, Query, Space, Spheres};
 
 pub use images::PeriodicImages;
@@ -82,6 +84,18 @@ pub struct ContactTest<'a> {
     pub space: &'a Space,
     /// Species that pair, and their distances.
     pub table: Option<&'a Interactions>,
+    /// Ends the work while `true`.
+    pub stop: Option<&'a AtomicBool>,
+}
+
+impl ContactTest<'_> {
+    fn is_stopped(&self) -> bool {
+        self.stop.is_some_and(|stop| stop.load(Relaxed))
+    }
+
+    fn check_stop(&self) -> Result<(), Error> {
+        if self.is_stopped() { Err(Error::Cancelled) } else { Ok(()) }
+    }
 }
 
 /// Builds neighbor lists in reused buffers.
@@ -107,7 +121,8 @@ impl NeighborListBuilder {
     /// between the spheres and their `images`.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`], [`Error::ThreadPool`], and [`InputError::Shift`] for a shift beyond 32 bits.
+    /// [`Error::OutOfMemory`], [`Error::ThreadPool`], [`Error::Cancelled`], and [`InputError::Shift`] for a shift
+    /// beyond 32 bits.
     pub fn build(
         &mut self,
         contact: ContactTest<'_>,
@@ -145,8 +160,12 @@ impl NeighborListBuilder {
         let (_, counts) = self.offsets.split_at_mut(1);
         let mut pieces = Piece::all(&fill, all, counts)?;
         team.pass(entries, |executor| {
-            executor.for_each(&mut pieces, |_, piece| piece.fill(&fill));
-            Ok(())
+            executor.for_each(&mut pieces, |_, piece| {
+                if !contact.is_stopped() {
+                    piece.fill(&fill);
+                }
+            });
+            contact.check_stop()
         })?;
         if options.shifts
             && let Some(Neighbor { i, j }) = pieces.iter().find_map(|piece| piece.too_far)
@@ -178,6 +197,26 @@ impl NeighborListBuilder {
         close(&mut self.distances, filled);
         for k in 1..self.offsets.len() {
             self.offsets[k] += self.offsets[k - 1];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn stop_flag_ends_the_filling_of_lists() {
+        let rows = [[0.0_f64, 0.0, 0.0, 1.0]; 2];
+        let (query, team) = (Query::new(&rows), Team::new(Some(1)).expect("one thread"));
+        for is_stopped in [false, true] {
+            let stop = AtomicBool::new(is_stopped);
+            let contact =
+                ContactTest { query: &query, space: &Space::UNBOUNDED, table: None, stop: Some(&stop) };
+            let mut builder = NeighborListBuilder::default();
+            let found = (&[Pair { i: 0, j: 1 }][..], None);
+            let list = builder.build(contact, found, ListOptions::default(), &team).map(|list| list.len());
+            assert_eq!(list, if is_stopped { Err(Error::Cancelled) } else { Ok(2) });
         }
     }
 }
