@@ -74,8 +74,8 @@ impl HostBackend {
     /// Most bytes held for `spheres` spheres, without the result and its chunks.
     ///
     /// The paper's grids may take four times as much beyond 2²⁹ cells, and again on periodic axes shorter than three
-    /// cells. The recursive grid is covered with one overfull cell of all spheres; nested ones add up to 150 bytes per
-    /// sphere. The list of a skin has its maximum, 96 candidates of 8 bytes per sphere; few scenes have more than ten,
+    /// cells. The recursive grid is covered with one overfull cell of all spheres; nested ones add up to
+    /// 150 bytes per sphere. The list of a skin has its maximum, 96 candidates of 8 bytes per sphere; few scenes have more than ten,
     /// and [`Skin::Off`](crate::Skin::Off) keeps none. `f64` spheres in unbounded space take up to 18 bytes more each.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let (ratio, threads) = (self.settings.cell_ratio, self.team.count() as u64);
@@ -92,7 +92,10 @@ impl HostBackend {
             IndexKind::CellList => CellList::memory_for(spheres),
         };
         let kept = match self.settings.keeps_candidates() {
-            true => memory_of_candidates(spheres, self.settings.max_pairs, threads),
+            true => {
+                let spheres = (spheres, self.settings.interactions.is_some());
+                memory_of_candidates(spheres, self.settings.max_pairs, threads)
+            }
             false => 0,
         };
         own.saturating_add(copied).saturating_add(kept)
@@ -200,6 +203,16 @@ mod tests {
         let mut invalid = detector();
         assert!(invalid.pairs([Sphere::new([f32::NAN; 3], 1.0)].as_slice()).is_err());
         assert_eq!(invalid.into_pairs(), []);
+    }
+
+    #[test]
+    fn memory_for_counts_the_species_of_candidates() {
+        let memory = |interactions| {
+            let settings = Settings { skin: crate::Skin::Auto, interactions, ..Settings::default() };
+            HostDetector::new(settings).expect("the settings are in range").backend().memory_for(1000)
+        };
+        let table = Interactions::new(1, Interaction::Touch).expect("few species");
+        assert_eq!(memory(Some(table)), memory(None) + with_growth(24 * 1000) - with_growth(20 * 1000));
     }
 
     #[test]

@@ -54,6 +54,7 @@ pub(crate) struct CandidateList {
 }
 
 impl CandidateList {
+    /// Without species.
     const BYTES_PER_SPHERE: u64 = size_of::<Xyzr>() as u64 + 4;
 
     fn limit(spheres: u64, max_pairs: u64) -> u64 {
@@ -232,8 +233,9 @@ impl CandidateList {
     }
 }
 
-pub(crate) fn memory_of_candidates(spheres: u64, max_pairs: u64, threads: u64) -> u64 {
-    let own = with_growth(spheres.saturating_mul(CandidateList::BYTES_PER_SPHERE));
+pub(crate) fn memory_of_candidates((spheres, has_species): (u64, bool), max_pairs: u64, threads: u64) -> u64 {
+    let species = if has_species { size_of::<u32>() as u64 } else { 0 };
+    let own = with_growth(spheres.saturating_mul(CandidateList::BYTES_PER_SPHERE + species));
     own.saturating_add(memory_of_list(CandidateList::limit(spheres, max_pairs), threads))
 }
 
