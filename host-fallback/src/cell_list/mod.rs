@@ -34,8 +34,7 @@ pub(crate) use levels::LevelPlan;
 pub(crate) use sort::SortRecord;
 use sort::Sorter;
 
-/// Keeps entries of all levels within 32 bits.
-const MAX_CELLS: u64 = 1 << 26;
+const MAX_CELLS_PER_LEVEL: u64 = 1 << 26;
 /// Factors on the planned cell size that avoid a folded table, which is slower.
 const WIDER: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
 
@@ -119,6 +118,11 @@ impl CellLocator<'_> {
     }
 }
 
+/// Returns the most cells of each level, so that 32 bits number the cells of all.
+fn max_cells(levels: usize) -> u64 {
+    MAX_CELLS_PER_LEVEL.min(u64::from(u32::MAX) / levels.max(1) as u64)
+}
+
 impl CellList {
     pub(crate) fn build(
         &mut self,
@@ -140,7 +144,8 @@ impl CellList {
         for k in 0..grouping.count() * plan.levels.len() {
             let (group, of) = (k / plan.levels.len(), k % plan.levels.len());
             let members = if is_divided { self.members.get(group) } else { None };
-            let grid = Self::grid(input, plan, of, members);
+            let grid =
+                Self::grid(input, (plan, of), members, max_cells(grouping.count() * plan.levels.len()));
             let cells = grid.cells() as usize;
             let to =
                 from + members.map_or(plan.levels[of].spheres, |own| own.of_level(plan, of).count) as usize;
@@ -158,9 +163,9 @@ impl CellList {
 
     fn grid(
         input: &SearchInput<'_>,
-        plan: &LevelPlan,
-        of: usize,
+        (plan, of): (&LevelPlan, usize),
         members: Option<&GroupMembers>,
+        max_cells: u64,
     ) -> CellGrid {
         let InputStats { min, max, .. } = input.stats;
         let level = &plan.levels[of];
@@ -171,7 +176,7 @@ impl CellList {
                 (count, largest, members.bounds())
             }
         };
-        let most = ((spheres as f32 * CELLS_PER_SPHERE) as u64).min(MAX_CELLS);
+        let most = ((spheres as f32 * CELLS_PER_SPHERE) as u64).min(max_cells);
         let grid = |cell_size| CellGrid::new(cell_size, bounds, input.test.lengths(), largest, most);
         let wider = WIDER.map(|by| level.cell_size * by).into_iter().map(grid).find(|grid| !grid.folded);
         let grid = wider.unwrap_or_else(|| grid(level.cell_size));

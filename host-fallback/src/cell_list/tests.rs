@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use lazygrid_kernels::{Algorithm, Interaction, Interactions, Pair, Space, Sphere, Spheres};
 
-use super::{CellList, DensityCache};
+use super::{CellList, DensityCache, max_cells};
 use crate::compare::{ChunkTarget, ChunkedOutput, PairTest};
 use crate::executor::Executor;
 use crate::input::{SearchInput, SpeciesGroups};
@@ -204,5 +204,13 @@ fn giant_touches_points_of_another_group_by_rounding_alone() {
             detector.count(Spheres::from(&spheres).with_species(&ids).expect("one id for each"))
         };
         assert_eq!((count(Algorithm::Naive), count(Algorithm::CellList)), (Ok(1000), Ok(1000)), "{space:?}");
+    }
+}
+
+#[test]
+fn numbers_of_all_cells_have_32_bits() {
+    assert_eq!([1, 64].map(max_cells), [1 << 26, (1 << 26) - 1]);
+    for levels in [1, 20, 65, 200] {
+        assert!(levels as u64 * max_cells(levels) <= u64::from(u32::MAX), "{levels}");
     }
 }
