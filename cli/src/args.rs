@@ -142,7 +142,7 @@ pub(crate) struct Detect {
     /// Threads of the CPU [default: all]
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<NonZeroUsize>,
-    /// Time limit of a frame on a GPU, in seconds [default: 600]
+    /// Time limit of each submission to a GPU, in seconds [default: 600]
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub(crate) timeout: Option<Duration>,
     /// Output file of the pairs: .csv or .npy, optionally followed by .gz or .zst; - for standard output

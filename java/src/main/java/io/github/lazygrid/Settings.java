@@ -111,7 +111,7 @@ public final class Settings {
     }
 
     /**
-     * Sets the time limit of a GPU call.
+     * Sets the time limit of each submission to the GPU. A call that is split or repeated has several.
      *
      * @param timeout in whole seconds, at least one; by default ten minutes
      * @return these settings
