@@ -85,8 +85,8 @@ impl<'a> PairTest<'a> {
     }
 
     pub(crate) fn filtered(self, filter: Option<&'a PairFilter<'a>>, frame: Option<&'a SearchFrame>) -> Self {
-        // No contact is certain in orthogonalized coordinates, or between effective radii of species.
-        let is_certain = frame.is_none_or(SearchFrame::is_orthogonal)
+        // No contact is certain in orthogonalized coordinates, in a trimmed frame, or between effective radii of species.
+        let is_certain = frame.is_none_or(SearchFrame::has_certain_contacts)
             && filter.is_none_or(|filter| filter.is_contact() && filter.is_by_radii());
         Self { filter, frame, is_plain: self.is_plain && is_certain, ..self }
     }
@@ -112,9 +112,9 @@ impl<'a> PairTest<'a> {
 
     /// `None` in unbounded space, or if contact needs no slack.
     pub(crate) fn periodic_box(&self, largest: f32) -> Option<PeriodicBox> {
-        match self.frame.is_some_and(SearchFrame::is_orthogonal) {
+        match self.frame.is_some_and(SearchFrame::has_certain_contacts) {
             true => Some(PeriodicBox::of_frame(&self.space, largest)),
-            // No contact in orthogonalized coordinates is certain.
+            // No contact in orthogonalized coordinates or in a trimmed frame is certain.
             false => PeriodicBox::of(&self.space),
         }
     }
@@ -170,7 +170,7 @@ impl<'a> PairTest<'a> {
     /// Lets contact by effective radii decide up to rounding, unless a filter or frame requires more.
     pub(crate) fn decided_by_radii(&mut self) {
         self.is_plain = !self.overflows
-            && self.frame.is_none_or(SearchFrame::is_orthogonal)
+            && self.frame.is_none_or(SearchFrame::has_certain_contacts)
             && self.filter.is_none_or(PairFilter::is_contact);
     }
 

@@ -6,7 +6,7 @@ use super::{Axes, GROWTH, MAX_LENGTHS, MAX_RADIUS, SearchFrame};
 pub(crate) struct FrameMap<'f> {
     pub(crate) frame: &'f SearchFrame,
     pub(crate) origin: [f64; 4],
-    /// Infinite for an unbounded axis and for the radius. NaN in a triclinic space.
+    /// Infinite for an unbounded axis and for the radius. NaN in a triclinic space and in a trimmed frame.
     pub(crate) lengths: [f64; 4],
     /// Largest radius; infinite for coordinates.
     pub(crate) limit: [f64; 4],
@@ -42,6 +42,9 @@ impl<'f> FrameMap<'f> {
             }
             Axes::Triclinic(_) | Axes::Narrow(_) => map.lengths = [f64::NAN; 4],
         }
+        if frame.is_trimmed {
+            map.lengths = [f64::NAN; 4];
+        }
         for axis in 0..3 {
             let length = map.lengths[axis];
             // Less than the inverse, which is infinite for the smallest scales.
@@ -53,7 +56,7 @@ impl<'f> FrameMap<'f> {
     }
 
     /// Returns `true` if the sphere is valid, and the frame represents it without regard to other spheres: inside the
-    /// frame along unbounded axes, within [`MAX_LENGTHS`] along periodic ones. Never in a triclinic space.
+    /// frame along unbounded axes, within [`MAX_LENGTHS`] along periodic ones. Never in a triclinic space or a trimmed frame.
     #[inline(always)]
     pub(crate) fn contains(&self, row: [f64; 4]) -> bool {
         let [low, high] = &self.limits;
@@ -89,8 +92,8 @@ impl<'f> FrameMap<'f> {
             }
         }
         if PERIODIC && !is_near {
-            // More than [`MAX_LENGTHS`] away from the origin, where this image is wrong, or in a triclinic
-            // space.
+            // More than [`MAX_LENGTHS`] away from the origin, where this image is wrong, in a triclinic space, or
+            // in a trimmed frame.
             return cast(self.frame.sphere(row));
         }
         // The next larger radius, since this one is positive and finite.

@@ -16,7 +16,7 @@
 //! 4. A radius above 4 touches everything in the frame: it is cut there.
 //!
 //! So every pair that touches in space also touches in the frame. Conversely, in an orthogonal frame a pair that
-//! touches by more than the [slack](Frame::slack) touches in space and needs no decision:
+//! touches by more than the [slack](SearchFrame::slack) touches in space and needs no decision:
 //!
 //! 5. By 1. a distance in the frame is at most √3·3·2⁻²⁵ less than the distance in space. The error of the search's
 //!    filter, whose slack in a periodic space is 2⁻²² of the longest axis, is less than that.
@@ -24,14 +24,22 @@
 //!    upward, and 1.01·2⁻²². Effective radii that decide may exceed their distance by 2⁻²³ of it.
 //! 7. All absolute parts together are 2.7·2⁻²² at most; the slack has 2⁻²⁰, and for the relative ones 2⁻¹⁹ of the
 //!    largest cutoff, of which the decision's own rounding is less than 2⁻⁴⁹.
+//!
+//! A *trimmed* frame excludes a few spheres far away from the others, which would make `s` small and enlarge all radii:
+//!
+//! 8. Coordinates along unbounded axes are clamped to ±1. Clamping never moves two spheres apart, hence 1. holds.
+//!    Differences of clamped coordinates are rounded in proportion to `ρ` if the spheres touch: 2. compensates for it.
+//! 9. Clamped spheres that touch in the frame may be far apart in space, so every candidate is decided.
 
 mod bounds;
 mod map;
+mod trim;
 
 use lazygrid_kernels::{Orthogonalization, Space, Sphere, TriclinicCell};
 
 pub(crate) use bounds::Bounds;
 pub(crate) use map::FrameMap;
+pub(crate) use trim::RowsByIndex;
 
 const GROWTH: [f64; 2] = [1.0 + 1.0 / (1 << 20) as f64, 1.0 / (1 << 23) as f64];
 const MAX_RADIUS: f64 = 4.0;
@@ -49,6 +57,8 @@ pub struct SearchFrame {
     origin: [f64; 3],
     scale: f64,
     axes: Axes,
+    /// `true` if coordinates along unbounded axes are clamped to the frame.
+    is_trimmed: bool,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -74,7 +84,7 @@ impl SearchFrame {
     /// Returns `true` if this frame represents spheres in `bounds` together with any that its map
     /// [contains](FrameMap::contains). A frame that these fill little represents them, too.
     pub(crate) fn holds(&self, bounds: &Bounds, space: &Space) -> bool {
-        let mut bounds = *bounds;
+        let mut bounds = if self.is_trimmed { self.without_free_axes(bounds, space) } else { *bounds };
         let periodic = Self::periodic_axes(space);
         for (axis, length) in space.lengths().into_iter().enumerate() {
             if let Some(length) = length.filter(|_| periodic[axis]) {
@@ -104,7 +114,7 @@ impl SearchFrame {
 
     pub(crate) fn narrow(shear: &TriclinicCell) -> Self {
         let axes = Axes::Narrow(shear.orthogonal_space(Orthogonalization::SCALE));
-        Self { origin: [0.0; 3], scale: Orthogonalization::SCALE, axes }
+        Self { origin: [0.0; 3], scale: Orthogonalization::SCALE, axes, is_trimmed: false }
     }
 
     pub(crate) fn is_narrow(&self) -> bool {
@@ -119,7 +129,7 @@ impl SearchFrame {
                 Axes::Orthogonal(space.lengths().map(|length| length.map(|length| (length, period(length)))))
             }
         };
-        Self { origin, scale, axes }
+        Self { origin, scale, axes, is_trimmed: false }
     }
 
     pub fn space(&self) -> Space {
@@ -132,8 +142,13 @@ impl SearchFrame {
         }
     }
 
-    pub(crate) fn is_orthogonal(&self) -> bool {
+    fn is_orthogonal(&self) -> bool {
         matches!(self.axes, Axes::Orthogonal(_))
+    }
+
+    /// Returns `true` if spheres that touch by more than the [slack](Self::slack) touch in space.
+    pub(crate) fn has_certain_contacts(&self) -> bool {
+        self.is_orthogonal() && !self.is_trimmed
     }
 
     pub fn scale(&self) -> f64 {
@@ -155,6 +170,7 @@ impl SearchFrame {
         match &self.axes {
             Axes::Orthogonal(axes) => {
                 let place = |axis: usize| match axes[axis] {
+                    None if self.is_trimmed => (center[axis] * self.scale).clamp(-1.0, 1.0) as f32,
                     None => (center[axis] * self.scale) as f32,
                     Some((length, period)) => {
                         let half = 0.5 * period;

@@ -68,6 +68,10 @@ impl<'a> GivenSpheres<'a> {
         }
     }
 
+    pub(super) fn effective_row(self, k: usize) -> [f64; 4] {
+        (&self).effective(k, self.spheres.get_f64(k))
+    }
+
     pub(crate) fn searched(self, k: usize) -> Xyzr {
         FrameMap::new(self.frame).map::<true>(self.effective(k, self.get(k)))
     }

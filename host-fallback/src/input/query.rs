@@ -10,7 +10,7 @@ use super::given::{GivenSpheres, LargestHalf};
 use super::validate::{check_species, check_valid};
 use crate::compare::{PairFilter, PairTest};
 use crate::executor::Executor;
-use crate::frame::{Bounds, SearchFrame};
+use crate::frame::{Bounds, RowsByIndex, SearchFrame};
 use crate::memory::{try_collect, try_resize};
 use crate::{Error, InputError, PhaseTime, Settings, Simd};
 
@@ -125,34 +125,58 @@ impl QueryBuffers {
                 self.fill(query, &frame, settings, executor)?;
                 frame
             }
-            None => {
-                let check =
-                    |bounds: &Bounds| if bounds.are_valid() { Ok(()) } else { check_valid(query, executor) };
-                // Radii of `f64` spheres may exceed a narrow frame.
-                let mut bounds = None;
-                let kept = match last.filter(|last| !last.is_narrow()) {
-                    None => None,
-                    Some(last) => {
-                        let given = self.fill(query, &last, settings, executor)?;
-                        check(&given)?;
-                        bounds = Some(given);
-                        last.fits(&given, space).then_some(last)
-                    }
-                };
-                match kept {
-                    Some(frame) => frame,
-                    None => {
-                        let bounds = bounds.unwrap_or_else(|| Bounds::of(query, executor));
-                        check(&bounds)?;
-                        let frame = SearchFrame::new(&bounds, space);
-                        self.fill(query, &frame, settings, executor)?;
-                        frame
-                    }
-                }
-            }
+            None => self.map_to_wide_frame(last, query, settings, executor)?,
         };
         self.frame = Some(frame);
         Ok(())
+    }
+
+    /// Keeps the `last` frame if it fits. Checks the spheres, since radii of `f64` spheres may exceed a narrow frame.
+    fn map_to_wide_frame(
+        &mut self,
+        last: Option<SearchFrame>,
+        query: &Query<'_>,
+        settings: &Settings,
+        executor: Executor,
+    ) -> Result<SearchFrame, Error> {
+        let space = &settings.space;
+        let check = |bounds: &Bounds| if bounds.are_valid() { Ok(()) } else { check_valid(query, executor) };
+        let last = last.filter(|last| !last.is_narrow());
+        let mut given = None;
+        if let Some(last) = last.as_ref().filter(|last| !last.is_trimmed()) {
+            let bounds = self.fill(query, last, settings, executor)?;
+            check(&bounds)?;
+            if last.fits(&bounds, space) {
+                return Ok(last.clone());
+            }
+            given = Some(bounds);
+        }
+        let bounds = given.unwrap_or_else(|| Bounds::of(query, executor));
+        check(&bounds)?;
+        let frame = SearchFrame::new(&bounds, space);
+        let trimmed = self.trimmed(&frame, (&bounds, last.as_ref()), (query, settings), executor);
+        let frame = trimmed.unwrap_or(frame);
+        self.fill(query, &frame, settings, executor)?;
+        Ok(frame)
+    }
+
+    fn trimmed(
+        &self,
+        frame: &SearchFrame,
+        (bounds, last): (&Bounds, Option<&SearchFrame>),
+        (query, settings): (&Query<'_>, &Settings),
+        executor: Executor,
+    ) -> Option<SearchFrame> {
+        let halves = settings.interactions.as_ref().map(|_| &*self.halves);
+        let given =
+            |set: Spheres<'_>, k| GivenSpheres::new(set, halves, frame, &settings.space).effective_row(k);
+        let first = query.first();
+        let get = |k: usize| match query.second() {
+            Some(second) if k >= first.len() => given(second, k - first.len()),
+            _ => given(first, k),
+        };
+        let rows = RowsByIndex { count: query.len(), get: &get };
+        frame.trimmed(bounds, &settings.space, (&rows, last), executor)
     }
 
     fn fill(
