@@ -155,7 +155,7 @@ typedef struct lazygrid_settings {
     uint32_t threads;         /* CPU threads; 0: all that the process may use, shared by all detectors */
     uint64_t max_pairs;       /* maximum length of a list, 8 bytes per pair; 0: 2^29. Counts and streams have no limit */
     double periodic[3];       /* the length of each periodic axis x, y, z; 0: unbounded */
-    uint32_t timeout_seconds; /* of each submission to the GPU, of which a call may have several; 0: ten minutes */
+    uint32_t timeout_seconds; /* limit of each submission to the GPU; a call may have several; 0: ten minutes */
     int32_t skin;             /* LAZYGRID_SKIN_... */
     double skin_distance;     /* for LAZYGRID_SKIN_FIXED, 1e-14 to 1e17, in the unit of the spheres; otherwise 0 */
     const char *adapter;      /* a GPU by its index, or by a unique part of its name in UTF-8; or NULL */
