@@ -122,17 +122,17 @@ impl Config {
         self
     }
 
-    /// Sets a flag that cancels CPU searches and neighbor lists with geometry, for example on Ctrl-C. While it is `true`,
-    /// they return [`Error::Cancelled`](crate::Error::Cancelled) within milliseconds, except during sorting. GPU
-    /// searches have a [`timeout`](Self::timeout). Default: none.
+    /// Sets a flag that cancels CPU searches and neighbor lists with geometry, for example on Ctrl-C. While it is
+    /// `true`, they return [`Error::Cancelled`](crate::Error::Cancelled) within milliseconds, except during sorting.
+    /// GPU searches have a [`timeout`](Self::timeout). Default: none.
     pub fn cancel_flag(mut self, flag: Arc<AtomicBool>) -> Self {
         self.settings.stop = Some(flag);
         self
     }
 
     /// Time limit of each submission to the GPU, after which the call returns
-    /// [`Error::Timeout`](crate::Error::Timeout). A call that is split or repeated has several submissions. Default: ten
-    /// minutes.
+    /// [`Error::Timeout`](crate::Error::Timeout). A call that is split or repeated has several submissions. Default:
+    /// ten minutes.
     #[cfg(feature = "gpu")]
     pub fn timeout(mut self, timeout: Duration) -> Self {
         self.timeout = Some(timeout);

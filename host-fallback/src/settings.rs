@@ -13,8 +13,8 @@ pub enum Order {
     /// Ascending by `i`, then `j`.
     #[default]
     Canonical,
-    /// Without sorting. On the CPU, reproducible and independent of the number of threads, except for streamed chunks. On
-    /// the GPU, the order may differ from call to call.
+    /// Without sorting. On the CPU, reproducible and independent of the number of threads, except for streamed chunks.
+    /// On the GPU, the order may differ from call to call.
     Unordered,
 }
 

@@ -85,7 +85,7 @@ impl<'a> PairTest<'a> {
     }
 
     pub(crate) fn filtered(self, filter: Option<&'a PairFilter<'a>>, frame: Option<&'a SearchFrame>) -> Self {
-        // No contact is certain in orthogonalized coordinates, in a trimmed frame, or between effective radii of species.
+        // No contact is certain in orthogonalized coordinates, in a trimmed frame, or between effective radii.
         let is_certain = frame.is_none_or(SearchFrame::has_certain_contacts)
             && filter.is_none_or(|filter| filter.is_contact() && filter.is_by_radii());
         Self { filter, frame, is_plain: self.is_plain && is_certain, ..self }

@@ -74,8 +74,8 @@ impl HostBackend {
     /// Most bytes held for `spheres` spheres, without the result and its chunks.
     ///
     /// The paper's grids may take four times as much beyond 2²⁹ cells, and again on periodic axes shorter than three
-    /// cells. The recursive grid is covered with one overfull cell of all spheres; nested ones add up to
-    /// 150 bytes per sphere. The list of a skin has its maximum, 96 candidates of 8 bytes per sphere; few scenes have more than ten,
+    /// cells. The recursive grid is covered with one overfull cell of all spheres; nested ones add up to 150 bytes per
+    /// sphere. The list of a skin has its maximum, 96 candidates of 8 bytes per sphere; few scenes have more than ten,
     /// and [`Skin::Off`](crate::Skin::Off) keeps none. `f64` spheres in unbounded space take up to 18 bytes more each.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let (ratio, threads) = (self.settings.cell_ratio, self.team.count() as u64);

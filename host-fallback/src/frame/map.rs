@@ -56,7 +56,8 @@ impl<'f> FrameMap<'f> {
     }
 
     /// Returns `true` if the sphere is valid, and the frame represents it without regard to other spheres: inside the
-    /// frame along unbounded axes, within [`MAX_LENGTHS`] along periodic ones. Never in a triclinic space or a trimmed frame.
+    /// frame along unbounded axes, within [`MAX_LENGTHS`] along periodic ones. Never in a triclinic space or a
+    /// trimmed frame.
     #[inline(always)]
     pub(crate) fn contains(&self, row: [f64; 4]) -> bool {
         let [low, high] = &self.limits;

@@ -39,8 +39,8 @@ impl SearchFrame {
         self.is_trimmed
     }
 
-    /// Returns a trimmed frame if this frame, of all spheres in `bounds`, enlarges radii too much because of a few. Keeps
-    /// the `last` one if it serves. Independent of the number of threads.
+    /// Returns a trimmed frame if this frame, of all spheres in `bounds`, enlarges radii too much because of a few.
+    /// Keeps the `last` one if it serves. Independent of the number of threads.
     pub(crate) fn trimmed(
         &self,
         bounds: &Bounds,
