@@ -9,17 +9,17 @@ use lazygrid::{
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{DetectorVariant, SuiteVariant, in_pool, variants};
 
-struct Random(u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    fn signed(&mut self) -> f64 {
+    pub(crate) fn signed(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
     }
 }
 
 /// Every second sphere touches the one before it, up to a deviation of 2 ulp or of 2⁻¹⁶ to 2⁻²⁷ of its radius.
-fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Random) -> Vec<[f64; 4]> {
+pub(crate) fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Random) -> Vec<[f64; 4]> {
     let mut spheres: Vec<[f64; 4]> = Vec::new();
     for k in 0..count {
         let radius = [0.3, 0.017, 0.11, 0.0][k / 2 % 4] * (1.0 + 0.1 * random.signed());
@@ -76,7 +76,7 @@ fn distance_squared(images: &[[f64; 3]], from: [f64; 4], to: [f64; 4]) -> f64 {
 }
 
 /// The species of sphere `k` is `k % 2`.
-fn oracle(spheres: &[[f64; 4]], space: &Space, table: Option<&Interactions>) -> Vec<Pair> {
+pub(crate) fn oracle(spheres: &[[f64; 4]], space: &Space, table: Option<&Interactions>) -> Vec<Pair> {
     let images = images(space);
     let mut pairs = Vec::new();
     for (j, b) in spheres.iter().enumerate() {
@@ -106,7 +106,7 @@ fn spaces() -> [Space; 5] {
     ]
 }
 
-fn agrees(detector: &mut Detector, query: Query<'_>, expected: &[Pair]) -> Result<(), String> {
+pub(crate) fn agrees(detector: &mut Detector, query: Query<'_>, expected: &[Pair]) -> Result<(), String> {
     let text = |error: Error| error.to_string();
     let found = detector.pairs(query).map_err(text)?;
     if found != expected {

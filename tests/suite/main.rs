@@ -5,6 +5,7 @@ mod cell_reuse;
 mod doubles;
 mod exclusions;
 mod expected;
+mod far_spheres;
 mod files;
 mod interactions;
 mod language;
