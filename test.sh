@@ -3,10 +3,10 @@
 # The GPU's tests need a Vulkan driver (Debian: `apt-get install mesa-vulkan-drivers libvulkan1` for one in
 # software); without one they say so and are skipped. On Debian both are installed where they are missing.
 #
-#     ./test.sh                  all tests; then what the GPU does on SwiftShader too, where that is installed
-#     ./test.sh --quick          what is short, for daily work
+#     ./test.sh                  all tests, then the GPU tests on SwiftShader if it is installed
+#     ./test.sh --quick          the short tests, for daily work
 #     ./test.sh --all ARGUMENT…  all tests, with these arguments of cargo, as in `--all --workspace --features lazygrid-cli/arrow`
-#     ./test.sh --swiftshader    only what the GPU does, on SwiftShader (Debian: `apt-get install chromium-common`)
+#     ./test.sh --swiftshader    only the GPU tests, on SwiftShader (Debian: `apt-get install chromium-common`)
 #     ./test.sh ARGUMENT…        `cargo test` with these, as in `./test.sh --workspace --test suite properties`
 #
 # Tint, which looks at every WGSL text, is among all tests where it is installed: `npm ci --prefix kernels/tint`.

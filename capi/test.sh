@@ -75,7 +75,7 @@ if have pkg-config pkg-config; then
     passes "C, two sets and skins" build_and_run sets c99 capi/tests/sets.c
     passes "C, neighbor lists" build_and_run lists c99 capi/tests/lists.c
     passes "C, doubles and layouts" build_and_run doubles c99 capi/tests/doubles.c
-    passes "C, boxes that lean and what is left out" build_and_run exclusions c99 capi/tests/exclusions.c
+    passes "C, triclinic boxes and exclusions" build_and_run exclusions c99 capi/tests/exclusions.c
     if [ "$(uname)" = Linux ]; then
         passes "C, under limits of memory" build_and_run memory c99 capi/tests/memory.c
     fi
@@ -113,7 +113,7 @@ if have pkg-config pkg-config; then
         passes "C, AddressSanitizer" build_and_run contract-asan c99 capi/tests/contract.c "${sanitizers[@]}"
         passes "C, two sets, AddressSanitizer" build_and_run sets-asan c99 capi/tests/sets.c "${sanitizers[@]}"
         passes "C, doubles, AddressSanitizer" build_and_run doubles-asan c99 capi/tests/doubles.c "${sanitizers[@]}"
-        passes "C, what is left out, AddressSanitizer" \
+        passes "C, exclusions, AddressSanitizer" \
             build_and_run exclusions-asan c99 capi/tests/exclusions.c "${sanitizers[@]}"
         passes "C++, AddressSanitizer" build_and_run wrapper-asan c++17 capi/tests/wrapper.cpp "${sanitizers[@]}"
     else
@@ -144,7 +144,7 @@ if have cmake cmake && have make make; then
     run_all() { (cd "$work/cmake" && ctest --output-on-failure); }
     passes "what CMake built" run_all
     refused() { ! cmake -S capi/examples -B "$work/other" -Dlazygrid_DIR="$work/none" >"$work/other.log" 2>&1; }
-    passes "CMake says where there is none" refused
+    passes "CMake reports a missing installation" refused
 else
     skip "cmake is not installed"
 fi

@@ -64,9 +64,10 @@ impl SceneRun<'_> {
         let ticket = self.session.begin(Spheres::from(&self.given.spheres))?;
         self.pairs = self.session.finish_count(ticket)?;
         if is_warm {
-            let of = |phase: GpuPhase| self.session.timings().iter().find(|t| t.name == phase.name());
-            self.stages
-                .push(GpuPhase::ALL.map(|phase| of(phase).map_or(Duration::ZERO, |timing| timing.time)));
+            let timing_of = |phase: GpuPhase| self.session.timings().iter().find(|t| t.name == phase.name());
+            self.stages.push(
+                GpuPhase::ALL.map(|phase| timing_of(phase).map_or(Duration::ZERO, |timing| timing.time)),
+            );
         }
         Ok(())
     }
@@ -157,14 +158,14 @@ fn table(runners: &[SceneRun<'_>]) -> String {
         .iter()
         .map(|runner| {
             let stages = runner.median().into_iter().map(|seconds| format!("{:.1}", seconds * 1e3));
-            let is_list = runner.algorithm == Algorithm::CellList;
-            let same = |other: &&SceneRun<'_>| is_list && std::ptr::eq(other.given, runner.given);
+            let is_cell_list = runner.algorithm == Algorithm::CellList;
+            let same = |other: &&SceneRun<'_>| is_cell_list && std::ptr::eq(other.given, runner.given);
             let other = runners.iter().filter(same).find(|other| other.algorithm != Algorithm::CellList);
             let is_base =
                 |base: &&SceneRun<'_>| base.algorithm == runner.algorithm && base.sort == runner.sort;
-            let as_many = |base: &&SceneRun<'_>| base.given.spheres.len() == runner.given.spheres.len();
-            let base = runners.iter().find(is_base).filter(|_| is_list).filter(as_many);
-            let ratio = |of: Option<f64>| of.map_or(String::new(), |ratio| format!("{ratio:.2}"));
+            let has_same_size = |base: &&SceneRun<'_>| base.given.spheres.len() == runner.given.spheres.len();
+            let base = runners.iter().find(is_base).filter(|_| is_cell_list).filter(has_same_size);
+            let ratio = |ratio: Option<f64>| ratio.map_or(String::new(), |ratio| format!("{ratio:.2}"));
             [runner.given.name.to_owned(), runner.given.spheres.len().to_string()]
                 .into_iter()
                 .chain([format!("{} {}", runner.algorithm, runner.sort), runner.pairs.to_string()])
@@ -179,7 +180,7 @@ fn table(runners: &[SceneRun<'_>]) -> String {
     let head: Vec<&str> = ["scene", "spheres", "algorithm", "pairs"]
         .into_iter()
         .chain(stages.iter().map(String::as_str))
-        .chain(["all, ms", "over equal", "other over it"])
+        .chain(["all, ms", "time / time of equal", "time of baseline / time"])
         .collect();
     markdown(&head, &rows)
 }

@@ -38,12 +38,12 @@ pub trait PairFinder {
     /// Spheres have moved slightly since the last call.
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>>;
 
-    /// Returns those of the last call; empty if unknown.
+    /// Returns the phase times of the last call; empty if unknown.
     fn phases(&self) -> Vec<PhaseTime> {
         Vec::new()
     }
 
-    /// Returns that of the last call; `None` without a GPU or timestamps.
+    /// Returns the GPU time of the last call; `None` without a GPU or timestamps.
     fn gpu_time(&self) -> Option<Duration> {
         None
     }
@@ -161,7 +161,8 @@ fn scramble(i: u32, j: u32) -> u64 {
 }
 
 /// Runs all contenders through one motion, round by round. Compares number and checksum of pairs with the first
-/// contender that lists them, untimed. None skips a step, because a kept search would see larger displacements.
+/// contender that lists them, untimed. Every contender runs every step: one that skipped a step would see larger
+/// displacements at the next.
 pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timing>, Box<dyn Error>> {
     let mut runs = contenders.iter().map(ContenderRun::new).collect::<Result<Vec<_>, _>>()?;
     let mut motion = MovingScene::new(plan);
@@ -202,7 +203,7 @@ impl MovingScene {
         }
     }
 
-    /// Last frame starts the round after it.
+    /// Advances all frames; each round continues from the last frame of the previous one.
     fn next_round(&mut self) -> &[Vec<Sphere>] {
         let mut last = self.frames[self.frames.len() - 1].clone();
         for frame in &mut self.frames {

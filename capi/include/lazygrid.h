@@ -267,7 +267,7 @@ static inline lazygrid_query lazygrid_among(const lazygrid_spheres *spheres) {
 /*
  * A query for the pairs of one sphere of `first` and one of `second`, such as particles and receivers, or own spheres
  * and ghosts. It keeps both pointers. If the detector has a table, both sets need species. Both may be the same
- * spheres; each then pairs with itself. A message about `second` begins with "of the second set, ".
+ * spheres; each then pairs with itself. A message about `second` begins with "in the second set, ".
  */
 static inline lazygrid_query lazygrid_across(const lazygrid_spheres *first, const lazygrid_spheres *second) {
     lazygrid_query query = {sizeof(lazygrid_query), first, second, NULL};

@@ -82,7 +82,7 @@ pub unsafe fn borrow<'a>(query: *const CQuery) -> Result<Query<'a>, Failure> {
 }
 
 fn of_second(Failure { status, message }: Failure) -> Failure {
-    Failure { status, message: format!("of the second set, {message}") }
+    Failure { status, message: format!("in the second set, {message}") }
 }
 
 impl CSpheres {

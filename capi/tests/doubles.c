@@ -288,7 +288,7 @@ static void sizes_are_refused(void) {
     query.known = lazygrid_across(&spheres.known, &spheres.known);
     query.known.second = (const lazygrid_spheres *)(const void *)((const char *)&spheres.known + 1);
     CHECK(lazygrid_count(detector, &query.known, &count) == LAZYGRID_ERROR_ARGUMENT);
-    CHECK(says(lazygrid_last_error(detector), "of the second set, `query.second` is at"));
+    CHECK(says(lazygrid_last_error(detector), "in the second set, `query.second` is at"));
     lazygrid_destroy(detector);
 }
 

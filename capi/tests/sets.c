@@ -118,7 +118,7 @@ static void one_set_of_both_says_the_same(void) {
     second = lazygrid_rows(SECOND, rows + 4 * FIRST);
 
     CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_ERROR_INPUT);
-    CHECK(says(lazygrid_last_error(detector), "of the second set, "));
+    CHECK(says(lazygrid_last_error(detector), "in the second set, "));
     second.species = species + FIRST;
     CHECK(lazygrid_pairs(detector, &among, &pairs, &count) == LAZYGRID_OK);
     for (k = 0; k < count; k++) {
@@ -143,12 +143,12 @@ static void the_second_set_is_named(void) {
     uint64_t count = 7;
     CHECK(lazygrid_pairs(detector, &query, &pairs, &count) == LAZYGRID_ERROR_INPUT);
     CHECK(pairs == NULL && count == 0);
-    CHECK(says(lazygrid_last_error(detector), "of the second set, sphere 1"));
+    CHECK(says(lazygrid_last_error(detector), "in the second set, sphere 1"));
     CHECK(lazygrid_count(detector, &turned, &count) == LAZYGRID_ERROR_INPUT);
     CHECK(strstr(lazygrid_last_error(detector), "second set") == NULL);
     second.x = NULL;
     CHECK(lazygrid_count(detector, &query, &count) == LAZYGRID_ERROR_ARGUMENT);
-    CHECK(says(lazygrid_last_error(detector), "of the second set, `x` is NULL"));
+    CHECK(says(lazygrid_last_error(detector), "in the second set, `x` is NULL"));
     broken.first = NULL;
     CHECK(lazygrid_count(detector, &broken, &count) == LAZYGRID_ERROR_ARGUMENT);
     CHECK(says(lazygrid_last_error(detector), "`query.first` is NULL"));

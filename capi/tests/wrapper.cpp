@@ -186,7 +186,7 @@ void two_sets() {
     CHECK(throws<std::domain_error>([&] { detector.stream({some, all}, 16, thrower); }, "enough"));
     auto bad = line(3);
     bad[2].r = NAN;
-    CHECK(throws<lazygrid::InputError>([&] { detector.pairs({all, bad}); }, "of the second set, sphere 2"));
+    CHECK(throws<lazygrid::InputError>([&] { detector.pairs({all, bad}); }, "in the second set, sphere 2"));
     auto settings = on_cpu();
     settings.max_pairs = 5;
     lazygrid::Detector small(settings);

@@ -130,7 +130,7 @@ pub(crate) struct Detect {
     /// Search algorithm; eager-grid and lazy-grid run on a GPU only
     #[arg(long, default_value_t, value_parser = one_of(Algorithm::ALL.iter().map(|algorithm| algorithm.name())).try_map(|name| name.parse::<Algorithm>()))]
     pub(crate) algorithm: Algorithm,
-    /// Split a cell when it holds more smaller spheres than this [default: the engine's]
+    /// τ: number of smaller spheres above which a cell is split [default: the engine's]
     #[arg(long, value_name = "N")]
     pub(crate) tau: Option<u32>,
     /// Cell size as a multiple of the largest diameter, 0.5 to 16 [default: the engine's]

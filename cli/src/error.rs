@@ -91,9 +91,9 @@ pub(crate) enum CliError {
     TooLittleMemoryToGenerate { spheres: u64, needed: u64, available: u64, limit: &'static str },
     #[error("cannot listen for Ctrl-C: {0}")]
     Signal(SignalError),
-    #[error("stopped after {steps} steps; go on with: {command}")]
+    #[error("stopped after {steps} steps; resume with: {command}")]
     Stopped { steps: u32, command: String, signal: i32 },
-    #[error("stopped with {done} of {count} {runs} done; go on with: {command}")]
+    #[error("stopped with {done} of {count} {runs} done; resume with: {command}")]
     StoppedRuns { done: usize, count: u64, runs: &'static str, command: String, signal: i32 },
     #[error("--{key} would replace the values of {key} in the sweep; give one of the two")]
     SweptOption { key: &'static str },

@@ -33,17 +33,17 @@ pub(crate) fn backend<D>(
     };
     match asked {
         Backend::Cpu if !on_cpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
-        Backend::Cpu => Ok((None, "CPU: asked for".to_owned())),
+        Backend::Cpu => Ok((None, "CPU: requested".to_owned())),
         _ if !on_cpu && !on_gpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
         Backend::Gpu if !on_gpu => Err(Error::NotOnBackend { algorithm, backend: asked }),
-        Backend::Gpu => insist("asked for", open(true)),
+        Backend::Gpu => insist("requested", open(true)),
         Backend::Auto if !on_gpu => Ok((None, format!("CPU: {algorithm} runs there only"))),
         Backend::Auto if !on_cpu => insist(&format!("{algorithm} runs there only"), open(true)),
         Backend::Auto => Ok(match open(false) {
             Ok((name, device)) if is_per_call(asked, algorithm) => {
                 (Some(device), format!("GPU {name} or the CPU: by the number of spheres"))
             }
-            Ok((name, device)) => (Some(device), format!("GPU {name}: a real GPU")),
+            Ok((name, device)) => (Some(device), format!("GPU {name}: hardware adapter")),
             Err(Error::NoAdapter { reason }) => (None, format!("CPU: no hardware GPU ({reason})")),
             Err(error) => (None, format!("CPU: {error}")),
         }),
@@ -91,16 +91,16 @@ mod tests {
         let unavailable = || Error::GpuUnavailable { reason: NONE.to_string() };
         for (asked, algorithm, machine, expected) in [
             (Backend::Auto, Auto, "gpu", Ok("GPU gpu or the CPU: by the number of spheres")),
-            (Backend::Auto, ArrayGrid, "gpu", Ok("GPU gpu: a real GPU")),
+            (Backend::Auto, ArrayGrid, "gpu", Ok("GPU gpu: hardware adapter")),
             (Backend::Auto, Auto, "software", Ok("CPU: no hardware GPU")),
             (Backend::Auto, Auto, "none", Ok("CPU: no hardware GPU")),
             (Backend::Auto, HashGrid, "gpu", Ok("CPU: hash-grid runs there only")),
             (Backend::Auto, CellList, "gpu", Ok("GPU gpu or the CPU: by the number of spheres")),
             (Backend::Auto, CellList, "software", Ok("CPU: no hardware GPU")),
-            (Backend::Cpu, Auto, "gpu", Ok("CPU: asked for")),
-            (Backend::Cpu, Naive, "none", Ok("CPU: asked for")),
-            (Backend::Gpu, Auto, "software", Ok("GPU software: asked for")),
-            (Backend::Gpu, Naive, "gpu", Ok("GPU gpu: asked for")),
+            (Backend::Cpu, Auto, "gpu", Ok("CPU: requested")),
+            (Backend::Cpu, Naive, "none", Ok("CPU: requested")),
+            (Backend::Gpu, Auto, "software", Ok("GPU software: requested")),
+            (Backend::Gpu, Naive, "gpu", Ok("GPU gpu: requested")),
             (Backend::Gpu, Auto, "none", Err(unavailable())),
             (Backend::Gpu, HashGrid, "gpu", Err(cpu_only())),
             (Backend::Cpu, LazyGrid, "gpu", Err(gpu_only())),

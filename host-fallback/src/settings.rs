@@ -112,12 +112,12 @@ impl Settings {
     /// Returns `true` if every call searches in a frame: in a triclinic space, or if `f32` does not hold a length
     /// exactly or a distance to half an ulp.
     pub fn is_framed(&self) -> bool {
-        self.space.triclinic_cell().is_some() || !self.is_narrow()
+        self.space.triclinic_cell().is_some() || !self.fits_f32()
     }
 
     /// Returns `true` if `f32` holds all lengths and distances, so that the frame of `f32` spheres needs no bounds.
-    pub(crate) fn is_narrow(&self) -> bool {
-        self.space.is_narrow() && self.interactions.as_ref().is_none_or(Interactions::is_narrow)
+    pub(crate) fn fits_f32(&self) -> bool {
+        self.space.fits_f32() && self.interactions.as_ref().is_none_or(Interactions::fits_f32)
     }
 
     pub fn keeps_candidates(&self) -> bool {

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 pub struct AvailableMemory {
     /// Bytes.
     pub bytes: u64,
-    /// Limit that leaves fewest.
+    /// The limit that leaves the fewest bytes.
     pub limit: MemoryLimit,
 }
 
@@ -83,7 +83,7 @@ fn control_group(own: &str, root: &Path) -> Option<u64> {
     own.lines().filter_map(of_line).min()
 }
 
-/// Returns what a control group leaves; its file pages can be reclaimed.
+/// Returns the bytes that a control group leaves; its inactive file pages count as free.
 fn left(folder: &Path, [limit, used]: [&str; 2]) -> Option<u64> {
     let read = |name: &str| -> Option<String> { fs::read_to_string(PathBuf::from(folder).join(name)).ok() };
     let number = |name: &str| read(name)?.trim().parse::<u64>().ok();

@@ -22,7 +22,7 @@ pub enum InputError {
         total: u64,
     },
     /// An error of the second of two sets of spheres.
-    #[error("of the second set, {0}")]
+    #[error("in the second set, {0}")]
     SecondSet(Box<InputError>),
     /// Columns or ids of different lengths.
     #[error("`{what}` has {length} values where {expected} are needed: one per sphere")]
@@ -211,15 +211,12 @@ pub enum Error {
         "all {calls} call slots are in use, or this call failed; finish a call before beginning the next"
     )]
     TooManyInFlight { calls: usize },
-    /// A given buffer is too small or lacks a usage.
-    #[error("the `{what}` buffer has {size} bytes, but {needed} are needed{usage}")]
-    Buffer {
-        what: &'static str,
-        size: u64,
-        needed: u64,
-        /// Missing usage, if any.
-        usage: &'static str,
-    },
+    /// A given buffer is too small.
+    #[error("the `{what}` buffer has {size} bytes, but needs {needed}")]
+    BufferSize { what: &'static str, size: u64, needed: u64 },
+    /// A given buffer lacks a usage.
+    #[error("the `{what}` buffer lacks {usage} usage; create it with this usage")]
+    BufferUsage { what: &'static str, usage: &'static str },
     /// An interaction table without a species buffer, or the reverse.
     #[error("interactions and species ids go together; give both or neither")]
     SpeciesBuffer,

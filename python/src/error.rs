@@ -59,7 +59,7 @@ pub(crate) fn input(error: InputError) -> PyErr {
         InputError::SecondSet(error) => {
             let (message, mut attributes) = described(*error);
             attributes.push(("second", Attribute::Truth(true)));
-            exception("InputError", format!("of the second set, {message}"), &attributes)
+            exception("InputError", format!("in the second set, {message}"), &attributes)
         }
         error => {
             let (message, attributes) = described(error);

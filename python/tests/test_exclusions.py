@@ -146,5 +146,5 @@ def test_errors_name_the_argument(spheres: Rows) -> None:
         detector.pairs(spheres, spheres, exclusions=bonds)
     with pytest.raises(lazygrid.InputError, match="`groups` has 2 values|groups"):
         detector.count(spheres, groups=[1, 2])
-    with pytest.raises(lazygrid.InputError, match="of the second set, .*groups"):
+    with pytest.raises(lazygrid.InputError, match="in the second set, .*groups"):
         detector.count(spheres, spheres, groups=(None, [1, 2]))

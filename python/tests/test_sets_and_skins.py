@@ -65,10 +65,10 @@ def test_one_set_of_both_says_the_same() -> None:
     np.testing.assert_array_equal(
         lazygrid.pairs(a, b, species=both, interactions=table, backend="cpu"), across
     )
-    with pytest.raises(lazygrid.InputError, match=r"of the second set, .*species=\(") as refused:
+    with pytest.raises(lazygrid.InputError, match=r"in the second set, .*species=\(") as refused:
         detector.pairs(a, b, species=(of_a, None))
     assert refused.value.second
-    with pytest.raises(lazygrid.InputError, match="of the second set, species id 7 of sphere 4") as refused:
+    with pytest.raises(lazygrid.InputError, match="in the second set, species id 7 of sphere 4") as refused:
         of_b[4] = 7
         detector.count(a, b, species=both)
     assert (refused.value.index, refused.value.value, refused.value.second) == (4, 7, True)
@@ -78,13 +78,13 @@ def test_errors_name_the_second_set(spheres: Rows) -> None:
     detector = Detector(backend="cpu")
     bad = spheres.copy()
     bad[17, 2] = np.nan
-    with pytest.raises(lazygrid.InputError, match="^of the second set, sphere 17") as refused:
+    with pytest.raises(lazygrid.InputError, match="^in the second set, sphere 17") as refused:
         detector.pairs(spheres, bad)
     assert (refused.value.index, refused.value.count, refused.value.second) == (17, 1, True)
     with pytest.raises(lazygrid.InputError, match="^sphere 17") as refused:
         detector.pairs(bad, spheres)
     assert not refused.value.second
-    with pytest.raises(lazygrid.InputError, match="of the second set, sphere 17"):
+    with pytest.raises(lazygrid.InputError, match="in the second set, sphere 17"):
         next(detector.stream(spheres, bad))
     with pytest.raises(TypeError, match="`second` has values of type int64"):
         detector.count(spheres, spheres.astype(np.int64))
@@ -92,7 +92,7 @@ def test_errors_name_the_second_set(spheres: Rows) -> None:
         detector.count(spheres, (bad[:, 0], np.zeros(200, np.float16), bad[:, 2], bad[:, 3]))
     with pytest.raises(lazygrid.InputError, match=r"`spheres` has shape \(200, 3\) where \(n, 4\)"):
         detector.pairs(spheres[:, :3], spheres)
-    with pytest.raises(lazygrid.InputError, match="of the second set, `z` has 1 values"):
+    with pytest.raises(lazygrid.InputError, match="in the second set, `z` has 1 values"):
         two = np.zeros(2, np.float32)
         detector.pairs(spheres, (two, two, two[:1], two))
     with pytest.raises(lazygrid.SettingError, match="chunk = 0"):

@@ -22,7 +22,8 @@ impl PlotPoint {
         Self { at: (self.at.0, self.at.1 / by), bar: (self.bar.0 / by, self.bar.1 / by) }
     }
 
-    /// Returns `true` if the value or its bar is on the axes; 0 is on no logarithmic axis, unlike its bar.
+    /// Returns `true` if the value or its bar is on the axes. A value of 0 has no place on a logarithmic axis, but the
+    /// upper end of its bar may.
     fn is_shown(&self, [x, y]: [Scale; 2]) -> bool {
         x.holds(self.at.0) && self.at.1.is_finite() && self.bar.0.is_finite() && y.holds(self.bar.1)
     }
@@ -106,8 +107,8 @@ pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<d
         let y = range(scales[1], heights.filter(|&value| scales[1].holds(value)));
         let bottom = y.start;
         let (width, height) = area.dim_in_pixel();
-        let (across, up) = (across(width, scales[0]), up(height, scales[1]));
-        let (at_x, at_y) = (ticks_at(&measured, &x, axes.x.1, across), ticks(&y, axes.y.1, up));
+        let (x_space, y_space) = (x_label_space(width, scales[0]), y_label_space(height, scales[1]));
+        let (at_x, at_y) = (ticks_at(&measured, &x, axes.x.1, x_space), ticks(&y, axes.y.1, y_space));
         let mut chart = ChartBuilder::on(&area)
             .margin(MARGIN)
             .x_label_area_size(BELOW)
@@ -138,14 +139,14 @@ pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<d
             if points().count() <= POINTS {
                 chart.draw_series(points().map(|p| Circle::new(p, 3, color.filled())))?;
             }
-            name(&legend, row, line)?;
+            draw_legend_entry(&legend, row, line)?;
         }
         root.present()?;
     }
     Ok(Some(svg))
 }
 
-fn name<B: DrawingBackend>(
+fn draw_legend_entry<B: DrawingBackend>(
     legend: &DrawingArea<B, plotters::coord::Shift>,
     row: i32,
     line: &Series,
@@ -157,12 +158,12 @@ fn name<B: DrawingBackend>(
     legend.draw(&Text::new(line.name.clone(), (24, middle - NAMES as i32 / 2), (FONT, NAMES)))
 }
 
-fn across(width: u32, scale: Scale) -> LabelSpace {
+fn x_label_space(width: u32, scale: Scale) -> LabelSpace {
     let text = f64::from(TEXT);
     LabelSpace { axis: f64::from(width - 2 * MARGIN - LEFT), gap: 0.8 * text, character: 0.48 * text, scale }
 }
 
-fn up(height: u32, scale: Scale) -> LabelSpace {
+fn y_label_space(height: u32, scale: Scale) -> LabelSpace {
     LabelSpace {
         axis: f64::from(height - 2 * MARGIN - BELOW),
         gap: 1.5 * f64::from(TEXT),

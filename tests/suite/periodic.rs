@@ -31,49 +31,49 @@ fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> TestInput {
 }
 
 #[test]
-fn lattices_in_contact_across_the_periodic_boundary() {
+fn lattices_in_contact_across_the_boundary_match_the_oracle() {
     check(80, (periodic::lattice(), settings()), |(spheres, settings)| {
         verify_all(&spheres, &oracle(&spheres), &settings)
     });
 }
 
 #[test]
-fn soups_in_any_box() {
+fn overlapping_spheres_in_any_box_match_the_oracle() {
     check(96, (periodic::soup(), settings()), |(spheres, settings)| {
         verify_all(&spheres, &oracle(&spheres), &settings)
     });
 }
 
 #[test]
-fn crowds_at_the_corner() {
+fn crowds_at_the_corner_match_the_oracle() {
     check(64, (periodic::corner(), settings()), |(spheres, settings)| {
         verify_all(&spheres, &oracle(&spheres), &settings)
     });
 }
 
 #[test]
-fn coordinates_far_outside() {
+fn coordinates_far_outside_match_the_oracle() {
     check(64, (periodic::unwrapped(), settings()), |(spheres, settings)| {
         verify_all(&spheres, &oracle_of_integers(&spheres), &settings)
     });
 }
 
 #[test]
-fn subnormal_lengths_and_overflowing_squares() {
+fn subnormal_lengths_and_overflowing_squares_match_the_oracle() {
     check(96, (periodic::extremes(), settings()), |(spheres, settings)| {
         verify_all(&spheres, &oracle(&spheres), &settings)
     });
 }
 
 #[test]
-fn giants_in_small_boxes() {
+fn giants_in_small_boxes_match_the_oracle() {
     check(64, (periodic::giant(), settings()), |(spheres, settings)| {
         verify_all(&spheres, &oracle(&spheres), &settings)
     });
 }
 
 #[test]
-fn species_in_periodic_boxes() {
+fn species_in_periodic_boxes_match_the_oracle() {
     check(64, (periodic::mixture(), settings()), |(spheres, settings)| {
         verify_all(&spheres, &oracle(&spheres), &settings)
     });

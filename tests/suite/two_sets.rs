@@ -67,7 +67,7 @@ fn agrees(scenario: &TestInput, split: usize, variant: DetectorVariant) -> Resul
 }
 
 #[test]
-fn arbitrary_sets() {
+fn arbitrary_sets_match_the_oracle() {
     let scenarios = prop_oneof![
         2 => hard::any_spheres().prop_map(TestInput::from),
         1 => hard::mixture(hard::any_spheres()),
@@ -84,7 +84,7 @@ fn arbitrary_sets() {
 
 /// On some levels, searching from the other set is worthwhile.
 #[test]
-fn scenes_with_giants_in_either_set() {
+fn scenes_with_giants_in_either_set_match_the_oracle() {
     let giants =
         (0..20_u8).map(|k| Sphere::new([f32::from(k % 4), f32::from(k / 4), 0.0].map(|x| 9.0 * x), 8.0));
     let mut variants = variants::all();
@@ -103,7 +103,7 @@ fn scenes_with_giants_in_either_set() {
 }
 
 #[test]
-fn species_of_either_set() {
+fn species_of_either_set_match_the_oracle() {
     use Interaction::{Never, Touch, Within};
     let rows = vec![vec![Touch], vec![Within(0.9), Never], vec![Never, Touch, Within(0.5)]];
     let species: Vec<u32> = (0..600).map(|k| k / 7 % 3).collect();
@@ -147,7 +147,7 @@ fn input_errors_name_the_set(variant: DetectorVariant) {
         if matches!(**within, InputError::Sphere { index: 1, total: 2, .. })),
         "{error}"
     );
-    assert!(error.to_string().starts_with("of the second set, sphere 1 has center (NaN"), "{error}");
+    assert!(error.to_string().starts_with("in the second set, sphere 1 has center (NaN"), "{error}");
     let none: [Sphere; 0] = [];
     assert_eq!(detector.count((&none, &good)).expect("an empty set is valid"), 0);
 

@@ -14,7 +14,7 @@ use super::{Contender, Figure};
 use crate::measure::{ContenderFactory, Digest, Found, PairFinder, Spread, turns};
 
 /// An engine may use this multiple of its time to reach `at_least` runs.
-const MORE: u32 = 3;
+const MAX_OVERTIME_FACTOR: u32 = 3;
 
 /// Warm-up time per engine if numbers of threads are compared: woken threads may share a core for milliseconds.
 const WAKING: Duration = Duration::from_millis(40);
@@ -45,11 +45,13 @@ impl PairFinder for NoFinder {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     pub(super) runs: usize,
-    /// Minimum number of runs, within [`MORE`] times the allowed time.
+    /// Minimum number of runs, within [`MAX_OVERTIME_FACTOR`] times the allowed time.
     pub(super) at_least: usize,
-    /// An engine starts no run after this total of its own runs.
+    /// An engine with at least `at_least` runs starts no run after this total of its own runs. With fewer, it may use
+    /// [`MAX_OVERTIME_FACTOR`] times as long.
     pub(super) time: Duration,
-    /// No run starts after this time of all engines, including the work between runs.
+    /// After this time of all engines, including the work between runs, only engines with fewer than `at_least` runs
+    /// start another.
     pub(super) in_all: Duration,
 }
 
@@ -80,7 +82,7 @@ impl<'a> Comparison<'a> {
         let run = |&contender: &Contender| {
             let mut run = ContenderRun::new(point, contender);
             match left_out(contender) {
-                Some(reason) => run.leave(Status::LeftOut, reason),
+                Some(reason) => run.exclude(Status::LeftOut, reason),
                 None => match (point.factory(contender).make)() {
                     Ok(search) => run.search = Some(search),
                     Err(error) => run.fail(error.as_ref()),
@@ -143,12 +145,12 @@ impl ContenderRun {
 
     fn is_done(&self, limits: Limits, is_late: bool) -> bool {
         let runs = self.row.wall.len();
-        let enough = runs >= limits.at_least || self.used >= MORE * limits.time;
+        let enough = runs >= limits.at_least || self.used >= MAX_OVERTIME_FACTOR * limits.time;
         let out_of_time = runs > 0 && enough && (is_late || self.used >= limits.time);
         self.search.is_none() || runs >= limits.runs || out_of_time
     }
 
-    /// Runs until the engine's threads are on separate cores.
+    /// Runs for [`WAKING`], so that the scheduler can move the engine's threads to separate cores.
     fn wake(&mut self, point: &DataPoint, spheres: &[Sphere]) {
         let Some(search) = self.search.as_mut().filter(|_| point.figure == Figure::Threads) else { return };
         let begun = Instant::now();
@@ -195,16 +197,16 @@ impl ContenderRun {
         };
         match verdict {
             Ok(tangent) => self.row.tangent = self.row.tangent.max(tangent),
-            Err(reason) => self.leave(Status::Error, reason),
+            Err(reason) => self.exclude(Status::Error, reason),
         }
     }
 
     fn fail(&mut self, error: &(dyn Error + 'static)) {
         let refused = !self.has_worked && is_refusal(error);
-        self.leave(if refused { Status::NotAvailable } else { Status::Error }, error.to_string());
+        self.exclude(if refused { Status::NotAvailable } else { Status::Error }, error.to_string());
     }
 
-    fn leave(&mut self, status: Status, reason: String) {
+    fn exclude(&mut self, status: Status, reason: String) {
         (self.row.status, self.row.reason) = (status, reason);
         self.search = None;
         self.last = None;

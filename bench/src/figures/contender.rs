@@ -23,7 +23,7 @@ pub enum Contender {
     /// With boxes larger than the spheres, so that few are updated.
     ParryMargin,
     /// Partly rebuilt at each step.
-    ParryOptimised,
+    ParryOptimized,
     PlainCellList,
     /// With the fastest skin for the scene and its steps.
     Verlet,
@@ -60,7 +60,7 @@ impl Contender {
             Self::BulletAsShipped | Self::BulletTuned => self.bullet(scene, n),
             Self::Parry => parry::refitted(name),
             Self::ParryMargin => parry::with_margin(name),
-            Self::ParryOptimised => parry::optimised(name),
+            Self::ParryOptimized => parry::optimized(name),
             Self::PlainCellList => cell_list::tuned(name, scene),
             Self::Verlet => verlet::tuned(name, scene, step_length),
             Self::Lammps if lammps::is_named() => lammps::tuned(name, step_length),
@@ -134,7 +134,7 @@ impl fmt::Display for Contender {
             Self::BulletTuned => "Bullet tuned",
             Self::Parry => "parry3d refit",
             Self::ParryMargin => "parry3d refit, margin",
-            Self::ParryOptimised => "parry3d refit, optimised",
+            Self::ParryOptimized => "parry3d refit, optimized",
             Self::PlainCellList => "plain cell list",
             Self::Verlet => "Verlet list",
             Self::Lammps => "LAMMPS",

@@ -259,7 +259,7 @@ fn contenders(figure: Figure) -> Vec<Contender> {
             let trees = [Contender::BulletAsShipped, Contender::BulletTuned, Contender::Parry];
             let more = [
                 Contender::ParryMargin,
-                Contender::ParryOptimised,
+                Contender::ParryOptimized,
                 Contender::PlainCellList,
                 Contender::Verlet,
             ];

@@ -141,11 +141,11 @@ fn rows_of(
     let limits = Limits { runs: point.runs, at_least: at_least.min(point.runs), time, in_all: share };
     let too_long = |contender: Contender| {
         let seconds = predicted(contender, point, earlier)?;
-        let most = (MAX_TIME_FACTOR * time.as_secs_f64()).max(always(contender, point.scene));
+        let most = (MAX_TIME_FACTOR * time.as_secs_f64()).max(always_allowed_seconds(contender, point.scene));
         (seconds > most && settings.scale != RunScale::Smoke)
             .then(|| format!("left out: a run would take about {seconds:.1} s"))
     };
-    // Figures that compare engines leave none out.
+    // Points with steps or a simulation leave no engine out.
     let left_out = |contender: Contender| match point.update {
         SceneUpdate::Steps { .. } | SceneUpdate::Simulated { .. } => None,
         _ => too_long(contender),
@@ -191,7 +191,7 @@ fn run_comparison(
 }
 
 /// Seconds that a run may always take, so that linear engines appear at the largest size.
-fn always(contender: Contender, scene: Scene) -> f64 {
+fn always_allowed_seconds(contender: Contender, scene: Scene) -> f64 {
     if is_quadratic(contender, scene) { 2.0 } else { 120.0 }
 }
 
@@ -200,7 +200,7 @@ fn is_quadratic(contender: Contender, scene: Scene) -> bool {
     contender.is_quadratic() || scene == Scene::Point
 }
 
-/// Scales the slowest moment at the largest smaller point of this figure and scene.
+/// Extrapolates from the largest earlier point of the same figure and scene, using its slowest row.
 fn predicted(contender: Contender, point: &DataPoint, earlier: &[Row]) -> Option<f64> {
     let name = contender.to_string();
     let same = earlier.iter().filter(|row| {

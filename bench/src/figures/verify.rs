@@ -37,10 +37,12 @@ impl<'a> Reference<'a> {
 
     pub(super) fn check(&self, found: Digest) -> Result<(), String> {
         let (pairs, expected) = (found.pairs, self.digest.pairs);
-        let same = if pairs == expected { " others" } else { "" };
         match found.agrees(&self.digest) {
             true => Ok(()),
-            false => Err(format!("wrong answer: {pairs} pairs{same}, expected {expected}")),
+            false if pairs == expected => Err(format!(
+                "wrong answer: the number of pairs is right ({pairs}), but other pairs were found"
+            )),
+            false => Err(format!("wrong answer: {pairs} pairs, expected {expected}")),
         }
     }
 

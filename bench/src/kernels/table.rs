@@ -23,10 +23,7 @@ impl Display for Kernels {
                 writeln!(f, "\nEverywhere: {}.", said.join(", "))?;
             }
         } else {
-            writeln!(
-                f,
-                "The driver says nothing of what it made (no VK_KHR_pipeline_executable_properties)."
-            )?;
+            writeln!(f, "The driver reports no statistics: it lacks VK_KHR_pipeline_executable_properties.")?;
         }
         let rejected: Vec<_> = self.rejected().collect();
         writeln!(f, "\n{} kernel variants, {} rejected", self.compiled.len(), rejected.len())?;

@@ -32,7 +32,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// Checks answers without meaningful times.
+    /// Returns `true` if the run only checks answers, so that its times are meaningless.
     pub fn is_quick(&self) -> bool {
         self.quick || !self.bench
     }

@@ -118,7 +118,7 @@ impl PairFinder for Bullet {
             return Ok(Found::Pairs(&[]));
         }
         // SAFETY: the shim returns `found` pairs of two `u32` (`Pair` is `repr(C)`). They stay in place until its next
-        // call, which needs `&mut self` and so outlives this borrow.
+        // call, which needs `&mut self` and therefore cannot happen during this borrow.
         Ok(Found::Pairs(unsafe { std::slice::from_raw_parts(pairs, found) }))
     }
 }

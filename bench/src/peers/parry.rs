@@ -26,7 +26,7 @@ pub fn incremental() -> Vec<ContenderFactory> {
     vec![
         refitted("parry3d refit"),
         with_margin("parry3d refit, margin"),
-        optimised("parry3d refit, optimised"),
+        optimized("parry3d refit, optimized"),
     ]
 }
 
@@ -39,7 +39,7 @@ pub fn with_margin(name: impl Into<String>) -> ContenderFactory {
     ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Fat(0.2))))
 }
 
-pub fn optimised(name: impl Into<String>) -> ContenderFactory {
+pub fn optimized(name: impl Into<String>) -> ContenderFactory {
     ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Optimize)))
 }
 

@@ -9,7 +9,8 @@ const MARGIN: f32 = 1.01;
 const SMALLEST_EDGE: f32 = 0.25;
 /// Limits empty cells in sparse scenes.
 const CELLS_PER_SPHERE: f32 = 4.0;
-/// Rows of cells after a sphere's own: with the smallest cells, it searches five cells along each axis.
+/// Rows of cells after a sphere's own: with the smallest cells, it searches five cells in each direction, 11 along each
+/// axis.
 const ROWS: usize = 5 + 5 * 11;
 /// A vector of AVX2.
 const LANES: usize = 8;

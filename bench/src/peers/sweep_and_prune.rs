@@ -31,7 +31,7 @@ impl Interval {
 
 /// Ratio of variances at which the axis changes. A new axis makes the stored order useless; in a round cloud the
 /// largest variance is random.
-const CLEARLY: f64 = 1.5;
+const AXIS_CHANGE_RATIO: f64 = 1.5;
 
 #[derive(Default)]
 struct Sweep {
@@ -44,7 +44,7 @@ impl PairFinder for Sweep {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         let spread = variances(spheres);
         let widest = spread.max_position();
-        if spread[widest] > CLEARLY * spread[self.axis] {
+        if spread[widest] > AXIS_CHANGE_RATIO * spread[self.axis] {
             self.axis = widest;
         }
         let axis = self.axis;

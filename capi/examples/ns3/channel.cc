@@ -203,7 +203,7 @@ int Compare(const char *path, int runs) {
     Response response;
     for (int run = 1; run <= runs; run++) RunOnce(static_cast<std::uint64_t>(run), response);
     if (expected.size() != response.received.size()) throw std::runtime_error(std::string(path) + " is of another scenario");
-    std::printf("of %u acids  in the receiver: ns-3, simulator      not neutralised: ns-3, simulator\n", count_of_each);
+    std::printf("of %u acids  in the receiver: ns-3, simulator      not neutralized: ns-3, simulator\n", count_of_each);
     bool is_same = true;
     for (std::size_t k = 0; k < expected.size(); k++) {
         std::printf("%8.1f ms", 1e-3 * time_step * every * static_cast<double>(k));

@@ -1,7 +1,8 @@
 use lazygrid::{Skin, Sphere};
 
-/// Returns `part` times the first nonzero radius, or the first nonzero distance of consecutive spheres if all radii are
-/// 0.
+/// Returns a fixed skin of `part` times the first nonzero radius, or [`Skin::Auto`] if the product is 0. If all radii
+/// are 0, the first nonzero distance of consecutive spheres replaces the radius; without one, 1 does. The skin is
+/// clamped to 10⁻¹⁴ to 10¹⁷.
 pub fn skin_of(spheres: &[Sphere], part: f32) -> Skin {
     let radius = spheres.iter().map(|sphere| sphere.radius).find(|&radius| radius > 0.0);
     let apart = |two: &[Sphere]| two[0].center.distance(two[1].center);

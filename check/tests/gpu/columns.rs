@@ -125,8 +125,8 @@ fn columns_that_do_not_fit_the_configuration_are_refused() {
     let error = refused(config(Some(wide)), GpuSpheres::new(&rows, 100));
     assert!(matches!(error, Error::InvalidSetting { name: "sphere buffers", .. }), "{error}");
     let error = refused(config(Some(wide)), GpuSpheres::from_columns(ranges(&columns), 100));
-    assert!(matches!(error, Error::Buffer { needed: 796, size: 400, .. }), "{error}");
+    assert!(matches!(error, Error::BufferSize { needed: 796, size: 400, .. }), "{error}");
     let vast = ColumnLayout { first: [u32::MAX; 4], ..wide };
     let error = refused(config(Some(vast)), GpuSpheres::from_columns(ranges(&columns), 100));
-    assert!(matches!(error, Error::Buffer { .. } | Error::LimitExceeded { .. }), "{error}");
+    assert!(matches!(error, Error::BufferSize { .. } | Error::LimitExceeded { .. }), "{error}");
 }

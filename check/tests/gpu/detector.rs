@@ -245,7 +245,7 @@ fn oversized_input_is_refused_with_the_remedy() {
     let mut encoder = own.device.create_command_encoder(&Default::default());
     let too_short = GpuSpheres::new(&buffer, 11);
     let error = detector.encode(&mut encoder, &too_short).expect_err("11 do not fit into 10");
-    assert_eq!(error, Error::Buffer { what: "spheres", size: 160, needed: 176, usage: "" });
+    assert_eq!(error, Error::BufferSize { what: "spheres", size: 160, needed: 176 });
     let with_species = GpuSpheres::new(&buffer, 2).with_species(&buffer);
     assert_eq!(detector.encode(&mut encoder, &with_species), Err(Error::SpeciesBuffer));
     let limit = own.device.limits().max_storage_buffer_binding_size;

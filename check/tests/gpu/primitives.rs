@@ -105,7 +105,7 @@ fn buffers_shorter_than_the_count_are_refused() {
     let input = KeyValueBuffers { keys: short.clone(), payload: short.clone() };
     scan.bind(&short, 100).expect("long enough");
     sort.bind(&input, 100, 8).expect("long enough");
-    let needed = |error| matches!(error, Error::Buffer { size: 400, needed: 404, .. });
+    let needed = |error| matches!(error, Error::BufferSize { size: 400, needed: 404, .. });
     assert!(needed(scan.bind(&short, 101).expect_err("too short")));
     assert!(needed(sort.bind(&input, 101, 8).expect_err("too short")));
 }

@@ -98,7 +98,7 @@ impl Config {
         self
     }
 
-    /// Default: [`Backend::Auto`], by which the first ranks of a node take a real GPU each and the others the CPU. With
+    /// Default: [`Backend::Auto`]: the first ranks of a node use a hardware GPU each, the others the CPU. With
     /// [`Backend::Gpu`], ranks share GPUs if there are too few.
     pub fn backend(mut self, backend: Backend) -> Self {
         self.backend = backend;
@@ -161,7 +161,7 @@ impl Config {
             return refuse("message_limit", self.message_limit.to_string(), range);
         }
         // Ghosts and bounding boxes are `f32`.
-        if !self.space.is_narrow() {
+        if !self.space.fits_f32() {
             let value = format!("{:?}", self.space.lengths());
             return refuse("space", value, "round its lengths to f32, or use one process".to_owned());
         }

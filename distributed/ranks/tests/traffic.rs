@@ -73,7 +73,7 @@ fn coincident_spheres_and_their_pairs_are_balanced() {
         let (pairs, reported) = found(&in_process, Space::UNBOUNDED);
         assert_eq!((pairs.len() as u64, reported.total), (n * (n - 1) / 2, n * (n - 1) / 2));
         assert!(pairs.windows(2).all(|two| two[0] != two[1]), "a pair twice on {ranks} ranks");
-        // One of two ranks half of all apart reports all common pairs.
+        // For an even number P of ranks, ranks k and k + P/2 share pairs, and only one of the two reports them.
         let most = 1.02 + if ranks % 2 == 0 { 1.0 / f64::from(ranks) } else { 0.0 };
         assert!(reported.imbalance() <= most, "{} on {ranks} ranks", reported.imbalance());
         let ranks = in_process.pairs(&Config::default().threads(1)).unwrap();

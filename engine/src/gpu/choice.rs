@@ -23,7 +23,7 @@ pub(crate) fn algorithm(
     source: &str,
 ) -> (Algorithm, String) {
     if asked != Algorithm::Auto {
-        return (asked, format!("{asked}: asked for"));
+        return (asked, format!("{asked}: requested"));
     }
     let CallSize { spheres, split, classes } = size;
     let at = crossover.of(classes);

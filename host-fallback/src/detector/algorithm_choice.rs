@@ -36,7 +36,7 @@ pub const NAIVE_PER_CLASS: usize = 80;
 /// Returns the algorithm and its reason. `Auto` depends on the statistics of the spheres.
 pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
     if asked != Algorithm::Auto {
-        return (asked, format!("{asked}: asked for"));
+        return (asked, format!("{asked}: requested"));
     }
     let (n, classes) = (stats.spheres, stats.occupied().count());
     let crossover = NAIVE_BELOW + NAIVE_PER_CLASS * classes;

@@ -130,8 +130,8 @@ impl SearchBackend for HostBackend {
             if state.skin.candidates.input_stats().is_some() {
                 // If the candidates are valid, no copy is needed.
                 prepared = buffers.prepare_in_place(query, settings, executor)?;
-                if let Some(given) = &prepared {
-                    let spheres = CallSpheres { test: &given.test(settings), given: given.given };
+                if let Some(in_place) = &prepared {
+                    let spheres = CallSpheres { test: &in_place.test(settings), input: in_place.input };
                     lapsed = state.advance(settings, spheres, executor)?;
                 }
             }
@@ -142,7 +142,7 @@ impl SearchBackend for HostBackend {
             };
             let test = prepared.test(settings);
             if !is_advanced && prepared.split.is_none() {
-                lapsed = state.advance(settings, CallSpheres { test: &test, given: None }, executor)?;
+                lapsed = state.advance(settings, CallSpheres { test: &test, input: None }, executor)?;
             }
             let stats = match (lapsed, state.skin.candidates.input_stats()) {
                 (None, Some(stats)) => stats.clone(),

@@ -40,7 +40,7 @@ impl<'f> FrameMap<'f> {
                     }
                 }
             }
-            Axes::Triclinic(_) | Axes::Narrow(_) => map.lengths = [f64::NAN; 4],
+            Axes::Triclinic(_) | Axes::TriclinicF32(_) => map.lengths = [f64::NAN; 4],
         }
         if frame.is_trimmed {
             map.lengths = [f64::NAN; 4];

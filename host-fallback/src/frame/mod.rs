@@ -67,7 +67,7 @@ enum Axes {
     Orthogonal([Option<(f64, f32)>; 3]),
     Triclinic(Orthogonalization),
     /// Axes of `f32` spheres in a triclinic space, whose rounding does not depend on bounds.
-    Narrow(Orthogonalization),
+    TriclinicF32(Orthogonalization),
 }
 
 impl SearchFrame {
@@ -112,13 +112,13 @@ impl SearchFrame {
         extent.max(lengths).max(spread)
     }
 
-    pub(crate) fn narrow(shear: &TriclinicCell) -> Self {
-        let axes = Axes::Narrow(shear.orthogonal_space(Orthogonalization::SCALE));
+    pub(crate) fn triclinic_f32(shear: &TriclinicCell) -> Self {
+        let axes = Axes::TriclinicF32(shear.orthogonal_space(Orthogonalization::SCALE));
         Self { origin: [0.0; 3], scale: Orthogonalization::SCALE, axes, is_trimmed: false }
     }
 
-    pub(crate) fn is_narrow(&self) -> bool {
-        matches!(self.axes, Axes::Narrow(_))
+    pub(crate) fn is_triclinic_f32(&self) -> bool {
+        matches!(self.axes, Axes::TriclinicF32(_))
     }
 
     fn at(origin: [f64; 3], scale: f64, space: &Space) -> Self {
@@ -138,7 +138,7 @@ impl SearchFrame {
                 let lengths = axes.map(|axis| axis.map(|(_, period)| f64::from(period)));
                 Space::periodic(lengths).unwrap_or_default()
             }
-            Axes::Triclinic(cell) | Axes::Narrow(cell) => cell.space(),
+            Axes::Triclinic(cell) | Axes::TriclinicF32(cell) => cell.space(),
         }
     }
 
@@ -180,7 +180,7 @@ impl SearchFrame {
                 Sphere::new([0, 1, 2].map(place), searched_radius(radius * self.scale))
             }
             Axes::Triclinic(cell) => cell.sphere(center, radius, 2.0 * MAX_RADIUS),
-            Axes::Narrow(cell) => {
+            Axes::TriclinicF32(cell) => {
                 // The spheres of the other frames are checked for their bounds.
                 let is_valid = (x + y + z).is_finite() && radius.is_finite() && radius >= 0.0;
                 match is_valid {

@@ -1,7 +1,7 @@
 use bytemuck::cast;
 use lazygrid_kernels::{Space, Sphere, Spheres};
 
-use super::given::{GivenLoop, GivenRows, GivenSpheres};
+use super::input_spheres::{InputLoop, InputRows, InputSpheres};
 use crate::Simd;
 use crate::compare::{SimdTask, SimdWidth};
 use crate::executor::Executor;
@@ -92,13 +92,13 @@ impl SimdTask for WrapChunk<'_> {
 }
 
 pub(super) fn map_to_frame(
-    given: GivenSpheres<'_>,
+    input: InputSpheres<'_>,
     targets: &mut [Sphere],
     simd: Simd,
     executor: Executor,
 ) -> Result<Bounds, Error> {
     let map = |(chunk, targets): (usize, &mut [Sphere])| {
-        simd.run(FrameChunk { given, from: chunk * CHUNK_SPHERES, targets }, None)
+        simd.run(FrameChunk { input, from: chunk * CHUNK_SPHERES, targets }, None)
     };
     let chunks = targets.chunks_mut(CHUNK_SPHERES).enumerate();
     if executor == Executor::Caller {
@@ -110,7 +110,7 @@ pub(super) fn map_to_frame(
 }
 
 struct FrameChunk<'c> {
-    given: GivenSpheres<'c>,
+    input: InputSpheres<'c>,
     from: usize,
     targets: &'c mut [Sphere],
 }
@@ -120,18 +120,18 @@ impl SimdTask for FrameChunk<'_> {
 
     #[inline(always)]
     fn run<V: SimdWidth>(self, vector: V) -> Bounds {
-        self.given.run(vector, self)
+        self.input.run(vector, self)
     }
 }
 
-impl GivenLoop for FrameChunk<'_> {
+impl InputLoop for FrameChunk<'_> {
     type Result = Bounds;
 
     #[inline(always)]
     fn run<V: SimdWidth, const PERIODIC: bool>(
         self,
         vector: V,
-        rows: impl GivenRows,
+        rows: impl InputRows,
         map: &FrameMap<'_>,
     ) -> Bounds {
         let mut bounds = Bounds::EMPTY;

@@ -1,14 +1,14 @@
 mod copy;
-mod given;
 mod grouping;
+mod input_spheres;
 mod query;
 mod search_input;
 mod species_groups;
 mod stats;
 mod validate;
 
-pub(crate) use given::{GivenLoop, GivenRows, GivenSpheres};
 pub(crate) use grouping::{Grouping, sort_by_group};
+pub(crate) use input_spheres::{InputLoop, InputRows, InputSpheres};
 pub use query::{PreparedQuery, QueryBuffers, check};
 pub(crate) use search_input::{SearchInput, search_pieces};
 pub use species_groups::SpeciesPartition;

@@ -6,7 +6,7 @@ use std::time::Instant;
 use lazygrid_kernels::{Interactions, MAX_SPHERES, Query, Space, Sphere, Spheres};
 
 use super::copy::{copy, map_to_frame};
-use super::given::{GivenSpheres, LargestHalf};
+use super::input_spheres::{HalfCutoff, InputSpheres};
 use super::validate::{check_species, check_valid};
 use crate::compare::{PairFilter, PairTest};
 use crate::executor::Executor;
@@ -20,7 +20,7 @@ pub struct QueryBuffers {
     spheres: Vec<Sphere>,
     species: Vec<u32>,
     frame: Option<SearchFrame>,
-    halves: Vec<LargestHalf>,
+    halves: Vec<HalfCutoff>,
 }
 
 #[derive(Debug)]
@@ -31,7 +31,7 @@ pub struct PreparedQuery<'a> {
     /// `None` for spheres as given; otherwise their radii are effective.
     pub frame: Option<&'a SearchFrame>,
     /// Not mapped to the frame yet.
-    pub(crate) given: Option<GivenSpheres<'a>>,
+    pub(crate) input: Option<InputSpheres<'a>>,
     /// `None` if contact decides.
     pub filter: Option<PairFilter<'a>>,
 }
@@ -64,9 +64,9 @@ impl QueryBuffers {
         let (split, space) = (query.split(), &settings.space);
         let (is_framed, filter) = check_and_filter(query, settings, executor)?;
         let is_wrapped = wraps && space.is_periodic();
-        let are_in_place = query.first().is_narrow() && split.is_none();
+        let are_in_place = query.first().is_read_in_place() && split.is_none();
         if are_in_place && !is_wrapped && !is_framed {
-            return Ok(PreparedQuery { spheres: query.first(), split, frame: None, given: None, filter });
+            return Ok(PreparedQuery { spheres: query.first(), split, frame: None, input: None, filter });
         }
         let start = Instant::now();
         try_resize(&mut self.spheres, query.len(), "copies of spheres")?;
@@ -79,7 +79,7 @@ impl QueryBuffers {
         let spheres = with_species(spheres, species, query)?;
         PhaseTime::add(phases, "copy", start.elapsed());
         let frame = frame.as_ref().filter(|_| is_framed);
-        Ok(PreparedQuery { spheres, split, frame, given: None, filter })
+        Ok(PreparedQuery { spheres, split, frame, input: None, filter })
     }
 
     /// Prepares the spheres as given, to test candidates in the last frame. `None` if they need no frame, are two sets,
@@ -93,14 +93,14 @@ impl QueryBuffers {
         let Some(frame) = &self.frame else { return Ok(None) };
         let query = &with_ids(query, settings.interactions.as_ref());
         let (is_framed, filter) = check_and_filter(query, settings, executor)?;
-        let is_of_kind = frame.is_narrow() == is_narrow(query, settings);
+        let is_of_kind = frame.is_triclinic_f32() == is_triclinic_f32(query, settings);
         if !is_framed || !is_of_kind || query.split().is_some() {
             return Ok(None);
         }
         let halves = settings.interactions.as_ref().map(|_| &*self.halves);
         let spheres = query.first();
-        let given = Some(GivenSpheres::new(spheres, halves, frame, &settings.space));
-        Ok(Some(PreparedQuery { spheres, split: None, frame: Some(frame), given, filter }))
+        let input = Some(InputSpheres::new(spheres, halves, frame, &settings.space));
+        Ok(Some(PreparedQuery { spheres, split: None, frame: Some(frame), input, filter }))
     }
 
     /// Uses the last frame if spheres fit, else a new one.
@@ -114,14 +114,17 @@ impl QueryBuffers {
         if let Some(table) =
             interactions.as_ref().filter(|table| table.species() as usize != self.halves.len())
         {
-            self.halves =
-                try_collect((0..table.species()).map(|of| table.largest_half(of)), "radii of species")?;
+            let half_cutoff = |species| {
+                let (half, touches) = table.largest_half(species);
+                HalfCutoff { half, touches }
+            };
+            self.halves = try_collect((0..table.species()).map(half_cutoff), "radii of species")?;
         }
         let last = self.frame.take();
-        let frame = match space.triclinic_cell().filter(|_| is_narrow(query, settings)) {
+        let frame = match space.triclinic_cell().filter(|_| is_triclinic_f32(query, settings)) {
             Some(cell) => {
-                let last = last.filter(SearchFrame::is_narrow);
-                let frame = last.unwrap_or_else(|| SearchFrame::narrow(cell));
+                let last = last.filter(SearchFrame::is_triclinic_f32);
+                let frame = last.unwrap_or_else(|| SearchFrame::triclinic_f32(cell));
                 self.fill(query, &frame, settings, executor)?;
                 frame
             }
@@ -141,7 +144,7 @@ impl QueryBuffers {
     ) -> Result<SearchFrame, Error> {
         let space = &settings.space;
         let check = |bounds: &Bounds| if bounds.are_valid() { Ok(()) } else { check_valid(query, executor) };
-        let last = last.filter(|last| !last.is_narrow());
+        let last = last.filter(|last| !last.is_triclinic_f32());
         let mut given = None;
         if let Some(last) = last.as_ref().filter(|last| !last.is_trimmed()) {
             let bounds = self.fill(query, last, settings, executor)?;
@@ -169,7 +172,7 @@ impl QueryBuffers {
     ) -> Option<SearchFrame> {
         let halves = settings.interactions.as_ref().map(|_| &*self.halves);
         let given =
-            |set: Spheres<'_>, k| GivenSpheres::new(set, halves, frame, &settings.space).effective_row(k);
+            |set: Spheres<'_>, k| InputSpheres::new(set, halves, frame, &settings.space).effective_row(k);
         let first = query.first();
         let get = |k: usize| match query.second() {
             Some(second) if k >= first.len() => given(second, k - first.len()),
@@ -190,8 +193,8 @@ impl QueryBuffers {
         let halves = settings.interactions.as_ref().map(|_| &**halves);
         let (first, second) = spheres.split_at_mut(query.first().len());
         let map = |set: Spheres<'_>, targets| {
-            let given = GivenSpheres::new(set, halves, frame, &settings.space);
-            map_to_frame(given, targets, settings.simd, executor.for_light_work(set.len()))
+            let input = InputSpheres::new(set, halves, frame, &settings.space);
+            map_to_frame(input, targets, settings.simd, executor.for_light_work(set.len()))
         };
         let bounds = map(query.first(), first)?;
         query.second().map_or(Ok(bounds), |set| Ok(bounds.merge(map(set, second)?)))
@@ -236,8 +239,8 @@ fn with_species<'a>(
     Ok(all.with_species(species)?)
 }
 
-fn is_narrow(query: &Query<'_>, settings: &Settings) -> bool {
-    settings.space.triclinic_cell().is_some() && settings.is_narrow() && !is_f64(query)
+fn is_triclinic_f32(query: &Query<'_>, settings: &Settings) -> bool {
+    settings.space.triclinic_cell().is_some() && settings.fits_f32() && !is_f64(query)
 }
 
 fn is_f64(query: &Query<'_>) -> bool {

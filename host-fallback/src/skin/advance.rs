@@ -10,7 +10,7 @@ use crate::cell_list::SortRecord;
 use crate::compare::{EffectiveLoop, EffectiveRows, PairTest, SimdTask, SimdWidth, Xyzr};
 use crate::executor::Executor;
 use crate::frame::{Bounds, FrameMap};
-use crate::input::{GivenLoop, GivenRows, GivenSpheres};
+use crate::input::{InputLoop, InputRows, InputSpheres};
 
 pub(super) const CHUNK_SPHERES: usize = 1 << 13;
 /// Spheres lie anywhere in memory.
@@ -20,7 +20,7 @@ const PREFETCH_SPHERES: usize = 128;
 /// inverse square of its displacement limit. Returns the largest used fraction of a limit, infinity for an invalid
 /// sphere; and `true` if an effective radius has changed or the frame no longer fits.
 pub(super) fn advance(
-    CallSpheres { test, given }: CallSpheres<'_>,
+    CallSpheres { test, input }: CallSpheres<'_>,
     then: &[SortRecord],
     rows: &mut [Xyzr],
     simd: Simd,
@@ -30,23 +30,23 @@ pub(super) fn advance(
     let all_bounds = Mutex::new(Bounds::EMPTY);
     executor.for_each_chunk(rows, CHUNK_SPHERES, |piece, rows| {
         let then = &then[piece * CHUNK_SPHERES..][..rows.len()];
-        let largest = simd.run(Advance { test, given, then, rows }, None);
+        let largest = simd.run(Advance { test, input, then, rows }, None);
         // The bits of non-negative numbers are ordered like the numbers.
         farthest.fetch_max(largest.fraction().to_bits(), Relaxed);
         changed.fetch_or(largest.differing[3] != 0, Relaxed);
-        if given.is_some() {
+        if input.is_some() {
             let mut all = all_bounds.lock().unwrap_or_else(PoisonError::into_inner);
             *all = all.merge(largest.bounds);
         }
     });
     let bounds = all_bounds.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let is_in_frame = given.is_none_or(|given| given.is_held(&bounds));
+    let is_in_frame = input.is_none_or(|input| input.is_held(&bounds));
     (f32::from_bits(farthest.into_inner()).sqrt(), changed.into_inner() || !is_in_frame)
 }
 
 struct Advance<'a> {
     test: &'a PairTest<'a>,
-    given: Option<GivenSpheres<'a>>,
+    input: Option<InputSpheres<'a>>,
     then: &'a [SortRecord],
     rows: &'a mut [Xyzr],
 }
@@ -57,8 +57,8 @@ impl<'a> SimdTask for Advance<'a> {
     #[inline(always)]
     fn run<V: SimdWidth>(self, vector: V) -> Largest {
         let largest = Largest::new(self.test);
-        match self.given {
-            Some(given) => given.run(vector, AdvanceGiven { rows: self.rows, then: self.then, largest }),
+        match self.input {
+            Some(input) => input.run(vector, AdvanceInput { rows: self.rows, then: self.then, largest }),
             None if self.test.space().is_periodic() => self.advance::<V, true>(vector, largest),
             None => self.advance::<V, false>(vector, largest),
         }
@@ -94,31 +94,31 @@ impl<V: SimdWidth, const PERIODIC: bool> EffectiveLoop for AdvanceEffective<'_, 
     }
 }
 
-struct AdvanceGiven<'a> {
+struct AdvanceInput<'a> {
     then: &'a [SortRecord],
     rows: &'a mut [Xyzr],
     largest: Largest,
 }
 
-impl GivenLoop for AdvanceGiven<'_> {
+impl InputLoop for AdvanceInput<'_> {
     type Result = Largest;
 
     #[inline(always)]
     fn run<V: SimdWidth, const PERIODIC: bool>(
         self,
         vector: V,
-        given: impl GivenRows,
+        input: impl InputRows,
         map: &FrameMap<'_>,
     ) -> Largest {
         let Self { then, rows, mut largest } = self;
         for (k, row) in rows.iter_mut().enumerate() {
-            given.prefetch(then.get(k + PREFETCH_SPHERES).unwrap_or(&then[k]).id as usize);
+            input.prefetch(then.get(k + PREFETCH_SPHERES).unwrap_or(&then[k]).id as usize);
             let id = then[k].id as usize;
-            let numbers = given.get(id);
+            let numbers = input.get(id);
             if !vector.is_in_frame(map, numbers) {
                 vector.add_to_bounds(&mut largest.bounds, numbers);
             }
-            let now = vector.map_to_frame::<PERIODIC>(map, given.effective(id, numbers));
+            let now = vector.map_to_frame::<PERIODIC>(map, input.effective(id, numbers));
             largest.add::<V, PERIODIC>(vector, row, &then[k], now);
         }
         largest.is_refused = !largest.bounds.are_valid();

@@ -100,7 +100,7 @@ impl CandidateList {
         {
             return Some(RebuildReason::InputChanged);
         }
-        let rows = match current.given {
+        let rows = match current.input {
             Some(_) => &mut self.rows[..],
             // An effective radius that depends on the species alone hides an invalid radius.
             None if spheres.species().is_some() && check_valid(&spheres.into(), executor).is_err() => {

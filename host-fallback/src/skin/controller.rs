@@ -16,7 +16,7 @@ pub(crate) struct SkinController {
 }
 
 impl SkinController {
-    /// `None` for a valid list.
+    /// Updates the displacements. Returns the reason for a rebuild, or `None` if the list is still valid.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,

@@ -62,7 +62,7 @@ impl Default for DisplacementStats {
 }
 
 impl DisplacementStats {
-    pub(crate) fn observe(&mut self, CallSpheres { test, given }: CallSpheres<'_>) -> Result<(), Error> {
+    pub(crate) fn observe(&mut self, CallSpheres { test, input }: CallSpheres<'_>) -> Result<(), Error> {
         let n = test.spheres().len();
         let size = (n / MIN_SPHERES_PER_SAMPLE).clamp(n.min(MIN_SPHERES_PER_SAMPLE), MAX_SAMPLE);
         let known = self.spheres == n && self.positions.len() == size;
@@ -74,7 +74,7 @@ impl DisplacementStats {
         let mut steps = [0.0_f32; SIZE_CLASSES];
         for (k, position) in self.positions.iter_mut().enumerate() {
             let id = k * n / size;
-            let [x, y, z, radius] = given.map_or_else(|| test.row(id as u32), |given| given.searched(id));
+            let [x, y, z, radius] = input.map_or_else(|| test.row(id as u32), |input| input.searched(id));
             let center = Vec3::new(x, y, z);
             let class = &mut steps[class_of(radius)];
             *class = class.max(nearest(center - *position, lengths).length());
@@ -129,7 +129,7 @@ mod tests {
         let mut steps = |x: f32| {
             let spheres = at(x);
             motion
-                .observe(CallSpheres { test: &PairTest::new((&spheres).into(), None), given: None })
+                .observe(CallSpheres { test: &PairTest::new((&spheres).into(), None), input: None })
                 .expect("there is memory");
             motion.steps().map(|(steps, _)| [steps[class_of(1.0)], steps[class_of(0.25)], steps[7]])
         };
@@ -144,7 +144,7 @@ mod tests {
         let mut seen = |x: f32| {
             let spheres = [Sphere::new([x, 0.0, 0.0], 1.0)];
             let test = PairTest::new((&spheres).into(), None);
-            motion.observe(CallSpheres { test: &test, given: None }).expect("there is memory");
+            motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
             motion.steps().map(|(steps, _)| steps[class_of(1.0)])
         };
         for (x, step) in [
@@ -168,7 +168,7 @@ mod tests {
         for x in [3.75, -3.75] {
             let spheres = [Sphere::new([x, 0.0, 0.0], 1.0)];
             let test = PairTest::new((&spheres).into(), None).in_space(space);
-            motion.observe(CallSpheres { test: &test, given: None }).expect("there is memory");
+            motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
         }
         assert_eq!(motion.steps().expect("two calls").0[class_of(1.0)], 0.5);
     }

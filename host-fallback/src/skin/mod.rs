@@ -11,7 +11,7 @@
 //! The GPU shares `displacement`, `cost_model` and `tuner`.
 
 use crate::compare::PairTest;
-use crate::input::GivenSpheres;
+use crate::input::InputSpheres;
 
 mod advance;
 mod candidate_list;
@@ -27,9 +27,9 @@ pub(crate) use controller::SkinController;
 pub use cost_model::SkinCosts;
 pub use tuner::SkinTuner;
 
-/// The spheres of a call; `given` ones are not mapped to their frame yet.
+/// The spheres of a call; those of `input` are not mapped to their frame yet.
 #[derive(Clone, Copy)]
 pub(crate) struct CallSpheres<'a> {
     pub(crate) test: &'a PairTest<'a>,
-    pub(crate) given: Option<GivenSpheres<'a>>,
+    pub(crate) input: Option<InputSpheres<'a>>,
 }

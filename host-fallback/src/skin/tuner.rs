@@ -43,7 +43,7 @@ impl SkinTuner {
         space: Space,
     ) -> Result<(), Error> {
         let test = PairTest::new(spheres, interactions).in_space(space);
-        self.observe(CallSpheres { test: &test, given: None })
+        self.observe(CallSpheres { test: &test, input: None })
     }
 
     pub(super) fn observe(&mut self, spheres: CallSpheres<'_>) -> Result<(), Error> {

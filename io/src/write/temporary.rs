@@ -73,7 +73,8 @@ impl Drop for Temporary {
     }
 }
 
-/// Removes all uncommitted files of this process. Later calls wait for the process's end. For signal handlers.
+/// Removes all uncommitted files of this process. Later uses of this module in the process block until it
+/// ends. For signal handlers.
 pub fn remove_temporaries() {
     let begun = begun();
     for file in &begun.files {

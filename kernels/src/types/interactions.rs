@@ -47,7 +47,7 @@ pub struct Interactions {
     species: u32,
     /// Clones share the table until one of them changes.
     table: Arc<Vec<Interaction>>,
-    is_narrow: bool,
+    fits_f32: bool,
     /// Computed once, since every call reads them; `None` if memory was refused.
     reaches: OnceLock<Option<Arc<Vec<SpeciesReach>>>>,
 }
@@ -61,7 +61,7 @@ struct SpeciesReach {
 
 impl PartialEq for Interactions {
     fn eq(&self, other: &Self) -> bool {
-        (self.species, self.is_narrow) == (other.species, other.is_narrow) && self.table == other.table
+        (self.species, self.fits_f32) == (other.species, other.fits_f32) && self.table == other.table
     }
 }
 
@@ -81,7 +81,7 @@ impl Interactions {
         check(0, 0, all)?;
         let mut table = reserved(species)?;
         table.resize(entries(species), all);
-        Ok(Self { species, table: Arc::new(table), is_narrow: is_narrow(all), reaches: OnceLock::new() })
+        Ok(Self { species, table: Arc::new(table), fits_f32: fits_f32(all), reaches: OnceLock::new() })
     }
 
     /// Sets the interaction of species `a` and `b`, in both orders.
@@ -99,7 +99,7 @@ impl Interactions {
         let n = self.species as usize;
         let table = own(&mut self.table, self.species)?;
         self.reaches = OnceLock::new();
-        self.is_narrow &= is_narrow(interaction);
+        self.fits_f32 &= fits_f32(interaction);
         table[a as usize * n + b as usize] = interaction;
         table[b as usize * n + a as usize] = interaction;
         Ok(())
@@ -128,13 +128,13 @@ impl Interactions {
         let mut table = reserved(self.species)?;
         table.extend(self.table.iter().map(contact));
         let reaches = OnceLock::new();
-        Ok(Self { species: self.species, table: Arc::new(table), is_narrow: true, reaches })
+        Ok(Self { species: self.species, table: Arc::new(table), fits_f32: true, reaches })
     }
 
     /// Returns `true` if `f32` holds all distances to half an ulp, so that `f32` spheres can be searched as given.
     #[inline]
-    pub fn is_narrow(&self) -> bool {
-        self.is_narrow
+    pub fn fits_f32(&self) -> bool {
+        self.fits_f32
     }
 
     /// Returns the number of species.
@@ -230,7 +230,7 @@ fn half_up(distance: f64) -> f32 {
     half.min(f32::MAX)
 }
 
-fn is_narrow(interaction: Interaction) -> bool {
+fn fits_f32(interaction: Interaction) -> bool {
     match interaction {
         Interaction::Within(distance) => {
             let rounded = distance as f32;

@@ -15,7 +15,7 @@ pub struct Lattice {
     inverse: [DVec3; 3],
     heights: [f64; 3],
     /// Multiple of each cell vector in each basis vector.
-    turns: [[f64; 3]; 3],
+    multiples: [[f64; 3]; 3],
 }
 
 /// A point, wrapped into the box of the basis vectors of a [`Lattice`].
@@ -38,22 +38,22 @@ impl Lattice {
         let lengths = space.lengths();
         let longest = lengths.into_iter().flatten().reduce(f64::max)?;
         let unit = power_of_two_below(longest.recip().min(f64::MAX));
-        let (mut basis, mut turns) = ([DVec3::ZERO; 3], [[0.0; 3]; 3]);
+        let (mut basis, mut multiples) = ([DVec3::ZERO; 3], [[0.0; 3]; 3]);
         let axes = (0..3).filter(|&axis| lengths[axis].is_some());
         let rest = (0..3).filter(|&axis| lengths[axis].is_none());
         for (k, axis) in axes.chain(rest).enumerate() {
             basis[k] = DVec3::AXES[axis] * lengths[axis].map_or(1.0, |length| length * unit);
-            turns[k][axis] = f64::from(u8::from(lengths[axis].is_some()));
+            multiples[k][axis] = f64::from(u8::from(lengths[axis].is_some()));
         }
         // Products of extreme lengths would overflow or underflow.
         let heights = basis.map(|vector| vector.max_element());
         let inverse = [0, 1, 2].map(|k| basis[k] / heights[k] / heights[k]);
-        Some(Self { rank: lengths.iter().flatten().count(), unit, basis, inverse, heights, turns })
+        Some(Self { rank: lengths.iter().flatten().count(), unit, basis, inverse, heights, multiples })
     }
 
-    pub(crate) fn from_parts(rank: usize, unit: f64, basis: [DVec3; 3], turns: [[f64; 3]; 3]) -> Self {
+    pub(crate) fn from_parts(rank: usize, unit: f64, basis: [DVec3; 3], multiples: [[f64; 3]; 3]) -> Self {
         let inverse = inverse(&basis);
-        Self { rank, unit, basis, inverse, heights: heights(&inverse), turns }
+        Self { rank, unit, basis, inverse, heights: heights(&inverse), multiples }
     }
 
     /// Returns the number of periodic vectors.
@@ -98,7 +98,7 @@ impl Lattice {
 
     /// Returns the multiples of the cell vectors in these multiples of the basis vectors.
     pub fn shift(&self, counts: [f64; 3]) -> [f64; 3] {
-        [0, 1, 2].map(|edge| (0..3).map(|k| counts[k] * self.turns[k][edge]).sum())
+        [0, 1, 2].map(|edge| (0..3).map(|k| counts[k] * self.multiples[k][edge]).sum())
     }
 
     /// Returns an upper bound of the rounding error of vectors between images, in the unit of the lattice, for up to
@@ -107,7 +107,7 @@ impl Lattice {
     pub fn rounding(&self, extent: f64, counts: [f64; 3]) -> f64 {
         const PART: f64 = 1.0 / (1_u64 << 47) as f64;
         // No cell vector is longer than 2 in the unit of the lattice.
-        let edges = |k: usize| 2.0 * self.turns[k].iter().map(|turns| turns.abs()).sum::<f64>();
+        let edges = |k: usize| 2.0 * self.multiples[k].iter().map(|multiples| multiples.abs()).sum::<f64>();
         PART * (extent + (0..self.rank).map(|k| (counts[k] + 1.0) * edges(k)).sum::<f64>())
     }
 }

@@ -72,23 +72,23 @@ impl Space {
         self.lengths
     }
 
-    /// Returns the lengths rounded to `f32`; exact if the space [is narrow](Self::is_narrow).
+    /// Returns the lengths rounded to `f32`; exact if the space [fits `f32`](Self::fits_f32).
     pub fn lengths_f32(&self) -> [Option<f32>; 3] {
         self.lengths.map(|length| length.map(|length| length as f32))
     }
 
-    /// The unit is `1 / scale` of this one's.
+    /// Returns the same space in a unit of length that is `1 / scale` times the present one.
     pub(crate) fn scaled(&self, scale: f64) -> Self {
         let lengths = self.lengths.map(|length| length.map(|length| length * scale));
         Self { lengths, triclinic: self.triclinic.map(|cell| cell.scaled(scale)) }
     }
 
     /// Returns `true` if all lengths are `f32` numbers. Otherwise, `f32` spheres cannot be searched without conversion.
-    pub fn is_narrow(&self) -> bool {
+    pub fn fits_f32(&self) -> bool {
         match &self.triclinic {
             None => self.lengths.iter().flatten().all(|&length| f64::from(length as f32) == length),
             // The exact test is in `f64` for any cell vectors.
-            Some(cell) => cell.is_narrow(),
+            Some(cell) => cell.fits_f32(),
         }
     }
 
@@ -139,7 +139,7 @@ impl Space {
     /// differences of coordinates are wrapped in `f64`, which is as exact as the coordinates for points up to 2²⁰ boxes
     /// away.
     pub fn distance_squared(&self, a: Vec3, b: Vec3) -> f64 {
-        if self.triclinic.is_some() || !self.is_narrow() {
+        if self.triclinic.is_some() || !self.fits_f32() {
             let [x, y, z] = self.minimum_image(a.as_dvec3().to_array(), b.as_dvec3().to_array()).vector;
             return x * x + y * y + z * z;
         }

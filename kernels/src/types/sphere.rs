@@ -204,7 +204,7 @@ impl<'a> Spheres<'a> {
     }
 
     /// Returns `true` for rows or columns of `f32`, which searches read in place.
-    pub fn is_narrow(&self) -> bool {
+    pub fn is_read_in_place(&self) -> bool {
         matches!(self.layout, Layout::Rows(_) | Layout::Columns(_))
     }
 

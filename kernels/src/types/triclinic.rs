@@ -17,7 +17,8 @@ const LLL_DELTA: f64 = 0.99;
 /// Growth of an orthogonalized sphere, as a fraction of its coordinates: four times the rounding to `f32`, on three
 /// axes.
 const ROUNDING: f64 = 1.0 / (1 << 21) as f64;
-/// Inverse of the number of lengths at which the rounding of `f64` reaches that of `f32`.
+/// Part of a sphere's distance from the origin that counts in the length scale of its rounding: [`ROUNDING`] times it,
+/// 2⁻⁴¹ of the distance, exceeds the rounding of coordinates in `f64`.
 const FAR: f64 = 1.0 / (1 << 20) as f64;
 /// Growth of orthogonalized radii: above the error of a GPU, 5 ulp of the squared cutoff.
 const REACH_MARGIN: f64 = 1.0 + 1.0 / (1 << 20) as f64;
@@ -33,14 +34,15 @@ pub struct TriclinicCell {
     unit: f64,
     /// Reduced vectors, followed by unit vectors that are orthogonal to all before.
     basis: [DVec3; 3],
-    turns: [[f64; 3]; 3],
+    /// Multiple of each cell vector in each basis vector.
+    multiples: [[f64; 3]; 3],
     /// Part of each basis vector that is orthogonal to its predecessors, divided by its squared length.
     steps: [DVec3; 3],
     /// Rows of the inverse of the basis: they give the fractions of a vector.
     inverse: [DVec3; 3],
     /// `true` if orthogonalized coordinates at [`Orthogonalization::SCALE`] suit `f32` spheres. Stored, because every
     /// call reads it.
-    is_narrow: bool,
+    fits_f32: bool,
 }
 
 impl TriclinicCell {
@@ -51,12 +53,12 @@ impl TriclinicCell {
             return Err(refused());
         }
         let unit = power_of_two_below(largest.recip().min(f64::MAX));
-        let (mut basis, mut turns) = ([DVec3::ZERO; 3], [[0.0; 3]; 3]);
+        let (mut basis, mut multiples) = ([DVec3::ZERO; 3], [[0.0; 3]; 3]);
         let mut rank = 0;
         for (k, edge) in vectors.iter().enumerate() {
             let Some(edge) = edge else { continue };
             basis[rank] = DVec3::from(*edge) * unit;
-            turns[rank][k] = 1.0;
+            multiples[rank][k] = 1.0;
             rank += 1;
         }
         let longest = basis.iter().fold(0.0, |longest, edge| edge.length().max(longest));
@@ -64,13 +66,13 @@ impl TriclinicCell {
         if !(longest.is_finite() && heights[..rank].iter().all(|&height| height >= MIN_THICKNESS * longest)) {
             return Err(refused());
         }
-        reduce(&mut basis[..rank], &mut turns);
+        reduce(&mut basis[..rank], &mut multiples);
         let basis = completed(basis, rank);
         let orthogonal = [0, 1, 2].map(|k| orthogonal_part(&basis, k));
         let steps = orthogonal.map(|part| part / part.length_squared());
         let inverse = inverse(&basis);
-        let mut cell = Self { vectors, rank, unit, basis, turns, steps, inverse, is_narrow: false };
-        cell.is_narrow = cell.orthogonal_space(Orthogonalization::SCALE).is_normal();
+        let mut cell = Self { vectors, rank, unit, basis, multiples, steps, inverse, fits_f32: false };
+        cell.fits_f32 = cell.orthogonal_space(Orthogonalization::SCALE).is_normal();
         Ok(cell)
     }
 
@@ -92,23 +94,23 @@ impl TriclinicCell {
         Orthogonalization { rank: self.rank, unit: self.unit, inverse: self.inverse, lengths, stretch }
     }
 
-    /// The unit is `1 / scale` of this one's.
+    /// Returns the same cell in a unit of length that is `1 / scale` times the present one.
     pub(crate) fn scaled(self, scale: f64) -> Self {
         let vectors = self.vectors.map(|edge| edge.map(|edge| edge.map(|number| number * scale)));
         Self { vectors, unit: self.unit / scale, ..self }
     }
 
-    pub(crate) fn is_narrow(&self) -> bool {
-        self.is_narrow
+    pub(crate) fn fits_f32(&self) -> bool {
+        self.fits_f32
     }
 
     pub(crate) fn lattice(&self) -> Lattice {
         let mut basis = self.basis;
-        for (vector, turns) in basis.iter_mut().zip(&self.turns).take(self.rank) {
+        for (vector, multiples) in basis.iter_mut().zip(&self.multiples).take(self.rank) {
             // Without the rounding of the reduction.
-            *vector = DVec3::from(shifted([0.0; 3], *turns, &self.vectors)) * self.unit;
+            *vector = DVec3::from(shifted([0.0; 3], *multiples, &self.vectors)) * self.unit;
         }
-        Lattice::from_parts(self.rank, self.unit, basis, self.turns)
+        Lattice::from_parts(self.rank, self.unit, basis, self.multiples)
     }
 
     /// Returns the length of the longest cell vector.
@@ -129,10 +131,11 @@ impl TriclinicCell {
     /// Returns the multiples of the cell vectors that, added to a vector, give its minimum image, and that image.
     ///
     /// # Correctness
-    /// 1. A vector with at most half of each basis vector is at most `ρ = ½√(r₁² + r₂² + r₃²)` from one that stands for
-    ///    the minimum image. `rₖ` is the part of the `k`-th basis vector orthogonal to its predecessors.
+    /// 1. Let `rₖ` be the length of the part of the `k`-th basis vector that is orthogonal to its predecessors. The
+    ///    minimum image is at most `ρ = ½√(r₁² + r₂² + r₃²)` long, since some image has at most `½rₖ` along each part.
     /// 2. In a reduced basis `rₖ² ≥ 0.74 rₖ₋₁²`, hence `ρ < 1.1 r₃`.
-    /// 3. Hence only −1, 0 and 1 times the third vector can lead there from at most half of it.
+    /// 3. The wrapped vector has at most half of each basis vector. Hence only −1, 0 and 1 times the third vector can
+    ///    lead from it to the minimum image.
     /// 4. The same holds for the second vector in each of these three planes. Along the first one, rounding finds the
     ///    image.
     pub(crate) fn minimum_image(&self, vector: [f64; 3]) -> ([f64; 3], [f64; 3]) {
@@ -180,8 +183,8 @@ impl TriclinicCell {
     /// and `vector + (S₁e₁ + S₂e₂ + S₃e₃)`.
     fn image(&self, vector: [f64; 3], counts: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let mut shift = [0.0; 3];
-        for (count, turns) in counts.iter().zip(&self.turns) {
-            (0..3).for_each(|edge| shift[edge] += count * turns[edge]);
+        for (count, multiples) in counts.iter().zip(&self.multiples) {
+            (0..3).for_each(|edge| shift[edge] += count * multiples[edge]);
         }
         (shift, shifted(vector, shift, &self.vectors))
     }
@@ -294,8 +297,9 @@ fn orthogonal_part(basis: &[DVec3], k: usize) -> DVec3 {
     rest
 }
 
-/// Reduces the basis without changing the images. `turns` has the multiple of each cell vector in each basis vector.
-fn reduce(basis: &mut [DVec3], turns: &mut [[f64; 3]; 3]) {
+/// Reduces the basis without changing the images. `multiples` has the multiple of each cell vector in each basis
+/// vector.
+fn reduce(basis: &mut [DVec3], multiples: &mut [[f64; 3]; 3]) {
     let mut k = 1;
     for _ in 0..MAX_REDUCTION_STEPS {
         if k >= basis.len() {
@@ -305,8 +309,8 @@ fn reduce(basis: &mut [DVec3], turns: &mut [[f64; 3]; 3]) {
             let orthogonal = orthogonal_part(basis, before);
             let count = (basis[k].dot(orthogonal) / orthogonal.length_squared()).round();
             basis[k] -= basis[before] * count;
-            let taken = turns[before];
-            (0..3).for_each(|edge| turns[k][edge] -= count * taken[edge]);
+            let taken = multiples[before];
+            (0..3).for_each(|edge| multiples[k][edge] -= count * taken[edge]);
         }
         let before = orthogonal_part(basis, k - 1);
         let along = basis[k].dot(before) / before.length_squared();
@@ -315,7 +319,7 @@ fn reduce(basis: &mut [DVec3], turns: &mut [[f64; 3]; 3]) {
             k += 1;
         } else {
             basis.swap(k, k - 1);
-            turns.swap(k, k - 1);
+            multiples.swap(k, k - 1);
             k = (k - 1).max(1);
         }
     }

@@ -94,7 +94,7 @@ impl Response {
             .for_each(|(part, (inside, released))| part.add(*inside as f64 / *released as f64));
     }
 
-    /// Adds a replica of `steps` steps. A release counts in bins that end before the run.
+    /// Adds a replica of `steps` steps. A release counts in bins that end no later than the run.
     pub fn add(&mut self, log: &Log, steps: u32) {
         let Self { link, from, width, .. } = *self;
         let bins = self.parts.len();

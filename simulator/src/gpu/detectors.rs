@@ -23,7 +23,7 @@ pub(super) struct Found {
 
 impl Detectors {
     pub(super) fn new(own: &GpuDevice, model: &Model, sizes: Sizes) -> Result<Self, Error> {
-        // A software driver has few threads, so a candidate list pays off for fewer particles.
+        // A software driver has few threads, so the cell list beats all pairs at fewer particles.
         let crossover = Crossover::assumed(own.adapter.is_hardware);
         let config = GpuConfig::default()
             .crossover(crossover)

@@ -49,10 +49,10 @@ impl StepDrift {
             _ => [0.0; 3],
         };
         let drift = std::array::from_fn(|k| ((kind.drift[k] + plug[k]) * time.duration) as f32);
-        // Particles that collide move along lines that walls mirror. Another end of the paths of the others would
-        // overlap at the walls.
+        // Particles that collide move along lines that walls mirror. If other particles ended elsewhere than on a
+        // mirrored line, they would overlap the colliding ones at the walls.
         let is_exact = kind.diffusion > 0.0 && !kind.has_velocity() && !model.contact.collides();
-        // Particles that the wall does not absorb never touched it.
+        // A wall that absorbs this species needs no reflection: particles that survive never touched it.
         let reflects = |k| {
             matches!(model.boundary.axes[k], Axis::Reflecting { .. })
                 && !model.receivers.iter().any(|receiver| receiver.is_across(k) && receiver.sees[species])
@@ -107,8 +107,8 @@ impl FlowStep {
         Some(Self { vessel: model.boundary.vessel?, fastest })
     }
 
-    /// Returns a step between `ends`, the second without wall and flow. Walls reverse the velocity; `reflect_at_end`
-    /// reflects the coordinate along a cylinder if the particle drifts.
+    /// Returns the path of a step. `ends` are its start and the end that it would have without wall and flow. Walls
+    /// reverse the velocity; `reflect_at_end` reflects the coordinate along a cylinder if the particle drifts.
     pub(crate) fn carry(
         &self,
         domain: &Boundary,

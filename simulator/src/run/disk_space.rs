@@ -54,7 +54,7 @@ impl Run {
 
     pub(crate) fn stopped_early(&self, steps: u32) -> Error {
         self.no_room(format!(
-            "it stopped after {steps} steps with a checkpoint, before the disk is full; make room and go on with --resume \
+            "it stopped after {steps} steps with a checkpoint, before the disk is full; make room and continue with --resume \
              (--no-space-check continues until the disk is full)"
         ))
     }

@@ -38,7 +38,8 @@ pub(super) fn species(rows: &[&Row]) -> Section {
     let text = "Spheres of equal size. `rare-partner`: a burst of one species, with one sphere in a thousand of its only \
                 partner; `enzymes`: one among 25 substrate molecules each, all within a few diameters; `target`: one in a \
                 crowd of its only partner; `ring`: four species that each pair with two others, 5 % filling; `all-pair`: \
-                the same, all of which pair.";
+                the same, all of which pair; `disjoint-pairs`: three disjoint pairs of species, 5 % filling; \
+                `disjoint-pairs-crowd`: the same pairs, all within a few diameters.";
     Section {
         title: "Species that rarely pair".to_owned(),
         text: vec![text.to_owned()],
@@ -51,7 +52,7 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
     match figure {
         Figure::F3b => (
             "Figure 3b: five sizes",
-            "Radii 1, ½ … 1⁄16, equally frequent, centres uniform in a ball of which the spheres fill 5 %. Each run has \
+            "Radii 1, ½ … 1⁄16, equally frequent, centers uniform in a ball of which the spheres fill 5 %. Each run has \
              another sample.",
         ),
         Figure::Point => (
@@ -60,7 +61,7 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
         ),
         _ => (
             "Figure 3a: equal sizes",
-            "Radius 1, centres uniform in a ball of which the spheres fill 5 %. Each run has another sample; all \
+            "Radius 1, centers uniform in a ball of which the spheres fill 5 %. Each run has another sample; all \
              threads of the machine.",
         ),
     }

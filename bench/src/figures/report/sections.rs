@@ -64,11 +64,11 @@ fn environment(results: &Results) -> Section {
         "Every answer was compared with the reference, by number of pairs and a checksum of the set, before its time \
          counted: naive with species and up to 20 000 spheres, above that the plain cell list, which shares no code with the detectors. \
          Engines take turns on the same spheres, a warm-up is dropped, and times run until the pairs are in host \
-         memory, in any order. All engines give exact pairs; only pairs within 4 ulp of tangency may fall either way on \
-         a GPU, as the contract says, and where one did it is said."
+         memory, in any order. All engines give exact pairs, with one exception in the contract: on a GPU, pairs within 4 ulp of \
+         tangency may be found or missed. A note lists each such difference."
             .to_owned(),
-        "200 runs, 100 steps in figure 4 and 10 steps per moment in figure 5 are the most, with `--quick` 20 and 5; an engine \
-         that takes long has fewer, and how many it has is in brackets. Plots are in `report.html` and, as SVG, in `plots/` of the folder \
+        "An engine has at most 200 runs (figure 4: 100 steps; figure 5: 10 steps per time; `--quick`: 20 and 5). Slow \
+         engines have fewer; the number is in brackets. Plots are in `report.html` and, as SVG, in `plots/` of the folder \
          that the command leaves."
             .to_owned(),
     ];
@@ -124,8 +124,8 @@ fn roundings<'a>(rows: &'a [&Row]) -> impl Iterator<Item = Note> + 'a {
         engines(rows).into_iter().filter_map(move |engine| Some((engine, most(engine).filter(|&n| n > 0)?)));
     counts.map(|(engine, tangent)| Note {
         text: format!(
-            "{engine}: up to {tangent} of a run's pairs are within 4 ulp of tangency and fell otherwise than in the \
-             reference"
+            "{engine}: up to {tangent} of a run's pairs are within 4 ulp of tangency and were decided differently from \
+             the reference"
         ),
         is_error: false,
     })

@@ -9,7 +9,8 @@ use lazygrid_report::number::count;
 use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Cell, Note, Plot, Quantity, Scale, Section, Table};
 
-const GAIN: f64 = 1.05;
+/// Smallest speedup of more threads that counts as scaling.
+const MIN_SPEEDUP: f64 = 1.05;
 
 pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let varied = figure.varied().unwrap_or_default();
@@ -35,8 +36,8 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
              sphere moves by a tenth of its radius, all threads.",
         ),
         Figure::Ratio => (
-            "Raster ratio of the paper's grids",
-            "Cell edge over largest diameter. Time of a step, all threads.",
+            "Cell ratio of the paper's grids",
+            "Cell size over largest diameter. Time of a step, all threads.",
         ),
         _ => (
             "Strong scaling over threads",
@@ -110,7 +111,7 @@ fn scaling(what: &str, rows: &[&Row]) -> Vec<Note> {
 /// `times` are threads and seconds, by threads.
 fn limit(times: &[(f64, f64)]) -> String {
     let best_after = |k: usize| times[k + 1..].iter().map(|t| t.1).fold(f64::INFINITY, f64::min);
-    let stop = (0..times.len()).find(|&k| times[k].1 < GAIN * best_after(k)).unwrap_or(0);
+    let stop = (0..times.len()).find(|&k| times[k].1 < MIN_SPEEDUP * best_after(k)).unwrap_or(0);
     match times[stop].0 {
         _ if stop + 1 == times.len() => "it scales up to there".to_owned(),
         1.0 => "more than one thread gains less than 5 %".to_owned(),

@@ -38,7 +38,7 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
     match figure {
         Figure::SizeRatio => (
             "Growth with the ratio of sizes",
-            "Ten transceivers among carriers, centres uniform in a ball of which all fill 5 %: from as large as carriers \
+            "Ten transceivers among carriers, centers uniform in a ball of which all fill 5 %: from as large as carriers \
              to many times as large, of one number of spheres. The paper's bound is a time in proportion to \
              n·(log₂ ratio + 1), which is k = 1 where time grows as (log₂ ratio + 1)ᵏ; k is fitted to the medians. Where \
              transceivers fill most of the 5 %, the ball grows with them, cells hold no more carriers than before, and \
@@ -46,7 +46,7 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
         ),
         _ => (
             "Transceivers among carriers",
-            "Transceivers, by their number, among carriers, 10, 100 or 1000 times as large, centres uniform in a ball of which all \
+            "Transceivers, by their number, among carriers, 10, 100 or 1000 times as large, centers uniform in a ball of which all \
              fill 5 %, so that a carrier lies in one with a chance of 5 % at the most. The fewer they are, the more \
              carriers are in one of the cells that they ask for, and those the recursive grid splits. Where no cell \
              holds more than τ, it does what the array grid does; where they hold hardly more, splitting them costs more \

@@ -121,7 +121,7 @@ fn printed_command_resumes_the_run_with_its_options() {
     let message = String::from_utf8(ended.stderr).unwrap();
     let steps: u32 = message.split_whitespace().nth(3).unwrap().parse().unwrap();
     let steps = (steps + 5).to_string();
-    let (_, command) = message.split_once("go on with: ").unwrap();
+    let (_, command) = message.split_once("resume with: ").unwrap();
     assert!(command.contains("--steps 100000000 "), "{command}");
     let resumed = typed(&command.replace("--steps 100000000", &format!("--steps {steps}")));
     assert!(resumed.status.success(), "{command}: {}", String::from_utf8_lossy(&resumed.stderr));
@@ -138,7 +138,7 @@ fn printed_command_resumes_replicas_and_sweeps_with_their_options() {
         let rare = ["--series-every", "1000000", "--frames-every", "100000000", "--no-space-check"];
         let ended = begun(&[&args[..], &rare, more].concat(), &out).end("-INT");
         let message = String::from_utf8(ended.stderr).unwrap();
-        let (_, command) = message.split_once("go on with: ").unwrap();
+        let (_, command) = message.split_once("resume with: ").unwrap();
         let given = ["--seed 7 ", "--steps 100000000 ", "--series-every 1000000 ", "my out' "];
         assert!(given.iter().all(|option| command.contains(option)), "{command}");
         assert!(command.contains(&more.join(" ")), "{command}");

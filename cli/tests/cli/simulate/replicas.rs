@@ -134,7 +134,7 @@ fn interrupted_replicas_leave_the_finished_ones() {
     let message = String::from_utf8(ended.stderr).unwrap();
     assert_eq!(ended.status.code(), Some(130), "{message}");
     assert!(
-        message.contains("of 32 replicas done; go on with: ") && message.contains("--replicas 32 --resume"),
+        message.contains("of 32 replicas done; resume with: ") && message.contains("--replicas 32 --resume"),
         "{message}"
     );
     let done: u64 = message.split_whitespace().nth(3).unwrap().parse().unwrap();

@@ -207,7 +207,7 @@ fn interrupted_sweep_goes_on() {
     let message = String::from_utf8(ended.stderr).unwrap();
     assert_eq!(ended.status.code(), Some(130), "{message}");
     let says =
-        ["of 32 runs done; go on with: ", &format!("--sweep {sweep} "), "--replicas 4 ", " --resume\n"];
+        ["of 32 runs done; resume with: ", &format!("--sweep {sweep} "), "--replicas 4 ", " --resume\n"];
     assert!(says.iter().all(|part| message.contains(part)), "{message}");
     lazygrid(args(&out).into_iter().chain(["--resume"])).succeeds();
     lazygrid(args(&whole)).succeeds();

@@ -33,7 +33,7 @@ pub(crate) fn simulate(world: &SimpleCommunicator, args: &Simulate) -> Result<()
     match done.end {
         RunEnd::Finished => Ok(()),
         RunEnd::Stopped => {
-            Err(refused(world, format!("stopped after {} steps; go on with --resume", done.steps)))
+            Err(refused(world, format!("stopped after {} steps; continue with --resume", done.steps)))
         }
     }
 }

@@ -94,7 +94,7 @@ pub(crate) fn one_point(world: &SimpleCommunicator) {
     assert!(report.owned.imbalance() <= 1.05, "{}", report.owned.imbalance());
     assert_eq!(distributed.count(local(&particles)), Ok(n * (n - 1) / 2));
     let report = distributed.report();
-    // One of two ranks half of all apart reports all common pairs.
+    // For an even number P of ranks, ranks k and k + P/2 share pairs, and only one of the two reports them.
     let most = 1.03 + if ranks % 2 == 0 { 1.0 / f64::from(ranks) } else { 0.0 };
     assert!(report.pairs.imbalance() <= most, "{:?}", report.pairs);
     assert_eq!(report.elsewhere, 0);

@@ -26,8 +26,8 @@ pub fn becomes_ghost(sphere: RankAndClass, other: RankAndClass, ranks: u32) -> b
 
 /// Returns `true` if ghosts of one class go from rank `from` to `to`, and not back.
 ///
-/// A rank sends to the half of the ranks that follows it, so all send to equally many. Two ranks exactly half of all
-/// apart alternate.
+/// Each of P ranks sends ghosts to the next (P − 1)/2 ranks, rounded down, cyclically. For an even P, the direction
+/// between ranks k and k + P/2 alternates with k.
 #[inline]
 pub fn sends_ghosts(from: u32, to: u32, ranks: u32) -> bool {
     let (from, to, ranks) = (u64::from(from), u64::from(to), u64::from(ranks.max(1)));

@@ -49,10 +49,11 @@ impl<'a> BufferRange<'a> {
     }
 
     fn check(&self, what: &'static str, needed: u64, alignment: u32) -> Result<(), Error> {
-        let storage = self.buffer.usage().contains(wgpu::BufferUsages::STORAGE);
-        if self.size < needed || !storage {
-            let usage = if storage { "" } else { ", with STORAGE usage" };
-            return Err(Error::Buffer { what, size: self.size, needed, usage });
+        if self.size < needed {
+            return Err(Error::BufferSize { what, size: self.size, needed });
+        }
+        if !self.buffer.usage().contains(wgpu::BufferUsages::STORAGE) {
+            return Err(Error::BufferUsage { what, usage: "STORAGE" });
         }
         if !self.offset.is_multiple_of(alignment.into()) {
             let range = "choose a multiple of the device's `min_storage_buffer_offset_alignment`";

@@ -247,7 +247,8 @@ impl GpuDetector {
     /// returns the previous buffers.
     ///
     /// # Errors
-    /// [`Error::Buffer`] and [`Error::SpeciesBuffer`] for the input; otherwise as [`reserve`](Self::reserve).
+    /// [`Error::BufferSize`], [`Error::BufferUsage`] and [`Error::SpeciesBuffer`] for the input; otherwise as
+    /// [`reserve`](Self::reserve).
     pub fn encode(
         &mut self,
         encoder: &mut wgpu::CommandEncoder,

@@ -36,14 +36,14 @@ pub struct CellOrder {
 /// Reads an outcome from a copy of its buffer.
 ///
 /// # Errors
-/// [`Error::Buffer`] for too few bytes.
+/// [`Error::BufferSize`] for too few bytes.
 pub fn read_outcome(bytes: &[u8]) -> Result<Outcome, Error> {
     let needed = size_of::<Outcome>();
     match bytes.get(..needed) {
         Some(bytes) => Ok(bytemuck::pod_read_unaligned(bytes)),
         None => {
             let (size, needed) = (bytes.len() as u64, needed as u64);
-            Err(Error::Buffer { what: "outcome", size, needed, usage: "" })
+            Err(Error::BufferSize { what: "outcome", size, needed })
         }
     }
 }

@@ -41,7 +41,7 @@ impl RadixSort {
     /// Binds a sort of the first `count` keys by their lowest `bits` bits, at least one. The sort overwrites the input.
     ///
     /// # Errors
-    /// [`Error::Buffer`] if `input` has less than `count` words; fails if the device refuses a buffer or a binding.
+    /// [`Error::BufferSize`] if `input` has less than `count` words; fails if the device refuses a buffer or a binding.
     pub fn bind(&self, input: &KeyValueBuffers, count: u32, bits: u32) -> Result<BoundSort, Error> {
         check_words("keys", &input.keys, count)?;
         check_words("payload", &input.payload, count)?;
@@ -91,7 +91,7 @@ impl BoundSort {
 
 fn check_words(what: &'static str, buffer: &wgpu::Buffer, count: u32) -> Result<(), Error> {
     let (size, needed) = (buffer.size(), 4 * u64::from(count));
-    if size < needed { Err(Error::Buffer { what, size, needed, usage: "" }) } else { Ok(()) }
+    if size < needed { Err(Error::BufferSize { what, size, needed }) } else { Ok(()) }
 }
 
 fn pass_buffers(device: &wgpu::Device, digits: &[RadixPass]) -> Result<Vec<wgpu::Buffer>, Error> {
@@ -121,7 +121,8 @@ impl PrefixScan {
     /// Binds a scan of the first `count` values; `values` needs `STORAGE` usage.
     ///
     /// # Errors
-    /// [`Error::Buffer`] if `values` has less than `count` words; fails if the device refuses a buffer or a binding.
+    /// [`Error::BufferSize`] if `values` has less than `count` words; fails if the device refuses a buffer or a
+    /// binding.
     pub fn bind(&self, values: &wgpu::Buffer, count: u32) -> Result<BoundScan, Error> {
         check_words("values", values, count)?;
         let sums = u64::from(count.div_ceil(SCAN_TILE)).max(2) * 8;

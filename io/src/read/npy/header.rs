@@ -6,7 +6,7 @@ use super::fields::Fields;
 use super::{MAGIC, Source, syntax, truncated};
 use crate::error::{Error, Position, excerpt};
 
-/// Longer one describes no plain table.
+/// Maximum header length in bytes; a longer header cannot describe a plain table.
 const LONGEST_HEADER: usize = 1 << 16;
 
 pub(super) struct Header {

@@ -1,4 +1,5 @@
-// Begins a window: its end and the allowance of its lists, as in collisions/mod.rs. No particles if the step is over.
+// Computes the end of a window and the displacement limit of its neighbor lists, as in collisions/mod.rs. Sets `count` to 0
+// if the step is over or no particle moves.
 #include control
 #include params
 #include boundary

@@ -179,7 +179,7 @@ fn membrane(one: &file::Membrane, names: &Names<'_>) -> Result<Membrane, Problem
             MembraneSurface::Plane { axis, position }
         }
         (None, None, Some(center), Some(radius)) => {
-            let (center, radius) = (schedule::place(*center.get_ref()), radius.get_ref().0 as f32);
+            let (center, radius) = (schedule::to_f32(*center.get_ref()), radius.get_ref().0 as f32);
             MembraneSurface::Sphere { center, radius }
         }
         _ => {

@@ -4,7 +4,7 @@ use lazygrid_scenario::{self as file, Finite};
 use toml::Spanned;
 
 use super::Names;
-use super::schedule::place;
+use super::schedule::to_f32;
 use super::transmitters::check_place;
 use crate::memory::check_available;
 use crate::model::Model;
@@ -88,7 +88,7 @@ fn check_memory(many: &[file::Receiver], species: usize) -> Result<(), Problem> 
 pub(super) fn body(transmitter: &file::Transmitter, species: usize) -> Option<Receiver> {
     let body = Receiver {
         name: transmitter.name.get_ref().0.clone(),
-        center: transmitter.center.as_ref().map_or([0.0; 3], |center| place(*center.get_ref())),
+        center: transmitter.center.as_ref().map_or([0.0; 3], |center| to_f32(*center.get_ref())),
         radius: transmitter.body_radius.map_or(0.0, |radius| radius.0 as f32),
         kind: ReceiverKind::Reflecting,
         sees: vec![transmitter.body_radius.is_some(); species],
@@ -142,7 +142,9 @@ fn extent(one: &file::Receiver) -> Result<([f32; 3], f32), Problem> {
     let center = one.center.as_ref();
     let moves = one.velocity.iter().any(|v| v.0 != 0.0) || one.diffusion.0 > 0.0 || one.lattice.is_some();
     match (center, &one.radius) {
-        (Some(center), Some(radius)) if !is_wall => Ok((place(*center.get_ref()), radius.get_ref().0 as f32)),
+        (Some(center), Some(radius)) if !is_wall => {
+            Ok((to_f32(*center.get_ref()), radius.get_ref().0 as f32))
+        }
         (None, None) if is_wall && !moves => Ok(([0.0; 3], 0.0)),
         _ if is_wall => {
             let message = "a wall has a face, and neither center, radius, lattice nor motion; take them away"

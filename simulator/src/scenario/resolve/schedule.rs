@@ -26,7 +26,7 @@ pub(super) fn schedule(
         let species = names.get(&one.species)?;
         if is_message && counts.iter().any(|&(other, _)| other == species) {
             let message = format!(
-                "'{}' is in the release of a symbol twice, which arrivals do not tell apart; take one away",
+                "species '{}' occurs twice in `release`, so arrivals cannot distinguish the entries; remove one",
                 one.species.get_ref()
             );
             return Err(Problem::at(one.species.span(), message));
@@ -117,12 +117,8 @@ fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, P
     let alphabet = modulation.alphabet(entries);
     if !alphabet.is_power_of_two() || alphabet < 2 {
         let message = format!(
-            "there are {alphabet} symbols ({}), and bits make 2, 4, 8 and so on",
-            if modulation == Modulation::Molecule {
-                "an entry of release each"
-            } else {
-                "one of levels each"
-            }
+            "the number of symbols is {alphabet} ({}), but must be a power of two of at least 2",
+            if modulation == Modulation::Molecule { "one per entry of release" } else { "one per level" }
         );
         return Err(Problem::at(span, message));
     }
@@ -133,30 +129,26 @@ fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, P
             format!("{bits} bits are more than the limit of {MAX_BITS}; send fewer"),
         )),
         0 => Ok(bits as u32 / width),
-        _ => Err(Problem::at(span.clone(), format!("{bits} bits are no whole number of symbols of {width}"))),
+        _ => Err(Problem::at(
+            span.clone(),
+            format!("{bits} bits are not a multiple of {width} bits per symbol"),
+        )),
     };
     let symbols = match (&transmitter.bits, &transmitter.random_bits) {
         (Some(bits), None) => {
             let text = bits.get_ref();
-            // A bit takes a character or more, so this refuses no valid message.
-            if text.len() > 2 * MAX_BITS {
-                whole(text.len())?;
-            }
-            let bit = |c: char| c.to_digit(2);
-            let Some(bits) =
-                text.chars().filter(|c| !" _".contains(*c)).map(bit).collect::<Option<Vec<u32>>>()
-            else {
+            if text.bytes().any(|byte| !b"01 _".contains(&byte)) {
                 return Err(Problem::at(
                     span,
-                    format!("'{}' is not of 0 and 1, with spaces or '_' between", excerpt(text.as_bytes())),
+                    format!("'{}' may contain only 0, 1, spaces and '_'", excerpt(text.as_bytes())),
                 ));
-            };
-            whole(bits.len())?;
-            Symbols::Given(
-                bits.chunks(width as usize)
-                    .map(|bits| bits.iter().fold(0, |all, bit| 2 * all + bit))
-                    .collect(),
-            )
+            }
+            // Counted before a vector is made, so that the limit bounds its size.
+            let mut bits = text.bytes().filter(|byte| b"01".contains(byte));
+            let count = whole(bits.clone().count())?;
+            let mut symbol =
+                || bits.by_ref().take(width as usize).fold(0, |all, bit| 2 * all + u32::from(bit - b'0'));
+            Symbols::Given((0..count).map(|_| symbol()).collect())
         }
         (None, Some(count)) => {
             Symbols::Random { count: whole(count.get_ref().get() as usize)?, alphabet: alphabet as u32 }
@@ -186,6 +178,6 @@ fn modulation(transmitter: &file::Transmitter) -> Result<Modulation, Problem> {
     }
 }
 
-pub(super) fn place(center: [Finite; 3]) -> [f32; 3] {
+pub(super) fn to_f32(center: [Finite; 3]) -> [f32; 3] {
     center.map(|Finite(x)| x as f32)
 }

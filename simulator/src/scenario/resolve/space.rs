@@ -4,7 +4,7 @@ use lazygrid_scenario::{self as file, AxisName, BoundaryKind, Finite};
 use toml::Spanned;
 
 use super::flow_field;
-use super::schedule::place;
+use super::schedule::to_f32;
 use crate::model::Flow;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::vessel::Vessel;
@@ -43,7 +43,7 @@ fn walls(boundary: &file::Boundary, kind: BoundaryKind, dimensions: usize) -> Re
     let (Some(low), Some(high)) = (&boundary.low, &boundary.high) else {
         return Err(Problem::at(boundary.kind.span(), "a box needs low and high, its corners".to_owned()));
     };
-    let [from, to] = [low, high].map(|corner| place(*corner.get_ref()));
+    let [from, to] = [low, high].map(|corner| to_f32(*corner.get_ref()));
     if (0..dimensions).any(|k| from[k] >= to[k]) {
         let message = format!("{to:?} is not above low = {from:?} along every axis");
         return Err(Problem::at(high.span(), message));
@@ -81,7 +81,7 @@ fn vessel(boundary: &file::Boundary, along: Option<usize>) -> Result<Vessel, Pro
         let message = "a cylinder or sphere needs a radius".to_owned();
         return Err(Problem::at(boundary.kind.span(), message));
     };
-    let center = boundary.center.as_ref().map_or([0.0; 3], |center| place(*center.get_ref()));
+    let center = boundary.center.as_ref().map_or([0.0; 3], |center| to_f32(*center.get_ref()));
     Ok(Vessel { along, center, radius: radius.get_ref().0 as f32 })
 }
 

@@ -2,7 +2,7 @@ use lazygrid_io::excerpt;
 
 use lazygrid_scenario as file;
 
-use super::schedule::{place, schedule};
+use super::schedule::{schedule, to_f32};
 use super::space::number;
 use super::{Names, equation_name, number_equal_names};
 use crate::model::boundary::{Axis, Boundary};
@@ -36,7 +36,7 @@ fn transmitter(
 ) -> Result<Transmitter, Problem> {
     let (center, span) = match &transmitter.center {
         None => ([0.0; 3], transmitter.name.span()),
-        Some(center) => (place(*center.get_ref()), center.span()),
+        Some(center) => (to_f32(*center.get_ref()), center.span()),
     };
     check_place(boundary, span, center, 0.0, warnings)?;
     let (schedule, release) = schedule(&transmitter, names)?;
@@ -97,7 +97,7 @@ fn source(
         ));
     };
     let dimensions = boundary.dimensions();
-    let given = source.center.as_ref().map(|center| (place(*center.get_ref()), center.span()));
+    let given = source.center.as_ref().map(|center| (to_f32(*center.get_ref()), center.span()));
     let (center, shape, volume) = match &source.shape {
         None => {
             if let Some((_, span)) = given {

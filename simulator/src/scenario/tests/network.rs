@@ -190,6 +190,18 @@ fn messages_become_symbols() {
 }
 
 #[test]
+fn separators_do_not_count_as_bits_of_a_message() {
+    const LIMIT: usize = 1 << 22;
+    let one = "release = [{ species = \"A\", count = 9 }]\nsymbol-time = 0.5\n";
+    let sent = |bits: &str| network(&transmitter(&format!("{one}bits = \"{bits}\"")));
+    let schedule = sent(&format!("1{}0", " _".repeat(LIMIT))).unwrap().model.transmitters.remove(0).schedule;
+    let Schedule::Message(message) = schedule else { panic!("{schedule:?}") };
+    assert_eq!(message.symbols, Symbols::Given(vec![1, 0]));
+    let error = sent(&"1".repeat(LIMIT + 1)).unwrap_err().to_string();
+    assert!(error.contains("4194305 bits are more than the limit of 4194304"), "{error}");
+}
+
+#[test]
 fn a_rate_releases_all_the_time() {
     let text = transmitter(
         "release = [{ species = \"B\", rate = 0.5 }]\nfrom = 1\nuntil = 2\nnumbers = \"poisson\"",
@@ -236,7 +248,11 @@ fn contradictory_reactions_are_refused() {
         ("[[source]]\nequation = \"-> A\"\nrate = 1\n".into(), "equation", "needs a [boundary], or a shape"),
         ("[[source]]\nequation = \"B -> A\"\nrate = 1\n".into(), "equation", "as in '-> A'"),
         (transmitter(&format!("{a}bits = \"01\"")), "bits", "need a symbol-time"),
-        (transmitter(&format!("{a}bits = \"012\"\nsymbol-time = 1")), "bits", "'012' is not of 0 and 1"),
+        (
+            transmitter(&format!("{a}bits = \"012\"\nsymbol-time = 1")),
+            "bits",
+            "'012' may contain only 0, 1, spaces and '_'",
+        ),
         (
             transmitter(&format!("{a}bits = \"01\"\nsymbol-time = 1\ntimes = [0]")),
             "times",
@@ -255,7 +271,7 @@ fn contradictory_reactions_are_refused() {
         (
             transmitter(&format!("{a}bits = \"01\"\nsymbol-time = 1\nmodulation = \"mosk\"")),
             "bits",
-            "there are 1 symbols",
+            "the number of symbols is 1 (one per entry of release), but must be a power of two",
         ),
         (
             transmitter(&format!("{a}bits = \"01\"\nsymbol-time = 1\nmodulation = \"csk\"")),
@@ -267,7 +283,7 @@ fn contradictory_reactions_are_refused() {
                 "{a}bits = \"011\"\nsymbol-time = 1\nmodulation = \"csk\"\nlevels = [0, 1, 2, 3]"
             )),
             "bits",
-            "3 bits are no whole number of symbols of 2",
+            "3 bits are not a multiple of 2 bits per symbol",
         ),
         ("[boundary]\nkind = \"sphere\"\nradius = 1\naxis = \"x\"\n".into(), "axis", "goes with a cylinder"),
         ("[boundary]\nkind = \"sphere\"\nradius = 1\nlow = [0, 0, 0]\n".into(), "low", "goes with a box"),
@@ -304,7 +320,7 @@ fn contradictory_reactions_are_refused() {
             transmitter(&format!("{a}bits = \"01\"\nsymbol-time = 1\nmodulation = \"mosk\""))
                 .replace("count = 9 }", "count = 9 }, { species = \"A\", count = 4 }"),
             "release",
-            "'A' is in the release of a symbol twice",
+            "species 'A' occurs twice in `release`",
         ),
         (
             ["rx-1", "rx\"\nlattice = { size = [1, 1, 1], places = [2, 1, 1] }\n#"].map(receiver).concat(),

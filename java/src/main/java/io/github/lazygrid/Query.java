@@ -43,7 +43,7 @@ public final class Query {
      * pairs with itself.
      *
      * @param first the set of i
-     * @param second the set of j; messages about it begin with "of the second set, "
+     * @param second the set of j; messages about it begin with "in the second set, "
      * @return the query
      */
     public static Query across(Spheres first, Spheres second) {

@@ -82,7 +82,7 @@ final class SetsAndSkins {
                 .filter(k -> pairs[2 * k] < split && pairs[2 * k + 1] >= split)
                 .flatMap(k -> IntStream.of(pairs[2 * k], pairs[2 * k + 1] - split)).toArray();
             check(across.length > 0 && Arrays.equals(detector.pairsAsArray(Query.across(a, b)), across), "species across");
-            failing(Status.INPUT, "of the second set, ", () -> detector.count(Query.across(a, bare)));
+            failing(Status.INPUT, "in the second set, ", () -> detector.count(Query.across(a, bare)));
         }
     }
 
@@ -92,7 +92,7 @@ final class SetsAndSkins {
         Spheres good = Spheres.rows(line(100)), wrong = Spheres.rows(bad);
         Query both = Query.across(good, good);
         Detector detector = new Detector(onCpu().maxPairs(5));
-        failing(Status.INPUT, "of the second set, sphere 2", () -> detector.pairs(Query.across(good, wrong)));
+        failing(Status.INPUT, "in the second set, sphere 2", () -> detector.pairs(Query.across(good, wrong)));
         throwing(LazygridException.class, e -> e.getMessage().startsWith("sphere 2"),
             () -> detector.neighbors(Query.across(wrong, good)), "first set");
         // Each touches itself and its neighbors.

@@ -1,4 +1,4 @@
-//! Spheres as given, and their map to the search frame.
+//! The spheres of a call in the caller's layout, and their map to the search frame.
 
 use lazygrid_kernels::{Space, Spheres, Strided};
 
@@ -6,40 +6,46 @@ use crate::compare::{SimdWidth, Xyzr};
 use crate::frame::{Bounds, FrameMap, SearchFrame};
 use crate::memory::{prefetch, prefetch_address, prefetch_row};
 
-/// Half the largest distance with any other species, and `true` if some pairs are decided by contact.
-pub(super) type LargestHalf = (f64, bool);
+/// The rule for the effective radius of a species.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct HalfCutoff {
+    /// Half the largest distance with any species, or 0.
+    pub(super) half: f64,
+    /// `true` if contact decides some of its pairs.
+    pub(super) touches: bool,
+}
 
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct GivenSpheres<'a> {
+pub(crate) struct InputSpheres<'a> {
     spheres: Spheres<'a>,
-    species: Option<(&'a [u32], &'a [LargestHalf])>,
+    species: Option<(&'a [u32], &'a [HalfCutoff])>,
     frame: &'a SearchFrame,
     space: &'a Space,
 }
 
 /// A layout for which loops are compiled.
-pub(crate) trait GivenRows: Copy {
+pub(crate) trait InputRows: Copy {
     fn prefetch(self, k: usize);
     fn get(self, k: usize) -> [f64; 4];
     fn effective(self, k: usize, row: [f64; 4]) -> [f64; 4];
 }
 
-/// A loop over given spheres. Its callees are `#[inline(always)]`, as in a [`SimdTask`](crate::compare::SimdTask).
-pub(crate) trait GivenLoop {
+/// A loop over input spheres. Its callees are `#[inline(always)]`, as in a [`SimdTask`](crate::compare::SimdTask).
+pub(crate) trait InputLoop {
     type Result;
     /// Must be `#[inline(always)]`. `PERIODIC` is a parameter of the map.
     fn run<V: SimdWidth, const PERIODIC: bool>(
         self,
         vector: V,
-        rows: impl GivenRows,
+        rows: impl InputRows,
         map: &FrameMap<'_>,
     ) -> Self::Result;
 }
 
-impl<'a> GivenSpheres<'a> {
+impl<'a> InputSpheres<'a> {
     pub(super) fn new(
         spheres: Spheres<'a>,
-        halves: Option<&'a [LargestHalf]>,
+        halves: Option<&'a [HalfCutoff]>,
         frame: &'a SearchFrame,
         space: &'a Space,
     ) -> Self {
@@ -48,11 +54,11 @@ impl<'a> GivenSpheres<'a> {
 
     /// Returns `true` if the frame represents the spheres in `bounds` and all that it contains.
     pub(crate) fn is_held(&self, bounds: &Bounds) -> bool {
-        self.frame.is_narrow() || self.frame.holds(bounds, self.space)
+        self.frame.is_triclinic_f32() || self.frame.holds(bounds, self.space)
     }
 
     #[inline(always)]
-    pub(crate) fn run<V: SimdWidth, L: GivenLoop>(self, vector: V, task: L) -> L::Result {
+    pub(crate) fn run<V: SimdWidth, L: InputLoop>(self, vector: V, task: L) -> L::Result {
         let map = FrameMap::new(self.frame);
         let (rows, strided) = (self.spheres.as_rows_f64(), self.spheres.as_strided_f64());
         match (rows, &strided, self.species) {
@@ -78,10 +84,10 @@ impl<'a> GivenSpheres<'a> {
 }
 
 #[inline(always)]
-fn run_mapped<V: SimdWidth, L: GivenLoop>(
+fn run_mapped<V: SimdWidth, L: InputLoop>(
     vector: V,
     task: L,
-    rows: impl GivenRows,
+    rows: impl InputRows,
     map: &FrameMap<'_>,
 ) -> L::Result {
     match map.is_unbounded() {
@@ -90,7 +96,7 @@ fn run_mapped<V: SimdWidth, L: GivenLoop>(
     }
 }
 
-impl GivenRows for &[[f64; 4]] {
+impl InputRows for &[[f64; 4]] {
     #[inline(always)]
     fn prefetch(self, k: usize) {
         prefetch_row(self, k);
@@ -107,7 +113,7 @@ impl GivenRows for &[[f64; 4]] {
     }
 }
 
-impl GivenRows for &Strided<'_, f64> {
+impl InputRows for &Strided<'_, f64> {
     #[inline(always)]
     fn prefetch(self, k: usize) {
         self.addresses(k).into_iter().for_each(prefetch_address);
@@ -128,10 +134,10 @@ impl GivenRows for &Strided<'_, f64> {
 struct OfSpecies<'a, R> {
     rows: R,
     ids: &'a [u32],
-    halves: &'a [LargestHalf],
+    halves: &'a [HalfCutoff],
 }
 
-impl<R: GivenRows> GivenRows for OfSpecies<'_, R> {
+impl<R: InputRows> InputRows for OfSpecies<'_, R> {
     #[inline(always)]
     fn prefetch(self, k: usize) {
         self.rows.prefetch(k);
@@ -149,7 +155,7 @@ impl<R: GivenRows> GivenRows for OfSpecies<'_, R> {
     }
 }
 
-impl GivenRows for &GivenSpheres<'_> {
+impl InputRows for &InputSpheres<'_> {
     #[inline(always)]
     fn prefetch(self, k: usize) {
         self.spheres.addresses(k).into_iter().for_each(prefetch_address);
@@ -169,7 +175,7 @@ impl GivenRows for &GivenSpheres<'_> {
 
 /// Keeps an invalid radius, which the validity check finds.
 #[inline(always)]
-fn effective([x, y, z, radius]: [f64; 4], (half, touches): LargestHalf) -> [f64; 4] {
+fn effective([x, y, z, radius]: [f64; 4], HalfCutoff { half, touches }: HalfCutoff) -> [f64; 4] {
     let is_valid = (0.0..f64::INFINITY).contains(&radius);
     let by_species = if touches { half.max(radius) } else { half };
     [x, y, z, if is_valid { by_species } else { radius }]
