@@ -214,11 +214,8 @@ mod tests {
         ] {
             let space = Space::periodic([None, Some(length), None]).expect("a length");
             let wrapped = f64::from(space.wrap(Vec3::new(x, x, 0.0)).y);
-            let ulp = f64::from(f32::EPSILON) * f64::from(expected);
-            assert!(
-                (wrapped - f64::from(expected)).abs() <= ulp.abs().max(1e-11),
-                "{x:e} in {length:e}: {wrapped:e}"
-            );
+            let ulp = f64::from(f32::EPSILON) * expected;
+            assert!((wrapped - expected).abs() <= ulp.abs().max(1e-11), "{x:e} in {length:e}: {wrapped:e}");
             assert!(space.wrap(Vec3::INFINITY).y.is_nan(), "{length:e}");
         }
     }

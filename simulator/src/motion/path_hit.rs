@@ -81,7 +81,7 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
         if a < 0.0 {
             return Some(Hit::at(0.0));
         }
-        return straight_hit(receiver, domain, path).or((b <= 0.0).then_some(Hit::at(1.0)));
+        return path_line_hit(receiver, domain, path).or((b <= 0.0).then_some(Hit::at(1.0)));
     }
     if drift == [0.0; 3] {
         return who.hits_sphere((receiver.place, 0), image_radius(receiver), [a, b], diffusion);
@@ -255,7 +255,7 @@ pub(crate) fn length(v: [f32; 3]) -> f32 {
 const CUTS: usize = 1000;
 
 /// Returns the hit of a path without diffusion, which turns at the walls.
-fn straight_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
+fn path_line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
     let line = Line { ends: [path.before, path.end].map(|end| end.map(f64::from)), begin: 0.0, part: 1.0 };
     let Some(vessel) = domain.vessel else { return line_hit(body, domain, line) };
     let free_end: [f32; 3] = std::array::from_fn(|k| path.before[k] + path.drift[k]);

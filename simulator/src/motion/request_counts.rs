@@ -1,7 +1,7 @@
 //! Counts of requests for receptors, and warnings of refused ones.
 //!
-//! Of f free receptors, min(Poisson(f·x), f) are bound in a step, with x = `binding-rate`·c·Δt. Refused requests are
-//! missing from the equilibrium: of a single receptor about the fraction x/2.
+//! A step binds min(Poisson(f·x), f) particles to f free receptors, with x = `binding-rate`·c·Δt. Refused requests are
+//! missing from the equilibrium: about the fraction x/2 of a single receptor.
 
 use crate::model::Model;
 use crate::motion::binding::{BindingRequest, rejected};

@@ -85,7 +85,7 @@ fn a_straight_path_is_followed_to_the_side_of_a_vessel() {
     };
     let [out, back] = [time([1.0, 4.0, 0.0], [1.0, 9.9, 0.0]), time([1.0, 4.0, 7.0], [1.0, 9.9, 11.0])];
     assert!(out.is_some_and(|time| (time - 3.5 / 9.9).abs() < 1e-6), "{out:?}");
-    // On the way back, at 10 − 4 = 6 of 9.9 along y and 6.67 of 11 along z.
+    // After the reflection, at 10 − 4 = 6 of 9.9 along y and 6.67 of 11 along z.
     assert!(back.is_some_and(|time| (0.5..6.0 / 9.9).contains(&time)), "{back:?}");
     assert_eq!(time([1.0, 4.0, 2.0], [1.0, 9.9, 11.0]), None);
 }

@@ -54,7 +54,7 @@ pub(in crate::scenario) fn long_step_across_flow(model: &Model, species: usize) 
     let (longest, effect) = match &model.flow {
         Some(Flow::Poiseuille { mean }) => {
             let radius = f64::from(model.boundary.vessel?.radius - one.radius);
-            // By the flow, over that by diffusion (Taylor and Aris).
+            // The part by the flow over that by diffusion (Taylor and Aris).
             let spread = (mean * radius / one.diffusion).powi(2) / 48.0;
             let part = spread / (1.0 + spread);
             let x = model.time_step * one.diffusion / (SLOWEST_MODE * radius * radius);
