@@ -42,7 +42,7 @@ impl<'a> Line<'a> {
 
     pub(super) fn unexpected(self, expected: impl Into<String>) -> Error {
         let found = match self.is_blank() {
-            true => "a defaults line".to_owned(),
+            true => "a blank line".to_owned(),
             false => format!("'{}'", excerpt(self.bytes)),
         };
         Error::Syntax { place: self.place(), expected: expected.into(), found }

@@ -223,6 +223,7 @@ fn lammps_refusals_name_line_and_value() {
     for (text, message) in [
         ("hello".into(), "line 1: expected ITEM: TIMESTEP, NUMBER OF ATOMS, BOX BOUNDS or ATOMS, found 'hello'".into()),
         ("ITEM: TIMESTEP\nsoon\n".into(), "line 2: expected the time step, found 'soon'".into()),
+        ("ITEM: TIMESTEP\n\n4\n".into(), "line 2: expected the time step, found a blank line".into()),
         ("ITEM: TIMESTEP\n4\n".into(), "line 2: the file ends after 0 of 1 frame heads".into()),
         (
             "ITEM: ATOMS x y z radius\n".into(),
