@@ -29,6 +29,14 @@ pub(super) fn read(source: Source, context: &mut ReadContext) -> Result<Frame, E
 fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
     let mut in_comment = None;
     while let Some(line) = lines.next()? {
+        // Old programs end lines by `\r` alone. All rows would be part of the header.
+        if line.bytes.trim_ascii().contains(&b'\r') {
+            return Err(Error::Syntax {
+                place: line.place(),
+                expected: "lines that end with \\n or \\r\\n".to_owned(),
+                found: "\\r within a line; convert the line ends, for example with tr '\\r' '\\n'".to_owned(),
+            });
+        }
         let Some(comment) = commented(line.bytes) else {
             let table = Csv::of(line, line.bytes);
             return match in_comment {

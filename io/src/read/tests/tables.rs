@@ -26,6 +26,16 @@ fn csv_with_other_separators_and_comments() {
         ("1,2,3,4\n", "a.csv, line 1: expected a column `x`, found columns 1, 2, 3, 4"),
         ("x;y;z;r\n1,5;2;3;4\n", "a.csv, line 2: x '1,5' is not a number"),
         (
+            "r,x,y,z,note\r1,2,3,4,a\r1,2,3,4,b\r",
+            "a.csv, line 1: expected lines that end with \\n or \\r\\n, found \\r within a line; convert the line \
+             ends, for example with tr '\\r' '\\n'",
+        ),
+        (
+            "#units\r#r,x,y,z,note\r1,2,3,4,a\r",
+            "a.csv, line 1: expected lines that end with \\n or \\r\\n, found \\r within a line; convert the line \
+             ends, for example with tr '\\r' '\\n'",
+        ),
+        (
             "x,y,z,r,diameter\n",
             "a.csv, line 1: expected one column each for x, y, z, radius and species, found columns x, y, z, r, diameter",
         ),
