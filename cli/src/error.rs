@@ -70,8 +70,8 @@ pub(crate) enum CliError {
     Simulation(#[from] lazygrid_sim::Error),
     #[error("{failures} checks failed; the command below each failure repeats it")]
     Wrong { failures: usize },
-    #[error("the system refuses threads: {0}; ask for fewer with --threads, or raise the limit of processes")]
-    Threads(rayon::ThreadPoolBuildError),
+    #[error("{0} with --threads, or raise the limit of processes")]
+    Threads(lazygrid::Error),
     #[error(
         "{}, frame {frame}: {spheres} spheres need about {needed} bytes of memory, and {available} bytes are available ({limit}); \
          split the file, or raise the limit",

@@ -8,7 +8,6 @@ mod printer;
 mod progress;
 mod signals;
 
-use std::error::Error as _;
 use std::ffi::OsString;
 use std::io::{self, Write};
 use std::num::NonZeroUsize;
@@ -82,13 +81,9 @@ fn command(command: Command) -> Result<(), CliError> {
 
 /// Starts the process's threads, unless the command makes a pool. Later rayon could not report a failure.
 fn start_threads(threads: Option<NonZeroUsize>) -> Result<(), CliError> {
-    if threads.is_some() {
-        return Ok(());
-    }
-    match rayon::ThreadPoolBuilder::new().build_global() {
-        // Threads that a host started are an error without source.
-        Err(error) if error.source().is_some() => Err(CliError::Threads(error)),
-        _ => Ok(()),
+    match threads {
+        Some(_) => Ok(()),
+        None => lazygrid::start_threads().map_err(CliError::Threads),
     }
 }
 

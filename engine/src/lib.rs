@@ -42,6 +42,7 @@ pub use detector::{Detector, detect};
 pub use glam;
 pub use lazygrid_host::{
     CandidateListStats, ListOptions, NeighborList, Neighbors, Order, PhaseTime, RebuildReason, Simd, Skin,
+    start_threads,
 };
 pub use lazygrid_kernels::{
     Algorithm, Backend, EffectiveRadius, Error, Exclusions, ImageVector, InputError, Interaction,

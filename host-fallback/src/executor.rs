@@ -31,9 +31,7 @@ pub enum Executor {
 
 impl Executor {
     pub(crate) fn current() -> Result<Self, Error> {
-        if rayon::current_thread_index().is_none() {
-            start_global()?;
-        }
+        start_threads()?;
         Ok(if rayon::current_num_threads() == 1 { Self::Caller } else { Self::Pool })
     }
 
@@ -183,8 +181,15 @@ fn cores() -> usize {
     available_parallelism().map_or(1, usize::from)
 }
 
-/// Rayon itself would panic if the system refuses the threads.
-fn start_global() -> Result<(), Error> {
+/// Starts the threads of rayon's global pool, unless it runs or the caller is in another pool. Rayon itself would panic if
+/// the system refuses them.
+///
+/// # Errors
+/// Returns [`Error::ThreadPool`] if the system refuses the threads, or refused them before.
+pub fn start_threads() -> Result<(), Error> {
+    if rayon::current_thread_index().is_some() {
+        return Ok(());
+    }
     static STARTED: OnceLock<Result<(), String>> = OnceLock::new();
     let started = STARTED.get_or_init(|| match ThreadPoolBuilder::new().build_global() {
         // An error without a source means that the pool runs already.

@@ -34,7 +34,7 @@ pub use detector::{
     ChunkConsumer, HostBackend, HostDetector, PairFinder, PairSource, SearchBackend, Work, algorithm_choice,
     ranges,
 };
-pub use executor::{Executor, Team};
+pub use executor::{Executor, Team, start_threads};
 pub use frame::SearchFrame;
 pub use input::{InputStats, PreparedQuery, QueryBuffers, SizeClass, SpeciesPartition, check, check_valid};
 pub use lazygrid_kernels::{Error, InputError};

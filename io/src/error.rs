@@ -119,6 +119,9 @@ pub enum Error {
     /// Line too long for a text file.
     #[error("{place}: the line is longer than {limit} bytes; is this a text file?")]
     LineTooLong { place: Location, limit: usize },
+    /// The system refused the threads that parse text.
+    #[error("{}: cannot read: {reason}", path.display())]
+    Threads { path: PathBuf, reason: Box<lazygrid::Error> },
     /// More spheres in a frame than indices or memory.
     #[error("{place}: no room for {spheres} spheres ({limit}); split the file")]
     TooManySpheres {
@@ -134,9 +137,11 @@ impl Error {
     /// Returns the location, for callers that read a file in pieces.
     pub fn location_mut(&mut self) -> Option<&mut Location> {
         match self {
-            Self::Read { .. } | Self::Write { .. } | Self::RowCount { .. } | Self::UnknownFormat { .. } => {
-                None
-            }
+            Self::Read { .. }
+            | Self::Write { .. }
+            | Self::RowCount { .. }
+            | Self::UnknownFormat { .. }
+            | Self::Threads { .. } => None,
             Self::Syntax { place, .. }
             | Self::Number { place, .. }
             | Self::Value { place, .. }

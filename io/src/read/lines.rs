@@ -118,6 +118,7 @@ impl Lines {
             let parsed = if lines == most || *ended || failed.is_some() {
                 unread.start += end;
                 if pieces.len() > 1 {
+                    start_threads(&path)?;
                     rayon::join(|| parse(&pieces), meanwhile).0
                 } else {
                     meanwhile();
@@ -125,7 +126,7 @@ impl Lines {
                 }
             } else {
                 let (rest, left) = (&text.bytes[end..], most - lines);
-                try_resize(spare, larger(text.bytes.len()), &path)?;
+                try_resize(spare, larger(text.bytes.len(), &path)?, &path)?;
                 let read_on = || {
                     meanwhile();
                     read_on(source, spare, rest, left)
@@ -177,7 +178,7 @@ impl Lines {
             return Err(error);
         }
         if self.unread.end == self.buffer.len() {
-            let length = larger(self.buffer.len());
+            let length = larger(self.buffer.len(), &self.source.path)?;
             try_resize(&mut self.buffer, length, &self.source.path)?;
         }
         let read = self.source.read(&mut self.buffer[self.unread.end..])?;
@@ -247,9 +248,16 @@ fn try_resize(buffer: &mut Vec<u8>, length: usize, path: &Path) -> Result<(), Er
     Ok(())
 }
 
-fn larger(bytes: usize) -> usize {
+fn start_threads(path: &Path) -> Result<(), Error> {
+    let refused = |reason| Error::Threads { path: path.to_owned(), reason: Box::new(reason) };
+    lazygrid::start_threads().map_err(refused)
+}
+
+/// Returns the length of the next block. Starts the threads that parse it.
+fn larger(bytes: usize, path: &Path) -> Result<usize, Error> {
+    start_threads(path)?;
     let most = (SHARE * rayon::current_num_threads()).clamp(2 * LONGEST_LINE, LARGEST_BLOCK);
-    (4 * bytes).clamp(FIRST_BLOCK, most)
+    Ok((4 * bytes).clamp(FIRST_BLOCK, most))
 }
 
 impl<'a> LineBlock<'a> {

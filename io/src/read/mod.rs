@@ -272,7 +272,7 @@ impl Frames {
     /// Returns `true` if the rest of the file is blank. May wait for input.
     ///
     /// # Errors
-    /// [`Error::Read`], and [`Error::LineTooLong`].
+    /// [`Error::Read`], [`Error::LineTooLong`] and [`Error::Threads`].
     pub fn at_end(&mut self) -> Result<bool, Error> {
         match &mut self.reader {
             Reader::Single(..) => Ok(false),
