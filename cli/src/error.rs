@@ -46,8 +46,8 @@ pub(crate) enum CliError {
         "neighbor lists as NumPy arrays are several files, but standard output is one; use --output-format csv"
     )]
     NeighborsToStdout,
-    #[error("--radius {species} is given twice, as {} and {}; give one", values[0], values[1])]
-    RadiusTwice { species: String, values: [f32; 2] },
+    #[error("{0}")]
+    RadiusTwice(String),
     #[error("{}, frame {frame}: two spheres have the id {id}, so --ids cannot tell them apart; omit --ids", path.display())]
     IdTwice { path: PathBuf, frame: usize, id: i64 },
     #[error("{}, frame {frame}: {reason}; with --ids the numbers are ids", path.display())]
@@ -126,7 +126,7 @@ impl CliError {
             | Self::NeighborsToStdout
             | Self::NoTransceivers { .. }
             | Self::TooManyTransceivers { .. }
-            | Self::RadiusTwice { .. } => 2,
+            | Self::RadiusTwice(_) => 2,
             _ => 1,
         }
     }

@@ -1,8 +1,11 @@
 //! Parsers and printers of arguments that several commands share.
 
+use std::path::Path;
 use std::str::FromStr;
 
 use lazygrid::Space;
+
+use crate::read::Radii;
 
 /// Parses `SPECIES=R`, a species' radius.
 ///
@@ -14,6 +17,25 @@ pub fn species_radius(text: &str) -> Result<(String, f32), String> {
         Ok(radius) if radius.is_finite() && radius >= 0.0 => Ok((species.to_owned(), radius)),
         _ => Err(format!("the radius '{radius}' must be a finite number that is not negative")),
     }
+}
+
+/// Collects the radii of `--radius` by species.
+///
+/// # Errors
+/// Fails with a message for the user if a species is given twice.
+pub fn radii_by_species(given: &[(String, f32)]) -> Result<Radii, String> {
+    let mut radii = Radii::new();
+    for (species, radius) in given {
+        if let Some(first) = radii.insert(species.clone(), *radius) {
+            return Err(format!("--radius {species} is given twice, as {first} and {radius}; give one"));
+        }
+    }
+    Ok(radii)
+}
+
+/// Returns the warning of a radius whose species no sphere of a file has.
+pub fn unused_radius(path: &Path, species: &str) -> String {
+    format!("{}: no sphere is of species '{species}', for which a radius was given", path.display())
 }
 
 /// Parses `X,Y,Z`, the lengths of a periodic box, `-` for an unbounded axis; or `none`.

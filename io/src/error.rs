@@ -79,6 +79,11 @@ pub enum Error {
         value: String,
         rule: &'static str,
     },
+    /// A given radius that no sphere can have.
+    #[error(
+        "the radius of species '{species}' is {radius}; radii must be finite 32-bit numbers that are not negative"
+    )]
+    Radius { species: String, radius: f32 },
     /// The file has no radii, and none was given for this species.
     #[error("{place}: no radius column and no radius for {}", remedy(species.as_deref()))]
     NoRadius { place: Location, species: Option<String> },
@@ -141,6 +146,7 @@ impl Error {
             | Self::Write { .. }
             | Self::RowCount { .. }
             | Self::UnknownFormat { .. }
+            | Self::Radius { .. }
             | Self::Threads { .. } => None,
             Self::Syntax { place, .. }
             | Self::Number { place, .. }

@@ -1,7 +1,8 @@
 use std::num::NonZeroUsize;
 
 use lazygrid::{Backend, Config, Order, Space};
-use lazygrid_io::read::{Options, Radii};
+use lazygrid_io::arguments::radii_by_species;
+use lazygrid_io::read::Options;
 use lazygrid_io::write::{Output, TableFormat};
 
 use super::{Detect, FRAME, STANDARD};
@@ -10,15 +11,9 @@ use crate::error::CliError;
 
 impl Detect {
     pub(crate) fn options(&self) -> Result<Options, CliError> {
-        let mut radii = Radii::new();
-        for (species, radius) in &self.radii {
-            if let Some(first) = radii.insert(species.clone(), *radius) {
-                return Err(CliError::RadiusTwice { species: species.clone(), values: [first, *radius] });
-            }
-        }
         Ok(Options {
             format: self.format,
-            radii,
+            radii: radii_by_species(&self.radii).map_err(CliError::RadiusTwice)?,
             space: self.space()?,
             ids: self.ids,
             groups: self.exclude_groups,

@@ -139,7 +139,7 @@ impl FromStr for Format {
 pub struct Options {
     /// Format; else by extension, then content.
     pub format: Option<Format>,
-    /// Radii by species; they win over a radius column.
+    /// Radii by species, finite and not negative; they win over a radius column.
     pub radii: Radii,
     /// Space of all frames; else the one that each frame declares: a box, possibly triclinic (`Lattice` and `pbc` of
     /// extended XYZ, `BOX BOUNDS` of LAMMPS), or unbounded.
@@ -227,7 +227,7 @@ impl Frames {
     /// Opens a file.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::UnknownFormat`] if the format is neither given nor clear.
+    /// [`Error::Read`]; [`Error::UnknownFormat`] if the format is neither given nor clear; [`Error::Radius`].
     pub fn open(path: impl AsRef<Path>, options: Options) -> Result<Self, Error> {
         let path = path.as_ref();
         let (file, length) = open(path)?;
@@ -256,7 +256,7 @@ impl Frames {
             Format::Xyz => Reader::Xyz(xyz::Xyz::new(source)),
             Format::Lammps => Reader::Lammps(lammps::Lammps::new(source)),
         };
-        Ok(Self { format, reader, context: ReadContext::new(options) })
+        Ok(Self { format, reader, context: ReadContext::new(options)? })
     }
 
     /// Returns the format.
@@ -267,6 +267,11 @@ impl Frames {
     /// Returns the species so far.
     pub fn species(&self) -> &Species {
         &self.context.species
+    }
+
+    /// Returns the warning of the first number that 32 bits cannot hold, if any so far. It was also logged.
+    pub fn rounding(&self) -> Option<&str> {
+        self.context.rounding.as_deref()
     }
 
     /// Returns `true` if the rest of the file is blank. May wait for input.

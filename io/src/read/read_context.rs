@@ -15,22 +15,30 @@ pub(super) struct ReadContext {
     pub(super) groups: bool,
     /// Lines of serial numbers, which are unique.
     serials: HashMap<Serial, u64>,
-    warned: bool,
+    /// Warning of the first number that lost digits.
+    pub(super) rounding: Option<String>,
 }
 
 impl ReadContext {
-    pub(super) fn new(options: Options) -> Self {
+    /// Refuses radii that no sphere can have.
+    pub(super) fn new(options: Options) -> Result<Self, Error> {
         let Options { radii, space, ids, groups, .. } = options;
-        Self { species: Species::new(radii), space, ids, groups, serials: HashMap::new(), warned: false }
+        if let Some((species, &radius)) = radii.iter().find(|(_, r)| !(r.is_finite() && **r >= 0.0)) {
+            return Err(Error::Radius { species: species.clone(), radius });
+        }
+        let (species, serials) = (Species::new(radii), HashMap::new());
+        Ok(Self { species, space, ids, groups, serials, rounding: None })
     }
 
     /// Logs once per file that 32 bits lose digits.
     pub(super) fn warn_of_rounding(&mut self, place: Location, column: &str, text: impl Display) {
-        if !std::mem::replace(&mut self.warned, true) {
-            log::warn!(
+        if self.rounding.is_none() {
+            let warning = format!(
                 "{place}: {column} is {text}, more digits than the 32-bit numbers have that spheres are made of; it is \
                  rounded, as later ones may be; if that matters, move the origin near the spheres"
             );
+            log::warn!("{warning}");
+            self.rounding = Some(warning);
         }
     }
 

@@ -47,6 +47,28 @@ fn csv_columns_in_any_order_and_case() {
 }
 
 #[test]
+fn radii_that_no_sphere_can_have_are_refused() {
+    for (radius, shown) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (-1.0, "-1")] {
+        assert_eq!(
+            refusal("a.csv", "species,x,y,z\na,0,0,0\n", &[("b", 1.0), ("a", radius)]),
+            format!(
+                "the radius of species 'a' is {shown}; radii must be finite 32-bit numbers that are not negative"
+            )
+        );
+    }
+}
+
+#[test]
+fn rounding_is_told_once_with_the_first_number() {
+    let text = "x,y,z,r\n1,2,3,4\n16777217,0,0,1\n1,16777219,0,1\n";
+    let mut reader = Frames::new("a.csv", Cursor::new(text), None, Options::default()).unwrap();
+    assert_eq!(reader.rounding(), None);
+    reader.next().unwrap().unwrap();
+    let warning = reader.rounding().unwrap();
+    assert!(warning.starts_with("a.csv, line 3: x is 16777217, more digits than"), "{warning}");
+}
+
+#[test]
 fn csv_species_are_interned_and_may_give_the_radius() {
     let text = "species,x,y,z\nb,0,0,0\na,0,0,0\nb,1,0,0\n";
     let options = options(None, &[("a", 1.0), ("b", 2.0), ("c", 3.0)]);

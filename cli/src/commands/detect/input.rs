@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use lazygrid_io::Error;
+use lazygrid_io::arguments::unused_radius;
 use lazygrid_io::read::{Frame, Frames};
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use same_file::Handle;
@@ -79,10 +80,7 @@ impl Input {
             _ => {}
         }
         for species in self.frames.species().unused_radii() {
-            log::warn!(
-                "{}: no sphere is of species '{species}', for which a radius was given",
-                self.path.display()
-            );
+            log::warn!("{}", unused_radius(&self.path, species));
         }
         Ok(None)
     }

@@ -8,7 +8,7 @@ use super::{further_bytes, read_body};
 use crate::error::{Error, Position};
 use crate::read::read_context::ReadContext;
 use crate::read::source::Source;
-use crate::read::{Frame, Options};
+use crate::read::{Frame, Options, Species};
 
 /// The rows of a NumPy file of spheres, of which a reader may take a part.
 pub struct NpyRows {
@@ -42,11 +42,12 @@ impl NpyRows {
         self.header.rows
     }
 
-    /// Reads the part of `rows` that the file has, with the spheres and errors of [`Frames`](super::super::Frames).
+    /// Reads the part of `rows` that the file has, with the spheres, species and errors of
+    /// [`Frames`](super::super::Frames).
     ///
     /// # Errors
     /// Returns the errors of the iterator [`Frames`](super::super::Frames).
-    pub fn read(self, rows: Range<u64>, options: Options) -> Result<Frame, Error> {
+    pub fn read(self, rows: Range<u64>, options: Options) -> Result<(Frame, Species), Error> {
         let Self { path, mut header } = self;
         let width = header.row_bytes();
         let first = rows.start.min(header.rows);
@@ -60,7 +61,7 @@ impl NpyRows {
         let file = open().map_err(|source| Error::Read { path: path.clone(), source })?;
         let length = header.rows * width;
         let mut source = Source::uncompressed(&path, file.take(length), Some(length));
-        let mut context = ReadContext::new(options);
+        let mut context = ReadContext::new(options)?;
         let frame = read_body(&mut source, &header, &mut context).map_err(|mut error| {
             if let Some(place) = error.location_mut()
                 && let Position::Row(row) = &mut place.at
@@ -69,7 +70,7 @@ impl NpyRows {
             }
             error
         })?;
-        Ok(Frame { space: context.space.unwrap_or_default(), ..frame })
+        Ok((Frame { space: context.space.unwrap_or_default(), ..frame }, context.species))
     }
 }
 
@@ -101,7 +102,7 @@ mod tests {
                 let part = NpyRows::open(&path).unwrap().unwrap();
                 assert_eq!(part.count(), 10);
                 let [first, end] = [rows.start, rows.end].map(|row| row.min(10) as usize);
-                let part = part.read(rows, Options::default()).unwrap();
+                let (part, _) = part.read(rows, Options::default()).unwrap();
                 assert_eq!(part.spheres, whole.spheres[first..end]);
             }
         }
@@ -115,7 +116,7 @@ mod tests {
         rows[16..20].copy_from_slice(b"\x1F\x8B\x08\x00");
         let text = "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 4), }";
         std::fs::write(&path, file(text, &rows)).unwrap();
-        let part = NpyRows::open(&path).unwrap().unwrap().read(1..2, Options::default()).unwrap();
+        let (part, _) = NpyRows::open(&path).unwrap().unwrap().read(1..2, Options::default()).unwrap();
         assert_eq!(part.spheres[0].radius, 7.0);
     }
 
