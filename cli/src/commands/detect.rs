@@ -25,7 +25,7 @@ use crate::{check_output, print};
 pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
     let output = args.output()?;
     let mut frames = FrameDetector::new(args.config()?)?;
-    let excluded = Excluded::read(args)?;
+    let mut excluded = Excluded::read(args)?;
     let mut input = Input::open(args)?;
     if output.as_ref().is_some_and(|output| output.path.is_none()) {
         check_output()?;
@@ -50,7 +50,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
             })?;
         }
         refuse_too_little_memory(args, number, &frame, &frames)?;
-        let exclusions = excluded.as_ref().map(|excluded| excluded.of(&frame, number)).transpose()?;
+        let exclusions = excluded.as_mut().map(|excluded| excluded.of(&frame, number)).transpose()?;
         let query = exclusions::query(&frame, exclusions.as_ref());
         let mut search = Search {
             args,
@@ -88,6 +88,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
             }
         })?;
     }
+    excluded.as_ref().inspect(|excluded| excluded.warn_of_unmet());
     AtomicFile::commit_all(files)?;
     printer.finish()
 }

@@ -39,6 +39,22 @@ fn ids_that_a_file_names() {
 }
 
 #[test]
+fn excluded_ids_that_no_frame_has_are_warned_of() {
+    let scratch = Scratch::new();
+    let head = "Properties=pos:R:3:radius:R:1:id:I:1";
+    let frames = format!("1\n{head}\n0 0 0 1 7\n2\n{head}\n0 0 0 1 7\n1 0 0 1 8\n");
+    let (file, output) = (scratch.write("a.xyz", &frames), scratch.path("pairs-{frame}.csv"));
+    for (pairs, warning) in
+        [("7,8\n", None), ("7,8\n7,9\n5,6\n", Some("no frame has both ids of 2 of 3 pairs, first of 7,9"))]
+    {
+        let bonds = scratch.write("bonds.csv", pairs);
+        let run = detect_file(&file, ["--ids", "-o", &output, "--exclude", &bonds]).succeeds();
+        assert_eq!(run.err.contains("no frame has"), warning.is_some(), "{}", run.err);
+        assert!(warning.is_none_or(|warning| run.err.contains(warning)), "{}", run.err);
+    }
+}
+
+#[test]
 fn molecules() {
     let scratch = Scratch::new();
     let (file, output) = (scratch.write("chain.csv", CHAIN), scratch.path("pairs.csv"));

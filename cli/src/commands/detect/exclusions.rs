@@ -10,16 +10,20 @@ pub(crate) struct Excluded {
     path: PathBuf,
     pairs: Vec<(i64, i64)>,
     by_id: bool,
+    /// `true` for each pair that some frame has, by id.
+    met: Vec<bool>,
 }
 
 impl Excluded {
     pub(crate) fn read(args: &Detect) -> Result<Option<Self>, CliError> {
         let Some(path) = &args.exclude else { return Ok(None) };
-        Ok(Some(Self { path: path.clone(), pairs: read::pairs(path)?, by_id: args.ids }))
+        let pairs = read::pairs(path)?;
+        let met = vec![false; if args.ids { pairs.len() } else { 0 }];
+        Ok(Some(Self { path: path.clone(), pairs, by_id: args.ids, met }))
     }
 
     /// Ids of a frame ascend. Absent spheres are in no pair.
-    pub(crate) fn of(&self, frame: &Frame, number: usize) -> Result<Exclusions, CliError> {
+    pub(crate) fn of(&mut self, frame: &Frame, number: usize) -> Result<Exclusions, CliError> {
         let refused = |reason: Error| CliError::Excluded {
             path: self.path.clone(),
             frame: number,
@@ -29,13 +33,26 @@ impl Excluded {
         match frame.ids.as_deref().filter(|_| self.by_id) {
             Some(ids) => {
                 let row = |id| ids.binary_search(&id).ok().map(|row| row as u32);
-                let rows = self.pairs.iter().filter_map(|&(i, j)| row(i).zip(row(j)));
+                let rows = self.pairs.iter().zip(&mut self.met).filter_map(|(&(i, j), met)| {
+                    let rows = row(i).zip(row(j))?;
+                    *met = true;
+                    Some(rows)
+                });
                 Exclusions::new(spheres, rows).map_err(refused)
             }
             None => {
                 let row = |row: i64| u32::try_from(row).unwrap_or(u32::MAX);
                 Exclusions::new(spheres, self.pairs.iter().map(|&(i, j)| (row(i), row(j)))).map_err(refused)
             }
+        }
+    }
+
+    /// Warns of pairs of ids that no frame has, probably misspelled.
+    pub(crate) fn warn_of_unmet(&self) {
+        let unmet = || self.pairs.iter().zip(&self.met).filter(|(_, met)| !**met);
+        if let Some(((i, j), _)) = unmet().next() {
+            let (path, count, pairs) = (self.path.display(), unmet().count(), self.pairs.len());
+            log::warn!("{path}: no frame has both ids of {count} of {pairs} pairs, first of {i},{j}");
         }
     }
 }
