@@ -14,7 +14,7 @@ use mpi::traits::{Communicator, CommunicatorCollectives};
 use crate::command::args::{Args, Command};
 
 fn main() -> ExitCode {
-    let parsed = Args::try_parse();
+    let parsed = Args::try_parse().and_then(Args::checked);
     let Some((universe, _)) = mpi::initialize_with_threading(mpi::Threading::Funneled) else {
         say("error: MPI is running already");
         return ExitCode::FAILURE;

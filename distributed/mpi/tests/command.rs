@@ -286,6 +286,25 @@ fn smoldyn_listing_repeated_on_another_rank_is_refused() {
 }
 
 #[test]
+fn repeated_radius_is_refused_and_unused_one_is_warned_of() {
+    let directory = tempfile::tempdir().unwrap();
+    let table: String = (0..60).map(|k| format!("{k},0,0,{}\n", if k < 30 { 'A' } else { 'B' })).collect();
+    std::fs::write(directory.path().join("all.csv"), format!("x,y,z,species\n{table}")).unwrap();
+    std::fs::write(directory.path().join("all.lst"), "A(up) 0 0 0 1\nB(up) 9 0 0 2\n").unwrap();
+    for file in ["all.csv", "all.lst"] {
+        let twice = [file, "--radius", "A=1", "--radius", "A=2"];
+        let said = error(3, directory.path(), &twice, 2);
+        assert_eq!(said.matches("--radius A is given twice, as 1 and 2; give one").count(), 1, "{said}");
+        let misspelled = [file, "--radius", "A=0.5", "--radius", "B=0.5", "--radius", "b=0.5"];
+        let run = run(3, directory.path(), &misspelled);
+        let said = String::from_utf8(run.stderr).unwrap();
+        assert!(run.status.success(), "{said}");
+        let warning = format!("{file}: no sphere is of species 'b', for which a radius was given");
+        assert_eq!((said.matches("no sphere").count(), said.matches(&warning).count()), (1, 1), "{said}");
+    }
+}
+
+#[test]
 fn frame_after_the_only_one_is_refused_in_every_format() {
     let directory = tempfile::tempdir().unwrap();
     let at = |name: &str| directory.path().join(name);

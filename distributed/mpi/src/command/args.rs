@@ -3,10 +3,11 @@ use std::num::NonZeroUsize;
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Parser, Subcommand};
+use clap::error::ErrorKind;
+use clap::{CommandFactory, Parser, Subcommand};
 use lazygrid::{Backend, Space};
-use lazygrid_io::arguments::{periodic_space, species_radius};
-use lazygrid_io::read::{Format, Options, Radii};
+use lazygrid_io::arguments::{periodic_space, radii_by_species, species_radius};
+use lazygrid_io::read::{Format, Options};
 use lazygrid_mpi::{Ownership, Settings};
 use lazygrid_sim::run::run_args::RunArgs;
 
@@ -160,6 +161,17 @@ fn backend() -> impl TypedValueParser<Value = Backend> {
     PossibleValuesParser::new(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>())
 }
 
+impl Args {
+    /// Refuses a species with two radii.
+    pub(crate) fn checked(self) -> Result<Self, clap::Error> {
+        if let Command::Detect(args) = &self.command {
+            let twice = |message| Self::command().error(ErrorKind::ArgumentConflict, message);
+            radii_by_species(&args.radii).map_err(twice)?;
+        }
+        Ok(self)
+    }
+}
+
 impl Command {
     /// Command and the options that all ranks must share. Those of runs are compared when their scenarios are read.
     pub(crate) fn shared(&self) -> Settings {
@@ -210,7 +222,8 @@ impl Detect {
     }
 
     pub(crate) fn options(&self) -> Options {
-        let radii: Radii = self.radii.iter().cloned().collect();
+        // `Args::checked` refuses a species with two radii.
+        let radii = self.radii.iter().cloned().collect();
         Options { format: self.format, radii, space: self.periodic, ids: false, groups: false }
     }
 }

@@ -5,8 +5,10 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use lazygrid::Space;
-use lazygrid_io::read::{Format, Frame, Frames, NpyRows};
+use lazygrid_io::arguments::unused_radius;
+use lazygrid_io::read::{Format, Frame, Frames, NpyRows, Species};
 use lazygrid_mpi::{Error, OwnedSpheres, agree, try_reserved};
+use mpi::collective::SystemOperation;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives, Root};
 
@@ -40,10 +42,11 @@ pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, E
     let frame = match split {
         FileSplit::Own(path) => whole(&path, args),
         FileSplit::Whole if rank == 0 => whole(&args.file, args),
-        FileSplit::Whole => Ok(Frame::default()),
+        FileSplit::Whole => Ok((Frame::default(), None)),
         FileSplit::Rows(rows) => {
             let own = share(rows.count(), rank, ranks);
-            rows.read(own, args.options()).map_err(|error| error.to_string())
+            let frame = rows.read(own, args.options()).map_err(|error| error.to_string());
+            frame.map(|(frame, species)| (frame, Some(species)))
         }
         // All ranks count lines before one may fail.
         FileSplit::Lines(text) => {
@@ -55,7 +58,8 @@ pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, E
             rank_lines.read(&args.file, args.options(), before)
         }
     };
-    let frame = agree(world, frame.map_err(|message| refused(world, message)))?;
+    let (frame, species) = agree(world, frame.map_err(|message| refused(world, message)))?;
+    warn_of_radii(world, args, species.as_ref());
     let space = in_32_bits(common_space(world, own_file(args, world.rank()), frame.space)?, rank == 0);
     let first = before(world, frame.spheres.len() as u64);
     let mut ids = agree(world, try_reserved("ids", frame.spheres.len() as u64, rank as u32))?;
@@ -103,7 +107,7 @@ impl FileSplit {
     }
 }
 
-fn whole(path: &Path, args: &Detect) -> Result<Frame, String> {
+fn whole(path: &Path, args: &Detect) -> Result<(Frame, Option<Species>), String> {
     let mut frames = Frames::open(path, args.options()).map_err(|error| error.to_string())?;
     let wanted = args.frame.unwrap_or(0);
     let frame = frames.by_ref().nth(wanted).transpose().map_err(|error| error.to_string())?;
@@ -112,8 +116,22 @@ fn whole(path: &Path, args: &Detect) -> Result<Frame, String> {
     })?;
     let is_last = args.frame.is_some() || frames.next().is_none();
     match is_last {
-        true => Ok(frame),
+        true => Ok((frame, Some(frames.species().clone()))),
         false => Err(format!("{}: the file has several frames; choose one with --frame", path.display())),
+    }
+}
+
+/// Warns of radii of species that no rank has read. Collective.
+fn warn_of_radii(world: &SimpleCommunicator, args: &Detect, own: Option<&Species>) {
+    let radii = args.options().radii;
+    let is_met = |given: &str| own.is_some_and(|own| own.unused_radii().all(|unused| unused != given));
+    let met: Vec<u8> = radii.keys().map(|given| u8::from(is_met(given))).collect();
+    let mut met_by_any = vec![0; met.len()];
+    world.all_reduce_into(&met[..], &mut met_by_any[..], SystemOperation::max());
+    if world.rank() == 0 {
+        for (species, _) in radii.keys().zip(&met_by_any).filter(|(_, met)| **met == 0) {
+            log::warn!("{}", unused_radius(&args.file, species));
+        }
     }
 }
 

@@ -5,7 +5,7 @@ use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
 use std::path::Path;
 
 use lazygrid_io::Position;
-use lazygrid_io::read::{BYTE_ORDER_MARK, Format, Frame, Frames, Options};
+use lazygrid_io::read::{BYTE_ORDER_MARK, Format, Frame, Frames, Options, Species};
 
 use super::share::share;
 
@@ -62,10 +62,15 @@ impl RankLines {
         newlines(&self.bytes)
     }
 
-    /// `before` counts lines of earlier ranks, for messages.
-    pub(crate) fn read(self, path: &Path, options: Options, before: u64) -> Result<Frame, String> {
+    /// `before` counts lines of earlier ranks, for messages. Returns no species if the rank has no lines.
+    pub(crate) fn read(
+        self,
+        path: &Path,
+        options: Options,
+        before: u64,
+    ) -> Result<(Frame, Option<Species>), String> {
         if self.bytes.is_empty() && !self.is_first {
-            return Ok(Frame::default());
+            return Ok((Frame::default(), None));
         }
         let mut options = options;
         options.format = Some(Format::Csv);
@@ -83,7 +88,7 @@ impl RankLines {
             }
             error.to_string()
         })?;
-        Ok(frame.unwrap_or_default())
+        Ok((frame.unwrap_or_default(), Some(frames.species().clone())))
     }
 }
 
