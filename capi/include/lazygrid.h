@@ -356,7 +356,7 @@ LAZYGRID_API lazygrid_status lazygrid_count(lazygrid_detector *detector, const l
  * Finds the pairs as neighbor lists in compressed sparse rows: the neighbors of sphere k are `indices[offsets[k]]` to
  * `indices[offsets[k + 1] - 1]`, ascending. For one set each pair is in both lists. For two sets each sphere of the
  * first lists its neighbors in the second. `*offsets` has one more value than there are lists; the last is the length
- * of `*indices`.
+ * of `*indices`. With LAZYGRID_ERROR_TOO_MANY_PAIRS, `**offsets` is the exact number of pairs.
  */
 LAZYGRID_API lazygrid_status lazygrid_neighbors(lazygrid_detector *detector, const lazygrid_query *query,
                                                 const uint64_t **offsets, const uint32_t **indices);
@@ -395,7 +395,7 @@ typedef struct lazygrid_list {
 /*
  * Finds the neighbor list with all periodic images within the cutoff, also in a box smaller than the cutoff, where a
  * sphere may neighbor its own images. Computes in double precision and sorts by i, j and the shift. Exclusions and
- * groups apply to all images.
+ * groups apply to all images. With LAZYGRID_ERROR_TOO_MANY_PAIRS, `list->length` is the exact number of pairs.
  */
 LAZYGRID_API lazygrid_status lazygrid_neighbor_list(lazygrid_detector *detector, const lazygrid_query *query,
                                                     uint32_t options, lazygrid_list *list);

@@ -135,6 +135,12 @@ inline void check(lazygrid_status status, const lazygrid_detector *detector) {
     fail(status, is_busy ? "the detector is in use, or a callback searches" : lazygrid_last_error(detector));
 }
 
+// `found` is the number of pairs if there are too many.
+inline void check(lazygrid_status status, const lazygrid_detector *detector, std::uint64_t found) {
+    if (status == LAZYGRID_ERROR_TOO_MANY_PAIRS) throw TooManyPairs(lazygrid_last_error(detector), found);
+    check(status, detector);
+}
+
 // C reads a null pointer as an optional argument that was not given.
 inline std::string moved_from(const char *what) {
     return std::string("the ") + what + " were moved to another object; pass that object";
@@ -443,8 +449,7 @@ public:
         const Pair *found = nullptr;
         std::uint64_t count = 0;
         const auto status = lazygrid_pairs(get(), &query, &found, &count);
-        if (status == LAZYGRID_ERROR_TOO_MANY_PAIRS) throw TooManyPairs(lazygrid_last_error(get()), count);
-        detail::check(status, get());
+        detail::check(status, get(), count);
         return {found, static_cast<std::size_t>(count)};
     }
 
@@ -456,21 +461,24 @@ public:
         return count;
     }
 
-    // The pairs as neighbor lists, one for each sphere of the only or first set.
+    // The pairs as neighbor lists, one for each sphere of the only or first set. Throws TooManyPairs as pairs() does.
     Neighbors neighbors(const Query &of) {
         const lazygrid_query query = of.get();
         const std::uint64_t *offsets = nullptr;
         const std::uint32_t *indices = nullptr;
-        detail::check(lazygrid_neighbors(get(), &query, &offsets, &indices), get());
+        const auto status = lazygrid_neighbors(get(), &query, &offsets, &indices);
+        detail::check(status, get(), offsets == nullptr ? 0 : *offsets);
         const std::size_t count = of.size();
         return {{offsets, count + 1}, {indices, static_cast<std::size_t>(offsets[count])}};
     }
 
-    // The neighbor list with all periodic images within the cutoff, in double precision.
+    // The neighbor list with all periodic images within the cutoff, in double precision. Throws TooManyPairs as pairs()
+    // does.
     NeighborList neighbor_list(const Query &of, const ListOptions &options = {}) {
         const lazygrid_query query = of.get();
         lazygrid_list list;
-        detail::check(lazygrid_neighbor_list(get(), &query, options.bits(), &list), get());
+        const auto status = lazygrid_neighbor_list(get(), &query, options.bits(), &list);
+        detail::check(status, get(), list.length);
         const auto length = static_cast<std::size_t>(list.length);
         return {{list.offsets, of.size() + 1},
                 {list.pairs, length},

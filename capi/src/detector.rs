@@ -22,6 +22,8 @@ pub struct DetectorHandle(Mutex<HandleState>);
 pub struct HandleState {
     pub detector: Detector,
     pub report: CString,
+    /// Number of pairs that C has a pointer to, if neighbor lists would have too many.
+    pub found: u64,
     /// Empty if the last call succeeded.
     message: CString,
 }
@@ -75,7 +77,8 @@ pub unsafe extern "C" fn lazygrid_create(
         // SAFETY: by this function's condition.
         let config = unsafe { CSettings::config(settings) }?;
         let detector = Detector::new(config)?;
-        let state = HandleState { detector, report: CString::default(), message: CString::default() };
+        let state =
+            HandleState { detector, report: CString::default(), found: 0, message: CString::default() };
         out.put(Box::into_raw(Box::new(DetectorHandle(Mutex::new(state)))));
         Ok(())
     })

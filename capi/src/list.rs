@@ -1,6 +1,6 @@
 use std::ptr;
 
-use engine::{ListOptions, NeighborList, Pair};
+use engine::{Error, ListOptions, NeighborList, Pair};
 
 use crate::detector::{DetectorHandle, HandleState};
 use crate::input::{self, CQuery};
@@ -90,7 +90,11 @@ pub unsafe extern "C" fn lazygrid_neighbor_list(
         let (list, options) = (list?, options(options_of_list)?);
         // SAFETY: by this function's condition.
         let query = unsafe { input::borrow(query) }?;
-        let found = state.detector.neighbor_list(query, options)?;
+        let found = state.detector.neighbor_list(query, options).inspect_err(|error| {
+            if let Error::TooManyPairs { found, .. } = error {
+                list.put(CNeighborList { length: *found, ..CNeighborList::EMPTY });
+            }
+        })?;
         list.put(CNeighborList::new(&found, options_of_list));
         Ok(())
     };

@@ -113,16 +113,29 @@ pub unsafe extern "C" fn lazygrid_neighbors(
         let (offsets, indices) = (offsets?, indices?);
         // SAFETY: by this function's condition.
         let query = unsafe { input::borrow(query) }?;
-        put_lists(&state.detector.neighbors(query)?, &offsets, &indices);
-        Ok(())
+        let HandleState { detector, found, .. } = state;
+        put_lists(detector.neighbors(query), found, &offsets, &indices)
     };
     // SAFETY: by this function's condition.
     unsafe { search(detector, work) }
 }
 
-fn put_lists(lists: &Neighbors<'_>, offsets: &OutPtr<*const u64>, indices: &OutPtr<*const u32>) {
+/// Writes the addresses of the lists; if there are too many pairs, that of their number.
+fn put_lists(
+    lists: Result<Neighbors<'_>, Error>,
+    found: &mut u64,
+    offsets: &OutPtr<*const u64>,
+    indices: &OutPtr<*const u32>,
+) -> Result<(), Failure> {
+    let lists = lists.inspect_err(|error| {
+        if let Error::TooManyPairs { found: pairs, .. } = error {
+            *found = *pairs;
+            offsets.put(ptr::from_ref(found));
+        }
+    })?;
     offsets.put(lists.offsets().as_ptr());
     indices.put(lists.indices().as_ptr());
+    Ok(())
 }
 
 /// `lazygrid_pair_callback`: receives pairs and returns 0 to continue.

@@ -119,6 +119,18 @@ void errors_are_exceptions() {
     } catch (const lazygrid::TooManyPairs &error) {
         CHECK(error.found() == 99 && error.status() == LAZYGRID_ERROR_TOO_MANY_PAIRS);
     }
+    try {
+        detector.neighbors(line(100));
+        CHECK(false);
+    } catch (const lazygrid::TooManyPairs &error) {
+        CHECK(error.found() == 99);
+    }
+    try {
+        detector.neighbor_list(line(100));
+        CHECK(false);
+    } catch (const lazygrid::TooManyPairs &error) {
+        CHECK(error.found() == 99);
+    }
     auto bad = line(3);
     bad[2].r = NAN;
     CHECK(throws<lazygrid::InputError>([&] { detector.count(bad); }, "sphere 2"));

@@ -174,13 +174,14 @@ public final class Detector implements AutoCloseable {
      *
      * @param query the spheres
      * @return the lists, in the detector's memory; across two sets one for each sphere of the first
-     * @throws LazygridException as {@link #pairs(Query)}; for too many pairs without their number
+     * @throws LazygridException as {@link #pairs(Query)}
      */
     public Neighbors neighbors(Query query) {
         enter(query);
         try {
             int status = NativeApi.neighbors(detector, question, first, second);
             query.keep();
+            if (status == Status.TOO_MANY_PAIRS.ordinal()) throw tooMany(ResultBuffers.number(result(0)));
             check(status, detector);
             LongBuffer offsets = ResultBuffers.offsets(result(0), query);
             return new Neighbors(offsets, ResultBuffers.integers(result(1), offsets.get(query.lists())));
@@ -216,6 +217,7 @@ public final class Detector implements AutoCloseable {
         try {
             int status = NativeApi.neighborList(detector, question, bits, first);
             query.keep();
+            if (status == Status.TOO_MANY_PAIRS.ordinal()) throw tooMany(result(0));
             check(status, detector);
             long length = result(0);
             // Quantities that were not requested have no address.
@@ -347,11 +349,13 @@ public final class Detector implements AutoCloseable {
     private IntBuffer findPairs(Query query) {
         int status = NativeApi.pairs(detector, question, first, second);
         query.keep();
-        if (status == Status.TOO_MANY_PAIRS.ordinal()) {
-            throw new TooManyPairsException(NativeApi.lastError(detector), result(1));
-        }
+        if (status == Status.TOO_MANY_PAIRS.ordinal()) throw tooMany(result(1));
         check(status, detector);
         return ResultBuffers.integers(result(0), 2 * result(1));
+    }
+
+    private TooManyPairsException tooMany(long found) {
+        return new TooManyPairsException(NativeApi.lastError(detector), found);
     }
 
     /** Enters and writes the query, which only the thread that is inside may do. */

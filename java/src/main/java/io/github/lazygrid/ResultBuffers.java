@@ -9,6 +9,10 @@ import java.nio.LongBuffer;
 final class ResultBuffers {
     private ResultBuffers() {}
 
+    static long number(long address) {
+        return bytes(address, 1, Long.BYTES).asLongBuffer().get();
+    }
+
     static LongBuffer offsets(long address, Query query) {
         return bytes(address, query.lists() + 1L, Long.BYTES).asLongBuffer().asReadOnlyBuffer();
     }

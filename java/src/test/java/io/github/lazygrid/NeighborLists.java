@@ -4,6 +4,7 @@ import static io.github.lazygrid.ContractTest.check;
 import static io.github.lazygrid.ContractTest.failing;
 import static io.github.lazygrid.ContractTest.line;
 import static io.github.lazygrid.ContractTest.onCpu;
+import static io.github.lazygrid.ContractTest.throwing;
 
 import java.nio.DoubleBuffer;
 import java.nio.FloatBuffer;
@@ -82,7 +83,9 @@ final class NeighborLists {
             failing(Status.INPUT, "sphere 1", () -> detector.neighborList(spheres, GEOMETRY));
         }
         try (Detector few = new Detector(onCpu().maxPairs(5))) {
-            failing(Status.TOO_MANY_PAIRS, "", () -> few.neighborList(Spheres.rows(line(100)), Set.of()));
+            Spheres many = Spheres.rows(line(100));
+            throwing(TooManyPairsException.class, e -> e.found() == 99, () -> few.neighborList(many, Set.of()), "a list");
+            throwing(TooManyPairsException.class, e -> e.found() == 99, () -> few.neighbors(many), "neighbors");
         }
     }
 
