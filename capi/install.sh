@@ -5,7 +5,7 @@
 #
 # PREFIX/lib gets the shared and the static library, with files for pkg-config and for CMake's find_package;
 # PREFIX/include gets lazygrid.h and lazygrid.hpp. --debug builds faster, for tests. --without-gpu leaves the GPU out.
-# What is installed is stripped of tables for debuggers, except with --debug.
+# What is installed is stripped of tables for debuggers, except with --debug. On Linux, root runs ldconfig.
 set -euo pipefail
 
 usage() { sed -n '4s/^# *//p' "$0" >&2; exit 2; }
@@ -66,3 +66,11 @@ for file in lazygrid-config lazygrid-config-version; do
     fill "cmake/$file.cmake.in" "$prefix/lib/cmake/lazygrid/$file.cmake"
 done
 echo "install.sh: lazygrid $version is in $prefix" >&2
+# The loader of Linux reads a cache of its own directories.
+if [ "$(uname)" = Linux ]; then
+    PATH=$PATH:/usr/sbin:/sbin
+    [ "$(id -u)" != 0 ] || ldconfig || true
+    if ! ldconfig -p 2>/dev/null | grep " => $prefix/lib/$soname\$" >/dev/null; then
+        echo "install.sh: the loader does not search $prefix/lib; link programs with -Wl,-rpath,$prefix/lib" >&2
+    fi
+fi

@@ -91,6 +91,15 @@ if have pkg-config pkg-config; then
     # The first program of the README.
     awk '/^```c$/ { inside = 1; next } /^```$/ { if (inside) exit } inside' capi/README.md >"$work/readme.c"
     passes "the README's program" build_and_run readme c99 "$work/readme.c"
+    # documented COMMAND SOURCE NAME: a command of the documentation, without LD_LIBRARY_PATH.
+    documented() { cp "$2" "$work/$3" && (cd "$work" && env -u LD_LIBRARY_PATH sh -c "$1"); }
+    passes "the example's command in C" \
+        documented "$(sed -n 's/^ \*     \(cc .*\)/\1/p' capi/examples/steps.c)" capi/examples/steps.c steps.c
+    passes "the example's command in C++" \
+        documented "$(sed -n '/^\/\/     run_path=/,/a.out$/s/^\/\/ *//p' capi/examples/species.cpp)" \
+        capi/examples/species.cpp species.cpp
+    passes "the README's command" \
+        documented "$(sed -n 's/^| pkg-config | `\(cc .*\)` |$/\1/p' capi/README.md) && ./a.out" "$work/readme.c" program.c
     passes "C, static" build_static contract-static c99 capi/tests/contract.c
     passes "C, static, runs" "$work/contract-static"
 

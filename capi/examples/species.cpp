@@ -1,6 +1,7 @@
 // Acid and base in a periodic box: an acid and a base within their binding radius react and vanish.
 //
-//     c++ -std=c++17 species.cpp $(pkg-config --cflags --libs lazygrid) && ./a.out
+//     run_path=-Wl,-rpath,$(pkg-config --variable=libdir lazygrid)
+//     c++ -std=c++17 species.cpp $(pkg-config --cflags --libs lazygrid) $run_path && ./a.out
 #include <lazygrid.hpp>
 
 #include <cstdint>

@@ -1,7 +1,7 @@
 /*
  * A simulation in C: spheres diffuse, and each step finds the overlapping pairs.
  *
- *     cc steps.c $(pkg-config --cflags --libs lazygrid) -lm && ./a.out
+ *     cc steps.c $(pkg-config --cflags --libs lazygrid) -Wl,-rpath,$(pkg-config --variable=libdir lazygrid) -lm && ./a.out
  */
 #include <lazygrid.h>
 

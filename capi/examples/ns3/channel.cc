@@ -2,7 +2,8 @@
 // collision search. A test compares its receiver's counts with lazygrid's simulator in the same scenario.
 //
 //     lazygrid simulate channel.toml --replicas 64 --output expected
-//     c++ -std=c++17 channel.cc $(pkg-config --cflags --libs lazygrid) -lns3-core && ./a.out expected/mean.csv 64
+//     run_path=-Wl,-rpath,$(pkg-config --variable=libdir lazygrid)
+//     c++ -std=c++17 channel.cc $(pkg-config --cflags --libs lazygrid) $run_path -lns3-core && ./a.out expected/mean.csv 64
 //
 // Prints both means with their standard errors, and returns 1 if they are more than four of these apart.
 #include <lazygrid.hpp>
