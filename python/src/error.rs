@@ -121,11 +121,15 @@ pub(crate) fn file(error: lazygrid_io::Error) -> PyErr {
         ("--radius", " (in Python: radii={species: radius})"),
         ("--periodic", " (in Python: periodic=(x, y, z) or periodic=\"none\")"),
         ("--format", " (in Python: format=)"),
+        ("--ids", " (in Python: ids=True)"),
+        ("--exclude-groups", " (in Python: groups=True)"),
     ];
     let named = options.into_iter().find(|(option, _)| message.contains(option));
     message.push_str(named.map_or("", |(_, remedy)| remedy));
     match &error {
         Error::Read { path, source } | Error::Write { path, source } => system(source, path, message),
+        Error::Radius { .. } => setting(message),
+        Error::Threads { .. } => other(message),
         _ => exception("FileError", message, &[]),
     }
 }

@@ -43,7 +43,8 @@ pub(crate) fn interruptible<R: Send>(
     }
 }
 
-fn poll_signals<R: Send>(cancel: &AtomicBool, work: impl FnOnce() -> R + Send) -> PyResult<R> {
+/// Runs `work` in another thread, as [`interruptible`] does if it may be long.
+pub(crate) fn poll_signals<R: Send>(cancel: &AtomicBool, work: impl FnOnce() -> R + Send) -> PyResult<R> {
     thread::scope(|scope| {
         let (done, finished) = sync_channel(1);
         let worker = Builder::new().name("lazygrid".into()).spawn_scoped(scope, move || {

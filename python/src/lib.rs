@@ -10,6 +10,7 @@ mod error;
 mod exclusions;
 mod floats;
 mod fork;
+mod input;
 mod interactions;
 mod interruptible;
 mod neighbors;

@@ -1,39 +1,67 @@
 use std::collections::BTreeMap;
-use std::path::PathBuf;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use lazygrid::Sphere;
-use lazygrid_io::read::{self, Options};
+use lazygrid_io::Error;
+use lazygrid_io::arguments::unused_radius;
+use lazygrid_io::read::{self, Format, Options};
 use numpy::{PyArray1, PyArray2};
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 
-use crate::arrays;
-use crate::error;
+use crate::interruptible::poll_signals;
 use crate::settings::space;
+use crate::{arrays, error, fork, input};
+
+/// Below these sizes of a regular file and of the frame before, a read takes milliseconds: it needs no thread of its own
+/// while the caller's polls for signals.
+const MIN_POLLED_BYTES: u64 = 1 << 16;
+const MIN_POLLED_SPHERES: usize = 1 << 12;
 
 /// An iterator over the frames of a file, with one in memory. :func:`lazygrid.read` reads one frame.
+///
+/// Numbers are rounded to float32; the first that loses digits is a ``UserWarning``. So is, at the end, a species of
+/// ``radii`` that no sphere has. Ctrl-C ends the iteration.
 ///
 /// Raises
 /// ------
 /// FileError
 ///     For a file that does not follow its format, with line or row and text.
+/// SettingError
+///     For an unknown format, and for radii that are negative or not finite.
 /// OSError
 ///     If the system refuses the file.
 #[pyclass(frozen, module = "lazygrid")]
 pub(crate) struct Frames {
     path: PathBuf,
-    frames: Mutex<read::Frames>,
+    format: Format,
+    is_regular: bool,
+    /// `true` if the next read may take long.
+    is_polled: AtomicBool,
+    /// Ends a read.
+    cancel: Arc<AtomicBool>,
+    state: Mutex<State>,
+}
+
+struct State {
+    frames: read::Frames,
+    has_warned_of_rounding: bool,
+    has_warned_of_radii: bool,
 }
 
 /// The spheres of one moment of a file, in the file's length unit.
 #[pyclass(frozen, get_all, module = "lazygrid")]
 pub(crate) struct Frame {
-    /// Rows ``x, y, z, r``, of shape ``(n, 4)``.
+    /// Rows ``x, y, z, r``, of shape ``(n, 4)``, rounded to float32.
     spheres: Py<PyArray2<f32>>,
     /// A species id per sphere, of shape ``(n,)``, if the file has species.
     species: Option<Py<PyArray1<u32>>>,
     /// An id per sphere, of shape ``(n,)``, if ids were requested.
     ids: Option<Py<PyArray1<i64>>>,
+    /// A group per sphere, of shape ``(n,)``, for :meth:`Detector.pairs`, if groups were requested.
+    groups: Option<Py<PyArray1<u32>>>,
     /// The names of the species, by id.
     names: Vec<String>,
     /// The simulator's time step, if the file has one.
@@ -52,23 +80,38 @@ enum CellVector {
 #[pymethods]
 impl Frames {
     #[new]
-    #[pyo3(signature = (path, *, format=None, radii=None, periodic=None, ids=false))]
+    #[pyo3(signature = (path, *, format=None, radii=None, periodic=None, ids=false, groups=false))]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
+        py: Python<'_>,
         path: PathBuf,
         format: Option<&str>,
         radii: Option<BTreeMap<String, f32>>,
         periodic: Option<&Bound<'_, PyAny>>,
         ids: bool,
+        groups: bool,
     ) -> PyResult<Self> {
+        fork::use_threads()?;
         let format = format.map(str::parse).transpose().map_err(error::unknown)?;
         let space = match periodic {
             None => None,
             Some(word) if word.extract::<&str>().is_ok_and(|word| word == "none") => Some(space(None)?),
             lengths => Some(space(lengths)?),
         };
-        let options = Options { format, radii: radii.unwrap_or_default(), space, ids, groups: false };
-        let frames = read::Frames::open(&path, options).map_err(error::file)?;
-        Ok(Self { path, frames: Mutex::new(frames) })
+        let options = Options { format, radii: radii.unwrap_or_default(), space, ids, groups };
+        let length = length(&path).map_err(error::file)?;
+        let cancel = Arc::new(AtomicBool::new(false));
+        let open = || {
+            let input = input::open(path.clone(), length.is_some(), cancel.clone());
+            let input = input.map_err(|source| Error::Read { path: path.clone(), source })?;
+            read::Frames::new(&path, input, length, options)
+        };
+        let is_polled = length.is_none_or(|length| length >= MIN_POLLED_BYTES);
+        let frames = interruptible(py, is_polled, &cancel, open)?.map_err(error::file)?;
+        let format = frames.format();
+        let state = State { frames, has_warned_of_rounding: false, has_warned_of_radii: false };
+        let is_polled = AtomicBool::new(is_polled);
+        Ok(Self { path, format, is_regular: length.is_some(), is_polled, cancel, state: Mutex::new(state) })
     }
 
     fn __iter__(this: Py<Self>) -> Py<Self> {
@@ -76,24 +119,40 @@ impl Frames {
     }
 
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<Frame>> {
-        let read = py.detach(|| {
-            let mut frames = self.lock();
-            let frame = frames.next()?;
-            Some(frame.map(|frame| (frame, frames.species().names().to_vec())))
-        });
-        let Some((frame, names)) = read.transpose().map_err(error::file)? else { return Ok(None) };
+        fork::use_threads()?;
+        let (read, warnings) = self.interruptible(py, || {
+            let mut state = self.lock();
+            let frame = state.frames.next().transpose();
+            let warnings = state.warnings(&self.path, matches!(frame, Ok(None)));
+            let names = |frame| (frame, state.frames.species().names().to_vec());
+            (frame.map(|frame| frame.map(names)), warnings)
+        })?;
+        let read = read.map_err(error::file)?;
+        for warning in warnings {
+            py.import("warnings")?.call_method1("warn", (warning, py.get_type::<PyUserWarning>()))?;
+        }
+        let Some((frame, names)) = read else { return Ok(None) };
+        self.is_polled
+            .store(!self.is_regular || frame.spheres.len() >= MIN_POLLED_SPHERES, Ordering::Relaxed);
         Frame::new(py, frame, names).map(Some)
     }
 
     /// Return ``True`` after the last frame.
     fn at_end(&self, py: Python<'_>) -> PyResult<bool> {
-        py.detach(|| self.lock().at_end()).map_err(error::file)
+        fork::use_threads()?;
+        self.interruptible(py, || self.lock().frames.at_end())?.map_err(error::file)
+    }
+
+    /// Return the species of ``radii`` that no frame so far has, probably misspelled.
+    fn unused_radii(&self, py: Python<'_>) -> PyResult<Vec<String>> {
+        fork::use_threads()?;
+        Ok(py.detach(|| self.lock().frames.species().unused_radii().map(str::to_owned).collect()))
     }
 
     /// The format of the file.
     #[getter]
     fn format(&self) -> String {
-        self.lock().format().to_string()
+        self.format.to_string()
     }
 
     /// The file, a ``pathlib.Path``.
@@ -104,8 +163,49 @@ impl Frames {
 }
 
 impl Frames {
-    fn lock(&self) -> MutexGuard<'_, read::Frames> {
-        self.frames.lock().unwrap_or_else(PoisonError::into_inner)
+    fn interruptible<R: Send>(&self, py: Python<'_>, read: impl FnOnce() -> R + Send) -> PyResult<R> {
+        interruptible(py, self.is_polled.load(Ordering::Relaxed), &self.cancel, read)
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl State {
+    /// Returns warnings that no earlier call returned.
+    fn warnings(&mut self, path: &Path, is_at_end: bool) -> Vec<String> {
+        let mut warnings = Vec::new();
+        if let Some(rounding) = self.frames.rounding().filter(|_| !self.has_warned_of_rounding) {
+            warnings.push(rounding.to_owned());
+            self.has_warned_of_rounding = true;
+        }
+        if is_at_end && !std::mem::replace(&mut self.has_warned_of_radii, true) {
+            let unused = self.frames.species().unused_radii();
+            warnings.extend(unused.map(|species| unused_radius(path, species)));
+        }
+        warnings
+    }
+}
+
+/// Returns the length of a regular file.
+fn length(path: &Path) -> Result<Option<u64>, Error> {
+    match path.metadata() {
+        Ok(metadata) => Ok(metadata.is_file().then_some(metadata.len())),
+        Err(source) => Err(Error::Read { path: path.to_owned(), source }),
+    }
+}
+
+/// Reads without the interpreter's lock, and returns the exception of a signal's handler.
+fn interruptible<R: Send>(
+    py: Python<'_>,
+    is_polled: bool,
+    cancel: &AtomicBool,
+    read: impl FnOnce() -> R + Send,
+) -> PyResult<R> {
+    match is_polled {
+        true => py.detach(|| poll_signals(cancel, read)),
+        false => Ok(py.detach(read)),
     }
 }
 
@@ -123,6 +223,7 @@ impl Frame {
             names: if species.is_some() { names } else { Vec::new() },
             species,
             ids: frame.ids.map(|ids| PyArray1::from_vec(py, ids).unbind()),
+            groups: frame.groups.map(|groups| PyArray1::from_vec(py, groups).unbind()),
             step: frame.step,
             periodic: frame.space.is_periodic().then_some((x, y, z)),
         })

@@ -131,6 +131,59 @@ def test_files_of_several_frames(tmp_path: Path) -> None:
         lazygrid.read(path, 2)
 
 
+@pytest.mark.parametrize("kind", ["csv", "npy"])
+def test_rounding_is_warned_of_once(tmp_path: Path, kind: str) -> None:
+    rows, path = np.ones((3, 4)), tmp_path / f"rows.{kind}"
+    rows[1, 0] = rows[2, 1] = 16777217
+    if kind == "npy":
+        np.save(path, rows)
+    else:
+        np.savetxt(path, rows, header="x,y,z,r", comments="", delimiter=",", fmt="%.0f")
+    with pytest.warns(UserWarning, match=f"rows.{kind}, {'row 1' if kind == 'npy' else 'line 3'}: x is 16777217") as said:
+        assert lazygrid.read(path).spheres[1, 0] == 16777216
+    assert len(said) == 1
+    with pytest.warns(UserWarning, match="x is 16777217") as said:
+        assert len(list(lazygrid.Frames(path))) == 1
+    assert len(said) == 1
+
+
+def test_unused_radii_are_warned_of(tmp_path: Path) -> None:
+    path = tmp_path / "two.xyz"
+    path.write_text("1\n\nH 1 2 3\n1\n\nO 1 2 3\n")
+    radii = {"H": 1.0, "O": 2.0, "h": 3.0}
+    with pytest.warns(UserWarning, match="no sphere is of species 'h'") as said:
+        assert lazygrid.read(path, 1, radii=radii).spheres[0, 3] == 2.0
+    assert len(said) == 1 and said[0].filename == __file__
+    frames = lazygrid.Frames(path, radii=radii)
+    next(frames)
+    assert frames.unused_radii() == ["O", "h"]
+    with pytest.warns(UserWarning, match="no sphere is of species 'h'") as said:
+        assert len(list(frames)) == 1 and next(frames, None) is None
+    assert len(said) == 1
+
+
+@pytest.mark.parametrize("radius", [float("nan"), float("inf"), -0.5, 1e39])
+def test_radii_that_no_sphere_can_have_are_refused(tmp_path: Path, radius: float) -> None:
+    path = tmp_path / "a.xyz"
+    path.write_text("1\n\nH 1 2 3\n")
+    with pytest.raises(lazygrid.SettingError, match="the radius of species 'H' is .* finite"):
+        lazygrid.read(path, radii={"O": 1.0, "H": radius})
+
+
+def test_groups_of_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("x,y,z,r,mol\n0,0,0,1,7\n1,0,0,1,7\n2,0,0,1,0\n")
+    frame = lazygrid.read(path, groups=True)
+    assert lazygrid.read(path).groups is None and frame.groups is not None
+    assert frame.groups.tolist() == [7, 7, lazygrid.NO_GROUP]
+    assert lazygrid.Detector().pairs(frame.spheres, groups=frame.groups).tolist() == [[0, 2], [1, 2]]
+    path.write_text("x,y,z,r\n0,0,0,1\n")
+    with pytest.raises(lazygrid.FileError, match="groups=True"):
+        lazygrid.read(path, groups=True)
+    with pytest.raises(lazygrid.FileError, match="ids=True"):
+        lazygrid.read(path, ids=True)
+
+
 def test_a_box_that_leans(tmp_path: Path) -> None:
     path = tmp_path / "tilted.xyz"
     path.write_text('1\nLattice="9 0 0 3 8 0 0 0 7" pbc="T T F" Properties=pos:R:3:radius:R:1\n1 2 3 0.5\n')

@@ -7,7 +7,9 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -112,6 +114,39 @@ def test_list_of_few_atoms_with_many_images_can_be_interrupted() -> None:
     interrupted(lambda: lazygrid.neighbor_list("i", Atoms(), 4.0))
 
 
+def test_waiting_for_a_pipe_ends(tmp_path: Path) -> None:
+    pipe = tmp_path / "pipe.csv"
+    os.mkfifo(pipe)
+    interrupted(lambda: lazygrid.read(pipe))
+    end = os.open(pipe, os.O_RDWR)
+    os.write(end, b"x,y,z,r\n1,2,3,4\n")
+    interrupted(lambda: lazygrid.read(pipe))
+    os.close(end)
+
+
+def test_a_pipe_is_read_to_its_end(tmp_path: Path) -> None:
+    pipe, rows = tmp_path / "pipe.csv", "1,2,3,4\n" * 100_000
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=lambda: pipe.write_text("x,y,z,r\n" + rows))
+    writer.start()
+    frame = lazygrid.read(pipe)
+    writer.join()
+    assert frame.spheres.shape == (100_000, 4) and (frame.spheres == [1, 2, 3, 4]).all()
+
+
+def test_reading_a_long_file_ends(tmp_path: Path) -> None:
+    path, row = tmp_path / "long.npy", np.dtype([(name, "<f4") for name in "xyzr"] + [("rest", "<f4", 200_000)])
+    rows = 500_000
+    with open(path, "wb") as file:
+        header = {"descr": np.lib.format.dtype_to_descr(row), "fortran_order": False, "shape": (rows,)}
+        np.lib.format.write_array_header_1_0(file, header)
+        # A hole of 400 GB, which takes minutes to read.
+        file.truncate(file.tell() + rows * row.itemsize)
+    began = time.monotonic()
+    interrupted(lambda: lazygrid.read(path))
+    assert time.monotonic() - began < 20
+
+
 def child_refuses(use: Callable[[], Any]) -> bool:
     """``use`` raises the error about copied processes in a copied process, and does not wait."""
     child = os.fork()
@@ -128,13 +163,34 @@ def child_refuses(use: Callable[[], Any]) -> bool:
 
 
 COPIED = """
-import os, sys
+import os, sys, tempfile
 import numpy as np
 import lazygrid
 from test_interrupt import child_refuses
 
 line = np.zeros((100_000, 4), dtype=np.float32)
 line[:, 0], line[:, 3] = np.arange(len(line)), 0.5
+"""
+COPIED_READER = """
+with tempfile.TemporaryDirectory() as folder:
+    path = folder + "/a.csv"
+    with open(path, "w") as file:
+        file.write("x,y,z,r\\n1,2,3,4\\n")
+    frames = lazygrid.Frames(path)
+    next(frames)
+    detector = lazygrid.Detector(backend="cpu")
+    assert child_refuses(lambda: detector.count(line))
+    for use in (lambda: lazygrid.read(path), lambda: next(frames), frames.at_end):
+        assert child_refuses(use)
+    assert len(lazygrid.read(path).spheres) == 1
+"""
+COPIED_USER_OF_A_DETECTOR = """
+with tempfile.TemporaryDirectory() as folder:
+    path = folder + "/a.csv"
+    with open(path, "w") as file:
+        file.write("x,y,z,r\\n1,2,3,4\\n")
+    lazygrid.Detector(backend="cpu").count(line)
+    assert child_refuses(lambda: lazygrid.read(path))
 """
 COPIED_DETECTOR = """
 detector, alone = lazygrid.Detector(backend="cpu", threads=2), lazygrid.Detector(backend="cpu", threads=1)
@@ -167,7 +223,7 @@ for threads in (None, 1, 2):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not copied here")
-@pytest.mark.parametrize("use", [COPIED_DETECTOR, COPIED_UNUSED_DETECTOR, COPIED_SIMULATION])
+@pytest.mark.parametrize("use", [COPIED_DETECTOR, COPIED_UNUSED_DETECTOR, COPIED_SIMULATION, COPIED_READER, COPIED_USER_OF_A_DETECTOR])
 def test_inherited_objects_do_not_wait_for_threads_of_the_parent(use: str) -> None:
     # A process of its own, in which no other test has started threads.
     done = subprocess.run(

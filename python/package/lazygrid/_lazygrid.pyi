@@ -357,10 +357,15 @@ class Interactions:
 class Frames:
     """An iterator over the frames of a file, with one in memory. :func:`lazygrid.read` reads one frame.
 
+    Numbers are rounded to float32; the first that loses digits is a ``UserWarning``. So is, at the end, a species of
+    ``radii`` that no sphere has. Ctrl-C ends the iteration.
+
     Raises
     ------
     FileError
         For a file that does not follow its format, with line or row and text.
+    SettingError
+        For an unknown format, and for radii that are negative or not finite.
     OSError
         If the system refuses the file.
     """
@@ -373,11 +378,15 @@ class Frames:
         radii: Mapping[str, float] | None = None,
         periodic: Periodic | str | None = None,
         ids: bool = False,
+        groups: bool = False,
     ) -> Self: ...
     def __iter__(self) -> Iterator[Frame]: ...
     def __next__(self) -> Frame: ...
     def at_end(self) -> bool:
         """Return ``True`` after the last frame."""
+
+    def unused_radii(self) -> list[str]:
+        """Return the species of ``radii`` that no frame so far has, probably misspelled."""
 
     @property
     def format(self) -> str:
@@ -393,7 +402,7 @@ class Frame:
 
     @property
     def spheres(self) -> npt.NDArray[np.float32]:
-        """Rows ``x, y, z, r``, of shape ``(n, 4)``."""
+        """Rows ``x, y, z, r``, of shape ``(n, 4)``, rounded to float32."""
 
     @property
     def species(self) -> npt.NDArray[np.uint32] | None:
@@ -406,6 +415,10 @@ class Frame:
     @property
     def ids(self) -> npt.NDArray[np.int64] | None:
         """An id per sphere, of shape ``(n,)``, if ids were requested."""
+
+    @property
+    def groups(self) -> npt.NDArray[np.uint32] | None:
+        """A group per sphere, of shape ``(n,)``, for :meth:`Detector.pairs`, if groups were requested."""
 
     @property
     def step(self) -> int | None:
