@@ -75,7 +75,7 @@ impl SimulationCore {
         threads: Option<usize>,
         checkpoint: Option<PathBuf>,
     ) -> PyResult<Self> {
-        fork::use_threads()?;
+        if threads.is_some() { fork::use_threads() } else { fork::use_global_threads() }?;
         let mut scenario = parse_scenario(source)?;
         let backend: Backend = backend.parse().map_err(error::unknown)?;
         let algorithm: Algorithm = algorithm.parse().map_err(error::unknown)?;

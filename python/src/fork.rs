@@ -57,6 +57,12 @@ pub(crate) fn use_threads() -> PyResult<()> {
     Ok(())
 }
 
+/// As [`use_threads`]; also starts rayon's global pool, which would panic later if the system refused its threads.
+pub(crate) fn use_global_threads() -> PyResult<()> {
+    use_threads()?;
+    lazygrid::start_threads().map_err(error::engine)
+}
+
 fn gone() -> PyErr {
     error::other(
         "this process was copied (os.fork) from one in which lazygrid had started threads, which are not copied; let \

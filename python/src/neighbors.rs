@@ -247,7 +247,7 @@ pub(crate) fn neighbors_within<'py>(
     cell: [[f64; 3]; 3],
     with_itself: bool,
 ) -> PyResult<Bound<'py, PyDict>> {
-    fork::use_threads()?;
+    fork::use_global_threads()?;
     let positions = positions.as_slice()?.as_chunks::<3>().0;
     let cutoffs = cutoffs.cutoffs(positions.len())?;
     let spheres = cutoffs.spheres(positions).map_err(error::input)?;

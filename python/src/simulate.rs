@@ -140,7 +140,7 @@ pub(crate) fn simulate<'py>(
     source: Source<'py>,
     options: Options,
 ) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
-    fork::use_threads()?;
+    if options.threads.is_some() { fork::use_threads() } else { fork::use_global_threads() }?;
     let mut run = Run::new(parse_scenario(source)?, &options)?;
     let advice = [run.scenario.warnings.clone(), run.scenario.late_releases()].concat();
     run.finish(py)?;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -78,6 +79,53 @@ try:
 except lazygrid.InputError as refused:
     assert "species id 2" in str(refused)
 """
+
+
+# Each thread of the pool maps 2 MiB for its stack.
+THREADS = """
+import os, resource, sys, tempfile
+os.environ["RAYON_NUM_THREADS"] = "2000"
+import numpy as np
+import lazygrid
+
+class Atoms:
+    positions, cell, pbc, numbers = np.zeros((3, 3)), np.zeros((3, 3)), False, np.ones(3)
+
+species = [{"name": "a", "radius": 0.1, "diffusion": 1.0}]
+burst = {"name": "t", "center": [0, 0, 0], "shape": {"kind": "point"}, "release": [{"species": "a", "count": 9}]}
+scenario = {"time-step": 1e-3, "steps": 2, "species": species, "transmitter": [burst]}
+path = sys.argv[1]
+CALLS = [
+    lambda: lazygrid.read(path),
+    lambda: lazygrid.neighbor_list("ij", Atoms(), 1.0),
+    lambda: lazygrid.simulate(scenario),
+    lambda: lazygrid.Simulation(scenario).step(),
+]
+for call in CALLS:
+    child = os.fork()
+    if child == 0:
+        mapped = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (mapped + 2**29, resource.RLIM_INFINITY))
+        # The second call is refused as the first.
+        for _ in range(2):
+            try:
+                call()
+            except lazygrid.Error as refused:
+                assert "threads" in str(refused), refused
+            else:
+                os._exit(2)
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0, CALLS.index(call)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits and the mapped memory are told by Linux")
+def test_refused_threads_are_an_error(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("x,y,z,r\n1,2,3,4\n")
+    run = [sys.executable, "-c", THREADS, str(path)]
+    done = subprocess.run(run, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="limits and the mapped memory are told by Linux")
