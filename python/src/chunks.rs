@@ -32,12 +32,14 @@ pub(crate) struct Chunks {
 
 impl Chunks {
     pub(crate) fn start(
+        py: Python<'_>,
         mut lease: DetectorLease,
         borrowed: &BorrowedQuery<'_>,
         chunk: usize,
     ) -> PyResult<Self> {
         let query = borrowed.query()?;
-        let owned = OwnedQuery::new(&query, borrowed.exclusions()).map_err(error::engine)?;
+        let exclusions = borrowed.exclusions();
+        let owned = py.detach(|| OwnedQuery::new(&query, exclusions)).map_err(error::engine)?;
         let stopper = lease.stopper();
         let (to, chunks) = sync_channel(AHEAD);
         let thread = thread::Builder::new().name("lazygrid stream".into());

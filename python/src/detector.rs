@@ -281,7 +281,7 @@ impl Detector {
         }
         let borrowed = BorrowedQuery::new(Arguments { spheres, second, species, groups, exclusions })?;
         let lease = self.pool.lease_for_stream()?;
-        Chunks::start(lease, &borrowed, chunk)
+        Chunks::start(spheres.py(), lease, &borrowed, chunk)
     }
 
     /// Return an estimate of the bytes that the detector holds for this number of spheres, without the result.

@@ -147,6 +147,26 @@ def test_reading_a_long_file_ends(tmp_path: Path) -> None:
     assert time.monotonic() - began < 20
 
 
+def test_copying_for_a_stream_lets_other_threads_go_on() -> None:
+    columns = tuple(np.zeros((6_000_000, 2))[:, 0] for _ in range(4))
+    detector, ticks, done = lazygrid.Detector(backend="cpu", order="unordered"), [], threading.Event()
+
+    def tick() -> None:
+        while not done.wait(0.001):
+            ticks.append(time.monotonic())
+
+    worker = threading.Thread(target=tick)
+    worker.start()
+    began = time.monotonic()
+    stream = detector.stream(columns)
+    taken = time.monotonic() - began
+    done.set()
+    worker.join()
+    stream.close()
+    # Not at the beginning and the end, when the interpreter's lock may change hands anyway.
+    assert any(0.3 < (at - began) / taken < 0.7 for at in ticks), taken
+
+
 def child_refuses(use: Callable[[], Any]) -> bool:
     """``use`` raises the error about copied processes in a copied process, and does not wait."""
     child = os.fork()
