@@ -58,16 +58,21 @@ impl Interactions {
 
     fn __setitem__(&self, of: (u32, u32), value: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let value = interaction(value)?;
-        self.lock().set(of.0, of.1, value).map_err(refused)
+        let set = self.lock().set(of.0, of.1, value);
+        set.map_err(refused)
     }
 
     fn __getitem__<'py>(&self, py: Python<'py>, of: (u32, u32)) -> PyResult<Bound<'py, PyAny>> {
-        let table = self.lock();
-        if let Some(id) = [of.0, of.1].into_iter().find(|&id| id >= table.species()) {
+        // Python objects are made without the lock, because that may run other code of Python.
+        let interaction = {
+            let table = self.lock();
             let count = table.species();
-            return Err(error::input(lazygrid::InputError::SpeciesId { index: None, id, count }));
-        }
-        match table.get(of.0, of.1) {
+            match [of.0, of.1].into_iter().find(|&id| id >= count) {
+                Some(id) => Err(lazygrid::InputError::SpeciesId { index: None, id, count }),
+                None => Ok(table.get(of.0, of.1)),
+            }
+        };
+        match interaction.map_err(error::input)? {
             Interaction::Never => Ok(py.None().into_bound(py)),
             Interaction::Touch => Ok("touch".into_pyobject(py)?.into_any()),
             Interaction::Within(distance) => Ok(distance.into_pyobject(py)?.into_any()),

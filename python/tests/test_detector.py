@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
@@ -175,6 +177,31 @@ def test_settings_are_refused_by_value(keywords: dict[str, object], message: str
     with pytest.raises(ValueError, match=message) as refused:
         Detector(**keywords)  # type: ignore[arg-type]
     assert isinstance(refused.value, lazygrid.Error)
+
+
+REENTRANT = """
+import lazygrid
+
+table = lazygrid.Interactions(2)
+
+class InputError(lazygrid.InputError):
+    def __init__(self, message):
+        super().__init__(message)
+        table[0, 1] = 0.5
+
+lazygrid._errors.InputError = InputError
+for use in (lambda: table[0, 2], lambda: table.__setitem__((0, 2), 1.0)):
+    try:
+        use()
+    except InputError:
+        pass
+assert table[0, 1] == 0.5
+"""
+
+
+def test_exceptions_of_interactions_may_use_the_table() -> None:
+    # With the table locked it would wait for ever.
+    subprocess.run([sys.executable, "-c", REENTRANT], check=True, timeout=60)
 
 
 def test_interactions_say_which_species_pair(spheres: Rows) -> None:
