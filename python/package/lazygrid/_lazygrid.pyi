@@ -42,9 +42,9 @@ class Detector:
     - a tuple ``(positions, radii)`` of an array of shape ``(n, 3)``, and an array of shape ``(n,)`` or one number. The
       radius ``d / 2`` finds all points within a distance ``d``.
 
-    Arrays are float32 (faster) or float64, in one length unit; other types are a ``TypeError``. No number is rounded.
-    Arrays in native byte order whose strides are multiples of the item size, such as columns of a larger array, are
-    read in place; others are copied. With both types in one set, float32 values are copied to float64.
+    Arrays are float32 (faster) or float64 in native byte order, in one length unit; other types are a ``TypeError``. No
+    number is rounded. Arrays whose strides are multiples of the item size, such as columns of a larger array, are read
+    in place; others are copied. With both types in one set, float32 values are copied to float64.
 
     A call of 64 spheres or more releases the interpreter's lock, and any number of threads may use one detector at once. The arrays of a
     call must not change before it returns. Ctrl-C ends a long call on the CPU.
