@@ -53,6 +53,8 @@ use crate::{error, report};
 ///     The skin of the candidate list kept between calls; no answer depends on it. ``"auto"`` keeps a list if spheres
 ///     move so little that this is expected to save time; ``"off"`` never does. A number, float64, keeps the pairs
 ///     with gaps up to this distance, until a sphere has moved by half of it.
+/// timeout
+///     The time limit of a GPU call in seconds, after which it is an error; by default ten minutes.
 ///
 /// Raises
 /// ------
@@ -69,9 +71,9 @@ pub(crate) struct Detector {
 impl Detector {
     #[new]
     #[pyo3(signature = (*, backend="auto", algorithm="auto", threads=None, periodic=None, order="canonical",
-                        interactions=None, max_pairs=None, adapter=None, skin=None),
+                        interactions=None, max_pairs=None, adapter=None, skin=None, timeout=None),
            text_signature = "(*, backend='auto', algorithm='auto', threads=None, periodic=None, order='canonical', \
-                             interactions=None, max_pairs=None, adapter=None, skin='auto')")]
+                             interactions=None, max_pairs=None, adapter=None, skin='auto', timeout=None)")]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
         py: Python<'_>,
@@ -84,8 +86,10 @@ impl Detector {
         max_pairs: Option<u64>,
         adapter: Option<&Bound<'_, PyAny>>,
         skin: Option<&Bound<'_, PyAny>>,
+        timeout: Option<f64>,
     ) -> PyResult<Self> {
-        let config = Settings { backend, algorithm, threads, periodic, order, max_pairs, skin }.config()?;
+        let config =
+            Settings { backend, algorithm, threads, periodic, order, max_pairs, skin, timeout }.config()?;
         let config = match interactions {
             None => config,
             Some(table) => config.interactions(table.get().table()),

@@ -1,5 +1,7 @@
+use std::time::Duration;
+
 use lazygrid::gpu::AdapterId;
-use lazygrid::{Config, Order, Skin, Space};
+use lazygrid::{Backend, Config, Order, Skin, Space};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyBool;
@@ -14,6 +16,8 @@ pub(crate) struct Settings<'s> {
     pub(crate) order: &'s str,
     pub(crate) max_pairs: Option<u64>,
     pub(crate) skin: Option<&'s Bound<'s, PyAny>>,
+    /// In seconds.
+    pub(crate) timeout: Option<f64>,
 }
 
 impl Settings<'_> {
@@ -25,8 +29,22 @@ impl Settings<'_> {
             .space(space(self.periodic)?)
             .skin(self.skin.map_or(Ok(Skin::Auto), skin)?);
         let config = self.threads.map_or(config.clone(), |threads| config.threads(threads));
-        Ok(self.max_pairs.map_or(config.clone(), |most| config.max_pairs(most)))
+        let config = self.max_pairs.map_or(config.clone(), |most| config.max_pairs(most));
+        match self.timeout {
+            None => Ok(config),
+            Some(_) if self.backend == Backend::Cpu.name() => Err(error::setting(
+                "timeout limits searches on a GPU and has no effect with backend=\"cpu\"; omit one of them",
+            )),
+            Some(seconds) => Ok(config.timeout(timeout(seconds)?)),
+        }
     }
+}
+
+fn timeout(seconds: f64) -> PyResult<Duration> {
+    let time = Duration::try_from_secs_f64(seconds).ok().filter(|time| !time.is_zero());
+    time.ok_or_else(|| {
+        error::setting(format!("timeout = {seconds} is out of range; give a number of seconds above zero"))
+    })
 }
 
 fn order(name: &str) -> PyResult<Order> {

@@ -171,6 +171,10 @@ def test_too_many_pairs_are_an_error_with_their_number() -> None:
         ({"periodic": (1.0, -2.0, None)}, "length -2 of the periodic axis y"),
         ({"backend": "cpu", "algorithm": "lazy-grid"}, "lazy-grid does not run on the cpu backend"),
         ({"backend": "cpu", "adapter": "nvidia"}, "omit one of them"),
+        ({"backend": "cpu", "timeout": 1.0}, "timeout limits searches on a GPU.*omit one of them"),
+        ({"timeout": 0}, "timeout = 0 is out of range"),
+        ({"timeout": -1.5}, "timeout = -1.5 is out of range"),
+        ({"timeout": float("nan")}, "timeout = NaN is out of range"),
     ],
 )
 def test_settings_are_refused_by_value(keywords: dict[str, object], message: str) -> None:

@@ -73,6 +73,8 @@ class Detector:
         The skin of the candidate list kept between calls; no answer depends on it. ``"auto"`` keeps a list if spheres
         move so little that this is expected to save time; ``"off"`` never does. A number, float64, keeps the pairs
         with gaps up to this distance, until a sphere has moved by half of it.
+    timeout
+        The time limit of a GPU call in seconds, after which it is an error; by default ten minutes.
 
     Raises
     ------
@@ -94,6 +96,7 @@ class Detector:
         max_pairs: int | None = None,
         adapter: int | str | None = None,
         skin: Skin = "auto",
+        timeout: float | None = None,
     ) -> Self: ...
     def pairs(
         self,
