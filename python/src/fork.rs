@@ -57,7 +57,7 @@ pub(crate) fn use_threads() -> PyResult<()> {
     Ok(())
 }
 
-/// As [`use_threads`]; also starts rayon's global pool, which would panic later if the system refused its threads.
+/// Refuses as [`use_threads`] does, and starts rayon's global pool, which would panic later if the system refused its threads.
 pub(crate) fn use_global_threads() -> PyResult<()> {
     use_threads()?;
     lazygrid::start_threads().map_err(error::engine)
