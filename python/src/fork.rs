@@ -57,7 +57,8 @@ pub(crate) fn use_threads() -> PyResult<()> {
     Ok(())
 }
 
-/// Refuses as [`use_threads`] does, and starts rayon's global pool, which would panic later if the system refused its threads.
+/// Refuses as [`use_threads`] does, and starts rayon's global pool, which would panic later if the system refused its
+/// threads.
 pub(crate) fn use_global_threads() -> PyResult<()> {
     use_threads()?;
     lazygrid::start_threads().map_err(error::engine)
