@@ -10,6 +10,8 @@ use crate::gpu::detector::GpuSkinDetector;
 
 /// Calls without a list after a list that did not fit; an attempt costs about as much as one of them.
 const PAUSE: u64 = 16;
+/// At most, in a search for candidates of spheres that are nowhere much denser than elsewhere.
+const TESTS_PER_CANDIDATE: u64 = 16;
 /// A list of more parts of the candidate search in crowded cells has too many candidates to pay.
 const MAX_DEFERRED_PARTS: u32 = 4096;
 
@@ -17,6 +19,8 @@ const MAX_DEFERRED_PARTS: u32 = 4096;
 pub(super) struct SkinSession {
     pub(super) detector: GpuSkinDetector,
     from: u64,
+    /// Candidates of the last list; `None` before.
+    candidates: Option<u64>,
     age: u32,
     last_rebuild: (u32, f32),
 }
@@ -30,7 +34,13 @@ impl GpuSession {
     pub fn set_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
         let keeping = |distance| {
             let detector = self.with_skin(distance)?;
-            Ok::<_, Error>(SkinSession { detector, from: 0, age: 0, last_rebuild: (0, 0.0) })
+            Ok::<_, Error>(SkinSession {
+                detector,
+                from: 0,
+                candidates: None,
+                age: 0,
+                last_rebuild: (0, 0.0),
+            })
         };
         self.skin = distance.map(keeping).transpose()?;
         Ok(())
@@ -66,6 +76,14 @@ impl GpuSession {
         Ok(self.io_memory(spheres) + self.detector.memory_for(spheres)? + kept)
     }
 
+    /// Returns `true` if a search for as many candidates as those of the last list may be long: then its parts are
+    /// submitted one by one, also in calls that use the list.
+    pub(super) fn is_long_search(&self) -> bool {
+        let tests =
+            |skin: &SkinSession| skin.candidates.map(|count| count.saturating_mul(TESTS_PER_CANDIDATE));
+        self.skin.as_ref().and_then(tests).is_none_or(|tests| tests > self.detector.budget().tests)
+    }
+
     pub(super) fn uses_candidates(&self, number: u64) -> bool {
         let asked = self.calls[number as usize % MAX_IN_FLIGHT].keeps;
         self.skin.as_ref().is_some_and(|skin| asked && number >= skin.from)
@@ -86,6 +104,7 @@ impl GpuSession {
     /// A retried call has rebuilt the list if one of its submissions did.
     pub(super) fn note(&mut self, state: &SkinState) {
         let Some(skin) = &mut self.skin else { return };
+        skin.candidates = Some(state.candidates.into());
         let rebuilt = match state.rebuild_reason {
             0 => None,
             SkinState::DISPLACEMENT => Some(RebuildReason::Displacement),

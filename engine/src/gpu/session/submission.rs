@@ -72,6 +72,7 @@ impl GpuSession {
     fn try_submit(&mut self, number: u64, work: Submission) -> Result<(), Error> {
         let at = number as usize % MAX_IN_FLIGHT;
         let keeps = self.uses_candidates(number);
+        let is_long_search = self.is_long_search();
         let Self { gpu, detector, layouts, skin, slots, calls, expected, counts, .. } = self;
         let count = &mut counts[at];
         let (choice, split, may_reuse) = (calls[at].choice, calls[at].split, calls[at].reuses_layout);
@@ -103,10 +104,16 @@ impl GpuSession {
                     Some(skin) => {
                         skin.set_pair_capacity(capacity);
                         let found = skin.bind_as(choice, &input)?;
-                        count.parts += skin.parts();
-                        encode_parts(gpu, &mut encoder, skin.parts(), |encoder, part| {
-                            skin.encode_part(encoder, part)
-                        })?;
+                        let parts = skin.parts();
+                        if is_long_search {
+                            count.parts += parts;
+                            encode_parts(gpu, &mut encoder, parts, |encoder, part| {
+                                skin.encode_part(encoder, part)
+                            })?;
+                        } else {
+                            count.parts += 1;
+                            (0..parts).for_each(|part| skin.encode_part(&mut encoder, part));
+                        }
                         (Some(found), skin.state())
                     }
                     None => {
