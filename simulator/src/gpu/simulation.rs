@@ -149,7 +149,7 @@ impl GpuSimulation {
             totals: state.totals.clone(),
             inside: Vec::new(),
             pairs: Vec::new(),
-            origins: state.origins.clone(),
+            origins: state.restored_origins(&model, key),
             arrivals: Vec::new(),
             failure: None,
             model,

@@ -70,7 +70,7 @@ impl Simulation {
         if !state.belongs_to(&model) {
             return Err(Error::Model("the state is one of another model".to_owned()));
         }
-        state.restore_origins(&model, Key::new(seed));
+        state.origins = state.restored_origins(&model, Key::new(seed));
         let motion = Propagator::new(&model);
         let detector = detector(&model, algorithm)?;
         Ok(Self {

@@ -96,22 +96,24 @@ impl State {
         Self { totals, ..self }
     }
 
-    /// Restores the origins of a state whose model logged no arrivals, if all ids are those of scheduled releases.
-    pub(crate) fn restore_origins(&mut self, model: &Model, key: Key) {
+    /// Returns the origins, restored if the model of the state logged no arrivals and all ids are those of scheduled
+    /// releases.
+    pub(crate) fn restored_origins(&self, model: &Model, key: Key) -> Origins {
         if !model.logs_arrivals || self.origins != Origins::default() {
-            return;
+            return self.origins.clone();
         }
         let (mut origins, mut first) = (Origins::default(), 0_u64);
-        for step in 0..=self.step {
-            for (transmitter, _, count) in model.releases(step, key) {
-                origins.enter(first as u32, Some(Origin { transmitter, step }));
-                first += u64::from(count);
+        let steps =
+            (0..=self.step).flat_map(|step| model.releases(step, key).map(move |release| (step, release)));
+        for (step, (transmitter, _, count)) in steps {
+            origins.enter(first as u32, Some(Origin { transmitter, step }));
+            first += u64::from(count);
+            if first > self.next_id.into() {
+                break;
             }
         }
         // Dissociations and programs give ids, too.
-        if first == u64::from(self.next_id) {
-            self.origins = origins;
-        }
+        if first == u64::from(self.next_id) { origins } else { self.origins.clone() }
     }
 
     pub(crate) fn belongs_to(&self, model: &Model) -> bool {

@@ -17,7 +17,8 @@ pub(super) fn schedule(
     // A program may release by itself.
     let is_driven = transmitter.times.as_ref().is_some_and(|times| times.get_ref().is_empty());
     if transmitter.release.get_ref().is_empty() && !is_driven {
-        let message = "the list is empty, so that nothing is released; name a species with a count or a rate";
+        let message = "the list is empty, so that nothing is released; name a species with a count or a rate, or write times = [] if a \
+                       program releases";
         return Err(Problem::at(span, message.to_owned()));
     }
     let is_message = transmitter.bits.is_some() || transmitter.random_bits.is_some();

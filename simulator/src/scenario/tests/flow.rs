@@ -192,10 +192,13 @@ fn diffusion_across_a_flow_is_warned_of() {
 fn diffusion_across_a_flow_field_is_warned_of() {
     let directory = tempfile::tempdir().unwrap();
     let path = write(directory.path(), [0.0, 50.0, 0.0]);
-    // The flow changes on 1 µm: half of it is √(2DΔt) in 1.25e-4 s.
-    let text = |time_step: &str| TEXT.replace("0.01", time_step).replace("diffusion = 1", "diffusion = 1000");
-    let said = parse_at(&path, &text("1.3e-4")).unwrap().warnings;
+    // The flow changes on 1 µm: half of it is √(2DΔt) in 2.5e-3 s.
+    let text = |time_step: &str| TEXT.replace("0.01", time_step).replace("diffusion = 1", "diffusion = 50");
+    let said = parse_at(&path, &text("2.6e-3")).unwrap().warnings;
     assert!(said.len() == 1 && said[0].contains("the spread along the flow is too large"), "{said:?}");
-    assert!(said[0].contains("time-step = 1.24e-4 is short enough"), "{said:?}");
-    assert_eq!(parse_at(&path, &text("1.24e-4")).unwrap().warnings, [""; 0]);
+    assert!(said[0].contains("time-step = 2.49e-3 is short enough"), "{said:?}");
+    assert_eq!(parse_at(&path, &text("2.49e-3")).unwrap().warnings, [""; 0]);
+    // A flow so weak adds little to the spread by diffusion.
+    let path = write(directory.path(), [0.0, 40.0, 0.0]);
+    assert_eq!(parse_at(&path, &text("2.6e-3")).unwrap().warnings, [""; 0]);
 }

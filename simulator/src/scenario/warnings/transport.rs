@@ -65,7 +65,12 @@ pub(in crate::scenario) fn long_step_across_flow(model: &Model, species: usize) 
         }
         Some(Flow::Field(field)) => {
             let fastest = field.fastest().iter().map(|v| v * v).sum::<f64>().sqrt();
-            let length = LONG_ACROSS_FIELD * fastest / field.steepest();
+            let steepest = fastest / field.steepest();
+            // The part by the flow over that by diffusion, about as in a vessel of this radius.
+            if (fastest * steepest / one.diffusion).powi(2) / 48.0 < SPREAD_IN_FLOW {
+                return None;
+            }
+            let length = LONG_ACROSS_FIELD * steepest;
             (length * length / (2.0 * one.diffusion), "the spread along the flow is too large".to_owned())
         }
         _ => return None,
