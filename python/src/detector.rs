@@ -54,7 +54,8 @@ use crate::{error, report};
 ///     move so little that this is expected to save time; ``"off"`` never does. A number, float64, keeps the pairs
 ///     with gaps up to this distance, until a sphere has moved by half of it.
 /// timeout
-///     The time limit of a GPU call in seconds, after which it is an error; by default ten minutes.
+///     The time limit of each submission to the GPU in seconds, after which the call is an error; by default ten
+///     minutes. A call that is divided or repeated has several submissions.
 ///
 /// Raises
 /// ------

@@ -144,9 +144,8 @@ impl Frames {
     }
 
     /// Return the species of ``radii`` that no frame so far has, probably misspelled.
-    fn unused_radii(&self, py: Python<'_>) -> PyResult<Vec<String>> {
-        fork::use_threads()?;
-        Ok(py.detach(|| self.lock().frames.species().unused_radii().map(str::to_owned).collect()))
+    fn unused_radii(&self, py: Python<'_>) -> Vec<String> {
+        py.detach(|| self.lock().frames.species().unused_radii().map(str::to_owned).collect())
     }
 
     /// The format of the file.
