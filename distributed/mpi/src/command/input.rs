@@ -126,7 +126,7 @@ fn warn_of_radii(world: &SimpleCommunicator, args: &Detect, own: Option<&Species
     let radii = args.options().radii;
     let is_met = |given: &str| own.is_some_and(|own| own.unused_radii().all(|unused| unused != given));
     let met: Vec<u8> = radii.keys().map(|given| u8::from(is_met(given))).collect();
-    let mut met_by_any = vec![0; met.len()];
+    let mut met_by_any = vec![0_u8; met.len()];
     world.all_reduce_into(&met[..], &mut met_by_any[..], SystemOperation::max());
     if world.rank() == 0 {
         for (species, _) in radii.keys().zip(&met_by_any).filter(|(_, met)| **met == 0) {
