@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use crate::common::{Random, device, new_device};
-use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession};
+use crate::common::{Random, device, limited, new_device};
+use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession, wgpu};
 use lazygrid::{Algorithm, Backend, Config, Detector, Sphere, Spheres};
 
 fn uniform(seed: u64, n: usize, edge: f32, radius: f32) -> Vec<Sphere> {
@@ -167,4 +167,20 @@ fn scene(step: u64) -> Vec<Sphere> {
 fn held(own: &GpuDevice, session: &GpuSession) -> [u64; 2] {
     let allocated = own.device.generate_allocator_report().map_or(0, |report| report.total_allocated_bytes);
     [allocated, session.held_bytes()]
+}
+
+#[test]
+fn results_above_the_largest_output_take_few_searches() {
+    let Some(own) = device() else { return };
+    let own = limited(&own, |limits| wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, ..limits });
+    for pair_capacity in [1 << 10, 1 << 17] {
+        let settings = GpuConfig::default().pair_capacity(pair_capacity);
+        let mut session = GpuSession::new(own.clone(), settings).expect("a session");
+        let spheres = vec![Sphere::new([1.0; 3], 0.5); 600];
+        let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
+        let mut pairs = session.finish(ticket, u64::MAX).expect("found").to_vec();
+        pairs.sort_unstable();
+        assert!(pairs == cpu().pairs(&spheres).expect("valid"), "{} pairs", pairs.len());
+        assert!(session.submissions().searches < 12, "{:?}", session.submissions());
+    }
 }

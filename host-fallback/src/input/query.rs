@@ -134,7 +134,7 @@ impl QueryBuffers {
         Ok(())
     }
 
-    /// Keeps the `last` frame if it fits. Checks the spheres, since radii of `f64` spheres may exceed a narrow frame.
+    /// Keeps the `last` frame if it fits. Checks the spheres, since radii of `f64` spheres may exceed a frame of `f32` spheres.
     fn map_to_wide_frame(
         &mut self,
         last: Option<SearchFrame>,

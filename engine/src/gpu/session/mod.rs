@@ -10,7 +10,7 @@ use std::time::Duration;
 
 use lazygrid_host::{CandidateListStats, PhaseTime};
 use lazygrid_kernels::layout::Outcome;
-use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, try_reserve};
+use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres};
 
 use super::config::{GpuConfig, check_algorithm};
 use super::detector::{AlgorithmChoice, GpuDetector, GpuOutput, GpuSpheres};
@@ -357,19 +357,6 @@ impl GpuSession {
             }
             gathered => gathered,
         }
-    }
-
-    async fn gather_windows(&mut self, number: u64, found: u64, wait: Wait) -> Result<(), Error> {
-        let mut all = std::mem::take(&mut self.gathered);
-        all.clear();
-        try_reserve(&mut all, found as usize, "pairs")?;
-        let gathered = self.read_windows(number, found, wait, |pairs| {
-            all.append(pairs);
-            ControlFlow::Continue(())
-        });
-        let result = gathered.await;
-        self.gathered = std::mem::replace(&mut self.pairs, all);
-        result
     }
 
     fn forget_last(&mut self) {

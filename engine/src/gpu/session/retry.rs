@@ -4,7 +4,7 @@
 use std::ops::{ControlFlow, Range};
 
 use lazygrid_kernels::layout::Outcome;
-use lazygrid_kernels::{Algorithm, Pair};
+use lazygrid_kernels::{Algorithm, Pair, try_reserve};
 
 use super::submission::Submission;
 use super::{GpuSession, MAX_IN_FLIGHT};
@@ -139,6 +139,19 @@ impl GpuSession {
             self.detector.set_pair_capacity(wanted as u32);
         }
         is_larger
+    }
+
+    pub(super) async fn gather_windows(&mut self, number: u64, found: u64, wait: Wait) -> Result<(), Error> {
+        let mut all = std::mem::take(&mut self.gathered);
+        all.clear();
+        try_reserve(&mut all, found as usize, "pairs")?;
+        let gathered = self.read_windows(number, found, wait, |pairs| {
+            all.append(pairs);
+            ControlFlow::Continue(())
+        });
+        let result = gathered.await;
+        self.gathered = std::mem::replace(&mut self.pairs, all);
+        result
     }
 
     /// Successive windows of smaller indices, each within the output's capacity.

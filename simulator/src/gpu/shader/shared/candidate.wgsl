@@ -27,7 +27,7 @@ struct ReactionRow {
     first: u32,
     threshold: u32,
     // Bits 0 and 1: the reactant is consumed. Bit 2: the detector's cutoff exceeds `within`. Bit 3: products are
-    // placed apart. Bit 4, of first rows: the species have a reaction, be it so slow that none happens.
+    // placed apart. Bit 4, of first rows: the species have a reaction, even if its probability is 0.
     flags: u32,
     products: vec2<u32>,
     radii: vec2<f32>,
