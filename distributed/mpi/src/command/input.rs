@@ -124,6 +124,10 @@ fn whole(path: &Path, args: &Detect) -> Result<(Frame, Option<Species>), String>
 /// Warns of radii of species that no rank has read. Collective.
 fn warn_of_radii(world: &SimpleCommunicator, args: &Detect, own: Option<&Species>) {
     let radii = args.options().radii;
+    // Open MPI refuses to reduce two empty vectors of Rust, which have the same address.
+    if radii.is_empty() {
+        return;
+    }
     let is_met = |given: &str| own.is_some_and(|own| own.unused_radii().all(|unused| unused != given));
     let met: Vec<u8> = radii.keys().map(|given| u8::from(is_met(given))).collect();
     let mut met_by_any = vec![0_u8; met.len()];

@@ -283,6 +283,24 @@ impl GpuDetector {
         }
     }
 
+    /// Returns the kernels of the bound call in execution order, one per dispatch; empty before the first call.
+    pub fn kernels(&self) -> Vec<&'static str> {
+        self.recording().map_or(vec![], |recording| recording.kernels().collect())
+    }
+
+    /// Records the bound call with a timestamp before each of its [`kernels`](Self::kernels) and one after the last,
+    /// to see which of them take the time. A device may overlap the beginning and end of adjacent kernels, so single
+    /// times are less exact than their sum.
+    ///
+    /// `queries` must have room for one timestamp more than kernels, and the device
+    /// [`TIMESTAMP_QUERY_INSIDE_PASSES`](wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES), or wgpu reports a validation
+    /// error.
+    pub fn encode_stamped(&self, encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet) {
+        if let Some(recording) = self.recording() {
+            recording.encode_stamped(encoder, queries);
+        }
+    }
+
     pub(crate) fn bind_as(
         &mut self,
         choice: AlgorithmChoice,

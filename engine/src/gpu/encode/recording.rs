@@ -53,6 +53,7 @@ pub(crate) struct Recording {
 
 #[derive(Debug)]
 struct BoundDispatch {
+    kernel: &'static str,
     pipeline: wgpu::ComputePipeline,
     bindings: wgpu::BindGroup,
     groups: WorkgroupCount,
@@ -111,7 +112,8 @@ impl Recording {
                 }
             };
             let pipeline = compiled.pipeline;
-            dispatches.push(BoundDispatch { pipeline, bindings, groups, phase: dispatch.phase });
+            let (kernel, phase) = (kernel.name, dispatch.phase);
+            dispatches.push(BoundDispatch { kernel, pipeline, bindings, groups, phase });
         }
         let (continuation_start, part_starts) = (sequence.continuation, sequence.part_starts.clone());
         let stamps_inside_passes = device.features().contains(wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES);
@@ -161,6 +163,25 @@ impl Recording {
                 WorkgroupCount::Indirect(found, at) => pass.dispatch_workgroups_indirect(found, *at),
             }
         }
+    }
+
+    pub(crate) fn kernels(&self) -> impl Iterator<Item = &'static str> {
+        self.dispatches.iter().map(|dispatch| dispatch.kernel)
+    }
+
+    /// All parts in one pass, with a timestamp before each dispatch and after the last.
+    pub(crate) fn encode_stamped(&self, encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet) {
+        if let Some((buffer, bytes)) = &self.cleared {
+            encoder.clear_buffer(buffer, 0, Some(*bytes));
+        }
+        let descriptor =
+            wgpu::ComputePassDescriptor { label: Some("lazygrid stamped"), timestamp_writes: None };
+        let mut pass = encoder.begin_compute_pass(&descriptor);
+        for (index, dispatch) in (0..).zip(&self.dispatches) {
+            pass.write_timestamp(queries, index);
+            dispatch.record(&mut pass);
+        }
+        pass.write_timestamp(queries, self.dispatches.len() as u32);
     }
 
     /// Its timestamps replace those of the search.

@@ -1,0 +1,220 @@
+//! GPU time of each kernel of a call on spheres that are in GPU memory, and of the whole call, by timestamps.
+#![allow(clippy::print_stdout)]
+
+use std::error::Error;
+use std::time::Instant;
+
+use clap::Parser;
+use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSpheres, Outcome, wgpu};
+use lazygrid::{Algorithm, Sphere};
+use lazygrid_bench::measure::{markdown, provenance};
+use lazygrid_check::device::{download, submit, upload, wait};
+use lazygrid_io::scenes::Scene;
+
+#[derive(Parser)]
+#[command(about = "GPU time of each kernel of a call")]
+struct Args {
+    /// Scenes, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [Scene::Equal, Scene::FiveSizes])]
+    scene: Vec<Scene>,
+    /// Numbers of spheres, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [10_000, 100_000, 1_000_000, 10_000_000])]
+    n: Vec<usize>,
+    /// Algorithms, separated by commas
+    #[arg(long, value_delimiter = ',', default_values_t = [Algorithm::CellList])]
+    algorithm: Vec<Algorithm>,
+    /// Rounds, after two to warm up
+    #[arg(long, default_value_t = 15)]
+    rounds: usize,
+    /// Only whole calls, without a table of kernels
+    #[arg(long)]
+    calls_only: bool,
+    /// Small sizes instead of measurements (the default except in `cargo bench`)
+    #[arg(long)]
+    quick: bool,
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+/// Rounds before the times count.
+const WARM_UP: usize = 2;
+
+/// Calls until all capacities suffice.
+const TRIES: usize = 6;
+
+struct Call<'a> {
+    own: &'a GpuDevice,
+    detector: GpuDetector,
+    input: GpuSpheres<'a>,
+    queries: wgpu::QuerySet,
+    ticks: wgpu::Buffer,
+    pairs: u64,
+}
+
+impl<'a> Call<'a> {
+    fn new(
+        own: &'a GpuDevice,
+        algorithm: Algorithm,
+        given: &'a wgpu::Buffer,
+        n: u32,
+    ) -> Result<Self, Box<dyn Error>> {
+        let settings = GpuConfig::default().algorithm(algorithm).pair_capacity(n.max(1 << 20));
+        let mut detector = GpuDetector::new(&own.device, settings)?;
+        let input = GpuSpheres::new(given, n);
+        let mut found = None;
+        for _ in 0..TRIES {
+            let output = submit(own, |encoder| detector.encode(encoder, &input))?;
+            let outcome = download::<Outcome>(own, &output.outcome, 1)?[0];
+            match outcome.overflow {
+                0 => {
+                    found = Some(outcome.found());
+                    break;
+                }
+                Outcome::OVERFLOW_WORK => {
+                    detector.set_deferred_parts(detector.needed_deferred_parts(&outcome))
+                }
+                _ => {
+                    detector.set_pair_capacity(u32::try_from(outcome.found())?.max(detector.pair_capacity()));
+                    detector.set_entry_capacity(outcome.entries_needed());
+                }
+            }
+        }
+        let pairs = found.ok_or("capacities do not suffice")?;
+        let count = detector.kernels().len() as u32 + 1;
+        let (queries, ticks) = own.with_error_scope("timestamps", 0, || {
+            let queries = wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count };
+            let ticks = wgpu::BufferDescriptor {
+                label: None,
+                size: u64::from(count) * 8,
+                usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
+                mapped_at_creation: false,
+            };
+            (own.device.create_query_set(&queries), own.device.create_buffer(&ticks))
+        })?;
+        Ok(Self { own, detector, input, queries, ticks, pairs })
+    }
+
+    /// Seconds between `count` timestamps that `record` writes.
+    fn seconds(
+        &self,
+        count: u32,
+        record: impl FnOnce(&mut wgpu::CommandEncoder),
+    ) -> Result<Vec<f64>, Box<dyn Error>> {
+        submit(self.own, |encoder| {
+            record(encoder);
+            encoder.resolve_query_set(&self.queries, 0..count, &self.ticks, 0);
+            Ok(())
+        })?;
+        let ticks = download::<u64>(self.own, &self.ticks, count as usize)?;
+        let period = f64::from(self.own.queue.get_timestamp_period()) * 1e-9;
+        Ok(ticks.windows(2).map(|ends| ends[1].saturating_sub(ends[0]) as f64 * period).collect())
+    }
+
+    /// GPU seconds of a whole call.
+    fn whole(&mut self) -> Result<f64, Box<dyn Error>> {
+        self.detector.bind(&self.input)?;
+        let seconds = self.seconds(2, |encoder| {
+            stamp(encoder, &self.queries, 0);
+            (0..self.detector.parts()).for_each(|part| self.detector.encode_part(encoder, part));
+            stamp(encoder, &self.queries, 1);
+        })?;
+        Ok(seconds[0])
+    }
+
+    /// Wall seconds from encoding to completion.
+    fn until_completion(&mut self) -> Result<f64, Box<dyn Error>> {
+        let start = Instant::now();
+        submit(self.own, |encoder| self.detector.encode(encoder, &self.input))?;
+        wait(self.own)?;
+        Ok(start.elapsed().as_secs_f64())
+    }
+
+    /// GPU seconds of each kernel.
+    fn kernels(&self) -> Result<Vec<f64>, Box<dyn Error>> {
+        let count = self.detector.kernels().len() as u32 + 1;
+        self.seconds(count, |encoder| self.detector.encode_stamped(encoder, &self.queries))
+    }
+}
+
+fn stamp(encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet, at: u32) {
+    let writes = wgpu::ComputePassTimestampWrites {
+        query_set: queries,
+        beginning_of_pass_write_index: Some(at),
+        end_of_pass_write_index: None,
+    };
+    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes: Some(writes) });
+}
+
+fn main() -> Result<(), Box<dyn Error>> {
+    let mut args = Args::parse();
+    if args.quick || !args.bench {
+        (args.n, args.rounds) = (vec![300, 3000], 1);
+        args.algorithm = Algorithm::GPU.to_vec();
+    }
+    let Some(own) = lazygrid_tests::device() else { return Ok(()) };
+    println!("{}\n\n{}, {}\n", provenance(), own.adapter.name, own.adapter.driver);
+    let has_stamps_inside = own.device.features().contains(wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES);
+    if !has_stamps_inside {
+        println!("SKIPPED: the device has no timestamps inside passes");
+        return Ok(());
+    }
+    let mut calls = Vec::new();
+    for (&scene, &n) in args.scene.iter().flat_map(|scene| args.n.iter().map(move |n| (scene, n))) {
+        let spheres = scene.spheres(n, 1);
+        let given = upload::<Sphere>(&own, &spheres)?;
+        for &algorithm in &args.algorithm {
+            let name = format!("{scene}, {n} spheres, {algorithm}");
+            match measure(&own, &args, (algorithm, &given, n as u32), &name) {
+                Ok(row) => calls.push(row),
+                Err(error) => println!("{name}: {error}\n"),
+            }
+        }
+    }
+    let head = ["call", "pairs", "dispatches", "GPU, µs", "until completion, µs", "ns per sphere"];
+    println!("{}", markdown(&head, &calls));
+    Ok(())
+}
+
+/// Prints the kernels of a call, and returns the row of the whole call.
+fn measure(
+    own: &GpuDevice,
+    args: &Args,
+    (algorithm, given, n): (Algorithm, &wgpu::Buffer, u32),
+    name: &str,
+) -> Result<Vec<String>, Box<dyn Error>> {
+    let mut call = Call::new(own, algorithm, given, n)?;
+    let names = call.detector.kernels();
+    let (mut whole, mut waits, mut kernels) = (vec![], vec![], vec![vec![]; names.len()]);
+    for round in 0..WARM_UP + args.rounds {
+        let (gpu, wall) = (call.whole()?, call.until_completion()?);
+        let each = if args.calls_only { vec![] } else { call.kernels()? };
+        if round >= WARM_UP {
+            whole.push(gpu);
+            waits.push(wall);
+            kernels.iter_mut().zip(each).for_each(|(kernel, seconds)| kernel.push(seconds));
+        }
+    }
+    let micros = |times: &mut Vec<f64>| median(times) * 1e6;
+    if !args.calls_only {
+        let rows: Vec<_> = names
+            .iter()
+            .zip(&mut kernels)
+            .map(|(kernel, times)| vec![(*kernel).to_owned(), format!("{:.1}", micros(times))])
+            .collect();
+        println!("{name}\n\n{}", markdown(&["kernel", "µs"], &rows));
+    }
+    let gpu = micros(&mut whole);
+    Ok(vec![
+        name.to_owned(),
+        call.pairs.to_string(),
+        names.len().to_string(),
+        format!("{gpu:.1}"),
+        format!("{:.1}", micros(&mut waits)),
+        format!("{:.3}", gpu * 1e3 / f64::from(n)),
+    ])
+}
+
+fn median(times: &mut [f64]) -> f64 {
+    times.sort_unstable_by(f64::total_cmp);
+    times.get(times.len() / 2).copied().unwrap_or(0.0)
+}
