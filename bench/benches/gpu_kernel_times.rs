@@ -9,6 +9,7 @@ use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSpheres, Outcome, wgpu
 use lazygrid::{Algorithm, Sphere};
 use lazygrid_bench::measure::{markdown, provenance};
 use lazygrid_check::device::{download, submit, upload, wait};
+use lazygrid_check::timing::bandwidth::warm_up;
 use lazygrid_io::scenes::Scene;
 
 #[derive(Parser)]
@@ -23,7 +24,7 @@ struct Args {
     /// Algorithms, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [Algorithm::CellList])]
     algorithm: Vec<Algorithm>,
-    /// Rounds, after two to warm up
+    /// Rounds, after some to warm up
     #[arg(long, default_value_t = 15)]
     rounds: usize,
     /// Only whole calls, without a table of kernels
@@ -35,9 +36,6 @@ struct Args {
     #[arg(long, hide = true)]
     bench: bool,
 }
-
-/// Rounds before the times count.
-const WARM_UP: usize = 2;
 
 /// Calls until all capacities suffice.
 const TRIES: usize = 6;
@@ -185,13 +183,15 @@ fn measure(
     let mut call = Call::new(own, algorithm, given, n)?;
     let names = call.detector.kernels();
     let (mut whole, mut waits, mut kernels) = (vec![], vec![], vec![vec![]; names.len()]);
-    for round in 0..WARM_UP + args.rounds {
-        let (gpu, wall) = (call.whole()?, call.until_completion()?);
-        let each = if args.calls_only { vec![] } else { call.kernels()? };
-        if round >= WARM_UP {
-            whole.push(gpu);
-            waits.push(wall);
-            kernels.iter_mut().zip(each).for_each(|(kernel, seconds)| kernel.push(seconds));
+    let start = Instant::now();
+    while start.elapsed() < warm_up(own) {
+        call.whole()?;
+    }
+    for _ in 0..args.rounds {
+        whole.push(call.whole()?);
+        waits.push(call.until_completion()?);
+        if !args.calls_only {
+            kernels.iter_mut().zip(call.kernels()?).for_each(|(kernel, seconds)| kernel.push(seconds));
         }
     }
     let micros = |times: &mut Vec<f64>| median(times) * 1e6;

@@ -97,8 +97,11 @@ fn running_simulations() {
             }
             Scene::advance_by(0.01, &mut scenario.spheres, 21, step);
         }
+        let is_hardware = lazygrid_tests::device().is_some_and(|own| own.adapter.is_hardware);
         for ((variant, skin), _, served) in detectors {
-            let enough = served > 5 || scene == Scene::Point;
+            // A list of few spheres costs a fast GPU more than it saves.
+            let may_decline = is_hardware && variant.backend() == Backend::Gpu && *skin == Skin::Auto;
+            let enough = served > 5 || scene == Scene::Point || may_decline;
             assert!(enough, "{scene}, {variant}, {skin:?}: {served} of 12 calls were served");
         }
     }

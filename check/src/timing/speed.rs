@@ -1,11 +1,11 @@
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use lazygrid::gpu::{self, CallCost, GpuConfig, GpuDevice, GpuSession};
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, PhaseTime, Skin, Sphere, Spheres};
 
 use lazygrid_io::lacking_memory;
 
-use super::bandwidth::median;
+use super::bandwidth::{median, warm_up};
 use crate::catch_panic;
 use crate::detectors::text;
 use crate::device::TIMEOUT;
@@ -13,7 +13,7 @@ use crate::device::TIMEOUT;
 pub const SIZES: [usize; 4] = [10_000, 100_000, 1_000_000, 10_000_000];
 /// Timed by full checks.
 pub const FULL: usize = 100_000_000;
-/// After one round to warm up.
+/// After rounds to warm up.
 const ROUNDS: usize = 5;
 /// No further round starts after this time.
 const SECONDS: f64 = 0.5;
@@ -49,7 +49,7 @@ pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Resu
         let settings = GpuConfig::default().algorithm(algorithm).timestamps(true);
         let mut session = GpuSession::new(own.clone(), settings).map_err(&mut said)?;
         session.set_timeout(TIMEOUT);
-        let timed = timed(|| {
+        let timed = timed(warm_up(own), || {
             let ticket = session.begin(Spheres::from(spheres)).map_err(&mut said)?;
             let pairs = session.finish_count(ticket).map_err(&mut said)?;
             Ok((pairs, session.timings().to_vec()))
@@ -68,7 +68,7 @@ pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipRea
     let mut detector = Detector::new(config).map_err(|error| SkipReason::Failed(error.to_string()))?;
     check_memory(detector.memory_for(spheres.len() as u64)).map_err(SkipReason::TooLarge)?;
     let speed = catch_panic(|| {
-        timed(|| {
+        timed(Duration::ZERO, || {
             let pairs = detector.count(spheres).map_err(text)?;
             Ok((pairs, detector.report().phases))
         })
@@ -86,10 +86,17 @@ pub fn check_memory(needed: u64) -> Result<(), String> {
     }
 }
 
-fn timed(mut call: impl FnMut() -> Result<(u64, Vec<PhaseTime>), String>) -> Result<Speed, String> {
+fn timed(
+    warm_up: Duration,
+    mut call: impl FnMut() -> Result<(u64, Vec<PhaseTime>), String>,
+) -> Result<Speed, String> {
     let begun = Instant::now();
     let (pairs, first) = call()?;
     let once = begun.elapsed().as_secs_f64();
+    while begun.elapsed() < warm_up {
+        call()?;
+    }
+    let begun = Instant::now();
     let (mut times, mut stages) = (vec![], Vec::new());
     let mut spent = 0.0;
     while times.len() < ROUNDS && (spent < SECONDS && once < SECONDS) {
@@ -100,7 +107,7 @@ fn timed(mut call: impl FnMut() -> Result<(u64, Vec<PhaseTime>), String>) -> Res
         }
         times.push(start.elapsed().as_secs_f64());
         stages.push(phases);
-        spent = begun.elapsed().as_secs_f64() - once;
+        spent = begun.elapsed().as_secs_f64();
     }
     if times.is_empty() {
         // A slow call is timed only once, without warm-up.
@@ -160,7 +167,7 @@ mod tests {
         assert_eq!(naive.pairs, list.pairs);
         assert!(list.stages.iter().any(|(name, _)| *name == "search"), "{list:?}");
         let mut answers = 0..;
-        let changing = timed(|| Ok((answers.next().expect("endless"), vec![])));
+        let changing = timed(Duration::ZERO, || Ok((answers.next().expect("endless"), vec![])));
         assert!(changing.is_err_and(|text| text.contains("0 pairs counted, then 1")));
     }
 }
