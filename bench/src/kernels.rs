@@ -121,8 +121,7 @@ pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, Str
 fn variants(kernel: &Kernel, own: Variant, all_variants: bool) -> Vec<Variant> {
     let mut bases = vec![own];
     if all_variants {
-        let (narrow, reuse) = (Variant { wide_tiles: false, ..own }, Variant { reuse: true, ..own });
-        bases.extend([Variant { subgroups: None, ..own }, narrow, reuse]);
+        bases.extend([Variant { subgroups: None, ..own }, Variant { reuse: true, ..own }]);
     }
     let mut found = Vec::new();
     for base in bases {
@@ -162,7 +161,6 @@ fn label(variant: Variant, own: Variant) -> String {
         (variant.periodic, "periodic"),
         (variant.species, "species"),
         (variant.subgroups != own.subgroups, "no subgroups"),
-        (variant.wide_tiles != own.wide_tiles, "narrow tiles"),
         (variant.reuse, "reused cells"),
     ];
     let words: Vec<_> = said.into_iter().filter_map(|(is_so, word)| is_so.then_some(word)).collect();

@@ -12,8 +12,8 @@ use sizes::{SCAN_ITEMS, SPHERES_PER_THREAD};
 
 pub use sizes::{
     BOUNDS_TILE, CANDIDATES_PER_INVOCATION, DENSITY_TILE, DEPTHS, DIGIT_BITS, MAX_ENTRIES_PER_SPHERE,
-    MAX_ENTRY_OBJECTS, MAX_LOOP_ITERATIONS, NAIVE_ITERATIONS_PER_TILE, NAIVE_TILES, NARROW_TILE, NEAR,
-    RUN_ITERATIONS_PER_TILE, RUN_TILES, SCAN_TILE, SCANNED_AT_ONCE, WIDE_TILE, WORKGROUP_SIZE,
+    MAX_ENTRY_OBJECTS, MAX_LOOP_ITERATIONS, NAIVE_ITERATIONS_PER_TILE, NAIVE_TILES, NEAR, RADIX_TILE,
+    RUN_ITERATIONS_PER_TILE, RUN_TILES, SCAN_TILE, SCANNED_AT_ONCE, WORKGROUP_SIZE,
 };
 pub use subgroup_probe::SubgroupProbe;
 
@@ -52,9 +52,6 @@ pub struct Variant {
     pub species: bool,
     /// `true` if some axis is periodic.
     pub periodic: bool,
-    /// `true` if radix passes sort tiles of [`WIDE_TILE`] keys instead of [`NARROW_TILE`], in 20 KiB of workgroup
-    /// memory instead of at least 12.
-    pub wide_tiles: bool,
     /// `true` if the cells of a cell list are those of an earlier call, and are checked.
     pub reuse: bool,
 }
@@ -66,17 +63,13 @@ impl Variant {
     /// Smallest subgroup whose radix ranking tables fit into workgroup memory.
     pub const MIN_RANKING_SUBGROUP: u32 = 8;
 
-    /// Returns the variant for a device: subgroup operations if `smallest_subgroup` is given, wide tiles if
-    /// `workgroup_memory` (bytes) suffices. The call decides the rest.
+    /// Returns the variant for a device: subgroup operations if `smallest_subgroup` is given and `workgroup_memory`
+    /// (bytes) suffices. The call decides the rest.
     pub fn for_device(smallest_subgroup: Option<u32>, workgroup_memory: u32) -> Self {
         let fits = |variant: Self| variant.workgroup_memory() <= workgroup_memory;
         // Ranking tables of small subgroups exceed the workgroup memory of some devices.
         let serves = |&size: &u32| size >= 4 && fits(Self { subgroups: Some(size), ..Self::default() });
-        Self {
-            subgroups: smallest_subgroup.filter(serves),
-            wide_tiles: fits(Self { wide_tiles: true, ..Self::default() }),
-            ..Self::default()
-        }
+        Self { subgroups: smallest_subgroup.filter(serves), ..Self::default() }
     }
 
     /// Returns an upper bound of the workgroup memory of every kernel of this variant, in bytes.
@@ -95,11 +88,7 @@ impl Variant {
             Some(size) if self.ranks_by_subgroup() => WORKGROUP_SIZE / size * 128,
             _ => 8 * WORKGROUP_SIZE,
         };
-        tables.max(self.radix_tile())
-    }
-
-    pub fn radix_tile(self) -> u32 {
-        if self.wide_tiles { WIDE_TILE } else { NARROW_TILE }
+        tables.max(RADIX_TILE)
     }
 }
 
@@ -134,7 +123,6 @@ impl Kernel {
             subgroups: variant.subgroups.filter(|_| self.uses_subgroups),
             species: variant.species && !self.species_bindings.is_empty(),
             periodic: variant.periodic && self.knows_periods,
-            wide_tiles: variant.wide_tiles && self.source.contains("#{RADIX_ITEMS}"),
             reuse: variant.reuse && self.source.contains("#ifdef REUSE"),
         }
     }
@@ -143,10 +131,10 @@ impl Kernel {
         let subgroups = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
         let mut found = Vec::new();
         for (subgroups, flags) in
-            subgroups.into_iter().flat_map(|size| (0..16).map(move |flags| (size, flags)))
+            subgroups.into_iter().flat_map(|size| (0..8).map(move |flags| (size, flags)))
         {
-            let [species, periodic, wide_tiles, reuse] = [1, 2, 4, 8].map(|flag| flags & flag != 0);
-            let variant = Variant { subgroups, species, periodic, wide_tiles, reuse };
+            let [species, periodic, reuse] = [1, 2, 4].map(|flag| flags & flag != 0);
+            let variant = Variant { subgroups, species, periodic, reuse };
             let variant = self.effective_variant(variant);
             if !found.contains(&variant) {
                 found.push(variant);
@@ -340,7 +328,7 @@ impl Preprocessor {
                 "MAX_SUBGROUPS",
                 WORKGROUP_SIZE / self.variant.subgroups.unwrap_or(WORKGROUP_SIZE).clamp(1, WORKGROUP_SIZE),
             ),
-            ("RADIX_ITEMS", self.variant.radix_tile() / WORKGROUP_SIZE),
+            ("RADIX_ITEMS", RADIX_TILE / WORKGROUP_SIZE),
             ("RADIX_SCRATCH", self.variant.radix_scratch()),
             ("SCAN_ITEMS", SCAN_ITEMS),
             ("SPHERES_PER_THREAD", SPHERES_PER_THREAD),

@@ -276,7 +276,7 @@ pub(crate) fn cells_key(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
         let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
-        let (table, tile) = (chosen.density(true), variant.radix_tile());
+        let (table, tile) = (chosen.density(true), k::RADIX_TILE);
         let tiles = case.spheres.div_ceil(tile);
         let pass = RadixPass { shift: 0, mask: 255, is_first: 1 };
         let lengths = SortCounts { items: case.spheres, counters: 256 * tiles };

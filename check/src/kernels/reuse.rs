@@ -170,7 +170,7 @@ impl Reused<'_> {
     fn sorted(&self, suits: bool, cells: &[u32], what: impl Fn() -> String) -> Result<(), KernelError> {
         let Self { own, chosen, count } = *self;
         let ConfiguredCellList { call, scenario, list, variant, division, .. } = chosen;
-        let tiles = SPHERES.div_ceil(variant.radix_tile());
+        let tiles = SPHERES.div_ceil(k::RADIX_TILE);
         let pass = upload(own, &[RadixPass { shift: 0, mask: 255, is_first: 1 }])?;
         let lengths = upload(own, &[SortCounts { items: SPHERES, counters: 256 * tiles }])?;
         let (given, of_list, count) =

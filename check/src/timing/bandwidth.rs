@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use lazygrid::Error;
 use lazygrid::gpu::{GpuDevice, KeyValueBuffers, PrefixScan, RadixSort, wgpu};
-use lazygrid_kernels::kernel::{DIGIT_BITS, WIDE_TILE};
+use lazygrid_kernels::kernel::{DIGIT_BITS, RADIX_TILE};
 use lazygrid_kernels::layout::SortCounts;
 
 use crate::Random;
@@ -15,7 +15,7 @@ use crate::kernels::{KernelError, same};
 /// Returns the time of work before a measurement in which an idle GPU raises its clock: an H100 copied 0.40 TB/s without
 /// it, and 0.80 TB/s after other work. Software adapters need none.
 pub fn warm_up(own: &GpuDevice) -> Duration {
-    if own.adapter.is_hardware { Duration::from_millis(100) } else { Duration::ZERO }
+    if own.adapter.is_hardware { Duration::from_secs(1) } else { Duration::ZERO }
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -121,7 +121,7 @@ impl GpuTimer {
         expected.sort_by_key(|&at| keys[at as usize] & mask);
         let found = download(&self.own, &sort.sorted().payload, n as usize)?;
         same(|| format!("a sort of {n} by {bits} bits"), &found, &expected)?;
-        let a_pass = 20 * u64::from(n) + 16 * u64::from(SortCounts::for_sort(n, WIDE_TILE).counters);
+        let a_pass = 20 * u64::from(n) + 16 * u64::from(SortCounts::for_sort(n, RADIX_TILE).counters);
         Ok(Measured { times, bytes: u64::from(bits.div_ceil(DIGIT_BITS)) * a_pass })
     }
 

@@ -24,12 +24,7 @@ fn name_of(kernel: &Kernel, variant: Variant) -> String {
     if let Some(size) = variant.subgroups {
         name += &format!("-subgroups-{size}");
     }
-    let parts = [
-        (variant.species, "-species"),
-        (variant.periodic, "-periodic"),
-        (variant.wide_tiles, "-wide"),
-        (variant.reuse, "-reuse"),
-    ];
+    let parts = [(variant.species, "-species"), (variant.periodic, "-periodic"), (variant.reuse, "-reuse")];
     for (is_so, what) in parts {
         name += if is_so { what } else { "" };
     }

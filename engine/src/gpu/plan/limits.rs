@@ -1,5 +1,3 @@
-use lazygrid_kernels::kernel as k;
-
 /// The device limits that a plan respects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -21,10 +19,6 @@ impl DeviceLimits {
     pub fn of(device: &wgpu::Device) -> Self {
         Self::from(&device.limits())
     }
-
-    pub(crate) fn wide(&self) -> bool {
-        k::Variant::for_device(None, self.workgroup_memory).wide_tiles
-    }
 }
 
 impl From<&wgpu::Limits> for DeviceLimits {
@@ -40,10 +34,6 @@ impl From<&wgpu::Limits> for DeviceLimits {
 }
 
 impl DeviceLimits {
-    pub(crate) fn radix_tile(&self) -> u32 {
-        k::Variant { wide_tiles: self.wide(), ..k::Variant::default() }.radix_tile()
-    }
-
     /// Most bytes of a buffer that is bound as a whole.
     pub(crate) fn bytes(&self) -> u64 {
         self.storage_binding.min(self.buffer)

@@ -129,7 +129,7 @@ pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Err
         occupancy_slots: 0,
         cells: 0,
         counters: 0,
-        tile: limits.radix_tile(),
+        tile: k::RADIX_TILE,
         candidates_per_invocation: k::CANDIDATES_PER_INVOCATION,
         chunks_per_block: 0,
         search_groups: 0,
