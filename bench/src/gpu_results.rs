@@ -302,13 +302,13 @@ mod tests {
         let text = document(&[run(true)], "abc");
         // 10 × 1.7 µs + 483 MB ÷ 1 TB/s are 0.5 ms.
         assert!(text.contains("| five-sizes | 1 M | cell-list | 7 | 1.00 ms | 900 µs to 1.20 ms | 2.00 ms | 1.00 | 500 µs | 2.0 |"), "{text}");
-        assert!(text.contains("One GPU was measured") && !text.contains("No GPU was measured"));
+        assert!(text.contains("One GPU was measured"));
     }
 
     #[test]
     fn software_adapters_do_not_count_as_measured_gpus() {
         let text = document(&[run(false)], "abc");
-        assert!(text.contains("No GPU was measured yet") && text.contains("says nothing about GPUs"));
+        assert!(!text.contains("was measured; times") && text.contains("says nothing about GPUs"));
         assert!(text.contains("| 1.00 | – | – |"), "{text}");
     }
 

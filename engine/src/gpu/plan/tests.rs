@@ -203,7 +203,7 @@ fn a_cell_list_is_small_and_has_few_dispatches() {
         (10_000, 45, 5),
         (400_000, 49, 12),
         (1_000_000, 42, 18),
-        (10_000_000, 39, 18),
+        (10_000_000, 40, 18),
         (100_000_000, 38, 21),
     ];
     assert_eq!(measured, expected, "spheres, bytes of each, dispatches");
