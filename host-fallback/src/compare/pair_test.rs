@@ -3,7 +3,7 @@ use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions, Space, Sphere
 
 use super::{PairFilter, PeriodicBox, Xyzr};
 use crate::frame::SearchFrame;
-use crate::size_class::{SIZE_CLASSES, class_of};
+use crate::skin::SpeciesClasses;
 
 /// Tests in `f64`, where differences of `f32` coordinates cannot overflow, underflow or lose the digits that decide
 /// contact.
@@ -50,7 +50,7 @@ pub(crate) struct SphereRadii {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SkinMargin<'a> {
-    pub(crate) by_class: &'a [f32; SIZE_CLASSES],
+    pub(crate) limits: &'a SpeciesClasses,
     /// Set if ids of columns are positions in another order.
     pub(crate) order: Option<&'a [u32]>,
 }
@@ -141,6 +141,17 @@ impl<'a> PairTest<'a> {
         self.species.as_ref().map(|species| (species.ids, &species.reach[..]))
     }
 
+    /// Number of species of the table; 0 without one.
+    pub(crate) fn species_count(&self) -> u32 {
+        self.species.as_ref().map_or(0, |species| species.table.species())
+    }
+
+    /// Species 0 without a table.
+    #[inline(always)]
+    pub(crate) fn species_of(&self, id: u32) -> u32 {
+        self.species.as_ref().map_or(0, |species| species.ids[id as usize])
+    }
+
     #[inline(always)]
     pub(crate) fn is_plain(&self) -> bool {
         self.is_plain
@@ -155,14 +166,17 @@ impl<'a> PairTest<'a> {
     #[inline(always)]
     pub(crate) fn radii(&self, id: u32) -> SphereRadii {
         let sphere = self.spheres.get(id as usize);
-        let effective = match &self.species {
-            None => sphere.radius,
-            Some(s) => s.reach[s.ids[id as usize] as usize].for_radius(sphere.radius),
+        let (species, effective) = match &self.species {
+            None => (0, sphere.radius),
+            Some(s) => {
+                let species = s.ids[id as usize];
+                (species, s.reach[species as usize].for_radius(sphere.radius))
+            }
         };
         let widened = match &self.margin {
             None => effective,
             // Rounded up, since candidates must include every possible pair.
-            Some(margin) => (effective + margin.by_class[class_of(effective)]).next_up(),
+            Some(margin) => (effective + margin.limits.get(species, effective)).next_up(),
         };
         SphereRadii { center: sphere.center, own: sphere.radius, effective, widened }
     }

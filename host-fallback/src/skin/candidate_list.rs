@@ -5,6 +5,7 @@ use lazygrid_kernels::Pair;
 
 use super::CallSpheres;
 use super::advance::{CHUNK_SPHERES, advance};
+use super::species_classes::SpeciesClasses;
 use crate::cell_list::{CellList, DensityCache, SortRecord};
 use crate::compare::{
     ChunkTarget, ChunkedOutput, MAX_LANES, Output, PairTest, SimdTask, SimdWidth, Sink, SkinMargin, Xyzr,
@@ -16,11 +17,9 @@ use crate::input::{InputStats, SearchInput, check_valid, search_pieces};
 use crate::memory::{prefetch, try_resize, with_growth};
 use crate::report::{CandidateListStats, RebuildReason, Report};
 use crate::settings::SKIN_RANGE;
-use crate::size_class::{SIZE_CLASSES, class_of};
 use crate::{Error, Simd};
 
-/// Indexed by size class.
-pub(super) type DisplacementLimits = [f32; SIZE_CLASSES];
+pub(super) type DisplacementLimits = SpeciesClasses;
 
 const PREFETCH_VECTORS: usize = 16;
 /// The rest exceeds the rounding error of a displacement in `f32`.
@@ -36,7 +35,7 @@ const MAX_RADIUS: f32 = 1e30;
 pub(super) const LIMIT_RANGE: std::ops::RangeInclusive<f32> = 0.5 * *SKIN_RANGE.start()..=*SKIN_RANGE.end();
 
 pub(super) fn fixed(distance: f32) -> DisplacementLimits {
-    [distance / 2.0; SIZE_CLASSES]
+    DisplacementLimits::uniform(0, distance / 2.0)
 }
 
 #[derive(Debug, Default)]
@@ -155,7 +154,7 @@ impl CandidateList {
         report: &mut Report,
     ) -> Result<bool, Error> {
         self.clear();
-        let test = input.test.widened(SkinMargin { by_class: limits, order: None });
+        let test = input.test.widened(SkinMargin { limits, order: None });
         let Some(inverse) = inverse_squares(limits, &input.test) else { return Ok(false) };
         if input.stats.largest_radius() > MAX_RADIUS {
             return Ok(false);
@@ -166,7 +165,7 @@ impl CandidateList {
         list.build(&widened, density_cache, report)?;
         report.time("keep", || self.place(list, input, &inverse))?;
 
-        let test = input.test.widened(SkinMargin { by_class: limits, order: Some(&self.order) });
+        let test = input.test.widened(SkinMargin { limits, order: Some(&self.order) });
         let widened = wide(test, widened.stats);
         let limit = Self::limit(input.stats.spheres as u64, input.settings.max_pairs);
         let kept = ChunkTarget::List { limit, kept: AtomicU64::new(0) };
@@ -206,7 +205,7 @@ impl CandidateList {
             for ((note, &[x, y, z, radius]), &id) in
                 notes.iter_mut().zip(&rows[places.clone()]).zip(&order[places])
             {
-                let inverse = inverse[class_of(radius)];
+                let inverse = inverse.get(test.species_of(id), radius);
                 *note = SortRecord { row: [x, y, z, inverse], id, key: 0 };
             }
         });
@@ -241,10 +240,18 @@ pub(crate) fn memory_of_candidates((spheres, has_species): (u64, bool), max_pair
 
 /// Returns inverse squares of limits minus the rounding of distances; `None` if too little of a limit is left.
 fn inverse_squares(limits: &DisplacementLimits, test: &PairTest<'_>) -> Option<DisplacementLimits> {
-    let longest = test.lengths().into_iter().flatten().fold(0.0, f32::max);
-    let rounding = longest * BOUNDARY_ROUNDING;
-    let usable = limits.iter().all(|limit| LIMIT_RANGE.contains(limit) && rounding <= limit / 2.0);
+    let rounding = boundary_rounding(test);
+    let usable = limits.numbers().all(|limit| LIMIT_RANGE.contains(&limit) && rounding <= limit / 2.0);
     usable.then(|| limits.map(|limit| (limit - rounding).powi(-2)))
+}
+
+fn boundary_rounding(test: &PairTest<'_>) -> f32 {
+    test.lengths().into_iter().flatten().fold(0.0, f32::max) * BOUNDARY_ROUNDING
+}
+
+/// The least limit of a list in the space of the test.
+pub(super) fn least_limit(test: &PairTest<'_>) -> f32 {
+    LIMIT_RANGE.start().max(4.0 * boundary_rounding(test))
 }
 
 #[inline(always)]

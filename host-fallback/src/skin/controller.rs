@@ -1,5 +1,5 @@
 use super::CallSpheres;
-use super::candidate_list::{CandidateList, DisplacementLimits, fixed};
+use super::candidate_list::{CandidateList, DisplacementLimits, fixed, least_limit};
 use super::cost_model::{SkinCosts, SkinModel, SkinScaling, choose};
 use super::tuner::SkinTuner;
 use crate::cell_list::{CellList, DensityCache, DensityProfile};
@@ -70,12 +70,12 @@ impl SkinController {
         input: &SearchInput<'_>,
         density: &DensityProfile,
     ) -> Result<Option<DisplacementLimits>, Error> {
-        self.tuner.limits(SkinScaling::BySize, |motion, excess| {
+        self.tuner.limits((SkinScaling::Proportional, least_limit(&input.test)), |motion, excess| {
             Ok(choose(
                 &input.stats,
                 density,
                 motion,
-                SkinModel { costs: &SkinCosts::CPU, scaling: SkinScaling::BySize },
+                SkinModel { costs: &SkinCosts::CPU, scaling: SkinScaling::Proportional },
                 excess,
             ))
         })

@@ -1,10 +1,11 @@
 //! Chooses the skin from sizes, displacements and costs.
 //!
-//! With a skin in proportion to the displacements of each size class, all classes exceed their limits at about the same
-//! time.
+//! With a skin in proportion to the displacements of each species and size class, all exceed their limits at about the
+//! same time.
 
 use super::candidate_list::{DisplacementLimits, LIMIT_RANGE};
 use super::displacement::Displacements;
+use super::species_classes::{PerClass, SpeciesClasses};
 use crate::cell_list::{DensityProfile, LevelPlan};
 use crate::input::{InputStats, SizeClass};
 use crate::size_class::SIZE_CLASSES;
@@ -71,16 +72,22 @@ impl SkinCosts {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SkinScaling {
-    /// In proportion to the largest displacements of each class.
-    BySize,
+    /// In proportion to the largest displacements of each species and size class.
+    Proportional,
     Alike,
 }
 
 impl SkinScaling {
-    pub(super) fn limits(self, steps: &[f32; SIZE_CLASSES], skin: f32) -> DisplacementLimits {
-        let farthest = steps.iter().copied().fold(0.0, f32::max);
+    /// Returns the limit for a displacement per call, of which the largest is `farthest`.
+    fn limit(self, skin: f32, step: f32, farthest: f32) -> f32 {
         let least = if self == Self::Alike { 1.0 } else { MIN_LIMIT_RATIO };
-        steps.map(|step| (skin * step.max(least * farthest)).max(*LIMIT_RANGE.start()))
+        (skin * step.max(least * farthest)).max(*LIMIT_RANGE.start())
+    }
+
+    /// Returns limits of at least `least`.
+    pub(super) fn limits(self, steps: &SpeciesClasses, skin: f32, least: f32) -> DisplacementLimits {
+        let farthest = steps.numbers().fold(0.0, f32::max);
+        steps.map(|step| self.limit(skin, step, farthest).max(least))
     }
 }
 
@@ -105,27 +112,29 @@ pub(super) struct SkinModel<'a> {
 pub(super) fn choose(
     stats: &InputStats,
     density: &DensityProfile,
-    Displacements { steps, growth }: Displacements<'_>,
+    motion: &Displacements,
     SkinModel { costs, scaling }: SkinModel<'_>,
     excess: f32,
 ) -> Option<SkinChoice> {
     let n = stats.spheres as f32;
-    let around = |limits: &DisplacementLimits| excess * candidates(stats, density, limits);
+    let farthest = motion.largest.iter().copied().fold(0.0, f32::max);
+    let around = |limits: &PerClass| excess * candidates(stats, density, limits);
     let none = costs.of_search(stats, density, around(&[0.0; SIZE_CLASSES]));
     let mut best: Option<(f32, SkinChoice)> = None;
     for skin in SKIN_STEPS {
-        let limits = scaling.limits(steps, skin);
-        if !limits.iter().all(|limit| LIMIT_RANGE.contains(limit)) {
+        let [mean, largest] = [&motion.mean, &motion.largest]
+            .map(|steps| steps.map(|step| scaling.limit(skin, step, farthest)));
+        if !largest.iter().all(|limit| LIMIT_RANGE.contains(limit)) {
             continue;
         }
-        let candidates = around(&limits);
+        let candidates = around(&mean);
         if candidates > MAX_CANDIDATES {
             break;
         }
-        let wide = stats.with_sizes(|class, largest| largest + limits[class]);
+        let wide = stats.with_sizes(|class, radius| radius + largest[class]);
         let find = costs.keep_ns + costs.of_search(&wide, density, candidates);
         let test = costs.measure_ns + costs.test_ns * candidates + costs.call_ns / n;
-        let calls = growth.steps(skin).floor();
+        let calls = motion.growth.steps(skin).floor();
         let time = (find + (calls + 1.0) * test) / (calls + 1.0);
         match &best {
             Some((least, _)) if *least <= time => {}
@@ -137,7 +146,7 @@ pub(super) fn choose(
     (time < MAX_RELATIVE_COST * none).then_some(choice)
 }
 
-fn candidates(stats: &InputStats, density: &DensityProfile, limits: &DisplacementLimits) -> f32 {
+fn candidates(stats: &InputStats, density: &DensityProfile, limits: &PerClass) -> f32 {
     // log₂ of the size of a cube with the volume of a sphere of radius 1.
     const CUBE: f32 = 0.689;
     let classes = stats.occupied().count();

@@ -1,18 +1,21 @@
-//! Displacements of a sample of spheres between calls, by size class.
+//! Displacements of a sample of spheres between calls, by species and size class.
 
 use glam::Vec3;
 
 use super::CallSpheres;
 use super::candidate_list::nearest;
+use super::species_classes::{PerClass, SpeciesClasses};
 use crate::Error;
 use crate::memory::try_resize;
-use crate::size_class::{SIZE_CLASSES, class_of};
+use crate::size_class::SIZE_CLASSES;
 
 const MAX_SAMPLE: usize = 1 << 10;
 /// Sampling costs almost nothing.
 const MIN_SPHERES_PER_SAMPLE: usize = 32;
 /// Per call, of a class's largest displacement.
 const STEP_DECAY: f32 = 0.9;
+/// Of the largest displacement, for spheres at rest: some may begin to move.
+const AT_REST: f32 = 0.125;
 /// Per call, of the learned growth law.
 const GROWTH_DECAY: f32 = 0.2;
 
@@ -20,7 +23,10 @@ const GROWTH_DECAY: f32 = 0.2;
 pub(crate) struct DisplacementStats {
     spheres: usize,
     positions: Vec<Vec3>,
-    steps: [f32; SIZE_CLASSES],
+    steps: SpeciesClasses,
+    /// Displacements and number of the spheres of the last sample.
+    seen: SpeciesClasses,
+    counts: SpeciesClasses<u16>,
     calls: u32,
     growth: DisplacementGrowth,
 }
@@ -33,9 +39,12 @@ pub(crate) struct DisplacementGrowth {
     pub(crate) exponent: f32,
 }
 
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Displacements<'a> {
-    pub(crate) steps: &'a [f32; SIZE_CLASSES],
+/// Displacements per call of each size class, and their growth law.
+#[derive(Clone, Debug)]
+pub(crate) struct Displacements {
+    /// Mean over its species, and the largest of them.
+    pub(crate) mean: PerClass,
+    pub(crate) largest: PerClass,
     pub(crate) growth: DisplacementGrowth,
 }
 
@@ -56,8 +65,10 @@ impl DisplacementGrowth {
 
 impl Default for DisplacementStats {
     fn default() -> Self {
+        let steps = SpeciesClasses::uniform(0, 0.0);
+        let (seen, counts) = (steps.clone(), SpeciesClasses::uniform(0, 0));
         let growth = DisplacementGrowth::ASSUMED;
-        Self { spheres: 0, positions: Vec::new(), steps: [0.0; SIZE_CLASSES], calls: 0, growth }
+        Self { spheres: 0, positions: Vec::new(), steps, seen, counts, calls: 0, growth }
     }
 }
 
@@ -65,27 +76,33 @@ impl DisplacementStats {
     pub(crate) fn observe(&mut self, CallSpheres { test, input }: CallSpheres<'_>) -> Result<(), Error> {
         let n = test.spheres().len();
         let size = (n / MIN_SPHERES_PER_SAMPLE).clamp(n.min(MIN_SPHERES_PER_SAMPLE), MAX_SAMPLE);
-        let known = self.spheres == n && self.positions.len() == size;
+        let species = test.species_count();
+        let known = self.spheres == n && self.positions.len() == size && self.steps.has_rows_for(species);
         if !known {
             try_resize(&mut self.positions, size, "a sample of the spheres")?;
-            (self.spheres, self.calls, self.steps) = (n, 0, [0.0; SIZE_CLASSES]);
+            (self.spheres, self.calls, self.steps) = (n, 0, SpeciesClasses::uniform(species, 0.0));
+            (self.seen, self.counts) = (self.steps.clone(), SpeciesClasses::uniform(species, 0));
         }
         let lengths = test.lengths();
-        let mut steps = [0.0_f32; SIZE_CLASSES];
+        self.seen.fill(0.0);
+        self.counts.fill(0);
         for (k, position) in self.positions.iter_mut().enumerate() {
-            let id = k * n / size;
+            let id = sampled(k, n, size);
             let [x, y, z, radius] = input.map_or_else(|| test.row(id as u32), |input| input.searched(id));
             let center = Vec3::new(x, y, z);
-            let class = &mut steps[class_of(radius)];
-            *class = class.max(nearest(center - *position, lengths).length());
+            let species = test.species_of(id as u32);
+            let step = self.seen.get_mut(species, radius);
+            *step = step.max(nearest(center - *position, lengths).length());
+            *self.counts.get_mut(species, radius) += 1;
             *position = center;
         }
         // A sphere that is not valid, or too far away: what was seen says nothing about the next call.
-        if steps.iter().any(|step| !step.is_finite()) {
-            (self.calls, self.steps) = (0, [0.0; SIZE_CLASSES]);
+        if self.seen.numbers().any(|step| !step.is_finite()) {
+            self.calls = 0;
+            self.steps.fill(0.0);
         } else if known {
             self.calls = self.calls.saturating_add(1);
-            for (step, seen) in self.steps.iter_mut().zip(steps) {
+            for (step, seen) in self.steps.numbers_mut().zip(self.seen.numbers()) {
                 *step = seen.max(STEP_DECAY * *step);
             }
         }
@@ -106,21 +123,58 @@ impl DisplacementStats {
         *exponent += GROWTH_DECAY * (DisplacementGrowth::ASSUMED.exponent - *exponent);
     }
 
-    /// Returns the largest displacement per call of each class (unobserved classes get the largest) and its growth law;
-    /// `None` before two calls.
-    pub(crate) fn steps(&self) -> Option<([f32; SIZE_CLASSES], DisplacementGrowth)> {
-        let farthest = self.steps.iter().copied().fold(0.0, f32::max);
-        let steps = self.steps.map(|step| if step > 0.0 { step } else { farthest });
-        (self.calls > 0).then_some((steps, self.growth))
+    /// Returns the largest displacements per call; `None` before two calls. Spheres that are not in the sample get the
+    /// largest of all, and those at rest a part of it.
+    pub(crate) fn steps(&self) -> Option<SpeciesClasses> {
+        if self.calls == 0 {
+            return None;
+        }
+        let farthest = self.steps.numbers().fold(0.0, f32::max);
+        let mut steps = self.steps.clone();
+        for (step, count) in steps.numbers_mut().zip(self.counts.numbers()) {
+            *step = match count {
+                0 => farthest,
+                _ if *step == 0.0 => AT_REST * farthest,
+                _ => *step,
+            };
+        }
+        Some(steps)
     }
+
+    /// Returns what the species of a class have in common, for `steps` of this sample.
+    pub(crate) fn by_class(&self, steps: &SpeciesClasses) -> Displacements {
+        let [mut mean, mut largest] = [steps.rows()[0]; 2];
+        if steps.rows().len() > 1 {
+            for class in 0..SIZE_CLASSES {
+                let rows = || {
+                    steps.rows().iter().zip(self.counts.rows()).map(|(row, count)| (row[class], count[class]))
+                };
+                let count: u16 = rows().map(|(_, count)| count).sum();
+                let of_sample = rows().filter(|(_, own)| *own > 0 || count == 0);
+                largest[class] = of_sample.map(|(step, _)| step).fold(0.0, f32::max);
+                let sum: f32 = rows().map(|(step, own)| step * f32::from(own)).sum();
+                mean[class] = if count > 0 { sum / f32::from(count) } else { largest[class] };
+            }
+        }
+        Displacements { mean, largest, growth: self.growth }
+    }
+}
+
+/// Returns the `k`th of `size` of `n` spheres: anywhere in its part of them, because species or sizes may recur at equal
+/// intervals.
+#[inline(always)]
+fn sampled(k: usize, n: usize, size: usize) -> usize {
+    let anywhere = (k as u32).wrapping_mul(0x9e37_79b1) >> 16;
+    k * n / size + anywhere as usize % (n / size)
 }
 
 #[cfg(test)]
 mod tests {
-    use lazygrid_kernels::{Space, Sphere};
+    use lazygrid_kernels::{Interaction, Interactions, Space, Sphere, Spheres};
 
     use super::*;
     use crate::compare::PairTest;
+    use crate::size_class::class_of;
 
     #[test]
     fn largest_displacement_of_each_class_decays_slowly() {
@@ -131,11 +185,46 @@ mod tests {
             motion
                 .observe(CallSpheres { test: &PairTest::new((&spheres).into(), None), input: None })
                 .expect("there is memory");
-            motion.steps().map(|(steps, _)| [steps[class_of(1.0)], steps[class_of(0.25)], steps[7]])
+            motion.steps().map(|steps| [1.0, 0.25, 7.0].map(|radius| steps.get(0, radius)))
         };
         assert_eq!(steps(5.0), None);
         assert_eq!(steps(6.0), Some([1.0, 2.0, 2.0]));
         assert_eq!(steps(6.0), Some([0.9, 1.8, 1.8]));
+    }
+
+    #[test]
+    fn species_of_one_size_have_displacements_of_their_own() {
+        let table = Interactions::new(3, Interaction::Touch).expect("few species");
+        let mut motion = DisplacementStats::default();
+        for x in [0.0, 1.0] {
+            // Three at rest, one that moves, none of species 2.
+            let spheres = [0.0, 0.0, 0.0, x].map(|x| Sphere::new([x, 0.0, 0.0], 1.0));
+            let spheres = Spheres::from(&spheres).with_species(&[0, 0, 0, 1]).expect("one id for each");
+            let test = PairTest::new(spheres, Some(&table));
+            motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
+        }
+        let steps = motion.steps().expect("two calls");
+        assert_eq!([0, 1, 2].map(|species| steps.get(species, 1.0)), [AT_REST, 1.0, 1.0]);
+        let of_class = motion.by_class(&steps);
+        let class = class_of(1.0);
+        assert_eq!((of_class.mean[class], of_class.largest[class]), ((3.0 * AT_REST + 1.0) / 4.0, 1.0));
+        assert_eq!((of_class.mean[class + 1], of_class.largest[class + 1]), (1.0, 1.0), "no such sphere");
+    }
+
+    #[test]
+    fn sample_has_species_that_recur_at_equal_intervals() {
+        for (n, size) in [(4096, 128), (4000, 125), (100, 32), (31, 31), (1 << 20, 1 << 10)] {
+            let ids: Vec<_> = (0..size).map(|k| sampled(k, n, size)).collect();
+            assert!(ids.is_sorted_by(|a, b| a < b) && ids.iter().all(|&id| id < n));
+            for interval in [2, 4].into_iter().filter(|interval| n / size >= 2 * interval) {
+                let of_first = ids.iter().filter(|&id| id % interval == 0).count();
+                let expected = size / interval;
+                assert!(
+                    (expected / 2..=2 * expected).contains(&of_first),
+                    "{n} {size} {interval}: {of_first}"
+                );
+            }
+        }
     }
 
     #[test]
@@ -145,7 +234,7 @@ mod tests {
             let spheres = [Sphere::new([x, 0.0, 0.0], 1.0)];
             let test = PairTest::new((&spheres).into(), None);
             motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
-            motion.steps().map(|(steps, _)| steps[class_of(1.0)])
+            motion.steps().map(|steps| steps.get(0, 1.0))
         };
         for (x, step) in [
             (0.0, None),
@@ -170,7 +259,7 @@ mod tests {
             let test = PairTest::new((&spheres).into(), None).in_space(space);
             motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
         }
-        assert_eq!(motion.steps().expect("two calls").0[class_of(1.0)], 0.5);
+        assert_eq!(motion.steps().expect("two calls").get(0, 1.0), 0.5);
     }
 
     #[test]

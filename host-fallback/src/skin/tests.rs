@@ -1,4 +1,5 @@
 mod frame;
+mod species;
 
 use lazygrid_kernels::{InputError, Interaction, Interactions, Pair, Radii, Space, Sphere, Spheres};
 

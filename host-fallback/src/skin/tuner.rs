@@ -98,7 +98,7 @@ impl SkinTuner {
         space: Space,
         costs: &SkinCosts,
     ) -> Result<Option<f32>, Error> {
-        let think = |displacements: Displacements<'_>, excess: f32| {
+        let think = |displacements: &Displacements, excess: f32| {
             let stats = InputStats::of(&PairTest::new(spheres, interactions), Executor::current()?)?;
             let density = DensityProfile::of_places(spheres, space)?;
             Ok(choose(
@@ -109,24 +109,25 @@ impl SkinTuner {
                 excess,
             ))
         };
-        let limits = self.limits(SkinScaling::Alike, think)?;
-        Ok(limits.map(|limits| 2.0 * limits[0]))
+        let limits = self.limits((SkinScaling::Alike, 0.0), think)?;
+        Ok(limits.map(|limits| 2.0 * limits.get(0, 0.0)))
     }
 
-    /// Uses the last choice, or a new one by `think`, which gets displacements and the excess of candidates.
+    /// Uses the last choice, or a new one by `think`, which gets displacements and the excess of candidates. Limits are
+    /// at least `least`.
     pub(super) fn limits(
         &mut self,
-        scaling: SkinScaling,
-        think: impl FnOnce(Displacements<'_>, f32) -> Result<Option<SkinChoice>, Error>,
+        (scaling, least): (SkinScaling, f32),
+        think: impl FnOnce(&Displacements, f32) -> Result<Option<SkinChoice>, Error>,
     ) -> Result<Option<DisplacementLimits>, Error> {
         if self.is_paused() {
             return Ok(None);
         }
-        let Some((steps, growth)) = self.displacements.steps() else { return Ok(None) };
+        let Some(steps) = self.displacements.steps() else { return Ok(None) };
         if self.wait > 0 {
             self.wait -= 1;
         } else {
-            let choice = think(Displacements { steps: &steps, growth }, self.excess.exp2())?;
+            let choice = think(&self.displacements.by_class(&steps), self.excess.exp2())?;
             let skin = |choice: Option<SkinChoice>| choice.map(|choice| choice.skin);
             let same = skin(choice) == skin(self.choice);
             self.patience = if same { (2 * self.patience + 1).min(MAX_WAIT) } else { 0 };
@@ -137,7 +138,7 @@ impl SkinTuner {
                 self.excess *= 0.8;
             }
         }
-        Ok(self.choice.map(|choice| scaling.limits(&steps, choice.skin)))
+        Ok(self.choice.map(|choice| scaling.limits(&steps, choice.skin, least)))
     }
 }
 

@@ -1,0 +1,61 @@
+//! Species of one size that move at different speeds.
+
+use lazygrid_kernels::{Interaction, Interactions, Space, Sphere, Spheres};
+
+use super::gas;
+use crate::test_support::Random;
+use crate::{HostDetector, Settings, Skin};
+
+/// Pairs of species 0 with species 1 only.
+fn table() -> Interactions {
+    let mut table = Interactions::new(2, Interaction::Never).expect("few species");
+    table.set(0, 1, Interaction::Touch).expect("known species");
+    table
+}
+
+/// Moves spheres by `step` of the call and species. Returns the number of calls that candidates served.
+fn follow(
+    (spheres, space): (&mut [Sphere], Space),
+    calls: std::ops::Range<u32>,
+    step: impl Fn(u32, u32, &mut Random) -> [f32; 3],
+) -> usize {
+    let ids: Vec<u32> = (0..spheres.len() as u32).map(|k| k % 2).collect();
+    let settings = Settings { interactions: Some(table()), space, threads: Some(1), ..Settings::default() };
+    let mut off = HostDetector::new(Settings { skin: Skin::Off, ..settings.clone() }).expect("good settings");
+    let mut kept = HostDetector::new(Settings { skin: Skin::Auto, ..settings }).expect("good settings");
+    let (mut random, mut served) = (Random(5), 0);
+    for call in calls {
+        let given = Spheres::from(&*spheres).with_species(&ids).expect("one id for each");
+        let expected = off.pairs(given).expect("valid").to_vec();
+        assert_eq!(kept.pairs(given).expect("valid"), expected, "call {call}");
+        served += usize::from(kept.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
+        for (sphere, &species) in spheres.iter_mut().zip(&ids) {
+            sphere.center += glam::Vec3::from(step(call, species, &mut random));
+        }
+    }
+    served
+}
+
+#[test]
+fn resting_species_that_begins_to_move_loses_no_pair() {
+    let mut spheres = gas(4000, 1, 40.0);
+    // Later both species move toward each other.
+    let step = |call, species, random: &mut Random| match (call, species) {
+        (..6, 0) => [0.0; 3],
+        (..6, _) => random.point(0.05),
+        (_, 0) => [0.2, 0.0, 0.0],
+        _ => [-0.2, 0.0, 0.0],
+    };
+    let served = follow((&mut spheres, Space::UNBOUNDED), 0..12, step);
+    assert!(served > 2, "{served} served");
+}
+
+#[test]
+fn nearly_resting_spheres_of_a_long_box_do_not_prevent_a_list() {
+    let space = Space::periodic([Some(4000.0), None, None]).expect("a box");
+    let mut spheres = gas(4000, 1, 40.0);
+    let served = follow((&mut spheres, space), 0..30, |_, species, random| {
+        random.point([1e-5, 0.02][species as usize])
+    });
+    assert!(served > 15, "{served} served");
+}
