@@ -182,7 +182,8 @@ fn unfinished_search_for_candidates_leaves_no_list() {
 fn result_above_the_staged_pairs_is_copied_without_a_search() {
     let Some(gpu) = device_or_skip() else { return };
     // 6048 pairs, more than `FIRST_PAIRS`, of clumps that do not overfill cells.
-    let spheres: Vec<_> = (0..192).map(|i| Sphere::new([f32::from(i / 64_u8) * 10.0, 1.0, 1.0], 0.5)).collect();
+    let spheres: Vec<_> =
+        (0..192).map(|i| Sphere::new([f32::from(i / 64_u8) * 10.0, 1.0, 1.0], 0.5)).collect();
     for skin in [None, Some(0.5)] {
         let mut session = GpuSession::new(gpu.clone(), GpuConfig::default()).expect("made");
         session.set_skin(skin).expect("valid");
