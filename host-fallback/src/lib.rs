@@ -26,6 +26,7 @@ mod report;
 mod settings;
 mod size_class;
 mod skin;
+mod species_classes;
 #[cfg(test)]
 mod test_support;
 

@@ -74,7 +74,7 @@ impl Calibration {
     pub const SOFTWARE_TESTS_PER_SECOND: f64 = 5e8;
 
     /// Assumed for a discrete GPU: a round trip takes about 0.15 ms, in which a CPU thread finds the pairs of some 4000
-    /// spheres. `lazygrid calibrate` measured 4850 on an H100 and 4067 on an H200, each beside 16 cores.
+    /// spheres. `lazygrid calibrate` measured 4850 on an H100 and 4067 on an H200, compared with 16 cores.
     pub const DEVICE_FROM: u32 = 4096;
     /// Assumed for an integrated GPU, which has a tenth of the arithmetic.
     pub const INTEGRATED_DEVICE_FROM: u32 = 1 << 16;

@@ -3,7 +3,7 @@ use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions, Space, Sphere
 
 use super::{PairFilter, PeriodicBox, Xyzr};
 use crate::frame::SearchFrame;
-use crate::skin::SpeciesClasses;
+use crate::species_classes::SpeciesClasses;
 
 /// Tests in `f64`, where differences of `f32` coordinates cannot overflow, underflow or lose the digits that decide
 /// contact.

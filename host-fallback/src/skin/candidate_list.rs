@@ -5,7 +5,6 @@ use lazygrid_kernels::Pair;
 
 use super::CallSpheres;
 use super::advance::{CHUNK_SPHERES, advance};
-use super::species_classes::SpeciesClasses;
 use crate::cell_list::{CellList, DensityCache, SortRecord};
 use crate::compare::{
     ChunkTarget, ChunkedOutput, MAX_LANES, Output, PairTest, SimdTask, SimdWidth, Sink, SkinMargin, Xyzr,
@@ -17,6 +16,7 @@ use crate::input::{InputStats, SearchInput, check_valid, search_pieces};
 use crate::memory::{prefetch, try_resize, with_growth};
 use crate::report::{CandidateListStats, RebuildReason, Report};
 use crate::settings::SKIN_RANGE;
+use crate::species_classes::SpeciesClasses;
 use crate::{Error, Simd};
 
 pub(super) type DisplacementLimits = SpeciesClasses;

@@ -5,10 +5,10 @@
 
 use super::candidate_list::{DisplacementLimits, LIMIT_RANGE};
 use super::displacement::Displacements;
-use super::species_classes::{PerClass, SpeciesClasses};
 use crate::cell_list::{DensityProfile, LevelPlan};
 use crate::input::{InputStats, SizeClass};
 use crate::size_class::SIZE_CLASSES;
+use crate::species_classes::{PerClass, SpeciesClasses};
 
 /// In units of the largest displacement per call of the sample.
 const SKIN_STEPS: [f32; 9] = [2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 32.0, 64.0];

@@ -4,17 +4,17 @@ use glam::Vec3;
 
 use super::CallSpheres;
 use super::candidate_list::nearest;
-use super::species_classes::{PerClass, SpeciesClasses};
 use crate::Error;
 use crate::memory::try_resize;
 use crate::size_class::SIZE_CLASSES;
+use crate::species_classes::{PerClass, SpeciesClasses};
 
 const MAX_SAMPLE: usize = 1 << 10;
 /// Sampling costs almost nothing.
 const MIN_SPHERES_PER_SAMPLE: usize = 32;
 /// Per call, of a class's largest displacement.
 const STEP_DECAY: f32 = 0.9;
-/// Of the largest displacement, for spheres at rest: some may begin to move.
+/// Fraction of the largest displacement, for spheres at rest: some may begin to move.
 const AT_REST: f32 = 0.125;
 /// Per call, of the learned growth law.
 const GROWTH_DECAY: f32 = 0.2;
@@ -160,8 +160,7 @@ impl DisplacementStats {
     }
 }
 
-/// Returns the `k`th of `size` of `n` spheres: anywhere in its part of them, because species or sizes may recur at equal
-/// intervals.
+/// Returns the `k`th of `size` of `n` spheres. Intervals are unequal, because species or sizes may recur at equal ones.
 #[inline(always)]
 fn sampled(k: usize, n: usize, size: usize) -> usize {
     let anywhere = (k as u32).wrapping_mul(0x9e37_79b1) >> 16;

@@ -18,7 +18,6 @@ mod candidate_list;
 mod controller;
 mod cost_model;
 mod displacement;
-mod species_classes;
 #[cfg(test)]
 mod tests;
 mod tuner;
@@ -26,7 +25,6 @@ mod tuner;
 pub(crate) use candidate_list::memory_of_candidates;
 pub(crate) use controller::SkinController;
 pub use cost_model::SkinCosts;
-pub(crate) use species_classes::SpeciesClasses;
 pub use tuner::SkinTuner;
 
 /// The spheres of a call; those of `input` are not mapped to their frame yet.

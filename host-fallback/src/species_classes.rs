@@ -17,19 +17,19 @@ pub(crate) struct SpeciesClasses<T = f32> {
 }
 
 impl<T: Copy> SpeciesClasses<T> {
-    pub(super) fn uniform(species: u32, number: T) -> Self {
+    pub(crate) fn uniform(species: u32, number: T) -> Self {
         Self { rows: vec![[number; SIZE_CLASSES]; species.clamp(1, MAX_ROWS).next_power_of_two() as usize] }
     }
 
-    pub(super) fn fill(&mut self, number: T) {
+    pub(crate) fn fill(&mut self, number: T) {
         self.rows.iter_mut().for_each(|row| *row = [number; SIZE_CLASSES]);
     }
 
-    pub(super) fn has_rows_for(&self, species: u32) -> bool {
+    pub(crate) fn has_rows_for(&self, species: u32) -> bool {
         self.rows.len() == species.clamp(1, MAX_ROWS).next_power_of_two() as usize
     }
 
-    pub(super) fn rows(&self) -> &[PerClass<T>] {
+    pub(crate) fn rows(&self) -> &[PerClass<T>] {
         &self.rows
     }
 
@@ -40,20 +40,20 @@ impl<T: Copy> SpeciesClasses<T> {
     }
 
     #[inline(always)]
-    pub(super) fn get_mut(&mut self, species: u32, radius: f32) -> &mut T {
+    pub(crate) fn get_mut(&mut self, species: u32, radius: f32) -> &mut T {
         let row = species as usize & (self.rows.len() - 1);
         &mut self.rows[row][class_of(radius)]
     }
 
-    pub(super) fn numbers(&self) -> impl Iterator<Item = T> + '_ {
+    pub(crate) fn numbers(&self) -> impl Iterator<Item = T> + '_ {
         self.rows.iter().flatten().copied()
     }
 
-    pub(super) fn numbers_mut(&mut self) -> impl Iterator<Item = &mut T> {
+    pub(crate) fn numbers_mut(&mut self) -> impl Iterator<Item = &mut T> {
         self.rows.iter_mut().flatten()
     }
 
-    pub(super) fn map(&self, of: impl Fn(T) -> T) -> Self {
+    pub(crate) fn map(&self, of: impl Fn(T) -> T) -> Self {
         Self { rows: self.rows.iter().map(|row| row.map(&of)).collect() }
     }
 }
