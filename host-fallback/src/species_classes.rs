@@ -1,7 +1,9 @@
 //! Numbers by species and size class: displacements per call, and their limits.
 
-#![expect(clippy::disallowed_methods, clippy::disallowed_macros, reason = "there are at most MAX_ROWS rows")]
+use bytemuck::Zeroable;
 
+use crate::Error;
+use crate::memory::try_resize;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
 /// Further species share the rows of earlier ones.
@@ -10,23 +12,33 @@ const MAX_ROWS: u32 = 16;
 /// Indexed by size class.
 pub(crate) type PerClass<T = f32> = [T; SIZE_CLASSES];
 
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Debug, Default, PartialEq)]
 pub(crate) struct SpeciesClasses<T = f32> {
-    /// A power of two.
+    /// A power of two, or none before the first use.
     rows: Vec<PerClass<T>>,
 }
 
-impl<T: Copy> SpeciesClasses<T> {
-    pub(crate) fn uniform(species: u32, number: T) -> Self {
-        Self { rows: vec![[number; SIZE_CLASSES]; species.clamp(1, MAX_ROWS).next_power_of_two() as usize] }
+impl<T: Copy + Zeroable> SpeciesClasses<T> {
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn uniform(species: u32, number: T) -> Result<Self, Error> {
+        let mut own = Self::zeroed(rows_for(species))?;
+        own.fill(number);
+        Ok(own)
+    }
+
+    fn zeroed(rows: usize) -> Result<Self, Error> {
+        let mut own = Self { rows: Vec::new() };
+        try_resize(&mut own.rows, rows, "displacements by species")?;
+        Ok(own)
     }
 
     pub(crate) fn fill(&mut self, number: T) {
-        self.rows.iter_mut().for_each(|row| *row = [number; SIZE_CLASSES]);
+        self.rows.fill([number; SIZE_CLASSES]);
     }
 
     pub(crate) fn has_rows_for(&self, species: u32) -> bool {
-        self.rows.len() == species.clamp(1, MAX_ROWS).next_power_of_two() as usize
+        self.rows.len() == rows_for(species)
     }
 
     pub(crate) fn rows(&self) -> &[PerClass<T>] {
@@ -46,14 +58,22 @@ impl<T: Copy> SpeciesClasses<T> {
     }
 
     pub(crate) fn numbers(&self) -> impl Iterator<Item = T> + '_ {
-        self.rows.iter().flatten().copied()
+        self.rows.as_flattened().iter().copied()
     }
 
     pub(crate) fn numbers_mut(&mut self) -> impl Iterator<Item = &mut T> {
-        self.rows.iter_mut().flatten()
+        self.rows.as_flattened_mut().iter_mut()
     }
 
-    pub(crate) fn map(&self, of: impl Fn(T) -> T) -> Self {
-        Self { rows: self.rows.iter().map(|row| row.map(&of)).collect() }
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn map(&self, of: impl Fn(T) -> T) -> Result<Self, Error> {
+        let mut own = Self::zeroed(self.rows.len())?;
+        own.numbers_mut().zip(self.numbers()).for_each(|(to, from)| *to = of(from));
+        Ok(own)
     }
+}
+
+fn rows_for(species: u32) -> usize {
+    species.clamp(1, MAX_ROWS).next_power_of_two() as usize
 }

@@ -34,7 +34,7 @@ const MAX_RADIUS: f32 = 1e30;
 /// Displacement limits whose squares `f32` holds.
 pub(super) const LIMIT_RANGE: std::ops::RangeInclusive<f32> = 0.5 * *SKIN_RANGE.start()..=*SKIN_RANGE.end();
 
-pub(super) fn fixed(distance: f32) -> DisplacementLimits {
+pub(super) fn fixed(distance: f32) -> Result<DisplacementLimits, Error> {
     DisplacementLimits::uniform(0, distance / 2.0)
 }
 
@@ -155,7 +155,7 @@ impl CandidateList {
     ) -> Result<bool, Error> {
         self.clear();
         let test = input.test.widened(SkinMargin { limits, order: None });
-        let Some(inverse) = inverse_squares(limits, &input.test) else { return Ok(false) };
+        let Some(inverse) = inverse_squares(limits, &input.test)? else { return Ok(false) };
         if input.stats.largest_radius() > MAX_RADIUS {
             return Ok(false);
         }
@@ -239,10 +239,13 @@ pub(crate) fn memory_of_candidates((spheres, has_species): (u64, bool), max_pair
 }
 
 /// Returns inverse squares of limits minus the rounding of distances; `None` if too little of a limit is left.
-fn inverse_squares(limits: &DisplacementLimits, test: &PairTest<'_>) -> Option<DisplacementLimits> {
+fn inverse_squares(
+    limits: &DisplacementLimits,
+    test: &PairTest<'_>,
+) -> Result<Option<DisplacementLimits>, Error> {
     let rounding = boundary_rounding(test);
     let usable = limits.numbers().all(|limit| LIMIT_RANGE.contains(&limit) && rounding <= limit / 2.0);
-    usable.then(|| limits.map(|limit| (limit - rounding).powi(-2)))
+    usable.then(|| limits.map(|limit| (limit - rounding).powi(-2))).transpose()
 }
 
 fn boundary_rounding(test: &PairTest<'_>) -> f32 {

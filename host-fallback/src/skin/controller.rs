@@ -46,7 +46,7 @@ impl SkinController {
             _ if input.split.is_some() => None,
             Skin::Off => None,
             Skin::Fixed(_) if self.tuner.is_paused() => None,
-            Skin::Fixed(distance) => Some(fixed(input.test.searched(distance))),
+            Skin::Fixed(distance) => Some(fixed(input.test.searched(distance))?),
             Skin::Auto => report.time("plan", || self.choose(input, density))?,
         };
         if let Some(limits) = limits {

@@ -5,6 +5,7 @@
 
 use super::candidate_list::{DisplacementLimits, LIMIT_RANGE};
 use super::displacement::Displacements;
+use crate::Error;
 use crate::cell_list::{DensityProfile, LevelPlan};
 use crate::input::{InputStats, SizeClass};
 use crate::size_class::SIZE_CLASSES;
@@ -85,7 +86,15 @@ impl SkinScaling {
     }
 
     /// Returns limits of at least `least`.
-    pub(super) fn limits(self, steps: &SpeciesClasses, skin: f32, least: f32) -> DisplacementLimits {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(super) fn limits(
+        self,
+        steps: &SpeciesClasses,
+        skin: f32,
+        least: f32,
+    ) -> Result<DisplacementLimits, Error> {
         let farthest = steps.numbers().fold(0.0, f32::max);
         steps.map(|step| self.limit(skin, step, farthest).max(least))
     }

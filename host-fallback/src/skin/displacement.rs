@@ -65,8 +65,7 @@ impl DisplacementGrowth {
 
 impl Default for DisplacementStats {
     fn default() -> Self {
-        let steps = SpeciesClasses::uniform(0, 0.0);
-        let (seen, counts) = (steps.clone(), SpeciesClasses::uniform(0, 0));
+        let (steps, seen, counts) = Default::default();
         let growth = DisplacementGrowth::ASSUMED;
         Self { spheres: 0, positions: Vec::new(), steps, seen, counts, calls: 0, growth }
     }
@@ -80,8 +79,11 @@ impl DisplacementStats {
         let known = self.spheres == n && self.positions.len() == size && self.steps.has_rows_for(species);
         if !known {
             try_resize(&mut self.positions, size, "a sample of the spheres")?;
-            (self.spheres, self.calls, self.steps) = (n, 0, SpeciesClasses::uniform(species, 0.0));
-            (self.seen, self.counts) = (self.steps.clone(), SpeciesClasses::uniform(species, 0));
+            let [steps, seen] =
+                [SpeciesClasses::uniform(species, 0.0)?, SpeciesClasses::uniform(species, 0.0)?];
+            self.counts = SpeciesClasses::uniform(species, 0)?;
+            // Together, because memory may have been refused before.
+            (self.spheres, self.calls, self.steps, self.seen) = (n, 0, steps, seen);
         }
         let lengths = test.lengths();
         self.seen.fill(0.0);
@@ -125,12 +127,15 @@ impl DisplacementStats {
 
     /// Returns the largest displacements per call; `None` before two calls. Spheres that are not in the sample get the
     /// largest of all, and those at rest a part of it.
-    pub(crate) fn steps(&self) -> Option<SpeciesClasses> {
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn steps(&self) -> Result<Option<SpeciesClasses>, Error> {
         if self.calls == 0 {
-            return None;
+            return Ok(None);
         }
         let farthest = self.steps.numbers().fold(0.0, f32::max);
-        let mut steps = self.steps.clone();
+        let mut steps = self.steps.map(|step| step)?;
         for (step, count) in steps.numbers_mut().zip(self.counts.numbers()) {
             *step = match count {
                 0 => farthest,
@@ -138,7 +143,7 @@ impl DisplacementStats {
                 _ => *step,
             };
         }
-        Some(steps)
+        Ok(Some(steps))
     }
 
     /// Returns what the species of a class have in common, for `steps` of this sample.
@@ -184,7 +189,10 @@ mod tests {
             motion
                 .observe(CallSpheres { test: &PairTest::new((&spheres).into(), None), input: None })
                 .expect("there is memory");
-            motion.steps().map(|steps| [1.0, 0.25, 7.0].map(|radius| steps.get(0, radius)))
+            motion
+                .steps()
+                .expect("there is memory")
+                .map(|steps| [1.0, 0.25, 7.0].map(|radius| steps.get(0, radius)))
         };
         assert_eq!(steps(5.0), None);
         assert_eq!(steps(6.0), Some([1.0, 2.0, 2.0]));
@@ -202,7 +210,7 @@ mod tests {
             let test = PairTest::new(spheres, Some(&table));
             motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
         }
-        let steps = motion.steps().expect("two calls");
+        let steps = motion.steps().expect("there is memory").expect("two calls");
         assert_eq!([0, 1, 2].map(|species| steps.get(species, 1.0)), [AT_REST, 1.0, 1.0]);
         let of_class = motion.by_class(&steps);
         let class = class_of(1.0);
@@ -233,7 +241,7 @@ mod tests {
             let spheres = [Sphere::new([x, 0.0, 0.0], 1.0)];
             let test = PairTest::new((&spheres).into(), None);
             motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
-            motion.steps().map(|steps| steps.get(0, 1.0))
+            motion.steps().expect("there is memory").map(|steps| steps.get(0, 1.0))
         };
         for (x, step) in [
             (0.0, None),
@@ -258,7 +266,7 @@ mod tests {
             let test = PairTest::new((&spheres).into(), None).in_space(space);
             motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
         }
-        assert_eq!(motion.steps().expect("two calls").get(0, 1.0), 0.5);
+        assert_eq!(motion.steps().expect("there is memory").expect("two calls").get(0, 1.0), 0.5);
     }
 
     #[test]

@@ -123,7 +123,7 @@ impl SkinTuner {
         if self.is_paused() {
             return Ok(None);
         }
-        let Some(steps) = self.displacements.steps() else { return Ok(None) };
+        let Some(steps) = self.displacements.steps()? else { return Ok(None) };
         if self.wait > 0 {
             self.wait -= 1;
         } else {
@@ -138,7 +138,7 @@ impl SkinTuner {
                 self.excess *= 0.8;
             }
         }
-        Ok(self.choice.map(|choice| scaling.limits(&steps, choice.skin, least)))
+        self.choice.map(|choice| scaling.limits(&steps, choice.skin, least)).transpose()
     }
 }
 
