@@ -9,7 +9,7 @@ use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSpheres, Outcome, wgpu
 use lazygrid::{Algorithm, Sphere};
 use lazygrid_bench::measure::{markdown, provenance};
 use lazygrid_check::device::{download, submit, upload, wait};
-use lazygrid_check::timing::bandwidth::warm_up;
+use lazygrid_check::timing::bandwidth::{median, stamp, warm_up};
 use lazygrid_io::scenes::Scene;
 
 #[derive(Parser)]
@@ -134,15 +134,6 @@ impl<'a> Call<'a> {
     }
 }
 
-fn stamp(encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet, at: u32) {
-    let writes = wgpu::ComputePassTimestampWrites {
-        query_set: queries,
-        beginning_of_pass_write_index: Some(at),
-        end_of_pass_write_index: None,
-    };
-    encoder.begin_compute_pass(&wgpu::ComputePassDescriptor { label: None, timestamp_writes: Some(writes) });
-}
-
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = Args::parse();
     if args.quick || !args.bench {
@@ -184,7 +175,7 @@ fn measure(
     let names = call.detector.kernels();
     let (mut whole, mut waits, mut kernels) = (vec![], vec![], vec![vec![]; names.len()]);
     let start = Instant::now();
-    while start.elapsed() < warm_up(own) {
+    while args.rounds > 1 && start.elapsed() < warm_up(own) {
         call.whole()?;
     }
     for _ in 0..args.rounds {
@@ -194,27 +185,22 @@ fn measure(
             kernels.iter_mut().zip(call.kernels()?).for_each(|(kernel, seconds)| kernel.push(seconds));
         }
     }
-    let micros = |times: &mut Vec<f64>| median(times) * 1e6;
+    let micros = |times: &[f64]| median(times) * 1e6;
     if !args.calls_only {
         let rows: Vec<_> = names
             .iter()
-            .zip(&mut kernels)
+            .zip(&kernels)
             .map(|(kernel, times)| vec![(*kernel).to_owned(), format!("{:.1}", micros(times))])
             .collect();
         println!("{name}\n\n{}", markdown(&["kernel", "µs"], &rows));
     }
-    let gpu = micros(&mut whole);
+    let gpu = micros(&whole);
     Ok(vec![
         name.to_owned(),
         call.pairs.to_string(),
         names.len().to_string(),
         format!("{gpu:.1}"),
-        format!("{:.1}", micros(&mut waits)),
+        format!("{:.1}", micros(&waits)),
         format!("{:.3}", gpu * 1e3 / f64::from(n)),
     ])
-}
-
-fn median(times: &mut [f64]) -> f64 {
-    times.sort_unstable_by(f64::total_cmp);
-    times.get(times.len() / 2).copied().unwrap_or(0.0)
 }

@@ -142,19 +142,20 @@ pub fn document(runs: &[GpuRun], commit: &str) -> String {
          Written by `lazygrid-bench gpu-results` at commit {commit}. {}\n\n",
         match runs.iter().filter(|run| run.gpu.as_ref().is_some_and(|gpu| gpu.hardware)).count() {
             0 => "**Times in the first section are arithmetic, not measurements.**".to_owned(),
-            1 => "One GPU was measured; times in the first section are arithmetic.".to_owned(),
-            many => format!("{many} GPUs were measured; times in the first section are arithmetic."),
+            1 => "The run of one GPU follows; times in the first section are arithmetic.".to_owned(),
+            many => format!("The runs of {many} GPUs follow; times in the first section are arithmetic."),
         }
     );
     expectations(&mut text);
     text += HOW_TO_RUN;
     text += "## Measured\n\n";
-    text += MEASURED_APART;
+    text += MEASURED_ELSEWHERE;
     runs.iter().for_each(|run| measured(&mut text, run));
-    text
+    text.truncate(text.trim_end().len());
+    text + "\n"
 }
 
-const MEASURED_APART: &str = "\
+const MEASURED_ELSEWHERE: &str = "\
 [bench/results/nvidia-h100-h200.md](bench/results/nvidia-h100-h200.md) has the times of calls and kernels on an H100 and an
 H200. On the H200 a call for a million spheres or more takes 4 times what dispatches and bytes cost, and 1.1 to 1.2 times the
 audit's upper bounds; one for ten thousand is within the audit's range.
@@ -302,13 +303,13 @@ mod tests {
         let text = document(&[run(true)], "abc");
         // 10 × 1.7 µs + 483 MB ÷ 1 TB/s are 0.5 ms.
         assert!(text.contains("| five-sizes | 1 M | cell-list | 7 | 1.00 ms | 900 µs to 1.20 ms | 2.00 ms | 1.00 | 500 µs | 2.0 |"), "{text}");
-        assert!(text.contains("One GPU was measured"));
+        assert!(text.contains("The run of one GPU follows"));
     }
 
     #[test]
     fn software_adapters_do_not_count_as_measured_gpus() {
         let text = document(&[run(false)], "abc");
-        assert!(!text.contains("was measured; times") && text.contains("says nothing about GPUs"));
+        assert!(!text.contains("of one GPU follows") && text.contains("says nothing about GPUs"));
         assert!(text.contains("| 1.00 | – | – |"), "{text}");
     }
 

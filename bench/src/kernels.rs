@@ -85,7 +85,7 @@ impl Kernels {
 pub struct Wanted {
     /// Empty for all.
     pub only: Vec<String>,
-    /// Also variants for devices without subgroup operations or with little workgroup memory.
+    /// Also variants for devices without subgroup operations.
     pub all_variants: bool,
     /// Also representations such as assembly.
     pub disassembly: bool,

@@ -9,6 +9,8 @@ use crate::size_class::{SIZE_CLASSES, class_of};
 /// Further species share the rows of earlier ones.
 const MAX_ROWS: u32 = 16;
 
+const NAME: &str = "displacements by species";
+
 /// Indexed by size class.
 pub(crate) type PerClass<T = f32> = [T; SIZE_CLASSES];
 
@@ -21,20 +23,24 @@ pub(crate) struct SpeciesClasses<T = f32> {
 impl<T: Copy + Zeroable> SpeciesClasses<T> {
     /// # Errors
     /// [`Error::OutOfMemory`].
-    pub(crate) fn uniform(species: u32, number: T) -> Result<Self, Error> {
-        let mut own = Self::zeroed(rows_for(species))?;
-        own.fill(number);
-        Ok(own)
-    }
-
-    fn zeroed(rows: usize) -> Result<Self, Error> {
-        let mut own = Self { rows: Vec::new() };
-        try_resize(&mut own.rows, rows, "displacements by species")?;
-        Ok(own)
+    pub(crate) fn set_all(&mut self, species: u32, number: T) -> Result<(), Error> {
+        try_resize(&mut self.rows, rows_for(species), NAME)?;
+        self.fill(number);
+        Ok(())
     }
 
     pub(crate) fn fill(&mut self, number: T) {
         self.rows.fill([number; SIZE_CLASSES]);
+    }
+
+    /// Overwrites all numbers with functions of others.
+    ///
+    /// # Errors
+    /// [`Error::OutOfMemory`].
+    pub(crate) fn set_from(&mut self, others: &Self, of: impl Fn(T) -> T) -> Result<(), Error> {
+        try_resize(&mut self.rows, others.rows.len(), NAME)?;
+        self.numbers_mut().zip(others.numbers()).for_each(|(to, from)| *to = of(from));
+        Ok(())
     }
 
     pub(crate) fn has_rows_for(&self, species: u32) -> bool {
@@ -63,14 +69,6 @@ impl<T: Copy + Zeroable> SpeciesClasses<T> {
 
     pub(crate) fn numbers_mut(&mut self) -> impl Iterator<Item = &mut T> {
         self.rows.as_flattened_mut().iter_mut()
-    }
-
-    /// # Errors
-    /// [`Error::OutOfMemory`].
-    pub(crate) fn map(&self, of: impl Fn(T) -> T) -> Result<Self, Error> {
-        let mut own = Self::zeroed(self.rows.len())?;
-        own.numbers_mut().zip(self.numbers()).for_each(|(to, from)| *to = of(from));
-        Ok(own)
     }
 }
 

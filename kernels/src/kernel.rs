@@ -93,9 +93,9 @@ impl Variant {
 }
 
 impl SortCounts {
-    /// Returns the counts for a sort of `items` keys in tiles of `tile` keys.
-    pub fn for_sort(items: u32, tile: u32) -> Self {
-        Self { items, counters: items.div_ceil(tile) << DIGIT_BITS }
+    /// Returns the counts for a radix sort of `items` keys.
+    pub fn for_sort(items: u32) -> Self {
+        Self { items, counters: items.div_ceil(RADIX_TILE) << DIGIT_BITS }
     }
 }
 

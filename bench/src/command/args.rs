@@ -99,7 +99,7 @@ pub(crate) struct Kernels {
     /// Only these kernels, separated by commas [default: all]
     #[arg(long, value_name = "KERNEL", value_delimiter = ',', hide_possible_values = true, value_parser = one_of(KERNELS.map(|kernel| kernel.name)))]
     pub(crate) only: Vec<String>,
-    /// Include kernel variants for devices without subgroup operations or with little workgroup memory
+    /// Include kernel variants for devices without subgroup operations
     #[arg(long)]
     pub(crate) all_variants: bool,
     /// Folder for the assembly and other representations that the driver provides

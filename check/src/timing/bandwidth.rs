@@ -5,15 +5,15 @@ use std::time::{Duration, Instant};
 
 use lazygrid::Error;
 use lazygrid::gpu::{GpuDevice, KeyValueBuffers, PrefixScan, RadixSort, wgpu};
-use lazygrid_kernels::kernel::{DIGIT_BITS, RADIX_TILE};
+use lazygrid_kernels::kernel::DIGIT_BITS;
 use lazygrid_kernels::layout::SortCounts;
 
 use crate::Random;
 use crate::device::{download, storage_buffer, submit, upload, wait};
 use crate::kernels::{KernelError, same};
 
-/// Returns the time of work before a measurement in which an idle GPU raises its clock: an H100 copied 0.40 TB/s without
-/// it, and 0.80 TB/s after other work. Software adapters need none.
+/// Returns the time of work before a measurement in which an idle GPU raises its clock, as in `calibrate`. Software adapters
+/// need none.
 pub fn warm_up(own: &GpuDevice) -> Duration {
     if own.adapter.is_hardware { Duration::from_secs(1) } else { Duration::ZERO }
 }
@@ -38,7 +38,7 @@ impl Measured {
 }
 
 /// Is 0 for an empty slice.
-pub(crate) fn median(times: &[f64]) -> f64 {
+pub fn median(times: &[f64]) -> f64 {
     let mut sorted = times.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
     sorted.get(sorted.len() / 2).copied().unwrap_or(0.0)
@@ -121,7 +121,7 @@ impl GpuTimer {
         expected.sort_by_key(|&at| keys[at as usize] & mask);
         let found = download(&self.own, &sort.sorted().payload, n as usize)?;
         same(|| format!("a sort of {n} by {bits} bits"), &found, &expected)?;
-        let a_pass = 20 * u64::from(n) + 16 * u64::from(SortCounts::for_sort(n, RADIX_TILE).counters);
+        let a_pass = 20 * u64::from(n) + 16 * u64::from(SortCounts::for_sort(n).counters);
         Ok(Measured { times, bytes: u64::from(bits.div_ceil(DIGIT_BITS)) * a_pass })
     }
 
@@ -132,44 +132,48 @@ impl GpuTimer {
         record: impl Fn(&mut wgpu::CommandEncoder),
     ) -> Result<Vec<f64>, Error> {
         let begun = Instant::now();
-        let mut times = Vec::new();
-        let mut cold = None;
-        while cold.is_none_or(|cold| times.len() < cold + self.rounds) {
-            if cold.is_none() && !times.is_empty() && begun.elapsed() >= warm_up(&self.own) {
-                cold = Some(times.len());
-            }
-            let Some((queries, ticks)) = &self.ticks else {
-                submit(&self.own, |encoder| {
-                    prepare(encoder);
-                    Ok(())
-                })?;
-                wait(&self.own)?;
-                let start = Instant::now();
-                submit(&self.own, |encoder| {
-                    record(encoder);
-                    Ok(())
-                })?;
-                wait(&self.own)?;
-                times.push(start.elapsed().as_secs_f64());
-                continue;
-            };
+        self.seconds(&prepare, &record)?;
+        while begun.elapsed() < warm_up(&self.own) {
+            self.seconds(&prepare, &record)?;
+        }
+        (0..self.rounds).map(|_| self.seconds(&prepare, &record)).collect()
+    }
+
+    fn seconds(
+        &self,
+        prepare: impl Fn(&mut wgpu::CommandEncoder),
+        record: impl Fn(&mut wgpu::CommandEncoder),
+    ) -> Result<f64, Error> {
+        let Some((queries, ticks)) = &self.ticks else {
             submit(&self.own, |encoder| {
                 prepare(encoder);
-                stamp(encoder, queries, 0);
-                record(encoder);
-                stamp(encoder, queries, 1);
-                encoder.resolve_query_set(queries, 0..2, ticks, 0);
                 Ok(())
             })?;
-            let read = download::<u64>(&self.own, ticks, 2)?;
-            let period = f64::from(self.own.queue.get_timestamp_period()) * 1e-9;
-            times.push(read[1].saturating_sub(read[0]) as f64 * period);
-        }
-        Ok(times.split_off(cold.unwrap_or(0)))
+            wait(&self.own)?;
+            let start = Instant::now();
+            submit(&self.own, |encoder| {
+                record(encoder);
+                Ok(())
+            })?;
+            wait(&self.own)?;
+            return Ok(start.elapsed().as_secs_f64());
+        };
+        submit(&self.own, |encoder| {
+            prepare(encoder);
+            stamp(encoder, queries, 0);
+            record(encoder);
+            stamp(encoder, queries, 1);
+            encoder.resolve_query_set(queries, 0..2, ticks, 0);
+            Ok(())
+        })?;
+        let read = download::<u64>(&self.own, ticks, 2)?;
+        let period = f64::from(self.own.queue.get_timestamp_period()) * 1e-9;
+        Ok(read[1].saturating_sub(read[0]) as f64 * period)
     }
 }
 
-fn stamp(encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet, at: u32) {
+/// Writes a timestamp.
+pub fn stamp(encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet, at: u32) {
     let writes = wgpu::ComputePassTimestampWrites {
         query_set: queries,
         beginning_of_pass_write_index: Some(at),

@@ -93,8 +93,12 @@ fn timed(
     let begun = Instant::now();
     let (pairs, first) = call()?;
     let once = begun.elapsed().as_secs_f64();
-    while begun.elapsed() < warm_up {
-        call()?;
+    let same = |again: u64| match again == pairs {
+        true => Ok(()),
+        false => Err(format!("{pairs} pairs counted, then {again} for the same spheres")),
+    };
+    while once < SECONDS && begun.elapsed() < warm_up {
+        same(call()?.0)?;
     }
     let begun = Instant::now();
     let (mut times, mut stages) = (vec![], Vec::new());
@@ -102,9 +106,7 @@ fn timed(
     while times.len() < ROUNDS && (spent < SECONDS && once < SECONDS) {
         let start = Instant::now();
         let (again, phases) = call()?;
-        if again != pairs {
-            return Err(format!("{pairs} pairs counted, then {again} for the same spheres"));
-        }
+        same(again)?;
         times.push(start.elapsed().as_secs_f64());
         stages.push(phases);
         spent = begun.elapsed().as_secs_f64();

@@ -111,7 +111,7 @@ fn reassociated_contracted_and_flushed_kernels_stay_within_the_contract() {
 fn kernels_without_a_guard_leave_the_contract() {
     let Some(own) = device() else { return };
     if own.adapter.is_hardware {
-        // NVIDIA's compiler factors the distributed product again.
+        // NVIDIA's compiler factors the distributed product again. Others were not tried.
         return;
     }
     type Rewrite = fn(&str) -> String;

@@ -41,8 +41,8 @@ impl Crossover {
 }
 
 /// Measurements by which `Auto` chooses, valid for one adapter, driver and library version. The application stores them
-/// and passes them to [`Config::calibration`](crate::Config::calibration). An H100 and an H200 confirmed the assumed crossovers
-/// of discrete GPUs; no integrated GPU was measured.
+/// and passes them to [`Config::calibration`](crate::Config::calibration). The crossovers to the
+/// GPU and to the radix sort that are assumed of discrete GPUs agree with an H100 and an H200; no integrated GPU was measured.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Calibration {
@@ -79,8 +79,8 @@ impl Calibration {
     /// Assumed for an integrated GPU, which has a tenth of the arithmetic.
     pub const INTEGRATED_DEVICE_FROM: u32 = 1 << 16;
 
-    /// Assumed for a GPU: more counters do not fit the caches of large GPUs. `lazygrid calibrate` measured 650 000 on an
-    /// H100 and 820 000 on an H200; with CUDA on an H200 both sorts are equal at a million spheres.
+    /// Assumed for a GPU: more counters do not fit the caches of large GPUs. `lazygrid calibrate` measured 650,000 on an
+    /// H100 and 820,000 on an H200; with CUDA on an H200 both sorts are equal at a million spheres.
     pub const RADIX_SORT_FROM: u32 = 1 << 19;
     /// Assumed for a software adapter: on llvmpipe with two cores counting is faster at a million spheres (`cargo bench
     /// -p lazygrid-bench --bench gpu_hard_scenes -- --radix-from 0,4000000000`).

@@ -34,10 +34,6 @@ const MAX_RADIUS: f32 = 1e30;
 /// Displacement limits whose squares `f32` holds.
 pub(super) const LIMIT_RANGE: std::ops::RangeInclusive<f32> = 0.5 * *SKIN_RANGE.start()..=*SKIN_RANGE.end();
 
-pub(super) fn fixed(distance: f32) -> Result<DisplacementLimits, Error> {
-    DisplacementLimits::uniform(0, distance / 2.0)
-}
-
 #[derive(Debug, Default)]
 pub(crate) struct CandidateList {
     input_stats: Option<Box<InputStats>>,
@@ -46,6 +42,8 @@ pub(crate) struct CandidateList {
     species: Vec<u32>,
     order: Vec<u32>,
     rows: Vec<Xyzr>,
+    /// Inverse squares of displacement limits.
+    inverse: SpeciesClasses,
     chunks: Vec<Vec<Pair>>,
     count: u64,
     age: u32,
@@ -155,7 +153,9 @@ impl CandidateList {
     ) -> Result<bool, Error> {
         self.clear();
         let test = input.test.widened(SkinMargin { limits, order: None });
-        let Some(inverse) = inverse_squares(limits, &input.test)? else { return Ok(false) };
+        if !self.set_inverse(limits, &input.test)? {
+            return Ok(false);
+        }
         if input.stats.largest_radius() > MAX_RADIUS {
             return Ok(false);
         }
@@ -163,7 +163,7 @@ impl CandidateList {
         let wide = |test, stats| SearchInput { test, stats, ..*input };
         let widened = wide(test, stats);
         list.build(&widened, density_cache, report)?;
-        report.time("keep", || self.place(list, input, &inverse))?;
+        report.time("keep", || self.place(list, input))?;
 
         let test = input.test.widened(SkinMargin { limits, order: Some(&self.order) });
         let widened = wide(test, widened.stats);
@@ -181,12 +181,14 @@ impl CandidateList {
         Ok(true)
     }
 
-    fn place(
-        &mut self,
-        list: &mut CellList,
-        input: &SearchInput<'_>,
-        inverse: &DisplacementLimits,
-    ) -> Result<(), Error> {
+    /// Stores inverse squares of limits minus the rounding of distances. Returns `false` if too little of a limit is left.
+    fn set_inverse(&mut self, limits: &DisplacementLimits, test: &PairTest<'_>) -> Result<bool, Error> {
+        let rounding = boundary_rounding(test);
+        self.inverse.set_from(limits, |limit| (limit - rounding).powi(-2))?;
+        Ok(limits.numbers().all(|limit| LIMIT_RANGE.contains(&limit) && rounding <= limit / 2.0))
+    }
+
+    fn place(&mut self, list: &mut CellList, input: &SearchInput<'_>) -> Result<(), Error> {
         let n = input.stats.spheres;
         list.renumber(&mut self.order)?;
         try_resize(&mut self.rows, n, "spheres in the order of candidates")?;
@@ -199,7 +201,7 @@ impl CandidateList {
                 *row = test.row(id);
             }
         });
-        let rows = &self.rows;
+        let (rows, inverse) = (&self.rows, &self.inverse);
         input.executor.for_each_chunk(list.notes_mut(), CHUNK_SPHERES, |piece, notes| {
             let places = piece * CHUNK_SPHERES..;
             for ((note, &[x, y, z, radius]), &id) in
@@ -236,16 +238,6 @@ pub(crate) fn memory_of_candidates((spheres, has_species): (u64, bool), max_pair
     let species = if has_species { size_of::<u32>() as u64 } else { 0 };
     let own = with_growth(spheres.saturating_mul(CandidateList::BYTES_PER_SPHERE + species));
     own.saturating_add(memory_of_list(CandidateList::limit(spheres, max_pairs), threads))
-}
-
-/// Returns inverse squares of limits minus the rounding of distances; `None` if too little of a limit is left.
-fn inverse_squares(
-    limits: &DisplacementLimits,
-    test: &PairTest<'_>,
-) -> Result<Option<DisplacementLimits>, Error> {
-    let rounding = boundary_rounding(test);
-    let usable = limits.numbers().all(|limit| LIMIT_RANGE.contains(&limit) && rounding <= limit / 2.0);
-    usable.then(|| limits.map(|limit| (limit - rounding).powi(-2))).transpose()
 }
 
 fn boundary_rounding(test: &PairTest<'_>) -> f32 {

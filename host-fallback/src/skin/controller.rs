@@ -1,5 +1,5 @@
 use super::CallSpheres;
-use super::candidate_list::{CandidateList, DisplacementLimits, fixed, least_limit};
+use super::candidate_list::{CandidateList, DisplacementLimits, least_limit};
 use super::cost_model::{SkinCosts, SkinModel, SkinScaling, choose};
 use super::tuner::SkinTuner;
 use crate::cell_list::{CellList, DensityCache, DensityProfile};
@@ -12,6 +12,8 @@ use crate::{Error, Settings, Skin};
 pub(crate) struct SkinController {
     pub(crate) candidates: CandidateList,
     tuner: SkinTuner,
+    /// Of a fixed skin.
+    limits: DisplacementLimits,
     density_cache: Option<DensityCache>,
 }
 
@@ -39,45 +41,46 @@ impl SkinController {
         input: &SearchInput<'_>,
         report: &mut Report,
     ) -> Result<bool, Error> {
-        let last = self.density_cache.take();
+        let Self { candidates, tuner, limits, density_cache: last } = self;
+        let last = last.take();
         let density_cache = report.time("plan", || DensityCache::of(last, input))?;
         let density = density_cache.density();
         let limits = match input.settings.skin {
             _ if input.split.is_some() => None,
             Skin::Off => None,
-            Skin::Fixed(_) if self.tuner.is_paused() => None,
-            Skin::Fixed(distance) => Some(fixed(input.test.searched(distance))?),
-            Skin::Auto => report.time("plan", || self.choose(input, density))?,
+            Skin::Fixed(_) if tuner.is_paused() => None,
+            Skin::Fixed(distance) => {
+                limits.set_all(0, input.test.searched(distance) / 2.0)?;
+                Some(&*limits)
+            }
+            Skin::Auto => report.time("plan", || choose_limits(tuner, input, density))?,
         };
         if let Some(limits) = limits {
-            if self.candidates.find((list, &density_cache), input, &limits, report)? {
-                let count = self.candidates.stats(None).count;
-                self.tuner.record_count(count as f32 / input.stats.spheres as f32);
+            if candidates.find((list, &density_cache), input, limits, report)? {
+                let count = candidates.stats(None).count;
+                tuner.record_count(count as f32 / input.stats.spheres as f32);
                 self.density_cache = Some(density_cache);
                 return Ok(true);
             }
-            self.tuner.record_overflow();
+            tuner.record_overflow();
         }
         // A candidate list refers to positions in the cell list, which is rebuilt now.
-        self.candidates.clear();
+        candidates.clear();
         list.build(input, &density_cache, report)?;
         self.density_cache = Some(density_cache);
         Ok(false)
     }
+}
 
-    fn choose(
-        &mut self,
-        input: &SearchInput<'_>,
-        density: &DensityProfile,
-    ) -> Result<Option<DisplacementLimits>, Error> {
-        self.tuner.limits((SkinScaling::Proportional, least_limit(&input.test)), |motion, excess| {
-            Ok(choose(
-                &input.stats,
-                density,
-                motion,
-                SkinModel { costs: &SkinCosts::CPU, scaling: SkinScaling::Proportional },
-                excess,
-            ))
-        })
-    }
+fn choose_limits<'t>(
+    tuner: &'t mut SkinTuner,
+    input: &SearchInput<'_>,
+    density: &DensityProfile,
+) -> Result<Option<&'t DisplacementLimits>, Error> {
+    let model = SkinModel {
+        costs: &SkinCosts::CPU,
+        scaling: SkinScaling::Proportional,
+        least: least_limit(&input.test),
+    };
+    tuner.limits(model, |motion, excess| Ok(choose(&input.stats, density, motion, model, excess)))
 }

@@ -3,13 +3,12 @@
 //! With a skin in proportion to the displacements of each species and size class, all exceed their limits at about the
 //! same time.
 
-use super::candidate_list::{DisplacementLimits, LIMIT_RANGE};
+use super::candidate_list::LIMIT_RANGE;
 use super::displacement::Displacements;
-use crate::Error;
 use crate::cell_list::{DensityProfile, LevelPlan};
 use crate::input::{InputStats, SizeClass};
 use crate::size_class::SIZE_CLASSES;
-use crate::species_classes::{PerClass, SpeciesClasses};
+use crate::species_classes::PerClass;
 
 /// In units of the largest displacement per call of the sample.
 const SKIN_STEPS: [f32; 9] = [2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 32.0, 64.0];
@@ -78,28 +77,6 @@ pub(super) enum SkinScaling {
     Alike,
 }
 
-impl SkinScaling {
-    /// Returns the limit for a displacement per call, of which the largest is `farthest`.
-    fn limit(self, skin: f32, step: f32, farthest: f32) -> f32 {
-        let least = if self == Self::Alike { 1.0 } else { MIN_LIMIT_RATIO };
-        (skin * step.max(least * farthest)).max(*LIMIT_RANGE.start())
-    }
-
-    /// Returns limits of at least `least`.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
-    pub(super) fn limits(
-        self,
-        steps: &SpeciesClasses,
-        skin: f32,
-        least: f32,
-    ) -> Result<DisplacementLimits, Error> {
-        let farthest = steps.numbers().fold(0.0, f32::max);
-        steps.map(|step| self.limit(skin, step, farthest).max(least))
-    }
-}
-
 /// Bounds the memory of a plan.
 const MAX_CANDIDATES: f32 = 64.0;
 
@@ -114,6 +91,16 @@ pub(super) struct SkinChoice {
 pub(super) struct SkinModel<'a> {
     pub(super) costs: &'a SkinCosts,
     pub(super) scaling: SkinScaling,
+    /// Smallest limit.
+    pub(super) least: f32,
+}
+
+impl SkinModel<'_> {
+    /// Returns the limit for a displacement per call, of which the largest is `farthest`.
+    pub(super) fn limit(&self, skin: f32, step: f32, farthest: f32) -> f32 {
+        let ratio = if self.scaling == SkinScaling::Alike { 1.0 } else { MIN_LIMIT_RATIO };
+        (skin * step.max(ratio * farthest)).max(*LIMIT_RANGE.start()).max(self.least)
+    }
 }
 
 /// Minimizes the mean time of a call; `None` if no skin is better. `excess` multiplies the estimated number of
@@ -122,17 +109,17 @@ pub(super) fn choose(
     stats: &InputStats,
     density: &DensityProfile,
     motion: &Displacements,
-    SkinModel { costs, scaling }: SkinModel<'_>,
+    model: SkinModel<'_>,
     excess: f32,
 ) -> Option<SkinChoice> {
-    let n = stats.spheres as f32;
+    let (n, costs) = (stats.spheres as f32, model.costs);
     let farthest = motion.largest.iter().copied().fold(0.0, f32::max);
     let around = |limits: &PerClass| excess * candidates(stats, density, limits);
     let none = costs.of_search(stats, density, around(&[0.0; SIZE_CLASSES]));
     let mut best: Option<(f32, SkinChoice)> = None;
     for skin in SKIN_STEPS {
-        let [mean, largest] = [&motion.mean, &motion.largest]
-            .map(|steps| steps.map(|step| scaling.limit(skin, step, farthest)));
+        let [mean, largest] =
+            [&motion.mean, &motion.largest].map(|steps| steps.map(|step| model.limit(skin, step, farthest)));
         if !largest.iter().all(|limit| LIMIT_RANGE.contains(limit)) {
             continue;
         }

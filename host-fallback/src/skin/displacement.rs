@@ -14,6 +14,8 @@ const MAX_SAMPLE: usize = 1 << 10;
 const MIN_SPHERES_PER_SAMPLE: usize = 32;
 /// Per call, of a class's largest displacement.
 const STEP_DECAY: f32 = 0.9;
+/// Fewer spheres of a species say little.
+const MIN_COUNT: u16 = 4;
 /// Fraction of the largest displacement, for spheres at rest: some may begin to move.
 const AT_REST: f32 = 0.125;
 /// Per call, of the learned growth law.
@@ -27,6 +29,7 @@ pub(crate) struct DisplacementStats {
     /// Displacements and number of the spheres of the last sample.
     seen: SpeciesClasses,
     counts: SpeciesClasses<u16>,
+    estimates: SpeciesClasses,
     calls: u32,
     growth: DisplacementGrowth,
 }
@@ -42,8 +45,9 @@ pub(crate) struct DisplacementGrowth {
 /// Displacements per call of each size class, and their growth law.
 #[derive(Clone, Debug)]
 pub(crate) struct Displacements {
-    /// Mean over its species, and the largest of them.
+    /// Mean over the spheres of the sample, each with the displacement of its species.
     pub(crate) mean: PerClass,
+    /// Largest over the species.
     pub(crate) largest: PerClass,
     pub(crate) growth: DisplacementGrowth,
 }
@@ -65,9 +69,9 @@ impl DisplacementGrowth {
 
 impl Default for DisplacementStats {
     fn default() -> Self {
-        let (steps, seen, counts) = Default::default();
+        let (steps, seen, counts, estimates) = Default::default();
         let growth = DisplacementGrowth::ASSUMED;
-        Self { spheres: 0, positions: Vec::new(), steps, seen, counts, calls: 0, growth }
+        Self { spheres: 0, positions: Vec::new(), steps, seen, counts, estimates, calls: 0, growth }
     }
 }
 
@@ -79,11 +83,12 @@ impl DisplacementStats {
         let known = self.spheres == n && self.positions.len() == size && self.steps.has_rows_for(species);
         if !known {
             try_resize(&mut self.positions, size, "a sample of the spheres")?;
-            let [steps, seen] =
-                [SpeciesClasses::uniform(species, 0.0)?, SpeciesClasses::uniform(species, 0.0)?];
-            self.counts = SpeciesClasses::uniform(species, 0)?;
-            // Together, because memory may have been refused before.
-            (self.spheres, self.calls, self.steps, self.seen) = (n, 0, steps, seen);
+            // Steps last, because memory may be refused: without their rows the sample is unknown.
+            self.seen.set_all(species, 0.0)?;
+            self.counts.set_all(species, 0)?;
+            self.estimates.set_all(species, 0.0)?;
+            self.steps.set_all(species, 0.0)?;
+            (self.spheres, self.calls) = (n, 0);
         }
         let lengths = test.lengths();
         self.seen.fill(0.0);
@@ -125,40 +130,42 @@ impl DisplacementStats {
         *exponent += GROWTH_DECAY * (DisplacementGrowth::ASSUMED.exponent - *exponent);
     }
 
-    /// Returns the largest displacements per call; `None` before two calls. Spheres that are not in the sample get the
-    /// largest of all, and those at rest a part of it.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
-    pub(crate) fn steps(&self) -> Result<Option<SpeciesClasses>, Error> {
-        if self.calls == 0 {
-            return Ok(None);
-        }
-        let farthest = self.steps.numbers().fold(0.0, f32::max);
-        let mut steps = self.steps.map(|step| step)?;
-        for (step, count) in steps.numbers_mut().zip(self.counts.numbers()) {
-            *step = match count {
-                0 => farthest,
-                _ if *step == 0.0 => AT_REST * farthest,
-                _ => *step,
-            };
-        }
-        Ok(Some(steps))
+    pub(crate) fn are_known(&self) -> bool {
+        self.calls > 0
     }
 
-    /// Returns what the species of a class have in common, for `steps` of this sample.
-    pub(crate) fn by_class(&self, steps: &SpeciesClasses) -> Displacements {
-        let [mut mean, mut largest] = [steps.rows()[0]; 2];
-        if steps.rows().len() > 1 {
-            for class in 0..SIZE_CLASSES {
-                let rows = || {
-                    steps.rows().iter().zip(self.counts.rows()).map(|(row, count)| (row[class], count[class]))
-                };
-                let count: u16 = rows().map(|(_, count)| count).sum();
-                let of_sample = rows().filter(|(_, own)| *own > 0 || count == 0);
-                largest[class] = of_sample.map(|(step, _)| step).fold(0.0, f32::max);
-                let sum: f32 = rows().map(|(step, own)| step * f32::from(own)).sum();
-                mean[class] = if count > 0 { sum / f32::from(count) } else { largest[class] };
+    /// Returns estimates of the largest displacements per call. Species with few spheres in the sample get the largest of
+    /// their class, classes without any the largest of all, and spheres at rest a part of that.
+    pub(crate) fn estimate(&mut self) -> &SpeciesClasses {
+        let farthest = self.steps.numbers().fold(0.0, f32::max);
+        let of_class = self.by_class(&self.steps, farthest);
+        let numbers = self.estimates.numbers_mut().zip(self.steps.numbers()).zip(self.counts.numbers());
+        for (k, ((estimate, step), count)) in numbers.enumerate() {
+            let step = if count < MIN_COUNT { of_class.largest[k % SIZE_CLASSES] } else { step };
+            *estimate = if step == 0.0 { AT_REST * farthest } else { step };
+        }
+        &self.estimates
+    }
+
+    /// Returns the estimates of each size class, after [`estimate`](Self::estimate).
+    pub(crate) fn displacements(&self) -> Displacements {
+        let farthest = self.estimates.numbers().fold(0.0, f32::max);
+        self.by_class(&self.estimates, farthest)
+    }
+
+    /// Classes that are not in the sample get `farthest`.
+    fn by_class(&self, steps: &SpeciesClasses, farthest: f32) -> Displacements {
+        let [mut mean, mut largest] = [[farthest; SIZE_CLASSES]; 2];
+        for class in 0..SIZE_CLASSES {
+            let rows = steps.rows().iter().zip(self.counts.rows());
+            let species = || {
+                rows.clone().map(|(row, count)| (row[class], count[class])).filter(|(_, count)| *count > 0)
+            };
+            let count: u16 = species().map(|(_, count)| count).sum();
+            if count > 0 {
+                largest[class] = species().map(|(step, _)| step).fold(0.0, f32::max);
+                mean[class] =
+                    species().map(|(step, count)| step * f32::from(count)).sum::<f32>() / f32::from(count);
             }
         }
         Displacements { mean, largest, growth: self.growth }
@@ -189,10 +196,7 @@ mod tests {
             motion
                 .observe(CallSpheres { test: &PairTest::new((&spheres).into(), None), input: None })
                 .expect("there is memory");
-            motion
-                .steps()
-                .expect("there is memory")
-                .map(|steps| [1.0, 0.25, 7.0].map(|radius| steps.get(0, radius)))
+            motion.are_known().then(|| [1.0, 0.25, 7.0].map(|radius| motion.estimate().get(0, radius)))
         };
         assert_eq!(steps(5.0), None);
         assert_eq!(steps(6.0), Some([1.0, 2.0, 2.0]));
@@ -201,21 +205,23 @@ mod tests {
 
     #[test]
     fn species_of_one_size_have_displacements_of_their_own() {
-        let table = Interactions::new(3, Interaction::Touch).expect("few species");
+        let table = Interactions::new(4, Interaction::Touch).expect("few species");
         let mut motion = DisplacementStats::default();
         for x in [0.0, 1.0] {
-            // Three at rest, one that moves, none of species 2.
-            let spheres = [0.0, 0.0, 0.0, x].map(|x| Sphere::new([x, 0.0, 0.0], 1.0));
-            let spheres = Spheres::from(&spheres).with_species(&[0, 0, 0, 1]).expect("one id for each");
+            // Four at rest, four that move, one of species 2 that moves farther, none of species 3.
+            let spheres = [0.0, 0.0, 0.0, 0.0, x, x, x, x, 2.0 * x].map(|x| Sphere::new([x, 0.0, 0.0], 1.0));
+            let ids = [0, 0, 0, 0, 1, 1, 1, 1, 2];
+            let spheres = Spheres::from(&spheres).with_species(&ids).expect("one id for each");
             let test = PairTest::new(spheres, Some(&table));
             motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
         }
-        let steps = motion.steps().expect("there is memory").expect("two calls");
-        assert_eq!([0, 1, 2].map(|species| steps.get(species, 1.0)), [AT_REST, 1.0, 1.0]);
-        let of_class = motion.by_class(&steps);
+        let steps = motion.estimate();
+        assert_eq!([0, 1, 2, 3].map(|species| steps.get(species, 1.0)), [2.0 * AT_REST, 1.0, 2.0, 2.0]);
+        assert_eq!(steps.get(1, 0.5), 2.0, "no sphere of the class");
+        let of_class = motion.displacements();
         let class = class_of(1.0);
-        assert_eq!((of_class.mean[class], of_class.largest[class]), ((3.0 * AT_REST + 1.0) / 4.0, 1.0));
-        assert_eq!((of_class.mean[class + 1], of_class.largest[class + 1]), (1.0, 1.0), "no such sphere");
+        assert_eq!(of_class.mean[class], (4.0 * 2.0 * AT_REST + 4.0 + 2.0) / 9.0);
+        assert_eq!((of_class.largest[class], of_class.largest[class + 1]), (2.0, 2.0));
     }
 
     #[test]
@@ -241,7 +247,7 @@ mod tests {
             let spheres = [Sphere::new([x, 0.0, 0.0], 1.0)];
             let test = PairTest::new((&spheres).into(), None);
             motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
-            motion.steps().expect("there is memory").map(|steps| steps.get(0, 1.0))
+            motion.are_known().then(|| motion.estimate().get(0, 1.0))
         };
         for (x, step) in [
             (0.0, None),
@@ -266,7 +272,7 @@ mod tests {
             let test = PairTest::new((&spheres).into(), None).in_space(space);
             motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
         }
-        assert_eq!(motion.steps().expect("there is memory").expect("two calls").get(0, 1.0), 0.5);
+        assert_eq!(motion.estimate().get(0, 1.0), 0.5);
     }
 
     #[test]

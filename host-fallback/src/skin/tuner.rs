@@ -23,6 +23,7 @@ const AS_EXPECTED: std::ops::RangeInclusive<f32> = 0.5..=2.0;
 pub struct SkinTuner {
     displacements: DisplacementStats,
     choice: Option<SkinChoice>,
+    limits: DisplacementLimits,
     first: f32,
     /// Remaining searches before a new choice, and their last number.
     wait: u32,
@@ -98,36 +99,30 @@ impl SkinTuner {
         space: Space,
         costs: &SkinCosts,
     ) -> Result<Option<f32>, Error> {
+        let model = SkinModel { costs, scaling: SkinScaling::Alike, least: 0.0 };
         let think = |displacements: &Displacements, excess: f32| {
             let stats = InputStats::of(&PairTest::new(spheres, interactions), Executor::current()?)?;
             let density = DensityProfile::of_places(spheres, space)?;
-            Ok(choose(
-                &stats,
-                &density,
-                displacements,
-                SkinModel { costs, scaling: SkinScaling::Alike },
-                excess,
-            ))
+            Ok(choose(&stats, &density, displacements, model, excess))
         };
-        let limits = self.limits((SkinScaling::Alike, 0.0), think)?;
+        let limits = self.limits(model, think)?;
         Ok(limits.map(|limits| 2.0 * limits.get(0, 0.0)))
     }
 
-    /// Uses the last choice, or a new one by `think`, which gets displacements and the excess of candidates. Limits are
-    /// at least `least`.
+    /// Uses the last choice, or a new one by `think`, which gets displacements and the excess of candidates.
     pub(super) fn limits(
         &mut self,
-        (scaling, least): (SkinScaling, f32),
+        model: SkinModel<'_>,
         think: impl FnOnce(&Displacements, f32) -> Result<Option<SkinChoice>, Error>,
-    ) -> Result<Option<DisplacementLimits>, Error> {
-        if self.is_paused() {
+    ) -> Result<Option<&DisplacementLimits>, Error> {
+        if self.is_paused() || !self.displacements.are_known() {
             return Ok(None);
         }
-        let Some(steps) = self.displacements.steps()? else { return Ok(None) };
         if self.wait > 0 {
             self.wait -= 1;
         } else {
-            let choice = think(&self.displacements.by_class(&steps), self.excess.exp2())?;
+            self.displacements.estimate();
+            let choice = think(&self.displacements.displacements(), self.excess.exp2())?;
             let skin = |choice: Option<SkinChoice>| choice.map(|choice| choice.skin);
             let same = skin(choice) == skin(self.choice);
             self.patience = if same { (2 * self.patience + 1).min(MAX_WAIT) } else { 0 };
@@ -138,7 +133,11 @@ impl SkinTuner {
                 self.excess *= 0.8;
             }
         }
-        self.choice.map(|choice| scaling.limits(&steps, choice.skin, least)).transpose()
+        let Some(SkinChoice { skin, .. }) = self.choice else { return Ok(None) };
+        let steps = self.displacements.estimate();
+        let farthest = steps.numbers().fold(0.0, f32::max);
+        self.limits.set_from(steps, |step| model.limit(skin, step, farthest))?;
+        Ok(Some(&self.limits))
     }
 }
 

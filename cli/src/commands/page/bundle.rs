@@ -22,32 +22,23 @@ const MOST_PAIRS: u32 = 1 << 24;
 /// Subgroup sizes of kernels; without subgroups they run everywhere.
 const SUBGROUPS: [Option<u32>; 7] = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
 
+/// Best first, every device's last.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Limits {
-    /// 1 GiB per binding instead of WebGPU's default of 128 MiB.
-    pub(super) is_large: bool,
-    /// 32 KiB of workgroup memory instead of WebGPU's default of 16 KiB.
-    pub(super) is_wide: bool,
+pub(super) enum Limits {
+    /// 1 GiB per binding.
+    Large,
+    /// 128 MiB per binding, WebGPU's default.
+    Default,
 }
 
 impl Limits {
-    pub(super) const LARGE: Self = Self { is_large: true, is_wide: true };
-    /// Best first, every device's last.
-    const ALL: [Self; 4] = [
-        Self::LARGE,
-        Self { is_large: true, is_wide: false },
-        Self { is_large: false, is_wide: true },
-        Self { is_large: false, is_wide: false },
-    ];
-
     pub(super) fn of_device(self) -> DeviceLimits {
         // Plans require the storage buffers that they bind.
         let mut limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 16, ..wgpu::Limits::default() };
-        if self.is_large {
+        if self == Self::Large {
             limits.max_storage_buffer_binding_size = 1 << 30;
             limits.max_buffer_size = 1 << 30;
         }
-        limits.max_compute_workgroup_storage_size = if self.is_wide { 32 << 10 } else { 16 << 10 };
         DeviceLimits::from(&limits)
     }
 }
@@ -186,7 +177,7 @@ fn size(bundle: &mut Bundle, spheres: u32) -> Result<Value, CliError> {
             continue;
         }
         let mut of_limits = Vec::new();
-        for limits in Limits::ALL {
+        for limits in [Limits::Large, Limits::Default] {
             let planner = Planner::new(config(algorithm), limits.of_device()).count_in_buffer(true);
             match planner.plan(spheres) {
                 Ok(plan) => of_limits.push(bundle.add(&plan)?),
@@ -198,7 +189,7 @@ fn size(bundle: &mut Bundle, spheres: u32) -> Result<Value, CliError> {
         of_limits.dedup();
         calls.insert(algorithm.name().to_owned(), of_limits.into());
     }
-    let auto = Planner::new(config(Algorithm::Auto), Limits::LARGE.of_device())
+    let auto = Planner::new(config(Algorithm::Auto), Limits::Large.of_device())
         .plan(spheres)
         .map_err(CliError::Setting)?
         .algorithm;

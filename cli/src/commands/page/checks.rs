@@ -108,21 +108,15 @@ fn calls(bundle: &mut Bundle, scenario: &TestInput, capacity: u32, scene: &Value
     // Few sizes, so that scenes share plans.
     let pairs =
         [1 << 12, 1 << 14, 1 << 17].into_iter().find(|&pairs| u64::from(pairs) >= most).unwrap_or(1 << 21);
-    let narrow = Limits { is_wide: false, ..Limits::LARGE };
-    let by_sort: &[_] = &[("wide tiles", Limits::LARGE, 0), ("narrow tiles", narrow, 0)];
     let mut calls = Vec::new();
     for &algorithm in Algorithm::GPU {
-        let ways: &[(&str, Limits, u32)] = match algorithm {
+        let ways: &[(&str, u32)] = match algorithm {
             Algorithm::Naive if capacity > MOST_NAIVE => &[],
-            Algorithm::Naive => &[("all pairs", Limits::LARGE, 0)],
-            Algorithm::CellList => &[
-                ("counting sort", Limits::LARGE, u32::MAX),
-                ("radix sort, wide tiles", Limits::LARGE, 0),
-                ("radix sort, narrow tiles", narrow, 0),
-            ],
-            _ => by_sort,
+            Algorithm::Naive => &[("all pairs", 0)],
+            Algorithm::CellList => &[("counting sort", u32::MAX), ("radix sort", 0)],
+            _ => &[("radix sort", 0)],
         };
-        for &(way, limits, radix_sort_from) in ways {
+        for &(way, radix_sort_from) in ways {
             let interactions = scenario.interactions().map_err(|error| CliError::Setting(error.into()))?;
             let config = GpuConfig::default()
                 .algorithm(algorithm)
@@ -130,7 +124,7 @@ fn calls(bundle: &mut Bundle, scenario: &TestInput, capacity: u32, scene: &Value
                 .interactions(interactions)
                 .pair_capacity(pairs)
                 .radix_sort_from(radix_sort_from);
-            let planner = Planner::new(config, limits.of_device()).count_in_buffer(true);
+            let planner = Planner::new(config, Limits::Large.of_device()).count_in_buffer(true);
             let mut call = |planner: Planner| bundle.add(&planner.plan(capacity).map_err(CliError::Setting)?);
             let mut grown = vec![call(planner.clone())?];
             for entries in ENTRIES {

@@ -1,6 +1,6 @@
 //! Building blocks that are bound once and recorded without allocation.
 
-use lazygrid_kernels::kernel::{RADIX_TILE, SCAN_TILE};
+use lazygrid_kernels::kernel::SCAN_TILE;
 use lazygrid_kernels::layout::{RadixPass, SortCounts};
 
 use super::recording::{Buffers, Recording};
@@ -45,17 +45,17 @@ impl RadixSort {
     pub fn bind(&self, input: &KeyValueBuffers, count: u32, bits: u32) -> Result<BoundSort, Error> {
         check_words("keys", &input.keys, count)?;
         check_words("payload", &input.payload, count)?;
-        let mut sizes = sort_buffers(count, RADIX_TILE).to_vec();
+        let mut sizes = sort_buffers(count).to_vec();
         sizes.retain(|(slot, _)| !matches!(slot, BufferId::Keys(false) | BufferId::Objects(false)));
         let buffers = Buffers::allocate(&self.device, &sizes)?;
-        let lengths = SortCounts::for_sort(count, RADIX_TILE);
+        let lengths = SortCounts::for_sort(count);
         let lengths = constant_buffer(&self.device, "lengths", bytemuck::bytes_of(&lengths))?;
         let keys = [&input.keys, buffers.get(BufferId::Keys(true))];
         let payload = [&input.payload, buffers.get(BufferId::Objects(true))];
         let variant = self.pipelines.variant();
         let uniforms = pass_buffers(&self.device, &digits(bits.clamp(1, 32), false))?;
         let passes = uniforms.len() as u32;
-        let dispatches = sort_dispatches(count, RADIX_TILE, passes).filter(|dispatch| dispatch.groups > 0);
+        let dispatches = sort_dispatches(count, passes).filter(|dispatch| dispatch.groups > 0);
         let recording =
             Recording::new(&self.device, &self.pipelines, variant, dispatches, |dispatch, binding| {
                 let front = dispatch.pass as usize % 2;

@@ -138,8 +138,8 @@ pub(super) fn cell_buffers(plan: &Plan) -> [(BufferId, u64); 2] {
     [(BufferId::Cells, bytes_of(plan.spheres, 8)), (BufferId::Density, bytes_of(plan.occupancy_slots, 8))]
 }
 
-pub(super) fn entry_buffers(entries: u32, tile: u32) -> Vec<(BufferId, u64)> {
-    let mut buffers = sort_buffers(entries, tile).to_vec();
+pub(super) fn entry_buffers(entries: u32) -> Vec<(BufferId, u64)> {
+    let mut buffers = sort_buffers(entries).to_vec();
     buffers.extend([
         (BufferId::SortCounts, size_of::<SortCounts>() as u64),
         (BufferId::Crowded, bytes_of(entries.div_ceil(k::WORKGROUP_SIZE), 4)),
@@ -148,13 +148,13 @@ pub(super) fn entry_buffers(entries: u32, tile: u32) -> Vec<(BufferId, u64)> {
     buffers
 }
 
-pub(crate) fn sort_buffers(items: u32, tile: u32) -> [(BufferId, u64); 6] {
+pub(crate) fn sort_buffers(items: u32) -> [(BufferId, u64); 6] {
     [
         (BufferId::Keys(false), bytes_of(items, 4)),
         (BufferId::Keys(true), bytes_of(items, 4)),
         (BufferId::Objects(false), bytes_of(items, 4)),
         (BufferId::Objects(true), bytes_of(items, 4)),
-        (BufferId::Counts, bytes_of(SortCounts::for_sort(items, tile).counters, 4)),
+        (BufferId::Counts, bytes_of(SortCounts::for_sort(items).counters, 4)),
         (BufferId::Totals, bytes_of(1 << k::DIGIT_BITS, 4)),
     ]
 }

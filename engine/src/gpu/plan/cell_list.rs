@@ -90,7 +90,7 @@ pub(super) fn buffers(plan: &Plan, species: bool) -> Vec<(BufferId, u64)> {
             (BufferId::Total, 16),
         ]);
     } else {
-        buffers.extend(sort_buffers(plan.spheres, plan.tile));
+        buffers.extend(sort_buffers(plan.spheres));
     }
     if species {
         buffers.push((BufferId::SortedSpecies, bytes_of(plan.spheres, 4)));
@@ -124,7 +124,7 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
     } else {
         dispatches.push(dispatch(&k::CELLS_KEY, plan.spheres.div_ceil(plan.tile), GpuPhase::Entries));
         // The digits of the first pass are counted already.
-        dispatches.extend(sort_dispatches(plan.spheres, plan.tile, plan.passes()).skip(1));
+        dispatches.extend(sort_dispatches(plan.spheres, plan.passes()).skip(1));
         let sorted = |kernel, groups| Dispatch::in_sort(kernel, groups, plan.passes());
         dispatches.push(sorted(&k::CELL_STARTS_FIND, plan.counters.div_ceil(INDEX_BLOCK)));
         dispatches.push(sorted(&k::SPHERES_GATHER, per_sphere));

@@ -87,7 +87,7 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
         }
         dispatches.push(dispatch(&k::ENTRIES_EMIT, per_sphere, GpuPhase::Entries));
         dispatches.push(dispatch(&k::ENTRIES_FINISH, 1, GpuPhase::Entries));
-        dispatches.extend(sort_dispatches(plan.entries, plan.tile, plan.passes()));
+        dispatches.extend(sort_dispatches(plan.entries, plan.passes()));
         let blocks = plan.entries.div_ceil(k::WORKGROUP_SIZE);
         let near = dispatch(&k::RUNS_SEARCH_NEAR, blocks, GpuPhase::Search);
         dispatches.extend(plan.budget.divide(near, u64::from(k::WORKGROUP_SIZE * k::NEAR)));
@@ -124,8 +124,8 @@ pub(crate) fn flattened(groups: u32, limits: &DeviceLimits) -> [u32; 2] {
     [groups.div_ceil(rows), rows]
 }
 
-pub(crate) fn sort_dispatches(items: u32, tile: u32, passes: u32) -> impl Iterator<Item = Dispatch> {
-    let tiles = items.div_ceil(tile);
+pub(crate) fn sort_dispatches(items: u32, passes: u32) -> impl Iterator<Item = Dispatch> {
+    let tiles = items.div_ceil(k::RADIX_TILE);
     let digits = if tiles == 0 { 0 } else { 1 << k::DIGIT_BITS };
     (0..passes).flat_map(move |pass| {
         let dispatch = move |kernel, groups| Dispatch::in_sort(kernel, groups, pass);

@@ -157,7 +157,7 @@ pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Err
             plan.occupancy_slots = occupancy_slots(request.spheres);
         }
         plan.buffers.extend(cell_buffers(&plan));
-        plan.buffers.extend(entry_buffers(plan.entries, plan.tile));
+        plan.buffers.extend(entry_buffers(plan.entries));
     }
     plan.dispatches = dispatches(&plan);
     check(&plan, request.species != 0, limits)?;
