@@ -12,7 +12,7 @@ use crate::{Error, Settings, Skin};
 pub(crate) struct SkinController {
     pub(crate) candidates: CandidateList,
     tuner: SkinTuner,
-    /// Of a fixed skin.
+    /// Limits of a fixed skin.
     limits: DisplacementLimits,
     density_cache: Option<DensityCache>,
 }
