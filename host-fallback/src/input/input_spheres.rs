@@ -78,8 +78,14 @@ impl<'a> InputSpheres<'a> {
         (&self).effective(k, self.spheres.get_f64(k))
     }
 
-    pub(crate) fn searched(self, k: usize) -> Xyzr {
-        FrameMap::new(self.frame).map::<true>(self.effective(k, self.get(k)))
+    /// Returns the map for [`searched`](Self::searched).
+    pub(crate) fn map(&self) -> FrameMap<'a> {
+        FrameMap::new(self.frame)
+    }
+
+    #[inline]
+    pub(crate) fn searched(self, map: &FrameMap<'_>, k: usize) -> Xyzr {
+        map.map::<true>(self.effective(k, self.get(k)))
     }
 }
 

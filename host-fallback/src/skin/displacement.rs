@@ -91,11 +91,15 @@ impl DisplacementStats {
             (self.spheres, self.calls) = (n, 0);
         }
         let lengths = test.lengths();
+        let input = input.map(|input| (input, input.map()));
         self.seen.fill(0.0);
         self.counts.fill(0);
         for (k, position) in self.positions.iter_mut().enumerate() {
             let id = sampled(k, n, size);
-            let [x, y, z, radius] = input.map_or_else(|| test.row(id as u32), |input| input.searched(id));
+            let [x, y, z, radius] = match &input {
+                Some((input, map)) => input.searched(map, id),
+                None => test.row(id as u32),
+            };
             let center = Vec3::new(x, y, z);
             let species = test.species_of(id as u32);
             let step = self.seen.get_mut(species, radius);

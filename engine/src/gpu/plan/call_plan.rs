@@ -11,7 +11,7 @@ use lazygrid_kernels::layout::{Outcome, SearchParams};
 use super::buffers::{BufferUsage, COLUMN_NAMES};
 use super::limits::DeviceLimits;
 use super::tables::TableBytes;
-use super::{BufferId, CallCost, Dispatch, GpuPhase, Plan, Resource, flattened};
+use super::{BufferId, CallCost, Dispatch, GpuPhase, Plan, Resource, cell_list, flattened};
 
 /// A call without a device. [`GpuDetector`](crate::gpu::GpuDetector) executes the same plans.
 ///
@@ -173,6 +173,7 @@ impl DispatchSequence {
             if begins_deferred {
                 continuation = Some(sequence.dispatches.len());
             }
+            let variant = Variant { species: variant.species && !dispatch.ignores_species, ..variant };
             let kernel =
                 PlanKernel { kernel: dispatch.kernel, variant: dispatch.kernel.effective_variant(variant) };
             let kernel = position(&mut sequence.kernels, kernel);
@@ -239,8 +240,13 @@ impl Plan {
         let has_species = constants.tables.is_some();
         let variant =
             Variant { species: has_species, periodic: self.periodic, reuse: self.reuses_layout, ..variant };
+        let decides_contact = constants.tables.is_some_and(|tables| tables.sides.are_decided_by_contact());
+        let dispatches = self.dispatches.iter().map(|dispatch| Dispatch {
+            ignores_species: decides_contact && cell_list::is_search(dispatch.kernel),
+            ..dispatch.clone()
+        });
         let (sequence, resources) =
-            DispatchSequence::resolved(self.dispatches.iter().cloned(), variant, limits, |dispatch, name| {
+            DispatchSequence::resolved(dispatches, variant, limits, |dispatch, name| {
                 match self.resource(dispatch, name) {
                     Resource::Count if !constants.count_in_buffer => Resource::SearchParams(0),
                     resource => resource,

@@ -1,5 +1,5 @@
 use encase::ShaderType;
-use lazygrid_kernels::kernel as k;
+use lazygrid_kernels::kernel::{self as k, Kernel};
 use lazygrid_kernels::layout::{CellListLayout, InputStats, SortCounts};
 
 use super::buffers::{BufferId, bytes_of, sort_buffers};
@@ -96,6 +96,10 @@ pub(super) fn buffers(plan: &Plan, species: bool) -> Vec<(BufferId, u64)> {
         buffers.push((BufferId::SortedSpecies, bytes_of(plan.spheres, 4)));
     }
     buffers
+}
+
+pub(super) fn is_search(kernel: &Kernel) -> bool {
+    [&k::CELL_LIST_SEARCH, &k::CELL_LIST_SEARCH_OVERFLOW].contains(&kernel)
 }
 
 pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {

@@ -43,11 +43,22 @@ pub(crate) struct Dispatch {
     pub(crate) args_index: u32,
     pub(crate) phase: GpuPhase,
     pub(crate) pass: u32,
+    /// `true` for the kernel without species in a call with species.
+    pub(crate) ignores_species: bool,
 }
 
 impl Dispatch {
     pub(crate) const fn new(kernel: &'static Kernel, groups: u32, phase: GpuPhase) -> Self {
-        Self { kernel, groups, indirect: false, first_group: 0, args_index: 0, phase, pass: 0 }
+        Self {
+            kernel,
+            groups,
+            indirect: false,
+            first_group: 0,
+            args_index: 0,
+            phase,
+            pass: 0,
+            ignores_species: false,
+        }
     }
 
     pub(super) const fn in_sort(kernel: &'static Kernel, groups: u32, pass: u32) -> Self {

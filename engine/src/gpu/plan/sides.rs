@@ -56,6 +56,11 @@ impl Sides {
         };
         Self { of_species, partners, interaction, across_sets }
     }
+
+    /// Returns `true` if contact decides all pairs of spheres that are compared, so that a search needs no species.
+    pub(crate) fn are_decided_by_contact(&self) -> bool {
+        self.partners.len() == 1 && self.interaction == SearchParams::TOUCH
+    }
 }
 
 /// The groups of species that pair with some group.
