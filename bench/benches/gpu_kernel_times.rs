@@ -137,7 +137,7 @@ impl<'a> Call<'a> {
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = Args::parse();
     if args.quick || !args.bench {
-        (args.n, args.rounds) = (vec![300, 3000], 1);
+        (args.quick, args.n, args.rounds) = (true, vec![300, 3000], 1);
         args.algorithm = Algorithm::GPU.to_vec();
     }
     let Some(own) = lazygrid_tests::device() else { return Ok(()) };
@@ -175,7 +175,7 @@ fn measure(
     let names = call.detector.kernels();
     let (mut whole, mut waits, mut kernels) = (vec![], vec![], vec![vec![]; names.len()]);
     let start = Instant::now();
-    while args.rounds > 1 && start.elapsed() < warm_up(own) {
+    while !args.quick && start.elapsed() < warm_up(own) {
         call.whole()?;
     }
     for _ in 0..args.rounds {

@@ -19,16 +19,23 @@ use crate::args::{Args, Command};
 use crate::commands::{calibrate, check, detect, devices, generate, page, simulate};
 use crate::error::CliError;
 
+/// Most characters of an argument in a message.
+const LONGEST_QUOTE: usize = 60;
+
 /// Runs a command; the first argument is the program's name. Returns the exit code: 0 for success, 1 for bad input or a
 /// failure, 2 for wrong usage, 128 plus the signal for a run stopped with a checkpoint.
 ///
 /// Writes to standard output and standard error, handles signals, and sets up the log.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
-    let args = match Args::try_parse_from(args) {
+    let given: Vec<OsString> = args.into_iter().collect();
+    let args = match Args::try_parse_from(&given) {
         Ok(args) => args,
         // Help and version are errors of the parser.
         Err(said) => {
-            let _ = said.print();
+            let _ = match with_short_arguments(&said, &given).filter(|_| said.use_stderr()) {
+                Some(text) => write!(io::stderr(), "{text}"),
+                None => said.print(),
+            };
             return said.exit_code() as u8;
         }
     };
@@ -48,6 +55,23 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
             failure.exit_code()
         }
     }
+}
+
+/// Returns the text of an error with the arguments, and their values, shortened to [`LONGEST_QUOTE`] characters; `None` if
+/// none is longer.
+fn with_short_arguments(said: &clap::Error, args: &[OsString]) -> Option<String> {
+    let mut text = said.render().to_string();
+    let given = args.iter().map(|arg| arg.to_string_lossy());
+    let given = given
+        .flat_map(|arg| [arg.split_once('=').map(|(_, value)| value.to_owned()), Some(arg.into_owned())]);
+    let mut is_long = false;
+    for arg in given.flatten() {
+        if let Some((end, _)) = arg.char_indices().nth(LONGEST_QUOTE) {
+            text = text.replace(&arg, &format!("{}…", &arg[..end]));
+            is_long = true;
+        }
+    }
+    is_long.then_some(text)
 }
 
 fn command(command: Command) -> Result<(), CliError> {

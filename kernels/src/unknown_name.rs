@@ -8,7 +8,7 @@ use thiserror::Error;
 /// assert!(unknown.to_string().starts_with("unknown algorithm 'octree'; expected one of auto, naive, "));
 /// ```
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
-#[error("unknown {what} '{name}'; expected one of {known}")]
+#[error("unknown {what} '{}'; expected one of {known}", shortened(name))]
 pub struct UnknownName {
     what: &'static str,
     name: String,
@@ -25,6 +25,17 @@ impl UnknownName {
     pub fn name(&self) -> &str {
         &self.name
     }
+}
+
+/// Most characters of a name in a message.
+const LONGEST: usize = 60;
+
+fn shortened(name: &str) -> String {
+    let mut shown: String = name.chars().take(LONGEST).collect();
+    if shown.len() < name.len() {
+        shown.push('…');
+    }
+    shown
 }
 
 #[cfg(test)]

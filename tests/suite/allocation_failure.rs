@@ -145,12 +145,13 @@ fn walk<'a>(
     query: impl Into<Query<'a>>,
     next: impl Fn(usize) -> Refusal,
 ) {
-    walk_after(&[], variant, config, query.into(), next);
+    walk_after(None, variant, config, query.into(), next);
 }
 
-/// Repeats [`walk`] with detectors that have searched `before`, and may keep its candidates.
+/// Repeats [`walk`] with detectors that have searched `before`, and may keep its candidates. After an error they search it
+/// again, or continue with the query.
 fn walk_after(
-    before: &[Sphere],
+    before: Option<Query<'_>>,
     variant: DetectorVariant,
     config: &Config,
     query: Query<'_>,
@@ -162,15 +163,17 @@ fn walk_after(
         let config = ask.config(config.clone(), found);
         let new = || {
             let mut detector = Detector::new(config.clone()).expect("a detector");
-            let calls = if before.is_empty() { 0 } else { 3 };
-            (0..calls).for_each(|_| assert!(detector.count(before).is_ok()));
+            if let Some(before) = before {
+                (0..3).for_each(|_| assert!(detector.count(before).is_ok()));
+            }
             detector
         };
         let mut streamed = Vec::with_capacity(1 << 20);
         let all = ask.answer(&mut new(), query, &mut streamed).expect("there is memory");
         let mut refusals = 0;
+        let returns = if before.is_some() { 2 } else { 1 };
         for k in 0.. {
-            let (mut detector, refusal) = (new(), next(k));
+            let (mut detector, refusal) = (new(), next(k / returns));
             let (answer, refused) = refusal.during(|| ask.answer(&mut detector, query, &mut streamed));
             let case = format!("{variant}, {ask:?}, {refusal:?}");
             match answer {
@@ -179,6 +182,9 @@ fn walk_after(
                     assert!(refused > 0 && bytes as usize >= LARGE && !what.is_empty(), "{case}: {error}");
                     assert!(error.to_string().contains(&bytes.to_string()), "{case}: {error}");
                     refusals += 1;
+                    if let Some(before) = before.filter(|_| k % returns == 1) {
+                        assert!(detector.count(before).is_ok(), "{case}: the query before it");
+                    }
                     let again = ask.answer(&mut detector, query, &mut streamed);
                     assert_eq!(again, Ok(all), "{case}: the call after it");
                 }
@@ -189,7 +195,7 @@ fn walk_after(
             }
         }
         // A kept list of candidates may leave nothing to allocate.
-        assert!(refusals > 0 || !before.is_empty(), "{variant}, {ask:?}: nothing was refused");
+        assert!(refusals > 0 || before.is_some(), "{variant}, {ask:?}: nothing was refused");
     }
 }
 
@@ -223,6 +229,8 @@ fn failed_allocation_is_an_error_wherever_it_occurs() {
     let rows: Vec<[f64; 4]> =
         few_sizes.iter().map(|s| [s.center.x, s.center.y, s.center.z, s.radius].map(f64::from)).collect();
     let doubles = Spheres::from(&rows);
+    let few_ids = &species[..few_sizes.len()];
+    let few_with_species = Spheres::from(few_sizes).with_species(few_ids).expect("one each");
 
     for variant in variants() {
         let config = || variant.settings();
@@ -242,7 +250,15 @@ fn failed_allocation_is_an_error_wherever_it_occurs() {
                     let config = config().skin(skin);
                     walk(variant, &config, Spheres::from(few_sizes), Refusal::After);
                     for query in [few_sizes, &moved] {
-                        walk_after(few_sizes, variant, &config, query.into(), Refusal::After);
+                        walk_after(Some(few_sizes.into()), variant, &config, query.into(), Refusal::After);
+                    }
+                    // The frame of `f64` spheres needs no species.
+                    let config = config.interactions(table.clone());
+                    let of_species =
+                        [few_with_species, Spheres::from(&rows).with_species(few_ids).expect("one each")];
+                    for (before, query) in [(0, 1), (1, 0)] {
+                        let [before, query] = [before, query].map(|at| Query::from(of_species[at]));
+                        walk_after(Some(before), variant, &config, query, Refusal::After);
                     }
                 }
             }

@@ -12,8 +12,7 @@ use crate::Random;
 use crate::device::{download, storage_buffer, submit, upload, wait};
 use crate::kernels::{KernelError, same};
 
-/// Returns the time of work before a measurement in which an idle GPU raises its clock, as in `calibrate`. Software adapters
-/// need none.
+/// Returns the time of work that precedes a measurement: in it an idle GPU raises its clock. Software adapters need none.
 pub fn warm_up(own: &GpuDevice) -> Duration {
     if own.adapter.is_hardware { Duration::from_secs(1) } else { Duration::ZERO }
 }
@@ -37,7 +36,7 @@ impl Measured {
     }
 }
 
-/// Is 0 for an empty slice.
+/// Returns the median; 0 for an empty slice.
 pub fn median(times: &[f64]) -> f64 {
     let mut sorted = times.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);

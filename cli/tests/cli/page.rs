@@ -150,7 +150,7 @@ fn assert_right(report: &Value, least: u64) {
     assert_eq!(report["wrong"], 0, "{:#}", report["failures"]);
     assert_eq!(report["ok"], true);
     assert_eq!(report["left_out"], json!([]));
-    let least = if FULL.is_empty() { least } else { 1000 };
+    let least = if FULL.is_empty() { least } else { 800 };
     assert!(report["scenes"]["searches"].as_u64().unwrap() > least, "{}", report["scenes"]);
 }
 

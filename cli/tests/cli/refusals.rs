@@ -54,6 +54,36 @@ fn message_of_too_many_bits_is_refused_at_once() {
 }
 
 #[test]
+fn long_arguments_are_quoted_in_part() {
+    let long = "é".repeat(10_000);
+    for arguments in [
+        vec!["detect", "a.csv", "--algorithm", &long],
+        vec!["detect", "a.csv", "--backend", &long],
+        vec!["detect", "a.csv", "--radius", &long],
+        vec!["detect", "a.csv", &format!("--{long}")],
+        vec![&long],
+    ] {
+        let run = LAZYGRID.run(arguments);
+        assert_eq!(run.code, Some(2), "{}", run.err);
+        assert!(run.err.contains("éé…") && run.err.len() < 1000, "{}", run.err);
+    }
+}
+
+#[cfg(unix)]
+#[test]
+fn pairs_are_written_into_a_pipe_with_a_name() {
+    let scratch = Scratch::new();
+    let (file, pipe) = (scratch.write("spheres.csv", SPHERES), scratch.path("pairs.csv"));
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let reader = Command::new("cat").arg(&pipe).stdout(Stdio::piped()).spawn().unwrap();
+    LAZYGRID.run(["detect", &file, "--backend", "cpu", "-o", &pipe]).succeeds();
+    let read = reader.wait_with_output().unwrap().stdout;
+    let expected =
+        LAZYGRID.run(["detect", &file, "--backend", "cpu", "-o", "-", "--format", "csv"]).succeeds();
+    assert_eq!(String::from_utf8_lossy(&read), expected.out);
+}
+
+#[test]
 fn run_leaves_files_of_others_alone() {
     let scratch = Scratch::new();
     let file = scratch.write("a.toml", &scenario(""));

@@ -12,6 +12,7 @@
 
 use std::ops::Range;
 
+use lazygrid_host::SpeciesPartition;
 use lazygrid_kernels::{EffectiveRadius, Interactions, Pair, Space, Sphere, Spheres, try_reserve};
 
 use crate::Error;
@@ -29,6 +30,8 @@ pub(crate) struct SlabInput<'a> {
     spheres: Spheres<'a>,
     split: u32,
     reaches: Vec<EffectiveRadius>,
+    /// `true` for each species that never pairs.
+    are_idle: Vec<bool>,
     space: Space,
 }
 
@@ -55,9 +58,22 @@ pub(crate) struct Slab {
 
 impl<'a> SlabInput<'a> {
     pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&Interactions>, space: Space) -> Self {
-        let reach =
-            |table: &Interactions| (0..table.species()).map(|of| table.effective_radius(of)).collect();
-        Self { spheres, split: 0, reaches: interactions.map_or_else(Vec::new, reach), space }
+        let of_table = |table: &Interactions| {
+            let partition = SpeciesPartition::of_table(table);
+            let is_idle = |of: u32| {
+                let own = partition.group_of(of);
+                (0..partition.count()).all(|other| !partition.meets(own, other))
+            };
+            (0..table.species()).map(|of| (table.effective_radius(of), is_idle(of))).unzip()
+        };
+        let (reaches, are_idle) = interactions.map_or_else(Default::default, of_table);
+        Self { spheres, split: 0, reaches, are_idle, space }
+    }
+
+    /// Returns `true` for a sphere that never pairs, which no slab needs.
+    fn is_idle(&self, k: usize) -> bool {
+        let species = self.spheres.species().filter(|_| !self.are_idle.is_empty());
+        species.is_some_and(|species| self.are_idle[species[k] as usize])
     }
 
     pub(crate) fn across(self, split: u32) -> Self {
@@ -116,7 +132,7 @@ impl<'a> SlabInput<'a> {
         let mut lent = vec![0_isize; edges.len() + 1];
         let slot = |end: f64| edges.partition_point(|&edge| edge <= end) - 1;
         let mut widest = 0.0_f64;
-        for k in 0..self.spheres.len() {
+        for k in (0..self.spheres.len()).filter(|&k| !self.is_idle(k)) {
             let [begin, end] = self.ends(k, axis);
             widest = widest.max(end - begin);
             let [from, to] = [begin, end].map(slot);
@@ -194,7 +210,7 @@ impl Slabs {
         };
         let left_out = range.end..input.split;
         for k in range.start as usize..input.spheres.len() {
-            if left_out.contains(&(k as u32)) {
+            if left_out.contains(&(k as u32)) || input.is_idle(k) {
                 continue;
             }
             let ends = input.ends(k, self.axis);
@@ -286,7 +302,9 @@ mod tests {
             f64::from(reach.map_or(radius, |reach| reach.for_radius(radius)))
         };
         let [at, other] = [a, b].map(|k| input.spheres.get(k).center);
-        input.space.distance_squared(at, other) <= (radius(a) + radius(b)).powi(2)
+        !input.is_idle(a)
+            && !input.is_idle(b)
+            && input.space.distance_squared(at, other) <= (radius(a) + radius(b)).powi(2)
     }
 
     /// Slabs of `most` spheres find every pair once, as a whole and range by range.
@@ -361,6 +379,17 @@ mod tests {
         let spheres = cloud(&mut random, 300, 8.0);
         let all = Spheres::from(&spheres).with_species(&species).expect("as many");
         agrees(&SlabInput::new(all, Some(&table), Space::UNBOUNDED), 250);
+    }
+
+    #[test]
+    fn spheres_that_never_pair_are_in_no_slab() {
+        let mut table = Interactions::new(2, Interaction::Touch).expect("a table");
+        (0..2).for_each(|other| table.set(1, other, Interaction::Never).expect("a species"));
+        let mut spheres = cloud(&mut Random(9), 300, 8.0);
+        spheres.extend([Sphere::new([1.0; 3], 1.0); 300]);
+        let species: Vec<u32> = (0..600).map(|k| u32::from(k >= 300)).collect();
+        let all = Spheres::from(&spheres).with_species(&species).expect("as many");
+        agrees(&SlabInput::new(all, Some(&table), Space::UNBOUNDED), 150);
     }
 
     #[test]

@@ -79,7 +79,7 @@ impl<'a> InputSpheres<'a> {
     }
 
     /// Returns the map for [`searched`](Self::searched).
-    pub(crate) fn map(&self) -> FrameMap<'a> {
+    pub(crate) fn frame_map(&self) -> FrameMap<'a> {
         FrameMap::new(self.frame)
     }
 

@@ -82,8 +82,9 @@ impl DisplacementStats {
         let species = test.species_count();
         let known = self.spheres == n && self.positions.len() == size && self.steps.has_rows_for(species);
         if !known {
+            // Unknown if memory is refused.
+            self.spheres = usize::MAX;
             try_resize(&mut self.positions, size, "a sample of the spheres")?;
-            // Steps last, because memory may be refused: without their rows the sample is unknown.
             self.seen.set_all(species, 0.0)?;
             self.counts.set_all(species, 0)?;
             self.estimates.set_all(species, 0.0)?;
@@ -91,7 +92,7 @@ impl DisplacementStats {
             (self.spheres, self.calls) = (n, 0);
         }
         let lengths = test.lengths();
-        let input = input.map(|input| (input, input.map()));
+        let input = input.map(|input| (input, input.frame_map()));
         self.seen.fill(0.0);
         self.counts.fill(0);
         for (k, position) in self.positions.iter_mut().enumerate() {
@@ -138,9 +139,9 @@ impl DisplacementStats {
         self.calls > 0
     }
 
-    /// Returns estimates of the largest displacements per call. Species with few spheres in the sample get the largest of
-    /// their class, classes without any the largest of all, and spheres at rest a part of that.
-    pub(crate) fn estimate(&mut self) -> &SpeciesClasses {
+    /// Estimates the largest displacements per call. Species with few spheres in the sample get the largest of their
+    /// class, classes without any the largest of all, and spheres at rest a part of that.
+    pub(crate) fn estimate(&mut self) {
         let farthest = self.steps.numbers().fold(0.0, f32::max);
         let of_class = self.by_class(&self.steps, farthest);
         let numbers = self.estimates.numbers_mut().zip(self.steps.numbers()).zip(self.counts.numbers());
@@ -148,10 +149,14 @@ impl DisplacementStats {
             let step = if count < MIN_COUNT { of_class.largest[k % SIZE_CLASSES] } else { step };
             *estimate = if step == 0.0 { AT_REST * farthest } else { step };
         }
+    }
+
+    /// Returns the last estimates.
+    pub(crate) fn estimates(&self) -> &SpeciesClasses {
         &self.estimates
     }
 
-    /// Returns the estimates of each size class, after [`estimate`](Self::estimate).
+    /// Returns the last estimates by size class.
     pub(crate) fn displacements(&self) -> Displacements {
         let farthest = self.estimates.numbers().fold(0.0, f32::max);
         self.by_class(&self.estimates, farthest)
@@ -200,7 +205,8 @@ mod tests {
             motion
                 .observe(CallSpheres { test: &PairTest::new((&spheres).into(), None), input: None })
                 .expect("there is memory");
-            motion.are_known().then(|| [1.0, 0.25, 7.0].map(|radius| motion.estimate().get(0, radius)))
+            motion.estimate();
+            motion.are_known().then(|| [1.0, 0.25, 7.0].map(|radius| motion.estimates().get(0, radius)))
         };
         assert_eq!(steps(5.0), None);
         assert_eq!(steps(6.0), Some([1.0, 2.0, 2.0]));
@@ -219,7 +225,8 @@ mod tests {
             let test = PairTest::new(spheres, Some(&table));
             motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
         }
-        let steps = motion.estimate();
+        motion.estimate();
+        let steps = motion.estimates();
         assert_eq!([0, 1, 2, 3].map(|species| steps.get(species, 1.0)), [2.0 * AT_REST, 1.0, 2.0, 2.0]);
         assert_eq!(steps.get(1, 0.5), 2.0, "no sphere of the class");
         let of_class = motion.displacements();
@@ -251,7 +258,8 @@ mod tests {
             let spheres = [Sphere::new([x, 0.0, 0.0], 1.0)];
             let test = PairTest::new((&spheres).into(), None);
             motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
-            motion.are_known().then(|| motion.estimate().get(0, 1.0))
+            motion.estimate();
+            motion.are_known().then(|| motion.estimates().get(0, 1.0))
         };
         for (x, step) in [
             (0.0, None),
@@ -276,7 +284,8 @@ mod tests {
             let test = PairTest::new((&spheres).into(), None).in_space(space);
             motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
         }
-        assert_eq!(motion.estimate().get(0, 1.0), 0.5);
+        motion.estimate();
+        assert_eq!(motion.estimates().get(0, 1.0), 0.5);
     }
 
     #[test]

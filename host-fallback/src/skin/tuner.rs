@@ -120,6 +120,9 @@ impl SkinTuner {
         }
         if self.wait > 0 {
             self.wait -= 1;
+            if self.choice.is_some() {
+                self.displacements.estimate();
+            }
         } else {
             self.displacements.estimate();
             let choice = think(&self.displacements.displacements(), self.excess.exp2())?;
@@ -134,7 +137,7 @@ impl SkinTuner {
             }
         }
         let Some(SkinChoice { skin, .. }) = self.choice else { return Ok(None) };
-        let steps = self.displacements.estimate();
+        let steps = self.displacements.estimates();
         let farthest = steps.numbers().fold(0.0, f32::max);
         self.limits.set_from(steps, |step| model.limit(skin, step, farthest))?;
         Ok(Some(&self.limits))

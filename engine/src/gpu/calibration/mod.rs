@@ -40,7 +40,7 @@ pub struct CrossoverSample {
     pub grid: Duration,
 }
 
-/// Work in which an idle GPU raises its clock: an H100 copied 0.40 TB/s without it, and 0.80 TB/s after other work.
+/// Time of work in which an idle GPU raises its clock: an H100 copied 0.40 TB/s without it, and 0.80 TB/s after other work.
 const WARM_UP: Duration = Duration::from_secs(1);
 
 /// Measures the crossovers and the costs of candidate lists on this device, within seconds. `seen` receives each sample

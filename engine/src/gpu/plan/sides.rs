@@ -57,7 +57,7 @@ impl Sides {
         Self { of_species, partners, interaction, across_sets }
     }
 
-    /// Returns `true` if contact decides all pairs of spheres that are compared, so that a search needs no species.
+    /// Returns `true` if there is one side and contact decides all its pairs, so that a search needs no species.
     pub(crate) fn are_decided_by_contact(&self) -> bool {
         self.partners.len() == 1 && self.interaction == SearchParams::TOUCH
     }

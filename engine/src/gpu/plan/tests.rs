@@ -231,9 +231,9 @@ fn contact_of_all_species_is_searched_without_species() {
         };
         let kernels: Vec<_> = plan.sequence.kernels.iter().map(of_kernel).collect();
         let has_species = |name| kernels.iter().find(|kernel| kernel.0 == name).map(|kernel| kernel.1);
-        (has_species("cell_list_search"), has_species("spheres_gather"))
+        ["cell_list_search", "cell_list_search_overflow", "spheres_gather"].map(has_species)
     };
-    let (with, without) = ((Some(true), Some(true)), (Some(false), Some(true)));
+    let (with, without) = ([Some(true); 3], [Some(false), Some(false), Some(true)]);
     assert_eq!(searches([Interaction::Never; 2]), without, "a species that never pairs");
     assert_eq!(searches([Interaction::Touch, Interaction::Never]), with);
     assert_eq!(searches([Interaction::Within(0.5); 2]), with);
