@@ -60,13 +60,28 @@ fn commands_under_any_memory_limit_end_without_a_signal() {
     let burst = scratch.write("burst.toml", &BURST.replace("COUNT", "150000"));
     let run = scratch.path("run");
     let replicas = scratch.path("replicas");
-    let commands: [&[&str]; 6] = [
+    let [shown, swept, resumed] = ["shown", "swept", "resumed"].map(|name| scratch.path(name));
+    LAZYGRID.run(["simulate", &burst, "--steps", "1", "--output", &resumed]).succeeds();
+    let commands: [&[&str]; 9] = [
         &["detect", &spheres, "--backend", "cpu", "--threads", "2"],
         &["detect", &text, "--backend", "cpu", "--threads", "2", "-o", &pairs],
         &["detect", &spheres, "--backend", "cpu", "--threads", "2", "--neighbors"],
         &["generate", "equal", "-n", "4000000", "-o", &scratch.path("made.npy")],
         &["simulate", &burst, "--threads", "2", "--overwrite", "--output", &run],
         &["simulate", &burst, "--threads", "2", "--overwrite", "--output", &replicas, "--replicas", "2"],
+        &["simulate", &burst, "--threads", "2", "--overwrite", "--output", &shown, "--animate", "--report"],
+        &[
+            "simulate",
+            &burst,
+            "--threads",
+            "2",
+            "--overwrite",
+            "--output",
+            &swept,
+            "--sweep",
+            "time-step=1e-3,2e-3",
+        ],
+        &["simulate", &burst, "--threads", "2", "--output", &resumed, "--resume"],
     ];
     for command in commands {
         let codes: Vec<i32> = limits(1000.0).into_iter().map(|limit| limited(limit, command).0).collect();

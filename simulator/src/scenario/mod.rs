@@ -104,7 +104,7 @@ fn located(path: &Path, text: &str, Problem { span, key, message }: Problem) -> 
     let start = span.map_or(0, |span| span.start);
     let (line, found) = place(text, start);
     let key = excerpt(key.unwrap_or(found).as_bytes());
-    let message = printed(message.as_bytes(), MOST_SHOWN);
+    let message = printed(with_short_quotes(&message).as_bytes(), MOST_SHOWN);
     Error::Scenario { path: path.to_owned(), line, key, message }
 }
 
@@ -137,8 +137,31 @@ impl From<toml::de::Error> for Problem {
     }
 }
 
-/// In bytes: the parser quotes keys and values in full.
+/// In bytes.
 const MOST_SHOWN: usize = 800;
+const MOST_QUOTED: usize = 60;
+
+/// Shortens words, and texts between quotation marks, to [`MOST_QUOTED`] characters: the parser quotes keys and values in
+/// full.
+fn with_short_quotes(text: &str) -> String {
+    let (mut shown, mut quote, mut length) = (String::new(), None, 0);
+    for c in text.chars() {
+        let is_end = quote.map_or(c.is_whitespace(), |quote| c == quote);
+        let is_begin = quote.is_none() && matches!(c, '`' | '"');
+        if is_end || is_begin {
+            (quote, length) = (is_begin.then_some(c), 0);
+            shown.push(c);
+            continue;
+        }
+        length += 1;
+        if length <= MOST_QUOTED {
+            shown.push(c);
+        } else if length == MOST_QUOTED + 1 {
+            shown.push('…');
+        }
+    }
+    shown
+}
 
 /// Returns the 1-based line of an offset, and the key there or in the nearest earlier line.
 fn place(text: &str, start: usize) -> (usize, String) {

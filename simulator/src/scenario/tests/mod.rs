@@ -153,6 +153,7 @@ fn messages_do_not_grow_with_the_file() {
         ("\"base ->\"", format!("\"base -> {long}acid\""), "at most two products"),
         ("rate = 2.0", format!("r{} = 2.0", "e".repeat(10_000)), "the nearest is `"),
         ("time-step", format!("{dotted} = 1\ntime-step"), "recursion limit"),
+        ("rate = 2.0", format!("rate = \"{}\"", "nine ".repeat(2000)), "…\", expected"),
     ] {
         let text = GOOD.replacen(right, &wrong, 1);
         let error = parse(&text).expect_err("a mistake").to_string();
