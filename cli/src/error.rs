@@ -89,6 +89,11 @@ pub(crate) enum CliError {
         "{spheres} spheres need {needed} bytes of memory, and {available} bytes are available ({limit}); generate fewer"
     )]
     TooLittleMemoryToGenerate { spheres: u64, needed: u64, available: u64, limit: &'static str },
+    #[error(
+        "the page needs {needed} bytes of memory, and {available} bytes are available ({limit}); raise the limit, or end \
+         other programs"
+    )]
+    TooLittleMemoryForPage { needed: u64, available: u64, limit: &'static str },
     #[error("cannot listen for Ctrl-C: {0}")]
     Signal(SignalError),
     #[error("stopped after {steps} steps; resume with: {command}")]

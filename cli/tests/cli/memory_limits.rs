@@ -62,11 +62,12 @@ fn commands_under_any_memory_limit_end_without_a_signal() {
     let replicas = scratch.path("replicas");
     let [shown, swept, resumed] = ["shown", "swept", "resumed"].map(|name| scratch.path(name));
     LAZYGRID.run(["simulate", &burst, "--steps", "1", "--output", &resumed]).succeeds();
-    let commands: [&[&str]; 9] = [
+    let commands: [&[&str]; 10] = [
         &["detect", &spheres, "--backend", "cpu", "--threads", "2"],
         &["detect", &text, "--backend", "cpu", "--threads", "2", "-o", &pairs],
         &["detect", &spheres, "--backend", "cpu", "--threads", "2", "--neighbors"],
         &["generate", "equal", "-n", "4000000", "-o", &scratch.path("made.npy")],
+        &["page", "-o", &scratch.path("page.html")],
         &["simulate", &burst, "--threads", "2", "--overwrite", "--output", &run],
         &["simulate", &burst, "--threads", "2", "--overwrite", "--output", &replicas, "--replicas", "2"],
         &["simulate", &burst, "--threads", "2", "--overwrite", "--output", &shown, "--animate", "--report"],
