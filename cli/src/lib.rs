@@ -14,13 +14,11 @@ use std::num::NonZeroUsize;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use clap::{CommandFactory, Parser};
+use lazygrid_io::excerpt;
 
 use crate::args::{Args, Command};
 use crate::commands::{calibrate, check, detect, devices, generate, page, simulate};
 use crate::error::CliError;
-
-/// Most characters of an argument in a message.
-const LONGEST_QUOTE: usize = 60;
 
 /// Runs a command; the first argument is the program's name. Returns the exit code: 0 for success, 1 for bad input or a
 /// failure, 2 for wrong usage, 128 plus the signal for a run stopped with a checkpoint.
@@ -57,21 +55,19 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     }
 }
 
-/// Returns the text of an error with the arguments, and their values, shortened to [`LONGEST_QUOTE`] characters; `None` if
-/// none is longer.
+/// Returns the text of an error with [excerpts](excerpt) of long arguments and their values; `None` if it quotes none.
 fn with_short_arguments(said: &clap::Error, args: &[OsString]) -> Option<String> {
-    let mut text = said.render().to_string();
-    let given = args.iter().map(|arg| arg.to_string_lossy());
-    let given = given
-        .flat_map(|arg| [arg.split_once('=').map(|(_, value)| value.to_owned()), Some(arg.into_owned())]);
-    let mut is_long = false;
-    for arg in given.flatten() {
-        if let Some((end, _)) = arg.char_indices().nth(LONGEST_QUOTE) {
-            text = text.replace(&arg, &format!("{}…", &arg[..end]));
-            is_long = true;
+    let whole = said.render().to_string();
+    let mut text = whole.clone();
+    for arg in args.iter().map(|arg| arg.to_string_lossy()) {
+        for quoted in arg.split_once('=').map(|(_, value)| value).into_iter().chain([&*arg]) {
+            let short = excerpt(quoted.as_bytes());
+            if short.len() < quoted.len() {
+                text = text.replace(quoted, &short);
+            }
         }
     }
-    is_long.then_some(text)
+    (text != whole).then_some(text)
 }
 
 fn command(command: Command) -> Result<(), CliError> {

@@ -14,7 +14,7 @@ const NAME: &str = "displacements by species";
 /// Indexed by size class.
 pub(crate) type PerClass<T = f32> = [T; SIZE_CLASSES];
 
-#[derive(Debug, Default, PartialEq)]
+#[derive(Debug, Default)]
 pub(crate) struct SpeciesClasses<T = f32> {
     /// A power of two, or none before the first use.
     rows: Vec<PerClass<T>>,

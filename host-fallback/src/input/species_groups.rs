@@ -118,6 +118,11 @@ impl SpeciesPartition {
         self.meetings[a * self.count + b].is_some()
     }
 
+    /// Returns `true` for a group that meets none.
+    pub fn is_idle(&self, group: usize) -> bool {
+        (0..self.count).all(|other| !self.meets(group, other))
+    }
+
     fn undivided(species: u32) -> Self {
         Self { of_species: vec![0; species as usize], count: 1, meetings: vec![Some(Meeting::ANY)] }
     }

@@ -118,13 +118,14 @@ impl SkinTuner {
         if self.is_paused() || !self.displacements.are_known() {
             return Ok(None);
         }
+        if self.wait > 0 && self.choice.is_none() {
+            self.wait -= 1;
+            return Ok(None);
+        }
+        self.displacements.estimate();
         if self.wait > 0 {
             self.wait -= 1;
-            if self.choice.is_some() {
-                self.displacements.estimate();
-            }
         } else {
-            self.displacements.estimate();
             let choice = think(&self.displacements.displacements(), self.excess.exp2())?;
             let skin = |choice: Option<SkinChoice>| choice.map(|choice| choice.skin);
             let same = skin(choice) == skin(self.choice);

@@ -26,8 +26,7 @@ impl Sides {
     pub(crate) fn of(table: &Interactions) -> Self {
         let partition = SpeciesPartition::of_table(table);
         let species = || 0..table.species();
-        let is_idle = |group: usize| (0..partition.count()).all(|other| !partition.meets(group, other));
-        let active: Vec<usize> = (0..partition.count()).filter(|&group| !is_idle(group)).collect();
+        let active: Vec<usize> = (0..partition.count()).filter(|&group| !partition.is_idle(group)).collect();
         let weight = |group: usize| species().filter(|&of| partition.group_of(of) == group).count() as f64;
         let partners = |group: usize| mask(active.iter().map(|&other| partition.meets(group, other)));
         let groups = PairingGroups {
@@ -156,7 +155,11 @@ fn common(mut pairs: impl Iterator<Item = (u32, u32)>, table: &Interactions) -> 
 
 #[cfg(test)]
 mod tests {
+    use lazygrid_kernels::Algorithm;
+
     use super::*;
+    use crate::gpu::plan::Planner;
+    use crate::gpu::{DeviceLimits, GpuConfig, wgpu};
 
     fn table(species: u32, pairs: &[(u32, u32, Interaction)]) -> Interactions {
         let mut table = Interactions::new(species, Interaction::Never).expect("a table");
@@ -261,5 +264,30 @@ mod tests {
                 assert_eq!(sides.partners[usize::from(of_a)] >> of_b & 1, 1, "{a} and {b} of {species}");
             }
         }
+    }
+
+    #[test]
+    fn contact_of_all_species_is_searched_without_species() {
+        let searches = |of_last: [Interaction; 3]| {
+            let mut table = Interactions::new(3, TOUCH).expect("few species");
+            (0..).zip(of_last).for_each(|(other, with)| table.set(2, other, with).expect("known species"));
+            let config = GpuConfig::default().algorithm(Algorithm::CellList).interactions(Some(table));
+            let limits = DeviceLimits::from(&wgpu::Limits {
+                max_storage_buffers_per_shader_stage: 16,
+                ..Default::default()
+            });
+            let plan = Planner::new(config, limits).plan(1_000_000).expect("fits");
+            let has_species = |name: &str| {
+                let mut kernels = plan.sequence.kernels.iter().filter(|kernel| kernel.kernel.name == name);
+                let names = kernels.next()?.bindings().map(|binding| binding.name);
+                Some(names.into_iter().any(|name| name == "species" || name == "sorted_species"))
+            };
+            ["cell_list_search", "cell_list_search_overflow", "spheres_gather"].map(has_species)
+        };
+        let (with, without) = ([Some(true); 3], [Some(false), Some(false), Some(true)]);
+        let never = Interaction::Never;
+        assert_eq!(searches([never; 3]), without, "a species that never pairs");
+        assert_eq!(searches([TOUCH, never, never]), with);
+        assert_eq!(searches([Interaction::Within(0.5), Interaction::Within(0.5), never]), with);
     }
 }

@@ -210,36 +210,6 @@ fn a_cell_list_is_small_and_has_few_dispatches() {
 }
 
 #[test]
-fn contact_of_all_species_is_searched_without_species() {
-    use lazygrid_kernels::{Interaction, Interactions};
-    let searches = |of_last: [Interaction; 2]| {
-        let mut table = Interactions::new(3, Interaction::Touch).expect("few species");
-        for (other, interaction) in of_last.into_iter().enumerate() {
-            table.set(2, other as u32, interaction).expect("known species");
-        }
-        table.set(2, 2, Interaction::Never).expect("known species");
-        let config =
-            crate::gpu::GpuConfig::default().algorithm(Algorithm::CellList).interactions(Some(table));
-        let plan = Planner::new(config, H200).plan(1_000_000).expect("fits");
-        let of_kernel = |kernel: &PlanKernel| {
-            (
-                kernel.kernel.name,
-                kernel
-                    .bindings()
-                    .any(|binding| binding.name == "species" || binding.name == "sorted_species"),
-            )
-        };
-        let kernels: Vec<_> = plan.sequence.kernels.iter().map(of_kernel).collect();
-        let has_species = |name| kernels.iter().find(|kernel| kernel.0 == name).map(|kernel| kernel.1);
-        ["cell_list_search", "cell_list_search_overflow", "spheres_gather"].map(has_species)
-    };
-    let (with, without) = ([Some(true); 3], [Some(false), Some(false), Some(true)]);
-    assert_eq!(searches([Interaction::Never; 2]), without, "a species that never pairs");
-    assert_eq!(searches([Interaction::Touch, Interaction::Never]), with);
-    assert_eq!(searches([Interaction::Within(0.5); 2]), with);
-}
-
-#[test]
 fn reused_cells_take_fewer_dispatches_and_bytes() {
     let measured = [10_000, 30_000, 100_000, 1_000_000, 10_000_000, 100_000_000].map(|spheres| {
         let bytes = |plan: &Plan| plan.cost().traffic_bytes.map_or(0, |bytes| bytes / u64::from(spheres));

@@ -3,8 +3,8 @@
 // Returns the difference of two coordinates times 2^100, if it is known to be below 2^-40.
 fn scaled_axis_displacement(a: f32, b: f32, period: f32) -> f32 {
     if (max(abs(a), abs(b)) < 0x1p20) {
-        // A periodic boundary farther away has no effect. A minimum of integers, because NVIDIA's compiler turns a `select`
-        // of floats into their minimum, which flushes subnormal periods.
+        // A periodic boundary farther away has no effect. Integers, because NVIDIA's compiler replaces a `select` by a
+        // minimum of floats, and that replaces subnormal periods by zero.
         let near_period = bitcast<f32>(min(bitcast<u32>(period), bitcast<u32>(0x1p22f)));
         return axis_displacement(scaled_up(a), scaled_up(b), scaled_up(near_period));
     }
