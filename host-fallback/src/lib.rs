@@ -37,7 +37,9 @@ pub use detector::{
 };
 pub use executor::{Executor, Team, start_threads};
 pub use frame::SearchFrame;
-pub use input::{InputStats, PreparedQuery, QueryBuffers, SizeClass, SpeciesPartition, check, check_valid};
+pub use input::{
+    InputStats, Preparation, PreparedQuery, QueryBuffers, SizeClass, SpeciesPartition, check, check_valid,
+};
 pub use lazygrid_kernels::{Error, InputError};
 pub use output::{
     ContactTest, ListOptions, NeighborList, NeighborListBuilder, Neighbors, NeighborsBuilder, PeriodicImages,

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use crate::Error;
 use crate::compare::{COMPARE_NS, Columns, Output, PairTest, SimdTask, SimdWidth, Sink, scan};
-use crate::input::{SearchInput, search_pieces, sort_by_group};
+use crate::input::{Division, SearchInput, search_pieces, sort_by_group};
 use crate::memory::{try_push, with_growth};
 
 /// The columns of two tiles, 40 KiB, stay near the first-level cache.
@@ -55,7 +55,7 @@ impl Naive {
     }
 
     pub(crate) fn build(&mut self, input: &SearchInput<'_>) -> Result<(), Error> {
-        let grouping = input.grouping(true);
+        let grouping = input.grouping(Division::ByPartners);
         let ends = sort_by_group(&grouping, input.stats.spheres, &mut self.order)?;
         self.columns.gather(&input.test, self.order.iter().copied())?;
         self.rows.clear();

@@ -28,6 +28,8 @@ pub use limits::MAX_SPHERES;
 pub use memory::try_reserve;
 pub use types::exclusions::Exclusions;
 pub use types::image_vector::ImageVector;
+#[doc(hidden)]
+pub use types::interactions::SpeciesReach;
 pub use types::interactions::{EffectiveRadius, Interaction, Interactions};
 pub use types::lattice::{Lattice, WrappedPoint};
 pub use types::pair::Pair;

@@ -10,8 +10,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use lazygrid_host::{
-    CandidateListStats, InputStats, PhaseTime, QueryBuffers, SKIN_RANGE, SearchBackend, SearchFrame,
-    Settings, Skin, Team, Work, check_valid,
+    CandidateListStats, InputStats, PhaseTime, Preparation, QueryBuffers, SKIN_RANGE, SearchBackend,
+    SearchFrame, Settings, Skin, Team, Work, check_valid,
 };
 use lazygrid_kernels::{Interactions, Pair, Query, Space};
 
@@ -134,7 +134,8 @@ impl SearchBackend for GpuBackend {
         let Self { settings, known, device, framed, skin_controller, team, buffers, report, .. } = self;
         report.begin(query.len());
         let (prepared, stats) = team.pass(query.len(), |threads| {
-            let prepared = buffers.prepare(query, (settings, false), threads, &mut report.phases)?;
+            let preparation = Preparation { settings, wraps: false, has_same_species: false };
+            let prepared = buffers.prepare(query, preparation, threads, &mut report.phases)?;
             let start = Instant::now();
             let table = settings.interactions.as_ref().filter(|_| prepared.frame.is_none());
             let stats = InputStats::new(prepared.spheres, table, threads)

@@ -4,9 +4,9 @@
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{Space, Spheres};
 
-use super::LevelPlan;
+use crate::compare::COMPARE_NS;
 use crate::input::SearchInput;
-use crate::input::{Grouping, MAX_GROUPS, SpeciesGroups};
+use crate::input::{Grouping, MAX_GROUPS};
 use crate::memory::try_collect;
 use crate::{Error, InputStats};
 
@@ -15,26 +15,24 @@ const DEPTHS: usize = 21;
 /// Fewer coincidences at one depth are no evidence of density.
 const MIN_COINCIDENCES: u64 = 24;
 
-/// Smaller inputs reuse a sample, which takes a sixth of a call with 1000 spheres; a poor plan costs little.
-const MAX_REUSE_SPHERES: usize = 1 << 12;
-const MAX_REUSES: u32 = 15;
-/// Larger shifts of the bounds, as a fraction of the extent, discard the sample.
-const MAX_BOUNDS_SHIFT: f32 = 0.0625;
-const MAX_SEPARATE_COST: f32 = 0.9;
 /// Estimated, with random access to the spheres.
-const EXACT_TEST_NS: f32 = 60.0;
+pub(super) const EXACT_TEST_NS: f32 = 60.0;
 const MAX_SEPARATE: usize = 2 * (MAX_GROUPS + 1);
 
 /// Mean number of spheres around a sphere by cube size: a polyline in log-log scale.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct DensityProfile {
     top: f32,
+    /// log₂ of the longest axis of the grid.
+    log_extent: f32,
     /// log₂ of the mean number at size `2^(top - depth)`, for the depths that the sample resolves.
     log_mean: Vec<f32>,
     /// Decrease of log₂ of the mean per halving below these depths.
     slope: f32,
     /// Searches in cells, as a fraction of those of a single group.
     pub(crate) searches: f32,
+    /// Estimated nanoseconds of a comparison.
+    pub(crate) compare_ns: f32,
 }
 
 impl DensityProfile {
@@ -56,7 +54,12 @@ impl DensityProfile {
 
     /// With a grouping, only coincidences of groups that pair are included.
     #[expect(clippy::disallowed_macros, clippy::disallowed_methods, reason = "there are 22 depths")]
-    fn from_codes(codes: &[(u64, u32)], n: usize, cell_size: f64, grouping: Option<&Grouping<'_>>) -> Self {
+    pub(super) fn from_codes(
+        codes: &[(u64, u32)],
+        n: usize,
+        cell_size: f64,
+        grouping: Option<&Grouping<'_>>,
+    ) -> Self {
         let (n, size) = (n as f32, codes.len() as f32);
         let pairs = size * (size - 1.0) / 2.0;
         let mut log_mean = vec![n.max(1.0).log2()];
@@ -83,16 +86,22 @@ impl DensityProfile {
             _ => 3.0,
         };
         let top = if cell_size > 0.0 { cell_size.log2() as f32 } else { f32::NEG_INFINITY };
-        Self { top, log_mean, slope: falls.clamp(0.0, 3.0), searches: 1.0 }
+        let slope = falls.clamp(0.0, 3.0);
+        Self { top, log_extent: top, log_mean, slope, searches: 1.0, compare_ns: COMPARE_NS }
     }
 
     pub(crate) fn log_extent(&self) -> f32 {
-        self.top
+        self.log_extent
     }
 
-    fn contacts(&self, stats: &InputStats) -> f32 {
-        // A cube with the volume of the sphere of centers of equal spheres in contact.
-        let around = |radius: f32| if radius > 0.0 { self.mean((3.2 * radius).log2()) } else { 0.0 };
+    /// For a group with an `extent` of its own, of which all compared spheres are tested exactly.
+    pub(crate) fn of_narrow(&self, extent: f32) -> Self {
+        Self { log_extent: extent.log2(), compare_ns: EXACT_TEST_NS, ..self.clone() }
+    }
+
+    /// Returns the pairs of spheres in cubes around each other that are `width` radii wide.
+    pub(super) fn pairs_within(&self, width: f32, stats: &InputStats) -> f32 {
+        let around = |radius: f32| if radius > 0.0 { self.mean((width * radius).log2()) } else { 0.0 };
         stats.occupied().map(|(_, class)| class.count as f32 * around(class.largest)).sum::<f32>() / 2.0
     }
 
@@ -109,18 +118,22 @@ impl DensityProfile {
     }
 }
 
-struct Sample {
-    codes: Vec<(u64, u32)>,
-    spheres: usize,
-    cell_size: f64,
+pub(super) struct Sample {
+    /// Morton codes and ids.
+    pub(super) codes: Vec<(u64, u32)>,
+    pub(super) spheres: usize,
+    pub(super) cell_size: f64,
+    /// The longest axis of the grid.
+    extent: f32,
 }
 
 impl Sample {
-    fn take(input: &SearchInput<'_>) -> Result<Self, Error> {
+    pub(super) fn take(input: &SearchInput<'_>) -> Result<Self, Error> {
         let InputStats { spheres: n, min, max, .. } = input.stats;
         let (spheres, size) = (input.test.spheres(), sample_size(n));
         let indices = (0..size).map(|k| sample_index(k, size, n));
-        Self::new((min, max), indices.map(|index| (spheres.get(index).center, index as u32)), n)
+        let places = indices.map(|index| (spheres.get(index).center, index as u32));
+        Ok(Self { extent: input.extent((min, max)), ..Self::new((min, max), places, n)? })
     }
 
     fn new(
@@ -134,12 +147,13 @@ impl Sample {
         let codes = places.map(|(place, index)| (morton((place.as_dvec3() - origin) * scale), index));
         let mut codes = try_collect(codes, "a sample of the spheres")?;
         codes.sort_unstable();
-        Ok(Self { codes, spheres: n, cell_size })
+        Ok(Self { codes, spheres: n, cell_size, extent: cell_size as f32 })
     }
 
-    fn density(&self, grouping: Option<&Grouping<'_>>) -> DensityProfile {
+    pub(super) fn density(&self, grouping: Option<&Grouping<'_>>) -> DensityProfile {
         let density = DensityProfile::from_codes(&self.codes, self.spheres, self.cell_size, grouping);
-        DensityProfile { searches: grouping.map_or(1.0, |grouping| self.searches(grouping)), ..density }
+        let searches = grouping.map_or(1.0, |grouping| self.searches(grouping));
+        DensityProfile { log_extent: self.extent.log2(), searches, ..density }
     }
 
     fn searches(&self, grouping: &Grouping<'_>) -> f32 {
@@ -151,74 +165,6 @@ impl Sample {
             |(a, b): (usize, usize)| if a == b { members[a] / 2.0 } else { members[a].min(members[b]) };
         let apart: f32 = grouping.meetings().map(searches).sum();
         2.0 * apart / self.codes.len().max(1) as f32
-    }
-}
-
-/// A density sample for reuse, and the decision to keep groups of species apart.
-#[derive(Debug)]
-pub(crate) struct DensityCache {
-    density: DensityProfile,
-    is_separate: bool,
-    groups: u32,
-    spheres: usize,
-    bounds: [Vec3; 2],
-    left: u32,
-}
-
-impl DensityCache {
-    pub(crate) fn of(last: Option<Self>, input: &SearchInput<'_>) -> Result<Self, Error> {
-        let InputStats { spheres, min, max, .. } = input.stats;
-        let version = input.groups.map_or(0, SpeciesGroups::version);
-        match last {
-            Some(last) if last.groups == version && last.serves(spheres, [min, max]) => {
-                Ok(Self { left: last.left - 1, ..last })
-            }
-            _ => {
-                let left = if spheres < MAX_REUSE_SPHERES { MAX_REUSES } else { 0 };
-                let (density, is_separate) = Self::sample(input)?;
-                Ok(Self { density, is_separate, groups: version, spheres, bounds: [min, max], left })
-            }
-        }
-    }
-
-    fn sample(input: &SearchInput<'_>) -> Result<(DensityProfile, bool), Error> {
-        let sample = Sample::take(input)?;
-        let Some(groups) = input.groups else { return Ok((sample.density(None), false)) };
-        let grouping = |is_separate| input.grouping(is_separate);
-        let merged = sample.density(Some(&grouping(false)));
-        if !groups.are_several() {
-            return Ok((merged, false));
-        }
-        let apart = sample.density(Some(&grouping(true)));
-        let cost = |density: &DensityProfile, is_separate| {
-            let exact = match grouping(is_separate).is_by_radii() {
-                true => 0.0,
-                false => EXACT_TEST_NS * density.contacts(&input.stats),
-            };
-            LevelPlan::plan(&input.stats, density).cost + exact
-        };
-        let is_separate = cost(&apart, true) < MAX_SEPARATE_COST * cost(&merged, false);
-        Ok((if is_separate { apart } else { merged }, is_separate))
-    }
-
-    #[cfg(test)]
-    pub(crate) fn with_groups(self, is_separate: bool) -> Self {
-        Self { is_separate, ..self }
-    }
-
-    pub(crate) fn density(&self) -> &DensityProfile {
-        &self.density
-    }
-
-    pub(crate) fn is_separate(&self) -> bool {
-        self.is_separate
-    }
-
-    fn serves(&self, spheres: usize, [min, max]: [Vec3; 2]) -> bool {
-        let [low, high] = self.bounds;
-        let margin = (high - low).max_element() * MAX_BOUNDS_SHIFT;
-        let near = |a: Vec3, b: Vec3| (a - b).abs().max_element() <= margin;
-        self.left > 0 && self.spheres == spheres && near(min, low) && near(max, high)
     }
 }
 
@@ -290,24 +236,6 @@ mod tests {
         let density = DensityProfile::from_codes(&[(7, 0); 100], 1000, 0.0, None);
         assert!(density.mean(-100.0) > 990.0);
         assert!(density.mean(10.0) > 990.0);
-    }
-
-    #[test]
-    fn sample_is_reused_by_small_inputs_within_about_the_same_bounds() {
-        let density = DensityProfile::from_codes(&[(7, 0); 100], 1000, 1.0, None);
-        let density_cache = |left| DensityCache {
-            density: density.clone(),
-            is_separate: false,
-            groups: 0,
-            spheres: 1000,
-            bounds: [Vec3::ZERO, Vec3::ONE],
-            left,
-        };
-        assert!(density_cache(1).serves(1000, [Vec3::splat(0.06), Vec3::ONE]));
-        assert!(!density_cache(0).serves(1000, [Vec3::ZERO, Vec3::ONE]), "it has served");
-        assert!(!density_cache(1).serves(1001, [Vec3::ZERO, Vec3::ONE]), "another number");
-        assert!(!density_cache(1).serves(1000, [Vec3::ZERO, Vec3::new(1.0, 1.0, 1.07)]), "another place");
-        assert!(!density_cache(1).serves(1000, [Vec3::ZERO, Vec3::INFINITY]), "far away");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The cells of one level, in contiguous rows.
 //!
-//! If the bounds hold too many cells, the grid is folded: cells whose coordinates agree modulo the grid's size share a
-//! table entry. Folding adds comparisons, never pairs.
+//! If the bounds or the periods hold too many cells, the grid is folded: cells whose coordinates agree modulo the grid's
+//! size share a table entry. Folding adds comparisons, never pairs.
 
 use glam::{DVec3, Vec3};
 
@@ -11,6 +11,8 @@ use crate::math::floor;
 /// Below this number of cells from the origin `f64` numbers single cells; farther out, only equal `f32` coordinates can
 /// meet, since others are at least 2²⁵ cells apart.
 const COUNTABLE: f64 = (1_u64 << 50) as f64;
+/// Largest number of a grid's sizes along a periodic axis: cell numbers are exact, and cells far larger than rounding.
+const MAX_TURNS: f64 = (1_u64 << 20) as f64;
 /// Relative to the largest coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 
@@ -59,7 +61,8 @@ impl CellRange {
 impl CellGrid {
     /// Creates cells of size `cell_size` over `min..=max`, folded to `most` cells, for spheres up to radius `largest`.
     ///
-    /// A periodic axis starts at `−length / 2` and has a whole number of cells that are no smaller.
+    /// A periodic axis starts at `−length / 2` and has a whole number of cells that are no smaller, unless
+    /// `cell_size` is too small for `f64`.
     pub(crate) fn new(
         cell_size: f64,
         (min, max): (Vec3, Vec3),
@@ -77,18 +80,21 @@ impl CellGrid {
         }
         let (size, reduced) = fold(extent, most.max(64));
         let periodic = lengths.map(|length| length.is_some());
-        let folded = reduced && periodic.contains(&false);
+        let mut cells = size.map(f64::from);
         let mut cell_sizes = [cell_size; 3];
         for (axis, length) in lengths.into_iter().enumerate() {
             if let Some(length) = length {
-                cell_sizes[axis] = f64::from(length) / f64::from(size[axis]);
-                origin[axis] = -0.5 * f64::from(size[axis]);
+                // A whole number of the grid's sizes, so that the last cell and the first are adjacent in the grid, too.
+                cells[axis] *= (extent[axis] / cells[axis]).floor().min(MAX_TURNS);
+                cell_sizes[axis] = f64::from(length) / cells[axis];
+                origin[axis] = -0.5 * cells[axis];
             }
         }
+        let folded = reduced && (periodic.contains(&false) || cells != size.map(f64::from));
         let far = min.abs().max(max.abs()).max_element();
         let slack = if folded { 0.0 } else { f64::from(far) * ROUNDING };
         let reach = f64::from(largest) * (1.0 + RADIUS_ROUNDING) + slack;
-        let last = size.map(|cells| f64::from(cells - 1));
+        let last = cells.map(|cells| cells - 1.0);
         let axes = Axes {
             per_length: [cell_sizes[0].recip(), cell_sizes[1].recip(), cell_sizes[2].recip(), 0.0],
             origin: [origin.x, origin.y, origin.z, 0.0],
@@ -98,10 +104,6 @@ impl CellGrid {
         let adjoining = !folded && (f64::from(largest) + reach) * (1.0 + 1e-6) <= narrowest;
         let circular = folded || periodic.contains(&true);
         Self { axes, cell_sizes, periodic, size, folded, circular, adjoining, reach, largest }
-    }
-
-    pub(crate) fn reach(&self) -> f64 {
-        self.reach
     }
 
     pub(crate) fn largest(&self) -> f32 {
@@ -184,9 +186,9 @@ impl CellGrid {
         for axis in 0..3 {
             let (x, per_length) = (f64::from(center[axis]), self.axes.per_length[axis]);
             let reach = f64::from(radius) * (1.0 + RADIUS_ROUNDING) + self.reach + x.abs() * ROUNDING;
-            let cells = f64::from(self.size[axis]);
             let (low, high) = match (self.periodic[axis], self.folded) {
                 (true, _) => {
+                    let cells = self.axes.last[axis] + 1.0;
                     // Wrapping changes coordinates by the rounding of one length. A center at the very end of the axis
                     // is nearer to the first cell than that.
                     let (at, span) = (x * per_length + 0.5 * cells, reach * per_length + cells * ROUNDING);
@@ -212,7 +214,8 @@ impl CellGrid {
         [0, 1, 2].map(|axis| {
             let at = f64::from(center[axis]) * self.axes.per_length[axis];
             if self.periodic[axis] {
-                (at - self.axes.origin[axis]).max(0.0).min(self.axes.last[axis]) as u32
+                let cell = (at - self.axes.origin[axis]).max(0.0).min(self.axes.last[axis]);
+                modulo(cell as i64, self.size[axis])
             } else if at.abs() < COUNTABLE {
                 modulo(floor(at), self.size[axis])
             } else {
@@ -281,6 +284,32 @@ mod tests {
                         assert!(held || !near, "{p} loses {q}, folded {}", grid.folded);
                     }
                 }
+            }
+        }
+    }
+
+    #[test]
+    fn folded_periods_hold_every_touched_cell() {
+        let mut random = crate::test_support::Random(9);
+        for (length, cell_size) in [(10.0_f32, 0.3), (1000.0, 0.01), (1e-3, 1e-7), (7.0, 1e-12)] {
+            let reach = 1.5 * cell_size;
+            let half = length / 2.0;
+            let bounds = (Vec3::splat(-half), Vec3::splat(half));
+            let grid = CellGrid::new(cell_size, bounds, [Some(length); 3], reach as f32, 1 << 12);
+            assert!(grid.folded && grid.cells() <= 1 << 12, "{grid:?}");
+            for _ in 0..2000 {
+                // Half of the centers are at a face of the box.
+                let near = Vec3::from(random.point(1.0)).map(|at| if at < 0.0 { half } else { half * at });
+                let apart = Vec3::from(random.point(reach as f32 / 2.0));
+                let other = (near + apart).map(|at| if at > half { at - length } else { at });
+                let touched = (near.as_dvec3() - other.as_dvec3()).map(|at| {
+                    let at = at.abs();
+                    at.min(f64::from(length) - at)
+                });
+                let [x, y, z] = near.to_array();
+                let block = grid.block(Portable, [x, y, z, 0.0]);
+                let is_held = holds(&grid, block, grid.cell_of(Portable, other.to_array()));
+                assert!(is_held || touched.length() > reach, "{near} loses {other} in {grid:?}");
             }
         }
     }

@@ -3,6 +3,7 @@ use glam::Vec3;
 use super::levels::LevelPlan;
 use crate::Error;
 use crate::compare::{PairTest, SphereRadii};
+use crate::frame::SearchFrame;
 use crate::input::SearchInput;
 use crate::input::{Grouping, Meeting};
 use crate::input::{InputStats, SizeClass};
@@ -13,8 +14,10 @@ const CHUNK_SPHERES: usize = 1 << 14;
 
 #[derive(Clone, Debug)]
 pub(super) struct GroupMembers {
-    /// Counts by size class of the effective radius, with the skin if candidates are searched.
-    classes: [SizeClass; SIZE_CLASSES],
+    /// Counts by size class of the radius within the group, with the skin if candidates are searched.
+    pub(super) classes: [SizeClass; SIZE_CLASSES],
+    /// Largest effective radius, likewise.
+    pub(super) effective: f32,
     min: Vec3,
     max: Vec3,
     /// Largest radius, or with a skin the largest that leaves effective radii as they are.
@@ -25,15 +28,18 @@ pub(super) struct GroupMembers {
 impl GroupMembers {
     const NONE: Self = Self {
         classes: [SizeClass { count: 0, largest: 0.0 }; SIZE_CLASSES],
+        effective: 0.0,
         min: Vec3::INFINITY,
         max: Vec3::NEG_INFINITY,
         radius: 0.0,
         margin: 0.0,
     };
 
-    fn add(&mut self, test: &PairTest<'_>, id: usize) {
-        let SphereRadii { center, own, effective, widened } = test.radii(id as u32);
-        self.classes[InputStats::class_of(widened)].add(widened);
+    fn add(&mut self, test: &PairTest<'_>, grouping: &Grouping<'_>, id: usize) {
+        let SphereRadii { center, own, effective, widened, .. } = test.radii(id as u32);
+        let radius = grouping.radius(test, id, widened);
+        self.classes[InputStats::class_of(radius)].add(radius);
+        self.effective = self.effective.max(widened);
         self.min = self.min.min(center);
         self.max = self.max.max(center);
         // Candidates are valid as long as effective radii stay, up to which radii may grow.
@@ -45,6 +51,7 @@ impl GroupMembers {
         for (class, with) in self.classes.iter_mut().zip(&other.classes) {
             class.merge(with);
         }
+        self.effective = self.effective.max(other.effective);
         self.min = self.min.min(other.min);
         self.max = self.max.max(other.max);
         self.radius = self.radius.max(other.radius);
@@ -66,7 +73,7 @@ impl GroupMembers {
         let piece = |members: Result<Vec<Self>, Error>, piece: usize| {
             let mut members = members?;
             for id in piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES) {
-                members[grouping.of(id)].add(&input.test, id);
+                members[grouping.of(id)].add(&input.test, grouping, id);
             }
             Ok::<_, Error>(Ok(members))
         };
@@ -109,9 +116,15 @@ impl GroupMembers {
         if self.min.x <= self.max.x { (self.min, self.max) } else { (Vec3::ZERO, Vec3::ZERO) }
     }
 
-    pub(super) fn reach(&self, other: &Self, meeting: Meeting) -> f64 {
+    /// Returns the largest distance in the search of two spheres that pair.
+    pub(super) fn reach(&self, other: &Self, meeting: Meeting, frame: Option<&SearchFrame>) -> f64 {
         let radii = f64::from(self.radius) + f64::from(other.radius);
-        let reach = meeting.distance.max(if meeting.touches { radii } else { 0.0 });
+        let searched = |frame: &SearchFrame| {
+            let half = frame.radius(0.5 * meeting.distance);
+            half.map_or(f64::INFINITY, |half| 2.0 * f64::from(half))
+        };
+        let distance = frame.map_or(meeting.distance, searched);
+        let reach = distance.max(if meeting.touches { radii } else { 0.0 });
         reach + f64::from(self.margin) + f64::from(other.margin)
     }
 }

@@ -8,7 +8,6 @@
 
 use super::density::DensityProfile;
 use crate::InputStats;
-use crate::compare::COMPARE_NS;
 use crate::input::SizeClass;
 use crate::size_class::SIZE_CLASSES;
 
@@ -17,10 +16,15 @@ const ROW_NS: f32 = 14.0;
 /// Estimated nanoseconds to clear and sum a table entry.
 const CELL_NS: f32 = 0.7;
 pub(crate) const CELLS_PER_SPHERE: f32 = 2.0;
+/// Estimated factor on the time of rows in a folded table.
+const FOLDED_ROWS: f32 = 3.0;
+/// With fewer spheres in eight cells, smaller cells save nothing.
+const MIN_FOLDED_MEAN: f32 = 16.0;
 const SIZES_PER_DOUBLING: f32 = 2.0;
 const MAX_CELL_SIZES: usize = 24;
 
 const MAX_CLASS_GROUPS: usize = 20;
+pub(super) const MAX_LEVELS: usize = MAX_CLASS_GROUPS;
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LevelPlan {
@@ -109,16 +113,25 @@ impl LevelCostModel<'_> {
             // With coincident centers all spheres are compared at any level.
             let part = self.density.mean(extent) / self.total.max(1.0);
             let met = |to: usize| part * (members(to) / 2.0 + self.counts[to..].iter().sum::<f32>());
-            return ends.for_each(|to| offer(to, members(to) * (row_ns + COMPARE_NS * met(to)), 0.0));
+            return ends
+                .for_each(|to| offer(to, members(to) * (row_ns + self.density.compare_ns * met(to)), 0.0));
         }
         let most: Vec<f32> = ends.clone().map(|to| (members(to) * CELLS_PER_SPHERE).max(64.0)).collect();
         // From cells of the largest table's full size to one for all, without sizes far below the largest radius.
         let finest = extent - most[most.len() - 1].log2() / 3.0;
-        let lowest = finest.max(self.radii[from].log2() - 1.0).min(extent);
+        let radius = (self.radii[from].log2() - 1.0).min(extent);
+        let lowest = finest.max(radius);
         let cell_sizes = (0..MAX_CELL_SIZES).map(|k| lowest + k as f32 / SIZES_PER_DOUBLING);
-        for log_size in cell_sizes.take_while(|&log_size| log_size <= extent + 1.0) {
+        // Smaller cells share entries of the table, which pays in clusters only.
+        let folded = (1..MAX_CELL_SIZES).map(|k| finest - k as f32 / SIZES_PER_DOUBLING);
+        let is_crowded = |log_size: f32| self.density.mean(log_size) > MIN_FOLDED_MEAN;
+        let folded = folded.take_while(|&log_size| log_size >= radius && is_crowded(log_size + 1.0));
+        let unfolded = cell_sizes.take_while(|&log_size| log_size <= extent + 1.0);
+        for (log_size, is_folded) in unfolded.map(|size| (size, false)).chain(folded.map(|size| (size, true)))
+        {
             let cells = (3.0 * (extent - log_size).max(0.0)).exp2();
-            let halves = self.halves(from, log_size);
+            let halves = self.halves(from, log_size, is_folded);
+            let row_ns = if is_folded { FOLDED_ROWS * row_ns } else { row_ns };
             let own: f32 = self.counts[from..].iter().map(|count| count * row_ns).sum();
             let [rows, met] =
                 halves.iter().fold([own, 0.0], |[rows, met], half| [rows + half[0], met + half[1]]);
@@ -126,7 +139,7 @@ impl LevelCostModel<'_> {
             for to in ends.clone().rev() {
                 let members = members(to);
                 // Rounding must not exclude the full size.
-                if cells <= 1.001 * most[to - from - 1] {
+                if is_folded || cells <= 1.001 * most[to - from - 1] {
                     let table = CELL_NS * cells.min(members * CELLS_PER_SPHERE);
                     let cost = table + rows + rest[0] + members / self.total * (met + rest[1]);
                     offer(to, cost, log_size);
@@ -139,16 +152,20 @@ impl LevelCostModel<'_> {
 
     /// Returns the costs of each class at or after `from`: for the later half of the rows around its spheres, and for
     /// the comparisons there if the level held all spheres. Smaller spheres search both halves.
-    fn halves(&self, from: usize, log_size: f32) -> [[f32; 2]; MAX_CLASS_GROUPS] {
+    fn halves(&self, from: usize, log_size: f32, is_folded: bool) -> [[f32; 2]; MAX_CLASS_GROUPS] {
         let cell_size = log_size.exp2();
         let mut halves = [[0.0; 2]; MAX_CLASS_GROUPS];
-        let row_ns = ROW_NS * self.density.searches;
+        // Distant spheres share entries of a folded table.
+        let (rows_factor, distant) =
+            if is_folded { (FOLDED_ROWS, 1.0 / CELLS_PER_SPHERE) } else { (1.0, 0.0) };
+        let row_ns = rows_factor * ROW_NS * self.density.searches;
         let classes = self.radii.iter().zip(&self.counts).skip(from);
         for (half, (radius, count)) in halves.iter_mut().zip(classes) {
             let reach = 2.0 * (radius + self.radii[from]) / cell_size;
             let rows = (1.0 + reach) * (1.0 + reach);
-            let met = self.density.mean(log_size + (1.0 + reach).log2());
-            *half = [count * row_ns * (rows - 1.0) / 2.0, count * COMPARE_NS * met / 2.0];
+            let distant = distant * rows * (1.0 + reach);
+            let met = self.density.mean(log_size + (1.0 + reach).log2()) + distant;
+            *half = [count * row_ns * (rows - 1.0) / 2.0, count * self.density.compare_ns * met / 2.0];
         }
         halves
     }

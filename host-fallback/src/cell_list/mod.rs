@@ -8,6 +8,7 @@
 //! levels of groups that pair with theirs, each two levels from one side.
 
 mod density;
+mod density_cache;
 mod grid;
 mod group_members;
 mod levels;
@@ -18,7 +19,7 @@ mod tests;
 
 use std::ops::Range;
 
-use crate::compare::{Columns, Output, SimdWidth};
+use crate::compare::{Columns, Output, PairTest, SimdWidth};
 use crate::input::Grouping;
 use crate::input::SearchInput;
 use crate::input::SizeClass;
@@ -26,16 +27,19 @@ use crate::memory::{try_push, with_growth};
 use crate::report::Report;
 use crate::size_class::SIZE_CLASSES;
 use crate::{Error, InputStats};
-pub(crate) use density::{DensityCache, DensityProfile};
+pub(crate) use density::DensityProfile;
+pub(crate) use density_cache::DensityCache;
 use grid::CellGrid;
 use group_members::GroupMembers;
-use levels::CELLS_PER_SPHERE;
 pub(crate) use levels::LevelPlan;
+use levels::{CELLS_PER_SPHERE, MAX_LEVELS};
 pub(crate) use sort::SortRecord;
 use sort::Sorter;
 
 const MAX_CELLS_PER_LEVEL: u64 = 1 << 26;
 /// Factors on the planned cell size that avoid a folded table, which is slower.
+/// Far more than the rounding of a sum of two radii.
+const SUM_ROUNDING: f64 = 1.0 / (1 << 21) as f64;
 const WIDER: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
 
 #[derive(Debug, Default)]
@@ -45,6 +49,7 @@ pub(crate) struct CellList {
     starts: Vec<u32>,
     targets: Vec<Target>,
     members: Vec<GroupMembers>,
+    groups: Vec<GroupLevels>,
     /// `true` if touching effective radii decide pairs.
     touch_decides: bool,
     sorter: Sorter,
@@ -52,6 +57,14 @@ pub(crate) struct CellList {
     time: f32,
 }
 
+/// The levels of a group's spheres.
+#[derive(Clone, Copy, Debug)]
+struct GroupLevels {
+    first: usize,
+    of_class: [u8; SIZE_CLASSES],
+}
+
+/// The last plan that all groups shared.
 #[derive(Debug)]
 struct CachedPlan {
     classes: [SizeClass; SIZE_CLASSES],
@@ -75,28 +88,56 @@ impl CachedPlan {
 struct LevelGrid {
     grid: CellGrid,
     base: usize,
+    group: usize,
     members: Range<usize>,
+    /// Largest effective radius; the grid is for radii within the group.
+    effective: f32,
     pairs_within: bool,
     targets: Range<usize>,
 }
 
-impl LevelGrid {
-    fn effort(&self, other: &Self, cap: f64) -> f64 {
-        self.members.len() as f64 * other.grid.rows_around(self.grid.reach().min(cap))
-    }
+/// The radius with which spheres search a level: their own and the excess, at most the cap.
+#[derive(Clone, Copy, Debug)]
+struct SearchRadius {
+    /// Effective radii of the level may exceed the largest radius of its grid by this.
+    excess: f32,
+    /// No searching sphere pairs with one of the level at a greater distance from its cell.
+    cap: f32,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Target {
     level: usize,
-    /// No searching sphere pairs with one of the level at a greater distance.
-    cap: f32,
+    radius: SearchRadius,
+}
+
+impl LevelGrid {
+    /// Returns the radius with which spheres of this level search their own one.
+    fn own_radius(&self) -> SearchRadius {
+        SearchRadius { excess: 0.0, cap: self.grid.largest() }
+    }
+
+    /// Returns the radius for the search of another level, and the estimated effort. `reach` is the largest distance of
+    /// a pair of both groups.
+    fn search_of(&self, other: &Self, reach: f64) -> (SearchRadius, f64) {
+        let largest = f64::from(other.grid.largest());
+        let (excess, cap) = match self.group == other.group {
+            true => (0.0, (reach - largest).min(f64::from(self.grid.largest()))),
+            false => (f64::from(other.effective) - largest, reach - largest),
+        };
+        let most = f64::from(self.effective) + excess;
+        // Sums of radius and excess are rounded.
+        let rounding = if excess > 0.0 { SUM_ROUNDING * most } else { 0.0 };
+        let radius = SearchRadius { excess: (excess + rounding) as f32, cap: (cap as f32).next_up() };
+        (radius, self.members.len() as f64 * other.grid.rows_around(most.min(cap)))
+    }
 }
 
 #[derive(Clone, Copy)]
 struct CellLocator<'p> {
+    test: &'p PairTest<'p>,
     levels: &'p [LevelGrid],
-    of_class: &'p [u8; SIZE_CLASSES],
+    groups: &'p [GroupLevels],
     grouping: Grouping<'p>,
 }
 
@@ -110,8 +151,9 @@ impl CellLocator<'_> {
         let level = match self.levels {
             [only] => only,
             levels => {
-                let first = self.grouping.of(id) * (levels.len() / self.grouping.count());
-                &levels[first + usize::from(self.of_class[InputStats::class_of(radius)])]
+                let GroupLevels { first, of_class } = &self.groups[self.grouping.of(id)];
+                let radius = self.grouping.radius(self.test, id, radius);
+                &levels[first + usize::from(of_class[InputStats::class_of(radius)])]
             }
         };
         (level.base + level.grid.index(level.grid.cell_of(vector, [x, y, z]))) as u32
@@ -130,35 +172,77 @@ impl CellList {
         density_cache: &DensityCache,
         report: &mut Report,
     ) -> Result<(), Error> {
-        let last = self.plan.take();
-        let planned = report.time("plan", || CachedPlan::of(last, &input.stats, density_cache.density()));
-        let plan = &self.plan.insert(planned).levels;
-        self.time = plan.cost;
-        let grouping = input.grouping(density_cache.is_separate());
-        let is_divided = grouping.count() > 1;
-        if is_divided {
+        let grouping = input.grouping(density_cache.division());
+        if grouping.count() > 1 {
             report.time("plan", || GroupMembers::count(&mut self.members, input, &grouping))?;
+        } else {
+            self.members.clear();
         }
-        self.levels.clear();
-        let (mut base, mut from) = (0, 0);
-        for k in 0..grouping.count() * plan.levels.len() {
-            let (group, of) = (k / plan.levels.len(), k % plan.levels.len());
-            let members = if is_divided { self.members.get(group) } else { None };
-            let grid =
-                Self::grid(input, (plan, of), members, max_cells(grouping.count() * plan.levels.len()));
-            let cells = grid.cells() as usize;
-            let to =
-                from + members.map_or(plan.levels[of].spheres, |own| own.of_level(plan, of).count) as usize;
-            let pairs_within = grouping.meeting(group, group).is_some();
-            let level = LevelGrid { grid, base, members: from..to, pairs_within, targets: 0..0 };
-            try_push(&mut self.levels, level, "levels")?;
-            (base, from) = (base + cells, to);
-        }
-        let members = if is_divided { &self.members[..] } else { &[] };
-        link(&mut self.levels, &mut self.targets, members, &grouping, input)?;
+        report.time("plan", || self.plan_levels(input, density_cache, &grouping))?;
+        link(&mut self.levels, &mut self.targets, &self.members, &grouping, input)?;
         self.touch_decides = grouping.is_by_radii();
-        let places = CellLocator { levels: &self.levels, of_class: &plan.of_class, grouping };
+        let places = CellLocator { test: &input.test, levels: &self.levels, groups: &self.groups, grouping };
         report.time("sort", || self.sorter.sort(input, places, &mut self.columns, &mut self.starts))
+    }
+
+    /// Groups whose radii within the group are smaller than their effective ones have a plan each.
+    fn plan_levels(
+        &mut self,
+        input: &SearchInput<'_>,
+        density_cache: &DensityCache,
+        grouping: &Grouping<'_>,
+    ) -> Result<(), Error> {
+        self.levels.clear();
+        self.groups.clear();
+        self.time = 0.0;
+        if grouping.is_narrow() {
+            for group in 0..grouping.count() {
+                let members = &self.members[group];
+                let stats = input.stats.with_classes(members.classes);
+                let density = density_cache.density_of(group).of_narrow(input.extent(members.bounds()));
+                let plan = LevelPlan::plan(&stats, &density);
+                self.time += plan.cost;
+                let limit = max_cells(grouping.count() * MAX_LEVELS);
+                self.add_levels(input, &plan, (group, grouping), limit)?;
+            }
+            return Ok(());
+        }
+        let plan = CachedPlan::of(self.plan.take(), &input.stats, density_cache.density());
+        self.time = plan.levels.cost;
+        let limit = max_cells(grouping.count() * plan.levels.levels.len());
+        for group in 0..grouping.count() {
+            self.add_levels(input, &plan.levels, (group, grouping), limit)?;
+        }
+        self.plan = Some(plan);
+        Ok(())
+    }
+
+    fn add_levels(
+        &mut self,
+        input: &SearchInput<'_>,
+        plan: &LevelPlan,
+        (group, grouping): (usize, &Grouping<'_>),
+        max_cells: u64,
+    ) -> Result<(), Error> {
+        let groups = GroupLevels { first: self.levels.len(), of_class: plan.of_class };
+        try_push(&mut self.groups, groups, "groups of spheres")?;
+        let members = self.members.get(group);
+        let pairs_within = grouping.meeting(group, group).is_some();
+        for of in 0..plan.levels.len() {
+            let grid = Self::grid(input, (plan, of), members, max_cells);
+            let last = self.levels.last();
+            let base = last.map_or(0, |last| last.base + last.grid.cells() as usize);
+            let from = last.map_or(0, |last| last.members.end);
+            let count = members.map_or(plan.levels[of].spheres, |own| own.of_level(plan, of).count);
+            let effective = match members {
+                Some(own) if grouping.is_narrow() => own.effective,
+                _ => grid.largest(),
+            };
+            let members = from..from + count as usize;
+            let level = LevelGrid { grid, base, group, members, effective, pairs_within, targets: 0..0 };
+            try_push(&mut self.levels, level, "levels")?;
+        }
+        Ok(())
     }
 
     fn grid(
@@ -235,26 +319,24 @@ fn link(
     input: &SearchInput<'_>,
 ) -> Result<(), Error> {
     targets.clear();
-    let per_group = levels.len() / grouping.count();
     for own in 0..levels.len() {
         let start = targets.len();
         for other in (0..levels.len()).filter(|other| *other != own) {
-            let [a, b] = [own, other].map(|level| level / per_group);
+            let [a, b] = [own, other].map(|level| levels[level].group);
             let (Some(meeting), false) = (grouping.meeting(a, b), levels[other].members.is_empty()) else {
                 continue;
             };
             let reach = match members {
                 [] => f64::INFINITY,
-                _ if input.test.frame().is_some() || grouping.sets().is_some() => f64::INFINITY,
-                members => members[a].reach(&members[b], meeting),
+                _ if grouping.sets().is_some() => f64::INFINITY,
+                members => members[a].reach(&members[b], meeting, input.test.frame()),
             };
-            let [cap, back] = [other, own].map(|level| reach - f64::from(levels[level].grid.largest()));
-            let [forth, back] =
-                [levels[own].effort(&levels[other], cap), levels[other].effort(&levels[own], back)];
+            let (radius, forth) = levels[own].search_of(&levels[other], reach);
+            let (_, back) = levels[other].search_of(&levels[own], reach);
             let is_from_own =
                 if a == b { own > other } else { forth < back || (forth == back && own < other) };
             if is_from_own {
-                try_push(targets, Target { level: other, cap: (cap as f32).next_up() }, "levels")?;
+                try_push(targets, Target { level: other, radius }, "levels")?;
             }
         }
         levels[own].targets = start..targets.len();

@@ -1,7 +1,7 @@
 use std::ops::Range;
 
 use super::grid::CellRange;
-use super::{CellList, LevelGrid, Target};
+use super::{CellList, LevelGrid, SearchRadius, Target};
 use crate::Error;
 use crate::compare::{
     Among, HitQueue, MAX_LANES, NeighborRows, Output, PairTest, RunQueue, SimdTask, SimdWidth, Sink, scan,
@@ -55,7 +55,7 @@ impl<S: Sink> SimdTask for Piece<'_, S> {
                 (true, true) => finder.cell_by_cell(level, targets, members),
                 (true, false) => {
                     for at in members {
-                        finder.level(level, at, f32::INFINITY, at + 1);
+                        finder.level(level, at, level.own_radius(), at + 1);
                         finder.others(targets, at);
                     }
                 }
@@ -115,7 +115,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
             let end = end.min(members.end);
             if level.grid.is_at_boundary(cell) {
                 for at in at..end {
-                    self.level(level, at, f32::INFINITY, at + 1);
+                    self.level(level, at, level.own_radius(), at + 1);
                     self.others(targets, at);
                 }
                 at = end;
@@ -136,16 +136,22 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
 
     #[inline(always)]
     fn others(&mut self, targets: &[Target], at: usize) {
-        for &Target { level, cap } in targets {
-            self.level(&self.list.levels[level], at, cap, 0);
+        for &Target { level, radius } in targets {
+            self.level(&self.list.levels[level], at, radius, 0);
         }
     }
 
-    /// Queues the runs that the sphere at `at` may touch, after index `from`, with its radius capped at `cap`.
+    /// Queues the runs that the sphere at `at` may touch, after index `from`.
     #[inline(always)]
-    fn level(&mut self, level: &LevelGrid, at: usize, cap: f32, from: usize) {
+    fn level(
+        &mut self,
+        level: &LevelGrid,
+        at: usize,
+        SearchRadius { excess, cap }: SearchRadius,
+        from: usize,
+    ) {
         let [x, y, z, radius] = self.list.columns.sphere(at);
-        let block = level.grid.block(self.vector, [x, y, z, radius.min(cap)]);
+        let block = level.grid.block(self.vector, [x, y, z, (radius + excess).min(cap)]);
         let count = block.count();
         if (level.grid.circular && block.wraps(level.grid.size)) || count[1] > 2 || count[2] > 2 {
             return self.rows(level, block, at, from);

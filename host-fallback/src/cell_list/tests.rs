@@ -1,3 +1,5 @@
+mod crowds;
+
 use std::ops::Range;
 
 use lazygrid_kernels::{Algorithm, Interaction, Interactions, Pair, Space, Sphere, Spheres};
@@ -5,7 +7,7 @@ use lazygrid_kernels::{Algorithm, Interaction, Interactions, Pair, Space, Sphere
 use super::{CellList, DensityCache, max_cells};
 use crate::compare::{ChunkTarget, ChunkedOutput, PairTest};
 use crate::executor::Executor;
-use crate::input::{SearchInput, SpeciesGroups};
+use crate::input::{Division, Preparation, SearchInput};
 use crate::test_support::assert_matches_naive;
 use crate::{HostDetector, Order, Report, Settings, Simd};
 
@@ -115,15 +117,14 @@ fn groups_of_species_match_naive() {
             let mut buffers = crate::QueryBuffers::default();
             let phases = &mut report.phases;
             let query = spheres.into();
-            let prepared = buffers.prepare(&query, (&settings, true), Executor::Caller, phases);
+            let preparation = Preparation { settings: &settings, wraps: true, has_same_species: false };
+            let prepared = buffers.prepare(&query, preparation, Executor::Caller, phases);
             let prepared = prepared.expect("all are valid");
             let test = prepared.test(&settings);
-            let mut groups = SpeciesGroups::default();
-            let table = settings.interactions.as_ref().expect("a table");
-            groups.update(&ids, table, Executor::Caller).expect("nothing fails");
+            let groups = prepared.groups;
             let surveyed = SearchInput::surveyed(test, &settings);
             let executor = Executor::Caller;
-            let mut input = SearchInput { executor, split, groups: Some(&groups), ..surveyed };
+            let mut input = SearchInput { executor, split, groups, ..surveyed };
             let mut expected = Vec::new();
             for i in 0..n {
                 for j in i + 1..n {
@@ -133,10 +134,10 @@ fn groups_of_species_match_naive() {
                     }
                 }
             }
-            for is_separate in [false, true] {
+            for division in [Division::Merged, Division::ByPartners, Division::ByReach] {
                 let mut list = CellList::default();
                 let density_cache =
-                    DensityCache::of(None, &input).expect("there is memory").with_groups(is_separate);
+                    DensityCache::of(None, &input).expect("there is memory").with_division(division, &input);
                 list.build(&input, &density_cache, &mut report).expect("there is memory");
                 if list.touch_decides() {
                     input.test.decided_by_radii();
@@ -147,7 +148,7 @@ fn groups_of_species_match_naive() {
                     list.search(&input, &output).and_then(|sink| sink.finish()).expect("there is memory");
                 let mut found = chunks.concat();
                 found.sort_unstable();
-                assert!(found == expected, "seed {seed}, {split:?}, separate: {is_separate}");
+                assert!(found == expected, "seed {seed}, {split:?}, {division:?}");
             }
             for &algorithm in Algorithm::CPU {
                 let settings = Settings { algorithm, threads: Some(1), ..settings.clone() };

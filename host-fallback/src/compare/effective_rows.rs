@@ -1,4 +1,4 @@
-use lazygrid_kernels::{EffectiveRadius, Sphere};
+use lazygrid_kernels::{SpeciesReach, Sphere};
 
 use super::{PairTest, Xyzr};
 use crate::memory::{prefetch, prefetch_address};
@@ -31,9 +31,9 @@ impl PairTest<'_> {
         match (rows, columns, self.species_radii()) {
             _ if self.has_margin() => task.run(self),
             (Some(rows), _, None) => task.run(rows),
-            (Some(rows), _, Some((ids, reach))) => task.run((rows, ids, reach)),
+            (Some(rows), _, Some((ids, reaches))) => task.run((rows, ids, reaches)),
             (None, Some(columns), None) => task.run(columns),
-            (None, Some(columns), Some((ids, reach))) => task.run((columns, ids, reach)),
+            (None, Some(columns), Some((ids, reaches))) => task.run((columns, ids, reaches)),
             (None, None, _) => task.run(self),
         }
     }
@@ -73,7 +73,7 @@ impl EffectiveRows for [&[f32]; 4] {
     }
 }
 
-impl<R: EffectiveRows> EffectiveRows for (R, &[u32], &[EffectiveRadius]) {
+impl<R: EffectiveRows> EffectiveRows for (R, &[u32], &[SpeciesReach]) {
     #[inline(always)]
     fn prefetch(self, k: usize) {
         self.0.prefetch(k);
@@ -87,7 +87,7 @@ impl<R: EffectiveRows> EffectiveRows for (R, &[u32], &[EffectiveRadius]) {
 
     #[inline(always)]
     fn effective(self, k: usize, radius: f32) -> f32 {
-        self.2[self.1[k] as usize].for_radius(radius)
+        self.2[self.1[k] as usize].effective.for_radius(radius)
     }
 }
 

@@ -14,7 +14,9 @@ const CHUNK_PAIRS: usize = 1 << 12;
 /// Indices of a second set follow the first.
 #[derive(Clone, Debug)]
 pub struct PairFilter<'a> {
-    query: Query<'a>,
+    first: Spheres<'a>,
+    second: Option<Spheres<'a>>,
+    exclusions: Option<&'a Exclusions>,
     /// Decides contact of spheres in a frame.
     contact: Option<(&'a Space, Option<&'a Interactions>)>,
     has_groups: bool,
@@ -26,11 +28,11 @@ impl<'a> PairFilter<'a> {
         query: Query<'a>,
         contact: Option<(&'a Space, Option<&'a Interactions>)>,
     ) -> Option<Self> {
+        let (first, second, exclusions) = (query.first(), query.second(), query.exclusions());
         // If one of two sets has no groups, none is shared.
-        let has_groups =
-            query.first().groups().is_some() && query.second().is_none_or(|second| second.groups().is_some());
-        let is_needed = contact.is_some() || has_groups || query.exclusions().is_some();
-        is_needed.then_some(Self { query, contact, has_groups })
+        let has_groups = first.groups().is_some() && second.is_none_or(|second| second.groups().is_some());
+        let is_needed = contact.is_some() || has_groups || exclusions.is_some();
+        is_needed.then_some(Self { first, second, exclusions, contact, has_groups })
     }
 
     /// Returns `true` if the filter decides contact, so that a search finds only candidates.
@@ -39,7 +41,7 @@ impl<'a> PairFilter<'a> {
     }
 
     pub(crate) fn is_contact(&self) -> bool {
-        !self.has_groups && self.query.exclusions().is_none()
+        !self.has_groups && self.exclusions.is_none()
     }
 
     pub(crate) fn is_by_radii(&self) -> bool {
@@ -51,7 +53,7 @@ impl<'a> PairFilter<'a> {
         // The exclusion lookup is the slowest test, so it comes last.
         !(self.has_groups && self.are_of_one_group(i, j))
             && self.contact.is_none_or(|(space, table)| self.touch(space, table, i.min(j), i.max(j)))
-            && !self.query.exclusions().is_some_and(|exclusions| self.are_listed(exclusions, i, j))
+            && !self.exclusions.is_some_and(|exclusions| self.are_listed(exclusions, i, j))
     }
 
     /// Removes rejected pairs, in parallel and without changing the order.
@@ -75,11 +77,12 @@ impl<'a> PairFilter<'a> {
         close_gaps(pairs, kept.iter().zip(0..).map(|(&count, chunk)| (chunk * CHUNK_PAIRS, count as usize)));
     }
 
-    fn of(&self, k: u32) -> (Spheres<'a>, usize) {
-        let (k, first) = (k as usize, self.query.first());
-        match self.query.second() {
-            Some(second) if k >= first.len() => (second, k - first.len()),
-            _ => (first, k),
+    #[inline]
+    fn of(&self, k: u32) -> (&Spheres<'a>, usize) {
+        let (k, split) = (k as usize, self.first.len());
+        match &self.second {
+            Some(second) if k >= split => (second, k - split),
+            _ => (&self.first, k),
         }
     }
 
@@ -94,9 +97,9 @@ impl<'a> PairFilter<'a> {
     }
 
     fn are_listed(&self, exclusions: &Exclusions, i: u32, j: u32) -> bool {
-        match self.query.split() {
+        match self.second {
             None => exclusions.contains(i, j),
-            Some(split) => exclusions.contains(i.min(j), i.max(j) - split as u32),
+            Some(_) => exclusions.contains(i.min(j), i.max(j) - self.first.len() as u32),
         }
     }
 

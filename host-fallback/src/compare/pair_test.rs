@@ -1,5 +1,7 @@
+use std::borrow::Cow;
+
 use glam::{DVec3, Vec3};
-use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions, Space, Spheres};
+use lazygrid_kernels::{Interaction, Interactions, Space, SpeciesReach, Spheres};
 
 use super::{PairFilter, PeriodicBox, Xyzr};
 use crate::frame::SearchFrame;
@@ -44,7 +46,9 @@ pub(crate) struct SphereRadii {
     pub(crate) own: f32,
     /// Radius by the interactions of the species.
     pub(crate) effective: f32,
-    /// Plus the skin margin in a search for candidates.
+    /// Displacement limit in a search for candidates, or 0.
+    pub(crate) margin: f32,
+    /// Effective radius plus margin.
     pub(crate) widened: f32,
 }
 
@@ -59,17 +63,37 @@ pub(crate) struct SkinMargin<'a> {
 struct Species<'a> {
     table: &'a Interactions,
     ids: &'a [u32],
-    reach: Vec<EffectiveRadius>,
+    reaches: Cow<'a, [SpeciesReach]>,
+}
+
+/// Rounded up, since candidates must include every possible pair.
+#[inline(always)]
+fn widened(radius: f32, margin: f32) -> f32 {
+    (radius + margin).next_up()
 }
 
 impl<'a> PairTest<'a> {
     /// In unbounded space, with checked species ids.
     pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&'a Interactions>) -> Self {
         #[expect(clippy::disallowed_methods, reason = "a table has at most 4096 species")]
-        let species = interactions.zip(spheres.species()).map(|(table, ids)| {
-            let reach = (0..table.species()).map(|s| table.effective_radius(s)).collect();
-            Species { table, ids, reach }
-        });
+        let reaches = |table: &Interactions| (0..table.species()).map(|s| table.reach(s)).collect();
+        Self::with_reaches(spheres, interactions.map(|table| (table, Cow::Owned(reaches(table)))))
+    }
+
+    /// Like [`new`](Self::new), with the reach of each species to those that are present.
+    pub(crate) fn of_present(
+        spheres: Spheres<'a>,
+        table: Option<(&'a Interactions, &'a [SpeciesReach])>,
+    ) -> Self {
+        Self::with_reaches(spheres, table.map(|(table, reaches)| (table, Cow::Borrowed(reaches))))
+    }
+
+    fn with_reaches(
+        spheres: Spheres<'a>,
+        table: Option<(&'a Interactions, Cow<'a, [SpeciesReach]>)>,
+    ) -> Self {
+        let with_ids = table.zip(spheres.species());
+        let species = with_ids.map(|((table, reaches), ids)| Species { table, ids, reaches });
         let is_plain = species.is_none();
         Self {
             spheres,
@@ -137,8 +161,8 @@ impl<'a> PairTest<'a> {
     }
 
     #[inline(always)]
-    pub(crate) fn species_radii(&self) -> Option<(&'a [u32], &[EffectiveRadius])> {
-        self.species.as_ref().map(|species| (species.ids, &species.reach[..]))
+    pub(crate) fn species_radii(&self) -> Option<(&'a [u32], &[SpeciesReach])> {
+        self.species.as_ref().map(|species| (species.ids, &*species.reaches))
     }
 
     /// Number of species of the table; 0 without one.
@@ -170,15 +194,30 @@ impl<'a> PairTest<'a> {
             None => (0, sphere.radius),
             Some(s) => {
                 let species = s.ids[id as usize];
-                (species, s.reach[species as usize].for_radius(sphere.radius))
+                (species, s.reaches[species as usize].effective.for_radius(sphere.radius))
             }
         };
-        let widened = match &self.margin {
-            None => effective,
-            // Rounded up, since candidates must include every possible pair.
-            Some(margin) => (effective + margin.limits.get(species, effective)).next_up(),
+        let (margin, widened) = match &self.margin {
+            None => (0.0, effective),
+            Some(margin) => {
+                let margin = margin.limits.get(species, effective);
+                (margin, widened(effective, margin))
+            }
         };
-        SphereRadii { center: sphere.center, own: sphere.radius, effective, widened }
+        SphereRadii { center: sphere.center, own: sphere.radius, effective, margin, widened }
+    }
+
+    /// Returns the radius, with the skin margin, of a sphere among spheres that it pairs with within `reach`.
+    #[inline]
+    pub(crate) fn radius_within(&self, id: u32, reach: SpeciesReach) -> f32 {
+        let SphereRadii { own, effective, margin, widened: most, .. } = self.radii(id);
+        let radius = match self.frame {
+            None => reach.effective.for_radius(own),
+            // The radius as given is unknown.
+            Some(_) if reach.effective.touches => effective,
+            Some(frame) => frame.radius(reach.largest_half).unwrap_or(effective),
+        };
+        if self.has_margin() { widened(radius, margin).min(most) } else { radius.min(most) }
     }
 
     /// Lets contact by effective radii decide up to rounding, unless a filter or frame requires more.

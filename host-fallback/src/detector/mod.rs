@@ -11,7 +11,7 @@ use lazygrid_kernels::{Query, Sphere};
 use crate::cell_list::CellList;
 use crate::executor::{Executor, MIN_PARALLEL_SPHERES, Team};
 use crate::grids::{ArrayGrid, HashGrid, RecursiveGrid};
-use crate::input::{InputStats, QueryBuffers, SearchInput, SpeciesGroups, check_valid};
+use crate::input::{InputStats, Preparation, QueryBuffers, SearchInput, check_valid};
 use crate::memory::with_growth;
 use crate::naive::Naive;
 use crate::skin::{CallSpheres, memory_of_candidates};
@@ -30,7 +30,6 @@ pub struct HostBackend {
     structure: IndexKind,
     team: Arc<Team>,
     buffers: QueryBuffers,
-    groups: SpeciesGroups,
     state: DetectorState,
 }
 
@@ -57,14 +56,7 @@ impl HostBackend {
         log::debug!("vector code: {:?}", settings.simd);
         let mut state = DetectorState::default();
         state.report.algorithm = settings.algorithm;
-        Ok(Self {
-            settings,
-            structure,
-            team,
-            buffers: QueryBuffers::default(),
-            groups: SpeciesGroups::default(),
-            state,
-        })
+        Ok(Self { settings, structure, team, buffers: QueryBuffers::default(), state })
     }
 
     pub fn report(&self) -> &Report {
@@ -117,7 +109,7 @@ impl SearchBackend for HostBackend {
 
     /// For small inputs only long work runs in the detector's pool.
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
-        let Self { settings, structure, team, buffers, groups, state } = self;
+        let Self { settings, structure, team, buffers, state } = self;
         let settings = &*settings;
         // The time of the paper's grids is not predictable.
         let is_large = query.len() >= MIN_PARALLEL_SPHERES
@@ -127,22 +119,30 @@ impl SearchBackend for HostBackend {
             let executor = if is_large { team.executor()? } else { Executor::Caller };
             let mut lapsed = query.split().map(|_| RebuildReason::NoList);
             let mut prepared = None;
-            if state.skin.candidates.input_stats().is_some() {
+            let candidates = &state.skin.candidates;
+            let has_same_species = candidates.are_of_species(query.first().species(), buffers.version());
+            if has_same_species {
                 // If the candidates are valid, no copy is needed.
                 prepared = buffers.prepare_in_place(query, settings, executor)?;
                 if let Some(in_place) = &prepared {
-                    let spheres = CallSpheres { test: &in_place.test(settings), input: in_place.input };
+                    let input = in_place.input;
+                    let spheres = CallSpheres { test: &in_place.test(settings), input, has_same_species };
                     lapsed = state.advance(settings, spheres, executor)?;
                 }
             }
             let is_advanced = prepared.is_some();
             let prepared = match prepared.filter(|_| lapsed.is_none()) {
                 Some(prepared) => prepared,
-                None => buffers.prepare(query, (settings, true), executor, &mut state.report.phases)?,
+                None => {
+                    let has_same_species = has_same_species && query.split().is_none();
+                    let preparation = Preparation { settings, wraps: true, has_same_species };
+                    buffers.prepare(query, preparation, executor, &mut state.report.phases)?
+                }
             };
             let test = prepared.test(settings);
             if !is_advanced && prepared.split.is_none() {
-                lapsed = state.advance(settings, CallSpheres { test: &test, input: None }, executor)?;
+                let spheres = CallSpheres { test: &test, input: None, has_same_species };
+                lapsed = state.advance(settings, spheres, executor)?;
             }
             let stats = match (lapsed, state.skin.candidates.input_stats()) {
                 (None, Some(stats)) => stats.clone(),
@@ -152,13 +152,8 @@ impl SearchBackend for HostBackend {
                     stats.or_else(|error| check_valid(query, executor).and(Err(error)))?
                 }
             };
-            let table = settings.interactions.as_ref().zip(test.spheres().species());
-            if let (Some((table, ids)), Some(_)) = (table, lapsed) {
-                groups.update(ids, table, executor)?;
-            }
-            let groups = table.map(|_| &*groups);
             let test = test.with_radii_up_to(stats.largest_radius());
-            let (simd, split) = (settings.simd, prepared.split);
+            let (simd, split, groups) = (settings.simd, prepared.split, prepared.groups);
             let mut input = SearchInput { test, stats, settings, simd, executor, split, groups };
             state.build(&mut input, lapsed)?;
             if is_large || state.is_short(&input) {

@@ -11,7 +11,7 @@ use crate::compare::{ChunkTarget, ChunkedOutput, Count, Output, PairConsumer, de
 use crate::disjoint_writes::shared;
 use crate::executor::Executor;
 use crate::grids::{ArrayGrid, HashGrid, RecursiveGrid};
-use crate::input::SearchInput;
+use crate::input::{Division, SearchInput};
 use crate::memory::{try_collect, try_extend};
 use crate::naive::{self, Naive};
 use crate::skin::{CallSpheres, SkinController};
@@ -70,7 +70,7 @@ impl DetectorState {
         }
         let is_by_radii = match self.report.algorithm {
             Algorithm::CellList => self.cell_list.touch_decides(),
-            _ => input.grouping(true).is_by_radii(),
+            _ => input.grouping(Division::ByPartners).is_by_radii(),
         };
         if is_by_radii {
             input.test.decided_by_radii();

@@ -155,6 +155,11 @@ impl SearchFrame {
         self.scale
     }
 
+    /// Returns the searched radius of spheres with this radius; `None` if it depends on the center.
+    pub(crate) fn radius(&self, radius: f64) -> Option<f32> {
+        self.is_orthogonal().then(|| searched_radius(radius * self.scale))
+    }
+
     /// Returns the overlap beyond which spheres up to this radius certainly touch in space.
     pub(crate) fn slack(largest: f32) -> f32 {
         let [absolute, relative] = SLACK;

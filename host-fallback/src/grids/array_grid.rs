@@ -5,7 +5,7 @@ use super::entries::{Entries, KeyLayout, Visit, cells_of_piece, memory_of_entrie
 use super::workspace::Workspaces;
 use crate::Error;
 use crate::compare::Output;
-use crate::input::{SearchInput, search_pieces};
+use crate::input::{Division, SearchInput, search_pieces};
 use crate::radix::{KeyedSphere, RadixKey};
 use crate::report::Report;
 
@@ -66,7 +66,7 @@ fn cells<'o, K: RadixKey, O: Output>(
     batch: &mut Batch,
     (input, output, mut sink): (&SearchInput<'_>, &'o O, O::Sink<'o>),
 ) -> Result<O::Sink<'o>, Error> {
-    let grouping = input.grouping(true);
+    let grouping = input.grouping(Division::ByPartners);
     for run in runs(entries) {
         if run.len() <= CROWDED {
             batch.push(run, &grouping)?;

@@ -6,7 +6,7 @@ use super::entries::MASK_BITS;
 use super::workspace::Workspaces;
 use crate::Error;
 use crate::compare::{Columns, Output, PairTest, SimdTask, SimdWidth, Sink, scan};
-use crate::input::{Grouping, SearchInput, search_pieces};
+use crate::input::{Division, Grouping, SearchInput, search_pieces};
 use crate::memory::{try_collect, try_extend, try_push, with_growth};
 use crate::radix::{KeyedSphere, RadixKey};
 
@@ -217,7 +217,7 @@ impl OverfullCell {
         (large, small): (&[impl CellMember], &[impl CellMember]),
         (output, sink): (&'o O, O::Sink<'o>),
     ) -> Result<O::Sink<'o>, Error> {
-        let grouping = input.grouping(true);
+        let grouping = input.grouping(Division::ByPartners);
         self.rows.clear();
         self.order.clear();
         let first = self.arrange(large, 0, &grouping)?;

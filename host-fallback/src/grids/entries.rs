@@ -6,7 +6,7 @@ use super::uniform_grid::{ALL_AXES, CellBox, UniformGrid};
 use crate::Error;
 use crate::disjoint_writes::split_at;
 use crate::executor::Executor;
-use crate::input::SearchInput;
+use crate::input::{Division, SearchInput};
 use crate::memory::{try_reserve, try_resize};
 use crate::radix::{KeyedSphere, Radix, RadixKey};
 use crate::report::Report;
@@ -95,7 +95,7 @@ impl Entries {
         let (n, ratio) = (stats.spheres, input.settings.cell_ratio);
         let executor = input.executor.for_light_work(n);
         let sphere = |k: usize| input.test.effective(k as u32);
-        let grouping = input.grouping(true);
+        let grouping = input.grouping(Division::ByPartners);
         let paired = grouping.paired();
         let (mut grid, mut most) =
             (UniformGrid::new(stats, ratio, input.test.lengths()), most_entries(n, ratio));

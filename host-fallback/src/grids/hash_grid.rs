@@ -13,7 +13,7 @@ use super::workspace::Workspaces;
 use crate::Error;
 use crate::compare::Output;
 use crate::disjoint_writes::{shared, split_at};
-use crate::input::{SearchInput, search_pieces};
+use crate::input::{Division, SearchInput, search_pieces};
 use crate::memory::{try_push, try_resize, with_growth};
 use crate::report::Report;
 
@@ -158,7 +158,7 @@ impl HashGrid {
         (input, output, mut sink): (&SearchInput<'_>, &'o O, O::Sink<'o>),
     ) -> Result<O::Sink<'o>, Error> {
         let Workspace { chain, batch, overfull } = workspace;
-        let grouping = input.grouping(true);
+        let grouping = input.grouping(Division::ByPartners);
         for &head in heads {
             self.collect(head, chain)?;
             for run in chain.chunk_by(|a, b| a.cell == b.cell).filter(|run| run.len() > 1) {
@@ -204,7 +204,7 @@ impl HashGrid {
 
 fn spheres<'i>(input: &'i SearchInput<'_>, piece: usize) -> impl Iterator<Item = u32> + 'i {
     let range = piece * CHUNK_SPHERES..input.stats.spheres.min((piece + 1) * CHUNK_SPHERES);
-    let grouping = input.grouping(true);
+    let grouping = input.grouping(Division::ByPartners);
     let paired = grouping.paired();
     range.filter(move |&k| paired >> grouping.of(k) & 1 == 1).map(|k| k as u32)
 }

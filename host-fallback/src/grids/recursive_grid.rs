@@ -20,7 +20,7 @@ use super::uniform_grid::{CellBox, UniformGrid};
 use super::workspace::Workspaces;
 use crate::Error;
 use crate::compare::{Output, Sink};
-use crate::input::{SearchInput, search_pieces};
+use crate::input::{Division, SearchInput, search_pieces};
 use crate::memory::{try_extend, try_reserve};
 use crate::radix::{KeyedSphere, Radix, RadixKey};
 use crate::report::Report;
@@ -281,7 +281,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         cell: impl Fn(K) -> NestedCell,
         (workspace, mut sink): (&mut Workspace, O::Sink<'o>),
     ) -> Result<O::Sink<'o>, Error> {
-        let grouping = self.input.grouping(true);
+        let grouping = self.input.grouping(Division::ByPartners);
         for run in runs(entries) {
             if run.len() <= self.tau().min(CHUNK_ENTRIES) {
                 workspace.batch.push(run, &grouping)?;

@@ -1,5 +1,6 @@
-use super::species_groups::{Meeting, SpeciesPartition};
+use super::species_partition::{Meeting, SpeciesPartition};
 use crate::Error;
+use crate::compare::PairTest;
 use crate::memory::{try_collect, try_resize};
 
 /// Groups of spheres that a search keeps apart: the two sets, each divided by species.
@@ -40,6 +41,22 @@ impl<'a> Grouping<'a> {
             Some((partition, ids)) => {
                 set * partition.count + usize::from(partition.of_species[ids[id] as usize])
             }
+        }
+    }
+
+    /// Returns `true` if spheres of some group reach farther to others than to each other.
+    pub(crate) fn is_narrow(&self) -> bool {
+        self.species.is_some_and(|(partition, _)| !partition.narrow.is_empty())
+    }
+
+    /// Returns the radius of a sphere among those of its group, with the skin margin. `effective` is that among all.
+    #[inline(always)]
+    pub(crate) fn radius(&self, test: &PairTest<'_>, id: usize, effective: f32) -> f32 {
+        match self.species {
+            Some((partition, ids)) if !partition.narrow.is_empty() => {
+                test.radius_within(id as u32, partition.narrow[ids[id] as usize])
+            }
+            _ => effective,
         }
     }
 

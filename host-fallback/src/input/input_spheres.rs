@@ -1,24 +1,15 @@
 //! The spheres of a call in the caller's layout, and their map to the search frame.
 
-use lazygrid_kernels::{Space, Spheres, Strided};
+use lazygrid_kernels::{Space, SpeciesReach, Spheres, Strided};
 
 use crate::compare::{SimdWidth, Xyzr};
 use crate::frame::{Bounds, FrameMap, SearchFrame};
 use crate::memory::{prefetch, prefetch_address, prefetch_row};
 
-/// The rule for the effective radius of a species.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct HalfCutoff {
-    /// Half the largest distance with any species, or 0.
-    pub(super) half: f64,
-    /// `true` if contact decides some of its pairs.
-    pub(super) touches: bool,
-}
-
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct InputSpheres<'a> {
     spheres: Spheres<'a>,
-    species: Option<(&'a [u32], &'a [HalfCutoff])>,
+    species: Option<(&'a [u32], &'a [SpeciesReach])>,
     frame: &'a SearchFrame,
     space: &'a Space,
 }
@@ -45,11 +36,11 @@ pub(crate) trait InputLoop {
 impl<'a> InputSpheres<'a> {
     pub(super) fn new(
         spheres: Spheres<'a>,
-        halves: Option<&'a [HalfCutoff]>,
+        reaches: Option<&'a [SpeciesReach]>,
         frame: &'a SearchFrame,
         space: &'a Space,
     ) -> Self {
-        Self { spheres, species: spheres.species().zip(halves), frame, space }
+        Self { spheres, species: spheres.species().zip(reaches), frame, space }
     }
 
     /// Returns `true` if the frame represents the spheres in `bounds` and all that it contains.
@@ -64,11 +55,11 @@ impl<'a> InputSpheres<'a> {
         match (rows, &strided, self.species) {
             (Some(rows), _, None) => run_mapped(vector, task, rows, &map),
             (_, Some(rows), None) => run_mapped(vector, task, rows, &map),
-            (Some(rows), _, Some((ids, halves))) => {
-                run_mapped(vector, task, OfSpecies { rows, ids, halves }, &map)
+            (Some(rows), _, Some((ids, reaches))) => {
+                run_mapped(vector, task, OfSpecies { rows, ids, reaches }, &map)
             }
-            (_, Some(rows), Some((ids, halves))) => {
-                run_mapped(vector, task, OfSpecies { rows, ids, halves }, &map)
+            (_, Some(rows), Some((ids, reaches))) => {
+                run_mapped(vector, task, OfSpecies { rows, ids, reaches }, &map)
             }
             (None, None, _) => task.run::<V, true>(vector, &self, &map),
         }
@@ -140,7 +131,7 @@ impl InputRows for &Strided<'_, f64> {
 struct OfSpecies<'a, R> {
     rows: R,
     ids: &'a [u32],
-    halves: &'a [HalfCutoff],
+    reaches: &'a [SpeciesReach],
 }
 
 impl<R: InputRows> InputRows for OfSpecies<'_, R> {
@@ -157,7 +148,7 @@ impl<R: InputRows> InputRows for OfSpecies<'_, R> {
 
     #[inline(always)]
     fn effective(self, k: usize, row: [f64; 4]) -> [f64; 4] {
-        effective(row, self.halves[self.ids[k] as usize])
+        effective(row, self.reaches[self.ids[k] as usize])
     }
 }
 
@@ -175,14 +166,13 @@ impl InputRows for &InputSpheres<'_> {
 
     #[inline(always)]
     fn effective(self, k: usize, row: [f64; 4]) -> [f64; 4] {
-        self.species.map_or(row, |(species, halves)| effective(row, halves[species[k] as usize]))
+        self.species.map_or(row, |(species, reaches)| effective(row, reaches[species[k] as usize]))
     }
 }
 
 /// Keeps an invalid radius, which the validity check finds.
 #[inline(always)]
-fn effective([x, y, z, radius]: [f64; 4], HalfCutoff { half, touches }: HalfCutoff) -> [f64; 4] {
+fn effective([x, y, z, radius]: [f64; 4], reach: SpeciesReach) -> [f64; 4] {
     let is_valid = (0.0..f64::INFINITY).contains(&radius);
-    let by_species = if touches { half.max(radius) } else { half };
-    [x, y, z, if is_valid { by_species } else { radius }]
+    [x, y, z, if is_valid { reach.for_radius(radius) } else { radius }]
 }

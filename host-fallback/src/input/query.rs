@@ -6,12 +6,13 @@ use std::time::Instant;
 use lazygrid_kernels::{Interactions, MAX_SPHERES, Query, Space, Sphere, Spheres};
 
 use super::copy::{copy, map_to_frame};
-use super::input_spheres::{HalfCutoff, InputSpheres};
+use super::input_spheres::InputSpheres;
+use super::species_groups::SpeciesGroups;
 use super::validate::{check_species, check_valid};
 use crate::compare::{PairFilter, PairTest};
 use crate::executor::Executor;
 use crate::frame::{Bounds, RowsByIndex, SearchFrame};
-use crate::memory::{try_collect, try_resize};
+use crate::memory::try_resize;
 use crate::{Error, InputError, PhaseTime, Settings, Simd};
 
 /// For spheres that cannot be searched in place, with the last frame.
@@ -20,7 +21,7 @@ pub struct QueryBuffers {
     spheres: Vec<Sphere>,
     species: Vec<u32>,
     frame: Option<SearchFrame>,
-    halves: Vec<HalfCutoff>,
+    groups: SpeciesGroups,
 }
 
 #[derive(Debug)]
@@ -34,21 +35,39 @@ pub struct PreparedQuery<'a> {
     pub(crate) input: Option<InputSpheres<'a>>,
     /// `None` if contact decides.
     pub filter: Option<PairFilter<'a>>,
+    /// `None` without interactions.
+    pub(crate) groups: Option<&'a SpeciesGroups>,
+}
+
+/// The copies and the knowledge that a search needs.
+#[derive(Clone, Copy, Debug)]
+pub struct Preparation<'a> {
+    pub settings: &'a Settings,
+    /// Requests wrapping into an orthogonal periodic space.
+    pub wraps: bool,
+    /// `true` if the species of the spheres are those of the last query.
+    pub has_same_species: bool,
 }
 
 impl PreparedQuery<'_> {
     pub(crate) fn test<'q>(&'q self, settings: &'q Settings) -> PairTest<'q> {
+        let table = settings.interactions.as_ref().zip(self.groups.map(SpeciesGroups::reaches));
         let test = match self.frame {
             Some(frame) => PairTest::new(self.spheres, None).in_space(frame.space()),
-            None => PairTest::new(self.spheres, settings.interactions.as_ref()).in_space(settings.space),
+            None => PairTest::of_present(self.spheres, table).in_space(settings.space),
         };
         test.filtered(self.filter.as_ref(), self.frame)
     }
 }
 
 impl QueryBuffers {
-    /// Checks a query and prepares its spheres. Validity is checked only if they need a frame. `wraps` requests
-    /// wrapping into an orthogonal periodic space. Adds the time of a copy to `phases`.
+    /// Returns a number that changes with the species that are present; 0 without interactions.
+    pub(crate) fn version(&self) -> u32 {
+        self.groups.version()
+    }
+
+    /// Checks a query and prepares its spheres. Validity is checked only if they need a frame. Adds the time of a copy
+    /// to `phases`.
     ///
     /// # Errors
     /// [`Error::Input`] for too many spheres, unknown species, exclusions of other numbers of spheres, and invalid
@@ -56,17 +75,28 @@ impl QueryBuffers {
     pub fn prepare<'a>(
         &'a mut self,
         query: &Query<'a>,
-        (settings, wraps): (&'a Settings, bool),
+        Preparation { settings, wraps, has_same_species }: Preparation<'a>,
         executor: Executor,
         phases: &mut Vec<PhaseTime>,
     ) -> Result<PreparedQuery<'a>, Error> {
         let query = &with_ids(query, settings.interactions.as_ref());
         let (split, space) = (query.split(), &settings.space);
         let (is_framed, filter) = check_and_filter(query, settings, executor)?;
+        if let Some(table) = settings.interactions.as_ref().filter(|_| !has_same_species) {
+            self.groups.update(query, table, executor)?;
+        }
         let is_wrapped = wraps && space.is_periodic();
         let are_in_place = query.first().is_read_in_place() && split.is_none();
         if are_in_place && !is_wrapped && !is_framed {
-            return Ok(PreparedQuery { spheres: query.first(), split, frame: None, input: None, filter });
+            let groups = settings.interactions.as_ref().map(|_| &self.groups);
+            return Ok(PreparedQuery {
+                spheres: query.first(),
+                split,
+                frame: None,
+                input: None,
+                filter,
+                groups,
+            });
         }
         let start = Instant::now();
         try_resize(&mut self.spheres, query.len(), "copies of spheres")?;
@@ -75,15 +105,16 @@ impl QueryBuffers {
         } else {
             self.copy(query, is_wrapped.then_some(space), settings.simd, executor);
         }
-        let Self { spheres, species, frame, .. } = self;
+        let Self { spheres, species, frame, groups } = self;
         let spheres = with_species(spheres, species, query)?;
         PhaseTime::add(phases, "copy", start.elapsed());
         let frame = frame.as_ref().filter(|_| is_framed);
-        Ok(PreparedQuery { spheres, split, frame, input: None, filter })
+        let groups = settings.interactions.as_ref().map(|_| &*groups);
+        Ok(PreparedQuery { spheres, split, frame, input: None, filter, groups })
     }
 
-    /// Prepares the spheres as given, to test candidates in the last frame. `None` if they need no frame, are two sets,
-    /// or the last frame has another number type.
+    /// Prepares the spheres as given, which have the species of the last query, to test candidates in the last frame.
+    /// `None` if they need no frame, are two sets, or the last frame has another number type.
     pub(crate) fn prepare_in_place<'a>(
         &'a self,
         query: &Query<'a>,
@@ -97,10 +128,11 @@ impl QueryBuffers {
         if !is_framed || !is_of_kind || query.split().is_some() {
             return Ok(None);
         }
-        let halves = settings.interactions.as_ref().map(|_| &*self.halves);
+        let groups = settings.interactions.as_ref().map(|_| &self.groups);
         let spheres = query.first();
-        let input = Some(InputSpheres::new(spheres, halves, frame, &settings.space));
-        Ok(Some(PreparedQuery { spheres, split: None, frame: Some(frame), input, filter }))
+        let input =
+            Some(InputSpheres::new(spheres, groups.map(SpeciesGroups::reaches), frame, &settings.space));
+        Ok(Some(PreparedQuery { spheres, split: None, frame: Some(frame), input, filter, groups }))
     }
 
     /// Uses the last frame if spheres fit, else a new one.
@@ -110,18 +142,8 @@ impl QueryBuffers {
         settings: &Settings,
         executor: Executor,
     ) -> Result<(), Error> {
-        let Settings { space, interactions, .. } = settings;
-        if let Some(table) =
-            interactions.as_ref().filter(|table| table.species() as usize != self.halves.len())
-        {
-            let half_cutoff = |species| {
-                let (half, touches) = table.largest_half(species);
-                HalfCutoff { half, touches }
-            };
-            self.halves = try_collect((0..table.species()).map(half_cutoff), "radii of species")?;
-        }
         let last = self.frame.take();
-        let frame = match space.triclinic_cell().filter(|_| is_triclinic_f32(query, settings)) {
+        let frame = match settings.space.triclinic_cell().filter(|_| is_triclinic_f32(query, settings)) {
             Some(cell) => {
                 let last = last.filter(SearchFrame::is_triclinic_f32);
                 let frame = last.unwrap_or_else(|| SearchFrame::triclinic_f32(cell));
@@ -170,9 +192,9 @@ impl QueryBuffers {
         (query, settings): (&Query<'_>, &Settings),
         executor: Executor,
     ) -> Option<SearchFrame> {
-        let halves = settings.interactions.as_ref().map(|_| &*self.halves);
+        let reaches = settings.interactions.as_ref().map(|_| self.groups.reaches());
         let given =
-            |set: Spheres<'_>, k| InputSpheres::new(set, halves, frame, &settings.space).effective_row(k);
+            |set: Spheres<'_>, k| InputSpheres::new(set, reaches, frame, &settings.space).effective_row(k);
         let first = query.first();
         let get = |k: usize| match query.second() {
             Some(second) if k >= first.len() => given(second, k - first.len()),
@@ -189,11 +211,11 @@ impl QueryBuffers {
         settings: &Settings,
         executor: Executor,
     ) -> Result<Bounds, Error> {
-        let Self { spheres, halves, .. } = self;
-        let halves = settings.interactions.as_ref().map(|_| &**halves);
+        let Self { spheres, groups, .. } = self;
+        let reaches = settings.interactions.as_ref().map(|_| groups.reaches());
         let (first, second) = spheres.split_at_mut(query.first().len());
         let map = |set: Spheres<'_>, targets| {
-            let input = InputSpheres::new(set, halves, frame, &settings.space);
+            let input = InputSpheres::new(set, reaches, frame, &settings.space);
             map_to_frame(input, targets, settings.simd, executor.for_light_work(set.len()))
         };
         let bounds = map(query.first(), first)?;

@@ -1,9 +1,11 @@
 use std::sync::atomic::Ordering::Relaxed;
 
+use glam::Vec3;
+
 use crate::compare::{Output, PairTest, SimdTask, Sink};
 use crate::executor::Executor;
 use crate::input::InputStats;
-use crate::input::{Grouping, SpeciesGroups};
+use crate::input::{Division, Grouping, SpeciesGroups};
 use crate::{Error, Settings, Simd};
 
 pub(crate) struct SearchInput<'a> {
@@ -43,10 +45,15 @@ impl<'a> SearchInput<'a> {
         self.settings.stop.as_ref().is_some_and(|stop| stop.load(Relaxed))
     }
 
-    /// If `is_separate`, species that pair with different ones are kept apart.
-    pub(crate) fn grouping(&self, is_separate: bool) -> Grouping<'a> {
+    pub(crate) fn grouping(&self, division: Division) -> Grouping<'a> {
         let species = self.groups.zip(self.test.spheres().species());
-        Grouping::new(self.split, species.map(|(groups, ids)| (groups.partition(is_separate), ids)))
+        Grouping::new(self.split, species.map(|(groups, ids)| (groups.partition(division), ids)))
+    }
+
+    /// Returns the longest axis of a grid for these bounds.
+    pub(crate) fn extent(&self, (min, max): (Vec3, Vec3)) -> f32 {
+        let lengths = self.test.lengths();
+        (0..3).map(|axis| lengths[axis].unwrap_or((max - min)[axis])).fold(0.0, f32::max)
     }
 
     pub(crate) fn is_periodic(&self) -> bool {

@@ -95,6 +95,15 @@ impl InputStats {
         stats
     }
 
+    /// With the spheres of these classes only.
+    pub(crate) fn with_classes(&self, classes: [SizeClass; SIZE_CLASSES]) -> Self {
+        let occupied = || (0..SIZE_CLASSES).filter(|&class| classes[class].count > 0);
+        let span = occupied().next().zip(occupied().next_back());
+        let spheres = classes.iter().map(|class| class.count as usize).sum();
+        let span = span.map_or([SIZE_CLASSES, 0], |(first, last)| [first, last + 1]);
+        Self { spheres, min: self.min, max: self.max, classes, span }
+    }
+
     /// Species ids must have been checked.
     ///
     /// # Errors

@@ -20,7 +20,7 @@ const PREFETCH_SPHERES: usize = 128;
 /// inverse square of its displacement limit. Returns the largest used fraction of a limit, infinity for an invalid
 /// sphere; and `true` if an effective radius has changed or the frame no longer fits.
 pub(super) fn advance(
-    CallSpheres { test, input }: CallSpheres<'_>,
+    CallSpheres { test, input, .. }: CallSpheres<'_>,
     then: &[SortRecord],
     rows: &mut [Xyzr],
     simd: Simd,

@@ -12,7 +12,7 @@ use crate::compare::{
 };
 use crate::executor::Executor;
 use crate::frame::SearchFrame;
-use crate::input::{InputStats, SearchInput, check_valid, search_pieces};
+use crate::input::{InputStats, SearchInput, SpeciesGroups, check_valid, search_pieces};
 use crate::memory::{prefetch, try_resize, with_growth};
 use crate::report::{CandidateListStats, RebuildReason, Report};
 use crate::settings::SKIN_RANGE;
@@ -40,6 +40,8 @@ pub(crate) struct CandidateList {
     /// Coordinates are comparable in this frame only, since other ones have other periods.
     frame: Option<SearchFrame>,
     species: Vec<u32>,
+    /// Version of the [`SpeciesGroups`].
+    species_version: u32,
     order: Vec<u32>,
     rows: Vec<Xyzr>,
     /// Inverse squares of displacement limits.
@@ -60,6 +62,12 @@ impl CandidateList {
 
     pub(crate) fn input_stats(&self) -> Option<&InputStats> {
         self.input_stats.as_deref()
+    }
+
+    /// Returns `true` for a list of spheres with these species, in the same version of the species' groups.
+    pub(crate) fn are_of_species(&self, species: Option<&[u32]>, version: u32) -> bool {
+        let is_same = self.species_version == version && self.species == species.unwrap_or(&[]);
+        self.input_stats.is_some() && is_same
     }
 
     pub(crate) fn clear(&mut self) {
@@ -92,7 +100,7 @@ impl CandidateList {
         let spheres = current.test.spheres();
         let Some(input_stats) = self.input_stats.take() else { return Some(RebuildReason::NoList) };
         if spheres.len() != self.order.len()
-            || spheres.species().unwrap_or(&[]) != self.species
+            || !current.has_same_species
             || current.test.frame() != self.frame.as_ref()
         {
             return Some(RebuildReason::InputChanged);
@@ -195,6 +203,7 @@ impl CandidateList {
         let ids = input.test.spheres().species().unwrap_or(&[]);
         try_resize(&mut self.species, ids.len(), "species of spheres")?;
         self.species.copy_from_slice(ids);
+        self.species_version = input.groups.map_or(0, SpeciesGroups::version);
         let (order, test) = (&self.order, &input.test);
         input.executor.for_each_chunk(&mut self.rows, CHUNK_SPHERES, |piece, rows| {
             for (row, &id) in rows.iter_mut().zip(&order[piece * CHUNK_SPHERES..]) {

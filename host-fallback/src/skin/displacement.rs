@@ -76,7 +76,7 @@ impl Default for DisplacementStats {
 }
 
 impl DisplacementStats {
-    pub(crate) fn observe(&mut self, CallSpheres { test, input }: CallSpheres<'_>) -> Result<(), Error> {
+    pub(crate) fn observe(&mut self, CallSpheres { test, input, .. }: CallSpheres<'_>) -> Result<(), Error> {
         let n = test.spheres().len();
         let size = (n / MIN_SPHERES_PER_SAMPLE).clamp(n.min(MIN_SPHERES_PER_SAMPLE), MAX_SAMPLE);
         let species = test.species_count();
@@ -203,7 +203,11 @@ mod tests {
         let mut steps = |x: f32| {
             let spheres = at(x);
             motion
-                .observe(CallSpheres { test: &PairTest::new((&spheres).into(), None), input: None })
+                .observe(CallSpheres {
+                    test: &PairTest::new((&spheres).into(), None),
+                    input: None,
+                    has_same_species: false,
+                })
                 .expect("there is memory");
             motion.estimate();
             motion.are_known().then(|| [1.0, 0.25, 7.0].map(|radius| motion.estimates().get(0, radius)))
@@ -223,7 +227,9 @@ mod tests {
             let ids = [0, 0, 0, 0, 1, 1, 1, 1, 2];
             let spheres = Spheres::from(&spheres).with_species(&ids).expect("one id for each");
             let test = PairTest::new(spheres, Some(&table));
-            motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
+            motion
+                .observe(CallSpheres { test: &test, input: None, has_same_species: false })
+                .expect("there is memory");
         }
         motion.estimate();
         let steps = motion.estimates();
@@ -257,7 +263,9 @@ mod tests {
         let mut seen = |x: f32| {
             let spheres = [Sphere::new([x, 0.0, 0.0], 1.0)];
             let test = PairTest::new((&spheres).into(), None);
-            motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
+            motion
+                .observe(CallSpheres { test: &test, input: None, has_same_species: false })
+                .expect("there is memory");
             motion.estimate();
             motion.are_known().then(|| motion.estimates().get(0, 1.0))
         };
@@ -282,7 +290,9 @@ mod tests {
         for x in [3.75, -3.75] {
             let spheres = [Sphere::new([x, 0.0, 0.0], 1.0)];
             let test = PairTest::new((&spheres).into(), None).in_space(space);
-            motion.observe(CallSpheres { test: &test, input: None }).expect("there is memory");
+            motion
+                .observe(CallSpheres { test: &test, input: None, has_same_species: false })
+                .expect("there is memory");
         }
         motion.estimate();
         assert_eq!(motion.estimates().get(0, 1.0), 0.5);

@@ -32,4 +32,6 @@ pub use tuner::SkinTuner;
 pub(crate) struct CallSpheres<'a> {
     pub(crate) test: &'a PairTest<'a>,
     pub(crate) input: Option<InputSpheres<'a>>,
+    /// `true` if the species are those of the candidates.
+    pub(crate) has_same_species: bool,
 }

@@ -145,16 +145,19 @@ fn apart(from: [f64; 3], to: [f64; 3]) -> [f64; 3] {
     [0, 1, 2].map(|axis| to[axis] - from[axis])
 }
 
+#[inline]
 fn center([x, y, z, _]: [f64; 4]) -> [f64; 3] {
     [x, y, z]
 }
 
+#[inline]
 fn largest(vector: [f64; 3], reach: f64) -> f64 {
     let [x, y, z] = vector.map(f64::abs);
     let largest = x.max(y).max(z).max(reach);
     if (x + y + z).is_nan() { f64::INFINITY } else { largest }
 }
 
+#[inline]
 fn is_within([x, y, z]: [f64; 3], reach: f64) -> bool {
     x * x + y * y + z * z <= reach * reach
 }

@@ -52,11 +52,39 @@ pub struct Interactions {
     reaches: OnceLock<Option<Arc<Vec<SpeciesReach>>>>,
 }
 
-/// The distances of a species with any other.
-#[derive(Clone, Copy, Debug)]
-struct SpeciesReach {
-    largest_half: f64,
-    effective: EffectiveRadius,
+/// The distances of a species with others.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpeciesReach {
+    /// Half the largest distance of a pair, or 0.
+    pub largest_half: f64,
+    /// The rule for the effective radius.
+    pub effective: EffectiveRadius,
+}
+
+impl SpeciesReach {
+    /// The reach of a species that never pairs.
+    pub const NONE: Self =
+        Self { largest_half: 0.0, effective: EffectiveRadius { touches: false, half: 0.0 } };
+
+    /// Returns the effective radius of a sphere with this radius.
+    #[inline]
+    pub fn for_radius(&self, radius: f64) -> f64 {
+        if self.effective.touches { self.largest_half.max(radius) } else { self.largest_half }
+    }
+
+    fn of(interactions: impl Iterator<Item = Interaction>) -> Self {
+        interactions.fold(Self::NONE, |mut reach, with| {
+            match with {
+                Interaction::Never => {}
+                Interaction::Touch => reach.effective.touches = true,
+                Interaction::Within(distance) => {
+                    reach.largest_half = reach.largest_half.max(0.5 * distance);
+                    reach.effective.half = reach.effective.half.max(half_up(distance));
+                }
+            }
+            reach
+        })
+    }
 }
 
 impl PartialEq for Interactions {
@@ -142,20 +170,14 @@ impl Interactions {
         self.species
     }
 
-    /// Returns half the largest distance of this species with any other, or 0, and `true` if contact decides some of
-    /// its pairs.
-    #[doc(hidden)]
-    pub fn largest_half(&self, species: u32) -> (f64, bool) {
-        let SpeciesReach { largest_half, effective } = self.reach(species);
-        (largest_half, effective.touches)
-    }
-
     /// Returns the rule for the effective radius of this species.
     pub fn effective_radius(&self, species: u32) -> EffectiveRadius {
         self.reach(species).effective
     }
 
-    fn reach(&self, species: u32) -> SpeciesReach {
+    /// Returns the distances of this species with any other.
+    #[doc(hidden)]
+    pub fn reach(&self, species: u32) -> SpeciesReach {
         let reaches = self.reaches.get_or_init(|| {
             let mut reaches = Vec::new();
             reaches.try_reserve_exact(self.species as usize).ok()?;
@@ -165,21 +187,15 @@ impl Interactions {
         reaches.as_ref().map_or_else(|| self.scan(species), |reaches| reaches[species as usize])
     }
 
+    /// Returns the distances of this species with some others.
+    #[doc(hidden)]
+    pub fn reach_among(&self, species: u32, others: impl Iterator<Item = u32>) -> SpeciesReach {
+        SpeciesReach::of(others.map(|other| self.get(species, other)))
+    }
+
     fn scan(&self, species: u32) -> SpeciesReach {
         let row = &self.table[species as usize * self.species as usize..][..self.species as usize];
-        let none =
-            SpeciesReach { largest_half: 0.0, effective: EffectiveRadius { touches: false, half: 0.0 } };
-        row.iter().fold(none, |mut reach, with| {
-            match *with {
-                Interaction::Never => {}
-                Interaction::Touch => reach.effective.touches = true,
-                Interaction::Within(distance) => {
-                    reach.largest_half = reach.largest_half.max(0.5 * distance);
-                    reach.effective.half = reach.effective.half.max(half_up(distance));
-                }
-            }
-            reach
-        })
+        SpeciesReach::of(row.iter().copied())
     }
 }
 
@@ -262,10 +278,10 @@ mod tests {
         table.set(0, 2, Interaction::Within(6.0)).expect("known species");
         table.set(1, 1, Interaction::Touch).expect("known species");
         assert_eq!([0, 1, 2].map(|species| radius(&table, species)), [3.0, 1.0, 3.0]);
-        assert_eq!(
-            [0, 1, 2].map(|species| table.largest_half(species)),
-            [(3.0, false), (0.0, true), (3.0, false)]
-        );
+        let reach = |species| (table.reach(species).largest_half, table.reach(species).effective.touches);
+        assert_eq!([0, 1, 2].map(reach), [(3.0, false), (0.0, true), (3.0, false)]);
+        assert_eq!(table.reach_among(0, [0, 1].into_iter()), SpeciesReach::NONE);
+        assert_eq!(table.reach_among(2, [0].into_iter()), table.reach(2));
         assert_eq!([0, 1, 2].map(|species| radius(&before, species)), [0.0; 3]);
         assert!(table != before && table == table.clone());
         table.set(2, 0, Interaction::Never).expect("known species");

@@ -43,8 +43,8 @@ fn largest_reach(contact: &ContactTest<'_>) -> f64 {
     let touching = largest(query.first()) + largest(query.second().unwrap_or(query.first()));
     let Some(table) = table else { return touching };
     (0..table.species()).fold(0.0, |most, species| {
-        let (half, touches) = table.largest_half(species);
-        most.max(2.0 * half).max(if touches { touching } else { 0.0 })
+        let reach = table.reach(species);
+        most.max(2.0 * reach.largest_half).max(if reach.effective.touches { touching } else { 0.0 })
     })
 }
 
@@ -239,10 +239,7 @@ impl Spread {
 fn half_reach(contact: &ContactTest<'_>, set: Spheres<'_>, k: usize) -> f64 {
     let radius = set.get_f64(k)[3];
     match (contact.table, set.species()) {
-        (Some(table), Some(species)) => {
-            let (half, touches) = table.largest_half(species[k]);
-            if touches { half.max(radius) } else { half }
-        }
+        (Some(table), Some(species)) => table.reach(species[k]).for_radius(radius),
         _ => radius,
     }
 }

@@ -59,3 +59,42 @@ fn nearly_resting_spheres_of_a_long_box_do_not_prevent_a_list() {
     });
     assert!(served > 15, "{served} served");
 }
+
+/// A species that appears makes the reach of the others larger.
+#[test]
+fn species_that_appear_while_candidates_are_kept_lose_no_pair() {
+    let mut table = Interactions::new(3, Interaction::Never).expect("few species");
+    for (a, b, distance) in [(0, 0, 0.5), (0, 1, 4.0), (1, 2, 1.0), (2, 2, 0.25)] {
+        table.set(a, b, Interaction::Within(distance)).expect("known species");
+    }
+    let spheres = gas(1500, 1, 24.0);
+    let rows: Vec<[f64; 4]> =
+        spheres.iter().map(|sphere| sphere.center.as_dvec3().extend(0.5).to_array()).collect();
+    let bad = [Sphere::new([f32::NAN; 3], 0.5); 1500];
+    // Species of the last ten spheres and of the others.
+    let calls =
+        [(0, 0), (0, 0), (1, 0), (1, 0), (0, 0), (2, 1), (0, 0), (0, 0), (1, 0), (2, 0), (2, 0), (1, 0)];
+    for skin in [Skin::Auto, Skin::Fixed(0.5)] {
+        let settings = Settings { interactions: Some(table.clone()), skin, ..Settings::default() };
+        let mut kept = HostDetector::new(settings.clone()).expect("good settings");
+        let mut off = HostDetector::new(Settings { skin: Skin::Off, ..settings }).expect("good settings");
+        let mut served = 0;
+        for (call, (last, others)) in calls.into_iter().cycle().take(4 * calls.len()).enumerate() {
+            let ids: Vec<u32> = (0..1500).map(|k| if k < 1490 { others } else { last }).collect();
+            // A refused call of other species.
+            if call % 5 == 3 {
+                let ids = vec![1; 1500];
+                assert!(kept.count(Spheres::from(&bad).with_species(&ids).expect("an id for each")).is_err());
+            }
+            let spheres = match call / calls.len() % 2 {
+                0 => Spheres::from(&spheres),
+                _ => Spheres::from(&rows),
+            };
+            let given = spheres.with_species(&ids).expect("an id for each");
+            let expected = off.pairs(given).expect("valid").to_vec();
+            assert_eq!(kept.pairs(given).expect("valid"), expected, "{skin:?}, call {call}");
+            served += usize::from(kept.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
+        }
+        assert!(served > 4, "{skin:?}: {served} served");
+    }
+}

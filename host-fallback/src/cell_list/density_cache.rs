@@ -1,0 +1,203 @@
+//! The division of species into groups, chosen by estimates from a sample.
+
+use glam::Vec3;
+
+use super::LevelPlan;
+use super::density::{DensityProfile, EXACT_TEST_NS, Sample};
+use crate::input::SearchInput;
+use crate::input::{Division, Grouping, SizeClass, SpeciesGroups};
+use crate::memory::try_push;
+use crate::size_class::SIZE_CLASSES;
+use crate::{Error, InputStats};
+
+/// Smaller inputs reuse a sample, which takes a sixth of a call with 1000 spheres; a poor plan costs little.
+const MAX_REUSE_SPHERES: usize = 1 << 12;
+const MAX_REUSES: u32 = 15;
+/// Larger shifts of the bounds, as a fraction of the extent, discard the sample.
+const MAX_BOUNDS_SHIFT: f32 = 0.0625;
+/// A finer division must cost less than this fraction, and one by reach less than the second, because its estimate is
+/// coarse.
+const MAX_FINER_COST: f32 = 0.9;
+const MAX_NARROW_COST: f32 = 0.5;
+/// Per sphere. A search that costs less gains little by a division by reach.
+const CROWDED_NS: f32 = 200.0;
+/// Width of a cube with the volume of the sphere of centers of equal spheres in contact, and of the cells around a
+/// sphere, in radii.
+const AROUND: [f32; 2] = [3.2, 6.0];
+/// Estimated, for a search between groups.
+const CROSSING_NS: f32 = 60.0;
+
+/// Estimates of searches in nanoseconds.
+impl Sample {
+    fn cost(&self, input: &SearchInput<'_>, density: &DensityProfile, grouping: &Grouping<'_>) -> f32 {
+        let exact = match grouping.is_by_radii() {
+            true => 0.0,
+            false => EXACT_TEST_NS * density.pairs_within(AROUND[0], &input.stats),
+        };
+        LevelPlan::plan(&input.stats, density).cost + exact
+    }
+
+    /// With a plan for each group, whose effective radii decide nothing: cells around a sphere are tested exactly.
+    fn cost_by_group(
+        &self,
+        input: &SearchInput<'_>,
+        of_groups: &[DensityProfile],
+        grouping: &Grouping<'_>,
+    ) -> f32 {
+        let all = self.stats_of_groups(input, grouping);
+        let within = all.iter().zip(of_groups).enumerate().map(|(group, (stats, density))| {
+            if grouping.meeting(group, group).is_none() {
+                return 0.0;
+            }
+            LevelPlan::plan(stats, density).cost + EXACT_TEST_NS * density.pairs_within(AROUND[1], stats)
+        });
+        let between = grouping.meetings().filter(|(a, b)| a != b);
+        let between = between.map(|(a, b)| CROSSING_NS * all[a].spheres.min(all[b].spheres) as f32);
+        within.sum::<f32>() + between.sum::<f32>()
+    }
+
+    /// Estimates the spheres of each group by size class of the radius within the group.
+    #[expect(clippy::disallowed_methods, reason = "there are MAX_SEPARATE groups")]
+    fn stats_of_groups(&self, input: &SearchInput<'_>, grouping: &Grouping<'_>) -> Vec<InputStats> {
+        let of_group = |group| {
+            let mut classes = [SizeClass::default(); SIZE_CLASSES];
+            for id in
+                self.codes.iter().map(|(_, index)| *index as usize).filter(|id| grouping.of(*id) == group)
+            {
+                let (_, effective) = input.test.effective(id as u32);
+                let radius = grouping.radius(&input.test, id, effective);
+                classes[InputStats::class_of(radius)].add(radius);
+            }
+            let scale =
+                |count: u32| (u64::from(count) * self.spheres as u64 / self.codes.len() as u64) as u32;
+            classes.iter_mut().for_each(|class| class.count = scale(class.count));
+            input.stats.with_classes(classes)
+        };
+        (0..grouping.count()).map(of_group).collect()
+    }
+
+    /// Returns the density of each group alone.
+    fn of_groups(&self, grouping: &Grouping<'_>) -> Result<Vec<DensityProfile>, Error> {
+        let mut densities = Vec::new();
+        for group in 0..grouping.count() {
+            let mut codes = Vec::new();
+            for &code in self.codes.iter().filter(|(_, index)| grouping.of(*index as usize) == group) {
+                try_push(&mut codes, code, "a sample of the spheres")?;
+            }
+            let spheres = codes.len() * self.spheres / self.codes.len().max(1);
+            let density = DensityProfile::from_codes(&codes, spheres, self.cell_size, None);
+            try_push(&mut densities, density, "densities of groups")?;
+        }
+        Ok(densities)
+    }
+}
+
+/// A density sample for reuse, and the division of species into groups.
+#[derive(Debug)]
+pub(crate) struct DensityCache {
+    density: DensityProfile,
+    /// Densities of the groups that have plans of their own.
+    of_groups: Vec<DensityProfile>,
+    division: Division,
+    groups: u32,
+    spheres: usize,
+    bounds: [Vec3; 2],
+    left: u32,
+}
+
+impl DensityCache {
+    pub(crate) fn of(last: Option<Self>, input: &SearchInput<'_>) -> Result<Self, Error> {
+        let InputStats { spheres, min, max, .. } = input.stats;
+        let version = input.groups.map_or(0, SpeciesGroups::version);
+        match last {
+            Some(last) if last.groups == version && last.serves(spheres, [min, max]) => {
+                Ok(Self { left: last.left - 1, ..last })
+            }
+            _ => {
+                let left = if spheres < MAX_REUSE_SPHERES { MAX_REUSES } else { 0 };
+                let (density, of_groups, division) = Self::sample(input)?;
+                let bounds = [min, max];
+                Ok(Self { density, of_groups, division, groups: version, spheres, bounds, left })
+            }
+        }
+    }
+
+    fn sample(input: &SearchInput<'_>) -> Result<(DensityProfile, Vec<DensityProfile>, Division), Error> {
+        let sample = Sample::take(input)?;
+        let Some(groups) = input.groups else {
+            return Ok((sample.density(None), Vec::new(), Division::Merged));
+        };
+        let density = |division| sample.density(Some(&input.grouping(division)));
+        let mut best = (density(Division::Merged), Vec::new(), Division::Merged);
+        if groups.finer_divisions().next().is_none() {
+            return Ok(best);
+        }
+        let mut least = sample.cost(input, &best.0, &input.grouping(Division::Merged));
+        for division in groups.finer_divisions() {
+            let grouping = input.grouping(division);
+            if !grouping.is_narrow() {
+                let density = density(division);
+                let cost = sample.cost(input, &density, &grouping);
+                if cost < MAX_FINER_COST * least {
+                    (least, best) = (cost, (density, Vec::new(), division));
+                }
+            } else if least > CROWDED_NS * sample.spheres as f32 {
+                let of_groups = sample.of_groups(&grouping)?;
+                if sample.cost_by_group(input, &of_groups, &grouping) < MAX_NARROW_COST * least {
+                    best = (density(division), of_groups, division);
+                }
+            }
+        }
+        Ok(best)
+    }
+
+    #[cfg(test)]
+    pub(crate) fn with_division(self, division: Division, input: &SearchInput<'_>) -> Self {
+        let sample = Sample::take(input).expect("there is memory");
+        let of_groups = sample.of_groups(&input.grouping(division)).expect("there is memory");
+        Self { division, of_groups, ..self }
+    }
+
+    pub(crate) fn density(&self) -> &DensityProfile {
+        &self.density
+    }
+
+    /// Only for a division of which a group is narrow.
+    pub(crate) fn density_of(&self, group: usize) -> &DensityProfile {
+        &self.of_groups[group]
+    }
+
+    pub(crate) fn division(&self) -> Division {
+        self.division
+    }
+
+    fn serves(&self, spheres: usize, [min, max]: [Vec3; 2]) -> bool {
+        let [low, high] = self.bounds;
+        let margin = (high - low).max_element() * MAX_BOUNDS_SHIFT;
+        let near = |a: Vec3, b: Vec3| (a - b).abs().max_element() <= margin;
+        self.left > 0 && self.spheres == spheres && near(min, low) && near(max, high)
+    }
+}
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sample_is_reused_by_small_inputs_within_about_the_same_bounds() {
+        let density = DensityProfile::from_codes(&[(7, 0); 100], 1000, 1.0, None);
+        let density_cache = |left| DensityCache {
+            density: density.clone(),
+            of_groups: Vec::new(),
+            division: Division::Merged,
+            groups: 0,
+            spheres: 1000,
+            bounds: [Vec3::ZERO, Vec3::ONE],
+            left,
+        };
+        assert!(density_cache(1).serves(1000, [Vec3::splat(0.06), Vec3::ONE]));
+        assert!(!density_cache(0).serves(1000, [Vec3::ZERO, Vec3::ONE]), "it has served");
+        assert!(!density_cache(1).serves(1001, [Vec3::ZERO, Vec3::ONE]), "another number");
+        assert!(!density_cache(1).serves(1000, [Vec3::ZERO, Vec3::new(1.0, 1.0, 1.07)]), "another place");
+        assert!(!density_cache(1).serves(1000, [Vec3::ZERO, Vec3::INFINITY]), "far away");
+    }
+}

@@ -1,0 +1,126 @@
+//! Crowds, of which most cells of an even grid would hold nothing.
+
+use std::ops::Range;
+
+use lazygrid_kernels::{Algorithm, Interaction, Interactions, Query, Space, Sphere, Spheres};
+
+use super::super::{CellList, DensityCache};
+use crate::executor::Executor;
+use crate::input::{Division, Preparation, SearchInput};
+use crate::test_support::Random;
+use crate::{HostDetector, QueryBuffers, Report, Settings, Skin};
+
+/// A crowd of width 1, and others.
+fn crowd(n: usize, (others, width): (usize, f32)) -> Vec<Sphere> {
+    let mut random = Random(3);
+    let mut center = |k: usize| if k < n { random.point(0.5) } else { random.point(width / 2.0) };
+    (0..n + others).map(|k| Sphere::new(center(k), 0.004)).collect()
+}
+
+/// Species 0 for the first `n`, and species 1.
+fn species(n: usize, others: usize) -> Vec<u32> {
+    (0..n + others).map(|k| u32::from(k >= n)).collect()
+}
+
+/// Pairs of species 0, which is crowded, are close; those with species 1 are far apart.
+fn table(of_last: Interaction) -> Interactions {
+    let mut table = Interactions::new(3, Interaction::Within(3.0)).expect("few species");
+    table.set(0, 0, Interaction::Within(0.008)).expect("known species");
+    table.set(1, 1, of_last).expect("known species");
+    (0..3).for_each(|with| table.set(2, with, Interaction::Within(50.0)).expect("known species"));
+    table
+}
+
+fn build(spheres: Spheres<'_>, settings: &Settings) -> (CellList, Division) {
+    let (mut list, mut report, mut buffers) =
+        (CellList::default(), Report::default(), QueryBuffers::default());
+    let query = spheres.into();
+    let preparation = Preparation { settings, wraps: true, has_same_species: false };
+    let prepared = buffers.prepare(&query, preparation, Executor::Caller, &mut report.phases).expect("valid");
+    let surveyed = SearchInput::surveyed(prepared.test(settings), settings);
+    let input = SearchInput { groups: prepared.groups, ..surveyed };
+    let cache = DensityCache::of(None, &input).expect("there is memory");
+    list.build(&input, &cache, &mut report).expect("there is memory");
+    (list, cache.division())
+}
+
+fn spaces() -> [Space; 3] {
+    let lengths = [[None; 3], [Some(60.0); 3], [Some(60.0), None, Some(61.0)]];
+    lengths.map(|lengths| Space::periodic(lengths).expect("a box"))
+}
+
+#[test]
+fn crowd_among_distant_spheres_has_small_cells() {
+    for space in spaces() {
+        let settings = Settings { space, algorithm: Algorithm::CellList, ..Settings::default() };
+        let spheres = crowd(18_000, (2000, 60.0));
+        let (list, _) = build((&spheres).into(), &settings);
+        let most = list.starts.windows(2).map(|cell| cell[1] - cell[0]).max();
+        assert!(most.is_some_and(|most| most < 60), "{most:?} spheres in a cell of {:?}", list.levels);
+        let pairs = |algorithm| {
+            let settings = Settings { algorithm, ..settings.clone() };
+            HostDetector::new(settings).expect("good settings").pairs(&spheres).expect("valid").to_vec()
+        };
+        assert_eq!(pairs(Algorithm::CellList), pairs(Algorithm::Naive), "{space:?}");
+    }
+}
+
+#[test]
+fn crowded_species_is_divided_by_its_own_reach() {
+    let (n, others) = (3600, 400);
+    let (spheres, ids) = (crowd(n, (others, 60.0)), species(n, others));
+    let given = Spheres::from(&spheres).with_species(&ids).expect("one id for each");
+    for of_last in [Interaction::Never, Interaction::Within(0.1), Interaction::Within(3.0)] {
+        for space in spaces() {
+            let interactions = Some(table(of_last));
+            let settings = Settings { space, interactions, ..Settings::default() };
+            let (list, division) = build(given, &settings);
+            assert_eq!(division, Division::ByReach, "{of_last:?}, {space:?}");
+            let of_crowd = &list.levels[0];
+            assert_eq!(of_crowd.members, 0..n);
+            let first = of_crowd.base..of_crowd.base + of_crowd.grid.cells() as usize;
+            let most = list.starts[first].windows(2).map(|cell| cell[1] - cell[0]).max();
+            assert!(most.is_some_and(|most| most < 60), "{most:?} spheres in a cell");
+        }
+    }
+}
+
+fn wide(spheres: &[Sphere]) -> Vec<[f64; 4]> {
+    let row = |sphere: &Sphere| [sphere.center.x, sphere.center.y, sphere.center.z, sphere.radius];
+    spheres.iter().map(|sphere| row(sphere).map(f64::from)).collect()
+}
+
+#[test]
+fn groups_with_a_reach_of_their_own_match_naive() {
+    let (n, others) = (1000, 500);
+    let (mut spheres, ids) = (crowd(n, (others, 12.0)), species(n, others));
+    // Across a corner of the boxes.
+    spheres.iter_mut().for_each(|sphere| sphere.center += 30.0);
+    let rows = wide(&spheres);
+    let tilted = [Some([60.0, 0.0, 0.0]), Some([20.0, 61.0, 0.0]), Some([-9.0, 7.0, 62.0])];
+    let spaces = spaces().into_iter().chain([Space::triclinic(tilted).expect("a cell")]);
+    for (k, space) in spaces.enumerate() {
+        for of_last in [Interaction::Never, Interaction::Touch, Interaction::Within(3.0)] {
+            let interactions = Some(table(of_last));
+            let answers = |algorithm, skin| {
+                let interactions = interactions.clone();
+                let settings = Settings { algorithm, skin, space, interactions, ..Settings::default() };
+                let mut detector = HostDetector::new(settings).expect("good settings");
+                let of_f32 = |range: Range<usize>| {
+                    Spheres::from(&spheres[range.clone()]).with_species(&ids[range]).expect("an id for each")
+                };
+                let of_f64 = Spheres::from(&rows).with_species(&ids).expect("an id for each");
+                let (all, sets) = (of_f32(0..n + others), (of_f32(0..n / 2), of_f32(n / 2..n + others)));
+                // Second calls may use candidates.
+                let queries: [Query<'_>; 5] =
+                    [all.into(), all.into(), of_f64.into(), of_f64.into(), sets.into()];
+                queries.map(|query| detector.pairs(query).expect("valid").to_vec())
+            };
+            let expected = answers(Algorithm::Naive, Skin::Off);
+            assert!(expected.iter().all(|pairs| !pairs.is_empty()));
+            for skin in [Skin::Off, Skin::Fixed(0.01)] {
+                assert!(answers(Algorithm::CellList, skin) == expected, "space {k}, {of_last:?}, {skin:?}");
+            }
+        }
+    }
+}

@@ -1,0 +1,212 @@
+//! Species grouped by their partners, so a search compares only spheres that may pair.
+//!
+//! Present species with the same present partners share a group, and in the finer division by reach only those with
+//! about the same distances.
+
+#![expect(
+    clippy::disallowed_methods,
+    clippy::disallowed_macros,
+    reason = "lists have at most MAX_PRESENT species or MAX_GROUPS groups"
+)]
+
+use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions, SpeciesReach};
+
+/// All further groups share the last one.
+pub(crate) const MAX_GROUPS: usize = 8;
+/// Grouping takes quadratic time.
+pub(super) const MAX_PRESENT: usize = 512;
+/// Largest sum of two effective radii, as a multiple of the distance that they stand for: rounding up adds one ulp, or
+/// 4 of the 16 half ulps of the filter's band in the square.
+const ROUNDED_UP: f64 = 1.0 + f32::EPSILON as f64;
+/// A species' reach in its own group is distinguished from its reach to all below this fraction.
+const MAX_NARROW: f32 = 0.5;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Meeting {
+    pub(crate) touches: bool,
+    /// Largest distance of a pair, or 0.
+    pub(crate) distance: f64,
+    /// Touching effective radii decide pairs of the groups, up to rounding.
+    pub(crate) is_by_radii: bool,
+}
+
+impl Meeting {
+    pub(crate) const ANY: Self = Self { touches: true, distance: f64::INFINITY, is_by_radii: false };
+
+    fn of(species: impl Iterator<Item = (u32, u32)>, table: SpeciesTable<'_>) -> Option<Self> {
+        let none = Self { touches: false, distance: 0.0, is_by_radii: true };
+        let (meeting, pairs) = species.fold((none, false), |(mut meeting, pairs), (a, b)| {
+            let interaction = table.interactions.get(a, b);
+            let is_by_radii = [a, b].into_iter().all(|species| {
+                let EffectiveRadius { touches, half } = table.reaches[species as usize].effective;
+                match interaction {
+                    Interaction::Never => false,
+                    Interaction::Touch => half == 0.0,
+                    Interaction::Within(distance) => {
+                        !touches && (distance..=ROUNDED_UP * distance).contains(&(2.0 * f64::from(half)))
+                    }
+                }
+            });
+            meeting.is_by_radii &= is_by_radii;
+            match interaction {
+                Interaction::Never => return (meeting, pairs),
+                Interaction::Touch => meeting.touches = true,
+                Interaction::Within(distance) => meeting.distance = meeting.distance.max(distance),
+            }
+            (meeting, true)
+        });
+        pairs.then_some(meeting)
+    }
+}
+
+/// Interactions with the reach of each species to all that are present.
+#[derive(Clone, Copy)]
+pub(super) struct SpeciesTable<'t> {
+    pub(super) interactions: &'t Interactions,
+    pub(super) reaches: &'t [SpeciesReach],
+}
+
+/// A division of the present species into groups.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) enum Division {
+    /// All species that pair share one group.
+    #[default]
+    Merged,
+    ByPartners,
+    /// Species with the same partners and about the same distances share a group, with a reach of its own.
+    ByReach,
+}
+
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct SpeciesPartition {
+    pub(super) of_species: Vec<u8>,
+    pub(super) count: usize,
+    /// Indexed by two groups, row by row; `None` if they never pair.
+    pub(super) meetings: Vec<Option<Meeting>>,
+    /// Reach of each species to those of its own group; empty if it is about that to all, and unless by reach.
+    pub(super) narrow: Vec<SpeciesReach>,
+}
+
+impl SpeciesPartition {
+    fn new(of_species: Vec<u8>, count: usize, present: &[u32], table: SpeciesTable<'_>) -> Self {
+        let members = |group: usize| {
+            let of_species = &of_species;
+            present.iter().copied().filter(move |&s| usize::from(of_species[s as usize]) == group)
+        };
+        let meeting =
+            |a: usize, b: usize| Meeting::of(members(a).flat_map(|s| members(b).map(move |t| (s, t))), table);
+        let meetings = (0..count * count).map(|k| meeting(k / count, k % count)).collect();
+        Self { of_species, count, meetings, narrow: Vec::new() }
+    }
+
+    /// Adds the reach of species in their own groups.
+    fn narrowed(self, present: &[u32], table: SpeciesTable<'_>) -> Self {
+        let (mut narrow, mut is_narrow) = (table.reaches.to_vec(), false);
+        for &species in present {
+            let group = self.group_of(species);
+            // A group that does not pair with itself is searched by others only.
+            if self.meets(group, group) {
+                let members = present.iter().copied().filter(|&other| self.group_of(other) == group);
+                let own = table.interactions.reach_among(species, members);
+                let all = std::mem::replace(&mut narrow[species as usize], own).effective;
+                is_narrow |= own.effective.half < MAX_NARROW * all.half;
+                is_narrow |= all.touches && !own.effective.touches;
+            }
+        }
+        Self { narrow: if is_narrow { narrow } else { Vec::new() }, ..self }
+    }
+
+    /// Returns the division of all species by partners.
+    pub fn of_table(interactions: &Interactions) -> Self {
+        let all: Vec<u32> = (0..interactions.species()).collect();
+        let reaches: Vec<_> = all.iter().map(|&species| interactions.reach(species)).collect();
+        let [_, by_partners, _] = Self::of_present(&all, SpeciesTable { interactions, reaches: &reaches });
+        by_partners
+    }
+
+    /// Returns the divisions of the species `present`.
+    pub(super) fn of_present(present: &[u32], table: SpeciesTable<'_>) -> [Self; 3] {
+        let interactions = table.interactions;
+        if present.len() > MAX_PRESENT {
+            return [(); 3].map(|()| Self::undivided(interactions.species()));
+        }
+        let pairs = |with| u16::from(with != Interaction::Never);
+        let (by_partners, partners) = group_by(present, interactions, pairs);
+        let (by_reach, reaches) = group_by(present, interactions, reach_class);
+        let is_idle = by_partners.iter().any(|group| group.is_none());
+        let partition = |groups: &[Option<usize>], count: usize| {
+            // Without spheres there is one group of no species.
+            let count = count.max(usize::from(present.is_empty()));
+            let mut of_species = vec![0; interactions.species() as usize];
+            for (&species, group) in present.iter().zip(groups) {
+                of_species[species as usize] = group.unwrap_or(count) as u8;
+            }
+            Self::new(of_species, count + usize::from(is_idle), present, table)
+        };
+        let merged: Vec<_> = by_partners.iter().map(|group| group.map(|_| 0)).collect();
+        let by_partners = partition(&by_partners, partners.min(MAX_GROUPS));
+        let by_reach = match (partners + 1..=MAX_GROUPS).contains(&reaches) {
+            true => partition(&by_reach, reaches),
+            false => by_partners.clone(),
+        };
+        [partition(&merged, partners.min(1)), by_partners, by_reach.narrowed(present, table)]
+    }
+
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    pub fn group_of(&self, species: u32) -> usize {
+        self.of_species[species as usize].into()
+    }
+
+    pub fn meets(&self, a: usize, b: usize) -> bool {
+        self.meetings[a * self.count + b].is_some()
+    }
+
+    /// Returns `true` for a group that meets none.
+    pub fn is_idle(&self, group: usize) -> bool {
+        (0..self.count).all(|other| !self.meets(group, other))
+    }
+
+    fn undivided(species: u32) -> Self {
+        let of_species = vec![0; species as usize];
+        Self { of_species, count: 1, meetings: vec![Some(Meeting::ANY)], narrow: Vec::new() }
+    }
+}
+
+/// Distances of one class differ by less than a factor of 4.
+fn reach_class(with: Interaction) -> u16 {
+    match with {
+        Interaction::Never => 0,
+        Interaction::Touch => 1,
+        // Half the exponent.
+        Interaction::Within(distance) => 2 + (distance.to_bits() >> 53) as u16,
+    }
+}
+
+/// Groups species with equal classes of all their interactions, in which 0 stands for [`Interaction::Never`]. Returns
+/// the group of each, `None` without partners, and the number of groups.
+fn group_by(
+    present: &[u32],
+    table: &Interactions,
+    class: impl Fn(Interaction) -> u16,
+) -> (Vec<Option<usize>>, usize) {
+    let mut known: Vec<[u16; MAX_PRESENT]> = Vec::new();
+    let groups: Vec<_> = present
+        .iter()
+        .map(|&species| {
+            let mut own = [0; MAX_PRESENT];
+            own.iter_mut().zip(present).for_each(|(own, &other)| *own = class(table.get(species, other)));
+            if own.iter().all(|&class| class == 0) {
+                return None;
+            }
+            let group = known.iter().position(|of_group| *of_group == own).unwrap_or_else(|| {
+                known.push(own);
+                known.len() - 1
+            });
+            Some(group.min(MAX_GROUPS - 1))
+        })
+        .collect();
+    (groups, known.len())
+}
