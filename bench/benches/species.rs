@@ -19,7 +19,6 @@ fn species(criterion: &mut Criterion) {
             group.sample_size(10).throughput(Throughput::Elements(n as u64));
             let (all, ids) = (scene.spheres(n, 1), scene.species(n));
             let table = scene.table().expect("few species");
-            let are_two = table.species() == 2;
             let mut plain = Detector::new(config.clone()).expect("a backend");
             let mut by_species = Detector::new(config.clone().interactions(table)).expect("a backend");
             let spheres = Spheres::from(&all);
@@ -27,7 +26,7 @@ fn species(criterion: &mut Criterion) {
             group.bench_function("table", |b| {
                 b.iter(|| by_species.count(with_species).expect("valid spheres"));
             });
-            if are_two {
+            if scene.is_of_two_sets() {
                 let (first, second): (Vec<_>, Vec<_>) =
                     all.iter().zip(&ids).partition(|(_, species)| **species == 0);
                 let [first, second] =

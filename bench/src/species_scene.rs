@@ -8,6 +8,8 @@ use rand_distr::{Distribution, UnitBall};
 pub enum SpeciesScene {
     /// A burst of one species, with one sphere in a thousand of its only partner.
     RarePartner,
+    /// A crowd that pairs at short distances, among one sphere in a thousand of a partner at a large distance.
+    DistantPartner,
     /// One enzyme among 25 substrate molecules each, all nearly at one point.
     Enzymes,
     /// One target in a crowd of its only partner.
@@ -23,8 +25,9 @@ pub enum SpeciesScene {
 }
 
 impl SpeciesScene {
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::RarePartner,
+        Self::DistantPartner,
         Self::Enzymes,
         Self::Target,
         Self::Ring,
@@ -36,6 +39,7 @@ impl SpeciesScene {
     pub const fn name(self) -> &'static str {
         match self {
             Self::RarePartner => "rare-partner",
+            Self::DistantPartner => "distant-partner",
             Self::Enzymes => "enzymes",
             Self::Target => "target",
             Self::Ring => "ring",
@@ -48,18 +52,23 @@ impl SpeciesScene {
     pub fn spheres(self, n: usize, seed: u64) -> Vec<Sphere> {
         let (extent, radius) = match self {
             Self::RarePartner => (0.5, 0.05),
+            Self::DistantPartner => (0.25, 0.001),
             Self::Enzymes | Self::DisjointPairsCrowd => (0.05, 0.005),
             Self::Target => (7.0, 0.5),
             Self::Ring | Self::AllPair | Self::DisjointPairs => return Scene::Equal.spheres(n, seed),
         };
         let mut random = ChaCha8Rng::seed_from_u64(seed);
-        let mut center = || UnitBall.sample(&mut random).map(|x: f32| extent * x);
-        (0..n).map(|_| Sphere::new(center(), radius)).collect()
+        let sphere = |k: usize| {
+            let extent = if self.is_distant(k) { 50.0 } else { extent };
+            Sphere::new(UnitBall.sample(&mut random).map(|x: f32| extent * x), radius)
+        };
+        (0..n).map(sphere).collect()
     }
 
     pub fn species(self, n: usize) -> Vec<u32> {
         let species = |k: usize| match self {
             Self::RarePartner => u32::from(k % 1000 == 999),
+            Self::DistantPartner => u32::from(self.is_distant(k)),
             Self::Enzymes => u32::from(!k.is_multiple_of(26)),
             Self::Target => u32::from(k > 0),
             Self::Ring | Self::AllPair => k as u32 % 4,
@@ -68,12 +77,26 @@ impl SpeciesScene {
         (0..n).map(species).collect()
     }
 
+    fn is_distant(self, k: usize) -> bool {
+        self == Self::DistantPartner && k % 1000 == 999
+    }
+
+    /// Returns `true` if the table has the pairs of two sets of spheres that touch.
+    pub const fn is_of_two_sets(self) -> bool {
+        matches!(self, Self::RarePartner | Self::Enzymes | Self::Target)
+    }
+
     pub fn table(self) -> Result<Interactions, lazygrid::Error> {
         let (count, pairs): (_, &[(u32, u32)]) = match self {
             Self::RarePartner | Self::Enzymes | Self::Target => (2, &[(0, 1)]),
             Self::Ring => (4, &[(0, 1), (1, 2), (2, 3), (0, 3)]),
             Self::DisjointPairs | Self::DisjointPairsCrowd => (6, &[(0, 1), (2, 3), (4, 5)]),
             Self::AllPair => return Ok(Interactions::new(4, Interaction::Touch)?),
+            Self::DistantPartner => {
+                let mut table = Interactions::new(2, Interaction::Within(0.002))?;
+                table.set(0, 1, Interaction::Within(2.0))?;
+                return Ok(table);
+            }
         };
         let mut table = Interactions::new(count, Interaction::Never)?;
         for &(a, b) in pairs {

@@ -38,7 +38,8 @@ pub use detector::{
 pub use executor::{Executor, Team, start_threads};
 pub use frame::SearchFrame;
 pub use input::{
-    InputStats, Preparation, PreparedQuery, QueryBuffers, SizeClass, SpeciesPartition, check, check_valid,
+    InputStats, Preparation, PreparedQuery, QueryBuffers, SizeClass, SpeciesGroups, SpeciesPartition, check,
+    check_valid,
 };
 pub use lazygrid_kernels::{Error, InputError};
 pub use output::{

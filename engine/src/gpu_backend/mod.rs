@@ -1,4 +1,5 @@
 mod auto_backend;
+mod searched_species;
 mod skin_controller;
 mod slab_search;
 mod slabs;
@@ -11,10 +12,11 @@ use std::time::Instant;
 
 use lazygrid_host::{
     CandidateListStats, InputStats, PhaseTime, Preparation, QueryBuffers, SKIN_RANGE, SearchBackend,
-    SearchFrame, Settings, Skin, Team, Work, check_valid,
+    SearchFrame, Settings, Skin, SpeciesGroups, Team, Work, check_valid,
 };
 use lazygrid_kernels::{Interactions, Pair, Query, Space};
 
+use self::searched_species::SearchedSpecies;
 use self::skin_controller::SkinController;
 use self::slab_search::{SearchRequest, SlabPairSource, SlabSearch};
 use crate::backend::DetectorBackend;
@@ -36,6 +38,8 @@ pub(crate) struct GpuBackend {
     pub(super) known: AdapterProfile,
     device: Device,
     framed: Option<Box<Device>>,
+    /// The species of `device`, whose spheres are in no frame.
+    searched_species: SearchedSpecies,
     team: Arc<Team>,
     buffers: QueryBuffers,
     /// `None` if the skin is fixed.
@@ -94,6 +98,7 @@ impl GpuBackend {
             known,
             device,
             framed: None,
+            searched_species: SearchedSpecies::default(),
             team,
             buffers: QueryBuffers::default(),
             skin_controller,
@@ -132,6 +137,7 @@ impl SearchBackend for GpuBackend {
 
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
         let Self { settings, known, device, framed, skin_controller, team, buffers, report, .. } = self;
+        let settings = &*settings;
         report.begin(query.len());
         let (prepared, stats) = team.pass(query.len(), |threads| {
             let preparation = Preparation { settings, wraps: false, has_same_species: false };
@@ -150,6 +156,9 @@ impl SearchBackend for GpuBackend {
             choice::algorithm(asked_for, CallSize { spheres, split, classes }, known.crossover, known.how);
         log::debug!("{reason}");
         (report.algorithm, report.reason) = (algorithm, reason);
+        if let (None, Some(present)) = (prepared.frame, prepared.present_species()) {
+            device.search_species(&mut self.searched_species, present, settings)?;
+        }
         let device = match prepared.frame {
             Some(_) if !settings.is_framed() => Device::framed(framed, device, settings)?,
             _ => device,
@@ -202,6 +211,23 @@ struct Device {
 }
 
 impl Device {
+    /// Leaves out species that are absent, if that makes the reach of others smaller, and includes them again.
+    fn search_species(
+        &mut self,
+        species: &mut SearchedSpecies,
+        present: &SpeciesGroups,
+        settings: &Settings,
+    ) -> Result<(), Error> {
+        let tables = settings.interactions.as_ref().zip(self.interactions.as_ref());
+        let next = tables.map(|tables| species.next(present, tables)).transpose()?.flatten();
+        if let Some(interactions) = next {
+            self.search.session = self.search.session.with_interactions(Some(interactions.clone()))?;
+            species.record(present, interactions.species());
+            self.interactions = Some(interactions);
+        }
+        Ok(())
+    }
+
     /// Created by the first call that needs it.
     fn framed<'d>(
         framed: &'d mut Option<Box<Self>>,

@@ -1,7 +1,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid_host::{Order, PairFinder};
-use lazygrid_kernels::{Algorithm, Pair, Sphere, Spheres};
+use lazygrid_kernels::{Algorithm, Interaction, Pair, Sphere, Spheres};
 
 use super::*;
 use crate::Detector;
@@ -161,4 +161,31 @@ fn automatic_skin_never_changes_a_result() {
         }
     }
     assert!(served > 5, "{served} of 24 calls were served from candidates");
+}
+
+#[test]
+fn absent_species_enlarge_no_reach_and_lose_no_pair_when_they_return() {
+    let Some(gpu) = device_or_skip() else { return };
+    let mut table = Interactions::new(3, Interaction::Never).expect("few species");
+    for (a, b, distance) in [(0, 0, 0.5), (0, 1, 6.0), (1, 2, 1.0), (2, 2, 0.25)] {
+        table.set(a, b, Interaction::Within(distance)).expect("known species");
+    }
+    let place = |k: u32| [7, 11, 13].map(|step| (k * step % 1009) as f32 / 60.0);
+    let spheres: Vec<_> = (0..2000).map(|k| Sphere::new(place(k), 0.1)).collect();
+    // The species of the last ten spheres and of the others, and half the distance of species 0.
+    let calls = [(0, 0, 0.25), (1, 0, 3.0), (1, 0, 3.0), (0, 0, 3.0), (0, 0, 0.25), (1, 0, 3.0), (2, 2, 0.0)];
+    for skin in [Skin::Auto, Skin::Off, Skin::Fixed(0.5)] {
+        let config = Config::default().algorithm(Algorithm::CellList).skin(skin);
+        let config = config.interactions(Some(table.clone()));
+        let mut host = Detector::new(config.clone().backend(Backend::Cpu)).expect("made");
+        let mut detector = made(gpu.clone(), config);
+        for (call, (last, others, half)) in calls.into_iter().enumerate() {
+            let ids: Vec<u32> = (0..2000).map(|k| if k < 1990 { others } else { last }).collect();
+            let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
+            let expected = host.pairs(given).expect("valid").to_vec();
+            assert!(detector.pairs(given).expect("found") == expected, "{skin:?}, call {call}");
+            let searched = detector.backend().device.interactions.as_ref().expect("a table");
+            assert_eq!(searched.reach(0).largest_half, half, "{skin:?}, call {call}");
+        }
+    }
 }

@@ -50,6 +50,11 @@ pub struct Preparation<'a> {
 }
 
 impl PreparedQuery<'_> {
+    /// Returns the present species and their reach to each other; `None` without interactions.
+    pub fn present_species(&self) -> Option<&SpeciesGroups> {
+        self.groups
+    }
+
     pub(crate) fn test<'q>(&'q self, settings: &'q Settings) -> PairTest<'q> {
         let table = settings.interactions.as_ref().zip(self.groups.map(SpeciesGroups::reaches));
         let test = match self.frame {

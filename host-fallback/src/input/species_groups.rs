@@ -13,7 +13,7 @@ const CHUNK_SPHERES: usize = 1 << 14;
 const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
 
 #[derive(Debug)]
-pub(crate) struct SpeciesGroups {
+pub struct SpeciesGroups {
     present: [u64; WORDS],
     /// The reach of each species to those that are present.
     reaches: Vec<SpeciesReach>,
@@ -45,7 +45,7 @@ impl SpeciesGroups {
         if found == self.present && self.version > 0 {
             return Ok(());
         }
-        let is_present = |s: &u32| found[*s as usize / 64] >> (s % 64) & 1 == 1;
+        let is_present = |species: &u32| has(&found, *species);
         let present: Vec<u32> = (0..table.species()).filter(is_present).collect();
         let reach = |species| match present.len() > MAX_PRESENT {
             true => table.reach(species),
@@ -60,8 +60,13 @@ impl SpeciesGroups {
         Ok(())
     }
 
+    /// Returns `true` for a species of the last update.
+    pub fn is_present(&self, species: u32) -> bool {
+        has(&self.present, species)
+    }
+
     /// Reach of each species to those of the last update.
-    pub(crate) fn reaches(&self) -> &[SpeciesReach] {
+    pub fn reaches(&self) -> &[SpeciesReach] {
         &self.reaches
     }
 
@@ -78,9 +83,14 @@ impl SpeciesGroups {
         by_partners.into_iter().chain(narrows.then_some(Division::ByReach))
     }
 
-    pub(crate) fn version(&self) -> u32 {
+    /// Returns a number that changes with the present species.
+    pub fn version(&self) -> u32 {
         self.version
     }
+}
+
+fn has(present: &[u64; WORDS], species: u32) -> bool {
+    present[species as usize / 64] >> (species % 64) & 1 == 1
 }
 
 fn find_present(ids: &[u32], species: u32, executor: Executor) -> Result<[u64; WORDS], Error> {

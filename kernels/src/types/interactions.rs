@@ -159,6 +159,22 @@ impl Interactions {
         Ok(Self { species: self.species, table: Arc::new(table), fits_f32: true, reaches })
     }
 
+    /// Returns the table in which only these species pair.
+    ///
+    /// # Errors
+    /// [`InputError::TableMemory`].
+    #[doc(hidden)]
+    pub fn among(&self, is_included: impl Fn(u32) -> bool) -> Result<Self, InputError> {
+        let mut table = reserved(self.species)?;
+        for a in 0..self.species {
+            let of_row =
+                |b| if is_included(a) && is_included(b) { self.get(a, b) } else { Interaction::Never };
+            table.extend((0..self.species).map(of_row));
+        }
+        let (table, reaches) = (Arc::new(table), OnceLock::new());
+        Ok(Self { species: self.species, table, fits_f32: self.fits_f32, reaches })
+    }
+
     /// Returns `true` if `f32` holds all distances to half an ulp, so that `f32` spheres can be searched as given.
     #[inline]
     pub fn fits_f32(&self) -> bool {
@@ -282,6 +298,8 @@ mod tests {
         assert_eq!([0, 1, 2].map(reach), [(3.0, false), (0.0, true), (3.0, false)]);
         assert_eq!(table.reach_among(0, [0, 1].into_iter()), SpeciesReach::NONE);
         assert_eq!(table.reach_among(2, [0].into_iter()), table.reach(2));
+        let among = table.among(|species| species != 2).expect("memory");
+        assert_eq!([0, 1, 2].map(|species| radius(&among, species)), [0.0, 1.0, 0.0]);
         assert_eq!([0, 1, 2].map(|species| radius(&before, species)), [0.0; 3]);
         assert!(table != before && table == table.clone());
         table.set(2, 0, Interaction::Never).expect("known species");

@@ -36,10 +36,11 @@ pub(super) fn species(rows: &[&Row]) -> Section {
         Table { caption: format!("{}: {}", scene.name(), table.caption), ..table }
     };
     let text = "Spheres of equal size. `rare-partner`: a burst of one species, with one sphere in a thousand of its only \
-                partner; `enzymes`: one among 25 substrate molecules each, all within a few diameters; `target`: one in a \
-                crowd of its only partner; `ring`: four species that each pair with two others, 5 % filling; `all-pair`: \
-                the same, all of which pair; `disjoint-pairs`: three disjoint pairs of species, 5 % filling; \
-                `disjoint-pairs-crowd`: the same pairs, all within a few diameters.";
+                partner; `distant-partner`: a crowd that pairs within a diameter, with one in a thousand of a partner \
+                within a thousand diameters; `enzymes`: one among 25 substrate molecules each, all within a few \
+                diameters; `target`: one in a crowd of its only partner; `ring`: four species that each pair with two \
+                others, 5 % filling; `all-pair`: the same, all of which pair; `disjoint-pairs`: three disjoint pairs of \
+                species, 5 % filling; `disjoint-pairs-crowd`: the same pairs, all within a few diameters.";
     Section {
         title: "Species that rarely pair".to_owned(),
         text: vec![text.to_owned()],
