@@ -25,8 +25,8 @@ pub(super) struct SearchedSpecies {
 }
 
 impl SearchedSpecies {
-    /// Returns the interactions to search from this call on, unless those that are `searched` remain. The device must
-    /// take them before the change is [recorded](Self::record).
+    /// Returns the interactions to search in this call and later, or `None` to keep those that are `searched`. The device
+    /// must take them before the change is [recorded](Self::record).
     ///
     /// # Errors
     /// [`Error::Input`] if memory for them is refused.

@@ -25,6 +25,7 @@ pub(crate) struct DensityProfile {
     top: f32,
     /// log₂ of the longest axis of the grid.
     log_extent: f32,
+    pub(super) periodic_axes: i32,
     /// log₂ of the mean number at size `2^(top - depth)`, for the depths that the sample resolves.
     log_mean: Vec<f32>,
     /// Decrease of log₂ of the mean per halving below these depths.
@@ -87,7 +88,8 @@ impl DensityProfile {
         };
         let top = if cell_size > 0.0 { cell_size.log2() as f32 } else { f32::NEG_INFINITY };
         let slope = falls.clamp(0.0, 3.0);
-        Self { top, log_extent: top, log_mean, slope, searches: 1.0, compare_ns: COMPARE_NS }
+        let (log_extent, searches, compare_ns) = (top, 1.0, COMPARE_NS);
+        Self { top, log_extent, periodic_axes: 0, log_mean, slope, searches, compare_ns }
     }
 
     pub(crate) fn log_extent(&self) -> f32 {
@@ -95,8 +97,9 @@ impl DensityProfile {
     }
 
     /// For a group with an `extent` of its own, of which all compared spheres are tested exactly.
-    pub(crate) fn of_narrow(&self, extent: f32) -> Self {
-        Self { log_extent: extent.log2(), compare_ns: EXACT_TEST_NS, ..self.clone() }
+    pub(crate) fn of_narrow(&self, extent: f32, all: &Self) -> Self {
+        let (log_extent, periodic_axes) = (extent.log2(), all.periodic_axes);
+        Self { log_extent, periodic_axes, compare_ns: EXACT_TEST_NS, ..self.clone() }
     }
 
     /// Returns the pairs of spheres in cubes around each other that are `width` radii wide.
@@ -125,6 +128,7 @@ pub(super) struct Sample {
     pub(super) cell_size: f64,
     /// The longest axis of the grid.
     extent: f32,
+    periodic_axes: i32,
 }
 
 impl Sample {
@@ -133,7 +137,8 @@ impl Sample {
         let (spheres, size) = (input.test.spheres(), sample_size(n));
         let indices = (0..size).map(|k| sample_index(k, size, n));
         let places = indices.map(|index| (spheres.get(index).center, index as u32));
-        Ok(Self { extent: input.extent((min, max)), ..Self::new((min, max), places, n)? })
+        let periodic_axes = input.test.lengths().iter().flatten().count() as i32;
+        Ok(Self { extent: input.extent((min, max)), periodic_axes, ..Self::new((min, max), places, n)? })
     }
 
     fn new(
@@ -147,13 +152,14 @@ impl Sample {
         let codes = places.map(|(place, index)| (morton((place.as_dvec3() - origin) * scale), index));
         let mut codes = try_collect(codes, "a sample of the spheres")?;
         codes.sort_unstable();
-        Ok(Self { codes, spheres: n, cell_size, extent: cell_size as f32 })
+        Ok(Self { codes, spheres: n, cell_size, extent: cell_size as f32, periodic_axes: 0 })
     }
 
     pub(super) fn density(&self, grouping: Option<&Grouping<'_>>) -> DensityProfile {
         let density = DensityProfile::from_codes(&self.codes, self.spheres, self.cell_size, grouping);
         let searches = grouping.map_or(1.0, |grouping| self.searches(grouping));
-        DensityProfile { log_extent: self.extent.log2(), searches, ..density }
+        let (log_extent, periodic_axes) = (self.extent.log2(), self.periodic_axes);
+        DensityProfile { log_extent, periodic_axes, searches, ..density }
     }
 
     fn searches(&self, grouping: &Grouping<'_>) -> f32 {

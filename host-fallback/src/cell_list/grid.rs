@@ -5,7 +5,7 @@
 
 use glam::{DVec3, Vec3};
 
-use crate::compare::{Axes, Portable, SimdWidth};
+use crate::compare::{Axes, SimdWidth};
 use crate::math::floor;
 
 /// Below this number of cells from the origin `f64` numbers single cells; farther out, only equal `f32` coordinates can
@@ -29,6 +29,8 @@ pub(crate) struct CellGrid {
     cell_sizes: [f64; 3],
     periodic: [bool; 3],
     pub(crate) size: [u32; 3],
+    /// Inverse of the size.
+    per_size: [f64; 3],
     pub(crate) folded: bool,
     /// `true` if a row of cells may wrap.
     pub(crate) circular: bool,
@@ -103,7 +105,8 @@ impl CellGrid {
         let narrowest = cell_sizes.into_iter().fold(f64::INFINITY, f64::min);
         let adjoining = !folded && (f64::from(largest) + reach) * (1.0 + 1e-6) <= narrowest;
         let circular = folded || periodic.contains(&true);
-        Self { axes, cell_sizes, periodic, size, folded, circular, adjoining, reach, largest }
+        let per_size = size.map(|size| f64::from(size).recip());
+        Self { per_size, axes, cell_sizes, periodic, size, folded, circular, adjoining, reach, largest }
     }
 
     pub(crate) fn largest(&self) -> f32 {
@@ -125,7 +128,7 @@ impl CellGrid {
     #[inline(always)]
     pub(crate) fn cell_of<V: SimdWidth>(&self, vector: V, [x, y, z]: [f32; 3]) -> [u32; 3] {
         if self.folded {
-            return self.fold_at(x, y, z);
+            return self.fold_at([x, y, z]);
         }
         let [x, y, z, _] = vector.cell(&self.axes, [x, y, z], 0.0);
         [x, y, z]
@@ -181,8 +184,7 @@ impl CellGrid {
 
     #[inline(never)]
     fn circular_block(&self, center: [f32; 3], radius: f32) -> CellRange {
-        let own = self.cell_of(Portable, center);
-        let (mut first, mut last) = (own, own);
+        let (mut first, mut last) = ([0; 3], [0; 3]);
         for axis in 0..3 {
             let (x, per_length) = (f64::from(center[axis]), self.axes.per_length[axis]);
             let reach = f64::from(radius) * (1.0 + RADIUS_ROUNDING) + self.reach + x.abs() * ROUNDING;
@@ -194,7 +196,11 @@ impl CellGrid {
                     let (at, span) = (x * per_length + 0.5 * cells, reach * per_length + cells * ROUNDING);
                     (floor(at - span), floor(at + span))
                 }
-                (false, true) if (x * per_length).abs() >= COUNTABLE => continue,
+                (false, true) if (x * per_length).abs() >= COUNTABLE => {
+                    first[axis] = self.far_cell(axis, center[axis]);
+                    last[axis] = first[axis];
+                    continue;
+                }
                 (false, true) => (floor((x - reach) * per_length), floor((x + reach) * per_length)),
                 (false, false) => {
                     let cell = |at: f64| (at * per_length - self.axes.origin[axis]).max(0.0);
@@ -202,27 +208,42 @@ impl CellGrid {
                     (cut(x - reach), cut(x + reach))
                 }
             };
-            first[axis] = modulo(low, self.size[axis]);
+            first[axis] = self.fold(axis, low);
             last[axis] = first[axis] + high.saturating_sub(low).min(i64::from(self.size[axis] - 1)) as u32;
         }
         CellRange { first, last }
     }
 
     #[inline(never)]
-    fn fold_at(&self, x: f32, y: f32, z: f32) -> [u32; 3] {
-        let center = [x, y, z];
-        [0, 1, 2].map(|axis| {
+    fn fold_at(&self, center: [f32; 3]) -> [u32; 3] {
+        let mut cell = [0; 3];
+        for axis in 0..3 {
             let at = f64::from(center[axis]) * self.axes.per_length[axis];
-            if self.periodic[axis] {
+            cell[axis] = if self.periodic[axis] {
                 let cell = (at - self.axes.origin[axis]).max(0.0).min(self.axes.last[axis]);
-                modulo(cell as i64, self.size[axis])
+                self.fold(axis, cell as i64)
             } else if at.abs() < COUNTABLE {
-                modulo(floor(at), self.size[axis])
+                self.fold(axis, floor(at))
             } else {
-                // Only equal coordinates can touch here, so any function of the value is a valid cell.
-                center[axis].to_bits().wrapping_mul(0x9E37_79B1) % self.size[axis]
-            }
-        })
+                self.far_cell(axis, center[axis])
+            };
+        }
+        cell
+    }
+
+    /// Only equal coordinates can touch so far away, hence any function of the coordinate is a valid cell.
+    fn far_cell(&self, axis: usize, at: f32) -> u32 {
+        at.to_bits().wrapping_mul(0x9E37_79B1) % self.size[axis]
+    }
+
+    /// Returns `cell` modulo the size, mostly without a division.
+    #[inline(always)]
+    fn fold(&self, axis: usize, cell: i64) -> u32 {
+        let size = self.size[axis];
+        let turns = floor(cell as f64 * self.per_size[axis]);
+        let rest = cell.wrapping_sub(turns.wrapping_mul(i64::from(size)));
+        // The product may have been rounded to the next whole number.
+        if (0..i64::from(size)).contains(&rest) { rest as u32 } else { modulo(cell, size) }
     }
 }
 
@@ -250,6 +271,7 @@ fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::compare::Portable;
 
     fn holds(grid: &CellGrid, block: CellRange, cell: [u32; 3]) -> bool {
         (0..3).all(|k| {

@@ -16,8 +16,12 @@ const ROW_NS: f32 = 14.0;
 /// Estimated nanoseconds to clear and sum a table entry.
 const CELL_NS: f32 = 0.7;
 pub(crate) const CELLS_PER_SPHERE: f32 = 2.0;
-/// Estimated factor on the time of rows in a folded table.
-const FOLDED_ROWS: f32 = 3.0;
+/// Estimated factor on the time of rows that may wrap.
+const CIRCULAR_ROWS: f32 = 4.0;
+/// Folding pays if comparisons with the spheres in eight cells of the finest full table take more than this estimate,
+/// which is too high for long runs, but less so for minimum images.
+const MIN_CROWD_NS: f32 = 800.0;
+const MIN_PERIODIC_CROWD_NS: f32 = 200.0;
 /// With fewer spheres in eight cells, smaller cells save nothing.
 const MIN_FOLDED_MEAN: f32 = 16.0;
 const SIZES_PER_DOUBLING: f32 = 2.0;
@@ -123,15 +127,18 @@ impl LevelCostModel<'_> {
         let lowest = finest.max(radius);
         let cell_sizes = (0..MAX_CELL_SIZES).map(|k| lowest + k as f32 / SIZES_PER_DOUBLING);
         // Smaller cells share entries of the table, which pays in clusters only.
+        let min_ns = if self.density.periodic_axes > 0 { MIN_PERIODIC_CROWD_NS } else { MIN_CROWD_NS };
+        let are_crowded = self.density.compare_ns * self.density.mean(finest + 1.0) > min_ns;
         let folded = (1..MAX_CELL_SIZES).map(|k| finest - k as f32 / SIZES_PER_DOUBLING);
-        let is_crowded = |log_size: f32| self.density.mean(log_size) > MIN_FOLDED_MEAN;
-        let folded = folded.take_while(|&log_size| log_size >= radius && is_crowded(log_size + 1.0));
+        let is_worthwhile = |log_size: f32| self.density.mean(log_size + 1.0) > MIN_FOLDED_MEAN;
+        let folded =
+            folded.take_while(|&log_size| are_crowded && log_size >= radius && is_worthwhile(log_size));
         let unfolded = cell_sizes.take_while(|&log_size| log_size <= extent + 1.0);
         for (log_size, is_folded) in unfolded.map(|size| (size, false)).chain(folded.map(|size| (size, true)))
         {
             let cells = (3.0 * (extent - log_size).max(0.0)).exp2();
             let halves = self.halves(from, log_size, is_folded);
-            let row_ns = if is_folded { FOLDED_ROWS * row_ns } else { row_ns };
+            let row_ns = self.rows_factor(log_size, is_folded) * row_ns;
             let own: f32 = self.counts[from..].iter().map(|count| count * row_ns).sum();
             let [rows, met] =
                 halves.iter().fold([own, 0.0], |[rows, met], half| [rows + half[0], met + half[1]]);
@@ -150,15 +157,22 @@ impl LevelCostModel<'_> {
         }
     }
 
+    /// Returns the factor on the time of rows: cells at the faces of a box, too, are searched like those of a folded
+    /// table.
+    fn rows_factor(&self, log_size: f32, is_folded: bool) -> f32 {
+        let cells = (self.density.log_extent() - log_size).exp2();
+        let inner = (1.0 - 2.0 / cells).max(0.0).powi(self.density.periodic_axes);
+        if is_folded { CIRCULAR_ROWS } else { 1.0 + (CIRCULAR_ROWS - 1.0) * (1.0 - inner) }
+    }
+
     /// Returns the costs of each class at or after `from`: for the later half of the rows around its spheres, and for
     /// the comparisons there if the level held all spheres. Smaller spheres search both halves.
     fn halves(&self, from: usize, log_size: f32, is_folded: bool) -> [[f32; 2]; MAX_CLASS_GROUPS] {
         let cell_size = log_size.exp2();
         let mut halves = [[0.0; 2]; MAX_CLASS_GROUPS];
         // Distant spheres share entries of a folded table.
-        let (rows_factor, distant) =
-            if is_folded { (FOLDED_ROWS, 1.0 / CELLS_PER_SPHERE) } else { (1.0, 0.0) };
-        let row_ns = rows_factor * ROW_NS * self.density.searches;
+        let distant = if is_folded { 1.0 / CELLS_PER_SPHERE } else { 0.0 };
+        let row_ns = self.rows_factor(log_size, is_folded) * ROW_NS * self.density.searches;
         let classes = self.radii.iter().zip(&self.counts).skip(from);
         for (half, (radius, count)) in halves.iter_mut().zip(classes) {
             let reach = 2.0 * (radius + self.radii[from]) / cell_size;

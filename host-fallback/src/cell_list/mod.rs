@@ -199,7 +199,8 @@ impl CellList {
             for group in 0..grouping.count() {
                 let members = &self.members[group];
                 let stats = input.stats.with_classes(members.classes);
-                let density = density_cache.density_of(group).of_narrow(input.extent(members.bounds()));
+                let extent = input.extent(members.bounds());
+                let density = density_cache.density_of(group).of_narrow(extent, density_cache.density());
                 let plan = LevelPlan::plan(&stats, &density);
                 self.time += plan.cost;
                 let limit = max_cells(grouping.count() * MAX_LEVELS);

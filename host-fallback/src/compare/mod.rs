@@ -15,7 +15,9 @@ pub(crate) use effective_rows::{EffectiveLoop, EffectiveRows};
 pub use filter::PairFilter;
 pub(crate) use pair_test::{PairTest, SkinMargin, SphereRadii};
 pub(crate) use scan::{Among, COMPARE_NS, HitQueue, scan};
+#[cfg(test)]
+pub(crate) use simd::Portable;
 pub use simd::Simd;
-pub(crate) use simd::{Axes, NeighborRows, PeriodicBox, Portable, RunQueue, SimdTask, SimdWidth, Xyzr};
+pub(crate) use simd::{Axes, NeighborRows, PeriodicBox, RunQueue, SimdTask, SimdWidth, Xyzr};
 pub use sink::PairConsumer;
 pub(crate) use sink::{ChunkTarget, ChunkedOutput, Count, Output, Sink, at_places, memory_of_list};

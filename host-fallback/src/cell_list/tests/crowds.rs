@@ -53,7 +53,7 @@ fn spaces() -> [Space; 3] {
 fn crowd_among_distant_spheres_has_small_cells() {
     for space in spaces() {
         let settings = Settings { space, algorithm: Algorithm::CellList, ..Settings::default() };
-        let spheres = crowd(18_000, (2000, 60.0));
+        let spheres = crowd(54_000, (6000, 60.0));
         let (list, _) = build((&spheres).into(), &settings);
         let most = list.starts.windows(2).map(|cell| cell[1] - cell[0]).max();
         assert!(most.is_some_and(|most| most < 60), "{most:?} spheres in a cell of {:?}", list.levels);
