@@ -101,6 +101,7 @@ pub(crate) struct DensityCache {
     division: Division,
     groups: u32,
     spheres: usize,
+    split: Option<usize>,
     bounds: [Vec3; 2],
     left: u32,
 }
@@ -110,14 +111,14 @@ impl DensityCache {
         let InputStats { spheres, min, max, .. } = input.stats;
         let version = input.groups.map_or(0, SpeciesGroups::version);
         match last {
-            Some(last) if last.groups == version && last.serves(spheres, [min, max]) => {
+            Some(last) if last.has_groups(input, version) && last.serves(spheres, [min, max]) => {
                 Ok(Self { left: last.left - 1, ..last })
             }
             _ => {
                 let left = if spheres < MAX_REUSE_SPHERES { MAX_REUSES } else { 0 };
                 let (density, of_groups, division) = Self::sample(input)?;
-                let bounds = [min, max];
-                Ok(Self { density, of_groups, division, groups: version, spheres, bounds, left })
+                let (bounds, groups, split) = ([min, max], version, input.split);
+                Ok(Self { density, of_groups, division, groups, spheres, split, bounds, left })
             }
         }
     }
@@ -171,6 +172,10 @@ impl DensityCache {
         self.division
     }
 
+    fn has_groups(&self, input: &SearchInput<'_>, version: u32) -> bool {
+        self.groups == version && self.split == input.split
+    }
+
     fn serves(&self, spheres: usize, [min, max]: [Vec3; 2]) -> bool {
         let [low, high] = self.bounds;
         let margin = (high - low).max_element() * MAX_BOUNDS_SHIFT;
@@ -191,6 +196,7 @@ mod tests {
             division: Division::Merged,
             groups: 0,
             spheres: 1000,
+            split: None,
             bounds: [Vec3::ZERO, Vec3::ONE],
             left,
         };
