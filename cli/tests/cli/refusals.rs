@@ -109,6 +109,31 @@ fn run_leaves_files_of_others_alone() {
 }
 
 #[test]
+fn run_leaves_frames_of_others_alone() {
+    let scratch = Scratch::new();
+    let file = scratch
+        .write("a.toml", &(scenario("").replace("[[species]]", "[output]\nframes = [\"npy\"]\n[[species]]")));
+    let run = scratch.path("run");
+    fs::create_dir(&run).unwrap();
+    let frame = scratch.write("run/frame-000000002.npy", "the work of years\n");
+    for more in [&[][..], &["--replicas", "2"], &["--sweep", "time-step=1e-3,2e-3"]] {
+        let args = ["simulate", &file, "--frames-every", "2", "--output", &run];
+        let said = LAZYGRID.run(args.iter().chain(more)).fails().err;
+        assert!(
+            said.contains("it holds a file frame-000000002.npy") && said.contains("--overwrite"),
+            "{said}"
+        );
+        assert_eq!(fs::read_to_string(&frame).unwrap(), "the work of years\n", "{more:?}");
+    }
+    fs::rename(&frame, scratch.path("run/frame-of-mine.npy")).unwrap();
+    LAZYGRID.run(["simulate", &file, "--frames-every", "2", "--output", &run]).succeeds();
+    assert!(fs::read(&frame).unwrap().starts_with(b"\x93NUMPY"));
+    let more = ["--steps", "4", "--frames-every", "2", "--resume", "--output", &run];
+    LAZYGRID.run(["simulate", &file].iter().chain(&more)).succeeds();
+    assert!(fs::exists(scratch.path("run/frame-of-mine.npy")).unwrap());
+}
+
+#[test]
 fn incomplete_files_of_a_killed_run_are_removed_by_the_next_one() {
     let scratch = Scratch::new();
     let file = scratch.write("a.toml", &scenario(""));

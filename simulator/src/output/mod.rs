@@ -240,8 +240,7 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
                        another directory";
         return Err(refused(io::Error::new(io::ErrorKind::AlreadyExists, message)));
     }
-    let is_file = |name: &&&str| directory.join(name).is_file();
-    if let Some(name) = others.iter().find(is_file).filter(|_| !overwrite) {
+    if let Some(name) = (!overwrite).then(|| foreign_result(directory, others)).transpose()?.flatten() {
         let message = format!(
             "it holds a file {name} of no run that can be continued; replace the file with --overwrite, or choose another \
              directory"
@@ -249,6 +248,30 @@ pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> 
         return Err(refused(io::Error::new(io::ErrorKind::AlreadyExists, message)));
     }
     Ok(lock)
+}
+
+/// Returns the name of a file in `directory` that a run would replace: one of `results`, or else the first frame.
+fn foreign_result(directory: &Path, results: &[&str]) -> Result<Option<String>, Error> {
+    let is_file = |name: &str| directory.join(name).is_file();
+    if let Some(name) = results.iter().find(|name| is_file(name)) {
+        return Ok(Some((*name).to_owned()));
+    }
+    let read = |source| Error::Read { path: directory.to_owned(), source };
+    let mut first: Option<String> = None;
+    for entry in fs::read_dir(directory).map_err(read)? {
+        let name = entry.map_err(read)?.file_name();
+        let Some(name) = name.to_str().filter(|name| is_frame(name) && is_file(name)) else { continue };
+        if first.as_deref().is_none_or(|first| name < first) {
+            first = Some(name.to_owned());
+        }
+    }
+    Ok(first)
+}
+
+/// Returns `true` for the names of frames: `frame-STEP.npy`.
+fn is_frame(name: &str) -> bool {
+    let step = name.strip_prefix("frame-").and_then(|rest| rest.strip_suffix(".npy"));
+    step.is_some_and(|step| step.len() >= 9 && step.bytes().all(|byte| byte.is_ascii_digit()))
 }
 
 /// Returns the numbers in names of a directory's entries that begin with `prefix`, ascending.
@@ -269,11 +292,7 @@ pub(crate) fn numbered(directory: &Path, prefix: &str) -> Result<Vec<u32>, Error
 pub(crate) fn remove_results(directory: &Path) -> Result<(), Error> {
     remove_plots(directory)?;
     RESULTS.into_iter().try_for_each(|name| remove_file(directory.join(name)))?;
-    remove_where(directory, |name| {
-        let step = name.strip_prefix("frame-").and_then(|rest| rest.strip_suffix(".npy"));
-        step.is_some_and(|step| step.len() >= 9 && step.bytes().all(|byte| byte.is_ascii_digit()))
-    })?;
-    Ok(())
+    remove_where(directory, is_frame)
 }
 
 /// Removes what is made of a run's finished files: reports, tables and copies in other formats.
