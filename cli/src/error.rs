@@ -90,12 +90,17 @@ pub(crate) enum CliError {
     )]
     TooLittleMemoryToGenerate { spheres: u64, needed: u64, available: u64, limit: &'static str },
     #[error(
-        "the page needs {needed} bytes of memory, and {available} bytes are available ({limit}); raise the limit, or end \
+        "{what} needs {needed} bytes of memory, and {available} bytes are available ({limit}); raise the limit, or end \
          other programs"
     )]
-    TooLittleMemoryForPage { needed: u64, available: u64, limit: &'static str },
+    TooLittleMemoryFor { what: &'static str, needed: u64, available: u64, limit: &'static str },
     #[error("cannot listen for Ctrl-C: {0}")]
     Signal(SignalError),
+    #[cfg(unix)]
+    #[error(
+        "cannot start the thread that listens for Ctrl-C: {0}; raise the limit of processes or of memory"
+    )]
+    SignalThread(io::Error),
     #[error("stopped after {steps} steps; resume with: {command}")]
     Stopped { steps: u32, command: String, signal: i32 },
     #[error("stopped with {done} of {count} {runs} done; resume with: {command}")]

@@ -42,7 +42,7 @@ fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), CliError> {
     let hangup = (!is_ignored(SIGHUP)).then_some(SIGHUP);
     let mut signals = Signals::new([SIGINT, SIGTERM].into_iter().chain(hangup)).map_err(CliError::Signal)?;
     let listen = move || signals.forever().for_each(handle);
-    std::thread::Builder::new().spawn(listen).map(drop).map_err(CliError::Signal)
+    std::thread::Builder::new().spawn(listen).map(drop).map_err(CliError::SignalThread)
 }
 
 /// Returns `true` if the process began with this signal ignored, or if that is unknown.

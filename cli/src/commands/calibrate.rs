@@ -3,10 +3,15 @@ use std::fmt::Write;
 use lazygrid::gpu::{self, AdapterId, GpuDevice, SoftwareAdapter};
 
 use crate::calibration_file;
+use crate::commands::{check_memory, memory_of_driver_threads};
 use crate::error::CliError;
 use crate::printer::Printer;
 
+/// Bytes that a software driver maps (llvmpipe). It ends the process if memory is refused to it.
+const NEEDED: u64 = 576 << 20;
+
 pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), CliError> {
+    check_memory("the calibration", NEEDED + memory_of_driver_threads())?;
     let own = adapter.map_or_else(|| GpuDevice::shared(SoftwareAdapter::Allow), GpuDevice::shared_adapter);
     let own = own.map_err(CliError::Calibration)?;
     // Before measurements that take seconds.

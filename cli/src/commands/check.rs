@@ -14,6 +14,7 @@ use lazygrid_check::{DetectorVariant, Gpu, catch_panic};
 
 use self::report::Report;
 use crate::args::{Check, Checked};
+use crate::commands::{check_memory, memory_of_driver_threads};
 use crate::error::CliError;
 use crate::progress;
 
@@ -25,6 +26,12 @@ const SPEEDS: u64 = 60;
 /// Slower scenes are skipped; with `--full` twenty times as long.
 const SCENE_SECONDS: f64 = 0.2;
 
+/// Bytes of the scenes, and of the smallest timed calls; larger ones are skipped if memory is short.
+const CPU_BYTES: u64 = 64 << 20;
+const FULL_CPU_BYTES: u64 = 1 << 30;
+/// Bytes that a software driver maps (llvmpipe). It ends the process if memory is refused to it.
+const GPU_BYTES: u64 = 700 << 20;
+
 /// To shrink a failing case.
 const TRIES: usize = 1500;
 
@@ -32,6 +39,7 @@ const TRIES: usize = 1500;
 const ENOUGH: usize = 10;
 
 pub(crate) fn run(args: &Check) -> Result<(), CliError> {
+    check_memory("the check", cpu_bytes(args))?;
     let gpu = open(args)?;
     let (gpu, skipped) = match gpu {
         Ok(gpu) => (gpu, None),
@@ -63,6 +71,10 @@ pub(crate) fn run(args: &Check) -> Result<(), CliError> {
     report.finish()
 }
 
+fn cpu_bytes(args: &Check) -> u64 {
+    if args.full { FULL_CPU_BYTES } else { CPU_BYTES }
+}
+
 /// Returns the reason if no GPU is to be checked.
 fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, CliError> {
     if args.backend == Checked::Cpu {
@@ -72,6 +84,13 @@ fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, CliError> {
             }
             None => Ok(Ok(None)),
         };
+    }
+    let enough = check_memory("the check of a GPU", cpu_bytes(args) + GPU_BYTES + memory_of_driver_threads());
+    match enough {
+        Err(lacking) if args.backend == Checked::All && args.adapter.is_none() => {
+            return Ok(Err(lacking.to_string()));
+        }
+        enough => enough?,
     }
     let own = match &args.adapter {
         Some(adapter) => GpuDevice::shared_adapter(adapter),

@@ -7,9 +7,9 @@ use flate2::write::GzEncoder;
 use lazygrid::gpu::plan::Planner;
 use lazygrid::gpu::{DeviceLimits, GpuConfig, wgpu};
 use lazygrid_io::write::{AtomicFile, base64};
-use lazygrid_io::{AvailableMemory, lacking_memory};
 
 use crate::args::{PageArgs, PlanArgs};
+use crate::commands::check_memory;
 use crate::error::CliError;
 use crate::progress::Progress;
 
@@ -24,13 +24,11 @@ const SCRIPTS: [&str; 6] = [
     include_str!("page/main.js"),
 ];
 
-/// Bytes for the contents before they are compressed. Refused memory would end the program.
+/// Bytes for the contents before they are compressed.
 const NEEDED: u64 = 128 << 20;
 
 pub(crate) fn run(args: &PageArgs) -> Result<(), CliError> {
-    if let Some(AvailableMemory { bytes: available, limit }) = lacking_memory(NEEDED) {
-        return Err(CliError::TooLittleMemoryForPage { needed: NEEDED, available, limit: limit.name() });
-    }
+    check_memory("the page", NEEDED)?;
     let progress = Progress::new(None);
     progress.say("counting the pairs of all scenes");
     let contents = bundle::contents(env!("CARGO_PKG_VERSION"), env!("LAZYGRID_COMMIT"))?;

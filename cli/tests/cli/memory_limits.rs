@@ -29,11 +29,16 @@ release = [{ species = \"A\", count = COUNT }, { species = \"B\", count = COUNT 
 
 /// Limits the address space. Returns the exit code and standard error.
 fn limited(mebibytes: u64, args: &[&str]) -> (i32, String) {
+    limited_with(mebibytes, &[], args)
+}
+
+fn limited_with(mebibytes: u64, variables: &[(&str, &str)], args: &[&str]) -> (i32, String) {
     let script = format!("ulimit -v {} && exec \"$0\" \"$@\"", mebibytes << 10);
     let mut command = Command::new("sh");
     let command = command.args(["-c", &script, env!("CARGO_BIN_EXE_lazygrid")]).args(args);
     // Arenas of threads would take address space at random.
-    let output = command.env("MALLOC_ARENA_MAX", "1").env("RUST_BACKTRACE", "0").output().unwrap();
+    let command = command.env("MALLOC_ARENA_MAX", "1").env("RUST_BACKTRACE", "0");
+    let output = command.envs(variables.iter().copied()).output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     let code = output.status.code();
     let code = code
@@ -62,7 +67,8 @@ fn commands_under_any_memory_limit_end_without_a_signal() {
     let replicas = scratch.path("replicas");
     let [shown, swept, resumed] = ["shown", "swept", "resumed"].map(|name| scratch.path(name));
     LAZYGRID.run(["simulate", &burst, "--steps", "1", "--output", &resumed]).succeeds();
-    let commands: [&[&str]; 10] = [
+    let commands: [&[&str]; 11] = [
+        &["check", "--quick", "--backend", "cpu"],
         &["detect", &spheres, "--backend", "cpu", "--threads", "2"],
         &["detect", &text, "--backend", "cpu", "--threads", "2", "-o", &pairs],
         &["detect", &spheres, "--backend", "cpu", "--threads", "2", "--neighbors"],
@@ -86,6 +92,28 @@ fn commands_under_any_memory_limit_end_without_a_signal() {
     ];
     for command in commands {
         let codes: Vec<i32> = limits(1000.0).into_iter().map(|limit| limited(limit, command).0).collect();
+        assert!(codes.contains(&1), "{command:?}: no limit was too low: {codes:?}");
+        assert_eq!(codes.last(), Some(&0), "{command:?}: {codes:?}");
+    }
+}
+
+/// A software driver maps hundreds of MiB, and ends the process if it is refused the last of these.
+#[test]
+fn commands_on_a_gpu_under_any_memory_limit_end_without_a_signal() {
+    if lazygrid::gpu::adapters().is_empty() {
+        return;
+    }
+    let scratch = Scratch::new();
+    let cache = scratch.path("cache");
+    let is_full = std::env::var_os("LAZYGRID_TEST_FULL").is_some();
+    let check: &[&str] = if is_full { &["--quick"] } else { &["--seed", "7"] };
+    let check = [&["check", "--backend", "gpu"], check].concat();
+    for command in [&["calibrate"][..], &check] {
+        // llvmpipe faults between these.
+        let below = (350..=700).step_by(if is_full { 10 } else { 50 });
+        let all = limits(300.0).into_iter().chain(below).chain([2000]);
+        let variables = [("XDG_CACHE_HOME", &*cache)];
+        let codes: Vec<i32> = all.map(|limit| limited_with(limit, &variables, command).0).collect();
         assert!(codes.contains(&1), "{command:?}: no limit was too low: {codes:?}");
         assert_eq!(codes.last(), Some(&0), "{command:?}: {codes:?}");
     }

@@ -83,6 +83,29 @@ fn pairs_are_written_into_a_pipe_with_a_name() {
     assert_eq!(String::from_utf8_lossy(&read), expected.out);
 }
 
+/// Refused by a stack that no system has.
+#[cfg(unix)]
+#[test]
+fn refused_thread_for_signals_is_an_error() {
+    let scratch = Scratch::new();
+    let (file, run) = (scratch.write("a.toml", &scenario("")), scratch.path("run"));
+    let made = scratch.path("made.csv");
+    let commands: [(&[&str], &str); 2] = [
+        (&["generate", "equal", "-n", "10", "-o", &made], &made),
+        (&["simulate", &file, "--threads", "1", "--output", &run], &run),
+    ];
+    for (command, output_path) in commands {
+        let mut command_line = Command::new(env!("CARGO_BIN_EXE_lazygrid"));
+        let output = command_line.args(command).env("RUST_MIN_STACK", (1_u64 << 46).to_string()).output();
+        let output = output.unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(1), "{command:?}: {said}");
+        assert!(said.contains("cannot start the thread that listens for Ctrl-C"), "{command:?}: {said}");
+        assert!(!fs::exists(output_path).unwrap(), "{command:?}");
+        LAZYGRID.run(command.iter()).succeeds();
+    }
+}
+
 #[test]
 fn run_leaves_files_of_others_alone() {
     let scratch = Scratch::new();
