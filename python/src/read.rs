@@ -148,6 +148,12 @@ impl Frames {
         py.detach(|| self.lock().frames.species().unused_radii().map(str::to_owned).collect())
     }
 
+    /// Return the warnings of these species.
+    #[pyo3(name = "_unused_radius_warnings")]
+    fn radius_warnings(&self, py: Python<'_>) -> Vec<String> {
+        py.detach(|| unused_radius_warnings(&self.lock().frames, &self.path))
+    }
+
     /// The format of the file.
     #[getter]
     fn format(&self) -> String {
@@ -180,11 +186,14 @@ impl State {
             self.has_warned_of_rounding = true;
         }
         if is_at_end && !std::mem::replace(&mut self.has_warned_of_radii, true) {
-            let unused = self.frames.species().unused_radii();
-            warnings.extend(unused.map(|species| unused_radius(path, species)));
+            warnings.extend(unused_radius_warnings(&self.frames, path));
         }
         warnings
     }
+}
+
+fn unused_radius_warnings(frames: &read::Frames, path: &Path) -> Vec<String> {
+    frames.species().unused_radii().map(|species| unused_radius(path, species)).collect()
 }
 
 /// Returns the length of a regular file.

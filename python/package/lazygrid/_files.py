@@ -60,8 +60,7 @@ def read(
         if frame is None and not frames.at_end():
             raise FileError(f"{os.fspath(path)}: the file has several frames; choose one with frame=, or use Frames")
         if frame is None or frame == number:
-            for species in frames.unused_radii():
-                message = f"{os.fspath(path)}: no sphere is of species '{species}', for which a radius was given"
+            for message in frames._unused_radius_warnings():
                 warnings.warn(message, stacklevel=2)
             return found
     wanted = "no frame" if frame is None else f"no frame {frame}; frames are counted from 0"

@@ -389,6 +389,7 @@ class Frames:
     def at_end(self) -> bool:
         """Return ``True`` after the last frame."""
 
+    def _unused_radius_warnings(self) -> list[str]: ...
     def unused_radii(self) -> list[str]:
         """Return the species of ``radii`` that no frame so far has, probably misspelled."""
 
