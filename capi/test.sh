@@ -46,6 +46,32 @@ else
     skip "exports and SONAME are looked at on Linux, with binutils"
 fi
 
+# Other compilers and systems may need a third more than capi/README.md says.
+size_is_documented() {
+    local size documented=$2
+    size=$(stat -Lc %s "$work/release/lib/$1")
+    say "$1 has $size bytes, $documented MB are documented"
+    awk -v size="$size" -v documented="$documented" 'BEGIN { exit !(size > 0 && size <= documented * 4e6 / 3) }'
+}
+sizes_are_documented() {
+    local text shared static
+    text=$(tr '\n' ' ' <capi/README.md)
+    if [ ${#features[@]} = 0 ]; then
+        text=${text##*the shared library has } shared=${text%% MB*}
+        text=${text#*the static one } static=${text%% MB*}
+    else
+        text=${text##*without the GPU path } shared=${text%% and*}
+        text=${text#* and } static=${text%% MB*}
+    fi
+    size_is_documented liblazygrid.so "$shared" && size_is_documented liblazygrid.a "$static"
+}
+if [ "$(uname)" = Linux ] && have strip binutils; then
+    passes "install of a release" capi/install.sh "$work/release" "${options[@]}"
+    passes "its sizes are about the documented ones" sizes_are_documented
+else
+    skip "sizes are compared on Linux, with binutils"
+fi
+
 export PKG_CONFIG_PATH=$prefix/lib/pkgconfig
 export LD_LIBRARY_PATH=$prefix/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
 
