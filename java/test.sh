@@ -63,9 +63,15 @@ on_java() {
 }
 test=io.github.lazygrid.ContractTest header=capi/include/lazygrid.h native=()
 major() { "$1" -version 2>&1 | sed -n '1s/.*version "\([0-9]*\).*/\1/p'; }
+# Interpreted and with one collector, the JVM asks for little memory of its own, which ends it if refused.
+limited=(-Xint -XX:+UseSerialGC -Xmx256m io.github.lazygrid.MemoryLimits)
+limits_memory() { [ "$(uname)" = Linux ] && command -v prlimit >/dev/null; }
+limits_memory || skip "limits of memory are tested on Linux, with prlimit"
 if [ "$(major java)" -lt 22 ]; then
     passes "Java $(major java), JNA" on_java java "$work/tests:$JNA_JAR" $test JNA $header
     passes "Java $(major java), example" on_java java "$work/examples:$JNA_JAR" Simulator
+    ! limits_memory \
+        || passes "Java $(major java), under limits of memory" on_java java "$work/tests:$JNA_JAR" "${limited[@]}"
     lacking() {
         { on_java java "$work/tests" $test JNA $header 2>&1 || true; } | grep 'needs JNA 5 on the class path'
     }
@@ -77,6 +83,8 @@ if [ -n "${JAVA22_HOME:-}" ] && [ -d "$work/classes/META-INF/versions/22" ]; the
     java22=$JAVA22_HOME/bin/java native=(--enable-native-access=ALL-UNNAMED)
     passes "Java $(major "$java22"), java.lang.foreign" on_java "$java22" "$work/tests" $test java.lang.foreign $header
     passes "Java $(major "$java22"), example" on_java "$java22" "$work/examples" Simulator
+    ! limits_memory \
+        || passes "Java $(major "$java22"), under limits of memory" on_java "$java22" "$work/tests" "${limited[@]}"
 else
     skip "there is no Java of 22 or later, or nothing to compile for it with"
 fi

@@ -355,6 +355,11 @@ public final class ContractTest {
         NeighborLists.run();
         threads();
         sharedDetector();
+        finish();
+    }
+
+    /** Prints the numbers and ends the process. */
+    static void finish() {
         System.out.println(passed + " passed, " + failed + " failed");
         System.exit(failed == 0 ? 0 : 1);
     }
