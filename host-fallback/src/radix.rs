@@ -71,6 +71,11 @@ impl<K: RadixKey> Radix<K> {
         with_growth(entries * Self::BYTES_PER_ENTRY + chunks * size_of::<[usize; DIGITS]>() as u64)
     }
 
+    pub(crate) fn bytes(&self) -> usize {
+        (self.entries.capacity() + self.spare.capacity()) * size_of::<KeyedSphere<K>>()
+            + self.counts.capacity() * size_of::<[usize; DIGITS]>()
+    }
+
     /// Stable; keys are below 2^`bits`.
     pub(crate) fn sort(&mut self, bits: u32, executor: Executor) -> Result<(), Error> {
         try_resize(&mut self.spare, self.entries.len(), "sorting entries of cells")?;

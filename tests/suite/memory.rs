@@ -145,6 +145,33 @@ fn memory_for_is_an_upper_bound() {
     }
 }
 
+/// Each thread may compare a cell of all spheres, now or in an earlier call.
+#[test]
+fn memory_for_is_an_upper_bound_for_several_threads() {
+    let mut measurement = Measurement::alone();
+    let crowded =
+        scenes(30_000, 36).into_iter().filter(|(name, _)| ["crowd", "far and fine"].contains(&&**name));
+    for (scene, spheres) in crowded {
+        for algorithm in [Algorithm::ArrayGrid, Algorithm::HashGrid, Algorithm::RecursiveGrid] {
+            let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).threads(16);
+            let mut detector = Detector::new(config.skin(Skin::Off)).expect("a detector");
+            // Starts the threads.
+            detector.count(&spheres[..2]).expect("a count");
+            measurement.start();
+            let bound = detector.memory_for(spheres.len() as u64) as usize + FIXED;
+            for call in 0..8 {
+                detector.count(&spheres).expect("a count");
+                // Growing a buffer briefly needs the old one too, so only the remaining memory is compared.
+                let held = measurement.held();
+                assert!(
+                    held <= bound,
+                    "{algorithm}, {scene}, call {call}: {held} bytes held where {bound} are announced"
+                );
+            }
+        }
+    }
+}
+
 /// Besides the benchmark scenes: equal spheres in a ball about as large as one cell of the paper's grids, each in the
 /// maximum number of cells; and one huge sphere far from the origin along one axis, filled with small ones.
 fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {

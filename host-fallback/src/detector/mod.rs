@@ -63,7 +63,7 @@ impl HostBackend {
         &self.state.report
     }
 
-    /// Most bytes held for `spheres` spheres, without the result and its chunks.
+    /// Most bytes held for `spheres` spheres by all threads, without the result and its chunks.
     ///
     /// The paper's grids may take four times as much beyond 2²⁹ cells, and again on periodic axes shorter than three
     /// cells. The recursive grid is covered with one overfull cell of all spheres; nested ones add up to 150 bytes per

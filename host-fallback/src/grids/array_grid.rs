@@ -1,6 +1,6 @@
 //! The paper's ArrayGrid: (cell, sphere) entries for every cell that a sphere overlaps, sorted by cell.
 
-use super::cell::{Batch, OverfullCell};
+use super::cell::{Batch, OverfullCells};
 use super::entries::{Entries, KeyLayout, Visit, cells_of_piece, memory_of_entries, most_entries, runs};
 use super::workspace::Workspaces;
 use crate::Error;
@@ -16,7 +16,7 @@ const CROWDED: usize = CHUNK_ENTRIES;
 pub(crate) struct ArrayGrid {
     entries: Entries,
     batches: Workspaces<Batch>,
-    overfull: Workspaces<OverfullCell>,
+    overfull: OverfullCells,
 }
 
 impl ArrayGrid {
@@ -35,7 +35,7 @@ impl ArrayGrid {
     pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
         let entries = most_entries(spheres as usize, ratio) as u64;
         let batches = threads * Batch::memory_for(entries.min((CHUNK_ENTRIES + CROWDED) as u64));
-        memory_of_entries(entries) + batches + OverfullCell::memory_for(spheres, threads)
+        memory_of_entries(entries) + batches + OverfullCells::memory_for(spheres, threads)
     }
 }
 
@@ -52,10 +52,7 @@ impl<'o, O: Output> Visit for Search<'_, 'o, O> {
         let Self { grid, input, output } = self;
         let pieces = entries.len().div_ceil(CHUNK_ENTRIES);
         search_pieces(output, input, pieces, usize::MAX, |sink, piece| {
-            grid.batches.lend(|batch| {
-                let entries = cells_of_piece(entries, piece, CHUNK_ENTRIES);
-                cells(grid, entries, batch, (input, output, sink))
-            })
+            cells(grid, cells_of_piece(entries, piece, CHUNK_ENTRIES), (input, output, sink))
         })
     }
 }
@@ -63,19 +60,22 @@ impl<'o, O: Output> Visit for Search<'_, 'o, O> {
 fn cells<'o, K: RadixKey, O: Output>(
     grid: &ArrayGrid,
     entries: &[KeyedSphere<K>],
-    batch: &mut Batch,
     (input, output, mut sink): (&SearchInput<'_>, &'o O, O::Sink<'o>),
 ) -> Result<O::Sink<'o>, Error> {
     let grouping = input.grouping(Division::ByPartners);
+    let mut batch = grid.batches.take();
     for run in runs(entries) {
         if run.len() <= CROWDED {
             batch.push(run, &grouping)?;
         } else {
             batch.search(input, &mut sink)?;
-            sink = grid.overfull.lend(|overfull| overfull.within(input, run, output, sink))?;
+            grid.batches.give_back(batch)?;
+            sink = grid.overfull.within(input, run, output, sink)?;
+            batch = grid.batches.take();
         }
     }
     batch.search(input, &mut sink)?;
+    grid.batches.give_back(batch)?;
     Ok(sink)
 }
 

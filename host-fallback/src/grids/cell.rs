@@ -176,13 +176,19 @@ impl<S: Sink> SimdTask for Cells<'_, S> {
     }
 }
 
+/// Buffers for overfull cells.
+#[derive(Debug, Default)]
+pub(crate) struct OverfullCells {
+    cells: Workspaces<OverfullCell>,
+    columns: Workspaces<Columns>,
+}
+
 /// An overfull cell, divided into rows of tiles. Spheres are gathered per row, so memory does not grow with the cell.
 #[derive(Debug, Default)]
-pub(crate) struct OverfullCell {
+struct OverfullCell {
     rows: Vec<TileRow>,
     /// Positions in the cell, group by group.
     order: Vec<u32>,
-    columns: Workspaces<Columns>,
 }
 
 #[derive(Clone, Debug)]
@@ -191,14 +197,14 @@ struct TileRow {
     with: Range<usize>,
 }
 
-impl OverfullCell {
+impl OverfullCells {
     pub(crate) fn memory_for(spheres: u64, threads: u64) -> u64 {
         threads * with_growth(Columns::BYTES_PER_SPHERE * spheres.min((TILE + ROW) as u64))
     }
 
     /// Compares inside one cell, whose entries are sorted by corner mask.
     pub(crate) fn within<'o, O: Output>(
-        &mut self,
+        &self,
         input: &SearchInput<'_>,
         run: &[impl CellMember],
         output: &'o O,
@@ -212,11 +218,29 @@ impl OverfullCell {
 
     /// Compares `large` with each other and with `small`, all in one cell and sorted by corner mask.
     pub(crate) fn among<'o, O: Output>(
-        &mut self,
+        &self,
         input: &SearchInput<'_>,
         (large, small): (&[impl CellMember], &[impl CellMember]),
         (output, sink): (&'o O, O::Sink<'o>),
     ) -> Result<O::Sink<'o>, Error> {
+        self.cells.lend(|cell| {
+            cell.arrange_all(input, large, small)?;
+            let id = |k: usize| {
+                let k = cell.order.get(k).map_or(k, |&member| member as usize);
+                if k < large.len() { large[k].id() } else { small[k - large.len()].id() }
+            };
+            cell.search(input, (&self.columns, id), (output, sink))
+        })
+    }
+}
+
+impl OverfullCell {
+    fn arrange_all(
+        &mut self,
+        input: &SearchInput<'_>,
+        large: &[impl CellMember],
+        small: &[impl CellMember],
+    ) -> Result<(), Error> {
         let grouping = input.grouping(Division::ByPartners);
         self.rows.clear();
         self.order.clear();
@@ -229,11 +253,7 @@ impl OverfullCell {
                 self.plan(&first[b], &second[a], &ALL_PARTNERS)?;
             }
         }
-        let id = |k: usize| {
-            let k = self.order.get(k).map_or(k, |&member| member as usize);
-            if k < large.len() { large[k].id() } else { small[k - large.len()].id() }
-        };
-        self.search(input, id, (output, sink))
+        Ok(())
     }
 
     /// Appends the members of a cell to the order, group by group, unless there is one group. Returns each group's
@@ -281,12 +301,12 @@ impl OverfullCell {
     fn search<'o, O: Output>(
         &self,
         input: &SearchInput<'_>,
-        id: impl Fn(usize) -> u32 + Sync,
+        (columns, id): (&Workspaces<Columns>, impl Fn(usize) -> u32 + Sync),
         (output, sink): (&'o O, O::Sink<'o>),
     ) -> Result<O::Sink<'o>, Error> {
         let compare = |mut sink: O::Sink<'o>, row: usize| {
             let row = &self.rows[row];
-            self.columns.lend(|columns| {
+            columns.lend(|columns| {
                 let local = row.gather(columns, &input.test, &id)?;
                 input.run(TileTask { columns, test: &input.test, row: &local, sink: &mut sink });
                 sink.checked()

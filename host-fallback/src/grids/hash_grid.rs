@@ -6,10 +6,10 @@ use std::sync::atomic::Ordering::Relaxed;
 use bytemuck::Zeroable;
 use glam::UVec3;
 
-use super::cell::{Batch, CellMember, OverfullCell};
+use super::cell::{Batch, CellMember, OverfullCells};
 use super::entries::{accumulate, most_entries};
 use super::uniform_grid::{CellBox, UniformGrid};
-use super::workspace::Workspaces;
+use super::workspace::{Workspaces, most_members};
 use crate::Error;
 use crate::compare::Output;
 use crate::disjoint_writes::{shared, split_at};
@@ -27,7 +27,9 @@ pub(crate) struct HashGrid {
     heads: Vec<u32>,
     entries: Vec<Linked>,
     offsets: Vec<usize>,
-    workspaces: Workspaces<Workspace>,
+    chains: Workspaces<Vec<InChain>>,
+    batches: Workspaces<Batch>,
+    overfull: OverfullCells,
 }
 
 #[derive(Clone, Copy, Debug, Zeroable)]
@@ -36,13 +38,6 @@ struct Linked {
     corner_mask: u32,
     id: u32,
     next: u32,
-}
-
-#[derive(Debug, Default)]
-struct Workspace {
-    chain: Vec<InChain>,
-    batch: Batch,
-    overfull: OverfullCell,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -75,6 +70,7 @@ impl HashGrid {
         input: &SearchInput<'_>,
         report: &mut Report,
     ) -> Result<(), Error> {
+        self.chains.keep_largest(Vec::capacity);
         let grid = report.time("count", || self.count::<PERIODIC>(input))?;
         let total = self.offsets.last().copied().unwrap_or(0);
         log::trace!("{total} entries");
@@ -147,24 +143,26 @@ impl HashGrid {
         let pieces = self.heads.len().div_ceil(CHUNK_CHAINS);
         search_pieces(output, input, pieces, usize::MAX, |sink, piece| {
             let heads = &self.heads[piece * CHUNK_CHAINS..self.heads.len().min((piece + 1) * CHUNK_CHAINS)];
-            self.workspaces.lend(|workspace| self.chains(heads, workspace, (input, output, sink)))
+            self.chains.lend(|chain| self.search_chains(heads, chain, (input, output, sink)))
         })
     }
 
-    fn chains<'o, O: Output>(
+    fn search_chains<'o, O: Output>(
         &self,
         heads: &[u32],
-        workspace: &mut Workspace,
+        chain: &mut Vec<InChain>,
         (input, output, mut sink): (&SearchInput<'_>, &'o O, O::Sink<'o>),
     ) -> Result<O::Sink<'o>, Error> {
-        let Workspace { chain, batch, overfull } = workspace;
         let grouping = input.grouping(Division::ByPartners);
+        let mut batch = self.batches.take();
         for &head in heads {
             self.collect(head, chain)?;
             for run in chain.chunk_by(|a, b| a.cell == b.cell).filter(|run| run.len() > 1) {
                 if run.len() > BATCH_SPHERES {
                     batch.search(input, &mut sink)?;
-                    sink = overfull.within(input, run, output, sink)?;
+                    self.batches.give_back(batch)?;
+                    sink = self.overfull.within(input, run, output, sink)?;
+                    batch = self.batches.take();
                 } else {
                     batch.push(run, &grouping)?;
                 }
@@ -174,6 +172,7 @@ impl HashGrid {
             }
         }
         batch.search(input, &mut sink)?;
+        self.batches.give_back(batch)?;
         Ok(sink)
     }
 
@@ -196,9 +195,9 @@ impl HashGrid {
         let entries = most_entries(spheres as usize, ratio) as u64;
         let table = entries.next_power_of_two() * size_of::<u32>() as u64;
         let batches = threads * Batch::memory_for(entries.min(2 * BATCH_SPHERES as u64));
-        let chain =
-            with_growth(spheres * size_of::<InChain>() as u64) + OverfullCell::memory_for(spheres, threads);
-        with_growth(entries * size_of::<Linked>() as u64 + table) + batches + chain
+        let chains = with_growth(most_members(spheres, entries, threads) * size_of::<InChain>() as u64);
+        let overfull = OverfullCells::memory_for(spheres, threads);
+        with_growth(entries * size_of::<Linked>() as u64 + table) + batches + chains + overfull
     }
 }
 

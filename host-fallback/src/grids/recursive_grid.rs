@@ -12,12 +12,12 @@
 
 use glam::{BVec3, DVec3, UVec3, Vec3};
 
-use super::cell::{Batch, CellMember, OverfullCell, owns_pairs};
+use super::cell::{Batch, CellMember, OverfullCells, owns_pairs};
 use super::entries::{
     ENTRY, Entries, KeyLayout, Visit, cells_of_piece, fill, memory_of_entries, most_entries, runs,
 };
 use super::uniform_grid::{CellBox, UniformGrid};
-use super::workspace::Workspaces;
+use super::workspace::{Workspaces, most_members};
 use crate::Error;
 use crate::compare::{Output, Sink};
 use crate::input::{Division, SearchInput, search_pieces};
@@ -39,14 +39,9 @@ const MAX_FINENESS: f64 = (1_u64 << 46) as f64;
 #[derive(Debug, Default)]
 pub(crate) struct RecursiveGrid {
     entries: Entries,
-    workspaces: Workspaces<Workspace>,
-}
-
-#[derive(Debug, Default)]
-struct Workspace {
-    batch: Batch,
-    overfull: OverfullCell,
-    split: CellSplit,
+    batches: Workspaces<Batch>,
+    splits: Workspaces<CellSplit>,
+    overfull: OverfullCells,
 }
 
 #[derive(Debug, Default)]
@@ -76,6 +71,13 @@ impl CellMember for Member {
 }
 
 impl CellSplit {
+    fn bytes(&self) -> usize {
+        let Self { large, small, finer, offsets } = self;
+        (large.capacity() + small.capacity()) * size_of::<Member>()
+            + finer.bytes()
+            + offsets.capacity() * size_of::<usize>()
+    }
+
     fn start(&mut self, input: &SearchInput<'_>, run: &[impl CellMember]) -> Result<(), Error> {
         self.small.clear();
         let members = run.iter().map(|entry| {
@@ -212,6 +214,7 @@ impl NestedCell {
 
 impl RecursiveGrid {
     pub(crate) fn build(&mut self, input: &SearchInput<'_>, report: &mut Report) -> Result<(), Error> {
+        self.splits.keep_largest(CellSplit::bytes);
         self.entries.build(input, report)
     }
 
@@ -226,14 +229,15 @@ impl RecursiveGrid {
         }
     }
 
-    /// Returns the most bytes held: the top grid, one split cell of all spheres, and gathered spheres; with narrow keys
-    /// and without nested overfull cells.
+    /// Returns the most bytes held: the top grid, split cells of all threads, and gathered spheres; with narrow keys and
+    /// without nested overfull cells.
     pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
         let entries = most_entries(spheres as usize, ratio) as u64;
-        let batches = 2 * threads * Batch::memory_for(entries.min(2 * CHUNK_ENTRIES as u64));
-        // Finer cells may be as small as the spheres in them.
-        let split = spheres * (size_of::<Member>() as u64 + 8 * ENTRY);
-        memory_of_entries(entries) + split + batches + OverfullCell::memory_for(spheres, threads)
+        let batches = threads * Batch::memory_for(entries.min(2 * CHUNK_ENTRIES as u64));
+        let members = most_members(spheres, entries, threads) * size_of::<Member>() as u64;
+        // Finer cells may be as small as the spheres in them. Besides the largest split, there are those of a call.
+        let finer = spheres * threads.min(2) * 8 * ENTRY;
+        memory_of_entries(entries) + members + finer + batches + OverfullCells::memory_for(spheres, threads)
     }
 }
 
@@ -263,9 +267,9 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         sink: O::Sink<'o>,
     ) -> Result<O::Sink<'o>, Error> {
         let piece = |sink: O::Sink<'o>, piece: usize| {
-            self.grid.workspaces.lend(|workspace| {
-                self.cells(cells_of_piece(entries, piece, CHUNK_ENTRIES), &cell, (workspace, sink))
-            })
+            self.grid
+                .splits
+                .lend(|split| self.cells(cells_of_piece(entries, piece, CHUNK_ENTRIES), &cell, (split, sink)))
         };
         match entries.len().div_ceil(CHUNK_ENTRIES) {
             0 | 1 if sink.stopped() => Ok(sink),
@@ -279,22 +283,27 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         &self,
         entries: &[KeyedSphere<K>],
         cell: impl Fn(K) -> NestedCell,
-        (workspace, mut sink): (&mut Workspace, O::Sink<'o>),
+        (split, mut sink): (&mut CellSplit, O::Sink<'o>),
     ) -> Result<O::Sink<'o>, Error> {
         let grouping = self.input.grouping(Division::ByPartners);
+        let batches = &self.grid.batches;
+        let mut batch = batches.take();
         for run in runs(entries) {
             if run.len() <= self.tau().min(CHUNK_ENTRIES) {
-                workspace.batch.push(run, &grouping)?;
+                batch.push(run, &grouping)?;
             } else if owns_pairs(run) {
-                workspace.batch.search(self.input, &mut sink)?;
-                workspace.split.start(self.input, run)?;
-                sink = self.crowded(cell(run[0].key), workspace, sink)?;
+                batch.search(self.input, &mut sink)?;
+                split.start(self.input, run)?;
+                batches.give_back(batch)?;
+                sink = self.crowded(cell(run[0].key), split, sink)?;
+                batch = batches.take();
             }
-            if workspace.batch.len() > CHUNK_ENTRIES {
-                workspace.batch.search(self.input, &mut sink)?;
+            if batch.len() > CHUNK_ENTRIES {
+                batch.search(self.input, &mut sink)?;
             }
         }
-        workspace.batch.search(self.input, &mut sink)?;
+        batch.search(self.input, &mut sink)?;
+        batches.give_back(batch)?;
         Ok(sink)
     }
 
@@ -305,10 +314,9 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
     fn crowded(
         &self,
         cell: NestedCell,
-        workspace: &mut Workspace,
+        split: &mut CellSplit,
         mut sink: O::Sink<'o>,
     ) -> Result<O::Sink<'o>, Error> {
-        let Workspace { split, overfull, .. } = workspace;
         let cell_size = self.grid.entries.grid.cell_size() / cell.fineness;
         let mut limit = cell_size / 4.0;
         loop {
@@ -324,6 +332,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
                 split.merge_large()?;
             }
             if !split.large.is_empty() {
+                let overfull = &self.grid.overfull;
                 sink = overfull.among(self.input, (&split.large, &split.small), (self.output, sink))?;
             }
             match step {

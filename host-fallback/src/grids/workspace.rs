@@ -1,18 +1,48 @@
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use crate::Error;
 use crate::memory::try_push;
 
-/// Keeps all buffers that were ever in use at once.
+/// Buffers of threads, kept for later use.
 #[derive(Debug, Default)]
 pub(crate) struct Workspaces<T>(Mutex<Vec<T>>);
 
 impl<T: Default> Workspaces<T> {
+    /// Returns a workspace to [`give_back`](Self::give_back). A thread must not hold one while it waits for others: it
+    /// may do their work meanwhile, with one more.
+    pub(crate) fn take(&self) -> T {
+        self.lock().pop().unwrap_or_default()
+    }
+
+    pub(crate) fn give_back(&self, workspace: T) -> Result<(), Error> {
+        try_push(&mut self.lock(), workspace, "workspaces")
+    }
+
     pub(crate) fn lend<R>(&self, work: impl FnOnce(&mut T) -> Result<R, Error>) -> Result<R, Error> {
-        let spare = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let mut workspace = spare.unwrap_or_default();
+        let mut workspace = self.take();
         let result = work(&mut workspace)?;
-        try_push(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner), workspace, "workspaces")?;
+        self.give_back(workspace)?;
         Ok(result)
     }
+
+    /// Drops all workspaces except the largest. They grow with the cells that their threads compare, so after some calls
+    /// each might be as large as the largest cell.
+    pub(crate) fn keep_largest(&mut self, bytes: impl Fn(&T) -> usize) {
+        let all = self.0.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let largest = (0..all.len()).max_by_key(|&k| bytes(&all[k]));
+        if let Some(largest) = largest {
+            all.swap(0, largest);
+            all.truncate(1);
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Vec<T>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Returns the most spheres in [`keep_largest`](Workspaces::keep_largest) workspaces, one of which may hold all: in a call
+/// each of the (cell, sphere) `entries` is in one of them.
+pub(crate) fn most_members(spheres: u64, entries: u64, threads: u64) -> u64 {
+    spheres.saturating_mul(threads).min(spheres + entries)
 }
