@@ -141,6 +141,7 @@ pub(super) struct ReceptorRow {
     pub(super) bound: u32,
     pub(super) requests: u32,
     pub(super) first: u32,
+    pub(super) tally: u32,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]

@@ -14,6 +14,7 @@ use super::tables::Tables;
 use crate::model::Model;
 use crate::model::particles::Particles;
 use crate::model::receiver::ReceiverKind;
+use crate::motion::request_counts::RequestCounts;
 use crate::random::philox::Key;
 use crate::release::origins::{Arrival, Origins};
 use crate::release::{PartialEvents, Released};
@@ -56,6 +57,8 @@ pub struct GpuSimulation {
     totals: Totals,
     inside: Vec<Vec<u64>>,
     pairs: Vec<u64>,
+    /// Since the run was begun or resumed.
+    requests: RequestCounts,
     origins: Origins,
     arrivals: Vec<Arrival>,
     /// Error of a call with steps submitted. The device then holds a later state than the host.
@@ -149,6 +152,7 @@ impl GpuSimulation {
             totals: state.totals.clone(),
             inside: Vec::new(),
             pairs: Vec::new(),
+            requests: RequestCounts::default(),
             origins: state.restored_origins(&model, key),
             arrivals: Vec::new(),
             failure: None,
@@ -178,6 +182,10 @@ impl GpuSimulation {
 
     pub fn totals(&self) -> &Totals {
         &self.totals
+    }
+
+    pub(crate) fn requests(&self) -> &RequestCounts {
+        &self.requests
     }
 
     /// Returns the pairs found in each step of the last [`run`](Self::run).

@@ -70,7 +70,7 @@ impl Tables {
             species_rows,
             event_rows,
             occupancy_rows: occupancy_rows(model, &tallies),
-            receptors: model.receptor_types().map(receptor_row).collect(),
+            receptors: receptor_rows(model, &tallies),
             reflects: model.receivers.iter().any(Receiver::reflects_some),
             scene_rows,
             reaction_rows: reaction_rows(model),
@@ -98,8 +98,13 @@ impl Tables {
     }
 }
 
-fn receptor_row(kind: &ReceptorType) -> ReceptorRow {
-    ReceptorRow { count: kind.count, ..ReceptorRow::default() }
+fn receptor_rows(model: &Model, tallies: &Tallies) -> Vec<ReceptorRow> {
+    let row = |(k, kind): (usize, &ReceptorType)| ReceptorRow {
+        count: kind.count,
+        tally: tallies.requests(k) as u32,
+        ..ReceptorRow::default()
+    };
+    model.receptor_types().enumerate().map(row).collect()
 }
 
 fn params(model: &Model, key: Key, max_iterations: u32, tallies: &Tallies) -> Params {

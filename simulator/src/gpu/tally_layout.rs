@@ -1,4 +1,5 @@
-/// Indices of tallies: arrivals by receiver and species, decays, reactions, occupied receptors by type.
+/// Indices of tallies: arrivals by receiver and species, decays, reactions, and by receptor type the change of occupied
+/// receptors, and all requests and refused ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Tallies {
     pub(super) species: usize,
@@ -25,7 +26,12 @@ impl Tallies {
         self.reaction(self.reactions) + receptor
     }
 
+    /// The next index is of refused requests.
+    pub(super) fn requests(&self, receptor: usize) -> usize {
+        self.occupied(self.receptors) + 2 * receptor
+    }
+
     pub(super) fn len(&self) -> usize {
-        self.occupied(self.receptors)
+        self.requests(self.receptors)
     }
 }

@@ -12,19 +12,25 @@ const REFUSED: f64 = 0.01;
 const LEAST: u64 = 10;
 
 /// All requests and refused ones, by receptor type.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct RequestCounts(Vec<[u64; 2]>);
 
 impl RequestCounts {
     /// Counts the requests of a step, and returns the ascending ids without a free receptor.
     pub(crate) fn reject(&mut self, requests: Vec<BindingRequest>, free: &[u32]) -> Vec<u32> {
-        self.0.resize(free.len(), [0; 2]);
         let mut of_step = vec![0_u64; free.len()];
         requests.iter().for_each(|request| of_step[request.receptor()] += 1);
-        for ((all, free), of_step) in self.0.iter_mut().zip(free).zip(of_step) {
-            *all = [all[0] + of_step, all[1] + of_step.saturating_sub((*free).into())];
-        }
+        let counts = of_step.into_iter().zip(free);
+        self.add(counts.map(|(all, &free)| [all, all.saturating_sub(free.into())]));
         rejected(requests, free)
+    }
+
+    /// Adds all requests and refused ones of each receptor type.
+    pub(crate) fn add(&mut self, counts: impl ExactSizeIterator<Item = [u64; 2]>) {
+        self.0.resize(counts.len(), [0; 2]);
+        for (sum, count) in self.0.iter_mut().zip(counts) {
+            *sum = [sum[0] + count[0], sum[1] + count[1]];
+        }
     }
 
     pub(crate) fn warnings(&self, model: &Model) -> Vec<String> {
@@ -52,29 +58,33 @@ impl RequestCounts {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use lazygrid::Algorithm;
 
     use super::*;
     use crate::model::receptors::ReceptorType;
     use crate::{Boundary, Receiver, ReceiverKind, Shape, Simulation, Species, Transmitter};
 
-    /// One receptor that is requested 50 times per s and keeps a particle for 1/50 s.
+    /// Returns one receptor that is requested 50 times per s and keeps a particle for 1/50 s.
+    pub(crate) fn request_model(time_step: f64) -> Model {
+        let kind = ReceiverKind::Receptors(vec![ReceptorType::new(1, 5.0, 50.0, [0])]);
+        let receiver =
+            Receiver { name: "rx".into(), radius: 0.5, kind, sees: vec![true], ..Receiver::default() };
+        let shape = Shape::Box([4.0; 3]);
+        Model {
+            time_step,
+            species: vec![Species { name: "A".into(), diffusion: 20.0, mass: 1.0, ..Species::default() }],
+            transmitters: vec![Transmitter { shape, release: vec![(0, 640)], ..Transmitter::default() }],
+            receivers: vec![receiver],
+            boundary: Boundary::periodic([-2.0; 3], [2.0; 3]),
+            ..Model::default()
+        }
+    }
+
     #[test]
     fn refused_requests_for_a_receptor_are_warned_of() {
         let warnings = |time_step: f64, steps: u32| {
-            let kind = ReceiverKind::Receptors(vec![ReceptorType::new(1, 5.0, 50.0, [0])]);
-            let receiver =
-                Receiver { name: "rx".into(), radius: 0.5, kind, sees: vec![true], ..Receiver::default() };
-            let shape = Shape::Box([4.0; 3]);
-            let model = Model {
-                time_step,
-                species: vec![Species { name: "A".into(), diffusion: 20.0, mass: 1.0, ..Species::default() }],
-                transmitters: vec![Transmitter { shape, release: vec![(0, 640)], ..Transmitter::default() }],
-                receivers: vec![receiver],
-                boundary: Boundary::periodic([-2.0; 3], [2.0; 3]),
-                ..Model::default()
-            };
+            let model = request_model(time_step);
             let mut simulation = Simulation::new(model.clone(), 3, Algorithm::Auto).unwrap();
             (0..steps).for_each(|_| simulation.step().unwrap());
             simulation.requests.warnings(&model)

@@ -85,12 +85,12 @@ impl AnySimulation {
         }
     }
 
-    /// Returns warnings of refused requests for receptors, which the GPU does not count.
+    /// Returns warnings of refused requests for receptors.
     pub(crate) fn request_warnings(&self) -> Vec<String> {
         match self {
             Self::Cpu(run) => run.requests.warnings(&run.model),
             #[cfg(feature = "gpu")]
-            Self::Gpu(_) => Vec::new(),
+            Self::Gpu(run) => run.requests().warnings(run.model()),
         }
     }
 

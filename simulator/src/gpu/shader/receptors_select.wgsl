@@ -79,6 +79,8 @@ fn receptors_select(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invo
         let free = count - min(count, atomicLoad(&receptors[receptor].bound));
         let requests = select(0u, atomicLoad(&receptors[receptor].requests), atomicLoad(&control.halted) == 0u);
         numbers = vec3(requests, free, receptors[receptor].first);
+        atomicAdd(&control.tallies[receptors[receptor].tally], requests);
+        atomicAdd(&control.tallies[receptors[receptor].tally + 1u], requests - min(requests, free));
     }
     let all_numbers = workgroupUniformLoad(&numbers);
     let requests = all_numbers.x;

@@ -3,7 +3,7 @@ use crate::model::receiver::ReceiverKind;
 
 impl GpuSimulation {
     pub(super) fn add_tallies(&mut self, counts: &[u32]) {
-        let Self { model, tables: Tables { tallies, .. }, totals, .. } = self;
+        let Self { model, tables: Tables { tallies, .. }, totals, requests, .. } = self;
         let count = |at: usize| u64::from(counts[at]);
         // A species may appear and disappear between readbacks, so only the final count is not negative.
         let present = &mut totals.present;
@@ -42,5 +42,7 @@ impl GpuSimulation {
             let change = i64::from(counts[tallies.occupied(receptor)] as i32);
             *occupied = occupied.wrapping_add(change as u64);
         }
+        let of_type = |receptor: usize| [0, 1].map(|k| count(tallies.requests(receptor) + k));
+        requests.add((0..tallies.receptors).map(of_type));
     }
 }

@@ -193,15 +193,19 @@ fn buffers_of_three(own: &GpuDevice) -> RunBuffers {
     let mut model = model();
     model.species.truncate(1);
     model.reactions.clear();
-    model.receivers = vec![Receiver { sees: vec![true], ..Receiver::default() }; 3];
+    let kind = ReceiverKind::Receptors(vec![ReceptorType::new(1, 1.0, 1.0, [0])]);
+    model.receivers = vec![Receiver { sees: vec![true], kind, ..Receiver::default() }; 3];
     RunBuffers::new(own.clone(), &Tables::new(&model, Key::new(1), 64), 0).expect("buffers")
 }
+
+/// Bytes of a receptor type.
+const ROW: u64 = size_of::<ReceptorRow>() as u64;
 
 fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
     let count = crowd.spheres.len() as u32;
     let mut buffers = buffers_of_three(own);
-    let rows: Vec<ReceptorRow> =
-        RECEPTORS.iter().map(|&[count, _]| ReceptorRow { count, ..ReceptorRow::default() }).collect();
+    let row = |(&[count, _], k)| ReceptorRow { count, tally: 6 + 2 * k, ..ReceptorRow::default() };
+    let rows: Vec<ReceptorRow> = RECEPTORS.iter().zip(0..).map(row).collect();
     let event_rows: Vec<EventRow> =
         (0..3).map(|k| EventRow { receptor: k, tally: k, occupied: 3 + k, ..EventRow::default() }).collect();
     let tags: Vec<[u32; 2]> = (0..count).map(|at| [0, id_of(at)]).collect();
@@ -230,7 +234,7 @@ fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
     let begin = recorded(&[(&k::RECEPTORS_RESET, 1), (&k::RECEPTORS_COUNT_BOUND, all)]);
     own.queue.submit([begin.finish()]);
     for (k, bids) in crowd.coming.iter().enumerate() {
-        own.queue.write_buffer(&made["receptors"], 16 * k as u64 + 8, bytemuck::bytes_of(bids));
+        own.queue.write_buffer(&made["receptors"], ROW * k as u64 + 8, bytemuck::bytes_of(bids));
     }
     let encoder = recorded(&[
         (&k::RECEPTORS_SCAN_REQUESTS, 1),
@@ -240,11 +244,11 @@ fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
     let parts = [
         (&made["moved"], 16 * u64::from(count)),
         (&made["claims"], CLAIM_BYTES * u64::from(count)),
-        (&made["receptors"], 48),
-        (&made["control"], size_of::<ControlHeader>() as u64 + 24),
+        (&made["receptors"], 3 * ROW),
+        (&made["control"], size_of::<ControlHeader>() as u64 + 48),
     ];
     let read = read(own, encoder, &parts).expect("read");
-    let receptors: Vec<[u32; 4]> = bytemuck::pod_collect_to_vec(&read[2]);
+    let receptors: Vec<[u32; 5]> = bytemuck::pod_collect_to_vec(&read[2]);
     let head: ControlHeader = bytemuck::pod_read_unaligned(&read[3][..size_of::<ControlHeader>()]);
     Chosen {
         moved: bytemuck::pod_collect_to_vec(&read[0]),
@@ -279,7 +283,26 @@ fn lowest_ranks_bind_to_free_receptors() {
         assert!(is_bound || moved[at] == spheres[at], "{:?}", moved[at]);
     }
     let bound: Vec<u32> = (0..3).map(|k| coming[k].min(free[k])).collect();
-    assert_eq!((tallies, removed), ([&bound[..]; 2].concat(), bound.iter().sum()));
+    let requests: Vec<u32> = (0..3).flat_map(|k| [coming[k], coming[k] - bound[k]]).collect();
+    assert_eq!((tallies, removed), ([&bound, &bound, &requests[..]].concat(), bound.iter().sum()));
+}
+
+#[test]
+fn refused_requests_are_counted_as_on_the_cpu() {
+    let Some(own) = device() else { return };
+    let mut model = request_model(0.004);
+    model.receivers[0].kind = ReceiverKind::Receptors(vec![
+        ReceptorType::new(30, 2.0, 5.0, [0]),
+        ReceptorType::new(2, 30.0, 5.0, [0]),
+    ]);
+    let mut expected = Simulation::new(model.clone(), 3, Algorithm::Auto).expect("a run");
+    (0..12).for_each(|_| expected.step().expect("a step"));
+    let mut run = GpuSimulation::new(model.clone(), 3, own, GpuOptions::default()).expect("a run");
+    run.run(5).expect("steps");
+    run.run(7).expect("steps");
+    assert_eq!(run.requests(), &expected.requests);
+    let warnings = run.requests().warnings(&model);
+    assert!(warnings.len() == 1 && warnings == expected.requests.warnings(&model), "{warnings:?}");
 }
 
 #[test]

@@ -6,6 +6,8 @@ struct Receptors {
     // Requests, and their beginning in the common list.
     requests: atomic<u32>,
     first: u32,
+    // Index of the tally of requests. The next one is of refused requests.
+    tally: u32,
 }
 
 // A bound particle has its direction from the center as its position, and a radius of -2 minus the index of its
