@@ -69,6 +69,8 @@ pub(super) struct SpeciesRow {
     pub(super) tumbles: u32,
     pub(super) tumble_threshold: u32,
     pub(super) decay_rate: f32,
+    pub(super) dissociation_rate: f32,
+    pub(super) dissociation_threshold: u32,
     pub(super) mobility: f32,
     pub(super) drifts_at_wall: u32,
     pub(super) membrane_planes: UVec2,

@@ -184,7 +184,7 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
         }));
         let events_end = event_rows.len() as u32;
         ligand_rows.append(id as u32, events_begin as usize..decays_begin as usize, &mut event_rows);
-        let tumbles = TumbleStep::new(model, id);
+        let (tumbles, dissociation) = (TumbleStep::new(model, id), motion.decays.dissociation(id as u32));
         species_rows.push(SpeciesRow {
             drift: step.drift.drift.into(),
             drifts_at_wall: at_wall_bits(step.drift),
@@ -206,6 +206,8 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
                 ChemotaxisRow::new(model, id, tumbles.probability)
             }),
             decay_rate: (motion.decays.rate(id as u32) * model.time_step) as f32,
+            dissociation_rate: dissociation.map_or(0.0, |time| time.rate as f32),
+            dissociation_threshold: dissociation.map_or(0, |time| time.up_to),
             mobility: match model.contact {
                 Contact::Elastic => (1.0 / species.mass) as f32,
                 _ => step.diffusion,

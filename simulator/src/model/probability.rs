@@ -49,7 +49,8 @@ impl<'a> ReactionProbabilities<'a> {
         own.map(|(place, decay)| (place, decay.rate * factor)).collect()
     }
 
-    fn decay_rate(self, species: u32) -> f64 {
+    /// Returns the rate of all decays of a species, in 1/s.
+    pub(crate) fn decay_rate(self, species: u32) -> f64 {
         self.0.decays.iter().filter(|decay| decay.reactant == species).map(|decay| decay.rate).sum()
     }
 

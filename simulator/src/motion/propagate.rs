@@ -207,9 +207,16 @@ impl Propagator {
     fn capture_or_decay(&self, moved: &ParticleMove, capture: Option<Capture>, events: &mut Vec<Event>) {
         match capture {
             Some(capture) if self.decays.has(moved.species) => self.decay_to(moved, capture, events),
+            Some(capture) if self.dissociates_before(moved, &capture) => {}
             Some(capture) => events.push(capture.event),
             None => self.decay(moved, events),
         }
+    }
+
+    #[inline(always)]
+    fn dissociates_before(&self, moved: &ParticleMove, capture: &Capture) -> bool {
+        let DrawContext { key, id, step } = moved.who;
+        self.decays.dissociates_before(moved.species, (key, id, step), || capture.time(moved.who))
     }
 
     /// Adds the decays before a capture and the capture, or all decays if it does not apply to the last product.

@@ -5,8 +5,10 @@
 //!
 //! A receiver or a wall that the path hits takes the species that exists at the time of the hit, if it sees that species
 //! (`CaptureOrder`). Decays before the hit come first, and further ones do not happen to a particle that was taken.
+//! A particle that dissociates before the hit is not taken either; its products appear at the end of its path.
 
 use crate::model::Model;
+use crate::model::probability::ReactionProbabilities;
 use crate::random::philox::{Key, Purpose, probability_threshold};
 
 /// Decays by species.
@@ -22,6 +24,37 @@ pub struct Decays {
 struct SpeciesDecays {
     rate: f64,
     channels: Vec<Channel>,
+    dissociation: Option<DissociationTime>,
+}
+
+/// The time at which a particle dissociates. [`Dissociation`](crate::reaction::dissociation::Dissociation) draws the
+/// products at the end of the step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct DissociationTime {
+    /// Largest word at which it happens within a step.
+    pub(crate) up_to: u32,
+    /// Per step.
+    pub(crate) rate: f64,
+}
+
+impl DissociationTime {
+    fn new(model: &Model, species: u32) -> Option<Self> {
+        let probabilities = ReactionProbabilities(model);
+        let mut below = 0.0;
+        let threshold = |(_, probability): (usize, f64)| {
+            below += probability;
+            probability_threshold(below)
+        };
+        let up_to = probabilities.decays(species).into_iter().filter_map(threshold).last()?;
+        Some(Self { up_to, rate: probabilities.decay_rate(species) * model.time_step })
+    }
+
+    /// Returns the time in steps, or `None` if the particle does not dissociate in this step.
+    fn draw(&self, (key, id, step): (Key, u32, u32)) -> Option<f32> {
+        let word = |block| key.draw(id, block, step, Purpose::Dissociation)[0];
+        let time = || -libm::log1p(unit(word(1)) * libm::expm1(-self.rate)) / self.rate;
+        (word(0) <= self.up_to).then(|| time() as f32)
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -126,6 +159,23 @@ impl Decays {
         !self.kinds[species as usize].channels.is_empty()
     }
 
+    #[cfg(feature = "gpu")]
+    pub(crate) fn dissociation(&self, species: u32) -> Option<DissociationTime> {
+        self.kinds[species as usize].dissociation
+    }
+
+    /// Returns `true` if a particle dissociates before a hit, whose time `hit` returns in steps.
+    #[inline]
+    pub(crate) fn dissociates_before(
+        &self,
+        species: u32,
+        now: (Key, u32, u32),
+        hit: impl FnOnce() -> f32,
+    ) -> bool {
+        let dissociation = self.kinds[species as usize].dissociation;
+        dissociation.and_then(|time| time.draw(now)).is_some_and(|time| time < hit())
+    }
+
     /// Calls `tell` with each decay of a particle in a step.
     #[inline]
     pub fn for_each_decay(
@@ -182,7 +232,8 @@ fn unit(word: u32) -> f64 {
 
 fn kind(model: &Model, species: u32) -> SpeciesDecays {
     if model.dissociates(species) {
-        return SpeciesDecays::default();
+        let dissociation = DissociationTime::new(model, species);
+        return SpeciesDecays { dissociation, ..SpeciesDecays::default() };
     }
     let own = |decay: &crate::model::Decay| decay.reactant == species && decay.rate > 0.0;
     let decays = || model.decays.iter().enumerate().filter(|(_, decay)| own(decay));
@@ -194,7 +245,7 @@ fn kind(model: &Model, species: u32) -> SpeciesDecays {
         let up_to = probability_threshold(probability * share)?;
         Some(Channel { up_to, share, decay: place as u32, product: decay.products[0] })
     };
-    SpeciesDecays { rate, channels: decays().filter_map(channel).collect() }
+    SpeciesDecays { rate, channels: decays().filter_map(channel).collect(), dissociation: None }
 }
 
 #[cfg(test)]

@@ -2,11 +2,11 @@
 
 use lazygrid_sim::gpu::GpuOptions;
 use lazygrid_sim::model::receiver::WallFace;
-use lazygrid_sim::{Decay, Model, ReceiverKind};
+use lazygrid_sim::{Decay, Model, ReceiverKind, Unbinding};
 
 use super::device;
 use super::models::{cpu, gpu};
-use super::surfaces::{assert_close, receiver, surfaces};
+use super::surfaces::{assert_close, compare, receiver, surfaces};
 
 /// A -> B -> A, or nothing, about once per step. Some receivers and walls see one species only.
 fn degrading() -> Model {
@@ -24,6 +24,25 @@ fn degrading() -> Model {
     }
     model.logs_arrivals = true;
     model
+}
+
+/// The second species dissociates about once in three steps.
+#[test]
+fn dissociations_before_hits_are_those_of_the_cpu() {
+    let mut model = degrading();
+    model.decays.truncate(1);
+    model.decays[0].rate = 10.0;
+    model.decays.push(Decay {
+        reactant: 1,
+        products: [Some(0); 2],
+        rate: 20.0,
+        unbinding: Unbinding::Apart(0.05),
+        ..Decay::default()
+    });
+    for seed in [73, 74] {
+        let state = compare(&model, seed, 4);
+        assert!(device().is_none() || state.totals.decayed[1] > 300, "{:?}", state.totals);
+    }
 }
 
 #[test]

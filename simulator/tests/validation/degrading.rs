@@ -66,6 +66,21 @@ fn arrived(simulation: &BackendRun) -> u64 {
     simulation.received()[0].iter().sum()
 }
 
+/// A -> B + B at receivers that see only A.
+fn dissociating(time_step: f64, seed: u64) -> Vec<Row> {
+    let with_products = |model: Model| Model { decays: vec![decay([Some(1); 2], 0)], ..model };
+    let sphere = after(&with_products(model(time_step, ReceiverKind::Absorbing)), TIME, seed);
+    let plane = after(&with_products(wall(time_step)), TIME, seed);
+    let named = |what: &str| format!("dissociation, {what}, steps of {time_step} s");
+    let all = 2 * arrived(&sphere)
+        + sphere.state().totals.present.iter().zip([2, 1]).map(|(n, k)| n * k).sum::<u64>();
+    vec![
+        share(named("sphere"), R / (R + HEIGHT) * reached(RATE, TIME), arrived(&sphere)),
+        share(named("plane"), reached(RATE, TIME), arrived(&plane)),
+        Row::exact(named("all"), 2 * u64::from(N), all),
+    ]
+}
+
 /// Arrivals of molecules that decay, in steps of half of their life and shorter ones.
 pub(crate) fn degrading() -> Vec<Row> {
     let sphere = |time_step| model(time_step, ReceiverKind::Absorbing);
@@ -81,6 +96,8 @@ pub(crate) fn degrading() -> Vec<Row> {
     everywhere.receivers[0].radius = 1e4;
     rows.push(share("endpoint", (-RATE * 0.1).exp(), arrived(&after(&everywhere, 0.1, 20))));
     rows.extend(products(&sphere(0.1)));
+    rows.extend(dissociating(0.1, 24));
+    rows.extend(dissociating(0.02, 25));
     rows.push(since_the_release(&sphere(0.1)));
     rows
 }

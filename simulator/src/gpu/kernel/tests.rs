@@ -94,6 +94,8 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             tumbles,
             tumble_threshold,
             decay_rate,
+            dissociation_rate,
+            dissociation_threshold,
             mobility,
             drifts_at_wall,
             membrane_planes,

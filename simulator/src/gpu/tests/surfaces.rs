@@ -1,16 +1,22 @@
 use std::collections::HashMap;
 
+use lazygrid::Algorithm;
+
 use super::*;
+use crate::Simulation;
 use crate::gpu::device::encoded;
 use crate::gpu::layout::{EventRow, ReceptorRow};
+use crate::gpu::{GpuOptions, GpuSimulation};
 use crate::model::boundary::Axis;
 use crate::model::receiver::{Receiver, ReceiverKind, signed_distance};
+use crate::model::receptors::ReceptorType;
 use crate::motion::adsorption;
 use crate::motion::binding::{bids, rejected};
 use crate::motion::path_hit::{Path, first_passage, hit_probability};
 use crate::motion::propagate::Event;
 use crate::motion::receiver_state::ReceiverState;
 use crate::motion::reflection::reflect_path;
+use crate::motion::request_counts::tests::request_model;
 use crate::motion::wall::reflected;
 use crate::random::philox::{Draws, open_unit};
 
@@ -204,7 +210,11 @@ const ROW: u64 = size_of::<ReceptorRow>() as u64;
 fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
     let count = crowd.spheres.len() as u32;
     let mut buffers = buffers_of_three(own);
-    let row = |(&[count, _], k)| ReceptorRow { count, tally: 6 + 2 * k, ..ReceptorRow::default() };
+    let row = |(&[count, _], k): (&[u32; 2], u32)| ReceptorRow {
+        count,
+        tally: 6 + 2 * k,
+        ..ReceptorRow::default()
+    };
     let rows: Vec<ReceptorRow> = RECEPTORS.iter().zip(0..).map(row).collect();
     let event_rows: Vec<EventRow> =
         (0..3).map(|k| EventRow { receptor: k, tally: k, occupied: 3 + k, ..EventRow::default() }).collect();
@@ -293,7 +303,7 @@ fn refused_requests_are_counted_as_on_the_cpu() {
     let mut model = request_model(0.004);
     model.receivers[0].kind = ReceiverKind::Receptors(vec![
         ReceptorType::new(30, 2.0, 5.0, [0]),
-        ReceptorType::new(2, 30.0, 5.0, [0]),
+        ReceptorType::new(2, 300.0, 100.0, [0]),
     ]);
     let mut expected = Simulation::new(model.clone(), 3, Algorithm::Auto).expect("a run");
     (0..12).for_each(|_| expected.step().expect("a step"));

@@ -102,11 +102,23 @@ fn arrive(moved: Moved, row: u32) -> Moved {
     return here;
 }
 
-// Returns true if the particle decays before the capture.
+// Returns true if the particle dissociates before the capture. particles_dissociate draws the products.
+fn dissociates_before(capture: Capture, kind: SpeciesRow, id: u32) -> bool {
+    if (kind.dissociation_rate == 0.0) {
+        return false;
+    }
+    if (philox(vec4(id, 0u, control.step, PURPOSE_DISSOCIATION), params.key).x > kind.dissociation_threshold) {
+        return false;
+    }
+    let words = philox(vec4(id, 1u, control.step, PURPOSE_DISSOCIATION), params.key);
+    return decay_time(kind.dissociation_rate, 1.0, words.x) < capture.time;
+}
+
+// Returns true if the particle decays or dissociates before the capture.
 fn decays_before(capture: Capture, species: u32, id: u32) -> bool {
     let kind = species_rows[species];
     if (kind.decays_begin == kind.walls_begin) {
-        return false;
+        return dissociates_before(capture, kind, id);
     }
     let words = philox(vec4(id, 0u, control.step, PURPOSE_DECAY), params.key);
     if (first_decay(kind, words.x) == NOTHING) {
@@ -121,7 +133,7 @@ fn decay(moved: Moved, capture: Capture, id: u32) -> Moved {
     var kind = species_rows[here.species];
     var row = capture.row;
     if (kind.decays_begin == kind.walls_begin) {
-        if (row != NOTHING) {
+        if (row != NOTHING && !dissociates_before(capture, kind, id)) {
             here = arrive(here, row);
         }
         return here;

@@ -36,6 +36,9 @@ struct SpeciesRow {
     tumbles: u32,
     tumble_threshold: u32,
     decay_rate: f32,
+    // Per step, or 0; and the largest word at which the particle dissociates within a step.
+    dissociation_rate: f32,
+    dissociation_threshold: u32,
     mobility: f32,
     // Bits of the axes whose walls reflect paths with diffusion and drift.
     drifts_at_wall: u32,

@@ -30,7 +30,7 @@ fn time_of(hit: Hit, receiver: u32, id: u32) -> f32 {
 
 // Returns the capture at a hit. Its time is drawn only if the species decays.
 fn capture_of(row: u32, hit: Hit, kind: SpeciesRow, id: u32) -> Capture {
-    if (kind.decays_begin == kind.walls_begin) {
+    if (kind.decays_begin == kind.walls_begin && kind.dissociation_rate == 0.0) {
         return Capture(row, 0.0);
     }
     return Capture(row, time_of(hit, event_rows[row].receiver, id));
