@@ -8,7 +8,7 @@ use lazygrid_sim::{
 use rayon::prelude::*;
 
 use crate::Row;
-use crate::receivers::{FLOW, passing};
+use crate::receivers::{FLOW, passing, step_counts};
 use crate::setup::{begin, burst, mean, share_error, species, steps};
 
 const D: f64 = 100.0;
@@ -289,7 +289,7 @@ pub(crate) fn reflecting() -> Vec<Row> {
 /// coefficients.
 pub(crate) fn moving() -> Vec<Row> {
     let row = |count| passing("on the way of a receiver", [0.0, -FLOW], count);
-    let mut rows: Vec<Row> = [8, 32, 400].map(row).into();
+    let mut rows: Vec<Row> = step_counts(400).into_iter().map(row).collect();
     rows.push(diffusing());
     rows
 }
