@@ -1,12 +1,10 @@
 use std::f64::consts::PI;
-use std::path::Path;
 
-use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{Decay, Model, Shape, Species};
 use rayon::prelude::*;
 
 use crate::Row;
-use crate::setup::{begin, burst, mean, species, steps};
+use crate::setup::{begin, burst, mean, run_for, scenario, species, steps_until};
 
 /// Mean square displacement 2v²τ²(t/τ − 1 + exp(−t/τ)); finally D = v²τ/3.
 pub(crate) fn run_and_tumble() -> Vec<Row> {
@@ -20,17 +18,14 @@ pub(crate) fn run_and_tumble() -> Vec<Row> {
     };
     let mut simulation = begin(&model, 2);
     let mut squares_after = |until: u32| {
-        let done = simulation.state().step;
-        steps(&mut simulation, until - done);
-        let particles = &simulation.state().particles;
-        let square = |at| particles.position_of(at).map(|x| f64::from(x).powi(2)).into_iter().sum();
-        (0..particles.len()).map(square).collect::<Vec<f64>>()
+        steps_until(&mut simulation, until);
+        simulation.squares().collect::<Vec<f64>>()
     };
     let exact = |t: f64| 2.0 * (speed / rate).powi(2) * (rate * t - 1.0 + (-rate * t).exp());
     let mut rows = Vec::new();
     for steps in [10, 100, 1000] {
         let time = f64::from(steps) * 0.02;
-        let (measured, error) = mean(&squares_after(steps));
+        let (measured, error) = mean(squares_after(steps));
         rows.push(Row::new(format!("mean square way after {time} s"), exact(time), measured, 4.0 * error));
         if steps == 1000 {
             // The first lifetime is missing from 6Dt.
@@ -51,11 +46,8 @@ fn one_run_per_step() -> Row {
         transmitters: vec![burst(Shape::Point, &[(0, n)])],
         ..Model::default()
     };
-    let mut simulation = begin(&model, 4);
-    steps(&mut simulation, count);
-    let particles = &simulation.state().particles;
-    let square = |at| particles.position_of(at).map(|x| f64::from(x).powi(2)).into_iter().sum();
-    let (measured, error) = mean(&(0..particles.len()).map(square).collect::<Vec<f64>>());
+    let simulation = run_for(&model, 4, count);
+    let (measured, error) = mean(simulation.squares());
     // A run ends at each step with the probability 2/3, so that the mean square way is v²Δt²(2n − 3/2).
     let by = 6.0 * f64::from(count) - 4.5;
     Row::new("D = v²τ/3, a tumble per step", speed * speed / 3.0, measured / by, 4.0 * error / by)
@@ -80,11 +72,8 @@ pub(crate) fn division() -> Vec<Row> {
             transmitters: vec![burst(Shape::Point, &[(0, n)])],
             ..Model::default()
         };
-        let mut simulation = begin(&model, 3);
-        steps(&mut simulation, count);
-        let particles = &simulation.state().particles;
-        let square = |at| particles.position_of(at).map(|x| f64::from(x).powi(2)).into_iter().sum();
-        let (measured, error) = mean(&(0..particles.len()).map(square).collect::<Vec<f64>>());
+        let simulation = run_for(&model, 3, count);
+        let (measured, error) = mean(simulation.squares());
         let time = f64::from(count - 1) * time_step;
         if swims {
             let exact = (speed * time).powi(2);
@@ -114,13 +103,12 @@ pub(crate) fn conjugation() -> Vec<Row> {
         swimmer("recipient"),
         swimmer("reached")
     );
-    let model = Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model;
+    let model = scenario(text);
     let times = [500, 1500];
     let run = |seed| {
         let mut simulation = begin(&model, seed);
         times.map(|until| {
-            let done = simulation.state().step;
-            steps(&mut simulation, until - done);
+            steps_until(&mut simulation, until);
             simulation.state().totals.present[1] as f64
         })
     };
@@ -128,9 +116,8 @@ pub(crate) fn conjugation() -> Vec<Row> {
     let per_time = rate * f64::from(donors) / edge.powi(3) * 4.0 / 3.0 * PI * contact.powi(3);
     let row = |(place, until): (usize, u32)| {
         let time = f64::from(until) * 0.01;
-        let (measured, error) = mean(&runs.iter().map(|run| run[place]).collect::<Vec<_>>());
         let expected = f64::from(recipients) * (-per_time * time).exp();
-        Row::new(format!("recipients left after {time} s"), expected, measured, 4.0 * error)
+        Row::mean(format!("recipients left after {time} s"), expected, runs.iter().map(|run| run[place]))
     };
     times.into_iter().enumerate().map(row).collect()
 }

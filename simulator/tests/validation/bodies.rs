@@ -1,6 +1,3 @@
-use std::path::Path;
-
-use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{
     Adsorption, Boundary, Flow, Ligand, Model, Particle, Particles, Receiver, ReceiverKind, ReceptorType,
     Shape, Transmitter,
@@ -9,7 +6,7 @@ use rayon::prelude::*;
 
 use crate::Row;
 use crate::receivers::{FLOW, passing, step_counts};
-use crate::setup::{begin, burst, mean, share_error, species, steps};
+use crate::setup::{begin, burst, mean, receiver, run_for, scenario, share_error, species, steps};
 
 const D: f64 = 100.0;
 const R: f64 = 5.0;
@@ -35,23 +32,15 @@ fn erfcx(x: f64) -> f64 {
 pub(crate) fn partial() -> Vec<Row> {
     let (n, time) = (40_000_u32, 0.5);
     let share = |sticking, count: u32| {
-        let receiver = Receiver {
-            name: "rx".to_owned(),
-            center: [DISTANCE as f32, 0.0, 0.0],
-            radius: R as f32,
-            kind: ReceiverKind::Partial(sticking),
-            sees: vec![true],
-            ..Receiver::default()
-        };
+        let center = [DISTANCE as f32, 0.0, 0.0];
         let model = Model {
             time_step: time / f64::from(count),
             species: vec![species("A", 0.0, D)],
             transmitters: vec![burst(Shape::Point, &[(0, n)])],
-            receivers: vec![receiver],
+            receivers: vec![Receiver { center, ..receiver(R, ReceiverKind::Partial(sticking)) }],
             ..Model::default()
         };
-        let mut simulation = begin(&model, 6);
-        steps(&mut simulation, count);
+        let simulation = run_for(&model, 6, count);
         simulation.state().totals.arrived[0][0] as f64 / f64::from(n)
     };
     let mut rows = Vec::new();
@@ -95,25 +84,16 @@ pub(crate) fn receptors() -> Vec<Row> {
         let unbinding_rate = 5.0;
         let receptors = ReceptorType::new(100, binding_rate, unbinding_rate, [0]);
         let count = receptors.count;
-        let receiver = Receiver {
-            name: "rx".to_owned(),
-            radius: radius as f32,
-            kind: ReceiverKind::Receptors(vec![receptors]),
-            sees: vec![true],
-            ..Receiver::default()
-        };
         let model = Model {
             time_step,
             species: vec![species("A", 0.0, 1.0)],
             transmitters: vec![burst(Shape::Box([EDGE as f32; 3]), &[(0, N)])],
-            receivers: vec![receiver],
+            receivers: vec![receiver(radius, ReceiverKind::Receptors(vec![receptors]))],
             boundary: Boundary::periodic([-2.0; 3], [2.0; 3]),
             ..Model::default()
         };
         let run = |seed: u64| {
-            let mut simulation = begin(&model, seed);
-            let settling = (2.0 / time_step) as u32;
-            steps(&mut simulation, settling);
+            let mut simulation = run_for(&model, seed, (2.0 / time_step) as u32);
             let (samples, between) = (300, (0.04 / time_step) as u32);
             let held = (0..samples).map(|_| {
                 steps(&mut simulation, between);
@@ -124,10 +104,8 @@ pub(crate) fn receptors() -> Vec<Row> {
             held.sum::<f64>() / f64::from(samples)
         };
         let means: Vec<f64> = (0..16).into_par_iter().map(run).collect();
-        let (measured, error) = mean(&means);
         let expected = bound(N, count, binding_rate / unbinding_rate / free_volume);
-        let what = format!("held, binding {binding_rate} µm³/s, step {time_step} s");
-        Row::new(what, expected, measured, 4.0 * error)
+        Row::mean(format!("held, binding {binding_rate} µm³/s, step {time_step} s"), expected, means)
     };
     [(0.005, 2.0), (0.02, 2.0), (0.02, 0.2)].map(row).into()
 }
@@ -171,13 +149,7 @@ pub(crate) fn competition() -> Vec<Row> {
         ReceptorType { count: RECEPTORS[0], ligands: vec![a, b] },
         ReceptorType { count: RECEPTORS[1], ligands: vec![only] },
     ];
-    let receiver = Receiver {
-        name: "rx".to_owned(),
-        radius: 0.5,
-        kind: ReceiverKind::Receptors(types),
-        sees: vec![true; 2],
-        ..Receiver::default()
-    };
+    let receiver = Receiver { sees: vec![true; 2], ..receiver(0.5, ReceiverKind::Receptors(types)) };
     let volume = EDGE.powi(3) - 4.0 / 3.0 * std::f64::consts::PI * f64::powi(0.5, 3);
     let constants = [a, b, only].map(|ligand| ligand.binding_rate / ligand.unbinding_rate / volume);
     let expected = competing(FREE, RECEPTORS, constants);
@@ -192,8 +164,7 @@ pub(crate) fn competition() -> Vec<Row> {
             ..Model::default()
         };
         let run = |seed: u64| {
-            let mut simulation = begin(&model, seed);
-            steps(&mut simulation, (3.0 / time_step) as u32);
+            let mut simulation = run_for(&model, seed, (3.0 / time_step) as u32);
             let (samples, between) = (300, (0.04 / time_step) as u32);
             let mut held = [0.0; 3];
             for _ in 0..samples {
@@ -205,7 +176,7 @@ pub(crate) fn competition() -> Vec<Row> {
             held
         };
         let runs: Vec<[f64; 3]> = (0..48).into_par_iter().map(run).collect();
-        let of = |k: usize| mean(&runs.iter().map(|held| held[k]).collect::<Vec<_>>());
+        let of = |k: usize| mean(runs.iter().map(|held| held[k]));
         let names = ["A on both's", "B on both's", "A on its own"];
         for k in 0..3 {
             let (measured, error) = of(k);
@@ -230,15 +201,7 @@ pub(crate) fn reflecting() -> Vec<Row> {
         [("at rest", 0.0, [0.0; 3]), ("diffusing", 0.5, [0.0; 3]), ("in a flow", 0.0, [20.0, 0.0, 0.0])]
     {
         let boundary = Boundary::periodic([-2.0; 3], [2.0; 3]);
-        let obstacle = Receiver {
-            name: "body".to_owned(),
-            radius: RADIUS,
-            kind: ReceiverKind::Reflecting,
-            sees: vec![true],
-            velocity,
-            diffusion,
-            ..Receiver::default()
-        };
+        let obstacle = Receiver { velocity, diffusion, ..receiver(RADIUS.into(), ReceiverKind::Reflecting) };
         let model = Model {
             time_step: 0.02,
             species: vec![species("A", 0.0, 1.0)],
@@ -277,9 +240,8 @@ pub(crate) fn reflecting() -> Vec<Row> {
         let ball = |radius: f64| 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3);
         for (k, [from, to]) in [(1, [1.0, 1.05]), (2, [1.05, 1.2])] {
             let expected = (ball(to) - ball(from)) / (64.0 - ball(1.0));
-            let (measured, error) = mean(&runs.iter().map(|run| run[k]).collect::<Vec<_>>());
             let what = format!("from {from} to {to} µm around one {what}");
-            rows.push(Row::new(what, expected, measured, 4.0 * error));
+            rows.push(Row::mean(what, expected, runs.iter().map(|run| run[k])));
         }
     }
     rows
@@ -301,14 +263,7 @@ fn diffusing() -> Row {
     let (time, count) = (0.5, 100);
     let places =
         (0..SIDE.pow(3)).map(|k| [k % SIDE, k / SIDE % SIDE, k / SIDE / SIDE].map(|c| 150.0 * c as f32));
-    let receiver = |center| Receiver {
-        name: "rx".to_owned(),
-        center,
-        radius: R as f32,
-        sees: vec![true],
-        diffusion: OWN,
-        ..Receiver::default()
-    };
+    let receiver = |center| Receiver { center, diffusion: OWN, ..receiver(R, ReceiverKind::Absorbing) };
     let near = |[x, y, z]: [f32; 3]| Transmitter {
         center: [x + DISTANCE as f32, y, z],
         ..burst(Shape::Point, &[(0, BURST)])
@@ -320,13 +275,11 @@ fn diffusing() -> Row {
         receivers: places.map(receiver).collect(),
         ..Model::default()
     };
-    let mut simulation = begin(&model, 7);
-    steps(&mut simulation, count);
+    let simulation = run_for(&model, 7, count);
     let arrived = &simulation.state().totals.arrived;
-    let shares: Vec<f64> = arrived.iter().map(|row| row[0] as f64 / f64::from(BURST)).collect();
-    let (measured, error) = mean(&shares);
+    let shares = arrived.iter().map(|row| row[0] as f64 / f64::from(BURST));
     let expected = R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * (D + OWN) * time).sqrt());
-    Row::new("by many that diffuse", expected, measured, 4.0 * error)
+    Row::mean("by many that diffuse", expected, shares)
 }
 
 /// Particles at rest stay where a moving transmitter released them: on its line, and at the distances that it diffused.
@@ -336,14 +289,9 @@ pub(crate) fn transmitters() -> Vec<Row> {
             "time-step = 0.25\nsteps = 1\n[[species]]\nname = \"A\"\n[[transmitter]]\nname = \"tx\"\ncenter = [1, 2, 3]\n\
              {motion}\n{release}\n"
         );
-        Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
+        scenario(text)
     };
-    let places = |model: &Model, seed: u64, count: u32| {
-        let mut simulation = begin(model, seed);
-        steps(&mut simulation, count);
-        let particles = &simulation.state().particles;
-        (0..particles.len()).map(|at| particles.position_of(at).map(f64::from)).collect::<Vec<_>>()
-    };
+    let places = |model: &Model, seed, count| run_for(model, seed, count).positions().collect::<Vec<_>>();
     // Evenly spaced in time, hence uniform from 0 to 8 µm along the way, in steps of 1 µm.
     let steady = "release = [{ species = \"A\", rate = 1000 }]";
     let line: Vec<f64> =
@@ -361,7 +309,6 @@ pub(crate) fn transmitters() -> Vec<Row> {
         let [x, y, z] = places(&wandering, seed, 20)[0];
         (x - 1.0).powi(2) + (y - 2.0).powi(2) + (z - 3.0).powi(2)
     };
-    let (found, error) = mean(&(0..2000).map(square).collect::<Vec<_>>());
-    rows.push(Row::new("square distance of a diffusing transmitter", 48.0, found, 4.0 * error));
+    rows.push(Row::mean("square distance of a diffusing transmitter", 48.0, (0..2000).map(square)));
     rows
 }

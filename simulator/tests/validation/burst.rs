@@ -2,7 +2,7 @@ use lazygrid_sim::{Contact, Model, Reaction, Receiver, ReceiverKind, Shape};
 use rayon::prelude::*;
 
 use crate::Row;
-use crate::setup::{begin, burst, in_ball, mean, species, steps};
+use crate::setup::{begin, burst, in_ball, mean, receiver, run_for, species, steps};
 
 /// Pairs within σ after a burst at one point: N(N − 1)/2·[erf(σ/√(2v)) − √(2/π)·(σ/√v)·exp(−σ²/2v)] with v = 4Dt.
 pub(crate) fn pairs_of_a_point_burst() -> Vec<Row> {
@@ -15,18 +15,16 @@ pub(crate) fn pairs_of_a_point_burst() -> Vec<Row> {
         ..Model::default()
     };
     let count = |seed| {
-        let mut simulation = begin(&model, seed);
-        steps(&mut simulation, 1);
+        let simulation = run_for(&model, seed, 1);
         simulation.state().totals.pairs as f64
     };
     let counts: Vec<f64> = (0..20).into_par_iter().map(count).collect();
-    let (measured, error) = mean(&counts);
     let x = sigma / v.sqrt();
     let hit = libm::erf(x / 2_f64.sqrt()) - (2.0 / std::f64::consts::PI).sqrt() * x * (-x * x / 2.0).exp();
     let expected = f64::from(n) * f64::from(n - 1) / 2.0 * hit;
     vec![
         Row::new("the closed form itself", 6643.7, expected, 0.05),
-        Row::new("pairs, mean of 20 seeds", expected, measured, 4.0 * error),
+        Row::mean("pairs, mean of 20 seeds", expected, counts),
     ]
 }
 
@@ -39,20 +37,13 @@ pub(crate) fn acid_base() -> Vec<Row> {
         binding_radius: sigma as f32,
         ..Reaction::default()
     };
-    let receiver = Receiver {
-        name: "rx".to_owned(),
-        center: [1.5, 0.0, 0.0],
-        radius: 1.0,
-        kind: ReceiverKind::Transparent,
-        sees: vec![true; 2],
-        ..Receiver::default()
-    };
+    let (center, sees) = ([1.5, 0.0, 0.0], vec![true; 2]);
     let model = Model {
         time_step,
         species: vec![species("acid", 0.0, 1.0), species("base", 0.0, 1.0)],
         reactions: vec![reaction],
         transmitters: vec![burst(Shape::Gaussian(0.5), &[(0, acid), (1, base)])],
-        receivers: vec![receiver],
+        receivers: vec![Receiver { center, sees, ..receiver(1.0, ReceiverKind::Transparent) }],
         ..Model::default()
     };
     let count = (time / time_step).round() as u32;
@@ -71,8 +62,7 @@ pub(crate) fn acid_base() -> Vec<Row> {
         (inside[0] as f64 - inside[1] as f64, wrong, simulation.state().totals.reacted[0])
     };
     let replicas: Vec<_> = (0..60).into_par_iter().map(replica).collect();
-    let differences: Vec<f64> = replicas.iter().map(|r| r.0).collect();
-    let (measured, error) = mean(&differences);
+    let (measured, error) = mean(replicas.iter().map(|r| r.0));
     let expected = f64::from(acid - base) * in_ball(1.0, 1.5, 0.25 + 2.0 * time);
     let fewest = replicas.iter().map(|r| r.2).min().unwrap_or(0);
     vec![

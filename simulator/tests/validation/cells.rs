@@ -1,13 +1,11 @@
 //! Spherical membranes.
 
 use std::f64::consts::{LN_2, PI};
-use std::path::Path;
 
-use lazygrid_sim::scenario::Scenario;
-use lazygrid_sim::{Adsorption, Model, Receiver, ReceiverKind};
+use lazygrid_sim::{Adsorption, Model, ReceiverKind};
 
 use crate::Row;
-use crate::setup::{BackendRun, begin, share_error, steps};
+use crate::setup::{BackendRun, receiver, run_for, scenario, share_error};
 
 const N: u32 = 20_000;
 const D: f64 = 1.0;
@@ -20,19 +18,11 @@ fn model(time_step: f64, diffusion: f64, permeability: f64, more: &str) -> Model
          name = \"A\"\ndiffusion = {diffusion}\n[[membrane]]\nname = \"m\"\ncenter = [0, 0, 0]\nradius = {R}\n\
          permeability = {permeability}\n"
     );
-    Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
-}
-
-fn run(model: &Model, count: u32, seed: u64) -> BackendRun {
-    let mut simulation = begin(model, seed);
-    steps(&mut simulation, count);
-    simulation
+    scenario(text)
 }
 
 fn inside(simulation: &BackendRun) -> f64 {
-    let particles = &simulation.state().particles;
-    let square = |at: usize| particles.position_of(at).map(|x| f64::from(x).powi(2)).into_iter().sum::<f64>();
-    (0..particles.len()).filter(|&at| square(at) < R * R).count() as f64 / f64::from(N)
+    simulation.squares().filter(|&square| square < R * R).count() as f64 / f64::from(N)
 }
 
 /// A radial function times r: its value and derivative at the membrane.
@@ -150,7 +140,7 @@ pub(crate) fn spherical_membranes() -> Vec<Row> {
         let model = model(time / f64::from(count), D, permeability, &source);
         let what = format!("from {from} R, κ = {permeability}, inside, steps of {spread} R");
         let expected = fractions(time, from, permeability, None).inside;
-        add(what, expected, (inside(&run(&model, count, seed)), 0.0));
+        add(what, expected, (inside(&run_for(&model, seed, count)), 0.0));
     }
     // A nucleus that reflects, or takes by a rate; surfaces at least four steps from the membrane.
     for (seed, rate, spread) in [(13, 0.0, 0.05_f64), (14, 0.0, 0.12), (15, 4.0, 0.05), (16, 4.0, 0.12)] {
@@ -162,16 +152,10 @@ pub(crate) fn spherical_membranes() -> Vec<Row> {
             0.0 => ReceiverKind::Reflecting,
             rate => ReceiverKind::Partial(Adsorption::Reactivity(rate)),
         };
-        let receiver = Receiver {
-            name: "nucleus".to_owned(),
-            radius: nucleus.radius as f32,
-            kind,
-            ..Receiver::default()
-        };
-        model.receivers.push(Receiver { sees: vec![true], ..receiver });
+        model.receivers.push(receiver(nucleus.radius, kind));
         let expected = fractions(time, from, permeability, Some(nucleus));
         let what = format!("nucleus of the rate {rate}, inside, steps of {spread} R");
-        let simulation = run(&model, count, seed);
+        let simulation = run_for(&model, seed, count);
         add(what, expected.inside, (inside(&simulation), 0.0));
         if rate > 0.0 {
             let what = format!("nucleus of the rate {rate}, taken, steps of {spread} R");
@@ -186,14 +170,18 @@ pub(crate) fn spherical_membranes() -> Vec<Row> {
     let all = full("{ kind = \"box\", size = [4, 4, 4] }");
     for (seed, spread) in [(7, 0.3_f64), (8, 2.0)] {
         let model = model(spread * spread / (2.0 * D), D, 2.0, &all);
-        add(format!("uniform, inside, steps of {spread} R"), share, (inside(&run(&model, 20, seed)), 0.0));
+        add(
+            format!("uniform, inside, steps of {spread} R"),
+            share,
+            (inside(&run_for(&model, seed, 20)), 0.0),
+        );
     }
     let ball = full("{ kind = \"ball\", radius = 0.999 }");
     let walls = ball.replace("periodic", "reflecting");
     add(
         "equilibrium, from inside".to_owned(),
         share,
-        (inside(&run(&model(0.05, D, 2.0, &walls), 200, 9)), 0.0),
+        (inside(&run_for(&model(0.05, D, 2.0, &walls), 9, 200)), 0.0),
     );
     // Well mixed up to κR/5D = 0.2 %.
     let (diffusion, permeability) = (20.0, 0.2);
@@ -201,10 +189,10 @@ pub(crate) fn spherical_membranes() -> Vec<Row> {
     for (seed, time) in [(10, 0.5), (11, 1.5)] {
         let model = model(0.002, diffusion, permeability, &ball);
         let expected = share + (1.0 - share) * (-rate * time).exp();
-        let found = inside(&run(&model, (time / 0.002_f64).round() as u32, seed));
+        let found = inside(&run_for(&model, seed, (time / 0.002_f64).round() as u32));
         add(format!("relaxation, inside after {time} s"), expected, (found, 0.002));
     }
     let closed = model(0.5, D, 0.0, &walls);
-    add("closed, inside".to_owned(), 1.0, (inside(&run(&closed, 50, 12)), 0.0));
+    add("closed, inside".to_owned(), 1.0, (inside(&run_for(&closed, 12, 50)), 0.0));
     rows
 }

@@ -1,15 +1,12 @@
-use std::path::Path;
-
 use lazygrid_results::bit_errors::{BitErrors, Detector, ReplicaFiles};
 use lazygrid_results::log::{Arrived, Log};
 use lazygrid_results::symbols::{SymbolSlots, messages};
 use lazygrid_sim::random::philox::Key;
-use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{Model, Schedule};
 use rayon::prelude::*;
 
 use crate::Row;
-use crate::setup::{begin, steps};
+use crate::setup::{begin, run_for, scenario, steps};
 
 const D: f64 = 100.0;
 const R: f64 = 5.0;
@@ -29,7 +26,7 @@ fn model(numbers: &str) -> Model {
          [[receiver]]\nname = \"rx\"\ncenter = [{DISTANCE}, 0, 0]\nradius = {R}\nkind = \"absorbing\"\n",
         SYMBOL_TIME / f64::from(STEPS)
     );
-    Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
+    scenario(text)
 }
 
 /// (r/d)·erfc((d − r)/√(4DT)) of a burst.
@@ -105,9 +102,8 @@ pub(crate) fn other_modulations() -> Vec<Row> {
     let one = "release = [{ species = \"A\", count = 40000 }]\n";
     let arrivals = |more: &str| {
         let text = format!("{head}{more}");
-        let model = Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model;
-        let mut simulation = begin(&model, 5);
-        steps(&mut simulation, 200);
+        let model = scenario(text);
+        let simulation = run_for(&model, 5, 200);
         simulation.state().totals.arrived[0].clone()
     };
     let mut rows = Vec::new();
@@ -211,7 +207,7 @@ pub(crate) fn shift_keying() -> Vec<Row> {
             species.concat(),
             2 * FEW_SYMBOLS
         );
-        let model = Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model;
+        let model = scenario(text);
         let run = |seed: u64| {
             let mut simulation = begin(&model, seed);
             let mut log = Log::default();

@@ -1,12 +1,9 @@
 //! Swimmers that follow a concentration.
 
-use std::path::Path;
-
 use lazygrid_sim::Model;
-use lazygrid_sim::scenario::Scenario;
 
 use crate::Row;
-use crate::setup::{begin, mean, share_error, steps};
+use crate::setup::{begin, mean, run_for, scenario, steps};
 
 const N: u32 = 20_000;
 const SPEED: f64 = 20.0;
@@ -17,7 +14,7 @@ fn model(top: &str, attractant: &str, swimmer: &str, shape: &str) -> Model {
         "steps = 1\n{top}\n[[attractant]]\nname = \"food\"\nprofile = {attractant}\n[[species]]\nname = \"A\"\n{swimmer}\n\
          [[transmitter]]\nname = \"tx\"\n{shape}\nrelease = [{{ species = \"A\", count = {N} }}]\n"
     );
-    Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
+    scenario(text)
 }
 
 /// The mean velocity along x and its error, in a gradient of 0.01 per µm with χ = α/(0.01·v).
@@ -43,7 +40,7 @@ fn drift(dimensions: u32, alpha: f64, time_step: f64, seed: u64) -> (f64, f64) {
     };
     // Directions are stationary after ten runs, the longest of which last for exp(α)/λ₀.
     let [before, after] = [10.0 * alpha.abs().exp() / RATE, 10.0].map(positions);
-    mean(&before.iter().zip(&after).map(|((_, a), (_, b))| (b - a) / 10.0).collect::<Vec<_>>())
+    mean(before.iter().zip(&after).map(|((_, a), (_, b))| (b - a) / 10.0))
 }
 
 /// Drift velocities in a constant gradient, and the stationary density around a peak in one dimension: with reflecting ends no
@@ -85,12 +82,9 @@ pub(crate) fn chemotaxis() -> Vec<Row> {
         all += f64::exp(logarithm);
         near += if x < width { f64::exp(logarithm) } else { 0.0 };
     }
-    let mut simulation = begin(&model, 6);
-    steps(&mut simulation, 1500);
+    let simulation = run_for(&model, 6, 1500);
     let found =
         simulation.state().particles.position[0].iter().filter(|x| f64::from(x.abs()) < width).count();
-    let expected = near / all;
-    let tolerance = 4.0 * share_error(expected, N.into());
-    rows.push(Row::new("share within a width of a peak", expected, found as f64 / f64::from(N), tolerance));
+    rows.push(Row::share("share within a width of a peak", near / all, found as f64 / f64::from(N), N));
     rows
 }

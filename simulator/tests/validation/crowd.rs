@@ -6,7 +6,7 @@ use lazygrid_sim::{Boundary, Contact, Model, Particles, Shape, Species};
 use rayon::prelude::*;
 
 use crate::Row;
-use crate::setup::{begin, burst, mean, share_error, species, steps};
+use crate::setup::{begin, burst, mean, run_for, species, steps};
 
 const PACKING: f64 = 0.40;
 const EDGE: u32 = 12;
@@ -29,8 +29,7 @@ pub(crate) fn hard_spheres() -> Vec<Row> {
     let expected = (1.0 - PACKING / 2.0) / (1.0 - PACKING).powi(3);
     let elastic = Species { thermal_speed: 1.0, ..species("A", 0.5, 0.0) };
     let elastic = model(Contact::Elastic, PACKING, 0.02, elastic, EDGE);
-    let mut simulation = begin(&elastic, 1);
-    steps(&mut simulation, 1);
+    let mut simulation = run_for(&elastic, 1, 1);
     let before = conserved(&simulation.state().particles);
     steps(&mut simulation, 150);
     let mut shells = Shells::new(&elastic);
@@ -75,8 +74,7 @@ pub(crate) fn elastic_pressure() -> Vec<Row> {
     let row = |&(packing, time_step): &(f64, f64)| {
         let sphere = Species { thermal_speed: 1.0, ..species("A", 0.5, 0.0) };
         let model = model(Contact::Elastic, packing, time_step, sphere, 8);
-        let mut simulation = begin(&model, 3);
-        steps(&mut simulation, (8.0 / time_step).ceil() as u32);
+        let mut simulation = run_for(&model, 3, (8.0 / time_step).ceil() as u32);
         let count = (30.0 / time_step).ceil() as u32;
         let mut collisions = 0;
         for _ in 0..count {
@@ -143,7 +141,7 @@ fn slowed_diffusion((step, packing): (f64, f64)) -> (f64, f64) {
         let square: f64 = moved.iter().flatten().map(|&c| f64::from(c).powi(2)).sum();
         ratios.push(square / (particles as f64 * 6.0 * f64::from(window) * time_step));
     }
-    mean(&ratios)
+    mean(ratios)
 }
 
 fn by_id(particles: &Particles) -> Vec<[f32; 3]> {
@@ -162,8 +160,7 @@ pub(crate) fn gas_between_walls() -> Vec<Row> {
         transmitters: vec![burst(Shape::Box([2.0 * (half - layer); 3]), &[(0, n)])],
         ..Model::default()
     };
-    let mut simulation = begin(&model, 11);
-    steps(&mut simulation, 1);
+    let mut simulation = run_for(&model, 11, 1);
     let before = conserved(&simulation.state().particles);
     steps(&mut simulation, 1999);
     let particles = &simulation.state().particles;
@@ -172,8 +169,7 @@ pub(crate) fn gas_between_walls() -> Vec<Row> {
     let near = |at: &usize| particles.position_of(*at).iter().any(|&x| x.abs() > half - radius - layer);
     let share = (0..particles.len()).filter(near).count() as f64 / n;
     let expected = 1.0 - (1.0 - f64::from(layer / (half - radius))).powi(3);
-    let mut rows =
-        vec![Row::new("share near a wall after 4 s", expected, share, 4.0 * share_error(expected, n))];
+    let mut rows = vec![Row::share("share near a wall after 4 s", expected, share, n)];
     rows.push(Row::new("relative drift of energy, walls", 0.0, after.energy / before.energy - 1.0, 1e-5));
     for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
         let squares: f64 = particles.velocity[axis].iter().map(|&v| f64::from(v).powi(2)).sum();

@@ -2,7 +2,7 @@ use lazygrid_sim::model::receiver::WallFace;
 use lazygrid_sim::{Axis, Boundary, Decay, Model, Receiver, ReceiverKind, Schedule, Shape, Transmitter};
 
 use crate::Row;
-use crate::setup::{BackendRun, begin, burst, share_error, species, steps};
+use crate::setup::{BackendRun, burst, receiver, run_for, species};
 
 const D: f64 = 100.0;
 const R: f64 = 5.0;
@@ -25,20 +25,13 @@ fn decay(products: [Option<u32>; 2], reactant: u32) -> Decay {
 
 /// Releases A, which decays to nothing. Receivers do not see B.
 fn model(time_step: f64, kind: ReceiverKind) -> Model {
-    let receiver = Receiver {
-        name: "rx".to_owned(),
-        radius: R as f32,
-        kind,
-        sees: vec![true, false],
-        ..Receiver::default()
-    };
     let center = [(R + HEIGHT) as f32, 0.0, 0.0];
     Model {
         time_step,
         species: vec![species("A", 0.0, D), species("B", 0.0, D)],
         decays: vec![decay([None; 2], 0)],
         transmitters: vec![Transmitter { center, ..burst(Shape::Point, &[(0, N)]) }],
-        receivers: vec![receiver],
+        receivers: vec![Receiver { sees: vec![true, false], ..receiver(R, kind) }],
         ..Model::default()
     }
 }
@@ -52,14 +45,11 @@ fn wall(time_step: f64) -> Model {
 }
 
 fn after(model: &Model, time: f64, seed: u64) -> BackendRun {
-    let mut simulation = begin(model, seed);
-    steps(&mut simulation, (time / model.time_step).round() as u32);
-    simulation
+    run_for(model, seed, (time / model.time_step).round() as u32)
 }
 
 fn share(what: impl Into<String>, expected: f64, count: u64) -> Row {
-    let n = f64::from(N);
-    Row::new(what, expected, count as f64 / n, 4.0 * share_error(expected, n))
+    Row::share(what, expected, count as f64 / f64::from(N), N)
 }
 
 fn arrived(simulation: &BackendRun) -> u64 {

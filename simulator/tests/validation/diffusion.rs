@@ -1,7 +1,7 @@
 use lazygrid_sim::{Model, Shape};
 
 use crate::Row;
-use crate::setup::{begin, burst, species, steps};
+use crate::setup::{burst, run_for, species};
 
 /// Moments 6Dt and 60D²t², with and without drift.
 pub(crate) fn displacement() -> Vec<Row> {
@@ -14,8 +14,7 @@ pub(crate) fn displacement() -> Vec<Row> {
         transmitters: vec![burst(Shape::Point, &[(0, n), (1, n)])],
         ..Model::default()
     };
-    let mut simulation = begin(&model, 1);
-    steps(&mut simulation, count);
+    let simulation = run_for(&model, 1, count);
     let (time, particles) = (simulation.time(), &simulation.state().particles);
     let mut rows = Vec::new();
     for (place, species) in model.species.iter().enumerate() {

@@ -1,11 +1,8 @@
-use std::path::Path;
-
 use lazygrid_sim::Model;
-use lazygrid_sim::scenario::Scenario;
 use rayon::prelude::*;
 
 use crate::Row;
-use crate::setup::{begin, mean, share_error, steps};
+use crate::setup::{begin, run_for, scenario, steps};
 
 const N: u32 = 20_000;
 
@@ -15,7 +12,7 @@ fn model(dimensions: usize, time_step: f64, center: &str, more: &str) -> Model {
         "time-step = {time_step}\nsteps = 1\ndimensions = {dimensions}\n[[species]]\nname = \"A\"\ndiffusion = 1\n\
          [[transmitter]]\nname = \"tx\"\ncenter = {center}\nrelease = [{{ species = \"A\", count = {N} }}]\n{more}"
     );
-    Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
+    scenario(text)
 }
 
 fn receiver(kind: &str, center: f64, radius: f64) -> String {
@@ -23,8 +20,7 @@ fn receiver(kind: &str, center: f64, radius: f64) -> String {
 }
 
 fn taken(model: &Model, time: f64, seed: u64) -> f64 {
-    let mut simulation = begin(model, seed);
-    steps(&mut simulation, (time / model.time_step).round() as u32);
+    let simulation = run_for(model, seed, (time / model.time_step).round() as u32);
     simulation.received()[0][0] as f64 / f64::from(N)
 }
 
@@ -47,17 +43,11 @@ fn mean_time(model: &Model, seed: u64) -> [f64; 2] {
 pub(crate) fn fewer_dimensions() -> Vec<Row> {
     let mut rows = Vec::new();
     for dimensions in [1_usize, 2] {
-        let mut simulation = begin(&model(dimensions, 0.01, "[0, 0, 0]", ""), dimensions as u64);
-        steps(&mut simulation, 50);
-        let particles = &simulation.state().particles;
-        let square = |at: usize| particles.position_of(at).iter().map(|&x| f64::from(x).powi(2)).sum::<f64>();
-        let (found, error) = mean(&(0..particles.len()).map(square).collect::<Vec<_>>());
+        let simulation = run_for(&model(dimensions, 0.01, "[0, 0, 0]", ""), dimensions as u64, 50);
         let what = format!("mean square displacement, d = {dimensions}");
-        rows.push(Row::new(what, 2.0 * dimensions as f64 * 0.5, found, 4.0 * error));
+        rows.push(Row::mean(what, 2.0 * dimensions as f64 * 0.5, simulation.squares()));
     }
-    let share = |what: String, expected: f64, found: f64| {
-        Row::new(what, expected, found, 4.0 * share_error(expected, N.into()))
-    };
+    let share = |what: String, expected: f64, found: f64| Row::share(what, expected, found, N);
     // From the distance 1 within the time 1. A radius of 1e-4 is a point that steps jump over.
     for (seed, spread, radius) in [(3, 0.1_f64, 1e-4), (4, 0.5, 0.5), (5, 1.0, 1e-4)] {
         let time_step = spread * spread / 2.0;

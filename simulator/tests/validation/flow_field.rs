@@ -5,7 +5,7 @@ use std::sync::Arc;
 use lazygrid_sim::{Boundary, Flow, FlowField, Model, Shape};
 
 use crate::Row;
-use crate::setup::{begin, burst, mean, species, steps};
+use crate::setup::{burst, mean, run_for, species};
 
 const N: u32 = 40_000;
 const D: f64 = 1.0;
@@ -33,16 +33,8 @@ fn model(flow: Flow, time_step: f64) -> Model {
 
 /// Products of two coordinates after these steps.
 fn products(model: &Model, count: u32, seed: u64, axes: &[[usize; 2]]) -> Vec<(f64, f64)> {
-    let mut simulation = begin(model, seed);
-    steps(&mut simulation, count);
-    let particles = &simulation.state().particles;
-    let product = |[a, b]: [usize; 2]| {
-        let of = |at| {
-            let point = particles.position_of(at).map(f64::from);
-            point[a] * point[b]
-        };
-        mean(&(0..particles.len()).map(of).collect::<Vec<_>>())
-    };
+    let simulation = run_for(model, seed, count);
+    let product = |[a, b]: [usize; 2]| mean(simulation.positions().map(|point| point[a] * point[b]));
     axes.iter().map(|&axes| product(axes)).collect()
 }
 
@@ -71,9 +63,8 @@ pub(crate) fn flow_fields() -> Vec<Row> {
     let mut column = model(grid(1.0, |_| [-v, 0.0, 0.0]), 0.02);
     column.boundary = Boundary::reflecting([0.0, -1.0, -1.0], [w as f32, 1.0, 1.0]);
     column.transmitters[0].center = [0.5, 0.0, 0.0];
-    let mut simulation = begin(&column, 3);
-    steps(&mut simulation, 50);
+    let simulation = run_for(&column, 3, 50);
     let heights: Vec<f64> = simulation.state().particles.position[0].iter().map(|&x| x.into()).collect();
-    add("towards a wall, mean height", D / v - w / libm::expm1(v * w / D), mean(&heights));
+    add("towards a wall, mean height", D / v - w / libm::expm1(v * w / D), mean(heights));
     rows
 }

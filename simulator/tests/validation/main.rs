@@ -48,6 +48,21 @@ impl Row {
         Self::new(what, expected as f64, measured as f64, 0.0)
     }
 
+    /// With a tolerance of four standard errors of the mean of `values`.
+    pub(crate) fn mean(
+        what: impl Into<String>,
+        expected: f64,
+        values: impl IntoIterator<Item = f64>,
+    ) -> Self {
+        let (measured, error) = setup::mean(values);
+        Self::new(what, expected, measured, 4.0 * error)
+    }
+
+    /// With a tolerance of four standard errors of a share of `n`.
+    pub(crate) fn share(what: impl Into<String>, expected: f64, measured: f64, n: impl Into<f64>) -> Self {
+        Self::new(what, expected, measured, 4.0 * setup::share_error(expected, n.into()))
+    }
+
     fn passes(&self) -> bool {
         let close = (self.measured - self.expected).abs() <= self.tolerance;
         close != self.must_differ && self.measured.is_finite()

@@ -1,11 +1,8 @@
-use std::path::Path;
-
 use lazygrid_sim::model::receiver::WallFace;
-use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{Model, Receiver, ReceiverKind};
 
 use crate::Row;
-use crate::setup::{begin, share_error, steps};
+use crate::setup::{receiver, run_for, scenario};
 
 const N: u32 = 40_000;
 const D: f64 = 1.0;
@@ -16,7 +13,7 @@ fn model(time_step: f64, boundary: &str, permeability: f64, transmitter: &str) -
          [[membrane]]\nname = \"m\"\naxis = \"x\"\nposition = 0\npermeability = {permeability}\n\
          [[transmitter]]\nname = \"tx\"\n{transmitter}\n"
     );
-    Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
+    scenario(text)
 }
 
 fn burst(center: f64, shape: &str) -> String {
@@ -25,11 +22,9 @@ fn burst(center: f64, shape: &str) -> String {
 
 /// Fraction of particles with an x from `low` to `high`.
 fn share(model: &Model, count: u32, seed: u64, [low, high]: [f32; 2]) -> f64 {
-    let mut simulation = begin(model, seed);
-    steps(&mut simulation, count);
-    let particles = &simulation.state().particles;
-    let inside = |at: &usize| (low..high).contains(&particles.position_of(*at)[0]);
-    (0..particles.len()).filter(inside).count() as f64 / particles.len() as f64
+    let simulation = run_for(model, seed, count);
+    let x = &simulation.state().particles.position[0];
+    x.iter().filter(|x| (low..high).contains(*x)).count() as f64 / x.len() as f64
 }
 
 /// N-th zero of μ·tan μ − b.
@@ -46,7 +41,7 @@ fn zero(n: u32, b: f64) -> f64 {
 pub(crate) fn membranes() -> Vec<Row> {
     let mut rows = Vec::new();
     let mut add = |what: String, expected: f64, found: f64| {
-        rows.push(Row::new(what, expected, found, 4.0 * share_error(expected, N.into())));
+        rows.push(Row::share(what, expected, found, N));
     };
     // One half of a box with particles, the other without. The difference of both is that of a plate which loses heat
     // at one face, with b = 2κw/D (Carslaw and Jaeger, *Conduction of Heat in Solids*, section 3.11).
@@ -90,27 +85,14 @@ pub(crate) fn membranes() -> Vec<Row> {
     // A closed membrane, also for particles released within a step, and for a receiver next to it.
     let steady = "center = [0.01, 0, 0]\nrelease = [{ species = \"A\", rate = 20000 }]";
     let mut closed = model(0.02, "", 0.0, steady);
-    closed.receivers.push(Receiver {
-        name: "rx".to_owned(),
-        center: [-0.52, 0.0, 0.0],
-        radius: 0.5,
-        sees: vec![true],
-        ..Receiver::default()
-    });
-    let mut simulation = begin(&closed, 12);
-    steps(&mut simulation, 50);
+    let center = [-0.52, 0.0, 0.0];
+    closed.receivers.push(Receiver { center, ..receiver(0.5, ReceiverKind::Absorbing) });
+    let simulation = run_for(&closed, 12, 50);
     rows.push(Row::exact("closed, arrived on the other side", 0, simulation.state().totals.arrived[0][0]));
     let mut walls = model(0.0625, halves, 0.0, &burst(0.1, "{ kind = \"point\" }"));
-    for kind in [WallFace::Low(0), WallFace::High(0)].map(ReceiverKind::Wall) {
-        walls.receivers.push(Receiver {
-            name: "wall".to_owned(),
-            kind,
-            sees: vec![true],
-            ..Receiver::default()
-        });
-    }
-    let mut simulation = begin(&walls, 14);
-    steps(&mut simulation, 8);
+    let faces = [WallFace::Low(0), WallFace::High(0)];
+    walls.receivers.extend(faces.map(|face| receiver(0.0, ReceiverKind::Wall(face))));
+    let simulation = run_for(&walls, 14, 8);
     let [beyond, before] = [0, 1].map(|k| simulation.state().totals.arrived[k][0]);
     rows.push(Row::exact("closed, arrived at the wall beyond it", 0, beyond));
     // From 0.1 between a mirror at 0 and the wall at 1.
@@ -119,8 +101,7 @@ pub(crate) fn membranes() -> Vec<Row> {
         2.0 / k * f64::from(1 - 2 * (n % 2)) * (0.1 * k).cos() * (-k * k * D * 0.5).exp()
     };
     let (reached, found) = (1.0 - (0..20).map(mode).sum::<f64>(), before as f64 / f64::from(N));
-    let tolerance = 4.0 * share_error(reached, N.into());
-    rows.push(Row::new("closed, arrived at the wall before it", reached, found, tolerance));
+    rows.push(Row::share("closed, arrived at the wall before it", reached, found, N));
     rows.push(Row::new("closed, passed", 0.0, share(&closed, 50, 13, [-1e9, 0.0]), 0.0));
     rows
 }

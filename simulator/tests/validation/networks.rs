@@ -1,15 +1,13 @@
 use std::f64::consts::PI;
-use std::path::Path;
 
-use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{Decay, Model, Reaction, ReactionRate, Shape, Transmitter};
 use rayon::prelude::*;
 
 use crate::Row;
-use crate::setup::{begin, burst, mean, share_error, species, steps};
+use crate::setup::{begin, burst, mean, run_for, scenario, species, steps, steps_until};
 
 fn parse(text: &str) -> Model {
-    Scenario::parse(Path::new("validation.toml"), text.to_owned()).expect("a scenario").model
+    scenario(text.to_owned())
 }
 
 fn box_of(n: u32, time_step: f64, diffusion: f64, more: &str) -> String {
@@ -44,16 +42,15 @@ pub(crate) fn equilibrium() -> Vec<Row> {
     let row = |what: &str, text: String, constant: f64, (relax, count): (u32, u32)| {
         let model = parse(&text);
         let run = |seed: u64| {
-            let mut simulation = begin(&model, seed);
-            steps(&mut simulation, 20 * relax);
+            let mut simulation = run_for(&model, seed, 20 * relax);
             let one = |_| {
                 steps(&mut simulation, 1);
                 simulation.state().totals.present[2] as f64
             };
             (0..count).map(one).sum::<f64>() / f64::from(count)
         };
-        let (measured, error) = mean(&(0..20).into_par_iter().map(run).collect::<Vec<_>>());
-        Row::new(format!("bound, {what}"), bound(n, constant / volume), measured, 4.0 * error)
+        let means: Vec<f64> = (0..20).into_par_iter().map(run).collect();
+        Row::mean(format!("bound, {what}"), bound(n, constant / volume), means)
     };
     let ball = 4.0 / 3.0 * PI * 0.1_f64.powi(3);
     let inside = |dt: f64, d: f64| {
@@ -106,16 +103,15 @@ pub(crate) fn exchange() -> Vec<Row> {
         let model = parse(&text(time_step, apart));
         let (relax, count) = ((0.2 / time_step) as u32, (0.5 / time_step) as u32);
         let run = |seed: u64| {
-            let mut simulation = begin(&model, seed);
-            steps(&mut simulation, relax);
+            let mut simulation = run_for(&model, seed, relax);
             let one = |_| {
                 steps(&mut simulation, 1);
                 simulation.state().totals.present[2] as f64
             };
             (0..count).map(one).sum::<f64>() / f64::from(count)
         };
-        let (measured, error) = mean(&(0..seeds).into_par_iter().map(run).collect::<Vec<_>>());
-        Row::new(format!("exchanged, apart by {apart:?}"), first / sum, measured, 4.0 * error)
+        let means: Vec<f64> = (0..seeds).into_par_iter().map(run).collect();
+        Row::mean(format!("exchanged, apart by {apart:?}"), first / sum, means)
     };
     [(1e-4, [0.1, 0.3]), (5e-5, [0.3, 0.15])].into_iter().map(row).collect()
 }
@@ -138,17 +134,15 @@ pub(crate) fn michaelis_menten() -> Vec<Row> {
     let run = |seed| {
         let mut simulation = begin(&model, seed);
         times.map(|time: f64| {
-            let done = simulation.state().step;
-            steps(&mut simulation, (time * 1000.0) as u32 - done);
+            steps_until(&mut simulation, (time * 1000.0) as u32);
             simulation.state().totals.present[3] as f64
         })
     };
     let runs: Vec<[f64; 3]> = (0..8).into_par_iter().map(run).collect();
     let per_pair = inside * 4.0 / 3.0 * PI * radius.powi(3);
     let row = |(place, time): (usize, f64)| {
-        let (measured, error) = mean(&runs.iter().map(|run| run[place]).collect::<Vec<_>>());
         let [_, product] = rate_equations([per_pair, back, onwards], time);
-        Row::new(format!("product after {time} s"), product, measured, 4.0 * error)
+        Row::mean(format!("product after {time} s"), product, runs.iter().map(|run| run[place]))
     };
     times.into_iter().enumerate().map(row).collect()
 }
@@ -181,15 +175,14 @@ pub(crate) fn births() -> Vec<Row> {
                 [[decay]]\nequation = \"B ->\"\nrate = 0.5\n";
     let model = parse(text);
     let run = |seed| {
-        let mut simulation = begin(&model, seed);
-        steps(&mut simulation, 30);
+        let simulation = run_for(&model, seed, 30);
         simulation.state().totals.present.iter().map(|&count| count as f64).collect::<Vec<_>>()
     };
     let runs: Vec<Vec<f64>> = (0..2000).into_par_iter().map(run).collect();
     let mut rows = Vec::new();
     for (place, expected) in [(0, 20.0), (1, 60.0)] {
         let counts: Vec<f64> = runs.iter().map(|run| run[place]).collect();
-        let (measured, error) = mean(&counts);
+        let (measured, error) = mean(counts.iter().copied());
         let name = &model.species[place].name;
         rows.push(Row::new(format!("mean of {name}"), expected, measured, 4.0 * error));
         let n = counts.len() as f64;
@@ -206,15 +199,14 @@ pub(crate) fn branching() -> Vec<Row> {
                 [[reaction]]\nequation = \"B + A -> D\"\nrate = 20\n";
     let model = parse(&box_of(2000, 1e-4, 5.0, more));
     let run = |seed| {
-        let mut simulation = begin(&model, seed);
-        steps(&mut simulation, 200);
+        let simulation = run_for(&model, seed, 200);
         let reacted = &simulation.state().totals.reacted;
         [reacted[0], reacted[1]]
     };
     let runs: Vec<[u64; 2]> = (0..10).into_par_iter().map(run).collect();
     let [first, second] = [0, 1].map(|k| runs.iter().map(|run| run[k]).sum::<u64>() as f64);
     let n = first + second;
-    vec![Row::new("share of the first channel", 0.75, first / n, 4.0 * share_error(0.75, n))]
+    vec![Row::share("share of the first channel", 0.75, first / n, n)]
 }
 
 /// Particles that react within a target at a rate λ. With κ = √(λ/D) those at r ever react with probability h(r) =
@@ -247,8 +239,7 @@ pub(crate) fn rate_inside() -> Vec<Row> {
             ..Model::default()
         };
         let batch = |seed| {
-            let mut simulation = begin(&model, seed);
-            steps(&mut simulation, (time / time_step).round() as u32);
+            let simulation = run_for(&model, seed, (time / time_step).round() as u32);
             let particles = &simulation.state().particles;
             let mut values = vec![1.0; simulation.state().totals.reacted[0] as usize];
             for at in (0..particles.len()).filter(|&at| particles.species[at] == 1) {
@@ -258,8 +249,7 @@ pub(crate) fn rate_inside() -> Vec<Row> {
             values
         };
         let values: Vec<f64> = (0..160).into_par_iter().flat_map_iter(batch).collect();
-        let (measured, error) = mean(&values);
-        Row::new(format!("ever reacted, step {step} ρ"), ever(start), measured, 4.0 * error)
+        Row::mean(format!("ever reacted, step {step} ρ"), ever(start), values)
     };
     [0.1, 0.3].map(row).into()
 }
@@ -274,14 +264,13 @@ pub(crate) fn chain() -> Vec<Row> {
         transmitters: vec![burst(Shape::Point, &[(0, n)])],
         ..Model::default()
     };
-    let mut simulation = begin(&model, 8);
-    steps(&mut simulation, 10);
+    let simulation = run_for(&model, 8, 10);
     let present = &simulation.state().totals.present;
     let expected = [(-1.0_f64).exp(), (-1.0_f64).exp() - (-2.0_f64).exp()];
     let row = |k: usize| {
         let share = present[k] as f64 / f64::from(n);
         let what = format!("share of {} after 1 s", model.species[k].name);
-        Row::new(what, expected[k], share, 4.0 * share_error(expected[k], n.into()))
+        Row::share(what, expected[k], share, n)
     };
     vec![row(0), row(1)]
 }

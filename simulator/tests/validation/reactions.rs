@@ -4,7 +4,7 @@ use lazygrid_sim::{Boundary, Model, Reaction, ReactionRate, Shape};
 use rayon::prelude::*;
 
 use crate::Row;
-use crate::setup::{begin, burst, is_long, mean, species, steps};
+use crate::setup::{begin, burst, is_long, run_for, species, steps_until};
 
 /// A fixed target among diffusing traps. With steps s, hits are those of a sphere of radius σ′ = σ − 0.5826·s: 4πDσ′T
 /// + 8σ′²√(πDT) − (4/3)π(σ³ − σ′³) per concentration.
@@ -31,8 +31,7 @@ pub(crate) fn diffusion_limited() -> Vec<Row> {
             ..Model::default()
         };
         let hits = |seed: u32| {
-            let mut simulation = begin(&model, seed.into());
-            steps(&mut simulation, (1.0 / time_step).round() as u32);
+            let simulation = run_for(&model, seed.into(), (1.0 / time_step).round() as u32);
             simulation.state().totals.reacted[0]
         };
         let hits: u64 = (0..batches).into_par_iter().map(hits).sum();
@@ -69,8 +68,7 @@ pub(crate) fn well_mixed() -> Vec<Row> {
     let run = |seed| {
         let mut simulation = begin(&model, seed);
         times.map(|until| {
-            let done = simulation.state().step;
-            steps(&mut simulation, until - done);
+            steps_until(&mut simulation, until);
             simulation.state().totals.present[0] as f64
         })
     };
@@ -80,9 +78,9 @@ pub(crate) fn well_mixed() -> Vec<Row> {
     let near = 4.0 / 3.0 * PI * sigma.powi(3);
     let k = near * probability / time_step;
     let row = |(place, time): (usize, u32)| {
-        let (measured, error) = mean(&runs.iter().map(|run| run[place]).collect::<Vec<_>>());
         let expected = 1.0 / (1.0 / f64::from(n) + k * f64::from(time) * time_step);
-        Row::new(format!("n after {time} steps, mean of {seeds} seeds"), expected, measured, 4.0 * error)
+        let what = format!("n after {time} steps, mean of {seeds} seeds");
+        Row::mean(what, expected, runs.iter().map(|run| run[place]))
     };
     times.into_iter().enumerate().map(row).collect()
 }

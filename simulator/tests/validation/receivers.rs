@@ -4,7 +4,7 @@ use lazygrid_sim::{Adsorption, Boundary, Model, Receiver, ReceiverKind, Shape, S
 use rayon::prelude::*;
 
 use crate::Row;
-use crate::setup::{backend, begin, burst, in_ball, share_error, species, steps};
+use crate::setup::{backend, begin, burst, in_ball, receiver, run_for, share_error, species, steps, steps_until};
 
 const D: f64 = 100.0;
 const R: f64 = 5.0;
@@ -12,19 +12,12 @@ const DISTANCE: f64 = 10.0;
 const N: u32 = 200_000;
 
 fn model(time_step: f64, kind: ReceiverKind) -> Model {
-    let receiver = Receiver {
-        name: "rx".to_owned(),
-        center: [DISTANCE as f32, 0.0, 0.0],
-        radius: R as f32,
-        kind,
-        sees: vec![true],
-        ..Receiver::default()
-    };
+    let center = [DISTANCE as f32, 0.0, 0.0];
     Model {
         time_step,
         species: vec![species("A", 0.0, D)],
         transmitters: vec![burst(Shape::Point, &[(0, N)])],
-        receivers: vec![receiver],
+        receivers: vec![Receiver { center, ..receiver(R, kind) }],
         ..Model::default()
     }
 }
@@ -37,8 +30,7 @@ pub(crate) fn absorbing() -> Vec<Row> {
     let mut rows = Vec::new();
     for kind in [ReceiverKind::Absorbing, ReceiverKind::Endpoint] {
         for count in [50, 200, 500] {
-            let mut simulation = begin(&model(time / f64::from(count), kind.clone()), 2);
-            steps(&mut simulation, count);
+            let simulation = run_for(&model(time / f64::from(count), kind.clone()), 2, count);
             let share = simulation.state().totals.arrived[0][0] as f64 / f64::from(N);
             let what = format!("{kind:?}, {count} steps").to_lowercase();
             let must_differ = kind == ReceiverKind::Endpoint;
@@ -54,13 +46,12 @@ pub(crate) fn transparent() -> Vec<Row> {
     let mut simulation = begin(&model(time_step, ReceiverKind::Transparent), 3);
     let mut rows = Vec::new();
     for until in [5, 20, 50] {
-        let done = simulation.state().step;
-        steps(&mut simulation, until - done);
+        steps_until(&mut simulation, until);
         let time = simulation.time();
         let expected = in_ball(R, DISTANCE, 2.0 * D * time);
         let share = simulation.received()[0][0] as f64 / f64::from(N);
         let what = format!("inside after {time} s");
-        rows.push(Row::new(what, expected, share, 4.0 * share_error(expected, N.into())));
+        rows.push(Row::share(what, expected, share, N));
     }
     rows
 }
@@ -85,25 +76,17 @@ pub(crate) fn passing(what: &str, [drift, velocity]: [f64; 2], count: u32) -> Ro
     let (start, n) = ([-4.0_f32, 1.0, 0.0], 40_000_u32);
     let distance = f64::from(start[0].hypot(start[1]));
     let expected = reached((drift - velocity) / 2.0, distance, f64::from(start[0]) / distance);
-    let receiver = Receiver {
-        name: "rx".to_owned(),
-        radius: 1.0,
-        kind: ReceiverKind::Absorbing,
-        sees: vec![true],
-        velocity: [velocity, 0.0, 0.0],
-        ..Receiver::default()
-    };
+    let velocity = [velocity, 0.0, 0.0];
     let model = Model {
         time_step: 1.6 / f64::from(count),
         species: vec![Species { drift: [drift, 0.0, 0.0], ..species("A", 0.0, 1.0) }],
         transmitters: vec![Transmitter { center: start, ..burst(Shape::Point, &[(0, n)]) }],
-        receivers: vec![receiver],
+        receivers: vec![Receiver { velocity, ..receiver(1.0, ReceiverKind::Absorbing) }],
         ..Model::default()
     };
-    let mut simulation = begin(&model, 5);
-    steps(&mut simulation, count);
+    let simulation = run_for(&model, 5, count);
     let share = simulation.state().totals.arrived[0][0] as f64 / f64::from(n);
-    Row::new(format!("{what}, {count} steps"), expected, share, 4.0 * share_error(expected, n.into()))
+    Row::share(format!("{what}, {count} steps"), expected, share, n)
 }
 
 fn reached(kappa: f64, distance: f64, cosine: f64) -> f64 {
@@ -138,22 +121,18 @@ pub(crate) fn long_steps() -> Vec<Row> {
         let (step, start) = (between(0.3, 4.0, words[0]), between(1.1, 4.0, words[1]));
         let count = 1 + words[2] % 12;
         let time_step = step * step / 2.0;
-        let receiver =
-            Receiver { name: "rx".to_owned(), radius: 1.0, sees: vec![true], ..Receiver::default() };
         let from = [0.0, start as f32, 0.0];
         let model = Model {
             time_step,
             species: vec![species("A", 0.0, 1.0)],
             transmitters: vec![Transmitter { center: from, ..burst(Shape::Point, &[(0, n)]) }],
-            receivers: vec![receiver],
+            receivers: vec![receiver(1.0, ReceiverKind::Absorbing)],
             ..Model::default()
         };
-        let mut simulation = begin(&model, 40 + u64::from(case));
-        steps(&mut simulation, count);
+        let simulation = run_for(&model, 40 + u64::from(case), count);
         let expected = libm::erfc((start - 1.0) / (4.0 * f64::from(count) * time_step).sqrt()) / start;
         let share = simulation.state().totals.arrived[0][0] as f64 / f64::from(n);
-        let what = format!("from {start:.2} R in {count} steps of {step:.2} R");
-        Row::new(what, expected, share, 4.0 * share_error(expected, n.into()))
+        Row::share(format!("from {start:.2} R in {count} steps of {step:.2} R"), expected, share, n)
     };
     (0..CASES).into_par_iter().map(row).collect()
 }
@@ -168,12 +147,8 @@ pub(crate) fn neighbors() -> Vec<Row> {
     let rows = |&(kind, step): &(&ReceiverKind, f64)| {
         let time_step = step * step / 2.0;
         let receiver = |sign: f64| Receiver {
-            name: "rx".to_owned(),
             center: [(sign * (1.0 + GAP / 2.0)) as f32, 0.0, 0.0],
-            radius: 1.0,
-            kind: kind.clone(),
-            sees: vec![true],
-            ..Receiver::default()
+            ..receiver(1.0, kind.clone())
         };
         let model = Model {
             time_step,
@@ -185,21 +160,15 @@ pub(crate) fn neighbors() -> Vec<Row> {
             receivers: vec![receiver(-1.0), receiver(1.0)],
             ..Model::default()
         };
-        let mut simulation = begin(&model, 8);
-        steps(&mut simulation, (time / time_step) as u32);
+        let simulation = run_for(&model, 8, (time / time_step) as u32);
         let [first, second] = [0, 1].map(|k| simulation.state().totals.arrived[k][0] as f64);
         let both = first + second;
         let name = if *kind == ReceiverKind::Absorbing { "absorbing" } else { "partial" };
-        let mut rows = vec![Row::new(
-            format!("first of two, {name}, step {step} R"),
-            0.5,
-            first / both,
-            4.0 * share_error(0.5, both),
-        )];
+        let what = format!("first of two, {name}, step {step} R");
+        let mut rows = vec![Row::share(what, 0.5, first / both, both)];
         if *kind == ReceiverKind::Absorbing {
             let expected = reached_by_two(height, time);
-            let tolerance = 4.0 * share_error(expected, n.into());
-            rows.push(Row::new(format!("both, step {step} R"), expected, both / f64::from(n), tolerance));
+            rows.push(Row::share(format!("both, step {step} R"), expected, both / f64::from(n), n));
         }
         rows
     };
@@ -235,8 +204,7 @@ pub(crate) fn drift_at_wall() -> Vec<Row> {
             boundary: Boundary::reflecting([0.0, -1.0, -1.0], [width, 1.0, 1.0]),
             ..Model::default()
         };
-        let mut simulation = begin(&model, 12);
-        steps(&mut simulation, (12.0 / time_step).ceil() as u32);
+        let mut simulation = run_for(&model, 12, (12.0 / time_step).ceil() as u32);
         let mut shares = Vec::new();
         for _ in 0..8 {
             steps(&mut simulation, (3.0 / time_step).ceil() as u32);

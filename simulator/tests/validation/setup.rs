@@ -1,8 +1,11 @@
 use std::cell::OnceCell;
+use std::path::Path;
 
 use lazygrid::{Algorithm, Backend};
+use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{
-    AnySimulation, Arrival, Model, Particles, RunView, Shape, Simulation, Species, State, Transmitter,
+    AnySimulation, Arrival, Model, Particles, Receiver, ReceiverKind, RunView, Shape, Simulation, Species,
+    State, Transmitter,
 };
 
 pub(crate) fn species(name: &str, radius: f32, diffusion: f64) -> Species {
@@ -16,6 +19,16 @@ pub(crate) fn is_long() -> bool {
 
 pub(crate) fn burst(shape: Shape, release: &[(u32, u32)]) -> Transmitter {
     Transmitter { name: "tx".to_owned(), shape, release: release.to_vec(), ..Transmitter::default() }
+}
+
+/// Returns a receiver at the origin that sees the only species.
+pub(crate) fn receiver(radius: f64, kind: ReceiverKind) -> Receiver {
+    let name = "rx".to_owned();
+    Receiver { name, radius: radius as f32, kind, sees: vec![true], ..Receiver::default() }
+}
+
+pub(crate) fn scenario(text: String) -> Model {
+    Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
 }
 
 /// Returns the backend of all runs: the CPU, or a GPU if `LAZYGRID_TEST_BACKEND` is `gpu`.
@@ -44,6 +57,16 @@ impl BackendRun {
             #[cfg(feature = "gpu")]
             run => self.state.get_or_init(|| run.state().expect("a state").into_owned()),
         }
+    }
+
+    pub(crate) fn positions(&self) -> impl Iterator<Item = [f64; 3]> {
+        let particles = &self.state().particles;
+        (0..particles.len()).map(|at| particles.position_of(at).map(f64::from))
+    }
+
+    /// Squared distances of all particles from the origin.
+    pub(crate) fn squares(&self) -> impl Iterator<Item = f64> {
+        self.positions().map(|[x, y, z]| x * x + y * y + z * z)
     }
 
     pub(crate) fn received(&self) -> Vec<Vec<u64>> {
@@ -80,7 +103,21 @@ pub(crate) fn steps(simulation: &mut BackendRun, count: u32) {
     simulation.state.take();
 }
 
-pub(crate) fn mean(values: &[f64]) -> (f64, f64) {
+/// Begins a run of `count` steps.
+pub(crate) fn run_for(model: &Model, seed: u64, count: u32) -> BackendRun {
+    let mut simulation = begin(model, seed);
+    steps(&mut simulation, count);
+    simulation
+}
+
+/// Continues until `step`, counted from the beginning.
+pub(crate) fn steps_until(simulation: &mut BackendRun, step: u32) {
+    steps(simulation, step - simulation.state().step);
+}
+
+/// The mean and its standard error.
+pub(crate) fn mean(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
+    let values: Vec<f64> = values.into_iter().collect();
     let n = values.len() as f64;
     let mean = values.iter().sum::<f64>() / n;
     let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);

@@ -1,12 +1,9 @@
 //! Bound particles that diffuse on a surface.
 
 use std::collections::HashMap;
-use std::path::Path;
-
-use lazygrid_sim::scenario::Scenario;
 
 use crate::Row;
-use crate::setup::{begin, mean, steps};
+use crate::setup::{mean, run_for, scenario, steps};
 
 const N: u32 = 20_000;
 const RADIUS: f64 = 2.0;
@@ -23,9 +20,8 @@ pub(crate) fn surface_diffusion() -> Vec<Row> {
              radius = {RADIUS}\nkind = \"receptors\"\ncount = {N}\nbinding-rate = 1000\nunbinding-rate = 1e-9\n\
              surface-diffusion = {D}\n"
         );
-        let model = Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model;
-        let mut simulation = begin(&model, seed);
-        steps(&mut simulation, (4.0 / time_step) as u32);
+        let model = scenario(text);
+        let mut simulation = run_for(&model, seed, (4.0 / time_step) as u32);
         let begun: HashMap<u32, [f32; 3]> =
             simulation.state().bound.iter().map(|bound| (bound.id, bound.direction)).collect();
         steps(&mut simulation, count);
@@ -35,10 +31,9 @@ pub(crate) fn surface_diffusion() -> Vec<Row> {
         };
         let cosines: Vec<f64> = simulation.state().bound.iter().filter_map(cosine).collect();
         let decay = D * f64::from(count) * time_step / (RADIUS * RADIUS);
-        let (found, error) = mean(&cosines);
         let what = format!("mean cosine, {count} steps of {time_step} s, bound {}", cosines.len() > 10_000);
-        rows.push(Row::new(what, (-2.0 * decay).exp(), found, 4.0 * error));
-        let (found, error) = mean(&cosines.iter().map(|w| 1.5 * w * w - 0.5).collect::<Vec<_>>());
+        rows.push(Row::mean(what, (-2.0 * decay).exp(), cosines.iter().copied()));
+        let (found, error) = mean(cosines.iter().map(|w| 1.5 * w * w - 0.5));
         // The error of a step is of the third order in 2DΔt/R².
         let step = 2.0 * D * time_step / (RADIUS * RADIUS);
         if step < 0.5 {

@@ -1,10 +1,7 @@
-use std::path::Path;
-
-use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{Axis, Boundary, Flow, Model, Particles, Shape, Transmitter, Vessel};
 
 use crate::Row;
-use crate::setup::{begin, burst, mean, share_error, species, steps};
+use crate::setup::{begin, burst, run_for, scenario, species, steps, steps_until};
 
 const RADIUS: f64 = 1.0;
 const SPEED: f64 = 10.0;
@@ -19,7 +16,7 @@ fn model(profile: &str) -> Model {
          [[transmitter]]\nname = \"tx\"\nshape = {{ kind = \"cylinder\", axis = \"y\", radius = {RADIUS} }}\n\
          release = [{{ species = \"A\", count = {N} }}]\n"
     );
-    Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
+    scenario(text)
 }
 
 const ZEROS: [f64; 6] = [3.831_706, 7.015_587, 10.173_468, 13.323_692, 16.470_630, 19.615_859];
@@ -38,8 +35,7 @@ fn taylor(time: f64) -> f64 {
 fn pulse(profile: &str) -> Row {
     let mut model = model(profile);
     model.flow_pulse = Some([0.0642, 0.1872]);
-    let mut simulation = begin(&model, 4);
-    steps(&mut simulation, 30);
+    let simulation = run_for(&model, 4, 30);
     let [[mean, error], _] = along(&simulation.state().particles);
     Row::new(format!("{profile}, mean after a pulse"), 0.123 * SPEED, mean, 4.0 * error)
 }
@@ -59,8 +55,7 @@ pub(crate) fn flow_profiles() -> Vec<Row> {
     for (profile, variance) in [("plug", (|t| 2.0 * D * t) as fn(f64) -> f64), ("poiseuille", taylor)] {
         let mut simulation = begin(&model(profile), 3);
         for until in [10, 50, 300] {
-            let done = simulation.state().step;
-            steps(&mut simulation, until - done);
+            steps_until(&mut simulation, until);
             let time = simulation.time();
             let [[mean, error], [spread, of_spread]] = along(&simulation.state().particles);
             rows.push(Row::new(format!("{profile}, mean after {time} s"), SPEED * time, mean, 4.0 * error));
@@ -68,14 +63,9 @@ pub(crate) fn flow_profiles() -> Vec<Row> {
             rows.push(Row::new(what, variance(time), spread, 4.0 * of_spread));
         }
         rows.push(pulse(profile));
-        let particles = &simulation.state().particles;
-        let inside = |at: &usize| {
-            let [x, _, z] = particles.position_of(*at).map(f64::from);
-            x.hypot(z) < 0.9 * RADIUS
-        };
-        let share = (0..particles.len()).filter(inside).count() as f64 / f64::from(N);
+        let inside = simulation.positions().filter(|[x, _, z]| x.hypot(*z) < 0.9 * RADIUS).count();
         let what = format!("{profile}, share within 0.9 R");
-        rows.push(Row::new(what, 0.81, share, 4.0 * share_error(0.81, N.into())));
+        rows.push(Row::share(what, 0.81, inside as f64 / f64::from(N), N));
     }
     rows
 }
@@ -107,8 +97,7 @@ pub(crate) fn drift_at_ends() -> Vec<Row> {
             heights
                 .extend(simulation.state().particles.position[2].iter().map(|&z| (f64::from(z) - end).abs()));
         }
-        let (measured, error) = mean(&heights);
-        Row::new(format!("mean height, {what}"), diffusion / speed, measured, 4.0 * error)
+        Row::mean(format!("mean height, {what}"), diffusion / speed, heights)
     };
     let plug: fn(f64) -> Flow = |v| Flow::Plug([0.0, 0.0, v]);
     let poiseuille: fn(f64) -> Flow = |v| Flow::Poiseuille { mean: 0.5 * v };

@@ -1,10 +1,7 @@
-use std::path::Path;
-
-use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{Model, Receiver, ReceiverKind};
 
 use crate::Row;
-use crate::setup::{begin, mean, share_error, steps};
+use crate::setup::{begin, mean, receiver, run_for, scenario, steps};
 
 const N: u32 = 40_000;
 const D: f64 = 1.0;
@@ -17,24 +14,17 @@ fn model(time_step: f64, boundary: &str, drift: f64, center: &str, faces: &[&str
          release = [{{ species = \"A\", count = {N} }}]\n{}",
         faces.iter().map(face).collect::<String>()
     );
-    Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
+    scenario(text)
 }
 
 /// A sphere on the x axis, at this distance from the plane x = 0.
 fn body(distance: f32, radius: f32) -> Receiver {
-    Receiver {
-        name: "body".to_owned(),
-        center: [distance + radius, 0.0, 0.0],
-        radius,
-        kind: ReceiverKind::Reflecting,
-        sees: vec![true],
-        ..Receiver::default()
-    }
+    let center = [distance + radius, 0.0, 0.0];
+    Receiver { center, ..receiver(radius.into(), ReceiverKind::Reflecting) }
 }
 
 fn taken(model: &Model, count: u32, receiver: usize, seed: u64) -> f64 {
-    let mut simulation = begin(model, seed);
-    steps(&mut simulation, count);
+    let simulation = run_for(model, seed, count);
     simulation.received()[receiver][0] as f64 / f64::from(N)
 }
 
@@ -51,12 +41,8 @@ pub(crate) fn inside_a_sphere() -> Vec<Row> {
             2.0 * f64::from(1 - 2 * (n % 2)) * (-rate * time).exp()
         };
         let expected = 1.0 + (1..20).map(mode).sum::<f64>();
-        rows.push(Row::new(
-            format!("absorbs until {time} s, steps of {time_step} s"),
-            expected,
-            taken(&sphere, count, 0, seed),
-            4.0 * share_error(expected, N.into()),
-        ));
+        let what = format!("absorbs until {time} s, steps of {time_step} s");
+        rows.push(Row::share(what, expected, taken(&sphere, count, 0, seed), N));
     }
     // From x = 0.5 in small steps. The first mode is j₁(kr)·cos θ, with the zero k = 2.0816 of j₁′.
     let [k, start]: [f64; 2] = [2.081_576, 0.5];
@@ -64,14 +50,11 @@ pub(crate) fn inside_a_sphere() -> Vec<Row> {
     let mut simulation = begin(&model(1e-3, boundary, 0.0, "[0.5, 0, 0]", &[]), 5);
     let mut mean_mode = || {
         steps(&mut simulation, 100);
-        let particles = &simulation.state().particles;
-        let mode = |at: usize| {
-            let [x, y, z] = particles.position_of(at).map(f64::from);
+        let mode = |[x, y, z]: [f64; 3]| {
             let r = (x * x + y * y + z * z).sqrt();
             first(k * r) * x / r
         };
-        let values: Vec<f64> = (0..particles.len()).map(mode).collect();
-        (mean(&values), simulation.time())
+        (mean(simulation.positions().map(mode)), simulation.time())
     };
     for _ in 0..3 {
         let ((found, error), time) = mean_mode();
@@ -79,19 +62,18 @@ pub(crate) fn inside_a_sphere() -> Vec<Row> {
         rows.push(Row::new(format!("reflects, first mode after {time:.1} s"), expected, found, 4.0 * error));
     }
     let long = model(0.05, boundary, 0.0, "[0.5, 0, 0]", &[]);
-    let mut simulation = begin(&long, 6);
-    steps(&mut simulation, 100);
+    let simulation = run_for(&long, 6, 100);
     let particles = &simulation.state().particles;
     let far = |at: &usize| particles.position_of(*at).iter().map(|x| x * x).sum::<f32>() > 0.81;
     let found = (0..particles.len()).filter(far).count() as f64 / f64::from(N);
-    rows.push(Row::new("reflects, share beyond 0.9 R", 0.271, found, 4.0 * share_error(0.271, N.into())));
+    rows.push(Row::share("reflects, share beyond 0.9 R", 0.271, found, N));
     rows
 }
 
 pub(crate) fn absorbing_walls() -> Vec<Row> {
     let mut rows = Vec::new();
     let mut add = |what: String, expected: f64, found: f64| {
-        rows.push(Row::new(what, expected, found, 4.0 * share_error(expected, N.into())));
+        rows.push(Row::share(what, expected, found, N));
     };
     let normal = |x: f64| 0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2);
     let box_of = |width: f64| format!("kind = \"reflecting\"\nlow = [0, -50, -50]\nhigh = [{width}, 50, 50]");
