@@ -62,20 +62,19 @@ fn collisions_are_those_of_the_cpu() {
                 _ => model.boundary = Boundary::default(),
             }
             model.transmitters[0].shape = Shape::Lattice([6.6; 3], [6; 3]);
-            let (mut there, mut here) = (gpu(&own, &model, 5, GpuOptions::default()), cpu(&model, 5));
+            let mut runs = Runs::new(&own, &model, 5);
             let mut met = 0;
             for step in 0..4 {
-                there.run(1).expect("a step");
-                here.step().expect("a step");
+                runs.steps(1);
                 assert_eq!(
-                    there.totals().contacts,
-                    here.state().totals.contacts,
+                    runs.gpu.totals().contacts,
+                    runs.cpu.state().totals.contacts,
                     "{contact:?} {room} {step}"
                 );
-                met += there.totals().contacts;
+                met += runs.gpu.totals().contacts;
                 let far = distance(
-                    &there.state().expect("a state").particles,
-                    &here.state().particles,
+                    &runs.gpu.state().expect("a state").particles,
+                    &runs.cpu.state().particles,
                     &model.boundary,
                 );
                 assert!(far < 3e-4 * 4f32.powi(step), "{contact:?} {room} {step}: {far}");
@@ -89,7 +88,7 @@ fn collisions_are_those_of_the_cpu() {
 fn long_steps_keep_energy_and_leave_no_overlap() {
     let Some(own) = device() else { return };
     let model = crowd(Contact::Elastic, 0.3, 1.0, 5);
-    let mut there = gpu(&own, &model, 3, GpuOptions { pair_capacity: 1, ..GpuOptions::default() });
+    let mut there = gpu_with(&own, &model, 3, GpuOptions { pair_capacity: 1, ..GpuOptions::default() });
     let energy = |state: &lazygrid_sim::State| -> f64 {
         let all = &state.particles;
         let square = |at: usize| -> f64 {
@@ -122,15 +121,14 @@ fn overlaps_are_separated_as_on_the_cpu() {
     for probability in [0.05, 0.0] {
         // The binding radius is below the contact distance.
         model.reactions = vec![models::reaction([0, 1], [None, Some(1)], 0.5, probability)];
-        let (mut there, mut here) = (gpu(&own, &model, 5, GpuOptions::default()), cpu(&model, 5));
-        there.run(1).expect("a step");
-        here.step().expect("a step");
-        let totals = &here.state().totals;
+        let mut runs = Runs::new(&own, &model, 5);
+        runs.steps(1);
+        let totals = &runs.cpu.state().totals;
         assert!(totals.contacts > 300 && (totals.reacted[0] > 3) == (probability > 0.0), "{totals:?}");
-        assert_eq!(there.totals().contacts, totals.contacts);
-        assert_eq!(there.totals().reacted, totals.reacted);
-        let there = there.state().expect("a state").particles;
-        let far = distance(&there, &here.state().particles, &model.boundary);
+        assert_eq!(runs.gpu.totals().contacts, totals.contacts);
+        assert_eq!(runs.gpu.totals().reacted, totals.reacted);
+        let there = runs.gpu.state().expect("a state").particles;
+        let far = distance(&there, &runs.cpu.state().particles, &model.boundary);
         assert!(far < 1e-4, "{probability}: {far}");
     }
 }
@@ -151,7 +149,7 @@ fn crowd_is_not_pushed_into_a_body_and_moves_as_on_the_cpu() {
         // Four or more receivers have lists.
         model.receivers = vec![body(2.5, vec![true, true])];
         model.receivers.extend((1..5).map(|k| body(0.2 * k as f32, vec![true, false])));
-        let (mut there, mut here) = (gpu(&own, &model, 5, GpuOptions::default()), cpu(&model, 5));
+        let mut runs = Runs::new(&own, &model, 5);
         let step = |run: &mut GpuSimulation| {
             run.run(1).expect("a step");
             let state = run.state().expect("a state");
@@ -163,13 +161,13 @@ fn crowd_is_not_pushed_into_a_body_and_moves_as_on_the_cpu() {
             }
             state
         };
-        let state = step(&mut there);
-        here.step().expect("a step");
-        assert!(here.state().totals.contacts > 300);
-        assert_eq!(there.totals().contacts, here.state().totals.contacts);
-        let far = distance(&state.particles, &here.state().particles, &model.boundary);
+        let state = step(&mut runs.gpu);
+        runs.cpu.step().expect("a step");
+        assert!(runs.cpu.state().totals.contacts > 300);
+        assert_eq!(runs.gpu.totals().contacts, runs.cpu.state().totals.contacts);
+        let far = distance(&state.particles, &runs.cpu.state().particles, &model.boundary);
         assert!(far < 1e-4, "{velocity}: {far}");
-        (0..20).for_each(|_| drop(step(&mut there)));
+        (0..20).for_each(|_| drop(step(&mut runs.gpu)));
     }
 }
 
@@ -181,14 +179,14 @@ fn drift_creates_no_overlaps_at_walls_as_on_the_cpu() {
     model.boundary = Boundary::reflecting([low; 3], [high; 3]);
     model.transmitters[0].shape = Shape::Lattice([high - low - 1.0; 3], [6; 3]);
     model.species.iter_mut().for_each(|species| species.drift = [-1e-6; 3]);
-    let (mut there, mut here) = (gpu(&own, &model, 5, GpuOptions::default()), cpu(&model, 5));
+    let mut there = gpu(&own, &model, 5);
     there.run(20).expect("steps");
     let overlaps: u64 = there.pairs_by_step().iter().sum();
     assert!(overlaps < 3, "{overlaps}");
-    let mut there = gpu(&own, &model, 5, GpuOptions::default());
-    there.run(2).expect("steps");
-    (0..2).for_each(|_| here.step().expect("a step"));
-    let far = distance(&there.state().expect("a state").particles, &here.state().particles, &model.boundary);
+    let mut runs = Runs::new(&own, &model, 5);
+    runs.steps(2);
+    let far =
+        distance(&runs.gpu.state().expect("a state").particles, &runs.cpu.state().particles, &model.boundary);
     assert!(far < 1e-3, "{far}");
 }
 
@@ -197,7 +195,7 @@ fn pressure_and_diffusion_match_hard_spheres() {
     let Some(own) = device() else { return };
     let mut model = crowd(Contact::Elastic, 0.3, 0.25, 8);
     model.transmitters[0].release = vec![(0, 512)];
-    let mut there = gpu(&own, &model, 3, GpuOptions::default());
+    let mut there = gpu(&own, &model, 3);
     there.run(16).expect("steps");
     let (mut collisions, steps) = (0, 48);
     for _ in 0..steps {
@@ -217,7 +215,7 @@ fn pressure_and_diffusion_match_hard_spheres() {
     let slowed = |packing: f64| {
         let mut model = crowd(Contact::Separate, packing, 0.3, 6);
         model.transmitters[0].release = vec![(0, 216)];
-        let mut there = gpu(&own, &model, 7, GpuOptions::default());
+        let mut there = gpu(&own, &model, 7);
         there.run(10).expect("steps");
         let mut moved = vec![[0.0_f32; 3]; 216];
         let mut last = there.state().expect("a state").particles;

@@ -1,17 +1,14 @@
 //! Runs in which particles decay on their way to receivers and walls.
 
-use lazygrid_sim::gpu::GpuOptions;
 use lazygrid_sim::model::receiver::WallFace;
 use lazygrid_sim::{Decay, Model, ReceiverKind, Unbinding};
 
 use super::device;
-use super::models::{cpu, gpu};
-use super::surfaces::{assert_close, compare, receiver, surfaces};
+use super::models::{Runs, decay, receiver};
+use super::surfaces::{compare, surfaces};
 
 /// A -> B -> A, or nothing, about once per step. Some receivers and walls see one species only.
 fn degrading() -> Model {
-    let decay =
-        |reactant, product, rate| Decay { reactant, products: [product, None], rate, ..Decay::default() };
     let mut model = surfaces();
     model.time_step = 0.02;
     model.decays = vec![decay(0, Some(1), 40.0), decay(1, Some(0), 30.0), decay(1, None, 10.0)];
@@ -52,21 +49,19 @@ fn decays_before_hits_are_those_of_the_cpu() {
     let mut passing = reflecting.clone();
     passing.receivers.retain(|receiver| !receiver.kind.reflects());
     for (seed, model) in [(71, reflecting), (72, passing)] {
-        let (mut there, mut here) = (gpu(&own, &model, seed, GpuOptions::default()), cpu(&model, seed));
+        let mut runs = Runs::new(&own, &model, seed);
         let mut logged = vec![[0; 2]; model.receivers.len()];
         for _ in 0..5 {
-            there.run(1).expect("a step");
-            here.step().expect("a step");
-            assert_eq!(there.arrivals(), here.arrivals());
-            for arrival in here.arrivals() {
+            runs.steps(1);
+            assert_eq!(runs.gpu.arrivals(), runs.cpu.arrivals());
+            for arrival in runs.cpu.arrivals() {
                 logged[arrival.receiver as usize][arrival.species as usize] += 1;
             }
-            assert_eq!(there.received(), here.received());
-            assert_close(&there.state().expect("a state"), here.state(), 2e-4);
+            runs.assert_close(2e-4);
         }
-        let totals = &here.state().totals;
+        let totals = &runs.cpu.state().totals;
         assert!(totals.decayed.iter().all(|&count| count > 300), "{totals:?}");
-        for ((own, row), logged) in model.receivers.iter().zip(here.received()).zip(logged) {
+        for ((own, row), logged) in model.receivers.iter().zip(runs.cpu.received()).zip(logged) {
             let is_logged = own.kind.absorbs();
             assert!(!is_logged || row == logged, "{}: {row:?} and {logged:?}", own.name);
             let may_arrive = own.kind != ReceiverKind::Reflecting;

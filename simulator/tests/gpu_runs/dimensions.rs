@@ -6,8 +6,8 @@ use lazygrid_sim::{
 
 use super::contact::crowd;
 use super::device;
-use super::models::{brownian, species};
-use super::surfaces::{compare, receiver, surfaces};
+use super::models::{brownian, receiver, species};
+use super::surfaces::{compare, surfaces};
 
 fn frozen(mut model: Model, dimensions: usize) -> Model {
     model.boundary.axes[dimensions..].fill(Axis::Frozen);

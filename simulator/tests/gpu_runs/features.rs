@@ -7,8 +7,11 @@ use lazygrid_sim::{
 };
 
 use super::device;
-use super::models::{brownian, by_id, cpu, dyadic, gpu, reaction, species};
-use super::surfaces::{assert_close, compare, receiver, surfaces};
+use super::models::{
+    Runs, assert_close, brownian, by_id, cpu, decay, dyadic, gpu, gpu_with, reaction, receiver, species,
+    steps,
+};
+use super::surfaces::{compare, surfaces};
 
 fn swimmers() -> Model {
     let mut model = surfaces();
@@ -18,8 +21,6 @@ fn swimmers() -> Model {
     model.species.push(Species { speed: 30.0, ..species("C", 0.0, [0.0; 3]) });
     model.reactions =
         vec![reaction([0, 1], [Some(2), None], 0.125, 0.5), reaction([1, 2], [Some(0), Some(2)], 0.125, 0.5)];
-    let decay =
-        |reactant, product, rate| Decay { reactant, products: [product, None], rate, ..Decay::default() };
     model.decays = vec![decay(0, Some(1), 5.0), decay(2, Some(0), 5.0), decay(1, Some(2), 5.0)];
     for receiver in &mut model.receivers {
         receiver.sees = vec![true; 3];
@@ -123,16 +124,15 @@ fn pulses_of_flow_match_the_cpu() {
     for (k, mut model) in models.into_iter().enumerate() {
         let time_step = model.time_step;
         model.flow_pulse = Some([2.25, 5.75].map(|steps| steps * time_step));
-        let (mut there, mut here) = (gpu(&own, &model, 31, GpuOptions::default()), cpu(&model, 31));
+        let mut runs = Runs::new(&own, &model, 31);
         for steps in [5, 4] {
-            there.run(steps).expect("steps");
-            (0..steps).for_each(|_| here.step().expect("a step"));
-            assert_close(&there.state().expect("a state"), here.state(), 2e-4);
+            runs.steps(steps);
+            runs.assert_close(2e-4);
         }
         model.flow_pulse = None;
         let mut steady = cpu(&model, 31);
-        (0..9).for_each(|_| steady.step().expect("a step"));
-        assert_ne!(steady.state().particles, here.state().particles, "model {k}");
+        steps(&mut steady, 9);
+        assert_ne!(steady.state().particles, runs.cpu.state().particles, "model {k}");
     }
 }
 
@@ -142,7 +142,7 @@ fn wall(name: &str, face: WallFace) -> Receiver {
 
 fn with_walls(mut model: Model, faces: &[WallFace]) -> Model {
     model.logs_arrivals = true;
-    model.decays = vec![Decay { reactant: 1, products: [Some(0), None], rate: 5.0, ..Decay::default() }];
+    model.decays = vec![decay(1, Some(0), 5.0)];
     model.receivers.extend(faces.iter().map(|&face| wall("wall", face)));
     model
 }
@@ -173,18 +173,18 @@ fn walls_absorb_as_on_the_cpu() {
     let long = Model { time_step: 0.05, ..sphere.clone() };
     let beyond = Model { time_step: 1.5, ..sphere.clone() };
     for (k, model) in [planes, mirrors, cylinder, sphere, long, beyond].into_iter().enumerate() {
-        let (mut there, mut here) = (gpu(&own, &model, 32, GpuOptions::default()), cpu(&model, 32));
+        let mut runs = Runs::new(&own, &model, 32);
         let mut expected = Vec::new();
         for _ in 0..6 {
-            here.step().expect("a step");
-            expected.extend_from_slice(here.arrivals());
+            runs.cpu.step().expect("a step");
+            expected.extend_from_slice(runs.cpu.arrivals());
         }
-        there.run(6).expect("steps");
-        assert_eq!(there.arrivals(), expected, "model {k}");
-        assert_close(&there.state().expect("a state"), here.state(), 2e-4);
+        runs.gpu.run(6).expect("steps");
+        assert_eq!(runs.gpu.arrivals(), expected, "model {k}");
+        runs.assert_close(2e-4);
         let silent = |row: &&Vec<u64>| row.iter().sum::<u64>() == 0;
         assert_eq!(
-            here.state().totals.arrived.iter().filter(silent).count(),
+            runs.cpu.state().totals.arrived.iter().filter(silent).count(),
             usize::from(k == 1),
             "model {k}"
         );
@@ -196,8 +196,6 @@ fn decay_chains_match_the_cpu() {
     let mut model = brownian(true);
     model.species.push(species("C", 0.5, [0.0; 3]));
     model.species[2].radius = 0.25;
-    let decay =
-        |reactant, product, rate| Decay { reactant, products: [product, None], rate, ..Decay::default() };
     model.decays = vec![
         decay(0, Some(1), 900.0),
         decay(1, Some(2), 700.0),
@@ -233,12 +231,12 @@ fn dissociating() -> Model {
     let mut model = brownian(true);
     model.species.push(Species { radius: 0.0625, ..species("C", 0.5, [0.0; 3]) });
     model.reactions = vec![reaction([0, 1], [Some(2), None], 0.25, 0.5)];
-    let decay =
+    let dissociation =
         |products, unbinding, rate| Decay { reactant: 2, products, unbinding, rate, ..Decay::default() };
     model.decays = vec![
-        decay([Some(0), Some(1)], Unbinding::Apart(0.125), 200.0),
-        decay([Some(1), Some(0)], Unbinding::Within(0.25), 200.0),
-        decay([Some(1), None], Unbinding::Apart(0.0), 50.0),
+        dissociation([Some(0), Some(1)], Unbinding::Apart(0.125), 200.0),
+        dissociation([Some(1), Some(0)], Unbinding::Within(0.25), 200.0),
+        dissociation([Some(1), None], Unbinding::Apart(0.0), 50.0),
     ];
     model.receivers = vec![
         Receiver {
@@ -265,7 +263,7 @@ fn in_portions(
     options: GpuOptions,
     portions: &[u32],
 ) -> (Vec<Arrival>, GpuSimulation) {
-    let mut run = gpu(own, model, 28, options);
+    let mut run = gpu_with(own, model, 28, options);
     let mut arrivals = Vec::new();
     for &steps in portions {
         run.run(steps).expect("steps");
@@ -328,7 +326,7 @@ fn changed_thermal_speeds_match_the_cpu() {
     let state = compare(&model, 30, 8);
     let resting = by_id(&state).into_iter().filter(|particle| particle.species == 1);
     assert!(resting.into_iter().all(|particle| particle.velocity == [0.0; 3]));
-    model.decays = vec![Decay { reactant: 1, products: [Some(2), None], rate: 200.0, ..Decay::default() }];
+    model.decays = vec![decay(1, Some(2), 200.0)];
     compare(&model, 31, 8);
 }
 
@@ -345,11 +343,10 @@ fn dissociation_grows_beyond_the_capacity_for_particles() {
         rate: 0.7,
         ..Decay::default()
     }];
-    let (mut there, mut here) = (gpu(&own, &model, 30, GpuOptions::default()), cpu(&model, 30));
-    there.run(5).expect("steps");
-    (0..5).for_each(|_| here.step().expect("a step"));
-    assert!(here.state().particles.len() > 8_000);
-    assert_close(&there.state().expect("a state"), here.state(), 2e-4);
+    let mut runs = Runs::new(&own, &model, 30);
+    runs.steps(5);
+    assert!(runs.cpu.state().particles.len() > 8_000);
+    runs.assert_close(2e-4);
 }
 
 #[test]
@@ -365,7 +362,7 @@ fn halts_do_not_depend_on_the_order_of_threads() {
     model.time_step = 0.01;
     model.receivers = cluster([1.0, 0.0, 0.0], 21).chain(cluster([-1.0, 0.0, 0.0], 17)).collect();
     for seed in 0..4 {
-        let mut run = gpu(&own, &model, seed, GpuOptions::default());
+        let mut run = gpu(&own, &model, seed);
         let error = run.run(1).expect_err("too many surfaces");
         let Error::Step { source: lazygrid::Error::LimitExceeded { needed, limit, .. }, .. } = error else {
             panic!("{error}");

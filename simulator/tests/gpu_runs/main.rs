@@ -21,10 +21,12 @@ use lazygrid::Algorithm;
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
-    Axis, Boundary, Contact, Decay, Error, Flow, FlowField, Membrane, MembraneSurface, Model, Receiver,
+    Axis, Boundary, Contact, Error, Flow, FlowField, Membrane, MembraneSurface, Model, Receiver,
     ReceiverKind, ReceptorType, Shape, Simulation, Transmitter,
 };
-use models::{assert_same, brownian, by_id, cpu, dyadic, gpu, species};
+use models::{
+    Runs, assert_same, brownian, burst, by_id, cpu, decay, dyadic, gpu, gpu_with, receiver, species, steps,
+};
 
 fn device() -> Option<GpuDevice> {
     or_skip(GpuDevice::shared(SoftwareAdapter::Allow))
@@ -39,24 +41,27 @@ fn dyadic_runs_match_the_cpu() {
             model.boundary.axes[0] = Axis::Periodic { low: -4.0, high: 4.0 };
             model.boundary.axes[2] = Axis::Periodic { low: -4.0, high: 4.0 };
         }
-        let (mut there, mut here) = (gpu(&own, &model, seed, GpuOptions::default()), cpu(&model, seed));
+        let mut runs = Runs::new(&own, &model, seed);
         let mut pairs = Vec::new();
         for steps in [1, 2, 9] {
-            there.run(steps).expect("steps");
-            pairs.extend_from_slice(there.pairs_by_step());
+            runs.gpu.run(steps).expect("steps");
+            pairs.extend_from_slice(runs.gpu.pairs_by_step());
             let mut expected = Vec::new();
             for _ in 0..steps {
-                here.step().expect("a step");
-                expected.push(here.state().totals.pairs);
+                runs.cpu.step().expect("a step");
+                expected.push(runs.cpu.state().totals.pairs);
             }
-            assert_eq!(there.pairs_by_step(), expected);
-            assert_same(&there.state().expect("a state"), here.state());
-            assert_eq!(there.received(), here.received());
+            assert_eq!(runs.gpu.pairs_by_step(), expected);
+            runs.assert_same();
         }
-        let totals = there.totals();
-        for counts in
-            [&totals.reacted, &totals.decayed, &totals.arrived[0], &totals.arrived[2], &there.received()[1]]
-        {
+        let totals = runs.gpu.totals();
+        for counts in [
+            &totals.reacted,
+            &totals.decayed,
+            &totals.arrived[0],
+            &totals.arrived[2],
+            &runs.gpu.received()[1],
+        ] {
             assert!(counts.iter().any(|&count| count > 0), "{totals:?}");
         }
         assert!(totals.reacted.iter().all(|&count| count > 0), "{totals:?}");
@@ -67,13 +72,13 @@ fn dyadic_runs_match_the_cpu() {
 fn halted_runs_resume_with_the_same_results() {
     let Some(own) = device() else { return };
     let model = dyadic();
-    let mut roomy = gpu(&own, &model, 3, GpuOptions::default());
+    let mut roomy = gpu(&own, &model, 3);
     roomy.run(10).expect("steps");
     for options in [
         GpuOptions { pair_capacity: 1, ..GpuOptions::default() },
         GpuOptions { rounds: 0, max_iterations: 64, ..GpuOptions::default() },
     ] {
-        let mut tight = gpu(&own, &model, 3, options);
+        let mut tight = gpu_with(&own, &model, 3, options);
         tight.run(10).expect("steps");
         assert_eq!(tight.pairs_by_step(), roomy.pairs_by_step());
         assert_eq!(tight.state().expect("a state"), roomy.state().expect("a state"), "{options:?}");
@@ -84,9 +89,9 @@ fn halted_runs_resume_with_the_same_results() {
 fn steps_may_be_asked_for_in_any_portions() {
     let Some(own) = device() else { return };
     let model = brownian(true);
-    let mut at_once = gpu(&own, &model, 4, GpuOptions::default());
+    let mut at_once = gpu(&own, &model, 4);
     at_once.run(12).expect("steps");
-    let mut one_by_one = gpu(&own, &model, 4, GpuOptions::default());
+    let mut one_by_one = gpu(&own, &model, 4);
     (0..12).for_each(|_| one_by_one.run(1).expect("a step"));
     assert_eq!(at_once.state().expect("a state"), one_by_one.state().expect("a state"));
     assert!(at_once.state().expect("a state").particles.id.is_sorted());
@@ -97,16 +102,16 @@ fn either_side_goes_on_where_the_other_stopped() {
     let Some(own) = device() else { return };
     let model = dyadic();
     let mut whole = cpu(&model, 5);
-    (0..9).for_each(|_| whole.step().expect("a step"));
+    steps(&mut whole, 9);
     let mut first = cpu(&model, 5);
-    (0..3).for_each(|_| first.step().expect("a step"));
+    steps(&mut first, 3);
     let options = GpuOptions::default();
     let mut second = GpuSimulation::resume(model.clone(), 5, own, options, first.state()).expect("a state");
     assert_eq!(second.received(), first.received());
     second.run(3).expect("steps");
     let state = second.state().expect("a state");
     let mut third = Simulation::resume(model, 5, Algorithm::Auto, state).expect("a state");
-    (0..3).for_each(|_| third.step().expect("a step"));
+    steps(&mut third, 3);
     assert_same(third.state(), whole.state());
 }
 
@@ -114,11 +119,10 @@ fn either_side_goes_on_where_the_other_stopped() {
 fn moves_match_the_cpu_up_to_rounding() {
     let Some(own) = device() else { return };
     let model = brownian(false);
-    let (mut there, mut here) = (gpu(&own, &model, 6, GpuOptions::default()), cpu(&model, 6));
-    there.run(3).expect("steps");
-    (0..3).for_each(|_| here.step().expect("a step"));
-    let there = there.state().expect("a state");
-    for (a, b) in by_id(&there).into_iter().zip(by_id(here.state())) {
+    let mut runs = Runs::new(&own, &model, 6);
+    runs.steps(3);
+    let there = runs.gpu.state().expect("a state");
+    for (a, b) in by_id(&there).into_iter().zip(by_id(runs.cpu.state())) {
         assert_eq!((a.id, a.species), (b.id, b.species));
         assert!(a.position.into_iter().zip(b.position).all(|(a, b)| (a - b).abs() < 2e-6), "{a:?} {b:?}");
     }
@@ -128,16 +132,10 @@ fn moves_match_the_cpu_up_to_rounding() {
 fn mean_square_displacement() {
     let Some(own) = device() else { return };
     let n = 50_000_u32;
-    let burst = Transmitter {
-        name: "burst".into(),
-        center: [1.0, 0.0, 0.0],
-        shape: Shape::Point,
-        release: vec![(0, n)],
-        ..Transmitter::default()
-    };
     let species = vec![species("A", 2.0, [0.0; 3])];
+    let burst = Transmitter { center: [1.0, 0.0, 0.0], ..burst(Shape::Point, &[(0, n)]) };
     let model = Model { time_step: 0.01, species, transmitters: vec![burst], ..Model::default() };
-    let mut run = gpu(&own, &model, 7, GpuOptions::default());
+    let mut run = gpu(&own, &model, 7);
     run.run(20).expect("steps");
     let state = run.state().expect("a state");
     let variance = 2.0 * 2.0 * run.time();
@@ -164,10 +162,10 @@ fn annihilation_has_the_statistics_of_the_cpu() {
         let one = |seed: u64| {
             if side == 0 {
                 let mut run = cpu(&model, 100 + seed);
-                (0..30).for_each(|_| run.step().expect("a step"));
+                steps(&mut run, 30);
                 run.state().totals.reacted[0] as f64
             } else {
-                let mut run = gpu(&own, &model, 200 + seed, GpuOptions::default());
+                let mut run = gpu(&own, &model, 200 + seed);
                 run.run(30).expect("steps");
                 assert_eq!(run.totals().present, [1000 - run.totals().reacted[0]; 2]);
                 run.totals().reacted[0] as f64
@@ -188,30 +186,15 @@ fn annihilation_has_the_statistics_of_the_cpu() {
 fn absorbing_receiver() {
     let Some(own) = device() else { return };
     let n = 50_000_u32;
-    let receiver = |kind| Receiver {
-        name: "r".into(),
-        center: [10.0, 0.0, 0.0],
-        radius: 5.0,
-        kind,
-        sees: vec![true],
-        ..Receiver::default()
-    };
-    let burst = Transmitter {
-        name: "burst".into(),
-        center: [0.0; 3],
-        shape: Shape::Point,
-        release: vec![(0, n)],
-        ..Transmitter::default()
-    };
     let reached = |kind| {
         let model = Model {
             time_step: 0.01,
             species: vec![species("A", 100.0, [0.0; 3])],
-            transmitters: vec![burst.clone()],
-            receivers: vec![receiver(kind)],
+            transmitters: vec![burst(Shape::Point, &[(0, n)])],
+            receivers: vec![Receiver { sees: vec![true], ..receiver("r", [10.0, 0.0, 0.0], 5.0, kind) }],
             ..Model::default()
         };
-        let mut run = gpu(&own, &model, 8, GpuOptions::default());
+        let mut run = gpu(&own, &model, 8);
         run.run(50).expect("steps");
         assert_eq!(run.totals().present[0] + run.totals().arrived[0][0], u64::from(n));
         run.totals().arrived[0][0] as f64 / f64::from(n)
@@ -228,22 +211,18 @@ fn many_receivers() {
     let Some(own) = device() else { return };
     let mut model = dyadic();
     let kinds = [ReceiverKind::Absorbing, ReceiverKind::Transparent, ReceiverKind::Endpoint];
-    let receiver = |k: u32| Receiver {
-        name: format!("{k}"),
-        center: [k % 8, k / 8 % 8, k / 64].map(|c| c as f32 * 1.125 - 4.0),
-        radius: 0.28,
-        kind: kinds[k as usize % 3].clone(),
-        sees: vec![true, !k.is_multiple_of(5), true, true],
-        ..Receiver::default()
-    };
-    model.receivers = (0..512).map(receiver).collect();
-    let (mut there, mut here) = (gpu(&own, &model, 9, GpuOptions::default()), cpu(&model, 9));
-    there.run(9).expect("steps");
-    (0..9).for_each(|_| here.step().expect("a step"));
-    let arrived = here.state().totals.arrived.iter().filter(|row| row.iter().sum::<u64>() > 0).count();
+    model.receivers.clear();
+    for k in 0..512_u32 {
+        let center = [k % 8, k / 8 % 8, k / 64].map(|c| c as f32 * 1.125 - 4.0);
+        let sees = vec![true, !k.is_multiple_of(5), true, true];
+        let kind = kinds[k as usize % 3].clone();
+        model.receivers.push(Receiver { sees, ..receiver(&k.to_string(), center, 0.28, kind) });
+    }
+    let mut runs = Runs::new(&own, &model, 9);
+    runs.steps(9);
+    let arrived = runs.cpu.state().totals.arrived.iter().filter(|row| row.iter().sum::<u64>() > 0).count();
     assert!(arrived > 100, "{arrived}");
-    assert_same(&there.state().expect("a state"), here.state());
-    assert_eq!(there.received(), here.received());
+    runs.assert_same();
 }
 
 #[test]
@@ -253,11 +232,10 @@ fn overlaps_are_counted_without_room_for_them() {
     model.reactions.clear();
     model.contact = Contact::Count;
     model.species.iter_mut().for_each(|species| species.radius = 0.5);
-    let (mut there, mut here) = (gpu(&own, &model, 9, GpuOptions::default()), cpu(&model, 9));
-    there.run(4).expect("steps");
-    (0..4).for_each(|_| here.step().expect("a step"));
-    assert!(here.state().totals.pairs > 1000);
-    assert_same(&there.state().expect("a state"), here.state());
+    let mut runs = Runs::new(&own, &model, 9);
+    runs.steps(4);
+    assert!(runs.cpu.state().totals.pairs > 1000);
+    runs.assert_same();
 }
 
 #[test]
@@ -271,19 +249,13 @@ fn models_beyond_the_device_are_refused_by_name() {
             other => panic!("{other:?}"),
         }
     };
-    fn receiver(kind: ReceiverKind) -> Receiver {
-        Receiver { name: "rx".into(), radius: 0.25, kind, sees: vec![true; 2], ..Receiver::default() }
-    }
-    fn decay(reactant: u32, products: [Option<u32>; 2]) -> Decay {
-        Decay { reactant, products, rate: 32_000.0, ..Decay::default() }
-    }
-    let chain = refused(|m| m.decays = vec![decay(0, [Some(1), None]), decay(1, [None, None])]);
+    let chain = refused(|m| m.decays = vec![decay(0, Some(1), 32_000.0), decay(1, None, 32_000.0)]);
     assert!(chain.contains("32.0 expected decays per step; set time-step to 5.00e-4 or less"), "{chain}");
     // A pulse that cancels the drift of B leaves it as it is before.
     let off = refused(|m| {
         m.species[1].drift = [9000.0, 0.0, 0.0];
         (m.flow, m.flow_pulse) = (Some(Flow::Plug([-9000.0, 0.0, 0.0])), Some([0.5, 1.0]));
-        m.receivers = vec![receiver(ReceiverKind::Absorbing)];
+        m.receivers = vec![receiver("rx", [0.0; 3], 0.25, ReceiverKind::Absorbing)];
         m.receivers[0].sees = vec![false, true];
     });
     assert!(off.contains("B, whose drift may carry it past receiver rx"), "{off}");
@@ -297,33 +269,31 @@ fn models_beyond_the_device_are_refused_by_name() {
     let field = refused(|m| {
         let field = FlowField::new([[0.0; 3], [1.0; 3]], [2, 1, 1], vec![0.0, 0.0, 0.0, 0.0, 9000.0, 0.0]);
         m.flow = Some(Flow::Field(Arc::new(field.expect("a field"))));
-        m.receivers = vec![receiver(ReceiverKind::Absorbing)];
+        m.receivers = vec![receiver("rx", [0.0; 3], 0.25, ReceiverKind::Absorbing)];
     });
     assert!(field.contains("A, whose drift may carry it past receiver rx"), "{field}");
     let types = refused(|m| {
         let kind = ReceptorType::new(4, 1.0, 1.0, [0, 1]);
-        m.receivers = vec![receiver(ReceiverKind::Receptors(vec![kind; 5])); 2_500];
+        m.receivers = vec![receiver("rx", [0.0; 3], 0.25, ReceiverKind::Receptors(vec![kind; 5])); 2_500];
     });
     assert!(types.contains("30000 counts of a receiver and a species, beyond 25000"), "{types}");
-    let crowd = refused(|m| m.receivers = vec![receiver(ReceiverKind::Absorbing); 40_000]);
+    let crowd =
+        refused(|m| m.receivers = vec![receiver("rx", [0.0; 3], 0.25, ReceiverKind::Absorbing); 40_000]);
     assert!(crowd.contains("80000 counts"), "{crowd}");
-    let crowd = refused(|m| m.receivers = vec![receiver(ReceiverKind::Reflecting); 13_000]);
+    let crowd =
+        refused(|m| m.receivers = vec![receiver("rx", [0.0; 3], 0.25, ReceiverKind::Reflecting); 13_000]);
     assert!(crowd.contains("26000 counts of a receiver and a species, beyond 25000"), "{crowd}");
     let drifting = refused(|m| {
-        m.receivers = vec![Receiver { velocity: [9000.0, 0.0, 0.0], ..receiver(ReceiverKind::Absorbing) }];
+        m.receivers = vec![Receiver {
+            velocity: [9000.0, 0.0, 0.0],
+            ..receiver("rx", [0.0; 3], 0.25, ReceiverKind::Absorbing)
+        }];
     });
     assert!(drifting.contains("A, whose drift may carry it past receiver rx"), "{drifting}");
     let past = |drift: f64, diffusion: f64, low: f32| {
         let mut model = brownian(false);
-        let receiver = |center| Receiver {
-            name: "rx".into(),
-            center,
-            radius: 0.25,
-            kind: ReceiverKind::Absorbing,
-            sees: vec![true, false],
-            ..Receiver::default()
-        };
-        model.receivers = vec![receiver([-1.5, 0.0, 0.0])];
+        model.receivers = vec![receiver("rx", [-1.5, 0.0, 0.0], 0.25, ReceiverKind::Absorbing)];
+        model.receivers[0].sees[1] = false;
         model.species[0] = species("A", diffusion, [drift, 0.0, 0.0]);
         model.boundary.axes[0] = Axis::Reflecting { low, high: 2.0 };
         match GpuSimulation::new(model, 1, own.clone(), GpuOptions::default()) {
@@ -349,7 +319,7 @@ fn particles_that_leave_the_range_of_numbers_are_an_error() {
     model.time_step = 1.0;
     model.boundary = Boundary::default();
     model.species[0].drift = [2e38, 0.0, 0.0];
-    let mut run = gpu(&own, &model, 1, GpuOptions::default());
+    let mut run = gpu(&own, &model, 1);
     let error = run.run(5).expect_err("an error");
     assert!(matches!(error, Error::NotFinite { step: 1, particles: 1000 }), "{error}");
     assert_eq!(run.state().expect("a state").step, 1);
@@ -358,7 +328,7 @@ fn particles_that_leave_the_range_of_numbers_are_an_error() {
 #[test]
 fn a_lost_device_is_said_to_be_lost() {
     let Some(own) = or_skip(GpuDevice::open(SoftwareAdapter::Allow)) else { return };
-    let mut run = gpu(&own, &brownian(true), 1, GpuOptions::default());
+    let mut run = gpu(&own, &brownian(true), 1);
     run.run(2).expect("steps");
     own.device.destroy();
     let errors = [run.run(2).expect_err("no device"), run.state().expect_err("no device")];

@@ -7,8 +7,8 @@ use lazygrid_sim::{
 };
 
 use super::device;
-use super::models::{brownian, by_id, cpu, gpu};
-use super::surfaces::{assert_close, compare, receiver, surfaces};
+use super::models::{assert_close, brownian, by_id, cpu, gpu, receiver};
+use super::surfaces::{compare, surfaces};
 
 fn membrane(surface: MembraneSurface, permeability: f64, sees: [bool; 2]) -> Membrane {
     Membrane { name: "skin".into(), surface, permeability, sees: sees.to_vec() }
@@ -182,7 +182,7 @@ fn closed_membranes_let_none_through() {
         d.map(|c| c * c).iter().sum::<f64>().sqrt() < f64::from(radius)
     };
     let run = |model: &Model| {
-        let mut run = gpu(&own, model, 87, GpuOptions::default());
+        let mut run = gpu(&own, model, 87);
         run.run(1).expect("a step");
         let before = run.state().expect("a state");
         run.run(300).expect("steps");

@@ -27,6 +27,19 @@ pub(crate) fn reaction(
     }
 }
 
+pub(crate) fn decay(reactant: u32, product: Option<u32>, rate: f64) -> Decay {
+    Decay { reactant, products: [product, None], rate, ..Decay::default() }
+}
+
+/// Returns a receiver that sees two species.
+pub(crate) fn receiver(name: &str, center: [f32; 3], radius: f32, kind: ReceiverKind) -> Receiver {
+    Receiver { name: name.into(), center, radius, kind, sees: vec![true; 2], ..Receiver::default() }
+}
+
+pub(crate) fn burst(shape: Shape, release: &[(u32, u32)]) -> Transmitter {
+    Transmitter { name: "burst".into(), shape, release: release.to_vec(), ..Transmitter::default() }
+}
+
 pub(crate) fn lattice(center: [f32; 3], times: &[f64], species: u32, places: u32) -> Transmitter {
     Transmitter {
         name: format!("lattice of {species}"),
@@ -40,21 +53,8 @@ pub(crate) fn lattice(center: [f32; 3], times: &[f64], species: u32, places: u32
 
 /// Exact: all coordinates are small multiples of a power of two.
 pub(crate) fn dyadic() -> Model {
-    let receiver = |name: &str, center, kind| Receiver {
-        name: name.into(),
-        center,
-        radius: 1.03,
-        kind,
-        sees: vec![true; 4],
-        ..Receiver::default()
-    };
-    let decay = |reactant, product, rate| Decay {
-        name: format!("decay of {reactant}"),
-        reactant,
-        products: [product, None],
-        rate,
-        ..Decay::default()
-    };
+    let receiver =
+        |name, center, kind| Receiver { sees: vec![true; 4], ..receiver(name, center, 1.03, kind) };
     let sized = |radius, name, drift| Species { radius, ..species(name, 0.0, drift) };
     Model {
         time_step: 1.0,
@@ -111,8 +111,46 @@ pub(crate) fn cpu(model: &Model, seed: u64) -> Simulation {
     Simulation::new(model.clone(), seed, Algorithm::Auto).expect("a model")
 }
 
-pub(crate) fn gpu(own: &GpuDevice, model: &Model, seed: u64, options: GpuOptions) -> GpuSimulation {
+pub(crate) fn gpu(own: &GpuDevice, model: &Model, seed: u64) -> GpuSimulation {
+    gpu_with(own, model, seed, GpuOptions::default())
+}
+
+pub(crate) fn gpu_with(own: &GpuDevice, model: &Model, seed: u64, options: GpuOptions) -> GpuSimulation {
     GpuSimulation::new(model.clone(), seed, own.clone(), options).expect("a model")
+}
+
+pub(crate) fn steps(run: &mut Simulation, count: u32) {
+    (0..count).for_each(|_| run.step().expect("a step"));
+}
+
+/// A model's runs on both processors.
+pub(crate) struct Runs {
+    pub(crate) gpu: GpuSimulation,
+    pub(crate) cpu: Simulation,
+}
+
+impl Runs {
+    pub(crate) fn new(own: &GpuDevice, model: &Model, seed: u64) -> Self {
+        Self { gpu: gpu(own, model, seed), cpu: cpu(model, seed) }
+    }
+
+    /// Takes the steps on the GPU in one batch.
+    pub(crate) fn steps(&mut self, count: u32) {
+        self.gpu.run(count).expect("steps");
+        steps(&mut self.cpu, count);
+    }
+
+    #[track_caller]
+    pub(crate) fn assert_same(&self) {
+        assert_same(&self.gpu.state().expect("a state"), self.cpu.state());
+        assert_eq!(self.gpu.received(), self.cpu.received());
+    }
+
+    #[track_caller]
+    pub(crate) fn assert_close(&self, tolerance: f32) {
+        assert_close(&self.gpu.state().expect("a state"), self.cpu.state(), tolerance);
+        assert_eq!(self.gpu.received(), self.cpu.received());
+    }
 }
 
 pub(crate) fn by_id(state: &State) -> Vec<Particle> {
@@ -126,19 +164,38 @@ pub(crate) fn assert_same(a: &State, b: &State) {
     assert_eq!(by_id(a), by_id(b));
 }
 
+#[track_caller]
+pub(crate) fn assert_close(a: &State, b: &State, tolerance: f32) {
+    assert_eq!((a.step, a.next_id), (b.step, b.next_id));
+    assert_eq!(a.totals, b.totals);
+    let near = |a: [f32; 3], b: [f32; 3]| a.into_iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance);
+    let (ours, theirs) = (by_id(a), by_id(b));
+    assert_eq!(ours.len(), theirs.len());
+    for (a, b) in ours.into_iter().zip(theirs) {
+        assert_eq!((a.id, a.species, a.radius), (b.id, b.species, b.radius));
+        assert!(near(a.position, b.position), "{a:?} {b:?}");
+        let speed = b.velocity.map(f32::abs).into_iter().fold(1.0, f32::max);
+        assert!(near(a.velocity.map(|v| v / speed), b.velocity.map(|v| v / speed)), "{a:?} {b:?}");
+    }
+    let [held, expected] = [a, b].map(|state| {
+        let mut bound = state.bound.clone();
+        bound.sort_unstable_by_key(|held| held.id);
+        bound
+    });
+    assert_eq!(held.len(), expected.len());
+    for (a, b) in held.into_iter().zip(expected) {
+        assert_eq!((a.id, a.species, a.receiver, a.receptor), (b.id, b.species, b.receiver, b.receptor));
+        assert!(near(a.direction, b.direction), "{a:?} {b:?}");
+    }
+    assert_eq!(a.centers, b.centers);
+}
+
 pub(crate) fn brownian(reacts: bool) -> Model {
-    let burst = |species: u32| Transmitter {
-        name: format!("{species}"),
-        center: [0.0; 3],
-        shape: Shape::Box([4.0; 3]),
-        release: vec![(species, 1000)],
-        ..Transmitter::default()
-    };
     Model {
         time_step: 0.001,
         species: vec![species("A", 2.0, [0.0; 3]), species("B", 1.0, [0.5, 0.0, 0.0])],
         reactions: if reacts { vec![reaction([0, 1], [None, None], 0.125, 0.5)] } else { Vec::new() },
-        transmitters: vec![burst(0), burst(1)],
+        transmitters: [0, 1].map(|species| burst(Shape::Box([4.0; 3]), &[(species, 1000)])).into(),
         boundary: Boundary::reflecting([-2.0; 3], [2.0; 3]),
         ..Model::default()
     }

@@ -6,8 +6,8 @@ use lazygrid_sim::model::receptors::Ligand;
 use lazygrid_sim::{Boundary, Model, ReceiverKind, ReceptorType, Simulation};
 
 use super::device;
-use super::models::{brownian, cpu, gpu};
-use super::surfaces::{assert_close, compare, receiver, surfaces};
+use super::models::{assert_close, brownian, cpu, gpu, receiver, steps};
+use super::surfaces::{compare, surfaces};
 
 pub(super) fn competing() -> Model {
     let ligand = |species, binding_rate, unbinding_rate| Ligand { species, binding_rate, unbinding_rate };
@@ -58,7 +58,7 @@ fn bound_particles_diffuse_as_on_the_cpu() {
         let state = compare(&model, seed, 8);
         model.receivers[4].surface_diffusion = 0.0;
         let mut other = cpu(&model, seed);
-        (0..8).for_each(|_| other.step().expect("a step"));
+        steps(&mut other, 8);
         assert!(device().is_none() || state.bound != other.state().bound);
     }
 }
@@ -69,12 +69,12 @@ fn either_side_continues_with_receptor_types() {
     let mut model = competing();
     model.receivers[4].surface_diffusion = 0.5;
     let mut whole = cpu(&model, 67);
-    (0..9).for_each(|_| whole.step().expect("a step"));
-    let mut first = gpu(&own, &model, 67, GpuOptions::default());
+    steps(&mut whole, 9);
+    let mut first = gpu(&own, &model, 67);
     first.run(3).expect("steps");
     let state = first.state().expect("a state");
     let mut second = Simulation::resume(model.clone(), 67, Algorithm::Auto, state).expect("a state");
-    (0..3).for_each(|_| second.step().expect("a step"));
+    steps(&mut second, 3);
     let resumed = GpuSimulation::resume(model, 67, own, GpuOptions::default(), second.state());
     let mut third = resumed.expect("a state");
     third.run(3).expect("steps");
@@ -91,7 +91,7 @@ fn types_are_in_equilibrium() {
     let types = kinds.map(|(count, binding, unbinding)| ReceptorType::new(count, binding, unbinding, [0, 1]));
     model.receivers = vec![receiver("cell", [0.0; 3], 1.0, ReceiverKind::Receptors(types.to_vec()))];
     model.receivers[0].surface_diffusion = 0.5;
-    let mut run = gpu(&own, &model, 68, GpuOptions::default());
+    let mut run = gpu(&own, &model, 68);
     run.run(100).expect("steps");
     let (mut bound, mut sum, mut count) = ([0.0; 2], [0.0; 3], 0.0);
     let samples = 40;

@@ -8,37 +8,7 @@ use lazygrid_sim::{
 };
 
 use super::device;
-use super::models::{brownian, by_id, cpu, gpu, species};
-
-#[track_caller]
-pub(super) fn assert_close(a: &State, b: &State, tolerance: f32) {
-    assert_eq!((a.step, a.next_id), (b.step, b.next_id));
-    assert_eq!(a.totals, b.totals);
-    let near = |a: [f32; 3], b: [f32; 3]| a.into_iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance);
-    let (ours, theirs) = (by_id(a), by_id(b));
-    assert_eq!(ours.len(), theirs.len());
-    for (a, b) in ours.into_iter().zip(theirs) {
-        assert_eq!((a.id, a.species, a.radius), (b.id, b.species, b.radius));
-        assert!(near(a.position, b.position), "{a:?} {b:?}");
-        let speed = b.velocity.map(f32::abs).into_iter().fold(1.0, f32::max);
-        assert!(near(a.velocity.map(|v| v / speed), b.velocity.map(|v| v / speed)), "{a:?} {b:?}");
-    }
-    let [held, expected] = [a, b].map(|state| {
-        let mut bound = state.bound.clone();
-        bound.sort_unstable_by_key(|held| held.id);
-        bound
-    });
-    assert_eq!(held.len(), expected.len());
-    for (a, b) in held.into_iter().zip(expected) {
-        assert_eq!((a.id, a.species, a.receiver, a.receptor), (b.id, b.species, b.receiver, b.receptor));
-        assert!(near(a.direction, b.direction), "{a:?} {b:?}");
-    }
-    assert_eq!(a.centers, b.centers);
-}
-
-pub(super) fn receiver(name: &str, center: [f32; 3], radius: f32, kind: ReceiverKind) -> Receiver {
-    Receiver { name: name.into(), center, radius, kind, sees: vec![true; 2], ..Receiver::default() }
-}
+use super::models::{Runs, assert_close, brownian, burst, cpu, gpu, receiver, species, steps};
 
 pub(super) fn surfaces() -> Model {
     let receptors = |count| ReceiverKind::Receptors(vec![ReceptorType::new(count, 40.0, 60.0, [0, 1])]);
@@ -69,34 +39,27 @@ fn bodies() -> Model {
 
 pub(super) fn compare(model: &Model, seed: u64, steps: u32) -> State {
     let Some(own) = device() else { return State::default() };
-    let (mut there, mut here) = (gpu(&own, model, seed, GpuOptions::default()), cpu(model, seed));
+    let mut runs = Runs::new(&own, model, seed);
     for _ in 0..steps {
-        there.run(1).expect("a step");
-        here.step().expect("a step");
-        assert_close(&there.state().expect("a state"), here.state(), 2e-4);
-        assert_eq!(there.received(), here.received());
+        runs.steps(1);
+        runs.assert_close(2e-4);
     }
-    here.state().clone()
+    runs.cpu.state().clone()
 }
 
 #[test]
 fn arrivals_since_the_release_are_those_of_the_cpu() {
     let Some(own) = device() else { return };
-    let steady = |center: [f32; 3]| Transmitter {
-        name: "steady".into(),
-        center,
-        schedule: Schedule::Steady { from: 0.0, until: 1.0, rates: vec![(0, 4e4)] },
-        ..Transmitter::default()
-    };
+    let schedule = Schedule::Steady { from: 0.0, until: 1.0, rates: vec![(0, 4e4)] };
+    let steady = |center| Transmitter { center, schedule: schedule.clone(), ..burst(Shape::Point, &[]) };
     let mut model = bodies();
     model.transmitters = vec![steady([0.85, 1.25, 1.25]), steady([0.0, 0.0, 0.8])];
     model.logs_arrivals = true;
-    let (mut there, mut here) = (gpu(&own, &model, 5, GpuOptions::default()), cpu(&model, 5));
-    there.run(1).expect("a step");
-    here.step().expect("a step");
-    assert!(here.arrivals().len() > 20, "{} arrivals", here.arrivals().len());
-    assert_eq!(there.arrivals(), here.arrivals());
-    assert_close(&there.state().expect("a state"), here.state(), 0.0);
+    let mut runs = Runs::new(&own, &model, 5);
+    runs.steps(1);
+    assert!(runs.cpu.arrivals().len() > 20, "{} arrivals", runs.cpu.arrivals().len());
+    assert_eq!(runs.gpu.arrivals(), runs.cpu.arrivals());
+    runs.assert_close(0.0);
 }
 
 #[test]
@@ -124,18 +87,12 @@ fn transmitters_go_where_they_go_on_the_cpu() {
     model.transmitters[0].schedule = Schedule::Times((0..8).map(|k| 0.005 * f64::from(k)).collect());
     model.transmitters[0].release[0].1 = 100;
     model.transmitters[0].carrier = Some(7);
-    let steady = Schedule::Steady { from: 0.0, until: 1.0, rates: vec![(1, 20_000.0)] };
-    model.transmitters.push(Transmitter {
-        name: "steady".into(),
-        schedule: steady,
-        carrier: Some(6),
-        ..Transmitter::default()
-    });
-    let (mut there, mut here) = (gpu(&own, &model, 14, GpuOptions::default()), cpu(&model, 14));
-    there.run(8).expect("steps");
-    (0..8).for_each(|_| here.step().expect("a step"));
-    assert_close(&there.state().expect("a state"), here.state(), 2e-4);
-    assert!(here.state().totals.released[1] > 1500);
+    let schedule = Schedule::Steady { from: 0.0, until: 1.0, rates: vec![(1, 20_000.0)] };
+    model.transmitters.push(Transmitter { schedule, carrier: Some(6), ..burst(Shape::Point, &[]) });
+    let mut runs = Runs::new(&own, &model, 14);
+    runs.steps(8);
+    runs.assert_close(2e-4);
+    assert!(runs.cpu.state().totals.released[1] > 1500);
 }
 
 #[test]
@@ -144,7 +101,7 @@ fn bodies_go_where_they_go_on_the_cpu() {
     let mut model = bodies();
     model.boundary.axes[0] = Axis::Periodic { low: -2.0, high: 2.0 };
     let state = compare(&model, 12, 8);
-    let mut at_once = gpu(&own, &model, 12, GpuOptions::default());
+    let mut at_once = gpu(&own, &model, 12);
     at_once.run(8).expect("steps");
     assert_close(&at_once.state().expect("a state"), &state, 2e-4);
     let mut model = bodies();
@@ -177,21 +134,18 @@ fn listed_receivers_act_as_on_the_cpu() {
     for boundary in [Boundary::default(), Boundary::reflecting([-2.0; 3], [2.0; 3]), periodic] {
         for speed in [0.0, 2.0] {
             let model = crowd_of_receivers(boundary, speed);
-            let (mut there, mut here) = (gpu(&own, &model, 18, GpuOptions::default()), cpu(&model, 18));
-            there.run(6).expect("steps");
-            (0..6).for_each(|_| here.step().expect("a step"));
-            assert_close(&there.state().expect("a state"), here.state(), 2e-4);
-            assert_eq!(there.received(), here.received());
-            let met = here.state().totals.arrived.iter().filter(|row| row.iter().any(|&n| n > 0)).count();
+            let mut runs = Runs::new(&own, &model, 18);
+            runs.steps(6);
+            runs.assert_close(2e-4);
+            let met = runs.cpu.state().totals.arrived.iter().filter(|row| row.iter().any(|&n| n > 0)).count();
             assert!(met > 40, "{met}");
         }
     }
     let mut model = crowd_of_receivers(periodic, 2.0);
     model.receivers.retain(|receiver| !receiver.kind.reflects());
-    let (mut there, mut here) = (gpu(&own, &model, 19, GpuOptions::default()), cpu(&model, 19));
-    there.run(6).expect("steps");
-    (0..6).for_each(|_| here.step().expect("a step"));
-    assert_close(&there.state().expect("a state"), here.state(), 2e-4);
+    let mut runs = Runs::new(&own, &model, 19);
+    runs.steps(6);
+    runs.assert_close(2e-4);
 }
 
 #[test]
@@ -223,11 +177,7 @@ fn throwing() -> Model {
             mirror([0.76, -0.218, 0.0], 0.5, -100.0),
             mirror([-2.502, 2.224, 0.0], 0.3, 0.0),
         ],
-        transmitters: vec![Transmitter {
-            name: "one".into(),
-            release: vec![(0, 1)],
-            ..Transmitter::default()
-        }],
+        transmitters: vec![burst(Shape::Point, &[(0, 1)])],
         ..Model::default()
     }
 }
@@ -238,12 +188,11 @@ fn receivers_in_the_path_of_a_pushed_particle_are_found() {
     for (center, velocity) in [([-2.502, 2.224, 0.0], [0.0; 3]), ([-2.6, 2.4, 0.0], [40.0, -40.0, 0.0])] {
         let mut model = throwing();
         (model.receivers[2].center, model.receivers[2].velocity) = (center, velocity);
-        let (mut there, mut here) = (gpu(&own, &model, 17, GpuOptions::default()), cpu(&model, 17));
-        there.run(1).expect("a step");
-        here.step().expect("a step");
-        assert_close(&there.state().expect("a state"), here.state(), 1e-5);
+        let mut runs = Runs::new(&own, &model, 17);
+        runs.steps(1);
+        runs.assert_close(1e-5);
         // Without the third receiver: (-2.345, 2.095).
-        let [x, y, _] = here.state().particles.position_of(0);
+        let [x, y, _] = runs.cpu.state().particles.position_of(0);
         assert!(x > -2.2 && y < 2.0, "{x}, {y}");
     }
 }
@@ -255,7 +204,7 @@ fn a_push_beyond_the_receiver_search_is_an_error() {
     let mut model = throwing();
     let far = |k: u32| receiver("mirror", [100.0 + k as f32, 0.0, 0.0], 0.25, ReceiverKind::Reflecting);
     model.receivers.extend((0..24_000).map(|k| Receiver { sees: vec![true], ..far(k) }));
-    let mut run = gpu(&own, &model, 17, GpuOptions::default());
+    let mut run = gpu(&own, &model, 17);
     let error = run.run(1).expect_err("an error").to_string();
     assert!(error.contains("searches for moving surfaces"), "{error}");
     assert_eq!(run.state().expect("a state").step, 0);
@@ -265,12 +214,6 @@ fn a_push_beyond_the_receiver_search_is_an_error() {
 fn few_receptors_go_to_the_lowest_ranks() {
     let Some(own) = device() else { return };
     let kind = ReceiverKind::Receptors(vec![ReceptorType::new(700, 1e4, 20.0, [0])]);
-    let burst = Transmitter {
-        name: "burst".into(),
-        shape: Shape::Box([1.0; 3]),
-        release: vec![(0, 20_000)],
-        ..Transmitter::default()
-    };
     let model = Model {
         receivers: vec![
             Receiver { sees: vec![true], ..receiver("rx", [0.0; 3], 0.25, kind.clone()) },
@@ -278,15 +221,14 @@ fn few_receptors_go_to_the_lowest_ranks() {
         ],
         time_step: 0.01,
         species: vec![species("A", 1.0, [0.0; 3])],
-        transmitters: vec![burst],
+        transmitters: vec![burst(Shape::Box([1.0; 3]), &[(0, 20_000)])],
         boundary: Boundary::reflecting([-0.5; 3], [0.5; 3]),
         ..Model::default()
     };
-    let (mut there, mut here) = (gpu(&own, &model, 15, GpuOptions::default()), cpu(&model, 15));
+    let mut runs = Runs::new(&own, &model, 15);
     for _ in 0..4 {
-        there.run(1).expect("a step");
-        here.step().expect("a step");
-        let (a, b) = (there.state().expect("a state"), here.state());
+        runs.steps(1);
+        let (a, b) = (runs.gpu.state().expect("a state"), runs.cpu.state());
         assert_eq!(a.totals, b.totals);
         assert_eq!(a.totals.arrived[0][0], 700);
         let ids = |state: &State| {
@@ -303,9 +245,9 @@ fn either_side_continues_with_bound_particles() {
     let Some(own) = device() else { return };
     let model = bodies();
     let mut whole = cpu(&model, 16);
-    (0..9).for_each(|_| whole.step().expect("a step"));
+    steps(&mut whole, 9);
     let mut first = cpu(&model, 16);
-    (0..3).for_each(|_| first.step().expect("a step"));
+    steps(&mut first, 3);
     assert!(!first.state().bound.is_empty());
     let mut second =
         GpuSimulation::resume(model.clone(), 16, own, GpuOptions::default(), first.state()).expect("a state");
@@ -314,7 +256,7 @@ fn either_side_continues_with_bound_particles() {
     second.run(3).expect("steps");
     let mut third = Simulation::resume(model.clone(), 16, Algorithm::Auto, second.state().expect("a state"))
         .expect("a state");
-    (0..3).for_each(|_| third.step().expect("a step"));
+    steps(&mut third, 3);
     assert_close(third.state(), whole.state(), 2e-4);
     let other = Model { receivers: model.receivers[..1].to_vec(), ..model };
     let device = device().expect("a device");
@@ -330,7 +272,7 @@ fn steps_that_reach_too_many_surfaces_are_an_error() {
     let place = |k: u32| [k % 5, k / 5 % 5, 0].map(|c| 0.25 * c as f32 - 0.5);
     model.receivers =
         (0..25).map(|k| receiver("mirror", place(k), 0.0625, ReceiverKind::Reflecting)).collect();
-    let mut run = gpu(&own, &model, 1, GpuOptions::default());
+    let mut run = gpu(&own, &model, 1);
     let error = run.run(3).expect_err("an error").to_string();
     assert!(error.contains("surfaces within reach of a particle's step"), "{error}");
     assert_eq!(run.state().expect("a state").step, 0);

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use lazygrid_sim::gpu::GpuOptions;
 use lazygrid_sim::{
     Attractant, AttractantProfile, Axis, Boundary, Chemotaxis, Contact, Flow, FlowField, Model, ReceiverKind,
     Schedule, Shape, Species, Vessel,
@@ -10,9 +9,9 @@ use lazygrid_sim::{
 
 use super::contact::crowd;
 use super::device;
-use super::models::{brownian, cpu, gpu};
+use super::models::{Runs, assert_close, brownian, cpu, gpu, receiver, steps};
 use super::receptors::competing;
-use super::surfaces::{assert_close, compare, receiver, surfaces};
+use super::surfaces::{compare, surfaces};
 
 fn following(profile: AttractantProfile, sensitivity: f64, half_saturation: Option<f64>) -> Model {
     let mut model = brownian(true);
@@ -51,9 +50,9 @@ fn swimmers_follow_attractants_as_on_the_cpu() {
         let mut other = model.clone();
         other.species[0].chemotaxis = None;
         let mut indifferent = cpu(&other, 41);
-        (0..8).for_each(|_| indifferent.step().expect("a step"));
+        steps(&mut indifferent, 8);
         assert_ne!(indifferent.state().particles, state.particles, "model {k}");
-        let mut at_once = gpu(&own, &model, 41, GpuOptions::default());
+        let mut at_once = gpu(&own, &model, 41);
         at_once.run(8).expect("steps");
         assert_close(&at_once.state().expect("a state"), &state, 2e-4);
     }
@@ -144,11 +143,10 @@ fn pulses_of_flow_fields_match_the_cpu() {
     let Some(own) = device() else { return };
     let mut model = Model { flow: field([4, 4, 4], 30.0), time_step: 0.004, ..brownian(true) };
     model.flow_pulse = Some([2.25, 5.75].map(|steps| steps * model.time_step));
-    let (mut there, mut here) = (gpu(&own, &model, 59, GpuOptions::default()), cpu(&model, 59));
+    let mut runs = Runs::new(&own, &model, 59);
     for steps in [5, 4] {
-        there.run(steps).expect("steps");
-        (0..steps).for_each(|_| here.step().expect("a step"));
-        assert_close(&there.state().expect("a state"), here.state(), 2e-4);
+        runs.steps(steps);
+        runs.assert_close(2e-4);
     }
 }
 

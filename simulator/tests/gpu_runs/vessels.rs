@@ -1,22 +1,16 @@
 //! Vessels against closed forms.
 
-use lazygrid_sim::gpu::GpuOptions;
 use lazygrid_sim::{Axis, Boundary, Flow, Model, Shape, Transmitter, Vessel};
 
 use super::device;
-use super::models::{gpu, species};
+use super::models::{burst, gpu, species};
 
 /// Particles that drift to the end of a cylinder have the mean height D/v above it, of an exponential density.
 #[test]
 fn drift_to_the_end_of_a_cylinder_has_the_exponential_layer() {
     let Some(own) = device() else { return };
     let (n, speed, diffusion, length) = (20_000_u32, 100.0, 100.0, 200.0);
-    let burst = Transmitter {
-        center: [0.0, 0.0, length - 1.0],
-        shape: Shape::Point,
-        release: vec![(0, n)],
-        ..Transmitter::default()
-    };
+    let burst = Transmitter { center: [0.0, 0.0, length - 1.0], ..burst(Shape::Point, &[(0, n)]) };
     let axes = [Axis::Open, Axis::Open, Axis::Reflecting { low: 0.0, high: length }];
     let vessel = Some(Vessel { along: Some(2), center: [0.0; 3], radius: 5.0 });
     let model = Model {
@@ -27,7 +21,7 @@ fn drift_to_the_end_of_a_cylinder_has_the_exponential_layer() {
         boundary: Boundary { axes, vessel },
         ..Model::default()
     };
-    let mut run = gpu(&own, &model, 33, GpuOptions::default());
+    let mut run = gpu(&own, &model, 33);
     run.run(40).expect("steps");
     let state = run.state().expect("a state");
     let heights = state.particles.position[2].iter().map(|&z| f64::from(length - z));

@@ -4,7 +4,9 @@ use lazygrid_sim::{Adsorption, Boundary, Model, Receiver, ReceiverKind, Shape, S
 use rayon::prelude::*;
 
 use crate::Row;
-use crate::setup::{backend, begin, burst, in_ball, receiver, run_for, share_error, species, steps, steps_until};
+use crate::setup::{
+    backend, begin, burst, in_ball, receiver, run_for, share_error, species, steps, steps_until,
+};
 
 const D: f64 = 100.0;
 const R: f64 = 5.0;
