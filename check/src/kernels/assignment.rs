@@ -6,8 +6,8 @@ use lazygrid_kernels::layout::{CellListLayout, InputStats, RadixPass, SearchPara
 
 use super::cells::{CELL_CAPACITY, CellListCase, ConfiguredCellList, LISTED, TAU, cases, level_of, numbers};
 use super::division::Division;
+use super::kernel_call::KernelCall;
 use super::support::{KernelError, same};
-use crate::device::{download, run, upload, upload_one};
 
 /// Cells are as large as their spheres, fit the table, and hold touching spheres in adjacent cells.
 pub(crate) fn cell_list_configure(own: &GpuDevice) -> Result<(), KernelError> {
@@ -198,15 +198,16 @@ pub(crate) fn occupancy_count(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
         let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
-        let (given, of_list) = (upload(own, &[*call])?, upload_one(own, list)?);
-        let spheres = upload(own, &scenario.spheres)?;
-        let species = case.division.upload(own, scenario.spheres.len())?;
+        let slots = call.occupancy_slots as usize;
         for groups in [1, case.spheres.div_ceil(k::WORKGROUP_SIZE)] {
-            let density = upload(own, &vec![0_u32; call.occupancy_slots as usize])?;
-            let bound =
-                [("params", &given), ("cell_list", &of_list), ("spheres", &spheres), ("occupancy", &density)];
-            run(own, &k::OCCUPANCY_COUNT, *variant, groups, &species.and(&bound))?;
-            let found = download::<u32>(own, &density, call.occupancy_slots as usize)?;
+            let call = KernelCall::new(own)
+                .with("params", &[*call])?
+                .with_layout("cell_list", list)?
+                .with("spheres", &scenario.spheres)?
+                .with_zeros::<u32>("occupancy", slots)?;
+            let call = case.division.bind(call, scenario.spheres.len())?;
+            call.run(&k::OCCUPANCY_COUNT, *variant, groups)?;
+            let found = call.read::<u32>("occupancy", slots)?;
             let case = || format!("{groups} workgroups, {case:?}");
             ConfiguredCellList::agrees(case, &found, |fused| chosen.density(fused))?;
         }
@@ -220,35 +221,29 @@ pub(crate) fn cells_count(own: &GpuDevice) -> Result<(), KernelError> {
         let chosen = case.choose(own)?;
         let ConfiguredCellList { call, scenario, list, variant, .. } = &chosen;
         let (table, call) = (chosen.density(true), SearchParams { tau: TAU, ..*call });
-        let (given, of_list) = (upload(own, &[call])?, upload_one(own, list)?);
-        let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &table)?);
-        let (outcome, homes) =
-            (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![[0_u32; 2]; case.spheres as usize])?);
-        let starts = upload(own, &vec![0_u32; list.cells as usize + 2])?;
-        let bound = [
-            ("params", &given),
-            ("cell_list", &of_list),
-            ("count_source", &given),
-            ("spheres", &spheres),
-            ("occupancy", &density),
-            ("outcome", &outcome),
-            ("starts", &starts),
-            ("cell_ranks", &homes),
-        ];
-        let species = case.division.upload(own, scenario.spheres.len())?;
-        run(own, &k::CELLS_COUNT, *variant, case.spheres.div_ceil(k::WORKGROUP_SIZE), &species.and(&bound))?;
-        let mut found = download::<[u32; 2]>(own, &homes, case.spheres as usize)?;
+        let call = KernelCall::new(own)
+            .with("params", &[call])?
+            .with_layout("cell_list", list)?
+            .with("count_source", &[call])?
+            .with("spheres", &scenario.spheres)?
+            .with("occupancy", &table)?
+            .with("outcome", &[Outcome::zeroed()])?
+            .with_zeros::<u32>("starts", list.cells as usize + 2)?
+            .with_zeros::<[u32; 2]>("cell_ranks", case.spheres as usize)?;
+        let call = case.division.bind(call, scenario.spheres.len())?;
+        call.run(&k::CELLS_COUNT, *variant, case.spheres.div_ceil(k::WORKGROUP_SIZE))?;
+        let mut found = call.read::<[u32; 2]>("cell_ranks", case.spheres as usize)?;
         let cells = found.iter().map(|&[cell, _]| cell).collect();
         let what = |what: &str| format!("{what}, {case:?}");
         ConfiguredCellList::agrees(|| what("cells"), &cells, |fused| chosen.homes(&table, fused).0)?;
-        let counts = download::<u32>(own, &starts, list.cells as usize + 2)?;
+        let counts = call.read::<u32>("starts", list.cells as usize + 2)?;
         let mut expected = vec![0; counts.len()];
         cells.iter().for_each(|&cell| expected[cell as usize] += 1);
         same(|| what("spheres of each cell"), &counts, &expected)?;
         found.sort_unstable();
         let places = (0_u32..).zip(&counts).flat_map(|(cell, &count)| (0..count).map(move |at| [cell, at]));
         same(|| what("places"), &found, &places.collect())?;
-        let max_occupancy = download::<Outcome>(own, &outcome, 1)?[0].max_occupancy;
+        let max_occupancy = call.read_one::<Outcome>("outcome")?.max_occupancy;
         if list.has_overfull_cells == 1 {
             ConfiguredCellList::agrees(
                 || what("the fullest cell"),
@@ -280,35 +275,28 @@ pub(crate) fn cells_key(own: &GpuDevice) -> Result<(), KernelError> {
         let tiles = case.spheres.div_ceil(tile);
         let pass = RadixPass { shift: 0, mask: 255, is_first: 1 };
         let lengths = SortCounts { items: case.spheres, counters: 256 * tiles };
-        let (given, of_list) = (upload(own, &[*call])?, upload_one(own, list)?);
-        let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &table)?);
-        let (outcome, keys) =
-            (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![0_u32; case.spheres as usize])?);
-        let (pass, lengths) = (upload(own, &[pass])?, upload(own, &[lengths])?);
-        let counts = upload(own, &vec![7_u32; 256 * tiles as usize])?;
-        let bound = [
-            ("params", &given),
-            ("digit_pass", &pass),
-            ("cell_list", &of_list),
-            ("sort_counts", &lengths),
-            ("count_source", &given),
-            ("spheres", &spheres),
-            ("occupancy", &density),
-            ("outcome", &outcome),
-            ("keys", &keys),
-            ("counts", &counts),
-        ];
-        let species = case.division.upload(own, scenario.spheres.len())?;
-        run(own, &k::CELLS_KEY, *variant, tiles, &species.and(&bound))?;
-        let found = download::<u32>(own, &keys, case.spheres as usize)?;
+        let call = KernelCall::new(own)
+            .with("params", &[*call])?
+            .with("digit_pass", &[pass])?
+            .with_layout("cell_list", list)?
+            .with("sort_counts", &[lengths])?
+            .with("count_source", &[*call])?
+            .with("spheres", &scenario.spheres)?
+            .with("occupancy", &table)?
+            .with("outcome", &[Outcome::zeroed()])?
+            .with_zeros::<u32>("keys", case.spheres as usize)?
+            .with("counts", &vec![7_u32; 256 * tiles as usize])?;
+        let call = case.division.bind(call, scenario.spheres.len())?;
+        call.run(&k::CELLS_KEY, *variant, tiles)?;
+        let found = call.read::<u32>("keys", case.spheres as usize)?;
         let what = |what: &str| format!("{what}, {case:?}");
         ConfiguredCellList::agrees(|| what("keys"), &found, |fused| chosen.homes(&table, fused).0)?;
         let mut expected = vec![0_u32; 256 * tiles as usize];
         for (tile, keys) in found.chunks(tile as usize).enumerate() {
             keys.iter().for_each(|key| expected[(key & 255) as usize * tiles as usize + tile] += 1);
         }
-        same(|| what("digits"), &download::<u32>(own, &counts, expected.len())?, &expected)?;
-        let max_occupancy = download::<Outcome>(own, &outcome, 1)?[0].max_occupancy;
+        same(|| what("digits"), &call.read::<u32>("counts", expected.len())?, &expected)?;
+        let max_occupancy = call.read_one::<Outcome>("outcome")?.max_occupancy;
         ConfiguredCellList::agrees(
             || what("the fullest cell"),
             &max_occupancy,

@@ -5,32 +5,26 @@ use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::kernel::Variant;
 use lazygrid_kernels::layout::{Bounds, ColumnLayout, Grid, SearchParams, SortCounts};
 
+use super::kernel_call::KernelCall;
 use super::support::{KernelError, SIZES, ordered, same, variants};
-use crate::device::{download, download_one, run, upload, upload_one};
 use crate::scenes::{hard, periodic};
 use crate::{Random, SceneSeed, TestInput};
 
 pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
     for (given, most) in [(0_u32, 10), (10, 10), (11, 10)] {
-        let call = upload(own, &[SearchParams { spheres: most, ..SearchParams::zeroed() }])?;
-        let source = upload(own, &[given])?;
-        let bounds = upload(own, &[1_u32; size_of::<Bounds>() / 4])?;
-        let grid = upload_one(own, &Grid::zeroed())?;
-        let outcome = upload(own, &[1_u32; size_of::<Outcome>() / 4])?;
-        let bound = [
-            ("params", &call),
-            ("count_source", &source),
-            ("bounds", &bounds),
-            ("grid", &grid),
-            ("outcome", &outcome),
-        ];
-        run(own, &k::CALL_BEGIN, Variant::default(), 1, &bound)?;
+        let call = KernelCall::new(own)
+            .with("params", &[SearchParams { spheres: most, ..SearchParams::zeroed() }])?
+            .with("count_source", &[given])?
+            .with("bounds", &[1_u32; size_of::<Bounds>() / 4])?
+            .with_layout("grid", &Grid::zeroed())?
+            .with("outcome", &[1_u32; size_of::<Outcome>() / 4])?;
+        call.run(&k::CALL_BEGIN, Variant::default(), 1)?;
         let case = |what: &str| format!("{what}, {given} spheres of {most}");
         let [most_bits, none] = [u32::MAX, 0].map(|bits| [bits; 3]);
         let empty = Bounds { low: most_bits, high: none, radius_min: u32::MAX, ..Bounds::zeroed() };
-        same(|| case("bounds"), &download::<Bounds>(own, &bounds, 1)?[0], &empty)?;
-        same(|| case("spheres"), &download_one::<Grid>(own, &grid)?.spheres, &given.min(most))?;
-        let found = download::<Outcome>(own, &outcome, 1)?[0];
+        same(|| case("bounds"), &call.read_one::<Bounds>("bounds")?, &empty)?;
+        same(|| case("spheres"), &call.read_layout::<Grid>("grid")?.spheres, &given.min(most))?;
+        let found = call.read_one::<Outcome>("outcome")?;
         let overflow = if given > most { Outcome::OVERFLOW_SPHERES } else { 0 };
         let (x, y, z) = (found.dispatch_x, found.dispatch_y, found.dispatch_z);
         let cleared = Outcome {
@@ -59,14 +53,13 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     for (seed, lengths) in lengths.into_iter().enumerate() {
         let space = periodic::space(lengths);
         let spheres = wrapped_scene(seed as u64, space);
-        let call = SearchParams::zeroed().in_space(space);
-        let grid = Grid { spheres: spheres.len() as u32, ..Grid::zeroed() };
-        let (call, grid, given) = (upload(own, &[call])?, upload_one(own, &grid)?, upload(own, &spheres)?);
-        let wrapped = upload(own, &vec![[0_u32; 4]; spheres.len()])?;
-        let bound = [("params", &call), ("grid", &grid), ("given", &given), ("wrapped", &wrapped)];
-        let groups = spheres.len().div_ceil(256) as u32;
-        run(own, &k::SPHERES_WRAP, Variant::default(), groups, &bound)?;
-        let found = download::<[f32; 4]>(own, &wrapped, spheres.len())?;
+        let call = KernelCall::new(own)
+            .with("params", &[SearchParams::zeroed().in_space(space)])?
+            .with_layout("grid", &Grid { spheres: spheres.len() as u32, ..Grid::zeroed() })?
+            .with("given", &spheres)?
+            .with_zeros::<[u32; 4]>("wrapped", spheres.len())?;
+        call.run(&k::SPHERES_WRAP, Variant::default(), spheres.len().div_ceil(256) as u32)?;
+        let found = call.read::<[f32; 4]>("wrapped", spheres.len())?;
         for (sphere, found) in spheres.iter().zip(found) {
             let center = space.wrap(sphere.center).to_array();
             let same_place = center == [found[0], found[1], found[2]] && found[3] == sphere.radius;
@@ -89,22 +82,16 @@ pub(crate) fn spheres_interleave(own: &GpuDevice) -> Result<(), KernelError> {
         let columns = layout.bytes(ROOM as u32).map(|bytes| -> Vec<u32> {
             (0..bytes / 4).map(|_| 0x3f80_0000 + random.below(1 << 22)).collect()
         });
-        let call = upload(own, &[SearchParams { spheres: most, ..SearchParams::zeroed() }])?;
-        let (described, source) = (upload(own, &[layout])?, upload(own, &[given])?);
-        let [x, y, z, r] = columns.each_ref().map(|column| upload(own, column));
-        let (x, y, z, r) = (x?, y?, z?, r?);
-        let rows = upload(own, &[UNWRITTEN; ROOM])?;
-        let bound = [
-            ("params", &call),
-            ("columns", &described),
-            ("count_source", &source),
-            ("x", &x),
-            ("y", &y),
-            ("z", &z),
-            ("r", &r),
-            ("rows", &rows),
-        ];
-        run(own, &k::SPHERES_INTERLEAVE, Variant::default(), ROOM.div_ceil(256) as u32, &bound)?;
+        let call = KernelCall::new(own)
+            .with("params", &[SearchParams { spheres: most, ..SearchParams::zeroed() }])?
+            .with("columns", &[layout])?
+            .with("count_source", &[given])?
+            .with("x", &columns[0])?
+            .with("y", &columns[1])?
+            .with("z", &columns[2])?
+            .with("r", &columns[3])?
+            .with("rows", &[UNWRITTEN; ROOM])?;
+        call.run(&k::SPHERES_INTERLEAVE, Variant::default(), ROOM.div_ceil(256) as u32)?;
         let number = |column: usize, sphere: usize| {
             columns[column][layout.first[column] as usize + sphere * layout.stride[column] as usize]
         };
@@ -113,7 +100,7 @@ pub(crate) fn spheres_interleave(own: &GpuDevice) -> Result<(), KernelError> {
             if sphere < written { [0, 1, 2, 3].map(|column| number(column, sphere)) } else { UNWRITTEN }
         };
         let expected: Vec<[u32; 4]> = (0..ROOM).map(row).collect();
-        let found = download::<[u32; 4]>(own, &rows, ROOM)?;
+        let found = call.read::<[u32; 4]>("rows", ROOM)?;
         same(|| format!("{given} spheres of {most} in {layout:?}"), &found, &expected)?;
     }
     Ok(())
@@ -141,20 +128,15 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
         let bad = size / 100;
         spheres.iter_mut().take(bad).for_each(|sphere| sphere.center.y = f32::NAN);
         let empty = Bounds { low: [u32::MAX; 3], radius_min: u32::MAX, ..Bounds::zeroed() };
-        let (call, bounds) = (upload(own, &[SearchParams::zeroed()])?, upload(own, &[empty])?);
-        let grid = upload_one(own, &Grid { spheres: size as u32, ..Grid::zeroed() })?;
-        let (outcome, input) = (upload(own, &[Outcome::zeroed()])?, upload(own, &spheres)?);
-        let bound = [
-            ("params", &call),
-            ("grid", &grid),
-            ("spheres", &input),
-            ("bounds", &bounds),
-            ("outcome", &outcome),
-        ];
-        let groups = (size as u32).div_ceil(k::BOUNDS_TILE);
-        run(own, &k::BOUNDS_REDUCE, Variant::default(), groups, &bound)?;
-        let found = download::<Bounds>(own, &bounds, 1)?[0];
-        let outcome = download::<Outcome>(own, &outcome, 1)?[0];
+        let call = KernelCall::new(own)
+            .with("params", &[SearchParams::zeroed()])?
+            .with_layout("grid", &Grid { spheres: size as u32, ..Grid::zeroed() })?
+            .with("spheres", &spheres)?
+            .with("bounds", &[empty])?
+            .with("outcome", &[Outcome::zeroed()])?;
+        call.run(&k::BOUNDS_REDUCE, Variant::default(), (size as u32).div_ceil(k::BOUNDS_TILE))?;
+        let found = call.read_one::<Bounds>("bounds")?;
+        let outcome = call.read_one::<Outcome>("outcome")?;
         same(|| format!("invalid spheres of {size}"), &outcome.quarantined, &(bad as u32))?;
         let valid = &spheres[bad..];
         if valid.is_empty() {
@@ -186,15 +168,16 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
 pub(crate) fn entries_finish(own: &GpuDevice) -> Result<(), KernelError> {
     let capacity = 5000;
     for (low, high) in [(0_u32, 0_u32), (1, 0), (4999, 0), (5000, 0), (5001, 0), (u32::MAX, 0), (7, 1)] {
-        let call = upload(own, &[SearchParams { entry_capacity: capacity, ..SearchParams::zeroed() }])?;
         let wanted = Outcome { entries_lo: low, entries_hi: high, ..Outcome::zeroed() };
-        let (outcome, lengths) = (upload(own, &[wanted])?, upload(own, &[SortCounts::zeroed()])?);
-        let bound = [("params", &call), ("outcome", &outcome), ("sort_counts", &lengths)];
-        run(own, &k::ENTRIES_FINISH, Variant::default(), 1, &bound)?;
+        let call = KernelCall::new(own)
+            .with("params", &[SearchParams { entry_capacity: capacity, ..SearchParams::zeroed() }])?
+            .with("outcome", &[wanted])?
+            .with("sort_counts", &[SortCounts::zeroed()])?;
+        call.run(&k::ENTRIES_FINISH, Variant::default(), 1)?;
         let items = wanted.entries_needed().min(capacity.into()) as u32;
         let overflow = if wanted.entries_needed() > capacity.into() { Outcome::OVERFLOW_ENTRIES } else { 0 };
-        let found = download::<Outcome>(own, &outcome, 1)?[0];
-        let lengths = download::<SortCounts>(own, &lengths, 1)?[0];
+        let found = call.read_one::<Outcome>("outcome")?;
+        let lengths = call.read_one::<SortCounts>("sort_counts")?;
         let case = || format!("{} entries, capacity {capacity}", wanted.entries_needed());
         same(case, &(lengths.items, found), &(items, Outcome { overflow, ..wanted }))?;
         let tiles = lengths.counters / 256;
@@ -210,13 +193,14 @@ pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
     let tiles = [1, k::RUN_TILES + 1, 65_535, 131_071, 196_606, 262_141, 1_000_003, most];
     for (blocks, tiles) in blocks.into_iter().flat_map(|blocks| tiles.map(|tiles| (blocks, tiles))) {
         for tiles_per_submission in [1 << 18, SearchParams::UNLIMITED] {
-            let call = upload(own, &[SearchParams { tiles_per_submission, ..SearchParams::zeroed() }])?;
             let listed = Outcome { deferred_blocks: blocks, deferred_max_tiles: tiles, ..Outcome::zeroed() };
-            let (outcome, dispatch) = (upload(own, &[listed])?, upload(own, &[0_u32; 4])?);
-            let bound = [("params", &call), ("outcome", &outcome), ("dispatch", &dispatch)];
-            run(own, &k::RUNS_SEARCH_FAR_DISPATCH_ARGS, Variant::default(), 1, &bound)?;
-            let outcome = download::<Outcome>(own, &outcome, 1)?[0];
-            let [x, y, z] = download::<[u32; 3]>(own, &dispatch, 1)?[0];
+            let call = KernelCall::new(own)
+                .with("params", &[SearchParams { tiles_per_submission, ..SearchParams::zeroed() }])?
+                .with("outcome", &[listed])?
+                .with("dispatch", &[0_u32; 4])?;
+            call.run(&k::RUNS_SEARCH_FAR_DISPATCH_ARGS, Variant::default(), 1)?;
+            let outcome = call.read_one::<Outcome>("outcome")?;
+            let [x, y, z] = call.read_one::<[u32; 3]>("dispatch")?;
             let taken = outcome.deferred_end.wrapping_sub(outcome.deferred_begin);
             let fits = match tiles_per_submission {
                 SearchParams::UNLIMITED => taken == blocks && !outcome.has_remaining_work(),
@@ -258,22 +242,12 @@ pub(crate) fn naive_search(own: &GpuDevice) -> Result<(), KernelError> {
                 window_end: window.end,
                 ..SearchParams::zeroed()
             };
-            let grid = upload_one(own, &Grid { spheres: size, ordinary: 1, ..Grid::zeroed() })?;
-            let (call, input) = (upload(own, &[call])?, upload(own, &scenario.spheres)?);
-            let outcome = upload(own, &[Outcome::zeroed()])?;
-            let pairs = upload(own, &vec![[u32::MAX; 2]; capacity as usize + 1])?;
-            let bound = [
-                ("params", &call),
-                ("grid", &grid),
-                ("spheres", &input),
-                ("outcome", &outcome),
-                ("pairs", &pairs),
-            ];
-            run(own, &k::NAIVE_SEARCH, variant, 64, &bound)?;
-            let found = download::<Outcome>(own, &outcome, 1)?[0].found();
+            let call = naive_call(own, call, &scenario.spheres, Outcome::zeroed())?;
+            call.run(&k::NAIVE_SEARCH, variant, 64)?;
+            let found = call.read_one::<Outcome>("outcome")?.found();
             let case = |what: &str| format!("{what}, {size} at one point, {variant:?}");
             same(|| case("found"), &found, &(expected.len() as u64))?;
-            let mut listed = download::<[u32; 2]>(own, &pairs, capacity as usize + 1)?;
+            let mut listed = call.read::<[u32; 2]>("pairs", capacity as usize + 1)?;
             same(|| case("after the end"), &listed[capacity as usize], &[u32::MAX; 2])?;
             listed.retain(|pair| *pair != [u32::MAX; 2]);
             listed.sort_unstable();
@@ -300,14 +274,26 @@ fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Ke
         ..SearchParams::zeroed()
     };
     let before = Outcome { found_lo: u32::MAX - 1000, found_hi: 2, ..Outcome::zeroed() };
-    let grid = upload_one(own, &Grid { spheres: 600, ordinary: 1, ..Grid::zeroed() })?;
-    let (call, input, outcome) = (upload(own, &[call])?, upload(own, &spheres)?, upload(own, &[before])?);
-    let pairs = upload(own, &[[u32::MAX; 2]; 17])?;
-    let bound =
-        [("params", &call), ("grid", &grid), ("spheres", &input), ("outcome", &outcome), ("pairs", &pairs)];
-    run(own, &k::NAIVE_SEARCH, variant, 64, &bound)?;
-    let found = download::<Outcome>(own, &outcome, 1)?[0].found();
+    let call = naive_call(own, call, &spheres, before)?;
+    call.run(&k::NAIVE_SEARCH, variant, 64)?;
+    let found = call.read_one::<Outcome>("outcome")?.found();
     same(|| format!("found beyond 32 bits, {variant:?}"), &found, &(before.found() + 600 * 599 / 2))
+}
+
+/// Has a row more than the capacity for pairs.
+fn naive_call<'a>(
+    own: &'a GpuDevice,
+    call: SearchParams,
+    spheres: &[Sphere],
+    before: Outcome,
+) -> Result<KernelCall<'a>, KernelError> {
+    let grid = Grid { spheres: call.spheres, ordinary: 1, ..Grid::zeroed() };
+    Ok(KernelCall::new(own)
+        .with("params", &[call])?
+        .with_layout("grid", &grid)?
+        .with("spheres", spheres)?
+        .with("outcome", &[before])?
+        .with("pairs", &vec![[u32::MAX; 2]; call.pair_capacity as usize + 1])?)
 }
 
 /// Each written pair has a thread, and an overflow is reported.
@@ -323,18 +309,12 @@ pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), KernelError> {
         (capacity + 1, 0),
         (3, 2),
     ] {
-        let call = upload(
-            own,
-            &[SearchParams {
-                pair_capacity: capacity,
-                consumer_workgroup_size: 256,
-                ..SearchParams::zeroed()
-            }],
-        )?;
+        let call =
+            SearchParams { pair_capacity: capacity, consumer_workgroup_size: 256, ..SearchParams::zeroed() };
         let given = Outcome { found_lo: low, found_hi: high, ..Outcome::zeroed() };
-        let outcome = upload(own, &[given])?;
-        run(own, &k::OUTCOME_FINISH, Variant::default(), 1, &[("params", &call), ("outcome", &outcome)])?;
-        let found = download::<Outcome>(own, &outcome, 1)?[0];
+        let call = KernelCall::new(own).with("params", &[call])?.with("outcome", &[given])?;
+        call.run(&k::OUTCOME_FINISH, Variant::default(), 1)?;
+        let found = call.read_one::<Outcome>("outcome")?;
         let overflow = if given.found() > capacity.into() { Outcome::OVERFLOW_PAIRS } else { 0 };
         let case = || format!("{} pairs, capacity {capacity}: {found:?}", given.found());
         same(case, &found.overflow, &overflow)?;

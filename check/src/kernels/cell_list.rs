@@ -1,13 +1,13 @@
 use bytemuck::Zeroable;
 use encase::ShaderType;
 use lazygrid::Sphere;
-use lazygrid::gpu::{GpuDevice, wgpu};
+use lazygrid::gpu::GpuDevice;
 use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{CellListLayout, InputStats, Outcome, SearchParams, SortCounts};
 
 use super::division::Division;
+use super::kernel_call::KernelCall;
 use super::support::{KernelError, SIZES, ordered, same};
-use crate::device::{download, run, upload, upload_one};
 use crate::scenes::hard;
 use crate::{Random, SceneSeed};
 
@@ -23,22 +23,17 @@ pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
         let (counters, occupancy_slots) = (size as u32 + 7, 512);
         let call = SearchParams { spheres: size as u32, counters, occupancy_slots, ..SearchParams::zeroed() };
         let call = division.divide(call);
-        let (call, count) = (upload(own, &[call])?, upload(own, &[size as u32])?);
-        let (input, survey) = (upload(own, &spheres)?, upload(own, &[InputStats::zeroed()])?);
-        let [starts, density] = [counters, occupancy_slots].map(|length| vec![7_u32; length as usize]);
-        let (starts, density) = (upload(own, &starts)?, upload(own, &density)?);
-        let bound = [
-            ("params", &call),
-            ("count_source", &count),
-            ("spheres", &input),
-            ("stats", &survey),
-            ("starts", &starts),
-            ("occupancy", &density),
-        ];
+        let call = KernelCall::new(own)
+            .with("params", &[call])?
+            .with("count_source", &[size as u32])?
+            .with("spheres", &spheres)?
+            .with("stats", &[InputStats::zeroed()])?
+            .with("starts", &vec![7_u32; counters as usize])?
+            .with("occupancy", &vec![7_u32; occupancy_slots as usize])?;
         let variant = Variant { species: division.has_species(), ..Variant::default() };
-        let species = division.upload(own, size)?;
-        run(own, &k::STATS_REDUCE, variant, groups, &species.and(&bound))?;
-        let found = download::<InputStats>(own, &survey, 1)?[0];
+        let call = division.bind(call, size)?;
+        call.run(&k::STATS_REDUCE, variant, groups)?;
+        let found = call.read_one::<InputStats>("stats")?;
         // Devices may flush subnormal radii to zero.
         let [kept, flushed] = [false, true].map(|flushes| surveyed(&spheres, division, flushes));
         let expected = if found.smallest == flushed.smallest { flushed } else { kept };
@@ -52,8 +47,8 @@ pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
             let sizes = |survey: &InputStats| (members(survey), survey.largest[class]);
             same(|| case(&format!("class {class}")), &sizes(&found), &sizes(&expected))?;
         }
-        for (what, length) in [(&starts, counters), (&density, occupancy_slots)] {
-            let cleared = download::<u32>(own, what, length as usize)?;
+        for (what, length) in [("starts", counters), ("occupancy", occupancy_slots)] {
+            let cleared = call.read::<u32>(what, length as usize)?;
             same(|| "counters".to_owned(), &cleared, &vec![0; length as usize])?;
         }
     }
@@ -87,13 +82,16 @@ pub(crate) fn cell_list_setup_small(own: &GpuDevice) -> Result<(), KernelError> 
             period_x,
             ..SearchParams::zeroed()
         };
-        let call = division.divide(call);
-        let (call, count, input) = (upload(own, &[call])?, upload(own, &[size])?, upload(own, &spheres)?);
-        let species = division.upload(own, size as usize)?;
-        let given = species.and(&[("params", &call), ("count_source", &count), ("spheres", &input)]);
+        let given = || {
+            let call = KernelCall::new(own)
+                .with("params", &[division.divide(call)])?
+                .with("count_source", &[size])?
+                .with("spheres", &spheres)?;
+            division.bind(call, size as usize)
+        };
         let variant = Variant { periodic, species: division.has_species(), ..Variant::default() };
-        let expected = begun(own, &given, variant, &[(&k::STATS_REDUCE, 3), (&k::CELL_LIST_CONFIGURE, 1)])?;
-        let found = begun(own, &given, variant, &[(&k::CELL_LIST_SETUP_SMALL, 1)])?;
+        let expected = begun(given()?, variant, &[(&k::STATS_REDUCE, 3), (&k::CELL_LIST_CONFIGURE, 1)])?;
+        let found = begun(given()?, variant, &[(&k::CELL_LIST_SETUP_SMALL, 1)])?;
         let case = |what: &str| format!("{what} of {size} spheres, periodic {periodic}, {division:?}");
         same(|| case("survey is empty"), &found.leaves_no_survey, &true)?;
         same(|| case("the list"), &found.list, &expected.list)?;
@@ -115,33 +113,24 @@ struct Begun {
 }
 
 fn begun(
-    own: &GpuDevice,
-    given: &[(&'static str, &wgpu::Buffer)],
+    given: KernelCall<'_>,
     variant: Variant,
     kernels: &[(&'static k::Kernel, u32)],
 ) -> Result<Begun, KernelError> {
-    let (survey, list) = (upload(own, &[InputStats::zeroed()])?, upload_one(own, &CellListLayout::zeroed())?);
-    let (outcome, lengths) = (upload(own, &[Outcome::default()])?, upload(own, &[SortCounts::zeroed()])?);
-    let (starts, density) = (upload(own, &[7_u32; CELLS as usize + 2])?, upload(own, &[0_u32; 4])?);
-    let written = [
-        ("stats", &survey),
-        ("cell_list", &list),
-        ("outcome", &outcome),
-        ("sort_counts", &lengths),
-        ("starts", &starts),
-        ("occupancy", &density),
-    ];
-    for &(kernel, groups) in kernels {
-        let binds = |name: &str| kernel.bindings(variant).any(|binding| binding.name == name);
-        let bound: Vec<_> = given.iter().copied().chain(written).filter(|(name, _)| binds(name)).collect();
-        run(own, kernel, variant, groups, &bound)?;
-    }
+    let call = given
+        .with("stats", &[InputStats::zeroed()])?
+        .with_layout("cell_list", &CellListLayout::zeroed())?
+        .with("outcome", &[Outcome::default()])?
+        .with("sort_counts", &[SortCounts::zeroed()])?
+        .with("starts", &[7_u32; CELLS as usize + 2])?
+        .with("occupancy", &[0_u32; 4])?;
+    kernels.iter().try_for_each(|&(kernel, groups)| call.run(kernel, variant, groups))?;
     Ok(Begun {
-        leaves_no_survey: download::<InputStats>(own, &survey, 1)?[0] == InputStats::zeroed(),
-        list: download::<u8>(own, &list, CellListLayout::min_size().get() as usize)?,
-        outcome: download::<u8>(own, &outcome, size_of::<Outcome>())?,
-        lengths: download::<u8>(own, &lengths, size_of::<SortCounts>())?,
-        starts: download::<u32>(own, &starts, CELLS as usize + 2)?,
+        leaves_no_survey: call.read_one::<InputStats>("stats")? == InputStats::zeroed(),
+        list: call.read("cell_list", CellListLayout::min_size().get() as usize)?,
+        outcome: call.read("outcome", size_of::<Outcome>())?,
+        lengths: call.read("sort_counts", size_of::<SortCounts>())?,
+        starts: call.read("starts", CELLS as usize + 2)?,
     })
 }
 
@@ -188,11 +177,12 @@ pub(crate) fn cell_starts_find(own: &GpuDevice) -> Result<(), KernelError> {
         let counters = list.cells + 2;
         let expected: Vec<u32> =
             (0..counters).map(|cell| sorted.partition_point(|&own| own < cell) as u32).collect();
-        let (list, sorted) = (upload_one(own, &list)?, upload(own, &sorted)?);
-        let starts = upload(own, &vec![u32::MAX; counters as usize])?;
-        let bound = [("cell_list", &list), ("cells", &sorted), ("starts", &starts)];
-        run(own, &k::CELL_STARTS_FIND, Variant::default(), counters.div_ceil(2048), &bound)?;
-        let found = download::<u32>(own, &starts, counters as usize)?;
+        let call = KernelCall::new(own)
+            .with_layout("cell_list", &list)?
+            .with("cells", &sorted)?
+            .with("starts", &vec![u32::MAX; counters as usize])?;
+        call.run(&k::CELL_STARTS_FIND, Variant::default(), counters.div_ceil(2048))?;
+        let found = call.read::<u32>("starts", counters as usize)?;
         same(|| format!("{spheres} spheres in {cells} cells"), &found, &expected)?;
     }
     Ok(())
@@ -214,55 +204,34 @@ pub(crate) fn spheres_scatter(own: &GpuDevice) -> Result<(), KernelError> {
         (0..cells as usize).for_each(|cell| starts[cell + 1] += starts[cell]);
         let mut order: Vec<u32> = (0..size as u32).collect();
         order.sort_by_key(|&at| homes[at as usize]);
-        let call = upload(own, &[SearchParams::zeroed()])?;
-        let outcome = upload(own, &[Outcome::default()])?;
-        let list = upload_one(own, &CellListLayout { spheres: size as u32, ..CellListLayout::zeroed() })?;
-        let (input, starts, homes_given) =
-            (upload(own, &spheres)?, upload(own, &starts)?, upload(own, &homes)?);
-        let [cells, places] = [(); 2].map(|()| upload(own, &vec![0_u32; size]));
-        let (cells, places, sorted) = (cells?, places?, upload(own, &vec![[0_u32; 4]; size])?);
-        let bound = [
-            ("params", &call),
-            ("cell_list", &list),
-            ("spheres", &input),
-            ("starts", &starts),
-            ("cell_ranks", &homes_given),
-            ("sorted", &sorted),
-            ("cells", &cells),
-            ("order", &places),
-            ("outcome", &outcome),
-        ];
+        let list = CellListLayout { spheres: size as u32, ..CellListLayout::zeroed() };
+        let call = KernelCall::new(own)
+            .with("params", &[SearchParams::zeroed()])?
+            .with_layout("cell_list", &list)?
+            .with("spheres", &spheres)?
+            .with("starts", &starts)?
+            .with("cell_ranks", &homes)?
+            .with_zeros::<[u32; 4]>("sorted", size)?
+            .with_zeros::<u32>("cells", size)?
+            .with_zeros::<u32>("order", size)?
+            .with("outcome", &[Outcome::default()])?;
         let groups = (size as u32).div_ceil(k::WORKGROUP_SIZE);
-        run(own, &k::SPHERES_SCATTER, Variant::default(), groups, &bound)?;
+        call.run(&k::SPHERES_SCATTER, Variant::default(), groups)?;
         let expected_cells: Vec<u32> = order.iter().map(|&at| homes[at as usize][0]).collect();
-        same(|| format!("order of {size} spheres"), &download::<u32>(own, &places, size)?, &order)?;
-        same(|| format!("cells of {size} spheres"), &download::<u32>(own, &cells, size)?, &expected_cells)?;
-        gathered(own, &sorted, &spheres, &order)?;
+        same(|| format!("order of {size} spheres"), &call.read::<u32>("order", size)?, &order)?;
+        same(|| format!("cells of {size} spheres"), &call.read::<u32>("cells", size)?, &expected_cells)?;
+        gathered(&call, &spheres, &order)?;
         // The gathering kernel must give the same order.
-        let sorted = upload(own, &vec![[0_u32; 4]; size])?;
-        let bound = [
-            ("params", &call),
-            ("cell_list", &list),
-            ("spheres", &input),
-            ("cells", &cells),
-            ("order", &places),
-            ("sorted", &sorted),
-            ("outcome", &outcome),
-        ];
-        run(own, &k::SPHERES_GATHER, Variant::default(), groups, &bound)?;
-        gathered(own, &sorted, &spheres, &order)?;
+        let call = call.with_zeros::<[u32; 4]>("sorted", size)?;
+        call.run(&k::SPHERES_GATHER, Variant::default(), groups)?;
+        gathered(&call, &spheres, &order)?;
     }
     Ok(())
 }
 
-fn gathered(
-    own: &GpuDevice,
-    sorted: &wgpu::Buffer,
-    spheres: &[Sphere],
-    order: &[u32],
-) -> Result<(), KernelError> {
+fn gathered(call: &KernelCall<'_>, spheres: &[Sphere], order: &[u32]) -> Result<(), KernelError> {
     let bits = |sphere: &Sphere| bytemuck::cast::<Sphere, [u32; 4]>(*sphere);
     let expected: Vec<[u32; 4]> = order.iter().map(|&at| bits(&spheres[at as usize])).collect();
-    let found = download::<[u32; 4]>(own, sorted, order.len())?;
+    let found = call.read::<[u32; 4]>("sorted", order.len())?;
     same(|| format!("{} spheres in order", order.len()), &found, &expected)
 }

@@ -7,8 +7,8 @@ use lazygrid_kernels::layout::{CellListLayout, InputStats, SearchParams, SortCou
 
 use super::cell_list::surveyed;
 use super::division::Division;
+use super::kernel_call::KernelCall;
 use super::support::{KernelError, same};
-use crate::device::{download, download_one, run, upload, upload_one};
 use crate::scenes::periodic;
 use crate::{Random, TestInput};
 
@@ -134,25 +134,21 @@ pub(crate) fn configure(
     (spheres, survey, division): (&[Sphere], InputStats, Division),
     before: Outcome,
 ) -> Result<Configured, KernelError> {
-    let (given, count, input) = (upload(own, &[call])?, upload(own, &[call.spheres])?, upload(own, spheres)?);
-    let (survey, list) = (upload(own, &[survey])?, upload_one(own, &CellListLayout::zeroed())?);
-    let (outcome, lengths) = (upload(own, &[before])?, upload(own, &[SortCounts::zeroed()])?);
-    let bound = [
-        ("params", &given),
-        ("count_source", &count),
-        ("spheres", &input),
-        ("stats", &survey),
-        ("cell_list", &list),
-        ("outcome", &outcome),
-        ("sort_counts", &lengths),
-    ];
-    let species = division.upload(own, spheres.len())?;
-    run(own, &k::CELL_LIST_CONFIGURE, variant, 1, &species.and(&bound))?;
+    let call = KernelCall::new(own)
+        .with("params", &[call])?
+        .with("count_source", &[call.spheres])?
+        .with("spheres", spheres)?
+        .with("stats", &[survey])?
+        .with_layout("cell_list", &CellListLayout::zeroed())?
+        .with("outcome", &[before])?
+        .with("sort_counts", &[SortCounts::zeroed()])?;
+    let call = division.bind(call, spheres.len())?;
+    call.run(&k::CELL_LIST_CONFIGURE, variant, 1)?;
     Ok(Configured {
-        list: download_one(own, &list)?,
-        lengths: download::<SortCounts>(own, &lengths, 1)?[0],
-        outcome: download::<Outcome>(own, &outcome, 1)?[0],
-        survey: download::<InputStats>(own, &survey, 1)?[0],
+        list: call.read_layout("cell_list")?,
+        lengths: call.read_one("sort_counts")?,
+        outcome: call.read_one("outcome")?,
+        survey: call.read_one("stats")?,
     })
 }
 

@@ -1,9 +1,8 @@
-use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid::{Error, Interaction};
 use lazygrid_kernels::layout::{CellListLayout, SearchParams, SpeciesParams};
 
+use super::kernel_call::KernelCall;
 use crate::SpeciesSetup;
-use crate::device::upload;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Division {
@@ -93,7 +92,8 @@ impl Division {
         (0..count).map(|index| self.species_of(index, count) as u32).collect()
     }
 
-    pub(crate) fn upload(self, own: &GpuDevice, count: usize) -> Result<Species, Error> {
+    /// Adds the species of `count` spheres and their table.
+    pub(super) fn bind(self, call: KernelCall<'_>, count: usize) -> Result<KernelCall<'_>, Error> {
         let flags = |id: usize| match id < self.sides() {
             true => SpeciesParams::TOUCHES | (id as u32) << SpeciesParams::SIDE_SHIFT,
             false => SpeciesParams::IDLE,
@@ -102,26 +102,6 @@ impl Division {
         let between =
             |a: usize, b: usize| if self.meets(a, b) { SearchParams::TOUCH } else { SearchParams::NEVER };
         let table: Vec<f32> = self.ids().flat_map(|a| self.ids().map(move |b| between(a, b))).collect();
-        Ok(Species {
-            species: upload(own, &self.species(count))?,
-            reach: upload(own, &reach)?,
-            table: upload(own, &table)?,
-        })
-    }
-}
-
-pub(crate) struct Species {
-    species: wgpu::Buffer,
-    reach: wgpu::Buffer,
-    table: wgpu::Buffer,
-}
-
-impl Species {
-    pub(crate) fn and<'b>(
-        &'b self,
-        others: &[(&'static str, &'b wgpu::Buffer)],
-    ) -> Vec<(&'static str, &'b wgpu::Buffer)> {
-        let own = [("species", &self.species), ("species_params", &self.reach), ("table", &self.table)];
-        own.into_iter().chain(others.iter().copied()).collect()
+        call.with("species", &self.species(count))?.with("species_params", &reach)?.with("table", &table)
     }
 }

@@ -5,9 +5,9 @@ use lazygrid::{Space, Sphere};
 use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Bounds, Grid, SearchParams};
 
+use super::kernel_call::KernelCall;
 use super::support::{KernelError, ordered, same};
 use crate::Random;
-use crate::device::{download_one, run, upload, upload_one};
 use crate::scenes::periodic;
 
 const KEY_BITS: u32 = 24;
@@ -52,17 +52,14 @@ pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), KernelError> {
                 ..SearchParams::zeroed()
             };
             let settings = settings.in_space(space);
-            let grid = upload_one(own, &Grid { spheres: count as u32, ..Grid::zeroed() })?;
-            let (call, input) = (upload(own, &[settings])?, upload(own, &spheres)?);
-            let bound = [
-                ("params", &call),
-                ("spheres", &input),
-                ("bounds", &upload(own, &[bounds(&spheres)])?),
-                ("grid", &grid),
-            ];
+            let call = KernelCall::new(own)
+                .with("params", &[settings])?
+                .with("spheres", &spheres)?
+                .with("bounds", &[bounds(&spheres)])?
+                .with_layout("grid", &Grid { spheres: count as u32, ..Grid::zeroed() })?;
             let variant = Variant { periodic: space.is_periodic(), ..Variant::default() };
-            run(own, &k::GRID_CONFIGURE, variant, 1, &bound)?;
-            let grid = download_one::<Grid>(own, &grid)?;
+            call.run(&k::GRID_CONFIGURE, variant, 1)?;
+            let grid = call.read_layout::<Grid>("grid")?;
             let fits = count > 1 && radii.len() > 1;
             let levels = [grid.split_policy, grid.level_mask, grid.depth_mask, grid.passive, grid.ordinary];
             same(|| case("levels"), &levels, &[2 * u32::from(fits), 1, 1, 0, 1])?;

@@ -2,15 +2,14 @@ use std::collections::HashMap;
 
 use bytemuck::Zeroable;
 use glam::{IVec3, UVec3, Vec3};
-use lazygrid::Error;
 use lazygrid::Sphere;
-use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
+use lazygrid::gpu::{GpuDevice, Outcome};
 use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Bounds, Grid, LevelKeys, SearchParams};
 
+use super::kernel_call::KernelCall;
 use super::support::{KernelError, SIZES, same, variants};
 use crate::Random;
-use crate::device::{download, download_one, run, upload, upload_one};
 
 const HAS_OWN: u32 = 1 << 31;
 const SLOTS: u32 = 4096;
@@ -148,20 +147,16 @@ fn packed(cells: &[Cells]) -> Vec<[u32; 2]> {
     cells.iter().map(|own| own.packed()).collect()
 }
 
-fn table(own: &GpuDevice) -> Result<wgpu::Buffer, Error> {
-    upload(own, &vec![0_u32; 2 * SLOTS as usize])
-}
-
 /// Clears the occupancy table to its end if it is used.
 pub(crate) fn occupancy_clear(own: &GpuDevice) -> Result<(), KernelError> {
     for slots in [1_u32, 256, 512, 8192] {
         for split_policy in [1, 2] {
-            let call = upload(own, &[SearchParams { occupancy_slots: slots, ..call(split_policy, 0) }])?;
-            let grid = upload_one(own, &grid(1, split_policy))?;
-            let density = upload(own, &vec![7_u32; 2 * slots as usize + 3])?;
-            let bound = [("params", &call), ("grid", &grid), ("occupancy", &density)];
-            run(own, &k::OCCUPANCY_CLEAR, Variant::default(), (2 * slots).div_ceil(k::DENSITY_TILE), &bound)?;
-            let found: Vec<u32> = download(own, &density, 2 * slots as usize + 3)?;
+            let call = KernelCall::new(own)
+                .with("params", &[SearchParams { occupancy_slots: slots, ..call(split_policy, 0) }])?
+                .with_layout("grid", &grid(1, split_policy))?
+                .with("occupancy", &vec![7_u32; 2 * slots as usize + 3])?;
+            call.run(&k::OCCUPANCY_CLEAR, Variant::default(), (2 * slots).div_ceil(k::DENSITY_TILE))?;
+            let found = call.read::<u32>("occupancy", 2 * slots as usize + 3)?;
             let cleared = if split_policy == 2 { 2 * slots as usize } else { 0 };
             let expected: Vec<u32> = (0..found.len()).map(|k| if k < cleared { 0 } else { 7 }).collect();
             same(|| format!("{slots} slots, split_policy {split_policy}"), &found, &expected)?;
@@ -184,29 +179,24 @@ pub(crate) fn cells_find(own: &GpuDevice) -> Result<(), KernelError> {
                 words[300] = [u32::MAX; 2];
                 expected.remove(300);
             }
-            let (input, call) = (upload(own, &spheres)?, upload(own, &[call(split_policy, 0)])?);
-            let (grid, bounds) =
-                (upload_one(own, &grid(size, split_policy))?, upload(own, &[Bounds::zeroed()])?);
-            let (cells, density) = (upload(own, &vec![[0_u32; 2]; size])?, table(own)?);
-            let bound = [
-                ("params", &call),
-                ("grid", &grid),
-                ("spheres", &input),
-                ("bounds", &bounds),
-                ("cells", &cells),
-                ("occupancy", &density),
-            ];
-            run(own, &k::CELLS_FIND, Variant::default(), size.div_ceil(256) as u32, &bound)?;
+            let call = KernelCall::new(own)
+                .with("params", &[call(split_policy, 0)])?
+                .with_layout("grid", &grid(size, split_policy))?
+                .with("spheres", &spheres)?
+                .with("bounds", &[Bounds::zeroed()])?
+                .with_zeros::<[u32; 2]>("cells", size)?
+                .with_zeros::<u32>("occupancy", 2 * SLOTS as usize)?;
+            call.run(&k::CELLS_FIND, Variant::default(), size.div_ceil(256) as u32)?;
             let case = |what: &str| format!("{what}, {size} spheres, split_policy {split_policy}");
-            same(|| case("cells"), &download::<[u32; 2]>(own, &cells, size)?, &words)?;
-            let bounds = download::<Bounds>(own, &bounds, 1)?[0];
+            same(|| case("cells"), &call.read::<[u32; 2]>("cells", size)?, &words)?;
+            let bounds = call.read_one::<Bounds>("bounds")?;
             let of = |depth: u32| expected.iter().filter(|own| own.depth == depth).count() as u32;
             let counted = std::array::from_fn(|depth| if split_policy == 1 { of(depth as u32) } else { 0 });
             same(|| case("depths, counted"), &bounds.descending, &counted)?;
             let depths = if split_policy == 0 { 0 } else { depths_of(&expected) };
             same(|| case("depths"), &bounds.depth_mask, &depths)?;
             let table = if split_policy == 2 { expected.as_slice() } else { &[] };
-            let found = download::<u32>(own, &density, 2 * SLOTS as usize)?;
+            let found = call.read::<u32>("occupancy", 2 * SLOTS as usize)?;
             same(|| case("density"), &found, &density_plain(table, 0).0)?;
         }
     }
@@ -219,24 +209,20 @@ pub(crate) fn levels_count(own: &GpuDevice) -> Result<(), KernelError> {
             let cells: Vec<Cells> = spheres(size).iter().map(cells_plain).collect();
             let (first, all) = density_plain(&cells, tau);
             let mut bounds = Bounds { depth_mask: depths_of(&cells), ..Bounds::zeroed() };
-            let (input, call) = (upload(own, &packed(&cells))?, upload(own, &[call(2, tau)])?);
-            let (grid, expected_bounds) = (upload_one(own, &grid(size, 2))?, upload(own, &[bounds])?);
-            let density = upload(own, &first)?;
-            let bound = [
-                ("params", &call),
-                ("grid", &grid),
-                ("bounds", &expected_bounds),
-                ("cells", &input),
-                ("occupancy", &density),
-            ];
-            run(own, &k::LEVELS_COUNT, Variant::default(), size.div_ceil(256) as u32, &bound)?;
+            let call = KernelCall::new(own)
+                .with("params", &[call(2, tau)])?
+                .with_layout("grid", &grid(size, 2))?
+                .with("bounds", &[bounds])?
+                .with("cells", &packed(&cells))?
+                .with("occupancy", &first)?;
+            call.run(&k::LEVELS_COUNT, Variant::default(), size.div_ceil(256) as u32)?;
             let case = |what: &str| format!("{what}, {size} spheres, tau {tau}");
-            same(|| case("density"), &download::<u32>(own, &density, all.len())?, &all)?;
+            same(|| case("density"), &call.read::<u32>("occupancy", all.len())?, &all)?;
             for own in cells.iter().filter(|own| own.depth > 0) {
                 let descends = own.at(0).all().any(|cell| is_dense(first[slot(0, cell)], tau));
                 bounds.descending[own.depth as usize] += u32::from(descends);
             }
-            same(|| case("bounds"), &download::<Bounds>(own, &expected_bounds, 1)?[0], &bounds)?;
+            same(|| case("bounds"), &call.read_one::<Bounds>("bounds")?, &bounds)?;
         }
     }
     Ok(())
@@ -252,11 +238,12 @@ pub(crate) fn levels_assign_keys(own: &GpuDevice) -> Result<(), KernelError> {
                 bounds.descending[depth] = random.word() >> (8 + random.word() % 24);
             }
             let goes_on = bounds.descending[1..].iter().any(|&count| count > 0);
-            let call = upload(own, &[SearchParams { key_bits, ..call(2, 0) }])?;
-            let grid = upload_one(own, &grid(1 << 20, 2))?;
-            let bound = [("params", &call), ("bounds", &upload(own, &[bounds])?), ("grid", &grid)];
-            run(own, &k::LEVELS_ASSIGN_KEYS, Variant::default(), 1, &bound)?;
-            let grid = download_one::<Grid>(own, &grid)?;
+            let call = KernelCall::new(own)
+                .with("params", &[SearchParams { key_bits, ..call(2, 0) }])?
+                .with("bounds", &[bounds])?
+                .with_layout("grid", &grid(1 << 20, 2))?;
+            call.run(&k::LEVELS_ASSIGN_KEYS, Variant::default(), 1)?;
+            let grid = call.read_layout::<Grid>("grid")?;
             let case = |what: &str| format!("{what}, {key_bits} bits, depths {depths:x}");
             if !goes_on {
                 same(|| case("one level"), &[grid.split_policy, grid.level_mask, grid.passive], &[0, 1, 0])?;
@@ -342,24 +329,17 @@ pub(crate) fn entries_emit(own: &GpuDevice) -> Result<(), KernelError> {
             for depth in 0..32 {
                 grid.levels[depth] = LevelKeys { bits: UVec3::new(3, 4, 5), base: (depth as u32) << 12 };
             }
-            let call = upload(own, &[call(split_policy, tau)])?;
-            let (input, table) = (upload(own, &packed(&cells))?, upload(own, &density)?);
-            let outcome = upload(own, &[Outcome::zeroed()])?;
-            let (keys, objects) = (upload(own, &vec![0_u32; 1 << 20])?, upload(own, &vec![0_u32; 1 << 20])?);
-            let uploaded = upload_one(own, &grid)?;
-            let bound = [
-                ("params", &call),
-                ("grid", &uploaded),
-                ("cells", &input),
-                ("occupancy", &table),
-                ("outcome", &outcome),
-                ("keys", &keys),
-                ("objects", &objects),
-            ];
-            run(own, &k::ENTRIES_EMIT, variant, size.div_ceil(256) as u32, &bound)?;
-            let count = download::<Outcome>(own, &outcome, 1)?[0].entries_needed() as usize;
-            let keys = download::<u32>(own, &keys, count)?;
-            let objects = download::<u32>(own, &objects, count)?;
+            let call = KernelCall::new(own)
+                .with("params", &[call(split_policy, tau)])?
+                .with_layout("grid", &grid)?
+                .with("cells", &packed(&cells))?
+                .with("occupancy", &density)?
+                .with("outcome", &[Outcome::zeroed()])?
+                .with_zeros::<u32>("keys", 1 << 20)?
+                .with_zeros::<u32>("objects", 1 << 20)?;
+            call.run(&k::ENTRIES_EMIT, variant, size.div_ceil(256) as u32)?;
+            let count = call.read_one::<Outcome>("outcome")?.entries_needed() as usize;
+            let [keys, objects] = [call.read::<u32>("keys", count)?, call.read::<u32>("objects", count)?];
             let mut found: Vec<[u32; 2]> = keys.into_iter().zip(objects).map(|(k, o)| [k, o]).collect();
             found.sort_unstable();
             let expected = entries_plain(&cells, &grid, &density, tau);

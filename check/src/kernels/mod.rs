@@ -8,6 +8,7 @@ mod cells;
 mod division;
 mod grid;
 mod grid_levels;
+mod kernel_call;
 mod overflow;
 pub mod primitives;
 mod probe;

@@ -1,31 +1,22 @@
 use bytemuck::Zeroable;
-use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
+use lazygrid::gpu::{GpuDevice, Outcome};
 use lazygrid::{Pair, Sphere};
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::layout::SearchParams;
 
 use super::cells::{CellListCase, ConfiguredCellList, cases};
-use super::division::{Division, Species};
+use super::division::Division;
+use super::kernel_call::KernelCall;
 use super::support::{KernelError, same};
-use crate::device::{download, run, run_over, upload, upload_one};
 use crate::{Tolerance, difference};
 
-struct Searched {
-    call: wgpu::Buffer,
-    list: wgpu::Buffer,
-    starts: wgpu::Buffer,
-    sorted: wgpu::Buffer,
-    cells: wgpu::Buffer,
-    order: wgpu::Buffer,
-    outcome: wgpu::Buffer,
-    pairs: wgpu::Buffer,
-    crowded: wgpu::Buffer,
-    sorted_species: wgpu::Buffer,
-    species: Species,
+struct Searched<'a> {
+    call: KernelCall<'a>,
+    chosen: &'a ConfiguredCellList,
 }
 
-impl Searched {
-    fn of(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<Self, KernelError> {
+impl<'a> Searched<'a> {
+    fn of(own: &'a GpuDevice, chosen: &'a ConfiguredCellList) -> Result<Self, KernelError> {
         let ConfiguredCellList { call, scenario, list, .. } = chosen;
         let (homes, _) = chosen.homes(&chosen.density(false), false);
         let mut order: Vec<u32> = (0..call.spheres).collect();
@@ -41,55 +32,39 @@ impl Searched {
         let sorted: Vec<Sphere> = order.iter().map(image).collect();
         let species = chosen.division.species(order.len());
         let sorted_species: Vec<u32> = order.iter().map(|&id| species[id as usize]).collect();
-        Ok(Self {
-            call: upload(own, &[*call])?,
-            list: upload_one(own, list)?,
-            starts: upload(own, &starts)?,
-            sorted: upload(own, &sorted)?,
-            cells: upload(own, &cells)?,
-            order: upload(own, &order)?,
-            outcome: upload(own, &[Outcome::zeroed()])?,
-            pairs: upload(own, &vec![Pair::zeroed(); call.pair_capacity as usize])?,
-            crowded: upload(own, &vec![0_u32; order.len().div_ceil(256)])?,
-            sorted_species: upload(own, &sorted_species)?,
-            species: chosen.division.upload(own, order.len())?,
-        })
+        let call = KernelCall::new(own)
+            .with("params", &[*call])?
+            .with_layout("cell_list", list)?
+            .with("starts", &starts)?
+            .with("sorted", &sorted)?
+            .with("cells", &cells)?
+            .with("order", &order)?
+            .with("outcome", &[Outcome::zeroed()])?
+            .with_zeros::<Pair>("pairs", call.pair_capacity as usize)?
+            .with_zeros::<u32>("deferred", order.len().div_ceil(256))?
+            .with("sorted_species", &sorted_species)?
+            .with_zeros::<u32>("dispatch", 4)?;
+        Ok(Self { call: chosen.division.bind(call, order.len())?, chosen })
     }
 
-    fn bound(&self) -> Vec<(&'static str, &wgpu::Buffer)> {
-        self.species.and(&[
-            ("params", &self.call),
-            ("cell_list", &self.list),
-            ("starts", &self.starts),
-            ("sorted", &self.sorted),
-            ("cells", &self.cells),
-            ("order", &self.order),
-            ("outcome", &self.outcome),
-            ("pairs", &self.pairs),
-            ("deferred", &self.crowded),
-            ("sorted_species", &self.sorted_species),
-        ])
+    fn outcome(&self) -> Result<Outcome, KernelError> {
+        Ok(self.call.read_one("outcome")?)
     }
 
-    fn outcome(&self, own: &GpuDevice) -> Result<Outcome, KernelError> {
-        Ok(download::<Outcome>(own, &self.outcome, 1)?[0])
+    fn pairs(&self) -> Result<Vec<Pair>, KernelError> {
+        Ok(self.call.read("pairs", self.outcome()?.found() as usize)?)
     }
 
-    fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, KernelError> {
-        Ok(download::<Pair>(own, &self.pairs, self.outcome(own)?.found() as usize)?)
+    fn first_shares(&self) -> Result<(), KernelError> {
+        let groups = self.chosen.call.spheres.div_ceil(k::WORKGROUP_SIZE);
+        Ok(self.call.run(&k::CELL_LIST_SEARCH, self.chosen.variant, groups)?)
     }
 
-    fn first_shares(&self, own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
-        let groups = chosen.call.spheres.div_ceil(k::WORKGROUP_SIZE);
-        Ok(run(own, &k::CELL_LIST_SEARCH, chosen.variant, groups, &self.bound())?)
-    }
-
-    fn next_part(&self, own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
-        let dispatch = upload(own, &[0_u32; 4])?;
-        let bound = [("params", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
-        run(own, &k::CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS, chosen.variant, 1, &bound)?;
-        let groups = download::<[u32; 3]>(own, &dispatch, 1)?[0];
-        Ok(run_over(own, &k::CELL_LIST_SEARCH_OVERFLOW, chosen.variant, groups, &self.bound())?)
+    fn next_part(&self) -> Result<(), KernelError> {
+        let variant = self.chosen.variant;
+        self.call.run(&k::CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS, variant, 1)?;
+        let groups = self.call.read_one("dispatch")?;
+        Ok(self.call.run_over(&k::CELL_LIST_SEARCH_OVERFLOW, variant, groups)?)
     }
 }
 
@@ -107,15 +82,15 @@ pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelErr
                 ..chosen.clone()
             };
             let searched = Searched::of(own, &parted)?;
-            searched.first_shares(own, &parted)?;
+            searched.first_shares()?;
             let mut parts = 0;
-            while searched.outcome(own)?.has_remaining_work() {
-                searched.next_part(own, &parted)?;
+            while searched.outcome()?.has_remaining_work() {
+                searched.next_part()?;
                 parts += 1;
             }
             let renumbered = |id: u32| ids.binary_search(&id).map_or(u32::MAX, |at| at as u32);
             let found: Vec<Pair> = searched
-                .pairs(own)?
+                .pairs()?
                 .into_iter()
                 .map(|pair| Pair { i: renumbered(pair.i), j: renumbered(pair.j) })
                 .collect();
@@ -135,19 +110,19 @@ pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
         let spheres = vec![Sphere::new([0.3; 3], 0.5); count as usize];
         let chosen = case.choose_for(own, spheres)?;
         let searched = Searched::of(own, &chosen)?;
-        searched.first_shares(own, &chosen)?;
+        searched.first_shares()?;
         let share = chosen.call.candidates_per_invocation;
         let what = |what: &str| format!("{what} of {count} at one point");
-        let mut found = searched.pairs(own)?;
+        let mut found = searched.pairs()?;
         found.sort_unstable();
         let first = (0..count).flat_map(|i| (i + 1..count.min(i + 1 + share)).map(move |j| Pair { i, j }));
         same(|| what("first candidates"), &found, &first.collect())?;
-        let outcome = searched.outcome(own)?;
+        let outcome = searched.outcome()?;
         let rest = (count - 1).saturating_sub(share);
         let blocks: Vec<u32> = (0..count).step_by(256).filter(|block| count - 1 - block > share).collect();
         let listed = (outcome.deferred_blocks as usize, outcome.deferred_max_tiles);
         same(|| what("blocks and shares"), &listed, &(blocks.len(), rest.div_ceil(share)))?;
-        let mut crowded = download::<u32>(own, &searched.crowded, blocks.len())?;
+        let mut crowded = searched.call.read::<u32>("deferred", blocks.len())?;
         crowded.sort_unstable();
         same(|| what("blocks"), &crowded, &blocks)?;
         few(own, &chosen)?;
@@ -166,12 +141,13 @@ fn few(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> 
     for (pair_capacity, largest) in [(pairs, count), (pairs, 0), (pairs / 2, count)] {
         let call =
             SearchParams { chunks_per_block, pair_capacity, consumer_workgroup_size: 64, ..chosen.call };
-        let searched = Searched::of(own, &ConfiguredCellList { call, ..chosen.clone() })?;
+        let limited = ConfiguredCellList { call, ..chosen.clone() };
+        let searched = Searched::of(own, &limited)?;
         let largest_at = 4 * u64::from(chosen.list.cells + 2);
-        own.queue.write_buffer(&searched.starts, largest_at, bytemuck::bytes_of(&largest));
+        own.queue.write_buffer(searched.call.buffer("starts"), largest_at, bytemuck::bytes_of(&largest));
         let groups = count.div_ceil(k::WORKGROUP_SIZE) * chunks_per_block;
-        run(own, &k::CELL_LIST_SEARCH, chosen.variant, groups, &searched.bound())?;
-        let outcome = searched.outcome(own)?;
+        searched.call.run(&k::CELL_LIST_SEARCH, chosen.variant, groups)?;
+        let outcome = searched.outcome()?;
         let found = [outcome.found_lo, outcome.overflow, outcome.dispatch_x, outcome.deferred_blocks];
         let overflow = if pair_capacity < pairs { Outcome::OVERFLOW_PAIRS } else { 0 };
         let expected = [pairs, overflow, pair_capacity.div_ceil(64), 0];
@@ -186,9 +162,9 @@ fn refused(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelErr
         let chosen = ConfiguredCellList { variant, ..chosen.clone() };
         let searched = Searched::of(own, &chosen)?;
         let before = Outcome { overflow, ..Outcome::zeroed() };
-        own.queue.write_buffer(&searched.outcome, 0, bytemuck::bytes_of(&before));
-        searched.first_shares(own, &chosen)?;
-        let is_searched = searched.outcome(own)? != before;
+        own.queue.write_buffer(searched.call.buffer("outcome"), 0, bytemuck::bytes_of(&before));
+        searched.first_shares()?;
+        let is_searched = searched.outcome()? != before;
         same(|| format!("search with overflow {overflow}"), &is_searched, &(overflow == 0))?;
     }
     Ok(())
@@ -203,23 +179,22 @@ pub(crate) fn cell_list_search_overflow_dispatch_args(own: &GpuDevice) -> Result
         for (begin, tiles_per_submission) in
             [(0, SearchParams::UNLIMITED), (0, 1 << 18), (blocks - 1, 1 << 18), (0, 1)]
         {
-            let call = upload(
-                own,
-                &[SearchParams {
-                    tiles_per_submission,
-                    candidates_per_invocation: k::CANDIDATES_PER_INVOCATION,
-                    ..SearchParams::zeroed()
-                }],
-            )?;
+            let call = SearchParams {
+                tiles_per_submission,
+                candidates_per_invocation: k::CANDIDATES_PER_INVOCATION,
+                ..SearchParams::zeroed()
+            };
             let listed = Outcome {
                 deferred_blocks: blocks,
                 deferred_max_tiles: shares,
                 deferred_end: begin,
                 ..Outcome::zeroed()
             };
-            let (outcome, dispatch) = (upload(own, &[listed])?, upload(own, &[0_u32; 4])?);
-            let bound = [("params", &call), ("outcome", &outcome), ("dispatch", &dispatch)];
-            run(own, &k::CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS, Default::default(), 1, &bound)?;
+            let call = KernelCall::new(own)
+                .with("params", &[call])?
+                .with("outcome", &[listed])?
+                .with("dispatch", &[0_u32; 4])?;
+            call.run(&k::CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS, Default::default(), 1)?;
             let left = blocks - begin;
             let taken = match tiles_per_submission {
                 SearchParams::UNLIMITED => left,
@@ -231,8 +206,8 @@ pub(crate) fn cell_list_search_overflow_dispatch_args(own: &GpuDevice) -> Result
                 )
             };
             let expected = Outcome { deferred_begin: begin, deferred_end: begin + taken, ..listed };
-            same(case, &download::<Outcome>(own, &outcome, 1)?[0], &expected)?;
-            let groups = download::<[u32; 3]>(own, &dispatch, 1)?[0];
+            same(case, &call.read_one::<Outcome>("outcome")?, &expected)?;
+            let groups = call.read_one::<[u32; 3]>("dispatch")?;
             same(case, &groups, &[shares, taken.min(65_535), taken.div_ceil(65_535)])?;
         }
     }

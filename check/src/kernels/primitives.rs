@@ -2,9 +2,10 @@ use lazygrid::gpu::{GpuDevice, KeyValueBuffers, PrefixScan, RadixSort};
 use lazygrid_kernels::kernel::{SCAN_ONCE, SCANNED_AT_ONCE};
 use lazygrid_kernels::layout::SortCounts;
 
+use super::kernel_call::KernelCall;
 use super::support::{KernelError, same, variants};
 use crate::Random;
-use crate::device::{download, run, submit, upload};
+use crate::device::{download, submit, upload};
 
 /// Around a workgroup, around a tile, and many tiles.
 pub const SIZES: [usize; 12] = [0, 1, 255, 256, 257, 2047, 2048, 2049, 4095, 4096, 4097, 300_000];
@@ -51,10 +52,10 @@ pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), KernelError> {
             let largest = values.iter().copied().max().unwrap_or(0);
             // Four are read at once, and the largest value follows.
             values.resize((size + 1).next_multiple_of(4), 0);
-            let lengths = upload(own, &[SortCounts { items: 0, counters: size as u32 }])?;
-            let buffer = upload(own, &values)?;
-            run(own, &SCAN_ONCE, variant, 1, &[("sort_counts", &lengths), ("values", &buffer)])?;
-            let found = download::<u32>(own, &buffer, size + 1)?;
+            let lengths = SortCounts { items: 0, counters: size as u32 };
+            let call = KernelCall::new(own).with("sort_counts", &[lengths])?.with("values", &values)?;
+            call.run(&SCAN_ONCE, variant, 1)?;
+            let found = call.read::<u32>("values", size + 1)?;
             let mut expected = scan_plain(&values[..size]).0;
             expected.push(largest);
             same(|| format!("{size} values, {variant:?}"), &found, &expected)?;

@@ -2,16 +2,16 @@ use lazygrid::gpu::GpuDevice;
 use lazygrid_kernels::kernel as k;
 use lazygrid_kernels::kernel::SubgroupProbe;
 
+use super::kernel_call::KernelCall;
 use super::support::{KernelError, same, variants};
-use crate::device::{download, run, upload};
 
 /// All invocations run, and subgroup sizes are reported if full.
 pub(crate) fn subgroup_probe(own: &GpuDevice) -> Result<(), KernelError> {
     let [least, most] = own.adapter.subgroup_sizes;
     for variant in variants(own) {
-        let probe = upload(own, &[SubgroupProbe::BEFORE])?;
-        run(own, &k::SUBGROUP_PROBE, variant, SubgroupProbe::WORKGROUPS, &[("probe", &probe)])?;
-        let found = download::<SubgroupProbe>(own, &probe, 1)?[0];
+        let call = KernelCall::new(own).with("probe", &[SubgroupProbe::BEFORE])?;
+        call.run(&k::SUBGROUP_PROBE, variant, SubgroupProbe::WORKGROUPS)?;
+        let found = call.read_one::<SubgroupProbe>("probe")?;
         let case = || format!("{found:?} of {variant:?}");
         same(case, &found.invocations, &(SubgroupProbe::WORKGROUPS * k::WORKGROUP_SIZE))?;
         match variant.subgroups {

@@ -8,8 +8,8 @@ use lazygrid_kernels::layout::{RadixPass, SearchParams, SortCounts};
 
 use super::cells::{CellListCase, ConfiguredCellList, LISTED, level_of, numbers};
 use super::division::Division;
+use super::kernel_call::KernelCall;
 use super::support::{KernelError, same};
-use crate::device::{download, run, upload, upload_one};
 use crate::{Random, TestInput};
 
 const SPHERES: u32 = 2000;
@@ -137,31 +137,24 @@ impl Reused<'_> {
     fn counted(&self, suits: bool, what: impl Fn() -> String) -> Result<Vec<u32>, KernelError> {
         let Self { own, chosen, count } = *self;
         let ConfiguredCellList { call, scenario, list, variant, division, .. } = chosen;
-        let (given, of_list, count) =
-            (upload(own, &[*call])?, upload_one(own, list)?, upload(own, &[count])?);
-        let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &[0_u32; 512])?);
-        let outcome = upload(own, &[Outcome::zeroed()])?;
-        let homes = upload(own, &vec![[0_u32; 2]; SPHERES as usize])?;
-        let starts = upload(own, &vec![0_u32; list.cells as usize + 2])?;
-        let species = division.upload(own, scenario.spheres.len())?;
-        let bound = species.and(&[
-            ("params", &given),
-            ("cell_list", &of_list),
-            ("count_source", &count),
-            ("spheres", &spheres),
-            ("occupancy", &density),
-            ("outcome", &outcome),
-            ("starts", &starts),
-            ("cell_ranks", &homes),
-        ]);
-        run(own, &k::CELLS_COUNT, *variant, SPHERES.div_ceil(k::WORKGROUP_SIZE), &bound)?;
-        let found = download::<[u32; 2]>(own, &homes, SPHERES as usize)?;
+        let call = KernelCall::new(own)
+            .with("params", &[*call])?
+            .with_layout("cell_list", list)?
+            .with("count_source", &[count])?
+            .with("spheres", &scenario.spheres)?
+            .with("occupancy", &[0_u32; 512])?
+            .with("outcome", &[Outcome::zeroed()])?
+            .with_zeros::<u32>("starts", list.cells as usize + 2)?
+            .with_zeros::<[u32; 2]>("cell_ranks", SPHERES as usize)?;
+        let call = division.bind(call, scenario.spheres.len())?;
+        call.run(&k::CELLS_COUNT, *variant, SPHERES.div_ceil(k::WORKGROUP_SIZE))?;
+        let found = call.read::<[u32; 2]>("cell_ranks", SPHERES as usize)?;
         let cells: Vec<u32> = found.into_iter().map(|[cell, _]| cell).collect();
         if suits {
             let of_each = |fused| chosen.homes(&[u32::MAX], fused).0;
             ConfiguredCellList::agrees(|| format!("cells: {}", what()), &cells, of_each)?;
         }
-        let overflow = download::<Outcome>(own, &outcome, 1)?[0].overflow;
+        let overflow = call.read_one::<Outcome>("outcome")?.overflow;
         same(|| format!("ranks: {}", what()), &overflow, &self.refusal(suits, &cells))?;
         Ok(cells)
     }
@@ -171,54 +164,37 @@ impl Reused<'_> {
         let Self { own, chosen, count } = *self;
         let ConfiguredCellList { call, scenario, list, variant, division, .. } = chosen;
         let tiles = SPHERES.div_ceil(k::RADIX_TILE);
-        let pass = upload(own, &[RadixPass { shift: 0, mask: 255, is_first: 1 }])?;
-        let lengths = upload(own, &[SortCounts { items: SPHERES, counters: 256 * tiles }])?;
-        let (given, of_list, count) =
-            (upload(own, &[*call])?, upload_one(own, list)?, upload(own, &[count])?);
-        let (spheres, density) = (upload(own, &scenario.spheres)?, upload(own, &[0_u32; 512])?);
         // Left by an earlier call.
         let before =
             Outcome { found_lo: 9, quarantined: 2, deferred_blocks: 4, dispatch_z: 1, ..Outcome::zeroed() };
-        let outcome = upload(own, &[before])?;
-        let keys = upload(own, &[0_u32; SPHERES as usize])?;
-        let counts = upload(own, &vec![0_u32; 256 * tiles as usize])?;
-        let species = division.upload(own, scenario.spheres.len())?;
-        let bound = species.and(&[
-            ("params", &given),
-            ("digit_pass", &pass),
-            ("cell_list", &of_list),
-            ("sort_counts", &lengths),
-            ("count_source", &count),
-            ("spheres", &spheres),
-            ("occupancy", &density),
-            ("outcome", &outcome),
-            ("keys", &keys),
-            ("counts", &counts),
-        ]);
-        run(own, &k::CELLS_KEY, *variant, tiles, &bound)?;
-        same(&what, &download::<u32>(own, &keys, SPHERES as usize)?, &cells.to_vec())?;
-        let overflow = download::<Outcome>(own, &outcome, 1)?[0].overflow;
+        let call = KernelCall::new(own)
+            .with("params", &[*call])?
+            .with("digit_pass", &[RadixPass { shift: 0, mask: 255, is_first: 1 }])?
+            .with_layout("cell_list", list)?
+            .with("sort_counts", &[SortCounts { items: SPHERES, counters: 256 * tiles }])?
+            .with("count_source", &[count])?
+            .with("spheres", &scenario.spheres)?
+            .with("occupancy", &[0_u32; 512])?
+            .with("outcome", &[before])?
+            .with_zeros::<u32>("keys", SPHERES as usize)?
+            .with_zeros::<u32>("counts", 256 * tiles as usize)?;
+        let call = division.bind(call, scenario.spheres.len())?;
+        call.run(&k::CELLS_KEY, *variant, tiles)?;
+        same(&what, &call.read::<u32>("keys", SPHERES as usize)?, &cells.to_vec())?;
+        let overflow = call.read_one::<Outcome>("outcome")?.overflow;
         same(|| format!("keys: {}", what()), &overflow, &if suits { 0 } else { Outcome::OVERFLOW_LAYOUT })?;
 
         let mut order: Vec<u32> = (0..SPHERES).collect();
         order.sort_by_key(|&id| cells[id as usize]);
         let sorted_cells: Vec<u32> = order.iter().map(|&id| cells[id as usize]).collect();
-        let (order, in_order) = (upload(own, &order)?, upload(own, &sorted_cells)?);
-        let sorted = upload(own, &[[0_u32; 4]; SPHERES as usize])?;
-        let sorted_species = upload(own, &[0_u32; SPHERES as usize])?;
-        let bound = species.and(&[
-            ("params", &given),
-            ("cell_list", &of_list),
-            ("spheres", &spheres),
-            ("cells", &in_order),
-            ("order", &order),
-            ("sorted", &sorted),
-            ("outcome", &outcome),
-            ("sorted_species", &sorted_species),
-        ]);
-        run(own, &k::SPHERES_GATHER, *variant, SPHERES.div_ceil(k::WORKGROUP_SIZE), &bound)?;
+        let call = call
+            .with("cells", &sorted_cells)?
+            .with("order", &order)?
+            .with_zeros::<[u32; 4]>("sorted", SPHERES as usize)?
+            .with_zeros::<u32>("sorted_species", SPHERES as usize)?;
+        call.run(&k::SPHERES_GATHER, *variant, SPHERES.div_ceil(k::WORKGROUP_SIZE))?;
         let expected = begun(self.refusal(suits, cells));
-        same(|| format!("gathered: {}", what()), &download::<Outcome>(own, &outcome, 1)?[0], &expected)
+        same(|| format!("gathered: {}", what()), &call.read_one::<Outcome>("outcome")?, &expected)
     }
 }
 

@@ -1,32 +1,24 @@
 use bytemuck::Zeroable;
-use lazygrid::gpu::{GpuDevice, Outcome, wgpu};
+use lazygrid::gpu::{GpuDevice, Outcome};
 use lazygrid::{Pair, Sphere};
 use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{Grid, SearchParams, SortCounts};
 
+use super::kernel_call::KernelCall;
 use super::support::{KernelError, same};
 use crate::Random;
-use crate::device::{download, run, run_over, upload, upload_one};
 
 const PAIR_CAPACITY: u32 = 1 << 21;
 const NEAR: u32 = 256;
 
-struct Runs {
-    call: wgpu::Buffer,
-    grid: wgpu::Buffer,
-    lengths: wgpu::Buffer,
-    keys: wgpu::Buffer,
-    objects: wgpu::Buffer,
-    spheres: wgpu::Buffer,
-    outcome: wgpu::Buffer,
-    pairs: wgpu::Buffer,
-    crowded: wgpu::Buffer,
+struct Runs<'a> {
+    call: KernelCall<'a>,
     groups: u32,
 }
 
-impl Runs {
+impl<'a> Runs<'a> {
     /// One entry per sphere, in its first cell on all axes.
-    fn of(own: &GpuDevice, spheres: &[Sphere], keys: &[u32], passive: u32) -> Result<Self, KernelError> {
+    fn of(own: &'a GpuDevice, spheres: &[Sphere], keys: &[u32], passive: u32) -> Result<Self, KernelError> {
         let count = keys.len() as u32;
         let call = SearchParams {
             pair_capacity: PAIR_CAPACITY,
@@ -37,49 +29,32 @@ impl Runs {
         };
         let grid = Grid { spheres: count, passive, split_policy: 2 * passive, ..Grid::zeroed() };
         let objects: Vec<u32> = (0..count).map(|entry| entry | 7 << 29).collect();
-        Ok(Self {
-            call: upload(own, &[call])?,
-            grid: upload_one(own, &grid)?,
-            lengths: upload(own, &[SortCounts { items: count, ..SortCounts::zeroed() }])?,
-            keys: upload(own, keys)?,
-            objects: upload(own, &objects)?,
-            spheres: upload(own, spheres)?,
-            outcome: upload(own, &[Outcome::zeroed()])?,
-            pairs: upload(own, &vec![Pair::zeroed(); PAIR_CAPACITY as usize])?,
-            crowded: upload(own, &vec![0_u32; keys.len().div_ceil(256)])?,
-            groups: count.div_ceil(256),
-        })
+        let call = KernelCall::new(own)
+            .with("params", &[call])?
+            .with_layout("grid", &grid)?
+            .with("sort_counts", &[SortCounts { items: count, ..SortCounts::zeroed() }])?
+            .with("keys", keys)?
+            .with("objects", &objects)?
+            .with("spheres", spheres)?
+            .with("outcome", &[Outcome::zeroed()])?
+            .with_zeros::<Pair>("pairs", PAIR_CAPACITY as usize)?
+            .with_zeros::<u32>("deferred", keys.len().div_ceil(256))?
+            .with_zeros::<u32>("dispatch", 4)?;
+        Ok(Self { call, groups: count.div_ceil(256) })
     }
 
-    fn bound(&self) -> [(&'static str, &wgpu::Buffer); 9] {
-        [
-            ("params", &self.call),
-            ("grid", &self.grid),
-            ("sort_counts", &self.lengths),
-            ("keys", &self.keys),
-            ("objects", &self.objects),
-            ("spheres", &self.spheres),
-            ("outcome", &self.outcome),
-            ("pairs", &self.pairs),
-            ("deferred", &self.crowded),
-        ]
+    fn search(&self) -> Result<(), KernelError> {
+        Ok(self.call.run(&k::RUNS_SEARCH_NEAR, Variant::default(), self.groups)?)
     }
 
-    fn search(&self, own: &GpuDevice) -> Result<(), KernelError> {
-        Ok(run(own, &k::RUNS_SEARCH_NEAR, Variant::default(), self.groups, &self.bound())?)
+    fn search_crowded(&self, variant: Variant) -> Result<(), KernelError> {
+        self.call.run(&k::RUNS_SEARCH_FAR_DISPATCH_ARGS, variant, 1)?;
+        Ok(self.call.run_over(&k::RUNS_SEARCH_FAR, variant, self.call.read_one("dispatch")?)?)
     }
 
-    fn search_crowded(&self, own: &GpuDevice, variant: Variant) -> Result<(), KernelError> {
-        let dispatch = upload(own, &[0_u32; 4])?;
-        let bound = [("params", &self.call), ("outcome", &self.outcome), ("dispatch", &dispatch)];
-        run(own, &k::RUNS_SEARCH_FAR_DISPATCH_ARGS, variant, 1, &bound)?;
-        let groups = download::<[u32; 3]>(own, &dispatch, 1)?[0];
-        Ok(run_over(own, &k::RUNS_SEARCH_FAR, variant, groups, &self.bound())?)
-    }
-
-    fn pairs(&self, own: &GpuDevice) -> Result<Vec<Pair>, KernelError> {
-        let found = download::<Outcome>(own, &self.outcome, 1)?[0].found();
-        let mut pairs = download::<Pair>(own, &self.pairs, found as usize)?;
+    fn pairs(&self) -> Result<Vec<Pair>, KernelError> {
+        let found = self.call.read_one::<Outcome>("outcome")?.found();
+        let mut pairs = self.call.read::<Pair>("pairs", found as usize)?;
         pairs.sort_unstable();
         Ok(pairs)
     }
@@ -98,12 +73,12 @@ pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
         let keys: Vec<u32> = (0..count).map(of).collect();
         let spheres = vec![Sphere::new([0.0; 3], 1.0); count as usize];
         let runs = Runs::of(own, &spheres, &keys, passive)?;
-        runs.search(own)?;
+        runs.search()?;
         let expected = (0..count)
             .flat_map(|i| (i + 1..count).map(move |j| Pair { i, j }))
             .filter(|pair| pair.i / run_length == pair.j / run_length && pair.i % run_length < actives);
         let case = || format!("{actives} active, {passives} passive");
-        same(case, &runs.pairs(own)?, &expected.collect())?;
+        same(case, &runs.pairs()?, &expected.collect())?;
     }
     Ok(())
 }
@@ -128,12 +103,12 @@ pub(crate) fn runs_search_far(own: &GpuDevice) -> Result<(), KernelError> {
                 .flat_map(|i| (i + 1..count).filter(move |&j| touch(i, j)).map(move |j| Pair { i, j }))
                 .collect();
             let runs = Runs::of(own, &spheres, &keys, 0)?;
-            runs.search(own)?;
+            runs.search()?;
             let near = expected.iter().filter(|pair| pair.j - pair.i <= NEAR).copied().collect();
             let case = |what: &str| format!("{what}, runs of {lengths:?}, {variant:?}");
-            same(|| case("near ones"), &runs.pairs(own)?, &near)?;
-            runs.search_crowded(own, variant)?;
-            same(|| case("all"), &runs.pairs(own)?, &expected)?;
+            same(|| case("near ones"), &runs.pairs()?, &near)?;
+            runs.search_crowded(variant)?;
+            same(|| case("all"), &runs.pairs()?, &expected)?;
         }
     }
     Ok(())

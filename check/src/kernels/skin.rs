@@ -4,9 +4,9 @@ use lazygrid::{Pair, Space, Sphere};
 use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{SearchParams, SkinParams};
 
+use super::kernel_call::KernelCall;
 use super::support::{KernelError, SIZES, same};
 use crate::Random;
-use crate::device::{download, run, run_over, upload};
 use crate::scenes::periodic;
 
 /// A skin of 0.5, whose whole half is the displacement limit.
@@ -74,20 +74,15 @@ pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
         ] {
             let (call, variant) = call(size, space);
             let kept: Vec<[f32; 4]> = then.iter().map(widened).collect();
-            let (call, skin, count) =
-                (upload(own, &[call])?, upload(own, &[SKIN])?, upload(own, &[size as u32])?);
-            let (now, kept) = (upload(own, &now)?, upload(own, &kept)?);
-            let state = upload(own, &[SkinState::zeroed()])?;
-            let bound = [
-                ("params", &call),
-                ("skin", &skin),
-                ("count_source", &count),
-                ("spheres", &now),
-                ("reference", &kept),
-                ("state", &state),
-            ];
-            run(own, &k::SKIN_DISPLACEMENT, variant, size.div_ceil(256) as u32, &bound)?;
-            let found = download::<SkinState>(own, &state, 1)?[0];
+            let call = KernelCall::new(own)
+                .with("params", &[call])?
+                .with("skin", &[SKIN])?
+                .with("count_source", &[size as u32])?
+                .with("spheres", &now)?
+                .with("reference", &kept)?
+                .with("state", &[SkinState::zeroed()])?;
+            call.run(&k::SKIN_DISPLACEMENT, variant, size.div_ceil(256) as u32)?;
+            let found = call.read_one::<SkinState>("state")?;
             let case = || format!("{size} spheres in {lengths:?}");
             same(case, &found.input_changed, &changed)?;
             if changed == 0 {
@@ -118,21 +113,15 @@ pub(crate) fn skin_check(own: &GpuDevice) -> Result<(), KernelError> {
         let is_rebuilt = rebuilt != 0;
         for steps in [1, 20, 70] {
             let full: Vec<u32> = (1..=3 * steps).collect();
-            let (call, _) = call(12, Space::UNBOUNDED);
-            let (call, skin, count) = (upload(own, &[call])?, upload(own, &[SKIN])?, upload(own, &[10_u32])?);
-            let (given, full_given) = (upload(own, &[state])?, upload(own, &full)?);
-            let (gate, dispatch) =
-                (upload(own, &vec![7_u32; 3 * steps as usize])?, upload(own, &[7_u32; 4])?);
-            let bound = [
-                ("params", &call),
-                ("skin", &skin),
-                ("count_source", &count),
-                ("state", &given),
-                ("full_counts", &full_given),
-                ("dispatch_counts", &gate),
-                ("dispatch", &dispatch),
-            ];
-            run(own, &k::SKIN_CHECK, Variant::default(), 1, &bound)?;
+            let call = KernelCall::new(own)
+                .with("params", &[call(12, Space::UNBOUNDED).0])?
+                .with("skin", &[SKIN])?
+                .with("count_source", &[10_u32])?
+                .with("state", &[state])?
+                .with("full_counts", &full)?
+                .with("dispatch_counts", &vec![7_u32; 3 * steps as usize])?
+                .with("dispatch", &[7_u32; 4])?;
+            call.run(&k::SKIN_CHECK, Variant::default(), 1)?;
             let case = || format!("{state:?}, {steps} dispatches");
             let expected = SkinState {
                 displacement: 0,
@@ -144,11 +133,11 @@ pub(crate) fn skin_check(own: &GpuDevice) -> Result<(), KernelError> {
                 is_complete: u32::from(!is_rebuilt),
                 ..state
             };
-            same(case, &download::<SkinState>(own, &given, 1)?[0], &expected)?;
+            same(case, &call.read_one::<SkinState>("state")?, &expected)?;
             let gated = if is_rebuilt { full } else { vec![0; 3 * steps as usize] };
-            same(case, &download::<u32>(own, &gate, 3 * steps as usize)?, &gated)?;
+            same(case, &call.read::<u32>("dispatch_counts", 3 * steps as usize)?, &gated)?;
             let further = if is_rebuilt { [7; 3] } else { [0; 3] };
-            same(case, &download::<[u32; 3]>(own, &dispatch, 1)?[0], &further)?;
+            same(case, &call.read_one::<[u32; 3]>("dispatch")?, &further)?;
         }
     }
     Ok(())
@@ -163,19 +152,16 @@ pub(crate) fn skin_store_reference(own: &GpuDevice) -> Result<(), KernelError> {
         let state = SkinState { spheres: size as u32, rebuild_reason: rebuilt, ..SkinState::zeroed() };
         let before = vec![[7.0_f32; 4]; size];
         let (call, variant) = call(size, Space::UNBOUNDED);
-        let (call, skin) = (upload(own, &[call])?, upload(own, &[SKIN])?);
-        let (input, state, kept) = (upload(own, &given)?, upload(own, &[state])?, upload(own, &before)?);
-        let bound = [
-            ("params", &call),
-            ("skin", &skin),
-            ("spheres", &input),
-            ("state", &state),
-            ("reference", &kept),
-        ];
-        run(own, &k::SKIN_STORE_REFERENCE, variant, size.div_ceil(256) as u32, &bound)?;
+        let call = KernelCall::new(own)
+            .with("params", &[call])?
+            .with("skin", &[SKIN])?
+            .with("spheres", &given)?
+            .with("state", &[state])?
+            .with("reference", &before)?;
+        call.run(&k::SKIN_STORE_REFERENCE, variant, size.div_ceil(256) as u32)?;
         let expected = if rebuilt != 0 { given.iter().map(widened).collect() } else { before };
         let case = || format!("{size} spheres, rebuilt {rebuilt}");
-        same(case, &download::<[f32; 4]>(own, &kept, size)?, &expected)?;
+        same(case, &call.read::<[f32; 4]>("reference", size)?, &expected)?;
     }
     Ok(())
 }
@@ -193,23 +179,17 @@ pub(crate) fn candidates_test_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
         (7, 0, entries, 10),
         (7, 0, Outcome::OVERFLOW_SPHERES, 13),
     ] {
-        let (call, _) = call(12, Space::UNBOUNDED);
-        let skin = SkinParams { candidate_capacity: most, ..SKIN };
         let of_search =
             Outcome { found_lo: low, found_hi: high, overflow, quarantined: 3, ..Outcome::zeroed() };
-        let (call, skin, count) = (upload(own, &[call])?, upload(own, &[skin])?, upload(own, &[given])?);
-        let (found, state) = (upload(own, &[of_search])?, upload(own, &[SkinState::zeroed()])?);
-        let (outcome, dispatch) = (upload(own, &[Outcome::zeroed()])?, upload(own, &[0_u32; 4])?);
-        let bound = [
-            ("params", &call),
-            ("skin", &skin),
-            ("count_source", &count),
-            ("found", &found),
-            ("state", &state),
-            ("outcome", &outcome),
-            ("dispatch", &dispatch),
-        ];
-        run(own, &k::CANDIDATES_TEST_DISPATCH_ARGS, Variant::default(), 1, &bound)?;
+        let call = KernelCall::new(own)
+            .with("params", &[call(12, Space::UNBOUNDED).0])?
+            .with("skin", &[SkinParams { candidate_capacity: most, ..SKIN }])?
+            .with("count_source", &[given])?
+            .with("found", &[of_search])?
+            .with("state", &[SkinState::zeroed()])?
+            .with("outcome", &[Outcome::zeroed()])?
+            .with("dispatch", &[0_u32; 4])?;
+        call.run(&k::CANDIDATES_TEST_DISPATCH_ARGS, Variant::default(), 1)?;
         let full = of_search.found() > most.into();
         let lost = (overflow & entries) | if full { Outcome::OVERFLOW_CANDIDATES } else { 0 };
         let more = if given > 12 { Outcome::OVERFLOW_SPHERES } else { 0 };
@@ -222,11 +202,11 @@ pub(crate) fn candidates_test_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
             ..Outcome::zeroed()
         };
         let case = || format!("{of_search:?}, {given} spheres");
-        same(case, &download::<Outcome>(own, &outcome, 1)?[0], &expected)?;
+        same(case, &call.read_one::<Outcome>("outcome")?, &expected)?;
         let written = if full { most } else { low };
-        let state = download::<SkinState>(own, &state, 1)?[0];
+        let state = call.read_one::<SkinState>("state")?;
         same(case, &(state.is_complete, state.candidates), &(u32::from(lost == 0), written))?;
-        let [x, y, z] = download::<[u32; 3]>(own, &dispatch, 1)?[0];
+        let [x, y, z] = call.read_one::<[u32; 3]>("dispatch")?;
         let enough = x <= 65_535 && x * y >= written.div_ceil(256) && x * y < written.div_ceil(256) + 65_536;
         same(case, &(enough && y > 0 && z == 1), &true)?;
     }
@@ -257,23 +237,18 @@ pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
         };
         let state = SkinState { candidates: candidates.len() as u32, ..SkinState::zeroed() };
         let groups = (candidates.len() as u32).div_ceil(256);
-        let (call, candidates) = (upload(own, &[call])?, upload(own, &candidates)?);
-        let (state, input) = (upload(own, &[state])?, upload(own, &given)?);
-        let (outcome, pairs) =
-            (upload(own, &[Outcome::zeroed()])?, upload(own, &vec![Pair::zeroed(); capacity as usize])?);
-        let bound = [
-            ("params", &call),
-            ("candidates", &candidates),
-            ("state", &state),
-            ("spheres", &input),
-            ("outcome", &outcome),
-            ("pairs", &pairs),
-        ];
-        run_over(own, &k::CANDIDATES_TEST, variant, [groups.div_ceil(2) + 1, 2, 1], &bound)?;
-        let found = download::<Outcome>(own, &outcome, 1)?[0].found();
+        let call = KernelCall::new(own)
+            .with("params", &[call])?
+            .with("candidates", &candidates)?
+            .with("state", &[state])?
+            .with("spheres", &given)?
+            .with("outcome", &[Outcome::zeroed()])?
+            .with_zeros::<Pair>("pairs", capacity as usize)?;
+        call.run_over(&k::CANDIDATES_TEST, variant, [groups.div_ceil(2) + 1, 2, 1])?;
+        let found = call.read_one::<Outcome>("outcome")?.found();
         let case = || format!("{lengths:?}, {window:?}, capacity {capacity}");
         same(case, &found, &(expected.len() as u64))?;
-        let mut listed = download::<Pair>(own, &pairs, capacity.min(found as u32) as usize)?;
+        let mut listed = call.read::<Pair>("pairs", capacity.min(found as u32) as usize)?;
         listed.sort_unstable();
         let is_full = expected.len() > capacity as usize;
         let distinct = listed.windows(2).all(|two| two[0] < two[1])
