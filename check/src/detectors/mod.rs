@@ -1,7 +1,7 @@
 //! Checks of whole detectors against the definition.
 
 pub mod compare;
-pub mod fuzz;
+pub mod results;
 pub mod sequence;
 
 mod variant;

@@ -7,7 +7,8 @@ pub enum Tolerance {
     /// For the CPU.
     Exact,
     /// For the GPU: pairs within 4 ulp of tangency, relative to the squared cutoff, may be missing or extra; in a
-    /// periodic space within 5 ulp, because a distance across the boundary is a sum of two. Triclinic cells are exact.
+    /// periodic space within 5 ulp, because a distance across the boundary is a sum of two. Points and triclinic cells
+    /// are exact.
     Tangent,
 }
 
@@ -23,7 +24,10 @@ impl Tolerance {
         match (self, scenario.reach(i, j)) {
             (Self::Exact, _) | (_, None) => false,
             (Self::Tangent, Some(reach)) => {
-                (scenario.distance_squared(i, j) - reach * reach).abs() <= ulps * reach * reach
+                let limit = reach * reach;
+                limit > 0.0
+                    && limit.is_finite()
+                    && (scenario.distance_squared(i, j) - limit).abs() <= ulps * limit
             }
         }
     }

@@ -149,6 +149,34 @@ impl TestInput {
         })
     }
 
+    /// Returns all pairs of valid spheres in canonical order.
+    pub fn oracle_of_valid(&self) -> Vec<Pair> {
+        let is_valid = |k: &usize| self.spheres[*k].is_valid();
+        let ids: Vec<u32> = (0..self.spheres.len()).filter(is_valid).map(|k| k as u32).collect();
+        let pairs = self.only(|k| is_valid(&k)).oracle().into_iter();
+        pairs.map(|pair| Pair { i: ids[pair.i as usize], j: ids[pair.j as usize] }).collect()
+    }
+
+    /// Returns all pairs in canonical order, in a periodic or unbounded space by `d − L·round(d/L)` on each periodic axis,
+    /// of coordinates reduced by whole lengths (by exact remainders). Shares no code with [`Space`].
+    pub fn rounding_oracle(&self) -> Vec<Pair> {
+        let lengths = self.space.lengths();
+        self.pairs_by(|i, j, _| {
+            let (a, b) = (self.spheres[i].center, self.spheres[j].center);
+            (0..3).fold(0.0, |sum, axis| {
+                let (a, b) = (f64::from(a[axis]), f64::from(b[axis]));
+                let d = match lengths[axis] {
+                    Some(length) => {
+                        let d = a % length - b % length;
+                        d - length * (d / length).round()
+                    }
+                    None => a - b,
+                };
+                sum + d * d
+            })
+        })
+    }
+
     /// Returns all pairs in canonical order. `apart` returns the squared distance of two spheres, or any larger value
     /// beyond the given cutoff.
     pub fn pairs_by(&self, apart: impl Fn(usize, usize, f64) -> f64) -> Vec<Pair> {

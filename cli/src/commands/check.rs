@@ -7,7 +7,6 @@ use indicatif::ProgressBar;
 use lazygrid::Error;
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid_check::detectors::compare::{self, FailedCase, Pace, SceneCase};
-use lazygrid_check::detectors::fuzz::Round;
 use lazygrid_check::detectors::sequence::{Sequence, Tally};
 use lazygrid_check::kernels::CHECKS;
 use lazygrid_check::{DetectorVariant, Gpu, catch_panic};
@@ -255,7 +254,7 @@ impl Work<'_> {
     /// Runs a seed's round and sequence of calls. Returns the number of wrong ones.
     fn round(&self, seed: u64, tally: &mut Tally, report: &mut Report) -> usize {
         let (gpu, has_gpu) = (self.gpu.as_ref(), self.gpu.is_some());
-        let round = Round::drawn(seed, self.on_cpu, has_gpu).check(gpu, TRIES);
+        let round = Sequence::round(seed, self.on_cpu, has_gpu).check(gpu, TRIES, &mut Tally::default());
         let sequence = Sequence::drawn(seed, self.on_cpu, has_gpu).check(gpu, TRIES, tally);
         let faults: Vec<_> = round.into_iter().chain(sequence).collect();
         let wrong = faults.len();

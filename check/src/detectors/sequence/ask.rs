@@ -4,10 +4,10 @@ use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 
-use lazygrid::{Detector, Error, Exclusions, Neighbors, Pair, Query, Sphere, Spheres};
+use lazygrid::{Detector, Error, Exclusions, Pair, Query, Sphere, Spheres};
 
 use crate::TestInput;
-use crate::detectors::fuzz::pairs_of;
+use crate::detectors::results::{pairs_across, pairs_among};
 use crate::detectors::variant::text;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -88,6 +88,13 @@ fn wide_rows(spheres: &[Sphere]) -> Vec<[f64; 4]> {
 }
 
 impl Ask {
+    /// Returns `true` for a query of all spheres to the end, in rows.
+    pub(super) fn is_plain(&self) -> bool {
+        let ends_early = matches!(self.output, Output::Stream { ending, .. } if ending != Ending::All);
+        let is_changed = self.is_stopped || self.has_foreign_exclusions || ends_early;
+        self.split.is_none() && self.layout == Layout::Rows && !is_changed
+    }
+
     /// Then clears `stop`. An answer that contradicts itself is an error.
     pub(super) fn answer(
         &self,
@@ -129,8 +136,10 @@ impl Ask {
             Output::Neighbors => match detector.neighbors(query) {
                 Err(error) => Ok(Answer::Refused(error)),
                 Ok(lists) if lists.len() != first => Err(format!("{} lists of {first} spheres", lists.len())),
-                Ok(lists) if self.split.is_some() => forward(&lists, split).map(Answer::Pairs),
-                Ok(lists) => pairs_of(n, |i| lists.neighbors_of(i)).map(Answer::Pairs),
+                Ok(lists) if self.split.is_some() => {
+                    pairs_across(&lists).map(|pairs| Answer::Pairs(among_all(pairs, split)))
+                }
+                Ok(lists) => pairs_among(n, |i| lists.neighbors_of(i)).map(Answer::Pairs),
             },
             Output::Stream { chunk, ending } => {
                 streamed(chunk, ending, split, stop, |consume| detector.stream(query, chunk, consume))
@@ -181,17 +190,6 @@ fn counted(count: Result<u64, Error>) -> Result<Answer, String> {
 fn among_all(mut pairs: Vec<Pair>, first: usize) -> Vec<Pair> {
     pairs.iter_mut().for_each(|pair| pair.j = pair.j.wrapping_add(first as u32));
     pairs
-}
-
-fn forward(lists: &Neighbors<'_>, split: usize) -> Result<Vec<Pair>, String> {
-    if lists.len() != split {
-        return Err(format!("{} lists of {split} spheres", lists.len()));
-    }
-    if let Some(i) = (0..split).find(|&i| !lists.neighbors_of(i).is_sorted()) {
-        return Err(format!("the neighbors of {i} do not ascend"));
-    }
-    let of = |i: usize| lists.neighbors_of(i).iter().map(move |&j| Pair { i: i as u32, j });
-    Ok(among_all((0..split).flat_map(of).collect(), split))
 }
 
 impl Received {

@@ -120,8 +120,8 @@ mod tests {
     #[test]
     fn definition_matches_the_oracle() {
         let (mut pairs_seen, mut triclinic) = (0, 0);
-        for seed in 0..400 {
-            let sequence = Sequence::drawn(seed, true, false);
+        let drawn = |seed| [Sequence::drawn(seed, true, false), Sequence::round(seed, true, false)];
+        for sequence in (0..400).flat_map(drawn) {
             let is_valid = |scenario: &&TestInput| {
                 let is_known = |mixture: &crate::SpeciesSetup| {
                     mixture.species.iter().all(|&id| (id as usize) < mixture.rows.len())

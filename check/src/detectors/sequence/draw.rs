@@ -4,13 +4,13 @@ use lazygrid::{Algorithm, Interaction, Order, Skin, Space, Sphere};
 use super::ask::{Ask, Ending, Layout, Output};
 use super::events::World;
 use super::faults::spoil;
+use super::round;
 use super::{Sequence, Settings, Step};
-use crate::detectors::fuzz::draw as rounds;
 use crate::detectors::variant::TargetDevice;
 use crate::scenes::{hard, periodic, triclinic};
 use crate::{DetectorVariant, Random, SceneSeed, SpeciesSetup, TestInput};
 
-/// Makes a sequence unrelated to the [round](crate::detectors::fuzz::Round) of the same seed.
+/// Makes a sequence unrelated to the [round](Sequence::round) of the same seed.
 const OTHER: u64 = 0x5e90_e4ce;
 /// First of the eight kinds of spaces with tilted cell vectors.
 const TRICLINIC: u32 = 6;
@@ -39,7 +39,7 @@ pub(super) fn sequence(seed: u64, variant: impl FnOnce(&mut Random) -> DetectorV
 
 /// Mostly with an algorithm that keeps candidates.
 pub(super) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> DetectorVariant {
-    let variant = rounds::variant(random, on_cpu, on_gpu);
+    let variant = round::variant(random, on_cpu, on_gpu);
     let keeper = [Algorithm::Auto, Algorithm::CellList][random.below(2) as usize];
     let threads = [Some(1), Some(1), None, None, None, Some(2), Some(2), Some(7)][random.below(8) as usize];
     let target = match variant.target {

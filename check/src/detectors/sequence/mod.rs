@@ -7,11 +7,11 @@ use std::fmt;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use lazygrid::{Config, Detector, Interaction, Interactions, Order, Skin, Space};
+use lazygrid::{Config, Detector, Interaction, Order, Skin, Space};
 
 use crate::detectors::compare::FailedCase;
 use crate::detectors::variant::{TargetDevice, text};
-use crate::{DetectorVariant, Gpu, TestInput, catch_panic};
+use crate::{DetectorVariant, Gpu, SpeciesSetup, TestInput, catch_panic};
 
 mod ask;
 mod definition;
@@ -19,11 +19,12 @@ mod draw;
 mod events;
 mod faults;
 mod reduce;
+mod round;
 #[cfg(test)]
 mod tests;
 mod verifier;
 
-use ask::{Answer, Ask};
+use ask::{Answer, Ask, Output};
 use verifier::Verifier;
 
 #[derive(Clone, Debug)]
@@ -67,6 +68,11 @@ impl Sequence {
         draw::sequence(seed, |random| draw::variant(random, on_cpu, on_gpu))
     }
 
+    /// Draws at most six calls, most of them with unrelated scenes, from all families of scenes.
+    pub fn round(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
+        round::round(seed, on_cpu, on_gpu)
+    }
+
     pub fn drawn_for(seed: u64, variant: DetectorVariant) -> Self {
         draw::sequence(seed, |_| variant)
     }
@@ -79,7 +85,27 @@ impl Sequence {
         let again = |sequence: &Self| sequence.run_guarded(gpu, &mut Tally::default());
         let (sequence, (_, what)) = reduce::reduce(self, wrong, tries, again);
         let scenario = sequence.steps.last().map(|step| step.scenario.clone());
-        Some(FailedCase { name: sequence.to_string(), what, scenario, ..FailedCase::default() })
+        let (name, options) = (sequence.to_string(), sequence.options(gpu));
+        let environment = sequence.settings.variant.environment();
+        Some(FailedCase { name, what, scenario, options, environment })
+    }
+
+    /// Options of `lazygrid detect` that repeat the only call; empty if others precede it or no option repeats it.
+    fn options(&self, gpu: Option<&Gpu>) -> String {
+        let Settings { variant, skin, order, max_pairs, .. } = &self.settings;
+        let own = variant.options(gpu);
+        let [Step { scenario, ask, .. }] = &self.steps[..] else { return String::new() };
+        if own.is_empty() || *skin != Skin::Auto || scenario.mixture.is_some() || !ask.is_plain() {
+            return String::new();
+        }
+        let unordered = if *order == Order::Unordered { " --unordered" } else { "" };
+        match ask.output {
+            Output::Count => own + " --count",
+            Output::Neighbors => format!("{own} --neighbors --max-pairs {max_pairs} -o neighbors.csv"),
+            Output::List | Output::Stream { .. } => {
+                format!("{own}{unordered} --max-pairs {max_pairs} -o pairs.csv")
+            }
+        }
     }
 
     fn run_guarded(&self, gpu: Option<&Gpu>, tally: &mut Tally) -> Result<(), Wrong> {
@@ -125,13 +151,8 @@ impl Settings {
     fn config(&self, gpu: Option<&Gpu>) -> Result<Config, String> {
         let config = self.variant.config(gpu).skin(self.skin).order(self.order).max_pairs(self.max_pairs);
         let config = if self.space.is_periodic() { config.space(self.space) } else { config };
-        let Some(rows) = &self.rows else { return Ok(config) };
-        let mut table = Interactions::new(rows.len() as u32, Interaction::Never).map_err(text)?;
-        for (a, row) in rows.iter().enumerate() {
-            for (b, &interaction) in row.iter().enumerate() {
-                table.set(a as u32, b as u32, interaction).map_err(text)?;
-            }
-        }
+        let Some(rows) = self.rows.clone() else { return Ok(config) };
+        let table = SpeciesSetup { species: Vec::new(), rows }.interactions().map_err(text)?;
         Ok(config.interactions(table))
     }
 
@@ -158,11 +179,7 @@ impl fmt::Display for Sequence {
             (true, false) => "periodic",
             (false, _) => "unbounded",
         };
-        write!(
-            f,
-            "fuzz seed {}: sequence, {variant}, {skin:?}, {order:?}, at most {max_pairs} pairs, ",
-            self.seed
-        )?;
+        write!(f, "fuzz seed {}: {variant}, {skin:?}, {order:?}, at most {max_pairs} pairs, ", self.seed)?;
         write!(f, "{space} space")?;
         rows.as_ref().map_or(Ok(()), |rows| write!(f, ", interactions {rows:?}"))?;
         for (k, Step { scenario, changes, ask }) in self.steps.iter().enumerate() {

@@ -1,6 +1,6 @@
 use super::ask::Layout;
 use super::{Sequence, Step, Wrong};
-use crate::TestInput;
+use crate::{TestInput, shrink};
 
 /// Tries at most `tries` runs.
 pub(super) fn reduce(
@@ -24,6 +24,7 @@ pub(super) fn reduce(
     });
     best.attempt_each(|step| step.ask.layout = Layout::Rows);
     best.drop_spheres();
+    best.shrink_last();
     (best.sequence, best.wrong)
 }
 
@@ -66,7 +67,7 @@ impl<R: Fn(&Sequence) -> Result<(), Wrong>> Best<R> {
                 let gone = from..from + group;
                 let mut smaller = self.sequence.clone();
                 for Step { scenario, ask, .. } in &mut smaller.steps {
-                    *scenario = without(scenario, &gone);
+                    *scenario = scenario.only(|k| !gone.contains(&k));
                     ask.split = ask.split.map(|split| split - split.min(gone.end).saturating_sub(gone.start));
                 }
                 if !self.attempt(smaller) {
@@ -76,8 +77,18 @@ impl<R: Fn(&Sequence) -> Result<(), Wrong>> Best<R> {
             group /= 2;
         }
     }
-}
 
-fn without(scenario: &TestInput, gone: &std::ops::Range<usize>) -> TestInput {
-    scenario.only(|k| !gone.contains(&k))
+    /// Removes spheres from the last call alone, and rounds their numbers.
+    fn shrink_last(&mut self) {
+        let last = self.sequence.steps.len() - 1;
+        let mut smaller = self.sequence.clone();
+        let failing = |scenario: &TestInput| {
+            smaller.steps[last].scenario = scenario.clone();
+            (self.run)(&smaller).err().filter(|(at, _)| *at == last).map(|(_, what)| what)
+        };
+        let scenario = self.sequence.steps[last].scenario.clone();
+        let (scenario, what) = shrink(scenario, self.wrong.1.clone(), self.left, failing);
+        self.sequence.steps[last].scenario = scenario;
+        self.wrong = (last, what);
+    }
 }

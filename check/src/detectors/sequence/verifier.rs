@@ -2,7 +2,6 @@ use lazygrid::{Error, InputError, Order, Pair, Report, Sphere};
 
 use super::ask::{Answer, Ending, Layout, Output};
 use super::{Settings, Step, definition};
-use crate::detectors::fuzz::counts;
 use crate::{Tolerance, difference};
 
 pub(super) struct Verifier<'a> {
@@ -29,11 +28,7 @@ impl<'a> Verifier<'a> {
                 let mut pairs = definition::pairs(&step.scenario, step.ask.layout == Layout::WideRows);
                 let split = step.ask.split.map(|split| split.min(step.scenario.spheres.len()) as u32);
                 pairs.retain(|pair| is_asked(*pair, split));
-                let range = match (tolerance, split) {
-                    (Tolerance::Exact, _) => [pairs.len() as u64; 2],
-                    (_, None) => counts(&step.scenario, &pairs, tolerance),
-                    (_, Some(_)) => counts_across(step, &pairs, tolerance),
-                };
+                let range = counts(step, &pairs, tolerance);
                 Right::Pairs(pairs, range)
             }
         };
@@ -187,19 +182,20 @@ fn is_asked(pair: Pair, split: Option<u32>) -> bool {
     split.is_none_or(|split| pair.i < split && pair.j >= split)
 }
 
-fn counts_across(step: &Step, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
-    let n = step.scenario.spheres.len();
-    let split = step.ask.split.map_or(n, |split| split.min(n));
+/// Smallest and largest number within the tolerance.
+fn counts(step: &Step, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
+    if tolerance == Tolerance::Exact {
+        return [expected.len() as u64; 2];
+    }
+    let n = step.scenario.spheres.len() as u32;
+    let split = step.ask.split.map(|split| (split as u32).min(n));
+    let all = (0..n).flat_map(|i| (i + 1..n).map(move |j| Pair { i, j }));
+    let asked = all.filter(|&pair| is_asked(pair, split));
     let (mut least, mut most) = (expected.len() as u64, expected.len() as u64);
-    for i in 0..split {
-        for j in split..n {
-            let pair = Pair { i: i as u32, j: j as u32 };
-            if tolerance.allows(&step.scenario, pair) {
-                match expected.binary_search(&pair) {
-                    Ok(_) => least -= 1,
-                    Err(_) => most += 1,
-                }
-            }
+    for pair in asked.filter(|&pair| tolerance.allows(&step.scenario, pair)) {
+        match expected.binary_search(&pair) {
+            Ok(_) => least -= 1,
+            Err(_) => most += 1,
         }
     }
     [least, most]

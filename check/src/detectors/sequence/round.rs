@@ -1,42 +1,57 @@
+//! Few calls with scenes of all families, most of them unrelated to the scene before.
+
 use glam::DVec3;
 use lazygrid::{Algorithm, Order, Simd};
 
-use super::{Call, Round};
+use super::ask::{Ask, Ending, Layout, Output};
+use super::{Sequence, Settings, Step};
 use crate::detectors::compare::with_species;
 use crate::detectors::variant::TargetDevice;
-use crate::scenes::motion::{stride, walk};
+use crate::scenes::motion::{skin_of, stride, walk};
 use crate::scenes::periodic::PeriodicSceneFamily;
 use crate::scenes::{hard, periodic, triclinic};
 use crate::{DetectorVariant, EXCLUSION_WORDS, ElementSeed, Random, SceneSeed, TestInput};
 
-impl Round {
-    pub fn drawn(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
-        let mut random = Random(seed);
-        let variant = variant(&mut random, on_cpu, on_gpu);
-        let order = if random.below(3) == 0 { Order::Unordered } else { Order::Canonical };
-        let max_pairs = if random.below(4) == 0 { random.below(50).into() } else { u64::from(u32::MAX) };
-        let triclinic = (random.below(4) == 0).then(|| Triclinic::drawn(&mut random));
-        let mut calls = vec![(call(&mut random), scene(&mut random, triclinic))];
-        let (space, table) = (calls[0].1.space, calls[0].1.mixture.clone());
-        for _ in 0..random.below(if variant.skin > 0.0 { 6 } else { 3 }) {
-            let last = &calls[calls.len() - 1].1;
-            if variant.skin > 0.0 && random.below(4) != 0 && stays_near(last) {
-                let mut moved = last.clone();
-                walk(&mut moved.spheres, 0.3 * variant.skin * random.unit(), random.word());
-                calls.push((call(&mut random), moved));
-                continue;
-            }
-            let mut scenario = scene(&mut random, triclinic);
-            scenario.space = space;
-            scenario.mixture = table.clone().map(|mut mixture| {
-                let count = mixture.rows.len() as u32;
-                mixture.species = scenario.spheres.iter().map(|_| random.below(count)).collect();
-                mixture
-            });
-            calls.push((call(&mut random), scenario));
+pub(super) fn round(seed: u64, on_cpu: bool, on_gpu: bool) -> Sequence {
+    let mut random = Random(seed);
+    let variant = variant(&mut random, on_cpu, on_gpu);
+    let order = if random.below(3) == 0 { Order::Unordered } else { Order::Canonical };
+    let max_pairs = if random.below(4) == 0 { random.below(50).into() } else { u64::from(u32::MAX) };
+    let triclinic = (random.below(4) == 0).then(|| Triclinic::drawn(&mut random));
+    let (first_output, first) = (output(&mut random), scene(&mut random, triclinic));
+    let settings = Settings {
+        variant,
+        skin: skin_of(&first.spheres, variant.skin),
+        order,
+        max_pairs,
+        space: first.space,
+        rows: first.mixture.as_ref().map(|mixture| mixture.rows.clone()),
+    };
+    let mut steps = vec![step(first_output, first)];
+    for _ in 0..random.below(if variant.skin > 0.0 { 6 } else { 3 }) {
+        let last = &steps[steps.len() - 1].scenario;
+        if variant.skin > 0.0 && random.below(4) != 0 && stays_near(last) {
+            let mut moved = last.clone();
+            walk(&mut moved.spheres, 0.3 * variant.skin * random.unit(), random.word());
+            steps.push(step(output(&mut random), moved));
+            continue;
         }
-        Self { seed, variant, order, max_pairs, calls }
+        let mut scenario = scene(&mut random, triclinic);
+        scenario.space = settings.space;
+        scenario.mixture = steps[0].scenario.mixture.clone().map(|mut mixture| {
+            let count = mixture.rows.len() as u32;
+            mixture.species = scenario.spheres.iter().map(|_| random.below(count)).collect();
+            mixture
+        });
+        steps.push(step(output(&mut random), scenario));
     }
+    Sequence { seed, settings, steps }
+}
+
+fn step(output: Output, scenario: TestInput) -> Step {
+    let layout = Layout::Rows;
+    let ask = Ask { output, split: None, layout, is_stopped: false, has_foreign_exclusions: false };
+    Step { scenario, changes: Vec::new(), ask }
 }
 
 /// The words of the scene determine the cell. All spheres of a round share a family: others may be too many boxes away
@@ -65,7 +80,7 @@ fn one_of<T: Copy>(random: &mut Random, values: &[T]) -> T {
     values[random.below(values.len() as u32) as usize]
 }
 
-pub(crate) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> DetectorVariant {
+pub(super) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> DetectorVariant {
     let is_on_gpu = on_gpu && (!on_cpu || random.below(2) == 0);
     let simd = [Simd::Avx512, Simd::Avx2, Simd::Portable][random.below(3) as usize];
     let threads = [None, Some(1), Some(2), Some(7)][random.below(4) as usize];
@@ -87,12 +102,12 @@ pub(crate) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Detect
     }
 }
 
-fn call(random: &mut Random) -> Call {
+fn output(random: &mut Random) -> Output {
     match random.below(4) {
-        0 => Call::List,
-        1 => Call::Count,
-        2 => Call::Neighbors,
-        _ => Call::Stream { chunk: 1 + random.below(40) as usize },
+        0 => Output::List,
+        1 => Output::Count,
+        2 => Output::Neighbors,
+        _ => Output::Stream { chunk: 1 + random.below(40) as usize, ending: Ending::All },
     }
 }
 
