@@ -5,11 +5,12 @@ use lazygrid::gpu;
 use super::super::figure::Figure;
 use super::super::fit::exponent;
 use super::super::row::{Row, Status};
+use super::curves::{curves, logarithmic};
 use super::table::{Column, best_of_columns, by_engine, by_size, engines, find, gpu_times, mean};
 use crate::SpeciesScene;
 use lazygrid_report::number::{count, time};
-use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
-use lazygrid_report::{Cell, Plot, Quantity, Scale, Section, Table};
+use lazygrid_report::plot::{PlotPoint, Series, lines};
+use lazygrid_report::{Cell, Plot, Quantity, Section, Table};
 
 /// Fixed costs hide the growth of smaller inputs.
 const FIT_FROM: usize = 1000;
@@ -76,14 +77,11 @@ fn plots(figure: Figure, rows: &[&Row], equal: &[&Row]) -> Result<Vec<Plot>, Box
     };
     let dashed = if equal.is_empty() { "" } else { " Dashed: equal sizes, from figure 3a." };
     let plot = |name: String, what: &str, caption: &str, of: fn(&Row) -> f64| {
-        let mut series = series(rows, false, of);
-        series.extend(self::series(equal, true, of));
-        let axes = Axes {
-            scales: [Scale::Logarithmic; 2],
-            title,
-            x: ("spheres", Quantity::Count),
-            y: (what, Quantity::Time),
-        };
+        let point = |row: &Row| PlotPoint::new(row.n as f64, row.mean().0, row.quartiles()).over(of(row));
+        let mut series = curves(rows, point, |_| false);
+        let equal = curves(equal, point, |_| true).into_iter();
+        series.extend(equal.map(|curve| Series { name: format!("{}, equal", curve.name), ..curve }));
+        let axes = logarithmic(title, ("spheres", Quantity::Count), (what, Quantity::Time));
         let caption =
             format!("{caption} Bars from the lower to the upper quartile, both axes logarithmic.{dashed}");
         Ok::<_, Box<dyn Error>>(lines(&axes, &series)?.map(|svg| Plot { name, caption, svg }))
@@ -101,16 +99,6 @@ fn plots(figure: Figure, rows: &[&Row], equal: &[&Row]) -> Result<Vec<Plot>, Box
         of,
     )?;
     Ok(whole.into_iter().chain(share).collect())
-}
-
-fn series(rows: &[&Row], dashed: bool, of: fn(&Row) -> f64) -> Vec<Series> {
-    let points = |engine: &str| {
-        let points = rows.iter().filter(|row| row.engine == engine && row.status == Status::Ok);
-        points.map(|row| PlotPoint::new(row.n as f64, row.mean().0, row.quartiles()).over(of(row))).collect()
-    };
-    let name = |engine: &str| if dashed { format!("{engine}, equal") } else { engine.to_owned() };
-    let engines = engines(rows).into_iter().enumerate();
-    engines.map(|(color, e)| Series { name: name(e), points: points(e), dashed, color }).collect()
 }
 
 fn means(rows: &[&Row], columns: &[Column]) -> Table {

@@ -2,14 +2,15 @@ use std::error::Error;
 
 use super::super::figure::Figure;
 use super::super::row::Row;
+use super::curves::{curves, logarithmic};
 use super::ratios::{self, OURS, Times, peers, verdicts};
 use super::table::{
-    Column, best_of_columns, by_engine, by_setting, by_size, engines, find, gpu_times, groups, mean, median,
-    pairs, scenes, sizes,
+    Column, best_of_columns, by_engine, by_setting, by_size, find, gpu_times, groups, mean, median, pairs,
+    scenes, sizes,
 };
 use lazygrid_report::number::count;
 use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
-use lazygrid_report::{Plot, Quantity, Scale, Section, Table};
+use lazygrid_report::{Plot, Quantity, Section, Table};
 
 /// From position, value, and middle half of the runs.
 type Shown = fn(&Row) -> PlotPoint;
@@ -40,20 +41,10 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
         let by_size = |row: &Row| PlotPoint::new(row.n as f64, row.mean().0, row.quartiles());
         let one = |row: &Row| PlotPoint::new(row.n as f64, row.mean().0, row.quartiles()).over(row.n as f64);
         let spheres = ("spheres", Quantity::Count);
-        let axes = Axes {
-            scales: [Scale::Logarithmic; 2],
-            title: &title,
-            x: spheres,
-            y: ("mean time of a step, one thread", Quantity::Time),
-        };
+        let axes = logarithmic(&title, spheres, ("mean time of a step, one thread", Quantity::Time));
         section.plots.extend(plot(&axes, &rows, format!("figure-4-{scene}"), by_size)?);
         let title = format!("Figure 4: {scene}, per sphere");
-        let axes = Axes {
-            scales: [Scale::Logarithmic; 2],
-            title: &title,
-            x: spheres,
-            y: ("mean time of a step per sphere", Quantity::Time),
-        };
+        let axes = logarithmic(&title, spheres, ("mean time of a step per sphere", Quantity::Time));
         section.plots.extend(plot(&axes, &rows, format!("figure-4-{scene}-per-sphere"), one)?);
         section.tables.push(per_sphere(scene, &rows, &columns));
         section.tables.extend(ratios::ours(&rows).map(|ours| ratios::table(scene, &rows, &columns, ours)));
@@ -79,8 +70,7 @@ pub(super) fn step_length(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
             PlotPoint::new(row.at.unwrap_or_default(), row.mean().0, row.quartiles()).over(row.n as f64)
         };
         let x = ("step in radii", Quantity::Number);
-        let y = ("mean time of a step per sphere", Quantity::Time);
-        let axes = Axes { scales: [Scale::Logarithmic; 2], title: &what, x, y };
+        let axes = logarithmic(&what, x, ("mean time of a step per sphere", Quantity::Time));
         section.plots.extend(plot(&axes, &rows, format!("figure-step-length-{scene}-{n}"), shown)?);
         section.tables.push(per_sphere(&what, &rows, &columns));
         section.tables.extend(ratios::ours(&rows).map(|ours| ratios::table(&what, &rows, &columns, ours)));
@@ -113,12 +103,7 @@ pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Er
         let title = format!("{} carriers", count(n));
         if figure == Figure::F5a {
             let y = ("median time of a search", Quantity::Time);
-            let axes = Axes {
-                scales: [Scale::Logarithmic; 2],
-                title: &title,
-                x: ("simulated time", Quantity::Time),
-                y,
-            };
+            let axes = logarithmic(&title, ("simulated time", Quantity::Time), y);
             let shown = |row: &Row| PlotPoint::new(row.at.unwrap_or_default(), row.median(), row.quartiles());
             section.plots.extend(plot(&axes, &rows, format!("figure-{figure}-{n}"), shown)?);
         }
@@ -131,20 +116,7 @@ pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Er
 }
 
 fn plot(axes: &Axes<'_>, rows: &[&Row], name: String, shown: Shown) -> Result<Option<Plot>, Box<dyn Error>> {
-    let of = |engine: &str| {
-        let points = rows.iter().filter(|row| row.engine == engine && !row.wall.is_empty());
-        points.map(|row| shown(row)).collect()
-    };
-    let series: Vec<Series> = engines(rows)
-        .into_iter()
-        .enumerate()
-        .map(|(color, engine)| Series {
-            name: engine.to_owned(),
-            points: of(engine),
-            dashed: !OURS.contains(&engine),
-            color,
-        })
-        .collect();
+    let series = curves(rows, shown, |engine| !OURS.contains(&engine));
     let caption = format!(
         "{}; both axes logarithmic, lazygrid's own solid, bars from the lower to the upper quartile.",
         axes.title
@@ -169,7 +141,7 @@ fn speed_up(rows: &[&Row], ours: &str) -> Result<Option<Plot>, Box<dyn Error>> {
     }
     let title = format!("{ours}: how many times as fast, by carriers and simulated time");
     let y = ("peer's time / lazygrid's", Quantity::Number);
-    let axes = Axes { scales: [Scale::Logarithmic; 2], title: &title, x: ("carriers", Quantity::Count), y };
+    let axes = logarithmic(&title, ("carriers", Quantity::Count), y);
     let name: String = ours.chars().filter(|c| c.is_ascii_alphanumeric() || matches!(c, ' ' | '-')).collect();
     Ok(lines(&axes, &series)?.map(|svg| Plot {
         name: format!("figure-5b-{}", name.to_lowercase().replace(' ', "-")),

@@ -2,12 +2,13 @@ use std::error::Error;
 
 use super::super::figure::Figure;
 use super::super::row::Row;
+use super::curves::{curves, logarithmic};
 use super::table::{
     Column, by_engine, by_setting, cell, engines, find, groups, mark_best, median, scenes, sizes,
 };
 use lazygrid_report::number::count;
-use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
-use lazygrid_report::{Cell, Note, Plot, Quantity, Scale, Section, Table};
+use lazygrid_report::plot::{Axes, PlotPoint, lines};
+use lazygrid_report::{Cell, Note, Plot, Quantity, Section, Table};
 
 /// Smallest speedup of more threads that counts as scaling.
 const MIN_SPEEDUP: f64 = 1.05;
@@ -18,7 +19,7 @@ pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn 
     let mut section = Section { title: title.to_owned(), text: vec![text.to_owned()], ..Section::default() };
     for (scene, n, what, rows) in groups(rows) {
         let y = ("median time of a step", Quantity::Time);
-        let axes = Axes { scales: [Scale::Logarithmic; 2], title: &what, x: (varied, Quantity::Number), y };
+        let axes = logarithmic(&what, (varied, Quantity::Number), y);
         section.plots.extend(plot(&axes, &rows, format!("{figure}-{scene}-{n}"))?);
         section.tables.push(table(figure, &what, &rows));
         if figure == Figure::Threads {
@@ -48,19 +49,8 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
 }
 
 pub(super) fn plot(axes: &Axes<'_>, rows: &[&Row], name: String) -> Result<Option<Plot>, Box<dyn Error>> {
-    let of = |engine: &str| {
-        let measured = rows.iter().filter(|row| row.engine == engine && !row.wall.is_empty());
-        measured
-            .map(|row| PlotPoint::new(row.at.unwrap_or_default(), row.median(), row.quartiles()))
-            .collect()
-    };
-    let line = |(color, engine): (usize, &str)| Series {
-        name: engine.to_owned(),
-        points: of(engine),
-        dashed: false,
-        color,
-    };
-    let series: Vec<Series> = engines(rows).into_iter().enumerate().map(line).collect();
+    let point = |row: &Row| PlotPoint::new(row.at.unwrap_or_default(), row.median(), row.quartiles());
+    let series = curves(rows, point, |_| false);
     let caption =
         format!("{}; both axes logarithmic, bars from the lower to the upper quartile.", axes.title);
     Ok(lines(axes, &series)?.map(|svg| Plot { name, caption, svg }))

@@ -5,12 +5,12 @@ use std::error::Error;
 use super::super::figure::Figure;
 use super::super::fit::exponent;
 use super::super::row::{Row, Status};
+use super::curves::logarithmic;
 use super::ratios::{NEAR, Times, verdicts};
 use super::sweeps::plot;
 use super::table::{Column, best_of_columns, by_engine, by_setting, engines, find, groups, median, pairs};
 use lazygrid::Algorithm;
-use lazygrid_report::plot::Axes;
-use lazygrid_report::{Cell, Note, Quantity, Scale, Section, Table};
+use lazygrid_report::{Cell, Note, Quantity, Section, Table};
 
 const OURS: &str = Algorithm::RecursiveGrid.name();
 const WITHOUT: &str = Algorithm::ArrayGrid.name();
@@ -23,7 +23,7 @@ pub(super) fn section(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn 
     for (scene, n, what, rows) in groups(rows) {
         let columns = by_setting(&rows, "");
         let y = ("median time of a step, one thread", Quantity::Time);
-        let axes = Axes { scales: [Scale::Logarithmic; 2], title: &what, x: (varied, Quantity::Number), y };
+        let axes = logarithmic(&what, (varied, Quantity::Number), y);
         section.plots.extend(plot(&axes, &rows, format!("figure-{figure}-{scene}-{n}"))?);
         section.tables.push(medians(figure, &what, &rows, &columns));
         section.tables.push(compared(&what, &rows, &columns));
