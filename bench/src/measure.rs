@@ -16,6 +16,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 use crate::SpeciesScene;
+use lazygrid_check::checksum;
 use lazygrid_io::scenes::Scene;
 
 use finders::{Count, List, Stream};
@@ -139,10 +140,7 @@ impl Digest {
     pub fn of(found: &Found<'_>) -> Self {
         match found {
             Found::Count(pairs) => Self { pairs: *pairs, sum: None },
-            Found::Pairs(pairs) => {
-                let sum = pairs.iter().fold(0, |sum: u64, p| sum.wrapping_add(scramble(p.i, p.j)));
-                Self { pairs: pairs.len() as u64, sum: Some(sum) }
-            }
+            Found::Pairs(pairs) => Self { pairs: pairs.len() as u64, sum: Some(checksum(pairs)) },
         }
     }
 
@@ -150,14 +148,6 @@ impl Digest {
     pub fn agrees(&self, other: &Self) -> bool {
         self.pairs == other.pairs && (self.sum.is_none() || other.sum.is_none() || self.sum == other.sum)
     }
-}
-
-/// Finalizer of SplitMix64, which avoids equal sums of different sets of pairs.
-fn scramble(i: u32, j: u32) -> u64 {
-    let mut x = (u64::from(i) << 32 | u64::from(j)).wrapping_add(0x9e37_79b9_7f4a_7c15);
-    x = (x ^ (x >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    x = (x ^ (x >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ (x >> 31)
 }
 
 /// Runs all contenders through one motion, round by round. Compares number and checksum of pairs with the first

@@ -1,6 +1,7 @@
 //! Writes `results.json`, `results.csv`, plots, `report.html` and `results.md`.
 
 mod csv;
+mod curves;
 mod growth;
 mod markdown;
 mod peers;

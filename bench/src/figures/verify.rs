@@ -1,6 +1,7 @@
 use std::error::Error;
 
 use lazygrid::{Algorithm, Backend, Config, Order, Pair, Sphere};
+use lazygrid_check::{TestInput, Tolerance, difference};
 
 use crate::SpeciesScene;
 use crate::measure::{ContenderFactory, Digest, Found};
@@ -49,37 +50,17 @@ impl<'a> Reference<'a> {
     /// Counts the differing pairs within 4 ulp of tangency, relative to the squared cutoff, as GPUs may round
     /// (`docs/contract.md`). Any other missing, extra or repeated pair is an error.
     pub(super) fn tangent(&self, found: &[Pair]) -> Result<u64, String> {
-        let sorted = |pairs: &[Pair]| {
+        let [found, expected] = [found, &self.pairs].map(|pairs| {
             let mut pairs = pairs.to_vec();
             pairs.sort_unstable();
             pairs
-        };
-        let (mut found, reference) = (sorted(found), sorted(&self.pairs));
-        let (listed, expected) = (found.len(), reference.len());
-        found.dedup();
-        let absent = |from: &[Pair], pair: &Pair| from.binary_search(pair).is_err();
-        let missing: Vec<Pair> = reference.iter().filter(|p| absent(&found, p)).copied().collect();
-        let extra: Vec<Pair> = found.iter().filter(|p| absent(&reference, p)).copied().collect();
-        let wrong = |pairs: &[Pair]| pairs.iter().filter(|p| self.ulps(p).abs() > 4.0).count();
-        let faults =
-            [("duplicate", listed - found.len()), ("missing", wrong(&missing)), ("extra", wrong(&extra))];
-        let faults: Vec<String> = faults
-            .iter()
-            .filter(|(_, count)| *count > 0)
-            .map(|(fault, count)| format!("{count} {fault}"))
-            .collect();
-        match faults.is_empty() {
-            true => Ok((missing.len() + extra.len()) as u64),
-            false => Err(format!("wrong answer: {listed} pairs, expected {expected}: {}", faults.join(", "))),
-        }
-    }
-
-    /// Relative to the squared cutoff.
-    fn ulps(&self, pair: &Pair) -> f64 {
-        let (a, b) = (self.spheres[pair.i as usize], self.spheres[pair.j as usize]);
-        let reach = f64::from(a.radius) + f64::from(b.radius);
-        let distance_squared = a.center.as_dvec3().distance_squared(b.center.as_dvec3());
-        (distance_squared - reach * reach) / (reach * reach * f64::from(f32::EPSILON))
+        });
+        let input = TestInput::from(self.spheres.to_vec());
+        difference(&input, &found, &expected, Tolerance::Tangent)
+            .map_err(|text| format!("wrong answer: {text}"))?;
+        let absent =
+            |from: &[Pair], of: &[Pair]| of.iter().filter(|p| from.binary_search(p).is_err()).count();
+        Ok((absent(&found, &expected) + absent(&expected, &found)) as u64)
     }
 }
 
@@ -104,11 +85,11 @@ mod tests {
         assert_eq!(reference.tangent(&of(&[(1, 2)])), Ok(2));
         let wrong = |pairs: &[(u32, u32)], fault| {
             let verdict = reference.tangent(&of(pairs));
-            assert!(verdict.as_ref().is_err_and(|text| text.ends_with(fault)), "{pairs:?}: {verdict:?}");
+            assert!(verdict.as_ref().is_err_and(|text| text.contains(fault)), "{pairs:?}: {verdict:?}");
         };
-        wrong(&[(2, 3), (2, 3)], "1 duplicate");
-        wrong(&[(2, 3), (0, 1)], "1 extra");
-        wrong(&[(2, 3), (0, 3), (0, 2)], "2 extra");
+        wrong(&[(2, 3), (2, 3)], "2 pairs found, 1 expected; 1 duplicate, ");
+        wrong(&[(2, 3), (0, 1)], "2 pairs found, 1 expected; 1 extra, ");
+        wrong(&[(2, 3), (0, 3), (0, 2)], "3 pairs found, 1 expected; 2 extra, ");
     }
 
     #[test]
@@ -116,7 +97,8 @@ mod tests {
         let spheres = [0.0, 1.0].map(|x| Sphere::new([x, 0.0, 0.0], 1.0));
         let reference = Reference::of(&spheres, None).expect("valid spheres");
         let verdict = reference.tangent(&[]);
-        assert_eq!(verdict, Err("wrong answer: 0 pairs, expected 1: 1 missing".to_owned()));
+        let says = "wrong answer: 0 pairs found, 1 expected; 1 missing, first 0: ";
+        assert!(verdict.as_ref().is_err_and(|text| text.starts_with(says)), "{verdict:?}");
         let empty = Digest::of(&Found::Pairs(&[]));
         assert_eq!(reference.check(empty), Err("wrong answer: 0 pairs, expected 1".to_owned()));
         let full = Digest::of(&Found::Pairs(&[Pair::new(0, 1)]));
