@@ -78,27 +78,3 @@ fn cells<'o, K: RadixKey, O: Output>(
     grid.batches.give_back(batch)?;
     Ok(sink)
 }
-
-#[cfg(test)]
-mod tests {
-    use lazygrid_kernels::Algorithm;
-
-    use crate::Settings;
-    use crate::test_support::{assert_matches_naive, assert_threads_match_naive};
-
-    fn settings(cell_ratio: f32) -> Settings {
-        Settings { algorithm: Algorithm::ArrayGrid, cell_ratio, ..Settings::default() }
-    }
-
-    #[test]
-    fn agrees_with_all_pairs() {
-        for ratio in [0.5, 1.0, 1.5, 3.0, 16.0] {
-            assert_matches_naive(&settings(ratio));
-        }
-    }
-
-    #[test]
-    fn threads_share_the_work() {
-        assert_threads_match_naive(&settings(Settings::CELL_RATIO));
-    }
-}

@@ -228,27 +228,3 @@ fn chain_of(cell: UVec3, shift: u32) -> usize {
         ^ z.wrapping_mul(0x1656_67B1_9E37_79F9);
     (mixed.wrapping_mul(0xFF51_AFD7_ED55_8CCD) >> shift) as usize
 }
-
-#[cfg(test)]
-mod tests {
-    use lazygrid_kernels::Algorithm;
-
-    use crate::Settings;
-    use crate::test_support::{assert_matches_naive, assert_threads_match_naive};
-
-    fn settings(cell_ratio: f32) -> Settings {
-        Settings { algorithm: Algorithm::HashGrid, cell_ratio, ..Settings::default() }
-    }
-
-    #[test]
-    fn agrees_with_all_pairs() {
-        for ratio in [0.5, 1.0, 1.5, 3.0, 16.0] {
-            assert_matches_naive(&settings(ratio));
-        }
-    }
-
-    #[test]
-    fn threads_share_the_work() {
-        assert_threads_match_naive(&settings(Settings::CELL_RATIO));
-    }
-}

@@ -9,3 +9,6 @@ mod workspace;
 pub(crate) use array_grid::ArrayGrid;
 pub(crate) use hash_grid::HashGrid;
 pub(crate) use recursive_grid::RecursiveGrid;
+
+#[cfg(test)]
+mod tests;

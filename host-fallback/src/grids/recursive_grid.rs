@@ -386,6 +386,3 @@ fn decide(cell: &NestedCell, cell_size: f64, count: usize, extent: &Extent) -> S
     let (axes, most) = cell.divisible();
     if axes.any() { SplitDecision::Split(halvings.min(most).exp2()) } else { SplitDecision::BruteForce }
 }
-
-#[cfg(test)]
-mod tests;
