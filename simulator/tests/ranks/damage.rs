@@ -74,10 +74,7 @@ fn begun(seed: u64, steps: u32, ranks: u32) -> tempfile::TempDir {
 }
 
 fn resumed(directory: &Path) -> BTreeMap<String, Vec<u8>> {
-    let entries = fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().path());
-    let mut files: BTreeMap<_, _> = entries
-        .map(|path| (path.file_name().unwrap().to_str().unwrap().to_owned(), fs::read(&path).unwrap()))
-        .collect();
+    let mut files = files::every_file(directory);
     files.retain(|name, _| name != ".lock" && name != "animation.html");
     files
 }
@@ -122,10 +119,6 @@ fn assert_resumes(directory: &Path) {
     assert_eq!(files::state(directory), files::state(whole.path()));
 }
 
-fn is_checkpoint(name: &str) -> bool {
-    name.starts_with("checkpoint")
-}
-
 #[test]
 fn flipped_bit_in_any_file_is_refused_by_name() {
     for ranks in [0, 2] {
@@ -135,7 +128,7 @@ fn flipped_bit_in_any_file_is_refused_by_name() {
         assert!(names.iter().all(|name| files.contains_key(*name)), "{:?}", files.keys());
         let mut flips = 0;
         for (name, whole) in &files {
-            let sampled = |at: &usize| is_checkpoint(name) || *at < 40 || at.is_multiple_of(11);
+            let sampled = |at: &usize| files::is_checkpoint(name) || *at < 40 || at.is_multiple_of(11);
             for at in (0..whole.len()).filter(sampled) {
                 let mut bytes = whole.clone();
                 bytes[at] ^= 1 << (at % 8);
@@ -166,7 +159,7 @@ fn file_of_another_length_is_refused_by_name() {
                     &format!("the first {length} bytes"),
                 );
             }
-            if is_checkpoint(&name) {
+            if files::is_checkpoint(&name) {
                 for more in [&b"\0"[..], b"more", &whole] {
                     assert_refuses(directory.path(), ranks, &name, &[&whole[..], more].concat(), "longer");
                 }

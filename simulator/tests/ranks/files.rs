@@ -95,12 +95,20 @@ pub(crate) fn go(run: &Run, ranks: u32) {
     }
 }
 
-pub(crate) fn files(directory: &Path) -> BTreeMap<String, Vec<u8>> {
+/// Returns the contents of the files of a directory by name.
+pub(crate) fn every_file(directory: &Path) -> BTreeMap<String, Vec<u8>> {
     let files = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap());
     files
         .map(|entry| (entry.file_name().into_string().unwrap(), std::fs::read(entry.path()).unwrap()))
-        .filter(|(name, _)| !name.starts_with("checkpoint"))
         .collect()
+}
+
+pub(crate) fn is_checkpoint(name: &str) -> bool {
+    name.starts_with("checkpoint")
+}
+
+pub(crate) fn files(directory: &Path) -> BTreeMap<String, Vec<u8>> {
+    every_file(directory).into_iter().filter(|(name, _)| !is_checkpoint(name)).collect()
 }
 
 pub(crate) fn state(directory: &Path) -> lazygrid_sim::State {
@@ -112,11 +120,7 @@ pub(crate) fn state(directory: &Path) -> lazygrid_sim::State {
 }
 
 fn names(directory: &Path) -> Vec<String> {
-    let names = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap().file_name());
-    let mut names: Vec<_> = names.map(|name| name.into_string().unwrap()).collect();
-    names.retain(|name| name.starts_with("checkpoint"));
-    names.sort();
-    names
+    every_file(directory).into_keys().filter(|name| is_checkpoint(name)).collect()
 }
 
 #[test]

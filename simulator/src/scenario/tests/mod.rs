@@ -57,6 +57,33 @@ fn parse(text: &str) -> Result<Scenario, Error> {
     Scenario::parse(Path::new("s.toml"), text.to_owned())
 }
 
+/// Fails if the scenario is accepted, or the error names another key or reason.
+#[track_caller]
+fn assert_refused(parsed: Result<Scenario, Error>, key: &str, message: &str) {
+    let error = parsed.expect_err(message).to_string();
+    assert!(error.contains(&format!("`{key}`: ")) && error.contains(message), "{message}: {error}");
+}
+
+/// Fails unless this is the only warning.
+#[track_caller]
+fn assert_warns(warnings: &[String], message: &str) {
+    assert!(warnings.len() == 1 && warnings[0].contains(message), "{warnings:?}");
+}
+
+fn advised_step(warning: &str) -> &str {
+    warning.split("time-step = ").nth(1).unwrap().split(' ').next().unwrap()
+}
+
+/// Replaces `right` by `wrong` in `text`, which is then refused at a line and key.
+#[track_caller]
+fn assert_mistake(text: &str, [right, wrong]: [&str; 2], line: u32, key: &str, message: &str) {
+    let mistaken = text.replace(right, wrong);
+    assert_ne!(mistaken, text, "{right}");
+    let error = parse(&mistaken).expect_err(wrong).to_string();
+    assert!(error.starts_with(&format!("s.toml, line {line}, `{key}`: ")), "{wrong}: {error}");
+    assert!(error.contains(message) && !error.contains('\n'), "{wrong}: {error}");
+}
+
 #[test]
 fn every_key_arrives() {
     let Scenario { model, steps, seed, output, .. } = parse(GOOD).unwrap();
@@ -132,11 +159,7 @@ fn a_mistake_is_named_by_line_and_key() {
         ("every = 5", "every = 0", 44, "every", "nonzero"),
     ];
     for (right, wrong, line, key, message) in mistakes {
-        let text = GOOD.replace(right, wrong);
-        assert_ne!(text, GOOD, "{right}");
-        let error = parse(&text).expect_err(wrong).to_string();
-        assert!(error.starts_with(&format!("s.toml, line {line}, `{key}`: ")), "{wrong}: {error}");
-        assert!(error.contains(message) && !error.contains('\n'), "{wrong}: {error}");
+        assert_mistake(GOOD, [right, wrong], line, key, message);
     }
 }
 
@@ -173,11 +196,7 @@ fn impossible_values_are_refused() {
         ("contact = \"separate\"", elastic, 4, "contact", "give a species a thermal-speed"),
     ];
     for (right, wrong, line, key, message) in mistakes {
-        let text = walls.replace(right, wrong);
-        assert_ne!(text, walls, "{right}");
-        let error = parse(&text).expect_err(wrong).to_string();
-        assert!(error.starts_with(&format!("s.toml, line {line}, `{key}`: ")), "{wrong}: {error}");
-        assert!(error.contains(message) && !error.contains('\n'), "{wrong}: {error}");
+        assert_mistake(&walls, [right, wrong], line, key, message);
     }
     assert!(parse(&walls.replace("center = [1, 0, 0]", "center = [1.25, 0, 0]")).is_ok());
 }
@@ -196,7 +215,7 @@ fn likely_mistakes_are_warned_of() {
         .replace("gaussian\", width = 0.5", "ball\", radius = 0.25")
         .replace("species = [\"base\"]", "");
     let said = parse(&inside).unwrap().warnings;
-    assert!(said.len() == 1 && said[0].contains("transmitter tx is inside receiver rx"), "{said:?}");
+    assert_warns(&said, "transmitter tx is inside receiver rx");
     let mended = GOOD.replace("0.001", "3.33e-5").replace("[1, 0, 0]\nradius", "[-1, 0, 0]\nradius");
     assert_eq!(parse(&mended).unwrap().warnings, [""; 0]);
     let rare = mended.replace("binding-radius = 1.5\nprobability = 0.5", "rate = 7.5");
@@ -208,7 +227,7 @@ fn likely_mistakes_are_warned_of() {
 fn releases_behind_the_end_are_said() {
     let mut scenario = parse(GOOD).unwrap();
     let late = scenario.late_releases();
-    assert!(late.len() == 1 && late[0].contains("tx has 1 releases at or after 0.5 s"), "{late:?}");
+    assert_warns(&late, "tx has 1 releases at or after 0.5 s");
     assert!(late[0].contains("the run ends at 0.01 s; make `steps` more than 500"), "{late:?}");
     scenario.steps = 501;
     assert_eq!(scenario.late_releases(), [""; 0]);

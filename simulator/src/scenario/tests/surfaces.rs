@@ -100,8 +100,7 @@ fn fewer_dimensions_refuse_what_needs_three() {
         if wrong.contains("ends") {
             text = text.replace("low = [-1, -1, 0]\nhigh = [1, 1, 0]\n", "");
         }
-        let error = parse(&text).expect_err(wrong).to_string();
-        assert!(error.contains(&format!("`{key}`")) && error.contains(message), "{wrong}: {error}");
+        assert_refused(parse(&text), key, message);
     }
 }
 
@@ -136,8 +135,7 @@ fn contradictory_surfaces_are_refused() {
         ("kind = \"partial\"\nprobability = 1.5", "probability", "1.5 is not a probability"),
     ];
     for (text, key, message) in mistakes {
-        let error = parse(&with(&format!("radius = 2\n{text}"))).expect_err(text).to_string();
-        assert!(error.contains(&format!("`{key}`")) && error.contains(message), "{text}: {error}");
+        assert_refused(parse(&with(&format!("radius = 2\n{text}"))), key, message);
     }
     let text = with("radius = 2\nkind = \"partial\"\nrate = 1").replace("diffusion = 50\n", "");
     let error = parse(&text).expect_err("at rest").to_string();
@@ -199,8 +197,7 @@ fn membranes_arrive_or_are_refused() {
             "is 0.250 µm from the surface of receiver rx, which reflects acid; the distance must",
         ),
     ] {
-        let error = parse(&text).expect_err(message).to_string();
-        assert!(error.contains(&format!("`{key}`")) && error.contains(message), "{message}: {error}");
+        assert_refused(parse(&text), key, message);
     }
     let error = parse(&reflecting("0.001")).expect_err("a surface near a membrane").to_string();
     let step = error.split("let time-step be ").nth(1).and_then(|rest| rest.split_whitespace().next());
@@ -268,7 +265,7 @@ fn long_steps_to_surfaces_that_absorb_are_warned_of() {
         ),
     ] {
         let found = warnings("1.01", &text);
-        assert!(found.len() == 1 && found[0].contains(said), "{found:?}");
+        assert_warns(&found, said);
         assert!(found[0].contains(&format!("time-step = {short} is short enough")), "{found:?}");
         assert_eq!(warnings(short, &text), [""; 0]);
     }
