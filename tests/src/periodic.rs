@@ -7,25 +7,6 @@ use proptest::prelude::*;
 use crate::hard::{self, words};
 use crate::{SeedReader, SuiteVariant, TestInput, Tolerance, variants};
 
-/// Uses `d − L·round(d/L)` on each periodic axis, of coordinates reduced by whole lengths (by exact remainders).
-pub fn oracle(scenario: &TestInput) -> Vec<Pair> {
-    let lengths = scenario.space.lengths();
-    scenario.pairs_by(|i, j, _| {
-        let (a, b) = (scenario.spheres[i].center, scenario.spheres[j].center);
-        (0..3).fold(0.0, |sum, axis| {
-            let (a, b) = (f64::from(a[axis]), f64::from(b[axis]));
-            let d = match lengths[axis] {
-                Some(length) => {
-                    let d = a % length - b % length;
-                    d - length * (d / length).round()
-                }
-                None => a - b,
-            };
-            sum + d * d
-        })
-    })
-}
-
 /// Enumerates all images up to one length away: correct if all spheres lie in the box.
 pub fn oracle_of_images(scenario: &TestInput) -> Vec<Pair> {
     let lengths = scenario.space.lengths();

@@ -3,7 +3,7 @@
 use std::cell::Cell;
 
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession};
-use lazygrid::{Algorithm, Backend, Interaction, Pair, Space, Sphere};
+use lazygrid::{Algorithm, Backend, Interaction, Space, Sphere};
 use lazygrid_tests::{SpeciesSetup, TestInput, Tolerance, difference, variants};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -106,13 +106,6 @@ fn settings() -> impl Strategy<Value = GpuConfig> {
     })
 }
 
-fn oracle(input: &TestInput) -> Vec<Pair> {
-    let ids = (0..).zip(&input.spheres).filter(|(_, sphere)| sphere.is_valid());
-    let ids: Vec<u32> = ids.map(|(id, _)| id).collect();
-    let valid = input.only(|k| input.spheres[k].is_valid());
-    valid.oracle().into_iter().map(|pair| Pair::new(ids[pair.i as usize], ids[pair.j as usize])).collect()
-}
-
 fn device() -> Option<GpuDevice> {
     let has_gpu = variants::all().iter().any(|variant| variant.backend() == Backend::Gpu);
     lazygrid_tests::device().filter(|_| has_gpu)
@@ -151,7 +144,7 @@ fn answers_do_not_depend_on_reused_cells() {
                 &tally.refused,
                 u32::from(counts.reused_layouts < counts.searches && counts.reused_layouts > 0),
             );
-            difference(&input, &found, &oracle(&input), Tolerance::Tangent)
+            difference(&input, &found, &input.oracle_of_valid(), Tolerance::Tangent)
                 .map_err(|text| format!("{change:?}, {counts:?}: {text}"))?;
         }
         Ok(())
@@ -176,7 +169,7 @@ fn spheres_that_outgrow_their_cells_find_their_pairs() {
         input.spheres.iter_mut().step_by(7).for_each(|sphere| sphere.radius = radius);
         let ticket = session.begin(input.view()).expect("valid spheres");
         let found = session.finish(ticket, u64::MAX).expect("pairs").to_vec();
-        difference(&input, &found, &oracle(&input), Tolerance::Tangent)
+        difference(&input, &found, &input.oracle_of_valid(), Tolerance::Tangent)
             .unwrap_or_else(|text| panic!("call {call}: {text}"));
     }
 }

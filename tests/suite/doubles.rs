@@ -1,11 +1,10 @@
 //! Spheres, lengths and distances in `f64`: each algorithm finds exactly the pairs of the contract's expression.
 
-use std::ops::ControlFlow;
-
 use lazygrid::{
     Backend, Config, Detector, Error, Exclusions, InputError, Interaction, Interactions, Order, Pair, Query,
     Radii, Skin, Space, Sphere, Spheres,
 };
+use lazygrid_check::detectors::results::match_the_list;
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{DetectorVariant, SuiteVariant, in_pool, variants};
 
@@ -107,8 +106,7 @@ fn spaces() -> [Space; 5] {
 }
 
 pub(crate) fn agrees(detector: &mut Detector, query: Query<'_>, expected: &[Pair]) -> Result<(), String> {
-    let text = |error: Error| error.to_string();
-    let found = detector.pairs(query).map_err(text)?;
+    let found = detector.pairs(query).map_err(|error| error.to_string())?;
     if found != expected {
         let (extra, missing) = (
             found.iter().filter(|pair| !expected.contains(pair)).count(),
@@ -116,19 +114,7 @@ pub(crate) fn agrees(detector: &mut Detector, query: Query<'_>, expected: &[Pair
         );
         return Err(format!("{extra} of {} pairs are extra, {missing} are missing", found.len()));
     }
-    let count = detector.count(query).map_err(text)?;
-    let lists: usize = detector.neighbors(query).map_err(text)?.iter().map(<[u32]>::len).sum();
-    let mut streamed = Vec::new();
-    let handed = detector.stream(query, 7, |pairs| {
-        streamed.extend_from_slice(pairs);
-        ControlFlow::Continue(())
-    });
-    let both = if query.second().is_some() { 1 } else { 2 };
-    let is_same = count == expected.len() as u64
-        && lists == both * expected.len()
-        && handed.map_err(text)? == count
-        && streamed == expected;
-    if is_same { Ok(()) } else { Err("counted, listed or streamed otherwise".to_owned()) }
+    match_the_list(detector, query, expected)
 }
 
 #[test]

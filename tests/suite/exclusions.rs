@@ -1,10 +1,9 @@
-use std::ops::ControlFlow;
-
 use lazygrid::gpu::{GpuConfig, GpuSession};
 use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, Exclusions, InputError, Order, Pair, Query, Space, Sphere,
     Spheres,
 };
+use lazygrid_check::detectors::results::{listed, streamed};
 use lazygrid_check::scenes::motion::{skin_of, walk};
 use lazygrid_check::{EXCLUSION_WORDS, ExclusionCase};
 use lazygrid_io::scenes::Scene;
@@ -16,6 +15,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 
 use crate::properties::check;
+use crate::two_sets;
 
 fn cases() -> impl Strategy<Value = TestInput> {
     let scenarios = prop_oneof![
@@ -38,9 +38,6 @@ fn same(
     found: &[Pair],
     expected: &[Pair],
 ) -> Result<(), String> {
-    if let Some(pair) = found.iter().find(|pair| scenario.excludes(pair.i as usize, pair.j as usize)) {
-        return Err(format!("{variant}: {pair:?} is left out, and there"));
-    }
     difference(scenario, found, expected, variant.tolerance()).map_err(|text| format!("{variant}: {text}"))
 }
 
@@ -88,19 +85,13 @@ fn all_kinds_of_results_agree() {
         assert_eq!(error, Error::TooManyPairs { found: most, limit: most - 1 }, "{variant}");
         for (order, limit) in [(Order::Canonical, 1 << 20), (Order::Canonical, 7), (Order::Unordered, 7)] {
             let mut detector = Detector::new(variant.settings().order(order).max_pairs(limit)).expect("made");
-            let mut streamed = Vec::new();
-            let handed = detector.stream(query, 5, |pairs| {
-                streamed.extend_from_slice(pairs);
-                ControlFlow::Continue(())
-            });
+            let mut stream = streamed(&mut detector, query, 5).expect("a stream");
             if order == Order::Unordered {
-                streamed.sort_unstable();
+                stream.sort_unstable();
             }
-            assert!(handed == Ok(most) && streamed == found, "{variant}: the stream differs");
+            assert!(stream == found, "{variant}: the stream differs");
         }
-        let lists = detector.neighbors(query).expect("neighbours");
-        let listed: usize = (0..2000).map(|i| lists.neighbors_of(i).len()).sum();
-        assert_eq!(listed, 2 * found.len(), "{variant}");
+        assert!(listed(&mut detector, query).expect("neighbors") == found, "{variant}");
         assert_eq!(detector.count(without), Ok(all as u64), "{variant}");
     }
 }
@@ -109,28 +100,7 @@ fn all_kinds_of_results_agree() {
 fn pairs_across_two_sets() {
     let with = (cases(), 0.0..=1.0_f32, select(variants::all()));
     check(150, with, |(scenario, part, variant)| {
-        let split = (part * scenario.spheres.len() as f32).round() as usize;
-        let [a, b] = [scenario.only(|k| k < split), scenario.only(|k| k >= split)];
-        let across = |pair: &Pair| (pair.i as usize) < split && pair.j as usize >= split;
-        let expected: Vec<Pair> = scenario.oracle().into_iter().filter(across).collect();
-        let list = scenario.excluded.as_ref().map(|excluded| {
-            let across = excluded.pairs().filter(|&(i, j)| (i as usize) < split && j as usize >= split);
-            let pairs = across.map(|(i, j)| (i, j - split as u32));
-            Exclusions::across(split, scenario.spheres.len() - split, pairs).expect("of both sets")
-        });
-        let [a, b] = [a, b].map(|set| TestInput { excluded: None, ..set });
-        let query = Query::new((a.view(), b.view()));
-        let query = list.as_ref().map_or(query, |list| query.without(list));
-        let config = scenario.config(variant.settings()).map_err(|error| error.to_string())?;
-        in_pool(variant.threads(), || {
-            let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
-            let found = detector.pairs(query).map_err(|error| error.to_string())?;
-            let found: Vec<Pair> =
-                found.iter().map(|pair| Pair { i: pair.i, j: pair.j + split as u32 }).collect();
-            same(variant, &scenario, &found, &expected)?;
-            let count = detector.count(query).map_err(|error| error.to_string())?;
-            if count == found.len() as u64 { Ok(()) } else { Err(format!("{variant}: {count} are counted")) }
-        })
+        two_sets::agrees(&scenario, two_sets::split_at(&scenario, part), variant)
     });
 }
 

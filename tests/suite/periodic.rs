@@ -1,13 +1,13 @@
 //! Periodic spaces: each algorithm against plain loops over images.
 
-use std::ops::ControlFlow;
-
 use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, InputError, Order, Pair, Space, Sphere, Spheres,
 };
+use lazygrid_check::detectors::results::{listed, match_the_list, streamed};
 use lazygrid_io::scenes::periodic_box_pairs;
-use lazygrid_tests::periodic::{self, oracle, oracle_of_images, oracle_of_integers, verify_all};
+use lazygrid_tests::periodic::{self, oracle_of_images, oracle_of_integers, verify_all};
 use lazygrid_tests::{DetectorVariant, SuiteVariant, TestInput, Tolerance, difference, variants};
+use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
@@ -30,25 +30,25 @@ fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> TestInput {
     }
 }
 
+fn agree(cases: u32, scenarios: impl Strategy<Value = TestInput>) {
+    check(cases, (scenarios, settings()), |(scenario, settings)| {
+        verify_all(&scenario, &scenario.rounding_oracle(), &settings)
+    });
+}
+
 #[test]
 fn lattices_in_contact_across_the_boundary_match_the_oracle() {
-    check(80, (periodic::lattice(), settings()), |(spheres, settings)| {
-        verify_all(&spheres, &oracle(&spheres), &settings)
-    });
+    agree(80, periodic::lattice());
 }
 
 #[test]
 fn overlapping_spheres_in_any_box_match_the_oracle() {
-    check(96, (periodic::soup(), settings()), |(spheres, settings)| {
-        verify_all(&spheres, &oracle(&spheres), &settings)
-    });
+    agree(96, periodic::soup());
 }
 
 #[test]
 fn crowds_at_the_corner_match_the_oracle() {
-    check(64, (periodic::corner(), settings()), |(spheres, settings)| {
-        verify_all(&spheres, &oracle(&spheres), &settings)
-    });
+    agree(64, periodic::corner());
 }
 
 #[test]
@@ -60,23 +60,17 @@ fn coordinates_far_outside_match_the_oracle() {
 
 #[test]
 fn subnormal_lengths_and_overflowing_squares_match_the_oracle() {
-    check(96, (periodic::extremes(), settings()), |(spheres, settings)| {
-        verify_all(&spheres, &oracle(&spheres), &settings)
-    });
+    agree(96, periodic::extremes());
 }
 
 #[test]
 fn giants_in_small_boxes_match_the_oracle() {
-    check(64, (periodic::giant(), settings()), |(spheres, settings)| {
-        verify_all(&spheres, &oracle(&spheres), &settings)
-    });
+    agree(64, periodic::giant());
 }
 
 #[test]
 fn species_in_periodic_boxes_match_the_oracle() {
-    check(64, (periodic::mixture(), settings()), |(spheres, settings)| {
-        verify_all(&spheres, &oracle(&spheres), &settings)
-    });
+    agree(64, periodic::mixture());
 }
 
 #[test]
@@ -87,7 +81,7 @@ fn the_oracle_agrees_with_all_images() {
             let spheres = uniform(150, &[0.1, 0.0, 0.4, 2.0], edge, k as u64);
             let periodic = in_box(spheres, lengths);
             let expected = oracle_of_images(&periodic);
-            assert_eq!(oracle(&periodic), expected, "{lengths:?}");
+            assert_eq!(periodic.rounding_oracle(), expected, "{lengths:?}");
             verify_all(&periodic, &expected, &Config::default()).unwrap_or_else(|text| panic!("{text}"));
         }
     }
@@ -118,7 +112,7 @@ fn large_boxes_give_identical_pairs() {
     for (case, (radii, lengths, edge)) in cases.into_iter().enumerate() {
         let n = if case == 3 { 6000 } else { 8000 };
         let periodic = in_box(uniform(n, radii, edge, 7), lengths);
-        let expected = oracle(&periodic);
+        let expected = periodic.rounding_oracle();
         assert!(expected.len() > n / 2, "{case}: {}", expected.len());
         verify_all(&periodic, &expected, &Config::default().tau(64))
             .unwrap_or_else(|text| panic!("{case}: {text}"));
@@ -156,7 +150,7 @@ fn uniform_boxes_by_the_formula() {
 fn all_kinds_of_results_agree() {
     let spheres = uniform(3000, &[0.3, 0.1], 10.0, 3);
     let periodic = in_box(spheres, [Some(5.0), Some(10.0), None]);
-    let (expected, spheres) = (oracle(&periodic), &periodic.spheres);
+    let (expected, spheres) = (periodic.rounding_oracle(), &periodic.spheres);
     let column = |of: fn(&Sphere) -> f32| spheres.iter().map(of).collect::<Vec<_>>();
     let (x, y) = (column(|s| s.center.x), column(|s| s.center.y));
     let (z, r) = (column(|s| s.center.z), column(|s| s.radius));
@@ -165,20 +159,11 @@ fn all_kinds_of_results_agree() {
         let mut detector =
             Detector::new(variant.settings().space(periodic.space).max_pairs(700)).expect("a detector");
         assert_eq!(detector.count(spheres), Ok(expected.len() as u64), "{variant}");
-        let mut streamed = Vec::new();
-        let handed = detector.stream(columns, 100, |pairs| {
-            streamed.extend_from_slice(pairs);
-            ControlFlow::Continue(())
-        });
-        assert_eq!(handed, Ok(expected.len() as u64), "{variant}");
-        assert!(streamed == expected, "{variant}: the stream differs");
+        let stream = streamed(&mut detector, columns, 100).expect("a stream");
+        assert!(stream == expected, "{variant}: the stream differs");
         let mut detector = Detector::new(variant.settings().space(periodic.space)).expect("a detector");
-        let lists = detector.neighbors(columns).expect("neighbours");
-        let of_lists = (0..spheres.len()).flat_map(|i| {
-            let later = lists.neighbors_of(i).iter().filter(move |&&j| j as usize > i);
-            later.map(move |&j| Pair { i: i as u32, j })
-        });
-        assert!(of_lists.collect::<Vec<_>>() == expected, "{variant}: the neighbours differ");
+        let lists = listed(&mut detector, columns).expect("neighbors");
+        assert!(lists == expected, "{variant}: the neighbors differ");
         assert!(detector.memory_for(3000) >= 16 * 3000, "{variant}");
     }
 }
@@ -226,20 +211,12 @@ fn invalid_lengths_are_refused() {
 fn all_kinds_of_results_on_the_gpu_agree() {
     let spheres = uniform(3000, &[0.3, 0.1], 10.0, 3);
     let periodic = in_box(spheres, [Some(5.0), Some(10.0), None]);
-    let (expected, spheres) = (oracle(&periodic), &periodic.spheres);
+    let (expected, spheres) = (periodic.rounding_oracle(), &periodic.spheres);
     for variant in variants::all().into_iter().filter(|variant| variant.backend() == Backend::Gpu) {
         let mut detector = Detector::new(variant.settings().space(periodic.space)).expect("a detector");
         let list = detector.pairs(spheres).expect("pairs").to_vec();
         assert_eq!(difference(&periodic, &list, &expected, Tolerance::Tangent), Ok(()), "{variant}");
-        assert_eq!(detector.count(spheres), Ok(list.len() as u64), "{variant}");
-        let mut streamed = Vec::new();
-        let handed = detector.stream(spheres, 100, |pairs| {
-            streamed.extend_from_slice(pairs);
-            ControlFlow::Continue(())
-        });
-        assert!(handed == Ok(list.len() as u64) && streamed == list, "{variant}: the stream differs");
-        let lists = detector.neighbors(spheres).expect("neighbours");
-        assert_eq!((0..spheres.len()).map(|i| lists.neighbors_of(i).len()).sum::<usize>(), 2 * list.len());
+        assert_eq!(match_the_list(&mut detector, spheres, &list), Ok(()), "{variant}");
         let copy = if variant.algorithm == Algorithm::CellList { 0 } else { 16 * 3000 };
         let unbounded = Detector::new(variant.settings()).expect("a detector").memory_for(3000);
         assert!(detector.memory_for(3000) >= unbounded + copy, "{variant}");

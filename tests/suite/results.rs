@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Neighbors, Order, Pair, Spheres};
+use lazygrid_check::detectors::results::streamed;
 use lazygrid_tests::{
     DetectorVariant, SuiteVariant, THREADS, TestInput, difference, hard, in_pool, variants,
 };
@@ -13,24 +14,6 @@ use crate::properties::{check, one_of_each};
 
 fn detector(variant: DetectorVariant, config: Config) -> Result<Detector, String> {
     Detector::new(config.backend(variant.backend()).algorithm(variant.algorithm)).map_err(|e| e.to_string())
-}
-
-/// Fails if a chunk is too long or the returned number is wrong.
-fn streamed(detector: &mut Detector, scenario: &TestInput, chunk: usize) -> Result<Vec<Pair>, String> {
-    let (mut all, mut longest) = (Vec::new(), 0);
-    let handed = detector.stream(scenario.query(), chunk, |pairs| {
-        longest = longest.max(pairs.len());
-        all.extend_from_slice(pairs);
-        ControlFlow::Continue(())
-    });
-    let handed = handed.map_err(|e| e.to_string())?;
-    if handed != all.len() as u64 {
-        return Err(format!("stream says {handed} pairs and handed over {}", all.len()));
-    }
-    if longest > chunk.max(1) {
-        return Err(format!("a chunk of {longest} pairs where {chunk} were asked for"));
-    }
-    Ok(all)
 }
 
 fn small_spheres() -> impl Strategy<Value = TestInput> {
@@ -96,7 +79,7 @@ fn a_stream_equals_the_list() {
         let expected = scenario.oracle();
         for (variant, order) in variants_and_orders(&scenario) {
             let mut detector = detector(variant, Config::default().max_pairs(limit).order(order))?;
-            let found = variant.run(|| streamed(&mut detector, &scenario, chunk))?;
+            let found = variant.run(|| streamed(&mut detector, scenario.query(), chunk))?;
             difference(&scenario, &found, &expected, variant.tolerance())
                 .map_err(|e| format!("{variant}: {e}"))?;
             if order == Order::Canonical && !found.is_sorted() {
@@ -129,7 +112,7 @@ fn break_stops_a_stream() {
             if order == Order::Canonical && pairs != expected[..pairs.len()] {
                 return Err(format!("{variant}: a broken stream is not the beginning of the list"));
             }
-            let whole = variant.run(|| streamed(&mut detector, &scenario, chunk))?;
+            let whole = variant.run(|| streamed(&mut detector, scenario.query(), chunk))?;
             difference(&scenario, &whole, &expected, variant.tolerance())
                 .map_err(|e| format!("{variant}, after a break: {e}"))?;
         }

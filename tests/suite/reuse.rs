@@ -1,8 +1,7 @@
 //! State kept between calls never affects a result.
 
-use std::ops::ControlFlow;
-
 use lazygrid::{Detector, Order};
+use lazygrid_check::detectors::results::{listed, streamed};
 use lazygrid_tests::{DetectorVariant, SuiteVariant, TestInput, difference, hard, variants};
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -29,19 +28,11 @@ fn ask(
 ) -> Result<(), String> {
     let (view, expected) = (scenario.query(), variant.own_pairs(scenario, &scenario.oracle())?);
     let found = match call {
-        Call::Pairs => detector.pairs(view).map(|pairs| Some(pairs.to_vec())),
-        Call::Count => detector.count(view).map(|_| None),
-        Call::Neighbors => detector.neighbors(view).map(|_| None),
-        Call::Stream => {
-            let mut all = Vec::new();
-            let handed = detector.stream(view, 100, |pairs| {
-                all.extend_from_slice(pairs);
-                ControlFlow::Continue(())
-            });
-            handed.map(|_| Some(all))
-        }
+        Call::Pairs => Some(detector.pairs(view).map_err(|e| e.to_string())?.to_vec()),
+        Call::Count => detector.count(view).map(|_| None).map_err(|e| e.to_string())?,
+        Call::Neighbors => Some(listed(detector, view)?),
+        Call::Stream => Some(streamed(detector, view, 100)?),
     };
-    let found = found.map_err(|e| e.to_string())?;
     let reported = detector.report().pairs;
     if reported != expected.len() as u64 {
         return Err(format!("{reported} pairs reported, {} expected", expected.len()));

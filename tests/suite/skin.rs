@@ -27,7 +27,7 @@ fn follows(scenario: &TestInput, part: f32, moves: f32, variant: DetectorVariant
         let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
         for step in 0..6 {
             let expected = match scenario.space.is_periodic() {
-                true => periodic::oracle(&scenario),
+                true => scenario.rounding_oracle(),
                 false => scenario.oracle(),
             };
             let found = detector.pairs(scenario.query()).map_err(|error| error.to_string())?.to_vec();

@@ -1,11 +1,10 @@
 //! Triclinic cells: each algorithm against a plain loop over images.
 
-use std::ops::ControlFlow;
-
 use glam::Vec3;
 use lazygrid::{
-    Algorithm, Backend, Config, Detector, Error, InputError, Order, Pair, Skin, Space, Sphere, Spheres,
+    Algorithm, Backend, Config, Detector, Error, InputError, Order, Skin, Space, Sphere, Spheres,
 };
+use lazygrid_check::detectors::results::{match_the_list, streamed};
 use lazygrid_check::scenes::motion::{skin_of, walk};
 use lazygrid_check::scenes::triclinic as families;
 use lazygrid_check::scenes::triclinic::tilted;
@@ -17,6 +16,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use crate::properties::{check, settings};
+use crate::two_sets;
 
 fn agree(cases: u32, scenarios: impl Strategy<Value = TestInput>) {
     check(cases, (scenarios, settings()), |(scenario, settings)| {
@@ -178,21 +178,10 @@ fn all_kinds_of_results_agree() {
         let error = detector(most - 1).pairs(spheres).expect_err("one too many");
         assert_eq!(error, Error::TooManyPairs { found: most, limit: most - 1 }, "{variant}");
         for limit in [1 << 20, 300] {
-            let mut streamed = Vec::new();
-            let handed = detector(limit).stream(spheres, 100, |pairs| {
-                streamed.extend_from_slice(pairs);
-                ControlFlow::Continue(())
-            });
-            assert!(handed == Ok(most) && streamed == expected, "{variant}: the stream differs");
+            let stream = streamed(&mut detector(limit), spheres, 100).expect("a stream");
+            assert!(stream == expected, "{variant}: the stream differs");
         }
-        let mut detector = detector(1 << 20);
-        assert_eq!(detector.count(spheres), Ok(most), "{variant}");
-        let lists = detector.neighbors(spheres).expect("neighbours");
-        let of_lists = (0..spheres.len()).flat_map(|i| {
-            let later = lists.neighbors_of(i).iter().filter(move |&&j| j as usize > i);
-            later.map(move |&j| Pair { i: i as u32, j })
-        });
-        assert!(of_lists.eq(expected.iter().copied()), "{variant}: the neighbours differ");
+        assert_eq!(match_the_list(&mut detector(1 << 20), spheres, &expected), Ok(()), "{variant}");
     }
 }
 
@@ -200,20 +189,7 @@ fn all_kinds_of_results_agree() {
 fn pairs_across_two_sets() {
     let scenarios = prop_oneof![triclinic::soup(), triclinic::lattice(), triclinic::mixture()];
     check(120, (scenarios, 0.0..=1.0_f32, select(variants::all())), |(scenario, part, variant)| {
-        let split = (part * scenario.spheres.len() as f32).round() as usize;
-        let [a, b] = [scenario.only(|k| k < split), scenario.only(|k| k >= split)];
-        let across = |pair: &Pair| (pair.i as usize) < split && pair.j as usize >= split;
-        let expected = scenario.oracle().into_iter().filter(across);
-        let expected: Vec<Pair> = expected.map(|pair| Pair { i: pair.i, j: pair.j - split as u32 }).collect();
-        let config = scenario.config(variant.settings()).map_err(|error| error.to_string())?;
-        in_pool(variant.threads(), || {
-            let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
-            let found = detector.pairs((a.view(), b.view())).map_err(|error| error.to_string())?;
-            let same = found == expected;
-            let text = format!("{variant}: {} pairs where {} are expected", found.len(), expected.len());
-            let count = detector.count((a.view(), b.view())).map_err(|error| error.to_string())?;
-            if same && count == expected.len() as u64 { Ok(()) } else { Err(text) }
-        })
+        two_sets::agrees(&scenario, two_sets::split_at(&scenario, part), variant)
     });
 }
 

@@ -7,9 +7,10 @@ pub(crate) mod scenes;
 
 use adapter::or_skip;
 use bytemuck::Pod;
-use lazygrid::gpu::{GpuDevice, SoftwareAdapter, wgpu};
+use lazygrid::gpu::{GpuDevice, GpuSession, SoftwareAdapter, Ticket, wgpu};
+use lazygrid::{Interaction, Pair, Sphere, Spheres};
 pub(crate) use lazygrid_check::Random;
-use lazygrid_check::device;
+use lazygrid_check::{SpeciesSetup, device};
 use lazygrid_kernels::kernel::{Kernel, Variant};
 
 /// The device of all tests of a binary, which keeps compiled kernels.
@@ -34,6 +35,29 @@ pub(crate) fn limited(own: &GpuDevice, limits: impl FnOnce(wgpu::Limits) -> wgpu
     };
     let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("a device");
     GpuDevice::from_wgpu(&device, &queue)
+}
+
+pub(crate) fn finished(session: &mut GpuSession, ticket: Ticket) -> Vec<Pair> {
+    let mut pairs = session.finish(ticket, u64::MAX).expect("found").to_vec();
+    pairs.sort_unstable();
+    pairs
+}
+
+pub(crate) fn session_pairs<'a>(session: &mut GpuSession, spheres: impl Into<Spheres<'a>>) -> Vec<Pair> {
+    let ticket = session.begin(spheres.into()).expect("begun");
+    finished(session, ticket)
+}
+
+pub(crate) fn session_count(session: &mut GpuSession, spheres: &[Sphere]) -> u64 {
+    let ticket = session.begin(Spheres::from(spheres)).expect("begun");
+    session.finish_count(ticket).expect("counted")
+}
+
+/// Species of which 0 and 1, 1 and 2, and two of 2 pair.
+pub(crate) fn four_species(species: Vec<u32>) -> SpeciesSetup {
+    use Interaction::{Never, Touch, Within};
+    let rows = vec![vec![Never], vec![Within(0.7), Never], vec![Never, Within(0.01), Touch], vec![Never; 4]];
+    SpeciesSetup { species, rows }
 }
 
 pub(crate) fn upload<T: Pod>(own: &GpuDevice, data: &[T]) -> wgpu::Buffer {

@@ -6,7 +6,8 @@ use lazygrid::gpu::{
     BufferRange, ColumnLayout, GpuConfig, GpuDetector, GpuDevice, GpuSkinDetector, GpuSpheres, Outcome,
     SphereCount, wgpu,
 };
-use lazygrid::{Algorithm, Error, Interaction, Interactions, Pair, Space, Sphere};
+use lazygrid::{Algorithm, Error, Interaction, Pair, Space, Sphere};
+use lazygrid_check::{SpeciesSetup, TestInput};
 
 fn layouts(spheres: &[Sphere]) -> Vec<(ColumnLayout, Vec<Vec<f32>>)> {
     let number = |sphere: &Sphere, column: usize| match column {
@@ -69,7 +70,7 @@ fn a_stride_of_zero_gives_all_spheres_one_radius() {
     let mut detector = GpuDetector::new(&own.device, config).expect("made");
     let buffers = uploaded(&own, &columns);
     let found = detect_with(&own, &mut detector, &GpuSpheres::from_columns(ranges(&buffers), 2000));
-    verify("one radius", &spheres, &found.pairs, touching(&spheres));
+    verify("one radius", &touching(&spheres), &found.pairs);
 }
 
 #[test]
@@ -77,17 +78,10 @@ fn columns_with_species_and_a_skin_give_the_pairs_of_rows() {
     let Some(own) = device() else { return };
     let mut spheres = cloud(33, 2000, 10.0, |random| [0.4, 0.2][usize::from(random.unit() < 0.5)]);
     let species: Vec<u32> = (0..2000).map(|k| k % 3).collect();
-    let mut table = Interactions::new(3, Interaction::Never).expect("a table");
-    table.set(0, 1, Interaction::Touch).expect("in range");
-    table.set(2, 2, Interaction::Within(0.9)).expect("in range");
-    let reach = |spheres: &[Sphere]| {
-        let touching: Vec<f64> = spheres.iter().map(|sphere| f64::from(sphere.radius)).collect();
-        move |i: usize, j: usize| match [i % 3, j % 3] {
-            [0, 1] | [1, 0] => Some(touching[i] + touching[j]),
-            [2, 2] => Some(f64::from(0.9_f32)),
-            _ => None,
-        }
-    };
+    let (never, touch, within) = (Interaction::Never, Interaction::Touch, Interaction::Within(0.9));
+    let rows = vec![vec![never], vec![touch, never], vec![never, never, within]];
+    let mixture = SpeciesSetup { species: species.clone(), rows };
+    let table = mixture.interactions().expect("a table");
     let config = GpuConfig::default().algorithm(Algorithm::CellList).interactions(table);
     let buffers = uploaded(&own, &layouts(&spheres)[0].1);
     let species = upload(&own, &species);
@@ -101,7 +95,8 @@ fn columns_with_species_and_a_skin_give_the_pairs_of_rows() {
         let mut pairs: Vec<Pair> = download(&own, &output.pairs, outcome.found() as usize);
         pairs.sort_unstable();
         assert!(pairs.len() > 100, "{}", pairs.len());
-        verify(&format!("step {step}"), &spheres, &pairs, reach(&spheres));
+        let input = TestInput { mixture: Some(mixture.clone()), ..touching(&spheres) };
+        verify(&format!("step {step}"), &input, &pairs);
         spheres.iter_mut().for_each(|sphere| sphere.center.x += 0.1);
         let x: Vec<f32> = spheres.iter().map(|sphere| sphere.center.x).collect();
         own.queue.write_buffer(&buffers[0], 0, bytemuck::cast_slice(&x));

@@ -1,16 +1,14 @@
 //! EagerGrid and LazyGrid with several levels, against all pairs in `f64`.
 
 use crate::common::scenes::{Found, detect, scenes, settings, touching, verify};
-use crate::common::{Random, device};
+use crate::common::{Random, device, session_pairs};
 use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSession, Outcome};
-use lazygrid::{Algorithm, Sphere, Spheres};
+use lazygrid::{Algorithm, Sphere};
 
 /// Sessions share compiled kernels.
 fn detect_in_session(own: &GpuDevice, settings: GpuConfig, spheres: &[Sphere]) -> Found {
     let mut session = GpuSession::new(own.clone(), settings).expect("made");
-    let ticket = session.begin(Spheres::from(spheres)).expect("begun");
-    let mut pairs = session.finish(ticket, u64::MAX).expect("found").to_vec();
-    pairs.sort_unstable();
+    let pairs = session_pairs(&mut session, spheres);
     Found { outcome: *session.outcome(), pairs }
 }
 
@@ -22,7 +20,7 @@ fn every_scene_agrees_for_any_tau() {
         for (name, spheres) in scenes() {
             let found = detect_in_session(&own, settings.clone(), &spheres);
             let scene = format!("{name}, tau {tau}, ratio {cell_ratio}");
-            verify(&scene, &spheres, &found.pairs, touching(&spheres));
+            verify(&scene, &touching(&spheres), &found.pairs);
         }
     }
 }
@@ -39,7 +37,7 @@ fn mixed_refinement_loses_no_pair() {
     spheres.extend((0..40).map(|k| Sphere::new([0.0, k as f32 * 0.02, 0.4], 0.15)));
     for tau in (0..=350).step_by(10) {
         let found = detect_in_session(&own, settings(Algorithm::LazyGrid, true).tau(tau), &spheres);
-        verify(&format!("tau {tau}"), &spheres, &found.pairs, touching(&spheres));
+        verify(&format!("tau {tau}"), &touching(&spheres), &found.pairs);
     }
 }
 

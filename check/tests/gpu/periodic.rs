@@ -1,9 +1,9 @@
 //! `GpuDetector` in periodic spaces against all pairs of nearest images in `f64`.
 
 use crate::common::periodic::{Scene, cloud, detect, lengths, subjects};
-use crate::common::{Random, device};
+use crate::common::{Random, device, four_species};
+use lazygrid::Sphere;
 use lazygrid::gpu::GpuDevice;
-use lazygrid::{Interaction, Interactions, Sphere};
 
 fn check(own: &GpuDevice, scene: &Scene) {
     let mut failures = Vec::new();
@@ -153,12 +153,9 @@ fn species_in_a_periodic_box() {
     let spheres = cloud(50, 500, 8.0, octaves);
     let mut random = Random(51);
     let species: Vec<u32> = (0..spheres.len()).map(|_| random.word() % 4).collect();
-    let mut table = Interactions::new(4, Interaction::Never).expect("small");
-    table.set(0, 1, Interaction::Within(0.7)).expect("in range");
-    table.set(2, 2, Interaction::Touch).expect("in range");
-    table.set(2, 1, Interaction::Within(0.01)).expect("in range");
-    let scene = Scene::new("species", lengths(5, [4.0; 3]), spheres);
-    check(&own, &Scene { species: Some((species, table)), ..scene });
+    let mut scene = Scene::new("species", lengths(5, [4.0; 3]), spheres);
+    scene.input.mixture = Some(four_species(species));
+    check(&own, &scene);
 }
 
 /// Several cells share a key, runs of entries are long, and the periodic boundary cuts the crowd in two.

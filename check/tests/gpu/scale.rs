@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::common::{Random, device, limited, new_device};
+use crate::common::{Random, device, limited, new_device, session_count, session_pairs};
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession, wgpu};
 use lazygrid::{Algorithm, Backend, Config, Detector, Sphere, Spheres};
 
@@ -28,9 +28,7 @@ fn lists_agree(own: &GpuDevice, spheres: &[Sphere], detector: &mut Detector, alg
     for &algorithm in algorithms {
         let settings = GpuConfig::default().algorithm(algorithm);
         let mut session = GpuSession::new(own.clone(), settings).expect("made");
-        let ticket = session.begin(Spheres::from(spheres)).expect("fits");
-        let mut found = session.finish(ticket, u64::MAX).expect("found").to_vec();
-        found.sort_unstable();
+        let found = session_pairs(&mut session, spheres);
         let differing = found.iter().filter(|pair| expected.binary_search(pair).is_err()).count();
         assert!(
             agree(found.len() as u64, expected.len() as u64),
@@ -60,8 +58,7 @@ fn thousands_of_coincident_spheres_are_counted_exactly() {
         let spheres = vec![Sphere::new([1.0, -2.0, 3.0], 0.5); n as usize];
         let settings = GpuConfig::default().algorithm(algorithm);
         let mut session = GpuSession::new(own.clone(), settings).expect("made");
-        let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
-        assert_eq!(session.finish_count(ticket), Ok(n * (n - 1) / 2), "{algorithm}, {n} spheres");
+        assert_eq!(session_count(&mut session, &spheres), n * (n - 1) / 2, "{algorithm}, {n} spheres");
     };
     for algorithm in [Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::CellList] {
         count(14_000, algorithm);
@@ -78,8 +75,7 @@ fn eighty_thousand_crowded_spheres() {
     spheres.push(Sphere::new([2.0; 3], 0.4));
     let settings = GpuConfig::default().algorithm(Algorithm::ArrayGrid);
     let mut session = GpuSession::new(own, settings).expect("made");
-    let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
-    let found = session.finish_count(ticket).expect("counted");
+    let found = session_count(&mut session, &spheres);
     let expected = count_on_cpu(&mut cpu(), &spheres);
     assert!(agree(found, expected), "{found} instead of {expected}");
 }
@@ -92,8 +88,7 @@ fn ten_thousand_spheres_of_ten_sizes_at_one_point() {
     let spheres: Vec<_> = (0..n).map(|k| Sphere::new([1.0, -2.0, 3.0], 0.5_f32.powi(k % 10))).collect();
     let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid).max_tests_per_dispatch(1 << 27);
     let mut session = GpuSession::new(own, settings).expect("made");
-    let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
-    let found = session.finish_count(ticket).expect("counted");
+    let found = session_count(&mut session, &spheres);
     let outcome = session.outcome();
     assert!(outcome.entries_needed() > 8 * n as u64 && outcome.deferred_begin > 0, "{outcome:?}");
     assert_eq!(found, n as u64 * (n as u64 - 1) / 2);
@@ -177,9 +172,7 @@ fn results_above_the_largest_output_take_few_searches() {
         let settings = GpuConfig::default().pair_capacity(pair_capacity);
         let mut session = GpuSession::new(own.clone(), settings).expect("a session");
         let spheres = vec![Sphere::new([1.0; 3], 0.5); 600];
-        let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
-        let mut pairs = session.finish(ticket, u64::MAX).expect("found").to_vec();
-        pairs.sort_unstable();
+        let pairs = session_pairs(&mut session, &spheres);
         assert!(pairs == cpu().pairs(&spheres).expect("valid"), "{} pairs", pairs.len());
         assert!(session.submissions().searches < 12, "{:?}", session.submissions());
     }

@@ -2,12 +2,13 @@
 
 use std::ops::ControlFlow;
 
-use crate::common::{Random, device, limited};
+use crate::common::{Random, device, finished, limited, session_count, session_pairs};
 use lazygrid::gpu::{GpuConfig, GpuSession, wgpu};
 use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, Interaction, Interactions, Order, Pair, RebuildReason,
     Sphere, Spheres,
 };
+use lazygrid_check::detectors::results::{listed, streamed};
 
 /// Multiples of a power of two, so that results agree exactly.
 fn cloud(seed: u64, n: usize, extent: u32) -> Vec<Sphere> {
@@ -39,25 +40,8 @@ fn lists_counts_neighbors_and_streams_agree_with_the_cpu() {
             let wanted = expected(&spheres);
             assert_eq!(detector.pairs(&spheres).expect("found"), wanted, "{n} {algorithm}");
             assert_eq!(detector.count(&spheres).expect("counted"), wanted.len() as u64);
-            let lists = detector.neighbors(&spheres).expect("found");
-            let of_each: Vec<Pair> = (0..n)
-                .flat_map(|k| {
-                    lists
-                        .neighbors_of(k)
-                        .iter()
-                        .filter(move |&&j| j as usize > k)
-                        .map(move |&j| Pair { i: k as u32, j })
-                })
-                .collect();
-            assert!(of_each == wanted && lists.indices().len() == 2 * wanted.len());
-            let mut streamed = Vec::new();
-            let handed = detector.stream(&spheres, 1000, |pairs| {
-                assert!(pairs.len() <= 1000);
-                streamed.extend_from_slice(pairs);
-                ControlFlow::Continue(())
-            });
-            assert_eq!(handed.expect("streamed"), wanted.len() as u64);
-            assert!(streamed == wanted, "the stream is canonical as a whole");
+            assert!(listed(&mut detector, &spheres) == Ok(wanted.clone()), "{n} {algorithm}");
+            assert!(streamed(&mut detector, &spheres, 1000) == Ok(wanted.clone()), "{n} {algorithm}");
             let report = detector.report();
             assert_eq!((report.backend, report.pairs), (Backend::Gpu, wanted.len() as u64));
             let is_timed = report.phases.iter().any(|phase| phase.name == "search");
@@ -124,9 +108,7 @@ fn third_call_in_flight_is_refused() {
         let next = session.begin(Spheres::from(&scenes[k])).expect("begun");
         let third = session.begin(Spheres::from(&scenes[k])).expect_err("two are in flight");
         assert_eq!(third, Error::TooManyInFlight { calls: 2 });
-        let mut pairs = session.finish(before, u64::MAX).expect("found").to_vec();
-        pairs.sort_unstable();
-        assert_eq!(pairs, expected(&scenes[k - 1]));
+        assert_eq!(finished(&mut session, before), expected(&scenes[k - 1]));
         before = next;
     }
     let mut pairs = pollster::block_on(session.finish_async(before, u64::MAX)).expect("found").to_vec();
@@ -171,8 +153,7 @@ fn crowded_searches_continue_over_several_submissions() {
         for k in [1, 2, 0] {
             let next = session.begin(Spheres::from(&scenes[k])).expect("begun");
             let scene = &scenes[(k + 2) % 3];
-            let mut pairs = session.finish(before, u64::MAX).expect("found").to_vec();
-            pairs.sort_unstable();
+            let pairs = finished(&mut session, before);
             assert!(pairs == expected(scene), "{algorithm}, {k}: {}", pairs.len());
             assert!(
                 session.outcome().deferred_blocks > 4 && !session.outcome().has_remaining_work(),
@@ -207,13 +188,11 @@ fn retried_call_keeps_its_algorithm_and_pairs() {
         let before = session.begin(Spheres::from(&spheres)).expect("begun");
         session.set_algorithm(then).expect("on the GPU");
         let next = session.begin(Spheres::from(&other)).expect("begun");
-        let mut pairs = session.finish(before, u64::MAX).expect("found").to_vec();
-        pairs.sort_unstable();
+        let pairs = finished(&mut session, before);
         assert!(pairs == wanted, "{first}: {} of {}", pairs.len(), wanted.len());
         assert_eq!(session.algorithm(), first);
         assert!(session.outcome().deferred_blocks > 2, "it came in parts");
-        let mut pairs = session.finish(next, u64::MAX).expect("found").to_vec();
-        pairs.sort_unstable();
+        let pairs = finished(&mut session, next);
         assert!(pairs == wanted_of_other, "{then}");
     }
 }
@@ -227,13 +206,11 @@ fn one_level_is_used_if_entries_exceed_the_limit() {
     let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid).pair_capacity(1 << 14);
     let mut session = GpuSession::new(own, settings).expect("made");
     for _ in 0..2 {
-        let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
-        assert_eq!(session.finish_count(ticket), Ok(n * (n - 1) / 2));
+        assert_eq!(session_count(&mut session, &spheres), n * (n - 1) / 2);
         assert_eq!(session.algorithm(), Algorithm::ArrayGrid);
     }
     let few = cloud(6, 1000, 8);
-    let ticket = session.begin(Spheres::from(&few)).expect("begun");
-    assert_eq!(session.finish_count(ticket), Ok(expected(&few).len() as u64));
+    assert_eq!(session_count(&mut session, &few), expected(&few).len() as u64);
     assert_eq!(session.algorithm(), Algorithm::LazyGrid);
 }
 
@@ -263,8 +240,7 @@ fn entry_capacity_is_kept_per_input_size() {
     let mut session = GpuSession::new(own, settings).expect("made");
     let memory = |session: &GpuSession, n| session.memory_for(n).expect("fits");
     let [few, same] = [30, 3000].map(|n| memory(&session, n));
-    let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
-    assert_eq!(session.finish_count(ticket), Ok(3000 * 2999 / 2));
+    assert_eq!(session_count(&mut session, &spheres), 3000 * 2999 / 2);
     assert!(memory(&session, 3000) > same + 3000 * 8 * 16, "there is more room at that size");
     assert!(memory(&session, 30) < few + (64 << 10), "{} instead of {few}", memory(&session, 30));
 }
@@ -314,9 +290,7 @@ fn dropped_ticket_frees_its_slot() {
         drop(tickets.remove(dropped));
         let third = session.begin(Spheres::from(&scenes[3])).expect("there is room again");
         for (ticket, scene) in [(third, 3), (tickets.remove(0), 1 - dropped)] {
-            let mut pairs = session.finish(ticket, u64::MAX).expect("found").to_vec();
-            pairs.sort_unstable();
-            assert_eq!(pairs, expected(&scenes[scene]));
+            assert_eq!(finished(&mut session, ticket), expected(&scenes[scene]));
         }
     }
 }
@@ -339,8 +313,7 @@ fn candidate_overflow_never_fails_a_call() {
     session.set_skin(Some(0.01)).expect("a skin");
     let mut count = |n: usize, what: &str| {
         let spheres = vec![Sphere::new([1.0; 3], 0.5); n];
-        let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
-        let found = session.finish_count(ticket).expect("finished");
+        let found = session_count(&mut session, &spheres);
         assert_eq!(found, (n * (n - 1) / 2) as u64, "{n}, {what}");
         session.kept().map(|kept| (kept.count, kept.age, kept.rebuilt))
     };
@@ -371,9 +344,7 @@ fn slowly_moving_spheres_are_surveyed_every_seventeenth_call() {
         let mut session = GpuSession::new(own.clone(), settings).expect("made");
         let mut reused = Vec::new();
         for call in 0..19 {
-            let ticket = session.begin(Spheres::from(&spheres)).expect("begun");
-            let mut pairs = session.finish(ticket, u64::MAX).expect("found").to_vec();
-            pairs.sort_unstable();
+            let pairs = session_pairs(&mut session, &spheres);
             assert!(pairs == expected(&spheres), "{n} spheres, call {call}: {} pairs", pairs.len());
             let counts = session.submissions();
             assert_eq!(counts.searches, 1, "{n} spheres, call {call}");
@@ -393,15 +364,13 @@ fn calls_in_flight_are_repeated_if_reused_cells_do_not_suit() {
     let settings = GpuConfig::default().algorithm(Algorithm::CellList);
     let mut session = GpuSession::new(own, settings).expect("made");
     let small = cloud(3, 3000, 20);
-    let ticket = session.begin(Spheres::from(&small)).expect("begun");
-    assert_eq!(session.finish_count(ticket), Ok(expected(&small).len() as u64));
+    assert_eq!(session_count(&mut session, &small), expected(&small).len() as u64);
     let mut large = small.clone();
     large.iter_mut().step_by(2).for_each(|sphere| sphere.radius *= 4.0);
     let crowd = vec![Sphere::new([3.0; 3], 0.25); 3000];
     let tickets = [&large, &crowd].map(|spheres| session.begin(Spheres::from(spheres)).expect("begun"));
     for (ticket, spheres) in tickets.into_iter().zip([&large, &crowd]) {
-        let mut pairs = session.finish(ticket, u64::MAX).expect("found").to_vec();
-        pairs.sort_unstable();
+        let pairs = finished(&mut session, ticket);
         assert!(pairs == expected(spheres), "{} pairs", pairs.len());
         let counts = session.submissions();
         assert!(counts.reused_layouts == 1 && counts.searches > 1, "{counts:?}");
