@@ -109,19 +109,16 @@ fn bad_spheres_are_quarantined_and_counted() {
         [5.0, 5.0, 5.0, -1.0],
         [5.0, 5.0, 5.0, -1e-40],
     ];
+    let first_good = bad.len() as u32;
     spheres.splice(0..0, bad.map(Sphere::from));
     for &algorithm in ALGORITHMS {
         let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
         let found = detect(&own, &mut detector, &spheres);
-        assert_eq!(found.outcome.quarantined, bad.len() as u32, "{algorithm}");
-        let shifted: Vec<_> = found
-            .pairs
-            .iter()
-            .map(|p| Pair { i: p.i - bad.len() as u32, j: p.j - bad.len() as u32 })
-            .collect();
-        verify("quarantine", &touching(&good), &shifted);
+        assert_eq!(found.outcome.quarantined, first_good, "{algorithm}");
+        let shifted = found.pairs.iter().map(|p| Pair { i: p.i - first_good, j: p.j - first_good });
+        verify("quarantine", &touching(&good), &shifted.collect::<Vec<_>>());
         let all_bad = detect(&own, &mut detector, &bad.map(Sphere::from));
-        assert_eq!((all_bad.outcome.found(), all_bad.outcome.quarantined), (0, bad.len() as u32));
+        assert_eq!((all_bad.outcome.found(), all_bad.outcome.quarantined), (0, first_good));
     }
 }
 
@@ -132,19 +129,17 @@ fn sphere_count_is_read_from_a_buffer() {
     let buffer = upload(&own, &spheres);
     for &algorithm in ALGORITHMS {
         let mut detector = GpuDetector::new(&own.device, settings(algorithm, true)).expect("made");
-        for n in [0_u32, 1, 257, 3000] {
+        let mut detect_first = |n: u32| {
             let count = upload(&own, &[n]);
             let count = SphereCount::Buffer { buffer: &count, at_most: 3000 };
-            let input = GpuSpheres::new(&buffer, count);
-            let found = detect_with(&own, &mut detector, &input);
-            let part = &spheres[..n as usize];
-            verify("count from a buffer", &touching(part), &found.pairs);
+            detect_with(&own, &mut detector, &GpuSpheres::new(&buffer, count))
+        };
+        for n in [0, 1, 257, 3000] {
+            let found = detect_first(n);
+            verify("count from a buffer", &touching(&spheres[..n as usize]), &found.pairs);
             assert_eq!((found.outcome.spheres, found.outcome.overflow), (n, 0));
         }
-        let count = upload(&own, &[4000_u32]);
-        let count = SphereCount::Buffer { buffer: &count, at_most: 3000 };
-        let input = GpuSpheres::new(&buffer, count);
-        let found = detect_with(&own, &mut detector, &input);
+        let found = detect_first(4000);
         assert_eq!((found.outcome.spheres, found.outcome.overflow), (4000, Outcome::OVERFLOW_SPHERES));
     }
 }
@@ -351,10 +346,8 @@ fn caller_can_reuse_the_cell_order() {
         let mut ids: Vec<u32> = (0..4000).map(|k| k % 2).collect();
         for step in 0..3 {
             let (given, of_species) = (upload(&own, &spheres), upload(&own, &ids));
-            let input = {
-                let input = GpuSpheres::new(&given, 4000);
-                if species { input.with_species(&of_species) } else { input }
-            };
+            let input = GpuSpheres::new(&given, 4000);
+            let input = if species { input.with_species(&of_species) } else { input };
             let found = detect_with(&own, &mut detector, &input);
             assert_eq!(found.outcome.pairs_in_cell_order, 1);
             let sorted = detector.reserve(4000).expect("reserved").sorted.expect("a cell list");

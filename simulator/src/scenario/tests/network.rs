@@ -94,8 +94,7 @@ fn rate_of_reactants_that_move_apart_from_diffusion_is_warned_of() {
     // 5 % of the rate.
     let speed = 0.025 / (std::f64::consts::PI * radius * radius);
     assert_eq!(warnings(0.99 * speed), [""; 0]);
-    let said = warnings(2.0 * speed);
-    assert_warns(&said, "sweep up to 0.050 µm³/s");
+    assert_warns(&warnings(2.0 * speed), "sweep up to 0.050 µm³/s");
 }
 
 /// A step dissociates k(1 − exp(−RΔt))/R of the complexes, with the rate R of all their decays.
@@ -357,8 +356,8 @@ fn dissociation_of_particles_released_within_a_step_is_warned_of() {
         assert!(said[0].contains("time-step = 6.66e-6 is short enough"), "{said:?}");
     }
     // The rest of a species that dissociates decays at the ends of steps, too.
-    let said = warnings(&(decay("C -> A + B", "rate = 30") + &decay("C ->", "rate = 3000") + &steady));
-    assert_warns(&said, "'C ->': 3.0 % of C decay");
+    let both = decay("C -> A + B", "rate = 30") + &decay("C ->", "rate = 3000");
+    assert_warns(&warnings(&(both + &steady)), "'C ->': 3.0 % of C decay");
     let burst = transmitter("release = [{ species = \"C\", count = 9 }]");
     assert_eq!(warnings(&(split + &burst)), [""; 0]);
     assert_eq!(warnings(&(decay("C ->", "rate = 3000") + &steady)), [""; 0]);
@@ -371,14 +370,11 @@ fn rates_that_random_numbers_round_are_warned_of() {
     let said = warnings(&decay("C ->", "rate = 1e-4"));
     assert_warns(&said, "'C ->' has the probability 1.000e-9 in a step");
     assert!(said[0].contains("rounded to 9.313e-10") && said[0].contains("is off by 6.9 %"), "{said:?}");
-    let said = warnings(&decay("C -> A + B", "rate = 1e-5\nunbinding-radius = 0.1"));
-    assert_warns(&said, "it never happens");
+    assert_warns(&warnings(&decay("C -> A + B", "rate = 1e-5\nunbinding-radius = 0.1")), "it never happens");
     let inside = |rate: &str| reaction("A + B -> C", &format!("rate-inside = {rate}"));
-    let said = warnings(&inside("1e-4"));
-    assert_warns(&said, "'A + B -> C' has the probability 1.000e-9");
+    assert_warns(&warnings(&inside("1e-4")), "'A + B -> C' has the probability 1.000e-9");
     let swimmer = |rate: &str| format!("[[species]]\nname = \"E\"\nspeed = 1\ntumble-rate = {rate}\n");
-    let said = warnings(&swimmer("1e-4"));
-    assert_warns(&said, "'a tumble of E' has the probability 1.000e-9");
+    assert_warns(&warnings(&swimmer("1e-4")), "'a tumble of E' has the probability 1.000e-9");
     let fine = decay("C ->", "rate = 2.34e-3") + &inside("2.34e-3") + &swimmer("2.34e-3");
     assert_eq!(warnings(&fine), [""; 0]);
     assert_eq!(warnings(&swimmer("0")), [""; 0]);
