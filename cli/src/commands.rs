@@ -10,7 +10,7 @@ use lazygrid_io::{AvailableMemory, lacking_memory};
 
 use crate::error::CliError;
 
-/// Refuses `what` if it needs more bytes than are available. Refused memory would end the process later.
+/// Refuses `what` if it needs more bytes than are available. An allocation refused later would end the process.
 ///
 /// # Errors
 /// Returns [`CliError::TooLittleMemoryFor`].
@@ -23,7 +23,11 @@ fn check_memory(what: &'static str, needed: u64) -> Result<(), CliError> {
     }
 }
 
+/// Most threads of llvmpipe.
+const MAX_DRIVER_THREADS: u64 = 32;
+
 /// Returns the bytes of a software driver's threads: stacks of 8 MiB, and code.
 fn memory_of_driver_threads() -> u64 {
-    std::thread::available_parallelism().map_or(1, |cores| cores.get() as u64) * (10 << 20)
+    let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get() as u64);
+    cores.min(MAX_DRIVER_THREADS) * (10 << 20)
 }

@@ -181,7 +181,7 @@ impl ContenderRun {
         self.phases.push(search.phases());
     }
 
-    fn verify(&mut self, reference: &Reference<'_>, spheres: &[Sphere]) {
+    fn verify(&mut self, reference: &Reference, spheres: &[Sphere]) {
         let Some(found) = self.last else { return };
         let verdict = match (reference.check(found), &mut self.search) {
             // GPUs may round differently from the reference, so pairs are compared one by one.

@@ -1,7 +1,7 @@
 use std::error::Error;
 
 use lazygrid::{Algorithm, Backend, Config, Order, Pair, Sphere};
-use lazygrid_check::{TestInput, Tolerance, difference};
+use lazygrid_check::{SpeciesSetup, TestInput, Tolerance, difference};
 
 use crate::SpeciesScene;
 use crate::measure::{ContenderFactory, Digest, Found};
@@ -10,14 +10,14 @@ use crate::peers::cell_list;
 /// Larger scenes without species use the plain cell list, which is checked against naive below.
 const NAIVE_REFERENCE: usize = 20_000;
 
-pub(super) struct Reference<'a> {
-    spheres: &'a [Sphere],
+pub(super) struct Reference {
+    input: TestInput,
     pairs: Vec<Pair>,
     digest: Digest,
 }
 
-impl<'a> Reference<'a> {
-    pub(super) fn of(spheres: &'a [Sphere], species: Option<SpeciesScene>) -> Result<Self, Box<dyn Error>> {
+impl Reference {
+    pub(super) fn of(spheres: &[Sphere], species: Option<SpeciesScene>) -> Result<Self, Box<dyn Error>> {
         let naive =
             Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive).order(Order::Unordered);
         let contender = match (species, spheres.len()) {
@@ -33,7 +33,8 @@ impl<'a> Reference<'a> {
             Found::Pairs(pairs) => pairs.to_vec(),
             Found::Count(_) => vec![],
         };
-        Ok(Self { spheres, pairs, digest })
+        let mixture = species.map(|scene| species_setup(scene, spheres.len())).transpose()?;
+        Ok(Self { input: TestInput { mixture, ..spheres.to_vec().into() }, pairs, digest })
     }
 
     pub(super) fn check(&self, found: Digest) -> Result<(), String> {
@@ -55,13 +56,18 @@ impl<'a> Reference<'a> {
             pairs.sort_unstable();
             pairs
         });
-        let input = TestInput::from(self.spheres.to_vec());
-        difference(&input, &found, &expected, Tolerance::Tangent)
+        difference(&self.input, &found, &expected, Tolerance::Tangent)
             .map_err(|text| format!("wrong answer: {text}"))?;
         let absent =
             |from: &[Pair], of: &[Pair]| of.iter().filter(|p| from.binary_search(p).is_err()).count();
         Ok((absent(&found, &expected) + absent(&expected, &found)) as u64)
     }
+}
+
+fn species_setup(scene: SpeciesScene, n: usize) -> Result<SpeciesSetup, Box<dyn Error>> {
+    let table = scene.table()?;
+    let row = |a| (0..=a).map(|b| table.get(a, b)).collect();
+    Ok(SpeciesSetup { species: scene.species(n), rows: (0..table.species()).map(row).collect() })
 }
 
 #[cfg(test)]

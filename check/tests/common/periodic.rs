@@ -16,7 +16,9 @@ pub(crate) struct Scene {
 
 impl Scene {
     pub(crate) fn new(name: impl Into<String>, lengths: [Option<f32>; 3], spheres: Vec<Sphere>) -> Self {
-        Self { name: name.into(), input: TestInput { space: space(lengths), ..spheres.into() } }
+        let space = space(lengths);
+        assert_eq!(space.is_periodic(), lengths.iter().any(|length| length.is_some()), "{lengths:?}");
+        Self { name: name.into(), input: TestInput { space, ..spheres.into() } }
     }
 
     pub(crate) fn verify(&self, context: &str, pairs: &[Pair]) -> Result<(), String> {

@@ -96,15 +96,18 @@ impl DensityProfile {
         self.log_extent
     }
 
-    /// For a group with an `extent` of its own, of which all compared spheres are tested exactly.
-    pub(crate) fn of_narrow(&self, extent: f32, all: &Self) -> Self {
-        let (log_extent, periodic_axes) = (extent.log2(), all.periodic_axes);
-        Self { log_extent, periodic_axes, compare_ns: EXACT_TEST_NS, ..self.clone() }
+    /// For a group in a grid with this longest axis. If `compares`, its spheres are compared with each other, all by
+    /// the exact test.
+    pub(super) fn of_group(&self, extent: f32, periodic_axes: i32, compares: bool) -> Self {
+        // Without an extent all spheres of the group are at one point, also in the finest cubes.
+        let top = if extent > 0.0 { self.top } else { f32::NEG_INFINITY };
+        let compare_ns = if compares { EXACT_TEST_NS } else { COMPARE_NS };
+        Self { top, log_extent: extent.log2(), periodic_axes, compare_ns, ..self.clone() }
     }
 
-    /// Returns the pairs of spheres in cubes around each other that are `width` radii wide.
-    pub(super) fn pairs_within(&self, width: f32, stats: &InputStats) -> f32 {
-        let around = |radius: f32| if radius > 0.0 { self.mean((width * radius).log2()) } else { 0.0 };
+    pub(super) fn contacts(&self, stats: &InputStats) -> f32 {
+        // A cube with the volume of the sphere of centers of equal spheres in contact.
+        let around = |radius: f32| if radius > 0.0 { self.mean((3.2 * radius).log2()) } else { 0.0 };
         stats.occupied().map(|(_, class)| class.count as f32 * around(class.largest)).sum::<f32>() / 2.0
     }
 
@@ -128,7 +131,7 @@ pub(super) struct Sample {
     pub(super) cell_size: f64,
     /// The longest axis of the grid.
     extent: f32,
-    periodic_axes: i32,
+    pub(super) periodic_axes: i32,
 }
 
 impl Sample {

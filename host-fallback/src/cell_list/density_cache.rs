@@ -6,7 +6,7 @@ use super::LevelPlan;
 use super::density::{DensityProfile, EXACT_TEST_NS, Sample};
 use crate::input::SearchInput;
 use crate::input::{Division, Grouping, SizeClass, SpeciesGroups};
-use crate::memory::try_push;
+use crate::memory::{try_collect, try_push};
 use crate::size_class::SIZE_CLASSES;
 use crate::{Error, InputStats};
 
@@ -21,9 +21,6 @@ const MAX_FINER_COST: f32 = 0.9;
 const MAX_NARROW_COST: f32 = 0.5;
 /// Per sphere. A search that costs less gains little by a division by reach.
 const CROWDED_NS: f32 = 200.0;
-/// Width of a cube with the volume of the sphere of centers of equal spheres in contact, and of the cells around a
-/// sphere, in radii.
-const AROUND: [f32; 2] = [3.2, 6.0];
 /// Estimated, for a search between groups.
 const CROSSING_NS: f32 = 60.0;
 
@@ -32,33 +29,34 @@ impl Sample {
     fn cost(&self, input: &SearchInput<'_>, density: &DensityProfile, grouping: &Grouping<'_>) -> f32 {
         let exact = match grouping.is_by_radii() {
             true => 0.0,
-            false => EXACT_TEST_NS * density.pairs_within(AROUND[0], &input.stats),
+            false => EXACT_TEST_NS * density.contacts(&input.stats),
         };
         LevelPlan::plan(&input.stats, density).cost + exact
     }
 
-    /// With a plan for each group, whose effective radii decide nothing: cells around a sphere are tested exactly.
+    /// With a plan for each group, whose effective radii decide nothing.
     fn cost_by_group(
         &self,
         input: &SearchInput<'_>,
         of_groups: &[DensityProfile],
         grouping: &Grouping<'_>,
-    ) -> f32 {
-        let all = self.stats_of_groups(input, grouping);
+    ) -> Result<f32, Error> {
+        let all = self.stats_of_groups(input, grouping)?;
         let within = all.iter().zip(of_groups).enumerate().map(|(group, (stats, density))| {
-            if grouping.meeting(group, group).is_none() {
-                return 0.0;
-            }
-            LevelPlan::plan(stats, density).cost + EXACT_TEST_NS * density.pairs_within(AROUND[1], stats)
+            let compares = grouping.meeting(group, group).is_some();
+            if compares { LevelPlan::plan(stats, density).cost } else { 0.0 }
         });
         let between = grouping.meetings().filter(|(a, b)| a != b);
         let between = between.map(|(a, b)| CROSSING_NS * all[a].spheres.min(all[b].spheres) as f32);
-        within.sum::<f32>() + between.sum::<f32>()
+        Ok(within.sum::<f32>() + between.sum::<f32>())
     }
 
     /// Estimates the spheres of each group by size class of the radius within the group.
-    #[expect(clippy::disallowed_methods, reason = "there are MAX_SEPARATE groups")]
-    fn stats_of_groups(&self, input: &SearchInput<'_>, grouping: &Grouping<'_>) -> Vec<InputStats> {
+    fn stats_of_groups(
+        &self,
+        input: &SearchInput<'_>,
+        grouping: &Grouping<'_>,
+    ) -> Result<Vec<InputStats>, Error> {
         let of_group = |group| {
             let mut classes = [SizeClass::default(); SIZE_CLASSES];
             for id in
@@ -73,19 +71,27 @@ impl Sample {
             classes.iter_mut().for_each(|class| class.count = scale(class.count));
             input.stats.with_classes(classes)
         };
-        (0..grouping.count()).map(of_group).collect()
+        try_collect((0..grouping.count()).map(of_group), "groups of spheres")
     }
 
-    /// Returns the density of each group alone.
-    fn of_groups(&self, grouping: &Grouping<'_>) -> Result<Vec<DensityProfile>, Error> {
+    /// Returns the density of each group alone, within the extent of its sample.
+    fn of_groups(
+        &self,
+        input: &SearchInput<'_>,
+        grouping: &Grouping<'_>,
+    ) -> Result<Vec<DensityProfile>, Error> {
         let mut densities = Vec::new();
         for group in 0..grouping.count() {
-            let mut codes = Vec::new();
+            let (mut codes, mut bounds) = (Vec::new(), (Vec3::INFINITY, Vec3::NEG_INFINITY));
             for &code in self.codes.iter().filter(|(_, index)| grouping.of(*index as usize) == group) {
                 try_push(&mut codes, code, "a sample of the spheres")?;
+                let center = input.test.spheres().get(code.1 as usize).center;
+                bounds = (bounds.0.min(center), bounds.1.max(center));
             }
             let spheres = codes.len() * self.spheres / self.codes.len().max(1);
             let density = DensityProfile::from_codes(&codes, spheres, self.cell_size, None);
+            let compares = grouping.meeting(group, group).is_some();
+            let density = density.of_group(input.extent(bounds), self.periodic_axes, compares);
             try_push(&mut densities, density, "densities of groups")?;
         }
         Ok(densities)
@@ -143,8 +149,8 @@ impl DensityCache {
                     (least, best) = (cost, (density, Vec::new(), division));
                 }
             } else if least > CROWDED_NS * sample.spheres as f32 {
-                let of_groups = sample.of_groups(&grouping)?;
-                if sample.cost_by_group(input, &of_groups, &grouping) < MAX_NARROW_COST * least {
+                let of_groups = sample.of_groups(input, &grouping)?;
+                if sample.cost_by_group(input, &of_groups, &grouping)? < MAX_NARROW_COST * least {
                     best = (density(division), of_groups, division);
                 }
             }
@@ -155,7 +161,7 @@ impl DensityCache {
     #[cfg(test)]
     pub(crate) fn with_division(self, division: Division, input: &SearchInput<'_>) -> Self {
         let sample = Sample::take(input).expect("there is memory");
-        let of_groups = sample.of_groups(&input.grouping(division)).expect("there is memory");
+        let of_groups = sample.of_groups(input, &input.grouping(division)).expect("there is memory");
         Self { division, of_groups, ..self }
     }
 
@@ -183,6 +189,7 @@ impl DensityCache {
         self.left > 0 && self.spheres == spheres && near(min, low) && near(max, high)
     }
 }
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -11,6 +11,7 @@ use crate::math::floor;
 /// Below this number of cells from the origin `f64` numbers single cells; farther out, only equal `f32` coordinates can
 /// meet, since others are at least 2²⁵ cells apart.
 const COUNTABLE: f64 = (1_u64 << 50) as f64;
+const FAR_CELLS: f64 = (1_u64 << 24) as f64;
 /// Largest number of a grid's sizes along a periodic axis: cell numbers are exact, and cells far larger than rounding.
 const MAX_TURNS: f64 = (1_u64 << 20) as f64;
 /// Relative to the largest coordinate: some ulp of `f64`.
@@ -63,8 +64,7 @@ impl CellRange {
 impl CellGrid {
     /// Creates cells of size `cell_size` over `min..=max`, folded to `most` cells, for spheres up to radius `largest`.
     ///
-    /// A periodic axis starts at `−length / 2` and has a whole number of cells that are no smaller, unless
-    /// `cell_size` is too small for `f64`.
+    /// A periodic axis starts at `−length / 2` and has a whole number of cells that are no smaller.
     pub(crate) fn new(
         cell_size: f64,
         (min, max): (Vec3, Vec3),
@@ -72,6 +72,7 @@ impl CellGrid {
         largest: f32,
         most: u64,
     ) -> Self {
+        debug_assert!(cell_size > 0.0 && cell_size.is_finite(), "cells of size {cell_size}");
         let per_length = cell_size.recip();
         let mut origin = (min.as_dvec3() * per_length).floor();
         let mut extent = (max.as_dvec3() * per_length).floor() - origin + 1.0;
@@ -197,8 +198,10 @@ impl CellGrid {
                     (floor(at - span), floor(at + span))
                 }
                 (false, true) if (x * per_length).abs() >= COUNTABLE => {
-                    first[axis] = self.far_cell(axis, center[axis]);
-                    last[axis] = first[axis];
+                    // Other coordinates are at least 2²⁵ cells away.
+                    let is_near = reach * per_length < FAR_CELLS;
+                    first[axis] = if is_near { self.far_cell(axis, center[axis]) } else { 0 };
+                    last[axis] = if is_near { first[axis] } else { self.size[axis] - 1 };
                     continue;
                 }
                 (false, true) => (floor((x - reach) * per_length), floor((x + reach) * per_length)),

@@ -58,7 +58,7 @@ impl GroupMembers {
         self.margin = self.margin.max(other.margin);
     }
 
-    /// Two sets without other groups both get the bounds of all spheres.
+    /// Two sets without other groups both get the bounds of all spheres, and no radii, which only other groups need.
     pub(super) fn count(
         all: &mut Vec<Self>,
         input: &SearchInput<'_>,
@@ -125,6 +125,6 @@ impl GroupMembers {
         };
         let distance = frame.map_or(meeting.distance, searched);
         let reach = distance.max(if meeting.touches { radii } else { 0.0 });
-        reach + f64::from(self.margin) + f64::from(other.margin)
+        reach + (f64::from(self.margin) + f64::from(other.margin))
     }
 }

@@ -18,8 +18,8 @@ const CELL_NS: f32 = 0.7;
 pub(crate) const CELLS_PER_SPHERE: f32 = 2.0;
 /// Estimated factor on the time of rows that may wrap.
 const CIRCULAR_ROWS: f32 = 4.0;
-/// Folding pays if comparisons with the spheres in eight cells of the finest full table take more than this estimate,
-/// which is too high for long runs, but less so for minimum images.
+/// Folding pays if comparisons with the spheres in eight cells of the finest full table are estimated to take more than
+/// this. The estimate suits short runs. Long runs take less, above all without minimum images.
 const MIN_CROWD_NS: f32 = 800.0;
 const MIN_PERIODIC_CROWD_NS: f32 = 200.0;
 /// With fewer spheres in eight cells, smaller cells save nothing.

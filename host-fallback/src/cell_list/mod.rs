@@ -5,7 +5,8 @@
 //! its earlier one.
 //!
 //! Groups of spheres, such as two sets or species with the same partners, have separate levels. Spheres search only
-//! levels of groups that pair with theirs, each two levels from one side.
+//! levels of groups that pair with theirs, each two levels from one side. A group whose spheres reach much farther to
+//! others than to each other may have grids for its own reach; others search these with larger radii.
 
 mod density;
 mod density_cache;
@@ -37,9 +38,9 @@ pub(crate) use sort::SortRecord;
 use sort::Sorter;
 
 const MAX_CELLS_PER_LEVEL: u64 = 1 << 26;
-/// Factors on the planned cell size that avoid a folded table, which is slower.
 /// Far more than the rounding of a sum of two radii.
 const SUM_ROUNDING: f64 = 1.0 / (1 << 21) as f64;
+/// Factors on the planned cell size that avoid a folded table, which is slower.
 const WIDER: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
 
 #[derive(Debug, Default)]
@@ -101,7 +102,7 @@ struct LevelGrid {
 struct SearchRadius {
     /// Effective radii of the level may exceed the largest radius of its grid by this.
     excess: f32,
-    /// No searching sphere pairs with one of the level at a greater distance from its cell.
+    /// Upper bound of the distances of pairs, less the largest radius of the grid.
     cap: f32,
 }
 
@@ -200,7 +201,9 @@ impl CellList {
                 let members = &self.members[group];
                 let stats = input.stats.with_classes(members.classes);
                 let extent = input.extent(members.bounds());
-                let density = density_cache.density_of(group).of_narrow(extent, density_cache.density());
+                let compares = grouping.meeting(group, group).is_some();
+                let periodic_axes = density_cache.density().periodic_axes;
+                let density = density_cache.density_of(group).of_group(extent, periodic_axes, compares);
                 let plan = LevelPlan::plan(&stats, &density);
                 self.time += plan.cost;
                 let limit = max_cells(grouping.count() * MAX_LEVELS);

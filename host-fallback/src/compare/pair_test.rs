@@ -207,14 +207,14 @@ impl<'a> PairTest<'a> {
         SphereRadii { center: sphere.center, own: sphere.radius, effective, margin, widened }
     }
 
-    /// Returns the radius, with the skin margin, of a sphere among spheres that it pairs with within `reach`.
+    /// Returns the effective radius of a sphere, with the skin margin, by the interactions that `reach` covers.
     #[inline]
     pub(crate) fn radius_within(&self, id: u32, reach: SpeciesReach) -> f32 {
         let SphereRadii { own, effective, margin, widened: most, .. } = self.radii(id);
         let radius = match self.frame {
+            // A radius as given may grow while candidates are kept, and is unknown in a frame.
+            _ if reach.effective.touches && (self.has_margin() || self.frame.is_some()) => effective,
             None => reach.effective.for_radius(own),
-            // The radius as given is unknown.
-            Some(_) if reach.effective.touches => effective,
             Some(frame) => frame.radius(reach.largest_half).unwrap_or(effective),
         };
         if self.has_margin() { widened(radius, margin).min(most) } else { radius.min(most) }

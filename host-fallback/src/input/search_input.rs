@@ -53,7 +53,8 @@ impl<'a> SearchInput<'a> {
     /// Returns the longest axis of a grid for these bounds.
     pub(crate) fn extent(&self, (min, max): (Vec3, Vec3)) -> f32 {
         let lengths = self.test.lengths();
-        (0..3).map(|axis| lengths[axis].unwrap_or((max - min)[axis])).fold(0.0, f32::max)
+        let apart = (max.as_dvec3() - min.as_dvec3()).as_vec3().min(Vec3::MAX);
+        (0..3).map(|axis| lengths[axis].unwrap_or(apart[axis])).fold(0.0, f32::max)
     }
 
     pub(crate) fn is_periodic(&self) -> bool {

@@ -53,8 +53,9 @@ impl SpeciesGroups {
             false => SpeciesReach::NONE,
         };
         let reaches = try_collect((0..table.species()).map(reach), "reaches of species")?;
-        self.partitions =
-            SpeciesPartition::of_present(&present, SpeciesTable { interactions: table, reaches: &reaches });
+        let table = SpeciesTable { interactions: table, reaches: &reaches };
+        let [merged, by_partners, by_reach] = SpeciesPartition::of_present(&present, table);
+        self.partitions = [merged, by_partners, by_reach.narrowed(&present, table)?];
         (self.present, self.version) = (found, self.version.wrapping_add(1).max(1));
         self.reaches = reaches;
         Ok(())

@@ -11,6 +11,9 @@
 
 use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions, SpeciesReach};
 
+use crate::Error;
+use crate::memory::try_collect;
+
 /// All further groups share the last one.
 pub(crate) const MAX_GROUPS: usize = 8;
 /// Grouping takes quadratic time.
@@ -83,7 +86,8 @@ pub struct SpeciesPartition {
     pub(super) count: usize,
     /// Indexed by two groups, row by row; `None` if they never pair.
     pub(super) meetings: Vec<Option<Meeting>>,
-    /// Reach of each species to those of its own group; empty if it is about that to all, and unless by reach.
+    /// Reach of each species within its own group. Empty unless by reach, or if no species reaches much farther to
+    /// others.
     pub(super) narrow: Vec<SpeciesReach>,
 }
 
@@ -100,8 +104,9 @@ impl SpeciesPartition {
     }
 
     /// Adds the reach of species in their own groups.
-    fn narrowed(self, present: &[u32], table: SpeciesTable<'_>) -> Self {
-        let (mut narrow, mut is_narrow) = (table.reaches.to_vec(), false);
+    pub(super) fn narrowed(self, present: &[u32], table: SpeciesTable<'_>) -> Result<Self, Error> {
+        let mut narrow = try_collect(table.reaches.iter().copied(), "reaches of species")?;
+        let mut is_narrow = false;
         for &species in present {
             let group = self.group_of(species);
             // A group that does not pair with itself is searched by others only.
@@ -113,7 +118,7 @@ impl SpeciesPartition {
                 is_narrow |= all.touches && !own.effective.touches;
             }
         }
-        Self { narrow: if is_narrow { narrow } else { Vec::new() }, ..self }
+        Ok(Self { narrow: if is_narrow { narrow } else { Vec::new() }, ..self })
     }
 
     /// Returns the division of all species by partners.
@@ -124,7 +129,7 @@ impl SpeciesPartition {
         by_partners
     }
 
-    /// Returns the divisions of the species `present`.
+    /// Returns the divisions of the species `present`, indexed by [`Division`], without the reach in their own groups.
     pub(super) fn of_present(present: &[u32], table: SpeciesTable<'_>) -> [Self; 3] {
         let interactions = table.interactions;
         if present.len() > MAX_PRESENT {
@@ -149,7 +154,7 @@ impl SpeciesPartition {
             true => partition(&by_reach, reaches),
             false => by_partners.clone(),
         };
-        [partition(&merged, partners.min(1)), by_partners, by_reach.narrowed(present, table)]
+        [partition(&merged, partners.min(1)), by_partners, by_reach]
     }
 
     pub fn count(&self) -> usize {
@@ -192,21 +197,21 @@ fn group_by(
     table: &Interactions,
     class: impl Fn(Interaction) -> u16,
 ) -> (Vec<Option<usize>>, usize) {
-    let mut known: Vec<[u16; MAX_PRESENT]> = Vec::new();
+    let class = |a: u32, b: u32| class(table.get(a, b));
+    let mut firsts: Vec<u32> = Vec::new();
     let groups: Vec<_> = present
         .iter()
         .map(|&species| {
-            let mut own = [0; MAX_PRESENT];
-            own.iter_mut().zip(present).for_each(|(own, &other)| *own = class(table.get(species, other)));
-            if own.iter().all(|&class| class == 0) {
+            if present.iter().all(|&other| class(species, other) == 0) {
                 return None;
             }
-            let group = known.iter().position(|of_group| *of_group == own).unwrap_or_else(|| {
-                known.push(own);
-                known.len() - 1
+            let is_alike = |first: u32| present.iter().all(|&b| class(first, b) == class(species, b));
+            let group = firsts.iter().position(|&first| is_alike(first)).unwrap_or_else(|| {
+                firsts.push(species);
+                firsts.len() - 1
             });
             Some(group.min(MAX_GROUPS - 1))
         })
         .collect();
-    (groups, known.len())
+    (groups, firsts.len())
 }

@@ -66,8 +66,8 @@ impl CandidateList {
 
     /// Returns `true` for a list of spheres with these species, in the same version of the species' groups.
     pub(crate) fn are_of_species(&self, species: Option<&[u32]>, version: u32) -> bool {
-        let is_same = self.species_version == version && self.species == species.unwrap_or(&[]);
-        self.input_stats.is_some() && is_same
+        let is_version = self.input_stats.is_some() && self.species_version == version;
+        is_version && self.species == species.unwrap_or(&[])
     }
 
     pub(crate) fn clear(&mut self) {

@@ -1,5 +1,5 @@
-/// Indices of tallies: arrivals by receiver and species, decays, reactions, and by receptor type the change of occupied
-/// receptors, and all requests and refused ones.
+/// Indices of tallies: arrivals by receiver and species, decays, reactions, by receptor type the change of occupied
+/// receptors, and by receptor type in turn all requests and the refused ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Tallies {
     pub(super) species: usize,

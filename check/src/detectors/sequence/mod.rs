@@ -92,10 +92,11 @@ impl Sequence {
 
     /// Options of `lazygrid detect` that repeat the only call; empty if others precede it or no option repeats it.
     fn options(&self, gpu: Option<&Gpu>) -> String {
-        let Settings { variant, skin, order, max_pairs, .. } = &self.settings;
+        let Settings { variant, skin, order, max_pairs, rows, .. } = &self.settings;
         let own = variant.options(gpu);
         let [Step { scenario, ask, .. }] = &self.steps[..] else { return String::new() };
-        if own.is_empty() || *skin != Skin::Auto || scenario.mixture.is_some() || !ask.is_plain() {
+        let has_table = rows.is_some() || scenario.mixture.is_some();
+        if own.is_empty() || *skin != Skin::Auto || has_table || !ask.is_plain() {
             return String::new();
         }
         let unordered = if *order == Order::Unordered { " --unordered" } else { "" };

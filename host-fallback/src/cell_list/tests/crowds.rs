@@ -124,3 +124,48 @@ fn groups_with_a_reach_of_their_own_match_naive() {
         }
     }
 }
+
+#[test]
+fn group_at_one_point_is_found_by_others() {
+    let (mut random, point) = (Random(3), [3.0; 3]);
+    let crowd = (0..3600).map(|_| (random.point(0.5), 0));
+    let few = (0..4).map(|k| ([4.0 + 0.1 * k as f32, 3.0, 3.0], 1));
+    let at_point = (0..1000).map(|_| (point, 2));
+    let (spheres, ids): (Vec<_>, Vec<u32>) =
+        crowd.chain(few).chain(at_point).map(|(center, id)| (Sphere::new(center, 0.004), id)).unzip();
+    let mut table = Interactions::new(3, Interaction::Never).expect("few species");
+    for (a, b, distance) in [(0, 0, 0.008), (0, 1, 3.0), (1, 2, 3.0)] {
+        table.set(a, b, Interaction::Within(distance)).expect("known species");
+    }
+    for space in spaces() {
+        let settings = Settings { space, interactions: Some(table.clone()), ..Settings::default() };
+        let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
+        assert_eq!(build(given, &settings).1, Division::ByReach, "{space:?}");
+        let count = |algorithm| {
+            let settings = Settings { algorithm, ..settings.clone() };
+            HostDetector::new(settings).expect("good settings").count(given).expect("valid")
+        };
+        assert_eq!(count(Algorithm::CellList), count(Algorithm::Naive), "{space:?}");
+    }
+}
+
+/// A distance to other species hides that the radii in a crowd grow.
+#[test]
+fn radii_that_grow_in_a_divided_crowd_lose_no_pair() {
+    let (n, others) = (3600, 400);
+    let (mut spheres, ids) = (crowd(n, (others, 60.0)), species(n, others));
+    let mut table = Interactions::new(2, Interaction::Within(3.0)).expect("few species");
+    table.set(0, 0, Interaction::Touch).expect("known species");
+    for skin in [Skin::Fixed(0.01), Skin::Fixed(0.1), Skin::Auto] {
+        let settings = Settings { skin, interactions: Some(table.clone()), ..Settings::default() };
+        let naive = Settings { algorithm: Algorithm::Naive, skin: Skin::Off, ..settings.clone() };
+        let [mut kept, mut naive] =
+            [settings, naive].map(|settings| HostDetector::new(settings).expect("good settings"));
+        for radius in [0.004, 0.004, 0.1, 0.02, 0.3] {
+            spheres.iter_mut().for_each(|sphere| sphere.radius = radius);
+            let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
+            let expected = naive.count(given).expect("valid");
+            assert_eq!(kept.count(given), Ok(expected), "{skin:?}, radius {radius}");
+        }
+    }
+}

@@ -6,7 +6,7 @@ struct Moved {
     velocity: vec3<f32>,
 }
 
-// The event of a hit, unless the particle decays before.
+// The event of a hit, unless the particle decays or dissociates before.
 struct Capture {
     // Row of the event, or NOTHING.
     row: u32,

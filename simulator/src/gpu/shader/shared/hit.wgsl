@@ -28,7 +28,7 @@ fn time_of(hit: Hit, receiver: u32, id: u32) -> f32 {
     return first_passage(hit.heights, normals(words).x, open_unit(words.z));
 }
 
-// Returns the capture at a hit. Its time is drawn only if the species decays.
+// Returns the capture at a hit. Its time is drawn only if the species decays or dissociates.
 fn capture_of(row: u32, hit: Hit, kind: SpeciesRow, id: u32) -> Capture {
     if (kind.decays_begin == kind.walls_begin && kind.dissociation_rate == 0.0) {
         return Capture(row, 0.0);
