@@ -156,7 +156,8 @@ impl SearchBackend for GpuBackend {
             choice::algorithm(asked_for, CallSize { spheres, split, classes }, known.crossover, known.how);
         log::debug!("{reason}");
         (report.algorithm, report.reason) = (algorithm, reason);
-        if let (None, Some(present)) = (prepared.frame, prepared.present_species()) {
+        let has_pairs = split.is_none_or(|split| (1..spheres).contains(&split));
+        if let (None, Some(present)) = (prepared.frame, prepared.present_species().filter(|_| has_pairs)) {
             device.search_species(&mut self.searched_species, present, settings)?;
         }
         let device = match prepared.frame {
@@ -211,16 +212,33 @@ struct Device {
 }
 
 impl Device {
-    /// Leaves out species that are absent, if that makes the reach of others smaller, and includes them again.
+    /// Leaves out species that are absent, if that makes the reach of others smaller and memory suffices, and includes
+    /// them again.
     fn search_species(
         &mut self,
         species: &mut SearchedSpecies,
         present: &SpeciesGroups,
         settings: &Settings,
     ) -> Result<(), Error> {
-        let tables = settings.interactions.as_ref().zip(self.interactions.as_ref());
-        let next = tables.map(|tables| species.next(present, tables)).transpose()?.flatten();
-        if let Some(interactions) = next {
+        let Some(all) = &settings.interactions else { return Ok(()) };
+        match self.replace_interactions(species, present, all) {
+            Err(error) if !species.lacks(present) => {
+                log::info!("absent species are searched: {error}");
+                species.keep(present);
+                Ok(())
+            }
+            replaced => replaced,
+        }
+    }
+
+    fn replace_interactions(
+        &mut self,
+        species: &mut SearchedSpecies,
+        present: &SpeciesGroups,
+        all: &Interactions,
+    ) -> Result<(), Error> {
+        let Some(searched) = &self.interactions else { return Ok(()) };
+        if let Some(interactions) = species.next(present, (all, searched))? {
             self.search.session = self.search.session.with_interactions(Some(interactions.clone()))?;
             species.record(present, interactions.species());
             self.interactions = Some(interactions);

@@ -38,14 +38,13 @@ impl SearchedSpecies {
         if self.version == present.version() && !self.is_too_far {
             return Ok(None);
         }
-        let species = || (0..all.species()).filter(|&species| present.is_present(species));
-        let is_left_out = |species: u32| self.are_left_out.get(species as usize).is_some_and(|is| *is);
         let is_too_far =
             |species: u32| is_smaller(present.reaches()[species as usize], searched.reach(species));
-        if species().any(is_left_out) {
+        if self.lacks(present) {
             self.patience = (2 * self.patience + 1).min(MAX_PATIENCE);
         } else {
-            self.is_too_far = species().any(is_too_far);
+            self.is_too_far =
+                (0..all.species()).any(|species| present.is_present(species) && is_too_far(species));
             if !self.is_too_far || self.waited < self.patience {
                 self.waited = if self.is_too_far { self.waited + 1 } else { 0 };
                 self.version = present.version();
@@ -55,9 +54,21 @@ impl SearchedSpecies {
         Ok(Some(all.among(|species| present.is_present(species))?))
     }
 
+    /// Returns `true` if a present species is not searched, so that the interactions must change.
+    pub(super) fn lacks(&self, present: &SpeciesGroups) -> bool {
+        (0..)
+            .zip(&self.are_left_out)
+            .any(|(species, is_left_out)| *is_left_out && present.is_present(species))
+    }
+
+    /// Keeps the interactions until other species are present.
+    pub(super) fn keep(&mut self, present: &SpeciesGroups) {
+        (self.version, self.is_too_far, self.waited) = (present.version(), false, 0);
+    }
+
     /// Records that the device searches the species that are `present`, of this number of species.
     pub(super) fn record(&mut self, present: &SpeciesGroups, species: u32) {
-        (self.version, self.is_too_far, self.waited) = (present.version(), false, 0);
+        self.keep(present);
         self.are_left_out = (0..species).map(|species| !present.is_present(species)).collect();
     }
 }

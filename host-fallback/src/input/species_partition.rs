@@ -191,7 +191,7 @@ fn reach_class(with: Interaction) -> u16 {
 }
 
 /// Groups species with equal classes of all their interactions, in which 0 stands for [`Interaction::Never`]. Returns
-/// the group of each, `None` without partners, and the number of groups.
+/// the group of each, `None` without partners, and the number of groups, or [`MAX_GROUPS`] and 1 if there are more.
 fn group_by(
     present: &[u32],
     table: &Interactions,
@@ -206,11 +206,11 @@ fn group_by(
                 return None;
             }
             let is_alike = |first: u32| present.iter().all(|&b| class(first, b) == class(species, b));
-            let group = firsts.iter().position(|&first| is_alike(first)).unwrap_or_else(|| {
+            let known = firsts.iter().take(MAX_GROUPS).position(|&first| is_alike(first));
+            if known.is_none() && firsts.len() <= MAX_GROUPS {
                 firsts.push(species);
-                firsts.len() - 1
-            });
-            Some(group.min(MAX_GROUPS - 1))
+            }
+            Some(known.unwrap_or(firsts.len() - 1).min(MAX_GROUPS - 1))
         })
         .collect();
     (groups, firsts.len())

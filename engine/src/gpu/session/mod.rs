@@ -128,7 +128,8 @@ impl GpuSession {
     pub(crate) fn with_interactions(&self, interactions: Option<Interactions>) -> Result<Self, Error> {
         let settings = self.detector.settings().clone().interactions(interactions);
         let mut session = Self::new(self.gpu.clone(), settings)?;
-        session.timeout = self.timeout;
+        session.detector.restore_capacities(self.detector.capacities());
+        (session.timeout, session.expected) = (self.timeout, self.expected);
         Ok(session)
     }
 

@@ -149,23 +149,32 @@ fn group_at_one_point_is_found_by_others() {
     }
 }
 
-/// A distance to other species hides that the radii in a crowd grow.
+/// A distance to other species hides that the radii in a crowd grow. The denser crowd has too many candidates.
 #[test]
 fn radii_that_grow_in_a_divided_crowd_lose_no_pair() {
     let (n, others) = (3600, 400);
-    let (mut spheres, ids) = (crowd(n, (others, 60.0)), species(n, others));
-    let mut table = Interactions::new(2, Interaction::Within(3.0)).expect("few species");
-    table.set(0, 0, Interaction::Touch).expect("known species");
-    for skin in [Skin::Fixed(0.01), Skin::Fixed(0.1), Skin::Auto] {
-        let settings = Settings { skin, interactions: Some(table.clone()), ..Settings::default() };
-        let naive = Settings { algorithm: Algorithm::Naive, skin: Skin::Off, ..settings.clone() };
-        let [mut kept, mut naive] =
-            [settings, naive].map(|settings| HostDetector::new(settings).expect("good settings"));
-        for radius in [0.004, 0.004, 0.1, 0.02, 0.3] {
-            spheres.iter_mut().for_each(|sphere| sphere.radius = radius);
+    for (width, distance, may_serve) in [(1.0, 3.0, false), (8.0, 1.0, true)] {
+        let (mut spheres, ids) = (crowd(n, (others, 60.0)), species(n, others));
+        spheres[..n].iter_mut().for_each(|sphere| sphere.center *= width);
+        let mut table = Interactions::new(2, Interaction::Within(distance)).expect("few species");
+        table.set(0, 0, Interaction::Touch).expect("known species");
+        for skin in [Skin::Fixed(0.01), Skin::Fixed(0.1), Skin::Auto] {
+            let settings = Settings { skin, interactions: Some(table.clone()), ..Settings::default() };
+            let naive = Settings { algorithm: Algorithm::Naive, skin: Skin::Off, ..settings.clone() };
             let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
-            let expected = naive.count(given).expect("valid");
-            assert_eq!(kept.count(given), Ok(expected), "{skin:?}, radius {radius}");
+            assert_eq!(build(given, &settings).1, Division::ByReach, "{width}");
+            let [mut kept, mut naive] =
+                [settings, naive].map(|settings| HostDetector::new(settings).expect("good settings"));
+            let mut served = 0;
+            for radius in [0.004, 0.004, 0.1, 0.02, 0.3] {
+                spheres.iter_mut().for_each(|sphere| sphere.radius = radius);
+                let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
+                let expected = naive.count(given).expect("valid");
+                assert_eq!(kept.count(given), Ok(expected), "{width}, {skin:?}, radius {radius}");
+                served += usize::from(kept.report().candidates.is_some_and(|list| list.rebuilt.is_none()));
+            }
+            assert!(served > 0 || !may_serve, "{skin:?}");
+            spheres.iter_mut().for_each(|sphere| sphere.radius = 0.004);
         }
     }
 }
