@@ -158,7 +158,7 @@ impl TestInput {
     }
 
     /// Returns all pairs in canonical order, in a periodic or unbounded space by `d − L·round(d/L)` on each periodic axis,
-    /// of coordinates reduced by whole lengths (by exact remainders). Shares no code with [`Space`].
+    /// of coordinates that are wrapped without rounding. It shares no code with [`Space`].
     pub fn rounding_oracle(&self) -> Vec<Pair> {
         let lengths = self.space.lengths();
         self.pairs_by(|i, j, _| {

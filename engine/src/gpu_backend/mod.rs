@@ -18,7 +18,7 @@ use lazygrid_kernels::{Interactions, Pair, Query, Space};
 
 use self::searched_species::SearchedSpecies;
 use self::skin_controller::SkinController;
-use self::slab_search::{SearchRequest, SlabPairSource, SlabSearch};
+use self::slab_search::{SearchRequest, SlabPairSource, SlabSearch, has_empty_set};
 use crate::backend::DetectorBackend;
 use crate::config::Config;
 use crate::gpu::choice::{self, CallSize};
@@ -156,8 +156,8 @@ impl SearchBackend for GpuBackend {
             choice::algorithm(asked_for, CallSize { spheres, split, classes }, known.crossover, known.how);
         log::debug!("{reason}");
         (report.algorithm, report.reason) = (algorithm, reason);
-        let has_pairs = split.is_none_or(|split| (1..spheres).contains(&split));
-        if let (None, Some(present)) = (prepared.frame, prepared.present_species().filter(|_| has_pairs)) {
+        let present = prepared.present_species().filter(|_| !has_empty_set(split, spheres));
+        if let (None, Some(present)) = (prepared.frame, present) {
             device.search_species(&mut self.searched_species, present, settings)?;
         }
         let device = match prepared.frame {

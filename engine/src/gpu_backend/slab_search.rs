@@ -21,8 +21,13 @@ pub(super) struct SearchRequest<'a> {
 
 impl SearchRequest<'_> {
     pub(super) fn has_no_pairs(&self) -> bool {
-        self.split.is_some_and(|split| split == 0 || split as usize == self.spheres.len())
+        has_empty_set(self.split, self.spheres.len() as u32)
     }
+}
+
+/// Returns `true` if one of two sets has no sphere.
+pub(super) fn has_empty_set(split: Option<u32>, spheres: u32) -> bool {
+    split.is_some_and(|split| split == 0 || split == spheres)
 }
 
 #[derive(Clone, Copy)]

@@ -96,13 +96,17 @@ impl DensityProfile {
         self.log_extent
     }
 
-    /// For a group in a grid with this longest axis. If `compares`, its spheres are compared with each other, all by
-    /// the exact test.
-    pub(super) fn of_group(&self, extent: f32, periodic_axes: i32, compares: bool) -> Self {
-        // Without an extent all spheres of the group are at one point, also in the finest cubes.
-        let top = if extent > 0.0 { self.top } else { f32::NEG_INFINITY };
+    /// For a group. If `compares`, its spheres are compared with each other, all by the exact test.
+    pub(super) fn of_group(self, periodic_axes: i32, compares: bool) -> Self {
         let compare_ns = if compares { EXACT_TEST_NS } else { COMPARE_NS };
-        Self { top, log_extent: extent.log2(), periodic_axes, compare_ns, ..self.clone() }
+        Self { periodic_axes, compare_ns, ..self }
+    }
+
+    /// For a grid with this longest axis.
+    pub(super) fn within(self, extent: f32) -> Self {
+        // Without an extent all spheres are at one point, also in the finest cubes.
+        let top = if extent > 0.0 { self.top } else { f32::NEG_INFINITY };
+        Self { top, log_extent: extent.log2(), ..self }
     }
 
     pub(super) fn contacts(&self, stats: &InputStats) -> f32 {

@@ -43,12 +43,16 @@ impl Sample {
     ) -> Result<f32, Error> {
         let all = self.stats_of_groups(input, grouping)?;
         let within = all.iter().zip(of_groups).enumerate().map(|(group, (stats, density))| {
-            let compares = grouping.meeting(group, group).is_some();
-            if compares { LevelPlan::plan(stats, density).cost } else { 0.0 }
+            if grouping.pairs_within(group) { LevelPlan::plan(stats, density).cost } else { 0.0 }
         });
         let between = grouping.meetings().filter(|(a, b)| a != b);
         let between = between.map(|(a, b)| CROSSING_NS * all[a].spheres.min(all[b].spheres) as f32);
         Ok(within.sum::<f32>() + between.sum::<f32>())
+    }
+
+    /// Returns the codes and ids of a group.
+    fn of_group(&self, grouping: &Grouping<'_>, group: usize) -> impl Iterator<Item = (u64, u32)> {
+        self.codes.iter().copied().filter(move |(_, id)| grouping.of(*id as usize) == group)
     }
 
     /// Estimates the spheres of each group by size class of the radius within the group.
@@ -59,9 +63,8 @@ impl Sample {
     ) -> Result<Vec<InputStats>, Error> {
         let of_group = |group| {
             let mut classes = [SizeClass::default(); SIZE_CLASSES];
-            for id in
-                self.codes.iter().map(|(_, index)| *index as usize).filter(|id| grouping.of(*id) == group)
-            {
+            for (_, id) in self.of_group(grouping, group) {
+                let id = id as usize;
                 let (_, effective) = input.test.effective(id as u32);
                 let radius = grouping.radius(&input.test, id, effective);
                 classes[InputStats::class_of(radius)].add(radius);
@@ -83,15 +86,15 @@ impl Sample {
         let mut densities = Vec::new();
         for group in 0..grouping.count() {
             let (mut codes, mut bounds) = (Vec::new(), (Vec3::INFINITY, Vec3::NEG_INFINITY));
-            for &code in self.codes.iter().filter(|(_, index)| grouping.of(*index as usize) == group) {
+            for code in self.of_group(grouping, group) {
                 try_push(&mut codes, code, "a sample of the spheres")?;
                 let center = input.test.spheres().get(code.1 as usize).center;
                 bounds = (bounds.0.min(center), bounds.1.max(center));
             }
             let spheres = codes.len() * self.spheres / self.codes.len().max(1);
             let density = DensityProfile::from_codes(&codes, spheres, self.cell_size, None);
-            let compares = grouping.meeting(group, group).is_some();
-            let density = density.of_group(input.extent(bounds), self.periodic_axes, compares);
+            let density = density.of_group(self.periodic_axes, grouping.pairs_within(group));
+            let density = density.within(input.extent(bounds));
             try_push(&mut densities, density, "densities of groups")?;
         }
         Ok(densities)

@@ -121,24 +121,10 @@ impl LevelCostModel<'_> {
                 .for_each(|to| offer(to, members(to) * (row_ns + self.density.compare_ns * met(to)), 0.0));
         }
         let most: Vec<f32> = ends.clone().map(|to| (members(to) * CELLS_PER_SPHERE).max(64.0)).collect();
-        // From cells of the largest table's full size to one for all, without sizes far below the largest radius.
-        let finest = extent - most[most.len() - 1].log2() / 3.0;
-        let radius = (self.radii[from].log2() - 1.0).min(extent);
-        let lowest = finest.max(radius);
-        let cell_sizes = (0..MAX_CELL_SIZES).map(|k| lowest + k as f32 / SIZES_PER_DOUBLING);
-        // Smaller cells share entries of the table, which pays in clusters only.
-        let min_ns = if self.density.periodic_axes > 0 { MIN_PERIODIC_CROWD_NS } else { MIN_CROWD_NS };
-        let are_crowded = self.density.compare_ns * self.density.mean(finest + 1.0) > min_ns;
-        let folded = (1..MAX_CELL_SIZES).map(|k| finest - k as f32 / SIZES_PER_DOUBLING);
-        let is_worthwhile = |log_size: f32| self.density.mean(log_size + 1.0) > MIN_FOLDED_MEAN;
-        let folded =
-            folded.take_while(|&log_size| are_crowded && log_size >= radius && is_worthwhile(log_size));
-        let unfolded = cell_sizes.take_while(|&log_size| log_size <= extent + 1.0);
-        for (log_size, is_folded) in unfolded.map(|size| (size, false)).chain(folded.map(|size| (size, true)))
-        {
+        for (log_size, is_folded) in self.cell_sizes(from, most[most.len() - 1]) {
             let cells = (3.0 * (extent - log_size).max(0.0)).exp2();
-            let halves = self.halves(from, log_size, is_folded);
             let row_ns = self.rows_factor(log_size, is_folded) * row_ns;
+            let halves = self.halves(from, log_size, is_folded, row_ns);
             let own: f32 = self.counts[from..].iter().map(|count| count * row_ns).sum();
             let [rows, met] =
                 halves.iter().fold([own, 0.0], |[rows, met], half| [rows + half[0], met + half[1]]);
@@ -157,6 +143,24 @@ impl LevelCostModel<'_> {
         }
     }
 
+    /// Returns log₂ of the cell sizes to compare, and `true` if a table of `most` cells is folded for them.
+    fn cell_sizes(&self, from: usize, most: f32) -> impl Iterator<Item = (f32, bool)> {
+        let (density, extent) = (self.density, self.density.log_extent());
+        // From cells of the largest table's full size to one for all, without sizes far below the largest radius.
+        let finest = extent - most.log2() / 3.0;
+        let radius = (self.radii[from].log2() - 1.0).min(extent);
+        let lowest = finest.max(radius);
+        let unfolded = (0..MAX_CELL_SIZES).map(move |k| lowest + k as f32 / SIZES_PER_DOUBLING);
+        let unfolded = unfolded.take_while(move |&log_size| log_size <= extent + 1.0);
+        // Smaller cells share entries of the table, which pays in crowds only.
+        let min_ns = if density.periodic_axes > 0 { MIN_PERIODIC_CROWD_NS } else { MIN_CROWD_NS };
+        let are_crowded = density.compare_ns * density.mean(finest + 1.0) > min_ns;
+        let folded = (1..MAX_CELL_SIZES).map(move |k| finest - k as f32 / SIZES_PER_DOUBLING);
+        let is_worthwhile = |log_size: f32| density.mean(log_size + 1.0) > MIN_FOLDED_MEAN;
+        let folded = folded.take_while(move |&size| are_crowded && size >= radius && is_worthwhile(size));
+        unfolded.map(|size| (size, false)).chain(folded.map(|size| (size, true)))
+    }
+
     /// Returns the factor on the time of rows: cells at the faces of a box, too, are searched like those of a folded
     /// table.
     fn rows_factor(&self, log_size: f32, is_folded: bool) -> f32 {
@@ -167,12 +171,17 @@ impl LevelCostModel<'_> {
 
     /// Returns the costs of each class at or after `from`: for the later half of the rows around its spheres, and for
     /// the comparisons there if the level held all spheres. Smaller spheres search both halves.
-    fn halves(&self, from: usize, log_size: f32, is_folded: bool) -> [[f32; 2]; MAX_CLASS_GROUPS] {
+    fn halves(
+        &self,
+        from: usize,
+        log_size: f32,
+        is_folded: bool,
+        row_ns: f32,
+    ) -> [[f32; 2]; MAX_CLASS_GROUPS] {
         let cell_size = log_size.exp2();
         let mut halves = [[0.0; 2]; MAX_CLASS_GROUPS];
         // Distant spheres share entries of a folded table.
         let distant = if is_folded { 1.0 / CELLS_PER_SPHERE } else { 0.0 };
-        let row_ns = self.rows_factor(log_size, is_folded) * ROW_NS * self.density.searches;
         let classes = self.radii.iter().zip(&self.counts).skip(from);
         for (half, (radius, count)) in halves.iter_mut().zip(classes) {
             let reach = 2.0 * (radius + self.radii[from]) / cell_size;

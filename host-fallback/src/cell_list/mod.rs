@@ -200,10 +200,7 @@ impl CellList {
             for group in 0..grouping.count() {
                 let members = &self.members[group];
                 let stats = input.stats.with_classes(members.classes);
-                let extent = input.extent(members.bounds());
-                let compares = grouping.meeting(group, group).is_some();
-                let periodic_axes = density_cache.density().periodic_axes;
-                let density = density_cache.density_of(group).of_group(extent, periodic_axes, compares);
+                let density = density_cache.density_of(group).clone().within(input.extent(members.bounds()));
                 let plan = LevelPlan::plan(&stats, &density);
                 self.time += plan.cost;
                 let limit = max_cells(grouping.count() * MAX_LEVELS);
@@ -231,7 +228,7 @@ impl CellList {
         let groups = GroupLevels { first: self.levels.len(), of_class: plan.of_class };
         try_push(&mut self.groups, groups, "groups of spheres")?;
         let members = self.members.get(group);
-        let pairs_within = grouping.meeting(group, group).is_some();
+        let pairs_within = grouping.pairs_within(group);
         for of in 0..plan.levels.len() {
             let grid = Self::grid(input, (plan, of), members, max_cells);
             let last = self.levels.last();

@@ -65,6 +65,10 @@ impl<'a> Grouping<'a> {
         self.meetings().fold(0, |paired, (a, b)| paired | 1 << a | 1 << b)
     }
 
+    pub(crate) fn pairs_within(&self, group: usize) -> bool {
+        self.meeting(group, group).is_some()
+    }
+
     /// Two at a time, the smaller number first.
     pub(crate) fn meetings(&self) -> impl Iterator<Item = (usize, usize)> {
         let groups = self.count();

@@ -203,11 +203,7 @@ mod tests {
         let mut steps = |x: f32| {
             let spheres = at(x);
             motion
-                .observe(CallSpheres {
-                    test: &PairTest::new((&spheres).into(), None),
-                    input: None,
-                    has_same_species: false,
-                })
+                .observe(CallSpheres::new(&PairTest::new((&spheres).into(), None)))
                 .expect("there is memory");
             motion.estimate();
             motion.are_known().then(|| [1.0, 0.25, 7.0].map(|radius| motion.estimates().get(0, radius)))
@@ -227,9 +223,7 @@ mod tests {
             let ids = [0, 0, 0, 0, 1, 1, 1, 1, 2];
             let spheres = Spheres::from(&spheres).with_species(&ids).expect("one id for each");
             let test = PairTest::new(spheres, Some(&table));
-            motion
-                .observe(CallSpheres { test: &test, input: None, has_same_species: false })
-                .expect("there is memory");
+            motion.observe(CallSpheres::new(&test)).expect("there is memory");
         }
         motion.estimate();
         let steps = motion.estimates();
@@ -263,9 +257,7 @@ mod tests {
         let mut seen = |x: f32| {
             let spheres = [Sphere::new([x, 0.0, 0.0], 1.0)];
             let test = PairTest::new((&spheres).into(), None);
-            motion
-                .observe(CallSpheres { test: &test, input: None, has_same_species: false })
-                .expect("there is memory");
+            motion.observe(CallSpheres::new(&test)).expect("there is memory");
             motion.estimate();
             motion.are_known().then(|| motion.estimates().get(0, 1.0))
         };
@@ -290,9 +282,7 @@ mod tests {
         for x in [3.75, -3.75] {
             let spheres = [Sphere::new([x, 0.0, 0.0], 1.0)];
             let test = PairTest::new((&spheres).into(), None).in_space(space);
-            motion
-                .observe(CallSpheres { test: &test, input: None, has_same_species: false })
-                .expect("there is memory");
+            motion.observe(CallSpheres::new(&test)).expect("there is memory");
         }
         motion.estimate();
         assert_eq!(motion.estimates().get(0, 1.0), 0.5);

@@ -35,3 +35,10 @@ pub(crate) struct CallSpheres<'a> {
     /// `true` if the species are those of the candidates.
     pub(crate) has_same_species: bool,
 }
+
+impl<'a> CallSpheres<'a> {
+    /// Without candidates.
+    pub(crate) fn new(test: &'a PairTest<'a>) -> Self {
+        Self { test, input: None, has_same_species: false }
+    }
+}

@@ -44,7 +44,7 @@ impl SkinTuner {
         space: Space,
     ) -> Result<(), Error> {
         let test = PairTest::new(spheres, interactions).in_space(space);
-        self.observe(CallSpheres { test: &test, input: None, has_same_species: false })
+        self.observe(CallSpheres::new(&test))
     }
 
     pub(super) fn observe(&mut self, spheres: CallSpheres<'_>) -> Result<(), Error> {

@@ -52,8 +52,7 @@ impl DissociationTime {
     /// Returns the time in steps, or `None` if the particle does not dissociate in this step.
     fn draw(&self, (key, id, step): (Key, u32, u32)) -> Option<f32> {
         let word = |block| key.draw(id, block, step, Purpose::Dissociation)[0];
-        let time = || -libm::log1p(unit(word(1)) * libm::expm1(-self.rate)) / self.rate;
-        (word(0) <= self.up_to).then(|| time() as f32)
+        (word(0) <= self.up_to).then(|| decay_time(self.rate, 1.0, word(1)) as f32)
     }
 }
 
@@ -83,7 +82,7 @@ pub struct ChainedDecay {
 impl ChainedDecay {
     /// Returns the time that is left after it, in s.
     pub(crate) fn left(&self) -> f64 {
-        self.left + libm::log1p(unit(self.word) * libm::expm1(-self.rate * self.left)) / self.rate
+        self.left - decay_time(self.rate, self.left, self.word)
     }
 }
 
@@ -224,6 +223,11 @@ impl SpeciesDecays {
         let Channel { decay, product, .. } = *channel;
         ChainedDecay { decay, product, rate: self.rate, left, word }
     }
+}
+
+/// Returns the time of a decay that happens within `duration`, for a uniform word.
+fn decay_time(rate: f64, duration: f64, word: u32) -> f64 {
+    -libm::log1p(unit(word) * libm::expm1(-rate * duration)) / rate
 }
 
 fn unit(word: u32) -> f64 {
