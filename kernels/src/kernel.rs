@@ -276,7 +276,7 @@ kernels! {
     /// The largest displacement since the candidate list was built.
     SKIN_DISPLACEMENT = "skin" / "skin_displacement", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), uniform("skin"), read("count_source"), read("spheres"), read("reference"), write("state")],
-        species: [read("species"), read("reference_species")];
+        species: [read("species"), read("reference_species"), read("species_params")];
     SKIN_CHECK = "skin" / "skin_check", 64, subgroups: false, periodic: false,
         [uniform("params"), uniform("skin"), read("count_source"), write("state"), read("full_counts"), write("dispatch_counts"),
          write("dispatch")], species: [];

@@ -68,6 +68,9 @@ pub struct SearchParams {
     pub partners_low: u32,
     /// The sides that sides 4 to 7 are compared with.
     pub partners_high: u32,
+    /// The sides whose effective radii suffice among their own spheres only, one bit each. With spheres of other sides
+    /// they pair within twice the larger effective radius.
+    pub narrow_sides: u32,
     /// The common interaction of all spheres of compared sides: a distance or [`Self::TOUCH`]; else
     /// [`Self::BY_SPECIES`].
     pub interaction: f32,

@@ -123,6 +123,7 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             levels_per_side,
             partners_low,
             partners_high,
+            narrow_sides,
             interaction,
             first_workgroup,
             workgroups_per_dispatch,

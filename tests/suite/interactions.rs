@@ -1,6 +1,7 @@
-use lazygrid::{Config, Detector, Interaction, Interactions, Sphere, Spheres};
+use lazygrid::{Config, Detector, Interaction, Interactions, Space, Sphere, Spheres};
 use lazygrid_tests::{SpeciesSetup, SuiteVariant, TestInput, difference, hard, variants};
 
+use crate::doubles::Random;
 use crate::properties::{check, one_of_each, settings};
 use proptest::prelude::*;
 
@@ -59,6 +60,51 @@ fn small_radii_with_large_distances() {
         TestInput { spheres, mixture: Some(SpeciesSetup { species, rows }), ..TestInput::default() }
     });
     check(96, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
+}
+
+#[test]
+fn crowd_with_distant_partners() {
+    let mut random = Random(11);
+    let mut center = |width: f32| [(); 3].map(|()| 1.5 + random.signed() as f32 * width);
+    let (crowd, partners) = (2000, 300);
+    let spheres: Vec<_> = (0..crowd + partners)
+        .map(|k| Sphere::new(center(if k < crowd { 0.25 } else { 4.0 }), 0.004))
+        .collect();
+    let species: Vec<u32> = (0..spheres.len()).map(|k| u32::from(k >= crowd)).collect();
+    for lengths in [[None; 3], [Some(13.0), None, Some(14.0)]] {
+        for of_partners in [Interaction::Never, Interaction::Touch, Interaction::Within(2.0)] {
+            let rows = vec![vec![Interaction::Within(0.02)], vec![Interaction::Within(2.0), of_partners]];
+            let mixture = Some(SpeciesSetup { species: species.clone(), rows });
+            let space = Space::periodic(lengths).expect("a box");
+            let scenario = TestInput { spheres: spheres.clone(), mixture, space, ..TestInput::default() };
+            let expected = scenario.oracle();
+            for variant in variants::each_algorithm() {
+                let agrees = variant.verify(&scenario, &expected, &Config::default());
+                assert_eq!(agrees, Ok(()), "{variant}, {lengths:?}, {of_partners:?}");
+            }
+        }
+    }
+}
+
+/// Orders of magnitude apart, so that some groups of species have a reach of their own.
+#[test]
+fn tables_with_near_and_distant_partners() {
+    let spheres = prop_oneof![hard::powers_of_two(), hard::soup(), hard::any_spheres()];
+    let (ids, entries) = (prop::collection::vec(any::<u32>(), 601), prop::collection::vec(0_usize..7, 15));
+    let strategy = (spheres, ids, entries, 0.1_f64..4.0).prop_map(|(spheres, ids, entries, scale)| {
+        let size = spheres.iter().map(|sphere| sphere.radius).filter(|radius| radius.is_finite());
+        let size = scale * f64::from(size.fold(0.0, f32::max).clamp(0.0, 1e30));
+        let with = |entry: usize| match entry {
+            0 => Interaction::Never,
+            1 => Interaction::Touch,
+            power => Interaction::Within(size * 0.125_f64.powi(power as i32 - 3)),
+        };
+        let rows = (0..5).map(|a| (0..=a).map(|b| with(entries[a * (a + 1) / 2 + b])).collect()).collect();
+        // Species 0 is a crowd.
+        let species = ids[..spheres.len()].iter().map(|id| (id % 10).saturating_sub(5)).collect();
+        TestInput { spheres, mixture: Some(SpeciesSetup { species, rows }), ..TestInput::default() }
+    });
+    check(128, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
 
 #[test]

@@ -94,9 +94,8 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     let what = |what: &str| format!("{what}, {case:?}");
     same(|| what("cells in all"), &list.cells, &base)?;
     same(|| what("cells fit the capacity"), &(list.cells <= CELL_CAPACITY && list.levels & 1 == 1), &true)?;
-    let valid =
-        || (0..scenario.spheres.len()).filter(|&id| chosen.may_pair(id)).map(|id| &scenario.spheres[id]);
-    let listed = valid().filter(|sphere| level_of(list, sphere.radius) == LISTED).count();
+    let valid = || (0..scenario.spheres.len()).filter(|&id| chosen.may_pair(id));
+    let listed = valid().filter(|&id| chosen.own_level(id) == LISTED).count();
     let is_few = listed <= 8 || valid().count() == listed;
     same(|| what("few spheres are listed"), &is_few, &true)?;
     levels_are_those_of_their_spheres(chosen, case)
@@ -112,10 +111,10 @@ fn levels_are_those_of_their_spheres(
     let fits = |radius: f32, depth: i32| radius <= list.level[0].max_radius * (-depth as f32).exp2();
     let depth_of =
         |radius: f32| (1..CellListLayout::DEPTHS as i32).take_while(|&depth| fits(radius, depth)).count();
-    let unlisted = (0..scenario.spheres.len())
-        .filter(|&id| chosen.may_pair(id) && level_of(list, scenario.spheres[id].radius) != LISTED);
+    let unlisted =
+        (0..scenario.spheres.len()).filter(|&id| chosen.may_pair(id) && chosen.own_level(id) != LISTED);
     let unlisted: Vec<(usize, f32)> =
-        unlisted.map(|id| (division.side(id, scenario.spheres.len()), scenario.spheres[id].radius)).collect();
+        unlisted.map(|id| (division.side(id, scenario.spheres.len()), chosen.radius(id))).collect();
     let mut depths: Vec<usize> = unlisted.iter().map(|&(_, radius)| depth_of(radius)).chain([0]).collect();
     depths.sort_unstable();
     depths.dedup();
@@ -156,12 +155,15 @@ fn levels_look_once(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     Ok(())
 }
 
-/// Touching spheres are in adjacent cells of each level that both may be assigned to.
+/// Touching spheres are in adjacent cells of each level that both may be assigned to, unless they pair at a distance.
 fn touching_spheres_are_in_adjacent_cells(
     chosen: &ConfiguredCellList,
     case: CellListCase,
 ) -> Result<(), KernelError> {
     let ConfiguredCellList { list, scenario, .. } = chosen;
+    if case.division == Division::NarrowSide {
+        return Ok(());
+    }
     let step = scenario.spheres.len().div_ceil(500);
     let valid = scenario.only(|k| scenario.spheres[k].is_valid() && k.is_multiple_of(step));
     for pair in valid.oracle() {
@@ -251,8 +253,7 @@ pub(crate) fn cells_count(own: &GpuDevice) -> Result<(), KernelError> {
                 |fused| chosen.homes(&table, fused).1,
             )?;
         } else {
-            let of_level = |id: usize| level_of(list, scenario.spheres[id].radius);
-            let small = |id: usize| chosen.may_pair(id) && ![0, LISTED].contains(&of_level(id));
+            let small = |id: usize| chosen.may_pair(id) && ![0, LISTED].contains(&chosen.own_level(id));
             let mut smaller = vec![0; counts.len()];
             (0..cells.len()).filter(|&id| small(id)).for_each(|id| smaller[cells[id] as usize] += 1);
             let [least, most] = [&smaller, &counts].map(|counts| counts.iter().copied().max().unwrap_or(0));

@@ -43,7 +43,8 @@ pub(crate) fn cases() -> impl Iterator<Item = CellListCase> {
     let spaces = [[None; 3], [Some(20.0), None, Some(24.5)], [Some(0.75); 3]];
     let species = [false, true].map(|meets_itself| Division::Species { meets_itself });
     let pairs = [2, 3, 4].map(Division::DisjointPairs);
-    let several_sides = [Division::TwoSets, species[0], species[1]].into_iter().chain(pairs);
+    let several_sides =
+        [Division::TwoSets, Division::NarrowSide, species[0], species[1]].into_iter().chain(pairs);
     let one = [0, 1, 257, 5000].map(|spheres| (spheres, Division::OneSet));
     let several = several_sides.flat_map(|division| [257, 5000].map(move |spheres| (spheres, division)));
     one.into_iter().chain(several).flat_map(move |(spheres, division)| {
@@ -210,9 +211,17 @@ impl ConfiguredCellList {
         self.division.levels_per_side() * self.division.side(id, self.scenario.spheres.len())
     }
 
+    pub(crate) fn radius(&self, id: usize) -> f32 {
+        self.division.effective_radius(id, &self.scenario.spheres)
+    }
+
+    pub(crate) fn own_level(&self, id: usize) -> usize {
+        level_of(&self.list, self.radius(id))
+    }
+
     fn coarsest(&self, id: usize, fused: bool) -> Option<u32> {
         let sphere = &self.scenario.spheres[id];
-        let has_cell = self.may_pair(id) && level_of(&self.list, sphere.radius) != LISTED;
+        let has_cell = self.may_pair(id) && self.own_level(id) != LISTED;
         let level = self.first_level(id);
         has_cell.then(|| cell(&self.list, self.scenario.space, self.place(sphere), level, fused))
     }
@@ -233,7 +242,7 @@ impl ConfiguredCellList {
         let Some(coarsest) = self.coarsest(id, fused) else {
             return (list.cells + u32::from(!self.may_pair(id)), 0);
         };
-        let level = level_of(list, sphere.radius);
+        let level = self.own_level(id);
         let crowd = density[coarsest as usize % density.len()];
         match level != 0 && list.has_overfull_cells != 0 && crowd > self.call.tau {
             true => (cell(list, space, self.place(sphere), self.first_level(id) + level, fused), crowd),

@@ -1,4 +1,4 @@
-use lazygrid::{Error, Interaction};
+use lazygrid::{Error, Interaction, Sphere};
 use lazygrid_kernels::layout::{CellListLayout, SearchParams, SpeciesParams};
 
 use super::kernel_call::KernelCall;
@@ -14,7 +14,11 @@ pub(crate) enum Division {
     },
     /// Each species pairs with one other; every seventh sphere never pairs.
     DisjointPairs(usize),
+    /// As [`Species`](Self::Species) with `meets_itself`, but spheres of different species pair within [`FAR`].
+    NarrowSide,
 }
+
+const FAR: f32 = 3.0;
 
 impl Division {
     fn species_of(self, index: usize, count: usize) -> usize {
@@ -23,7 +27,7 @@ impl Division {
             Self::TwoSets => usize::from(index >= self.first_set(count)),
             // The species that never pairs comes after those with sides.
             _ if index % 7 == 3 => self.partners().len(),
-            Self::Species { .. } => usize::from(index.is_multiple_of(5)),
+            Self::Species { .. } | Self::NarrowSide => usize::from(index.is_multiple_of(5)),
             Self::DisjointPairs(pairs) => index / 2 % (2 * pairs),
         }
     }
@@ -48,7 +52,7 @@ impl Division {
     fn partners(self) -> Vec<u8> {
         match self {
             Self::OneSet => vec![1],
-            Self::Species { meets_itself: true } => vec![0b11, 0b01],
+            Self::Species { meets_itself: true } | Self::NarrowSide => vec![0b11, 0b01],
             Self::TwoSets | Self::Species { .. } => vec![0b10, 0b01],
             Self::DisjointPairs(pairs) => (0..2 * pairs).map(|side| 1 << (side ^ 1)).collect(),
         }
@@ -63,15 +67,36 @@ impl Division {
     }
 
     pub(crate) fn has_species(self) -> bool {
-        matches!(self, Self::Species { .. } | Self::DisjointPairs(_))
+        matches!(self, Self::Species { .. } | Self::DisjointPairs(_) | Self::NarrowSide)
     }
 
     pub(crate) fn divide(self, call: SearchParams) -> SearchParams {
         let second_set_start =
             if self == Self::TwoSets { self.first_set(call.spheres as usize) as u32 } else { 0 };
         let species = if self.has_species() { self.sides() as u32 + 1 } else { 0 };
-        let call = SearchParams { interaction: SearchParams::TOUCH, second_set_start, species, ..call };
+        let (interaction, narrow_sides) = match self {
+            Self::NarrowSide => (SearchParams::BY_SPECIES, 1),
+            _ => (SearchParams::TOUCH, 0),
+        };
+        let call = SearchParams { interaction, narrow_sides, second_set_start, species, ..call };
         call.with_sides(&self.partners())
+    }
+
+    fn interaction(self, a: usize, b: usize) -> Interaction {
+        match self.meets(a, b) {
+            false => Interaction::Never,
+            true if self == Self::NarrowSide && a != b => Interaction::Within(FAR.into()),
+            true => Interaction::Touch,
+        }
+    }
+
+    /// Half the largest distance at which a species pairs, except from the narrow side.
+    fn half(self, species: usize) -> f32 {
+        if self == Self::NarrowSide && species == 1 { 0.5 * FAR } else { 0.0 }
+    }
+
+    pub(crate) fn effective_radius(self, index: usize, spheres: &[Sphere]) -> f32 {
+        spheres[index].radius.max(self.half(self.species_of(index, spheres.len())))
     }
 
     /// All species, with the one that never pairs.
@@ -80,11 +105,9 @@ impl Division {
     }
 
     pub(crate) fn mixture(self, count: usize) -> Option<SpeciesSetup> {
-        let between =
-            |a: usize, b: usize| if self.meets(a, b) { Interaction::Touch } else { Interaction::Never };
         (self != Self::OneSet).then(|| SpeciesSetup {
             species: self.species(count),
-            rows: self.ids().map(|a| (0..=a).map(|b| between(a, b)).collect()).collect(),
+            rows: self.ids().map(|a| (0..=a).map(|b| self.interaction(a, b)).collect()).collect(),
         })
     }
 
@@ -98,9 +121,13 @@ impl Division {
             true => SpeciesParams::TOUCHES | (id as u32) << SpeciesParams::SIDE_SHIFT,
             false => SpeciesParams::IDLE,
         };
-        let reach: Vec<_> = self.ids().map(|id| SpeciesParams { flags: flags(id), half: 0.0 }).collect();
-        let between =
-            |a: usize, b: usize| if self.meets(a, b) { SearchParams::TOUCH } else { SearchParams::NEVER };
+        let reach: Vec<_> =
+            self.ids().map(|id| SpeciesParams { flags: flags(id), half: self.half(id) }).collect();
+        let between = |a: usize, b: usize| match self.interaction(a, b) {
+            Interaction::Never => SearchParams::NEVER,
+            Interaction::Touch => SearchParams::TOUCH,
+            Interaction::Within(distance) => distance as f32,
+        };
         let table: Vec<f32> = self.ids().flat_map(|a| self.ids().map(move |b| between(a, b))).collect();
         call.with("species", &self.species(count))?.with("species_params", &reach)?.with("table", &table)
     }

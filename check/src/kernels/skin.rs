@@ -2,7 +2,7 @@ use bytemuck::Zeroable;
 use lazygrid::gpu::{GpuDevice, Outcome, SkinState};
 use lazygrid::{Pair, Space, Sphere};
 use lazygrid_kernels::kernel::{self as k, Variant};
-use lazygrid_kernels::layout::{SearchParams, SkinParams};
+use lazygrid_kernels::layout::{SearchParams, SkinParams, SpeciesParams};
 
 use super::kernel_call::KernelCall;
 use super::support::{KernelError, SIZES, same};
@@ -45,7 +45,11 @@ fn call(spheres: usize, space: Space) -> (SearchParams, Variant) {
 }
 
 pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
-    for (size, lengths) in SIZES.into_iter().flat_map(|size| SPACES.map(|lengths| (size, lengths))) {
+    let sizes = SIZES.into_iter().flat_map(|size| SPACES.map(|lengths| (size, lengths)));
+    for ((size, lengths), has_species) in sizes.flat_map(|case| [false, true].map(|species| (case, species)))
+    {
+        // Every third sphere never pairs.
+        let is_idle = |k: usize| has_species && k.is_multiple_of(3);
         let space = periodic::space(lengths);
         let then = spheres(size, 1);
         let mut random = Random(2);
@@ -56,23 +60,30 @@ pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
                 Sphere::new(space.wrap(sphere.center + glam::Vec3::from(step)), sphere.radius)
             })
             .collect();
-        let gone = |(a, b): (&Sphere, &Sphere)| match a.is_valid() {
-            true => space.distance_squared(a.center, b.center) as f32,
+        let gone = |k: usize| match then[k].is_valid() && !is_idle(k) {
+            true => space.distance_squared(then[k].center, now[k].center) as f32,
             false => 0.0,
         };
-        let farthest = then.iter().zip(&now).map(gone).fold(0.0, f32::max);
+        let farthest = (0..size).map(gone).fold(0.0, f32::max);
         let other = |change: fn(&mut Sphere)| {
             let mut other = now.clone();
             other.last_mut().into_iter().for_each(change);
             other
         };
         let is_some = u32::from(size > 0);
+        let matters = u32::from(size > 0 && (!is_idle(size - 1) || !then[size - 1].is_valid()));
         for (now, changed) in [
             (now.clone(), 0),
             (other(|sphere| sphere.radius = if sphere.is_valid() { f32::NAN } else { 1.0 }), is_some),
-            (other(|sphere| sphere.radius = 0.75), is_some),
+            (other(|sphere| sphere.radius = 0.75), matters),
         ] {
             let (call, variant) = call(size, space);
+            let (call, variant) = (
+                SearchParams { species: if has_species { 2 } else { 0 }, ..call },
+                Variant { species: has_species, ..variant },
+            );
+            let species: Vec<u32> = (0..size).map(|k| u32::from(is_idle(k))).collect();
+            let of_species = [0, SpeciesParams::IDLE].map(|flags| SpeciesParams { flags, half: 0.0 });
             let kept: Vec<[f32; 4]> = then.iter().map(widened).collect();
             let call = KernelCall::new(own)
                 .with("params", &[call])?
@@ -80,10 +91,13 @@ pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
                 .with("count_source", &[size as u32])?
                 .with("spheres", &now)?
                 .with("reference", &kept)?
+                .with("species", &species)?
+                .with("reference_species", &species)?
+                .with("species_params", &of_species)?
                 .with("state", &[SkinState::zeroed()])?;
             call.run(&k::SKIN_DISPLACEMENT, variant, size.div_ceil(256) as u32)?;
             let found = call.read_one::<SkinState>("state")?;
-            let case = || format!("{size} spheres in {lengths:?}");
+            let case = || format!("{size} spheres in {lengths:?}, species {has_species}");
             same(case, &found.input_changed, &changed)?;
             if changed == 0 {
                 same(case, &f32::from_bits(found.displacement), &farthest)?;

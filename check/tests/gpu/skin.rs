@@ -170,6 +170,34 @@ fn changed_species_rebuild_the_list() {
     }
 }
 
+#[test]
+fn spheres_that_never_pair_may_move_and_grow() {
+    let Some(own) = device() else { return };
+    let rows = vec![vec![Interaction::Touch], vec![Interaction::Never; 2]];
+    let species: Vec<u32> = (0..700).map(|k| k % 2).collect();
+    let mut scenario = TestInput {
+        spheres: cloud(9, 700, 7.0, |_| 0.3),
+        mixture: Some(SpeciesSetup { species, rows }),
+        ..TestInput::default()
+    };
+    let settings = GpuConfig::default().interactions(scenario.interactions().expect("two species"));
+    let mut detector = GpuSkinDetector::new(&own.device, settings, 0.2).expect("made");
+    let mut ask = |scenario: &TestInput, rebuilt, case| {
+        let state = verify(&own, &mut detector, scenario, case);
+        assert_eq!(state.rebuild_reason, rebuilt, "{case}: {state:?}");
+    };
+    ask(&scenario, SkinState::NO_LIST, "the first call");
+    let idle = scenario.spheres.iter_mut().skip(1).step_by(2);
+    idle.for_each(|sphere| (sphere.center.x, sphere.radius) = (sphere.center.x + 1.0, 2.0));
+    ask(&scenario, 0, "without effect");
+    scenario.spheres[1].radius = f32::NAN;
+    ask(&scenario, SkinState::INPUT_CHANGED, "one more is invalid");
+    scenario.mixture.as_mut().expect("species").species[3] = 0;
+    ask(&scenario, SkinState::INPUT_CHANGED, "it pairs where it is now");
+    scenario.spheres[3].center.x -= 1.0;
+    ask(&scenario, SkinState::DISPLACEMENT, "far");
+}
+
 /// Radii to which half a skin cannot be added without loss, up to the largest float.
 #[test]
 fn largest_radii_have_no_candidate_list() {

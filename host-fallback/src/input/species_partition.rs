@@ -121,12 +121,13 @@ impl SpeciesPartition {
         Ok(Self { narrow: if is_narrow { narrow } else { Vec::new() }, ..self })
     }
 
-    /// Returns the division of all species by partners.
-    pub fn of_table(interactions: &Interactions) -> Self {
+    /// Returns the divisions of all species by partners and by reach.
+    pub fn of_table(interactions: &Interactions) -> [Self; 2] {
         let all: Vec<u32> = (0..interactions.species()).collect();
         let reaches: Vec<_> = all.iter().map(|&species| interactions.reach(species)).collect();
-        let [_, by_partners, _] = Self::of_present(&all, SpeciesTable { interactions, reaches: &reaches });
-        by_partners
+        let [_, by_partners, by_reach] =
+            Self::of_present(&all, SpeciesTable { interactions, reaches: &reaches });
+        [by_partners, by_reach]
     }
 
     /// Returns the divisions of the species `present`, indexed by [`Division`], without the reach in their own groups.

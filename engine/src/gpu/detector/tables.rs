@@ -8,6 +8,7 @@ use crate::gpu::plan::TableBytes;
 pub(crate) struct Tables {
     pub(crate) bytes: TableBytes,
     pub(crate) reach: wgpu::Buffer,
+    pub(crate) reach_by_side: wgpu::Buffer,
     pub(crate) table: wgpu::Buffer,
 }
 
@@ -16,6 +17,7 @@ impl Tables {
         let bytes = TableBytes::new(interactions, device.limits().max_storage_buffer_binding_size)?;
         Ok(Self {
             reach: constant_buffer(device, "reach by species", &bytes.reach)?,
+            reach_by_side: constant_buffer(device, "reach by species on their sides", &bytes.reach_by_side)?,
             table: constant_buffer(device, "interaction table", &bytes.table)?,
             bytes,
         })

@@ -116,6 +116,8 @@ pub(crate) enum Resource {
     SearchParams(u32),
     RadixPass(u32),
     Reach,
+    /// The same without reach from narrow sides to others.
+    ReachBySide,
     Table,
 }
 

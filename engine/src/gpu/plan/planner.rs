@@ -154,13 +154,14 @@ pub(crate) struct CallSettings<'a> {
 impl Plan {
     pub(crate) fn call(&self, settings: &CallSettings<'_>) -> SearchParams {
         let sides = settings.sides;
-        let (partners, interaction): (&[u8], f32) = if settings.split == 0 {
-            sides.map_or((&[1], SearchParams::TOUCH), |sides| (&sides.partners, sides.interaction))
-        } else {
-            (&[0b10, 0b01], sides.map_or(SearchParams::TOUCH, |sides| sides.across_sets))
+        let (partners, narrow, interaction): (&[u8], u8, f32) = match (sides, settings.split) {
+            (Some(sides), 0) => (&sides.partners, sides.narrow, sides.interaction),
+            (None, 0) => (&[1], 0, SearchParams::TOUCH),
+            (sides, _) => (&[0b10, 0b01], 0, sides.map_or(SearchParams::TOUCH, |sides| sides.across_sets)),
         };
         let call = SearchParams {
             interaction,
+            narrow_sides: if self.algorithm == Algorithm::CellList { narrow.into() } else { 0 },
             entry_capacity: self.entries,
             key_bits: self.key_bits,
             cell_ratio: settings.cell_ratio,

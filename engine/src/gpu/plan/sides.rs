@@ -3,10 +3,13 @@
 
 use lazygrid_host::SpeciesPartition;
 use lazygrid_kernels::layout::{CellListLayout, SearchParams};
-use lazygrid_kernels::{Interaction, Interactions};
+use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions};
 
 /// More sides must save at least this fraction of comparisons: each side has a table of cells.
 const WORTHWHILE: f64 = 0.25;
+/// A group is a narrow side if its spheres pair among themselves within less than this fraction of the distance to
+/// others. The cells of a larger one would seldom be crowded enough to pay for searches between sides.
+const MAX_NARROW: f32 = 0.25;
 const MAX_SIDES: usize = CellListLayout::MAX_SIDES;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -15,6 +18,8 @@ pub(crate) struct Sides {
     pub(crate) of_species: Vec<Option<u8>>,
     /// For one set: the sides that each side is compared with, one bit each.
     pub(crate) partners: Vec<u8>,
+    /// For one set; see [`SearchParams::narrow_sides`].
+    pub(crate) narrow: u8,
     /// For one set; see [`SearchParams::interaction`].
     pub(crate) interaction: f32,
     /// For two sets, where spheres of one species may meet.
@@ -24,22 +29,20 @@ pub(crate) struct Sides {
 impl Sides {
     /// Minimizes the comparisons for equal numbers of each species.
     pub(crate) fn of(table: &Interactions) -> Self {
-        let partition = SpeciesPartition::of_table(table);
+        let [by_partners, by_reach] = SpeciesPartition::of_table(table);
+        let mut groups = PairingGroups::of(&by_reach, table);
+        if groups.narrow == 0 {
+            groups = PairingGroups::of(&by_partners, table);
+        }
         let species = || 0..table.species();
-        let active: Vec<usize> = (0..partition.count()).filter(|&group| !partition.is_idle(group)).collect();
-        let weight = |group: usize| species().filter(|&of| partition.group_of(of) == group).count() as f64;
-        let partners = |group: usize| mask(active.iter().map(|&other| partition.meets(group, other)));
-        let groups = PairingGroups {
-            weights: active.iter().map(|&group| weight(group)).collect(),
-            partners: active.iter().map(|&group| partners(group)).collect(),
-        };
         let division = groups.divide();
-        let side_of = |of: u32| {
-            let group = active.iter().position(|&group| group == partition.group_of(of))?;
-            Some(division[group])
-        };
-        let of_species: Vec<Option<u8>> = species().map(side_of).collect();
+        let of_species: Vec<Option<u8>> =
+            species().map(|of| Some(division[groups.of_species[of as usize]?])).collect();
         let partners = groups.side_partners(&division);
+        let is_narrow = |side: usize| {
+            (0..groups.count()).any(|of| groups.is_narrow(of) && usize::from(division[of]) == side)
+        };
+        let narrow = mask((0..partners.len()).map(is_narrow));
         let on = |side: usize| {
             let own = species().filter(|&of| of_species[of as usize].map(usize::from) == Some(side));
             own.collect::<Vec<_>>()
@@ -53,7 +56,20 @@ impl Sides {
             let all = members.concat();
             common(product(&all, &all), table)
         };
-        Self { of_species, partners, interaction, across_sets }
+        Self { of_species, partners, narrow, interaction, across_sets }
+    }
+
+    /// Returns the rule for the effective radius of a species in a cell list: on a narrow side, with reach to its own
+    /// side only.
+    pub(crate) fn effective_radius(&self, table: &Interactions, species: u32) -> EffectiveRadius {
+        let to_all = table.effective_radius(species);
+        match self.of_species[species as usize] {
+            Some(side) if self.narrow >> side & 1 == 1 => {
+                let own = (0..table.species()).filter(|&other| self.of_species[other as usize] == Some(side));
+                EffectiveRadius { half: table.reach_among(species, own).effective.half, ..to_all }
+            }
+            _ => to_all,
+        }
     }
 
     /// Returns `true` if there is one side and contact decides all its pairs, so that a search needs no species.
@@ -64,20 +80,80 @@ impl Sides {
 
 /// The groups of species that pair with some group.
 struct PairingGroups {
+    of_species: Vec<Option<usize>>,
     /// Numbers of spheres.
     weights: Vec<f64>,
     /// The groups with which each group pairs, one bit each.
     partners: Vec<u8>,
+    /// Narrow groups, one bit each. No two of them pair.
+    narrow: u8,
 }
 
 /// The side of each group.
 type Division = [u8; MAX_SIDES];
 
 impl PairingGroups {
+    fn of(partition: &SpeciesPartition, table: &Interactions) -> Self {
+        let active: Vec<usize> = (0..partition.count()).filter(|&group| !partition.is_idle(group)).collect();
+        let position = |of: u32| active.iter().position(|&group| group == partition.group_of(of));
+        let of_species: Vec<Option<usize>> = (0..table.species()).map(position).collect();
+        let weight = |group: usize| of_species.iter().filter(|of| **of == Some(group)).count() as f64;
+        let partners = |group: usize| mask(active.iter().map(|&other| partition.meets(group, other)));
+        let groups = Self {
+            weights: (0..active.len()).map(weight).collect(),
+            partners: active.iter().map(|&group| partners(group)).collect(),
+            of_species,
+            narrow: 0,
+        };
+        let narrow = groups.narrow(table);
+        Self { narrow, ..groups }
+    }
+
+    fn count(&self) -> usize {
+        self.weights.len()
+    }
+
+    fn is_narrow(&self, group: usize) -> bool {
+        self.narrow >> group & 1 == 1
+    }
+
+    /// Returns the groups whose spheres pair among themselves within much less than with others, without those that pair
+    /// with an earlier one. The first are groups without contact, which may be large, with the smallest distances.
+    fn narrow(&self, table: &Interactions) -> u8 {
+        let meets_itself = |&group: &usize| self.partners[group] >> group & 1 == 1;
+        let groups = (0..self.count()).filter(meets_itself);
+        let mut groups: Vec<_> = groups.filter_map(|of| Some((self.narrowness(of, table)?, of))).collect();
+        groups.sort_by(|((a, a_ratio), _), ((b, b_ratio), _)| a.cmp(b).then(a_ratio.total_cmp(b_ratio)));
+        groups.iter().fold(0, |narrow, &(_, group)| match self.partners[group] & narrow {
+            0 => narrow | 1 << group,
+            _ => narrow,
+        })
+    }
+
+    /// Returns `true` if some spheres of the group pair by contact, and the fraction of its distances to all; `None` if
+    /// it is not narrow.
+    fn narrowness(&self, group: usize, table: &Interactions) -> Option<(bool, f32)> {
+        let members = || (0..table.species()).filter(|&of| self.of_species[of as usize] == Some(group));
+        members().try_fold((false, 0.0_f32), |(touches, fraction), species| {
+            let own = table.reach_among(species, members()).effective;
+            let to_all = table.effective_radius(species).half;
+            let is_narrow = own.half < MAX_NARROW * to_all;
+            is_narrow.then(|| (touches || own.touches, fraction.max(own.half / to_all)))
+        })
+    }
+
+    /// Returns `true` if each narrow group has a side to itself.
+    fn separates_narrow(&self, division: &Division) -> bool {
+        let others = |group: usize| (0..self.count()).filter(move |&other| other != group);
+        (0..self.count())
+            .filter(|&group| self.is_narrow(group))
+            .all(|group| others(group).all(|other| division[other] != division[group]))
+    }
+
     /// Returns the division with fewest comparisons, with as many sides as save enough of them.
     fn divide(&self) -> Division {
         let mut best = [(f64::INFINITY, [0; MAX_SIDES]); MAX_SIDES + 1];
-        for division in divisions(self.weights.len()) {
+        for division in divisions(self.count()).into_iter().filter(|of| self.separates_narrow(of)) {
             let partners = self.side_partners(&division);
             let (cost, of_this_many) = (self.comparisons(&division, &partners), &mut best[partners.len()]);
             if cost < of_this_many.0 {
@@ -93,7 +169,7 @@ impl PairingGroups {
 
     /// Returns the sides with which each side is compared, one bit each.
     fn side_partners(&self, division: &Division) -> Vec<u8> {
-        let groups = self.partners.len();
+        let groups = self.count();
         let sides = division[..groups].iter().max().map_or(1, |&last| usize::from(last) + 1);
         let mut partners = vec![0; sides];
         let pairs = (0..groups).flat_map(|a| (0..groups).map(move |b| (a, b)));
@@ -230,6 +306,35 @@ mod tests {
         let sides = Sides::of(&table(2, &[(0, 0, TOUCH), (0, 1, TOUCH)]));
         assert_eq!(sides.of_species, [Some(0), Some(1)]);
         assert_eq!(sides.partners, [0b11, 0b01]);
+    }
+
+    #[test]
+    fn species_with_a_distant_partner_is_a_narrow_side() {
+        let within = |distance| Interaction::Within(distance);
+        for of_partner in [Interaction::Never, TOUCH, within(8.0)] {
+            let table = table(2, &[(0, 0, within(0.5)), (0, 1, within(8.0)), (1, 1, of_partner)]);
+            let sides = Sides::of(&table);
+            assert_eq!(
+                (&sides.of_species[..], sides.narrow),
+                (&[Some(0), Some(1)][..], 0b01),
+                "{of_partner:?}"
+            );
+            let half = |species| sides.effective_radius(&table, species).half;
+            assert_eq!([half(0), half(1)], [0.25, 4.0]);
+            assert_eq!(table.effective_radius(0).half, 4.0, "in other grids");
+        }
+        let not_much_farther = table(2, &[(0, 0, within(2.0)), (0, 1, within(8.0))]);
+        assert_eq!(Sides::of(&not_much_farther).narrow, 0);
+        let searched_by_others_only = table(2, &[(0, 1, within(8.0))]);
+        assert_eq!(Sides::of(&searched_by_others_only).narrow, 0);
+    }
+
+    #[test]
+    fn narrow_sides_never_pair_with_each_other() {
+        let within = |distance| Interaction::Within(distance);
+        let table = table(2, &[(0, 0, within(0.5)), (0, 1, within(8.0)), (1, 1, within(0.25))]);
+        let sides = Sides::of(&table);
+        assert_eq!((sides.of_species, sides.narrow), (vec![Some(0), Some(1)], 0b10), "the narrower one");
     }
 
     #[test]

@@ -9,6 +9,8 @@ use crate::Error;
 #[derive(Clone, Debug)]
 pub(crate) struct TableBytes {
     pub(crate) reach: Arc<[u8]>,
+    /// For the cell list of one set.
+    pub(crate) reach_by_side: Arc<[u8]>,
     /// Per pair of species, a distance or one of two negative marks.
     pub(crate) table: Arc<[u8]>,
     pub(crate) sides: Sides,
@@ -28,11 +30,15 @@ impl TableBytes {
             None => SpeciesParams::IDLE,
         };
         let touches = |reach: EffectiveRadius| if reach.touches { SpeciesParams::TOUCHES } else { 0 };
-        let reach: Vec<SpeciesParams> = (0..species)
-            .zip(&sides.of_species)
-            .map(|(id, &side)| (interactions.effective_radius(id), side))
-            .map(|(reach, side)| SpeciesParams { flags: touches(reach) | flags(side), half: reach.half })
-            .collect();
+        let reach_of = |radius: &dyn Fn(u32) -> EffectiveRadius| -> Vec<SpeciesParams> {
+            (0..species)
+                .zip(&sides.of_species)
+                .map(|(id, &side)| (radius(id), side))
+                .map(|(reach, side)| SpeciesParams { flags: touches(reach) | flags(side), half: reach.half })
+                .collect()
+        };
+        let reach = reach_of(&|id| interactions.effective_radius(id));
+        let reach_by_side = reach_of(&|id| sides.effective_radius(interactions, id));
         let table: Vec<f32> = (0..species)
             .flat_map(|a| (0..species).map(move |b| interactions.get(a, b)))
             .map(|interaction| match interaction {
@@ -41,7 +47,7 @@ impl TableBytes {
                 Interaction::Within(distance) => distance as f32,
             })
             .collect();
-        let [reach, table] = [bytemuck::cast_slice(&reach), bytemuck::cast_slice(&table)].map(Arc::from);
-        Ok(Self { reach, table, sides })
+        let [reach, reach_by_side] = [reach, reach_by_side].map(|reach| bytemuck::cast_slice(&reach).into());
+        Ok(Self { reach, reach_by_side, table: bytemuck::cast_slice(&table).into(), sides })
     }
 }

@@ -30,9 +30,14 @@ fn query_sphere(position: u32) -> QuerySphere {
     return QuerySphere(sorted[position], position, cells[position], sorted_species[position]);
 }
 
-// The largest radius of its level.
-fn radius_of(query: QuerySphere) -> f32 {
-    return cell_list.level[level_of_cell(query.cell)].max_radius;
+// For the largest effective radii of both levels. Spheres of a narrow side pair with those of other sides within twice
+// the larger one.
+fn reach_at(query: QuerySphere, level: u32) -> f32 {
+    let levels = vec2(level_of_cell(query.cell), level);
+    let radii = vec2(cell_list.level[levels.x].max_radius, cell_list.level[levels.y].max_radius);
+    let sides = levels / params.levels_per_side;
+    let is_narrow = (((params.narrow_sides >> sides.x) | (params.narrow_sides >> sides.y)) & 1u) != 0u;
+    return select(radii.x + radii.y, 2.0 * max(radii.x, radii.y), is_narrow && sides.x != sides.y);
 }
 
 fn is_ordinary() -> bool {
@@ -62,8 +67,8 @@ fn query_sphere(position: u32) -> QuerySphere {
     return QuerySphere(sorted[position], position, cells[position], 0u);
 }
 
-fn radius_of(query: QuerySphere) -> f32 {
-    return query.sphere.w;
+fn reach_at(query: QuerySphere, level: u32) -> f32 {
+    return query.sphere.w + cell_list.level[level].max_radius;
 }
 
 fn is_ordinary() -> bool {
@@ -163,6 +168,16 @@ fn write_overflow(query: QuerySphere, ranges: CandidateRanges, first: u32, overf
     }
 }
 
+fn next_level(neighbors: ptr<function, NeighborCells>, query: QuerySphere) {
+    let levels = (*neighbors).levels;
+    (*neighbors).level = NO_LEVEL;
+    if (levels != 0u) {
+        let next = firstLeadingBit(levels);
+        (*neighbors).levels = levels & ~(1u << next);
+        enter_level(neighbors, next, query.sphere, reach_at(query, next));
+    }
+}
+
 // Until the candidates or the chunk end, or the list of hits is full. The first chunk continues to the last cell, to
 // count the remaining candidates.
 fn gather_hits(
@@ -197,7 +212,7 @@ fn gather_hits(
             }
         }
         if ((*neighbors).row == (*neighbors).end) {
-            next_level(neighbors, query.sphere, radius_of(query));
+            next_level(neighbors, query);
         }
         if ((*neighbors).level == NO_LEVEL) {
             return;

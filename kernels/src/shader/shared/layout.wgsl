@@ -27,6 +27,7 @@ struct SearchParams {
     levels_per_side: u32,
     partners_low: u32,
     partners_high: u32,
+    narrow_sides: u32,
     interaction: f32,
     first_workgroup: u32,
     workgroups_per_dispatch: u32,

@@ -164,20 +164,9 @@ fn skip_rows(neighbors: ptr<function, NeighborCells>, ranges: CandidateRanges) {
     (*neighbors).row = select(min((*neighbors).row + ROWS_PER_STEP, (*neighbors).end), (*neighbors).row, ranges.wraps);
 }
 
-fn next_level(neighbors: ptr<function, NeighborCells>, sphere: vec4<f32>, radius: f32) {
-    let levels = (*neighbors).levels;
-    (*neighbors).level = NO_LEVEL;
-    if (levels != 0u) {
-        let next = firstLeadingBit(levels);
-        (*neighbors).levels = levels & ~(1u << next);
-        enter_level(neighbors, next, sphere, radius);
-    }
-}
-
-// The cells are at least as large as in the sphere's own level; `radius` is at least the effective radius.
-fn enter_level(neighbors: ptr<function, NeighborCells>, level: u32, sphere: vec4<f32>, radius: f32) {
+// `reach` is at least the distance at which the sphere pairs with any of the level.
+fn enter_level(neighbors: ptr<function, NeighborCells>, level: u32, sphere: vec4<f32>, reach: f32) {
     let around = cell_list.level[level].cells;
-    let reach = radius + cell_list.level[level].max_radius;
     let half = vec3(reach * 0x1.00001p0) + abs(sphere.xyz) * 0x1p-22 + periods() * 0x1p-21;
     let low = cell_numbers(clamp(sphere.xyz - half, vec3(-FARTHEST), vec3(FARTHEST)), level);
     let high = cell_numbers(clamp(sphere.xyz + half, vec3(-FARTHEST), vec3(FARTHEST)), level);

@@ -1,3 +1,4 @@
+// Spheres that never pair may move and grow.
 #include layout
 #include thread
 #include sphere
@@ -12,7 +13,9 @@
 #ifdef SPECIES
 @group(0) @binding(6) var<storage, read> species: array<u32>;
 @group(0) @binding(7) var<storage, read> reference_species: array<u32>;
+@group(0) @binding(8) var<storage, read> species_params: array<vec2<u32>>;
 #endif
+#include effective_radius
 #include displacement
 #include wrapped_sphere
 #include subgroup_max
@@ -41,7 +44,7 @@ fn skin_displacement(
         let then = reference[index];
         let was_valid = then.w >= 0.0;
         var changed = is_valid(now) != was_valid;
-        if (is_valid(now) && was_valid) {
+        if (may_pair(index, now) && was_valid) {
             let gone = displacement(wrapped_sphere(now).xyz, then.xyz);
             moved = bitcast<u32>(dot(gone, gone));
             changed = bitcast<u32>(inflated_radius(now.w)) != bitcast<u32>(then.w) || now.w > LARGE;
