@@ -161,7 +161,7 @@ fn touching_spheres_are_in_adjacent_cells(
     case: CellListCase,
 ) -> Result<(), KernelError> {
     let ConfiguredCellList { list, scenario, .. } = chosen;
-    if case.division == Division::NarrowSide {
+    if matches!(case.division, Division::NarrowSide { .. }) {
         return Ok(());
     }
     let step = scenario.spheres.len().div_ceil(500);

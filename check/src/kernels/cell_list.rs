@@ -14,8 +14,8 @@ use crate::{Random, SceneSeed};
 /// Any number of workgroups gives the same statistics, and clears the counters.
 pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     let species = Division::Species { meets_itself: true };
-    let divisions =
-        [Division::OneSet, Division::TwoSets, species, Division::DisjointPairs(4), Division::NarrowSide];
+    let narrow = Division::NarrowSide { two_sets: true };
+    let divisions = [Division::OneSet, Division::TwoSets, species, Division::DisjointPairs(4), narrow];
     for (size, groups, division) in SIZES.into_iter().flat_map(|size| {
         [1, 3].into_iter().flat_map(move |groups| divisions.map(|division| (size, groups, division)))
     }) {
@@ -60,7 +60,8 @@ pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
 pub(crate) fn cell_list_setup_small(own: &GpuDevice) -> Result<(), KernelError> {
     let one_set = [0, 1, 300, 2048].map(|size| (size, Division::OneSet));
     let species = Division::Species { meets_itself: false };
-    let divided = [Division::TwoSets, species, Division::DisjointPairs(3), Division::NarrowSide];
+    let narrow = Division::NarrowSide { two_sets: true };
+    let divided = [Division::TwoSets, species, Division::DisjointPairs(3), narrow];
     let divided = divided.into_iter().flat_map(|division| [(300, division), (2048, division)]);
     let cases = one_set.into_iter().chain(divided);
     for (size, division, periodic) in

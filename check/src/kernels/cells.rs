@@ -43,8 +43,8 @@ pub(crate) fn cases() -> impl Iterator<Item = CellListCase> {
     let spaces = [[None; 3], [Some(20.0), None, Some(24.5)], [Some(0.75); 3]];
     let species = [false, true].map(|meets_itself| Division::Species { meets_itself });
     let pairs = [2, 3, 4].map(Division::DisjointPairs);
-    let several_sides =
-        [Division::TwoSets, Division::NarrowSide, species[0], species[1]].into_iter().chain(pairs);
+    let narrow = [false, true].map(|two_sets| Division::NarrowSide { two_sets });
+    let several_sides = [Division::TwoSets].into_iter().chain(species).chain(narrow).chain(pairs);
     let one = [0, 1, 257, 5000].map(|spheres| (spheres, Division::OneSet));
     let several = several_sides.flat_map(|division| [257, 5000].map(move |spheres| (spheres, division)));
     one.into_iter().chain(several).flat_map(move |(spheres, division)| {

@@ -14,8 +14,11 @@ pub(crate) enum Division {
     },
     /// Each species pairs with one other; every seventh sphere never pairs.
     DisjointPairs(usize),
-    /// As [`Species`](Self::Species) with `meets_itself`, but spheres of different species pair within [`FAR`].
-    NarrowSide,
+    /// As [`Species`](Self::Species) with `meets_itself`, but spheres of different species pair within [`FAR`], and of
+    /// two sets only those of different ones.
+    NarrowSide {
+        two_sets: bool,
+    },
 }
 
 const FAR: f32 = 3.0;
@@ -26,8 +29,8 @@ impl Division {
             Self::OneSet => 0,
             Self::TwoSets => usize::from(index >= self.first_set(count)),
             // The species that never pairs comes after those with sides.
-            _ if index % 7 == 3 => self.partners().len(),
-            Self::Species { .. } | Self::NarrowSide => usize::from(index.is_multiple_of(5)),
+            _ if index % 7 == 3 => self.species_that_pair(),
+            Self::Species { .. } | Self::NarrowSide { .. } => usize::from(index.is_multiple_of(5)),
             Self::DisjointPairs(pairs) => index / 2 % (2 * pairs),
         }
     }
@@ -36,13 +39,19 @@ impl Division {
         count - count / 5
     }
 
+    fn species_that_pair(self) -> usize {
+        if self == (Self::NarrowSide { two_sets: true }) { 2 } else { self.sides() }
+    }
+
     /// Returns the side of a sphere that may pair.
     pub(crate) fn side(self, index: usize, count: usize) -> usize {
-        self.species_of(index, count)
+        let species = self.species_of(index, count);
+        let has_sides = self == Self::NarrowSide { two_sets: true };
+        species + if has_sides && index >= self.first_set(count) { 2 } else { 0 }
     }
 
     pub(crate) fn may_pair(self, index: usize, count: usize) -> bool {
-        self.species_of(index, count) < self.partners().len()
+        self.species_of(index, count) < self.species_that_pair()
     }
 
     pub(crate) fn meets(self, a: usize, b: usize) -> bool {
@@ -52,7 +61,8 @@ impl Division {
     fn partners(self) -> Vec<u8> {
         match self {
             Self::OneSet => vec![1],
-            Self::Species { meets_itself: true } | Self::NarrowSide => vec![0b11, 0b01],
+            Self::Species { meets_itself: true } | Self::NarrowSide { two_sets: false } => vec![0b11, 0b01],
+            Self::NarrowSide { two_sets: true } => vec![0b1100, 0b0100, 0b0011, 0b0001],
             Self::TwoSets | Self::Species { .. } => vec![0b10, 0b01],
             Self::DisjointPairs(pairs) => (0..2 * pairs).map(|side| 1 << (side ^ 1)).collect(),
         }
@@ -67,47 +77,51 @@ impl Division {
     }
 
     pub(crate) fn has_species(self) -> bool {
-        matches!(self, Self::Species { .. } | Self::DisjointPairs(_) | Self::NarrowSide)
+        matches!(self, Self::Species { .. } | Self::DisjointPairs(_) | Self::NarrowSide { .. })
     }
 
     pub(crate) fn divide(self, call: SearchParams) -> SearchParams {
-        let second_set_start =
-            if self == Self::TwoSets { self.first_set(call.spheres as usize) as u32 } else { 0 };
-        let species = if self.has_species() { self.sides() as u32 + 1 } else { 0 };
+        let second_set_start = match self {
+            Self::TwoSets | Self::NarrowSide { two_sets: true } => {
+                self.first_set(call.spheres as usize) as u32
+            }
+            _ => 0,
+        };
+        let species = if self.has_species() { self.species_that_pair() as u32 + 1 } else { 0 };
         let (interaction, narrow_sides) = match self {
-            Self::NarrowSide => (SearchParams::BY_SPECIES, 1),
+            Self::NarrowSide { two_sets } => (SearchParams::BY_SPECIES, if two_sets { 0b0101 } else { 1 }),
             _ => (SearchParams::TOUCH, 0),
         };
         let call = SearchParams { interaction, narrow_sides, second_set_start, species, ..call };
         call.with_sides(&self.partners())
     }
 
+    /// Of spheres of two sides.
     fn interaction(self, a: usize, b: usize) -> Interaction {
-        match self.meets(a, b) {
-            false => Interaction::Never,
-            true if self == Self::NarrowSide && a != b => Interaction::Within(FAR.into()),
-            true => Interaction::Touch,
+        match (self.meets(a, b), self) {
+            (false, _) => Interaction::Never,
+            (true, Self::NarrowSide { .. }) if a % 2 != b % 2 => Interaction::Within(FAR.into()),
+            (true, _) => Interaction::Touch,
         }
     }
 
     /// Half the largest distance at which a species pairs, except from the narrow side.
     fn half(self, species: usize) -> f32 {
-        if self == Self::NarrowSide && species == 1 { 0.5 * FAR } else { 0.0 }
+        if matches!(self, Self::NarrowSide { .. }) && species == 1 { 0.5 * FAR } else { 0.0 }
     }
 
     pub(crate) fn effective_radius(self, index: usize, spheres: &[Sphere]) -> f32 {
         spheres[index].radius.max(self.half(self.species_of(index, spheres.len())))
     }
 
-    /// All species, with the one that never pairs.
-    fn ids(self) -> std::ops::RangeInclusive<usize> {
-        0..=self.sides()
-    }
-
+    /// Returns sides as species of one set, with one that never pairs.
     pub(crate) fn mixture(self, count: usize) -> Option<SpeciesSetup> {
+        let side_of =
+            |index| if self.may_pair(index, count) { self.side(index, count) } else { self.sides() };
+        let row = |a| (0..=a).map(|b| self.interaction(a, b)).collect();
         (self != Self::OneSet).then(|| SpeciesSetup {
-            species: self.species(count),
-            rows: self.ids().map(|a| (0..=a).map(|b| self.interaction(a, b)).collect()).collect(),
+            species: (0..count).map(|index| side_of(index) as u32).collect(),
+            rows: (0..=self.sides()).map(row).collect(),
         })
     }
 
@@ -117,18 +131,24 @@ impl Division {
 
     /// Adds the species of `count` spheres and their table.
     pub(super) fn bind(self, call: KernelCall<'_>, count: usize) -> Result<KernelCall<'_>, Error> {
-        let flags = |id: usize| match id < self.sides() {
+        let of_one_set = match self {
+            Self::NarrowSide { .. } => Self::NarrowSide { two_sets: false },
+            other => other,
+        };
+        // All species, with the one that never pairs.
+        let ids = 0..=self.species_that_pair();
+        let flags = |id: usize| match id < self.species_that_pair() {
             true => SpeciesParams::TOUCHES | (id as u32) << SpeciesParams::SIDE_SHIFT,
             false => SpeciesParams::IDLE,
         };
         let reach: Vec<_> =
-            self.ids().map(|id| SpeciesParams { flags: flags(id), half: self.half(id) }).collect();
-        let between = |a: usize, b: usize| match self.interaction(a, b) {
+            ids.clone().map(|id| SpeciesParams { flags: flags(id), half: self.half(id) }).collect();
+        let between = |a: usize, b: usize| match of_one_set.interaction(a, b) {
             Interaction::Never => SearchParams::NEVER,
             Interaction::Touch => SearchParams::TOUCH,
             Interaction::Within(distance) => distance as f32,
         };
-        let table: Vec<f32> = self.ids().flat_map(|a| self.ids().map(move |b| between(a, b))).collect();
+        let table: Vec<f32> = ids.clone().flat_map(|a| ids.clone().map(move |b| between(a, b))).collect();
         call.with("species", &self.species(count))?.with("species_params", &reach)?.with("table", &table)
     }
 }

@@ -241,7 +241,6 @@ impl Plan {
         let variant =
             Variant { species: has_species, periodic: self.periodic, reuse: self.reuses_layout, ..variant };
         let decides_contact = constants.tables.is_some_and(|tables| tables.sides.are_decided_by_contact());
-        let has_sides = self.algorithm == Algorithm::CellList && constants.call.second_set_start == 0;
         let dispatches = self.dispatches.iter().map(|dispatch| Dispatch {
             ignores_species: decides_contact && cell_list::is_search(dispatch.kernel),
             ..dispatch.clone()
@@ -249,7 +248,7 @@ impl Plan {
         let (sequence, resources) =
             DispatchSequence::resolved(dispatches, variant, limits, |dispatch, name| {
                 match self.resource(dispatch, name) {
-                    Resource::Reach if has_sides => Resource::ReachBySide,
+                    Resource::Reach if constants.call.narrow_sides != 0 => Resource::ReachBySide,
                     Resource::Count if !constants.count_in_buffer => Resource::SearchParams(0),
                     resource => resource,
                 }

@@ -5,7 +5,7 @@ use lazygrid_kernels::layout::SearchParams;
 use lazygrid_kernels::{Algorithm, Interactions};
 
 use super::call_plan::{CallConstants, CallPlan, PlanKernel};
-use super::sides::Sides;
+use super::sides::{SidePartners, Sides};
 use super::tables::TableBytes;
 use super::work_budget::{WorkBudget, tests_within_limit};
 use super::{CallCost, DeviceLimits, Plan, Request, plan};
@@ -153,15 +153,16 @@ pub(crate) struct CallSettings<'a> {
 
 impl Plan {
     pub(crate) fn call(&self, settings: &CallSettings<'_>) -> SearchParams {
-        let sides = settings.sides;
-        let (partners, narrow, interaction): (&[u8], u8, f32) = match (sides, settings.split) {
-            (Some(sides), 0) => (&sides.partners, sides.narrow, sides.interaction),
-            (None, 0) => (&[1], 0, SearchParams::TOUCH),
-            (sides, _) => (&[0b10, 0b01], 0, sides.map_or(SearchParams::TOUCH, |sides| sides.across_sets)),
+        let partners = match (settings.sides, settings.split) {
+            (Some(sides), 0) => sides.one_set.clone(),
+            (Some(sides), _) => sides.two_sets.clone(),
+            (None, 0) => SidePartners::one_set(),
+            (None, _) => SidePartners::two_sets(),
         };
+        let has_narrow_sides = self.algorithm == Algorithm::CellList;
         let call = SearchParams {
-            interaction,
-            narrow_sides: if self.algorithm == Algorithm::CellList { narrow.into() } else { 0 },
+            interaction: partners.interaction,
+            narrow_sides: if has_narrow_sides { partners.narrow.into() } else { 0 },
             entry_capacity: self.entries,
             key_bits: self.key_bits,
             cell_ratio: settings.cell_ratio,
@@ -176,7 +177,7 @@ impl Plan {
             chunks_per_block: self.chunks_per_block,
             ..settings.config.call(self.spheres, &settings.window, settings.split)
         };
-        call.with_sides(partners)
+        call.with_sides(&partners.of_side)
     }
 }
 

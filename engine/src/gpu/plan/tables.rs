@@ -9,7 +9,7 @@ use crate::Error;
 #[derive(Clone, Debug)]
 pub(crate) struct TableBytes {
     pub(crate) reach: Arc<[u8]>,
-    /// For the cell list of one set.
+    /// For a cell list with narrow sides.
     pub(crate) reach_by_side: Arc<[u8]>,
     /// Per pair of species, a distance or one of two negative marks.
     pub(crate) table: Arc<[u8]>,

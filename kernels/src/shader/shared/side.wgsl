@@ -1,4 +1,4 @@
-// Two sets are two sides; otherwise the species decide.
+// The species decide. Each of two sets has sides of its own, those of the second after those of the first.
 
 #ifdef SPECIES
 const MAX_SIDES: u32 = 8u;
@@ -7,11 +7,11 @@ const MAX_SIDES: u32 = 2u;
 #endif
 
 fn side_of(index: u32) -> u32 {
-    var side = select(0u, 1u, params.second_set_start != 0u && index >= params.second_set_start);
+    let of_set = select(params.sides, params.sides / 2u, params.second_set_start != 0u);
+    var side = select(0u, of_set, params.second_set_start != 0u && index >= params.second_set_start);
 #ifdef SPECIES
-    if (params.second_set_start == 0u) {
-        side = species_params[species[index]].x >> SIDE_SHIFT;
-    }
+    // Sets with a single side each ignore the species.
+    side += min(species_params[species[index]].x >> SIDE_SHIFT, of_set - 1u);
 #endif
     return side;
 }

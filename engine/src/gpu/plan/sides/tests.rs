@@ -1,0 +1,168 @@
+use lazygrid_kernels::Algorithm;
+
+use super::*;
+use crate::gpu::plan::Planner;
+use crate::gpu::{DeviceLimits, GpuConfig, wgpu};
+
+fn table(species: u32, pairs: &[(u32, u32, Interaction)]) -> Interactions {
+    let mut table = Interactions::new(species, Interaction::Never).expect("a table");
+    pairs.iter().for_each(|&(a, b, with)| table.set(a, b, with).expect("species of the table"));
+    table
+}
+
+const TOUCH: Interaction = Interaction::Touch;
+const ACROSS: [u8; 2] = [0b10, 0b01];
+
+#[test]
+fn reactants_are_on_opposite_sides_and_products_on_none() {
+    let sides = Sides::of(&table(3, &[(0, 1, Interaction::Within(0.5))]));
+    assert_eq!((sides.of_species, sides.one_set.interaction), (vec![Some(0), Some(1), None], 0.5));
+    assert_eq!(sides.one_set.of_side, ACROSS);
+    assert_eq!(sides.two_sets.of_side, [0b1000, 0b0100, 0b0010, 0b0001]);
+    assert_eq!(sides.two_sets.interaction, 0.5);
+}
+
+#[test]
+fn species_of_disjoint_pairs_have_a_side_each() {
+    for pairs in 2..=4 {
+        let rows: Vec<_> = (0..pairs).map(|pair| (2 * pair, 2 * pair + 1, TOUCH)).collect();
+        let sides = Sides::of(&table(2 * pairs + 1, &rows));
+        let one_each = (0..2 * pairs as u8).map(Some).chain([None]);
+        assert_eq!(sides.of_species, one_each.collect::<Vec<_>>());
+        let partner = |side: u8| 1 << (side ^ 1);
+        assert_eq!(sides.one_set.of_side, (0..2 * pairs as u8).map(partner).collect::<Vec<_>>());
+        assert_eq!(sides.one_set.interaction, SearchParams::TOUCH);
+        let of_sets = (sides.two_sets.of_side.len(), sides.two_sets.interaction);
+        let expected = if pairs == 2 { (8, SearchParams::TOUCH) } else { (2, SearchParams::BY_SPECIES) };
+        assert_eq!(of_sets, expected, "each set has all sides, or one");
+    }
+    let distances = [(0, 1, Interaction::Within(0.5)), (2, 3, Interaction::Within(0.25))];
+    assert_eq!(Sides::of(&table(4, &distances)).one_set.interaction, SearchParams::BY_SPECIES);
+}
+
+#[test]
+fn species_beyond_the_most_groups_share_a_side_that_meets_itself() {
+    let pairs: Vec<_> = (0..6).map(|pair| (2 * pair, 2 * pair + 1, TOUCH)).collect();
+    let sides = Sides::of(&table(12, &pairs));
+    let last = sides.of_species[11].expect("the species pairs");
+    assert_eq!(sides.of_species[7..], [Some(last); 5]);
+    assert_eq!(sides.one_set.of_side[usize::from(last)] >> last & 1, 1);
+    assert_ne!(sides.of_species[0], sides.of_species[1]);
+    assert_eq!(sides.one_set.interaction, SearchParams::BY_SPECIES);
+}
+
+#[test]
+fn ring_of_reactions_has_two_sides_that_pair_alike() {
+    let ring: Vec<_> = (0..4).map(|of| (of, (of + 1) % 4, TOUCH)).collect();
+    let sides = Sides::of(&table(4, &ring));
+    assert_eq!(sides.of_species, [0, 1, 0, 1].map(Some));
+    assert_eq!((&sides.one_set.of_side[..], sides.one_set.interaction), (&ACROSS[..], SearchParams::TOUCH));
+}
+
+#[test]
+fn species_that_all_pair_are_on_one_side() {
+    let all = Sides::of(&Interactions::new(7, TOUCH).expect("a table"));
+    assert_eq!((all.of_species, all.one_set.of_side), (vec![Some(0); 7], vec![1]));
+    assert_eq!(
+        (all.one_set.interaction, all.two_sets.interaction),
+        (SearchParams::TOUCH, SearchParams::TOUCH)
+    );
+    let none = Sides::of(&Interactions::new(2, Interaction::Never).expect("a table"));
+    assert_eq!((none.of_species, none.one_set.of_side), (vec![None; 2], vec![0]));
+    assert_eq!(Sides::of(&Interactions::new(0, TOUCH).expect("a table")).of_species, []);
+}
+
+#[test]
+fn species_that_meets_itself_may_be_a_side() {
+    let sides = Sides::of(&table(2, &[(0, 0, TOUCH), (0, 1, TOUCH)]));
+    assert_eq!(sides.of_species, [Some(0), Some(1)]);
+    assert_eq!(sides.one_set.of_side, [0b11, 0b01]);
+}
+
+#[test]
+fn species_with_a_distant_partner_is_a_narrow_side() {
+    let within = |distance| Interaction::Within(distance);
+    for of_partner in [Interaction::Never, TOUCH, within(8.0)] {
+        let table = table(2, &[(0, 0, within(0.5)), (0, 1, within(8.0)), (1, 1, of_partner)]);
+        let sides = Sides::of(&table);
+        assert_eq!(
+            (&sides.of_species[..], sides.one_set.narrow),
+            (&[Some(0), Some(1)][..], 0b01),
+            "{of_partner:?}"
+        );
+        let half = |species| sides.effective_radius(&table, species).half;
+        assert_eq!([half(0), half(1)], [0.25, 4.0]);
+        assert_eq!(table.effective_radius(0).half, 4.0, "in other grids");
+    }
+    let not_much_farther = table(2, &[(0, 0, within(2.0)), (0, 1, within(8.0))]);
+    assert_eq!(Sides::of(&not_much_farther).one_set.narrow, 0);
+    let searched_by_others_only = table(2, &[(0, 1, within(8.0))]);
+    assert_eq!(Sides::of(&searched_by_others_only).one_set.narrow, 0);
+}
+
+#[test]
+fn narrow_sides_never_pair_with_each_other() {
+    let within = |distance| Interaction::Within(distance);
+    let table = table(2, &[(0, 0, within(0.5)), (0, 1, within(8.0)), (1, 1, within(0.25))]);
+    let sides = Sides::of(&table);
+    assert_eq!((sides.of_species, sides.one_set.narrow), (vec![Some(0), Some(1)], 0b10), "the narrower one");
+}
+
+#[test]
+fn side_that_saves_little_is_not_separated() {
+    // A side of the species that does not meet itself would save half of one in 18 comparisons.
+    let mut almost_all = Interactions::new(6, TOUCH).expect("a table");
+    almost_all.set(5, 5, Interaction::Never).expect("a species of the table");
+    assert_eq!(Sides::of(&almost_all).of_species, [Some(0); 6]);
+}
+
+#[test]
+fn divisions_are_counted_by_bell_numbers() {
+    assert_eq!([0, 1, 2, 3, 4, 8].map(|groups| divisions(groups).len()), [1, 1, 2, 5, 15, 4140]);
+}
+
+#[test]
+fn sides_never_separate_species_that_pair() {
+    let mut state = 1_u64;
+    let mut next = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        state >> 33
+    };
+    for species in (1..14).chain([100, 600]) {
+        let pairs: Vec<_> = (0..species * 2)
+            .map(|_| ((next() % u64::from(species)) as u32, (next() % u64::from(species)) as u32, TOUCH))
+            .collect();
+        let table = table(species, &pairs);
+        let sides = Sides::of(&table);
+        let all: Vec<u32> = (0..species).collect();
+        for (a, b) in product(&all, &all).filter(|&(a, b)| table.get(a, b) != Interaction::Never) {
+            let [of_a, of_b] = [a, b].map(|of| sides.of_species[of as usize].expect("the species pairs"));
+            assert_eq!(sides.one_set.of_side[usize::from(of_a)] >> of_b & 1, 1, "{a} and {b} of {species}");
+        }
+    }
+}
+
+#[test]
+fn contact_of_all_species_is_searched_without_species() {
+    let searches = |of_last: [Interaction; 3]| {
+        let mut table = Interactions::new(3, TOUCH).expect("few species");
+        (0..).zip(of_last).for_each(|(other, with)| table.set(2, other, with).expect("known species"));
+        let config = GpuConfig::default().algorithm(Algorithm::CellList).interactions(Some(table));
+        let limits = DeviceLimits::from(&wgpu::Limits {
+            max_storage_buffers_per_shader_stage: 16,
+            ..Default::default()
+        });
+        let plan = Planner::new(config, limits).plan(1_000_000).expect("fits");
+        let has_species = |name: &str| {
+            let mut kernels = plan.sequence.kernels.iter().filter(|kernel| kernel.kernel.name == name);
+            let names = kernels.next()?.bindings().map(|binding| binding.name);
+            Some(names.into_iter().any(|name| name == "species" || name == "sorted_species"))
+        };
+        ["cell_list_search", "cell_list_search_overflow", "spheres_gather"].map(has_species)
+    };
+    let (with, without) = ([Some(true); 3], [Some(false), Some(false), Some(true)]);
+    let never = Interaction::Never;
+    assert_eq!(searches([never; 3]), without, "a species that never pairs");
+    assert_eq!(searches([TOUCH, never, never]), with);
+    assert_eq!(searches([Interaction::Within(0.5), Interaction::Within(0.5), never]), with);
+}
