@@ -142,28 +142,28 @@ impl PairingGroups {
         self.narrow >> group & 1 == 1
     }
 
-    /// Returns the groups whose spheres pair among themselves within much less than with others, without those that pair
-    /// with an earlier one. The first are groups without contact, which may be large, with the smallest distances.
+    /// Returns the groups whose spheres pair among themselves within much less than with others, the narrowest first and
+    /// without groups that pair with one of them.
     fn narrow(&self, table: &Interactions) -> u8 {
         let meets_itself = |&group: &usize| self.partners[group] >> group & 1 == 1;
         let groups = (0..self.count()).filter(meets_itself);
         let mut groups: Vec<_> = groups.filter_map(|of| Some((self.narrowness(of, table)?, of))).collect();
-        groups.sort_by(|((a, a_ratio), _), ((b, b_ratio), _)| a.cmp(b).then(a_ratio.total_cmp(b_ratio)));
+        groups.sort_by(|(a, _), (b, _)| a.total_cmp(b));
         groups.iter().fold(0, |narrow, &(_, group)| match self.partners[group] & narrow {
             0 => narrow | 1 << group,
             _ => narrow,
         })
     }
 
-    /// Returns `true` if some spheres of the group pair by contact, and the fraction of its distances to all; `None` if
-    /// it is not narrow.
-    fn narrowness(&self, group: usize, table: &Interactions) -> Option<(bool, f32)> {
+    /// Returns the group's largest distance as a fraction of that to others; `None` if it is not narrow. If spheres of the
+    /// group pair by contact, their radii, which are not known here, may be as large.
+    fn narrowness(&self, group: usize, table: &Interactions) -> Option<f32> {
         let members = || (0..table.species()).filter(|&of| self.of_species[of as usize] == Some(group));
-        members().try_fold((false, 0.0_f32), |(touches, fraction), species| {
+        members().try_fold(0.0_f32, |fraction, species| {
             let own = table.reach_among(species, members()).effective;
             let to_all = table.effective_radius(species).half;
-            let is_narrow = own.half < MAX_NARROW * to_all;
-            is_narrow.then(|| (touches || own.touches, fraction.max(own.half / to_all)))
+            let is_narrow = !own.touches && own.half < MAX_NARROW * to_all;
+            is_narrow.then(|| fraction.max(own.half / to_all))
         })
     }
 

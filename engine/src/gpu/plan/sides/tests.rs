@@ -94,6 +94,8 @@ fn species_with_a_distant_partner_is_a_narrow_side() {
         assert_eq!([half(0), half(1)], [0.25, 4.0]);
         assert_eq!(table.effective_radius(0).half, 4.0, "in other grids");
     }
+    let by_contact = table(2, &[(0, 0, TOUCH), (0, 1, within(8.0))]);
+    assert_eq!(Sides::of(&by_contact).one_set.narrow, 0, "radii may be large");
     let not_much_farther = table(2, &[(0, 0, within(2.0)), (0, 1, within(8.0))]);
     assert_eq!(Sides::of(&not_much_farther).one_set.narrow, 0);
     let searched_by_others_only = table(2, &[(0, 1, within(8.0))]);
