@@ -14,8 +14,8 @@ pub(crate) enum Division {
     },
     /// Each species pairs with one other; every seventh sphere never pairs.
     DisjointPairs(usize),
-    /// As [`Species`](Self::Species) with `meets_itself`, but spheres of different species pair within [`FAR`], and of
-    /// two sets only those of different ones.
+    /// The species of [`Species`](Self::Species) with `meets_itself`, of which different ones pair within [`FAR`]. If
+    /// there are two sets, no spheres of one set pair.
     NarrowSide {
         two_sets: bool,
     },

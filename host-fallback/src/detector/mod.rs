@@ -135,7 +135,8 @@ impl SearchBackend for HostBackend {
                 Some(prepared) => prepared,
                 None => {
                     let has_same_species = has_same_species && query.split().is_none();
-                    let preparation = Preparation { settings, wraps: true, has_same_species };
+                    let preparation =
+                        Preparation { settings, wraps: true, has_same_species, is_by_radii: false };
                     buffers.prepare(query, preparation, executor, &mut state.report.phases)?
                 }
             };

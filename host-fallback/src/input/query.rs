@@ -3,7 +3,7 @@
 
 use std::time::Instant;
 
-use lazygrid_kernels::{Interactions, MAX_SPHERES, Query, Space, Sphere, Spheres};
+use lazygrid_kernels::{Interactions, MAX_SPHERES, Query, Space, SpeciesReach, Sphere, Spheres};
 
 use super::copy::{copy, map_to_frame};
 use super::input_spheres::InputSpheres;
@@ -22,6 +22,8 @@ pub struct QueryBuffers {
     species: Vec<u32>,
     frame: Option<SearchFrame>,
     groups: SpeciesGroups,
+    /// See [`SpeciesGroups::reaches_in_frame`].
+    has_unequal_reaches: bool,
 }
 
 #[derive(Debug)]
@@ -47,6 +49,8 @@ pub struct Preparation<'a> {
     pub wraps: bool,
     /// `true` if the species of the spheres are those of the last query.
     pub has_same_species: bool,
+    /// `true` if the search knows no reach between groups of species, but only radii.
+    pub is_by_radii: bool,
 }
 
 impl PreparedQuery<'_> {
@@ -80,7 +84,7 @@ impl QueryBuffers {
     pub fn prepare<'a>(
         &'a mut self,
         query: &Query<'a>,
-        Preparation { settings, wraps, has_same_species }: Preparation<'a>,
+        Preparation { settings, wraps, has_same_species, is_by_radii }: Preparation<'a>,
         executor: Executor,
         phases: &mut Vec<PhaseTime>,
     ) -> Result<PreparedQuery<'a>, Error> {
@@ -90,6 +94,8 @@ impl QueryBuffers {
         if let Some(table) = settings.interactions.as_ref().filter(|_| !has_same_species) {
             self.groups.update(query, table, executor)?;
         }
+        // Reaches between groups are infinite in a triclinic frame.
+        self.has_unequal_reaches = is_by_radii || space.triclinic_cell().is_some();
         let is_wrapped = wraps && space.is_periodic();
         let are_in_place = query.first().is_read_in_place() && split.is_none();
         if are_in_place && !is_wrapped && !is_framed {
@@ -110,7 +116,7 @@ impl QueryBuffers {
         } else {
             self.copy(query, is_wrapped.then_some(space), settings.simd, executor);
         }
-        let Self { spheres, species, frame, groups } = self;
+        let Self { spheres, species, frame, groups, .. } = self;
         let spheres = with_species(spheres, species, query)?;
         PhaseTime::add(phases, "copy", start.elapsed());
         let frame = frame.as_ref().filter(|_| is_framed);
@@ -135,9 +141,12 @@ impl QueryBuffers {
         }
         let groups = settings.interactions.as_ref().map(|_| &self.groups);
         let spheres = query.first();
-        let input =
-            Some(InputSpheres::new(spheres, groups.map(SpeciesGroups::reaches), frame, &settings.space));
+        let input = Some(InputSpheres::new(spheres, self.frame_reaches(settings), frame, &settings.space));
         Ok(Some(PreparedQuery { spheres, split: None, frame: Some(frame), input, filter, groups }))
+    }
+
+    fn frame_reaches(&self, settings: &Settings) -> Option<&[SpeciesReach]> {
+        settings.interactions.as_ref().map(|_| self.groups.reaches_in_frame(self.has_unequal_reaches))
     }
 
     /// Uses the last frame if spheres fit, else a new one.
@@ -197,7 +206,7 @@ impl QueryBuffers {
         (query, settings): (&Query<'_>, &Settings),
         executor: Executor,
     ) -> Option<SearchFrame> {
-        let reaches = settings.interactions.as_ref().map(|_| self.groups.reaches());
+        let reaches = self.frame_reaches(settings);
         let given =
             |set: Spheres<'_>, k| InputSpheres::new(set, reaches, frame, &settings.space).effective_row(k);
         let first = query.first();
@@ -216,8 +225,8 @@ impl QueryBuffers {
         settings: &Settings,
         executor: Executor,
     ) -> Result<Bounds, Error> {
-        let Self { spheres, groups, .. } = self;
-        let reaches = settings.interactions.as_ref().map(|_| groups.reaches());
+        let Self { spheres, groups, has_unequal_reaches, .. } = self;
+        let reaches = settings.interactions.as_ref().map(|_| groups.reaches_in_frame(*has_unequal_reaches));
         let (first, second) = spheres.split_at_mut(query.first().len());
         let map = |set: Spheres<'_>, targets| {
             let input = InputSpheres::new(set, reaches, frame, &settings.space);

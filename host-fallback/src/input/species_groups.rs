@@ -17,6 +17,8 @@ pub struct SpeciesGroups {
     present: [u64; WORDS],
     /// The reach of each species to those that are present.
     reaches: Vec<SpeciesReach>,
+    /// The reaches in frames that are searched by radii alone; empty for `reaches`.
+    unequal_reaches: Vec<SpeciesReach>,
     /// Indexed by [`Division`].
     partitions: [SpeciesPartition; 3],
     version: u32,
@@ -24,8 +26,8 @@ pub struct SpeciesGroups {
 
 impl Default for SpeciesGroups {
     fn default() -> Self {
-        let (reaches, partitions) = Default::default();
-        Self { present: [0; WORDS], reaches, partitions, version: 0 }
+        let (reaches, unequal_reaches, partitions) = Default::default();
+        Self { present: [0; WORDS], reaches, unequal_reaches, partitions, version: 0 }
     }
 }
 
@@ -55,7 +57,9 @@ impl SpeciesGroups {
         let reaches = try_collect((0..table.species()).map(reach), "reaches of species")?;
         let table = SpeciesTable { interactions: table, reaches: &reaches };
         let [merged, by_partners, by_reach] = SpeciesPartition::of_present(&present, table);
-        self.partitions = [merged, by_partners, by_reach.narrowed(&present, table)?];
+        let by_reach = by_reach.narrowed(&present, table)?;
+        self.unequal_reaches = by_reach.unequal_reaches(&present, table)?;
+        self.partitions = [merged, by_partners, by_reach];
         (self.present, self.version) = (found, self.version.wrapping_add(1).max(1));
         self.reaches = reaches;
         Ok(())
@@ -69,6 +73,13 @@ impl SpeciesGroups {
     /// Reach of each species to those of the last update.
     pub fn reaches(&self) -> &[SpeciesReach] {
         &self.reaches
+    }
+
+    /// Reaches for radii in a frame. Those of two species may differ by much more than their interactions, so that crowds
+    /// have small radii.
+    pub(super) fn reaches_in_frame(&self, are_unequal: bool) -> &[SpeciesReach] {
+        let are_unequal = are_unequal && !self.unequal_reaches.is_empty();
+        if are_unequal { &self.unequal_reaches } else { &self.reaches }
     }
 
     pub(crate) fn partition(&self, division: Division) -> &SpeciesPartition {
@@ -242,6 +253,23 @@ mod tests {
         assert!(groups.partition(Division::Merged).narrow.is_empty());
         table.set(0, 0, Interaction::Within(7.0)).expect("species of the table");
         assert!(self::groups(&[0, 1, 2], &table).partition(Division::ByReach).narrow.is_empty());
+    }
+
+    #[test]
+    fn partners_of_a_narrow_group_have_the_rest_of_the_distance_in_a_frame() {
+        let mut table = Interactions::new(3, Interaction::Within(8.0)).expect("a table");
+        table.set(0, 0, Interaction::Within(0.5)).expect("species of the table");
+        let halves = |table: &Interactions, are_unequal| {
+            let groups = groups(&[0, 1, 2], table);
+            [0, 1, 2].map(|species| groups.reaches_in_frame(are_unequal)[species].largest_half)
+        };
+        assert_eq!(halves(&table, true), [0.25, 7.75, 7.75]);
+        assert_eq!(halves(&table, false), [4.0; 3]);
+        table.set(1, 1, Interaction::Within(0.125)).expect("species of the table");
+        table.set(2, 2, Interaction::Within(0.25)).expect("species of the table");
+        assert_eq!(halves(&table, true), [0.25, 7.75, 7.75], "of two narrow groups that pair, one");
+        table.set(0, 0, Interaction::Touch).expect("species of the table");
+        assert_eq!(halves(&table, true), [7.9375, 0.0625, 7.9375], "radii of the first may be large");
     }
 
     #[test]

@@ -116,7 +116,7 @@ pub(crate) enum Resource {
     SearchParams(u32),
     RadixPass(u32),
     Reach,
-    /// The same without reach from narrow sides to others.
+    /// [`Reach`](Self::Reach), of narrow sides to themselves only.
     ReachBySide,
     Table,
 }
