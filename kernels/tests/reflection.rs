@@ -137,6 +137,7 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             units_per_length,
             cells_per_length,
             far,
+            around,
             max_radius,
             searched_levels,
             searches_itself

@@ -84,9 +84,14 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
             same(what, &edges, &true)?;
             // At the coordinate `far`, the number of quanta reaches 2³⁰.
             same(what, &(f32::from_bits(own.far) * own.units_per_length), &((1_u32 << 30) as f32))?;
-            for (length, cells) in scenario.space.lengths().into_iter().zip(own.cells.to_array()) {
-                let is_wide = length.is_none_or(|length| length / f64::from(cells) >= edge.into());
-                same(what, &(is_wide || cells == 1), &true)?;
+            for (axis, length) in scenario.space.lengths().into_iter().enumerate() {
+                let (cells, around) = (own.cells[axis], own.around[axis]);
+                let fits = |around: u32, edge: f64| length.is_some_and(|l| l / f64::from(around) >= edge);
+                let is_wide = around == 1 || (fits(around, edge.into()) && around.is_multiple_of(cells));
+                // Another repeat does not fit, or rounding forbids it.
+                let has_room = cells > 1 && around + cells <= 32_768;
+                let is_full = !(has_room && fits(around + cells, 1.001 * f64::from(edge)));
+                same(what, &(is_wide, is_full), &(true, true))?;
             }
             base += own.cells.element_product();
         }
@@ -182,7 +187,7 @@ fn touching_spheres_are_in_adjacent_cells(
             let (of_a, of_b) = (at(a), at(b));
             let is_near = (0..3).all(|axis| {
                 let apart = of_a[axis].abs_diff(of_b[axis]);
-                let around = list.level[level].cells[axis];
+                let around = list.level[level].around[axis];
                 apart <= 1 || (scenario.space.lengths()[axis].is_some() && apart + 1 >= around)
             });
             same(

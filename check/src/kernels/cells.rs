@@ -182,10 +182,11 @@ pub(crate) fn numbers(
     [0, 1, 2].map(|axis| match space.lengths()[axis] {
         None => open(place[axis]).wrapping_sub(own.low[axis]),
         Some(_) => {
-            let (cells, around) = (own.cells[axis], own.cells_per_length[axis]);
-            let half = 0.5 * cells as f32;
-            let at = if fused { place[axis].mul_add(around, half) } else { place[axis] * around + half };
-            (at.floor() as i32 + cells as i32) as u32
+            let (around, per_length) = (own.around[axis], own.cells_per_length[axis]);
+            let half = 0.5 * around as f32;
+            let at =
+                if fused { place[axis].mul_add(per_length, half) } else { place[axis] * per_length + half };
+            (at.floor() as i32 + around as i32) as u32
         }
     })
 }

@@ -14,7 +14,7 @@ pub(crate) enum Division {
     },
     /// Each species pairs with one other; every seventh sphere never pairs.
     DisjointPairs(usize),
-    /// The species of [`Species`](Self::Species) with `meets_itself`, of which different ones pair within [`FAR`]. If
+    /// Species of [`Species`](Self::Species) with `meets_itself`; different ones pair within [`FAR`]. If
     /// there are two sets, no spheres of one set pair.
     NarrowSide {
         two_sets: bool,
@@ -96,7 +96,7 @@ impl Division {
         call.with_sides(&self.partners())
     }
 
-    /// Of spheres of two sides.
+    /// Interaction of spheres of two sides.
     fn interaction(self, a: usize, b: usize) -> Interaction {
         match (self.meets(a, b), self) {
             (false, _) => Interaction::Never,

@@ -44,7 +44,7 @@ impl SpeciesParams {
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct CellListLevel {
-    /// Cells around each axis.
+    /// Cells of the table along each axis. Space repeats them.
     pub cells: UVec3,
     /// The first cell in the table.
     pub base: u32,
@@ -56,6 +56,8 @@ pub struct CellListLevel {
     pub cells_per_length: Vec3,
     /// Bits of the coordinate at or above which neighboring floats are more than a cell apart; infinity if none is.
     pub far: u32,
+    /// Cells around each periodic axis, a multiple of `cells`.
+    pub around: UVec3,
     /// The largest radius of the level.
     pub max_radius: f32,
     /// The levels in which spheres of this level search all cells that their boxes overlap, one bit each.

@@ -28,6 +28,7 @@ struct CellListLevel {
     units_per_length: f32,
     cells_per_length: vec3<f32>,
     far: u32,
+    around: vec3<u32>,
     max_radius: f32,
     // Levels in which spheres search all cells that their boxes overlap, one bit each: coarser ones of the compared
     // sides, and the same level of another side if that has more spheres.

@@ -89,9 +89,8 @@ fn fit(cells: vec3<u32>, room: u32) -> bool {
     return room / cells.x / cells.y >= cells.z;
 }
 
-// For at most `room` cells: as many as the bounds or the period hold, except on the longest axes. Integers only: a root
-// that is rounded up would leave an axis one cell.
-fn cells_around(level: u32, room: u32) -> vec3<u32> {
+// The cells that the bounds or the period hold.
+fn cells_wanted(level: u32) -> vec3<u32> {
     let lengths = periods();
     let cell_size = f32(units) * power_of_two(unit_exponent - i32(depth_of(level)));
     var wanted = vec3(1u);
@@ -106,6 +105,12 @@ fn cells_around(level: u32, room: u32) -> vec3<u32> {
             wanted = with_cells(wanted, axis, select(max(extent, 3u), 1u, extent == 1u));
         }
     }
+    return wanted;
+}
+
+// For at most `room` cells: those wanted, except on the longest axes. Integers only: a root that is rounded up would
+// leave an axis one cell.
+fn cells_of_table(wanted: vec3<u32>, room: u32) -> vec3<u32> {
     var limit = 0u;
     let leading = countLeadingZeros(max(max(wanted.x, wanted.y), wanted.z));
     for (var bit = leading; bit < 32u; bit++) {
@@ -134,13 +139,20 @@ fn set_level(level: u32, room: u32) {
         open_number(from_sortable(low[2]), level),
     ) - vec3(MARGIN);
     var cells = vec3(1u);
+    var repeats = vec3(1u);
     if (is_single == 0u) {
-        cells = cells_around(level, room);
+        let wanted = cells_wanted(level);
+        cells = cells_of_table(wanted, room);
+        // The table repeats along an axis with more cells, so that those of a crowd are small. Whole repeats, because
+        // the first cell follows the last.
+        repeats = wanted / cells;
     }
     level_cells[level] = cells;
     cell_list.level[level].cells = cells;
     let used = (lengths > vec3(0.0)) & (cells > vec3(1u));
-    cell_list.level[level].cells_per_length = select(vec3(0.0), vec3<f32>(cells) / max(lengths, vec3(MIN_CELL_SIZE)), used);
+    let around = select(vec3(1u), cells * repeats, used);
+    cell_list.level[level].around = around;
+    cell_list.level[level].cells_per_length = select(vec3(0.0), vec3<f32>(around) / max(lengths, vec3(MIN_CELL_SIZE)), used);
 }
 
 fn set_call(count: u32) {

@@ -29,9 +29,9 @@ fn open_number(x: f32, level: u32) -> u32 {
 }
 
 #ifdef PERIODIC
-// Plus the number of cells, for coordinates up to half a period past the boundary.
-fn ring_number(x: f32, cells: u32, around: f32) -> u32 {
-    return u32(i32(floor(x * around + 0.5 * f32(cells))) + i32(cells));
+// Plus the number of cells around the axis, for coordinates up to half a period past the boundary.
+fn ring_number(x: f32, around: u32, per_length: f32) -> u32 {
+    return u32(i32(floor(x * per_length + 0.5 * f32(around))) + i32(around));
 }
 #endif
 
@@ -39,12 +39,12 @@ fn cell_numbers(position: vec3<f32>, level: u32) -> vec3<u32> {
     var numbers = vec3(open_number(position.x, level), open_number(position.y, level), open_number(position.z, level))
         - cell_list.level[level].low;
 #ifdef PERIODIC
-    let cells = cell_list.level[level].cells;
-    let around = cell_list.level[level].cells_per_length;
+    let around = cell_list.level[level].around;
+    let per_length = cell_list.level[level].cells_per_length;
     let ring = vec3(
-        ring_number(position.x, cells.x, around.x),
-        ring_number(position.y, cells.y, around.y),
-        ring_number(position.z, cells.z, around.z),
+        ring_number(position.x, around.x, per_length.x),
+        ring_number(position.y, around.y, per_length.y),
+        ring_number(position.z, around.z, per_length.z),
     );
     numbers = select(numbers, ring, periods() > vec3(0.0));
 #endif
