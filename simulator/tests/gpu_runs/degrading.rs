@@ -5,7 +5,7 @@ use lazygrid_sim::{Decay, Model, ReceiverKind, Unbinding};
 
 use super::device;
 use super::models::{Runs, decay, receiver};
-use super::surfaces::{compare, surfaces};
+use super::surfaces::surfaces;
 
 /// A -> B -> A, or nothing, about once per step. Some receivers and walls see one species only.
 fn degrading() -> Model {
@@ -36,9 +36,37 @@ fn dissociations_before_hits_are_those_of_the_cpu() {
         unbinding: Unbinding::Apart(0.05),
         ..Decay::default()
     });
+    let Some(own) = device() else { return };
     for seed in [73, 74] {
-        let state = compare(&model, seed, 4);
-        assert!(device().is_none() || state.totals.decayed[1] > 300, "{:?}", state.totals);
+        let mut runs = Runs::new(&own, &model, seed);
+        let logged = compare_arrivals(&mut runs, 4);
+        let totals = &runs.cpu.state().totals;
+        assert!(totals.decayed[1] > 300, "{totals:?}");
+        assert!(logged.concat().iter().sum::<u64>() > 100, "{logged:?}");
+        assert_logged(&runs, logged);
+    }
+}
+
+/// Compares every step, and returns the logged arrivals by receiver and species.
+fn compare_arrivals(runs: &mut Runs, steps: u32) -> Vec<[u64; 2]> {
+    let mut logged = vec![[0; 2]; runs.cpu.model().receivers.len()];
+    for _ in 0..steps {
+        runs.steps(1);
+        assert_eq!(runs.gpu.arrivals(), runs.cpu.arrivals());
+        for arrival in runs.cpu.arrivals() {
+            logged[arrival.receiver as usize][arrival.species as usize] += 1;
+        }
+        runs.assert_close(2e-4);
+    }
+    logged
+}
+
+/// Checks that the log has the counts of all receivers that absorb.
+#[track_caller]
+fn assert_logged(runs: &Runs, logged: Vec<[u64; 2]>) {
+    for ((own, row), logged) in runs.cpu.model().receivers.iter().zip(runs.cpu.received()).zip(logged) {
+        let is_logged = own.kind.absorbs();
+        assert!(!is_logged || row == logged, "{}: {row:?} and {logged:?}", own.name);
     }
 }
 
@@ -50,20 +78,11 @@ fn decays_before_hits_are_those_of_the_cpu() {
     passing.receivers.retain(|receiver| !receiver.kind.reflects());
     for (seed, model) in [(71, reflecting), (72, passing)] {
         let mut runs = Runs::new(&own, &model, seed);
-        let mut logged = vec![[0; 2]; model.receivers.len()];
-        for _ in 0..5 {
-            runs.steps(1);
-            assert_eq!(runs.gpu.arrivals(), runs.cpu.arrivals());
-            for arrival in runs.cpu.arrivals() {
-                logged[arrival.receiver as usize][arrival.species as usize] += 1;
-            }
-            runs.assert_close(2e-4);
-        }
+        let logged = compare_arrivals(&mut runs, 5);
         let totals = &runs.cpu.state().totals;
         assert!(totals.decayed.iter().all(|&count| count > 300), "{totals:?}");
-        for ((own, row), logged) in model.receivers.iter().zip(runs.cpu.received()).zip(logged) {
-            let is_logged = own.kind.absorbs();
-            assert!(!is_logged || row == logged, "{}: {row:?} and {logged:?}", own.name);
+        assert_logged(&runs, logged);
+        for (own, row) in model.receivers.iter().zip(runs.cpu.received()) {
             let may_arrive = own.kind != ReceiverKind::Reflecting;
             let expected = [0, 1].map(|species| may_arrive && own.sees[species]);
             assert_eq!(expected, [row[0] > 0, row[1] > 0], "{}: {row:?}", own.name);

@@ -117,6 +117,39 @@ fn decays_before_hits_over_ranks_equal_one_process() {
     compare(&model, 5, 20, &[1, 3]);
 }
 
+/// The second and the third species dissociate about once in three steps, close to surfaces that absorb.
+#[test]
+fn dissociations_before_hits_over_ranks_equal_one_process() {
+    let mut model = model(&Parts { periodic: false, ..everything() });
+    let dissociation = |reactant, products| Decay {
+        reactant,
+        products: [Some(products); 2],
+        rate: 20.0,
+        ..Decay::default()
+    };
+    model.decays = vec![dissociation(1, 0), dissociation(2, 3)];
+    model.transmitters[1].center[0] = 0.4;
+    let absorber = |name: &str, center, radius, kind| Receiver {
+        name: name.into(),
+        center,
+        radius,
+        kind,
+        sees: vec![true, true, true, false],
+        ..Receiver::default()
+    };
+    let first = model.receivers.len();
+    model.receivers.extend([
+        absorber("sphere", [5.0, 5.0, 6.2], 0.7, ReceiverKind::Absorbing),
+        absorber("wall", [0.0; 3], 0.0, ReceiverKind::Wall(WallFace::Low(0))),
+    ]);
+    let expected = alone(&model, 5, 20);
+    let totals = &expected.last().unwrap().state.totals;
+    assert!(totals.decayed.iter().all(|&decayed| decayed > 10), "{totals:?}");
+    assert!(totals.arrived[first].iter().take(3).all(|&arrived| arrived > 0), "{totals:?}");
+    assert!(totals.arrived[first + 1][1] > 0, "{totals:?}");
+    compare(&model, 5, 20, &[1, 3]);
+}
+
 #[test]
 fn membranes_over_ranks_equal_one_process() {
     let mut model = model(&everything());
