@@ -174,6 +174,7 @@ pub(super) struct ReactionRow {
     pub(super) thermal_speeds: Vec2,
     pub(super) product_speeds: Vec2,
     pub(super) product_thermal_speeds: Vec2,
+    pub(super) dissociation_thresholds: UVec2,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType)]
@@ -197,6 +198,7 @@ impl ReactionRow {
     pub(super) const NARROWER: u32 = 4;
     pub(super) const APART: u32 = 8;
     pub(super) const REACTS: u32 = 16;
+    pub(super) const DISSOCIATES: [u32; 2] = [32, 64];
 }
 
 pub(super) const NOTHING: u32 = u32::MAX;

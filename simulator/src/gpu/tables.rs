@@ -16,6 +16,7 @@ use crate::motion::species_step::SpeciesStep;
 use crate::motion::tumble::TumbleStep;
 use crate::motion::vessel_flow::{FlowStep, StepDrift, StepTime};
 use crate::random::philox::Key;
+use crate::reaction::decay::DissociationTime;
 use crate::reaction::dissociation::Dissociation;
 use crate::reaction::{ReactionRule, Reactions};
 use crate::{Axis, Receiver};
@@ -302,10 +303,18 @@ fn reaction_rows(model: &Model) -> Vec<ReactionRow> {
         }
     }
     let reactive = ReactivePairs::new(model);
-    for (_, row) in pairs().zip(&mut rows).filter(|(pair, _)| reactive.contain(pair[0], pair[1])) {
+    for (pair, row) in pairs().zip(&mut rows).filter(|(pair, _)| reactive.contain(pair[0], pair[1])) {
         row.flags |= ReactionRow::REACTS;
+        describe_dissociation(model, pair, row);
     }
     rows
+}
+
+fn describe_dissociation(model: &Model, pair: [u32; 2], row: &mut ReactionRow) {
+    let times = pair.map(|species| DissociationTime::new(model, species));
+    let flags = times.iter().zip(ReactionRow::DISSOCIATES).filter(|(time, _)| time.is_some());
+    row.flags |= flags.map(|(_, flag)| flag).sum::<u32>();
+    row.dissociation_thresholds = times.map(|time| time.map_or(0, |time| time.up_to)).into();
 }
 
 fn reaction_row(
@@ -340,6 +349,7 @@ fn reaction_row(
         thermal_speeds: reaction.reactants.map(|species| thermal(Some(species))).into(),
         product_speeds: reaction.products.map(speed).into(),
         product_thermal_speeds: reaction.products.map(thermal).into(),
+        ..ReactionRow::default()
     }
 }
 

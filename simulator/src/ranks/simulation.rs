@@ -137,7 +137,7 @@ impl<C: Communicator> RankSimulation<C> {
         let Self { communicator, run, pair_search, .. } = self;
         let interact = |search: &mut RankPairSearch| search.interact(communicator, run);
         let outcomes = pair_search.as_mut().map_or_else(|| Ok(Vec::new()), interact)?;
-        let splits = self.run.splits(&outcomes);
+        let splits = self.run.splits();
         let parents = self.all_parents(&splits)?;
         let share = RankSlice::new(self.communicator.rank(), self.communicator.ranks());
         let done =

@@ -127,6 +127,15 @@ impl Reactions {
         }
         let [priority, chance, ..] = key.draw(ids[0], ids[1], step, Purpose::Pair);
         let rule = shell.rules().find(|rule| chance <= rule.up_to)?;
-        Some(candidate(rule, priority)).filter(is_open)
+        let dissociates = [(a, particles.id[i]), (b, particles.id[j])]
+            .into_iter()
+            .any(|(species, id)| self.dissociates(species, (key, id, step)));
+        Some(candidate(rule, priority)).filter(|candidate| !dissociates && is_open(candidate))
+    }
+
+    /// Returns `true` if a particle dissociates in this step, so that it does not exist when pairs react.
+    #[inline]
+    fn dissociates(&self, species: u32, now: (philox::Key, u32, u32)) -> bool {
+        self.dissociation[species as usize].is_some_and(|time| time.is_within(now))
     }
 }

@@ -6,10 +6,14 @@
 //! A receiver or a wall that the path hits takes the species that exists at the time of the hit, if it sees that species
 //! (`CaptureOrder`). Decays before the hit come first, and further ones do not happen to a particle that was taken.
 //! A particle that dissociates before the hit is not taken either; its products appear at the end of its path.
+//!
+//! Bimolecular reactions happen at the end of the step, among the particles that then exist: products of decays take
+//! part, and particles that dissociate in the step do not, so a surface spares no particle that a reaction then consumes.
 
 use crate::model::Model;
 use crate::model::probability::ReactionProbabilities;
 use crate::random::philox::{Key, Purpose, probability_threshold};
+use crate::reaction::dissociation::channel_words;
 
 /// Decays by species.
 #[derive(Clone, Debug)]
@@ -38,21 +42,22 @@ pub(crate) struct DissociationTime {
 }
 
 impl DissociationTime {
-    fn new(model: &Model, species: u32) -> Option<Self> {
-        let probabilities = ReactionProbabilities(model);
-        let mut below = 0.0;
-        let threshold = |(_, probability): (usize, f64)| {
-            below += probability;
-            probability_threshold(below)
-        };
-        let up_to = probabilities.decays(species).into_iter().filter_map(threshold).last()?;
-        Some(Self { up_to, rate: probabilities.decay_rate(species) * model.time_step })
+    /// Returns `None` for a species that does not dissociate.
+    pub(crate) fn new(model: &Model, species: u32) -> Option<Self> {
+        let &(up_to, _) = channel_words(model, species).last()?;
+        Some(Self { up_to, rate: ReactionProbabilities(model).decay_rate(species) * model.time_step })
+    }
+
+    /// Returns `true` if the particle dissociates in this step.
+    pub(crate) fn is_within(&self, (key, id, step): (Key, u32, u32)) -> bool {
+        key.draw(id, 0, step, Purpose::Dissociation)[0] <= self.up_to
     }
 
     /// Returns the time in steps, or `None` if the particle does not dissociate in this step.
-    fn draw(&self, (key, id, step): (Key, u32, u32)) -> Option<f32> {
-        let word = |block| key.draw(id, block, step, Purpose::Dissociation)[0];
-        (word(0) <= self.up_to).then(|| decay_time(self.rate, 1.0, word(1)) as f32)
+    fn draw(&self, now: (Key, u32, u32)) -> Option<f32> {
+        let (key, id, step) = now;
+        let word = || key.draw(id, 1, step, Purpose::Dissociation)[0];
+        self.is_within(now).then(|| decay_time(self.rate, 1.0, word()) as f32)
     }
 }
 

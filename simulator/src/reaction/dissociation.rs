@@ -1,14 +1,15 @@
 //! Dissociation of one particle into two: `C -> A + B`.
 //!
-//! Drawn before the reactions of a step and applied after them. In one step, products do not react, and products of
-//! reactions do not dissociate, so each is the inverse of the other.
+//! Particles that dissociate in a step take no part in its reactions, which happen at the end of the step. Products are
+//! placed after the reactions: in one step, they do not react, and products of reactions do not dissociate, so each is
+//! the inverse of the other.
 
 use rayon::prelude::*;
 
 use crate::model::boundary::Boundary;
 use crate::model::particles::Particles;
 use crate::model::probability::ReactionProbabilities;
-use crate::model::{Model, Unbinding};
+use crate::model::{Decay, Model, Unbinding};
 use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose, open_unit, probability_threshold};
 
@@ -52,36 +53,42 @@ impl Dissociated {
 
 const TASK: usize = 4096;
 
+/// Returns the decays of a species that dissociates as indices in the model, each with the largest word at which it
+/// happens within a step. Other species have none.
+pub(crate) fn channel_words(model: &Model, species: u32) -> Vec<(u32, usize)> {
+    if !model.dissociates(species) {
+        return Vec::new();
+    }
+    let mut below = 0.0;
+    let word = |(place, probability): (usize, f64)| {
+        below += probability;
+        Some((probability_threshold(below)?, place))
+    };
+    ReactionProbabilities(model).decays(species).into_iter().filter_map(word).collect()
+}
+
 impl Dissociation {
     pub fn new(model: &Model) -> Self {
-        let chances = ReactionProbabilities(model);
         let center_domains = model.center_domains();
         let product = |species: u32| Product {
             species,
             radius: model.species[species as usize].radius,
             domain: center_domains[species as usize],
         };
-        let channels: Vec<_> = (0..model.species.len() as u32)
-            .map(|species| {
-                if !model.dissociates(species) {
-                    return Vec::new();
-                }
-                let mut below = 0.0;
-                let channel = |(place, probability): (usize, f64)| {
-                    let decay = &model.decays[place];
-                    below += probability;
-                    let share = match decay.products {
-                        [Some(a), Some(b)] => model.share([a, b]),
-                        _ => 0.0,
-                    };
-                    let products = decay.products.map(|species| species.map(product));
-                    let channel =
-                        Channel { decay: place as u32, products, unbinding: decay.unbinding, share };
-                    Some((probability_threshold(below)?, channel))
-                };
-                chances.decays(species).into_iter().filter_map(channel).collect()
-            })
-            .collect();
+        let channel = |place: usize| {
+            let Decay { products, unbinding, .. } = model.decays[place];
+            let share = match products {
+                [Some(a), Some(b)] => model.share([a, b]),
+                _ => 0.0,
+            };
+            let products = products.map(|species| species.map(product));
+            Channel { decay: place as u32, products, unbinding, share }
+        };
+        let of_species = |species: u32| {
+            let words = channel_words(model, species).into_iter();
+            words.map(|(up_to, place)| (up_to, channel(place))).collect()
+        };
+        let channels: Vec<_> = (0..model.species.len() as u32).map(of_species).collect();
         let any = channels.iter().any(|channels: &Vec<_>| !channels.is_empty());
         Self { any, channels, boundary: model.boundary }
     }
@@ -95,8 +102,8 @@ impl Dissociation {
         &self.channels[species as usize]
     }
 
-    /// Returns the dissociations of a step by index, without the ascending indices `taken`.
-    pub fn splits(&self, particles: &Particles, taken: &[u32], key: Key, step: u32) -> Vec<Dissociated> {
+    /// Returns the dissociations of a step by index.
+    pub fn splits(&self, particles: &Particles, key: Key, step: u32) -> Vec<Dissociated> {
         if !self.any {
             return Vec::new();
         }
@@ -105,9 +112,7 @@ impl Dissociation {
             let split = |(k, &species): (usize, &u32)| self.split(particles, (base + k, species), key, step);
             species.iter().enumerate().filter_map(split).collect()
         });
-        let mut splits = chunks.collect::<Vec<Vec<Dissociated>>>().concat();
-        splits.retain(|split| taken.binary_search(&split.at).is_err());
-        splits
+        chunks.collect::<Vec<Vec<Dissociated>>>().concat()
     }
 
     fn split(
@@ -149,8 +154,8 @@ impl Dissociation {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::Species;
     use crate::model::particles::Particle;
-    use crate::model::{Decay, Species};
 
     fn model(unbinding: Unbinding) -> Model {
         let species = |diffusion, radius| Species { diffusion, radius, mass: 1.0, ..Species::default() };
@@ -163,17 +168,17 @@ mod tests {
         }
     }
 
-    fn splits(model: &Model, n: u32, taken: &[u32]) -> Vec<Dissociated> {
+    fn splits(model: &Model, n: u32) -> Vec<Dissociated> {
         let mut particles = Particles::default();
         let particle = |id| Particle { position: [1.0, 2.0, 3.0], species: 2, id, ..Particle::default() };
         (0..n).for_each(|id| particles.push(particle(id), false));
-        Dissociation::new(model).splits(&particles, taken, Key::new(4), 6)
+        Dissociation::new(model).splits(&particles, Key::new(4), 6)
     }
 
     #[test]
     fn products_part_by_the_radius_the_faster_one_further() {
         let n = 10_000;
-        let splits = splits(&model(Unbinding::Apart(0.5)), n, &[]);
+        let splits = splits(&model(Unbinding::Apart(0.5)), n);
         for (decay, share) in [(0, 0.75), (1, 0.25)] {
             let p = (1.0 - (-0.4_f64).exp()) * share;
             let count = splits.iter().filter(|split| split.decay == decay).count() as f64;
@@ -196,21 +201,11 @@ mod tests {
 
     #[test]
     fn within_a_ball_all_distances_are_as_likely_as_their_volume() {
-        let splits = splits(&model(Unbinding::Within(0.5)), 20_000, &[]);
+        let splits = splits(&model(Unbinding::Within(0.5)), 20_000);
         let both = splits.iter().filter_map(|split| Some((split.products[0]?.2, split.products[1]?.2)));
         let inner: Vec<bool> =
             both.map(|(a, b)| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f32>() < 0.0625).collect();
         let share = inner.iter().filter(|inner| **inner).count() as f64 / inner.len() as f64;
         assert!((share - 0.125).abs() < 4.0 * (0.125 * 0.875 / inner.len() as f64).sqrt(), "{share}");
-    }
-
-    #[test]
-    fn particles_that_reacted_do_not_dissociate() {
-        let model = model(Unbinding::Apart(0.5));
-        let all = splits(&model, 1000, &[]);
-        let taken: Vec<u32> = all.iter().map(|split| split.at).step_by(2).collect();
-        let left = splits(&model, 1000, &taken);
-        assert_eq!(left.len(), all.len() / 2);
-        assert!(left.iter().all(|split| !taken.contains(&split.at)));
     }
 }

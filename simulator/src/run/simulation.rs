@@ -162,7 +162,7 @@ impl Simulation {
         let rejected = self.requests.reject(self.bids(&moved), &free);
         self.apply_events(&moved, &rejected);
         let outcomes = self.interact()?;
-        let splits = self.splits(&outcomes);
+        let splits = self.splits();
         let parents = splits.iter().filter(|split| split.is_parent()).map(|split| split.id);
         let parents: Vec<u32> = parents.collect();
         self.conclude(&outcomes, &splits, &parents)?;
@@ -301,15 +301,10 @@ impl Simulation {
         Ok(outcomes)
     }
 
-    /// Returns the dissociations of unconsumed particles by id, independent of storage.
-    pub(crate) fn splits(&self, outcomes: &[ReactantChange]) -> Vec<Dissociated> {
-        if self.dissociation.is_empty() {
-            return Vec::new();
-        }
-        let mut taken: Vec<u32> = outcomes.iter().map(|outcome| outcome.at).collect();
-        taken.sort_unstable();
+    /// Returns the dissociations by id, independent of storage.
+    pub(crate) fn splits(&self) -> Vec<Dissociated> {
         let State { particles, step, .. } = &self.state;
-        let mut splits = self.dissociation.splits(particles, &taken, self.key, *step);
+        let mut splits = self.dissociation.splits(particles, self.key, *step);
         splits.sort_unstable_by_key(|split| split.id);
         splits
     }

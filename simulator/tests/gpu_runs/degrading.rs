@@ -4,7 +4,7 @@ use lazygrid_sim::model::receiver::WallFace;
 use lazygrid_sim::{Decay, Model, ReceiverKind, Unbinding};
 
 use super::device;
-use super::models::{Runs, decay, receiver};
+use super::models::{Runs, brownian, decay, reaction, receiver};
 use super::surfaces::surfaces;
 
 /// A -> B -> A, or nothing, about once per step. Some receivers and walls see one species only.
@@ -45,6 +45,34 @@ fn dissociations_before_hits_are_those_of_the_cpu() {
         assert!(logged.concat().iter().sum::<u64>() > 100, "{logged:?}");
         assert_logged(&runs, logged);
     }
+}
+
+/// Both species dissociate, react as catalysts and are consumed.
+#[test]
+fn particles_that_dissociate_react_as_on_the_cpu() {
+    let Some(own) = device() else { return };
+    let mut model = brownian(false);
+    model.time_step = 0.02;
+    model.reactions = vec![
+        reaction([0, 1], [None, Some(1)], 0.25, 0.5),
+        reaction([0, 1], [Some(0), None], 0.375, 0.5),
+        reaction([1, 1], [Some(0), None], 0.25, 0.75),
+    ];
+    let dissociation = |reactant, product, rate| Decay {
+        reactant,
+        products: [Some(product); 2],
+        rate,
+        unbinding: Unbinding::Apart(0.05),
+        ..Decay::default()
+    };
+    model.decays = vec![dissociation(0, 1, 10.0), dissociation(1, 0, 30.0)];
+    let mut runs = Runs::new(&own, &model, 75);
+    for _ in 0..4 {
+        runs.steps(1);
+        runs.assert_close(2e-4);
+    }
+    let totals = &runs.cpu.state().totals;
+    assert!(totals.reacted.iter().chain(&totals.decayed).all(|&count| count > 50), "{totals:?}");
 }
 
 /// Compares every step, and returns the logged arrivals by receiver and species.

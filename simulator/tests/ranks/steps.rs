@@ -144,7 +144,7 @@ fn dissociations_before_hits_over_ranks_equal_one_process() {
     ]);
     let expected = alone(&model, 5, 20);
     let totals = &expected.last().unwrap().state.totals;
-    assert!(totals.decayed.iter().all(|&decayed| decayed > 10), "{totals:?}");
+    assert!(totals.decayed.iter().chain(&totals.reacted).all(|&count| count > 10), "{totals:?}");
     assert!(totals.arrived[first].iter().take(3).all(|&arrived| arrived > 0), "{totals:?}");
     assert!(totals.arrived[first + 1][1] > 0, "{totals:?}");
     compare(&model, 5, 20, &[1, 3]);

@@ -1,5 +1,8 @@
 use lazygrid_sim::model::receiver::WallFace;
-use lazygrid_sim::{Axis, Boundary, Decay, Model, Receiver, ReceiverKind, Schedule, Shape, Transmitter};
+use lazygrid_sim::{
+    Axis, Boundary, Decay, Model, Reaction, ReactionRate, Receiver, ReceiverKind, Schedule, Shape,
+    Transmitter,
+};
 
 use crate::Row;
 use crate::setup::{BackendRun, burst, receiver, run_for, species};
@@ -71,6 +74,26 @@ fn dissociating(time_step: f64, seed: u64) -> Vec<Row> {
     ]
 }
 
+/// A -> B + B at a receiver, within the reach of E, which consumes each A at the end of the step. Neither arrives nor
+/// dissociates by then.
+fn consumed(time_step: f64, seed: u64) -> Row {
+    let mut model = model(time_step, ReceiverKind::Absorbing);
+    model.species.push(species("E", 0.0, 0.0));
+    model.receivers[0].sees.push(false);
+    model.transmitters[0].release.push((2, 1));
+    model.decays = vec![decay([Some(1); 2], 0)];
+    model.reactions = vec![Reaction {
+        reactants: [0, 2],
+        products: [None, Some(2)],
+        binding_radius: 1e3,
+        chance: ReactionRate::PerStep(1.0),
+        ..Reaction::default()
+    }];
+    let reacted = after(&model, time_step, seed).state().totals.reacted[0];
+    let remains = 1.0 - R / (R + HEIGHT) * reached(0.0, time_step);
+    share("dissociation and reaction", (-RATE * time_step).exp() * remains, reacted)
+}
+
 /// Arrivals of molecules that decay, in steps of half of their life and shorter ones.
 pub(crate) fn degrading() -> Vec<Row> {
     let sphere = |time_step| model(time_step, ReceiverKind::Absorbing);
@@ -88,6 +111,7 @@ pub(crate) fn degrading() -> Vec<Row> {
     rows.extend(products(&sphere(0.1)));
     rows.extend(dissociating(0.1, 24));
     rows.extend(dissociating(0.02, 25));
+    rows.push(consumed(0.1, 26));
     rows.push(since_the_release(&sphere(0.1)));
     rows
 }

@@ -141,7 +141,8 @@ fn rust_structures_have_the_layout_of_the_shaders() {
             speeds,
             thermal_speeds,
             product_speeds,
-            product_thermal_speeds
+            product_thermal_speeds,
+            dissociation_thresholds
         }),
         layout!(DissociationRow {
             threshold,

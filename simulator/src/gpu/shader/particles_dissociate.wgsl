@@ -1,4 +1,4 @@
-// Dissociates particles that did not react in this step; see dissociation.rs. The first product replaces the
+// Dissociates particles, which did not react in this step; see dissociation.rs. The first product replaces the
 // particle; born_place assigns ids to second ones.
 #include control
 #include params
@@ -60,7 +60,7 @@ fn particles_dissociate(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_wo
         return;
     }
     let parent = moved[at];
-    if (parent.w < 0.0 || atomicLoad(&claims[at].is_taken) != 0u) {
+    if (parent.w < 0.0) {
         return;
     }
     let id = tags[at].y;

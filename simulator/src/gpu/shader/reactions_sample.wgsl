@@ -15,6 +15,15 @@
 @group(0) @binding(7) var<storage, read_write> candidates: array<Candidate>;
 @group(0) @binding(8) var<storage, read_write> left: array<u32>;
 
+// Returns true if a particle dissociates in this step, so that it does not exist when pairs react; see dissociation.rs.
+fn dissociates(first_row: ReactionRow, side: u32, id: u32) -> bool {
+    if ((first_row.flags & (32u << side)) == 0u) {
+        return false;
+    }
+    let words = philox(vec4(id, 0u, control.step, PURPOSE_DISSOCIATION), params.key);
+    return words.x <= first_row.dissociation_thresholds[side];
+}
+
 @compute @workgroup_size(256)
 fn reactions_sample(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
                    @builtin(local_invocation_index) local_index: u32) {
@@ -24,7 +33,8 @@ fn reactions_sample(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     }
     let pair = pairs[index];
     let kinds = vec2(species[pair.x], species[pair.y]);
-    var row = kinds.x * params.species + kinds.y;
+    let first_row = kinds.x * params.species + kinds.y;
+    var row = first_row;
     if (reaction_rows[row].first == NOTHING) {
         return;
     }
@@ -47,6 +57,9 @@ fn reactions_sample(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
         }
     }
     if (row == NOTHING) {
+        return;
+    }
+    if (dissociates(reaction_rows[first_row], 0u, own.x) || dissociates(reaction_rows[first_row], 1u, own.y)) {
         return;
     }
     let rule = reaction_rows[row];

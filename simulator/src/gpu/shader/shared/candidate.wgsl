@@ -27,7 +27,8 @@ struct ReactionRow {
     first: u32,
     threshold: u32,
     // Bits 0 and 1: the reactant is consumed. Bit 2: the detector's cutoff exceeds `within`. Bit 3: products are
-    // placed apart. Bit 4, of first rows: the species have a reaction, even if its probability is 0.
+    // placed apart. Bit 4, of first rows: the species have a reaction, even if its probability is 0. Bits 5 and 6, of
+    // first rows: the species dissociates.
     flags: u32,
     products: vec2<u32>,
     radii: vec2<f32>,
@@ -42,6 +43,8 @@ struct ReactionRow {
     thermal_speeds: vec2<f32>,
     product_speeds: vec2<f32>,
     product_thermal_speeds: vec2<f32>,
+    // Of first rows: the largest word at which each species dissociates within a step.
+    dissociation_thresholds: vec2<u32>,
 }
 
 // Contact does not keep such species apart.
