@@ -13,6 +13,7 @@
 //! that L, |x| and the side are exact for steps of any length that reach one membrane and no wall.
 
 mod check;
+mod receiver;
 mod sphere;
 
 use self::sphere::SphereEnd;

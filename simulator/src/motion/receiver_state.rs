@@ -158,7 +158,7 @@ impl Place {
     }
 }
 
-/// Moves receivers by a step. Walls act on their surfaces; they pass through each other.
+/// Moves receivers by a step. Walls and membranes act on their surfaces; they pass through each other.
 pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step: u32) -> Vec<Place> {
     let one = |(at, (receiver, &center)): (usize, (&Receiver, &[f32; 3]))| {
         if !receiver.moves() {
@@ -170,6 +170,7 @@ pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step
             center[k] + (spread * z[k] + (receiver.velocity[k] * model.time_step) as f32)
         });
         let domain = model.domain_of(receiver);
+        let end = model.held_receiver(receiver, &domain, [center, end]);
         let after = domain.confine(end);
         let displacement = std::array::from_fn(|k| match domain.axes[k] {
             Axis::Periodic { .. } => end[k] - center[k],

@@ -30,7 +30,7 @@ pub struct Reactions {
     shares: Vec<[f32; 2]>,
     boundary: Boundary,
     center_domains: Vec<Boundary>,
-    /// By species.
+    /// Indexed by species.
     dissociation: Vec<Option<DissociationTime>>,
 }
 

@@ -164,6 +164,26 @@ fn surfaces_among_membranes_reflect_as_on_the_cpu() {
     }
 }
 
+/// Receivers that membranes turn, within some of them.
+#[test]
+fn moving_receivers_among_membranes_are_those_of_the_cpu() {
+    let Some(_) = device() else { return };
+    for (seed, boundary) in (101..).zip([brownian(false).boundary, Boundary::periodic([-2.0; 3], [2.0; 3])]) {
+        for mut model in [planes(0.005), cells(0.005), surfaces_among_membranes()] {
+            model.boundary = boundary;
+            for receiver in &mut model.receivers {
+                receiver.velocity = [9.0 * f64::from(receiver.radius), 0.5, -0.5];
+                receiver.diffusion = 0.05;
+            }
+            let state = compare(&model, seed, 12);
+            let counts = state.totals.arrived.iter().filter(|row| row.iter().any(|&n| n > 0)).count();
+            assert!(counts > 1, "{:?}", state.totals);
+            let open = Model { membranes: Vec::new(), ..model };
+            assert_ne!(compare(&open, seed, 12).centers, state.centers);
+        }
+    }
+}
+
 /// Ids on one side.
 fn ids(state: &State, is_there: impl Fn([f32; 3]) -> bool) -> Vec<u32> {
     by_id(state)

@@ -178,6 +178,15 @@ fn membranes_over_ranks_equal_one_process() {
     let open = Model { membranes: Vec::new(), ..model.clone() };
     assert!(alone(&model, 4, 10).last() != alone(&open, 4, 10).last());
     compare(&model, 4, 10, &[3]);
+    // Both membranes turn receivers that move.
+    let absorber = receiver("absorber", [4.4, 5.0, 5.0], ReceiverKind::Absorbing);
+    model.receivers.push(Receiver { velocity: [20.0, 0.0, 0.0], ..absorber });
+    let moving = model.receivers.iter_mut().filter(|receiver| receiver.kind != ReceiverKind::Transparent);
+    moving.for_each(|receiver| receiver.diffusion = 0.2);
+    let open = Model { membranes: Vec::new(), ..model.clone() };
+    let [held, free] = [&model, &open].map(|model| alone(model, 4, 10).pop().unwrap().state);
+    assert!(held.centers.last().unwrap()[0] < 4.5 && free.centers.last().unwrap()[0] > 4.5);
+    compare(&model, 4, 10, &[1, 3]);
 }
 
 #[test]

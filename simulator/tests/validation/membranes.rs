@@ -1,8 +1,9 @@
 use lazygrid_sim::model::receiver::WallFace;
-use lazygrid_sim::{Model, Receiver, ReceiverKind};
+use lazygrid_sim::{Boundary, Membrane, MembraneSurface, Model, Receiver, ReceiverKind, Shape, Transmitter};
+use rayon::prelude::*;
 
 use crate::Row;
-use crate::setup::{receiver, run_for, scenario};
+use crate::setup::{self, receiver, run_for, scenario, species};
 
 const N: u32 = 40_000;
 const D: f64 = 1.0;
@@ -103,5 +104,49 @@ pub(crate) fn membranes() -> Vec<Row> {
     let (reached, found) = (1.0 - (0..20).map(mode).sum::<f64>(), before as f64 / f64::from(N));
     rows.push(Row::share("closed, arrived at the wall before it", reached, found, N));
     rows.push(Row::new("closed, passed", 0.0, share(&closed, 50, 13, [-1e9, 0.0]), 0.0));
+    let own = closed.receivers.iter_mut();
+    own.for_each(|receiver| (receiver.velocity, receiver.diffusion) = ([1.0, 0.0, 0.0], 0.5));
+    let simulation = run_for(&closed, 15, 50);
+    let arrived = simulation.state().totals.arrived[0][0];
+    rows.push(Row::exact("closed, arrived at one that moves", 0, arrived));
+    rows.extend(diffusing_body());
     rows
+}
+
+/// A body diffuses between two membranes in a periodic box, in one of two halves, around which particles are uniform.
+fn diffusing_body() -> Vec<Row> {
+    const RADIUS: f64 = 0.35;
+    const COUNT: u32 = 2500;
+    let surface = |position| MembraneSurface::Plane { axis: 0, position };
+    let membrane = |permeability, surface| {
+        let (name, sees) = ("m".to_owned(), vec![true]);
+        Membrane { name, surface, permeability, sees }
+    };
+    let model = |permeability: f64, [from, width]: [f32; 2]| Model {
+        time_step: 2.5e-4,
+        species: vec![species("A", 0.0, D)],
+        membranes: [0.0, 1.0].map(|at| membrane(permeability, surface(at))).into(),
+        receivers: vec![Receiver {
+            center: [0.5, 0.0, 0.0],
+            diffusion: 0.02,
+            ..receiver(RADIUS, ReceiverKind::Reflecting)
+        }],
+        transmitters: vec![Transmitter {
+            center: [from, 0.0, 0.0],
+            ..setup::burst(Shape::Box([width, 1.0, 1.0]), &[(0, COUNT)])
+        }],
+        boundary: Boundary::periodic([-0.75, -0.5, -0.5], [1.25, 0.5, 0.5]),
+        ..Model::default()
+    };
+    let half = |model: &Model, seed| share(model, 3000, seed, [0.0, 1.0]);
+    let open = model(5.0, [0.25, 2.0]);
+    let shares: Vec<f64> = (0..12).into_par_iter().map(|seed| half(&open, seed)).collect();
+    let free = 1.0 - 4.0 / 3.0 * std::f64::consts::PI * RADIUS.powi(3);
+    let mut closed = [[-0.25, 0.5], [0.5, 0.5]].map(|from| model(0.0, from));
+    closed.iter_mut().for_each(|model| model.receivers[0].velocity = [4.0, 4.0, 0.0]);
+    vec![
+        Row::mean("share around a body that diffuses", free / (1.0 + free), shares),
+        Row::new("closed, passed to a body that moves", 0.0, half(&closed[0], 16), 0.0),
+        Row::new("closed, stayed around a body that moves", 1.0, half(&closed[1], 17), 0.0),
+    ]
 }

@@ -1,10 +1,8 @@
+use super::receiver::STEPS_APART;
 use super::{Membrane, MembraneSurface};
 use crate::model::boundary::Axis;
 use crate::model::receiver::{Receiver, signed_distance};
 use crate::model::{Flow, Model};
-
-/// Least distance of a membrane from a surface that reflects, in √(2DΔt). One step in 16 000 is longer along an axis.
-const STEPS_APART: f64 = 4.0;
 
 impl Model {
     pub(crate) fn faulty_membrane(&self) -> Option<(usize, String)> {
@@ -95,12 +93,7 @@ impl Model {
 
     /// Returns the fault of a receiver that is too near to a membrane of the same species.
     fn fault_beside(&self, receiver: &Receiver, membrane: &Membrane) -> Option<String> {
-        let sees = |species: &usize| membrane.sees[*species] && receiver.sees[*species];
-        let seen = (0..self.species.len()).filter(sees).map(|species| &self.species[species]);
-        let fastest = seen.max_by(|a, b| a.diffusion.total_cmp(&b.diffusion))?;
-        if !receiver.kind.is_active_sphere() {
-            return None;
-        }
+        let fastest = self.fastest_shared(receiver, membrane)?;
         let away = match membrane.surface {
             MembraneSurface::Plane { axis, position } => {
                 self.boundary.axes[axis].displacement(receiver.center[axis] - position)
@@ -111,19 +104,21 @@ impl Model {
         };
         let gap = f64::from(away.abs() - receiver.radius);
         let name = &receiver.name;
-        if receiver.moves() || gap <= 0.0 {
-            return Some(format!(
-                "meets receiver {name}, which moves or touches it; use a resting receiver away from it"
-            ));
+        if gap <= 0.0 {
+            return Some(format!("meets receiver {name}, which touches it; use a receiver away from it"));
         }
-        let needed = STEPS_APART * (2.0 * fastest.diffusion * self.time_step).sqrt();
-        (receiver.kind.reflects() && gap < needed).then(|| {
+        let needed = self.least_gap(receiver, fastest);
+        (gap < needed).then(|| {
+            let (length, moves) = match receiver.moves() {
+                true => ("√(2DΔt), with the diffusion of both, and its drift in a step", "moves and "),
+                false => ("√(2DΔt)", ""),
+            };
             format!(
-                "is {gap:.3} µm from the surface of receiver {name}, which reflects {}; the distance must be at least {needed:.3} µm, \
-                 {STEPS_APART} times √(2DΔt); move the receiver, or let time-step be {:.2e}",
+                "is {gap:.3} µm from the surface of receiver {name}, which {moves}reflects {}; the distance must be at least \
+                 {needed:.3} µm, {STEPS_APART} times {length}; move the receiver, or let time-step be {:.2e}",
                 fastest.name,
                 // Rounded to a shorter one.
-                0.995 * (gap / STEPS_APART).powi(2) / (2.0 * fastest.diffusion)
+                0.995 * receiver.time_of_gap(gap, fastest.diffusion)
             )
         })
     }

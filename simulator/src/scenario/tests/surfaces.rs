@@ -199,11 +199,24 @@ fn membranes_arrive_or_are_refused() {
     ] {
         assert_refused(parse(&text), key, message);
     }
-    let error = parse(&reflecting("0.001")).expect_err("a surface near a membrane").to_string();
-    let step = error.split("let time-step be ").nth(1).and_then(|rest| rest.split_whitespace().next());
-    let step: f64 = step.expect("a time step").parse().expect("a number");
-    assert!(parse(&reflecting(&step.to_string())).is_ok(), "{error}");
-    assert!(parse(&reflecting(&(1.02 * step).to_string())).is_err(), "{error}");
+    // Moving receivers keep a distance.
+    let moving = |step: &str| {
+        let moves = "\"reflecting\"\nvelocity = [3, 4, 0]\ndiffusion = 2";
+        reflecting(step).replace("\"reflecting\"", moves)
+    };
+    assert!(parse(&moving("0.001").replace("\"reflecting\"", "\"absorbing\"")).is_ok());
+    for with_step in [&reflecting as &dyn Fn(&str) -> String, &moving] {
+        let error = parse(&with_step("0.001")).expect_err("a surface near a membrane").to_string();
+        let step = error.split("let time-step be ").nth(1).and_then(|rest| rest.split_whitespace().next());
+        let step: f64 = step.expect("a time step").parse().expect("a number");
+        assert!(parse(&with_step(&step.to_string())).is_ok(), "{error}");
+        assert!(parse(&with_step(&(1.02 * step).to_string())).is_err(), "{error}");
+    }
+    let error = parse(&moving("0.001")).expect_err("a surface near a membrane").to_string();
+    assert!(
+        error.contains("which moves and reflects acid") && error.contains("the diffusion of both"),
+        "{error}"
+    );
 }
 
 #[test]

@@ -43,7 +43,7 @@ struct ReactionRow {
     thermal_speeds: vec2<f32>,
     product_speeds: vec2<f32>,
     product_thermal_speeds: vec2<f32>,
-    // Of first rows: the largest word at which each species dissociates within a step.
+    // The largest word at which each species dissociates within a step; for first rows only.
     dissociation_thresholds: vec2<u32>,
 }
 
