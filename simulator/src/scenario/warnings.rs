@@ -147,8 +147,9 @@ pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     (part > FAST_DECAY && (from_pairs || from_splits || late)).then(|| {
         let name = &model.species[species as usize].name;
         format!(
-            "'{}': {:.1} % of {name} decay in a step, and those that form within a step or are released within it do so in the \
-             next step at the earliest: on average one lives half a step too long; time-step = {} is short enough",
+            "'{}': {:.1} % of {name} decay in a step, and those that form or are released within a step do so in the next step \
+             at the earliest, or in this one with the probability of a whole step: on average one lives half a step too long \
+             or too short; time-step = {} is short enough",
             decay.name,
             100.0 * part,
             below(FAST_DECAY / decay.rate)
