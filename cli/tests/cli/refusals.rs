@@ -157,6 +157,62 @@ fn run_leaves_frames_of_others_alone() {
 }
 
 #[test]
+fn run_leaves_plots_of_others_alone() {
+    let scratch = Scratch::new();
+    let (file, run) = (scratch.write("a.toml", &scenario("")), scratch.path("run"));
+    fs::create_dir_all(run.clone() + "/plots").unwrap();
+    let plot = scratch.write("run/plots/particles.svg", "the work of years\n");
+    let simulate =
+        |more: &[&str]| LAZYGRID.run(["simulate", &file, "--report", "--output", &run].iter().chain(more));
+    for more in [&[][..], &["--replicas", "2"], &["--sweep", "time-step=1e-3,2e-3"]] {
+        let said = simulate(more).fails().err;
+        assert!(
+            said.contains("it holds a file plots/particles.svg") && said.contains("--overwrite"),
+            "{said}"
+        );
+    }
+    fs::rename(&plot, scratch.path("mine.svg")).unwrap();
+    simulate(&[]).succeeds();
+    assert!(fs::read_to_string(&plot).unwrap().starts_with("<svg"));
+    simulate(&["--resume", "--steps", "3"]).succeeds();
+    let page = fs::read_to_string(run.clone() + "/report.html").unwrap();
+    fs::rename(scratch.path("mine.svg"), &plot).unwrap();
+    let said = simulate(&["--resume", "--steps", "3"]).fails().err;
+    assert!(said.contains("it holds a file plots/particles.svg"), "{said}");
+    assert_eq!(fs::read_to_string(&plot).unwrap(), "the work of years\n");
+    assert_eq!(fs::read_to_string(run.clone() + "/report.html").unwrap(), page);
+    simulate(&["--overwrite"]).succeeds();
+    assert!(fs::read_to_string(&plot).unwrap().starts_with("<svg"));
+}
+
+#[test]
+fn sweep_leaves_scenarios_of_others_alone() {
+    let scratch = Scratch::new();
+    let (file, run) = (scratch.write("a.toml", &scenario("")), scratch.path("run"));
+    let sweep = |values: &str, more: &[&str]| {
+        let values = format!("time-step={values}");
+        LAZYGRID.run(["simulate", &file, "--output", &run, "--sweep", &values].iter().chain(more))
+    };
+    fs::create_dir_all(run.clone() + "/point-0001").unwrap();
+    let own = scratch.write("run/point-0001/scenario.toml", "the work of years\n");
+    let is_left = |said: &str| {
+        assert!(said.contains("it holds a file scenario.toml") && said.contains("--overwrite"), "{said}");
+        assert_eq!(fs::read_to_string(&own).unwrap(), "the work of years\n");
+    };
+    is_left(&sweep("1e-3,2e-3", &[]).fails().err);
+    assert!(!fs::exists(run.clone() + "/points.csv").unwrap());
+    sweep("1e-3", &[]).succeeds();
+    is_left(&sweep("1e-3,2e-3", &["--resume"]).fails().err);
+    sweep("1e-3", &["--overwrite"]).succeeds();
+    is_left(&sweep("1e-3,2e-3", &["--resume"]).fails().err);
+    sweep("1e-3,2e-3", &["--overwrite"]).succeeds();
+    assert!(fs::read_to_string(&own).unwrap().starts_with("steps = 2"));
+    sweep("1e-3", &["--overwrite"]).succeeds();
+    assert!(!fs::exists(&own).unwrap());
+    sweep("1e-3,2e-3", &["--resume"]).succeeds();
+}
+
+#[test]
 fn incomplete_files_of_a_killed_run_are_removed_by_the_next_one() {
     let scratch = Scratch::new();
     let file = scratch.write("a.toml", &scenario(""));

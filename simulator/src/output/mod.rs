@@ -5,6 +5,7 @@ pub(crate) mod append_file;
 mod arrivals;
 #[cfg(feature = "arrow")]
 mod arrow;
+pub mod directory;
 mod disk_estimate;
 mod frames;
 mod lock;
@@ -15,10 +16,12 @@ pub mod series;
 mod symbols;
 pub mod table;
 
-use std::fs;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+pub(crate) use directory::{
+    numbered, prepare, refuse_file, remove_derived, remove_replicas, remove_results, replica_directory,
+};
 pub(crate) use disk_estimate::{DiskEstimate, next_bytes};
 pub(crate) use lock::Lock;
 pub(crate) use log_estimate::{LOGGED_ARRIVALS, LOGGED_STEPS};
@@ -36,35 +39,6 @@ const ARRIVALS: &str = "arrivals.csv";
 const RELEASES: &str = "releases.csv";
 const OCCUPANCY: &str = "occupancy.csv";
 const ANIMATED: &str = "animation.frames";
-
-/// Files of runs, replicas, sweeps and reports, apart from frames and plots.
-const RESULTS: [&str; 20] = [
-    "checkpoint",
-    "replicas.csv",
-    "points.csv",
-    SERIES,
-    SYMBOLS,
-    XYZ,
-    ARRIVALS,
-    RELEASES,
-    OCCUPANCY,
-    ANIMATED,
-    "mean.csv",
-    "sweep.csv",
-    "animation.html",
-    "arrivals.arrow",
-    "releases.arrow",
-    "report.html",
-    "impulse-response.csv",
-    "interference.csv",
-    "bit-errors.csv",
-    "by-symbol.csv",
-];
-/// Number of the first [`RESULTS`], which `--resume` continues.
-const RESUMABLE: usize = 3;
-const PLOTS: &str = "plots";
-/// First of the last [`RESULTS`], which are made of a run's other files.
-const DERIVED: usize = 12;
 
 #[derive(Debug)]
 pub(crate) struct Files {
@@ -226,119 +200,6 @@ impl Files {
 
 pub(crate) fn check(directory: &Path, records: &[FileRecord]) -> Result<(), Error> {
     records.iter().try_for_each(|record| AppendFile::reopen(directory, record).map(drop))
-}
-
-/// Also locks the directory. Refuses one with files of a run, unless `overwrite`.
-pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> {
-    let refused = |source| Error::Write { path: directory.to_owned(), source };
-    fs::create_dir_all(directory).map_err(refused)?;
-    let lock = Lock::take(directory)?;
-    let (resumable, others) = RESULTS.split_at(RESUMABLE);
-    let holds = |name: &&str| directory.join(name).exists();
-    if !overwrite && resumable.iter().any(holds) {
-        let message = "it holds a run already; continue that with --resume, replace it with --overwrite, or choose \
-                       another directory";
-        return Err(refused(io::Error::new(io::ErrorKind::AlreadyExists, message)));
-    }
-    if let Some(name) = (!overwrite).then(|| foreign_result(directory, others)).transpose()?.flatten() {
-        let message = format!(
-            "it holds a file {name} of no run that can be continued; replace the file with --overwrite, or choose another \
-             directory"
-        );
-        return Err(refused(io::Error::new(io::ErrorKind::AlreadyExists, message)));
-    }
-    Ok(lock)
-}
-
-/// Returns the name of a file in `directory` that a run would replace: one of `results`, or else the first frame.
-fn foreign_result(directory: &Path, results: &[&str]) -> Result<Option<String>, Error> {
-    let is_file = |name: &str| directory.join(name).is_file();
-    if let Some(name) = results.iter().find(|name| is_file(name)) {
-        return Ok(Some((*name).to_owned()));
-    }
-    let read = |source| Error::Read { path: directory.to_owned(), source };
-    let mut first: Option<String> = None;
-    for entry in fs::read_dir(directory).map_err(read)? {
-        let name = entry.map_err(read)?.file_name();
-        let Some(name) = name.to_str().filter(|name| is_frame(name) && is_file(name)) else { continue };
-        if first.as_deref().is_none_or(|first| name < first) {
-            first = Some(name.to_owned());
-        }
-    }
-    Ok(first)
-}
-
-/// Returns `true` for the names of frames: `frame-STEP.npy`.
-fn is_frame(name: &str) -> bool {
-    let step = name.strip_prefix("frame-").and_then(|rest| rest.strip_suffix(".npy"));
-    step.is_some_and(|step| step.len() >= 9 && step.bytes().all(|byte| byte.is_ascii_digit()))
-}
-
-/// Returns the numbers in names of a directory's entries that begin with `prefix`, ascending.
-pub(crate) fn numbered(directory: &Path, prefix: &str) -> Result<Vec<u32>, Error> {
-    let read = |source| Error::Read { path: directory.to_owned(), source };
-    let mut numbers = Vec::new();
-    for entry in fs::read_dir(directory).map_err(read)? {
-        let name = entry.map_err(read)?.file_name();
-        numbers.extend(name.to_str().and_then(|name| name.strip_prefix(prefix)?.parse::<u32>().ok()));
-    }
-    numbers.sort_unstable();
-    numbers.dedup();
-    Ok(numbers)
-}
-
-/// Removes the files of a run, but not the directories of replicas and points. Begins with the files that `--resume`
-/// continues.
-pub(crate) fn remove_results(directory: &Path) -> Result<(), Error> {
-    remove_plots(directory)?;
-    RESULTS.into_iter().try_for_each(|name| remove_file(directory.join(name)))?;
-    remove_where(directory, is_frame)
-}
-
-/// Removes what is made of a run's finished files: reports, tables and copies in other formats.
-pub(crate) fn remove_derived(directory: &Path) -> Result<(), Error> {
-    remove_plots(directory)?;
-    RESULTS[DERIVED..].iter().try_for_each(|name| remove_file(directory.join(name)))
-}
-
-/// Removes the plots that are part of the directory's report, but no files of the user.
-fn remove_plots(directory: &Path) -> Result<(), Error> {
-    let plots = directory.join(PLOTS);
-    let is_directory = fs::symlink_metadata(&plots).is_ok_and(|plots| plots.is_dir());
-    let Ok(report) = fs::read_to_string(directory.join("report.html")) else { return Ok(()) };
-    if !is_directory {
-        return Ok(());
-    }
-    let is_plot = |svg: String| !svg.is_empty() && report.contains(&svg);
-    remove_where(&plots, |name| {
-        name.ends_with(".svg") && fs::read_to_string(plots.join(name)).is_ok_and(is_plot)
-    })?;
-    // Remains if it holds other files.
-    let _ = fs::remove_dir(plots);
-    Ok(())
-}
-
-fn remove_where(directory: &Path, is_result: impl Fn(&str) -> bool) -> Result<(), Error> {
-    let read = |source| Error::Read { path: directory.to_owned(), source };
-    let entries = match fs::read_dir(directory) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(()),
-        entries => entries.map_err(read)?,
-    };
-    for entry in entries {
-        let entry = entry.map_err(read)?;
-        if entry.file_name().to_str().is_some_and(&is_result) {
-            remove_file(entry.path())?;
-        }
-    }
-    Ok(())
-}
-
-/// Removes a file, unless the path is a directory or a device.
-fn remove_file(path: PathBuf) -> Result<(), Error> {
-    match path.is_file() {
-        true => fs::remove_file(&path).map_err(|source| Error::Write { path, source }),
-        false => Ok(()),
-    }
 }
 
 /// Replaces a file once its new content is complete.

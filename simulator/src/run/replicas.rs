@@ -12,7 +12,7 @@ use crate::run::checkpoint::{Checkpoint, FileRecord};
 use crate::run::{Run, RunEnd, is_same_text, queue};
 use crate::{AnySimulation, Error};
 
-const SEEDS: &str = "replicas.csv";
+pub(super) const SEEDS: &str = "replicas.csv";
 const HEADER: &str = "replica,seed\n";
 const BYTES_PER_ROW: u64 = 28;
 const ROWS_PER_QUESTION: u32 = 1 << 16;
@@ -80,7 +80,7 @@ impl Replicas {
     }
 
     pub fn directory_of(&self, replica: u32) -> PathBuf {
-        self.run.directory.join(format!("replica-{replica:04}"))
+        output::replica_directory(&self.run.directory, replica)
     }
 
     fn begun(&self) -> Result<Vec<u32>, Error> {
@@ -130,8 +130,7 @@ impl Replicas {
                 if self.run.overwrite {
                     output::remove_results(directory)?;
                     // Or replicas of a former run could count as done.
-                    let mut replicas = output::numbered(directory, "replica-")?.into_iter();
-                    replicas.try_for_each(|replica| output::remove_results(&self.directory_of(replica)))?;
+                    output::remove_replicas(directory)?;
                 }
                 lock
             }

@@ -8,12 +8,13 @@ use std::path::{Path, PathBuf};
 
 use crate::output::{self, DiskEstimate, Lock};
 use crate::run::memory_estimate::{Sharing, check_largest_release};
-use crate::run::replicas::{ReplicaResults, Replicas};
+use crate::run::replicas::{ReplicaResults, Replicas, SEEDS};
 use crate::run::{Run, queue};
 use crate::scenario::sweep::{Sweep, SweptKey, sweep_point_error};
 use crate::{AnySimulation, Error};
 
 const POINTS: &str = "points.csv";
+const SCENARIO: &str = "scenario.toml";
 
 /// All points of a sweep, each in a directory with its scenario and replicas.
 #[derive(Clone, Debug)]
@@ -38,10 +39,7 @@ impl SweepRuns {
             run.directory = directory_of(&directory, k);
             values.push(point.values);
             let mut replicas = Replicas { run, count };
-            if resume && !replicas.is_begun() {
-                // The table of the points shows that the directory is of this sweep.
-                (replicas.run.resume, replicas.run.overwrite) = (false, true);
-            }
+            replicas.run.resume &= replicas.is_begun();
             points.push(replicas);
         }
         Self { keys: sweep.keys, values, points, directory, resume }
@@ -64,6 +62,7 @@ impl SweepRuns {
         self.check_memory().map_err(named)?;
         let _lock = self.lock()?;
         self.check_disk().map_err(named)?;
+        self.refuse_scenarios()?;
         self.write_points()?;
         let mut outdated = Vec::new();
         for (k, point) in self.points.iter().enumerate() {
@@ -73,7 +72,7 @@ impl SweepRuns {
             if point.is_outdated().map_err(|error| named((k, error)))? {
                 outdated.push(&point.run.directory);
             }
-            let (path, text) = (point.run.directory.join("scenario.toml"), &point.run.scenario.text);
+            let (path, text) = (point.run.directory.join(SCENARIO), &point.run.scenario.text);
             // A resumed point keeps its scenario: the one given may be refused.
             if point.run.resume && point.has_checkpoint().map_err(|error| named((k, error)))? {
                 continue;
@@ -96,8 +95,15 @@ impl SweepRuns {
         output::prepare(&self.directory, self.overwrites())
     }
 
-    fn overwrites(&self) -> bool {
+    /// Returns `true` if the sweep replaces the files of another run.
+    pub fn overwrites(&self) -> bool {
         !self.resume && self.points.first().is_some_and(|point| point.run.overwrite)
+    }
+
+    /// Refuses scenarios in points that are not begun: these are of others.
+    fn refuse_scenarios(&self) -> Result<(), Error> {
+        let mut new = self.points.iter().filter(|point| !point.is_begun() && !point.run.overwrite);
+        new.try_for_each(|point| output::refuse_file(&point.run.directory, SCENARIO))
     }
 
     /// Removes results of a former sweep, whose points could count as done.
@@ -108,7 +114,7 @@ impl SweepRuns {
         if self.overwrites() {
             output::remove_results(&self.directory)?;
             for point in output::numbered(&self.directory, "point-")? {
-                output::remove_results(&directory_of(&self.directory, point as usize))?;
+                remove_point(&directory_of(&self.directory, point as usize))?;
             }
         }
         output::write_atomically(&self.directory.join(POINTS), |out| out.write_all(self.table().as_bytes()))
@@ -184,6 +190,16 @@ impl SweepRuns {
             _ => Ok(()),
         }
     }
+}
+
+/// Removes the scenario of a point, which has a table of seeds, and its results.
+fn remove_point(directory: &Path) -> Result<(), Error> {
+    let scenario = directory.join(SCENARIO);
+    if directory.join(SEEDS).is_file() && scenario.is_file() {
+        fs::remove_file(&scenario).map_err(|source| Error::Write { path: scenario, source })?;
+    }
+    output::remove_replicas(directory)?;
+    output::remove_results(directory)
 }
 
 fn directory_of(sweep: &Path, point: usize) -> PathBuf {

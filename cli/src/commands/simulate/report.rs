@@ -11,7 +11,7 @@ use lazygrid_results::channel::Channels;
 use lazygrid_results::mean::MeanSeries;
 use lazygrid_results::series::Series;
 use lazygrid_sim::run::Run;
-use lazygrid_sim::{Model, write_atomically};
+use lazygrid_sim::{Model, write_atomically, write_report};
 
 use crate::error::CliError;
 
@@ -35,7 +35,8 @@ pub(crate) fn write(done: &Done<'_>) -> Result<Channels, CliError> {
     let channels = channels(done)?;
     tables(&channels, &done.run.scenario.model, &done.run.directory)?;
     let name = done.run.path.file_stem().unwrap_or_default().to_string_lossy();
-    write_page(&done.run.directory, format!("lazygrid simulate: {name}"), || sections::all(done, &channels))?;
+    let title = format!("lazygrid simulate: {name}");
+    write_page(done.run.overwrite, &done.run.directory, title, || sections::all(done, &channels))?;
     Ok(channels)
 }
 
@@ -46,22 +47,19 @@ pub(crate) fn channels(done: &Done<'_>) -> Result<Channels, CliError> {
 }
 
 fn write_page(
+    overwrite: bool,
     directory: &Path,
     title: String,
     sections: impl FnOnce() -> Result<Vec<Section>, Box<dyn std::error::Error>>,
 ) -> Result<(), CliError> {
-    let page = directory.join("report.html");
-    let sections =
-        sections().map_err(|error| CliError::Report { path: page.clone(), reason: error.to_string() })?;
-    let document = Document { title, sections };
-    let plots = directory.join("plots");
-    fs::create_dir_all(&plots)
-        .map_err(|source| lazygrid_sim::Error::Write { path: plots.clone(), source })?;
-    for plot in document.sections.iter().flat_map(|section| &section.plots) {
-        let path = plots.join(format!("{}.svg", plot.name));
-        write_atomically(&path, |out| out.write_all(plot.svg.as_bytes()))?;
-    }
-    Ok(write_atomically(&page, |out| out.write_all(html::page(&document).as_bytes()))?)
+    let failed = |error: Box<dyn std::error::Error>| CliError::Report {
+        path: directory.join("report.html"),
+        reason: error.to_string(),
+    };
+    let document = Document { title, sections: sections().map_err(failed)? };
+    let plots = document.sections.iter().flat_map(|section| &section.plots);
+    let plots: Vec<_> = plots.map(|plot| (plot.name.as_str(), plot.svg.as_str())).collect();
+    Ok(write_report(directory, &html::page(&document), &plots, overwrite)?)
 }
 
 fn tables(channels: &Channels, model: &Model, directory: &Path) -> Result<(), lazygrid_sim::Error> {

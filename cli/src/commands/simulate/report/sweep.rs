@@ -20,7 +20,8 @@ pub(crate) fn write(
     responses: &[Vec<Response>],
 ) -> Result<(), CliError> {
     let title = sweep.points.first().map_or_else(String::new, |point| point.run.path.display().to_string());
-    write_page(&sweep.directory, format!("lazygrid simulate: sweep of {title}"), || {
+    let title = format!("lazygrid simulate: sweep of {title}");
+    write_page(sweep.overwrites(), &sweep.directory, title, || {
         let mut sections = vec![points(sweep, rows)];
         sections.extend(curves(sweep, rows)?);
         sections.extend(response_section(sweep, responses)?);

@@ -1,0 +1,228 @@
+//! Names of the files of a run, and their removal. Files of others stay.
+
+use std::fs;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
+
+use crate::Error;
+use crate::output::{ANIMATED, ARRIVALS, Lock, OCCUPANCY, RELEASES, SERIES, SYMBOLS, XYZ, write_atomically};
+
+/// Files of runs, replicas, sweeps and reports, apart from frames and plots.
+const RESULTS: [&str; 20] = [
+    "checkpoint",
+    "replicas.csv",
+    "points.csv",
+    SERIES,
+    SYMBOLS,
+    XYZ,
+    ARRIVALS,
+    RELEASES,
+    OCCUPANCY,
+    ANIMATED,
+    "mean.csv",
+    "sweep.csv",
+    "animation.html",
+    "arrivals.arrow",
+    "releases.arrow",
+    REPORT,
+    "impulse-response.csv",
+    "interference.csv",
+    "bit-errors.csv",
+    "by-symbol.csv",
+];
+/// Number of the first [`RESULTS`], which `--resume` continues.
+const RESUMABLE: usize = 3;
+const PLOTS: &str = "plots";
+const REPORT: &str = "report.html";
+/// First of the last [`RESULTS`], which are made of a run's other files.
+const DERIVED: usize = 12;
+
+/// Also locks the directory. Refuses one with files of a run, unless `overwrite`.
+pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> {
+    let refused = |source| Error::Write { path: directory.to_owned(), source };
+    fs::create_dir_all(directory).map_err(refused)?;
+    let lock = Lock::take(directory)?;
+    let (resumable, others) = RESULTS.split_at(RESUMABLE);
+    let holds = |name: &&str| directory.join(name).exists();
+    if !overwrite && resumable.iter().any(holds) {
+        let message = "it holds a run already; continue that with --resume, replace it with --overwrite, or choose \
+                       another directory";
+        return Err(refused(io::Error::new(io::ErrorKind::AlreadyExists, message)));
+    }
+    match (!overwrite).then(|| foreign_result(directory, others)).transpose()?.flatten() {
+        Some(name) => Err(foreign_file(directory, &name)),
+        None => Ok(lock),
+    }
+}
+
+/// Refuses the file `name` of others, which a run would replace.
+pub(crate) fn refuse_file(directory: &Path, name: &str) -> Result<(), Error> {
+    if is_file(&directory.join(name)) { Err(foreign_file(directory, name)) } else { Ok(()) }
+}
+
+fn foreign_file(directory: &Path, name: &str) -> Error {
+    let message = format!(
+        "it holds a file {name} of no run that can be continued; move the file, replace it with --overwrite, or choose \
+         another directory"
+    );
+    let source = io::Error::new(io::ErrorKind::AlreadyExists, message);
+    Error::Write { path: directory.to_owned(), source }
+}
+
+/// Links count as files, also broken ones.
+fn is_file(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|data| !data.is_dir())
+}
+
+/// Returns the name of a file in `directory` that a run would replace: one of `results`, or else the first frame or plot.
+fn foreign_result(directory: &Path, results: &[&str]) -> Result<Option<String>, Error> {
+    if let Some(name) = results.iter().find(|name| directory.join(name).is_file()) {
+        return Ok(Some((*name).to_owned()));
+    }
+    if let Some(frame) = first_file(directory, is_frame)? {
+        return Ok(Some(frame));
+    }
+    let plot = first_file(&directory.join(PLOTS), is_plot)?;
+    Ok(plot.map(|name| format!("{PLOTS}/{name}")))
+}
+
+/// Returns the first file in alphabetical order with such a name.
+fn first_file(directory: &Path, has_name: impl Fn(&str) -> bool) -> Result<Option<String>, Error> {
+    let mut first: Option<String> = None;
+    for entry in entries(directory)? {
+        let name = entry?.file_name();
+        let Some(name) = name.to_str().filter(|name| has_name(name) && is_file(&directory.join(name))) else {
+            continue;
+        };
+        if first.as_deref().is_none_or(|first| name < first) {
+            first = Some(name.to_owned());
+        }
+    }
+    Ok(first)
+}
+
+/// Returns none for a directory that does not exist.
+fn entries(directory: &Path) -> Result<impl Iterator<Item = Result<fs::DirEntry, Error>>, Error> {
+    let read = |source| Error::Read { path: directory.to_owned(), source };
+    let entries = match fs::read_dir(directory) {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+        entries => Some(entries.map_err(read)?),
+    };
+    Ok(entries.into_iter().flatten().map(move |entry| entry.map_err(read)))
+}
+
+/// Returns `true` for the names of frames: `frame-STEP.npy`.
+fn is_frame(name: &str) -> bool {
+    let step = name.strip_prefix("frame-").and_then(|rest| rest.strip_suffix(".npy"));
+    step.is_some_and(|step| step.len() >= 9 && step.bytes().all(|byte| byte.is_ascii_digit()))
+}
+
+fn is_plot(name: &str) -> bool {
+    name.ends_with(".svg")
+}
+
+/// Returns the numbers in names of a directory's entries that begin with `prefix`, ascending.
+pub(crate) fn numbered(directory: &Path, prefix: &str) -> Result<Vec<u32>, Error> {
+    let mut numbers = Vec::new();
+    for entry in entries(directory)? {
+        let name = entry?.file_name();
+        numbers.extend(name.to_str().and_then(|name| name.strip_prefix(prefix)?.parse::<u32>().ok()));
+    }
+    numbers.sort_unstable();
+    numbers.dedup();
+    Ok(numbers)
+}
+
+/// Removes the files of a run, but not the directories of replicas and points. Begins with the files that `--resume`
+/// continues.
+pub(crate) fn remove_results(directory: &Path) -> Result<(), Error> {
+    remove_plots(directory)?;
+    RESULTS.into_iter().try_for_each(|name| remove_file(directory.join(name)))?;
+    remove_where(directory, is_frame)
+}
+
+/// Removes the files of replicas, which could count as done in a later run, but not their directories.
+pub(crate) fn remove_replicas(directory: &Path) -> Result<(), Error> {
+    let replicas = numbered(directory, "replica-")?.into_iter();
+    replicas
+        .map(|replica| replica_directory(directory, replica))
+        .try_for_each(|replica| remove_results(&replica))
+}
+
+pub(crate) fn replica_directory(directory: &Path, replica: u32) -> PathBuf {
+    directory.join(format!("replica-{replica:04}"))
+}
+
+/// Removes what is made of a run's finished files: reports, tables and copies in other formats.
+pub(crate) fn remove_derived(directory: &Path) -> Result<(), Error> {
+    remove_plots(directory)?;
+    RESULTS[DERIVED..].iter().try_for_each(|name| remove_file(directory.join(name)))
+}
+
+/// Writes `report.html` and `plots`, pairs of name and content, in place of those of the former report.
+///
+/// # Errors
+/// [`Error::Write`], also for a plot of others, unless `overwrite`.
+pub fn write_report(
+    directory: &Path,
+    page: &str,
+    plots: &[(&str, &str)],
+    overwrite: bool,
+) -> Result<(), Error> {
+    let former = former_report(directory);
+    let name = |plot: &str| format!("{PLOTS}/{plot}.svg");
+    let is_own = |path: &Path| is_plot_of(&former, path) || is_plot_of(page, path);
+    let paths = plots.iter().map(|(plot, _)| name(plot));
+    let mut foreign = paths.filter(|name| !overwrite && !is_own(&directory.join(name)));
+    foreign.try_for_each(|name| refuse_file(directory, &name))?;
+    remove_plots(directory)?;
+    // The page first: it tells the plots from those of others.
+    write_atomically(&directory.join(REPORT), |out| out.write_all(page.as_bytes()))?;
+    let folder = directory.join(PLOTS);
+    fs::create_dir_all(&folder).map_err(|source| Error::Write { path: folder, source })?;
+    plots.iter().try_for_each(|(plot, svg)| {
+        write_atomically(&directory.join(name(plot)), |out| out.write_all(svg.as_bytes()))
+    })
+}
+
+/// Removes the plots that are part of the directory's report, but no files of the user.
+fn remove_plots(directory: &Path) -> Result<(), Error> {
+    let plots = directory.join(PLOTS);
+    let is_directory = fs::symlink_metadata(&plots).is_ok_and(|plots| plots.is_dir());
+    let report = former_report(directory);
+    if report.is_empty() || !is_directory {
+        return Ok(());
+    }
+    remove_where(&plots, |name| is_plot(name) && is_plot_of(&report, &plots.join(name)))?;
+    // Remains if it holds other files.
+    let _ = fs::remove_dir(plots);
+    Ok(())
+}
+
+/// Returns an empty text if no report exists.
+fn former_report(directory: &Path) -> String {
+    fs::read_to_string(directory.join(REPORT)).unwrap_or_default()
+}
+
+fn is_plot_of(report: &str, path: &Path) -> bool {
+    let is_regular = fs::symlink_metadata(path).is_ok_and(|data| data.is_file());
+    is_regular && fs::read_to_string(path).is_ok_and(|svg| !svg.is_empty() && report.contains(&svg))
+}
+
+fn remove_where(directory: &Path, is_result: impl Fn(&str) -> bool) -> Result<(), Error> {
+    for entry in entries(directory)? {
+        let entry = entry?;
+        if entry.file_name().to_str().is_some_and(&is_result) {
+            remove_file(entry.path())?;
+        }
+    }
+    Ok(())
+}
+
+/// Removes a file, unless the path is a directory or a device.
+fn remove_file(path: PathBuf) -> Result<(), Error> {
+    match path.is_file() {
+        true => fs::remove_file(&path).map_err(|source| Error::Write { path, source }),
+        false => Ok(()),
+    }
+}
