@@ -83,9 +83,12 @@ public final class MemoryLimits {
         System.gc();
     }
 
+    /** In bytes: {@code /proc/self/statm} counts pages, which are of 4 to 64 KiB. */
     private static long mapped() throws IOException {
-        long pages = Long.parseLong(Files.readString(Path.of("/proc/self/statm")).split(" ")[0]);
-        return pages * 4096;
+        for (String line : Files.readAllLines(Path.of("/proc/self/status"))) {
+            if (line.startsWith("VmSize:")) return Long.parseLong(line.replaceAll("[^0-9]", "")) << 10;
+        }
+        throw new IOException("/proc/self/status has no VmSize");
     }
 
     private static void limit(String bytes) throws IOException, InterruptedException {
