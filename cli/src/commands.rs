@@ -22,12 +22,3 @@ fn check_memory(what: &'static str, needed: u64) -> Result<(), CliError> {
         }
     }
 }
-
-/// Most threads of llvmpipe.
-const MAX_DRIVER_THREADS: u64 = 32;
-
-/// Returns the bytes of a software driver's threads: stacks of 8 MiB, and code.
-fn memory_of_driver_threads() -> u64 {
-    let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get() as u64);
-    cores.min(MAX_DRIVER_THREADS) * (10 << 20)
-}

@@ -10,4 +10,7 @@ mod error;
 mod system_memory;
 
 pub use error::{Error, Location, Position, excerpt, printed};
-pub use system_memory::{AvailableMemory, MemoryLimit, available_memory, lacking_memory};
+pub use system_memory::{
+    AvailableMemory, MemoryLimit, available_memory, lacking_memory, memory_of_driver,
+    memory_of_driver_threads,
+};

@@ -50,6 +50,23 @@ pub fn lacking_memory(needed: u64) -> Option<AvailableMemory> {
     available_memory().filter(|available| available.bytes < needed)
 }
 
+/// Most threads of llvmpipe.
+const MAX_DRIVER_THREADS: u64 = 32;
+/// Bytes that llvmpipe maps for a search or a simulation: 350 to 395 MiB with LLVM 15.
+const DRIVER: u64 = 448 << 20;
+
+/// Returns the bytes of a software driver's threads: stacks of 8 MiB, and code.
+pub fn memory_of_driver_threads() -> u64 {
+    let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get() as u64);
+    cores.min(MAX_DRIVER_THREADS) * (10 << 20)
+}
+
+/// Returns the bytes that a software driver maps for a search or a simulation, without its data. It ends the process if
+/// memory is refused to it.
+pub fn memory_of_driver() -> u64 {
+    DRIVER + memory_of_driver_threads()
+}
+
 fn kilobytes(text: &str, name: &str) -> Option<u64> {
     let line = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'))?;
     Some(line.split_whitespace().next()?.parse::<u64>().ok()?.saturating_mul(1024))

@@ -1,6 +1,7 @@
 use std::num::NonZeroUsize;
 
-use lazygrid::{Backend, Config, Order, Space};
+use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
+use lazygrid::{Algorithm, Backend, Config, Order, Space};
 use lazygrid_io::arguments::radii_by_species;
 use lazygrid_io::read::Options;
 use lazygrid_io::write::{Output, TableFormat};
@@ -47,6 +48,28 @@ impl Detect {
             return Err(CliError::NeighborsToStdout);
         }
         Ok(Some(Output { path: (!to_stdout).then(|| path.clone()), format }))
+    }
+
+    /// Returns `true` if no search runs on the CPU.
+    pub(crate) fn is_on_gpu(&self) -> bool {
+        let runs_on_cpu = self.algorithm == Algorithm::Auto || Algorithm::CPU.contains(&self.algorithm);
+        match self.backend {
+            Backend::Cpu => false,
+            Backend::Gpu => true,
+            _ => self.adapter.is_some() || !runs_on_cpu,
+        }
+    }
+
+    /// Returns `true` if the searches on a GPU run on a software adapter.
+    pub(crate) fn has_software_adapter(&self) -> Result<bool, CliError> {
+        if !self.is_on_gpu() {
+            return Ok(false);
+        }
+        let own = match &self.adapter {
+            Some(adapter) => GpuDevice::shared_adapter(adapter),
+            None => GpuDevice::shared(SoftwareAdapter::Allow),
+        };
+        own.map(|own| !own.adapter.is_hardware).map_err(CliError::Setting)
     }
 
     pub(crate) fn config(&self) -> Result<Config, CliError> {

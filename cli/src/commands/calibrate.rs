@@ -1,9 +1,10 @@
 use std::fmt::Write;
 
 use lazygrid::gpu::{self, AdapterId, GpuDevice, SoftwareAdapter};
+use lazygrid_io::memory_of_driver_threads;
 
 use crate::calibration_file;
-use crate::commands::{check_memory, memory_of_driver_threads};
+use crate::commands::check_memory;
 use crate::error::CliError;
 use crate::printer::Printer;
 

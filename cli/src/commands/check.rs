@@ -10,10 +10,11 @@ use lazygrid_check::detectors::compare::{self, FailedCase, Pace, SceneCase};
 use lazygrid_check::detectors::sequence::{Sequence, Tally};
 use lazygrid_check::kernels::CHECKS;
 use lazygrid_check::{DetectorVariant, Gpu, catch_panic};
+use lazygrid_io::memory_of_driver_threads;
 
 use self::report::Report;
 use crate::args::{Check, Checked};
-use crate::commands::{check_memory, memory_of_driver_threads};
+use crate::commands::check_memory;
 use crate::error::CliError;
 use crate::progress;
 

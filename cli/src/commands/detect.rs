@@ -10,7 +10,7 @@ use std::time::Duration;
 use lazygrid::Backend;
 use lazygrid_io::read::Frame;
 use lazygrid_io::write::{AtomicFile, Output};
-use lazygrid_io::{AvailableMemory, lacking_memory};
+use lazygrid_io::{AvailableMemory, lacking_memory, memory_of_driver};
 use same_file::Handle;
 
 use self::exclusions::Excluded;
@@ -18,13 +18,21 @@ use self::input::{IndexedFrame, Input};
 use self::search::{FrameDetector, Search};
 use self::summary::Summary;
 use crate::args::{Detect, FRAME};
+use crate::commands::check_memory;
 use crate::error::CliError;
 use crate::printer::Printer;
 use crate::{check_output, print};
 
+/// Bytes that a software driver maps after its device is open (llvmpipe): compiled kernels, and memory for them.
+const KERNELS: u64 = 128 << 20;
+
 pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
     let output = args.output()?;
-    let mut frames = FrameDetector::new(args.config()?)?;
+    let config = args.config()?;
+    if args.is_on_gpu() {
+        check_memory("the search on a GPU", memory_of_driver())?;
+    }
+    let mut frames = FrameDetector::new(config)?;
     let mut excluded = Excluded::read(args)?;
     let mut input = Input::open(args)?;
     if output.as_ref().is_some_and(|output| output.path.is_none()) {
@@ -105,10 +113,12 @@ fn refuse_too_little_memory(
     frames: &FrameDetector,
 ) -> Result<(), CliError> {
     let spheres = read.spheres.len();
-    if frames.detector.report().backend != Backend::Cpu {
+    let is_on_cpu = frames.detector.report().backend == Backend::Cpu;
+    if !is_on_cpu && !args.has_software_adapter()? {
         return Ok(());
     }
-    let needed = frames.least_memory(read.space, spheres as u64)?;
+    let kernels = if is_on_cpu { 0 } else { KERNELS };
+    let needed = frames.least_memory(read.space, spheres as u64)?.saturating_add(kernels);
     match lacking_memory(needed) {
         None => Ok(()),
         Some(AvailableMemory { bytes: available, limit }) => {

@@ -113,9 +113,19 @@ fn commands_on_a_gpu_under_any_memory_limit_end_without_a_signal() {
     let is_full = std::env::var_os("LAZYGRID_TEST_FULL").is_some();
     let check: &[&str] = if is_full { &["--quick"] } else { &["--seed", "7"] };
     let check = [&["check", "--backend", "gpu"], check].concat();
-    for command in [&["calibrate"][..], &check] {
-        // llvmpipe faults between these.
-        let below = (350..=700).step_by(if is_full { 10 } else { 50 });
+    let spheres = scratch.path("spheres.npy");
+    LAZYGRID.run(["generate", "five-sizes", "-n", "20000", "-o", &spheres]).succeeds();
+    let burst = scratch.write("burst.toml", &BURST.replace("COUNT", "1000"));
+    let run = scratch.path("run");
+    let commands = [
+        &["calibrate"][..],
+        &check,
+        &["detect", &spheres, "--backend", "gpu"],
+        &["simulate", &burst, "--backend", "gpu", "--overwrite", "--output", &run],
+    ];
+    for command in commands {
+        // llvmpipe faults between these, in searches between 370 and 385.
+        let below = (350..=700).step_by(if is_full { 5 } else { 25 });
         let all = limits(300.0).into_iter().chain(below).chain([2000]);
         let variables = [("XDG_CACHE_HOME", &*cache)];
         let codes: Vec<i32> = all.map(|limit| limited_with(limit, &variables, command).0).collect();

@@ -5,7 +5,7 @@ pub(crate) mod append_file;
 mod arrivals;
 #[cfg(feature = "arrow")]
 mod arrow;
-pub mod directory;
+mod directory;
 mod disk_estimate;
 mod frames;
 mod lock;
@@ -19,6 +19,7 @@ pub mod table;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+pub use directory::write_report;
 pub(crate) use directory::{
     numbered, prepare, refuse_file, remove_derived, remove_replicas, remove_results, replica_directory,
 };

@@ -1,6 +1,8 @@
 //! A run on either backend.
 
 use std::borrow::Cow;
+#[cfg(feature = "gpu")]
+use std::sync::{Mutex, PoisonError};
 
 #[cfg(feature = "gpu")]
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
@@ -8,6 +10,8 @@ use lazygrid::{Algorithm, Backend};
 
 #[cfg(feature = "gpu")]
 use crate::gpu::{GpuOptions, GpuSimulation};
+#[cfg(feature = "gpu")]
+use crate::run::memory_estimate::check_memory_on_gpu;
 use crate::run::memory_estimate::{Sharing, check_largest_release};
 use crate::state::view::RunView;
 use crate::{Arrival, Error, Model, Simulation, State, Totals};
@@ -23,6 +27,18 @@ pub enum AnySimulation {
 /// After which the run can be watched and stopped.
 #[cfg(feature = "gpu")]
 const GPU_STEPS: u32 = 64;
+
+/// Opens the shared device, or refuses a run that leaves too little memory to the driver.
+#[cfg(feature = "gpu")]
+fn open_device(particles: u64) -> Result<GpuDevice, Error> {
+    static IS_OPEN: Mutex<bool> = Mutex::new(false);
+    let mut is_open = IS_OPEN.lock().unwrap_or_else(PoisonError::into_inner);
+    check_memory_on_gpu(particles, *is_open)?;
+    let device = GpuDevice::shared(SoftwareAdapter::Allow)
+        .map_err(|error| Error::Detection(lazygrid::Error::GpuUnavailable { reason: error.to_string() }))?;
+    *is_open = true;
+    Ok(device)
+}
 
 impl AnySimulation {
     /// Begins a run, or resumes it from `state`. [`Backend::Auto`] is the CPU, because a run depends on its seed
@@ -51,9 +67,7 @@ impl AnySimulation {
 
     #[cfg(feature = "gpu")]
     fn on_gpu(model: Model, seed: u64, state: &State) -> Result<Self, Error> {
-        let device = GpuDevice::shared(SoftwareAdapter::Allow).map_err(|error| {
-            Error::Detection(lazygrid::Error::GpuUnavailable { reason: error.to_string() })
-        })?;
+        let device = open_device(state.particles.len() as u64)?;
         let run = GpuSimulation::resume(model, seed, device, GpuOptions::default(), state)?;
         Ok(Self::Gpu(Box::new(run)))
     }

@@ -1,5 +1,7 @@
 //! The forecast of a run's memory. A run that cannot fit is refused, or stops with a checkpoint.
 
+#[cfg(feature = "gpu")]
+use lazygrid_io::memory_of_driver;
 use lazygrid_ranks::Communicator;
 
 use crate::memory::check_available;
@@ -87,6 +89,15 @@ impl MemoryGuard {
         }
         Ok(())
     }
+}
+
+/// Refuses a run on a GPU, whose software driver is loaded or not, if memory is short: the driver ends the process if
+/// memory is refused to it.
+#[cfg(feature = "gpu")]
+pub(crate) fn check_memory_on_gpu(particles: u64, is_loaded: bool) -> Result<(), Error> {
+    let driver = if is_loaded { 0 } else { memory_of_driver() };
+    let needed = driver.saturating_add(Sharing::NONE.bytes(particles, MIN_BYTES_PER_PARTICLE));
+    check_available("runs on a GPU", needed, "use the CPU, or raise the limit")
 }
 
 fn check_particles(particles: u64, needed: u64) -> Result<(), Error> {
