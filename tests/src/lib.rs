@@ -7,6 +7,7 @@ pub mod browser;
 pub mod command;
 pub mod hard;
 pub mod periodic;
+pub mod results;
 pub mod triclinic;
 pub mod variants;
 

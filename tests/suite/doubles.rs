@@ -4,8 +4,8 @@ use lazygrid::{
     Backend, Config, Detector, Error, Exclusions, InputError, Interaction, Interactions, Order, Pair, Query,
     Radii, Skin, Space, Sphere, Spheres,
 };
-use lazygrid_check::detectors::results::match_the_list;
 use lazygrid_io::scenes::Scene;
+use lazygrid_tests::results::match_the_list;
 use lazygrid_tests::{DetectorVariant, SuiteVariant, in_pool, variants};
 
 pub(crate) struct Random(pub(crate) u64);

@@ -3,10 +3,10 @@ use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, Exclusions, InputError, Order, Pair, Query, Space, Sphere,
     Spheres,
 };
-use lazygrid_check::detectors::results::{listed, streamed};
 use lazygrid_check::scenes::motion::{skin_of, walk};
 use lazygrid_check::{EXCLUSION_WORDS, ExclusionCase};
 use lazygrid_io::scenes::Scene;
+use lazygrid_tests::results::{listed, streamed};
 use lazygrid_tests::{
     DetectorVariant, SuiteVariant, TestInput, difference, hard, in_pool, periodic, triclinic, variants,
 };

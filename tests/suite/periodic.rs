@@ -3,9 +3,9 @@
 use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, InputError, Order, Pair, Space, Sphere, Spheres,
 };
-use lazygrid_check::detectors::results::{listed, match_the_list, streamed};
 use lazygrid_io::scenes::periodic_box_pairs;
 use lazygrid_tests::periodic::{self, oracle_of_images, oracle_of_integers, verify_all};
+use lazygrid_tests::results::{listed, match_the_list, streamed};
 use lazygrid_tests::{DetectorVariant, SuiteVariant, TestInput, Tolerance, difference, variants};
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;

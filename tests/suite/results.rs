@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Neighbors, Order, Pair, Spheres};
-use lazygrid_check::detectors::results::streamed;
+use lazygrid_tests::results::streamed;
 use lazygrid_tests::{
     DetectorVariant, SuiteVariant, THREADS, TestInput, difference, hard, in_pool, variants,
 };

@@ -1,7 +1,7 @@
 //! State kept between calls never affects a result.
 
 use lazygrid::{Detector, Order};
-use lazygrid_check::detectors::results::{listed, streamed};
+use lazygrid_tests::results::{listed, streamed};
 use lazygrid_tests::{DetectorVariant, SuiteVariant, TestInput, difference, hard, variants};
 use proptest::collection::vec;
 use proptest::prelude::*;

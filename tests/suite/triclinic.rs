@@ -4,11 +4,11 @@ use glam::Vec3;
 use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, InputError, Order, Skin, Space, Sphere, Spheres,
 };
-use lazygrid_check::detectors::results::{match_the_list, streamed};
 use lazygrid_check::scenes::motion::{skin_of, walk};
 use lazygrid_check::scenes::triclinic as families;
 use lazygrid_check::scenes::triclinic::tilted;
 use lazygrid_tests::periodic::verify_all;
+use lazygrid_tests::results::{match_the_list, streamed};
 use lazygrid_tests::{SuiteVariant, TestInput, difference, in_pool, triclinic, variants};
 use proptest::prelude::*;
 use proptest::sample::select;

@@ -3,8 +3,8 @@ use lazygrid::{
     Spheres,
 };
 use lazygrid_check::SpeciesSetup;
-use lazygrid_check::detectors::results::{match_the_list, streamed};
 use lazygrid_io::scenes::Scene;
+use lazygrid_tests::results::{match_the_list, streamed};
 use lazygrid_tests::{
     DetectorVariant, SuiteVariant, TestInput, difference, hard, in_pool, periodic, variants,
 };

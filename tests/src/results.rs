@@ -1,0 +1,68 @@
+//! Pairs from counts, neighbor lists and streams.
+
+use std::ops::ControlFlow;
+
+use lazygrid::{Detector, Pair, Query};
+use lazygrid_check::detectors::results::{pairs_across, pairs_among};
+
+fn text(error: impl std::fmt::Display) -> String {
+    error.to_string()
+}
+
+/// # Errors
+/// If the detector refuses the query, a chunk is longer than `chunk` pairs, or the returned number is wrong.
+pub fn streamed<'a>(
+    detector: &mut Detector,
+    query: impl Into<Query<'a>>,
+    chunk: usize,
+) -> Result<Vec<Pair>, String> {
+    let (mut pairs, mut longest) = (Vec::new(), 0);
+    let handed = detector.stream(query, chunk, |part| {
+        longest = longest.max(part.len());
+        pairs.extend_from_slice(part);
+        ControlFlow::Continue(())
+    });
+    match handed.map_err(text)? {
+        handed if handed != pairs.len() as u64 => {
+            Err(format!("stream returned {handed} pairs but delivered {}", pairs.len()))
+        }
+        _ if longest > chunk.max(1) => Err(format!("{longest} pairs in a chunk of {chunk}")),
+        _ => Ok(pairs),
+    }
+}
+
+/// Returns the pairs of all neighbor lists in canonical order.
+///
+/// # Errors
+/// If the detector refuses the query, neighbors do not ascend, or a pair of one set is in only one list.
+pub fn listed<'a>(detector: &mut Detector, query: impl Into<Query<'a>>) -> Result<Vec<Pair>, String> {
+    let query = query.into();
+    let lists = detector.neighbors(query).map_err(text)?;
+    let spheres = query.first().len();
+    match lists.len() == spheres {
+        false => Err(format!("{} lists of {spheres} spheres", lists.len())),
+        true if query.second().is_some() => pairs_across(&lists),
+        true => pairs_among(spheres, |i| lists.neighbors_of(i)),
+    }
+}
+
+/// # Errors
+/// If the count, the neighbor lists or a stream of a query are not those of the `expected` pairs.
+pub fn match_the_list<'a>(
+    detector: &mut Detector,
+    query: impl Into<Query<'a>>,
+    expected: &[Pair],
+) -> Result<(), String> {
+    let query = query.into();
+    let count = detector.count(query).map_err(text)?;
+    if count != expected.len() as u64 {
+        return Err(format!("{count} pairs are counted, {} listed", expected.len()));
+    }
+    if listed(detector, query)? != expected {
+        return Err("the neighbors differ from the list".to_owned());
+    }
+    match streamed(detector, query, 7)? == expected {
+        true => Ok(()),
+        false => Err("the stream differs from the list".to_owned()),
+    }
+}
