@@ -7,7 +7,9 @@ use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use glam::Vec3;
-use lazygrid::{Algorithm, Backend, Config, Detector, Order, Skin, Sphere};
+use lazygrid::{
+    Algorithm, Backend, Config, Detector, Interaction, Interactions, Order, Skin, Sphere, Spheres,
+};
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{DetectorVariant, SuiteVariant, in_pool, variants};
 
@@ -143,6 +145,46 @@ fn memory_for_is_an_upper_bound() {
             }
         }
     }
+}
+
+/// Half of the species are in the second call.
+#[test]
+fn memory_for_is_an_upper_bound_with_species() {
+    let mut measurement = Measurement::alone();
+    for species in [1, 64, 512, 513, 4096] {
+        let table = distances(species);
+        for n in [0, 1, 10, 100, 1000, 5000] {
+            let spheres = Scene::Equal.spheres(n, 37);
+            let calls = [1, 2].map(|part| (0..n as u32).map(|k| k % (species / part).max(1)).collect());
+            for variant in on_cpu(variants::each_algorithm()) {
+                let mut peak_and_bound = || {
+                    measurement.start();
+                    let config = variant.settings().interactions(table.clone());
+                    let mut detector = Detector::new(config).expect("a detector");
+                    calls.iter().for_each(|ids: &Vec<u32>| {
+                        let query = Spheres::from(&spheres).with_species(ids).expect("as many");
+                        variant.run(|| detector.count(query)).expect("a count");
+                    });
+                    let peak = measurement.peak();
+                    (peak, variant.run(|| detector.memory_for(n as u64)) as usize + FIXED)
+                };
+                let (peak, bound) = (1..MEASUREMENTS).fold(peak_and_bound(), |(peak, bound), _| {
+                    if peak <= bound { (peak, bound) } else { peak_and_bound() }
+                });
+                assert!(peak <= bound, "{variant}, {species}, {n}: {peak} bytes where {bound} are announced");
+            }
+        }
+    }
+}
+
+/// Each species pairs with one or two others.
+fn distances(species: u32) -> Interactions {
+    let mut table = Interactions::new(species, Interaction::Never).expect("few species");
+    for a in 0..species {
+        let within = Interaction::Within(1.0 + 0.25 * f64::from(a % 5));
+        table.set(a, (a * 7 + 1) % species, within).expect("a distance in range");
+    }
+    table
 }
 
 /// Each thread may compare a cell of all spheres, now or in an earlier call.

@@ -11,7 +11,7 @@ use lazygrid_kernels::{Query, Sphere};
 use crate::cell_list::CellList;
 use crate::executor::{Executor, MIN_PARALLEL_SPHERES, Team};
 use crate::grids::{ArrayGrid, HashGrid, RecursiveGrid};
-use crate::input::{InputStats, Preparation, QueryBuffers, SearchInput, check_valid};
+use crate::input::{InputStats, Preparation, QueryBuffers, SearchInput, SpeciesGroups, check_valid};
 use crate::memory::with_growth;
 use crate::naive::Naive;
 use crate::skin::{CallSpheres, memory_of_candidates};
@@ -90,7 +90,9 @@ impl HostBackend {
             }
             false => 0,
         };
-        own.saturating_add(copied).saturating_add(kept)
+        let table = self.settings.interactions.as_ref();
+        let species = table.map_or(0, |table| SpeciesGroups::memory_for(table.species(), spheres));
+        own.saturating_add(copied).saturating_add(kept).saturating_add(species)
     }
 }
 
@@ -208,7 +210,9 @@ mod tests {
             HostDetector::new(settings).expect("the settings are in range").backend().memory_for(1000)
         };
         let table = Interactions::new(1, Interaction::Touch).expect("few species");
-        assert_eq!(memory(Some(table)), memory(None) + with_growth(24 * 1000) - with_growth(20 * 1000));
+        let of_table = SpeciesGroups::memory_for(1, 1000);
+        let of_candidates = with_growth(24 * 1000) - with_growth(20 * 1000);
+        assert_eq!(memory(Some(table)), memory(None) + of_candidates + of_table);
     }
 
     #[test]

@@ -92,6 +92,14 @@ pub struct SpeciesPartition {
 }
 
 impl SpeciesPartition {
+    /// Most bytes of the three divisions of a table of `species`, and of the groups of the `present` ones.
+    pub(super) fn memory_of_three(species: u64, present: u64) -> u64 {
+        let meetings = (MAX_GROUPS + 1).pow(2) * size_of::<Option<Meeting>>();
+        let groups = present.min(MAX_PRESENT as u64) * size_of::<Option<usize>>() as u64;
+        let narrow = species * size_of::<SpeciesReach>() as u64;
+        3 * (species + meetings as u64 + groups) + narrow
+    }
+
     fn new(of_species: Vec<u8>, count: usize, present: &[u32], table: SpeciesTable<'_>) -> Self {
         let members = |group: usize| {
             let of_species = &of_species;
