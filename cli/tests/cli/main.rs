@@ -3,6 +3,7 @@
 mod animation;
 mod check;
 mod exclusions;
+mod generate;
 mod gpu;
 #[cfg(target_os = "linux")]
 mod memory_limits;
@@ -13,6 +14,7 @@ mod periodic;
 mod refusals;
 mod simulate;
 mod streams;
+mod usage;
 
 use std::ffi::OsStr;
 use std::fs;
@@ -20,7 +22,6 @@ use std::path::Path;
 
 use lazygrid::{Pair, Sphere};
 use lazygrid_io::read::{Frames, Options};
-use lazygrid_io::scenes::{Scene, Transceivers};
 use lazygrid_tests::command::{Program, Run, Scratch, data, has_gpu, npy, table};
 use serde_json::Value;
 
@@ -109,66 +110,6 @@ fn json_has_the_documented_fields() {
     let phases = object["phases"].as_object().unwrap();
     assert!(phases.contains_key("read") && !phases.contains_key("write"));
     assert!(phases.values().all(|seconds| seconds.as_f64().is_some_and(|s| (0.0..60.0).contains(&s))));
-}
-
-#[test]
-fn every_scene_goes_through_every_format() {
-    let scratch = Scratch::new();
-    for scene in Scene::ALL {
-        let spheres = scene.spheres(400, 7);
-        let expected = brute_force(&spheres);
-        for extension in ["npy", "csv", "xyz"] {
-            let file = scratch.path(&format!("{scene}.{extension}"));
-            let pairs = scratch.path("pairs.npy");
-            let name = scene.name();
-            lazygrid(["generate", name, "-n", "400", "--seed", "7", "--output", &file]).succeeds();
-            assert_eq!(read(Path::new(&file)), spheres, "{file}");
-            lazygrid(["detect", &file, "--output", &pairs]).succeeds();
-            let (shape, found) = npy::<2>(&pairs, "<u4");
-            assert_eq!(found, expected, "{file}");
-            assert_eq!(shape, format!("({}, 2)", expected.len()));
-        }
-    }
-}
-
-#[test]
-fn generate_moves_as_the_benchmarks_do() {
-    let scratch = Scratch::new();
-    let file = scratch.path("moved.npy");
-    lazygrid(["generate", "equal", "-n", "50", "--seed", "3", "--steps", "2", "-o", &file]).succeeds();
-    let mut spheres = Scene::Equal.spheres(50, 3);
-    Scene::advance(&mut spheres, 3, 0);
-    Scene::advance(&mut spheres, 3, 1);
-    assert_eq!(read(Path::new(&file)), spheres);
-}
-
-#[test]
-fn generate_makes_as_many_transceivers_as_large_as_asked_for() {
-    let scratch = Scratch::new();
-    let file = scratch.path("transceivers.npy");
-    let generate = |scene: &str, options: &[&str]| {
-        let args = ["generate", scene, "-n", "300", "--seed", "5", "-o", &file];
-        lazygrid(args.iter().chain(options))
-    };
-    let made = |options: &[&str]| {
-        generate("transceivers", options).succeeds();
-        read(Path::new(&file))
-    };
-    let scene = |count, ratio| Scene::Transceivers(Transceivers { count, ratio }).spheres(300, 5);
-    assert_eq!(made(&["--transceivers", "4", "--size-ratio", "1000"]), scene(4, 1000));
-    assert_eq!(made(&["--transceivers", "300"]), scene(300, 100));
-    assert_eq!(made(&["--size-ratio", "7"]), scene(30, 7));
-
-    for (scene, options, reason) in [
-        ("equal", ["--size-ratio", "7"], "the scene equal has no transceivers"),
-        ("burst", ["--transceivers", "7"], "the scene burst has no transceivers"),
-        ("transceivers", ["--transceivers", "301"], "--transceivers 301 of 300 spheres"),
-        ("transceivers", ["--transceivers", "0"], "0 is not in 1.."),
-        ("transceivers", ["--size-ratio", "0"], "0 is not in 1..=1000000"),
-    ] {
-        let run = generate(scene, &options);
-        assert!(run.code == Some(2) && run.err.contains(reason), "{scene} {options:?}: {}", run.err);
-    }
 }
 
 #[test]
@@ -337,65 +278,4 @@ fn periodic_box_has_pairs_across_its_boundary() {
     }
     let zero = lazygrid(["detect", &file, "--periodic", "0,1,1"]).err;
     assert!(zero.contains("the length 0 is not a finite number above zero; write - for an axis"), "{zero}");
-}
-
-#[test]
-fn wrong_usage_is_told_apart_from_failure() {
-    let pour = data("lammps-pour.dump");
-    for args in [
-        &[][..],
-        &["detect"],
-        &["invent"],
-        &["detect", &pour, "--format", "pdb"],
-        &["detect", &pour, "--radius", "acid"],
-        &["detect", &pour, "--radius", "acid=-1"],
-        &["detect", &pour, "--radius", "acid=inf"],
-        &["detect", &pour, "--algorithm", "magic"],
-        &["detect", &pour, "--backend", "cpu", "--algorithm", "lazy-grid"],
-        &["detect", &pour, "--cell-ratio", "99"],
-        &["detect", &pour, "--threads", "0"],
-        &["detect", &pour, "--tau", "many"],
-        &["detect", &pour, "--output", "pairs.txt"],
-        &["detect", &pour, "--count", "--output", "pairs.csv"],
-        &["detect", &pour, "--count", "--neighbors"],
-        &["detect", &pour, "--unordered", "--neighbors"],
-        &["generate", "equal", "--output", "a.npy"],
-        &["generate", "equal", "-n", "5", "--output", "a.dump"],
-        &["generate", "equal", "-n", "4294967295", "--output", "a.npy"],
-        &["generate", "cube", "-n", "5", "--output", "a.npy"],
-        &["completions", "basic"],
-    ] {
-        let run = lazygrid(args);
-        assert_eq!(run.code, Some(2), "{args:?}: {}", run.err);
-        assert!(!run.err.is_empty() && run.out.is_empty(), "{args:?}");
-    }
-}
-
-#[test]
-fn help_completions_and_devices() {
-    for command in [
-        &["--help"][..],
-        &["detect", "--help"],
-        &["generate", "--help"],
-        &["devices", "--help"],
-        &["calibrate", "--help"],
-    ] {
-        assert!(lazygrid(command).succeeds().out.contains("Usage: lazygrid"));
-    }
-    assert!(lazygrid(["detect", "--help"]).succeeds().out.contains("lazygrid detect pour.dump"));
-    for shell in ["bash", "elvish", "fish", "powershell", "zsh"] {
-        assert!(lazygrid(["completions", shell]).succeeds().out.contains("cell-ratio"), "{shell}");
-    }
-    let devices = lazygrid(["devices"]).succeeds().out;
-    assert!(devices.starts_with("cpu  ") && devices.contains("\ngpu  "), "{devices}");
-    for adapter in lazygrid::gpu::adapters() {
-        let limit = format!("{} MiB per storage binding", adapter.storage_binding >> 20);
-        assert!(devices.contains(&adapter.name) && devices.contains(&limit), "{devices}");
-    }
-}
-
-#[test]
-fn a_reader_that_goes_away_is_no_failure() {
-    let run = LAZYGRID.run_with_closed_output(["completions", "zsh"]);
-    assert_eq!((run.code, run.err.as_str()), (Some(0), ""));
 }
