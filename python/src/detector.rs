@@ -1,5 +1,6 @@
 use std::sync::Arc;
 
+use lazygrid::ListOptions;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
@@ -11,7 +12,7 @@ use crate::interruptible::{Work, interruptible};
 use crate::pool::DetectorPool;
 use crate::settings::Settings;
 use crate::spheres::{Arguments, BorrowedQuery};
-use crate::{error, report};
+use crate::{error, neighbors, report};
 
 /// Finds all pairs of overlapping spheres and reuses its buffers between calls.
 ///
@@ -66,6 +67,7 @@ use crate::{error, report};
 #[pyclass(frozen, module = "lazygrid")]
 pub(crate) struct Detector {
     pool: Arc<DetectorPool>,
+    is_periodic: bool,
 }
 
 #[pymethods]
@@ -101,7 +103,7 @@ impl Detector {
         };
         // A driver may need some time.
         let pool = py.detach(|| DetectorPool::new(config, threads))?;
-        Ok(Self { pool })
+        Ok(Self { pool, is_periodic: periodic.is_some() })
     }
 
     /// Return the overlapping pairs, each once, in the detector's order.
@@ -216,6 +218,70 @@ impl Detector {
         let offsets = arrays::copied(py, [offsets.len()], offsets)?;
         let indices = arrays::copied(py, [indices.len()], indices)?;
         Ok((offsets.into_any(), indices.into_any()))
+    }
+
+    /// Return neighbors by quantity, with all periodic images within the cutoff, in a small box also a sphere's own.
+    ///
+    /// Exclusions apply to all images. The order is by ``i``, then ``j``, then ``S``. A GPU searches pairs; their geometry is
+    /// computed in float64 in any case. :func:`lazygrid.neighbor_list` has the same quantities for atoms of ASE.
+    ///
+    /// >>> i, j, d = detector.neighbor_list("ijd", spheres)
+    ///
+    /// Parameters
+    /// ----------
+    /// quantities
+    ///     The returned arrays, in this order: ``i`` and ``j``, indices of the spheres, int64 of shape ``(m,)``; ``d``,
+    ///     distances, float64 of shape ``(m,)``; ``D``, vectors from ``i`` to ``j``, float64 of shape ``(m, 3)``; ``S``,
+    ///     the numbers of cell vectors between them, int64 of shape ``(m, 3)``.
+    /// spheres, second, species, groups, exclusions
+    ///     As in :meth:`pairs`.
+    /// half
+    ///     If true, every pair is listed once, ``i < j``, and of two opposite images of a sphere the one whose first
+    ///     nonzero shift is positive; else also as ``(j, i)``. Without effect on two sets.
+    /// open
+    ///     If true, only distances below the cutoff count, as in ASE; else spheres that touch are neighbors.
+    /// with_self
+    ///     If true, every sphere of one set is its own neighbor at distance zero.
+    ///
+    /// Returns
+    /// -------
+    /// numpy.ndarray or tuple of numpy.ndarray
+    ///     One array if ``quantities`` is one letter.
+    ///
+    /// Raises
+    /// ------
+    /// InputError
+    ///     As :meth:`pairs`; for unknown quantities, and for cutoffs or coordinates too large for the box.
+    /// TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
+    ///     As :meth:`pairs`; ``max_pairs`` also limits the examined pairs of a sphere and an image.
+    #[pyo3(signature = (quantities, spheres, second=None, *, half=false, open=false, with_self=false, species=None,
+                        groups=None, exclusions=None))]
+    #[expect(clippy::too_many_arguments, clippy::fn_params_excessive_bools, reason = "keywords in Python")]
+    fn neighbor_list<'py>(
+        &self,
+        quantities: &str,
+        spheres: &Bound<'py, PyAny>,
+        second: Option<&Bound<'py, PyAny>>,
+        half: bool,
+        open: bool,
+        with_self: bool,
+        species: Option<&Bound<'py, PyAny>>,
+        groups: Option<&Bound<'py, PyAny>>,
+        exclusions: Option<&Bound<'py, Exclusions>>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let py = spheres.py();
+        let options = if half { ListOptions::half() } else { ListOptions::full() };
+        let options = if open { options.open() } else { options };
+        let options = neighbors::options(quantities, if with_self { options.with_self() } else { options })?;
+        let borrowed = BorrowedQuery::new(Arguments { spheres, second, species, groups, exclusions })?;
+        let query = borrowed.query()?;
+        let mut lease = self.pool.lease()?;
+        // The number of spheres does not bound the number of images.
+        let spheres = if self.is_periodic { usize::MAX } else { query.len() };
+        let work = Work { spheres, can_hold_lock: lease.is_on_cpu() };
+        let (detector, cancel) = lease.parts();
+        let found = interruptible(py, work, cancel, || detector.neighbor_list(query, options))?;
+        neighbors::arrays(py, quantities, &found.map_err(error::engine)?)
     }
 
     /// Return the number of pairs, in memory independent of that number.

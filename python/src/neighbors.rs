@@ -11,7 +11,7 @@ use lazygrid::{
 };
 use numpy::{PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
-use pyo3::types::PyDict;
+use pyo3::types::PyTuple;
 use rayon::prelude::*;
 
 use crate::arrays::same_length;
@@ -173,19 +173,24 @@ impl<'py> Arrays<'py> {
         Ok(())
     }
 
-    fn named(self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+    /// Returns one array for one letter, else a tuple. A repeated letter is the same array.
+    fn in_order(self, py: Python<'py>, quantities: &str) -> PyResult<Bound<'py, PyAny>> {
         let Self { i, j, distance, vector, shift } = self;
         let [i, j] = [i, j].map(|array| array.map(Bound::into_any));
         let (distance, vector) = (distance.map(Bound::into_any), vector.map(Bound::into_any));
-        let named = PyDict::new(py);
-        for (name, array) in
-            [("i", i), ("j", j), ("d", distance), ("D", vector), ("S", shift.map(Bound::into_any))]
-        {
-            if let Some(array) = array {
-                named.set_item(name, array)?;
-            }
+        let shift = shift.map(Bound::into_any);
+        let of = |quantity| match quantity {
+            'i' => i.clone(),
+            'j' => j.clone(),
+            'd' => distance.clone(),
+            'D' => vector.clone(),
+            _ => shift.clone(),
+        };
+        let all: Vec<_> = quantities.chars().filter_map(of).collect();
+        match <[_; 1]>::try_from(all) {
+            Ok([array]) => Ok(array),
+            Err(all) => Ok(PyTuple::new(py, all)?.into_any()),
         }
-        Ok(named)
     }
 }
 
@@ -226,16 +231,35 @@ impl CutoffArg<'_> {
     }
 }
 
-fn options(quantities: &str, with_itself: bool) -> ListOptions {
+const QUANTITIES: &str = "ijdDS";
+
+/// Adds quantities to the options.
+///
+/// # Errors
+/// `InputError` for unknown quantities.
+pub(crate) fn options(quantities: &str, options: ListOptions) -> PyResult<ListOptions> {
+    if quantities.is_empty() || quantities.contains(|letter| !QUANTITIES.contains(letter)) {
+        let message = format!("quantities = '{quantities}'; choose some of the letters {QUANTITIES}");
+        return Err(error::array(message));
+    }
     let wanted = |quantity| quantities.contains(quantity);
-    let options = ListOptions::full().open();
-    let options = if with_itself { options.with_self() } else { options };
     let options = if wanted('S') { options.shifts() } else { options };
     let options = if wanted('D') { options.vectors() } else { options };
-    if wanted('d') { options.distances() } else { options }
+    Ok(if wanted('d') { options.distances() } else { options })
 }
 
-/// Return the neighbors of atoms by quantity. See :func:`lazygrid.neighbor_list`.
+/// Returns the quantities of a list as an array or a tuple of arrays.
+pub(crate) fn arrays<'py>(
+    py: Python<'py>,
+    quantities: &str,
+    list: &NeighborList<'_>,
+) -> PyResult<Bound<'py, PyAny>> {
+    let arrays = Arrays::new(py, quantities, list.len())?;
+    arrays.fill(py, list)?;
+    arrays.in_order(py, quantities)
+}
+
+/// Return the neighbors of atoms by quantity: an array, or a tuple of arrays. See :func:`lazygrid.neighbor_list`.
 #[pyfunction]
 #[pyo3(signature = (quantities, positions, cutoffs, *, cell, with_itself))]
 #[expect(clippy::needless_pass_by_value, clippy::too_many_arguments, reason = "arguments of Python")]
@@ -246,12 +270,13 @@ pub(crate) fn neighbors_within<'py>(
     cutoffs: CutoffArg<'py>,
     cell: [[f64; 3]; 3],
     with_itself: bool,
-) -> PyResult<Bound<'py, PyDict>> {
+) -> PyResult<Bound<'py, PyAny>> {
     fork::use_global_threads()?;
     let positions = positions.as_slice()?.as_chunks::<3>().0;
     let cutoffs = cutoffs.cutoffs(positions.len())?;
     let spheres = cutoffs.spheres(positions).map_err(error::input)?;
-    let options = options(quantities, with_itself);
+    let wanted = ListOptions::full().open();
+    let options = options(quantities, if with_itself { wanted.with_self() } else { wanted })?;
     let detectors = detectors(cell, &cutoffs)?;
     let mut lease = detectors.lease()?;
     let (detector, cancel) = lease.parts();
@@ -259,12 +284,10 @@ pub(crate) fn neighbors_within<'py>(
     let work = Work { spheres: spheres_of_work, can_hold_lock: true };
     let found = interruptible(py, work, cancel, || detector.neighbor_list(spheres, options))?;
     let list = found.map_err(error::engine)?;
-    let length = list.len();
-    let arrays = Arrays::new(py, quantities, length)?;
-    arrays.fill(py, &list)?;
+    let (length, arrays) = (list.len(), arrays(py, quantities, &list)?);
     drop(lease);
     if length <= MAX_KEPT_ENTRIES {
         keep(cell, &cutoffs, detectors);
     }
-    arrays.named(py)
+    Ok(arrays)
 }

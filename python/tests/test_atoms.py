@@ -172,9 +172,15 @@ def tilted(atoms: Any, cutoff: Any, self_interaction: bool = False) -> int:
             np.testing.assert_array_equal(mine, theirs)
         else:
             np.testing.assert_allclose(mine, theirs, rtol=0, atol=1e-12 * (1 + np.abs(atoms.positions).max()))
-    i, j, _, vectors, shift = found
-    expected_vectors = atoms.positions[j] - atoms.positions[i] + shift @ atoms.cell[:]
-    np.testing.assert_allclose(vectors, expected_vectors, rtol=0, atol=1e-9)
+    i, j, distances, vectors, shift = found
+    # Products by BLAS may be fused.
+    products = [shift[:, axis, None] * atoms.cell[axis] for axis in range(3)]
+    expected_vectors = (atoms.positions[j] - atoms.positions[i]) + ((products[0] + products[1]) + products[2])
+    np.testing.assert_array_equal(vectors, expected_vectors)
+    squares = vectors * vectors
+    np.testing.assert_array_equal(distances, np.sqrt((squares[:, 0] + squares[:, 1]) + squares[:, 2]))
+    opposite = np.lexsort((-shift[:, 2], -shift[:, 1], -shift[:, 0], i, j))
+    np.testing.assert_array_equal(vectors[opposite], -vectors)
     return len(found[0])
 
 

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from ._errors import InputError
 from ._lazygrid import neighbors_within
 
-QUANTITIES = "ijdDS"
 AXES = "xyz"
 
 Vectors = npt.NDArray[np.float64]
@@ -35,8 +34,13 @@ def neighbor_list(quantities: str, a: Atoms, cutoff: Cutoff, self_interaction: b
     """Return the neighbors of atoms, like ``ase.neighborlist.neighbor_list``, to the last bit.
 
     Atoms are neighbors if they are nearer to each other than the cutoff, with all their periodic images, also in small
-    cells. The list has every pair as ``(i, j)`` and as ``(j, i)``, sorted by ``i``, then ``j``, then ``S``. In a
-    triclinic cell distances may differ from ASE's by the rounding of a sum in float64.
+    cells. The list has every pair as ``(i, j)`` and as ``(j, i)``, sorted by ``i``, then ``j``, then ``S``.
+
+    Vectors are ``(a.positions[j] - a.positions[i]) + ((S[0] * cell[0] + S[1] * cell[1]) + S[2] * cell[2])``, each
+    operation rounded by itself. ASE leaves the products to NumPy's BLAS, which fuses a multiplication and an addition on
+    most processors, for some lengths of the list. Vectors to images three or more cells away in a triclinic cell may thus
+    differ from ASE's by a rounding error of the largest product, and are equal without fused operations
+    (``OPENBLAS_CORETYPE=Nehalem``).
 
     Parameters
     ----------
@@ -64,9 +68,6 @@ def neighbor_list(quantities: str, a: Atoms, cutoff: Cutoff, self_interaction: b
     InputError
         For positions or cutoffs that are not finite, cell vectors in one plane, and unknown quantities.
     """
-    unknown = [quantity for quantity in quantities if quantity not in QUANTITIES]
-    if unknown or not quantities:
-        raise InputError(f"quantities = {quantities!r}; choose some of the letters {QUANTITIES}")
     positions = np.require(a.positions, np.float64, ["C", "A"])
     if positions.ndim != 2 or positions.shape[1] != 3:
         raise InputError(f"positions have shape {positions.shape} where (n, 3) is needed")
@@ -76,9 +77,7 @@ def neighbor_list(quantities: str, a: Atoms, cutoff: Cutoff, self_interaction: b
     if largest <= 0:
         # Nothing is nearer than that, not even an atom to itself.
         positions, cutoffs = positions[:0], 0.0
-    found = neighbors_within(quantities, positions, cutoffs, cell=cell.tolist(), with_itself=self_interaction)
-    arrays = tuple(found[quantity] for quantity in quantities)
-    return arrays[0] if len(arrays) == 1 else arrays
+    return neighbors_within(quantities, positions, cutoffs, cell=cell.tolist(), with_itself=self_interaction)
 
 
 def _cell(given: Any, periodic: list[bool]) -> Vectors:

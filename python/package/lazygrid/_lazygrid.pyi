@@ -186,6 +186,55 @@ class Detector:
             As :meth:`pairs`.
         """
 
+    def neighbor_list(
+        self,
+        quantities: str,
+        spheres: Spheres,
+        second: Spheres | None = None,
+        *,
+        half: bool = False,
+        open: bool = False,
+        with_self: bool = False,
+        species: Labels | None = None,
+        groups: Labels | None = None,
+        exclusions: Exclusions | None = None,
+    ) -> Any:
+        """Return neighbors by quantity, with all periodic images within the cutoff, in a small box also a sphere's own.
+
+        Exclusions apply to all images. The order is by ``i``, then ``j``, then ``S``. A GPU searches pairs; their geometry is
+        computed in float64 in any case. :func:`lazygrid.neighbor_list` has the same quantities for atoms of ASE.
+
+        >>> i, j, d = detector.neighbor_list("ijd", spheres)
+
+        Parameters
+        ----------
+        quantities
+            The returned arrays, in this order: ``i`` and ``j``, indices of the spheres, int64 of shape ``(m,)``; ``d``,
+            distances, float64 of shape ``(m,)``; ``D``, vectors from ``i`` to ``j``, float64 of shape ``(m, 3)``; ``S``,
+            the numbers of cell vectors between them, int64 of shape ``(m, 3)``.
+        spheres, second, species, groups, exclusions
+            As in :meth:`pairs`.
+        half
+            If true, every pair is listed once, ``i < j``, and of two opposite images of a sphere the one whose first
+            nonzero shift is positive; else also as ``(j, i)``. Without effect on two sets.
+        open
+            If true, only distances below the cutoff count, as in ASE; else spheres that touch are neighbors.
+        with_self
+            If true, every sphere of one set is its own neighbor at distance zero.
+
+        Returns
+        -------
+        numpy.ndarray or tuple of numpy.ndarray
+            One array if ``quantities`` is one letter.
+
+        Raises
+        ------
+        InputError
+            As :meth:`pairs`; for unknown quantities, and for cutoffs or coordinates too large for the box.
+        TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
+            As :meth:`pairs`; ``max_pairs`` also limits the examined pairs of a sphere and an image.
+        """
+
     def count(
         self,
         spheres: Spheres,
@@ -441,8 +490,8 @@ def neighbors_within(
     *,
     cell: list[list[float]],
     with_itself: bool,
-) -> dict[str, npt.NDArray[Any]]:
-    """Return the neighbors of atoms by quantity. See :func:`lazygrid.neighbor_list`."""
+) -> Any:
+    """Return the neighbors of atoms by quantity: an array, or a tuple of arrays. See :func:`lazygrid.neighbor_list`."""
 
 @final
 class SimulationCore:
