@@ -7,17 +7,20 @@ use lazygrid_io::read::{Format, Frames, Options};
 pub fn read(format: Option<Format>, bytes: &[u8]) {
     let radii = [("A".to_owned(), 1.0), ("1".to_owned(), 0.5)];
     for (length, ids) in [(None, true), (Some(bytes.len() as u64), false)] {
-        let options = Options { format, radii: radii.clone().into(), ids, ..Options::default() };
+        let options = Options { format, radii: radii.clone().into(), ids, doubles: !ids, ..Options::default() };
         let Ok(frames) = Frames::new("fuzz", Cursor::new(bytes.to_vec()), length, options) else { continue };
         let (mut spheres, mut failed) = (0, false);
         for frame in frames {
             assert!(!failed, "a frame after an error");
             match frame {
                 Ok(frame) => {
-                    spheres += frame.spheres.len();
+                    let count = frame.len();
+                    spheres += count;
                     assert!(frame.spheres.iter().all(|sphere| sphere.is_valid()));
-                    assert!(frame.species.is_none_or(|species| species.len() == frame.spheres.len()));
-                    assert!(frame.ids.is_none_or(|ids| ids.len() == frame.spheres.len()));
+                    let mut doubles = frame.doubles.iter().flatten();
+                    assert!(doubles.all(|row| row.iter().all(|number| number.is_finite()) && row[3] >= 0.0));
+                    assert!(frame.species.is_none_or(|species| species.len() == count));
+                    assert!(frame.ids.is_none_or(|ids| ids.len() == count));
                 }
                 Err(error) => {
                     failed = true;

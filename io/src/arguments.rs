@@ -26,7 +26,8 @@ pub fn species_radius(text: &str) -> Result<(String, f32), String> {
 pub fn radii_by_species(given: &[(String, f32)]) -> Result<Radii, String> {
     let mut radii = Radii::new();
     for (species, radius) in given {
-        if let Some(first) = radii.insert(species.clone(), *radius) {
+        if let Some(first) = radii.insert(species.clone(), f64::from(*radius)) {
+            let first = first as f32;
             return Err(format!("--radius {species} is given twice, as {first} and {radius}; give one"));
         }
     }

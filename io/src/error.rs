@@ -83,7 +83,7 @@ pub enum Error {
     #[error(
         "the radius of species '{species}' is {radius}; radii must be finite 32-bit numbers that are not negative"
     )]
-    Radius { species: String, radius: f32 },
+    Radius { species: String, radius: f64 },
     /// The file has no radii, and none was given for this species.
     #[error("{place}: no radius column and no radius for {}", remedy(species.as_deref()))]
     NoRadius { place: Location, species: Option<String> },

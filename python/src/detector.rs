@@ -256,7 +256,7 @@ impl Detector {
     ///     As :meth:`pairs`; ``max_pairs`` also limits the examined pairs of a sphere and an image.
     #[pyo3(signature = (quantities, spheres, second=None, *, half=false, open=false, with_self=false, species=None,
                         groups=None, exclusions=None))]
-    #[expect(clippy::too_many_arguments, clippy::fn_params_excessive_bools, reason = "keywords in Python")]
+    #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn neighbor_list<'py>(
         &self,
         quantities: &str,

@@ -11,7 +11,7 @@ fn data(name: &str) -> PathBuf {
 }
 
 fn frame(name: &str, format: Option<Format>, radii: &[(&str, f32)]) -> TestInput {
-    let radii = radii.iter().map(|&(name, radius)| (name.to_owned(), radius)).collect();
+    let radii = radii.iter().map(|&(name, radius)| (name.to_owned(), radius.into())).collect();
     let frames =
         Frames::open(data(name), Options { format, radii, ..Options::default() }).expect("the file opens");
     let mut frames: Vec<_> = frames.collect::<Result<_, _>>().expect("the file is well-formed");

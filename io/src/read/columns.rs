@@ -43,9 +43,10 @@ pub(super) struct Columns {
 
 #[derive(Clone, Copy, Default)]
 pub(super) struct Row<'a> {
-    pub(super) center: [f32; 3],
+    /// Of the requested type, like the radius.
+    pub(super) center: [f64; 3],
     pub(super) scaled: [Scaled<'a>; 3],
-    pub(super) radius: Option<f32>,
+    pub(super) radius: Option<f64>,
     pub(super) species: Option<&'a [u8]>,
     pub(super) id: Option<&'a [u8]>,
     pub(super) group: Option<&'a [u8]>,
@@ -128,7 +129,7 @@ impl Columns {
 
     pub(super) fn row<'a>(
         &self,
-        line: Line<'a>,
+        (line, doubles): (Line<'a>, bool),
         mut fields: impl Iterator<Item = &'a [u8]>,
     ) -> Result<Row<'a>, Error> {
         let mut row = Row::default();
@@ -139,11 +140,11 @@ impl Columns {
             let name = &self.names[k];
             let value = match *meaning {
                 Column::Axis(axis) => {
-                    row.center[axis] = line.number(name, field)?;
+                    row.center[axis] = line.real(name, field, doubles)?;
                     row.center[axis]
                 }
                 Column::Radius | Column::Diameter => {
-                    let value = line.radius(name, field)?;
+                    let value = line.radius(name, field, doubles)?;
                     row.radius = Some(if *meaning == Column::Radius { value } else { value * 0.5 });
                     value
                 }
@@ -165,7 +166,8 @@ impl Columns {
                 }
                 Column::Other => continue,
             };
-            if field.len() > SAFE_DIGITS as usize && row.rounded.is_none() && loses_digits(field, value) {
+            let may_lose = !doubles && field.len() > SAFE_DIGITS as usize && row.rounded.is_none();
+            if may_lose && loses_digits(field, value as f32) {
                 row.rounded = Some((k, field));
             }
         }

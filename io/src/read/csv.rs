@@ -79,11 +79,11 @@ impl Table for Csv {
         &self.columns
     }
 
-    fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error> {
+    fn row<'a>(&self, line: Line<'a>, doubles: bool) -> Result<Option<Row<'a>>, Error> {
         if line.is_blank() || commented(line.bytes).is_some() {
             return Ok(None);
         }
-        self.columns.row(line, fields(line, line.bytes, self.separator)?).map(Some)
+        self.columns.row((line, doubles), fields(line, line.bytes, self.separator)?).map(Some)
     }
 }
 

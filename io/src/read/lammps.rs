@@ -8,7 +8,7 @@ use lazygrid::Space;
 
 use super::cell::Cell;
 use super::columns::{Column, Columns, Row};
-use super::line::Line;
+use super::line::{Line, rule_of};
 use super::lines::Lines;
 use super::read_context::ReadContext;
 use super::rows::Table;
@@ -145,10 +145,10 @@ impl Table for Atoms {
         &self.columns
     }
 
-    fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error> {
-        let mut row = self.columns.row(line, line.words())?;
+    fn row<'a>(&self, line: Line<'a>, doubles: bool) -> Result<Option<Row<'a>>, Error> {
+        let mut row = self.columns.row((line, doubles), line.words())?;
         if let Some(bounds) = &self.scale {
-            bounds.place(line, &mut row)?;
+            bounds.place((line, doubles), &mut row)?;
         }
         Ok(Some(row))
     }
@@ -206,21 +206,20 @@ impl Style {
 
 impl Bounds {
     /// Computes the center from the scaled coordinates.
-    fn place(&self, line: Line<'_>, row: &mut Row<'_>) -> Result<(), Error> {
+    fn place(&self, (line, doubles): (Line<'_>, bool), row: &mut Row<'_>) -> Result<(), Error> {
         let parts = row.scaled;
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
             let steps = self.cell.edges.iter().zip(parts).map(|(edge, part)| edge[axis] * part.value);
             let value = self.corner[axis] + steps.sum::<f64>();
-            let narrow = value as f32;
-            row.center[axis] = narrow;
-            if !narrow.is_finite() {
-                let rule = "values must be finite 32-bit floating-point numbers";
-                return Err(line.refuse(name, value.to_string().as_bytes(), rule));
+            let number = if doubles { value } else { f64::from(value as f32) };
+            row.center[axis] = number;
+            if !number.is_finite() {
+                return Err(line.refuse(name, value.to_string().as_bytes(), rule_of(doubles)));
             }
             // Half of the last digit of each field: the coordinate is not known better.
             let edges = self.cell.edges.iter().zip(parts).filter(|(edge, _)| edge[axis] != 0.0);
             let units = edges.map(|(edge, part)| edge[axis].abs() * part.unit);
-            if row.rounded.is_none() && (value - f64::from(narrow)).abs() > 0.5 * units.sum::<f64>() {
+            if row.rounded.is_none() && (value - number).abs() > 0.5 * units.sum::<f64>() {
                 row.rounded = parts[axis].field;
             }
         }

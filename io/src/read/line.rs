@@ -59,7 +59,7 @@ impl<'a> Line<'a> {
     {
         match lexical_core::parse::<F>(field) {
             Ok(value) if value.into().is_finite() => Ok(value),
-            Ok(_) => Err(self.refuse(column, field, "values must be finite 32-bit floating-point numbers")),
+            Ok(_) => Err(self.refuse(column, field, rule_of(size_of::<F>() > 4))),
             Err(_) => {
                 let (column, text) = (column.to_owned(), excerpt(field));
                 Err(Error::Number { place: self.place(), column, text })
@@ -67,9 +67,17 @@ impl<'a> Line<'a> {
         }
     }
 
+    /// A number of the requested type: rounded once, to `f64` or `f32`.
+    pub(super) fn real(self, column: &str, field: &[u8], doubles: bool) -> Result<f64, Error> {
+        match doubles {
+            true => self.number(column, field),
+            false => self.number::<f32>(column, field).map(f64::from),
+        }
+    }
+
     /// Finite, not negative.
-    pub(super) fn radius(self, column: &str, field: &[u8]) -> Result<f32, Error> {
-        let radius = self.number(column, field)?;
+    pub(super) fn radius(self, column: &str, field: &[u8], doubles: bool) -> Result<f64, Error> {
+        let radius = self.real(column, field, doubles)?;
         if radius < 0.0 {
             return Err(self.refuse(column, field, "radii must not be negative"));
         }
@@ -98,6 +106,14 @@ impl<'a> Line<'a> {
 
     pub(super) fn refuse(self, column: &str, field: &[u8], rule: &'static str) -> Error {
         Error::Value { place: self.place(), column: column.to_owned(), value: excerpt(field), rule }
+    }
+}
+
+/// Returns the rule of numbers of `f64` or `f32`.
+pub(super) fn rule_of(doubles: bool) -> &'static str {
+    match doubles {
+        true => "values must be finite floating-point numbers",
+        false => "values must be finite 32-bit floating-point numbers",
     }
 }
 

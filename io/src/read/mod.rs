@@ -9,8 +9,8 @@
 //! # Ok::<(), lazygrid_io::Error>(())
 //! ```
 //!
-//! One frame bounds the memory, not declared sizes. Radii and coordinates are `f32`, rounded once from the text;
-//! lengths of boxes are `f64`.
+//! One frame bounds the memory, not declared sizes. Radii and coordinates are `f32`, rounded once from the text, or
+//! `f64` on request; lengths of boxes are `f64`.
 
 mod cell;
 mod columns;
@@ -32,6 +32,7 @@ mod tests;
 mod xyz;
 mod zstd;
 
+use std::collections::TryReserveError;
 use std::fmt;
 use std::fs::File;
 use std::io::Read;
@@ -148,6 +149,8 @@ pub struct Options {
     pub ids: bool,
     /// Reads groups from a column `group`, `molecule` or `mol`.
     pub groups: bool,
+    /// Reads numbers as `f64`, into [`Frame::doubles`].
+    pub doubles: bool,
 }
 
 /// A frame.
@@ -157,8 +160,10 @@ pub struct Frame {
     pub step: Option<i64>,
     /// Space: declared, or from the options.
     pub space: Space,
-    /// Spheres in the order of the file, finite, radii not negative.
+    /// Spheres in the order of the file, finite, radii not negative. Empty if `f64` was requested.
     pub spheres: Vec<Sphere>,
+    /// The spheres as rows `x, y, z, r`, if `f64` was requested.
+    pub doubles: Option<Vec<[f64; 4]>>,
     /// Species id of each sphere, if given; names are in [`Frames::species`].
     pub species: Option<Vec<u32>>,
     /// Id of each sphere, if requested.
@@ -175,6 +180,32 @@ impl Frame {
         frame
     }
 
+    /// Returns the number of spheres.
+    pub fn len(&self) -> usize {
+        self.doubles.as_ref().map_or(self.spheres.len(), Vec::len)
+    }
+
+    /// Returns `true` for a frame without spheres.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Reserves memory for more spheres of the requested type.
+    fn try_reserve(&mut self, more: usize) -> Result<(), TryReserveError> {
+        match &mut self.doubles {
+            Some(doubles) => doubles.try_reserve(more),
+            None => self.spheres.try_reserve(more),
+        }
+    }
+
+    /// Adds a sphere whose numbers have the requested type, in reserved memory.
+    fn push(&mut self, row: [f64; 4]) {
+        match &mut self.doubles {
+            Some(doubles) => doubles.push(row),
+            None => self.spheres.push(sphere(row)),
+        }
+    }
+
     /// Sorts spheres by id, if any, for comparison between frames.
     ///
     /// # Errors
@@ -186,7 +217,10 @@ impl Frame {
             let mut order: Vec<u32> = (0..ids.len() as u32).collect();
             order.par_sort_unstable_by_key(|&row| ids[row as usize]);
             *ids = order.iter().map(|&row| ids[row as usize]).collect();
-            self.spheres = order.iter().map(|&row| self.spheres[row as usize]).collect();
+            match &mut self.doubles {
+                Some(doubles) => *doubles = order.iter().map(|&row| doubles[row as usize]).collect(),
+                None => self.spheres = order.iter().map(|&row| self.spheres[row as usize]).collect(),
+            }
             for column in [&mut self.species, &mut self.groups].into_iter().flatten() {
                 *column = order.iter().map(|&row| column[row as usize]).collect();
             }
@@ -196,6 +230,11 @@ impl Frame {
             None => Ok(()),
         }
     }
+}
+
+/// Returns a sphere of numbers that `f32` holds.
+fn sphere([x, y, z, r]: [f64; 4]) -> Sphere {
+    Sphere::new([x, y, z].map(|number| number as f32), r as f32)
 }
 
 /// Frames of a file, one at a time, up to the first error.

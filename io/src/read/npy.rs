@@ -17,6 +17,7 @@ use lazygrid::Sphere;
 use self::dtype::Dtype;
 use self::header::{Header, Layout};
 use super::Frame;
+use super::line::rule_of;
 use super::read_context::ReadContext;
 use super::source::Source;
 use crate::error::{Error, Position};
@@ -38,9 +39,9 @@ pub(super) fn read(mut source: Source, context: &mut ReadContext) -> Result<Fram
 fn read_body(source: &mut Source, header: &Header, context: &mut ReadContext) -> Result<Frame, Error> {
     header.check_count(source)?;
     header.check_length(source)?;
-    let mut frame = Frame::default();
+    let mut frame = Frame { doubles: context.doubles.then(Vec::new), ..Frame::default() };
     if source.length.is_some() {
-        let room = frame.spheres.try_reserve_exact(header.rows as usize);
+        let room = frame.try_reserve(header.rows as usize);
         room.map_err(|_| header.too_many(source, "memory"))?;
     }
     match &header.layout {
@@ -52,11 +53,11 @@ fn read_body(source: &mut Source, header: &Header, context: &mut ReadContext) ->
             let expected = "a structured array with a field `group`, `molecule` or `mol`, which --exclude-groups asks for";
             return Err(syntax(source, expected, "an array of numbers"));
         }
-        Layout::Plain { kind: Dtype::NATIVE_F32, fortran: false } => {
+        Layout::Plain { kind: Dtype::NATIVE_F32, fortran: false } if !context.doubles => {
             read_rows(source, header, &mut frame.spheres)?;
         }
         &Layout::Plain { kind, fortran } => {
-            decode(source, (header, kind, fortran), &mut frame.spheres, context)?;
+            decode(source, (header, kind, fortran), &mut frame, context)?;
         }
         Layout::Structured(fields) => fields.read(source, header, &mut frame, context)?,
     }
@@ -82,7 +83,7 @@ fn read_rows(source: &mut Source, header: &Header, spheres: &mut Vec<Sphere>) ->
         if !spheres[start..].iter().fold(true, |valid, sphere| valid & sphere.is_valid()) {
             for (row, sphere) in spheres.iter().enumerate().skip(start) {
                 for (column, &value) in bytemuck::cast_ref::<_, [f32; 4]>(sphere).iter().enumerate() {
-                    check(source, row as u64, COLUMNS[column], column == 3, value.into())?;
+                    check(source, row as u64, (COLUMNS[column], column == 3), value.into(), false)?;
                 }
             }
         }
@@ -93,7 +94,7 @@ fn read_rows(source: &mut Source, header: &Header, spheres: &mut Vec<Sphere>) ->
 fn decode(
     source: &mut Source,
     (header, kind, fortran): (&Header, Dtype, bool),
-    spheres: &mut Vec<Sphere>,
+    frame: &mut Frame,
     context: &mut ReadContext,
 ) -> Result<(), Error> {
     let width = kind.width;
@@ -108,15 +109,18 @@ fn decode(
             let written = kind.float(value);
             let (row, column) =
                 if fortran { (next % rows, (next / rows) as usize) } else { (next / 4, (next % 4) as usize) };
-            let value = check(source, row, COLUMNS[column], column == 3, written)?;
-            if f64::from(value) != written {
-                context.warn_of_rounding(source.at(Position::Row(row)), COLUMNS[column], written);
-            }
+            let value = context.number(source, row, (COLUMNS[column], column == 3), written)?;
             if column == 0 {
-                spheres.try_reserve(1).map_err(|_| header.too_many(source, "memory"))?;
-                spheres.push(Sphere::default());
+                frame.try_reserve(1).map_err(|_| header.too_many(source, "memory"))?;
+                frame.push([0.0; 4]);
             }
-            bytemuck::cast_mut::<_, [f32; 4]>(&mut spheres[row as usize])[column] = value;
+            match &mut frame.doubles {
+                Some(doubles) => doubles[row as usize][column] = value,
+                None => {
+                    bytemuck::cast_mut::<_, [f32; 4]>(&mut frame.spheres[row as usize])[column] =
+                        value as f32;
+                }
+            }
             next += 1;
         }
         if read < block {
@@ -126,11 +130,34 @@ fn decode(
     Ok(())
 }
 
-/// Checks for a finite 32-bit value, not negative as a radius.
-fn check(source: &Source, row: u64, column: &str, is_radius: bool, written: f64) -> Result<f32, Error> {
-    let value = written as f32;
+impl ReadContext {
+    /// Returns a number of the requested type, and warns if it is rounded.
+    fn number(
+        &mut self,
+        source: &Source,
+        row: u64,
+        (column, is_radius): (&str, bool),
+        written: f64,
+    ) -> Result<f64, Error> {
+        let value = check(source, row, (column, is_radius), written, self.doubles)?;
+        if value != written {
+            self.warn_of_rounding(source.at(Position::Row(row)), column, written);
+        }
+        Ok(value)
+    }
+}
+
+/// Checks for a finite value of `f64` or `f32`, not negative as a radius.
+fn check(
+    source: &Source,
+    row: u64,
+    (column, is_radius): (&str, bool),
+    written: f64,
+    doubles: bool,
+) -> Result<f64, Error> {
+    let value = if doubles { written } else { f64::from(written as f32) };
     let rule = if !value.is_finite() {
-        "values must be finite 32-bit floating-point numbers"
+        rule_of(doubles)
     } else if is_radius && value < 0.0 {
         "radii must not be negative"
     } else {

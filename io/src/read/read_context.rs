@@ -13,6 +13,7 @@ pub(super) struct ReadContext {
     pub(super) space: Option<Space>,
     pub(super) ids: bool,
     pub(super) groups: bool,
+    pub(super) doubles: bool,
     /// Lines of serial numbers, which are unique.
     serials: HashMap<Serial, u64>,
     /// Warning of the first number that lost digits.
@@ -22,12 +23,15 @@ pub(super) struct ReadContext {
 impl ReadContext {
     /// Refuses radii that no sphere can have.
     pub(super) fn new(options: Options) -> Result<Self, Error> {
-        let Options { radii, space, ids, groups, .. } = options;
-        if let Some((species, &radius)) = radii.iter().find(|(_, r)| !(r.is_finite() && **r >= 0.0)) {
+        let Options { mut radii, space, ids, groups, doubles, .. } = options;
+        let rounded = |radius: f64| if doubles { radius } else { f64::from(radius as f32) };
+        let is_refused = |radius: f64| !(rounded(radius).is_finite() && radius >= 0.0);
+        if let Some((species, &radius)) = radii.iter().find(|(_, radius)| is_refused(**radius)) {
             return Err(Error::Radius { species: species.clone(), radius });
         }
+        radii.values_mut().for_each(|radius| *radius = rounded(*radius));
         let (species, serials) = (Species::new(radii), HashMap::new());
-        Ok(Self { species, space, ids, groups, serials, rounding: None })
+        Ok(Self { species, space, ids, groups, doubles, serials, rounding: None })
     }
 
     /// Logs once per file that 32 bits lose digits.

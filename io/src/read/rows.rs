@@ -3,19 +3,19 @@
 use lazygrid::{MAX_SPHERES, Sphere};
 use rayon::prelude::*;
 
-use super::Frame;
 use super::columns::{Column, Columns, Row};
 use super::line::Line;
 use super::lines::{LineBlock, Lines};
 use super::read_context::ReadContext;
 use super::serial::{Serial, serial};
 use super::species::Species;
+use super::{Frame, sphere};
 use crate::error::{Error, Location, Position};
 
 pub(super) trait Table: Sync {
     fn columns(&self) -> &Columns;
 
-    fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error>;
+    fn row<'a>(&self, line: Line<'a>, doubles: bool) -> Result<Option<Row<'a>>, Error>;
 
     fn has_serials(&self) -> bool {
         false
@@ -25,6 +25,8 @@ pub(super) trait Table: Sync {
 #[derive(Default)]
 struct ParsedBlock {
     spheres: Vec<Sphere>,
+    /// In place of the spheres, if requested.
+    doubles: Vec<[f64; 4]>,
     kinds: Vec<u32>,
     species: Species,
     ids: Vec<i64>,
@@ -69,8 +71,8 @@ impl Lines {
         frame: &mut Frame,
     ) -> Result<u64, Error> {
         frame.begin(table, context);
-        let defaults =
-            RowDefaults { species: context.species.with_names(), ids: context.ids, groups: context.groups };
+        let &mut ReadContext { ids, groups, doubles, ref species, .. } = context;
+        let defaults = RowDefaults { species: species.with_names(), ids, groups, doubles };
         let parse = |pieces: &[LineBlock<'_>]| match pieces {
             [piece] => vec![ParsedBlock::of(*piece, table, &defaults)],
             _ => pieces.par_iter().map(|piece| ParsedBlock::of(*piece, table, &defaults)).collect::<Vec<_>>(),
@@ -101,20 +103,24 @@ struct RowDefaults {
     species: Species,
     ids: bool,
     groups: bool,
+    doubles: bool,
 }
 
 impl ParsedBlock {
     fn of(piece: LineBlock<'_>, table: &impl Table, defaults: &RowDefaults) -> Self {
         let mut part = Self { species: defaults.species.with_names(), ..Self::default() };
         // On refusal, the first row says so.
-        let _ = part.spheres.try_reserve_exact(piece.rows());
+        let _ = match defaults.doubles {
+            true => part.doubles.try_reserve_exact(piece.rows()),
+            false => part.spheres.try_reserve_exact(piece.rows()),
+        };
         part.error = piece.lines().try_for_each(|line| part.push(line?, table, defaults)).err();
         part
     }
 
     /// Adds a row's sphere, with the given radius of its species, else its own.
     fn push(&mut self, line: Line<'_>, table: &impl Table, defaults: &RowDefaults) -> Result<(), Error> {
-        let Some(row) = table.row(line)? else { return Ok(()) };
+        let Some(row) = table.row(line, defaults.doubles)? else { return Ok(()) };
         let mut radius = row.radius;
         if let Some(name) = row.species {
             let (kind, given) = self.species.intern(name);
@@ -139,7 +145,11 @@ impl ParsedBlock {
         if let Some((column, field)) = row.rounded.filter(|_| self.rounded.is_none()) {
             self.rounded = Some((line.place(), column, String::from_utf8_lossy(field).into_owned()));
         }
-        try_push(&mut self.spheres, Sphere::new(row.center, radius), line)
+        let [x, y, z] = row.center;
+        match defaults.doubles {
+            true => try_push(&mut self.doubles, [x, y, z, radius], line),
+            false => try_push(&mut self.spheres, sphere([x, y, z, radius]), line),
+        }
     }
 }
 
@@ -162,6 +172,10 @@ impl Frame {
         if context.ids {
             self.ids.get_or_insert_default();
         }
+        if context.doubles {
+            self.doubles.get_or_insert_default();
+            self.spheres = Vec::new();
+        }
         if context.groups {
             self.groups.get_or_insert_default();
         }
@@ -174,14 +188,16 @@ impl Frame {
         context: &mut ReadContext,
         last: &Location,
     ) -> Result<(), Error> {
-        let spheres = (self.spheres.len() + part.spheres.len()) as u64;
+        let more = part.spheres.len() + part.doubles.len();
+        let spheres = (self.len() + more) as u64;
         let file = || Location { at: Position::File, ..last.clone() };
         if spheres > MAX_SPHERES {
             return Err(Error::TooManySpheres { place: file(), spheres, limit: "32-bit indices" });
         }
         let no_room = |_| Error::TooManySpheres { place: file(), spheres, limit: "memory" };
-        self.spheres.try_reserve(part.spheres.len()).map_err(no_room)?;
+        self.try_reserve(more).map_err(no_room)?;
         self.spheres.extend_from_slice(&part.spheres);
+        self.doubles.iter_mut().for_each(|doubles| doubles.extend_from_slice(&part.doubles));
         if !part.kinds.is_empty() {
             let ids = context.species.adopt(&part.species);
             let species = self.species.get_or_insert_default();

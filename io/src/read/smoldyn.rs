@@ -33,11 +33,11 @@ impl Table for Listing {
         &self.0
     }
 
-    fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error> {
+    fn row<'a>(&self, line: Line<'a>, doubles: bool) -> Result<Option<Row<'a>>, Error> {
         if line.is_blank() {
             return Ok(None);
         }
-        let row = self.0.row(line, line.words())?;
+        let row = self.0.row((line, doubles), line.words())?;
         if !row.species.is_some_and(is_name) {
             return Err(line.unexpected("name(state) x y z serial"));
         }

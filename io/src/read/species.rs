@@ -4,7 +4,7 @@ use std::sync::Arc;
 use crate::error::bare;
 
 /// Radii by species name, which win over a radius column.
-pub type Radii = BTreeMap<String, f32>;
+pub type Radii = BTreeMap<String, f64>;
 
 /// The species of a file in the order of appearance, and their given radii.
 ///
@@ -13,7 +13,7 @@ pub type Radii = BTreeMap<String, f32>;
 pub struct Species {
     names: Vec<String>,
     keys: Vec<Box<[u8]>>,
-    radii: Vec<Option<f32>>,
+    radii: Vec<Option<f64>>,
     ids: HashMap<Box<[u8]>, u32>,
     given: Arc<Radii>,
     last: usize,
@@ -43,7 +43,7 @@ impl Species {
         !self.given.is_empty()
     }
 
-    pub(super) fn intern(&mut self, name: &[u8]) -> (u32, Option<f32>) {
+    pub(super) fn intern(&mut self, name: &[u8]) -> (u32, Option<f64>) {
         // Rows mostly repeat the species, without hashing.
         let same = self.keys.get(self.last).is_some_and(|last| **last == *name);
         let id = match same {

@@ -2,6 +2,7 @@ mod arrays;
 mod blocks;
 mod compressed;
 mod damaged;
+mod doubles;
 mod spaces;
 mod tables;
 
@@ -12,7 +13,7 @@ use lazygrid::Sphere;
 use super::*;
 
 fn options(format: Option<Format>, radii: &[(&str, f32)]) -> Options {
-    let radii = radii.iter().map(|&(name, r)| (name.to_owned(), r)).collect();
+    let radii = radii.iter().map(|&(name, r)| (name.to_owned(), r.into())).collect();
     Options { format, radii, ..Options::default() }
 }
 

@@ -46,8 +46,8 @@ impl Table for Words {
         &self.0
     }
 
-    fn row<'a>(&self, line: Line<'a>) -> Result<Option<Row<'a>>, Error> {
-        self.0.row(line, line.words()).map(Some)
+    fn row<'a>(&self, line: Line<'a>, doubles: bool) -> Result<Option<Row<'a>>, Error> {
+        self.0.row((line, doubles), line.words()).map(Some)
     }
 }
 

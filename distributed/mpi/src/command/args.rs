@@ -224,7 +224,7 @@ impl Detect {
     pub(crate) fn options(&self) -> Options {
         // `Args::checked` refuses a species with two radii.
         let radii = self.radii.iter().cloned().collect();
-        Options { format: self.format, radii, space: self.periodic, ids: false, groups: false }
+        Options { format: self.format, radii, space: self.periodic, ids: false, groups: false, doubles: false }
     }
 }
 

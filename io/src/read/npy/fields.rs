@@ -1,10 +1,8 @@
 use std::collections::TryReserveError;
 
-use lazygrid::Sphere;
-
 use super::dictionary::Field;
 use super::dtype::{Dtype, DtypeKind};
-use super::{Header, ReadContext, Source, check, syntax, truncated};
+use super::{Header, ReadContext, Source, syntax, truncated};
 use crate::error::{Error, Position, excerpt};
 use crate::read::Frame;
 use crate::read::columns::{Column, Columns};
@@ -111,7 +109,7 @@ impl Fields {
         frame: &mut Frame,
         context: &ReadContext,
     ) -> Result<(), TryReserveError> {
-        frame.spheres.try_reserve(rows)?;
+        frame.try_reserve(rows)?;
         if self.columns.has(Column::Species) {
             frame.species.get_or_insert_default().try_reserve(rows)?;
         }
@@ -131,19 +129,13 @@ impl Fields {
         frame: &mut Frame,
         context: &mut ReadContext,
     ) -> Result<(), Error> {
-        let (mut sphere, mut radius, mut given) = (Sphere::default(), None, None);
+        let (mut center, mut radius, mut given) = ([0.0; 3], None, None);
         for Location { name, meaning, kind, start } in &self.wanted {
             let bytes = &row[*start..start + kind.width];
-            let mut float = |is_radius| {
-                let written = kind.float(bytes);
-                let value = check(source, number, name, is_radius, written)?;
-                if f64::from(value) != written {
-                    context.warn_of_rounding(source.at(Position::Row(number)), name, written);
-                }
-                Ok::<_, Error>(value)
-            };
+            let mut float =
+                |is_radius| context.number(source, number, (name.as_str(), is_radius), kind.float(bytes));
             match meaning {
-                Column::Axis(axis) => sphere.center[*axis] = float(false)?,
+                Column::Axis(axis) => center[*axis] = float(false)?,
                 Column::Radius => radius = Some(float(true)?),
                 Column::Diameter => radius = Some(float(true)? * 0.5),
                 Column::Species => {
@@ -170,11 +162,12 @@ impl Fields {
             }
         }
         let species = || frame.species.as_ref().and_then(|ids| ids.last());
-        sphere.radius = given.or(radius).ok_or_else(|| Error::NoRadius {
+        let radius = given.or(radius).ok_or_else(|| Error::NoRadius {
             place: source.at(Position::Row(number)),
             species: species().map(|&id| context.species.names()[id as usize].clone()),
         })?;
-        frame.spheres.push(sphere);
+        let [x, y, z] = center;
+        frame.push([x, y, z, radius]);
         Ok(())
     }
 }
