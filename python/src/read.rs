@@ -7,7 +7,7 @@ use lazygrid::Sphere;
 use lazygrid_io::Error;
 use lazygrid_io::arguments::unused_radius;
 use lazygrid_io::read::{self, Format, Options};
-use numpy::{PyArray1, PyArray2};
+use numpy::{PyArray1, PyArrayDescr, PyArrayDescrMethods};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 
@@ -22,15 +22,15 @@ const MIN_POLLED_SPHERES: usize = 1 << 12;
 
 /// An iterator over the frames of a file, with one in memory. :func:`lazygrid.read` reads one frame.
 ///
-/// Numbers are rounded to float32; the first that loses digits is a ``UserWarning``. So is, at the end, a species of
-/// ``radii`` that no sphere has. Ctrl-C ends the iteration.
+/// Numbers are rounded to float32, and the first that loses digits is a ``UserWarning``, unless ``dtype`` is float64. A
+/// species of ``radii`` that no sphere has is a ``UserWarning`` at the end. Ctrl-C ends the iteration.
 ///
 /// Raises
 /// ------
 /// FileError
 ///     For a file that does not follow its format, with line or row and text.
 /// SettingError
-///     For an unknown format, and for radii that are negative or not finite.
+///     For an unknown format, another ``dtype`` than float32 and float64, and for radii that are negative or not finite.
 /// OSError
 ///     If the system refuses the file.
 #[pyclass(frozen, module = "lazygrid")]
@@ -54,8 +54,8 @@ struct State {
 /// The spheres of one moment of a file, in the file's length unit.
 #[pyclass(frozen, get_all, module = "lazygrid")]
 pub(crate) struct Frame {
-    /// Rows ``x, y, z, r``, of shape ``(n, 4)``, rounded to float32.
-    spheres: Py<PyArray2<f32>>,
+    /// Rows ``x, y, z, r``, of shape ``(n, 4)``, of the requested ``dtype``.
+    spheres: Py<PyAny>,
     /// A species id per sphere, of shape ``(n,)``, if the file has species.
     species: Option<Py<PyArray1<u32>>>,
     /// An id per sphere, of shape ``(n,)``, if ids were requested.
@@ -80,16 +80,19 @@ enum CellVector {
 #[pymethods]
 impl Frames {
     #[new]
-    #[pyo3(signature = (path, *, format=None, radii=None, periodic=None, ids=false, groups=false))]
+    #[pyo3(signature = (path, *, format=None, radii=None, periodic=None, ids=false, groups=false, dtype=None),
+           text_signature = "(path, *, format=None, radii=None, periodic=None, ids=False, groups=False, \
+                             dtype='float32')")]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn new(
         py: Python<'_>,
         path: PathBuf,
         format: Option<&str>,
-        radii: Option<BTreeMap<String, f32>>,
+        radii: Option<BTreeMap<String, f64>>,
         periodic: Option<&Bound<'_, PyAny>>,
         ids: bool,
         groups: bool,
+        dtype: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
         fork::use_threads()?;
         let format = format.map(str::parse).transpose().map_err(error::unknown)?;
@@ -98,7 +101,8 @@ impl Frames {
             Some(word) if word.extract::<&str>().is_ok_and(|word| word == "none") => Some(space(None)?),
             lengths => Some(space(lengths)?),
         };
-        let options = Options { format, radii: radii.unwrap_or_default(), space, ids, groups };
+        let doubles = dtype.map_or(Ok(false), is_float64)?;
+        let options = Options { format, radii: radii.unwrap_or_default(), space, ids, groups, doubles };
         let length = length(&path).map_err(error::file)?;
         let cancel = Arc::new(AtomicBool::new(false));
         let open = || {
@@ -132,8 +136,7 @@ impl Frames {
             py.import("warnings")?.call_method1("warn", (warning, py.get_type::<PyUserWarning>()))?;
         }
         let Some((frame, names)) = read else { return Ok(None) };
-        self.is_polled
-            .store(!self.is_regular || frame.spheres.len() >= MIN_POLLED_SPHERES, Ordering::Relaxed);
+        self.is_polled.store(!self.is_regular || frame.len() >= MIN_POLLED_SPHERES, Ordering::Relaxed);
         Frame::new(py, frame, names).map(Some)
     }
 
@@ -192,6 +195,17 @@ impl State {
     }
 }
 
+/// Returns `true` for float64 and `false` for float32.
+fn is_float64(given: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let py = given.py();
+    let dtype = PyArrayDescr::new(py, given)?;
+    match [numpy::dtype::<f64>(py), numpy::dtype::<f32>(py)].map(|own| dtype.is_equiv_to(&own)) {
+        [true, _] => Ok(true),
+        [_, true] => Ok(false),
+        _ => Err(error::setting(format!("dtype = {dtype}; spheres are read as float32 or float64"))),
+    }
+}
+
 fn unused_radius_warnings(frames: &read::Frames, path: &Path) -> Vec<String> {
     frames.species().unused_radii().map(|species| unused_radius(path, species)).collect()
 }
@@ -225,9 +239,13 @@ impl Frame {
             false => lengths[k].map(CellVector::Length),
             true => edges[k].map(|edge| CellVector::Vector(edge.into())),
         });
+        let spheres = match frame.doubles {
+            Some(doubles) => arrays::rows::<[f64; 4], f64>(py, doubles, 4)?.into_any().unbind(),
+            None => arrays::rows::<Sphere, f32>(py, frame.spheres, 4)?.into_any().unbind(),
+        };
         let species = frame.species.map(|ids| PyArray1::from_vec(py, ids).unbind());
         Ok(Self {
-            spheres: arrays::rows::<Sphere, f32>(py, frame.spheres, 4)?.unbind(),
+            spheres,
             names: if species.is_some() { names } else { Vec::new() },
             species,
             ids: frame.ids.map(|ids| PyArray1::from_vec(py, ids).unbind()),

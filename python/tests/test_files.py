@@ -261,3 +261,32 @@ def test_symbols_are_those_sent() -> None:
     assert run.symbols["symbol"].tolist() == [0, 1, 1, 0]
     assert run.symbols["transmitter"] == ["burst"] * 4
     np.testing.assert_allclose(run.symbols["time"], [0.0, 0.01, 0.02, 0.03])
+
+
+@pytest.mark.parametrize("kind", ["npy", "csv"])
+def test_float64_is_read_as_it_is(tmp_path: Path, kind: str) -> None:
+    rows = np.array([[0.0, 0.0, 0.0, 0.5], [np.nextafter(1.0, 2.0), 1e-300, 0.1, 0.5]])
+    path = tmp_path / f"rows.{kind}"
+    if kind == "npy":
+        np.save(path, rows)
+    else:
+        path.write_text("x,y,z,r\n" + "".join(",".join(map(repr, row)) + "\n" for row in rows.tolist()))
+    for dtype in ("float64", np.float64, np.dtype(float)):
+        found = lazygrid.read(path, dtype=dtype).spheres
+        assert found.dtype == np.float64 and found.tobytes() == rows.tobytes()
+        (frame,) = lazygrid.Frames(path, dtype=dtype)
+        assert frame.spheres.tobytes() == rows.tobytes()
+    with pytest.warns(UserWarning, match="it is rounded"):
+        single = lazygrid.read(path, dtype=np.float32).spheres
+    assert single.dtype == np.float32 and (single == rows.astype(np.float32)).all()
+    for wrong in ("int32", "float16", ">f8"):
+        with pytest.raises(lazygrid.SettingError, match="float32 or float64"):
+            lazygrid.read(path, dtype=wrong)
+
+
+def test_radii_by_species_are_float64_too(tmp_path: Path) -> None:
+    path = tmp_path / "molecules.csv"
+    path.write_text("species,x,y,z\nA,0,0,0\n")
+    radius = 0.1
+    assert lazygrid.read(path, radii={"A": radius}, dtype=float).spheres[0, 3] == radius
+    assert lazygrid.read(path, radii={"A": radius}).spheres[0, 3] == np.float32(radius)

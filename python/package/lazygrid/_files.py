@@ -6,6 +6,8 @@ import os
 import warnings
 from collections.abc import Mapping
 
+import numpy.typing as npt
+
 from ._errors import FileError
 from ._lazygrid import Frame, Frames
 from .types import Periodic
@@ -20,12 +22,12 @@ def read(
     periodic: Periodic | str | None = None,
     ids: bool = False,
     groups: bool = False,
+    dtype: npt.DTypeLike = "float32",
 ) -> Frame:
     """Read the spheres of one frame of a file.
 
     Formats: CSV, NPY, extended XYZ, LAMMPS dumps and Smoldyn's output, also compressed by gzip or Zstandard.
-    :class:`Frames` iterates over the frames of a file, with the same keywords. Numbers are rounded to float32; the first
-    that loses digits is a ``UserWarning``. To read float64 values of a NumPy file unrounded, use ``numpy.load``.
+    :class:`Frames` iterates over the frames of a file, with the same keywords.
 
     Parameters
     ----------
@@ -45,17 +47,21 @@ def read(
     groups
         If true, also reads groups, from a column ``group``, ``molecule`` or ``mol``.
 
+    dtype
+        ``float32`` or ``float64``. Numbers are rounded to float32, and the first that loses digits is a ``UserWarning``;
+        with float64 the searches find the pairs of the file's own numbers.
+
     Raises
     ------
     FileError
         For a file that does not follow its format, with line or row and text; for a missing frame, or several and no
         choice.
     SettingError
-        For an unknown format, and for radii that are negative or not finite.
+        For an unknown format, another ``dtype``, and for radii that are negative or not finite.
     OSError
         If the system refuses the file.
     """
-    frames = Frames(path, format=format, radii=radii, periodic=periodic, ids=ids, groups=groups)
+    frames = Frames(path, format=format, radii=radii, periodic=periodic, ids=ids, groups=groups, dtype=dtype)
     for number, found in enumerate(frames):
         if frame is None and not frames.at_end():
             raise FileError(f"{os.fspath(path)}: the file has several frames; choose one with frame=, or use Frames")

@@ -410,15 +410,15 @@ class Interactions:
 class Frames:
     """An iterator over the frames of a file, with one in memory. :func:`lazygrid.read` reads one frame.
 
-    Numbers are rounded to float32; the first that loses digits is a ``UserWarning``. So is, at the end, a species of
-    ``radii`` that no sphere has. Ctrl-C ends the iteration.
+    Numbers are rounded to float32, and the first that loses digits is a ``UserWarning``, unless ``dtype`` is float64. A
+    species of ``radii`` that no sphere has is a ``UserWarning`` at the end. Ctrl-C ends the iteration.
 
     Raises
     ------
     FileError
         For a file that does not follow its format, with line or row and text.
     SettingError
-        For an unknown format, and for radii that are negative or not finite.
+        For an unknown format, another ``dtype`` than float32 and float64, and for radii that are negative or not finite.
     OSError
         If the system refuses the file.
     """
@@ -432,6 +432,7 @@ class Frames:
         periodic: Periodic | str | None = None,
         ids: bool = False,
         groups: bool = False,
+        dtype: npt.DTypeLike = "float32",
     ) -> Self: ...
     def __iter__(self) -> Iterator[Frame]: ...
     def __next__(self) -> Frame: ...
@@ -455,8 +456,8 @@ class Frame:
     """The spheres of one moment of a file, in the file's length unit."""
 
     @property
-    def spheres(self) -> npt.NDArray[np.float32]:
-        """Rows ``x, y, z, r``, of shape ``(n, 4)``, rounded to float32."""
+    def spheres(self) -> npt.NDArray[np.float32 | np.float64]:
+        """Rows ``x, y, z, r``, of shape ``(n, 4)``, of the requested ``dtype``."""
 
     @property
     def species(self) -> npt.NDArray[np.uint32] | None:
