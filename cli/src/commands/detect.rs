@@ -117,8 +117,12 @@ fn refuse_too_little_memory(
     if !is_on_cpu && !args.has_software_adapter()? {
         return Ok(());
     }
-    let kernels = if is_on_cpu { 0 } else { KERNELS };
-    let needed = frames.least_memory(read.space, spheres as u64)?.saturating_add(kernels);
+    let needed = match frames.least_memory(read.space, spheres as u64)? {
+        least if is_on_cpu => least,
+        // The search refuses what exceeds the device's limits.
+        u64::MAX => return Ok(()),
+        least => least.saturating_add(KERNELS),
+    };
     match lacking_memory(needed) {
         None => Ok(()),
         Some(AvailableMemory { bytes: available, limit }) => {

@@ -43,7 +43,7 @@ pub(super) struct Columns {
 
 #[derive(Clone, Copy, Default)]
 pub(super) struct Row<'a> {
-    /// Of the requested type, like the radius.
+    /// Numbers of the requested type, like the radius.
     pub(super) center: [f64; 3],
     pub(super) scaled: [Scaled<'a>; 3],
     pub(super) radius: Option<f64>,

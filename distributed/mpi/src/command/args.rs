@@ -223,8 +223,9 @@ impl Detect {
 
     pub(crate) fn options(&self) -> Options {
         // `Args::checked` refuses a species with two radii.
-        let radii = self.radii.iter().cloned().collect();
-        Options { format: self.format, radii, space: self.periodic, ids: false, groups: false, doubles: false }
+        let radii =
+            self.radii.iter().map(|(species, radius)| (species.clone(), f64::from(*radius))).collect();
+        Options { format: self.format, radii, space: self.periodic, ..Options::default() }
     }
 }
 
