@@ -265,7 +265,7 @@ def test_symbols_are_those_sent() -> None:
 
 @pytest.mark.parametrize("kind", ["npy", "csv"])
 def test_float64_is_read_as_it_is(tmp_path: Path, kind: str) -> None:
-    rows = np.array([[0.0, 0.0, 0.0, 0.5], [np.nextafter(1.0, 2.0), 1e-300, 0.1, 0.5]])
+    rows = np.array([[0.0, 0.0, 0.0, 0.5], [1.0 + 2.0**-30, 1e-300, 0.1, 0.5]])
     path = tmp_path / f"rows.{kind}"
     if kind == "npy":
         np.save(path, rows)
