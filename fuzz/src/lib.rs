@@ -7,7 +7,8 @@ use lazygrid_io::read::{Format, Frames, Options};
 pub fn read(format: Option<Format>, bytes: &[u8]) {
     let radii = [("A".to_owned(), 1.0), ("1".to_owned(), 0.5)];
     for (length, ids) in [(None, true), (Some(bytes.len() as u64), false)] {
-        let options = Options { format, radii: radii.clone().into(), ids, doubles: !ids, ..Options::default() };
+        let options =
+            Options { format, radii: radii.clone().into(), ids, doubles: !ids, ..Options::default() };
         let Ok(frames) = Frames::new("fuzz", Cursor::new(bytes.to_vec()), length, options) else { continue };
         let (mut spheres, mut failed) = (0, false);
         for frame in frames {
