@@ -35,8 +35,8 @@ impl SpeciesGroups {
     /// Most bytes for a table of `species` and `spheres` spheres, while the present species change.
     pub(crate) fn memory_for(species: u32, spheres: u64) -> u64 {
         let (all, present) = (u64::from(species), spheres.min(species.into()));
-        // The old and the new ones, and those of the table beyond `MAX_PRESENT`.
-        let reaches = 3 * size_of::<SpeciesReach>() as u64 * all;
+        // The old and the new ones, also those in frames, and those of the table beyond `MAX_PRESENT`.
+        let reaches = 5 * size_of::<SpeciesReach>() as u64 * all;
         // A list of the present species grows by doubling.
         let lists = 3 * size_of::<u32>() as u64 * present;
         reaches + lists + 2 * SpeciesPartition::memory_of_three(all, present)
