@@ -6,6 +6,7 @@ mod search_input;
 mod species_groups;
 mod species_partition;
 mod stats;
+mod unequal_radii;
 mod validate;
 
 pub(crate) use grouping::{Grouping, sort_by_group};

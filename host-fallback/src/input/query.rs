@@ -22,8 +22,8 @@ pub struct QueryBuffers {
     species: Vec<u32>,
     frame: Option<SearchFrame>,
     groups: SpeciesGroups,
-    /// See [`SpeciesGroups::reaches_in_frame`].
-    has_unequal_reaches: bool,
+    /// `true` if the last frame is searched by radii alone.
+    is_by_radii: bool,
 }
 
 #[derive(Debug)]
@@ -95,7 +95,11 @@ impl QueryBuffers {
             self.groups.update(query, table, executor)?;
         }
         // Reaches between groups are infinite in a triclinic frame.
-        self.has_unequal_reaches = is_by_radii || space.triclinic_cell().is_some();
+        self.is_by_radii = is_by_radii || space.triclinic_cell().is_some();
+        let chooses = is_framed && self.is_by_radii && !has_same_species;
+        if let Some(table) = settings.interactions.as_ref().filter(|_| chooses) {
+            self.groups.choose_radii(query, table)?;
+        }
         let is_wrapped = wraps && space.is_periodic();
         let are_in_place = query.first().is_read_in_place() && split.is_none();
         if are_in_place && !is_wrapped && !is_framed {
@@ -141,12 +145,14 @@ impl QueryBuffers {
         }
         let groups = settings.interactions.as_ref().map(|_| &self.groups);
         let spheres = query.first();
-        let input = Some(InputSpheres::new(spheres, self.frame_reaches(settings), frame, &settings.space));
+        let input =
+            Some(InputSpheres::new(spheres, self.frame_reaches(settings, frame), frame, &settings.space));
         Ok(Some(PreparedQuery { spheres, split: None, frame: Some(frame), input, filter, groups }))
     }
 
-    fn frame_reaches(&self, settings: &Settings) -> Option<&[SpeciesReach]> {
-        settings.interactions.as_ref().map(|_| self.groups.reaches_in_frame(self.has_unequal_reaches))
+    fn frame_reaches(&self, settings: &Settings, frame: &SearchFrame) -> Option<&[SpeciesReach]> {
+        let most = most_unequal_radius(frame, self.is_by_radii);
+        settings.interactions.as_ref().map(|_| self.groups.reaches_in_frame(most))
     }
 
     /// Uses the last frame if spheres fit, else a new one.
@@ -206,7 +212,7 @@ impl QueryBuffers {
         (query, settings): (&Query<'_>, &Settings),
         executor: Executor,
     ) -> Option<SearchFrame> {
-        let reaches = self.frame_reaches(settings);
+        let reaches = self.frame_reaches(settings, frame);
         let given =
             |set: Spheres<'_>, k| InputSpheres::new(set, reaches, frame, &settings.space).effective_row(k);
         let first = query.first();
@@ -225,8 +231,9 @@ impl QueryBuffers {
         settings: &Settings,
         executor: Executor,
     ) -> Result<Bounds, Error> {
-        let Self { spheres, groups, has_unequal_reaches, .. } = self;
-        let reaches = settings.interactions.as_ref().map(|_| groups.reaches_in_frame(*has_unequal_reaches));
+        let Self { spheres, groups, is_by_radii, .. } = self;
+        let most = most_unequal_radius(frame, *is_by_radii);
+        let reaches = settings.interactions.as_ref().map(|_| groups.reaches_in_frame(most));
         let (first, second) = spheres.split_at_mut(query.first().len());
         let map = |set: Spheres<'_>, targets| {
             let input = InputSpheres::new(set, reaches, frame, &settings.space);
@@ -243,6 +250,13 @@ impl QueryBuffers {
             copy(set, second, space, simd, executor);
         }
     }
+}
+
+/// Slabs cannot divide a period of less than four radii. Larger unequal radii could make that a limit.
+fn most_unequal_radius(frame: &SearchFrame, is_by_radii: bool) -> Option<f64> {
+    let lengths = frame.space().lengths().into_iter().flatten();
+    let shortest = lengths.fold(f64::INFINITY, f64::min);
+    is_by_radii.then(|| shortest / (8.0 * frame.scale()))
 }
 
 /// Gives sets without spheres the species ids that interactions require.

@@ -5,6 +5,7 @@
 use lazygrid_kernels::{Interactions, Query, SpeciesReach};
 
 use super::species_partition::{Division, MAX_PRESENT, SpeciesPartition, SpeciesTable};
+use super::unequal_radii::UnequalRadii;
 use crate::Error;
 use crate::executor::Executor;
 use crate::memory::try_collect;
@@ -17,8 +18,7 @@ pub struct SpeciesGroups {
     present: [u64; WORDS],
     /// The reach of each species to those that are present.
     reaches: Vec<SpeciesReach>,
-    /// The reaches in frames that are searched by radii alone; empty for `reaches`.
-    unequal_reaches: Vec<SpeciesReach>,
+    unequal_radii: UnequalRadii,
     /// Indexed by [`Division`].
     partitions: [SpeciesPartition; 3],
     version: u32,
@@ -26,8 +26,8 @@ pub struct SpeciesGroups {
 
 impl Default for SpeciesGroups {
     fn default() -> Self {
-        let (reaches, unequal_reaches, partitions) = Default::default();
-        Self { present: [0; WORDS], reaches, unequal_reaches, partitions, version: 0 }
+        let (reaches, unequal_radii, partitions) = Default::default();
+        Self { present: [0; WORDS], reaches, unequal_radii, partitions, version: 0 }
     }
 }
 
@@ -68,7 +68,7 @@ impl SpeciesGroups {
         let table = SpeciesTable { interactions: table, reaches: &reaches };
         let [merged, by_partners, by_reach] = SpeciesPartition::of_present(&present, table);
         let by_reach = by_reach.narrowed(&present, table)?;
-        self.unequal_reaches = by_reach.unequal_reaches(&present, table)?;
+        self.unequal_radii = UnequalRadii::new(&by_reach, &present, table);
         self.partitions = [merged, by_partners, by_reach];
         (self.present, self.version) = (found, self.version.wrapping_add(1).max(1));
         self.reaches = reaches;
@@ -85,11 +85,22 @@ impl SpeciesGroups {
         &self.reaches
     }
 
-    /// Reaches for radii in a frame. Those of two species may differ by much more than their interactions, so that crowds
-    /// have small radii.
-    pub(super) fn reaches_in_frame(&self, are_unequal: bool) -> &[SpeciesReach] {
-        let are_unequal = are_unequal && !self.unequal_reaches.is_empty();
-        if are_unequal { &self.unequal_reaches } else { &self.reaches }
+    /// Chooses the radii in frames that are searched by radii alone, for the spheres and `table` of the last update.
+    pub(super) fn choose_radii(&mut self, query: &Query<'_>, table: &Interactions) -> Result<(), Error> {
+        if self.unequal_radii.may_differ() {
+            let present: Vec<u32> =
+                (0..table.species()).filter(|&species| self.is_present(species)).collect();
+            let table = SpeciesTable { interactions: table, reaches: &self.reaches };
+            let [.., by_reach] = &self.partitions;
+            let has_changed = self.unequal_radii.choose(query, by_reach, &present, table)?;
+            self.version = self.version.wrapping_add(has_changed.into()).max(1);
+        }
+        Ok(())
+    }
+
+    /// Returns the chosen reaches if no radius exceeds `most`, else those of the last update.
+    pub(super) fn reaches_in_frame(&self, most: Option<f64>) -> &[SpeciesReach] {
+        most.and_then(|most| self.unequal_radii.reaches(most)).unwrap_or(&self.reaches)
     }
 
     pub(crate) fn partition(&self, division: Division) -> &SpeciesPartition {
@@ -265,21 +276,44 @@ mod tests {
         assert!(self::groups(&[0, 1, 2], &table).partition(Division::ByReach).narrow.is_empty());
     }
 
+    /// Half distances in a frame, for these numbers of spheres of species 0, 1 and 2.
+    fn halves_in_frame(groups: &mut SpeciesGroups, counts: [usize; 3], table: &Interactions) -> [f64; 3] {
+        let ids: Vec<u32> = (0..).zip(counts).flat_map(|(id, count)| vec![id; count]).collect();
+        let spheres = vec![Sphere::default(); ids.len()];
+        let query = Spheres::from(&spheres).with_species(&ids).expect("as many").into();
+        groups.update(&query, table, Executor::Caller).expect("nothing fails");
+        groups.choose_radii(&query, table).expect("there is memory");
+        [0, 1, 2].map(|species| groups.reaches_in_frame(Some(10.0))[species].largest_half)
+    }
+
     #[test]
-    fn partners_of_a_narrow_group_have_the_rest_of_the_distance_in_a_frame() {
+    fn partners_of_a_crowd_have_the_rest_of_the_distance_in_a_frame() {
         let mut table = Interactions::new(3, Interaction::Within(8.0)).expect("a table");
         table.set(0, 0, Interaction::Within(0.5)).expect("species of the table");
-        let halves = |table: &Interactions, are_unequal| {
-            let groups = groups(&[0, 1, 2], table);
-            [0, 1, 2].map(|species| groups.reaches_in_frame(are_unequal)[species].largest_half)
-        };
-        assert_eq!(halves(&table, true), [0.25, 7.75, 7.75]);
-        assert_eq!(halves(&table, false), [4.0; 3]);
-        table.set(1, 1, Interaction::Within(0.125)).expect("species of the table");
-        table.set(2, 2, Interaction::Within(0.25)).expect("species of the table");
-        assert_eq!(halves(&table, true), [0.25, 7.75, 7.75], "of two narrow groups that pair, one");
+        let mut groups = SpeciesGroups::default();
+        assert_eq!(halves_in_frame(&mut groups, [5000, 2, 2], &table), [0.25, 7.75, 7.75]);
+        assert_eq!(groups.reaches_in_frame(None)[0].largest_half, 4.0, "of a search with reaches");
+        assert_eq!(groups.reaches_in_frame(Some(7.0))[0].largest_half, 4.0, "a radius is larger");
+        let version = groups.version();
+        assert_eq!(halves_in_frame(&mut groups, [2000, 300, 300], &table)[0], 0.25, "the same choice");
+        assert_eq!(groups.version(), version);
+        assert_eq!(halves_in_frame(&mut groups, [2, 5000, 5000], &table), [4.0; 3]);
+        assert_ne!(groups.version(), version, "of other radii");
         table.set(0, 0, Interaction::Touch).expect("species of the table");
-        assert_eq!(halves(&table, true), [7.9375, 0.0625, 7.9375], "radii of the first may be large");
+        let halves = halves_in_frame(&mut SpeciesGroups::default(), [5000, 2, 2], &table);
+        assert_eq!(halves, [4.0; 3], "radii may be large");
+    }
+
+    #[test]
+    fn of_two_narrow_groups_that_pair_the_larger_is_chosen() {
+        let mut table = Interactions::new(3, Interaction::Within(8.0)).expect("a table");
+        for (species, distance) in [(0, 3.0), (1, 0.125), (2, 0.5)] {
+            table.set(species, species, Interaction::Within(distance)).expect("species of the table");
+        }
+        let halves = |counts| halves_in_frame(&mut SpeciesGroups::default(), counts, &table);
+        assert_eq!(halves([100, 9000, 100]), [7.9375, 0.0625, 7.9375]);
+        assert_eq!(halves([9000, 100, 100]), [1.5, 6.5, 6.5]);
+        assert_eq!(halves([3000, 3000, 3000]), [4.0; 3]);
     }
 
     #[test]

@@ -22,7 +22,7 @@ pub(super) const MAX_PRESENT: usize = 512;
 /// 4 of the 16 half ulps of the filter's band in the square.
 const ROUNDED_UP: f64 = 1.0 + f32::EPSILON as f64;
 /// A species' reach in its own group is distinguished from its reach to all below this fraction.
-const MAX_NARROW: f32 = 0.5;
+pub(super) const MAX_NARROW: f32 = 0.5;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Meeting {
@@ -127,48 +127,6 @@ impl SpeciesPartition {
             }
         }
         Ok(Self { narrow: if is_narrow { narrow } else { Vec::new() }, ..self })
-    }
-
-    /// Returns the reaches for radii in a frame, where radii alone decide the size of cells: a species of a narrow group
-    /// has the reach to its own group, and others the rest of the distances to it. Empty if no group is narrow. Groups
-    /// that pair by contact are not narrow here, since their radii may be as large as the distances.
-    pub(super) fn unequal_reaches(
-        &self,
-        present: &[u32],
-        table: SpeciesTable<'_>,
-    ) -> Result<Vec<SpeciesReach>, Error> {
-        let are_narrow = self.narrow_groups(present, table);
-        if !are_narrow.contains(&true) {
-            return Ok(Vec::new());
-        }
-        let is_narrow = |species: u32| are_narrow[self.group_of(species)];
-        let own_half = |species: u32| self.narrow[species as usize].largest_half;
-        let radius_beside = |species: u32, other: u32| match table.interactions.get(species, other) {
-            Interaction::Within(distance) if is_narrow(other) => distance - own_half(other),
-            Interaction::Within(distance) => 0.5 * distance,
-            Interaction::Never | Interaction::Touch => 0.0,
-        };
-        let largest = |species| present.iter().map(|&of| radius_beside(species, of)).fold(0.0, f64::max);
-        let reach = |species: u32| {
-            let largest_half = if is_narrow(species) { own_half(species) } else { largest(species) };
-            SpeciesReach { largest_half, ..table.reaches[species as usize] }
-        };
-        try_collect((0..table.interactions.species()).map(reach), "reaches of species")
-    }
-
-    /// Returns which groups pair among themselves within much less than with others. None pairs with another one.
-    fn narrow_groups(&self, present: &[u32], table: SpeciesTable<'_>) -> [bool; MAX_GROUPS + 1] {
-        let mut are_narrow = [false; MAX_GROUPS + 1];
-        let is_narrow = |species: u32| {
-            let (own, to_all) = (self.narrow[species as usize], table.reaches[species as usize]);
-            !own.effective.touches && own.largest_half < f64::from(MAX_NARROW) * to_all.largest_half
-        };
-        for group in (0..self.count).filter(|_| !self.narrow.is_empty()) {
-            let mut members = present.iter().copied().filter(|&species| self.group_of(species) == group);
-            let meets_narrow = (0..group).any(|other| are_narrow[other] && self.meets(group, other));
-            are_narrow[group] = self.meets(group, group) && !meets_narrow && members.all(is_narrow);
-        }
-        are_narrow
     }
 
     /// Returns the divisions of all species by partners and by reach.

@@ -11,6 +11,8 @@ const WORTHWHILE: f64 = 0.25;
 /// others. The cells of a larger one would seldom be crowded enough to pay for searches between sides.
 const MAX_NARROW: f32 = 0.25;
 const MAX_SIDES: usize = CellListLayout::MAX_SIDES;
+/// Sides of each of two sets, so that a side has at least eight levels.
+const MAX_SIDES_OF_SET: usize = 2;
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Sides {
@@ -75,7 +77,7 @@ impl Sides {
         let compared = side_pairs(&partners).flat_map(|(a, b)| product(&members[a], &members[b]));
         let interaction = common(compared, table);
         let one_set = SidePartners { of_side: partners, narrow, interaction };
-        let two_sets = if 2 * members.len() <= MAX_SIDES {
+        let two_sets = if members.len() <= MAX_SIDES_OF_SET {
             one_set.across_sets()
         } else {
             let all = members.concat();

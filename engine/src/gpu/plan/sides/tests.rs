@@ -33,8 +33,7 @@ fn species_of_disjoint_pairs_have_a_side_each() {
         assert_eq!(sides.one_set.of_side, (0..2 * pairs as u8).map(partner).collect::<Vec<_>>());
         assert_eq!(sides.one_set.interaction, SearchParams::TOUCH);
         let of_sets = (sides.two_sets.of_side.len(), sides.two_sets.interaction);
-        let expected = if pairs == 2 { (8, SearchParams::TOUCH) } else { (2, SearchParams::BY_SPECIES) };
-        assert_eq!(of_sets, expected, "each set has all sides, or one");
+        assert_eq!(of_sets, (2, SearchParams::BY_SPECIES), "each set is one side");
     }
     let distances = [(0, 1, Interaction::Within(0.5)), (2, 3, Interaction::Within(0.25))];
     assert_eq!(Sides::of(&table(4, &distances)).one_set.interaction, SearchParams::BY_SPECIES);
@@ -124,24 +123,40 @@ fn divisions_are_counted_by_bell_numbers() {
 }
 
 #[test]
-fn sides_never_separate_species_that_pair() {
+fn random_tables_have_sides_for_all_their_pairs() {
     let mut state = 1_u64;
-    let mut next = || {
+    let mut below = |limit: u32| {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        state >> 33
+        (state >> 33) as u32 % limit
     };
-    for species in (1..14).chain([100, 600]) {
+    let (mut narrow, sizes) = (0, (1..14).cycle().take(1000).chain([100, 600]));
+    for (k, species) in sizes.enumerate() {
         let pairs: Vec<_> = (0..species * 2)
-            .map(|_| ((next() % u64::from(species)) as u32, (next() % u64::from(species)) as u32, TOUCH))
+            .map(|_| match below(6) {
+                _ if k % 2 == 0 => (below(species), below(species), TOUCH),
+                0 => (below(species), below(species), TOUCH),
+                power => (below(species), below(species), Interaction::Within(8.0_f64.powi(power as i32))),
+            })
             .collect();
         let table = table(species, &pairs);
         let sides = Sides::of(&table);
+        narrow += sides.one_set.narrow.count_ones();
         let all: Vec<u32> = (0..species).collect();
         for (a, b) in product(&all, &all).filter(|&(a, b)| table.get(a, b) != Interaction::Never) {
             let [of_a, of_b] = [a, b].map(|of| sides.of_species[of as usize].expect("the species pairs"));
             assert_eq!(sides.one_set.of_side[usize::from(of_a)] >> of_b & 1, 1, "{a} and {b} of {species}");
+            let [half_a, half_b] = [a, b].map(|of| sides.effective_radius(&table, of).half);
+            let are_narrow = [of_a, of_b].map(|side| sides.one_set.narrow >> side & 1 == 1);
+            assert!(of_a == of_b || are_narrow != [true; 2], "{a} and {b} of {table:?}");
+            let reach = match of_a != of_b && are_narrow.contains(&true) {
+                true => 2.0 * half_a.max(half_b),
+                false => half_a + half_b,
+            };
+            let distance = table.get(a, b).cutoff(0.0).expect("they pair");
+            assert!(f64::from(reach) >= distance, "{a} and {b} reach {reach} of {table:?}");
         }
     }
+    assert!(narrow > 100, "only {narrow} narrow sides");
 }
 
 #[test]

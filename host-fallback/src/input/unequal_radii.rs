@@ -1,0 +1,180 @@
+//! Radii for frames in which radii alone decide the size of cells.
+//!
+//! Two species pair within the sum of their radii, which need not be equal. In a crowd with distant partners, species of
+//! the crowd have the radius of their own distances, and the partners the rest of the distance to them.
+
+use lazygrid_kernels::{Interaction, Query, SpeciesReach};
+
+use super::species_partition::{MAX_GROUPS, MAX_NARROW, SpeciesPartition, SpeciesTable};
+use crate::Error;
+use crate::memory::try_collect;
+
+/// Other radii must reduce the expected candidates to this fraction.
+const WORTHWHILE: f64 = 0.75;
+/// Spheres of each set whose groups are counted.
+const SAMPLES: usize = 1024;
+
+/// Groups, one bit each.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Groups(u16);
+
+impl Groups {
+    const NONE: Self = Self(0);
+
+    fn has(self, group: usize) -> bool {
+        self.0 >> group & 1 == 1
+    }
+
+    fn with(self, group: usize) -> Self {
+        Self(self.0 | 1 << group)
+    }
+}
+
+#[derive(Debug, Default)]
+pub(super) struct UnequalRadii {
+    /// Groups that pair among themselves within much less than with others.
+    narrow: Groups,
+    /// Narrow groups that have the radius of their own distances. No two of them pair.
+    chosen: Groups,
+    /// For each species; empty if no group is chosen.
+    reaches: Vec<SpeciesReach>,
+    largest: f64,
+}
+
+impl UnequalRadii {
+    /// Chooses no group, for a division by reach of the species `present`.
+    pub(super) fn new(partition: &SpeciesPartition, present: &[u32], table: SpeciesTable<'_>) -> Self {
+        let is_narrow = |species: u32| {
+            let (own, to_all) = (partition.narrow[species as usize], table.reaches[species as usize]);
+            // Radii of spheres that touch may be as large as the distances.
+            !own.effective.touches && own.largest_half < f64::from(MAX_NARROW) * to_all.largest_half
+        };
+        let all_are_narrow = |&group: &usize| {
+            let mut members = present.iter().copied().filter(|&species| partition.group_of(species) == group);
+            partition.meets(group, group) && members.all(is_narrow)
+        };
+        let groups = if partition.narrow.is_empty() { 0 } else { partition.count };
+        let narrow = (0..groups).filter(all_are_narrow).fold(Groups::NONE, Groups::with);
+        Self { narrow, ..Self::default() }
+    }
+
+    pub(super) fn may_differ(&self) -> bool {
+        self.narrow != Groups::NONE
+    }
+
+    /// Chooses groups again, by a sample of the spheres. Returns `true` if radii have changed.
+    pub(super) fn choose(
+        &mut self,
+        query: &Query<'_>,
+        partition: &SpeciesPartition,
+        present: &[u32],
+        table: SpeciesTable<'_>,
+    ) -> Result<bool, Error> {
+        let crowds = Crowds::of(query, partition);
+        let chosen = crowds.best(self.narrow);
+        if !crowds.is_better(chosen, self.chosen) {
+            return Ok(false);
+        }
+        self.reaches = match chosen {
+            Groups::NONE => Vec::new(),
+            _ => reaches(partition, chosen, present, table)?,
+        };
+        let halves = present.iter().filter_map(|&species| self.reaches.get(species as usize));
+        self.largest = halves.map(|reach| reach.largest_half).fold(0.0, f64::max);
+        self.chosen = chosen;
+        Ok(true)
+    }
+
+    /// Returns the reaches of all species if they are unequal and no radius exceeds `most`.
+    pub(super) fn reaches(&self, most: f64) -> Option<&[SpeciesReach]> {
+        (!self.reaches.is_empty() && self.largest <= most).then_some(&*self.reaches)
+    }
+}
+
+fn reaches(
+    partition: &SpeciesPartition,
+    chosen: Groups,
+    present: &[u32],
+    table: SpeciesTable<'_>,
+) -> Result<Vec<SpeciesReach>, Error> {
+    let is_chosen = |species: u32| chosen.has(partition.group_of(species));
+    let own_half = |species: u32| partition.narrow[species as usize].largest_half;
+    let radius_for = |species: u32, other: u32| match table.interactions.get(species, other) {
+        Interaction::Within(distance) if is_chosen(other) => distance - own_half(other),
+        Interaction::Within(distance) => 0.5 * distance,
+        Interaction::Never | Interaction::Touch => 0.0,
+    };
+    let largest = |species| present.iter().map(|&of| radius_for(species, of)).fold(0.0, f64::max);
+    let reach = |species: u32| {
+        let largest_half = if is_chosen(species) { own_half(species) } else { largest(species) };
+        SpeciesReach { largest_half, ..table.reaches[species as usize] }
+    };
+    try_collect((0..table.interactions.species()).map(reach), "reaches of species")
+}
+
+/// The numbers of spheres in each group.
+struct Crowds<'a> {
+    partition: &'a SpeciesPartition,
+    counts: [f64; MAX_GROUPS + 1],
+}
+
+impl<'a> Crowds<'a> {
+    fn of(query: &Query<'_>, partition: &'a SpeciesPartition) -> Self {
+        // Each group is present, even if the sample misses it.
+        let mut counts = [1.0; MAX_GROUPS + 1];
+        for set in [Some(query.first()), query.second()].into_iter().flatten() {
+            let ids = set.species().unwrap_or(&[]);
+            let samples = ids.len().min(SAMPLES);
+            for k in 0..samples {
+                let [begin, end] = [k, k + 1].map(|k| k * ids.len() / samples);
+                // Species may repeat with the distance between samples.
+                let random = (k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
+                let id = ids[begin + random as usize % (end - begin)];
+                counts[partition.group_of(id)] += ids.len() as f64 / samples as f64;
+            }
+        }
+        Self { partition, counts }
+    }
+
+    /// Adds the largest groups that make candidates fewer.
+    fn best(&self, narrow: Groups) -> Groups {
+        let mut order: [usize; MAX_GROUPS + 1] = std::array::from_fn(|group| group);
+        order.sort_unstable_by(|&a, &b| self.counts[b].total_cmp(&self.counts[a]).then(a.cmp(&b)));
+        order.into_iter().filter(|&group| narrow.has(group)).fold(Groups::NONE, |chosen, group| {
+            let pairs_with = |other| chosen.has(other) && self.partition.meets(group, other);
+            let is_better = || self.is_better(chosen.with(group), chosen);
+            let is_added = !(0..self.partition.count).any(pairs_with) && is_better();
+            if is_added { chosen.with(group) } else { chosen }
+        })
+    }
+
+    fn is_better(&self, chosen: Groups, before: Groups) -> bool {
+        self.candidates(chosen) < WORTHWHILE * self.candidates(before)
+    }
+
+    /// Returns the expected candidates of evenly mixed spheres, up to a common factor.
+    fn candidates(&self, chosen: Groups) -> f64 {
+        let groups = 0..self.partition.count;
+        let of_pair = |a: usize, b: usize| {
+            let pairs = self.counts[a] * self.counts[b] * if a == b { 0.5 } else { 1.0 };
+            pairs * (self.radius(a, chosen) + self.radius(b, chosen)).powi(3)
+        };
+        let pairs = groups.clone().flat_map(|a| groups.clone().skip(a).map(move |b| (a, b)));
+        pairs.filter(|&(a, b)| self.partition.meets(a, b)).map(|(a, b)| of_pair(a, b)).sum()
+    }
+
+    fn radius(&self, group: usize, chosen: Groups) -> f64 {
+        let distance = |a: usize, b: usize| {
+            self.partition.meetings[a * self.partition.count + b].map_or(0.0, |meeting| meeting.distance)
+        };
+        let own_half = |group| 0.5 * distance(group, group);
+        let radius_for = |other: usize| match chosen.has(other) {
+            true => distance(group, other) - own_half(other),
+            false => 0.5 * distance(group, other),
+        };
+        match chosen.has(group) {
+            true => own_half(group),
+            false => (0..self.partition.count).map(radius_for).fold(0.0, f64::max),
+        }
+    }
+}
