@@ -6,7 +6,7 @@ pub(crate) mod generate;
 pub(crate) mod page;
 pub(crate) mod simulate;
 
-use lazygrid_io::{AvailableMemory, lacking_memory};
+use lazygrid_io::{AvailableMemory, lacking_address_space, lacking_memory, memory_of_driver};
 
 use crate::error::CliError;
 
@@ -15,7 +15,24 @@ use crate::error::CliError;
 /// # Errors
 /// Returns [`CliError::TooLittleMemoryFor`].
 fn check_memory(what: &'static str, needed: u64) -> Result<(), CliError> {
-    match lacking_memory(needed) {
+    refuse_if_lacking(what, needed, lacking_memory(needed))
+}
+
+/// Refuses `what` if a software driver could not map its memory.
+///
+/// # Errors
+/// Returns [`CliError::TooLittleMemoryFor`].
+fn check_memory_of_driver(what: &'static str) -> Result<(), CliError> {
+    let needed = memory_of_driver();
+    refuse_if_lacking(what, needed, lacking_address_space(needed))
+}
+
+fn refuse_if_lacking(
+    what: &'static str,
+    needed: u64,
+    lacking: Option<AvailableMemory>,
+) -> Result<(), CliError> {
+    match lacking {
         None => Ok(()),
         Some(AvailableMemory { bytes: available, limit }) => {
             Err(CliError::TooLittleMemoryFor { what, needed, available, limit: limit.name() })

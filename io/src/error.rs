@@ -81,7 +81,7 @@ pub enum Error {
     },
     /// A given radius that no sphere can have.
     #[error(
-        "the radius of species '{species}' is {radius}; radii must be finite 32-bit numbers that are not negative"
+        "the radius of species '{species}' is {radius}; radii must be finite in the precision that is read, and not negative"
     )]
     Radius { species: String, radius: f64 },
     /// The file has no radii, and none was given for this species.

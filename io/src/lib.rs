@@ -11,6 +11,6 @@ mod system_memory;
 
 pub use error::{Error, Location, Position, excerpt, printed};
 pub use system_memory::{
-    AvailableMemory, MemoryLimit, available_memory, lacking_memory, memory_of_driver,
+    AvailableMemory, MemoryLimit, available_memory, lacking_address_space, lacking_memory, memory_of_driver,
     memory_of_driver_threads,
 };

@@ -50,6 +50,14 @@ pub fn lacking_memory(needed: u64) -> Option<AvailableMemory> {
     available_memory().filter(|available| available.bytes < needed)
 }
 
+/// Returns the address space that `ulimit -v` leaves if it is less than `needed` bytes. Bytes that are mapped, but not
+/// written, need no other memory.
+pub fn lacking_address_space(needed: u64) -> Option<AvailableMemory> {
+    let read = |path: &str| fs::read_to_string(path).unwrap_or_default();
+    let bytes = address_space(&read("/proc/self/limits"), &read("/proc/self/status"))?;
+    (bytes < needed).then_some(AvailableMemory { bytes, limit: MemoryLimit::AddressSpace })
+}
+
 /// Most threads of llvmpipe.
 const MAX_DRIVER_THREADS: u64 = 32;
 /// Bytes that llvmpipe maps for a search or a simulation: 350 to 395 MiB with LLVM 15.

@@ -198,11 +198,13 @@ impl State {
 /// Returns `true` for float64 and `false` for float32.
 fn is_float64(given: &Bound<'_, PyAny>) -> PyResult<bool> {
     let py = given.py();
-    let dtype = PyArrayDescr::new(py, given)?;
+    let refused =
+        |dtype: String| error::setting(format!("dtype = {dtype}; spheres are read as float32 or float64"));
+    let dtype = PyArrayDescr::new(py, given).map_err(|_| refused(given.to_string()))?;
     match [numpy::dtype::<f64>(py), numpy::dtype::<f32>(py)].map(|own| dtype.is_equiv_to(&own)) {
         [true, _] => Ok(true),
         [_, true] => Ok(false),
-        _ => Err(error::setting(format!("dtype = {dtype}; spheres are read as float32 or float64"))),
+        _ => Err(refused(dtype.to_string())),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Refusals of work that exceeds the available memory.
 
-use lazygrid_io::lacking_memory;
+use lazygrid_io::{AvailableMemory, lacking_address_space, lacking_memory};
 
 use crate::Error;
 
@@ -9,9 +9,24 @@ use crate::Error;
 /// # Errors
 /// [`Error::TooLittleMemory`].
 pub(crate) fn check_available(what: &str, needed: u64, remedy: &'static str) -> Result<(), Error> {
-    let Some(available) = lacking_memory(needed) else {
-        return Ok(());
-    };
-    let (what, limit) = (what.to_owned(), available.limit.name());
-    Err(Error::TooLittleMemory { what, needed, available: available.bytes, limit, remedy })
+    refuse_if_lacking(what, needed, lacking_memory(needed), remedy)
+}
+
+/// Refuses `what` if it maps more bytes than `ulimit -v` leaves.
+///
+/// # Errors
+/// [`Error::TooLittleMemory`].
+#[cfg(feature = "gpu")]
+pub(crate) fn check_address_space(what: &str, needed: u64, remedy: &'static str) -> Result<(), Error> {
+    refuse_if_lacking(what, needed, lacking_address_space(needed), remedy)
+}
+
+fn refuse_if_lacking(
+    what: &str,
+    needed: u64,
+    lacking: Option<AvailableMemory>,
+    remedy: &'static str,
+) -> Result<(), Error> {
+    let Some(AvailableMemory { bytes: available, limit }) = lacking else { return Ok(()) };
+    Err(Error::TooLittleMemory { what: what.to_owned(), needed, available, limit: limit.name(), remedy })
 }

@@ -67,13 +67,19 @@ fn small_radii_with_large_distances() {
 fn crowd_with_distant_partners() {
     let mut random = Random(11);
     // The crowd lies across the boundary of the boxes.
-    let mut center = |width: f32| [6.4, 1.5, 6.9].map(|at| at + random.signed() as f32 * width);
+    let mut center = |width: f32| [8.4, 1.5, 8.9].map(|at| at + random.signed() as f32 * width);
     let species: Vec<u32> = (0..2300).map(|k| [0, 0, 0, 0, 0, 0, 2, 1][k % 8]).collect();
     let spheres: Vec<_> =
         species.iter().map(|&of| Sphere::new(center([0.25, 4.0, 0.25][of as usize]), 0.004)).collect();
     let row = |sphere: &Sphere| [sphere.center.x, sphere.center.y, sphere.center.z, sphere.radius];
     let in_f64: Vec<[f64; 4]> = spheres.iter().map(|sphere| row(sphere).map(f64::from)).collect();
-    for lengths in [[None; 3], [Some(13.0), None, Some(14.0)]] {
+    let tilted = [Some([17.0, 0.0, 0.0]), Some([3.0, 18.0, 0.0]), Some([-2.0, 4.0, 19.0])];
+    let spaces = [
+        Space::default(),
+        Space::periodic([Some(17.0), None, Some(18.0)]).expect("a box"),
+        Space::triclinic(tilted).expect("a cell"),
+    ];
+    for space in spaces {
         // Species 2 pairs like species 0, or is a third side on a GPU.
         for (of_partners, of_third) in
             [(Interaction::Never, true), (Interaction::Touch, false), (Interaction::Within(2.0), true)]
@@ -83,12 +89,11 @@ fn crowd_with_distant_partners() {
                 if of_third { [Interaction::Never, Interaction::Never, near] } else { [near, far, near] };
             let rows = vec![vec![near], vec![far, of_partners], third.to_vec()];
             let mixture = Some(SpeciesSetup { species: species.clone(), rows });
-            let space = Space::periodic(lengths).expect("a box");
             let scenario = TestInput { spheres: spheres.clone(), mixture, space, ..TestInput::default() };
             let expected = scenario.oracle();
             for variant in variants::each_algorithm() {
                 let agrees = variant.verify(&scenario, &expected, &Config::default());
-                let case = || format!("{variant}, {lengths:?}, {of_partners:?}, {of_third}");
+                let case = || format!("{variant}, {space:?}, {of_partners:?}, {of_third}");
                 assert_eq!(agrees, Ok(()), "{}", case());
                 if variant.algorithm == Algorithm::CellList {
                     assert_eq!(two_sets::agrees(&scenario, 1000, variant), Ok(()), "{}", case());

@@ -10,7 +10,7 @@ use std::time::Duration;
 use lazygrid::Backend;
 use lazygrid_io::read::Frame;
 use lazygrid_io::write::{AtomicFile, Output};
-use lazygrid_io::{AvailableMemory, lacking_memory, memory_of_driver};
+use lazygrid_io::{AvailableMemory, lacking_memory};
 use same_file::Handle;
 
 use self::exclusions::Excluded;
@@ -18,7 +18,7 @@ use self::input::{IndexedFrame, Input};
 use self::search::{FrameDetector, Search};
 use self::summary::Summary;
 use crate::args::{Detect, FRAME};
-use crate::commands::check_memory;
+use crate::commands::check_memory_of_driver;
 use crate::error::CliError;
 use crate::printer::Printer;
 use crate::{check_output, print};
@@ -30,7 +30,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
     let output = args.output()?;
     let config = args.config()?;
     if args.is_on_gpu() {
-        check_memory("the search on a GPU", memory_of_driver())?;
+        check_memory_of_driver("the search on a GPU")?;
     }
     let mut frames = FrameDetector::new(config)?;
     let mut excluded = Excluded::read(args)?;

@@ -70,7 +70,8 @@ impl PreparedQuery<'_> {
 }
 
 impl QueryBuffers {
-    /// Returns a number that changes with the species that are present; 0 without interactions.
+    /// Returns a number that changes with the species that are present, and with the choice of radii in frames; 0
+    /// without interactions.
     pub(crate) fn version(&self) -> u32 {
         self.groups.version()
     }

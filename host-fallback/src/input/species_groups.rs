@@ -116,7 +116,7 @@ impl SpeciesGroups {
         by_partners.into_iter().chain(narrows.then_some(Division::ByReach))
     }
 
-    /// Returns a number that changes with the present species.
+    /// Returns a number that changes with the present species, and with the choice of radii in frames.
     pub fn version(&self) -> u32 {
         self.version
     }

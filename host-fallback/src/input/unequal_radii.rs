@@ -126,7 +126,8 @@ impl<'a> Crowds<'a> {
             let ids = set.species().unwrap_or(&[]);
             let samples = ids.len().min(SAMPLES);
             for k in 0..samples {
-                let [begin, end] = [k, k + 1].map(|k| k * ids.len() / samples);
+                let [begin, end] =
+                    [k, k + 1].map(|k| (k as u64 * ids.len() as u64 / samples as u64) as usize);
                 // Species may repeat with the distance between samples.
                 let random = (k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
                 let id = ids[begin + random as usize % (end - begin)];

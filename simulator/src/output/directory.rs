@@ -62,8 +62,8 @@ pub(crate) fn refuse_file(directory: &Path, name: &str) -> Result<(), Error> {
 
 fn foreign_file(directory: &Path, name: &str) -> Error {
     let message = format!(
-        "it holds a file {name} of no run that can be continued; move the file, replace it with --overwrite, or choose \
-         another directory"
+        "it holds a file {name} of no run that can be continued; move the file; a new run may also replace it with \
+         --overwrite, or use another directory"
     );
     let source = io::Error::new(io::ErrorKind::AlreadyExists, message);
     Error::Write { path: directory.to_owned(), source }
@@ -101,11 +101,11 @@ fn first_file(directory: &Path, has_name: impl Fn(&str) -> bool) -> Result<Optio
     Ok(first)
 }
 
-/// Returns none for a directory that does not exist.
+/// Returns none for a directory that does not exist, or a file.
 fn entries(directory: &Path) -> Result<impl Iterator<Item = Result<fs::DirEntry, Error>>, Error> {
     let read = |source| Error::Read { path: directory.to_owned(), source };
     let entries = match fs::read_dir(directory) {
-        Err(error) if error.kind() == io::ErrorKind::NotFound => None,
+        Err(error) if matches!(error.kind(), io::ErrorKind::NotFound | io::ErrorKind::NotADirectory) => None,
         entries => Some(entries.map_err(read)?),
     };
     Ok(entries.into_iter().flatten().map(move |entry| entry.map_err(read)))

@@ -4,6 +4,8 @@
 use lazygrid_io::memory_of_driver;
 use lazygrid_ranks::Communicator;
 
+#[cfg(feature = "gpu")]
+use crate::memory::check_address_space;
 use crate::memory::check_available;
 use crate::model::transmitter::{Schedule, Transmitter};
 use crate::{Error, Model};
@@ -96,8 +98,10 @@ impl MemoryGuard {
 #[cfg(feature = "gpu")]
 pub(crate) fn check_memory_on_gpu(particles: u64, is_loaded: bool) -> Result<(), Error> {
     let driver = if is_loaded { 0 } else { memory_of_driver() };
-    let needed = driver.saturating_add(Sharing::NONE.bytes(particles, MIN_BYTES_PER_PARTICLE));
-    check_available("runs on a GPU", needed, "use the CPU, or raise the limit")
+    let (what, remedy) = ("runs on a GPU", "use the CPU, or raise the limit");
+    let particles = Sharing::NONE.bytes(particles, MIN_BYTES_PER_PARTICLE);
+    check_address_space(what, driver.saturating_add(particles), remedy)?;
+    check_available(what, particles, remedy)
 }
 
 fn check_particles(particles: u64, needed: u64) -> Result<(), Error> {

@@ -25,7 +25,7 @@ impl FrameDetector {
         Ok(Self { config, space: Space::UNBOUNDED, detector })
     }
 
-    /// Returns the most bytes of a CPU search without a candidate list, which is dropped if memory is short.
+    /// Returns the most bytes of a search without a candidate list, which is dropped if memory is short.
     pub(crate) fn least_memory(&self, space: Space, spheres: u64) -> Result<u64, CliError> {
         let config = self.config.clone().space(space).skin(Skin::Off).threads(1);
         Ok(Detector::new(config).map_err(CliError::Setting)?.memory_for(spheres))

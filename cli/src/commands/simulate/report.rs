@@ -33,10 +33,11 @@ pub(crate) fn of_one(run: &Run) -> Result<MeanSeries, CliError> {
 /// Returns the tables of channels, which it writes with `report.html` and its plots.
 pub(crate) fn write(done: &Done<'_>) -> Result<Channels, CliError> {
     let channels = channels(done)?;
-    tables(&channels, &done.run.scenario.model, &done.run.directory)?;
     let name = done.run.path.file_stem().unwrap_or_default().to_string_lossy();
     let title = format!("lazygrid simulate: {name}");
+    // It refuses plots of others before tables are replaced.
     write_page(done.run.overwrite, &done.run.directory, title, || sections::all(done, &channels))?;
+    tables(&channels, &done.run.scenario.model, &done.run.directory)?;
     Ok(channels)
 }
 

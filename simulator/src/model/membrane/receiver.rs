@@ -67,7 +67,9 @@ impl Model {
         for _ in 0..PASSES {
             held = std::array::from_fn(|axis| mirrored(bounds[axis], held[axis], center[axis]));
             match sides.iter().find_map(|side| side.mirrored(domain, held)) {
-                Some(mirrored) => held = mirrored,
+                Some(mirrored) if mirrored.into_iter().all(f32::is_finite) => held = mirrored,
+                // The center of a sphere has no mirror image.
+                Some(_) => break,
                 None => return held,
             }
         }
