@@ -279,7 +279,7 @@ def test_float64_is_read_as_it_is(tmp_path: Path, kind: str) -> None:
     with pytest.warns(UserWarning, match="it is rounded"):
         single = lazygrid.read(path, dtype=np.float32).spheres
     assert single.dtype == np.float32 and (single == rows.astype(np.float32)).all()
-    for wrong in ("int32", "float16", ">f8"):
+    for wrong in ("int32", "float16", ">f8", "none"):
         with pytest.raises(lazygrid.SettingError, match="float32 or float64"):
             lazygrid.read(path, dtype=wrong)
 
