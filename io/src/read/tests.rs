@@ -53,7 +53,7 @@ fn radii_that_no_sphere_can_have_are_refused() {
         assert_eq!(
             refusal("a.csv", "species,x,y,z\na,0,0,0\n", &[("b", 1.0), ("a", radius)]),
             format!(
-                "the radius of species 'a' is {shown}; radii must be finite 32-bit numbers that are not negative"
+                "the radius of species 'a' is {shown}; radii must be finite in the precision that is read, and not negative"
             )
         );
     }
