@@ -35,10 +35,8 @@ impl MemoryLimit {
 /// Returns the least memory that the system, its control groups and `RLIMIT_AS` leave; `None` if unknown, as outside
 /// Linux.
 pub fn available_memory() -> Option<AvailableMemory> {
-    let read = |path: &str| fs::read_to_string(path).unwrap_or_default();
     let system = system(&read("/proc/meminfo")).map(|bytes| (bytes, MemoryLimit::System));
-    let address_space = address_space(&read("/proc/self/limits"), &read("/proc/self/status"));
-    let address_space = address_space.map(|bytes| (bytes, MemoryLimit::AddressSpace));
+    let address_space = available_address_space().map(|bytes| (bytes, MemoryLimit::AddressSpace));
     let group = control_group(&read("/proc/self/cgroup"), Path::new("/sys/fs/cgroup"));
     let group = group.map(|bytes| (bytes, MemoryLimit::ControlGroup));
     let all = [system, address_space, group].into_iter().flatten();
@@ -53,9 +51,17 @@ pub fn lacking_memory(needed: u64) -> Option<AvailableMemory> {
 /// Returns the address space that `ulimit -v` leaves if it is less than `needed` bytes. Bytes that are mapped, but not
 /// written, need no other memory.
 pub fn lacking_address_space(needed: u64) -> Option<AvailableMemory> {
-    let read = |path: &str| fs::read_to_string(path).unwrap_or_default();
-    let bytes = address_space(&read("/proc/self/limits"), &read("/proc/self/status"))?;
-    (bytes < needed).then_some(AvailableMemory { bytes, limit: MemoryLimit::AddressSpace })
+    let bytes = available_address_space().filter(|bytes| *bytes < needed)?;
+    Some(AvailableMemory { bytes, limit: MemoryLimit::AddressSpace })
+}
+
+fn available_address_space() -> Option<u64> {
+    address_space(&read("/proc/self/limits"), &read("/proc/self/status"))
+}
+
+/// Returns an empty text if the file cannot be read.
+fn read(path: &str) -> String {
+    fs::read_to_string(path).unwrap_or_default()
 }
 
 /// Most threads of llvmpipe.

@@ -181,7 +181,7 @@ impl Detector {
     /// Parameters
     /// ----------
     /// spheres, second, species, groups, exclusions
-    ///     As in :meth:`pairs`.
+    ///     See :meth:`pairs`.
     ///
     /// Returns
     /// -------
@@ -193,7 +193,7 @@ impl Detector {
     /// Raises
     /// ------
     /// InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
-    ///     As :meth:`pairs`.
+    ///     See :meth:`pairs`.
     #[pyo3(signature = (spheres, second=None, *, species=None, groups=None, exclusions=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn neighbors<'py>(
@@ -234,7 +234,7 @@ impl Detector {
     ///     distances, float64 of shape ``(m,)``; ``D``, vectors from ``i`` to ``j``, float64 of shape ``(m, 3)``; ``S``,
     ///     the numbers of cell vectors between them, int64 of shape ``(m, 3)``.
     /// spheres, second, species, groups, exclusions
-    ///     As in :meth:`pairs`.
+    ///     See :meth:`pairs`.
     /// half
     ///     If true, every pair is listed once, ``i < j``, and of two opposite images of a sphere the one whose first
     ///     nonzero shift is positive; else also as ``(j, i)``. Without effect on two sets.
@@ -251,9 +251,9 @@ impl Detector {
     /// Raises
     /// ------
     /// InputError
-    ///     As :meth:`pairs`; for unknown quantities, and for cutoffs or coordinates too large for the box.
+    ///     See :meth:`pairs`; also for unknown quantities, and for cutoffs or coordinates too large for the box.
     /// TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
-    ///     As :meth:`pairs`; ``max_pairs`` also limits the examined pairs of a sphere and an image.
+    ///     See :meth:`pairs`; ``max_pairs`` also limits the examined pairs of a sphere and an image.
     #[pyo3(signature = (quantities, spheres, second=None, *, half=false, open=false, with_self=false, species=None,
                         groups=None, exclusions=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
@@ -289,12 +289,12 @@ impl Detector {
     /// Parameters
     /// ----------
     /// spheres, second, species, groups, exclusions
-    ///     As in :meth:`pairs`.
+    ///     See :meth:`pairs`.
     ///
     /// Raises
     /// ------
     /// InputError, TypeError, OutOfMemory, KeyboardInterrupt
-    ///     As :meth:`pairs`.
+    ///     See :meth:`pairs`.
     #[pyo3(signature = (spheres, second=None, *, species=None, groups=None, exclusions=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn count<'py>(
@@ -330,12 +330,12 @@ impl Detector {
     /// chunk
     ///     The most pairs per array.
     /// spheres, second, species, groups, exclusions
-    ///     As in :meth:`pairs`.
+    ///     See :meth:`pairs`.
     ///
     /// Raises
     /// ------
     /// InputError, TypeError, OutOfMemory, KeyboardInterrupt
-    ///     As :meth:`pairs`; errors about values at the first ``next``.
+    ///     See :meth:`pairs`; errors about values at the first ``next``.
     #[pyo3(signature = (spheres, second=None, *, chunk=65536, species=None, groups=None, exclusions=None))]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn stream<'py>(

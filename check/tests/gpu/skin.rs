@@ -147,18 +147,24 @@ fn changed_spheres_rebuild_the_list() {
     ask(&scenario, 0, "nothing new");
 }
 
-#[test]
-fn changed_species_rebuild_the_list() {
-    let Some(own) = device() else { return };
-    let rows = vec![vec![Interaction::Touch], vec![Interaction::Within(1.5), Interaction::Never]];
+/// Two species by turns. The first touches itself, the second has the interactions `of_second`.
+fn two_species(own: &GpuDevice, of_second: [Interaction; 2]) -> (TestInput, GpuSkinDetector) {
+    let rows = vec![vec![Interaction::Touch], of_second.to_vec()];
     let species: Vec<u32> = (0..700).map(|k| k % 2).collect();
-    let mut scenario = TestInput {
+    let scenario = TestInput {
         spheres: cloud(9, 700, 7.0, |_| 0.3),
         mixture: Some(SpeciesSetup { species, rows }),
         ..TestInput::default()
     };
     let settings = GpuConfig::default().interactions(scenario.interactions().expect("two species"));
-    let mut detector = GpuSkinDetector::new(&own.device, settings, 0.2).expect("made");
+    let detector = GpuSkinDetector::new(&own.device, settings, 0.2).expect("made");
+    (scenario, detector)
+}
+
+#[test]
+fn changed_species_rebuild_the_list() {
+    let Some(own) = device() else { return };
+    let (mut scenario, mut detector) = two_species(&own, [Interaction::Within(1.5), Interaction::Never]);
     for (change, rebuilt) in
         [(None, SkinState::NO_LIST), (None, 0), (Some(601), SkinState::INPUT_CHANGED), (None, 0)]
     {
@@ -173,15 +179,7 @@ fn changed_species_rebuild_the_list() {
 #[test]
 fn spheres_that_never_pair_may_move_and_grow() {
     let Some(own) = device() else { return };
-    let rows = vec![vec![Interaction::Touch], vec![Interaction::Never; 2]];
-    let species: Vec<u32> = (0..700).map(|k| k % 2).collect();
-    let mut scenario = TestInput {
-        spheres: cloud(9, 700, 7.0, |_| 0.3),
-        mixture: Some(SpeciesSetup { species, rows }),
-        ..TestInput::default()
-    };
-    let settings = GpuConfig::default().interactions(scenario.interactions().expect("two species"));
-    let mut detector = GpuSkinDetector::new(&own.device, settings, 0.2).expect("made");
+    let (mut scenario, mut detector) = two_species(&own, [Interaction::Never; 2]);
     let mut ask = |scenario: &TestInput, rebuilt, case| {
         let state = verify(&own, &mut detector, scenario, case);
         assert_eq!(state.rebuild_reason, rebuilt, "{case}: {state:?}");

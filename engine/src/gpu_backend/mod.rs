@@ -141,7 +141,7 @@ impl SearchBackend for GpuBackend {
         report.begin(query.len());
         let (prepared, stats) = team.pass(query.len(), |threads| {
             let preparation =
-                Preparation { settings, wraps: false, has_same_species: false, is_by_radii: true };
+                Preparation { settings, wraps: false, has_same_species: false, ignores_reaches: true };
             let prepared = buffers.prepare(query, preparation, threads, &mut report.phases)?;
             let start = Instant::now();
             let table = settings.interactions.as_ref().filter(|_| prepared.frame.is_none());

@@ -117,8 +117,12 @@ fn groups_of_species_match_naive() {
             let mut buffers = crate::QueryBuffers::default();
             let phases = &mut report.phases;
             let query = spheres.into();
-            let preparation =
-                Preparation { settings: &settings, wraps: true, has_same_species: false, is_by_radii: false };
+            let preparation = Preparation {
+                settings: &settings,
+                wraps: true,
+                has_same_species: false,
+                ignores_reaches: false,
+            };
             let prepared = buffers.prepare(&query, preparation, Executor::Caller, phases);
             let prepared = prepared.expect("all are valid");
             let test = prepared.test(&settings);

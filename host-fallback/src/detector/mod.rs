@@ -138,7 +138,7 @@ impl SearchBackend for HostBackend {
                 None => {
                     let has_same_species = has_same_species && query.split().is_none();
                     let preparation =
-                        Preparation { settings, wraps: true, has_same_species, is_by_radii: false };
+                        Preparation { settings, wraps: true, has_same_species, ignores_reaches: false };
                     buffers.prepare(query, preparation, executor, &mut state.report.phases)?
                 }
             };

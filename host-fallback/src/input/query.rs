@@ -22,8 +22,6 @@ pub struct QueryBuffers {
     species: Vec<u32>,
     frame: Option<SearchFrame>,
     groups: SpeciesGroups,
-    /// `true` if the last frame is searched by radii alone.
-    is_by_radii: bool,
 }
 
 #[derive(Debug)]
@@ -50,7 +48,7 @@ pub struct Preparation<'a> {
     /// `true` if the species of the spheres are those of the last query.
     pub has_same_species: bool,
     /// `true` if the search knows no reach between groups of species, but only radii.
-    pub is_by_radii: bool,
+    pub ignores_reaches: bool,
 }
 
 impl PreparedQuery<'_> {
@@ -85,7 +83,7 @@ impl QueryBuffers {
     pub fn prepare<'a>(
         &'a mut self,
         query: &Query<'a>,
-        Preparation { settings, wraps, has_same_species, is_by_radii }: Preparation<'a>,
+        Preparation { settings, wraps, has_same_species, ignores_reaches }: Preparation<'a>,
         executor: Executor,
         phases: &mut Vec<PhaseTime>,
     ) -> Result<PreparedQuery<'a>, Error> {
@@ -96,8 +94,8 @@ impl QueryBuffers {
             self.groups.update(query, table, executor)?;
         }
         // Reaches between groups are infinite in a triclinic frame.
-        self.is_by_radii = is_by_radii || space.triclinic_cell().is_some();
-        let chooses = is_framed && self.is_by_radii && !has_same_species;
+        let ignores_reaches = ignores_reaches || space.triclinic_cell().is_some();
+        let chooses = is_framed && ignores_reaches && !has_same_species;
         if let Some(table) = settings.interactions.as_ref().filter(|_| chooses) {
             self.groups.choose_radii(query, table)?;
         }
@@ -146,14 +144,13 @@ impl QueryBuffers {
         }
         let groups = settings.interactions.as_ref().map(|_| &self.groups);
         let spheres = query.first();
-        let input =
-            Some(InputSpheres::new(spheres, self.frame_reaches(settings, frame), frame, &settings.space));
+        let input = Some(InputSpheres::new(
+            spheres,
+            frame_reaches(&self.groups, settings, frame),
+            frame,
+            &settings.space,
+        ));
         Ok(Some(PreparedQuery { spheres, split: None, frame: Some(frame), input, filter, groups }))
-    }
-
-    fn frame_reaches(&self, settings: &Settings, frame: &SearchFrame) -> Option<&[SpeciesReach]> {
-        let most = most_unequal_radius(frame, self.is_by_radii);
-        settings.interactions.as_ref().map(|_| self.groups.reaches_in_frame(most))
     }
 
     /// Uses the last frame if spheres fit, else a new one.
@@ -213,7 +210,7 @@ impl QueryBuffers {
         (query, settings): (&Query<'_>, &Settings),
         executor: Executor,
     ) -> Option<SearchFrame> {
-        let reaches = self.frame_reaches(settings, frame);
+        let reaches = frame_reaches(&self.groups, settings, frame);
         let given =
             |set: Spheres<'_>, k| InputSpheres::new(set, reaches, frame, &settings.space).effective_row(k);
         let first = query.first();
@@ -232,9 +229,8 @@ impl QueryBuffers {
         settings: &Settings,
         executor: Executor,
     ) -> Result<Bounds, Error> {
-        let Self { spheres, groups, is_by_radii, .. } = self;
-        let most = most_unequal_radius(frame, *is_by_radii);
-        let reaches = settings.interactions.as_ref().map(|_| groups.reaches_in_frame(most));
+        let Self { spheres, groups, .. } = self;
+        let reaches = frame_reaches(groups, settings, frame);
         let (first, second) = spheres.split_at_mut(query.first().len());
         let map = |set: Spheres<'_>, targets| {
             let input = InputSpheres::new(set, reaches, frame, &settings.space);
@@ -253,11 +249,17 @@ impl QueryBuffers {
     }
 }
 
-/// Slabs cannot divide a period of less than four radii. Larger unequal radii could make that a limit.
-fn most_unequal_radius(frame: &SearchFrame, is_by_radii: bool) -> Option<f64> {
+/// Returns the reaches for radii in a frame. Slabs cannot divide a period of less than four radii; larger unequal radii
+/// could make that a limit.
+fn frame_reaches<'g>(
+    groups: &'g SpeciesGroups,
+    settings: &Settings,
+    frame: &SearchFrame,
+) -> Option<&'g [SpeciesReach]> {
     let lengths = frame.space().lengths().into_iter().flatten();
     let shortest = lengths.fold(f64::INFINITY, f64::min);
-    is_by_radii.then(|| shortest / (8.0 * frame.scale()))
+    let most = shortest / (8.0 * frame.scale());
+    settings.interactions.as_ref().map(|_| groups.reaches_in_frame(most))
 }
 
 /// Gives sets without spheres the species ids that interactions require.

@@ -68,7 +68,7 @@ impl SpeciesGroups {
         let table = SpeciesTable { interactions: table, reaches: &reaches };
         let [merged, by_partners, by_reach] = SpeciesPartition::of_present(&present, table);
         let by_reach = by_reach.narrowed(&present, table)?;
-        self.unequal_radii = UnequalRadii::new(&by_reach, &present, table);
+        self.unequal_radii = UnequalRadii::new(&by_reach);
         self.partitions = [merged, by_partners, by_reach];
         (self.present, self.version) = (found, self.version.wrapping_add(1).max(1));
         self.reaches = reaches;
@@ -99,8 +99,8 @@ impl SpeciesGroups {
     }
 
     /// Returns the chosen reaches if no radius exceeds `most`, else those of the last update.
-    pub(super) fn reaches_in_frame(&self, most: Option<f64>) -> &[SpeciesReach] {
-        most.and_then(|most| self.unequal_radii.reaches(most)).unwrap_or(&self.reaches)
+    pub(super) fn reaches_in_frame(&self, most: f64) -> &[SpeciesReach] {
+        self.unequal_radii.reaches(most).unwrap_or(&self.reaches)
     }
 
     pub(crate) fn partition(&self, division: Division) -> &SpeciesPartition {
@@ -283,17 +283,17 @@ mod tests {
         let query = Spheres::from(&spheres).with_species(&ids).expect("as many").into();
         groups.update(&query, table, Executor::Caller).expect("nothing fails");
         groups.choose_radii(&query, table).expect("there is memory");
-        [0, 1, 2].map(|species| groups.reaches_in_frame(Some(10.0))[species].largest_half)
+        [0, 1, 2].map(|species| groups.reaches_in_frame(10.0)[species].largest_half)
     }
 
     #[test]
     fn partners_of_a_crowd_have_the_rest_of_the_distance_in_a_frame() {
         let mut table = Interactions::new(3, Interaction::Within(8.0)).expect("a table");
         table.set(0, 0, Interaction::Within(0.5)).expect("species of the table");
-        let mut groups = SpeciesGroups::default();
+        let mut groups = self::groups(&[0, 1, 2], &table);
+        assert_eq!(groups.reaches_in_frame(10.0)[0].largest_half, 4.0, "of a search with reaches");
         assert_eq!(halves_in_frame(&mut groups, [5000, 2, 2], &table), [0.25, 7.75, 7.75]);
-        assert_eq!(groups.reaches_in_frame(None)[0].largest_half, 4.0, "of a search with reaches");
-        assert_eq!(groups.reaches_in_frame(Some(7.0))[0].largest_half, 4.0, "a radius is larger");
+        assert_eq!(groups.reaches_in_frame(7.0)[0].largest_half, 4.0, "a radius is larger");
         let version = groups.version();
         assert_eq!(halves_in_frame(&mut groups, [2000, 300, 300], &table)[0], 0.25, "the same choice");
         assert_eq!(groups.version(), version);

@@ -22,7 +22,7 @@ pub(super) const MAX_PRESENT: usize = 512;
 /// 4 of the 16 half ulps of the filter's band in the square.
 const ROUNDED_UP: f64 = 1.0 + f32::EPSILON as f64;
 /// A species' reach in its own group is distinguished from its reach to all below this fraction.
-pub(super) const MAX_NARROW: f32 = 0.5;
+const MAX_NARROW: f32 = 0.5;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Meeting {
@@ -176,6 +176,19 @@ impl SpeciesPartition {
 
     pub fn meets(&self, a: usize, b: usize) -> bool {
         self.meetings[a * self.count + b].is_some()
+    }
+
+    /// Returns the largest distance of a pair of both groups; 0 without one.
+    pub(super) fn distance(&self, a: usize, b: usize) -> f64 {
+        self.meetings[a * self.count + b].map_or(0.0, |meeting| meeting.distance)
+    }
+
+    /// Returns the largest distance within a group as a fraction of that to all; `None` if none of its spheres pair with
+    /// each other, or if some pair by contact: their radii may be as large as the distances.
+    pub fn narrowness(&self, group: usize) -> Option<f64> {
+        let own = self.meetings[group * self.count + group].filter(|own| !own.touches)?;
+        let largest = (0..self.count).map(|other| self.distance(group, other)).fold(0.0, f64::max);
+        Some(own.distance / largest)
     }
 
     /// Returns `true` for a group that meets none.

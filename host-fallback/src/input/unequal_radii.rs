@@ -5,10 +5,12 @@
 
 use lazygrid_kernels::{Interaction, Query, SpeciesReach};
 
-use super::species_partition::{MAX_GROUPS, MAX_NARROW, SpeciesPartition, SpeciesTable};
+use super::species_partition::{MAX_GROUPS, SpeciesPartition, SpeciesTable};
 use crate::Error;
 use crate::memory::try_collect;
 
+/// Groups may have the radius of their own distances below this fraction of their distances to others.
+const MAX_NARROW: f64 = 0.5;
 /// Other radii must reduce the expected candidates to this fraction.
 const WORTHWHILE: f64 = 0.75;
 /// Spheres of each set whose groups are counted.
@@ -42,19 +44,10 @@ pub(super) struct UnequalRadii {
 }
 
 impl UnequalRadii {
-    /// Chooses no group, for a division by reach of the species `present`.
-    pub(super) fn new(partition: &SpeciesPartition, present: &[u32], table: SpeciesTable<'_>) -> Self {
-        let is_narrow = |species: u32| {
-            let (own, to_all) = (partition.narrow[species as usize], table.reaches[species as usize]);
-            // Radii of spheres that touch may be as large as the distances.
-            !own.effective.touches && own.largest_half < f64::from(MAX_NARROW) * to_all.largest_half
-        };
-        let all_are_narrow = |&group: &usize| {
-            let mut members = present.iter().copied().filter(|&species| partition.group_of(species) == group);
-            partition.meets(group, group) && members.all(is_narrow)
-        };
-        let groups = if partition.narrow.is_empty() { 0 } else { partition.count };
-        let narrow = (0..groups).filter(all_are_narrow).fold(Groups::NONE, Groups::with);
+    /// Chooses no group, for a division by reach.
+    pub(super) fn new(partition: &SpeciesPartition) -> Self {
+        let is_narrow = |&group: &usize| partition.narrowness(group).is_some_and(|of| of < MAX_NARROW);
+        let narrow = (0..partition.count).filter(is_narrow).fold(Groups::NONE, Groups::with);
         Self { narrow, ..Self::default() }
     }
 
@@ -97,19 +90,27 @@ fn reaches(
     present: &[u32],
     table: SpeciesTable<'_>,
 ) -> Result<Vec<SpeciesReach>, Error> {
-    let is_chosen = |species: u32| chosen.has(partition.group_of(species));
-    let own_half = |species: u32| partition.narrow[species as usize].largest_half;
-    let radius_for = |species: u32, other: u32| match table.interactions.get(species, other) {
-        Interaction::Within(distance) if is_chosen(other) => distance - own_half(other),
-        Interaction::Within(distance) => 0.5 * distance,
+    let half = |species: u32, other: u32| match table.interactions.get(species, other) {
+        Interaction::Within(distance) => rest(partition, chosen, distance, partition.group_of(other)),
         Interaction::Never | Interaction::Touch => 0.0,
     };
-    let largest = |species| present.iter().map(|&of| radius_for(species, of)).fold(0.0, f64::max);
+    let largest = |species| present.iter().map(|&other| half(species, other)).fold(0.0, f64::max);
     let reach = |species: u32| {
-        let largest_half = if is_chosen(species) { own_half(species) } else { largest(species) };
+        let group = partition.group_of(species);
+        let largest_half = if chosen.has(group) { own_half(partition, group) } else { largest(species) };
         SpeciesReach { largest_half, ..table.reaches[species as usize] }
     };
     try_collect((0..table.interactions.species()).map(reach), "reaches of species")
+}
+
+/// Returns the radius of a chosen group.
+fn own_half(partition: &SpeciesPartition, group: usize) -> f64 {
+    0.5 * partition.distance(group, group)
+}
+
+/// Returns the radius that another group needs to pair within this distance.
+fn rest(partition: &SpeciesPartition, chosen: Groups, distance: f64, other: usize) -> f64 {
+    if chosen.has(other) { distance - own_half(partition, other) } else { 0.5 * distance }
 }
 
 /// The numbers of spheres in each group.
@@ -165,17 +166,11 @@ impl<'a> Crowds<'a> {
     }
 
     fn radius(&self, group: usize, chosen: Groups) -> f64 {
-        let distance = |a: usize, b: usize| {
-            self.partition.meetings[a * self.partition.count + b].map_or(0.0, |meeting| meeting.distance)
-        };
-        let own_half = |group| 0.5 * distance(group, group);
-        let radius_for = |other: usize| match chosen.has(other) {
-            true => distance(group, other) - own_half(other),
-            false => 0.5 * distance(group, other),
-        };
+        let partition = self.partition;
+        let half = |other| rest(partition, chosen, partition.distance(group, other), other);
         match chosen.has(group) {
-            true => own_half(group),
-            false => (0..self.partition.count).map(radius_for).fold(0.0, f64::max),
+            true => own_half(partition, group),
+            false => (0..partition.count).map(half).fold(0.0, f64::max),
         }
     }
 }

@@ -129,8 +129,9 @@ impl Columns {
 
     pub(super) fn row<'a>(
         &self,
-        (line, doubles): (Line<'a>, bool),
+        line: Line<'a>,
         mut fields: impl Iterator<Item = &'a [u8]>,
+        doubles: bool,
     ) -> Result<Row<'a>, Error> {
         let mut row = Row::default();
         for (k, meaning) in self.meanings.iter().enumerate() {

@@ -83,7 +83,7 @@ impl Table for Csv {
         if line.is_blank() || commented(line.bytes).is_some() {
             return Ok(None);
         }
-        self.columns.row((line, doubles), fields(line, line.bytes, self.separator)?).map(Some)
+        self.columns.row(line, fields(line, line.bytes, self.separator)?, doubles).map(Some)
     }
 }
 

@@ -146,9 +146,9 @@ impl Table for Atoms {
     }
 
     fn row<'a>(&self, line: Line<'a>, doubles: bool) -> Result<Option<Row<'a>>, Error> {
-        let mut row = self.columns.row((line, doubles), line.words())?;
+        let mut row = self.columns.row(line, line.words(), doubles)?;
         if let Some(bounds) = &self.scale {
-            bounds.place((line, doubles), &mut row)?;
+            bounds.place(line, &mut row, doubles)?;
         }
         Ok(Some(row))
     }
@@ -206,7 +206,7 @@ impl Style {
 
 impl Bounds {
     /// Computes the center from the scaled coordinates.
-    fn place(&self, (line, doubles): (Line<'_>, bool), row: &mut Row<'_>) -> Result<(), Error> {
+    fn place(&self, line: Line<'_>, row: &mut Row<'_>, doubles: bool) -> Result<(), Error> {
         let parts = row.scaled;
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
             let steps = self.cell.edges.iter().zip(parts).map(|(edge, part)| edge[axis] * part.value);

@@ -37,7 +37,7 @@ impl Table for Listing {
         if line.is_blank() {
             return Ok(None);
         }
-        let row = self.0.row((line, doubles), line.words())?;
+        let row = self.0.row(line, line.words(), doubles)?;
         if !row.species.is_some_and(is_name) {
             return Err(line.unexpected("name(state) x y z serial"));
         }

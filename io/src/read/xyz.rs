@@ -47,7 +47,7 @@ impl Table for Words {
     }
 
     fn row<'a>(&self, line: Line<'a>, doubles: bool) -> Result<Option<Row<'a>>, Error> {
-        self.0.row((line, doubles), line.words()).map(Some)
+        self.0.row(line, line.words(), doubles).map(Some)
     }
 }
 

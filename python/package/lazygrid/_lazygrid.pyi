@@ -171,7 +171,7 @@ class Detector:
         Parameters
         ----------
         spheres, second, species, groups, exclusions
-            As in :meth:`pairs`.
+            See :meth:`pairs`.
 
         Returns
         -------
@@ -183,7 +183,7 @@ class Detector:
         Raises
         ------
         InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
-            As :meth:`pairs`.
+            See :meth:`pairs`.
         """
 
     def neighbor_list(
@@ -213,7 +213,7 @@ class Detector:
             distances, float64 of shape ``(m,)``; ``D``, vectors from ``i`` to ``j``, float64 of shape ``(m, 3)``; ``S``,
             the numbers of cell vectors between them, int64 of shape ``(m, 3)``.
         spheres, second, species, groups, exclusions
-            As in :meth:`pairs`.
+            See :meth:`pairs`.
         half
             If true, every pair is listed once, ``i < j``, and of two opposite images of a sphere the one whose first
             nonzero shift is positive; else also as ``(j, i)``. Without effect on two sets.
@@ -230,9 +230,9 @@ class Detector:
         Raises
         ------
         InputError
-            As :meth:`pairs`; for unknown quantities, and for cutoffs or coordinates too large for the box.
+            See :meth:`pairs`; also for unknown quantities, and for cutoffs or coordinates too large for the box.
         TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
-            As :meth:`pairs`; ``max_pairs`` also limits the examined pairs of a sphere and an image.
+            See :meth:`pairs`; ``max_pairs`` also limits the examined pairs of a sphere and an image.
         """
 
     def count(
@@ -249,12 +249,12 @@ class Detector:
         Parameters
         ----------
         spheres, second, species, groups, exclusions
-            As in :meth:`pairs`.
+            See :meth:`pairs`.
 
         Raises
         ------
         InputError, TypeError, OutOfMemory, KeyboardInterrupt
-            As :meth:`pairs`.
+            See :meth:`pairs`.
         """
 
     def stream(
@@ -282,12 +282,12 @@ class Detector:
         chunk
             The most pairs per array.
         spheres, second, species, groups, exclusions
-            As in :meth:`pairs`.
+            See :meth:`pairs`.
 
         Raises
         ------
         InputError, TypeError, OutOfMemory, KeyboardInterrupt
-            As :meth:`pairs`; errors about values at the first ``next``.
+            See :meth:`pairs`; errors about values at the first ``next``.
         """
 
     def memory_for(self, spheres: int) -> int:

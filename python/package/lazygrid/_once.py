@@ -27,7 +27,7 @@ def pairs(
     Parameters
     ----------
     spheres, second, species, groups, exclusions
-        As in :meth:`Detector.pairs`.
+        See :meth:`Detector.pairs`.
     settings
         Keywords of :class:`Detector`.
 
@@ -39,7 +39,7 @@ def pairs(
     Raises
     ------
     InputError, TypeError, TooManyPairs, OutOfMemory, MemoryError, KeyboardInterrupt
-        As :meth:`Detector.pairs`.
+        See :meth:`Detector.pairs`.
     SettingError, Error
         As :class:`Detector`.
     """

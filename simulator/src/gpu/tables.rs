@@ -16,7 +16,6 @@ use crate::motion::species_step::SpeciesStep;
 use crate::motion::tumble::TumbleStep;
 use crate::motion::vessel_flow::{FlowStep, StepDrift, StepTime};
 use crate::random::philox::Key;
-use crate::reaction::decay::DissociationTime;
 use crate::reaction::dissociation::Dissociation;
 use crate::reaction::{ReactionRule, Reactions};
 use crate::{Axis, Receiver};
@@ -305,13 +304,13 @@ fn reaction_rows(model: &Model) -> Vec<ReactionRow> {
     let reactive = ReactivePairs::new(model);
     for (pair, row) in pairs().zip(&mut rows).filter(|(pair, _)| reactive.contain(pair[0], pair[1])) {
         row.flags |= ReactionRow::REACTS;
-        describe_dissociation(model, pair, row);
+        describe_dissociation(&reactions, pair, row);
     }
     rows
 }
 
-fn describe_dissociation(model: &Model, pair: [u32; 2], row: &mut ReactionRow) {
-    let times = pair.map(|species| DissociationTime::new(model, species));
+fn describe_dissociation(reactions: &Reactions, pair: [u32; 2], row: &mut ReactionRow) {
+    let times = pair.map(|species| reactions.dissociation_of(species));
     let flags = times.iter().zip(ReactionRow::DISSOCIATES).filter(|(time, _)| time.is_some());
     row.flags |= flags.map(|(_, flag)| flag).sum::<u32>();
     row.dissociation_thresholds = times.map(|time| time.map_or(0, |time| time.up_to)).into();

@@ -136,7 +136,7 @@ pub(crate) fn numbered(directory: &Path, prefix: &str) -> Result<Vec<u32>, Error
 /// Removes the files of a run, but not the directories of replicas and points. Begins with the files that `--resume`
 /// continues.
 pub(crate) fn remove_results(directory: &Path) -> Result<(), Error> {
-    remove_plots(directory)?;
+    remove_plots(directory, &former_report(directory))?;
     RESULTS.into_iter().try_for_each(|name| remove_file(directory.join(name)))?;
     remove_where(directory, is_frame)
 }
@@ -155,7 +155,7 @@ pub(crate) fn replica_directory(directory: &Path, replica: u32) -> PathBuf {
 
 /// Removes what is made of a run's finished files: reports, tables and copies in other formats.
 pub(crate) fn remove_derived(directory: &Path) -> Result<(), Error> {
-    remove_plots(directory)?;
+    remove_plots(directory, &former_report(directory))?;
     RESULTS[DERIVED..].iter().try_for_each(|name| remove_file(directory.join(name)))
 }
 
@@ -175,7 +175,7 @@ pub fn write_report(
     let paths = plots.iter().map(|(plot, _)| name(plot));
     let mut foreign = paths.filter(|name| !overwrite && !is_own(&directory.join(name)));
     foreign.try_for_each(|name| refuse_file(directory, &name))?;
-    remove_plots(directory)?;
+    remove_plots(directory, &former)?;
     // The page first: it tells the plots from those of others.
     write_atomically(&directory.join(REPORT), |out| out.write_all(page.as_bytes()))?;
     let folder = directory.join(PLOTS);
@@ -185,15 +185,14 @@ pub fn write_report(
     })
 }
 
-/// Removes the plots that are part of the directory's report, but no files of the user.
-fn remove_plots(directory: &Path) -> Result<(), Error> {
+/// Removes the plots that are part of the directory's `report`, but no files of the user.
+fn remove_plots(directory: &Path, report: &str) -> Result<(), Error> {
     let plots = directory.join(PLOTS);
     let is_directory = fs::symlink_metadata(&plots).is_ok_and(|plots| plots.is_dir());
-    let report = former_report(directory);
     if report.is_empty() || !is_directory {
         return Ok(());
     }
-    remove_where(&plots, |name| is_plot(name) && is_plot_of(&report, &plots.join(name)))?;
+    remove_where(&plots, |name| is_plot(name) && is_plot_of(report, &plots.join(name)))?;
     // Remains if it holds other files.
     let _ = fs::remove_dir(plots);
     Ok(())

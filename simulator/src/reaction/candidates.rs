@@ -136,6 +136,6 @@ impl Reactions {
     /// Returns `true` if a particle dissociates in this step, so that it does not exist when pairs react.
     #[inline]
     fn dissociates(&self, species: u32, now: (philox::Key, u32, u32)) -> bool {
-        self.dissociation[species as usize].is_some_and(|time| time.is_within(now))
+        self.dissociation_of(species).is_some_and(|time| time.is_within(now))
     }
 }

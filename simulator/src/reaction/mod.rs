@@ -153,6 +153,12 @@ impl Reactions {
         chosen.iter().flat_map(|candidate| self.outcomes(particles, candidate, key, step)).flatten().collect()
     }
 
+    /// `None` for a species that does not dissociate.
+    #[inline]
+    pub(crate) fn dissociation_of(&self, species: u32) -> Option<DissociationTime> {
+        self.dissociation[species as usize]
+    }
+
     #[cfg(feature = "gpu")]
     pub(crate) fn shares_of(&self, reaction: u32) -> [f32; 2] {
         self.shares[reaction as usize]

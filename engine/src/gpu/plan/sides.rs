@@ -9,7 +9,7 @@ use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions};
 const WORTHWHILE: f64 = 0.25;
 /// A group is a narrow side if its spheres pair among themselves within less than this fraction of the distance to
 /// others. The cells of a larger one would seldom be crowded enough to pay for searches between sides.
-const MAX_NARROW: f32 = 0.25;
+const MAX_NARROW: f64 = 0.25;
 const MAX_SIDES: usize = CellListLayout::MAX_SIDES;
 /// Sides of each of two sets, so that a side has at least eight levels.
 const MAX_SIDES_OF_SET: usize = 2;
@@ -132,7 +132,7 @@ impl PairingGroups {
             of_species,
             narrow: 0,
         };
-        let narrow = groups.narrow(table);
+        let narrow = groups.narrow(|group| partition.narrowness(active[group]));
         Self { narrow, ..groups }
     }
 
@@ -144,28 +144,14 @@ impl PairingGroups {
         self.narrow >> group & 1 == 1
     }
 
-    /// Returns the groups whose spheres pair among themselves within much less than with others, the narrowest first and
-    /// without groups that pair with one of them.
-    fn narrow(&self, table: &Interactions) -> u8 {
-        let meets_itself = |&group: &usize| self.partners[group] >> group & 1 == 1;
-        let groups = (0..self.count()).filter(meets_itself);
-        let mut groups: Vec<_> = groups.filter_map(|of| Some((self.narrowness(of, table)?, of))).collect();
+    /// Returns the groups of this narrowness, if any, the narrowest first and without groups that pair with one of them.
+    fn narrow(&self, narrowness: impl Fn(usize) -> Option<f64>) -> u8 {
+        let narrow = |group| Some((narrowness(group).filter(|of| *of < MAX_NARROW)?, group));
+        let mut groups: Vec<(f64, usize)> = (0..self.count()).filter_map(narrow).collect();
         groups.sort_by(|(a, _), (b, _)| a.total_cmp(b));
         groups.iter().fold(0, |narrow, &(_, group)| match self.partners[group] & narrow {
             0 => narrow | 1 << group,
             _ => narrow,
-        })
-    }
-
-    /// Returns the group's largest distance as a fraction of that to others; `None` if it is not narrow. If spheres of the
-    /// group pair by contact, their radii, which are not known here, may be as large.
-    fn narrowness(&self, group: usize, table: &Interactions) -> Option<f32> {
-        let members = || (0..table.species()).filter(|&of| self.of_species[of as usize] == Some(group));
-        members().try_fold(0.0_f32, |fraction, species| {
-            let own = table.reach_among(species, members()).effective;
-            let to_all = table.effective_radius(species).half;
-            let is_narrow = !own.touches && own.half < MAX_NARROW * to_all;
-            is_narrow.then(|| fraction.max(own.half / to_all))
         })
     }
 

@@ -35,7 +35,7 @@ fn build(spheres: Spheres<'_>, settings: &Settings) -> (CellList, Division) {
     let (mut list, mut report, mut buffers) =
         (CellList::default(), Report::default(), QueryBuffers::default());
     let query = spheres.into();
-    let preparation = Preparation { settings, wraps: true, has_same_species: false, is_by_radii: false };
+    let preparation = Preparation { settings, wraps: true, has_same_species: false, ignores_reaches: false };
     let prepared = buffers.prepare(&query, preparation, Executor::Caller, &mut report.phases).expect("valid");
     let surveyed = SearchInput::surveyed(prepared.test(settings), settings);
     let input = SearchInput { groups: prepared.groups, ..surveyed };
