@@ -25,7 +25,7 @@ struct Side {
 
 impl Model {
     /// Returns the fastest species that a membrane holds back and a receiver acts on.
-    pub(super) fn fastest_shared(&self, receiver: &Receiver, membrane: &Membrane) -> Option<&Species> {
+    pub(crate) fn fastest_shared(&self, receiver: &Receiver, membrane: &Membrane) -> Option<&Species> {
         if !receiver.kind.is_active_sphere() {
             return None;
         }
@@ -79,7 +79,7 @@ impl Model {
 
 impl Receiver {
     /// Returns the time step at which a distance is the least one from a membrane.
-    pub(super) fn time_of_gap(&self, gap: f64, diffusion: f64) -> f64 {
+    pub(crate) fn time_of_gap(&self, gap: f64, diffusion: f64) -> f64 {
         let spread = STEPS_APART * (2.0 * (diffusion + self.diffusion)).sqrt();
         let speed = dot(self.velocity, self.velocity).sqrt();
         // The root of the time, without cancellation.

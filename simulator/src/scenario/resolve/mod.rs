@@ -106,8 +106,11 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
         warnings.extend(rounded.map(|message| Problem::at(from.equation.span(), message)));
     }
     for (membrane, from) in model.membranes.iter().zip(&file.membranes) {
-        let message = warnings::long_step_through(membrane, &model);
-        warnings.extend(message.map(|message| Problem::at(from.name.span(), message)));
+        let messages = [
+            warnings::long_step_through(membrane, &model),
+            warnings::long_receiver_step_through(membrane, &model),
+        ];
+        warnings.extend(messages.into_iter().flatten().map(|message| Problem::at(from.name.span(), message)));
     }
     for (place, from) in file.species.iter().enumerate() {
         let messages = [

@@ -233,6 +233,21 @@ fn spherical_membranes_arrive_or_are_refused() {
     let short = text(SPHERE).replace("time-step = 0.001", "time-step = 1.95e-5");
     assert!(said.contains("time-step = 1.95e-5 is short enough"), "{said}");
     assert!(parse(&short).unwrap().warnings.iter().all(|said| !said.contains("which is long compared")));
+    let receiver = |motion: &str| {
+        let kind = format!("\"absorbing\"\n{motion}");
+        parse(&text(SPHERE).replace("\"transparent\"\nspecies = [\"base\"]", &kind))
+            .unwrap()
+            .warnings
+            .join("\n")
+    };
+    // 4 √(2DΔt) is the radius.
+    let said = receiver("diffusion = 2");
+    assert!(said.contains("takes rx 0.063 µm by diffusion and 0.000 µm by its velocity"), "{said}");
+    assert!(said.contains("time-step = 9.76e-4 is short enough"), "{said}");
+    assert!(receiver("velocity = [0, 251, 0]").contains("0.251 µm by its velocity"));
+    for motion in ["diffusion = 1.95", "velocity = [0, 249, 0]", ""] {
+        assert!(!receiver(motion).contains("jump across"), "{motion}");
+    }
     let replaced = |from, to| SPHERE.replace(from, to);
     let touching = replaced("[0, 0, 0.5]", "[0.5, 0.5, 0]");
     let absorbing = text(&touching).replace("\"transparent\"\nspecies = [\"base\"]", "\"absorbing\"");

@@ -3,7 +3,8 @@
 use super::below;
 use crate::model::boundary::Axis;
 use crate::model::membrane::{Membrane, MembraneSurface};
-use crate::model::receiver::{ReceiverKind, WallFace};
+use crate::model::receiver::{Receiver, ReceiverKind, WallFace};
+use crate::model::vessel::dot;
 use crate::model::{Flow, Model};
 use crate::motion::tumble::tumble_probability;
 
@@ -152,6 +153,26 @@ pub(in crate::scenario) fn long_step_through(membrane: &Membrane, model: &Model)
              but it passes at another rate; time-step = {} is short enough",
             species.name,
             (2.0 * species.diffusion * model.time_step).sqrt(),
+            membrane.name,
+            below(longest)
+        )
+    })
+}
+
+/// Only the ends of a receiver's steps are compared with a membrane.
+pub(in crate::scenario) fn long_receiver_step_through(membrane: &Membrane, model: &Model) -> Option<String> {
+    let MembraneSurface::Sphere { radius, .. } = membrane.surface else { return None };
+    let turns = |one: &&Receiver| one.moves() && model.fastest_shared(one, membrane).is_some();
+    let longest = |one: &Receiver| one.time_of_gap(radius.into(), 0.0);
+    let moving = model.receivers.iter().filter(turns).map(|one| (longest(one), one));
+    let (longest, receiver) = moving.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (model.time_step > longest).then(|| {
+        let Receiver { velocity, diffusion, ref name, .. } = *receiver;
+        format!(
+            "a step takes {name} {:.3} µm by diffusion and {:.3} µm by its velocity, which is long compared with the radius of \
+             {radius} µm of {}: it may jump across; time-step = {} is short enough",
+            (2.0 * diffusion * model.time_step).sqrt(),
+            dot(velocity, velocity).sqrt() * model.time_step,
             membrane.name,
             below(longest)
         )
