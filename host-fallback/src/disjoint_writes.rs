@@ -29,15 +29,16 @@ impl<'a, T: Copy> DisjointSlice<'a, T> {
     }
 }
 
+/// Returns the numbers as atomics, for writes by several threads.
 pub(crate) fn shared(numbers: &mut [u32]) -> &[AtomicU32] {
     let len = numbers.len();
     const { assert!(align_of::<AtomicU32>() == align_of::<u32>()) };
     // SAFETY: an `AtomicU32` has the size and the values of a `u32`, and here its alignment; while the result lives
-    // no other access exists, since the borrow it comes from is exclusive.
+    // no other access exists, because `numbers` is borrowed exclusively.
     unsafe { std::slice::from_raw_parts(numbers.as_mut_ptr().cast(), len) }
 }
 
-/// The last position is the length.
+/// Splits a slice at ascending `ends`, the last of which is its length.
 pub(crate) fn split_at<T>(
     mut slice: &mut [T],
     ends: impl ExactSizeIterator<Item = usize>,
@@ -48,7 +49,7 @@ pub(crate) fn split_at<T>(
         (slice, from) = (tail, end);
         head
     };
-    memory::try_collect(ends.map(cut), "stretches of a buffer")
+    memory::try_collect(ends.map(cut), "parts of a buffer")
 }
 
 /// Closes the gaps between filled ranges, given as start and length.

@@ -1,6 +1,6 @@
 //! The threads of a call: the calling thread, or a rayon pool. No other module uses rayon.
 //!
-//! Work consists of numbered chunks. The first that fails ends the work with its error.
+//! Work consists of numbered chunks. The first chunk that fails ends the work with its error.
 
 use std::error::Error as _;
 use std::sync::OnceLock;
@@ -11,13 +11,14 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::Error;
 
-/// A process may get more cores while it runs.
+/// Most threads of a pool per core: a process may get more cores while it runs.
 const MAX_THREADS_PER_CORE: usize = 4;
-/// This number of threads may always be started.
+/// Number of threads that a pool may always start.
 const MIN_MAX_THREADS: usize = 16;
 
 /// Below this number of spheres, waking threads takes as long as a light pass.
 pub(crate) const MIN_PARALLEL_SPHERES: usize = 1 << 14;
+/// Estimated nanoseconds below which work stays in the calling thread.
 const MIN_PARALLEL_NS: f32 = 300_000.0;
 
 /// The threads of a call.
@@ -56,7 +57,7 @@ impl Executor {
         self.chunks(values, size, &work);
     }
 
-    /// Takes references to functions, so that rayon's code is compiled once per type and not once per caller.
+    /// Runs `work` on each chunk. It is a `dyn` function, so that rayon's code is compiled once per type.
     fn chunks<T: Send>(self, values: &mut [T], size: usize, work: &(dyn Fn(usize, &mut [T]) + Sync)) {
         match self {
             Self::Pool if values.len() > size => {
@@ -66,8 +67,8 @@ impl Executor {
         }
     }
 
-    /// Folds consecutive chunks from `open` with `step`, and merges the results in order. A task has at most `most`
-    /// chunks.
+    /// Folds consecutive chunks from `open` with `step`, and merges the results in order. `chunks` are the number of
+    /// chunks and the most chunks of a task.
     pub(crate) fn fold<S: Send, E: Send>(
         self,
         chunks: (usize, usize),
@@ -136,7 +137,10 @@ impl Team {
     }
 
     pub(crate) fn within<R: Send>(&self, task: impl FnOnce() -> R + Send) -> R {
-        within(self.pool.as_ref(), task)
+        match &self.pool {
+            Some(pool) => pool.install(task),
+            None => task(),
+        }
     }
 
     pub(crate) fn executor(&self) -> Result<Executor, Error> {
@@ -152,13 +156,6 @@ impl Team {
     }
 }
 
-fn within<R: Send>(pool: Option<&ThreadPool>, task: impl FnOnce() -> R + Send) -> R {
-    match pool {
-        Some(pool) => pool.install(task),
-        None => task(),
-    }
-}
-
 fn count() -> usize {
     if rayon::current_thread_index().is_some() { rayon::current_num_threads() } else { cores() }
 }
@@ -167,7 +164,7 @@ fn pool(asked: usize) -> Result<ThreadPool, Error> {
     let cores = cores();
     let threads = useful(asked, cores);
     if threads < asked {
-        log::warn!("{asked} threads were asked for; {threads} were started, for {cores} can run at a time");
+        log::warn!("{asked} threads requested; starting {threads}, the limit for {cores} cores");
     }
     let built = ThreadPoolBuilder::new().num_threads(threads).build();
     built.map_err(|error| Error::ThreadPool { threads, reason: error.to_string() })
@@ -181,8 +178,8 @@ fn cores() -> usize {
     available_parallelism().map_or(1, usize::from)
 }
 
-/// Starts the threads of rayon's global pool, unless it runs or the caller is in another pool. Rayon itself would panic if
-/// the system refuses them.
+/// Starts the threads of rayon's global pool, unless it already runs or the caller is in another pool. Rayon itself
+/// would panic if the system refused the threads.
 ///
 /// # Errors
 /// Returns [`Error::ThreadPool`] if the system refuses the threads, or refused them before.

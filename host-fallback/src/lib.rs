@@ -1,4 +1,4 @@
-//! The CPU path of lazygrid: every pair of overlapping spheres, found by rayon threads.
+//! The CPU backend of lazygrid: finds every pair of overlapping spheres on rayon threads.
 //!
 //! Start with [`HostDetector`]. Data flows one way: spheres → [`InputStats`] → [`algorithm_choice`] → plan → detector →
 //! pairs.

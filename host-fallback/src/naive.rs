@@ -1,4 +1,4 @@
-//! All-pairs comparison of the groups that meet, the reference of all other algorithms.
+//! The comparison of all pairs of the groups that may pair, the reference for all other algorithms.
 
 use std::ops::Range;
 
@@ -7,7 +7,7 @@ use crate::compare::{COMPARE_NS, Columns, Output, PairTest, SimdTask, SimdWidth,
 use crate::input::{Division, SearchInput, search_pieces, sort_by_group};
 use crate::memory::{try_push, with_growth};
 
-/// The columns of two tiles, 40 KiB, stay near the first-level cache.
+/// Spheres per tile, so that the columns of two tiles, 40 KiB, stay near the first-level cache.
 const TILE: usize = 1024;
 
 /// Compares every sphere of `columns[a]` with every later one of `columns[b]`.
@@ -31,6 +31,7 @@ impl<S: Sink> SimdTask for Tile<'_, S> {
     }
 }
 
+/// Estimates the nanoseconds of a search.
 pub(crate) fn time(spheres: usize) -> f32 {
     spheres as f32 * spheres as f32 * COMPARE_NS / 2.0
 }
@@ -42,7 +43,7 @@ pub(crate) struct Naive {
     rows: Vec<TileRow>,
 }
 
-/// The ranges overlap only if both are of one group.
+/// A tile, and the spheres with which it is compared. The ranges overlap only within a group.
 #[derive(Clone, Debug)]
 struct TileRow {
     tile: Range<usize>,

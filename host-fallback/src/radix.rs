@@ -10,18 +10,18 @@ use crate::disjoint_writes::DisjointSlice;
 use crate::executor::Executor;
 use crate::memory::{try_resize, with_growth};
 
-/// 128 KiB of narrow entries: far more than digits to count.
+/// Entries per chunk: 128 KiB with narrow keys, and far more than digits.
 const CHUNK_RECORDS: usize = 1 << 14;
-/// One thread sums their counts.
+/// Most chunks, because one thread sums their counts.
 const MAX_CHUNKS: usize = 64;
-/// Cache lines written by a pass stay in the first-level cache.
+/// Bits per pass, so that the written cache lines stay in the first-level cache.
 const DIGIT: u32 = 8;
 const DIGITS: usize = 1 << DIGIT;
 
 pub(crate) trait RadixKey: Copy + Ord + Zeroable + Send + Sync + From<u32> {
-    /// `bits` is less than the width of the type.
+    /// Returns the key with `low` appended as its lowest `bits`, fewer than the width of the type.
     fn append(self, low: u32, bits: u32) -> Self;
-    /// `bits` is less than the width of the type.
+    /// Returns the key without its lowest `bits`, fewer than the width of the type.
     fn without(self, bits: u32) -> Self;
     fn low(self) -> u32;
 }
@@ -76,7 +76,7 @@ impl<K: RadixKey> Radix<K> {
             + self.counts.capacity() * size_of::<[usize; DIGITS]>()
     }
 
-    /// Stable; keys are below 2^`bits`.
+    /// Sorts the entries stably. Keys must be below 2^`bits`.
     pub(crate) fn sort(&mut self, bits: u32, executor: Executor) -> Result<(), Error> {
         try_resize(&mut self.spare, self.entries.len(), "sorting entries of cells")?;
         for shift in (0..bits).step_by(DIGIT as usize) {
@@ -87,6 +87,7 @@ impl<K: RadixKey> Radix<K> {
         Ok(())
     }
 
+    /// Sorts by one digit into `spare`. Returns `false`, without a sort, if all digits agree.
     fn pass(&mut self, shift: u32, executor: Executor) -> Result<bool, Error> {
         let Self { entries, spare, counts } = self;
         let Some(first) = entries.first() else { return Ok(false) };
@@ -114,14 +115,14 @@ impl<K: RadixKey> Radix<K> {
             }
         }
         let target = DisjointSlice::new(spare);
-        executor.for_each(counts, |k, places| {
-            let mut own = *places;
+        executor.for_each(counts, |k, positions| {
+            let mut own = *positions;
             for &entry in piece(k) {
-                let place = &mut own[digit(entry.key)];
+                let position = &mut own[digit(entry.key)];
                 // SAFETY: the exclusive prefix sums over (digit, chunk) give every entry a distinct position below
                 // their number, the length of `spare`.
-                unsafe { target.write(*place, entry) };
-                *place += 1;
+                unsafe { target.write(*position, entry) };
+                *position += 1;
             }
         });
         Ok(true)

@@ -48,7 +48,7 @@ pub enum RebuildReason {
 impl std::fmt::Display for RebuildReason {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.pad(match self {
-            Self::NoList => "there were none",
+            Self::NoList => "no list existed",
             Self::Displacement => "a sphere had moved too far",
             Self::InputChanged => "the spheres had changed",
         })

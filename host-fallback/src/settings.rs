@@ -32,7 +32,7 @@ pub enum Skin {
     Fixed(f64),
 }
 
-/// Valid distances of a fixed skin: `f32` holds the square of half of it without overflow.
+/// Valid distances of a fixed skin, so that the square of half a skin neither overflows nor underflows in `f32`.
 pub const SKIN_RANGE: std::ops::RangeInclusive<f32> = 1e-14..=1e17;
 
 #[derive(Clone, Debug)]
@@ -43,11 +43,11 @@ pub struct Settings {
     pub simd: Simd,
     /// Size of the detector's own pool; `None` uses the caller's rayon pool.
     pub threads: Option<usize>,
-    /// Cells with more smaller spheres are split in the recursive grid.
+    /// Threshold τ of the recursive grid: cells with more smaller spheres are split.
     pub tau: u32,
     /// Cell size of the paper's grids as a multiple of the largest diameter, 0.5 to 16.
     pub cell_ratio: f32,
-    /// Limit of a list (8 bytes per pair, and 12 to 16 more while it is ordered).
+    /// Most pairs of a list (8 bytes per pair, and 12 to 16 more while it is ordered).
     pub max_pairs: u64,
     /// `None` if all touching spheres pair.
     pub interactions: Option<Interactions>,
@@ -58,23 +58,19 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// Default of τ. A vector compares 16 spheres at once, so comparing a few hundred costs less than a split; less
-    /// makes dense scenes slower, more changes little until cells hold thousands.
+    /// Default of τ. A vector compares up to 16 spheres at once, so comparing a few hundred costs less than a split.
+    /// Smaller values make dense scenes slower; larger values change little until cells have thousands of spheres.
     pub const TAU: u32 = 512;
     /// Default cell ratio. Smaller cells mean more entries per sphere, larger ones more comparisons: uniform scenes are
     /// fastest between 4 and 8, dense ones in the array grid between 1 and 1.5.
     pub const CELL_RATIO: f32 = 4.0;
-    /// 2²⁹ pairs, a list of 4 GiB.
+    /// Default limit of a list: 2²⁹ pairs, 4 GiB.
     pub const MAX_PAIRS: u64 = 1 << 29;
 
     pub(crate) fn check(&self) -> Result<(), Error> {
         if !(0.5..=16.0).contains(&self.cell_ratio) {
-            let value = self.cell_ratio.to_string();
-            return Err(Error::InvalidSetting {
-                name: "cell_ratio",
-                value,
-                range: "choose between 0.5 and 16",
-            });
+            let (value, range) = (self.cell_ratio.to_string(), "choose between 0.5 and 16");
+            return Err(Error::InvalidSetting { name: "cell_ratio", value, range });
         }
         if self.threads == Some(0) {
             let range = "choose at least one, or leave it unset";

@@ -6,17 +6,16 @@ use crate::Error;
 use crate::memory::try_resize;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
-/// Further species share the rows of earlier ones.
+/// Most rows, a power of two. Further species share the rows of earlier species.
 const MAX_ROWS: u32 = 16;
-
 const NAME: &str = "displacements by species";
 
-/// Indexed by size class.
+/// Numbers indexed by size class.
 pub(crate) type PerClass<T = f32> = [T; SIZE_CLASSES];
 
 #[derive(Debug, Default)]
 pub(crate) struct SpeciesClasses<T = f32> {
-    /// A power of two, or none before the first use.
+    /// Rows of the species: their number is a power of two, or 0 before the first use.
     rows: Vec<PerClass<T>>,
 }
 
@@ -33,7 +32,7 @@ impl<T: Copy + Zeroable> SpeciesClasses<T> {
         self.rows.fill([number; SIZE_CLASSES]);
     }
 
-    /// Overwrites all numbers with functions of others.
+    /// Overwrites all numbers with `of` the numbers of others.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -51,7 +50,7 @@ impl<T: Copy + Zeroable> SpeciesClasses<T> {
         &self.rows
     }
 
-    /// Species 0 stands for all spheres if there is no table of species.
+    /// Returns the number of a species and radius. Species 0 represents all spheres if there is no table of species.
     #[inline(always)]
     pub(crate) fn get(&self, species: u32, radius: f32) -> T {
         self.rows[species as usize & (self.rows.len() - 1)][class_of(radius)]

@@ -1,27 +1,26 @@
-//! Estimated from a sample, because bounds tell nothing about clusters. Along the Morton curve the members of every
-//! octree cell are adjacent, so one sort serves all cube sizes.
+//! The density of spheres by cell size, estimated from a sample, because bounds do not show clusters. Along the Morton
+//! curve the members of every octree cell are adjacent, so one sort serves all cube sizes.
 
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{Space, Spheres};
 
 use crate::compare::COMPARE_NS;
-use crate::input::SearchInput;
-use crate::input::{Grouping, MAX_GROUPS};
+use crate::input::{Grouping, MAX_GROUPS, SearchInput};
 use crate::memory::try_collect;
 use crate::{Error, InputStats};
 
-/// 21 bits per axis fill a 63-bit Morton code.
+/// Halvings of the bounding cube: 21 bits per axis fill a 63-bit Morton code.
 const DEPTHS: usize = 21;
-/// Fewer coincidences at one depth are no evidence of density.
+/// Fewer coincidences (pairs of sampled spheres in one cube) at a depth may be chance.
 const MIN_COINCIDENCES: u64 = 24;
-
-/// Estimated, with random access to the spheres.
+/// Estimated nanoseconds of an exact test, with random access to the spheres.
 pub(super) const EXACT_TEST_NS: f32 = 60.0;
 const MAX_SEPARATE: usize = 2 * (MAX_GROUPS + 1);
 
 /// Mean number of spheres around a sphere by cube size: a polyline in log-log scale.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct DensityProfile {
+    /// log₂ of the size of the bounding cube.
     top: f32,
     /// log₂ of the longest axis of the grid.
     log_extent: f32,
@@ -30,7 +29,7 @@ pub(crate) struct DensityProfile {
     log_mean: Vec<f32>,
     /// Decrease of log₂ of the mean per halving below these depths.
     slope: f32,
-    /// Searches in cells, as a fraction of those of a single group.
+    /// Searches in cells, as a fraction of the searches of a single group.
     pub(crate) searches: f32,
     /// Estimated nanoseconds of a comparison.
     pub(crate) compare_ns: f32,
@@ -42,23 +41,25 @@ impl DensityProfile {
         Ok(Sample::take(input)?.density(None))
     }
 
-    pub(crate) fn of_places(spheres: Spheres<'_>, space: Space) -> Result<Self, Error> {
+    /// Samples the wrapped centers of the spheres, within the bounds of the sample.
+    pub(crate) fn of_centers(spheres: Spheres<'_>, space: Space) -> Result<Self, Error> {
         let n = spheres.len();
         let size = sample_size(n);
-        let place = |k| space.wrap(spheres.get(sample_index(k, size, n)).center);
-        let places = try_collect((0..size).map(place), "a sample of the spheres")?;
-        let wide = |(min, max): (Vec3, Vec3), place: &Vec3| (min.min(*place), max.max(*place));
-        let bounds = places.iter().fold((Vec3::INFINITY, Vec3::NEG_INFINITY), wide);
-        let places = places.into_iter().map(|place| (place, 0));
-        Ok(Sample::new(bounds, places, n)?.density(None))
+        let center = |k| space.wrap(spheres.get(sample_index(k, size, n)).center);
+        let centers = try_collect((0..size).map(center), "a sample of the spheres")?;
+        let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
+        let bounds = centers.iter().fold(empty, |(min, max), center| (min.min(*center), max.max(*center)));
+        let centers = centers.into_iter().map(|center| (center, 0));
+        Ok(Sample::new(bounds, centers, n)?.density(None))
     }
 
-    /// With a grouping, only coincidences of groups that pair are included.
+    /// Computes the profile of `n` spheres from a sample in a cube of size `cube_size`. With a grouping, only
+    /// coincidences of groups that pair count.
     #[expect(clippy::disallowed_macros, clippy::disallowed_methods, reason = "there are 22 depths")]
     pub(super) fn from_codes(
         codes: &[(u64, u32)],
         n: usize,
-        cell_size: f64,
+        cube_size: f64,
         grouping: Option<&Grouping<'_>>,
     ) -> Self {
         let (n, size) = (n as f32, codes.len() as f32);
@@ -86,7 +87,7 @@ impl DensityProfile {
             [.., a, b] if log_mean.len() > 2 => a - b,
             _ => 3.0,
         };
-        let top = if cell_size > 0.0 { cell_size.log2() as f32 } else { f32::NEG_INFINITY };
+        let top = if cube_size > 0.0 { cube_size.log2() as f32 } else { f32::NEG_INFINITY };
         let slope = falls.clamp(0.0, 3.0);
         let (log_extent, searches, compare_ns) = (top, 1.0, COMPARE_NS);
         Self { top, log_extent, periodic_axes: 0, log_mean, slope, searches, compare_ns }
@@ -96,26 +97,27 @@ impl DensityProfile {
         self.log_extent
     }
 
-    /// For a group. If `compares`, its spheres are compared with each other, all by the exact test.
+    /// Returns the profile of a group. If `compares`, its spheres are compared with each other, all by the exact test.
     pub(super) fn of_group(self, periodic_axes: i32, compares: bool) -> Self {
         let compare_ns = if compares { EXACT_TEST_NS } else { COMPARE_NS };
         Self { periodic_axes, compare_ns, ..self }
     }
 
-    /// For a grid with this longest axis.
+    /// Returns the profile for a grid whose longest axis is `extent`.
     pub(super) fn within(self, extent: f32) -> Self {
         // Without an extent all spheres are at one point, also in the finest cubes.
         let top = if extent > 0.0 { self.top } else { f32::NEG_INFINITY };
         Self { top, log_extent: extent.log2(), ..self }
     }
 
+    /// Estimates the number of contacts by the effective radii.
     pub(super) fn contacts(&self, stats: &InputStats) -> f32 {
         // A cube with the volume of the sphere of centers of equal spheres in contact.
         let around = |radius: f32| if radius > 0.0 { self.mean((3.2 * radius).log2()) } else { 0.0 };
         stats.occupied().map(|(_, class)| class.count as f32 * around(class.largest)).sum::<f32>() / 2.0
     }
 
-    /// The number includes the sphere itself.
+    /// Returns the mean number of spheres in a cube of size 2^`log_size` around a sphere, itself included.
     pub(crate) fn mean(&self, log_size: f32) -> f32 {
         let (depth, last) = ((self.top - log_size).max(0.0), self.log_mean.len() - 1);
         let log_mean = if depth >= last as f32 {
@@ -129,10 +131,10 @@ impl DensityProfile {
 }
 
 pub(super) struct Sample {
-    /// Morton codes and ids.
+    /// Morton codes and ids, ascending.
     pub(super) codes: Vec<(u64, u32)>,
     pub(super) spheres: usize,
-    pub(super) cell_size: f64,
+    pub(super) cube_size: f64,
     /// The longest axis of the grid.
     extent: f32,
     pub(super) periodic_axes: i32,
@@ -143,32 +145,33 @@ impl Sample {
         let InputStats { spheres: n, min, max, .. } = input.stats;
         let (spheres, size) = (input.test.spheres(), sample_size(n));
         let indices = (0..size).map(|k| sample_index(k, size, n));
-        let places = indices.map(|index| (spheres.get(index).center, index as u32));
+        let centers = indices.map(|index| (spheres.get(index).center, index as u32));
         let periodic_axes = input.test.lengths().iter().flatten().count() as i32;
-        Ok(Self { extent: input.extent((min, max)), periodic_axes, ..Self::new((min, max), places, n)? })
+        Ok(Self { extent: input.extent((min, max)), periodic_axes, ..Self::new((min, max), centers, n)? })
     }
 
     fn new(
         (min, max): (Vec3, Vec3),
-        places: impl ExactSizeIterator<Item = (Vec3, u32)>,
+        centers: impl ExactSizeIterator<Item = (Vec3, u32)>,
         n: usize,
     ) -> Result<Self, Error> {
         let origin = min.as_dvec3();
-        let cell_size = (max.as_dvec3() - origin).max_element();
-        let scale = if cell_size > 0.0 { f64::from(1 << DEPTHS) / cell_size } else { 0.0 };
-        let codes = places.map(|(place, index)| (morton((place.as_dvec3() - origin) * scale), index));
+        let cube_size = (max.as_dvec3() - origin).max_element();
+        let scale = if cube_size > 0.0 { f64::from(1 << DEPTHS) / cube_size } else { 0.0 };
+        let codes = centers.map(|(center, index)| (morton((center.as_dvec3() - origin) * scale), index));
         let mut codes = try_collect(codes, "a sample of the spheres")?;
         codes.sort_unstable();
-        Ok(Self { codes, spheres: n, cell_size, extent: cell_size as f32, periodic_axes: 0 })
+        Ok(Self { codes, spheres: n, cube_size, extent: cube_size as f32, periodic_axes: 0 })
     }
 
     pub(super) fn density(&self, grouping: Option<&Grouping<'_>>) -> DensityProfile {
-        let density = DensityProfile::from_codes(&self.codes, self.spheres, self.cell_size, grouping);
+        let density = DensityProfile::from_codes(&self.codes, self.spheres, self.cube_size, grouping);
         let searches = grouping.map_or(1.0, |grouping| self.searches(grouping));
         let (log_extent, periodic_axes) = (self.extent.log2(), self.periodic_axes);
         DensityProfile { log_extent, periodic_axes, searches, ..density }
     }
 
+    /// Returns the searches in cells, as a fraction of the searches of a single group.
     fn searches(&self, grouping: &Grouping<'_>) -> f32 {
         let mut members = [0.0_f32; MAX_SEPARATE];
         for (_, index) in &self.codes {
@@ -181,12 +184,12 @@ impl Sample {
     }
 }
 
-/// With one sphere per cell on average, a sample of this size has dozens of coincidences.
+/// With one sphere per cell on average, a sample of this size has about 18 coincidences.
 fn sample_size(n: usize) -> usize {
     n.min((6.0 * (n as f64).sqrt()) as usize).clamp(n.min(64), 1 << 16)
 }
 
-/// Pseudorandom in the `k`-th of `size` equal ranges below `n`.
+/// Returns a pseudorandom index in the `k`-th of `size` equal ranges below `n`.
 fn sample_index(k: usize, size: usize, n: usize) -> usize {
     let (from, to) = (k * n / size, (k + 1) * n / size);
     let mixed = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32;
@@ -214,7 +217,7 @@ fn coincidences(codes: &[(u64, u32)], depth: usize) -> u64 {
     cells(codes, depth).map(|run| run.len() as u64 * (run.len() as u64 - 1) / 2).sum()
 }
 
-/// In cells of `depth` halvings: pairs of groups that meet, and all.
+/// Returns the coincidences at `depth` of groups that pair, and of all.
 fn meetings(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64; 2] {
     cells(codes, depth).fold([0, 0], |[met, all], run| {
         let mut members = [0_u64; MAX_SEPARATE];
@@ -223,10 +226,8 @@ fn meetings(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64
             true => members[a] * members[a].saturating_sub(1) / 2,
             false => members[a] * members[b],
         };
-        [
-            met + grouping.meetings().map(pairs).sum::<u64>(),
-            all + run.len() as u64 * (run.len() as u64 - 1) / 2,
-        ]
+        let (own, count) = (grouping.meetings().map(pairs).sum::<u64>(), run.len() as u64);
+        [met + own, all + count * (count - 1) / 2]
     })
 }
 
@@ -240,7 +241,7 @@ mod tests {
         let density = DensityProfile::from_codes(&codes, 1 << 20, 16.0, None);
         for (log_size, expected) in [(4.0, 20.0), (3.0, 17.0), (2.0, 14.0), (1.5, 12.5), (-2.0, 2.0)] {
             let mean = density.mean(log_size).log2();
-            assert!((mean - expected).abs() < 0.6, "cell_size 2^{log_size}: 2^{mean}, not 2^{expected}");
+            assert!((mean - expected).abs() < 0.6, "size 2^{log_size}: 2^{mean}, not 2^{expected}");
         }
     }
 

@@ -1,11 +1,10 @@
-//! The division of species into groups, chosen by estimates from a sample.
+//! The density and the division of species into groups, estimated from a sample that small inputs reuse.
 
 use glam::Vec3;
 
 use super::LevelPlan;
 use super::density::{DensityProfile, EXACT_TEST_NS, Sample};
-use crate::input::SearchInput;
-use crate::input::{Division, Grouping, SizeClass, SpeciesGroups};
+use crate::input::{Division, Grouping, SearchInput, SizeClass, SpeciesGroups};
 use crate::memory::{try_collect, try_push};
 use crate::size_class::SIZE_CLASSES;
 use crate::{Error, InputStats};
@@ -15,17 +14,17 @@ const MAX_REUSE_SPHERES: usize = 1 << 12;
 const MAX_REUSES: u32 = 15;
 /// Larger shifts of the bounds, as a fraction of the extent, discard the sample.
 const MAX_BOUNDS_SHIFT: f32 = 0.0625;
-/// A finer division must cost less than this fraction, and one by reach less than the second, because its estimate is
-/// coarse.
+/// A finer division must cost less than this fraction of the coarser one.
 const MAX_FINER_COST: f32 = 0.9;
+/// The limit for a division by reach, whose estimate is coarse.
 const MAX_NARROW_COST: f32 = 0.5;
-/// Per sphere. A search that costs less gains little by a division by reach.
+/// Nanoseconds per sphere. A search that costs less gains little by a division by reach.
 const CROWDED_NS: f32 = 200.0;
-/// Estimated, for a search between groups.
+/// Estimated nanoseconds per sphere of a search between groups.
 const CROSSING_NS: f32 = 60.0;
 
-/// Estimates of searches in nanoseconds.
 impl Sample {
+    /// Estimates the nanoseconds of a search with one plan for all groups.
     fn cost(&self, input: &SearchInput<'_>, density: &DensityProfile, grouping: &Grouping<'_>) -> f32 {
         let exact = match grouping.is_by_radii() {
             true => 0.0,
@@ -34,7 +33,7 @@ impl Sample {
         LevelPlan::plan(&input.stats, density).cost + exact
     }
 
-    /// With a plan for each group, whose effective radii decide nothing.
+    /// Estimates the nanoseconds of a search with a plan for each group, in which effective radii decide no pair.
     fn cost_by_group(
         &self,
         input: &SearchInput<'_>,
@@ -92,7 +91,7 @@ impl Sample {
                 bounds = (bounds.0.min(center), bounds.1.max(center));
             }
             let spheres = codes.len() * self.spheres / self.codes.len().max(1);
-            let density = DensityProfile::from_codes(&codes, spheres, self.cell_size, None);
+            let density = DensityProfile::from_codes(&codes, spheres, self.cube_size, None);
             let density = density.of_group(self.periodic_axes, grouping.pairs_within(group));
             let density = density.within(input.extent(bounds));
             try_push(&mut densities, density, "densities of groups")?;
@@ -105,13 +104,15 @@ impl Sample {
 #[derive(Debug)]
 pub(crate) struct DensityCache {
     density: DensityProfile,
-    /// Densities of the groups that have plans of their own.
+    /// Density of each group, if groups have plans of their own.
     of_groups: Vec<DensityProfile>,
     division: Division,
+    /// Version of the [`SpeciesGroups`].
     groups: u32,
     spheres: usize,
     split: Option<usize>,
     bounds: [Vec3; 2],
+    /// Remaining reuses.
     left: u32,
 }
 
@@ -172,7 +173,7 @@ impl DensityCache {
         &self.density
     }
 
-    /// Only for a division of which a group is narrow.
+    /// Returns the density of a group. The division must have a narrow group.
     pub(crate) fn density_of(&self, group: usize) -> &DensityProfile {
         &self.of_groups[group]
     }

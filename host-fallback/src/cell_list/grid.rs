@@ -1,27 +1,26 @@
 //! The cells of one level, in contiguous rows.
 //!
-//! If the bounds or the periods hold too many cells, the grid is folded: cells whose coordinates agree modulo the grid's
-//! size share a table entry. Folding adds comparisons, never pairs.
+//! If the bounds or the periods contain too many cells, the grid is folded: cells whose coordinates agree modulo the
+//! grid's size share a table entry. Folding adds comparisons, never pairs.
 
 use glam::{DVec3, Vec3};
 
 use crate::compare::{Axes, SimdWidth};
 use crate::math::floor;
 
-/// Below this number of cells from the origin `f64` numbers single cells; farther out, only equal `f32` coordinates can
-/// meet, since others are at least 2²⁵ cells apart.
-const COUNTABLE: f64 = (1_u64 << 50) as f64;
+/// Distance from the origin, in cells, below which `f64` distinguishes cells. Farther out, different `f32` coordinates
+/// are at least 2²⁵ cells apart.
+const MAX_COUNTED_CELLS: f64 = (1_u64 << 50) as f64;
+/// Below this reach, in cells, a far sphere touches only spheres with an equal coordinate.
 const FAR_CELLS: f64 = (1_u64 << 24) as f64;
-/// Largest number of a grid's sizes along a periodic axis: cell numbers are exact, and cells far larger than rounding.
-const MAX_TURNS: f64 = (1_u64 << 20) as f64;
-/// Relative to the largest coordinate: some ulp of `f64`.
+/// Most repeats of a folded grid along a periodic axis: cell numbers stay exact, and cells far larger than rounding.
+const MAX_REPEATS: f64 = (1_u64 << 20) as f64;
+/// Rounding error relative to the largest coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
-
-/// Relative to a radius: far more than the exact test rounds the difference of two centers that are one radius apart. A
-/// searching sphere may be larger, and farther from the origin, than all spheres of the grid.
+/// Growth of a radius, far above the rounding of the exact test for two centers that are one radius apart. A searching
+/// sphere may be larger, and farther from the origin, than all spheres of the grid.
 const RADIUS_ROUNDING: f64 = 1e-9;
-
-/// An upper bound for a sum of `f32` coordinates, relative to the largest.
+/// Upper bound of the rounding error of a sum of `f32` coordinates, relative to the largest.
 const SINGLE_ROUNDING: f64 = 1.0 / (1_u64 << 20) as f64;
 
 #[derive(Clone, Debug)]
@@ -30,7 +29,7 @@ pub(crate) struct CellGrid {
     cell_sizes: [f64; 3],
     periodic: [bool; 3],
     pub(crate) size: [u32; 3],
-    /// Inverse of the size.
+    /// Inverse of `size`.
     per_size: [f64; 3],
     pub(crate) folded: bool,
     /// `true` if a row of cells may wrap.
@@ -42,6 +41,7 @@ pub(crate) struct CellGrid {
     largest: f32,
 }
 
+/// A box of cells, both corners included. `last` may exceed the size of a grid whose rows wrap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CellRange {
     pub(crate) first: [u32; 3],
@@ -88,7 +88,7 @@ impl CellGrid {
         for (axis, length) in lengths.into_iter().enumerate() {
             if let Some(length) = length {
                 // A whole number of the grid's sizes, so that the last cell and the first are adjacent in the grid, too.
-                cells[axis] *= (extent[axis] / cells[axis]).floor().min(MAX_TURNS);
+                cells[axis] *= (extent[axis] / cells[axis]).floor().min(MAX_REPEATS);
                 cell_sizes[axis] = f64::from(length) / cells[axis];
                 origin[axis] = -0.5 * cells[axis];
             }
@@ -143,8 +143,8 @@ impl CellGrid {
 
     /// Returns all cells with spheres that may touch this one.
     ///
-    /// Not for folded or periodic grids. Both corners come from the monotone expression of [`cell_of`](Self::cell_of),
-    /// with coordinates moved outwards by more than rounding.
+    /// Unless the grid is folded or periodic, both corners come from the monotone expression of
+    /// [`cell_of`](Self::cell_of), with coordinates moved outward by more than rounding.
     #[inline(always)]
     pub(crate) fn block<V: SimdWidth>(&self, vector: V, [x, y, z, r]: [f32; 4]) -> CellRange {
         if self.circular {
@@ -156,9 +156,9 @@ impl CellGrid {
         CellRange { first: [low[0], low[1], low[2]], last: [high[0], high[1], high[2]] }
     }
 
-    /// Returns the bounds within which a sphere of `cell`, radius included, touches no sphere of lower and of higher
-    /// cells along each axis, moved inwards by far more than `f32` rounding; infinite without such cells. Not for
-    /// folded grids.
+    /// Returns the bounds within which a sphere of `cell`, radius included, touches no sphere of lower or of higher
+    /// cells along each axis. They are moved inward by far more than `f32` rounding, and infinite without such cells.
+    /// The grid must not be folded.
     #[inline(always)]
     pub(crate) fn bounds(&self, cell: [u32; 3]) -> ([f32; 3], [f32; 3]) {
         let (mut low, mut high) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
@@ -192,12 +192,12 @@ impl CellGrid {
             let (low, high) = match (self.periodic[axis], self.folded) {
                 (true, _) => {
                     let cells = self.axes.last[axis] + 1.0;
-                    // Wrapping changes coordinates by the rounding of one length. A center at the very end of the axis
-                    // is nearer to the first cell than that.
+                    // Wrapping changes coordinates by up to the rounding of one length, so a center at the end of the
+                    // axis may touch the first cell.
                     let (at, span) = (x * per_length + 0.5 * cells, reach * per_length + cells * ROUNDING);
                     (floor(at - span), floor(at + span))
                 }
-                (false, true) if (x * per_length).abs() >= COUNTABLE => {
+                (false, true) if (x * per_length).abs() >= MAX_COUNTED_CELLS => {
                     // Other coordinates are at least 2²⁵ cells away.
                     let is_near = reach * per_length < FAR_CELLS;
                     first[axis] = if is_near { self.far_cell(axis, center[axis]) } else { 0 };
@@ -225,7 +225,7 @@ impl CellGrid {
             cell[axis] = if self.periodic[axis] {
                 let cell = (at - self.axes.origin[axis]).max(0.0).min(self.axes.last[axis]);
                 self.fold(axis, cell as i64)
-            } else if at.abs() < COUNTABLE {
+            } else if at.abs() < MAX_COUNTED_CELLS {
                 self.fold(axis, floor(at))
             } else {
                 self.far_cell(axis, center[axis])
@@ -234,7 +234,7 @@ impl CellGrid {
         cell
     }
 
-    /// Only equal coordinates can touch so far away, hence any function of the coordinate is a valid cell.
+    /// Returns a hash of the coordinate: so far away, only spheres with equal coordinates can touch.
     fn far_cell(&self, axis: usize, at: f32) -> u32 {
         at.to_bits().wrapping_mul(0x9E37_79B1) % self.size[axis]
     }
@@ -242,19 +242,15 @@ impl CellGrid {
     /// Returns `cell` modulo the size, mostly without a division.
     #[inline(always)]
     fn fold(&self, axis: usize, cell: i64) -> u32 {
-        let size = self.size[axis];
-        let turns = floor(cell as f64 * self.per_size[axis]);
-        let rest = cell.wrapping_sub(turns.wrapping_mul(i64::from(size)));
+        let size = i64::from(self.size[axis]);
+        let repeats = floor(cell as f64 * self.per_size[axis]);
+        let rest = cell.wrapping_sub(repeats.wrapping_mul(size));
         // The product may have been rounded to the next whole number.
-        if (0..i64::from(size)).contains(&rest) { rest as u32 } else { modulo(cell, size) }
+        (if (0..size).contains(&rest) { rest } else { cell.rem_euclid(size) }) as u32
     }
 }
 
-fn modulo(cell: i64, size: u32) -> u32 {
-    cell.rem_euclid(i64::from(size)) as u32
-}
-
-/// Folds the longest axes.
+/// Reduces the longest axes until the grid has at most `most` cells. Returns its size, and `true` if it is reduced.
 fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
     if extent.x * extent.y * extent.z <= most as f64 {
         return (extent.max(DVec3::ONE).to_array().map(|cells| cells as u32), false);
@@ -276,7 +272,7 @@ mod tests {
     use super::*;
     use crate::compare::Portable;
 
-    fn holds(grid: &CellGrid, block: CellRange, cell: [u32; 3]) -> bool {
+    fn contains(grid: &CellGrid, block: CellRange, cell: [u32; 3]) -> bool {
         (0..3).all(|k| {
             let steps = (cell[k] + grid.size[k] - block.first[k]) % grid.size[k];
             steps < block.count()[k] && block.count()[k] <= grid.size[k]
@@ -284,7 +280,7 @@ mod tests {
     }
 
     #[test]
-    fn cell_range_holds_every_touched_cell_at_any_distance_from_the_origin() {
+    fn cell_range_contains_every_touched_cell_at_any_distance_from_the_origin() {
         let mut state = 1_u64;
         let mut random = || {
             state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
@@ -301,12 +297,9 @@ mod tests {
                 for &p in &points {
                     for &q in &points {
                         let near = (p.as_dvec3() - q.as_dvec3()).length() <= 2.5;
-                        let held = holds(
-                            &grid,
-                            grid.block(Portable, [p.x, p.y, p.z, 0.5]),
-                            grid.cell_of(Portable, q.to_array()),
-                        );
-                        assert!(held || !near, "{p} loses {q}, folded {}", grid.folded);
+                        let block = grid.block(Portable, [p.x, p.y, p.z, 0.5]);
+                        let is_found = contains(&grid, block, grid.cell_of(Portable, q.to_array()));
+                        assert!(is_found || !near, "{p} loses {q}, folded {}", grid.folded);
                     }
                 }
             }
@@ -314,7 +307,7 @@ mod tests {
     }
 
     #[test]
-    fn folded_periods_hold_every_touched_cell() {
+    fn range_in_folded_periods_contains_every_touched_cell() {
         let mut random = crate::test_support::Random(9);
         for (length, cell_size) in [(10.0_f32, 0.3), (1000.0, 0.01), (1e-3, 1e-7), (7.0, 1e-12)] {
             let reach = 1.5 * cell_size;
@@ -333,8 +326,8 @@ mod tests {
                 });
                 let [x, y, z] = near.to_array();
                 let block = grid.block(Portable, [x, y, z, 0.0]);
-                let is_held = holds(&grid, block, grid.cell_of(Portable, other.to_array()));
-                assert!(is_held || touched.length() > reach, "{near} loses {other} in {grid:?}");
+                let is_found = contains(&grid, block, grid.cell_of(Portable, other.to_array()));
+                assert!(is_found || touched.length() > reach, "{near} loses {other} in {grid:?}");
             }
         }
     }

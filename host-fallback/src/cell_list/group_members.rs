@@ -4,9 +4,7 @@ use super::levels::LevelPlan;
 use crate::Error;
 use crate::compare::{PairTest, SphereRadii};
 use crate::frame::SearchFrame;
-use crate::input::SearchInput;
-use crate::input::{Grouping, Meeting};
-use crate::input::{InputStats, SizeClass};
+use crate::input::{Grouping, InputStats, Meeting, SearchInput, SizeClass};
 use crate::memory::try_collect;
 use crate::size_class::SIZE_CLASSES;
 
@@ -20,7 +18,7 @@ pub(super) struct GroupMembers {
     pub(super) effective: f32,
     min: Vec3,
     max: Vec3,
-    /// Largest radius, or with a skin the largest that leaves effective radii as they are.
+    /// Largest radius, or with a skin the largest up to which radii may grow without a change of effective radii.
     radius: f32,
     margin: f32,
 }
@@ -42,7 +40,7 @@ impl GroupMembers {
         self.effective = self.effective.max(widened);
         self.min = self.min.min(center);
         self.max = self.max.max(center);
-        // Candidates are valid as long as effective radii stay, up to which radii may grow.
+        // Candidates stay valid while radii grow up to the effective radii.
         self.radius = self.radius.max(if test.has_margin() { own.max(effective) } else { own });
         self.margin = self.margin.max(widened - effective);
     }
@@ -58,7 +56,8 @@ impl GroupMembers {
         self.margin = self.margin.max(other.margin);
     }
 
-    /// Two sets without other groups both get the bounds of all spheres, and no radii, which only other groups need.
+    /// Counts the members of each group. Two sets without other groups both get the bounds of all spheres and no radii,
+    /// because only other groups need them.
     pub(super) fn count(
         all: &mut Vec<Self>,
         input: &SearchInput<'_>,
@@ -116,7 +115,7 @@ impl GroupMembers {
         if self.min.x <= self.max.x { (self.min, self.max) } else { (Vec3::ZERO, Vec3::ZERO) }
     }
 
-    /// Returns the largest distance in the search of two spheres that pair.
+    /// Returns the largest distance of two spheres that pair, in the coordinates of the search.
     pub(super) fn reach(&self, other: &Self, meeting: Meeting, frame: Option<&SearchFrame>) -> f64 {
         let radii = f64::from(self.radius) + f64::from(other.radius);
         let searched = |frame: &SearchFrame| {

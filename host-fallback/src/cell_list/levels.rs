@@ -1,4 +1,4 @@
-//! The sizes that share a level, and the cell size of each level.
+//! The choice of size classes that share a level, and of each level's cell size.
 //!
 //! A search compares each sphere with its neighbor cells at its own level and at every coarser one. Few levels mean
 //! long runs of spheres too small for their cells; many mean short runs. Dynamic programming minimizes the cost
@@ -15,25 +15,29 @@ use crate::size_class::SIZE_CLASSES;
 const ROW_NS: f32 = 14.0;
 /// Estimated nanoseconds to clear and sum a table entry.
 const CELL_NS: f32 = 0.7;
+/// Most table entries per sphere of a level.
 pub(crate) const CELLS_PER_SPHERE: f32 = 2.0;
 /// Estimated factor on the time of rows that may wrap.
 const CIRCULAR_ROWS: f32 = 4.0;
-/// Folding pays if comparisons with the spheres in eight cells of the finest full table are estimated to take more than
-/// this. The estimate suits short runs. Long runs take less, above all without minimum images.
+/// Folding pays if comparisons with the spheres in eight cells of the finest unfolded table are estimated to take more
+/// than this. The estimate suits short runs. Long runs take less, above all without minimum images.
 const MIN_CROWD_NS: f32 = 800.0;
 const MIN_PERIODIC_CROWD_NS: f32 = 200.0;
-/// With fewer spheres in eight cells, smaller cells save nothing.
+/// Spheres in eight cells, below which smaller cells save nothing.
 const MIN_FOLDED_MEAN: f32 = 16.0;
 const SIZES_PER_DOUBLING: f32 = 2.0;
 const MAX_CELL_SIZES: usize = 24;
 
+/// Most groups of neighboring size classes that a plan distinguishes.
 const MAX_CLASS_GROUPS: usize = 20;
 pub(super) const MAX_LEVELS: usize = MAX_CLASS_GROUPS;
 
+/// The levels of a cell list, coarsest first.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LevelPlan {
     pub(crate) levels: Vec<Level>,
     pub(crate) of_class: [u8; SIZE_CLASSES],
+    /// Estimated nanoseconds of a search.
     pub(crate) cost: f32,
 }
 
@@ -48,7 +52,7 @@ pub(crate) struct Level {
 struct LevelOption {
     cost: f32,
     log_size: f32,
-    /// Number of groups before this level.
+    /// Number of groups of classes before its last level.
     from: usize,
 }
 
@@ -131,7 +135,7 @@ impl LevelCostModel<'_> {
             let mut rest = [0.0, 0.0];
             for to in ends.clone().rev() {
                 let members = members(to);
-                // Rounding must not exclude the full size.
+                // The tolerance keeps rounding from excluding the size that just fits.
                 if is_folded || cells <= 1.001 * most[to - from - 1] {
                     let table = CELL_NS * cells.min(members * CELLS_PER_SPHERE);
                     let cost = table + rows + rest[0] + members / self.total * (met + rest[1]);
@@ -146,13 +150,13 @@ impl LevelCostModel<'_> {
     /// Returns log₂ of the cell sizes to compare, and `true` if a table of `most` cells is folded for them.
     fn cell_sizes(&self, from: usize, most: f32) -> impl Iterator<Item = (f32, bool)> {
         let (density, extent) = (self.density, self.density.log_extent());
-        // From cells of the largest table's full size to one for all, without sizes far below the largest radius.
+        // Sizes range from the finest unfolded table to a single cell, but not far below the largest radius.
         let finest = extent - most.log2() / 3.0;
         let radius = (self.radii[from].log2() - 1.0).min(extent);
         let lowest = finest.max(radius);
         let unfolded = (0..MAX_CELL_SIZES).map(move |k| lowest + k as f32 / SIZES_PER_DOUBLING);
         let unfolded = unfolded.take_while(move |&log_size| log_size <= extent + 1.0);
-        // Smaller cells share entries of the table, which pays in crowds only.
+        // Smaller cells share entries of the table, which pays only in crowds.
         let min_ns = if density.periodic_axes > 0 { MIN_PERIODIC_CROWD_NS } else { MIN_CROWD_NS };
         let are_crowded = density.compare_ns * density.mean(finest + 1.0) > min_ns;
         let folded = (1..MAX_CELL_SIZES).map(move |k| finest - k as f32 / SIZES_PER_DOUBLING);
@@ -161,7 +165,7 @@ impl LevelCostModel<'_> {
         unfolded.map(|size| (size, false)).chain(folded.map(|size| (size, true)))
     }
 
-    /// Returns the factor on the time of rows: cells at the faces of a box, too, are searched like those of a folded
+    /// Returns the factor on the time of rows. Cells at the faces of a periodic box are searched like cells of a folded
     /// table.
     fn rows_factor(&self, log_size: f32, is_folded: bool) -> f32 {
         let cells = (self.density.log_extent() - log_size).exp2();

@@ -21,9 +21,7 @@ mod tests;
 use std::ops::Range;
 
 use crate::compare::{Columns, Output, PairTest, SimdWidth};
-use crate::input::Grouping;
-use crate::input::SearchInput;
-use crate::input::SizeClass;
+use crate::input::{Grouping, SearchInput, SizeClass};
 use crate::memory::{try_push, with_growth};
 use crate::report::Report;
 use crate::size_class::SIZE_CLASSES;
@@ -41,20 +39,22 @@ const MAX_CELLS_PER_LEVEL: u64 = 1 << 26;
 /// Far more than the rounding of a sum of two radii.
 const SUM_ROUNDING: f64 = 1.0 / (1 << 21) as f64;
 /// Factors on the planned cell size that avoid a folded table, which is slower.
-const WIDER: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
+const SIZE_FACTORS: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
 
 #[derive(Debug, Default)]
 pub(crate) struct CellList {
     levels: Vec<LevelGrid>,
     columns: Columns,
+    /// First sphere of each cell of all levels, in sorted order.
     starts: Vec<u32>,
     targets: Vec<Target>,
     members: Vec<GroupMembers>,
     groups: Vec<GroupLevels>,
-    /// `true` if touching effective radii decide pairs.
+    /// `true` if contact of effective radii decides pairs.
     touch_decides: bool,
     sorter: Sorter,
     plan: Option<CachedPlan>,
+    /// Estimated nanoseconds of a search.
     time: f32,
 }
 
@@ -88,8 +88,10 @@ impl CachedPlan {
 #[derive(Clone, Debug)]
 struct LevelGrid {
     grid: CellGrid,
+    /// Number of cells of earlier levels.
     base: usize,
     group: usize,
+    /// Sorted positions of the spheres.
     members: Range<usize>,
     /// Largest effective radius; the grid is for radii within the group.
     effective: f32,
@@ -106,6 +108,7 @@ struct SearchRadius {
     cap: f32,
 }
 
+/// A level that the spheres of another level search.
 #[derive(Clone, Copy, Debug)]
 struct Target {
     level: usize,
@@ -113,7 +116,7 @@ struct Target {
 }
 
 impl LevelGrid {
-    /// Returns the radius with which spheres of this level search their own one.
+    /// Returns the radius with which spheres of this level search their own level.
     fn own_radius(&self) -> SearchRadius {
         SearchRadius { excess: 0.0, cap: self.grid.largest() }
     }
@@ -161,7 +164,7 @@ impl CellLocator<'_> {
     }
 }
 
-/// Returns the most cells of each level, so that 32 bits number the cells of all.
+/// Returns the maximum number of cells per level, so that 32 bits number the cells of all levels.
 fn max_cells(levels: usize) -> u64 {
     MAX_CELLS_PER_LEVEL.min(u64::from(u32::MAX) / levels.max(1) as u64)
 }
@@ -182,11 +185,11 @@ impl CellList {
         report.time("plan", || self.plan_levels(input, density_cache, &grouping))?;
         link(&mut self.levels, &mut self.targets, &self.members, &grouping, input)?;
         self.touch_decides = grouping.is_by_radii();
-        let places = CellLocator { test: &input.test, levels: &self.levels, groups: &self.groups, grouping };
-        report.time("sort", || self.sorter.sort(input, places, &mut self.columns, &mut self.starts))
+        let cells = CellLocator { test: &input.test, levels: &self.levels, groups: &self.groups, grouping };
+        report.time("sort", || self.sorter.sort(input, cells, &mut self.columns, &mut self.starts))
     }
 
-    /// Groups whose radii within the group are smaller than their effective ones have a plan each.
+    /// Plans the levels. Each group has its own plan if radii within some group are smaller than the effective radii.
     fn plan_levels(
         &mut self,
         input: &SearchInput<'_>,
@@ -263,7 +266,8 @@ impl CellList {
         };
         let most = ((spheres as f32 * CELLS_PER_SPHERE) as u64).min(max_cells);
         let grid = |cell_size| CellGrid::new(cell_size, bounds, input.test.lengths(), largest, most);
-        let wider = WIDER.map(|by| level.cell_size * by).into_iter().map(grid).find(|grid| !grid.folded);
+        let wider =
+            SIZE_FACTORS.map(|by| level.cell_size * by).into_iter().map(grid).find(|grid| !grid.folded);
         let grid = wider.unwrap_or_else(|| grid(level.cell_size));
         log::trace!("level of {spheres} spheres: cell_size {}, {grid:?}", level.cell_size);
         grid
@@ -273,7 +277,7 @@ impl CellList {
         self.touch_decides
     }
 
-    /// Number of spheres up to the last one that may pair.
+    /// Returns the number of sorted spheres up to the last one that may pair.
     pub(crate) fn paired(&self) -> usize {
         let searched = self.targets.iter().map(|target| &self.levels[target.level]);
         let own = self.levels.iter().filter(|level| level.pairs_within || !level.targets.is_empty());
@@ -292,6 +296,7 @@ impl CellList {
         search::search(self, input, output)
     }
 
+    /// Moves the ids of the sorted spheres to `order`, and replaces them by sorted positions.
     pub(crate) fn renumber(&mut self, order: &mut Vec<u32>) -> Result<(), Error> {
         self.columns.renumber(order)
     }

@@ -8,7 +8,7 @@ use crate::compare::{
 };
 use crate::input::{SearchInput, search_pieces};
 
-/// Some tens of microseconds at moderate density.
+/// A chunk takes some tens of microseconds at moderate density.
 const CHUNK_SPHERES: usize = 1 << 10;
 /// With at most this average number of runs per hit, hits are queued.
 const RUNS_PER_HIT: usize = 2;
@@ -71,8 +71,9 @@ impl<S: Sink> SimdTask for Piece<'_, S> {
     }
 }
 
+/// Returns the neighbor rows of a cell, and the end of the cell's spheres.
 #[inline(always)]
-fn around(list: &CellList, level: &LevelGrid, cell: [u32; 3]) -> (NeighborRows, usize) {
+fn neighbor_rows(list: &CellList, level: &LevelGrid, cell: [u32; 3]) -> (NeighborRows, usize) {
     let [size_x, size_y, size_z] = level.grid.size;
     let own = level.base + level.grid.index(cell);
     let lower_y = if cell[1] > 0 { size_x as usize } else { 0 };
@@ -80,12 +81,12 @@ fn around(list: &CellList, level: &LevelGrid, cell: [u32; 3]) -> (NeighborRows, 
     let higher_z = if cell[2] + 1 < size_z { (size_x * size_y) as usize } else { 0 };
     let rows = [own, own + higher_y, own + higher_z - lower_y, own + higher_z, own + higher_z + higher_y];
     let (low, high) = level.grid.bounds(cell);
-    let mut around = NeighborRows { low, high, rows: [[0; 4]; 5] };
+    let mut neighbors = NeighborRows { low, high, rows: [[0; 4]; 5] };
     for (row, first) in rows.into_iter().enumerate() {
         let starts = &list.starts[first..first + 3];
-        around.rows[row] = [list.starts[first.saturating_sub(1)], starts[0], starts[1], starts[2]];
+        neighbors.rows[row] = [list.starts[first.saturating_sub(1)], starts[0], starts[1], starts[2]];
     }
-    (around, around.rows[0][2] as usize)
+    (neighbors, neighbors.rows[0][2] as usize)
 }
 
 #[inline(always)]
@@ -100,18 +101,19 @@ struct Finder<'p, V, S> {
     sink: &'p mut S,
     runs: RunQueue,
     hits: HitQueue,
+    /// `true` if the last runs had many hits, so that the next ones are queued.
     is_crowded: bool,
 }
 
 impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
-    /// Spheres of one cell share its neighbor cells.
+    /// Queues the runs of `members` cell by cell, because spheres of one cell share its neighbor cells.
     #[inline(always)]
     fn cell_by_cell(&mut self, level: &LevelGrid, targets: &[Target], members: Range<usize>) {
         let mut at = members.start;
         while at < members.end {
             let [x, y, z, _] = self.list.columns.sphere(at);
             let cell = level.grid.cell_of(self.vector, [x, y, z]);
-            let (around, end) = around(self.list, level, cell);
+            let (neighbors, end) = neighbor_rows(self.list, level, cell);
             let end = end.min(members.end);
             if level.grid.is_at_boundary(cell) {
                 for at in at..end {
@@ -123,7 +125,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
             while at < end {
                 let count = MAX_LANES.min(end - at);
                 self.work_if_full();
-                self.vector.find_neighbor_runs(&self.list.columns, (at, count), &around, &mut self.runs);
+                self.vector.find_neighbor_runs(&self.list.columns, (at, count), &neighbors, &mut self.runs);
                 if !targets.is_empty() {
                     for at in at..at + count {
                         self.others(targets, at);
@@ -141,7 +143,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Queues the runs that the sphere at `at` may touch, after index `from`.
+    /// Queues the runs of `level` that the sphere at `at` may touch, at or after position `from`.
     #[inline(always)]
     fn level(
         &mut self,
@@ -169,7 +171,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Queues rows of a range, none twice, because no range is longer than its axis.
+    /// Queues the rows of a range. No row is queued twice, because no range is longer than its axis.
     #[inline(always)]
     fn rows(&mut self, level: &LevelGrid, block: CellRange, at: usize, from: usize) {
         let (size, first, count) = (level.grid.size, block.first, block.count());

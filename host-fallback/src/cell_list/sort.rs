@@ -18,9 +18,9 @@ use crate::memory::{try_collect, try_resize};
 const CHUNK_SPHERES: std::ops::RangeInclusive<usize> = 1 << 12..=1 << 16;
 /// Enough chunks to balance threads, few enough for a counter per chunk and bucket.
 const MAX_CHUNKS: usize = 32;
-/// 48 KiB of records.
+/// Spheres per bucket: 48 KiB of records.
 const BUCKET: usize = 1 << 11;
-/// One cache line per bucket stays in the second-level cache.
+/// Few enough that one cache line per bucket stays in the second-level cache.
 const MAX_BUCKETS: usize = 1 << 11;
 
 #[derive(Clone, Copy, Debug, Default, Zeroable)]
@@ -50,18 +50,19 @@ impl Sorter {
         &mut self.entries
     }
 
+    /// Entries of `starts` after the cells, which a search may read past the last cell.
     pub(super) const PADDING: usize = 3;
 
     /// Fills `columns` with the sorted spheres, and `starts[k]` with the position of the first sphere of cell `k` or a
-    /// later one; the padding repeats the end.
+    /// later cell. The padding repeats the end.
     pub(super) fn sort(
         &mut self,
         input: &SearchInput<'_>,
-        places: CellLocator<'_>,
+        locator: CellLocator<'_>,
         columns: &mut Columns,
         starts: &mut Vec<u32>,
     ) -> Result<(), Error> {
-        let (n, cells) = (input.stats.spheres, places.cells());
+        let (n, cells) = (input.stats.spheres, locator.cells());
         let wanted = (n / BUCKET).next_power_of_two().min(MAX_BUCKETS);
         let shift = cells.div_ceil(wanted).next_power_of_two().trailing_zeros();
         let buckets = cells.div_ceil(1 << shift).max(1);
@@ -70,7 +71,7 @@ impl Sorter {
         try_resize(starts, cells + Self::PADDING, "the table of cells")?;
         let ColumnsMut { xyzr, id } = columns.resize(n)?;
 
-        self.spread(input, places, shift, buckets)?;
+        self.spread(input, locator, shift, buckets)?;
         let ends = &self.ends;
         let cut = || ends.iter().copied();
         let [x, y, z, r] = xyzr.map(|column| split_at(column, cut()));
@@ -93,14 +94,15 @@ impl Sorter {
             cells.iter_mut().for_each(|end| *end += before);
         });
         starts[0] = 0;
-        starts[1 + places.cells()..].fill(n as u32);
+        starts[1 + locator.cells()..].fill(n as u32);
         Ok(())
     }
 
+    /// Computes the cell of each sphere and distributes the spheres to buckets of 2^`shift` consecutive cells.
     fn spread(
         &mut self,
         input: &SearchInput<'_>,
-        places: CellLocator<'_>,
+        locator: CellLocator<'_>,
         shift: u32,
         buckets: usize,
     ) -> Result<(), Error> {
@@ -111,7 +113,7 @@ impl Sorter {
         let mut pieces = try_collect(pieces, "buckets of spheres")?;
         input.executor.for_each(&mut pieces, |piece, (keys, counts)| {
             let keys = &mut **keys;
-            input.simd.run(Keys { test: &input.test, places, first: piece * size, keys }, None);
+            input.simd.run(Keys { test: &input.test, locator, first: piece * size, keys }, None);
             counts.fill(0);
             for key in keys {
                 counts[(*key >> shift) as usize] += 1;
@@ -128,14 +130,14 @@ impl Sorter {
 
         let entries = DisjointSlice::new(entries);
         input.executor.for_each(&mut pieces, |piece, (keys, next)| {
-            let mut place = |key: u32, id: usize, row: Xyzr| {
+            let mut write = |key: u32, id: usize, row: Xyzr| {
                 let slot = &mut next[(key >> shift) as usize];
                 // SAFETY: the exclusive prefix sums over (bucket, chunk) give every sphere a distinct slot below their
                 // number, the length of `entries`.
                 unsafe { entries.write(*slot as usize, SortRecord { row, id: id as u32, key }) };
                 *slot += 1;
             };
-            input.test.for_rows(PlaceRows { keys, first: piece * size, place: &mut place });
+            input.test.for_rows(WriteRows { keys, first: piece * size, write: &mut write });
         });
         Ok(())
     }
@@ -143,7 +145,7 @@ impl Sorter {
 
 struct Keys<'k> {
     test: &'k PairTest<'k>,
-    places: CellLocator<'k>,
+    locator: CellLocator<'k>,
     first: usize,
     keys: &'k mut [u32],
 }
@@ -153,14 +155,14 @@ impl SimdTask for Keys<'_> {
 
     #[inline(always)]
     fn run<V: SimdWidth>(self, vector: V) {
-        let Self { test, places, first, keys } = self;
-        test.for_rows(LocateRows { vector, places, first, keys });
+        let Self { test, locator, first, keys } = self;
+        test.for_rows(LocateRows { vector, locator, first, keys });
     }
 }
 
 struct LocateRows<'k, V> {
     vector: V,
-    places: CellLocator<'k>,
+    locator: CellLocator<'k>,
     first: usize,
     keys: &'k mut [u32],
 }
@@ -171,24 +173,24 @@ impl<V: SimdWidth> EffectiveLoop for LocateRows<'_, V> {
     #[inline(always)]
     fn run(self, rows: impl EffectiveRows) {
         for (key, id) in self.keys.iter_mut().zip(self.first..) {
-            *key = self.places.cell_of(self.vector, id, rows.row(id));
+            *key = self.locator.cell_of(self.vector, id, rows.row(id));
         }
     }
 }
 
-struct PlaceRows<'k, P> {
+struct WriteRows<'k, P> {
     keys: &'k [u32],
     first: usize,
-    place: P,
+    write: P,
 }
 
-impl<P: FnMut(u32, usize, Xyzr)> EffectiveLoop for PlaceRows<'_, P> {
+impl<P: FnMut(u32, usize, Xyzr)> EffectiveLoop for WriteRows<'_, P> {
     type Result = ();
 
     #[inline(always)]
     fn run(mut self, rows: impl EffectiveRows) {
         for (&key, id) in self.keys.iter().zip(self.first..) {
-            (self.place)(key, id, rows.row(id));
+            (self.write)(key, id, rows.row(id));
         }
     }
 }

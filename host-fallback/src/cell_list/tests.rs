@@ -72,7 +72,7 @@ fn gas_in_a_periodic_box_matches_naive() {
 
 #[test]
 fn folded_table_matches_naive() {
-    // Its bounds hold far more cells than the table, and its links cross every boundary of the fold.
+    // The bounds contain far more cells than the table, and the chain crosses every boundary of the fold.
     let mut at = glam::Vec3::new(-700.0, 400.0, 90.0);
     let mut spheres = scattered(2000, 3, 30.0);
     for sphere in &mut spheres {

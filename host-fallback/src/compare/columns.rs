@@ -30,7 +30,7 @@ impl Columns {
         self.len
     }
 
-    /// The caller must write the spheres. After an error the columns are empty.
+    /// Sets the number of spheres. The caller must write all of them. After an error the columns are empty.
     pub(crate) fn resize(&mut self, len: usize) -> Result<ColumnsMut<'_>, Error> {
         let Self { x, y, z, r, id, .. } = self;
         self.len = 0;
@@ -81,8 +81,8 @@ impl Columns {
     pub(crate) fn lanes<const N: usize>(&self, base: usize) -> [&[f32; N]; 4] {
         const { assert!(N <= MAX_LANES) };
         assert!(base < self.len, "a load starts at a sphere");
-        // SAFETY: by the invariant each column has `len + MAX_LANES` values, as there is a sphere, and `base + N` is no
-        // more.
+        // SAFETY: by the invariant each column has `len + MAX_LANES` values, because there is a sphere, and `base + N`
+        // is less.
         let lanes = |column: &Vec<f32>| unsafe { &*column.as_ptr().add(base).cast::<[f32; N]>() };
         [lanes(&self.x), lanes(&self.y), lanes(&self.z), lanes(&self.r)]
     }

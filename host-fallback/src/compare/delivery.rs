@@ -14,7 +14,7 @@ use lazygrid_kernels::Pair;
 use super::sink::{ChunkTarget, ChunkedOutput, PairConsumer};
 use crate::Error;
 
-/// Runs `search`; a new thread passes its output to `consume` in chunks from `free_chunks`.
+/// Runs `search`, while a new thread passes its output to `consume`. Takes chunks from `free_chunks`, and returns them.
 pub(crate) fn deliver_unordered(
     consume: PairConsumer<'_>,
     free_chunks: &mut Vec<Vec<Pair>>,
@@ -47,7 +47,7 @@ struct EndOnDrop(SyncSender<Vec<Pair>>);
 
 impl Drop for EndOnDrop {
     fn drop(&mut self) {
-        // Fails if the consumer's thread has panicked.
+        // Fails if the consumer's thread has already ended.
         let _ = self.0.send(Vec::new());
     }
 }

@@ -3,11 +3,11 @@ use lazygrid_kernels::{SpeciesReach, Sphere};
 use super::{PairTest, Xyzr};
 use crate::memory::{prefetch, prefetch_address};
 
-/// A layout for which loops over effective spheres are compiled.
+/// A layout of spheres, for each of which loops over effective spheres are compiled.
 pub(crate) trait EffectiveRows: Copy {
     fn prefetch(self, k: usize);
     fn get(self, k: usize) -> Xyzr;
-    /// `radius` is that of sphere `k`.
+    /// Returns the effective radius of sphere `k`, given its radius.
     fn effective(self, k: usize, radius: f32) -> f32;
 
     #[inline(always)]

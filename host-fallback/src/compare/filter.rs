@@ -11,7 +11,7 @@ use crate::memory::try_collect;
 /// About 0.2 ms (50 ns per pair of distant spheres).
 const CHUNK_PAIRS: usize = 1 << 12;
 
-/// Indices of a second set follow the first.
+/// A filter of the pairs that a search has found. Indices of a second set follow the first set.
 #[derive(Clone, Debug)]
 pub struct PairFilter<'a> {
     first: Spheres<'a>,
@@ -23,7 +23,7 @@ pub struct PairFilter<'a> {
 }
 
 impl<'a> PairFilter<'a> {
-    /// `None` if the search decides. Species ids and exclusions must be valid.
+    /// Creates a filter; `None` if the search needs none. Species ids and exclusions must be valid.
     pub(crate) fn new(
         query: Query<'a>,
         contact: Option<(&'a Space, Option<&'a Interactions>)>,
@@ -40,15 +40,17 @@ impl<'a> PairFilter<'a> {
         self.contact.is_some()
     }
 
+    /// Returns `true` if the filter ignores groups and exclusions.
     pub(crate) fn is_contact(&self) -> bool {
         !self.has_groups && self.exclusions.is_none()
     }
 
+    /// Returns `true` if the filter decides contact by radii alone.
     pub(crate) fn is_by_radii(&self) -> bool {
         matches!(self.contact, Some((_, None)))
     }
 
-    /// Returns `true` if two found spheres pair.
+    /// Returns `true` if spheres `i` and `j`, which a search has found, pair.
     pub fn accepts(&self, i: u32, j: u32) -> bool {
         // The exclusion lookup is the slowest test, so it comes last.
         !(self.has_groups && self.are_of_one_group(i, j))

@@ -20,4 +20,4 @@ pub(crate) use simd::Portable;
 pub use simd::Simd;
 pub(crate) use simd::{Axes, NeighborRows, PeriodicBox, RunQueue, SimdTask, SimdWidth, Xyzr};
 pub use sink::PairConsumer;
-pub(crate) use sink::{ChunkTarget, ChunkedOutput, Count, Output, Sink, at_places, memory_of_list};
+pub(crate) use sink::{ChunkTarget, ChunkedOutput, Count, Output, Sink, memory_of_list, pair_at};

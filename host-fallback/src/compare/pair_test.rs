@@ -21,9 +21,10 @@ fn within(lengths: Option<DVec3>, a: Vec3, b: Vec3, cutoff: f64) -> bool {
     d.x * d.x + d.y * d.y + d.z * d.z <= cutoff * cutoff
 }
 
-/// The square of twice this radius is finite in `f32`.
+/// Largest radius for which contact may be certain: the square of twice this radius is finite in `f32`.
 const MAX_CERTAIN_RADIUS: f32 = (1_u64 << 62) as f32;
 
+/// The exact test of the spheres of a search, as pairs or, with a skin margin, as candidates.
 #[derive(Clone, Debug)]
 pub(crate) struct PairTest<'a> {
     spheres: Spheres<'a>,
@@ -36,7 +37,7 @@ pub(crate) struct PairTest<'a> {
     frame: Option<&'a SearchFrame>,
     /// `true` if spheres that certainly touch are a pair without further tests.
     is_plain: bool,
-    /// `true` if the square of a cutoff may be infinite in `f32`: then no contact is certain.
+    /// `true` if the square of a cutoff may be infinite in `f32`, so that no contact is certain.
     overflows: bool,
 }
 
@@ -44,7 +45,7 @@ pub(crate) struct PairTest<'a> {
 pub(crate) struct SphereRadii {
     pub(crate) center: Vec3,
     pub(crate) own: f32,
-    /// Radius by the interactions of the species.
+    /// Radius that covers the interactions of the species.
     pub(crate) effective: f32,
     /// Displacement limit in a search for candidates, or 0.
     pub(crate) margin: f32,
@@ -55,7 +56,7 @@ pub(crate) struct SphereRadii {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SkinMargin<'a> {
     pub(crate) limits: &'a SpeciesClasses,
-    /// Set if ids of columns are positions in another order.
+    /// Ids of the sorted spheres; `None` if columns contain ids instead of sorted positions.
     pub(crate) order: Option<&'a [u32]>,
 }
 
@@ -66,14 +67,14 @@ struct Species<'a> {
     reaches: Cow<'a, [SpeciesReach]>,
 }
 
-/// Rounded up, since candidates must include every possible pair.
+/// Returns the radius plus the margin, rounded up, because candidates must include every possible pair.
 #[inline(always)]
 fn widened(radius: f32, margin: f32) -> f32 {
     (radius + margin).next_up()
 }
 
 impl<'a> PairTest<'a> {
-    /// In unbounded space, with checked species ids.
+    /// Creates a test in unbounded space. Species ids must have been checked.
     pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&'a Interactions>) -> Self {
         #[expect(clippy::disallowed_methods, reason = "a table has at most 4096 species")]
         let reaches = |table: &Interactions| (0..table.species()).map(|s| table.reach(s)).collect();
@@ -94,18 +95,9 @@ impl<'a> PairTest<'a> {
     ) -> Self {
         let with_ids = table.zip(spheres.species());
         let species = with_ids.map(|((table, reaches), ids)| Species { table, ids, reaches });
-        let is_plain = species.is_none();
-        Self {
-            spheres,
-            species,
-            space: Space::UNBOUNDED,
-            lengths: None,
-            margin: None,
-            filter: None,
-            frame: None,
-            is_plain,
-            overflows: false,
-        }
+        let (space, is_plain) = (Space::UNBOUNDED, species.is_none());
+        let (lengths, margin, filter, frame) = Default::default();
+        Self { spheres, species, space, lengths, margin, filter, frame, is_plain, overflows: false }
     }
 
     pub(crate) fn filtered(self, filter: Option<&'a PairFilter<'a>>, frame: Option<&'a SearchFrame>) -> Self {
@@ -120,7 +112,7 @@ impl<'a> PairTest<'a> {
         Self { space, lengths: space.is_periodic().then_some(lengths.into()), ..self }
     }
 
-    /// For effective radii up to `largest`.
+    /// Returns the test for effective radii up to `largest`.
     pub(crate) fn with_radii_up_to(self, largest: f32) -> Self {
         let overflows = largest > MAX_CERTAIN_RADIUS;
         Self { overflows, is_plain: self.is_plain && !overflows, ..self }
@@ -134,15 +126,16 @@ impl<'a> PairTest<'a> {
         &self.space
     }
 
-    /// `None` in unbounded space, or if contact needs no slack.
+    /// Returns the constants of minimum images and of the slack; `None` if neither is needed.
     pub(crate) fn periodic_box(&self, largest: f32) -> Option<PeriodicBox> {
         match self.frame.is_some_and(SearchFrame::has_certain_contacts) {
             true => Some(PeriodicBox::of_frame(&self.space, largest)),
-            // No contact in orthogonalized coordinates or in a trimmed frame is certain.
+            // In orthogonalized coordinates or a trimmed frame no contact is certain, so none needs the frame's slack.
             false => PeriodicBox::of(&self.space),
         }
     }
 
+    /// Returns a distance in the coordinates of the search.
     pub(crate) fn searched(&self, distance: f64) -> f32 {
         (distance * self.frame.map_or(1.0, SearchFrame::scale)) as f32
     }
@@ -165,12 +158,12 @@ impl<'a> PairTest<'a> {
         self.species.as_ref().map(|species| (species.ids, &*species.reaches))
     }
 
-    /// Number of species of the table; 0 without one.
+    /// Returns the number of species of the table; 0 without one.
     pub(crate) fn species_count(&self) -> u32 {
         self.species.as_ref().map_or(0, |species| species.table.species())
     }
 
-    /// Species 0 without a table.
+    /// Returns the species of a sphere; 0 without a table.
     #[inline(always)]
     pub(crate) fn species_of(&self, id: u32) -> u32 {
         self.species.as_ref().map_or(0, |species| species.ids[id as usize])
@@ -212,7 +205,7 @@ impl<'a> PairTest<'a> {
     pub(crate) fn radius_within(&self, id: u32, reach: SpeciesReach) -> f32 {
         let SphereRadii { own, effective, margin, widened: most, .. } = self.radii(id);
         let radius = match self.frame {
-            // A radius as given may grow while candidates are kept, and is unknown in a frame.
+            // The given radius may grow while candidates are kept, and is unknown in a frame.
             _ if reach.effective.touches && (self.has_margin() || self.frame.is_some()) => effective,
             None => reach.effective.for_radius(own),
             Some(frame) => frame.radius(reach.largest_half).unwrap_or(effective),
@@ -237,7 +230,7 @@ impl<'a> PairTest<'a> {
         [center.x, center.y, center.z, radius]
     }
 
-    /// `None` if the search is for pairs.
+    /// Returns `true` if the spheres at two sorted positions may pair; `None` if the search is not for candidates.
     #[inline(always)]
     pub(crate) fn is_candidate(&self, i: u32, j: u32) -> Option<bool> {
         let order = self.margin?.order?;

@@ -5,6 +5,7 @@ use super::pair_test::PairTest;
 use super::simd::SimdWidth;
 use super::sink::Sink;
 
+/// Estimated nanoseconds of a comparison.
 pub(crate) const COMPARE_NS: f32 = 0.2;
 
 #[derive(Clone, Copy)]
@@ -13,9 +14,10 @@ struct Lanes {
     possible: u32,
 }
 
+/// Spheres to compare, and their exact test.
 pub(crate) type Among<'c> = (&'c Columns, &'c PairTest<'c>);
 
-/// Compares the sphere at `at` with a run without it. Returns the number of vectors with hits.
+/// Compares the sphere at `at` with a run that does not contain it. Returns the number of vectors with hits.
 #[inline(always)]
 pub(crate) fn scan<V: SimdWidth, S: Sink>(
     vector: V,
@@ -42,8 +44,8 @@ pub(crate) fn scan<V: SimdWidth, S: Sink>(
 
 /// A queue of vectors with hits.
 ///
-/// If about every second vector has a hit, branches are mispredicted. Comparing therefore appends to the queue without
-/// a branch, and writes pairs later.
+/// If about every second vector has a hit, branches are mispredicted. [`scan`](Self::scan) therefore appends to the
+/// queue without a branch, and pairs are written later.
 pub(crate) struct HitQueue {
     at: [u32; Self::ROOM],
     base: [u32; Self::ROOM],
@@ -54,7 +56,7 @@ pub(crate) struct HitQueue {
 }
 
 impl HitQueue {
-    /// 6 KiB, a small part of the first-level cache.
+    /// Capacity in vectors: 6 KiB, a small part of the first-level cache.
     const ROOM: usize = 512;
 
     pub(crate) fn new() -> Self {
@@ -62,7 +64,7 @@ impl HitQueue {
         Self { at: [0; Self::ROOM], base: [0; Self::ROOM], lanes: [0; Self::ROOM], len: 0, hit_vectors: 0 }
     }
 
-    /// Serves spheres with many hits. [`flush`](Self::flush) writes the last pairs.
+    /// Compares like [`scan`](fn@scan), for spheres with many hits. [`flush`](Self::flush) writes the last pairs.
     #[inline(always)]
     pub(crate) fn scan<V: SimdWidth, S: Sink>(
         &mut self,
@@ -82,7 +84,7 @@ impl HitQueue {
             self.lanes[len] = possible | (certain << MAX_LANES);
             self.len = len + usize::from(possible != 0);
             if self.len == Self::ROOM {
-                self.hand_over(vector, among, sink);
+                self.write_pairs(vector, among, sink);
             }
             base += V::LANES;
         }
@@ -96,12 +98,12 @@ impl HitQueue {
         among: Among<'_>,
         sink: &mut S,
     ) -> usize {
-        self.hand_over(vector, among, sink);
+        self.write_pairs(vector, among, sink);
         std::mem::take(&mut self.hit_vectors)
     }
 
     #[inline(always)]
-    fn hand_over<V: SimdWidth, S: Sink>(&mut self, vector: V, among: Among<'_>, sink: &mut S) {
+    fn write_pairs<V: SimdWidth, S: Sink>(&mut self, vector: V, among: Among<'_>, sink: &mut S) {
         for k in 0..self.len.min(Self::ROOM) {
             let (at, base) = (self.at[k] as usize, self.base[k] as usize);
             let (possible, certain) = (self.lanes[k] & (u32::MAX >> MAX_LANES), self.lanes[k] >> MAX_LANES);

@@ -1,4 +1,4 @@
-//! Outputs of a search: pairs are counted, listed, or passed on in chunks.
+//! Outputs of a search: counters, lists and consumers of chunks.
 //!
 //! Threads share an [`Output`]; each opens a [`Sink`]. Sinks of consecutive chunks of work are merged in order, so a
 //! list does not depend on the number of threads.
@@ -15,15 +15,14 @@ use super::simd::SimdWidth;
 use crate::Error;
 use crate::memory::{self, try_resize};
 
-/// Pairs per thread's buffer: 64 KiB, far below a core's cache, large enough to amortize delivery.
+/// Pairs per chunk: 64 KiB, far below a core's cache, and large enough to amortize delivery.
 const CHUNK: usize = 8192;
-/// Least cleared size of a reused buffer.
+/// Pairs of a chunk's initial part, which is cleared before it is filled.
 const MIN_CHUNK: usize = 256;
-
-/// Most partly filled chunks per thread, at the ends of its work.
+/// Most partly filled chunks per thread, at the ends of its tasks.
 const PARTLY_FILLED: u64 = 8;
 
-/// Most bytes while `threads` threads write a list.
+/// Returns the most bytes in use while `threads` threads write a list.
 pub(crate) fn memory_of_list(pairs: u64, threads: u64) -> u64 {
     let bytes = pairs.saturating_mul(size_of::<Pair>() as u64);
     let chunks = |count: u64| count.saturating_mul((CHUNK * size_of::<Pair>()) as u64);
@@ -41,9 +40,10 @@ pub(crate) trait Sink: Send + Sized {
 
     fn pair(&mut self, pair: Pair);
 
+    /// Adds pairs of positions in `order`.
     #[inline(always)]
-    fn places(&mut self, pairs: &[Pair], order: &[u32]) {
-        pairs.iter().for_each(|&pair| self.pair(at_places(pair, order)));
+    fn pairs_at(&mut self, pairs: &[Pair], order: &[u32]) {
+        pairs.iter().for_each(|&pair| self.pair(pair_at(pair, order)));
     }
 
     fn merge(self, later: Self) -> Result<Self, Error>;
@@ -57,8 +57,9 @@ pub(crate) trait Sink: Send + Sized {
     }
 }
 
+/// Returns the pair of the ids at two positions in `order`.
 #[inline(always)]
-pub(crate) fn at_places(pair: Pair, order: &[u32]) -> Pair {
+pub(crate) fn pair_at(pair: Pair, order: &[u32]) -> Pair {
     Pair::new(order[pair.i as usize], order[pair.j as usize])
 }
 
@@ -93,7 +94,7 @@ impl Sink for Counter {
     }
 
     #[inline(always)]
-    fn places(&mut self, pairs: &[Pair], _: &[u32]) {
+    fn pairs_at(&mut self, pairs: &[Pair], _: &[u32]) {
         self.0 += pairs.len() as u64;
     }
 
@@ -106,20 +107,20 @@ pub(crate) struct ChunkedOutput<'c> {
     pub(crate) to: ChunkTarget<'c>,
     /// Range of the smaller index; `None` for all.
     pub(crate) window: Option<Range<u32>>,
-    /// With arbitrary contents.
+    /// Reusable chunks, with arbitrary contents.
     pub(crate) free_chunks: Mutex<Vec<Vec<Pair>>>,
     pub(crate) stop: AtomicBool,
 }
 
 pub(crate) enum ChunkTarget<'c> {
-    /// In order up to `limit` pairs, then only counted.
+    /// Keeps up to `limit` pairs in order, and counts the others.
     List {
         limit: u64,
         kept: AtomicU64,
     },
     Consumer(Mutex<PairConsumer<'c>>),
     Channel(SyncSender<Vec<Pair>>),
-    /// Counted by smaller index.
+    /// Counts pairs by smaller index.
     Tally(&'c [AtomicU32]),
 }
 
@@ -137,7 +138,7 @@ impl<'c> ChunkedOutput<'c> {
         matches!(&self.to, ChunkTarget::List { limit, kept } if kept.load(Relaxed) > *limit)
     }
 
-    /// Drops pairs outside the window, so chunks hold only requested pairs.
+    /// Returns the `lanes` of `ids` whose pairs with `id` are in the window.
     #[inline(always)]
     fn inside(&self, id: u32, ids: &[u32; MAX_LANES], lanes: u32) -> u32 {
         let Some(Range { start, end }) = self.window else { return lanes };
@@ -163,11 +164,11 @@ impl<'c> ChunkedOutput<'c> {
                         self.stop.store(true, Relaxed);
                     }
                 }
-                // The consumer has panicked: it must not be called again.
+                // The consumer has panicked, and must not be called again.
                 Err(_) => self.stop.store(true, Relaxed),
             },
             ChunkTarget::Channel(sender) => {
-                // The thread ends early only if the consumer panicked. An empty chunk would end it.
+                // An empty chunk would end the thread. It ends early only after a panic or an error.
                 if !chunk.is_empty() && !self.stop.load(Relaxed) {
                     if sender.send(chunk).is_err() {
                         self.stop.store(true, Relaxed);
@@ -199,7 +200,7 @@ impl<'c> ChunkedOutput<'c> {
         Ok(())
     }
 
-    /// Keeps the length, because growing would clear the new part.
+    /// Makes a chunk reusable. Keeps its length, because growing would clear the new part.
     fn put_back(&self, chunk: Vec<Pair>) -> Result<(), Error> {
         if chunk.capacity() > 0 {
             memory::try_push(&mut lock(&self.free_chunks), chunk, "chunks of pairs")?;
@@ -226,7 +227,7 @@ pub(crate) struct Writer<'o, 'c> {
     /// Empty, or up to [`CHUNK`] pairs (`len` are used).
     chunk: Vec<Pair>,
     len: usize,
-    /// The list is too long or memory is refused.
+    /// `true` if the list is too long or memory was refused.
     counting: bool,
     chunks: Vec<Vec<Pair>>,
     refused: Option<Error>,
@@ -235,13 +236,11 @@ pub(crate) struct Writer<'o, 'c> {
 impl Writer<'_, '_> {
     pub(crate) fn finish(mut self) -> Result<(u64, Vec<Vec<Pair>>), Error> {
         self.flush()?;
-        match self.refused {
-            None => Ok((self.found, self.chunks)),
-            Some(error) => Err(error),
-        }
+        let Self { found, chunks, .. } = self.checked()?;
+        Ok((found, chunks))
     }
 
-    /// `None` if memory is refused.
+    /// Returns the next slots of the chunk; `None` if memory is refused.
     #[inline(always)]
     fn room(&mut self) -> Option<&mut [Pair; MAX_LANES]> {
         if self.chunk.len() < self.len + MAX_LANES
@@ -253,7 +252,7 @@ impl Writer<'_, '_> {
         self.chunk[self.len..].first_chunk_mut()
     }
 
-    /// Chunks grow as they fill, so that few pairs clear little memory.
+    /// Enlarges the chunk, or takes another if it is full. Chunks grow as they fill, so few pairs clear little memory.
     #[cold]
     #[inline(never)]
     fn renew(&mut self) -> Result<(), Error> {
@@ -316,12 +315,12 @@ impl Sink for Writer<'_, '_> {
     }
 
     #[inline(always)]
-    fn places(&mut self, pairs: &[Pair], order: &[u32]) {
+    fn pairs_at(&mut self, pairs: &[Pair], order: &[u32]) {
         for some in pairs.chunks(MAX_LANES) {
             if self.counting || self.output.window.is_some() {
-                some.iter().for_each(|&pair| self.pair(at_places(pair, order)));
+                some.iter().for_each(|&pair| self.pair(pair_at(pair, order)));
             } else if let Some(room) = self.room() {
-                room.iter_mut().zip(some).for_each(|(room, &pair)| *room = at_places(pair, order));
+                room.iter_mut().zip(some).for_each(|(room, &pair)| *room = pair_at(pair, order));
                 self.len += some.len();
             }
         }
@@ -331,10 +330,10 @@ impl Sink for Writer<'_, '_> {
         let Self { found, mut chunks, chunk, len, counting, refused, .. } = later;
         self.found += found;
         self.refused = self.refused.or(refused);
+        // Joins nearly empty chunks, which many threads would leave.
         if chunks.is_empty() && !self.chunk.is_empty() && self.len + len + MAX_LANES <= CHUNK {
             let needed = self.chunk.len().max(self.len + len);
             try_resize(&mut self.chunk, needed, "pairs")?;
-            // Otherwise many threads leave many nearly empty chunks.
             self.chunk[self.len..self.len + len].copy_from_slice(&chunk[..len]);
             self.len += len;
             self.output.put_back(chunk)?;

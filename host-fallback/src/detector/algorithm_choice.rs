@@ -14,7 +14,7 @@ pub(crate) enum IndexKind {
 }
 
 impl IndexKind {
-    /// For `Auto` the one with the most memory.
+    /// Returns the index of an algorithm; for `Auto` the one with the most memory.
     pub(crate) fn from_algorithm(algorithm: Algorithm) -> Result<Self, Error> {
         match algorithm {
             Algorithm::Naive => Ok(Self::Naive),
@@ -27,10 +27,11 @@ impl IndexKind {
     }
 }
 
-/// Smaller inputs of one size class compare all pairs, because sampling and sorting cost more. Measured with `cargo
-/// bench --bench parameter_sweep -- --what crossover`; a wrong value costs a few microseconds.
+/// Inputs with fewer spheres than this plus [`NAIVE_PER_CLASS`] per size class compare all pairs, because sampling and
+/// sorting cost more. Measured with `cargo bench --bench parameter_sweep -- --what crossover`; a wrong value costs a
+/// few microseconds.
 pub const NAIVE_BELOW: usize = 400;
-/// Increase per further size class, which slows the plan of the cell list.
+/// Increase per size class, because each slows the plan of the cell list.
 pub const NAIVE_PER_CLASS: usize = 80;
 
 /// Returns the algorithm and its reason. `Auto` depends on the statistics of the spheres.
@@ -48,10 +49,10 @@ pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
     }
 }
 
-/// Comparisons between two sets that cost as much as sorting and searching for one sphere.
+/// Number of comparisons between two sets that cost as much as sorting and searching one sphere.
 const COMPARED_PER_SPHERE: u64 = 200;
 
-/// Chooses for two sets, the first of `split` spheres.
+/// Chooses for two sets, of which the first has `split` spheres.
 pub(crate) fn choose_between(asked: Algorithm, stats: &InputStats, split: usize) -> (Algorithm, String) {
     if asked != Algorithm::Auto {
         return choose(asked, stats);

@@ -8,15 +8,15 @@ use crate::compare::PairConsumer;
 use crate::disjoint_writes::split_at;
 use crate::executor::{MIN_PARALLEL_SPHERES, Team};
 use crate::memory::{try_collect, try_resize};
-use crate::output::NeighborsBuilder;
-use crate::output::PairSorter;
+use crate::output::{NeighborsBuilder, PairSorter};
 use crate::{Error, Neighbors, Order, PhaseTime, Settings};
 
-/// 8 MiB.
+/// Most pairs of a streamed chunk of two sets, which is copied: 8 MiB.
 const MAX_STREAM_CHUNK: usize = 1 << 20;
+/// Number of tiles among which threads divide the sort of pairs.
 const ORDER_TILES: usize = 128;
 
-/// Receives chunks of pairs, together one part of the result.
+/// Receives chunks of pairs that form one part of the result.
 pub type ChunkConsumer<'t> = &'t mut (dyn FnMut(&mut [Vec<Pair>]) -> ControlFlow<()> + Send);
 /// Searches in the index that a backend has built for a query.
 pub type Work<'w> = &'w mut (dyn FnMut(&mut dyn PairSource) -> Result<(), Error> + Send);
@@ -40,9 +40,10 @@ pub trait SearchBackend {
 
     fn team(&self) -> &Arc<Team>;
 
+    /// Returns the number of pairs and the phases of the report.
     fn report_mut(&mut self) -> (&mut u64, &mut Vec<PhaseTime>);
 
-    /// Checks a query, chooses, builds, and lets `work` search.
+    /// Checks a query, chooses an algorithm, builds its index, and lets `work` search.
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error>;
 }
 
@@ -95,8 +96,8 @@ impl<B: SearchBackend> PairFinder<B> {
     /// See [`pairs`](Self::pairs).
     pub fn list(&mut self, query: &Query<'_>, order: Order) -> Result<(), Error> {
         let listed = self.find_list(query, order);
-        // A failed search must not leave the list of an earlier call. To clear the list before would cost each call the
-        // time to fill its memory.
+        // A failed search must not leave the list of an earlier call. Clearing the list first would cost each call the
+        // time to fill its memory again.
         if listed.is_err() {
             self.pairs.clear();
         }
@@ -147,7 +148,7 @@ impl<B: SearchBackend> PairFinder<B> {
         &self.backend
     }
 
-    /// The caller may extend these phases of the last call.
+    /// Returns the phases of the last call, to which the caller may add.
     pub fn phases_mut(&mut self) -> &mut Vec<PhaseTime> {
         self.backend.report_mut().1
     }
@@ -235,7 +236,7 @@ fn join(chunks: &mut [Vec<Pair>], team: &Team, pairs: &mut Vec<Pair>) -> Result<
     if let [only] = chunks
         && only.len() > MIN_PARALLEL_SPHERES
     {
-        // A list of a device. Chunks of the CPU are shorter, and keep their memory.
+        // This is the list of a device. Chunks of the CPU are shorter, and keep their memory.
         std::mem::swap(only, pairs);
         return Ok(());
     }
@@ -253,7 +254,7 @@ fn join(chunks: &mut [Vec<Pair>], team: &Team, pairs: &mut Vec<Pair>) -> Result<
     })
 }
 
-/// Returns the largest consecutive ranges of indices that have at most `most` pairs each by `counts`, or one index.
+/// Returns the largest consecutive ranges of indices with at most `most` pairs by `counts`, or with a single index.
 pub fn ranges(counts: &[u32], most: u64) -> impl Iterator<Item = Range<u32>> {
     let mut from = 0;
     std::iter::from_fn(move || {
@@ -269,7 +270,7 @@ pub fn ranges(counts: &[u32], most: u64) -> impl Iterator<Item = Range<u32>> {
     })
 }
 
-/// Spheres of a second set have their index in that set.
+/// Converts pairs of two sets, so that spheres of the second set have their index in that set.
 #[derive(Debug, Default)]
 struct Numbering {
     split: Option<u32>,

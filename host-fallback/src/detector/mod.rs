@@ -20,7 +20,7 @@ use algorithm_choice::IndexKind;
 pub use finder::{ChunkConsumer, PairFinder, PairSource, SearchBackend, Work, ranges};
 use state::{Built, DetectorState};
 
-/// Reuses its buffers.
+/// The CPU detector. It reuses its buffers.
 pub type HostDetector = PairFinder<HostBackend>;
 
 #[derive(Debug)]
@@ -63,15 +63,16 @@ impl HostBackend {
         &self.state.report
     }
 
-    /// Most bytes held for `spheres` spheres by all threads, without the result and its chunks.
+    /// Returns the most bytes held for `spheres` spheres by all threads, without the result and its chunks.
     ///
     /// The paper's grids may take four times as much beyond 2²⁹ cells, and again on periodic axes shorter than three
-    /// cells. The recursive grid is covered with one overfull cell of all spheres; nested ones add up to 150 bytes per
-    /// sphere. The list of a skin has its maximum, 96 candidates of 8 bytes per sphere; few scenes have more than ten,
-    /// and [`Skin::Off`](crate::Skin::Off) keeps none. `f64` spheres in unbounded space take up to 18 bytes more each.
+    /// cells. For the recursive grid, the estimate assumes one overfull cell with all spheres; nested overfull cells
+    /// add up to 150 bytes per sphere. A candidate list is assumed to have its maximum, 96 candidates of 8 bytes per
+    /// sphere. Few scenes have more than ten, and [`Skin::Off`](crate::Skin::Off) keeps none. `f64` spheres in
+    /// unbounded space take up to 18 bytes more each.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         let (ratio, threads) = (self.settings.cell_ratio, self.team.count() as u64);
-        // A distance below the normal numbers of `f32`, or above them, forces the copy in unbounded space, too.
+        // A distance outside the normal numbers of `f32` forces the copy also in unbounded space.
         let copied = match self.settings.space.is_periodic() || self.settings.is_framed() {
             true => with_growth(spheres * size_of::<Sphere>() as u64),
             false => 0,
@@ -109,11 +110,11 @@ impl SearchBackend for HostBackend {
         (&mut self.state.report.pairs, &mut self.state.report.phases)
     }
 
-    /// For small inputs only long work runs in the detector's pool.
+    /// Runs small inputs in the calling thread, except for long searches.
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
         let Self { settings, structure, team, buffers, state } = self;
         let settings = &*settings;
-        // The time of the paper's grids is not predictable.
+        // The time of the paper's grids cannot be predicted.
         let is_large = query.len() >= MIN_PARALLEL_SPHERES
             || !matches!(structure, IndexKind::Naive | IndexKind::CellList);
         let mut task = || {
@@ -124,7 +125,7 @@ impl SearchBackend for HostBackend {
             let candidates = &state.skin.candidates;
             let has_same_species = candidates.are_of_species(query.first().species(), buffers.version());
             if has_same_species {
-                // If the candidates are valid, no copy is needed.
+                // Valid candidates are tested without a copy of the spheres.
                 prepared = buffers.prepare_in_place(query, settings, executor)?;
                 if let Some(in_place) = &prepared {
                     let input = in_place.input;

@@ -23,6 +23,7 @@ pub(crate) struct DetectorState {
     naive: Naive,
     cell_list: CellList,
     pub(crate) skin: SkinController,
+    /// `true` if the search tests candidates.
     from_candidates: bool,
     hash_grid: HashGrid,
     array_grid: ArrayGrid,
@@ -31,7 +32,7 @@ pub(crate) struct DetectorState {
 }
 
 impl DetectorState {
-    /// `None` for a valid list.
+    /// Measures displacements. Returns the reason for a rebuild of the candidate list; `None` if the list is valid.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,
@@ -59,14 +60,12 @@ impl DetectorState {
         if self.from_candidates {
             self.report.algorithm = Algorithm::CellList;
         } else {
-            let (algorithm, reason) = match input.split {
-                None => algorithm_choice::choose(input.settings.algorithm, &input.stats),
-                Some(split) => {
-                    algorithm_choice::choose_between(input.settings.algorithm, &input.stats, split)
-                }
+            let (asked, stats) = (input.settings.algorithm, &input.stats);
+            (self.report.algorithm, self.report.reason) = match input.split {
+                None => algorithm_choice::choose(asked, stats),
+                Some(split) => algorithm_choice::choose_between(asked, stats, split),
             };
-            (self.report.algorithm, self.report.reason) = (algorithm, reason);
-            self.structure(input)?;
+            self.build_index(input)?;
         }
         let is_by_radii = match self.report.algorithm {
             Algorithm::CellList => self.cell_list.touch_decides(),
@@ -98,25 +97,14 @@ impl DetectorState {
         }
     }
 
-    fn structure(&mut self, input: &SearchInput<'_>) -> Result<(), Error> {
-        let Self {
-            report,
-            naive,
-            cell_list,
-            skin,
-            from_candidates,
-            hash_grid,
-            array_grid,
-            recursive_grid,
-            ..
-        } = self;
-        match IndexKind::from_algorithm(report.algorithm)? {
-            IndexKind::Naive => report.time("gather", || naive.build(input)),
-            IndexKind::HashGrid => hash_grid.build(input, report),
-            IndexKind::ArrayGrid => array_grid.build(input, report),
-            IndexKind::RecursiveGrid => recursive_grid.build(input, report),
+    fn build_index(&mut self, input: &SearchInput<'_>) -> Result<(), Error> {
+        match IndexKind::from_algorithm(self.report.algorithm)? {
+            IndexKind::Naive => self.report.time("gather", || self.naive.build(input)),
+            IndexKind::HashGrid => self.hash_grid.build(input, &mut self.report),
+            IndexKind::ArrayGrid => self.array_grid.build(input, &mut self.report),
+            IndexKind::RecursiveGrid => self.recursive_grid.build(input, &mut self.report),
             IndexKind::CellList => {
-                *from_candidates = skin.find(cell_list, input, report)?;
+                self.from_candidates = self.skin.find(&mut self.cell_list, input, &mut self.report)?;
                 Ok(())
             }
         }
@@ -167,6 +155,7 @@ impl DetectorState {
     }
 }
 
+/// An index that has been built for a query.
 pub(crate) struct Built<'b> {
     pub(crate) state: &'b mut DetectorState,
     pub(crate) input: &'b SearchInput<'b>,
@@ -187,7 +176,7 @@ impl PairSource for Built<'_> {
         Ok(found)
     }
 
-    /// Delivers one part of at most `limit` pairs, else searches once per range of `i`.
+    /// Delivers one part if there are at most `limit` pairs, else searches again for each range of `i`.
     fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error> {
         let Self { state, input } = self;
         let (found, chunks) = state.collect(input, limit, None)?;
@@ -197,10 +186,8 @@ impl PairSource for Built<'_> {
         drop(chunks);
         let mut counts =
             try_collect(std::iter::repeat_n(0_u32, input.stats.spheres), "pairs of each sphere")?;
-        let tally = ChunkedOutput::new(
-            ChunkTarget::Tally(shared(&mut counts)),
-            std::mem::take(&mut state.free_chunks),
-        );
+        let to = ChunkTarget::Tally(shared(&mut counts));
+        let tally = ChunkedOutput::new(to, std::mem::take(&mut state.free_chunks));
         state.search(input, &tally)?.finish()?;
         state.free_chunks = tally.into_free_chunks();
         for range in ranges(&counts, limit) {

@@ -9,7 +9,7 @@ const CHUNK_SPHERES: usize = 1 << 13;
 pub(crate) struct Bounds {
     pub(crate) min: [f64; 4],
     pub(crate) max: [f64; 4],
-    /// NaN after any non-finite number.
+    /// 0, or NaN after any non-finite number.
     pub(crate) zero: [f64; 4],
 }
 
@@ -55,11 +55,12 @@ impl Bounds {
         self.zero == [0.0; 4] && self.min[3] >= 0.0
     }
 
-    /// Returns 0 without spheres.
+    /// Returns the middle along an axis; 0 without spheres.
     pub(super) fn middle(&self, axis: usize) -> f64 {
         if self.min[axis] > self.max[axis] { 0.0 } else { 0.5 * self.min[axis] + 0.5 * self.max[axis] }
     }
 
+    /// Returns the largest distance from `origin` along an axis.
     pub(super) fn reach(&self, axis: usize, origin: f64) -> f64 {
         (self.max[axis] - origin).max(origin - self.min[axis])
     }

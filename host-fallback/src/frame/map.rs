@@ -2,7 +2,7 @@ use bytemuck::cast;
 
 use super::{Axes, GROWTH, MAX_LENGTHS, MAX_RADIUS, SearchFrame};
 
-/// Maps all lanes of a row. Its results equal [`SearchFrame::sphere`].
+/// The map of spheres to a frame, prepared for vectors. Its results equal [`SearchFrame::sphere`].
 pub(crate) struct FrameMap<'f> {
     pub(crate) frame: &'f SearchFrame,
     pub(crate) origin: [f64; 4],
@@ -10,12 +10,12 @@ pub(crate) struct FrameMap<'f> {
     pub(crate) lengths: [f64; 4],
     /// Largest radius; infinite for coordinates.
     pub(crate) limit: [f64; 4],
-    /// Scale with the growth of radii, and the summand of the growth. The scale is a power of two, so the product
-    /// rounds like both factors in turn.
+    /// Scale times the growth of radii, and the summand of the growth. The scale is a power of two, so a product with
+    /// both rounds like products with each in turn.
     pub(crate) growth: [[f64; 4]; 2],
     /// Half the period of each axis; infinite for an unbounded one and for the radius.
     pub(crate) half: [f32; 4],
-    /// Least and largest difference from the origin of a sphere that the frame [contains](Self::contains).
+    /// Smallest and largest difference from the origin of a sphere that the frame [contains](Self::contains).
     pub(crate) limits: [[f64; 4]; 2],
 }
 
@@ -32,22 +32,19 @@ impl<'f> FrameMap<'f> {
             half: [f32::INFINITY; 4],
             limits: [[0.0; 4], [f64::MAX; 4]],
         };
-        match &frame.axes {
-            Axes::Orthogonal(axes) => {
-                for (axis, &of_axis) in axes.iter().enumerate() {
-                    if let Some((length, period)) = of_axis {
-                        (map.lengths[axis], map.half[axis]) = (length, 0.5 * period);
-                    }
+        if let Axes::Orthogonal(axes) = &frame.axes {
+            for (axis, &of_axis) in axes.iter().enumerate() {
+                if let Some((length, period)) = of_axis {
+                    (map.lengths[axis], map.half[axis]) = (length, 0.5 * period);
                 }
             }
-            Axes::Triclinic(_) | Axes::TriclinicF32(_) => map.lengths = [f64::NAN; 4],
         }
-        if frame.is_trimmed {
+        if !frame.has_certain_contacts() {
             map.lengths = [f64::NAN; 4];
         }
         for axis in 0..3 {
             let length = map.lengths[axis];
-            // Less than the inverse, which is infinite for the smallest scales.
+            // Below the inverse of the scale, which is infinite for the smallest scales.
             let limit =
                 if length == f64::INFINITY { scale.recip().next_down() } else { MAX_LENGTHS * length };
             (map.limits[0][axis], map.limits[1][axis]) = (-limit, limit);
@@ -55,9 +52,9 @@ impl<'f> FrameMap<'f> {
         map
     }
 
-    /// Returns `true` if the sphere is valid, and the frame represents it without regard to other spheres: inside the
-    /// frame along unbounded axes, within [`MAX_LENGTHS`] along periodic ones. Never in a triclinic space or a
-    /// trimmed frame.
+    /// Returns `true` if the sphere is valid, and the frame represents it independently of other spheres: inside the
+    /// frame along unbounded axes, within [`MAX_LENGTHS`] along periodic axes. Returns `false` in a triclinic space and
+    /// in a trimmed frame.
     #[inline(always)]
     pub(crate) fn contains(&self, row: [f64; 4]) -> bool {
         let [low, high] = &self.limits;
@@ -93,11 +90,10 @@ impl<'f> FrameMap<'f> {
             }
         }
         if PERIODIC && !is_near {
-            // More than [`MAX_LENGTHS`] away from the origin, where this image is wrong, in a triclinic space, or
-            // in a trimmed frame.
+            // This image is wrong beyond `MAX_LENGTHS`, in a triclinic space, and in a trimmed frame.
             return cast(self.frame.sphere(row));
         }
-        // The next larger radius, since this one is positive and finite.
+        // The next larger radius, because this one is positive and finite.
         mapped[3] = f32::from_bits(mapped[3].to_bits() + 1);
         mapped
     }

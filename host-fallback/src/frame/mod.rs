@@ -1,5 +1,5 @@
-//! Search frames: `f32` coordinates for `f64` spheres, and for lengths and distances that `f32` does not hold. A search
-//! in a frame finds candidates; [`Space::touch`] decides on the given numbers.
+//! Search frames: `f32` coordinates for `f64` spheres, and for lengths and distances that `f32` cannot represent. A
+//! search in a frame finds candidates; [`Space::touch`] decides on the given numbers.
 //!
 //! # Correctness
 //!
@@ -13,7 +13,7 @@
 //!    the decision in `f64`.
 //! 3. The decision rounds `cⱼ − cᵢ` by 2⁻⁵³ of itself. Along periodic axes, `s` makes it less than 2²⁰, and the
 //!    rounding less than 2⁻³³.
-//! 4. A radius above 4 touches everything in the frame: it is cut there.
+//! 4. A sphere with a radius above 4 touches everything in the frame, so radii are limited to 4.
 //!
 //! So every pair that touches in space also touches in the frame. Conversely, in an orthogonal frame a pair that
 //! touches by more than the [slack](SearchFrame::slack) touches in space and needs no decision:
@@ -41,17 +41,19 @@ pub(crate) use bounds::Bounds;
 pub(crate) use map::FrameMap;
 pub(crate) use trim::RowsByIndex;
 
+/// Relative and absolute growth of radii.
 const GROWTH: [f64; 2] = [1.0 + 1.0 / (1 << 20) as f64, 1.0 / (1 << 23) as f64];
 const MAX_RADIUS: f64 = 4.0;
-/// Smallest frame as a fraction of the distance between spheres along a periodic axis.
+/// Smallest size of a frame, as a fraction of the distance between spheres along a periodic axis.
 const MIN_SPREAD: f64 = 1.0 / (1 << 20) as f64;
 /// Absolute part of the slack, and the part relative to the largest radius.
 const SLACK: [f32; 2] = [1.0 / (1 << 20) as f32, 1.0 / (1 << 18) as f32];
 /// Largest distance from the origin along a periodic axis, in lengths, at which one subtraction wraps a center.
 pub(crate) const MAX_LENGTHS: f64 = 1.5;
-/// A frame filled less is replaced; a kept one preserves the radii of moving spheres.
+/// Filled fraction below which a frame is replaced. Keeping a frame preserves the radii of moving spheres.
 const MIN_FILLED: f64 = 1.0 / 8.0;
 
+/// A map from the given numbers to `f32` coordinates for a search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SearchFrame {
     origin: [f64; 3],
@@ -77,12 +79,13 @@ impl SearchFrame {
         Self::at(origin, scale_of(Self::size(bounds, space, &origin)), space)
     }
 
+    /// Returns `true` if this frame represents spheres in `bounds`, and they fill enough of it.
     pub(crate) fn fits(&self, bounds: &Bounds, space: &Space) -> bool {
         (MIN_FILLED..1.0).contains(&(Self::size(bounds, space, &self.origin) * self.scale))
     }
 
-    /// Returns `true` if this frame represents spheres in `bounds` together with any that its map
-    /// [contains](FrameMap::contains). A frame that these fill little represents them, too.
+    /// Returns `true` if this frame represents spheres in `bounds` together with all spheres that its map
+    /// [contains](FrameMap::contains). They may fill little of the frame.
     pub(crate) fn holds(&self, bounds: &Bounds, space: &Space) -> bool {
         let mut bounds = if self.is_trimmed { self.without_free_axes(bounds, space) } else { *bounds };
         let periodic = Self::periodic_axes(space);
@@ -112,8 +115,8 @@ impl SearchFrame {
         extent.max(lengths).max(spread)
     }
 
-    pub(crate) fn triclinic_f32(shear: &TriclinicCell) -> Self {
-        let axes = Axes::TriclinicF32(shear.orthogonal_space(Orthogonalization::SCALE));
+    pub(crate) fn triclinic_f32(cell: &TriclinicCell) -> Self {
+        let axes = Axes::TriclinicF32(cell.orthogonal_space(Orthogonalization::SCALE));
         Self { origin: [0.0; 3], scale: Orthogonalization::SCALE, axes, is_trimmed: false }
     }
 
@@ -124,7 +127,7 @@ impl SearchFrame {
     fn at(origin: [f64; 3], scale: f64, space: &Space) -> Self {
         let period = |length: f64| ((length * scale) as f32).max(f32::MIN_POSITIVE);
         let axes = match space.triclinic_cell() {
-            Some(shear) => Axes::Triclinic(shear.orthogonal_space(scale)),
+            Some(cell) => Axes::Triclinic(cell.orthogonal_space(scale)),
             None => {
                 Axes::Orthogonal(space.lengths().map(|length| length.map(|length| (length, period(length)))))
             }
@@ -132,6 +135,7 @@ impl SearchFrame {
         Self { origin, scale, axes, is_trimmed: false }
     }
 
+    /// Returns the space of the coordinates in the frame.
     pub fn space(&self) -> Space {
         match &self.axes {
             Axes::Orthogonal(axes) => {
@@ -166,7 +170,7 @@ impl SearchFrame {
         absolute + relative * largest
     }
 
-    /// Maps a sphere. Cold, so that loops over vectors keep their registers around the call.
+    /// Maps a sphere. The function is cold, so that loops over vectors keep their registers around the call.
     #[cold]
     #[inline(never)]
     pub(crate) fn sphere(&self, [x, y, z, radius]: [f64; 4]) -> Sphere {
@@ -174,7 +178,7 @@ impl SearchFrame {
         let center = [x - x0, y - y0, z - z0];
         match &self.axes {
             Axes::Orthogonal(axes) => {
-                let place = |axis: usize| match axes[axis] {
+                let coordinate = |axis: usize| match axes[axis] {
                     None if self.is_trimmed => (center[axis] * self.scale).clamp(-1.0, 1.0) as f32,
                     None => (center[axis] * self.scale) as f32,
                     Some((length, period)) => {
@@ -182,11 +186,11 @@ impl SearchFrame {
                         ((wrap(center[axis], length) * self.scale) as f32).clamp(-half, half)
                     }
                 };
-                Sphere::new([0, 1, 2].map(place), searched_radius(radius * self.scale))
+                Sphere::new([0, 1, 2].map(coordinate), searched_radius(radius * self.scale))
             }
             Axes::Triclinic(cell) => cell.sphere(center, radius, 2.0 * MAX_RADIUS),
             Axes::TriclinicF32(cell) => {
-                // The spheres of the other frames are checked for their bounds.
+                // Only these spheres have not been checked with their bounds.
                 let is_valid = (x + y + z).is_finite() && radius.is_finite() && radius >= 0.0;
                 match is_valid {
                     true => cell.sphere(center, radius, f64::from(f32::MAX)),
@@ -205,20 +209,20 @@ fn searched_radius(radius: f64) -> f32 {
     f32::from_bits(((radius * relative + absolute) as f32).to_bits() + 1)
 }
 
-/// Scales `size` to between one half and 1.
+/// Returns a power of two that scales `size` to between one half and 1.
 fn scale_of(size: f64) -> f64 {
     const FRACTION: u64 = (1 << 52) - 1;
     const EXPONENTS: u64 = 2047;
     if size == 0.0 {
         return 1.0;
     }
-    // The smallest sizes stay below one half, because their inverse is not finite.
+    // The smallest sizes stay below one half, because their inverse is infinite.
     let exponent = (size.max(4.0 * f64::MIN_POSITIVE).to_bits() & !FRACTION) >> 52;
     // A quarter of twice the inverse power of two; for the largest sizes the inverse is subnormal.
     0.25 * f64::from_bits((EXPONENTS - exponent) << 52)
 }
 
-/// Within half a length of the origin, without rounding.
+/// Wraps a coordinate to within half a length of the origin, without rounding.
 #[inline]
 fn wrap(x: f64, length: f64) -> f64 {
     let half = 0.5 * length;
@@ -249,7 +253,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_of_no_spheres_holds_later_ones() {
+    fn a_frame_of_no_spheres_represents_later_ones() {
         let edges = [Some([7.0, 0.0, 0.0]), Some([2.0, 6.0, 0.0]), None];
         for space in [
             Space::UNBOUNDED,

@@ -1,4 +1,4 @@
-//! Trimmed frames, for data of which a few spheres lie far away from all others.
+//! Trimmed frames, for input with a few spheres far away from all others.
 
 use lazygrid_kernels::Space;
 
@@ -6,25 +6,25 @@ use super::{Bounds, GROWTH, SearchFrame, scale_of};
 use crate::executor::Executor;
 
 const CHUNK_SPHERES: usize = 1 << 13;
-/// Spheres whose medians are taken, evenly spaced by index.
+/// Number of spheres whose medians are taken, evenly spaced by index.
 const SAMPLE: usize = 255;
-/// Largest part of the sample that may lie outside.
+/// Most spheres of the sample that may lie outside the frame.
 const SAMPLE_OUTSIDE: usize = SAMPLE / 16;
-/// Exponents of all numbers.
+/// Number of binary exponents of `f64`.
 const LEVELS: usize = 2048;
 /// A frame is trimmed only if it gets smaller by this factor: contacts in a trimmed frame are never certain.
 const MIN_GAIN: f64 = 16.0;
-/// Growth of radii, as a part of the median radius, above which a frame is trimmed, and which suffices.
+/// Growth of radii as a fraction of the median radius: above the first, a frame is trimmed; the second is acceptable.
 const GROWN: [f64; 2] = [1.0 / 4.0, 1.0 / 32.0];
 
-/// Spheres by index, those of the second set after the first: coordinates and effective radius.
+/// Coordinates and effective radii of spheres by index. The second set follows the first.
 pub(crate) struct RowsByIndex<'r> {
     pub(crate) count: usize,
     pub(crate) get: &'r (dyn Fn(usize) -> [f64; 4] + Sync),
 }
 
 impl RowsByIndex<'_> {
-    /// The number of spheres that may lie outside: all pairs among them are a few for each sphere.
+    /// Returns the number of spheres that may lie outside. All pairs among them are only a few per sphere of the input.
     fn most_outside(&self) -> usize {
         (4 * self.count.isqrt()).min(self.count / 8)
     }
@@ -39,8 +39,8 @@ impl SearchFrame {
         self.is_trimmed
     }
 
-    /// Returns a trimmed frame if this frame, of all spheres in `bounds`, enlarges radii too much because of a few.
-    /// Keeps the `last` one if it serves. Independent of the number of threads.
+    /// Returns a trimmed frame if this frame, of all spheres in `bounds`, enlarges radii too much because of a few far
+    /// spheres. Keeps the `last` trimmed frame if it serves. The result is independent of the number of threads.
     pub(crate) fn trimmed(
         &self,
         bounds: &Bounds,
@@ -103,7 +103,7 @@ impl Reach {
         along(0).max(along(1)).max(along(2))
     }
 
-    /// Returns a power of two above the distances of all spheres except a few.
+    /// Returns a power of two above the distances of all spheres except the few that may lie outside.
     fn size_of_most(&self, rows: &RowsByIndex<'_>, bounds: &Bounds, executor: Executor) -> f64 {
         let farthest = (0..3).filter(|&axis| self.is_free[axis]);
         let farthest = farthest.map(|axis| bounds.reach(axis, self.origin[axis])).fold(0.0, f64::max);
@@ -117,7 +117,7 @@ impl Reach {
         f64::from_bits(below.min(2046) << 52)
     }
 
-    /// Counts spheres by the power of two of their distance: level 0 has the exponent `largest`.
+    /// Counts spheres by the exponent of their distance. Level 0 has the exponent `largest`.
     fn count_levels(&self, rows: &RowsByIndex<'_>, largest: u64, executor: Executor) -> [u32; LEVELS] {
         let piece = |mut levels: [u32; LEVELS], piece: usize| {
             for k in piece * CHUNK_SPHERES..rows.count.min((piece + 1) * CHUNK_SPHERES) {
@@ -148,6 +148,7 @@ fn median(sample: &mut [[f64; 4]; SAMPLE], lane: usize) -> f64 {
     sample.select_nth_unstable_by(SAMPLE / 2, |a, b| a[lane].total_cmp(&b[lane])).1[lane]
 }
 
+/// Returns the biased exponent of a distance, which is not negative.
 fn exponent(distance: f64) -> u64 {
     distance.to_bits() >> 52
 }

@@ -10,7 +10,8 @@ use crate::radix::{KeyedSphere, RadixKey};
 use crate::report::Report;
 
 const CHUNK_ENTRIES: usize = 1 << 11;
-const CROWDED: usize = CHUNK_ENTRIES;
+/// Entries of a cell above which it is overfull.
+const MAX_BATCHED_ENTRIES: usize = CHUNK_ENTRIES;
 
 #[derive(Debug, Default)]
 pub(crate) struct ArrayGrid {
@@ -34,7 +35,7 @@ impl ArrayGrid {
 
     pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
         let entries = most_entries(spheres as usize, ratio) as u64;
-        let batches = threads * Batch::memory_for(entries.min((CHUNK_ENTRIES + CROWDED) as u64));
+        let batches = threads * Batch::memory_for(entries.min((CHUNK_ENTRIES + MAX_BATCHED_ENTRIES) as u64));
         memory_of_entries(entries) + batches + OverfullCells::memory_for(spheres, threads)
     }
 }
@@ -65,7 +66,7 @@ fn cells<'o, K: RadixKey, O: Output>(
     let grouping = input.grouping(Division::ByPartners);
     let mut batch = grid.batches.take();
     for run in runs(entries) {
-        if run.len() <= CROWDED {
+        if run.len() <= MAX_BATCHED_ENTRIES {
             batch.push(run, &grouping)?;
         } else {
             batch.search(input, &mut sink)?;

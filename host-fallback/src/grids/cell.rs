@@ -11,10 +11,12 @@ use crate::memory::{try_collect, try_extend, try_push, with_growth};
 use crate::radix::{KeyedSphere, RadixKey};
 
 const MASKS: usize = 1 << MASK_BITS;
+/// Start and end of a range of corner masks.
 type MaskRange = (usize, usize);
 /// For each corner mask, the masks at or above it whose pairs with it belong to the cell.
 const LATER_PARTNERS: [&[MaskRange]; MASKS] =
     [&[(7, 8)], &[(6, 8)], &[(5, 6), (7, 8)], &[(4, 8)], &[(7, 8)], &[(6, 8)], &[(7, 8)], &[(7, 8)]];
+/// For each corner mask, all masks whose pairs with it belong to the cell.
 const ALL_PARTNERS: [&[MaskRange]; MASKS] = [
     &[(7, 8)],
     &[(6, 8)],
@@ -25,12 +27,12 @@ const ALL_PARTNERS: [&[MaskRange]; MASKS] = [
     &[(1, 2), (3, 4), (5, 6), (7, 8)],
     &[(0, 8)],
 ];
-/// The columns of a tile stay near the first-level cache.
+/// Spheres per tile, so that its columns stay near the first-level cache.
 const TILE: usize = 1024;
-/// A unit of work for a thread.
+/// Spheres with which a thread compares a tile.
 const ROW: usize = 1 << 13;
-/// About 0.1 ms.
-const SPREAD: usize = 1 << 20;
+/// Comparisons, about 0.1 ms, at or above which threads share an overfull cell.
+const MIN_PARALLEL_COMPARISONS: usize = 1 << 20;
 
 pub(crate) trait CellMember: Sync {
     fn id(&self) -> u32;
@@ -50,9 +52,10 @@ impl<K: RadixKey> CellMember for KeyedSphere<K> {
     }
 }
 
+/// Start of the members of each corner mask, and the end.
 type Starts = [u32; MASKS + 1];
 
-/// Members are sorted by corner mask; the first is at `from`.
+/// Counts the members of a run, which are sorted by corner mask. The first is at `from`.
 fn starts<'m>(run: impl Iterator<Item = &'m (impl CellMember + 'm)>, from: usize) -> Starts {
     let mut starts = [from as u32; MASKS + 1];
     for entry in run {
@@ -64,6 +67,7 @@ fn starts<'m>(run: impl Iterator<Item = &'m (impl CellMember + 'm)>, from: usize
     starts
 }
 
+/// Returns `true` if the cell may own a pair of its members.
 pub(crate) fn owns_pairs(run: &[impl CellMember]) -> bool {
     run.len() > 1 && run.iter().fold(0, |all, entry| all | entry.corner_mask()) == MASKS - 1
 }
@@ -72,10 +76,12 @@ fn range(starts: &Starts, (first, end): MaskRange) -> Range<usize> {
     starts[first] as usize..starts[end] as usize
 }
 
+/// Small cells, gathered and compared together.
 #[derive(Debug, Default)]
 pub(crate) struct Batch {
     ids: Vec<u32>,
     cells: Vec<Starts>,
+    /// Pairs of different groups in a cell.
     meetings: Vec<[Starts; 2]>,
     groups: Vec<Starts>,
     columns: Columns,
@@ -111,7 +117,7 @@ impl Batch {
         Ok(())
     }
 
-    /// Ids, columns, and the starts of cells of two, whose capacity is doubled.
+    /// Returns the most bytes for `entries`: ids, columns, and the starts of cells of two members, doubled by growth.
     pub(crate) fn memory_for(entries: u64) -> u64 {
         with_growth((4 + Columns::BYTES_PER_SPHERE) * entries) + size_of::<Starts>() as u64 * entries + 4096
     }
@@ -120,7 +126,7 @@ impl Batch {
         self.ids.len()
     }
 
-    /// Empties the batch.
+    /// Compares inside all cells, and empties the batch.
     pub(crate) fn search<S: Sink>(&mut self, input: &SearchInput<'_>, sink: &mut S) -> Result<(), Error> {
         let Self { ids, cells, meetings, columns, .. } = self;
         columns.gather(&input.test, ids.iter().copied())?;
@@ -274,7 +280,7 @@ impl OverfullCell {
             let own = || members.iter().zip(from as u32..).filter(|(member, _)| is_own(member.id()));
             let first = self.order.len();
             try_push(&mut groups, starts(own().map(|(member, _)| member), first), "groups of a cell")?;
-            own().try_for_each(|(_, k)| try_push(&mut self.order, k, "spheres of a crowded cell"))?;
+            own().try_for_each(|(_, k)| try_push(&mut self.order, k, "spheres of an overfull cell"))?;
         }
         Ok(groups)
     }
@@ -286,11 +292,8 @@ impl OverfullCell {
                 for tile in pieces(of, TILE) {
                     let with = with.start.max(tile.start)..with.end;
                     for with in pieces(with, ROW) {
-                        try_push(
-                            &mut self.rows,
-                            TileRow { of: tile.clone(), with },
-                            "tiles of a crowded cell",
-                        )?;
+                        let row = TileRow { of: tile.clone(), with };
+                        try_push(&mut self.rows, row, "tiles of an overfull cell")?;
                     }
                 }
             }
@@ -313,7 +316,7 @@ impl OverfullCell {
             })
         };
         let comparisons: usize = self.rows.iter().map(|row| row.of.len() * row.with.len()).sum();
-        if comparisons < SPREAD {
+        if comparisons < MIN_PARALLEL_COMPARISONS {
             return (0..self.rows.len()).try_fold(sink, compare);
         }
         sink.merge(search_pieces(output, input, self.rows.len(), 1, compare)?)
@@ -321,6 +324,7 @@ impl OverfullCell {
 }
 
 impl TileRow {
+    /// Gathers the spheres of a row. Returns the row with positions in the columns.
     fn gather(
         &self,
         columns: &mut Columns,
@@ -357,7 +361,7 @@ impl<S: Sink> SimdTask for TileTask<'_, S> {
         let Self { columns, test, row, sink } = self;
         for tile in pieces(row.with.clone(), TILE) {
             for at in row.of.clone() {
-                // Spheres of one corner mask are compared with later ones only.
+                // Spheres of one corner mask are compared only with later spheres.
                 let run = tile.start.max(at + 1)..tile.end;
                 if !run.is_empty() {
                     scan(vector, (columns, test), at, run, sink);
@@ -372,7 +376,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn partners_are_the_classes_that_have_all_bits_together() {
+    fn partners_are_the_corner_masks_that_have_all_bits_together() {
         for corner_mask in 0..MASKS {
             let among =
                 |ranges: &[MaskRange], other| ranges.iter().any(|&(from, to)| from <= other && other < to);

@@ -22,7 +22,7 @@ impl<K: RadixKey> KeyedSphere<K> {
     }
 }
 
-/// A cell's coordinates relative to the lowest cell, each with as many bits as the highest needs.
+/// The bits of a key: the cell relative to the lowest cell, as wide as the highest cell needs, then the corner mask.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct KeyLayout {
     low: UVec3,
@@ -67,12 +67,13 @@ pub(crate) struct Entries {
     pub(crate) grid: UniformGrid,
     layout: KeyLayout,
     offsets: Vec<usize>,
-    /// Serves keys of 32 bits, unless space has very many cells.
+    /// Entries with keys of 32 bits, which suffice unless space has very many cells.
     narrow: Radix<u32>,
-    /// Three coordinates of 32 bits always fit.
+    /// Entries with larger keys. Three coordinates of 32 bits always fit.
     wide: Radix<u128>,
 }
 
+/// A function of sorted entries, for keys of any size.
 pub(crate) trait Visit {
     type Result;
     fn visit<K: RadixKey>(self, entries: &[KeyedSphere<K>], layout: KeyLayout) -> Self::Result;
@@ -100,7 +101,7 @@ impl Entries {
         let (mut grid, mut most) =
             (UniformGrid::new(stats, ratio, input.test.lengths()), most_entries(n, ratio));
         let Self { layout, offsets, narrow, wide, .. } = self;
-        // At the second try the grid is shifted to have the fewest entries.
+        // At the second attempt the grid is shifted so that it has the fewest entries.
         while !report.time("map", || {
             if n > 0 {
                 let (low, high) = grid.bounds_of(stats.min, stats.max, stats.largest_radius());
@@ -111,12 +112,12 @@ impl Entries {
                 let cover = || (grid.cover::<PERIODIC>(center, radius), ALL_AXES, k as u32);
                 (paired >> grouping.of(k) & 1 == 1).then(cover)
             };
-            let place = |cell| grid.wrap::<PERIODIC>(cell);
+            let wrap = |cell| grid.wrap::<PERIODIC>(cell);
             narrow.entries.clear();
             wide.entries.clear();
             match layout.is_narrow() {
-                true => fill((n, executor), (cover, place), *layout, (narrow, offsets, most)),
-                false => fill((n, executor), (cover, place), *layout, (wide, offsets, most)),
+                true => fill((n, executor), (cover, wrap), *layout, (narrow, offsets, most)),
+                false => fill((n, executor), (cover, wrap), *layout, (wide, offsets, most)),
             }
         })? {
             grid = report.time("map", || grid.shifted::<PERIODIC>(ratio, sphere, n, executor));
@@ -139,7 +140,7 @@ impl Entries {
     }
 }
 
-/// Bytes per entry with a narrow key, in both buffers of the sort, for up to 2²⁹ cells. A wide entry takes four times
+/// Bytes per entry in both buffers of the sort, with a narrow key, for up to 2²⁹ cells. A wide entry takes four times
 /// as much.
 pub(crate) const ENTRY: u64 = 2 * size_of::<KeyedSphere<u32>>() as u64;
 
@@ -147,17 +148,18 @@ pub(crate) fn memory_of_entries(entries: u64) -> u64 {
     Radix::<u32>::memory_for(entries)
 }
 
-/// Limits the entries to the bound on the mean, plus 5 % and 64, so that chance shifts no grid.
+/// Returns the most entries of a grid that is not shifted: the bound of the mean, plus 5 % and 64, so that chance
+/// causes no shift.
 pub(crate) fn most_entries(spheres: usize, ratio: f32) -> usize {
     (1.05 * UniformGrid::most_cells(ratio) * spheres as f64) as usize + 64
 }
 
 /// Writes an entry for every cell that each of `n` spheres overlaps. `sphere` returns the cells of the `k`-th sphere, a
-/// mask for its corner masks, and its id, or `None` to omit it; for many spheres it is called twice. `place` wraps a
-/// cell. Returns `false`, without entries, for more than `most`.
+/// mask for its corner masks, and its id, or `None` to omit it; for many spheres it is called twice. `wrap` wraps a
+/// cell. Returns `false`, without entries, if there would be more than `most`.
 pub(crate) fn fill<K: RadixKey>(
     (n, executor): (usize, Executor),
-    (sphere, place): (impl Fn(usize) -> Option<(CellBox, u8, u32)> + Sync, impl Fn(UVec3) -> UVec3 + Sync),
+    (sphere, wrap): (impl Fn(usize) -> Option<(CellBox, u8, u32)> + Sync, impl Fn(UVec3) -> UVec3 + Sync),
     layout: KeyLayout,
     (radix, offsets, most): (&mut Radix<K>, &mut Vec<usize>, usize),
 ) -> Result<bool, Error> {
@@ -172,7 +174,7 @@ pub(crate) fn fill<K: RadixKey>(
             try_reserve(entries, cover.cells(), "entries of cells")?;
             #[expect(clippy::disallowed_methods, reason = "there is room for all cells of the sphere")]
             cover.for_each(|cell, corner_mask| {
-                entries.push(KeyedSphere { key: layout.key(place(cell), corner_mask & masks), id });
+                entries.push(KeyedSphere { key: layout.key(wrap(cell), corner_mask & masks), id });
             });
         }
         return Ok(true);
@@ -193,7 +195,7 @@ pub(crate) fn fill<K: RadixKey>(
         for (cover, masks, id) in range(piece).filter_map(&sphere) {
             cover.for_each(|cell, corner_mask| {
                 if let Some(slot) = slots.next() {
-                    *slot = KeyedSphere { key: layout.key(place(cell), corner_mask & masks), id };
+                    *slot = KeyedSphere { key: layout.key(wrap(cell), corner_mask & masks), id };
                 }
             });
         }
@@ -201,6 +203,7 @@ pub(crate) fn fill<K: RadixKey>(
     Ok(true)
 }
 
+/// Replaces lengths by their inclusive prefix sums. Returns the total.
 pub(crate) fn accumulate(lengths: &mut [usize]) -> usize {
     lengths.iter_mut().fold(0, |total, length| {
         *length += total;
@@ -230,6 +233,7 @@ fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> usize {
     last + window.partition_point(|entry| entry.cell() == cell)
 }
 
+/// Returns the entries of a piece of `size` entries, moved to the ends of cells.
 pub(crate) fn cells_of_piece<K: RadixKey>(
     entries: &[KeyedSphere<K>],
     piece: usize,

@@ -176,7 +176,7 @@ impl HashGrid {
         Ok(sink)
     }
 
-    /// Sorted, so that the order of insertion does not matter.
+    /// Collects the entries of a chain in an order that does not depend on the order of insertion.
     fn collect(&self, head: u32, chain: &mut Vec<InChain>) -> Result<(), Error> {
         chain.clear();
         let mut at = head;
@@ -214,12 +214,12 @@ fn cover<const PERIODIC: bool>(input: &SearchInput<'_>, grid: &UniformGrid, id: 
     grid.cover::<PERIODIC>(center, radius)
 }
 
-/// For `chains` chains, a power of two and at least 2.
+/// Returns the shift of a hash for a number of chains, which is a power of two and at least 2.
 fn shift(chains: usize) -> u32 {
     u64::BITS - chains.trailing_zeros()
 }
 
-/// Multiplies by odd constants, whose upper bits are well mixed.
+/// Returns the chain of a cell: the upper, well mixed bits of products with odd constants.
 #[inline(always)]
 fn chain_of(cell: UVec3, shift: u32) -> usize {
     let [x, y, z] = cell.to_array().map(u64::from);

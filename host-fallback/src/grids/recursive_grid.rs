@@ -1,6 +1,6 @@
 //! The paper's RecursiveGrid: a grid for the largest spheres, whose overfull cells are split for the smaller ones.
 //!
-//! In each cell, large spheres (which no finer grid suits) are compared with all. If more than τ smaller spheres
+//! In each cell, large spheres (too large for a finer grid) are compared with all. If more than τ smaller spheres
 //! remain, the cell is split into a finer grid, else they are compared with each other. Finer cells are a power of two
 //! smaller and nest in the cell they split, so a pair's own cell lies in its own coarser cell. The corner mask of a
 //! finer entry has only bits of the coarser one.
@@ -25,11 +25,11 @@ use crate::memory::{try_extend, try_reserve};
 use crate::radix::{KeyedSphere, Radix, RadixKey};
 use crate::report::Report;
 
-/// Their spheres' columns take 40 KiB.
+/// Entries per chunk of work: the columns of their spheres take 40 KiB.
 const CHUNK_ENTRIES: usize = 1 << 11;
-/// Fewer spheres per finer cell mean more entries, more mean more comparisons.
+/// Desired spheres per finer cell. Fewer mean more entries, more mean more comparisons.
 const PER_CELL: f64 = 16.0;
-/// So that 32 bits hold a finer cell's key.
+/// Most halvings of a split by count, so that 32 bits suffice for a finer cell's key.
 const MAX_HALVINGS: f64 = 7.0;
 /// Maximum number of finer cells from the origin to a coordinate. Boxes are widened by 2⁻⁴⁹ of the coordinate for
 /// rounding, at most an eighth of a cell. Different coordinates are 2²² such cells apart, so along such an axis all
@@ -84,28 +84,26 @@ impl CellSplit {
             let (center, radius) = input.test.effective(entry.id());
             Member { center, radius, id: entry.id(), corner_mask: entry.corner_mask() as u8 }
         });
-        try_extend(&mut self.small, members, "spheres of a crowded cell")
+        try_extend(&mut self.small, members, "spheres of an overfull cell")
     }
 
     fn separate_large(&mut self, limit: f64) -> Result<(), Error> {
         let Self { large, small, .. } = self;
         large.clear();
         let is_large = |member: &Member| f64::from(member.radius) > limit;
-        try_reserve(
-            large,
-            small.iter().filter(|member| is_large(member)).count(),
-            "spheres of a crowded cell",
-        )?;
+        let count = small.iter().filter(|member| is_large(member)).count();
+        try_reserve(large, count, "spheres of an overfull cell")?;
         #[expect(clippy::disallowed_methods, reason = "there is room for all that are large")]
         large.extend(small.extract_if(.., |member| is_large(member)));
         Ok(())
     }
 
+    /// Makes all spheres large, in the order of their corner masks.
     fn merge_large(&mut self) -> Result<(), Error> {
         let Self { large, small, .. } = self;
         let joined = !large.is_empty();
-        // All spheres were small ones, so the capacity suffices.
-        try_extend(small, large.drain(..), "spheres of a crowded cell")?;
+        // All spheres were in `small` before, so its capacity suffices.
+        try_extend(small, large.drain(..), "spheres of an overfull cell")?;
         std::mem::swap(large, small);
         if joined {
             large.sort_unstable_by_key(|member| (member.corner_mask, member.id));
@@ -136,32 +134,35 @@ impl CellSplit {
     }
 }
 
+/// The extent of the small spheres of a cell, in cells of the top grid.
 #[derive(Clone, Copy, Debug)]
 struct Extent {
     low: DVec3,
     high: DVec3,
-    /// Largest extent of the centers along an axis.
+    /// Largest extent of the centers along an axis, in the unit of length.
     wide: f64,
     radius: f32,
 }
 
 enum SplitDecision {
-    /// Into this many parts per axis, a power of two.
+    /// Splits the cell into this number of parts per axis, a power of two.
     Split(f64),
-    /// Compares spheres above this radius with all, then decides again.
+    /// Compares spheres above this radius with all spheres, then decides again.
     CompareLarge(f64),
-    /// No finer grid separates them.
+    /// Compares all spheres, because no finer grid separates them.
     BruteForce,
 }
 
+/// A cell of the top grid, or of a grid nested in one of its cells.
 #[derive(Clone, Copy, Debug)]
 struct NestedCell {
+    /// Corner of the top cell, in top cells.
     top: DVec3,
-    /// Cells of this size per axis in a top cell, a power of two.
+    /// Number of cells of this size per axis of a top cell, a power of two.
     fineness: f64,
     /// `fineness`, or zero on an axis with one coordinate for all spheres of the top cell, or a ring of one cell.
     scale: DVec3,
-    /// Relative to the top cell's corner.
+    /// Corner relative to the top cell's corner, in cells of this size.
     corner: DVec3,
     /// Most top cells between the origin, or the ring's start, and a coordinate in this cell.
     away: DVec3,
@@ -180,10 +181,12 @@ impl NestedCell {
         Self { fineness, scale, corner: self.corner * parts + at, ..*self }
     }
 
+    /// Returns the most further halvings of each axis.
     fn halvings(&self) -> DVec3 {
         (MAX_FINENESS / (self.away * self.fineness)).map(|parts| parts.log2().floor())
     }
 
+    /// Returns the axes that can be halved, and how often all of them can.
     fn divisible(&self) -> (BVec3, f64) {
         let halvings = self.halvings();
         let axes = self.scale.cmpgt(DVec3::ZERO) & halvings.cmpge(DVec3::ONE);
@@ -200,7 +203,7 @@ impl NestedCell {
         if PERIODIC { grid.image_at(self.top, bounds) } else { bounds }
     }
 
-    /// Clamped to this cell.
+    /// Returns the parts that contain a position, clamped to this cell.
     ///
     /// The map is monotone, so the larger of two lower bounds never exceeds either upper bound. A coordinate keeps its
     /// cell in further splits, because all but the first subtraction are exact inside the cell.
@@ -235,7 +238,7 @@ impl RecursiveGrid {
         let entries = most_entries(spheres as usize, ratio) as u64;
         let batches = threads * Batch::memory_for(entries.min(2 * CHUNK_ENTRIES as u64));
         let members = most_members(spheres, entries, threads) * size_of::<Member>() as u64;
-        // Finer cells may be as small as the spheres in them. Besides the largest split, there are those of a call.
+        // Finer cells may be as small as the spheres in them. A call has its own splits in addition to the largest one.
         let finer = spheres * threads.min(2) * 8 * ENTRY;
         memory_of_entries(entries) + members + finer + batches + OverfullCells::memory_for(spheres, threads)
     }
@@ -295,7 +298,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
                 batch.search(self.input, &mut sink)?;
                 split.start(self.input, run)?;
                 batches.give_back(batch)?;
-                sink = self.crowded(cell(run[0].key), split, sink)?;
+                sink = self.overfull(cell(run[0].key), split, sink)?;
                 batch = batches.take();
             }
             if batch.len() > CHUNK_ENTRIES {
@@ -311,7 +314,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         self.input.settings.tau as usize
     }
 
-    fn crowded(
+    fn overfull(
         &self,
         cell: NestedCell,
         split: &mut CellSplit,
@@ -372,7 +375,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
 
 fn decide(cell: &NestedCell, cell_size: f64, count: usize, extent: &Extent) -> SplitDecision {
     let wide = extent.wide;
-    // No split separates the centers of small spheres, which lie within one and a half cell sizes, except for rounding.
+    // Centers of small spheres lie within one and a half cell sizes, except for rounding, which no split separates.
     if wide == 0.0 || wide > 2.0 * cell_size {
         return SplitDecision::BruteForce;
     }

@@ -1,4 +1,4 @@
-//! The cells of an unbounded or periodic grid that a sphere overlaps: the geometry of the paper's grids.
+//! The geometry of the paper's grids: the cells of an unbounded or periodic grid that a sphere overlaps.
 //!
 //! # Correctness
 //!
@@ -6,11 +6,11 @@
 //! cells. Every (cell, sphere) entry carries a corner mask: one bit per axis, set if the cell is the sphere's lowest on
 //! that axis. A cell owns the pair of two of its spheres exactly if their masks together have all three bits.
 //!
-//! A periodic axis is a ring of cells. There a cell owns a pair if on every axis one of both begins in it and the other
-//! overlaps it. Spheres of `a` and `b` cells have one such cell if they share any: two would mean that each begins
-//! inside the other, so that together they cover the ring, with `a + b − 2` cells at least. A ring therefore has at
-//! least 3 cells for spheres of at most 2, and 5 for spheres of 3; else it is one cell, in which all begin. For the
-//! same reason two spheres share only one arc of the ring, which is treated as a line.
+//! A periodic axis is a ring of cells. There a cell owns a pair if on every axis one of the spheres begins in it and
+//! the other overlaps it. Spheres of `a` and `b` cells have one such cell if they share any. Two such cells would mean
+//! that each sphere begins inside the other, so that a ring of at most `a + b − 2` cells is covered. A ring therefore
+//! has at least 3 cells for spheres of up to 2 cells, and 5 for spheres of 3; else it is one cell, in which all begin.
+//! For the same reason two spheres share only one arc of the ring, which is treated as a line.
 
 use std::convert::Infallible;
 
@@ -22,39 +22,40 @@ use crate::math::floor;
 
 pub(crate) const ALL_AXES: u8 = 0b111;
 /// Largest cell number on either side of the origin. Farther out, different `f32` coordinates are at least eight cells
-/// apart and no sphere exceeds two cells, so only equal coordinates can touch: their bits give the number of a far
-/// cell.
+/// apart, and no diameter exceeds two cells. So only spheres with equal coordinates can touch, and the bits of the
+/// coordinate give the number of a far cell.
 const MAX_INTEGER_CELL: u32 = 1 << 27;
 /// Unused numbers before the far cells: spheres near the limit overlap two cells beyond it.
 const FAR_GAP: u32 = 16;
 const MIDDLE: u32 = 1 << 31;
-/// Relative widening of radii, far above the rounding of the exact test.
+/// Growth of radii, far above the rounding of the exact test.
 const WIDER: f64 = 1.0 + 1e-9;
 /// Largest relative rounding error of a coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 /// Factor on the cell size, so that a widened sphere of one cell's diameter never spans three.
 const CELL_SLACK: f64 = 1.0 + 1.0 / (1 << 20) as f64;
-/// With at most this many cells, rounding of the ring's length is less than [`CELL_SLACK`].
+/// Most cells of a ring, so that rounding of its length is less than [`CELL_SLACK`].
 const MAX_RING_CELLS: f64 = (1 << 26) as f64;
 const POINTS_PER_CELL: f64 = 4.0;
 const MAX_SHIFTS: usize = 4;
 const CHUNK_SPHERES: usize = 1 << 14;
 
-/// Numbered per axis in ascending order.
+/// A grid whose cells are numbered per axis in ascending order.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct UniformGrid {
     cell_size: f64,
     per_length: f64,
-    /// Shift of all coordinates in cells, below 1. For rings their origin includes it.
+    /// Shift of all coordinates in cells, below 1. The origin of a ring includes it.
     shift: DVec3,
     /// Bits of the first coordinate in a far cell.
     first_far: u32,
     periodic: PeriodicAxes,
 }
 
-/// Cells of a ring are numbered from 0, at minus half a length.
+/// The periodic axes, which are rings of cells. Cell 0 begins at minus half a length.
 #[derive(Clone, Debug, Default)]
 struct PeriodicAxes {
+    /// Cells of each ring; 0 for an unbounded axis.
     count: UVec3,
     per_length: DVec3,
     origin: DVec3,
@@ -62,7 +63,7 @@ struct PeriodicAxes {
 }
 
 impl PeriodicAxes {
-    /// For spheres up to `diameter`. Cells are no smaller than `cell_size`, or else than `diameter`.
+    /// Creates rings for spheres up to `diameter`. Cells are no smaller than `cell_size`, in short rings `diameter`.
     fn new(cell_size: f64, diameter: f64, lengths: [Option<f32>; 3]) -> Self {
         let (per_length, zero) = (DVec3::splat(cell_size.recip()), DVec3::ZERO);
         let mut periodic = Self { count: UVec3::ZERO, per_length, origin: zero, lengths: zero };
@@ -87,7 +88,7 @@ impl PeriodicAxes {
 }
 
 impl UniformGrid {
-    /// Cells of `ratio` × the largest diameter, or by density if all radii are zero.
+    /// Creates cells of `ratio` × the largest diameter, or by density if all radii are zero.
     pub(crate) fn new(stats: &InputStats, ratio: f32, lengths: [Option<f32>; 3]) -> Self {
         let diameter = 2.0 * f64::from(stats.largest_radius());
         let cell_size = match diameter > 0.0 {
@@ -112,8 +113,8 @@ impl UniformGrid {
         Self { cell_size, per_length, shift: DVec3::ZERO, first_far, periodic }
     }
 
-    /// Returns the number of shifts per axis, at most one of which places a given sphere across a cell boundary.
-    fn places(ratio: f32) -> usize {
+    /// Returns the number of shifts per axis. At most one of them moves a given sphere across a cell boundary.
+    fn shifts(ratio: f32) -> usize {
         (ratio as usize).clamp(1, MAX_SHIFTS)
     }
 
@@ -123,10 +124,11 @@ impl UniformGrid {
     /// At one of *p* shifts per axis a sphere overlaps two cells along that axis, otherwise one. The mean over all *p*³
     /// shifts is (1 + 1/*p*)³ cells, so the best shift has no more.
     pub(crate) fn most_cells(ratio: f32) -> f64 {
-        let places = Self::places(ratio) as f64;
-        if ratio < 1.0 { 27.0 } else { (1.0 + places.recip()).powi(3) }
+        let shifts = Self::shifts(ratio) as f64;
+        if ratio < 1.0 { 27.0 } else { (1.0 + shifts.recip()).powi(3) }
     }
 
+    /// Returns the grid, shifted so that the spheres overlap the fewest cells.
     pub(crate) fn shifted<const PERIODIC: bool>(
         mut self,
         ratio: f32,
@@ -134,11 +136,11 @@ impl UniformGrid {
         n: usize,
         executor: Executor,
     ) -> Self {
-        let places = Self::places(ratio);
-        // The shift at which the sphere crosses a cell boundary; `MAX_SHIFTS` without one.
+        let shifts = Self::shifts(ratio);
+        // The shift at which the sphere crosses a cell boundary; `MAX_SHIFTS` if it crosses none.
         let at = |low: f64, high: f64| {
-            let (low, high) = (floor(low * places as f64), floor(high * places as f64));
-            if low == high { MAX_SHIFTS } else { (-high).rem_euclid(places as i64) as usize }
+            let (low, high) = (floor(low * shifts as f64), floor(high * shifts as f64));
+            if low == high { MAX_SHIFTS } else { (-high).rem_euclid(shifts as i64) as usize }
         };
         type Counts = [[[u64; MAX_SHIFTS + 1]; MAX_SHIFTS + 1]; MAX_SHIFTS + 1];
         let count = |mut counts: Counts, piece: usize| {
@@ -155,26 +157,27 @@ impl UniformGrid {
             Ok(a)
         };
         let Ok(counts) = executor.fold((n.div_ceil(CHUNK_SPHERES), usize::MAX), Counts::default, count, add);
-        let cells = |place: [usize; 3]| {
+        let cells = |shift: [usize; 3]| {
             let mut cells = 0;
             for (x, plane) in counts.iter().enumerate() {
                 for (y, row) in plane.iter().enumerate() {
                     for (z, count) in row.iter().enumerate() {
-                        let across = [x, y, z].iter().zip(place).filter(|&(&at, place)| at == place).count();
+                        let across = [x, y, z].iter().zip(shift).filter(|&(&at, shift)| at == shift).count();
                         cells += count << across;
                     }
                 }
             }
             cells
         };
-        let all = (0..places.pow(3)).map(|k| [k % places, k / places % places, k / places / places]);
-        let best = all.min_by_key(|&place| cells(place)).unwrap_or_default();
-        let shift = DVec3::from_array(best.map(|place| place as f64 / places as f64));
+        let all = (0..shifts.pow(3)).map(|k| [k % shifts, k / shifts % shifts, k / shifts / shifts]);
+        let best = all.min_by_key(|&shift| cells(shift)).unwrap_or_default();
+        let shift = DVec3::from_array(best.map(|shift| shift as f64 / shifts as f64));
         self.shift += shift;
         self.periodic.origin += shift;
         self
     }
 
+    /// Returns the smallest size of a cell along an axis.
     pub(crate) fn cell_size(&self) -> f64 {
         let PeriodicAxes { count, per_length, lengths, .. } = &self.periodic;
         if count.to_array() == [1; 3] {
@@ -199,19 +202,19 @@ impl UniformGrid {
         ((center - reach) * self.per_length + self.shift, (center + reach) * self.per_length + self.shift)
     }
 
-    /// On a ring, numbers may exceed the end; see [`wrap`](Self::wrap).
+    /// Returns the cells that a sphere overlaps. On a ring, numbers may exceed the end; see [`wrap`](Self::wrap).
     #[inline(always)]
     pub(crate) fn cover<const PERIODIC: bool>(&self, center: Vec3, radius: f32) -> CellBox {
         let (low, high) = self.bounds::<PERIODIC>(center, radius);
-        // After the addition the cast rounds down. `floor` may be a function call.
+        // Sums are positive, so the cast rounds down. `floor` may be a function call.
         let counted = |at: DVec3| (at + f64::from(MIDDLE)).as_uvec3();
         let mut cover = CellBox { low: counted(low), high: counted(high) };
         let far = self.is_far(center);
         if far.any() {
             for axis in 0..3 {
                 if far.test(axis) {
-                    let name = self.name(center[axis]);
-                    (cover.low[axis], cover.high[axis]) = (name, name);
+                    let cell = self.far_cell(center[axis]);
+                    (cover.low[axis], cover.high[axis]) = (cell, cell);
                 }
             }
         }
@@ -244,7 +247,7 @@ impl UniformGrid {
         cell
     }
 
-    /// For spheres up to `largest` with centers between these corners.
+    /// Returns the lowest and highest cells of spheres up to `largest` with centers between these corners.
     pub(crate) fn bounds_of(&self, min: Vec3, max: Vec3, largest: f32) -> (UVec3, UVec3) {
         let (mut low, mut high) =
             (self.cover::<false>(min, largest).low, self.cover::<false>(max, largest).high);
@@ -261,20 +264,21 @@ impl UniformGrid {
         corner.abs().max(self.periodic.count.as_dvec3()) + 1.0
     }
 
+    /// Returns the longest of these sides, given in cells, in the unit of length.
     pub(crate) fn widest(&self, sides: DVec3) -> f64 {
         (sides / self.periodic.per_length).max_element()
     }
 
-    /// In cells.
+    /// Moves a box to its image nearest to the cell with this corner. All positions are in cells.
     #[inline(always)]
     pub(crate) fn image_at(&self, corner: DVec3, (mut low, mut high): (DVec3, DVec3)) -> (DVec3, DVec3) {
         for axis in 0..3 {
-            let turn = f64::from(self.periodic.count[axis]);
-            if turn > 1.0 {
-                // A sphere of a cell has its center within half a ring of the cell's.
+            let ring = f64::from(self.periodic.count[axis]);
+            if ring > 1.0 {
+                // A sphere that overlaps a cell has an image with its center within half a ring of the cell's center.
                 let away = corner[axis] + 0.5 - 0.5 * (low[axis] + high[axis]);
-                let turn = if away.abs() > 0.5 * turn { turn.copysign(away) } else { 0.0 };
-                (low[axis], high[axis]) = (low[axis] + turn, high[axis] + turn);
+                let shift = if away.abs() > 0.5 * ring { ring.copysign(away) } else { 0.0 };
+                (low[axis], high[axis]) = (low[axis] + shift, high[axis] + shift);
             }
         }
         (low, high)
@@ -285,12 +289,12 @@ impl UniformGrid {
         (center.as_dvec3() * self.per_length).abs().cmpge(DVec3::splat(f64::from(MAX_INTEGER_CELL)))
     }
 
-    fn name(&self, coordinate: f32) -> u32 {
+    fn far_cell(&self, coordinate: f32) -> u32 {
         let step = MAX_INTEGER_CELL + FAR_GAP + coordinate.abs().to_bits().saturating_sub(self.first_far);
         if coordinate > 0.0 { MIDDLE + step } else { MIDDLE - step }
     }
 
-    /// In cells; `None` on an axis on which it is a far cell or a whole ring.
+    /// Returns the corner of a cell, in cells; `None` on an axis on which it is a far cell or a whole ring.
     pub(crate) fn corner(&self, cell: UVec3) -> [Option<f64>; 3] {
         [0, 1, 2].map(|axis| match (self.periodic.count[axis], cell[axis]) {
             (0, k) if k.abs_diff(MIDDLE) < MAX_INTEGER_CELL + FAR_GAP => {
@@ -302,7 +306,7 @@ impl UniformGrid {
     }
 }
 
-/// Both corners included.
+/// A box of cells, both corners included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CellBox {
     pub(crate) low: UVec3,
@@ -310,7 +314,7 @@ pub(crate) struct CellBox {
 }
 
 impl CellBox {
-    /// Returns at most 8 cells if the cell size is at least the largest diameter, 27 if at least half of it.
+    /// Returns the number of cells: at most 8 if the cell size is at least the largest diameter, 27 if at least half.
     #[inline(always)]
     pub(crate) fn cells(self) -> usize {
         let size = self.high - self.low + 1;

@@ -10,7 +10,7 @@ use crate::memory::try_collect;
 use crate::{Error, math};
 
 const CHUNK_SPHERES: usize = 1 << 14;
-/// Up to this number of lengths [`Wrapping::wrap`] is exact.
+/// Number of lengths up to which [`Wrapping::wrap`] computes images itself.
 const NEAR: f64 = (1 << 20) as f64;
 
 pub(super) fn copy(
@@ -54,7 +54,7 @@ impl<'s> Wrapping<'s> {
     ///    rounded to a nearest whole number.
     /// 2. The product of that number, of at most 21 bits, and a length of 24 bits is an `f64` number. The difference
     ///    from `x` is at most half a length and a multiple of a unit of `x` or `L`, hence an `f32` number.
-    /// 3. Other coordinates, which include those that are not finite, are wrapped by [`Space::wrap`].
+    /// 3. All other coordinates, including non-finite ones, are wrapped by [`Space::wrap`].
     #[inline(always)]
     fn wrap(&self, sphere: Sphere) -> Sphere {
         let row: [f32; 4] = cast(sphere);
@@ -91,6 +91,7 @@ impl SimdTask for WrapChunk<'_> {
     }
 }
 
+/// Maps spheres to a frame, with their effective radii. Returns the bounds of the given numbers.
 pub(super) fn map_to_frame(
     input: InputSpheres<'_>,
     targets: &mut [Sphere],

@@ -23,11 +23,12 @@ impl<'a> Grouping<'a> {
         self.per_set() * if self.split.is_some() { 2 } else { 1 }
     }
 
-    /// `None` if there are other groups than the sets.
+    /// Returns the split if the two sets are the only groups.
     pub(crate) fn sets(&self) -> Option<usize> {
         self.split.filter(|_| self.species.is_none_or(|(partition, _)| partition.count == 1))
     }
 
+    /// Returns `true` if contact of effective radii decides all pairs, up to rounding.
     pub(crate) fn is_by_radii(&self) -> bool {
         self.species
             .is_some_and(|(partition, _)| partition.meetings.iter().flatten().all(|of| of.is_by_radii))
@@ -44,12 +45,12 @@ impl<'a> Grouping<'a> {
         }
     }
 
-    /// Returns `true` if spheres of some group reach farther to others than to each other.
+    /// Returns `true` if spheres of some group reach farther to other groups than to each other.
     pub(crate) fn is_narrow(&self) -> bool {
         self.species.is_some_and(|(partition, _)| !partition.narrow.is_empty())
     }
 
-    /// Returns the radius of a sphere among those of its group, with the skin margin. `effective` is that among all.
+    /// Returns the radius of a sphere within its group, with the skin margin, given its effective radius.
     #[inline(always)]
     pub(crate) fn radius(&self, test: &PairTest<'_>, id: usize, effective: f32) -> f32 {
         match self.species {
@@ -60,7 +61,7 @@ impl<'a> Grouping<'a> {
         }
     }
 
-    /// Returns a bit for each group that meets some group.
+    /// Returns a bit for each group whose spheres may pair.
     pub(crate) fn paired(&self) -> u32 {
         self.meetings().fold(0, |paired, (a, b)| paired | 1 << a | 1 << b)
     }
@@ -69,14 +70,14 @@ impl<'a> Grouping<'a> {
         self.meeting(group, group).is_some()
     }
 
-    /// Two at a time, the smaller number first.
+    /// Returns the pairs of groups whose spheres may pair, the smaller number first.
     pub(crate) fn meetings(&self) -> impl Iterator<Item = (usize, usize)> {
         let groups = self.count();
         let all = (0..groups).flat_map(move |a| (a..groups).map(move |b| (a, b)));
         all.filter(|&(a, b)| self.meeting(a, b).is_some())
     }
 
-    /// `None` if their spheres never pair.
+    /// Returns how two groups pair; `None` if their spheres never do.
     pub(crate) fn meeting(&self, a: usize, b: usize) -> Option<Meeting> {
         let per_set = self.per_set();
         if self.split.is_some() && a / per_set == b / per_set {

@@ -14,10 +14,11 @@ pub(crate) struct InputSpheres<'a> {
     space: &'a Space,
 }
 
-/// A layout for which loops are compiled.
+/// A layout of spheres, for each of which loops are compiled.
 pub(crate) trait InputRows: Copy {
     fn prefetch(self, k: usize);
     fn get(self, k: usize) -> [f64; 4];
+    /// Returns the row of sphere `k` with its effective radius.
     fn effective(self, k: usize, row: [f64; 4]) -> [f64; 4];
 }
 
@@ -43,8 +44,8 @@ impl<'a> InputSpheres<'a> {
         Self { spheres, species: spheres.species().zip(reaches), frame, space }
     }
 
-    /// Returns `true` if the frame represents the spheres in `bounds` and all that it contains.
-    pub(crate) fn is_held(&self, bounds: &Bounds) -> bool {
+    /// Returns `true` if the frame represents the spheres in `bounds` and all spheres that its map contains.
+    pub(crate) fn frame_holds(&self, bounds: &Bounds) -> bool {
         self.frame.is_triclinic_f32() || self.frame.holds(bounds, self.space)
     }
 
@@ -170,7 +171,7 @@ impl InputRows for &InputSpheres<'_> {
     }
 }
 
-/// Keeps an invalid radius, which the validity check finds.
+/// Returns the row with its effective radius. An invalid radius stays, because the validity check must find it.
 #[inline(always)]
 fn effective([x, y, z, radius]: [f64; 4], reach: SpeciesReach) -> [f64; 4] {
     let is_valid = (0.0..f64::INFINITY).contains(&radius);

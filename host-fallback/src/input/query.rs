@@ -15,7 +15,7 @@ use crate::frame::{Bounds, RowsByIndex, SearchFrame};
 use crate::memory::try_resize;
 use crate::{Error, InputError, PhaseTime, Settings, Simd};
 
-/// For spheres that cannot be searched in place, with the last frame.
+/// Copies of spheres that cannot be searched in place, the last frame, and the species groups.
 #[derive(Debug, Default)]
 pub struct QueryBuffers {
     spheres: Vec<Sphere>,
@@ -29,17 +29,17 @@ pub struct PreparedQuery<'a> {
     /// Both sets, with species if both sets have them.
     pub spheres: Spheres<'a>,
     pub split: Option<usize>,
-    /// `None` for spheres as given; otherwise their radii are effective.
+    /// Frame of the spheres, whose radii are then effective; `None` for spheres as given.
     pub frame: Option<&'a SearchFrame>,
-    /// Not mapped to the frame yet.
+    /// Spheres that are not mapped to the frame yet.
     pub(crate) input: Option<InputSpheres<'a>>,
-    /// `None` if contact decides.
+    /// Exact filter; `None` if contact alone decides.
     pub filter: Option<PairFilter<'a>>,
-    /// `None` without interactions.
+    /// Species groups; `None` without interactions.
     pub(crate) groups: Option<&'a SpeciesGroups>,
 }
 
-/// The copies and the knowledge that a search needs.
+/// The options of [`QueryBuffers::prepare`].
 #[derive(Clone, Copy, Debug)]
 pub struct Preparation<'a> {
     pub settings: &'a Settings,
@@ -47,7 +47,7 @@ pub struct Preparation<'a> {
     pub wraps: bool,
     /// `true` if the species of the spheres are those of the last query.
     pub has_same_species: bool,
-    /// `true` if the search knows no reach between groups of species, but only radii.
+    /// `true` if the search uses only radii and ignores reaches between groups of species.
     pub ignores_reaches: bool,
 }
 
@@ -68,14 +68,13 @@ impl PreparedQuery<'_> {
 }
 
 impl QueryBuffers {
-    /// Returns a number that changes with the species that are present, and with the choice of radii in frames; 0
-    /// without interactions.
+    /// Returns a number that changes with the present species and the choice of radii; 0 without interactions.
     pub(crate) fn version(&self) -> u32 {
         self.groups.version()
     }
 
-    /// Checks a query and prepares its spheres. Validity is checked only if they need a frame. Adds the time of a copy
-    /// to `phases`.
+    /// Checks a query and prepares its spheres. Their validity is checked only if they need a frame. Adds the time of a
+    /// copy to `phases`.
     ///
     /// # Errors
     /// [`Error::Input`] for too many spheres, unknown species, exclusions of other numbers of spheres, and invalid
@@ -103,14 +102,8 @@ impl QueryBuffers {
         let are_in_place = query.first().is_read_in_place() && split.is_none();
         if are_in_place && !is_wrapped && !is_framed {
             let groups = settings.interactions.as_ref().map(|_| &self.groups);
-            return Ok(PreparedQuery {
-                spheres: query.first(),
-                split,
-                frame: None,
-                input: None,
-                filter,
-                groups,
-            });
+            let spheres = query.first();
+            return Ok(PreparedQuery { spheres, split, frame: None, input: None, filter, groups });
         }
         let start = Instant::now();
         try_resize(&mut self.spheres, query.len(), "copies of spheres")?;
@@ -127,8 +120,8 @@ impl QueryBuffers {
         Ok(PreparedQuery { spheres, split, frame, input: None, filter, groups })
     }
 
-    /// Prepares the spheres as given, which have the species of the last query, to test candidates in the last frame.
-    /// `None` if they need no frame, are two sets, or the last frame has another number type.
+    /// Prepares spheres in place, to test candidates in the last frame. Their species must be those of the last query.
+    /// Returns `None` if they need no frame, are two sets, or have another number type than the last frame.
     pub(crate) fn prepare_in_place<'a>(
         &'a self,
         query: &Query<'a>,
@@ -144,16 +137,12 @@ impl QueryBuffers {
         }
         let groups = settings.interactions.as_ref().map(|_| &self.groups);
         let spheres = query.first();
-        let input = Some(InputSpheres::new(
-            spheres,
-            frame_reaches(&self.groups, settings, frame),
-            frame,
-            &settings.space,
-        ));
+        let reaches = frame_reaches(&self.groups, settings, frame);
+        let input = Some(InputSpheres::new(spheres, reaches, frame, &settings.space));
         Ok(Some(PreparedQuery { spheres, split: None, frame: Some(frame), input, filter, groups }))
     }
 
-    /// Uses the last frame if spheres fit, else a new one.
+    /// Maps the spheres to the last frame if they fit, else to a new frame.
     fn map_to_frame(
         &mut self,
         query: &Query<'_>,
@@ -174,7 +163,8 @@ impl QueryBuffers {
         Ok(())
     }
 
-    /// Keeps the `last` frame if it fits. Checks the spheres, since radii of `f64` spheres may exceed a frame of `f32` spheres.
+    /// Checks the spheres, and maps them to a frame for their bounds: to the `last` one if it fits, and is not a frame
+    /// of `f32` spheres, which radii of `f64` spheres may exceed.
     fn map_to_wide_frame(
         &mut self,
         last: Option<SearchFrame>,
@@ -222,6 +212,7 @@ impl QueryBuffers {
         frame.trimmed(bounds, &settings.space, (&rows, last), executor)
     }
 
+    /// Maps both sets to a frame. Returns the bounds of the given numbers.
     fn fill(
         &mut self,
         query: &Query<'_>,
@@ -249,8 +240,8 @@ impl QueryBuffers {
     }
 }
 
-/// Returns the reaches for radii in a frame. Slabs cannot divide a period of less than four radii; larger unequal radii
-/// could make that a limit.
+/// Returns the reaches for radii in a frame. Unequal radii are limited to an eighth of the shortest period, because
+/// slabs cannot divide a period of less than four radii.
 fn frame_reaches<'g>(
     groups: &'g SpeciesGroups,
     settings: &Settings,
@@ -300,7 +291,7 @@ fn is_f64(query: &Query<'_>) -> bool {
     query.first().is_f64() || query.second().is_some_and(|set| set.is_f64())
 }
 
-/// Returns `true` if spheres, which are not checked, need a frame; and the exact filter.
+/// Checks a query except for the validity of its spheres. Returns `true` if they need a frame, and the exact filter.
 fn check_and_filter<'a>(
     query: &Query<'a>,
     settings: &'a Settings,

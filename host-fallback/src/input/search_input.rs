@@ -4,8 +4,7 @@ use glam::Vec3;
 
 use crate::compare::{Output, PairTest, SimdTask, Sink};
 use crate::executor::Executor;
-use crate::input::InputStats;
-use crate::input::{Division, Grouping, SpeciesGroups};
+use crate::input::{Division, Grouping, InputStats, SpeciesGroups};
 use crate::{Error, Settings, Simd};
 
 pub(crate) struct SearchInput<'a> {
@@ -14,7 +13,7 @@ pub(crate) struct SearchInput<'a> {
     pub(crate) settings: &'a Settings,
     pub(crate) simd: Simd,
     pub(crate) executor: Executor,
-    /// Set if only pairs across two sets are found.
+    /// First index of the second set, if only pairs across two sets are found.
     pub(crate) split: Option<usize>,
     pub(crate) groups: Option<&'a SpeciesGroups>,
 }
@@ -23,15 +22,8 @@ pub(crate) struct SearchInput<'a> {
 impl<'a> SearchInput<'a> {
     pub(crate) fn surveyed(test: PairTest<'a>, settings: &'a Settings) -> Self {
         let stats = InputStats::of(&test, Executor::Pool).expect("all are valid");
-        Self {
-            test,
-            stats,
-            settings,
-            simd: Simd::detect(),
-            executor: Executor::Pool,
-            split: None,
-            groups: None,
-        }
+        let (simd, executor) = (Simd::detect(), Executor::Pool);
+        Self { test, stats, settings, simd, executor, split: None, groups: None }
     }
 }
 
@@ -40,7 +32,7 @@ impl<'a> SearchInput<'a> {
         self.simd.run(task, self.test.periodic_box(self.stats.largest_radius()))
     }
 
-    /// Read before each chunk of work.
+    /// Returns `true` if the caller has cancelled the search. Threads ask before each chunk of work.
     pub(crate) fn is_stopped(&self) -> bool {
         self.settings.stop.as_ref().is_some_and(|stop| stop.load(Relaxed))
     }

@@ -15,6 +15,7 @@ const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
 
 #[derive(Debug)]
 pub struct SpeciesGroups {
+    /// One bit per species.
     present: [u64; WORDS],
     /// The reach of each species to those that are present.
     reaches: Vec<SpeciesReach>,
@@ -32,17 +33,18 @@ impl Default for SpeciesGroups {
 }
 
 impl SpeciesGroups {
-    /// Most bytes for a table of `species` and `spheres` spheres, while the present species change.
+    /// Returns the most bytes for a table of `species` and `spheres` spheres, while the present species change.
     pub(crate) fn memory_for(species: u32, spheres: u64) -> u64 {
         let (all, present) = (u64::from(species), spheres.min(species.into()));
-        // The old and the new ones, also those in frames, and those of the table beyond `MAX_PRESENT`.
+        // Old and new reaches, old and new ones in frames, and the table's reaches beyond `MAX_PRESENT`.
         let reaches = 5 * size_of::<SpeciesReach>() as u64 * all;
         // A list of the present species grows by doubling.
         let lists = 3 * size_of::<u32>() as u64 * present;
         reaches + lists + 2 * SpeciesPartition::memory_of_three(all, present)
     }
 
-    /// `table` must be the same in every call, and the species of the query must be in it.
+    /// Finds the present species of a query and divides them, if they have changed. `table` must be the same in every
+    /// call, and must contain the species of the query.
     pub(crate) fn update(
         &mut self,
         query: &Query<'_>,
@@ -75,12 +77,12 @@ impl SpeciesGroups {
         Ok(())
     }
 
-    /// Returns `true` for a species of the last update.
+    /// Returns `true` for a species that was present at the last update.
     pub fn is_present(&self, species: u32) -> bool {
         has(&self.present, species)
     }
 
-    /// Reach of each species to those of the last update.
+    /// Returns the reach of each species to the species of the last update.
     pub fn reaches(&self) -> &[SpeciesReach] {
         &self.reaches
     }
@@ -140,12 +142,8 @@ fn find_present(ids: &[u32], species: u32, executor: Executor) -> Result<[u64; W
         a.iter_mut().zip(b).for_each(|(a, b)| *a |= b);
         Ok(a)
     };
-    executor.for_light_work(ids.len()).fold(
-        (ids.len().div_ceil(CHUNK_SPHERES), usize::MAX),
-        || [0; WORDS],
-        piece,
-        merge,
-    )
+    let pieces = (ids.len().div_ceil(CHUNK_SPHERES), usize::MAX);
+    executor.for_light_work(ids.len()).fold(pieces, || [0; WORDS], piece, merge)
 }
 
 #[cfg(test)]
@@ -202,14 +200,8 @@ mod tests {
         assert!((0..3).all(|other| grouping.meeting(2, other).is_none()));
         assert_eq!(groups.partition(Division::Merged).of_species, [0, 0, 1]);
         update(&mut groups, &[2], &table);
-        assert_eq!(
-            (
-                groups.partition(Division::Merged).count,
-                groups.partition(Division::Merged).meetings[0],
-                groups.version()
-            ),
-            (1, None, 2)
-        );
+        let merged = groups.partition(Division::Merged);
+        assert_eq!((merged.count, merged.meetings[0], groups.version()), (1, None, 2));
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Species grouped by their partners, so a search compares only spheres that may pair.
 //!
-//! Present species with the same present partners share a group, and in the finer division by reach only those with
+//! Present species with the same present partners share a group. In the finer division by reach, they must also have
 //! about the same distances.
 
 #![expect(
@@ -14,22 +14,24 @@ use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions, SpeciesReach}
 use crate::Error;
 use crate::memory::try_collect;
 
-/// All further groups share the last one.
+/// Most groups of species that pair. All further groups share the last one.
 pub(crate) const MAX_GROUPS: usize = 8;
-/// Grouping takes quadratic time.
+/// Most present species that are grouped, because grouping takes quadratic time.
 pub(super) const MAX_PRESENT: usize = 512;
-/// Largest sum of two effective radii, as a multiple of the distance that they stand for: rounding up adds one ulp, or
+/// Largest sum of two effective radii, as a multiple of the distance that they represent: rounding up adds one ulp, or
 /// 4 of the 16 half ulps of the filter's band in the square.
 const ROUNDED_UP: f64 = 1.0 + f32::EPSILON as f64;
-/// A species' reach in its own group is distinguished from its reach to all below this fraction.
+/// Reach of a species in its own group, as a fraction of its reach to all species, below which both are distinguished.
 const MAX_NARROW: f32 = 0.5;
 
+/// The pairs of two groups.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Meeting {
+    /// `true` if contact decides some pairs.
     pub(crate) touches: bool,
     /// Largest distance of a pair, or 0.
     pub(crate) distance: f64,
-    /// Touching effective radii decide pairs of the groups, up to rounding.
+    /// `true` if contact of effective radii decides pairs, up to rounding.
     pub(crate) is_by_radii: bool,
 }
 
@@ -76,7 +78,7 @@ pub(crate) enum Division {
     #[default]
     Merged,
     ByPartners,
-    /// Species with the same partners and about the same distances share a group, with a reach of its own.
+    /// Species with the same partners and about the same distances share a group, which has its own reach.
     ByReach,
 }
 
@@ -86,13 +88,13 @@ pub struct SpeciesPartition {
     pub(super) count: usize,
     /// Indexed by two groups, row by row; `None` if they never pair.
     pub(super) meetings: Vec<Option<Meeting>>,
-    /// Reach of each species within its own group. Empty unless by reach, or if no species reaches much farther to
-    /// others.
+    /// Reach of each species within its own group. Empty unless the division is by reach and some species reaches much
+    /// farther to other groups.
     pub(super) narrow: Vec<SpeciesReach>,
 }
 
 impl SpeciesPartition {
-    /// Most bytes of the three divisions of a table of `species`, and of the groups of the `present` ones.
+    /// Returns the most bytes of the three divisions of a table of `species`, of which `present` are grouped.
     pub(super) fn memory_of_three(species: u64, present: u64) -> u64 {
         let meetings = (MAX_GROUPS + 1).pow(2) * size_of::<Option<Meeting>>();
         let groups = present.min(MAX_PRESENT as u64) * size_of::<Option<usize>>() as u64;
@@ -117,7 +119,7 @@ impl SpeciesPartition {
         let mut is_narrow = false;
         for &species in present {
             let group = self.group_of(species);
-            // A group that does not pair with itself is searched by others only.
+            // A group that does not pair with itself is searched only by other groups.
             if self.meets(group, group) {
                 let members = present.iter().copied().filter(|&other| self.group_of(other) == group);
                 let own = table.interactions.reach_among(species, members);
@@ -149,7 +151,7 @@ impl SpeciesPartition {
         let (by_reach, reaches) = group_by(present, interactions, reach_class);
         let is_idle = by_partners.iter().any(|group| group.is_none());
         let partition = |groups: &[Option<usize>], count: usize| {
-            // Without spheres there is one group of no species.
+            // Without spheres there is one empty group.
             let count = count.max(usize::from(present.is_empty()));
             let mut of_species = vec![0; interactions.species() as usize];
             for (&species, group) in present.iter().zip(groups) {
@@ -183,15 +185,15 @@ impl SpeciesPartition {
         self.meetings[a * self.count + b].map_or(0.0, |meeting| meeting.distance)
     }
 
-    /// Returns the largest distance within a group as a fraction of that to all; `None` if none of its spheres pair with
-    /// each other, or if some pair by contact: their radii may be as large as the distances.
+    /// Returns the largest distance within a group as a fraction of its largest distance to any group. Returns `None`
+    /// if its spheres never pair with each other, or pair by contact, because radii may be as large as the distances.
     pub fn narrowness(&self, group: usize) -> Option<f64> {
         let own = self.meetings[group * self.count + group].filter(|own| !own.touches)?;
         let largest = (0..self.count).map(|other| self.distance(group, other)).fold(0.0, f64::max);
         Some(own.distance / largest)
     }
 
-    /// Returns `true` for a group that meets none.
+    /// Returns `true` for a group that pairs with no group.
     pub fn is_idle(&self, group: usize) -> bool {
         (0..self.count).all(|other| !self.meets(group, other))
     }
@@ -202,7 +204,7 @@ impl SpeciesPartition {
     }
 }
 
-/// Distances of one class differ by less than a factor of 4.
+/// Returns the class of an interaction. Distances of one class differ by less than a factor of 4.
 fn reach_class(with: Interaction) -> u16 {
     match with {
         Interaction::Never => 0,
@@ -213,7 +215,7 @@ fn reach_class(with: Interaction) -> u16 {
 }
 
 /// Groups species with equal classes of all their interactions, in which 0 stands for [`Interaction::Never`]. Returns
-/// the group of each, `None` without partners, and the number of groups, or [`MAX_GROUPS`] and 1 if there are more.
+/// the group of each species, `None` without partners, and the number of groups, counted up to [`MAX_GROUPS`] + 1.
 fn group_by(
     present: &[u32],
     table: &Interactions,

@@ -11,8 +11,9 @@ use crate::executor::Executor;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
 const CHUNK_SPHERES: usize = 1 << 13;
+/// Tables of size classes that consecutive spheres use in turn.
 const TABLES: usize = 4;
-/// Several tables must be cleared and merged.
+/// Number of spheres below which one table is used, because several must be cleared and merged.
 const MIN_TABLED_SPHERES: usize = 512;
 
 #[derive(Clone, Debug)]
@@ -20,9 +21,9 @@ pub struct InputStats {
     pub spheres: usize,
     pub min: Vec3,
     pub max: Vec3,
-    /// Spheres by size: class `k` holds the effective radii with binary exponent `k`; class 0 zero and subnormals.
+    /// Spheres by size: class `k` has the effective radii with biased exponent `k`, class 0 zero and subnormal radii.
     pub classes: [SizeClass; SIZE_CLASSES],
-    /// First class that may have spheres, and the end of those classes.
+    /// First class that may have spheres, and the end of the classes that may.
     span: [usize; 2],
 }
 
@@ -45,7 +46,7 @@ impl SizeClass {
     }
 }
 
-/// Adds a range of spheres. Returns `true` if one may be invalid.
+/// Adds a range of spheres to the statistics. Returns `true` if a sphere may be invalid.
 struct AddRows<'a> {
     stats: &'a mut InputStats,
     range: Range<usize>,
@@ -57,13 +58,11 @@ impl EffectiveLoop for AddRows<'_> {
     #[inline(always)]
     fn run(self, rows: impl EffectiveRows) -> bool {
         let count = self.range.len();
-        self.stats.add(
-            count,
-            self.range.map(|k| {
-                let row = rows.get(k);
-                (row, rows.effective(k, row[3]))
-            }),
-        )
+        let spheres = self.range.map(|k| {
+            let row = rows.get(k);
+            (row, rows.effective(k, row[3]))
+        });
+        self.stats.add(count, spheres)
     }
 }
 
@@ -77,13 +76,14 @@ impl InputStats {
         self.occupied().next().map_or(0.0, |(_, class)| class.largest)
     }
 
-    /// Largest first.
+    /// Returns the classes with spheres, largest first.
     pub fn occupied(&self) -> impl Iterator<Item = (usize, SizeClass)> + '_ {
         let [first, end] = self.span;
         let classes = self.classes.get(first..end).unwrap_or_default();
         (first..end).zip(classes.iter().copied()).rev().filter(|(_, class)| class.count > 0)
     }
 
+    /// Returns the statistics with the largest radius of each class replaced by `larger(class, radius)`.
     pub(crate) fn with_sizes(&self, larger: impl Fn(usize, f32) -> f32) -> Self {
         let mut stats = Self { spheres: self.spheres, min: self.min, max: self.max, ..Self::empty() };
         for (class, SizeClass { count, largest }) in self.occupied() {
@@ -95,7 +95,7 @@ impl InputStats {
         stats
     }
 
-    /// With the spheres of these classes only.
+    /// Returns the statistics of these classes, with the bounds of all spheres.
     pub(crate) fn with_classes(&self, classes: [SizeClass; SIZE_CLASSES]) -> Self {
         let occupied = || (0..SIZE_CLASSES).filter(|&class| classes[class].count > 0);
         let span = occupied().next().zip(occupied().next_back());
@@ -104,7 +104,7 @@ impl InputStats {
         Self { spheres, min: self.min, max: self.max, classes, span }
     }
 
-    /// Species ids must have been checked.
+    /// Computes the statistics of spheres, whose species ids must have been checked.
     ///
     /// # Errors
     /// [`InputError::Sphere`] for the first invalid sphere.
@@ -126,7 +126,7 @@ impl InputStats {
         let chunks = n.div_ceil(CHUNK_SPHERES);
         let mut stats = Self::empty();
         let is_suspect = match executor.for_light_work(n) {
-            // In place: moving the statistics takes longer than adding a few spheres.
+            // In place, because moving the statistics takes longer than adding a few spheres.
             Executor::Caller => (0..chunks).fold(false, |suspect, k| suspect | chunk(&mut stats, k)),
             pool => {
                 let step = |(mut stats, suspect): (Self, bool), k| {
@@ -178,7 +178,7 @@ impl InputStats {
         }
         let is_suspect = poison != [0.0; 4] || min[3] < 0.0;
         let (first, end) = (class_of(smallest), class_of(largest) + 1);
-        // Without valid spheres, this does not hold.
+        // The range is empty without valid spheres.
         if first < end {
             self.span = [self.span[0].min(first), self.span[1].max(end)];
             for table in &tables {

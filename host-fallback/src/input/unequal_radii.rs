@@ -1,7 +1,7 @@
 //! Radii for frames in which radii alone decide the size of cells.
 //!
-//! Two species pair within the sum of their radii, which need not be equal. In a crowd with distant partners, species of
-//! the crowd have the radius of their own distances, and the partners the rest of the distance to them.
+//! Two species pair within the sum of their radii, which need not be equal. If a crowd has distant partners, its
+//! species get half of their own largest distance as radius, and the partners the rest of the distance to them.
 
 use lazygrid_kernels::{Interaction, Query, SpeciesReach};
 
@@ -9,14 +9,15 @@ use super::species_partition::{MAX_GROUPS, SpeciesPartition, SpeciesTable};
 use crate::Error;
 use crate::memory::try_collect;
 
-/// Groups may have the radius of their own distances below this fraction of their distances to others.
+/// Largest distance within a group, as a fraction of its largest distance to any group, for which its radius may be
+/// smaller.
 const MAX_NARROW: f64 = 0.5;
-/// Other radii must reduce the expected candidates to this fraction.
+/// Fraction of the expected candidates below which one choice of radii replaces another.
 const WORTHWHILE: f64 = 0.75;
-/// Spheres of each set whose groups are counted.
+/// Most spheres of each set whose groups are counted.
 const SAMPLES: usize = 1024;
 
-/// Groups, one bit each.
+/// A set of groups, one bit each.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Groups(u16);
 
@@ -36,15 +37,15 @@ impl Groups {
 pub(super) struct UnequalRadii {
     /// Groups that pair among themselves within much less than with others.
     narrow: Groups,
-    /// Narrow groups that have the radius of their own distances. No two of them pair.
+    /// Narrow groups whose radius is half of their own largest distance. No two of them pair.
     chosen: Groups,
-    /// For each species; empty if no group is chosen.
+    /// Reach of each species; empty if no group is chosen.
     reaches: Vec<SpeciesReach>,
     largest: f64,
 }
 
 impl UnequalRadii {
-    /// Chooses no group, for a division by reach.
+    /// Finds the narrow groups of a division by reach, and chooses no group.
     pub(super) fn new(partition: &SpeciesPartition) -> Self {
         let is_narrow = |&group: &usize| partition.narrowness(group).is_some_and(|of| of < MAX_NARROW);
         let narrow = (0..partition.count).filter(is_narrow).fold(Groups::NONE, Groups::with);
@@ -55,7 +56,7 @@ impl UnequalRadii {
         self.narrow != Groups::NONE
     }
 
-    /// Chooses groups again, by a sample of the spheres. Returns `true` if radii have changed.
+    /// Chooses groups again, based on a sample of the spheres. Returns `true` if radii have changed.
     pub(super) fn choose(
         &mut self,
         query: &Query<'_>,
@@ -108,12 +109,12 @@ fn own_half(partition: &SpeciesPartition, group: usize) -> f64 {
     0.5 * partition.distance(group, group)
 }
 
-/// Returns the radius that another group needs to pair within this distance.
+/// Returns the radius with which a group pairs with the group `other` within this distance.
 fn rest(partition: &SpeciesPartition, chosen: Groups, distance: f64, other: usize) -> f64 {
     if chosen.has(other) { distance - own_half(partition, other) } else { 0.5 * distance }
 }
 
-/// The numbers of spheres in each group.
+/// The estimated number of spheres in each group.
 struct Crowds<'a> {
     partition: &'a SpeciesPartition,
     counts: [f64; MAX_GROUPS + 1],
@@ -138,7 +139,7 @@ impl<'a> Crowds<'a> {
         Self { partition, counts }
     }
 
-    /// Adds the largest groups that make candidates fewer.
+    /// Returns the narrow groups that reduce the candidates, chosen in the order of their sizes.
     fn best(&self, narrow: Groups) -> Groups {
         let mut order: [usize; MAX_GROUPS + 1] = std::array::from_fn(|group| group);
         order.sort_unstable_by(|&a, &b| self.counts[b].total_cmp(&self.counts[a]).then(a.cmp(&b)));

@@ -39,6 +39,7 @@ pub(crate) fn check_species(
     }
 }
 
+/// Returns the first index below `n` that is `bad`, and the number of such indices.
 fn find(
     n: usize,
     executor: Executor,

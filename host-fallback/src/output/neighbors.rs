@@ -74,8 +74,8 @@ impl NeighborsBuilder {
         self.rows(pairs, query.first().len(), query.split().is_none())
     }
 
-    /// For the first `rows` spheres, by pairs in canonical order; if mirrored, the second sphere of a pair also lists
-    /// the first.
+    /// Builds the lists of the first `rows` spheres from pairs in canonical order. If mirrored, the second sphere of a
+    /// pair also lists the first sphere.
     pub(crate) fn rows(
         &mut self,
         pairs: &[Pair],
@@ -85,8 +85,8 @@ impl NeighborsBuilder {
         if is_mirrored { self.fill(pairs, rows) } else { self.fill_between(pairs, rows) }
     }
 
-    /// Pairs in which a sphere is second precede those in which it is first, each kind ascending, so every list is
-    /// sorted.
+    /// Fills the lists of both spheres of each pair. A list begins with the pairs in which its sphere is second, so it
+    /// is ascending.
     fn fill(&mut self, pairs: &[Pair], spheres: usize) -> Result<Neighbors<'_>, Error> {
         let Self { offsets, next, indices } = self;
         try_resize(offsets, spheres + 1, "neighbor lists")?;

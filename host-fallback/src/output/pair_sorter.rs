@@ -1,8 +1,8 @@
 //! Puts pairs in canonical order: by `i`, then `j`.
 //!
-//! One pass distributes the pairs to buckets of consecutive `i` that fit the cache, as keys of low digits of `i` and
-//! `j`, half as large as a pair for up to millions of spheres. A radix sort orders each bucket, and its last pass turns
-//! keys into pairs.
+//! One pass distributes the pairs to buckets of consecutive `i` that fit the cache, as keys of the low digits of `i`
+//! and of `j`. With all buckets, a key is half as large as a pair for up to 2²¹ spheres. A radix sort orders each
+//! bucket, and its last pass turns keys into pairs.
 
 use bytemuck::{Pod, cast_slice_mut};
 use lazygrid_kernels::Pair;
@@ -14,14 +14,13 @@ use crate::memory::{try_collect, try_resize};
 
 /// Enough chunks for any number of threads, few enough for a counter per chunk and bucket.
 const MAX_CHUNKS: usize = 128;
-/// Their write positions stay in the second-level cache.
+/// Few enough that their write positions stay in the second-level cache.
 const MAX_BUCKETS: usize = 1 << 11;
-/// 64 KiB.
+/// Pairs per bucket: 64 KiB.
 const BUCKET: usize = 1 << 13;
-
-/// Their counters stay in the cache.
+/// Values of `i` per bucket, above which pairs get more buckets for shorter keys.
 const MAX_WIDTH: usize = 1 << 15;
-/// Most bits per pass: 8 KiB of counters for a bucket of 64 KiB.
+/// Most bits of a digit: 8 KiB of counters for a bucket of 64 KiB.
 const DIGIT: u32 = 11;
 /// Fewer pairs are sorted by comparisons.
 const MIN_RADIX_KEYS: usize = 256;
@@ -101,8 +100,8 @@ impl BucketLayout {
 }
 
 impl PairSorter {
-    /// Writes the pairs of `chunks` to `out`. Indices must be below `spheres`. Threads divide the chunks: about a
-    /// hundred are best.
+    /// Writes the pairs of `chunks` to `out` in order. Indices must be below `spheres`. Threads divide the chunks, of
+    /// which about a hundred are best.
     pub(crate) fn order(
         &mut self,
         executor: Executor,
@@ -187,12 +186,12 @@ impl PairSorter {
     }
 }
 
-/// Returns `true` for numbers of keys that the radix sort, whose counters have 32 bits, orders.
+/// Returns `true` if this number of keys is sorted by radix, with counters of 32 bits.
 fn are_radix_sorted(keys: usize) -> bool {
     keys >= MIN_RADIX_KEYS && u32::try_from(keys).is_ok()
 }
 
-/// Each pass counts the next one's digits.
+/// Sorts the keys of a bucket into `target`. Each pass of the radix sort counts the digits of the next pass.
 fn order_bucket<K: PairKey>(source: &mut [K], target: &mut [Pair], bucket: usize, layout: BucketLayout) {
     if !are_radix_sorted(source.len()) {
         source.sort_unstable_by_key(|key| key.bits());
@@ -202,7 +201,7 @@ fn order_bucket<K: PairKey>(source: &mut [K], target: &mut [Pair], bucket: usize
     let passes = layout.bits().div_ceil(DIGIT).max(1);
     let digit = layout.bits().div_ceil(passes);
     let of = |key: K, pass: u32| (key.bits() >> (pass * digit)) as usize & ((1 << digit) - 1);
-    let (mut places, mut counts) = ([0_u32; 1 << DIGIT], [0_u32; 1 << DIGIT]);
+    let (mut positions, mut counts) = ([0_u32; 1 << DIGIT], [0_u32; 1 << DIGIT]);
     for &key in source.iter() {
         counts[of(key, 0)] += 1;
     }
@@ -211,11 +210,11 @@ fn order_bucket<K: PairKey>(source: &mut [K], target: &mut [Pair], bucket: usize
     let spare = &mut cast_slice_mut::<_, K>(target)[..source.len()];
     let (mut from, mut to) = (&mut *source, spare);
     for pass in 0..passes - 1 {
-        starts(&mut counts[..1 << digit], &mut places);
+        starts(&mut counts[..1 << digit], &mut positions);
         for &key in from.iter() {
-            let place = &mut places[of(key, pass)];
-            to[*place as usize] = key;
-            *place += 1;
+            let position = &mut positions[of(key, pass)];
+            to[*position as usize] = key;
+            *position += 1;
             counts[of(key, pass + 1)] += 1;
         }
         (from, to) = (to, from);
@@ -223,18 +222,18 @@ fn order_bucket<K: PairKey>(source: &mut [K], target: &mut [Pair], bucket: usize
     if passes.is_multiple_of(2) {
         to.copy_from_slice(from);
     }
-    starts(&mut counts[..1 << digit], &mut places);
+    starts(&mut counts[..1 << digit], &mut positions);
     for &key in source.iter() {
-        let place = &mut places[of(key, passes - 1)];
-        target[*place as usize] = layout.pair(bucket, key);
-        *place += 1;
+        let position = &mut positions[of(key, passes - 1)];
+        target[*position as usize] = layout.pair(bucket, key);
+        *position += 1;
     }
 }
 
-fn starts(counts: &mut [u32], places: &mut [u32]) {
+fn starts(counts: &mut [u32], positions: &mut [u32]) {
     let mut at = 0;
-    for (count, place) in counts.iter_mut().zip(places) {
-        *place = at;
+    for (count, position) in counts.iter_mut().zip(positions) {
+        *position = at;
         at += std::mem::take(count);
     }
 }

@@ -13,7 +13,7 @@ use crate::frame::{Bounds, FrameMap};
 use crate::input::{InputLoop, InputRows, InputSpheres};
 
 pub(super) const CHUNK_SPHERES: usize = 1 << 13;
-/// Spheres lie anywhere in memory.
+/// Number of spheres that are prefetched ahead, because they may lie anywhere in memory.
 const PREFETCH_SPHERES: usize = 128;
 
 /// Copies the spheres to their positions in `rows`. `then` holds each center at the build, and as its radius the
@@ -32,7 +32,7 @@ pub(super) fn advance(
         let then = &then[piece * CHUNK_SPHERES..][..rows.len()];
         let largest = simd.run(Advance { test, input, then, rows }, None);
         // The bits of non-negative numbers are ordered like the numbers.
-        farthest.fetch_max(largest.fraction().to_bits(), Relaxed);
+        farthest.fetch_max(largest.fraction_squared().to_bits(), Relaxed);
         changed.fetch_or(largest.differing[3] != 0, Relaxed);
         if input.is_some() {
             let mut all = all_bounds.lock().unwrap_or_else(PoisonError::into_inner);
@@ -40,7 +40,7 @@ pub(super) fn advance(
         }
     });
     let bounds = all_bounds.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let is_in_frame = input.is_none_or(|input| input.is_held(&bounds));
+    let is_in_frame = input.is_none_or(|input| input.frame_holds(&bounds));
     (f32::from_bits(farthest.into_inner()).sqrt(), changed.into_inner() || !is_in_frame)
 }
 
@@ -126,12 +126,13 @@ impl InputLoop for AdvanceInput<'_> {
     }
 }
 
+/// The largest displacement of some spheres, and their changes.
 struct Largest {
-    /// Infinite for an unbounded axis.
+    /// Period of each axis; infinite for an unbounded axis.
     lengths: [f32; 4],
-    /// Bits of the largest used fraction of a limit, squared; infinity and NaN have the largest bits.
-    part: u32,
-    /// Bits in which the rows differ from the last call.
+    /// Bits of the largest used fraction of a limit, squared. Infinity and NaN have the largest bits.
+    fraction: u32,
+    /// Bits in which rows differ from the last call.
     differing: [u32; 4],
     is_refused: bool,
     /// Bounds of the spheres that the frame does not contain.
@@ -143,13 +144,13 @@ impl Largest {
     fn new(test: &PairTest<'_>) -> Self {
         let [x, y, z] = test.lengths().map(|length| length.unwrap_or(f32::INFINITY));
         let lengths = [x, y, z, f32::INFINITY];
-        Self { lengths, part: 0, differing: [0; 4], is_refused: false, bounds: Bounds::EMPTY }
+        Self { lengths, fraction: 0, differing: [0; 4], is_refused: false, bounds: Bounds::EMPTY }
     }
 
-    /// Squared, or infinity for an invalid sphere.
-    fn fraction(&self) -> f32 {
-        let part = f32::from_bits(self.part);
-        if self.is_refused || !part.is_finite() { f32::INFINITY } else { part }
+    /// Returns the square of the largest used fraction of a limit, or infinity for an invalid sphere.
+    fn fraction_squared(&self) -> f32 {
+        let fraction = f32::from_bits(self.fraction);
+        if self.is_refused || !fraction.is_finite() { f32::INFINITY } else { fraction }
     }
 
     #[inline(always)]
@@ -160,8 +161,8 @@ impl Largest {
         then: &SortRecord,
         now: Xyzr,
     ) {
-        let part = vector.squared_displacement::<PERIODIC>(now, then.row, &self.lengths) * then.row[3];
-        self.part = self.part.max(part.to_bits());
+        let squared = vector.squared_displacement::<PERIODIC>(now, then.row, &self.lengths);
+        self.fraction = self.fraction.max((squared * then.row[3]).to_bits());
         for lane in 0..4 {
             self.differing[lane] |= now[lane].to_bits() ^ row[lane].to_bits();
         }

@@ -8,7 +8,7 @@ use super::advance::{CHUNK_SPHERES, advance};
 use crate::cell_list::{CellList, DensityCache, SortRecord};
 use crate::compare::{
     ChunkTarget, ChunkedOutput, MAX_LANES, Output, PairTest, SimdTask, SimdWidth, Sink, SkinMargin, Xyzr,
-    at_places, memory_of_list,
+    memory_of_list, pair_at,
 };
 use crate::executor::Executor;
 use crate::frame::SearchFrame;
@@ -21,31 +21,35 @@ use crate::{Error, Simd};
 
 pub(super) type DisplacementLimits = SpeciesClasses;
 
+/// Number of vectors of candidates that are prefetched ahead.
 const PREFETCH_VECTORS: usize = 16;
-/// The rest exceeds the rounding error of a displacement in `f32`.
+/// Usable fraction of a displacement limit. The rest exceeds the rounding error of a displacement in `f32`.
 const USABLE_FRACTION: f32 = 1.0 - 1.0 / (1 << 16) as f32;
 /// Largest error of a minimum-image distance, as a fraction of the longest axis.
 const BOUNDARY_ROUNDING: f32 = 1.0 / (1 << 20) as f32;
 /// Maximum candidates per sphere in a list, 768 bytes; with more, every call searches. `cost_model` plans with at most
 /// 64; a Lennard-Jones liquid with a cutoff of 3 σ and a skin of 0.3 σ has 63.
 const MAX_CANDIDATES_PER_SPHERE: u64 = 96;
-/// Displacement limits vanish next to larger radii.
+/// Largest radius of candidates. Displacement limits vanish next to larger radii.
 const MAX_RADIUS: f32 = 1e30;
-/// Displacement limits whose squares `f32` holds.
+/// Displacement limits whose squares neither overflow nor underflow in `f32`.
 pub(super) const LIMIT_RANGE: std::ops::RangeInclusive<f32> = 0.5 * *SKIN_RANGE.start()..=*SKIN_RANGE.end();
 
 #[derive(Debug, Default)]
 pub(crate) struct CandidateList {
+    /// Statistics of the spheres; `None` without a valid list.
     input_stats: Option<Box<InputStats>>,
-    /// Coordinates are comparable in this frame only, since other ones have other periods.
+    /// Frame of the coordinates, which are comparable only in this frame, because others have other periods.
     frame: Option<SearchFrame>,
     species: Vec<u32>,
     /// Version of the [`SpeciesGroups`].
     species_version: u32,
+    /// Ids of the spheres in the order of the cell list.
     order: Vec<u32>,
     rows: Vec<Xyzr>,
     /// Inverse squares of displacement limits.
     inverse: SpeciesClasses,
+    /// Candidates, as positions in `order`.
     chunks: Vec<Vec<Pair>>,
     count: u64,
     age: u32,
@@ -53,7 +57,7 @@ pub(crate) struct CandidateList {
 }
 
 impl CandidateList {
-    /// Without species.
+    /// Bytes per sphere without species.
     const BYTES_PER_SPHERE: u64 = size_of::<Xyzr>() as u64 + 4;
 
     fn limit(spheres: u64, max_pairs: u64) -> u64 {
@@ -64,7 +68,7 @@ impl CandidateList {
         self.input_stats.as_deref()
     }
 
-    /// Returns `true` for a list of spheres with these species, in the same version of the species' groups.
+    /// Returns `true` for a list of spheres with these species, in this version of the species groups.
     pub(crate) fn are_of_species(&self, species: Option<&[u32]>, version: u32) -> bool {
         let is_version = self.input_stats.is_some() && self.species_version == version;
         is_version && self.species == species.unwrap_or(&[])
@@ -74,22 +78,19 @@ impl CandidateList {
         self.input_stats = None;
     }
 
+    /// Returns the age in calls, and the largest used fraction of a displacement limit.
     pub(crate) fn age(&self) -> (u32, f32) {
         (self.age, self.displacement_fraction)
     }
 
     pub(crate) fn stats(&self, rebuilt: Option<RebuildReason>) -> CandidateListStats {
-        CandidateListStats {
-            count: self.count,
-            age: self.age,
-            displacement_fraction: self.displacement_fraction,
-            rebuilt,
-        }
+        let Self { count, age, displacement_fraction, .. } = *self;
+        CandidateListStats { count, age, displacement_fraction, rebuilt }
     }
 
     /// Returns the reason for a rebuild; `None` for a valid list.
     ///
-    /// An invalid list is dropped here, before the call can fail: no later call may use it.
+    /// Drops an invalid list before the call can fail, so that no later call uses it.
     pub(crate) fn update_displacements(
         &mut self,
         current: CallSpheres<'_>,
@@ -107,11 +108,11 @@ impl CandidateList {
         }
         let rows = match current.input {
             Some(_) => &mut self.rows[..],
-            // An effective radius that depends on the species alone hides an invalid radius.
+            // An effective radius that depends only on the species hides an invalid radius.
             None if spheres.species().is_some() && check_valid(&spheres.into(), executor).is_err() => {
                 return Some(RebuildReason::InputChanged);
             }
-            // No candidate has a sphere whose species pairs with none.
+            // Spheres after the last one that may pair are in no candidate.
             None => &mut self.rows[..list.paired()],
         };
         let (moved, changed) = advance(current, list.notes(), rows, simd, executor);
@@ -128,8 +129,8 @@ impl CandidateList {
         }
     }
 
-    /// Returns `false`, without a list, above [`MAX_CANDIDATES_PER_SPHERE`] or the limit of a result, or if memory is
-    /// refused.
+    /// Builds a list. Returns `false`, without a list, above [`MAX_CANDIDATES_PER_SPHERE`] or the limit of a result, or
+    /// if memory is refused.
     pub(crate) fn find(
         &mut self,
         (list, density_cache): (&mut CellList, &DensityCache),
@@ -141,11 +142,11 @@ impl CandidateList {
         if matches!(found, Ok(true)) {
             return found;
         }
-        // The following search needs the memory.
+        // The search without a list needs the memory.
         *self = Self::default();
         match found {
             Err(error @ Error::OutOfMemory { .. }) => {
-                log::info!("no candidates are kept: {error}");
+                log::info!("searching without a candidate list: {error}");
                 Ok(false)
             }
             other => other,
@@ -161,17 +162,14 @@ impl CandidateList {
     ) -> Result<bool, Error> {
         self.clear();
         let test = input.test.widened(SkinMargin { limits, order: None });
-        if !self.set_inverse(limits, &input.test)? {
-            return Ok(false);
-        }
-        if input.stats.largest_radius() > MAX_RADIUS {
+        if !self.set_inverse(limits, &input.test)? || input.stats.largest_radius() > MAX_RADIUS {
             return Ok(false);
         }
         let stats = report.time("survey", || InputStats::of(&test, input.executor))?;
         let wide = |test, stats| SearchInput { test, stats, ..*input };
         let widened = wide(test, stats);
         list.build(&widened, density_cache, report)?;
-        report.time("keep", || self.place(list, input))?;
+        report.time("keep", || self.store_reference(list, input))?;
 
         let test = input.test.widened(SkinMargin { limits, order: Some(&self.order) });
         let widened = wide(test, widened.stats);
@@ -189,14 +187,16 @@ impl CandidateList {
         Ok(true)
     }
 
-    /// Stores inverse squares of limits minus the rounding of distances. Returns `false` if too little of a limit is left.
+    /// Stores the inverse squares of limits minus the rounding of distances. Returns `false` if too little of a limit
+    /// is left.
     fn set_inverse(&mut self, limits: &DisplacementLimits, test: &PairTest<'_>) -> Result<bool, Error> {
         let rounding = boundary_rounding(test);
         self.inverse.set_from(limits, |limit| (limit - rounding).powi(-2))?;
         Ok(limits.numbers().all(|limit| LIMIT_RANGE.contains(&limit) && rounding <= limit / 2.0))
     }
 
-    fn place(&mut self, list: &mut CellList, input: &SearchInput<'_>) -> Result<(), Error> {
+    /// Stores the order and the reference positions of the spheres.
+    fn store_reference(&mut self, list: &mut CellList, input: &SearchInput<'_>) -> Result<(), Error> {
         let n = input.stats.spheres;
         list.renumber(&mut self.order)?;
         try_resize(&mut self.rows, n, "spheres in the order of candidates")?;
@@ -212,9 +212,9 @@ impl CandidateList {
         });
         let (rows, inverse) = (&self.rows, &self.inverse);
         input.executor.for_each_chunk(list.notes_mut(), CHUNK_SPHERES, |piece, notes| {
-            let places = piece * CHUNK_SPHERES..;
+            let range = piece * CHUNK_SPHERES..;
             for ((note, &[x, y, z, radius]), &id) in
-                notes.iter_mut().zip(&rows[places.clone()]).zip(&order[places])
+                notes.iter_mut().zip(&rows[range.clone()]).zip(&order[range])
             {
                 let inverse = inverse.get(test.species_of(id), radius);
                 *note = SortRecord { row: [x, y, z, inverse], id, key: 0 };
@@ -229,15 +229,9 @@ impl CandidateList {
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
         search_pieces(output, input, self.chunks.len(), usize::MAX, |mut sink, k| {
-            let Self { rows, order, .. } = self;
-            let sink_of = &mut sink;
-            input.run(CandidateTest {
-                pairs: &self.chunks[k],
-                rows,
-                order,
-                test: &input.test,
-                sink: sink_of,
-            });
+            let Self { rows, order, chunks, .. } = self;
+            let (pairs, test) = (&chunks[k], &input.test);
+            input.run(CandidateTest { pairs, rows, order, test, sink: &mut sink });
             Ok(sink)
         })
     }
@@ -253,11 +247,12 @@ fn boundary_rounding(test: &PairTest<'_>) -> f32 {
     test.lengths().into_iter().flatten().fold(0.0, f32::max) * BOUNDARY_ROUNDING
 }
 
-/// The least limit of a list in the space of the test.
+/// Returns the smallest displacement limit in the space of the test.
 pub(super) fn least_limit(test: &PairTest<'_>) -> f32 {
     LIMIT_RANGE.start().max(4.0 * boundary_rounding(test))
 }
 
+/// Returns the magnitudes of the minimum image of a displacement.
 #[inline(always)]
 pub(super) fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
     let mut apart = apart.abs();
@@ -269,7 +264,7 @@ pub(super) fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
     apart
 }
 
-/// Branches on hits would be mispredicted, so hits are appended without a branch.
+/// A test of candidates. It appends hits without a branch, because branches on hits would be mispredicted.
 struct CandidateTest<'t, S> {
     pairs: &'t [Pair],
     rows: &'t [Xyzr],
@@ -284,9 +279,10 @@ struct HitBuffer {
 }
 
 impl HitBuffer {
-    /// 4 KiB, a small part of the first-level cache.
+    /// Number of pairs at or above which the buffer is written: 4 KiB, a small part of the first-level cache.
     const FULL: usize = 512;
 
+    /// Appends the selected pairs. Returns `true` if the buffer must be written.
     #[inline(always)]
     fn keep<V: SimdWidth>(&mut self, vector: V, pairs: &[Pair; MAX_LANES], lanes: u32) -> bool {
         if let Some(room) = self.pairs[self.len..].first_chunk_mut() {
@@ -307,15 +303,15 @@ impl<S: Sink> CandidateTest<'_, S> {
         vector: V,
         pairs: &[Pair; MAX_LANES],
         live: u32,
-        held: &mut HitBuffer,
+        hit_buffer: &mut HitBuffer,
     ) {
         let [possible, certain] = vector.touching(self.rows, pairs);
         let hits = match self.test.is_plain() && possible == certain {
             true => certain & live,
             false => self.decide(pairs, [possible & live, certain & live]),
         };
-        if held.keep(vector, pairs, hits) {
-            self.sink.places(held.take(), self.order);
+        if hit_buffer.keep(vector, pairs, hits) {
+            self.sink.pairs_at(hit_buffer.take(), self.order);
         }
     }
 
@@ -326,7 +322,7 @@ impl<S: Sink> CandidateTest<'_, S> {
         while open != 0 {
             let lane = open.trailing_zeros();
             open &= open - 1;
-            let Pair { i, j } = at_places(pairs[lane as usize], self.order);
+            let Pair { i, j } = pair_at(pairs[lane as usize], self.order);
             hits |= u32::from(self.test.is_pair(i, j)) << lane;
         }
         hits
@@ -338,19 +334,19 @@ impl<S: Sink> SimdTask for CandidateTest<'_, S> {
 
     #[inline(always)]
     fn run<V: SimdWidth>(mut self, vector: V) {
-        let mut held = HitBuffer { pairs: [Pair::default(); _], len: 0 };
+        let mut hit_buffer = HitBuffer { pairs: [Pair::default(); _], len: 0 };
         let (vectors, rest) = self.pairs.as_chunks::<MAX_LANES>();
         for (k, pairs) in vectors.iter().enumerate() {
             for pair in vectors.get(k + PREFETCH_VECTORS).unwrap_or(pairs) {
                 prefetch(self.rows, pair.j as usize);
             }
-            self.vector(vector, pairs, u32::MAX, &mut held);
+            self.vector(vector, pairs, u32::MAX, &mut hit_buffer);
         }
         if let [first, ..] = rest {
             let mut last = [*first; MAX_LANES];
             last[..rest.len()].copy_from_slice(rest);
-            self.vector(vector, &last, (1 << rest.len()) - 1, &mut held);
+            self.vector(vector, &last, (1 << rest.len()) - 1, &mut hit_buffer);
         }
-        self.sink.places(held.take(), self.order);
+        self.sink.pairs_at(hit_buffer.take(), self.order);
     }
 }

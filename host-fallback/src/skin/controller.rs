@@ -12,7 +12,7 @@ use crate::{Error, Settings, Skin};
 pub(crate) struct SkinController {
     pub(crate) candidates: CandidateList,
     tuner: SkinTuner,
-    /// Limits of a fixed skin.
+    /// Displacement limits of a fixed skin.
     limits: DisplacementLimits,
     density_cache: Option<DensityCache>,
 }
@@ -34,7 +34,7 @@ impl SkinController {
         Ok(lapsed)
     }
 
-    /// Builds a candidate list if it pays, otherwise only the cell list. Returns `true` for the former.
+    /// Builds a candidate list if it pays, otherwise only the cell list. Returns `true` for a candidate list.
     pub(crate) fn find(
         &mut self,
         list: &mut CellList,
@@ -64,7 +64,7 @@ impl SkinController {
             }
             tuner.record_overflow();
         }
-        // A candidate list refers to positions in the cell list, which is rebuilt now.
+        // The cell list, to whose positions candidates refer, is rebuilt now.
         candidates.clear();
         list.build(input, &density_cache, report)?;
         self.density_cache = Some(density_cache);

@@ -1,7 +1,7 @@
-//! Chooses the skin from sizes, displacements and costs.
+//! The choice of the skin from sizes, displacements and costs.
 //!
-//! With a skin in proportion to the displacements of each species and size class, all exceed their limits at about the
-//! same time.
+//! With a skin in proportion to the displacements of each species and size class, all spheres exceed their limits at
+//! about the same time.
 
 use super::candidate_list::LIMIT_RANGE;
 use super::displacement::Displacements;
@@ -10,11 +10,12 @@ use crate::input::{InputStats, SizeClass};
 use crate::size_class::SIZE_CLASSES;
 use crate::species_classes::PerClass;
 
-/// In units of the largest displacement per call of the sample.
+/// Skins to compare, in units of the largest displacement per call of the sample.
 const SKIN_STEPS: [f32; 9] = [2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0, 32.0, 64.0];
-/// Fraction of the cost without a skin: the estimate of displacements is uncertain.
+/// Fraction of the cost without a skin, which a skin must not exceed, because displacements are uncertain.
 const MAX_RELATIVE_COST: f32 = 0.9;
 const MAX_CLASS_GROUPS: usize = 16;
+/// Smallest displacement limit as a fraction of the largest.
 const MIN_LIMIT_RATIO: f32 = 1e-3;
 
 /// Costs of calls with and without a candidate list. Only their ratios have an effect.
@@ -37,7 +38,7 @@ pub struct SkinCosts {
 }
 
 impl SkinCosts {
-    /// Measured in one run on an AMD EPYC.
+    /// Costs on a CPU, measured in one run on an AMD EPYC.
     pub const CPU: Self = Self {
         search_ns: 24.0,
         levels_ns: 1.4,
@@ -54,13 +55,14 @@ impl SkinCosts {
         (saved > 0.0).then(|| (self.call_ns / saved).ceil() as u32)
     }
 
-    /// Requires finite costs that are not negative, and positive ones for a search.
+    /// Returns `true` if all costs are finite and not negative, and a search costs more than 0.
     pub fn is_valid(&self) -> bool {
         let Self { search_ns, levels_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns } = *self;
         let others = [levels_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns];
         search_ns.is_finite() && search_ns > 0.0 && others.iter().all(|cost| cost.is_finite() && *cost >= 0.0)
     }
 
+    /// Returns the nanoseconds per sphere of a search.
     fn of_search(&self, stats: &InputStats, density: &DensityProfile, found: f32) -> f32 {
         let levels = match self.levels_ns > 0.0 {
             true => self.levels_ns * LevelPlan::plan(stats, density).cost / stats.spheres as f32,
@@ -74,16 +76,20 @@ impl SkinCosts {
 pub(super) enum SkinScaling {
     /// In proportion to the largest displacements of each species and size class.
     Proportional,
+    /// One limit for all spheres.
     Alike,
 }
 
-/// Bounds the memory of a plan.
+/// Most candidates per sphere, which bounds the memory of a list.
 const MAX_CANDIDATES: f32 = 64.0;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SkinChoice {
+    /// Skin in units of the largest displacement per call of the sample.
     pub(super) skin: f32,
+    /// Calls that the list serves after its build.
     pub(super) calls: f32,
+    /// Candidates per sphere.
     pub(super) candidates: f32,
 }
 
@@ -96,15 +102,15 @@ pub(super) struct SkinModel<'a> {
 }
 
 impl SkinModel<'_> {
-    /// Returns the limit for a displacement per call, of which the largest is `farthest`.
+    /// Returns the displacement limit for a displacement `step` per call, the largest of which is `farthest`.
     pub(super) fn limit(&self, skin: f32, step: f32, farthest: f32) -> f32 {
         let ratio = if self.scaling == SkinScaling::Alike { 1.0 } else { MIN_LIMIT_RATIO };
         (skin * step.max(ratio * farthest)).max(*LIMIT_RANGE.start()).max(self.least)
     }
 }
 
-/// Minimizes the mean time of a call; `None` if no skin is better. `excess` multiplies the estimated number of
-/// candidates.
+/// Chooses the skin with the least mean time of a call; `None` if a search without a skin costs less. `excess`
+/// multiplies the estimated number of candidates.
 pub(super) fn choose(
     stats: &InputStats,
     density: &DensityProfile,
@@ -138,7 +144,7 @@ pub(super) fn choose(
         }
     }
     let (time, choice) = best?;
-    log::debug!("a skin of {} steps, {time:.1} a sphere, {none:.1} without", choice.skin);
+    log::debug!("skin of {} steps: {time:.1} ns per sphere, {none:.1} ns without a skin", choice.skin);
     (time < MAX_RELATIVE_COST * none).then_some(choice)
 }
 

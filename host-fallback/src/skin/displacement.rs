@@ -10,21 +10,22 @@ use crate::size_class::SIZE_CLASSES;
 use crate::species_classes::{PerClass, SpeciesClasses};
 
 const MAX_SAMPLE: usize = 1 << 10;
-/// Sampling costs almost nothing.
+/// Spheres per sphere of the sample, so that sampling costs almost nothing.
 const MIN_SPHERES_PER_SAMPLE: usize = 32;
-/// Per call, of a class's largest displacement.
+/// Decay per call of a class's largest displacement.
 const STEP_DECAY: f32 = 0.9;
-/// Fewer spheres of a species say little.
+/// Spheres of a species and class in the sample, below which they say little.
 const MIN_COUNT: u16 = 4;
-/// Fraction of the largest displacement, for spheres at rest: some may begin to move.
+/// Estimate for spheres at rest, as a fraction of the largest displacement: some may begin to move.
 const AT_REST: f32 = 0.125;
-/// Per call, of the learned growth law.
+/// Fraction by which the learned growth law returns to the assumed one when it is forgotten.
 const GROWTH_DECAY: f32 = 0.2;
 
 #[derive(Debug)]
 pub(crate) struct DisplacementStats {
     spheres: usize,
     positions: Vec<Vec3>,
+    /// Largest displacements per call, which decay.
     steps: SpeciesClasses,
     /// Displacements and number of the spheres of the last sample.
     seen: SpeciesClasses,
@@ -55,12 +56,12 @@ pub(crate) struct Displacements {
 impl DisplacementGrowth {
     const ASSUMED: Self = Self { factor: 1.3, exponent: 0.75 };
 
-    /// Calls until the largest displacement is `distance`, in units of the displacement per call.
+    /// Returns the calls until the largest displacement is `distance`, in units of the displacement per call.
     pub(crate) fn steps(self, distance: f32) -> f32 {
         (distance / self.factor).max(0.0).powf(self.exponent.recip())
     }
 
-    /// From the largest displacement `first` after one call and `last` after `steps` calls.
+    /// Computes the law from the largest displacement `first` after one call and `last` after `steps` calls.
     fn between(first: f32, steps: u32, last: f32) -> Self {
         let exponent = if steps > 1 { (last / first).ln() / (steps as f32).ln() } else { 1.0 };
         Self { factor: first, exponent: if exponent.is_finite() { exponent.clamp(0.3, 1.5) } else { 1.0 } }
@@ -82,7 +83,7 @@ impl DisplacementStats {
         let species = test.species_count();
         let known = self.spheres == n && self.positions.len() == size && self.steps.has_rows_for(species);
         if !known {
-            // Unknown if memory is refused.
+            // The sample stays unknown if memory is refused.
             self.spheres = usize::MAX;
             try_resize(&mut self.positions, size, "a sample of the spheres")?;
             self.seen.set_all(species, 0.0)?;
@@ -108,7 +109,7 @@ impl DisplacementStats {
             *self.counts.get_mut(species, radius) += 1;
             *position = center;
         }
-        // A sphere that is not valid, or too far away: what was seen says nothing about the next call.
+        // A sphere is invalid or too far away, so this call says nothing about the next one.
         if self.seen.numbers().any(|step| !step.is_finite()) {
             self.calls = 0;
             self.steps.fill(0.0);
@@ -129,6 +130,7 @@ impl DisplacementStats {
         }
     }
 
+    /// Moves the growth law toward the assumed one.
     pub(crate) fn forget(&mut self) {
         let DisplacementGrowth { factor, exponent } = &mut self.growth;
         *factor += GROWTH_DECAY * (DisplacementGrowth::ASSUMED.factor - *factor);
@@ -140,7 +142,7 @@ impl DisplacementStats {
     }
 
     /// Estimates the largest displacements per call. Species with few spheres in the sample get the largest of their
-    /// class, classes without any the largest of all, and spheres at rest a part of that.
+    /// class, classes without spheres the largest of all, and spheres at rest a fraction of the largest of all.
     pub(crate) fn estimate(&mut self) {
         let farthest = self.steps.numbers().fold(0.0, f32::max);
         let of_class = self.by_class(&self.steps, farthest);
@@ -162,7 +164,7 @@ impl DisplacementStats {
         self.by_class(&self.estimates, farthest)
     }
 
-    /// Classes that are not in the sample get `farthest`.
+    /// Returns the displacements by size class. Classes that are not in the sample get `farthest`.
     fn by_class(&self, steps: &SpeciesClasses, farthest: f32) -> Displacements {
         let [mut mean, mut largest] = [[farthest; SIZE_CLASSES]; 2];
         for class in 0..SIZE_CLASSES {
@@ -181,7 +183,8 @@ impl DisplacementStats {
     }
 }
 
-/// Returns the `k`th of `size` of `n` spheres. Intervals are unequal, because species or sizes may recur at equal ones.
+/// Returns the `k`-th sphere of a sample of `size` among `n`. Intervals are unequal, because species or sizes may recur
+/// at equal intervals.
 #[inline(always)]
 fn sampled(k: usize, n: usize, size: usize) -> usize {
     let anywhere = (k as u32).wrapping_mul(0x9e37_79b1) >> 16;

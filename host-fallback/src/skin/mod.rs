@@ -6,7 +6,7 @@
 //!
 //! 1. If no sphere exceeds its limit, two spheres that touch now were at most their radii and both limits apart when
 //!    the list was built, so every pair is a candidate.
-//! 2. A call measures the displacements, and tests the candidates or builds a new list.
+//! 2. Each call measures the displacements. It tests the candidates if no limit is exceeded, else it builds a new list.
 //!
 //! The GPU shares `displacement`, `cost_model` and `tuner`.
 
@@ -27,7 +27,7 @@ pub(crate) use controller::SkinController;
 pub use cost_model::SkinCosts;
 pub use tuner::SkinTuner;
 
-/// The spheres of a call; those of `input` are not mapped to their frame yet.
+/// The spheres of a call. The spheres of `input` are not mapped to their frame yet.
 #[derive(Clone, Copy)]
 pub(crate) struct CallSpheres<'a> {
     pub(crate) test: &'a PairTest<'a>,
@@ -37,7 +37,7 @@ pub(crate) struct CallSpheres<'a> {
 }
 
 impl<'a> CallSpheres<'a> {
-    /// Without candidates.
+    /// Creates the spheres of a call without candidates.
     pub(crate) fn new(test: &'a PairTest<'a>) -> Self {
         Self { test, input: None, has_same_species: false }
     }

@@ -99,21 +99,21 @@ fn changed_spheres_rebuild_the_list() {
     let mut off =
         HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() }).expect("good settings");
     let mut spheres = gas(3000, 2, 20.0);
-    let mut judge = |spheres: &[Sphere], why: Option<RebuildReason>| {
+    let mut check = |spheres: &[Sphere], why: Option<RebuildReason>| {
         let found = kept.count(spheres).expect("valid");
         assert_eq!(found, off.count(spheres).expect("valid"));
         assert_eq!(kept.report().candidates.expect("there is a skin").rebuilt, why);
     };
-    judge(&spheres, Some(RebuildReason::NoList));
-    judge(&spheres, None);
+    check(&spheres, Some(RebuildReason::NoList));
+    check(&spheres, None);
     spheres[17].radius *= 1.5;
-    judge(&spheres, Some(RebuildReason::InputChanged));
+    check(&spheres, Some(RebuildReason::InputChanged));
     spheres.push(spheres[5]);
-    judge(&spheres, Some(RebuildReason::InputChanged));
+    check(&spheres, Some(RebuildReason::InputChanged));
     spheres[2999].center.y += 0.49;
-    judge(&spheres, None);
+    check(&spheres, None);
     spheres[2999].center.y += 0.02;
-    judge(&spheres, Some(RebuildReason::Displacement));
+    check(&spheres, Some(RebuildReason::Displacement));
 }
 
 #[test]
@@ -230,8 +230,8 @@ fn refused_call_discards_expired_candidates() {
 #[test]
 fn radii_without_effect_are_checked_while_candidates_serve() {
     let table = Interactions::new(1, Interaction::Within(1.0)).expect("one species");
-    let sheared = Space::triclinic([Some([40.0, 0.0, 0.0]), Some([9.0, 40.0, 0.0]), None]).expect("a space");
-    for space in [Space::UNBOUNDED, Space::periodic([Some(40.0); 3]).expect("a box"), sheared] {
+    let tilted = Space::triclinic([Some([40.0, 0.0, 0.0]), Some([9.0, 40.0, 0.0]), None]).expect("a space");
+    for space in [Space::UNBOUNDED, Space::periodic([Some(40.0); 3]).expect("a box"), tilted] {
         let interactions = Some(table.clone());
         let settings = Settings { skin: Skin::Fixed(0.5), interactions, space, ..Settings::default() };
         let mut kept = HostDetector::new(settings).expect("good settings");

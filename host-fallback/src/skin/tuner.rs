@@ -1,4 +1,4 @@
-//! Chooses skins from displacements and earlier candidate lists, for every backend.
+//! The choice of skins from displacements and earlier candidate lists, for every backend.
 
 use lazygrid_kernels::{Interactions, Space, Spheres};
 
@@ -13,22 +13,26 @@ use crate::executor::Executor;
 use crate::input::InputStats;
 use crate::report::RebuildReason;
 
-/// Maximum searches before a new choice, and number of searches without a list after an overflow.
+/// Most searches before a new choice, and number of searches without a list after an overflow.
 const MAX_WAIT: u32 = 31;
-/// A choice stands while ratios of observed to expected validity and candidates are in this range.
+/// Ratios of observed to expected validity and candidates, for which a choice is kept.
 const AS_EXPECTED: std::ops::RangeInclusive<f32> = 0.5..=2.0;
 
-/// It never reads a clock, so that runs are reproducible.
+/// Learns from calls and chooses skins. It never reads a clock, so that runs are reproducible.
 #[derive(Debug, Default)]
 pub struct SkinTuner {
     displacements: DisplacementStats,
     choice: Option<SkinChoice>,
     limits: DisplacementLimits,
+    /// Largest fraction of a displacement limit that was used in the first call of the list.
     first: f32,
-    /// Remaining searches before a new choice, and their last number.
+    /// Remaining searches before a new choice.
     wait: u32,
+    /// Searches before a new choice, after the last one.
     patience: u32,
+    /// Remaining searches without a list after an overflow.
     pause: u32,
+    /// log₂ of the ratio of observed to estimated candidates.
     excess: f32,
 }
 
@@ -76,7 +80,7 @@ impl SkinTuner {
         }
     }
 
-    /// Records that a list did not fit. Some searches then run without a list.
+    /// Records that a list had too many candidates. Some searches then run without a list.
     pub fn record_overflow(&mut self) {
         self.pause = MAX_WAIT;
     }
@@ -87,8 +91,8 @@ impl SkinTuner {
         is_paused
     }
 
-    /// Chooses the skin of the next list for all spheres; `None` if searching costs less. Measures spheres only for a
-    /// new choice. Call it before a search, or after one that built a list.
+    /// Chooses the skin of the next list for all spheres; `None` if searching costs less. Reads the spheres only for a
+    /// new choice. Callers must call it before a search, or after a search that built a list.
     ///
     /// # Errors
     /// [`Error::Input`] for invalid spheres, [`Error::OutOfMemory`], [`Error::ThreadPool`].
@@ -100,20 +104,21 @@ impl SkinTuner {
         costs: &SkinCosts,
     ) -> Result<Option<f32>, Error> {
         let model = SkinModel { costs, scaling: SkinScaling::Alike, least: 0.0 };
-        let think = |displacements: &Displacements, excess: f32| {
+        let choose_skin = |displacements: &Displacements, excess: f32| {
             let stats = InputStats::of(&PairTest::new(spheres, interactions), Executor::current()?)?;
-            let density = DensityProfile::of_places(spheres, space)?;
+            let density = DensityProfile::of_centers(spheres, space)?;
             Ok(choose(&stats, &density, displacements, model, excess))
         };
-        let limits = self.limits(model, think)?;
+        let limits = self.limits(model, choose_skin)?;
         Ok(limits.map(|limits| 2.0 * limits.get(0, 0.0)))
     }
 
-    /// Uses the last choice, or a new one by `think`, which gets displacements and the excess of candidates.
+    /// Returns the limits of the last choice, or of a new one by `choose`, which gets displacements and the excess of
+    /// candidates.
     pub(super) fn limits(
         &mut self,
         model: SkinModel<'_>,
-        think: impl FnOnce(&Displacements, f32) -> Result<Option<SkinChoice>, Error>,
+        choose: impl FnOnce(&Displacements, f32) -> Result<Option<SkinChoice>, Error>,
     ) -> Result<Option<&DisplacementLimits>, Error> {
         if self.is_paused() || !self.displacements.are_known() {
             return Ok(None);
@@ -126,7 +131,7 @@ impl SkinTuner {
         if self.wait > 0 {
             self.wait -= 1;
         } else {
-            let choice = think(&self.displacements.displacements(), self.excess.exp2())?;
+            let choice = choose(&self.displacements.displacements(), self.excess.exp2())?;
             let skin = |choice: Option<SkinChoice>| choice.map(|choice| choice.skin);
             let same = skin(choice) == skin(self.choice);
             self.patience = if same { (2 * self.patience + 1).min(MAX_WAIT) } else { 0 };
@@ -226,7 +231,7 @@ mod tests {
         let (served, none) = follow(&mut tuner, 2000, 200, 0.6, &COSTS);
         assert!(none.is_none() && served < 40, "{none:?}, {served} served");
         let (served, _) = follow(&mut tuner, 2000, 400, 0.001, &COSTS);
-        assert!(served > 100, "{served} served after the displacements has come to rest");
+        assert!(served > 100, "{served} served after the spheres came to rest");
     }
 
     #[test]

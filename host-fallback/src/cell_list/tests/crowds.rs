@@ -1,4 +1,4 @@
-//! Crowds, of which most cells of an even grid would hold nothing.
+//! Crowds: in a uniform grid around them most cells would be empty.
 
 use std::ops::Range;
 
@@ -10,14 +10,14 @@ use crate::input::{Division, Preparation, SearchInput};
 use crate::test_support::Random;
 use crate::{HostDetector, QueryBuffers, Report, Settings, Skin};
 
-/// A crowd of width 1, and others.
+/// Returns a crowd of `n` spheres in a cube of size 1, and `others` in a cube of size `width`.
 fn crowd(n: usize, (others, width): (usize, f32)) -> Vec<Sphere> {
     let mut random = Random(3);
     let mut center = |k: usize| if k < n { random.point(0.5) } else { random.point(width / 2.0) };
     (0..n + others).map(|k| Sphere::new(center(k), 0.004)).collect()
 }
 
-/// Species 0 for the first `n`, and species 1.
+/// Returns species 0 for the first `n` spheres, and species 1 for the others.
 fn species(n: usize, others: usize) -> Vec<u32> {
     (0..n + others).map(|k| u32::from(k >= n)).collect()
 }

@@ -6,6 +6,7 @@ use crate::frame::{Bounds, FrameMap, SearchFrame};
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PeriodicBox {
+    /// Infinite for an unbounded axis.
     pub(super) lengths: [f32; 3],
     /// Upper bound on the error of a distance. Coordinates, of at most half a length, are exact; their difference is
     /// rounded to 2⁻²⁴ of a length, and subtracting it from the length rounds no more. The slack is over twice that for
@@ -30,7 +31,7 @@ impl PeriodicBox {
     }
 }
 
-/// A SIMD width between minimum images. Compiled separately, so unbounded spaces pay nothing.
+/// A SIMD width that compares minimum images. It is compiled separately, so that unbounded spaces pay nothing.
 #[derive(Clone, Copy)]
 pub(super) struct MinimumImage<V> {
     pub(super) vector: V,
@@ -40,7 +41,7 @@ pub(super) struct MinimumImage<V> {
 impl<V: PeriodicSimd> SimdWidth for MinimumImage<V> {
     const LANES: usize = V::LANES;
     type Query = V::Query;
-    /// With the slack added to the sum of radii, and subtracted.
+    /// Results with the slack added to the sum of radii, and with the slack subtracted.
     type SquaredDistances = [V::SquaredDistances; 2];
 
     #[inline(always)]

@@ -36,7 +36,7 @@ const BAND: f32 = 1.0 / (1 << 20) as f32;
 /// Absolute half-width of the band: below it products underflow, and relative error has no meaning.
 const FLOOR: f32 = f32::MIN_POSITIVE;
 
-/// Named as in compiler and processor.
+/// An instruction set, under its name in `target_feature`.
 #[cfg(target_arch = "x86_64")]
 struct Feature {
     name: &'static str,
@@ -84,13 +84,13 @@ impl Simd {
         *WIDEST.get_or_init(|| widest().narrower(Self::allowed(env::var("LAZYGRID_SIMD").ok().as_deref())))
     }
 
-    fn allowed(said: Option<&str>) -> Self {
-        match said {
+    fn allowed(setting: Option<&str>) -> Self {
+        match setting {
             None | Some("avx512") => Self::Avx512,
             Some("avx2") => Self::Avx2,
             Some("portable") => Self::Portable,
             Some(other) => {
-                log::warn!("LAZYGRID_SIMD is {other} and has no effect; choose avx512, avx2 or portable");
+                log::warn!("ignored LAZYGRID_SIMD=\"{other}\"; choose avx512, avx2 or portable");
                 Self::Avx512
             }
         }
@@ -134,28 +134,29 @@ fn over<T: SimdTask>(task: T, vector: impl PeriodicSimd, periodic: Option<Period
     }
 }
 
-/// Only code inlined into [`SimdTask::run`] uses the instructions: its callees are `#[inline(always)]`, and none passes
-/// a closure to a function that is not.
+/// Work that is compiled for each SIMD width. Only code inlined into [`SimdTask::run`] uses the instructions, so its
+/// callees must be `#[inline(always)]`, and must not pass a closure to a function that is not.
 pub(crate) trait SimdTask {
     type Result;
     /// Must be `#[inline(always)]`, to have the features of its caller.
     fn run<V: SimdWidth>(self, vector: V) -> Self::Result;
 }
 
-/// A value of the type proves that the processor has this SIMD width.
+/// The operations of a SIMD width. A value of the type proves that the processor supports it.
 pub(crate) trait SimdWidth: Copy {
     const LANES: usize;
     type Query: Copy;
     type SquaredDistances: Copy;
 
-    /// Calls `task` with `vector`, which has no more features than `self`, as a function that is not inlined: for long
-    /// tasks with several callers.
+    /// Calls `task` with `vector`, as a function that is not inlined: for long tasks with several callers. `vector`
+    /// must have no more features than `self`.
     fn call<T: SimdTask>(self, task: T, vector: impl SimdWidth) -> T::Result;
     fn query(self, sphere: [f32; 4]) -> Self::Query;
-    /// May read padding.
+    /// Compares the query with the spheres at or above `base`. May read padding.
     fn squared_distances(self, columns: &Columns, base: usize, query: Self::Query) -> Self::SquaredDistances;
-    /// Returns the pairs, and the lanes inside the band.
+    /// Returns the lanes that may touch: contacts, and all lanes inside the band.
     fn possible(self, distances: Self::SquaredDistances) -> u32;
+    /// Returns the lanes that certainly touch.
     fn certain(self, distances: Self::SquaredDistances) -> u32;
     /// Returns masks of the `pairs` that may touch, and that certainly touch.
     fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2];
@@ -166,10 +167,10 @@ pub(crate) trait SimdWidth: Copy {
     /// Equals [`FrameMap::contains`].
     fn is_in_frame(self, map: &FrameMap<'_>, row: [f64; 4]) -> bool;
     fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr;
-    /// Between minimum images if `PERIODIC`. The last lane has no effect.
+    /// Returns the squared displacement, between minimum images if `PERIODIC`. The last lane has no effect.
     fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32;
-    /// Appends the runs to compare with at most [`MAX_LANES`] spheres of one cell (start, number), at most five per
-    /// sphere, starting after it.
+    /// Appends the runs to compare with `spheres` (start and count) of one cell, at most [`MAX_LANES`]: up to five runs
+    /// per sphere, of which the first starts after it.
     fn find_neighbor_runs(
         self,
         columns: &Columns,
@@ -192,7 +193,7 @@ pub(crate) trait PeriodicSimd: SimdWidth {
         periodic: &PeriodicBox,
     ) -> [u32; 2];
     /// Returns two results like [`squared_distances`](SimdWidth::squared_distances) between minimum images: with the
-    /// slack added to the sum of radii, and with it subtracted, but no sum below zero.
+    /// slack added to the sum of radii, and with the slack subtracted but no sum below zero.
     fn minimum_image_distances(
         self,
         columns: &Columns,
@@ -202,7 +203,7 @@ pub(crate) trait PeriodicSimd: SimdWidth {
     ) -> [Self::SquaredDistances; 2];
 }
 
-/// The map from coordinates to cells; the fourth lane fills a vector.
+/// The map from coordinates to cells. The fourth lane fills a vector.
 #[derive(Clone, Debug)]
 pub(crate) struct Axes {
     pub(crate) per_length: [f64; 4],

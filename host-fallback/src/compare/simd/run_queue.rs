@@ -12,12 +12,13 @@ pub(crate) struct NeighborRows {
     pub(crate) low: [f32; 3],
     /// A sphere touches higher cells only if its center plus its radius is above this.
     pub(crate) high: [f32; 3],
-    /// Starts of cells `x - 1`, `x` and `x + 1`, and the end. Rows inside the grid replace those outside, and `low` and
-    /// `high` exclude them.
+    /// Starts of cells `x - 1`, `x` and `x + 1` of each row, and the end. Rows inside the grid replace rows outside,
+    /// and `low` and `high` exclude the replacements.
     pub(crate) rows: [[u32; 4]; ROWS],
 }
 
-/// Branches on searched and empty rows would be mispredicted, so finding runs appends to the queue without a branch.
+/// A queue of comparisons of a sphere with a run. [`push`](Self::push) appends without a branch, because branches on
+/// searched and empty rows would be mispredicted.
 pub(crate) struct RunQueue {
     pub(super) at: [u32; Self::ROOM],
     pub(super) start: [u32; Self::ROOM],
@@ -26,7 +27,7 @@ pub(crate) struct RunQueue {
 }
 
 impl RunQueue {
-    /// 6 KiB, a small part of the first-level cache.
+    /// Capacity in runs: 6 KiB, a small part of the first-level cache.
     const ROOM: usize = 512;
     /// Length at which only the runs of one more vector of spheres fit.
     pub(super) const FULL: usize = Self::ROOM - (ROWS + 1) * MAX_LANES;

@@ -9,8 +9,8 @@ use super::{
 };
 use crate::frame::{Bounds, FrameMap};
 
-/// Defines a width from one list of instruction sets: those of its compiled tasks and of the processor check, including
-/// sets that `rustc` enables implicitly.
+/// Defines a width from one list of instruction sets, for the compiled tasks and for the check of the processor. The
+/// list includes sets that `rustc` enables implicitly.
 macro_rules! width {
     ($(#[$doc:meta])* $name:ident, $run:ident, $call:ident: $($feature:tt)+) => {
         $(#[$doc])*
@@ -47,7 +47,7 @@ width! {
     "sse3" "ssse3" "sse4.1" "sse4.2" "popcnt" "avx" "fma" "avx2" "bmi1" "bmi2" "lzcnt"
 }
 
-/// One cell with AVX.
+/// Computes one cell with AVX.
 ///
 /// # Safety
 /// The processor must have AVX2.
@@ -66,7 +66,7 @@ unsafe fn cell(axes: &Axes, [x, y, z]: [f32; 3], offset: f64) -> [u32; 4] {
     cell
 }
 
-/// Methods for which AVX2 and FMA suffice.
+/// Methods that need only AVX2 and FMA.
 macro_rules! methods_of_avx2 {
     () => {
         #[inline(always)]
@@ -171,11 +171,11 @@ impl SimdWidth for Avx512 {
         neighbors: &NeighborRows,
         queue: &mut RunQueue,
     ) {
-        assert!(!queue.is_full() && count <= MAX_LANES, "there is room for the runs of a vector");
+        assert!(!queue.is_full() && count <= MAX_LANES, "the queue has capacity for the runs of a vector");
         let [x, y, z, r] = columns.lanes::<16>(at);
         let NeighborRows { low, high, rows } = neighbors;
         // SAFETY: `self` proves AVX-512F. Each array read is one vector long. `len` starts below `FULL` and grows by at
-        // most sixteen for each of five rows, so every vector is inside the columns of `jobs`.
+        // most sixteen for each of five rows, so every vector is inside the arrays of `queue`.
         unsafe {
             let [x, y] = [_mm512_loadu_ps(x.as_ptr()), _mm512_loadu_ps(y.as_ptr())];
             let [z, r] = [_mm512_loadu_ps(z.as_ptr()), _mm512_loadu_ps(r.as_ptr())];

@@ -4,21 +4,21 @@ use lazygrid_kernels::Pair;
 
 use super::{BAND, FLOOR, MAX_LANES, PeriodicBox, Xyzr};
 
-/// Four pairs at a time, each in its own vector until their coordinates are transposed.
+/// Tests four pairs at a time, each in its own vector until their coordinates are transposed.
 ///
 /// # Safety
 /// The processor must have FMA.
 #[inline(always)]
 pub(super) unsafe fn touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2] {
     let last = pairs.iter().fold(0, |last, pair| last.max(pair.i).max(pair.j));
-    assert!((last as usize) < rows.len(), "every place has a row");
+    assert!((last as usize) < rows.len(), "every position has a row");
     let mut masks = [0; 2];
     for (k, four) in pairs.chunks_exact(4).enumerate() {
         // SAFETY: FMA, hence SSE, by the caller's promise; no position is above the last, which has a row.
         unsafe {
             let negative = _mm_setr_ps(0.0, 0.0, 0.0, -0.0);
             let squares = |pair: &Pair| {
-                let [a, b] = [pair.i, pair.j].map(|place| rows.get_unchecked(place as usize));
+                let [a, b] = [pair.i, pair.j].map(|at| rows.get_unchecked(at as usize));
                 let other = _mm_xor_ps(_mm_loadu_ps(b.as_ptr()), negative);
                 let gap = _mm_sub_ps(_mm_loadu_ps(a.as_ptr()), other);
                 _mm_mul_ps(gap, gap)

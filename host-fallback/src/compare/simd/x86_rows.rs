@@ -1,4 +1,4 @@
-//! Operations on one row `x, y, z, r` per vector. Compilers do not find such vectors in the loops around them.
+//! Operations on one row `x, y, z, r` per vector, which compilers do not vectorize in this way.
 
 use std::arch::x86_64::*;
 
@@ -23,7 +23,7 @@ pub(super) unsafe fn add_to_bounds(bounds: &mut Bounds, row: [f64; 4]) {
     }
 }
 
-/// [`FrameMap::contains`].
+/// Equals [`FrameMap::contains`].
 ///
 /// # Safety
 /// The processor must have AVX.
@@ -77,7 +77,7 @@ pub(super) unsafe fn map_to_frame<const PERIODIC: bool>(map: &FrameMap<'_>, row:
     searched
 }
 
-/// Squared distance, with the operations of the scalar code.
+/// Returns the squared displacement, with the operations of the scalar code.
 ///
 /// # Safety
 /// The processor must have SSE3.

@@ -7,20 +7,20 @@ use crate::compare::PairFilter;
 use crate::memory::{prefetch_row, try_collect, try_push};
 use crate::output::Neighbors;
 
-/// A difference of coordinates below this fraction of a length is the minimum image, with a margin for rounding.
+/// Fraction of a length below which a difference of coordinates is the minimum image, with a margin for rounding.
 const NEAR: f64 = 0.49;
-
-/// Neighbors requested from memory beyond the current row.
+/// Neighbors beyond the current row that are prefetched.
 const PREFETCHED: usize = 16;
 
 pub(super) struct Fill<'a> {
     pub contact: ContactTest<'a>,
-    /// Spheres whose rows are filled, and their neighbors.
+    /// Spheres whose rows are filled.
     pub first: &'a [[f64; 4]],
+    /// Spheres that are neighbors.
     pub second: &'a [[f64; 4]],
     pub images: Option<&'a PeriodicImages>,
     pub options: ListOptions,
-    /// Groups and exclusions, if the search has not considered them.
+    /// Filter of groups and exclusions, if the search has ignored them.
     pub filter: Option<PairFilter<'a>>,
     /// Found neighbors of each sphere: indices of spheres or images.
     pub candidates: Neighbors<'a>,
@@ -32,13 +32,14 @@ pub(super) struct Neighbor {
     pub j: u32,
 }
 
-/// One entry. A shift at the limits of its type is out of range.
+/// An entry of a list. A shift of `i32::MIN` or `i32::MAX` is out of range.
 struct Entry {
     pair: Pair,
     bond: ImageVector,
     distance: f64,
 }
 
+/// The arrays of a list, or of a part of it. Arrays of unrequested quantities are empty.
 pub(super) struct Slots<'s> {
     pub pairs: &'s mut [Pair],
     pub shifts: &'s mut [[i32; 3]],
@@ -94,13 +95,15 @@ fn length_of(vector: [f64; 3]) -> f64 {
     image.length()
 }
 
+/// A range of rows, whose entries a thread writes.
 pub(super) struct Piece<'s> {
     rows: Range<usize>,
     slots: Slots<'s>,
     counts: &'s mut [u64],
+    /// Position of the slots in the list.
     pub start: usize,
     pub filled: usize,
-    /// Two spheres whose shift exceeds 32 bits.
+    /// First spheres whose shift exceeds 32 bits.
     pub too_far: Option<Neighbor>,
 }
 
@@ -115,11 +118,8 @@ impl<'s> Piece<'s> {
             let room = found + if fill.options.has_self { rows.len() } else { 0 };
             let (own, rest) = slots.split(room);
             slots = rest;
-            try_push(
-                &mut pieces,
-                Self { rows, slots: own, counts, start, filled: 0, too_far: None },
-                "pieces of a list",
-            )?;
+            let piece = Self { rows, slots: own, counts, start, filled: 0, too_far: None };
+            try_push(&mut pieces, piece, "pieces of a list")?;
             start += room;
         }
         Ok(pieces)
@@ -139,8 +139,8 @@ impl<'s> Piece<'s> {
         }
     }
 
-    /// Fills rows whose minimum images mostly have shift 0: differences of coordinates below `near` are the vectors to
-    /// them.
+    /// Fills a row whose minimum images mostly have shift 0. Differences of coordinates below `near` are vectors to
+    /// minimum images.
     fn fill_near(&mut self, fill: &Fill<'_>, i: u32, near: [f64; 3]) {
         let neighbors = fill.candidates.neighbors_of(i as usize);
         let mirrored = match fill.contact.query.second() {
@@ -152,7 +152,7 @@ impl<'s> Piece<'s> {
         self.fill_side::<false>(fill, i, after, near);
     }
 
-    /// Fills rows with few neighbors. If mirrored, `i` is the second sphere of its pairs.
+    /// Appends the entries of `i` with `neighbors`. If `MIRRORED`, `i` is the second sphere of these pairs.
     #[inline(always)]
     fn fill_side<const MIRRORED: bool>(
         &mut self,
@@ -190,8 +190,8 @@ impl<'s> Piece<'s> {
 }
 
 impl Fill<'_> {
-    /// Returns the differences below which a minimum image has shift 0; `None` if rows need more than minimum images of
-    /// an orthogonal space.
+    /// Returns the differences of coordinates below which a minimum image has shift 0; `None` if rows need more than
+    /// minimum images of an orthogonal space.
     fn near(&self) -> Option<[f64; 3]> {
         let ContactTest { space, .. } = self.contact;
         let is_plain = self.images.is_none() && !self.options.has_self && space.triclinic_cell().is_none();
@@ -241,7 +241,7 @@ impl Fill<'_> {
     #[inline(never)]
     fn nearest(&self, i: u32, j: u32) -> Option<Entry> {
         let ContactTest { query, space, .. } = self.contact;
-        // The direction of the pair chooses between two equally distant images, not that of the entry.
+        // The order of the pair, not of the entry, decides between two equally distant images.
         let is_mirrored = query.second().is_none() && j < i;
         let (from, to) = if is_mirrored { (j, i) } else { (i, j) };
         let mut bond =
@@ -279,7 +279,7 @@ impl Fill<'_> {
         self.entry(i, j, bond)
     }
 
-    /// `None` at the cutoff of an open list.
+    /// Returns an entry; `None` at or above the cutoff of an open list.
     #[inline(always)]
     fn entry(&self, i: u32, j: u32, bond: ImageVector) -> Option<Entry> {
         let ListOptions { is_open, distances, .. } = self.options;
@@ -295,6 +295,7 @@ impl Fill<'_> {
         self.reach(i, j).is_some_and(|cutoff| is_clear(vector, cutoff) || length_of(vector) < cutoff)
     }
 
+    /// Returns the cutoff if it is independent of the radii; `None` if the spheres never pair.
     #[inline]
     fn distance(&self, i: u32, j: u32) -> Option<Option<f64>> {
         let ContactTest { query, table, .. } = self.contact;

@@ -1,11 +1,12 @@
-//! The images of spheres within the cutoff, for spaces with a period below two cutoffs.
+//! Images of spheres within the cutoff, for spaces with a period below two cutoffs.
 //!
 //! # Correctness
 //!
 //! 1. The spheres of the first set are folded into the box.
-//! 2. An image of the second set by `m` basis vectors touches none of them if, along a vector, its fraction is farther
-//!    from all fractions of the first set than its cutoff over the height of the box. All other images are created.
-//! 3. A search in unbounded space finds all that touch. Radii include the rounding of folds, images and the decision
+//! 2. An image of a sphere of the second set touches no sphere of the first set if, along some basis vector, its fraction
+//!    is farther from all fractions of the first set than the cutoff divided by the height of the box. All other images
+//!    are created.
+//! 3. A search in unbounded space finds all images that touch. Radii include the rounding of folds, images and the decision
 //!    ([`Lattice::rounding`]), so no pair is lost.
 //! 4. The decision uses the given numbers.
 
@@ -18,9 +19,9 @@ use crate::memory::{try_extend, try_push, try_resize};
 const GROWTH: f64 = 1.0 + 1.0 / (1_u64 << 40) as f64;
 /// Minimum images suffice if two cutoffs are below this fraction of the distance between images.
 const SPARE: f64 = 1.0 - 1.0 / (1 << 20) as f64;
-
-/// Images between two looks at the stop flag.
+/// Number of images between two reads of the stop flag.
 const STOP_STEPS: usize = 1 << 16;
+const WHAT: &str = "images of spheres";
 
 /// Folded spheres and their images.
 #[derive(Debug, Default)]
@@ -28,12 +29,13 @@ pub struct PeriodicImages {
     first: Vec<[f64; 4]>,
     images: Vec<[f64; 4]>,
     of: Vec<u32>,
-    /// Cell vectors subtracted from each sphere of the first set, and added to each image.
+    /// Cell vectors subtracted from each sphere of the first set.
     folds: Vec<[f64; 3]>,
+    /// Cell vectors added to each image.
     shifts: Vec<[f64; 3]>,
     folded: Vec<WrappedPoint>,
     reaches: Vec<f64>,
-    /// To the images of one sphere, with their cell vectors.
+    /// Steps to the images of one sphere, with their cell vectors.
     steps: Vec<([f64; 3], [f64; 3])>,
 }
 
@@ -138,7 +140,6 @@ impl PeriodicImages {
     }
 
     fn reserve(&mut self, count: usize) -> Result<(), Error> {
-        const WHAT: &str = "images of spheres";
         try_resize(&mut self.images, count, WHAT)?;
         try_resize(&mut self.of, count, WHAT)?;
         try_resize(&mut self.shifts, count, WHAT)?;
@@ -148,6 +149,7 @@ impl PeriodicImages {
         Ok(())
     }
 
+    /// Adds the images of sphere `k` of the second set, which is folded at `at`.
     fn add(
         &mut self,
         (contact, lattice): (&ContactTest<'_>, &Lattice),
@@ -155,7 +157,6 @@ impl PeriodicImages {
         at: usize,
         ranges: [[f64; 2]; 3],
     ) -> Result<(), Error> {
-        const WHAT: &str = "images of spheres";
         let (folded, reach) = (self.folded[at], self.reaches[at]);
         let along = |axis: usize| {
             let [from, to] = ranges[axis];
@@ -236,6 +237,7 @@ impl Spread {
     }
 }
 
+/// Returns the effective radius of sphere `k`.
 fn half_reach(contact: &ContactTest<'_>, set: Spheres<'_>, k: usize) -> f64 {
     let radius = set.get_f64(k)[3];
     match (contact.table, set.species()) {
@@ -244,7 +246,7 @@ fn half_reach(contact: &ContactTest<'_>, set: Spheres<'_>, k: usize) -> f64 {
     }
 }
 
-/// Returns the number of steps, or NaN if a height of the box underflows.
+/// Returns the number of steps in a range, or NaN if a height of the box underflows.
 fn steps_between(from: f64, to: f64) -> f64 {
     let steps = to - from + 1.0;
     if steps < 0.0 { 0.0 } else { steps }

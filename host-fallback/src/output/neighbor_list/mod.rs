@@ -185,6 +185,7 @@ impl NeighborListBuilder {
         })
     }
 
+    /// Closes the gaps between the filled ranges, and turns counts into offsets.
     fn close(&mut self, filled: &[(usize, usize)]) {
         fn close<T: Copy>(values: &mut Vec<T>, filled: &[(usize, usize)]) {
             if !values.is_empty() {

@@ -47,7 +47,7 @@ fn f64_spheres_that_leave_their_frame_rebuild_the_list() {
     }
 }
 
-/// Coordinates in the frame are the same at every image.
+/// All images of a sphere have equal coordinates in the frame.
 #[test]
 fn f64_spheres_many_lengths_away_rebuild_the_list() {
     let space = Space::periodic([Some(8.0), None, None]).expect("a box");
@@ -76,14 +76,14 @@ fn candidates_of_another_frame_are_not_used() {
     let space = Space::periodic([Some(1.0), None, None]).expect("a box");
     let settings = Settings { skin: Skin::Fixed(1e-3), space, ..Settings::default() };
     let mut kept = HostDetector::new(settings).expect("good settings");
-    let near_the_seam = |scale: f64| -> Vec<[f64; 4]> {
+    let near_the_boundary = |scale: f64| -> Vec<[f64; 4]> {
         let row = |x: f64, k: u32| [x, f64::from(k) / 124.5 - 1.0, 0.0, 0.003].map(|number| scale * number);
         (0..250).flat_map(|k| [row(-0.06, k), row(0.06, k)]).collect()
     };
-    assert_eq!(kept.count(&near_the_seam(1.0)), Ok(0));
+    assert_eq!(kept.count(&near_the_boundary(1.0)), Ok(0));
     assert!(kept.report().candidates.is_some());
     let far_apart = ([[0.0, -8.0, 0.0, 0.1]], [[0.0, 8.0, 0.0, 0.1]]);
     assert_eq!(kept.count((&far_apart.0, &far_apart.1)), Ok(0));
     // In a frame of eight times the size, these have the coordinates and radii of the first ones.
-    assert_eq!(kept.count(&near_the_seam(8.0)), Ok(250));
+    assert_eq!(kept.count(&near_the_boundary(8.0)), Ok(250));
 }
