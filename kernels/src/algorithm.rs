@@ -15,7 +15,7 @@ pub enum Algorithm {
     Naive,
     /// Uniform grid in a hash table with chaining (Stroobant et al., section 3.1). CPU.
     HashGrid,
-    /// Uniform grid as array of (cell, object) entries sorted by cell (section 3.1). CPU and GPU.
+    /// Uniform grid as an array of (cell, object) entries sorted by cell (section 3.1). CPU and GPU.
     ArrayGrid,
     /// Uniform grid of the largest diameter whose overfull cells are split again (section 3.2). CPU.
     RecursiveGrid,
@@ -28,7 +28,7 @@ pub enum Algorithm {
 }
 
 impl Algorithm {
-    /// Every value, in the order of the help.
+    /// Every value, in the order of the command's help.
     pub const ALL: &'static [Self] = &[
         Self::Auto,
         Self::Naive,

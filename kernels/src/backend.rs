@@ -8,7 +8,7 @@ use crate::UnknownName;
 #[non_exhaustive]
 pub enum Backend {
     /// CPU, or a hardware GPU if present. Spheres in host memory go to the GPU if a measurement or estimate favors it.
-    /// An algorithm that only GPUs have falls back to a software adapter.
+    /// An algorithm that runs only on GPUs falls back to a software adapter.
     #[default]
     Auto,
     /// CPU, through rayon.

@@ -14,14 +14,14 @@ pub enum InputError {
         x = .center[0], y = .center[1], z = .center[2], r = .radius
     )]
     Sphere {
-        /// First such sphere.
+        /// First invalid sphere.
         index: u32,
         center: [f64; 3],
         radius: f64,
         count: u64,
         total: u64,
     },
-    /// An error of the second of two sets of spheres.
+    /// An error in the second of two sets of spheres.
     #[error("in the second set, {0}")]
     SecondSet(Box<InputError>),
     /// Columns or ids of different lengths.
@@ -59,7 +59,7 @@ pub enum InputError {
         "the length {length} of the periodic axis {axis} must be finite and above 0; omit the length of an unbounded axis"
     )]
     PeriodicLength { axis: char, length: f64 },
-    /// Cell vectors that span no box.
+    /// Cell vectors that do not span a box.
     #[error(
         "the cell vectors {} must be finite and independent, and their box at least 2^-24 as thick as its longest vector; omit \
          vectors along which space is not periodic",
@@ -198,7 +198,7 @@ pub enum Error {
     /// The device was unplugged, reset by its driver, or destroyed by its owner.
     #[error("the device was lost ({reason}); create a new device and a new detector")]
     DeviceLost { reason: String },
-    /// The device rejected a call because of an error of this library or of a given buffer.
+    /// The device rejected a call because of an error in this library or in a given buffer.
     #[error("the device rejected {what}: {reason}")]
     DeviceRejected { what: &'static str, reason: String },
     /// The device did not finish in time.

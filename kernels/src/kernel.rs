@@ -44,27 +44,28 @@ const fn write(name: &'static str) -> Binding {
     Binding { name, access: Access::ReadWrite }
 }
 
+/// The properties of a call and a device that select a kernel's text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Variant {
-    /// Smallest subgroup size if subgroup operations are used; `None` works everywhere.
+    /// Smallest subgroup size if subgroup operations are used; kernels with `None` run on every device.
     pub subgroups: Option<u32>,
     /// `true` if an interaction table decides pairs.
     pub species: bool,
     /// `true` if some axis is periodic.
     pub periodic: bool,
-    /// `true` if the cells of a cell list are those of an earlier call, and are checked.
+    /// `true` if a cell list has the cells of an earlier call, which are checked.
     pub reuse: bool,
 }
 
-/// Bytes for the statistics of all sides. Every device has at least this much.
+/// Bytes of workgroup memory for the statistics of all sides. Every device has at least this much.
 const SPECIES_MEMORY: u32 = 16 << 10;
 
 impl Variant {
-    /// Smallest subgroup whose radix ranking tables fit into workgroup memory.
+    /// Smallest subgroup size for which the ranking tables of a radix pass fit into workgroup memory.
     pub const MIN_RANKING_SUBGROUP: u32 = 8;
 
-    /// Returns the variant for a device: subgroup operations if `smallest_subgroup` is given and `workgroup_memory`
-    /// (bytes) suffices. The call decides the rest.
+    /// Returns the variant for a device, with subgroup operations if `smallest_subgroup` is given and
+    /// `workgroup_memory` (bytes) suffices. Callers set the other fields.
     pub fn for_device(smallest_subgroup: Option<u32>, workgroup_memory: u32) -> Self {
         let fits = |variant: Self| variant.workgroup_memory() <= workgroup_memory;
         // Ranking tables of small subgroups exceed the workgroup memory of some devices.
@@ -127,6 +128,7 @@ impl Kernel {
         }
     }
 
+    /// Returns all variants with different texts.
     pub fn variants(&self) -> Vec<Variant> {
         let subgroups = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
         let mut found = Vec::new();
@@ -134,8 +136,7 @@ impl Kernel {
             subgroups.into_iter().flat_map(|size| (0..8).map(move |flags| (size, flags)))
         {
             let [species, periodic, reuse] = [1, 2, 4].map(|flag| flags & flag != 0);
-            let variant = Variant { subgroups, species, periodic, reuse };
-            let variant = self.effective_variant(variant);
+            let variant = self.effective_variant(Variant { subgroups, species, periodic, reuse });
             if !found.contains(&variant) {
                 found.push(variant);
             }
@@ -147,9 +148,9 @@ impl Kernel {
         Preprocessor { variant: self.effective_variant(variant), strict: false }.expand(self.source)
     }
 
-    /// Returns the text for compilers that follow the WGSL standard strictly, such as in browsers: with `enable
-    /// subgroups;`, which naga 30 rejects, and a filter for diagnostics of subgroup operations whose uniformity only
-    /// this library knows.
+    /// Returns the text for compilers that follow the WGSL standard strictly, such as in browsers. It has `enable
+    /// subgroups;`, which naga 30 rejects, and turns off diagnostics of subgroup operations whose uniformity no
+    /// compiler can prove.
     pub fn strict_wgsl(&self, variant: Variant) -> String {
         let variant = self.effective_variant(variant);
         let text = Preprocessor { variant, strict: true }.expand(self.source);
@@ -205,7 +206,7 @@ kernels! {
         [read("sort_counts"), read("values"), write("sums")], species: [];
     SCAN_SPINE = "sort" / "scan_spine", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("sort_counts"), write("sums"), write("total")], species: [];
-    /// Prefix sums of all values, in place.
+    /// Computes the prefix sums of all values, in place.
     SCAN_SPREAD = "sort" / "scan_spread", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [read("sort_counts"), read("sums"), write("values")], species: [];
     SCAN_ONCE = "sort" / "scan_once", WORKGROUP_SIZE, subgroups: true, periodic: false, [read("sort_counts"), write("values")], species: [];
@@ -229,7 +230,7 @@ kernels! {
     NAIVE_SEARCH = "grid" / "naive_search", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("grid"), read("spheres"), write("outcome"), write("pairs")],
         species: [read("species"), read("species_params"), read("table")];
-    /// Bounds and size classes of the spheres of a cell list.
+    /// Computes the bounds and size classes of the spheres of a cell list.
     STATS_REDUCE = "cell_list" / "stats_reduce", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("starts"), write("occupancy")],
         species: [read("species"), read("species_params")];
@@ -237,7 +238,7 @@ kernels! {
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
          write("sort_counts")],
         species: [read("species"), read("species_params")];
-    /// `STATS_REDUCE` and `CELL_LIST_CONFIGURE` for small inputs, in one workgroup.
+    /// Does the work of `STATS_REDUCE` and `CELL_LIST_CONFIGURE` for small inputs, in one workgroup.
     CELL_LIST_SETUP_SMALL = "cell_list" / "cell_list_setup_small", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
          write("sort_counts"), write("starts"), write("occupancy")],
@@ -273,7 +274,7 @@ kernels! {
         [uniform("params"), read("cell_list"), read("starts"), read("sorted"), read("cells"), read("order"),
          write("outcome"), write("pairs"), read("deferred")],
         species: [read("sorted_species"), read("table")];
-    /// The largest displacement since the candidate list was built.
+    /// Finds the largest displacement since the candidate list was built.
     SKIN_DISPLACEMENT = "skin" / "skin_displacement", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), uniform("skin"), read("count_source"), read("spheres"), read("reference"), write("state")],
         species: [read("species"), read("reference_species"), read("species_params")];
@@ -292,7 +293,7 @@ kernels! {
     SPHERES_INTERLEAVE = "shared" / "spheres_interleave", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("params"), uniform("columns"), read("count_source"), read("x"), read("y"), read("z"), read("r"),
          write("rows")], species: [];
-    /// Overflow flag and dispatch arguments of the consumer.
+    /// Stores overflow flags and the dispatch arguments of the consumer.
     OUTCOME_FINISH = "shared" / "outcome_finish", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome")], species: [];
 }
@@ -321,13 +322,11 @@ impl Preprocessor {
     }
 
     fn constants(&self) -> [(&'static str, u32); 8] {
+        let subgroup = self.variant.subgroups.unwrap_or(WORKGROUP_SIZE).clamp(1, WORKGROUP_SIZE);
         [
             ("NEAR", NEAR),
             ("RUN_TILES", RUN_TILES),
-            (
-                "MAX_SUBGROUPS",
-                WORKGROUP_SIZE / self.variant.subgroups.unwrap_or(WORKGROUP_SIZE).clamp(1, WORKGROUP_SIZE),
-            ),
+            ("MAX_SUBGROUPS", WORKGROUP_SIZE / subgroup),
             ("RADIX_ITEMS", RADIX_TILE / WORKGROUP_SIZE),
             ("RADIX_SCRATCH", self.variant.radix_scratch()),
             ("SCAN_ITEMS", SCAN_ITEMS),

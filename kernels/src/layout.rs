@@ -1,5 +1,5 @@
 //! Rust counterparts of shader structures; a test compares sizes and offsets. Structures with vectors have WGSL's
-//! layout (`ShaderType`); `repr(C)` keeps the order of members. Others consist of words (`Pod`).
+//! layout (`ShaderType`); `repr(C)` keeps the order of members. Other structures consist of words (`Pod`).
 
 use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;
@@ -27,6 +27,7 @@ pub struct SearchParams {
     pub cell_ratio: f32,
     /// Species of the interaction table; 0 without one.
     pub species: u32,
+    /// Workgroups of the naive search.
     pub search_groups: u32,
     pub consumer_workgroup_size: u32,
     /// Start of the window: only pairs with a smaller index in `window_begin..window_end` are counted and written, to
@@ -39,7 +40,8 @@ pub struct SearchParams {
     pub tau: u32,
     /// Counters in either half of the occupancy table, a power of two.
     pub occupancy_slots: u32,
-    /// Tiles of deferred blocks per submission, unless a single block has more; [`Self::UNLIMITED`] without a limit.
+    /// Most tiles of deferred blocks per submission, unless a single block has more; [`Self::UNLIMITED`] without a
+    /// limit.
     pub tiles_per_submission: u32,
     /// Length of a periodic x axis, else 0.
     pub period_x: f32,
@@ -47,7 +49,7 @@ pub struct SearchParams {
     pub period_z: f32,
     /// Capacity of a cell list's table in cells.
     pub cells: u32,
-    /// Counters of that table, of which a few more than cells exist; 0 for a radix sort.
+    /// Counters of the table, a few more than cells; 0 for a radix sort.
     pub counters: u32,
     /// First index of the second set, if only pairs across the sets are found; 0 for one set.
     pub second_set_start: u32,
@@ -55,7 +57,7 @@ pub struct SearchParams {
     pub radix_tile: u32,
     /// Candidates of a sphere that one invocation tests.
     pub candidates_per_invocation: u32,
-    /// Workgroups of the search for each block of few spheres, one per chunk of candidates; 0 if the first search
+    /// For few spheres, workgroups of the search per block, one per chunk of candidates; else 0: the first search
     /// defers blocks with more than one chunk.
     pub chunks_per_block: u32,
     /// 1 if pairs of a cell list hold positions in cell order.
@@ -74,10 +76,11 @@ pub struct SearchParams {
     /// The common interaction of all spheres of compared sides: a distance or [`Self::TOUCH`]; else
     /// [`Self::BY_SPECIES`].
     pub interaction: f32,
+    /// Index of the first workgroup of the dispatch.
     pub first_workgroup: u32,
     /// Most workgroups per dispatch of candidate tests; 0 without a limit.
     pub workgroups_per_dispatch: u32,
-    /// Always 0, unknown to shader compilers: guards expressions whose order of evaluation matters.
+    /// Always 0, which shader compilers do not know. It guards expressions whose order of evaluation matters.
     pub opaque_zero: u32,
 }
 
@@ -92,7 +95,7 @@ pub struct RadixPass {
 }
 
 impl SearchParams {
-    /// No limit of [`tiles_per_submission`](Self::tiles_per_submission).
+    /// Value of [`tiles_per_submission`](Self::tiles_per_submission) without a limit.
     pub const UNLIMITED: u32 = u32::MAX;
 
     /// Interaction of two species that never pair.
@@ -102,8 +105,8 @@ impl SearchParams {
     /// The interaction table decides per pair of species.
     pub const BY_SPECIES: f32 = -3.0;
 
-    /// Returns these parameters with one side per element of `partners`: the sides that it is compared with, one bit
-    /// each.
+    /// Returns these parameters with one side per element of `partners`, which has one bit for each side that it is
+    /// compared with.
     pub fn with_sides(self, partners: &[u8]) -> Self {
         let word = |first: usize| {
             let bytes = partners.iter().skip(first).take(4).enumerate();
@@ -144,8 +147,9 @@ pub struct Bounds {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct LevelKeys {
-    /// Bits of a coordinate, which is reduced modulo 2ᵇⁱᵗˢ.
+    /// Bits of each coordinate, which is reduced modulo 2ᵇⁱᵗˢ.
     pub bits: UVec3,
+    /// First key of the level.
     pub base: u32,
 }
 
@@ -184,9 +188,9 @@ pub struct Outcome {
     pub overflow: u32,
     /// Number of invalid spheres (non-finite value, negative radius or unknown species), which never pair.
     pub quarantined: u32,
-    /// Workgroups for a consumer with one thread per written pair.
+    /// Workgroups of a consumer with one thread per written pair.
     pub dispatch_x: u32,
-    /// Second dimension of that dispatch, above 1 for more than 65,535 workgroups.
+    /// Second dimension of the consumer's dispatch, above 1 for more than 65,535 workgroups.
     pub dispatch_y: u32,
     pub dispatch_z: u32,
     pub deferred_blocks: u32,
@@ -198,7 +202,8 @@ pub struct Outcome {
     /// First deferred block of the last submission.
     pub deferred_begin: u32,
     pub deferred_end: u32,
-    /// Cell list: the spheres in the fullest cell that smaller spheres left, or would have left; 0 without such a cell.
+    /// Number of spheres in the fullest cell of a cell list that smaller spheres left, or would have left; 0 without
+    /// such a cell.
     pub max_occupancy: u32,
     /// 1 if pairs hold positions in cell order (`GpuConfig::pairs_in_cell_order`), 0 for input indices.
     pub pairs_in_cell_order: u32,
@@ -221,7 +226,7 @@ pub struct SkinParams {
 pub struct SkinState {
     /// Bits of the largest squared displacement since the list was built; 0 between calls.
     pub displacement: u32,
-    /// 1 if a sphere was exchanged; 0 between calls.
+    /// 1 if a radius, a species or the validity of a sphere changed; 0 between calls.
     pub input_changed: u32,
     /// 1 if the list holds all candidates.
     pub is_complete: u32,
@@ -238,7 +243,7 @@ pub struct SkinState {
 impl SkinState {
     /// No complete list existed.
     pub const NO_LIST: u32 = 1;
-    /// Number of spheres, a radius or a species changed.
+    /// The number, a radius, a species or the validity of spheres changed.
     pub const INPUT_CHANGED: u32 = 2;
     /// A sphere exceeded the displacement limit.
     pub const DISPLACEMENT: u32 = 3;
@@ -250,7 +255,7 @@ impl Outcome {
     /// Overflow bit: more entries than planned. The number of pairs is a lower bound, the number of entries exact. The
     /// caller must raise the capacity and retry.
     pub const OVERFLOW_ENTRIES: u32 = 2;
-    /// Overflow bit: more spheres than prepared for; the others were ignored.
+    /// Overflow bit: more spheres than the maximum; the spheres beyond it were ignored.
     pub const OVERFLOW_SPHERES: u32 = 4;
     /// Overflow bit: more candidates than the buffer holds. The number of pairs is a lower bound,
     /// [`candidates_needed`](Self::candidates_needed) exact. The caller must raise the capacity and retry.
@@ -263,7 +268,7 @@ impl Outcome {
     /// Offset of the indirect dispatch arguments in bytes.
     pub const DISPATCH_OFFSET: u64 = std::mem::offset_of!(Self, dispatch_x) as u64;
 
-    /// Returns `true` if deferred blocks remain; until a further part has run, pairs are missing.
+    /// Returns `true` if deferred blocks remain. Until further submissions have searched them, pairs are missing.
     pub fn has_remaining_work(&self) -> bool {
         self.deferred_end < self.deferred_blocks
     }
@@ -284,7 +289,7 @@ impl Outcome {
     }
 }
 
-/// The sizes of a sort and of a scan.
+/// The number of keys of a sort, and of counters to scan.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SortCounts {

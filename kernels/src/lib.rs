@@ -1,4 +1,4 @@
-//! The types and rules that all lazygrid detectors share, without device calls.
+//! The types, rules and GPU kernels that all lazygrid detectors share. No function calls a device.
 //!
 //! * [`Spheres`] and [`Query`]: the input of a search;
 //! * [`Interactions`], [`Exclusions`] and [`Space`]: the rules that decide which spheres pair;

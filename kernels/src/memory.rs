@@ -1,6 +1,7 @@
 use crate::Error;
 
 /// Reserves memory for `count` more values. `what` names the values in the error.
+///
 /// # Errors
 /// Returns [`Error::OutOfMemory`] if the system refuses the memory.
 pub fn try_reserve<T>(buffer: &mut Vec<T>, count: usize, what: &'static str) -> Result<(), Error> {

@@ -1,6 +1,6 @@
 use thiserror::Error;
 
-/// An unknown name, the error of `FromStr`.
+/// The error of `FromStr` for an unknown name.
 ///
 /// ```
 /// # use lazygrid_kernels::{Algorithm, UnknownName};

@@ -3,8 +3,9 @@
 use std::fmt::Write;
 
 /// Resolves `#include NAME` and `#include NAME ARGUMENT` from `includes`, and the conditions `#ifdef NAME`, `#else` and
-/// `#endif` (not nested in one file). The argument replaces `#{ARGUMENT}` in an include. Lines after `#standard` are
-/// kept if `STANDARD` is defined. An include without an argument appears once; an unknown name is omitted.
+/// `#endif` (not nested in one file). The argument replaces `#{ARGUMENT}` in an include. The rest of a line that begins
+/// with `#standard` is kept if `STANDARD` is defined. An include without an argument appears once; an unknown name is
+/// omitted.
 pub fn expand(source: &str, includes: &[(&str, &str)], is_defined: &dyn Fn(&str) -> bool) -> String {
     let mut expansion = Expansion { includes, is_defined, included: Vec::new(), text: String::new() };
     expansion.append(source);

@@ -1,4 +1,4 @@
-//! The result of the subgroup probe, and the decision.
+//! The result of the subgroup probe, and the decision for or against subgroup operations.
 
 use bytemuck::{Pod, Zeroable};
 
@@ -15,14 +15,14 @@ pub struct SubgroupProbe {
 }
 
 impl SubgroupProbe {
-    /// Some subgroup is not full.
+    /// Fault: some subgroup is not full.
     pub const PARTIAL: u32 = 1;
-    /// Lanes do not follow local indices.
+    /// Fault: lanes do not follow local indices.
     pub const OUT_OF_ORDER: u32 = 2;
-    /// The probe was compiled without subgroup operations.
+    /// Fault: the probe was compiled without subgroup operations.
     pub const NO_SUBGROUPS: u32 = 4;
     pub const WORKGROUPS: u32 = 64;
-    /// Buffer before the probe runs.
+    /// Initial content of the buffer.
     pub const BEFORE: Self = Self { faults: 0, invocations: 0, smallest: u32::MAX, largest: 0 };
 
     /// Returns the reason not to use subgroup operations in kernels for subgroups of at least `smallest` lanes; `None`

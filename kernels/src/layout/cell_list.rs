@@ -6,9 +6,9 @@ use glam::{UVec3, Vec3};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct InputStats {
-    /// Complements of the lowest center, in an order-preserving encoding.
+    /// Complement of the lowest coordinate per axis, in an order-preserving encoding.
     pub low: [u32; 3],
-    /// The highest center, in this encoding.
+    /// Highest coordinate per axis, in this encoding.
     pub high: [u32; 3],
     /// Complement of the bits of the smallest effective radius.
     pub smallest: u32,
@@ -24,17 +24,17 @@ pub struct InputStats {
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SpeciesParams {
-    /// [`TOUCHES`](Self::TOUCHES), [`IDLE`](Self::IDLE), and at [`SIDE_SHIFT`](Self::SIDE_SHIFT) the species' side of a
-    /// cell list.
+    /// [`TOUCHES`](Self::TOUCHES), [`IDLE`](Self::IDLE), and at or above [`SIDE_SHIFT`](Self::SIDE_SHIFT) the species'
+    /// side of a cell list.
     pub flags: u32,
     /// Half the largest interaction distance.
     pub half: f32,
 }
 
 impl SpeciesParams {
-    /// The species has pairs decided by contact.
+    /// Flag: contact decides some pairs of the species.
     pub const TOUCHES: u32 = 1;
-    /// The species never pairs.
+    /// Flag: the species never pairs.
     pub const IDLE: u32 = 2;
     /// The lowest bit of the side.
     pub const SIDE_SHIFT: u32 = 8;
@@ -44,7 +44,7 @@ impl SpeciesParams {
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct CellListLevel {
-    /// Cells of the table along each axis. Space repeats them.
+    /// Cells of the table along each axis. The table repeats in space.
     pub cells: UVec3,
     /// The first cell in the table.
     pub base: u32,
@@ -89,11 +89,11 @@ pub struct CellListLayout {
 }
 
 impl CellListLayout {
-    /// The levels of all sides.
+    /// Most levels of all sides together.
     pub const LEVELS: usize = 32;
-    /// Cells of depth `k` are 2⁻ᵏ times as large as those of level 0.
+    /// Number of depths. Cells of depth `k` are 2⁻ᵏ times as large as cells of depth 0.
     pub const DEPTHS: usize = 16;
-    /// The sides by whose pairs spheres are compared or not.
+    /// Most sides. Pairs of sides decide whether spheres are compared.
     pub const MAX_SIDES: usize = 8;
 
     /// Returns the levels of each of `sides` sides.

@@ -7,7 +7,7 @@ use bytemuck::{Pod, Zeroable};
 pub struct ColumnLayout {
     /// Position of the first sphere.
     pub first: [u32; 4],
-    /// Distance between consecutive spheres; 0 if all share one number, such as a radius.
+    /// Distance between consecutive spheres; 0 if all spheres share one number, such as a radius.
     pub stride: [u32; 4],
 }
 

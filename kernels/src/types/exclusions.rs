@@ -47,8 +47,8 @@ impl Exclusions {
         Self::of(first, Some(second), checked(first, second, pairs)?)
     }
 
-    /// Creates exclusions from compressed sparse rows: sphere `i` with each of `indices[offsets[i]..offsets[i + 1]]`,
-    /// in any order. Either of the two rows of a pair suffices.
+    /// Creates exclusions from compressed sparse rows, which exclude sphere `i` with each of
+    /// `indices[offsets[i]..offsets[i + 1]]`, in any order. A pair may be in either of its two rows, or in both.
     ///
     /// # Errors
     /// [`InputError::ExcludedOffsets`] if offsets do not begin with 0, decrease, or do not end with the number of
@@ -104,8 +104,8 @@ impl Exclusions {
         self.others.is_empty()
     }
 
-    /// Returns `true` if this pair is excluded, in either order for one set; for two sets, `i` is in the first and `j`
-    /// in the second.
+    /// Returns `true` if this pair is excluded. The order of `i` and `j` does not matter for one set; for two sets, `i`
+    /// is in the first and `j` in the second.
     ///
     /// # Panics
     /// If the row is out of range.
@@ -133,9 +133,6 @@ fn checked(
     for (i, j) in pairs {
         if i as usize >= first || j as usize >= second {
             return Err(InputError::ExcludedIndex { i, j, first, second }.into());
-        }
-        if all.len() == all.capacity() {
-            try_reserve(&mut all, 1, WHAT)?;
         }
         if all.len() == all.capacity() {
             try_reserve(&mut all, 1, WHAT)?;

@@ -31,16 +31,16 @@ impl ImageVector {
     }
 }
 
-/// Lengths whose squares, and their rounding errors, are normal numbers.
+/// Lengths whose squares and their rounding errors are normal numbers.
 const PLAIN: std::ops::RangeInclusive<f64> = 3.2e-145..=3.1e144;
 const PLAIN_SQUARES: std::ops::RangeInclusive<f64> = 1.1e-289..=9.6e288;
-/// Powers of two that scale other lengths into that range.
+/// Powers of two that scale other lengths into this range.
 const DOWN: f64 = f64::from_bits((1023 - 600) << 52);
 const UP: f64 = f64::from_bits((1023 + 600) << 52);
 
 impl Space {
     /// Returns the vector from a point to the minimum image of another, by the expression of the exact contact test.
-    /// Shifts beyond `i32` are cut to its limits; the vector is right in any case.
+    /// Shifts beyond `i32` are limited to its range; the vector is correct in any case.
     ///
     /// ```
     /// # use lazygrid_kernels::Space;
@@ -78,22 +78,22 @@ impl Space {
         a: [f64; 4],
         b: [f64; 4],
         distance: Option<f64>,
-        way: impl Fn(&Self, [f64; 3], [f64; 3]) -> [f64; 3],
+        displacement: impl Fn(&Self, [f64; 3], [f64; 3]) -> [f64; 3],
     ) -> bool {
-        let (vector, reach) = (way(self, center(a), center(b)), distance.unwrap_or(a[3] + b[3]));
+        let (vector, reach) = (displacement(self, center(a), center(b)), distance.unwrap_or(a[3] + b[3]));
         let largest = largest(vector, reach);
         if PLAIN.contains(&largest) {
             is_within(vector, reach)
         } else if largest < *PLAIN.start() {
-            // Differences are multiples of the smallest number, so nothing is lost yet.
+            // Differences are multiples of the smallest number, so none has underflowed.
             is_within(vector.map(|number| number * UP), reach * UP)
         } else {
             let [a, b] = [a, b].map(|numbers| numbers.map(|number| number * DOWN));
             let reach = distance.map_or(a[3] + b[3], |distance| distance * DOWN);
-            // Only if a difference overflowed: short cell vectors would become 0.
+            // The space is scaled only if a difference overflowed, because short cell vectors become 0.
             let vector = match vector.iter().all(|number| number.is_finite()) {
                 true => vector.map(|number| number * DOWN),
-                false => way(&self.scaled(DOWN), center(a), center(b)),
+                false => displacement(&self.scaled(DOWN), center(a), center(b)),
             };
             is_within(vector, reach)
         }
@@ -122,22 +122,22 @@ fn nearest_along(apart: f64, length: f64) -> (f64, f64) {
     if apart.abs() < 0.49 * length {
         return (0.0, apart);
     }
-    let turns = -(apart / length).round();
-    if turns.is_infinite() {
+    let lengths = -(apart / length).round();
+    if lengths.is_infinite() {
         return far_along(apart, length);
     }
-    let other = turns + if apart + turns * length < 0.0 { 1.0 } else { -1.0 };
-    let (image, neighbor) = (apart + turns * length, apart + other * length);
-    if neighbor.abs() < image.abs() { (other, neighbor) } else { (turns, image) }
+    let other = lengths + if apart + lengths * length < 0.0 { 1.0 } else { -1.0 };
+    let (image, neighbor) = (apart + lengths * length, apart + other * length);
+    if neighbor.abs() < image.abs() { (other, neighbor) } else { (lengths, image) }
 }
 
-/// Returns the image at a number of lengths that overflows. Numbers so large are whole, and adding 1 does not change
-/// them. The number is returned infinite.
+/// Returns the image if the number of lengths overflows. Numbers of this size are integers, to which adding 1 has no
+/// effect. The returned number of lengths is infinite.
 #[cold]
 fn far_along(apart: f64, length: f64) -> (f64, f64) {
     let (apart, sign) = (apart * DOWN, apart.signum());
-    let turns = -(apart / length);
-    (-sign * f64::INFINITY, (apart + turns * length) / DOWN)
+    let lengths = -(apart / length);
+    (-sign * f64::INFINITY, (apart + lengths * length) / DOWN)
 }
 
 #[inline]

@@ -10,7 +10,7 @@ pub enum Interaction {
     /// A pair if the spheres touch: center distance ≤ `ri + rj`.
     #[default]
     Touch,
-    /// A pair if the center distance is at most this, for any radii, such as a binding radius.
+    /// A pair if the center distance is at most this distance, such as a binding radius, for any radii.
     Within(f64),
 }
 
@@ -48,7 +48,7 @@ pub struct Interactions {
     /// Clones share the table until one of them changes.
     table: Arc<Vec<Interaction>>,
     fits_f32: bool,
-    /// Computed once, since every call reads them; `None` if memory was refused.
+    /// Reaches of all species, computed once because every call reads them; `None` if memory was refused.
     reaches: OnceLock<Option<Arc<Vec<SpeciesReach>>>>,
 }
 
@@ -159,7 +159,7 @@ impl Interactions {
         Ok(Self { species: self.species, table: Arc::new(table), fits_f32: true, reaches })
     }
 
-    /// Returns the table in which only these species pair.
+    /// Returns the table in which only the included species pair.
     ///
     /// # Errors
     /// [`InputError::TableMemory`].
@@ -251,7 +251,7 @@ fn own(table: &mut Arc<Vec<Interaction>>, species: u32) -> Result<&mut Vec<Inter
         copy.extend_from_slice(table);
         *table = Arc::new(copy);
     }
-    // This handle is the only one, so nothing is copied.
+    // Nothing is copied, because no clone shares the table.
     Ok(Arc::make_mut(table))
 }
 

@@ -5,8 +5,8 @@ use glam::DVec3;
 use super::triclinic::{combination, heights, inverse, power_of_two_below};
 use crate::Space;
 
-/// The reduced basis of a periodic space, and the distance between images. Its unit is a power of two times the unit of
-/// the spheres, in which no product overflows.
+/// The reduced basis of a periodic space, and the distances between images. Numbers are in the unit of the spheres
+/// times a power of two, so that no product overflows.
 #[derive(Clone, Copy, Debug)]
 pub struct Lattice {
     rank: usize,
@@ -77,7 +77,7 @@ impl Lattice {
     pub fn wrap(&self, point: [f64; 3]) -> WrappedPoint {
         let mut folded = DVec3::from(point) * self.unit;
         let mut counts = [0.0; 3];
-        // Far away, the first division leaves more than one vector.
+        // For distant points, the first step leaves more than one vector.
         for _ in 0..4 {
             let parts =
                 [0, 1, 2].map(|k| if k < self.rank { self.inverse[k].dot(folded).floor() } else { 0.0 });

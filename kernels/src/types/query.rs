@@ -1,6 +1,6 @@
 use crate::{Exclusions, InputError, Spheres};
 
-/// The input of a search: one set of spheres, or two, across which pairs are found; and exclusions.
+/// The input of a search: one set of spheres, or two sets, across which pairs are found, and exclusions.
 ///
 /// Searches accept a set of spheres, a tuple of two sets, or a query with exclusions.
 ///
@@ -27,7 +27,7 @@ impl<'a> Query<'a> {
         of.into()
     }
 
-    /// Excludes these pairs. The search checks that they were made for these numbers of spheres.
+    /// Excludes these pairs. The search checks that they were created for these numbers of spheres.
     pub fn without(self, pairs: &'a Exclusions) -> Self {
         Self { exclusions: Some(pairs), ..self }
     }
@@ -67,7 +67,7 @@ impl<'a> Query<'a> {
         self.second.map(|_| self.first.len())
     }
 
-    /// Checks that the exclusions were made for these numbers of spheres.
+    /// Checks that the exclusions were created for these numbers of spheres.
     ///
     /// # Errors
     /// [`InputError::ExclusionSizeMismatch`].

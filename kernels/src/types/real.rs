@@ -53,7 +53,8 @@ pub enum Radii<'a, T> {
 /// Columns in strided memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Strided<'a, T> {
-    /// Each column from the value of the first sphere. Unread memory between values may be uninitialized.
+    /// Columns that begin with the value of the first sphere. Memory between values is not read and may be
+    /// uninitialized.
     axes: [&'a [MaybeUninit<T>]; 3],
     /// Number of values from one center to the next.
     step: usize,
@@ -64,7 +65,7 @@ pub struct Strided<'a, T> {
 #[derive(Clone, Copy, Debug)]
 enum Source<'a, T> {
     All(T),
-    /// Like `axes`, with the number of values from one radius to the next.
+    /// A column like `axes`, and the number of values from one radius to the next.
     Each(&'a [MaybeUninit<T>], usize),
 }
 
@@ -134,7 +135,7 @@ impl<'a, T: Copy> Strided<'a, T> {
 }
 
 impl<T> Strided<'_, T> {
-    /// Addresses of the numbers of sphere `i`, which may be out of range: only for prefetches.
+    /// Returns addresses of the numbers of sphere `i`, which may be out of range: only for prefetches.
     #[inline(always)]
     #[doc(hidden)]
     pub fn addresses(&self, i: usize) -> [*const u8; 4] {

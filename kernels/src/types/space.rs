@@ -83,11 +83,11 @@ impl Space {
         Self { lengths, triclinic: self.triclinic.map(|cell| cell.scaled(scale)) }
     }
 
-    /// Returns `true` if all lengths are `f32` numbers. Otherwise, `f32` spheres cannot be searched without conversion.
+    /// Returns `true` if `f32` spheres can be searched without conversion: all lengths are `f32` numbers, or `f32`
+    /// suits the coordinates of the triclinic cell.
     pub fn fits_f32(&self) -> bool {
         match &self.triclinic {
             None => self.lengths.iter().flatten().all(|&length| f64::from(length as f32) == length),
-            // The exact test is in `f64` for any cell vectors.
             Some(cell) => cell.fits_f32(),
         }
     }
@@ -156,8 +156,8 @@ impl Space {
     }
 }
 
-/// Returns the lengths of vectors that point along x, y and z, in this order. Shifts count the given vectors, so others
-/// along the axes need a cell.
+/// Returns the lengths of vectors that point along x, y and z, in this order; `None` for other vectors. Vectors along
+/// the axes in another order need a triclinic cell, because shifts count the given vectors.
 fn along_axes(edges: &[Option<[f64; 3]>; 3]) -> Option<[Option<f64>; 3]> {
     let mut lengths = [None; 3];
     for (axis, edge) in edges.iter().enumerate() {
@@ -177,7 +177,7 @@ fn along_axes(edges: &[Option<[f64; 3]>; 3]) -> Option<[Option<f64>; 3]> {
 /// most half of `length`, so 24 bits hold it. The integer part and its product with `length` fit the 53 bits of `f64`.
 #[inline(always)]
 fn wrap(x: f32, length: f32) -> f32 {
-    /// Below this number of lengths, the integer part gives the exact remainder, except next to a tie.
+    /// Number of lengths below which the integer part gives the exact remainder, except next to a tie.
     const NEAR: f64 = (1 << 20) as f64;
     let lengths = f64::from(x) / f64::from(length);
     if lengths.abs() < NEAR {
@@ -192,7 +192,7 @@ fn wrap(x: f32, length: f32) -> f32 {
     }
 }
 
-/// Returns the remainder of `x` of least magnitude, which is less than an ulp of `length` wrong.
+/// Returns the remainder of `x` of least magnitude, with an error below an ulp of `length`.
 fn remainder(x: f64, length: f64) -> f64 {
     let rest = x % length;
     if rest.abs() > 0.5 * length { rest - length.copysign(rest) } else { rest }

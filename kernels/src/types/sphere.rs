@@ -60,7 +60,7 @@ enum Layout<'a> {
 }
 
 impl<'a> Spheres<'a> {
-    /// Number of no group: see [`with_groups`](Self::with_groups).
+    /// Value for a sphere without a group; see [`with_groups`](Self::with_groups).
     pub const NO_GROUP: u32 = u32::MAX;
 
     fn of(layout: Layout<'a>) -> Self {
@@ -84,7 +84,7 @@ impl<'a> Spheres<'a> {
         }))
     }
 
-    /// Borrows points, with one radius for all, or one each.
+    /// Borrows points, with one radius for all points, or one radius each.
     ///
     /// # Errors
     /// [`InputError::Lengths`] unless there is one radius per point.
@@ -101,13 +101,8 @@ impl<'a> Spheres<'a> {
     ///
     /// # Errors
     /// [`InputError::Lengths`] unless there is one id per sphere.
-    pub fn with_species(mut self, species: &'a [u32]) -> Result<Self, InputError> {
-        if species.len() != self.len() {
-            let (length, expected) = (species.len(), self.len());
-            return Err(InputError::Lengths { what: "species", length, expected });
-        }
-        self.species = Some(species);
-        Ok(self)
+    pub fn with_species(self, species: &'a [u32]) -> Result<Self, InputError> {
+        Ok(Self { species: Some(self.one_each("species", species)?), ..self })
     }
 
     /// Adds a group per sphere, such as a molecule or a rigid body. Spheres of one group never pair, except in
@@ -115,13 +110,13 @@ impl<'a> Spheres<'a> {
     ///
     /// # Errors
     /// [`InputError::Lengths`] unless there is one group per sphere.
-    pub fn with_groups(mut self, groups: &'a [u32]) -> Result<Self, InputError> {
-        if groups.len() != self.len() {
-            let (length, expected) = (groups.len(), self.len());
-            return Err(InputError::Lengths { what: "groups", length, expected });
-        }
-        self.groups = Some(groups);
-        Ok(self)
+    pub fn with_groups(self, groups: &'a [u32]) -> Result<Self, InputError> {
+        Ok(Self { groups: Some(self.one_each("groups", groups)?), ..self })
+    }
+
+    fn one_each(&self, what: &'static str, values: &'a [u32]) -> Result<&'a [u32], InputError> {
+        let (length, expected) = (values.len(), self.len());
+        if length == expected { Ok(values) } else { Err(InputError::Lengths { what, length, expected }) }
     }
 
     /// Returns the number of spheres.
@@ -153,7 +148,7 @@ impl<'a> Spheres<'a> {
         }
     }
 
-    /// Never inlined: it would lengthen the loops of searches over `f32` rows and columns.
+    /// Rounds sphere `i`. Inlined, it would lengthen the loops of searches over `f32` rows and columns.
     #[cold]
     #[inline(never)]
     fn rounded(&self, i: usize) -> Sphere {
@@ -212,40 +207,28 @@ impl<'a> Spheres<'a> {
     #[inline]
     #[doc(hidden)]
     pub fn as_rows(&self) -> Option<&'a [Sphere]> {
-        match self.layout {
-            Layout::Rows(rows) => Some(rows),
-            Layout::Columns(_) | Layout::RowsF64(_) | Layout::Wide(_) => None,
-        }
+        if let Layout::Rows(rows) = self.layout { Some(rows) } else { None }
     }
 
     /// Returns rows of `f64` as one slice.
     #[inline]
     #[doc(hidden)]
     pub fn as_rows_f64(&self) -> Option<&'a [[f64; 4]]> {
-        match self.layout {
-            Layout::RowsF64(rows) => Some(rows),
-            Layout::Rows(_) | Layout::Columns(_) | Layout::Wide(_) => None,
-        }
+        if let Layout::RowsF64(rows) = self.layout { Some(rows) } else { None }
     }
 
     /// Returns columns of `f32`.
     #[inline]
     #[doc(hidden)]
     pub fn as_columns(&self) -> Option<[&'a [f32]; 4]> {
-        match self.layout {
-            Layout::Columns(columns) => Some(columns),
-            Layout::Rows(_) | Layout::RowsF64(_) | Layout::Wide(_) => None,
-        }
+        if let Layout::Columns(columns) = self.layout { Some(columns) } else { None }
     }
 
     /// Returns columns or points of `f64`.
     #[inline]
     #[doc(hidden)]
     pub fn as_strided_f64(&self) -> Option<Strided<'a, f64>> {
-        match self.layout {
-            Layout::Wide(Wide::F64(strided)) => Some(strided),
-            Layout::Rows(_) | Layout::Columns(_) | Layout::RowsF64(_) | Layout::Wide(Wide::F32(_)) => None,
-        }
+        if let Layout::Wide(Wide::F64(strided)) = self.layout { Some(strided) } else { None }
     }
 
     /// Returns the species ids.

@@ -8,17 +8,17 @@ use crate::{InputError, Space, Sphere};
 
 /// Thinnest box, as a fraction of its longest cell vector. In a thinner one, `f64` could not distinguish images.
 const MIN_THICKNESS: f64 = 1.0 / (1 << 24) as f64;
-/// Most steps and swaps of the lattice reduction. Allowed boxes need some hundreds.
+/// Most steps of the lattice reduction. Valid boxes need some hundreds.
 const MAX_REDUCTION_STEPS: usize = 1 << 16;
-/// Most steps that wrap a vector: each leaves about 2⁻⁵⁰ of its length.
+/// Most steps to wrap a vector. Each step leaves about 2⁻⁵⁰ of its length.
 const MAX_WRAP_STEPS: usize = 4;
 /// Gain that a swap of the reduction requires, so that rounding cannot make it cycle (Lovász's δ).
 const LLL_DELTA: f64 = 0.99;
 /// Growth of an orthogonalized sphere, as a fraction of its coordinates: four times the rounding to `f32`, on three
 /// axes.
 const ROUNDING: f64 = 1.0 / (1 << 21) as f64;
-/// Part of a sphere's distance from the origin that counts in the length scale of its rounding: [`ROUNDING`] times it,
-/// 2⁻⁴¹ of the distance, exceeds the rounding of coordinates in `f64`.
+/// Fraction of a sphere's distance from the origin that counts in the length scale of its rounding. [`ROUNDING`] times
+/// this fraction, 2⁻⁴¹, exceeds the rounding of coordinates in `f64`.
 const FAR: f64 = 1.0 / (1 << 20) as f64;
 /// Growth of orthogonalized radii: above the error of a GPU, 5 ulp of the squared cutoff.
 const REACH_MARGIN: f64 = 1.0 + 1.0 / (1 << 20) as f64;
@@ -30,7 +30,7 @@ const REACH_MARGIN: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 pub struct TriclinicCell {
     vectors: [Option<[f64; 3]>; 3],
     rank: usize,
-    /// A power of two that scales lengths before they meet the basis, so that no product overflows.
+    /// A power of two that scales lengths to the unit of the basis, so that no product overflows.
     unit: f64,
     /// Reduced vectors, followed by unit vectors that are orthogonal to all before.
     basis: [DVec3; 3],
@@ -83,7 +83,7 @@ impl TriclinicCell {
     /// Returns the map to the orthogonal space at this scale.
     pub fn orthogonal_space(&self, scale: f64) -> Orthogonalization {
         let heights = heights(&self.inverse);
-        // In a unit that is also a power of two, so that nothing is rounded twice.
+        // The factor is also a power of two, so that nothing is rounded twice.
         let factor = scale / self.unit;
         let lengths = [0, 1, 2].map(|k| match k < self.rank {
             true => f64::from(((heights[k] * factor) as f32).max(f32::MIN_POSITIVE)),
@@ -107,7 +107,7 @@ impl TriclinicCell {
     pub(crate) fn lattice(&self) -> Lattice {
         let mut basis = self.basis;
         for (vector, multiples) in basis.iter_mut().zip(&self.multiples).take(self.rank) {
-            // Without the rounding of the reduction.
+            // Recomputed, without the rounding of the reduction.
             *vector = DVec3::from(shifted([0.0; 3], *multiples, &self.vectors)) * self.unit;
         }
         Lattice::from_parts(self.rank, self.unit, basis, self.multiples)
@@ -115,12 +115,8 @@ impl TriclinicCell {
 
     /// Returns the length of the longest cell vector.
     pub fn longest(&self) -> f64 {
-        self.vectors
-            .iter()
-            .flatten()
-            .map(|edge| (DVec3::from(*edge) * self.unit).length())
-            .fold(0.0, f64::max)
-            / self.unit
+        let length = |edge: &[f64; 3]| (DVec3::from(*edge) * self.unit).length();
+        self.vectors.iter().flatten().map(length).fold(0.0, f64::max) / self.unit
     }
 
     /// Returns the number of cell vectors.
@@ -142,7 +138,7 @@ impl TriclinicCell {
         let scaled = DVec3::from(vector) * self.unit;
         let mut counts = [0.0; 3];
         let mut apart = scaled;
-        // Far away, the first division leaves more than half of a vector.
+        // For distant images, the first step leaves more than half of a vector.
         for _ in 0..MAX_WRAP_STEPS {
             let parts =
                 [0, 1, 2].map(|k| if k < self.rank { -self.inverse[k].dot(apart).round() } else { 0.0 });
@@ -220,8 +216,9 @@ pub(crate) fn power_of_two_below(number: f64) -> f64 {
     f64::from_bits(number.to_bits() & !FRACTION)
 }
 
-/// The map from a triclinic cell to orthogonalized coordinates: the distances from the planes that pairs of basis
-/// vectors span. Their space is periodic along the axes, and no distance grows by more than `stretch`.
+/// The map from a triclinic cell to orthogonalized coordinates, the distances from the planes that pairs of basis
+/// vectors span. The space of these coordinates is periodic along the axes, and distances grow at most by the factor
+/// `stretch`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orthogonalization {
     rank: usize,
@@ -229,7 +226,7 @@ pub struct Orthogonalization {
     inverse: [DVec3; 3],
     /// Length of each axis, an `f32` number; for an unbounded axis, its scale.
     lengths: [f64; 3],
-    /// Largest factor by which a distance grows.
+    /// Upper bound of the factor by which a distance grows.
     stretch: f64,
 }
 
@@ -250,9 +247,9 @@ impl Orthogonalization {
     }
 
     /// Orthogonalizes a valid sphere and wraps it to the image nearest to the origin. Spheres whose minimum images
-    /// touch also touch there: radii grow by `stretch`, and by more than rounding. That growth hardly depends on the
-    /// position, so a moving sphere keeps its radius. Radii are cut at `limit`, with which a sphere must touch all
-    /// others.
+    /// touch also touch in these coordinates, because radii grow by `stretch`, and by more than rounding. This growth
+    /// hardly depends on the position, so a moving sphere keeps its radius. Radii are at most `limit`, with which a
+    /// sphere must touch all others.
     pub fn sphere(&self, center: [f64; 3], radius: f64, limit: f64) -> Sphere {
         let center = DVec3::from(center) * self.unit;
         let mut orthogonal = Vec3::ZERO;
@@ -284,8 +281,8 @@ impl Orthogonalization {
     }
 }
 
-fn image_offsets(is_there: bool) -> std::slice::Iter<'static, f64> {
-    if is_there { [-1.0, 0.0, 1.0].iter() } else { [0.0].iter() }
+fn image_offsets(is_periodic: bool) -> std::slice::Iter<'static, f64> {
+    if is_periodic { [-1.0, 0.0, 1.0].iter() } else { [0.0].iter() }
 }
 
 fn orthogonal_part(basis: &[DVec3], k: usize) -> DVec3 {
@@ -297,7 +294,7 @@ fn orthogonal_part(basis: &[DVec3], k: usize) -> DVec3 {
     rest
 }
 
-/// Reduces the basis without changing the images. `multiples` has the multiple of each cell vector in each basis
+/// Reduces the basis without changing the images. `multiples` contains the multiple of each cell vector in each basis
 /// vector.
 fn reduce(basis: &mut [DVec3], multiples: &mut [[f64; 3]; 3]) {
     let mut k = 1;
@@ -325,7 +322,7 @@ fn reduce(basis: &mut [DVec3], multiples: &mut [[f64; 3]; 3]) {
     }
 }
 
-/// Completes the first `rank` vectors by orthogonal unit vectors.
+/// Completes the first `rank` vectors with orthogonal unit vectors.
 fn completed(mut basis: [DVec3; 3], rank: usize) -> [DVec3; 3] {
     match rank {
         1 => (basis[1], basis[2]) = basis[0].normalize().any_orthonormal_pair(),

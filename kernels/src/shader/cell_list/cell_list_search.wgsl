@@ -1,5 +1,5 @@
-// Tests each sphere's first candidates, usually all. Blocks with more are deferred to `cell_list_search_overflow`; of few
-// spheres, each chunk of candidates of a block has a workgroup here.
+// Tests the first chunk of candidates of each sphere, usually all. Blocks with more candidates are deferred to
+// `cell_list_search_overflow`. For few spheres, this kernel instead has a workgroup for each chunk of a block.
 #include cell_list_search read_write
 
 #ifdef REUSE
@@ -17,11 +17,11 @@ fn is_refused() -> bool {
 
 var<workgroup> most_candidates: atomic<u32>;
 
-// With a single level, a sphere has candidates in at most 14 cells and the cell of listed spheres.
+// With a single level, a sphere has candidates in at most 14 cells and in the cell of listed spheres.
 const MOST_CELLS: u32 = 15u;
 
-// Returns `true` if no sphere can have candidates in this chunk, by the largest number of spheres in a cell. Only
-// `scan_once` stores that number; it is 0 after the scan of more counters.
+// Returns `true` if no sphere can have candidates in this chunk, because the fullest cell has too few spheres. Only
+// `scan_once` stores the number of its spheres, which is 0 after other scans.
 fn is_past_last_chunk(chunk: u32) -> bool {
     let largest = starts[cell_list.cells + 2u];
     let is_known = cell_list.levels == 1u && largest != 0u;

@@ -1,5 +1,5 @@
-// Tests later chunks of candidates of deferred blocks, so that an overfull cell keeps the whole device busy within the
-// loop iterations that devices allow.
+// Tests the later chunks of candidates of deferred blocks, one per workgroup, so that an overfull cell occupies the
+// whole device within the limit of loop iterations.
 #include cell_list_search read
 
 fn is_refused() -> bool {

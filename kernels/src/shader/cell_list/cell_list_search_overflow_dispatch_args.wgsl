@@ -1,4 +1,5 @@
-// Arguments of the next submission: x counts the chunks of candidates of the sphere with the most, y and z count blocks.
+// Writes the dispatch arguments of the next submission: x is the largest number of chunks of a sphere; y and z count
+// blocks.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;

@@ -1,4 +1,4 @@
-// Each workgroup processes a block of cells, with any number of spheres.
+// Finds the first sphere of each cell. A workgroup processes a block of cells, with any number of spheres.
 #include layout
 #include cell_list
 #include thread
@@ -19,7 +19,7 @@ var<workgroup> firsts: array<atomic<u32>, BLOCK + BLOCK / 32u>;
 // The minimum of `firsts` over the cells after those of each thread.
 var<workgroup> later: array<u32, 512>;
 var<workgroup> block_range: array<u32, 2>;
-// The number of probes before each end of that range.
+// The number of probes before each end of `block_range`.
 var<workgroup> passed: array<atomic<u32>, 2>;
 const PROBES: u32 = WORKGROUP_SIZE / 2u;
 
@@ -57,8 +57,8 @@ fn cell_starts_find(
     if (first_cell >= counters) {
         return;
     }
-    // Either half of the workgroup searches for one end of the range. Each round divides `low..high` by the number of
-    // probes, a power of two: seven bits of the number of spheres.
+    // Each half of the workgroup searches for one end of the range. A round divides `low..high` by the number of
+    // probes, 2^7, so rounds are the bits of the number of spheres divided by seven.
     let half = thread.local_index / PROBES;
     let probe = thread.local_index % PROBES;
     let end_cell = first_cell + half * BLOCK;
@@ -127,7 +127,7 @@ fn cell_starts_find(
         later[front + thread.local_index] = value;
         workgroupBarrier();
     }
-    // Backwards: an empty cell starts where the next one does.
+    // Backward, because an empty cell starts at the start of the next cell.
     var start = end;
     if (thread.local_index + 1u < WORKGROUP_SIZE) {
         start = later[front + thread.local_index + 1u];

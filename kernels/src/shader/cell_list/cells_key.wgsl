@@ -1,4 +1,4 @@
-// Also counts the digits of the first radix pass.
+// Writes the cell of each sphere as its sort key, and counts the digits of the first radix pass.
 #include layout
 #include cell_list
 #include thread

@@ -17,8 +17,8 @@
 #ifdef REUSE
 #include cell_list_reuse
 
-// True if the cell of the sphere at `position` has too many spheres.
-fn is_crowded(position: u32) -> bool {
+// Returns `true` if the cell of the sphere at `position` has too many spheres.
+fn is_overfull(position: u32) -> bool {
     let cell = cells[position];
     let limit = max_occupancy_of(cell);
     return limit < cell_list.spheres - position && cells[position + limit] == cell;
@@ -42,7 +42,7 @@ fn spheres_gather(
         return;
     }
 #ifdef REUSE
-    if (is_crowded(position)) {
+    if (is_overfull(position)) {
         refuse_layout();
     }
 #endif

@@ -1,5 +1,6 @@
-// Only this kernel finds cells, because rounding may differ between kernels. Also records the depths that occur and, if
-// only overfull cells are split, counts smaller spheres per cell of the first level.
+// Finds the depth and the cells of each sphere. Only this kernel does, because rounding may differ between kernels. It
+// also records the depths that occur and, if only overfull cells are split, counts smaller spheres per cell of the
+// first level.
 #include layout
 #include thread
 #include sphere
@@ -27,7 +28,7 @@ fn exponent_of(value: f32) -> i32 {
     return i32(bitcast<u32>(value) >> 23u) - 127;
 }
 
-// The finest depth at which a sphere's box, widened for rounding, overlaps at most two cells per axis and has
+// Returns the finest depth at which a sphere's box, widened for rounding, overlaps at most two cells per axis and has
 // coordinates of at most 17 bits.
 fn depth_of(sphere: vec4<f32>, radius: f32) -> u32 {
     if (grid.split_policy == 0u) {
@@ -43,7 +44,7 @@ fn depth_of(sphere: vec4<f32>, radius: f32) -> u32 {
     return u32(clamp(finest, 0, 31));
 }
 
-// In cells of depth 0. Positions next to the origin become 0, so that no device flushes them.
+// Returns a position in cells of depth 0. Positions next to the origin become 0, so that no device flushes them.
 fn scaled(position: vec3<f32>) -> vec3<f32> {
     let offset = clamp(position - grid.origin, vec3(-0x1p126), vec3(0x1p126));
     let high = vec3<f32>(grid.high) + vec3(0x1.f8p-1);

@@ -1,6 +1,6 @@
-// Level by level; a split cell passes its smaller spheres to the next level. The object word has a bit per axis for the
-// sphere's first cell. The key marks passive entries: smaller spheres in a split cell, which meet only the spheres that
-// stay there.
+// Emits (cell, sphere) entries level by level. A split cell passes its smaller spheres to the next level. The object
+// word has a bit per axis that is set in the sphere's first cell. The key marks passive entries: smaller spheres in a
+// split cell, which are compared only with the spheres that stay in it.
 #include layout
 #include thread
 
@@ -16,14 +16,15 @@
 #include reserve entries
 #include workgroup_scan
 
-struct Share {
+// Position of the workgroup's entries, and the number of its spheres that continue.
+struct Reservation {
     first: u32,
     descending: u32,
 }
 
-var<workgroup> share: Share;
+var<workgroup> reservation: Reservation;
 
-// One bit per cell: with an entry, with a passive entry, and passing the sphere on.
+// One bit per cell: cells with an entry, with a passive entry, and that pass the sphere to the next level.
 struct Visit {
     entries: u32,
     passive: u32,
@@ -36,7 +37,7 @@ fn key_of(depth: u32, cell: vec3<i32>) -> u32 {
     return level.base + (hashed.x | (hashed.y << level.bits.x) | (hashed.z << (level.bits.x + level.bits.y)));
 }
 
-// `alive`: the sphere's cells in `above` that passed it on.
+// `alive` marks the sphere's cells in `above` that passed it to this level.
 fn visit(here: Cells, above: Cells, alive: u32, is_own: bool) -> Visit {
     var found = Visit(0u, 0u, 0u);
     for (var number = 0u; number < 8u; number++) {
@@ -97,11 +98,11 @@ fn entries_emit(
         let before = workgroup_scan(countOneBits(found.entries) | select(0u, 0x10000u, found.passed_down != 0u), thread);
         if (thread.local_index == 0u) {
             let all = workgroup_sum();
-            share = Share(entries_reserve(all & 0xffffu), all >> 16u);
+            reservation = Reservation(entries_reserve(all & 0xffffu), all >> 16u);
         }
-        let own_share = workgroupUniformLoad(&share);
-        var at_entry = own_share.first + (before & 0xffffu);
-        let fitting = select(0u, found.entries, own_share.first < params.entry_capacity);
+        let reserved = workgroupUniformLoad(&reservation);
+        var at_entry = reserved.first + (before & 0xffffu);
+        let fitting = select(0u, found.entries, reserved.first < params.entry_capacity);
         for (var left = fitting; left != 0u; left &= left - 1u) {
             if (at_entry >= params.entry_capacity) {
                 break;
@@ -113,7 +114,7 @@ fn entries_emit(
             objects[at_entry] = index | ((number ^ 7u) << 29u);
             at_entry += 1u;
         }
-        if (own_share.descending == 0u) {
+        if (reserved.descending == 0u) {
             break;
         }
         above = here;

@@ -9,10 +9,11 @@
 @group(0) @binding(3) var<storage, read_write> grid: Grid;
 #include float_order
 #include key_hash
+#include periods
 
 const SAMPLES: u32 = 256u;
-// Factor on the cell size of grids with levels: sizes that are each half of the next keep their depths although boxes
-// are widened.
+// Factor on the cell size of grids with levels. It lets spheres of half the size keep the next depth although boxes are
+// widened.
 const SLACK: f32 = 0x1.04p0;
 // Cells on either side of the origin; coordinates beyond share the outermost cell. Within them a box widens by at most
 // an eighth of a cell, so it overlaps at most two cells per axis.
@@ -41,10 +42,6 @@ fn cell_of(position: vec3<f32>, origin: vec3<f32>, inverse_edge: vec3<f32>) -> v
 }
 
 #ifdef PERIODIC
-fn periods() -> vec3<f32> {
-    return vec3(params.period_x, params.period_y, params.period_z);
-}
-
 // The image nearest to the first sphere keeps a cluster across the periodic boundary together.
 fn from_first(sample: vec3<f32>) -> vec3<f32> {
     let lengths = periods();
@@ -55,9 +52,9 @@ fn from_first(sample: vec3<f32>) -> vec3<f32> {
     return select(sample, d + shift, used);
 }
 
-// Cells around an axis, each at least `edge` wide; 0 for an unbounded axis. A multiple of four, so that neither the key
-// hash nor the periodic boundary merges neighbors, or a power of two so small that the axis has one cell until a depth
-// at which four fit.
+// Returns the number of cells around an axis, each at least `edge` wide; 0 for an unbounded axis. It is a multiple of
+// four, so that neither the key hash nor the periodic boundary merges neighbors, or a smaller power of two, for which
+// the axis has one cell until a depth at which four fit.
 fn ring_cells_of(length: f32, edge: f32) -> f32 {
     if (is_open(length)) {
         return 0.0;
@@ -76,10 +73,6 @@ fn ring_cells_of(length: f32, edge: f32) -> f32 {
     return max(bitcast<f32>(bitcast<u32>(ring_cells) & 0x7f800000u), MIN_RING_CELLS);
 }
 #else
-fn periods() -> vec3<f32> {
-    return vec3(0.0);
-}
-
 fn from_first(sample: vec3<f32>) -> vec3<f32> {
     return sample;
 }
@@ -196,7 +189,7 @@ fn grid_configure(
     grid.low = low;
     grid.high = high;
     grid.ordinary = select(0u, 1u, radius_min > 0x1p-40 && largest < 0x1p58);
-    // If the smallest sphere does not fit cells of half the size, all have depth 0.
+    // If the smallest sphere does not fit cells of half the size, all spheres have depth 0.
     let finest = max(inverse_edge.x, max(inverse_edge.y, inverse_edge.z));
     let some_fit = 4.0 * params.cell_ratio * (radius_min * finest) < 0x1.01p0;
     grid.split_policy = select(0u, params.split_policy, some_fit && open_inverse > 0.0);

@@ -1,4 +1,5 @@
-// In proportion to the spheres that may have entries; no level has more keys than cells.
+// Divides the keys among the levels in proportion to the spheres that may have entries. No level has more keys than
+// cells.
 #include layout
 #include thread
 

@@ -1,4 +1,5 @@
-// Inside overfull cells of the first level. Also counts the spheres that continue there.
+// Counts spheres per cell of the finer levels, inside overfull cells of the first level, and the spheres that continue
+// below the first level.
 #include layout
 #include thread
 
@@ -14,15 +15,15 @@ const WORKGROUP_SIZE: u32 = 256u;
 
 var<workgroup> group_descending: array<atomic<u32>, 32>;
 
-fn dense_cells(coarse: Cells) -> u32 {
-    var dense = 0u;
+fn overfull_cells(coarse: Cells) -> u32 {
+    var overfull = 0u;
     for (var number = 0u; number < 8u; number++) {
         let step = step_of(number);
         if (has_cell(coarse, step) && is_overfull(atomicLoad(&occupancy[occupancy_slot(0u, coarse.first + step)]))) {
-            dense |= 1u << number;
+            overfull |= 1u << number;
         }
     }
-    return dense;
+    return overfull;
 }
 
 @compute @workgroup_size(256)
@@ -48,9 +49,9 @@ fn levels_count(
     let own = cells_unpacked(words);
     if (any(words != NO_CELLS) && own.depth != 0u) {
         let coarse = cells_at(own, 0u);
-        let dense = dense_cells(coarse);
+        let overfull = overfull_cells(coarse);
         var depths = depths_to(atomicLoad(&bounds.depth_mask), own.depth) & ~1u;
-        if (dense != 0u) {
+        if (overfull != 0u) {
             atomicAdd(&group_descending[own.depth], 1u);
         } else {
             depths = 0u;
@@ -61,7 +62,7 @@ fn levels_count(
             for (var number = 0u; number < 8u; number++) {
                 let step = step_of(number);
                 let cell = here.first + step;
-                if (has_cell(here, step) && (dense & (1u << parent_of(cell, depth, coarse))) != 0u) {
+                if (has_cell(here, step) && (overfull & (1u << parent_of(cell, depth, coarse))) != 0u) {
                     occupancy_add(depth, cell, depth == own.depth);
                 }
             }

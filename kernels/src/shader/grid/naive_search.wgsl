@@ -1,5 +1,5 @@
-// Each workgroup tests 256 spheres with some tiles of larger indices, or of the second set, within the limit of
-// loop iterations of a device.
+// Each workgroup tests 256 spheres with some tiles of larger indices, or of the second set, within the limit of loop
+// iterations.
 #include layout
 #include thread
 #include sphere
@@ -74,7 +74,8 @@ fn naive_search(
             }
         }
         workgroupBarrier();
-        // Only larger indices in the block's own tile, and only spheres of the second set in its first tile.
+        // The block's own tile is tested only for larger indices, and the first tile of the second set only for its
+        // spheres.
         let of_second = max(params.second_set_start, column * WORKGROUP_SIZE) - column * WORKGROUP_SIZE;
         let begin = max(select(0u, thread.local_index + 1u, column == block), of_second);
         for (var first = 0u; first < WORKGROUP_SIZE; first += 32u) {

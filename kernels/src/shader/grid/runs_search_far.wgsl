@@ -1,5 +1,6 @@
-// Pairs of entries more than NEAR positions apart in one run. Each workgroup tests a deferred block of 256 entries with
-// some of the later tiles, so that an overfull cell occupies the whole device within the limit of loop iterations.
+// Finds pairs of entries more than NEAR positions apart in one run. Each workgroup tests a deferred block of 256
+// entries with some of the later tiles, so that an overfull cell occupies the whole device within the limit of loop
+// iterations.
 #include runs_search read
 #include reserve_by_subgroup
 #include entry
@@ -17,7 +18,7 @@ struct DeferredRange {
 
 var<workgroup> group_range: DeferredRange;
 
-// Hits whose pairs this cell owns and the call asks for.
+// Returns the hits whose pairs this cell owns and the call requests.
 fn owned_hits(object: u32, first: u32, hits: u32) -> u32 {
     var owned = 0u;
     for (var k = 0u; k < 32u; k++) {
@@ -82,10 +83,10 @@ fn runs_search_far(
 #endif
         }
         workgroupBarrier();
-        // In the first tile, only partners past the near ones, which end later for later threads.
+        // In the first tile, partners up to NEAR positions away are skipped; they end later for later threads.
         let begin = select(0u, thread.local_index, column == start);
         let finish = min(WORKGROUP_SIZE, end - column);
-        // Objects that share several cells skip all of these cells except one here.
+        // Objects that share several cells are skipped here in all of these cells except one.
         let query_owns = is_query && is_owned(query.object, atomicLoad(&tile_firsts));
         for (var first = 0u; first < WORKGROUP_SIZE; first += 32u) {
             let window = tile_window(first, begin, finish);

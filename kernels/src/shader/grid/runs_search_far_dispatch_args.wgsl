@@ -1,4 +1,5 @@
-// Arguments of the next submission: x counts the workgroups of the block with the most tiles, y and z count blocks.
+// Writes the dispatch arguments of the next submission: x counts the workgroups of the block with the most tiles; y and
+// z count blocks.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;
@@ -18,8 +19,7 @@ fn runs_search_far_dispatch_args() {
     atomicStore(&outcome.deferred_begin, begin);
     atomicStore(&outcome.deferred_end, begin + blocks);
     let per_workgroup = tiles_per_workgroup(blocks, tiles);
-    let layers = (blocks + MAX_GROUPS - 1u) / MAX_GROUPS;
     dispatch[0] = (tiles + per_workgroup - 1u) / per_workgroup;
     dispatch[1] = min(blocks, MAX_GROUPS);
-    dispatch[2] = layers;
+    dispatch[2] = (blocks + MAX_GROUPS - 1u) / MAX_GROUPS;
 }

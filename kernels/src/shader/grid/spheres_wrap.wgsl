@@ -15,8 +15,7 @@ fn spheres_wrap(
 #include thread_builtins
 ) {
 #include thread_from_builtins
-    let group = workgroup_index(id, groups);
-    let index = group * 256u + thread.local_index;
+    let index = workgroup_index(id, groups) * 256u + thread.local_index;
     if (index >= grid.spheres) {
         return;
     }

@@ -1,12 +1,13 @@
 // Tests a block of 256 sorted spheres, one per thread, with a chunk of each sphere's candidates.
 
 const WORKGROUP_SIZE: u32 = 256u;
-// Rows of cells per sphere and round.
+// Most iterations of each loop of `gather_hits` in a round.
 const ROWS: u32 = 256u;
-// Hits collected before they are written. Threads write the hits of a batch past these themselves.
+// Hits of a workgroup that are collected before they are written. A thread writes the further hits of its batch itself.
 const HITS: u32 = 1024u;
 
-// A bit for each hit of a batch that overflowed the list, and the number of the first of them, then its output position.
+// A bit for each hit of a batch that overflowed the list of hits. `number` is the position of the first of them in the
+// list, later in the output.
 struct HitOverflow {
     bits: u32,
     number: u32,
@@ -30,8 +31,8 @@ fn query_sphere(position: u32) -> QuerySphere {
     return QuerySphere(sorted[position], position, cells[position], sorted_species[position]);
 }
 
-// For the largest effective radii of both levels. Spheres of a narrow side pair with those of other sides within twice
-// the larger one.
+// Returns the reach of the largest effective radii of both levels. Spheres of a narrow side pair with spheres of other
+// sides within twice the larger radius.
 fn reach_at(query: QuerySphere, level: u32) -> f32 {
     let levels = vec2(level_of_cell(query.cell), level);
     let radii = vec2(cell_list.level[levels.x].max_radius, cell_list.level[levels.y].max_radius);
@@ -92,7 +93,7 @@ fn species_pair(query: QuerySphere, other: u32) -> bool {
 }
 #endif
 
-// A bit per candidate in `begin..end`, at most 32. One of the two loops is empty.
+// Returns a bit per candidate in `begin..end`, at most 32. One of the two loops is empty.
 fn candidate_hits(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: u32) -> u32 {
     var bits = 0u;
     let ordinary_end = select(begin, end, is_ordinary());
@@ -111,7 +112,7 @@ fn candidate_hits(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: 
     return bits;
 }
 
-// Hits in the window, across the sets, and of compared sides.
+// Returns the hits in the window, across the sets, and of compared sides.
 fn asked_for(query: QuerySphere, ranges: CandidateRanges, first: u32, found: u32) -> u32 {
     var bits = found;
     let all = asks_for_all(cell_list.spheres) && !mixes_sides();
@@ -178,8 +179,8 @@ fn next_level(neighbors: ptr<function, NeighborCells>, query: QuerySphere) {
     }
 }
 
-// Until the candidates or the chunk end, or the list of hits is full. The first chunk continues to the last cell, to
-// count the remaining candidates.
+// Collects hits until the candidates or the chunk end, or the list of hits is full. The first chunk continues to the
+// last cell, to count the remaining candidates.
 fn gather_hits(
     neighbors: ptr<function, NeighborCells>,
     query: QuerySphere,
@@ -228,8 +229,8 @@ fn index_in_pair(position: u32) -> u32 {
     return index;
 }
 
-// Stores the overflow flag and the dispatch arguments for at least `found` pairs, fewer than 2^32, of few spheres.
-// These only grow, so workgroups need no order, and the call no further dispatch.
+// Stores the overflow flag and the dispatch arguments for at least `found` pairs, fewer than 2^32, of few spheres. They
+// only grow, so workgroups may run in any order, and the call needs no further dispatch.
 fn finish_outcome(found: u32) {
     if (found > params.pair_capacity) {
         atomicOr(&outcome.overflow, 1u);
@@ -239,8 +240,8 @@ fn finish_outcome(found: u32) {
     atomicMax(&outcome.dispatch_y, groups.y);
 }
 
-// Called by a whole workgroup. For the first chunk, returns the number of candidates of this thread's sphere that are
-// left to later chunks.
+// Whole workgroups must call it. For the first chunk, returns the number of candidates of this thread's sphere that
+// remain for later chunks.
 fn search_candidates(block: u32, chunk: u32, local_index: u32) -> u32 {
     var query: QuerySphere;
     var neighbors: NeighborCells;
@@ -255,7 +256,7 @@ fn search_candidates(block: u32, chunk: u32, local_index: u32) -> u32 {
         atomicStore(&has_more, 0u);
     }
     workgroupBarrier();
-    // A round ends with a full list of hits, or after ROWS rows of cells of some sphere.
+    // A round ends with a full list of hits, after the last candidates, or after the most iterations.
     for (var round = 0u; round < 2u * params.candidates_per_invocation * WORKGROUP_SIZE / HITS; round++) {
         if (neighbors.level != NO_LEVEL) {
             gather_hits(&neighbors, query, chunk, &overflow);
@@ -278,7 +279,7 @@ fn search_candidates(block: u32, chunk: u32, local_index: u32) -> u32 {
             atomicStore(&has_more, 0u);
         }
         let written = workgroupUniformLoad(&gathered);
-        // No place if the output is full; a sum could wrap.
+        // A full output has no position for further hits. A sum could wrap.
         overflow.number = select(params.pair_capacity, written.y + overflow.number, written.y < params.pair_capacity);
         if (written.y < params.pair_capacity) {
             for (var iteration = 0u; iteration < HITS / WORKGROUP_SIZE; iteration++) {

@@ -1,4 +1,4 @@
-// At level 0 if the sphere's cell there has few spheres, else at the level of its size class.
+// A sphere's cell: at level 0 if its cell there has few spheres, else at the level of its size class.
 struct CellAssignment {
     cell: u32,
     // Occupancy of the cell of level 0 that the sphere leaves, or 0.
@@ -39,7 +39,7 @@ fn assign_cell(index: u32, sphere: vec4<f32>) -> CellAssignment {
 
 var<workgroup> group_occupancy: atomic<u32>;
 
-// Called by a whole workgroup, for the next call.
+// Records the largest occupancy for the next call. Whole workgroups must call it.
 fn record_occupancy(occupancy: u32, local_index: u32) {
     if (local_index == 0u) {
         atomicStore(&group_occupancy, 0u);

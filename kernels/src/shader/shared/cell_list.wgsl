@@ -1,4 +1,4 @@
-// Each sphere is in the one cell of its center, at the level of its size class. Level 0 of a side has depth 0, and
+// Each sphere is in the cell of its center, at the level of its size class. Level 0 of a side has depth 0, and
 // further levels the depths of smaller spheres. On each axis cells form a ring, so spheres that cannot be distinguished
 // share a cell, which costs tests but no pair.
 
@@ -6,9 +6,9 @@ const LEVELS: u32 = 32u;
 const DEPTHS: u32 = 16u;
 // Exponents of the effective radius.
 const CLASSES: u32 = 256u;
-// For size classes with so few spheres that these are listed instead of put into cells.
+// Level of the largest size classes, whose few spheres are listed instead of having cells.
 const LISTED: u32 = 255u;
-// Large spheres compared with all others instead of having cells.
+// Most spheres that are listed, which are compared with all others.
 const MAX_LISTED: u32 = 8u;
 
 // See layout.rs.

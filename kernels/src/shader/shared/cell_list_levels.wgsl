@@ -1,13 +1,13 @@
-// The levels of a cell list. Each side has the same number of them, one after the other; the first has depth 0, which
-// any sphere may use.
+// The levels of a cell list. Sides have equal numbers of levels, one side after the other. The first level of a side
+// has depth 0, and any sphere may use it.
 
-// The depths that occur, one bit each, and the depth of each level of a side: DEPTHS without spheres.
+// The depths that occur, one bit each, and the depth of each level of a side, DEPTHS for a level without spheres.
 var<workgroup> depths: atomic<u32>;
 var<workgroup> level_depths: array<atomic<u32>, DEPTHS>;
 var<workgroup> populations: array<atomic<u32>, LEVELS>;
 var<workgroup> on_side: array<atomic<u32>, MAX_SIDES>;
 
-// If spheres of the two sides are compared.
+// Returns `true` if spheres of the two sides are compared.
 fn meets(a: u32, b: u32) -> bool {
     let partners = select(params.partners_low, params.partners_high, a >= 4u) >> ((a % 4u) * 8u);
     return ((partners >> b) & 1u) != 0u;
@@ -21,7 +21,7 @@ fn is_first_of_side(level: u32) -> bool {
     return level % params.levels_per_side == 0u;
 }
 
-// With cells that hold a sphere of this radius.
+// Returns the finest depth with cells that are large enough for a sphere of this radius.
 fn finest_depth(radius: f32) -> u32 {
     if (is_single != 0u) {
         return 0u;
@@ -30,7 +30,7 @@ fn finest_depth(radius: f32) -> u32 {
     return u32(clamp(exponent_of(level_radius) - exponent_of(radius) - mantissa, 0, i32(DEPTHS) - 1));
 }
 
-// The level of a depth within its side. Beyond the levels of a side, neighboring depths share one.
+// Returns the level of a depth within its side. If more depths than levels occur, neighboring depths share a level.
 fn level_of_depth(depth: u32) -> u32 {
     let number = countOneBits(atomicLoad(&depths) & ((1u << depth) - 1u));
     let total = max(countOneBits(atomicLoad(&depths)), params.levels_per_side);
@@ -42,7 +42,7 @@ fn spheres_on_side(level: u32) -> u32 {
     return select(0u, atomicLoad(&on_side[min(side, MAX_SIDES - 1u)]), side < params.sides);
 }
 
-// If the level has cells although no sphere leaves overfull ones.
+// Returns `true` if the level has cells although no sphere leaves overfull cells.
 fn is_used(level: u32) -> bool {
     return level == 0u || (is_first_of_side(level) && spheres_on_side(level) != 0u);
 }
@@ -54,8 +54,8 @@ fn spheres_at(level: u32) -> u32 {
     return select(0u, spheres_on_side(level), is_first_of_side(level));
 }
 
-// The sphere at the finer level finds the other; at one level of different sides, a sphere of the side
-// with fewer spheres there.
+// Spheres at the finer level find the others. At one level of different sides, spheres of the side with fewer spheres
+// there do.
 fn set_searched_levels(level: u32, used: u32) {
     let side = level / params.levels_per_side;
     let own = 1u << (level % params.levels_per_side);
@@ -63,8 +63,8 @@ fn set_searched_levels(level: u32, used: u32) {
     for (var other = 0u; other < params.sides; other++) {
         let same = other * params.levels_per_side + level % params.levels_per_side;
         let fewer = spheres_at(level) < spheres_at(same) || (spheres_at(level) == spheres_at(same) && side < other);
-        let looks = (own - 1u) | select(0u, own, other != side && fewer);
-        searched_levels |= select(0u, (looks << (other * params.levels_per_side)) & used, meets(side, other));
+        let searched = (own - 1u) | select(0u, own, other != side && fewer);
+        searched_levels |= select(0u, (searched << (other * params.levels_per_side)) & used, meets(side, other));
     }
     cell_list.level[level].searched_levels = searched_levels;
     cell_list.level[level].searches_itself = select(0u, 1u, meets(side, side));

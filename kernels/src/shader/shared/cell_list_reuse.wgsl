@@ -1,4 +1,4 @@
-// A call with the cells of an earlier call is refused unless they suit its spheres.
+// A call that reuses the cells of an earlier call is refused unless they suit its spheres.
 #include outcome_clear
 
 // Bit of `overflow`: the cells do not suit the spheres.
@@ -12,7 +12,7 @@ fn refuse_layout() {
     }
 }
 
-// The most spheres of a cell; no limit for spheres that do not pair.
+// Returns the most spheres of a cell. Spheres that do not pair have no limit.
 fn max_occupancy_of(cell: u32) -> u32 {
     let limit = select(min(params.tau, MAX_OCCUPANCY), MAX_LISTED, cell == cell_list.cells);
     return select(limit, 0xffffffffu, cell > cell_list.cells);

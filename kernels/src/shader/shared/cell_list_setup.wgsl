@@ -1,4 +1,4 @@
-// Also clears the statistics and counters.
+// Chooses the cells of a cell list from the statistics of its spheres, which it clears.
 
 #include outcome_begin
 #include cell_list_levels
@@ -11,7 +11,7 @@ const SLACK: f32 = 0x1.04p0;
 const MIN_CELL_SIZE: f32 = 0x1p-90;
 // At or above this cell size, all spheres share one cell, so that nothing overflows.
 const MAX_CELL_SIZE: f32 = 0x1p120;
-// Rounding at the boundary stays below SLACK.
+// Most cells around a periodic axis, so that rounding at the boundary stays below SLACK.
 const MAX_RING_CELLS: f32 = 32768.0;
 // A box may begin 8 cells below a center, and centers of later calls may lie 8 cells below the lowest one.
 const MARGIN: u32 = 16u;
@@ -42,7 +42,8 @@ fn exponent_of(value: f32) -> i32 {
     return i32((bitcast<u32>(value) >> 23u) & 255u) - 127;
 }
 
-// Returns a vector with another component. Some compilers of DirectX refuse to store one by an index that varies.
+// Returns a vector with another component. Some compilers of DirectX refuse to store a component by an index that
+// varies.
 fn with_extent(extents: vec3<f32>, axis: u32, extent: f32) -> vec3<f32> {
     return select(extents, vec3(extent), vec3(0u, 1u, 2u) == vec3(axis));
 }
@@ -55,8 +56,8 @@ fn cube_root(value: f32) -> f32 {
     return pow(max(value, 0x1p-120), 1.0 / 3.0);
 }
 
-// The largest diameter of spheres with cells, or up to `cell_ratio` times as much if the table could not hold the
-// cells.
+// Chooses the largest diameter of spheres with cells, or up to `cell_ratio` times as much if the table is too small for
+// the cells.
 fn choose_cell_size() {
     let lengths = periods();
     let diameter = 2.0 * (bitcast<f32>(largest[atomicLoad(&base_class)]) * SLACK);
@@ -83,13 +84,13 @@ fn open_extent(axis: u32, level: u32) -> u32 {
     return open_number(from_sortable(high[axis]), level) - open_number(from_sortable(low[axis]), level) + 1u;
 }
 
-// If the product of `cells` is at most `room`. Divisions cannot overflow, and their rounding does not matter: an
-// integer is at most a quotient exactly if it is at most the quotient rounded down.
+// Returns `true` if the product of `cells` is at most `room`. Divisions cannot overflow, and their rounding does not
+// matter: an integer is at most a quotient exactly if it is at most the quotient rounded down.
 fn fit(cells: vec3<u32>, room: u32) -> bool {
     return room / cells.x / cells.y >= cells.z;
 }
 
-// The cells that the bounds or the period hold.
+// Returns the number of cells along each axis in the bounds or the period.
 fn cells_wanted(level: u32) -> vec3<u32> {
     let lengths = periods();
     let cell_size = f32(units) * power_of_two(unit_exponent - i32(depth_of(level)));
@@ -108,8 +109,8 @@ fn cells_wanted(level: u32) -> vec3<u32> {
     return wanted;
 }
 
-// For at most `room` cells: those wanted, except on the longest axes. Integers only: a root that is rounded up would
-// leave an axis one cell.
+// Returns the wanted cells, reduced on the longest axes to at most `room` cells in all. It uses only integers, because
+// a root that is rounded up would leave an axis one cell.
 fn cells_of_table(wanted: vec3<u32>, room: u32) -> vec3<u32> {
     var limit = 0u;
     let leading = countLeadingZeros(max(max(wanted.x, wanted.y), wanted.z));
@@ -143,8 +144,8 @@ fn set_level(level: u32, room: u32) {
     if (is_single == 0u) {
         let wanted = cells_wanted(level);
         cells = cells_of_table(wanted, room);
-        // The table repeats along an axis with more cells, so that those of a crowd are small. Whole repeats, because
-        // the first cell follows the last.
+        // The table repeats along an axis with more cells, so that the cells of a crowd are small. The number of
+        // repeats is an integer, because the first cell follows the last.
         repeats = wanted / cells;
     }
     level_cells[level] = cells;
@@ -174,15 +175,15 @@ fn set_call(count: u32) {
     atomicStore(&stats.quarantined, 0u);
 }
 
-// Fewer pairs of samples in one cell may be chance.
+// Pairs of samples in one cell, fewer of which may be chance.
 const MIN_SIGNIFICANT_PAIRS: f32 = 4.0;
 
-// If samples may miss cells of more than τ spheres.
+// Returns `true` if samples may miss cells of more than τ spheres.
 fn may_miss(count: u32, samples: u32) -> bool {
     return count > samples && MIN_SIGNIFICANT_PAIRS * f32(count) > f32(params.tau) * f32(samples) * f32(samples);
 }
 
-// Each call sets this word to 1.
+// Returns `true` in the first call, because each call sets this word to 1.
 fn is_first() -> bool {
     return atomicLoad(&outcome.dispatch_z) == 0u;
 }
@@ -200,8 +201,8 @@ fn sample_cell(number: u32, count: u32) -> u32 {
     return cell_of(wrapped_sphere(sphere).xyz, side_of(index) * params.levels_per_side);
 }
 
-// Smaller spheres leave overfull cells of level 0 if finer levels exist, and samples or the last call found such cells.
-// If both may miss some, the call looks for them.
+// Decides if smaller spheres leave overfull cells of level 0: if finer levels exist, and samples or the last call found
+// such cells. In a first call whose samples may miss such cells, they do.
 fn decide_descent(count: u32) {
     let finer = atomicLoad(&level_depths[1]) != DEPTHS;
     // The mean occupancy that a sphere sees: the fraction of ordered pairs of samples in one cell, times the spheres.
@@ -214,7 +215,7 @@ fn decide_descent(count: u32) {
     atomicStore(&outcome.max_occupancy, 0u);
 }
 
-// Called by the only workgroup.
+// The only workgroup must call it.
 fn configure(local_index: u32) {
     let count = min(count_source[0], params.spheres);
     var own_members = 0u;
@@ -368,7 +369,7 @@ fn configure(local_index: u32) {
         cell_list.levels = levels;
         used_levels = levels;
         let tiles = (count + max(params.radix_tile, 1u) - 1u) / max(params.radix_tile, 1u);
-        // No pair is found yet. `dispatch_z` says that the outcome is of a call.
+        // No pair is found yet. A `dispatch_z` of 1 means that a call has run.
         atomicStore(&outcome.dispatch_x, 0u);
         atomicStore(&outcome.dispatch_y, 1u);
         atomicStore(&outcome.dispatch_z, 1u);

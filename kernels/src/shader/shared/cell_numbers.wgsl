@@ -1,12 +1,12 @@
-// A coordinate times a power of two gives whole fixed-point units on an unbounded axis, divided as integers. Nothing is
-// rounded, so every kernel computes the same cell, and touching spheres lie in neighboring cells.
+// On an unbounded axis, a coordinate times a power of two is rounded down to fixed-point units, which are divided as
+// integers. So every kernel computes the same cell, and touching spheres lie in neighboring cells.
 
 // The cell of coordinate 0, before `low` is subtracted.
 const MIDDLE: u32 = 0x40000000u;
 const MAX_FAR_CELLS: u32 = 0x1fffffffu;
 
-// Whole cells in `units` fixed-point units, at most 2^30, modulo 2^32. A float estimate, corrected by integers, is
-// faster than an integer division.
+// Returns the whole cells in `units` fixed-point units, at most 2^30, modulo 2^32. A float estimate, corrected by
+// integers, is faster than an integer division.
 fn quotient(units: f32) -> u32 {
     let inverse = 1.0 / f32(cell_list.units_per_cell);
     let near = floor(units * inverse);
@@ -29,7 +29,7 @@ fn open_number(x: f32, level: u32) -> u32 {
 }
 
 #ifdef PERIODIC
-// Plus the number of cells around the axis, for coordinates up to half a period past the boundary.
+// Returns the cell plus the number of cells around the axis, for coordinates up to half a period past the boundary.
 fn ring_number(x: f32, around: u32, per_length: f32) -> u32 {
     return u32(i32(floor(x * per_length + 0.5 * f32(around))) + i32(around));
 }

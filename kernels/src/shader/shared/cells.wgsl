@@ -40,7 +40,8 @@ fn cells_around(depth: u32) -> vec3<i32> {
     return vec3<i32>(min(grid.ring_cells * bitcast<f32>((127u + depth) << 23u), vec3(0x1p30)));
 }
 
-// Axes with a single cell at this depth. In a smaller ring, spheres would share cells in which neither begins.
+// Returns the axes with a single cell at this depth. In a ring of two or three cells, spheres would share cells in
+// which neither begins.
 fn one_cell(depth: u32) -> vec3<bool> {
     return (grid.ring_cells != vec3(0.0)) & (cells_around(depth) < vec3(4));
 }
@@ -50,7 +51,7 @@ fn gathered(cells: Cells) -> Cells {
     return Cells(select(cells.first, vec3(0), one), select(cells.more, vec3(0), one), cells.depth);
 }
 
-// A sphere's cells are consecutive before, also across the periodic boundary.
+// Wraps a cell. A sphere's cells are numbered consecutively, also across the periodic boundary.
 fn in_ring(cell: vec3<i32>, depth: u32) -> vec3<i32> {
     let around = cells_around(depth);
     return cell + select(vec3(0), around, cell < vec3(0)) - select(vec3(0), around, cell >= around);
@@ -78,7 +79,7 @@ fn has_cell(cells: Cells, step: vec3<i32>) -> bool {
     return all(step <= cells.more);
 }
 
-// Among the sphere's cells at a coarser depth.
+// Returns the number of a cell's parent among the sphere's cells at a coarser depth.
 fn parent_of(cell: vec3<i32>, depth: u32, parents: Cells) -> u32 {
     return number_of(clamp((cell >> vec3(depth - parents.depth)) - parents.first, vec3(0), parents.more));
 }

@@ -1,16 +1,13 @@
 #include evaluation_order
+#include periods
 
 #ifdef PERIODIC
-// For an axis with this period, 0 for an unbounded axis; both coordinates lie within half a period of 0. Across the
-// boundary the result is a distance, without a sign.
+// Returns the displacement along an axis with this period, 0 for an unbounded axis. Both coordinates must lie within
+// half a period of 0. Across the boundary the result is a distance, without a sign.
 fn axis_displacement(a: f32, b: f32, period: f32) -> f32 {
     let half = 0.5 * period;
     let is_across = half > 0.0 && abs(a - b) > half;
     return select(a - b, across_boundary(a, b, half), is_across);
-}
-
-fn periods() -> vec3<f32> {
-    return vec3(params.period_x, params.period_y, params.period_z);
 }
 
 fn displacement(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
@@ -24,10 +21,6 @@ fn displacement(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {
 #else
 fn axis_displacement(a: f32, b: f32, period: f32) -> f32 {
     return a - b;
-}
-
-fn periods() -> vec3<f32> {
-    return vec3(0.0);
 }
 
 fn displacement(a: vec3<f32>, b: vec3<f32>) -> vec3<f32> {

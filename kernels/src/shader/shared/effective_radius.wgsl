@@ -1,5 +1,5 @@
-// Devices may flush any number below 2^-126, as operand and as result. A box is a sum of four numbers; this addition to
-// the radius exceeds the loss, and does not change radii of 2^-96 and above.
+// Summand of radii. Devices may flush any number below 2^-126, as operand and as result. A box is a sum of four
+// numbers, and this summand exceeds the loss. It does not change radii of 2^-96 and above.
 const FLUSHED: f32 = 0x1p-120;
 
 #ifdef SPECIES

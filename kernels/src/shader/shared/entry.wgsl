@@ -1,13 +1,13 @@
-// Each thread tests partners in its run up to NEAR positions away; tiles hold later ones. NEAR is a block's length, so
-// at most one run of a block has later partners.
+// Each thread tests the partners in its run up to NEAR positions away. Tiles contain the later partners. NEAR is a
+// block's length, so at most one run of a block has later partners.
 const NEAR: u32 = #{NEAR}u;
 
 fn index_of(object: u32) -> u32 {
     return object & 0x1fffffffu;
 }
 
-// `true` if the cell of two entries reports their pair: on each axis it is the larger of their first cells. Both
-// overlap the cell, so on each axis one of them begins there.
+// Returns `true` if the cell of two entries reports their pair: on each axis it must be the larger of their first
+// cells. Both overlap the cell, so it is if on each axis one of them begins there.
 fn is_owned(object: u32, other: u32) -> bool {
     return ((object | other) >> 29u) == 7u;
 }

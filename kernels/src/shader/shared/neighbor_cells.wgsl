@@ -1,4 +1,4 @@
-// The candidates of a sphere: rows of cells, each one or two ranges of the sorted spheres. Every pair is met from
+// The candidates of a sphere: rows of cells, each one or two ranges of the sorted spheres. Every pair is found from
 // exactly one of its spheres. A sphere is compared with
 // - the later spheres of its own cell, and of one half of the adjacent cells, if its level searches itself;
 // - at each of the searched levels, the spheres of all cells that its box overlaps when widened by that level's radius;
@@ -118,7 +118,7 @@ fn row_after(neighbors: NeighborCells, row: CellRow) -> CellRow {
     );
 }
 
-// For the sphere at `position` in the cell `own`.
+// Returns the candidates in a row, of the sphere at `position` in the cell `own`.
 fn range_of(neighbors: NeighborCells, row: CellRow, position: u32, own: u32) -> vec2<u32> {
     let cell = neighbors.base + (row.z * neighbors.around.y + row.y) * neighbors.around.x;
     // In the sphere's own row, the cells before its own are skipped.
@@ -156,7 +156,7 @@ fn next_ranges(neighbors: NeighborCells, position: u32, own: u32) -> CandidateRa
     return CandidateRanges(until, shift, last, vec2(e.x - until.w, begin - last), last + listed, wraps);
 }
 
-// Or to their part past the periodic boundary.
+// Continues after the rows of `ranges`, or with their part past the periodic boundary.
 fn skip_rows(neighbors: ptr<function, NeighborCells>, ranges: CandidateRanges) {
     (*neighbors).skipped += ranges.total;
     (*neighbors).tested = 0u;
@@ -173,7 +173,7 @@ fn enter_level(neighbors: ptr<function, NeighborCells>, level: u32, sphere: vec4
     var first = in_ring(low, around);
     var span = min(high - low, around - vec3(1u)) + vec3(1u);
 #ifdef PERIODIC
-    // A box as wide as the period covers it all; its corners may be too far away for cell numbers.
+    // A box as wide as the period overlaps all cells; its corners may be too far away for cell numbers.
     let whole = (periods() > vec3(0.0)) & (2.0 * half >= periods());
     first = select(first, vec3(0u), whole);
     span = select(span, around, whole);

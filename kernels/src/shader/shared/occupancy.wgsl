@@ -1,7 +1,7 @@
-// Per cell, the number of smaller spheres that overlap it; the highest bit is set if a sphere of the cell's own depth
-// does. Cells that share a counter look fuller. No count reaches the highest bit: a plan has fewer than 2^28.4 spheres,
-// since it has space for an entry of each, and a sphere adds 1 for each of its cells, at most eight per depth. Nearly
-// every sphere would need seven cells that the hash maps to the same one of 2^22 counters.
+// A counter per cell has the number of smaller spheres that overlap the cell; the highest bit is set if a sphere of the
+// cell's own depth does. Cells that share a counter seem fuller. No count reaches the highest bit: a plan has fewer
+// than 2^28.4 spheres, because it has space for an entry of each, and a sphere adds 1 for each of its cells, at most
+// eight per depth. Nearly every sphere would need seven cells that the hash maps to the same one of 2^22 counters.
 const HAS_OWN: u32 = 0x80000000u;
 
 // Only the first level uses the lower half, so its counts are final while the deeper levels are counted.

@@ -1,6 +1,6 @@
 #include displacement
 
-// Returns the difference of two coordinates times 2^100, if it is known to be below 2^-40.
+// Returns the difference of two coordinates, which must be at most 2^-40, times 2^100.
 fn scaled_axis_displacement(a: f32, b: f32, period: f32) -> f32 {
     if (max(abs(a), abs(b)) < 0x1p20) {
         // A periodic boundary farther away has no effect. Integers, because NVIDIA's compiler replaces a `select` by a
@@ -41,7 +41,7 @@ fn is_within(a: vec3<f32>, b: vec3<f32>, reach: vec2<f32>) -> bool {
     return is_within_scaled(a, b, reach, largest >= 1.0);
 }
 
-// The test without guards, for calls without extreme values.
+// Tests without guards, for calls without extreme values.
 fn is_within_ordinary(a: vec4<f32>, b: vec4<f32>) -> bool {
     let d = displacement(a.xyz, b.xyz);
     let s = a.w + b.w;

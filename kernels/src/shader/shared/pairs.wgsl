@@ -14,8 +14,8 @@ fn is_asked_for(a: u32, b: u32) -> bool {
     return crosses && is_in_window(min(a, b));
 }
 
-fn pair_write(place: u32, a: u32, b: u32) {
-    if (place < params.pair_capacity) {
-        pairs[place] = vec2(min(a, b), max(a, b));
+fn pair_write(position: u32, a: u32, b: u32) {
+    if (position < params.pair_capacity) {
+        pairs[position] = vec2(min(a, b), max(a, b));
     }
 }

@@ -1,14 +1,14 @@
 #include pairs
 
 #ifdef SUBGROUPS
-// Keeps the subgroup together in `pairs_reserve_by_subgroup`.
+// Lets whole subgroups call `pairs_reserve_by_subgroup`.
 fn any_in_subgroup(wanted: bool) -> bool {
     return subgroupAny(wanted);
 }
 
-// One atomic per subgroup and no workgroup barrier. Callers branch on `any_in_subgroup`, which is uniform in the
-// subgroup; no compiler can see that. The first active thread reserves: after a loop that diverged, no interface promises
-// that all threads of a subgroup are together again.
+// Reserves positions with one atomic per subgroup and no workgroup barrier. Callers branch on `any_in_subgroup`, which
+// is uniform in the subgroup, but no compiler can prove it. The first active thread reserves, because no interface
+// promises that all threads of a subgroup converge after a loop that diverged.
 #standard @diagnostic(off, subgroup_uniformity)
 fn pairs_reserve_by_subgroup(count: u32, thread: Thread) -> u32 {
     let before = subgroupExclusiveAdd(count);

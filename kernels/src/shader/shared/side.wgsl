@@ -1,4 +1,4 @@
-// The species decide. Each of two sets has sides of its own, those of the second after those of the first.
+// The sides of spheres, which their species decide. Two sets have separate sides: the sides of the second set follow.
 
 #ifdef SPECIES
 const MAX_SIDES: u32 = 8u;

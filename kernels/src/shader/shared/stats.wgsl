@@ -1,4 +1,5 @@
-// Bounds of the valid spheres, counts per size class and of invalid spheres. Clears the counters of the call.
+// Computes the bounds and counts per size class of the valid spheres, and the number of invalid spheres. Clears the
+// counters of the call.
 
 var<workgroup> group_low: array<atomic<u32>, 3>;
 var<workgroup> group_high: array<atomic<u32>, 3>;
@@ -9,7 +10,7 @@ var<workgroup> group_largest: array<atomic<u32>, 256>;
 
 // Consecutive spheres of one size class and side in a thread.
 struct Streak {
-    // Plus CLASSES times the side.
+    // The size class plus CLASSES times the side.
     size_class: u32,
     members: u32,
     largest: u32,
@@ -51,7 +52,7 @@ fn add_sphere(own: ptr<function, ThreadStats>, index: u32, sphere: vec4<f32>) {
     (*own).streak.largest = max((*own).streak.largest, radius);
 }
 
-// Called by a whole workgroup; each thread strides over the spheres from `first`.
+// Whole workgroups must call it. Each thread strides over the spheres from `first`.
 fn reduce_stats(first: u32, stride: u32, thread: Thread) {
     let local_index = thread.local_index;
     for (var side = 0u; side < params.sides; side++) {

@@ -11,7 +11,7 @@ struct Thread {
 #endif
 }
 
-// Dispatches have two dimensions, because one holds at most 65,535 workgroups.
+// Dispatches have two dimensions, because one dimension has at most 65,535 workgroups.
 fn workgroup_index(id: vec3<u32>, groups: vec3<u32>) -> u32 {
     return id.x + id.y * groups.x;
 }

@@ -1,6 +1,6 @@
 const WORKGROUP_SIZE: u32 = 256u;
 
-// Separate from the partial sums, which the next scan writes while some threads may still read the total.
+// The total is separate from the partial sums, which the next scan may write while some threads still read the total.
 var<workgroup> group_total: u32;
 
 fn workgroup_sum() -> u32 {
@@ -10,7 +10,8 @@ fn workgroup_sum() -> u32 {
 #ifdef SUBGROUPS
 var<workgroup> group_sums: array<u32, #{MAX_SUBGROUPS}>;
 
-// Exclusive prefix sum over the workgroup; `workgroup_sum` is the total until the next scan. Called by all threads.
+// Returns the exclusive prefix sum over the workgroup. `workgroup_sum` returns the total until the next scan. All
+// threads must call it.
 fn workgroup_scan(value: u32, thread: Thread) -> u32 {
     let before = subgroupExclusiveAdd(value);
     let sum = subgroupAdd(value);

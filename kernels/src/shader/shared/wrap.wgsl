@@ -21,7 +21,7 @@ fn bits_of(number: Number) -> u32 {
     return (number.digits << shift) + ((number.exponent - shift - 1u) << 23u);
 }
 
-// The remainder of least magnitude, as bits. Ties get the sign opposite to the coordinate's.
+// Returns the remainder of least magnitude, as bits. At a tie, its sign is opposite to the coordinate's sign.
 fn wrap(coordinate: u32, period: u32) -> u32 {
     let sign = coordinate & SIGN;
     let x = number_of(coordinate & ~SIGN);
@@ -30,7 +30,7 @@ fn wrap(coordinate: u32, period: u32) -> u32 {
         return coordinate;
     }
     if (x.exponent < length.exponent) {
-        // Within one period; in units of half its last place.
+        // Within one period, in units of half of the period's last place.
         if (x.digits < length.digits) {
             return coordinate;
         }
@@ -39,8 +39,8 @@ fn wrap(coordinate: u32, period: u32) -> u32 {
     // Numbers of 24 digits differ by less than a factor of two, so within two periods no division is needed.
     var rest = x.digits - select(0u, length.digits, x.digits >= length.digits);
     var left = x.exponent - length.exponent;
-    // Eight of at most 254 digits per iteration: 32 bits hold these and 24. The number of iterations varies, because compilers
-    // unroll fixed loops of up to 32 iterations.
+    // Each iteration divides eight of at most 254 binary digits, which with 24 digits of the remainder fit 32 bits. The
+    // number of iterations varies, because compilers unroll fixed loops of up to 32 iterations.
     let iterations = max((left + 7u) / 8u, select(0u, 1u, rest >= length.digits));
     for (var iteration = 0u; iteration < iterations; iteration++) {
         let step = min(left, 8u);

@@ -1,4 +1,4 @@
-// One thread per candidate.
+// Tests the candidates, one per thread.
 #include layout
 #include thread
 #include skin
@@ -18,7 +18,7 @@
 #include pairs
 
 var<workgroup> group_hits: atomic<u32>;
-var<workgroup> first_place: u32;
+var<workgroup> first_position: u32;
 
 fn is_hit(candidate: vec2<u32>) -> bool {
     let a = wrapped_sphere(spheres[candidate.x]);
@@ -59,9 +59,9 @@ fn candidates_test(
         if (total != 0u) {
             first = found_reserve(total);
         }
-        first_place = first;
+        first_position = first;
     }
-    let first = workgroupUniformLoad(&first_place);
+    let first = workgroupUniformLoad(&first_position);
     if (hit && first < params.pair_capacity) {
         pair_write(first + before, candidate.x, candidate.y);
     }

@@ -1,4 +1,4 @@
-// Also begins the outcome.
+// Writes the dispatch arguments of `candidates_test` after the search for candidates, and begins the outcome.
 #include layout
 #include skin
 
@@ -21,7 +21,7 @@ const WORK: u32 = 16u;
 fn candidates_test_dispatch_args() {
     let count = atomicLoad(&found.found_lo);
     let full = atomicLoad(&found.found_hi) != 0u || count > skin.candidate_capacity;
-    // An overflow of that search's pairs is an overflow of candidates here.
+    // An overflow of pairs in the search for candidates is an overflow of candidates here.
     let others = atomicLoad(&found.overflow) & ~(1u | SPHERES);
     let overflow = others | select(0u, CANDIDATES, full);
     let written = select(count, skin.candidate_capacity, full);
@@ -30,7 +30,7 @@ fn candidates_test_dispatch_args() {
     var left = (written + 255u) / 256u;
     let parts = max(arrayLength(&dispatch) / 3u, 1u);
     for (var part = 0u; part < parts; part++) {
-        // The plan gives parts a limit of one row.
+        // The plan limits a part to one row of workgroups.
         let taken = select(min(left, params.workgroups_per_dispatch), left, params.workgroups_per_dispatch == 0u);
         let groups = workgroups_2d(taken);
         dispatch[3u * part] = groups.x;

@@ -1,4 +1,5 @@
-// Spheres that never pair may move and grow.
+// Finds the largest displacement since the list was built, and changes of spheres. Spheres that never pair may move and
+// grow.
 #include layout
 #include thread
 #include sphere

@@ -1,5 +1,5 @@
 // For each digit, one workgroup turns its counts in all tiles into exclusive prefix sums and stores the total. With few
-// tiles, the first workgroup does all digits, one per thread, without a barrier.
+// tiles, the first workgroup processes all digits, one per thread, without a barrier.
 #include layout
 #include thread
 

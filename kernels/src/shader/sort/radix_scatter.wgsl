@@ -8,7 +8,7 @@
 @group(0) @binding(1) var<storage, read> sort_counts: SortCounts;
 @group(0) @binding(2) var<storage, read> keys: array<u32>;
 @group(0) @binding(3) var<storage, read> payload: array<u32>;
-// Per digit, the keys in the tiles before, and in all tiles.
+// Per digit, the number of keys in earlier tiles, and in all tiles.
 @group(0) @binding(4) var<storage, read> counts: array<u32>;
 @group(0) @binding(5) var<storage, read> totals: array<u32>;
 @group(0) @binding(6) var<storage, read_write> sorted_keys: array<u32>;
@@ -26,14 +26,14 @@ var<workgroup> scratch: array<atomic<u32>, #{RADIX_SCRATCH}>;
 var<workgroup> digits: array<u32, 256>;
 
 #ifdef SUBGROUP_RANKING
-// Each subgroup ranks its own part of the tile, with a table of 16-bit counters, two per word. Rows of keys update the
-// counters one after another: only a barrier after each row orders the updates of different lanes, which a stable sort
-// needs.
+// Each subgroup ranks its own part of the tile, with a table of 16-bit counters, two per word. A stable sort needs the
+// rows of keys to update the counters one after another, and only a barrier after each row orders updates of different
+// lanes.
 fn item_index(thread: Thread, item: u32) -> u32 {
     return thread.subgroup * thread.subgroup_size * ITEMS + item * thread.subgroup_size + thread.lane;
 }
 
-// Lanes with the same digit.
+// Returns the lanes with the same digit.
 fn same_digit(digit: u32) -> vec4<u32> {
     var same = subgroupBallot(digit != NO_DIGIT);
 #repeat BIT 8
@@ -72,8 +72,8 @@ fn clear_tables(thread: Thread) {
     workgroupBarrier();
 }
 
-// The number of earlier keys with this digit in this subgroup's part, and the digit in the upper half. Called by all
-// threads.
+// Returns the number of earlier keys with this digit in this subgroup's part, and the digit in the upper half. All
+// threads must call it.
 fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
     let digit = select(NO_DIGIT, digit_of(key), used);
     let same = same_digit(digit);
@@ -132,8 +132,8 @@ fn clear_tables(thread: Thread) {
     workgroupBarrier();
 }
 
-// Ranks within the whole tile. Threads with one digit set their bits in its 256-bit mask; the bits below a thread's own
-// bit are its rank.
+// Returns the rank within the whole tile. Threads with one digit set their bits in its 256-bit mask, and the number of
+// bits below a thread's own bit is its rank in the row.
 fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
     let digit = digit_of(key);
     let own_word = thread.local_index / 32u;

@@ -1,5 +1,5 @@
-// The whole exclusive prefix scan of the counters of few cells, in one workgroup. The largest counter is stored after the
-// last one.
+// Scans the counters of few cells in one workgroup: exclusive prefix sums, in place. The largest counter is stored
+// after the last sum.
 #include layout
 #include thread
 
