@@ -1,3 +1,5 @@
+//! Bit errors of receivers that decide on the symbols of a message.
+
 use crate::columns::column_of;
 use crate::interval::wilson;
 use crate::log::Log;
@@ -21,7 +23,7 @@ pub enum Detector {
 }
 
 impl Detector {
-    /// Detectors of receivers with a momentary count.
+    /// The detectors of receivers with momentary counts.
     pub const MOMENTARY: [Self; 3] = [Self::Peak, Self::Energy, Self::Strength];
 
     pub fn name(self) -> &'static str {
@@ -42,18 +44,19 @@ impl Detector {
     }
 }
 
+/// The results of a replica.
 #[derive(Clone, Debug, Default)]
 pub struct ReplicaFiles {
     pub seed: u64,
-    /// Empty if none was written.
+    /// Empty if the run logged no arrivals.
     pub log: Log,
     pub series: Series,
 }
 
 /// Bit errors at a receiver that observes the sent species in each slot, from any transmitter.
 ///
-/// On–off and concentration shift keying: a slot at or above a threshold has the next higher level. Molecule shift
-/// keying: the species with the most arrivals, the first of equal ones.
+/// With on–off and concentration shift keying, a quantity at or above a threshold means the next higher level. With
+/// molecule shift keying, the species with the largest quantity decides, the first of equal ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BitErrors {
     pub transmitter: usize,
@@ -65,6 +68,7 @@ pub struct BitErrors {
     /// Bits that are 1.
     pub ones: u64,
     decision: DetectionRule,
+    /// Bits per symbol.
     width: u32,
     /// Indexed by replica.
     slots: Vec<Vec<SymbolObservation>>,
@@ -72,12 +76,12 @@ pub struct BitErrors {
 
 #[derive(Clone, Debug, PartialEq)]
 enum DetectionRule {
-    /// From the lowest level to the highest.
+    /// Thresholds decide; symbols from the lowest level to the highest.
     Level(Vec<u32>),
     Species,
 }
 
-/// A sent symbol and its observation: arrivals, or the symbol with the most.
+/// A sent symbol, and the observed quantity, or with [`DetectionRule::Species`] the detected symbol.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct SymbolObservation {
     sent: u32,
@@ -85,7 +89,7 @@ struct SymbolObservation {
 }
 
 impl BitErrors {
-    /// Has no replicas yet.
+    /// Creates the errors of no replica.
     pub fn new(
         model: &Model,
         message: &Message,
@@ -107,6 +111,7 @@ impl BitErrors {
         Self { transmitter, receiver, detector, delay, bits: 0, ones: 0, decision, width, slots: Vec::new() }
     }
 
+    /// Adds a replica.
     pub fn add(&mut self, files: &ReplicaFiles, model: &Model, slots: &SymbolSlots) {
         let transmitter = &model.transmitters[self.transmitter];
         let Schedule::Message(message) = &transmitter.schedule else { return };
@@ -132,7 +137,8 @@ impl BitErrors {
         self.slots.push(all);
     }
 
-    /// Counts by entry of the burst: arrivals, or a list per row of the series.
+    /// Returns for each slot a list of counts by entry of the burst: one list of arrivals, or a list per row of the
+    /// series.
     fn observed(&self, files: &ReplicaFiles, model: &Model, slots: &SymbolSlots) -> Vec<Vec<Vec<u64>>> {
         let release = &model.transmitters[self.transmitter].release;
         if self.detector == Detector::Arrivals {
@@ -157,7 +163,8 @@ impl BitErrors {
         counts
     }
 
-    /// Returns the thresholds at which errors may change, and the wrong bits with each, if a single one decides.
+    /// Returns the thresholds at which errors may change, and the number of wrong bits with each; empty unless a single
+    /// threshold decides.
     pub fn by_threshold(&self) -> Vec<(u64, u64)> {
         let DetectionRule::Level(symbols) = &self.decision else { return Vec::new() };
         let &[low, high] = symbols.as_slice() else { return Vec::new() };
@@ -180,6 +187,7 @@ impl BitErrors {
         self.slots.iter().filter(|slots| !slots.is_empty()).count()
     }
 
+    /// Returns the number of thresholds.
     pub fn thresholds(&self) -> usize {
         match &self.decision {
             DetectionRule::Level(symbols) => symbols.len() - 1,
@@ -187,12 +195,12 @@ impl BitErrors {
         }
     }
 
-    /// Returns the largest count of a slot, if thresholds decide.
+    /// Returns the largest observed quantity, if thresholds decide.
     pub fn most(&self) -> u64 {
         self.slots.iter().flatten().map(|slot| slot.seen).max().unwrap_or(0)
     }
 
-    /// Returns the bit error rate with these ascending thresholds, over replicas, and the number of wrong bits.
+    /// Returns the bit error rate over replicas, with these ascending thresholds, and the number of wrong bits.
     pub fn at(&self, thresholds: &[u64]) -> (RunningStats, u64) {
         let symbol = |seen: u64| match &self.decision {
             DetectionRule::Level(symbols) => {

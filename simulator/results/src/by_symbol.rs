@@ -12,8 +12,8 @@ use lazygrid_sim::model::message::Message;
 use lazygrid_sim::random::philox::Key;
 
 /// The count of a receiver by the time within a slot and the slot's symbol, over slots and replicas. Arrivals are
-/// counted from the last row at or before the beginning, up to the row at the end. The row at the end has the next
-/// symbol's burst, so momentary counts leave it to the next slot.
+/// counted since the last row at or before the beginning of the slot, up to the row at its end. The row at the end
+/// includes the next symbol's burst, so it belongs to the next slot of momentary counts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CountsBySymbol {
     pub link: Link,
@@ -26,6 +26,7 @@ impl CountsBySymbol {
         Self { link, symbols: BTreeMap::new() }
     }
 
+    /// Returns `true` if any count is above 0.
     pub fn is_any(&self) -> bool {
         self.symbols.values().flat_map(BTreeMap::values).any(|sample| sample.mean() > 0.0)
     }

@@ -24,10 +24,11 @@ pub struct Channels {
     pub by_symbol: Vec<CountsBySymbol>,
 }
 
-/// Used without a message.
+/// Bins of a response without a message.
 const BINS: u32 = 100;
+/// Bins per symbol of a response with a message.
 const PER_SYMBOL: f64 = 20.0;
-/// Symbols of a response, and slots of interference.
+/// Symbols of a response with a message, and slots of interference.
 const SYMBOLS: usize = 8;
 
 impl Channels {
@@ -135,7 +136,8 @@ impl Channels {
         }
     }
 
-    /// Returns the errors of each message, receiver and detector at the first delay with the fewest.
+    /// Returns the errors of each message, receiver and detector at the delay with the fewest errors, the first of
+    /// equal ones.
     pub fn least_errors(&self) -> impl Iterator<Item = &BitErrors> {
         let same = |a: &BitErrors, b: &BitErrors| {
             (a.transmitter, a.receiver, a.detector) == (b.transmitter, b.receiver, b.detector)
@@ -166,7 +168,7 @@ impl Channels {
         Ok(())
     }
 
-    /// Writes the fraction of particles that arrives in each slot after the release.
+    /// Writes the fraction of particles that arrives, or is inside, in each slot after the release.
     pub fn write_interference(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(out, "transmitter,receiver,species,slot,replicas,part mean,part error")?;
         for interference in &self.interference {
@@ -240,7 +242,7 @@ fn delays(message: &Message, time_step: f64) -> impl Iterator<Item = u32> {
     delays.into_iter()
 }
 
-/// Such as `tx to rx: A`.
+/// Returns the name of a link, such as `tx to rx: A`.
 pub fn link_name(link: Link, model: &Model) -> String {
     format!(
         "{} to {}: {}",
@@ -259,6 +261,7 @@ fn names(link: Link, model: &Model) -> String {
     format!("{transmitter},{receiver},{species}")
 }
 
+/// Returns thresholds separated by spaces.
 pub fn spaced(thresholds: &[u64]) -> String {
     thresholds.iter().map(u64::to_string).collect::<Vec<_>>().join(" ")
 }

@@ -1,7 +1,8 @@
-//! Groups of counts that share a plot.
+//! Columns of the series, and groups of columns that share a plot.
 
 use lazygrid_sim::Model;
 
+/// Columns that share a plot.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ColumnGroup {
     pub name: &'static str,
@@ -32,6 +33,7 @@ pub fn groups(model: &Model) -> [ColumnGroup; 5] {
     ]
 }
 
+/// Returns the column of a receiver's count of a species.
 pub fn column_of(model: &Model, receiver: usize, species: usize) -> Option<usize> {
     let species_of = |at: usize| (0..model.species.len()).filter(move |&k| model.receivers[at].counts(k));
     let before = (0..receiver).map(|at| species_of(at).count()).sum::<usize>();

@@ -1,23 +1,26 @@
+//! The log of arrivals, releases and occupancy of a run.
+
 use std::path::Path;
 
 use lazygrid_sim::table::{TableReader, TableRow};
 use lazygrid_sim::{Error, Model, Receiver};
 
-/// In the order of steps.
+/// The log of a run, in the order of steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Log {
     pub arrivals: Vec<Arrived>,
     pub releases: Vec<Released>,
-    /// At each row of the series.
+    /// Particles inside or bound at each row of the series.
     pub inside: Vec<Inside>,
 }
 
+/// A particle that a receiver removed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrived {
     pub step: u32,
     pub receiver: usize,
     pub species: usize,
-    /// Transmitter, and completed steps at the release; `None` for inserted particles.
+    /// Index of the transmitter, and completed steps at the release; `None` for inserted particles.
     pub origin: Option<(usize, u32)>,
 }
 
@@ -32,6 +35,7 @@ pub struct Inside {
     pub count: u64,
 }
 
+/// Particles that a transmitter released.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Released {
     pub step: u32,

@@ -1,3 +1,5 @@
+//! Means over replicas and their standard errors.
+
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -17,7 +19,7 @@ impl IntegerStats {
     pub fn add(&mut self, value: u64) {
         self.count += 1;
         self.sum += u128::from(value);
-        // 2³² numbers of 2⁴⁸ fit.
+        // The squares of 2³² numbers below 2⁴⁸ fit.
         self.squares = self.squares.saturating_add(u128::from(value) * u128::from(value));
     }
 
@@ -30,7 +32,7 @@ impl IntegerStats {
         self.sum as f64 / self.count as f64
     }
 
-    /// Returns the standard error of the mean, √(s²/n) with s² = Σ(x − x̄)²/(n − 1); `None` below two values.
+    /// Returns the standard error of the mean, √(s²/n) with s² = Σ(x − x̄)²/(n − 1); `None` for fewer than two values.
     pub fn standard_error(&self) -> Option<f64> {
         let n = u128::from(self.count);
         let spread = n.saturating_mul(self.squares).saturating_sub(self.sum.saturating_mul(self.sum));
@@ -46,7 +48,7 @@ impl FromIterator<u64> for IntegerStats {
     }
 }
 
-/// Statistics of numbers by Welford's sums.
+/// Mean and standard error of numbers, by Welford's method.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct RunningStats {
     count: u64,
@@ -71,19 +73,20 @@ impl RunningStats {
         if self.count == 0 { f64::NAN } else { self.mean }
     }
 
-    /// Returns the standard error of the mean; `None` below two values.
+    /// Returns the standard error of the mean; `None` for fewer than two values.
     pub fn standard_error(&self) -> Option<f64> {
         let n = self.count as f64;
         (self.count > 1).then(|| (self.spread / (n - 1.0) / n).sqrt())
     }
 }
 
+/// The mean of the series of several replicas.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeanSeries {
     pub names: Vec<String>,
     pub steps: Vec<u32>,
     pub times: Vec<f64>,
-    /// Row after row.
+    /// Statistics of the counts, row after row.
     pub samples: Vec<IntegerStats>,
     pub replicas: u64,
 }
@@ -123,7 +126,8 @@ impl MeanSeries {
             self.samples = vec![IntegerStats::default(); series.counts.len()];
         }
         if self.names != series.names || self.steps != series.steps {
-            let message = "it has other columns or rows than the replicas before; run it again";
+            let message =
+                "the series has other columns or rows than those of earlier replicas; run the replica again";
             let source = io::Error::new(io::ErrorKind::InvalidData, message);
             return Err(Error::Read { path: path.to_owned(), source });
         }

@@ -4,6 +4,7 @@ use crate::log::{Log, Released};
 use crate::mean::RunningStats;
 use lazygrid_sim::Model;
 
+/// A transmitter, a receiver, and a species that arrives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Link {
     pub transmitter: usize,
@@ -24,7 +25,7 @@ impl Link {
         all
     }
 
-    /// Returns the released species that the particles on arrival are compared with.
+    /// Returns the species of the released particles to which the arriving ones are compared.
     pub fn source(self, model: &Model) -> SourceSpecies {
         let mut released = model.transmitters[self.transmitter].species();
         match released.any(|species| species as usize == self.species) {
@@ -42,7 +43,7 @@ impl Link {
     }
 }
 
-/// The released species of a link, the same in all replicas: one that releases none of it has no sample.
+/// The released species of a link. It is the same in all replicas; a replica that releases none of it adds no sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SourceSpecies {
     /// The transmitter of the model releases the arriving species.
@@ -56,8 +57,9 @@ pub enum SourceSpecies {
 pub struct Response {
     pub link: Link,
     from: SourceSpecies,
+    /// Steps per bin.
     pub width: u32,
-    /// Indexed by bin, over replicas.
+    /// Fraction in each bin, over replicas.
     pub parts: Vec<RunningStats>,
     /// Fraction up to the end of each bin, over replicas; empty for momentary counts.
     pub cumulative: Vec<RunningStats>,
@@ -94,7 +96,7 @@ impl Response {
             .for_each(|(part, (inside, released))| part.add(*inside as f64 / *released as f64));
     }
 
-    /// Adds a replica of `steps` steps. A release counts in bins that end no later than the run.
+    /// Adds a replica of `steps` steps. A release contributes only to bins that end no later than the run.
     pub fn add(&mut self, log: &Log, steps: u32) {
         let Self { link, from, width, .. } = *self;
         let bins = self.parts.len();
@@ -124,6 +126,7 @@ impl Response {
         }
     }
 
+    /// Returns `true` if any fraction is above 0.
     pub fn is_any(&self) -> bool {
         self.parts.iter().any(|part| part.mean() > 0.0)
     }
@@ -156,7 +159,7 @@ mod tests {
         response.add(&log, 12);
         let parts: Vec<f64> = response.parts.iter().map(RunningStats::mean).collect();
         assert_eq!(parts[..3], [0.15, 0.1, 0.1]);
-        assert!(parts[3].is_nan(), "nobody had 16 steps");
+        assert!(parts[3].is_nan(), "no release had 16 steps");
         let cumulative: Vec<f64> = response.cumulative.iter().map(RunningStats::mean).collect();
         assert!((cumulative[2] - 0.35).abs() < 1e-12);
         response.add(&Log { arrivals: vec![], ..log.clone() }, 12);

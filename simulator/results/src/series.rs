@@ -5,9 +5,10 @@ use std::path::Path;
 use lazygrid_sim::Error;
 use lazygrid_sim::table::TableReader;
 
+/// The counts of a run at some of its steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Series {
-    /// See [`names`](lazygrid_sim::series::names).
+    /// Names of the columns; see [`names`](lazygrid_sim::series::names).
     pub names: Vec<String>,
     pub steps: Vec<u32>,
     /// Time in s, by row.
@@ -17,6 +18,8 @@ pub struct Series {
 }
 
 impl Series {
+    /// Reads a file.
+    ///
     /// # Errors
     /// [`Error::Read`] with the line if the file cannot be read or is not a series.
     pub fn read(path: &Path) -> Result<Self, Error> {

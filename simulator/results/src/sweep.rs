@@ -1,3 +1,5 @@
+//! The results of the points of a sweep, `sweep.csv`.
+
 use std::io::{self, Write};
 
 use crate::channel::{Channels, link_name};
@@ -5,20 +7,22 @@ use crate::columns::groups;
 use crate::mean::MeanSeries;
 use lazygrid_sim::Model;
 
+/// A result of a point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepResult {
     /// Group, such as `particles` or `bit errors`.
     pub group: &'static str,
     pub name: String,
-    /// Mean over replicas, or the rate of all bits.
+    /// Mean over replicas, or the error rate over the bits of all replicas.
     pub value: f64,
     /// One standard error around the mean, or the 95 % interval of a bit error rate; `None` for one replica.
     pub bounds: Option<[f64; 2]>,
 }
 
-/// Group of the error rates, for logarithmic axes.
+/// Group of the bit error rates, which plots show on logarithmic axes.
 pub const BIT_ERRORS: &str = "bit errors";
 
+/// A point of a sweep and its results.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepRow {
     pub values: Vec<String>,
@@ -53,7 +57,7 @@ impl SweepRow {
             let name = link_name(response.link, model);
             let bin = f64::from(response.width) * model.time_step;
             let means = || response.parts.iter().enumerate().filter(|(_, part)| part.count() > 0);
-            // The last of equal ones is the first in reverse.
+            // `max_by` returns the last of equal bins, which is the first in reverse.
             if let Some((k, _)) = means().rev().max_by(|a, b| a.1.mean().total_cmp(&b.1.mean())) {
                 self.add("peak time", format!("{name} peak time"), (k as f64 + 0.5) * bin, None);
             }

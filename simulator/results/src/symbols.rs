@@ -1,3 +1,5 @@
+//! Symbol slots, and interference between symbols.
+
 use crate::log::Log;
 use crate::mean::RunningStats;
 use crate::response::{Link, SourceSpecies};
@@ -28,18 +30,20 @@ impl SymbolSlots {
         self.len() == 0
     }
 
-    /// Returns the slot of a release, or of a row of momentary counts: a row has the state after the releases of its
-    /// step, so that the row at the end of a slot belongs to the next one.
+    /// Returns the slot of a release, or of a row of momentary counts. A row includes the releases of its step, so the
+    /// row at the end of a slot belongs to the next slot.
     pub(crate) fn of_release(&self, step: u32) -> Option<usize> {
         let after = self.bounds.partition_point(|&begin| begin <= step);
         (1..=self.len()).contains(&after).then(|| after - 1)
     }
 
+    /// Returns the slot of an arrival, whose step ends at `step`.
     pub(crate) fn of_arrival(&self, step: u32) -> Option<usize> {
         self.of_release(step.checked_sub(1)?)
     }
 }
 
+/// Returns the messages of a model, with the indices of their transmitters.
 pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
     model.transmitters.iter().enumerate().filter_map(|(place, transmitter)| match &transmitter.schedule {
         Schedule::Message(message) => Some((place, message)),
@@ -53,8 +57,9 @@ pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
 pub struct Interference {
     pub link: Link,
     from: SourceSpecies,
+    /// Indexed by the number of slots from the symbol's own.
     pub by_lag: Vec<RunningStats>,
-    /// Fraction of arrivals after the symbol's own slot.
+    /// Fraction of a symbol's arrivals that come after its own slot.
     pub late: RunningStats,
 }
 
@@ -63,7 +68,7 @@ impl Interference {
         Self { link, from, by_lag: vec![RunningStats::default(); lags], late: RunningStats::default() }
     }
 
-    /// Adds a replica. A symbol enters the lags whose slots are complete.
+    /// Adds a replica. A symbol contributes only to lags whose slots are complete.
     pub fn add(&mut self, log: &Log, slots: &SymbolSlots) {
         let (link, lags) = (self.link, self.by_lag.len());
         let released = released(link, self.from, log, slots);
@@ -104,7 +109,7 @@ impl Interference {
     }
 
     fn add_parts(&mut self, counts: impl Iterator<Item = (u64, u64)>) {
-        // `None` until the lag of the symbols' own slots has a sample, without which no fraction is late.
+        // `None` until the symbols' own slots have a sample, without which the late fraction is unknown.
         let (mut own, mut late) = (None, 0.0);
         for (lag, (count, of)) in counts.enumerate().filter(|(_, (_, of))| *of > 0) {
             let part = count as f64 / of as f64;
@@ -120,6 +125,7 @@ impl Interference {
     }
 }
 
+/// Returns the number of particles released in each slot.
 fn released(link: Link, from: SourceSpecies, log: &Log, slots: &SymbolSlots) -> Vec<u64> {
     let mut released = vec![0_u64; slots.len()];
     for release in link.releases(log, from) {
@@ -248,7 +254,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn interference_goes_by_slots_from_the_release() {
+    fn interference_counts_slots_from_the_release() {
         // In their own slots 6, 4, 5 of 10; in the next 2 and 1; then 1.
         let log = log(&[(0, 0, 6), (0, 1, 2), (0, 2, 1), (2, 2, 4), (2, 3, 1), (3, 3, 5)]);
         let mut interference = Interference::new(LINK, SourceSpecies::Arriving, 4);

@@ -17,7 +17,8 @@ pub use space::{AxisName, Boundary, BoundaryKind, Ends, Flow, Profile};
 /// Parses the text of a scenario file.
 ///
 /// # Errors
-/// For a text that is no TOML, for unknown and missing keys, and for values of the wrong type or outside their range.
+/// Returns an error for a text that is not TOML, for unknown and missing keys, and for values of the wrong type or
+/// range.
 pub fn parse(text: &str) -> Result<File, toml::de::Error> {
     toml::from_str(text)
 }
@@ -289,7 +290,7 @@ pub enum FrameFormat {
     Npy,
 }
 
-/// Checked when read, so that an error names its line.
+/// Defines a number type that is checked when it is read, so that an error names its line.
 macro_rules! number {
     ($name:ident, $rule:expr, $allowed:literal) => {
         #[derive(Clone, Copy, Debug, Default, Deserialize)]
@@ -301,7 +302,7 @@ macro_rules! number {
 
             fn try_from(value: f64) -> Result<Self, String> {
                 let rule: fn(f64) -> bool = $rule;
-                // Positions and radii are single precision.
+                // Positions and radii have single precision.
                 let fits = value.is_finite() && (value as f32).is_finite();
                 if fits && rule(value) {
                     Ok(Self(value))
@@ -318,6 +319,7 @@ number!(NotNegative, |value| value >= 0.0, "a number from 0 to 3.4e38");
 number!(Finite, |_| true, "a number between -3.4e38 and 3.4e38");
 number!(Probability, |value| value > 0.0 && value <= 1.0, "a probability above 0 and at most 1");
 
+/// The number of dimensions, from 1 to 3.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(try_from = "i64")]
 pub struct Dimensions(pub usize);
@@ -333,7 +335,7 @@ impl TryFrom<i64> for Dimensions {
     }
 }
 
-/// Positive; 1 by default.
+/// A positive number, 1 by default.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(transparent)]
 pub struct One(pub Positive);
@@ -344,6 +346,7 @@ impl Default for One {
     }
 }
 
+/// A name of letters, digits, `_`, `.` and `-`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "String")]
 pub struct Name(pub String);

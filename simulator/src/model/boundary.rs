@@ -10,7 +10,7 @@ pub enum Axis {
     /// Unbounded.
     #[default]
     Open,
-    /// Walls at both coordinates, in µm; they reflect surfaces of spheres.
+    /// Walls at both coordinates, in µm, that reflect the surfaces of spheres.
     Reflecting { low: f32, high: f32 },
     /// Periodic: `high` is the same position as `low`, in µm.
     Periodic {
@@ -32,6 +32,7 @@ impl Axis {
         }
     }
 
+    /// Reflects or wraps a coordinate into the interval.
     #[inline(always)]
     pub fn confine(self, x: f32) -> f32 {
         match self {
@@ -53,7 +54,7 @@ impl Axis {
         }
     }
 
-    /// Returns `true` if reflections reverse a particle that would end at `x` without walls.
+    /// Returns `true` if an odd number of reflections reverses a path that would end at `x` without walls.
     #[inline(always)]
     pub fn turns(self, x: f32) -> bool {
         match self {
@@ -65,17 +66,19 @@ impl Axis {
         }
     }
 
+    /// Returns the minimum image of a displacement, in µm.
     pub(crate) fn displacement_exact(self, d: f64) -> f64 {
         match self {
             Self::Periodic { low, high } => {
                 let length = f64::from(high - low);
-                // A quotient takes long.
+                // Division is slow, and few displacements need it.
                 if 2.0 * d.abs() < length { d } else { d - length * (d / length).round() }
             }
             _ => d,
         }
     }
 
+    /// Returns the minimum image of a displacement, in µm.
     #[inline(always)]
     pub fn displacement(self, d: f32) -> f32 {
         match self {
@@ -90,8 +93,8 @@ impl Axis {
 
 /// Reduces a displacement modulo `2 * length`; results above `length` are on the return path.
 #[inline(always)]
-fn round_trip(way: f32, length: f32) -> f32 {
-    way - 2.0 * length * (way / (2.0 * length)).floor()
+fn round_trip(displacement: f32, length: f32) -> f32 {
+    displacement - 2.0 * length * (displacement / (2.0 * length)).floor()
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -125,11 +128,12 @@ impl Boundary {
         self.vessel.and_then(|vessel| vessel.along)
     }
 
+    /// Sets the components along absent axes to 0.
     pub(crate) fn flattened(&self, v: [f32; 3]) -> [f32; 3] {
         std::array::from_fn(|k| if self.axes[k] == Axis::Frozen { 0.0 } else { v[k] })
     }
 
-    /// Keeps a uniform direction uniform in the dimensions of the run.
+    /// Projects a uniformly random direction onto the dimensions of the run, in which it stays uniform.
     pub(crate) fn direction_within(&self, direction: [f32; 3]) -> [f32; 3] {
         if self.dimensions() == 3 {
             return direction;
@@ -159,7 +163,7 @@ impl Boundary {
         }
     }
 
-    /// Returns the first direction in which a sphere of this radius does not fit, and the width.
+    /// Returns the first direction in which a sphere of this radius does not fit, and the distance of its walls, in µm.
     pub fn too_narrow(&self, radius: f32) -> Option<(&'static str, f32)> {
         let inset = self.inset(radius);
         let walls = ["along x", "along y", "along z"].into_iter().zip(self.axes.into_iter().zip(inset.axes));
@@ -183,7 +187,7 @@ impl Boundary {
         }
     }
 
-    /// Returns `true` if no wall separates a point from the inside. Up to rounding it may lie beyond one.
+    /// Returns `true` if a point is inside all walls, or outside by no more than rounding.
     pub(crate) fn is_inside_walls(&self, p: [f32; 3]) -> bool {
         let is_between = |(axis, x): (Axis, f32)| match axis {
             Axis::Reflecting { low, high } => {
@@ -196,7 +200,7 @@ impl Boundary {
             && self.vessel.is_none_or(|vessel| vessel.distance(p) as f32 <= vessel.radius * (1.0 + 1e-6))
     }
 
-    /// Points from `p` to the nearest periodic image of `q`.
+    /// Returns the vector from `p` to the nearest periodic image of `q`.
     #[inline(always)]
     pub fn displacement(&self, p: [f32; 3], q: [f32; 3]) -> [f32; 3] {
         [
@@ -222,7 +226,7 @@ mod tests {
     }
 
     #[test]
-    fn an_odd_number_of_walls_turns_round() {
+    fn odd_number_of_reflections_reverses_the_path() {
         let axis = Axis::Reflecting { low: -1.0, high: 3.0 };
         for (to, turns) in [
             (0.5, false),
@@ -258,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn images_are_one_place() {
+    fn coordinates_are_wrapped_into_the_period() {
         let axis = Axis::Periodic { low: -1.0, high: 3.0 };
         for (from, to) in
             [(0.5, 0.5), (-1.5, 2.5), (3.0, -1.0), (7.5, -0.5), (-1.0, -1.0), (-1.0 - 1e-9, -1.0)]

@@ -16,8 +16,8 @@
 //! ```
 //!
 //! In a step the probability of a tumble is λ₀Δt/(1 + λ₀Δt/2) times λ/λ₀, whose stationary density of directions is the
-//! same at any time step, as long as the probability is at most 1. Without a gradient the diffusion coefficient v²/3λ₀
-//! is, too.
+//! same at any time step, as long as the probability is at most 1. The diffusion coefficient without a gradient,
+//! v²/(3λ₀), does not depend on the time step either.
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
@@ -31,7 +31,7 @@ pub struct Attractant {
     pub profile: AttractantProfile,
 }
 
-/// A concentration by the displacement from its center, in any unit.
+/// A concentration, in any unit, as a function of the displacement from the attractant's center.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AttractantProfile {
     /// The `level` at the center plus a gradient, but not below 0.
@@ -56,7 +56,7 @@ pub enum AttractantProfile {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chemotaxis {
-    /// Index in the model.
+    /// Index of the attractant in the model.
     pub attractant: u32,
     /// Sensitivity χ: in s over the unit of the concentration, with `half_saturation` in s. A negative one repels.
     pub sensitivity: f64,
@@ -86,12 +86,12 @@ impl Attractant {
         }
     }
 
-    /// Returns the largest gradient of the response B, per µm, to a thousandth of the range of a profile.
+    /// Returns the largest gradient of the response B, per µm; for a Gaussian, the largest of 1000 samples.
     fn steepest(&self, half_saturation: Option<f64>) -> f64 {
         const SAMPLES: u32 = 1000;
         let response = |c: f64| half_saturation.map_or(1.0, |k| k / ((k + c) * (k + c)));
         match self.profile {
-            // The response is the strongest at c = 0.
+            // dB/dc is largest at c = 0.
             AttractantProfile::Linear { gradient, .. } => response(0.0) * dot(gradient, gradient).sqrt(),
             AttractantProfile::Gaussian { peak, width } => {
                 let at = |k: u32| {
@@ -101,7 +101,7 @@ impl Attractant {
                 };
                 (1..=SAMPLES).map(at).fold(0.0, f64::max)
             }
-            // The product of response and gradient, K/(K + c)²·c²/(c₀R), rises with c up to the surface.
+            // The gradient of B, K/(K + c)²·c²/(c₀R) with the peak c₀, rises with c up to the surface.
             AttractantProfile::Source { peak, radius } => response(peak) * peak / radius,
         }
     }
@@ -111,15 +111,16 @@ impl Chemotaxis {
     /// Returns λ/λ₀ of a swimmer with this velocity, in µm/s.
     pub(crate) fn rate_factor(&self, (c, gradient): (f64, [f64; 3]), velocity: [f32; 3]) -> f64 {
         let rise = dot(gradient, velocity.map(f64::from));
-        let occupied = match self.half_saturation {
+        let change = match self.half_saturation {
             Some(k) => rise * k / ((k + c) * (k + c)),
             None => rise,
         };
-        libm::exp(-self.sensitivity * occupied)
+        libm::exp(-self.sensitivity * change)
     }
 }
 
 impl Model {
+    /// Returns the largest λ/λ₀ of a species at any position and direction.
     pub(crate) fn largest_rate_factor(&self, species: usize) -> f64 {
         let species = &self.species[species];
         let Some(Chemotaxis { attractant, sensitivity, half_saturation }) = species.chemotaxis else {

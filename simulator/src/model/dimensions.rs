@@ -6,7 +6,7 @@ use crate::model::transmitter::Shape;
 use crate::model::{Flow, Model};
 
 impl Model {
-    /// Fault if a run of fewer than three dimensions has what only three have.
+    /// Returns the fault of a run of one or two dimensions that uses a feature of three.
     pub(crate) fn beyond_dimensions(&self) -> Option<String> {
         let dimensions = self.boundary.dimensions();
         if dimensions == 3 {
@@ -14,10 +14,12 @@ impl Model {
         }
         let fault = |what: String| Some(format!("a run of dimensions = {dimensions} has no {what}"));
         if (0..3).any(|k| (self.boundary.axes[k] == Axis::Frozen) != (k >= dimensions)) || dimensions == 0 {
-            return fault("such axes; freeze z, or y and z".to_owned());
+            return Some("the frozen axes must be z, or y and z".to_owned());
         }
         if self.boundary.vessel.is_some_and(|vessel| dimensions == 1 || vessel.along != Some(2)) {
-            return fault("such vessel; make it a box, or in two dimensions a cylinder along z".to_owned());
+            return fault(
+                "vessel of this kind; make it a box, or in two dimensions a cylinder along z".to_owned(),
+            );
         }
         let leaves = |v: [f64; 3]| v[dimensions..].iter().any(|&c| c != 0.0);
         let plug = match &self.flow {
@@ -34,14 +36,14 @@ impl Model {
             ("the flow".to_owned(), species.chain(transmitters).chain(centers).chain(velocities));
         if let Some((name, v)) = all.chain([(&flow, plug)]).find(|&(_, v)| leaves(v)) {
             return fault(format!(
-                "place for {name}, of which a vector is {v:?}; set the last coordinates to 0"
+                "room for the vector {v:?} of {name}; set the coordinates of absent dimensions to 0"
             ));
         }
         let binds = |kind: &ReceiverKind| matches!(kind, ReceiverKind::Receptors(_));
         if let Some(receiver) = self.receivers.iter().find(|receiver| binds(&receiver.kind)) {
             let name = &receiver.name;
             return fault(format!(
-                "receptors, whose rates {name} gives in µm³/s; make it partial, with a rate"
+                "receptors, whose binding rates are in µm³/s; make {name} a partial receiver with a rate"
             ));
         }
         let fits = |shape: Shape| match shape {
@@ -52,7 +54,7 @@ impl Model {
         let transmitter = self.transmitters.iter().find(|transmitter| !fits(transmitter.shape))?;
         let name = &transmitter.name;
         fault(format!(
-            "shape like that of {name}; make it a box or a ball, or a lattice with one place along z"
+            "shape like that of {name}; make it a box or a ball, or a lattice with one place along absent dimensions"
         ))
     }
 }

@@ -13,20 +13,20 @@ pub struct FlowField {
     origin: [f64; 3],
     spacing: [f64; 3],
     points: [usize; 3],
-    /// z fastest.
+    /// Three components per point in µm/s, z fastest.
     velocities: Vec<f32>,
     checksum: u64,
-    /// Largest component along each axis, in µm/s.
+    /// Largest absolute component along each axis, in µm/s.
     fastest: [f64; 3],
-    /// Largest difference of neighbors over their distance, in 1/s.
+    /// Largest change of a component between neighboring points, divided by their distance, in 1/s.
     steepest: f64,
 }
 
 impl FlowField {
     pub(crate) const BYTES_PER_POINT: u64 = 3 * size_of::<f32>() as u64;
 
-    /// Creates a field from the first point and the distances of points, in µm, and velocities in µm/s: three
-    /// components per point, z fastest, x slowest.
+    /// Creates a field from the coordinates of the first point and the spacing of points along each axis, in µm, and
+    /// velocities in µm/s: three components per point, z fastest, x slowest.
     ///
     /// # Errors
     /// [`Error::Model`] if the number of velocities, the spacing or a velocity is invalid.
@@ -43,7 +43,7 @@ impl FlowField {
         }
         if !origin.iter().all(|x| x.is_finite()) || !spacing.iter().all(|h| h.is_finite() && *h > 0.0) {
             return fault(format!(
-                "begins at {origin:?} with a spacing of {spacing:?}; make the first finite and the second positive"
+                "begins at {origin:?} with a spacing of {spacing:?}; make the origin finite and the spacing positive"
             ));
         }
         if let Some(at) = velocities.iter().position(|v| !v.is_finite()) {
@@ -83,7 +83,7 @@ impl FlowField {
         }
     }
 
-    /// Includes the numbers of points.
+    /// Returns the checksum of the velocities and of the number of points along each axis.
     pub fn checksum(&self) -> u64 {
         self.checksum
     }
@@ -96,14 +96,15 @@ impl FlowField {
         self.steepest
     }
 
-    /// Returns the first and the last coordinate of points along an axis with several, and their distance.
+    /// Returns the coordinates of the first and the last point along an axis, and the spacing, in µm; `None` for an
+    /// axis with one point.
     pub(crate) fn extent(&self, axis: usize) -> Option<[f64; 3]> {
         let (first, spacing) = (self.origin[axis], self.spacing[axis]);
         let last = first + (self.points[axis] - 1) as f64 * spacing;
         (self.points[axis] > 1).then_some([first, last, spacing])
     }
 
-    /// Returns the first point and the distances of points, in µm, and the numbers of points.
+    /// Returns the first point and the spacing, in µm, and the number of points along each axis.
     #[cfg(feature = "gpu")]
     pub(crate) fn grid(&self) -> ([[f64; 3]; 2], [usize; 3]) {
         ([self.origin, self.spacing], self.points)
@@ -115,6 +116,7 @@ impl FlowField {
         bytemuck::cast_slice(&self.velocities)
     }
 
+    /// Returns the velocity at a point, in µm/s.
     pub fn at(&self, point: [f32; 3]) -> [f64; 3] {
         let cells: [_; 3] = std::array::from_fn(|axis| self.cell(axis, point[axis]));
         let mut sum = [0.0; 3];
@@ -134,7 +136,7 @@ impl FlowField {
         sum
     }
 
-    /// Returns the index of the point before a coordinate, and the fraction of the way to the next point.
+    /// Returns the index of the point before a coordinate, and the fraction of the distance to the next point.
     fn cell(&self, axis: usize, x: f32) -> (usize, f64) {
         let last = self.points[axis] - 1;
         let at = ((f64::from(x) - self.origin[axis]) / self.spacing[axis]).clamp(0.0, last as f64);

@@ -1,4 +1,4 @@
-//! Membranes that diffusing particles pass with a permeability: planes, and spheres (`sphere.rs`).
+//! Planar and spherical (`sphere.rs`) membranes with a permeability for diffusing particles.
 //!
 //! The flux is κ times the difference of the concentrations on both sides. The distance |x| from the plane is a
 //! reflected Brownian motion. Each time its local time L has grown by D/(2κ) on average, the particle takes either side
@@ -28,14 +28,14 @@ pub struct Membrane {
     pub surface: MembraneSurface,
     /// Permeability κ, in µm/s.
     pub permeability: f64,
-    /// Flags by species: `true` if the membrane holds it back.
+    /// Flags by species: `true` if the membrane holds the species back.
     pub sees: Vec<bool>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum MembraneSurface {
     Plane {
-        /// The normal: 0, 1 or 2.
+        /// Axis of the normal: 0, 1 or 2.
         axis: usize,
         position: f32,
     },
@@ -51,16 +51,18 @@ impl Default for MembraneSurface {
     }
 }
 
+/// The end of a step in three forms.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StepEnds {
-    /// Without images, in µm.
+    /// End without periodic images, in µm; see [`Path::end`](crate::motion::path_hit::Path::end).
     pub(crate) end: [f32; 3],
-    /// Without images and walls, in µm.
+    /// End without periodic images and walls, in µm.
     pub(crate) free: [f32; 3],
-    /// In µm.
+    /// End within the boundary, in µm.
     pub(crate) after: [f32; 3],
 }
 
+/// A step of a species among membranes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MembraneStep<'a> {
     pub(crate) membranes: &'a [Membrane],
@@ -73,14 +75,14 @@ pub(crate) struct MembraneStep<'a> {
     pub(crate) spread: f32,
 }
 
-/// The end of a step along an axis, without walls and images, and with them.
+/// The coordinate of a step's end along an axis, in µm: `free` without walls and periodic images, `confined` with them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct HeldEnd {
     pub(crate) free: f32,
     pub(crate) confined: f32,
 }
 
-/// The coordinates of the next membranes, between which a particle stays. A membrane belongs to the side above it.
+/// The interval between two membranes in which a particle stays. A membrane belongs to the side above it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Slab {
     low: f32,
@@ -88,7 +90,7 @@ struct Slab {
 }
 
 impl MembraneStep<'_> {
-    /// `before` is the beginning of the step.
+    /// Replaces the ends of a step that begins at `before` by those that membranes allow.
     pub(crate) fn hold_back(&self, before: [f32; 3], ends: &mut StepEnds, (key, id, step): (Key, u32, u32)) {
         let words = |membrane: usize, event: u32| {
             key.draw_part([id, membrane as u32], event, step, Purpose::Membrane)
@@ -102,7 +104,8 @@ impl MembraneStep<'_> {
         for (axis, held) in (0..3).zip(held).filter_map(|(axis, held)| Some((axis, held?))) {
             (ends.end[axis], ends.free[axis], ends.after[axis]) = (held.free, held.free, held.confined);
         }
-        // A plane mirrors a path, and a periodic box rounds its end.
+        // Reflection at a plane, or rounding in a periodic box, may carry the end across a sphere; then the particle
+        // stays.
         if self.is_across_sphere([side, ends.after]) {
             *ends = StepEnds { end: before, free: before, after: before };
         }
@@ -143,7 +146,7 @@ impl MembraneStep<'_> {
         self.within(axis, other, at - sign * height)
     }
 
-    /// Returns the species' membranes across an axis, with coordinates of their images.
+    /// Returns the indices of the species' planar membranes across an axis, and the coordinates of their images.
     fn planes(&self, axis: usize) -> impl Iterator<Item = (usize, f32)> {
         let images: &[f32] = match self.domain.axes[axis] {
             Axis::Periodic { .. } => &[-1.0, 0.0, 1.0],
@@ -168,11 +171,12 @@ impl MembraneStep<'_> {
         let confined = self.domain.axes[axis].confine(free);
         match self.domain.axes[axis] {
             Axis::Periodic { .. } => HeldEnd { free, confined },
-            // A wall may have mirrored it past a membrane.
+            // A wall may have mirrored the end past a membrane.
             _ => HeldEnd { free, confined: slab.mirrored(confined) },
         }
     }
 
+    /// Returns `true` if a membrane separates two points.
     pub(crate) fn separates(&self, [a, b]: [[f32; 3]; 2]) -> bool {
         let way = self.domain.displacement(a, b);
         let is_across_plane = (0..3).any(|axis| {

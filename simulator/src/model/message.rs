@@ -43,9 +43,9 @@ impl Symbols {
 pub enum Modulation {
     /// On–off keying: 1 sends a burst, 0 nothing.
     OnOff,
-    /// Concentration shift keying: a factor of the burst per symbol.
+    /// Concentration shift keying: a factor of the burst for each symbol.
     Concentration(Vec<f64>),
-    /// Molecule shift keying: an entry of the burst per symbol.
+    /// Molecule shift keying: an entry of the burst for each symbol.
     Molecule,
 }
 
@@ -59,6 +59,7 @@ impl Modulation {
         }
     }
 
+    /// Returns the species and numbers that a symbol releases, of the burst `release`.
     pub fn burst(&self, symbol: u32, release: &[(u32, u32)]) -> Vec<(u32, u32)> {
         match self {
             Self::OnOff => {
@@ -90,10 +91,12 @@ impl Modulation {
 }
 
 impl Message {
+    /// Returns the time of the `k`-th symbol, from 0, in s.
     pub fn time_of(&self, k: u32) -> f64 {
         self.start + f64::from(k) * self.symbol_time
     }
 
+    /// Returns the `k`-th symbol, from 0. `place` is the transmitter's index in the model.
     pub fn symbol(&self, k: u32, place: u32, key: Key) -> u32 {
         match &self.symbols {
             Symbols::Given(symbols) => symbols[k as usize],
@@ -103,7 +106,7 @@ impl Message {
         }
     }
 
-    /// Returns a fault of the symbols of transmitter `name` if several share a step, in which their slots are empty.
+    /// Returns the fault of transmitter `name` if symbols are shorter than a step, so that slots are empty.
     pub(crate) fn faulty_symbol_time(&self, name: &str, time_step: f64) -> Option<String> {
         (self.symbol_time < time_step * (1.0 - 1e-9)).then(|| {
             format!(
@@ -114,10 +117,12 @@ impl Message {
         })
     }
 
+    /// Returns the indices of the symbols that are sent at the beginning of `step`.
     pub(crate) fn due(&self, step: u32, time_step: f64) -> std::ops::Range<u32> {
         self.sent_before(step, time_step)..self.sent_before(step.saturating_add(1), time_step)
     }
 
+    /// Returns the number of symbols that are sent before `step`.
     pub(crate) fn sent_before(&self, step: u32, time_step: f64) -> u32 {
         let is_sent = |k: u32| step_of(self.time_of(k), time_step).is_some_and(|own| own < step);
         let [mut low, mut high] = [0, self.symbols.len()];

@@ -30,7 +30,7 @@ use crate::random::gaussian::{direction, normals};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
     pub time_step: f64,
-    /// Other parts refer to these by index.
+    /// Reactions, decays, transmitters, receivers and particles refer to a species by its index.
     pub species: Vec<Species>,
     pub attractants: Vec<Attractant>,
     pub reactions: Vec<Reaction>,
@@ -40,7 +40,7 @@ pub struct Model {
     pub membranes: Vec<Membrane>,
     pub boundary: Boundary,
     pub flow: Option<Flow>,
-    /// Begin and end of the flow, in s; `None` is always.
+    /// Begin and end of the flow, in s; `None` if it is always on.
     pub flow_pulse: Option<[f64; 2]>,
     /// Treatment of overlapping particles that do not react.
     pub contact: Contact,
@@ -51,8 +51,11 @@ pub struct Model {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Species {
     pub name: String,
+    /// In µm.
     pub radius: f32,
+    /// Diffusion coefficient D, in µm²/s.
     pub diffusion: f64,
+    /// In µm/s.
     pub drift: [f64; 3],
     /// Mass, for elastic contact; only ratios matter. Default: 1.
     pub mass: f64,
@@ -128,7 +131,7 @@ impl Reaction {
     }
 }
 
-/// Applies within the binding radius.
+/// The rate or probability at which a pair reacts within the binding radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ReactionRate {
     /// Probability per step.
@@ -145,7 +148,7 @@ impl Default for ReactionRate {
 
 /// A unimolecular reaction into up to two products.
 ///
-/// The first product keeps the position and id. The second gets a new id.
+/// The first product takes the id, and a single product the position, of the reactant. A second product gets a new id.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Decay {
     /// Such as `A -> B`.
@@ -164,7 +167,7 @@ impl Decay {
     }
 }
 
-/// Products go in opposite random directions from the reactant, the faster one further.
+/// The distance of two products, which go in opposite random directions from the reactant, the faster one further.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unbinding {
     /// At this distance, in µm.
@@ -246,6 +249,7 @@ impl Model {
         }
     }
 
+    /// Draws the velocity of a new particle, in µm/s.
     pub(crate) fn own_velocity(&self, species: u32, words: [u32; 4]) -> [f32; 3] {
         let Species { speed, thermal_speed, .. } = self.species[species as usize];
         match speed > 0.0 {
@@ -280,12 +284,14 @@ impl Model {
         self.decays.iter().any(|decay| decay.reactant == species && decay.splits())
     }
 
-    /// Returns the first particle's fraction of a displacement, by their diffusion.
+    /// Returns the fraction of a displacement of two species that the first one makes, in proportion to their
+    /// diffusion.
     pub(crate) fn share(&self, [a, b]: [u32; 2]) -> f32 {
         let [a, b] = [a, b].map(|species| self.species[species as usize].diffusion);
         if a + b > 0.0 { (a / (a + b)) as f32 } else { 0.5 }
     }
 
+    /// Returns the boundaries of centers, by species.
     pub(crate) fn center_domains(&self) -> Vec<Boundary> {
         self.species.iter().map(|species| self.boundary.inset(species.radius)).collect()
     }

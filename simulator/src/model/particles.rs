@@ -44,8 +44,10 @@ impl Particles {
         !self.is_empty() && self.velocity[0].len() == self.len()
     }
 
+    /// Reserves memory for `count` more particles.
+    ///
     /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// [`Error::OutOfMemory`] if the memory is refused.
     pub fn reserve(&mut self, count: u64, with_velocity: bool) -> Result<(), Error> {
         let particles = self.len() as u64 + count;
         let refused = |_| Error::OutOfMemory { particles, bytes: particles * size_of::<f32>() as u64 };
@@ -141,7 +143,7 @@ impl Particles {
         self.id.truncate(count);
     }
 
-    /// Reorders: index `k` gets the particle at `order[k]`.
+    /// Returns the particles in another order: index `k` has the particle at `order[k]`.
     pub fn permuted(&self, order: &[u32]) -> Self {
         let mut permuted = Self::default();
         for &at in order {
@@ -150,6 +152,7 @@ impl Particles {
         permuted
     }
 
+    /// Returns the indices in ascending order of ids.
     pub fn by_id(&self) -> Vec<u32> {
         let mut order: Vec<u32> = (0..self.len() as u32).collect();
         order.sort_unstable_by_key(|&at| self.id[at as usize]);

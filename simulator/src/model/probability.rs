@@ -1,13 +1,15 @@
 //! Rates as probabilities per step.
 //!
-//! One of the events at rates λ₁, λ₂, … with sum R happens within Δt with probability 1 − exp(−RΔt), divided as λ·g with
-//! g = (1 − exp(−RΔt))/R.
+//! Among events at the rates λ₁, λ₂, … with the sum R, one happens within Δt with the probability 1 − exp(−RΔt). Each has
+//! the probability λ·g with g = (1 − exp(−RΔt))/R.
 //!
-//! A reaction may join particles anywhere in a ball, and a decay place them anywhere in it. The reaction then uses
-//! the decay's g: the probabilities have the ratio of the rates, and the equilibrium is independent of Δt.
+//! If a reaction joins particles anywhere in a ball, and a decay places its products anywhere in the same ball, the
+//! reaction uses the decay's g: the probabilities then have the ratio of the rates, and the equilibrium is independent
+//! of Δt.
 
 use crate::model::{Decay, Model, Reaction, ReactionRate, Unbinding};
 
+/// The reactions of two species at center distances between the radius of the next inner shell and its own.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ProbabilityShell {
     /// In µm.
@@ -20,12 +22,13 @@ pub(crate) struct ProbabilityShell {
 pub(crate) struct ReactionProbabilities<'a>(pub(crate) &'a Model);
 
 impl<'a> ReactionProbabilities<'a> {
-    pub(crate) fn zones(self, pair: [u32; 2]) -> Vec<ProbabilityShell> {
+    /// Returns the shells of two species, innermost first.
+    pub(crate) fn shells(self, pair: [u32; 2]) -> Vec<ProbabilityShell> {
         let channels: Vec<_> = channels(self.0, pair).collect();
         let mut radii: Vec<f32> = channels.iter().map(|(_, reaction)| reaction.binding_radius).collect();
         radii.sort_unstable_by(f32::total_cmp);
         radii.dedup();
-        let zone = |radius: f32| {
+        let shell = |radius: f32| {
             let inside = || channels.iter().filter(|(_, reaction)| reaction.binding_radius >= radius);
             let alone = inside().map(|(_, reaction)| rate(reaction)).sum();
             let chance = |reaction: &Reaction| match reaction.chance {
@@ -40,9 +43,10 @@ impl<'a> ReactionProbabilities<'a> {
                 channels: inside().map(|&(place, reaction)| (place, chance(reaction))).collect(),
             }
         };
-        radii.into_iter().map(zone).collect()
+        radii.into_iter().map(shell).collect()
     }
 
+    /// Returns the decays of a species, as indices in the model, and their probabilities per step.
     pub(crate) fn decays(self, species: u32) -> Vec<(usize, f64)> {
         let own = self.0.decays.iter().enumerate().filter(|(_, decay)| decay.reactant == species);
         let factor = factor(self.decay_rate(species), self.0.time_step);
@@ -54,6 +58,7 @@ impl<'a> ReactionProbabilities<'a> {
         self.0.decays.iter().filter(|decay| decay.reactant == species).map(|decay| decay.rate).sum()
     }
 
+    /// Returns the decay that undoes a reaction anywhere within its binding radius.
     fn inverse(self, reaction: &Reaction) -> Option<&'a Decay> {
         let back = Unbinding::Within(reaction.binding_radius);
         self.0.decays.iter().find(|decay| decay.unbinding == back && undoes(decay, reaction))
@@ -76,6 +81,7 @@ fn channels(model: &Model, [a, b]: [u32; 2]) -> impl Iterator<Item = (usize, &Re
     model.reactions.iter().enumerate().filter(move |(_, reaction)| own(reaction))
 }
 
+/// Returns `true` if a decay into two products is the inverse of a reaction.
 pub(crate) fn undoes(decay: &Decay, reaction: &Reaction) -> bool {
     let single = match reaction.products {
         [Some(product), None] | [None, Some(product)] => product == decay.reactant,
@@ -109,11 +115,11 @@ mod tests {
         }
     }
 
-    fn close(zone: &ProbabilityShell, radius: f32, expected: &[(usize, f64)]) {
-        assert_eq!(zone.radius, radius);
-        assert_eq!(zone.channels.len(), expected.len(), "{zone:?}");
-        for (found, expected) in zone.channels.iter().zip(expected) {
-            assert!(found.0 == expected.0 && (found.1 - expected.1).abs() < 1e-12, "{zone:?}");
+    fn close(shell: &ProbabilityShell, radius: f32, expected: &[(usize, f64)]) {
+        assert_eq!(shell.radius, radius);
+        assert_eq!(shell.channels.len(), expected.len(), "{shell:?}");
+        for (found, expected) in shell.channels.iter().zip(expected) {
+            assert!(found.0 == expected.0 && (found.1 - expected.1).abs() < 1e-12, "{shell:?}");
         }
     }
 
@@ -121,12 +127,12 @@ mod tests {
     fn channels_share_the_probability_in_proportion() {
         let model = model(Unbinding::Apart(1.0));
         let chances = ReactionProbabilities(&model);
-        let zones = chances.zones([1, 0]);
+        let shells = chances.shells([1, 0]);
         let both = 1.0 - (-0.5_f64).exp();
-        close(&zones[0], 1.0, &[(0, 0.8 * both), (1, 0.2 * both)]);
-        close(&zones[1], 2.0, &[(1, 1.0 - (-0.1_f64).exp())]);
+        close(&shells[0], 1.0, &[(0, 0.8 * both), (1, 0.2 * both)]);
+        close(&shells[1], 2.0, &[(1, 1.0 - (-0.1_f64).exp())]);
         assert!((chances.decays(2)[0].1 - (1.0 - (-0.3_f64).exp())).abs() < 1e-12);
-        assert!(chances.zones([0, 2]).is_empty() && chances.decays(0).is_empty());
+        assert!(chances.shells([0, 2]).is_empty() && chances.decays(0).is_empty());
     }
 
     #[test]
@@ -135,7 +141,7 @@ mod tests {
         for time_step in [1e-6, 0.01, 0.2] {
             model.time_step = time_step;
             let chances = ReactionProbabilities(&model);
-            let (there, back) = (chances.zones([0, 1])[0].channels[0].1, chances.decays(2)[0].1);
+            let (there, back) = (chances.shells([0, 1])[0].channels[0].1, chances.decays(2)[0].1);
             assert!((there / back - 4.0 / 3.0).abs() < 1e-12, "{time_step}: {there} {back}");
             assert!((back - (1.0 - (-3.0 * time_step).exp())).abs() < 1e-12);
         }

@@ -1,9 +1,10 @@
 use crate::model::Model;
 
-/// Pairs of species that react with each other. They overlap in order to react, so no contact keeps them apart.
+/// Pairs of species that react with each other. They overlap in order to react, so they are neither separated nor
+/// collide on their paths.
 #[derive(Clone, Debug)]
 pub(crate) struct ReactivePairs {
-    /// First of each species' partners, and the number of all.
+    /// Index of each species' first partner, then the number of all partners.
     first: Vec<usize>,
     partners: Vec<u32>,
 }

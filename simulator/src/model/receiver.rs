@@ -11,7 +11,7 @@ use crate::model::receptors::ReceptorType;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Receiver {
     pub name: String,
-    /// At the beginning of the run.
+    /// Center at the beginning of the run, in µm.
     pub center: [f32; 3],
     pub radius: f32,
     pub kind: ReceiverKind,
@@ -46,10 +46,11 @@ pub enum ReceiverKind {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum WallFace {
-    /// Across this axis.
+    /// The lower wall across this axis.
     Low(usize),
-    /// Across this axis.
+    /// The upper wall across this axis.
     High(usize),
+    /// The curved wall of a vessel.
     Side,
 }
 
@@ -62,7 +63,7 @@ pub enum Adsorption {
 }
 
 impl ReceiverKind {
-    /// `true` if the surface reflects particles that do not adsorb or bind.
+    /// Returns `true` if the surface reflects particles that do not adsorb or bind.
     pub fn reflects(&self) -> bool {
         matches!(self, Self::Reflecting | Self::Partial(_) | Self::Receptors(_))
     }
@@ -87,7 +88,7 @@ impl Receiver {
         self.sees[species] && counts
     }
 
-    /// Returns `true` if its count is that of particles inside or bound now.
+    /// Returns `true` if the receiver counts the particles that are inside or bound now, not arrivals.
     pub fn is_momentary(&self) -> bool {
         matches!(self.kind, ReceiverKind::Transparent | ReceiverKind::Receptors(_))
     }
@@ -105,7 +106,7 @@ impl Receiver {
         self.velocity != [0.0; 3] || self.diffusion > 0.0
     }
 
-    /// Returns the number of visible particles within the radius of `center`, by species.
+    /// Returns the number of particles that it acts on within its radius of `center`, by species.
     pub fn inside(&self, center: [f32; 3], boundary: &Boundary, particles: &Particles) -> Vec<u64> {
         let mut counts = vec![0; self.sees.len()];
         for at in (0..particles.len()).filter(|&at| self.has_inside(center, boundary, particles, at)) {
@@ -120,11 +121,12 @@ impl Receiver {
     }
 }
 
-/// Receivers that test every particle: 0.7 times as long as a search for one receiver, 2.5 times for two (two cores of an AMD EPYC).
-const FEW: usize = 1;
+/// Largest number of receivers that test every particle. That takes 0.7 times as long as a search for one receiver,
+/// and 2.5 times for two (two cores of an AMD EPYC).
+const MAX_TESTED: usize = 1;
 const CHUNK: usize = 1 << 16;
 
-/// Indexed by receiver and species.
+/// Returns the number of particles inside each transparent receiver, by receiver and species.
 pub(crate) fn all_inside(
     receivers: &[Receiver],
     centers: &[[f32; 3]],
@@ -138,6 +140,7 @@ pub(crate) fn all_inside(
     counts
 }
 
+/// Returns the pairs of a transparent receiver and a particle inside it, as indices.
 pub(crate) fn inside_of(
     receivers: &[Receiver],
     centers: &[[f32; 3]],
@@ -146,7 +149,7 @@ pub(crate) fn inside_of(
 ) -> Vec<(u32, u32)> {
     let looks = |(_, receiver): &(usize, &Receiver)| receiver.kind == ReceiverKind::Transparent;
     let looking: Vec<usize> = receivers.iter().enumerate().filter(looks).map(|(k, _)| k).collect();
-    if looking.len() > FEW
+    if looking.len() > MAX_TESTED
         && let Ok(found) = found_inside(receivers, &looking, centers, boundary, particles)
     {
         return found;
@@ -187,18 +190,19 @@ fn found_inside(
     Ok(inside)
 }
 
+/// Creates a detector on the CPU, with pairs in any order.
 pub(crate) fn finder(boundary: &Boundary) -> Result<Detector, Error> {
     let config = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Auto).order(Order::Unordered);
     Ok(Detector::new(config.space(boundary.space()?))?)
 }
 
-/// Bounds the rounding error of distances up to `distance` from a point.
+/// Returns a bound of the rounding error of distances up to `distance` from a point, in µm.
 #[inline(always)]
 pub(crate) fn rounding(point: [f32; 3], distance: f32) -> f32 {
     4e-6 * (point[0].abs() + point[1].abs() + point[2].abs() + distance)
 }
 
-/// Returns the distance of a point from a sphere's surface; negative inside.
+/// Returns the distance of a point from a sphere's surface, in µm, negative inside.
 #[inline(always)]
 pub fn signed_distance(radius: f32, center: [f32; 3], boundary: &Boundary, point: [f32; 3]) -> f32 {
     let [x, y, z] = boundary.displacement(center, point);
@@ -212,7 +216,7 @@ mod tests {
     use crate::random::philox::{open_unit, philox};
 
     #[test]
-    fn a_receiver_is_met_across_the_seam() {
+    fn distance_crosses_the_periodic_boundary() {
         let periodic = Boundary::periodic([0.0; 3], [10.0; 3]);
         assert_eq!(
             signed_distance(1.0, [1.0, 0.0, 0.0], &periodic, [9.5, 0.0, 9.0]),

@@ -6,7 +6,7 @@ use crate::model::receiver::{Receiver, ReceiverKind};
 /// Identical receptors, for which ligands compete.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReceptorType {
-    /// Each binds one particle.
+    /// Number of receptors, each of which binds one particle.
     pub count: u32,
     pub ligands: Vec<Ligand>,
 }
@@ -14,7 +14,7 @@ pub struct ReceptorType {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Ligand {
     pub species: u32,
-    /// Binding rate of a free receptor, in µm³/s: `n` free ones on a sphere have the reactivity n·rate/(4πR²).
+    /// Binding rate of a free receptor, in µm³/s: `n` free receptors on a sphere have the reactivity n·rate/(4πR²).
     pub binding_rate: f64,
     /// Per bound particle, in 1/s.
     pub unbinding_rate: f64,
@@ -39,7 +39,7 @@ impl ReceptorType {
 }
 
 impl Receiver {
-    /// Is empty for other kinds.
+    /// Returns the receptor types; empty for other kinds of receivers.
     pub fn receptor_types(&self) -> &[ReceptorType] {
         match &self.kind {
             ReceiverKind::Receptors(types) => types,

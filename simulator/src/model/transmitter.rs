@@ -10,7 +10,7 @@ use crate::random::philox::{Key, open_unit};
 pub struct Transmitter {
     pub name: String,
     pub center: [f32; 3],
-    /// Index of the receiver with which it moves, at whose center it is.
+    /// Index of a moving receiver at whose center the transmitter stays.
     pub carrier: Option<u32>,
     /// Distribution around the center.
     pub shape: Shape,
@@ -22,10 +22,10 @@ pub struct Transmitter {
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Schedule {
-    /// Burst at each of these ascending times, in s. It appears before the first step that begins at its time or
-    /// later.
+    /// A burst at each of these ascending times, in s. It appears at the beginning of the first step that begins at its
+    /// time or later.
     Times(Vec<f64>),
-    /// Burst per symbol.
+    /// A burst for each symbol.
     Message(Message),
     Steady {
         /// In s.
@@ -45,10 +45,10 @@ impl Default for Schedule {
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum CountDistribution {
-    /// Exact. Steady release is evenly spaced.
+    /// The exact number. Steady release is evenly spaced.
     #[default]
     Fixed,
-    /// Poisson, with this mean. Steady release is a Poisson process.
+    /// A Poisson number with this mean. Steady release is a Poisson process.
     Poisson,
 }
 
@@ -66,7 +66,7 @@ pub enum Shape {
     /// Uniform in a cylinder: axis, radius, length; a disk if the length is 0.
     Cylinder(usize, f32, f32),
     /// Lattice in a box: sides, and sites per axis, filled x fastest. Each burst begins at the first site. Steady
-    /// release goes on from site to site, or takes a random site for each particle of a Poisson process.
+    /// release continues from site to site, or takes a random site for each particle of a Poisson process.
     Lattice([f32; 3], [u32; 3]),
 }
 
@@ -93,7 +93,7 @@ impl Transmitter {
         self.release.iter().map(|&(species, _)| species).chain(steady.iter().map(|&(species, _)| species))
     }
 
-    /// In steps `begin..end`, by species.
+    /// Returns the mean number of particles released in steps `begin..end`, by species.
     pub fn mean_between(&self, [begin, end]: [u32; 2], time_step: f64) -> Vec<(u32, f64)> {
         let scaled = |by: f64| self.release.iter().map(move |&(species, n)| (species, by * f64::from(n)));
         match &self.schedule {
@@ -115,8 +115,8 @@ impl Transmitter {
         }
     }
 
-    /// Returns the first release time outside `steps` steps, and the number of bursts from there; `None` for steady
-    /// release.
+    /// Returns the first release time, in s, that a run of `steps` steps does not reach, and the number of bursts that
+    /// it misses, which is `None` for steady release.
     pub fn after(&self, steps: u32, time_step: f64) -> Option<(f64, Option<usize>)> {
         let is_late = |time: f64| step_of(time, time_step).is_none_or(|step| step >= steps);
         match &self.schedule {
@@ -147,7 +147,7 @@ impl Shape {
         ((u128::from(word) * count) >> 32).min(u32::MAX.into()) as u32
     }
 
-    /// Returns the offset from the center, by random words; of a lattice, that of site `place`.
+    /// Returns an offset from the center, in µm, drawn by `words`; for a lattice, the offset of site `place`.
     pub(crate) fn offset(self, words: [u32; 4], place: u32, boundary: &Boundary) -> [f32; 3] {
         match self {
             Self::Point => [0.0; 3],

@@ -10,16 +10,16 @@ impl Model {
     pub(crate) fn misfit(&self, species: &Species) -> Option<String> {
         let (which, wide) = self.boundary.too_narrow(species.radius)?;
         Some(format!(
-            "species {} has the radius {}, and there is room of {wide} between walls {which}; make the radius less than \
-             half of that, or the room larger",
+            "species {} has the radius {} µm, but the walls {which} are {wide} µm apart; make the radius less than half of \
+             that, or move the walls apart",
             species.name, species.radius
         ))
     }
 
     pub(crate) fn idle_contact(&self) -> Option<String> {
         (self.contact == Contact::Elastic && !self.has_velocity()).then(|| {
-            "contact is elastic but no species has a thermal-speed, so that nothing has a velocity to bounce with; give \
-             a species a thermal-speed, or let contact = \"separate\" push diffusing ones apart"
+            "contact is elastic but no species has a thermal-speed or speed, so no particle has a velocity; give a species a \
+             thermal-speed, or set contact = \"separate\" for diffusing particles"
                 .to_owned()
         })
     }
@@ -38,8 +38,8 @@ impl Model {
         positive("the radius of the vessel", vessel.radius.into())?;
         let mut across = (0..3).filter(|&k| Some(k) != vessel.along).map(|k| self.boundary.axes[k]);
         if vessel.along.is_some_and(|along| along > 2) || across.any(|axis| axis != Axis::Open) {
-            let message = "a cylinder goes along axis 0, 1 or 2, and a cylinder or sphere is the only wall across it; leave \
-                           other axes open";
+            let message = "a cylinder must be along axis 0, 1 or 2, and the axes across a cylinder or sphere must be open; \
+                           remove their walls or periods";
             return Err(Error::Model(message.to_owned()));
         }
         Ok(())
@@ -60,7 +60,7 @@ impl Model {
             not_negative(&of("the tumble rate"), species.tumble_rate)?;
             if species.speed > 0.0 && species.thermal_speed > 0.0 {
                 return Err(Error::Model(
-                    of("the speed") + " and the thermal speed exclude each other; take one away",
+                    of("the speed") + " and the thermal speed exclude each other; remove one",
                 ));
             }
             positive(&of("the mass"), species.mass)?;
@@ -83,7 +83,7 @@ impl Model {
         }
         if let Some([from, until]) = self.flow_pulse.filter(|[from, until]| !(*from >= 0.0 && from < until)) {
             return Err(Error::Model(format!(
-                "the flow is on from {from} s until {until} s; make the end the later one"
+                "the flow is on from {from} s until {until} s; the end must be later than the beginning"
             )));
         }
         self.check_vessel()?;
@@ -106,8 +106,8 @@ impl Model {
         let mut all = self.species.iter().enumerate();
         let (_, species) = all.find(rests).filter(|_| receiver.diffusion == 0.0)?;
         Some(format!(
-            "{} takes particles at a rate, to which they diffuse, and {} does not; let it see others by species, or give it \
-             a probability",
+            "{} takes particles at a rate, which needs diffusion, but {} does not diffuse; exclude it by species, or give a \
+             partial receiver a probability",
             receiver.name, species.name
         ))
     }
@@ -120,23 +120,25 @@ impl Model {
         }
     }
 
-    /// Returns the fault of a moving sphere that a wall would put elsewhere in its first step.
+    /// Returns the fault of a moving sphere that overlaps a wall, which would displace it in the first step.
     pub(crate) fn overlaps_wall(&self, receiver: &Receiver) -> Option<String> {
         let is_beyond = !self.domain_of(receiver).is_inside_walls(receiver.center);
         (receiver.moves() && is_beyond).then(|| {
             format!(
-                "{} moves, and walls reflect its surface, but it begins at {:?} with the radius {}, which overlaps one; move it \
+                "{} moves, and walls reflect its surface, but it begins at {:?} with the radius {} and overlaps a wall; move it \
                  inside, or let it rest",
                 receiver.name, receiver.center, receiver.radius
             )
         })
     }
 
-    /// Returns the fault of a missing wall, or of particles that collide, since a wall sees only the ends of paths.
+    /// Returns the fault of an absorbing wall that does not exist, or that particles with collisions would meet: walls
+    /// see only the ends of paths.
     pub(crate) fn missing_wall(&self, name: &str, face: WallFace) -> Option<String> {
         if self.contact.collides() {
             return Some(format!(
-                "{name} is a wall that absorbs, which contact = \"separate\" or \"elastic\" does not know; let contact be \"count\""
+                "{name} is a wall that absorbs, which contact = \"separate\" or \"elastic\" does not support; set contact = \
+                 \"count\""
             ));
         }
         let is_there = match face {
@@ -158,7 +160,7 @@ impl Model {
         if receiver.sees.len() != self.species.len() {
             let (known, says) = (self.species.len(), receiver.sees.len());
             return Err(Error::Model(format!(
-                "{} says of {says} species whether it sees them, of {known}",
+                "{} has flags for {says} species of {known}; give one for each",
                 receiver.name
             )));
         }
@@ -166,7 +168,7 @@ impl Model {
         not_negative(&of("the surface diffusion"), receiver.surface_diffusion)?;
         if receiver.surface_diffusion > 0.0 && receiver.receptor_types().is_empty() {
             return Err(Error::Model(
-                of("the surface diffusion") + " moves bound particles; give it receptors, or 0",
+                of("the surface diffusion") + " moves bound particles; give it receptors, or set 0",
             ));
         }
         if !receiver.velocity.iter().all(|v| v.is_finite()) {
@@ -246,12 +248,12 @@ impl Model {
     fn check_channels(&self) -> Result<(), Error> {
         let chances = ReactionProbabilities(self);
         for reaction in &self.reactions {
-            for zone in chances.zones(reaction.reactants) {
-                let total: f64 = zone.channels.iter().map(|(_, probability)| probability).sum();
+            for shell in chances.shells(reaction.reactants) {
+                let total: f64 = shell.channels.iter().map(|(_, probability)| probability).sum();
                 if total > 1.0 + 1e-9 {
-                    let names = zone.channels.iter().map(|&(place, _)| self.reactions[place].name.as_str());
+                    let names = shell.channels.iter().map(|&(place, _)| self.reactions[place].name.as_str());
                     return Err(Error::Model(format!(
-                        "the probabilities of {} add up to {total} in a step; shorten the time step, or make them less",
+                        "the probabilities of {} add up to {total} in a step; shorten the time step, or lower them",
                         names.collect::<Vec<_>>().join(" and of ")
                     )));
                 }
@@ -267,7 +269,7 @@ impl Model {
         if let Some(carrier) = transmitter.carrier.filter(|&carrier| carrier as usize >= self.receivers.len())
         {
             let count = self.receivers.len();
-            return refused(format!("{name} moves with receiver {carrier} but there are {count}"));
+            return refused(format!("{name} moves with receiver {carrier} but there are {count} receivers"));
         }
         if matches!(transmitter.shape, Shape::Lattice(_, places) if places.contains(&0)) {
             return refused(format!("the lattice of {name} has no places along an axis"));
@@ -292,7 +294,9 @@ impl Model {
                     Symbols::Random { alphabet: of, .. } => *of as usize <= alphabet && of.is_power_of_two(),
                 };
                 if !known {
-                    return refused(format!("{name} is to send symbols that its modulation does not have"));
+                    return refused(format!(
+                        "{name} sends symbols that its modulation does not have; use fewer symbols"
+                    ));
                 }
             }
             Schedule::Steady { from, until, rates } => {
@@ -300,7 +304,7 @@ impl Model {
                 rates.iter().try_for_each(|&(_, rate)| positive(&format!("a rate of {name}"), rate))?;
                 if !(*from >= 0.0 && from < until) {
                     return refused(format!(
-                        "{name} releases from {from} s until {until} s; make the end the later one"
+                        "{name} releases from {from} s until {until} s; the end must be later than the beginning"
                     ));
                 }
             }

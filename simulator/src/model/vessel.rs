@@ -1,26 +1,30 @@
-//! A round vessel: a cylinder or a sphere. Its wall reflects paths one by one; such billiards conserve volumes, so a uniform density stays
-//! uniform at any step length.
+//! A round vessel: a cylinder or a sphere.
+//!
+//! Its wall reflects paths as in a billiard, which conserves volumes, so a uniform density stays uniform at any step
+//! length.
 
 /// A cylinder along an axis, which the boundary of that axis may limit, or a sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vessel {
     /// Axis of a cylinder: 0, 1 or 2. `None` is a sphere.
     pub along: Option<usize>,
-    /// A point on the middle line, or the center of a sphere, in µm.
+    /// A point on the middle line of a cylinder, or the center of a sphere, in µm.
     pub center: [f32; 3],
+    /// In µm.
     pub radius: f32,
 }
 
-/// Reflections per step; then a particle stays at the wall.
+/// Largest number of reflections in a step; a particle with more stays at the wall.
 const BOUNCES: usize = 64;
 
 impl Vessel {
-    /// Bounds centers of spheres of this radius.
+    /// Returns the vessel of the centers of spheres of this radius.
     #[inline(always)]
     pub fn inset(self, radius: f32) -> Self {
         Self { radius: self.radius - radius, ..self }
     }
 
+    /// Removes the component along a cylinder.
     #[inline(always)]
     pub(crate) fn across(&self, mut v: [f64; 3]) -> [f64; 3] {
         if let Some(along) = self.along {
@@ -46,7 +50,7 @@ impl Vessel {
         }
     }
 
-    /// Mirrors a position beyond the wall. One beyond twice the radius goes to the axis.
+    /// Mirrors a position beyond the wall. A position beyond twice the radius moves to the middle line or center.
     pub fn confine(&self, mut p: [f32; 3]) -> [f32; 3] {
         let (distance, radius) = (self.distance(p), f64::from(self.radius));
         if distance > radius {
@@ -70,7 +74,7 @@ impl Vessel {
         }
     }
 
-    /// Returns the end of a path with reflections, which change `velocity` too.
+    /// Returns the end of a path with reflections, which also reflect `velocity`.
     pub fn reflect(&self, from: [f32; 3], mut to: [f32; 3], velocity: &mut [f32; 3]) -> [f32; 3] {
         let radius = f64::from(self.radius);
         if self.distance(to) <= radius {
@@ -88,8 +92,8 @@ impl Vessel {
         to
     }
 
-    /// Returns the offset at the end of a path, and calls `turn` with the offset, the normal and the part of the rest of
-    /// the path at each reflection.
+    /// Returns the offset at the end of a path. At each reflection, calls `turn` with the offset, the normal and the
+    /// fraction of the remaining path that led to it.
     #[inline(always)]
     fn follow(
         &self,
@@ -113,7 +117,8 @@ impl Vessel {
         at
     }
 
-    /// Returns the corners of a path with reflections, from its beginning to its end, each with its part of the path.
+    /// Returns the corners of a path with reflections, from its beginning to its end, each with its fraction of the
+    /// path.
     pub(crate) fn corners(&self, from: [f32; 3], to: [f32; 3]) -> Vec<(f64, [f64; 3])> {
         let begin = from.map(f64::from);
         let whole: [f64; 3] = std::array::from_fn(|k| f64::from(to[k]) - begin[k]);
@@ -158,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn ways_are_those_of_light() {
+    fn reflected_paths_have_the_angle_of_incidence() {
         let mut velocity = [3.0, 7.0, 4.0];
         assert_eq!(VESSEL.reflect([1.0, 0.0, -2.0], [2.0, 9.0, -1.0], &mut velocity), [2.0, 9.0, -1.0]);
         assert_eq!(velocity, [3.0, 7.0, 4.0]);

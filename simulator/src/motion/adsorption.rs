@@ -33,33 +33,40 @@ use std::f64::consts::PI;
 use crate::random::philox::Draws;
 use crate::special::{ROOT_PI, erfcx};
 
+/// Returns the reactivity of `free` receptors on a sphere, in µm/s.
 pub(crate) fn reactivity(binding_rate: f64, free: u32, radius: f64) -> f64 {
     binding_rate * f64::from(free) / (4.0 * PI * radius * radius)
 }
 
+/// A step at a sphere of given reactivity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
+    /// √(DΔt), in µm.
     length: f64,
+    /// In µm.
     radius: f64,
-    /// κ√(Δt/D)
+    /// κ√(Δt/D).
     own: f64,
+    /// `own` + √(DΔt)/R.
     all: f64,
 }
 
 impl Step {
-    /// Radius in µm, reactivity in µm/s; `diffusion` is DΔt in µm², of particle and sphere.
+    /// `radius` is in µm, `reactivity` in µm/s. `diffusion` is DΔt in µm², with D the sum of the coefficients of
+    /// particle and sphere.
     pub(crate) fn new(diffusion: f64, time_step: f64, (radius, reactivity): (f64, f64)) -> Self {
         let length = diffusion.sqrt();
         let own = reactivity * time_step / length;
         Self { length, radius, own, all: own + length / radius }
     }
 
-    /// The sum of both heights decides.
+    /// Returns the expression s of the module's documentation, for a sum of two distances in µm.
     fn on_plane(&self, distances: f64) -> f64 {
         (ROOT_PI * self.own * erfcx(self.all + distances / (2.0 * self.length))).min(1.0)
     }
 
-    /// `heights` are before and after the step, negative inside.
+    /// Returns the adsorption probability of a path that reaches the surface, with the height `a` before and `b` after
+    /// the step, in µm, negative inside.
     pub(crate) fn sticking(&self, [a, b]: [f64; 2]) -> f64 {
         let [from, to] = [self.radius + a, self.radius + b];
         let crossed = if b > 0.0 { a * b } else { 0.0 };
@@ -73,7 +80,7 @@ impl Step {
         erfcx(y) - erfcx(self.all + y)
     }
 
-    /// Volume in µm³ of a uniform concentration that a step adsorbs: κ·4πR²Δt if weak.
+    /// Returns the volume, in µm³, whose particles a step adsorbs from a uniform concentration: κ·4πR²Δt if κ is small.
     pub(crate) fn volume(&self) -> f64 {
         let x = self.all;
         // The mean of erfcx(x√t) over t in [0, 1], without cancellation.
@@ -86,6 +93,7 @@ impl Step {
         4.0 * PI * self.radius.powi(2) * self.own * self.length * (free + (1.0 - free) * mean)
     }
 
+    /// Returns [`volume`](Self::volume) divided by κ·4πR²Δt, or 0 without reactivity.
     pub(crate) fn effective_part(&self) -> f64 {
         match self.own > 0.0 {
             true => self.volume() / (4.0 * PI * self.radius.powi(2) * self.own * self.length),
@@ -93,7 +101,8 @@ impl Step {
         }
     }
 
-    /// Draws the height in µm as that from which a uniform concentration is adsorbed.
+    /// Draws the height after desorption, in µm, with the distribution of the heights from which a uniform
+    /// concentration adsorbs.
     pub(crate) fn height_after(&self, draws: &mut Draws) -> f64 {
         let scale = 2.0 * self.length;
         let most = self.taken_from(0.0) * (1.0 + FAR * scale / self.radius);
@@ -112,9 +121,10 @@ impl Step {
 
 /// Largest height after desorption, in √(4DΔt).
 const FAR: f64 = 5.0;
-/// Rejection trials. About one in three succeeds, unless √(DΔt) is large compared with the radius.
+/// Largest number of rejection trials. About one in three succeeds, unless √(DΔt) is large compared with the radius.
 const TRIALS: usize = 1000;
 
+/// Draws |x| with the density ∝ exp(−x²).
 fn half_normal(draws: &mut Draws) -> f64 {
     let [u, v] = [draws.unit(), draws.unit()];
     libm::sqrt(-libm::log(u)) * libm::cos(0.5 * PI * v)

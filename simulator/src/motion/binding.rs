@@ -11,31 +11,36 @@ use crate::motion::adsorption::{Step, reactivity};
 use crate::motion::surface_events::Event;
 use crate::random::philox::{Draws, Key, Purpose};
 
+/// A particle that is bound to a receptor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
 #[repr(C)]
 pub struct Bound {
     pub id: u32,
     pub species: u32,
-    /// Index in the model.
+    /// Index of the receiver in the model.
     pub receiver: u32,
-    /// Receptor type, as index among those of all receivers.
+    /// Index of the receptor type among those of all receivers.
     pub receptor: u32,
-    /// Direction from the center.
+    /// Unit vector from the center of the receiver.
     pub direction: [f32; 3],
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct UnboundParticle {
+    /// Index among the bound particles.
     at: usize,
+    /// Height above the receiver, in µm.
     height: f32,
 }
 
+/// Returns the number of free receptors of each type.
 pub(crate) fn free(model: &Model, occupied: &[u64]) -> Vec<u32> {
     let one =
         |(kind, &held): (&ReceptorType, &u64)| kind.count.saturating_sub(held.try_into().unwrap_or(u32::MAX));
     model.receptor_types().zip(occupied).map(one).collect()
 }
 
+/// Draws the particles that unbind in a step.
 pub(crate) fn leaving(
     model: &Model,
     bound: &[Bound],
@@ -56,16 +61,16 @@ pub(crate) fn leaving(
             kind.ligand(held.species).map_or(0.0, |ligand| reactivity(ligand.binding_rate, free, radius))
         };
         let reactivity = (first..).zip(receiver.receptor_types()).map(of_type).sum();
-        let way = Step::new(diffusion, model.time_step, (radius, reactivity));
-        let probability = own.unbinding_rate * model.time_step * way.effective_part();
+        let desorption = Step::new(diffusion, model.time_step, (radius, reactivity));
+        let probability = own.unbinding_rate * model.time_step * desorption.effective_part();
         let mut draws = Draws::new(key, held.id, step, Purpose::Unbinding);
         (draws.unit() < probability)
-            .then(|| UnboundParticle { at, height: way.height_after(&mut draws) as f32 })
+            .then(|| UnboundParticle { at, height: desorption.height_after(&mut draws) as f32 })
     };
     bound.iter().enumerate().filter_map(leaves).collect()
 }
 
-/// Returns `None` if walls leave no space, or if the place is across a membrane.
+/// Returns the position of a particle after unbinding; `None` if walls leave no space, or if it is across a membrane.
 pub(crate) fn place_of(
     model: &Model,
     held: &Bound,
@@ -99,26 +104,28 @@ pub(crate) struct BindingRequest {
 }
 
 impl BindingRequest {
-    /// Returns the receptor type, as index among those of all receivers.
+    /// Returns the index of the receptor type among those of all receivers.
     pub(crate) fn receptor(self) -> usize {
         self.receptor as usize
     }
 }
 
+/// Returns the requests for receptors among events. `id` returns the id of a particle by its index.
 pub(crate) fn bids(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<BindingRequest> {
-    let bid = |event: &Event| match *event {
+    let request = |event: &Event| match *event {
         Event::Bound { at, receptor, rank, .. } => Some(BindingRequest { receptor, rank, id: id(at) }),
         _ => None,
     };
-    events.iter().filter_map(bid).collect()
+    events.iter().filter_map(request).collect()
 }
 
-/// Returns ascending ids without a free receptor: of each type the highest ranks, then ids.
-pub(crate) fn rejected(mut bids: Vec<BindingRequest>, free: &[u32]) -> Vec<u32> {
-    bids.sort_unstable();
-    let of_one = bids.chunk_by(|a, b| a.receptor == b.receptor);
+/// Returns the ids of the particles that find no free receptor, in ascending order. They are those with the highest
+/// ranks of a type, and of equal ranks those with the highest ids.
+pub(crate) fn rejected(mut requests: Vec<BindingRequest>, free: &[u32]) -> Vec<u32> {
+    requests.sort_unstable();
+    let of_one = requests.chunk_by(|a, b| a.receptor == b.receptor);
     let mut rejected: Vec<u32> = of_one
-        .flat_map(|many| many.iter().skip(free[many[0].receptor as usize] as usize).map(|bid| bid.id))
+        .flat_map(|many| many.iter().skip(free[many[0].receptor as usize] as usize).map(|request| request.id))
         .collect();
     rejected.sort_unstable();
     rejected
@@ -132,7 +139,7 @@ mod tests {
     use crate::{Boundary, Receiver, ReceiverKind, Shape, Simulation, Species, State, Transmitter};
 
     #[test]
-    fn the_first_in_rank_find_receptors() {
+    fn lowest_ranks_get_receptors() {
         let bound =
             |at, receptor, rank| Event::Bound { at, receiver: 0, receptor, direction: [0.0; 3], rank };
         let events = [bound(4, 1, 7), bound(5, 0, 9), bound(6, 1, 3), bound(7, 1, 3), bound(8, 0, 1)];

@@ -3,8 +3,8 @@
 //! `collisions/` prevents overlaps on paths. Overlaps remain after releases and reactions, and at bodies that reflect
 //! paths. Species that react with each other are not separated: a reaction may need them closer than contact.
 //!
-//! In each of a few passes, each particle moves by the mean of the displacements that would separate its overlaps. Sums
-//! are integers, so the order of overlaps has no effect. A particle that would enter a body stays instead.
+//! In each of four passes, a particle moves by the mean of the displacements that would separate its overlaps.
+//! Sums are integers, so the order of overlaps has no effect. A particle that would enter a body stays where it is.
 //!
 //! Overlaps below the rounding error of an `f32` distance remain and are not counted.
 
@@ -24,6 +24,7 @@ mod bodies;
 
 use bodies::{Bodies, Shift};
 
+/// Separates the overlaps of a model.
 #[derive(Debug)]
 pub struct Contacts {
     separates: bool,
@@ -38,10 +39,10 @@ pub struct Contacts {
 
 pub(crate) const PASSES: u32 = 4;
 const TASK: usize = 4096;
-/// Units per contact distance; 2²² of them fit 64 bits.
+/// Units per largest contact distance; the sum of 2²² such distances fits 64 bits.
 const UNITS: f64 = (1_u64 << 40) as f64;
 
-/// Particle, and displacement in units.
+/// Index of a particle, and its displacement in units.
 pub(crate) type Push = (u32, [i64; 3]);
 
 impl Contacts {
@@ -58,6 +59,7 @@ impl Contacts {
         }
     }
 
+    /// Returns `true` if the contact is [`Contact::Separate`].
     pub fn separate(&self) -> bool {
         self.separates
     }
@@ -67,7 +69,7 @@ impl Contacts {
         self.bodies.set_centers(centers);
     }
 
-    /// Separates the overlaps among `pairs` of `free` particles. Returns their number.
+    /// Separates the overlaps among `pairs`, if both particles are `free`, and returns their number.
     pub fn resolve(
         &self,
         particles: &mut Particles,
@@ -122,7 +124,7 @@ impl Contacts {
         shifts.iter().for_each(|shift| particles.set_position(shift.at, shift.to));
     }
 
-    /// `None` without an overlap.
+    /// Returns the displacements that separate a pair; `None` if it does not overlap.
     fn push(&self, particles: &Particles, pair: Pair, (key, step): (Key, u32)) -> Option<[Push; 2]> {
         let [mut a, mut b] = [pair.i, pair.j];
         if particles.id[a as usize] > particles.id[b as usize] {

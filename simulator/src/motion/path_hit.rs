@@ -10,9 +10,10 @@
 //! exactly, for a step of any length (Carslaw and Jaeger, *Conduction of Heat in Solids*, section 14.7: r times the
 //! density is that of a half line, with an image at −r).
 //!
-//! *In one dimension* a path to the other side has hit the segment, and one that returns to its side did with the probability
-//! exp(−ab/DΔt). *In two* no closed form exists. The terms of both ends beyond this exponential cancel to first order in DΔt/r₀r₁,
-//! which leaves the same expression, for steps that are short compared with the radius.
+//! *In one dimension* a path that ends on the other side of the segment has hit it, and a path that ends on its own
+//! side has hit it with the probability exp(−ab/DΔt). *In two* no closed form exists. To first order in DΔt/r₀r₁ the
+//! other terms of both ends cancel, which leaves the same expression, for steps that are short compared with the
+//! radius.
 //!
 //! *Drift alone.* The path is a line that walls reflect, round ones included.
 //!
@@ -27,14 +28,19 @@
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{ReceiverKind, signed_distance};
 use crate::motion::receiver_state::ReceiverState;
+use crate::random::bridge::NEVER;
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose, open_unit};
 
+/// The path of a particle in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
+    /// Beginning, in µm.
     pub before: [f32; 3],
-    /// End without walls and images, in µm.
+    /// End before [`Boundary::confine`] mirrors it at walls and wraps it, in µm. Reflections that are no mirror
+    /// images, such as those at vessels, are included.
     pub end: [f32; 3],
+    /// End within the boundary, in µm.
     pub after: [f32; 3],
     /// Displacement apart from diffusion, in µm.
     pub drift: [f32; 3],
@@ -42,6 +48,7 @@ pub struct Path {
     pub diffusion: f32,
 }
 
+/// The particle and the step of random draws.
 #[derive(Clone, Copy, Debug)]
 pub struct DrawContext {
     pub key: Key,
@@ -52,19 +59,19 @@ pub struct DrawContext {
 /// A path's hit on a receiver: a segment of the path, and its heights above the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
+    /// Beginning of the segment, as a fraction of the step.
     begin: f32,
+    /// Duration of the segment, as a fraction of the step; 0 if the hit is at `begin`.
     part: f32,
-    /// At both ends, in √(2DΔt) of the segment; negative inside.
+    /// Heights at both ends, in √(2DΔt) of the segment, negative inside.
     heights: [f32; 2],
 }
 
-/// Above this exponent a probability is below the smallest random number.
-const NEVER: f32 = 17.0;
-/// Largest drift of a segment, over the receiver's radius and over the segment's standard deviation.
+/// Largest drift of a segment, as fractions of the receiver's radius and of the segment's √(2DΔt).
 const SEGMENT_DRIFT: [f32; 2] = [1.0 / 16.0, 1.0 / 8.0];
-/// Exceeded once in 10⁸ cases, in standard deviations.
+/// Largest distance of a path from its chord, in √(2DΔt), which one path in 10⁸ exceeds.
 pub(crate) const BEND: f32 = 3.1;
-/// Halves of segment `k`, from 1, are 2k and 2k + 1. Segments at or above this number are not halved.
+/// Number from which segments are not halved. The halves of segment `k` are 2k and 2k + 1, and the whole path is 1.
 const LAST: u32 = 1 << 12;
 
 /// Returns the hit of a path on a receiver, if any. `domain` confines the particle's center.
@@ -97,17 +104,18 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
     BrownianBridge { receiver, domain, who }.hits(segment)
 }
 
-/// Is infinite without an image.
+/// Returns the radius in the image term of [`hit_probability`]; infinite, so that the term vanishes, in fewer than
+/// three dimensions.
 fn image_radius(receiver: &ReceiverState) -> f32 {
     if receiver.dimensions == 3 { receiver.receiver.radius } else { f32::INFINITY }
 }
 
-/// True if such a drift may carry a segment past a sphere.
+/// Returns `true` if a drift may carry a segment past a sphere. Lengths are in µm.
 pub(crate) fn is_long(drift: f32, spread: f32, radius: f32) -> bool {
     drift > SEGMENT_DRIFT[0] * radius && drift > SEGMENT_DRIFT[1] * spread
 }
 
-/// To a few units in the last place for x ≥ 0, by the operations of `first_passage.wgsl`.
+/// Returns 1 − exp(−x) for x ≥ 0, to a few units in the last place, by the operations of `first_passage.wgsl`.
 fn one_minus_exp(x: f32) -> f32 {
     if x < 0.125 {
         return x * (1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x * (1.0 / 120.0)))));
@@ -115,12 +123,13 @@ fn one_minus_exp(x: f32) -> f32 {
     1.0 - libm::expf(-x)
 }
 
-/// Between heights `a` and `b` > 0. `diffusion` is DΔt, in µm².
+/// Returns the probability that a path between the heights `a` and `b` > 0, in µm, hits a sphere. `diffusion` is DΔt,
+/// in µm².
 #[inline]
 pub(crate) fn hit_probability(radius: f32, [a, b]: [f32; 2], diffusion: f32) -> f32 {
     let exponent = a * b / diffusion;
     if exponent.is_nan() || exponent >= NEVER {
-        // Includes 0/0: at rest on the surface, and hit before.
+        // 0/0 is NaN: a particle at rest on the surface, which it hit earlier.
         return 0.0;
     }
     let image = radius * (a + b + radius) / diffusion;
@@ -159,7 +168,7 @@ impl Hit {
         Self { begin: 0.0, part: 1.0, heights: [a, b].map(|height| height / spread) }
     }
 
-    /// In steps, for the receiver `place`.
+    /// Draws the time of the hit, as a fraction of the step, for the receiver `place`.
     ///
     /// A Brownian path from height α to ±β that reaches the surface does so first at s, where u = s/(1 − s) has the
     /// inverse Gaussian density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2), drawn by a quadratic equation with one normal and one
@@ -175,7 +184,8 @@ impl Hit {
     }
 }
 
-/// In segments, by random numbers.
+/// Returns the time of the first passage between two heights in √(2DΔt), as a fraction of the segment, by a normal and
+/// a uniform random number.
 pub(crate) fn first_passage([a, b]: [f32; 2], normal: f32, uniform: f32) -> f32 {
     let b = b.abs();
     if a <= 0.0 {
@@ -251,17 +261,17 @@ pub(crate) fn length(v: [f32; 3]) -> f32 {
     (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt()
 }
 
-/// Cuts per axis; above it a position has no meaning.
+/// Largest number of cuts per axis. Steps that need more are far too long.
 const CUTS: usize = 1000;
 
-/// Returns the hit of a path without diffusion, which turns at the walls.
+/// Returns the hit of a path without diffusion, which walls reflect.
 fn path_line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
     let line = Line { ends: [path.before, path.end].map(|end| end.map(f64::from)), begin: 0.0, part: 1.0 };
     let Some(vessel) = domain.vessel else { return line_hit(body, domain, line) };
     let free_end: [f32; 3] = std::array::from_fn(|k| path.before[k] + path.drift[k]);
     let reflected = vessel.reflect(path.before, free_end, &mut [0.0; 3]);
     let is_other = |k: usize| Some(k) != vessel.along && reflected[k] != path.end[k];
-    // A collision or a surface has turned other paths, and one inside has no corner.
+    // A path inside the vessel has no corner. A path with another end was turned by a collision or a surface.
     if vessel.distance(free_end) <= f64::from(vessel.radius) || (0..3).any(is_other) {
         return line_hit(body, domain, line);
     }
@@ -271,7 +281,7 @@ fn path_line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option
     })
 }
 
-/// A part of a path, by its time in steps.
+/// A segment of a path, with its beginning and duration as fractions of the step.
 #[derive(Clone, Copy)]
 struct Line {
     ends: [[f64; 3]; 2],
@@ -324,7 +334,7 @@ fn line_hit(body: &ReceiverState, domain: &Boundary, line: Line) -> Option<Hit> 
     })
 }
 
-/// In lengths of the line, for a sphere around the origin.
+/// Returns the fraction of a line at which it enters a sphere around the origin.
 fn entry_time(from: [f64; 3], way: [f64; 3], radius: f64) -> Option<f64> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let outside = dot(from, from) - radius * radius;

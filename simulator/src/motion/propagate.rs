@@ -1,4 +1,4 @@
-//! The independent part of a step: motion, walls, receivers, decays.
+//! The part of a step in which particles are independent: motion, walls, receivers and decays.
 
 mod flight;
 
@@ -36,6 +36,7 @@ pub struct Propagator {
 }
 
 const CHUNK: usize = 4096;
+/// Bound of the relative rounding error of a path's length.
 pub(crate) const ROUNDED: f32 = 1e-6;
 
 impl Propagator {
@@ -71,7 +72,8 @@ impl Propagator {
         SpeciesSurfaces { surfaces: &self.surfaces, step, duration: self.paths.duration }
     }
 
-    /// `flights` are the paths after collisions.
+    /// Moves all particles and returns their events, in the order of particles. `flights` are the paths after
+    /// collisions, if particles collide.
     pub(crate) fn advance(
         &self,
         particles: &mut Particles,
@@ -219,7 +221,8 @@ impl Propagator {
         self.decays.dissociates_before(moved.species, (key, id, step), || capture.time(moved.who))
     }
 
-    /// Adds the decays before a capture and the capture, or all decays if it does not apply to the last product.
+    /// Adds the decays before a capture, and the capture; or all decays if the receiver does not take the species at
+    /// the hit.
     #[cold]
     #[inline(never)]
     fn decay_to(&self, moved: &ParticleMove, capture: Capture, events: &mut Vec<Event>) {
@@ -247,7 +250,7 @@ impl Propagator {
         });
     }
 
-    /// Bounds diffusion and approaching receivers, in µm.
+    /// Returns a bound of the path's distance from its chord plus the displacement of any receiver, in µm.
     #[inline(always)]
     fn more(&self, moved: &ParticleMove) -> f32 {
         self.steps[moved.species as usize].bend_of(&moved.path) + self.surfaces.bodies.max_displacement

@@ -1,11 +1,11 @@
 //! The search for particles that may hit a receiver.
 //!
-//! Every particle has a clear sphere without receivers, known since the last search around it. A path inside it hits
-//! nothing. Other particles go to the detector as spheres that cover several steps, with the receivers as second set.
-//! So most particles cost one distance per step.
+//! Every particle has a clear sphere, which contained no receiver at the last search around it. A path inside its
+//! clear sphere hits no receiver. Other particles go to the detector as spheres that cover several steps, with the
+//! receivers as second set. So most particles cost one distance per step.
 //!
-//! A clear sphere stays true if the particle moves or another takes its index. The result equals a loop over all
-//! receivers bit for bit.
+//! A clear sphere stays valid if the particle moves or another particle takes its index. The result equals a loop over
+//! all receivers bit for bit.
 //!
 //! If most particles leave their clear spheres in every step, the loop is faster and takes over for some steps.
 
@@ -44,38 +44,41 @@ pub(crate) struct ReceiverSearch {
     detector: Detector,
     /// Indexed by particle: center, and radius plus `traveled` at the search. In µm.
     pub(crate) clear_spheres: Vec<[f32; 4]>,
-    /// Largest displacement of any receiver since no clear sphere was known, in µm.
+    /// Sum of the largest displacements of receivers in all steps since all clear spheres expired, in µm.
     pub(crate) traveled: f32,
     steps: u32,
-    /// Radius of a search, in bounds of a step. Results do not depend on it.
+    /// Radius of a search, relative to the bound of a step. Results do not depend on it.
     factor: f32,
     queries: Vec<Sphere>,
     receivers: Vec<Sphere>,
-    worth: SearchCost,
+    cost: SearchCost,
 }
 
+/// Compares searches with the loop over all receivers.
 #[derive(Debug, Default)]
 struct SearchCost {
+    /// Steps with searches in this window.
     steps: u32,
-    /// Searches so far, in tests of a receiver.
+    /// Cost of the searches in this window, in tests of a receiver.
     cost: u64,
+    /// Steps left without searches.
     rest: u32,
 }
 
-/// At first no clear sphere is known, so a single step says little.
+/// Steps over which costs are compared. At first no clear sphere is known, so a single step does not suffice.
 const WINDOW: u32 = 16;
-/// Steps without searches after a window in which they cost more.
+/// Steps without searches after a window in which searches cost more.
 const REST: u32 = 240;
-/// Cost of a search per particle and per found receiver, in tests: about 100 ns, and 20 ns and often a test, against
-/// 35 ns (two cores of an AMD EPYC).
+/// Cost of a search in tests of a receiver, per particle and per found receiver: about 100 ns, and 20 ns plus often a
+/// test, which takes 35 ns (two cores of an AMD EPYC).
 const COSTS: [usize; 2] = [3, 1];
 
 const UNKNOWN: [f32; 4] = [0.0, 0.0, 0.0, -1.0];
-/// Steps of moving receivers until clear spheres expire, to bound rounding errors.
+/// Steps of moving receivers after which clear spheres expire, to bound rounding errors.
 const FORGET: u32 = 64;
 /// First, smallest and largest `factor`.
 const FACTORS: [f32; 3] = [4.0, 1.5, 64.0];
-/// Found receivers per particle between which `factor` stays.
+/// Numbers of found receivers per particle between which `factor` does not change.
 const FOUND: [usize; 2] = [1, 4];
 
 impl ReceiverSearch {
@@ -91,10 +94,11 @@ impl ReceiverSearch {
             factor: FACTORS[0],
             queries: Vec::new(),
             receivers: Vec::new(),
-            worth: SearchCost::default(),
+            cost: SearchCost::default(),
         }))
     }
 
+    /// Begins a step. Returns `false` if the loop over all receivers is faster.
     pub(crate) fn begin(&mut self, particles: usize, bodies: &ActiveReceivers) -> bool {
         if bodies.move_about() {
             if self.steps.is_multiple_of(FORGET) {
@@ -111,7 +115,7 @@ impl ReceiverSearch {
             self.receivers.clear();
             self.receivers.extend(bodies.all.iter().map(sphere));
         }
-        self.worth.begin()
+        self.cost.begin()
     }
 
     pub(crate) fn end(&mut self, bodies: &ActiveReceivers) {
@@ -126,13 +130,14 @@ impl ReceiverSearch {
         distance + reach.half + reach.more <= radius - self.traveled
     }
 
-    /// Keeps the order of the model. Particles are beginnings and search radii.
+    /// Returns the receivers near each particle, in the order of the model. `particles` are positions at the beginning
+    /// of the step and the distances up to which paths reach, in µm.
     pub(crate) fn find<'a>(
         &'a mut self,
         particles: impl Iterator<Item = ([f32; 3], f32)>,
         bodies: &ActiveReceivers,
     ) -> Result<Found<'a>, lazygrid::Error> {
-        let Self { detector, traveled, factor, queries, receivers, clear_spheres, worth, .. } = self;
+        let Self { detector, traveled, factor, queries, receivers, clear_spheres, cost, .. } = self;
         queries.clear();
         queries.extend(particles.map(|(before, reach)| {
             let radius = *factor * reach + 1e-3 * bodies.largest;
@@ -140,9 +145,9 @@ impl ReceiverSearch {
         }));
         let near = detector.neighbors((&*queries, &*receivers))?;
         let found: usize = (0..near.len()).map(|k| near.neighbors_of(k).len()).sum();
-        worth.see([queries.len(), found], clear_spheres.len() * receivers.len());
+        cost.add([queries.len(), found], clear_spheres.len() * receivers.len());
         let [_, least, most] = FACTORS;
-        // Few particles do not predict the next step.
+        // A search of few particles does not predict the next one.
         if found > FOUND[1] * queries.len().max(16) {
             *factor = (*factor / 1.5).max(least);
         } else if found < FOUND[0] * queries.len() {
@@ -165,15 +170,17 @@ impl SearchCost {
         true
     }
 
-    fn see(&mut self, [queries, found]: [usize; 2], looks: usize) {
+    /// Adds a search of `queries` particles that found `found` receivers, in a step in which the loop makes `tests`
+    /// tests.
+    fn add(&mut self, [queries, found]: [usize; 2], tests: usize) {
         self.cost += (COSTS[0] * queries + COSTS[1] * found) as u64;
-        if self.cost > u64::from(WINDOW) * looks as u64 {
+        if self.cost > u64::from(WINDOW) * tests as u64 {
             *self = Self { rest: REST, ..Self::default() };
         }
     }
 }
 
-/// Bounds the rounding of distances and of receiver displacements.
+/// Returns a bound of the rounding of distances and of receiver displacements, in µm.
 fn slack(before: [f32; 3], radius: f32, bodies: &ActiveReceivers, traveled: f32) -> f32 {
     rounding(before, radius + bodies.largest + traveled)
 }

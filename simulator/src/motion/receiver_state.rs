@@ -1,4 +1,4 @@
-//! Receivers in a step.
+//! Receivers within a step, and their motion.
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
@@ -7,23 +7,27 @@ use crate::motion::adsorption::reactivity;
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose};
 
+/// A receiver in a step.
 #[derive(Clone, Debug)]
 pub struct ReceiverState {
+    /// Index in the model.
     pub place: u32,
     pub receiver: Receiver,
-    /// At the beginning of the step, in µm.
+    /// Center at the beginning of the step, in µm.
     pub center: [f32; 3],
-    /// In the step, in µm.
+    /// Displacement in the step, not wrapped, in µm.
     pub displacement: [f32; 3],
     /// Part of the displacement that is drift, in µm.
     pub drift: [f32; 3],
     /// DΔt, in µm².
     pub diffusion: f32,
+    /// Adsorption of a partial receiver; without effect for other kinds.
     pub sticking: Adsorption,
     /// Index of its first receptor type in the model.
     pub(crate) first_type: u32,
+    /// Number of free receptors, by type.
     pub(crate) free: Vec<u32>,
-    /// Number of dimensions: it is a sphere, a disk or a segment.
+    /// Number of dimensions, in which the receiver is a sphere, a disk or a segment.
     pub dimensions: usize,
 }
 
@@ -46,6 +50,7 @@ impl ReceiverState {
         }
     }
 
+    /// Returns the center after the fraction `part` of the step, not wrapped, in µm.
     #[inline(always)]
     pub fn center_at(&self, part: f32) -> [f32; 3] {
         std::array::from_fn(|k| self.center[k] + part * self.displacement[k])
@@ -61,7 +66,8 @@ impl ReceiverState {
         }
     }
 
-    /// Heights are at these fractions of the step, negative inside. A path to the other side of a segment ends inside.
+    /// Returns the heights of the ends of a path, in µm, negative inside, at the fractions `parts` of the step. In one
+    /// dimension, a path that ends on the other side of the segment has a negative second height.
     #[inline(always)]
     pub(crate) fn heights(&self, domain: &Boundary, ends: [[f32; 3]; 2], parts: [f32; 2]) -> [f32; 2] {
         let radius = self.receiver.radius;
@@ -73,7 +79,7 @@ impl ReceiverState {
         }
     }
 
-    /// In µm/s, by type.
+    /// Returns the reactivity of each receptor type for a species, in µm/s.
     pub(crate) fn reactivities(&self, species: u32) -> impl Iterator<Item = f64> {
         let radius = self.receiver.radius.into();
         let types = self.receiver.receptor_types().iter().zip(&self.free);
@@ -87,11 +93,15 @@ impl ReceiverState {
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveReceivers {
     pub(crate) all: Vec<ReceiverState>,
+    /// Indices of the receivers that move or have receptors.
     changing: Vec<usize>,
     moving: bool,
-    turning: bool,
+    reflecting: bool,
+    /// Largest DΔt, in µm².
     pub(crate) diffusion: f32,
+    /// Largest displacement in the step, in µm.
     pub(crate) max_displacement: f32,
+    /// Largest radius, in µm.
     pub(crate) largest: f32,
 }
 
@@ -113,7 +123,7 @@ impl ActiveReceivers {
         Self {
             changing: (0..all.len()).filter(|&k| changes(&all[k])).collect(),
             moving: all.iter().any(|body| body.receiver.moves()),
-            turning: all.iter().any(|body| body.receiver.kind.reflects()),
+            reflecting: all.iter().any(|body| body.receiver.kind.reflects()),
             diffusion: all.iter().map(|body| body.diffusion).fold(0.0, f32::max),
             largest: all.iter().map(|body| body.receiver.radius).fold(0.0, f32::max),
             max_displacement: 0.0,
@@ -126,9 +136,10 @@ impl ActiveReceivers {
     }
 
     pub(crate) fn any_reflect(&self) -> bool {
-        self.turning
+        self.reflecting
     }
 
+    /// Begins a step: `centers` are those at its beginning, `places` those at its end, and `free` the free receptors.
     pub(crate) fn set(&mut self, centers: &[[f32; 3]], places: &[Place], free: &[u32]) {
         self.max_displacement = 0.0;
         for &k in &self.changing {
@@ -145,10 +156,12 @@ impl ActiveReceivers {
     }
 }
 
+/// The position of a receiver at the end of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
+    /// In µm.
     pub(crate) center: [f32; 3],
-    /// Displacement in the last step, not wrapped, in µm.
+    /// Displacement in the step, not wrapped, in µm.
     pub(crate) displacement: [f32; 3],
 }
 
@@ -158,7 +171,7 @@ impl Place {
     }
 }
 
-/// Moves receivers by a step. Walls and membranes act on their surfaces; they pass through each other.
+/// Moves receivers by a step. Walls and membranes reflect their surfaces; receivers pass through each other.
 pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step: u32) -> Vec<Place> {
     let one = |(at, (receiver, &center)): (usize, (&Receiver, &[f32; 3]))| {
         if !receiver.moves() {

@@ -14,7 +14,7 @@ pub(crate) struct ReflectedPath {
     pub(crate) path: Path,
     /// First reflecting receiver, as index in the model.
     pub(crate) first: u32,
-    /// In µm; above the step's displacement if spheres approach.
+    /// Length of the path, in µm; spheres that move make it longer than the displacement of the step.
     pub(crate) gone: f32,
     pub(crate) turns: PathTurns,
 }
@@ -27,16 +27,20 @@ pub(crate) struct PathTurns {
     pub(crate) last: [[f32; 3]; 2],
 }
 
+/// A periodic image of a sphere.
 struct Obstacle<'a> {
     body: &'a ReceiverState,
+    /// Vector from the sphere's center to the beginning of the path, in µm.
     offset: [f64; 3],
+    /// Displacement of the sphere in the step, in µm.
     displacement: [f64; 3],
 }
 
-/// Reflections per step; a particle stays at the last.
+/// Largest number of reflections in a step; a particle with more stays at the last.
 const BOUNCES: usize = 64;
 
-/// The particle begins outside all spheres. Changes `velocity`, in µm per step.
+/// Reflects a path that begins outside all spheres, and `velocity`, in µm per step. Returns `None` if the path reaches
+/// no sphere.
 pub(crate) fn reflect_path(
     bodies: &[&ReceiverState],
     domain: &Boundary,
@@ -80,6 +84,8 @@ pub(crate) fn reflect_path(
     Some(ReflectedPath { path: Path { end, after, ..*path }, first, gone: length as f32, turns })
 }
 
+/// Returns each sphere at its image nearest to the beginning of the path, and at its image nearest to the end if that
+/// is another one.
 fn obstacles<'a>(
     bodies: &[&'a ReceiverState],
     domain: &Boundary,
@@ -106,10 +112,12 @@ fn obstacles<'a>(
 }
 
 impl Obstacle<'_> {
+    /// Returns the vector from the sphere's center to a particle that has moved by `gone` until `time`.
     fn offset_at(&self, gone: [f64; 3], time: f64) -> [f64; 3] {
         std::array::from_fn(|k| self.offset[k] + gone[k] - time * self.displacement[k])
     }
 
+    /// Returns the time from `time` to a hit, as a fraction of the step.
     fn meeting(&self, gone: [f64; 3], time: f64, displacement: [f64; 3]) -> Option<f64> {
         let from = self.offset_at(gone, time);
         let displacement: [f64; 3] = std::array::from_fn(|k| displacement[k] - self.displacement[k]);
@@ -126,8 +134,8 @@ fn turned(velocity: [f64; 3], of_surface: [f64; 3], normal: [f64; 3]) -> [f64; 3
     std::array::from_fn(|k| velocity[k] - 2.0 * out * normal[k])
 }
 
-/// Returns the end of a path, or its beginning if the end was moved into a sphere; a sphere that covers both pushes the
-/// particle out.
+/// Returns the end of a path, or its beginning if walls or rounding moved the end into a sphere. A sphere that covers
+/// the beginning too pushes the particle out.
 fn outside(bodies: &[&ReceiverState], domain: &Boundary, before: [f32; 3], after: [f32; 3]) -> [f32; 3] {
     let inside = |point: [f32; 3]| {
         let height =
@@ -167,7 +175,7 @@ mod tests {
     }
 
     #[test]
-    fn ways_are_those_of_light() {
+    fn reflected_paths_have_the_angle_of_incidence() {
         let (open, ball) = (Boundary::default(), body([0.0; 3], 1.0));
         let mut velocity = [-3.0, 5.0, 0.0];
         let mut end = |from, to| reflect_path(&[&ball], &open, &path(from, to, &open), &mut velocity);
@@ -198,21 +206,21 @@ mod tests {
     }
 
     #[test]
-    fn nothing_gets_in_across_seams_and_walls() {
-        let rooms = [Boundary::periodic([-2.0; 3], [2.0; 3]), Boundary::reflecting([-2.0; 3], [2.0; 3])];
-        for domain in rooms {
-            let clear_spheres =
+    fn no_path_enters_a_sphere_across_periodic_boundaries_and_walls() {
+        let domains = [Boundary::periodic([-2.0; 3], [2.0; 3]), Boundary::reflecting([-2.0; 3], [2.0; 3])];
+        for domain in domains {
+            let balls =
                 [body([2.0, 0.0, 0.0], 1.0), body([-1.0, 0.5, 0.0], 0.9), body([0.4, -1.5, 1.0], 0.7)];
-            let clear_spheres: Vec<&ReceiverState> = clear_spheres.iter().collect();
+            let balls: Vec<&ReceiverState> = balls.iter().collect();
             let is_out = |p: [f32; 3]| {
-                clear_spheres.iter().all(|b| signed_distance(b.receiver.radius, b.center, &domain, p) >= 0.0)
+                balls.iter().all(|b| signed_distance(b.receiver.radius, b.center, &domain, p) >= 0.0)
             };
             let mut from = [0.5, 1.5, -1.5];
             let mut turns = 0;
             for k in 0..50_000_u32 {
                 let [x, y, z, _] = philox([k, 0, 0, 0], [1, 2]).map(|word| 3.0 * (open_unit(word) - 0.5));
                 let displacement = path(from, [from[0] + x, from[1] + y, from[2] + z], &domain);
-                let turned = reflect_path(&clear_spheres, &domain, &displacement, &mut [0.0; 3]);
+                let turned = reflect_path(&balls, &domain, &displacement, &mut [0.0; 3]);
                 from = turned.map_or(displacement.after, |turned| turned.path.after);
                 turns += u32::from(turned.is_some());
                 assert!(is_out(from), "{k}: {from:?}");

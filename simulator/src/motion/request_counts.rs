@@ -1,22 +1,22 @@
 //! Counts of requests for receptors, and warnings of refused ones.
 //!
 //! A step binds min(Poisson(f·x), f) particles to f free receptors, with x = `binding-rate`·c·Δt. Refused requests are
-//! missing from the equilibrium: about the fraction x/2 of a single receptor.
+//! missing from the equilibrium; at a single receptor they are about the fraction x/2.
 
 use crate::model::Model;
 use crate::motion::binding::{BindingRequest, rejected};
 
-/// Largest fraction of refused requests.
+/// Largest fraction of refused requests without a warning.
 const REFUSED: f64 = 0.01;
-/// Refused requests from which a fraction is known well enough.
+/// Smallest number of refused requests for which their fraction is known well enough.
 const LEAST: u64 = 10;
 
-/// All requests and refused ones, by receptor type.
+/// The numbers of all requests and of refused ones, by receptor type.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct RequestCounts(Vec<[u64; 2]>);
 
 impl RequestCounts {
-    /// Counts the requests of a step, and returns the ascending ids without a free receptor.
+    /// Counts the requests of a step, and returns the ids of refused ones in ascending order.
     pub(crate) fn reject(&mut self, requests: Vec<BindingRequest>, free: &[u32]) -> Vec<u32> {
         let mut of_step = vec![0_u64; free.len()];
         requests.iter().for_each(|request| of_step[request.receptor()] += 1);
@@ -25,7 +25,7 @@ impl RequestCounts {
         rejected(requests, free)
     }
 
-    /// Adds all requests and refused ones of each receptor type.
+    /// Adds the numbers of all requests and of refused ones of each receptor type.
     pub(crate) fn add(&mut self, counts: impl ExactSizeIterator<Item = [u64; 2]>) {
         self.0.resize(counts.len(), [0; 2]);
         for (sum, count) in self.0.iter_mut().zip(counts) {
@@ -44,8 +44,9 @@ impl RequestCounts {
             let part = refused as f64 / all as f64;
             (part > REFUSED && refused >= LEAST).then(|| {
                 format!(
-                    "{}: {:.1} % of the requests for its receptors were refused, because others of the same step took the last \
-                     free ones, so that it binds fewer particles than in equilibrium; a time-step of about {:.2e} s has {:.0} %",
+                    "{}: {:.1} % of the requests for its receptors were refused, because other requests of the same step took the \
+                     last free receptors, so it binds fewer particles than in equilibrium; with a time-step of about {:.2e} s, \
+                     {:.0} % are refused",
                     receiver.name,
                     100.0 * part,
                     model.time_step * REFUSED / part,

@@ -1,7 +1,7 @@
 //! Free paths of a species in a step, up to walls.
 //!
-//! A coordinate becomes `x + (s·z + d)` with `s` = √(2DΔt), a standard normal `z`, and `d` the drift per step plus
-//! own velocity, each operation rounded to `f32`.
+//! A coordinate becomes `x + (s·z + d)` with `s` = √(2DΔt), a standard normal `z`, and `d` the displacement by drift,
+//! flow and own velocity. Each operation is rounded to `f32`.
 
 use crate::model::Model;
 use crate::model::boundary::Boundary;
@@ -15,7 +15,7 @@ use crate::random::philox::Purpose;
 pub(crate) struct SpeciesStep {
     /// √(2DΔt) in µm.
     pub(crate) length: f32,
-    /// √(2DΔt) along each axis.
+    /// √(2DΔt) along each axis in µm, 0 along absent axes.
     lengths: [f32; 3],
     /// DΔt in µm².
     pub(crate) diffusion: f32,
@@ -24,9 +24,9 @@ pub(crate) struct SpeciesStep {
     pub(crate) drift: StepDrift,
     /// Boundary of the center.
     pub(crate) domain: Boundary,
-    /// Largest bending of the path by the diffusion of particle and receiver, in µm.
+    /// Bound of the distance of a path from its chord by the diffusion of particle and receiver, in µm.
     pub(crate) bend: f32,
-    /// `true` if the side of a vessel turns paths that receivers follow.
+    /// `true` if a vessel reflects paths without diffusion, which receivers follow from corner to corner.
     turns_at_side: bool,
 }
 
@@ -48,7 +48,7 @@ impl SpeciesStep {
         }
     }
 
-    /// Bounds the distance of a path from its chord, in µm.
+    /// Returns a bound of the distance of a path from its chord, in µm.
     #[inline(always)]
     pub(crate) fn bend_of(&self, path: &Path) -> f32 {
         if self.turns_at_side { self.bend + length(path.drift) } else { self.bend }
@@ -61,6 +61,7 @@ pub(crate) struct FreePaths {
     /// In s.
     pub(crate) duration: f32,
     bounded: bool,
+    /// Set in a vessel, also without a flow.
     stream: Option<FlowStep>,
     field: Option<FieldStep>,
 }
@@ -75,7 +76,8 @@ impl FreePaths {
         }
     }
 
-    /// Returns the path, and its end without walls, which reverse the velocity.
+    /// Returns the path, and its end without walls, in µm. Walls reverse `velocity`. `normal` has three standard normal
+    /// numbers.
     #[inline(always)]
     pub(crate) fn path(
         &self,
@@ -106,7 +108,7 @@ impl FreePaths {
             let mut still = [0.0; 3];
             let own = velocity.unwrap_or(&mut still);
             let carried = stream.carry(domain, [before, end], own, reflect_at_end);
-            // Arrays indexed by variables stay in memory, whose round trip delays all other particles.
+            // An array with a variable index would stay in memory instead of registers, which slows down all particles.
             let carry = |from: [f32; 3]| {
                 let along = |axis| {
                     if Some(axis) == stream.vessel.along { from[axis] + carried.by } else { from[axis] }

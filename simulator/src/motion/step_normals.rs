@@ -1,11 +1,11 @@
-//! Normal numbers of the motion of particles, a block at a time, which the compiler vectorizes.
+//! Normally distributed numbers for the motion of particles, in blocks, which the compiler vectorizes.
 
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose};
 
 pub(crate) const BLOCK: usize = 64;
 
-/// Writes numbers of up to [`BLOCK`] particles, by axis.
+/// Draws the numbers of up to [`BLOCK`] particles, by axis.
 pub(crate) fn draw(key: Key, ids: &[u32], step: u32, random: &mut [[f32; BLOCK]; 3]) {
     let mut block = [0; BLOCK];
     block[..ids.len()].copy_from_slice(ids);

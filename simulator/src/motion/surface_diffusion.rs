@@ -2,8 +2,8 @@
 //!
 //! On a sphere of radius R the mean cosine of the angle to an earlier direction decays as exp(−2Dt/R²). A step draws
 //! the cosine w from the density ∝ exp(kw) (von Mises and Fisher), with k such that its mean coth k − 1/k is this
-//! decay. The mean cosine is therefore exact for steps of any length. The mean of the second Legendre polynomial,
-//! 1 − 3/k times the mean cosine, is exp(−6DΔt/R²) up to an error of (2DΔt/R²)³. Both densities become uniform in long
+//! decay. The mean cosine is therefore exact for steps of any length. With the mean cosine m, the mean of the second
+//! Legendre polynomial, 1 − 3m/k, is exp(−6DΔt/R²) up to an error of (2DΔt/R²)³. Both densities become uniform in long
 //! steps, and a uniform density stays uniform.
 
 use std::f64::consts::TAU;
@@ -17,7 +17,7 @@ use crate::random::philox::{Key, Purpose, fine_unit};
 
 #[derive(Clone, Debug)]
 pub(crate) struct SurfaceSteps {
-    /// Concentration k of the density by receiver, if particles diffuse on it.
+    /// Concentration k of the density, by receiver; `None` if particles do not diffuse on it.
     concentrations: Vec<Option<f64>>,
 }
 
@@ -57,7 +57,7 @@ fn concentration(decay: f64) -> f64 {
     let less = -libm::expm1(-decay);
     let mean = 1.0 - less;
     if mean < 1e-6 {
-        // At 0 the density is uniform, but its inverse is not defined.
+        // For k = 0 the density is uniform, but `gap` would divide by 0.
         return (3.0 * mean).max(1e-7);
     }
     let mut k = mean * (3.0 - mean * mean) / (less * (1.0 + mean));
@@ -69,13 +69,13 @@ fn concentration(decay: f64) -> f64 {
     k
 }
 
-/// Returns 1 − w of a uniform number, without cancellation.
+/// Returns 1 − w for a uniform number, without cancellation.
 fn gap(concentration: f64, uniform: f64) -> f64 {
     let least = libm::expm1(-2.0 * concentration);
     (-libm::log1p((1.0 - uniform) * least) / concentration).clamp(0.0, 2.0)
 }
 
-/// Turns a direction by the angle with the cosine 1 − `gap`, towards an angle around it.
+/// Turns a direction by the angle with the cosine 1 − `gap`, towards the azimuth `around`.
 fn turned(direction: [f32; 3], gap: f64, around: f64) -> [f32; 3] {
     let n = unit(direction.map(f64::from));
     // The axis with the smallest component gives a normal of length above ½.

@@ -1,3 +1,5 @@
+//! Events of particles at receivers and walls, and by decays.
+
 use crate::model::boundary::Boundary;
 use crate::model::receiver::{Adsorption, ReceiverKind, signed_distance};
 use crate::motion::adsorption;
@@ -7,21 +9,22 @@ use crate::motion::reflection::{PathTurns, ReflectedPath, reflect_path};
 use crate::motion::wall::AbsorbingWall;
 use crate::random::philox::{Purpose, fine_unit};
 
+/// An event of the particle with index `at`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Event {
-    /// Reached a receiver that removes it.
+    /// The particle reached a receiver that removes it.
     Arrived { at: u32, receiver: u32 },
-    /// Requests a receptor; stays at its position otherwise.
+    /// The particle requests a receptor. If the request is refused, it stays at the end of its path.
     Bound {
         at: u32,
         receiver: u32,
         receptor: u32,
-        /// Point of contact, from the center.
+        /// Unit vector from the receiver's center to the point of contact.
         direction: [f32; 3],
         /// Rank among requests; the lowest comes first.
         rank: u32,
     },
-    /// Decayed. The product's decay is the next event.
+    /// The particle decayed. If the product decayed too, that is the next event.
     Decayed {
         at: u32,
         decay: u32,
@@ -59,21 +62,26 @@ impl Event {
     }
 }
 
+/// A particle on its path in a step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ParticleMove {
+    /// Index of the particle.
     pub(crate) at: u32,
     pub(crate) species: u32,
     pub(crate) who: DrawContext,
     pub(crate) path: Path,
+    /// End without walls, in µm.
     pub(crate) free_end: [f32; 3],
+    /// Length of the path, in µm, if a receiver reflected it, otherwise 0.
     pub(crate) gone: f32,
-    /// At reflecting receivers.
+    /// Reflections at receivers.
     pub(crate) turns: Option<PathTurns>,
+    /// In µm/s; `None` in a model without velocities.
     pub(crate) velocity: Option<[f32; 3]>,
 }
 
 impl ParticleMove {
-    /// Ends the step where it began.
+    /// Ends the path where it began.
     pub(crate) fn stay(&mut self) {
         let before = self.path.before;
         (self.path.end, self.path.after, self.free_end) = (before, before, before);
@@ -88,7 +96,7 @@ impl ParticleMove {
 }
 
 impl ActiveReceivers {
-    /// Returns the capture at the first receiver that keeps the particle. Reflecting receivers change the path.
+    /// Returns the capture at the first receiver that takes the particle. Reflecting receivers change the path.
     #[inline]
     pub(crate) fn resolve<'a>(
         &self,
@@ -183,7 +191,7 @@ fn adsorb(
             adsorption::Step::new(diffusion, time_step.into(), sphere).sticking([a, b].map(f64::from))
         }
     };
-    // The first word decided on the hit.
+    // The first word has decided on the hit.
     let [_, word, rank, of_type] = who.key.draw(who.id, body.place, who.step, Purpose::Receiver);
     if fine_unit(word) >= probability {
         return None;

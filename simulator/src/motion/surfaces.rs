@@ -13,7 +13,7 @@ pub(crate) struct Surfaces {
     pub(crate) bodies: ActiveReceivers,
     walls: Vec<AbsorbingWall>,
     membranes: Vec<Membrane>,
-    /// Flags by receiver of the model and species.
+    /// Flags by receiver and species of the model: `true` if the receiver acts on the species.
     sees: Vec<Vec<bool>>,
 }
 
@@ -55,7 +55,7 @@ impl Surfaces {
 }
 
 impl SpeciesSurfaces<'_> {
-    /// Reflects at membranes, or passes them.
+    /// Reflects the path at membranes, or lets it pass.
     #[cold]
     #[inline(never)]
     pub(crate) fn hold_back(&self, moved: &mut ParticleMove) {
@@ -65,7 +65,7 @@ impl SpeciesSurfaces<'_> {
         (path.end, *free_end, path.after) = (ends.end, ends.free, ends.after);
     }
 
-    /// Returns the capture at a receiver or wall, if the particle does not decay before.
+    /// Returns the capture at a receiver or wall, which applies if the particle does not decay before it.
     #[inline]
     pub(crate) fn resolve<'b>(
         &self,
@@ -76,7 +76,7 @@ impl SpeciesSurfaces<'_> {
         let (species, after) = (moved.species, moved.path.after);
         let near_side = receivers.filter(|body| !self.separates(species, [after, body.center]));
         let capture = bodies.resolve(moved, (&step.domain, *duration, walls), near_side);
-        // So far from membranes, receivers reflect one step in 16 000 or fewer across one.
+        // Receivers that reflect are so far from membranes that they carry at most one step in 16 000 across one.
         if moved.turns.is_some() && self.separates(species, [after, moved.path.after]) {
             moved.stay();
         }

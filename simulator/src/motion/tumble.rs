@@ -17,7 +17,7 @@ pub(crate) struct TumbleStep {
     taxis: Option<(Chemotaxis, Attractant)>,
 }
 
-/// Returns the probability of a tumble in a step, for λΔt from 0 to 2: x/(1 + x/2).
+/// Returns the probability p of a tumble in a step, x/(1 + x/2) for x = λΔt from 0 to 2.
 ///
 /// Runs of whole steps then have the diffusion coefficient v²Δt/3·(1/p − ½) = v²/(3λ) exactly. With the probability
 /// 1 − exp(−x) it would be (x/2)·coth(x/2) times as large. Above 2 a swimmer would have to tumble more often than once.
@@ -34,7 +34,7 @@ impl TumbleStep {
         Some(Self { up_to, probability, speed: one.speed as f32, taxis })
     }
 
-    /// Gives a swimmer that tumbles a random direction. `domain` is the boundary of its center.
+    /// Decides if a swimmer tumbles, and then gives it a random direction. `domain` is the boundary of its center.
     pub(crate) fn apply(
         &self,
         position: [f32; 3],

@@ -1,3 +1,5 @@
+//! Displacement of particles by flows and drift.
+
 use std::sync::Arc;
 
 use crate::model::boundary::{Axis, Boundary};
@@ -5,10 +7,11 @@ use crate::model::flow_field::FlowField;
 use crate::model::vessel::Vessel;
 use crate::model::{Flow, Model};
 
+/// Constants of the paths in a vessel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FlowStep {
     pub(crate) vessel: Vessel,
-    /// Displacement per step of Poiseuille flow on the axis, in µm.
+    /// Displacement in a step by Poiseuille flow on the axis, in µm; 0 for other flows.
     pub(crate) fastest: f64,
 }
 
@@ -27,17 +30,18 @@ impl StepTime {
         Self { duration: model.time_step, flow_part }
     }
 
+    /// Returns the time in which the flow is on, in s.
     fn in_flow(&self) -> f64 {
         self.flow_part * self.duration
     }
 }
 
-/// Includes plug flow.
+/// The displacement of a species by its drift and plug flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StepDrift {
     /// In µm.
     pub(crate) drift: [f32; 3],
-    /// Axes whose walls reflect Brownian motion with drift exactly; others mirror its path.
+    /// Axes whose walls reflect Brownian motion with drift exactly; walls across other axes mirror its path.
     pub(crate) at_wall: [bool; 3],
 }
 
@@ -49,8 +53,8 @@ impl StepDrift {
             _ => [0.0; 3],
         };
         let drift = std::array::from_fn(|k| ((kind.drift[k] + plug[k]) * time.duration) as f32);
-        // Particles that collide move along lines that walls mirror. If other particles ended elsewhere than on a
-        // mirrored line, they would overlap the colliding ones at the walls.
+        // Walls mirror the lines along which colliding particles move. A particle whose end were drawn otherwise could
+        // overlap one of them at the wall.
         let is_exact = kind.diffusion > 0.0 && !kind.has_velocity() && !model.contact.collides();
         // A wall that absorbs this species needs no reflection: particles that survive never touched it.
         let reflects = |k| {
@@ -67,6 +71,7 @@ impl StepDrift {
     }
 }
 
+/// Constants of the displacement by a flow field.
 #[derive(Clone, Debug)]
 pub(crate) struct FieldStep {
     field: Arc<FlowField>,
@@ -91,9 +96,11 @@ impl FieldStep {
     }
 }
 
+/// The ends of a path, as in [`Path`](crate::motion::path_hit::Path).
 pub(crate) struct AdvectedPath {
     pub(crate) end: [f32; 3],
     pub(crate) after: [f32; 3],
+    /// Displacement by the flow along a cylinder, in µm.
     pub(crate) by: f32,
 }
 
@@ -107,8 +114,8 @@ impl FlowStep {
         Some(Self { vessel: model.boundary.vessel?, fastest })
     }
 
-    /// Returns the path of a step. `ends` are its start and the end that it would have without wall and flow. Walls
-    /// reverse the velocity; `reflect_at_end` reflects the coordinate along a cylinder if the particle drifts.
+    /// Returns the path of a step. `ends` are its beginning and its end without walls and Poiseuille flow. Walls
+    /// reverse the velocity. `reflect_at_end` reflects the coordinate along a cylinder if the particle drifts.
     pub(crate) fn carry(
         &self,
         domain: &Boundary,
@@ -122,7 +129,7 @@ impl FlowStep {
             None => free_end,
         };
         let Some(along) = self.vessel.along else { return AdvectedPath { end, after: end, by: 0.0 } };
-        // Right to second order in the time step: the flow does not change the path across.
+        // Right to second order in the time step, because the flow does not change the path across the cylinder.
         let profile = |p| 1.0 - (self.vessel.distance(p) / f64::from(self.vessel.radius)).powi(2);
         let by = (self.fastest * 0.5 * (profile(before) + profile(end))) as f32;
         end[along] = reflect_at_end([before[along], end[along] + by]);

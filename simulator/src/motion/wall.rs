@@ -1,8 +1,8 @@
-//! Reflection at walls of paths with diffusion and drift.
+//! Reflection of paths with diffusion and drift at walls, and absorption by walls.
 //!
-//! Mirroring the end of a step is exact for diffusion alone, but a drift towards the wall leaves too few particles near
-//! it. The reflected motion is the free path X plus the least displacement that keeps it inside (Skorokhod), with the
-//! wall at 0:
+//! Mirroring the end of a step is exact for diffusion alone, but with a drift towards the wall it leaves too few
+//! particles near the wall. The reflected motion is the free path X plus the least displacement that keeps it inside
+//! (Skorokhod), with the wall at 0:
 //!
 //! ```text
 //! Y(t) = X(t) + max(0, −min over s ≤ t of X(s))
@@ -17,12 +17,13 @@
 //! compared with the radius. In a sphere r times the density is that of a slit from 0 to R with absorbing ends: the
 //! probability is a sum over images, for any step.
 //!
-//! *Surfaces in front of absorbing walls.* At a reflecting plane the path unfolds into a free one, between the wall and
-//! its mirror image. The latter is the wall seen from the last segment, extended backwards to the length of the step. Both
-//! probabilities add up, unless a step reaches both. Spheres are taken as their tangent planes.
+//! *Surfaces in front of absorbing walls.* At a reflecting plane the path unfolds into a free one, between the wall
+//! and its mirror image. The mirror image is the wall as seen from the last segment, extended backwards to the length
+//! of the step. The probabilities of both add up, unless a step reaches both. Spheres are taken as their tangent
+//! planes.
 //!
-//! *The time of absorption* follows from both heights as at a receiver (`Hit::time`), with any wall as a plane. Without
-//! diffusion the height is a line.
+//! *The time of absorption* follows from the heights of both ends as at a receiver (`Hit::time`), with any wall taken
+//! as a plane. Without diffusion the height changes linearly.
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
@@ -34,7 +35,8 @@ use crate::motion::surface_events::ParticleMove;
 use crate::random::bridge::{NEVER, lowest};
 use crate::random::philox::{Purpose, open_unit};
 
-/// `spread` is √(2DΔt) in µm, `word` is random.
+/// Returns the coordinate at the end of a path that walls reflect, or `None` if it touches no wall. `spread` is
+/// √(2DΔt) in µm, `word` is random.
 #[inline]
 pub(crate) fn reflected(axis: Axis, [before, end]: [f32; 2], spread: f32, word: u32) -> Option<f32> {
     let Axis::Reflecting { low, high } = axis else { return None };
@@ -44,10 +46,12 @@ pub(crate) fn reflected(axis: Axis, [before, end]: [f32; 2], spread: f32, word: 
     Some(if is_low { low + inside } else { high - inside })
 }
 
+/// A wall that absorbs particles.
 #[derive(Clone, Debug)]
 pub(crate) struct AbsorbingWall {
+    /// Index of the receiver in the model.
     pub(crate) receiver: u32,
-    /// Flags by species.
+    /// Flags by species: `true` if the wall absorbs it.
     pub(crate) sees: Vec<bool>,
     face: WallFace,
 }
@@ -63,6 +67,7 @@ impl AbsorbingWall {
         model.receivers.iter().enumerate().filter_map(wall).collect()
     }
 
+    /// Returns the nearest point of a plane wall; for a curved wall, the point itself.
     pub(crate) fn foot(&self, domain: &Boundary, mut point: [f32; 3]) -> [f32; 3] {
         let (WallFace::Low(axis) | WallFace::High(axis)) = self.face else { return point };
         point[axis] -= match self.face {
@@ -114,7 +119,8 @@ impl AbsorbingWall {
     }
 }
 
-/// Between two heights, of which the second may be beyond the wall. `diffusion` is DΔt.
+/// Returns the probability that a path between two heights, in µm, touches a wall. The second height may be beyond the
+/// wall. `diffusion` is DΔt, in µm².
 fn touch_probability(domain: &Boundary, heights: [f32; 2], diffusion: f32) -> f32 {
     let exponent = heights[0] * heights[1] / diffusion;
     if heights[1] <= 0.0 {
@@ -131,16 +137,17 @@ fn touch_probability(domain: &Boundary, heights: [f32; 2], diffusion: f32) -> f3
 /// Number of images on each side, which suffices up to DΔt = R².
 const IMAGES: i32 = 6;
 
-/// Between two positive heights in a sphere. `diffusion` is DΔt.
+/// Returns the probability that a path between two positive heights, in µm, touches a sphere from inside. `diffusion`
+/// is DΔt, in µm².
 pub(crate) fn hit_from_inside(radius: f32, heights: [f32; 2], diffusion: f32) -> f32 {
     let [radius, diffusion] = [radius, diffusion].map(f64::from);
     if diffusion >= radius * radius {
         // The survival is below exp(−π²).
         return 1.0;
     }
-    // At the center all terms vanish; the limit is that of small distances.
+    // At the center all terms vanish; a small distance from it gives the limit.
     let [from, to] = heights.map(|height| (radius - f64::from(height)).max(1e-4 * radius));
-    let term = |way: f64| libm::exp(((from - to).powi(2) - way * way) / (4.0 * diffusion));
+    let term = |distance: f64| libm::exp(((from - to).powi(2) - distance * distance) / (4.0 * diffusion));
     let pair = |image: i32| {
         let shift = 2.0 * f64::from(image) * radius;
         term(from - to + shift) - term(from + to + shift)
@@ -149,7 +156,7 @@ pub(crate) fn hit_from_inside(radius: f32, heights: [f32; 2], diffusion: f32) ->
     (-others / pair(0)) as f32
 }
 
-/// In µm; negative beyond the wall.
+/// Returns the height of a point above a wall, in µm, negative beyond it.
 fn height(face: WallFace, domain: &Boundary, point: [f32; 3]) -> f32 {
     let wall = |axis: usize, of: fn(f32, f32, f32) -> f32| match domain.axes[axis] {
         Axis::Reflecting { low, high } => of(low, high, point[axis]),

@@ -1,8 +1,9 @@
-//! Normal numbers from random words, by Box and Muller.
+//! Normally distributed numbers from random words, by Box and Muller.
 //!
 //! All operations are correctly rounded and none is fused, so every processor and vector width gives the same bits.
 //! Logarithm and sine are Cephes polynomials. A device may round the WGSL version differently.
 
+/// Returns three independent standard normal numbers.
 #[inline(always)]
 pub fn normals(words: [u32; 4]) -> [f32; 3] {
     let [cosine, sine] = cos_sin(words[1]);
@@ -11,7 +12,7 @@ pub fn normals(words: [u32; 4]) -> [f32; 3] {
     [near * cosine, near * sine, rayleigh(words[2]) * third]
 }
 
-/// √(−2 ln u) of a word's uniform number; at most 5.77.
+/// Returns √(−2 ln u) for the uniform number u of a word; at most 5.77.
 #[inline(always)]
 fn rayleigh(word: u32) -> f32 {
     (-2.0 * ln(crate::random::philox::open_unit(word))).sqrt()
@@ -19,7 +20,7 @@ fn rayleigh(word: u32) -> f32 {
 
 const ROOT_HALF: u32 = 0x3f35_04f3;
 
-/// For positive normal numbers, to one part in 10⁷.
+/// Returns the natural logarithm of a positive normal number, to three parts in 10⁷.
 #[inline(always)]
 pub(crate) fn ln(value: f32) -> f32 {
     let shifted = value.to_bits().wrapping_sub(ROOT_HALF);
@@ -31,7 +32,7 @@ pub(crate) fn ln(value: f32) -> f32 {
     exponent * std::f32::consts::LN_2 + s * series
 }
 
-/// Returns cosine and sine of a word as a fraction of a turn.
+/// Returns the cosine and sine of a random angle, the fraction `word`/2³² of a turn.
 #[inline(always)]
 pub fn cos_sin(word: u32) -> [f32; 2] {
     let quarter = word.wrapping_add(0x2000_0000) >> 30;
@@ -49,7 +50,7 @@ pub fn cos_sin(word: u32) -> [f32; 2] {
     [f32::from_bits(c ^ cosine_sign), f32::from_bits(s ^ sine_sign)]
 }
 
-/// Returns a uniform unit vector.
+/// Returns a uniformly random unit vector.
 #[inline]
 pub fn direction(first: u32, second: u32) -> [f32; 3] {
     let z = 2.0 * crate::random::philox::open_unit(first) - 1.0;

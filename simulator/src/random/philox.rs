@@ -1,15 +1,16 @@
 //! Philox 4×32 with ten rounds (Salmon et al., *Parallel random numbers: as easy as 1, 2, 3*, SC 2011).
 //!
-//! A draw is a pure function of the seed, the drawer, the step and the purpose, independent of order, threads and
+//! A draw is a pure function of the seed, the ids, the step and the purpose. It does not depend on order, threads or
 //! machine. WGSL has the same 32-bit operations.
 
 use rand::TryRng;
 
+/// The use of a draw. Different purposes share no random words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
     Move = 0,
-    /// Position at release: the first four words.
+    /// Position at release.
     Release = 1,
     Velocity = 2,
     /// Hit of a receiver, by particle and receiver.
@@ -17,7 +18,7 @@ pub enum Purpose {
     /// Priority, probability and direction of a candidate pair, by both ids.
     Pair = 4,
     Decay = 5,
-    /// Position within a step, by particle and piece of its path.
+    /// Position within a step, by particle and segment of its path.
     Path = 6,
     Dissociation = 7,
     /// Events between release and the next step.
@@ -37,7 +38,7 @@ pub enum Purpose {
     /// Extreme position of a path near a membrane, and its side, by particle and membrane.
     Membrane = 16,
     SurfaceDiffusion = 17,
-    /// Seed of a replica, by its number.
+    /// Seed of a replica, by its index.
     Replica = 100,
 }
 
@@ -54,20 +55,21 @@ impl Key {
         self.0[0] as u64 | (self.0[1] as u64) << 32
     }
 
-    /// Returns four random words for particle `id` (and `other`, or 0) at `step`.
+    /// Returns four random words for particle `id`, and `other` or 0, at `step`.
     #[inline(always)]
     pub fn draw(self, id: u32, other: u32, step: u32, purpose: Purpose) -> [u32; 4] {
         philox([id, other, step, purpose as u32], self.0)
     }
 
-    /// Returns four random words of a part; part 0 is [`draw`](Self::draw). Parts below 2²⁴ share no words with other
-    /// purposes.
+    /// Returns four random words of a numbered part; part 0 is [`draw`](Self::draw). Parts below 2²⁴ share no words
+    /// with other parts and purposes.
     #[inline(always)]
     pub(crate) fn draw_part(self, [id, other]: [u32; 2], part: u32, step: u32, purpose: Purpose) -> [u32; 4] {
         philox([id, other, step, purpose as u32 | part << 8], self.0)
     }
 }
 
+/// A stream of random words.
 #[derive(Clone, Debug)]
 pub struct Draws {
     key: Key,
@@ -83,6 +85,7 @@ impl Draws {
         Self { key, counter: [id, 0, step, purpose as u32], words: [0; 4], used: 4 }
     }
 
+    /// Returns a uniform number in (0, 1).
     pub(crate) fn unit(&mut self) -> f64 {
         fine_unit(self.word())
     }
@@ -122,7 +125,7 @@ const MULTIPLIERS: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
 const WEYL: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const ROUNDS: usize = 10;
 
-/// Philox 4×32-10.
+/// Returns the four words of Philox 4×32-10 for a counter and a key.
 #[inline(always)]
 pub fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     for _ in 0..ROUNDS {
@@ -147,12 +150,14 @@ pub fn open_unit(word: u32) -> f32 {
     ((word >> 9) as f32 + 0.5) * (1.0 / 8_388_608.0)
 }
 
+/// Returns one of 2³² equally spaced numbers in (0, 1).
 #[inline]
 pub(crate) fn fine_unit(word: u32) -> f64 {
     (f64::from(word) + 0.5) / 4_294_967_296.0
 }
 
-/// Returns the largest word that counts as an event of a probability in (0, 1], to the nearest of 2³².
+/// Returns the largest word at which an event of this probability happens, which is rounded to a multiple of 2⁻³²;
+/// `None` if that is 0.
 pub fn probability_threshold(probability: f64) -> Option<u32> {
     let count = (probability * 4_294_967_296.0).round().min(4_294_967_296.0);
     (count >= 1.0).then_some((count - 1.0) as u32)

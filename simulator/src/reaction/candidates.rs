@@ -1,7 +1,7 @@
-//! Candidates of a step: pairs whose random words say that they react.
+//! Candidates of a step: pairs whose random draws select a reaction.
 //!
-//! Crowds have far more candidates than particles, so only the best are kept. The matching consumes particles and asks
-//! again.
+//! Crowds have far more candidates than particles, so only the best are kept. The matching consumes particles, and
+//! samples the pairs of the others again.
 
 use lazygrid::Pair;
 use rayon::prelude::*;
@@ -12,6 +12,7 @@ use crate::random::philox::{self, Purpose};
 use crate::reaction::matching::{Key, ReactionCandidate};
 use crate::reaction::{ReactionRule, Reactions, distance_squared};
 
+/// The pairs that the detector found in a step.
 #[derive(Clone, Copy, Debug)]
 pub struct StepPairs<'a> {
     pub particles: &'a Particles,
@@ -25,13 +26,13 @@ pub struct StepPairs<'a> {
 pub struct BestCandidates {
     pub(crate) candidates: Vec<ReactionCandidate>,
     capacity: usize,
-    /// Worst kept key; `None` if none was dropped.
+    /// Worst key that is kept; `None` if no candidate was dropped.
     pub(crate) bound: Option<Key>,
 }
 
-/// With four, few particles are left for another pass.
+/// Capacity per particle. With four, few particles are left for another pass.
 const CANDIDATES_PER_PARTICLE: usize = 4;
-/// Always kept.
+/// Smallest capacity.
 const MIN_CAPACITY: usize = 1 << 14;
 const TASK: usize = 4096;
 const BLOCK: usize = 64 * TASK;
@@ -42,10 +43,10 @@ impl BestCandidates {
         Self { candidates: Vec::new(), capacity, bound: None }
     }
 
-    /// Adds candidates and drops the worst if there are too many.
+    /// Adds candidates. If the capacity is exceeded, keeps the best candidates, half the capacity.
     ///
     /// # Errors
-    /// [`Error::OutOfCandidateMemory`].
+    /// [`Error::OutOfCandidateMemory`] if the memory is refused.
     pub fn extend(&mut self, more: &[ReactionCandidate]) -> Result<(), Error> {
         let candidates = self.candidates.len() + more.len();
         let bytes = (candidates * size_of::<ReactionCandidate>()) as u64;
@@ -63,6 +64,7 @@ impl BestCandidates {
         Ok(())
     }
 
+    /// Drops the candidates above `bound`.
     pub(crate) fn restrict(&mut self, bound: Key) {
         self.candidates.retain(|candidate| candidate.key() <= bound);
         self.bound = Some(bound);
@@ -70,7 +72,7 @@ impl BestCandidates {
 }
 
 impl Reactions {
-    /// Draws the reactions of pairs and adds their candidates to `best`, without consumed particles.
+    /// Draws the reactions of pairs and adds to `best` those that would consume no particle that is consumed already.
     ///
     /// # Errors
     /// As [`BestCandidates::extend`].

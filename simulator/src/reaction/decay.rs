@@ -1,24 +1,26 @@
 //! Decays of particles while they move.
 //!
 //! A particle may decay several times in a step: the first decay is drawn for the whole step, then its time, and the
-//! product has the rest. Chains are therefore right at any step length.
+//! product may decay in the rest. Chains are therefore right at any step length.
 //!
-//! A receiver or a wall that the path hits takes the species that exists at the time of the hit, if it sees that species
-//! (`CaptureOrder`). Decays before the hit come first, and further ones do not happen to a particle that was taken.
-//! A particle that dissociates before the hit is not taken either; its products appear at the end of its path.
+//! A receiver or a wall that the path hits takes the species that exists at the time of the hit, if it sees that
+//! species (`CaptureOrder`). Decays before the hit happen, and later ones do not if the particle was taken. A particle
+//! that dissociates before the hit is not taken either; its products appear at the end of its path.
 //!
 //! Bimolecular reactions happen at the end of the step, among the particles that then exist: products of decays take
-//! part, and particles that dissociate in the step do not, so a surface spares no particle that a reaction then consumes.
+//! part, and particles that dissociate in the step do not, so a surface spares no particle that a reaction then
+//! consumes.
 
 use crate::model::Model;
 use crate::model::probability::ReactionProbabilities;
-use crate::random::philox::{Key, Purpose, probability_threshold};
+use crate::random::philox::{Key, Purpose, fine_unit, probability_threshold};
 use crate::reaction::dissociation::channel_words;
 
-/// Decays by species.
+/// The decays of all species.
 #[derive(Clone, Debug)]
 pub struct Decays {
-    /// Without decays into two products: [`Dissociation`](crate::reaction::dissociation::Dissociation).
+    /// Indexed by species. A species that dissociates has no channels: all its decays are those of
+    /// [`Dissociation`](crate::reaction::dissociation::Dissociation).
     kinds: Vec<SpeciesDecays>,
     /// In s.
     pub(crate) time_step: f64,
@@ -26,6 +28,7 @@ pub struct Decays {
 
 #[derive(Clone, Debug, Default)]
 struct SpeciesDecays {
+    /// Rate of all decays, in 1/s.
     rate: f64,
     channels: Vec<Channel>,
     dissociation: Option<DissociationTime>,
@@ -35,9 +38,9 @@ struct SpeciesDecays {
 /// products at the end of the step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DissociationTime {
-    /// Largest word at which it happens within a step.
+    /// Largest random word at which the particle dissociates within a step.
     pub(crate) up_to: u32,
-    /// Per step.
+    /// Rate of all decays, per step.
     pub(crate) rate: f64,
 }
 
@@ -61,13 +64,16 @@ impl DissociationTime {
     }
 }
 
+/// One of the decays of a species.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Channel {
-    /// Largest word at which it happens within a step.
+    /// Largest random word at which it happens within a step.
     pub(crate) up_to: u32,
-    /// Fraction of the rate up to this channel.
+    /// Fraction of the rate of this channel and all before it.
     pub(crate) share: f64,
+    /// Index in the model.
     pub(crate) decay: u32,
+    /// Species; `None` removes the particle.
     pub(crate) product: Option<u32>,
 }
 
@@ -79,13 +85,13 @@ pub struct ChainedDecay {
     /// Species; `None` removes the particle.
     pub product: Option<u32>,
     rate: f64,
-    /// Time that was left before it, in s.
+    /// Time left in the step before the decay, in s.
     left: f64,
     word: u32,
 }
 
 impl ChainedDecay {
-    /// Returns the time that is left after it, in s.
+    /// Returns the time left in the step after the decay, in s.
     pub(crate) fn left(&self) -> f64 {
         self.left - decay_time(self.rate, self.left, self.word)
     }
@@ -94,22 +100,22 @@ impl ChainedDecay {
 /// The order of a hit and the decays of a particle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CaptureOrder {
-    /// Species after the decays so far, and `true` if it is a product; fixed at a capture.
+    /// Species after the decays so far, and `true` if it is a product; `None` after a decay without products.
     species: Option<(u32, bool)>,
-    /// Time that is left at the hit, in s.
+    /// Time left in the step at the hit, in s.
     left: f64,
-    /// `None` until a decay follows the hit.
+    /// Result of the hit; `None` until a decay after the hit is added.
     is_captured: Option<bool>,
 }
 
 impl CaptureOrder {
-    /// `time` is the hit's fraction of `duration`, which is in s.
+    /// Begins with the released or moved species. The hit is after the fraction `time` of `duration`, in s.
     pub(crate) fn new(species: u32, (time, duration): (f32, f64)) -> Self {
         Self { species: Some((species, false)), left: duration * (1.0 - f64::from(time)), is_captured: None }
     }
 
-    /// Adds a decay. Returns `false` if the particle was captured before it. `captures` takes a species, and `true` if it
-    /// is a product.
+    /// Adds a decay. Returns `false` if the particle was captured before it. `captures` takes a species, and `true` if
+    /// it is a product.
     pub(crate) fn decays(
         &mut self,
         decay: &ChainedDecay,
@@ -125,7 +131,7 @@ impl CaptureOrder {
         true
     }
 
-    /// Returns the captured species, after all decays.
+    /// Returns the captured species, after all decays were added.
     pub(crate) fn captured(self, captures: impl FnOnce((u32, bool)) -> bool) -> Option<u32> {
         let Self { species, is_captured, .. } = self;
         let (species, is_product) = species?;
@@ -133,8 +139,8 @@ impl CaptureOrder {
     }
 }
 
-/// More are rare if a step is shorter than a hundred lifetimes.
-const MOST: u32 = 1000;
+/// Largest number of further decays in a step. More are rare if a step is shorter than a hundred lifetimes.
+const MAX_GENERATIONS: u32 = 1000;
 
 impl Decays {
     pub fn new(model: &Model) -> Self {
@@ -146,7 +152,8 @@ impl Decays {
         self.kinds.iter().all(|kind| kind.channels.is_empty())
     }
 
-    /// With rates k₁, k₂, … the probability 1 − exp(−ΣkΔt) is divided in proportion.
+    /// Returns the channels of a species. The probability 1 − exp(−ΣkΔt) of any is divided in proportion to their
+    /// rates k.
     #[cfg(feature = "gpu")]
     pub(crate) fn channels(&self, species: u32) -> &[Channel] {
         &self.kinds[species as usize].channels
@@ -180,7 +187,7 @@ impl Decays {
         dissociation.and_then(|time| time.draw(now)).is_some_and(|time| time < hit())
     }
 
-    /// Calls `tell` with each decay of a particle in a step.
+    /// Calls `tell` with each decay of a particle in a step, in order of time.
     #[inline]
     pub fn for_each_decay(
         &self,
@@ -210,10 +217,10 @@ impl Decays {
         words: impl Fn(u32) -> [u32; 4],
         mut tell: impl FnMut(ChainedDecay),
     ) {
-        for generation in 1..=MOST {
+        for generation in 1..=MAX_GENERATIONS {
             let kind = &self.kinds[species as usize];
             let [word, when, ..] = words(generation);
-            let ratio = unit(word) / -libm::expm1(-kind.rate * left);
+            let ratio = fine_unit(word) / -libm::expm1(-kind.rate * left);
             let Some(channel) = kind.channels.iter().find(|channel| ratio < channel.share) else { return };
             let decay = kind.chained(channel, left, when);
             tell(decay);
@@ -230,13 +237,9 @@ impl SpeciesDecays {
     }
 }
 
-/// Returns the time of a decay that happens within `duration`, for a uniform word.
+/// Returns the time of a decay that happens within `duration`, by a random word.
 fn decay_time(rate: f64, duration: f64, word: u32) -> f64 {
-    -libm::log1p(unit(word) * libm::expm1(-rate * duration)) / rate
-}
-
-fn unit(word: u32) -> f64 {
-    (f64::from(word) + 0.5) / 4_294_967_296.0
+    -libm::log1p(fine_unit(word) * libm::expm1(-rate * duration)) / rate
 }
 
 fn kind(model: &Model, species: u32) -> SpeciesDecays {

@@ -1,8 +1,8 @@
 //! Dissociation of one particle into two: `C -> A + B`.
 //!
-//! Particles that dissociate in a step take no part in its reactions, which happen at the end of the step. Products are
-//! placed after the reactions: in one step, they do not react, and products of reactions do not dissociate, so each is
-//! the inverse of the other.
+//! Particles that dissociate in a step take no part in its reactions, which happen at the end of the step. Their
+//! products are placed after the reactions and do not react in the same step. Products of reactions do not dissociate
+//! in it either, so each process can be the inverse of the other.
 
 use rayon::prelude::*;
 
@@ -13,9 +13,10 @@ use crate::model::{Decay, Model, Unbinding};
 use crate::random::gaussian::direction;
 use crate::random::philox::{Key, Purpose, open_unit, probability_threshold};
 
+/// The decays of species that dissociate.
 #[derive(Clone, Debug, Default)]
 pub struct Dissociation {
-    /// Largest word of each decay, by species.
+    /// Decays by species, each with the largest random word at which it happens within a step.
     channels: Vec<Vec<(u32, Channel)>>,
     any: bool,
     boundary: Boundary,
@@ -26,26 +27,33 @@ pub(crate) struct Channel {
     pub(crate) decay: u32,
     pub(crate) products: [Option<Product>; 2],
     pub(crate) unbinding: Unbinding,
+    /// Fraction of the distance of two products that the first one moves.
     pub(crate) share: f32,
 }
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Product {
     pub(crate) species: u32,
+    /// In µm.
     pub(crate) radius: f32,
+    /// Boundary of the center.
     domain: Boundary,
 }
 
+/// A particle and the products of its dissociation, or of another decay of the same species.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dissociated {
+    /// Index of the particle.
     pub at: u32,
     pub id: u32,
+    /// Index in the model.
     pub decay: u32,
-    /// Species, radius and position of each product.
+    /// Species, radius and position of each product, in µm.
     pub products: [Option<(u32, f32, [f32; 3])>; 2],
 }
 
 impl Dissociated {
+    /// Returns `true` if the decay has two products, the second of which needs a new id.
     pub(crate) fn is_parent(&self) -> bool {
         self.products[1].is_some()
     }
@@ -53,8 +61,8 @@ impl Dissociated {
 
 const TASK: usize = 4096;
 
-/// Returns the decays of a species that dissociates as indices in the model, each with the largest word at which it
-/// happens within a step. Other species have none.
+/// Returns the decays of a species that dissociates, as indices in the model, each with the largest random word at
+/// which it happens within a step. The list of other species is empty.
 pub(crate) fn channel_words(model: &Model, species: u32) -> Vec<(u32, usize)> {
     if !model.dissociates(species) {
         return Vec::new();
@@ -102,7 +110,7 @@ impl Dissociation {
         &self.channels[species as usize]
     }
 
-    /// Returns the dissociations of a step by index.
+    /// Returns the dissociations of a step, in the order of particles.
     pub fn splits(&self, particles: &Particles, key: Key, step: u32) -> Vec<Dissociated> {
         if !self.any {
             return Vec::new();
@@ -176,7 +184,7 @@ mod tests {
     }
 
     #[test]
-    fn products_part_by_the_radius_the_faster_one_further() {
+    fn products_separate_by_the_radius_in_proportion_to_diffusion() {
         let n = 10_000;
         let splits = splits(&model(Unbinding::Apart(0.5)), n);
         for (decay, share) in [(0, 0.75), (1, 0.25)] {

@@ -1,8 +1,8 @@
 //! Matching: chooses reactions among candidate pairs that share particles.
 //!
-//! Keys are totally ordered. Each round takes the candidates that are best at all particles they consume. Repeated,
-//! this gives the result of a sequential pass from the best to the worst in any order of candidates (Blelloch, Fineman
-//! and Shun, *Greedy sequential maximal independent set and matching are parallel on average*, SPAA 2012).
+//! Keys are totally ordered. Each round takes the candidates that are best at all particles they consume. The rounds
+//! give the result of a sequential pass from the best key to the worst, for any order of the candidates (Blelloch,
+//! Fineman and Shun, *Greedy sequential maximal independent set and matching are parallel on average*, SPAA 2012).
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -11,19 +11,22 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::reaction::candidates::BestCandidates;
 
+/// A reaction that two particles may undergo.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ReactionCandidate {
+    /// Indices of the particles, in the order of the reaction's reactants.
     pub at: [u32; 2],
-    /// `true` for each that is consumed; at least one.
+    /// `true` for each particle that is consumed; at least one.
     pub consumes: [bool; 2],
+    /// Index of the reaction in the model.
     pub rule: u32,
-    /// The lowest wins.
+    /// Random; the lowest wins.
     pub priority: u32,
     /// Ascending ids, which break ties.
     pub ids: [u32; 2],
 }
 
-/// The lowest is the best.
+/// Priority and ids. The lowest key is the best.
 pub(crate) type Key = (u32, [u32; 2]);
 
 impl ReactionCandidate {
@@ -31,6 +34,7 @@ impl ReactionCandidate {
         (self.priority, self.ids)
     }
 
+    /// Returns the indices of the particles that the reaction consumes.
     pub(crate) fn claimed(&self) -> impl Iterator<Item = usize> {
         let Self { at, consumes, .. } = *self;
         (0..2).filter(move |&k| consumes[k]).map(move |k| at[k] as usize)
@@ -39,11 +43,11 @@ impl ReactionCandidate {
 
 #[derive(Debug, Default)]
 pub struct Matching {
-    /// Indexed by particle: 1 plus the best candidate so far, or a value below.
+    /// Indexed by particle: 1 plus the index of the best candidate so far, [`NONE`] or [`TAKEN`].
     best: Vec<AtomicU32>,
 }
 
-/// Particles that chosen reactions consume.
+/// The particles that chosen reactions consume.
 #[derive(Clone, Copy, Debug)]
 pub struct Consumed<'a>(&'a [AtomicU32]);
 
@@ -57,13 +61,13 @@ impl Consumed<'_> {
 const NONE: u32 = u32::MAX;
 const TAKEN: u32 = 0;
 
-/// Few candidates of such a window share particles. Results do not depend on it.
 const TASK: usize = 1024;
+/// Particles per candidate of a window, so that few of its candidates share particles. Results do not depend on it.
 const PARTICLES_PER_CANDIDATE: usize = 8;
 
 impl Matching {
-    /// Chooses among the candidates of `particles` particles. `sample` adds those of unconsumed particles to a buffer
-    /// of the best, until none is dropped.
+    /// Chooses reactions of `particles` particles. `sample` adds the candidates of unconsumed particles to a buffer of
+    /// the best, and is called until the buffer drops no candidate.
     ///
     /// # Errors
     /// Those of `sample`.
@@ -111,11 +115,11 @@ impl Matching {
                 });
                 let wins = |c: &u32| claimed(*c).all(|p| p.load(Ordering::Relaxed) == c + 1);
                 let winners: Vec<u32> = in_parallel().filter(wins).collect();
-                // A better candidate that took one of its particles drops a candidate.
+                // A candidate is dropped when a better one takes one of its particles.
                 let waits = |c: &u32| !wins(c) && claimed(*c).all(|p| p.load(Ordering::Relaxed) != TAKEN);
                 let left: Vec<u32> = in_parallel().filter(waits).collect();
                 all_winners.extend_from_slice(&winners);
-                // Losers first: winners overwrite the entries of their particles.
+                // Entries of all candidates are cleared before winners set those of their particles.
                 in_parallel().for_each(|c| {
                     let clear = |p: &AtomicU32| {
                         let _ = p.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |there| {

@@ -18,12 +18,14 @@ use crate::random::philox::{Key, Purpose, probability_threshold};
 use crate::reaction::decay::DissociationTime;
 use crate::reaction::matching::ReactionCandidate;
 
+/// The bimolecular reactions of a model.
 #[derive(Clone, Debug)]
 pub struct Reactions {
+    /// Number of species that react.
     reactants: usize,
-    /// Table row of a species; `u32::MAX` if it does not react.
+    /// Table row of each species; `u32::MAX` if it does not react.
     rows: Vec<u32>,
-    /// Shells by both rows, innermost first.
+    /// Shells of two species by their rows, innermost first.
     table: Vec<Vec<ReactionShell>>,
     reactions: Vec<Reaction>,
     /// Indexed by reaction: the first reactant's fraction of the approach, and the first product's of the separation.
@@ -34,11 +36,12 @@ pub struct Reactions {
     dissociation: Vec<Option<DissociationTime>>,
 }
 
+/// Center distances at which two species have the same reactions.
 #[derive(Clone, Debug)]
 pub(crate) struct ReactionShell {
-    /// Largest distance, if below the detector's.
+    /// Largest distance, in µm; `None` if it is the one up to which the detector finds pairs.
     pub(crate) within: Option<f32>,
-    /// In ascending order of words.
+    /// First rule in ascending order of words.
     rule: ReactionRule,
     others: Vec<ReactionRule>,
 }
@@ -51,18 +54,23 @@ impl ReactionShell {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReactionRule {
+    /// Index in the model.
     pub(crate) reaction: u32,
+    /// Species of the first reactant.
     pub(crate) first: u32,
     /// Largest random word at which it happens.
     pub(crate) up_to: u32,
     pub(crate) consumes: [bool; 2],
 }
 
+/// The change of a consumed reactant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReactantChange {
+    /// Index of the particle.
     pub at: u32,
-    /// `None` removes the particle.
+    /// Species; `None` removes the particle.
     pub product: Option<u32>,
+    /// In µm.
     pub position: [f32; 3],
 }
 
@@ -79,7 +87,7 @@ impl Reactions {
         Self {
             reactants: reactants.len(),
             rows,
-            table: all().map(|pair| zones(model, chances, pair)).collect(),
+            table: all().map(|pair| shells(model, chances, pair)).collect(),
             reactions: model.reactions.clone(),
             shares: model.reactions.iter().map(|reaction| shares(model, reaction)).collect(),
             boundary: model.boundary,
@@ -94,7 +102,7 @@ impl Reactions {
         self.reactions.is_empty()
     }
 
-    /// Innermost first.
+    /// Returns the shells of two species, innermost first; empty if they do not react.
     #[inline]
     pub(crate) fn shells(&self, a: u32, b: u32) -> &[ReactionShell] {
         let [a, b] = [a, b].map(|species| self.rows[species as usize] as usize);
@@ -103,8 +111,8 @@ impl Reactions {
 
     /// Returns the changes of a candidate's consumed reactants.
     ///
-    /// Consumed reactants meet at their mean position, weighted by diffusion, where one product appears. Two products
-    /// separate from there by the unbinding radius in a random direction.
+    /// Consumed reactants meet between their positions, each moving in proportion to its diffusion, and one product
+    /// appears there. Two products separate from there by the unbinding radius in a random direction.
     ///
     /// The product of a reactant next to a catalyst stays at its reactant's position, or appears at the unbinding
     /// radius from the catalyst.
@@ -131,7 +139,7 @@ impl Reactions {
             false => [0.0; 3],
         };
         let outcome = |k: usize, along: f32| {
-            // The reactant's own position, since a sum of `toward` rounds it.
+            // The reactant's own position, because adding `toward` to the other one rounds.
             let from = if has_catalyst && !separates { [a, b][k] } else { meeting };
             let domain =
                 reaction.products[k].map_or(&self.boundary, |product| &self.center_domains[product as usize]);
@@ -142,7 +150,8 @@ impl Reactions {
         [outcome(0, -first_share), outcome(1, 1.0 - first_share)]
     }
 
-    /// Returns all changes before any is applied: a catalyst may take part in several reactions.
+    /// Returns the changes of all chosen reactions, computed before any is applied, because a catalyst may take part in
+    /// several reactions.
     pub(crate) fn all_outcomes(
         &self,
         particles: &Particles,
@@ -153,7 +162,7 @@ impl Reactions {
         chosen.iter().flat_map(|candidate| self.outcomes(particles, candidate, key, step)).flatten().collect()
     }
 
-    /// `None` for a species that does not dissociate.
+    /// Returns `None` for a species that does not dissociate.
     #[inline]
     pub(crate) fn dissociation_of(&self, species: u32) -> Option<DissociationTime> {
         self.dissociation[species as usize]
@@ -165,10 +174,11 @@ impl Reactions {
     }
 }
 
-fn zones(model: &Model, chances: ReactionProbabilities<'_>, pair: [u32; 2]) -> Vec<ReactionShell> {
-    let all = chances.zones(pair);
-    let outermost = all.last().map_or(0.0, |zone| zone.radius).max(reach(model, pair[0], pair[1]));
-    let zone = |zone: ProbabilityShell| {
+fn shells(model: &Model, chances: ReactionProbabilities<'_>, pair: [u32; 2]) -> Vec<ReactionShell> {
+    let all = chances.shells(pair);
+    let outermost =
+        all.last().map_or(0.0, |shell| shell.radius).max(contact_distance(model, pair[0], pair[1]));
+    let shell = |shell: ProbabilityShell| {
         let mut below = 0.0;
         let rule = |(place, probability): (usize, f64)| {
             below += probability;
@@ -180,13 +190,14 @@ fn zones(model: &Model, chances: ReactionProbabilities<'_>, pair: [u32; 2]) -> V
                 consumes: consumes(reaction),
             })
         };
-        let mut rules = zone.channels.into_iter().filter_map(rule);
-        let within = (outermost > zone.radius).then_some(zone.radius);
+        let mut rules = shell.channels.into_iter().filter_map(rule);
+        let within = (outermost > shell.radius).then_some(shell.radius);
         Some(ReactionShell { within, rule: rules.next()?, others: rules.collect() })
     };
-    all.into_iter().filter_map(zone).collect()
+    all.into_iter().filter_map(shell).collect()
 }
 
+/// Returns `true` for each reactant that is not its own product.
 fn consumes(reaction: &Reaction) -> [bool; 2] {
     [0, 1].map(|k| reaction.products[k] != Some(reaction.reactants[k]))
 }
@@ -206,12 +217,14 @@ fn shares(model: &Model, reaction: &Reaction) -> [f32; 2] {
     [together, apart]
 }
 
+/// Returns the squared distance of the nearest images of two particles, in µm².
 pub(crate) fn distance_squared(particles: &Particles, pair: Pair, boundary: &Boundary) -> f64 {
     let [a, b] = [pair.i, pair.j].map(|at| particles.position_of(at as usize).map(f64::from));
     (0..3).map(|k| boundary.axes[k].displacement_exact(b[k] - a[k])).map(|d| d * d).sum()
 }
 
-fn reach(model: &Model, a: u32, b: u32) -> f32 {
+/// Returns the contact distance of two species, in µm; 0 if contacts are ignored.
+fn contact_distance(model: &Model, a: u32, b: u32) -> f32 {
     let touch = model.species[a as usize].radius + model.species[b as usize].radius;
     if model.contact == Contact::Ignore { 0.0 } else { touch }
 }
@@ -231,7 +244,7 @@ pub fn interactions(model: &Model) -> Result<Option<Interactions>, Error> {
         let [a, b] = reaction.reactants;
         let same = |other: &&Reaction| other.reactants == [a, b] || other.reactants == [b, a];
         let radii = model.reactions.iter().filter(same).map(|reaction| reaction.binding_radius);
-        let distance = radii.fold(reach(model, a, b), f32::max);
+        let distance = radii.fold(contact_distance(model, a, b), f32::max);
         table.set(a, b, Interaction::Within(distance.into())).map_err(refused)?;
     }
     Ok(Some(table))

@@ -19,12 +19,12 @@
 //! u(r) = ∫ from σ to ∞ of u(r′)·[G(r − r′) − G(r + r′)] dr′ + κ·[G(r − r₀) − G(r + r₀)]/(4πr₀),
 //! ```
 //!
-//! with κ pairs that react per step for a density of 1, including those that bind again at once. So κ/Δt is the rate
-//! constant of the law of mass action: with a dissociation rate k′, \[C\]/\[A\]\[B\] = κ/(k′Δt).
+//! with the volume κ: for a density of 1, κ pairs react per step, including pairs that bind again at once. So κ/Δt is
+//! the rate constant of the law of mass action: with a dissociation rate k′, \[C\]/(\[A\]\[B\]) = κ/(k′Δt).
 
 use crate::Error;
 
-/// Largest √(2DΔt) over the binding radius at which partners rarely jump over each other; D is the sum of both
+/// Largest √(2DΔt), relative to the binding radius, at which partners rarely jump over each other; D is the sum of both
 /// coefficients. With longer steps the rate holds for well-mixed partners only.
 pub const LONG_STEP: f64 = 1.0;
 
@@ -33,7 +33,7 @@ pub fn longest_step(binding_radius: f64, diffusion: f64) -> f64 {
     (LONG_STEP * binding_radius).powi(2) / (2.0 * diffusion)
 }
 
-/// Like [`longest_step`], for a rate constant in µm³/s.
+/// Returns the longest time step as [`longest_step`] does, for a rate constant in µm³/s.
 pub fn longest_step_for(rate: f64, diffusion: f64) -> f64 {
     let radius = rate / (4.0 * std::f64::consts::PI * diffusion * absorbed(LONG_STEP));
     longest_step(radius, diffusion)
@@ -45,7 +45,7 @@ pub fn longest_step_for(rate: f64, diffusion: f64) -> f64 {
 /// The rate is per pair: with concentrations a and b, k·a·b reactions per volume and time, and k·a²/2 for A + A.
 ///
 /// # Errors
-/// [`Error::Model`] if one of them is not positive and finite.
+/// [`Error::Model`] if an argument is not positive and finite.
 pub fn binding_radius(rate: f64, diffusion: f64, time_step: f64) -> Result<f64, Error> {
     for (what, value) in
         [("rate constant", rate), ("diffusion coefficient", diffusion), ("time step", time_step)]
@@ -55,7 +55,7 @@ pub fn binding_radius(rate: f64, diffusion: f64, time_step: f64) -> Result<f64, 
         }
     }
     let step = (2.0 * diffusion * time_step).sqrt();
-    // k rises with the radius from 0; both limits exceed the rate itself.
+    // k rises with the radius from 0. At `high` it exceeds `rate` in the limits of short and of long steps.
     let mixed = (rate * time_step * 3.0 / (4.0 * std::f64::consts::PI)).cbrt();
     let high = mixed.max(rate / (4.0 * std::f64::consts::PI * diffusion)) + step;
     Ok(root([mixed, high], |radius| rate_constant(radius, diffusion, time_step) - rate))
@@ -72,7 +72,7 @@ pub fn reversible_binding_radius(
     diffusion: f64,
     time_step: f64,
 ) -> Result<f64, Error> {
-    // Pairs that meet again raise the rate.
+    // Pairs that bind again raise the rate, so the radius is smaller.
     let highest = binding_radius(rate, diffusion, time_step)?;
     let is = |radius| reversible_rate_constant(radius, unbinding, diffusion, time_step);
     Ok(root([1e-6 * highest, highest], |radius| is(radius) - rate))
@@ -100,10 +100,10 @@ pub fn rate_constant(binding_radius: f64, diffusion: f64, time_step: f64) -> f64
 
 const POINTS: usize = 8;
 const PANELS: usize = 12;
-/// In steps; the density is asymptotic beyond.
+/// Distance from σ, in step lengths s, beyond which the density has its asymptotic form.
 const FAR: f64 = 12.0;
 
-/// c for σ = 1: the intercept of u, by elimination on Gauss–Legendre panels.
+/// Returns c for σ = 1, where `step` is s: the intercept of u, by elimination on Gauss–Legendre panels.
 fn absorbed(step: f64) -> f64 {
     let b = 1.0 / step;
     let far = b + FAR;
@@ -111,10 +111,10 @@ fn absorbed(step: f64) -> f64 {
     steady(b, [&unknown, &|_| 1.0]) / b
 }
 
-/// κ of reversible reactions, for radii in steps.
+/// Returns κ of reversible reactions in s³, for radii in step lengths s.
 fn regained(binding: f64, unbinding: f64) -> f64 {
     if unbinding > binding + FAR / 2.0 {
-        // Far away densities are harmonic: c from there meets again in c/r₀ of all cases.
+        // Far away the density is harmonic: a pair that dissociates to r₀ binds again with the probability c/r₀.
         let c = binding * absorbed(1.0 / binding);
         return 2.0 * std::f64::consts::PI * c / (1.0 - c / unbinding);
     }
@@ -125,14 +125,15 @@ fn regained(binding: f64, unbinding: f64) -> f64 {
     steady(binding, [&|x| -source(x), &|_| 0.0])
 }
 
-/// Solves for u beyond `b`, in steps. `unknown` has the unknown's coefficients in the equation at a distance, and in
-/// the condition u = far away.
+/// Solves for u beyond `b`, with lengths in s, and returns the other unknown, c or κ. `unknown` returns its
+/// coefficients in the equation at a distance, and in the condition at the last node, beyond which u has its
+/// asymptotic form.
 fn steady(b: f64, unknown: [&dyn Fn(f64) -> f64; 2]) -> f64 {
     let far = b + FAR;
     let nodes: Vec<(f64, f64)> = panels(b, far);
     let n = nodes.len();
     let kernel = |x: f64, y: f64| gauss(x - y) - gauss(x + y);
-    // Beyond the last panel u = x, except for the unknown, whose integral with the kernel is known.
+    // Beyond the last panel u(x) = x or x − c, whose integral with the kernel has a closed form.
     let mut matrix = vec![vec![0.0; n + 2]; n + 1];
     for (row, &(x, _)) in nodes.iter().enumerate() {
         for (column, &(y, weight)) in nodes.iter().enumerate() {
@@ -153,10 +154,12 @@ fn gauss(x: f64) -> f64 {
     (-0.5 * x * x).exp() / (2.0 * std::f64::consts::PI).sqrt()
 }
 
+/// Returns the probability that a standard normal number exceeds `x`.
 fn upper(x: f64) -> f64 {
     0.5 * libm::erfc(x / std::f64::consts::SQRT_2)
 }
 
+/// Returns the nodes and weights of a quadrature.
 fn panels(from: f64, to: f64) -> Vec<(f64, f64)> {
     /// Eight-point Gauss–Legendre rule, one half.
     const RULE: [(f64, f64); POINTS / 2] = [
@@ -175,6 +178,7 @@ fn panels(from: f64, to: f64) -> Vec<(f64, f64)> {
     (0..PANELS).flat_map(panel).collect()
 }
 
+/// Returns the last unknown of a linear system, whose rows end with the right side.
 fn solve(mut rows: Vec<Vec<f64>>) -> f64 {
     let n = rows.len();
     for column in 0..n {

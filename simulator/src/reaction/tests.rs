@@ -39,7 +39,7 @@ fn only(reactions: &Reactions, particles: &Particles) -> [Option<ReactantChange>
 }
 
 #[test]
-fn one_product_goes_where_the_reactants_meet() {
+fn one_product_appears_where_the_reactants_meet() {
     let outcomes = only(&Reactions::new(&model([Some(2), None])), &two());
     let position = [0.25, 0.0, 0.0];
     assert_eq!(outcomes[0], Some(ReactantChange { at: 1, product: Some(2), position }));
@@ -71,7 +71,7 @@ fn product_next_to_a_catalyst_stays_unless_it_unbinds() {
 }
 
 #[test]
-fn two_products_go_apart() {
+fn two_products_separate_by_the_unbinding_radius() {
     let mut model = model([Some(2), Some(0)]);
     model.reactions[0].unbinding_radius = 2.0;
     let [Some(c), Some(a)] = only(&Reactions::new(&model), &two()) else { panic!("two products") };

@@ -1,7 +1,7 @@
 //! Releases: a pure function of the model, the seed and the step.
 //!
-//! Bursts appear at the beginning of a step, particles of continuous release within it: they move, meet surfaces and
-//! decay for the rest, so numbers are right at any step length.
+//! Bursts appear at the beginning of a step. Particles of steady release appear within a step: they move, meet
+//! surfaces and decay for the rest of it, so numbers are right at any step length.
 
 pub mod origins;
 
@@ -23,11 +23,12 @@ use crate::reaction::decay::Decays;
 use crate::release::origins::Arrival;
 use crate::release::rank_slice::RankSlice;
 
+/// The result of the releases at the beginning of a step.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Released {
-    /// Remaining particles.
+    /// Released particles that neither arrived nor decayed without products since.
     pub(crate) particles: Particles,
-    /// Common to all ranks.
+    /// Id of the next new particle, equal on all ranks.
     pub(crate) next_id: u32,
     /// Released numbers, by species.
     pub(crate) released: Vec<u64>,
@@ -50,31 +51,35 @@ pub(crate) struct ReleaseStep<'a> {
     pub(crate) events: &'a PartialEvents,
     pub(crate) key: Key,
     pub(crate) step: u32,
-    /// Common to all ranks.
+    /// Id of the first released particle, equal on all ranks.
     pub(crate) next_id: u32,
     /// Receivers at the beginning of the step, with their displacements in the step before.
     pub(crate) places: &'a [Place],
 }
 
+/// Particles of one species that a transmitter releases in a burst, or by steady release in the last step.
 struct Batch<'a> {
     from: &'a Transmitter,
+    /// Center of the transmitter at the beginning of the step, in µm.
     center: [f32; 3],
-    /// Time of the release or later, in s.
+    /// Time at the beginning of the step, in s; 0 for bursts, whose particles have no age.
     now: f64,
     species: u32,
     count: u32,
-    /// Lattice site of the first particle, unless it continues.
+    /// Lattice site of the first particle, unless `continues`.
     site: u32,
-    /// `true` if its sites continue those of the batch before, of the same burst or steady release.
+    /// `true` if its sites continue those of the previous batch, of the same burst or steady release.
     continues: bool,
     ages: Ages,
 }
 
-/// At the beginning of a step, in s.
+/// The times since the release of a batch's particles, at the beginning of a step, in s.
 #[derive(Clone, Copy)]
 enum Ages {
     None,
+    /// Uniform between two ages.
     Between(f64, f64),
+    /// The largest age, and the difference of successive ones.
     Spaced(f64, f64),
 }
 
@@ -99,7 +104,7 @@ impl Model {
     /// Returns the releases at the beginning of a step, with ids from `next_id`.
     ///
     /// # Errors
-    /// [`Error::OutOfIds`].
+    /// [`Error::OutOfIds`] if ids would exceed the largest one.
     pub(crate) fn release(&self, at: ReleaseStep<'_>, slice: RankSlice) -> Result<Released, Error> {
         let ReleaseStep { key, step, next_id, places, .. } = at;
         let mut batches: Vec<_> = self.all_batches(step, key).collect();
@@ -134,7 +139,7 @@ impl Model {
         Ok(out)
     }
 
-    /// Releases outside the schedule, with these ids, from which lattice sites follow.
+    /// Releases particles outside the schedule, with these ids, which also select lattice sites.
     pub(crate) fn burst(
         &self,
         from: &Transmitter,
@@ -151,7 +156,7 @@ impl Model {
         out
     }
 
-    /// Returns transmitter, species and number of the releases at the beginning of a step, by id.
+    /// Returns transmitter, species and number of the releases at the beginning of a step, in the order of ids.
     pub fn releases(&self, step: u32, key: Key) -> impl Iterator<Item = (u32, u32, u32)> + '_ {
         self.all_batches(step, key).map(|(place, batch)| (place, batch.species, batch.count))
     }
@@ -211,7 +216,7 @@ impl Model {
         let velocity = self.own_velocity(species, key.draw(id, 0, 0, Purpose::Velocity));
         let words = key.draw(id, 0, 0, Purpose::Release);
         let site = match batch.ages {
-            // A Poisson process at each site: the number of earlier particles is unknown.
+            // In a Poisson process the number of earlier particles is unknown, so each site is random.
             Ages::Between(..) => batch.from.shape.random_site(words[0]),
             Ages::None | Ages::Spaced(..) => site,
         };
@@ -228,7 +233,7 @@ impl Model {
 }
 
 impl<'a> Batch<'a> {
-    /// An entry of a burst at the transmitter's center, from the first site.
+    /// Creates the batch of an entry of a burst, at the transmitter's center and from the first site.
     fn of_burst(from: &'a Transmitter, (species, count): (u32, u32), continues: bool) -> Self {
         Self { from, center: from.center, now: 0.0, species, count, site: 0, continues, ages: Ages::None }
     }
@@ -248,10 +253,10 @@ fn center_among(places: &[Place], from: &Transmitter) -> [f32; 3] {
     place.map_or(from.center, |place| place.center)
 }
 
-/// Returns the number of evenly spaced particles from `begin` until `time`, in s. Numbers of successive steps add up
-/// exactly, since the end of each is the beginning of the next.
+/// Returns the number of evenly spaced particles released from `begin` until `time`, in s. The numbers of successive
+/// steps add up exactly, since the end of each step is the beginning of the next.
 fn released_until(time: f64, rate: f64, begin: f64) -> f64 {
-    // A few roundings of the time, for instance a particle that is due at the end of a step.
+    // Allows for rounding of the time, so that a particle due at the end of a step is released in it.
     let rounding = (4.0 * f64::EPSILON * rate * time).max(1e-9);
     (rate * (time - begin) + rounding).floor()
 }

@@ -1,17 +1,19 @@
 //! Origins of particles, and arrivals.
 //!
-//! Ids ascend, so few id ranges store all origins. A product inherits the origin of the reactant whose id it takes;
-//! products of a decay that of the decayed particle.
+//! Ids ascend with time, so a few id ranges store all origins. A product of a reaction has the origin of the reactant
+//! whose id it takes, and products of a decay that of the decayed particle.
 
 use serde::{Deserialize, Serialize};
 
+/// The release of a particle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origin {
     pub transmitter: u32,
-    /// Step at whose beginning it was released.
+    /// Step at whose beginning it appeared.
     pub step: u32,
 }
 
+/// The removal of a particle by a receiver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrival {
     pub receiver: u32,
@@ -25,12 +27,12 @@ pub struct Arrival {
 
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origins {
-    /// First ids of ranges, ascending; each ends where the next begins.
+    /// First ids of ranges, ascending, and their origins. A range ends before the next one.
     ranges: Vec<(u32, Option<Origin>)>,
 }
 
 impl Origins {
-    /// Records the origin of ids at or above `first`, which ascends.
+    /// Records the origin of ids at or above `first`, which must not be below that of earlier calls.
     pub fn enter(&mut self, first: u32, origin: Option<Origin>) {
         match self.ranges.last_mut() {
             Some(last) if last.0 == first => last.1 = origin,

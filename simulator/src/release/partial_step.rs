@@ -1,7 +1,7 @@
 //! The part of a step after a release, in which a particle moves, meets surfaces and decays.
 //!
 //! It is a shorter step, in which receivers make the same fraction of their displacement. Receptors only reflect,
-//! because free ones are counted when a step begins.
+//! because free receptors are counted at the beginning of a step.
 
 use rayon::prelude::*;
 
@@ -22,9 +22,9 @@ use crate::random::philox::Purpose;
 use crate::reaction::decay::{CaptureOrder, ChainedDecay};
 use crate::release::origins::{Arrival, Origin};
 
-/// Particles that are moved together, to bound memory.
+/// Number of particles that are moved together, to bound memory.
 const CHUNK: usize = 1 << 13;
-/// Particles that one thread moves at least, in about 100 µs (AMD EPYC).
+/// Smallest number of particles that a thread moves, in about 100 µs (AMD EPYC).
 const MIN_PER_THREAD: usize = 64;
 
 #[derive(Clone, Debug)]
@@ -34,7 +34,7 @@ struct PartialStep<'a> {
     places: &'a [Place],
     constants: SpeciesStep,
     paths: FreePaths,
-    /// Duration over the time step.
+    /// Duration as a fraction of the time step.
     part: f32,
 }
 
@@ -102,7 +102,7 @@ impl Model {
         }
     }
 
-    /// Returns the path since the release without receivers, or `None` if the age is 0.
+    /// Returns the path since the release, without receivers; `None` if the age is 0.
     fn partial_move<'a>(
         &self,
         batch: &Batch<'_>,
@@ -120,7 +120,7 @@ impl Model {
         }
         let before = step.constants.domain.confine(position);
         let normal = gaussian::normals(at.key.draw(id, 1, 0, Purpose::PartialStep));
-        // The particle drew nothing in the step in which it was released.
+        // The step of the release, in which the particle has used no random numbers.
         let who = DrawContext { key: at.key, id, step: at.step - 1 };
         let own = self.has_velocity().then_some(&mut velocity);
         let (path, free_end) = step.paths.path(&step.constants, [before, normal], own, who);
@@ -134,7 +134,7 @@ impl Model {
         Some(PartialMove { step, moved, reach })
     }
 
-    /// Moves a particle, which hits no receivers but those `near`.
+    /// Moves a particle, which can hit only the receivers `near`.
     fn partial_outcome(
         &self,
         (mut particle, age): (Particle, f64),
@@ -155,7 +155,7 @@ impl Model {
         PartialOutcome { decays: Vec::new(), fate: capture.map_or(Fate::Remains(particle), arrived) }
     }
 
-    /// Decays a particle that is at the end of its path, up to a capture of the particle or a product.
+    /// Decays a particle that is at the end of its path, until the particle or a product is captured.
     fn partial_decays(
         &self,
         (mut particle, age): (Particle, f64),
@@ -191,7 +191,7 @@ impl Model {
 }
 
 impl Fate {
-    /// Receptors only reflect in a partial step, so a capture is an arrival.
+    /// Creates the fate of a captured particle. Receptors only reflect in a partial step, so a capture is an arrival.
     fn of(event: &Event, species: u32) -> Self {
         Self::Arrived { receiver: event.receiver(), species }
     }
@@ -210,7 +210,7 @@ impl<'a> PartialStep<'a> {
         SpeciesSurfaces { surfaces: self.surfaces, step: &self.constants, duration: self.paths.duration }
     }
 
-    /// Returns the capture at a receiver or wall, if the particle does not decay before.
+    /// Returns the capture at a receiver or wall, which applies if the particle does not decay before it.
     fn advance(&self, moved: &mut ParticleMove, near: &[&ReceiverState], reach: f32) -> Option<Capture> {
         let (begun, length) = (*moved, moved.length());
         let mut capture = self.resolve(moved, near.iter().copied(), reach);
@@ -221,7 +221,7 @@ impl<'a> PartialStep<'a> {
         capture
     }
 
-    /// Bodies farther than `reach` from the beginning, in µm, are not hit.
+    /// Resolves the events at `bodies`, of which those farther than `reach` from the beginning, in µm, cannot be hit.
     fn resolve<'b>(
         &self,
         moved: &mut ParticleMove,
@@ -265,7 +265,7 @@ impl<'a> ReleaseStep<'a> {
             let place = self.places[body.place as usize];
             let height = signed_distance(body.receiver.radius, place.center, boundary, center);
             let slack = rounding(center, 2.0 * body.receiver.radius + height.abs() + reach);
-            // Once from the end of the step to the release, and once for the path since.
+            // One displacement from the end of the step to the release, and one in the path since.
             height <= reach + 2.0 * length(place.displacement) + slack
         };
         self.events.surfaces.bodies.all.iter().filter(is_near).collect()

@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-/// A rank's part of a list; lengths differ by at most one.
+/// A rank's part of a list. The lengths of all parts differ by at most one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RankSlice {
     rank: u32,

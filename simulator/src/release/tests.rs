@@ -145,7 +145,7 @@ fn origins_are_restored_if_all_ids_are_of_scheduled_releases() {
 }
 
 #[test]
-fn emitted_particles_go_on_from_site_to_site() {
+fn emitted_particles_continue_from_site_to_site() {
     let shape = Shape::Lattice([4.0, 1.0, 1.0], [4, 1, 1]);
     let transmitter = Transmitter { shape, ..Transmitter::default() };
     let species = vec![Species { mass: 1.0, ..Species::default() }];
@@ -177,7 +177,7 @@ fn fixed_steady_release_counts_every_particle_once() {
     }
 }
 
-/// A point at (1.05, 0, 0) releases 10⁵ diffusing particles per s, by a sphere of radius 1 at the origin.
+/// A point at (1.05, 0, 0) releases 10⁵ diffusing particles per s, near a sphere of radius 1 at the origin.
 fn beside_a_sphere(kind: ReceiverKind, time_step: f64) -> Model {
     let species = Species { name: "A".into(), diffusion: 1.0, mass: 1.0, ..Species::default() };
     let receiver = Receiver { name: "rx".into(), radius: 1.0, kind, sees: vec![true], ..Receiver::default() };

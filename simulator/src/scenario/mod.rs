@@ -19,14 +19,16 @@ use crate::memory::check_available;
 pub use crate::output::options::Output;
 use crate::{Error, Model, Transmitter};
 
+/// A scenario file.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     pub model: Model,
     pub steps: u32,
     pub seed: u64,
     pub output: Output,
+    /// Text of the file.
     pub text: String,
-    /// Logged warnings: location and remedy.
+    /// Warnings, each with its location and a remedy.
     pub warnings: Vec<String>,
 }
 
@@ -34,16 +36,16 @@ impl Scenario {
     /// Reads a scenario file.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::Scenario`] with line and key.
+    /// [`Error::Read`] if the file cannot be read, otherwise as [`parse`](Self::parse).
     pub fn read(path: &Path) -> Result<Self, Error> {
         let text = std::fs::read_to_string(path);
         Self::parse(path, text.map_err(|source| Error::Read { path: path.to_owned(), source })?)
     }
 
-    /// Parses the text of the file at `path`.
+    /// Parses the text of the file at `path`, and logs the warnings.
     ///
     /// # Errors
-    /// [`Error::Scenario`].
+    /// [`Error::Scenario`] with line and key, [`Error::Model`] for a fault without a location.
     pub fn parse(path: &Path, text: String) -> Result<Self, Error> {
         let scenario = Self::parse_silently(path, text)?;
         scenario.warnings.iter().for_each(|message| log::warn!("{message}"));
@@ -66,18 +68,19 @@ impl Scenario {
         Ok(Self { model, steps, seed, output, text, warnings })
     }
 
-    /// Warns of releases that the run does not reach.
+    /// Returns warnings of releases that the run does not reach.
     pub fn late_releases(&self) -> Vec<String> {
         let end = f64::from(self.steps) * self.model.time_step;
         let late = |t: &Transmitter| {
             let (first, count) = t.after(self.steps, self.model.time_step)?;
             let what = match count {
+                Some(1) => "has a release".to_owned(),
                 Some(count) => format!("has {count} releases"),
-                None => "is to release".to_owned(),
+                None => "begins to release".to_owned(),
             };
             Some(format!(
-                "transmitter {} {what} at or after {first} s, and the run ends at {end} s; make `steps` more than {}, or take \
-                 these times away",
+                "transmitter {} {what} at or after {first} s, but the run ends at {end} s; make `steps` more than {}, or remove \
+                 these times",
                 t.name,
                 (first / self.model.time_step).ceil()
             ))
@@ -87,10 +90,10 @@ impl Scenario {
 }
 
 const MAX_WARNINGS: usize = 100;
-/// Bytes that parsing takes per byte of tables with one short key each; tables of two keys take a third.
+/// Bytes that parsing takes per byte of text, for tables with one short key each; tables with two keys take a third.
 const BYTES_PER_BYTE: u64 = 200;
 
-/// Refuses a text whose parsing exceeds the memory, which would end the process.
+/// Refuses a text whose parsing would exceed the memory and end the process.
 fn check_length(bytes: usize) -> Result<(), Error> {
     let remedy = "make it shorter, or raise the limit";
     check_available(
@@ -122,7 +125,7 @@ impl Problem {
 
 impl From<toml::de::Error> for Problem {
     fn from(error: toml::de::Error) -> Self {
-        // "missing field `radius`" and "unknown field `radios`, …" name the key.
+        // Messages such as "missing field `radius`" and "unknown field `radios`, …" name the key.
         let message = error.message().lines().collect::<Vec<_>>().join("; ");
         let named =
             ["missing field `", "unknown field `"].iter().find_map(|start| message.strip_prefix(start));
@@ -137,12 +140,12 @@ impl From<toml::de::Error> for Problem {
     }
 }
 
-/// In bytes.
+/// Largest length of a message, in bytes.
 const MOST_SHOWN: usize = 800;
 const MOST_QUOTED: usize = 60;
 
-/// Shortens words, and texts between quotation marks, to [`MOST_QUOTED`] characters: the parser quotes keys and values in
-/// full.
+/// Shortens words, and texts between quotation marks, to [`MOST_QUOTED`] characters, because the parser quotes keys and
+/// values in full.
 fn with_short_quotes(text: &str) -> String {
     let (mut shown, mut quote, mut length) = (String::new(), None, 0);
     for c in text.chars() {

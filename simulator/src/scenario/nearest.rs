@@ -1,6 +1,6 @@
-//! The nearest of several names.
+//! The most similar of several names.
 
-/// Measures edit distance; the first wins.
+/// Returns the name with the smallest edit distance, the first of equal ones.
 pub(super) fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     names.min_by_key(|known| edits(name, known))
 }

@@ -3,8 +3,10 @@ use std::num::NonZeroU32;
 use super::Scenario;
 use crate::output::animation::Animation;
 
+/// Approximate number of frames of an animation.
 const FRAMES: u32 = 200;
 
+/// Values that replace those of a scenario, such as options of the command line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overrides {
     pub seed: Option<u64>,
@@ -13,16 +15,17 @@ pub struct Overrides {
     pub every: Option<NonZeroU32>,
     pub frames_every: Option<NonZeroU32>,
     pub checkpoint_every: Option<NonZeroU32>,
-    /// Most drawn particles of an animation; `None` without one.
+    /// Largest number of particles drawn in an animation; `None` for no animation.
     pub animated: Option<NonZeroU32>,
-    /// Default: a two-hundredth of the scenario's steps.
+    /// Steps between frames of the animation; by default, a two-hundredth of the scenario's steps.
     pub animate_every: Option<NonZeroU32>,
 }
 
 impl Scenario {
+    /// Replaces values of the scenario.
     pub fn change(&mut self, changes: &Overrides) {
         let animation = |particles| Animation {
-            // From the scenario, so that an extended run has the same.
+            // The scenario's steps, so that an extended run has the same interval.
             every: changes.animate_every.map_or((self.steps / FRAMES).max(1), Into::into),
             particles,
         };

@@ -12,25 +12,27 @@ use crate::Error;
 
 const MAX_POINTS: usize = 100_000;
 
+/// A key and its values in a sweep.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SweptKey {
     /// Path, such as `receiver.rx.center.x`.
     pub path: String,
-    /// TOML.
+    /// Values as TOML text.
     pub values: Vec<String>,
 }
 
+/// A combination of values, and its scenario.
 #[derive(Clone, Debug)]
 pub struct SweepPoint {
-    /// In the order of keys.
+    /// Values without quotation marks, in the order of keys.
     pub values: Vec<String>,
     pub scenario: Scenario,
 }
 
-/// All combinations; the last key varies fastest.
+/// All combinations of values. The last key varies fastest.
 #[derive(Clone, Debug)]
 pub struct Sweep {
-    /// Keys of `[sweep]` in alphabetical order, then of options.
+    /// Keys of `[sweep]` in alphabetical order, then those of options.
     pub keys: Vec<SweptKey>,
     pub points: Vec<SweepPoint>,
 }
@@ -40,7 +42,8 @@ impl Sweep {
     /// without either.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::Scenario`] for a faulty file or key; [`Error::SweepPoint`] for an invalid combination.
+    /// [`Error::Read`] if the file cannot be read, [`Error::Scenario`] for a faulty file, [`Error::Model`] for a
+    /// faulty key or option, and [`Error::SweepPoint`] for an invalid combination.
     pub fn read(path: &Path, options: &[String]) -> Result<Option<Self>, Error> {
         let text = std::fs::read_to_string(path);
         let text = text.map_err(|source| Error::Read { path: path.to_owned(), source })?;
@@ -54,7 +57,7 @@ impl Sweep {
     pub fn parse(path: &Path, text: &str, options: &[String]) -> Result<Option<Self>, Error> {
         check_length(text.len())?;
         let placed = |problem| located(path, text, problem);
-        // Reading the scenario reports text that is no TOML.
+        // `Scenario::parse` reports a text that is not TOML.
         let Ok(file) = DeTable::parse(text) else { return Ok(None) };
         let mut keys = section_keys(text, file.get_ref()).map_err(placed)?;
         for option in options {
@@ -144,7 +147,7 @@ fn add_section_keys(
     Ok(())
 }
 
-/// Parses `KEY=VALUE,VALUE`; values that are no TOML are strings.
+/// Parses `KEY=VALUE,VALUE`. Values that are not TOML are strings.
 fn option_key(option: &str) -> Result<SweptKey, String> {
     let shown = excerpt(option.as_bytes());
     let parts = option.split_once('=').map(|(path, values)| (path.trim(), values.trim()));
@@ -167,6 +170,7 @@ pub(super) fn quoted(value: &str) -> String {
     format!("\"{}\"", value.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
+/// Returns a value without quotation marks, commas and line breaks.
 fn plain(value: &str) -> String {
     let inner = ['"', '\''].into_iter().find_map(|quote| value.strip_prefix(quote)?.strip_suffix(quote));
     inner.unwrap_or(value).replace(',', " ").split_whitespace().collect::<Vec<_>>().join(" ")
@@ -178,7 +182,8 @@ struct KnownKey {
     is_string: bool,
 }
 
-/// Lists all keys: array elements by index and by name, equation or species; coordinates as x, y, z.
+/// Lists all keys. Array elements are named by index, and by name, equation or species, and coordinates also by x, y
+/// and z.
 fn list_keys(table: &DeTable<'_>, prefix: &str, known: &mut Vec<KnownKey>) {
     for (name, value) in table {
         list_value(value, format!("{prefix}{}", name.get_ref()), known);
@@ -216,6 +221,7 @@ fn element_names(value: &DeValue<'_>, index: usize, count: usize) -> Vec<String>
     names
 }
 
+/// Returns the span of a key's value, and `true` if the value is a string.
 fn spot(key: &SweptKey, known: &[KnownKey]) -> Result<(Range<usize>, bool), String> {
     if let Some(found) = known.iter().find(|known| known.path == key.path) {
         return Ok((found.span.clone(), found.is_string));
@@ -233,7 +239,7 @@ fn disjoint(spots: Vec<(Range<usize>, bool)>) -> Result<Vec<(Range<usize>, bool)
     match ends.windows(2).all(|pair| pair[0].end <= pair[1].start) {
         true => Ok(spots),
         false => {
-            Err("two keys of the sweep are the same, or one is a part of the other; sweep one".to_owned())
+            Err("two keys of the sweep are the same, or one is a part of the other; remove one".to_owned())
         }
     }
 }
@@ -252,7 +258,7 @@ fn combinations(keys: &[SweptKey]) -> Result<Vec<Vec<String>>, String> {
     Ok(keys.iter().fold(vec![Vec::new()], add))
 }
 
-/// Strings stay strings.
+/// Returns the text with other values. Values of strings get quotation marks.
 fn replaced(text: &str, spots: &[(Range<usize>, bool)], values: &[String]) -> String {
     let mut edits: Vec<_> = spots.iter().zip(values).collect();
     edits.sort_by_key(|((span, _), _)| std::cmp::Reverse(span.start));
@@ -265,7 +271,7 @@ fn replaced(text: &str, spots: &[(Range<usize>, bool)], values: &[String]) -> St
     text
 }
 
-/// Keeps the number of lines.
+/// Returns the text without the section `[sweep]`, with as many lines.
 fn without_section(text: &str, file: &DeTable<'_>) -> String {
     let Some(section) = file.get("sweep") else { return text.to_owned() };
     let start = section.span().start;

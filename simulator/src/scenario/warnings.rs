@@ -1,4 +1,4 @@
-//! Warnings of probably unintended scenarios, with remedies.
+//! Warnings of scenarios that are probably not intended, with remedies.
 
 mod absorption;
 mod collisions;
@@ -19,6 +19,7 @@ use crate::model::transmitter::{Schedule, Shape, Transmitter};
 use crate::model::{Decay, Flow, Model, Reaction, Species, Unbinding};
 use crate::reaction::rate;
 
+/// Returns `true` if walls separate a whole sphere from the inside.
 pub(super) fn is_walled_off(boundary: &Boundary, center: [f32; 3], radius: f32) -> bool {
     let beyond = |(axis, x): (Axis, f32)| match axis {
         Axis::Reflecting { low, high } => (low - x).max(x - high).max(0.0),
@@ -29,6 +30,7 @@ pub(super) fn is_walled_off(boundary: &Boundary, center: [f32; 3], radius: f32) 
     squares.sum::<f32>() + across * across > radius * radius
 }
 
+/// Warns of a position outside a periodic box.
 pub(super) fn image(boundary: &Boundary, center: [f32; 3]) -> Option<String> {
     let images = boundary.axes.map(|axis| match axis {
         Axis::Periodic { .. } => axis,
@@ -37,11 +39,12 @@ pub(super) fn image(boundary: &Boundary, center: [f32; 3]) -> Option<String> {
     let image = Boundary { axes: images, vessel: None }.confine(center);
     (image != center).then(|| {
         format!(
-            "{center:?} is outside the periodic box and means its image {image:?}; write that, if it is meant"
+            "{center:?} is outside the periodic box and is wrapped to {image:?}; write {image:?}, or another position"
         )
     })
 }
 
+/// Returns a description of the walls.
 pub(super) fn walls(boundary: &Boundary) -> String {
     let corner = |upper: bool| {
         boundary.axes.map(|axis| match axis {
@@ -77,11 +80,13 @@ pub(super) fn walls(boundary: &Boundary) -> String {
     }
 }
 
+/// Returns a number rounded down to three digits.
 pub(super) fn below(value: f64) -> String {
     let unit = 10_f64.powi(value.log10().floor() as i32 - 2);
     format!("{:.2e}", ((value / unit) * (1.0 - 1e-6)).floor() * unit)
 }
 
+/// Warns of a step that is long compared with a binding radius.
 pub(super) fn long_step(
     equation: &str,
     radius: f64,
@@ -99,34 +104,36 @@ pub(super) fn long_step(
     let step = (2.0 * diffusion * time_step).sqrt();
     Some(format!(
         "'{equation}': a step of {step:.3} µm of one reactant towards the other is long compared with the binding radius of \
-         {radius:.3} µm, so that reactants jump over each other; the rate is right only where they are well mixed; \
+         {radius:.3} µm, so that reactants jump over each other; the rate is right only if they are well mixed; \
          time-step = {} is short enough",
         below(longest)
     ))
 }
 
-/// Largest step, in lifetimes, if products appear in the next step.
+/// Largest step, in lifetimes, of a particle that can decay in the next step at the earliest.
 const FAST_DECAY: f64 = 0.02;
-/// Largest step, in mean times to a reaction, which is tested at the ends of steps.
+/// Largest step, in mean times to an event that is tested at the ends of steps only.
 const FAST_REACTION: f64 = 0.2;
 
 pub(super) fn fast_reaction(equation: &str, rate: f64, time_step: f64) -> Option<String> {
     (rate * time_step > FAST_REACTION).then(|| {
         format!(
-            "'{equation}': those within reach of each other react in {:.3e} s on average, and a step has {time_step:.3e} s; \
-             many come and go unseen; time-step = {} is short enough",
+            "'{equation}': reactants within the binding radius react after {:.3e} s on average, but a step has {time_step:.3e} s, \
+             and pairs that meet and part within a step are missed; time-step = {} is short enough",
             1.0 / rate,
             below(FAST_REACTION / rate)
         )
     })
 }
 
-/// Decays of released particles or of products of decays are right at any step length, except those of a species that
-/// dissociates, which come at the ends of whole steps.
+/// Warns of a decay that is fast for the time step.
+///
+/// Decays of released particles and of products of decays are right at any step length, except for a species that
+/// dissociates, which decays at the ends of whole steps.
 pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     let part = decay.rate * model.time_step;
     let species = decay.reactant;
-    // An exchange of two states keeps the right proportion.
+    // Association and dissociation within the same ball keep the right proportion.
     let exchanged = |reaction: &Reaction| {
         let back =
             |decay: &&Decay| undoes(decay, reaction) && matches!(decay.unbinding, Unbinding::Within(_));
@@ -147,9 +154,9 @@ pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     (part > FAST_DECAY && (from_pairs || from_splits || late)).then(|| {
         let name = &model.species[species as usize].name;
         format!(
-            "'{}': {:.1} % of {name} decay in a step, and those that form or are released within a step do so in the next step \
-             at the earliest, or in this one with the probability of a whole step: on average one lives half a step too long \
-             or too short; time-step = {} is short enough",
+            "'{}': {:.1} % of {name} decay in a step, and particles that form or are released within a step decay in the next \
+             step at the earliest, or in this step with the probability of a whole step, so that they live half a step too \
+             long or too short on average; time-step = {} is short enough",
             decay.name,
             100.0 * part,
             below(FAST_DECAY / decay.rate)
@@ -157,34 +164,35 @@ pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     })
 }
 
-/// Largest √(2DΔt), in radii, near a partly reflecting surface.
-const LONG_BESIDE_SURFACE: f64 = 0.5;
-/// Largest drift there, in √(2DΔt).
-const DRIFT_BESIDE_DIFFUSION: f64 = 0.2;
+/// Largest √(2DΔt), in radii, near a reflecting surface.
+const LONG_AT_SURFACE: f64 = 0.5;
+/// Largest drift near a surface that takes particles at a rate, in √(2DΔt).
+const DRIFT_AT_SURFACE: f64 = 0.2;
 
+/// Warns of a step that is long for a surface that reflects.
 pub(super) fn long_step_before(receiver: &Receiver, model: &Model) -> Option<String> {
     if !receiver.kind.reflects() {
         return None;
     }
     let seen = model.species.iter().enumerate().filter(|&(k, _)| receiver.sees[k]);
     let longest = |(k, species): (usize, &Species)| {
-        // Others are only reflected.
+        // Other species are only reflected.
         let by_rate = match receiver.kind {
             ReceiverKind::Partial(Adsorption::Reactivity(_)) => true,
             _ => receiver.binds(k),
         };
         let diffusion = species.diffusion + receiver.diffusion;
-        let limit = (LONG_BESIDE_SURFACE * f64::from(receiver.radius)).powi(2) / (2.0 * diffusion);
+        let limit = (LONG_AT_SURFACE * f64::from(receiver.radius)).powi(2) / (2.0 * diffusion);
         let speed = speed_past(receiver, species, model);
-        let carried = 2.0 * diffusion * (DRIFT_BESIDE_DIFFUSION / speed).powi(2);
+        let carried = 2.0 * diffusion * (DRIFT_AT_SURFACE / speed).powi(2);
         if by_rate { limit.min(carried) } else { limit }
     };
     let (longest, species) =
         seen.map(|(k, species)| (longest((k, species)), species)).min_by(|a, b| a.0.total_cmp(&b.0))?;
     (model.time_step > longest).then(|| {
         format!(
-            "a step takes {} {:.3} µm by diffusion and {:.3} µm by drift to or past {}, of radius {} µm: what it turns back is \
-             in the wrong places, and what stays is off; time-step = {} is short enough",
+            "a step takes {} {:.3} µm by diffusion and {:.3} µm by drift to or past {}, of radius {} µm: reflected particles are \
+             in the wrong places, and the number of adsorbed or bound particles is wrong; time-step = {} is short enough",
             species.name,
             (2.0 * (species.diffusion + receiver.diffusion) * model.time_step).sqrt(),
             speed_past(receiver, species, model) * model.time_step,
@@ -195,6 +203,7 @@ pub(super) fn long_step_before(receiver: &Receiver, model: &Model) -> Option<Str
     })
 }
 
+/// Returns a bound of a species' speed relative to a receiver apart from diffusion, in µm/s.
 fn speed_past(receiver: &Receiver, species: &Species, model: &Model) -> f64 {
     let mut velocity = species.drift;
     let mut more = species.thermal_speed + species.speed;
@@ -208,12 +217,13 @@ fn speed_past(receiver: &Receiver, species: &Species, model: &Model) -> f64 {
     relative.sqrt() + more
 }
 
+/// Warns of an unbinding that is fast for the time step.
 pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<String> {
     let ligands = receiver.receptor_types().iter().flat_map(|kind| &kind.ligands);
     let unbinding_rate = ligands.map(|ligand| ligand.unbinding_rate).fold(0.0, f64::max);
     (unbinding_rate * model.time_step > FAST_REACTION).then(|| {
         format!(
-            "receptors of {} hold a particle for {:.3e} s on average, and a step has {:.3e} s: many would come and go within \
+            "receptors of {} hold a particle for {:.3e} s on average, and a step has {:.3e} s: many would bind and unbind within \
              a step; time-step = {} is short enough",
             receiver.name,
             1.0 / unbinding_rate,
@@ -223,7 +233,7 @@ pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<Strin
     })
 }
 
-/// Fraction of reversible pairs that may bind again at once.
+/// Largest fraction of reversible pairs that bind again at once without a warning.
 const BOUND_AGAIN: f64 = 0.02;
 
 /// Warns of a reversible reaction that relaxes slowly, because dissociated pairs bind again at once.
@@ -236,8 +246,8 @@ pub(super) fn slow_relaxation(
     let again = 1.0 - rate::rate_constant(radius, diffusion, time_step) / rate;
     (again > BOUND_AGAIN).then(|| {
         format!(
-            "'{equation}': {:.1} % of the pairs that come apart by {unbinding} µm bind again at once; the equilibrium is that of \
-             the rates, but it is approached {:.1} % more slowly; a larger unbinding-radius makes this less",
+            "'{equation}': {:.1} % of the pairs that dissociate to {unbinding} µm bind again at once; the equilibrium is that of \
+             the rates, but it is approached {:.1} % more slowly; a larger unbinding-radius reduces this",
             100.0 * again,
             100.0 * again
         )
@@ -265,8 +275,8 @@ pub(super) fn released_inside(
     };
     receivers.iter().find(takes).map(|receiver| {
         format!(
-            "transmitter {} is inside receiver {}, which absorbs all that it releases in the first step; move one of them, if \
-             that is not meant",
+            "transmitter {} is inside receiver {}, which absorbs all released particles in their first step; move one of them, \
+             unless this is intended",
             transmitter.name, receiver.name
         )
     })
@@ -329,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn walls_keep_things_away() {
+    fn spheres_outside_walls_are_walled_off() {
         let walls = Boundary::reflecting([-1.0; 3], [1.0; 3]);
         assert!(!is_walled_off(&walls, [1.5, 0.0, 0.0], 0.6) && is_walled_off(&walls, [1.5, 1.5, 0.0], 0.6));
         assert!(!is_walled_off(&walls, [1.0; 3], 0.0) && is_walled_off(&walls, [1.1, 0.0, 0.0], 0.0));

@@ -1,3 +1,5 @@
+//! The state of a run, which with the model and the seed determines the rest of it.
+
 pub mod view;
 
 use serde::{Deserialize, Serialize};
@@ -13,12 +15,15 @@ use crate::release::origins::{Arrival, Origin, Origins};
 use crate::release::rank_slice::RankSlice;
 use crate::release::{PartialEvents, ReleaseStep, Released};
 
-/// With the model and the seed, it determines the rest of the run bit for bit.
+/// The state after a step and the releases at the beginning of the next one. With the model and the seed, it
+/// determines the rest of the run bit for bit.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct State {
-    /// Without bound particles.
+    /// Free particles.
     pub particles: Particles,
+    /// Number of completed steps.
     pub step: u32,
+    /// Id of the next new particle.
     pub next_id: u32,
     pub totals: Totals,
     /// Centers of receivers, in µm.
@@ -28,20 +33,22 @@ pub struct State {
     pub origins: Origins,
 }
 
-/// Counts since the beginning of a run.
+/// Counts of a run: those of the moment, and sums since its beginning.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Totals {
-    /// Indexed by species.
+    /// Free particles now, by species.
     pub present: Vec<u64>,
-    /// Indexed by species.
+    /// Released particles, by species.
     pub released: Vec<u64>,
-    /// Removed or currently bound particles, by receiver and species.
+    /// Particles that a receiver removed, or that are bound to it now, by receiver and species.
     pub arrived: Vec<Vec<u64>>,
-    /// Indexed by receptor type in the order of receivers.
+    /// Occupied receptors now, by receptor type in the order of receivers.
     pub occupied: Vec<u64>,
+    /// Indexed by reaction.
     pub reacted: Vec<u64>,
+    /// Indexed by decay.
     pub decayed: Vec<u64>,
-    /// In the last step.
+    /// Pairs that the detector found in the last step.
     pub pairs: u64,
     /// Collisions and separated overlaps in the last step.
     pub contacts: u64,
@@ -51,7 +58,7 @@ impl State {
     /// Creates the initial state, after the releases of step 0.
     ///
     /// # Errors
-    /// [`Error::Model`] if the model is invalid; [`Error::OutOfIds`].
+    /// [`Error::Model`] if the model is invalid, [`Error::OutOfIds`] if a release needs too many ids.
     pub fn new(model: &Model, seed: u64) -> Result<Self, Error> {
         Self::new_slice(model, seed, RankSlice::WHOLE)
     }
@@ -61,7 +68,7 @@ impl State {
         let centers: Vec<_> = model.receivers.iter().map(|receiver| receiver.center).collect();
         let places = Place::at_rest(&centers);
         let mut state = Self { totals: Totals::of(model), centers, ..Self::default() };
-        // Nothing was released before step 0, and so nothing arrives.
+        // No particle was released before step 0, so none arrives.
         state.release(model, (&PartialEvents::new(model), &places), Key::new(seed), slice)?;
         Ok(state)
     }
@@ -78,7 +85,7 @@ impl State {
         }
     }
 
-    /// Returns one rank's state, which counts its particles; the first also keeps all other totals.
+    /// Returns the state of one rank, whose totals count its own particles; the first rank also keeps all other totals.
     pub(crate) fn part(self, model: &Model, is_first: bool) -> Self {
         let mut totals = if is_first { self.totals } else { Totals::of(model) };
         totals.present.fill(0);
@@ -116,6 +123,7 @@ impl State {
         if first == u64::from(self.next_id) { origins } else { self.origins.clone() }
     }
 
+    /// Returns `true` if the state can be one of the model.
     pub(crate) fn belongs_to(&self, model: &Model) -> bool {
         let receivers = model.receivers.len();
         let is_known = |species: u32| (species as usize) < model.species.len();
@@ -133,7 +141,7 @@ impl State {
             && self.particles.species.iter().all(|&species| is_known(species))
     }
 
-    /// Returns the arrivals since the release, by id.
+    /// Releases the particles of a step, and returns the arrivals since the release, in the order of ids.
     pub(crate) fn release(
         &mut self,
         model: &Model,

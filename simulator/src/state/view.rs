@@ -2,12 +2,13 @@ use std::borrow::Cow;
 
 use crate::{Arrival, Error, Model, State, Totals};
 
-/// Read by the writers of a run's files.
+/// A read-only view of a run, for the writers of its files.
 pub trait RunView {
     fn model(&self) -> &Model;
 
     fn step_count(&self) -> u32;
 
+    /// Returns the simulated time, in s.
     fn time(&self) -> f64 {
         f64::from(self.step_count()) * self.model().time_step
     }

@@ -1,4 +1,4 @@
-//! A run as one page that plays it in three dimensions in any browser with WebGL 2.
+//! A page that plays a run in three dimensions in any browser with WebGL 2.
 //!
 //! Positions have 16 bits per coordinate, relative to the frame's extent, in base64.
 
@@ -60,6 +60,7 @@ fn page(out: &mut impl Write, model: &Model, title: &str, frames: &Path, series:
     out.write_all(rest.as_bytes())
 }
 
+/// Writes the page up to `mark`, and `text` in place of the mark. Returns the rest of the page.
 fn put<'a>(out: &mut impl Write, page: &'a str, mark: &str, text: &str) -> io::Result<&'a str> {
     let (before, after) = page.split_once(mark).unwrap_or((page, ""));
     out.write_all(before.as_bytes())?;
@@ -67,6 +68,7 @@ fn put<'a>(out: &mut impl Write, page: &'a str, mark: &str, text: &str) -> io::R
     Ok(after)
 }
 
+/// Removes particles that are not drawn, and sorts the others by species.
 fn thinned(mut frame: Frame, shift: u32) -> Frame {
     frame.rows.retain(|row| is_drawn(row.id, shift));
     frame.rows.sort_unstable_by_key(|row| (row.species, row.id));
@@ -78,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_page_has_a_place_for_everything() {
+    fn page_has_a_mark_for_each_part() {
         let mut rest = PAGE;
         for mark in ["{{title}}", "{{scene}}", "{{frames}}", "{{script}}"] {
             rest = rest.split_once(mark).unwrap().1;

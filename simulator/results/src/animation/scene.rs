@@ -1,3 +1,5 @@
+//! The data of an animation, which its page reads as JSON.
+
 use serde::Serialize;
 
 use crate::series::Series;
@@ -18,6 +20,7 @@ pub(crate) struct Scene {
     charts: Vec<Chart>,
     #[serde(skip)]
     time_step: f64,
+    /// Distances of some particles from the center of the view, in all frames.
     #[serde(skip)]
     distances: Vec<f32>,
 }
@@ -28,6 +31,7 @@ struct SpeciesStyle {
     radius: f32,
 }
 
+/// A vessel.
 #[derive(Clone, Debug, Serialize)]
 struct Tube {
     along: Option<usize>,
@@ -59,7 +63,7 @@ struct Solid {
     size: [f32; 3],
 }
 
-/// A frame. Its particles are sorted by species; their positions are relative to `low`.
+/// A frame, without the positions of its particles, which are sorted by species and relative to `low` and `size`.
 #[derive(Clone, Debug, Serialize)]
 struct FrameSummary {
     step: u32,
@@ -85,11 +89,11 @@ struct Line {
     counts: Vec<u64>,
 }
 
-/// Most rows of the series.
+/// Largest number of rows of the series in the charts.
 const ROWS: usize = 1000;
-/// Particles per frame that determine the view.
+/// Largest number of particles per frame that determine the view.
 const SEEN: usize = 500;
-/// Fraction of [`SEEN`] that the view contains.
+/// Fraction of these particles that the view contains.
 const IN_SIGHT: f64 = 0.8;
 
 impl Scene {
@@ -105,7 +109,7 @@ impl Scene {
         let sources =
             model.transmitters.iter().map(|from| Transceiver { moves: moves(from), ..transmitter(from) });
         let mut transceivers: Vec<_> = sources.collect();
-        // Neither walls nor the points at which transmitters move are spheres.
+        // Walls, and the points that carry moving transmitters, have no radius and are not drawn.
         transceivers.extend(receivers.into_iter().filter(|receiver| receiver.shape.size[0] > 0.0));
         let step = series.steps.len().div_ceil(ROWS).max(1);
         let kind = |species: &Species| SpeciesStyle { name: species.name.clone(), radius: species.radius };
@@ -165,7 +169,7 @@ impl Scene {
         }
     }
 
-    /// Completes the scene after all frames, which draw one in 2ˢʰⁱᶠᵗ particles.
+    /// Completes the scene after all frames, which have one in 2ˢʰⁱᶠᵗ particles.
     pub(crate) fn finished(mut self, shift: u32) -> Self {
         if shift > 0 {
             self.note = format!("1 of {} particles is drawn, chosen by its id", 1_u64 << shift);
@@ -196,6 +200,7 @@ impl Scene {
     }
 }
 
+/// Returns the positions of a frame's particles, 16 bits per coordinate.
 pub(crate) fn places(frame: &Frame) -> Vec<u8> {
     let (low, size) = extent(frame);
     let part = |k: usize, x: f32| if size[k] > 0.0 { (x - low[k]) / size[k] } else { 0.0 };
@@ -243,7 +248,7 @@ fn receiver(receiver: &Receiver) -> Transceiver {
     Transceiver { name: receiver.name.clone(), role: "receiver", center: receiver.center, moves: None, shape }
 }
 
-/// Omits counts that are always zero.
+/// Returns the charts of a run, without counts that are always zero.
 fn charts(model: &Model, series: &Series, step: usize) -> Vec<Chart> {
     let species = model.species.len();
     let reactions = species + model.reactions.len() + model.decays.len();

@@ -94,7 +94,7 @@ fn a_delay_moves_the_slots_of_bits() {
 }
 
 #[test]
-fn concentrations_are_told_by_thresholds() {
+fn concentrations_are_detected_by_thresholds() {
     let levels = Modulation::Concentration(vec![0.0, 0.75, 0.25, 1.0]);
     let (model, slots) = sends(vec![0, 2, 1, 3, 2, 1], levels, vec![(0, 100)]);
     let mut errors = of(&model, 0);
@@ -124,7 +124,7 @@ fn the_best_thresholds_leave_the_fewest_errors() {
 }
 
 #[test]
-fn molecules_are_told_by_the_species_of_which_most_arrive() {
+fn molecules_are_detected_by_the_species_with_the_most_arrivals() {
     let release = vec![(1, 10), (0, 10), (2, 10), (3, 10)];
     let (model, slots) = sends(vec![0, 1, 2, 3, 3], Modulation::Molecule, release);
     let mut errors = of(&model, 0);

@@ -14,7 +14,11 @@ impl Model {
         let Membrane { ref name, surface, permeability, ref sees } = *membrane;
         let fault = |what: String| Some(format!("membrane {name} {what}"));
         if sees.len() != self.species.len() {
-            return fault(format!("sees {} species, of {}", sees.len(), self.species.len()));
+            return fault(format!(
+                "has flags for {} species of {}; give one for each",
+                sees.len(),
+                self.species.len()
+            ));
         }
         if !(permeability.is_finite() && permeability >= 0.0) {
             return fault(format!("has the permeability {permeability}; it must be finite and not negative"));
@@ -28,11 +32,14 @@ impl Model {
         let is_same = |other: &&Membrane| other.surface == surface;
         if let Some(other) = self.membranes[..k].iter().filter(is_same).find(|other| shared(other).is_some())
         {
-            return fault(format!("is where {} is for the same species; remove one", other.name));
+            return fault(format!(
+                "has the same surface as {} and holds back a species that {} does; remove one",
+                other.name, other.name
+            ));
         }
         if self.contact.collides() {
             return fault(
-                "holds back particles that collide; let contact be \"count\" or \"ignore\"".to_owned(),
+                "holds back particles that collide; set contact = \"count\" or \"ignore\"".to_owned(),
             );
         }
         let flow = match &self.flow {
@@ -53,7 +60,7 @@ impl Model {
         if let Some(species) = (0..sees.len()).find(drifts) {
             let species = &self.species[species].name;
             return fault(format!(
-                "holds back {species}, which drifts or swims through it; let it drift along a plane, or exclude it by species"
+                "holds back {species}, which drifts or swims through it; let it drift along a plane only, or exclude it by species"
             ));
         }
         self.receivers.iter().find_map(|receiver| self.fault_beside(receiver, membrane)).and_then(fault)

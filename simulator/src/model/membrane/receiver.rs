@@ -1,7 +1,7 @@
-//! Receivers that move among membranes, which reflect their surfaces as walls do.
+//! Moving receivers, whose surfaces membranes reflect as walls do.
 //!
-//! A membrane acts on a receiver if both see a species, so that such a receiver stays on one side. If its surface
-//! reflects particles, it turns at the distance that a resting one must have from the membrane.
+//! A membrane acts on a receiver if both act on a species in common. The receiver then stays on one side. A receiver
+//! that reflects particles turns at the distance that a resting one must have from the membrane.
 
 use super::{Membrane, MembraneSurface};
 use crate::model::boundary::{Axis, Boundary};
@@ -9,10 +9,10 @@ use crate::model::receiver::Receiver;
 use crate::model::vessel::dot;
 use crate::model::{Model, Species};
 
-/// Least distance of a membrane from a surface that reflects, in √(2DΔt) with the diffusion of both. One step in 16 000
-/// is longer along an axis.
+/// Least distance of a membrane from a surface that reflects particles, in √(2DΔt) with D the sum of the diffusion
+/// coefficients of particle and surface. One step in 16 000 is longer along an axis.
 pub(super) const STEPS_APART: f64 = 4.0;
-/// Reflections in a step at several membranes; then a receiver stays where it was.
+/// Largest number of reflections in a step at several membranes; a receiver with more stays where it was.
 const PASSES: u32 = 8;
 
 /// A spherical membrane and the side of a receiver.
@@ -41,7 +41,7 @@ impl Model {
         }
         let Receiver { velocity, diffusion, .. } = *receiver;
         let spread = (2.0 * (fastest.diffusion + diffusion) * self.time_step).sqrt();
-        // A moving surface throws particles ahead by up to its displacement.
+        // A moving surface pushes particles ahead by up to its displacement.
         STEPS_APART * spread + dot(velocity, velocity).sqrt() * self.time_step
     }
 
@@ -78,7 +78,7 @@ impl Model {
 }
 
 impl Receiver {
-    /// Returns the time step at which a distance is the least one from a membrane.
+    /// Returns the time step, in s, for which a distance from a membrane, in µm, is the least allowed one.
     pub(crate) fn time_of_gap(&self, gap: f64, diffusion: f64) -> f64 {
         let spread = STEPS_APART * (2.0 * (diffusion + self.diffusion)).sqrt();
         let speed = dot(self.velocity, self.velocity).sqrt();
@@ -108,7 +108,7 @@ fn bounds(surfaces: &[(MembraneSurface, f64)], axis: usize, domain: &Boundary, c
     [low, high]
 }
 
-/// Returns the coordinate between reflecting ends, or the one at the beginning if there is no space between them.
+/// Reflects a coordinate into an interval; returns `before` if the interval is empty.
 fn mirrored([low, high]: [f32; 2], x: f32, before: f32) -> f32 {
     match [low, high].map(f32::is_finite) {
         [true, true] if low >= high => before,

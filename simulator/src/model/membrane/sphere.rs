@@ -1,20 +1,21 @@
 //! Spherical membranes.
 //!
-//! A path between the distances a and b of a plane passes it with a density that depends on a + b alone: the Gaussian
-//! density of the free end on the other side, times
+//! A path from the distance a of a plane to the distance b on its other side has a density that depends on a + b alone:
+//! the Gaussian density of the free end on the other side, times
 //!
 //! ```text
 //! √π·X·erfcx(X + z/√(4DΔt)),   X = 2κ√(Δt/D),   z = a + b
 //! ```
 //!
-//! This is the probability ½(1 − exp(−2κL/D)) of the local time L (`membrane.rs`), averaged over L, of the free ends on
-//! both sides. A segment from the beginning to the free end that crosses the plane therefore passes with this
-//! probability, and is reflected otherwise, which is exact for a plane and steps of any length.
+//! It follows from the probability ½(1 − exp(−2κL/D)) at the local time L (`membrane.rs`), averaged over the paths
+//! that touch the plane and whose free end is at b on either side. A segment from the beginning to the free end that
+//! crosses the plane therefore passes with the probability of this factor, and is reflected otherwise, which is exact
+//! for a plane and steps of any length.
 //!
 //! # Correctness
 //!
-//! On a sphere the segment is that of a billiard: at each crossing it continues or is reflected, with z = ℓ·cos θ by
-//! the length ℓ of the whole segment and the angle θ to the normal. A uniform density stays uniform at any step length:
+//! On a sphere the segment is that of a billiard: at each crossing it continues or is reflected, with z = ℓ·cos θ for
+//! the length ℓ of the whole segment and its angle θ to the normal. A uniform density stays uniform at any step length:
 //!
 //! 1. Reflections and passages conserve volumes of positions and directions.
 //! 2. The reverse of a segment has the same crossings, ℓ and angles, hence the same probability.
@@ -28,15 +29,16 @@ use crate::model::vessel::dot;
 use crate::random::philox::fine_unit;
 use crate::special::{ROOT_PI, erfcx};
 
-/// Crossings and reflections per step; then a particle stays where it was.
+/// Largest number of crossings and reflections in a step; a particle with more stays where it was.
 const EVENTS: u32 = 64;
-/// Largest correction of a rounded position, in parts of the radius.
+/// Corrections of a rounded position that are tried: the k-th is 2^(k − 23) of the radius.
 const NUDGES: u32 = 8;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct SphereEnd {
-    /// Without the images of a periodic box, and beyond walls that reflected it.
+    /// End without periodic images and walls, in µm.
     pub(super) free: [f32; 3],
+    /// End within the boundary, in µm.
     pub(super) confined: [f32; 3],
 }
 
@@ -80,7 +82,7 @@ impl MembraneStep<'_> {
         self.spheres().any(|sphere| sphere.contains(self.domain, a) != sphere.contains(self.domain, b))
     }
 
-    /// Returns the end of a step if it may reach a sphere. `word` is random by membrane and event.
+    /// Returns the end of a step; `None` if it cannot reach a sphere. `word` returns random bits by membrane and event.
     pub(super) fn sphere_end(
         &self,
         [before, end]: [[f32; 3]; 2],
@@ -124,7 +126,7 @@ impl MembraneStep<'_> {
         Some(stays)
     }
 
-    /// Returns the probability that a segment passes, by its length across the membrane, in µm.
+    /// Returns the probability that a segment passes, by its length along the normal, in µm.
     fn passing(&self, permeability: f64, across: f64) -> f64 {
         let diffusion = 0.5 * f64::from(self.spread).powi(2);
         let time_step = diffusion / self.diffusion;
@@ -148,7 +150,8 @@ impl Sphere {
         self.height(domain, point) < 0.0
     }
 
-    /// Returns the part of a way after which the surface is reached, if it is. `from` is from the center.
+    /// Returns the fraction of the displacement `way` after which a ray reaches the surface; `None` if it does not.
+    /// `from` is the beginning of the ray, relative to the center.
     fn reached(&self, is_inside: bool, from: [f64; 3], way: [f64; 3]) -> Option<f64> {
         let [a, b] = [dot(way, way), dot(from, way)];
         let c = dot(from, from) - f64::from(self.radius).powi(2);
@@ -161,7 +164,7 @@ impl Sphere {
 }
 
 impl Ray<'_> {
-    /// Moves to the next obstacle and shortens the way, or to the end of the way.
+    /// Moves to the next obstacle, or to the end, and shortens the remaining displacement.
     fn advance(&mut self) -> Option<Obstacle> {
         let (part, obstacle) = self.next().map_or((1.0, None), |(part, obstacle)| (part, Some(obstacle)));
         for axis in 0..3 {
@@ -179,8 +182,8 @@ impl Ray<'_> {
         })
     }
 
-    /// Returns the nearest obstacle within the way, and the part of the way to it. A sphere has the vector from its
-    /// center.
+    /// Returns the nearest obstacle, and the fraction of the remaining displacement to it. [`Obstacle::Sphere`] has the
+    /// vector from the sphere's center to the ray.
     fn next(&self) -> Option<(f64, Obstacle)> {
         let walls = (0..3).filter_map(|axis| {
             let Axis::Reflecting { low, high } = self.domain.axes[axis] else { return None };
@@ -199,7 +202,7 @@ impl Ray<'_> {
         within.min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
-    /// Returns the shifts of images of a sphere. One that contains the point is the nearest.
+    /// Returns the shifts of the images of a sphere that the ray may meet: only the nearest if it contains the ray.
     fn images(&self, is_inside: bool) -> impl Iterator<Item = [f64; 3]> {
         let period = |axis: usize| match self.domain.axes[axis] {
             Axis::Periodic { low, high } if !is_inside => f64::from(high) - f64::from(low),
@@ -213,7 +216,7 @@ impl Ray<'_> {
         })
     }
 
-    /// Returns the rounded end, on the right side of each sphere.
+    /// Returns the rounded end on the right side of each sphere; `None` if no correction achieves that.
     fn end(&self) -> Option<SphereEnd> {
         let is_right = |point: [f32; 3]| {
             let own =
@@ -232,7 +235,7 @@ impl Ray<'_> {
         })
     }
 
-    /// Returns the end moved by a part of the radius to its side of the nearest surface.
+    /// Returns the end moved by a fraction of the radius to its side of the nearest surface.
     fn nudged(&self, part: f64) -> [f32; 3] {
         let gap = |sphere: &Sphere| {
             let from = sphere.vector_to(self.domain, self.at);

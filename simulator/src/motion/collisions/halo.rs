@@ -5,10 +5,11 @@ use bytemuck::Pod;
 use super::mover::Mover;
 use crate::Error;
 
-/// A mover's event depends on a neighbor that may leave its path, and a third that may hit this neighbor.
+/// Number of candidate pairs from a mover to the farthest one that its event depends on: its partner, a neighbor that
+/// may leave its path, and a third that may hit this neighbor.
 pub(crate) const HOPS: u32 = 3;
 
-/// Every method is collective.
+/// Exchange between the ranks of a run. Every method is collective.
 pub(crate) trait Halo {
     /// Error of the run, equal on all ranks.
     type Error;
@@ -18,14 +19,15 @@ pub(crate) trait Halo {
     /// Returns the values of all ranks. A value consists of 64-bit words.
     fn gather<T: Pod>(&mut self, own: T) -> Vec<T>;
 
-    /// Appends the ghosts: movers of other ranks up to [`HOPS`] candidates away, and possibly more. The surfaces of
-    /// candidates are within twice the `allowance`.
+    /// Appends the ghosts: movers of other ranks up to [`HOPS`] candidate pairs away, and possibly more. The surfaces
+    /// of a candidate pair are within twice the `allowance`, in µm.
     fn add_ghosts(&mut self, movers: &mut Vec<Mover>, allowance: f64) -> Result<(), Self::Error>;
 
     /// Updates ghosts that their owners `changed`, and appends their indices to this rank's.
     fn refresh(&mut self, movers: &mut [Mover], changed: &mut Vec<u32>) -> Result<(), Self::Error>;
 }
 
+/// The halo of a run in one process.
 #[derive(Debug)]
 pub(crate) struct Undivided;
 

@@ -9,8 +9,9 @@
 //!   overlap, because the motion conserves volumes and energy (A. Scala, T. Voigtmann and C. De Michele, *Event-driven
 //!   Brownian dynamics for hard spheres*, Journal of Chemical Physics 126 (2007) 134109).
 //!
-//! *Not detected* are collisions of species that react with each other, which must overlap to react, and of pairs that
-//! overlap at the beginning. Elastic ones of these bounce then if they approach.
+//! Collisions are *not detected* between species that react with each other, which must overlap to react, nor between
+//! particles that overlap at the beginning of the step. With elastic contact, all overlapping pairs that approach bounce
+//! at the beginning, including pairs that react.
 //!
 //! # Correctness
 //!
@@ -21,8 +22,8 @@
 //! 3. The events of a window happen in the order of times, then of ids (`rounds.rs`). A prediction uses only the two
 //!    particles, and candidates are tried in the order of ids. So the result is independent of the order of particles
 //!    and candidates, and of threads.
-//! 4. Ranks do the same rounds together. An event is safe by the movers up to three candidates away, so a rank with
-//!    these ghosts, updated in every round, decides on its movers' events as one process does.
+//! 4. Ranks do the same rounds together. The safety of an event depends on movers up to three candidate pairs away, so a
+//!    rank with these ghosts, updated in every round, decides on the events of its movers as one process does.
 
 use bytemuck::{Pod, Zeroable};
 use lazygrid::Detector;
@@ -59,37 +60,44 @@ pub(crate) struct Collisions {
 #[derive(Debug, Default)]
 struct Scratch {
     movers: Vec<Mover>,
+    /// Movers at the beginning of the window.
     begun: Vec<Mover>,
+    /// Spheres for the detector: center and radius.
     rows: Vec<[f32; 4]>,
     neighbors: Adjacency,
 }
 
+/// Bounding box of the movers, in µm.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Extent {
+    /// Number of movers.
     count: u64,
+    /// Largest radius.
     largest: f64,
     low: [f64; 3],
     high: [f64; 3],
 }
 
-/// Allowance over the mean distance of neighbors, and over the largest radius.
+/// Largest allowance: the larger of these fractions of the mean distance of neighbors and of the largest radius.
 const ALLOWANCE: [f64; 2] = [0.25, 0.25];
-/// Over the fastest particle of a window.
+/// Top speed of a window, relative to its fastest particle.
 const TOP_SPEED: f64 = 1.15;
+/// Largest mean number of collisions per particle and step.
 const MAX_COLLISIONS: u64 = 1000;
-/// Additional collisions, for few particles.
+/// Number of collisions that a step may have in addition, for runs of few particles.
 const MIN_BUDGET: u64 = 1_000_000;
 
 impl Collisions {
-    /// `None` if particles pass through each other.
+    /// Returns `None` if particles pass through each other.
     pub(crate) fn new(model: &Model) -> Result<Option<Self>, Error> {
         let Some(rules) = Rules::new(model) else { return Ok(None) };
         Ok(Some(Self { detector: finder(&model.boundary)?, rules, scratch: Scratch::default() }))
     }
 
-    /// Changes the flights. Returns the number of collisions on all ranks. Collective.
+    /// Changes the flights, and returns the number of collisions on all ranks. Collective.
     ///
+    /// # Errors
     /// [`Error::Step`] from the detector, [`Error::Collisions`] above [`MAX_COLLISIONS`].
     pub(crate) fn resolve<H: Halo>(
         &mut self,
@@ -168,7 +176,7 @@ impl Collisions {
         Ok(collisions)
     }
 
-    /// In µm; more would only add candidates.
+    /// Returns the largest allowance, in µm.
     fn largest_allowance(&self, &Extent { count, largest, low, high }: &Extent) -> f64 {
         let axes = self.rules.boundary.axes;
         let extent = |k: usize| match axes[k] {
@@ -238,6 +246,7 @@ impl Extent {
     }
 }
 
+/// Returns the largest speed on all ranks.
 fn fastest<H: Halo>(movers: &[Mover], halo: &mut H) -> f64 {
     let own = movers.par_iter().map(|mover| mover.speed).reduce(|| 0.0, f64::max);
     halo.gather(own).into_iter().fold(0.0, f64::max)

@@ -2,9 +2,9 @@
 //!
 //! # Correctness
 //!
-//! 1. A pair changes two particles. It happens once all pairs before it of either particle have, as in the order.
+//! 1. A pair changes two particles. It bounces after all earlier pairs of both, as in a sequential pass.
 //! 2. In each round, every particle is in one pair at most, so its owner and the ranks with a ghost of it agree.
-//! 3. The first remaining pair of all happens, so the rounds end.
+//! 3. The first remaining pair always bounces, so the rounds end.
 
 use rayon::prelude::*;
 
@@ -13,7 +13,8 @@ use super::mover::Mover;
 use super::rounds::Adjacency;
 use super::rules::Rules;
 
-/// Overlapping pairs bounce if they approach. The first `own` movers are this rank's. Returns the bounces on all ranks.
+/// Lets overlapping pairs bounce if they approach, and returns the number of bounces on all ranks. The first `own`
+/// movers are this rank's.
 pub(super) fn bounce_overlaps<H: Halo>(
     rules: &Rules,
     movers: &mut [Mover],
@@ -35,7 +36,7 @@ pub(super) fn bounce_overlaps<H: Halo>(
     pairs.par_sort_unstable();
     let pairs: Vec<[u32; 2]> = pairs.into_iter().map(|(_, pair)| pair).collect();
     let mut partners = Adjacency::default();
-    // In the order of pairs.
+    // Each particle's partners are in the order of pairs.
     partners.build(&pairs, movers.len());
     let mut done = vec![0; movers.len()];
     let mut changed: Vec<u32> = (0..movers.len() as u32).collect();

@@ -9,11 +9,12 @@
 //!
 //! 1. A particle leaves its predicted path at its next event, or when a particle that left its own path hits it.
 //!    Nothing leaves its path before `T`.
-//! 2. A particle that leaves its path at `s` or later hits one of speed `v` that did not at `s + g/(V + v)` or later,
-//!    where `g` is their surface distance at `s` on the predicted paths: until then they approach by at most `V + v`.
-//!    (If a clock is beyond `s`, that known path is safe until there, and `g` is taken at the clock.)
-//! 3. Two such hits bound the time at which a third particle may hit one of the event. If no bound is before the
-//!    event, it is the same as in the order of times.
+//! 2. A particle that leaves its path at `s` or later cannot hit one that stays on its path, with the speed `v`,
+//!    before `s + g/(V + v)`. Here `g` is their surface distance at `s` on the predicted paths, which shrinks at the
+//!    speed `V + v` at most. (If a clock is beyond `s`, that known path is safe until there, and `g` is taken at the
+//!    clock.)
+//! 3. Two such hits bound the time at which a third particle may hit a particle of the event. If no bound is before the
+//!    event, the event is the same as in the order of times.
 //!
 //! The earliest event is always safe, so every round has one. In dense clusters distances vanish, and the parallelism
 //! with them. There each distance is taken as larger by [`SLACK`] contact distances: a third particle may hit late by
@@ -26,7 +27,7 @@ use super::halo::Halo;
 use super::mover::{Mover, dot};
 use super::rules::{Event, Rules};
 
-/// Largest overlap of a late hit by either link of a chain, in contact distances.
+/// Largest overlap of a late hit, in contact distances, for each of the two hits in a row.
 pub(crate) const SLACK: f64 = 1.0 / 256.0;
 const TASK: usize = 64;
 
@@ -41,21 +42,26 @@ pub(crate) struct Adjacency {
 pub(crate) struct Window<'a> {
     pub(crate) rules: &'a Rules,
     pub(crate) neighbors: &'a Adjacency,
-    /// The first movers are this rank's, the others ghosts.
+    /// Number of this rank's movers, which come first; the others are ghosts.
     pub(crate) own: usize,
+    /// End of the window, as a fraction of the step.
     pub(crate) horizon: f64,
     /// In µm per step.
     pub(crate) top_speed: f64,
     /// [`SLACK`], or 0 for the exact order.
     pub(crate) slack: f64,
+    /// Largest number of collisions.
     pub(crate) limit: u64,
 }
 
-/// Has the collisions of all ranks.
+/// The end of a window on all ranks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum WindowEnd {
+    /// Number of collisions.
     Finished(u64),
+    /// A speed above the top speed, in µm per step.
     TooFast(f64),
+    /// Number of collisions, above the limit.
     TooMany(u64),
 }
 
@@ -78,15 +84,19 @@ struct Agenda {
     news: Vec<News>,
 }
 
+/// The change of a particle in a round.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum News {
     None,
+    /// The partner of its next event changed.
     Partner,
+    /// The particle itself changed.
     Own,
 }
 
 impl Window<'_> {
-    /// Ghosts must include all movers up to [`HOPS`](super::halo::HOPS) candidates away.
+    /// Runs all events of the window. Ghosts must include all movers up to [`HOPS`](super::halo::HOPS) candidate pairs
+    /// away.
     pub(crate) fn run<H: Halo>(&self, movers: &mut [Mover], halo: &mut H) -> Result<WindowEnd, H::Error> {
         let mut agenda = self.begin(movers);
         let (mut last, mut collisions) = (Progress::zeroed(), 0);
@@ -191,7 +201,8 @@ impl Window<'_> {
         });
     }
 
-    /// Returns the time from which an event is safe; `None` if not the next of its particles.
+    /// Returns the earliest pending time at which an event may be safe; `None` if it is not the next event of all its
+    /// particles. It is safe if this is `earliest`.
     pub(crate) fn safe_from(
         &self,
         movers: &[Mover],
@@ -205,7 +216,7 @@ impl Window<'_> {
         }
         for &at in own {
             for &other in self.neighbors.of(at).iter().filter(|other| !own.contains(other)) {
-                // The least time at which the other may leave its path is often enough.
+                // The earliest pending event bounds the time at which the other may leave its path, and often suffices.
                 if self.misses(movers, [other, at], [earliest, event.time]) {
                     continue;
                 }
@@ -214,7 +225,7 @@ impl Window<'_> {
                 let leaves = hits.fold(next[other as usize].time, f64::min);
                 let late = event.time - self.hit(movers, [other, at], leaves);
                 if late > 0.0 {
-                    // Each time is later by as much as the earliest.
+                    // The bound rises about as much as `earliest`; until then another test would be in vain.
                     return Some(earliest + late);
                 }
             }
@@ -222,7 +233,7 @@ impl Window<'_> {
         Some(earliest)
     }
 
-    /// Returns `true` if [`hit`](Self::hit) is at `until` or later, without a root.
+    /// Returns `true` if [`hit`](Self::hit) is at `until` or later, without a square root.
     fn misses(&self, movers: &[Mover], pair: [u32; 2], [from, until]: [f64; 2]) -> bool {
         let [left, steady] = pair.map(|at| &movers[at as usize]);
         let time = from.max(left.time).max(steady.time);
@@ -257,13 +268,13 @@ impl Progress {
 }
 
 impl Agenda {
-    /// Returns the next event's time of the first `own` particles; infinite beyond the window.
+    /// Returns the time of the earliest event of the first `own` particles; infinite beyond the window.
     fn earliest(&self, own: usize) -> f64 {
         let active = self.active.iter().filter(|&&at| (at as usize) < own);
         active.map(|&at| self.next[at as usize].time).fold(f64::INFINITY, f64::min)
     }
 
-    /// Returns the unchanged candidates whose next event involved a changed particle.
+    /// Marks and returns the unchanged candidates whose next event involved a changed particle.
     fn lose_partners<'a>(&mut self, candidates: impl Iterator<Item = &'a u32>) -> Vec<u32> {
         let Self { next, news, .. } = self;
         let mut stale = Vec::new();

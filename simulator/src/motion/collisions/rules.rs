@@ -20,16 +20,17 @@ pub(crate) struct Rules {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Event {
-    /// Infinite without an event.
+    /// Fraction of the step; infinite without an event.
     pub(crate) time: f64,
     /// Ids in ascending order; [`WALL`] for a wall.
     ids: [u32; 2],
+    /// Indices of the movers; [`WALL`] for a wall.
     pub(crate) at: [u32; 2],
+    /// Number of the wall: 2·axis or 2·axis + 1 of a plane, or [`VESSEL_WALL`].
     wall: u32,
 }
 
 pub(crate) const WALL: u32 = u32::MAX;
-/// After those of the three axes.
 const VESSEL_WALL: u32 = 6;
 
 impl Event {
@@ -65,16 +66,16 @@ impl Rules {
         })
     }
 
-    /// Returns `true` if two particles react or overlap, so that their collisions are not detected.
+    /// Returns `true` if two particles may react or overlap, so that their collisions are not detected.
     pub(crate) fn passes(&self, [a, b]: [&Mover; 2]) -> bool {
-        // The lower id: the order of particles has no effect.
+        // The particle with the lower id, so that the order of particles has no effect.
         let first = if a.id < b.id { a } else { b };
         let tolerance = rounding(first.position.map(|c| c as f32), a.radius + b.radius);
         self.reactive.contain(a.species, b.species)
             || -a.gap(b, a.time, &self.boundary) > f64::from(tolerance)
     }
 
-    /// Returns the collision of two approaching particles after both clocks.
+    /// Returns the collision of two particles after both clocks, if they approach.
     pub(crate) fn predict(&self, movers: &[Mover], mut pair: [u32; 2]) -> Option<Event> {
         if movers[pair[0] as usize].id > movers[pair[1] as usize].id {
             pair.reverse();
@@ -117,7 +118,8 @@ impl Rules {
         Some(Event { time: time + after.max(0.0), ids: [mover.id, WALL], at: [at, WALL], wall })
     }
 
-    /// Also returns the number of collisions. For a wall both particles are the first.
+    /// Returns the particles of an event after it, and the number of collisions. After a hit on a wall only the first
+    /// is meaningful.
     pub(crate) fn outcome(&self, movers: &[Mover], event: &Event) -> ([Mover; 2], u64) {
         let second = if event.at[1] == WALL { event.at[0] } else { event.at[1] };
         let mut pair = [event.at[0], second].map(|at| movers[at as usize]);
@@ -149,7 +151,8 @@ impl Rules {
         }
     }
 
-    /// Exchanges momentum; the lower id is first. Returns `false` if they do not approach.
+    /// Exchanges momentum. The particle with the lower id comes first. Returns `false` if the particles do not
+    /// approach.
     pub(crate) fn collide(&self, [a, b]: &mut [Mover; 2]) -> bool {
         let d = a.displacement(b, a.time, &self.boundary);
         let mut shares = [a.species, b.species].map(|species| self.mobility[species as usize]);
@@ -157,7 +160,7 @@ impl Rules {
             shares = [1.0; 2];
         }
         let exchange = |u: &mut [f64; 3], v: &mut [f64; 3]| {
-            // The expression of the prediction, so both agree on the sign.
+            // The expression of `predict`, so that both agree on the sign.
             let approach = -dot(d, std::array::from_fn(|k| v[k] - u[k]));
             if approach <= 0.0 {
                 return false;

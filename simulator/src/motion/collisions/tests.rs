@@ -1,4 +1,4 @@
-//! Rounds against the order of times.
+//! Comparison of rounds with the order of times.
 
 use super::halo::Undivided;
 use super::mover::{Mover, length};

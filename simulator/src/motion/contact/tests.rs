@@ -12,8 +12,8 @@ fn model(radius: f32) -> Model {
     Model { species: vec![species], contact: Contact::Separate, time_step: 1.0, ..Model::default() }
 }
 
-/// Separates two particles at `x` that overlap by `overlap` of their distance in four steps. Returns overlaps per
-/// step, and whether a particle moved.
+/// Separates two particles at `x` that overlap by the fraction `overlap` of their distance, in four steps. Returns the
+/// number of overlaps in each step, and `true` if a particle moved.
 fn pushed(x: f32, overlap: f32) -> (Vec<u64>, bool) {
     let model = model(0.5 + 0.5 * overlap);
     let mut particles = Particles::default();

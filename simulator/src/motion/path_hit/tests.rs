@@ -37,7 +37,7 @@ fn diffusion_follows_the_bridge() {
 }
 
 #[test]
-fn neither_receivers_nor_pieces_share_draws() {
+fn receivers_and_segments_share_no_draws() {
     let one = |place, part, id| {
         DrawContext { id, ..DRAWS }.hits_sphere((place, part), 1.0, [0.7, 1.0], 1.0).is_some()
     };
@@ -50,7 +50,7 @@ fn neither_receivers_nor_pieces_share_draws() {
 }
 
 #[test]
-fn a_straight_path_is_followed_through_walls_and_images() {
+fn path_without_diffusion_is_followed_through_walls_and_images() {
     let met = |domain: &Boundary, before, end| {
         hits(&body(ReceiverKind::Absorbing), domain, &path(before, end, domain, 0.0), DRAWS).is_some()
     };
@@ -69,9 +69,9 @@ fn a_straight_path_is_followed_through_walls_and_images() {
     assert!(!met(&periodic, [4.0, 1.5, 0.0], [20.0, 1.5, 0.0]));
 }
 
-/// From the axis of a cylinder to its side and nearly back.
+/// The path leads from the axis of a cylinder to its side and nearly back.
 #[test]
-fn a_straight_path_is_followed_to_the_side_of_a_vessel() {
+fn path_without_diffusion_is_followed_to_the_side_of_a_vessel() {
     let vessel = Vessel { along: Some(2), center: [1.0, 0.0, 0.0], radius: 5.0 };
     let domain = Boundary { vessel: Some(vessel), ..Boundary::default() };
     let time = |center: [f32; 3], free_end: [f32; 3]| {

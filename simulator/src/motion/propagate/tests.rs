@@ -15,7 +15,7 @@ fn cloud(n: u32) -> Particles {
 }
 
 #[test]
-fn a_move_depends_on_the_id_and_not_on_the_place() {
+fn a_move_depends_on_the_id_and_not_on_the_index() {
     let model = Model { time_step: 0.1, species: vec![species(2.0)], ..Model::default() };
     let motion = Propagator::new(&model);
     let mut all = cloud(10_001);
@@ -34,7 +34,7 @@ fn a_move_depends_on_the_id_and_not_on_the_place() {
 }
 
 #[test]
-fn walls_turn_velocities_round() {
+fn walls_reverse_velocities() {
     let boundary = Boundary {
         axes: [
             crate::Axis::Reflecting { low: -1.0, high: 1.0 },

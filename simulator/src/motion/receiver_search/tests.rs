@@ -78,7 +78,7 @@ fn run(
     let mut all = Vec::new();
     for step in 0..steps {
         searched += usize::from(
-            receiver_search.as_ref().is_some_and(|receiver_search| receiver_search.worth.rest == 0),
+            receiver_search.as_ref().is_some_and(|receiver_search| receiver_search.cost.rest == 0),
         );
         let places = move_receivers(model, &centers, Key::new(3), step);
         motion.surfaces.bodies.set(&centers, &places, &vec![5; centers.len()]);
@@ -93,7 +93,7 @@ fn run(
 }
 
 #[test]
-fn the_loop_takes_over_where_all_are_near() {
+fn loop_replaces_searches_if_all_particles_are_near_receivers() {
     let of = |half: f32| {
         let mut model = model(Boundary::reflecting([-half; 3], [half; 3]), None, 0.0);
         let receiver = Receiver { center: [0.0; 3], radius: 0.2, ..model.receivers[9].clone() };

@@ -43,7 +43,7 @@ fn a_plane_wall_reverses_velocities_since_the_release() {
 
 /// From the center of a sphere of radius 1, half of the particles are on their way back.
 #[test]
-fn a_vessel_turns_velocities_since_the_release() {
+fn a_vessel_reflects_velocities_since_the_release() {
     let vessel = Vessel { along: None, center: [0.0; 3], radius: 1.0 };
     let boundary = Boundary { vessel: Some(vessel), ..Boundary::default() };
     let particles = released(&swimmers(boundary, [0.0; 3]));
@@ -77,7 +77,7 @@ fn crowd() -> (Model, Vec<Place>) {
     let model = Model {
         time_step: 0.02,
         species: vec![Species { diffusion: 1.0, mass: 1.0, ..Species::default() }],
-        // At a corner, so that particles are born at all of them.
+        // At a corner of the periodic box, so that particles appear at all corners.
         transmitters: vec![Transmitter { schedule, shape, center: [10.1; 3], ..Transmitter::default() }],
         boundary: Boundary::periodic([10.0; 3], [18.0; 3]),
         receivers: (0..300).map(receiver).collect(),

@@ -12,7 +12,7 @@ use crate::memory::check_available;
 use crate::model::flow_field::FlowField;
 use crate::scenario::Problem;
 
-/// The file is relative to the directory.
+/// Reads the field of a flow, whose file is relative to `directory`.
 pub(super) fn read(flow: &file::Flow, directory: &Path) -> Result<Arc<FlowField>, Problem> {
     let speed = flow.speed.as_ref().map(Spanned::span);
     if let Some(span) = flow.velocity.as_ref().map(Spanned::span).or(speed) {
@@ -30,7 +30,7 @@ pub(super) fn read(flow: &file::Flow, directory: &Path) -> Result<Arc<FlowField>
     let &[nx, ny, nz, 3] = array.shape() else {
         let shape = array.shape();
         return Err(fault(format!(
-            "it has the shape {shape:?}; make it (nx, ny, nz, 3), velocities in µm/s"
+            "the array has the shape {shape:?}; it must be (nx, ny, nz, 3), with velocities in µm/s"
         )));
     };
     check_memory([nx, ny, nz]).map_err(|error| fault(error.to_string()))?;
@@ -41,7 +41,7 @@ pub(super) fn read(flow: &file::Flow, directory: &Path) -> Result<Arc<FlowField>
     field.map(Arc::new).map_err(|error| fault(error.to_string()))
 }
 
-/// Refuses a field that exceeds the memory, before it is read. All runs of a process share it.
+/// Refuses a field that exceeds the memory, before it is read.
 fn check_memory(points: [u64; 3]) -> Result<(), Error> {
     let count = points.into_iter().fold(1, u64::saturating_mul);
     let remedy = "give it fewer points, or raise the limit";

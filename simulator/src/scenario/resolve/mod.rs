@@ -1,3 +1,5 @@
+//! Conversion of a scenario file to a model.
+
 mod chemotaxis;
 mod flow_field;
 mod reactions;
@@ -27,10 +29,10 @@ pub(super) struct Resolved {
     pub(super) warnings: Vec<Problem>,
 }
 
-/// Resolves a file of a directory, to which the files that it names are relative.
+/// Resolves a scenario file. Files that it names are relative to `directory`.
 pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem> {
     if let Some(sweep) = &file.sweep {
-        let message = "it is several scenarios; run them with `lazygrid simulate`, or take the scenario.toml of one of its points";
+        let message = "the file describes several scenarios; run them with `lazygrid simulate`, or use the scenario.toml of one point";
         return Err(Problem {
             key: Some("sweep".to_owned()),
             ..Problem::at(sweep.span(), message.to_owned())
@@ -160,12 +162,11 @@ fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {
         chemotaxis: None,
     };
     if let (Some(speed), true) = (&one.speed, species.speed > 0.0 && species.thermal_speed > 0.0) {
-        let message =
-            "a swimmer has a speed, and a particle of a gas a thermal-speed; take one away".to_owned();
+        let message = "a swimmer has a speed, and a particle of a gas a thermal-speed; remove one".to_owned();
         return Err(Problem::at(speed.span(), message));
     }
     if let (Some(rate), true) = (&one.tumble_rate, species.tumble_rate > 0.0 && one.speed.is_none()) {
-        let message = "what tumbles is a swimmer; give it a speed, or take the tumble-rate away".to_owned();
+        let message = "only swimmers tumble; give the species a speed, or remove the tumble-rate".to_owned();
         return Err(Problem::at(rate.span(), message));
     }
     match (model.misfit(&species), &one.radius) {
@@ -215,7 +216,7 @@ impl<'a> Names<'a> {
                 return Err(Problem::at(from.name.span(), message));
             }
             if one.name == "0" {
-                let message = "'0' is no product in an equation; rename the species".to_owned();
+                let message = "'0' stands for no product in equations; rename the species".to_owned();
                 return Err(Problem::at(from.name.span(), message));
             }
             if places.insert(one.name.as_str(), place).is_some() {
@@ -235,12 +236,12 @@ impl<'a> Names<'a> {
         })
     }
 
-    /// Returns flags by species; all if none is named.
+    /// Returns flags by species; all are `true` if the list is absent.
     fn seen(&self, named: Option<&Spanned<Vec<Spanned<String>>>>) -> Result<Vec<bool>, Problem> {
         let Some(named) = named else { return Ok(vec![true; self.species.len()]) };
         if named.get_ref().is_empty() {
             let message =
-                "the list is empty, so that no species is seen; name some, or remove the key for all";
+                "the list is empty, so that no species is seen; name some species, or remove the key for all";
             return Err(Problem::at(named.span(), message.to_owned()));
         }
         let mut sees = vec![false; self.species.len()];

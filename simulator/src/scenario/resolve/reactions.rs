@@ -31,14 +31,7 @@ pub(super) fn resolve(
     let apart = all.decays.iter().zip(decays).map(|(decay, from)| unbinding(decay, from, &resolved));
     let unbindings = apart.collect::<Result<Vec<_>, _>>()?;
     let pairs = all.decays.into_iter().zip(unbindings);
-    let model = Model {
-        time_step,
-        species: names.species.to_vec(),
-        reactions: resolved,
-        decays: pairs.map(|(decay, unbinding)| Decay { unbinding, ..decay }).collect(),
-        ..Model::default()
-    };
-    Ok((model.reactions, model.decays))
+    Ok((resolved, pairs.map(|(decay, unbinding)| Decay { unbinding, ..decay }).collect()))
 }
 
 struct Network<'a> {
@@ -48,21 +41,25 @@ struct Network<'a> {
     dimensions: usize,
 }
 
-/// A decay or reaction whose products are the reactants of a reaction.
+/// The decay or reaction that undoes a reaction.
 struct Reverse<'a> {
     name: &'a str,
     /// Distance of its products, in µm.
     apart: f64,
-    /// Part of the reaction's rate that keeps the equilibrium.
+    /// Factor of the reaction's rate that keeps the equilibrium.
     kept: f64,
 }
 
+/// A reaction of the file, before its binding radius is known.
 struct Draft<'a> {
     file: &'a file::Reaction,
+    /// The reaction without binding radius and rate.
     bare: Reaction,
+    /// Sum of the reactants' diffusion coefficients, in µm²/s.
     diffusion: f64,
+    /// Sum of the reactants' radii, in µm.
     touch: f64,
-    /// Relative speed apart from diffusion, in µm/s.
+    /// Relative speed of the reactants apart from diffusion, in µm/s.
     speed: f64,
 }
 
@@ -134,8 +131,8 @@ impl Network<'_> {
             }
             (Some(_), ..) => {
                 return draft.refuse(format!(
-                    "'{name}' has a rate, from which its binding radius follows; give that alone, or rate-inside, in \
-                     1/s within binding-radius"
+                    "'{name}' has a rate, from which its binding radius follows; give only the rate, or in its place rate-inside, \
+                     in 1/s within binding-radius"
                 ));
             }
             _ if self.total_rate(draft) > 0.0 => {
@@ -150,8 +147,9 @@ impl Network<'_> {
             (None, radius, Some(rate)) => {
                 let radius = radius.unwrap_or(draft.touch);
                 if radius == 0.0 {
-                    return draft
-                        .refuse(format!("'{name}' is of points, which never touch; give a binding-radius"));
+                    return draft.refuse(format!(
+                        "the reactants of '{name}' are points, which never touch; give a binding-radius"
+                    ));
                 }
                 (radius, ReactionRate::PerTime(rate.get_ref().0))
             }
@@ -165,7 +163,7 @@ impl Network<'_> {
     /// Returns the binding radius of a pair's reactions, for the sum of their rates.
     fn radius_for(&self, draft: &Draft<'_>, rate: &Spanned<Positive>) -> Result<f64, Problem> {
         if self.dimensions < 3 {
-            let message = "a rate in µm³/s is one of three dimensions; give a binding-radius, with a probability or rate-inside";
+            let message = "a rate in µm³/s needs three dimensions; give a binding-radius, with a probability or rate-inside";
             return Err(Problem::at(rate.span(), message.to_owned()));
         }
         let refused = |error: crate::Error| Problem::at(rate.span(), error.to_string());
@@ -177,20 +175,20 @@ impl Network<'_> {
         };
         if self.channels(draft).count() > 1 {
             let message = format!(
-                "'{name}' undoes one of several reactions of the same reactants, whose rates cannot be kept then; give all \
-                 of these binding-radius and rate-inside"
+                "'{name}' undoes one of several reactions of the same reactants, whose rates cannot be kept then; give each of \
+                 these reactions a binding-radius and rate-inside"
             );
             return Err(Problem::at(rate.span(), message));
         }
         rate::reversible_binding_radius(total * kept, apart, draft.diffusion, dt).map_err(refused)
     }
 
-    /// Returns what undoes a reaction, if anything.
+    /// Returns the decay or reaction that undoes a reaction.
     fn reverse(&self, reaction: &Reaction) -> Option<Reverse<'_>> {
         let by_decay = self.decays.iter().find(|decay| undoes(decay, reaction)).map(|decay| {
             let (Unbinding::Apart(apart) | Unbinding::Within(apart)) = decay.unbinding;
-            // With the rate R of all decays, k(1 − exp(−RΔt))/R dissociate in a step and not kΔt, so as many must
-            // associate.
+            // With the rate R of all decays, the fraction k(1 − exp(−RΔt))/R dissociates in a step, not kΔt.
+            // Association must be lower by the same factor.
             let decays = self.decays.iter().filter(|other| other.reactant == decay.reactant);
             let lost = decays.map(|other| other.rate).sum::<f64>() * self.time_step;
             Reverse { name: &decay.name, apart: apart.into(), kept: -libm::expm1(-lost) / lost }
@@ -249,8 +247,8 @@ fn relative_speed(both: [&Species; 2]) -> f64 {
 
 fn at_once(name: &str, back: &str) -> String {
     format!(
-        "'{name}' puts both within the binding radius of '{back}', by which they meet again in the next step; give an \
-         unbinding-radius"
+        "'{name}' places its products within the binding radius of '{back}', by which they react back in the next step; give \
+         an unbinding-radius"
     )
 }
 
@@ -263,7 +261,8 @@ fn is_reverse(a: &Reaction, b: &Reaction) -> bool {
     leads(a, b) && leads(b, a)
 }
 
-/// Returns each reactant's product: of its own species, else the first free one.
+/// Returns the product of each reactant: one of its own species, otherwise the next of the other products. Returns
+/// `None` for more than two products.
 fn places(reactants: [u32; 2], products: &[u32]) -> Option<[Option<u32>; 2]> {
     let mut placed = [None; 2];
     let mut others = Vec::new();
@@ -298,7 +297,7 @@ fn decay(decay: &file::Decay, names: &Names<'_>) -> Result<Decay, Problem> {
     })
 }
 
-/// Returns 0 if none is given; one of fewer than two products is an error.
+/// Returns the unbinding radius in µm, or 0 if it is absent. It is an error for fewer than two products.
 fn unbinding_radius(
     radius: &Option<Spanned<file::NotNegative>>,
     products: [Option<u32>; 2],
@@ -308,13 +307,16 @@ fn unbinding_radius(
         None => Ok(0.0),
         Some(radius) if products.contains(&None) => {
             let text = excerpt(equation.get_ref().as_bytes());
-            Err(Problem::at(radius.span(), format!("'{text}' has no two products to put apart; remove it")))
+            Err(Problem::at(
+                radius.span(),
+                format!("'{text}' does not have two products to separate; remove this key"),
+            ))
         }
         Some(radius) => Ok(radius.get_ref().0 as f32),
     }
 }
 
-/// Returns the separation of products: as given, or the ball of the reverse reaction, or none.
+/// Returns the separation of products: the given radius, otherwise the ball of the reverse reaction, otherwise 0.
 fn unbinding(decay: &Decay, from: &file::Decay, reactions: &[Reaction]) -> Result<Unbinding, Problem> {
     if from.unbinding_radius.is_some() {
         return Ok(decay.unbinding);

@@ -33,7 +33,7 @@ pub(super) fn receivers(
     Ok(all)
 }
 
-/// Returns a receiver, or those of its lattice.
+/// Returns a receiver, or the receivers of its lattice.
 fn at_places(
     one: &file::Receiver,
     names: &Names<'_>,
@@ -54,7 +54,7 @@ fn at_places(
     let places = lattice.places.map(u32::from);
     let shape = Shape::Lattice(lattice.size.map(|edge| edge.0 as f32), places);
     let Some(count) = places.into_iter().try_fold(1, u32::checked_mul) else {
-        let message = format!("{places:?} places are more than can be numbered; make them fewer");
+        let message = format!("{places:?} places are more than 2³² − 1; make them fewer");
         return Err(Problem::at(center, message));
     };
     let (mut all, said) = (Vec::new(), warnings.len());
@@ -68,7 +68,7 @@ fn at_places(
     Ok(all)
 }
 
-/// Bytes of a receiver in a run, and of its column for one species.
+/// Bytes of a receiver in a run, and bytes of its column for one species.
 const BYTES: [u64; 2] = [1000, 100];
 
 fn check_memory(many: &[file::Receiver], species: usize) -> Result<(), Problem> {
@@ -84,7 +84,8 @@ fn check_memory(many: &[file::Receiver], species: usize) -> Result<(), Problem> 
     fits.map_err(|error| Problem { key: Some("receiver".to_owned()), ..Problem::at(span, error.to_string()) })
 }
 
-/// Returns the body of a transmitter that reflects or moves. One that only moves is a point that particles pass.
+/// Returns the body of a transmitter that reflects or moves. The body of one that only moves is a point that particles
+/// pass.
 pub(super) fn body(transmitter: &file::Transmitter, species: usize) -> Option<Receiver> {
     let body = Receiver {
         name: transmitter.name.get_ref().0.clone(),
@@ -136,7 +137,7 @@ fn receiver(
     Ok(receiver)
 }
 
-/// Center and radius; zeros for a wall.
+/// Returns center and radius, in µm; zeros for a wall.
 fn extent(one: &file::Receiver) -> Result<([f32; 3], f32), Problem> {
     let is_wall = *one.kind.get_ref() == file::ReceiverKind::Wall;
     let center = one.center.as_ref();
@@ -147,8 +148,8 @@ fn extent(one: &file::Receiver) -> Result<([f32; 3], f32), Problem> {
         }
         (None, None) if is_wall && !moves => Ok(([0.0; 3], 0.0)),
         _ if is_wall => {
-            let message = "a wall has a face, and neither center, radius, lattice nor motion; take them away"
-                .to_owned();
+            let message =
+                "a wall has a face, and neither center, radius, lattice nor motion; remove them".to_owned();
             Err(Problem::at(one.kind.span(), message))
         }
         _ => Err(Problem::at(one.kind.span(), "a receiver needs a center and a radius".to_owned())),
@@ -178,7 +179,10 @@ fn kind(one: &file::Receiver, names: &Names<'_>, sees: &[bool]) -> Result<Receiv
                 file::ReceiverKind::Wall => "wall",
                 _ => "receptors",
             };
-            return Err(Problem::at(span, format!("{key} goes with kind = \"{of}\"; take one away")));
+            return Err(Problem::at(
+                span,
+                format!("{key} goes with kind = \"{of}\"; remove the key, or change the kind"),
+            ));
         }
     }
     let lacking = |message: &str| Err(Problem::at(one.kind.span(), message.to_owned()));
@@ -198,7 +202,7 @@ fn kind(one: &file::Receiver, names: &Names<'_>, sees: &[bool]) -> Result<Receiv
         }),
         file::ReceiverKind::Wall => {
             let Some(face) = &one.face else {
-                return lacking("a wall needs a face: low-x to high-z, or side of a cylinder");
+                return lacking("a wall needs a face: low-x to high-z, or side of a cylinder or sphere");
             };
             ReceiverKind::Wall(match face.get_ref() {
                 file::Face::LowX => WallFace::Low(0),
@@ -253,7 +257,7 @@ fn receptor_type(
         if ligands.iter().any(|other| other.species == species) {
             return Err(Problem::at(
                 span,
-                format!("'{name}' is a ligand of these receptors twice; take one away"),
+                format!("'{name}' is a ligand of these receptors twice; remove one"),
             ));
         }
         let [binding_rate, unbinding_rate] = [ligand.binding_rate, ligand.unbinding_rate].map(|rate| rate.0);

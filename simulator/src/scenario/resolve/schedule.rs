@@ -61,7 +61,7 @@ pub(super) fn schedule(
         }
         _ => {
             let message =
-                "a rate releases all the time, and a count at times or for bits; make two transmitters";
+                "a rate releases all the time, and a count at times or for bits; use two transmitters";
             return Err(Problem::at(span, message.to_owned()));
         }
     };
@@ -99,7 +99,7 @@ fn message_only(transmitter: &file::Transmitter) -> Result<(), Problem> {
     }
 }
 
-/// Each symbol is a row of symbols.csv, written before the first step.
+/// Largest number of bits. Each symbol is a row of symbols.csv, which is written before the first step.
 const MAX_BITS: usize = 1 << 22;
 
 fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, Problem> {
@@ -132,7 +132,7 @@ fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, P
         0 => Ok(bits as u32 / width),
         _ => Err(Problem::at(
             span.clone(),
-            format!("{bits} bits are not a multiple of {width} bits per symbol"),
+            format!("{bits} bits are not a multiple of {width} bits per symbol; add or remove some"),
         )),
     };
     let symbols = match (&transmitter.bits, &transmitter.random_bits) {

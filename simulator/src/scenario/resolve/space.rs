@@ -94,7 +94,7 @@ fn cylinder(boundary: &file::Boundary) -> Result<Boundary, Problem> {
         (Some(ends), kind) => {
             let [low, high] = ends.get_ref().map(|Finite(x)| x as f32);
             if low >= high {
-                return Err(Problem::at(ends.span(), format!("{high} is not above {low}")));
+                return Err(Problem::at(ends.span(), format!("the upper end {high} is not above {low}")));
             }
             axes[along] = match kind.as_ref().map(|kind| *kind.get_ref()) {
                 None | Some(file::Ends::Reflecting) => Axis::Reflecting { low, high },
@@ -104,7 +104,7 @@ fn cylinder(boundary: &file::Boundary) -> Result<Boundary, Problem> {
         (None, Some(kind)) => {
             return Err(Problem::at(
                 kind.span(),
-                "at-ends needs ends, where they are along the axis".to_owned(),
+                "at-ends needs ends, their two coordinates along the axis".to_owned(),
             ));
         }
     }
@@ -165,7 +165,7 @@ pub(super) fn flow_pulse(flow: &file::Flow) -> Result<Option<[f64; 2]>, Problem>
     let [from, until] = [time(&flow.from).unwrap_or(0.0), time(&flow.until).unwrap_or(f64::INFINITY)];
     if from >= until {
         let message =
-            format!("the flow ends at {until} s and begins at {from} s; make the end the later one");
+            format!("the flow is on from {from} s until {until} s; the end must be later than the beginning");
         return Err(Problem::at(given.span(), message));
     }
     Ok(Some([from, until]))

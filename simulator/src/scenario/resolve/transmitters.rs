@@ -69,7 +69,7 @@ fn shape(shape: file::Shape) -> Shape {
     }
 }
 
-/// Sources everywhere or in a region, as transmitters of steady release.
+/// Returns sources, everywhere or in a region, as transmitters of steady release.
 pub(super) fn sources(
     many: &[file::Source],
     names: &Names<'_>,
@@ -139,6 +139,7 @@ fn source(
     })
 }
 
+/// Returns center, shape and volume of the whole space of a particle's center; `None` if it is unbounded.
 fn everywhere(boundary: &Boundary, radius: f32) -> Option<([f32; 3], Shape, f64)> {
     let side = |axis: Axis| match axis {
         Axis::Open => None,

@@ -81,7 +81,7 @@ fn faulty_flow_files_are_named_by_line() {
     bytes[at..at + 5].copy_from_slice(b"3, 1)");
     std::fs::write(directory.path().join("flow.npy"), bytes).unwrap();
     let error = parse_at(&path, TEXT).unwrap_err();
-    assert!(error.contains("it has the shape [3, 2, 3, 1]; make it (nx, ny, nz, 3)"), "{error}");
+    assert!(error.contains("has the shape [3, 2, 3, 1]; it must be (nx, ny, nz, 3)"), "{error}");
 }
 
 #[test]
@@ -155,7 +155,7 @@ fn drift_to_a_plane_wall_is_warned_of_if_the_wall_mirrors_paths() {
     let said = warnings("0.01", "ignore", &wall("high-z"));
     assert_warns(&said, "because the opposite wall absorbs");
     assert_eq!(warnings(short, "ignore", &wall("high-z")), [""; 0]);
-    // The drift leads to the absorbing wall, or no wall of its axis absorbs.
+    // The drift leads to the absorbing wall, or no wall across its axis absorbs.
     assert_eq!(warnings("0.01", "ignore", &wall("low-z")), [""; 0]);
     assert_eq!(warnings("0.01", "ignore", &wall("high-x")), [""; 0]);
 }

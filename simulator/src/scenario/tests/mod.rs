@@ -85,7 +85,7 @@ fn assert_mistake(text: &str, [right, wrong]: [&str; 2], line: u32, key: &str, m
 }
 
 #[test]
-fn every_key_arrives() {
+fn every_key_is_read() {
     let Scenario { model, steps, seed, output, .. } = parse(GOOD).unwrap();
     assert_eq!((steps, seed, model.time_step, model.contact), (10, 0, 0.001, Contact::Separate));
     assert_eq!(model.boundary, Boundary::periodic([-1.0; 3], [1.0, 1.0, 1.5]));
@@ -190,7 +190,7 @@ fn impossible_values_are_refused() {
     let elastic = "contact = \"elastic\"";
     let far = "center = [2.5, 0, 0]";
     let mistakes = [
-        ("radius = 0.1", "radius = 1", 13, "radius", "there is room of 2 between walls along x"),
+        ("radius = 0.1", "radius = 1", 13, "radius", "the walls along x are 2 µm apart"),
         ("name = \"tx\"", "name = \"tx\"\ncenter = [0, 0, 1.6]", 32, "center", "outside the walls"),
         ("center = [1, 0, 0]", far, 38, "center", "[2.5, 0.0, 0.0] is outside the walls of the box from [-1"),
         ("contact = \"separate\"", elastic, 4, "contact", "give a species a thermal-speed"),
@@ -206,7 +206,7 @@ fn likely_mistakes_are_warned_of() {
     let said = parse(GOOD).unwrap().warnings;
     assert_eq!(said.len(), 1, "{said:?}");
     assert!(said[0].starts_with("s.toml, line 38, `center`: "), "{said:?}");
-    assert!(said[0].contains("means its image [-1.0, 0.0, 0.0]"), "{said:?}");
+    assert!(said[0].contains("is wrapped to [-1.0, 0.0, 0.0]"), "{said:?}");
     let crowd = parse(&GOOD.replace("count = 3", "count = 3000")).unwrap().warnings;
     let collides = "s.toml, line 4, `contact`: acid collides about ";
     assert!(crowd.iter().any(|warning| warning.starts_with(collides)), "{crowd:?}");
@@ -224,10 +224,10 @@ fn likely_mistakes_are_warned_of() {
 }
 
 #[test]
-fn releases_behind_the_end_are_said() {
+fn releases_after_the_end_are_warned_of() {
     let mut scenario = parse(GOOD).unwrap();
     let late = scenario.late_releases();
-    assert_warns(&late, "tx has 1 releases at or after 0.5 s");
+    assert_warns(&late, "tx has a release at or after 0.5 s");
     assert!(late[0].contains("the run ends at 0.01 s; make `steps` more than 500"), "{late:?}");
     scenario.steps = 501;
     assert_eq!(scenario.late_releases(), [""; 0]);

@@ -71,7 +71,7 @@ fn reactions_that_undo_each_other_have_the_ratio_of_their_rates() {
     }
     for without in [["", apart[1]], [apart[0], ""], ["", ""]] {
         let error = network(&both(without)).expect_err("they meet again").to_string();
-        assert!(error.contains("`equation`") && error.contains("meet again in the next step"), "{error}");
+        assert!(error.contains("`equation`") && error.contains("react back in the next step"), "{error}");
     }
     // Catalysts, and reactions inside a radius, which take their time.
     let catalyst = reaction("A + B -> A + C", "rate = 0.5") + &reaction("A + C -> A + B", "rate = 0.5");
@@ -220,7 +220,7 @@ fn contradictory_reactions_are_refused() {
         (
             reaction("A + B -> C", "rate = 1\nbinding-radius = 0.1"),
             "equation",
-            "give that alone, or rate-inside",
+            "give only the rate, or in its place rate-inside",
         ),
         (
             reaction("A + B -> C", "rate-inside = 1\nprobability = 0.1"),
@@ -235,15 +235,15 @@ fn contradictory_reactions_are_refused() {
             "rate",
             "whose rates cannot be kept",
         ),
-        (decay("C -> A", "rate = 1\nunbinding-radius = 1"), "unbinding-radius", "no two products"),
+        (decay("C -> A", "rate = 1\nunbinding-radius = 1"), "unbinding-radius", "two products"),
         (
             reaction("A + B -> C", "rate = 1\nunbinding-radius = 1"),
             "unbinding-radius",
-            "no two products to put apart",
+            "does not have two products to separate",
         ),
         (decay("C -> A + B + D", "rate = 1"), "equation", "at most two products"),
-        ("[[species]]\nname = \"0\"\n".into(), "name", "'0' is no product in an equation"),
-        ("[[species]]\nname = \"E\"\ntumble-rate = 1\n".into(), "tumble-rate", "give it a speed"),
+        ("[[species]]\nname = \"0\"\n".into(), "name", "'0' stands for no product"),
+        ("[[species]]\nname = \"E\"\ntumble-rate = 1\n".into(), "tumble-rate", "give the species a speed"),
         ("[[source]]\nequation = \"-> A\"\nrate = 1\n".into(), "equation", "needs a [boundary], or a shape"),
         ("[[source]]\nequation = \"B -> A\"\nrate = 1\n".into(), "equation", "as in '-> A'"),
         (transmitter(&format!("{a}bits = \"01\"")), "bits", "need a symbol-time"),
@@ -298,13 +298,13 @@ fn contradictory_reactions_are_refused() {
         (
             "[boundary]\nkind = \"cylinder\"\nradius = 0.05\n".into(),
             "radius",
-            "0.1 between walls across the vessel",
+            "the walls across the vessel are 0.1 µm apart",
         ),
         ("[flow]\nprofile = \"poiseuille\"\nspeed = 1\n".into(), "profile", "a speed needs a cylinder"),
         (
             "[flow]\nprofile = \"plug\"\nvelocity = [1, 2, 3]\nfrom = 2\nuntil = 1\n".into(),
             "until",
-            "make the end the later one",
+            "the end must be later than the beginning",
         ),
         ("[flow]\nprofile = \"plug\"\n".into(), "profile", "either a velocity, or a speed"),
         (
@@ -339,7 +339,7 @@ fn long_steps_are_warned_of_with_a_short_enough_one() {
     assert!(said[0].contains("time-step = 6.66e-6 is short enough"), "{said:?}");
     assert_eq!(warnings(&(decay("B -> C", "rate = 3000") + &decay("C ->", "rate = 3000"))), [""; 0]);
     let said = warnings(&reaction("A + B -> C", "rate-inside = 30000"));
-    assert_warns(&said, "react in 3.333e-5 s on average");
+    assert_warns(&said, "react after 3.333e-5 s on average");
     assert!(said[0].contains("time-step = 6.66e-6 is short enough"), "{said:?}");
 }
 

@@ -9,7 +9,7 @@ fn with(receiver: &str) -> String {
 }
 
 #[test]
-fn every_surface_arrives() {
+fn every_surface_is_read() {
     let ligand = |species, binding_rate, unbinding_rate| Ligand { species, binding_rate, unbinding_rate };
     let [fast, slow, base] = [ligand(0, 2.5, 0.5), ligand(0, 0.25, 0.0625), ligand(1, 2.5, 0.5)];
     let one = ReceptorType { count: 7, ligands: vec![fast, base] };
@@ -86,11 +86,11 @@ fn fewer_dimensions_refuse_what_needs_three() {
             "center = [1, 0, 0]",
             "center = [0, 0, 0.5]",
             "dimensions",
-            "place for rx, of which a vector is [0.0, 0.0, 0.5]",
+            "room for the vector [0.0, 0.0, 0.5] of rx",
         ),
-        ("drift = [1, 0, 0]", "drift = [0, 0, 1]", "dimensions", "place for base"),
+        ("drift = [1, 0, 0]", "drift = [0, 0, 1]", "dimensions", "[0.0, 0.0, 1.0] of base"),
         ("dimensions = 2", "dimensions = 4", "dimensions", "4 dimensions are not 1, 2 or 3"),
-        ("binding-radius = 1.5\nprobability = 0.5", "rate = 5", "rate", "is one of three dimensions"),
+        ("binding-radius = 1.5\nprobability = 0.5", "rate = 5", "rate", "needs three dimensions"),
         ("kind = \"periodic\"", "kind = \"cylinder\"\nradius = 3\nends = [0, 1]", "ends", "without ends"),
         ("kind = \"gaussian\", width", "kind = \"cylinder\", radius", "dimensions", "shape like that of tx"),
     ];
@@ -145,12 +145,12 @@ fn contradictory_surfaces_are_refused() {
 #[test]
 fn advice_about_surfaces_is_right_when_followed() {
     let surfaces = [
-        ("radius = 0.2\nkind = \"reflecting\"", "is in the wrong places"),
-        ("radius = 0.2\nkind = \"partial\"\nrate = 1", "is in the wrong places"),
+        ("radius = 0.2\nkind = \"reflecting\"", "are in the wrong places"),
+        ("radius = 0.2\nkind = \"partial\"\nrate = 1", "are in the wrong places"),
         ("radius = 9\nkind = \"partial\"\nrate = 1\nvelocity = [200, 0, 0]", "by drift"),
         (
             "radius = 9\nkind = \"receptors\"\ncount = 1\nbinding-rate = 1\nunbinding-rate = 900",
-            "come and go within",
+            "bind and unbind within",
         ),
     ];
     for (text, message) in surfaces {
@@ -168,7 +168,7 @@ fn advice_about_surfaces_is_right_when_followed() {
 }
 
 #[test]
-fn membranes_arrive_or_are_refused() {
+fn membranes_are_read_or_refused() {
     const MEMBRANE: &str = "[[membrane]]\nname = \"skin\"\naxis = \"y\"\nposition = 0.25\npermeability = 3\n\
                             species = [\"acid\"]\n";
     let text = |membranes: &str| GOOD.replace("contact = \"separate\"", "") + membranes;
@@ -186,7 +186,7 @@ fn membranes_arrive_or_are_refused() {
     for (text, key, message) in [
         (text(&replaced("0.25", "1")), "name", "is at 1 µm, where no plane fits"),
         (text(&replaced("\"y\"", "\"x\"").replace("acid", "base")), "name", "holds back base, which drifts"),
-        (text(&(MEMBRANE.to_owned() + MEMBRANE)), "name", "is where skin is for the same species"),
+        (text(&(MEMBRANE.to_owned() + MEMBRANE)), "name", "has the same surface as skin"),
         (text(&replaced("= 3", "= -3")), "permeability", "-3 is not a number from 0"),
         (text(&replaced("[\"acid\"]", "[]")), "species", "so that no species is seen"),
         (GOOD.to_owned() + MEMBRANE, "name", "particles that collide"),
@@ -220,7 +220,7 @@ fn membranes_arrive_or_are_refused() {
 }
 
 #[test]
-fn spherical_membranes_arrive_or_are_refused() {
+fn spherical_membranes_are_read_or_refused() {
     const SPHERE: &str = "[[membrane]]\nname = \"cell\"\ncenter = [0, 0, 0.5]\nradius = 0.25\npermeability = 3\n\
                           species = [\"acid\"]\n";
     let text = |membranes: &str| GOOD.replace("contact = \"separate\"", "") + membranes;
@@ -257,7 +257,7 @@ fn spherical_membranes_arrive_or_are_refused() {
             "has the radius 0.25 µm around [0.0, 0.0, 1.4], where no sphere fits",
         ),
         (text(&replaced("acid", "base")), "holds back base, which drifts"),
-        (text(&(SPHERE.to_owned() + SPHERE)), "is where cell is for the same species"),
+        (text(&(SPHERE.to_owned() + SPHERE)), "has the same surface as cell"),
         (
             text(&replaced("radius = 0.25", "position = 0.25")),
             "either axis and position, or center and radius",

@@ -5,7 +5,7 @@ use crate::model::boundary::Axis;
 use crate::model::receiver::{Receiver, ReceiverKind, WallFace};
 use crate::model::{Model, Species};
 
-/// Largest √(2DΔt) by a disk, in radii. At this length a disk in a square of 8 radii takes 1 % too few
+/// Largest √(2DΔt) near an absorbing disk, in radii. At this length a disk in a square of 8 radii absorbs 1 % too few
 /// (Monte Carlo, 4·10⁵ particles).
 const LONG_BY_DISK: f64 = 1.0;
 /// Largest √(2DΔt) in a cylinder whose side absorbs, in radii. At this length 1.2 % too few are left after a time of
@@ -27,8 +27,8 @@ pub(in crate::scenario) fn long_step_to_absorber(model: &Model, species: usize) 
     let ((longest, surface), receiver) = all.min_by(|a, b| a.0.0.total_cmp(&b.0.0))?;
     (model.time_step > longest).then(|| {
         format!(
-            "a step takes {} {:.3} µm by diffusion, which is long for {}, {surface}: it absorbs at another rate; time-step = {} \
-             is short enough",
+            "a step takes {} {:.3} µm by diffusion, which is long for {}, {surface}, which then absorbs at a wrong rate; time-step = \
+             {} is short enough",
             one.name,
             (2.0 * (one.diffusion + receiver.diffusion) * model.time_step).sqrt(),
             receiver.name,

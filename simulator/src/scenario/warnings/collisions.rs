@@ -1,15 +1,18 @@
+//! Warnings of steps with many collisions.
+
 use super::below;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::ReceiverKind;
 use crate::model::{Contact, Model, Species};
 
-/// With more mean collisions per particle and step, separated particles diffuse more slowly, and receivers see the
-/// chord of a bent path.
+/// Largest mean number of collisions per particle and step. With more, separated particles diffuse more slowly, and
+/// receivers see only the chord of a bent path.
 const MANY_COLLISIONS: f64 = 1.0;
-/// Above it a step takes long, though its result is right.
+/// Largest mean number of collisions per particle and step if the result is right with more. With more, a step takes
+/// long.
 const COSTLY_COLLISIONS: f64 = 100.0;
 
-/// For the density after `steps` releases in a bounded space.
+/// Warns of many collisions at the density after the releases of `steps` steps, in bounded space.
 pub(in crate::scenario) fn many_collisions(model: &Model, steps: u32) -> Option<String> {
     let sees_paths =
         !model.reactions.is_empty() || model.receivers.iter().any(|r| r.kind != ReceiverKind::Transparent);
@@ -32,10 +35,10 @@ pub(in crate::scenario) fn many_collisions(model: &Model, steps: u32) -> Option<
     }
     let sphere = |species: &Species| std::f64::consts::PI / 6.0 * (2.0 * f64::from(species.radius)).powi(3);
     let filled = model.species.iter().zip(&counts).map(|(s, n)| n * sphere(s)).sum::<f64>() / volume;
-    // Contact value of Carnahan and Starling, up to random close packing.
+    // The contact value of Carnahan and Starling, up to random close packing.
     let filled = filled.min(0.64);
     let contact_value = (1.0 - filled / 2.0) / (1.0 - filled).powi(3);
-    // Collisions with all others: by diffusion per √time, and by speed per time.
+    // Collisions of a particle with all others: by diffusion per √s, and by speed per s.
     let rates = model.species.iter().filter(|a| a.radius > 0.0 || counts.len() > 1).map(|a| {
         let with = |(b, &count): (&Species, &f64)| {
             let cross_section = std::f64::consts::PI * touch(a, b).powi(2);
@@ -60,8 +63,8 @@ pub(in crate::scenario) fn many_collisions(model: &Model, steps: u32) -> Option<
             Contact::Separate => {
                 "positions stay those of hard spheres, but they diffuse more slowly than in short steps"
             }
-            _ if sees_paths => "receivers and reactions see only where such a path begins and ends",
-            _ => "which is right, but takes long",
+            _ if sees_paths => "receivers and reactions see only the ends of such a path",
+            _ => "the result is right, but takes long",
         };
         format!(
             "{} collides about {expected:.1} times in a step: {effect}; time-step = {} has {limit} or fewer",
@@ -74,7 +77,7 @@ pub(in crate::scenario) fn many_collisions(model: &Model, steps: u32) -> Option<
 fn volume(boundary: &Boundary) -> Option<f64> {
     let length = |axis: Axis| match axis {
         Axis::Reflecting { low, high } | Axis::Periodic { low, high } => Some(f64::from(high - low)),
-        // The estimate is one of three dimensions.
+        // The estimate needs three dimensions and a volume.
         Axis::Open | Axis::Frozen => None,
     };
     match &boundary.vessel {
@@ -93,7 +96,8 @@ fn touch(a: &Species, b: &Species) -> f64 {
     f64::from(a.radius) + f64::from(b.radius)
 }
 
-/// Returns twice the sum of diffusion coefficients, and the deviation of the relative speed along an axis.
+/// Returns twice the sum of the diffusion coefficients, in µm²/s, and the standard deviation of the relative velocity
+/// along an axis, in µm/s.
 fn relative(a: &Species, b: &Species) -> [f64; 2] {
     let drift: f64 = a.drift.iter().zip(b.drift).map(|(u, v)| (u - v).powi(2)).sum();
     let thermal = a.thermal_speed.powi(2) + b.thermal_speed.powi(2);

@@ -5,11 +5,11 @@ use crate::model::probability::ReactionProbabilities;
 use crate::motion::tumble::tumble_probability;
 use crate::random::philox::probability_threshold;
 
-/// Largest relative error of a probability.
+/// Largest relative error of a probability without a warning.
 const ROUNDED: f64 = 0.01;
 const WORDS: f64 = 4_294_967_296.0;
 
-/// Returns a warning for each decay of the model, in the model's order.
+/// Returns a warning or `None` for each decay of the model, in the model's order.
 pub(in crate::scenario) fn rounded_decays(model: &Model) -> Vec<Option<String>> {
     let mut messages = vec![None; model.decays.len()];
     for species in 0..model.species.len() as u32 {
@@ -21,12 +21,12 @@ pub(in crate::scenario) fn rounded_decays(model: &Model) -> Vec<Option<String>> 
     messages
 }
 
-/// Returns a warning for each reaction of the model, in the model's order.
+/// Returns a warning or `None` for each reaction of the model, in the model's order.
 pub(in crate::scenario) fn rounded_reactions(model: &Model) -> Vec<Option<String>> {
     let mut messages = vec![None; model.reactions.len()];
     for reaction in &model.reactions {
-        for zone in ReactionProbabilities(model).zones(reaction.reactants) {
-            for (place, probability, rounded) in rounded(&zone.channels) {
+        for shell in ReactionProbabilities(model).shells(reaction.reactants) {
+            for (place, probability, rounded) in rounded(&shell.channels) {
                 messages[place] = Some(message(&model.reactions[place].name, probability, rounded));
             }
         }
@@ -44,7 +44,7 @@ pub(in crate::scenario) fn rounded_tumbles(model: &Model, species: usize) -> Opt
     Some(message(&format!("a tumble of {}", one.name), probability, rounded))
 }
 
-/// Returns place, probability and rounded probability of channels that rounding changes.
+/// Returns index, probability and rounded probability of the channels that rounding changes.
 fn rounded(channels: &[(usize, f64)]) -> impl Iterator<Item = (usize, f64, f64)> {
     let words =
         |probability: f64| probability_threshold(probability).map_or(0.0, |up_to| f64::from(up_to) + 1.0);
@@ -64,7 +64,7 @@ fn message(name: &str, probability: f64, rounded: f64) -> String {
     };
     format!(
         "'{name}' has the probability {probability:.3e} in a step, which is rounded to {rounded:.3e}, a multiple of 2⁻³², so \
-         that {off}; take a longer time-step or a higher rate: {:.2e} is rounded by 1 % at most",
+         that {off}; take a longer time-step or a higher rate: probabilities of {:.2e} or more are rounded by 1 % at most",
         1.0 / (ROUNDED * WORDS)
     )
 }

@@ -8,10 +8,11 @@ use crate::model::vessel::dot;
 use crate::model::{Flow, Model};
 use crate::motion::tumble::tumble_probability;
 
-/// Largest change of a flow over a step: above it the second order in the time step is coarse.
+/// Largest relative change of the distance of two particles by the flow in a step. Above it, an error of second order
+/// in the time step is too large.
 const STEEP_FLOW: f64 = 0.3;
 
-/// Also warns of a grid that ends before the walls.
+/// Warns of a flow that changes much in a step, and of a grid that ends before the walls.
 pub(in crate::scenario) fn unresolved_flow(model: &Model) -> Vec<String> {
     let Some(field) = model.flow_field() else { return Vec::new() };
     let mut messages = Vec::new();
@@ -43,19 +44,20 @@ pub(in crate::scenario) fn unresolved_flow(model: &Model) -> Vec<String> {
 
 /// τ·D/R² of the slowest mode that is equal around the axis of a cylinder: 1/3.8317².
 const SLOWEST_MODE: f64 = 1.0 / 14.682;
-/// Largest part by which a step changes the spread along a Poiseuille flow, (x/2)·coth(x/2) − 1 < x²/12 with x = Δt/τ.
+/// Largest fraction by which a step changes the spread along a Poiseuille flow, (x/2)·coth(x/2) − 1 < x²/12 with x =
+/// Δt/τ.
 const SPREAD_IN_FLOW: f64 = 0.02;
-/// Largest √(2DΔt) across a flow field, over the length on which the flow changes. The length is R/2 in Poiseuille
-/// flow, where the spread is 1.7 % too large.
+/// Largest √(2DΔt) across a flow field, relative to the length on which the flow changes. In Poiseuille flow this
+/// length is R/2, and the spread is 1.7 % too large.
 const LONG_ACROSS_FIELD: f64 = 0.5;
 
-/// Warns of a diffusion across a flow that a step does not resolve. The flow of a step is the mean of its ends.
+/// Warns of diffusion across a flow in a step, which takes the mean of the flow at both ends.
 pub(in crate::scenario) fn long_step_across_flow(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
     let (longest, effect) = match &model.flow {
         Some(Flow::Poiseuille { mean }) => {
             let radius = f64::from(model.boundary.vessel?.radius - one.radius);
-            // The part by the flow over that by diffusion (Taylor and Aris).
+            // The spread by the flow relative to that by diffusion (Taylor and Aris).
             let spread = (mean * radius / one.diffusion).powi(2) / 48.0;
             let part = spread / (1.0 + spread);
             let x = model.time_step * one.diffusion / (SLOWEST_MODE * radius * radius);
@@ -67,7 +69,7 @@ pub(in crate::scenario) fn long_step_across_flow(model: &Model, species: usize) 
         Some(Flow::Field(field)) => {
             let fastest = field.fastest().iter().map(|v| v * v).sum::<f64>().sqrt();
             let steepest = fastest / field.steepest();
-            // The part by the flow over that by diffusion, about as in a vessel of this radius.
+            // The spread by the flow relative to that by diffusion, about as in a vessel of this radius.
             if (fastest * steepest / one.diffusion).powi(2) / 48.0 < SPREAD_IN_FLOW {
                 return None;
             }
@@ -87,7 +89,7 @@ pub(in crate::scenario) fn long_step_across_flow(model: &Model, species: usize) 
     })
 }
 
-/// Warns of a swimmer whose rate would need more than one tumble per step.
+/// Warns of a swimmer that would tumble more than once per step.
 pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
     let most = model.largest_rate_factor(species);
@@ -106,13 +108,13 @@ pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Op
     }
     if most.is_infinite() {
         return Some(format!(
-            "{} would tumble at more than any rate where it swims down the steepest gradient, and tumbles at most once in a step, so \
-             that its drift is too low there; give it a lower sensitivity or speed",
+            "{} has an infinite tumble rate where it swims down the steepest gradient, but tumbles at most once in a step, so that \
+             its drift is too low there; give it a lower sensitivity or speed",
             one.name
         ));
     }
     Some(format!(
-        "{} tumbles at up to {:.3e} times its tumble-rate where it swims down the steepest gradient, and at most once in a \
+        "{} tumbles at up to {:.3e} times its tumble-rate where it swims down the steepest gradient, but at most once in a \
          step, so that its drift is too low there; time-step = {} is short enough",
         one.name,
         most,
@@ -120,9 +122,10 @@ pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Op
     ))
 }
 
-/// Largest volume per time that reactants sweep by drift and velocities, in parts of their rate.
+/// Largest volume per time that reactants sweep by drift and velocities, relative to their rate.
 const SWEPT: f64 = 0.05;
 
+/// Warns of a rate constant of reactants whose drift and velocities add to it.
 pub(in crate::scenario) fn swept_by_motion(
     equation: &str,
     rate: f64,
@@ -142,6 +145,7 @@ pub(in crate::scenario) fn swept_by_motion(
 /// Largest √(2DΔt) at a spherical membrane, in radii.
 const LONG_AT_SPHERE: f64 = 0.25;
 
+/// Warns of a step that is long for a spherical membrane.
 pub(in crate::scenario) fn long_step_through(membrane: &Membrane, model: &Model) -> Option<String> {
     let MembraneSurface::Sphere { radius, .. } = membrane.surface else { return None };
     let seen = model.species.iter().zip(&membrane.sees).filter(|(_, sees)| **sees);
@@ -150,7 +154,7 @@ pub(in crate::scenario) fn long_step_through(membrane: &Membrane, model: &Model)
     (model.time_step > longest).then(|| {
         format!(
             "a step takes {} {:.3} µm, which is long compared with the radius of {radius} µm of {}: the equilibrium is right, \
-             but it passes at another rate; time-step = {} is short enough",
+             but the flux is not; time-step = {} is short enough",
             species.name,
             (2.0 * species.diffusion * model.time_step).sqrt(),
             membrane.name,
@@ -159,7 +163,7 @@ pub(in crate::scenario) fn long_step_through(membrane: &Membrane, model: &Model)
     })
 }
 
-/// Only the ends of a receiver's steps are compared with a membrane.
+/// Warns of a receiver whose steps are long for a spherical membrane, which acts only on their ends.
 pub(in crate::scenario) fn long_receiver_step_through(membrane: &Membrane, model: &Model) -> Option<String> {
     let MembraneSurface::Sphere { radius, .. } = membrane.surface else { return None };
     let turns = |one: &&Receiver| one.moves() && model.fastest_shared(one, membrane).is_some();
@@ -184,6 +188,7 @@ pub(in crate::scenario) fn long_receiver_step_through(membrane: &Membrane, model
 /// cylinder 0.7 % and 10 % (measured with R = 5D/v).
 const DRIFT_AT_MIRROR: f64 = 0.1;
 
+/// Warns of a drift towards the curved wall of a vessel, which mirrors paths.
 pub(in crate::scenario) fn drift_at_curved_wall(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
     let vessel = model.boundary.vessel?;
@@ -204,7 +209,7 @@ pub(in crate::scenario) fn drift_at_curved_wall(model: &Model, species: usize) -
     })
 }
 
-/// Warns of a drift towards a plane wall on an axis that [`StepDrift`](crate::motion::vessel_flow::StepDrift) mirrors.
+/// Warns of a drift towards a plane wall that mirrors paths; see [`StepDrift`](crate::motion::vessel_flow::StepDrift).
 pub(in crate::scenario) fn drift_at_plane_wall(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
     let towards = |axis: usize| speed_to_mirror(model, species, axis);
@@ -222,7 +227,8 @@ pub(in crate::scenario) fn drift_at_plane_wall(model: &Model, species: usize) ->
     })
 }
 
-/// Returns the largest speed by drift and flow towards a wall across an axis that mirrors paths, and the reason.
+/// Returns the largest speed by drift and flow towards a wall across an axis, if the wall mirrors paths, and the
+/// reason for mirroring.
 fn speed_to_mirror(model: &Model, species: usize, axis: usize) -> Option<(f64, &'static str)> {
     let Axis::Reflecting { .. } = model.boundary.axes[axis] else { return None };
     let absorbs = |face: WallFace| {
@@ -244,7 +250,7 @@ fn longest_at_mirror(diffusion: f64, speed: f64) -> f64 {
     2.0 * diffusion * (DRIFT_AT_MIRROR / speed).powi(2)
 }
 
-/// Includes plug flow.
+/// Returns the drift of a species with plug flow, in µm/s.
 fn drift(model: &Model, species: usize) -> [f64; 3] {
     let plug = match model.flow {
         Some(Flow::Plug(velocity)) => velocity,
@@ -253,7 +259,7 @@ fn drift(model: &Model, species: usize) -> [f64; 3] {
     std::array::from_fn(|k| model.species[species].drift[k] + plug[k])
 }
 
-/// Returns the least and the largest velocity of a flow along an axis, without plug flow.
+/// Returns the least and the largest velocity of a flow along an axis, in µm/s, without plug flow.
 fn flow_along(model: &Model, axis: usize) -> [f64; 2] {
     match &model.flow {
         Some(Flow::Poiseuille { mean }) if model.boundary.along() == Some(axis) => {
