@@ -28,11 +28,13 @@ fn mark_of(pair: vec2<u32>) -> u32 {
     if (a.id < b.id) {
         place = a.base + a.offset;
     }
-    let reacts = may_react(reaction_rows[tags[pair.x].x * params.species + tags[pair.y].x]);
-    if (!reacts && -gap <= 4e-6 * (abs(place.x) + abs(place.y) + abs(place.z) + touch)) {
+    if (may_react(reaction_rows[tags[pair.x].x * params.species + tags[pair.y].x])) {
+        return NOTHING;
+    }
+    if (!(-gap > 4e-6 * (abs(place.x) + abs(place.y) + abs(place.z) + touch))) {
         return 0u;
     }
-    return select(NOTHING, PASSES, params.is_elastic != 0u && window.now == 0.0 && gap < 0.0);
+    return select(NOTHING, PASSES, params.is_elastic != 0u && window.now == 0.0);
 }
 
 @compute @workgroup_size(256)

@@ -9,9 +9,9 @@
 //!   overlap, because the motion conserves volumes and energy (A. Scala, T. Voigtmann and C. De Michele, *Event-driven
 //!   Brownian dynamics for hard spheres*, Journal of Chemical Physics 126 (2007) 134109).
 //!
-//! Collisions are *not detected* between species that react with each other, which must overlap to react, nor between
-//! particles that overlap at the beginning of the step. With elastic contact, all overlapping pairs that approach bounce
-//! at the beginning, including pairs that react.
+//! Collisions are *not detected* between species that react with each other, which must overlap to react and otherwise
+//! pass through each other, nor between particles that overlap at the beginning of the step. With elastic contact, other
+//! overlapping pairs that approach bounce at the beginning.
 //!
 //! # Correctness
 //!

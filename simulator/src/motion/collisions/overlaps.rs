@@ -13,7 +13,7 @@ use super::mover::Mover;
 use super::rounds::Adjacency;
 use super::rules::Rules;
 
-/// Lets overlapping pairs bounce if they approach, and returns the number of bounces on all ranks. The first `own`
+/// Lets overlapping pairs bounce if they approach and cannot react, and returns the number of bounces on all ranks. The first `own`
 /// movers are this rank's.
 pub(super) fn bounce_overlaps<H: Halo>(
     rules: &Rules,
@@ -25,9 +25,9 @@ pub(super) fn bounce_overlaps<H: Halo>(
     let overlaps = |&pair: &[u32; 2]| {
         let mut pair = pair;
         pair.sort_unstable_by_key(|&at| movers[at as usize].id);
-        let [a, b] = pair.map(|at| &movers[at as usize]);
-        let overlap = rules.passes([a, b]) && a.gap(b, a.time, &rules.boundary) < 0.0;
-        overlap.then_some(([a.id, b.id], pair))
+        let both = pair.map(|at| &movers[at as usize]);
+        let bounces = !rules.may_react(both) && rules.overlap(both);
+        bounces.then_some((both.map(|mover| mover.id), pair))
     };
     let mut pairs: Vec<_> = candidates.par_iter().filter_map(overlaps).collect();
     if halo.gather(pairs.len() as u64).iter().all(|&pairs| pairs == 0) {

@@ -67,12 +67,20 @@ impl Rules {
     }
 
     /// Returns `true` if two particles may react or overlap, so that their collisions are not detected.
-    pub(crate) fn passes(&self, [a, b]: [&Mover; 2]) -> bool {
+    pub(crate) fn passes(&self, pair: [&Mover; 2]) -> bool {
+        self.may_react(pair) || self.overlap(pair)
+    }
+
+    pub(crate) fn may_react(&self, [a, b]: [&Mover; 2]) -> bool {
+        self.reactive.contain(a.species, b.species)
+    }
+
+    /// Returns `true` if two particles overlap by more than rounding.
+    pub(crate) fn overlap(&self, [a, b]: [&Mover; 2]) -> bool {
         // The particle with the lower id, so that the order of particles has no effect.
         let first = if a.id < b.id { a } else { b };
         let tolerance = rounding(first.position.map(|c| c as f32), a.radius + b.radius);
-        self.reactive.contain(a.species, b.species)
-            || -a.gap(b, a.time, &self.boundary) > f64::from(tolerance)
+        -a.gap(b, a.time, &self.boundary) > f64::from(tolerance)
     }
 
     /// Returns the collision of two particles after both clocks, if they approach.

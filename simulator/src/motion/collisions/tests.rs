@@ -2,12 +2,13 @@
 
 use super::halo::Undivided;
 use super::mover::{Mover, length};
+use super::overlaps::bounce_overlaps;
 use super::rounds::{Adjacency, SLACK, Window, WindowEnd};
 use super::rules::{Event, Rules};
 use crate::model::{Contact, Model, Species};
 use crate::random::gaussian::normals;
 use crate::random::philox::{open_unit, philox};
-use crate::{Axis, Boundary};
+use crate::{Axis, Boundary, Reaction};
 
 fn run_in_order(rules: &Rules, movers: &mut [Mover], pairs: &[[u32; 2]], horizon: f64) -> u64 {
     let mut collisions = 0;
@@ -130,4 +131,26 @@ fn speed_or_number_beyond_the_limit_ends_a_window() {
     assert!(matches!(end(window), WindowEnd::TooMany(4..)));
     let slow = Window { top_speed: 0.5 * top_speed, limit: 1000, ..window };
     assert!(matches!(end(slow), WindowEnd::TooFast(speed) if speed > 0.5 * top_speed));
+}
+
+#[test]
+fn overlapping_reactants_pass_through_each_other() {
+    let mut model = model(Contact::Elastic, Axis::Open);
+    let place = |k: u32| [0.4 * f64::from(k), 0.0, 0.0];
+    let motion = |k: u32| [0.1 - 0.2 * f64::from(k), 0.0, 0.0];
+    let first = Mover { species: 0, radius: 0.5, ..movers(0, 2, 1.0)[0] };
+    let mover = |k: u32| Mover { position: place(k), motion: motion(k), id: k, ..first };
+    let mut both = [0, 1].map(mover);
+    for reactions in
+        [vec![Reaction { reactants: [0, 0], binding_radius: 0.2, ..Reaction::default() }], vec![]]
+    {
+        let (passes, before) = (!reactions.is_empty(), both);
+        model.reactions = reactions;
+        let rules = Rules::new(&model).expect("collisions");
+        let bounces = bounce_overlaps(&rules, &mut both, 2, &[[0, 1]], &mut Undivided).expect("one process");
+        assert_eq!(
+            (bounces == 0, both.map(|one| one.motion) == before.map(|one| one.motion)),
+            (passes, passes)
+        );
+    }
 }
