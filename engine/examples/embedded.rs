@@ -20,8 +20,8 @@ const CONSUMER: &str = "
 
     @compute @workgroup_size(256)
     fn consume(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-               @builtin(local_invocation_index) lane: u32) {
-        let index = (group.x + group.y * groups.x) * 256u + lane;
+               @builtin(local_invocation_index) local_index: u32) {
+        let index = (group.x + group.y * groups.x) * 256u + local_index;
         // The low word of the count; results beyond 32 bits or the buffer raise the overflow flag.
         if (index < min(outcome[0], arrayLength(&pairs))) {
             let pair = pairs[index];
@@ -90,6 +90,7 @@ fn simulator_device() -> Result<(wgpu::Device, wgpu::Queue), Box<dyn Error>> {
 }
 
 fn simulator_spheres(device: &wgpu::Device, queue: &wgpu::Queue) -> wgpu::Buffer {
+    // Spheres fill 5 % of the box.
     let edge = (f64::from(SPHERES) * 4.19 * 0.125 / 0.05).cbrt() as f32;
     let spheres: Vec<Sphere> =
         (0..SPHERES).map(|k| Sphere::new([1, 2, 3].map(|axis| unit(3 * k + axis) * edge), 0.5)).collect();

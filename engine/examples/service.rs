@@ -10,14 +10,14 @@ use std::time::{Duration, Instant};
 use lazygrid::Sphere;
 use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSpheres, SoftwareAdapter, wgpu};
 
-/// Keeps spheres in the unit box.
+/// Moves each sphere by at most its radius per axis, within a periodic unit box.
 const MOVE: &str = "
     @group(0) @binding(0) var<storage, read_write> spheres: array<vec4<f32>>;
 
     @compute @workgroup_size(256)
     fn move_spheres(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgroups) groups: vec3<u32>,
-                    @builtin(local_invocation_index) lane: u32) {
-        let index = (group.x + group.y * groups.x) * 256u + lane;
+                    @builtin(local_invocation_index) local_index: u32) {
+        let index = (group.x + group.y * groups.x) * 256u + local_index;
         if (index < arrayLength(&spheres)) {
             let h = index * 2654435761u;
             let step = vec3(f32(h & 1023u), f32((h >> 10u) & 1023u), f32(h >> 22u)) / 512.0 - 1.0;
@@ -26,6 +26,7 @@ const MOVE: &str = "
         }
     }";
 
+/// Adds the 64-bit count of pairs and the overflow flags to the total.
 const TALLY: &str = "
     @group(0) @binding(0) var<storage, read> outcome: array<u32>;
     @group(0) @binding(1) var<storage, read_write> total: array<u32, 3>;
@@ -44,6 +45,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let steps = numbers.next().transpose()?.unwrap_or(100);
     let GpuDevice { device, queue, adapter, .. } = GpuDevice::open(SoftwareAdapter::Allow)?;
 
+    // Spheres fill 5 % of the box.
     let radius = (0.05 / (4.19 * f64::from(spheres))).cbrt() as f32;
     let start: Vec<Sphere> =
         (0..spheres).map(|k| Sphere::new([1, 2, 3].map(|axis| unit(3 * k + axis)), radius)).collect();

@@ -20,14 +20,18 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // The degree of each sphere, without a list of pairs.
     let mut degree = vec![0_u32; burst.len()];
-    let handed = detector.stream(&burst, 10_000, |chunk| {
+    let delivered = detector.stream(&burst, 10_000, |chunk| {
         for pair in chunk {
             degree[pair.i as usize] += 1;
             degree[pair.j as usize] += 1;
         }
         ControlFlow::Continue(())
     })?;
-    writeln!(stdout(), "{handed} pairs streamed; sphere 0 is in {} of them", degree.first().unwrap_or(&0))?;
+    writeln!(
+        stdout(),
+        "{delivered} pairs streamed; sphere 0 is in {} of them",
+        degree.first().unwrap_or(&0)
+    )?;
 
     let mut seen = 0;
     detector.stream(&burst, 1000, |chunk| {

@@ -51,6 +51,7 @@ pub(crate) fn backend<D>(
     }
 }
 
+/// Returns `true` if each call chooses the CPU or the GPU by its number of spheres.
 pub(crate) fn is_per_call(asked: Backend, algorithm: Algorithm) -> bool {
     asked == Backend::Auto && matches!(algorithm, Algorithm::Auto | Algorithm::CellList)
 }
@@ -84,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn backends() {
+    fn backend_and_reason_follow_request_and_machine() {
         use Algorithm::{ArrayGrid, Auto, CellList, HashGrid, LazyGrid, Naive};
         let cpu_only = || Error::NotOnBackend { algorithm: HashGrid, backend: Backend::Gpu };
         let gpu_only = || Error::NotOnBackend { algorithm: LazyGrid, backend: Backend::Cpu };

@@ -24,8 +24,8 @@ pub struct Config {
     #[cfg(feature = "gpu")]
     pub(crate) adapter: Option<AdapterId>,
     pub(crate) settings: Settings,
+    /// `None` selects the backend's default, as for `cell_ratio`.
     #[cfg(feature = "gpu")]
-    /// `None`: the backend's own value, as for the cell ratio.
     pub(crate) tau: Option<u32>,
     #[cfg(feature = "gpu")]
     pub(crate) cell_ratio: Option<f32>,
@@ -37,7 +37,7 @@ pub struct Config {
 
 impl Config {
     #[cfg(feature = "gpu")]
-    pub(crate) const RASTER_RATIOS: RangeInclusive<f32> = 0.5..=16.0;
+    pub(crate) const CELL_RATIOS: RangeInclusive<f32> = 0.5..=16.0;
 
     /// Backend to run on. Default: [`Backend::Auto`].
     pub fn backend(mut self, backend: Backend) -> Self {
@@ -45,8 +45,8 @@ impl Config {
         self
     }
 
-    /// Selects a GPU by [index or name](AdapterId). With [`Backend::Auto`] it implies [`Backend::Gpu`], and a
-    /// software adapter is permitted; with [`Backend::Cpu`] it is an error. Default: the best adapter, discrete before
+    /// Selects a GPU by [index or name](AdapterId). [`Backend::Auto`] then means [`Backend::Gpu`], and a software
+    /// adapter is permitted; [`Backend::Cpu`] is an error. Default: the best adapter, discrete before
     /// integrated.
     #[cfg(feature = "gpu")]
     pub fn adapter(mut self, adapter: impl Into<AdapterId>) -> Self {
@@ -109,7 +109,8 @@ impl Config {
         self
     }
 
-    /// Most pairs of a list; more are an error with the exact number. Default: 2²⁹ (4 GiB).
+    /// Maximum number of pairs in a list; [`Error::TooManyPairs`](crate::Error::TooManyPairs) has the exact number.
+    /// Default: 2²⁹ (4 GiB).
     pub fn max_pairs(mut self, max_pairs: u64) -> Self {
         self.settings.max_pairs = max_pairs;
         self
@@ -148,7 +149,7 @@ impl Config {
 
     /// Sets the space of the spheres. Default: [`Space::UNBOUNDED`]. On the GPU, pairs within 4 ulp of tangency
     /// (relative to the squared cutoff; 5 ulp in a periodic space) may fall either way, except in a triclinic space,
-    /// where the host decides and a count reads all candidates back.
+    /// where the host decides and a count reads back all candidates.
     pub fn space(mut self, space: Space) -> Self {
         self.settings.space = space;
         self

@@ -70,8 +70,9 @@ impl Detector {
     ///
     /// # Errors
     /// [`Error::GpuUnavailable`] if a requested GPU cannot be used; [`Error::NotOnBackend`] if the backend lacks the
-    /// algorithm; [`Error::InvalidSetting`]; [`Error::UnknownAdapter`]; [`Error::AdapterOnCpu`] if an adapter is named for
-    /// the CPU; [`Error::ThreadPool`]; [`Error::LimitExceeded`] for a table of interactions above a limit of the device.
+    /// algorithm; [`Error::InvalidSetting`]; [`Error::UnknownAdapter`]; [`Error::AdapterOnCpu`] if an adapter is named
+    /// for the CPU; [`Error::ThreadPool`]; [`Error::LimitExceeded`] for a table of interactions above a limit of the
+    /// device.
     pub fn new(config: Config) -> Result<Self, Error> {
         let (finder, backend_reason) = finder(config)?;
         log::info!("{backend_reason}");
@@ -115,8 +116,8 @@ impl Detector {
     ///
     /// Unlike other searches, this one finds all images within the cutoff, in a smaller box also a sphere's own.
     /// Exclusions apply to all images. `i` and `j` are neighbors at shift `S` if `v = (cⱼ − cᵢ) + (S₁e₁ + S₂e₂ + S₃e₃)`
-    /// is at most their cutoff long. `v` is computed in `f64` on any backend; a GPU decides pairs of `f32` spheres within
-    /// a few ulp of tangency as for [`pairs`](Self::pairs). The order is canonical.
+    /// is at most their cutoff long. `v` is computed in `f64` on any backend; a GPU decides pairs of `f32` spheres
+    /// within a few ulp of tangency as for [`pairs`](Self::pairs). The order is canonical.
     ///
     /// ```
     /// use lazygrid::{Config, Detector, ListOptions, Radii, Space, Spheres};
@@ -175,25 +176,25 @@ impl Detector {
     pub fn report(&self) -> Report {
         let geometry = self.geometry.report().cloned();
         let mut report = geometry.unwrap_or_else(|| self.finder.backend().report());
-        report.precede(&self.backend_reason);
+        report.prepend_reason(&self.backend_reason);
         report
     }
 
     fn finder(&mut self) -> &mut BackendFinder {
-        self.geometry.end();
+        self.geometry.clear_report();
         &mut self.finder
     }
 
     /// Estimates the bytes that this detector holds for `spheres` spheres (at most
     /// [`MAX_SPHERES`](crate::MAX_SPHERES)), without the result. On the CPU this is an upper bound for one set in `f32`
-    /// rows or columns, apart from 16 KiB that do not depend on the spheres. Copies of two sets, `f64` and strided input
-    /// take up to 23 bytes more per sphere, neighbor lists memory in proportion to the neighbors.
+    /// rows or columns, apart from 16 KiB that do not depend on the spheres. Copies of two sets, `f64` and strided
+    /// input take up to 23 bytes more per sphere. Neighbor lists take memory in proportion to the neighbors.
     ///
-    /// Unless the skin is [`Off`](crate::Skin::Off), the estimate includes the maximum of candidates, on the CPU 96 per
-    /// sphere (768 bytes); few scenes exceed ten.
+    /// Unless the skin is [`Off`](crate::Skin::Off), the estimate includes the maximum number of candidates: on the CPU
+    /// 96 per sphere (768 bytes), although few scenes exceed ten.
     ///
-    /// On a GPU the estimate has eight (cell, sphere) entries per sphere, the maximum on one level. Crowded spheres of
-    /// many sizes may need more (ten sizes at one point: about 44), of 16 bytes each, which later estimates include.
+    /// On a GPU the estimate has eight (cell, sphere) entries of 16 bytes per sphere, the maximum on one level. Crowded
+    /// spheres of many sizes may need more (ten sizes at one point: about 44), which later estimates include.
     pub fn memory_for(&self, spheres: u64) -> u64 {
         self.finder.backend().memory_for(spheres.min(MAX_SPHERES))
     }

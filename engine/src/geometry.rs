@@ -9,6 +9,7 @@ use lazygrid_kernels::{Algorithm, Query, Space};
 use crate::backend::BackendFinder;
 use crate::{Error, Report};
 
+/// Builds neighbor lists with shifts, vectors and distances.
 #[derive(Debug, Default)]
 pub(crate) struct Geometry {
     builder: NeighborListBuilder,
@@ -21,52 +22,52 @@ pub(crate) struct Geometry {
 impl Geometry {
     pub(crate) fn neighbor_list(
         &mut self,
-        engine: &mut BackendFinder,
+        finder: &mut BackendFinder,
         query: &Query<'_>,
         options: ListOptions,
     ) -> Result<NeighborList<'_>, Error> {
         self.report = None;
-        if PeriodicImages::are_needed(&contact(query, engine.backend().settings())) {
-            return self.among_images(engine, query, options);
+        if PeriodicImages::are_needed(&contact(query, finder.backend().settings())) {
+            return self.list_among_images(finder, query, options);
         }
-        engine.list(query, Order::Canonical)?;
+        finder.list(query, Order::Canonical)?;
         let start = Instant::now();
-        let backend = engine.backend();
+        let backend = finder.backend();
         let contact = contact(query, backend.settings());
-        let list = self.builder.build(contact, (engine.last_pairs(), None), options, backend.team())?;
-        PhaseTime::add(engine.phases_mut(), "neighbors", start.elapsed());
+        let list = self.builder.build(contact, (finder.last_pairs(), None), options, backend.team())?;
+        PhaseTime::add(finder.phases_mut(), "neighbors", start.elapsed());
         Ok(list)
     }
 
-    fn among_images(
+    fn list_among_images(
         &mut self,
-        engine: &BackendFinder,
+        finder: &BackendFinder,
         query: &Query<'_>,
         options: ListOptions,
     ) -> Result<NeighborList<'_>, Error> {
         let Self { builder, images, image_search, report } = self;
-        let (settings, team) = (engine.backend().settings(), engine.backend().team());
+        let (settings, team) = (finder.backend().settings(), finder.backend().team());
         let contact = contact(query, settings);
         team.pass(query.len(), |threads| Ok(check(query, contact.table, threads)?))?;
         let start = Instant::now();
         images.build(&contact)?;
-        let made = start.elapsed();
+        let image_time = start.elapsed();
         let detector = match image_search {
             Some(detector) => detector,
-            None => image_search.insert(HostDetector::new(among_images(settings))?),
+            None => image_search.insert(HostDetector::new(image_search_settings(settings))?),
         };
         detector.list(&images.query(), Order::Canonical)?;
         let start = Instant::now();
         let list = builder.build(contact, (detector.last_pairs(), Some(images)), options, team)?;
-        PhaseTime::add(detector.phases_mut(), "images", made);
+        PhaseTime::add(detector.phases_mut(), "images", image_time);
         PhaseTime::add(detector.phases_mut(), "neighbors", start.elapsed());
         let found = Report::from(detector.report());
-        let reason = format!("{}; more than the nearest images are within reach", found.reason);
+        let reason = format!("{}; images beyond the minimum image are within the cutoff", found.reason);
         *report = Some(Report { spheres: query.len() as u64, reason, ..found });
         Ok(list)
     }
 
-    pub(crate) fn end(&mut self) {
+    pub(crate) fn clear_report(&mut self) {
         self.report = None;
     }
 
@@ -80,7 +81,7 @@ fn contact<'a>(query: &'a Query<'a>, settings: &'a Settings) -> ContactTest<'a> 
     ContactTest { query, space, table: interactions.as_ref(), stop: stop.as_deref() }
 }
 
-fn among_images(settings: &Settings) -> Settings {
+fn image_search_settings(settings: &Settings) -> Settings {
     Settings {
         algorithm: Algorithm::Auto,
         interactions: None,

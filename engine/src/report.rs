@@ -46,7 +46,7 @@ impl From<&lazygrid_host::Report> for Report {
 }
 
 impl Report {
-    pub(crate) fn precede(&mut self, why: &str) {
+    pub(crate) fn prepend_reason(&mut self, why: &str) {
         self.reason = match self.reason.as_str() {
             "" => why.to_owned(),
             reason => format!("{why}; {reason}"),

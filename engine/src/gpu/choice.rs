@@ -15,7 +15,7 @@ pub(crate) struct CallSize {
     pub(crate) classes: usize,
 }
 
-/// Reason names the `source` of `crossover`.
+/// Returns the algorithm of a call and the reason, which names the `source` of `crossover`.
 pub(crate) fn algorithm(
     asked: Algorithm,
     size: CallSize,
@@ -40,7 +40,7 @@ pub(crate) fn algorithm(
     (chosen, format!("{chosen}: {spheres} spheres in {sizes} are {relation} {at} ({source})"))
 }
 
-/// Returns the reason against a candidate list.
+/// Returns `Ok` if a candidate list may be worthwhile, otherwise the reason against it.
 pub(crate) fn can_use_skin(
     asked: Algorithm,
     chosen: Algorithm,
@@ -57,6 +57,7 @@ pub(crate) fn can_use_skin(
     }
 }
 
+/// Returns the reason why a call ran on one level.
 pub(crate) fn one_level(ran: Algorithm, chosen: Algorithm) -> String {
     format!("{ran} instead of {chosen}: the entries of several levels do not fit the device")
 }
@@ -66,7 +67,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn algorithms() {
+    fn algorithm_and_reason_follow_the_crossover() {
         let crossover = Crossover { naive_below: 10_000, per_class: 500 };
         for (asked, spheres, classes, expected) in [
             (Algorithm::Auto, 0, 0, Algorithm::Naive),
@@ -128,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn candidates() {
+    fn candidate_list_is_refused_with_a_reason() {
         use Algorithm::{Auto, CellList, LazyGrid, Naive};
         // The fixed cost of a call equals the saving for a thousand spheres.
         let costs = SkinCosts {

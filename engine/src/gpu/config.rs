@@ -86,7 +86,7 @@ impl GpuConfig {
     }
 
     /// Lets pairs of the cell list hold positions in its cell order ([`CellOrder`](super::CellOrder)) instead of input
-    /// indices. [`Outcome::pairs_in_cell_order`] tells if they do: other algorithms, windows and a
+    /// indices. [`Outcome::pairs_in_cell_order`] is 1 if they do: other algorithms, windows and a
     /// [`GpuSession`](super::GpuSession) always use input indices. Default: no.
     pub fn pairs_in_cell_order(self, pairs_in_cell_order: bool) -> Self {
         Self { pairs_in_cell_order, ..self }
@@ -105,17 +105,18 @@ impl GpuConfig {
     }
 
     /// Sets the most distance tests of one dispatch, so that no driver's watchdog ends it. Longer searches have several
-    /// dispatches ([`CallCost::parts`](super::CallCost::parts)). A dispatch searches at least 256 spheres: among 20
-    /// million spheres in one cell these have more tests than the default. Default: the tests of 200 ms, at 2.5·10¹⁰
-    /// tests/s for a discrete GPU, 2.5·10⁹ for an integrated one and 5·10⁸ for a software adapter; an H100 and an H200
-    /// reach 3.1·10¹¹. A [`Detector`](crate::Detector) uses the rate of its [`Calibration`].
+    /// dispatches ([`CallCost::parts`](super::CallCost::parts)). A dispatch searches at least 256 spheres,
+    /// which have more tests than the default among 20 million spheres in one cell. Default: the tests of 200 ms, at
+    /// 2.5·10¹⁰ tests/s for a discrete GPU, 2.5·10⁹ for an integrated one and 5·10⁸ for a software adapter; an H100 and
+    /// an H200 reach 3.1·10¹¹. A [`Detector`](crate::Detector) uses the rate of its [`Calibration`].
     pub fn max_tests_per_dispatch(self, tests: u64) -> Self {
         Self { max_tests_per_dispatch: Some(tests), ..self }
     }
 
-    /// Sets the recorded parts of the search of crowded cells, whose size the device determines. If a part would exceed
-    /// [`max_tests_per_dispatch`](Self::max_tests_per_dispatch), the outcome has [`Outcome::OVERFLOW_WORK`]. Parts
-    /// without work cost some microseconds each. Default: 1. A [`GpuSession`](super::GpuSession) adds parts itself.
+    /// Sets the number of recorded parts of the search of crowded cells. Only the device knows its work. If a part
+    /// exceeds [`max_tests_per_dispatch`](Self::max_tests_per_dispatch), the outcome has [`Outcome::OVERFLOW_WORK`].
+    /// Parts without work cost some microseconds each. Default: 1. A [`GpuSession`](super::GpuSession) adds parts
+    /// itself.
     pub fn deferred_parts(self, parts: u32) -> Self {
         Self { deferred_parts: parts, ..self }
     }
@@ -158,9 +159,8 @@ impl Default for GpuConfig {
 
 pub(crate) fn check(settings: &GpuConfig) -> Result<(), Error> {
     if settings.space.triclinic_cell().is_some() {
-        let range =
-            "what stays on the GPU has edges along the axes only: choose `Detector`, which takes any edges";
-        return Err(Error::InvalidSetting { name: "space", value: "sheared".into(), range });
+        let range = "choose cell vectors along the axes, or `Detector`, which also accepts triclinic cells";
+        return Err(Error::InvalidSetting { name: "space", value: "triclinic".into(), range });
     }
     if !(GpuConfig::MIN_CELL_RATIO..=GpuConfig::MAX_CELL_RATIO).contains(&settings.cell_ratio) {
         let value = settings.cell_ratio.to_string();

@@ -18,8 +18,8 @@ impl Crossover {
         Self { naive_below, per_class }
     }
 
-    /// Assumed for an unmeasured GPU. On an H200 the cell list is faster at every size: 36 against 67 µs of GPU time for
-    /// 100 spheres, 64 against 91 µs for 8000.
+    /// Assumed for an unmeasured GPU. On an H200 the cell list is faster at every size: 36 against 67 µs of GPU time
+    /// for 100 spheres, 64 against 91 µs for 8000.
     pub const HARDWARE: Self = Self { naive_below: 64, per_class: 0 };
     /// Assumed for a software adapter: `lazygrid calibrate` for Mesa's llvmpipe on two cores, rounded.
     pub const SOFTWARE: Self = Self { naive_below: 300, per_class: 0 };
@@ -41,8 +41,8 @@ impl Crossover {
 }
 
 /// Measurements by which `Auto` chooses, valid for one adapter, driver and library version. The application stores them
-/// and passes them to [`Config::calibration`](crate::Config::calibration). The crossovers to the
-/// GPU and to the radix sort that are assumed of discrete GPUs agree with an H100 and an H200; no integrated GPU was measured.
+/// and passes them to [`Config::calibration`](crate::Config::calibration). The crossovers to the GPU and to the radix
+/// sort that are assumed of discrete GPUs agree with an H100 and an H200; no integrated GPU was measured.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Calibration {
@@ -61,7 +61,8 @@ pub struct Calibration {
     /// Spheres in host memory at or above which this device is faster than the CPU with all threads; [`u32::MAX`] if it
     /// never is. [`Backend::Auto`](crate::Backend::Auto) uses it.
     pub device_from: u32,
-    /// Distance tests per second of the slowest search, by which long searches are divided into dispatches of at most 200 ms.
+    /// Distance tests per second of the slowest search. Long searches are divided into dispatches of at most 200 ms at
+    /// this rate.
     pub tests_per_second: f64,
 }
 
@@ -79,8 +80,8 @@ impl Calibration {
     /// Assumed for an integrated GPU, which has a tenth of the arithmetic.
     pub const INTEGRATED_DEVICE_FROM: u32 = 1 << 16;
 
-    /// Assumed for a GPU: more counters do not fit the caches of large GPUs. `lazygrid calibrate` measured 650,000 on an
-    /// H100 and 820,000 on an H200; with CUDA on an H200 both sorts are equal at a million spheres.
+    /// Assumed for a GPU: more counters do not fit the caches of large GPUs. `lazygrid calibrate` measured 650,000 on
+    /// an H100 and 820,000 on an H200; with CUDA on an H200 both sorts are equal at a million spheres.
     pub const RADIX_SORT_FROM: u32 = 1 << 19;
     /// Assumed for a software adapter: on llvmpipe with two cores counting is faster at a million spheres (`cargo bench
     /// -p lazygrid-bench --bench gpu_hard_scenes -- --radix-from 0,4000000000`).
@@ -172,9 +173,9 @@ pub(crate) fn profile_of(calibrations: &[Calibration], adapter: &AdapterSummary)
 }
 
 /// Assumed for a GPU at 10¹² bytes/s: a search moves 210 bytes per sphere by its plan, and 100 more per pair. A call
-/// has six more dispatches of 2 µs, and fourteen indirect ones of 3 µs more. By these values lists begin at 310,000 spheres;
-/// on an H100 a list halves the step of a million spheres (`bench/results/nvidia-h100-h200.md`). An overhead of 38 to
-/// 75 µs was measured.
+/// with a list has six more dispatches of 2 µs, and fourteen indirect ones of 3 µs more; 38 to 75 µs were measured. By
+/// these values lists begin at 310,000 spheres; on an H100 a list halves the step of a million spheres
+/// (`bench/results/nvidia-h100-h200.md`).
 pub(crate) const HARDWARE_SKIN_COSTS: SkinCosts = SkinCosts {
     search_ns: 0.21,
     levels_ns: 0.0,

@@ -10,11 +10,12 @@ use crate::gpu::device::GpuDevice;
 use crate::report::Report;
 use crate::{Backend, Error, choice};
 
-/// The number of spheres decides if the CPU or the device runs a call.
+/// A backend that runs each call on the CPU or on the device, depending on its number of spheres.
 #[derive(Debug)]
 pub(crate) struct AutoBackend {
     host: HostBackend,
     device: GpuBackend,
+    /// Backend of the last call, and the reason.
     chosen: (Backend, String),
 }
 
@@ -33,7 +34,7 @@ impl AutoBackend {
 impl DetectorBackend for AutoBackend {
     fn report(&self) -> Report {
         let mut report = self.last().report();
-        report.precede(&self.chosen.1);
+        report.prepend_reason(&self.chosen.1);
         report
     }
 
@@ -87,18 +88,18 @@ mod tests {
         let names = [&gpu.adapter.name, &gpu.adapter.driver, env!("CARGO_PKG_VERSION")].map(str::to_owned);
         let known = Calibration::new(names, Crossover::SOFTWARE, 1 << 19, SOFTWARE_SKIN_COSTS, 100);
         let backend = AutoBackend::new(gpu, Config::default().calibration([known])).expect("valid settings");
-        let mut engine = BackendFinder::on(Box::new(backend));
+        let mut finder = BackendFinder::on(Box::new(backend));
         let spheres: Vec<Sphere> = (0..200).map(|k| Sphere::new([k as f32, 0.0, 0.0], 0.5)).collect();
         for (count, expected) in
             [(200, Backend::Gpu), (99, Backend::Cpu), (100, Backend::Gpu), (2, Backend::Cpu)]
         {
-            assert_eq!(engine.count(&spheres[..count]), Ok(count as u64 - 1), "{count}");
-            let report = engine.backend().report();
+            assert_eq!(finder.count(&spheres[..count]), Ok(count as u64 - 1), "{count}");
+            let report = finder.backend().report();
             assert_eq!((report.backend, report.spheres), (expected, count as u64), "{report:?}");
             assert_eq!(report.pairs, count as u64 - 1, "{report:?}");
             assert!(report.algorithm != Algorithm::Auto && report.reason.contains("100"), "{report:?}");
         }
-        let [few, many] = [99, 100].map(|spheres| engine.backend().memory_for(spheres));
+        let [few, many] = [99, 100].map(|spheres| finder.backend().memory_for(spheres));
         assert!(0 < few && few < many, "{few}, {many}");
     }
 }

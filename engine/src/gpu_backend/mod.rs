@@ -38,7 +38,7 @@ pub(crate) struct GpuBackend {
     pub(super) known: AdapterProfile,
     device: Device,
     framed: Option<Box<Device>>,
-    /// The species of `device`, whose spheres are in no frame.
+    /// The species that `device` searches outside of frames.
     searched_species: SearchedSpecies,
     team: Arc<Team>,
     buffers: QueryBuffers,
@@ -188,16 +188,16 @@ impl SearchBackend for GpuBackend {
                 Ok(()) => skin_controller.next(&request, &known.skin)?,
                 Err(why) => {
                     log::debug!("no candidates: {why}");
-                    skin_controller.restart();
+                    *skin_controller = SkinController::default();
                     None
                 }
             };
             search.session.update_skin(skin)?;
         }
         work(&mut SlabPairSource { search, request: &request })?;
-        // The session is not asked if one set is empty, and still describes an earlier call.
+        // If one set is empty, the session does not search and still describes an earlier call.
         if !request.has_no_pairs() {
-            conclude(report, search);
+            complete_report(report, search);
         }
         if let Some(skin_controller) = skin_controller {
             skin_controller.note(query.len(), report.candidates, search.session.last_rebuild());
@@ -213,8 +213,8 @@ struct Device {
 }
 
 impl Device {
-    /// Leaves out species that are absent, if that makes the reach of others smaller and memory suffices, and includes
-    /// them again.
+    /// Omits absent species from the search if that reduces the reach of others and memory suffices. Includes species
+    /// that return.
     fn search_species(
         &mut self,
         species: &mut SearchedSpecies,
@@ -247,7 +247,7 @@ impl Device {
         Ok(())
     }
 
-    /// Created by the first call that needs it.
+    /// Returns the session for spheres in a frame, created by the first call that needs it.
     fn framed<'d>(
         framed: &'d mut Option<Box<Self>>,
         unframed: &Self,
@@ -264,24 +264,24 @@ impl Device {
     }
 }
 
-/// In a frame spheres have the effective radius of their species; they are candidates if they touch and their species
-/// can pair.
+/// Returns the interactions to search. In a frame, spheres have the effective radius of their species, and are
+/// candidates if they touch and their species can pair.
 fn searched_table(settings: &Settings, is_framed: bool) -> Result<Option<Interactions>, Error> {
     let Some(table) = &settings.interactions else { return Ok(None) };
     Ok(Some(if is_framed { table.contact_only()? } else { table.clone() }))
 }
 
-/// With the periodic axes of every frame.
+/// Returns a space with the periodic axes of all calls, which set its lengths.
 fn searched_space(space: &Space) -> Space {
     let lengths = match space.triclinic_cell() {
         None => space.lengths_f32(),
-        Some(shear) => [0, 1, 2].map(|axis| (axis < shear.rank()).then_some(1.0)),
+        Some(cell) => [0, 1, 2].map(|axis| (axis < cell.rank()).then_some(1.0)),
     };
     let in_range = |length: f32| f64::from(length.clamp(f32::MIN_POSITIVE, f32::MAX));
     Space::periodic(lengths.map(|length| length.map(in_range))).unwrap_or_default()
 }
 
-fn conclude(report: &mut Report, search: &SlabSearch) {
+fn complete_report(report: &mut Report, search: &SlabSearch) {
     let session = &search.session;
     report.cost = session.cost();
     let ran = session.algorithm();
@@ -309,7 +309,7 @@ fn conclude(report: &mut Report, search: &SlabSearch) {
 
 fn cell_ratio(asked: Option<f32>) -> Result<f32, Error> {
     let ratio = asked.unwrap_or(GpuConfig::CELL_RATIO);
-    if Config::RASTER_RATIOS.contains(&ratio) {
+    if Config::CELL_RATIOS.contains(&ratio) {
         return Ok(ratio.max(GpuConfig::MIN_CELL_RATIO));
     }
     let range = "choose between 0.5 and 16";

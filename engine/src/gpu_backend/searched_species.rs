@@ -19,17 +19,18 @@ pub(super) struct SearchedSpecies {
     version: u32,
     /// `true` if species that are absent enlarge the reach of others.
     is_too_far: bool,
-    /// Calls that were too far, and their number before species are left out. It doubles when one of these returns.
+    /// Successive calls with a reach that is too far.
     waited: u32,
+    /// Value of `waited` at which absent species are left out. It doubles when one of them returns.
     patience: u32,
 }
 
 impl SearchedSpecies {
-    /// Returns the interactions to search in this call and later, or `None` to keep those that are `searched`. The device
-    /// must take them before the change is [recorded](Self::record).
+    /// Returns the interactions for this call and later ones, or `None` to keep the `searched` ones. The device must
+    /// accept them before the change is [recorded](Self::record).
     ///
     /// # Errors
-    /// [`Error::Input`] if memory for them is refused.
+    /// [`Error::Input`] if memory for the interactions is refused.
     pub(super) fn next(
         &mut self,
         present: &SpeciesGroups,
@@ -61,12 +62,12 @@ impl SearchedSpecies {
             .any(|(species, is_left_out)| *is_left_out && present.is_present(species))
     }
 
-    /// Keeps the interactions until other species are present.
+    /// Keeps the searched interactions until other species are present.
     pub(super) fn keep(&mut self, present: &SpeciesGroups) {
         (self.version, self.is_too_far, self.waited) = (present.version(), false, 0);
     }
 
-    /// Records that the device searches the species that are `present`, of this number of species.
+    /// Records that the device searches the `present` ones of all `species`.
     pub(super) fn record(&mut self, present: &SpeciesGroups, species: u32) {
         self.keep(present);
         self.are_left_out = (0..species).map(|species| !present.is_present(species)).collect();

@@ -12,10 +12,12 @@ const AS_GOOD: std::ops::RangeInclusive<f32> = 0.67..=1.5;
 pub(super) struct SkinController {
     tuner: SkinTuner,
     skin: Option<f32>,
+    /// `true` if an existing list answered the last call.
     is_served: bool,
 }
 
 impl SkinController {
+    /// Returns the skin of the next call; `None` for a search without a list.
     pub(super) fn next(
         &mut self,
         request: &SearchRequest<'_>,
@@ -27,25 +29,22 @@ impl SkinController {
             let skin = self.tuner.skin(spheres, interactions, space, costs)?;
             let skin = skin.filter(|skin| SKIN_RANGE.contains(skin));
             self.skin = match (self.skin, skin) {
-                (Some(there_is), Some(skin)) if AS_GOOD.contains(&(skin / there_is)) => Some(there_is),
+                (Some(current), Some(skin)) if AS_GOOD.contains(&(skin / current)) => Some(current),
                 _ => skin,
             };
         }
         Ok(self.skin)
     }
 
-    pub(super) fn restart(&mut self) {
-        *self = Self::default();
-    }
-
-    /// With its candidate list, if any, and the age and used fraction of the list before.
-    pub(super) fn note(&mut self, spheres: usize, kept: Option<CandidateListStats>, went: (u32, f32)) {
+    /// Updates the tuner after a call with its candidate list, if any, and the age and displacement fraction of the
+    /// `previous` list.
+    pub(super) fn note(&mut self, spheres: usize, kept: Option<CandidateListStats>, previous: (u32, f32)) {
         self.is_served = kept.is_some_and(|kept| kept.rebuilt.is_none());
         match kept {
-            Some(CandidateListStats { rebuilt: None, .. }) => self.tuner.record_age(went, None),
+            Some(CandidateListStats { rebuilt: None, .. }) => self.tuner.record_age(previous, None),
             Some(CandidateListStats { rebuilt, count, .. }) => {
                 if rebuilt == Some(RebuildReason::Displacement) {
-                    self.tuner.record_age(went, rebuilt);
+                    self.tuner.record_age(previous, rebuilt);
                 }
                 self.tuner.record_count(count as f32 / spheres.max(1) as f32);
             }
@@ -94,12 +93,12 @@ mod tests {
                 false => Some(RebuildReason::NoList),
             };
             kept.count = if distance < 0.5 { 0 } else { 3 * n as u64 };
-            let went = (age + 1, moved);
+            let previous = (age + 1, moved);
             match kept.rebuilt {
                 None => (served, age) = (served + 1, age + 1),
                 Some(_) => (found, age, since, held) = (found + 1, 0, at, skin),
             }
-            controller.note(n, Some(kept), went);
+            controller.note(n, Some(kept), previous);
         }
         (served, found)
     }

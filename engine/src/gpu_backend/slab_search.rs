@@ -23,6 +23,17 @@ impl SearchRequest<'_> {
     pub(super) fn has_no_pairs(&self) -> bool {
         has_empty_set(self.split, self.spheres.len() as u32)
     }
+
+    fn filter_pairs(&self, pairs: &mut Vec<Pair>) {
+        let Some((filter, team)) = self.filter else { return };
+        let filtered = team.pass(pairs.len(), |executor| {
+            filter.retain(pairs, executor);
+            Ok(())
+        });
+        if filtered.is_err() {
+            filter.retain(pairs, Executor::Caller);
+        }
+    }
 }
 
 /// Returns `true` if one of two sets has no sphere.
@@ -30,11 +41,11 @@ pub(super) fn has_empty_set(split: Option<u32>, spheres: u32) -> bool {
     split.is_some_and(|split| split == 0 || split == spheres)
 }
 
-#[derive(Clone, Copy)]
+/// A request whose spheres are divided into slabs.
 struct Cut<'a> {
     request: &'a SearchRequest<'a>,
-    input: &'a SlabInput<'a>,
-    slabs: &'a Slabs,
+    input: SlabInput<'a>,
+    slabs: Slabs,
 }
 
 /// Searches slab by slab if the device cannot bind all spheres.
@@ -89,25 +100,23 @@ impl SlabSearch {
         Self { session, slab, timings, slabs: 1, found }
     }
 
-    /// Unordered.
+    /// Replaces `list` by the pairs, unordered.
     pub(super) fn list(
         &mut self,
         request: &SearchRequest<'_>,
         limit: u64,
         list: &mut Vec<Pair>,
     ) -> Result<(), Error> {
-        match (self.list_found(request, limit, list), request.filter) {
-            (Ok(()), Some((filter, team))) => {
-                refine(list, filter, team);
+        match self.list_found(request, limit, list) {
+            Ok(()) => {
+                request.filter_pairs(list);
                 Ok(())
             }
-            // Candidates that the filter drops need no capacity in the list, nor pairs of two ghosts.
-            (Err(Error::TooManyPairs { .. }), filter)
-                if filter.is_some() || self.has_ghost_pairs(request) =>
-            {
+            // Dropped pairs do not count towards the limit.
+            Err(Error::TooManyPairs { .. }) if self.drops_pairs(request) => {
                 self.list_in_parts(request, limit, list)
             }
-            (result, _) => result,
+            error => error,
         }
     }
 
@@ -121,20 +130,17 @@ impl SlabSearch {
             list.clear();
             return Ok(());
         }
-        let Some((input, slabs)) = self.cut(request)? else {
+        let Some(cut) = self.cut(request)? else {
             let ticket = self.begin(request)?;
             self.session.finish(ticket, limit)?;
-            self.session.swap_pairs(list);
+            std::mem::swap(self.session.pairs_mut(), list);
             self.add_timings();
             return Ok(());
         };
-        let cut = Cut { request, input: &input, slabs: &slabs };
         let mut found = 0;
         list.clear();
-        for number in 0..slabs.len() {
-            let Some(ticket) = self.begin_slab(cut, number, &GpuSpheres::ALL)? else {
-                continue;
-            };
+        for number in 0..cut.slabs.len() {
+            let Some(ticket) = self.begin_slab(&cut, number, &GpuSpheres::ALL)? else { continue };
             if found > limit {
                 found += self.session.finish_count(ticket)?;
                 continue;
@@ -143,7 +149,7 @@ impl SlabSearch {
                 Ok(count) => {
                     found += count as u64;
                     let pairs = self.session.pairs_mut();
-                    self.slab.name(pairs);
+                    self.slab.restore_indices(pairs);
                     try_reserve(list, pairs.len(), "pairs")?;
                     list.append(pairs);
                 }
@@ -171,12 +177,7 @@ impl SlabSearch {
             if found > limit {
                 return ControlFlow::Continue(());
             }
-            refused = try_reserve(list, pairs.len(), "pairs").err();
-            if refused.is_some() {
-                return ControlFlow::Break(());
-            }
-            list.append(pairs);
-            ControlFlow::Continue(())
+            append(list, pairs, &mut refused)
         })?;
         match refused {
             Some(error) => Err(error),
@@ -189,7 +190,7 @@ impl SlabSearch {
         if request.has_no_pairs() {
             return Ok(0);
         }
-        if request.filter.is_some() || self.has_ghost_pairs(request) {
+        if self.drops_pairs(request) {
             let mut found = 0;
             self.parts(request, None, |pairs| {
                 found += pairs.len() as u64;
@@ -197,26 +198,23 @@ impl SlabSearch {
             })?;
             return Ok(found);
         }
-        let Some((input, slabs)) = self.cut(request)? else {
+        let Some(cut) = self.cut(request)? else {
             let ticket = self.begin(request)?;
             let found = self.session.finish_count(ticket)?;
             self.add_timings();
             return Ok(found);
         };
-        let cut = Cut { request, input: &input, slabs: &slabs };
         let mut found = 0;
-        for number in 0..slabs.len() {
-            let Some(ticket) = self.begin_slab(cut, number, &GpuSpheres::ALL)? else {
-                continue;
-            };
+        for number in 0..cut.slabs.len() {
+            let Some(ticket) = self.begin_slab(&cut, number, &GpuSpheres::ALL)? else { continue };
             found += self.session.finish_count(ticket)?;
             self.add_timings();
         }
         Ok(found)
     }
 
-    /// Passes parts of pairs, with `in_order` by ascending smaller index, of at most that many pairs unless one sphere,
-    /// or the output of the device, has more.
+    /// Passes the pairs in parts. With `in_order`, parts ascend by smaller index and have at most that number of pairs,
+    /// unless one sphere, or the output of the device, has more.
     pub(super) fn parts(
         &mut self,
         request: &SearchRequest<'_>,
@@ -226,42 +224,34 @@ impl SlabSearch {
         if request.has_no_pairs() {
             return Ok(());
         }
-        let Some((input, slabs)) = self.cut(request)? else {
+        let Some(cut) = self.cut(request)? else {
             let ticket = self.begin(request)?;
             self.session.finish_in_parts(ticket, |pairs| {
-                if let Some((filter, team)) = request.filter {
-                    refine(pairs, filter, team);
-                }
+                request.filter_pairs(pairs);
                 consume(pairs)
             })?;
             self.add_timings();
             return Ok(());
         };
         match in_order {
-            None => {
-                self.slab_by_slab(Cut { request, input: &input, slabs: &slabs }, &GpuSpheres::ALL, consume)
-            }
-            Some(most) => self.range_by_range(Cut { request, input: &input, slabs: &slabs }, most, consume),
+            None => self.slab_by_slab(&cut, &GpuSpheres::ALL, consume),
+            Some(most) => self.range_by_range(&cut, most, consume),
         }
     }
 
-    /// For smaller indices in `range`.
+    /// Passes the pairs of each slab with smaller indices in `range`.
     fn slab_by_slab(
         &mut self,
-        cut: Cut<'_>,
+        cut: &Cut<'_>,
         range: &Range<u32>,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
         for number in 0..cut.slabs.len() {
-            let Some(ticket) = self.begin_slab(cut, number, range)? else {
-                continue;
-            };
+            let Some(ticket) = self.begin_slab(cut, number, range)? else { continue };
             let (slab, mut is_enough) = (&self.slab, false);
             self.session.finish_in_parts(ticket, |pairs| {
-                slab.name(pairs);
-                if let Some((filter, team)) = cut.request.filter {
-                    refine(pairs, filter, team);
-                }
+                slab.restore_indices(pairs);
+                cut.request.filter_pairs(pairs);
                 let flow = consume(pairs);
                 is_enough = flow.is_break();
                 flow
@@ -274,10 +264,11 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// Passes pairs by ascending smaller index. More than `most` are counted per sphere, then searched range by range.
+    /// Passes pairs in parts of ascending smaller indices. If there are more than `most`, counts them per sphere and
+    /// then searches ranges of indices.
     fn range_by_range(
         &mut self,
-        cut: Cut<'_>,
+        cut: &Cut<'_>,
         most: u64,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
@@ -298,17 +289,11 @@ impl SlabSearch {
             let _ = consume(&mut list);
             return Ok(());
         }
-        log::info!("{found} pairs of {} slabs are more than {most}: range by range", self.slabs);
+        log::info!("{found} pairs of {} slabs are more than {most}: searching ranges of indices", self.slabs);
         for range in ranges(&counts, most) {
             list.clear();
             let mut refused = None;
-            self.slab_by_slab(cut, &range, |pairs| {
-                match try_reserve(&mut list, pairs.len(), "pairs") {
-                    Ok(()) => list.append(pairs),
-                    Err(error) => refused = Some(error),
-                }
-                if refused.is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-            })?;
+            self.slab_by_slab(cut, &range, |pairs| append(&mut list, pairs, &mut refused))?;
             if let Some(error) = refused {
                 return Err(error);
             }
@@ -319,35 +304,36 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// Returns `true` if slabs also find pairs of two ghosts, which only [`Slab::name`] drops. The window of one set leaves
-    /// them out.
-    fn has_ghost_pairs(&self, request: &SearchRequest<'_>) -> bool {
-        request.split.is_some() && !self.is_bound_at_once(request)
+    /// Returns `true` if the host drops pairs that the device finds, by the filter or because both spheres are ghosts.
+    /// The window of one set excludes pairs of two ghosts.
+    fn drops_pairs(&self, request: &SearchRequest<'_>) -> bool {
+        request.filter.is_some() || (request.split.is_some() && !self.is_bound_at_once(request))
     }
 
     pub(super) fn is_bound_at_once(&self, request: &SearchRequest<'_>) -> bool {
         request.spheres.len() as u64 <= self.session.most_spheres()
     }
 
-    fn cut<'a>(&mut self, request: &SearchRequest<'a>) -> Result<Option<(SlabInput<'a>, Slabs)>, Error> {
+    /// Divides the spheres into slabs; returns `None` if the device can bind all of them.
+    fn cut<'a>(&mut self, request: &'a SearchRequest<'a>) -> Result<Option<Cut<'a>>, Error> {
         self.timings.clear();
         self.slabs = 1;
-        let (spheres, count) = (request.spheres, request.spheres.len() as u64);
         if self.is_bound_at_once(request) {
             return Ok(None);
         }
         let most = self.session.most_spheres();
         let start = Instant::now();
-        let input =
-            SlabInput::new(spheres, request.interactions, request.space).across(request.split.unwrap_or(0));
+        let input = SlabInput::new(request.spheres, request.interactions, request.space)
+            .across(request.split.unwrap_or(0));
         let Some(slabs) = Slabs::new(&input, most as usize) else {
             let what = "the sphere buffer, which overlaps too much to be cut into several,";
             let remedy = "split the spheres or take a device with a larger limit";
-            return Err(Error::LimitExceeded { what, needed: 16 * count, limit: 16 * most, remedy });
+            let needed = 16 * request.spheres.len() as u64;
+            return Err(Error::LimitExceeded { what, needed, limit: 16 * most, remedy });
         };
         self.slabs = slabs.len();
         self.time("cut", start);
-        Ok(Some((input, slabs)))
+        Ok(Some(Cut { request, input, slabs }))
     }
 
     fn begin(&mut self, request: &SearchRequest<'_>) -> Result<Ticket, Error> {
@@ -362,16 +348,16 @@ impl SlabSearch {
         Ok(ticket)
     }
 
-    /// For smaller indices in `range`; `None` if it cannot have any. Keeps no candidates, because the session's next
-    /// call is another slab.
+    /// Begins the search of a slab for smaller indices in `range`; returns `None` if it has no such pairs. The session
+    /// keeps no candidate list, because its next call is another slab.
     fn begin_slab(
         &mut self,
-        cut: Cut<'_>,
+        cut: &Cut<'_>,
         number: usize,
         range: &Range<u32>,
     ) -> Result<Option<Ticket>, Error> {
         let start = Instant::now();
-        cut.slabs.gather(number, cut.input, range, &mut self.slab)?;
+        cut.slabs.gather(number, &cut.input, range, &mut self.slab)?;
         self.time("cut", start);
         if self.slab.window().is_empty() {
             return Ok(None);
@@ -394,12 +380,16 @@ impl SlabSearch {
     }
 }
 
-fn refine(pairs: &mut Vec<Pair>, filter: &PairFilter<'_>, team: &Team) {
-    let refined = team.pass(pairs.len(), |executor| {
-        filter.retain(pairs, executor);
-        Ok(())
-    });
-    if refined.is_err() {
-        filter.retain(pairs, Executor::Caller);
+/// Appends `pairs` to `list`, or stops the search and stores the error if memory is refused.
+fn append(list: &mut Vec<Pair>, pairs: &mut Vec<Pair>, refused: &mut Option<Error>) -> ControlFlow<()> {
+    match try_reserve(list, pairs.len(), "pairs") {
+        Ok(()) => {
+            list.append(pairs);
+            ControlFlow::Continue(())
+        }
+        Err(error) => {
+            *refused = Some(error);
+            ControlFlow::Break(())
+        }
     }
 }

@@ -5,7 +5,7 @@
 //!
 //! For a *range* of indices, only pairs whose smaller index is in the range are found. Spheres of smaller indices are
 //! omitted, and the search window ends with the spheres of the range, which come first. Pairs of two ghosts are
-//! dropped: the slab that owns one finds them too.
+//! dropped: the slab that owns one of the spheres finds the pair, too.
 //!
 //! The first of two sets has the smaller indices, and no range exceeds it. Spheres of the first set outside the range
 //! are omitted, so the first set also comes first in a slab.
@@ -17,13 +17,15 @@ use lazygrid_kernels::{EffectiveRadius, Interactions, Pair, Space, Sphere, Spher
 
 use crate::Error;
 
+/// Spheres whose lower ends are sampled to choose possible cuts.
 const SAMPLE: usize = 1 << 14;
+/// Possible cuts of an axis.
 const EDGES: usize = 1 << 10;
 /// Ends are moved outwards by this fraction of the radius, and of a periodic length: above the rounding error and the 4
 /// ulp of a GPU.
 const MARGIN: f64 = 1.0 / (1 << 20) as f64;
-/// One in 16 spheres may be a ghost.
-const FEW: usize = 16;
+/// If at most one in this many spheres is a ghost, further axes are not tried.
+const SPHERES_PER_GHOST: usize = 16;
 
 #[derive(Debug)]
 pub(crate) struct SlabInput<'a> {
@@ -52,7 +54,7 @@ pub(crate) struct Slab {
     later: [Vec<u32>; 3],
     /// The ends of the first three groups.
     ends: [u32; 3],
-    /// If the first two groups are the first set.
+    /// `true` if the first two groups are the first set.
     has_two_sets: bool,
 }
 
@@ -77,12 +79,13 @@ impl<'a> SlabInput<'a> {
         Self { split, ..self }
     }
 
-    /// Part of `range` that can contain smaller indices of pairs.
+    /// Returns the part of `range` that can contain smaller indices of pairs.
     fn first_indices(&self, range: &Range<u32>) -> Range<u32> {
         if self.split == 0 { range.clone() } else { range.start..range.end.min(self.split) }
     }
 
-    /// On a periodic axis the lower end is wrapped, the upper one may be outside the box.
+    /// Returns the ends of a sphere along `axis`. On a periodic axis the lower end is wrapped; the upper end may be
+    /// outside the box.
     fn ends(&self, k: usize, axis: usize) -> [f64; 2] {
         let Sphere { center, radius } = self.spheres.get(k);
         let radius = match self.spheres.species() {
@@ -108,7 +111,7 @@ impl<'a> SlabInput<'a> {
         self.space.lengths()[axis]
     }
 
-    /// Between cuts are about equal numbers of spheres; the first is before all.
+    /// Returns the possible cuts, with about equal numbers of spheres between them; the first is below all spheres.
     fn edges(&self, axis: usize) -> Vec<f64> {
         let step = (self.spheres.len() / SAMPLE).max(1);
         let mut begins: Vec<f64> =
@@ -120,13 +123,13 @@ impl<'a> SlabInput<'a> {
         edges
     }
 
-    /// With at most `most` spheres each, and the number of ghosts; `None` if no cut exists.
+    /// Returns slabs of at most `most` spheres each, and the number of ghosts; `None` if `axis` cannot be divided.
     fn cut(&self, axis: usize, most: usize) -> Option<(Slabs, usize)> {
         let edges = self.edges(axis);
         let period = self.period(axis);
         let mut owned = vec![0_usize; edges.len()];
         // Number of ghosts per edge, as differences between edges.
-        let mut lent = vec![0_isize; edges.len() + 1];
+        let mut ghosts = vec![0_isize; edges.len() + 1];
         let slot = |end: f64| edges.partition_point(|&edge| edge <= end) - 1;
         let mut widest = 0.0_f64;
         for k in (0..self.spheres.len()).filter(|&k| !self.is_idle(k)) {
@@ -134,46 +137,47 @@ impl<'a> SlabInput<'a> {
             widest = widest.max(end - begin);
             let [from, to] = [begin, end].map(slot);
             owned[from] += 1;
-            lent[from + 1] += 1;
-            lent[to + 1] -= 1;
+            ghosts[from + 1] += 1;
+            ghosts[to + 1] -= 1;
             if let Some(length) = period.filter(|length| end >= length / 2.0) {
-                lent[0] += 1;
-                lent[slot((end - length).max(edges[0])) + 1] -= 1;
+                ghosts[0] += 1;
+                ghosts[slot((end - length).max(edges[0])) + 1] -= 1;
             }
         }
         // Narrower slabs cannot find a pair twice across the periodic boundary.
         let width = period.map_or(f64::INFINITY, |length| length - 2.0 * widest);
         let mut slabs: Vec<(f64, usize)> = Vec::new();
-        let (mut lent_here, mut all_lent) = (0, 0);
+        let (mut ghosts_here, mut all_ghosts) = (0, 0);
         for (k, &edge) in edges.iter().enumerate() {
-            lent_here += lent[k];
-            let lent = lent_here.max(0) as usize;
+            ghosts_here += ghosts[k];
+            let ghosts = ghosts_here.max(0) as usize;
             let next = edges.get(k + 1).copied().or(period.map(|length| length / 2.0)).unwrap_or(edge);
             let is_narrow = |begin: f64| period.is_none() || next - begin < width;
             match slabs.last_mut() {
                 Some((begin, count)) if *count + owned[k] <= most && is_narrow(*begin) => *count += owned[k],
-                _ if owned[k] + lent > most || !is_narrow(edge) => return None,
+                _ if owned[k] + ghosts > most || !is_narrow(edge) => return None,
                 _ => {
-                    slabs.push((edge, owned[k] + lent));
-                    all_lent += lent;
+                    slabs.push((edge, owned[k] + ghosts));
+                    all_ghosts += ghosts;
                 }
             }
         }
-        Some((Slabs { axis, slabs }, all_lent))
+        Some((Slabs { axis, slabs }, all_ghosts))
     }
 }
 
 impl Slabs {
-    /// At most `most` spheres per slab, across the axis with the fewest ghosts; `None` if too many spheres overlap.
+    /// Divides the axis with the fewest ghosts into slabs of at most `most` spheres. Returns `None` if too many spheres
+    /// overlap.
     pub(crate) fn new(input: &SlabInput<'_>, most: usize) -> Option<Self> {
         let mut best: Option<(Self, usize)> = None;
         for axis in 0..3 {
-            if let Some((slabs, lent)) = input.cut(axis, most)
-                && best.as_ref().is_none_or(|(_, least)| lent < *least)
+            if let Some((slabs, ghosts)) = input.cut(axis, most)
+                && best.as_ref().is_none_or(|(_, least)| ghosts < *least)
             {
-                best = Some((slabs, lent));
+                best = Some((slabs, ghosts));
             }
-            if best.as_ref().is_some_and(|(_, least)| *least <= input.spheres.len() / FEW) {
+            if best.as_ref().is_some_and(|(_, least)| *least <= input.spheres.len() / SPHERES_PER_GHOST) {
                 break;
             }
         }
@@ -184,7 +188,7 @@ impl Slabs {
         self.slabs.len()
     }
 
-    /// For smaller indices in `range`.
+    /// Gathers the spheres of a slab for pairs with smaller indices in `range`.
     pub(crate) fn gather(
         &self,
         number: usize,
@@ -202,17 +206,17 @@ impl Slabs {
         try_reserve(indices, count, "the spheres of a slab")?;
         later.iter_mut().for_each(Vec::clear);
         let is_owned = |[begin, _]: [f64; 2]| from <= begin && begin < to;
-        let is_lent = |[begin, end]: [f64; 2]| {
+        let is_ghost = |[begin, end]: [f64; 2]| {
             begin < from && from <= end || period.is_some_and(|length| from <= end - length)
         };
-        let left_out = range.end..input.split;
+        let omitted = range.end..input.split;
         for k in range.start as usize..input.spheres.len() {
-            if left_out.contains(&(k as u32)) || input.is_idle(k) {
+            if omitted.contains(&(k as u32)) || input.is_idle(k) {
                 continue;
             }
             let ends = input.ends(k, self.axis);
             let group = match (range.contains(&(k as u32)), is_owned(ends)) {
-                (_, false) if !is_lent(ends) => continue,
+                (_, false) if !is_ghost(ends) => continue,
                 (true, true) => &mut *indices,
                 (true, false) => &mut later[0],
                 (false, true) => &mut later[1],
@@ -244,19 +248,21 @@ impl Slab {
         Ok(if self.species.is_empty() { spheres } else { spheres.with_species(&self.species)? })
     }
 
-    /// Size of the first of two sets; 0 for one set. For two sets it is 0 only if the [window](Self::window) is empty.
+    /// Returns the size of the first of two sets; 0 for one set. For two sets it is 0 only if the
+    /// [window](Self::window) is empty.
     pub(crate) fn split(&self) -> u32 {
         if self.has_two_sets { self.ends[1] } else { 0 }
     }
 
+    /// Returns the range of the smaller index of the pairs to find, as indices in the slab.
     pub(crate) fn window(&self) -> Range<u32> {
         let [owned, of_range, _] = self.ends;
         // Without other spheres, this slab owns no pair of two ghosts.
         0..if of_range as usize == self.indices.len() { owned } else { of_range }
     }
 
-    /// Restores the indices of the call, and drops pairs of two ghosts.
-    pub(crate) fn name(&self, pairs: &mut Vec<Pair>) {
+    /// Replaces indices in the slab by indices of the call, and drops pairs of two ghosts.
+    pub(crate) fn restore_indices(&self, pairs: &mut Vec<Pair>) {
         let [owned, of_range, others] = self.ends;
         let is_owned = |k: u32| k < owned || (of_range..others).contains(&k);
         pairs.retain_mut(|pair| {

@@ -65,8 +65,8 @@ fn inputs_beyond_the_largest_binding_are_searched_in_slabs() {
             streamed.extend_from_slice(pairs);
             ControlFlow::Continue(())
         };
-        let handed = detector.stream(all, usize::MAX, &mut keep).expect("in order");
-        assert!(streamed == expected && handed == all_pairs, "up to {limit}");
+        let delivered = detector.stream(all, usize::MAX, &mut keep).expect("in order");
+        assert!(streamed == expected && delivered == all_pairs, "up to {limit}");
         assert!(largest <= limit, "{largest} pairs at once, not {limit}");
         let mut taken = 0;
         let stop = |pairs: &[Pair]| {
@@ -105,7 +105,7 @@ fn inputs_beyond_the_largest_binding_are_searched_in_slabs() {
 }
 
 #[test]
-fn a_report_says_why_one_level_had_to_do() {
+fn report_has_the_reason_for_a_single_level() {
     let Some(gpu) = device_or_skip() else { return };
     let spheres: Vec<_> = (0..3300).map(|k| Sphere::new([0.0; 3], 0.5_f32.powi(k % 20))).collect();
     let config = Config::default().backend(Backend::Gpu).algorithm(Algorithm::LazyGrid);

@@ -1,4 +1,4 @@
-// Moves particles in a box, counts their contacts, and draws both.
+// Moves particles in a box, counts their contacts and draws the particles.
 
 const HALF_EDGE: f32 = 50.0;
 
@@ -32,9 +32,9 @@ fn move_particles(@builtin(global_invocation_id) id: vec3<u32>) {
 fn count_contacts(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
+    @builtin(local_invocation_index) local_index: u32,
 ) {
-    let index = (group.x + group.y * groups.x) * 256u + lane;
+    let index = (group.x + group.y * groups.x) * 256u + local_index;
     if (index < min(outcome[0], arrayLength(&pairs))) {
         atomicAdd(&contacts[pairs[index].x], 1u);
         atomicAdd(&contacts[pairs[index].y], 1u);

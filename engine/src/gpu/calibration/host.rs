@@ -10,8 +10,10 @@ use crate::gpu::costs::Crossover;
 use crate::gpu::device::GpuDevice;
 use crate::gpu::session::GpuSession;
 
-const LONG: Duration = Duration::from_millis(50);
+/// Device time of a sample after which larger scenes are not measured.
+const MAX_SAMPLE_TIME: Duration = Duration::from_millis(50);
 
+/// Returns the number of spheres at or above which the device is faster than the CPU; [`u32::MAX`] if it never is.
 pub(super) fn device_from(gpu: &GpuDevice, crossover: Crossover, radix_sort_from: u32) -> Result<u32, Error> {
     let config = GpuConfig::default().crossover(crossover).radix_sort_from(radix_sort_from).timestamps(true);
     let mut session = GpuSession::new(gpu.clone(), config)?;
@@ -19,7 +21,7 @@ pub(super) fn device_from(gpu: &GpuDevice, crossover: Crossover, radix_sort_from
     let times = |scene: &[Sphere]| Ok([time_on_host(&mut host, scene)?, time(&mut session, scene)?]);
     let goes_on = |spheres, least: [Duration; 2]| {
         log::debug!("{spheres} spheres on the CPU and on the device: {least:?}");
-        least[1] <= LONG
+        least[1] <= MAX_SAMPLE_TIME
     };
     let samples = race(&SIZES, 1, ROUNDS, times, goes_on)?;
     Ok(match &samples[..] {
@@ -29,8 +31,8 @@ pub(super) fn device_from(gpu: &GpuDevice, crossover: Crossover, radix_sort_from
     })
 }
 
-/// Number of spheres at which the device overtakes the CPU if their times grow as between these samples, in proportion
-/// to the spheres; [`u32::MAX`] if it does not.
+/// Returns the number of spheres at which the device overtakes the CPU if both times grow linearly as between these
+/// samples; [`u32::MAX`] if it does not.
 fn crossing_beyond(from: &(u32, [Duration; 2]), to: &(u32, [Duration; 2])) -> u32 {
     let lag =
         |(_, [on_host, on_device]): &(u32, [Duration; 2])| on_device.as_secs_f64() - on_host.as_secs_f64();

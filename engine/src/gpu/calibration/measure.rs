@@ -8,7 +8,8 @@ use crate::gpu::session::GpuSession;
 pub(super) const SIZES: [u32; 10] = [256, 512, 1024, 2048, 4096, 8192, 16_384, 32_768, 65_536, 131_072];
 /// Disturbances only add time, so the fastest round counts.
 pub(super) const ROUNDS: usize = 7;
-pub(super) const CLEARLY: f64 = 0.7;
+/// Ratio of the second to the first time below which the second algorithm is clearly faster.
+pub(super) const CLEAR_TIME_RATIO: f64 = 0.7;
 const DENSITY: f32 = 0.05;
 
 pub(super) fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Duration, Error> {
@@ -18,7 +19,8 @@ pub(super) fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Durat
     Ok(start.elapsed())
 }
 
-/// Until the second algorithm is clearly faster or `goes_on` returns `false`.
+/// Returns the fastest times of two algorithms for growing scenes, until the second is clearly faster or `goes_on`
+/// returns `false`.
 pub(super) fn race(
     sizes: &[u32],
     classes: usize,
@@ -37,15 +39,15 @@ pub(super) fn race(
         }
         samples.push((spheres, least));
         let [first, second] = least.map(|time| time.as_secs_f64());
-        if !goes_on(spheres, least) || second < first * CLEARLY {
+        if !goes_on(spheres, least) || second < first * CLEAR_TIME_RATIO {
             break;
         }
     }
     Ok(samples)
 }
 
-/// Number of spheres at which the second algorithm overtakes the first, interpolated in logarithms; the first size if
-/// it always wins, twice the last size (at most `most`) if never.
+/// Returns the number of spheres at which the second algorithm overtakes the first, interpolated in logarithms: the
+/// first size if it always wins, twice the last size (at most `most`) if never.
 pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
     // Between two samples the lead is a power of the number of spheres.
     let lead = |(_, [first, second]): &(u32, [Duration; 2])| {
@@ -62,7 +64,7 @@ pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
     (from + (to - from) * here / (here - there)).exp().round() as u32
 }
 
-/// Evenly spread spheres of radii 1, 1/2, 1/4, … in turn, which fill the fraction `density` of a cube.
+/// Returns evenly spread spheres of radii 1, 1/2, 1/4, … in turn, which fill the fraction `density` of a cube.
 pub(super) fn scene(spheres: u32, classes: usize, density: f32) -> Vec<Sphere> {
     let radius = |k: usize| 0.5_f32.powi((k % classes) as i32);
     let volume = (0..spheres as usize).map(|k| 4.188_79 * radius(k).powi(3)).sum::<f32>();

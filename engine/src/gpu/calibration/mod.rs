@@ -1,5 +1,5 @@
-//! Measures the numbers of spheres at which the grid overtakes all pairs, the radix sort counting, and the device the
-//! CPU; and the costs of candidate lists.
+//! Measures the costs of candidate lists, and the numbers of spheres at which the grid overtakes all pairs, the radix
+//! sort overtakes the counting sort, and the device overtakes the CPU.
 
 mod host;
 mod measure;
@@ -26,7 +26,7 @@ const CROWD: [u32; 2] = [2048, 1 << 18];
 const CROWD_SECONDS: f64 = 0.05;
 const CROWD_ROUNDS: usize = 3;
 
-/// The fastest of several calls, with upload and readback of the count.
+/// The fastest of several calls per algorithm, with upload and readback of the count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CrossoverSample {
@@ -40,7 +40,7 @@ pub struct CrossoverSample {
     pub grid: Duration,
 }
 
-/// Time of work in which an idle GPU raises its clock: an H100 copied 0.40 TB/s without it, and 0.80 TB/s after other work.
+/// Time of work after which an idle GPU has raised its clock: an H100 copied 0.40 TB/s when idle, 0.80 TB/s after work.
 const WARM_UP: Duration = Duration::from_secs(1);
 
 /// Measures the crossovers and the costs of candidate lists on this device, within seconds. `seen` receives each sample
@@ -94,8 +94,8 @@ fn warm_up(gpu: &GpuDevice) -> Result<(), Error> {
     Ok(())
 }
 
-/// Distance tests per second of a grid in a crowded cell, or of all pairs if these take longer. The assumed rate if
-/// neither can be measured.
+/// Returns the lower rate of distance tests per second: of a grid in a crowded cell, or of all pairs (`naive`). Returns
+/// the assumed rate if neither can be measured.
 fn slowest_rate(gpu: &GpuDevice, naive: Option<f64>) -> Result<f64, Error> {
     let assumed = Calibration::assumed_tests_per_second(gpu.adapter.is_hardware, gpu.adapter.is_integrated);
     // The larger crowd takes about 50 ms at the rate of all pairs.
@@ -112,7 +112,7 @@ fn slowest_rate(gpu: &GpuDevice, naive: Option<f64>) -> Result<f64, Error> {
     Ok([naive, crowded].into_iter().flatten().reduce(f64::min).unwrap_or(assumed))
 }
 
-/// Rate of `n²/2` tests, from the difference of two samples; `None` if the submission cost hides it.
+/// Returns the rate of `n²/2` tests from the difference of two samples; `None` if the submission cost hides it.
 fn rate<T: Copy>([first, last]: [&(u32, T); 2], time: impl Fn(T) -> Duration) -> Option<f64> {
     let tests = |(spheres, _): &(u32, T)| f64::from(*spheres).powi(2) / 2.0;
     let seconds = time(last.1).saturating_sub(time(first.1)).as_secs_f64();

@@ -3,37 +3,39 @@ use std::time::Duration;
 use lazygrid_host::SkinCosts;
 use lazygrid_kernels::{Algorithm, Sphere};
 
-use super::measure::{CLEARLY, scene, time};
+use super::measure::{CLEAR_TIME_RATIO, scene, time};
 use crate::Error;
 use crate::gpu::config::GpuConfig;
 use crate::gpu::device::GpuDevice;
 use crate::gpu::session::GpuSession;
 
 const SIZES: [u32; 4] = [1 << 14, 1 << 16, 1 << 18, 1 << 20];
-const FEW: u32 = 256;
+const SMALL_SCENE: u32 = 256;
 const ROUNDS: usize = 7;
 /// Filled fractions of space: almost no overlaps, and some.
 const DENSITIES: [f32; 2] = [0.05, 1.0];
-/// In radii; the first has hardly more candidates than pairs.
+/// Skins in radii; the first has hardly more candidates than pairs.
 const SKINS: [f32; 2] = [0.05, 1.0];
 
 #[derive(Clone, Copy, Debug)]
 struct TimedCall {
     nanoseconds: f64,
-    /// Per sphere, as the candidates.
+    /// Pairs per sphere.
     pairs: f64,
+    /// Candidates per sphere.
     candidates: f64,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Calls {
     spheres: f64,
-    /// Without and with a candidate list.
+    /// Calls of few spheres, without and with a candidate list.
     few: [TimedCall; 2],
+    /// Calls without a candidate list, per density.
     searched: [TimedCall; 2],
     /// Calls answered from candidates, per skin.
     served: [TimedCall; 2],
-    /// With the wider skin.
+    /// Call that builds a list with the wider skin.
     found: TimedCall,
 }
 
@@ -43,13 +45,13 @@ pub(super) fn measure(gpu: &GpuDevice) -> Result<SkinCosts, Error> {
 
 fn measure_with(gpu: &GpuDevice, sizes: &[u32]) -> Result<SkinCosts, Error> {
     let mut search = session(gpu, None)?;
-    let few = scene(FEW, 1, DENSITIES[0]);
+    let few = scene(SMALL_SCENE, 1, DENSITIES[0]);
     let few_searched = fastest(&mut search, &few)?;
-    let mut spheres = FEW;
+    let mut spheres = SMALL_SCENE;
     for &size in sizes {
         spheres = size;
         let taken = fastest(&mut search, &scene(size, 1, DENSITIES[0]))?;
-        if few_searched.nanoseconds < taken.nanoseconds * (1.0 - CLEARLY) {
+        if few_searched.nanoseconds < taken.nanoseconds * (1.0 - CLEAR_TIME_RATIO) {
             break;
         }
     }
@@ -64,10 +66,10 @@ fn measure_with(gpu: &GpuDevice, sizes: &[u32]) -> Result<SkinCosts, Error> {
         found: found(&mut wide, dense)?,
     };
     log::debug!("{calls:?}");
-    Ok(worked_out(&calls))
+    Ok(costs_from(&calls))
 }
 
-fn worked_out(calls: &Calls) -> SkinCosts {
+fn costs_from(calls: &Calls) -> SkinCosts {
     let Calls { spheres, few, searched, served, found } = calls;
     let each = |call: &TimedCall, few: &TimedCall| (call.nanoseconds - few.nanoseconds) / spheres;
     let slope = |[a, b]: &[TimedCall; 2], of: fn(&TimedCall) -> f64| {
@@ -77,8 +79,8 @@ fn worked_out(calls: &Calls) -> SkinCosts {
     let search = (each(&searched[0], &few[0]) - find * searched[0].pairs).max(1e-3);
     let test = slope(served, |call| call.candidates);
     let measure = (each(&served[0], &few[1]) - test * served[0].candidates).max(0.0);
-    let besides = search + measure + (find + test) * found.candidates;
-    let keep = (each(found, &few[1]) - besides).max(0.0);
+    let other_costs = search + measure + (find + test) * found.candidates;
+    let keep = (each(found, &few[1]) - other_costs).max(0.0);
     let call = (few[1].nanoseconds - few[0].nanoseconds).max(0.0);
     let [search, find, keep, measure, test, call] =
         [search, find, keep, measure, test, call].map(|cost| cost as f32);
@@ -109,6 +111,7 @@ fn fastest(session: &mut GpuSession, spheres: &[Sphere]) -> Result<TimedCall, Er
     Ok(call(session, spheres.len(), least))
 }
 
+/// Times calls that rebuild the list because a radius changes.
 fn found(session: &mut GpuSession, mut spheres: Vec<Sphere>) -> Result<TimedCall, Error> {
     let mut least = Duration::MAX;
     for _ in 0..ROUNDS {
@@ -161,7 +164,7 @@ mod tests {
             served: [served(4.0), served(8.0)],
             found: call(new, true, [3.0, 8.0]),
         };
-        let found = worked_out(&calls);
+        let found = costs_from(&calls);
         let parts = |costs: SkinCosts| {
             let SkinCosts { search_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns, .. } = costs;
             [search_ns, find_ns, keep_ns, measure_ns, test_ns, call_ns]
@@ -180,7 +183,7 @@ mod tests {
         assert!(costs.is_valid(), "{costs:?}");
         let none = TimedCall { nanoseconds: 0.0, pairs: 0.0, candidates: 0.0 };
         let [few, searched, served] = [[none; 2]; 3];
-        let costs = worked_out(&Calls { spheres: 1.0, few, searched, served, found: none });
+        let costs = costs_from(&Calls { spheres: 1.0, few, searched, served, found: none });
         assert!(costs.is_valid(), "{costs:?}");
     }
 }

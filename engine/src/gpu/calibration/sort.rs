@@ -13,9 +13,10 @@ use crate::gpu::session::GpuSession;
 const SIZES: [u32; 5] = [1 << 17, 1 << 18, 1 << 19, 1 << 20, 1 << 21];
 const MOST: u32 = 2 * SIZES[SIZES.len() - 1];
 const ROUNDS: usize = 3;
-const LONG: Duration = Duration::from_millis(50);
+const MAX_SAMPLE_TIME: Duration = Duration::from_millis(50);
 
-/// Counting may be faster for the largest scene; the result is then at least the assumed value.
+/// Returns the number of spheres at which the radix sort overtakes the counting sort. If counting is faster even for
+/// the largest scene, the result is at least the assumed value.
 pub(super) fn radix_sort_from(gpu: &GpuDevice) -> Result<u32, Error> {
     let mut sessions = [session(gpu, u32::MAX)?, session(gpu, 0)?];
     let times = |scene: &[Sphere]| {
@@ -24,12 +25,12 @@ pub(super) fn radix_sort_from(gpu: &GpuDevice) -> Result<u32, Error> {
     };
     let goes_on = |spheres, least: [Duration; 2]| {
         log::debug!("{spheres} spheres by counting and by radix: {least:?}");
-        least[0] <= LONG
+        least[0] <= MAX_SAMPLE_TIME
     };
     let samples = race(&SIZES, 1, ROUNDS, times, goes_on)?;
     let assumed = AdapterProfile::assumed(&gpu.adapter).radix_sort_from;
-    let is_open = samples.last().is_some_and(|(_, [counted, sorted])| counted < sorted);
-    Ok(crossing(&samples, MOST).max(if is_open { assumed } else { 0 }))
+    let counting_wins = samples.last().is_some_and(|(_, [counted, sorted])| counted < sorted);
+    Ok(crossing(&samples, MOST).max(if counting_wins { assumed } else { 0 }))
 }
 
 fn session(gpu: &GpuDevice, radix_sort_from: u32) -> Result<GpuSession, Error> {
@@ -39,7 +40,7 @@ fn session(gpu: &GpuDevice, radix_sort_from: u32) -> Result<GpuSession, Error> {
     GpuSession::new(gpu.clone(), settings)
 }
 
-/// Uses the device's clock if it has one, because the upload may take longer.
+/// Returns the device's busy time if it has timestamps, because the upload may take longer; otherwise the wall time.
 fn busy(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Duration, Error> {
     let whole = time(session, spheres)?;
     let is_phase = |name: &str| GpuPhase::ALL.iter().any(|phase| phase.name() == name);

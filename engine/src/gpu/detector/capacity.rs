@@ -1,4 +1,5 @@
-/// Indexed by the binary digits of the sphere count; an entry applies to calls of at least as many digits.
+/// Capacities for (cell, object) entries that calls have needed, indexed by the binary digits of the sphere count. Each
+/// applies to calls of at least as many digits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EntryCapacity(pub(super) [u32; u32::BITS as usize + 1]);
 
@@ -14,7 +15,7 @@ impl EntryCapacity {
     }
 }
 
-/// Restored if the device cannot allocate more.
+/// The capacities to restore if the device cannot allocate more.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CapacitySnapshot {
     pub(super) entries: EntryCapacity,

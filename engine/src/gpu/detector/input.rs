@@ -132,8 +132,8 @@ impl<'a> GpuSpheres<'a> {
         Self { first: Some(first), ..self }
     }
 
-    /// Returns the window of the smaller index and the size of the first of two sets, 0 for one set. An empty set pairs
-    /// with none.
+    /// Returns the window of the smaller index and the size of the first of two sets, 0 for one set. An empty first set
+    /// has an empty window.
     pub(crate) fn search(&self) -> (Range<u32>, u32) {
         match self.first {
             Some(0) => (0..0, 0),
@@ -144,7 +144,8 @@ impl<'a> GpuSpheres<'a> {
     /// Window of all pairs.
     pub const ALL: Range<u32> = 0..u32::MAX;
 
-    /// With the bytes that the call binds. Refuses rows if the configuration has columns, and the reverse.
+    /// Returns the ranges, each with the bytes that the call binds. Rejects rows if the configuration has columns, and
+    /// columns if it has rows.
     fn sphere_ranges(
         &self,
         spheres: u32,
@@ -165,8 +166,8 @@ impl<'a> GpuSpheres<'a> {
         }
     }
 
-    /// Rejects ranges that are too short or cannot be bound, and species without a table or the reverse. Returns the
-    /// largest number of spheres.
+    /// Rejects ranges that are too short or cannot be bound, species without interactions, and interactions without
+    /// species. Returns the largest number of spheres.
     pub(crate) fn check(&self, settings: &GpuConfig, device: &wgpu::Device) -> Result<u32, Error> {
         let alignment = device.limits().min_storage_buffer_offset_alignment;
         let spheres = match self.count {

@@ -27,7 +27,7 @@ use super::plan::{
 };
 use crate::Error;
 
-/// Finds overlapping pairs from GPU buffers to GPU buffers, into those of [`GpuOutput`].
+/// Finds overlapping pairs of spheres in GPU buffers and writes them to the buffers of [`GpuOutput`].
 ///
 /// Invalid spheres (non-finite value or negative radius) are counted and never pair.
 #[derive(Debug)]
@@ -116,11 +116,7 @@ impl GpuDetector {
 
     /// Returns the algorithm for calls of up to `spheres` spheres, and the reason.
     pub fn choice(&self, spheres: u32) -> (Algorithm, String) {
-        self.chosen(self.settings.algorithm, spheres)
-    }
-
-    fn chosen(&self, algorithm: Algorithm, spheres: u32) -> (Algorithm, String) {
-        self.settings.chosen(algorithm, spheres)
+        self.settings.chosen(self.settings.algorithm, spheres)
     }
 
     /// Changes the space, which must keep its periodic axes.
@@ -137,7 +133,7 @@ impl GpuDetector {
     }
 
     fn plan_for(&self, spheres: u32, choice: AlgorithmChoice) -> Result<Plan, Error> {
-        let (algorithm, _) = self.chosen(choice.algorithm, spheres);
+        let (algorithm, _) = self.settings.chosen(choice.algorithm, spheres);
         let request = Request::new(&self.settings, algorithm, spheres, self.entry_capacity.of(spheres));
         plan(&request, &DeviceLimits::of(&self.device))
     }
@@ -207,17 +203,17 @@ impl GpuDetector {
         CapacitySnapshot { entries: self.entry_capacity, pairs: self.settings.pair_capacity }
     }
 
-    pub(crate) fn restore_capacities(&mut self, room: CapacitySnapshot) {
-        self.entry_capacity = room.entries;
-        self.settings.pair_capacity = room.pairs;
+    pub(crate) fn restore_capacities(&mut self, before: CapacitySnapshot) {
+        self.entry_capacity = before.entries;
+        self.settings.pair_capacity = before.pairs;
     }
 
-    /// Changes the recorded parts of the search of crowded cells; see [`GpuConfig::deferred_parts`].
+    /// Changes the number of recorded parts of the search of crowded cells; see [`GpuConfig::deferred_parts`].
     pub fn set_deferred_parts(&mut self, parts: u32) {
         self.settings.deferred_parts = parts;
     }
 
-    /// Returns the parts that the search of crowded cells needs, by the outcome of the last recorded call.
+    /// Returns the number of parts that the search of crowded cells needs, by the outcome of the last recorded call.
     pub fn needed_deferred_parts(&self, outcome: &Outcome) -> u32 {
         self.plan().map_or(1, |plan| plan.deferred_parts_for(outcome)).max(1)
     }
@@ -314,12 +310,13 @@ impl GpuDetector {
         bound.map(|()| output)
     }
 
-    /// If the bound call uses the cells of an earlier call. Its outcome then may have [`Outcome::OVERFLOW_LAYOUT`].
+    /// Returns `true` if the bound call uses the cells of an earlier call. Its outcome then may have
+    /// [`Outcome::OVERFLOW_LAYOUT`].
     pub(crate) fn reuses_layout(&self) -> bool {
         self.plan().is_some_and(|plan| plan.reuses_layout)
     }
 
-    /// After the submission of the bound call. Later calls may use its cells.
+    /// Records that the bound call was submitted, so that later calls may use its cells.
     pub(crate) fn note_submitted(&mut self) {
         if let Some(prepared) = &mut self.prepared {
             prepared.note_submitted();

@@ -1,7 +1,8 @@
 //! A candidate list that stays on the device between calls.
 //!
-//! A rebuild searches the stored spheres with radii larger by half the skin. Each call measures displacements, by which
-//! the device sets the workgroup counts of that search to their values or zero, and tests the candidates.
+//! A rebuild searches the stored spheres with radii larger by half the skin. Each call records that search with
+//! indirect workgroup counts, measures displacements and tests the candidates. If the list is still valid, the device
+//! sets the workgroup counts to zero.
 
 use lazygrid_host::SKIN_RANGE;
 use lazygrid_kernels::kernel::{self as k, Variant};
@@ -24,7 +25,7 @@ use crate::gpu::plan::{BufferId, DeviceLimits, Dispatch, Plan, check_buffers, co
 
 /// Usable fraction of half the skin, below 1 by more than the rounding error.
 const USABLE: f32 = 1.0 - 1.0 / 1024.0;
-/// Species distances grow by this factor besides the skin, as radii do.
+/// Species distances grow by this factor in addition to the skin, as radii do.
 const ROUNDING: f32 = 1.0 + 1.0 / (1 << 19) as f32;
 /// Candidate capacity per pair of the output.
 const PER_PAIR: u32 = 4;
@@ -46,7 +47,7 @@ pub struct GpuSkinDetector {
 
 #[derive(Debug)]
 struct Resident {
-    /// In spheres, pairs and parts of the candidate test.
+    /// Numbers of spheres, of pairs and of parts of the candidate test.
     capacities: [u32; 3],
     buffers: Buffers,
     candidates: Option<Candidates>,
@@ -95,7 +96,7 @@ impl GpuSkinDetector {
         self.skin
     }
 
-    /// Next call rebuilds the list in the existing buffers.
+    /// Changes the skin. The next call rebuilds the list, without interactions in the existing buffers.
     pub(crate) fn set_skin(&mut self, skin: f32) -> Result<(), Error> {
         check_skin(skin)?;
         if self.tables.is_some() {
@@ -116,12 +117,12 @@ impl GpuSkinDetector {
         self.search.set_pair_capacity(candidates);
     }
 
-    /// Changes the recorded parts of the search of crowded cells; see [`GpuConfig::deferred_parts`].
+    /// Changes the number of recorded parts of the search of crowded cells; see [`GpuConfig::deferred_parts`].
     pub fn set_deferred_parts(&mut self, parts: u32) {
         self.search.set_deferred_parts(parts);
     }
 
-    /// Returns the parts that the search of crowded cells needs, by an outcome of the last recorded call with
+    /// Returns the number of parts that the search of crowded cells needs, by an outcome of the last recorded call with
     /// [`Outcome::OVERFLOW_WORK`].
     pub fn needed_deferred_parts(&self, outcome: &Outcome) -> u32 {
         self.search.needed_deferred_parts(outcome)
@@ -152,7 +153,7 @@ impl GpuSkinDetector {
         Ok(self.search.memory_for(spheres)? + buffers.iter().map(|(_, bytes)| bytes).sum::<u64>())
     }
 
-    /// From the bits of a squared displacement.
+    /// Returns the used fraction of half the skin, from the bits of a squared displacement.
     pub(crate) fn part(&self, moved: u32) -> f32 {
         f32::from_bits(moved).sqrt() / (self.skin / 2.0)
     }
@@ -225,7 +226,7 @@ impl GpuSkinDetector {
             None => self.allocate([spheres, pairs, parts])?,
         };
         let Resident { buffers, candidates, .. } = &mut resident;
-        // Candidates serve any window and split.
+        // Candidates are found without window and split, so that they serve any.
         let mut kept = GpuSpheres::new(buffers.get(BufferId::ReferenceSpheres), input.count);
         kept.species = buffers.find(BufferId::ReferenceSpecies).map(Into::into);
         let found = self.search.bind_as(choice, &kept, LayoutSource::Survey)?;
@@ -345,7 +346,7 @@ fn search(
     GpuDetector::with_pipelines(device, pipelines, wide)
 }
 
-/// Distances grow by the skin.
+/// Returns `table` with distances larger by the skin.
 fn widened(table: &Interactions, skin: f32) -> Result<Interactions, Error> {
     let mut wide = Interactions::new(table.species(), Interaction::Never)?;
     for (a, b) in (0..table.species()).flat_map(|a| (a..table.species()).map(move |b| (a, b))) {

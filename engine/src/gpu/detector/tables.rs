@@ -4,6 +4,7 @@ use crate::Error;
 use crate::gpu::device::constant_buffer;
 use crate::gpu::plan::TableBytes;
 
+/// The interactions of a detector as constant buffers.
 #[derive(Debug)]
 pub(crate) struct Tables {
     pub(crate) bytes: TableBytes,

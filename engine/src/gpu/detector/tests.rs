@@ -79,7 +79,7 @@ fn the_kernel_wraps_as_the_host_does() {
             let expected = space.wrap(given.center);
             for axis in [0, 2] {
                 let (x, y) = (expected[axis], found.center[axis]);
-                // Zeroes compare equal; non-finite values stay non-finite, for the quarantine.
+                // Zeroes compare equal; non-finite values stay non-finite, so that kernels reject them.
                 let same = if x.is_nan() { !y.is_finite() } else { x == y };
                 assert!(same, "{:e} in {length:e}: {y:e} instead of {x:e}", given.center[axis]);
             }
@@ -118,7 +118,7 @@ fn a_further_part_is_timed_as_a_search() {
     }
 }
 
-/// `true` for the first level, and the sphere.
+/// Returns the entries: `true` for the first level, and the sphere.
 fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)> {
     let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid).tau(tau);
     let mut detector = detector(gpu, settings);

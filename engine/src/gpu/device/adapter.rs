@@ -2,7 +2,7 @@ use std::fmt;
 
 use crate::Error;
 
-/// A GPU, or a software rasterizer, that can run the engine.
+/// A GPU, or a software rasterizer, that can run the kernels.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct AdapterSummary {
@@ -109,10 +109,12 @@ pub fn optional_features() -> wgpu::Features {
     wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES
 }
 
-/// Returns the default flags without debugging information of shaders, which builds with debug assertions would have:
-/// for it naga counts the lines before each instruction, which takes longer than all else in compiling a kernel. Nor are
-/// indirect dispatches validated, each by a dispatch of its own: kernels write at most 65,535 workgroups. On Windows
-/// they are, because DirectX 12 has no `num_workgroups` of unvalidated ones.
+/// Returns the default flags without two features.
+///
+/// - Debugging information of shaders, the default with debug assertions: naga counts the lines before each
+///   instruction, which takes most of the time of compiling a kernel.
+/// - Validation of indirect dispatches, which costs a dispatch each: kernels write at most 65,535 workgroups. Windows
+///   keeps it, because DirectX 12 has `num_workgroups` of validated dispatches only.
 fn instance_flags() -> wgpu::InstanceFlags {
     let omitted = match cfg!(windows) {
         true => wgpu::InstanceFlags::DEBUG,

@@ -82,9 +82,9 @@ impl GpuDevice {
         let (device, queue) = pollster::block_on(adapter.request_device(&descriptor))
             .map_err(|error| Error::NoDevice { adapter: summary.name.clone(), reason: error.to_string() })?;
         let lost = Arc::new(OnceLock::new());
-        let losing = Arc::clone(&lost);
+        let lost_reason = Arc::clone(&lost);
         device.set_device_lost_callback(move |reason, message| {
-            let _ = losing.set(format!("{reason:?}: {message}"));
+            let _ = lost_reason.set(format!("{reason:?}: {message}"));
         });
         log::info!("GPU adapter: {} ({}, {})", summary.name, summary.api, summary.driver);
         subgroup_probe::run_once(&device, &queue);
@@ -139,7 +139,8 @@ impl GpuDevice {
         opened
     }
 
-    /// Polls the device as [`wgpu::Device::poll`] does, which panics if the driver reports a loss meanwhile.
+    /// Polls the device as [`wgpu::Device::poll`] does, but returns an error if the driver reports a loss meanwhile,
+    /// for which wgpu panics.
     ///
     /// # Errors
     /// [`Error::Timeout`] and [`Error::DeviceLost`]; [`Error::DeviceRejected`] for another device's submission.
@@ -161,8 +162,8 @@ impl GpuDevice {
         self.probe().err().unwrap_or(error)
     }
 
-    /// Tests if the device works: a lost one refuses even a small buffer. The driver reports a loss late, and for a
-    /// host application's device only to the application.
+    /// Checks that the device works, by a small buffer. The driver reports a loss late, and for a host application's
+    /// device only to the application.
     pub(crate) fn probe(&self) -> Result<(), Error> {
         self.check_lost()?;
         // A poll delivers the report of a loss.
@@ -225,8 +226,8 @@ impl GpuDevice {
         Self { pipelines: self.pipelines.rewritten(rewrite), ..self }
     }
 
-    /// Compiles WGSL without wgpu's loop counters. Returns the compute pipeline of entry point `name` and its bind group
-    /// layout: group 0, bindings numbered from 0.
+    /// Compiles WGSL without wgpu's loop counters. Returns the compute pipeline of entry point `name` and its bind
+    /// group layout: group 0, bindings numbered from 0.
     ///
     /// The device and its clones keep each text and its pipeline, so pass numbers that change in buffers. One thread
     /// compiles at a time.

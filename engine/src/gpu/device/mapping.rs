@@ -25,7 +25,7 @@ struct State {
 }
 
 impl Mapping {
-    /// After all submitted work.
+    /// Requests the mapping of `buffer`, which completes after all submitted work.
     pub(crate) fn request(buffer: &wgpu::Buffer) -> Self {
         let mapping = Self::default();
         let answer = mapping.clone();
@@ -87,7 +87,8 @@ pub(crate) fn poll(device: &wgpu::Device, until: wgpu::PollType) -> Result<(), E
     }
 }
 
-/// Returns the message of wgpu's panic. Callbacks of a host application, which run while wgpu polls, may panic as well.
+/// Returns the message if wgpu panicked. Callbacks of a host application, which run while wgpu polls, may panic as
+/// well.
 fn loss(panic: &(dyn Any + Send)) -> Option<String> {
     let message = panic.downcast_ref::<String>()?;
     message.starts_with("Error in Device::").then(|| message.clone())
@@ -113,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn panics_of_callbacks_are_no_loss() {
+    fn panic_of_a_callback_is_not_a_loss() {
         let panic = |message: &str| -> Box<dyn Any + Send> { Box::new(message.to_owned()) };
         let lost = "Error in Device::poll: Validation Error";
         assert_eq!(loss(&*panic(lost)), Some(lost.to_owned()));

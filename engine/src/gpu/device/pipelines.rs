@@ -8,7 +8,7 @@ use super::error_scope::with_error_scope;
 use super::subgroup_probe;
 use crate::Error;
 
-/// Shared by clones.
+/// The compiled kernels of a device, shared by clones.
 #[derive(Clone, Debug)]
 pub(crate) struct Pipelines {
     device: wgpu::Device,
@@ -16,7 +16,7 @@ pub(crate) struct Pipelines {
     subgroup_refusal: Option<Arc<str>>,
     rewrite: Option<KernelRewrite>,
     compiled: Arc<Mutex<Compiled>>,
-    /// Kernels of callers.
+    /// WGSL texts of callers.
     by_text: Arc<Mutex<CompiledTexts>>,
 }
 
@@ -53,6 +53,7 @@ impl Pipelines {
         }
     }
 
+    /// Compiles a kernel without storing it.
     pub(super) fn compiled(
         device: &wgpu::Device,
         kernel: &'static Kernel,
@@ -65,7 +66,7 @@ impl Pipelines {
         self.subgroup_refusal.as_deref()
     }
 
-    /// Other fields of the variant depend on the call.
+    /// Returns the variant for the device. Calls set the fields that depend on them.
     pub(crate) fn variant(&self) -> Variant {
         self.variant
     }

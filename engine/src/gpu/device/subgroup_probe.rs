@@ -27,7 +27,7 @@ fn key(device: &wgpu::Device) -> AdapterKey {
     (info.name, info.driver, info.driver_info, info.vendor, info.device, info.backend)
 }
 
-/// The lack of a probe is also a reason.
+/// Returns the reason why this adapter must not use subgroup operations, such as a missing probe.
 pub(super) fn refusal(device: &wgpu::Device) -> Option<String> {
     let results = RESULTS.lock().unwrap_or_else(PoisonError::into_inner);
     match results.as_ref().and_then(|results| results.get(&key(device))) {

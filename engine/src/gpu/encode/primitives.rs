@@ -19,9 +19,9 @@ pub struct RadixSort {
 /// Keys and payload with `STORAGE` usage.
 #[derive(Clone, Debug)]
 pub struct KeyValueBuffers {
-    /// A `u32` each.
+    /// One `u32` per item.
     pub keys: wgpu::Buffer,
-    /// A `u32` each, which move with the keys.
+    /// One `u32` per item, which moves with its key.
     pub payload: wgpu::Buffer,
 }
 

@@ -16,34 +16,34 @@ pub(crate) struct Buffers(HashMap<BufferId, wgpu::Buffer>);
 impl Buffers {
     pub(crate) fn allocate(device: &wgpu::Device, sizes: &[(BufferId, u64)]) -> Result<Self, Error> {
         let mut buffers = HashMap::new();
-        for &(slot, size) in sizes {
-            let usage = slot.usage().into();
-            let label = format!("lazygrid::{slot:?}");
+        for &(id, size) in sizes {
+            let usage = id.usage().into();
+            let label = format!("lazygrid::{id:?}");
             let descriptor =
                 wgpu::BufferDescriptor { label: Some(&label), size, usage, mapped_at_creation: false };
             let buffer = with_error_scope(device, "a buffer", size, || device.create_buffer(&descriptor))?;
-            buffers.insert(slot, buffer);
+            buffers.insert(id, buffer);
         }
         Ok(Self(buffers))
     }
 
     pub(crate) fn have_room_for(&self, sizes: &[(BufferId, u64)]) -> bool {
-        sizes.iter().all(|(slot, size)| self.0.get(slot).is_some_and(|buffer| buffer.size() >= *size))
+        sizes.iter().all(|(id, size)| self.0.get(id).is_some_and(|buffer| buffer.size() >= *size))
     }
 
-    pub(crate) fn get(&self, slot: BufferId) -> &wgpu::Buffer {
-        &self.0[&slot]
+    pub(crate) fn get(&self, id: BufferId) -> &wgpu::Buffer {
+        &self.0[&id]
     }
 
-    pub(crate) fn find(&self, slot: BufferId) -> Option<&wgpu::Buffer> {
-        self.0.get(&slot)
+    pub(crate) fn find(&self, id: BufferId) -> Option<&wgpu::Buffer> {
+        self.0.get(&id)
     }
 }
 
 #[derive(Debug)]
 pub(crate) struct Recording {
     dispatches: Vec<BoundDispatch>,
-    /// Number of dispatches without a continuation.
+    /// Index of the first dispatch of a continuation.
     continuation_start: usize,
     part_starts: Vec<usize>,
     stamps_inside_passes: bool,
@@ -67,7 +67,7 @@ enum WorkgroupCount {
 }
 
 impl Recording {
-    /// `resolve` returns the buffers of the bindings.
+    /// Binds the dispatches to the buffers that `resolve` returns for the names of their bindings.
     pub(crate) fn new<B: Into<BoundBuffer> + PartialEq>(
         device: &wgpu::Device,
         pipelines: &Pipelines,
@@ -145,7 +145,8 @@ impl Recording {
         })
     }
 
-    /// One part, with indirect `counts`: [`workgroup_counts`](Self::workgroup_counts) or zeros.
+    /// Records a part. Workgroup counts come from `counts`, which has [`workgroup_counts`](Self::workgroup_counts) or
+    /// zeros.
     pub(crate) fn encode_indirect_part(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -169,7 +170,7 @@ impl Recording {
         self.dispatches.iter().map(|dispatch| dispatch.kernel)
     }
 
-    /// All parts in one pass, with a timestamp before each dispatch and after the last.
+    /// Records all parts in one pass, with a timestamp before each dispatch and after the last.
     pub(crate) fn encode_stamped(&self, encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet) {
         if let Some((buffer, bytes)) = &self.cleared {
             encoder.clear_buffer(buffer, 0, Some(*bytes));
@@ -184,7 +185,7 @@ impl Recording {
         pass.write_timestamp(queries, self.dispatches.len() as u32);
     }
 
-    /// Its timestamps replace those of the search.
+    /// Records a continuation, whose timestamps replace the timestamps of the search.
     pub(crate) fn encode_continuation(
         &self,
         encoder: &mut wgpu::CommandEncoder,

@@ -2,28 +2,29 @@ use std::collections::VecDeque;
 
 use crate::Error;
 
+/// A cache of the values that were inserted last.
 #[derive(Debug)]
 pub(crate) struct SmallCache<K, V> {
-    made: VecDeque<(K, V)>,
+    entries: VecDeque<(K, V)>,
     current: usize,
 }
 
 impl<K: PartialEq, V> SmallCache<K, V> {
-    const MOST: usize = 4;
+    const CAPACITY: usize = 4;
 
-    pub(crate) const NONE: Self = Self { made: VecDeque::new(), current: 0 };
+    pub(crate) const NONE: Self = Self { entries: VecDeque::new(), current: 0 };
 
     pub(crate) fn get_or_insert_with(
         &mut self,
         key: K,
         make: impl FnOnce(&K) -> Result<V, Error>,
     ) -> Result<(), Error> {
-        self.current = match self.made.iter().position(|(known, _)| *known == key) {
+        self.current = match self.entries.iter().position(|(known, _)| *known == key) {
             Some(position) => position,
             None => {
                 let value = make(&key)?;
-                self.made.truncate(Self::MOST - 1);
-                self.made.push_front((key, value));
+                self.entries.truncate(Self::CAPACITY - 1);
+                self.entries.push_front((key, value));
                 0
             }
         };
@@ -31,6 +32,6 @@ impl<K: PartialEq, V> SmallCache<K, V> {
     }
 
     pub(crate) fn current(&self) -> Option<&V> {
-        self.made.get(self.current).map(|(_, value)| value)
+        self.entries.get(self.current).map(|(_, value)| value)
     }
 }

@@ -48,7 +48,7 @@ impl BufferId {
         }
     }
 
-    /// For plans, such as `sorted_species`, or `keys_0` for the first of two buffers.
+    /// Returns the name in plans, such as `sorted_species`, or `keys_0` for the first of two buffers.
     pub(crate) fn name(self) -> String {
         let mut name = String::new();
         for letter in format!("{self:?}").replace("(false)", "_0").replace("(true)", "_1").chars() {
@@ -116,7 +116,7 @@ pub(crate) enum Resource {
     SearchParams(u32),
     RadixPass(u32),
     Reach,
-    /// [`Reach`](Self::Reach), of narrow sides to themselves only.
+    /// [`Reach`](Self::Reach), but of species on narrow sides to their own side only.
     ReachBySide,
     Table,
 }
@@ -161,7 +161,7 @@ pub(crate) fn sort_buffers(items: u32) -> [(BufferId, u64); 6] {
     ]
 }
 
-/// At least 1, because an empty buffer cannot be bound.
+/// Returns at least 16 bytes, because an empty buffer cannot be bound.
 pub(super) fn bytes_of(count: u32, size: u64) -> u64 {
     (u64::from(count) * size).max(16)
 }

@@ -13,7 +13,7 @@ use super::limits::DeviceLimits;
 use super::tables::TableBytes;
 use super::{BufferId, CallCost, Dispatch, GpuPhase, Plan, Resource, cell_list, flattened};
 
-/// A call without a device. [`GpuDetector`](crate::gpu::GpuDetector) executes the same plans.
+/// A call, planned without a device. [`GpuDetector`](crate::gpu::GpuDetector) executes the same plans.
 ///
 /// The feature `serde` serializes plans. `docs/page.md` describes the format, and how to run a call.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,7 +25,7 @@ pub struct CallPlan {
     pub spheres: u32,
     /// Capacity of the pair buffer.
     pub pair_capacity: u32,
-    /// Buffers, which dispatches name by position.
+    /// Buffers. Dispatches refer to them by position.
     pub buffers: Vec<PlanBuffer>,
     /// Kernels and dispatches.
     pub sequence: DispatchSequence,
@@ -67,12 +67,12 @@ impl PlanBuffer {
 /// The origin of a buffer's contents.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum BufferSource {
-    /// Host: `spheres` (`x, y, z, r` as `f32` rows) or the columns `x`, `y`, `z` and `r`, `species` (a `u32` per
-    /// sphere), `count` (a `u32`).
+    /// Written by the host: `spheres` (`x, y, z, r` as `f32` rows) or the columns `x`, `y`, `z` and `r`, `species` (a
+    /// `u32` per sphere), `count` (a `u32`).
     Input,
     /// These bytes, written before the call and never changed.
     Constant(Arc<[u8]>),
-    /// Kernels, in a buffer that was filled with zeros before its first call.
+    /// Written by kernels, in a buffer that was filled with zeros before its first call.
     Working,
 }
 
@@ -155,7 +155,7 @@ pub enum Workgroups {
 }
 
 impl DispatchSequence {
-    /// Also returns the distinct resources in order of first use.
+    /// Returns the sequence and its distinct resources in order of first use.
     pub(crate) fn resolved<R: PartialEq>(
         dispatches: impl IntoIterator<Item = Dispatch>,
         variant: Variant,

@@ -7,31 +7,33 @@ use super::dispatches::{Dispatch, GpuPhase, deferred, scan_dispatches, sort_disp
 use super::limits::DeviceLimits;
 use super::{Plan, Request};
 
-/// Half cells per sphere for a counting sort. At 2, 3 and 4 cells per sphere, equal spheres at 5 % density have 10.8,
-/// 8.5 and 6.4 candidates; more cells enlarge the table.
+/// Cells per sphere, times two, for a counting sort. At 2, 3 and 4 cells per sphere, equal spheres at 5 % density have
+/// 10.8, 8.5 and 6.4 candidates; more cells enlarge the table.
 const COUNTED_HALF_CELLS: u64 = 6;
-/// For a radix sort, whose table exceeds caches: 12.4 candidates per sphere.
+/// Cells per sphere, times two, for a radix sort, whose table exceeds caches: 12.4 candidates per sphere.
 const SORTED_HALF_CELLS: u64 = 3;
-/// Every level needs some.
+/// Minimum number of cells, because every level needs some of them.
 const FEWEST_CELLS: u64 = 1 << 12;
-/// Keeps numbers of counters below 2³¹.
+/// Maximum number of cells, which keeps the number of counters below 2³¹.
 const MOST_CELLS: u64 = 1 << 30;
-/// The device computes cell counts as products of floats, which round three times by 2⁻²⁴; one cell in 2²² may be
-/// added.
+/// Rounding adds at most one cell in this many: the device computes cell counts as products of floats, which round
+/// three times by 2⁻²⁴.
 const ROUNDED: u64 = 1 << 22;
 /// Counters of level 0 that fit the caches of current devices.
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
-/// Enough for current devices, with little contention at the counters of the statistics kernel.
+/// Maximum number of workgroups of the statistics kernel: enough for current devices, with little contention at its
+/// counters.
 const SURVEY_GROUPS: u32 = 1024;
-/// They stride over the spheres.
+/// Maximum number of workgroups of the occupancy kernel, whose threads stride over the spheres.
 const OCCUPANCY_GROUPS: u32 = 1024;
-/// In the statistics kernel, for few and for many spheres.
+/// Spheres per thread of the statistics kernel, in calls of few and of many spheres.
 const SPHERES_PER_THREAD: [u32; 2] = [2, 8];
-/// Smaller calls minimize dispatches, which cost more than their work: all smaller spheres leave overfull cells, and
-/// the search has a workgroup for each chunk of candidates of every block.
-const FEW: u32 = 1 << 15;
-/// One workgroup reduces and sets up to this many, in ten rounds of four loads.
-const VERY_FEW: u32 = 40 * k::WORKGROUP_SIZE;
+/// Largest call that minimizes dispatches, because they cost more than their work: all smaller spheres leave overfull
+/// cells, and the search has a workgroup for each chunk of candidates of every block.
+const MAX_SMALL_CALL: u32 = 1 << 15;
+/// Largest call that one workgroup surveys and sets up, in ten rounds of four loads.
+const MAX_ONE_GROUP_SETUP: u32 = 40 * k::WORKGROUP_SIZE;
+/// Counters per workgroup of `cell_starts_find`.
 const INDEX_BLOCK: u32 = 2048;
 
 pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
@@ -40,12 +42,12 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
     let wanted = (u64::from(request.spheres) * half_cells / 2).clamp(FEWEST_CELLS, MOST_CELLS);
     let most = limits.bytes() / 4 - 6;
     plan.cells = wanted.min(most - most / ROUNDED) as u32;
-    // Two more counters follow the cells, and the largest of all. `scan_once` reads four at once.
+    // Two more counters and the largest one follow the cells. `scan_once` reads four at once.
     plan.counters = (plan.cells + plan.cells / ROUNDED as u32 + 3).next_multiple_of(4);
     plan.occupancy_slots = request.spheres.max(256).next_power_of_two().min(MAX_DENSITY_SLOTS);
     if is_counted {
         plan.tile = 0;
-        if request.spheres <= FEW {
+        if request.spheres <= MAX_SMALL_CALL {
             plan.occupancy_slots = 0;
             plan.chunks_per_block = request.spheres.div_ceil(plan.candidates_per_invocation).max(1);
         }
@@ -55,7 +57,7 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
 }
 
 impl Plan {
-    /// Returns the plan of a call with the cells of an earlier call, which it checks instead of choosing cells. The
+    /// Changes the plan to reuse the cells of an earlier call: the device checks them instead of choosing cells. The
     /// caller clears [`Self::cleared_bytes`] of the counters.
     pub(crate) fn reuse_layout(&mut self) {
         let choosing =
@@ -64,7 +66,7 @@ impl Plan {
         self.reuses_layout = true;
     }
 
-    /// Bytes of [`BufferId::Starts`] to clear before the first dispatch.
+    /// Returns the bytes of [`BufferId::Starts`] to clear before the first dispatch.
     pub(crate) fn cleared_bytes(&self) -> u64 {
         if self.reuses_layout && self.tile == 0 { 4 * u64::from(self.counters) } else { 0 }
     }
@@ -107,7 +109,7 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
     let dispatch = Dispatch::new;
     let per_thread = SPHERES_PER_THREAD[usize::from(plan.chunks_per_block == 0)];
     let survey = plan.spheres.div_ceil(k::WORKGROUP_SIZE * per_thread).clamp(1, SURVEY_GROUPS);
-    let mut dispatches = match plan.spheres <= VERY_FEW && plan.tile == 0 {
+    let mut dispatches = match plan.spheres <= MAX_ONE_GROUP_SETUP && plan.tile == 0 {
         true => vec![dispatch(&k::CELL_LIST_SETUP_SMALL, 1, GpuPhase::Survey)],
         false => vec![
             dispatch(&k::STATS_REDUCE, survey, GpuPhase::Survey),
@@ -137,7 +139,7 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
     let groups = per_sphere * plan.chunks_per_block.max(1);
     let search = dispatch(&k::CELL_LIST_SEARCH, groups, GpuPhase::Search);
     dispatches.extend(plan.budget.divide(search, tests_per_group));
-    // With few spheres that is all.
+    // A search of few spheres has a workgroup for each chunk and defers none.
     if plan.chunks_per_block == 0 {
         let args = &k::CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS;
         dispatches.extend(deferred(plan, args, &k::CELL_LIST_SEARCH_OVERFLOW));

@@ -3,7 +3,7 @@ use lazygrid_kernels::kernel::{self as k, Kernel};
 
 use super::{BufferId, Dispatch, Plan};
 
-/// The cost of a call, from its size, the settings and the limits of the device.
+/// The planned cost of a call, from its size, the settings and the limits of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CallCost {
@@ -78,7 +78,7 @@ impl Plan {
             // Cell and sphere in; sphere, cell and index out, by sectors.
             (8 + 16 + 3 * 32, 4)
         } else if is(&k::SPHERES_GATHER) {
-            // Index in, sphere in by sectors, sphere out. Reused cells are checked for crowds.
+            // Index in, sphere in by sectors, sphere out. Reused cells are checked for overfull ones.
             (4 + 32 + 16 + if self.reuses_layout { 4 } else { 0 }, 0)
         } else if is(&k::CELL_LIST_SEARCH) {
             // Sphere, cell and index, and the starts of cells.

@@ -8,11 +8,11 @@ use super::{Plan, SplitPolicy, cell_list};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum GpuPhase {
-    /// Bounds and grid.
+    /// Statistics of the spheres, and choice of the grid.
     Survey,
-    /// Entries of overlapped cells.
+    /// Cells of the spheres: entries of all overlapped cells, or the one cell of each in a cell list.
     Entries,
-    /// Radix sort of the entries.
+    /// Sort of the entries, or of a cell list's spheres.
     Sort,
     /// Distance tests.
     Search,
@@ -37,7 +37,7 @@ impl GpuPhase {
 pub(crate) struct Dispatch {
     pub(crate) kernel: &'static Kernel,
     pub(crate) groups: u32,
-    /// `true` if the number is computed in [`BufferId::DispatchArgs`](super::BufferId::DispatchArgs).
+    /// `true` if the number of workgroups is computed in [`BufferId::DispatchArgs`](super::BufferId::DispatchArgs).
     pub(crate) indirect: bool,
     pub(crate) first_group: u32,
     pub(crate) args_index: u32,
@@ -129,7 +129,7 @@ pub(super) fn deferred(
     })
 }
 
-/// The last row may be longer than needed; kernels end early there.
+/// Returns the dispatch size in rows within the limit. Its product may exceed `groups`; excess workgroups end early.
 pub(crate) fn flattened(groups: u32, limits: &DeviceLimits) -> [u32; 2] {
     let rows = groups.div_ceil(limits.groups_per_dimension).max(1);
     [groups.div_ceil(rows), rows]

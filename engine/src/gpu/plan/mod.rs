@@ -24,10 +24,9 @@ use lazygrid_kernels::layout::{ColumnLayout, Outcome, RadixPass};
 use crate::Error;
 
 pub use buffers::BufferUsage;
-pub(super) use buffers::column_named;
-pub(super) use buffers::sort_buffers;
 pub(crate) use buffers::{BufferId, Resource};
 use buffers::{bytes_of, call_buffers, cell_buffers, entry_buffers};
+pub(super) use buffers::{column_named, sort_buffers};
 pub(crate) use call_plan::CallConstants;
 pub use call_plan::{
     BufferSource, CallPlan, DispatchSequence, PlanBuffer, PlanDispatch, PlanKernel, Workgroups,
@@ -43,14 +42,14 @@ pub use planner::Planner;
 pub(crate) use tables::TableBytes;
 pub(crate) use work_budget::{WorkBudget, tests_within_limit};
 
-/// Enough to fill today's largest devices.
+/// Workgroups of a naive search that fill today's largest devices.
 const SEARCH_GROUPS: u64 = 2048;
-/// Crowded search distributes these over one dimension, even if all are in one cell.
+/// Number of entries that the search of far pairs in a run distributes over one dimension, even if all are in one cell.
 const MAX_ENTRIES: u64 = 65_535 * (k::RUN_TILES * k::WORKGROUP_SIZE) as u64;
-/// Chunks of a sphere's later candidates are the workgroups of one dimension; the first chunk is not among them. Below
+/// Number of spheres whose candidates fit the workgroups of one dimension, one per chunk after the first. Below
 /// [`k::MAX_ENTRY_OBJECTS`].
 const MAX_SPHERES: u64 = 65_536 * k::CANDIDATES_PER_INVOCATION as u64;
-/// Folding needs three key bits per axis at each of up to 32 levels.
+/// Hashed keys need three bits per axis at each of up to 32 levels.
 const MIN_KEY_BITS: u32 = 16;
 /// Half of the occupancy table; fits the caches of current devices.
 const MAX_DENSITY_SLOTS: u32 = 1 << 22;
@@ -96,14 +95,14 @@ pub(crate) struct Plan {
     pub(crate) counters: u32,
     /// Keys per workgroup of a radix pass; 0 for a counting sort.
     pub(crate) tile: u32,
-    /// Candidates of a sphere of a cell list.
+    /// Candidates that one invocation of a cell-list search tests.
     pub(crate) candidates_per_invocation: u32,
     /// Chunks of candidates that the search dispatches for each block; 0 if the device defers blocks.
     pub(crate) chunks_per_block: u32,
     pub(crate) search_groups: u32,
     pub(crate) budget: WorkBudget,
     pub(crate) deferred_parts: u32,
-    /// If the cells of a cell list are those of an earlier call.
+    /// `true` if a cell list uses the cells of an earlier call.
     pub(crate) reuses_layout: bool,
     pub(crate) buffers: Vec<(BufferId, u64)>,
     pub(crate) dispatches: Vec<Dispatch>,
@@ -175,8 +174,8 @@ impl Plan {
         blocks.div_ceil(shares) * u64::from(k::WORKGROUP_SIZE).pow(2)
     }
 
-    /// Each part has at most one divided dispatch or one part of a deferred search, and the last undeferred one also the
-    /// first of these.
+    /// Returns the number of parts. A part has one dispatch of a divided search or of a deferred search, but the last
+    /// divided dispatch and the first deferred one share a part.
     pub(crate) fn parts(&self) -> u32 {
         let divided = self.dispatches.iter().filter(|dispatch| dispatch.first_group > 0).count();
         let deferred = self.dispatches.iter().filter(|dispatch| dispatch.indirect).count();
@@ -258,7 +257,7 @@ impl Plan {
     }
 }
 
-/// Digits of the lowest `bits` bits, least significant first: the fewest, of about equal width.
+/// Returns the digits of the lowest `bits` bits, least significant first: as few as possible, of about equal width.
 pub(super) fn digits(bits: u32, is_counted: bool) -> Vec<RadixPass> {
     let passes = bits.div_ceil(k::DIGIT_BITS);
     let width = bits.div_ceil(passes.max(1));
@@ -295,7 +294,7 @@ fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error
     Ok(entries as u32)
 }
 
-/// Keeps the device busy with at most [`k::NAIVE_TILES`] tiles each.
+/// Returns the number of workgroups that keeps the device busy, with at most [`k::NAIVE_TILES`] tiles each.
 fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
     let blocks = u64::from(spheres.div_ceil(k::WORKGROUP_SIZE)).max(1);
     let needed = (blocks * blocks.div_ceil(k::NAIVE_TILES.into())).max(SEARCH_GROUPS.min(blocks * blocks));
@@ -313,7 +312,7 @@ fn key_bits(spheres: u32) -> u32 {
     bits.next_multiple_of(k::DIGIT_BITS).max(MIN_KEY_BITS)
 }
 
-/// Half as many as spheres, because most share cells.
+/// Returns about half as many slots as spheres, because most spheres share cells.
 fn occupancy_slots(spheres: u32) -> u32 {
     (spheres.max(512) / 2 + 1).next_power_of_two().min(MAX_DENSITY_SLOTS)
 }

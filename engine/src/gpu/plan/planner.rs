@@ -61,8 +61,8 @@ impl Planner {
     /// Plans a call of `spheres` spheres, or of at most that many if the number comes from a buffer.
     ///
     /// # Errors
-    /// [`Error::LimitExceeded`] if a buffer exceeds the limits; [`Error::InvalidSetting`] and [`Error::NotOnBackend`] for the
-    /// configuration.
+    /// [`Error::LimitExceeded`] if a buffer exceeds the limits; [`Error::InvalidSetting`] and [`Error::NotOnBackend`]
+    /// for the configuration.
     pub fn plan(&self, spheres: u32) -> Result<CallPlan, Error> {
         let Self { config, limits, .. } = self;
         let sized = self.sized(spheres)?;
@@ -83,7 +83,7 @@ impl Planner {
     }
 
     /// Returns the cost of a call that reuses the cells of an earlier call, as most calls of a
-    /// [`GpuSession`](crate::gpu::GpuSession) do. Other algorithms than the cell list have no such calls.
+    /// [`GpuSession`](crate::gpu::GpuSession) do. Algorithms other than the cell list reuse no cells.
     ///
     /// # Errors
     /// See [`plan`](Self::plan).
@@ -101,8 +101,8 @@ impl Planner {
         plan(&Request::new(&self.config, algorithm, spheres, self.min_entries), &self.limits)
     }
 
-    /// Returns the kernel that tests the assumptions of kernels for subgroups of at least this size. Its buffer holds a
-    /// [`SubgroupProbe`](super::SubgroupProbe), initially [`BEFORE`](super::SubgroupProbe::BEFORE).
+    /// Returns the kernel that tests the assumptions of kernels for subgroups of at least this size. Its only buffer is
+    /// a [`SubgroupProbe`](super::SubgroupProbe), initially [`BEFORE`](super::SubgroupProbe::BEFORE).
     pub fn subgroup_probe(smallest_subgroup: u32) -> PlanKernel {
         let variant = Variant { subgroups: Some(smallest_subgroup), ..Variant::default() };
         PlanKernel { kernel: &SUBGROUP_PROBE, variant }
@@ -131,7 +131,7 @@ impl Request {
     }
 }
 
-/// From the configuration, else the rate of a discrete GPU.
+/// Returns the configured number of tests per dispatch, by default from the rate of a discrete GPU.
 fn max_tests(config: &GpuConfig) -> u64 {
     config.max_tests_per_dispatch.unwrap_or_else(|| tests_within_limit(Calibration::TESTS_PER_SECOND))
 }
@@ -182,7 +182,7 @@ impl Plan {
 }
 
 impl GpuConfig {
-    /// For any algorithm.
+    /// Returns the parameters that do not depend on the algorithm.
     pub(crate) fn call(&self, spheres: u32, window: &Range<u32>, split: u32) -> SearchParams {
         let call = SearchParams {
             spheres,

@@ -1,4 +1,4 @@
-//! The sides of a cell list's spheres on the GPU: groups of species, divided so that few spheres are compared. Sides
+//! The sides of a cell list on the GPU: a partition of the species, chosen so that few spheres are compared. Sides
 //! without common interactions are never compared.
 
 use lazygrid_host::SpeciesPartition;
@@ -8,10 +8,10 @@ use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions};
 /// More sides must save at least this fraction of comparisons: each side has a table of cells.
 const WORTHWHILE: f64 = 0.25;
 /// A group is a narrow side if its spheres pair among themselves within less than this fraction of the distance to
-/// others. The cells of a larger one would seldom be crowded enough to pay for searches between sides.
+/// others. At a larger fraction, its cells would seldom be crowded enough to pay for searches between sides.
 const MAX_NARROW: f64 = 0.25;
 const MAX_SIDES: usize = CellListLayout::MAX_SIDES;
-/// Sides of each of two sets, so that a side has at least eight levels.
+/// Maximum number of sides of each of two sets, so that a side has at least eight levels.
 const MAX_SIDES_OF_SET: usize = 2;
 
 #[derive(Clone, Debug, PartialEq)]
@@ -34,7 +34,7 @@ pub(crate) struct SidePartners {
 }
 
 impl SidePartners {
-    /// If all species pair by contact.
+    /// Returns the partners if all spheres pair by contact.
     pub(crate) fn one_set() -> Self {
         Self { of_side: vec![1], narrow: 0, interaction: SearchParams::TOUCH }
     }
@@ -53,7 +53,7 @@ impl SidePartners {
 }
 
 impl Sides {
-    /// Minimizes the comparisons for equal numbers of each species.
+    /// Returns the sides with the fewest comparisons, assuming equal numbers of spheres of each species.
     pub(crate) fn of(table: &Interactions) -> Self {
         let [by_partners, by_reach] = SpeciesPartition::of_table(table);
         let mut groups = PairingGroups::of(&by_reach, table);
@@ -86,8 +86,8 @@ impl Sides {
         Self { of_species, one_set, two_sets }
     }
 
-    /// Returns the rule for the effective radius of a species in a cell list: on a narrow side, with reach to its own
-    /// side only.
+    /// Returns the rule for the effective radius of a species in a cell list: on a narrow side, it covers the
+    /// interactions with its own side only.
     pub(crate) fn effective_radius(&self, table: &Interactions, species: u32) -> EffectiveRadius {
         let to_all = table.effective_radius(species);
         match self.of_species[species as usize] {
@@ -108,7 +108,7 @@ impl Sides {
 /// The groups of species that pair with some group.
 struct PairingGroups {
     of_species: Vec<Option<usize>>,
-    /// Numbers of spheres.
+    /// Relative numbers of spheres, as the number of species.
     weights: Vec<f64>,
     /// The groups with which each group pairs, one bit each.
     partners: Vec<u8>,
@@ -144,7 +144,7 @@ impl PairingGroups {
         self.narrow >> group & 1 == 1
     }
 
-    /// Returns the groups of this narrowness, if any, the narrowest first and without groups that pair with one of them.
+    /// Returns the groups below [`MAX_NARROW`], one bit each. Of two that pair with each other, the narrower one stays.
     fn narrow(&self, narrowness: impl Fn(usize) -> Option<f64>) -> u8 {
         let narrow = |group| Some((narrowness(group).filter(|of| *of < MAX_NARROW)?, group));
         let mut groups: Vec<(f64, usize)> = (0..self.count()).filter_map(narrow).collect();
@@ -201,7 +201,8 @@ impl PairingGroups {
     }
 }
 
-/// Returns all divisions of groups into sides, once each: a group is on the side of an earlier group or on the next one.
+/// Returns all divisions of groups into sides, once each: a group is on the side of an earlier group or on the next
+/// one.
 fn divisions(groups: usize) -> Vec<Division> {
     let mut divisions = vec![([0; MAX_SIDES], 0)];
     for group in 0..groups {
@@ -231,6 +232,7 @@ fn product(a: &[u32], b: &[u32]) -> impl Iterator<Item = (u32, u32)> {
     a.iter().flat_map(|&a| b.iter().map(move |&b| (a, b)))
 }
 
+/// Returns the interaction of all pairs; `BY_SPECIES` if they differ or never pair.
 fn common(mut pairs: impl Iterator<Item = (u32, u32)>, table: &Interactions) -> f32 {
     let Some((a, b)) = pairs.next() else { return SearchParams::TOUCH };
     let first = table.get(a, b);

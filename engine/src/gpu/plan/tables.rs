@@ -9,9 +9,9 @@ use crate::Error;
 #[derive(Clone, Debug)]
 pub(crate) struct TableBytes {
     pub(crate) reach: Arc<[u8]>,
-    /// For a cell list with narrow sides.
+    /// Effective radii for a cell list with narrow sides.
     pub(crate) reach_by_side: Arc<[u8]>,
-    /// Per pair of species, a distance or one of two negative marks.
+    /// A distance per pair of species, or one of two negative marks.
     pub(crate) table: Arc<[u8]>,
     pub(crate) sides: Sides,
 }

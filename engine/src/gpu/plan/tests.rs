@@ -49,8 +49,7 @@ fn plans_fit_their_devices_or_say_why_not() {
     }
 }
 
-/// Slabs are cut by this number alone. Naive is refused with more workgroups than can be counted, and the message names
-/// another algorithm.
+/// Slabs depend on this number alone. All pairs are excluded: too many workgroups are refused with a remedy.
 #[test]
 fn the_most_spheres_that_can_be_bound_can_be_searched() {
     for limits in [LAVAPIPE, H200, DeviceLimits { storage_binding: 8 << 20, ..LAVAPIPE }] {
@@ -126,10 +125,10 @@ fn no_invocation_exceeds_the_loop_iterations() {
                     continue;
                 };
                 for dispatch in &plan.dispatches {
-                    let turns = plan.turns(dispatch);
+                    let iterations = plan.iterations(dispatch);
                     assert!(
-                        turns <= k::MAX_LOOP_ITERATIONS.into(),
-                        "{algorithm}, {spheres}: {turns} in {dispatch:?}"
+                        iterations <= k::MAX_LOOP_ITERATIONS.into(),
+                        "{algorithm}, {spheres}: {iterations} in {dispatch:?}"
                     );
                 }
                 let tiles = plan.entries.div_ceil(k::WORKGROUP_SIZE);
@@ -147,7 +146,7 @@ fn periodic_spaces_take_a_copy_of_the_spheres_and_one_dispatch_more() {
         });
         assert_eq!(periodic.bytes() - open.bytes(), 16_000_000, "{algorithm}");
         let reader = |plan: &Plan| plan.dispatches.iter().find(|s| s.kernel == &k::BOUNDS_REDUCE).cloned();
-        let bound = |plan: &Plan| plan.resource(&reader(plan).expect("a stage"), "spheres");
+        let bound = |plan: &Plan| plan.resource(&reader(plan).expect("a dispatch"), "spheres");
         assert_eq!(bound(&open), Resource::Spheres);
         assert_eq!(bound(&periodic), Resource::Own(BufferId::Wrapped));
         assert_eq!(periodic.dispatches[1].kernel, &k::SPHERES_WRAP);
@@ -256,7 +255,7 @@ fn cell_list_is_sorted_by_counting_below_the_setting() {
     let (counted, sorted) = (kernels(&list((1 << 19) - 1, false)), kernels(&list(1 << 19, false)));
     assert!(counted.contains(&"cells_count") && !counted.contains(&"radix_scatter"), "{counted:?}");
     assert!(sorted.contains(&"radix_scatter") && !sorted.contains(&"cells_count"), "{sorted:?}");
-    // Cells are rings: nothing is wrapped in periodic boxes.
+    // The cells of a periodic axis form a ring, so no dispatch wraps the spheres.
     assert_eq!(list(1 << 19, true).dispatches, list(1 << 19, false).dispatches);
 }
 
@@ -271,7 +270,7 @@ fn keys_of_cells_have_digits_of_equal_width() {
 }
 
 impl Plan {
-    fn turns(&self, dispatch: &Dispatch) -> u64 {
+    fn iterations(&self, dispatch: &Dispatch) -> u64 {
         // Loops over reads of one thread, over subgroups, and over 256 samples on three axes.
         const FIXED: u64 = 1024;
         let kernel = dispatch.kernel;

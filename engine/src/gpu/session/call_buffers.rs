@@ -6,10 +6,12 @@ use crate::Error;
 use crate::gpu::detector::read_outcome;
 use crate::gpu::device::{GpuDevice, with_error_scope};
 
-/// After the outcome, and at [`TICKS_AT`] the ticks or the state of the candidate list.
+/// Byte offset of the pairs in a staging buffer. The outcome is at 0, the ticks or the candidate list's state at
+/// [`TICKS_AT`].
 const PAIRS_AT: u64 = 128;
 const TICKS_AT: u64 = 64;
 
+/// The input and staging buffers of one in-flight call.
 #[derive(Debug, Default)]
 pub(crate) struct CallBuffers {
     pub(crate) count: u32,
@@ -89,6 +91,7 @@ pub(crate) fn copy_to_staging(
     }
 }
 
+/// The mapped bytes of a staging buffer.
 pub(crate) struct Readback<'a>(pub(crate) &'a [u8]);
 
 impl Readback<'_> {
@@ -128,7 +131,7 @@ fn write<T: Pod>(
         return Err(Error::LimitExceeded { what: "the sphere buffer", needed, limit, remedy });
     }
     let size = needed.next_power_of_two().clamp(16, limit);
-    // A buffer that could not be created is not kept, since it has the requested size all the same.
+    // A buffer that could not be created also reports the requested size, so it is not kept.
     let fitting = buffer.take().filter(|buffer| buffer.size() >= needed);
     *buffer = Some(with_error_scope(&gpu.device, what, size, || {
         let target = fitting.unwrap_or_else(|| {

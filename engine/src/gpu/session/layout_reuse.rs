@@ -4,7 +4,7 @@ use crate::gpu::detector::LayoutSource;
 
 /// Calls that reuse cells before a survey chooses others: older cells suit the spheres less, which costs time. A survey
 /// takes about a tenth of a call.
-const CALLS: u32 = 16;
+const MAX_REUSES: u32 = 16;
 const MAX_PAUSE: u32 = 63;
 
 /// Decides which searches reuse the cells of an earlier call. The device checks that they suit the spheres, so the
@@ -24,7 +24,7 @@ impl LayoutReuse {
         if may_reuse && self.left > 0 { LayoutSource::EarlierCall } else { LayoutSource::Survey }
     }
 
-    /// After a search.
+    /// Records the outcome of a search.
     pub(super) fn note(&mut self, has_reused: bool, outcome: &Outcome) {
         if has_reused && outcome.overflow & Outcome::OVERFLOW_LAYOUT != 0 {
             self.last_pause = (2 * self.last_pause + 1).min(MAX_PAUSE);
@@ -39,7 +39,7 @@ impl LayoutReuse {
         } else {
             // Overfull cells need a survey.
             let suits = outcome.max_occupancy == 0 && outcome.quarantined == 0;
-            self.left = if suits { CALLS } else { 0 };
+            self.left = if suits { MAX_REUSES } else { 0 };
         }
     }
 }

@@ -25,10 +25,10 @@ use submission::{PendingReadback, Submission};
 pub use submission::SubmissionCounts;
 
 const MAX_IN_FLIGHT: usize = 2;
-/// Pairs in the first readback.
+/// Pairs in the first readback of a session.
 const FIRST_PAIRS: u64 = 1 << 12;
 
-/// Uploads spheres, detects, reads back, and retries if a capacity was too small.
+/// Uploads spheres, finds their pairs, reads them back, and retries if a capacity was too small.
 ///
 /// Two calls may be in flight, so that upload, detection and readback overlap. The input is not checked: invalid
 /// spheres never pair.
@@ -45,10 +45,11 @@ pub struct GpuSession {
     slots: [CallBuffers; MAX_IN_FLIGHT],
     calls: [QueuedCall; MAX_IN_FLIGHT],
     begun: u64,
-    /// Call in the detector's buffers, and its output.
+    /// Number of the call whose result is in the detector's buffers, and its output.
     submitted: Option<(u64, GpuOutput)>,
     pending: [Option<PendingReadback>; MAX_IN_FLIGHT],
     tickets: [Weak<()>; MAX_IN_FLIGHT],
+    /// Number of pairs that the first readback of a call copies.
     expected: u64,
     pairs: Vec<Pair>,
     gathered: Vec<Pair>,
@@ -64,9 +65,9 @@ pub(crate) struct QueuedCall {
     /// Range of the smaller index of pairs.
     pub(crate) window: Range<u32>,
     pub(crate) split: u32,
-    /// If the candidate list may serve it.
+    /// `true` if a candidate list may answer the call.
     pub(crate) keeps: bool,
-    /// If the cells of an earlier call may serve it.
+    /// `true` if the call may reuse the cells of an earlier call.
     pub(crate) reuses_layout: bool,
 }
 
@@ -144,7 +145,7 @@ impl GpuSession {
         Ok(())
     }
 
-    /// Sets the time limit of each submission of a call, after which it returns [`Error::Timeout`]. Default: ten minutes.
+    /// Sets the time limit of each submission, after which the call returns [`Error::Timeout`]. Default: ten minutes.
     pub fn set_timeout(&mut self, timeout: Duration) {
         self.timeout = timeout;
     }
@@ -164,12 +165,13 @@ impl GpuSession {
         Ok(())
     }
 
-    /// Algorithm of the last call: ArrayGrid if the entries of several levels did not fit; `Auto` before the first.
+    /// Returns the algorithm of the last call: ArrayGrid if the entries of several levels did not fit; `Auto` before
+    /// the first call.
     pub fn algorithm(&self) -> Algorithm {
         self.plan().map_or(Algorithm::Auto, |plan| plan.algorithm)
     }
 
-    /// Returns the cost of the last finished call.
+    /// Returns the planned cost of the last finished call; `None` if an existing candidate list answered it.
     pub fn cost(&self) -> Option<CallCost> {
         self.plan().filter(|_| self.kept.is_none_or(|kept| kept.rebuilt.is_some())).map(Plan::cost)
     }
@@ -191,7 +193,8 @@ impl GpuSession {
         &self.last
     }
 
-    /// Times of the last finished call, summed over its submissions: GPU phases if available, and host waits.
+    /// Returns the times of the last finished call, summed over its submissions: GPU phases if available, and host
+    /// waits.
     pub fn timings(&self) -> &[PhaseTime] {
         &self.timings
     }
@@ -215,7 +218,7 @@ impl GpuSession {
         MAX_IN_FLIGHT as u64 * (input + self.expected * 8)
     }
 
-    /// No buffer of a grid's plan has more bytes per sphere than the input.
+    /// Returns the most spheres of a call. No buffer of a grid's plan must have more bytes per sphere than the input.
     pub(crate) fn most_spheres(&self) -> u64 {
         most_spheres(&DeviceLimits::of(&self.gpu.device))
     }
@@ -248,9 +251,9 @@ impl GpuSession {
     }
 
     pub(crate) fn begin_as(&mut self, call: QueuedCall, spheres: Spheres<'_>) -> Result<Ticket, Error> {
-        for (flight, ticket) in self.pending.iter_mut().zip(&self.tickets) {
+        for (pending, ticket) in self.pending.iter_mut().zip(&self.tickets) {
             if ticket.strong_count() == 0 {
-                *flight = None;
+                *pending = None;
             }
         }
         let slot_of = |number: u64| number as usize % MAX_IN_FLIGHT;
@@ -269,8 +272,7 @@ impl GpuSession {
         Ok(Ticket { number, _held: held })
     }
 
-    /// Returns the pairs of a call, unordered, until the next call is finished. Retries with more capacity if they did
-    /// not fit.
+    /// Waits for a call and returns its pairs, unordered. Retries with more capacity if they did not fit.
     ///
     /// # Errors
     /// [`Error::TooManyPairs`] above `limit`, with the exact number, or an error of the device.
@@ -288,7 +290,7 @@ impl GpuSession {
         Ok(&self.pairs)
     }
 
-    /// Returns the number of pairs of a call.
+    /// Waits for a call and returns its number of pairs.
     ///
     /// # Errors
     /// An error of the device.
@@ -343,7 +345,7 @@ impl GpuSession {
             self.pairs.clear();
             self.repeat_for_pairs(number, window.clone(), found)?;
             found = self.finish_with_retries(number, window, wait).await?.found();
-            // Another kernel may round a pair in contact differently, so that there are more.
+            // Another kernel may round tangent pairs differently and find more of them.
             if found == self.pairs.len() as u64 {
                 return Ok(());
             }
@@ -381,10 +383,6 @@ impl GpuSession {
 
     pub(crate) fn pairs_mut(&mut self) -> &mut Vec<Pair> {
         &mut self.pairs
-    }
-
-    pub(crate) fn swap_pairs(&mut self, pairs: &mut Vec<Pair>) {
-        std::mem::swap(&mut self.pairs, pairs);
     }
 }
 

@@ -27,7 +27,7 @@ impl AlgorithmChoice {
 }
 
 impl GpuSession {
-    /// After retries and continuations.
+    /// Waits for a call and returns its outcome after retries and continuations.
     pub(super) async fn finish_with_retries(
         &mut self,
         number: u64,
@@ -36,7 +36,7 @@ impl GpuSession {
     ) -> Result<Outcome, Error> {
         loop {
             let is_kept =
-                self.pending[number as usize % MAX_IN_FLIGHT].as_ref().is_some_and(|flight| flight.is_kept);
+                self.pending[number as usize % MAX_IN_FLIGHT].as_ref().is_some_and(|pending| pending.is_kept);
             let outcome = self.wait(number, wait).await.map_err(|error| self.gpu.reason(error))?;
             self.last = outcome;
             self.last_counts = self.counts[number as usize % MAX_IN_FLIGHT];
@@ -44,7 +44,7 @@ impl GpuSession {
                 self.pairs.clear();
                 self.repeat_for_candidates(number, window.clone(), &outcome)?;
             } else if outcome.overflow & Outcome::OVERFLOW_LAYOUT != 0 {
-                log::debug!("the cells of an earlier call do not suit the spheres: repeating with others");
+                log::debug!("the cells of an earlier call do not suit the spheres: retrying with new cells");
                 self.pairs.clear();
                 self.calls[number as usize % MAX_IN_FLIGHT].reuses_layout = false;
                 self.submit(number, Submission::Full(window.clone()))?;
@@ -70,7 +70,8 @@ impl GpuSession {
         self.submitted.as_ref().is_some_and(|(submitted, _)| *submitted == number)
     }
 
-    /// Returns `false` if the output is overwritten.
+    /// Reads back the pairs that a search left on the device. Returns `false` if the output no longer holds all of
+    /// them.
     pub(super) async fn copy_pairs(&mut self, number: u64, found: u64, wait: Wait) -> Result<bool, Error> {
         let holds_all = |(submitted, output): &(u64, GpuOutput)| {
             *submitted == number && found <= u64::from(output.capacity)
@@ -89,7 +90,7 @@ impl GpuSession {
     fn repeat_for_entries(&mut self, number: u64, window: Range<u32>, entries: u64) -> Result<(), Error> {
         let (slot, before) = (number as usize % MAX_IN_FLIGHT, self.detector.capacities());
         if self.detector.raise_entry_capacity(entries, self.slots[slot].count) {
-            log::info!("{entries} entries do not fit: repeating with room for them");
+            log::info!("{entries} entries do not fit: retrying with more capacity");
             return self.submit_with_capacity(number, window, before);
         }
         let Some(choice) =
@@ -100,7 +101,7 @@ impl GpuSession {
             return Err(Error::LimitExceeded { what, needed: entries, limit, remedy });
         };
         let AlgorithmChoice { algorithm, cell_ratio } = choice;
-        log::info!("{entries} entries do not fit: repeating as {algorithm} with cell ratio {cell_ratio}");
+        log::info!("{entries} entries do not fit: retrying as {algorithm} with cell ratio {cell_ratio}");
         self.calls[slot].choice = choice;
         self.submit(number, Submission::Full(window))
     }
@@ -119,7 +120,7 @@ impl GpuSession {
         self.submit_with_capacity(number, window, before).inspect_err(|_| self.expected = expected)
     }
 
-    /// With more capacity than `before`. If the device cannot allocate it, later calls do not request it.
+    /// Submits a call after a capacity was raised. If the device cannot allocate it, restores the capacities `before`.
     fn submit_with_capacity(
         &mut self,
         number: u64,
@@ -130,8 +131,8 @@ impl GpuSession {
             .inspect_err(|_| self.detector.restore_capacities(before))
     }
 
-    /// Makes the output large enough for about four windows of `found` pairs, since each costs a search. Returns `true` if
-    /// that is larger than before.
+    /// Makes the output large enough that about four windows cover `found` pairs, because each window costs a search.
+    /// Returns `true` if that is larger than before.
     pub(super) fn grow_for_windows(&mut self, found: u64) -> bool {
         let wanted = (found / 4).next_power_of_two().min(self.largest_capacity());
         let is_larger = wanted > self.capacity().into();
@@ -141,6 +142,7 @@ impl GpuSession {
         is_larger
     }
 
+    /// Collects the pairs of all windows in `self.pairs`.
     pub(super) async fn gather_windows(&mut self, number: u64, found: u64, wait: Wait) -> Result<(), Error> {
         let mut all = std::mem::take(&mut self.gathered);
         all.clear();
@@ -154,7 +156,7 @@ impl GpuSession {
         result
     }
 
-    /// Successive windows of smaller indices, each within the output's capacity.
+    /// Passes the pairs of successive windows of smaller indices to `consume`. Each window fits the output's capacity.
     pub(super) async fn read_windows(
         &mut self,
         number: u64,

@@ -10,18 +10,20 @@ use crate::gpu::detector::GpuSkinDetector;
 
 /// Calls without a list after a list that did not fit; an attempt costs about as much as one of them.
 const PAUSE: u64 = 16;
-/// At most, in a search for candidates of spheres that are nowhere much denser than elsewhere.
+/// Upper bound of the distance tests per candidate of a new list, unless some spheres are much denser than others.
 const TESTS_PER_CANDIDATE: u64 = 16;
-/// A list of more parts of the candidate search in crowded cells has too many candidates to pay.
+/// Parts of a candidate search in crowded cells above which a list has too many candidates to be worthwhile.
 const MAX_DEFERRED_PARTS: u32 = 4096;
 
 #[derive(Debug)]
 pub(super) struct SkinSession {
     pub(super) detector: GpuSkinDetector,
+    /// Number of the first call that may use a list.
     from: u64,
     /// Candidates of the last list; `None` before.
     candidates: Option<u64>,
     age: u32,
+    /// See [`GpuSession::last_rebuild`].
     last_rebuild: (u32, f32),
 }
 
@@ -46,7 +48,7 @@ impl GpuSession {
         Ok(())
     }
 
-    /// Keeps the list if the skin is equal.
+    /// Changes the skin of later calls. An equal skin keeps the list.
     pub(crate) fn update_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
         match (&mut self.skin, distance) {
             (Some(skin), Some(distance)) if skin.detector.skin() == distance => Ok(()),
@@ -55,8 +57,8 @@ impl GpuSession {
         }
     }
 
-    /// The age of the list in calls at the start of the last call, and the largest used fraction of the displacement
-    /// limit.
+    /// Returns the age of the list in calls when the last call began, and the largest fraction of the displacement
+    /// limit that the spheres had used.
     pub(crate) fn last_rebuild(&self) -> (u32, f32) {
         self.skin.as_ref().map_or((0, 0.0), |skin| skin.last_rebuild)
     }
@@ -76,8 +78,8 @@ impl GpuSession {
         Ok(self.io_memory(spheres) + self.detector.memory_for(spheres)? + kept)
     }
 
-    /// Returns `true` if a search for as many candidates as those of the last list may be long: then its parts are
-    /// submitted one by one, also in calls that use the list.
+    /// Returns `true` if a search for as many candidates as the last list has may be long. Its parts are then submitted
+    /// one by one, also in calls that reuse the list.
     pub(super) fn is_long_search(&self) -> bool {
         let tests =
             |skin: &SkinSession| skin.candidates.map(|count| count.saturating_mul(TESTS_PER_CANDIDATE));
@@ -101,7 +103,7 @@ impl GpuSession {
         self.kept
     }
 
-    /// A retried call has rebuilt the list if one of its submissions did.
+    /// Updates the statistics after a submission. A retried call rebuilt the list if one of its submissions did.
     pub(super) fn note(&mut self, state: &SkinState) {
         let Some(skin) = &mut self.skin else { return };
         skin.candidates = Some(state.candidates.into());
@@ -128,14 +130,14 @@ impl GpuSession {
         self.kept = Some(kept);
     }
 
-    /// With more capacity, or without a list.
+    /// Repeats a call whose candidates or pairs did not fit, with more capacity or without a list.
     pub(super) fn repeat_for_candidates(
         &mut self,
         number: u64,
         window: Range<u32>,
         outcome: &Outcome,
     ) -> Result<(), Error> {
-        let (largest, needed) = (self.largest_capacity(), outcome.entries_needed());
+        let (largest, needed) = (self.largest_capacity(), outcome.candidates_needed());
         let Some(skin) = &mut self.skin else { return self.submit(number, Submission::Full(window)) };
         let parts = skin.detector.needed_deferred_parts(outcome);
         if outcome.overflow & Outcome::OVERFLOW_WORK != 0 && parts <= MAX_DEFERRED_PARTS {
@@ -146,7 +148,7 @@ impl GpuSession {
         let before = skin.detector.candidate_capacity();
         if outcome.overflow & !Outcome::OVERFLOW_PAIRS == Outcome::OVERFLOW_CANDIDATES && needed <= largest {
             skin.detector.set_candidate_capacity((needed + needed / 8).min(largest) as u32);
-            log::info!("{needed} candidates do not fit: repeating with room for them");
+            log::info!("{needed} candidates do not fit: retrying with more capacity");
             self.submit(number, Submission::Full(window))?;
             if !self.uses_candidates(number)
                 && let Some(skin) = &mut self.skin

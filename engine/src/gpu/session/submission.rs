@@ -10,7 +10,7 @@ use crate::gpu::detector::GpuSpheres;
 use crate::gpu::device::{GpuDevice, Mapping, Wait, with_error_scope};
 use crate::gpu::plan::GpuPhase;
 
-/// The submissions of a call.
+/// Numbers of submissions of a call.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct SubmissionCounts {
@@ -34,9 +34,9 @@ pub(super) struct PendingReadback {
     staged: u64,
     capacity: u32,
     timed: &'static [GpuPhase],
-    /// If candidates answered it, whose state is read back in place of times.
+    /// `true` if a candidate list answered the call. Its state is then read back in place of ticks.
     pub(super) is_kept: bool,
-    /// If a search reused the cells of an earlier call; `None` without a search.
+    /// `true` if a search reused the cells of an earlier call; `None` without a search.
     has_reused: Option<bool>,
 }
 
@@ -55,12 +55,12 @@ impl Drop for PendingReadback {
 }
 
 impl GpuSession {
-    /// If candidates do not fit, the call searches without a list.
+    /// Submits `work`. If candidates do not fit, the call searches without a list.
     pub(super) fn submit(&mut self, number: u64, work: Submission) -> Result<(), Error> {
         let keeps = self.uses_candidates(number);
         let submitted = match self.try_submit(number, work.clone()) {
             Err(error @ (Error::DeviceOutOfMemory { .. } | Error::LimitExceeded { .. })) if keeps => {
-                log::info!("no room for candidates: {error}");
+                log::info!("the device cannot hold the candidates: {error}");
                 self.pause_skin(number);
                 self.try_submit(number, work)
             }
@@ -154,7 +154,7 @@ impl GpuSession {
             detector.note_submitted();
         }
         let device = gpu.device.clone();
-        let flight = PendingReadback {
+        let pending = PendingReadback {
             number,
             device,
             submission,
@@ -167,45 +167,44 @@ impl GpuSession {
             has_reused: searches.then(|| detector.reuses_layout()),
         };
         self.submitted = found.map(|found| (number, found));
-        self.pending[at] = Some(flight);
+        self.pending[at] = Some(pending);
         Ok(())
     }
 
     pub(super) async fn wait(&mut self, number: u64, wait: Wait) -> Result<Outcome, Error> {
-        let flight =
-            self.pending[number as usize % MAX_IN_FLIGHT].take().filter(|flight| flight.number == number);
-        let Some(flight) = flight else {
+        let pending = self.pending[number as usize % MAX_IN_FLIGHT].take();
+        let Some(pending) = pending.filter(|pending| pending.number == number) else {
             return Err(Error::TooManyInFlight { calls: MAX_IN_FLIGHT });
         };
         let start = Instant::now();
-        let waiting = flight.mapping.clone();
-        let submission = flight.submission.clone();
+        let waiting = pending.mapping.clone();
+        let submission = pending.submission.clone();
         let finished = waiting.finished(&self.gpu.device, submission, self.timeout, wait).await;
         self.gpu.check_lost()?;
         finished?;
         self.time("wait", start.elapsed());
         let start = Instant::now();
-        let view = flight.staging.slice(..).get_mapped_range();
+        let view = pending.staging.slice(..).get_mapped_range();
         let view =
             view.map_err(|error| Error::DeviceRejected { what: "readback", reason: error.to_string() })?;
         let returned = Readback(&view);
         let outcome = returned.outcome()?;
-        if outcome.found() <= flight.staged.min(flight.capacity.into()) {
+        if outcome.found() <= pending.staged.min(pending.capacity.into()) {
             returned.append_pairs(outcome.found() as usize, &mut self.pairs)?;
         }
-        let state = flight.is_kept.then(|| returned.state());
-        if !flight.timed.is_empty() {
+        let state = pending.is_kept.then(|| returned.state());
+        if !pending.timed.is_empty() {
             let (period, ticks) = (f64::from(self.gpu.queue.get_timestamp_period()) * 1e-9, returned.ticks());
-            for phase in flight.timed {
+            for phase in pending.timed {
                 let [begin, end] = ticks[*phase as usize];
                 self.time(phase.name(), Duration::from_secs_f64(end.saturating_sub(begin) as f64 * period));
             }
         }
-        if let Some(has_reused) = flight.has_reused {
+        if let Some(has_reused) = pending.has_reused {
             self.layouts.note(has_reused, &outcome);
         }
         drop(view);
-        drop(flight);
+        drop(pending);
         if let Some(state) = state {
             self.note(&state);
         }
@@ -218,7 +217,7 @@ fn new_encoder(gpu: &GpuDevice) -> Result<wgpu::CommandEncoder, Error> {
     with_error_scope(&gpu.device, "an encoder", 0, || gpu.device.create_command_encoder(&Default::default()))
 }
 
-/// Submits all parts but the last, so that no submission is long.
+/// Encodes all parts and submits all but the last, so that no submission is long.
 fn encode_parts(
     gpu: &GpuDevice,
     encoder: &mut wgpu::CommandEncoder,

@@ -32,7 +32,7 @@ fn overlaps(input: &SlabInput<'_>, a: usize, b: usize) -> bool {
         && input.space.distance_squared(at, other) <= (radius(a) + radius(b)).powi(2)
 }
 
-/// Slabs of `most` spheres find every pair once, as a whole and range by range.
+/// Checks that slabs of `most` spheres find every pair once, as a whole and range by range; returns their number.
 fn agrees(input: &SlabInput<'_>, most: usize) -> usize {
     let all = 0..input.spheres.len();
     let pairs = all.clone().flat_map(|i| (i + 1..all.end).map(move |j| (i, j)));
@@ -57,7 +57,7 @@ fn agrees(input: &SlabInput<'_>, most: usize) -> usize {
                     window.flat_map(|i| (from.max(i + 1)..count as u32).map(move |j| Pair { i, j }));
                 let mut own: Vec<Pair> =
                     in_slab.filter(|pair| overlaps(input, of(pair.i), of(pair.j))).collect();
-                slab.name(&mut own);
+                slab.restore_indices(&mut own);
                 assert!(own.iter().all(|pair| range.contains(&pair.i)), "{range:?}");
                 found.extend(own);
             }
