@@ -8,10 +8,10 @@ use lazygrid::gpu::{GpuDevice, wgpu};
 use lazygrid_kernels::kernel::{Binding, Kernel, Variant};
 use wgpu::BufferUsages;
 
-/// Limits each operation.
+/// Time limit of each operation.
 pub const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Copies to and from the buffer are allowed.
+/// Creates a buffer for storage, uniforms and copies.
 pub fn storage_buffer(own: &GpuDevice, bytes: u64) -> Result<wgpu::Buffer, Error> {
     let usage =
         BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
@@ -81,7 +81,7 @@ pub fn submit<R>(
 /// Runs one kernel on buffers by binding name.
 ///
 /// # Panics
-/// If a binding has no buffer.
+/// Panics if a binding has no buffer.
 pub fn run(
     own: &GpuDevice,
     kernel: &'static Kernel,
@@ -92,10 +92,10 @@ pub fn run(
     run_over(own, kernel, variant, [groups, 1, 1], buffers)
 }
 
-/// `groups` are by dimension.
+/// Runs one kernel with a number of workgroups per dimension.
 ///
 /// # Panics
-/// If a binding has no buffer.
+/// Panics if a binding has no buffer.
 pub fn run_over(
     own: &GpuDevice,
     kernel: &'static Kernel,

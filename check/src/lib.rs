@@ -11,11 +11,11 @@ pub mod timing;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effort {
-    /// Seconds.
+    /// Takes seconds.
     Quick,
-    /// About a minute, also on a software adapter.
+    /// Takes about a minute, also on a software adapter.
     Default,
-    /// Up to an hour on a software adapter.
+    /// Takes up to an hour on a software adapter.
     Full,
 }
 

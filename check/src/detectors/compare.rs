@@ -9,8 +9,8 @@ use crate::{
     shrink,
 };
 
-/// Larger scenes use the CPU's cell list as the reference.
-const ALL_PAIRS: usize = 4000;
+/// Largest scene that is compared with the oracle. The reference for larger ones is the CPU's cell list.
+const MAX_ORACLE_SPHERES: usize = 4000;
 
 #[derive(Clone, Debug)]
 pub struct SceneCase {
@@ -66,8 +66,8 @@ pub fn cases(effort: Effort) -> Vec<SceneCase> {
             let periodic = TestInput { space, ..spheres.clone().into() };
             cases.push(case(&format!("{n} spheres, {scene}, periodic"), periodic));
             if scene == Scene::FiveSizes {
-                let edges = triclinic::tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
-                let triclinic = TestInput { space: triclinic::space(edges), ..spheres.into() };
+                let vectors = triclinic::tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
+                let triclinic = TestInput { space: triclinic::space(vectors), ..spheres.into() };
                 cases.push(case(&format!("{n} spheres, {scene}, in a triclinic cell"), triclinic));
             }
         }
@@ -83,7 +83,7 @@ pub(crate) fn with_species(spheres: Vec<Sphere>, random: &mut Random) -> TestInp
 }
 
 pub fn expected(scenario: &TestInput) -> Result<Vec<Pair>, String> {
-    if scenario.spheres.len() <= ALL_PAIRS {
+    if scenario.spheres.len() <= MAX_ORACLE_SPHERES {
         return Ok(scenario.oracle());
     }
     let config = Config::default().backend(Backend::Cpu).algorithm(Algorithm::CellList);
@@ -105,8 +105,10 @@ pub struct FailedCase {
     pub environment: &'static str,
 }
 
+/// Checks the pairs that `pairs` finds.
+///
 /// # Errors
-/// The first difference from the expected pairs, or the detector's error.
+/// Returns the first difference from the expected pairs, or the detector's error.
 pub fn verify(
     scenario: &TestInput,
     variant: &DetectorVariant,
@@ -117,21 +119,21 @@ pub fn verify(
 
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Pace {
-    /// In seconds per unit of work.
+    /// Smallest measured time in seconds per unit of work.
     rate: Option<f64>,
 }
 
 impl Pace {
-    /// Smaller calls say little about larger ones.
-    const TELLING: usize = 1000;
+    /// Smallest call that is measured, because smaller ones say little about larger ones.
+    const MIN_SPHERES: usize = 1000;
 
-    /// In seconds; 0 before the first measurement.
+    /// Predicts the seconds of a call; 0 before the first measurement.
     pub fn forecast(self, variant: &DetectorVariant, spheres: usize) -> f64 {
         self.rate.unwrap_or(0.0) * Self::work(variant, spheres)
     }
 
     pub fn saw(&mut self, variant: &DetectorVariant, spheres: usize, seconds: f64) {
-        if spheres >= Self::TELLING {
+        if spheres >= Self::MIN_SPHERES {
             let rate = seconds / Self::work(variant, spheres);
             self.rate = Some(self.rate.map_or(rate, |least| least.min(rate)));
         }
@@ -188,7 +190,7 @@ mod tests {
 
     #[test]
     fn reference_for_large_scenes_matches_the_oracle() {
-        let scenario = TestInput::from(Scene::FiveSizes.spheres(ALL_PAIRS + 1, 3));
+        let scenario = TestInput::from(Scene::FiveSizes.spheres(MAX_ORACLE_SPHERES + 1, 3));
         assert_eq!(expected(&scenario), Ok(scenario.oracle()));
     }
 

@@ -5,7 +5,7 @@ use lazygrid::{Neighbors, Pair};
 /// Returns the pairs of the `list` of each sphere in canonical order.
 ///
 /// # Errors
-/// If neighbors do not ascend, or a pair is not in the lists of both spheres.
+/// Fails if neighbors do not ascend, or if a pair is not in the lists of both spheres.
 pub fn pairs_among<'a>(spheres: usize, list: impl Fn(usize) -> &'a [u32]) -> Result<Vec<Pair>, String> {
     let mut pairs = Vec::new();
     for i in 0..spheres {
@@ -27,7 +27,7 @@ pub fn pairs_among<'a>(spheres: usize, list: impl Fn(usize) -> &'a [u32]) -> Res
 /// Returns the pairs of a query of two sets in canonical order.
 ///
 /// # Errors
-/// If neighbors do not ascend.
+/// Fails if neighbors do not ascend.
 pub fn pairs_across(lists: &Neighbors<'_>) -> Result<Vec<Pair>, String> {
     if let Some(i) = (0..lists.len()).find(|&i| !lists.neighbors_of(i).is_sorted()) {
         return Err(format!("the neighbors of {i} do not ascend"));

@@ -91,7 +91,7 @@ impl DetectorVariant {
         }
     }
 
-    /// A `Detector` uses all subgroup operations of the device.
+    /// Returns the configuration of a `Detector`, which uses subgroup operations whenever the device has them.
     pub fn config(&self, gpu: Option<&Gpu>) -> Config {
         let mut config = Config::default().backend(self.backend()).algorithm(self.algorithm).timeout(TIMEOUT);
         if let Some(tau) = self.tau {
@@ -112,7 +112,7 @@ impl DetectorVariant {
         }
     }
 
-    /// In canonical order from a `Detector`, which is checked; in any order from a session.
+    /// Finds the pairs: with a `Detector` in canonical order, which is checked; with a session in any order.
     pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> Result<Vec<Pair>, String> {
         catch_panic(|| match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
@@ -132,7 +132,7 @@ impl DetectorVariant {
         })
     }
 
-    /// A host-side filter needs a [`Detector`](Self::config).
+    /// Returns `true` if the variant can search the scene. A filter on the host needs a [`Detector`](Self::config).
     pub fn takes(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> bool {
         match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) => {
@@ -174,8 +174,8 @@ impl DetectorVariant {
         Ok(session.finish(ticket, u64::MAX).map_err(text)?.to_vec())
     }
 
-    /// Options of `lazygrid detect`; empty for candidates of an earlier frame and for kernels without subgroup operations
-    /// on a device that has them, which `detect` does not repeat.
+    /// Returns the options of `lazygrid detect`. They are empty if `detect` cannot repeat the variant: for candidates
+    /// of an earlier frame, and for kernels without subgroup operations on a device that has them.
     pub fn options(&self, gpu: Option<&Gpu>) -> String {
         let without_subgroups = match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) => subgroups != gpu.own.adapter.has_subgroups,
@@ -198,7 +198,7 @@ impl DetectorVariant {
         options + &tau.unwrap_or_default() + &ratio.unwrap_or_default()
     }
 
-    /// The variable of the environment that selects the vectors of `lazygrid detect`, before the command.
+    /// Returns the environment variable that selects the SIMD width of `lazygrid detect`, to precede the command.
     pub fn environment(&self) -> &'static str {
         match self.target {
             TargetDevice::Gpu { .. } => "",
@@ -225,7 +225,7 @@ impl fmt::Display for DetectorVariant {
     }
 }
 
-/// Refuses pairs that are not in canonical order.
+/// Returns the pairs, or an error if they are not in canonical order.
 pub(crate) fn in_order(pairs: Vec<Pair>) -> Result<Vec<Pair>, String> {
     if pairs.is_sorted() { Ok(pairs) } else { Err("the pairs are not in canonical order".to_owned()) }
 }
@@ -233,9 +233,9 @@ pub(crate) fn in_order(pairs: Vec<Pair>) -> Result<Vec<Pair>, String> {
 /// Turns a panic into an error.
 pub fn catch_panic<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
-        let said = payload.downcast_ref::<String>().map(String::as_str);
-        let said = said.or_else(|| payload.downcast_ref::<&str>().copied());
-        Err(format!("panicked: {}", said.unwrap_or("no message")))
+        let message = payload.downcast_ref::<String>().map(String::as_str);
+        let message = message.or_else(|| payload.downcast_ref::<&str>().copied());
+        Err(format!("panicked: {}", message.unwrap_or("no message")))
     })
 }
 

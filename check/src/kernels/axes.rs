@@ -12,7 +12,7 @@ use crate::Effort;
 
 /// A cube, a plane and a line.
 const EXTENTS: [[f32; 3]; 3] = [[1000.0; 3], [1000.0, 1000.0, 0.0], [1000.0, 0.0, 0.0]];
-/// The bounds hold far more cells than the table.
+/// Radius at which the bounds hold far more cells than the table.
 const RADIUS: f32 = 1.0 / 1024.0;
 
 /// Long axes have as many cells as the table holds, around every number at which one more fits.

@@ -42,7 +42,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Exact at any distance from the origin and for any length of the box.
+/// Wrapping is exact at any distance from the origin and for any length of the box.
 pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     let lengths = [
         [Some(1.0_f32), Some(0.1), Some(3.3)],
@@ -280,7 +280,7 @@ fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Ke
     same(|| format!("found beyond 32 bits, {variant:?}"), &found, &(before.found() + 600 * 599 / 2))
 }
 
-/// Has a row more than the capacity for pairs.
+/// Returns a call whose pair buffer has one row more than the capacity.
 fn naive_call<'a>(
     own: &'a GpuDevice,
     call: SearchParams,

@@ -56,7 +56,7 @@ pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Chooses the cells of the kernels for many spheres, and clears the statistics.
+/// The set-up of few spheres chooses the cells that the kernels for many spheres choose, and clears the statistics.
 pub(crate) fn cell_list_setup_small(own: &GpuDevice) -> Result<(), KernelError> {
     let one_set = [0, 1, 300, 2048].map(|size| (size, Division::OneSet));
     let species = Division::Species { meets_itself: false };
@@ -136,10 +136,10 @@ fn begun(
     })
 }
 
-/// Larger than the numbers that devices flush.
+/// Constant that is added to radii, larger than the numbers that devices flush to zero.
 const FLUSHED: f32 = f32::MIN_POSITIVE * 64.0;
 
-/// Expected statistics, if subnormal numbers are flushed or not.
+/// Returns the expected statistics; `flushes` for a device that flushes subnormal radii to zero.
 pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) -> InputStats {
     let mut survey = InputStats::zeroed();
     for (id, sphere) in spheres.iter().enumerate() {

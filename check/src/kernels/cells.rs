@@ -13,7 +13,7 @@ use crate::scenes::periodic;
 use crate::{Random, TestInput};
 
 pub(crate) const CELL_CAPACITY: u32 = 4096;
-/// For size classes without cells, whose spheres are listed.
+/// Level of the size classes without cells, whose spheres are listed.
 pub(crate) const LISTED: usize = 255;
 /// Largest occupancy at which smaller spheres stay in a coarse cell.
 pub(crate) const TAU: u32 = 8;
@@ -128,7 +128,7 @@ pub(crate) struct Configured {
     survey: InputStats,
 }
 
-/// For these statistics and sides, after a call with this outcome.
+/// Configures cells for statistics and sides, after a call with the outcome `before`.
 pub(crate) fn configure(
     own: &GpuDevice,
     (call, variant): (SearchParams, Variant),
@@ -158,7 +158,7 @@ pub(crate) fn level_of(list: &CellListLayout, radius: f32) -> usize {
     (list.class_levels[class / 4] >> (class % 4 * 8) & 255) as usize
 }
 
-/// Before wrapping, with the rounding of a fused multiply-add if `fused`.
+/// Returns the cell number per axis before wrapping, with the rounding of a fused multiply-add if `fused`.
 pub(crate) fn numbers(
     list: &CellListLayout,
     space: Space,
@@ -237,7 +237,7 @@ impl ConfiguredCellList {
         density
     }
 
-    /// Also returns the occupancy of the overfull cell that it left, or 0.
+    /// Returns the cell of a sphere, and the occupancy of the overfull cell that it left, or 0.
     fn home(&self, id: usize, density: &[u32], fused: bool) -> (u32, u32) {
         let (list, space, sphere) = (&self.list, self.scenario.space, &self.scenario.spheres[id]);
         let Some(coarsest) = self.coarsest(id, fused) else {
@@ -251,14 +251,14 @@ impl ConfiguredCellList {
         }
     }
 
-    /// Also returns the largest occupancy of a cell that a sphere left.
+    /// Returns the cell of each sphere, and the largest occupancy of a cell that a sphere left.
     pub(crate) fn homes(&self, density: &[u32], fused: bool) -> (Vec<u32>, u32) {
         let homes = (0..self.scenario.spheres.len()).map(|id| self.home(id, density, fused));
         let (cells, crowds): (Vec<u32>, Vec<u32>) = homes.unzip();
         (cells, crowds.into_iter().max().unwrap_or(0))
     }
 
-    /// With or without fused multiply-add.
+    /// Compares `found` with the values expected with and without fused multiply-add.
     pub(crate) fn agrees<T: PartialEq + std::fmt::Debug>(
         case: impl FnOnce() -> String,
         found: &T,

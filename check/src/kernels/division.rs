@@ -4,6 +4,7 @@ use lazygrid_kernels::layout::{CellListLayout, SearchParams, SpeciesParams};
 use super::kernel_call::KernelCall;
 use crate::SpeciesSetup;
 
+/// The division of test spheres into sides, of which only some pairs are compared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Division {
     OneSet,
@@ -96,7 +97,7 @@ impl Division {
         call.with_sides(&self.partners())
     }
 
-    /// Interaction of spheres of two sides.
+    /// Returns the interaction of the spheres of two sides.
     fn interaction(self, a: usize, b: usize) -> Interaction {
         match (self.meets(a, b), self) {
             (false, _) => Interaction::Never,
@@ -105,7 +106,7 @@ impl Division {
         }
     }
 
-    /// Half the largest distance at which a species pairs, except from the narrow side.
+    /// Returns half the largest distance at which a species pairs; 0 on the narrow side.
     fn half(self, species: usize) -> f32 {
         if matches!(self, Self::NarrowSide { .. }) && species == 1 { 0.5 * FAR } else { 0.0 }
     }

@@ -71,7 +71,7 @@ fn call(split_policy: u32, tau: u32) -> SearchParams {
     }
 }
 
-/// Eight powers of two, at multiples of an eighth; every third sphere is at the same point.
+/// Returns spheres with radii of eight powers of two, at multiples of an eighth; every third is at the same point.
 fn spheres(count: usize) -> Vec<Sphere> {
     let mut random = Random(count as u64);
     let mut place = || (random.word() % 1024) as f32 / 8.0 - 64.0;
@@ -272,7 +272,7 @@ pub(crate) fn levels_assign_keys(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Sorted (key, object).
+/// Returns the expected (key, object) entries in ascending order.
 fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec<[u32; 2]> {
     let mut entries = Vec::new();
     for (index, own) in cells.iter().enumerate() {

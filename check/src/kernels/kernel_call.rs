@@ -18,7 +18,7 @@ impl<'a> KernelCall<'a> {
         Self { own, buffers: Vec::new() }
     }
 
-    /// Replaces a buffer of this name.
+    /// Adds a buffer, which replaces any of this name.
     pub(super) fn bind(mut self, name: &'static str, buffer: wgpu::Buffer) -> Self {
         self.buffers.retain(|(other, _)| *other != name);
         self.buffers.push((name, buffer));
@@ -45,7 +45,7 @@ impl<'a> KernelCall<'a> {
     }
 
     /// # Panics
-    /// If a binding of the kernel has no buffer.
+    /// Panics if a binding of the kernel has no buffer.
     pub(super) fn run(&self, kernel: &'static Kernel, variant: Variant, groups: u32) -> Result<(), Error> {
         self.run_over(kernel, variant, [groups, 1, 1])
     }
@@ -63,7 +63,7 @@ impl<'a> KernelCall<'a> {
     }
 
     /// # Panics
-    /// If no buffer has this name.
+    /// Panics if no buffer has this name.
     pub(super) fn buffer(&self, name: &str) -> &wgpu::Buffer {
         let found = self.buffers.iter().find(|(other, _)| *other == name);
         &found.unwrap_or_else(|| panic!("no buffer for {name}")).1

@@ -55,12 +55,12 @@ impl<'a> Searched<'a> {
         Ok(self.call.read("pairs", self.outcome()?.found() as usize)?)
     }
 
-    fn first_shares(&self) -> Result<(), KernelError> {
+    fn search_first_chunks(&self) -> Result<(), KernelError> {
         let groups = self.chosen.call.spheres.div_ceil(k::WORKGROUP_SIZE);
         Ok(self.call.run(&k::CELL_LIST_SEARCH, self.chosen.variant, groups)?)
     }
 
-    fn next_part(&self) -> Result<(), KernelError> {
+    fn search_next_part(&self) -> Result<(), KernelError> {
         let variant = self.chosen.variant;
         self.call.run(&k::CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS, variant, 1)?;
         let groups = self.call.read_one("dispatch")?;
@@ -79,10 +79,10 @@ pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelErr
                 ..chosen.clone()
             };
             let searched = Searched::of(own, &parted)?;
-            searched.first_shares()?;
+            searched.search_first_chunks()?;
             let mut parts = 0;
             while searched.outcome()?.has_remaining_work() {
-                searched.next_part()?;
+                searched.search_next_part()?;
                 parts += 1;
             }
             difference(&chosen.scenario, &searched.pairs()?, &expected, Tolerance::Tangent)
@@ -92,8 +92,8 @@ pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelErr
     Ok(())
 }
 
-/// All later spheres are candidates of a coincident sphere. The first search covers its share and lists blocks with
-/// more.
+/// All later spheres are candidates of a coincident sphere. The first search covers one chunk of them and lists blocks
+/// with more.
 pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
     for count in [2_u32, 256, 257, 300, 700, 769, 1400] {
         let division = Division::OneSet;
@@ -101,18 +101,18 @@ pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
         let spheres = vec![Sphere::new([0.3; 3], 0.5); count as usize];
         let chosen = case.choose_for(own, spheres)?;
         let searched = Searched::of(own, &chosen)?;
-        searched.first_shares()?;
-        let share = chosen.call.candidates_per_invocation;
+        searched.search_first_chunks()?;
+        let chunk = chosen.call.candidates_per_invocation;
         let what = |what: &str| format!("{what} of {count} at one point");
         let mut found = searched.pairs()?;
         found.sort_unstable();
-        let first = (0..count).flat_map(|i| (i + 1..count.min(i + 1 + share)).map(move |j| Pair { i, j }));
+        let first = (0..count).flat_map(|i| (i + 1..count.min(i + 1 + chunk)).map(move |j| Pair { i, j }));
         same(|| what("first candidates"), &found, &first.collect())?;
         let outcome = searched.outcome()?;
-        let rest = (count - 1).saturating_sub(share);
-        let blocks: Vec<u32> = (0..count).step_by(256).filter(|block| count - 1 - block > share).collect();
+        let rest = (count - 1).saturating_sub(chunk);
+        let blocks: Vec<u32> = (0..count).step_by(256).filter(|block| count - 1 - block > chunk).collect();
         let listed = (outcome.deferred_blocks as usize, outcome.deferred_max_tiles);
-        same(|| what("blocks and shares"), &listed, &(blocks.len(), rest.div_ceil(share)))?;
+        same(|| what("blocks and chunks"), &listed, &(blocks.len(), rest.div_ceil(chunk)))?;
         let mut crowded = searched.call.read::<u32>("deferred", blocks.len())?;
         crowded.sort_unstable();
         same(|| what("blocks"), &crowded, &blocks)?;
@@ -147,6 +147,7 @@ fn few(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> 
     Ok(())
 }
 
+/// A call with cells of an earlier call searches only if they suit the spheres.
 fn refused(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
     for overflow in [0, Outcome::OVERFLOW_LAYOUT] {
         let variant = k::Variant { reuse: true, ..chosen.variant };
@@ -154,7 +155,7 @@ fn refused(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelErr
         let searched = Searched::of(own, &chosen)?;
         let before = Outcome { overflow, ..Outcome::zeroed() };
         own.queue.write_buffer(searched.call.buffer("outcome"), 0, bytemuck::bytes_of(&before));
-        searched.first_shares()?;
+        searched.search_first_chunks()?;
         let is_searched = searched.outcome()? != before;
         same(|| format!("search with overflow {overflow}"), &is_searched, &(overflow == 0))?;
     }
@@ -164,8 +165,8 @@ fn refused(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelErr
 /// A part has the blocks that the number of tiles allows, at least one.
 pub(crate) fn cell_list_search_overflow_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
     let blocks = [1, 5, 4096, 65_535, 65_536, 1_000_000];
-    for (blocks, shares) in
-        blocks.into_iter().flat_map(|blocks| [1, 7, 50_000].map(|shares| (blocks, shares)))
+    for (blocks, chunks) in
+        blocks.into_iter().flat_map(|blocks| [1, 7, 50_000].map(|chunks| (blocks, chunks)))
     {
         for (begin, tiles_per_submission) in
             [(0, SearchParams::UNLIMITED), (0, 1 << 18), (blocks - 1, 1 << 18), (0, 1)]
@@ -177,7 +178,7 @@ pub(crate) fn cell_list_search_overflow_dispatch_args(own: &GpuDevice) -> Result
             };
             let listed = Outcome {
                 deferred_blocks: blocks,
-                deferred_max_tiles: shares,
+                deferred_max_tiles: chunks,
                 deferred_end: begin,
                 ..Outcome::zeroed()
             };
@@ -189,17 +190,17 @@ pub(crate) fn cell_list_search_overflow_dispatch_args(own: &GpuDevice) -> Result
             let left = blocks - begin;
             let taken = match tiles_per_submission {
                 SearchParams::UNLIMITED => left,
-                tiles => left.min((tiles / (shares * (k::CANDIDATES_PER_INVOCATION / 256))).max(1)),
+                tiles => left.min((tiles / (chunks * (k::CANDIDATES_PER_INVOCATION / 256))).max(1)),
             };
             let case = || {
                 format!(
-                    "{blocks} blocks, the first {begin}, of {shares} shares, {tiles_per_submission} a part"
+                    "{blocks} blocks, the first {begin}, of {chunks} chunks, {tiles_per_submission} a part"
                 )
             };
             let expected = Outcome { deferred_begin: begin, deferred_end: begin + taken, ..listed };
             same(case, &call.read_one::<Outcome>("outcome")?, &expected)?;
             let groups = call.read_one::<[u32; 3]>("dispatch")?;
-            same(case, &groups, &[shares, taken.min(65_535), taken.div_ceil(65_535)])?;
+            same(case, &groups, &[chunks, taken.min(65_535), taken.div_ceil(65_535)])?;
         }
     }
     Ok(())

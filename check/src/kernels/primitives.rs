@@ -9,7 +9,7 @@ use crate::device::{download, submit, upload};
 
 /// Around a workgroup, around a tile, and many tiles.
 pub const SIZES: [usize; 12] = [0, 1, 255, 256, 257, 2047, 2048, 2049, 4095, 4096, 4097, 300_000];
-/// Larger inputs sort only random keys, by two numbers of bits.
+/// Number of keys at or above which only random keys are sorted, by two numbers of bits.
 const MANY: usize = 100_000;
 
 fn scan_plain(values: &[u32]) -> (Vec<u32>, u64) {
@@ -50,7 +50,7 @@ pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), KernelError> {
             // The sum fits in 32 bits, as that of counters does.
             let mut values: Vec<u32> = (0..size).map(|_| random.word() >> 16).collect();
             let largest = values.iter().copied().max().unwrap_or(0);
-            // Four are read at once, and the largest value follows.
+            // The kernel reads four values at once and stores the largest after the last.
             values.resize((size + 1).next_multiple_of(4), 0);
             let lengths = SortCounts { items: 0, counters: size as u32 };
             let call = KernelCall::new(own).with("sort_counts", &[lengths])?.with("values", &values)?;
@@ -92,8 +92,8 @@ fn keys_of_each_kind(size: usize) -> [Vec<u32>; 4] {
     ]
 }
 
-/// Random keys by several numbers of bits, other kinds by 13 and 32 bits; at or above 100,000 keys only random ones, by
-/// 24 and 32 bits.
+/// Sorts random keys by several numbers of bits, other kinds by 13 and 32 bits; at or above 100,000 keys only random
+/// ones, by 24 and 32 bits.
 pub fn sort(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let sort = RadixSort::new(&own.device, subgroups);

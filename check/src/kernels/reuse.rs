@@ -13,7 +13,7 @@ use super::support::{KernelError, same};
 use crate::{Random, TestInput};
 
 const SPHERES: u32 = 2000;
-/// Most spheres of a cell, and most listed spheres.
+/// Maximum numbers of spheres in a cell and of listed spheres.
 const LIMITS: [u32; 2] = [64, 8];
 
 type Change = (&'static str, fn(&mut [Sphere]));
@@ -164,7 +164,7 @@ impl Reused<'_> {
         let Self { own, chosen, count } = *self;
         let ConfiguredCellList { call, scenario, list, variant, division, .. } = chosen;
         let tiles = SPHERES.div_ceil(k::RADIX_TILE);
-        // Left by an earlier call.
+        // The outcome of an earlier call.
         let before =
             Outcome { found_lo: 9, quarantined: 2, deferred_blocks: 4, dispatch_z: 1, ..Outcome::zeroed() };
         let call = KernelCall::new(own)

@@ -9,6 +9,7 @@ use super::support::{KernelError, same};
 use crate::Random;
 
 const PAIR_CAPACITY: u32 = 1 << 21;
+/// Distance in a run up to which the first search finds pairs.
 const NEAR: u32 = 256;
 
 struct Runs<'a> {
@@ -17,7 +18,7 @@ struct Runs<'a> {
 }
 
 impl<'a> Runs<'a> {
-    /// One entry per sphere, in its first cell on all axes.
+    /// Binds one entry per sphere, in its first cell on all axes.
     fn of(own: &'a GpuDevice, spheres: &[Sphere], keys: &[u32], passive: u32) -> Result<Self, KernelError> {
         let count = keys.len() as u32;
         let call = SearchParams {

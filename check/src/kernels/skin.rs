@@ -157,7 +157,7 @@ pub(crate) fn skin_check(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// A rebuild stores positions and inflated radii, which otherwise stay.
+/// A rebuild stores positions and inflated radii; other calls keep the stored ones.
 pub(crate) fn skin_store_reference(own: &GpuDevice) -> Result<(), KernelError> {
     for (size, rebuilt) in
         SIZES.into_iter().flat_map(|size| [0, SkinState::DISPLACEMENT].map(|rebuilt| (size, rebuilt)))

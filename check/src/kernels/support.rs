@@ -22,7 +22,7 @@ pub(super) fn variants(own: &GpuDevice) -> impl Iterator<Item = Variant> {
     [None, subgroups].into_iter().take(1 + usize::from(subgroups.is_some())).map(with)
 }
 
-/// Keeps the order.
+/// Returns bits that order as the floats do.
 pub(super) fn ordered(x: f32) -> u32 {
     if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 1 << 31 }
 }

@@ -55,8 +55,8 @@ pub fn difference(
     }
     let twice: Vec<Pair> = sorted.windows(2).filter(|w| w[0] == w[1]).map(|w| w[0]).collect();
     sorted.dedup();
-    let not_in = |those: &[Pair], these: &[Pair]| -> Vec<Pair> {
-        let absent = these.iter().filter(|p| those.binary_search(p).is_err());
+    let not_in = |sorted: &[Pair], pairs: &[Pair]| -> Vec<Pair> {
+        let absent = pairs.iter().filter(|p| sorted.binary_search(p).is_err());
         absent.filter(|&&p| !tolerance.allows(scenario, p)).copied().collect()
     };
     let (missing, extra) = (not_in(&sorted, expected), not_in(expected, &sorted));
@@ -83,7 +83,7 @@ fn describe(scenario: &TestInput, pair: Pair) -> String {
     format!("{} and {}, {gap}", sphere(i), sphere(j))
 }
 
-/// Is independent of order; duplicates change it.
+/// Returns a checksum that is independent of the order of pairs; duplicates change it.
 pub fn checksum(pairs: &[Pair]) -> u64 {
     // The finalizer of SplitMix64.
     let mix = |pair: &Pair| {

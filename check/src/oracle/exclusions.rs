@@ -6,7 +6,7 @@ use crate::TestInput;
 
 pub const EXCLUSION_WORDS: usize = 64;
 
-/// Stored as the library's [`Exclusions`] and as a plain set for the oracle.
+/// The exclusions of a test, as the library's [`Exclusions`] and as a plain set for the oracle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExclusionCase {
     list: Exclusions,
@@ -35,7 +35,7 @@ impl ExclusionCase {
         self.pairs.contains(&(i.min(j), i.max(j)))
     }
 
-    /// Indices of `kept` ascend.
+    /// Renumbers the exclusions of the spheres `kept`, whose indices ascend.
     pub(crate) fn only(&self, kept: &[usize]) -> Self {
         let place = |k: u32| kept.binary_search(&(k as usize)).ok().map(|place| place as u32);
         let pairs = self.pairs().filter_map(|(i, j)| place(i).zip(place(j)));

@@ -5,7 +5,7 @@ use lazygrid::Space;
 
 pub(crate) struct ImageOracle {
     given: [Option<[f64; 3]>; 3],
-    /// With their original indices, the longest first. The last one needs no loop.
+    /// Cell vectors with their original indices, the longest first. The search loops over all but the last one.
     edges: Vec<(usize, DVec3)>,
     /// Rows of the inverse matrix give fractional coordinates.
     fractions: Vec<DVec3>,
@@ -22,13 +22,13 @@ impl ImageOracle {
         Self { given, edges, fractions }
     }
 
-    /// Per cell vector: its product with a vector is the fractional coordinate.
+    /// Returns a row per cell vector, whose product with a vector is the fractional coordinate.
     pub(crate) fn fractions(&self) -> &[DVec3] {
         &self.fractions
     }
 
-    /// Returns the smallest squared length of `apart` and its images. For a finite `reach`: of any image within
-    /// `reach`, or of any image if none is.
+    /// Returns the smallest squared length of `apart` and its images. For a finite `reach`, returns the squared length
+    /// of any image within `reach`, or any larger value if no image is.
     ///
     /// An image within `reach` has a fractional coordinate of at most `reach` over the height of the cell along that
     /// vector.
@@ -44,15 +44,15 @@ impl ImageOracle {
         }
         // The folded image bounds the search: the nearest is no longer.
         let along = self.edges.iter().zip(&self.fractions).map(|((_, edge), row)| *edge * row.dot(folded));
-        let looked_at = reach.min(along.sum::<DVec3>().length());
-        let turns = self.fractions.iter().map(|row| {
-            let (part, most) = (row.dot(folded), looked_at * row.length() + 1e-6);
+        let limit = reach.min(along.sum::<DVec3>().length());
+        let shifts = self.fractions.iter().map(|row| {
+            let (part, most) = (row.dot(folded), limit * row.length() + 1e-6);
             [(-part - most).ceil() as i32, (-part + most).floor() as i32]
         });
-        self.nearest(apart, shift, folded, &turns.collect::<Vec<_>>())
+        self.nearest(apart, shift, folded, &shifts.collect::<Vec<_>>())
     }
 
-    /// Rounded as the contract specifies.
+    /// Returns an image of `vector`, rounded as the library documents.
     fn image(&self, vector: DVec3, shift: [f64; 3]) -> DVec3 {
         let component = |axis: usize| {
             let terms = [0, 1, 2].map(|k| self.given[k].map_or(0.0, |edge| shift[k] * edge[axis]));
@@ -61,25 +61,25 @@ impl ImageOracle {
         DVec3::new(component(0), component(1), component(2))
     }
 
-    /// Returns the smallest squared length of images up to `turns` away from `shift` along each remaining cell vector.
-    /// `near` is approximately that image. Along the last vector, the minimum of the parabola and its neighbors
-    /// suffice.
-    fn nearest(&self, vector: DVec3, shift: [f64; 3], near: DVec3, turns: &[[i32; 2]]) -> f64 {
-        let at = self.edges.len() - turns.len();
+    /// Returns the smallest squared length of images that differ from `shift` by `shifts` along the remaining cell
+    /// vectors. `near` is approximately the image at `shift`. Along the last vector, the integer nearest to the minimum
+    /// of the parabola and its two neighbors suffice.
+    fn nearest(&self, vector: DVec3, shift: [f64; 3], near: DVec3, shifts: &[[i32; 2]]) -> f64 {
+        let at = self.edges.len() - shifts.len();
         let Some((k, edge)) = self.edges.get(at) else { return squared(self.image(vector, shift)) };
-        let turned = |turn: f64| {
+        let shifted = |by: f64| {
             let mut shift = shift;
-            shift[*k] += turn;
+            shift[*k] += by;
             shift
         };
-        match turns {
-            [[from, to], turns @ ..] if !turns.is_empty() => (*from..=*to)
+        match shifts {
+            [[from, to], shifts @ ..] if !shifts.is_empty() => (*from..=*to)
                 .map(f64::from)
-                .map(|turn| self.nearest(vector, turned(turn), near + *edge * turn, turns))
+                .map(|by| self.nearest(vector, shifted(by), near + *edge * by, shifts))
                 .fold(f64::INFINITY, f64::min),
             _ => {
                 let least = (-near.dot(*edge) / edge.length_squared()).round();
-                let offset = [-1.0, 0.0, 1.0].map(|offset| self.image(vector, turned(least + offset)));
+                let offset = [-1.0, 0.0, 1.0].map(|offset| self.image(vector, shifted(least + offset)));
                 offset.into_iter().map(squared).fold(f64::INFINITY, f64::min)
             }
         }

@@ -19,7 +19,7 @@ pub struct TestInput {
     pub space: Space,
     /// `None` if all touching spheres pair.
     pub mixture: Option<SpeciesSetup>,
-    /// Some may be [`Spheres::NO_GROUP`].
+    /// Group of each sphere, or [`Spheres::NO_GROUP`].
     pub groups: Option<Vec<u32>>,
     pub excluded: Option<ExclusionCase>,
 }
@@ -97,7 +97,7 @@ impl TestInput {
         }
     }
 
-    /// Returns `true` if the host filters a device's pairs.
+    /// Returns `true` if the host filters the pairs that a device finds.
     pub fn is_refined(&self) -> bool {
         self.space.triclinic_cell().is_some() || self.groups.is_some() || self.excluded.is_some()
     }
@@ -108,7 +108,7 @@ impl TestInput {
             || self.excluded.as_ref().is_some_and(|excluded| excluded.has(i as u32, j as u32))
     }
 
-    /// `None` if the spheres never pair.
+    /// Returns the cutoff of two spheres; `None` if they never pair.
     pub fn reach(&self, i: usize, j: usize) -> Option<f64> {
         if self.excludes(i, j) {
             return None;
@@ -124,7 +124,7 @@ impl TestInput {
         }
     }
 
-    /// Uses nearest images.
+    /// Returns the squared distance of two spheres, in a periodic space of minimum images.
     pub fn distance_squared(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (self.spheres[i].center, self.spheres[j].center);
         if self.space.triclinic_cell().is_some() {
@@ -137,7 +137,7 @@ impl TestInput {
         dx * dx + dy * dy + dz * dz
     }
 
-    /// Returns all pairs in canonical order by the contract, in the simplest code.
+    /// Returns all pairs in canonical order by definition, in the simplest code.
     pub fn oracle(&self) -> Vec<Pair> {
         if self.space.triclinic_cell().is_none() {
             return self.pairs_by(|i, j, _| self.distance_squared(i, j));
@@ -157,8 +157,8 @@ impl TestInput {
         pairs.map(|pair| Pair { i: ids[pair.i as usize], j: ids[pair.j as usize] }).collect()
     }
 
-    /// Returns all pairs in canonical order, in a periodic or unbounded space by `d − L·round(d/L)` on each periodic axis,
-    /// of coordinates that are wrapped without rounding. It shares no code with [`Space`].
+    /// Returns all pairs in canonical order, in a periodic or unbounded space by `d − L·round(d/L)` on each periodic
+    /// axis, of coordinates that are wrapped without rounding. It shares no code with [`Space`].
     pub fn rounding_oracle(&self) -> Vec<Pair> {
         let lengths = self.space.lengths();
         self.pairs_by(|i, j, _| {

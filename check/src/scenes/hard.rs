@@ -198,7 +198,7 @@ pub fn soup(words: &SceneSeed) -> Vec<Sphere> {
 
 pub const TABLE_WORDS: usize = 41;
 
-/// Makes up to four species with all kinds of interactions. Distances may be 0, the exact distance of two spheres, or
+/// Returns up to four species with all kinds of interactions. Distances may be 0, the exact distance of two spheres, or
 /// larger than all radii. `ids` has one word per sphere.
 pub fn mixture(spheres: &[Sphere], table: &[u32; TABLE_WORDS], ids: &[u32]) -> SpeciesSetup {
     let mut choices = SeedReader::new(table);

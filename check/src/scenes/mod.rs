@@ -13,7 +13,7 @@ use lazygrid::Sphere;
 pub use random::Random;
 pub use seed::{ElementSeed, SceneSeed, SeedReader};
 
-/// Centers are uniform in the cube from the origin to `extent`.
+/// Returns spheres with centers uniform in the cube from the origin to `extent`.
 pub fn cloud(seed: u64, n: usize, extent: f32, radius: impl Fn(&mut Random) -> f32) -> Vec<Sphere> {
     let mut random = Random(seed);
     (0..n)

@@ -14,6 +14,7 @@ pub fn skin_of(spheres: &[Sphere], part: f32) -> Skin {
     }
 }
 
+/// Returns the largest radius, at most 1e30, or 1 if all radii are 0.
 pub(crate) fn stride(spheres: &[Sphere]) -> f32 {
     let radius = spheres.iter().map(|sphere| sphere.radius).fold(0.0, f32::max);
     if radius > 0.0 { radius.min(1e30) } else { 1.0 }
@@ -24,8 +25,8 @@ pub fn walk(spheres: &mut [Sphere], part: f32, step: u32) {
     let far = part * stride(spheres);
     for (sphere, k) in spheres.iter_mut().zip(0_u32..) {
         let word = k.wrapping_mul(0x9e37_79b9).wrapping_add(step.wrapping_mul(0x85eb_ca6b));
-        let turn = |by: u32| f32::from((word.rotate_left(by) >> 16) as u16) / 32768.0 - 1.0;
-        let moved = sphere.center + glam::Vec3::new(turn(0), turn(9), turn(21)) * far;
+        let offset = |by: u32| f32::from((word.rotate_left(by) >> 16) as u16) / 32768.0 - 1.0;
+        let moved = sphere.center + glam::Vec3::new(offset(0), offset(9), offset(21)) * far;
         sphere.center = if moved.is_finite() { moved } else { sphere.center };
     }
 }

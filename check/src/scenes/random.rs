@@ -1,4 +1,4 @@
-/// SplitMix64, equal on all platforms.
+/// The random numbers of SplitMix64, equal on all platforms.
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
 

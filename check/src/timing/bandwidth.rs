@@ -12,7 +12,7 @@ use crate::Random;
 use crate::device::{download, storage_buffer, submit, upload, wait};
 use crate::kernels::{KernelError, same};
 
-/// Returns the time of work that precedes a measurement: in it an idle GPU raises its clock. Software adapters need none.
+/// Returns the time of work before a measurement, during which an idle GPU raises its clock; 0 for a software adapter.
 pub fn warm_up(own: &GpuDevice) -> Duration {
     if own.adapter.is_hardware { Duration::from_secs(1) } else { Duration::ZERO }
 }
@@ -21,16 +21,17 @@ pub fn warm_up(own: &GpuDevice) -> Duration {
 pub struct Measured {
     /// Seconds per round.
     pub times: Vec<f64>,
-    /// Read and written per round.
+    /// Bytes read and written per round.
     pub bytes: u64,
 }
 
 impl Measured {
-    /// In seconds; 0 without times.
+    /// Returns the median in seconds; 0 without times.
     pub fn median(&self) -> f64 {
         median(&self.times)
     }
 
+    /// Returns the bytes per second.
     pub fn bandwidth(&self) -> f64 {
         self.bytes as f64 / self.median().max(1e-9)
     }
@@ -51,7 +52,7 @@ pub struct GpuTimer {
 }
 
 impl GpuTimer {
-    /// Adds rounds to warm up.
+    /// Creates a timer of `rounds` rounds after a warm-up.
     pub fn new(own: GpuDevice, rounds: usize) -> Result<Self, Error> {
         let ticks = own.adapter.has_timestamps.then(|| {
             let descriptor =
@@ -82,7 +83,7 @@ impl GpuTimer {
         Ok(Measured { times, bytes: 2 * size })
     }
 
-    /// A prefix scan reads each value twice and writes it once.
+    /// Times a prefix scan, which reads each value twice and writes it once.
     pub fn scan(&self, n: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let values = random(n);
         let (fresh, work) = (upload(&self.own, &values)?, storage_buffer(&self.own, u64::from(n) * 4)?);
@@ -100,7 +101,7 @@ impl GpuTimer {
         Ok(Measured { times, bytes: 12 * u64::from(n) })
     }
 
-    /// A pass counts keys, scans counters, and moves keys and payload.
+    /// Times a radix sort, whose passes count keys, scan counters, and move keys and payload.
     pub fn sort(&self, n: u32, bits: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let (keys, payload) = (random(n), (0..n).collect::<Vec<_>>());
         let fresh = [upload(&self.own, &keys)?, upload(&self.own, &payload)?];
@@ -124,7 +125,7 @@ impl GpuTimer {
         Ok(Measured { times, bytes: u64::from(bits.div_ceil(DIGIT_BITS)) * a_pass })
     }
 
-    /// `prepare` is recorded before the timed commands.
+    /// Returns the seconds of the commands of `record`, after those of `prepare`.
     fn times(
         &self,
         prepare: impl Fn(&mut wgpu::CommandEncoder),

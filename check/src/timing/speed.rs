@@ -11,11 +11,11 @@ use crate::detectors::text;
 use crate::device::TIMEOUT;
 
 pub const SIZES: [usize; 4] = [10_000, 100_000, 1_000_000, 10_000_000];
-/// Timed by full checks.
+/// Number of spheres that full checks time in addition.
 pub const FULL: usize = 100_000_000;
-/// After rounds to warm up.
+/// Maximum number of timed rounds, after the warm-up.
 const ROUNDS: usize = 5;
-/// No further round starts after this time.
+/// Seconds after which no further round starts.
 const SECONDS: f64 = 0.5;
 
 #[derive(Clone, Debug)]
@@ -25,7 +25,7 @@ pub struct Speed {
     pub seconds: f64,
     /// Seconds of GPU work by timestamps; without them, and on the CPU, the median of the whole call.
     pub busy: f64,
-    /// Median seconds, in execution order.
+    /// Median seconds of each phase, in execution order.
     pub stages: Vec<(&'static str, f64)>,
     pub rounds: usize,
     /// `None` on the CPU.
@@ -40,18 +40,18 @@ pub enum SkipReason {
 
 pub fn on_gpu(own: &GpuDevice, algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipReason> {
     let mut is_too_large = false;
-    let mut said = |error: Error| {
+    let mut describe = |error: Error| {
         use Error::{DeviceOutOfMemory, LimitExceeded, OutOfMemory};
         is_too_large = matches!(error, LimitExceeded { .. } | OutOfMemory { .. } | DeviceOutOfMemory { .. });
         error.to_string()
     };
     let speed = catch_panic(|| {
         let settings = GpuConfig::default().algorithm(algorithm).timestamps(true);
-        let mut session = GpuSession::new(own.clone(), settings).map_err(&mut said)?;
+        let mut session = GpuSession::new(own.clone(), settings).map_err(&mut describe)?;
         session.set_timeout(TIMEOUT);
         let timed = timed(warm_up(own), || {
-            let ticket = session.begin(Spheres::from(spheres)).map_err(&mut said)?;
-            let pairs = session.finish_count(ticket).map_err(&mut said)?;
+            let ticket = session.begin(Spheres::from(spheres)).map_err(&mut describe)?;
+            let pairs = session.finish_count(ticket).map_err(&mut describe)?;
             Ok((pairs, session.timings().to_vec()))
         })?;
         let is_stage = |name: &str| gpu::GpuPhase::ALL.iter().any(|phase| phase.name() == name);
@@ -76,7 +76,7 @@ pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipRea
     speed.map_err(SkipReason::Failed)
 }
 
-/// Describes the lack of memory, if any.
+/// Checks that `needed` bytes of memory are free; otherwise describes the lack.
 pub fn check_memory(needed: u64) -> Result<(), String> {
     match lacking_memory(needed) {
         None => Ok(()),

@@ -16,7 +16,7 @@ pub(super) struct Ask {
     pub(super) split: Option<usize>,
     pub(super) layout: Layout,
     pub(super) is_stopped: bool,
-    /// Exclusions of one set in a query of two, or the reverse.
+    /// `true` for exclusions of one set in a query of two sets, or of two sets in a query of one.
     pub(super) has_foreign_exclusions: bool,
 }
 
@@ -24,7 +24,7 @@ pub(super) struct Ask {
 pub(super) enum Layout {
     Rows,
     Columns,
-    /// Equal numbers in `f64`.
+    /// Rows of `f64`, with equal values.
     WideRows,
 }
 
@@ -39,14 +39,15 @@ pub(super) enum Output {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ending {
     All,
-    /// At this chunk, from 1.
+    /// Ends the stream at this chunk, counted from 1.
     Break(usize),
+    /// Panics at this chunk.
     Panic(usize),
     /// Sets the cancel flag at this chunk, and continues.
     Stop(usize),
 }
 
-/// Pairs of two sets name the second sphere by its index among all spheres.
+/// The answer of a detector. In pairs of two sets, `j` is the index of the second sphere among all spheres.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Answer {
     Pairs(Vec<Pair>),
@@ -56,6 +57,7 @@ pub(super) enum Answer {
     Refused(Error),
 }
 
+/// The payload of the consumer's panic.
 struct Thrown;
 
 #[derive(Default)]
@@ -64,7 +66,7 @@ struct Received {
     chunks: usize,
     longest: usize,
     has_ended: bool,
-    /// Chunks received after that.
+    /// Number of chunks received after the consumer had ended the stream.
     late: usize,
 }
 
@@ -95,7 +97,7 @@ impl Ask {
         self.split.is_none() && self.layout == Layout::Rows && !is_changed
     }
 
-    /// Then clears `stop`. An answer that contradicts itself is an error.
+    /// Asks `detector`, and clears `stop` afterwards. An answer that contradicts itself is an error.
     pub(super) fn answer(
         &self,
         detector: &mut Detector,
@@ -234,7 +236,7 @@ fn streamed(
     if longest > chunk {
         return Err(format!("{longest} pairs in a chunk of {chunk}"));
     }
-    let handed = pairs.len() as u64;
+    let delivered = pairs.len() as u64;
     let pairs = among_all(pairs, first);
     match outcome {
         Err(payload) if payload.is::<Thrown>() => Ok(Answer::Part(pairs)),
@@ -244,7 +246,9 @@ fn streamed(
         Ok(Ok(_)) if matches!(ending, Ending::Panic(_)) && has_ended => {
             Err("the panic of the consumer was lost".to_owned())
         }
-        Ok(Ok(said)) if said != handed => Err(format!("stream returned {said} pairs but delivered {handed}")),
+        Ok(Ok(returned)) if returned != delivered => {
+            Err(format!("stream returned {returned} pairs but delivered {delivered}"))
+        }
         Ok(Ok(_)) if has_ended => Ok(Answer::Part(pairs)),
         Ok(Ok(_)) => Ok(Answer::Pairs(pairs)),
     }

@@ -6,12 +6,12 @@ use lazygrid::{Interaction, Pair};
 use crate::TestInput;
 use crate::oracle::ImageOracle;
 
-/// Farther from the origin, too few digits of the position in the period remain.
+/// Largest distance from the origin in periods. Farther away, too few digits remain for the position in the period.
 const MAX_PERIODS: f64 = 1e4;
 /// Error bounds of a distance along an axis: relative to the distance, and relative to the period.
 const ROUNDING: [f64; 2] = [1e-6, 1e-9];
 
-/// `is_wide` is of spheres in `f64`, which are not wrapped into their box first.
+/// Returns the pairs in canonical order. `is_wide` means spheres in `f64`, which are not wrapped into their box first.
 pub(super) fn pairs(scenario: &TestInput, is_wide: bool) -> Vec<Pair> {
     let sieve = Sieve::new(scenario);
     let images = scenario.space.triclinic_cell().map(|_| ImageOracle::of(&scenario.space));
@@ -37,7 +37,7 @@ pub(super) fn pairs(scenario: &TestInput, is_wide: bool) -> Vec<Pair> {
     pairs
 }
 
-/// Evaluates the contract's expression.
+/// Evaluates the documented expression for the distance of spheres in `f64`.
 fn distance_squared_of_wide(scenario: &TestInput, i: usize, j: usize) -> f64 {
     let [from, to] = [i, j].map(|k| scenario.spheres[k].center.as_dvec3().to_array());
     let [x, y, z] = scenario.space.minimum_image(from, to).vector;
@@ -50,16 +50,16 @@ struct Sieve {
 }
 
 struct Axis {
-    places: Vec<f64>,
+    positions: Vec<f64>,
     /// Infinite if the axis is not periodic.
     period: f64,
-    most: f64,
+    max_distance: f64,
 }
 
 impl Sieve {
     fn new(scenario: &TestInput) -> Self {
-        let farthest = farthest(scenario);
-        let axis = |row: DVec3, period: f64| Axis::new(scenario, row, period, farthest);
+        let largest_cutoff = largest_cutoff(scenario);
+        let axis = |row: DVec3, period: f64| Axis::new(scenario, row, period, largest_cutoff);
         let axes = match scenario.space.triclinic_cell() {
             Some(_) => ImageOracle::of(&scenario.space)
                 .fractions()
@@ -77,32 +77,32 @@ impl Sieve {
     }
 
     fn may_pair(&self, i: usize, j: usize) -> bool {
-        self.axes.iter().all(|Axis { places, period, most }| {
-            let apart = (places[i] - places[j]).abs();
-            apart.min(period - apart) <= *most
+        self.axes.iter().all(|Axis { positions, period, max_distance }| {
+            let apart = (positions[i] - positions[j]).abs();
+            apart.min(period - apart) <= *max_distance
         })
     }
 }
 
 impl Axis {
-    /// A position is a center's product with `row`, in periods on periodic axes. `None` with too few significant
-    /// digits.
-    fn new(scenario: &TestInput, row: DVec3, period: f64, farthest: f64) -> Option<Self> {
-        let mut places: Vec<f64> =
+    /// Projects the centers onto `row`, whose products are periods on periodic axes. Returns `None` if too few digits
+    /// remain.
+    fn new(scenario: &TestInput, row: DVec3, period: f64, largest_cutoff: f64) -> Option<Self> {
+        let mut positions: Vec<f64> =
             scenario.spheres.iter().map(|sphere| row.dot(sphere.center.as_dvec3())).collect();
-        let mut most = farthest * (1.0 + ROUNDING[0]);
+        let mut max_distance = largest_cutoff * (1.0 + ROUNDING[0]);
         if period.is_finite() {
-            if places.iter().any(|place| place.abs() > MAX_PERIODS) {
+            if positions.iter().any(|position| position.abs() > MAX_PERIODS) {
                 return None;
             }
-            places.iter_mut().for_each(|place| *place = (*place - place.floor()) * period);
-            most += period * ROUNDING[1];
+            positions.iter_mut().for_each(|position| *position = (*position - position.floor()) * period);
+            max_distance += period * ROUNDING[1];
         }
-        Some(Self { places, period, most })
+        Some(Self { positions, period, max_distance })
     }
 }
 
-fn farthest(scenario: &TestInput) -> f64 {
+fn largest_cutoff(scenario: &TestInput) -> f64 {
     let radius = scenario.spheres.iter().map(|sphere| sphere.radius).fold(0.0, f32::max);
     let rows = scenario.mixture.iter().flat_map(|mixture| mixture.rows.iter().flatten());
     let distances = rows.map(|interaction| match interaction {

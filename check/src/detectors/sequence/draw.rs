@@ -14,7 +14,7 @@ use crate::{DetectorVariant, Random, SceneSeed, SpeciesSetup, TestInput};
 const OTHER: u64 = 0x5e90_e4ce;
 /// First of the eight kinds of spaces with tilted cell vectors.
 const TRICLINIC: u32 = 6;
-/// Most spheres in general, and in triclinic cells, where the definition tests many images.
+/// Maximum number of spheres in general, and in triclinic cells, where the definition tests many images.
 const MAX_SPHERES: [usize; 2] = [5000, 1300];
 /// The number of spheres may grow by this factor in its space.
 const CROWDING: usize = 4;
@@ -37,7 +37,7 @@ pub(super) fn sequence(seed: u64, variant: impl FnOnce(&mut Random) -> DetectorV
     Sequence { seed, settings, steps }
 }
 
-/// Mostly with an algorithm that keeps candidates.
+/// Draws a variant, mostly with an algorithm that keeps candidates.
 pub(super) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> DetectorVariant {
     let variant = round::variant(random, on_cpu, on_gpu);
     let keeper = [Algorithm::Auto, Algorithm::CellList][random.below(2) as usize];
@@ -53,7 +53,7 @@ pub(super) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Detect
     }
 }
 
-/// In proportion to the radii, chosen by the detector, or none.
+/// Draws a skin in proportion to the radii, a skin that the detector chooses, or none.
 fn skin(random: &mut Random, variant: DetectorVariant, radius: f32) -> Skin {
     let keeps = matches!(variant.target, TargetDevice::Gpu { .. })
         || matches!(variant.algorithm, Algorithm::Auto | Algorithm::CellList);
@@ -68,7 +68,7 @@ fn skin(random: &mut Random, variant: DetectorVariant, radius: f32) -> Skin {
     }
 }
 
-/// Returns mostly few spheres, often near the crossover to a cell list.
+/// Draws a number of spheres, mostly a small one, often near the crossover to a cell list.
 pub(super) fn number(random: &mut Random, variant: DetectorVariant, most: usize) -> usize {
     let is_on_gpu = matches!(variant.target, TargetDevice::Gpu { .. });
     let about_crossover = if variant.algorithm == Algorithm::Auto { 9 } else { 4 };
@@ -120,7 +120,7 @@ fn world(random: &mut Random, variant: DetectorVariant) -> World {
         world.scenario.mixture = Some(SpeciesSetup { species, rows });
     }
     if random.below(5) == 0 {
-        world.leave_out(random);
+        world.change_exclusions(random);
     }
     world
 }
@@ -152,7 +152,7 @@ fn draw_space(random: &mut Random, kind: u32, extent: [f32; 3]) -> Space {
     }
 }
 
-/// Up to four species; the first often ignores radii.
+/// Draws the interactions of up to four species. Those of the first species ignore radii.
 fn rows(random: &mut Random, radius: f32) -> Vec<Vec<Interaction>> {
     let count = 1 + random.below(4);
     let mut interaction = |may_touch: bool| match random.below(8) {
@@ -186,7 +186,7 @@ fn step(random: &mut Random, world: &mut World, k: u32) -> Step {
     Step { scenario, changes, ask }
 }
 
-/// Returns nothing if the spheres only move a little.
+/// Changes the world and names the changes; small steps have no name.
 fn change(random: &mut Random, world: &mut World, k: u32) -> Vec<&'static str> {
     if world.held > 0 {
         world.held -= 1;

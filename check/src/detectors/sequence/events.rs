@@ -5,9 +5,11 @@ use super::draw::{at_new_places, number, place, radius};
 use crate::scenes::motion::walk;
 use crate::{DetectorVariant, ExclusionCase, Random, TestInput};
 
+/// Earlier scenes to which a sequence may return.
 const REMEMBERED: usize = 4;
-/// All spheres of a crowd pair.
+/// Maximum number of spheres at one point, because all of them pair.
 const MAX_CROWD: usize = 400;
+/// Largest scene whose exclusions are drawn from its pairs.
 const MAX_LISTED: usize = 600;
 
 pub(super) struct World {
@@ -16,11 +18,11 @@ pub(super) struct World {
     pub(super) radius: f32,
     pub(super) extent: [f32; 3],
     pub(super) motion: f32,
-    /// Calls in ten before which spheres only move a little.
+    /// Number of calls in ten before which the spheres only move a little.
     pub(super) calm: u32,
     pub(super) variant: DetectorVariant,
     pub(super) most: usize,
-    /// Further calls without changes, to show wrong state.
+    /// Number of further calls without changes, which reveal stale state.
     pub(super) held: u32,
 }
 
@@ -64,7 +66,7 @@ impl World {
             4 | 5 => self.numbers(random),
             6 | 7 => self.places(random),
             8 => self.species(random),
-            _ => self.leave_out(random),
+            _ => self.change_exclusions(random),
         }
     }
 
@@ -73,7 +75,7 @@ impl World {
     }
 
     fn radii(&mut self, random: &mut Random) -> &'static str {
-        // Growing radii would lose pairs of a candidate list.
+        // A candidate list that missed growing radii would lose pairs.
         let grown = [0.5, 1.0, 2.0, 3.0][random.below(4) as usize];
         let (one, unit) = (self.one(random), self.radius * grown);
         let classes = 1 + random.below(9) as i32;
@@ -244,7 +246,7 @@ impl World {
         }
     }
 
-    pub(super) fn leave_out(&mut self, random: &mut Random) -> &'static str {
+    pub(super) fn change_exclusions(&mut self, random: &mut Random) -> &'static str {
         let n = self.scenario.spheres.len();
         match random.below(6) {
             0 => self.scenario.groups = None,

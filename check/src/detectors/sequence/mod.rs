@@ -61,6 +61,7 @@ pub struct Tally {
     pub refused: u64,
 }
 
+/// The index of a failing call, and a description.
 type Wrong = (usize, String);
 
 impl Sequence {
@@ -77,7 +78,8 @@ impl Sequence {
         draw::sequence(seed, |_| variant)
     }
 
-    /// Uses a new detector. Returns a failure with as few calls and spheres as found in `tries` further runs.
+    /// Runs the sequence with a new detector. Reduces the calls and spheres of a failure in at most `tries` further
+    /// runs.
     pub fn check(self, gpu: Option<&Gpu>, tries: usize, tally: &mut Tally) -> Option<FailedCase> {
         let first = self.run_guarded(gpu, tally);
         tally.sequences += 1;
@@ -90,7 +92,8 @@ impl Sequence {
         Some(FailedCase { name, what, scenario, options, environment })
     }
 
-    /// Options of `lazygrid detect` that repeat the only call; empty if others precede it or no option repeats it.
+    /// Returns the options of `lazygrid detect` that repeat the only call; empty if calls precede it or no option
+    /// repeats it.
     fn options(&self, gpu: Option<&Gpu>) -> String {
         let Settings { variant, skin, order, max_pairs, rows, .. } = &self.settings;
         let own = variant.options(gpu);
@@ -157,7 +160,8 @@ impl Settings {
         Ok(config.interactions(table))
     }
 
-    /// Uses one thread: more change no answer, and a pool takes longer to create than the call.
+    /// Returns the configuration of a new detector, on the CPU with one thread: more threads do not change the answer,
+    /// and a pool takes longer to create than the call.
     fn fresh(&self, config: Config) -> Config {
         match self.variant.target {
             TargetDevice::Cpu { .. } => config.threads(1),

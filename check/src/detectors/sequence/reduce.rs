@@ -2,7 +2,7 @@ use super::ask::Layout;
 use super::{Sequence, Step, Wrong};
 use crate::{TestInput, shrink};
 
-/// Tries at most `tries` runs.
+/// Reduces a failing sequence in at most `tries` runs.
 pub(super) fn reduce(
     sequence: Sequence,
     wrong: Wrong,
@@ -57,7 +57,7 @@ impl<R: Fn(&Sequence) -> Result<(), Wrong>> Best<R> {
         self.attempt(smaller);
     }
 
-    /// In ever smaller groups, with the same indices in all calls.
+    /// Drops ever smaller groups of spheres, with equal indices in all calls.
     fn drop_spheres(&mut self) {
         let most = |sequence: &Sequence| sequence.steps.iter().map(|step| step.scenario.spheres.len()).max();
         let mut group = most(&self.sequence).unwrap_or(0).div_ceil(2);

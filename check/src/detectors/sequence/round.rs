@@ -54,8 +54,8 @@ fn step(output: Output, scenario: TestInput) -> Step {
     Step { scenario, changes: Vec::new(), ask }
 }
 
-/// The words of the scene determine the cell. All spheres of a round share a family: others may be too many boxes away
-/// for `f64` to distinguish the images.
+/// The family of a round's scenes, and the words that determine their cell. Spheres of another family may be too many
+/// boxes away for `f64` to distinguish the images.
 #[derive(Clone, Copy)]
 struct Triclinic {
     family: PeriodicSceneFamily,
@@ -69,7 +69,7 @@ impl Triclinic {
     }
 }
 
-/// `f64` must distinguish the images of spheres that [walk].
+/// Returns `true` if `f64` still distinguishes the images of spheres after a [walk].
 fn stays_near(scenario: &TestInput) -> bool {
     let least = 1e-6 * f64::from(stride(&scenario.spheres));
     let mut edges = scenario.space.cell_vectors().into_iter().flatten();

@@ -8,13 +8,13 @@ pub(super) struct Verifier<'a> {
     settings: &'a Settings,
     step: &'a Step,
     tolerance: Tolerance,
-    right: Right,
+    expected: Expected,
 }
 
-enum Right {
-    /// Texts, because NaN does not equal itself.
+enum Expected {
+    /// Texts of the permitted errors, because NaN does not equal itself.
     Refused(Vec<String>),
-    /// With the smallest and largest number of pairs within the tolerance.
+    /// Pairs, and the smallest and largest number of pairs within the tolerance.
     Pairs(Vec<Pair>, [u64; 2]),
 }
 
@@ -22,31 +22,31 @@ impl<'a> Verifier<'a> {
     pub(super) fn new(settings: &'a Settings, step: &'a Step) -> Self {
         let refusals = refusals(settings, step);
         let tolerance = settings.variant.tolerance();
-        let right = match refusals.is_empty() {
-            false => Right::Refused(refusals),
+        let expected = match refusals.is_empty() {
+            false => Expected::Refused(refusals),
             true => {
                 let mut pairs = definition::pairs(&step.scenario, step.ask.layout == Layout::WideRows);
                 let split = step.ask.split.map(|split| split.min(step.scenario.spheres.len()) as u32);
                 pairs.retain(|pair| is_asked(*pair, split));
                 let range = counts(step, &pairs, tolerance);
-                Right::Pairs(pairs, range)
+                Expected::Pairs(pairs, range)
             }
         };
-        Self { settings, step, tolerance, right }
+        Self { settings, step, tolerance, expected }
     }
 
     pub(super) fn verdict(&self, answer: &Answer) -> Result<(), String> {
-        let (expected, range) = match (&self.right, answer) {
-            (Right::Refused(errors), Answer::Refused(error)) => {
+        let (expected, range) = match (&self.expected, answer) {
+            (Expected::Refused(errors), Answer::Refused(error)) => {
                 return match errors.contains(&format!("{error:?}")) {
                     true => Ok(()),
                     false => Err(format!("refused with {error:?}, expected {}", errors.join(" or "))),
                 };
             }
-            (Right::Refused(errors), _) => {
+            (Expected::Refused(errors), _) => {
                 return Err(format!("accepted, expected {}", errors.join(" or ")));
             }
-            (Right::Pairs(expected, range), _) => (expected, *range),
+            (Expected::Pairs(expected, range), _) => (expected, *range),
         };
         match answer {
             Answer::Refused(error) => self.is_refused_rightly(error, range),
@@ -75,7 +75,7 @@ impl<'a> Verifier<'a> {
         }
     }
 
-    /// Each pair occurs once, and in canonical order the first pairs are complete.
+    /// Checks that each pair occurs once, and that in canonical order the first pairs are complete.
     fn part(&self, pairs: &[Pair], expected: &[Pair]) -> Result<(), String> {
         self.in_order(pairs)?;
         let mut all: Vec<Pair> = match (self.settings.order, pairs.last()) {
@@ -119,6 +119,7 @@ impl<'a> Verifier<'a> {
         }
     }
 
+    /// Compares the answer with the answer of a new detector.
     pub(super) fn alike(&self, answer: &Answer, fresh: &Answer) -> Result<(), String> {
         use Answer::{Count, Pairs, Part, Refused};
         if let Err(what) = self.verdict(fresh) {
@@ -182,7 +183,7 @@ fn is_asked(pair: Pair, split: Option<u32>) -> bool {
     split.is_none_or(|split| pair.i < split && pair.j >= split)
 }
 
-/// Smallest and largest number within the tolerance.
+/// Returns the smallest and largest number of pairs within the tolerance.
 fn counts(step: &Step, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
     if tolerance == Tolerance::Exact {
         return [expected.len() as u64; 2];
@@ -201,7 +202,7 @@ fn counts(step: &Step, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
     [least, most]
 }
 
-/// Empty if the input is valid.
+/// Returns the errors that the input permits; none if it is valid.
 fn refusals(settings: &Settings, step: &Step) -> Vec<String> {
     let n = step.scenario.spheres.len();
     let split = step.ask.split.map(|split| split.min(n));
