@@ -28,7 +28,7 @@ struct Args {
     /// Algorithm to compare with, in scenes without giant or gap
     #[arg(long)]
     baseline: Option<Algorithm>,
-    /// Numbers of spheres at or above which the cell list uses the radix sort, separated by commas; they take turns
+    /// Thresholds of the cell list's radix sort, in spheres, separated by commas; measured alternately
     #[arg(long, value_delimiter = ',', default_values_t = [Calibration::RADIX_SORT_FROM])]
     radix_from: Vec<u32>,
     /// Only the scenes of equal and of five sizes

@@ -37,7 +37,7 @@ struct Args {
     bench: bool,
 }
 
-/// Calls until all capacities suffice.
+/// Maximum number of calls until all capacities suffice.
 const TRIES: usize = 6;
 
 struct Call<'a> {
@@ -92,7 +92,7 @@ impl<'a> Call<'a> {
         Ok(Self { own, detector, input, queries, ticks, pairs })
     }
 
-    /// Seconds between `count` timestamps that `record` writes.
+    /// Returns the seconds between successive timestamps, of which `record` writes `count`.
     fn seconds(
         &self,
         count: u32,
@@ -108,7 +108,7 @@ impl<'a> Call<'a> {
         Ok(ticks.windows(2).map(|ends| ends[1].saturating_sub(ends[0]) as f64 * period).collect())
     }
 
-    /// GPU seconds of a whole call.
+    /// Returns the GPU seconds of a whole call.
     fn whole(&mut self) -> Result<f64, Box<dyn Error>> {
         self.detector.bind(&self.input)?;
         let seconds = self.seconds(2, |encoder| {
@@ -119,7 +119,7 @@ impl<'a> Call<'a> {
         Ok(seconds[0])
     }
 
-    /// Wall seconds from encoding to completion.
+    /// Returns the wall seconds from encoding to completion.
     fn until_completion(&mut self) -> Result<f64, Box<dyn Error>> {
         let start = Instant::now();
         submit(self.own, |encoder| self.detector.encode(encoder, &self.input))?;
@@ -127,7 +127,7 @@ impl<'a> Call<'a> {
         Ok(start.elapsed().as_secs_f64())
     }
 
-    /// GPU seconds of each kernel.
+    /// Returns the GPU seconds of each kernel.
     fn kernels(&self) -> Result<Vec<f64>, Box<dyn Error>> {
         let count = self.detector.kernels().len() as u32 + 1;
         self.seconds(count, |encoder| self.detector.encode_stamped(encoder, &self.queries))

@@ -41,7 +41,7 @@ impl PairFinder for F64Rows {
     }
 }
 
-/// Returns a cube with the edge of the scene, so that spheres at opposite faces touch.
+/// Returns a periodic cube with the extent of the scene, so that spheres at opposite faces touch.
 fn periodic_box(plan: &Plan) -> Result<Space, Box<dyn Error>> {
     let spheres = plan.scene.spheres(plan.n, plan.seed);
     let extent = spheres.iter().fold(0.0, |extent: f32, s| extent.max(s.center.abs().max_element()));

@@ -9,7 +9,7 @@ use criterion::{BenchmarkGroup, BenchmarkId, Criterion, Throughput, criterion_gr
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Skin, Sphere, gpu};
 use lazygrid_io::scenes::Scene;
 
-/// A call takes milliseconds even with slow algorithms.
+/// Number of spheres, for which even slow algorithms take only milliseconds.
 const N: usize = 5_000;
 const SEED: u64 = 1;
 

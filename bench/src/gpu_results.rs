@@ -104,12 +104,12 @@ impl GpuRun {
     }
 }
 
-/// Every dispatch waits for the one before, and every byte moves once.
+/// Returns the expected seconds if each dispatch waits for the previous one and each byte is transferred once.
 fn expected(dispatches: f64, traffic_bytes: f64, bandwidth: f64) -> f64 {
     dispatches * DISPATCH_SECONDS + traffic_bytes / bandwidth
 }
 
-/// Costs of a call that chooses its cells, and of one that reuses those of an earlier call.
+/// Returns the costs of a call that chooses its cells and of a call that reuses the cells of an earlier one.
 fn costs(spheres: u32) -> Option<[CallCost; 2]> {
     let limits = wgpu::Limits {
         max_storage_buffer_binding_size: (1 << 31) - 4,

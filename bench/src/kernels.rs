@@ -16,7 +16,7 @@ use vulkan::Compiler;
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[serde(untagged)]
 pub enum Number {
-    /// Also a boolean, as 1 or 0.
+    /// An unsigned integer, or a boolean as 1 or 0.
     Whole(u64),
     Signed(i64),
     Real(f64),
@@ -44,7 +44,7 @@ pub struct Text {
     pub text: String,
 }
 
-/// Some drivers compile several per kernel, for different subgroup sizes.
+/// A program that a driver compiled; some drivers compile several per kernel, for different subgroup sizes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Program {
     pub name: String,
@@ -59,7 +59,7 @@ pub struct Program {
 pub struct Compiled {
     pub kernel: &'static str,
     pub variant: String,
-    /// In bytes.
+    /// Bytes of workgroup memory.
     pub workgroup_memory: u32,
     /// Empty if the driver reports none.
     pub programs: Vec<Program>,
@@ -70,7 +70,7 @@ pub struct Compiled {
 pub struct Kernels {
     pub adapter: String,
     pub driver: String,
-    /// Requires `VK_KHR_pipeline_executable_properties`.
+    /// `true` if the driver supports `VK_KHR_pipeline_executable_properties`.
     pub has_statistics: bool,
     pub compiled: Vec<Compiled>,
 }
@@ -83,18 +83,18 @@ impl Kernels {
 
 #[derive(Clone, Debug, Default)]
 pub struct Wanted {
-    /// Empty for all.
+    /// Names of the kernels to compile; empty for all.
     pub only: Vec<String>,
-    /// Also variants for devices without subgroup operations.
+    /// Also compiles variants for devices without subgroup operations and for reused cells.
     pub all_variants: bool,
-    /// Also representations such as assembly.
+    /// Also requests representations such as assembly.
     pub disassembly: bool,
 }
 
 /// Compiles the kernels as the engine does.
 ///
 /// # Errors
-/// Fails if Vulkan does not open the adapter. Rejected kernels are part of the result.
+/// Fails if Vulkan cannot open the adapter. Rejected kernels are part of the result.
 pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, String> {
     let compiler = Compiler::open(&adapter.name, adapter.has_subgroups)?;
     let smallest = adapter.has_subgroups.then_some(adapter.subgroup_sizes[0]);
@@ -157,12 +157,12 @@ fn compile_one(
 }
 
 fn label(variant: Variant, own: Variant) -> String {
-    let said = [
+    let labels = [
         (variant.periodic, "periodic"),
         (variant.species, "species"),
         (variant.subgroups != own.subgroups, "no subgroups"),
         (variant.reuse, "reused cells"),
     ];
-    let words: Vec<_> = said.into_iter().filter_map(|(is_so, word)| is_so.then_some(word)).collect();
-    if words.is_empty() { "plain".to_owned() } else { words.join(", ") }
+    let labels: Vec<_> = labels.into_iter().filter_map(|(applies, label)| applies.then_some(label)).collect();
+    if labels.is_empty() { "plain".to_owned() } else { labels.join(", ") }
 }

@@ -12,5 +12,5 @@ mod species_scene;
 
 pub use species_scene::SpeciesScene;
 
-/// Marked `with changes` if sources had changed; `unknown` outside a git clone.
+/// Commit of the build, marked `with changes` if sources had changed; `unknown` outside a git clone.
 pub const COMMIT: &str = env!("LAZYGRID_COMMIT");

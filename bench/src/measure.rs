@@ -1,5 +1,5 @@
-//! Compares searches for pairs of the same spheres: answers checked before times are reported, rounds interleaved, and
-//! ratios within rounds.
+//! Compares searches for pairs of the same spheres. Answers are checked before times are reported, rounds are
+//! interleaved, and ratios are taken within rounds.
 
 mod finders;
 pub mod memory;
@@ -31,12 +31,12 @@ pub enum Found<'a> {
 }
 
 pub trait PairFinder {
-    /// Receives the next call's spheres, untimed, for programs that store them elsewhere.
+    /// Receives the spheres of the next call, untimed, for programs that store them in their own memory.
     fn prepare(&mut self, _spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
         Ok(())
     }
 
-    /// Spheres have moved slightly since the last call.
+    /// Finds the pairs of spheres, which have moved slightly since the last call.
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>>;
 
     /// Returns the phase times of the last call; empty if unknown.
@@ -85,7 +85,7 @@ impl ContenderFactory {
         Self::new(name, move || Ok(Count(Detector::new(config.clone())?)))
     }
 
-    /// Drops the chunks.
+    /// Returns a search that streams its pairs and drops the chunks.
     pub fn stream(name: impl Into<String>, config: Config) -> Self {
         Self::new(name, move || Ok(Stream(Detector::new(config.clone())?)))
     }
@@ -96,11 +96,11 @@ pub struct Plan {
     pub scene: Scene,
     pub n: usize,
     pub seed: u64,
-    /// Measured rounds, after one to warm up.
+    /// Number of measured rounds, after one to warm up.
     pub rounds: usize,
-    /// At least one per contender and round.
+    /// Number of steps per contender and round, at least one.
     pub steps: usize,
-    /// In radii per step.
+    /// Displacement per step, in radii.
     pub step_length: f32,
     /// `true` creates a new search at each step.
     pub fresh: bool,
@@ -109,10 +109,10 @@ pub struct Plan {
 #[derive(Clone, Debug)]
 pub struct Timing {
     pub name: String,
-    /// Per sphere and step, one value per round.
+    /// Nanoseconds per sphere and step, one value per round.
     pub nanos: Vec<f64>,
     pub note: String,
-    /// At the last step.
+    /// Number of pairs at the last step.
     pub pairs: u64,
 }
 
@@ -121,14 +121,14 @@ impl Timing {
         Spread::of(&self.nanos).median
     }
 
-    /// Ratio of this time to the other, per round.
+    /// Returns the ratios of this time to the other, per round.
     pub fn over(&self, other: &Self) -> Spread {
         let ratios: Vec<f64> = self.nanos.iter().zip(&other.nanos).map(|(a, b)| a / b).collect();
         Spread::of(&ratios)
     }
 }
 
-/// Independent of the order of pairs.
+/// A digest of pairs that is independent of their order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Digest {
     pub pairs: u64,
@@ -144,15 +144,15 @@ impl Digest {
         }
     }
 
-    /// Compares counts and, if both exist, checksums.
+    /// Returns `true` if the counts and, if both exist, the checksums are equal.
     pub fn agrees(&self, other: &Self) -> bool {
         self.pairs == other.pairs && (self.sum.is_none() || other.sum.is_none() || self.sum == other.sum)
     }
 }
 
-/// Runs all contenders through one motion, round by round. Compares number and checksum of pairs with the first
-/// contender that lists them, untimed. Every contender runs every step: one that skipped a step would see larger
-/// displacements at the next.
+/// Runs all contenders on the same moving spheres, round by round. Compares the number and checksum of pairs with the
+/// first contender that lists them, untimed. Every contender runs every step, because a skipped step would double the
+/// next displacement.
 pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timing>, Box<dyn Error>> {
     let mut runs = contenders.iter().map(ContenderRun::new).collect::<Result<Vec<_>, _>>()?;
     let mut motion = MovingScene::new(plan);
@@ -168,7 +168,7 @@ pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timin
     Ok(runs.into_iter().map(ContenderRun::timing).collect())
 }
 
-/// Returns a random permutation, since a rotation would keep each contender's predecessor.
+/// Returns a random order of the contenders; in a rotation, each would keep its predecessor.
 pub fn turns(count: usize, seed: u64) -> Vec<usize> {
     let mut turns: Vec<usize> = (0..count).collect();
     turns.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
@@ -238,7 +238,7 @@ impl<'a> ContenderRun<'a> {
             let reference = expected[k].get_or_insert(digest);
             if !digest.agrees(reference) {
                 return Err(format!(
-                    "{} found {digest:?} where {reference:?} was found before it: {} of {}, step {k} of a round",
+                    "{} found {digest:?}, but an earlier search found {reference:?}: {} of {}, step {k} of a round",
                     self.timing.name, plan.scene, plan.n
                 )
                 .into());

@@ -13,7 +13,7 @@ pub mod verlet;
 
 use lazygrid::Sphere;
 
-/// In `f64` near tangency, as all lazygrid detectors.
+/// Returns `true` if the spheres touch; decides in `f64` near tangency, as lazygrid does on the CPU.
 #[inline]
 fn touch(a: &Sphere, b: &Sphere) -> bool {
     let reach = a.radius + b.radius;
@@ -25,7 +25,7 @@ fn touch(a: &Sphere, b: &Sphere) -> bool {
     a.center.as_dvec3().distance_squared(b.center.as_dvec3()) <= reach * reach
 }
 
-/// Returns a few ulp more than the radius, so that rounding of the box loses no tangent pair.
+/// Returns half the edge of a sphere's box: a few ulp more than the radius, so that rounding loses no tangent pair.
 #[inline]
 fn half_extent(sphere: &Sphere) -> f32 {
     sphere.radius + (sphere.center.abs().max_element() + sphere.radius) * f32::EPSILON

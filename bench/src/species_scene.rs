@@ -4,6 +4,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, UnitBall};
 
+/// A scene whose spheres have species, with a table of the species that pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpeciesScene {
     /// A burst of one species, with one sphere in a thousand of its only partner.
@@ -81,7 +82,7 @@ impl SpeciesScene {
         self == Self::DistantPartner && k % 1000 == 999
     }
 
-    /// Returns `true` if the table has the pairs of two sets of spheres that touch.
+    /// Returns `true` if the pairs are those of touching spheres of two sets.
     pub const fn is_of_two_sets(self) -> bool {
         matches!(self, Self::RarePartner | Self::Enzymes | Self::Target)
     }

@@ -2,13 +2,14 @@ use std::ops::Range;
 
 use crate::number::{count, time};
 
+/// Maximum number of labels of an axis.
 const MAX_LABELS: usize = 8;
-/// Labeled values of a decade.
+/// Labeled values of a decade, from few to many labels.
 const DECADES: [&[f64]; 4] = [&[1.0], &[1.0, 3.0], &[1.0, 2.0, 5.0], &[1.0, 2.0, 3.0, 5.0, 7.0]];
-/// Label steps of narrow axes, times powers of ten.
+/// Distances of labels on narrow and on linear axes, times powers of ten.
 const STEPS: [f64; 3] = [1.0, 2.0, 5.0];
-/// Largest over smallest value; below it decades give too few labels.
-const NARROW: f64 = 6.0;
+/// Ratio of the largest to the smallest value below which decades give too few labels.
+const NARROW_RATIO: f64 = 6.0;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
@@ -54,7 +55,7 @@ impl Quantity {
     }
 }
 
-/// Formats three digits, or all of an integer below 10,000; with an exponent outside 0.001 to a million.
+/// Formats three digits, or all of an integer below 10,000. Uses an exponent outside 0.001 to a million.
 fn number(value: f64) -> String {
     let size = value.abs();
     if value.fract() == 0.0 && size < 1e4 {
@@ -93,7 +94,7 @@ impl LabelSpace {
     }
 }
 
-/// Returns labeled values of `range`, without overlaps.
+/// Returns the values of `range` to label, so that labels do not overlap.
 pub(crate) fn ticks(range: &Range<f64>, quantity: Quantity, space: LabelSpace) -> Vec<f64> {
     if space.scale == Scale::Linear {
         return even(range, quantity, space);
@@ -104,7 +105,7 @@ pub(crate) fn ticks(range: &Range<f64>, quantity: Quantity, space: LabelSpace) -
     candidates.reduce(|best, next| if next.len() > best.len() { next } else { best }).unwrap_or_default()
 }
 
-/// Prefers the measured values if all labels fit.
+/// Returns the measured values if all their labels fit; otherwise like [`ticks`].
 pub(crate) fn ticks_at(
     measured: &[f64],
     range: &Range<f64>,
@@ -123,7 +124,7 @@ fn of_decades(range: &Range<f64>, values: &[f64]) -> Vec<f64> {
     all.filter(|value| range.contains(value)).collect()
 }
 
-/// Every second power of ten, every third, and so on.
+/// Returns every second power of ten, every third, and so on.
 fn sparse(range: &Range<f64>) -> impl Iterator<Item = Vec<f64>> {
     let powers = of_decades(range, &[1.0]);
     (2..powers.len().max(2)).map(move |step| powers.iter().copied().step_by(step).collect())
@@ -131,12 +132,11 @@ fn sparse(range: &Range<f64>) -> impl Iterator<Item = Vec<f64>> {
 
 fn steps(range: &Range<f64>) -> impl Iterator<Item = Vec<f64>> {
     let exponent = range.end.log10().floor() as i32;
-    let is_narrow = range.end / range.start < NARROW;
+    let is_narrow = range.end / range.start < NARROW_RATIO;
     let sizes = (exponent - 3..=exponent).rev().flat_map(|k| STEPS.map(|step| scaled(step, k)));
     sizes.filter(move |_| is_narrow).filter_map(move |step| {
         let (first, last) = ((range.start / step).ceil() as u64, (range.end / step).floor() as u64);
-        // Rounded: a multiple of 0.1 is not.
-        let value = |k: u64| format!("{:.9e}", k as f64 * step).parse().unwrap_or(k as f64 * step);
+        let value = |k: u64| rounded(k as f64 * step);
         (last.saturating_sub(first) <= MAX_LABELS as u64).then(|| (first.max(1)..=last).map(value).collect())
     })
 }
@@ -146,15 +146,20 @@ fn even(range: &Range<f64>, quantity: Quantity, space: LabelSpace) -> Vec<f64> {
     let sizes = (exponent - 2..=exponent).flat_map(|k| STEPS.map(|step| scaled(step, k)));
     let multiples = |step: f64| {
         let (first, last) = ((range.start / step).ceil() as i64, (range.end / step).floor() as i64);
-        // Rounded: a multiple of 0.1 is not; without the sign of −0.
-        let value = |k: i64| format!("{:.9e}", k as f64 * step).parse().unwrap_or(k as f64 * step) + 0.0;
+        // Adding 0 removes the sign of −0.
+        let value = |k: i64| rounded(k as f64 * step) + 0.0;
         (first..=last).take(MAX_LABELS + 1).map(value).collect::<Vec<f64>>()
     };
     let fits = |ticks: &Vec<f64>| ticks.len() <= MAX_LABELS && space.holds(ticks, range, quantity);
     sizes.map(multiples).find(fits).unwrap_or_default()
 }
 
-/// Divides by negative powers of ten, which is exact where a product is not.
+/// Rounds to ten digits, because a multiple of 0.1 is not exact.
+fn rounded(value: f64) -> f64 {
+    format!("{value:.9e}").parse().unwrap_or(value)
+}
+
+/// Returns the number nearest to `value` · 10^`exponent`, which a product may miss.
 fn scaled(value: f64, exponent: i32) -> f64 {
     format!("{value}e{exponent}").parse().unwrap_or(f64::NAN)
 }

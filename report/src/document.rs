@@ -10,7 +10,7 @@ pub struct Section {
     /// Paragraphs. Backticks mark code; "```sh" begins a command.
     pub text: Vec<String>,
     pub plots: Vec<Plot>,
-    /// Below the plots.
+    /// Tables below the plots.
     pub tables: Vec<Table>,
     /// Notes on skipped measurements and faster peers.
     pub notes: Vec<Note>,
@@ -19,7 +19,7 @@ pub struct Section {
 #[derive(Clone, Debug)]
 pub struct Note {
     pub text: String,
-    /// Marks a wrong result.
+    /// `true` for a wrong result.
     pub is_error: bool,
 }
 
@@ -47,10 +47,10 @@ pub struct Cell {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     Plain,
-    /// Best value.
+    /// The best value of a row or column.
     Best,
     Absent,
-    /// Wrong answer.
+    /// A wrong answer.
     Error,
 }
 

@@ -65,7 +65,7 @@ fn cell(cell: &Cell) -> String {
     format!("<td{class}>{}</td>", escaped(&cell.text))
 }
 
-/// Text between backticks becomes code.
+/// Escapes text, and turns text between backticks into code.
 fn inline(text: &str) -> String {
     let text = escaped(text);
     let parts: Vec<&str> = text.split('`').collect();
@@ -74,7 +74,7 @@ fn inline(text: &str) -> String {
     pairs.chunks(2).map(code).collect::<String>() + &rest.join("`")
 }
 
-/// Adapter names and reasons come from other programs.
+/// Escapes text, because adapter names and reasons come from other programs.
 fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

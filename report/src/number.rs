@@ -6,7 +6,7 @@ pub fn count(n: usize) -> String {
     }
 }
 
-/// Returns the units per second, and the unit.
+/// Returns a suitable unit of time, with the number of these units per second.
 pub fn unit(seconds: f64) -> (f64, &'static str) {
     match seconds {
         s if s < 1e-9 => (1e12, "ps"),

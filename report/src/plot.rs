@@ -17,13 +17,14 @@ impl PlotPoint {
         Self { at: (x, y), bar }
     }
 
+    /// Divides the value and its bar by `by`.
     #[must_use]
     pub fn over(self, by: f64) -> Self {
         Self { at: (self.at.0, self.at.1 / by), bar: (self.bar.0 / by, self.bar.1 / by) }
     }
 
-    /// Returns `true` if the value or its bar is on the axes. A value of 0 has no place on a logarithmic axis, but the
-    /// upper end of its bar may.
+    /// Returns `true` if the value or its bar can be drawn. A logarithmic axis excludes a value of 0, but not the upper
+    /// end of its bar.
     fn is_shown(&self, [x, y]: [Scale; 2]) -> bool {
         x.holds(self.at.0) && self.at.1.is_finite() && self.bar.0.is_finite() && y.holds(self.bar.1)
     }
@@ -31,9 +32,9 @@ impl PlotPoint {
 
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// In the legend.
+    /// Name in the legend.
     pub name: String,
-    /// In ascending x.
+    /// Points in ascending order of x.
     pub points: Vec<PlotPoint>,
     pub dashed: bool,
     /// Index of a color; related lines share one.
@@ -61,16 +62,19 @@ pub struct Axes<'a> {
 }
 
 const SIZE: (u32, u32) = (1120, 600);
-/// Width, which fits the longest name.
+/// Width of the legend, which fits the longest name.
 const LEGEND: u32 = 320;
 const FONT: &str = "sans-serif";
-/// Height of titles; letters have about four fifths.
+/// Font size of titles.
 const TITLE: u32 = 27;
-/// Height of the labels of axes.
+/// Font size of the labels of axes.
 const TEXT: u32 = 22;
+/// Font size of the names in the legend.
 const NAMES: u32 = 19;
 const MARGIN: u32 = 12;
+/// Height of the labels below the plot.
 const BELOW: u32 = 64;
+/// Width of the labels at the left of the plot.
 const LEFT: u32 = 110;
 const COLORS: [RGBColor; 10] = [
     RGBColor(31, 119, 180),
@@ -86,9 +90,10 @@ const COLORS: [RGBColor; 10] = [
 ];
 const GRID: RGBColor = RGBColor(225, 225, 225);
 
+/// Maximum number of points of a series that are marked by circles.
 const POINTS: usize = 50;
 
-/// Draws the plot as SVG; `None` without points.
+/// Draws the plot as SVG; returns `None` without points.
 pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<dyn Error>> {
     let scales = axes.scales;
     let marks = || series.iter().flat_map(|line| line.marks(scales));
@@ -198,7 +203,7 @@ impl Ranged for AxisTicks {
     }
 }
 
-/// Adds a margin; a linear axis of non-negative values begins at 0.
+/// Returns the range of an axis, with a margin; a linear axis of non-negative values begins at 0.
 fn range(scale: Scale, values: impl Iterator<Item = f64>) -> Range<f64> {
     let ends = (f64::INFINITY, f64::NEG_INFINITY);
     let (low, high) = values.fold(ends, |(low, high), v| (low.min(v), high.max(v)));

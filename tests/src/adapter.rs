@@ -5,7 +5,7 @@ use lazygrid::Error;
 /// Returns the opened object, or `None` without an adapter.
 ///
 /// # Panics
-/// If no adapter exists but `LAZYGRID_REQUIRE_GPU` is set, or if an adapter cannot be used.
+/// Panics if no adapter exists but `LAZYGRID_REQUIRE_GPU` is set, or if an adapter cannot be used.
 pub(crate) fn or_skip<T>(opened: Result<T, Error>) -> Option<T> {
     match opened {
         Ok(opened) => Some(opened),

@@ -6,7 +6,7 @@ use std::process::{Command, Stdio};
 /// Prints that a test is skipped.
 ///
 /// # Panics
-/// If the environment variable `required` is set.
+/// Panics if the environment variable `required` is set.
 pub fn skipped(required: &str, why: &str) {
     assert!(std::env::var_os(required).is_none(), "{required} is set, and {why}");
     #[expect(clippy::print_stderr, reason = "a skipped test says why")]
@@ -33,7 +33,7 @@ pub fn browser() -> Option<&'static str> {
     found
 }
 
-/// Decodes eight bits per channel, row by row.
+/// Decodes a PNG image with eight bits per channel; returns its pixels row by row.
 pub fn decoded(png: &[u8], size: [usize; 2]) -> Vec<[u8; 3]> {
     assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
     let (mut rest, mut packed) = (&png[8..], Vec::new());

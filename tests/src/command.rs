@@ -20,7 +20,7 @@ pub fn has_gpu() -> bool {
     if !has_one {
         #[expect(clippy::print_stderr, reason = "a skipped test says why")]
         {
-            eprintln!("skipped: what needs a GPU, as there is no Vulkan, Metal or DirectX 12 here");
+            eprintln!("skipped: no GPU adapter with Vulkan, Metal or DirectX 12");
         }
     }
     has_one
@@ -52,12 +52,12 @@ impl Program {
         self.run_with("XDG_CACHE_HOME", cache, args)
     }
 
-    /// Sets an environment variable.
+    /// Runs the command with an environment variable.
     pub fn run_with(self, variable: &str, value: &str, args: &[&str]) -> Run {
         self.command(args).env(variable, value).output().unwrap().into()
     }
 
-    /// Closes the reader of standard output first.
+    /// Runs the command with a standard output whose reader is closed.
     pub fn run_with_closed_output(self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);

@@ -23,7 +23,7 @@ pub use variants::{SuiteVariant, THREADS, in_pool};
 /// Returns the device that all tests of a process share; `None` without an adapter.
 ///
 /// # Panics
-/// If no adapter exists but `LAZYGRID_REQUIRE_GPU` is set.
+/// Panics if no adapter exists but `LAZYGRID_REQUIRE_GPU` is set.
 pub fn device() -> Option<GpuDevice> {
     adapter::or_skip(GpuDevice::shared(SoftwareAdapter::Allow))
 }

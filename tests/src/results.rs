@@ -9,22 +9,24 @@ fn text(error: impl std::fmt::Display) -> String {
     error.to_string()
 }
 
+/// Returns the pairs that a stream delivers.
+///
 /// # Errors
-/// If the detector refuses the query, a chunk is longer than `chunk` pairs, or the returned number is wrong.
+/// Fails if the detector refuses the query, a chunk is longer than `chunk` pairs, or the returned number is wrong.
 pub fn streamed<'a>(
     detector: &mut Detector,
     query: impl Into<Query<'a>>,
     chunk: usize,
 ) -> Result<Vec<Pair>, String> {
     let (mut pairs, mut longest) = (Vec::new(), 0);
-    let handed = detector.stream(query, chunk, |part| {
+    let delivered = detector.stream(query, chunk, |part| {
         longest = longest.max(part.len());
         pairs.extend_from_slice(part);
         ControlFlow::Continue(())
     });
-    match handed.map_err(text)? {
-        handed if handed != pairs.len() as u64 => {
-            Err(format!("stream returned {handed} pairs but delivered {}", pairs.len()))
+    match delivered.map_err(text)? {
+        delivered if delivered != pairs.len() as u64 => {
+            Err(format!("stream returned {delivered} pairs but delivered {}", pairs.len()))
         }
         _ if longest > chunk.max(1) => Err(format!("{longest} pairs in a chunk of {chunk}")),
         _ => Ok(pairs),
@@ -34,7 +36,8 @@ pub fn streamed<'a>(
 /// Returns the pairs of all neighbor lists in canonical order.
 ///
 /// # Errors
-/// If the detector refuses the query, neighbors do not ascend, or a pair of one set is in only one list.
+/// Fails if the detector refuses the query, neighbors are not in ascending order, or a pair of one set is in only one
+/// list.
 pub fn listed<'a>(detector: &mut Detector, query: impl Into<Query<'a>>) -> Result<Vec<Pair>, String> {
     let query = query.into();
     let lists = detector.neighbors(query).map_err(text)?;
@@ -46,8 +49,10 @@ pub fn listed<'a>(detector: &mut Detector, query: impl Into<Query<'a>>) -> Resul
     }
 }
 
+/// Compares the count, the neighbor lists and a stream of a query with the `expected` pairs.
+///
 /// # Errors
-/// If the count, the neighbor lists or a stream of a query are not those of the `expected` pairs.
+/// Fails if one of them differs.
 pub fn match_the_list<'a>(
     detector: &mut Detector,
     query: impl Into<Query<'a>>,
@@ -56,7 +61,7 @@ pub fn match_the_list<'a>(
     let query = query.into();
     let count = detector.count(query).map_err(text)?;
     if count != expected.len() as u64 {
-        return Err(format!("{count} pairs are counted, {} listed", expected.len()));
+        return Err(format!("{count} pairs are counted, but {} are listed", expected.len()));
     }
     if listed(detector, query)? != expected {
         return Err("the neighbors differ from the list".to_owned());

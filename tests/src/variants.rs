@@ -9,14 +9,14 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use crate::adapter::or_skip;
 use crate::{TestInput, Tolerance, difference};
 
-/// One, a few, and usually more than cores.
+/// Numbers of threads: one, a few, and usually more than there are cores.
 pub const THREADS: [usize; 3] = [1, 2, 7];
 
-/// Returns all variants. `LAZYGRID_TEST_VARIANTS=cpu` or `=gpu` selects those of one backend, `=gpu/cell-list` one GPU
+/// Returns all variants. `LAZYGRID_TEST_VARIANTS=cpu` or `=gpu` selects one backend, and `=gpu/cell-list` one GPU
 /// algorithm.
 ///
 /// # Panics
-/// If `LAZYGRID_TEST_VARIANTS` has another value, or a required GPU is missing.
+/// Panics if `LAZYGRID_TEST_VARIANTS` has another value, or a required GPU is missing.
 pub fn all() -> Vec<DetectorVariant> {
     match env::var("LAZYGRID_TEST_VARIANTS").as_deref() {
         Err(_) => on_cpu().chain(on_gpu()).collect(),
@@ -49,8 +49,8 @@ fn on_gpu() -> Vec<DetectorVariant> {
     Algorithm::GPU.iter().map(|&algorithm| DetectorVariant::new(algorithm, target)).collect()
 }
 
-/// Returns all CPU variants, and two GPU variants chosen by the scenario, because software adapters are slow. All
-/// variants if `LAZYGRID_TEST_VARIANTS` is set.
+/// Returns all CPU variants, and two GPU variants chosen by the scenario, because software adapters are slow. Returns
+/// all variants if `LAZYGRID_TEST_VARIANTS` is set.
 ///
 /// # Panics
 /// See [`all`].
@@ -66,31 +66,31 @@ pub fn in_turn(scenario: &TestInput) -> Vec<DetectorVariant> {
     variants
 }
 
-/// Uses the fewest threads.
+/// Returns each algorithm once, with the fewest threads.
 pub fn each_algorithm() -> Vec<DetectorVariant> {
     all().into_iter().filter(|variant| variant.threads() == THREADS[0]).collect()
 }
 
 /// A [`DetectorVariant`] in the suite, where detectors share thread pools.
 pub trait SuiteVariant: Copy {
-    /// On a GPU, those of the host's work.
+    /// Returns the number of CPU threads, which on a GPU do the work of the host.
     fn threads(self) -> usize;
 
-    /// Settings without threads, which are those of the pool in which a detector [runs](Self::run).
+    /// Returns settings without a number of threads, because detectors use the pool in which they [run](Self::run).
     fn settings(self) -> Config;
 
     fn run<T: Send>(self, work: impl FnOnce() -> T + Send) -> T {
         in_pool(self.threads(), work)
     }
 
-    /// Uses a new detector.
+    /// Returns the pairs that a new detector finds.
     fn find(self, scenario: &TestInput, settings: Config) -> Result<Vec<Pair>, String>;
 
     /// Returns the reference for this variant's other results: the `expected` pairs if it is exact; otherwise its own
-    /// list after a comparison, because tangent pairs may fall either way.
+    /// list after a comparison, because tangent pairs may be found or missed.
     fn own_pairs(self, scenario: &TestInput, expected: &[Pair]) -> Result<Vec<Pair>, String>;
 
-    /// Checks both orders; GPU variants in one, because only the host sorts pairs.
+    /// Checks the pairs in both orders; GPU variants in one, because only the host sorts pairs.
     fn verify(self, scenario: &TestInput, expected: &[Pair], settings: &Config) -> Result<(), String>;
 }
 
@@ -152,7 +152,7 @@ fn drawn(scenario: &TestInput) -> usize {
 /// Runs `work` in one of the suite's pools, because creating a pool takes longer than most scenarios.
 ///
 /// # Panics
-/// If `threads` is not one of [`THREADS`].
+/// Panics if `threads` is not one of [`THREADS`].
 pub fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> T + Send) -> T {
     static POOLS: LazyLock<[ThreadPool; 3]> = LazyLock::new(|| {
         THREADS.map(|n| ThreadPoolBuilder::new().num_threads(n).build().expect("threads of the system"))

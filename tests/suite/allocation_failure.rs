@@ -1,4 +1,4 @@
-//! A failed allocation is an error, wherever it occurs, never an abort or a wrong answer. The detector stays usable.
+//! A failed allocation is an error, wherever it occurs, never an abort or a wrong answer. The detector remains usable.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ops::ControlFlow;
@@ -14,9 +14,11 @@ use lazygrid_tests::{DetectorVariant, SuiteVariant, variants};
 /// Refuses large allocations on request. Small ones, such as the text of a message, always succeed.
 struct Refusing;
 
+/// Smallest size in bytes of a large allocation.
 const LARGE: usize = 4096;
 
 static LIVE: AtomicUsize = AtomicUsize::new(0);
+/// Number of large allocations that still succeed; `usize::MAX` for all.
 static GRANTS: AtomicUsize = AtomicUsize::new(usize::MAX);
 /// Total bytes above which large allocations are refused.
 static LIMIT: AtomicUsize = AtomicUsize::new(usize::MAX);
@@ -52,9 +54,9 @@ static ALLOCATOR: Refusing = Refusing;
 
 #[derive(Clone, Copy, Debug)]
 enum Refusal {
-    /// After this number of large allocations.
+    /// Refuses after this number of large allocations.
     After(usize),
-    /// Above this number of bytes more than at the start.
+    /// Refuses above this number of bytes more than at the start.
     Above(usize),
 }
 
@@ -78,7 +80,7 @@ enum Ask {
     Unordered,
     Neighbors,
     Count,
-    /// With a limit far below the number of pairs.
+    /// A stream with a limit of a third of the pairs.
     StreamCanonical,
     StreamUnordered,
 }
@@ -138,7 +140,7 @@ impl Ask {
     }
 }
 
-/// Runs all queries under successive conditions of `next`, until no allocation is refused.
+/// Runs each kind of query with the refusals `next(0)`, `next(1)` and so on, until nothing is refused.
 fn walk<'a>(
     variant: DetectorVariant,
     config: &Config,
@@ -148,8 +150,8 @@ fn walk<'a>(
     walk_after(None, variant, config, query.into(), next);
 }
 
-/// Repeats [`walk`] with detectors that have searched `before`, and may keep its candidates. After an error they search it
-/// again, or continue with the query.
+/// Like [`walk`], with detectors that have searched `before` and may keep its candidates. After an error, they search
+/// `before` again in every second case, and then repeat the query.
 fn walk_after(
     before: Option<Query<'_>>,
     variant: DetectorVariant,
@@ -183,10 +185,10 @@ fn walk_after(
                     assert!(error.to_string().contains(&bytes.to_string()), "{case}: {error}");
                     refusals += 1;
                     if let Some(before) = before.filter(|_| k % returns == 1) {
-                        assert!(detector.count(before).is_ok(), "{case}: the query before it");
+                        assert!(detector.count(before).is_ok(), "{case}: the earlier query");
                     }
                     let again = ask.answer(&mut detector, query, &mut streamed);
-                    assert_eq!(again, Ok(all), "{case}: the call after it");
+                    assert_eq!(again, Ok(all), "{case}: the repeated query");
                 }
                 Err(error) => panic!("{case}: {error}"),
             }
@@ -194,12 +196,12 @@ fn walk_after(
                 break;
             }
         }
-        // A kept list of candidates may leave nothing to allocate.
+        // A query served by kept candidates may allocate nothing.
         assert!(refusals > 0 || before.is_some(), "{variant}, {ask:?}: nothing was refused");
     }
 }
 
-/// CPU algorithms on one and two threads. A GPU driver has its own allocator.
+/// Returns the CPU algorithms on one and two threads, because a GPU driver has its own allocator.
 fn variants() -> impl Iterator<Item = DetectorVariant> {
     let is_one = |s: &DetectorVariant| {
         s.backend() == Backend::Cpu && s.threads() <= 2 && s.algorithm != Algorithm::Auto
@@ -212,7 +214,7 @@ fn variants() -> impl Iterator<Item = DetectorVariant> {
 fn failed_allocation_is_an_error_wherever_it_occurs() {
     let sizes = Scene::FiveSizes.spheres(1300, 41);
     let burst = Scene::Burst.spheres(1200, 42);
-    // All in one cell, whose size a giant determines.
+    // All spheres are in one cell, whose size a giant determines.
     let mut crowd = Scene::Equal.spheres(1300, 43);
     crowd.iter_mut().for_each(|sphere| sphere.center += 100.0);
     crowd.push(Sphere::new([100.0; 3], 20.0));
@@ -252,7 +254,7 @@ fn failed_allocation_is_an_error_wherever_it_occurs() {
                     for query in [few_sizes, &moved] {
                         walk_after(Some(few_sizes.into()), variant, &config, query.into(), Refusal::After);
                     }
-                    // The frame of `f64` spheres needs no species.
+                    // Alternates `f32` and `f64` spheres.
                     let config = config.interactions(table.clone());
                     let of_species =
                         [few_with_species, Spheres::from(&rows).with_species(few_ids).expect("one each")];
@@ -266,7 +268,7 @@ fn failed_allocation_is_an_error_wherever_it_occurs() {
             walk(variant, &few(), Spheres::from(&crowd), Refusal::After);
             walk(variant, &config().interactions(table.clone()), with_species, Refusal::After);
             walk(variant, &few().space(periodic), Spheres::from(&sizes), Refusal::After);
-            // From a page to more than needed, increasing by 30 % each time.
+            // From a page up to more than needed, in steps of 30 %.
             let above = |k: usize| Refusal::Above((LARGE as f64 * 1.3_f64.powi(k as i32)) as usize);
             walk(variant, &few(), Spheres::from(&crowd), above);
         });

@@ -21,7 +21,7 @@ fn refusal(config: &Config, spheres: Spheres<'_>) -> Error {
         });
     }
     let first = errors.swap_remove(0);
-    // NaN is not equal to itself, but its text is.
+    // Compares texts, because NaN is not equal to itself.
     errors.iter().for_each(|error| assert_eq!(format!("{error:?}"), format!("{first:?}")));
     first
 }

@@ -17,7 +17,8 @@ impl Random {
     }
 }
 
-/// Every second sphere touches the one before it, up to a deviation of 2 ulp or of 2⁻¹⁶ to 2⁻²⁷ of its radius.
+/// Returns spheres of which every second touches the previous one, up to a deviation of 2 ulp or of 2⁻¹⁶ to 2⁻²⁷ of its
+/// radius.
 pub(crate) fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Random) -> Vec<[f64; 4]> {
     let mut spheres: Vec<[f64; 4]> = Vec::new();
     for k in 0..count {
@@ -45,7 +46,7 @@ pub(crate) fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Ra
 
 const NEAR: std::ops::RangeInclusive<i32> = -2..=2;
 
-/// Sums of cell vectors near zero, rounded as in the contract's expression.
+/// Returns the sums of up to two of each cell vector, rounded as in the contract's expression.
 fn images(space: &Space) -> Vec<[f64; 3]> {
     let edges = space.cell_vectors();
     // The extent of these scenes is no larger than a few cell vectors.
@@ -63,7 +64,7 @@ fn images(space: &Space) -> Vec<[f64; 3]> {
     images
 }
 
-/// Smallest squared length of an image of `to − from`, by the contract's expression.
+/// Returns the smallest squared length of an image of `to − from`, by the contract's expression.
 fn distance_squared(images: &[[f64; 3]], from: [f64; 4], to: [f64; 4]) -> f64 {
     let apart = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
     let mut least = f64::INFINITY;
@@ -74,7 +75,7 @@ fn distance_squared(images: &[[f64; 3]], from: [f64; 4], to: [f64; 4]) -> f64 {
     least
 }
 
-/// The species of sphere `k` is `k % 2`.
+/// Returns the pairs by the contract's expression; the species of sphere `k` is `k % 2`.
 pub(crate) fn oracle(spheres: &[[f64; 4]], space: &Space, table: Option<&Interactions>) -> Vec<Pair> {
     let images = images(space);
     let mut pairs = Vec::new();
@@ -125,7 +126,7 @@ fn pairs_match_the_contract_in_all_spaces_and_magnitudes() {
             let spheres = scene(240, 2.4, offset, &mut random);
             let expected = oracle(&spheres, &space, None);
             assert!(expected.len() > 60, "{}", expected.len());
-            // Subtracting the frame's origin removes the offset before a device sees the spheres.
+            // On a GPU, one offset suffices, because the host subtracts the origin of the frame.
             let is_asked =
                 |variant: &DetectorVariant| variant.backend() == Backend::Cpu || offset == [0.0; 3];
             for variant in variants::each_algorithm().into_iter().filter(is_asked) {
@@ -140,7 +141,7 @@ fn pairs_match_the_contract_in_all_spaces_and_magnitudes() {
     }
 }
 
-/// Scaling by a power of two keeps all pairs.
+/// Scaling by a power of two does not change the pairs.
 #[test]
 fn no_magnitude_overflows_or_underflows() {
     let mut random = Random(11);

@@ -18,7 +18,7 @@ fn scenes_have_their_expected_pairs() {
                 (Scene::Point, _) => 3000,
                 _ => 10_000,
             };
-            // At one point, each seed gives the same result: all pairs.
+            // With all spheres at one point, each seed gives all pairs.
             let seeds = if scene == Scene::Point { 1 } else { SEEDS };
             let expected = scene.expected_pairs(n);
             let mut detector = Detector::new(variant.settings()).expect("a detector");
@@ -50,7 +50,7 @@ fn equal_spheres_in_a_ball_by_the_formula() {
     assert!(off.abs() <= 4.0 * error, "{off} from {}, standard error {error}", pairs * p);
 }
 
-/// Spheres near a face are repeated at the opposite one. A pair counts once, by its originals.
+/// Spheres near a face are repeated at the opposite face. A pair counts once, by its original spheres.
 #[test]
 fn a_periodic_box_by_the_formula() {
     const EDGE: f32 = 40.0;

@@ -1,15 +1,15 @@
-//! `f64` spheres of which a few lie far away from all others: the search frame clamps these.
+//! `f64` spheres of which a few are far away from all others, so that the search frame clamps them.
 
 use lazygrid::{Algorithm, Detector, Interaction, Interactions, Order, Query, Skin, Space, Spheres};
 use lazygrid_tests::{SuiteVariant, in_pool, variants};
 
 use crate::doubles::{Random, agrees, oracle, scene};
 
-/// Far spheres that touch each other, a neighbor at the same place of the clamped frame, or the others. No square
-/// overflows, which the oracle requires.
+/// Returns spheres of which some are far away and touch each other, a sphere that is clamped to the same position, or
+/// the near spheres. No square overflows, as the oracle requires.
 fn with_far_spheres(random: &mut Random) -> Vec<[f64; 4]> {
     let mut spheres = scene(600, 2.4, [0.0; 3], random);
-    // Scaling by a power of two keeps all pairs.
+    // Scaling by a power of two does not change the pairs.
     spheres.iter_mut().for_each(|sphere| *sphere = sphere.map(|number| number / 131_072.0));
     let far = [
         [1e9, 0.0, 0.0, 0.5],
@@ -41,7 +41,7 @@ fn pairs_with_far_spheres_match_the_contract() {
     table.set(0, 1, Interaction::Within(0.01)).expect("a distance");
     let species: Vec<u32> = (0..600).map(|k| k % 2).collect();
     for (space, table) in spaces().into_iter().flat_map(|space| [(space, None), (space, Some(&table))]) {
-        // The periodic coordinates of the oracle's images are near the box.
+        // The oracle tests only images near the box.
         let mut spheres = with_far_spheres(&mut Random(31));
         if space.is_periodic() {
             spheres.iter_mut().for_each(|sphere| sphere[1] = sphere[1].clamp(-2.0, 2.0));
@@ -76,7 +76,7 @@ fn candidates_with_far_spheres_lose_no_pair() {
                 (0..3).for_each(|axis| sphere[axis] += 0.0005 * random.signed());
             }
             match step {
-                // Another sphere leaves the frame, the first one comes back, and lies at the end of the frame.
+                // Another sphere leaves the frame; the first one returns, and later moves to the end of the frame.
                 3 => spheres[500] = [0.0, 1.0, 1e8, 0.05],
                 6 => spheres[10] = spheres[11],
                 8 => spheres[10] = [3e4, 0.0, 0.0, 0.1],

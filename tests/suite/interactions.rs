@@ -1,3 +1,5 @@
+//! Tables of interactions between species.
+
 use lazygrid::{Algorithm, Config, Detector, Interaction, Interactions, Space, Sphere, Spheres};
 use lazygrid_tests::{SpeciesSetup, SuiteVariant, TestInput, difference, hard, variants};
 
@@ -46,7 +48,7 @@ fn disjoint_pairs_of_species() {
 /// Tiny spheres interact at a large distance: the effective radius comes from the table.
 #[test]
 fn small_radii_with_large_distances() {
-    // Distances that are no `f32` numbers, near those of the lattice.
+    // Distances near the spacings of the lattice that are not representable in `f32`.
     let off = prop::sample::select(vec![1.0, 1.0 - 1e-9, 1.0 + 1e-9]);
     let strategy = (hard::lattice(), 0.0_f32..4.0, off, 1_usize..40);
     let strategy = strategy.prop_map(|(spheres, spacings, off, period)| {
@@ -108,7 +110,7 @@ fn crowd_with_distant_partners() {
     }
 }
 
-/// Orders of magnitude apart, so that some groups of species have a reach of their own.
+/// Distances differ by orders of magnitude, so that groups of species have different reaches.
 #[test]
 fn tables_with_near_and_distant_partners() {
     let spheres = prop_oneof![hard::powers_of_two(), hard::soup(), hard::any_spheres()];
@@ -171,7 +173,7 @@ fn ids_without_a_table_have_no_effect() {
     });
 }
 
-/// Also if half of the distance is not representable.
+/// Includes distances half of which is not representable.
 #[test]
 fn effective_radii_cover_all_distances() {
     let subnormal = f32::from_bits(1);
@@ -189,7 +191,8 @@ fn effective_radii_cover_all_distances() {
     }
 }
 
-/// Between subnormal numbers, and above half of the largest number: rounded to `f32`, these distances decide otherwise.
+/// Distances between subnormal numbers and above half of the largest number, for which rounding to `f32` would change
+/// the result.
 #[test]
 fn distances_beyond_f32_are_not_rounded() {
     let (unit, far) = (f32::from_bits(1), 3e38);

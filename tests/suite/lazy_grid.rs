@@ -10,7 +10,7 @@ fn on_gpu() -> impl Iterator<Item = DetectorVariant> {
     variants::all().into_iter().filter(|s| s.backend() == Backend::Gpu).filter(refines)
 }
 
-fn judge_for_any_tau(name: &str, spheres: Vec<Sphere>) {
+fn verify_for_any_tau(name: &str, spheres: Vec<Sphere>) {
     let scenario = TestInput::from(spheres);
     let expected = scenario.oracle();
     for (tau, ratio) in [(0, 1.5), (1, 2.0), (8, 1.5), (8, 4.0), (512, 2.0), (u32::MAX, 2.0)] {
@@ -24,7 +24,7 @@ fn judge_for_any_tau(name: &str, spheres: Vec<Sphere>) {
 #[test]
 fn scenes_for_any_tau() {
     for scene in Scene::ALL {
-        judge_for_any_tau(scene.name(), scene.spheres(1500, 11));
+        verify_for_any_tau(scene.name(), scene.spheres(1500, 11));
     }
 }
 
@@ -37,7 +37,7 @@ fn one_to_twenty_sizes() {
                 let scale = step.powi((k % sizes) as i32);
                 *sphere = Sphere::new(sphere.center * scale, sphere.radius * scale);
             }
-            judge_for_any_tau(&format!("{sizes} sizes by {step}"), spheres);
+            verify_for_any_tau(&format!("{sizes} sizes by {step}"), spheres);
         }
     }
 }
@@ -48,5 +48,5 @@ fn one_giant_among_grains() {
     let mut spheres: Vec<Sphere> =
         grains.map(|s| Sphere::new(s.center * 0.2 + Vec3::new(1_048_576.0, 0.0, 0.0), s.radius)).collect();
     spheres.insert(700, Sphere::new([0.0; 3], 1_048_576.0));
-    judge_for_any_tau("giant", spheres);
+    verify_for_any_tau("giant", spheres);
 }

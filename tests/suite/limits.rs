@@ -23,11 +23,11 @@ fn a_stream_of_half_a_million_coincident_spheres_can_be_stopped() {
     let config = Config::default().backend(Backend::Cpu).order(Order::Unordered);
     let mut detector = Detector::new(config).expect("a detector");
     let mut received = 0;
-    let handed = detector.stream(&spheres, 1000, |pairs| {
+    let delivered = detector.stream(&spheres, 1000, |pairs| {
         received += pairs.len() as u64;
         if received >= 1_000_000 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     });
-    assert_eq!(handed, Ok(received));
+    assert_eq!(delivered, Ok(received));
     assert!((1_000_000..1_001_000).contains(&received), "{received}");
 }
 
@@ -64,7 +64,7 @@ fn coincident_points_are_counted_exactly() {
     }
 }
 
-/// The squares of their cutoff and, in `f32`, of their distance are at the end of the range.
+/// The squares of the cutoff and, in `f32`, of the distance are at the end of the range.
 #[test]
 fn contact_of_spheres_whose_squares_overflow_is_exact() {
     let far = (11_863_283_u64 << 40) as f32;

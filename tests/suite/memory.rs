@@ -1,5 +1,5 @@
-//! Memory that detectors hold and allocate, measured by the allocator. Mostly on one thread, because scheduling
-//! determines the number of workspaces.
+//! Memory that detectors use and allocate, measured by the allocator. Most tests use one thread, because the number of
+//! workspaces depends on scheduling.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ops::ControlFlow;
@@ -42,7 +42,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// All threads share the counters, so a measuring test locks out all others.
+/// Excludes other measuring tests, because all threads share the counters.
 struct Measurement {
     live: usize,
     _alone: MutexGuard<'static, ()>,
@@ -52,7 +52,7 @@ impl Measurement {
     fn alone() -> Self {
         static ALONE: Mutex<()> = Mutex::new(());
         let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
-        // Creates the thread pools and detects SIMD support, which belong to no detector.
+        // Creates the thread pools and detects SIMD support, whose memory belongs to no detector.
         in_pool(1, || lazygrid::detect(&[] as &[Sphere]).is_ok());
         Self { live: 0, _alone: alone }
     }
@@ -68,11 +68,11 @@ impl Measurement {
         PEAK.load(SeqCst).saturating_sub(self.live)
     }
 
-    fn held(&self) -> usize {
+    fn used(&self) -> usize {
         LIVE.load(SeqCst).saturating_sub(self.live)
     }
 
-    /// Sum of all allocations, and the largest allocation, in bytes.
+    /// Returns the sum of all allocations and the largest one, in bytes.
     fn total_and_largest(&self) -> (usize, usize) {
         (TOTAL.load(SeqCst), LARGEST.load(SeqCst))
     }
@@ -82,9 +82,9 @@ fn on_cpu(variants: Vec<DetectorVariant>) -> impl Iterator<Item = DetectorVarian
     variants.into_iter().filter(|variant| variant.backend() == Backend::Cpu)
 }
 
-/// For reports, plans and padding, which the estimate excludes.
+/// Bytes for reports, plans and padding, which the estimate excludes.
 const FIXED: usize = 16 << 10;
-/// Threads that the test harness starts meanwhile add to a measurement, but not to each of several.
+/// Number of measurements; threads that the test harness starts meanwhile add to some, but not to all.
 const MEASUREMENTS: usize = 3;
 
 /// Measures a peak and its bound again while the peak exceeds it.
@@ -125,7 +125,7 @@ fn second_call_allocates_nothing_proportional_to_the_input() {
             let n = spheres.len();
             assert!(largest < n, "{variant}, {scene}: one allocation of {largest} bytes");
             let most = 16 * n + 2 * pairs;
-            assert!(total < most, "{variant}, {scene}: {total} bytes in all where {most} are plenty");
+            assert!(total < most, "{variant}, {scene}: {total} bytes in total, more than {most}");
         }
     }
 }
@@ -141,21 +141,20 @@ fn memory_for_is_an_upper_bound() {
                 if variant.algorithm == Algorithm::Naive && n > 10_000 {
                     continue;
                 }
-                let peak_and_bound = || {
+                let (peak, bound) = repeated(|| {
                     measurement.start();
                     let mut detector = Detector::new(variant.settings()).expect("a detector");
                     variant.run(|| detector.count(spheres)).expect("a count");
                     let peak = measurement.peak();
                     (peak, variant.run(|| detector.memory_for(n as u64)) as usize + FIXED)
-                };
-                let (peak, bound) = repeated(peak_and_bound);
-                assert!(peak <= bound, "{variant}, {scene}, {n}: {peak} bytes where {bound} are announced");
+                });
+                assert!(peak <= bound, "{variant}, {scene}, {n}: {peak} bytes exceed the bound of {bound}");
             }
         }
     }
 }
 
-/// Half of the species are in the second call.
+/// The second call uses half of the species.
 #[test]
 fn memory_for_is_an_upper_bound_with_species() {
     let mut measurement = Measurement::alone();
@@ -165,7 +164,7 @@ fn memory_for_is_an_upper_bound_with_species() {
             let spheres = Scene::Equal.spheres(n, 37);
             let calls = [1, 2].map(|part| (0..n as u32).map(|k| k % (species / part).max(1)).collect());
             for variant in on_cpu(variants::each_algorithm()) {
-                let peak_and_bound = || {
+                let (peak, bound) = repeated(|| {
                     measurement.start();
                     let config = variant.settings().interactions(table.clone());
                     let mut detector = Detector::new(config).expect("a detector");
@@ -175,15 +174,14 @@ fn memory_for_is_an_upper_bound_with_species() {
                     });
                     let peak = measurement.peak();
                     (peak, variant.run(|| detector.memory_for(n as u64)) as usize + FIXED)
-                };
-                let (peak, bound) = repeated(peak_and_bound);
-                assert!(peak <= bound, "{variant}, {species}, {n}: {peak} bytes where {bound} are announced");
+                });
+                assert!(peak <= bound, "{variant}, {species}, {n}: {peak} bytes exceed the bound of {bound}");
             }
         }
     }
 }
 
-/// Each species pairs with one or two others.
+/// Returns a table in which each species pairs with one or two others.
 fn distances(species: u32) -> Interactions {
     let mut table = Interactions::new(species, Interaction::Never).expect("few species");
     for a in 0..species {
@@ -193,7 +191,7 @@ fn distances(species: u32) -> Interactions {
     table
 }
 
-/// Each thread may compare a cell of all spheres, now or in an earlier call.
+/// Each thread may compare a cell with all spheres, in this or an earlier call.
 #[test]
 fn memory_for_is_an_upper_bound_for_several_threads() {
     let mut measurement = Measurement::alone();
@@ -209,18 +207,18 @@ fn memory_for_is_an_upper_bound_for_several_threads() {
             let bound = detector.memory_for(spheres.len() as u64) as usize + FIXED;
             for call in 0..8 {
                 detector.count(&spheres).expect("a count");
-                // Growing a buffer briefly needs the old one too, so only the remaining memory is compared.
-                let held = measurement.held();
+                // A growing buffer also needs the old one for a moment, so only the remaining memory is compared.
+                let used = measurement.used();
                 assert!(
-                    held <= bound,
-                    "{algorithm}, {scene}, call {call}: {held} bytes held where {bound} are announced"
+                    used <= bound,
+                    "{algorithm}, {scene}, call {call}: {used} bytes exceed the bound of {bound}"
                 );
             }
         }
     }
 }
 
-/// Besides the benchmark scenes: equal spheres in a ball about as large as one cell of the paper's grids, each in the
+/// Returns the benchmark scenes; equal spheres in a ball about as large as one cell of the paper's grids, each in the
 /// maximum number of cells; and one huge sphere far from the origin along one axis, filled with small ones.
 fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
     let crowd = Scene::Equal.spheres(n, seed).into_iter().map(|sphere| {
@@ -256,9 +254,12 @@ fn memory_for_exceeds_the_peak_by_at_most_two_thirds() {
             most = most.max(peak);
             equal = if scene == "equal" { peak } else { equal };
         }
-        assert!(bound * 3 <= most * 5, "{variant}: {bound} bytes announced where {most} are taken");
+        assert!(bound * 3 <= most * 5, "{variant}: a bound of {bound} bytes for {most} used bytes");
         let is_of_one_level = variant.algorithm != Algorithm::RecursiveGrid;
-        assert!(!is_of_one_level || bound <= equal * 2, "{variant}: {bound} bytes announced, {equal} taken");
+        assert!(
+            !is_of_one_level || bound <= equal * 2,
+            "{variant}: a bound of {bound} bytes for {equal} used bytes"
+        );
     }
 }
 
@@ -269,20 +270,20 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
     for variant in on_cpu(variants::each_algorithm()).filter(|s| s.algorithm != Algorithm::Naive) {
         measurement.start();
         let mut detector = Detector::new(variant.settings()).expect("a detector");
-        let held = variant.run(|| {
+        let used = variant.run(|| {
             for n in (40_000..=60_000).step_by(2000) {
                 detector.count(&spheres[..n]).expect("a count");
             }
-            // Growing a buffer briefly needs the old one too, so only the remaining memory is compared.
-            measurement.held()
+            // A growing buffer also needs the old one for a moment, so only the remaining memory is compared.
+            measurement.used()
         });
         let bound = detector.memory_for(60_000) as usize + FIXED;
-        assert!(held <= bound, "{variant}: {held} bytes held where {bound} are announced");
+        assert!(used <= bound, "{variant}: {used} bytes exceed the bound of {bound}");
     }
 }
 
-/// Equal spheres have nearly the announced number of entries in cells of up to two diameters, and a growing buffer has
-/// an eighth more than it needs.
+/// Equal spheres have nearly the estimated number of entries in cells of up to two diameters, and a growing buffer is
+/// an eighth larger than it needs to be.
 #[test]
 fn memory_for_is_an_upper_bound_for_growing_grids_of_small_cells() {
     let mut measurement = Measurement::alone();
@@ -295,11 +296,8 @@ fn memory_for_is_an_upper_bound_for_growing_grids_of_small_cells() {
                 Detector::new(variant.settings().cell_ratio(ratio).threads(1)).expect("a detector");
             for n in (18_000..=24_000).step_by(600) {
                 detector.count(&spheres[..n]).expect("a count");
-                let (held, bound) = (measurement.held(), detector.memory_for(n as u64) as usize + FIXED);
-                assert!(
-                    held <= bound,
-                    "{variant}, {ratio}, {n}: {held} bytes held where {bound} are announced"
-                );
+                let (used, bound) = (measurement.used(), detector.memory_for(n as u64) as usize + FIXED);
+                assert!(used <= bound, "{variant}, {ratio}, {n}: {used} bytes exceed the bound of {bound}");
             }
         }
     }
@@ -322,27 +320,23 @@ fn memory_for_includes_candidates() {
             }
             let peak = measurement.peak();
             let bound = variant.run(|| detector.memory_for(N as u64)) as usize + FIXED;
-            assert!(peak <= bound, "{variant}, {edge}: {peak} bytes where {bound} are announced");
+            assert!(peak <= bound, "{variant}, {edge}: {peak} bytes exceed the bound of {bound}");
             most = most.max(if detector.report().candidates.is_some() { peak } else { 0 });
         }
-        let bound = variant.run(|| detector_bound(variant, N));
-        assert!(bound <= 2 * most, "{variant}: {bound} bytes announced where {most} are taken");
+        let detector = Detector::new(variant.settings().skin(Skin::Fixed(0.5))).expect("a detector");
+        let bound = variant.run(|| detector.memory_for(N as u64)) as usize;
+        assert!(bound <= 2 * most, "{variant}: a bound of {bound} bytes for {most} used bytes");
     }
 }
 
-fn detector_bound(variant: DetectorVariant, spheres: usize) -> usize {
-    let config = variant.settings().skin(Skin::Fixed(0.5));
-    Detector::new(config).expect("a detector").memory_for(spheres as u64) as usize
-}
-
-/// Spheres of radius ½ on a lattice that fills a cube.
+/// Returns spheres of radius ½ on a lattice that fills a cube.
 fn cube(n: usize, edge: f32) -> Vec<Sphere> {
     let side = (n as f32).cbrt().ceil() as usize;
     let at = |k: usize| [k % side, k / side % side, k / side / side].map(|c| c as f32 * edge / side as f32);
     (0..n).map(|k| Sphere::new(at(k), 0.5)).collect()
 }
 
-/// Besides the detector, needs a few chunks for each thread.
+/// In addition to the memory of the detector, a stream needs a few chunks for each thread.
 #[test]
 fn a_stream_needs_no_memory_for_its_pairs() {
     let mut measurement = Measurement::alone();
@@ -351,15 +345,15 @@ fn a_stream_needs_no_memory_for_its_pairs() {
         measurement.start();
         let mut detector = Detector::new(variant.settings().order(Order::Unordered)).expect("a detector");
         let mut chunks = 0;
-        let handed = variant.run(|| {
+        let delivered = variant.run(|| {
             detector.stream(&spheres, 4096, |_| {
                 chunks += 1;
                 if chunks == 800 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
             })
         });
-        assert!(handed.expect("a stream") >= 799 * 4096 / 2, "{variant}");
+        assert!(delivered.expect("a stream") >= 799 * 4096 / 2, "{variant}");
         let (peak, bound) = (measurement.peak(), detector.memory_for(20_000) as usize + (16 << 20));
-        assert!(peak < bound, "{variant}: {peak} bytes, where {bound} are plenty");
+        assert!(peak < bound, "{variant}: {peak} bytes exceed the bound of {bound}");
     }
 }
 
@@ -374,11 +368,11 @@ fn a_refused_list_stays_within_its_limit() {
         assert!(variant.run(|| detector.pairs(&spheres).is_err()), "{variant}");
         let bound = detector.memory_for(8000) as usize + 8 * limit as usize + (16 << 20);
         let peak = measurement.peak();
-        assert!(peak < bound, "{variant}: {peak} bytes, where {bound} are plenty");
+        assert!(peak < bound, "{variant}: {peak} bytes exceed the bound of {bound}");
     }
 }
 
-/// Besides the detector, needs a few times a list of `limit` pairs.
+/// In addition to the memory of the detector, the stream needs a few times a list of `limit` pairs.
 #[test]
 fn a_canonical_stream_stays_within_its_limit() {
     let mut measurement = Measurement::alone();
@@ -388,18 +382,18 @@ fn a_canonical_stream_stays_within_its_limit() {
         measurement.start();
         let mut detector = Detector::new(Config::max_pairs(variant.settings(), limit)).expect("a detector");
         let (mut last, mut in_order) = (None, true);
-        let handed = variant.run(|| {
+        let delivered = variant.run(|| {
             detector.stream(&spheres, 4096, |pairs| {
                 in_order &= last < pairs.first().copied() && pairs.is_sorted();
                 last = pairs.last().copied();
                 ControlFlow::Continue(())
             })
         });
-        assert_eq!(handed, Ok(found), "{variant}");
+        assert_eq!(delivered, Ok(found), "{variant}");
         assert!(in_order, "{variant}: not in canonical order");
-        // The found chunks, the pairs before and after sorting, and some chunks for each thread.
+        // Includes the found chunks, the pairs before and after sorting, and some chunks for each thread.
         let bound = detector.memory_for(2000) as usize + 40 * limit as usize + (2 << 20);
         let peak = measurement.peak();
-        assert!(peak < bound, "{variant}: {peak} bytes, where {bound} are plenty");
+        assert!(peak < bound, "{variant}: {peak} bytes exceed the bound of {bound}");
     }
 }

@@ -24,7 +24,7 @@ const CRATES: [&str; 17] = [
     "tests/src",
 ];
 
-/// Used modules, by module.
+/// The modules that each module uses.
 type Graph = BTreeMap<String, BTreeSet<String>>;
 
 /// Returns code without comments, strings and test-only items.
@@ -54,7 +54,7 @@ fn code(source: &str) -> String {
     text
 }
 
-/// Text after a string literal whose opening quote is gone.
+/// Returns the text after a string literal whose opening quote was removed.
 fn after_string(mut rest: &str) -> &str {
     while let Some(at) = rest.find(['"', '\\']) {
         let skipped = if rest[at..].starts_with('\\') { 2 } else { 1 };
@@ -67,7 +67,7 @@ fn after_string(mut rest: &str) -> &str {
     ""
 }
 
-/// Text after an item: after its semicolon, or after its braces.
+/// Returns the text after the semicolon or the braces of an item.
 fn after_item(rest: &str) -> &str {
     let mut depth = 0_usize;
     for (at, character) in rest.char_indices() {
@@ -115,7 +115,7 @@ fn expand<'a>(text: &'a str, before: &[String], found: &mut Vec<Vec<String>>) ->
     }
     let end = text.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(text.len());
     if end == 0 {
-        // A glob stands for names of the module before it.
+        // A glob uses the module itself.
         found.extend((!before.is_empty()).then(|| before.to_vec()));
         return text.strip_prefix('*').unwrap_or_default();
     }

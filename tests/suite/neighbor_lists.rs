@@ -37,11 +37,11 @@ fn scene(count: usize, space: &Space, radius: f64, state: &mut u64) -> Vec<[f64;
     (0..count).map(sphere).collect()
 }
 
-/// Images that the loop tests in each direction along each cell vector.
+/// Number of images in each direction along each cell vector that the oracle tests.
 const FAR: i32 = 7;
 
-/// All entries of a list of `rows` and `others` by the contract's expression. `reach` returns the cutoff of a pair, or
-/// `None` if it never pairs.
+/// Returns all entries of the lists of `rows` among `others` by the contract's expression. `reach` returns the cutoff
+/// of a pair, or `None` if it never pairs.
 fn oracle(
     rows: &[[f64; 4]],
     others: &[[f64; 4]],
@@ -69,7 +69,7 @@ fn oracle(
                         let squared = x * x + y * y + z * z;
                         let distance = squared.sqrt();
                         if if is_open { distance < reach } else { squared <= reach * reach } {
-                            assert!(shift.iter().all(|count| count.abs() < FAR), "the loop looks too near");
+                            assert!(shift.iter().all(|count| count.abs() < FAR), "FAR is too small");
                             let pair = Pair { i: i as u32, j: j as u32 };
                             entries.push(Entry { pair, shift, vector, distance });
                         }
@@ -117,7 +117,7 @@ fn spaces() -> [Space; 8] {
         Space::triclinic(tilts).expect("edges"),
         Space::triclinic([None, tilts[1], tilts[2]]).expect("edges"),
         Space::triclinic(primitive).expect("edges"),
-        // Shifts count these vectors, not the lengths of the axes.
+        // Shifts are in units of these vectors, not of the lengths of the axes.
         Space::triclinic([[0.0, -2.1, 0.0], [1.7, 0.0, 0.0], [0.0, 0.0, -1.3]].map(Some)).expect("edges"),
         Space::periodic([Some(40.0), Some(30.0), None]).expect("lengths"),
     ]

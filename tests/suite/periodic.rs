@@ -128,7 +128,7 @@ fn large_boxes_give_identical_pairs() {
     }
 }
 
-/// E = Σ n_ab · (4/3)π (ra + rb)³ / V, with binomial variance.
+/// The expected number is Σ n_ab · (4/3)π (ra + rb)³ / V, with binomial variance.
 #[test]
 fn uniform_boxes_by_the_formula() {
     const SEEDS: u64 = 5;

@@ -8,11 +8,11 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use proptest::test_runner::{RngSeed, TestCaseError, TestError, TestRunner};
 
-/// Divisor of the number of cases unless `LAZYGRID_TEST_FULL` is set. Software adapters take most of the time.
+/// Divisor of the number of cases unless `LAZYGRID_TEST_FULL` is set, because software adapters are slow.
 const SHORT: u32 = 3;
 
-/// Runs fewer than `cases` unless `LAZYGRID_TEST_FULL` is set. The seed is fixed. `PROPTEST_CASES` and
-/// `PROPTEST_RNG_SEED` change the number and the seed.
+/// Runs `cases` divided by [`SHORT`], or all if `LAZYGRID_TEST_FULL` is set, with a fixed seed. `PROPTEST_CASES` and
+/// `PROPTEST_RNG_SEED` replace the number and the seed.
 pub(crate) fn check<S>(cases: u32, strategy: S, test: impl Fn(S::Value) -> Result<(), String>)
 where
     S: Strategy,

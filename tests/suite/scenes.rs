@@ -101,7 +101,7 @@ fn pairs_are_identical_at_each_step_for_any_number_of_threads() {
     }
 }
 
-/// Radii that devices may flush to zero, at distances that they do not.
+/// Devices may flush these radii to zero, but not the distances.
 #[test]
 fn crowd_near_the_smallest_normal_number() {
     let pair = [lazygrid::Sphere::new([0.0; 3], 1e-38), lazygrid::Sphere::new([1.5e-38, 0.0, 0.0], 1e-38)];

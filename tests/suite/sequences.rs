@@ -5,9 +5,11 @@ use lazygrid_check::detectors::sequence::{Sequence, Tally};
 use lazygrid_check::{DetectorVariant, Effort, Gpu};
 use lazygrid_tests::variants;
 
+/// Sequences per variant, on the CPU and on the GPU.
 const COUNTS: [u64; 2] = [40, 8];
 
-fn share(count: u64) -> u64 {
+/// Scales a number of sequences with `PROPTEST_CASES`, whose default is 256.
+fn scaled(count: u64) -> u64 {
     let cases = std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse::<u64>().ok());
     cases.map_or(count, |cases| (count * cases / 256).max(2))
 }
@@ -15,7 +17,7 @@ fn share(count: u64) -> u64 {
 fn check(variants: &[DetectorVariant], gpu: Option<&Gpu>, count: u64) {
     let mut tally = Tally::default();
     for (k, &variant) in variants.iter().enumerate() {
-        for seed in 0..share(count) {
+        for seed in 0..scaled(count) {
             let sequence = Sequence::drawn_for(1000 * k as u64 + seed, variant);
             if let Some(failure) = sequence.check(gpu, 300, &mut tally) {
                 panic!("{}: {}", failure.name, failure.what);

@@ -11,13 +11,18 @@ use proptest::sample::select;
 
 use crate::properties::check;
 
-fn keepers() -> Vec<DetectorVariant> {
+fn variants_with_candidates() -> Vec<DetectorVariant> {
     let mut variants = variants::all();
     variants.retain(|variant| variant.backend() == Backend::Gpu || variant.algorithm == Algorithm::CellList);
     variants
 }
 
-fn follows(scenario: &TestInput, part: f32, moves: f32, variant: DetectorVariant) -> Result<(), String> {
+fn matches_oracle_while_moving(
+    scenario: &TestInput,
+    part: f32,
+    moves: f32,
+    variant: DetectorVariant,
+) -> Result<(), String> {
     let mut scenario = scenario.clone();
     let skin = skin_of(&scenario.spheres, part);
     let order = if variant.threads() == 1 { Order::Unordered } else { Order::Canonical };
@@ -55,8 +60,10 @@ fn arbitrary_spheres() {
         2 => hard::any_spheres().prop_map(TestInput::from),
         1 => hard::mixture(hard::any_spheres()),
     ];
-    let cases = (scenarios, parts(), moves(), select(keepers()));
-    check(200, cases, |(scenario, part, moves, variant)| follows(&scenario, part, moves, variant));
+    let cases = (scenarios, parts(), moves(), select(variants_with_candidates()));
+    check(200, cases, |(scenario, part, moves, variant)| {
+        matches_oracle_while_moving(&scenario, part, moves, variant)
+    });
 }
 
 #[test]
@@ -68,25 +75,28 @@ fn arbitrary_spheres_in_periodic_boxes() {
         periodic::giant(),
         periodic::mixture(),
     ];
-    let cases = (scenarios, parts(), moves(), select(keepers()));
-    check(200, cases, |(scenario, part, moves, variant)| follows(&scenario, part, moves, variant));
+    let cases = (scenarios, parts(), moves(), select(variants_with_candidates()));
+    check(200, cases, |(scenario, part, moves, variant)| {
+        matches_oracle_while_moving(&scenario, part, moves, variant)
+    });
 }
 
 #[test]
 fn running_simulations() {
-    let mut variants = keepers();
+    let mut variants = variants_with_candidates();
     variants.retain(|variant| variant.algorithm == Algorithm::CellList);
     let both = |of: DetectorVariant| [(of, Skin::Auto), (of, Skin::Fixed(0.4))];
-    let ways: Vec<_> = variants.into_iter().flat_map(both).collect();
+    let settings: Vec<_> = variants.into_iter().flat_map(both).collect();
     for scene in Scene::ALL {
         let mut scenario = TestInput::from(scene.spheres(3000, 21));
         let made =
             |of: &(DetectorVariant, Skin)| Detector::new(of.0.settings().skin(of.1)).expect("a detector");
         let has_few_sizes = matches!(scene, Scene::Equal | Scene::FiveSizes);
-        let serves = |way: &&(DetectorVariant, Skin)| {
-            has_few_sizes || way.0.backend() == Backend::Cpu || way.1 != Skin::Auto
+        let serves = |setting: &&(DetectorVariant, Skin)| {
+            has_few_sizes || setting.0.backend() == Backend::Cpu || setting.1 != Skin::Auto
         };
-        let mut detectors: Vec<_> = ways.iter().filter(serves).map(|way| (way, made(way), 0)).collect();
+        let mut detectors: Vec<_> =
+            settings.iter().filter(serves).map(|setting| (setting, made(setting), 0)).collect();
         for step in 0..12 {
             let expected = scenario.oracle();
             for ((variant, skin), detector, served) in &mut detectors {
@@ -99,7 +109,7 @@ fn running_simulations() {
         }
         let is_hardware = lazygrid_tests::device().is_some_and(|own| own.adapter.is_hardware);
         for ((variant, skin), _, served) in detectors {
-            // A list of few spheres costs a fast GPU more than it saves.
+            // On a fast GPU, a list of few spheres costs more than it saves.
             let may_decline = is_hardware && variant.backend() == Backend::Gpu && *skin == Skin::Auto;
             let enough = served > 5 || scene == Scene::Point || may_decline;
             assert!(enough, "{scene}, {variant}, {skin:?}: {served} of 12 calls were served");
@@ -111,14 +121,14 @@ fn running_simulations() {
 fn skin_out_of_range_is_refused_alike_everywhere() {
     let vectors = [[9.0, 0.0, 0.0], [4.0, 8.0, 0.0], [1.0, 2.0, 7.0]];
     let triclinic = Space::triclinic(vectors.map(Some)).expect("a cell");
-    for variant in keepers() {
+    for variant in variants_with_candidates() {
         for space in [Space::UNBOUNDED, triclinic] {
             for skin in [2.75e-15, 3.5e17, f64::MIN_POSITIVE] {
                 let config = variant.settings().space(space).skin(Skin::Fixed(skin));
                 let refused = Detector::new(config).expect_err("a skin out of range").to_string();
                 assert!(refused.contains(&skin.to_string()), "{variant}: {refused}");
             }
-            // The ends of the range are inside, in every space.
+            // Both ends of the range are allowed, in every space.
             for skin in [1e-14, 1e17] {
                 let config = variant.settings().space(space).skin(Skin::Fixed(skin));
                 assert!(Detector::new(config).is_ok(), "{variant}, {skin}");

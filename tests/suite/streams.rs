@@ -1,4 +1,4 @@
-//! Streams whose consumer searches too.
+//! Streams whose consumer itself uses a detector.
 
 use std::ops::ControlFlow;
 use std::sync::mpsc::channel;
@@ -8,7 +8,7 @@ use std::time::Duration;
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Space};
 use lazygrid_io::scenes::Scene;
 
-/// Far more than the search takes: a consumer that waits for its own search never ends.
+/// Time after which a stream counts as hung, far longer than the search takes.
 const TIME_LIMIT: Duration = Duration::from_secs(120);
 
 fn detector(algorithm: Algorithm, threads: usize) -> Detector {

@@ -31,7 +31,7 @@ fn uniform(n: usize, radii: &[f32], edges: [Vec3; 3], seed: u64) -> Vec<Sphere> 
     (0..n).map(|k| Sphere::new(place(), radii[k % radii.len()])).collect()
 }
 
-/// Tilts of up to 0.4 of the length, periodic along all vectors.
+/// Returns a scenario that is periodic along all vectors, with tilts of up to 0.4 of the length.
 fn tilted_input(n: usize, radii: &[f32], edge: f32) -> TestInput {
     let edges = tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
     let spheres = uniform(n, radii, edges.map(Option::unwrap_or_default), 5);
@@ -114,13 +114,13 @@ fn tiny_distances_to_images_are_exact() {
     let edges = [[10.0, 0.0, 0.0], [-0.25, 10.0, 0.0], [0.5, 1.0, 0.1]].map(Vec3::from);
     let space = families::space(edges.map(Some));
     let tiny = f32::from_bits(3);
-    for turns in 0..27 {
-        let turn = |k: u32| (turns / 3_i32.pow(k) % 3 - 1) as f32;
-        let image: Vec3 = (0..3).map(|k| edges[k as usize] * turn(k)).sum();
+    for shifts in 0..27 {
+        let shift = |k: u32| (shifts / 3_i32.pow(k) % 3 - 1) as f32;
+        let image: Vec3 = (0..3).map(|k| edges[k as usize] * shift(k)).sum();
         let next = image + Vec3::new(tiny, -tiny, tiny);
         let apart = (next - image).as_dvec3().length_squared();
         // If the sum of cell vectors is not representable in `f32`, `image` is not an exact image.
-        let exact: glam::DVec3 = (0..3).map(|k| edges[k as usize].as_dvec3() * f64::from(turn(k))).sum();
+        let exact: glam::DVec3 = (0..3).map(|k| edges[k as usize].as_dvec3() * f64::from(shift(k))).sum();
         if image.as_dvec3() == exact {
             assert_eq!(space.distance_squared(next, Vec3::ZERO), apart, "{image}");
         }
@@ -132,12 +132,12 @@ fn tilts_by_whole_lengths_have_no_effect() {
     let spheres = uniform(800, &[0.4, 0.2], [Vec3::X * 8.0, Vec3::Y * 4.0, Vec3::Z * 6.0], 2);
     let orthogonal = Space::periodic([Some(8.0), Some(4.0), Some(6.0)]).expect("a box");
     let edges = tilted([Some(8.0), Some(4.0), Some(6.0)], [16.0, -8.0, 12.0]);
-    let [of_straight, of_leaning] =
+    let [orthogonal, tilted_cell] =
         [orthogonal, families::space(edges)].map(|space| TestInput { space, ..spheres.clone().into() });
-    let expected = of_straight.oracle();
+    let expected = orthogonal.oracle();
     assert!(expected.len() > 500);
-    assert_eq!(of_leaning.oracle(), expected);
-    verify_all(&of_leaning, &expected, &Config::default()).unwrap_or_else(|text| panic!("{text}"));
+    assert_eq!(tilted_cell.oracle(), expected);
+    verify_all(&tilted_cell, &expected, &Config::default()).unwrap_or_else(|text| panic!("{text}"));
 }
 
 #[test]

@@ -1,3 +1,5 @@
+//! Pairs of spheres of two sets.
+
 use lazygrid::{
     Algorithm, Backend, Detector, Error, Exclusions, InputError, Interaction, Order, Pair, Query, Sphere,
     Spheres,
@@ -17,7 +19,7 @@ pub(crate) fn split_at(scenario: &TestInput, part: f32) -> usize {
     (part * scenario.spheres.len() as f32).round() as usize
 }
 
-/// Exclusions of pairs in one set do not count.
+/// Returns the exclusions across the sets; exclusions within one set have no effect.
 fn exclusions(scenario: &TestInput, split: usize) -> Option<Exclusions> {
     let excluded = scenario.excluded.as_ref()?;
     let across = excluded.pairs().filter(|&(i, j)| (i as usize) < split && j as usize >= split);
@@ -82,7 +84,7 @@ fn arbitrary_sets_match_the_oracle() {
     });
 }
 
-/// On some levels, searching from the other set is worthwhile.
+/// On some levels, searching from the other set is faster.
 #[test]
 fn scenes_with_giants_in_either_set_match_the_oracle() {
     let giants =
@@ -94,8 +96,8 @@ fn scenes_with_giants_in_either_set_match_the_oracle() {
         spheres.splice(0..0, giants.clone());
         let scenario = TestInput::from(spheres);
         for split in [0, 1, 20, 700, 1520] {
-            let looks = |of: &&DetectorVariant| of.backend() == Backend::Cpu || split == 20;
-            for &variant in variants.iter().filter(looks) {
+            let is_tested = |of: &&DetectorVariant| of.backend() == Backend::Cpu || split == 20;
+            for &variant in variants.iter().filter(is_tested) {
                 agrees(&scenario, split, variant).unwrap_or_else(|text| panic!("{scene}, {text}"));
             }
         }

@@ -52,8 +52,8 @@ fn metadata() -> serde_json::Value {
     serde_json::from_slice(&metadata.stdout).expect("metadata is JSON")
 }
 
-/// Version outside this workspace's crates: a file, and the text before and after it. The tests of `capi` check the C
-/// header.
+/// Places of the version outside this workspace's packages: a file, and the text before and after the version. The
+/// tests of `capi` check the C header.
 const VERSIONED: [(&str, &str, &str); 13] = [
     ("python/Cargo.toml", "\nversion = \"", "\""),
     ("distributed/mpi/Cargo.toml", "\nversion = \"", "\""),
@@ -79,15 +79,9 @@ fn all_packages_have_one_version() {
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
     for (file, before, after) in VERSIONED {
         let text = std::fs::read_to_string(format!("{root}/{file}")).expect("a file of the tree");
-        let said: Vec<_> = text
-            .split(before)
-            .skip(1)
-            .filter_map(|rest| rest.split_once(after).map(|(said, _)| said))
-            .collect();
-        assert!(
-            !said.is_empty() && said.iter().all(|said| *said == version),
-            "{file}: {said:?}, not {version}"
-        );
+        let rests = text.split(before).skip(1);
+        let found: Vec<_> = rests.filter_map(|rest| Some(rest.split_once(after)?.0)).collect();
+        assert!(!found.is_empty() && found.iter().all(|v| *v == version), "{file}: {found:?}, not {version}");
     }
     let minor = version.rsplit_once('.').expect("three numbers").0;
     for file in ["capi/README.md", "capi/examples/CMakeLists.txt"] {
@@ -113,7 +107,7 @@ fn dependencies_respect_the_layers() {
             let ours = layers.contains_key(on);
             assert!(!ours || !kind.is_null() || allowed.contains(&on), "{name} depends on {on}");
             let gpu = on.starts_with("wgpu") && ["lazygrid-kernels", "lazygrid-host"].contains(&name);
-            assert!(!gpu, "{name} makes no device call and has no use for {on}");
+            assert!(!gpu, "{name} makes no device calls and must not depend on {on}");
         }
     }
 }

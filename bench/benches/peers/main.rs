@@ -14,7 +14,7 @@ use lazygrid_bench::measure::{ContenderFactory, Options, Plan, Timing, compare, 
 use lazygrid_bench::peers::{cell_list, lammps, parry, verlet};
 use lazygrid_io::scenes::Scene;
 
-/// Naive time grows quadratically.
+/// Largest input of the naive algorithm, whose time grows quadratically.
 const NAIVE_LIMIT: usize = 20_000;
 
 #[derive(Parser)]
@@ -38,7 +38,7 @@ struct Args {
     /// Write each value to this CSV file
     #[arg(long)]
     csv: Option<PathBuf>,
-    /// Measure one detector's time and memory in this process, for `--mode sizes`
+    /// Measure the time and memory of one detector in this process, for `--mode sizes`
     #[arg(long, hide = true)]
     child: bool,
     #[command(flatten)]
@@ -56,7 +56,7 @@ const ALGORITHMS: [Algorithm; 6] = [
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum Mode {
-    /// A simulation: one detector, or one tree, kept between steps; one thread.
+    /// Steps of a simulation, each detector or tree kept between steps; one thread.
     Running,
     /// Settings of Bullet, kept between steps; one thread.
     #[cfg(feature = "bullet")]
@@ -69,6 +69,7 @@ enum Mode {
     Scratch,
     /// One thread compared with two.
     Threads,
+    /// Growing numbers of spheres, each in a separate process.
     Sizes,
 }
 
@@ -76,6 +77,7 @@ enum Mode {
 enum Output {
     /// List in canonical order.
     List,
+    /// List in any order.
     Unordered,
     /// List in any order, streamed in chunks that are dropped.
     Stream,
@@ -224,11 +226,15 @@ fn threads_table(timings: &[Timing]) -> String {
 }
 
 fn append(csv: &mut String, mode: Mode, plan: &Plan, timings: &[Timing]) -> Result<(), std::fmt::Error> {
-    let mode = mode.to_possible_value().map_or_else(String::new, |v| v.get_name().to_owned());
+    let mode = value_name(mode);
     for timing in timings {
         for (round, nanos) in timing.nanos.iter().enumerate() {
             writeln!(csv, "{mode},{},{},\"{}\",{round},{nanos}", plan.scene, plan.n, timing.name)?;
         }
     }
     Ok(())
+}
+
+fn value_name(value: impl ValueEnum) -> String {
+    value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }

@@ -4,24 +4,14 @@ use std::collections::BTreeMap;
 use std::error::Error;
 use std::process::Command;
 
-use clap::ValueEnum as _;
 use lazygrid::{Algorithm, Detector};
 use lazygrid_bench::measure::{Spread, markdown, memory};
 use lazygrid_io::scenes::Scene;
 
-use crate::{Args, NAIVE_LIMIT, Output, config, contender};
+use crate::{Args, NAIVE_LIMIT, Output, config, contender, value_name};
 
-#[derive(Clone, Copy)]
-struct Sample {
-    first: f64,
-    nanos: f64,
-    /// Peak bytes per sphere besides spheres and result; NaN if the system does not report it.
-    bytes: f64,
-    estimate: f64,
-    pairs: u64,
-    /// `None` if pairs were only counted.
-    sum: Option<u64>,
-}
+/// A measurement, and the bytes per sphere by [`Detector::memory_for`].
+type Sample = (memory::Sample, f64);
 
 #[derive(Clone, Copy)]
 struct Kind {
@@ -30,7 +20,7 @@ struct Kind {
     output: Output,
 }
 
-/// Numbers of pairs and their sums, by scene and number of spheres.
+/// Number of pairs and their checksum, by scene and number of spheres.
 type Answers = BTreeMap<(&'static str, usize), (u64, Option<u64>)>;
 
 pub(crate) fn run(args: &Args) -> Result<(), Box<dyn Error>> {
@@ -69,13 +59,13 @@ fn rows_of(args: &Args, kind: Kind, answers: &mut Answers) -> Result<Vec<Vec<Str
     for _ in 0..args.options.rounds {
         for (k, &n) in sizes.iter().enumerate() {
             let sample = spawn(args, kind, n)?;
-            check(answers, kind, n, &sample)?;
+            check(answers, kind, n, &sample.0)?;
             samples[k].push(sample);
         }
     }
     let row = |k: usize| {
         let over_first: Vec<f64> =
-            samples[k].iter().zip(&samples[0]).map(|(s, first)| s.nanos / first.nanos).collect();
+            samples[k].iter().zip(&samples[0]).map(|(s, first)| s.0.nanos / first.0.nanos).collect();
         let median = |of: fn(&Sample) -> f64| {
             let values: Vec<f64> = samples[k].iter().map(of).collect();
             format!("{:.1}", Spread::of(&values).median)
@@ -83,20 +73,16 @@ fn rows_of(args: &Args, kind: Kind, answers: &mut Answers) -> Result<Vec<Vec<Str
         vec![
             scene.to_string(),
             algorithm.to_string(),
-            name(output),
+            value_name(output),
             sizes[k].to_string(),
-            median(|s| s.first),
-            median(|s| s.nanos),
+            median(|s| s.0.first),
+            median(|s| s.0.nanos),
             Spread::of(&over_first).to_string(),
-            median(|s| s.bytes),
-            median(|s| s.estimate),
+            median(|s| s.0.bytes.unwrap_or(f64::NAN)),
+            median(|s| s.1),
         ]
     };
     Ok((0..sizes.len()).map(row).collect())
-}
-
-fn name(output: Output) -> String {
-    output.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
 fn spawn(args: &Args, kind: Kind, n: usize) -> Result<Sample, Box<dyn Error>> {
@@ -104,30 +90,25 @@ fn spawn(args: &Args, kind: Kind, n: usize) -> Result<Sample, Box<dyn Error>> {
     let options = &args.options;
     let mut command = Command::new(std::env::current_exe()?);
     command.args(["--child", "--scene", scene.name(), "--algorithm", algorithm.name()]);
-    command.args(["--output", &name(output), "--threads", &args.threads.to_string()]);
+    command.args(["--output", &value_name(output), "--threads", &args.threads.to_string()]);
     command.args(args.rebuild.then_some("--rebuild"));
     command.args(["--n", &n.to_string(), "--steps", &options.steps.to_string()]);
     command.args(["--seed", &options.seed.to_string()]);
     let output = command.output()?;
-    let text = String::from_utf8_lossy(&output.stdout);
-    let words: Vec<&str> = text.split_whitespace().collect();
-    let [first, nanos, bytes, estimate, pairs, sum] = words[..] else {
+    Ok(serde_json::from_slice(&output.stdout).map_err(|_| {
         let reason = String::from_utf8_lossy(&output.stderr);
-        return Err(format!("{algorithm} at {n} spheres of {scene}: {}, {reason}", output.status).into());
-    };
-    let [first, nanos, bytes, estimate] = [first.parse()?, nanos.parse()?, bytes.parse()?, estimate.parse()?];
-    Ok(Sample { first, nanos, bytes, estimate, pairs: pairs.parse()?, sum: sum.parse().ok() })
+        format!("{algorithm} at {n} spheres of {scene}: {}, {reason}", output.status)
+    })?)
 }
 
-/// Checks that a sample has the answer of earlier ones of the same spheres.
-fn check(answers: &mut Answers, kind: Kind, n: usize, sample: &Sample) -> Result<(), Box<dyn Error>> {
+/// Checks that a sample has the same answer as earlier samples of the same spheres.
+fn check(answers: &mut Answers, kind: Kind, n: usize, sample: &memory::Sample) -> Result<(), Box<dyn Error>> {
     let (pairs, sum) = answers.entry((kind.scene.name(), n)).or_insert((sample.pairs, sample.sum));
     *sum = sum.or(sample.sum);
     if *pairs != sample.pairs || sample.sum.is_some_and(|found| *sum != Some(found)) {
         let Kind { scene, algorithm, .. } = kind;
-        let message =
-            format!("{algorithm} finds other pairs of {n} spheres of {scene}: {}, not {pairs}", sample.pairs);
-        return Err(message.into());
+        let found = sample.pairs;
+        return Err(format!("{algorithm}, {n} spheres of {scene}: {found} pairs, not {pairs}").into());
     }
     Ok(())
 }
@@ -139,8 +120,6 @@ pub(crate) fn child(args: &Args) -> Result<(), Box<dyn Error>> {
     let sample = memory::sample(&contender, scene, n, options.steps as u32, options.seed)?;
     let detector = Detector::new(config(args, algorithm, output, args.threads))?;
     let estimate = detector.memory_for(n as u64) as f64 / n as f64;
-    let sum = sample.sum.map_or("none".to_owned(), |sum| sum.to_string());
-    let bytes = sample.bytes.unwrap_or(f64::NAN);
-    println!("{} {} {bytes} {estimate} {} {sum}", sample.first, sample.nanos, sample.pairs);
+    println!("{}", serde_json::to_string(&(sample, estimate))?);
     Ok(())
 }

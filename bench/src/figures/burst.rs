@@ -15,26 +15,28 @@ use super::{Contender, Figure};
 const SCENARIO: &str = include_str!("../../../simulator/scenarios/burst.toml");
 const NAME: &str = "simulator/scenarios/burst.toml";
 
-pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.toml without its receiver: one transmitter \
-    releases carriers of ten radii, 1 to 10 nm in equal numbers, from one point into unbounded water of 25 °C, where \
-    they diffuse as Stokes and Einstein say. Hard spheres cannot all be at one point. So they begin as a ball of which \
-    they fill half, each anywhere in it, and push each other apart before they move until none overlap; that widens the \
-    ball by a few percent. Then they diffuse and push each other apart (`separate`) all the time, in steps of \
-    2 ns, in which the smallest move no more than their radius along each axis. Engines are timed after 1, 10, 100 … \
-    steps in figure 5a, after 1, 100, 10 000 … in 5b, and at the end. The cost of a step grows with the number of \
-    carriers, and so does the time in which a burst comes apart: large bursts are followed for a shorter time, in which \
-    little of them does. Every contender finds the pairs of the same consecutive steps after each moment, as contacts \
-    leave them. The first of them brings its structure up to date and does not count. Times are of the search alone, on \
-    all threads, except N3Sim's sweep, which has one.";
+pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.toml without its receiver: one \
+    transmitter releases carriers of ten radii, 1 to 10 nm in equal numbers, from one point into unbounded water of \
+    25 °C, where they diffuse with the Stokes–Einstein coefficient. Because hard spheres cannot share one point, \
+    they are first placed uniformly in a ball of twice their total volume and pushed apart until none overlap, which \
+    widens the ball by a few percent. They then diffuse, and contacts push them apart (`separate`), in steps of 2 \
+    ns, in which the root-mean-square displacement of the smallest along each axis is at most their radius. Engines \
+    are timed after 1, 10, 100 … steps in figure 5a, after 1, 100, 10 000 … in 5b, and at the end. Both the cost of \
+    a step and the time that a burst needs to disperse grow with the number of carriers, so large bursts are \
+    simulated for a shorter time and disperse only a little. At each moment, every engine searches the same \
+    consecutive steps; the first one updates its data structure and is not timed. Times are of the search alone, on \
+    all threads; the sweep of N3Sim uses one.";
 
-/// √(2·D·t) of a carrier with radius 1 nm and D = 245 µm²/s is 0.99 nm in a step of 2 ns.
+/// In a step of 2 ns, √(2·D·t) of a carrier with radius 1 nm and D = 245 µm²/s is 0.99 nm.
 const STEPS_PER_SECOND: f64 = 5e8;
 /// Volume fraction of the initial ball: about the freezing density of hard spheres.
 const FILLED: f64 = 0.5;
-/// In seconds: moves particles by less than rounding errors.
+/// Time step in seconds that moves particles by less than rounding errors.
 const STILL: f64 = 1e-30;
-/// Radii grow while overlaps are removed, or those below the last digit of a coordinate would remain.
+/// Relative growth of radii while overlaps are removed; without it, overlaps below the rounding error of a coordinate
+/// would remain.
 const MARGIN: f32 = 1e-3;
+/// Maximum number of steps that remove the initial overlaps.
 const PUSHES: u32 = 200;
 
 fn moments(times: u32, last: u32) -> Vec<u32> {
@@ -159,7 +161,7 @@ mod tests {
         assert!(lazygrid::detect(&begun).expect("spheres").is_empty());
         let filled: f64 = begun.iter().map(|s| f64::from(s.radius).powi(3)).sum::<f64>();
         assert!((filled / f64::from(radius).powi(3) - FILLED).abs() < 1e-4);
-        // In a ball, ⟨r²⟩ is 3/5 of the squared radius; its standard deviation per carrier is √(12/175) of it.
+        // In a ball, r² has a mean of 3/5 and a standard deviation of √(12/175) of the squared radius.
         let uniform = 0.6 * f64::from(radius).powi(2);
         let all = spread(begun.iter().copied()) / uniform;
         assert!((1.0..1.12).contains(&all), "{all}");

@@ -2,11 +2,12 @@
 
 use super::row::{Results, Row, Status};
 
-/// Smaller ratios are no change: processes differ more than runs within a process.
-const LEAST: f64 = 1.05;
-const ENOUGH: usize = 5;
+/// Smallest ratio that counts as a change: processes differ more than runs within a process.
+const MIN_RATIO: f64 = 1.05;
+/// Minimum number of runs for a comparison of times.
+const MIN_RUNS: usize = 5;
 
-/// Ordered from the worst.
+/// The change of a measurement, ordered from the worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Change {
@@ -27,7 +28,7 @@ pub struct Difference<'a> {
     pub old: &'a Row,
     /// `None` if the new run has no such row.
     pub new: Option<&'a Row>,
-    /// New over old: medians or bytes; NaN if either is missing.
+    /// Ratio of new to old median times or bytes; NaN if either is missing.
     pub ratio: f64,
     pub change: Change,
 }
@@ -45,8 +46,8 @@ pub fn circumstances(old: &Results, new: &Results) -> Vec<String> {
     differing.map(|((name, old), new)| format!("different {name}: {old} / {new}")).collect()
 }
 
-/// Compares all measurements that the new run should repeat. Values differ if medians or bytes are more than 5 % apart,
-/// times also only if the middle halves of the runs are disjoint.
+/// Compares all measurements that the new run should repeat. A change is more than 5 % in medians or bytes; for times,
+/// the middle halves of the runs must also be disjoint.
 pub fn differences<'a>(old: &'a Results, new: &'a Results) -> Vec<Difference<'a>> {
     let of = |row: &'a Row| match new.rows.iter().find(|n| n.matches(row)) {
         Some(found) => difference(row, found),
@@ -77,8 +78,8 @@ fn difference<'a>(old: &'a Row, new: &'a Row) -> Option<Difference<'a>> {
 fn changed(old: &Row, new: &Row) -> Option<(f64, Change)> {
     if let (Some(before), Some(after)) = (old.bytes, new.bytes) {
         let change = match (before, after) {
-            _ if after > LEAST * before => Change::Larger,
-            _ if before > LEAST * after => Change::Smaller,
+            _ if after > MIN_RATIO * before => Change::Larger,
+            _ if before > MIN_RATIO * after => Change::Smaller,
             _ => Change::Same,
         };
         return Some((after / before, change));
@@ -91,11 +92,11 @@ fn changed(old: &Row, new: &Row) -> Option<(f64, Change)> {
     }
     let ratio = new.median() / old.median();
     let ((old_low, old_high), (new_low, new_high)) = (old.quartiles(), new.quartiles());
-    let change = if old.wall.len().min(new.wall.len()) < ENOUGH {
+    let change = if old.wall.len().min(new.wall.len()) < MIN_RUNS {
         Change::TooFew
-    } else if ratio > LEAST && new_low > old_high {
+    } else if ratio > MIN_RATIO && new_low > old_high {
         Change::Slower
-    } else if ratio < 1.0 / LEAST && new_high < old_low {
+    } else if ratio < 1.0 / MIN_RATIO && new_high < old_low {
         Change::Faster
     } else {
         Change::Same

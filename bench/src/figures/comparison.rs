@@ -16,7 +16,8 @@ use crate::measure::{ContenderFactory, Digest, Found, PairFinder, Spread, turns}
 /// An engine may use this multiple of its time to reach `at_least` runs.
 const MAX_OVERTIME_FACTOR: u32 = 3;
 
-/// Warm-up time per engine if numbers of threads are compared: woken threads may share a core for milliseconds.
+/// Warm-up time per engine if numbers of threads are compared: threads that were just woken may share a core for
+/// milliseconds.
 const WAKING: Duration = Duration::from_millis(40);
 
 #[derive(Clone, Copy, Debug, Error)]
@@ -187,7 +188,7 @@ impl ContenderRun {
             // GPUs may round differently from the reference, so pairs are compared one by one.
             (Err(reason), Some(search)) if self.contender.rounds_freely() => match search.run(spheres) {
                 Ok(again) if Digest::of(&again) != found => {
-                    Err("repeated search gave another answer".to_owned())
+                    Err("a repeated search gave a different answer".to_owned())
                 }
                 Ok(Found::Pairs(pairs)) => reference.tangent(pairs),
                 Ok(Found::Count(_)) => Err(reason),
@@ -238,7 +239,7 @@ fn medians(runs: &[Vec<PhaseTime>]) -> Vec<(String, f64)> {
     first.iter().map(|phase| (phase.name.to_owned(), Spread::of(&times(phase.name)).median)).collect()
 }
 
-/// `true` if the engine is not available here, which is not a fault.
+/// Returns `true` if the engine is not available on this machine, which is not a fault.
 fn is_refusal(error: &(dyn Error + 'static)) -> bool {
     use lazygrid::Error as E;
     if error.is::<Unavailable>() {

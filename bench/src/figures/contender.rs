@@ -12,29 +12,29 @@ use lazygrid_io::scenes::Scene;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Contender {
-    /// Delivers pairs in any order. Only `Auto` keeps candidates between steps. A GPU variant falls back to a software
-    /// adapter, and its pairs are read back to the host.
+    /// Delivers pairs in any order. On the CPU, only `Auto` keeps candidates between steps. A GPU variant falls back to
+    /// a software adapter, and its pairs are read back to the host.
     Lazygrid(DetectorVariant),
     BulletAsShipped,
-    /// With the fastest margin for the scene.
+    /// Bullet with the fastest margin for the scene.
     BulletTuned,
-    /// Refitted at each step.
+    /// A tree that is refitted at each step.
     Parry,
-    /// With boxes larger than the spheres, so that few are updated.
+    /// A tree with boxes larger than the spheres, so that few are updated.
     ParryMargin,
-    /// Partly rebuilt at each step.
+    /// A tree that is partly rebuilt at each step.
     ParryOptimized,
     PlainCellList,
-    /// With the fastest skin for the scene and its steps.
+    /// A Verlet list with the fastest skin for the scene and its steps.
     Verlet,
-    /// With the fastest skin for the steps, including forces.
+    /// LAMMPS with the fastest skin for the steps; its times include forces.
     Lammps,
     SortAndSweep,
     Octree,
 }
 
 impl Contender {
-    /// Uses default settings, and all threads if `threads` is `None`.
+    /// Returns a CPU detector with default settings, and all threads if `threads` is `None`.
     pub fn cpu(algorithm: Algorithm, threads: Option<usize>) -> Self {
         let target = TargetDevice::Cpu { simd: Simd::detect(), threads };
         Self::Lazygrid(DetectorVariant::new(algorithm, target))
@@ -52,12 +52,12 @@ impl Contender {
         }
     }
 
-    /// Spheres move by `step_length` radii per step.
-    pub fn factory(self, scene: Scene, n: usize, step_length: f32) -> ContenderFactory {
+    /// Returns a search for spheres of `scene` that move by `step_length` radii per step.
+    pub fn factory(self, scene: Scene, step_length: f32) -> ContenderFactory {
         let name = self.to_string();
         match self {
             Self::Lazygrid(variant) => ContenderFactory::list(name, config(variant)),
-            Self::BulletAsShipped | Self::BulletTuned => self.bullet(scene, n),
+            Self::BulletAsShipped | Self::BulletTuned => self.bullet(scene),
             Self::Parry => parry::refitted(name),
             Self::ParryMargin => parry::with_margin(name),
             Self::ParryOptimized => parry::optimized(name),
@@ -71,18 +71,18 @@ impl Contender {
     }
 
     #[cfg(feature = "bullet")]
-    fn bullet(self, scene: Scene, n: usize) -> ContenderFactory {
+    fn bullet(self, scene: Scene) -> ContenderFactory {
         use crate::peers::bullet::{Tuning, incremental};
-        let tuning = if self == Self::BulletTuned { Tuning::best(scene, n) } else { Tuning::SHIPPED };
+        let tuning = if self == Self::BulletTuned { Tuning::best(scene) } else { Tuning::SHIPPED };
         incremental(self.to_string(), tuning)
     }
 
     #[cfg(not(feature = "bullet"))]
-    fn bullet(self, _: Scene, _: usize) -> ContenderFactory {
+    fn bullet(self, _: Scene) -> ContenderFactory {
         Unavailable::BULLET.factory(self.to_string())
     }
 
-    /// τ, the cell ratio, or the number of threads.
+    /// Returns the varied setting: τ, the cell ratio, or the number of threads.
     pub(super) fn setting(self) -> Option<f64> {
         let Self::Lazygrid(variant) = self else { return None };
         let threads = match variant.target {
@@ -114,7 +114,7 @@ impl Contender {
 const TIMEOUT: Duration = Duration::from_secs(600);
 
 fn config(variant: DetectorVariant) -> Config {
-    // A named algorithm must search at each step; `Auto` may keep candidates.
+    // A named algorithm on the CPU must search at each step; others may keep candidates.
     let skin = match (variant.backend(), variant.algorithm) {
         (Backend::Cpu, Algorithm::Auto) | (Backend::Gpu, _) => Skin::Auto,
         _ => Skin::Off,

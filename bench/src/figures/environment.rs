@@ -9,13 +9,13 @@ const LOCK: &str = include_str!("../../../Cargo.lock");
 pub struct Environment {
     pub cpu: String,
     pub cores: usize,
-    /// 0 if unknown.
+    /// GiB of memory; 0 if unknown.
     pub memory_gib: f64,
     pub system: String,
     pub adapter: Option<Adapter>,
     /// Compared programs and their versions.
     pub versions: Vec<(String, String)>,
-    /// Marked `with changes` if files had changed, or `unknown`.
+    /// Commit of the build, marked `with changes` if files had changed, or `unknown`.
     pub commit: String,
     pub date: String,
 }

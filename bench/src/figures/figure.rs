@@ -4,7 +4,7 @@ use std::str::FromStr;
 use lazygrid::UnknownName;
 use serde::{Deserialize, Serialize};
 
-/// Described in `docs/benchmarks.md`.
+/// A figure of the report, described in `docs/benchmarks.md`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Figure {
@@ -25,7 +25,7 @@ pub enum Figure {
 }
 
 impl Figure {
-    /// In the report's order.
+    /// Every figure, in the report's order.
     pub const ALL: [Self; 14] = [
         Self::F3a,
         Self::F3b,
@@ -75,7 +75,7 @@ impl Figure {
         }
     }
 
-    /// Trees cannot use more than one thread.
+    /// Returns `true` if all engines use one thread, because trees cannot use more.
     pub(super) const fn is_single_threaded(self) -> bool {
         matches!(self, Self::F4 | Self::StepLength | Self::Transceivers | Self::SizeRatio)
     }

@@ -22,7 +22,7 @@ pub fn measure(contender: &str, scene: Scene, n: usize, steps: u32) -> Result<Sa
         let names: Vec<String> = known.iter().map(Contender::to_string).collect();
         format!("unknown contender '{contender}'; expected one of {}", names.join(", "))
     })?;
-    sample(&contender.factory(scene, n, Scene::STEP), scene, n, steps, SEED)
+    sample(&contender.factory(scene, Scene::STEP), scene, n, steps, SEED)
 }
 
 pub(super) fn rows(point: &DataPoint, program: &Path) -> Result<Vec<Row>, Box<dyn Error>> {

@@ -12,7 +12,7 @@ use lazygrid_io::scenes::{Scene, Transceivers};
 pub enum RunScale {
     /// A few hundred spheres: checks answers, times are meaningless.
     Smoke,
-    /// Under three minutes on two cores.
+    /// Takes under three minutes on two cores.
     Quick,
     /// The paper's sizes, as far as the time budget allows.
     Full,
@@ -22,11 +22,12 @@ pub enum RunScale {
 pub struct Settings {
     pub scale: RunScale,
     pub only: Vec<Figure>,
-    /// Maximum runs, or steps, of an engine at a point; `None` for the paper's, or fewer below full scale.
+    /// Maximum number of runs, or steps, of an engine at a point; `None` for the numbers of the paper, or fewer below
+    /// full scale.
     pub runs: Option<usize>,
     pub minutes: f64,
     pub seed: u64,
-    /// May be empty.
+    /// Command that repeats the run; may be empty.
     #[serde(default)]
     pub command: String,
 }
@@ -81,7 +82,7 @@ impl DataPoint {
 
     pub(super) fn factory(&self, contender: Contender) -> ContenderFactory {
         match self.species() {
-            None => contender.factory(self.scene, self.n, self.step_length()),
+            None => contender.factory(self.scene, self.step_length()),
             Some(scene) => contender.by_species(scene),
         }
     }
@@ -100,7 +101,7 @@ impl DataPoint {
 
     pub(super) fn setting(&self, contender: Contender) -> Option<f64> {
         match (self.figure, self.scene) {
-            // The decimal number as written: 0.1, not the nearest `f32`.
+            // Parses the shortest decimal: 0.1 rather than the nearest `f32`.
             (Figure::StepLength, _) => self.step_length().to_string().parse().ok(),
             (Figure::Transceivers, Scene::Transceivers(of)) => Some(of.count.into()),
             (Figure::SizeRatio, Scene::Transceivers(of)) => Some(of.ratio.into()),
@@ -122,7 +123,7 @@ impl DataPoint {
 }
 
 impl Settings {
-    /// Small points first, so that unused time goes to the large ones.
+    /// Returns all points, small ones first, so that unused time goes to the large ones.
     pub(super) fn points(&self) -> Vec<DataPoint> {
         let mut points: Vec<DataPoint> =
             self.only.iter().flat_map(|&figure| self.points_of(figure)).collect();
@@ -162,7 +163,7 @@ impl Settings {
         }
     }
 
-    /// A step takes about 0.2 µs per carrier on two cores.
+    /// Returns the number of steps; one takes about 0.2 µs per carrier on two cores.
     fn steps_of_a_burst(&self, figure: Figure, n: usize) -> u32 {
         let moves: usize = match (self.scale, figure) {
             (RunScale::Smoke, _) => 20_000,

@@ -20,7 +20,7 @@ use lazygrid_report::html;
 
 use super::row::Results;
 
-/// Labels engines on a software adapter, except in `results.json`, which names it.
+/// Writes all files. Labels engines on a software adapter, except in `results.json`, which names the adapter.
 pub fn write(results: &Results, folder: &Path) -> Result<(), Box<dyn Error>> {
     let labelled = sections::labelled(results);
     let document = sections::document(&labelled)?;

@@ -30,9 +30,9 @@ impl Status {
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// Such as `3a`.
+    /// Name of the figure, such as `3a`.
     pub figure: String,
-    /// With the parameters that the figure does not vary.
+    /// Name of the scene, with the parameters that the figure does not vary.
     pub scene: String,
     pub n: usize,
     /// Value of the varied parameter: step length, τ, cell ratio, threads, simulated seconds, transceivers, or size
@@ -42,18 +42,18 @@ pub struct Row {
     pub status: Status,
     /// Empty for `Ok`.
     pub reason: String,
-    /// In the last run.
+    /// Number of pairs in the last run.
     pub pairs: u64,
-    /// Most tangent pairs in a run that differ from the reference: GPUs may, within 4 ulp.
+    /// Largest number of tangent pairs, within 4 ulp, that a GPU decided differently from the reference in a run.
     #[serde(default)]
     pub tangent: u64,
     /// Seconds of each run until the pairs are in host memory.
     pub wall: Vec<f64>,
-    /// Seconds of GPU time of these runs.
+    /// Seconds of GPU time of each of these runs.
     pub gpu: Vec<f64>,
     /// Median seconds per phase.
     pub phases: Vec<(String, f64)>,
-    /// Peak bytes per sphere besides input and result, if memory was measured.
+    /// Peak bytes per sphere in addition to input and result, if memory was measured.
     pub bytes: Option<f64>,
 }
 
@@ -80,7 +80,7 @@ impl Row {
         Spread::of(&self.wall).median
     }
 
-    /// Returns mean and standard deviation, in seconds.
+    /// Returns the mean and the standard deviation of the wall times, in seconds.
     pub fn mean(&self) -> (f64, f64) {
         let n = self.wall.len() as f64;
         let mean = self.wall.iter().sum::<f64>() / n;
@@ -88,7 +88,7 @@ impl Row {
         (mean, (squares / (n - 1.0).max(1.0)).sqrt())
     }
 
-    /// Returns lower and upper quartile, in seconds.
+    /// Returns the lower and the upper quartile of the wall times, in seconds.
     pub fn quartiles(&self) -> (f64, f64) {
         quartiles(&self.wall)
     }
@@ -102,7 +102,7 @@ impl Row {
     }
 }
 
-/// Interpolates linearly; NaN without values.
+/// Returns the lower and the upper quartile, interpolated linearly; NaN without values.
 pub(super) fn quartiles(values: &[f64]) -> (f64, f64) {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -119,9 +119,9 @@ pub(super) fn quartiles(values: &[f64]) -> (f64, f64) {
 pub struct Results {
     pub environment: Environment,
     pub settings: Settings,
-    /// Total over all sessions.
+    /// Total time over all sessions.
     pub seconds: f64,
-    /// Points for which no time was left.
+    /// Names of the points for which no time was left.
     #[serde(default)]
     pub missing: Vec<String>,
     pub rows: Vec<Row>,

@@ -18,10 +18,11 @@ use lazygrid_io::write::AtomicFile;
 
 /// Fraction of a point's time for measured runs; the rest is for spheres, references and warm-ups.
 const MEASURED: f64 = 0.6;
-/// An engine is left out if one run would take longer than this multiple of its time at the point and than [`always`].
+/// An engine is left out if one run would take longer than both this multiple of its time at the point and
+/// [`always_allowed_seconds`].
 const MAX_TIME_FACTOR: f64 = 4.0;
 
-/// The largest points are left out beyond this multiple of the time budget.
+/// Multiple of the time budget after which the remaining points, the largest, are left out.
 const OVERRUN: f64 = 1.5;
 
 #[derive(Clone, Debug)]
@@ -30,7 +31,7 @@ pub struct Progress {
     pub done: usize,
     pub points: usize,
     pub next: String,
-    /// Slow engines may need more.
+    /// Remaining time budget, which slow engines may exceed.
     pub left: Duration,
 }
 
@@ -145,7 +146,7 @@ fn rows_of(
         (seconds > most && settings.scale != RunScale::Smoke)
             .then(|| format!("left out: a run would take about {seconds:.1} s"))
     };
-    // Points with steps or a simulation leave no engine out.
+    // No engine is left out at points with steps or a simulation.
     let left_out = |contender: Contender| match point.update {
         SceneUpdate::Steps { .. } | SceneUpdate::Simulated { .. } => None,
         _ => too_long(contender),
@@ -195,7 +196,7 @@ fn always_allowed_seconds(contender: Contender, scene: Scene) -> f64 {
     if is_quadratic(contender, scene) { 2.0 } else { 120.0 }
 }
 
-/// At one point, all spheres touch each other.
+/// Returns `true` if time grows quadratically; with all spheres at one point, every pair touches.
 fn is_quadratic(contender: Contender, scene: Scene) -> bool {
     contender.is_quadratic() || scene == Scene::Point
 }
@@ -212,15 +213,15 @@ fn predicted(contender: Contender, point: &DataPoint, earlier: &[Row]) -> Option
     Some(last.median() * (point.n as f64 / last.n as f64).powf(exponent))
 }
 
-/// The conditions of measurements: cached results must share them.
+/// The conditions of a measurement; a cached result is valid only under the same ones.
 struct Fingerprint {
     common: String,
-    /// LAMMPS's library and the folders of libraries that it needs, which the environment names.
+    /// The library of LAMMPS, and the search path of the libraries that it needs.
     lammps: String,
 }
 
 impl Fingerprint {
-    /// Takes commit, build, machine, adapter, and all settings except the choice of figures.
+    /// Combines commit, build, machine, adapter, and all settings except the choice of figures.
     fn new(settings: &Settings, environment: &Environment, program: &Path) -> Self {
         let Settings { scale, runs, minutes, seed, only: _, command: _ } = settings;
         let (commit, machine, graphics) =
@@ -246,7 +247,7 @@ impl Fingerprint {
     }
 }
 
-/// Returns size and time of a file; nothing for a file that does not exist.
+/// Returns the size and the modification time of a file; empty if it does not exist.
 fn file_version(path: &Path) -> String {
     let version = fs::metadata(path).ok().and_then(|file| {
         let modified = file.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;

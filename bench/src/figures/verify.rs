@@ -7,7 +7,8 @@ use crate::SpeciesScene;
 use crate::measure::{ContenderFactory, Digest, Found};
 use crate::peers::cell_list;
 
-/// Larger scenes without species use the plain cell list, which is checked against naive below.
+/// Largest scene without species whose reference is naive; larger ones use the plain cell list, which is itself checked
+/// against naive up to this size.
 const NAIVE_REFERENCE: usize = 20_000;
 
 pub(super) struct Reference {
@@ -48,8 +49,8 @@ impl Reference {
         }
     }
 
-    /// Counts the differing pairs within 4 ulp of tangency, relative to the squared cutoff, as GPUs may round
-    /// (`docs/contract.md`). Any other missing, extra or repeated pair is an error.
+    /// Counts the differing pairs within 4 ulp of tangency, relative to the squared cutoff, where GPUs may round
+    /// differently (`docs/contract.md`). Any other missing, extra or repeated pair is an error.
     pub(super) fn tangent(&self, found: &[Pair]) -> Result<u64, String> {
         let [found, expected] = [found, &self.pairs].map(|pairs| {
             let mut pairs = pairs.to_vec();

@@ -6,7 +6,7 @@ use crate::measure::markdown;
 type Row<'a> = (&'a Compiled, &'a Program);
 
 impl Display for Kernels {
-    /// A row per program and a column per statistic; constant columns become lines above.
+    /// Writes a row per program and a column per statistic; constant columns become a line below the table.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}, {}\n", self.adapter, self.driver)?;
         let rows: Vec<Row<'_>> = self.compiled.iter().flat_map(rows).collect();
@@ -19,8 +19,9 @@ impl Display for Kernels {
             };
             f.write_str(&markdown(&header, &rows.iter().map(cells).collect::<Vec<_>>()))?;
             if let Some(first) = rows.first().filter(|_| !same.is_empty()) {
-                let said: Vec<_> = same.iter().map(|name| format!("{name} {}", cell(first, name))).collect();
-                writeln!(f, "\nEverywhere: {}.", said.join(", "))?;
+                let constants: Vec<_> =
+                    same.iter().map(|name| format!("{name} {}", cell(first, name))).collect();
+                writeln!(f, "\nEverywhere: {}.", constants.join(", "))?;
             }
         } else {
             writeln!(f, "The driver reports no statistics: it lacks VK_KHR_pipeline_executable_properties.")?;
@@ -53,8 +54,8 @@ fn columns<'a>(rows: &[Row<'a>]) -> (Vec<&'a str>, Vec<&'a str>) {
 }
 
 fn cell((compiled, program): &Row<'_>, name: &str) -> String {
-    let said = program.statistics.iter().find(|statistic| statistic.name == name);
-    match (name, said) {
+    let found = program.statistics.iter().find(|statistic| statistic.name == name);
+    match (name, found) {
         ("subgroup", _) => program.subgroup.to_string(),
         ("workgroup bytes", _) => compiled.workgroup_memory.to_string(),
         (_, Some(statistic)) => statistic.value.to_string(),

@@ -15,11 +15,11 @@ pub(super) struct Compiler {
     executables: Option<khr::pipeline_executable_properties::Device>,
     stage: vk::PipelineShaderStageCreateFlags,
     pub(super) target: Target,
-    // Keeps the library with the functions of the other fields loaded.
+    // Keeps the library loaded that contains the functions of the other fields.
     _entry: ash::Entry,
 }
 
-/// Beyond Vulkan 1.0.
+/// Features beyond Vulkan 1.0 that a device offers.
 struct Offered {
     robustness: bool,
     executables: bool,
@@ -88,7 +88,7 @@ impl Compiler {
         let layout = unsafe { self.device.create_pipeline_layout(&info, None) };
         let layout = *made.layout.insert(layout.map_err(failed("vkCreatePipelineLayout"))?);
         let info = vk::ShaderModuleCreateInfo::default().code(words);
-        // SAFETY: as before; naga wrote the words from a module that its validator let pass.
+        // SAFETY: as before; naga generated the words from a validated module.
         let module = unsafe { self.device.create_shader_module(&info, None) };
         let module = *made.module.insert(module.map_err(failed("vkCreateShaderModule"))?);
         let stage = vk::PipelineShaderStageCreateInfo::default()
@@ -129,8 +129,8 @@ impl Compiler {
 
 impl Drop for Compiler {
     fn drop(&mut self) {
-        // SAFETY: all objects of the device are destroyed (`Made` ends with each call), nothing was submitted, and
-        // neither handle is used any more.
+        // SAFETY: all objects of the device are destroyed (`Made` is dropped at the end of each call), nothing was
+        // submitted, and neither handle is used any more.
         unsafe {
             self.device.destroy_device(None);
             self.instance.destroy_instance(None);
@@ -181,7 +181,7 @@ fn offered(
     })
 }
 
-/// Creates a device that reports statistics, with the features that wgpu requests and that affect code.
+/// Creates a device that reports statistics, with the features that wgpu requests and that affect generated code.
 fn device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,
@@ -236,7 +236,7 @@ struct Made<'a> {
 
 impl Drop for Made<'_> {
     fn drop(&mut self) {
-        // SAFETY: all come from this device, which is alive; none was submitted or is used any more.
+        // SAFETY: all objects come from this device, which is alive; none was submitted or is used any more.
         unsafe {
             if let Some(pipeline) = self.pipeline {
                 self.device.destroy_pipeline(pipeline, None);
@@ -279,7 +279,7 @@ fn executables(
 }
 
 fn statistic(of: &vk::PipelineExecutableStatisticKHR<'_>) -> Statistic {
-    // SAFETY: the format names the active member of the union; each member is plain bits.
+    // SAFETY: the format names the active member of the union; any bits are valid for each member.
     let value = unsafe {
         match of.format {
             vk::PipelineExecutableStatisticFormatKHR::BOOL32 => Number::Whole(of.value.b32.into()),

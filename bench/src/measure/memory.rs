@@ -12,14 +12,14 @@ pub struct Sample {
     pub first: f64,
     /// Median nanoseconds per sphere and step of later calls, or of the only one.
     pub nanos: f64,
-    /// Peak per sphere besides spheres and result; `None` if the system does not report it.
+    /// Peak bytes per sphere in addition to spheres and result; `None` if the system does not report it.
     pub bytes: Option<f64>,
     pub pairs: u64,
     /// [`Digest::sum`]; `None` if pairs were only counted.
     pub sum: Option<u64>,
 }
 
-/// Measures the peak memory of this process.
+/// Measures the times of a search and the peak memory of this process.
 pub fn sample(
     contender: &ContenderFactory,
     scene: Scene,
@@ -50,11 +50,11 @@ pub fn sample(
     }
     let peak = resident("VmHWM").filter(|_| reset);
     let result = if found.sum.is_some() { size_of::<Pair>() as f64 * most as f64 } else { 0.0 };
-    let held = before.zip(peak).map(|(before, peak)| peak - before - result);
+    let used = before.zip(peak).map(|(before, peak)| peak - before - result);
     Ok(Sample {
         first,
         nanos: if nanos.is_empty() { first } else { Spread::of(&nanos).median },
-        bytes: held.map(|bytes| bytes / n.max(1) as f64),
+        bytes: used.map(|bytes| bytes / n.max(1) as f64),
         pairs: found.pairs,
         sum: found.sum,
     })

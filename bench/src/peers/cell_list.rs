@@ -9,7 +9,7 @@ use super::size_class_grid::SizeClassGrid;
 use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
-/// Smallest spheres and points share the last class.
+/// Maximum number of size classes; the smallest spheres and points share the last one.
 const CLASSES: usize = 24;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -54,7 +54,7 @@ pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     tunings
 }
 
-/// Starts from the previous step's order.
+/// Returns a cell list with the default settings; each step starts from the previous order.
 pub fn incremental() -> ContenderFactory {
     with("plain cell list", Tuning::DEFAULT)
 }
@@ -95,7 +95,7 @@ impl CellList {
         Self { tuning, classes: vec![], pairs: vec![], spheres: 0 }
     }
 
-    /// Runs once: radii do not change between steps.
+    /// Assigns spheres to size classes, once, because radii do not change between steps.
     fn classify(&mut self, spheres: &[Sphere]) {
         let largest = spheres.iter().fold(0.0_f32, |largest, s| largest.max(s.radius));
         self.classes = std::iter::repeat_with(SizeClassGrid::default).take(CLASSES).collect();

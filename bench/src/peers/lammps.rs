@@ -1,7 +1,7 @@
 //! LAMMPS through its C library, loaded at run time from the path in [`VARIABLE`]: in doubles, with a half list and
 //! forces at each step. Its pair style has an energy of 1 within the cutoff, so a step's energy is the number of pairs.
 //!
-//! A LAMMPS simulation stores its atoms there, so copying the coordinates is not timed.
+//! A LAMMPS simulation stores its own atoms, so copying the coordinates is not timed.
 
 use std::env;
 use std::error::Error;
@@ -37,8 +37,8 @@ type Create = unsafe extern "C" fn(
     c_int,
 ) -> c_int;
 
-/// For equal spheres of radius 1, with the fastest of [`skins`] for steps of `step_length` radii, by the command in
-/// `verlet.rs` with `--scene equal`.
+/// Returns a search for equal spheres of radius 1, with the fastest of [`skins`] for steps of `step_length` radii, by
+/// the command in `verlet.rs` with `--scene equal`.
 pub fn tuned(name: impl Into<String>, step_length: f32) -> ContenderFactory {
     with(name, best(step_length))
 }
@@ -110,7 +110,7 @@ impl Lammps {
     }
 
     fn check(&self) -> Result<(), Box<dyn Error>> {
-        let mut said = [0; 1000];
+        let mut text = [0; 1000];
         // SAFETY: the types are those of the two functions; the second writes at most the given size, including a final
         // zero. `handle` is alive.
         unsafe {
@@ -118,8 +118,8 @@ impl Lammps {
                 return Ok(());
             }
             let message = self.library.get::<Message>(b"lammps_get_last_error_message\0")?;
-            message(self.handle, said.as_mut_ptr(), said.len() as c_int);
-            Err(format!("LAMMPS: {}", CStr::from_ptr(said.as_ptr()).to_string_lossy().trim()).into())
+            message(self.handle, text.as_mut_ptr(), text.len() as c_int);
+            Err(format!("LAMMPS: {}", CStr::from_ptr(text.as_ptr()).to_string_lossy().trim()).into())
         }
     }
 

@@ -15,15 +15,15 @@ use super::half_extent;
 use super::sweep_and_prune::{Interval, sort, sweep};
 use crate::measure::{ContenderFactory, Found, PairFinder};
 
-/// Larger leaves are split, if that separates their spheres.
+/// Leaves with more spheres are split, if that separates the spheres.
 const SPLIT_ABOVE: usize = 256;
-/// Eight sibling leaves with a smaller total are merged.
+/// Eight sibling leaves with fewer spheres in total are merged.
 const MERGE_BELOW: usize = 96;
-/// Relative to the mean diameter of its spheres; smaller leaves would have most spheres in common.
+/// Smallest edge of a leaf over the mean diameter of its spheres; smaller leaves would have most spheres in common.
 const SMALLEST_EDGE: f32 = 2.0;
-const DEEPEST: u32 = 20;
-/// Relative to the extent of the spheres.
-const ROOM: f32 = 1.5;
+const MAX_DEPTH: u32 = 20;
+/// Edge of the root cell over the extent of the spheres.
+const ROOT_SCALE: f32 = 1.5;
 
 pub fn incremental() -> ContenderFactory {
     ContenderFactory::new("octree (BiNS2)", || Ok(Octree::default()))
@@ -109,7 +109,7 @@ struct Octree {
     free: Vec<usize>,
     boxes: Vec<Bounds>,
     before: Vec<Bounds>,
-    /// Leaf that encloses a sphere's box, which is in no other leaf.
+    /// Leaf that encloses a sphere's box; such a box is in no other leaf.
     home: Vec<Option<u32>>,
     pairs: Vec<Pair>,
 }
@@ -148,7 +148,7 @@ impl Octree {
             .iter()
             .fold(none, |all, b| Bounds { low: all.low.min(b.low), high: all.high.max(b.high) });
         let middle = 0.5 * (all.low + all.high);
-        let half = ROOM * 0.5 * (all.high - all.low).max_element().max(f32::MIN_POSITIVE);
+        let half = ROOT_SCALE * 0.5 * (all.high - all.low).max_element().max(f32::MIN_POSITIVE);
         let cell = Bounds { low: middle - half, high: middle + half };
         let members = (0..self.boxes.len() as u32).collect();
         self.nodes = vec![Node { members, ..Node::leaf(cell, 0) }];
@@ -188,14 +188,14 @@ impl Octree {
         });
     }
 
-    /// Merges from the leaves up. Returns the number of spheres of a leaf.
+    /// Merges sparse siblings from the leaves up. Returns the number of spheres if `node` is a leaf afterwards.
     fn merge(&mut self, node: usize) -> Option<usize> {
         let Some(first) = self.nodes[node].children else {
             return Some(self.nodes[node].members.len());
         };
-        let held: Vec<Option<usize>> = (first..first + 8).map(|child| self.merge(child)).collect();
-        let held: usize = held.into_iter().sum::<Option<usize>>()?;
-        if held >= MERGE_BELOW {
+        let counts: Vec<Option<usize>> = (first..first + 8).map(|child| self.merge(child)).collect();
+        let total: usize = counts.into_iter().sum::<Option<usize>>()?;
+        if total >= MERGE_BELOW {
             return None;
         }
         let mut members: Vec<u32> =
@@ -208,9 +208,9 @@ impl Octree {
             }
         }
         self.free.push(first);
-        let held = members.len();
+        let count = members.len();
         (self.nodes[node].children, self.nodes[node].members) = (None, members);
-        Some(held)
+        Some(count)
     }
 
     fn split(&mut self, spheres: &[Sphere]) {
@@ -238,7 +238,7 @@ impl Octree {
 
     fn wants_split(&self, node: usize, spheres: &[Sphere]) -> bool {
         let Node { cell, depth, children, members, .. } = &self.nodes[node];
-        if children.is_some() || members.len() <= SPLIT_ABOVE || *depth >= DEEPEST {
+        if children.is_some() || members.len() <= SPLIT_ABOVE || *depth >= MAX_DEPTH {
             return false;
         }
         let radii: f32 = members.iter().map(|&k| spheres[k as usize].radius).sum();

@@ -14,14 +14,14 @@ use crate::measure::{ContenderFactory, Found, PairFinder};
 enum TreeUpdate {
     /// Updates all boxes; the topology stays.
     Refit,
-    /// Like `Refit`, but updates a leaf only if its sphere has left its box, which has a margin of this fraction of the
-    /// radius.
+    /// Updates a leaf only if its sphere has left its box, which has a margin of this fraction of the radius.
     Fat(f32),
     /// Like `Refit`, then rebuilds a small part of the tree.
     Optimize,
 }
 
-/// Full rebuilds are not included: within a hundred steps, they cost more than they gain.
+/// Returns the trees that are kept between steps. Full rebuilds are not included: within a hundred steps, they cost
+/// more than they gain.
 pub fn incremental() -> Vec<ContenderFactory> {
     vec![
         refitted("parry3d refit"),
@@ -34,7 +34,7 @@ pub fn refitted(name: impl Into<String>) -> ContenderFactory {
     ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Refit)))
 }
 
-/// The margin is a fifth of the radius.
+/// Returns a refitted tree whose boxes have a margin of a fifth of the radius.
 pub fn with_margin(name: impl Into<String>) -> ContenderFactory {
     ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Fat(0.2))))
 }

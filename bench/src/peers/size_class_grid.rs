@@ -3,37 +3,39 @@ use lazygrid::{Pair, Sphere};
 
 use super::touch;
 
-/// Searched multiple of the largest diameter, so that rounding never skips a cell.
+/// Searched distance over the largest diameter, above 1, so that rounding never skips a cell.
 const MARGIN: f32 = 1.01;
-/// Over the largest diameter.
+/// Smallest cell size over the largest diameter.
 const SMALLEST_EDGE: f32 = 0.25;
-/// Limits empty cells in sparse scenes.
+/// Maximum number of cells per sphere, which limits empty cells in sparse scenes.
 const CELLS_PER_SPHERE: f32 = 4.0;
-/// Rows of cells after a sphere's own: with the smallest cells, it searches five cells in each direction, 11 along each
-/// axis.
+/// Maximum number of rows of cells searched after a sphere's own row: the smallest cells require five cells in each
+/// direction, 11 along each axis.
 const ROWS: usize = 5 + 5 * 11;
-/// A vector of AVX2.
+/// Number of `f32` in an AVX2 vector.
 const LANES: usize = 8;
 
 #[derive(Default)]
 pub(super) struct SizeClassGrid {
+    /// Indices of the spheres, in cell order.
     pub(super) order: Vec<u32>,
-    /// In cell order, with `LANES` more entries for full vectors.
+    /// Coordinates and radii in cell order, with `LANES` more entries for full vectors.
     x: Vec<f32>,
     y: Vec<f32>,
     z: Vec<f32>,
     r: Vec<f32>,
-    /// Layers of empty cells surround the grid, so that each cell has all its neighbors.
+    /// First sphere of each cell, and the number of spheres. Layers of empty cells surround the grid, so that each cell
+    /// has all its neighbors.
     starts: Vec<u32>,
     /// Largest distance of cells of touching spheres, and the number of empty layers.
     reach: u32,
-    /// In the order of the previous step.
+    /// Spheres in the order of the previous step.
     members: Vec<Sphere>,
     keys: Vec<u32>,
     sorted: Vec<u32>,
     origin: Vec3,
     per_edge: f32,
-    /// Including empty layers.
+    /// Number of cells along each axis, including empty layers.
     cells: UVec3,
     largest: f32,
 }
@@ -87,7 +89,7 @@ impl SizeClassGrid {
         (self.cells, self.reach) = (count(edge).as_uvec3(), reach(edge) as u32);
     }
 
-    /// Points outside belong to the border cells, which preserves adjacency.
+    /// Returns the cell of a point. Points outside belong to the border cells, which preserves adjacency.
     #[inline(always)]
     fn cell(&self, point: Vec3) -> UVec3 {
         // Negative values saturate to 0.
@@ -118,8 +120,8 @@ impl SizeClassGrid {
         std::mem::swap(&mut self.order, &mut self.sorted);
     }
 
-    /// Compares each sphere with those after it in its row of cells, and with the adjacent rows after its own: four if
-    /// cells are at least as large as spheres.
+    /// Compares each sphere with later ones in its row of cells, and with the adjacent rows after its own, which are
+    /// four if cells are at least as large as spheres.
     #[inline(always)]
     pub(super) fn pairs_within(&self, pairs: &mut Vec<Pair>) {
         let reach = self.reach as usize;
@@ -206,7 +208,7 @@ impl SizeClassGrid {
         }
     }
 
-    /// Spheres from `from` that touch, up to rounding, as a mask.
+    /// Returns a mask of the `LANES` spheres from `from` that touch, up to rounding.
     #[inline(always)]
     fn near(&self, sphere: &Sphere, from: usize) -> u32 {
         let lanes = from..from + LANES;

@@ -9,9 +9,9 @@ use super::touch;
 use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
-/// The fastest of [`skins`] for steps of `step_length` radii and a largest radius of 1, by `--mode skins --output
-/// unordered --algorithm auto --steps 100 --rounds 3 --step-length 0.01` of the bench `peers`. Skins of scenes other
-/// than equal spheres are for steps of a tenth.
+/// Returns the fastest of [`skins`] for steps of `step_length` radii and a largest radius of 1, by `--mode skins
+/// --output unordered --algorithm auto --steps 100 --rounds 3 --step-length 0.01` of the bench `peers`. Skins of scenes
+/// other than equal spheres were measured with steps of a tenth.
 fn best(scene: Scene, step_length: f32) -> f32 {
     match scene {
         Scene::Equal if step_length <= 0.003 => 0.1,
@@ -19,8 +19,8 @@ fn best(scene: Scene, step_length: f32) -> f32 {
         Scene::Equal => 2.0,
         Scene::FiveSizes => 1.0,
         Scene::Burst | Scene::BurstLinear | Scene::Point => 0.1,
-        // Not measured: the skin of equal spheres, because nearly all spheres are carriers. Transceivers exceed its
-        // limit at each step.
+        // Not measured; taken from equal spheres, because nearly all spheres are carriers. Transceivers exceed the
+        // limit of this skin at each step.
         Scene::Transceivers(mixture) => 2.0 * mixture.carrier(),
     }
 }
@@ -44,8 +44,9 @@ struct Verlet {
     wide: Vec<Sphere>,
     order: Vec<u32>,
     place_of: Vec<u32>,
-    /// At each sorted position now, and at the rebuild.
+    /// Spheres at each sorted position, of the current step.
     now: Vec<Sphere>,
+    /// Spheres at each sorted position, when the candidates were found.
     then: Vec<Sphere>,
     candidates: Vec<Pair>,
     pairs: Vec<Pair>,

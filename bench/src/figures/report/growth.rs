@@ -12,7 +12,7 @@ use lazygrid_report::number::{count, time};
 use lazygrid_report::plot::{PlotPoint, Series, lines};
 use lazygrid_report::{Cell, Plot, Quantity, Section, Table};
 
-/// Fixed costs hide the growth of smaller inputs.
+/// Smallest input of a fit; fixed costs hide the growth of smaller ones.
 const FIT_FROM: usize = 1000;
 
 pub(super) fn section(figure: Figure, rows: &[&Row], all: &[Row]) -> Result<Section, Box<dyn Error>> {
@@ -25,7 +25,7 @@ pub(super) fn section(figure: Figure, rows: &[&Row], all: &[Row]) -> Result<Sect
     let columns = by_size(rows);
     let mut tables = vec![means(rows, &columns)];
     tables.extend(gpu_times("By number of spheres: ", rows, &columns));
-    tables.extend((!equal.is_empty()).then(|| beside_equal(rows, &equal, &columns)));
+    tables.extend((!equal.is_empty()).then(|| relative_to_equal(rows, &equal, &columns)));
     tables.extend(phases(rows));
     Ok(Section { title: title.to_owned(), text: vec![text.to_owned()], plots, tables, notes: vec![] })
 }
@@ -36,12 +36,13 @@ pub(super) fn species(rows: &[&Row]) -> Section {
         let table = means(&own, &by_size(&own));
         Table { caption: format!("{}: {}", scene.name(), table.caption), ..table }
     };
-    let text = "Spheres of equal size. `rare-partner`: a burst of one species, with one sphere in a thousand of its only \
-                partner; `distant-partner`: a crowd that pairs within a diameter, with one in a thousand of a partner \
-                within a thousand diameters; `enzymes`: one among 25 substrate molecules each, all within a few \
-                diameters; `target`: one in a crowd of its only partner; `ring`: four species that each pair with two \
-                others, 5 % filling; `all-pair`: the same, all of which pair; `disjoint-pairs`: three disjoint pairs of \
-                species, 5 % filling; `disjoint-pairs-crowd`: the same pairs, all within a few diameters.";
+    let text = "Spheres of equal size. `rare-partner`: a burst of one species, with one sphere in a thousand of its \
+                only partner; `distant-partner`: a crowd that pairs within a diameter, with one in a thousand of a \
+                partner within a thousand diameters; `enzymes`: one among 25 substrate molecules each, all within a \
+                few diameters; `target`: one in a crowd of its only partner; `ring`: four species that each pair \
+                with two others, 5 % filling; `all-pair`: the same, all of which pair; `disjoint-pairs`: three \
+                disjoint pairs of species, 5 % filling; `disjoint-pairs-crowd`: the same pairs, all within a few \
+                diameters.";
     Section {
         title: "Species that rarely pair".to_owned(),
         text: vec![text.to_owned()],
@@ -54,16 +55,16 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
     match figure {
         Figure::F3b => (
             "Figure 3b: five sizes",
-            "Radii 1, ½ … 1⁄16, equally frequent, centers uniform in a ball of which the spheres fill 5 %. Each run has \
-             another sample.",
+            "Radii 1, ½ … 1⁄16, equally frequent, centers uniform in a ball of which the spheres fill 5 %. Each run \
+             has a new sample.",
         ),
         Figure::Point => (
             "All spheres at one point",
-            "Ten sizes, every sphere touching every other: nothing can be faster than writing n(n−1)/2 pairs.",
+            "Ten sizes; every sphere touches every other, so the lower bound is the time to write n(n−1)/2 pairs.",
         ),
         _ => (
             "Figure 3a: equal sizes",
-            "Radius 1, centers uniform in a ball of which the spheres fill 5 %. Each run has another sample; all \
+            "Radius 1, centers uniform in a ball of which the spheres fill 5 %. Each run has a new sample; all \
              threads of the machine.",
         ),
     }
@@ -95,7 +96,9 @@ fn plots(figure: Figure, rows: &[&Row], equal: &[&Row]) -> Result<Vec<Plot>, Box
     let share = plot(
         format!("figure-{figure}-per-{part}"),
         &format!("mean time per {part}"),
-        &format!("The same times per {part}: a time in proportion to the {part}s is a level line."),
+        &format!(
+            "The same times per {part}: a time in proportion to the number of {part}s is a horizontal line."
+        ),
         of,
     )?;
     Ok(whole.into_iter().chain(share).collect())
@@ -119,12 +122,12 @@ fn means(rows: &[&Row], columns: &[Column]) -> Table {
     table
 }
 
-fn beside_equal(rows: &[&Row], equal: &[&Row], columns: &[Column]) -> Table {
+fn relative_to_equal(rows: &[&Row], equal: &[&Row], columns: &[Column]) -> Table {
     let ratio = |row: &Row| {
         let one = find(equal, &row.engine, Column::Size(row.n)).filter(|one| !one.wall.is_empty())?;
         Some(format!("{:.2}", row.median() / one.median()))
     };
-    by_engine("Median time with five sizes over that with equal ones".to_owned(), rows, columns, ratio)
+    by_engine("Median time with five sizes relative to equal sizes".to_owned(), rows, columns, ratio)
 }
 
 fn phases(rows: &[&Row]) -> Option<Table> {
@@ -141,7 +144,7 @@ fn phases(rows: &[&Row]) -> Option<Table> {
     })
 }
 
-/// GPU phases run while the host waits.
+/// Lists the phases; GPU phases are part of the phase in which the host waits.
 fn listed(phases: &[(String, f64)]) -> String {
     let has_waited = phases.iter().any(|(name, _)| name == "wait");
     let on_device = |name: &str| has_waited && gpu::GpuPhase::ALL.iter().any(|phase| phase.name() == name);

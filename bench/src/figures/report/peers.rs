@@ -12,24 +12,25 @@ use lazygrid_report::number::count;
 use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Plot, Quantity, Section, Table};
 
-/// From position, value, and middle half of the runs.
+/// Point of a row in a plot: position, value, and middle half of the runs.
 type Shown = fn(&Row) -> PlotPoint;
 
 pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let mut section = Section {
         title: "Figure 4: one thread, trees with state between steps".to_owned(),
         text: vec![
-            "Every sphere moves by a tenth of its radius in a random direction at each step, up to 100 steps, fewer \
-             where they take long; the number is in brackets. Two warm-up steps are dropped, as trees write all their \
-             boxes with the margin in the second. Bullet is the real library: one proxy per sphere, kept; as shipped, \
-             with a margin of 0.05, and tuned, with a margin of the largest radius for equal spheres and half of it \
-             for five sizes. parry3d is what a Rust program would take. The plain cell list, its cells chosen for the scene, is the yardstick; the Verlet list, its skin chosen \
-             for the scene, keeps pairs that may soon overlap. lazygrid's cell-list searches from scratch at every step, and its \
-             own choice keeps what it expects to be worth it."
+            "Every sphere moves by a tenth of its radius in a random direction at each step. There are up to 100 \
+             steps, fewer for slow engines; the number is in brackets. Two warm-up steps are dropped, because trees \
+             write all their boxes with the margin in the second. Bullet is the library itself, with one proxy per \
+             sphere that is kept: as shipped, with a margin of 0.05, and tuned, with a margin of the largest radius \
+             for equal spheres and half of it for five sizes. parry3d is the usual choice of Rust programs. The \
+             plain cell list, with cells chosen for the scene, is the baseline; the Verlet list, with a skin chosen \
+             for the scene, keeps pairs that may soon overlap. lazygrid's cell-list searches from scratch at every \
+             step; the CPU path's own choice keeps candidates if it expects this to save time."
                 .to_owned(),
-            "Ratios are of the total time of all steps that both ran, as a tree with a margin is slow only now and \
-             then: Bullet tuned's boxes, all written together at the start, are rewritten about when spheres have \
-             moved a margin, so a run of few steps may miss that, in its favour. Above 1, lazygrid is faster."
+            "Ratios are of the total time of all steps that both ran, because a tree with a margin is slow only in \
+             some steps: the boxes of Bullet tuned are all written at the start and again after spheres have moved \
+             by about the margin. A run of few steps may miss this, in Bullet's favor. Above 1, lazygrid is faster."
                 .to_owned(),
         ],
         ..Section::default()
@@ -54,11 +55,11 @@ pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
 }
 
 pub(super) fn step_length(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
-    let text = "As figure 4, with steps of three lengths, in radii. The Verlet list and LAMMPS keep pairs within a skin that is \
-                chosen for the length of the steps; lazygrid chooses its own. LAMMPS computes with doubles, and forces \
-                between pairs, whose energies tell how many they are; where its atoms are it is told before the clock starts. \
-                It takes part where the environment variable LAZYGRID_LAMMPS_LIB names its library. Ratios are of the total time \
-                of all steps that both ran.";
+    let text = "As figure 4, with steps of three lengths, in radii. The Verlet list and LAMMPS keep pairs within a \
+                skin that is chosen for the length of the steps; lazygrid chooses its own. LAMMPS uses doubles and \
+                also computes forces and energies, from which the number of pairs is derived; the transfer of the \
+                coordinates to LAMMPS is not timed. It is included if the environment variable LAZYGRID_LAMMPS_LIB \
+                is the path of its library. Ratios are of the total time of all steps that both ran.";
     let mut section = Section {
         title: "Figure 4, shorter steps: one thread, lists with a skin".to_owned(),
         text: vec![text.to_owned()],
@@ -79,7 +80,7 @@ pub(super) fn step_length(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     Ok(section)
 }
 
-/// Plots times in 5a, speed-ups in 5b.
+/// Returns the section of figure 5a, which plots times, or of 5b, which plots speed-ups.
 pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let (title, text) = match figure {
         Figure::F5a => {
@@ -87,7 +88,7 @@ pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Er
         }
         _ => (
             "Figure 5b: bursts of several sizes at several moments",
-            "Bursts as in figure 5a of several numbers of carriers; above 1, lazygrid is faster.",
+            "Bursts as in figure 5a, with several numbers of carriers; above 1, lazygrid is faster.",
         ),
     };
     let mut section = Section { title: title.to_owned(), text: vec![text.to_owned()], ..Section::default() };
@@ -118,7 +119,7 @@ pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Er
 fn plot(axes: &Axes<'_>, rows: &[&Row], name: String, shown: Shown) -> Result<Option<Plot>, Box<dyn Error>> {
     let series = curves(rows, shown, |engine| !OURS.contains(&engine));
     let caption = format!(
-        "{}; both axes logarithmic, lazygrid's own solid, bars from the lower to the upper quartile.",
+        "{}; both axes logarithmic, lazygrid's curves solid, bars from the lower to the upper quartile.",
         axes.title
     );
     Ok(lines(axes, &series)?.map(|svg| Plot { name, caption, svg }))

@@ -19,11 +19,12 @@ pub(super) const OURS: [&str; 7] = [
     "auto (software GPU)",
 ];
 
-/// Inconclusive range of time ratios if single steps differ in both directions.
+/// Range of time ratios that is inconclusive if single steps differ in both directions.
 pub(super) const NEAR: std::ops::RangeInclusive<f64> = 0.9..=1.1;
 
+/// Ratios of a peer's time to lazygrid's.
 pub(super) struct Times {
-    /// Over all common steps, because trees are slow only occasionally.
+    /// Ratio of the total times of all common steps, because trees are slow only occasionally.
     pub(super) total: f64,
     pub(super) by_step: Vec<f64>,
 }

@@ -56,20 +56,21 @@ fn environment(results: &Results) -> Section {
             row("GPU adapter", environment.graphics()),
             row("versions", versions.join(", ")),
             row("commit", environment.commit.clone()),
-            row("begun (UTC)", environment.date.clone()),
-            row("took", format!("{:.1} minutes", results.seconds / 60.0)),
+            row("start (UTC)", environment.date.clone()),
+            row("duration", format!("{:.1} minutes", results.seconds / 60.0)),
         ],
     };
     let mut text = vec![
-        "Every answer was compared with the reference, by number of pairs and a checksum of the set, before its time \
-         counted: naive with species and up to 20 000 spheres, above that the plain cell list, which shares no code with the detectors. \
-         Engines take turns on the same spheres, a warm-up is dropped, and times run until the pairs are in host \
-         memory, in any order. All engines give exact pairs, with one exception in the contract: on a GPU, pairs within 4 ulp of \
-         tangency may be found or missed. A note lists each such difference."
+        "Every answer was compared with a reference, by number of pairs and a checksum of the set, before its time \
+         was recorded. The reference is naive with species and up to 20 000 spheres; above that, it is the plain \
+         cell list, which shares no code with the detectors. Engines run alternately on the same spheres, a warm-up \
+         is dropped, and times end when the pairs are in host memory, in any order. All engines return exact pairs, \
+         with one documented exception: on a GPU, pairs within 4 ulp of tangency may be found or missed. A note \
+         lists each such difference."
             .to_owned(),
-        "An engine has at most 200 runs (figure 4: 100 steps; figure 5: 10 steps per time; `--quick`: 20 and 5). Slow \
-         engines have fewer; the number is in brackets. Plots are in `report.html` and, as SVG, in `plots/` of the folder \
-         that the command leaves."
+        "An engine has at most 200 runs (figure 4: 100 steps; figure 5: 10 steps per time; `--quick`: 20 and 5). \
+         Slow engines have fewer; the number is in brackets. Plots are in `report.html` and, as SVG, in `plots/` of \
+         the folder of results."
             .to_owned(),
     ];
     if !results.settings.command.is_empty() {
@@ -85,7 +86,7 @@ fn errors(results: &Results) -> Option<Section> {
     let notes: Vec<Note> =
         results.errors().map(|row| Note { text: described(row), is_error: true }).collect();
     let text =
-        vec!["These engines gave a wrong answer or failed. Nothing else about them counts.".to_owned()];
+        vec!["These engines gave a wrong answer or failed; their other results are invalid.".to_owned()];
     (!notes.is_empty()).then(|| Section { title: "Errors".into(), text, notes, ..Section::default() })
 }
 
@@ -99,7 +100,7 @@ fn remarks(rows: &[&Row]) -> Vec<Note> {
     for row in rows.iter().filter(|row| row.status != Status::Ok) {
         // The predicted time differs between sizes.
         let is_slow = row.status == Status::LeftOut && row.reason.starts_with(TOO_LONG);
-        let reason = if is_slow { "left out as it would take too long" } else { &row.reason };
+        let reason = if is_slow { "left out because it would take too long" } else { &row.reason };
         match notes.iter_mut().find(|(engine, why, ..)| *engine == row.engine && *why == reason) {
             Some((.., sizes)) => sizes.push(row.n),
             None => notes.push((row.engine.clone(), reason, row.status, vec![row.n])),
@@ -124,8 +125,8 @@ fn roundings<'a>(rows: &'a [&Row]) -> impl Iterator<Item = Note> + 'a {
         engines(rows).into_iter().filter_map(move |engine| Some((engine, most(engine).filter(|&n| n > 0)?)));
     counts.map(|(engine, tangent)| Note {
         text: format!(
-            "{engine}: up to {tangent} of a run's pairs are within 4 ulp of tangency and were decided differently from \
-             the reference"
+            "{engine}: up to {tangent} of a run's pairs are within 4 ulp of tangency and were decided differently \
+             from the reference"
         ),
         is_error: false,
     })

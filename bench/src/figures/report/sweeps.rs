@@ -33,8 +33,8 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
     match figure {
         Figure::Tau => (
             "τ of the recursive grid",
-            "A cell's smaller spheres go to a finer level only when they are more than τ. Time of a step in which every \
-             sphere moves by a tenth of its radius, all threads.",
+            "The smaller spheres of a cell move to a finer level only if there are more than τ. Time of a step in \
+             which every sphere moves by a tenth of its radius, all threads.",
         ),
         Figure::Ratio => (
             "Cell ratio of the paper's grids",
@@ -42,7 +42,7 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
         ),
         _ => (
             "Strong scaling over threads",
-            "The same spheres on more threads; × says how many times as fast as one thread. Each search is repeated for 40 ms \
+            "The same spheres on more threads; × is the speed-up over one thread. Each search is repeated for 40 ms \
              before it is timed: threads that have just been woken may share a core for milliseconds.",
         ),
     }
@@ -98,7 +98,7 @@ fn scaling(what: &str, rows: &[&Row]) -> Vec<Note> {
     engines(rows).into_iter().filter_map(note).collect()
 }
 
-/// `times` are threads and seconds, by threads.
+/// Describes how far `times`, pairs of threads and seconds sorted by threads, scale.
 fn limit(times: &[(f64, f64)]) -> String {
     let best_after = |k: usize| times[k + 1..].iter().map(|t| t.1).fold(f64::INFINITY, f64::min);
     let stop = (0..times.len()).find(|&k| times[k].1 < MIN_SPEEDUP * best_after(k)).unwrap_or(0);
@@ -125,8 +125,8 @@ pub(super) fn memory(rows: &[&Row]) -> Section {
         header: std::iter::once("engine".to_owned()).chain(names).collect(),
         rows: engines(rows).into_iter().map(row).collect(),
     };
-    let text = "Peak resident memory of a process that does nothing else, over a few steps, less the spheres (16 bytes \
-                each) and the pairs (8 bytes each); one thread.";
+    let text = "Peak resident memory of a process that does nothing else, over a few steps, less the spheres (16 \
+                bytes each) and the pairs (8 bytes each); one thread.";
     Section {
         title: "Memory per sphere".to_owned(),
         text: vec![text.to_owned()],

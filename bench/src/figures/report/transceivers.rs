@@ -38,25 +38,26 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
     match figure {
         Figure::SizeRatio => (
             "Growth with the ratio of sizes",
-            "Ten transceivers among carriers, centers uniform in a ball of which all fill 5 %: from as large as carriers \
-             to many times as large, of one number of spheres. The paper's bound is a time in proportion to \
-             n·(log₂ ratio + 1), which is k = 1 where time grows as (log₂ ratio + 1)ᵏ; k is fitted to the medians. Where \
-             transceivers fill most of the 5 %, the ball grows with them, cells hold no more carriers than before, and \
-             time is level.",
+            "Ten transceivers among carriers, with centers uniform in a ball of which all fill 5 %. Transceivers are \
+             from as large as carriers to many times as large, and the number of spheres is constant. The paper's \
+             bound is a time in proportion to n·(log₂ ratio + 1), so that k = 1 if time grows as (log₂ ratio + 1)ᵏ; \
+             k is fitted to the medians. If transceivers fill most of the 5 %, the ball grows with them, the number \
+             of carriers per cell no longer grows, and time is constant.",
         ),
         _ => (
             "Transceivers among carriers",
-            "Transceivers, by their number, among carriers, 10, 100 or 1000 times as large, centers uniform in a ball of which all \
-             fill 5 %, so that a carrier lies in one with a chance of 5 % at the most. The fewer they are, the more \
-             carriers are in one of the cells that they ask for, and those the recursive grid splits. Where no cell \
-             holds more than τ, it does what the array grid does; where they hold hardly more, splitting them costs more \
-             than it saves.",
+            "Several numbers of transceivers that are 10, 100 or 1000 times as large as the carriers around them, \
+             with centers uniform in a ball of which all fill 5 %, so that a carrier is inside a transceiver with a \
+             probability of at most 5 %. Transceivers determine the cell size: the fewer there are, the more \
+             carriers are in a cell, which the recursive grid splits. If no cell has more than τ carriers, it is \
+             equivalent to the array grid; if cells have only slightly more, splitting costs more than it saves.",
         ),
     }
 }
 
-const MOTION: &str = "Every sphere moves by a tenth of its radius in a random direction at each step, two warm-up steps are \
-    dropped, and all engines have one thread, as trees have no more. Ratios are of the same steps, side by side in one run.";
+const MOTION: &str = "Every sphere moves by a tenth of its radius in a random direction at each step, two warm-up \
+    steps are dropped, and all engines use one thread, because trees cannot use more. Ratios are of the same steps \
+    in the same run.";
 
 fn medians(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Table {
     let caption = format!("{what}: median time of a step (quartiles; steps)");
@@ -125,8 +126,8 @@ fn growth(what: &str, rows: &[&Row]) -> Option<Note> {
     let verdict = if ours <= 1.0 { "within" } else { "beyond" };
     Some(Note {
         text: format!(
-            "{what}: the time of {OURS} grows as (log₂ ratio + 1)^{ours:.2}, {verdict} the paper's bound of 1; that of \
-             {WITHOUT} as (log₂ ratio + 1)^{without:.2}."
+            "{what}: the time of {OURS} grows as (log₂ ratio + 1)^{ours:.2}, {verdict} the paper's bound of 1; that \
+             of {WITHOUT} as (log₂ ratio + 1)^{without:.2}."
         ),
         is_error: false,
     })
@@ -156,8 +157,8 @@ mod tests {
         let note = verdict(Figure::Transceivers, "s", &rows, &by_setting(&rows, "")).expect("a note");
         assert_eq!(
             note.text,
-            "s: compared with array-grid, recursive-grid is, by transceivers, faster (3.00 at 1), about as fast (0.95 at 10), \
-             slower (0.50 at 100); how many times as fast."
+            "s: compared with array-grid, recursive-grid is, by transceivers, faster (3.00 at 1), about as fast \
+             (0.95 at 10), slower (0.50 at 100); how many times as fast."
         );
         let table = compared("s", &rows, &by_setting(&rows, ""));
         assert_eq!((table.rows.len(), table.rows[0][1].text.as_str()), (1, "3.00 (2.00–3.50)"));
