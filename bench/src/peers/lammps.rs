@@ -211,6 +211,7 @@ impl PairFinder for Lammps {
         // SAFETY: the type is that of `lammps_get_thermo`, which reads a name; `handle` is alive.
         let energy =
             unsafe { self.library.get::<Thermo>(b"lammps_get_thermo\0")?(self.handle, c"pe".as_ptr()) };
-        Ok(Found::Count(energy as u64))
+        // The sum of energies may be rounded down.
+        Ok(Found::Count(energy.round() as u64))
     }
 }

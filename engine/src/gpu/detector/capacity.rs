@@ -15,9 +15,10 @@ impl EntryCapacity {
     }
 }
 
-/// The capacities to restore if the device cannot allocate more.
+/// The capacities that calls have needed, to restore or to pass on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CapacitySnapshot {
     pub(super) entries: EntryCapacity,
     pub(super) pairs: u32,
+    pub(super) deferred_parts: u32,
 }

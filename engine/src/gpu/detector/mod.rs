@@ -200,12 +200,14 @@ impl GpuDetector {
     }
 
     pub(crate) fn capacities(&self) -> CapacitySnapshot {
-        CapacitySnapshot { entries: self.entry_capacity, pairs: self.settings.pair_capacity }
+        let GpuConfig { pair_capacity: pairs, deferred_parts, .. } = self.settings;
+        CapacitySnapshot { entries: self.entry_capacity, pairs, deferred_parts }
     }
 
     pub(crate) fn restore_capacities(&mut self, before: CapacitySnapshot) {
         self.entry_capacity = before.entries;
         self.settings.pair_capacity = before.pairs;
+        self.settings.deferred_parts = before.deferred_parts;
     }
 
     /// Changes the number of recorded parts of the search of crowded cells; see [`GpuConfig::deferred_parts`].

@@ -100,9 +100,9 @@ impl GpuSkinDetector {
     pub(crate) fn set_skin(&mut self, skin: f32) -> Result<(), Error> {
         check_skin(skin)?;
         if self.tables.is_some() {
-            let capacity = self.search.pair_capacity();
+            let capacities = self.search.capacities();
             self.search = search(&self.device, self.pipelines.clone(), &self.settings, skin)?;
-            self.search.set_pair_capacity(capacity);
+            self.search.restore_capacities(capacities);
         }
         if let Some(resident) = &mut self.resident {
             resident.candidates = None;
