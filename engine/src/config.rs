@@ -9,7 +9,9 @@ use lazygrid_kernels::{Algorithm, Backend, Interactions, Space};
 #[cfg(feature = "gpu")]
 use crate::gpu::costs::Calibration;
 #[cfg(feature = "gpu")]
-use crate::gpu::device::AdapterId;
+use crate::gpu::device::{AdapterId, GpuDevice, SoftwareAdapter};
+#[cfg(feature = "gpu")]
+use crate::{Error, choice};
 use crate::{Order, Skin};
 
 /// The configuration of a [`Detector`](crate::Detector). The defaults suit almost all programs.
@@ -52,6 +54,26 @@ impl Config {
     pub fn adapter(mut self, adapter: impl Into<AdapterId>) -> Self {
         self.adapter = Some(adapter.into());
         self
+    }
+
+    /// Returns `true` if a detector runs on a GPU or not at all: with [`Backend::Gpu`] or a named
+    /// [adapter](AdapterId).
+    pub fn requires_gpu(&self) -> bool {
+        #[cfg(feature = "gpu")]
+        let resolved = choice::resolve_backend(self.backend, self.adapter.as_ref());
+        #[cfg(not(feature = "gpu"))]
+        let resolved = Ok::<_, crate::Error>(self.backend);
+        resolved == Ok(Backend::Gpu)
+    }
+
+    /// Returns the device that the process shares for the named adapter. Without a name, for the best adapter that
+    /// `software` permits.
+    ///
+    /// # Errors
+    /// As [`GpuDevice::open`] and [`GpuDevice::open_adapter`].
+    #[cfg(feature = "gpu")]
+    pub fn shared_device(&self, software: SoftwareAdapter) -> Result<GpuDevice, Error> {
+        self.adapter.as_ref().map_or_else(|| GpuDevice::shared(software), GpuDevice::shared_adapter)
     }
 
     /// Algorithm. Default: [`Algorithm::Auto`], chosen per call.

@@ -8,7 +8,7 @@ use crate::backend::BackendFinder;
 use crate::backend::DetectorBackend;
 use crate::geometry::Geometry;
 #[cfg(feature = "gpu")]
-use crate::gpu::{GpuDevice, SoftwareAdapter};
+use crate::gpu::SoftwareAdapter;
 #[cfg(feature = "gpu")]
 use crate::gpu_backend::{AutoBackend, GpuBackend};
 use crate::{Config, Error, ListOptions, NeighborList, Report, choice};
@@ -36,14 +36,8 @@ pub struct Detector {
 #[cfg(feature = "gpu")]
 fn finder(config: Config) -> Result<(BackendFinder, String), Error> {
     let open = |allows_software: bool| {
-        let gpu = match &config.adapter {
-            Some(named) => GpuDevice::shared_adapter(named),
-            None => GpuDevice::shared(match allows_software {
-                true => SoftwareAdapter::Allow,
-                false => SoftwareAdapter::Refuse,
-            }),
-        };
-        gpu.map(|gpu| (gpu.adapter.name.clone(), gpu))
+        let software = if allows_software { SoftwareAdapter::Allow } else { SoftwareAdapter::Refuse };
+        config.shared_device(software).map(|gpu| (gpu.adapter.name.clone(), gpu))
     };
     let asked = choice::resolve_backend(config.backend, config.adapter.as_ref())?;
     let (gpu, reason) = choice::backend(asked, config.settings.algorithm, open)?;
