@@ -26,15 +26,18 @@ pub enum AnySimulation {
 
 /// After which the run can be watched and stopped.
 #[cfg(feature = "gpu")]
-const GPU_STEPS: u32 = 64;
+pub(crate) const GPU_STEPS: u32 = 64;
 
-/// Opens the shared device, or refuses a run that leaves too little memory to the driver.
+/// Opens the shared device by `open`, or refuses a run that leaves too little memory to the driver.
 #[cfg(feature = "gpu")]
-fn open_device(particles: u64) -> Result<GpuDevice, Error> {
+pub(crate) fn open_device(
+    particles: u64,
+    open: impl FnOnce() -> Result<GpuDevice, lazygrid::Error>,
+) -> Result<GpuDevice, Error> {
     static IS_OPEN: Mutex<bool> = Mutex::new(false);
     let mut is_open = IS_OPEN.lock().unwrap_or_else(PoisonError::into_inner);
     check_memory_on_gpu(particles, *is_open)?;
-    let device = GpuDevice::shared(SoftwareAdapter::Allow)
+    let device = open()
         .map_err(|error| Error::Detection(lazygrid::Error::GpuUnavailable { reason: error.to_string() }))?;
     *is_open = true;
     Ok(device)
@@ -67,7 +70,8 @@ impl AnySimulation {
 
     #[cfg(feature = "gpu")]
     fn on_gpu(model: Model, seed: u64, state: &State) -> Result<Self, Error> {
-        let device = open_device(state.particles.len() as u64)?;
+        let shared = || GpuDevice::shared(SoftwareAdapter::Allow);
+        let device = open_device(state.particles.len() as u64, shared)?;
         let run = GpuSimulation::resume(model, seed, device, GpuOptions::default(), state)?;
         Ok(Self::Gpu(Box::new(run)))
     }
@@ -123,54 +127,91 @@ impl AnySimulation {
             Self::Gpu(_) => Backend::Gpu,
         }
     }
+
+    fn view(&self) -> &dyn RunView {
+        match self {
+            Self::Cpu(run) => &**run,
+            #[cfg(feature = "gpu")]
+            Self::Gpu(run) => &**run,
+        }
+    }
 }
 
 impl RunView for AnySimulation {
     fn model(&self) -> &Model {
-        match self {
-            Self::Cpu(run) => run.model(),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(run) => run.model(),
-        }
+        self.view().model()
     }
 
     fn step_count(&self) -> u32 {
-        match self {
-            Self::Cpu(run) => run.state().step,
-            #[cfg(feature = "gpu")]
-            Self::Gpu(run) => run.step_count(),
-        }
+        self.view().step_count()
     }
 
     fn totals(&self) -> &Totals {
-        match self {
-            Self::Cpu(run) => &run.state().totals,
-            #[cfg(feature = "gpu")]
-            Self::Gpu(run) => run.totals(),
-        }
+        self.view().totals()
     }
 
     fn received(&self) -> Vec<Vec<u64>> {
-        match self {
-            Self::Cpu(run) => run.received(),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(run) => run.received(),
-        }
+        self.view().received()
     }
 
     fn arrivals(&self) -> &[Arrival] {
-        match self {
-            Self::Cpu(run) => run.arrivals(),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(run) => run.arrivals(),
-        }
+        self.view().arrivals()
     }
 
     fn state(&self) -> Result<Cow<'_, State>, Error> {
-        match self {
-            Self::Cpu(run) => Ok(Cow::Borrowed(run.state())),
-            #[cfg(feature = "gpu")]
-            Self::Gpu(run) => run.state().map(Cow::Owned),
-        }
+        self.view().state()
+    }
+}
+
+impl RunView for Simulation {
+    fn model(&self) -> &Model {
+        &self.model
+    }
+
+    fn step_count(&self) -> u32 {
+        self.state.step
+    }
+
+    fn totals(&self) -> &Totals {
+        &self.state.totals
+    }
+
+    fn received(&self) -> Vec<Vec<u64>> {
+        self.received()
+    }
+
+    fn arrivals(&self) -> &[Arrival] {
+        self.arrivals()
+    }
+
+    fn state(&self) -> Result<Cow<'_, State>, Error> {
+        Ok(Cow::Borrowed(&self.state))
+    }
+}
+
+#[cfg(feature = "gpu")]
+impl RunView for GpuSimulation {
+    fn model(&self) -> &Model {
+        self.model()
+    }
+
+    fn step_count(&self) -> u32 {
+        self.step_count()
+    }
+
+    fn totals(&self) -> &Totals {
+        self.totals()
+    }
+
+    fn received(&self) -> Vec<Vec<u64>> {
+        self.received()
+    }
+
+    fn arrivals(&self) -> &[Arrival] {
+        self.arrivals()
+    }
+
+    fn state(&self) -> Result<Cow<'_, State>, Error> {
+        self.state().map(Cow::Owned)
     }
 }
