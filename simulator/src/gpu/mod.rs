@@ -27,5 +27,6 @@ mod tally_layout;
 #[cfg(test)]
 mod tests;
 
+pub(crate) use model_check::check;
 pub use plan::GpuOptions;
 pub use simulation::GpuSimulation;

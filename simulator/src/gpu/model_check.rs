@@ -22,7 +22,9 @@ pub(super) fn chained_decays(model: &Model) -> impl Iterator<Item = (&Decay, &De
     model.decays.iter().flat_map(move |first| after(first).map(move |second| (first, second)))
 }
 
-pub(super) fn check(model: &Model) -> Result<(), Error> {
+/// # Errors
+/// [`Error::NotOnGpu`].
+pub(crate) fn check(model: &Model) -> Result<(), Error> {
     let rejected = |what: String| Err(Error::NotOnGpu { what });
     for (first, second) in chained_decays(model) {
         let expected = second.rate * model.time_step;

@@ -17,6 +17,7 @@ use crate::model::receiver::ReceiverKind;
 use crate::motion::request_counts::RequestCounts;
 use crate::random::philox::Key;
 use crate::release::origins::{Arrival, Origins};
+use crate::release::rank_slice::RankSlice;
 use crate::release::{PartialEvents, Released};
 use crate::{Error, State, Totals};
 
@@ -35,6 +36,7 @@ mod transfer;
 pub struct GpuSimulation {
     model: Model,
     key: Key,
+    slice: RankSlice,
     partial_events: PartialEvents,
     tables: Tables,
     /// Fraction of a step during which the flow of `tables` is on.
@@ -99,6 +101,17 @@ impl GpuSimulation {
         options: GpuOptions,
         state: &State,
     ) -> Result<Self, Error> {
+        Self::resume_slice(model, seed, (device, options), state, RankSlice::WHOLE)
+    }
+
+    /// Resumes a run that releases only the particles of `slice`, from a [`State::part`].
+    pub(crate) fn resume_slice(
+        model: Model,
+        seed: u64,
+        (device, options): (GpuDevice, GpuOptions),
+        state: &State,
+        slice: RankSlice,
+    ) -> Result<Self, Error> {
         model.check()?;
         check(&model)?;
         if !state.belongs_to(&model) {
@@ -132,6 +145,7 @@ impl GpuSimulation {
         buffers.upload_cells(&receiver_cells)?;
         let mut simulation = Self {
             key,
+            slice,
             partial_events: PartialEvents::new(&model),
             ligands: tables.ligands(),
             tables,

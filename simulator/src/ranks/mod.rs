@@ -1,16 +1,25 @@
 //! A run over ranks: processes that each own a part of the particles.
 //!
 //! Every rank does with its own particles what [`Simulation`](crate::Simulation) does with all, and moves all
-//! receivers. `docs/design/ranks.md` has the exchanges between the parts of a step.
+//! receivers. `docs/design/ranks.md` has the exchanges between the parts of a step. Without exchanges, particles may
+//! move on the GPUs of the ranks.
 
 mod contacts;
+mod cpu_run;
 mod gathered;
 mod halo;
 mod matching;
 mod pair_search;
+mod rank_run;
 mod rows;
 mod run;
 mod simulation;
 
 pub use gathered::Gathered;
+use lazygrid_ranks::Communicator;
 pub use simulation::{GatherFields, RankSimulation};
+
+/// Returns `result` if no rank failed. Collective.
+fn agree<T, C: Communicator>(communicator: &C, result: Result<T, crate::Error>) -> Result<T, C::Error> {
+    communicator.agree(result.map_err(|error| communicator.failure(error.to_string())))
+}

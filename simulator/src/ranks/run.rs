@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use lazygrid::{Backend, Config};
+use lazygrid::Config;
 use lazygrid_ranks::{Communicator, Settings, gather};
 
 use super::{GatherFields, RankSimulation};
@@ -17,10 +17,10 @@ use crate::{Error, RunView};
 
 impl Run {
     /// Does all steps as [`run`](Self::run), together with all ranks. All must see the directory: the first writes
-    /// common files, every rank its particles. `watch` is called on every rank and stops all. Uses the caller's rayon pool.
+    /// common files, every rank its particles. `watch` is called on every rank after each step (several on GPUs) and
+    /// stops all. Uses the caller's rayon pool.
     ///
-    /// `detector` selects the backend on which this rank finds pairs, instead of [`backend`](Self::backend): particles
-    /// move on the CPU.
+    /// `detector` selects this rank's backend, instead of [`backend`](Self::backend), as for [`RankSimulation::new`].
     ///
     /// # Errors
     /// On all ranks, those of one: as [`run`](Self::run), [`RankSimulation::new`], and the communicator's.
@@ -55,16 +55,17 @@ impl Run {
         while !stops && simulation.step_count() < self.scenario.steps {
             let before = TimeStepMonitor::part_of(simulation.totals());
             let step = simulation.step_count();
+            let next = self.steps_to_next(step).min(simulation.steps_at_once());
             let present = simulation.totals().present.iter().sum();
             let sharing = Sharing::over_ranks(simulation.communicator());
-            let fits = memory.check(simulation.model(), (present, step, 1), sharing);
+            let fits = memory.check(simulation.model(), (present, step, next), sharing);
             let refused = simulation.communicator().all_reduce_sum(&[fits.is_err().into()])[0] > 0;
             if refused && step > first {
                 self.save_distributed(&mut simulation, &mut files)?;
             }
             simulation.agree(fits)?;
-            simulation.step()?;
-            pace.see(simulation.model(), [&before, simulation.totals()], step..step + 1);
+            simulation.advance(next)?;
+            pace.see(simulation.model(), [&before, simulation.totals()], step..simulation.step_count());
             self.record_distributed(&mut simulation, &mut files)?;
             let due = |every: u32| simulation.step_count().is_multiple_of(every);
             if self.scenario.output.checkpoint_every.is_some_and(due) {
@@ -135,17 +136,16 @@ impl Run {
         let read = || {
             let checkpoint = Checkpoint::read(&path)?;
             self.check_continues(&path, &checkpoint)?;
-            if is_first && checkpoint.backend != Backend::Cpu.name() {
-                let done = checkpoint.state.step;
-                self.warn_of_backends(done, &checkpoint.backend, Backend::Cpu);
-            }
-            let records = checkpoint.files.clone();
-            Ok((records, checkpoint.into_slice(&path, share)?))
+            let (records, backend) = (checkpoint.files.clone(), checkpoint.backend.clone());
+            Ok((records, backend, checkpoint.into_slice(&path, share)?))
         };
         let read = read().map_err(|error: Error| communicator.failure(error.to_string()));
-        let (records, state) = communicator.agree(read)?;
+        let (records, backend, state) = communicator.agree(read)?;
         let mut simulation =
             RankSimulation::resume(communicator, own.model.clone(), own.seed, detector, state)?;
+        if is_first && backend != simulation.backend().name() {
+            self.warn_of_backends(simulation.step_count(), &backend, simulation.backend());
+        }
         let standing = simulation.gather(GatherFields::default())?;
         let reopen = |lock: Lock| {
             self.check_disk_space(&standing, ReplicaSlot::NONE)?;
@@ -199,12 +199,14 @@ impl Run {
     ) -> Result<(), C::Error> {
         let path = self.checkpoint_path();
         let (rank, ranks) = (simulation.communicator().rank(), simulation.communicator().ranks());
-        let part = Checkpoint::write_part(&path, self.scenario.seed, rank, ranks, simulation.part());
-        let part = simulation.agree(part)?;
+        let written = simulation
+            .part()
+            .and_then(|part| Checkpoint::write_part(&path, self.scenario.seed, rank, ranks, &part));
+        let part = simulation.agree(written)?;
         let parts = gather(simulation.communicator(), "the records of checkpoints", &[part])?;
-        let state = simulation.part().without_particles(simulation.totals().clone());
+        let (backend, state) = (simulation.backend(), simulation.without_particles());
         let write = |files: &mut Files| {
-            let mut checkpoint = self.checkpoint(Backend::Cpu, files.sync()?, state);
+            let mut checkpoint = self.checkpoint(backend, files.sync()?, state);
             checkpoint.parts = parts;
             checkpoint.write(&path)
         };

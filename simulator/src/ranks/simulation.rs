@@ -1,17 +1,18 @@
 //! A run of one rank among others.
 
-use bytemuck::{Pod, Zeroable};
-use lazygrid::{Algorithm, Config};
-use lazygrid_ranks::{Communicator, Settings, SphereWrapper, gather};
+use std::borrow::Cow;
 
-use super::halo::RankHalo;
-use super::pair_search::RankPairSearch;
-use super::{Gathered, rows};
-use crate::motion::binding::{self, BindingRequest};
-use crate::reaction::dissociation::Dissociated;
+use bytemuck::{Pod, Zeroable};
+use lazygrid::{Backend, Config};
+use lazygrid_ranks::{Communicator, Settings, gather};
+
+use super::cpu_run::CpuRun;
+use super::rank_run::{RankRun, moves_on_gpus};
+use super::{Gathered, agree, rows};
 use crate::release::rank_slice::RankSlice;
-use crate::run::simulation::Moved;
-use crate::{Arrival, Error, Model, Simulation, State, Totals};
+#[cfg(feature = "gpu")]
+use crate::run::any::GPU_STEPS;
+use crate::{Arrival, Error, Model, State, Totals};
 
 /// One rank's part of a run.
 ///
@@ -19,10 +20,8 @@ use crate::{Arrival, Error, Model, Simulation, State, Totals};
 #[derive(Debug)]
 pub struct RankSimulation<C> {
     communicator: C,
-    run: Simulation,
+    run: RankRun,
     totals: Totals,
-    pair_search: Option<RankPairSearch>,
-    wrapper: SphereWrapper,
 }
 
 /// Data requested of [`RankSimulation::gather`].
@@ -39,14 +38,19 @@ struct Arrived {
     receiver: u32,
     species: u32,
     id: u32,
+    step: u32,
 }
 
 impl<C: Communicator> RankSimulation<C> {
     /// Begins a run. `detector` selects the backend and the algorithm by which this rank finds pairs, each rank its own;
-    /// the model gives the space and the interactions. Particles move on the CPU.
+    /// the model gives the space and the interactions.
+    ///
+    /// Particles move on the GPUs of all ranks if every `detector` [requires one](Config::requires_gpu), and if the model
+    /// has kernels and no reactions, contacts, receptors and dissociations. Otherwise they move on the CPU.
     ///
     /// # Errors
-    /// On every rank, those of the first that fails: as [`Simulation::new`] and [`Detector::new`](lazygrid::Detector::new).
+    /// On every rank, those of the first that fails: as [`Simulation::new`](crate::Simulation::new), [`Detector::new`](lazygrid::Detector::new), and
+    /// `GpuSimulation::new` if particles move on GPUs.
     /// [`Communicator::difference`] if models, seeds or steps differ.
     pub fn new(communicator: C, model: Model, seed: u64, detector: Config) -> Result<Self, C::Error> {
         let state = State::new_slice(&model, seed, RankSlice::new(communicator.rank(), communicator.ranks()));
@@ -79,41 +83,53 @@ impl<C: Communicator> RankSimulation<C> {
         state: Result<State, Error>,
     ) -> Result<Self, C::Error> {
         let (rank, ranks) = (communicator.rank(), communicator.ranks());
-        let state = communicator.agree(state.map_err(|error| communicator.failure(error.to_string())))?;
+        let state = agree(&communicator, state)?;
         shared(&model, seed, state.step).agree(&mut communicator)?;
-        let made = || {
-            let wrapper = SphereWrapper::new(model.boundary.space()?, None);
-            let run = Simulation::resume(model, seed, Algorithm::Auto, state)?;
-            let pair_search = RankPairSearch::of(&run.model, detector, rank, ranks)?;
-            Ok((run, pair_search, wrapper))
+        agree(&communicator, model.check())?;
+        let run = match moves_on_gpus(&mut communicator, &model, &detector) {
+            true => RankRun::on_gpu(model, seed, &detector, &state, RankSlice::new(rank, ranks)),
+            false => CpuRun::new(model, seed, detector, state, [rank, ranks]).map(Box::new).map(RankRun::Cpu),
         };
-        let made = made().map_err(|error: Error| communicator.failure(error.to_string()));
-        let (run, pair_search, wrapper) = communicator.agree(made)?;
-        let totals = run.state.totals.clone();
-        let mut all = Self { communicator, run, totals, pair_search, wrapper };
+        let run = agree(&communicator, run)?;
+        let totals = run.view().totals().clone();
+        let mut all = Self { communicator, run, totals };
         all.add_up();
         Ok(all)
     }
 
     pub fn model(&self) -> &Model {
-        &self.run.model
+        self.run.view().model()
     }
 
     pub fn step_count(&self) -> u32 {
-        self.run.state.step
+        self.run.view().step_count()
     }
 
     pub fn totals(&self) -> &Totals {
         &self.totals
     }
 
-    pub fn part(&self) -> &State {
-        &self.run.state
+    /// Returns the backend on which particles move, equal on all ranks.
+    pub fn backend(&self) -> Backend {
+        self.run.backend()
+    }
+
+    /// Returns this rank's state, read back if necessary. Not collective.
+    ///
+    /// # Errors
+    /// [`Error::Detection`] if the device fails.
+    pub fn part(&self) -> Result<Cow<'_, State>, Error> {
+        self.run.view().state()
+    }
+
+    /// Returns the state of all ranks without particles. Not collective.
+    pub(super) fn without_particles(&self) -> State {
+        self.run.without_particles(self.totals.clone())
     }
 
     /// Returns warnings of refused requests for receptors.
     pub(super) fn request_warnings(&self) -> Vec<String> {
-        self.run.requests.warnings(&self.run.model)
+        self.run.request_warnings()
     }
 
     pub fn communicator(&mut self) -> &mut C {
@@ -121,107 +137,87 @@ impl<C: Communicator> RankSimulation<C> {
     }
 
     pub(super) fn agree<T>(&self, result: Result<T, Error>) -> Result<T, C::Error> {
-        self.communicator.agree(result.map_err(|error| self.communicator.failure(error.to_string())))
+        agree(&self.communicator, result)
     }
 
-    /// Does a step as [`Simulation::step`].
+    /// Does a step as [`Simulation::step`](crate::Simulation::step).
     ///
     /// # Errors
-    /// Returns the error of one rank on all: as [`Simulation::step`], and the communicator's.
+    /// As [`advance`](Self::advance).
     pub fn step(&mut self) -> Result<(), C::Error> {
-        let free = binding::free(&self.run.model, &self.totals.occupied);
-        let moved = self.advance(&free)?;
-        let bids = self.all_bids(&moved)?;
-        let rejected = self.run.requests.reject(bids, &free);
-        self.run.apply_events(&moved, &rejected);
-        let Self { communicator, run, pair_search, .. } = self;
-        let interact = |search: &mut RankPairSearch| search.interact(communicator, run);
-        let outcomes = pair_search.as_mut().map_or_else(|| Ok(Vec::new()), interact)?;
-        let splits = self.run.splits();
-        let parents = self.all_parents(&splits)?;
-        let share = RankSlice::new(self.communicator.rank(), self.communicator.ranks());
-        let done =
-            self.run.conclude(&outcomes, &splits, &parents).and_then(|()| self.run.finish(&moved, share));
-        self.agree(done)?;
+        self.advance(1)
+    }
+
+    /// Returns the largest number of steps of one call of [`advance`](Self::advance).
+    pub(super) fn steps_at_once(&self) -> u32 {
+        self.run.steps_at_once()
+    }
+
+    /// Does the next steps: one on the CPU, several on GPUs, at most `most`.
+    ///
+    /// # Errors
+    /// Returns the error of one rank on all: as [`AnySimulation::advance`](crate::AnySimulation::advance), and the
+    /// communicator's.
+    #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU does several"))]
+    pub fn advance(&mut self, most: u32) -> Result<(), C::Error> {
+        let Self { communicator, run, totals } = self;
+        match run {
+            RankRun::Cpu(run) => run.step(communicator, &totals.occupied)?,
+            #[cfg(feature = "gpu")]
+            RankRun::Gpu(run) => agree(communicator, run.run(most.min(GPU_STEPS)))?,
+        }
         self.add_up();
         Ok(())
     }
 
-    fn advance(&mut self, free: &[u32]) -> Result<Moved, C::Error> {
-        let Self { communicator, run, pair_search, wrapper, .. } = self;
-        if run.collisions.is_some()
-            && let Some(search) = pair_search
-        {
-            // Ranks exchange fewer particles in motion between compact parts of space.
-            search.migrate(communicator, run)?;
-        }
-        let moved = run.advance(free, &mut RankHalo::new(communicator, wrapper))?;
-        if communicator.rank() > 0 {
-            // Every rank knows the collisions of all.
-            run.state.totals.contacts = 0;
-        }
-        Ok(moved)
-    }
-
     fn add_up(&mut self) {
-        let own: Vec<u64> = self.run.state.totals.counts().copied().collect();
+        let own: Vec<u64> = self.run.view().totals().counts().copied().collect();
         let all = self.communicator.all_reduce_sum(&own);
         self.totals.counts_mut().zip(all).for_each(|(count, all)| *count = all);
     }
 
-    fn all_bids(&mut self, moved: &Moved) -> Result<Vec<BindingRequest>, C::Error> {
-        if self.totals.occupied.is_empty() {
-            return Ok(Vec::new());
-        }
-        Ok(self.communicator.all_gather("bids for receptors", &self.run.bids(moved))?.0)
-    }
-
-    fn all_parents(&mut self, splits: &[Dissociated]) -> Result<Vec<u32>, C::Error> {
-        if self.run.dissociation.is_empty() {
-            return Ok(Vec::new());
-        }
-        let own = splits.iter().filter(|split| split.is_parent()).map(|split| split.id);
-        let (mut parents, _) =
-            self.communicator.all_gather("ids of what comes apart", &own.collect::<Vec<_>>())?;
-        parents.sort_unstable();
-        Ok(parents)
-    }
-
     /// Gathers the state on rank 0.
     pub fn gather(&mut self, fields: GatherFields) -> Result<Gathered<'_>, C::Error> {
-        let Self { communicator, run, totals, .. } = self;
+        let Self { communicator, run, totals } = self;
+        let own = run.view();
+        let model = own.model();
+        let mut state = run.without_particles(totals.clone());
         let mut arrivals = Vec::new();
-        if run.model.logs_arrivals {
-            let own = run.arrivals().iter();
-            let own: Vec<_> =
-                own.map(|&Arrival { receiver, species, id, .. }| Arrived { receiver, species, id }).collect();
-            let all = gather(communicator, "arrivals", &own)?.into_iter();
-            let origins = &run.state.origins;
-            arrivals.extend(all.map(|Arrived { receiver, species, id }| Arrival {
+        if model.logs_arrivals {
+            let arrived = |&Arrival { receiver, species, id, step, .. }: &Arrival| Arrived {
                 receiver,
                 species,
                 id,
-                step: run.state.step,
+                step,
+            };
+            let own: Vec<_> = own.arrivals().iter().map(arrived).collect();
+            let all = gather(communicator, "arrivals", &own)?.into_iter();
+            let origins = &state.origins;
+            arrivals.extend(all.map(|Arrived { receiver, species, id, step }| Arrival {
+                receiver,
+                species,
+                id,
+                step,
                 origin: origins.of(id),
             }));
-            arrivals.sort_unstable_by_key(|arrival| arrival.id);
+            arrivals.sort_unstable_by_key(|arrival| (arrival.step, arrival.id));
         }
         let mut received = Vec::new();
         if fields.received {
-            let species = run.model.species.len();
-            let all = communicator.all_reduce_sum(&run.received().concat());
+            let species = model.species.len();
+            let all = communicator.all_reduce_sum(&own.received().concat());
             received = all.chunks(species.max(1)).map(<[u64]>::to_vec).collect();
-            received.resize(run.model.receivers.len(), Vec::new());
+            received.resize(model.receivers.len(), Vec::new());
         }
-        let mut state = run.state.without_particles(totals.clone());
         if fields.particles {
+            let part = agree(communicator, own.state())?;
             let own: Vec<_> =
-                (0..run.state.particles.len() as u32).map(|at| rows::row(&run.state.particles, at)).collect();
+                (0..part.particles.len() as u32).map(|at| rows::row(&part.particles, at)).collect();
             let all = gather(communicator, "particles", &own)?;
-            state.particles = rows::particles(&all, run.model.has_velocity());
-            state.bound = gather(communicator, "what is bound", &run.state.bound)?;
+            state.particles = rows::particles(&all, model.has_velocity());
+            state.bound = gather(communicator, "what is bound", &part.bound)?;
         }
-        Ok(Gathered { model: &run.model, totals, received, arrivals, state })
+        Ok(Gathered { model, totals, received, arrivals, state })
     }
 }
 

@@ -190,7 +190,7 @@ impl Run {
         format!("{name}, seed {}", self.scenario.seed)
     }
 
-    fn steps_to_next(&self, step: u32) -> u32 {
+    pub(crate) fn steps_to_next(&self, step: u32) -> u32 {
         let output = self.scenario.output;
         let frames = (output.xyz || output.npy).then_some(output.frames_every);
         let animated = output.animation.map(|animation| animation.every);

@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use lazygrid::{Algorithm, Backend};
+use lazygrid::{Algorithm, Backend, Config};
 use lazygrid_sim::run::checkpoint::Checkpoint;
 use lazygrid_sim::run::{Run, RunEnd};
 use lazygrid_sim::scenario::Scenario;
@@ -75,8 +75,12 @@ arrivals = true
 "#;
 
 pub(crate) fn run(directory: &Path, steps: u32, resume: bool) -> Run {
+    run_of(SCENARIO, directory, steps, resume)
+}
+
+pub(crate) fn run_of(text: &str, directory: &Path, steps: u32, resume: bool) -> Run {
     let path = directory.join("scenario.toml");
-    let mut scenario = Scenario::parse(&path, SCENARIO.to_owned()).unwrap();
+    let mut scenario = Scenario::parse(&path, text.to_owned()).unwrap();
     scenario.steps = steps;
     scenario.output.animation =
         Some(lazygrid_sim::animation::Animation { every: 5, particles: 100.try_into().unwrap() });
@@ -84,12 +88,17 @@ pub(crate) fn run(directory: &Path, steps: u32, resume: bool) -> Run {
 }
 
 pub(crate) fn go(run: &Run, ranks: u32) {
+    go_on(&on_cpu(), run, ranks);
+}
+
+/// Does a run over ranks with this detector, or in one process if `ranks` is 0.
+pub(crate) fn go_on(detector: &Config, run: &Run, ranks: u32) {
     if ranks == 0 {
         assert_eq!(run.run(|_| ControlFlow::Continue(())).unwrap().0, RunEnd::Finished);
         return;
     }
     for end in threads::on(ranks, |thread| {
-        run.run_distributed(thread, on_cpu(), |_| ControlFlow::Continue(())).map(|done| done.0)
+        run.run_distributed(thread, detector.clone(), |_| ControlFlow::Continue(())).map(|done| done.0)
     }) {
         assert_eq!(end, Ok(RunEnd::Finished));
     }

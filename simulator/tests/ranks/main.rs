@@ -8,6 +8,8 @@ mod adapter;
 mod collisions;
 mod damage;
 mod files;
+#[cfg(feature = "gpu")]
+mod gpus;
 mod models;
 mod refusals;
 mod steps;

@@ -17,10 +17,10 @@ use crate::{on_cpu, threads};
 pub(crate) struct Seen {
     pub(crate) state: State,
     received: Vec<Vec<u64>>,
-    arrivals: Vec<Arrival>,
+    pub(crate) arrivals: Vec<Arrival>,
 }
 
-fn seen(mut state: State, received: Vec<Vec<u64>>, arrivals: &[Arrival]) -> Seen {
+pub(crate) fn seen(mut state: State, received: Vec<Vec<u64>>, arrivals: &[Arrival]) -> Seen {
     state.particles = state.particles.permuted(&state.particles.by_id());
     state.bound.sort_unstable_by_key(|bound| bound.id);
     Seen { state, received, arrivals: arrivals.to_vec() }

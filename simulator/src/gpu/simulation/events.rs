@@ -7,7 +7,6 @@ use crate::gpu::layout::{ControlHeader, EVENT_BYTES, NOTHING};
 use crate::model::particles::Particles;
 use crate::release::ReleaseStep;
 use crate::release::origins::{Arrival, Origin};
-use crate::release::rank_slice::RankSlice;
 
 /// Step, then receiver, species and id of an arrival, or [`NOTHING`], rank and parent's id of a second product.
 pub(super) type Entry = [u32; 4];
@@ -84,7 +83,7 @@ impl GpuSimulation {
             let places = &self.trajectory.places_at(step);
             let (events, key, next_id) = (&self.partial_events, self.key, self.next_id);
             let at = ReleaseStep { events, key, step, next_id, places };
-            released = self.model.release(at, RankSlice::WHOLE)?;
+            released = self.model.release(at, self.slice)?;
         }
         self.next_id = released.next_id;
         self.totals.enter(&released);

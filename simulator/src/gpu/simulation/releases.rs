@@ -9,7 +9,6 @@ use crate::gpu::kernel as k;
 use crate::model::particles::Particles;
 use crate::motion::receiver_state::{Place, move_receivers};
 use crate::release::ReleaseStep;
-use crate::release::rank_slice::RankSlice;
 
 impl GpuSimulation {
     pub(super) fn bursts(&self, steps: u32) -> Result<Vec<Burst>, Error> {
@@ -24,7 +23,7 @@ impl GpuSimulation {
             }
             let (events, key) = (&self.partial_events, self.key);
             let at = ReleaseStep { events, key, step, next_id, places: &places };
-            let released = self.model.release(at, RankSlice::WHOLE)?;
+            let released = self.model.release(at, self.slice)?;
             if released.next_id > next_id {
                 next_id = released.next_id;
                 bursts.push(Burst { step, released });

@@ -46,10 +46,15 @@ impl GpuSimulation {
             bound.push(Bound { id, species, receiver, receptor, direction: [x, y, z] });
         }
         (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), sizes.has_velocity));
+        Ok(State { particles, bound, ..self.without_particles() })
+    }
+
+    /// Returns the state without particles, which the host has.
+    pub(crate) fn without_particles(&self) -> State {
         let Self { step, next_id, .. } = *self;
         let (totals, centers) = (self.totals.clone(), self.centers.clone());
         let origins = self.origins.clone();
-        Ok(State { particles, step, next_id, totals, centers, bound, origins })
+        State { step, next_id, totals, centers, origins, ..State::default() }
     }
 
     pub(super) fn upload(&self, state: &State) -> Result<(), Error> {

@@ -1,0 +1,98 @@
+//! A rank's particles on the CPU, with the exchanges of a step.
+
+use lazygrid::{Algorithm, Config};
+use lazygrid_ranks::{Communicator, SphereWrapper};
+
+use super::agree;
+use super::halo::RankHalo;
+use super::pair_search::RankPairSearch;
+use crate::motion::binding::{self, BindingRequest};
+use crate::reaction::dissociation::Dissociated;
+use crate::release::rank_slice::RankSlice;
+use crate::run::simulation::Moved;
+use crate::{Error, Model, Simulation, State};
+
+#[derive(Debug)]
+pub(super) struct CpuRun {
+    pub(super) simulation: Simulation,
+    pair_search: Option<RankPairSearch>,
+    wrapper: SphereWrapper,
+}
+
+impl CpuRun {
+    pub(super) fn new(
+        model: Model,
+        seed: u64,
+        detector: Config,
+        state: State,
+        [rank, ranks]: [u32; 2],
+    ) -> Result<Self, Error> {
+        let wrapper = SphereWrapper::new(model.boundary.space()?, None);
+        let simulation = Simulation::resume(model, seed, Algorithm::Auto, state)?;
+        let pair_search = RankPairSearch::of(&simulation.model, detector, rank, ranks)?;
+        Ok(Self { simulation, pair_search, wrapper })
+    }
+
+    /// Does a step. `occupied` counts the receptors of all ranks.
+    pub(super) fn step<C: Communicator>(
+        &mut self,
+        communicator: &mut C,
+        occupied: &[u64],
+    ) -> Result<(), C::Error> {
+        let free = binding::free(&self.simulation.model, occupied);
+        let moved = self.advance(communicator, &free)?;
+        let bids = self.all_bids(communicator, &moved)?;
+        let rejected = self.simulation.requests.reject(bids, &free);
+        self.simulation.apply_events(&moved, &rejected);
+        let Self { simulation, pair_search, .. } = self;
+        let interact = |search: &mut RankPairSearch| search.interact(communicator, simulation);
+        let outcomes = pair_search.as_mut().map_or_else(|| Ok(Vec::new()), interact)?;
+        let splits = self.simulation.splits();
+        let parents = self.all_parents(communicator, &splits)?;
+        let slice = RankSlice::new(communicator.rank(), communicator.ranks());
+        let concluded = self.simulation.conclude(&outcomes, &splits, &parents);
+        agree(communicator, concluded.and_then(|()| self.simulation.finish(&moved, slice)))
+    }
+
+    fn advance<C: Communicator>(&mut self, communicator: &mut C, free: &[u32]) -> Result<Moved, C::Error> {
+        let Self { simulation, pair_search, wrapper } = self;
+        if simulation.collisions.is_some()
+            && let Some(search) = pair_search
+        {
+            // Ranks exchange fewer particles in motion between compact parts of space.
+            search.migrate(communicator, simulation)?;
+        }
+        let moved = simulation.advance(free, &mut RankHalo::new(communicator, wrapper))?;
+        if communicator.rank() > 0 {
+            // Every rank knows the collisions of all.
+            simulation.state.totals.contacts = 0;
+        }
+        Ok(moved)
+    }
+
+    fn all_bids<C: Communicator>(
+        &self,
+        communicator: &mut C,
+        moved: &Moved,
+    ) -> Result<Vec<BindingRequest>, C::Error> {
+        if self.simulation.state.totals.occupied.is_empty() {
+            return Ok(Vec::new());
+        }
+        Ok(communicator.all_gather("bids for receptors", &self.simulation.bids(moved))?.0)
+    }
+
+    fn all_parents<C: Communicator>(
+        &self,
+        communicator: &mut C,
+        splits: &[Dissociated],
+    ) -> Result<Vec<u32>, C::Error> {
+        if self.simulation.dissociation.is_empty() {
+            return Ok(Vec::new());
+        }
+        let own = splits.iter().filter(|split| split.is_parent()).map(|split| split.id);
+        let (mut parents, _) =
+            communicator.all_gather("ids of what comes apart", &own.collect::<Vec<_>>())?;
+        parents.sort_unstable();
+        Ok(parents)
+    }
+}
