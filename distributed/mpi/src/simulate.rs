@@ -22,8 +22,9 @@ pub struct Simulated {
 /// directory. `watch` gets the completed steps on every rank; a break on one stops all. Ranks compute in the caller's
 /// rayon pool, and send from the calling thread.
 ///
-/// [`Run::backend`] is where each rank finds its pairs, as for [`Config::backend`]; it may differ between ranks.
-/// Particles move on the CPU.
+/// [`Run::backend`] selects the backend of each rank, as for [`Config::backend`]; it may differ between ranks. If all ranks
+/// use GPUs and the model has no reactions, contacts, receptors and dissociations, particles move on the GPUs. Otherwise
+/// they move on the CPU, and GPUs find pairs.
 ///
 /// # Errors
 /// [`Error::Input`] with the simulator's message.

@@ -2,8 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::Command;
+
+use lazygrid::Backend;
+use lazygrid_sim::run::Run;
+use lazygrid_sim::scenario::Scenario;
 
 /// Returns `false` without a GPU, which it reports.
 fn has_gpu() -> bool {
@@ -65,4 +70,28 @@ fn simulations_over_ranks_with_gpus_are_those_of_the_cpu() {
     let [cpu, gpu] = ["cpu", "gpu"].map(series);
     let pairs = cpu.lines().last().unwrap().rsplit(',').nth(1).unwrap();
     assert!(cpu == gpu && pairs.parse::<u32>().unwrap() > 1000, "{cpu}{gpu}");
+}
+
+#[test]
+fn particles_on_the_gpus_of_ranks_equal_one_process_on_a_gpu() {
+    if !has_gpu() {
+        return;
+    }
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../simulator/scenarios/vessel.toml");
+    let directory = tempfile::tempdir().unwrap();
+    let [one, ranks] = ["one", "ranks"].map(|name| directory.path().join(name));
+    let mut scenario = Scenario::read(&path).unwrap();
+    scenario.steps = 2000;
+    let run = Run { backend: Backend::Gpu, ..Run::new(scenario, &path, &one) };
+    let (_, simulation) = run.run(|_| ControlFlow::Continue(())).unwrap();
+    let summary = Run { directory: ranks.clone(), ..run.clone() }.summary(&simulation);
+    let paths = [path.to_str().unwrap(), "-o", ranks.to_str().unwrap(), "--steps", "2000"];
+    let said = on_two_ranks(&[&["simulate", "--backend", "gpu", "--threads", "1"], &paths[..]].concat());
+    assert_eq!(said, summary);
+    for name in ["series.csv", "arrivals.csv"] {
+        let [expected, found] = [&one, &ranks].map(|of| std::fs::read_to_string(of.join(name)).unwrap());
+        assert!(expected.len() > 200 && found == expected, "{name}");
+    }
+    let checkpoint = lazygrid_sim::run::checkpoint::Checkpoint::read(&ranks.join("checkpoint")).unwrap();
+    assert_eq!(checkpoint.backend, Backend::Gpu.name());
 }
