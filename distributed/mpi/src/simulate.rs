@@ -23,8 +23,8 @@ pub struct Simulated {
 /// rayon pool, and send from the calling thread.
 ///
 /// [`Run::backend`] selects the backend of each rank, as for [`Config::backend`]; it may differ between ranks. If all ranks
-/// use GPUs and the model has no reactions, contacts, receptors and dissociations, particles move on the GPUs. Otherwise
-/// they move on the CPU, and GPUs find pairs.
+/// use GPUs and the model has no reactions and contacts, particles move on the GPUs. Otherwise they move on the CPU, and
+/// GPUs find pairs.
 ///
 /// # Errors
 /// [`Error::Input`] with the simulator's message.

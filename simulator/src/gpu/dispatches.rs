@@ -14,7 +14,9 @@ use super::tables::Tables;
 use crate::Error;
 
 mod contact;
+mod motion;
 use contact::{CollisionStages, separation_stages};
+use motion::MotionStages;
 
 #[derive(Debug)]
 pub(super) struct RunBuffers {
@@ -177,7 +179,7 @@ pub(super) struct StepDispatches {
     buffers: HashMap<&'static str, wgpu::Buffer>,
     begin: Vec<Stage>,
     collisions: CollisionStages,
-    before: Vec<Stage>,
+    motion: MotionStages,
     /// From pairs to candidates; empty without a detector.
     sampling: Vec<Stage>,
     matching: Vec<Stage>,
@@ -232,22 +234,11 @@ impl StepDispatches {
         buffers.insert("output_order", buffers[output_order].clone());
         buffers.insert("order", order.unwrap_or_else(|| buffers["species_rows"].clone()));
         let (limits, counts_inside) = (run.limits, run.counts_inside);
-        let (reflects, receptors, dissociates) = (run.reflects, run.receptors, run.dissociates);
+        let dissociates = run.dissociates;
+        let motion = MotionStages::new(run, |name| buffers[name].clone())?;
         let mut stage =
             |kernel: &'static Kernel, groups: Groups| run.stage(kernel, groups, |name| buffers[name].clone());
         let begin = vec![stage(&k::STEP_BEGIN, Groups::Fixed(1))?];
-        let mut before = Vec::new();
-        if receptors > 0 {
-            before.push(stage(&k::RECEPTORS_RESET, Groups::Fixed(1))?);
-            before.push(stage(&k::RECEPTORS_COUNT_BOUND, Groups::Particles)?);
-        }
-        let moving = if reflects { &k::PARTICLES_MOVE_REFLECTING } else { &k::PARTICLES_MOVE };
-        before.push(stage(moving, Groups::Particles)?);
-        if receptors > 0 {
-            before.push(stage(&k::RECEPTORS_SCAN_REQUESTS, Groups::Fixed(1))?);
-            before.push(stage(&k::RECEPTORS_GROUP_REQUESTS, Groups::Particles)?);
-            before.push(stage(&k::RECEPTORS_SELECT, Groups::Fixed(receptors))?);
-        }
         let mut after = vec![
             stage(&k::SURVIVORS_COUNT, Groups::Particles)?,
             stage(&k::SURVIVORS_SCAN, Groups::Fixed(1))?,
@@ -281,7 +272,7 @@ impl StepDispatches {
             buffers,
             begin,
             collisions,
-            before,
+            motion,
             sampling,
             matching,
             separation,
@@ -310,10 +301,6 @@ impl StepDispatches {
         particles: u32,
     ) {
         self.encode(encoder, burst.into_iter().chain(&self.begin), particles);
-    }
-
-    pub(super) fn encode_motion(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
-        self.encode(encoder, self.collisions.land.iter().chain(&self.before), particles);
     }
 
     pub(super) fn encode_after(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {

@@ -30,3 +30,4 @@ mod tests;
 pub(crate) use model_check::check;
 pub use plan::GpuOptions;
 pub use simulation::GpuSimulation;
+pub(crate) use simulation::ReceptorRequests;

@@ -1,9 +1,8 @@
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSpheres, SphereCount, wgpu};
 
 use super::detectors::Detectors;
-use super::device::{read, with_error_scope};
 use super::dispatches::{RunBuffers, StepDispatches};
-use super::layout::{ControlHeader, ReceiverCellsHeader};
+use super::layout::ReceiverCellsHeader;
 use super::ligand_rows::LigandRow;
 use super::model_check::check;
 use super::plan::{GpuOptions, MAX_BIRTHS, MAX_LOOP_ITERATIONS, Sizes, grown, steps_per_readback};
@@ -24,10 +23,15 @@ use crate::{Error, State, Totals};
 mod events;
 mod flow;
 mod overflow;
+mod readback;
 mod receivers;
 mod releases;
+mod shared_step;
 mod tallies;
 mod transfer;
+
+use readback::Readback;
+pub(crate) use shared_step::ReceptorRequests;
 
 /// A run on a GPU.
 ///
@@ -174,7 +178,8 @@ impl GpuSimulation {
         };
         simulation.buffers.upload_trajectory(&simulation.trajectory, simulation.cells)?;
         simulation.upload(state)?;
-        simulation.readback(simulation.encoder(), alive, &[])?;
+        let read = simulation.read(simulation.encoder(), alive)?;
+        simulation.record(read, &[], None)?;
         Ok(simulation)
     }
 
@@ -236,27 +241,35 @@ impl GpuSimulation {
         self.arrivals.clear();
         let end = self.step.saturating_add(steps);
         while self.step < end {
-            let most = (end - self.step).min(max_steps(&self.model)).min(self.steps_per_readback());
-            let most = self.steps_of_flow(most);
-            let bursts = self.bursts(most)?;
-            // Dissociations change the ids of later releases.
-            let most = match bursts.first() {
-                Some(burst) if self.tables.dissociates() => burst.step - self.step,
-                _ => most,
-            };
-            let added =
-                bursts.iter().map(|burst| burst.released.particles.len()).sum::<usize>() + self.due.len();
             let step = self.step;
-            let at_step = |error| match error {
-                Error::Detection(source) => Error::Step { step, source },
-                other => other,
-            };
-            self.reserve(self.alive.saturating_add(added as u32)).map_err(at_step)?;
-            // More capacity leaves fewer steps until a tally may overflow.
-            let head = self.submit(most.min(self.steps_per_readback()), &bursts)?;
-            self.recover(head).map_err(at_step)?;
+            let (read, bursts) = self.run_batch(end - step)?;
+            let head = read.head;
+            self.record(read, &bursts, None)?;
+            self.recover(head).map_err(|error| error_at(step, error))?;
         }
         Ok(())
+    }
+
+    /// Runs a batch of at most `most` steps, and reads back. The results are not recorded yet.
+    fn run_batch(&mut self, most: u32) -> Result<(Readback, Vec<Burst>), Error> {
+        let most = most.min(max_steps(&self.model)).min(self.steps_per_readback());
+        let most = self.steps_of_flow(most);
+        let bursts = self.bursts(most)?;
+        // Dissociations change the ids of later releases.
+        let most = match bursts.first() {
+            Some(burst) if self.tables.dissociates() => burst.step - self.step,
+            _ => most,
+        };
+        self.reserve_for(&bursts)?;
+        // More capacity leaves fewer steps until a tally may overflow.
+        let read = self.submit(most.min(self.steps_per_readback()), &bursts)?;
+        Ok((read, bursts))
+    }
+
+    fn reserve_for(&mut self, bursts: &[Burst]) -> Result<(), Error> {
+        let added = bursts.iter().map(|burst| burst.released.particles.len()).sum::<usize>() + self.due.len();
+        let reserved = self.reserve(self.alive.saturating_add(added as u32));
+        reserved.map_err(|error| error_at(self.step, error))
     }
 
     pub(super) fn check_state(&self) -> Result<(), Error> {
@@ -272,19 +285,22 @@ impl GpuSimulation {
         if self.steps.sizes.near > 0 { most.min(MAX_STEPS_WITH_COLLISIONS) } else { most }
     }
 
-    fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<ControlHeader, Error> {
+    fn submit(&mut self, steps: u32, bursts: &[Burst]) -> Result<Readback, Error> {
         self.prepare_receivers(steps)?;
         self.prepare_flow()?;
         let mut submissions = Submissions::new(self.buffers.own.clone());
         let recorded = self.encode_steps(&mut submissions, steps, bursts);
         let is_ahead = recorded.is_ok() || submissions.has_submitted();
-        let head = recorded.and_then(|particles| self.readback(submissions.finish(), particles, bursts));
-        if let Err(error) = &head
-            && is_ahead
-        {
+        let read = recorded.and_then(|particles| self.read(submissions.finish(), particles));
+        if is_ahead { self.or_fail(read) } else { read }
+    }
+
+    /// Returns a result after the submission of steps, and remembers an error.
+    fn or_fail<T>(&mut self, result: Result<T, Error>) -> Result<T, Error> {
+        if let Err(error) = &result {
             self.failure = Some(error.to_string());
         }
-        head
+        result
     }
 
     /// Returns an upper bound of the number of particles at the end.
@@ -341,56 +357,11 @@ impl GpuSimulation {
         }
         Ok(())
     }
+}
 
-    fn readback(
-        &mut self,
-        mut encoder: wgpu::CommandEncoder,
-        particles: u32,
-        bursts: &[Burst],
-    ) -> Result<ControlHeader, Error> {
-        self.steps.encode_census(&mut encoder, particles);
-        let tallies = self.tables.tallies.len();
-        let head_bytes = size_of::<ControlHeader>();
-        let parts = [
-            (self.buffers.buffer("control"), (head_bytes + 8 * tallies) as u64),
-            (self.buffers.buffer("inside"), 4 * tallies as u64),
-            (self.buffers.buffer("log"), 8 * u64::from(super::plan::LOG_ROWS)),
-        ];
-        let read = read(&self.buffers.own, encoder, &parts)?;
-        let head: ControlHeader = bytemuck::pod_read_unaligned(&read[0][..head_bytes]);
-        let counts: Vec<u32> = bytemuck::pod_collect_to_vec(&read[0][head_bytes + 4 * tallies..]);
-        let inside: Vec<u32> = bytemuck::pod_collect_to_vec(&read[1]);
-        let log: Vec<u64> = bytemuck::pod_collect_to_vec(&read[2]);
-        let events = self.read_events(head.committed_events)?;
-        self.alive = head.alive;
-        self.centers = self.trajectory.centers_at(head.done).to_vec();
-        self.record_steps(bursts, head, &events)?;
-        self.add_tallies(&counts);
-        self.inside = inside
-            .chunks(self.tables.tallies.species.max(1))
-            .take(self.tables.tallies.receivers)
-            .map(|row| row.iter().map(|&count| count.into()).collect())
-            .collect();
-        let pairs = &log[..head.logged as usize];
-        self.totals.pairs = pairs.last().copied().unwrap_or(self.totals.pairs);
-        if self.steps.sizes.near > 0 {
-            self.totals.contacts = head.committed_contacts.into();
-        }
-        self.pairs.extend_from_slice(pairs);
-        let control = self.buffers.buffer("control");
-        let zeros = vec![0u32; tallies];
-        let queue = &self.buffers.own.queue;
-        with_error_scope(&self.buffers.own, "counts", 0, || {
-            queue.write_buffer(control, std::mem::offset_of!(ControlHeader, logged) as u64, &[0; 4]);
-            queue.write_buffer(
-                control,
-                std::mem::offset_of!(ControlHeader, committed_events) as u64,
-                &[0; 4],
-            );
-            let next_id = self.next_id.to_le_bytes();
-            queue.write_buffer(control, std::mem::offset_of!(ControlHeader, next_id) as u64, &next_id);
-            queue.write_buffer(control, (head_bytes + 4 * tallies) as u64, bytemuck::cast_slice(&zeros));
-        })?;
-        Ok(head)
+fn error_at(step: u32, error: Error) -> Error {
+    match error {
+        Error::Detection(source) => Error::Step { step, source },
+        other => other,
     }
 }

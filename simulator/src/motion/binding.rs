@@ -104,6 +104,16 @@ pub(crate) struct BindingRequest {
 }
 
 impl BindingRequest {
+    #[cfg(feature = "gpu")]
+    pub(crate) fn new(receptor: u32, rank: u32, id: u32) -> Self {
+        Self { receptor, rank, id }
+    }
+
+    #[cfg(feature = "gpu")]
+    pub(crate) fn id(self) -> u32 {
+        self.id
+    }
+
     /// Returns the index of the receptor type among those of all receivers.
     pub(crate) fn receptor(self) -> usize {
         self.receptor as usize

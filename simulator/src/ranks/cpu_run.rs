@@ -48,7 +48,7 @@ impl CpuRun {
         let interact = |search: &mut RankPairSearch| search.interact(communicator, simulation);
         let outcomes = pair_search.as_mut().map_or_else(|| Ok(Vec::new()), interact)?;
         let splits = self.simulation.splits();
-        let parents = self.all_parents(communicator, &splits)?;
+        let parents = self.parents(communicator, &splits)?;
         let slice = RankSlice::new(communicator.rank(), communicator.ranks());
         let concluded = self.simulation.conclude(&outcomes, &splits, &parents);
         agree(communicator, concluded.and_then(|()| self.simulation.finish(&moved, slice)))
@@ -81,7 +81,7 @@ impl CpuRun {
         Ok(communicator.all_gather("bids for receptors", &self.simulation.bids(moved))?.0)
     }
 
-    fn all_parents<C: Communicator>(
+    fn parents<C: Communicator>(
         &self,
         communicator: &mut C,
         splits: &[Dissociated],
@@ -90,9 +90,13 @@ impl CpuRun {
             return Ok(Vec::new());
         }
         let own = splits.iter().filter(|split| split.is_parent()).map(|split| split.id);
-        let (mut parents, _) =
-            communicator.all_gather("ids of what comes apart", &own.collect::<Vec<_>>())?;
-        parents.sort_unstable();
-        Ok(parents)
+        all_parents(communicator, &own.collect::<Vec<_>>())
     }
+}
+
+/// Returns the ascending ids of all ranks' particles that dissociate into two. Collective.
+pub(super) fn all_parents<C: Communicator>(communicator: &mut C, own: &[u32]) -> Result<Vec<u32>, C::Error> {
+    let (mut parents, _) = communicator.all_gather("ids of what comes apart", own)?;
+    parents.sort_unstable();
+    Ok(parents)
 }

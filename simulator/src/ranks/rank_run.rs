@@ -5,18 +5,15 @@ use lazygrid_ranks::Communicator;
 
 use super::cpu_run::CpuRun;
 #[cfg(feature = "gpu")]
-use crate::gpu::GpuSimulation;
-use crate::reaction::dissociation::Dissociation;
+use super::gpu_run::GpuRun;
 use crate::release::rank_slice::RankSlice;
-#[cfg(feature = "gpu")]
-use crate::run::any;
 use crate::{Contact, Error, Model, RunView, State, Totals};
 
 #[derive(Debug)]
 pub(super) enum RankRun {
     Cpu(Box<CpuRun>),
     #[cfg(feature = "gpu")]
-    Gpu(Box<GpuSimulation>),
+    Gpu(Box<GpuRun>),
 }
 
 impl RankRun {
@@ -28,11 +25,7 @@ impl RankRun {
         state: &State,
         slice: RankSlice,
     ) -> Result<Self, Error> {
-        let shared = || detector.shared_device(lazygrid::gpu::SoftwareAdapter::Allow);
-        let device = any::open_device(state.particles.len() as u64, shared)?;
-        let options = crate::gpu::GpuOptions::default();
-        let run = GpuSimulation::resume_slice(model, seed, (device, options), state, slice)?;
-        Ok(Self::Gpu(Box::new(run)))
+        GpuRun::new(model, seed, detector, state, slice).map(Box::new).map(Self::Gpu)
     }
 
     #[cfg(not(feature = "gpu"))]
@@ -44,7 +37,7 @@ impl RankRun {
         match self {
             Self::Cpu(run) => &run.simulation,
             #[cfg(feature = "gpu")]
-            Self::Gpu(run) => &**run,
+            Self::Gpu(run) => &run.simulation,
         }
     }
 
@@ -61,7 +54,7 @@ impl RankRun {
         match self {
             Self::Cpu(_) => 1,
             #[cfg(feature = "gpu")]
-            Self::Gpu(_) => any::GPU_STEPS,
+            Self::Gpu(run) => run.steps_at_once(),
         }
     }
 
@@ -70,7 +63,7 @@ impl RankRun {
         match self {
             Self::Cpu(run) => run.simulation.state.without_particles(totals),
             #[cfg(feature = "gpu")]
-            Self::Gpu(run) => State { totals, ..run.without_particles() },
+            Self::Gpu(run) => State { totals, ..run.simulation.without_particles() },
         }
     }
 
@@ -78,7 +71,7 @@ impl RankRun {
         match self {
             Self::Cpu(run) => run.simulation.requests.warnings(&run.simulation.model),
             #[cfg(feature = "gpu")]
-            Self::Gpu(run) => run.requests().warnings(run.model()),
+            Self::Gpu(run) => run.requests.warnings(run.simulation.model()),
         }
     }
 }
@@ -104,12 +97,7 @@ pub(super) fn moves_on_gpus<C: Communicator>(communicator: &mut C, model: &Model
 
 /// Returns the reason why particles of this model do not move on the GPUs of ranks.
 fn obstacle(model: &Model) -> Option<String> {
-    let common = [
-        (!model.reactions.is_empty(), "reactions"),
-        (model.contact != Contact::Ignore, "contacts"),
-        (model.receptor_types().next().is_some(), "receptors"),
-        (!Dissociation::new(model).is_empty(), "dissociations"),
-    ];
+    let common = [(!model.reactions.is_empty(), "reactions"), (model.contact != Contact::Ignore, "contacts")];
     let found = common.into_iter().find(|&(has, _)| has);
     let found = found.map(|(_, what)| format!("ranks decide on {what} together in each step"));
     found.or_else(|| without_kernels(model))

@@ -10,8 +10,6 @@ use super::cpu_run::CpuRun;
 use super::rank_run::{RankRun, moves_on_gpus};
 use super::{Gathered, agree, rows};
 use crate::release::rank_slice::RankSlice;
-#[cfg(feature = "gpu")]
-use crate::run::any::GPU_STEPS;
 use crate::{Arrival, Error, Model, State, Totals};
 
 /// One rank's part of a run.
@@ -46,7 +44,7 @@ impl<C: Communicator> RankSimulation<C> {
     /// the model gives the space and the interactions.
     ///
     /// Particles move on the GPUs of all ranks if every `detector` [requires one](Config::requires_gpu), and if the model
-    /// has kernels and no reactions, contacts, receptors and dissociations. Otherwise they move on the CPU.
+    /// has kernels and no reactions and contacts. Otherwise they move on the CPU.
     ///
     /// # Errors
     /// On every rank, those of the first that fails: as [`Simulation::new`](crate::Simulation::new), [`Detector::new`](lazygrid::Detector::new), and
@@ -153,7 +151,7 @@ impl<C: Communicator> RankSimulation<C> {
         self.run.steps_at_once()
     }
 
-    /// Does the next steps: one on the CPU, several on GPUs, at most `most`.
+    /// Does the next steps: several on GPUs, at most `most`, but one on the CPU or if particles dissociate or bind.
     ///
     /// # Errors
     /// Returns the error of one rank on all: as [`AnySimulation::advance`](crate::AnySimulation::advance), and the
@@ -164,7 +162,7 @@ impl<C: Communicator> RankSimulation<C> {
         match run {
             RankRun::Cpu(run) => run.step(communicator, &totals.occupied)?,
             #[cfg(feature = "gpu")]
-            RankRun::Gpu(run) => agree(communicator, run.run(most.min(GPU_STEPS)))?,
+            RankRun::Gpu(run) => run.advance(communicator, most, &totals.occupied)?,
         }
         self.add_up();
         Ok(())

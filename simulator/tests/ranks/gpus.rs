@@ -1,30 +1,25 @@
 //! Ranks whose particles move on GPUs, against one process on a GPU, which they equal bit for bit, and the CPU.
 
-use std::ops::ControlFlow;
-
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid::{Backend, Config};
 use lazygrid_ranks::Communicator;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::model::receiver::WallFace;
 use lazygrid_sim::ranks::{GatherFields, RankSimulation};
-use lazygrid_sim::run::RunEnd;
-use lazygrid_sim::run::checkpoint::Checkpoint;
 use lazygrid_sim::{
-    Axis, Contact, Decay, Flow, Membrane, MembraneSurface, Model, Receiver, ReceiverKind, RunView, Species,
-    Transmitter,
+    Axis, Contact, Decay, Flow, Membrane, MembraneSurface, Model, Receiver, ReceiverKind, ReceptorType,
+    RunView, Shape, Species, Transmitter,
 };
 
-use crate::files::{files, go, go_on, run_of, state};
 use crate::models::{Parts, everything, model};
 use crate::steps::{Seen, alone, seen};
 use crate::{on_cpu, threads};
 
-fn device() -> Option<GpuDevice> {
+pub(crate) fn device() -> Option<GpuDevice> {
     crate::adapter::or_skip(GpuDevice::shared(SoftwareAdapter::Allow))
 }
 
-fn on_gpu() -> Config {
+pub(crate) fn on_gpu() -> Config {
     Config::default().backend(Backend::Gpu)
 }
 
@@ -100,8 +95,16 @@ fn over_gpus(ranks: u32, model: &Model, seed: u64, batches: &[u32]) -> Vec<Seen>
         };
         let mut all = vec![look(&mut run)];
         for &steps in batches {
-            run.advance(steps).unwrap();
-            all.push(look(&mut run));
+            // Arrivals are those of the last call, which does one step if particles dissociate.
+            let (end, mut arrivals) = (run.step_count() + steps, Vec::new());
+            while run.step_count() < end {
+                run.advance(end - run.step_count()).unwrap();
+                let mut seen = look(&mut run);
+                arrivals.append(&mut seen.arrivals);
+                if run.step_count() == end {
+                    all.push(Seen { arrivals: std::mem::take(&mut arrivals), ..seen });
+                }
+            }
         }
         all
     });
@@ -110,20 +113,23 @@ fn over_gpus(ranks: u32, model: &Model, seed: u64, batches: &[u32]) -> Vec<Seen>
 
 /// Compares runs over 1, 2 and 3 ranks with one process on the GPU, and their counts with those of the CPU.
 fn compare(own: &GpuDevice, model: &Model, seed: u64) -> Seen {
-    let batches = [1, 4, 15, 10];
-    let expected = alone_on_gpu(own, model, seed, &batches);
+    let last = compare_gpus(own, model, seed, &[1, 4, 15, 10]);
+    let on_cpu = alone(model, seed, 30).pop().unwrap();
+    assert_eq!((&last.state.totals, last.state.next_id), (&on_cpu.state.totals, on_cpu.state.next_id));
+    last
+}
+
+fn compare_gpus(own: &GpuDevice, model: &Model, seed: u64, batches: &[u32]) -> Seen {
+    let expected = alone_on_gpu(own, model, seed, batches);
     for ranks in [1, 2, 3] {
-        let found = over_gpus(ranks, model, seed, &batches);
+        let found = over_gpus(ranks, model, seed, batches);
         for (batch, (found, expected)) in found.iter().zip(&expected).enumerate() {
             assert_eq!(found.state.totals, expected.state.totals, "{ranks} ranks after batch {batch}");
             assert!(found == expected, "{ranks} ranks differ after batch {batch}");
         }
         assert_eq!(found.len(), expected.len());
     }
-    let last = expected.into_iter().next_back().unwrap();
-    let on_cpu = alone(model, seed, 30).pop().unwrap();
-    assert_eq!((&last.state.totals, last.state.next_id), (&on_cpu.state.totals, on_cpu.state.next_id));
-    last
+    expected.into_iter().next_back().unwrap()
 }
 
 #[test]
@@ -150,6 +156,63 @@ fn walls_flow_and_membranes_on_the_gpus_of_ranks_equal_one_gpu() {
 }
 
 #[test]
+fn dissociations_on_the_gpus_of_ranks_equal_one_gpu() {
+    let Some(own) = device() else { return };
+    let mut model = Model { decays: model(&everything()).decays, ..independent() };
+    let half = Decay { reactant: 0, products: [Some(1), Some(1)], rate: 1.0, ..Decay::default() };
+    model.decays.push(half);
+    for logs_arrivals in [true, false] {
+        let model = Model { logs_arrivals, ..model.clone() };
+        let last = compare(&own, &model, 9);
+        let totals = &last.state.totals;
+        assert!(totals.decayed[2..].iter().all(|&count| count > 20), "{totals:?}");
+        assert!(u64::from(last.state.next_id) > totals.released.iter().sum::<u64>() + 40, "{totals:?}");
+    }
+}
+
+/// Most requests are refused: the types have 3 and 2 receptors.
+#[test]
+fn receptors_on_the_gpus_of_ranks_equal_one_gpu() {
+    let Some(own) = device() else { return };
+    let receivers = model(&Parts { receivers: [1, 2, 2], ..everything() }).receivers;
+    let mut model = Model { receivers, ..independent() };
+    let centers = [[5.0, 5.0, 7.9], [2.2, 1.0, 1.0]];
+    for (receiver, center) in model.receivers[1..].iter_mut().zip(centers) {
+        receiver.center = center;
+    }
+    let last = compare(&own, &model, 10);
+    let totals = &last.state.totals;
+    assert!(totals.occupied.iter().sum::<u64>() > 3 && last.state.bound.len() > 3, "{totals:?}");
+    for receiver in &mut model.receivers {
+        if let ReceiverKind::Receptors(kinds) = &mut receiver.kind {
+            kinds.iter_mut().for_each(|kind| kind.count *= 1000);
+        }
+    }
+    assert!(compare(&own, &model, 11).state.bound.len() > 20);
+}
+
+/// On 1 and 2 ranks, the second products of a step exceed the initial capacity of 4096.
+#[test]
+fn steps_repeated_with_more_capacity_equal_one_gpu() {
+    let Some(own) = device() else { return };
+    let mut model = independent();
+    let receptors = vec![ReceptorType::new(20, 500.0, 3.0, [0, 1])];
+    model.receivers = vec![Receiver {
+        name: "cell".into(),
+        center: [5.0; 3],
+        radius: 0.5,
+        kind: ReceiverKind::Receptors(receptors),
+        sees: vec![true; 4],
+        ..Receiver::default()
+    }];
+    model.decays.push(Decay { reactant: 2, products: [Some(0), Some(1)], rate: 60.0, ..Decay::default() });
+    let shell = Transmitter { release: vec![(2, 20_000)], ..model.transmitters[0].clone() };
+    model.transmitters = vec![Transmitter { shape: Shape::Shell(0.6, 2.0), ..shell }];
+    let state = compare_gpus(&own, &model, 12, &[1, 4]).state;
+    assert!(state.totals.decayed[2] > 10_000 && state.bound.len() == 20, "{:?}", state.totals);
+}
+
+#[test]
 fn velocities_on_the_gpus_of_ranks_equal_one_gpu() {
     let Some(own) = device() else { return };
     let mut model = independent();
@@ -167,21 +230,13 @@ fn ranks_without_particles_on_gpus_equal_one_gpu() {
 }
 
 #[test]
-fn particles_move_on_the_cpu_if_ranks_depend_on_each_other_or_lack_a_gpu() {
+fn particles_that_react_touch_or_lack_a_gpu_move_on_the_cpu() {
     let Some(_) = device() else { return };
     let reactions = Model { reactions: model(&everything()).reactions, ..independent() };
-    let splits = Model { decays: model(&everything()).decays, ..independent() };
     let contacts = Model { contact: Contact::Count, ..independent() };
-    let receptors = Model { receivers: model(&everything()).receivers, ..independent() };
     let mut drifting = independent();
     drifting.receivers.last_mut().unwrap().velocity = [900.0, 0.0, 0.0];
-    for (name, model) in [
-        ("reactions", reactions),
-        ("splits", splits),
-        ("contacts", contacts),
-        ("receptors", receptors),
-        ("drift", drifting),
-    ] {
+    for (name, model) in [("reactions", reactions), ("contacts", contacts), ("drift", drifting)] {
         assert!(backends(&model, |_| on_gpu()) == [Backend::Cpu; 2], "{name}");
     }
     assert_eq!(
@@ -234,135 +289,4 @@ fn failure_on_the_gpu_of_one_rank_is_returned_on_all() {
     broken.species[0].diffusion = -1.0;
     let said = threads::on(2, |thread| RankSimulation::new(thread, broken.clone(), 1, on_gpu()).map(|_| ()));
     assert!(said[0].is_err() && said[0] == said[1], "{said:?}");
-}
-
-const SCENARIO: &str = r#"
-time-step = 0.01
-steps = 90
-seed = 7
-
-[boundary]
-kind = "periodic"
-low = [0, 0, 0]
-high = [8, 8, 8]
-
-[[species]]
-name = "a"
-radius = 0.1
-diffusion = 4
-
-[[species]]
-name = "b"
-radius = 0.2
-diffusion = 2
-
-[[decay]]
-equation = "a -> b"
-rate = 2
-
-[[decay]]
-equation = "b ->"
-rate = 1
-
-[[transmitter]]
-name = "source"
-center = [4, 4, 4]
-times = [0, 0.2, 0.75]
-shape = { kind = "ball", radius = 2 }
-release = [{ species = "a", count = 200 }, { species = "b", count = 101 }]
-
-[[transmitter]]
-name = "spring"
-center = [3, 4, 5]
-release = [{ species = "a", rate = 300 }]
-
-[[receiver]]
-name = "sink"
-center = [6, 4, 4]
-radius = 1
-kind = "absorbing"
-species = ["a"]
-
-[[receiver]]
-name = "window"
-center = [2, 4, 4]
-radius = 1.5
-kind = "transparent"
-
-[output]
-every = 15
-frames-every = 30
-frames = ["xyz", "npy"]
-arrivals = true
-"#;
-
-#[test]
-fn files_of_ranks_on_gpus_equal_one_gpu() {
-    if device().is_none() {
-        return;
-    }
-    let run = |directory: &tempfile::TempDir, steps, resume| {
-        let run = run_of(SCENARIO, directory.path(), steps, resume);
-        lazygrid_sim::run::Run { backend: Backend::Gpu, ..run }
-    };
-    let alone = tempfile::tempdir().unwrap();
-    go(&run(&alone, 90, false), 0);
-    let expected = files(alone.path());
-    assert!(expected["arrivals.csv"].len() > 1000, "{:?}", expected.keys());
-    // Numbers of ranks up to steps 37, 64 and 90; 0 is one process.
-    for numbers in [[1, 1, 1], [2, 3, 0], [0, 3, 2]] {
-        let over = tempfile::tempdir().unwrap();
-        for (k, (ranks, steps)) in numbers.into_iter().zip([37, 64, 90]).enumerate() {
-            go_on(&on_gpu(), &run(&over, steps, k > 0), ranks);
-            let checkpoint = Checkpoint::read(&over.path().join("checkpoint")).unwrap();
-            assert_eq!((checkpoint.backend.as_str(), checkpoint.state.step), (Backend::Gpu.name(), steps));
-        }
-        let found = files(over.path());
-        assert!(expected.keys().eq(found.keys()), "{:?}", found.keys());
-        for (name, expected) in &expected {
-            assert!(found[name] == *expected, "{name} on {numbers:?} ranks");
-        }
-        assert_eq!(state(over.path()), state(alone.path()));
-    }
-}
-
-/// GPUs, then the CPU, then GPUs again.
-#[test]
-fn a_run_changes_between_gpus_and_cpus_of_ranks() {
-    if device().is_none() {
-        return;
-    }
-    let mut runs = [0, 3].map(|ranks| {
-        let directory = tempfile::tempdir().unwrap();
-        let parts = [(30, Backend::Gpu), (60, Backend::Cpu), (90, Backend::Gpu)];
-        for (k, (steps, backend)) in parts.into_iter().enumerate() {
-            let run = run_of(SCENARIO, directory.path(), steps, k > 0);
-            let run = lazygrid_sim::run::Run { backend, ..run };
-            go_on(&Config::default().backend(backend), &run, ranks.min(2 + k as u32));
-        }
-        (files(directory.path()), state(directory.path()))
-    });
-    let [alone, over] = &mut runs;
-    assert!(alone == over);
-    assert!(alone.1.totals.arrived[0][0] > 100, "{:?}", alone.1.totals);
-}
-
-#[test]
-fn one_rank_stops_all_gpus_and_the_run_can_continue() {
-    if device().is_none() {
-        return;
-    }
-    let directory = tempfile::tempdir().unwrap();
-    let first = run_of(SCENARIO, directory.path(), 90, false);
-    let ends = threads::on(3, |thread| {
-        let rank = thread.rank();
-        let ask =
-            |step| if rank == 1 && step >= 17 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
-        first.run_distributed(thread, on_gpu(), ask).map(|(end, simulation)| (end, simulation.step_count()))
-    });
-    // Batches end at outputs, which are multiples of 5 here.
-    assert_eq!(ends, vec![Ok((RunEnd::Stopped, 20)); 3]);
-    assert_eq!(state(directory.path()).step, 20);
-    go_on(&on_gpu(), &run_of(SCENARIO, directory.path(), 90, true), 2);
-    assert_eq!(state(directory.path()).step, 90);
 }

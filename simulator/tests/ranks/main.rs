@@ -9,6 +9,8 @@ mod collisions;
 mod damage;
 mod files;
 #[cfg(feature = "gpu")]
+mod gpu_files;
+#[cfg(feature = "gpu")]
 mod gpus;
 mod models;
 mod refusals;

@@ -16,7 +16,7 @@ use crate::{on_cpu, threads};
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Seen {
     pub(crate) state: State,
-    received: Vec<Vec<u64>>,
+    pub(crate) received: Vec<Vec<u64>>,
     pub(crate) arrivals: Vec<Arrival>,
 }
 

@@ -101,8 +101,7 @@ Examples:
 pub(crate) struct Simulate {
     #[command(flatten)]
     pub(crate) options: RunArgs,
-    /// Backend of each rank; GPUs move the particles of models without reactions, contacts, receptors and dissociations, and
-    /// find the pairs of others
+    /// Backend of each rank; GPUs move the particles of models without reactions and contacts, and find the pairs of others
     #[arg(long, default_value_t = Backend::Cpu, value_parser = backend())]
     pub(crate) backend: Backend,
     /// Threads of each rank [default: its share of the cores of its node]

@@ -42,8 +42,7 @@ impl GpuSimulation {
             while let Some(&[_, _, _, parent]) =
                 entries.next_if(|&&[at, receiver, ..]| at + 1 == step && receiver == NOTHING)
             {
-                self.origins.enter(self.next_id, self.origins.of(parent));
-                self.next_id += 1;
+                self.record_birth(parent);
             }
             if self.tables.dissociates() && step == done {
                 // Without a log of arrivals, births have no entries.
@@ -51,9 +50,8 @@ impl GpuSimulation {
             }
             let burst = bursts.next_if(|burst| burst.step == step);
             let released = self.record_release(burst, step, step == done)?;
-            while let Some(&[_, receiver, species, id]) = entries.next_if(|entry| entry[0] + 1 == step) {
-                let origin = self.origins.of(id);
-                self.arrivals.push(Arrival { receiver, species, id, step, origin });
+            while let Some(entry) = entries.next_if(|entry| entry[0] + 1 == step) {
+                self.record_arrival(entry);
             }
             if self.model.logs_arrivals {
                 self.arrivals.extend(released);
@@ -61,6 +59,38 @@ impl GpuSimulation {
         }
         self.step = done;
         Ok(())
+    }
+
+    /// Records the next step, in which the particles of all ranks with the ascending ids `parents` dissociated into two.
+    pub(super) fn record_shared_step(
+        &mut self,
+        bursts: &[Burst],
+        parents: &[u32],
+        entries: &[Entry],
+    ) -> Result<(), Error> {
+        self.due = Particles::default();
+        parents.iter().for_each(|&parent| self.record_birth(parent));
+        let step = self.step + 1;
+        let burst = bursts.iter().find(|burst| burst.step == step);
+        let released = self.record_release(burst, step, true)?;
+        entries.iter().filter(|entry| entry[1] != NOTHING).for_each(|entry| self.record_arrival(entry));
+        if self.model.logs_arrivals {
+            self.arrivals.extend(released);
+        }
+        self.step = step;
+        Ok(())
+    }
+
+    fn record_birth(&mut self, parent: u32) {
+        if self.model.logs_arrivals {
+            self.origins.enter(self.next_id, self.origins.of(parent));
+        }
+        self.next_id += 1;
+    }
+
+    fn record_arrival(&mut self, &[step, receiver, species, id]: &Entry) {
+        let origin = self.origins.of(id);
+        self.arrivals.push(Arrival { receiver, species, id, step: step + 1, origin });
     }
 
     /// Returns the arrivals since the release. Releases after the last step are not on the device yet.

@@ -1,0 +1,154 @@
+//! Requests for the receptors of all ranks.
+//!
+//! The kernels accept as many of a rank's requests as a receptor type has free receptors. Before the motion, the host sets
+//! the number of occupied receptors of all ranks, on which binding and unbinding depend, and before the selection the
+//! number that leaves as many free as this rank has accepted requests. Accepted requests have the lowest keys on all
+//! ranks, and so on this one.
+
+use lazygrid::gpu::wgpu;
+
+use super::super::readback::Readback;
+use super::super::{Burst, GpuSimulation, error_at};
+use crate::Error;
+use crate::gpu::device::{encoded, read, with_error_scope};
+use crate::gpu::layout::{CLAIM_BYTES, ControlHeader, ReceptorRow};
+use crate::gpu::submissions::Submissions;
+use crate::motion::binding::BindingRequest;
+
+/// Words of a [`ReceptorRow`] on the device.
+const ROW_WORDS: usize = 5;
+
+/// This rank's requests in a step.
+pub(crate) struct ReceptorRequests {
+    /// Occupied receptors of all ranks at the beginning of the step, by type.
+    pub(super) occupied: Vec<u64>,
+    rows: Vec<ReceptorRow>,
+}
+
+impl ReceptorRequests {
+    /// Returns the numbers of requests by receptor type.
+    pub(crate) fn counts(&self) -> Vec<u32> {
+        self.rows.iter().map(|row| row.requests).collect()
+    }
+}
+
+impl GpuSimulation {
+    /// Moves the particles of the next step up to the requests, none in a model without receptors. `occupied` counts
+    /// the receptors of all ranks.
+    ///
+    /// # Errors
+    /// As [`run`](Self::run). The run is then at the beginning of the step.
+    pub(crate) fn request_receptors(&mut self, occupied: &[u64]) -> Result<ReceptorRequests, Error> {
+        self.check_state()?;
+        self.pairs.clear();
+        self.arrivals.clear();
+        let occupied = occupied.to_vec();
+        if self.tables.receptors.is_empty() {
+            return Ok(ReceptorRequests { occupied, rows: Vec::new() });
+        }
+        loop {
+            let step = self.step;
+            let bursts = self.bursts(1)?;
+            self.reserve_for(&bursts)?;
+            self.prepare_receivers(1)?;
+            self.prepare_flow()?;
+            let bound = occupied.iter().map(|&count| count.try_into().unwrap_or(u32::MAX));
+            let rows = self.tables.receptors.iter().zip(bound);
+            self.write_receptors(rows.map(|(row, bound)| ReceptorRow { bound, ..*row }).collect())?;
+            let encoder = self.encode_requests()?;
+            let (head, rows) = self.read_requests(encoder)?;
+            if head.halted == 0 {
+                return Ok(ReceptorRequests { occupied, rows });
+            }
+            self.recover(head).map_err(|error| error_at(step, error))?;
+        }
+    }
+
+    fn encode_requests(&mut self) -> Result<wgpu::CommandEncoder, Error> {
+        let due = self.due.clone();
+        let particles = self.particles_of_step();
+        let burst = Some(&due).filter(|due| !due.is_empty()).map(|due| self.append(due)).transpose()?;
+        let mut encoder = self.encoder();
+        self.steps.encode_begin(&mut encoder, burst.as_ref(), particles);
+        self.steps.encode_requests(&mut encoder, particles);
+        Ok(encoder)
+    }
+
+    fn read_requests(
+        &self,
+        encoder: wgpu::CommandEncoder,
+    ) -> Result<(ControlHeader, Vec<ReceptorRow>), Error> {
+        let parts = [
+            (self.buffers.buffer("control"), size_of::<ControlHeader>() as u64),
+            (self.buffers.buffer("receptors"), (4 * ROW_WORDS * self.tables.receptors.len()) as u64),
+        ];
+        let read = read(&self.buffers.own, encoder, &parts)?;
+        let words: Vec<[u32; ROW_WORDS]> = bytemuck::pod_collect_to_vec(&read[1]);
+        let row = |[count, bound, requests, first, tally]: [u32; ROW_WORDS]| ReceptorRow {
+            count,
+            bound,
+            requests,
+            first,
+            tally,
+        };
+        Ok((bytemuck::pod_read_unaligned(&read[0]), words.into_iter().map(row).collect()))
+    }
+
+    fn particles_of_step(&self) -> u32 {
+        self.alive + self.due.len() as u32
+    }
+
+    /// Returns this rank's requests with their keys.
+    ///
+    /// # Errors
+    /// [`Error::Detection`] if the device fails.
+    pub(crate) fn requests_by_key(&self, requests: &ReceptorRequests) -> Result<Vec<BindingRequest>, Error> {
+        let rows = &requests.rows;
+        let requests: u64 = rows.iter().map(|row| u64::from(row.requests)).sum();
+        let particles = u64::from(self.particles_of_step());
+        let parts = [
+            (self.steps.buffer("requesters"), 4 * requests),
+            (self.steps.buffer("claims"), CLAIM_BYTES * particles),
+            (self.steps.buffer("tags"), 8 * particles),
+        ];
+        let read = read(&self.buffers.own, self.encoder(), &parts)?;
+        let requesters: Vec<u32> = bytemuck::pod_collect_to_vec(&read[0]);
+        let claims: Vec<[u32; CLAIM_BYTES as usize / 4]> = bytemuck::pod_collect_to_vec(&read[1]);
+        let tags: Vec<[u32; 2]> = bytemuck::pod_collect_to_vec(&read[2]);
+        let of_type = |(receptor, row): (u32, &ReceptorRow)| {
+            let own = &requesters[row.first as usize..(row.first + row.requests) as usize];
+            let key = |&at: &u32| (claims[at as usize][0], tags[at as usize][1]);
+            let request = move |(rank, id)| BindingRequest::new(receptor, rank, id);
+            own.iter().map(key).map(request).collect::<Vec<_>>()
+        };
+        Ok((0..).zip(rows).flat_map(of_type).collect())
+    }
+
+    /// Binds particles and does the rest of the step.
+    pub(super) fn bind_accepted(
+        &mut self,
+        requests: &ReceptorRequests,
+        accepted: &[u32],
+    ) -> Result<(Readback, Vec<Burst>), Error> {
+        let bursts = self.bursts(1)?;
+        let leave_free = |(row, &accepted): (&ReceptorRow, &u32)| ReceptorRow {
+            bound: row.count.saturating_sub(accepted),
+            ..*row
+        };
+        self.write_receptors(requests.rows.iter().zip(accepted).map(leave_free).collect())?;
+        let particles = self.particles_of_step();
+        let particles = if self.tables.dissociates() { self.steps.sizes.particles } else { particles };
+        let mut submissions = Submissions::new(self.buffers.own.clone());
+        self.steps.encode_selection(submissions.encoder(), particles);
+        self.steps.encode_after(submissions.encoder(), particles);
+        let read = self.read(submissions.finish(), particles);
+        Ok((self.or_fail(read)?, bursts))
+    }
+
+    fn write_receptors(&self, rows: Vec<ReceptorRow>) -> Result<(), Error> {
+        let bytes = encoded(&rows);
+        with_error_scope(&self.buffers.own, "receptors", 0, || {
+            self.buffers.own.queue.write_buffer(self.buffers.buffer("receptors"), 0, &bytes);
+        })
+    }
+}

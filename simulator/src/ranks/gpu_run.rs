@@ -1,0 +1,95 @@
+//! A rank's particles on its GPU.
+
+use lazygrid::Config;
+use lazygrid::gpu::SoftwareAdapter;
+use lazygrid_ranks::Communicator;
+
+use super::agree;
+use super::cpu_run::all_parents;
+use crate::gpu::{GpuOptions, GpuSimulation, ReceptorRequests};
+use crate::motion::binding;
+use crate::motion::request_counts::RequestCounts;
+use crate::release::rank_slice::RankSlice;
+use crate::run::any::{GPU_STEPS, open_device};
+use crate::{Error, Model, State};
+
+#[derive(Debug)]
+pub(super) struct GpuRun {
+    pub(super) simulation: GpuSimulation,
+    /// Requests of all ranks.
+    pub(super) requests: RequestCounts,
+}
+
+impl GpuRun {
+    pub(super) fn new(
+        model: Model,
+        seed: u64,
+        detector: &Config,
+        state: &State,
+        slice: RankSlice,
+    ) -> Result<Self, Error> {
+        let shared = || detector.shared_device(SoftwareAdapter::Allow);
+        let device = open_device(state.particles.len() as u64, shared)?;
+        let options = GpuOptions::default();
+        let simulation = GpuSimulation::resume_slice(model, seed, (device, options), state, slice)?;
+        Ok(Self { simulation, requests: RequestCounts::default() })
+    }
+
+    pub(super) fn steps_at_once(&self) -> u32 {
+        if self.simulation.shares_steps() { 1 } else { GPU_STEPS }
+    }
+
+    /// Does the next steps, at most `most`. `occupied` counts the receptors of all ranks.
+    pub(super) fn advance<C: Communicator>(
+        &mut self,
+        communicator: &mut C,
+        most: u32,
+        occupied: &[u64],
+    ) -> Result<(), C::Error> {
+        if self.simulation.shares_steps() {
+            return self.step(communicator, occupied);
+        }
+        agree(communicator, self.simulation.run(most.min(GPU_STEPS)))
+    }
+
+    /// Does a step in which ranks decide together on receptors and on the ids of second products.
+    fn step<C: Communicator>(&mut self, communicator: &mut C, occupied: &[u64]) -> Result<(), C::Error> {
+        let requests = agree(communicator, self.simulation.request_receptors(occupied))?;
+        let accepted = self.accept(communicator, &requests, occupied)?;
+        let step = agree(communicator, self.simulation.begin_shared_step(requests, &accepted))?;
+        let parents = match self.simulation.assigns_ids() {
+            true => all_parents(communicator, &step.parents)?,
+            false => Vec::new(),
+        };
+        agree(communicator, self.simulation.conclude_shared_step(step, &parents))
+    }
+
+    /// Returns the number of this rank's accepted requests by receptor type.
+    fn accept<C: Communicator>(
+        &mut self,
+        communicator: &mut C,
+        requests: &ReceptorRequests,
+        occupied: &[u64],
+    ) -> Result<Vec<u32>, C::Error> {
+        let mut accepted = requests.counts();
+        if accepted.is_empty() {
+            return Ok(accepted);
+        }
+        let own: Vec<u64> = accepted.iter().map(|&count| count.into()).collect();
+        let all = communicator.all_reduce_sum(&own);
+        let free = binding::free(self.simulation.model(), occupied);
+        let refused = all.iter().zip(&free).map(|(&all, &free)| [all, all.saturating_sub(free.into())]);
+        let is_any_refused = refused.clone().any(|[_, refused]| refused > 0);
+        self.requests.add(refused);
+        if is_any_refused {
+            // Keys of all particles are read back, which is rare at a suitable time step.
+            let own = agree(communicator, self.simulation.requests_by_key(requests))?;
+            let (all, _) = communicator.all_gather("bids for receptors", &own)?;
+            let rejected = binding::rejected(all, &free);
+            for request in own.iter().filter(|request| rejected.binary_search(&request.id()).is_ok()) {
+                accepted[request.receptor()] -= 1;
+            }
+        }
+        Ok(accepted)
+    }
+}
