@@ -12,7 +12,7 @@ use lazygrid::gpu::AdapterId;
 use lazygrid::{Algorithm, Backend, MAX_SPHERES, Skin, Space};
 use lazygrid_check::Effort;
 use lazygrid_io::arguments::{periodic_space, species_radius};
-use lazygrid_io::read::Format;
+use lazygrid_io::read::{Format, Precision};
 use lazygrid_io::scenes::Scene;
 use lazygrid_io::write::{SphereFormat, TableFormat};
 use lazygrid_sim::run::run_args::RunArgs;
@@ -84,7 +84,8 @@ pub(crate) enum Command {
   lammps   text dumps with x y z (or xu, xs, xsu) and radius or diameter; species by type; periodic
            along the axes whose BOX BOUNDS say pp; triclinic boxes too
   smoldyn  output of listmols (radii from --radius, for acid and all its states, or for acid(solution))
-Each may be compressed with gzip or Zstandard.
+Each may be compressed with gzip or Zstandard. Text is read in 64 bits, because few decimal numbers are 32-bit numbers.
+Text that was written from 32-bit numbers is these numbers with --precision f32, which warns of lost digits.
 
 Output:
   pairs.csv  rows i,j;  pairs.npy  an array of shape (n, 2), u32; zero-based, i < j, by i, then j.
@@ -114,7 +115,10 @@ pub(crate) struct Detect {
     pub(crate) format: Option<Format>,
     /// Radius of a species, by name or LAMMPS type; overrides the file. May be repeated
     #[arg(long = "radius", value_name = "SPECIES=R", value_parser = species_radius)]
-    pub(crate) radii: Vec<(String, f32)>,
+    pub(crate) radii: Vec<(String, f64)>,
+    /// Type of the numbers that decide; auto rounds none: f32 for NumPy arrays of float32, else f64
+    #[arg(long, default_value_t = Precision::Auto, value_parser = one_of(Precision::ALL.map(Precision::name)).try_map(|name| name.parse::<Precision>()))]
+    pub(crate) precision: Precision,
     /// Lengths of the periodic box, - for an unbounded axis; or none for unbounded space [default: the file's box]
     #[arg(long, value_name = "X,Y,Z", value_parser = periodic_space, allow_hyphen_values = true)]
     pub(crate) periodic: Option<Space>,

@@ -74,7 +74,7 @@ pub(crate) enum CliError {
     Threads(lazygrid::Error),
     #[error(
         "{}, frame {frame}: {spheres} spheres need about {needed} bytes of memory, and {available} bytes are available ({limit}); \
-         split the file, or raise the limit",
+         split the file{remedy}, or raise the limit",
         path.display()
     )]
     TooLittleMemory {
@@ -84,6 +84,8 @@ pub(crate) enum CliError {
         needed: u64,
         available: u64,
         limit: &'static str,
+        /// Further ways to need less.
+        remedy: &'static str,
     },
     #[error(
         "{spheres} spheres need {needed} bytes of memory, and {available} bytes are available ({limit}); generate fewer"

@@ -1,14 +1,17 @@
 use std::io::Cursor;
 
-use lazygrid_io::read::{Format, Frames, Options};
+use lazygrid_io::read::{Format, Frames, Options, Precision};
 
-/// Reads `bytes` with and without a known length and ids. Checks that reading never panics, spheres are valid and no
+/// Reads `bytes` in every precision, with and without a known length and ids. Checks that reading never panics, spheres are valid and no
 /// more than bytes, and nothing follows an error.
 pub fn read(format: Option<Format>, bytes: &[u8]) {
     let radii = [("A".to_owned(), 1.0), ("1".to_owned(), 0.5)];
-    for (length, ids) in [(None, true), (Some(bytes.len() as u64), false)] {
-        let options =
-            Options { format, radii: radii.clone().into(), ids, doubles: !ids, ..Options::default() };
+    let length = Some(bytes.len() as u64);
+    for (length, ids, precision) in
+        [(None, true, Precision::F32), (length, false, Precision::F64), (length, true, Precision::Auto)]
+    {
+        let radii = radii.clone().into();
+        let options = Options { format, radii, ids, precision, ..Options::default() };
         let Ok(frames) = Frames::new("fuzz", Cursor::new(bytes.to_vec()), length, options) else { continue };
         let (mut spheres, mut failed) = (0, false);
         for frame in frames {

@@ -11,9 +11,9 @@ use crate::read::Radii;
 ///
 /// # Errors
 /// Fails with a message for the user without `=`, or unless the radius is finite and not negative.
-pub fn species_radius(text: &str) -> Result<(String, f32), String> {
+pub fn species_radius(text: &str) -> Result<(String, f64), String> {
     let (species, radius) = text.rsplit_once('=').ok_or("expected SPECIES=R, such as acid=0.1")?;
-    match f32::from_str(radius) {
+    match f64::from_str(radius) {
         Ok(radius) if radius.is_finite() && radius >= 0.0 => Ok((species.to_owned(), radius)),
         _ => Err(format!("the radius '{radius}' must be a finite number that is not negative")),
     }
@@ -23,11 +23,10 @@ pub fn species_radius(text: &str) -> Result<(String, f32), String> {
 ///
 /// # Errors
 /// Fails with a message for the user if a species is given twice.
-pub fn radii_by_species(given: &[(String, f32)]) -> Result<Radii, String> {
+pub fn radii_by_species(given: &[(String, f64)]) -> Result<Radii, String> {
     let mut radii = Radii::new();
     for (species, radius) in given {
-        if let Some(first) = radii.insert(species.clone(), f64::from(*radius)) {
-            let first = first as f32;
+        if let Some(first) = radii.insert(species.clone(), *radius) {
             return Err(format!("--radius {species} is given twice, as {first} and {radius}; give one"));
         }
     }
@@ -50,13 +49,7 @@ pub fn periodic_space(text: &str) -> Result<Space, String> {
     let length = |text: &str| match text.trim() {
         "-" => Ok(None),
         number => match f64::from_str(number) {
-            // Spheres have 32-bit coordinates.
-            Ok(length) if length.is_finite() && length > 0.0 => match length as f32 {
-                0.0 | f32::INFINITY => {
-                    Err(format!("the length {number} is outside the range of 32-bit numbers"))
-                }
-                _ => Ok(Some(length)),
-            },
+            Ok(length) if length.is_finite() && length > 0.0 => Ok(Some(length)),
             Ok(_) => Err(format!(
                 "the length {number} is not a finite number above zero; write - for an axis that is unbounded"
             )),
@@ -66,6 +59,19 @@ pub fn periodic_space(text: &str) -> Result<Space, String> {
     let lengths: Vec<_> = text.split(',').map(length).collect::<Result<_, _>>()?;
     let lengths = lengths.try_into().map_err(|_| "expected three lengths, such as 10,10,-, or none")?;
     Space::periodic(lengths).map_err(|error| error.to_string())
+}
+
+/// Parses as [`periodic_space`], for programs that search in 32 bits.
+///
+/// # Errors
+/// Fails with a message for the user, also for a length that is zero or infinite as an `f32`.
+pub fn periodic_space_f32(text: &str) -> Result<Space, String> {
+    let space = periodic_space(text)?;
+    let is_outside = |length: &f64| matches!(*length as f32, 0.0 | f32::INFINITY);
+    match space.lengths().into_iter().flatten().find(is_outside) {
+        Some(length) => Err(format!("the length {length:?} is outside the range of 32-bit numbers")),
+        None => Ok(space),
+    }
 }
 
 /// Returns a command to type into a shell, with quotes around words that need them.
@@ -84,7 +90,19 @@ fn quoted(word: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::shell_command;
+    use super::{periodic_space, periodic_space_f32, shell_command};
+
+    #[test]
+    fn lengths_are_f64_numbers_unless_a_program_searches_in_f32() {
+        for (text, length) in [("1e300,-,-", 1e300), ("0.1,-,-", 0.1), ("1e-60,-,-", 1e-60)] {
+            assert_eq!(periodic_space(text).map(|space| space.lengths()), Ok([Some(length), None, None]));
+        }
+        assert_eq!(periodic_space_f32("0.1,-,-"), periodic_space("0.1,-,-"));
+        for text in ["1e39,-,-", "-,1e-60,-"] {
+            let refused = periodic_space_f32(text).unwrap_err();
+            assert!(refused.contains("is outside the range of 32-bit numbers"), "{refused}");
+        }
+    }
 
     #[test]
     fn words_are_quoted_for_a_shell() {

@@ -106,10 +106,16 @@ pub enum Error {
     BoxEdges { place: Location, reason: Box<lazygrid::InputError> },
     /// A box length that is no period.
     #[error(
-        "{place}: the box is periodic along {axis} and its length there is {length}, no 32-bit number above zero; give \
+        "{place}: the box is periodic along {axis} and its length there is {length}, no {rule} above zero; give \
          lengths with --periodic X,Y,Z, or take space as unbounded with --periodic none"
     )]
-    BoxLength { place: Location, axis: &'static str, length: f64 },
+    BoxLength {
+        place: Location,
+        axis: &'static str,
+        length: f64,
+        /// Kind of the numbers that are lengths.
+        rule: &'static str,
+    },
     /// A Smoldyn molecule is listed twice: the file has several listings without a separator.
     #[error(
         "{place}: molecule {serial} is listed a second time, first on line {first}; several listings in one \

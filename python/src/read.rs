@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use lazygrid::Sphere;
 use lazygrid_io::Error;
 use lazygrid_io::arguments::unused_radius;
-use lazygrid_io::read::{self, Format, Options};
+use lazygrid_io::read::{self, Format, Options, Precision};
 use numpy::{PyArray1, PyArrayDescr, PyArrayDescrMethods};
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
@@ -101,8 +101,8 @@ impl Frames {
             Some(word) if word.extract::<&str>().is_ok_and(|word| word == "none") => Some(space(None)?),
             lengths => Some(space(lengths)?),
         };
-        let doubles = dtype.map_or(Ok(false), is_float64)?;
-        let options = Options { format, radii: radii.unwrap_or_default(), space, ids, groups, doubles };
+        let precision = if dtype.map_or(Ok(false), is_float64)? { Precision::F64 } else { Precision::F32 };
+        let options = Options { format, radii: radii.unwrap_or_default(), space, ids, groups, precision };
         let length = length(&path).map_err(error::file)?;
         let cancel = Arc::new(AtomicBool::new(false));
         let open = || {

@@ -18,7 +18,7 @@ impl Detect {
             space: self.space()?,
             ids: self.ids,
             groups: self.exclude_groups,
-            doubles: false,
+            precision: self.precision,
         })
     }
 

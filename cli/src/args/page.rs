@@ -3,7 +3,7 @@ use std::path::PathBuf;
 use clap::builder::TypedValueParser;
 use lazygrid::{Algorithm, Space};
 
-use lazygrid_io::arguments::periodic_space;
+use lazygrid_io::arguments::periodic_space_f32;
 
 use super::parsers::one_of;
 
@@ -38,7 +38,7 @@ pub(crate) struct PlanArgs {
     #[arg(long, value_name = "N", default_value_t = 1 << 20)]
     pub(crate) pairs: u32,
     /// Lengths of a periodic box, - for an unbounded axis
-    #[arg(long, value_name = "X,Y,Z", value_parser = periodic_space, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = periodic_space_f32, allow_hyphen_values = true)]
     pub(crate) periodic: Option<Space>,
     /// Smallest subgroup size of the device; 4, 8, 16, 32, 64 or 128 [default: kernels without subgroups]
     #[arg(long, value_name = "SIZE", value_parser = subgroups)]

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use lazygrid::Backend;
-use lazygrid_io::read::Frame;
+use lazygrid_io::read::{Frame, Precision};
 use lazygrid_io::write::{AtomicFile, Output};
 use lazygrid_io::{AvailableMemory, lacking_memory};
 use same_file::Handle;
@@ -80,6 +80,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
             step: frame.step,
             space: frame.space,
             space_given: args.periodic.is_some(),
+            precision: if frame.doubles.is_some() { Precision::F64 } else { Precision::F32 },
             report: frames.detector.report(),
             species: if frame.species.is_some() { input.species_met() } else { 0 },
             read: time,
@@ -112,12 +113,12 @@ fn refuse_too_little_memory(
     read: &Frame,
     frames: &FrameDetector,
 ) -> Result<(), CliError> {
-    let spheres = read.spheres.len();
+    let spheres = read.len();
     let is_on_cpu = frames.detector.report().backend == Backend::Cpu;
     if !is_on_cpu && !args.has_software_adapter()? {
         return Ok(());
     }
-    let needed = match frames.least_memory(read.space, spheres as u64)? {
+    let needed = match frames.least_memory(read)? {
         least if is_on_cpu => least,
         // The search refuses what exceeds the device's limits.
         u64::MAX => return Ok(()),
@@ -127,7 +128,8 @@ fn refuse_too_little_memory(
         None => Ok(()),
         Some(AvailableMemory { bytes: available, limit }) => {
             let (path, limit) = (input::name(&args.file).to_owned(), limit.name());
-            Err(CliError::TooLittleMemory { path, frame, spheres, needed, available, limit })
+            let remedy = if read.doubles.is_some() { ", read it with --precision f32" } else { "" };
+            Err(CliError::TooLittleMemory { path, frame, spheres, needed, available, limit, remedy })
         }
     }
 }

@@ -10,6 +10,7 @@ mod memory_limits;
 mod outputs;
 mod page;
 mod periodic;
+mod precision;
 #[cfg(target_os = "linux")]
 mod refusals;
 mod simulate;
@@ -99,7 +100,7 @@ fn json_has_the_documented_fields() {
     let object = lazygrid(["detect", &data("lammps-pour.dump"), "--json"]).succeeds().json();
     let Value::Object(map) = &object else { panic!("not an object: {object}") };
     let names: Vec<_> = map.keys().map(String::as_str).collect();
-    let documented = "frame step periodic cell_vectors periodic_from spheres pairs backend adapter algorithm reason gpu candidates phases";
+    let documented = "frame step periodic cell_vectors periodic_from precision spheres pairs backend adapter algorithm reason gpu candidates phases";
     assert_eq!(names.join(" "), documented);
     assert_eq!((&object["periodic"], &object["periodic_from"]), (&Value::Null, &Value::Null));
     assert_eq!(object["step"], 3000);
@@ -207,7 +208,7 @@ fn bad_input_is_named_and_leaves_no_output() {
     let second = TWO_FRAMES.replacen("0 1 0 1", "0 1 0 -1", 1);
     for (name, content, message) in [
         ("a.csv", "x,y,z,r\n1,2,3,4\n5,6,seven,8\n", "a.csv, line 3: z 'seven' is not a number"),
-        ("b.csv", "x,y,z,r\n1,2,3,4\n5,6,7,1e40\n", "b.csv, line 3: r is 1e40; values must be finite"),
+        ("b.csv", "x,y,z,r\n1,2,3,4\n5,6,7,1e400\n", "b.csv, line 3: r is 1e400; values must be finite"),
         ("a.dump", cut.as_str(), "a.dump, line 5000: the file ends after 4991 of 15208 atoms"),
         ("b.dump", nan.as_str(), "b.dump, line 11: y is nan; values must be finite"),
         (

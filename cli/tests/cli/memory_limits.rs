@@ -68,11 +68,12 @@ fn commands_under_any_memory_limit_end_without_a_signal() {
     let replicas = scratch.path("replicas");
     let [shown, swept, resumed] = ["shown", "swept", "resumed"].map(|name| scratch.path(name));
     LAZYGRID.run(["simulate", &burst, "--steps", "1", "--output", &resumed]).succeeds();
-    let commands: [&[&str]; 11] = [
+    let commands: [&[&str]; 12] = [
         &["check", "--quick", "--backend", "cpu"],
         &["detect", &spheres, "--backend", "cpu", "--threads", "2"],
         &["detect", &text, "--backend", "cpu", "--threads", "2", "-o", &pairs],
         &["detect", &spheres, "--backend", "cpu", "--threads", "2", "--neighbors"],
+        &["detect", &spheres, "--backend", "cpu", "--threads", "2", "--precision", "f64"],
         &["generate", "equal", "-n", "4000000", "-o", &scratch.path("made.npy")],
         &["page", "-o", &scratch.path("page.html")],
         &["simulate", &burst, "--threads", "2", "--overwrite", "--output", &run],
@@ -96,6 +97,29 @@ fn commands_under_any_memory_limit_end_without_a_signal() {
         assert!(codes.contains(&1), "{command:?}: no limit was too low: {codes:?}");
         assert_eq!(codes.last(), Some(&0), "{command:?}: {codes:?}");
     }
+}
+
+/// A search of `f64` spheres needs a copy in `f32`.
+#[test]
+fn announced_memory_counts_the_copy_of_f64_spheres() {
+    const SPHERES: u64 = 500_000;
+    let scratch = Scratch::new();
+    let [narrow, wide] = ["narrow.npy", "wide.npy"].map(|name| scratch.path(name));
+    LAZYGRID.run(["generate", "equal", "-n", &SPHERES.to_string(), "-o", &narrow]).succeeds();
+    let header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({SPHERES}, 4), }}\n");
+    let numbers = vec![0.5_f64.to_le_bytes(); 4 * SPHERES as usize];
+    let start = [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat();
+    std::fs::write(&wide, [start, numbers.concat()].concat()).unwrap();
+    let needed = |file: &str, options: &[&str]| {
+        let (_, said) =
+            limited(62, &[&["detect", file, "--backend", "cpu", "--threads", "1"], options].concat());
+        let (_, rest) = said.split_once("spheres need about ").unwrap_or_else(|| panic!("{said}"));
+        assert_eq!(rest.contains("--precision f32"), file == wide, "{said}");
+        rest.split(' ').next().unwrap().parse::<u64>().unwrap()
+    };
+    assert_eq!(needed(&wide, &[]), needed(&narrow, &[]) + 18 * SPHERES);
+    let periodic = ["--periodic", "99,99,99"];
+    assert_eq!(needed(&wide, &periodic), needed(&narrow, &periodic));
 }
 
 /// A software driver maps hundreds of MiB, and ends the process if it is refused the last of these.

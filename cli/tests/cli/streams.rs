@@ -199,19 +199,20 @@ fn digits_that_are_lost_are_said_once() {
     let scratch = Scratch::new();
     let file =
         scratch.write("a.csv", "x,y,z,r\n0.5,0,1.20000000000,1\n1,0.12345678901,0,1\n1,0.12345678901,0,1\n");
-    let run = detect([&file]).succeeds();
+    let run = detect([&file, "--precision", "f32"]).succeeds();
     assert_eq!(run.err.matches("rounded").count(), 1, "{}", run.err);
     assert!(run.err.contains("a.csv, line 3: y is 0.12345678901, more digits"), "{}", run.err);
 
     let file = scratch.write("b.csv", "x,y,z,r\n16777216,0,0,1\n16777217,0,0,1\n");
-    let run = detect([&file]).succeeds();
+    let run = detect([&file, "--precision", "f32"]).succeeds();
     assert!(run.err.contains("b.csv, line 3: x is 16777217, more digits"), "{}", run.err);
     let dump = |x: &str| {
         let head = "ITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS ff ff ff\n0 1000\n0 1\n0 1\n";
-        let run =
-            detect(
-                [&scratch.write("a.dump", &format!("{head}ITEM: ATOMS xs ys zs radius\n{x} 0.5 0.5 1\n"))],
-            );
+        let run = detect([
+            &scratch.write("a.dump", &format!("{head}ITEM: ATOMS xs ys zs radius\n{x} 0.5 0.5 1\n")),
+            "--precision",
+            "f32",
+        ]);
         run.succeeds().err
     };
     assert_eq!(dump("0.123457"), "");
@@ -227,11 +228,11 @@ fn digits_that_are_lost_are_said_once() {
     };
     let path = scratch.path("a.npy");
     fs::write(&path, rows(0.1)).unwrap();
-    let run = detect([&path]).succeeds();
+    let run = detect([&path, "--precision", "f32"]).succeeds();
     assert_eq!(run.err.matches("rounded").count(), 1, "{}", run.err);
     assert!(run.err.contains("a.npy, row 1: y is 0.1, more digits"), "{}", run.err);
     fs::write(&path, rows(0.125)).unwrap();
-    assert_eq!(detect([&path]).succeeds().err, "");
+    assert_eq!(detect([&path, "--precision", "f32"]).succeeds().err, "");
 }
 
 #[test]

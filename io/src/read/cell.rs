@@ -13,17 +13,21 @@ pub(super) struct Cell {
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Cell {
-    pub(super) fn space(&self, place: &Location) -> Result<Space, Error> {
+    /// `doubles` says that spheres are `f64`, so that nothing of a cell vector is negligible.
+    pub(super) fn space(&self, place: &Location, doubles: bool) -> Result<Space, Error> {
         let repeats = self.edges.iter().zip(self.periodic);
         let mut lengths = [None; 3];
         for (edge, _) in repeats.clone().filter(|(_, periodic)| *periodic) {
-            let Some(axis) = Self::axis_of(edge).filter(|&axis| lengths[axis].is_none()) else {
+            let Some(axis) = Self::axis_of(edge, doubles).filter(|&axis| lengths[axis].is_none()) else {
                 return self.sheared(place);
             };
             let length = edge[axis].abs();
-            // Spheres have 32-bit coordinates.
-            if !((length as f32).is_finite() && length as f32 > 0.0) {
-                return Err(Error::BoxLength { place: place.clone(), axis: AXES[axis], length });
+            let (value, rule) = match doubles {
+                true => (length, "finite number"),
+                false => (f64::from(length as f32), "32-bit number"),
+            };
+            if !(value.is_finite() && value > 0.0) {
+                return Err(Error::BoxLength { place: place.clone(), axis: AXES[axis], length, rule });
             }
             lengths[axis] = Some(length);
         }
@@ -36,12 +40,12 @@ impl Cell {
             .map_err(|reason| Error::BoxEdges { place: place.clone(), reason: Box::new(reason) })
     }
 
-    /// Ignores residues of rotations far below 32-bit rounding.
-    fn axis_of(edge: &[f64; 3]) -> Option<usize> {
+    /// For `f32` spheres, ignores residues of rotations far below 32-bit rounding.
+    fn axis_of(edge: &[f64; 3], doubles: bool) -> Option<usize> {
         const NEGLIGIBLE: f64 = 1.0 / (1 << 30) as f64;
         let longest = (0..3).max_by(|&a, &b| edge[a].abs().total_cmp(&edge[b].abs()))?;
         let others = (0..3).filter(|&axis| axis != longest).map(|axis| edge[axis].abs());
-        let limit = NEGLIGIBLE * edge[longest].abs();
+        let limit = if doubles { 0.0 } else { NEGLIGIBLE * edge[longest].abs() };
         (others.fold(0.0, f64::max) <= limit).then_some(longest)
     }
 }
@@ -55,7 +59,7 @@ mod tests {
 
     fn space(edges: [[f64; 3]; 3], periodic: [bool; 3]) -> Result<[Option<f64>; 3], String> {
         let place = Location { path: Path::new("a.xyz").into(), at: Position::Line(2) };
-        let space = Cell { edges, periodic }.space(&place);
+        let space = Cell { edges, periodic }.space(&place, false);
         space.map(|space| space.lengths()).map_err(|error| error.to_string())
     }
 
@@ -76,7 +80,7 @@ mod tests {
     fn edges_that_lean_are_taken_as_they_are() {
         let place = Location { path: Path::new("a.xyz").into(), at: Position::Line(2) };
         let edges = [[4.0, 0.0, 0.0], [1.5, 5.0, 0.0], [0.0, 1.0, 6.0]];
-        let space = |periodic| Cell { edges, periodic }.space(&place).unwrap();
+        let space = |periodic| Cell { edges, periodic }.space(&place, false).unwrap();
         let taken = edges.map(Some);
         assert_eq!(space([true; 3]).cell_vectors(), taken);
         assert_eq!(space([false, true, true]).cell_vectors(), [None, taken[1], taken[2]]);

@@ -21,7 +21,7 @@ struct Csv {
 pub(super) fn read(source: Source, context: &mut ReadContext) -> Result<Frame, Error> {
     let mut lines = Lines::new(source);
     let table = header(&mut lines, context)?;
-    let mut frame = Frame::default();
+    let mut frame = Frame::with_capacity(0, context);
     lines.all_rows(&table, context, &mut frame)?;
     Ok(frame)
 }

@@ -85,10 +85,10 @@ impl Lammps {
     ) -> Result<Frame, Error> {
         let space = match (context.space, &head.bounds) {
             (Some(given), _) => given,
-            (None, Some(bounds)) => bounds.cell.space(&bounds.place)?,
+            (None, Some(bounds)) => bounds.cell.space(&bounds.place, context.doubles)?,
             (None, None) => Space::UNBOUNDED,
         };
-        let mut frame = Frame { step: head.step, space, ..Frame::with_capacity(atoms.min(RESERVE)) };
+        let mut frame = Frame { step: head.step, space, ..Frame::with_capacity(atoms.min(RESERVE), context) };
         let scaled = columns.has(Column::Scaled(0));
         let table = Atoms { columns, scale: head.bounds.filter(|_| scaled) };
         self.lines.rows(&table, ("atoms", atoms), context, &mut frame)?;

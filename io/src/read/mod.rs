@@ -10,7 +10,7 @@
 //! ```
 //!
 //! One frame bounds the memory, not declared sizes. Radii and coordinates are `f32`, rounded once from the text, or
-//! `f64` on request; lengths of boxes are `f64`.
+//! `f64`, as [`Precision`] says; lengths of boxes are `f64`.
 
 mod cell;
 mod columns;
@@ -21,6 +21,7 @@ mod line;
 mod lines;
 mod npy;
 mod pairs;
+mod precision;
 mod read_context;
 mod rows;
 mod serial;
@@ -39,7 +40,7 @@ use std::io::Read;
 use std::path::Path;
 use std::str::FromStr;
 
-use lazygrid::{Space, Sphere, UnknownName};
+use lazygrid::{Space, Sphere, Spheres, UnknownName};
 use rayon::slice::ParallelSliceMut;
 
 use self::read_context::ReadContext;
@@ -49,6 +50,7 @@ use crate::error::Error;
 pub use line::BYTE_ORDER_MARK;
 pub use npy::{ArrayFile, NpyRows};
 pub use pairs::pairs;
+pub use precision::Precision;
 pub use species::{Radii, Species};
 
 /// Most spheres reserved before they are read.
@@ -149,8 +151,8 @@ pub struct Options {
     pub ids: bool,
     /// Reads groups from a column `group`, `molecule` or `mol`.
     pub groups: bool,
-    /// Reads numbers as `f64`, into [`Frame::doubles`].
-    pub doubles: bool,
+    /// The type of the numbers; `f64` numbers are in [`Frame::doubles`].
+    pub precision: Precision,
 }
 
 /// A frame.
@@ -160,24 +162,33 @@ pub struct Frame {
     pub step: Option<i64>,
     /// Space: declared, or from the options.
     pub space: Space,
-    /// Spheres in the order of the file, finite, radii not negative. Empty if `f64` was requested.
+    /// Spheres in the order of the file, finite, radii not negative. Empty if the numbers are `f64`.
     pub spheres: Vec<Sphere>,
-    /// The spheres as rows `x, y, z, r`, if `f64` was requested.
+    /// The spheres as rows `x, y, z, r`, if the numbers are `f64`.
     pub doubles: Option<Vec<[f64; 4]>>,
     /// Species id of each sphere, if given; names are in [`Frames::species`].
     pub species: Option<Vec<u32>>,
     /// Id of each sphere, if requested.
     pub ids: Option<Vec<i64>>,
-    /// Molecule of each sphere, if requested; [`Spheres::NO_GROUP`](lazygrid::Spheres::NO_GROUP) for 0.
+    /// Molecule of each sphere, if requested; [`Spheres::NO_GROUP`] for 0.
     pub groups: Option<Vec<u32>>,
 }
 
 impl Frame {
-    fn with_capacity(spheres: u64) -> Self {
-        let mut frame = Self::default();
+    /// Returns an empty frame for numbers of the type that `context` says.
+    fn with_capacity(spheres: u64, context: &ReadContext) -> Self {
+        let mut frame = Self { doubles: context.doubles.then(Vec::new), ..Self::default() };
         // On refusal, memory is reserved again as spheres come.
-        let _ = frame.spheres.try_reserve_exact(spheres as usize);
+        let _ = frame.try_reserve(spheres as usize);
         frame
+    }
+
+    /// Returns the spheres with the numbers that were read, without species and groups.
+    pub fn as_spheres(&self) -> Spheres<'_> {
+        match &self.doubles {
+            Some(doubles) => Spheres::from(doubles),
+            None => Spheres::from(&self.spheres),
+        }
     }
 
     /// Returns the number of spheres.
@@ -190,7 +201,7 @@ impl Frame {
         self.len() == 0
     }
 
-    /// Reserves memory for more spheres of the requested type.
+    /// Reserves memory for more spheres of the type of this frame.
     fn try_reserve(&mut self, more: usize) -> Result<(), TryReserveError> {
         match &mut self.doubles {
             Some(doubles) => doubles.try_reserve(more),
@@ -198,7 +209,7 @@ impl Frame {
         }
     }
 
-    /// Adds a sphere whose numbers have the requested type, in reserved memory.
+    /// Adds a sphere whose numbers have the type of this frame, in reserved memory.
     fn push(&mut self, row: [f64; 4]) {
         match &mut self.doubles {
             Some(doubles) => doubles.push(row),

@@ -16,10 +16,10 @@ use lazygrid::Sphere;
 
 use self::dtype::Dtype;
 use self::header::{Header, Layout};
-use super::Frame;
 use super::line::rule_of;
 use super::read_context::ReadContext;
 use super::source::Source;
+use super::{Frame, Precision};
 use crate::error::{Error, Position};
 
 pub use self::array::ArrayFile;
@@ -39,7 +39,8 @@ pub(super) fn read(mut source: Source, context: &mut ReadContext) -> Result<Fram
 fn read_body(source: &mut Source, header: &Header, context: &mut ReadContext) -> Result<Frame, Error> {
     header.check_count(source)?;
     header.check_length(source)?;
-    let mut frame = Frame { doubles: context.doubles.then(Vec::new), ..Frame::default() };
+    context.choose_precision(&header.layout);
+    let mut frame = Frame::with_capacity(0, context);
     if source.length.is_some() {
         let room = frame.try_reserve(header.rows as usize);
         room.map_err(|_| header.too_many(source, "memory"))?;
@@ -131,6 +132,14 @@ fn decode(
 }
 
 impl ReadContext {
+    /// Chooses the type that holds all numbers of an array and the radii for its species, if the caller leaves that open.
+    fn choose_precision(&mut self, layout: &Layout) {
+        if self.precision == Precision::Auto {
+            let takes_radii = layout.has_species() && !self.species.given_fit_f32();
+            self.doubles = layout.has_f64() || takes_radii;
+        }
+    }
+
     /// Returns a number of the requested type, and warns if it is rounded.
     fn number(
         &mut self,

@@ -3,9 +3,9 @@ use std::fmt::Display;
 
 use lazygrid::Space;
 
-use super::Options;
 use super::serial::Serial;
 use super::species::Species;
+use super::{Options, Precision};
 use crate::error::{Error, Location, Position};
 
 pub(super) struct ReadContext {
@@ -13,6 +13,8 @@ pub(super) struct ReadContext {
     pub(super) space: Option<Space>,
     pub(super) ids: bool,
     pub(super) groups: bool,
+    pub(super) precision: Precision,
+    /// Numbers are `f64`. An array may change this.
     pub(super) doubles: bool,
     /// Lines of serial numbers, which are unique.
     serials: HashMap<Serial, u64>,
@@ -23,7 +25,8 @@ pub(super) struct ReadContext {
 impl ReadContext {
     /// Refuses radii that no sphere can have.
     pub(super) fn new(options: Options) -> Result<Self, Error> {
-        let Options { mut radii, space, ids, groups, doubles, .. } = options;
+        let Options { mut radii, space, ids, groups, precision, .. } = options;
+        let doubles = precision != Precision::F32;
         let rounded = |radius: f64| if doubles { radius } else { f64::from(radius as f32) };
         let is_refused = |radius: f64| !(rounded(radius).is_finite() && radius >= 0.0);
         if let Some((species, &radius)) = radii.iter().find(|(_, radius)| is_refused(**radius)) {
@@ -31,7 +34,7 @@ impl ReadContext {
         }
         radii.values_mut().for_each(|radius| *radius = rounded(*radius));
         let (species, serials) = (Species::new(radii), HashMap::new());
-        Ok(Self { species, space, ids, groups, doubles, serials, rounding: None })
+        Ok(Self { species, space, ids, groups, precision, doubles, serials, rounding: None })
     }
 
     /// Logs once per file that 32 bits lose digits.
@@ -39,7 +42,8 @@ impl ReadContext {
         if self.rounding.is_none() {
             let warning = format!(
                 "{place}: {column} is {text}, more digits than the 32-bit numbers have that spheres are made of; it is \
-                 rounded, as later ones may be; if that matters, move the origin near the spheres"
+                 rounded, as later ones may be; if that matters, read 64-bit numbers (--precision f64; in Python \
+                 dtype='float64'), or move the origin near the spheres"
             );
             log::warn!("{warning}");
             self.rounding = Some(warning);

@@ -172,10 +172,6 @@ impl Frame {
         if context.ids {
             self.ids.get_or_insert_default();
         }
-        if context.doubles {
-            self.doubles.get_or_insert_default();
-            self.spheres = Vec::new();
-        }
         if context.groups {
             self.groups.get_or_insert_default();
         }

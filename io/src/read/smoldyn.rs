@@ -17,7 +17,7 @@ pub(super) fn read(source: Source, context: &mut ReadContext) -> Result<Frame, E
     let axes = ["x", "y", "z"].into_iter().enumerate().map(|(k, axis)| (axis, Column::Axis(k)));
     let listed = [("name(state)", Column::Species)].into_iter().chain(axes).chain([("serial", Column::Id)]);
     let listing = Listing(Columns::new(listed.map(|(name, meaning)| (name.to_owned(), meaning))));
-    let mut frame = Frame::default();
+    let mut frame = Frame::with_capacity(0, context);
     let mut lines = Lines::new(source);
     if context.groups {
         let expected = "a format with groups, which --exclude-groups asks for".to_owned();

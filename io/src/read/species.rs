@@ -43,6 +43,11 @@ impl Species {
         !self.given.is_empty()
     }
 
+    /// Returns `true` if all given radii are `f32` numbers.
+    pub(super) fn given_fit_f32(&self) -> bool {
+        self.given.values().all(|&radius| f64::from(radius as f32) == radius)
+    }
+
     pub(super) fn intern(&mut self, name: &[u8]) -> (u32, Option<f64>) {
         // Rows mostly repeat the species, without hashing.
         let same = self.keys.get(self.last).is_some_and(|last| **last == *name);

@@ -30,10 +30,10 @@ impl Xyz {
         let columns = columns(comment, context)?;
         let space = match context.space {
             Some(given) => given,
-            None => space(comment)?,
+            None => space(comment, context.doubles)?,
         };
         let step = value_of(comment.bytes, "Step").and_then(|step| lexical_core::parse(step).ok());
-        let mut frame = Frame { step, space, ..Frame::with_capacity(count.min(RESERVE)) };
+        let mut frame = Frame { step, space, ..Frame::with_capacity(count.min(RESERVE), context) };
         self.lines.rows(&Words(columns), ("spheres", count), context, &mut frame)?;
         Ok(Some(frame))
     }
@@ -93,12 +93,12 @@ fn declared(comment: Line<'_>, properties: &[u8]) -> Result<Vec<(String, Column)
     Ok(columns)
 }
 
-fn space(comment: Line<'_>) -> Result<Space, Error> {
+fn space(comment: Line<'_>, doubles: bool) -> Result<Space, Error> {
     let periodic = value_of(comment.bytes, "pbc").map(|value| flags(comment, value)).transpose()?;
     match (value_of(comment.bytes, "Lattice"), periodic) {
         (Some(lattice), periodic) => {
             let (edges, periodic) = (edges(comment, lattice)?, periodic.unwrap_or([true; 3]));
-            Cell { edges, periodic }.space(&comment.place())
+            Cell { edges, periodic }.space(&comment.place(), doubles)
         }
         (None, Some([false, false, false]) | None) => Ok(Space::UNBOUNDED),
         (None, Some(_)) => {

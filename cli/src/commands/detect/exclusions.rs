@@ -1,6 +1,6 @@
 use std::path::PathBuf;
 
-use lazygrid::{Error, Exclusions, InputError, Query, Spheres};
+use lazygrid::{Error, Exclusions, InputError, Query};
 use lazygrid_io::read::{self, Frame};
 
 use crate::args::Detect;
@@ -29,7 +29,7 @@ impl Excluded {
             frame: number,
             reason: Box::new(reason),
         };
-        let spheres = frame.spheres.len();
+        let spheres = frame.len();
         match frame.ids.as_deref().filter(|_| self.by_id) {
             Some(ids) => {
                 let row = |id| ids.binary_search(&id).ok().map(|row| row as u32);
@@ -61,7 +61,7 @@ pub(crate) fn query<'a>(
     frame: &'a Frame,
     exclusions: Option<&'a Exclusions>,
 ) -> Result<Query<'a>, InputError> {
-    let spheres = Spheres::from(&frame.spheres);
+    let spheres = frame.as_spheres();
     let spheres = frame.groups.as_ref().map_or(Ok(spheres), |groups| spheres.with_groups(groups))?;
     let query = Query::new(spheres);
     Ok(exclusions.map_or(query, |exclusions| query.without(exclusions)))

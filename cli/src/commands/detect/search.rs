@@ -2,7 +2,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use lazygrid::{Config, Detector, Query, Skin, Space};
+use lazygrid::{Backend, Config, Detector, Query, Skin, Space};
+use lazygrid_io::read::Frame;
 use lazygrid_io::write::{self, AtomicFile, Output, PairFile};
 
 use crate::args::Detect;
@@ -12,6 +13,8 @@ use crate::progress::Progress;
 
 /// 8 MiB of pairs.
 const CHUNK: usize = 1 << 20;
+/// Most bytes per sphere of the copy in 32 bits that a search of `f64` spheres makes, with the growth of its buffer.
+const COPY_OF_F64: u64 = 18;
 
 pub(crate) struct FrameDetector {
     config: Config,
@@ -26,9 +29,14 @@ impl FrameDetector {
     }
 
     /// Returns the most bytes of a search without a candidate list, which is dropped if memory is short.
-    pub(crate) fn least_memory(&self, space: Space, spheres: u64) -> Result<u64, CliError> {
-        let config = self.config.clone().space(space).skin(Skin::Off).threads(1);
-        Ok(Detector::new(config).map_err(CliError::Setting)?.memory_for(spheres))
+    pub(crate) fn least_memory(&self, frame: &Frame) -> Result<u64, CliError> {
+        let config = self.config.clone().space(frame.space).skin(Skin::Off).threads(1);
+        let detector = Detector::new(config).map_err(CliError::Setting)?;
+        let spheres = frame.len() as u64;
+        // On the CPU, the estimate for a periodic space has the copy.
+        let is_counted = detector.report().backend == Backend::Cpu && frame.space.is_periodic();
+        let copied = if frame.doubles.is_some() && !is_counted { COPY_OF_F64 * spheres } else { 0 };
+        Ok(detector.memory_for(spheres).saturating_add(copied))
     }
 
     pub(crate) fn detector(&mut self, space: Space) -> Result<&mut Detector, CliError> {

@@ -3,6 +3,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use lazygrid::{Report, Space, gpu};
+use lazygrid_io::read::Precision;
 use serde::Serialize;
 use serde_json::{Map, Value, json};
 
@@ -12,6 +13,7 @@ pub(crate) struct Summary {
     pub(crate) space: Space,
     /// Options gave the space.
     pub(crate) space_given: bool,
+    pub(crate) precision: Precision,
     pub(crate) report: Report,
     /// 0 if the file has none.
     pub(crate) species: usize,
@@ -31,6 +33,7 @@ struct Object<'a> {
     /// If not along the axes; then `periodic` has their lengths.
     cell_vectors: Option<[Option<[f64; 3]>; 3]>,
     periodic_from: Option<&'a str>,
+    precision: &'a str,
     spheres: u64,
     pairs: u64,
     backend: &'a str,
@@ -52,6 +55,7 @@ impl Summary {
             periodic: self.space.is_periodic().then(|| self.space.lengths()),
             cell_vectors: self.space.triclinic_cell().map(|_| self.space.cell_vectors()),
             periodic_from: self.space_said().then_some(if self.space_given { "option" } else { "file" }),
+            precision: self.precision.name(),
             spheres: report.spheres,
             pairs: report.pairs,
             backend: report.backend.name(),
@@ -92,6 +96,7 @@ impl fmt::Display for Summary {
             };
             row("periodic", &format_args!("{} ({source})", lengths(self.space)))?;
         }
+        row("precision", &self.precision)?;
         match self.species {
             0 => row("spheres", &report.spheres)?,
             species => row("spheres", &format_args!("{} of {species} species", report.spheres))?,

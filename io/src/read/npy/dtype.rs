@@ -49,6 +49,10 @@ impl Dtype {
         (width <= WIDEST).then_some(Self { class, big_endian, width })
     }
 
+    pub(super) fn is_f64(self) -> bool {
+        self.class == DtypeKind::Float && self.width == 8
+    }
+
     /// For [`Float`](DtypeKind::Float).
     #[inline]
     pub(super) fn float(self, bytes: &[u8]) -> f64 {

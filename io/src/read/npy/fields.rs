@@ -69,6 +69,15 @@ impl Fields {
         self.width
     }
 
+    /// Returns `true` if a coordinate or a radius is an `f64`.
+    pub(super) fn has_f64(&self) -> bool {
+        self.wanted.iter().any(|field| field.kind.is_f64())
+    }
+
+    pub(super) fn has_species(&self) -> bool {
+        self.columns.has(Column::Species)
+    }
+
     pub(super) fn read(
         &self,
         source: &mut Source,

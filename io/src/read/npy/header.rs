@@ -54,6 +54,23 @@ pub(super) fn read_text(source: &mut Source) -> Result<(Vec<u8>, u64), Error> {
     Ok((text, (start.len() + width + length) as u64))
 }
 
+impl Layout {
+    /// Returns `true` if a number that is read is an `f64`.
+    pub(super) fn has_f64(&self) -> bool {
+        match self {
+            Self::Plain { kind, .. } => kind.is_f64(),
+            Self::Structured(fields) => fields.has_f64(),
+        }
+    }
+
+    pub(super) fn has_species(&self) -> bool {
+        match self {
+            Self::Plain { .. } => false,
+            Self::Structured(fields) => fields.has_species(),
+        }
+    }
+}
+
 impl Header {
     pub(super) fn parse(source: &mut Source) -> Result<Self, Error> {
         let (text, end) = read_text(source)?;

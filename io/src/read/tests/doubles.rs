@@ -4,7 +4,7 @@ use super::*;
 
 fn doubles(name: &str, bytes: impl Into<Vec<u8>>, radii: &[(&str, f64)]) -> Result<Frame, Error> {
     let radii = radii.iter().map(|&(name, r)| (name.to_owned(), r)).collect();
-    let options = Options { radii, doubles: true, ..Options::default() };
+    let options = Options { radii, precision: Precision::F64, ..Options::default() };
     let mut frames = frames(name, bytes, options)?;
     assert_eq!(frames.len(), 1);
     Ok(frames.remove(0))
@@ -71,7 +71,7 @@ fn doubles_of_32_bit_files_are_their_numbers() {
 #[test]
 fn doubles_are_sorted_by_id_and_counted() {
     let text = "id,x,y,z,r\n2,0.2,0,0,1\n1,0.1,0,0,1\n";
-    let options = Options { ids: true, doubles: true, ..Options::default() };
+    let options = Options { ids: true, precision: Precision::F64, ..Options::default() };
     let mut frame = frames("a.csv", text, options).unwrap().remove(0);
     assert_eq!(frame.sort_by_id(), Ok(()));
     assert_eq!((frame.len(), frame.ids.as_deref()), (2, Some(&[1, 2][..])));
@@ -95,11 +95,71 @@ fn faulty_doubles_are_refused_and_none_is_reported_as_rounded() {
     assert!(doubles("a.npy", nan, &[]).unwrap_err().to_string().contains("z is NaN; values must be finite"));
     let error = doubles("a.csv", "", &[("A", f64::INFINITY)]).unwrap_err().to_string();
     assert!(error.contains("radius of species 'A' is inf"), "{error}");
-    for (doubles, is_rounded) in [(true, false), (false, true)] {
-        let options = Options { doubles, ..Options::default() };
+    for (precision, is_rounded) in [(Precision::F64, false), (Precision::Auto, false), (Precision::F32, true)]
+    {
+        let options = Options { precision, ..Options::default() };
         let text = "x,y,z,r\n0.12345678901,0,0,1\n";
         let mut frames = Frames::new("a.csv", Cursor::new(text), None, options).unwrap();
         assert!(frames.next().unwrap().is_ok());
         assert_eq!(frames.rounding().is_some(), is_rounded);
     }
+}
+
+fn chosen(name: &str, bytes: impl Into<Vec<u8>>, radii: &[(&str, f64)]) -> bool {
+    let radii = radii.iter().map(|&(name, r)| (name.to_owned(), r)).collect();
+    let options = Options { radii, precision: Precision::Auto, ..Options::default() };
+    let frame = frames(name, bytes, options).unwrap().remove(0);
+    assert_eq!((frame.len(), frame.as_spheres().len()), (1, 1), "{name}");
+    frame.doubles.is_some()
+}
+
+#[test]
+fn precision_is_that_of_the_numbers() {
+    let numbers = |count: usize| vec![0_u8; count];
+    let array = |descr: &str, shape: &str, bytes: usize| {
+        let mut all = npy(descr, "False", shape, &[]);
+        all.extend(numbers(bytes));
+        all
+    };
+    let fields = |radius: &str| {
+        format!(
+            "[('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('r', '{radius}'), ('mass', '<f8'), ('species', '<i4')]"
+        )
+    };
+    for (bytes, radii, is_f64) in [
+        (array("'<f4'", "(1, 4)", 16), &[][..], false),
+        (array("'>f4'", "(1, 4)", 16), &[], false),
+        (array("'<f4'", "(1, 4)", 16), &[("0", 0.1)], false),
+        (array("'<f8'", "(1, 4)", 32), &[], true),
+        (array("'>f8'", "(1, 4)", 32), &[], true),
+        (array(&fields("<f4"), "(1,)", 28), &[], false),
+        (array(&fields("<f8"), "(1,)", 32), &[], true),
+        (array(&fields("<f4"), "(1,)", 28), &[("0", 0.125)], false),
+        (array(&fields("<f4"), "(1,)", 28), &[("0", 0.1)], true),
+    ] {
+        let text = String::from_utf8_lossy(&bytes[10..80]).into_owned();
+        assert_eq!(chosen("a.npy", bytes, radii), is_f64, "{text} {radii:?}");
+    }
+    for (name, text) in
+        [("a.csv", "x,y,z,r\n1,2,3,0.5\n"), ("a.xyz", "1\n\nA 1 2 3\n"), ("a.lst", "A(up) 1 2 3 4\n")]
+    {
+        assert!(chosen(name, text, &[("A", 0.5)]), "{name}");
+    }
+}
+
+#[test]
+fn cells_of_f64_spheres_are_as_written() {
+    let lattice = |numbers: &str| {
+        let text = format!("1\nProperties=pos:R:3:radius:R:1 Lattice=\"{numbers}\"\n0 0 0 1\n");
+        doubles("a.xyz", text, &[]).map(|frame| frame.space)
+    };
+    let edges = [[0.1, 0.0, 0.0], [1e-17, 0.2, 0.0], [0.0, 0.0, 0.3]].map(Some);
+    assert_eq!(lattice("0.1 0 0 1e-17 0.2 0 0 0 0.3").unwrap(), Space::triclinic(edges).unwrap());
+    let lengths = Space::periodic([Some(0.1), Some(1e300), Some(1e-300)]).unwrap();
+    assert_eq!(lattice("0.1 0 0 0 -1e300 0 0 0 1e-300").unwrap(), lengths);
+    let refused = lattice("0.1 0 0 0 0.2 0 0 0 0").unwrap_err().to_string();
+    assert!(
+        refused.contains("periodic along z and its length there is 0, no finite number above zero"),
+        "{refused}"
+    );
 }

@@ -9,9 +9,10 @@ use lazygrid_check::TestInput;
 use lazygrid_io::Error;
 use lazygrid_io::write::AtomicFile;
 
-/// Returns the options of `lazygrid detect` for a scene; `None` for species and triclinic cells.
+/// Returns the options of `lazygrid detect` for a scene, whose numbers are `f32`; `None` for species and cells without options.
 pub(super) fn options(path: &Path, scenario: &TestInput) -> Option<String> {
-    let mut options = of_space(&scenario.space).filter(|_| scenario.mixture.is_none())?;
+    let space = of_space(&scenario.space).filter(|_| scenario.mixture.is_none())?;
+    let mut options = format!("{space} --precision f32");
     if scenario.excluded.is_some() {
         options += &format!(" --exclude {}", excluded(path).display());
     }

@@ -44,18 +44,18 @@ fn commands_reproduce_the_settings() {
     let of = |name, scenario, options| report.command(path, &fault(name, scenario, options));
     assert_eq!(
         of("soup: naive on cpu", Some(&scenario), " --backend cpu"),
-        "lazygrid detect f.csv --backend cpu --periodic 0.1,-,1e-40"
+        "lazygrid detect f.csv --backend cpu --periodic 0.1,-,1e-40 --precision f32"
     );
     assert_eq!(
         of("fuzz seed 12: naive", Some(&plain), " --count"),
-        "lazygrid detect f.csv --count --periodic none, or lazygrid check --backend all --seed 12"
+        "lazygrid detect f.csv --count --periodic none --precision f32, or lazygrid check --backend all --seed 12"
     );
     assert_eq!(of("fuzz seed 12: naive", Some(&scenario), ""), "lazygrid check --backend all --seed 12");
     assert_eq!(of("radix sort", None, ""), "lazygrid check --backend all");
     let narrow = FailedCase { environment: "LAZYGRID_SIMD=avx2 ", ..fault("soup", Some(&plain), " --tau 1") };
     assert_eq!(
         report.command(path, &narrow),
-        "LAZYGRID_SIMD=avx2 lazygrid detect f.csv --tau 1 --periodic none"
+        "LAZYGRID_SIMD=avx2 lazygrid detect f.csv --tau 1 --periodic none --precision f32"
     );
     assert_eq!(of("soup: candidates kept", Some(&plain), ""), "lazygrid check --backend all");
 }
@@ -75,7 +75,7 @@ fn triclinic_boxes_and_exclusions_are_shown() {
     let place = directory.path().display();
     let expected = format!(
         "lazygrid detect {place}/f.csv --backend cpu --periodic 4.0,-,0.10000000149011612 \
-         --tilt 0.0,-1.5,1.0000000116860974e-7 \
+         --tilt 0.0,-1.5,1.0000000116860974e-7 --precision f32 \
          --exclude {place}/f-excluded.csv --exclude-groups"
     );
     assert_eq!(command, expected);

@@ -1,0 +1,48 @@
+use std::fmt;
+use std::str::FromStr;
+
+use lazygrid::UnknownName;
+
+/// The type of the numbers that a reader returns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum Precision {
+    /// `f32`. Other numbers are rounded, with a warning if one loses digits.
+    #[default]
+    F32,
+    /// `f64`.
+    F64,
+    /// The type that rounds nothing: `f32` for NumPy arrays of `f32`, else `f64`. Text is read as `f64`, because few
+    /// decimal numbers are `f32` numbers, such as 0.5 but not 0.1. With a given radius that is not an `f32` number, arrays
+    /// with species are read as `f64`.
+    Auto,
+}
+
+impl Precision {
+    /// All precisions.
+    pub const ALL: [Self; 3] = [Self::Auto, Self::F32, Self::F64];
+
+    /// Returns the name in lower case.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::F32 => "f32",
+            Self::F64 => "f64",
+            Self::Auto => "auto",
+        }
+    }
+}
+
+impl fmt::Display for Precision {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(self.name())
+    }
+}
+
+impl FromStr for Precision {
+    type Err = UnknownName;
+
+    fn from_str(text: &str) -> Result<Self, UnknownName> {
+        let found = Self::ALL.into_iter().find(|precision| precision.name() == text);
+        found.ok_or_else(|| UnknownName::new("precision", text, &Self::ALL.map(Self::name)))
+    }
+}
