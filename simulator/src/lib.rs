@@ -61,7 +61,7 @@ pub use model::receptors::{Ligand, ReceptorType};
 pub use model::transmitter::{CountDistribution, Schedule, Shape, Transmitter};
 pub use model::vessel::Vessel;
 pub use model::{Contact, Decay, Flow, Model, Reaction, ReactionRate, Species, Unbinding};
-pub use output::{animation, series, table, write_atomically, write_report};
+pub use output::{Report, TableWriter, animation, series, table, write_atomically, write_report};
 pub use release::origins::{Arrival, Origin};
 pub use run::any::AnySimulation;
 pub use run::simulation::Simulation;

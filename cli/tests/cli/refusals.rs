@@ -186,6 +186,85 @@ fn run_leaves_plots_of_others_alone() {
 }
 
 #[test]
+fn resumed_replicas_leave_files_of_others_alone() {
+    let scratch = Scratch::new();
+    let text = scenario("").replace("[[species]]", "[output]\nframes = [\"npy\"]\n[[species]]");
+    let (file, run) = (scratch.write("a.toml", &text), scratch.path("run"));
+    let simulate = |replicas: &str, more: &[&str]| {
+        let args = ["simulate", &file, "--frames-every", "2", "--output", &run, "--replicas", replicas];
+        LAZYGRID.run(args.iter().chain(more))
+    };
+    simulate("1", &[]).succeeds();
+    let second = run.clone() + "/replica-0001/";
+    fs::create_dir(&second).unwrap();
+    for name in ["series.csv", "frame-000000002.npy", "bit-errors.csv"] {
+        let own = second.clone() + name;
+        fs::write(&own, "the work of years\n").unwrap();
+        // A refused run leaves no sign that the files are its own.
+        for _ in 0..2 {
+            let said = simulate("2", &["--resume"]).fails().err;
+            let message = format!("it holds a file {name} of no run that can be continued; move the file");
+            assert!(said.contains(&message), "{said}");
+            assert_eq!(fs::read_to_string(&own).unwrap(), "the work of years\n");
+        }
+        fs::remove_file(own).unwrap();
+    }
+    // A run that ends before its first checkpoint leaves files that are its own.
+    let frame = second.clone() + "frame-000000000.npy";
+    fs::create_dir(&frame).unwrap();
+    assert!(simulate("2", &["--resume"]).fails().err.contains("frame-000000000.npy: cannot write"));
+    assert!(fs::exists(second.clone() + "series.csv").unwrap());
+    fs::remove_dir(&frame).unwrap();
+    simulate("2", &["--resume"]).succeeds();
+    // So are those of a replica whose checkpoint is lost, but not those of another seed.
+    fs::remove_file(second.clone() + "checkpoint").unwrap();
+    fs::rename(second.clone() + ".lock", scratch.path("lock")).unwrap();
+    fs::copy(run.clone() + "/replica-0000/.lock", second.clone() + ".lock").unwrap();
+    assert!(simulate("2", &["--resume"]).fails().err.contains("it holds a file series.csv"));
+    fs::rename(scratch.path("lock"), second + ".lock").unwrap();
+    simulate("2", &["--resume"]).succeeds();
+}
+
+#[test]
+fn report_leaves_tables_and_pages_of_others_alone() {
+    let scratch = Scratch::new();
+    let text = scenario("bits = \"1011\"\nsymbol-time = 5e-3")
+        .replace("[[species]]", "[output]\narrivals = true\n[[species]]");
+    let receiver =
+        "[[receiver]]\nname = \"rx\"\nkind = \"absorbing\"\ncenter = [0.1, 0.0, 0.0]\nradius = 0.05\n";
+    let (file, run) = (scratch.write("a.toml", &(text + receiver)), scratch.path("run"));
+    let at = |name: &str| format!("{run}/{name}");
+    let read = |name: &str| fs::read_to_string(at(name)).unwrap();
+    let simulate = |more: &[&str]| LAZYGRID.run(["simulate", &file, "--output", &run].iter().chain(more));
+    simulate(&["--report", "--steps", "20"]).succeeds();
+    let all = ["impulse-response.csv", "by-symbol.csv", "interference.csv", "bit-errors.csv", "report.html"];
+    let mut steps = 20;
+    for name in all {
+        steps += 1;
+        simulate(&["--report", "--resume", "--steps", &steps.to_string()]).succeeds();
+        let before = all.map(read);
+        fs::write(at(name), "the work of years\n").unwrap();
+        let page = read("report.html");
+        let said = simulate(&["--report", "--resume", "--steps", &steps.to_string()]).fails().err;
+        assert!(said.contains(&format!("it holds a file {name} of no run that can be continued")), "{said}");
+        assert_eq!((read(name), read("report.html")), ("the work of years\n".to_owned(), page));
+        // More steps outdate the report, but not the file of others.
+        steps += 1;
+        simulate(&["--resume", "--steps", &steps.to_string()]).succeeds();
+        assert_eq!(read(name), "the work of years\n");
+        let others = all.into_iter().filter(|other| *other != name && fs::exists(at(other)).unwrap());
+        // Without the page, its tables are not known.
+        assert_eq!(others.count(), if name == "report.html" { 4 } else { 0 }, "{name}");
+        let said = simulate(&["--report", "--resume", "--steps", &steps.to_string()]).fails().err;
+        assert!(said.contains(&format!("it holds a file {name}")), "{said}");
+        fs::remove_file(at(name)).unwrap();
+        assert!(before.iter().all(|content| !content.contains("the work of years")));
+    }
+    simulate(&["--report", "--overwrite", "--steps", "20"]).succeeds();
+    assert!(all.map(read).iter().all(|content| !content.contains("the work of years")));
+}
+
+#[test]
 fn sweep_leaves_scenarios_of_others_alone() {
     let scratch = Scratch::new();
     let (file, run) = (scratch.write("a.toml", &scenario("")), scratch.path("run"));

@@ -1,14 +1,16 @@
 //! Names of the files of a run, and their removal. Files of others stay.
 
 use std::fs;
-use std::io::{self, Write};
+use std::io;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::Error;
-use crate::output::{ANIMATED, ARRIVALS, Lock, OCCUPANCY, RELEASES, SERIES, SYMBOLS, XYZ, write_atomically};
+use crate::output::report::{PLOTS, REPORT, TABLES, is_plot, remove_own_plots, remove_report};
+use crate::output::{ANIMATED, ARRIVALS, Lock, OCCUPANCY, RELEASES, SERIES, SYMBOLS, XYZ};
 
-/// Files of runs, replicas, sweeps and reports, apart from frames and plots.
-const RESULTS: [&str; 20] = [
+/// Files of runs, replicas, sweeps and reports, apart from frames, plots and the tables of reports.
+const RESULTS: [&str; 16] = [
     "checkpoint",
     "replicas.csv",
     "points.csv",
@@ -25,17 +27,11 @@ const RESULTS: [&str; 20] = [
     "arrivals.arrow",
     "releases.arrow",
     REPORT,
-    "impulse-response.csv",
-    "interference.csv",
-    "bit-errors.csv",
-    "by-symbol.csv",
 ];
 /// Number of the first [`RESULTS`], which `--resume` continues.
 const RESUMABLE: usize = 3;
-const PLOTS: &str = "plots";
-const REPORT: &str = "report.html";
-/// First of the last [`RESULTS`], which are made of a run's other files.
-const DERIVED: usize = 12;
+/// [`RESULTS`] that are made of a run's other files, apart from reports.
+const DERIVED: Range<usize> = 12..15;
 
 /// Also locks the directory. Refuses one with files of a run, unless `overwrite`.
 pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> {
@@ -70,13 +66,14 @@ fn foreign_file(directory: &Path, name: &str) -> Error {
 }
 
 /// Links count as files, also broken ones.
-fn is_file(path: &Path) -> bool {
+pub(super) fn is_file(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok_and(|data| !data.is_dir())
 }
 
-/// Returns the name of a file in `directory` that a run would replace: one of `results`, or else the first frame or plot.
+/// Returns the name of a file in `directory` that a run would replace: one of `results` or a
+/// table, or else the first frame or plot.
 fn foreign_result(directory: &Path, results: &[&str]) -> Result<Option<String>, Error> {
-    if let Some(name) = results.iter().find(|name| directory.join(name).is_file()) {
+    if let Some(name) = results.iter().chain(&TABLES).find(|name| directory.join(name).is_file()) {
         return Ok(Some((*name).to_owned()));
     }
     if let Some(frame) = first_file(directory, is_frame)? {
@@ -117,10 +114,6 @@ fn is_frame(name: &str) -> bool {
     step.is_some_and(|step| step.len() >= 9 && step.bytes().all(|byte| byte.is_ascii_digit()))
 }
 
-fn is_plot(name: &str) -> bool {
-    name.ends_with(".svg")
-}
-
 /// Returns the numbers in names of a directory's entries that begin with `prefix`, ascending.
 pub(crate) fn numbered(directory: &Path, prefix: &str) -> Result<Vec<u32>, Error> {
     let mut numbers = Vec::new();
@@ -136,8 +129,8 @@ pub(crate) fn numbered(directory: &Path, prefix: &str) -> Result<Vec<u32>, Error
 /// Removes the files of a run, but not the directories of replicas and points. Begins with the files that `--resume`
 /// continues.
 pub(crate) fn remove_results(directory: &Path) -> Result<(), Error> {
-    remove_plots(directory, &former_report(directory))?;
-    RESULTS.into_iter().try_for_each(|name| remove_file(directory.join(name)))?;
+    remove_own_plots(directory)?;
+    RESULTS.into_iter().chain(TABLES).try_for_each(|name| remove_file(directory.join(name)))?;
     remove_where(directory, is_frame)
 }
 
@@ -153,62 +146,14 @@ pub(crate) fn replica_directory(directory: &Path, replica: u32) -> PathBuf {
     directory.join(format!("replica-{replica:04}"))
 }
 
-/// Removes what is made of a run's finished files: reports, tables and copies in other formats.
+/// Removes what is made of a run's finished files: animations, copies in other formats, and its report, but no tables
+/// and pages of others.
 pub(crate) fn remove_derived(directory: &Path) -> Result<(), Error> {
-    remove_plots(directory, &former_report(directory))?;
-    RESULTS[DERIVED..].iter().try_for_each(|name| remove_file(directory.join(name)))
+    remove_report(directory)?;
+    RESULTS[DERIVED].iter().try_for_each(|name| remove_file(directory.join(name)))
 }
 
-/// Writes `report.html` and `plots`, pairs of name and content, in place of those of the former report.
-///
-/// # Errors
-/// [`Error::Write`], also for a plot of others, unless `overwrite`.
-pub fn write_report(
-    directory: &Path,
-    page: &str,
-    plots: &[(&str, &str)],
-    overwrite: bool,
-) -> Result<(), Error> {
-    let former = former_report(directory);
-    let name = |plot: &str| format!("{PLOTS}/{plot}.svg");
-    let is_own = |path: &Path| is_plot_of(&former, path) || is_plot_of(page, path);
-    let paths = plots.iter().map(|(plot, _)| name(plot));
-    let mut foreign = paths.filter(|name| !overwrite && !is_own(&directory.join(name)));
-    foreign.try_for_each(|name| refuse_file(directory, &name))?;
-    remove_plots(directory, &former)?;
-    // The page first: it tells the plots from those of others.
-    write_atomically(&directory.join(REPORT), |out| out.write_all(page.as_bytes()))?;
-    let folder = directory.join(PLOTS);
-    fs::create_dir_all(&folder).map_err(|source| Error::Write { path: folder, source })?;
-    plots.iter().try_for_each(|(plot, svg)| {
-        write_atomically(&directory.join(name(plot)), |out| out.write_all(svg.as_bytes()))
-    })
-}
-
-/// Removes the plots that are part of the directory's `report`, but no files of the user.
-fn remove_plots(directory: &Path, report: &str) -> Result<(), Error> {
-    let plots = directory.join(PLOTS);
-    let is_directory = fs::symlink_metadata(&plots).is_ok_and(|plots| plots.is_dir());
-    if report.is_empty() || !is_directory {
-        return Ok(());
-    }
-    remove_where(&plots, |name| is_plot(name) && is_plot_of(report, &plots.join(name)))?;
-    // Remains if it holds other files.
-    let _ = fs::remove_dir(plots);
-    Ok(())
-}
-
-/// Returns an empty text if no report exists.
-fn former_report(directory: &Path) -> String {
-    fs::read_to_string(directory.join(REPORT)).unwrap_or_default()
-}
-
-fn is_plot_of(report: &str, path: &Path) -> bool {
-    let is_regular = fs::symlink_metadata(path).is_ok_and(|data| data.is_file());
-    is_regular && fs::read_to_string(path).is_ok_and(|svg| !svg.is_empty() && report.contains(&svg))
-}
-
-fn remove_where(directory: &Path, is_result: impl Fn(&str) -> bool) -> Result<(), Error> {
+pub(super) fn remove_where(directory: &Path, is_result: impl Fn(&str) -> bool) -> Result<(), Error> {
     for entry in entries(directory)? {
         let entry = entry?;
         if entry.file_name().to_str().is_some_and(&is_result) {
@@ -219,7 +164,7 @@ fn remove_where(directory: &Path, is_result: impl Fn(&str) -> bool) -> Result<()
 }
 
 /// Removes a file, unless the path is a directory or a device.
-fn remove_file(path: PathBuf) -> Result<(), Error> {
+pub(super) fn remove_file(path: PathBuf) -> Result<(), Error> {
     match path.is_file() {
         true => fs::remove_file(&path).map_err(|source| Error::Write { path, source }),
         false => Ok(()),

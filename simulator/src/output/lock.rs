@@ -1,6 +1,6 @@
 use std::fs::{File, FileType, OpenOptions, TryLockError};
-use std::io;
-use std::path::Path;
+use std::io::{self, Write};
+use std::path::{Path, PathBuf};
 
 use crate::Error;
 
@@ -8,17 +8,21 @@ use crate::Error;
 pub(super) const TEMPORARY: &str = ".draft-";
 pub(super) const RANDOM: usize = 6;
 
+const LOCK: &str = ".lock";
+
 /// Keeps other runs out of a directory: a system lock on `.lock`, which ends with the process. The file remains.
 #[derive(Debug)]
 pub(crate) struct Lock {
-    _file: File,
+    path: PathBuf,
+    file: File,
 }
 
 impl Lock {
     pub(crate) fn take(directory: &Path) -> Result<Self, Error> {
         refuse_pipes(directory)?;
         let refused = |source| Error::Write { path: directory.to_owned(), source };
-        let open = OpenOptions::new().create(true).truncate(false).write(true).open(directory.join(".lock"));
+        let path = directory.join(LOCK);
+        let open = OpenOptions::new().create(true).truncate(false).write(true).open(&path);
         let file = open.map_err(refused)?;
         match file.try_lock() {
             // The lock excludes other writers of these.
@@ -34,8 +38,26 @@ impl Lock {
                 directory.display()
             ),
         }
-        Ok(Self { _file: file })
+        Ok(Self { path, file })
     }
+
+    /// Marks the files that follow as those of a run with this seed, for a run that is killed before its first
+    /// checkpoint or loses it.
+    pub(crate) fn mark_begun(&self, seed: u64) -> Result<(), Error> {
+        let written = self.file.set_len(0).and_then(|()| (&self.file).write_all(mark(seed).as_bytes()));
+        written.map_err(|source| Error::Write { path: self.path.clone(), source })
+    }
+}
+
+fn mark(seed: u64) -> String {
+    format!("begun with seed {seed}\n")
+}
+
+/// Returns `true` if a run with this seed has begun in the directory.
+pub(crate) fn has_begun(directory: &Path, seed: u64) -> bool {
+    let path = directory.join(LOCK);
+    // Opening a named pipe would wait.
+    path.is_file() && std::fs::read(path).is_ok_and(|content| content == mark(seed).as_bytes())
 }
 
 /// Opening a named pipe in place of a file would wait for another program.

@@ -12,6 +12,7 @@ mod lock;
 mod log_estimate;
 pub(crate) mod occupancy;
 pub(crate) mod options;
+mod report;
 pub mod series;
 mod symbols;
 pub mod table;
@@ -19,13 +20,13 @@ pub mod table;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
-pub use directory::write_report;
 pub(crate) use directory::{
     numbered, prepare, refuse_file, remove_derived, remove_replicas, remove_results, replica_directory,
 };
 pub(crate) use disk_estimate::{DiskEstimate, next_bytes};
-pub(crate) use lock::Lock;
+pub(crate) use lock::{Lock, has_begun};
 pub(crate) use log_estimate::{LOGGED_ARRIVALS, LOGGED_STEPS};
+pub use report::{Report, TableWriter, write_report};
 
 use append_file::AppendFile;
 

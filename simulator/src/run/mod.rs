@@ -209,6 +209,7 @@ impl Run {
         if self.overwrite {
             output::remove_results(&self.directory)?;
         }
+        lock.mark_begun(*seed)?;
         let mut files = Files::create(&self.directory, *output, model, *seed, lock)?;
         files.record(&simulation)?;
         self.save(&simulation, &mut files)?;

@@ -113,8 +113,8 @@ impl Replicas {
         run.directory = self.directory_of(replica);
         run.scenario.output.animation = run.scenario.output.animation.filter(|_| replica == 0);
         if run.resume && !run.checkpoint_path().exists() {
-            // It begins. The table of the seeds shows that the directory is of these replicas.
-            (run.resume, run.overwrite) = (false, true);
+            // It begins. The table of the seeds shows that the directory is of these replicas, and a mark that files are.
+            (run.resume, run.overwrite) = (false, output::has_begun(&run.directory, run.scenario.seed));
         }
         run
     }

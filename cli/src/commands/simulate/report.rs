@@ -2,8 +2,6 @@ mod bit_errors;
 mod sections;
 pub(super) mod sweep;
 
-use std::fs;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use lazygrid_report::{Document, Section, html};
@@ -11,7 +9,7 @@ use lazygrid_results::channel::Channels;
 use lazygrid_results::mean::MeanSeries;
 use lazygrid_results::series::Series;
 use lazygrid_sim::run::Run;
-use lazygrid_sim::{Model, write_atomically, write_report};
+use lazygrid_sim::{Model, Report, TableWriter, write_report};
 
 use crate::error::CliError;
 
@@ -35,9 +33,9 @@ pub(crate) fn write(done: &Done<'_>) -> Result<Channels, CliError> {
     let channels = channels(done)?;
     let name = done.run.path.file_stem().unwrap_or_default().to_string_lossy();
     let title = format!("lazygrid simulate: {name}");
-    // It refuses plots of others before tables are replaced.
-    write_page(done.run.overwrite, &done.run.directory, title, || sections::all(done, &channels))?;
-    tables(&channels, &done.run.scenario.model, &done.run.directory)?;
+    let place = (done.run.directory.as_path(), done.run.overwrite);
+    let tables = tables(&channels, &done.run.scenario.model);
+    write_page(place, title, tables, || sections::all(done, &channels))?;
     Ok(channels)
 }
 
@@ -48,9 +46,9 @@ pub(crate) fn channels(done: &Done<'_>) -> Result<Channels, CliError> {
 }
 
 fn write_page(
-    overwrite: bool,
-    directory: &Path,
+    (directory, overwrite): (&Path, bool),
     title: String,
+    tables: Vec<(&str, TableWriter<'_>)>,
     sections: impl FnOnce() -> Result<Vec<Section>, Box<dyn std::error::Error>>,
 ) -> Result<(), CliError> {
     let failed = |error: Box<dyn std::error::Error>| CliError::Report {
@@ -59,29 +57,35 @@ fn write_page(
     };
     let document = Document { title, sections: sections().map_err(failed)? };
     let plots = document.sections.iter().flat_map(|section| &section.plots);
-    let plots: Vec<_> = plots.map(|plot| (plot.name.as_str(), plot.svg.as_str())).collect();
-    Ok(write_report(directory, &html::page(&document), &plots, overwrite)?)
+    let plots = plots.map(|plot| (plot.name.as_str(), plot.svg.as_str())).collect();
+    let page = html::page(&document);
+    Ok(write_report(directory, &Report { page: &page, plots, tables }, overwrite)?)
 }
 
-fn tables(channels: &Channels, model: &Model, directory: &Path) -> Result<(), lazygrid_sim::Error> {
-    let table = |name: &str, is_empty: bool, content: &dyn Fn(&mut dyn Write) -> std::io::Result<()>| {
-        let path = directory.join(name);
-        match is_empty {
-            // An earlier report may have had it.
-            true if path.exists() => {
-                fs::remove_file(&path).map_err(|source| lazygrid_sim::Error::Write { path, source })
-            }
-            true => Ok(()),
-            false => write_atomically(&path, |out| content(out)),
-        }
-    };
+fn tables<'a>(channels: &'a Channels, model: &'a Model) -> Vec<(&'a str, TableWriter<'a>)> {
     let Channels { by_symbol, interference, bit_errors, .. } = channels;
-    table("impulse-response.csv", !model.logs_arrivals, &|mut out| {
-        channels.write_responses(&mut out, model)
-    })?;
-    table("by-symbol.csv", by_symbol.is_empty(), &|mut out| channels.write_by_symbol(&mut out, model))?;
-    table("interference.csv", interference.is_empty(), &|mut out| {
-        channels.write_interference(&mut out, model)
-    })?;
-    table("bit-errors.csv", bit_errors.is_empty(), &|mut out| channels.write_bit_errors(&mut out, model))
+    let all: [(&str, bool, TableWriter<'a>); 4] = [
+        (
+            "impulse-response.csv",
+            model.logs_arrivals,
+            Box::new(|mut out| channels.write_responses(&mut out, model)),
+        ),
+        (
+            "by-symbol.csv",
+            !by_symbol.is_empty(),
+            Box::new(|mut out| channels.write_by_symbol(&mut out, model)),
+        ),
+        (
+            "interference.csv",
+            !interference.is_empty(),
+            Box::new(|mut out| channels.write_interference(&mut out, model)),
+        ),
+        (
+            "bit-errors.csv",
+            !bit_errors.is_empty(),
+            Box::new(|mut out| channels.write_bit_errors(&mut out, model)),
+        ),
+    ];
+    let made = all.into_iter().filter(|(_, has_rows, _)| *has_rows);
+    made.map(|(name, _, write)| (name, write)).collect()
 }

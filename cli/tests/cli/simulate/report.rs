@@ -172,11 +172,19 @@ fn overwritten_run_leaves_no_file_of_its_report_and_animation() {
 fn report_without_a_table_removes_an_earlier_one() {
     let scratch = Scratch::new();
     let (scenario, out) = (scratch.write("s.toml", SCENARIO), scratch.path("out"));
-    lazygrid(["simulate", &scenario, "--output", &out]).succeeds();
-    let table = out.clone() + "/bit-errors.csv";
+    lazygrid(["simulate", &scenario, "--output", &out, "--report"]).succeeds();
+    let (table, page) = (out.clone() + "/bit-errors.csv", out.clone() + "/report.html");
     fs::write(&table, "transmitter\n").unwrap();
     lazygrid(["simulate", &scenario, "--output", &out, "--report", "--resume"]).succeeds();
+    assert!(fs::exists(&table).unwrap(), "no report had this table");
+    let text = fs::read_to_string(&page).unwrap();
+    // XXH64 of the table.
+    let named = text.replacen("simulate: -->", "simulate: bit-errors.csv 12 e6a8ae2a370c076a; -->", 1);
+    assert_ne!(named, text);
+    fs::write(&page, named).unwrap();
+    lazygrid(["simulate", &scenario, "--output", &out, "--report", "--resume"]).succeeds();
     assert!(!fs::exists(table).unwrap());
+    assert_eq!(fs::read_to_string(page).unwrap(), text);
 }
 
 #[test]

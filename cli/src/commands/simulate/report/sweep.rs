@@ -21,7 +21,7 @@ pub(crate) fn write(
 ) -> Result<(), CliError> {
     let title = sweep.points.first().map_or_else(String::new, |point| point.run.path.display().to_string());
     let title = format!("lazygrid simulate: sweep of {title}");
-    write_page(sweep.overwrites(), &sweep.directory, title, || {
+    write_page((&sweep.directory, sweep.overwrites()), title, Vec::new(), || {
         let mut sections = vec![points(sweep, rows)];
         sections.extend(curves(sweep, rows)?);
         sections.extend(response_section(sweep, responses)?);

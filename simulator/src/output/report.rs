@@ -1,0 +1,156 @@
+//! The report of a run: a page, its plots and its tables. The page tells them from files of others: it contains the plots,
+//! and its last line has the checksums of the tables.
+
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::Path;
+
+use super::directory::{is_file, refuse_file, remove_file, remove_where};
+use super::write_atomically;
+use crate::Error;
+use crate::checksum::{Digest, DigestWriter};
+
+pub(super) const REPORT: &str = "report.html";
+pub(super) const TABLES: [&str; 4] =
+    ["impulse-response.csv", "interference.csv", "bit-errors.csv", "by-symbol.csv"];
+pub(super) const PLOTS: &str = "plots";
+
+/// Begins the last line of each page.
+const MARK: &str = "<!-- tables of lazygrid simulate:";
+
+/// Writes the rows of a table.
+pub type TableWriter<'a> = Box<dyn Fn(&mut dyn Write) -> io::Result<()> + 'a>;
+
+/// The files of a report, for [`write_report`].
+pub struct Report<'a> {
+    /// The content of `report.html`.
+    pub page: &'a str,
+    /// Name and content of each plot, for `plots`.
+    pub plots: Vec<(&'a str, &'a str)>,
+    /// Name and content of each table: `impulse-response.csv`, `interference.csv`, `bit-errors.csv`, `by-symbol.csv`.
+    pub tables: Vec<(&'a str, TableWriter<'a>)>,
+}
+
+/// Writes the files of a report in place of those of the former report.
+///
+/// # Errors
+/// [`Error::Write`], also for a page, plot or table of others, unless `overwrite`.
+pub fn write_report(directory: &Path, report: &Report<'_>, overwrite: bool) -> Result<(), Error> {
+    let former = former_report(directory);
+    let page = marked(directory, report)?;
+    if !overwrite {
+        refuse_foreign(directory, report, [&former, &page])?;
+    }
+    remove_parts(directory, &former)?;
+    // The page first: it tells the plots and tables from those of others.
+    write_atomically(&directory.join(REPORT), |out| out.write_all(page.as_bytes()))?;
+    for (name, write) in &report.tables {
+        write_atomically(&directory.join(name), |out| write(out))?;
+    }
+    let folder = directory.join(PLOTS);
+    fs::create_dir_all(&folder).map_err(|source| Error::Write { path: folder, source })?;
+    report.plots.iter().try_for_each(|(plot, svg)| {
+        write_atomically(&directory.join(plot_name(plot)), |out| out.write_all(svg.as_bytes()))
+    })
+}
+
+fn plot_name(plot: &str) -> String {
+    format!("{PLOTS}/{plot}.svg")
+}
+
+/// Returns the page with the checksums of the tables.
+fn marked(directory: &Path, report: &Report<'_>) -> Result<String, Error> {
+    let mut page = format!("{}\n{MARK}", report.page.trim_end());
+    for (name, write) in &report.tables {
+        let mut out = BufWriter::new(DigestWriter::new(io::sink(), Digest::new()));
+        let written = write(&mut out).and_then(|()| out.flush());
+        written.map_err(|source| Error::Write { path: directory.join(name), source })?;
+        page += &entry(name, out.get_ref().digest());
+    }
+    Ok(page + " -->\n")
+}
+
+/// Returns the text of a table in the last line of a page.
+fn entry(name: &str, digest: &Digest) -> String {
+    format!(" {name} {} {:016x};", digest.length(), digest.checksum())
+}
+
+/// Refuses files that neither the former report nor the new one has.
+fn refuse_foreign(directory: &Path, report: &Report<'_>, pages: [&str; 2]) -> Result<(), Error> {
+    if pages[0].is_empty() {
+        refuse_file(directory, REPORT)?;
+    }
+    for (plot, _) in &report.plots {
+        let name = plot_name(plot);
+        let path = directory.join(&name);
+        if !pages.iter().any(|page| is_plot_of(page, &path)) {
+            refuse_file(directory, &name)?;
+        }
+    }
+    for (name, _) in &report.tables {
+        let path = directory.join(name);
+        if is_file(&path) && !pages.iter().any(|page| is_table_of(page, name, &path)) {
+            refuse_file(directory, name)?;
+        }
+    }
+    Ok(())
+}
+
+/// Removes the files of the former report, but no files of the user. The page goes last: it tells them apart.
+pub(super) fn remove_report(directory: &Path) -> Result<(), Error> {
+    let former = former_report(directory);
+    remove_parts(directory, &former)?;
+    if former.is_empty() { Ok(()) } else { remove_file(directory.join(REPORT)) }
+}
+
+/// Removes the plots and tables that are part of a page.
+fn remove_parts(directory: &Path, page: &str) -> Result<(), Error> {
+    remove_plots(directory, page)?;
+    let own = TABLES.into_iter().filter(|name| is_table_of(page, name, &directory.join(name)));
+    own.into_iter().try_for_each(|name| remove_file(directory.join(name)))
+}
+
+/// Removes the plots of the directory's report.
+pub(super) fn remove_own_plots(directory: &Path) -> Result<(), Error> {
+    remove_plots(directory, &former_report(directory))
+}
+
+fn remove_plots(directory: &Path, page: &str) -> Result<(), Error> {
+    let plots = directory.join(PLOTS);
+    let is_directory = fs::symlink_metadata(&plots).is_ok_and(|plots| plots.is_dir());
+    if page.is_empty() || !is_directory {
+        return Ok(());
+    }
+    remove_where(&plots, |name| is_plot(name) && is_plot_of(page, &plots.join(name)))?;
+    // Remains if it holds other files.
+    let _ = fs::remove_dir(plots);
+    Ok(())
+}
+
+/// Returns an empty text if no report exists, or a page of others.
+fn former_report(directory: &Path) -> String {
+    let page = fs::read_to_string(directory.join(REPORT)).unwrap_or_default();
+    if last_line(&page).is_some() { page } else { String::new() }
+}
+
+fn last_line(page: &str) -> Option<&str> {
+    page.trim_end().lines().next_back().filter(|line| line.starts_with(MARK))
+}
+
+pub(super) fn is_plot(name: &str) -> bool {
+    name.ends_with(".svg")
+}
+
+fn is_regular(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|data| data.is_file())
+}
+
+fn is_plot_of(page: &str, path: &Path) -> bool {
+    is_regular(path) && fs::read_to_string(path).is_ok_and(|svg| !svg.is_empty() && page.contains(&svg))
+}
+
+fn is_table_of(page: &str, name: &str, path: &Path) -> bool {
+    let Some(line) = last_line(page).filter(|_| is_regular(path)) else { return false };
+    let digest = File::open(path).and_then(|file| Digest::of_next(file, u64::MAX));
+    digest.is_ok_and(|digest| line.contains(&entry(name, &digest)))
+}
