@@ -69,7 +69,7 @@ pub enum InputError {
     /// More images within the cutoff than indices can name.
     #[error(
         "{images} images of spheres are within the cutoff {reach} of others, more than the {MAX_SPHERES} that 32-bit indices can \
-         name; choose a smaller cutoff or a larger box"
+         name; choose a smaller cutoff or a larger box, or wrap the coordinates into the box if they are far from it"
     )]
     Images {
         /// Number of images, rounded to `f64`.

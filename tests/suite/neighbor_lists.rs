@@ -264,3 +264,52 @@ fn neighbor_lists_refuse_invalid_input() {
     let points = Spheres::points(&points, Radii::All(0.5)).expect("a set");
     assert_eq!(entries(&mut detector, Query::new(points), ListOptions::full().open()), Ok(Vec::new()));
 }
+
+/// Numbers of cell vectors beyond 32 bits, beyond the whole numbers of `f64`, and beyond its range.
+#[test]
+fn cell_vectors_beyond_their_types_are_refused() {
+    let edges = [[1.0, 0.0, 0.0], [0.4, 1.0, 0.0], [-0.3, 0.2, 1.0]];
+    for scale in [1.0, 1e-300, 1e300] {
+        let cell = edges.map(|edge: [f64; 3]| Some(edge.map(|number| number * scale)));
+        for vectors in [cell, [cell[0], cell[1], None], [None, cell[1], None]] {
+            let space = Space::triclinic(vectors).expect("a cell");
+            let mut detector = Detector::new(Config::default().space(space)).expect("a detector");
+            let mut list = |spheres: &[[f64; 4]]| {
+                let list = detector.neighbor_list(spheres, ListOptions::full().shifts());
+                list.map(|list| list.len())
+            };
+            let reaches = [1e10, 1e19, 1e40, 1e155, 1e308, f64::MAX];
+            let reaches = reaches.into_iter().flat_map(|reach| [reach, reach * scale]);
+            for reach in reaches.filter(|reach| reach.is_finite() && *reach >= 1e10 * scale) {
+                let refused = list(&[[0.0, 0.0, 0.0, reach]]).expect_err("many images");
+                let is_named =
+                    matches!(refused, Error::Input(InputError::Images { images, .. }) if images > 1e9);
+                assert!(is_named, "{vectors:?}, {reach:e}: {refused:?}");
+                let said = refused.to_string();
+                assert!(
+                    said.contains("choose a smaller cutoff") && said.contains("wrap the coordinates"),
+                    "{said}"
+                );
+            }
+            let [x, y, z] = vectors.into_iter().flatten().next().expect("a vector");
+            for far in [3e9, 1e12, 1e18, 1e100, 1e250, 1e300] {
+                let apart = [x * far, y * far, z * far, 0.1 * scale];
+                if apart.iter().all(|number| number.is_finite()) {
+                    let refused = list(&[[0.0, 0.0, 0.0, 0.1 * scale], apart]);
+                    assert_eq!(
+                        refused,
+                        Err(Error::Input(InputError::Shift { i: 0, j: 1 })),
+                        "{vectors:?}, {far:e}"
+                    );
+                }
+            }
+            // The number of vectors between these spheres is no `f64` number.
+            let apart = [0.0, 1e20].map(|at| [at, at, 0.0, 0.7 * scale]);
+            if scale < 1.0 {
+                let refused = list(&apart);
+                let is_named = matches!(refused, Err(Error::Input(InputError::Images { .. })));
+                assert!(is_named, "{vectors:?}: {refused:?}");
+            }
+        }
+    }
+}

@@ -198,7 +198,7 @@ fn ids_groups_exclusions_and_frames_are_those_of_f64_spheres() {
     let rows = tangent(&UNBOUNDED, 6);
     let all = brute_force(&rows, &UNBOUNDED);
     let excluded = scratch.write("excluded.csv", &format!("{},{}\n", all[0][0], all[0][1]));
-    // The first spheres of the pair `all[1]` are one molecule, all others are none.
+    // The spheres of the pair `all[1]` are a molecule. All others belong to no molecule.
     let group = |k: usize| u32::from(all[1].contains(&(k as u32)));
     let line = |k: usize| format!("{},{},{}", lines(&rows[k..=k], ",").trim_end(), k, group(k));
     let table_of = |order: &mut dyn Iterator<Item = usize>| {

@@ -9,7 +9,8 @@ use lazygrid_check::TestInput;
 use lazygrid_io::Error;
 use lazygrid_io::write::AtomicFile;
 
-/// Returns the options of `lazygrid detect` for a scene, whose numbers are `f32`; `None` for species and cells without options.
+/// Returns the options of `lazygrid detect` for a scene, whose numbers are `f32`; `None` for species and for cells that
+/// no option describes.
 pub(super) fn options(path: &Path, scenario: &TestInput) -> Option<String> {
     let space = of_space(&scenario.space).filter(|_| scenario.mixture.is_none())?;
     let mut options = format!("{space} --precision f32");
