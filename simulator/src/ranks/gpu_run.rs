@@ -26,10 +26,12 @@ impl GpuRun {
         seed: u64,
         detector: &Config,
         state: &State,
-        slice: RankSlice,
+        (slice, ranks_on_machine): (RankSlice, u32),
     ) -> Result<Self, Error> {
         let shared = || detector.shared_device(SoftwareAdapter::Allow);
-        let device = open_device(state.particles.len() as u64, shared)?;
+        // The others of the machine begin at the same time with about as many.
+        let particles = (state.particles.len() + state.bound.len()) as u64 * u64::from(ranks_on_machine);
+        let device = open_device(particles, shared)?;
         let options = GpuOptions::default();
         let simulation = GpuSimulation::resume_slice(model, seed, (device, options), state, slice)?;
         Ok(Self { simulation, requests: RequestCounts::default() })
@@ -80,7 +82,6 @@ impl GpuRun {
         let free = binding::free(self.simulation.model(), occupied);
         let refused = all.iter().zip(&free).map(|(&all, &free)| [all, all.saturating_sub(free.into())]);
         let is_any_refused = refused.clone().any(|[_, refused]| refused > 0);
-        self.requests.add(refused);
         if is_any_refused {
             // Keys of all particles are read back, which is rare at a suitable time step.
             let own = agree(communicator, self.simulation.requests_by_key(requests))?;
@@ -90,6 +91,7 @@ impl GpuRun {
                 accepted[request.receptor()] -= 1;
             }
         }
+        self.requests.add(refused);
         Ok(accepted)
     }
 }

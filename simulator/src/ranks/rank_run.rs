@@ -17,19 +17,26 @@ pub(super) enum RankRun {
 }
 
 impl RankRun {
+    /// `share` has this rank's slice of the releases, and the number of ranks on its machine.
     #[cfg(feature = "gpu")]
     pub(super) fn on_gpu(
         model: Model,
         seed: u64,
         detector: &Config,
         state: &State,
-        slice: RankSlice,
+        share: (RankSlice, u32),
     ) -> Result<Self, Error> {
-        GpuRun::new(model, seed, detector, state, slice).map(Box::new).map(Self::Gpu)
+        GpuRun::new(model, seed, detector, state, share).map(Box::new).map(Self::Gpu)
     }
 
     #[cfg(not(feature = "gpu"))]
-    pub(super) fn on_gpu(_: Model, _: u64, _: &Config, _: &State, _: RankSlice) -> Result<Self, Error> {
+    pub(super) fn on_gpu(
+        _: Model,
+        _: u64,
+        _: &Config,
+        _: &State,
+        _: (RankSlice, u32),
+    ) -> Result<Self, Error> {
         Err(lazygrid::Error::WithoutGpu.into())
     }
 

@@ -6,7 +6,7 @@ use lazygrid::Config;
 use lazygrid_ranks::{Communicator, Settings, gather};
 
 use super::{GatherFields, RankSimulation};
-use crate::output::{self, Files, Lock, occupancy};
+use crate::output::{Files, Lock, occupancy};
 use crate::release::rank_slice::RankSlice;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::memory_estimate::{MemoryGuard, Sharing, check_largest_release};
@@ -100,22 +100,14 @@ impl Run {
         communicator: C,
         detector: Config,
     ) -> Result<(RankSimulation<C>, Option<Files>), C::Error> {
-        let Scenario { model, seed, output, .. } = &self.scenario;
+        let Scenario { model, seed, .. } = &self.scenario;
         let is_first = communicator.rank() == 0;
         let sharing = Sharing::over_ranks(&communicator);
         let fits = check_largest_release(model, self.scenario.steps, sharing);
         communicator.agree(fits.map_err(|error| communicator.failure(error.to_string())))?;
         let mut simulation = RankSimulation::new(communicator, model.clone(), *seed, detector)?;
         let standing = simulation.gather(GatherFields::default())?;
-        let create = || {
-            let lock = output::prepare(&self.directory, self.overwrite)?;
-            self.check_disk_space(&standing, ReplicaSlot::NONE)?;
-            if self.overwrite {
-                output::remove_results(&self.directory)?;
-            }
-            Files::create(&self.directory, *output, model, *seed, lock)
-        };
-        let files = is_first.then(create).transpose();
+        let files = is_first.then(|| self.create_files(&standing, ReplicaSlot::NONE)).transpose();
         let mut files = simulation.agree(files)?;
         self.record_distributed(&mut simulation, &mut files)?;
         self.save_distributed(&mut simulation, &mut files)?;

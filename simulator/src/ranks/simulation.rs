@@ -20,6 +20,8 @@ pub struct RankSimulation<C> {
     communicator: C,
     run: RankRun,
     totals: Totals,
+    /// An error left the ranks at different steps.
+    has_failed: bool,
 }
 
 /// Data requested of [`RankSimulation::gather`].
@@ -47,8 +49,8 @@ impl<C: Communicator> RankSimulation<C> {
     /// has kernels and no reactions and contacts. Otherwise they move on the CPU.
     ///
     /// # Errors
-    /// On every rank, those of the first that fails: as [`Simulation::new`](crate::Simulation::new), [`Detector::new`](lazygrid::Detector::new), and
-    /// `GpuSimulation::new` if particles move on GPUs.
+    /// On every rank, those of the first that fails: as [`Simulation::new`](crate::Simulation::new),
+    /// [`Detector::new`](lazygrid::Detector::new), and `GpuSimulation::new` if particles move on GPUs.
     /// [`Communicator::difference`] if models, seeds or steps differ.
     pub fn new(communicator: C, model: Model, seed: u64, detector: Config) -> Result<Self, C::Error> {
         let state = State::new_slice(&model, seed, RankSlice::new(communicator.rank(), communicator.ranks()));
@@ -84,13 +86,14 @@ impl<C: Communicator> RankSimulation<C> {
         let state = agree(&communicator, state)?;
         shared(&model, seed, state.step).agree(&mut communicator)?;
         agree(&communicator, model.check())?;
+        let share = (RankSlice::new(rank, ranks), communicator.ranks_on_machine());
         let run = match moves_on_gpus(&mut communicator, &model, &detector) {
-            true => RankRun::on_gpu(model, seed, &detector, &state, RankSlice::new(rank, ranks)),
+            true => RankRun::on_gpu(model, seed, &detector, &state, share),
             false => CpuRun::new(model, seed, detector, state, [rank, ranks]).map(Box::new).map(RankRun::Cpu),
         };
         let run = agree(&communicator, run)?;
         let totals = run.view().totals().clone();
-        let mut all = Self { communicator, run, totals };
+        let mut all = Self { communicator, run, totals, has_failed: false };
         all.add_up();
         Ok(all)
     }
@@ -151,21 +154,32 @@ impl<C: Communicator> RankSimulation<C> {
         self.run.steps_at_once()
     }
 
-    /// Does the next steps: several on GPUs, at most `most`, but one on the CPU or if particles dissociate or bind.
+    /// Does the next steps, up to `most`: several on GPUs, but one on the CPU or if particles dissociate or bind.
     ///
     /// # Errors
     /// Returns the error of one rank on all: as [`AnySimulation::advance`](crate::AnySimulation::advance), and the
-    /// communicator's.
-    #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU does several"))]
+    /// communicator's. Ranks may then be at different steps, so later calls fail.
     pub fn advance(&mut self, most: u32) -> Result<(), C::Error> {
-        let Self { communicator, run, totals } = self;
-        match run {
-            RankRun::Cpu(run) => run.step(communicator, &totals.occupied)?,
-            #[cfg(feature = "gpu")]
-            RankRun::Gpu(run) => run.advance(communicator, most, &totals.occupied)?,
+        self.check_state()?;
+        if most == 0 {
+            return Ok(());
         }
+        let Self { communicator, run, totals, .. } = self;
+        let advanced = match run {
+            RankRun::Cpu(run) => run.step(communicator, &totals.occupied),
+            #[cfg(feature = "gpu")]
+            RankRun::Gpu(run) => run.advance(communicator, most, &totals.occupied),
+        };
+        self.has_failed = advanced.is_err();
+        advanced?;
         self.add_up();
         Ok(())
+    }
+
+    fn check_state(&self) -> Result<(), C::Error> {
+        let failure =
+            || self.communicator.failure("an earlier step failed; resume from an earlier state".into());
+        if self.has_failed { Err(failure()) } else { Ok(()) }
     }
 
     fn add_up(&mut self) {
@@ -176,7 +190,8 @@ impl<C: Communicator> RankSimulation<C> {
 
     /// Gathers the state on rank 0.
     pub fn gather(&mut self, fields: GatherFields) -> Result<Gathered<'_>, C::Error> {
-        let Self { communicator, run, totals } = self;
+        self.check_state()?;
+        let Self { communicator, run, totals, .. } = self;
         let own = run.view();
         let model = own.model();
         let mut state = run.without_particles(totals.clone());

@@ -115,7 +115,8 @@ impl Model {
             return Err(Error::OutOfIds { released });
         }
         let mut out = Released::new(self, released as u32);
-        let own = slice.of(released - u64::from(next_id));
+        // Frequent releases of few particles fill all ranks equally.
+        let own = slice.of(released - u64::from(next_id), next_id);
         let (mut before, mut site) = (0, 0);
         for (transmitter, batch) in &batches {
             site = if batch.continues { site } else { batch.site };

@@ -18,8 +18,17 @@ impl RankSlice {
         self.rank == 0
     }
 
-    pub(crate) fn of(self, length: u64) -> Range<u64> {
-        let start = |rank: u32| (u128::from(length) * u128::from(rank) / u128::from(self.ranks)) as u64;
+    /// Returns this rank's part of a list. The ranks whose parts are longer by one begin with rank `turn`, modulo their
+    /// number.
+    pub(crate) fn of(self, length: u64, turn: u32) -> Range<u64> {
+        let ranks = u64::from(self.ranks);
+        let (each, longer) = (length / ranks, length % ranks);
+        let first = u64::from(turn) % ranks;
+        let wrapped = (first + longer).saturating_sub(ranks);
+        let start = |rank: u32| {
+            let rank = u64::from(rank);
+            rank * each + (rank.clamp(first, first + longer) - first) + rank.min(wrapped)
+        };
         start(self.rank)..start(self.rank + 1)
     }
 }
@@ -31,8 +40,8 @@ mod tests {
     #[test]
     fn slices_partition_a_list_evenly() {
         for ranks in [1, 2, 3, 8] {
-            for length in [0, 1, 7, 8, 1000, u64::MAX] {
-                let shares = (0..ranks).map(|rank| RankSlice::new(rank, ranks).of(length));
+            for (length, turn) in [0, 1, 7, 8, 1000, u64::MAX].into_iter().flat_map(|n| [(n, 0), (n, 5)]) {
+                let shares = (0..ranks).map(|rank| RankSlice::new(rank, ranks).of(length, turn));
                 let mut next = 0;
                 for share in shares {
                     assert!(
@@ -44,6 +53,17 @@ mod tests {
                 assert_eq!(next, length);
             }
         }
-        assert_eq!(RankSlice::WHOLE.of(5), 0..5);
+        assert_eq!(RankSlice::WHOLE.of(5, 3), 0..5);
+    }
+
+    #[test]
+    fn short_lists_in_turn_give_each_rank_equally_many() {
+        for (ranks, length) in [(8, 1), (4, 2), (4, 3), (3, 2), (5, 7)] {
+            let total = |rank| -> u64 {
+                let parts = (0..ranks).map(|k| RankSlice::new(rank, ranks).of(length, k * length as u32));
+                parts.map(|part| part.end - part.start).sum()
+            };
+            assert!((0..ranks).all(|rank| total(rank) == length), "{ranks} {length}");
+        }
     }
 }

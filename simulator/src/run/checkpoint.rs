@@ -135,11 +135,8 @@ impl Checkpoint {
         let Self { parts, mut state, .. } = self;
         let wanted = |k: usize| {
             let own = if k == 0 { state.particles.len() } else { state.bound.len() };
-            slice.of(if parts.is_empty() {
-                own as u64
-            } else {
-                parts.iter().map(|part| part.counts()[k]).sum()
-            })
+            let all = parts.iter().map(|part| part.counts()[k]).sum();
+            slice.of(if parts.is_empty() { own as u64 } else { all }, 0)
         };
         let wanted = [0, 1].map(wanted);
         if parts.is_empty() {

@@ -201,19 +201,25 @@ impl Run {
     }
 
     fn begin(&self, slot: ReplicaSlot) -> Result<(AnySimulation, Files), Error> {
-        let Scenario { model, seed, output, .. } = &self.scenario;
+        let Scenario { model, seed, .. } = &self.scenario;
         check_largest_release(model, self.scenario.steps, slot.sharing())?;
         let simulation = AnySimulation::begin(model, *seed, self.backend, self.algorithm, None)?;
+        let mut files = self.create_files(&simulation, slot)?;
+        files.record(&simulation)?;
+        self.save(&simulation, &mut files)?;
+        Ok((simulation, files))
+    }
+
+    /// Creates the files of a run that begins.
+    pub(crate) fn create_files(&self, run: &impl RunView, slot: ReplicaSlot) -> Result<Files, Error> {
+        let Scenario { model, seed, output, .. } = &self.scenario;
         let lock = output::prepare(&self.directory, self.overwrite)?;
-        self.check_disk_space(&simulation, slot)?;
+        self.check_disk_space(run, slot)?;
         if self.overwrite {
             output::remove_results(&self.directory)?;
         }
         lock.mark_begun(*seed)?;
-        let mut files = Files::create(&self.directory, *output, model, *seed, lock)?;
-        files.record(&simulation)?;
-        self.save(&simulation, &mut files)?;
-        Ok((simulation, files))
+        Files::create(&self.directory, *output, model, *seed, lock)
     }
 
     fn resume_run(&self, slot: ReplicaSlot) -> Result<(AnySimulation, Files), Error> {

@@ -256,7 +256,7 @@ fn backends(model: &Model, detector: impl Fn(u32) -> Config + Sync) -> Vec<Backe
     })
 }
 
-/// Only the last of three ranks has the particle that leaves the range of numbers.
+/// Only the first of three ranks has the particle that has too many surfaces within reach.
 #[test]
 fn failure_on_the_gpu_of_one_rank_is_returned_on_all() {
     if device().is_none() {
@@ -280,10 +280,13 @@ fn failure_on_the_gpu_of_one_rank_is_returned_on_all() {
     };
     let said = threads::on(3, |thread| {
         let mut run = RankSimulation::new(thread, model.clone(), 1, on_gpu())?;
-        run.advance(5)
+        let failed = run.advance(5);
+        assert!(run.advance(5).is_err_and(|said| said.contains("an earlier step failed")));
+        assert!(run.gather(GatherFields::default()).is_err());
+        failed
     });
     let said: Vec<_> = said.into_iter().map(Result::unwrap_err).collect();
-    assert!(said[0].starts_with("rank 2: ") && said[0].contains("surfaces within reach"), "{said:?}");
+    assert!(said[0].starts_with("rank 0: ") && said[0].contains("surfaces within reach"), "{said:?}");
     assert_eq!(said, vec![said[0].clone(); 3]);
     let mut broken = independent();
     broken.species[0].diffusion = -1.0;

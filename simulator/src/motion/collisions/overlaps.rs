@@ -13,8 +13,8 @@ use super::mover::Mover;
 use super::rounds::Adjacency;
 use super::rules::Rules;
 
-/// Lets overlapping pairs bounce if they approach and cannot react, and returns the number of bounces on all ranks. The first `own`
-/// movers are this rank's.
+/// Lets overlapping pairs bounce if they approach and cannot react, and returns the number of bounces on all ranks. The
+/// first `own` movers are this rank's.
 pub(super) fn bounce_overlaps<H: Halo>(
     rules: &Rules,
     movers: &mut [Mover],

@@ -105,6 +105,9 @@ impl GpuSimulation {
     pub(crate) fn requests_by_key(&self, requests: &ReceptorRequests) -> Result<Vec<BindingRequest>, Error> {
         let rows = &requests.rows;
         let requests: u64 = rows.iter().map(|row| u64::from(row.requests)).sum();
+        if requests == 0 {
+            return Ok(Vec::new());
+        }
         let particles = u64::from(self.particles_of_step());
         let parts = [
             (self.steps.buffer("requesters"), 4 * requests),
