@@ -1,6 +1,8 @@
 //! Refusals of work that exceeds the available memory.
 
-use lazygrid_io::{AvailableMemory, lacking_address_space, lacking_memory};
+#[cfg(feature = "gpu")]
+use lazygrid_io::lacking_address_space;
+use lazygrid_io::{AvailableMemory, lacking_memory};
 
 use crate::Error;
 
