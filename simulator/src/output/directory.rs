@@ -70,6 +70,11 @@ pub(super) fn is_file(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok_and(|data| !data.is_dir())
 }
 
+/// Links are not regular files.
+pub(super) fn is_regular(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok_and(|data| data.is_file())
+}
+
 /// Returns the name of a file in `directory` that a run would replace: one of `results` or a
 /// table, or else the first frame or plot.
 fn foreign_result(directory: &Path, results: &[&str]) -> Result<Option<String>, Error> {

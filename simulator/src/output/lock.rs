@@ -1,7 +1,8 @@
 use std::fs::{File, FileType, OpenOptions, TryLockError};
-use std::io::{self, Write};
+use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
+use super::directory::is_regular;
 use crate::Error;
 
 /// Prefix of incomplete files, before random letters and digits.
@@ -22,7 +23,7 @@ impl Lock {
         refuse_pipes(directory)?;
         let refused = |source| Error::Write { path: directory.to_owned(), source };
         let path = directory.join(LOCK);
-        let open = OpenOptions::new().create(true).truncate(false).write(true).open(&path);
+        let open = OpenOptions::new().create(true).truncate(false).read(true).write(true).open(&path);
         let file = open.map_err(refused)?;
         match file.try_lock() {
             // The lock excludes other writers of these.
@@ -42,22 +43,41 @@ impl Lock {
     }
 
     /// Marks the files that follow as those of a run with this seed, for a run that is killed before its first
-    /// checkpoint or loses it.
+    /// checkpoint or loses it. Leaves a `.lock` of another program and the target of a link alone: a resumed replica
+    /// then refuses its files as those of others.
     pub(crate) fn mark_begun(&self, seed: u64) -> Result<(), Error> {
-        let written = self.file.set_len(0).and_then(|()| (&self.file).write_all(mark(seed).as_bytes()));
+        let written = self.write_mark(seed);
         written.map_err(|source| Error::Write { path: self.path.clone(), source })
+    }
+
+    fn write_mark(&self, seed: u64) -> io::Result<()> {
+        let mut file = &self.file;
+        let mut start = Vec::new();
+        file.rewind()?;
+        file.take(BEGUN.len() as u64).read_to_end(&mut start)?;
+        // A full disk may have cut the last mark.
+        if !is_regular(&self.path) || !BEGUN.as_bytes().starts_with(&start) {
+            return Ok(());
+        }
+        file.set_len(0)?;
+        file.rewind()?;
+        file.write_all(mark(seed).as_bytes())?;
+        file.sync_data()
     }
 }
 
+/// Begins the mark.
+const BEGUN: &str = "begun with seed ";
+
 fn mark(seed: u64) -> String {
-    format!("begun with seed {seed}\n")
+    format!("{BEGUN}{seed}\n")
 }
 
 /// Returns `true` if a run with this seed has begun in the directory.
 pub(crate) fn has_begun(directory: &Path, seed: u64) -> bool {
     let path = directory.join(LOCK);
     // Opening a named pipe would wait.
-    path.is_file() && std::fs::read(path).is_ok_and(|content| content == mark(seed).as_bytes())
+    is_regular(&path) && std::fs::read(path).is_ok_and(|content| content == mark(seed).as_bytes())
 }
 
 /// Opening a named pipe in place of a file would wait for another program.
@@ -120,5 +140,38 @@ mod tests {
         assert!(Lock::take(directory.path()).is_err());
         assert!(at(".draft-aB3xY9").exists());
         drop(lock);
+    }
+
+    #[test]
+    fn mark_replaces_marks_only() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join(LOCK);
+        let marked = |content: &str| {
+            fs::write(&path, content).unwrap();
+            Lock::take(directory.path()).unwrap().mark_begun(7).unwrap();
+            fs::read_to_string(&path).unwrap()
+        };
+        for own in ["", "begun wi", "begun with seed 123456\n"] {
+            assert_eq!(marked(own), "begun with seed 7\n", "{own:?}");
+            assert!(has_begun(directory.path(), 7) && !has_begun(directory.path(), 8));
+        }
+        for foreign in ["4711\n", "begun without\n", " "] {
+            assert_eq!(marked(foreign), foreign);
+            assert!(!has_begun(directory.path(), 7));
+        }
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn mark_does_not_follow_links() {
+        let directory = tempfile::tempdir().unwrap();
+        let [target, path] = ["target", LOCK].map(|name| directory.path().join(name));
+        std::os::unix::fs::symlink(&target, &path).unwrap();
+        for content in ["", "begun with seed 7\n", "the work of years\n"] {
+            fs::write(&target, content).unwrap();
+            Lock::take(directory.path()).unwrap().mark_begun(8).unwrap();
+            assert_eq!(fs::read_to_string(&target).unwrap(), content);
+            assert!(!has_begun(directory.path(), 7));
+        }
     }
 }

@@ -5,7 +5,7 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use super::directory::{is_file, refuse_file, remove_file, remove_where};
+use super::directory::{is_file, is_regular, refuse_file, remove_file, remove_where};
 use super::write_atomically;
 use crate::Error;
 use crate::checksum::{Digest, DigestWriter};
@@ -139,10 +139,6 @@ fn last_line(page: &str) -> Option<&str> {
 
 pub(super) fn is_plot(name: &str) -> bool {
     name.ends_with(".svg")
-}
-
-fn is_regular(path: &Path) -> bool {
-    fs::symlink_metadata(path).is_ok_and(|data| data.is_file())
 }
 
 fn is_plot_of(page: &str, path: &Path) -> bool {
