@@ -62,7 +62,7 @@ impl Space {
         }
         let cell = TriclinicCell::new(cell_vectors)?;
         Ok(Self {
-            lengths: cell_vectors.map(|edge| edge.map(|edge| DVec3::from(edge).length())),
+            lengths: cell_vectors.map(|edge| edge.map(|edge| length(edge.into()))),
             triclinic: Some(cell),
         })
     }
@@ -154,6 +154,15 @@ impl Space {
         }
         d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
     }
+}
+
+/// Returns the length of a vector whose squared components may overflow or underflow.
+fn length(vector: DVec3) -> f64 {
+    /// Bits of the exponent.
+    const EXPONENT: u64 = 0x7FF << 52;
+    // Division by a power of two rounds no component that matters.
+    let unit = f64::from_bits(vector.abs().max_element().to_bits() & EXPONENT).max(f64::MIN_POSITIVE);
+    (vector / unit).length() * unit
 }
 
 /// Returns the lengths of vectors that point along x, y and z, in this order; `None` for other vectors. Vectors along
@@ -265,6 +274,21 @@ mod tests {
         assert!(wrap(f32::MAX, 0.1).abs() <= 0.05);
         assert!(wrap(f32::INFINITY, 1.0).is_nan() && wrap(f32::NAN, 1.0).is_nan());
         assert_eq!(wrap(-1e-30, 1.0), -1e-30);
+    }
+
+    #[test]
+    fn lengths_of_cell_vectors_neither_overflow_nor_underflow() {
+        for unit in [1.0, 0.1, 1e200, 3e307, 1e-200, 1e-300] {
+            let vectors = [[3.0, 4.0, 0.0], [-4.0, 3.0, 0.0], [0.0, 3.0, 4.0]];
+            let vectors = vectors.map(|vector| Some(vector.map(|number| number * unit)));
+            let space = Space::triclinic(vectors).expect("a cell");
+            for length in space.lengths() {
+                let length = length.expect("a periodic axis");
+                assert!((length / unit / 5.0 - 1.0).abs() < 1e-15, "{length:e}, not 5 · {unit:e}");
+            }
+        }
+        assert_eq!([[0.0; 3], [5e-324, 0.0, 0.0]].map(|vector| length(vector.into())), [0.0, 5e-324]);
+        assert!(length([f64::INFINITY, 1.0, 0.0].into()).is_nan());
     }
 
     #[test]
