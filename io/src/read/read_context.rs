@@ -42,8 +42,8 @@ impl ReadContext {
         if self.rounding.is_none() {
             let warning = format!(
                 "{place}: {column} is {text}, more digits than the 32-bit numbers have that spheres are made of; it is \
-                 rounded, as later ones may be; if that matters, read 64-bit numbers (--precision f64; in Python \
-                 dtype='float64'), or move the origin near the spheres"
+                 rounded, as later ones may be; if that matters, search 64-bit numbers (lazygrid detect --precision f64; in \
+                 Python dtype='float64'), or move the origin near the spheres"
             );
             log::warn!("{warning}");
             self.rounding = Some(warning);

@@ -67,6 +67,8 @@ fn rounding_is_told_once_with_the_first_number() {
     reader.next().unwrap().unwrap();
     let warning = reader.rounding().unwrap();
     assert!(warning.starts_with("a.csv, line 3: x is 16777217, more digits than"), "{warning}");
+    // Commands without the option also show the warning.
+    assert!(warning.contains("(lazygrid detect --precision f64; "), "{warning}");
 }
 
 #[test]
