@@ -13,8 +13,14 @@ use crate::progress::Progress;
 
 /// 8 MiB of pairs.
 const CHUNK: usize = 1 << 20;
-/// Most bytes per sphere of the copy in 32 bits that a search of `f64` spheres makes, with the growth of its buffer.
-const COPY_OF_F64: u64 = 18;
+/// Most bytes per sphere of the copy in 32 bits that a search in a frame makes, with the growth of its buffer.
+const COPY: u64 = 18;
+
+/// Returns `true` if a search copies the spheres into a frame: spheres of `f64`, and all in a triclinic cell or a box
+/// whose lengths are no `f32` numbers.
+fn has_copy(is_f64: bool, space: &Space) -> bool {
+    is_f64 || space.triclinic_cell().is_some() || !space.fits_f32()
+}
 
 pub(crate) struct FrameDetector {
     config: Config,
@@ -35,7 +41,8 @@ impl FrameDetector {
         let spheres = frame.len() as u64;
         // On the CPU, the estimate for a periodic space has the copy.
         let is_counted = detector.report().backend == Backend::Cpu && frame.space.is_periodic();
-        let copied = if frame.doubles.is_some() && !is_counted { COPY_OF_F64 * spheres } else { 0 };
+        let has_copy = has_copy(frame.doubles.is_some(), &frame.space);
+        let copied = if has_copy && !is_counted { COPY * spheres } else { 0 };
         Ok(detector.memory_for(spheres).saturating_add(copied))
     }
 
@@ -122,4 +129,22 @@ fn timed<T>(time: &mut Duration, work: impl FnOnce() -> T) -> T {
 
 fn failure_in(file: &Path, frame: usize) -> impl Fn(lazygrid::Error) -> CliError + Copy {
     move |source| CliError::Detection { path: name(file).to_owned(), frame, source }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spheres_are_copied_in_f64_and_in_spaces_beyond_f32() {
+        let periodic = |length: f64| Space::periodic([Some(length), None, None]).unwrap();
+        let tilted = [[10.0, 0.0, 0.0], [4.0, 10.0, 0.0], [0.0, 0.0, 10.0]];
+        let tilted = Space::triclinic(tilted.map(Some)).unwrap();
+        for (space, expected) in
+            [(Space::UNBOUNDED, false), (periodic(10.0), false), (periodic(10.1), true), (tilted, true)]
+        {
+            assert!(has_copy(true, &space));
+            assert_eq!(has_copy(false, &space), expected, "{space:?}");
+        }
+    }
 }
