@@ -41,6 +41,7 @@ pub(crate) fn run(args: &Simulate) -> Result<(), CliError> {
 fn with_options(args: &Simulate, run: Run) -> Run {
     let Simulate { backend, algorithm, .. } = *args;
     let mut run = Run { backend, algorithm, threads: args.threads.map(Into::into), ..run };
+    run.report = args.report.then_some(report::PLOTS);
     run.scenario.output.arrow = args.arrivals_format == ArrivalsFormat::Arrow;
     run
 }

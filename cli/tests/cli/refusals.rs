@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use lazygrid_tests::command::Scratch;
 
+use crate::simulate::files;
 use crate::{LAZYGRID, SPHERES};
 
 fn scenario(transmitter: &str) -> String {
@@ -228,11 +229,7 @@ fn resumed_replicas_leave_files_of_others_alone() {
 #[test]
 fn report_leaves_tables_and_pages_of_others_alone() {
     let scratch = Scratch::new();
-    let text = scenario("bits = \"1011\"\nsymbol-time = 5e-3")
-        .replace("[[species]]", "[output]\narrivals = true\n[[species]]");
-    let receiver =
-        "[[receiver]]\nname = \"rx\"\nkind = \"absorbing\"\ncenter = [0.1, 0.0, 0.0]\nradius = 0.05\n";
-    let (file, run) = (scratch.write("a.toml", &(text + receiver)), scratch.path("run"));
+    let (file, run) = (scratch.write("a.toml", &channel()), scratch.path("run"));
     let at = |name: &str| format!("{run}/{name}");
     let read = |name: &str| fs::read_to_string(at(name)).unwrap();
     let simulate = |more: &[&str]| LAZYGRID.run(["simulate", &file, "--output", &run].iter().chain(more));
@@ -246,7 +243,13 @@ fn report_leaves_tables_and_pages_of_others_alone() {
         fs::write(at(name), "the work of years\n").unwrap();
         let page = read("report.html");
         let said = simulate(&["--report", "--resume", "--steps", &steps.to_string()]).fails().err;
-        assert!(said.contains(&format!("it holds a file {name} of no run that can be continued")), "{said}");
+        let reason = match name {
+            "report.html" => {
+                "that was written by another version or by another program; move it, or start over with"
+            }
+            _ => "of no run that can be continued",
+        };
+        assert!(said.contains(&format!("it holds a file {name} {reason}")), "{said}");
         assert_eq!((read(name), read("report.html")), ("the work of years\n".to_owned(), page));
         // More steps outdate the report, but not the file of others.
         steps += 1;
@@ -262,6 +265,89 @@ fn report_leaves_tables_and_pages_of_others_alone() {
     }
     simulate(&["--report", "--overwrite", "--steps", "20"]).succeeds();
     assert!(all.map(read).iter().all(|content| !content.contains("the work of years")));
+}
+
+/// A scenario with a receiver, for all tables of a report.
+fn channel() -> String {
+    let text = scenario("bits = \"1011\"\nsymbol-time = 5e-3")
+        .replace("[[species]]", "[output]\narrivals = true\n[[species]]");
+    text + "[[receiver]]\nname = \"rx\"\nkind = \"absorbing\"\ncenter = [0.1, 0.0, 0.0]\nradius = 0.05\n"
+}
+
+#[test]
+fn resumed_run_refuses_reports_of_others_before_its_first_step() {
+    let scratch = Scratch::new();
+    let file = scratch.write("a.toml", &channel());
+    for (k, runs) in [&[][..], &["--replicas", "2"], &["--sweep", "transmitter.tx.release.0.count=5,6"]]
+        .into_iter()
+        .enumerate()
+    {
+        let run = scratch.path(&format!("run-{k}"));
+        let simulate = |steps: &str, more: &[&str]| {
+            let args = ["simulate", &file, "--output", &run, "--report", "--steps", steps];
+            LAZYGRID.run(args.iter().chain(runs).chain(more))
+        };
+        simulate("20", &[]).succeeds();
+        let mut names = vec!["report.html", "plots/particles.svg"];
+        match k {
+            0 => names.push("bit-errors.csv"),
+            1 => names.extend(["bit-errors.csv", "mean.csv"]),
+            _ => names.extend(["point-0001/bit-errors.csv", "point-0000/mean.csv", "sweep.csv"]),
+        }
+        for name in names {
+            let path = format!("{run}/{name}");
+            let own = fs::read(&path).unwrap();
+            fs::write(&path, "the work of years\n").unwrap();
+            let before = files(&run);
+            let said = simulate("21", &["--resume"]).fails().err;
+            let name = name.rsplit_once("000/").or(name.rsplit_once("001/")).map_or(name, |(_, name)| name);
+            assert!(said.contains(&format!("it holds a file {name} ")), "{said}");
+            assert!(files(&run) == before, "{runs:?}, {name}: files have changed");
+            fs::write(&path, own).unwrap();
+        }
+        // Names that no report uses are of no concern.
+        let mine = scratch.write(&format!("run-{k}/plots/mine.svg"), "the work of years\n");
+        simulate("21", &["--resume"]).succeeds();
+        assert_eq!(fs::read_to_string(mine).unwrap(), "the work of years\n");
+        // Without steps, the report is made from the same files.
+        fs::remove_file(run.clone() + "/report.html").unwrap();
+        fs::remove_dir_all(run.clone() + "/plots").unwrap();
+        simulate("21", &["--resume"]).succeeds();
+    }
+}
+
+#[test]
+fn more_steps_leave_pages_and_copies_of_others_alone() {
+    let scratch = Scratch::new();
+    let resume = |text: &str, name: &str, more: &[&str], is_kept: [bool; 2]| {
+        let (file, run) = (scratch.write("a.toml", text), scratch.path(name));
+        let simulate = |steps: &[&str]| {
+            LAZYGRID.run(["simulate", &file, "--output", &run].iter().chain(more).chain(steps))
+        };
+        simulate(&[]).succeeds();
+        let others = ["animation.html", "arrivals.arrow"].map(|file| format!("{run}/{file}"));
+        others.iter().for_each(|path| fs::write(path, "the work of years\n").unwrap());
+        simulate(&["--resume", "--steps", "3"]).succeeds();
+        let is_left = |path: &String| fs::read(path).is_ok_and(|content| content == b"the work of years\n");
+        assert_eq!(others.each_ref().map(is_left), is_kept, "{name}");
+    };
+    resume(&scenario(""), "plain", &[], [true; 2]);
+    resume(&scenario(""), "animated", &["--animate"], [false, true]);
+    resume(&scenario(""), "replicas", &["--replicas", "2"], [true; 2]);
+    // A checkpoint does not tell whether its run made copies of its logs.
+    resume(&channel(), "logged", &[], [true, false]);
+}
+
+#[cfg(unix)]
+#[test]
+fn run_leaves_the_target_of_its_lock_alone() {
+    let scratch = Scratch::new();
+    let (file, run) = (scratch.write("a.toml", &scenario("")), scratch.path("run"));
+    let target = scratch.write("mine", "the work of years\n");
+    fs::create_dir(&run).unwrap();
+    std::os::unix::fs::symlink(&target, run.clone() + "/.lock").unwrap();
+    LAZYGRID.run(["simulate", &file, "--output", &run]).succeeds();
+    assert_eq!(fs::read_to_string(&target).unwrap(), "the work of years\n");
 }
 
 #[test]

@@ -1,8 +1,7 @@
 //! Names of the files of a run, and their removal. Files of others stay.
 
 use std::fs;
-use std::io;
-use std::ops::Range;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use crate::Error;
@@ -21,17 +20,22 @@ const RESULTS: [&str; 16] = [
     RELEASES,
     OCCUPANCY,
     ANIMATED,
-    "mean.csv",
-    "sweep.csv",
-    "animation.html",
-    "arrivals.arrow",
-    "releases.arrow",
+    MEAN,
+    SWEEP,
+    ANIMATION,
+    ARROW[0],
+    ARROW[1],
     REPORT,
 ];
+/// The table of the replicas' means.
+pub(crate) const MEAN: &str = "mean.csv";
+/// The table of a sweep's results.
+pub(crate) const SWEEP: &str = "sweep.csv";
 /// Number of the first [`RESULTS`], which `--resume` continues.
 const RESUMABLE: usize = 3;
-/// [`RESULTS`] that are made of a run's other files, apart from reports.
-const DERIVED: Range<usize> = 12..15;
+const ANIMATION: &str = "animation.html";
+/// Copies of the logs.
+const ARROW: [&str; 2] = ["arrivals.arrow", "releases.arrow"];
 
 /// Also locks the directory. Refuses one with files of a run, unless `overwrite`.
 pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> {
@@ -56,11 +60,33 @@ pub(crate) fn refuse_file(directory: &Path, name: &str) -> Result<(), Error> {
     if is_file(&directory.join(name)) { Err(foreign_file(directory, name)) } else { Ok(()) }
 }
 
+/// Refuses a table that begins otherwise than those that runs write under its `name`.
+pub(crate) fn refuse_other_table(directory: &Path, name: &str, beginning: &str) -> Result<(), Error> {
+    let mut start = Vec::new();
+    let open = fs::File::open(directory.join(name));
+    let read = open.and_then(|file| file.take(beginning.len() as u64).read_to_end(&mut start));
+    // A table that cannot be read is not known to be a run's.
+    if read.is_ok() && start == beginning.as_bytes() { Ok(()) } else { refuse_file(directory, name) }
+}
+
 fn foreign_file(directory: &Path, name: &str) -> Error {
     let message = format!(
         "it holds a file {name} of no run that can be continued; move the file; a new run may also replace it with \
          --overwrite, or use another directory"
     );
+    foreign(directory, message)
+}
+
+/// Refuses a page without the mark of reports, which the report would replace.
+pub(super) fn refuse_page(directory: &Path, name: &str) -> Result<(), Error> {
+    let message = format!(
+        "it holds a file {name} that was written by another version or by another program; move it, or start over with \
+         --overwrite"
+    );
+    if is_file(&directory.join(name)) { Err(foreign(directory, message)) } else { Ok(()) }
+}
+
+fn foreign(directory: &Path, message: String) -> Error {
     let source = io::Error::new(io::ErrorKind::AlreadyExists, message);
     Error::Write { path: directory.to_owned(), source }
 }
@@ -151,11 +177,16 @@ pub(crate) fn replica_directory(directory: &Path, replica: u32) -> PathBuf {
     directory.join(format!("replica-{replica:04}"))
 }
 
-/// Removes what is made of a run's finished files: animations, copies in other formats, and its report, but no tables
-/// and pages of others.
-pub(crate) fn remove_derived(directory: &Path) -> Result<(), Error> {
+/// Removes what is made of a run's finished files: its report, the page of a run with an animation, and copies of the
+/// logs of a run with logs. Tables and pages of others stay, but not copies by others of these logs: a checkpoint does
+/// not tell who made copies.
+pub(crate) fn remove_derived(directory: &Path, is_animated: bool, has_logs: bool) -> Result<(), Error> {
     remove_report(directory)?;
-    RESULTS[DERIVED].iter().try_for_each(|name| remove_file(directory.join(name)))
+    if is_animated {
+        remove_file(directory.join(ANIMATION))?;
+    }
+    let copies = ARROW.iter().filter(|_| has_logs);
+    copies.into_iter().try_for_each(|name| remove_file(directory.join(name)))
 }
 
 pub(super) fn remove_where(directory: &Path, is_result: impl Fn(&str) -> bool) -> Result<(), Error> {

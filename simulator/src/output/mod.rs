@@ -21,12 +21,14 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 pub(crate) use directory::{
-    numbered, prepare, refuse_file, remove_derived, remove_replicas, remove_results, replica_directory,
+    MEAN, SWEEP, numbered, prepare, refuse_file, refuse_other_table, remove_derived, remove_replicas,
+    remove_results, replica_directory,
 };
 pub(crate) use disk_estimate::{DiskEstimate, next_bytes};
 pub(crate) use lock::{Lock, has_begun};
 pub(crate) use log_estimate::{LOGGED_ARRIVALS, LOGGED_STEPS};
 pub use report::{Report, TableWriter, write_report};
+pub(crate) use report::{refuse_foreign_report, remove_report};
 
 use append_file::AppendFile;
 
@@ -181,7 +183,7 @@ impl Files {
 
     pub(crate) fn sync(&mut self) -> Result<Vec<FileRecord>, Error> {
         if std::mem::take(&mut self.has_derived) {
-            remove_derived(&self.directory)?;
+            remove_derived(&self.directory, self.animation.is_some(), self.logs.is_some())?;
         }
         self.growing().map(AppendFile::sync).collect()
     }

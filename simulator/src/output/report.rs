@@ -5,7 +5,7 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use super::directory::{is_file, is_regular, refuse_file, remove_file, remove_where};
+use super::directory::{is_file, is_regular, refuse_file, refuse_page, remove_file, remove_where};
 use super::write_atomically;
 use crate::Error;
 use crate::checksum::{Digest, DigestWriter};
@@ -77,17 +77,35 @@ fn entry(name: &str, digest: &Digest) -> String {
 
 /// Refuses files that neither the former report nor the new one has.
 fn refuse_foreign(directory: &Path, report: &Report<'_>, pages: [&str; 2]) -> Result<(), Error> {
+    let plots = report.plots.iter().map(|(plot, _)| *plot);
+    refuse_others(directory, plots, report.tables.iter().map(|(name, _)| *name), pages)
+}
+
+/// Refuses files that the former report does not have and the next one may replace, whose plots may have the names
+/// `plots`.
+pub(crate) fn refuse_foreign_report(directory: &Path, plots: &[&str]) -> Result<(), Error> {
+    let former = former_report(directory);
+    refuse_others(directory, plots.iter().copied(), TABLES, [&former, ""])
+}
+
+/// Refuses such plots and tables that none of the `pages` has, the first of which is the former report's.
+fn refuse_others<'a>(
+    directory: &Path,
+    plots: impl IntoIterator<Item = &'a str>,
+    tables: impl IntoIterator<Item = &'a str>,
+    pages: [&str; 2],
+) -> Result<(), Error> {
     if pages[0].is_empty() {
-        refuse_file(directory, REPORT)?;
+        refuse_page(directory, REPORT)?;
     }
-    for (plot, _) in &report.plots {
+    for plot in plots {
         let name = plot_name(plot);
         let path = directory.join(&name);
         if !pages.iter().any(|page| is_plot_of(page, &path)) {
             refuse_file(directory, &name)?;
         }
     }
-    for (name, _) in &report.tables {
+    for name in tables {
         let path = directory.join(name);
         if is_file(&path) && !pages.iter().any(|page| is_table_of(page, name, &path)) {
             refuse_file(directory, name)?;
@@ -97,7 +115,7 @@ fn refuse_foreign(directory: &Path, report: &Report<'_>, pages: [&str; 2]) -> Re
 }
 
 /// Removes the files of the former report, but no files of the user. The page goes last: it tells them apart.
-pub(super) fn remove_report(directory: &Path) -> Result<(), Error> {
+pub(crate) fn remove_report(directory: &Path) -> Result<(), Error> {
     let former = former_report(directory);
     remove_parts(directory, &former)?;
     if former.is_empty() { Ok(()) } else { remove_file(directory.join(REPORT)) }

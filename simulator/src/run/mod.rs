@@ -45,6 +45,9 @@ pub struct Run {
     pub threads: Option<usize>,
     pub resume: bool,
     pub overwrite: bool,
+    /// Names of the plots that a report of this run may have; `None` without a report. A resumed run refuses files of
+    /// others that [`write_report`](crate::write_report) would replace before it changes any file.
+    pub report: Option<&'static [&'static str]>,
     /// Refuses a run that will not fit the disk, and stops before the disk is full.
     pub space_check: bool,
 }
@@ -89,6 +92,7 @@ impl Run {
             threads: None,
             resume: false,
             overwrite: false,
+            report: None,
             space_check: true,
         }
     }
@@ -236,6 +240,9 @@ impl Run {
             self.warn_of_backends(done, &backend, simulation.backend());
         }
         self.check_disk_space(&simulation, slot)?;
+        if let Some(plots) = self.report.filter(|_| done < own.steps) {
+            output::refuse_foreign_report(&self.directory, plots)?;
+        }
         let files =
             Files::reopen(&self.directory, own.output, (&own.model, own.seed), (&records, done), lock)?;
         Ok((simulation, files))

@@ -69,7 +69,7 @@ impl Replicas {
         let watch = |_: usize, replica: u32, simulation: &AnySimulation| watch(replica, simulation);
         let mut all = queue::run_all(std::slice::from_ref(self), &watch).map_err(|(_, error)| error)?;
         if is_outdated {
-            output::remove_derived(&self.run.directory)?;
+            output::remove_report(&self.run.directory)?;
         }
         Ok(Some(all.remove(0)))
     }
@@ -111,6 +111,7 @@ impl Replicas {
         let mut run = self.run.clone();
         run.scenario.seed = seed_of(run.scenario.seed, replica);
         run.directory = self.directory_of(replica);
+        run.report = None;
         run.scenario.output.animation = run.scenario.output.animation.filter(|_| replica == 0);
         if run.resume && !run.checkpoint_path().exists() {
             // It begins. The table of the seeds shows that the directory is of these replicas, and a mark that files are.
@@ -139,6 +140,7 @@ impl Replicas {
                     return Ok(None);
                 }
                 let lock = Lock::take(directory)?;
+                self.refuse_foreign()?;
                 self.check_table_fits()?;
                 lock
             }
@@ -146,6 +148,18 @@ impl Replicas {
         match output::write_atomically(&path, |out| self.write_seeds(out, is_cancelled)) {
             Err(_) if is_cancelled() => Ok(None),
             written => written.map(|()| Some(lock)),
+        }
+    }
+
+    /// Refuses files of others that the means and the report would replace.
+    pub(super) fn refuse_foreign(&self) -> Result<(), Error> {
+        let directory = &self.run.directory;
+        output::refuse_other_table(directory, output::MEAN, "step,time,replicas")?;
+        let Some(plots) = self.run.report else { return Ok(()) };
+        match output::refuse_foreign_report(directory, plots) {
+            // If no step is left, the tables may equal those to be written, which their writer sees.
+            Err(error) if self.is_outdated()? => Err(error),
+            _ => Ok(()),
         }
     }
 

@@ -83,14 +83,16 @@ impl SweepRuns {
         if !outdated.is_empty() {
             outdated.push(&self.directory);
         }
-        outdated.into_iter().try_for_each(|directory| output::remove_derived(directory))?;
+        outdated.into_iter().try_for_each(|directory| output::remove_report(directory))?;
         Ok(Some(results))
     }
 
     fn lock(&self) -> Result<Lock, Error> {
         if self.resume {
             self.check_points(&self.directory.join(POINTS))?;
-            return Lock::take(&self.directory);
+            let lock = Lock::take(&self.directory)?;
+            self.refuse_foreign()?;
+            return Ok(lock);
         }
         output::prepare(&self.directory, self.overwrites())
     }
@@ -98,6 +100,25 @@ impl SweepRuns {
     /// Returns `true` if the sweep replaces the files of another run.
     pub fn overwrites(&self) -> bool {
         !self.resume && self.points.first().is_some_and(|point| point.run.overwrite)
+    }
+
+    /// Refuses files of others that the results of a resumed sweep would replace.
+    fn refuse_foreign(&self) -> Result<(), Error> {
+        let begun = self.points.iter().enumerate().filter(|(_, point)| point.run.resume);
+        for (k, point) in begun {
+            let refused = point.refuse_foreign();
+            refused.map_err(|error| sweep_point_error(&self.keys, &self.values[k], error))?;
+        }
+        output::refuse_other_table(&self.directory, output::SWEEP, "point,")?;
+        let Some(plots) = self.points.first().and_then(|point| point.run.report) else { return Ok(()) };
+        output::refuse_foreign_report(&self.directory, plots).or_else(|error| {
+            for point in &self.points {
+                if !point.run.resume || point.is_outdated()? {
+                    return Err(error);
+                }
+            }
+            Ok(())
+        })
     }
 
     /// Refuses scenarios in points that are not begun: these are of others.

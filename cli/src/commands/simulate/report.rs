@@ -13,6 +13,28 @@ use lazygrid_sim::{Model, Report, TableWriter, write_report};
 
 use crate::error::CliError;
 
+/// Names of the plots that reports of runs and sweeps may have.
+pub(super) const PLOTS: &[&str] = &[
+    "particles",
+    "reactions",
+    "arrivals",
+    "inside",
+    "pairs",
+    "inside-by-symbol",
+    "arrivals-by-symbol",
+    "impulse-response",
+    "impulse-response-inside",
+    "arrived",
+    "interference",
+    "bit-errors",
+    "bit-errors-by-delay",
+    "peak-time",
+    "arrived-part",
+    "late-part",
+    "impulse-responses",
+    "impulse-responses-inside",
+];
+
 pub(crate) struct Done<'a> {
     /// `run` has the directory of the report.
     pub(crate) run: &'a Run,
@@ -57,7 +79,8 @@ fn write_page(
     };
     let document = Document { title, sections: sections().map_err(failed)? };
     let plots = document.sections.iter().flat_map(|section| &section.plots);
-    let plots = plots.map(|plot| (plot.name.as_str(), plot.svg.as_str())).collect();
+    let plots: Vec<_> = plots.map(|plot| (plot.name.as_str(), plot.svg.as_str())).collect();
+    debug_assert!(plots.iter().all(|(name, _)| PLOTS.contains(name)), "a plot is missing from the list");
     let page = html::page(&document);
     Ok(write_report(directory, &Report { page: &page, plots, tables }, overwrite)?)
 }

@@ -58,7 +58,7 @@ frames-every = 10
 frames = ["xyz", "npy"]
 "#;
 
-fn files(directory: &str) -> Vec<(String, Vec<u8>)> {
+pub(crate) fn files(directory: &str) -> Vec<(String, Vec<u8>)> {
     let of = |entry: std::io::Result<fs::DirEntry>| {
         let entry = entry.expect("an entry");
         let name = entry.file_name().into_string().expect("a plain name");
