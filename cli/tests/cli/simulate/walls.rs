@@ -30,7 +30,7 @@ fn faulty_walls_are_refused_by_line() {
         ("kind = \"wall\"", "kind = \"absorbing\"", "face goes with kind = \"wall\""),
         ("face = \"low-x\"", "face = \"low-x\"\nradius = 3", "neither center, radius"),
         ("kind = \"wall\"\nface = \"low-x\"", "kind = \"absorbing\"", "needs a center and a radius"),
-        ("steps = 400", "steps = 400\ncontact = \"separate\"", "let contact be \"count\""),
+        ("steps = 400", "steps = 400\ncontact = \"separate\"", "set contact = \"count\""),
     ];
     for (from, to, message) in cases {
         let scenario = scratch.write("s.toml", &text.replace(from, to));
