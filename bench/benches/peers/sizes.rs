@@ -95,9 +95,9 @@ fn spawn(args: &Args, kind: Kind, n: usize) -> Result<Sample, Box<dyn Error>> {
     command.args(["--n", &n.to_string(), "--steps", &options.steps.to_string()]);
     command.args(["--seed", &options.seed.to_string()]);
     let output = command.output()?;
-    Ok(serde_json::from_slice(&output.stdout).map_err(|_| {
+    Ok(serde_json::from_slice(&output.stdout).map_err(|error| {
         let reason = String::from_utf8_lossy(&output.stderr);
-        format!("{algorithm} at {n} spheres of {scene}: {}, {reason}", output.status)
+        format!("{algorithm} at {n} spheres of {scene}: {}, {error}, {reason}", output.status)
     })?)
 }
 

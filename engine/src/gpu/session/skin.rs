@@ -141,7 +141,7 @@ impl GpuSession {
         let Some(skin) = &mut self.skin else { return self.submit(number, Submission::Full(window)) };
         let parts = skin.detector.needed_deferred_parts(outcome);
         if outcome.overflow & Outcome::OVERFLOW_WORK != 0 && parts <= MAX_DEFERRED_PARTS {
-            log::info!("the search for candidates exceeds a dispatch: repeating it in {parts} parts");
+            log::info!("the search for candidates exceeds a dispatch: retrying in {parts} parts");
             skin.detector.set_deferred_parts(parts);
             return self.submit(number, Submission::Full(window));
         }
