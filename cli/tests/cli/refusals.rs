@@ -1,6 +1,7 @@
 //! Refused inputs and environments; foreign files stay.
 
 use std::fs;
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -304,6 +305,20 @@ fn resumed_run_refuses_reports_of_others_before_its_first_step() {
             assert!(said.contains(&format!("it holds a file {name} ")), "{said}");
             assert!(files(&run) == before, "{runs:?}, {name}: files have changed");
             fs::write(&path, own).unwrap();
+        }
+        if k == 2 {
+            // No step of this point is left.
+            let path = format!("{run}/point-0000/report.html");
+            let own = fs::read(&path).unwrap();
+            fs::write(&path, "the work of years\n").unwrap();
+            let more = ["--resume", "--sweep", "transmitter.tx.release.0.count=5,6,7"];
+            let args = ["simulate", &file, "--output", &run, "--report", "--steps", "20"];
+            let said = LAZYGRID.run(args.iter().chain(&more)).fails().err;
+            assert!(said.contains("it holds a file report.html "), "{said}");
+            assert!(!Path::new(&format!("{run}/point-0002/checkpoint")).exists());
+            fs::write(&path, own).unwrap();
+            // The report of a sweep has no tables.
+            fs::write(run.clone() + "/bit-errors.csv", "the work of years\n").unwrap();
         }
         // Names that no report uses are of no concern.
         let mine = scratch.write(&format!("run-{k}/plots/mine.svg"), "the work of years\n");

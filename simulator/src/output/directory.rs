@@ -63,7 +63,9 @@ pub(crate) fn refuse_file(directory: &Path, name: &str) -> Result<(), Error> {
 /// Refuses a table that begins otherwise than those that runs write under its `name`.
 pub(crate) fn refuse_other_table(directory: &Path, name: &str, beginning: &str) -> Result<(), Error> {
     let mut start = Vec::new();
-    let open = fs::File::open(directory.join(name));
+    let path = directory.join(name);
+    // Opening a pipe would wait.
+    let open = if path.is_file() { fs::File::open(path) } else { Err(io::ErrorKind::NotFound.into()) };
     let read = open.and_then(|file| file.take(beginning.len() as u64).read_to_end(&mut start));
     // A table that cannot be read is not known to be a run's.
     if read.is_ok() && start == beginning.as_bytes() { Ok(()) } else { refuse_file(directory, name) }

@@ -11,7 +11,7 @@ use crate::Error;
 use crate::checksum::{Digest, DigestWriter};
 
 pub(super) const REPORT: &str = "report.html";
-pub(super) const TABLES: [&str; 4] =
+pub(crate) const TABLES: [&str; 4] =
     ["impulse-response.csv", "interference.csv", "bit-errors.csv", "by-symbol.csv"];
 pub(super) const PLOTS: &str = "plots";
 
@@ -83,9 +83,14 @@ fn refuse_foreign(directory: &Path, report: &Report<'_>, pages: [&str; 2]) -> Re
 
 /// Refuses files that the former report does not have and the next one may replace, whose plots may have the names
 /// `plots`.
-pub(crate) fn refuse_foreign_report(directory: &Path, plots: &[&str]) -> Result<(), Error> {
+pub(crate) fn refuse_foreign_report(directory: &Path, plots: &[&str], tables: &[&str]) -> Result<(), Error> {
     let former = former_report(directory);
-    refuse_others(directory, plots.iter().copied(), TABLES, [&former, ""])
+    refuse_others(directory, plots.iter().copied(), tables.iter().copied(), [&former, ""])
+}
+
+/// Refuses a page that no report wrote.
+pub(crate) fn refuse_foreign_page(directory: &Path) -> Result<(), Error> {
+    if former_report(directory).is_empty() { refuse_page(directory, REPORT) } else { Ok(()) }
 }
 
 /// Refuses such plots and tables that none of the `pages` has, the first of which is the former report's.
@@ -147,7 +152,9 @@ fn remove_plots(directory: &Path, page: &str) -> Result<(), Error> {
 
 /// Returns an empty text if no report exists, or a page of others.
 fn former_report(directory: &Path) -> String {
-    let page = fs::read_to_string(directory.join(REPORT)).unwrap_or_default();
+    let path = directory.join(REPORT);
+    // Opening a pipe would wait.
+    let page = if path.is_file() { fs::read_to_string(path).unwrap_or_default() } else { String::new() };
     if last_line(&page).is_some() { page } else { String::new() }
 }
 

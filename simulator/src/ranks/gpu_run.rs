@@ -29,9 +29,8 @@ impl GpuRun {
         (slice, ranks_on_machine): (RankSlice, u32),
     ) -> Result<Self, Error> {
         let shared = || detector.shared_device(SoftwareAdapter::Allow);
-        // The others of the machine begin at the same time with about as many.
-        let particles = (state.particles.len() + state.bound.len()) as u64 * u64::from(ranks_on_machine);
-        let device = open_device(particles, shared)?;
+        let particles = (state.particles.len() + state.bound.len()) as u64;
+        let device = open_device(particles, ranks_on_machine, shared)?;
         let options = GpuOptions::default();
         let simulation = GpuSimulation::resume_slice(model, seed, (device, options), state, slice)?;
         Ok(Self { simulation, requests: RequestCounts::default() })

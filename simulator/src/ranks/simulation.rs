@@ -158,7 +158,8 @@ impl<C: Communicator> RankSimulation<C> {
     ///
     /// # Errors
     /// Returns the error of one rank on all: as [`AnySimulation::advance`](crate::AnySimulation::advance), and the
-    /// communicator's. Ranks may then be at different steps, so later calls fail.
+    /// communicator's. Ranks may then be at different steps, so later calls of this and of
+    /// [`gather`](Self::gather) fail.
     pub fn advance(&mut self, most: u32) -> Result<(), C::Error> {
         self.check_state()?;
         if most == 0 {
@@ -177,9 +178,11 @@ impl<C: Communicator> RankSimulation<C> {
     }
 
     fn check_state(&self) -> Result<(), C::Error> {
-        let failure =
-            || self.communicator.failure("an earlier step failed; resume from an earlier state".into());
-        if self.has_failed { Err(failure()) } else { Ok(()) }
+        if !self.has_failed {
+            return Ok(());
+        }
+        let message = "an earlier step failed; resume from an earlier state".to_owned();
+        self.communicator.agree(Err(self.communicator.failure(message)))
     }
 
     fn add_up(&mut self) {

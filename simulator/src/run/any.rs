@@ -28,15 +28,17 @@ pub enum AnySimulation {
 #[cfg(feature = "gpu")]
 pub(crate) const GPU_STEPS: u32 = 64;
 
-/// Opens the shared device by `open`, or refuses a run that leaves too little memory to the driver.
+/// Opens the shared device by `open`, or refuses a run that leaves too little memory to the driver. As many `processes`
+/// of this machine begin with about as many particles each.
 #[cfg(feature = "gpu")]
 pub(crate) fn open_device(
     particles: u64,
+    processes: u32,
     open: impl FnOnce() -> Result<GpuDevice, lazygrid::Error>,
 ) -> Result<GpuDevice, Error> {
     static IS_OPEN: Mutex<bool> = Mutex::new(false);
     let mut is_open = IS_OPEN.lock().unwrap_or_else(PoisonError::into_inner);
-    check_memory_on_gpu(particles, *is_open)?;
+    check_memory_on_gpu(particles, processes, *is_open)?;
     let device = open()
         .map_err(|error| Error::Detection(lazygrid::Error::GpuUnavailable { reason: error.to_string() }))?;
     *is_open = true;
@@ -71,7 +73,7 @@ impl AnySimulation {
     #[cfg(feature = "gpu")]
     fn on_gpu(model: Model, seed: u64, state: &State) -> Result<Self, Error> {
         let shared = || GpuDevice::shared(SoftwareAdapter::Allow);
-        let device = open_device(state.particles.len() as u64, shared)?;
+        let device = open_device(state.particles.len() as u64, 1, shared)?;
         let run = GpuSimulation::resume(model, seed, device, GpuOptions::default(), state)?;
         Ok(Self::Gpu(Box::new(run)))
     }

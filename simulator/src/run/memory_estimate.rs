@@ -94,14 +94,14 @@ impl MemoryGuard {
 }
 
 /// Refuses a run on a GPU, whose software driver is loaded or not, if memory is short: the driver ends the process if
-/// memory is refused to it.
+/// memory is refused to it. As many `processes` of this machine begin with about as many particles each.
 #[cfg(feature = "gpu")]
-pub(crate) fn check_memory_on_gpu(particles: u64, is_loaded: bool) -> Result<(), Error> {
+pub(crate) fn check_memory_on_gpu(particles: u64, processes: u32, is_loaded: bool) -> Result<(), Error> {
     let driver = if is_loaded { 0 } else { memory_of_driver() };
     let (what, remedy) = ("runs on a GPU", "use the CPU, or raise the limit");
     let particles = Sharing::NONE.bytes(particles, MIN_BYTES_PER_PARTICLE);
     check_address_space(what, driver.saturating_add(particles), remedy)?;
-    check_available(what, particles, remedy)
+    check_available(what, particles.saturating_mul(processes.into()), remedy)
 }
 
 fn check_particles(particles: u64, needed: u64) -> Result<(), Error> {

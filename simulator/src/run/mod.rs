@@ -241,7 +241,7 @@ impl Run {
         }
         self.check_disk_space(&simulation, slot)?;
         if let Some(plots) = self.report.filter(|_| done < own.steps) {
-            output::refuse_foreign_report(&self.directory, plots)?;
+            output::refuse_foreign_report(&self.directory, plots, &output::TABLES)?;
         }
         let files =
             Files::reopen(&self.directory, own.output, (&own.model, own.seed), (&records, done), lock)?;

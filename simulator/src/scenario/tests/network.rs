@@ -235,7 +235,11 @@ fn contradictory_reactions_are_refused() {
             "rate",
             "whose rates cannot be kept",
         ),
-        (decay("C -> A", "rate = 1\nunbinding-radius = 1"), "unbinding-radius", "does not have two products to separate"),
+        (
+            decay("C -> A", "rate = 1\nunbinding-radius = 1"),
+            "unbinding-radius",
+            "does not have two products to separate",
+        ),
         (
             reaction("A + B -> C", "rate = 1\nunbinding-radius = 1"),
             "unbinding-radius",
