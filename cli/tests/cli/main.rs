@@ -3,6 +3,8 @@
 mod animation;
 mod check;
 mod exclusions;
+#[cfg(target_os = "linux")]
+mod foreign_files;
 mod generate;
 mod gpu;
 #[cfg(target_os = "linux")]

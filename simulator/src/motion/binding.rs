@@ -121,7 +121,7 @@ impl BindingRequest {
 }
 
 /// Returns the requests for receptors among events. `id` returns the id of a particle by its index.
-pub(crate) fn bids(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<BindingRequest> {
+pub(crate) fn requests(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<BindingRequest> {
     let request = |event: &Event| match *event {
         Event::Bound { at, receptor, rank, .. } => Some(BindingRequest { receptor, rank, id: id(at) }),
         _ => None,
@@ -153,7 +153,7 @@ mod tests {
         let bound =
             |at, receptor, rank| Event::Bound { at, receiver: 0, receptor, direction: [0.0; 3], rank };
         let events = [bound(4, 1, 7), bound(5, 0, 9), bound(6, 1, 3), bound(7, 1, 3), bound(8, 0, 1)];
-        let rejected = |free: &[u32]| rejected(bids(&events, |at| 100 - at), free);
+        let rejected = |free: &[u32]| rejected(requests(&events, |at| 100 - at), free);
         assert_eq!(rejected(&[1, 1]), [94, 95, 96]);
         assert_eq!(rejected(&[2, 9]), [0; 0]);
         assert_eq!(rejected(&[0, 2]), [92, 95, 96]);

@@ -28,7 +28,7 @@ pub(crate) use disk_estimate::{DiskEstimate, next_bytes};
 pub(crate) use lock::{Lock, has_begun};
 pub(crate) use log_estimate::{LOGGED_ARRIVALS, LOGGED_STEPS};
 pub use report::{Report, TableWriter, write_report};
-pub(crate) use report::{TABLES, refuse_foreign_page, refuse_foreign_report, remove_report};
+pub(crate) use report::{TABLES, refuse_foreign_page, refuse_foreign_parts, remove_report};
 
 use append_file::AppendFile;
 

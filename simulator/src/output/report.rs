@@ -36,10 +36,14 @@ pub struct Report<'a> {
 /// # Errors
 /// [`Error::Write`], also for a page, plot or table of others, unless `overwrite`.
 pub fn write_report(directory: &Path, report: &Report<'_>, overwrite: bool) -> Result<(), Error> {
-    let former = former_report(directory);
+    let former = match overwrite {
+        true => former_report(directory),
+        false => refuse_foreign_page(directory)?,
+    };
     let page = marked(directory, report)?;
     if !overwrite {
-        refuse_foreign(directory, report, [&former, &page])?;
+        let plots = report.plots.iter().map(|(plot, _)| *plot);
+        refuse_others(directory, plots, report.tables.iter().map(|(name, _)| *name), [&former, &page])?;
     }
     remove_parts(directory, &former)?;
     // The page first: it tells the plots and tables from those of others.
@@ -75,34 +79,32 @@ fn entry(name: &str, digest: &Digest) -> String {
     format!(" {name} {} {:016x};", digest.length(), digest.checksum())
 }
 
-/// Refuses files that neither the former report nor the new one has.
-fn refuse_foreign(directory: &Path, report: &Report<'_>, pages: [&str; 2]) -> Result<(), Error> {
-    let plots = report.plots.iter().map(|(plot, _)| *plot);
-    refuse_others(directory, plots, report.tables.iter().map(|(name, _)| *name), pages)
-}
-
-/// Refuses files that the former report does not have and the next one may replace, whose plots may have the names
-/// `plots`.
-pub(crate) fn refuse_foreign_report(directory: &Path, plots: &[&str], tables: &[&str]) -> Result<(), Error> {
+/// Returns the page of the former report, empty if no report exists, or refuses a page that no report wrote.
+pub(crate) fn refuse_foreign_page(directory: &Path) -> Result<String, Error> {
     let former = former_report(directory);
-    refuse_others(directory, plots.iter().copied(), tables.iter().copied(), [&former, ""])
+    if former.is_empty() {
+        refuse_page(directory, REPORT)?;
+    }
+    Ok(former)
 }
 
-/// Refuses a page that no report wrote.
-pub(crate) fn refuse_foreign_page(directory: &Path) -> Result<(), Error> {
-    if former_report(directory).is_empty() { refuse_page(directory, REPORT) } else { Ok(()) }
+/// Refuses such plots and tables that the page of the `former` report does not have, and that the next one may replace.
+pub(crate) fn refuse_foreign_parts(
+    directory: &Path,
+    former: &str,
+    plots: &[&str],
+    tables: &[&str],
+) -> Result<(), Error> {
+    refuse_others(directory, plots.iter().copied(), tables.iter().copied(), [former, ""])
 }
 
-/// Refuses such plots and tables that none of the `pages` has, the first of which is the former report's.
+/// Refuses such plots and tables that none of the `pages` has.
 fn refuse_others<'a>(
     directory: &Path,
     plots: impl IntoIterator<Item = &'a str>,
     tables: impl IntoIterator<Item = &'a str>,
     pages: [&str; 2],
 ) -> Result<(), Error> {
-    if pages[0].is_empty() {
-        refuse_page(directory, REPORT)?;
-    }
     for plot in plots {
         let name = plot_name(plot);
         let path = directory.join(&name);

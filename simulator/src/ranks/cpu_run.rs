@@ -41,8 +41,8 @@ impl CpuRun {
     ) -> Result<(), C::Error> {
         let free = binding::free(&self.simulation.model, occupied);
         let moved = self.advance(communicator, &free)?;
-        let bids = self.all_bids(communicator, &moved)?;
-        let rejected = self.simulation.requests.reject(bids, &free);
+        let requests = self.requests(communicator, &moved)?;
+        let rejected = self.simulation.requests.reject(requests, &free);
         self.simulation.apply_events(&moved, &rejected);
         let Self { simulation, pair_search, .. } = self;
         let interact = |search: &mut RankPairSearch| search.interact(communicator, simulation);
@@ -70,7 +70,7 @@ impl CpuRun {
         Ok(moved)
     }
 
-    fn all_bids<C: Communicator>(
+    fn requests<C: Communicator>(
         &self,
         communicator: &mut C,
         moved: &Moved,
@@ -78,7 +78,7 @@ impl CpuRun {
         if self.simulation.state.totals.occupied.is_empty() {
             return Ok(Vec::new());
         }
-        Ok(communicator.all_gather("bids for receptors", &self.simulation.bids(moved))?.0)
+        all_requests(communicator, &self.simulation.binding_requests(moved))
     }
 
     fn parents<C: Communicator>(
@@ -94,9 +94,17 @@ impl CpuRun {
     }
 }
 
+/// Returns the requests of all ranks for receptors. Collective.
+pub(super) fn all_requests<C: Communicator>(
+    communicator: &mut C,
+    own: &[BindingRequest],
+) -> Result<Vec<BindingRequest>, C::Error> {
+    Ok(communicator.all_gather("requests for receptors", own)?.0)
+}
+
 /// Returns the ascending ids of all ranks' particles that dissociate into two. Collective.
 pub(super) fn all_parents<C: Communicator>(communicator: &mut C, own: &[u32]) -> Result<Vec<u32>, C::Error> {
-    let (mut parents, _) = communicator.all_gather("ids of what comes apart", own)?;
+    let (mut parents, _) = communicator.all_gather("ids of particles that dissociate", own)?;
     parents.sort_unstable();
     Ok(parents)
 }

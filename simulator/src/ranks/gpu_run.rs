@@ -5,7 +5,7 @@ use lazygrid::gpu::SoftwareAdapter;
 use lazygrid_ranks::Communicator;
 
 use super::agree;
-use super::cpu_run::all_parents;
+use super::cpu_run::{all_parents, all_requests};
 use crate::gpu::{GpuOptions, GpuSimulation, ReceptorRequests};
 use crate::motion::binding;
 use crate::motion::request_counts::RequestCounts;
@@ -84,7 +84,7 @@ impl GpuRun {
         if is_any_refused {
             // Keys of all particles are read back, which is rare at a suitable time step.
             let own = agree(communicator, self.simulation.requests_by_key(requests))?;
-            let (all, _) = communicator.all_gather("bids for receptors", &own)?;
+            let all = all_requests(communicator, &own)?;
             let rejected = binding::rejected(all, &free);
             for request in own.iter().filter(|request| rejected.binary_search(&request.id()).is_ok()) {
                 accepted[request.receptor()] -= 1;

@@ -241,7 +241,8 @@ impl Run {
         }
         self.check_disk_space(&simulation, slot)?;
         if let Some(plots) = self.report.filter(|_| done < own.steps) {
-            output::refuse_foreign_report(&self.directory, plots, &output::TABLES)?;
+            let former = output::refuse_foreign_page(&self.directory)?;
+            output::refuse_foreign_parts(&self.directory, &former, plots, &output::TABLES)?;
         }
         let files =
             Files::reopen(&self.directory, own.output, (&own.model, own.seed), (&records, done), lock)?;

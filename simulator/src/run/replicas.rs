@@ -156,8 +156,8 @@ impl Replicas {
         let directory = &self.run.directory;
         output::refuse_other_table(directory, output::MEAN, "step,time,replicas")?;
         let Some(plots) = self.run.report else { return Ok(()) };
-        output::refuse_foreign_page(directory)?;
-        match output::refuse_foreign_report(directory, plots, &output::TABLES) {
+        let former = output::refuse_foreign_page(directory)?;
+        match output::refuse_foreign_parts(directory, &former, plots, &output::TABLES) {
             // If no step is left, the tables may equal those to be written, which their writer sees.
             Err(error) if self.is_outdated()? => Err(error),
             _ => Ok(()),

@@ -159,7 +159,7 @@ impl Simulation {
     pub fn step(&mut self) -> Result<(), Error> {
         let free = binding::free(&self.model, &self.state.totals.occupied);
         let moved = self.advance(&free, &mut Undivided)?;
-        let rejected = self.requests.reject(self.bids(&moved), &free);
+        let rejected = self.requests.reject(self.binding_requests(&moved), &free);
         self.apply_events(&moved, &rejected);
         let outcomes = self.interact()?;
         let splits = self.splits();
@@ -191,8 +191,8 @@ impl Simulation {
         Ok(Moved { events, leaving, places })
     }
 
-    pub(crate) fn bids(&self, moved: &Moved) -> Vec<BindingRequest> {
-        binding::bids(&moved.events, |at| self.state.particles.id[at as usize])
+    pub(crate) fn binding_requests(&self, moved: &Moved) -> Vec<BindingRequest> {
+        binding::requests(&moved.events, |at| self.state.particles.id[at as usize])
     }
 
     /// Applies events, without bindings of the ascending ids `rejected`.

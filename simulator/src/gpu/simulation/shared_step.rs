@@ -3,6 +3,8 @@
 //! A step stops twice: after the requests for receptors, of which ranks accept those with the lowest ranks and ids, and
 //! after the dissociations, whose second products get ids in the order of all ranks' parents.
 
+use std::mem;
+
 use super::readback::Readback;
 use super::{Burst, GpuSimulation, error_at};
 use crate::Error;
@@ -46,7 +48,7 @@ impl GpuSimulation {
             let step = self.step;
             let (read, bursts) = match accepted {
                 [] => self.run_batch(1)?,
-                accepted => self.bind_accepted(&requests, accepted)?,
+                accepted => (self.bind_accepted(&requests, accepted)?, mem::take(&mut requests.bursts)),
             };
             if read.head.done > step {
                 break (read, bursts);

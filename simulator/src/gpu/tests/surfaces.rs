@@ -11,7 +11,7 @@ use crate::model::boundary::Axis;
 use crate::model::receiver::{Receiver, ReceiverKind, signed_distance};
 use crate::model::receptors::ReceptorType;
 use crate::motion::adsorption;
-use crate::motion::binding::{bids, rejected};
+use crate::motion::binding::{rejected, requests};
 use crate::motion::path_hit::{Path, first_passage, hit_probability};
 use crate::motion::propagate::Event;
 use crate::motion::receiver_state::ReceiverState;
@@ -243,8 +243,8 @@ fn choose(own: &GpuDevice, crowd: &Crowd) -> Chosen {
     };
     let begin = recorded(&[(&k::RECEPTORS_RESET, 1), (&k::RECEPTORS_COUNT_BOUND, all)]);
     own.queue.submit([begin.finish()]);
-    for (k, bids) in crowd.coming.iter().enumerate() {
-        own.queue.write_buffer(&made["receptors"], ROW * k as u64 + 8, bytemuck::bytes_of(bids));
+    for (k, count) in crowd.coming.iter().enumerate() {
+        own.queue.write_buffer(&made["receptors"], ROW * k as u64 + 8, bytemuck::bytes_of(count));
     }
     let encoder = recorded(&[
         (&k::RECEPTORS_SCAN_REQUESTS, 1),
@@ -275,7 +275,7 @@ fn lowest_ranks_bind_to_free_receptors() {
     let crowd = crowd(5_000);
     let Crowd { spheres, claims, events, coming } = &crowd;
     let free = RECEPTORS.map(|[count, held]| count - held);
-    let expected = rejected(bids(events, id_of), &free);
+    let expected = rejected(requests(events, id_of), &free);
     assert!(coming[1] > free[1] && free[2] == 0 && expected.len() > 1000);
 
     let Chosen { moved, claims: after, held, tallies, removed } = choose(&own, &crowd);

@@ -212,6 +212,7 @@ fn a_rate_releases_all_the_time() {
 
 #[test]
 fn contradictory_reactions_are_refused() {
+    let one_product = "does not have two products to separate";
     let a = "release = [{ species = \"A\", count = 9 }]\n";
     let r = "release = [{ species = \"A\", rate = 9 }]\n";
     let ab = reaction("A + B -> C", "rate = 0.5");
@@ -235,16 +236,8 @@ fn contradictory_reactions_are_refused() {
             "rate",
             "whose rates cannot be kept",
         ),
-        (
-            decay("C -> A", "rate = 1\nunbinding-radius = 1"),
-            "unbinding-radius",
-            "does not have two products to separate",
-        ),
-        (
-            reaction("A + B -> C", "rate = 1\nunbinding-radius = 1"),
-            "unbinding-radius",
-            "does not have two products to separate",
-        ),
+        (decay("C -> A", "rate = 1\nunbinding-radius = 1"), "unbinding-radius", one_product),
+        (reaction("A + B -> C", "rate = 1\nunbinding-radius = 1"), "unbinding-radius", one_product),
         (decay("C -> A + B + D", "rate = 1"), "equation", "at most two products"),
         ("[[species]]\nname = \"0\"\n".into(), "name", "'0' stands for no product"),
         ("[[species]]\nname = \"E\"\ntumble-rate = 1\n".into(), "tumble-rate", "give the species a speed"),

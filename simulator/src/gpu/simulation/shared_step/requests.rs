@@ -22,6 +22,8 @@ const ROW_WORDS: usize = 5;
 pub(crate) struct ReceptorRequests {
     /// Occupied receptors of all ranks at the beginning of the step, by type.
     pub(super) occupied: Vec<u64>,
+    /// Releases of the step.
+    pub(super) bursts: Vec<Burst>,
     rows: Vec<ReceptorRow>,
 }
 
@@ -44,7 +46,7 @@ impl GpuSimulation {
         self.arrivals.clear();
         let occupied = occupied.to_vec();
         if self.tables.receptors.is_empty() {
-            return Ok(ReceptorRequests { occupied, rows: Vec::new() });
+            return Ok(ReceptorRequests { occupied, bursts: Vec::new(), rows: Vec::new() });
         }
         loop {
             let step = self.step;
@@ -58,7 +60,7 @@ impl GpuSimulation {
             let encoder = self.encode_requests()?;
             let (head, rows) = self.read_requests(encoder)?;
             if head.halted == 0 {
-                return Ok(ReceptorRequests { occupied, rows });
+                return Ok(ReceptorRequests { occupied, bursts, rows });
             }
             self.recover(head).map_err(|error| error_at(step, error))?;
         }
@@ -132,8 +134,7 @@ impl GpuSimulation {
         &mut self,
         requests: &ReceptorRequests,
         accepted: &[u32],
-    ) -> Result<(Readback, Vec<Burst>), Error> {
-        let bursts = self.bursts(1)?;
+    ) -> Result<Readback, Error> {
         let leave_free = |(row, &accepted): (&ReceptorRow, &u32)| ReceptorRow {
             bound: row.count.saturating_sub(accepted),
             ..*row
@@ -145,7 +146,7 @@ impl GpuSimulation {
         self.steps.encode_selection(submissions.encoder(), particles);
         self.steps.encode_after(submissions.encoder(), particles);
         let read = self.read(submissions.finish(), particles);
-        Ok((self.or_fail(read)?, bursts))
+        self.or_fail(read)
     }
 
     fn write_receptors(&self, rows: Vec<ReceptorRow>) -> Result<(), Error> {
