@@ -23,10 +23,12 @@ pub enum SpeciesScene {
     DisjointPairs,
     /// Three disjoint pairs of species, nearly at one point.
     DisjointPairsCrowd,
+    /// A burst of one of ten species in five disjoint pairs, with one sphere in a thousand of the others.
+    TenSpecies,
 }
 
 impl SpeciesScene {
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::RarePartner,
         Self::DistantPartner,
         Self::Enzymes,
@@ -35,6 +37,7 @@ impl SpeciesScene {
         Self::AllPair,
         Self::DisjointPairs,
         Self::DisjointPairsCrowd,
+        Self::TenSpecies,
     ];
 
     pub const fn name(self) -> &'static str {
@@ -47,12 +50,13 @@ impl SpeciesScene {
             Self::AllPair => "all-pair",
             Self::DisjointPairs => "disjoint-pairs",
             Self::DisjointPairsCrowd => "disjoint-pairs-crowd",
+            Self::TenSpecies => "ten-species",
         }
     }
 
     pub fn spheres(self, n: usize, seed: u64) -> Vec<Sphere> {
         let (extent, radius) = match self {
-            Self::RarePartner => (0.5, 0.05),
+            Self::RarePartner | Self::TenSpecies => (0.5, 0.05),
             Self::DistantPartner => (0.25, 0.001),
             Self::Enzymes | Self::DisjointPairsCrowd => (0.05, 0.005),
             Self::Target => (7.0, 0.5),
@@ -74,6 +78,8 @@ impl SpeciesScene {
             Self::Target => u32::from(k > 0),
             Self::Ring | Self::AllPair => k as u32 % 4,
             Self::DisjointPairs | Self::DisjointPairsCrowd => k as u32 % 6,
+            Self::TenSpecies if k % 1000 == 999 => [9, 0, 1, 2, 3, 4, 5, 6, 7][k / 1000 % 9],
+            Self::TenSpecies => 8,
         };
         (0..n).map(species).collect()
     }
@@ -92,6 +98,7 @@ impl SpeciesScene {
             Self::RarePartner | Self::Enzymes | Self::Target => (2, &[(0, 1)]),
             Self::Ring => (4, &[(0, 1), (1, 2), (2, 3), (0, 3)]),
             Self::DisjointPairs | Self::DisjointPairsCrowd => (6, &[(0, 1), (2, 3), (4, 5)]),
+            Self::TenSpecies => (10, &[(0, 1), (2, 3), (4, 5), (6, 7), (8, 9)]),
             Self::AllPair => return Ok(Interactions::new(4, Interaction::Touch)?),
             Self::DistantPartner => {
                 let mut table = Interactions::new(2, Interaction::Within(0.002))?;

@@ -45,6 +45,33 @@ fn disjoint_pairs_of_species() {
     check(96, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
 
+fn largest_radius(spheres: &[Sphere]) -> f64 {
+    let radii = spheres.iter().map(|sphere| sphere.radius).filter(|radius| radius.is_finite());
+    radii.fold(0.0, f32::max).clamp(0.0, 1e30).into()
+}
+
+/// More sets of partners than groups of species, which therefore share groups.
+#[test]
+fn sparse_tables_of_many_species() {
+    let spheres = prop_oneof![hard::powers_of_two(), hard::soup(), hard::any_spheres()];
+    let (ids, entries) = (prop::collection::vec(any::<u32>(), 601), prop::collection::vec(0_u32..12, 210));
+    let strategy = (spheres, ids, entries, 9_usize..=20, 0.1_f64..4.0);
+    let strategy = strategy.prop_map(|(spheres, ids, entries, species, scale)| {
+        let size = scale * largest_radius(&spheres);
+        let with = |entry: u32| match entry {
+            0 => Interaction::Touch,
+            1 => Interaction::Within(size),
+            2 => Interaction::Within(0.125 * size),
+            _ => Interaction::Never,
+        };
+        let row = |a: usize| (0..=a).map(|b| with(entries[a * (a + 1) / 2 + b])).collect();
+        let rows = (0..species).map(row).collect();
+        let species = ids[..spheres.len()].iter().map(|id| id % species as u32).collect();
+        TestInput { spheres, mixture: Some(SpeciesSetup { species, rows }), ..TestInput::default() }
+    });
+    check(96, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
+}
+
 /// Tiny spheres interact at a large distance: the effective radius comes from the table.
 #[test]
 fn small_radii_with_large_distances() {
@@ -116,8 +143,7 @@ fn tables_with_near_and_distant_partners() {
     let spheres = prop_oneof![hard::powers_of_two(), hard::soup(), hard::any_spheres()];
     let (ids, entries) = (prop::collection::vec(any::<u32>(), 601), prop::collection::vec(0_usize..7, 15));
     let strategy = (spheres, ids, entries, 0.1_f64..4.0).prop_map(|(spheres, ids, entries, scale)| {
-        let size = spheres.iter().map(|sphere| sphere.radius).filter(|radius| radius.is_finite());
-        let size = scale * f64::from(size.fold(0.0, f32::max).clamp(0.0, 1e30));
+        let size = scale * largest_radius(&spheres);
         let with = |entry: usize| match entry {
             0 => Interaction::Never,
             1 => Interaction::Touch,

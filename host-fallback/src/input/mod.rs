@@ -3,6 +3,7 @@ mod grouping;
 mod input_spheres;
 mod query;
 mod search_input;
+mod shared_groups;
 mod species_groups;
 mod species_partition;
 mod stats;

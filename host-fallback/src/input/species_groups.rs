@@ -211,12 +211,50 @@ mod tests {
             table.set(species, species, Interaction::Touch).expect("species of the table");
         }
         let all: Vec<u32> = (0..100).collect();
-        let groups = groups(&all, &table);
-        assert_eq!(by_partners(&groups).count, MAX_GROUPS);
-        let meeting = |a: usize, b: usize| by_partners(&groups).meetings[a * MAX_GROUPS + b];
-        assert_eq!(meeting(0, 0).map(|of| of.is_by_radii), Some(true));
+        let nine = groups(&all[..MAX_GROUPS + 1], &table);
+        let meeting = |a: usize, b: usize| by_partners(&nine).meetings[a * MAX_GROUPS + b];
+        assert_eq!(meeting(0, 0).map(|of| of.is_by_radii), Some(false), "of two species");
+        assert_eq!(meeting(1, 1).map(|of| of.is_by_radii), Some(true));
         assert_eq!(meeting(0, 1), None);
-        assert_eq!(meeting(MAX_GROUPS - 1, MAX_GROUPS - 1).map(|of| of.is_by_radii), Some(false));
+        let groups = of(&all, &table);
+        let members = |group: u8| groups.iter().filter(|of| **of == group).count();
+        assert!((0..MAX_GROUPS as u8).all(|group| (12..=13).contains(&members(group))), "{groups:?}");
+    }
+
+    /// Returns the number of groups by partners that pair with themselves, and the group of each species.
+    fn crowded_groups(species: u32, pairs: impl Fn(u32, u32) -> bool) -> (usize, Vec<u8>) {
+        let mut table = Interactions::new(species, Interaction::Never).expect("a table");
+        for (a, b) in (0..species).flat_map(|a| (a..species).map(move |b| (a, b))) {
+            let with = if pairs(a, b) { Interaction::Touch } else { Interaction::Never };
+            table.set(a, b, with).expect("species of the table");
+        }
+        let all: Vec<u32> = (0..species).collect();
+        let groups = groups(&all, &table);
+        let partition = by_partners(&groups);
+        assert!(partition.count <= MAX_GROUPS + 1);
+        let are_met = |(a, b): (u32, u32)| {
+            !pairs(a.min(b), a.max(b)) || partition.meets(partition.group_of(a), partition.group_of(b))
+        };
+        assert!(all.iter().flat_map(|&a| all.iter().map(move |&b| (a, b))).all(are_met));
+        let meets_itself = |group: &usize| partition.meets(*group, *group);
+        ((0..partition.count).filter(meets_itself).count(), partition.of_species.clone())
+    }
+
+    #[test]
+    fn shared_groups_never_pair_with_themselves_if_avoidable() {
+        for pairs in 5..=20 {
+            assert_eq!(crowded_groups(2 * pairs, |a, b| a ^ b == 1).0, 0, "{pairs} neighbors");
+            assert_eq!(crowded_groups(2 * pairs, |a, b| a + pairs == b).0, 0, "{pairs} in two halves");
+            assert_eq!(crowded_groups(2 * pairs + 1, |a, b| a ^ b == 1 || b == 2 * pairs).0, 1, "and one");
+            let partner_of_all = |a: u32, b: u32| b == 2 * pairs && a < b || a ^ b == 1 && b < 2 * pairs;
+            assert_eq!(crowded_groups(2 * pairs + 1, partner_of_all).0, 0, "{pairs} and a partner of all");
+        }
+        for species in 9..=20 {
+            assert_eq!(crowded_groups(species, |a, b| a != b).0, 1, "{species} that pair with all others");
+            let (crowded, groups) = crowded_groups(2 * species, |a, b| a % species != b % species);
+            let has_like = |k: usize| groups[k] == groups[k + species as usize];
+            assert!(crowded == 1 && (0..species as usize).all(has_like), "{groups:?}");
+        }
     }
 
     #[test]

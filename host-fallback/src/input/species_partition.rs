@@ -11,12 +11,13 @@
 
 use lazygrid_kernels::{EffectiveRadius, Interaction, Interactions, SpeciesReach};
 
+use super::shared_groups::share_groups;
 use crate::Error;
 use crate::memory::try_collect;
 
-/// Most groups of species that pair. All further groups share the last one.
+/// Most groups of species that pair. With more sets of partners, groups are [shared](super::shared_groups).
 pub(crate) const MAX_GROUPS: usize = 8;
-/// Most present species that are grouped, because grouping takes quadratic time.
+/// Most present species that are grouped, because grouping takes quadratic time. More species are one group.
 pub(super) const MAX_PRESENT: usize = 512;
 /// Largest sum of two effective radii, as a multiple of the distance that they represent: rounding up adds one ulp, or
 /// 4 of the 16 half ulps of the filter's band in the square.
@@ -64,6 +65,9 @@ impl Meeting {
     }
 }
 
+/// The group of each present species, `None` without partners, and the number of groups.
+pub(super) type Groups = (Vec<Option<usize>>, usize);
+
 /// Interactions with the reach of each species to all that are present.
 #[derive(Clone, Copy)]
 pub(super) struct SpeciesTable<'t> {
@@ -99,7 +103,8 @@ impl SpeciesPartition {
         let meetings = (MAX_GROUPS + 1).pow(2) * size_of::<Option<Meeting>>();
         let groups = present.min(MAX_PRESENT as u64) * size_of::<Option<usize>>() as u64;
         let narrow = species * size_of::<SpeciesReach>() as u64;
-        3 * (species + meetings as u64 + groups) + narrow
+        // Shared groups are in a further list, and need the order of species.
+        3 * (species + meetings as u64 + groups) + narrow + 2 * groups
     }
 
     fn new(of_species: Vec<u8>, count: usize, present: &[u32], table: SpeciesTable<'_>) -> Self {
@@ -147,25 +152,25 @@ impl SpeciesPartition {
             return [(); 3].map(|()| Self::undivided(interactions.species()));
         }
         let pairs = |with| u16::from(with != Interaction::Never);
-        let (by_partners, partners) = group_by(present, interactions, pairs);
-        let (by_reach, reaches) = group_by(present, interactions, reach_class);
-        let is_idle = by_partners.iter().any(|group| group.is_none());
-        let partition = |groups: &[Option<usize>], count: usize| {
+        let by_partners = group_by(present, interactions, pairs);
+        let by_partners = by_partners.unwrap_or_else(|| share_groups(present, interactions));
+        let by_reach = group_by(present, interactions, reach_class);
+        let is_idle = by_partners.0.iter().any(|group| group.is_none());
+        let partition = |(groups, count): &Groups| {
             // Without spheres there is one empty group.
-            let count = count.max(usize::from(present.is_empty()));
+            let count = (*count).max(usize::from(present.is_empty()));
             let mut of_species = vec![0; interactions.species() as usize];
             for (&species, group) in present.iter().zip(groups) {
                 of_species[species as usize] = group.unwrap_or(count) as u8;
             }
             Self::new(of_species, count + usize::from(is_idle), present, table)
         };
-        let merged: Vec<_> = by_partners.iter().map(|group| group.map(|_| 0)).collect();
-        let by_partners = partition(&by_partners, partners.min(MAX_GROUPS));
-        let by_reach = match (partners + 1..=MAX_GROUPS).contains(&reaches) {
-            true => partition(&by_reach, reaches),
-            false => by_partners.clone(),
-        };
-        [partition(&merged, partners.min(1)), by_partners, by_reach]
+        let merged = by_partners.0.iter().map(|group| group.map(|_| 0)).collect();
+        let merged = partition(&(merged, by_partners.1.min(1)));
+        let by_reach = by_reach.filter(|(_, count)| *count > by_partners.1);
+        let by_partners = partition(&by_partners);
+        let by_reach = by_reach.map_or_else(|| by_partners.clone(), |groups| partition(&groups));
+        [merged, by_partners, by_reach]
     }
 
     pub fn count(&self) -> usize {
@@ -215,27 +220,25 @@ fn reach_class(with: Interaction) -> u16 {
 }
 
 /// Groups species with equal classes of all their interactions, in which 0 stands for [`Interaction::Never`]. Returns
-/// the group of each species, `None` without partners, and the number of groups, counted up to [`MAX_GROUPS`] + 1.
-fn group_by(
-    present: &[u32],
-    table: &Interactions,
-    class: impl Fn(Interaction) -> u16,
-) -> (Vec<Option<usize>>, usize) {
+/// `None` if these are more than [`MAX_GROUPS`] groups.
+fn group_by(present: &[u32], table: &Interactions, class: impl Fn(Interaction) -> u16) -> Option<Groups> {
     let class = |a: u32, b: u32| class(table.get(a, b));
     let mut firsts: Vec<u32> = Vec::new();
-    let groups: Vec<_> = present
-        .iter()
-        .map(|&species| {
-            if present.iter().all(|&other| class(species, other) == 0) {
-                return None;
-            }
-            let is_alike = |first: u32| present.iter().all(|&b| class(first, b) == class(species, b));
-            let known = firsts.iter().take(MAX_GROUPS).position(|&first| is_alike(first));
-            if known.is_none() && firsts.len() <= MAX_GROUPS {
-                firsts.push(species);
-            }
-            Some(known.unwrap_or(firsts.len() - 1).min(MAX_GROUPS - 1))
-        })
-        .collect();
-    (groups, firsts.len())
+    let mut of_species = Vec::with_capacity(present.len());
+    for &species in present {
+        if present.iter().all(|&other| class(species, other) == 0) {
+            of_species.push(None);
+            continue;
+        }
+        let is_alike = |first: &u32| present.iter().all(|&b| class(*first, b) == class(species, b));
+        let known = firsts.iter().position(is_alike);
+        if known.is_none() {
+            firsts.push(species);
+        }
+        of_species.push(Some(known.unwrap_or(firsts.len() - 1)));
+        if firsts.len() > MAX_GROUPS {
+            return None;
+        }
+    }
+    Some((of_species, firsts.len()))
 }

@@ -34,6 +34,9 @@ impl Interaction {
 
 /// A symmetric table of the interaction of any two species, for reaction–diffusion models.
 ///
+/// With up to 512 species, a search compares few spheres of species that never pair. With more species in a call, on a
+/// GPU in the table, it compares all nearby spheres.
+///
 /// ```
 /// # use lazygrid_kernels::{Interaction, Interactions};
 /// let (acid, base) = (0, 1);

@@ -42,7 +42,8 @@ pub(super) fn species(rows: &[&Row]) -> Section {
                 few diameters; `target`: one in a crowd of its only partner; `ring`: four species that each pair \
                 with two others, 5 % filling; `all-pair`: the same, all of which pair; `disjoint-pairs`: three \
                 disjoint pairs of species, 5 % filling; `disjoint-pairs-crowd`: the same pairs, all within a few \
-                diameters.";
+                diameters; `ten-species`: a burst of one of ten species in five disjoint pairs, with one sphere in a \
+                thousand of the others.";
     Section {
         title: "Species that rarely pair".to_owned(),
         text: vec![text.to_owned()],
