@@ -163,13 +163,21 @@ impl PairingGroups {
             .all(|group| others(group).all(|other| division[other] != division[group]))
     }
 
-    /// Returns the division with fewest comparisons, with as many sides as save enough of them.
+    /// Returns `true` if no group without pairs of its own is on a side that is compared with itself. In a crowd of
+    /// such a group, the comparisons grow with the square of the spheres, for no pair.
+    fn separates_crowds(&self, division: &Division, partners: &[u8]) -> bool {
+        let is_compared = |side: u8| partners[usize::from(side)] >> side & 1 == 1;
+        (0..self.count()).all(|group| self.partners[group] >> group & 1 == 1 || !is_compared(division[group]))
+    }
+
+    /// Returns the division with fewest comparisons, with as many sides as save enough of them. It separates narrow
+    /// groups and crowds; the division with one group on each side does.
     fn divide(&self) -> Division {
         let mut best = [(f64::INFINITY, [0; MAX_SIDES]); MAX_SIDES + 1];
         for division in divisions(self.count()).into_iter().filter(|of| self.separates_narrow(of)) {
             let partners = self.side_partners(&division);
             let (cost, of_this_many) = (self.comparisons(&division, &partners), &mut best[partners.len()]);
-            if cost < of_this_many.0 {
+            if cost < of_this_many.0 && self.separates_crowds(&division, &partners) {
                 *of_this_many = (cost, division);
             }
         }

@@ -52,9 +52,12 @@ fn crowds_compared_in_vain(table: &Interactions) -> Vec<u32> {
 fn species_beyond_the_most_groups_share_sides_that_never_meet_themselves() {
     for pairs in 5..=20 {
         let disjoint: Vec<_> = (0..pairs).map(|pair| (2 * pair, 2 * pair + 1, TOUCH)).collect();
-        let table = table(2 * pairs, &disjoint);
-        assert_eq!(crowds_compared_in_vain(&table), [], "{pairs} pairs");
-        assert_eq!(Sides::of(&table).one_set.interaction, SearchParams::BY_SPECIES);
+        let with_one = (0..2 * pairs).map(|of| (of, 2 * pairs, TOUCH));
+        let partner_of_all: Vec<_> = disjoint.iter().copied().chain(with_one).collect();
+        for table in [table(2 * pairs, &disjoint), table(2 * pairs + 1, &partner_of_all)] {
+            assert_eq!(crowds_compared_in_vain(&table), [], "{pairs} pairs");
+            assert_eq!(Sides::of(&table).one_set.interaction, SearchParams::BY_SPECIES);
+        }
     }
 }
 
@@ -119,10 +122,27 @@ fn narrow_sides_never_pair_with_each_other() {
 
 #[test]
 fn side_that_saves_little_is_not_separated() {
-    // A side of the species that does not meet itself would save half of one in 18 comparisons.
+    // A side of each of the species that do not pair with each other would save one in 18 comparisons.
+    let mut almost_all = Interactions::new(6, TOUCH).expect("a table");
+    almost_all.set(4, 5, Interaction::Never).expect("species of the table");
+    assert_eq!(Sides::of(&almost_all).of_species, [Some(0); 6]);
+}
+
+#[test]
+fn species_that_never_meets_itself_is_on_no_side_that_does() {
     let mut almost_all = Interactions::new(6, TOUCH).expect("a table");
     almost_all.set(5, 5, Interaction::Never).expect("a species of the table");
-    assert_eq!(Sides::of(&almost_all).of_species, [Some(0); 6]);
+    let sides = Sides::of(&almost_all);
+    assert_eq!(sides.of_species, [0, 0, 0, 0, 0, 1].map(Some));
+    assert_eq!((sides.one_set.of_side, sides.one_set.interaction), (vec![0b11, 0b01], SearchParams::TOUCH));
+    for species in 2..=8 {
+        // The first species have no pairs of their own.
+        for first in 1..=species {
+            let mut table = Interactions::new(species, TOUCH).expect("a table");
+            (0..first).for_each(|of| table.set(of, of, Interaction::Never).expect("a species of the table"));
+            assert_eq!(crowds_compared_in_vain(&table), [], "{first} of {species}");
+        }
+    }
 }
 
 #[test]
@@ -149,6 +169,9 @@ fn random_tables_have_sides_for_all_their_pairs() {
         let table = table(species, &pairs);
         let sides = Sides::of(&table);
         narrow += sides.one_set.narrow.count_ones();
+        if species <= CellListLayout::MAX_SIDES as u32 {
+            assert_eq!(crowds_compared_in_vain(&table), [], "{table:?}");
+        }
         let all: Vec<u32> = (0..species).collect();
         for (a, b) in product(&all, &all).filter(|&(a, b)| table.get(a, b) != Interaction::Never) {
             let [of_a, of_b] = [a, b].map(|of| sides.of_species[of as usize].expect("the species pairs"));
