@@ -39,7 +39,7 @@ pub use executor::{Executor, Team, start_threads};
 pub use frame::SearchFrame;
 pub use input::{
     InputStats, Preparation, PreparedQuery, QueryBuffers, SizeClass, SpeciesGroups, SpeciesPartition, check,
-    check_valid,
+    check_valid, sample_species,
 };
 pub use lazygrid_kernels::{Error, InputError};
 pub use output::{

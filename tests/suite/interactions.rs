@@ -110,9 +110,13 @@ fn crowd_with_distant_partners() {
     ];
     for space in spaces {
         // Species 2 pairs like species 0, or is a third side on a GPU.
-        for (of_partners, of_third) in
-            [(Interaction::Never, true), (Interaction::Touch, false), (Interaction::Within(2.0), true)]
-        {
+        for (of_partners, of_third) in [
+            (Interaction::Never, true),
+            (Interaction::Touch, false),
+            (Interaction::Within(2.0), true),
+            // Narrower than the crowd.
+            (Interaction::Within(0.015), true),
+        ] {
             let (near, far) = (Interaction::Within(0.02), Interaction::Within(2.0));
             let third =
                 if of_third { [Interaction::Never, Interaction::Never, near] } else { [near, far, near] };

@@ -1,4 +1,5 @@
 mod auto_backend;
+mod crowd_species;
 mod searched_species;
 mod skin_controller;
 mod slab_search;
@@ -16,6 +17,7 @@ use lazygrid_host::{
 };
 use lazygrid_kernels::{Interactions, Pair, Query, Space};
 
+use self::crowd_species::CrowdSpecies;
 use self::searched_species::SearchedSpecies;
 use self::skin_controller::SkinController;
 use self::slab_search::{SearchRequest, SlabPairSource, SlabSearch, has_empty_set};
@@ -40,6 +42,8 @@ pub(crate) struct GpuBackend {
     framed: Option<Box<Device>>,
     /// The species that `device` searches outside of frames.
     searched_species: SearchedSpecies,
+    /// The crowd of its calls.
+    crowd: CrowdSpecies,
     team: Arc<Team>,
     buffers: QueryBuffers,
     /// `None` if the skin is fixed.
@@ -99,6 +103,7 @@ impl GpuBackend {
             device,
             framed: None,
             searched_species: SearchedSpecies::default(),
+            crowd: CrowdSpecies::default(),
             team,
             buffers: QueryBuffers::default(),
             skin_controller,
@@ -159,7 +164,11 @@ impl SearchBackend for GpuBackend {
         (report.algorithm, report.reason) = (algorithm, reason);
         let present = prepared.present_species().filter(|_| !has_empty_set(split, spheres));
         if let (None, Some(present)) = (prepared.frame, present) {
-            device.search_species(&mut self.searched_species, present, settings)?;
+            device.search_species(
+                (&mut self.searched_species, &mut self.crowd),
+                (query, present),
+                settings,
+            )?;
         }
         let device = match prepared.frame {
             Some(_) if !settings.is_framed() => Device::framed(framed, device, settings)?,
@@ -213,18 +222,18 @@ struct Device {
 }
 
 impl Device {
-    /// Omits absent species from the search if that reduces the reach of others and memory suffices. Includes species
-    /// that return.
+    /// Omits absent species from the search if that reduces the reach of others, and follows the crowd, if memory
+    /// suffices. Includes species that return.
     fn search_species(
         &mut self,
-        species: &mut SearchedSpecies,
-        present: &SpeciesGroups,
+        (species, crowd): (&mut SearchedSpecies, &mut CrowdSpecies),
+        (query, present): (&Query<'_>, &SpeciesGroups),
         settings: &Settings,
     ) -> Result<(), Error> {
         let Some(all) = &settings.interactions else { return Ok(()) };
-        match self.replace_interactions(species, present, all) {
+        match self.replace_interactions((&mut *species, crowd), (query, present), all) {
             Err(error) if !species.lacks(present) => {
-                log::info!("absent species are searched: {error}");
+                log::info!("the searched species stay: {error}");
                 species.keep(present);
                 Ok(())
             }
@@ -234,15 +243,22 @@ impl Device {
 
     fn replace_interactions(
         &mut self,
-        species: &mut SearchedSpecies,
-        present: &SpeciesGroups,
+        (species, crowd): (&mut SearchedSpecies, &mut CrowdSpecies),
+        (query, present): (&Query<'_>, &SpeciesGroups),
         all: &Interactions,
     ) -> Result<(), Error> {
         let Some(searched) = &self.interactions else { return Ok(()) };
-        if let Some(interactions) = species.next(present, (all, searched))? {
-            self.search.session = self.search.session.with_interactions(Some(interactions.clone()))?;
-            species.record(present, interactions.species());
-            self.interactions = Some(interactions);
+        let new = species.next(present, (all, searched))?;
+        let table = new.as_ref().unwrap_or(searched).clone();
+        let new_crowd = crowd.next(query, &table)?;
+        if new.is_some() || new_crowd.is_some() {
+            let of_sides = new_crowd.or(crowd.searched());
+            self.search.session = self.search.session.with_interactions(Some(table.clone()), of_sides)?;
+            if new.is_some() {
+                species.record(present, table.species());
+            }
+            new_crowd.into_iter().for_each(|species| crowd.record(species));
+            self.interactions = Some(table);
         }
         Ok(())
     }
@@ -257,7 +273,7 @@ impl Device {
             Some(framed) => Ok(framed),
             none => {
                 let interactions = searched_table(settings, true)?;
-                let session = unframed.search.session.with_interactions(interactions.clone())?;
+                let session = unframed.search.session.with_interactions(interactions.clone(), None)?;
                 Ok(none.insert(Box::new(Self { search: SlabSearch::new(session), interactions })))
             }
         }

@@ -189,3 +189,28 @@ fn absent_species_enlarge_no_reach_and_lose_no_pair_when_they_return() {
         }
     }
 }
+
+#[test]
+fn narrow_side_follows_the_crowd_and_loses_no_pair() {
+    let Some(gpu) = device_or_skip() else { return };
+    let mut table = Interactions::new(2, Interaction::Within(2.0)).expect("few species");
+    table.set(0, 0, Interaction::Within(0.25)).expect("a known species");
+    table.set(1, 1, Interaction::Within(0.0625)).expect("a known species");
+    let place = |k: u32| [7, 11, 13].map(|step| (k * step % 1009) as f32 / 128.0);
+    let spheres: Vec<_> = (0..3000).map(|k| Sphere::new(place(k), 0.01)).collect();
+    // The species of all but the last ten spheres, and the crowd for which the device has its sides.
+    let calls = [(0, 0), (1, 0), (1, 1), (0, 1), (0, 1), (0, 1), (0, 0)];
+    for skin in [Skin::Auto, Skin::Off, Skin::Fixed(0.125)] {
+        let config = Config::default().algorithm(Algorithm::CellList).skin(skin);
+        let config = config.interactions(Some(table.clone()));
+        let mut host = Detector::new(config.clone().backend(Backend::Cpu)).expect("made");
+        let mut detector = made(gpu.clone(), config);
+        for (call, (most, crowd)) in calls.into_iter().enumerate() {
+            let ids: Vec<u32> = (0..3000).map(|k| if k < 2990 { most } else { 1 - most }).collect();
+            let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
+            let expected = host.pairs(given).expect("valid").to_vec();
+            assert!(detector.pairs(given).expect("found") == expected, "{skin:?}, call {call}");
+            assert_eq!(detector.backend().crowd.searched(), Some(crowd), "{skin:?}, call {call}");
+        }
+    }
+}

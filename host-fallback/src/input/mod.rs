@@ -18,4 +18,5 @@ pub use species_groups::SpeciesGroups;
 pub use species_partition::SpeciesPartition;
 pub(crate) use species_partition::{Division, MAX_GROUPS, Meeting};
 pub use stats::{InputStats, SizeClass};
+pub use unequal_radii::sample_species;
 pub use validate::check_valid;

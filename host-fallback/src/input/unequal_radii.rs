@@ -14,7 +14,7 @@ use crate::memory::try_collect;
 const MAX_NARROW: f64 = 0.5;
 /// Fraction of the expected candidates below which one choice of radii replaces another.
 const WORTHWHILE: f64 = 0.75;
-/// Most spheres of each set whose groups are counted.
+/// Most spheres of each set whose species are counted.
 const SAMPLES: usize = 1024;
 
 /// A set of groups, one bit each.
@@ -114,6 +114,20 @@ fn rest(partition: &SpeciesPartition, chosen: Groups, distance: f64, other: usiz
     if chosen.has(other) { distance - own_half(partition, other) } else { 0.5 * distance }
 }
 
+/// Calls `add` for each sphere of a sample, with its species and the number of spheres that it represents.
+pub fn sample_species(query: &Query<'_>, mut add: impl FnMut(u32, f64)) {
+    for set in [Some(query.first()), query.second()].into_iter().flatten() {
+        let ids = set.species().unwrap_or(&[]);
+        let samples = ids.len().min(SAMPLES);
+        for k in 0..samples {
+            let [begin, end] = [k, k + 1].map(|k| (k as u64 * ids.len() as u64 / samples as u64) as usize);
+            // Species may repeat with the distance between samples.
+            let random = (k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
+            add(ids[begin + random as usize % (end - begin)], ids.len() as f64 / samples as f64);
+        }
+    }
+}
+
 /// The estimated number of spheres in each group.
 struct Crowds<'a> {
     partition: &'a SpeciesPartition,
@@ -124,18 +138,7 @@ impl<'a> Crowds<'a> {
     fn of(query: &Query<'_>, partition: &'a SpeciesPartition) -> Self {
         // Each group is present, even if the sample misses it.
         let mut counts = [1.0; MAX_GROUPS + 1];
-        for set in [Some(query.first()), query.second()].into_iter().flatten() {
-            let ids = set.species().unwrap_or(&[]);
-            let samples = ids.len().min(SAMPLES);
-            for k in 0..samples {
-                let [begin, end] =
-                    [k, k + 1].map(|k| (k as u64 * ids.len() as u64 / samples as u64) as usize);
-                // Species may repeat with the distance between samples.
-                let random = (k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
-                let id = ids[begin + random as usize % (end - begin)];
-                counts[partition.group_of(id)] += ids.len() as f64 / samples as f64;
-            }
-        }
+        sample_species(query, |species, spheres| counts[partition.group_of(species)] += spheres);
         Self { partition, counts }
     }
 

@@ -74,7 +74,7 @@ impl GpuDetector {
         settings: GpuConfig,
     ) -> Result<Self, Error> {
         check(&settings)?;
-        let tables = settings.interactions.as_ref().map(|table| Tables::new(device, table)).transpose()?;
+        let tables = Tables::new(device, &settings)?;
         let timer = (settings.timestamps && device.features().contains(wgpu::Features::TIMESTAMP_QUERY))
             .then(|| with_error_scope(device, "timestamps", 0, || Timer::new(device)))
             .transpose()?;

@@ -86,7 +86,7 @@ impl GpuSkinDetector {
     ) -> Result<Self, Error> {
         check(&settings)?;
         check_skin(skin)?;
-        let tables = settings.interactions.as_ref().map(|table| Tables::new(device, table)).transpose()?;
+        let tables = Tables::new(device, &settings)?;
         let search = search(device, pipelines.clone(), &settings, skin)?;
         let pipelines = if settings.subgroups { pipelines } else { pipelines.without_subgroups() };
         Ok(Self { device: device.clone(), settings, skin, pipelines, tables, search, resident: None })

@@ -1,6 +1,5 @@
-use lazygrid_kernels::Interactions;
-
 use crate::Error;
+use crate::gpu::config::GpuConfig;
 use crate::gpu::device::constant_buffer;
 use crate::gpu::plan::TableBytes;
 
@@ -14,13 +13,16 @@ pub(crate) struct Tables {
 }
 
 impl Tables {
-    pub(crate) fn new(device: &wgpu::Device, interactions: &Interactions) -> Result<Self, Error> {
-        let bytes = TableBytes::new(interactions, device.limits().max_storage_buffer_binding_size)?;
-        Ok(Self {
+    /// Returns the tables of a configuration, `None` without interactions.
+    pub(crate) fn new(device: &wgpu::Device, config: &GpuConfig) -> Result<Option<Self>, Error> {
+        let Some(interactions) = &config.interactions else { return Ok(None) };
+        let most_bytes = device.limits().max_storage_buffer_binding_size;
+        let bytes = TableBytes::new(interactions, config.crowd, most_bytes)?;
+        Ok(Some(Self {
             reach: constant_buffer(device, "reach by species", &bytes.reach)?,
             reach_by_side: constant_buffer(device, "reach by species on their sides", &bytes.reach_by_side)?,
             table: constant_buffer(device, "interaction table", &bytes.table)?,
             bytes,
-        })
+        }))
     }
 }

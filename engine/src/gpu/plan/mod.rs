@@ -39,6 +39,7 @@ pub(super) use dispatches::{flattened, scan_dispatches, sort_dispatches};
 pub use limits::DeviceLimits;
 pub(crate) use planner::CallSettings;
 pub use planner::Planner;
+pub(crate) use sides::Sides;
 pub(crate) use tables::TableBytes;
 pub(crate) use work_budget::{WorkBudget, tests_within_limit};
 

@@ -53,13 +53,10 @@ impl SidePartners {
 }
 
 impl Sides {
-    /// Returns the sides with the fewest comparisons, assuming equal numbers of spheres of each species.
-    pub(crate) fn of(table: &Interactions) -> Self {
-        let [by_partners, by_reach] = SpeciesPartition::of_table(table);
-        let mut groups = PairingGroups::of(&by_reach, table);
-        if groups.narrow == 0 {
-            groups = PairingGroups::of(&by_partners, table);
-        }
+    /// Returns the sides with the fewest comparisons, assuming equal numbers of spheres of each species. Of narrow
+    /// groups that pair with each other, that of `crowd`, the species of most spheres, has a narrow side.
+    pub(crate) fn of(table: &Interactions, crowd: Option<u32>) -> Self {
+        let groups = PairingGroups::of_table(table, crowd);
         let species = || 0..table.species();
         let division = groups.divide();
         let of_species: Vec<Option<u8>> =
@@ -84,6 +81,13 @@ impl Sides {
             SidePartners { interaction: common(product(&all, &all), table), ..SidePartners::two_sets() }
         };
         Self { of_species, one_set, two_sets }
+    }
+
+    /// Returns `true` for each species on a narrow side; see [`of`](Self::of).
+    pub(crate) fn narrow_species(table: &Interactions, crowd: Option<u32>) -> Vec<bool> {
+        let groups = PairingGroups::of_table(table, crowd);
+        let is_narrow = |group: &Option<usize>| group.is_some_and(|group| groups.is_narrow(group));
+        groups.of_species.iter().map(is_narrow).collect()
     }
 
     /// Returns the rule for the effective radius of a species in a cell list: on a narrow side, it covers the
@@ -120,7 +124,14 @@ struct PairingGroups {
 type Division = [u8; MAX_SIDES];
 
 impl PairingGroups {
-    fn of(partition: &SpeciesPartition, table: &Interactions) -> Self {
+    /// Returns the groups by reach if some are narrow, else by partners.
+    fn of_table(table: &Interactions, crowd: Option<u32>) -> Self {
+        let [by_partners, by_reach] = SpeciesPartition::of_table(table);
+        let by_reach = Self::of(&by_reach, table, crowd);
+        if by_reach.narrow == 0 { Self::of(&by_partners, table, crowd) } else { by_reach }
+    }
+
+    fn of(partition: &SpeciesPartition, table: &Interactions, crowd: Option<u32>) -> Self {
         let active: Vec<usize> = (0..partition.count()).filter(|&group| !partition.is_idle(group)).collect();
         let position = |of: u32| active.iter().position(|&group| group == partition.group_of(of));
         let of_species: Vec<Option<usize>> = (0..table.species()).map(position).collect();
@@ -132,7 +143,8 @@ impl PairingGroups {
             of_species,
             narrow: 0,
         };
-        let narrow = groups.narrow(|group| partition.narrowness(active[group]));
+        let crowd = crowd.and_then(|species| groups.of_species[species as usize]);
+        let narrow = groups.narrow(crowd, |group| partition.narrowness(active[group]));
         Self { narrow, ..groups }
     }
 
@@ -144,11 +156,13 @@ impl PairingGroups {
         self.narrow >> group & 1 == 1
     }
 
-    /// Returns the groups below [`MAX_NARROW`], one bit each. Of two that pair with each other, the narrower one stays.
-    fn narrow(&self, narrowness: impl Fn(usize) -> Option<f64>) -> u8 {
+    /// Returns the groups below [`MAX_NARROW`], one bit each. Of two that pair with each other, `crowd` stays, or else
+    /// the narrower one.
+    fn narrow(&self, crowd: Option<usize>, narrowness: impl Fn(usize) -> Option<f64>) -> u8 {
         let narrow = |group| Some((narrowness(group).filter(|of| *of < MAX_NARROW)?, group));
         let mut groups: Vec<(f64, usize)> = (0..self.count()).filter_map(narrow).collect();
         groups.sort_by(|(a, _), (b, _)| a.total_cmp(b));
+        groups.sort_by_key(|&(_, group)| Some(group) != crowd);
         groups.iter().fold(0, |narrow, &(_, group)| match self.partners[group] & narrow {
             0 => narrow | 1 << group,
             _ => narrow,

@@ -17,14 +17,19 @@ pub(crate) struct TableBytes {
 }
 
 impl TableBytes {
-    pub(crate) fn new(interactions: &Interactions, storage_binding: u64) -> Result<Self, Error> {
+    /// Returns the tables for a device. `crowd` is the species of most spheres, if it is known.
+    pub(crate) fn new(
+        interactions: &Interactions,
+        crowd: Option<u32>,
+        storage_binding: u64,
+    ) -> Result<Self, Error> {
         let species = interactions.species();
         let bytes = u64::from(species) * u64::from(species) * 4;
         if bytes > storage_binding {
             let (what, remedy) = ("the interaction table", "merge species");
             return Err(Error::LimitExceeded { what, needed: bytes, limit: storage_binding, remedy });
         }
-        let sides = Sides::of(interactions);
+        let sides = Sides::of(interactions, crowd);
         let flags = |side: Option<u8>| match side {
             Some(side) => u32::from(side) << SpeciesParams::SIDE_SHIFT,
             None => SpeciesParams::IDLE,

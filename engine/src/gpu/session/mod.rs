@@ -126,8 +126,14 @@ impl GpuSession {
         })
     }
 
-    pub(crate) fn with_interactions(&self, interactions: Option<Interactions>) -> Result<Self, Error> {
+    /// Returns a session for other interactions, with the species of most spheres if it is known.
+    pub(crate) fn with_interactions(
+        &self,
+        interactions: Option<Interactions>,
+        crowd: Option<u32>,
+    ) -> Result<Self, Error> {
         let settings = self.detector.settings().clone().interactions(interactions);
+        let settings = GpuConfig { crowd, ..settings };
         let mut session = Self::new(self.gpu.clone(), settings)?;
         session.detector.restore_capacities(self.detector.capacities());
         (session.timeout, session.expected) = (self.timeout, self.expected);

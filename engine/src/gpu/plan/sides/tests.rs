@@ -10,12 +10,16 @@ fn table(species: u32, pairs: &[(u32, u32, Interaction)]) -> Interactions {
     table
 }
 
+fn sides_of(table: &Interactions) -> Sides {
+    Sides::of(table, None)
+}
+
 const TOUCH: Interaction = Interaction::Touch;
 const ACROSS: [u8; 2] = [0b10, 0b01];
 
 #[test]
 fn reactants_are_on_opposite_sides_and_products_on_none() {
-    let sides = Sides::of(&table(3, &[(0, 1, Interaction::Within(0.5))]));
+    let sides = sides_of(&table(3, &[(0, 1, Interaction::Within(0.5))]));
     assert_eq!((sides.of_species, sides.one_set.interaction), (vec![Some(0), Some(1), None], 0.5));
     assert_eq!(sides.one_set.of_side, ACROSS);
     assert_eq!(sides.two_sets.of_side, [0b1000, 0b0100, 0b0010, 0b0001]);
@@ -26,7 +30,7 @@ fn reactants_are_on_opposite_sides_and_products_on_none() {
 fn species_of_disjoint_pairs_have_a_side_each() {
     for pairs in 2..=4 {
         let rows: Vec<_> = (0..pairs).map(|pair| (2 * pair, 2 * pair + 1, TOUCH)).collect();
-        let sides = Sides::of(&table(2 * pairs + 1, &rows));
+        let sides = sides_of(&table(2 * pairs + 1, &rows));
         let one_each = (0..2 * pairs as u8).map(Some).chain([None]);
         assert_eq!(sides.of_species, one_each.collect::<Vec<_>>());
         let partner = |side: u8| 1 << (side ^ 1);
@@ -36,12 +40,12 @@ fn species_of_disjoint_pairs_have_a_side_each() {
         assert_eq!(of_sets, (2, SearchParams::BY_SPECIES), "each set is one side");
     }
     let distances = [(0, 1, Interaction::Within(0.5)), (2, 3, Interaction::Within(0.25))];
-    assert_eq!(Sides::of(&table(4, &distances)).one_set.interaction, SearchParams::BY_SPECIES);
+    assert_eq!(sides_of(&table(4, &distances)).one_set.interaction, SearchParams::BY_SPECIES);
 }
 
 /// Returns the species that never pair with themselves but are on a side that is compared with itself.
 fn crowds_compared_in_vain(table: &Interactions) -> Vec<u32> {
-    let sides = Sides::of(table);
+    let sides = sides_of(table);
     let is_compared = |side: u8| sides.one_set.of_side[usize::from(side)] >> side & 1 == 1;
     let on_compared_side = |of: &u32| sides.of_species[*of as usize].is_some_and(is_compared);
     let pairs = |of: &u32| table.get(*of, *of) != Interaction::Never;
@@ -56,7 +60,7 @@ fn species_beyond_the_most_groups_share_sides_that_never_meet_themselves() {
         let partner_of_all: Vec<_> = disjoint.iter().copied().chain(with_one).collect();
         for table in [table(2 * pairs, &disjoint), table(2 * pairs + 1, &partner_of_all)] {
             assert_eq!(crowds_compared_in_vain(&table), [], "{pairs} pairs");
-            assert_eq!(Sides::of(&table).one_set.interaction, SearchParams::BY_SPECIES);
+            assert_eq!(sides_of(&table).one_set.interaction, SearchParams::BY_SPECIES);
         }
     }
 }
@@ -64,27 +68,27 @@ fn species_beyond_the_most_groups_share_sides_that_never_meet_themselves() {
 #[test]
 fn ring_of_reactions_has_two_sides_that_pair_alike() {
     let ring: Vec<_> = (0..4).map(|of| (of, (of + 1) % 4, TOUCH)).collect();
-    let sides = Sides::of(&table(4, &ring));
+    let sides = sides_of(&table(4, &ring));
     assert_eq!(sides.of_species, [0, 1, 0, 1].map(Some));
     assert_eq!((&sides.one_set.of_side[..], sides.one_set.interaction), (&ACROSS[..], SearchParams::TOUCH));
 }
 
 #[test]
 fn species_that_all_pair_are_on_one_side() {
-    let all = Sides::of(&Interactions::new(7, TOUCH).expect("a table"));
+    let all = sides_of(&Interactions::new(7, TOUCH).expect("a table"));
     assert_eq!((all.of_species, all.one_set.of_side), (vec![Some(0); 7], vec![1]));
     assert_eq!(
         (all.one_set.interaction, all.two_sets.interaction),
         (SearchParams::TOUCH, SearchParams::TOUCH)
     );
-    let none = Sides::of(&Interactions::new(2, Interaction::Never).expect("a table"));
+    let none = sides_of(&Interactions::new(2, Interaction::Never).expect("a table"));
     assert_eq!((none.of_species, none.one_set.of_side), (vec![None; 2], vec![0]));
-    assert_eq!(Sides::of(&Interactions::new(0, TOUCH).expect("a table")).of_species, []);
+    assert_eq!(sides_of(&Interactions::new(0, TOUCH).expect("a table")).of_species, []);
 }
 
 #[test]
 fn species_that_meets_itself_may_be_a_side() {
-    let sides = Sides::of(&table(2, &[(0, 0, TOUCH), (0, 1, TOUCH)]));
+    let sides = sides_of(&table(2, &[(0, 0, TOUCH), (0, 1, TOUCH)]));
     assert_eq!(sides.of_species, [Some(0), Some(1)]);
     assert_eq!(sides.one_set.of_side, [0b11, 0b01]);
 }
@@ -94,7 +98,7 @@ fn species_with_a_distant_partner_is_a_narrow_side() {
     let within = |distance| Interaction::Within(distance);
     for of_partner in [Interaction::Never, TOUCH, within(8.0)] {
         let table = table(2, &[(0, 0, within(0.5)), (0, 1, within(8.0)), (1, 1, of_partner)]);
-        let sides = Sides::of(&table);
+        let sides = sides_of(&table);
         assert_eq!(
             (&sides.of_species[..], sides.one_set.narrow),
             (&[Some(0), Some(1)][..], 0b01),
@@ -105,19 +109,23 @@ fn species_with_a_distant_partner_is_a_narrow_side() {
         assert_eq!(table.effective_radius(0).half, 4.0, "in other grids");
     }
     let by_contact = table(2, &[(0, 0, TOUCH), (0, 1, within(8.0))]);
-    assert_eq!(Sides::of(&by_contact).one_set.narrow, 0, "radii may be large");
+    assert_eq!(sides_of(&by_contact).one_set.narrow, 0, "radii may be large");
     let not_much_farther = table(2, &[(0, 0, within(2.0)), (0, 1, within(8.0))]);
-    assert_eq!(Sides::of(&not_much_farther).one_set.narrow, 0);
+    assert_eq!(sides_of(&not_much_farther).one_set.narrow, 0);
     let searched_by_others_only = table(2, &[(0, 1, within(8.0))]);
-    assert_eq!(Sides::of(&searched_by_others_only).one_set.narrow, 0);
+    assert_eq!(sides_of(&searched_by_others_only).one_set.narrow, 0);
 }
 
 #[test]
 fn narrow_sides_never_pair_with_each_other() {
     let within = |distance| Interaction::Within(distance);
     let table = table(2, &[(0, 0, within(0.5)), (0, 1, within(8.0)), (1, 1, within(0.25))]);
-    let sides = Sides::of(&table);
-    assert_eq!((sides.of_species, sides.one_set.narrow), (vec![Some(0), Some(1)], 0b10), "the narrower one");
+    for (crowd, narrow) in [(None, 0b10), (Some(0), 0b01), (Some(1), 0b10)] {
+        let sides = Sides::of(&table, crowd);
+        let found = (sides.of_species, sides.one_set.narrow);
+        assert_eq!(found, (vec![Some(0), Some(1)], narrow), "the narrower one, unless it is not {crowd:?}");
+        assert_eq!(Sides::narrow_species(&table, crowd), [0b01, 0b10].map(|side| side == narrow));
+    }
 }
 
 #[test]
@@ -125,14 +133,14 @@ fn side_that_saves_little_is_not_separated() {
     // A side of each of the species that do not pair with each other would save one in 18 comparisons.
     let mut almost_all = Interactions::new(6, TOUCH).expect("a table");
     almost_all.set(4, 5, Interaction::Never).expect("species of the table");
-    assert_eq!(Sides::of(&almost_all).of_species, [Some(0); 6]);
+    assert_eq!(sides_of(&almost_all).of_species, [Some(0); 6]);
 }
 
 #[test]
 fn species_that_never_meets_itself_is_on_no_side_that_does() {
     let mut almost_all = Interactions::new(6, TOUCH).expect("a table");
     almost_all.set(5, 5, Interaction::Never).expect("a species of the table");
-    let sides = Sides::of(&almost_all);
+    let sides = sides_of(&almost_all);
     assert_eq!(sides.of_species, [0, 0, 0, 0, 0, 1].map(Some));
     assert_eq!((sides.one_set.of_side, sides.one_set.interaction), (vec![0b11, 0b01], SearchParams::TOUCH));
     for species in 2..=8 {
@@ -167,7 +175,7 @@ fn random_tables_have_sides_for_all_their_pairs() {
             })
             .collect();
         let table = table(species, &pairs);
-        let sides = Sides::of(&table);
+        let sides = sides_of(&table);
         narrow += sides.one_set.narrow.count_ones();
         if species <= CellListLayout::MAX_SIDES as u32 {
             assert_eq!(crowds_compared_in_vain(&table), [], "{table:?}");

@@ -1,0 +1,123 @@
+//! The species of most spheres. Of groups of species that pair within short distances, and with each other within large
+//! ones, a device keeps small cells for one only, which should be that of a crowd.
+
+use lazygrid_host::sample_species;
+use lazygrid_kernels::{Interactions, Query, try_reserve};
+
+use crate::Error;
+use crate::gpu::plan::Sides;
+
+/// A species is the new crowd if it has at least as many times the spheres of the last one, because other sides need
+/// new buffers on the device.
+const MIN_RATIO: f64 = 4.0;
+const MAX_PATIENCE: u32 = 255;
+
+#[derive(Debug, Default)]
+pub(super) struct CrowdSpecies {
+    /// The crowd for which the device has its sides.
+    searched: Option<u32>,
+    /// Successive calls with another crowd.
+    waited: u32,
+    /// Value of `waited` at which the crowd changes. It doubles with each change.
+    patience: u32,
+    /// Estimated spheres of each species.
+    counts: Vec<f64>,
+}
+
+impl CrowdSpecies {
+    pub(super) fn searched(&self) -> Option<u32> {
+        self.searched
+    }
+
+    /// Returns the crowd of this call and later ones if it needs other sides. The device must accept these before the
+    /// crowd is [recorded](Self::record).
+    ///
+    /// # Errors
+    /// [`Error::Input`] if memory for a count per species is refused.
+    pub(super) fn next(&mut self, query: &Query<'_>, table: &Interactions) -> Result<Option<u32>, Error> {
+        let Self { searched, waited, patience, counts } = self;
+        counts.clear();
+        try_reserve(counts, table.species() as usize, "counts of species")?;
+        counts.resize(table.species() as usize, 0.0);
+        sample_species(query, |species, spheres| counts[species as usize] += spheres);
+        let most = (0..).zip(&*counts).max_by(|(_, a), (_, b)| a.total_cmp(b));
+        let Some((crowd, &spheres)) = most else { return Ok(None) };
+        let of_searched = searched.map_or(0.0, |species| counts[species as usize]);
+        if *searched == Some(crowd) || spheres < MIN_RATIO * of_searched.max(1.0) {
+            *waited = 0;
+            return Ok(None);
+        }
+        if waited < patience {
+            *waited += 1;
+            return Ok(None);
+        }
+        (*waited, *patience) = (0, (2 * *patience + 1).min(MAX_PATIENCE));
+        let narrow = |crowd| Sides::narrow_species(table, crowd);
+        if narrow(Some(crowd)) != narrow(*searched) {
+            return Ok(Some(crowd));
+        }
+        *searched = Some(crowd);
+        Ok(None)
+    }
+
+    /// Records that the device has the sides for this crowd.
+    pub(super) fn record(&mut self, crowd: u32) {
+        self.searched = Some(crowd);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::{Interaction, Sphere, Spheres};
+
+    use super::*;
+
+    /// Two species that pair within short distances, and with each other within a large one. Species 2 pairs with
+    /// neither.
+    fn table(distances: [f64; 2]) -> Interactions {
+        let mut table = Interactions::new(3, Interaction::Never).expect("few species");
+        for (a, b, distance) in [(0, 0, distances[0]), (1, 1, distances[1]), (0, 1, 8.0)] {
+            table.set(a, b, Interaction::Within(distance)).expect("known species");
+        }
+        table
+    }
+
+    /// Searches these numbers of spheres of each species. Returns the new crowd, which it records.
+    fn follow(crowd: &mut CrowdSpecies, counts: [usize; 3], table: &Interactions) -> Option<u32> {
+        let ids: Vec<u32> = (0..).zip(counts).flat_map(|(species, count)| vec![species; count]).collect();
+        let spheres = vec![Sphere::default(); ids.len()];
+        let query = Query::from(Spheres::from(&spheres).with_species(&ids).expect("one each"));
+        let next = crowd.next(&query, table).expect("there is memory");
+        next.into_iter().for_each(|species| crowd.record(species));
+        next
+    }
+
+    #[test]
+    fn crowd_changes_with_the_narrow_side_only() {
+        let (table, mut crowd) = (table([0.5, 0.125]), CrowdSpecies::default());
+        assert_eq!(follow(&mut crowd, [9000, 10, 10], &table), Some(0));
+        assert_eq!(follow(&mut crowd, [9000, 10, 10], &table), None, "the same crowd");
+        assert_eq!(follow(&mut crowd, [100, 300, 10], &table), None, "hardly larger");
+        assert_eq!(crowd.searched(), Some(0));
+        let mut crowd = CrowdSpecies::default();
+        assert_eq!(follow(&mut crowd, [10, 9000, 10], &table), None, "the narrower group");
+        assert_eq!(crowd.searched(), Some(1));
+        assert_eq!(follow(&mut CrowdSpecies::default(), [10, 10, 9000], &table), None, "not narrow");
+        assert_eq!(follow(&mut CrowdSpecies::default(), [0; 3], &table), None);
+        assert_eq!(follow(&mut CrowdSpecies::default(), [9000, 10, 10], &self::table([4.0, 0.125])), None);
+    }
+
+    #[test]
+    fn alternating_crowds_seldom_change_the_sides() {
+        let (table, mut crowd) = (table([0.5, 0.125]), CrowdSpecies::default());
+        let mut changes = |counts, calls: usize| {
+            (0..calls).filter(|_| follow(&mut crowd, counts, &table).is_some()).count()
+        };
+        let [first, second] = [[9000, 10, 10], [10, 9000, 10]];
+        assert_eq!(changes(first, 1), 1);
+        assert_eq!([second, first].map(|counts| (0..50).map(|_| changes(counts, 1)).sum::<usize>()), [1, 1]);
+        let alternating: usize = (0..50).map(|_| changes(second, 1) + changes(first, 1)).sum();
+        assert_eq!(alternating, 0);
+        assert_eq!([1, 1, 1].map(|_| changes(second, 300)), [1, 0, 0], "after some calls");
+    }
+}
