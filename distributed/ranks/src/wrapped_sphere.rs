@@ -3,7 +3,7 @@ use lazygrid::{EffectiveRadius, Error, Interactions, Orthogonalization, Space, S
 
 use crate::memory::try_collect;
 use crate::species_groups::SpeciesGroups;
-use crate::{Particle, SizeClass};
+use crate::{ClassBounds, Particle, SizeClass};
 
 /// A sphere wrapped into the box, with its effective radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,7 +12,7 @@ pub struct WrappedSphere {
     pub center: Vec3,
     /// Effective radius: spheres that may pair are at most the sum of both radii apart.
     pub radius: f32,
-    /// Species group; see [`SphereWrapper::can_pair`].
+    /// Species group.
     pub group: u32,
 }
 
@@ -27,6 +27,8 @@ impl WrappedSphere {
 pub struct SphereWrapper {
     space: Space,
     orthogonal: Option<Orthogonalization>,
+    /// The space of wrapped spheres, orthogonalized if triclinic.
+    wrapped_space: Space,
     /// `None` if all touching spheres pair.
     species: Option<SpeciesTable>,
 }
@@ -45,18 +47,16 @@ impl SphereWrapper {
             groups: SpeciesGroups::new(table),
         });
         let orthogonal = space.triclinic_cell().map(|cell| cell.orthogonal_space(Orthogonalization::SCALE));
-        Self { space, orthogonal, species }
+        let wrapped_space = orthogonal.map_or(space, |orthogonal| orthogonal.space());
+        Self { space, orthogonal, wrapped_space, species }
     }
 
-    /// Returns the space of wrapped spheres, orthogonalized if triclinic.
-    pub fn space(&self) -> Space {
-        self.orthogonal.map_or(self.space, |orthogonal| orthogonal.space())
-    }
-
-    /// Returns `true` if spheres of two groups may pair. Without interactions all are of group 0.
+    /// Returns `true` if a sphere in one box and one in the other may pair, or if unsure.
     #[inline]
-    pub fn can_pair(&self, one: u32, other: u32) -> bool {
-        self.species.as_ref().is_none_or(|species| species.groups.can_pair(one, other))
+    pub fn can_pair(&self, one: &ClassBounds, other: &ClassBounds) -> bool {
+        let groups = self.species.as_ref().map(|species| &species.groups);
+        groups.is_none_or(|groups| groups.can_pair(one.group(), other.group()))
+            && one.overlaps(&self.wrapped_space, other)
     }
 
     /// An unknown species has the sphere's radius and may pair with all.

@@ -5,7 +5,7 @@ use crate::gpu::device::refused;
 use crate::gpu::kernel as k;
 use crate::gpu::plan::Sizes;
 use crate::model::Model;
-use crate::reaction::interactions;
+use crate::reaction::{collision_interactions, interactions};
 
 #[derive(Debug)]
 pub(super) struct Detectors {
@@ -33,7 +33,9 @@ impl Detectors {
         let table = interactions(model)?;
         let with_table =
             |table| new(config.clone().interactions(Some(table)).pair_capacity(sizes.pairs.max(1)));
-        let candidates = (sizes.near > 0).then(|| new(config.clone().pair_capacity(sizes.near)));
+        let of_collisions =
+            || new(config.clone().interactions(collision_interactions(model)?).pair_capacity(sizes.near));
+        let candidates = (sizes.near > 0).then(of_collisions);
         Ok(Self { interactions: table.map(with_table).transpose()?, candidates: candidates.transpose()? })
     }
 

@@ -48,7 +48,8 @@ kernels! {
     ];
     WINDOW_BEGIN = "window_begin" [Uniform "params", Write "control", Write "window"];
     WINDOW_SPHERES = "window_spheres" [
-        Uniform "params", Write "window", Read "movers", Write "next_events", Write "inflated",
+        Uniform "params", Write "window", Read "movers", Write "next_events", Write "inflated", Read "tags",
+        Write "species",
     ];
     CANDIDATES_CHECK = "candidates_check" [Write "control", Write "window", Write "near_outcome"];
     NEIGHBORS_COUNT = "neighbors_count" [

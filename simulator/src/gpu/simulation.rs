@@ -28,6 +28,8 @@ mod receivers;
 mod releases;
 mod shared_step;
 mod tallies;
+#[cfg(test)]
+mod tests;
 mod transfer;
 
 use readback::Readback;
@@ -351,7 +353,10 @@ impl GpuSimulation {
         for _ in 0..windows {
             self.steps.encode_window(submissions.encoder(), particles);
             let count = SphereCount::Buffer { buffer: self.buffers.buffer("window"), at_most };
-            let input = GpuSpheres::new(self.steps.buffer("inflated"), count);
+            let mut input = GpuSpheres::new(self.steps.buffer("inflated"), count);
+            if detector.has_interactions() {
+                input = input.with_species(self.steps.buffer("species"));
+            }
             submissions.encode_search(detector, &input)?;
             self.steps.encode_rounds(submissions, particles)?;
         }

@@ -23,7 +23,7 @@ use crate::reaction::matching::tests::choose;
 use crate::reaction::matching::{Matching, ReactionCandidate};
 use crate::{Boundary, Model, Reaction, Species};
 
-fn device() -> Option<GpuDevice> {
+pub(super) fn device() -> Option<GpuDevice> {
     or_skip(GpuDevice::shared(SoftwareAdapter::Allow))
 }
 

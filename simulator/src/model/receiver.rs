@@ -1,6 +1,6 @@
 //! Spheres that count, absorb, bind or reflect particles.
 
-use lazygrid::{Algorithm, Backend, Config, Detector, Order, Spheres};
+use lazygrid::{Algorithm, Backend, Config, Detector, Interactions, Order, Spheres};
 
 use crate::Error;
 use crate::model::boundary::Boundary;
@@ -192,8 +192,16 @@ fn found_inside(
 
 /// Creates a detector on the CPU, with pairs in any order.
 pub(crate) fn finder(boundary: &Boundary) -> Result<Detector, Error> {
+    finder_with(boundary, None)
+}
+
+/// Creates a detector as [`finder`] does, for spheres with species if there are interactions.
+pub(crate) fn finder_with(
+    boundary: &Boundary,
+    interactions: Option<Interactions>,
+) -> Result<Detector, Error> {
     let config = Config::default().backend(Backend::Cpu).algorithm(Algorithm::Auto).order(Order::Unordered);
-    Ok(Detector::new(config.space(boundary.space()?))?)
+    Ok(Detector::new(config.space(boundary.space()?).interactions(interactions))?)
 }
 
 /// Returns a bound of the rounding error of distances up to `distance` from a point, in µm.

@@ -7,6 +7,7 @@ use super::agree;
 use super::halo::RankHalo;
 use super::pair_search::RankPairSearch;
 use crate::motion::binding::{self, BindingRequest};
+use crate::motion::collisions::Collisions;
 use crate::reaction::dissociation::Dissociated;
 use crate::release::rank_slice::RankSlice;
 use crate::run::simulation::Moved;
@@ -16,6 +17,7 @@ use crate::{Error, Model, Simulation, State};
 pub(super) struct CpuRun {
     pub(super) simulation: Simulation,
     pair_search: Option<RankPairSearch>,
+    /// For collisions.
     wrapper: SphereWrapper,
 }
 
@@ -27,8 +29,9 @@ impl CpuRun {
         state: State,
         [rank, ranks]: [u32; 2],
     ) -> Result<Self, Error> {
-        let wrapper = SphereWrapper::new(model.boundary.space()?, None);
         let simulation = Simulation::resume(model, seed, Algorithm::Auto, state)?;
+        let may_collide = simulation.collisions.as_ref().and_then(Collisions::interactions);
+        let wrapper = SphereWrapper::new(simulation.model.boundary.space()?, may_collide);
         let pair_search = RankPairSearch::of(&simulation.model, detector, rank, ranks)?;
         Ok(Self { simulation, pair_search, wrapper })
     }
@@ -107,4 +110,28 @@ pub(super) fn all_parents<C: Communicator>(communicator: &mut C, own: &[u32]) ->
     let (mut parents, _) = communicator.all_gather("ids of particles that dissociate", own)?;
     parents.sort_unstable();
     Ok(parents)
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid::Sphere;
+    use lazygrid_ranks::ClassBounds;
+
+    use super::*;
+    use crate::model::Contact;
+    use crate::model::boundary::Axis;
+    use crate::motion::collisions::tests::model;
+
+    #[test]
+    fn ghosts_in_motion_are_of_species_that_may_collide() {
+        let mut model = model(Contact::Separate, Axis::Open);
+        for (radius, expected) in [(0.0, [true, true, false]), (0.3, [true; 3])] {
+            model.species[1].radius = radius;
+            let state = State::new(&model, 1).expect("a state");
+            let run = CpuRun::new(model.clone(), 1, Config::default(), state, [0, 2]).expect("a run");
+            let bounds = |species| ClassBounds::around(&run.wrapper.wrap(Sphere::default(), species));
+            let can_pair = |[a, b]: [u32; 2]| run.wrapper.can_pair(&bounds(a), &bounds(b));
+            assert_eq!([[0, 0], [0, 1], [1, 1]].map(can_pair), expected, "{radius}");
+        }
+    }
 }

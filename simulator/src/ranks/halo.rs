@@ -52,24 +52,24 @@ impl<'a, C: Communicator> RankHalo<'a, C> {
         let wrap = |mover: &Mover| {
             let center = mover.position.map(|c| c as f32);
             let radius = mover.radius + allowance as f32;
-            self.wrapper.wrap(Sphere::new(center, radius + rounding(center, radius)), 0)
+            self.wrapper.wrap(Sphere::new(center, radius + rounding(center, radius)), mover.species)
         };
         movers.par_iter().map(wrap).collect()
     }
 
     /// Returns the first `own` movers that may be candidates on another rank, and are unknown there.
     fn unsent(&self, wrapped: &[WrappedSphere], own: usize, bounds: &RankBounds) -> Vec<SentGhost> {
-        let (this, space) = (self.communicator.rank(), self.wrapper.space());
+        let this = self.communicator.rank();
         let here = ClassBounds::all_of(&wrapped[..own]);
         let mut unsent = Vec::new();
         for rank in (0..bounds.ranks()).filter(|&rank| rank != this) {
-            let is_near = |there: &&ClassBounds| here.iter().any(|here| here.overlaps(&space, there));
+            let is_near = |there: &&ClassBounds| here.iter().any(|here| self.wrapper.can_pair(here, there));
             let near: Vec<_> = bounds.of_rank(rank).iter().filter(is_near).collect();
             let known = self.sent.partition_point(|ghost| ghost.rank < rank);
             let known = &self.sent[known..self.sent.partition_point(|ghost| ghost.rank <= rank)];
             let is_unsent = |&at: &u32| {
-                let sphere = &wrapped[at as usize];
-                near.iter().any(|near| near.overlaps_sphere(&space, sphere))
+                let sphere = ClassBounds::around(&wrapped[at as usize]);
+                near.iter().any(|near| self.wrapper.can_pair(near, &sphere))
                     && known.binary_search_by_key(&at, |ghost| ghost.at).is_err()
             };
             let found = (0..own as u32).filter(is_unsent);
@@ -153,15 +153,17 @@ impl MoverMessage {
 
 #[cfg(test)]
 mod tests {
+    use lazygrid::{Interactions, Space};
     use lazygrid_ranks::threads;
 
     use super::*;
-    use crate::model::Contact;
     use crate::model::boundary::Axis;
+    use crate::model::{Contact, Reaction, Species};
     use crate::motion::collisions::halo::Undivided;
     use crate::motion::collisions::rounds::{Adjacency, SLACK, Window, WindowEnd};
     use crate::motion::collisions::rules::Rules;
     use crate::motion::collisions::tests::{model, movers};
+    use crate::reaction::collision_interactions;
 
     const ALLOWANCE: f64 = 0.1;
     const RANKS: u32 = 4;
@@ -255,6 +257,39 @@ mod tests {
             movers.sort_unstable_by_key(|mover| mover.id);
             (movers, end)
         }
+    }
+
+    /// Bursts of points and of spheres that react with each other are divided among all ranks, each far from the rest.
+    #[test]
+    fn movers_of_bursts_are_no_ghosts_of_each_other() {
+        let mut model = model(Contact::Separate, Axis::Open);
+        model.species.push(Species { radius: 0.0, ..model.species[1].clone() });
+        model.reactions = vec![Reaction { reactants: [0; 2], ..Reaction::default() }];
+        let table = collision_interactions(&model).expect("few species");
+        let first = movers(0, 2, 0.4)[0];
+        let mover = |k: u32| match k % 2 {
+            0 => Mover { id: k, species: 0, radius: 0.5, position: [0.0; 3], ..first },
+            _ => Mover { id: k, species: 2, radius: 0.0, position: [9.0; 3], ..first },
+        };
+        // One sphere that may collide with the reacting ones, on the last rank.
+        let target = Mover { id: 800, species: 1, radius: 0.3, position: [0.0, 0.0, 0.85], ..first };
+        let ghosts = |table: Option<&Interactions>, has_target: bool| -> Vec<usize> {
+            let wrapper = SphereWrapper::new(Space::UNBOUNDED, table);
+            threads::on(RANKS, |mut thread| {
+                let rank = thread.rank();
+                let mine = (0..800).filter(|k| k / 2 % RANKS == rank).map(mover);
+                let mut movers: Vec<Mover> =
+                    mine.chain((has_target && rank == RANKS - 1).then_some(target)).collect();
+                let own = movers.len();
+                RankHalo::new(&mut thread, &wrapper).add_ghosts(&mut movers, ALLOWANCE).expect("ghosts");
+                assert!(movers[own..].iter().all(|mover| mover.species < 2 || table.is_none()));
+                movers.len() - own
+            })
+        };
+        assert_eq!(ghosts(None, false), [600; 4]);
+        assert_eq!(ghosts(table.as_ref(), false), [0; 4]);
+        // Over the target, each sphere of its burst is two candidate pairs from all others.
+        assert_eq!(ghosts(table.as_ref(), true), [301, 301, 301, 300]);
     }
 
     #[test]

@@ -250,5 +250,28 @@ pub fn interactions(model: &Model) -> Result<Option<Interactions>, Error> {
     Ok(Some(table))
 }
 
+/// Returns the species that may collide, as the detector's table; `None` if all may.
+///
+/// Particles of species that react with each other pass through each other, and points never touch. Particles have the
+/// radius of their species.
+///
+/// # Errors
+/// As [`interactions`].
+pub(crate) fn collision_interactions(model: &Model) -> Result<Option<Interactions>, Error> {
+    let is_point = |&species: &u32| model.species[species as usize].radius == 0.0;
+    let points: Vec<u32> = (0..model.species.len() as u32).filter(is_point).collect();
+    if model.reactions.is_empty() && points.is_empty() {
+        return Ok(None);
+    }
+    let refused = lazygrid::Error::from;
+    let mut table = Interactions::new(model.species.len() as u32, Interaction::Touch).map_err(refused)?;
+    let of_points = points.iter().flat_map(|&a| points.iter().map(move |&b| [a, b]));
+    let reactants = model.reactions.iter().map(|reaction| reaction.reactants);
+    for [a, b] in of_points.filter(|[a, b]| a <= b).chain(reactants) {
+        table.set(a, b, Interaction::Never).map_err(refused)?;
+    }
+    Ok(Some(table))
+}
+
 #[cfg(test)]
 mod tests;

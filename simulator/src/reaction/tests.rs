@@ -159,3 +159,27 @@ fn probability_is_per_candidate() {
     let error = (yes as f64 - f64::from(n) * 0.3) / (f64::from(n) * 0.21).sqrt();
     assert!(error.abs() < 4.0, "{error} standard errors");
 }
+
+#[test]
+fn reactants_and_points_do_not_collide() {
+    let mut model = model([None, None]);
+    model.species.push(species("D", 1.0, 0.5));
+    model.reactions[0].reactants = [3, 2];
+    let collide = |model: &Model, pair: [u32; 2]| {
+        let table = collision_interactions(model).expect("few species");
+        table.map(|table| table.get(pair[0], pair[1]) == Interaction::Touch)
+    };
+    for (radius, expected) in [(0.0, [false, true, false]), (0.3, [true, true, false])] {
+        model.species[2].radius = radius;
+        assert_eq!([[0, 2], [0, 3], [2, 3]].map(|pair| collide(&model, pair)), expected.map(Some));
+        assert_eq!(
+            [[2, 0], [1, 0], [1, 1]].map(|pair| collide(&model, pair)),
+            [expected[0], false, false].map(Some)
+        );
+        assert_eq!([[2, 2], [3, 3]].map(|pair| collide(&model, pair)), [expected[0], true].map(Some));
+    }
+    model.species.iter_mut().for_each(|species| species.radius = 0.3);
+    assert_eq!(collide(&model, [0, 0]), Some(true));
+    model.reactions.clear();
+    assert_eq!(collide(&model, [0, 0]), None);
+}

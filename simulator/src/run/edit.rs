@@ -246,6 +246,24 @@ mod tests {
     }
 
     #[test]
+    fn inserted_particles_must_have_the_radius_of_their_species() {
+        let mut run = simulation();
+        let mut one = Particles::default();
+        one.push(Particle { species: 1, radius: 0.2, id: 60, ..Particle::default() }, false);
+        run.insert(&one).expect("the radius of b");
+        assert_eq!((run.state.particles.len(), run.state.next_id), (51, 61));
+        for (radius, species, error) in [
+            (0.1, 1, "a particle of species b has the radius 0.1 µm; use 0.2 µm"),
+            (0.1, 2, "a particle is of species 2 and the model has 2"),
+        ] {
+            (one.radius[0], one.species[0]) = (radius, species);
+            let refused = run.insert(&one).expect_err("a fault").to_string();
+            assert!(refused.contains(error), "{refused}");
+        }
+        assert_eq!(run.state.particles.len(), 51);
+    }
+
+    #[test]
     fn removed_particles_are_gone_from_totals_and_columns() {
         let mut run = simulation();
         run.add(1, &[[0.0; 3]]).expect("a known species");

@@ -107,14 +107,22 @@ impl Simulation {
     /// Inserts particles with unused ids.
     ///
     /// # Errors
-    /// [`Error::Model`] for an unknown species; nothing is inserted.
+    /// [`Error::Model`] for an unknown species, or another radius than that of the species; nothing is inserted.
     pub fn insert(&mut self, particles: &Particles) -> Result<(), Error> {
         let with_velocity = self.model.has_velocity();
-        let known = self.model.species.len();
-        if let Some(species) = particles.species.iter().find(|&&species| species as usize >= known) {
-            return Err(Error::Model(format!(
-                "a particle is of species {species} and the model has {known}"
-            )));
+        let kinds = &self.model.species;
+        for (&species, &radius) in particles.species.iter().zip(&particles.radius) {
+            let what = match kinds.get(species as usize) {
+                None => format!("a particle is of species {species} and the model has {}", kinds.len()),
+                Some(kind) if kind.radius != radius => {
+                    format!(
+                        "a particle of species {} has the radius {radius} µm; use {} µm",
+                        kind.name, kind.radius
+                    )
+                }
+                Some(_) => continue,
+            };
+            return Err(Error::Model(what));
         }
         self.state.particles.reserve(particles.len() as u64, with_velocity)?;
         if self.model.logs_arrivals {

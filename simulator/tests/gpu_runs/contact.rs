@@ -85,6 +85,28 @@ fn collisions_are_those_of_the_cpu() {
 }
 
 #[test]
+fn points_of_a_burst_collide_with_spheres_as_on_the_cpu() {
+    let Some(own) = device() else { return };
+    for contact in [Contact::Separate, Contact::Elastic] {
+        let mut model = crowd(contact, 0.3, 0.15, 6);
+        model.species[1].radius = 0.0;
+        model.transmitters.push(burst(Shape::Point, &[(1, 200)]));
+        let mut runs = Runs::new(&own, &model, 5);
+        let mut met = 0;
+        for step in 0..3 {
+            runs.steps(1);
+            let contacts = runs.cpu.state().totals.contacts;
+            assert_eq!(runs.gpu.totals().contacts, contacts, "{contact:?} {step}");
+            met += contacts;
+            let there = runs.gpu.state().expect("a state").particles;
+            let far = distance(&there, &runs.cpu.state().particles, &model.boundary);
+            assert!(far < 3e-4 * 4f32.powi(step), "{contact:?} {step}: {far}");
+        }
+        assert!(met > 50, "{contact:?}: {met}");
+    }
+}
+
+#[test]
 fn long_steps_keep_energy_and_leave_no_overlap() {
     let Some(own) = device() else { return };
     let model = crowd(Contact::Elastic, 0.3, 1.0, 5);

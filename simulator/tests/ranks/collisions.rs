@@ -133,6 +133,29 @@ fn overlaps_and_reactions_are_those_of_one_process() {
     }
 }
 
+#[test]
+fn bursts_of_points_and_reactants_are_those_of_one_process() {
+    for contact in [Contact::Separate, Contact::Elastic] {
+        let mut model = crowd(contact, 0.2, 6);
+        let Axis::Periodic { high, .. } = model.boundary.axes[0] else { unreachable!() };
+        model.species.push(Species { radius: 0.0, ..model.species[2].clone() });
+        model.reactions = vec![Reaction {
+            reactants: [1, 1],
+            products: [Some(0), None],
+            binding_radius: 0.3,
+            chance: ReactionRate::PerStep(0.2),
+            ..Reaction::default()
+        }];
+        model.transmitters.extend([
+            burst([high / 2.0; 3], Shape::Point, vec![(3, 150)]),
+            burst([high / 5.0; 3], Shape::Point, vec![(1, 60)]),
+        ]);
+        let totals = &alone(&model, 7, 5).pop().unwrap().state.totals;
+        assert!(totals.contacts > 100 && totals.reacted[0] > 5, "{totals:?}");
+        compare(&model, 7, 5, &RANKS);
+    }
+}
+
 /// Species 0 and 1 react below the contact distance.
 fn around_bodies() -> Model {
     let mut model = crowd(Contact::Separate, 0.25, 9);

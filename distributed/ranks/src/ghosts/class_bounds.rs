@@ -34,7 +34,9 @@ impl ClassBounds {
         all
     }
 
-    fn around(sphere: &WrappedSphere) -> Self {
+    /// Returns the box of one sphere.
+    #[inline]
+    pub fn around(sphere: &WrappedSphere) -> Self {
         let center = sphere.center.to_array();
         Self { low: center, high: center, radius: sphere.radius, group: sphere.group }
     }
@@ -60,12 +62,6 @@ impl ClassBounds {
     #[inline]
     pub fn group(&self) -> u32 {
         self.group
-    }
-
-    /// Returns `true` if a sphere may overlap one in this box, or if unsure.
-    #[inline]
-    pub fn overlaps_sphere(&self, space: &Space, sphere: &WrappedSphere) -> bool {
-        self.overlaps(space, &Self::around(sphere))
     }
 
     /// Returns `true` if spheres of both boxes may overlap, or if unsure.
@@ -126,19 +122,21 @@ mod tests {
     #[test]
     fn touching_sphere_overlaps_and_next_float_does_not() {
         let bounds = ClassBounds::all_of(&[sphere(0.0, 1.0), sphere(4.0, 1.0)])[0];
-        let overlaps = |x, radius| bounds.overlaps_sphere(&Space::UNBOUNDED, &sphere(x, radius));
+        let overlaps =
+            |x, radius| bounds.overlaps(&Space::UNBOUNDED, &ClassBounds::around(&sphere(x, radius)));
         assert!(overlaps(2.0, 0.0) && overlaps(6.0, 1.0) && overlaps(-2.0, 1.0));
         assert!(!overlaps(6.0_f32.next_up(), 1.0) && !overlaps((-2.0_f32).next_down(), 1.0));
         assert!(overlaps(f32::MAX, f32::MAX));
         let far = |sign: f32| WrappedSphere { center: [sign * 3e38; 3].into(), ..sphere(0.0, f32::MAX) };
-        assert!(ClassBounds::all_of(&[far(1.0)])[0].overlaps_sphere(&Space::UNBOUNDED, &far(-1.0)));
+        let [one, other] = [far(1.0), far(-1.0)].map(|sphere| ClassBounds::around(&sphere));
+        assert!(one.overlaps(&Space::UNBOUNDED, &other));
     }
 
     #[test]
     fn periodic_sphere_overlaps_across_the_boundary() {
         let space = Space::periodic([Some(10.0), None, None]).unwrap();
         let bounds = ClassBounds::all_of(&[sphere(-4.5, 0.5), sphere(-4.0, 0.5)])[0];
-        let overlaps = |x, radius| bounds.overlaps_sphere(&space, &sphere(x, radius));
+        let overlaps = |x, radius| bounds.overlaps(&space, &ClassBounds::around(&sphere(x, radius)));
         assert!(overlaps(4.5, 0.5) && overlaps(5.0, 0.0) && overlaps(-3.5, 0.0));
         assert!(!overlaps(4.5, 0.25) && !overlaps(0.0, 3.0));
     }

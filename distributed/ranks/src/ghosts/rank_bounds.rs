@@ -58,7 +58,6 @@ impl RankBounds {
         spheres: &[WrappedSphere],
         wrapper: &SphereWrapper,
     ) -> Result<Vec<Vec<u32>>, Error> {
-        let space = wrapper.space();
         let boxed = boxed(spheres, self.of_rank(rank))?;
         let to = |to: u32| {
             let mut ghosts = Vec::new();
@@ -69,7 +68,8 @@ impl RankBounds {
                     continue;
                 }
                 for &k in members {
-                    if near.iter().any(|near| near.overlaps_sphere(&space, &spheres[k as usize])) {
+                    let sphere = ClassBounds::around(&spheres[k as usize]);
+                    if near.iter().any(|near| wrapper.can_pair(near, &sphere)) {
                         try_push(&mut ghosts, k, "ghosts to send")?;
                     }
                 }
@@ -88,11 +88,9 @@ impl RankBounds {
         to: u32,
         wrapper: &SphereWrapper,
     ) -> Vec<ClassBounds> {
-        let space = wrapper.space();
         let is_near = |other: &&ClassBounds| {
             becomes_ghost(from, RankAndClass { rank: to, class: other.class() }, self.ranks())
-                && wrapper.can_pair(bounds.group(), other.group())
-                && bounds.overlaps(&space, other)
+                && wrapper.can_pair(bounds, other)
         };
         self.of_rank(to).iter().filter(is_near).copied().collect()
     }

@@ -1,4 +1,4 @@
-// Writes the spheres whose pairs are the candidates of a window.
+// Writes the spheres whose pairs are the candidates of a window, and their species before the motion.
 #include control
 #include params
 #include boundary
@@ -10,6 +10,8 @@
 @group(0) @binding(2) var<storage, read> movers: array<Mover>;
 @group(0) @binding(3) var<storage, read_write> next_events: array<NextEvent>;
 @group(0) @binding(4) var<storage, read_write> inflated: array<vec4<f32>>;
+@group(0) @binding(5) var<storage, read> tags: array<vec2<u32>>;
+@group(0) @binding(6) var<storage, read_write> species: array<u32>;
 
 // Bound of the rounding error of distances, as in receiver.rs.
 fn rounding(point: vec3<f32>, distance: f32) -> f32 {
@@ -29,4 +31,8 @@ fn window_spheres(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     inflated[at] = vec4(place, select(-1.0, reach + rounding(place, reach), mover.radius >= 0.0));
     next_events[at].happens = 1u;
     next_events[at].count = 0u;
+    // Further windows of the step read the same species.
+    if (window.now == 0.0) {
+        species[at] = tags[at].x;
+    }
 }

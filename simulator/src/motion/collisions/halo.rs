@@ -19,8 +19,8 @@ pub(crate) trait Halo {
     /// Returns the values of all ranks. A value consists of 64-bit words.
     fn gather<T: Pod>(&mut self, own: T) -> Vec<T>;
 
-    /// Appends the ghosts: movers of other ranks up to [`HOPS`] candidate pairs away, and possibly more. The surfaces
-    /// of a candidate pair are within twice the `allowance`, in µm.
+    /// Appends the ghosts: movers of other ranks up to [`HOPS`] candidate pairs away, and possibly more. The species of
+    /// a candidate pair may collide, and the surfaces are within twice the `allowance`, in µm.
     fn add_ghosts(&mut self, movers: &mut Vec<Mover>, allowance: f64) -> Result<(), Self::Error>;
 
     /// Updates ghosts that their owners `changed`, and appends their indices to this rank's.

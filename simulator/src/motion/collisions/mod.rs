@@ -15,9 +15,9 @@
 //!
 //! # Correctness
 //!
-//! 1. A step consists of windows. A window's candidate list holds every pair whose surfaces are within twice an
-//!    allowance. No particle exceeds a top speed, and the window ends when that speed has traveled the allowance. So no
-//!    other pair collides in it.
+//! 1. A step consists of windows. A window's candidate list holds every pair of species that may collide whose
+//!    surfaces are within twice an allowance. No particle exceeds a top speed, and the window ends when that speed has
+//!    traveled the allowance. So no other pair collides in it.
 //! 2. If a collision exceeds the top speed, the window begins again with a higher one.
 //! 3. The events of a window happen in the order of times, then of ids (`rounds.rs`). A prediction uses only the two
 //!    particles, and candidates are tried in the order of ids. So the result is independent of the order of particles
@@ -26,14 +26,15 @@
 //!    rank with these ghosts, updated in every round, decides on the events of its movers as one process does.
 
 use bytemuck::{Pod, Zeroable};
-use lazygrid::Detector;
+use lazygrid::{Detector, Interactions, Spheres};
 use rayon::prelude::*;
 
 use crate::Error;
 use crate::model::Model;
 use crate::model::boundary::Axis;
 use crate::model::particles::Particles;
-use crate::model::receiver::{finder, rounding};
+use crate::model::receiver::{finder_with, rounding};
+use crate::reaction::collision_interactions;
 
 pub(crate) mod halo;
 pub(crate) mod mover;
@@ -53,6 +54,8 @@ use rules::Rules;
 #[derive(Debug)]
 pub(crate) struct Collisions {
     detector: Detector,
+    /// Species that may collide; `None` if all may.
+    interactions: Option<Interactions>,
     rules: Rules,
     scratch: Scratch,
 }
@@ -64,6 +67,8 @@ struct Scratch {
     begun: Vec<Mover>,
     /// Spheres for the detector: center and radius.
     rows: Vec<[f32; 4]>,
+    /// Their species; empty without interactions.
+    species: Vec<u32>,
     neighbors: Adjacency,
 }
 
@@ -92,7 +97,14 @@ impl Collisions {
     /// Returns `None` if particles pass through each other.
     pub(crate) fn new(model: &Model) -> Result<Option<Self>, Error> {
         let Some(rules) = Rules::new(model) else { return Ok(None) };
-        Ok(Some(Self { detector: finder(&model.boundary)?, rules, scratch: Scratch::default() }))
+        let interactions = collision_interactions(model)?;
+        let detector = finder_with(&model.boundary, interactions.clone())?;
+        Ok(Some(Self { detector, interactions, rules, scratch: Scratch::default() }))
+    }
+
+    /// Returns the species that may collide; `None` if all may.
+    pub(crate) fn interactions(&self) -> Option<&Interactions> {
+        self.interactions.as_ref()
     }
 
     /// Changes the flights, and returns the number of collisions on all ranks. Collective.
@@ -197,7 +209,7 @@ impl Collisions {
         scratch: &mut Scratch,
         allowance: f64,
     ) -> Result<Vec<[u32; 2]>, lazygrid::Error> {
-        let Scratch { movers, rows, .. } = scratch;
+        let Scratch { movers, rows, species, .. } = scratch;
         let boundary = &self.rules.boundary;
         let row = |mover: &Mover| {
             let [x, y, z] = mover.position.map(|c| c as f32);
@@ -206,15 +218,19 @@ impl Collisions {
         };
         rows.clear();
         rows.par_extend(movers.par_iter().map(row));
+        let mut spheres = Spheres::from(rows.as_slice());
+        if self.interactions.is_some() {
+            species.clear();
+            species.par_extend(movers.par_iter().map(|mover| mover.species));
+            spheres = spheres.with_species(species)?;
+        }
         let touches = |[a, b]: [u32; 2]| {
             let [a, b] = [&movers[a as usize], &movers[b as usize]];
-            a.radius + b.radius > 0.0 && {
-                let reach = a.touch(b) + 2.0 * allowance;
-                let d = a.displacement(b, a.time, boundary);
-                dot(d, d) <= reach * reach
-            }
+            let reach = a.touch(b) + 2.0 * allowance;
+            let d = a.displacement(b, a.time, boundary);
+            dot(d, d) <= reach * reach
         };
-        let pairs = self.detector.pairs(rows.as_slice())?.par_iter().map(|pair| [pair.i, pair.j]);
+        let pairs = self.detector.pairs(spheres)?.par_iter().map(|pair| [pair.i, pair.j]);
         Ok(pairs.filter(|&pair| touches(pair)).collect())
     }
 }

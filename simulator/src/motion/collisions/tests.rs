@@ -1,14 +1,18 @@
-//! Comparison of rounds with the order of times.
+//! Comparison of rounds with the order of times, and of candidates with all pairs.
+
+use lazygrid::Algorithm;
 
 use super::halo::Undivided;
 use super::mover::{Mover, length};
 use super::overlaps::bounce_overlaps;
 use super::rounds::{Adjacency, SLACK, Window, WindowEnd};
 use super::rules::{Event, Rules};
-use crate::model::{Contact, Model, Species};
+use super::{Collisions, Scratch};
+use crate::model::receiver::finder_with;
+use crate::model::{Contact, Model, ReactionRate, Species};
 use crate::random::gaussian::normals;
 use crate::random::philox::{open_unit, philox};
-use crate::{Axis, Boundary, Reaction};
+use crate::{Axis, Boundary, Reaction, Shape, Simulation, State, Transmitter};
 
 fn run_in_order(rules: &Rules, movers: &mut [Mover], pairs: &[[u32; 2]], horizon: f64) -> u64 {
     let mut collisions = 0;
@@ -152,5 +156,86 @@ fn overlapping_reactants_pass_through_each_other() {
             (bounces == 0, both.map(|one| one.motion) == before.map(|one| one.motion)),
             (passes, passes)
         );
+    }
+}
+
+/// Adds points to the two sizes of spheres. The larger spheres react with each other.
+fn with_points(contact: Contact) -> Model {
+    let mut model = model(contact, Axis::Periodic { low: 0.0, high: 5.5 });
+    model.species.push(Species { radius: 0.0, ..model.species[1].clone() });
+    model.reactions = vec![Reaction {
+        reactants: [0; 2],
+        binding_radius: 0.2,
+        chance: ReactionRate::PerStep(0.1),
+        ..Reaction::default()
+    }];
+    model
+}
+
+/// A lattice of spheres with a burst of reacting ones and a burst of points.
+fn movers_with_bursts() -> Vec<Mover> {
+    let mut movers = movers(0, 5, 0.4);
+    let sphere = Mover { species: 0, radius: 0.5, ..movers[0] };
+    let point = Mover { species: 2, radius: 0.0, ..sphere };
+    for (first, position) in [(sphere, [3.3, 3.85, 3.85]), (point, [1.0, 0.55, 0.55])] {
+        let next = movers.len() as u32;
+        movers.extend((next..next + 600).map(|id| Mover { id, position, ..first }));
+    }
+    movers
+}
+
+#[test]
+fn points_and_reactants_at_one_place_are_no_candidates() {
+    const ALLOWANCE: f64 = 0.05;
+    let mut collisions =
+        Collisions::new(&with_points(Contact::Separate)).expect("a detector").expect("collisions");
+    let movers = movers_with_bursts();
+    let n = movers.len() as u32;
+    let may_collide = |&[a, b]: &[u32; 2]| {
+        let [a, b] = [a, b].map(|at| &movers[at as usize]);
+        let is_near = a.gap(b, 0.0, &collisions.rules.boundary) <= 2.0 * ALLOWANCE;
+        is_near && a.touch(b) > 0.0 && !collisions.rules.may_react([a, b])
+    };
+    let all = (0..n).flat_map(|j| (0..j).map(move |i| [i, j]));
+    let mut expected: Vec<_> = all.filter(may_collide).collect();
+    expected.sort_unstable();
+    let mut scratch = Scratch { movers: movers.clone(), ..Scratch::default() };
+    let mut found = collisions.candidates(&mut scratch, ALLOWANCE).expect("candidates");
+    found.iter_mut().for_each(|pair| pair.sort_unstable());
+    found.sort_unstable();
+    assert!(expected.len() > 600 && expected.len() < 10 * movers.len(), "{}", expected.len());
+    assert!(found == expected, "{} candidates of {} movers, and not {}", found.len(), n, expected.len());
+}
+
+#[test]
+fn collisions_without_the_table_are_the_same() {
+    let end = |model: &Model, has_table: bool| -> State {
+        let mut simulation = Simulation::new(model.clone(), 3, Algorithm::Auto).expect("a model");
+        let collisions = simulation.collisions.as_mut().expect("collisions");
+        assert!(collisions.interactions.is_some());
+        if !has_table {
+            collisions.interactions = None;
+            collisions.detector = finder_with(&model.boundary, None).expect("a detector");
+        }
+        (0..4).for_each(|_| simulation.step().expect("a step"));
+        simulation.state().clone()
+    };
+    for contact in [Contact::Separate, Contact::Elastic] {
+        let mut model = with_points(contact);
+        model.time_step = 0.02;
+        let burst = |center, shape, release: &[(u32, u32)]| Transmitter {
+            center,
+            shape,
+            release: release.to_vec(),
+            ..Transmitter::default()
+        };
+        model.transmitters = vec![
+            burst([2.75; 3], Shape::Lattice([5.5; 3], [5; 3]), &[(0, 60), (1, 65)]),
+            burst([1.1; 3], Shape::Point, &[(0, 40)]),
+            burst([2.2; 3], Shape::Point, &[(2, 300)]),
+        ];
+        let with = end(&model, true);
+        assert!(with.totals.contacts > 50 && with.totals.reacted[0] > 3, "{:?}", with.totals);
+        assert!(with == end(&model, false), "{contact:?}");
     }
 }

@@ -1,0 +1,42 @@
+//! Skipped without an adapter, unless `LAZYGRID_REQUIRE_GPU` is set.
+
+use super::*;
+use crate::gpu::tests::device;
+use crate::model::boundary::Axis;
+use crate::motion::collisions::tests::model;
+use crate::{Contact, Shape, Transmitter};
+
+/// Spheres on a lattice, and a burst of 600 particles of this radius among them.
+fn burst(radius: f32) -> Model {
+    let mut model = model(Contact::Separate, Axis::Periodic { low: 0.0, high: 5.5 });
+    model.time_step = 0.02;
+    model.species[1].radius = radius;
+    let transmitter = |center, shape, release| Transmitter {
+        center,
+        shape,
+        release: vec![release],
+        ..Transmitter::default()
+    };
+    model.transmitters = vec![
+        transmitter([2.75; 3], Shape::Lattice([5.5; 3], [5; 3]), (0, 125)),
+        transmitter([2.2; 3], Shape::Point, (1, 600)),
+    ];
+    model
+}
+
+/// A radius of 10⁻³⁰ µm, which collides as a point does, shows the candidates without a table of species.
+#[test]
+fn points_at_one_place_are_no_candidates_of_each_other() {
+    let Some(own) = device() else { return };
+    let capacity = 1 << 13;
+    let run = |radius: f32| {
+        let options = GpuOptions { pair_capacity: capacity, ..GpuOptions::default() };
+        let mut simulation = GpuSimulation::new(burst(radius), 3, own.clone(), options).expect("a model");
+        simulation.run(3).expect("steps");
+        let particles = simulation.state().expect("a state").particles;
+        (simulation.steps.sizes.near, (simulation.totals.contacts, particles.id, particles.position))
+    };
+    let [(of_points, points), (of_spheres, spheres)] = [0.0, 1e-30].map(run);
+    assert!(of_points == capacity && of_spheres >= 600 * 599 / 2, "{of_points} and {of_spheres}");
+    assert!(points.0 > 100 && points == spheres, "{} and {} collisions", points.0, spheres.0);
+}
