@@ -19,8 +19,8 @@
 //!
 //! 1. *Each pair is reported once.* Of two spheres on different ranks exactly one becomes a ghost at the other's owner,
 //!    by a rule of size classes and ranks that both know.
-//! 2. *No pair is lost.* A sphere that may pair with one in a bounding box overlaps the box by a test that no rounding
-//!    makes fail ([`ClassBounds::overlaps`]).
+//! 2. *No pair is lost.* A sphere that may pair with one in a bounding box overlaps the box, within the cutoff of the
+//!    two species groups, by a test that no rounding makes fail ([`ClassBounds::overlaps`]).
 
 #![allow(missing_docs, reason = "most names and types are clear")]
 

@@ -1,94 +1,148 @@
 use std::collections::HashMap;
-use std::collections::hash_map::Entry;
 
-use lazygrid::{Interaction, Interactions};
+use lazygrid::Interactions;
 
-/// Groups of species with the same partners. Each has its own bounding boxes, so a ghost goes only to ranks with a
-/// partner.
+use crate::hash::sequence;
+
+/// Groups of species with the same partners at similar distances. Each has its own bounding boxes, so a ghost goes only
+/// to ranks with a partner within its distance.
 #[derive(Clone, Debug)]
 pub(crate) struct SpeciesGroups {
     groups: Vec<u32>,
-    /// Groups that may pair, as bits.
-    partners: Vec<u64>,
+    /// Number of groups.
+    count: u32,
+    /// Largest cutoff of two groups, in rows; `None` if they never pair.
+    cutoffs: Vec<Option<f64>>,
 }
 
 impl SpeciesGroups {
     /// Groups add bounding boxes on all ranks. Further groups share these, which sends more ghosts and loses none.
     const MAX_GROUPS: u32 = 16;
 
-    pub(crate) fn new(table: &Interactions) -> Self {
+    /// Creates groups by partners and, if they are at most [`Self::MAX_GROUPS`], by distances to a factor of two.
+    /// Without `has_cutoffs`, only radii limit distances.
+    pub(crate) fn new(table: &Interactions, has_cutoffs: bool) -> Self {
+        let cutoff = |one: u32, other: u32| {
+            let distance = table.get(one, other).distance()?;
+            Some(distance.filter(|_| has_cutoffs).unwrap_or(f64::INFINITY))
+        };
+        let by_distance = |one: u32, other: u32| cutoff(one, other).map_or(0, |cutoff| 1 + binade(cutoff));
+        let by_partner = |one: u32, other: u32| cutoff(one, other).is_some().into();
         let species = table.species();
-        let pairs = |one: u32, other: u32| table.get(one, other) != Interaction::Never;
-        let mut of_partners: HashMap<Vec<u64>, u32> = HashMap::new();
-        let mut groups = Vec::with_capacity(species as usize);
-        for one in 0..species {
-            let mut row = vec![0_u64; species.div_ceil(64) as usize];
-            (0..species).filter(|&other| pairs(one, other)).for_each(|other| {
-                row[other as usize / 64] |= 1 << (other % 64);
-            });
-            let next = of_partners.len() as u32 % Self::MAX_GROUPS;
-            groups.push(match of_partners.entry(row) {
-                Entry::Occupied(group) => *group.get(),
-                Entry::Vacant(group) => *group.insert(next),
-            });
+        let (mut groups, mut count) = grouped(species, by_distance);
+        if count > Self::MAX_GROUPS {
+            (groups, count) = grouped(species, by_partner);
+            groups.iter_mut().for_each(|group| *group %= Self::MAX_GROUPS);
+            count = count.min(Self::MAX_GROUPS);
         }
-        let mut partners = vec![0; Self::MAX_GROUPS.min(of_partners.len() as u32) as usize];
-        for (row, &group) in &of_partners {
-            for other in (0..species).filter(|other| row[*other as usize / 64] >> (other % 64) & 1 > 0) {
-                partners[group as usize] |= 1 << groups[other as usize];
+        let mut cutoffs = vec![None; (count * count) as usize];
+        for (one, &row) in (0..).zip(&groups) {
+            for (other, &column) in (0..).zip(&groups) {
+                let most = &mut cutoffs[(row * count + column) as usize];
+                if cutoff(one, other) > *most {
+                    *most = cutoff(one, other);
+                }
             }
         }
-        Self { groups, partners }
+        Self { groups, count, cutoffs }
     }
 
     /// Unknown species have a group of their own.
     #[inline]
     pub(crate) fn of(&self, species: u32) -> u32 {
-        self.groups.get(species as usize).copied().unwrap_or(self.partners.len() as u32)
+        self.groups.get(species as usize).copied().unwrap_or(self.count)
     }
 
+    /// Returns the largest center distance at which spheres of two groups pair, infinite if only radii limit it; `None`
+    /// if they never pair.
     #[inline]
-    pub(crate) fn can_pair(&self, one: u32, other: u32) -> bool {
-        let known = self.partners.get(one as usize).filter(|_| (other as usize) < self.partners.len());
-        known.is_none_or(|partners| partners >> other & 1 > 0)
+    pub(crate) fn cutoff(&self, one: u32, other: u32) -> Option<f64> {
+        if one.max(other) < self.count {
+            self.cutoffs[(one * self.count + other) as usize]
+        } else {
+            Some(f64::INFINITY)
+        }
     }
+}
+
+/// Returns the exponent of a distance, with its offset.
+fn binade(distance: f64) -> u64 {
+    distance.to_bits() >> 52
+}
+
+/// Returns the group of each species, in order of appearance, and their number. Species of equal rows share a group, and
+/// so do species whose rows have equal hashes.
+fn grouped(species: u32, class: impl Fn(u32, u32) -> u64) -> (Vec<u32>, u32) {
+    let mut of_rows = HashMap::new();
+    let group = |one: u32| {
+        let next = of_rows.len() as u32;
+        *of_rows.entry(sequence((0..species).map(|other| class(one, other)))).or_insert(next)
+    };
+    let groups = (0..species).map(group).collect();
+    (groups, of_rows.len() as u32)
 }
 
 #[cfg(test)]
 mod tests {
+    use lazygrid::Interaction;
+
     use super::*;
 
-    fn groups(species: u32, pairs: impl Fn(u32, u32) -> bool) -> SpeciesGroups {
+    fn table(species: u32, of_pair: impl Fn(u32, u32) -> Interaction) -> Interactions {
         let mut table = Interactions::new(species, Interaction::Never).unwrap();
         for one in 0..species {
-            for other in 0..=one {
-                if pairs(one, other) {
-                    table.set(one, other, Interaction::Touch).unwrap();
-                }
-            }
+            (0..=one).for_each(|other| table.set(one, other, of_pair(one, other)).unwrap());
         }
-        SpeciesGroups::new(&table)
+        table
+    }
+
+    fn touching(does: bool) -> Interaction {
+        if does { Interaction::Touch } else { Interaction::Never }
     }
 
     #[test]
     fn species_with_equal_partners_share_a_group() {
-        let groups = groups(4, |one, other| other == 0 && (one == 1 || one == 2));
+        let pairs = |one, other| touching(other == 0 && (one == 1 || one == 2));
+        let groups = SpeciesGroups::new(&table(4, pairs), true);
         assert_eq!([0, 1, 2, 3].map(|species| groups.of(species)), [0, 1, 1, 2]);
-        assert!(groups.can_pair(0, 1) && groups.can_pair(1, 0));
-        assert!(!groups.can_pair(0, 0) && !groups.can_pair(1, 1));
-        assert!((0..3).all(|other| !groups.can_pair(2, other)));
-        assert!((0..4).all(|other| groups.can_pair(groups.of(9), other)));
+        assert_eq!([(0, 1), (1, 0)].map(|(one, other)| groups.cutoff(one, other)), [Some(f64::INFINITY); 2]);
+        assert_eq!([0, 1].map(|group| groups.cutoff(group, group)), [None; 2]);
+        assert_eq!([0, 1, 2].map(|other| groups.cutoff(2, other)), [None; 3]);
+        assert!((0..4).all(|other| groups.cutoff(groups.of(9), other) == Some(f64::INFINITY)));
+    }
+
+    /// Species 0 and 1 have distances of one binade; species 3 also touches.
+    #[test]
+    fn species_with_similar_distances_share_a_group_and_the_largest() {
+        let distance = |one: u32, other: u32| match (one, other) {
+            (3, 3) => Interaction::Touch,
+            (2 | 3, _) => Interaction::Within(100.0),
+            _ => Interaction::Within(1.0 + 0.3 * f64::from(one + other)),
+        };
+        let table = table(4, distance);
+        let groups = SpeciesGroups::new(&table, true);
+        assert_eq!([0, 1, 2, 3].map(|species| groups.of(species)), [0, 0, 1, 2]);
+        assert_eq!([0, 1, 2].map(|other| groups.cutoff(0, other)), [Some(1.6), Some(100.0), Some(100.0)]);
+        assert_eq!(groups.cutoff(2, 2), Some(f64::INFINITY));
+        let by_partners = SpeciesGroups::new(&table, false);
+        assert_eq!((by_partners.count, by_partners.cutoff(0, 0)), (1, Some(f64::INFINITY)));
     }
 
     #[test]
-    fn merged_groups_pair_wherever_their_species_do() {
-        let pairs = |one: u32, other: u32| one.abs_diff(other) == 1 || one.abs_diff(other) == 69;
-        let groups = groups(70, pairs);
-        for one in 0..70 {
-            for other in 0..70 {
-                let [a, b] = [one, other].map(|species| groups.of(species));
-                assert!(a < SpeciesGroups::MAX_GROUPS);
-                assert!(!pairs(one, other) || groups.can_pair(a, b), "{one} {other}");
+    fn merged_groups_have_the_cutoffs_of_their_species() {
+        let near = |one: u32, other: u32| one.abs_diff(other) == 1 || one.abs_diff(other) == 69;
+        let scattered = |one: u32, other: u32| Interaction::Within(f64::from(one * other % 7).exp2());
+        let of_pairs: [&dyn Fn(u32, u32) -> Interaction; 3] =
+            [&|one, other| touching(near(one, other)), &scattered, &|one, other| {
+                if near(one, other) { scattered(one, other) } else { Interaction::Never }
+            }];
+        for (k, of_pair) in of_pairs.into_iter().enumerate() {
+            let groups = SpeciesGroups::new(&table(70, of_pair), true);
+            assert!(groups.count <= SpeciesGroups::MAX_GROUPS, "{k}");
+            for (one, other) in (0..70).flat_map(|one| (0..=one).map(move |other| (one, other))) {
+                let Some(cutoff) = of_pair(one, other).cutoff(f64::INFINITY) else { continue };
+                let of_groups = groups.cutoff(groups.of(one), groups.of(other));
+                assert!(of_groups.is_some_and(|most| most >= cutoff), "{k}: {one} {other} {of_groups:?}");
             }
         }
     }

@@ -42,9 +42,11 @@ struct SpeciesTable {
 
 impl SphereWrapper {
     pub fn new(space: Space, interactions: Option<&Interactions>) -> Self {
+        // Orthogonalized radii grow by the rounding of positions, which boxes do not hold and a cutoff would need.
+        let has_cutoffs = space.triclinic_cell().is_none();
         let species = interactions.map(|table| SpeciesTable {
             effective_radius: (0..table.species()).map(|species| table.effective_radius(species)).collect(),
-            groups: SpeciesGroups::new(table),
+            groups: SpeciesGroups::new(table, has_cutoffs),
         });
         let orthogonal = space.triclinic_cell().map(|cell| cell.orthogonal_space(Orthogonalization::SCALE));
         let wrapped_space = orthogonal.map_or(space, |orthogonal| orthogonal.space());
@@ -54,9 +56,11 @@ impl SphereWrapper {
     /// Returns `true` if a sphere in one box and one in the other may pair, or if unsure.
     #[inline]
     pub fn can_pair(&self, one: &ClassBounds, other: &ClassBounds) -> bool {
-        let groups = self.species.as_ref().map(|species| &species.groups);
-        groups.is_none_or(|groups| groups.can_pair(one.group(), other.group()))
-            && one.overlaps(&self.wrapped_space, other)
+        let cutoff = match &self.species {
+            Some(species) => species.groups.cutoff(one.group(), other.group()),
+            None => Some(f64::INFINITY),
+        };
+        cutoff.is_some_and(|cutoff| one.overlaps(other, &self.wrapped_space, cutoff))
     }
 
     /// An unknown species has the sphere's radius and may pair with all.

@@ -4,8 +4,9 @@
 
 mod common;
 
-use common::{naive, numbered};
-use lazygrid::{Config, Interaction, Interactions, Space, Sphere};
+use common::{naive, numbered, table};
+use lazygrid::Interaction::{self, Never, Touch, Within};
+use lazygrid::{Config, Space, Sphere};
 use lazygrid_ranks::in_process::InProcessRanks;
 use lazygrid_ranks::{Particle, SphereWrapper};
 use proptest::prelude::*;
@@ -26,21 +27,17 @@ struct Scene {
     tilts: [f32; 3],
     ranks: u32,
     placement: Placement,
-    interactions: bool,
+    interactions: Option<[Interaction; 6]>,
 }
 
-impl Scene {
-    fn table(&self) -> Option<Interactions> {
-        self.interactions.then(|| {
-            let mut table = Interactions::new(3, Interaction::Touch).unwrap();
-            table.set(0, 1, Interaction::Within(2.5)).unwrap();
-            table.set(1, 1, Interaction::Never).unwrap();
-            table.set(2, 1, Interaction::Never).unwrap();
-            table.set(2, 2, Interaction::Within(0.0)).unwrap();
-            table
-        })
-    }
+/// Contact and a distance, distances besides contact, and distances alone, also larger than all others.
+const TABLES: [[Interaction; 6]; 3] = [
+    [Touch, Within(2.5), Touch, Never, Never, Within(0.0)],
+    [Within(0.5), Within(4.0), Within(0.0), Never, Within(1.0), Touch],
+    [Within(0.0), Within(3.0), Never, Within(1.0), Within(0.1), Within(3e38)],
+];
 
+impl Scene {
     fn ranks(&self, particles: &[Particle], wrapper: SphereWrapper) -> InProcessRanks {
         let owner = |k: usize| match &self.placement {
             Placement::Given(words) => words[k % words.len()] % self.ranks,
@@ -61,8 +58,8 @@ impl Scene {
         let particles = numbered(self.spheres.iter().copied());
         let ([x, y, z], [xy, xz, yz]) = (self.lengths, self.tilts);
         let edges = [x.map(|x| [x, 0.0, 0.0]), y.map(|y| [xy, y, 0.0]), z.map(|z| [xz, yz, z])];
-        let (space, table) =
-            (Space::triclinic(edges.map(|edge| edge.map(|edge| edge.map(f64::from)))).unwrap(), self.table());
+        let space = Space::triclinic(edges.map(|edge| edge.map(|edge| edge.map(f64::from)))).unwrap();
+        let table = self.interactions.map(table);
         let mut config = Config::default().space(space).threads(1);
         if let Some(table) = &table {
             config = config.interactions(table.clone());
@@ -116,7 +113,8 @@ fn scene() -> impl Strategy<Value = Scene> {
     let ranks = select(vec![1, 2, 3, 4, 5, 8, 13]);
     let tilts = select(vec![[0.0; 3], [0.0; 3], [1.0, -0.5, 2.0], [0.0, 3.0, 0.0], [7.0, 0.0, -1.25]]);
     let bounds = ([length(), length(), length()], tilts);
-    (spheres(), bounds, ranks, placement, any::<bool>()).prop_map(
+    let interactions = prop::option::of(select(TABLES.to_vec()));
+    (spheres(), bounds, ranks, placement, interactions).prop_map(
         |(spheres, (lengths, tilts), ranks, placement, interactions)| Scene {
             spheres,
             lengths,

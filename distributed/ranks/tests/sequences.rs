@@ -6,8 +6,9 @@ mod common;
 
 use std::ops::ControlFlow;
 
-use common::naive;
-use lazygrid::{Algorithm, Config, Detector, Interaction, Interactions, Order, Skin, Space, Sphere, Spheres};
+use common::{naive, table};
+use lazygrid::Interaction::{self, Never, Touch, Within};
+use lazygrid::{Algorithm, Config, Detector, Order, Skin, Space, Sphere, Spheres};
 use lazygrid_ranks::{
     Communicator, Ghosts, Migration, PairKind, Particle, Partitioner, RankBounds, Search, SphereWrapper,
     threads, tie_breaker,
@@ -16,6 +17,11 @@ use proptest::prelude::*;
 use proptest::sample::select;
 
 const EDGE: f32 = 12.0;
+/// Contact besides a distance, and distances alone.
+const TABLES: [[Interaction; 6]; 2] = [
+    [Touch, Within(0.7), Touch, Touch, Never, Touch],
+    [Within(0.1), Within(1.5), Within(0.7), Never, Within(0.05), Within(0.4)],
+];
 
 #[derive(Clone, Debug)]
 enum Change {
@@ -57,7 +63,7 @@ struct Scene {
     changes: Vec<(Change, Option<Fail>)>,
     ranks: u32,
     is_periodic: bool,
-    interactions: bool,
+    interactions: Option<[Interaction; 6]>,
     algorithm: Algorithm,
     skin: Skin,
 }
@@ -128,17 +134,8 @@ impl Scene {
         if self.is_periodic { Space::periodic([Some(f64::from(EDGE)); 3]).unwrap() } else { Space::UNBOUNDED }
     }
 
-    fn table(&self) -> Option<Interactions> {
-        self.interactions.then(|| {
-            let mut table = Interactions::new(3, Interaction::Touch).unwrap();
-            table.set(0, 1, Interaction::Within(0.7)).unwrap();
-            table.set(1, 2, Interaction::Never).unwrap();
-            table
-        })
-    }
-
     fn check(&self) {
-        let (frames, space, table) = (self.frames(), self.space(), self.table());
+        let (frames, space, table) = (self.frames(), self.space(), self.interactions.map(table));
         let of_ranks = threads::on(self.ranks, |communicator| {
             let mut rank = Rank::new(self, communicator);
             frames.iter().map(|frame| rank.call(frame)).collect::<Vec<_>>()
@@ -184,7 +181,7 @@ struct Rank<C> {
 
 impl<C: Communicator<Error = String>> Rank<C> {
     fn new(scene: &Scene, communicator: C) -> Self {
-        let (space, table) = (scene.space(), scene.table());
+        let (space, table) = (scene.space(), scene.interactions.map(table));
         let config =
             Config::default().space(space).interactions(table.clone()).threads(1).order(Order::Unordered);
         let config = config.skin(scene.skin);
@@ -262,7 +259,8 @@ fn scene() -> impl Strategy<Value = Scene> {
     let algorithm =
         select(vec![Algorithm::Auto, Algorithm::Auto, Algorithm::CellList, Algorithm::RecursiveGrid]);
     let skin = select(vec![Skin::Auto, Skin::Auto, Skin::Fixed(0.2), Skin::Off]);
-    (changes, select(vec![1, 1, 2, 3, 5]), any::<bool>(), any::<bool>(), algorithm, skin).prop_map(
+    let interactions = prop::option::of(select(TABLES.to_vec()));
+    (changes, select(vec![1, 1, 2, 3, 5]), any::<bool>(), interactions, algorithm, skin).prop_map(
         |(changes, ranks, is_periodic, interactions, algorithm, skin)| Scene {
             changes,
             ranks,
@@ -301,7 +299,7 @@ fn candidate_list_of_tiny_spheres_is_rebuilt_when_radii_grow() {
                 (Change::Repeat(2), None),
             ];
             let algorithm = Algorithm::Auto;
-            Scene { changes, ranks, is_periodic: false, interactions: false, algorithm, skin }.check();
+            Scene { changes, ranks, is_periodic: false, interactions: None, algorithm, skin }.check();
         }
     }
 }

@@ -4,8 +4,9 @@
 
 mod common;
 
-use common::{Random, naive, numbered};
-use lazygrid::{Config, Interaction, Interactions, Space, Sphere};
+use common::{Random, naive, numbered, table};
+use lazygrid::Interaction::{Never, Touch, Within};
+use lazygrid::{Config, Space, Sphere};
 use lazygrid_ranks::in_process::InProcessRanks;
 use lazygrid_ranks::{LoadBalance, Particle, SphereWrapper};
 
@@ -122,8 +123,7 @@ fn ghosts_go_only_to_ranks_with_a_partner_species() {
     let mut crowd = uniform(2000, &[0.6]);
     crowd.iter_mut().for_each(|sphere| sphere.center *= 0.3);
     let target = Sphere::new([3.5; 3], 0.7);
-    let mut table = Interactions::new(3, Interaction::Never).unwrap();
-    table.set(0, 1, Interaction::Touch).unwrap();
+    let table = table([Never, Touch, Never, Never, Never, Never]);
     for (first, second) in [(0, 1), (1, 0)] {
         let mut owned = vec![Vec::new(); 2];
         let mut particles = numbered(crowd.iter().copied().chain([target]));
@@ -152,5 +152,36 @@ fn ghosts_go_only_to_ranks_with_a_partner_species() {
         assert_eq!(pairs, naive(&particles, &Space::UNBOUNDED, Some(&table)));
         let all = InProcessRanks::with_owners(owned, SphereWrapper::default()).unwrap();
         assert!(all.ghosts().total >= 1000);
+    }
+}
+
+/// Eight ranks share a crowd of species 0, whose distance with itself is small, and with species 1 large.
+#[test]
+fn ghosts_are_within_the_distance_of_their_species() {
+    let crowd = uniform(8000, &[0.3]);
+    let (edge, distance) = (40.0, 8.0);
+    let interactions = [Within(0.05), Within(distance), Never, Never, Never, Never];
+    let table = table(interactions);
+    for (target, is_near) in [(None, false), (Some(1.0), false), (Some(0.5 * edge), true)] {
+        let target = target.map(|x| Sphere::new([x; 3], 0.3));
+        let mut particles = numbered(crowd.iter().copied().chain(target));
+        particles.iter_mut().for_each(|particle| particle.species = u32::from(particle.id == 8000));
+        for space in [Space::UNBOUNDED, Space::periodic([None, Some(60.0), None]).unwrap()] {
+            let ranks =
+                InProcessRanks::balanced(&particles, 8, SphereWrapper::new(space, Some(&table))).unwrap();
+            let of_target = |one: &&Particle| {
+                let to_target = |target: Sphere| space.distance_squared(one.sphere.center, target.center);
+                target.is_some_and(|target| to_target(target) <= distance * distance)
+            };
+            let most = if is_near { particles.iter().filter(of_target).count() as u64 } else { 0 };
+            assert!(!is_near || most > 100);
+            // About 30 spheres are within 0.05 of one of three borders.
+            let ghosts = ranks.ghosts().total;
+            assert!(ghosts <= 60 + most, "{ghosts} ghosts and {most} near the target at {target:?}");
+            let found = ranks.pairs(&Config::default().space(space).interactions(table.clone()).threads(1));
+            let mut pairs: Vec<_> = found.unwrap().into_iter().flat_map(|rank| rank.pairs).collect();
+            pairs.sort_unstable();
+            assert!(pairs == naive(&particles, &space, Some(&table)), "the target is at {target:?}");
+        }
     }
 }

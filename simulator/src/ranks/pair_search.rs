@@ -209,3 +209,55 @@ fn deliver_outcomes<C: Communicator>(
     }));
     Ok(outcomes)
 }
+
+#[cfg(test)]
+mod tests {
+    use lazygrid::{Algorithm, Backend};
+    use lazygrid_ranks::threads;
+
+    use super::*;
+    use crate::model::particles::{Particle, Particles};
+    use crate::random::philox::{open_unit, philox};
+    use crate::{Reaction, Species};
+
+    /// Returns the number of ghosts on all ranks of 4000 particles that react within `distances` with each other and
+    /// with a species without particles.
+    fn ghosts(distances: [f32; 2]) -> usize {
+        let species = |name: &str| Species { name: name.into(), mass: 1.0, ..Species::default() };
+        let reaction = |(other, binding_radius)| Reaction {
+            reactants: [0, other],
+            binding_radius,
+            ..Reaction::default()
+        };
+        let model = Model {
+            time_step: 1.0,
+            species: vec![species("A"), species("B")],
+            reactions: (0..).zip(distances).map(reaction).collect(),
+            ..Model::default()
+        };
+        let particle = |id: u32| {
+            let [x, y, z, _] = philox([id, 0, 0, 0], [1, 2]).map(|word| 10.0 * open_unit(word));
+            Particle { position: [x, y, z], id, ..Particle::default() }
+        };
+        let of_ranks = threads::on(4, |mut thread| {
+            let (rank, ranks) = (thread.rank(), thread.ranks());
+            let mut run = Simulation::new(model.clone(), 1, Algorithm::Auto).expect("a model");
+            let mut own = Particles::default();
+            (0..4000).filter(|id| id % ranks == rank).for_each(|id| own.push(particle(id), false));
+            run.insert(&own).expect("points");
+            let config = Config::default().backend(Backend::Cpu);
+            let search = RankPairSearch::of(&model, config, rank, ranks).expect("a detector");
+            let mut search = search.expect("reactions");
+            search.migrate(&mut thread, &mut run).expect("parts of space");
+            search.ghosts(&mut thread, &run).expect("ghosts").0.particles().len()
+        });
+        of_ranks.into_iter().sum()
+    }
+
+    #[test]
+    fn ghosts_are_within_the_distance_of_their_species() {
+        // Two planes divide a box 10 wide, so about 4000 · 2 · 0.01 / 10 particles are within 0.01 of one.
+        let [narrow, wide] = [[0.01, 2.0], [2.0, 2.0]].map(ghosts);
+        assert!(narrow < 30 && wide > 1000, "{narrow} and {wide}");
+    }
+}

@@ -83,6 +83,17 @@ fn combined_model_equals_one_process() {
 }
 
 #[test]
+fn distances_of_several_magnitudes_over_ranks_equal_one_process() {
+    let mut model = model(&Parts { contact: Contact::Ignore, ..everything() });
+    for (reaction, radius) in model.reactions.iter_mut().zip([0.5, 4.0, 0.45, 1.0]) {
+        reaction.binding_radius = radius;
+    }
+    let totals = &alone(&model, 3, 20).pop().unwrap().state.totals;
+    assert!(totals.reacted.iter().all(|&reacted| reacted > 5), "{totals:?}");
+    compare(&model, 3, 20, &[2, 3, 8]);
+}
+
+#[test]
 fn arrivals_since_the_release_over_ranks_equal_one_process() {
     let mut model = model(&everything());
     let [x, y, z] = model.receivers.last().unwrap().center;

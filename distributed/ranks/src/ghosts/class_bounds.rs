@@ -64,26 +64,27 @@ impl ClassBounds {
         self.group
     }
 
-    /// Returns `true` if spheres of both boxes may overlap, or if unsure.
+    /// Returns `true` if spheres of both boxes may overlap and are at most `cutoff` apart, or if unsure. Their species
+    /// must pair at most at the `cutoff`, which is infinite if only radii limit the distance.
     ///
     /// # Correctness
     ///
     /// 1. The test has the `f64` operations of the contact test.
-    /// 2. Its distance by axis is at most that of any two spheres, and its radii are at least theirs.
+    /// 2. Its distance by axis is at most that of any two spheres. Its radii and its cutoff are at least theirs.
     /// 3. Every operation is monotone, with or without rounding.
-    /// 4. Effective radii of larger distances are cut at the largest `f32` number, so that one may overlap anything.
+    /// 4. Effective radii of larger distances are cut at the largest `f32` number, so that such a radius limits no
+    ///    distance.
     #[inline]
-    pub fn overlaps(&self, space: &Space, other: &Self) -> bool {
-        if self.radius == f32::MAX || other.radius == f32::MAX {
-            return true;
-        }
+    pub fn overlaps(&self, other: &Self, space: &Space, cutoff: f64) -> bool {
         let lengths = space.lengths_f32();
         let gap = |axis: usize| {
             let ours = [self.low[axis], self.high[axis]].map(f64::from);
             gap(ours, [other.low[axis], other.high[axis]].map(f64::from), lengths[axis])
         };
         let (x, y, z) = (gap(0), gap(1), gap(2));
-        let reach = f64::from(self.radius) + f64::from(other.radius);
+        let is_limited = self.radius < f32::MAX && other.radius < f32::MAX;
+        let radii = f64::from(self.radius) + f64::from(other.radius);
+        let reach = if is_limited { radii.min(cutoff) } else { cutoff };
         x * x + y * y + z * z <= reach * reach
     }
 }
@@ -107,6 +108,10 @@ mod tests {
         WrappedSphere { center: [x, 0.0, 0.0].into(), radius, group: 0 }
     }
 
+    fn overlap(bounds: &ClassBounds, sphere: &WrappedSphere, space: &Space, cutoff: f64) -> bool {
+        bounds.overlaps(&ClassBounds::around(sphere), space, cutoff)
+    }
+
     #[test]
     fn spheres_of_several_classes_and_groups_have_a_box_each() {
         let other = WrappedSphere { group: 1, ..sphere(7.0, 1.25) };
@@ -122,21 +127,40 @@ mod tests {
     #[test]
     fn touching_sphere_overlaps_and_next_float_does_not() {
         let bounds = ClassBounds::all_of(&[sphere(0.0, 1.0), sphere(4.0, 1.0)])[0];
-        let overlaps =
-            |x, radius| bounds.overlaps(&Space::UNBOUNDED, &ClassBounds::around(&sphere(x, radius)));
+        let overlaps = |x, radius| overlap(&bounds, &sphere(x, radius), &Space::UNBOUNDED, f64::INFINITY);
         assert!(overlaps(2.0, 0.0) && overlaps(6.0, 1.0) && overlaps(-2.0, 1.0));
         assert!(!overlaps(6.0_f32.next_up(), 1.0) && !overlaps((-2.0_f32).next_down(), 1.0));
         assert!(overlaps(f32::MAX, f32::MAX));
         let far = |sign: f32| WrappedSphere { center: [sign * 3e38; 3].into(), ..sphere(0.0, f32::MAX) };
-        let [one, other] = [far(1.0), far(-1.0)].map(|sphere| ClassBounds::around(&sphere));
-        assert!(one.overlaps(&Space::UNBOUNDED, &other));
+        let one = ClassBounds::around(&far(1.0));
+        assert!(overlap(&one, &far(-1.0), &Space::UNBOUNDED, f64::INFINITY));
+        // Only the cutoff limits the distance of spheres with this radius.
+        let huge = sphere(0.0, f32::MAX);
+        assert!(overlap(
+            &bounds,
+            &WrappedSphere { center: [9.0, 0.0, 0.0].into(), ..huge },
+            &Space::UNBOUNDED,
+            5.0
+        ));
+        assert!(!overlap(&one, &far(-1.0), &Space::UNBOUNDED, 1e38));
+    }
+
+    #[test]
+    fn cutoff_below_the_radii_limits_the_distance() {
+        let bounds = ClassBounds::all_of(&[sphere(0.0, 1.0), sphere(4.0, 1.0)])[0];
+        let overlaps = |x, radius| overlap(&bounds, &sphere(x, radius), &Space::UNBOUNDED, 1.5);
+        assert!(overlaps(5.5, 1.0) && overlaps(-1.5, 1.0) && overlaps(2.0, 1.0) && overlaps(5.25, 0.25));
+        assert!(!overlaps(5.5_f32.next_up(), 1.0) && !overlaps(5.5, 0.25));
+        let space = Space::periodic([Some(10.0), None, None]).unwrap();
+        assert!(overlap(&bounds, &sphere(-4.5, 1.0), &space, 1.5));
+        assert!(!overlap(&bounds, &sphere(-4.0, 1.0), &space, 1.5));
     }
 
     #[test]
     fn periodic_sphere_overlaps_across_the_boundary() {
         let space = Space::periodic([Some(10.0), None, None]).unwrap();
         let bounds = ClassBounds::all_of(&[sphere(-4.5, 0.5), sphere(-4.0, 0.5)])[0];
-        let overlaps = |x, radius| bounds.overlaps(&space, &ClassBounds::around(&sphere(x, radius)));
+        let overlaps = |x, radius| overlap(&bounds, &sphere(x, radius), &space, f64::INFINITY);
         assert!(overlaps(4.5, 0.5) && overlaps(5.0, 0.0) && overlaps(-3.5, 0.0));
         assert!(!overlaps(4.5, 0.25) && !overlaps(0.0, 3.0));
     }
