@@ -54,6 +54,13 @@ pub enum Error {
         /// Collisions at which the step stopped.
         collisions: u64,
     },
+    /// A step that a GPU cannot do.
+    #[error("{source}; --resume --backend cpu continues from the checkpoint of step {step}")]
+    StoppedOnGpu {
+        /// Steps of the checkpoint.
+        step: u32,
+        source: Box<Error>,
+    },
     #[error(transparent)]
     Detection(#[from] lazygrid::Error),
     #[error(

@@ -243,11 +243,11 @@ impl GpuSimulation {
         self.arrivals.clear();
         let end = self.step.saturating_add(steps);
         while self.step < end {
-            let step = self.step;
-            let (read, bursts) = self.run_batch(end - step)?;
+            let (read, bursts) = self.run_batch(end - self.step)?;
             let head = read.head;
             self.record(read, &bursts, None)?;
-            self.recover(head).map_err(|error| error_at(step, error))?;
+            let recovered = self.recover(head);
+            recovered.map_err(|error| error_at(self.step, error))?;
         }
         Ok(())
     }

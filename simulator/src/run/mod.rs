@@ -11,6 +11,7 @@ pub mod sweep;
 
 mod difference;
 mod disk_space;
+mod failed_step;
 pub(crate) mod memory_estimate;
 pub(crate) mod sealed;
 pub(crate) mod time_step_monitor;
@@ -103,7 +104,8 @@ impl Run {
     /// # Errors
     /// [`Error::Write`] before the first step if the directory is not writable or the disk too small, later from the
     /// system. [`Error::Read`], [`Error::Checkpoint`], [`Error::CheckpointVersion`] or [`Error::Damaged`] if the run
-    /// cannot be resumed. Those of [`AnySimulation::advance`].
+    /// cannot be resumed. Those of [`AnySimulation::advance`], after which a run on a GPU has a checkpoint of the state
+    /// before the failed step; [`Error::StoppedOnGpu`] if the CPU can resume it.
     pub fn run(
         &self,
         watch: impl FnMut(&AnySimulation) -> ControlFlow<()> + Send,
@@ -126,7 +128,7 @@ impl Run {
         }
         let (mut simulation, mut files) =
             if self.resume { self.resume_run(slot)? } else { self.begin(slot)? };
-        let first = simulation.step_count();
+        let mut saved = simulation.step_count();
         let mut pace = TimeStepMonitor::default();
         let mut memory = MemoryGuard::default();
         let mut end = RunEnd::Finished;
@@ -138,12 +140,14 @@ impl Run {
             let next = self.steps_to_next(step).min(simulation.steps_at_once());
             let present = simulation.totals().present.iter().sum();
             if let Err(error) = memory.check(simulation.model(), (present, step, next), slot.sharing()) {
-                if step > first {
+                if step > saved {
                     self.save(&simulation, &mut files)?;
                 }
                 return Err(error);
             }
-            simulation.advance(next)?;
+            if let Err(error) = simulation.advance(next) {
+                return Err(self.after_failed_step(error, (&simulation, &mut files), [step, saved]));
+            }
             pace.see(simulation.model(), [&before, simulation.totals()], step..simulation.step_count());
             // Half the free space that is required suffices for this output and a checkpoint.
             let is_last = self.is_disk_full(&simulation, slot)?;
@@ -155,12 +159,13 @@ impl Run {
             let due = |every: u32| simulation.step_count().is_multiple_of(every);
             if self.scenario.output.checkpoint_every.is_some_and(due) {
                 self.save(&simulation, &mut files)?;
+                saved = simulation.step_count();
             }
             if watch(&simulation).is_break() && simulation.step_count() < self.scenario.steps {
                 end = RunEnd::Stopped;
             }
         }
-        if simulation.step_count() > first {
+        if simulation.step_count() > saved {
             self.save(&simulation, &mut files)?;
         }
         files.convert(simulation.model())?;

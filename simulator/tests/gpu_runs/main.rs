@@ -7,6 +7,7 @@ mod contact;
 mod degrading;
 mod dimensions;
 mod features;
+mod limits;
 mod membranes;
 mod models;
 mod receptors;

@@ -6,7 +6,9 @@ use std::process::{Child, Command, Output, Stdio};
 use std::thread;
 use std::time::Duration;
 
-use lazygrid_tests::command::Scratch;
+use lazygrid_sim::State;
+use lazygrid_sim::run::checkpoint::Checkpoint;
+use lazygrid_tests::command::{Scratch, has_gpu};
 
 use super::{SCENARIO, files, lazygrid};
 
@@ -175,4 +177,84 @@ fn two_runs_do_not_write_to_one_directory() {
     // The system's lock ends with the process.
     running.end("-KILL");
     lazygrid(["simulate", &scenario, "--output", &out, "--steps", "5", "--overwrite"]).succeeds();
+}
+
+/// Until the burst, particles rest or arrive where a GPU does not round: all files are those of the CPU. Then particles
+/// have 17 mirrors in reach, of which a GPU allows 16.
+const MANY_MIRRORS: &str = r#"
+time-step = 0.0078125
+steps = 50
+[[species]]
+name = "still"
+[[species]]
+name = "product"
+[[species]]
+name = "walker"
+diffusion = 2
+[[decay]]
+equation = "still -> product"
+rate = 4
+[[transmitter]]
+name = "tx"
+release = [{ species = "still", count = 300 }]
+[[transmitter]]
+name = "late"
+center = [5, 0.53, 0]
+times = [BURST]
+release = [{ species = "walker", count = 40 }]
+[[receiver]]
+name = "sink"
+radius = 1
+center = [0, 0, 0]
+kind = "endpoint"
+species = ["product"]
+[[receiver]]
+name = "mirror"
+radius = 0.5
+center = [5, 0, 0]
+lattice = { size = [0.17, 1, 1], places = [17, 1, 1] }
+kind = "reflecting"
+species = ["walker"]
+[output]
+every = 14
+frames = ["xyz"]
+arrivals = true
+"#;
+
+#[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
+fn state(directory: &str) -> State {
+    let path = Path::new(directory).join("checkpoint");
+    let mut state = Checkpoint::read(&path).unwrap().into_state(&path).unwrap();
+    state.particles = state.particles.permuted(&state.particles.by_id());
+    state
+}
+
+/// Step 28 has a row of the series and a frame, step 30 has none.
+#[test]
+fn run_that_exceeds_a_limit_of_the_gpu_resumes_on_the_cpu() {
+    if !has_gpu() {
+        return;
+    }
+    for step in [28, 30] {
+        let scratch = Scratch::new();
+        let time = (f64::from(step) * 0.0078125).to_string();
+        let scenario = scratch.write("s.toml", &MANY_MIRRORS.replace("BURST", &time));
+        let [whole, parts] = ["whole", "parts"].map(|name| scratch.path(name));
+        let simulate =
+            |out: &str, more: &[&str]| lazygrid(["simulate", &scenario, "--output", out].iter().chain(more));
+        let failed = simulate(&parts, &["--backend", "gpu"]).fails().err;
+        assert!(failed.contains(&format!("step {step}: the number of surfaces within reach")), "{failed}");
+        let remedy = format!("; --resume --backend cpu continues from the checkpoint of step {step}\n");
+        assert!(failed.ends_with(&remedy), "{failed}");
+        assert_eq!(state(&parts).step, step);
+        simulate(&parts, &["--resume", "--backend", "cpu"]).succeeds();
+        simulate(&whole, &[]).succeeds();
+        for name in ["series.csv", "arrivals.csv", "releases.csv", "frames.xyz"] {
+            let [found, expected] =
+                [&parts, &whole].map(|out| fs::read_to_string(format!("{out}/{name}")).unwrap());
+            assert!(found == expected, "{name} after step {step}:\n{found}\nand not\n{expected}");
+        }
+        assert_eq!(state(&parts), state(&whole));
+        assert!(state(&parts).totals.arrived[0][1] > 100);
+    }
 }
