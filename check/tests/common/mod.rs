@@ -2,6 +2,8 @@
 
 #[path = "../../../tests/src/adapter.rs"]
 mod adapter;
+#[path = "../../../tests/src/limited_device.rs"]
+mod limited_device;
 pub(crate) mod periodic;
 pub(crate) mod scenes;
 
@@ -12,6 +14,7 @@ use lazygrid::{Interaction, Pair, Sphere, Spheres};
 pub(crate) use lazygrid_check::Random;
 use lazygrid_check::{SpeciesSetup, device};
 use lazygrid_kernels::kernel::{Kernel, Variant};
+pub(crate) use limited_device::limited;
 
 /// The device of all tests of a binary, which keeps compiled kernels.
 pub(crate) fn device() -> Option<GpuDevice> {
@@ -21,20 +24,6 @@ pub(crate) fn device() -> Option<GpuDevice> {
 /// A device that a test may destroy.
 pub(crate) fn new_device() -> Option<GpuDevice> {
     or_skip(GpuDevice::open(SoftwareAdapter::Allow))
-}
-
-pub(crate) fn limited(own: &GpuDevice, limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits) -> GpuDevice {
-    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
-    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-    let same = adapters.into_iter().find(|adapter| adapter.get_info().name == own.adapter.name);
-    let adapter = same.expect("the adapter");
-    let descriptor = wgpu::DeviceDescriptor {
-        required_features: own.device.features(),
-        required_limits: limits(adapter.limits()),
-        ..Default::default()
-    };
-    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("a device");
-    GpuDevice::from_wgpu(&device, &queue)
 }
 
 pub(crate) fn finished(session: &mut GpuSession, ticket: Ticket) -> Vec<Pair> {

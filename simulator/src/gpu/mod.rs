@@ -31,3 +31,5 @@ pub(crate) use model_check::check;
 pub use plan::GpuOptions;
 pub use simulation::GpuSimulation;
 pub(crate) use simulation::ReceptorRequests;
+#[cfg(test)]
+pub(crate) use tests::{device, limited};

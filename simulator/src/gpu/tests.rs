@@ -4,11 +4,14 @@
 mod adapter;
 mod births;
 mod collisions;
+#[path = "../../../tests/src/limited_device.rs"]
+mod limited_device;
 mod surfaces;
 mod vessels;
 
 use adapter::or_skip;
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter, wgpu};
+pub(crate) use limited_device::limited;
 
 use super::detectors::Found;
 use super::device::{buffer, filled, read};
@@ -23,7 +26,7 @@ use crate::reaction::matching::tests::choose;
 use crate::reaction::matching::{Matching, ReactionCandidate};
 use crate::{Boundary, Model, Reaction, Species};
 
-pub(super) fn device() -> Option<GpuDevice> {
+pub(crate) fn device() -> Option<GpuDevice> {
     or_skip(GpuDevice::shared(SoftwareAdapter::Allow))
 }
 

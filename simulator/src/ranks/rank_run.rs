@@ -3,6 +3,7 @@
 use lazygrid::{Backend, Config};
 use lazygrid_ranks::Communicator;
 
+use super::agree;
 use super::cpu_run::CpuRun;
 #[cfg(feature = "gpu")]
 use super::gpu_run::GpuRun;
@@ -94,12 +95,44 @@ pub(super) fn moves_on_gpus<C: Communicator>(communicator: &mut C, model: &Model
         asking if asking < ranks => Some(format!("{} of {ranks} ranks use no GPU", ranks - asking)),
         _ => obstacle(model),
     };
-    if let Some(obstacle) = &obstacle
-        && communicator.rank() == 0
-    {
-        log::info!("particles move on the CPU, and GPUs find their pairs at the most: {obstacle}");
+    if let Some(obstacle) = &obstacle {
+        log_obstacle(communicator, obstacle);
     }
     obstacle.is_none()
+}
+
+fn log_obstacle<C: Communicator>(communicator: &C, obstacle: &str) {
+    if communicator.rank() == 0 {
+        log::info!("particles move on the CPU, and GPUs find their pairs at the most: {obstacle}");
+    }
+}
+
+/// Returns the run on this rank's GPU, or `None` on all ranks if the model exceeds the device of one. Collective.
+///
+/// # Errors
+/// On every rank, any other error of one.
+pub(super) fn agree_on_gpus<C: Communicator>(
+    communicator: &mut C,
+    run: Result<RankRun, Error>,
+) -> Result<Option<RankRun>, C::Error> {
+    let mut obstacle = String::new();
+    let run = match run {
+        Err(error) if is_beyond_device(&error) => {
+            obstacle = error.to_string();
+            Ok(None)
+        }
+        run => run.map(Some),
+    };
+    let run = agree(communicator, run)?;
+    let (obstacles, lengths) = communicator.all_gather("limits of GPUs", obstacle.as_bytes())?;
+    let Some(rank) = lengths.iter().position(|&length| length > 0) else { return Ok(run) };
+    let obstacle = String::from_utf8_lossy(&obstacles[..lengths[rank]]);
+    log_obstacle(communicator, &format!("rank {rank}: {obstacle}"));
+    Ok(None)
+}
+
+fn is_beyond_device(error: &Error) -> bool {
+    matches!(error, Error::NotOnGpu { .. } | Error::Detection(lazygrid::Error::LimitExceeded { .. }))
 }
 
 /// Returns the reason why particles of this model do not move on the GPUs of ranks.
@@ -118,4 +151,70 @@ fn without_kernels(model: &Model) -> Option<String> {
 #[cfg(not(feature = "gpu"))]
 fn without_kernels(_: &Model) -> Option<String> {
     None
+}
+
+#[cfg(all(test, feature = "gpu"))]
+mod tests {
+    use lazygrid::gpu::{GpuDevice, wgpu};
+    use lazygrid_ranks::threads;
+
+    use super::*;
+    use crate::gpu::{GpuOptions, GpuSimulation, device, limited};
+    use crate::motion::request_counts::RequestCounts;
+    use crate::{Receiver, ReceiverKind, Species, Transmitter};
+
+    /// Returns a model that needs ten storage buffers in a stage.
+    fn model() -> Model {
+        let mirror =
+            Receiver { radius: 1.0, kind: ReceiverKind::Reflecting, sees: vec![true], ..Receiver::default() };
+        Model {
+            time_step: 0.01,
+            species: vec![Species { diffusion: 1.0, mass: 1.0, ..Species::default() }],
+            transmitters: vec![Transmitter {
+                center: [2.0; 3],
+                release: vec![(0, 100)],
+                ..Transmitter::default()
+            }],
+            receivers: vec![mirror],
+            ..Model::default()
+        }
+    }
+
+    fn run_on(device: GpuDevice, slice: RankSlice) -> Result<RankRun, Error> {
+        let (model, options) = (model(), GpuOptions::default());
+        let state = State::new_slice(&model, 1, slice)?;
+        let simulation = GpuSimulation::resume_slice(model, 1, (device, options), &state, slice)?;
+        Ok(RankRun::Gpu(Box::new(GpuRun { simulation, requests: RequestCounts::default() })))
+    }
+
+    #[test]
+    fn ranks_use_no_gpu_if_the_model_exceeds_the_device_of_one() {
+        let Some(own) = device() else { return };
+        let few_buffers = |limits| wgpu::Limits { max_storage_buffers_per_shader_stage: 8, ..limits };
+        let small_bindings = |limits| wgpu::Limits { max_storage_buffer_binding_size: 1 << 12, ..limits };
+        let few = [limited(&own, few_buffers), limited(&own, small_bindings)];
+        let backends = |devices: [&GpuDevice; 3]| {
+            threads::on(3, |mut thread| {
+                let slice = RankSlice::new(thread.rank(), 3);
+                let run = run_on(devices[thread.rank() as usize].clone(), slice);
+                agree_on_gpus(&mut thread, run).map(|run| run.map(|run| run.backend()))
+            })
+        };
+        assert_eq!(backends([&own; 3]), vec![Ok(Some(Backend::Gpu)); 3]);
+        for few in &few {
+            assert_eq!(backends([&own, few, few]), vec![Ok(None); 3]);
+        }
+    }
+
+    #[test]
+    fn other_failure_of_one_gpu_is_returned_on_all_ranks() {
+        let failed = threads::on(2, |mut thread| {
+            let run = match thread.rank() {
+                0 => Err(Error::NotOnGpu { what: "a model".to_owned() }),
+                _ => Err(Error::Model("another failure".to_owned())),
+            };
+            agree_on_gpus(&mut thread, run).map(|run| run.is_some())
+        });
+        assert_eq!(failed, vec![Err("rank 1: another failure".to_owned()); 2]);
+    }
 }

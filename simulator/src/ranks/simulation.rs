@@ -7,7 +7,7 @@ use lazygrid::{Backend, Config};
 use lazygrid_ranks::{Communicator, Settings, gather};
 
 use super::cpu_run::CpuRun;
-use super::rank_run::{RankRun, moves_on_gpus};
+use super::rank_run::{RankRun, agree_on_gpus, moves_on_gpus};
 use super::{Gathered, agree, rows};
 use crate::release::rank_slice::RankSlice;
 use crate::{Arrival, Error, Model, State, Totals};
@@ -45,12 +45,12 @@ impl<C: Communicator> RankSimulation<C> {
     /// Begins a run. `detector` selects the backend and the algorithm by which this rank finds pairs, each rank its own;
     /// the model gives the space and the interactions.
     ///
-    /// Particles move on the GPUs of all ranks if every `detector` [requires one](Config::requires_gpu), and if the model
-    /// has kernels and no reactions and contacts. Otherwise they move on the CPU.
+    /// Particles move on the GPUs of all ranks if every `detector` [requires one](Config::requires_gpu), the model has
+    /// kernels and no reactions and contacts, and it exceeds no device. Otherwise they move on the CPU.
     ///
     /// # Errors
     /// On every rank, those of the first that fails: as [`Simulation::new`](crate::Simulation::new),
-    /// [`Detector::new`](lazygrid::Detector::new), and `GpuSimulation::new` if particles move on GPUs.
+    /// [`Detector::new`](lazygrid::Detector::new), and failures of devices if particles move on GPUs.
     /// [`Communicator::difference`] if models, seeds or steps differ.
     pub fn new(communicator: C, model: Model, seed: u64, detector: Config) -> Result<Self, C::Error> {
         let state = State::new_slice(&model, seed, RankSlice::new(communicator.rank(), communicator.ranks()));
@@ -87,11 +87,18 @@ impl<C: Communicator> RankSimulation<C> {
         shared(&model, seed, state.step).agree(&mut communicator)?;
         agree(&communicator, model.check())?;
         let share = (RankSlice::new(rank, ranks), communicator.ranks_on_machine());
-        let run = match moves_on_gpus(&mut communicator, &model, &detector) {
-            true => RankRun::on_gpu(model, seed, &detector, &state, share),
-            false => CpuRun::new(model, seed, detector, state, [rank, ranks]).map(Box::new).map(RankRun::Cpu),
+        let on_gpus = match moves_on_gpus(&mut communicator, &model, &detector) {
+            true => {
+                let run = RankRun::on_gpu(model.clone(), seed, &detector, &state, share);
+                agree_on_gpus(&mut communicator, run)?
+            }
+            false => None,
         };
-        let run = agree(&communicator, run)?;
+        let on_cpu = || CpuRun::new(model, seed, detector, state, [rank, ranks]);
+        let run = match on_gpus {
+            Some(run) => run,
+            None => RankRun::Cpu(Box::new(agree(&communicator, on_cpu())?)),
+        };
         let totals = run.view().totals().clone();
         let mut all = Self { communicator, run, totals, has_failed: false };
         all.add_up();

@@ -1,0 +1,21 @@
+//! Devices with lower limits than their adapters. Tests of several crates include this file.
+
+use lazygrid::gpu::{GpuDevice, wgpu};
+
+/// Returns another device of an adapter, with changed limits.
+///
+/// # Panics
+/// Panics if the adapter refuses the limits.
+pub(crate) fn limited(own: &GpuDevice, limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits) -> GpuDevice {
+    let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
+    let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
+    let same = adapters.into_iter().find(|adapter| adapter.get_info().name == own.adapter.name);
+    let adapter = same.expect("the adapter");
+    let descriptor = wgpu::DeviceDescriptor {
+        required_features: own.device.features(),
+        required_limits: limits(adapter.limits()),
+        ..Default::default()
+    };
+    let (device, queue) = pollster::block_on(adapter.request_device(&descriptor)).expect("a device");
+    GpuDevice::from_wgpu(&device, &queue)
+}
