@@ -43,8 +43,8 @@ struct Inner {
     scenario: Scenario,
     /// `None` for the global pool.
     pool: Option<ThreadPool>,
-    /// The arrivals of the last `step` call, each with the number of steps done.
-    arrivals: Vec<(u32, Arrival)>,
+    /// The arrivals of the last `step` call.
+    arrivals: Vec<Arrival>,
     /// The columns that arrays view.
     shared: Weak<SharedColumns>,
 }
@@ -83,8 +83,7 @@ impl SimulationCore {
         if let Some(replica) = replica {
             scenario.seed = seed_of(scenario.seed, replica);
         }
-        // On a GPU a log of arrivals ends each batch of steps after one, so the scenario decides.
-        scenario.model.logs_arrivals |= backend != Backend::Gpu;
+        scenario.model.logs_arrivals |= AnySimulation::can_log_arrivals(&scenario.model, backend);
         let pool = threads.map(|threads| {
             let pool = ThreadPoolBuilder::new().num_threads(threads).build();
             pool.map_err(|error| error::simulator(Error::Threads { threads, reason: error.to_string() }))
@@ -229,23 +228,23 @@ impl SimulationCore {
     /// The arrivals of the last `step` call.
     fn arrivals<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let inner = self.lock()?;
-        if !inner.scenario.model.logs_arrivals {
-            return Err(error::setting(
-                "this run on a GPU logs no arrivals; set arrivals = true in [output]",
-            ));
+        let model = &inner.scenario.model;
+        if !model.logs_arrivals {
+            let pairs = model.receivers.len() * model.species.len();
+            return Err(error::setting(format!(
+                "a GPU cannot log arrivals for {pairs} pairs of a receiver and a species; choose the CPU"
+            )));
         }
         let arrivals = &inner.arrivals;
         let columns = PyDict::new(py);
         let origin = |of: fn(lazygrid_sim::Origin) -> u32| {
-            let number = move |(_, arrival): &(u32, Arrival)| {
-                arrival.origin.map_or(-1, |origin| i64::from(of(origin)))
-            };
+            let number = move |arrival: &Arrival| arrival.origin.map_or(-1, |origin| i64::from(of(origin)));
             PyArray1::from_iter(py, arrivals.iter().map(number))
         };
-        columns.set_item("step", PyArray1::from_iter(py, arrivals.iter().map(|(step, _)| *step)))?;
-        columns.set_item("receiver", PyArray1::from_iter(py, arrivals.iter().map(|(_, a)| a.receiver)))?;
-        columns.set_item("species", PyArray1::from_iter(py, arrivals.iter().map(|(_, a)| a.species)))?;
-        columns.set_item("id", PyArray1::from_iter(py, arrivals.iter().map(|(_, a)| a.id)))?;
+        columns.set_item("step", PyArray1::from_iter(py, arrivals.iter().map(|a| a.step)))?;
+        columns.set_item("receiver", PyArray1::from_iter(py, arrivals.iter().map(|a| a.receiver)))?;
+        columns.set_item("species", PyArray1::from_iter(py, arrivals.iter().map(|a| a.species)))?;
+        columns.set_item("id", PyArray1::from_iter(py, arrivals.iter().map(|a| a.id)))?;
         columns.set_item("transmitter", origin(|origin| origin.transmitter))?;
         columns.set_item("released", origin(|origin| origin.step))?;
         Ok(columns)
@@ -340,14 +339,15 @@ impl Inner {
     fn advance(&mut self, end: u32) -> Result<(), Error> {
         let began = Instant::now();
         while self.simulation.step_count() < end && began.elapsed() < SIGNAL_POLL {
-            // One step at a time tells the steps of arrivals apart.
-            let most = if self.scenario.model.logs_arrivals { 1 } else { end - self.simulation.step_count() };
-            match &self.pool {
-                Some(pool) => pool.install(|| self.simulation.advance(most))?,
-                None => self.simulation.advance(most)?,
-            }
-            let step = self.simulation.step_count();
-            self.arrivals.extend(self.simulation.arrivals().iter().map(|&arrival| (step, arrival)));
+            let before = self.simulation.step_count();
+            let advanced = match &self.pool {
+                Some(pool) => pool.install(|| self.simulation.advance(end - before)),
+                None => self.simulation.advance(end - before),
+            };
+            // A GPU may have done steps before one that failed.
+            let done = before + 1..=self.simulation.step_count();
+            self.arrivals.extend(self.simulation.arrivals().iter().filter(|a| done.contains(&a.step)));
+            advanced?;
         }
         Ok(())
     }

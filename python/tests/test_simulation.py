@@ -237,20 +237,41 @@ def test_simulation_in_use_by_another_thread_is_refused() -> None:
     assert refused > 0 and run.step_count == 20_000
 
 
-def test_gpu_runs_take_changes() -> None:
+def on_gpu() -> Simulation:
     scenario = {name: value for name, value in SCENARIO.items() if name != "reaction"}
     try:
-        run = Simulation(scenario, backend="gpu")
+        return Simulation(scenario, backend="gpu")
     except lazygrid.Error as error:
         pytest.skip(str(error))
+
+
+def test_gpu_runs_take_changes() -> None:
+    run = on_gpu()
     run.step(3)
     ids = run.emit("tx", 10, "a")
     assert run.remove(ids[:4]) == 4
     run.insert("b", [[9.0, 9.0, 9.0]])
     run.step(2)
     assert run.step_count == 5 and np.isin(ids[4:], run.particles.id).any()
-    with pytest.raises(lazygrid.Error, match="logs no arrivals"):
-        run.arrivals
+
+
+def test_gpu_runs_log_the_steps_of_arrivals() -> None:
+    at_once, one_by_one = on_gpu(), on_gpu()
+    at_once.step(50)
+    rows = []
+    for step in range(1, 51):
+        one_by_one.step()
+        arrivals = one_by_one.arrivals
+        assert (arrivals.step == step).all()
+        rows += zip(arrivals.step, arrivals.id, arrivals.species, arrivals.released)
+    arrivals = at_once.arrivals
+    assert rows == list(zip(arrivals.step, arrivals.id, arrivals.species, arrivals.released))
+    assert len(np.unique(arrivals.step)) > 5 and set(arrivals.released) == {0, 20}
+    assert len(rows) == at_once.counts["rx:a"] + at_once.counts["rx:b"]
+    inserted = at_once.insert("a", [3.0, 0.0, 0.0])
+    at_once.step(3)
+    at = at_once.arrivals.id.tolist().index(inserted[0])
+    assert (at_once.arrivals.step[at], at_once.arrivals.transmitter[at]) == (51, -1)
 
 
 @pytest.mark.parametrize("example", ["relay.py", "feedback.py"])

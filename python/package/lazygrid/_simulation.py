@@ -200,7 +200,7 @@ class Simulation:
     def arrivals(self) -> Arrivals:
         """The particles that absorbing receivers took in the last call of :meth:`step`, or since the last callback.
 
-        On a GPU only if the scenario sets ``arrivals = true`` in ``[output]``.
+        A GPU logs the arrivals of up to 8,388,606 pairs of a receiver and a species.
         """
         return Arrivals(**self._core.arrivals())
 

@@ -27,7 +27,7 @@ mod tally_layout;
 #[cfg(test)]
 mod tests;
 
-pub(crate) use model_check::check;
+pub(crate) use model_check::{can_log_arrivals, check};
 pub use plan::GpuOptions;
 pub use simulation::GpuSimulation;
 pub(crate) use simulation::ReceptorRequests;

@@ -22,6 +22,16 @@ pub(super) fn chained_decays(model: &Model) -> impl Iterator<Item = (&Decay, &De
     model.decays.iter().flat_map(move |first| after(first).map(move |second| (first, second)))
 }
 
+/// Returns the number of pairs of a receiver and a species.
+fn logged_pairs(model: &Model) -> usize {
+    model.receivers.len() * model.species.len()
+}
+
+/// Returns `true` if the device can name all receivers and species of arrivals.
+pub(crate) fn can_log_arrivals(model: &Model) -> bool {
+    logged_pairs(model) <= MAX_LOGGED_PAIRS
+}
+
 /// # Errors
 /// [`Error::NotOnGpu`].
 pub(crate) fn check(model: &Model) -> Result<(), Error> {
@@ -37,11 +47,11 @@ pub(crate) fn check(model: &Model) -> Result<(), Error> {
             ));
         }
     }
-    let pairs = model.receivers.len() * model.species.len();
-    if model.logs_arrivals && pairs > MAX_LOGGED_PAIRS {
+    if model.logs_arrivals && !can_log_arrivals(model) {
         return rejected(format!(
-            "a log of arrivals for {pairs} pairs of a receiver and a species, beyond {MAX_LOGGED_PAIRS}; set arrivals \
-             to false, or use fewer receivers"
+            "a log of arrivals for {} pairs of a receiver and a species, beyond {MAX_LOGGED_PAIRS}; set arrivals to false, \
+             or use fewer receivers",
+            logged_pairs(model)
         ));
     }
     check_receivers(model)?;

@@ -83,6 +83,17 @@ impl AnySimulation {
         Err(lazygrid::Error::WithoutGpu.into())
     }
 
+    /// Returns `true` if a run of the model on `backend` can log arrivals: a GPU cannot name any number of pairs of a
+    /// receiver and a species.
+    #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU has a limit"))]
+    pub fn can_log_arrivals(model: &Model, backend: Backend) -> bool {
+        #[cfg(feature = "gpu")]
+        if backend == Backend::Gpu {
+            return crate::gpu::can_log_arrivals(model);
+        }
+        true
+    }
+
     /// Returns the largest number of steps of one call of [`advance`](Self::advance).
     pub(crate) fn steps_at_once(&self) -> u32 {
         match self {
@@ -215,5 +226,25 @@ impl RunView for GpuSimulation {
 
     fn state(&self) -> Result<Cow<'_, State>, Error> {
         self.state().map(Cow::Owned)
+    }
+}
+
+#[cfg(all(test, feature = "gpu"))]
+mod tests {
+    use super::*;
+    use crate::{Receiver, Species};
+
+    #[test]
+    fn gpu_logs_arrivals_of_pairs_that_it_can_name() {
+        let model = |edge: usize| Model {
+            species: vec![Species::default(); edge],
+            receivers: vec![Receiver::default(); edge],
+            ..Model::default()
+        };
+        let can_log = |edge: usize| {
+            [Backend::Cpu, Backend::Gpu].map(|backend| AnySimulation::can_log_arrivals(&model(edge), backend))
+        };
+        // The squares are 8,386,816 and 8,392,609.
+        assert_eq!([can_log(2896), can_log(2897)], [[true, true], [true, false]]);
     }
 }
