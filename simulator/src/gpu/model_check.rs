@@ -87,7 +87,9 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
     let most = if reflects { MAX_SEEN_REFLECTING } else { MAX_SEEN };
     let visits = seen.max(model.receivers.len());
     if visits > most {
-        let what = format!("{visits} counts of a receiver and a species, beyond {most}");
+        let what = format!(
+            "{visits} counts of a receiver and a species, beyond {most}; use fewer receivers, or let them see fewer species"
+        );
         return Err(Error::NotOnGpu { what });
     }
     check_membranes(model, visits, most)
@@ -108,7 +110,7 @@ fn check_membranes(model: &Model, visits: usize, most: usize) -> Result<(), Erro
         if iterations > most || spheres > MAX_SPHERES {
             let what = format!(
                 "{spheres} spherical and {planes} plane membranes with images that hold back {}, beyond {MAX_SPHERES} spheres or, \
-                 with {visits} visits of receivers, {most} loop iterations ({iterations} needed)",
+                 with {visits} visits of receivers, {most} loop iterations ({iterations} needed); use fewer membranes or receivers",
                 species.name
             );
             return Err(Error::NotOnGpu { what });

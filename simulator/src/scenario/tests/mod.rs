@@ -254,7 +254,10 @@ fn shipped_scenarios_are_valid() {
             scenarios.push(Scenario::read(&path).unwrap_or_else(|error| panic!("{error}")));
         }
         for scenario in scenarios {
-            assert_eq!((scenario.late_releases(), scenario.warnings), (vec![], vec![]), "{}", path.display());
+            let name = path.display();
+            assert_eq!((scenario.late_releases(), scenario.warnings), (vec![], vec![]), "{name}");
+            #[cfg(feature = "gpu")]
+            crate::gpu::check(&scenario.model).unwrap_or_else(|error| panic!("{name}: {error}"));
         }
         count += 1;
     }
