@@ -50,8 +50,12 @@ pub(crate) enum CliError {
     RadiusTwice(String),
     #[error("{}, frame {frame}: two spheres have the id {id}, so --ids cannot tell them apart; omit --ids", path.display())]
     IdTwice { path: PathBuf, frame: usize, id: i64 },
+    #[error("{}, frame {frame}: no memory to sort {spheres} spheres by id; omit --ids, or split the file", path.display())]
+    NoMemoryToSort { path: PathBuf, frame: usize, spheres: usize },
     #[error("{}, frame {frame}: {reason}; with --ids the numbers are ids", path.display())]
     Excluded { path: PathBuf, frame: usize, reason: Box<lazygrid::Error> },
+    #[error("{}: no memory for {pairs} pairs; list fewer", path.display())]
+    NoMemoryForPairs { path: PathBuf, pairs: usize },
     #[error("no memory for {spheres} spheres; generate fewer")]
     NoMemory { spheres: u64 },
     #[error(

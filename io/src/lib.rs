@@ -7,6 +7,7 @@ pub mod scenes;
 pub mod write;
 
 mod error;
+mod memory;
 mod system_memory;
 
 pub use error::{Error, Location, Position, excerpt, printed};

@@ -11,6 +11,7 @@ use pyo3::prelude::*;
 
 use crate::fork::Process;
 use crate::interruptible::SIGNAL_POLL;
+use crate::memory::try_collect;
 use crate::pool::{DetectorLease, StreamStopper};
 use crate::spheres::BorrowedQuery;
 use crate::{arrays, error};
@@ -154,10 +155,10 @@ impl OwnedSpheres {
     fn new(spheres: Spheres<'_>) -> Result<Self, Error> {
         const WHAT: &str = "copied spheres";
         let rows = match spheres.is_f64() {
-            true => Rows::F64(collected((0..spheres.len()).map(|i| spheres.get_f64(i)), WHAT)?),
-            false => Rows::F32(collected(spheres.iter(), WHAT)?),
+            true => Rows::F64(try_collect((0..spheres.len()).map(|i| spheres.get_f64(i)), WHAT)?),
+            false => Rows::F32(try_collect(spheres.iter(), WHAT)?),
         };
-        let copy = |ids: &[u32]| collected(ids.iter().copied(), "copied species and groups");
+        let copy = |ids: &[u32]| try_collect(ids.iter().copied(), "copied species and groups");
         let species = spheres.species().map(copy).transpose()?;
         Ok(Self { rows, species, groups: spheres.groups().map(copy).transpose()? })
     }
@@ -172,19 +173,11 @@ impl OwnedSpheres {
     }
 }
 
-fn collected<T>(values: impl ExactSizeIterator<Item = T>, what: &'static str) -> Result<Vec<T>, Error> {
-    let mut all = Vec::new();
-    let bytes = (values.len() * size_of::<T>()) as u64;
-    all.try_reserve_exact(values.len()).map_err(|_| Error::OutOfMemory { what, bytes })?;
-    all.extend(values);
-    Ok(all)
-}
-
 /// Sends the pairs, and finally the error, if any.
 fn search(mut lease: DetectorLease, owned: &OwnedQuery, chunk: usize, to: &SyncSender<Sent>) {
     let mut refused = None;
     let send = |pairs: &[Pair]| {
-        let sent = collected(pairs.iter().copied(), "a chunk of pairs").map(|own| to.send(Ok(own)).is_ok());
+        let sent = try_collect(pairs.iter().copied(), "a chunk of pairs").map(|own| to.send(Ok(own)).is_ok());
         match sent {
             Ok(true) => ControlFlow::Continue(()),
             // The iterator was closed.

@@ -3,6 +3,7 @@ use std::sync::Arc;
 use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
 
+use crate::memory::try_collect;
 use crate::{arrays, error};
 
 /// Pairs that a search never reports, such as bonds.
@@ -89,10 +90,11 @@ impl Exclusions {
     fn from_csr(py: Python<'_>, offsets: &Bound<'_, PyAny>, indices: &Bound<'_, PyAny>) -> PyResult<Self> {
         let offsets = arrays::offsets(offsets, "offsets")?;
         let indices = arrays::whole(indices, "indices")?;
-        let mut starts = Vec::with_capacity(offsets.len());
-        starts.extend(offsets.as_slice()?.iter().map(|&at| usize::try_from(at).unwrap_or(usize::MAX)));
-        let indices = indices.as_slice()?;
-        Self::made(py, || lazygrid::Exclusions::from_csr(&starts, indices))
+        let (offsets, indices) = (offsets.as_slice()?, indices.as_slice()?);
+        Self::made(py, || {
+            let starts = offsets.iter().map(|&at| usize::try_from(at).unwrap_or(usize::MAX));
+            lazygrid::Exclusions::from_csr(&try_collect(starts, "offsets of excluded pairs")?, indices)
+        })
     }
 
     fn __len__(&self) -> usize {

@@ -13,6 +13,7 @@ mod fork;
 mod input;
 mod interactions;
 mod interruptible;
+mod memory;
 mod neighbors;
 mod pool;
 mod read;

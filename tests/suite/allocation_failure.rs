@@ -2,12 +2,15 @@
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ops::ControlFlow;
+use std::path::Path;
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering::SeqCst};
 
 use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, Interaction, Interactions, Order, Pair, Query, Skin, Space,
     Sphere, Spheres,
 };
+use lazygrid_io::read::{Frame, Frames, Options, SortError, pairs};
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{DetectorVariant, SuiteVariant, variants};
 
@@ -23,6 +26,8 @@ static GRANTS: AtomicUsize = AtomicUsize::new(usize::MAX);
 /// Total bytes above which large allocations are refused.
 static LIMIT: AtomicUsize = AtomicUsize::new(usize::MAX);
 static REFUSED: AtomicUsize = AtomicUsize::new(0);
+/// Held by the running test, because tests share the allocator.
+static ALONE: Mutex<()> = Mutex::new(());
 
 // SAFETY: every call is forwarded unchanged to the system allocator, or returns null, which is how an allocator reports
 // failure; the counters touch no memory of the caller.
@@ -209,9 +214,9 @@ fn variants() -> impl Iterator<Item = DetectorVariant> {
     variants::all().into_iter().filter(is_one)
 }
 
-/// Runs as one test, because tests share the allocator.
 #[test]
 fn failed_allocation_is_an_error_wherever_it_occurs() {
+    let _alone = ALONE.lock();
     let sizes = Scene::FiveSizes.spheres(1300, 41);
     let burst = Scene::Burst.spheres(1200, 42);
     // All spheres are in one cell, whose size a giant determines.
@@ -272,5 +277,67 @@ fn failed_allocation_is_an_error_wherever_it_occurs() {
             let above = |k: usize| Refusal::Above((LARGE as f64 * 1.3_f64.powi(k as i32)) as usize);
             walk(variant, &few(), Spheres::from(&crowd), above);
         });
+    }
+}
+
+/// Reads with ids and without, under limits from `FIXED_BYTES` up to more than needed.
+fn read_under_limits<T>(path: &Path, read: impl Fn(&Path) -> Result<T, lazygrid_io::Error>) {
+    // Buffers of constant size, which reading begins with.
+    const FIXED_BYTES: usize = 1 << 19;
+    assert!(read(path).is_ok(), "{path:?}");
+    let mut refusals = 0;
+    for k in 0.. {
+        let refusal = Refusal::Above((FIXED_BYTES as f64 * 1.05_f64.powi(k)) as usize);
+        let (result, refused) = refusal.during(|| read(path));
+        match result {
+            // A refused reservation for several rows is no error if each row fits.
+            Ok(_) => {}
+            Err(error) => {
+                let said = error.to_string();
+                assert!(refused > 0 && said.contains("memory") && said.len() < 300, "{path:?}: {said}");
+                refusals += 1;
+            }
+        }
+        if refused == 0 {
+            break;
+        }
+    }
+    assert!(refusals > 0, "{path:?}: nothing was refused");
+}
+
+fn frame(path: &Path) -> Result<Frame, lazygrid_io::Error> {
+    let options = Options { ids: true, radii: [("A".to_owned(), 1.0)].into(), ..Options::default() };
+    Frames::open(path, options)?.next().expect("a frame")
+}
+
+#[test]
+fn failed_allocation_of_a_reader_is_an_error() {
+    const ROWS: u32 = 30_000;
+    let _alone = ALONE.lock();
+    let directory = tempfile::tempdir().expect("a directory");
+    let write = |name: &str, header: &str, row: &dyn Fn(u32) -> String| {
+        let path = directory.path().join(name);
+        let rows: String = (0..ROWS).rev().map(row).collect();
+        std::fs::write(&path, format!("{header}\n{rows}")).expect("a file");
+        path
+    };
+    let named = write("named.csv", "id,species,x,y,z,r", &|k| format!("{k},a species {k},{k},0,0,1\n"));
+    read_under_limits(&named, frame);
+    let listing = write("listed.smoldyn", "A(up) 0 0 0 30000", &|k| format!("A(up) {k} 0 0 {k}\n"));
+    read_under_limits(&listing, frame);
+    let bonds = write("bonds.csv", "i,j", &|k| format!("{k},{}\n", k + 1));
+    read_under_limits(&bonds, |path| pairs(path));
+
+    for grants in 0.. {
+        let mut frame = frame(&named).expect("there is memory");
+        let (sorted, refused) = Refusal::After(grants).during(|| frame.sort_by_id());
+        match sorted {
+            Ok(()) => assert!(refused == 0 && frame.ids.is_some_and(|ids| ids.is_sorted())),
+            Err(error) => assert!(refused > 0 && matches!(error, SortError::OutOfMemory(_)), "{error:?}"),
+        }
+        if refused == 0 {
+            assert_eq!(grants, 4, "the order, and columns of ids, spheres and species");
+            break;
+        }
     }
 }

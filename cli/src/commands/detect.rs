@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use lazygrid::Backend;
-use lazygrid_io::read::{Frame, Precision};
+use lazygrid_io::read::{Frame, Precision, SortError};
 use lazygrid_io::write::{AtomicFile, Output};
 use lazygrid_io::{AvailableMemory, lacking_memory};
 use same_file::Handle;
@@ -50,12 +50,9 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
         let output = output.as_ref().map(|output| numbered(output, number));
         output.as_ref().map_or(Ok(()), |output| refuse_inputs(args, output))?;
         if args.ids {
-            let path = || input::name(&args.file).to_owned();
-            input.in_pool(|| frame.sort_by_id()).map_err(|id| CliError::IdTwice {
-                path: path(),
-                frame: number,
-                id,
-            })?;
+            let spheres = frame.len();
+            let refused = |error| unsorted(args, (number, spheres), error);
+            input.in_pool(|| frame.sort_by_id()).map_err(refused)?;
         }
         refuse_too_little_memory(args, number, &frame, &frames)?;
         let exclusions = excluded.as_mut().map(|excluded| excluded.of(&frame, number)).transpose()?;
@@ -100,6 +97,14 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
     excluded.as_ref().inspect(|excluded| excluded.warn_of_unmet());
     AtomicFile::commit_all(files)?;
     printer.finish()
+}
+
+fn unsorted(args: &Detect, (frame, spheres): (usize, usize), error: SortError) -> CliError {
+    let path = input::name(&args.file).to_owned();
+    match error {
+        SortError::RepeatedId(id) => CliError::IdTwice { path, frame, id },
+        _ => CliError::NoMemoryToSort { path, frame, spheres },
+    }
 }
 
 fn print_aside(text: &str) -> Result<(), CliError> {

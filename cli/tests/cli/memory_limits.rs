@@ -63,17 +63,23 @@ fn commands_under_any_memory_limit_end_without_a_signal() {
     let text = scratch.path("spheres.csv");
     LAZYGRID.run(["generate", "five-sizes", "-n", "500000", "-o", &text]).succeeds();
     let pairs = scratch.path("pairs.csv");
+    let named = |k: u32| format!("{k},species-{k},{k},0,0,0.1\n");
+    let named: String = (0..250_000).rev().map(named).collect();
+    let named = scratch.write("named.csv", &format!("id,species,x,y,z,r\n{named}"));
+    let bonds: String = (0..400_000).map(|k| format!("{k},{}\n", k + 1)).collect();
+    let bonds = scratch.write("bonds.csv", &bonds);
     let burst = scratch.write("burst.toml", &BURST.replace("COUNT", "150000"));
     let run = scratch.path("run");
     let replicas = scratch.path("replicas");
     let [shown, swept, resumed] = ["shown", "swept", "resumed"].map(|name| scratch.path(name));
     LAZYGRID.run(["simulate", &burst, "--steps", "1", "--output", &resumed]).succeeds();
-    let commands: [&[&str]; 12] = [
+    let commands: [&[&str]; 13] = [
         &["check", "--quick", "--backend", "cpu"],
         &["detect", &spheres, "--backend", "cpu", "--threads", "2"],
         &["detect", &text, "--backend", "cpu", "--threads", "2", "-o", &pairs],
         &["detect", &spheres, "--backend", "cpu", "--threads", "2", "--neighbors"],
         &["detect", &spheres, "--backend", "cpu", "--threads", "2", "--precision", "f64"],
+        &["detect", &named, "--backend", "cpu", "--threads", "2", "--ids", "--exclude", &bonds, "-o", &pairs],
         &["generate", "equal", "-n", "4000000", "-o", &scratch.path("made.npy")],
         &["page", "-o", &scratch.path("page.html")],
         &["simulate", &burst, "--threads", "2", "--overwrite", "--output", &run],

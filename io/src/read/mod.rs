@@ -46,6 +46,7 @@ use rayon::slice::ParallelSliceMut;
 use self::read_context::ReadContext;
 use self::source::Source;
 use crate::error::Error;
+use crate::memory::try_collect;
 
 pub use line::BYTE_ORDER_MARK;
 pub use npy::{ArrayFile, NpyRows};
@@ -217,30 +218,48 @@ impl Frame {
         }
     }
 
-    /// Sorts spheres by id, if any, for comparison between frames.
+    /// Sorts spheres by id, if any, for comparison between frames. After a lack of memory, columns may differ in their
+    /// order.
     ///
     /// # Errors
-    /// The least repeated id.
-    pub fn sort_by_id(&mut self) -> Result<(), i64> {
+    /// [`SortError::RepeatedId`], and [`SortError::OutOfMemory`] if the system refuses memory for the sorted columns.
+    pub fn sort_by_id(&mut self) -> Result<(), SortError> {
         let Some(ids) = &mut self.ids else { return Ok(()) };
         if !ids.is_sorted() {
             // A frame has fewer than 2³² spheres.
-            let mut order: Vec<u32> = (0..ids.len() as u32).collect();
+            let mut order = try_collect(0..ids.len() as u32).map_err(SortError::OutOfMemory)?;
             order.par_sort_unstable_by_key(|&row| ids[row as usize]);
-            *ids = order.iter().map(|&row| ids[row as usize]).collect();
+            sort_column(ids, &order)?;
             match &mut self.doubles {
-                Some(doubles) => *doubles = order.iter().map(|&row| doubles[row as usize]).collect(),
-                None => self.spheres = order.iter().map(|&row| self.spheres[row as usize]).collect(),
+                Some(doubles) => sort_column(doubles, &order)?,
+                None => sort_column(&mut self.spheres, &order)?,
             }
             for column in [&mut self.species, &mut self.groups].into_iter().flatten() {
-                *column = order.iter().map(|&row| column[row as usize]).collect();
+                sort_column(column, &order)?;
             }
         }
         match ids.windows(2).find(|two| two[0] == two[1]) {
-            Some(two) => Err(two[0]),
+            Some(two) => Err(SortError::RepeatedId(two[0])),
             None => Ok(()),
         }
     }
+}
+
+/// A failure of [`Frame::sort_by_id`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum SortError {
+    /// The least id of several spheres.
+    RepeatedId(i64),
+    /// The refused memory of the sorted columns.
+    OutOfMemory(TryReserveError),
+}
+
+/// Sorts a column so that row `k` is the former row `order[k]`.
+fn sort_column<T: Copy>(column: &mut Vec<T>, order: &[u32]) -> Result<(), SortError> {
+    let sorted = try_collect(order.iter().map(|&row| column[row as usize]));
+    *column = sorted.map_err(SortError::OutOfMemory)?;
+    Ok(())
 }
 
 /// Returns a sphere of numbers that `f32` holds.

@@ -8,6 +8,7 @@ use super::line::Line;
 use super::lines::Lines;
 use super::source::Source;
 use crate::error::Error;
+use crate::memory::{refused, try_push};
 
 /// Reads pairs from a text file: a [`PairFile`](crate::write::PairFile) as CSV, or bonds. Skips blank lines, `#`
 /// lines, and a header.
@@ -24,13 +25,17 @@ pub fn pairs(path: impl AsRef<Path>) -> Result<Vec<(i64, i64)>, Error> {
             continue;
         }
         match pair(line) {
-            Some(pair) => pairs.push(pair),
+            Some(pair) => try_push(&mut pairs, pair).map_err(|_| no_memory(path, pairs.len()))?,
             None if may_be_header && !line.bytes.iter().any(u8::is_ascii_digit) => {}
             None => return Err(line.unexpected("two whole numbers")),
         }
         may_be_header = false;
     }
     Ok(pairs)
+}
+
+fn no_memory(path: &Path, pairs: usize) -> Error {
+    refused(path, &format!("more than {pairs} pairs; list fewer"))
 }
 
 fn pair(line: Line<'_>) -> Option<(i64, i64)> {

@@ -50,7 +50,11 @@ impl ReadContext {
         }
     }
 
+    /// Refuses a serial number that the file has on an earlier line.
     pub(super) fn listed(&mut self, serials: &[(Serial, u64)], file: &Location) -> Result<(), Error> {
+        let spheres = (self.serials.len() + serials.len()) as u64;
+        let refused = |_| Error::TooManySpheres { place: file.clone(), spheres, limit: "memory" };
+        self.serials.try_reserve(serials.len()).map_err(refused)?;
         for &(serial, line) in serials {
             if let Some(first) = self.serials.insert(serial, line) {
                 let serial = match serial {

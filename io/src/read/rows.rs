@@ -11,6 +11,7 @@ use super::serial::{Serial, serial};
 use super::species::Species;
 use super::{Frame, sphere};
 use crate::error::{Error, Location, Position};
+use crate::memory;
 
 pub(super) trait Table: Sync {
     fn columns(&self) -> &Columns;
@@ -123,7 +124,8 @@ impl ParsedBlock {
         let Some(row) = table.row(line, defaults.doubles)? else { return Ok(()) };
         let mut radius = row.radius;
         if let Some(name) = row.species {
-            let (kind, given) = self.species.intern(name);
+            let refused = |_| too_many(line, self.kinds.len());
+            let (kind, given) = self.species.intern(name).map_err(refused)?;
             radius = given.or(radius);
             try_push(&mut self.kinds, kind, line)?;
         }
@@ -154,13 +156,11 @@ impl ParsedBlock {
 }
 
 fn try_push<T>(all: &mut Vec<T>, value: T, line: Line<'_>) -> Result<(), Error> {
-    let spheres = all.len() as u64 + 1;
-    let refused = |_| Error::TooManySpheres { place: line.place(), spheres, limit: "memory" };
-    if all.len() == all.capacity() {
-        all.try_reserve(1).map_err(refused)?;
-    }
-    all.push(value);
-    Ok(())
+    memory::try_push(all, value).map_err(|_| too_many(line, all.len()))
+}
+
+fn too_many(line: Line<'_>, before: usize) -> Error {
+    Error::TooManySpheres { place: line.place(), spheres: before as u64 + 1, limit: "memory" }
 }
 
 impl Frame {
@@ -195,7 +195,7 @@ impl Frame {
         self.spheres.extend_from_slice(&part.spheres);
         self.doubles.iter_mut().for_each(|doubles| doubles.extend_from_slice(&part.doubles));
         if !part.kinds.is_empty() {
-            let ids = context.species.adopt(&part.species);
+            let ids = context.species.adopt(&part.species).map_err(no_room)?;
             let species = self.species.get_or_insert_default();
             species.try_reserve(part.kinds.len()).map_err(no_room)?;
             species.extend(part.kinds.iter().map(|&kind| ids[kind as usize]));

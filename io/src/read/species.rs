@@ -1,10 +1,14 @@
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, TryReserveError};
 use std::sync::Arc;
 
 use crate::error::bare;
+use crate::memory::{check_margin, try_collect, try_text};
 
 /// Radii by species name, which win over a radius column.
 pub type Radii = BTreeMap<String, f64>;
+
+/// Names that are added between two checks of the memory that is left.
+const NAMES_PER_CHECK: usize = 256;
 
 /// The species of a file in the order of appearance, and their given radii.
 ///
@@ -48,30 +52,46 @@ impl Species {
         self.given.values().all(|&radius| f64::from(radius as f32) == radius)
     }
 
-    pub(super) fn intern(&mut self, name: &[u8]) -> (u32, Option<f64>) {
+    /// Returns the id and the given radius of a species.
+    pub(super) fn intern(&mut self, name: &[u8]) -> Result<(u32, Option<f64>), TryReserveError> {
         // Rows mostly repeat the species, without hashing.
         let same = self.keys.get(self.last).is_some_and(|last| **last == *name);
         let id = match same {
             true => self.last as u32,
-            false => self.ids.get(name).copied().unwrap_or_else(|| self.add(name)),
+            false => self.ids.get(name).copied().map_or_else(|| self.add(name), Ok)?,
         };
         self.last = id as usize;
-        (id, self.radii[self.last])
+        Ok((id, self.radii[self.last]))
     }
 
-    pub(super) fn adopt(&mut self, part: &Self) -> Vec<u32> {
-        part.keys.iter().map(|name| self.intern(name).0).collect()
+    pub(super) fn adopt(&mut self, part: &Self) -> Result<Vec<u32>, TryReserveError> {
+        let mut ids = Vec::new();
+        ids.try_reserve_exact(part.keys.len())?;
+        for name in &part.keys {
+            ids.push(self.intern(name)?.0);
+        }
+        Ok(ids)
     }
 
-    fn add(&mut self, bytes: &[u8]) -> u32 {
-        let name = String::from_utf8_lossy(bytes).into_owned();
+    fn add(&mut self, bytes: &[u8]) -> Result<u32, TryReserveError> {
+        // Names are small allocations, which would leave no memory at all.
+        if self.names.len().is_multiple_of(NAMES_PER_CHECK) {
+            check_margin()?;
+        }
+        let name = try_text(bytes)?;
+        let key = || try_collect(bytes.iter().copied()).map(Vec::into_boxed_slice);
+        let [listed, mapped] = [key()?, key()?];
+        self.radii.try_reserve(1)?;
+        self.names.try_reserve(1)?;
+        self.keys.try_reserve(1)?;
+        self.ids.try_reserve(1)?;
         // A frame has fewer than 2³² spheres, each with at most one new name.
         let id = self.names.len() as u32;
         self.radii.push(self.given.get(&name).or_else(|| self.given.get(bare(&name))).copied());
         self.names.push(name);
-        self.keys.push(bytes.into());
-        self.ids.insert(bytes.into(), id);
-        id
+        self.keys.push(listed);
+        self.ids.insert(mapped, id);
+        Ok(id)
     }
 }
 
@@ -79,14 +99,18 @@ impl Species {
 mod tests {
     use super::*;
 
+    fn interned(species: &mut Species, name: &[u8]) -> (u32, Option<f64>) {
+        species.intern(name).unwrap()
+    }
+
     #[test]
     fn a_state_has_its_own_radius_or_that_of_the_bare_name() {
         let given = [("acid", 0.1), ("acid(front)", 0.2), ("salt", 0.3)].map(|(n, r)| (n.to_owned(), r));
         let mut species = Species::new(given.into());
-        assert_eq!(species.intern(b"acid(solution)"), (0, Some(0.1)));
-        assert_eq!(species.intern(b"acid(front)"), (1, Some(0.2)));
-        assert_eq!(species.intern(b"water"), (2, None));
-        assert_eq!(species.intern(b"acid(solution)"), (0, Some(0.1)));
+        assert_eq!(interned(&mut species, b"acid(solution)"), (0, Some(0.1)));
+        assert_eq!(interned(&mut species, b"acid(front)"), (1, Some(0.2)));
+        assert_eq!(interned(&mut species, b"water"), (2, None));
+        assert_eq!(interned(&mut species, b"acid(solution)"), (0, Some(0.1)));
         assert_eq!(species.names(), ["acid(solution)", "acid(front)", "water"]);
         assert_eq!(species.unused_radii().collect::<Vec<_>>(), ["salt"]);
     }

@@ -18,7 +18,12 @@ impl Excluded {
     pub(crate) fn read(args: &Detect) -> Result<Option<Self>, CliError> {
         let Some(path) = &args.exclude else { return Ok(None) };
         let pairs = read::pairs(path)?;
-        let met = vec![false; if args.ids { pairs.len() } else { 0 }];
+        let mut met = Vec::new();
+        if args.ids {
+            let refused = |_| CliError::NoMemoryForPairs { path: path.clone(), pairs: pairs.len() };
+            met.try_reserve_exact(pairs.len()).map_err(refused)?;
+            met.resize(pairs.len(), false);
+        }
         Ok(Some(Self { path: path.clone(), pairs, by_id: args.ids, met }))
     }
 

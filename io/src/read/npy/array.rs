@@ -1,4 +1,3 @@
-use std::io;
 use std::path::Path;
 
 use super::dictionary::Descr;
@@ -6,6 +5,7 @@ use super::dtype::Dtype;
 use super::header::{describe, float_type, read_text};
 use super::{BLOCK, further_bytes, syntax};
 use crate::error::{Error, Position};
+use crate::memory::refused;
 use crate::read::source::Source;
 
 /// A NumPy file with an array of `f32` or `f64` of any shape, byte order and memory order, opened up to its header.
@@ -121,9 +121,7 @@ impl ArrayFile {
     }
 
     fn refused(&self) -> Error {
-        let message = format!("no memory for {} numbers; read a smaller array", self.numbers);
-        let source = io::Error::new(io::ErrorKind::OutOfMemory, message);
-        Error::Read { path: self.source.path.to_path_buf(), source }
+        refused(&self.source.path, &format!("{} numbers; read a smaller array", self.numbers))
     }
 }
 

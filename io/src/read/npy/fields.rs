@@ -102,7 +102,7 @@ impl Fields {
             self.make_room(read / self.width, frame, context)
                 .map_err(|_| header.too_many(source, "memory"))?;
             for row in block[..read].chunks_exact(self.width) {
-                self.push(source, (found, row), frame, context)?;
+                self.push((source, header), (found, row), frame, context)?;
                 found += 1;
             }
             if read < block.len() {
@@ -133,7 +133,7 @@ impl Fields {
 
     fn push(
         &self,
-        source: &Source,
+        (source, header): (&Source, &Header),
         (number, row): (u64, &[u8]),
         frame: &mut Frame,
         context: &mut ReadContext,
@@ -152,7 +152,8 @@ impl Fields {
                         DtypeKind::Signed | DtypeKind::Unsigned => kind.whole(bytes).to_string(),
                         _ => kind.text(bytes),
                     };
-                    let (id, by_species) = context.species.intern(name.as_bytes());
+                    let refused = |_| header.too_many(source, "memory");
+                    let (id, by_species) = context.species.intern(name.as_bytes()).map_err(refused)?;
                     given = by_species;
                     frame.species.get_or_insert_default().push(id);
                 }
