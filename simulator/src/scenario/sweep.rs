@@ -73,7 +73,7 @@ impl Sweep {
         let text = without_section(text, file.get_ref());
         let Ok(file) = DeTable::parse(&text) else { return Ok(None) };
         let mut known = Vec::new();
-        list_keys(file.get_ref(), "", &mut known);
+        list_keys(file.get_ref(), "", MAX_PARTS, &mut known);
         let spots = keys.iter().map(|key| spot(key, &known)).collect::<Result<Vec<_>, _>>();
         let spots = spots.and_then(disjoint).map_err(Error::Model)?;
         let points = combinations(&keys).map_err(Error::Model)?;
@@ -182,21 +182,27 @@ struct KnownKey {
     is_string: bool,
 }
 
-/// Lists all keys. Array elements are named by index, and by name, equation or species, and coordinates also by x, y
-/// and z.
-fn list_keys(table: &DeTable<'_>, prefix: &str, known: &mut Vec<KnownKey>) {
+/// Parts and bytes of the longest path of a key. Elements of nested arrays have several names each, so the number of
+/// paths is exponential in their parts.
+const MAX_PARTS: usize = 8;
+const MAX_PATH_BYTES: usize = 1024;
+
+/// Lists all keys of at most `parts` parts. Array elements are named by index, and by name, equation or species, and
+/// coordinates also by x, y and z.
+fn list_keys(table: &DeTable<'_>, prefix: &str, parts: usize, known: &mut Vec<KnownKey>) {
     for (name, value) in table {
-        list_value(value, format!("{prefix}{}", name.get_ref()), known);
+        list_value(value, format!("{prefix}{}", name.get_ref()), parts, known);
     }
 }
 
-fn list_value(value: &Spanned<DeValue<'_>>, path: String, known: &mut Vec<KnownKey>) {
+fn list_value(value: &Spanned<DeValue<'_>>, path: String, parts: usize, known: &mut Vec<KnownKey>) {
+    let Some(parts) = parts.checked_sub(1).filter(|_| path.len() <= MAX_PATH_BYTES) else { return };
     match value.get_ref() {
-        DeValue::Table(table) => return list_keys(table, &format!("{path}."), known),
+        DeValue::Table(table) => return list_keys(table, &format!("{path}."), parts, known),
         DeValue::Array(values) => {
             for (index, one) in values.iter().enumerate() {
                 let names = element_names(one.get_ref(), index, values.len());
-                names.into_iter().for_each(|name| list_value(one, format!("{path}.{name}"), known));
+                names.into_iter().for_each(|name| list_value(one, format!("{path}.{name}"), parts, known));
             }
             if values.iter().any(|one| matches!(one.get_ref(), DeValue::Table(_))) {
                 return;
@@ -215,6 +221,7 @@ fn element_names(value: &DeValue<'_>, index: usize, count: usize) -> Vec<String>
             let own = ["name", "equation", "species"].into_iter().find_map(|key| table.get(key));
             names.extend(own.and_then(|own| own.get_ref().as_str()).map(str::to_owned));
         }
+        DeValue::Array(_) => {}
         _ if count == 3 => names.push(["x", "y", "z"][index].to_owned()),
         _ => {}
     }
@@ -278,7 +285,7 @@ fn without_section(text: &str, file: &DeTable<'_>) -> String {
     let mut after = text.len();
     for (name, value) in file.iter().filter(|(name, _)| name.get_ref() != "sweep") {
         let mut known = Vec::new();
-        list_value(value, name.get_ref().to_string(), &mut known);
+        list_value(value, name.get_ref().to_string(), MAX_PARTS, &mut known);
         let first = known.iter().map(|known| known.span.start).chain([value.span().start]);
         after = first.filter(|&at| at > start).fold(after, usize::min);
     }

@@ -1,5 +1,6 @@
 mod chemotaxis;
 mod flow;
+mod limits;
 mod network;
 mod surfaces;
 
