@@ -49,6 +49,17 @@ fn message_of_too_many_bits_is_refused_at_once() {
         );
         assert!(said.len() < 1000 && begun.elapsed() < Duration::from_secs(60));
     }
+    let other = |k: usize| {
+        format!(
+            "[[transmitter]]\nname = \"t{k}\"\nrandom-bits = 4000000\nsymbol-time = 1e-3\nrelease = [{{ species = \"A\", count = 5 }}]\n"
+        )
+    };
+    let file = scratch.write("message.toml", &scenario(&(0..100).map(other).collect::<String>()));
+    let said = LAZYGRID.run(["simulate", &file, "--output", &scratch.path("run")]).fails().err;
+    assert!(
+        said.contains("up to 't1' send 8000000 symbols, more than the limit of 4194304; send fewer"),
+        "{said}"
+    );
     let file = scratch.write("message.toml", &scenario("random-bits = 1000\nsymbol-time = 1e-3"));
     LAZYGRID.run(["simulate", &file, "--output", &scratch.path("run")]).succeeds();
 }

@@ -7,6 +7,8 @@
 //! reaction uses the decay's g: the probabilities then have the ratio of the rates, and the equilibrium is independent
 //! of Δt.
 
+use std::collections::HashSet;
+
 use crate::model::{Decay, Model, Reaction, ReactionRate, Unbinding};
 
 /// The reactions of two species at center distances between the radius of the next inner shell and its own.
@@ -21,27 +23,31 @@ pub(crate) struct ProbabilityShell {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReactionProbabilities<'a>(pub(crate) &'a Model);
 
-impl<'a> ReactionProbabilities<'a> {
+impl ReactionProbabilities<'_> {
+    /// Returns the pairs of species that react, each once, in the order of the reactions.
+    pub(crate) fn pairs(self) -> impl Iterator<Item = [u32; 2]> {
+        let mut seen = HashSet::new();
+        let reactants = self.0.reactions.iter().map(|reaction| reaction.reactants);
+        reactants.filter(move |&[a, b]| seen.insert([a.min(b), a.max(b)]))
+    }
+
     /// Returns the shells of two species, innermost first.
     pub(crate) fn shells(self, pair: [u32; 2]) -> Vec<ProbabilityShell> {
-        let channels: Vec<_> = channels(self.0, pair).collect();
-        let mut radii: Vec<f32> = channels.iter().map(|(_, reaction)| reaction.binding_radius).collect();
+        let with_back = |(place, reaction)| (place, reaction, self.inverse_rate(reaction));
+        let channels: Vec<_> = channels(self.0, pair).map(with_back).collect();
+        let mut radii: Vec<f32> = channels.iter().map(|(_, reaction, _)| reaction.binding_radius).collect();
         radii.sort_unstable_by(f32::total_cmp);
         radii.dedup();
         let shell = |radius: f32| {
-            let inside = || channels.iter().filter(|(_, reaction)| reaction.binding_radius >= radius);
-            let alone = inside().map(|(_, reaction)| rate(reaction)).sum();
-            let chance = |reaction: &Reaction| match reaction.chance {
-                ReactionRate::PerStep(probability) => probability,
+            let inside = || channels.iter().filter(|(_, reaction, _)| reaction.binding_radius >= radius);
+            let alone = inside().map(|(_, reaction, _)| rate(reaction)).sum();
+            let chance = |&(place, reaction, back): &(usize, &Reaction, Option<f64>)| match reaction.chance {
+                ReactionRate::PerStep(probability) => (place, probability),
                 ReactionRate::PerTime(rate) => {
-                    let total = self.inverse(reaction).map_or(alone, |decay| self.decay_rate(decay.reactant));
-                    rate * factor(total, self.0.time_step)
+                    (place, rate * factor(back.unwrap_or(alone), self.0.time_step))
                 }
             };
-            ProbabilityShell {
-                radius,
-                channels: inside().map(|&(place, reaction)| (place, chance(reaction))).collect(),
-            }
+            ProbabilityShell { radius, channels: inside().map(chance).collect() }
         };
         radii.into_iter().map(shell).collect()
     }
@@ -58,10 +64,13 @@ impl<'a> ReactionProbabilities<'a> {
         self.0.decays.iter().filter(|decay| decay.reactant == species).map(|decay| decay.rate).sum()
     }
 
-    /// Returns the decay that undoes a reaction anywhere within its binding radius.
-    fn inverse(self, reaction: &Reaction) -> Option<&'a Decay> {
+    /// Returns the rate of all decays of the species whose decay undoes a reaction anywhere within its binding radius, in
+    /// 1/s.
+    fn inverse_rate(self, reaction: &Reaction) -> Option<f64> {
         let back = Unbinding::Within(reaction.binding_radius);
-        self.0.decays.iter().find(|decay| decay.unbinding == back && undoes(decay, reaction))
+        let mut decays = self.0.decays.iter();
+        let decay = decays.find(|decay| decay.unbinding == back && undoes(decay, reaction))?;
+        Some(self.decay_rate(decay.reactant))
     }
 }
 

@@ -247,8 +247,8 @@ impl Model {
 
     fn check_channels(&self) -> Result<(), Error> {
         let chances = ReactionProbabilities(self);
-        for reaction in &self.reactions {
-            for shell in chances.shells(reaction.reactants) {
+        for pair in chances.pairs() {
+            for shell in chances.shells(pair) {
                 let total: f64 = shell.channels.iter().map(|(_, probability)| probability).sum();
                 if total > 1.0 + 1e-9 {
                     let names = shell.channels.iter().map(|&(place, _)| self.reactions[place].name.as_str());

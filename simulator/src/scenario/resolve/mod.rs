@@ -2,6 +2,7 @@
 
 mod chemotaxis;
 mod flow_field;
+mod network_index;
 mod reactions;
 mod receivers;
 mod schedule;

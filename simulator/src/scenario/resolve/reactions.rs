@@ -4,11 +4,15 @@ use lazygrid_io::excerpt;
 use lazygrid_scenario::{self as file, Positive};
 use toml::Spanned;
 
+use super::network_index::NetworkIndex;
 use super::{Names, equation_name, number_equal_names};
 use crate::model::probability::undoes;
 use crate::model::{Decay, Model, Reaction, ReactionRate, Species, Unbinding};
 use crate::reaction::rate;
 use crate::scenario::{Problem, warnings};
+
+/// Largest number of reactions of the same reactants.
+const MAX_CHANNELS: usize = 1000;
 
 pub(super) fn resolve(
     reactions: &[file::Reaction],
@@ -23,12 +27,14 @@ pub(super) fn resolve(
     number_equal_names(drafts.iter_mut().map(|draft| &mut draft.bare.name));
     number_equal_names(parsed.iter_mut().map(|decay| &mut decay.name));
     let (time_step, dimensions) = (space.time_step, space.boundary.dimensions());
-    let all = Network { drafts, decays: parsed, time_step, dimensions };
+    let index = NetworkIndex::new(drafts.iter().map(|draft| &draft.bare), &parsed);
+    let all = Network { drafts, decays: parsed, index, time_step, dimensions };
+    all.drafts.iter().try_for_each(|draft| all.check_count(draft, names))?;
     let resolved = all.drafts.iter().map(|draft| all.reaction(draft)).collect::<Result<Vec<_>, _>>()?;
     all.drafts.iter().try_for_each(|draft| all.check_reverse(draft, &resolved))?;
     warnings
         .extend(all.drafts.iter().zip(&resolved).flat_map(|(draft, reaction)| all.warnings(draft, reaction)));
-    let apart = all.decays.iter().zip(decays).map(|(decay, from)| unbinding(decay, from, &resolved));
+    let apart = all.decays.iter().zip(decays).map(|(decay, from)| all.unbinding(decay, from, &resolved));
     let unbindings = apart.collect::<Result<Vec<_>, _>>()?;
     let pairs = all.decays.into_iter().zip(unbindings);
     Ok((resolved, pairs.map(|(decay, unbinding)| Decay { unbinding, ..decay }).collect()))
@@ -37,6 +43,7 @@ pub(super) fn resolve(
 struct Network<'a> {
     drafts: Vec<Draft<'a>>,
     decays: Vec<Decay>,
+    index: NetworkIndex,
     time_step: f64,
     dimensions: usize,
 }
@@ -95,11 +102,6 @@ impl<'a> Draft<'a> {
         Ok(Self { file, bare, diffusion: sum(|s| s.diffusion), touch: sum(|s| s.radius.into()), speed })
     }
 
-    fn shares_reactants(&self, other: &Draft<'_>) -> bool {
-        let [a, b] = self.bare.reactants;
-        other.bare.reactants == [a, b] || other.bare.reactants == [b, a]
-    }
-
     fn refuse<T>(&self, message: String) -> Result<T, Problem> {
         Err(Problem::at(self.file.equation.span(), message))
     }
@@ -107,7 +109,20 @@ impl<'a> Draft<'a> {
 
 impl Network<'_> {
     fn channels(&self, draft: &Draft<'_>) -> impl Iterator<Item = &Draft<'_>> {
-        self.drafts.iter().filter(|other| other.shares_reactants(draft))
+        self.index.channels(draft.bare.reactants).iter().map(|&place| &self.drafts[place])
+    }
+
+    /// Refuses too many reactions of a pair, whose probabilities take quadratic time and memory.
+    fn check_count(&self, draft: &Draft<'_>, names: &Names<'_>) -> Result<(), Problem> {
+        let count = self.index.channels(draft.bare.reactants).len();
+        if count <= MAX_CHANNELS {
+            return Ok(());
+        }
+        let [a, b] =
+            draft.bare.reactants.map(|species| excerpt(names.species[species as usize].name.as_bytes()));
+        draft.refuse(format!(
+            "{a} and {b} have {count} reactions, more than the limit of {MAX_CHANNELS}; merge or remove some"
+        ))
     }
 
     fn total_rate(&self, draft: &Draft<'_>) -> f64 {
@@ -185,16 +200,16 @@ impl Network<'_> {
 
     /// Returns the decay or reaction that undoes a reaction.
     fn reverse(&self, reaction: &Reaction) -> Option<Reverse<'_>> {
-        let by_decay = self.decays.iter().find(|decay| undoes(decay, reaction)).map(|decay| {
+        let by_decay = self.index.reverse_decay(reaction).map(|place| {
+            let decay = &self.decays[place];
             let (Unbinding::Apart(apart) | Unbinding::Within(apart)) = decay.unbinding;
             // With the rate R of all decays, the fraction k(1 − exp(−RΔt))/R dissociates in a step, not kΔt.
             // Association must be lower by the same factor.
-            let decays = self.decays.iter().filter(|other| other.reactant == decay.reactant);
-            let lost = decays.map(|other| other.rate).sum::<f64>() * self.time_step;
+            let lost = self.index.decay_rate(decay.reactant) * self.time_step;
             Reverse { name: &decay.name, apart: apart.into(), kept: -libm::expm1(-lost) / lost }
         });
         by_decay.or_else(|| {
-            let back = self.drafts.iter().map(|draft| &draft.bare).find(|back| is_reverse(back, reaction))?;
+            let back = &self.drafts[self.index.reverse_reaction(reaction)?].bare;
             Some(Reverse { name: &back.name, apart: back.unbinding_radius.into(), kept: 1.0 })
         })
     }
@@ -204,9 +219,32 @@ impl Network<'_> {
         let meets = |other: &&Reaction| {
             is_reverse(other, &draft.bare) && matches!(other.chance, ReactionRate::PerStep(_))
         };
-        match resolved.iter().find(meets).filter(|_| draft.file.unbinding_radius.is_none()) {
+        let [Some(a), Some(b)] = draft.bare.products else { return Ok(()) };
+        let mut back = self.index.channels([a, b]).iter().map(|&place| &resolved[place]);
+        match back.find(meets).filter(|_| draft.file.unbinding_radius.is_none()) {
             None => Ok(()),
             Some(back) => Err(Problem::at(draft.file.equation.span(), at_once(&draft.bare.name, &back.name))),
+        }
+    }
+
+    /// Returns the separation of products: the given radius, otherwise the ball of the reverse reaction, otherwise 0.
+    fn unbinding(
+        &self,
+        decay: &Decay,
+        from: &file::Decay,
+        resolved: &[Reaction],
+    ) -> Result<Unbinding, Problem> {
+        let ([Some(a), Some(b)], None) = (decay.products, &from.unbinding_radius) else {
+            return Ok(decay.unbinding);
+        };
+        let mut reactions = self.index.channels([a, b]).iter().map(|&place| &resolved[place]);
+        let undone = reactions.find(|reaction| undoes(decay, reaction));
+        match undone.map(|reaction| (reaction, reaction.chance)) {
+            None => Ok(decay.unbinding),
+            Some((reaction, ReactionRate::PerTime(_))) => Ok(Unbinding::Within(reaction.binding_radius)),
+            Some((reaction, ReactionRate::PerStep(_))) => {
+                Err(Problem::at(from.equation.span(), at_once(&decay.name, &reaction.name)))
+            }
         }
     }
 
@@ -313,20 +351,5 @@ fn unbinding_radius(
             ))
         }
         Some(radius) => Ok(radius.get_ref().0 as f32),
-    }
-}
-
-/// Returns the separation of products: the given radius, otherwise the ball of the reverse reaction, otherwise 0.
-fn unbinding(decay: &Decay, from: &file::Decay, reactions: &[Reaction]) -> Result<Unbinding, Problem> {
-    if from.unbinding_radius.is_some() {
-        return Ok(decay.unbinding);
-    }
-    let undone = reactions.iter().find(|reaction| undoes(decay, reaction));
-    match undone.map(|reaction| (reaction, reaction.chance)) {
-        None => Ok(decay.unbinding),
-        Some((reaction, ReactionRate::PerTime(_))) => Ok(Unbinding::Within(reaction.binding_radius)),
-        Some((reaction, ReactionRate::PerStep(_))) => {
-            Err(Problem::at(from.equation.span(), at_once(&decay.name, &reaction.name)))
-        }
     }
 }

@@ -99,8 +99,15 @@ fn message_only(transmitter: &file::Transmitter) -> Result<(), Problem> {
     }
 }
 
-/// Largest number of bits. Each symbol is a row of symbols.csv, which is written before the first step.
-const MAX_BITS: usize = 1 << 22;
+/// Largest number of bits of a transmitter, and of symbols of all transmitters. Each symbol is a row of symbols.csv, which
+/// is written before the first step.
+pub(super) const MAX_BITS: usize = 1 << 22;
+
+/// Returns the span of the bits of a message, which is empty for other transmitters.
+pub(super) fn bits_span(transmitter: &file::Transmitter) -> Range<usize> {
+    let random = || transmitter.random_bits.as_ref().map(toml::Spanned::span);
+    transmitter.bits.as_ref().map(toml::Spanned::span).or_else(random).unwrap_or_default()
+}
 
 fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, Problem> {
     steady_only(transmitter, "release rates")?;
@@ -108,9 +115,7 @@ fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, P
         let message = "bits say when to release; write start and symbol-time instead of times".to_owned();
         return Err(Problem::at(times.span(), message));
     }
-    let bits_span = transmitter.bits.as_ref().map(toml::Spanned::span);
-    let span: Range<usize> =
-        bits_span.or_else(|| transmitter.random_bits.as_ref().map(toml::Spanned::span)).unwrap_or_default();
+    let span = bits_span(transmitter);
     let Some(symbol_time) = &transmitter.symbol_time else {
         return Err(Problem::at(span, "bits need a symbol-time".to_owned()));
     };

@@ -1,8 +1,9 @@
-use lazygrid_io::excerpt;
+use std::collections::HashSet;
 
+use lazygrid_io::excerpt;
 use lazygrid_scenario as file;
 
-use super::schedule::{schedule, to_f32};
+use super::schedule::{MAX_BITS, bits_span, schedule, to_f32};
 use super::space::number;
 use super::{Names, equation_name, number_equal_names};
 use crate::model::boundary::{Axis, Boundary};
@@ -15,11 +16,21 @@ pub(super) fn transmitters(
     boundary: &Boundary,
     warnings: &mut Vec<Problem>,
 ) -> Result<Vec<Transmitter>, Problem> {
-    let mut all: Vec<Transmitter> = Vec::new();
+    let (mut all, mut known, mut symbols) = (Vec::new(), HashSet::new(), 0);
     for one in many {
-        let span = one.name.span();
+        let (span, of_bits) = (one.name.span(), bits_span(&one));
         let own = transmitter(one, names, boundary, warnings)?;
-        if all.iter().any(|other| other.name == own.name) {
+        if let Schedule::Message(message) = &own.schedule {
+            symbols += message.symbols.len() as usize;
+        }
+        if symbols > MAX_BITS {
+            let message = format!(
+                "the transmitters up to '{}' send {symbols} symbols, more than the limit of {MAX_BITS}; send fewer",
+                own.name
+            );
+            return Err(Problem::at(of_bits, message));
+        }
+        if !known.insert(own.name.clone()) {
             let message = format!("there are two transmitters '{}'; rename one", own.name);
             return Err(Problem::at(span, message));
         }

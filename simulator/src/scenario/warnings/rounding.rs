@@ -24,8 +24,9 @@ pub(in crate::scenario) fn rounded_decays(model: &Model) -> Vec<Option<String>> 
 /// Returns a warning or `None` for each reaction of the model, in the model's order.
 pub(in crate::scenario) fn rounded_reactions(model: &Model) -> Vec<Option<String>> {
     let mut messages = vec![None; model.reactions.len()];
-    for reaction in &model.reactions {
-        for shell in ReactionProbabilities(model).shells(reaction.reactants) {
+    let chances = ReactionProbabilities(model);
+    for pair in chances.pairs() {
+        for shell in chances.shells(pair) {
             for (place, probability, rounded) in rounded(&shell.channels) {
                 messages[place] = Some(message(&model.reactions[place].name, probability, rounded));
             }
