@@ -129,6 +129,19 @@ fn incomplete_files_of_a_killed_run_are_removed_by_the_next_one() {
     assert!(!fs::exists(left).unwrap() && fs::exists(kept).unwrap());
 }
 
+#[test]
+fn resumed_sweep_looks_only_at_replicas_that_exist() {
+    let scratch = Scratch::new();
+    let (file, run) = (scratch.write("a.toml", &scenario("")), scratch.path("run"));
+    let args = ["simulate", &file, "--output", &run, "--sweep", "time-step=1e-3,2e-3"];
+    LAZYGRID.run(args).succeeds();
+    let begun = Instant::now();
+    let more = ["--replicas", "4294967295", "--resume"];
+    let said = LAZYGRID.run(args.iter().chain(&more)).fails().err;
+    assert!(said.contains("the disk has"), "{said}");
+    assert!(begun.elapsed() < Duration::from_secs(60), "{:?}", begun.elapsed());
+}
+
 /// Takes minutes, exceeds the disk, or is cancelled by the signal.
 #[test]
 fn billions_of_replicas_take_no_memory_and_obey_sigterm() {

@@ -74,7 +74,7 @@ impl SweepRuns {
             }
             let (path, text) = (point.run.directory.join(SCENARIO), &point.run.scenario.text);
             // A resumed point keeps its scenario: the one given may be refused.
-            if point.run.resume && point.has_checkpoint().map_err(|error| named((k, error)))? {
+            if point.run.resume && point.checkpoint_count().map_err(|error| named((k, error)))? > 0 {
                 continue;
             }
             output::write_atomically(&path, |out| out.write_all(text.as_bytes()))?;
@@ -186,12 +186,8 @@ impl SweepRuns {
         let mut all = DiskEstimate { least: 0, most: 0, checkpoint: [0; 2] };
         for (k, point) in self.points.iter().enumerate().filter(|(_, point)| point.run.space_check) {
             let (run, at) = (&point.run, |error| (k, error));
-            let is_new = |&replica: &u32| !point.directory_of(replica).join("checkpoint").exists();
-            let new = if run.resume {
-                (0..point.count.get()).filter(is_new).count() as u32
-            } else {
-                point.count.get()
-            };
+            let begun = if run.resume { point.checkpoint_count().map_err(at)? } else { 0 };
+            let new = point.count.get() - begun;
             if new == 0 {
                 continue;
             }

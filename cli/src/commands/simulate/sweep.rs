@@ -18,7 +18,7 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
     let runs = || sweep.points.iter().map(|point| u64::from(point.count.get()));
     let steps =
         sweep.points.iter().zip(runs()).map(|(point, runs)| runs * u64::from(point.run.scenario.steps));
-    let advance = Advance::new(progress::running(steps.sum()));
+    let advance = Advance::new(progress::running(steps.fold(0, u64::saturating_add)));
     let is_cancelled = || asked.signal().is_some();
     let results = sweep.run(is_cancelled, |point, replica, simulation| {
         advance.see(point, replica, simulation);
