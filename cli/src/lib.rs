@@ -26,21 +26,24 @@ use crate::error::CliError;
 /// Writes to standard output and standard error, handles signals, and sets up the log.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     let given: Vec<OsString> = args.into_iter().collect();
-    let args = match Args::try_parse_from(&given) {
-        Ok(args) => args,
+    let result = match Args::try_parse_from(&given) {
+        Ok(args) => {
+            let log = env_logger::Env::default().default_filter_or("warn");
+            // A host may have a log.
+            let _ = env_logger::Builder::from_env(log).try_init();
+            command(args.command)
+        }
         // Help and version are errors of the parser.
+        Err(said) if !said.use_stderr() => print_help(&said),
         Err(said) => {
-            let _ = match with_short_arguments(&said, &given).filter(|_| said.use_stderr()) {
+            let _ = match with_short_arguments(&said, &given) {
                 Some(text) => write!(io::stderr(), "{text}"),
                 None => said.print(),
             };
             return said.exit_code() as u8;
         }
     };
-    let log = env_logger::Env::default().default_filter_or("warn");
-    // A host may have a log.
-    let _ = env_logger::Builder::from_env(log).try_init();
-    match command(args.command) {
+    match result {
         Ok(()) => 0,
         // The reader has read enough, as in `lazygrid … | head -1`. Verdicts and files come before failures to print.
         Err(CliError::Stdout(error) | CliError::File(lazygrid_io::Error::Write { source: error, .. }))
@@ -68,6 +71,12 @@ fn with_short_arguments(said: &clap::Error, args: &[OsString]) -> Option<String>
         }
     }
     (text != whole).then_some(text)
+}
+
+/// Prints help or the version in color if standard output is a terminal.
+fn print_help(said: &clap::Error) -> Result<(), CliError> {
+    check_output()?;
+    said.print().and_then(|()| io::stdout().flush()).map_err(CliError::Stdout)
 }
 
 fn command(command: Command) -> Result<(), CliError> {

@@ -3,7 +3,13 @@ use std::ffi::OsString;
 use pyo3::prelude::*;
 
 /// Run the command line, whose first argument is the program's name, and return the exit code.
+///
+/// ``closed`` tells that the program began without standard output, so that writing to it fails.
 #[pyfunction]
-pub(crate) fn command(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
+#[pyo3(signature = (arguments, *, closed=false))]
+pub(crate) fn command(py: Python<'_>, arguments: Vec<OsString>, closed: bool) -> u8 {
+    if closed {
+        lazygrid_cli::set_output_closed();
+    }
     py.detach(|| lazygrid_cli::run(arguments))
 }

@@ -104,6 +104,14 @@ def test_the_command_line_says_how_it_ended(tmp_path: Path) -> None:
     assert missing.returncode == 1 and missing.stderr.startswith("error: ")
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a POSIX shell")
+def test_a_closed_standard_output_is_an_error(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("x,y,z,r\n0,0,0,1\n1,0,0,1\n")
+    program = [sys.executable, "-m", "lazygrid", "detect", str(tmp_path / "a.csv"), "-o", "-"]
+    closed = subprocess.run(["sh", "-c", 'exec "$@" >&-', "sh", *program], capture_output=True, text=True)
+    assert closed.returncode == 1 and "standard output: it is closed" in closed.stderr, closed.stderr
+
+
 def test_a_file_is_read_as_arrays() -> None:
     frame = lazygrid.read(ROOT / "tests/data/lammps-pour.dump", frame=0)
     assert frame.spheres.shape == (15208, 4) and frame.spheres.dtype == np.float32

@@ -80,6 +80,26 @@ fn long_arguments_are_quoted_in_part() {
     }
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn help_that_cannot_be_printed_is_an_error() {
+    for option in ["--help", "--version"] {
+        for (to, reason) in [(">/dev/full", "No space left"), (">&-", "closed")] {
+            let script = format!("exec \"$0\" {option} {to}");
+            let shell = Command::new("sh").args(["-c", &script, env!("CARGO_BIN_EXE_lazygrid")]).output();
+            let output = shell.unwrap();
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert_eq!(output.status.code(), Some(1), "{option} {to}: {said}");
+            assert!(
+                said.starts_with("error: cannot write to standard output: ") && said.contains(reason),
+                "{said}"
+            );
+        }
+        let run = LAZYGRID.run_with_closed_output([option]);
+        assert_eq!((run.code, run.err.as_str()), (Some(0), ""));
+    }
+}
+
 #[cfg(unix)]
 #[test]
 fn pairs_are_written_into_a_pipe_with_a_name() {

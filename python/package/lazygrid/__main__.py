@@ -13,7 +13,8 @@ def main() -> int:
     if sys.platform == "linux" and not os.path.isabs(os.environ.get("XDG_RUNTIME_DIR", "")):
         # Keeps libwayland, which graphics drivers ask for a display, from complaining about a missing directory.
         os.environ["XDG_RUNTIME_DIR"] = "/dev/null"
-    return command(["lazygrid", *sys.argv[1:]])
+    # Python has no `sys.stdout` if the process began with a closed standard output.
+    return command(["lazygrid", *sys.argv[1:]], closed=sys.stdout is None)
 
 
 if __name__ == "__main__":

@@ -535,5 +535,8 @@ class SimulationCore:
 def simulate(source: Any, options: dict[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """Return the results of a run, and warnings. See :func:`lazygrid.simulate`."""
 
-def command(arguments: list[str]) -> int:
-    """Run the command line, whose first argument is the program's name, and return the exit code."""
+def command(arguments: list[str], *, closed: bool = False) -> int:
+    """Run the command line, whose first argument is the program's name, and return the exit code.
+
+    ``closed`` tells that the program began without standard output, so that writing to it fails.
+    """
