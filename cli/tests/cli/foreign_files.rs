@@ -170,6 +170,26 @@ fn report_leaves_tables_and_pages_of_others_alone() {
     assert!(all.map(read).iter().all(|content| !content.contains("the work of years")));
 }
 
+#[test]
+fn report_replaces_own_files_with_other_line_ends() {
+    let scratch = Scratch::new();
+    let (file, run) = (scratch.write("a.toml", &channel()), scratch.path("run"));
+    let simulate = |steps: &str, more: &[&str]| {
+        let args = ["simulate", &file, "--output", &run, "--report", "--steps", steps];
+        LAZYGRID.run(args.iter().chain(more))
+    };
+    simulate("20", &[]).succeeds();
+    let plots = fs::read_dir(run.clone() + "/plots").unwrap().map(|entry| entry.unwrap().path());
+    let parts =
+        ["impulse-response.csv", "interference.csv", "bit-errors.csv", "by-symbol.csv", "report.html"];
+    for path in parts.map(|name| Path::new(&run).join(name)).into_iter().chain(plots) {
+        let text = fs::read_to_string(&path).unwrap();
+        fs::write(&path, text.replace('\n', "\r\n")).unwrap();
+    }
+    simulate("21", &["--resume"]).succeeds();
+    assert!(!fs::read_to_string(run + "/bit-errors.csv").unwrap().contains('\r'));
+}
+
 /// A scenario with a receiver, for all tables of a report.
 fn channel() -> String {
     let text = scenario("bits = \"1011\"\nsymbol-time = 5e-3")

@@ -2,7 +2,7 @@
 //! and its last line has the checksums of the tables.
 
 use std::fs::{self, File};
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufRead, BufReader, BufWriter, Write};
 use std::path::Path;
 
 use super::directory::{is_file, is_regular, refuse_file, refuse_page, remove_file, remove_where};
@@ -174,6 +174,19 @@ fn is_plot_of(page: &str, path: &Path) -> bool {
 
 fn is_table_of(page: &str, name: &str, path: &Path) -> bool {
     let Some(line) = last_line(page).filter(|_| is_regular(path)) else { return false };
-    let digest = File::open(path).and_then(|file| Digest::of_next(file, u64::MAX));
-    digest.is_ok_and(|digest| line.contains(&entry(name, &digest)))
+    table_digest(path).is_ok_and(|digest| line.contains(&entry(name, &digest)))
+}
+
+/// Returns the digest without carriage returns, which a copy to another system adds. Reports write none.
+fn table_digest(path: &Path) -> io::Result<Digest> {
+    let (mut reader, mut digest) = (BufReader::new(File::open(path)?), Digest::new());
+    loop {
+        let bytes = reader.fill_buf()?;
+        if bytes.is_empty() {
+            return Ok(digest);
+        }
+        bytes.split(|&byte| byte == b'\r').for_each(|part| digest.add(part));
+        let read = bytes.len();
+        reader.consume(read);
+    }
 }
