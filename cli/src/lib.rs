@@ -36,8 +36,9 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
         // Help and version are errors of the parser.
         Err(said) if !said.use_stderr() => print_help(&said),
         Err(said) => {
-            let _ = match with_short_arguments(&said, &given) {
-                Some(text) => write!(io::stderr(), "{text}"),
+            let text = said.render().to_string();
+            let _ = match with_short_arguments(&text, &given, 0) {
+                Some(short) => write!(io::stderr(), "{short}"),
                 None => said.print(),
             };
             return said.exit_code() as u8;
@@ -52,25 +53,33 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
             0
         }
         Err(failure) => {
-            let _ = writeln!(io::stderr(), "error: {failure}");
+            let text = failure.to_string();
+            let text = with_short_arguments(&text, &given, MAX_PATH_BYTES).unwrap_or(text);
+            let _ = writeln!(io::stderr(), "error: {text}");
             failure.exit_code()
         }
     }
 }
 
-/// Returns the text of an error with [excerpts](excerpt) of long arguments and their values; `None` if it quotes none.
-fn with_short_arguments(said: &clap::Error, args: &[OsString]) -> Option<String> {
-    let whole = said.render().to_string();
-    let mut text = whole.clone();
-    for arg in args.iter().map(|arg| arg.to_string_lossy()) {
-        for quoted in arg.split_once('=').map(|(_, value)| value).into_iter().chain([&*arg]) {
+/// Longest path that systems accept (`PATH_MAX` of Linux).
+const MAX_PATH_BYTES: usize = 4096;
+
+/// Returns a message with [excerpts](excerpt) of arguments and their values that are longer than `longest` bytes; `None` if
+/// it quotes none.
+fn with_short_arguments(message: &str, args: &[OsString], longest: usize) -> Option<String> {
+    let mut text = message.to_owned();
+    for arg in args.iter().map(|arg| arg.to_string_lossy()).filter(|arg| arg.len() > longest) {
+        let after_equals = arg.split_once('=').map(|(_, value)| value);
+        // A short option may precede its value, as in `-oVALUE`.
+        let after_option = arg.strip_prefix('-').and_then(|rest| rest.get(1..));
+        for quoted in [&*arg].into_iter().chain(after_option).chain(after_equals) {
             let short = excerpt(quoted.as_bytes());
             if short.len() < quoted.len() {
                 text = text.replace(quoted, &short);
             }
         }
     }
-    (text != whole).then_some(text)
+    (text != message).then_some(text)
 }
 
 /// Prints help or the version in color if standard output is a terminal.

@@ -5,6 +5,7 @@ use std::str::FromStr;
 
 use lazygrid::Space;
 
+use crate::error::excerpt;
 use crate::read::Radii;
 
 /// Parses `SPECIES=R`, a species' radius.
@@ -15,7 +16,10 @@ pub fn species_radius(text: &str) -> Result<(String, f64), String> {
     let (species, radius) = text.rsplit_once('=').ok_or("expected SPECIES=R, such as acid=0.1")?;
     match f64::from_str(radius) {
         Ok(radius) if radius.is_finite() && radius >= 0.0 => Ok((species.to_owned(), radius)),
-        _ => Err(format!("the radius '{radius}' must be a finite number that is not negative")),
+        _ => Err(format!(
+            "the radius '{}' must be a finite number that is not negative",
+            excerpt(radius.as_bytes())
+        )),
     }
 }
 
@@ -27,6 +31,7 @@ pub fn radii_by_species(given: &[(String, f64)]) -> Result<Radii, String> {
     let mut radii = Radii::new();
     for (species, radius) in given {
         if let Some(first) = radii.insert(species.clone(), *radius) {
+            let species = excerpt(species.as_bytes());
             return Err(format!("--radius {species} is given twice, as {first} and {radius}; give one"));
         }
     }
@@ -35,6 +40,7 @@ pub fn radii_by_species(given: &[(String, f64)]) -> Result<Radii, String> {
 
 /// Returns the warning of a radius whose species no sphere of a file has.
 pub fn unused_radius(path: &Path, species: &str) -> String {
+    let species = excerpt(species.as_bytes());
     format!("{}: no sphere is of species '{species}', for which a radius was given", path.display())
 }
 
@@ -51,9 +57,10 @@ pub fn periodic_space(text: &str) -> Result<Space, String> {
         number => match f64::from_str(number) {
             Ok(length) if length.is_finite() && length > 0.0 => Ok(Some(length)),
             Ok(_) => Err(format!(
-                "the length {number} is not a finite number above zero; write - for an axis that is unbounded"
+                "the length {} is not a finite number above zero; write - for an axis that is unbounded",
+                excerpt(number.as_bytes())
             )),
-            Err(_) => Err(format!("'{number}' is neither a length nor -")),
+            Err(_) => Err(format!("'{}' is neither a length nor -", excerpt(number.as_bytes()))),
         },
     };
     let lengths: Vec<_> = text.split(',').map(length).collect::<Result<_, _>>()?;

@@ -71,12 +71,48 @@ fn long_arguments_are_quoted_in_part() {
         vec!["detect", "a.csv", "--algorithm", &long],
         vec!["detect", "a.csv", "--backend", &long],
         vec!["detect", "a.csv", "--radius", &long],
+        vec!["detect", "a.csv", &format!("--radius=A={long}")],
+        vec!["detect", "a.csv", "--periodic", &format!("1,1,{long}")],
+        vec!["detect", "a.csv", &format!("-o{long}")],
         vec!["detect", "a.csv", &format!("--{long}")],
         vec![&long],
     ] {
         let run = LAZYGRID.run(arguments);
         assert_eq!(run.code, Some(2), "{}", run.err);
         assert!(run.err.contains("éé…") && run.err.len() < 1000, "{}", run.err);
+    }
+    let length = format!("1,1,0.{}1", "0".repeat(10_000));
+    let run = LAZYGRID.run(["detect", "a.csv", "--periodic", &length]);
+    assert!(run.code == Some(2) && run.err.len() < 1000, "{}", run.err);
+}
+
+#[test]
+fn long_paths_and_names_are_quoted_in_part() {
+    let scratch = Scratch::new();
+    let (long, path) = ("n".repeat(10_000), "folder/".repeat(10_000));
+    let spheres = scratch.write("a.csv", &format!("species,x,y,z,r\n{long},0,0,0,1\n"));
+    let named = scratch.write("named.csv", &format!("species,x,y,z\n{long},0,0,0\n"));
+    let digits = scratch.write("digits.csv", &format!("x,y,z,r\n0.{}7,0,0,1\n", "123".repeat(10_000)));
+    let file = scratch.write("a.toml", &scenario(""));
+    let run = scratch.path("run");
+    LAZYGRID.run(["simulate", &file, "--output", &run]).succeeds();
+    let radius = format!("{long}=1");
+    let swept = format!("transmitter.tx.release.0.species=A,{long}");
+    for (arguments, code) in [
+        (vec!["detect", &path], 1),
+        (vec!["detect", &spheres, "-o", &(path.clone() + "a.csv")], 1),
+        (vec!["detect", &named, "--radius", "A=1"], 1),
+        (vec!["detect", &named, "--radius", &("m".to_owned() + &radius), "--radius", &radius], 0),
+        (vec!["detect", &spheres, "--radius", &radius, "--radius", &(radius.clone() + "0")], 2),
+        (vec!["detect", &digits, "--precision", "f32"], 0),
+        (vec!["simulate", &path], 1),
+        (vec!["simulate", &file, "--output", &path], 1),
+        (vec!["simulate", &file, "--output", &scratch.path("swept"), "--sweep", &swept], 1),
+    ] {
+        let run = LAZYGRID.run(&arguments);
+        assert_eq!(run.code, Some(code), "{}", run.err);
+        assert!(run.err.contains('…') || code == 0, "{}", run.err);
+        assert!(run.err.len() < 2000, "{} bytes: {}", run.err.len(), run.err);
     }
 }
 

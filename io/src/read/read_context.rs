@@ -6,7 +6,7 @@ use lazygrid::Space;
 use super::serial::Serial;
 use super::species::Species;
 use super::{Options, Precision};
-use crate::error::{Error, Location, Position};
+use crate::error::{Error, Location, Position, excerpt};
 
 pub(super) struct ReadContext {
     pub(super) species: Species,
@@ -30,7 +30,7 @@ impl ReadContext {
         let rounded = |radius: f64| if doubles { radius } else { f64::from(radius as f32) };
         let is_refused = |radius: f64| !(rounded(radius).is_finite() && radius >= 0.0);
         if let Some((species, &radius)) = radii.iter().find(|(_, radius)| is_refused(**radius)) {
-            return Err(Error::Radius { species: species.clone(), radius });
+            return Err(Error::Radius { species: excerpt(species.as_bytes()), radius });
         }
         radii.values_mut().for_each(|radius| *radius = rounded(*radius));
         let (species, serials) = (Species::new(radii), HashMap::new());

@@ -10,7 +10,7 @@ use super::read_context::ReadContext;
 use super::serial::{Serial, serial};
 use super::species::Species;
 use super::{Frame, sphere};
-use crate::error::{Error, Location, Position};
+use crate::error::{Error, Location, Position, excerpt};
 use crate::memory;
 
 pub(super) trait Table: Sync {
@@ -129,10 +129,8 @@ impl ParsedBlock {
             radius = given.or(radius);
             try_push(&mut self.kinds, kind, line)?;
         }
-        let radius = radius.ok_or_else(|| {
-            let species = row.species.map(|name| String::from_utf8_lossy(name).into_owned());
-            Error::NoRadius { place: line.place(), species }
-        })?;
+        let radius = radius
+            .ok_or_else(|| Error::NoRadius { place: line.place(), species: row.species.map(excerpt) })?;
         if let Some(id) = row.id {
             if table.has_serials() {
                 try_push(&mut self.serials, (serial(line, id)?, line.number), line)?;
@@ -145,7 +143,7 @@ impl ParsedBlock {
             try_push(&mut self.groups, line.group(group)?, line)?;
         }
         if let Some((column, field)) = row.rounded.filter(|_| self.rounded.is_none()) {
-            self.rounded = Some((line.place(), column, String::from_utf8_lossy(field).into_owned()));
+            self.rounded = Some((line.place(), column, excerpt(field)));
         }
         let [x, y, z] = row.center;
         match defaults.doubles {

@@ -346,7 +346,10 @@ impl Default for One {
     }
 }
 
-/// A name of letters, digits, `_`, `.` and `-`.
+/// Longest name, in bytes. Names are columns of tables and part of messages.
+const MAX_NAME_BYTES: usize = 255;
+
+/// A name of letters, digits, `_`, `.` and `-`, of at most 255 bytes.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "String")]
 pub struct Name(pub String);
@@ -356,7 +359,12 @@ impl TryFrom<String> for Name {
 
     fn try_from(text: String) -> Result<Self, String> {
         let plain = |c: char| c.is_alphanumeric() || "_.-".contains(c);
-        if !text.is_empty() && text.chars().all(plain) && !text.contains("->") {
+        if text.len() > MAX_NAME_BYTES {
+            Err(format!(
+                "the name has {} bytes, more than the limit of {MAX_NAME_BYTES}; shorten it",
+                text.len()
+            ))
+        } else if !text.is_empty() && text.chars().all(plain) && !text.contains("->") {
             Ok(Self(text))
         } else {
             Err(format!("'{text}' is not a name; use letters, digits, '_', '.' and '-'"))

@@ -1,3 +1,5 @@
+use lazygrid_io::excerpt;
+
 use crate::Error;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::message::Symbols;
@@ -254,7 +256,7 @@ impl Model {
                     let names = shell.channels.iter().map(|&(place, _)| self.reactions[place].name.as_str());
                     return Err(Error::Model(format!(
                         "the probabilities of {} add up to {total} in a step; shorten the time step, or lower them",
-                        names.collect::<Vec<_>>().join(" and of ")
+                        excerpt(names.collect::<Vec<_>>().join(" and of ").as_bytes())
                     )));
                 }
             }

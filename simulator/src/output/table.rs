@@ -3,6 +3,8 @@
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
+use lazygrid_io::excerpt;
+
 use crate::Error;
 
 pub struct TableReader<'a> {
@@ -67,7 +69,8 @@ impl TableRow<'_> {
     /// [`Error::Read`] with the line if the field is no such number.
     pub fn number<T: std::str::FromStr>(&self, column: usize) -> Result<T, Error> {
         let field = self.field(column);
-        field.parse().map_err(|_| self.damaged(&format!("'{field}' is not such a number")))
+        let refused = |_| self.damaged(&format!("'{}' is not such a number", excerpt(field.as_bytes())));
+        field.parse().map_err(refused)
     }
 
     /// Returns an [`Error::Read`] for this line.

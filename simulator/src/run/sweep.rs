@@ -6,6 +6,8 @@ use std::num::NonZeroU32;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+use lazygrid_io::excerpt;
+
 use crate::output::{self, DiskEstimate, Lock};
 use crate::run::memory_estimate::{Sharing, check_largest_release};
 use crate::run::replicas::{ReplicaResults, Replicas, SEEDS};
@@ -159,7 +161,10 @@ impl SweepRuns {
         }
         let differs = before.lines().zip(now.lines()).find(|(before, now)| before != now);
         let message = match differs {
-            Some((before, now)) => format!("it has '{before}' and the sweep has '{now}'"),
+            Some((before, now)) => {
+                let [before, now] = [before, now].map(|line| excerpt(line.as_bytes()));
+                format!("it has '{before}' and the sweep has '{now}'")
+            }
             None => format!(
                 "it has {} points and the sweep has {}",
                 before.lines().count() - 1,

@@ -58,7 +58,7 @@ impl Scenario {
         let file = lazygrid_scenario::parse(&text).map_err(|error| placed(error.into()))?;
         let resolve::Resolved { model, steps, seed, output, warnings } =
             resolve::resolve(file, path.parent().unwrap_or(Path::new(""))).map_err(placed)?;
-        model.check()?;
+        model.check().map_err(shortened)?;
         let more = warnings.len().saturating_sub(MAX_WARNINGS);
         let first = warnings.into_iter().take(MAX_WARNINGS);
         let mut warnings: Vec<_> = first.map(|problem| placed(problem).to_string()).collect();
@@ -81,7 +81,7 @@ impl Scenario {
             Some(format!(
                 "transmitter {} {what} at or after {first} s, but the run ends at {end} s; make `steps` more than {}, or remove \
                  these times",
-                t.name,
+                excerpt(t.name.as_bytes()),
                 (first / self.model.time_step).ceil()
             ))
         };
@@ -107,8 +107,15 @@ fn located(path: &Path, text: &str, Problem { span, key, message }: Problem) -> 
     let start = span.map_or(0, |span| span.start);
     let (line, found) = place(text, start);
     let key = excerpt(key.unwrap_or(found).as_bytes());
-    let message = printed(with_short_quotes(&message).as_bytes(), MOST_SHOWN);
+    let message = short_message(&message);
     Error::Scenario { path: path.to_owned(), line, key, message }
+}
+
+fn shortened(error: Error) -> Error {
+    match error {
+        Error::Model(message) => Error::Model(short_message(&message)),
+        error => error,
+    }
 }
 
 struct Problem {
@@ -143,6 +150,10 @@ impl From<toml::de::Error> for Problem {
 /// Largest length of a message, in bytes.
 const MOST_SHOWN: usize = 800;
 const MOST_QUOTED: usize = 60;
+
+fn short_message(message: &str) -> String {
+    printed(with_short_quotes(message).as_bytes(), MOST_SHOWN)
+}
 
 /// Shortens words, and texts between quotation marks, to [`MOST_QUOTED`] characters, because the parser quotes keys and
 /// values in full.

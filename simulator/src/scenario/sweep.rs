@@ -3,11 +3,11 @@
 use std::ops::Range;
 use std::path::Path;
 
-use lazygrid_io::excerpt;
+use lazygrid_io::{excerpt, printed};
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
-use super::{Problem, Scenario, check_length, flow_file, located, nearest};
+use super::{MOST_SHOWN, Problem, Scenario, check_length, flow_file, located, nearest};
 use crate::Error;
 
 const MAX_POINTS: usize = 100_000;
@@ -103,8 +103,10 @@ pub(crate) fn sweep_point_error(keys: &[SweptKey], values: &[String], source: Er
 }
 
 fn named_values(keys: &[SweptKey], values: &[String]) -> String {
-    let named = keys.iter().zip(values).map(|(key, value)| format!("{} = {value}", key.path));
-    named.collect::<Vec<_>>().join(", ")
+    let shown = |text: &str| excerpt(text.as_bytes());
+    let named =
+        keys.iter().zip(values).map(|(key, value)| format!("{} = {}", shown(&key.path), shown(value)));
+    printed(named.collect::<Vec<_>>().join(", ").as_bytes(), MOST_SHOWN)
 }
 
 fn section_keys(text: &str, file: &DeTable<'_>) -> Result<Vec<SweptKey>, Problem> {

@@ -174,7 +174,7 @@ impl Fields {
         let species = || frame.species.as_ref().and_then(|ids| ids.last());
         let radius = given.or(radius).ok_or_else(|| Error::NoRadius {
             place: source.at(Position::Row(number)),
-            species: species().map(|&id| context.species.names()[id as usize].clone()),
+            species: species().map(|&id| excerpt(context.species.names()[id as usize].as_bytes())),
         })?;
         let [x, y, z] = center;
         frame.push([x, y, z, radius]);

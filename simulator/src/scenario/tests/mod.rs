@@ -168,6 +168,7 @@ fn a_mistake_is_named_by_line_and_key() {
 fn messages_do_not_grow_with_the_file() {
     let long = "acid + ".repeat(5000);
     let dotted = "a.".repeat(50_000) + "a";
+    let certain = "[[reaction]]\nequation = \"acid + base -> 0 + 0 + 0\"\nbinding-radius = 1.5\n";
     for (right, wrong, reason) in [
         ("acid + base -> base", format!("{long}acid"), "has no '->'"),
         ("acid + base -> base", format!("{long}acid <-> {long}base"), "goes both ways"),
@@ -178,6 +179,8 @@ fn messages_do_not_grow_with_the_file() {
         ("rate = 2.0", format!("r{} = 2.0", "e".repeat(10_000)), "the nearest is `"),
         ("time-step", format!("{dotted} = 1\ntime-step"), "recursion limit"),
         ("rate = 2.0", format!("rate = \"{}\"", "nine ".repeat(2000)), "…\", expected"),
+        ("name = \"base\"", format!("name = \"{}\"", "b".repeat(10_000)), "more than the limit of 255"),
+        ("[[decay]]", format!("{}[[decay]]", certain.repeat(100)), "add up to 100.5 in a step"),
     ] {
         let text = GOOD.replacen(right, &wrong, 1);
         let error = parse(&text).expect_err("a mistake").to_string();
