@@ -1,5 +1,6 @@
 //! Runs of the simulator, with counts and particles as arrays.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -7,7 +8,7 @@ use lazygrid::{Algorithm, Backend};
 use lazygrid_sim::model::transmitter::Schedule;
 use lazygrid_sim::random::philox::Key;
 use lazygrid_sim::scenario::Scenario;
-use lazygrid_sim::{AnySimulation, Error, Model, RunView, State, series};
+use lazygrid_sim::{AnySimulation, Error, Model, Particles, RunView, check_available, series};
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -17,6 +18,9 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use crate::arrays;
 use crate::interruptible::SIGNAL_POLL;
 use crate::{error, fork};
+
+/// Levels of dictionaries and lists in a scenario, as the parser of TOML allows. A list may contain itself.
+const MAX_DEPTH: u32 = 80;
 
 /// A file, its text, or a dictionary.
 #[derive(FromPyObject)]
@@ -45,7 +49,7 @@ struct Run {
     frames_every: Option<u32>,
     steps: Vec<u32>,
     counts: Vec<Vec<u64>>,
-    frames: Vec<(u32, State)>,
+    frames: Vec<(u32, Particles)>,
     /// `None` for the global pool.
     pool: Option<ThreadPool>,
 }
@@ -63,6 +67,7 @@ impl Run {
         let begun = AnySimulation::begin(&scenario.model, scenario.seed, backend, algorithm, None);
         let simulation = begun.map_err(error::simulator)?;
         let counts = vec![Vec::new(); series::names(&scenario.model).len()];
+        check_series(&scenario, every, counts.len()).map_err(error::simulator)?;
         let pool = options.threads.map(|threads| {
             let pool = ThreadPoolBuilder::new().num_threads(threads).build();
             pool.map_err(|error| error::simulator(Error::Threads { threads, reason: error.to_string() }))
@@ -105,14 +110,14 @@ impl Run {
             self.counts.iter_mut().zip(counts).for_each(|(column, count)| column.push(count));
         }
         if self.frames_every.is_some_and(|every| step.is_multiple_of(every)) {
-            self.frames.push((step, self.simulation.state()?.into_owned()));
+            self.frames.push((step, particles_of(&self.simulation)?));
         }
         Ok(())
     }
 
     fn dict<'py>(self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let model = &self.scenario.model;
-        let last = self.simulation.state().map_err(error::simulator)?.into_owned();
+        let last = particles_of(&self.simulation).map_err(error::simulator)?;
         let named = PyDict::new(py);
         named.set_item("particles", particles(py, self.simulation.step_count(), last)?)?;
         named.set_item("symbols", symbols(py, model, self.scenario.seed)?)?;
@@ -127,7 +132,7 @@ impl Run {
             columns.set_item(name, PyArray1::from_vec(py, counts))?;
         }
         named.set_item("series", columns)?;
-        let frames = self.frames.into_iter().map(|(step, state)| particles(py, step, state));
+        let frames = self.frames.into_iter().map(|(step, frame)| particles(py, step, frame));
         named.set_item("frames", frames.collect::<PyResult<Vec<_>>>()?)?;
         Ok(named)
     }
@@ -149,7 +154,7 @@ pub(crate) fn simulate<'py>(
 
 pub(crate) fn parse_scenario(source: Source<'_>) -> PyResult<Scenario> {
     match source {
-        Source::Dict(dict) => parse(toml::to_string(&table(&dict)?).map_err(error::setting)?),
+        Source::Dict(dict) => parse(toml::to_string(&table(&dict, MAX_DEPTH)?).map_err(error::setting)?),
         // A file name never has several lines.
         Source::Text(text) if text.contains('\n') => parse(text),
         Source::Text(path) => Scenario::read(Path::new(&path)).map_err(error::simulator),
@@ -161,9 +166,31 @@ fn parse(text: String) -> PyResult<Scenario> {
     Scenario::parse(Path::new("scenario"), text).map_err(error::simulator)
 }
 
+/// Refuses a run whose counts at all rows do not fit the memory.
+fn check_series(scenario: &Scenario, every: u32, columns: usize) -> Result<(), Error> {
+    // A growing vector holds twice its elements at most. Steps and times are two more columns.
+    let row = 2 * size_of::<u64>() * (columns + 2);
+    let rows = u64::from(scenario.steps / every) + 1;
+    let remedy = "record fewer rows (every=), or raise the limit";
+    check_available(&format!("the counts of {rows} rows"), rows.saturating_mul(row as u64), remedy)
+}
+
+/// Returns a copy, or an error if memory is short.
+fn particles_of(simulation: &AnySimulation) -> Result<Particles, Error> {
+    match simulation.state()? {
+        Cow::Borrowed(state) => state.particles.try_clone(),
+        Cow::Owned(state) => Ok(state.particles),
+    }
+}
+
 /// In the order of ids.
-fn particles<'py>(py: Python<'py>, step: u32, state: State) -> PyResult<Bound<'py, PyDict>> {
-    let ordered = state.particles.permuted(&state.particles.by_id());
+fn particles<'py>(py: Python<'py>, step: u32, particles: Particles) -> PyResult<Bound<'py, PyDict>> {
+    let mut ordered = Particles::default();
+    ordered.reserve(particles.len() as u64, particles.has_velocity()).map_err(error::simulator)?;
+    for at in particles.by_id() {
+        ordered.push(particles.get(at as usize), particles.has_velocity());
+    }
+    drop(particles);
     let rows = |columns: &[Vec<f32>; 3]| {
         let [x, y, z] = columns;
         let rows: Vec<[f32; 3]> = x.iter().zip(y).zip(z).map(|((&x, &y), &z)| [x, y, z]).collect();
@@ -198,17 +225,25 @@ fn symbols<'py>(py: Python<'py>, model: &Model, seed: u64) -> PyResult<Bound<'py
     Ok(columns)
 }
 
-fn table(dict: &Bound<'_, PyDict>) -> PyResult<toml::Table> {
+/// Has at most `depth` levels.
+fn table(dict: &Bound<'_, PyDict>, depth: u32) -> PyResult<toml::Table> {
     let entry = |(key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>)| {
-        Ok((key.extract::<String>()?, toml_value(&value)?))
+        Ok((key.extract::<String>()?, toml_value(&value, depth)?))
     };
     // `None` omits a key of the scenario.
     dict.iter().filter(|(_, value)| !value.is_none()).map(entry).collect()
 }
 
-fn toml_value(value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
+/// Has at most `depth` levels below it.
+fn toml_value(value: &Bound<'_, PyAny>, depth: u32) -> PyResult<toml::Value> {
+    let too_deep = || {
+        error::setting(format!(
+            "the scenario has more than {MAX_DEPTH} levels of dictionaries and lists, or one that contains itself; nest fewer"
+        ))
+    };
+    let inner = || depth.checked_sub(1).ok_or_else(too_deep);
     if let Ok(dict) = value.cast::<PyDict>() {
-        return Ok(toml::Value::Table(table(dict)?));
+        return Ok(toml::Value::Table(table(dict, inner()?)?));
     }
     if let Ok(word) = value.extract::<String>() {
         return Ok(toml::Value::String(word));
@@ -225,7 +260,8 @@ fn toml_value(value: &Bound<'_, PyAny>) -> PyResult<toml::Value> {
     // Lists, tuples and arrays.
     match value.try_iter() {
         Ok(items) => {
-            let values = items.map(|item| toml_value(&item?));
+            let depth = inner()?;
+            let values = items.map(|item| toml_value(&item?, depth));
             Ok(toml::Value::Array(values.collect::<PyResult<_>>()?))
         }
         Err(_) => Err(PyTypeError::new_err(format!("a scenario cannot hold {}", value.repr()?))),

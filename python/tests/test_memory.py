@@ -119,6 +119,78 @@ for call in CALLS:
 """
 
 
+# A burst in the second step, one by hand, and frames that fill the memory.
+RUNS = """
+import os, resource
+import lazygrid
+
+species = [{"name": "a", "radius": 0.1, "diffusion": 1.0}]
+burst = {"name": "t", "center": [0, 0, 0], "shape": {"kind": "point"}, "times": [1e-3]}
+burst["release"] = [{"species": "a", "count": 0x7FFFFFFF}]
+scenario = {"time-step": 1e-3, "steps": 2, "species": species, "transmitter": [burst]}
+crowd = burst | {"times": [0], "release": [{"species": "a", "count": 100_000}]}
+frames = scenario | {"steps": 10_000, "transmitter": [crowd]}
+rest = scenario | {"transmitter": [burst | {"times": [1.0]}]}
+long = scenario | {"steps": 2**32 - 1}
+CALLS = [
+    lambda: lazygrid.simulate(scenario, threads=1),
+    lambda: lazygrid.Simulation(scenario, threads=1).step(2),
+    lambda: lazygrid.Simulation(rest, threads=1).emit("t", 0x7FFFFFFF),
+    lambda: lazygrid.simulate(frames, frames_every=1, threads=1),
+    lambda: lazygrid.simulate(long, every=1, threads=1),
+]
+for call in CALLS:
+    child = os.fork()
+    if child == 0:
+        mapped = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+        resource.setrlimit(resource.RLIMIT_AS, (mapped + 2**28, resource.RLIM_INFINITY))
+        try:
+            call()
+        except lazygrid.Error as refused:
+            assert "memory" in str(refused), refused
+            os._exit(0)
+        os._exit(2)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0, CALLS.index(call)
+"""
+
+
+# In a process of its own, whose stack may overflow.
+NESTED = """
+import lazygrid
+
+def nested(depth):
+    return [nested(depth - 1)] if depth else 1
+
+itself = []
+itself.append(itself)
+table = {}
+table["x"] = table
+for value in (itself, table, nested(81)):
+    try:
+        lazygrid.simulate({"x": value})
+    except lazygrid.SettingError as refused:
+        assert "80 levels" in str(refused), refused
+    else:
+        raise AssertionError("no error")
+try:
+    lazygrid.simulate({"x": nested(79)})
+except lazygrid.SettingError as refused:
+    assert "80 levels" not in str(refused), refused
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits and the mapped memory are told by Linux")
+def test_memory_refused_within_a_run_is_an_error() -> None:
+    run = [sys.executable, "-c", RUNS]
+    done = subprocess.run(run, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 0, done.stderr
+
+
+def test_scenario_that_contains_itself_is_refused() -> None:
+    done = subprocess.run([sys.executable, "-c", NESTED], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="limits and the mapped memory are told by Linux")
 def test_refused_threads_are_an_error(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"

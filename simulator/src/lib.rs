@@ -51,6 +51,7 @@ mod output;
 mod special;
 
 pub use error::{Damage, Error};
+pub use memory::check_available;
 pub use model::boundary::{Axis, Boundary};
 pub use model::chemotaxis::{Attractant, AttractantProfile, Chemotaxis};
 pub use model::flow_field::FlowField;

@@ -6,12 +6,16 @@ use lazygrid_io::{AvailableMemory, lacking_memory};
 
 use crate::Error;
 
+/// Bytes that take less time to write than to ask the system for the available memory.
+const MIN_CHECKED: u64 = 1 << 20;
+
 /// Refuses `what` if it needs more bytes than are available.
 ///
 /// # Errors
 /// [`Error::TooLittleMemory`].
-pub(crate) fn check_available(what: &str, needed: u64, remedy: &'static str) -> Result<(), Error> {
-    refuse_if_lacking(what, needed, lacking_memory(needed), remedy)
+pub fn check_available(what: &str, needed: u64, remedy: &'static str) -> Result<(), Error> {
+    let lacking = if needed < MIN_CHECKED { None } else { lacking_memory(needed) };
+    refuse_if_lacking(what, needed, lacking, remedy)
 }
 
 /// Refuses `what` if it maps more bytes than `ulimit -v` leaves.

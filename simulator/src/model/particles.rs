@@ -6,6 +6,7 @@ use lazygrid::Spheres;
 use serde::{Deserialize, Serialize};
 
 use crate::Error;
+use crate::memory::check_available;
 
 /// One column per quantity.
 ///
@@ -47,9 +48,13 @@ impl Particles {
     /// Reserves memory for `count` more particles.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`] if the memory is refused.
+    /// [`Error::OutOfMemory`] if the memory is refused, and [`Error::TooLittleMemory`] for more memory than is available,
+    /// which the system may grant and then end the process that writes it.
     pub fn reserve(&mut self, count: u64, with_velocity: bool) -> Result<(), Error> {
         let particles = self.len() as u64 + count;
+        let columns = if with_velocity { 9 } else { 6 };
+        let needed = count.saturating_mul(columns * size_of::<f32>() as u64);
+        check_available(&format!("{count} particles"), needed, "release fewer, or raise the limit")?;
         let refused = |_| Error::OutOfMemory { particles, bytes: particles * size_of::<f32>() as u64 };
         let count = usize::try_from(count).unwrap_or(usize::MAX);
         let velocity = self.velocity.iter_mut().filter(|_| with_velocity);
@@ -72,6 +77,23 @@ impl Particles {
         self.radius.push(particle.radius);
         self.species.push(particle.species);
         self.id.push(particle.id);
+    }
+
+    /// Returns a copy.
+    ///
+    /// # Errors
+    /// As [`reserve`](Self::reserve).
+    pub fn try_clone(&self) -> Result<Self, Error> {
+        let mut copy = Self::default();
+        copy.reserve(self.len() as u64, self.has_velocity())?;
+        for axis in 0..3 {
+            copy.position[axis].extend_from_slice(&self.position[axis]);
+            copy.velocity[axis].extend_from_slice(&self.velocity[axis]);
+        }
+        copy.radius.extend_from_slice(&self.radius);
+        copy.species.extend_from_slice(&self.species);
+        copy.id.extend_from_slice(&self.id);
+        Ok(copy)
     }
 
     pub fn append(&mut self, mut others: Self) {

@@ -104,7 +104,7 @@ impl Model {
     /// Returns the releases at the beginning of a step, with ids from `next_id`.
     ///
     /// # Errors
-    /// [`Error::OutOfIds`] if ids would exceed the largest one.
+    /// [`Error::OutOfIds`] if ids would exceed the largest one. Those of [`Particles::reserve`].
     pub(crate) fn release(&self, at: ReleaseStep<'_>, slice: RankSlice) -> Result<Released, Error> {
         let ReleaseStep { key, step, next_id, places, .. } = at;
         let mut batches: Vec<_> = self.all_batches(step, key).collect();
@@ -117,6 +117,7 @@ impl Model {
         let mut out = Released::new(self, released as u32);
         // Frequent releases of few particles fill all ranks equally.
         let own = slice.of(released - u64::from(next_id), next_id);
+        out.particles.reserve(own.end - own.start, self.has_velocity())?;
         let (mut before, mut site) = (0, 0);
         for (transmitter, batch) in &batches {
             site = if batch.continues { site } else { batch.site };
@@ -141,20 +142,24 @@ impl Model {
     }
 
     /// Releases particles outside the schedule, with these ids, which also select lattice sites.
+    ///
+    /// # Errors
+    /// Those of [`Particles::reserve`].
     pub(crate) fn burst(
         &self,
         from: &Transmitter,
         species: u32,
         ids: Range<u32>,
         (key, places): (Key, &[Place]),
-    ) -> Released {
+    ) -> Result<Released, Error> {
         let center = center_among(places, from);
         let mut out = Released::new(self, ids.end);
         let [site, count] = [ids.start, ids.end - ids.start];
         let batch = Batch { center, site, ..Batch::of_burst(from, (species, count), false) };
+        out.particles.reserve(count.into(), self.has_velocity())?;
         out.released[species as usize] += u64::from(count);
         ids.for_each(|id| self.add(self.born(&batch, (id, id), key), &mut out));
-        out
+        Ok(out)
     }
 
     /// Returns transmitter, species and number of the releases at the beginning of a step, in the order of ids.

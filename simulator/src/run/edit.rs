@@ -79,7 +79,7 @@ impl State {
         known(model, species)?;
         let ids = self.take_ids(count.into())?;
         self.particles.reserve(count.into(), model.has_velocity())?;
-        let released = model.burst(from, species, ids.clone(), (key, &Place::at_rest(&self.centers)));
+        let released = model.burst(from, species, ids.clone(), (key, &Place::at_rest(&self.centers)))?;
         self.next_id = ids.end;
         self.totals.enter(&released);
         self.particles.append(released.particles);
@@ -110,8 +110,8 @@ impl Simulation {
     /// the ids.
     ///
     /// # Errors
-    /// [`Error::Model`] for an unknown species or a non-finite position; [`Error::OutOfIds`]; [`Error::OutOfMemory`].
-    /// Then nothing changes.
+    /// [`Error::Model`] for an unknown species or a non-finite position; [`Error::OutOfIds`]; those of
+    /// [`Particles::reserve`]. Then nothing changes.
     pub fn add(&mut self, species: u32, positions: &[[f32; 3]]) -> Result<Range<u32>, Error> {
         self.state.add(&self.model, self.key, species, positions)
     }
@@ -133,12 +133,9 @@ impl Simulation {
     /// Takes the particles and leaves a copy: a program can keep the columns while the run continues.
     ///
     /// # Errors
-    /// [`Error::OutOfMemory`]. Then nothing changes.
+    /// Those of [`Particles::reserve`]. Then nothing changes.
     pub fn detach_particles(&mut self) -> Result<Particles, Error> {
-        let has_velocity = self.state.particles.has_velocity();
-        let mut copy = Particles::default();
-        copy.reserve(self.state.particles.len() as u64, has_velocity)?;
-        copy.append(self.state.particles.clone());
+        let copy = self.state.particles.try_clone()?;
         Ok(std::mem::replace(&mut self.state.particles, copy))
     }
 }

@@ -151,6 +151,7 @@ impl State {
     ) -> Result<Vec<Arrival>, Error> {
         let (step, next_id) = (self.step, self.next_id);
         let released = model.release(ReleaseStep { events, key, step, next_id, places }, slice)?;
+        self.particles.reserve(released.particles.len() as u64, model.has_velocity())?;
         if model.logs_arrivals {
             let mut first = self.next_id;
             for (transmitter, _, count) in model.releases(self.step, key) {
