@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::BYTES_PER_FIELD;
 use lazygrid_sim::table::{TableReader, TableRow};
 use lazygrid_sim::{Error, Model, Receiver};
 
@@ -48,7 +49,7 @@ impl Log {
     /// Reads the log of a run of this model.
     ///
     /// # Errors
-    /// [`Error::Read`] if a file cannot be read or is damaged.
+    /// [`Error::Read`] if a file cannot be read or is damaged, and [`Error::TooLittleMemory`].
     pub fn read(directory: &Path, model: &Model) -> Result<Self, Error> {
         let names = Names {
             receivers: model.receivers.iter().map(|receiver| &receiver.name[..]).collect(),
@@ -57,7 +58,8 @@ impl Log {
         };
         let mut log = Self::default();
         let path = directory.join("arrivals.csv");
-        let mut lines = TableReader::open(&path, "step,time,receiver,species,id,transmitter,released")?;
+        let begin = "step,time,receiver,species,id,transmitter,released";
+        let mut lines = TableReader::open(&path, begin, BYTES_PER_FIELD)?;
         while let Some(line) = lines.next_row()? {
             let origin = names.origin(&line, 5, model)?;
             let receiver = place(&names.receivers, &line, 2)?;
@@ -65,7 +67,8 @@ impl Log {
             log.arrivals.push(Arrived { step: line.number(0)?, receiver, species, origin });
         }
         let path = directory.join("releases.csv");
-        let mut lines = TableReader::open(&path, "step,time,transmitter,species,count")?;
+        let begin = "step,time,transmitter,species,count";
+        let mut lines = TableReader::open(&path, begin, BYTES_PER_FIELD)?;
         while let Some(line) = lines.next_row()? {
             let transmitter = place(&names.transmitters, &line, 2)?;
             let species = place(&names.species, &line, 3)?;
@@ -78,8 +81,8 @@ impl Log {
         }
         let path = directory.join("occupancy.csv");
         if model.receivers.iter().any(Receiver::is_momentary) {
-            let mut lines =
-                TableReader::open(&path, "step,time,receiver,species,transmitter,released,count")?;
+            let begin = "step,time,receiver,species,transmitter,released,count";
+            let mut lines = TableReader::open(&path, begin, BYTES_PER_FIELD)?;
             while let Some(line) = lines.next_row()? {
                 let receiver = place(&names.receivers, &line, 2)?;
                 let species = place(&names.species, &line, 3)?;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use crate::series::Series;
 use lazygrid_sim::run::replicas::{ReplicaResults, Replicas};
-use lazygrid_sim::{Error, write_atomically};
+use lazygrid_sim::{Error, check_available, write_atomically};
 
 /// Exact statistics of integers, independent of the order of additions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -96,7 +96,8 @@ impl MeanSeries {
     /// series misses the scenario's last row.
     ///
     /// # Errors
-    /// [`Error::Read`] and [`Error::Write`] if a series cannot be read or the table cannot be written.
+    /// [`Error::Read`] and [`Error::Write`] if a series cannot be read or the table cannot be written, and
+    /// [`Error::TooLittleMemory`].
     pub fn of_replicas(replicas: &Replicas, results: &mut ReplicaResults) -> Result<Self, Error> {
         let scenario = &replicas.run.scenario;
         let last = scenario.steps - scenario.steps % scenario.output.every;
@@ -117,9 +118,14 @@ impl MeanSeries {
     /// Adds the series of a replica.
     ///
     /// # Errors
-    /// [`Error::Read`] with `path` if its columns or steps differ from previous replicas.
+    /// [`Error::Read`] with `path` if its columns or steps differ from previous replicas, and
+    /// [`Error::TooLittleMemory`] for the statistics of the first one.
     pub fn add(&mut self, series: &Series, path: &Path) -> Result<(), Error> {
         if self.replicas == 0 {
+            let (rows, counts) = (series.steps.len() as u64, series.counts.len() as u64);
+            let needed = 12 * rows + size_of::<IntegerStats>() as u64 * counts;
+            let remedy = "write fewer rows (--series-every), or raise the limit";
+            check_available(&format!("the means of {counts} counts"), needed, remedy)?;
             self.names.clone_from(&series.names);
             self.steps.clone_from(&series.steps);
             self.times.clone_from(&series.times);

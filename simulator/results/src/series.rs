@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::BYTES_PER_FIELD;
 use lazygrid_sim::Error;
 use lazygrid_sim::table::TableReader;
 
@@ -21,9 +22,9 @@ impl Series {
     /// Reads a file.
     ///
     /// # Errors
-    /// [`Error::Read`] with the line if the file cannot be read or is not a series.
+    /// [`Error::Read`] with the line if the file cannot be read or is not a series, and [`Error::TooLittleMemory`].
     pub fn read(path: &Path) -> Result<Self, Error> {
-        let mut rows = TableReader::open(path, "step,time,")?;
+        let mut rows = TableReader::open(path, "step,time,", BYTES_PER_FIELD)?;
         let mut series = Self { names: rows.header().iter().skip(2).cloned().collect(), ..Self::default() };
         while let Some(row) = rows.next_row()? {
             series.steps.push(row.number(0)?);

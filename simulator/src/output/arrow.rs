@@ -63,6 +63,8 @@ pub(super) fn convert(directory: &Path, model: &Model) -> Result<(), Error> {
             &columns.iter().map(|column| column.name).collect::<Vec<_>>().join(","),
         )?;
         let mut damaged = None;
+            // Rows are kept for a batch only.
+            0,
         write_atomically(&directory.join(name), |out| {
             write(out, columns, || match lines.next_row() {
                 Ok(line) => Ok(line),

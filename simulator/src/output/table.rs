@@ -1,16 +1,18 @@
 //! A reader of `.csv` tables that runs write.
 
-use std::io::{self, BufRead, BufReader};
+use std::fs::File;
+use std::io::{self, BufRead, BufReader, Seek};
 use std::path::Path;
 
 use lazygrid_io::excerpt;
 
 use crate::Error;
+use crate::memory::check_available;
 
 pub struct TableReader<'a> {
     path: &'a Path,
     header: Vec<String>,
-    lines: io::Lines<BufReader<std::fs::File>>,
+    lines: io::Lines<BufReader<File>>,
     line: usize,
 }
 
@@ -22,13 +24,16 @@ pub struct TableRow<'a> {
 }
 
 impl<'a> TableReader<'a> {
-    /// Opens a table whose first line begins with `begin`.
+    /// Opens a table whose first line begins with `begin`. Its reader keeps `bytes_per_field` bytes of memory for each
+    /// field.
     ///
     /// # Errors
-    /// [`Error::Read`] if the file cannot be read or begins otherwise.
-    pub fn open(path: &'a Path, begin: &str) -> Result<Self, Error> {
+    /// [`Error::Read`] if the file cannot be read or begins otherwise, and [`Error::TooLittleMemory`] for its fields.
+    pub fn open(path: &'a Path, begin: &str, bytes_per_field: u64) -> Result<Self, Error> {
         let read = |source| Error::Read { path: path.to_owned(), source };
-        let mut lines = BufReader::new(std::fs::File::open(path).map_err(read)?).lines();
+        let mut file = File::open(path).map_err(read)?;
+        check_memory(path, &mut file, bytes_per_field)?;
+        let mut lines = BufReader::new(file).lines();
         let first = lines.next().transpose().map_err(read)?.unwrap_or_default();
         if !first.starts_with(begin) {
             return Err(damaged(path, 1, &format!("it does not begin with '{begin}'")));
@@ -79,7 +84,58 @@ impl TableRow<'_> {
     }
 }
 
+fn check_memory(path: &Path, file: &mut File, bytes_per_field: u64) -> Result<(), Error> {
+    let check = |fields: u64| {
+        let what = format!("the {fields} fields of {}", path.display());
+        let remedy = "write fewer rows (--series-every), do fewer replicas, or raise the limit";
+        check_available(&what, fields.saturating_mul(bytes_per_field), remedy)
+    };
+    let read = |source| Error::Read { path: path.to_owned(), source };
+    // A comma or the end of a line follows each field, so a table that fits with a field per byte needs no count.
+    if check(file.metadata().map_err(read)?.len()).is_ok() {
+        return Ok(());
+    }
+    check(count_fields(file).map_err(read)?)
+}
+
+/// Returns to the beginning.
+fn count_fields(file: &mut File) -> io::Result<u64> {
+    let (mut reader, mut fields) = (BufReader::with_capacity(1 << 16, &mut *file), 0);
+    loop {
+        let bytes = reader.fill_buf()?;
+        let length = bytes.len();
+        if length == 0 {
+            break;
+        }
+        fields += bytes.iter().filter(|&&byte| matches!(byte, b',' | b'\n')).count() as u64;
+        reader.consume(length);
+    }
+    file.rewind()?;
+    Ok(fields)
+}
+
 fn damaged(path: &Path, line: usize, what: &str) -> Error {
     let message = format!("line {line}: {what}; it is not as the run wrote it, so run that again");
     Error::Read { path: path.to_owned(), source: io::Error::new(io::ErrorKind::InvalidData, message) }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_io::available_memory;
+
+    use super::*;
+
+    #[test]
+    fn table_whose_fields_exceed_the_memory_is_refused() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        std::fs::write(file.path(), format!("a,b\n{:0>2000},1\n", 7)).unwrap();
+        let Some(available) = available_memory() else { return };
+        let open = |bytes_per_field: u64| TableReader::open(file.path(), "a,", bytes_per_field);
+        let Err(error) = open(available.bytes) else { panic!("no error") };
+        assert!(error.to_string().contains("the 4 fields of "), "{error}");
+        for bytes_per_field in [0, 16, available.bytes / 8] {
+            let row = open(bytes_per_field).unwrap().next_row().unwrap().unwrap();
+            assert_eq!((row.number::<u32>(0).unwrap(), row.field(1)), (7, "1"));
+        }
+    }
 }

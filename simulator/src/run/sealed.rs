@@ -7,11 +7,16 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::error::Damage;
+use crate::memory::check_available;
 use crate::{Error, checksum, output};
 
 /// Begins checkpoints of all versions.
 const NAME: &str = "lazygrid checkpoint ";
 const VERSION: u32 = 7;
+/// Bytes of memory per byte of a file: the file, and its particles. A free particle has 24 bytes and a bound one 28. In
+/// the file they have 18 or more, because small numbers of 32 bits take one byte there. Growing vectors have room for
+/// twice their elements: 1 + 2 × 28 / 18 ≈ 4.
+const MEMORY_PER_BYTE: u64 = 4;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
@@ -48,7 +53,11 @@ pub(crate) fn write(path: &Path, kind: Kind, content: &impl Serialize) -> Result
 
 /// Checks length and checksum before decoding. Returns content and checksum.
 pub(crate) fn read<T: DeserializeOwned>(path: &Path, kind: Kind) -> Result<(T, u64), Error> {
-    let bytes = std::fs::read(path).map_err(|source| Error::Read { path: path.to_owned(), source })?;
+    let read = |source| Error::Read { path: path.to_owned(), source };
+    let length = std::fs::metadata(path).map_err(read)?.len();
+    let remedy = "run fewer replicas at once (--threads), or raise the limit";
+    check_available("the contents of the checkpoint", length.saturating_mul(MEMORY_PER_BYTE), remedy)?;
+    let bytes = std::fs::read(path).map_err(read)?;
     let damaged = |damage| Error::Damaged { path: path.to_owned(), damage };
     let Some(rest) = bytes.strip_prefix(kind.first_line().as_bytes()) else {
         return Err(match version(&bytes) {
