@@ -84,6 +84,15 @@ impl Transmitter {
         }
     }
 
+    /// Returns the number of entries of all bursts but the first, in the step with the most bursts.
+    pub(crate) fn repeated_entries(&self, time_step: f64) -> u64 {
+        let Schedule::Times(times) = &self.schedule else { return 0 };
+        let steps = times.chunk_by(|&a, &b| step_of(a, time_step) == step_of(b, time_step));
+        let released = steps.filter(|times| step_of(times[0], time_step).is_some());
+        let most = released.map(<[f64]>::len).max().unwrap_or(0);
+        (most.saturating_sub(1) as u64).saturating_mul(self.release.len() as u64)
+    }
+
     /// Returns the species of the schedule's releases.
     pub fn species(&self) -> impl Iterator<Item = u32> {
         let steady = match &self.schedule {
@@ -187,6 +196,7 @@ impl Shape {
 mod tests {
     use super::*;
     use crate::random::philox::Purpose;
+    use crate::{Model, Species};
 
     #[test]
     fn a_burst_belongs_to_the_step_that_begins_at_its_time() {
@@ -200,6 +210,25 @@ mod tests {
         assert_eq!([0, 1, 2, 3, 4, 5].map(bursts), [1, 0, 0, 2, 1, 0]);
         assert_eq!(transmitter.mean_between([1, 5], 0.1), [(2, 15.0)]);
         assert_eq!(transmitter.after(4, 0.1), Some((0.30001, Some(2))));
+    }
+
+    #[test]
+    fn repeated_bursts_of_a_step_are_limited() {
+        let transmitter = |bursts: usize, entries| Transmitter {
+            schedule: Schedule::Times([vec![0.0], vec![0.1; bursts], vec![1e30; 9 * bursts]].concat()),
+            release: vec![(0, 0); entries],
+            ..Transmitter::default()
+        };
+        let check = |transmitters| {
+            let species = vec![Species { mass: 1.0, ..Species::default() }];
+            Model { time_step: 0.1, species, transmitters, ..Model::default() }.check()
+        };
+        assert_eq!(transmitter(1, 1 << 20).repeated_entries(0.1), 0);
+        assert!(check(vec![transmitter(1, 1 << 21), transmitter(1025, 1024)]).is_ok());
+        for refused in [vec![transmitter(1026, 1024)], vec![transmitter(600, 1024); 2]] {
+            let error = check(refused).unwrap_err().to_string();
+            assert!(error.contains("and may have 1048576; give fewer times"), "{error}");
+        }
     }
 
     #[test]

@@ -8,6 +8,9 @@ use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, WallFace};
 use crate::model::transmitter::{Schedule, Shape, Transmitter};
 use crate::model::{Contact, Decay, Flow, Model, Reaction, ReactionRate, Species, Unbinding};
 
+/// Entries of the bursts of a step that follow the first burst of their transmitter: about 100 MB.
+const MAX_REPEATED_ENTRIES: u64 = 1 << 20;
+
 impl Model {
     pub(crate) fn misfit(&self, species: &Species) -> Option<String> {
         let (which, wide) = self.boundary.too_narrow(species.radius)?;
@@ -96,6 +99,7 @@ impl Model {
         self.decays.iter().try_for_each(|decay| self.check_decay(decay))?;
         self.check_channels()?;
         self.transmitters.iter().try_for_each(|transmitter| self.check_transmitter(transmitter))?;
+        self.check_repeated_bursts()?;
         self.receivers.iter().try_for_each(|receiver| self.check_receiver(receiver))
     }
 
@@ -309,6 +313,22 @@ impl Model {
                         "{name} releases from {from} s until {until} s; the end must be later than the beginning"
                     ));
                 }
+            }
+        }
+        Ok(())
+    }
+
+    /// Refuses bursts at many times of one step: each costs memory even if it releases no particle.
+    fn check_repeated_bursts(&self) -> Result<(), Error> {
+        let mut entries: u64 = 0;
+        for transmitter in &self.transmitters {
+            entries = entries.saturating_add(transmitter.repeated_entries(self.time_step));
+            if entries > MAX_REPEATED_ENTRIES {
+                return Err(Error::Model(format!(
+                    "{} has bursts at several times within a step: after the first one they have {entries} entries of 'release', \
+                     with those of earlier transmitters, and may have {MAX_REPEATED_ENTRIES}; give fewer times per step",
+                    transmitter.name
+                )));
             }
         }
         Ok(())
