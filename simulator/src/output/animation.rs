@@ -14,6 +14,9 @@ pub struct Animation {
     pub particles: NonZeroU32,
 }
 
+/// The second line of the page, which tells it from pages of others.
+pub const PAGE_MARK: &str = "<!-- animation of lazygrid simulate -->";
+
 const HEAD: usize = 6;
 const ROW: usize = 5;
 const CENTER: usize = 3;

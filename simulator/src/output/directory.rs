@@ -5,6 +5,8 @@ use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use crate::Error;
+use crate::output::animation::PAGE_MARK;
+use crate::output::options::Output;
 use crate::output::report::{PLOTS, REPORT, TABLES, is_plot, remove_own_plots, remove_report};
 use crate::output::{ANIMATED, ARRIVALS, Lock, OCCUPANCY, RELEASES, SERIES, SYMBOLS, XYZ};
 
@@ -36,6 +38,10 @@ const RESUMABLE: usize = 3;
 const ANIMATION: &str = "animation.html";
 /// Copies of the logs.
 const ARROW: [&str; 2] = ["arrivals.arrow", "releases.arrow"];
+/// The metadata of the schema in these copies: key and value.
+pub(super) const ARROW_MARK: [&str; 2] = ["lazygrid", "copy of a log of lazygrid simulate"];
+/// Bytes of a file that contain its mark: two lines of a page, or the schema of a copy.
+const MARKED_BYTES: u64 = 4096;
 
 /// Also locks the directory. Refuses one with files of a run, unless `overwrite`.
 pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> {
@@ -62,13 +68,40 @@ pub(crate) fn refuse_file(directory: &Path, name: &str) -> Result<(), Error> {
 
 /// Refuses a table that begins otherwise than those that runs write under its `name`.
 pub(crate) fn refuse_other_table(directory: &Path, name: &str, beginning: &str) -> Result<(), Error> {
-    let mut start = Vec::new();
+    let start = start_of(&directory.join(name), beginning.len() as u64);
+    // A table that cannot be read is not known to be a run's.
+    if start == beginning.as_bytes() { Ok(()) } else { refuse_file(directory, name) }
+}
+
+/// Refuses a page of an animation, or a copy of a log, that no run wrote and that a run with this output would replace.
+pub(crate) fn refuse_other_derived(directory: &Path, output: &Output) -> Result<(), Error> {
+    let mut others = derived(output.animation.is_some(), output.arrow);
+    others.try_for_each(|name| if is_marked(directory, name) { Ok(()) } else { refuse_file(directory, name) })
+}
+
+/// Returns the names of the page of an animation and of copies of logs.
+fn derived(has_page: bool, has_copies: bool) -> impl Iterator<Item = &'static str> {
+    let page = has_page.then_some(ANIMATION);
+    page.into_iter().chain(ARROW.into_iter().filter(move |_| has_copies))
+}
+
+/// Returns `true` if a run wrote this page of an animation or copy of a log.
+fn is_marked(directory: &Path, name: &str) -> bool {
     let path = directory.join(name);
+    let mark = if name == ANIMATION { PAGE_MARK } else { ARROW_MARK[1] };
+    let start = if is_regular(&path) { start_of(&path, MARKED_BYTES) } else { Vec::new() };
+    start.windows(mark.len()).any(|bytes| bytes == mark.as_bytes())
+}
+
+/// Returns the first bytes of a file, at most `length`; none if it cannot be read.
+pub(crate) fn start_of(path: &Path, length: u64) -> Vec<u8> {
+    let mut start = Vec::new();
     // Opening a pipe would wait.
     let open = if path.is_file() { fs::File::open(path) } else { Err(io::ErrorKind::NotFound.into()) };
-    let read = open.and_then(|file| file.take(beginning.len() as u64).read_to_end(&mut start));
-    // A table that cannot be read is not known to be a run's.
-    if read.is_ok() && start == beginning.as_bytes() { Ok(()) } else { refuse_file(directory, name) }
+    match open.and_then(|file| file.take(length).read_to_end(&mut start)) {
+        Ok(_) => start,
+        Err(_) => Vec::new(),
+    }
 }
 
 fn foreign_file(directory: &Path, name: &str) -> Error {
@@ -180,15 +213,11 @@ pub(crate) fn replica_directory(directory: &Path, replica: u32) -> PathBuf {
 }
 
 /// Removes what is made of a run's finished files: its report, the page of a run with an animation, and copies of the
-/// logs of a run with logs. Tables and pages of others stay, but not copies by others of these logs: a checkpoint does
-/// not tell who made copies.
+/// logs of a run with logs. Files of others stay.
 pub(crate) fn remove_derived(directory: &Path, is_animated: bool, has_logs: bool) -> Result<(), Error> {
     remove_report(directory)?;
-    if is_animated {
-        remove_file(directory.join(ANIMATION))?;
-    }
-    let copies = ARROW.iter().filter(|_| has_logs);
-    copies.into_iter().try_for_each(|name| remove_file(directory.join(name)))
+    let mut own = derived(is_animated, has_logs).filter(|name| is_marked(directory, name));
+    own.try_for_each(|name| remove_file(directory.join(name)))
 }
 
 pub(super) fn remove_where(directory: &Path, is_result: impl Fn(&str) -> bool) -> Result<(), Error> {

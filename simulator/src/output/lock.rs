@@ -6,7 +6,7 @@ use super::directory::is_regular;
 use crate::Error;
 
 /// Prefix of incomplete files, before random letters and digits.
-pub(super) const TEMPORARY: &str = ".draft-";
+pub(super) const TEMPORARY: &str = ".lazygrid-draft-";
 pub(super) const RANDOM: usize = 6;
 
 const LOCK: &str = ".lock";
@@ -129,16 +129,23 @@ mod tests {
     fn lock_removes_incomplete_files_of_killed_runs_only() {
         let directory = tempfile::tempdir().unwrap();
         let at = |name: &str| directory.path().join(name);
-        let kept = [".draft-notes", ".draft-", "draft-abc123", ".draft-abc-12", "series.csv"];
+        let kept = [
+            ".draft-thesis",
+            ".lazygrid-draft-notes",
+            ".lazygrid-draft-",
+            "lazygrid-draft-abc123",
+            ".lazygrid-draft-abc-12",
+            "series.csv",
+        ];
         kept.iter().for_each(|name| fs::write(at(name), "mine").unwrap());
-        fs::create_dir(at(".draft-folder")).unwrap();
-        fs::write(at(".draft-aB3xY9"), "left").unwrap();
+        fs::create_dir(at(".lazygrid-draft-folder")).unwrap();
+        fs::write(at(".lazygrid-draft-aB3xY9"), "left").unwrap();
         let lock = Lock::take(directory.path()).unwrap();
-        assert!(!at(".draft-aB3xY9").exists());
-        assert!(kept.iter().all(|name| at(name).exists()) && at(".draft-folder").exists());
-        fs::write(at(".draft-aB3xY9"), "being written").unwrap();
+        assert!(!at(".lazygrid-draft-aB3xY9").exists());
+        assert!(kept.iter().all(|name| at(name).exists()) && at(".lazygrid-draft-folder").exists());
+        fs::write(at(".lazygrid-draft-aB3xY9"), "being written").unwrap();
         assert!(Lock::take(directory.path()).is_err());
-        assert!(at(".draft-aB3xY9").exists());
+        assert!(at(".lazygrid-draft-aB3xY9").exists());
         drop(lock);
     }
 

@@ -21,8 +21,8 @@ use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 pub(crate) use directory::{
-    MEAN, SWEEP, numbered, prepare, refuse_file, refuse_other_table, remove_derived, remove_replicas,
-    remove_results, replica_directory,
+    MEAN, SWEEP, numbered, prepare, refuse_file, refuse_other_derived, refuse_other_table, remove_derived,
+    remove_replicas, remove_results, replica_directory, start_of,
 };
 pub(crate) use disk_estimate::{DiskEstimate, next_bytes};
 pub(crate) use lock::{Lock, has_begun};
@@ -106,7 +106,7 @@ impl Files {
         Ok(files)
     }
 
-    /// Changes no file unless all begin as recorded.
+    /// Changes no file unless all begin as recorded, and those made of them are not of others.
     pub(crate) fn reopen(
         directory: &Path,
         output: Output,
@@ -124,6 +124,7 @@ impl Files {
         };
         let series = reopen(SERIES)?;
         let symbols = symbols::any(model).then(|| reopen(SYMBOLS)).transpose()?;
+        refuse_other_derived(directory, &output)?;
         let xyz = output.xyz.then(|| reopen(XYZ)).transpose()?;
         let mut logs = None;
         if model.logs_arrivals {

@@ -198,8 +198,12 @@ fn forget_parts(path: &Path, step: u32, parts: u32) {
         let file = entry.file_name();
         let numbers = file.to_str().and_then(|file| file.strip_prefix(&prefix)?.split_once('.'));
         let numbers = numbers.and_then(|(of, rank)| Some((of.parse().ok()?, rank.parse().ok()?)));
-        let belongs = |(of, rank): (u32, u32)| of == step && rank < parts;
-        if numbers.is_some_and(|numbers| !belongs(numbers)) {
+        let Some((of, rank)) = numbers else { continue };
+        let belongs = of == step && rank < parts;
+        // Other programs may number their backups.
+        let is_part =
+            part_of(path, of, rank).file_name() == Some(&file) && sealed::is_of(&entry.path(), Kind::Part);
+        if is_part && !belongs {
             drop::<std::io::Result<()>>(std::fs::remove_file(entry.path()));
         }
     }
@@ -266,7 +270,13 @@ mod tests {
         std::fs::write(&idle, &whole[1..]).expect("is written");
         let refused = |rank| read.clone().into_slice(&path, RankSlice::new(rank, 2)).is_err();
         assert_eq!([0, 1].map(refused), [true, false]);
+        std::fs::write(&idle, whole).expect("is written");
+        let kept = ["checkpoint.2024.11", "checkpoint.000000003.7"].map(|name| directory.path().join(name));
+        kept.iter().for_each(|path| std::fs::write(path, "the work of years").expect("is written"));
+        let unnamed = directory.path().join("checkpoint.3.2");
+        std::fs::copy(part_of(&path, 3, 2), &unnamed).expect("is copied");
         Checkpoint { parts: Vec::new(), ..checkpoint }.write(&path).expect("is written");
-        assert_eq!(std::fs::read_dir(directory.path()).expect("is there").count(), 1);
+        assert!(kept.iter().chain([&unnamed]).all(|path| path.exists()));
+        assert_eq!(std::fs::read_dir(directory.path()).expect("is there").count(), 4);
     }
 }

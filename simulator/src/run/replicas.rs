@@ -6,6 +6,7 @@ use std::num::NonZeroU32;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
+use crate::output::options::Output;
 use crate::output::{self, Lock};
 use crate::random::philox::{Key, Purpose};
 use crate::run::checkpoint::{Checkpoint, FileRecord};
@@ -115,12 +116,17 @@ impl Replicas {
         run.scenario.seed = seed_of(run.scenario.seed, replica);
         run.directory = self.directory_of(replica);
         run.report = None;
-        run.scenario.output.animation = run.scenario.output.animation.filter(|_| replica == 0);
+        run.scenario.output = self.output_of(replica);
         if run.resume && !run.checkpoint_path().exists() {
             // It begins. The table of the seeds shows that the directory is of these replicas, and a mark that files are.
             (run.resume, run.overwrite) = (false, output::has_begun(&run.directory, run.scenario.seed));
         }
         run
+    }
+
+    fn output_of(&self, replica: u32) -> Output {
+        let output = self.run.scenario.output;
+        Output { animation: output.animation.filter(|_| replica == 0), ..output }
     }
 
     /// Writes the seeds; `None` if cancelled.
@@ -158,6 +164,9 @@ impl Replicas {
     pub(super) fn refuse_foreign(&self) -> Result<(), Error> {
         let directory = &self.run.directory;
         output::refuse_other_table(directory, output::MEAN, "step,time,replicas")?;
+        for replica in self.begun()? {
+            output::refuse_other_derived(&self.directory_of(replica), &self.output_of(replica))?;
+        }
         let Some(plots) = self.run.report else { return Ok(()) };
         let former = output::refuse_foreign_page(directory)?;
         match output::refuse_foreign_parts(directory, &former, plots, &output::TABLES) {

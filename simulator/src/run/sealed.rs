@@ -13,6 +13,8 @@ use crate::{Error, checksum, output};
 /// Begins checkpoints of all versions.
 const NAME: &str = "lazygrid checkpoint ";
 const VERSION: u32 = 7;
+/// Bytes of the longest first line.
+const MAX_FIRST_LINE: u64 = 64;
 /// Bytes of memory per byte of a file: the file, and its particles. A free particle has 24 bytes and a bound one 28. In
 /// the file they have 18 or more, because small numbers of 32 bits take one byte there. Growing vectors have room for
 /// twice their elements: 1 + 2 × 28 / 18 ≈ 4.
@@ -26,11 +28,15 @@ pub(crate) enum Kind {
 
 impl Kind {
     fn first_line(self) -> String {
+        self.first_line_of(VERSION)
+    }
+
+    fn first_line_of(self, version: u32) -> String {
         let kind = match self {
             Self::Whole => "",
             Self::Part => ", part",
         };
-        format!("{NAME}{VERSION}{kind}\n")
+        format!("{NAME}{version}{kind}\n")
     }
 }
 
@@ -88,6 +94,12 @@ pub(crate) fn read<T: DeserializeOwned>(path: &Path, kind: Kind) -> Result<(T, u
         Ok((_, rest)) => Err(damaged(Damage::Content(format!("{} bytes are left over", rest.len())))),
         Err(error) => Err(damaged(Damage::Content(error.to_string()))),
     }
+}
+
+/// Returns `true` if the file begins as one of this kind and of any version.
+pub(crate) fn is_of(path: &Path, kind: Kind) -> bool {
+    let start = output::start_of(path, MAX_FIRST_LINE);
+    version(&start).is_some_and(|version| start.starts_with(kind.first_line_of(version).as_bytes()))
 }
 
 fn split_number(bytes: &[u8]) -> Option<(&[u8; 8], &[u8])> {

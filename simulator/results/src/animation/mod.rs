@@ -80,6 +80,11 @@ mod tests {
     use super::*;
 
     #[test]
+    fn second_line_of_the_page_is_its_mark() {
+        assert_eq!(PAGE.lines().nth(1), Some(lazygrid_sim::animation::PAGE_MARK));
+    }
+
+    #[test]
     fn page_has_a_mark_for_each_part() {
         let mut rest = PAGE;
         for mark in ["{{title}}", "{{scene}}", "{{frames}}", "{{script}}"] {
