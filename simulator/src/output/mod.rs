@@ -7,6 +7,7 @@ mod arrivals;
 mod arrow;
 mod directory;
 mod disk_estimate;
+mod draft;
 mod frames;
 mod lock;
 mod log_estimate;
@@ -17,7 +18,7 @@ pub mod series;
 mod symbols;
 pub mod table;
 
-use std::io::{self, BufWriter, Write};
+use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
 pub(crate) use directory::{
@@ -31,6 +32,7 @@ pub use report::{Report, TableWriter, write_report};
 pub(crate) use report::{TABLES, refuse_foreign_page, refuse_foreign_parts, remove_report};
 
 use append_file::AppendFile;
+use draft::Draft;
 
 use crate::output::append_file::FileRecord;
 use crate::output::options::Output;
@@ -122,9 +124,9 @@ impl Files {
             };
             AppendFile::reopen(directory, record)
         };
+        refuse_other_derived(directory, &output)?;
         let series = reopen(SERIES)?;
         let symbols = symbols::any(model).then(|| reopen(SYMBOLS)).transpose()?;
-        refuse_other_derived(directory, &output)?;
         let xyz = output.xyz.then(|| reopen(XYZ)).transpose()?;
         let mut logs = None;
         if model.logs_arrivals {
@@ -215,20 +217,5 @@ pub fn write_atomically(
     path: &Path,
     content: impl FnOnce(&mut BufWriter<&mut tempfile::NamedTempFile>) -> io::Result<()>,
 ) -> Result<(), Error> {
-    let write = || -> io::Result<()> {
-        let directory = path.parent().filter(|parent| *parent != Path::new("")).unwrap_or(Path::new("."));
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(lock::TEMPORARY).rand_bytes(lock::RANDOM);
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        let mut file = builder.tempfile_in(directory)?;
-        let mut out = BufWriter::new(&mut file);
-        content(&mut out)?;
-        out.flush()?;
-        drop(out);
-        file.as_file().sync_data()?;
-        file.persist(path)?;
-        Ok(())
-    };
-    write().map_err(|source| Error::Write { path: path.to_owned(), source })
+    Draft::write(path, content)?.publish()
 }

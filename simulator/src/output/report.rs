@@ -5,6 +5,7 @@ use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, BufWriter, Write};
 use std::path::Path;
 
+use super::Draft;
 use super::directory::{is_file, is_regular, refuse_file, refuse_page, remove_file, remove_where};
 use super::write_atomically;
 use crate::Error;
@@ -40,7 +41,7 @@ pub fn write_report(directory: &Path, report: &Report<'_>, overwrite: bool) -> R
         true => former_report(directory),
         false => refuse_foreign_page(directory)?,
     };
-    let page = marked(directory, report)?;
+    let (page, tables) = draft_tables(directory, report)?;
     if !overwrite {
         let plots = report.plots.iter().map(|(plot, _)| *plot);
         refuse_others(directory, plots, report.tables.iter().map(|(name, _)| *name), [&former, &page])?;
@@ -48,9 +49,7 @@ pub fn write_report(directory: &Path, report: &Report<'_>, overwrite: bool) -> R
     remove_parts(directory, &former)?;
     // The page first: it tells the plots and tables from those of others.
     write_atomically(&directory.join(REPORT), |out| out.write_all(page.as_bytes()))?;
-    for (name, write) in &report.tables {
-        write_atomically(&directory.join(name), |out| write(out))?;
-    }
+    tables.into_iter().try_for_each(Draft::publish)?;
     let folder = directory.join(PLOTS);
     fs::create_dir_all(&folder).map_err(|source| Error::Write { path: folder, source })?;
     report.plots.iter().try_for_each(|(plot, svg)| {
@@ -62,16 +61,21 @@ fn plot_name(plot: &str) -> String {
     format!("{PLOTS}/{plot}.svg")
 }
 
-/// Returns the page with the checksums of the tables.
-fn marked(directory: &Path, report: &Report<'_>) -> Result<String, Error> {
+/// Writes the tables. Returns the page with their checksums, and the tables without their names: a table that appeared
+/// before the page would be one of others.
+fn draft_tables(directory: &Path, report: &Report<'_>) -> Result<(String, Vec<Draft>), Error> {
     let mut page = format!("{}\n{MARK}", report.page.trim_end());
+    let mut drafts = Vec::new();
     for (name, write) in &report.tables {
-        let mut out = BufWriter::new(DigestWriter::new(io::sink(), Digest::new()));
-        let written = write(&mut out).and_then(|()| out.flush());
-        written.map_err(|source| Error::Write { path: directory.join(name), source })?;
-        page += &entry(name, out.get_ref().digest());
+        drafts.push(Draft::write(&directory.join(name), |out| {
+            let mut out = BufWriter::new(DigestWriter::new(out, Digest::new()));
+            write(&mut out)?;
+            out.flush()?;
+            page += &entry(name, out.get_ref().digest());
+            Ok(())
+        })?);
     }
-    Ok(page + " -->\n")
+    Ok((page + " -->\n", drafts))
 }
 
 /// Returns the text of a table in the last line of a page.
@@ -188,5 +192,45 @@ fn table_digest(path: &Path) -> io::Result<Digest> {
         bytes.split(|&byte| byte == b'\r').for_each(|part| digest.add(part));
         let read = bytes.len();
         reader.consume(read);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::Cell;
+
+    use super::*;
+
+    #[test]
+    fn tables_are_written_once_and_belong_to_their_page() {
+        let directory = tempfile::tempdir().unwrap();
+        let at = |name: &str| directory.path().join(name);
+        let calls = Cell::new(0);
+        let rows = |out: &mut dyn Write| {
+            calls.set(calls.get() + 1);
+            (0..10_000).try_for_each(|row| writeln!(out, "{row},{}", calls.get()))
+        };
+        let write = |page: &str| {
+            let tables: Vec<(&str, TableWriter<'_>)> = vec![(TABLES[0], Box::new(rows))];
+            write_report(directory.path(), &Report { page, plots: vec![("a", "<svg/>")], tables }, false)
+        };
+        for (nth, page) in [(1, "first <svg/>"), (2, "second <svg/>")] {
+            write(page).unwrap();
+            assert_eq!(calls.get(), nth);
+            assert_eq!(
+                fs::read_to_string(at(TABLES[0])).unwrap().lines().last(),
+                Some(&*format!("9999,{nth}"))
+            );
+            let former = refuse_foreign_page(directory.path()).unwrap();
+            assert!(former.starts_with(page) && is_table_of(&former, TABLES[0], &at(TABLES[0])));
+        }
+        fs::write(at(TABLES[0]), "the work of years\n").unwrap();
+        let page = fs::read(at(REPORT)).unwrap();
+        let error = write("third <svg/>").unwrap_err().to_string();
+        assert!(error.contains("it holds a file impulse-response.csv"), "{error}");
+        assert_eq!(fs::read_to_string(at(TABLES[0])).unwrap(), "the work of years\n");
+        assert!(fs::read(at(REPORT)).unwrap() == page);
+        let names = fs::read_dir(directory.path()).unwrap().map(|entry| entry.unwrap().file_name());
+        assert_eq!(names.count(), 3, "drafts are left");
     }
 }
