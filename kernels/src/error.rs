@@ -77,6 +77,12 @@ pub enum InputError {
         /// Largest cutoff of two spheres.
         reach: f64,
     },
+    /// Coordinates so far apart in a triclinic cell that the multiples of its vectors between them overflow.
+    #[error(
+        "the {axis} coordinates from {from:e} to {to:e} are more than {limit:e} apart, too many lengths of this cell for `f64`; \
+         wrap the coordinates into the box"
+    )]
+    CoordinateRange { axis: char, from: f64, to: f64, limit: f64 },
     /// A shift of 2³¹ or more cell vectors.
     #[error(
         "spheres {i} and {j} are 2^31 or more cell vectors apart, which a 32-bit shift cannot hold; wrap the coordinates into the \

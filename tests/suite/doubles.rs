@@ -96,11 +96,17 @@ pub(crate) fn oracle(spheres: &[[f64; 4]], space: &Space, table: Option<&Interac
 }
 
 fn spaces() -> [Space; 5] {
-    let tilts = [Some([7.3, 0.0, 0.0]), Some([2.9, 6.1, 0.0]), Some([-1.7, 0.4, 5.9])];
+    spaces_of(|length| length)
+}
+
+/// Returns spaces of all kinds, with `map` applied to each length.
+pub(crate) fn spaces_of(map: impl Fn(f64) -> f64) -> [Space; 5] {
+    let tilts = [[7.3, 0.0, 0.0], [2.9, 6.1, 0.0], [-1.7, 0.4, 5.9]].map(|edge| Some(edge.map(&map)));
+    let periodic = |lengths: [Option<f64>; 3]| Space::periodic(lengths.map(|length| length.map(&map)));
     [
         Space::UNBOUNDED,
-        Space::periodic([Some(10.1), Some(8.0 / 3.0), None]).expect("lengths"),
-        Space::periodic([Some(10.0), Some(7.0), Some(6.5)]).expect("lengths"),
+        periodic([Some(10.1), Some(8.0 / 3.0), None]).expect("lengths"),
+        periodic([Some(10.0), Some(7.0), Some(6.5)]).expect("lengths"),
         Space::triclinic(tilts).expect("edges"),
         Space::triclinic([tilts[0], None, tilts[2]]).expect("edges"),
     ]
@@ -126,9 +132,8 @@ fn pairs_match_the_contract_in_all_spaces_and_magnitudes() {
             let spheres = scene(240, 2.4, offset, &mut random);
             let expected = oracle(&spheres, &space, None);
             assert!(expected.len() > 60, "{}", expected.len());
-            // On a GPU, one offset suffices, because the host subtracts the origin of the frame.
-            let is_asked =
-                |variant: &DetectorVariant| variant.backend() == Backend::Cpu || offset == [0.0; 3];
+            // On a GPU, two offsets suffice, because the host subtracts the origin of the frame.
+            let is_asked = |variant: &DetectorVariant| variant.backend() == Backend::Cpu || offset[0] != 1e3;
             for variant in variants::each_algorithm().into_iter().filter(is_asked) {
                 variant.run(|| {
                     let config = variant.settings().space(space).skin(Skin::Off);
@@ -137,26 +142,6 @@ fn pairs_match_the_contract_in_all_spaces_and_magnitudes() {
                         .unwrap_or_else(|text| panic!("{variant}, space {number}, {offset:?}: {text}"));
                 });
             }
-        }
-    }
-}
-
-/// Scaling by a power of two does not change the pairs.
-#[test]
-fn no_magnitude_overflows_or_underflows() {
-    let mut random = Random(11);
-    let base = scene(160, 2.0, [0.3, 0.1, -0.2], &mut random);
-    let expected = oracle(&base, &Space::UNBOUNDED, None);
-    for exponent in [-1020, -700, -150, 150, 700, 1015] {
-        let unit = 2.0_f64.powi(exponent / 2) * 2.0_f64.powi(exponent - exponent / 2);
-        let spheres: Vec<_> = base.iter().map(|sphere| sphere.map(|number| number * unit)).collect();
-        let is_exact = spheres.iter().zip(&base).all(|(scaled, sphere)| {
-            scaled.iter().zip(sphere).all(|(scaled, number)| scaled / unit == *number)
-        });
-        for variant in variants::each_algorithm().into_iter().filter(|_| is_exact) {
-            let mut detector = Detector::new(variant.settings()).expect("a detector");
-            let found = variant.run(|| detector.pairs(&spheres).map(<[Pair]>::to_vec));
-            assert!(found.as_ref() == Ok(&expected), "{variant}, 2^{exponent}: {:?}", found.map(|f| f.len()));
         }
     }
 }
@@ -260,7 +245,7 @@ fn candidates_of_f64_spheres_lose_no_pair() {
     }
 }
 
-struct Columns {
+pub(crate) struct Columns {
     rows: Vec<[f64; 4]>,
     centers: Vec<[f64; 3]>,
     columns: [Vec<f64>; 4],
@@ -268,7 +253,7 @@ struct Columns {
 }
 
 impl Columns {
-    fn of(rows: &[[f64; 4]]) -> Self {
+    pub(crate) fn of(rows: &[[f64; 4]]) -> Self {
         Self {
             rows: rows.to_vec(),
             centers: rows.iter().map(|[x, y, z, _]| [*x, *y, *z]).collect(),
@@ -288,7 +273,7 @@ impl Columns {
 }
 
 /// Returns the number of calls served by candidates, or the first step whose pairs are wrong.
-fn serve(
+pub(crate) fn serve(
     config: &Config,
     layout: usize,
     steps: &[(Columns, Vec<Pair>)],

@@ -11,6 +11,7 @@ mod interactions;
 mod language;
 mod lazy_grid;
 mod limits;
+mod magnitudes;
 mod modules;
 mod neighbor_lists;
 mod periodic;

@@ -309,6 +309,9 @@ fn cell_vectors_beyond_their_types_are_refused() {
                 let refused = list(&apart);
                 let is_named = matches!(refused, Err(Error::Input(InputError::Images { .. })));
                 assert!(is_named, "{vectors:?}: {refused:?}");
+                let refused = list(&apart.map(|[x, y, z, radius]| [x, y, z, 0.1 * radius]));
+                let is_named = matches!(refused, Err(Error::Input(InputError::CoordinateRange { .. })));
+                assert!(is_named, "{vectors:?}: {refused:?}");
             }
         }
     }

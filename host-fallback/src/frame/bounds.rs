@@ -1,4 +1,4 @@
-use lazygrid_kernels::Query;
+use lazygrid_kernels::{InputError, Query, Space};
 
 use crate::executor::Executor;
 
@@ -53,6 +53,21 @@ impl Bounds {
 
     pub(crate) fn are_valid(&self) -> bool {
         self.zero == [0.0; 4] && self.min[3] >= 0.0
+    }
+
+    /// Checks that the exact test of spheres in these bounds does not overflow in a triclinic cell.
+    ///
+    /// # Errors
+    /// [`InputError::CoordinateRange`].
+    pub(crate) fn check_range(&self, space: &Space) -> Result<(), InputError> {
+        let Some(cell) = space.triclinic_cell() else { return Ok(()) };
+        let limit = cell.max_component();
+        for ((axis, from), to) in ['x', 'y', 'z'].into_iter().zip(self.min).zip(self.max) {
+            if to - from > limit {
+                return Err(InputError::CoordinateRange { axis, from, to, limit });
+            }
+        }
+        Ok(())
     }
 
     /// Returns the middle along an axis; 0 without spheres.

@@ -85,8 +85,11 @@ impl SearchFrame {
     }
 
     /// Returns `true` if this frame represents spheres in `bounds` together with all spheres that its map
-    /// [contains](FrameMap::contains). They may fill little of the frame.
+    /// [contains](FrameMap::contains), and the exact test can decide their pairs. They may fill little of the frame.
     pub(crate) fn holds(&self, bounds: &Bounds, space: &Space) -> bool {
+        if bounds.check_range(space).is_err() {
+            return false;
+        }
         let mut bounds = if self.is_trimmed { self.without_free_axes(bounds, space) } else { *bounds };
         let periodic = Self::periodic_axes(space);
         for (axis, length) in space.lengths().into_iter().enumerate() {
@@ -267,6 +270,20 @@ mod tests {
                 "{space:?}: {center} {radius}"
             );
         }
+    }
+
+    #[test]
+    fn frames_hold_no_spheres_too_far_apart_for_their_cell() {
+        let edges = [[1.0, 0.0, 0.0], [0.5, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let space = Space::triclinic(edges.map(Some)).expect("a cell");
+        let limit = space.triclinic_cell().expect("triclinic").max_component();
+        let bounds = |to: f64| {
+            let mut bounds = Bounds::EMPTY;
+            [0.0, to].into_iter().for_each(|x| bounds.add([x, 0.0, 0.0, 0.0]));
+            bounds
+        };
+        let frame = SearchFrame::new(&bounds(0.9 * limit), &space);
+        assert!(frame.holds(&bounds(0.95 * limit), &space) && !frame.holds(&bounds(1.05 * limit), &space));
     }
 
     #[test]

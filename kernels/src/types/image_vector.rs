@@ -40,7 +40,8 @@ const UP: f64 = f64::from_bits((1023 + 600) << 52);
 
 impl Space {
     /// Returns the vector from a point to the minimum image of another, by the expression of the exact contact test.
-    /// Shifts beyond `i32` are limited to its range; the vector is correct in any case.
+    /// Shifts beyond `i32` are limited to its range. The vector is correct in any case, except that it is not finite if
+    /// the difference of the points or a multiple of a cell vector exceeds the largest number.
     ///
     /// ```
     /// # use lazygrid_kernels::Space;
@@ -211,6 +212,32 @@ mod tests {
             let [giant, other] = [[0.0, 0.0, 0.0, 1e150], [3e-131, 2e-131, 0.0, 1e150]];
             assert!(space.touch(giant, giant, None) && space.touch(giant, other, None), "{space:?}");
             assert!(space.touch(giant, other, Some(1e200)), "{space:?}");
+        }
+    }
+
+    #[test]
+    fn vectors_up_to_the_largest_component_have_images() {
+        let cells = [
+            [Some([1.0, 0.0, 0.0]), Some([0.4, 1.0, 0.0]), Some([-0.3, 0.2, 1.0])],
+            [Some([1.0, 0.0, 0.0]), Some([4000.3, 1.0, 0.0]), Some([-900.7, 3000.1, 1.0])],
+            [Some([1.0, 0.0, 0.0]), Some([3e6, 1.0, 0.0]), None],
+            [None, Some([0.4, 1.0, 0.0]), None],
+        ];
+        for (cell, scale) in
+            cells.into_iter().flat_map(|cell| [1.0, 1e-300, 1e100].map(|scale| (cell, scale)))
+        {
+            let cell = cell.map(|edge| edge.map(|edge: [f64; 3]| edge.map(|number| number * scale)));
+            let space = Space::triclinic(cell).expect("a cell");
+            let most = space.triclinic_cell().expect("triclinic").max_component();
+            // The largest difference of two numbers, scaled.
+            let most = (most * DOWN).min(2.0 * (f64::MAX * DOWN));
+            for to in [[most; 3], [most, -most, most], [0.0, most, 0.0], [-most, 0.0, 0.3 * most]] {
+                // The exact test scales a vector that overflows.
+                let images = [(space, to.map(|number| number / DOWN)), (space.scaled(DOWN), to)]
+                    .map(|(space, to)| space.minimum_image([0.0; 3], to).vector);
+                let is_finite = |vector: &[f64; 3]| vector.iter().all(|number| number.is_finite());
+                assert!(images.iter().any(is_finite), "{cell:?}, {to:?}: {images:?}");
+            }
         }
     }
 

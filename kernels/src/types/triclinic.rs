@@ -14,6 +14,9 @@ const MAX_REDUCTION_STEPS: usize = 1 << 16;
 const MAX_WRAP_STEPS: usize = 4;
 /// Gain that a swap of the reduction requires, so that rounding cannot make it cycle (Lovász's δ).
 const LLL_DELTA: f64 = 0.99;
+/// Factor by which sums of multiples of vectors stay below the largest number: above 3·√3·√3, for three components,
+/// vectors and the longest vector.
+const OVERFLOW_MARGIN: f64 = 16.0;
 /// Growth of an orthogonalized sphere, as a fraction of its coordinates: four times the rounding to `f32`, on three
 /// axes.
 const ROUNDING: f64 = 1.0 / (1 << 21) as f64;
@@ -122,6 +125,16 @@ impl TriclinicCell {
     /// Returns the number of cell vectors.
     pub fn rank(&self) -> usize {
         self.rank
+    }
+
+    /// Returns the largest component of a vector for which no number in [`minimum_image`](Self::minimum_image)
+    /// overflows. Only its result may, in cells longer than 1; the exact test then scales the vector and the cell.
+    pub fn max_component(&self) -> f64 {
+        let lowest = heights(&self.inverse)[..self.rank].iter().copied().fold(f64::INFINITY, f64::min);
+        // A vector of length `l` takes at most `l` divided by the height of each basis vector, and up to the sum of
+        // their multiples of each cell vector, no longer than √3 units.
+        let vectors = self.multiples.iter().flatten().map(|count| count.abs()).sum::<f64>();
+        f64::MAX / (OVERFLOW_MARGIN * vectors) * lowest / self.unit
     }
 
     /// Returns the multiples of the cell vectors that, added to a vector, give its minimum image, and that image.
