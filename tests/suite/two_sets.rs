@@ -1,8 +1,8 @@
 //! Pairs of spheres of two sets.
 
 use lazygrid::{
-    Algorithm, Backend, Detector, Error, Exclusions, InputError, Interaction, Order, Pair, Query, Sphere,
-    Spheres,
+    Algorithm, Backend, Detector, Error, Exclusions, InputError, Interaction, Interactions, Order, Pair,
+    Query, Radii, Sphere, Spheres,
 };
 use lazygrid_check::SpeciesSetup;
 use lazygrid_io::scenes::Scene;
@@ -13,6 +13,7 @@ use lazygrid_tests::{
 use proptest::prelude::*;
 use proptest::sample::select;
 
+use crate::doubles::Random;
 use crate::properties::check;
 
 pub(crate) fn split_at(scenario: &TestInput, part: f32) -> usize {
@@ -124,6 +125,75 @@ fn species_of_either_set_match_the_oracle() {
         let mut detector = Detector::new(variant.settings()).expect("made");
         let count = detector.count((a, b));
         assert_eq!(count, Ok(across(&without, 250).len() as u64), "{variant}");
+    }
+}
+
+const SPECIES: u32 = Interactions::MAX_SPECIES;
+/// Spheres of species `a` and `partner(a)` pair within this distance.
+const DISTANCE: f32 = 0.5;
+
+fn partner(a: u32) -> u32 {
+    (7 * a + 1) % SPECIES
+}
+
+/// Returns the centers and species of two sets. Each sphere of the second set is near the one with its index in the
+/// first set; every second one is of the species that pairs with it.
+fn sets_of_most_species() -> [(Vec<[f32; 3]>, Vec<u32>); 2] {
+    let mut random = Random(53);
+    let mut point = |extent: f32| [(); 3].map(|()| extent * random.signed() as f32);
+    let first: Vec<_> = (0..300).map(|_| point(4.0)).collect();
+    let near = |at: &[f32; 3]| {
+        let step = point(0.5);
+        [0, 1, 2].map(|axis| at[axis] + step[axis])
+    };
+    let second = first.iter().map(near).collect();
+    let ids: Vec<u32> = (0..300).map(|k| k * 2731 % SPECIES).collect();
+    let others = (0..300).map(|k| partner(if k % 2 == 0 { ids[k] } else { ids[k / 2] })).collect();
+    [(first, ids), (second, others)]
+}
+
+fn pairs_of_partners([(first, ids), (second, others)]: &[(Vec<[f32; 3]>, Vec<u32>); 2]) -> Vec<Pair> {
+    let is_near = |i: usize, j: usize| {
+        let along = |axis: usize| f64::from(second[j][axis]) - f64::from(first[i][axis]);
+        let [x, y, z] = [0, 1, 2].map(along);
+        x * x + y * y + z * z <= f64::from(DISTANCE * DISTANCE)
+    };
+    let all = (0..first.len()).flat_map(|i| (0..second.len()).map(move |j| (i, j)));
+    let pair = all.filter(|&(i, j)| {
+        let (a, b) = (ids[i], others[j]);
+        (partner(a) == b || partner(b) == a) && is_near(i, j)
+    });
+    pair.map(|(i, j)| Pair { i: i as u32, j: j as u32 }).collect()
+}
+
+#[test]
+fn two_sets_of_most_species_match_the_oracle() {
+    let sets = sets_of_most_species();
+    let expected = pairs_of_partners(&sets);
+    let [(first, ids), (second, others)] = &sets;
+    let is_large = |pair: &&Pair| ids[pair.i as usize] > 2048 && others[pair.j as usize] > 2048;
+    let large = expected.iter().filter(is_large).count();
+    assert!(expected.len() > 50 && large > 10, "{large} of {}", expected.len());
+
+    let mut table = Interactions::new(SPECIES, Interaction::Never).expect("memory");
+    for a in 0..SPECIES {
+        table.set(a, partner(a), Interaction::Within(DISTANCE.into())).expect("a distance");
+    }
+    let wide = [first, second].map(|set| set.iter().map(|at| at.map(f64::from)).collect::<Vec<_>>());
+    for variant in variants::each_algorithm() {
+        // A detector may have another table, of 256 MiB, which is dropped before the next one.
+        let mut detector = Detector::new(variant.settings().interactions(table.clone())).expect("a detector");
+        let narrow = [first, second].map(|set| Spheres::points(set, Radii::All(0.0_f32)));
+        let wide = wide.each_ref().map(|set| Spheres::points(set, Radii::All(0.0_f64)));
+        // On a GPU, the host decides pairs of `f64` spheres, which another table finds: one algorithm suffices.
+        let has_wide = variant.backend() == Backend::Cpu || variant.algorithm == Algorithm::CellList;
+        for [a, b] in [Some(narrow), has_wide.then_some(wide)].into_iter().flatten() {
+            let a = a.and_then(|a| a.with_species(ids)).expect("one each");
+            let b = b.and_then(|b| b.with_species(others)).expect("one each");
+            let found = variant.run(|| detector.pairs((a, b)).map(<[Pair]>::to_vec));
+            let is_right = found.as_ref() == Ok(&expected);
+            assert!(is_right, "{variant}: {:?} of {}", found.map(|f| f.len()), expected.len());
+        }
     }
 }
 
