@@ -8,7 +8,7 @@ use crate::report::Report;
 pub(crate) trait DetectorBackend: SearchBackend + Debug + Send + Sync {
     fn report(&self) -> Report;
 
-    fn memory_for(&self, spheres: u64) -> u64;
+    fn memory_for(&self, spheres: u64, is_f64: bool) -> u64;
 }
 
 impl DetectorBackend for HostBackend {
@@ -16,8 +16,8 @@ impl DetectorBackend for HostBackend {
         self.report().into()
     }
 
-    fn memory_for(&self, spheres: u64) -> u64 {
-        self.memory_for(spheres)
+    fn memory_for(&self, spheres: u64, is_f64: bool) -> u64 {
+        self.memory_for(spheres, is_f64)
     }
 }
 

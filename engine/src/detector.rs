@@ -90,9 +90,9 @@ impl Detector {
     ///
     /// # Errors
     /// [`Error::Input`] names the first invalid sphere, in [`InputError::SecondSet`](crate::InputError::SecondSet) if
-    /// it is in the second set; [`Error::TooManyPairs`] above [`Config::max_pairs`], with the exact number;
-    /// [`Error::OutOfMemory`]. On a GPU also [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`],
-    /// [`Error::DeviceLost`] and [`Error::Timeout`].
+    /// it is in the second set, and spheres too far apart for a triclinic cell; [`Error::TooManyPairs`] above
+    /// [`Config::max_pairs`], with the exact number; [`Error::OutOfMemory`]. On a GPU also [`Error::LimitExceeded`],
+    /// [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::Timeout`].
     pub fn pairs<'a>(&mut self, query: impl Into<Query<'a>>) -> Result<&[Pair], Error> {
         self.finder().pairs(query)
     }
@@ -182,7 +182,8 @@ impl Detector {
     /// Estimates the bytes that this detector holds for `spheres` spheres (at most
     /// [`MAX_SPHERES`](crate::MAX_SPHERES)), without the result. On the CPU this is an upper bound for one set in `f32`
     /// rows or columns, apart from 16 KiB that do not depend on the spheres. Copies of two sets, `f64` and strided
-    /// input take up to 23 bytes more per sphere. Neighbor lists take memory in proportion to the neighbors.
+    /// input take up to 23 bytes more per sphere. On a GPU, the estimate includes the host's copy in a triclinic cell
+    /// or a box whose lengths are no `f32` numbers. Neighbor lists take memory in proportion to the neighbors.
     ///
     /// Unless the skin is [`Off`](crate::Skin::Off), the estimate includes the maximum number of candidates: on the CPU
     /// 96 per sphere (768 bytes), although few scenes exceed ten.
@@ -190,7 +191,13 @@ impl Detector {
     /// On a GPU the estimate has eight (cell, sphere) entries of 16 bytes per sphere, the maximum on one level. Crowded
     /// spheres of many sizes may need more (ten sizes at one point: about 44), which later estimates include.
     pub fn memory_for(&self, spheres: u64) -> u64 {
-        self.finder.backend().memory_for(spheres.min(MAX_SPHERES))
+        self.finder.backend().memory_for(spheres.min(MAX_SPHERES), false)
+    }
+
+    /// Estimates the bytes for `f64` spheres in rows or columns like [`memory_for`](Self::memory_for).
+    #[doc(hidden)]
+    pub fn memory_for_f64(&self, spheres: u64) -> u64 {
+        self.finder.backend().memory_for(spheres.min(MAX_SPHERES), true)
     }
 
     /// Returns the list of the last call, if that was [`pairs`](Self::pairs), without a copy.

@@ -41,12 +41,12 @@ impl DetectorBackend for AutoBackend {
         report
     }
 
-    fn memory_for(&self, spheres: u64) -> u64 {
+    fn memory_for(&self, spheres: u64, is_f64: bool) -> u64 {
         let last = CallSize { spheres: self.spheres, pairs: self.last().report().pairs };
-        let on_host = self.host.memory_for(spheres.min(u64::from(self.device.known.device_from)));
+        let on_host = self.host.memory_for(spheres.min(u64::from(self.device.known.device_from)), is_f64);
         match choice::per_call(spheres, last, &self.device.known).0 {
             Backend::Cpu => on_host,
-            _ => on_host.saturating_add(self.device.memory_for(spheres)),
+            _ => on_host.saturating_add(self.device.memory_for(spheres, is_f64)),
         }
     }
 }
@@ -114,7 +114,7 @@ mod tests {
         assert_eq!(finder.count(&spheres[..99]), Ok(98));
         assert_eq!(finder.count(&spheres[..99]), Ok(98));
         assert_eq!(finder.backend().report().backend, Backend::Cpu);
-        let [few, many] = [99, 100].map(|spheres| finder.backend().memory_for(spheres));
+        let [few, many] = [99, 100].map(|spheres| finder.backend().memory_for(spheres, false));
         assert!(0 < few && few < many, "{few}, {many}");
     }
 }

@@ -117,13 +117,14 @@ impl DetectorBackend for GpuBackend {
         self.report.clone()
     }
 
-    fn memory_for(&self, spheres: u64) -> u64 {
+    fn memory_for(&self, spheres: u64, is_f64: bool) -> u64 {
         let session = &self.device.search.session;
         // More spheres are searched in slabs.
         let keeps = self.skin_controller.is_some() || matches!(self.settings.skin, Skin::Fixed(_));
         let memory = |n| if keeps { session.memory_with_candidates(n) } else { session.memory_for(n) };
         let at_once = u32::try_from(spheres.min(session.most_spheres())).ok();
-        at_once.and_then(|n| memory(n).ok()).unwrap_or(u64::MAX)
+        let on_device = at_once.and_then(|n| memory(n).ok()).unwrap_or(u64::MAX);
+        on_device.saturating_add(QueryBuffers::memory_for(spheres, is_f64, &self.settings, false))
     }
 }
 

@@ -214,3 +214,16 @@ fn narrow_side_follows_the_crowd_and_loses_no_pair() {
         }
     }
 }
+
+#[test]
+fn memory_for_counts_the_copy_of_spheres_in_a_frame() {
+    let Some(gpu) = device_or_skip() else { return };
+    let memory = |length: f64, is_f64| {
+        let space = Space::periodic([Some(length), None, None]).expect("a length");
+        let detector = made(gpu.clone(), Config::default().space(space));
+        detector.backend().memory_for(1000, is_f64)
+    };
+    let (without, copy) = (memory(10.0, false), 18 * 1000);
+    assert_eq!(memory(10.1, false), without + copy);
+    assert_eq!([10.0, 10.1].map(|length| memory(length, true)), [without + copy; 2]);
+}

@@ -6,13 +6,12 @@ mod state;
 
 use std::sync::Arc;
 
-use lazygrid_kernels::{Query, Sphere};
+use lazygrid_kernels::Query;
 
 use crate::cell_list::CellList;
 use crate::executor::{Executor, MIN_PARALLEL_SPHERES, Team};
 use crate::grids::{ArrayGrid, HashGrid, RecursiveGrid};
 use crate::input::{InputStats, Preparation, QueryBuffers, SearchInput, SpeciesGroups, check_valid};
-use crate::memory::with_growth;
 use crate::naive::Naive;
 use crate::skin::{CallSpheres, memory_of_candidates};
 use crate::{Error, PhaseTime, RebuildReason, Report, Settings};
@@ -68,15 +67,10 @@ impl HostBackend {
     /// The paper's grids may take four times as much beyond 2²⁹ cells, and again on periodic axes shorter than three
     /// cells. For the recursive grid, the estimate assumes one overfull cell with all spheres; nested overfull cells
     /// add up to 150 bytes per sphere. A candidate list is assumed to have its maximum, 96 candidates of 8 bytes per
-    /// sphere. Few scenes have more than ten, and [`Skin::Off`](crate::Skin::Off) keeps none. `f64` spheres in
-    /// unbounded space take up to 18 bytes more each.
-    pub fn memory_for(&self, spheres: u64) -> u64 {
+    /// sphere. Few scenes have more than ten, and [`Skin::Off`](crate::Skin::Off) keeps none.
+    pub fn memory_for(&self, spheres: u64, is_f64: bool) -> u64 {
         let (ratio, threads) = (self.settings.cell_ratio, self.team.count() as u64);
-        // A distance outside the normal numbers of `f32` forces the copy also in unbounded space.
-        let copied = match self.settings.space.is_periodic() || self.settings.is_framed() {
-            true => with_growth(spheres * size_of::<Sphere>() as u64),
-            false => 0,
-        };
+        let copied = QueryBuffers::memory_for(spheres, is_f64, &self.settings, true);
         let own = match self.structure {
             IndexKind::Naive => Naive::memory_for(spheres),
             IndexKind::HashGrid => HashGrid::memory_for(spheres, ratio, threads),
@@ -178,10 +172,11 @@ mod tests {
     use std::ops::ControlFlow;
     use std::thread;
 
-    use lazygrid_kernels::{Algorithm, Interaction, Interactions, Sphere};
+    use lazygrid_kernels::{Algorithm, Interaction, Interactions, Space, Sphere};
 
     use super::*;
-    use crate::Order;
+    use crate::memory::with_growth;
+    use crate::{Order, Skin};
 
     fn two() -> [Sphere; 2] {
         [Sphere::new([0.0; 3], 1.0); 2]
@@ -207,8 +202,8 @@ mod tests {
     #[test]
     fn memory_for_counts_the_species_of_candidates() {
         let memory = |interactions| {
-            let settings = Settings { skin: crate::Skin::Auto, interactions, ..Settings::default() };
-            HostDetector::new(settings).expect("the settings are in range").backend().memory_for(1000)
+            let settings = Settings { skin: Skin::Auto, interactions, ..Settings::default() };
+            HostDetector::new(settings).expect("the settings are in range").backend().memory_for(1000, false)
         };
         let table = Interactions::new(1, Interaction::Touch).expect("few species");
         let of_table = SpeciesGroups::memory_for(1, 1000);
@@ -221,10 +216,36 @@ mod tests {
         let memory = |distance| {
             let table = Interactions::new(1, Interaction::Within(distance)).expect("a distance in range");
             let settings = Settings { interactions: Some(table), ..Settings::default() };
-            HostDetector::new(settings).expect("the settings are in range").backend().memory_for(1000)
+            HostDetector::new(settings).expect("the settings are in range").backend().memory_for(1000, false)
         };
         for distance in [1e-40, 1e40] {
             assert_eq!(memory(distance), memory(0.1) + with_growth(16 * 1000), "{distance}");
+        }
+    }
+
+    /// The host wraps for its own search, a GPU wraps on the device.
+    #[test]
+    fn memory_for_counts_the_copy_of_each_space() {
+        let memory = |space, is_f64, wraps| {
+            let settings = Settings { space, skin: Skin::Off, ..Settings::default() };
+            let copied = QueryBuffers::memory_for(1000, is_f64, &settings, wraps);
+            let detector = HostDetector::new(settings).expect("the settings are in range");
+            (copied, detector.backend().memory_for(1000, is_f64))
+        };
+        let periodic = |length: f64| Space::periodic([Some(length), None, None]).expect("a length");
+        let tilted = [[10.0, 0.0, 0.0], [4.0, 10.0, 0.0], [0.0, 0.0, 10.0]];
+        let tilted = Space::triclinic(tilted.map(Some)).expect("a cell");
+        let copy = with_growth(16 * 1000);
+        let (_, without) = memory(Space::UNBOUNDED, false, true);
+        for (space, on_gpu, on_host) in [
+            (Space::UNBOUNDED, 0, 0),
+            (periodic(10.0), 0, copy),
+            (periodic(10.1), copy, copy),
+            (tilted, copy, copy),
+        ] {
+            assert_eq!(memory(space, false, false).0, on_gpu, "{space:?}");
+            assert_eq!(memory(space, false, true), (on_host, without + on_host), "{space:?}");
+            assert_eq!(memory(space, true, false), (copy, without + copy), "{space:?}");
         }
     }
 

@@ -12,7 +12,7 @@ use super::validate::{check_species, check_valid};
 use crate::compare::{PairFilter, PairTest};
 use crate::executor::Executor;
 use crate::frame::{Bounds, RowsByIndex, SearchFrame};
-use crate::memory::try_resize;
+use crate::memory::{try_resize, with_growth};
 use crate::{Error, InputError, PhaseTime, Settings, Simd};
 
 /// Copies of spheres that cannot be searched in place, the last frame, and the species groups.
@@ -68,6 +68,13 @@ impl PreparedQuery<'_> {
 }
 
 impl QueryBuffers {
+    /// Returns the most bytes of the copy of `spheres` spheres of one set, which are copied into a frame, and, if the
+    /// search `wraps`, into an orthogonal periodic space.
+    pub fn memory_for(spheres: u64, is_f64: bool, settings: &Settings, wraps: bool) -> u64 {
+        let is_copied = is_f64 || settings.is_framed() || (wraps && settings.space.is_periodic());
+        if is_copied { with_growth(spheres.saturating_mul(size_of::<Sphere>() as u64)) } else { 0 }
+    }
+
     /// Returns a number that changes with the present species and the choice of radii; 0 without interactions.
     pub(crate) fn version(&self) -> u32 {
         self.groups.version()
@@ -77,8 +84,8 @@ impl QueryBuffers {
     /// copy to `phases`.
     ///
     /// # Errors
-    /// [`Error::Input`] for too many spheres, unknown species, exclusions of other numbers of spheres, and invalid
-    /// spheres; [`Error::OutOfMemory`].
+    /// [`Error::Input`] for too many spheres, unknown species, exclusions of other numbers of spheres, invalid spheres,
+    /// and spheres too far apart for their triclinic cell; [`Error::OutOfMemory`].
     pub fn prepare<'a>(
         &'a mut self,
         query: &Query<'a>,
@@ -173,7 +180,10 @@ impl QueryBuffers {
         executor: Executor,
     ) -> Result<SearchFrame, Error> {
         let space = &settings.space;
-        let check = |bounds: &Bounds| if bounds.are_valid() { Ok(()) } else { check_valid(query, executor) };
+        let check = |bounds: &Bounds| match bounds.are_valid() {
+            true => bounds.check_range(space),
+            false => check_valid(query, executor),
+        };
         let last = last.filter(|last| !last.is_triclinic_f32());
         let mut given = None;
         if let Some(last) = last.as_ref().filter(|last| !last.is_trimmed()) {

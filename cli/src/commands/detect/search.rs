@@ -2,7 +2,7 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use lazygrid::{Backend, Config, Detector, Query, Skin, Space};
+use lazygrid::{Config, Detector, Query, Skin, Space};
 use lazygrid_io::read::Frame;
 use lazygrid_io::write::{self, AtomicFile, Output, PairFile};
 
@@ -13,14 +13,6 @@ use crate::progress::Progress;
 
 /// 8 MiB of pairs.
 const CHUNK: usize = 1 << 20;
-/// Most bytes per sphere of the copy in 32 bits that a search in a frame makes, with the growth of its buffer.
-const COPY: u64 = 18;
-
-/// Returns `true` if a search copies the spheres into a frame: spheres of `f64`, and all in a triclinic cell or a box
-/// whose lengths are no `f32` numbers.
-fn has_copy(is_f64: bool, space: &Space) -> bool {
-    is_f64 || space.triclinic_cell().is_some() || !space.fits_f32()
-}
 
 pub(crate) struct FrameDetector {
     config: Config,
@@ -39,11 +31,8 @@ impl FrameDetector {
         let config = self.config.clone().space(frame.space).skin(Skin::Off).threads(1);
         let detector = Detector::new(config).map_err(CliError::Setting)?;
         let spheres = frame.len() as u64;
-        // On the CPU, the estimate for a periodic space has the copy.
-        let is_counted = detector.report().backend == Backend::Cpu && frame.space.is_periodic();
-        let has_copy = has_copy(frame.doubles.is_some(), &frame.space);
-        let copied = if has_copy && !is_counted { COPY * spheres } else { 0 };
-        Ok(detector.memory_for(spheres).saturating_add(copied))
+        let is_f64 = frame.doubles.is_some();
+        Ok(if is_f64 { detector.memory_for_f64(spheres) } else { detector.memory_for(spheres) })
     }
 
     pub(crate) fn detector(&mut self, space: Space) -> Result<&mut Detector, CliError> {
@@ -129,22 +118,4 @@ fn timed<T>(time: &mut Duration, work: impl FnOnce() -> T) -> T {
 
 fn failure_in(file: &Path, frame: usize) -> impl Fn(lazygrid::Error) -> CliError + Copy {
     move |source| CliError::Detection { path: name(file).to_owned(), frame, source }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn spheres_are_copied_in_f64_and_in_spaces_beyond_f32() {
-        let periodic = |length: f64| Space::periodic([Some(length), None, None]).unwrap();
-        let tilted = [[10.0, 0.0, 0.0], [4.0, 10.0, 0.0], [0.0, 0.0, 10.0]];
-        let tilted = Space::triclinic(tilted.map(Some)).unwrap();
-        for (space, expected) in
-            [(Space::UNBOUNDED, false), (periodic(10.0), false), (periodic(10.1), true), (tilted, true)]
-        {
-            assert!(has_copy(true, &space));
-            assert_eq!(has_copy(false, &space), expected, "{space:?}");
-        }
-    }
 }
