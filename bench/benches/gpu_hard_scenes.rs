@@ -56,7 +56,7 @@ struct SceneRun<'a> {
     sort: &'static str,
     session: GpuSession,
     pairs: u64,
-    stages: Vec<[Duration; GpuPhase::ALL.len()]>,
+    stages: Vec<Vec<Duration>>,
 }
 
 impl SceneRun<'_> {
@@ -64,18 +64,17 @@ impl SceneRun<'_> {
         let ticket = self.session.begin(Spheres::from(&self.given.spheres))?;
         self.pairs = self.session.finish_count(ticket)?;
         if is_warm {
-            let timing_of = |phase: GpuPhase| self.session.timings().iter().find(|t| t.name == phase.name());
-            self.stages.push(
-                GpuPhase::ALL.map(|phase| timing_of(phase).map_or(Duration::ZERO, |timing| timing.time)),
-            );
+            let timing_of = |phase: &GpuPhase| self.session.timings().iter().find(|t| t.name == phase.name());
+            let time_of = |phase| timing_of(phase).map_or(Duration::ZERO, |timing| timing.time);
+            self.stages.push(GpuPhase::ALL.iter().map(time_of).collect());
         }
         Ok(())
     }
 
-    fn median(&self) -> [f64; GpuPhase::ALL.len()] {
+    fn median(&self) -> Vec<f64> {
         let mut stages = self.stages.clone();
         stages.sort_by_key(|stages| stages.iter().sum::<Duration>());
-        stages[stages.len() / 2].map(|time| time.as_secs_f64())
+        stages[stages.len() / 2].iter().map(Duration::as_secs_f64).collect()
     }
 }
 
@@ -176,7 +175,7 @@ fn table(runners: &[SceneRun<'_>]) -> String {
                 .collect()
         })
         .collect();
-    let stages = GpuPhase::ALL.map(|phase| format!("{}, ms", phase.name()));
+    let stages: Vec<_> = GpuPhase::ALL.iter().map(|phase| format!("{}, ms", phase.name())).collect();
     let head: Vec<&str> = ["scene", "spheres", "algorithm", "pairs"]
         .into_iter()
         .chain(stages.iter().map(String::as_str))

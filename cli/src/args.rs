@@ -126,7 +126,7 @@ pub(crate) struct Detect {
     #[arg(long, value_name = "XY,XZ,YZ", value_parser = tilts, allow_hyphen_values = true, requires = "periodic")]
     pub(crate) tilt: Option<[f64; 3]>,
     /// Backend of the search
-    #[arg(long, default_value_t, value_parser = one_of(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
+    #[arg(long, default_value_t, value_parser = one_of(Backend::ALL.iter().map(|backend| backend.name())).try_map(|name| name.parse::<Backend>()))]
     pub(crate) backend: Backend,
     /// GPU adapter: its index in `lazygrid devices`, or a part of its name
     #[arg(long, value_name = "NAME|INDEX")]

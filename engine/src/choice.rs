@@ -144,7 +144,7 @@ mod tests {
     #[test]
     fn named_adapter_implies_the_gpu() {
         let card = AdapterId::from("card");
-        for asked in Backend::ALL {
+        for &asked in Backend::ALL {
             assert_eq!(resolve_backend(asked, None), Ok(asked));
         }
         assert_eq!(resolve_backend(Backend::Auto, Some(&card)), Ok(Backend::Gpu));

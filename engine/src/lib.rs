@@ -41,8 +41,8 @@ pub use config::Config;
 pub use detector::{Detector, detect};
 pub use glam;
 pub use lazygrid_host::{
-    CandidateListStats, ListOptions, NeighborList, Neighbors, Order, PhaseTime, RebuildReason, Simd, Skin,
-    start_threads,
+    CandidateListStats, ListOptions, NeighborList, Neighbors, NeighborsIter, Order, PhaseTime, RebuildReason,
+    Simd, Skin, start_threads,
 };
 pub use lazygrid_kernels::{
     Algorithm, Backend, EffectiveRadius, Error, Exclusions, ImageVector, InputError, Interaction,

@@ -12,8 +12,8 @@ use std::time::Duration;
 use lazygrid::glam::Vec3;
 use lazygrid::{
     Algorithm, Backend, Config, Detector, EffectiveRadius, Error, Exclusions, ImageVector, InputError,
-    Interaction, Interactions, ListOptions, NeighborList, Neighbors, Order, Pair, PhaseTime, Query, Radii,
-    Report, Simd, Space, Sphere, Spheres, UnknownName, detect,
+    Interaction, Interactions, ListOptions, NeighborList, Neighbors, NeighborsIter, Order, Pair, PhaseTime,
+    Query, Radii, Report, Simd, Space, Sphere, Spheres, UnknownName, detect,
 };
 
 const fn crosses_threads<T: Send + Sync>() {}
@@ -26,6 +26,7 @@ const _: () = {
     crosses_threads::<Config>();
     crosses_threads::<Report>();
     crosses_threads::<Neighbors<'_>>();
+    crosses_threads::<NeighborsIter<'_>>();
     crosses_threads::<NeighborList<'_>>();
     crosses_threads::<Query<'_>>();
     crosses_threads::<Spheres<'_>>();
@@ -42,6 +43,8 @@ const _: () = {
     is_error::<Error>();
     is_error::<InputError>();
     is_error::<UnknownName>();
+    let _: &[Backend] = Backend::ALL;
+    let _: [&[Algorithm]; 3] = [Algorithm::ALL, Algorithm::CPU, Algorithm::GPU];
 };
 
 fn every_query(detector: &mut Detector, wide: &[[f64; 4]], bonds: &Exclusions) -> Result<(), Error> {
@@ -71,6 +74,11 @@ fn every_call(detector: &mut Detector, rows: &[Sphere], four: &[[f32; 4]]) -> Re
     let spheres: Spheres<'_> = Spheres::columns(x, x, x, x)?.with_species(&[0, 1, 0])?;
     let lists: Neighbors<'_> = detector.neighbors(spheres)?;
     let _: (usize, bool, &[u32]) = (lists.len(), lists.is_empty(), lists.neighbors_of(0));
+    let _: (&[u64], &[u32]) = (lists.offsets(), lists.indices());
+    let iter: NeighborsIter<'_> = lists.iter();
+    for (list, last) in iter.clone().zip(&lists).chain(iter.rev().zip(lists)) {
+        let _: [&[u32]; 2] = [list, last];
+    }
     let _: u64 = detector.count(spheres)?;
     let _: u64 = detector.stream(spheres, 100, |chunk: &[Pair]| match chunk {
         [] => ControlFlow::Break(()),
@@ -121,8 +129,9 @@ fn every_setting() -> Result<Config, Error> {
 mod on_gpu {
     use lazygrid::gpu::{
         AdapterId, AdapterSummary, BoundScan, BoundSort, Calibration, CallCost, CellOrder, GpuConfig,
-        GpuDetector, GpuDevice, GpuOutput, GpuSession, GpuSkinDetector, GpuSpheres, KeyValueBuffers, Outcome,
-        PrefixScan, RadixSort, SoftwareAdapter, SphereCount, Ticket, adapters, calibrate, wgpu,
+        GpuDetector, GpuDevice, GpuOutput, GpuPhase, GpuSession, GpuSkinDetector, GpuSpheres,
+        KeyValueBuffers, Outcome, PrefixScan, RadixSort, SoftwareAdapter, SphereCount, Ticket, adapters,
+        calibrate, plan::CallPlan, wgpu,
     };
 
     use super::*;
@@ -142,6 +151,9 @@ mod on_gpu {
         crosses_threads::<BoundSort>();
         is_data::<AdapterId>();
         is_data::<Calibration>();
+        let _: &[GpuPhase] = GpuPhase::ALL;
+        let _: &[(&str, usize)] = CallPlan::OUTCOME_FIELDS;
+        let _: &[(&str, u32)] = CallPlan::OVERFLOW_BITS;
     };
 
     #[expect(dead_code, reason = "compiled only")]

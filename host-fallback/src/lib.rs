@@ -43,7 +43,8 @@ pub use input::{
 };
 pub use lazygrid_kernels::{Error, InputError};
 pub use output::{
-    ContactTest, ListOptions, NeighborList, NeighborListBuilder, Neighbors, NeighborsBuilder, PeriodicImages,
+    ContactTest, ListOptions, NeighborList, NeighborListBuilder, Neighbors, NeighborsBuilder, NeighborsIter,
+    PeriodicImages,
 };
 pub use report::{CandidateListStats, PhaseTime, RebuildReason, Report};
 pub use settings::{Order, SKIN_RANGE, Settings, Skin};

@@ -19,7 +19,7 @@ pub enum Backend {
 
 impl Backend {
     /// Every value.
-    pub const ALL: [Self; 3] = [Self::Auto, Self::Cpu, Self::Gpu];
+    pub const ALL: &'static [Self] = &[Self::Auto, Self::Cpu, Self::Gpu];
 
     /// Returns the name in lower case.
     pub const fn name(self) -> &'static str {
@@ -41,7 +41,8 @@ impl FromStr for Backend {
     type Err = UnknownName;
 
     fn from_str(text: &str) -> Result<Self, UnknownName> {
-        let found = Self::ALL.into_iter().find(|backend| backend.name() == text);
-        found.ok_or_else(|| UnknownName::new("backend", text, &Self::ALL.map(Self::name)))
+        let found = Self::ALL.iter().copied().find(|backend| backend.name() == text);
+        let names = || Self::ALL.iter().map(|backend| backend.name()).collect::<Vec<_>>();
+        found.ok_or_else(|| UnknownName::new("backend", text, &names()))
     }
 }

@@ -19,13 +19,26 @@ pub use subgroup_probe::SubgroupProbe;
 
 /// The use of a binding; its position in [`Kernel::bindings`] is the binding number of group 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub enum Access {
     Uniform,
     Read,
     ReadWrite,
 }
 
+impl Access {
+    /// Returns the name in lower case.
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Uniform => "uniform",
+            Self::Read => "read",
+            Self::ReadWrite => "read_write",
+        }
+    }
+}
+
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[non_exhaustive]
 pub struct Binding {
     /// Variable in the shader.
     pub name: &'static str,

@@ -181,6 +181,7 @@ pub struct Grid {
 /// The result except the pairs: the content of the outcome buffer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
+#[non_exhaustive]
 pub struct Outcome {
     pub found_lo: u32,
     pub found_hi: u32,
@@ -223,6 +224,7 @@ pub struct SkinParams {
 /// The state of the candidate list, kept on the device between calls.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
+#[non_exhaustive]
 pub struct SkinState {
     /// Bits of the largest squared displacement since the list was built; 0 between calls.
     pub displacement: u32,

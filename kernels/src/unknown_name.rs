@@ -44,7 +44,7 @@ mod tests {
 
     #[test]
     fn names_parse_and_unknown_names_are_quoted() {
-        for backend in Backend::ALL {
+        for &backend in Backend::ALL {
             assert_eq!(backend.name().parse(), Ok(backend));
         }
         for &algorithm in Algorithm::ALL {

@@ -160,7 +160,10 @@ fn neighbors_equal_the_pairs() {
             let expected = neighbor_lists(&pairs, scenario.spheres.len());
             let mut detector = detector(variant, Config::default().order(order))?;
             let lists = |n: Neighbors<'_>| -> Vec<Vec<u32>> {
-                (0..n.len()).map(|k| n.neighbors_of(k).to_vec()).collect()
+                for (k, list) in (0..).zip(&n) {
+                    assert_eq!(n.neighbors_of(k), list);
+                }
+                n.iter().map(<[u32]>::to_vec).collect()
             };
             let found = variant.run(|| detector.neighbors(scenario.query()).map(lists));
             if found.as_ref() != Ok(&expected) {

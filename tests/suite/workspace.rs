@@ -12,7 +12,7 @@ fn names_can_be_parsed() {
         assert_eq!(algorithm.to_string().parse(), Ok(algorithm));
         assert!(names.insert(algorithm.name()), "two algorithms are called {algorithm}");
     }
-    for backend in Backend::ALL {
+    for &backend in Backend::ALL {
         assert_eq!(backend.to_string().parse(), Ok(backend));
     }
     let unknown = "octree".parse::<Algorithm>().expect_err("no such algorithm").to_string();

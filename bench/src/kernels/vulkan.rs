@@ -217,7 +217,7 @@ fn device(
 fn described(number: u32, access: Access) -> vk::DescriptorSetLayoutBinding<'static> {
     let kind = match access {
         Access::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
-        Access::Read | Access::ReadWrite => vk::DescriptorType::STORAGE_BUFFER,
+        _ => vk::DescriptorType::STORAGE_BUFFER,
     };
     vk::DescriptorSetLayoutBinding::default()
         .binding(number)

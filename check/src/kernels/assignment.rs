@@ -7,7 +7,7 @@ use lazygrid_kernels::layout::{CellListLayout, InputStats, RadixPass, SearchPara
 use super::cells::{CELL_CAPACITY, CellListCase, ConfiguredCellList, LISTED, TAU, cases, level_of, numbers};
 use super::division::Division;
 use super::kernel_call::KernelCall;
-use super::support::{KernelError, same};
+use super::support::{KernelError, changed, same};
 
 /// Cells are as large as their spheres, fit the table, and hold touching spheres in adjacent cells.
 pub(crate) fn cell_list_configure(own: &GpuDevice) -> Result<(), KernelError> {
@@ -16,14 +16,13 @@ pub(crate) fn cell_list_configure(own: &GpuDevice) -> Result<(), KernelError> {
         let ConfiguredCellList { list, scenario, outcome, .. } = &chosen;
         let what = |what: &str| format!("{what}, {case:?}");
         let bad = scenario.spheres.iter().filter(|sphere| !sphere.is_valid()).count() as u32;
-        let begun = Outcome {
-            quarantined: bad,
-            entries_lo: case.spheres,
-            spheres: case.spheres,
-            dispatch_y: 1,
-            dispatch_z: 1,
-            ..Outcome::zeroed()
-        };
+        let begun = changed(Outcome::zeroed(), |new| {
+            new.quarantined = bad;
+            new.entries_lo = case.spheres;
+            new.spheres = case.spheres;
+            new.dispatch_y = 1;
+            new.dispatch_z = 1;
+        });
         same(|| what("outcome"), outcome, &begun)?;
         same(|| what("survey is empty"), &(chosen.survey == InputStats::zeroed()), &true)?;
         same(|| what("spheres"), &list.spheres, &case.spheres)?;
@@ -50,8 +49,14 @@ fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
     };
     for (before, expected) in [
         (Outcome::zeroed(), true),
-        (Outcome { dispatch_z: 1, ..Outcome::zeroed() }, false),
-        (Outcome { dispatch_z: 1, max_occupancy: 9, ..Outcome::zeroed() }, true),
+        (changed(Outcome::zeroed(), |new| new.dispatch_z = 1), false),
+        (
+            changed(Outcome::zeroed(), |new| {
+                new.dispatch_z = 1;
+                new.max_occupancy = 9;
+            }),
+            true,
+        ),
     ] {
         let division = Division::OneSet;
         let case = CellListCase { spheres: SPHERES, lengths: [None; 3], is_dense: false, division };

@@ -7,7 +7,7 @@ use lazygrid_kernels::layout::{Outcome, SearchParams};
 use super::cell_list::surveyed;
 use super::cells::configure;
 use super::division::Division;
-use super::support::{KernelError, same};
+use super::support::{KernelError, changed, same};
 use crate::Effort;
 
 /// A cube, a plane and a line.
@@ -55,7 +55,7 @@ fn configured(own: &GpuDevice, extent: [f32; 3], capacity: u32) -> Result<[u32; 
         ..SearchParams::zeroed()
     };
     let (one_set, variant) = (Division::OneSet, Variant::default());
-    let before = Outcome { dispatch_z: 1, ..Outcome::zeroed() };
+    let before = changed(Outcome::zeroed(), |new| new.dispatch_z = 1);
     let given = (&spheres[..], surveyed(&spheres, one_set, false), one_set);
     let configured = configure(own, (one_set.divide(call), variant), given, before)?;
     Ok(configured.list.level[0].cells.to_array())

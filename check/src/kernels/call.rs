@@ -6,7 +6,7 @@ use lazygrid_kernels::kernel::Variant;
 use lazygrid_kernels::layout::{Bounds, ColumnLayout, Grid, SearchParams, SortCounts};
 
 use super::kernel_call::KernelCall;
-use super::support::{KernelError, SIZES, ordered, same, variants};
+use super::support::{KernelError, SIZES, changed, ordered, same, variants};
 use crate::scenes::{hard, periodic};
 use crate::{Random, SceneSeed, TestInput};
 
@@ -27,16 +27,15 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
         let found = call.read_one::<Outcome>("outcome")?;
         let overflow = if given > most { Outcome::OVERFLOW_SPHERES } else { 0 };
         let (x, y, z) = (found.dispatch_x, found.dispatch_y, found.dispatch_z);
-        let cleared = Outcome {
-            overflow,
-            spheres: given,
-            dispatch_x: x,
-            dispatch_y: y,
-            dispatch_z: z,
+        let cleared = changed(Outcome::zeroed(), |new| {
+            new.overflow = overflow;
+            new.spheres = given;
+            new.dispatch_x = x;
+            new.dispatch_y = y;
+            new.dispatch_z = z;
             // Kept from the previous call.
-            max_occupancy: 1,
-            ..Outcome::zeroed()
-        };
+            new.max_occupancy = 1;
+        });
         same(|| case("outcome"), &found, &cleared)?;
     }
     Ok(())
@@ -168,7 +167,10 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
 pub(crate) fn entries_finish(own: &GpuDevice) -> Result<(), KernelError> {
     let capacity = 5000;
     for (low, high) in [(0_u32, 0_u32), (1, 0), (4999, 0), (5000, 0), (5001, 0), (u32::MAX, 0), (7, 1)] {
-        let wanted = Outcome { entries_lo: low, entries_hi: high, ..Outcome::zeroed() };
+        let wanted = changed(Outcome::zeroed(), |new| {
+            new.entries_lo = low;
+            new.entries_hi = high;
+        });
         let call = KernelCall::new(own)
             .with("params", &[SearchParams { entry_capacity: capacity, ..SearchParams::zeroed() }])?
             .with("outcome", &[wanted])?
@@ -179,7 +181,7 @@ pub(crate) fn entries_finish(own: &GpuDevice) -> Result<(), KernelError> {
         let found = call.read_one::<Outcome>("outcome")?;
         let lengths = call.read_one::<SortCounts>("sort_counts")?;
         let case = || format!("{} entries, capacity {capacity}", wanted.entries_needed());
-        same(case, &(lengths.items, found), &(items, Outcome { overflow, ..wanted }))?;
+        same(case, &(lengths.items, found), &(items, changed(wanted, |new| new.overflow = overflow)))?;
         let tiles = lengths.counters / 256;
         same(case, &(lengths.counters % 256 == 0 && (tiles > 0) == (items > 0) && tiles <= items), &true)?;
     }
@@ -193,7 +195,10 @@ pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
     let tiles = [1, k::RUN_TILES + 1, 65_535, 131_071, 196_606, 262_141, 1_000_003, most];
     for (blocks, tiles) in blocks.into_iter().flat_map(|blocks| tiles.map(|tiles| (blocks, tiles))) {
         for tiles_per_submission in [1 << 18, SearchParams::UNLIMITED] {
-            let listed = Outcome { deferred_blocks: blocks, deferred_max_tiles: tiles, ..Outcome::zeroed() };
+            let listed = changed(Outcome::zeroed(), |new| {
+                new.deferred_blocks = blocks;
+                new.deferred_max_tiles = tiles;
+            });
             let call = KernelCall::new(own)
                 .with("params", &[SearchParams { tiles_per_submission, ..SearchParams::zeroed() }])?
                 .with("outcome", &[listed])?
@@ -273,7 +278,10 @@ fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Ke
         window_end: u32::MAX,
         ..SearchParams::zeroed()
     };
-    let before = Outcome { found_lo: u32::MAX - 1000, found_hi: 2, ..Outcome::zeroed() };
+    let before = changed(Outcome::zeroed(), |new| {
+        new.found_lo = u32::MAX - 1000;
+        new.found_hi = 2;
+    });
     let call = naive_call(own, call, &spheres, before)?;
     call.run(&k::NAIVE_SEARCH, variant, 64)?;
     let found = call.read_one::<Outcome>("outcome")?.found();
@@ -311,7 +319,10 @@ pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), KernelError> {
     ] {
         let call =
             SearchParams { pair_capacity: capacity, consumer_workgroup_size: 256, ..SearchParams::zeroed() };
-        let given = Outcome { found_lo: low, found_hi: high, ..Outcome::zeroed() };
+        let given = changed(Outcome::zeroed(), |new| {
+            new.found_lo = low;
+            new.found_hi = high;
+        });
         let call = KernelCall::new(own).with("params", &[call])?.with("outcome", &[given])?;
         call.run(&k::OUTCOME_FINISH, Variant::default(), 1)?;
         let found = call.read_one::<Outcome>("outcome")?;

@@ -8,7 +8,7 @@ use lazygrid_kernels::layout::{CellListLayout, InputStats, SearchParams, SortCou
 use super::cell_list::surveyed;
 use super::division::Division;
 use super::kernel_call::KernelCall;
-use super::support::{KernelError, same};
+use super::support::{KernelError, changed, same};
 use crate::scenes::periodic;
 use crate::{Random, TestInput};
 
@@ -77,13 +77,12 @@ impl CellListCase {
         spheres: Vec<Sphere>,
     ) -> Result<ConfiguredCellList, KernelError> {
         let tau = if self.is_dense { TAU } else { u32::MAX };
-        let before = Outcome {
-            max_occupancy: TAU + 1,
-            deferred_blocks: 7,
-            found_lo: 7,
-            dispatch_z: 1,
-            ..Outcome::zeroed()
-        };
+        let before = changed(Outcome::zeroed(), |new| {
+            new.max_occupancy = TAU + 1;
+            new.deferred_blocks = 7;
+            new.found_lo = 7;
+            new.dispatch_z = 1;
+        });
         self.choose_after(own, spheres, tau, before)
     }
 

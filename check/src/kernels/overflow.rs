@@ -7,7 +7,7 @@ use lazygrid_kernels::layout::SearchParams;
 use super::cells::{CellListCase, ConfiguredCellList, cases};
 use super::division::Division;
 use super::kernel_call::KernelCall;
-use super::support::{KernelError, same};
+use super::support::{KernelError, changed, same};
 use crate::{Tolerance, difference};
 
 struct Searched<'a> {
@@ -153,7 +153,7 @@ fn refused(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelErr
         let variant = k::Variant { reuse: true, ..chosen.variant };
         let chosen = ConfiguredCellList { variant, ..chosen.clone() };
         let searched = Searched::of(own, &chosen)?;
-        let before = Outcome { overflow, ..Outcome::zeroed() };
+        let before = changed(Outcome::zeroed(), |new| new.overflow = overflow);
         own.queue.write_buffer(searched.call.buffer("outcome"), 0, bytemuck::bytes_of(&before));
         searched.search_first_chunks()?;
         let is_searched = searched.outcome()? != before;
@@ -176,12 +176,11 @@ pub(crate) fn cell_list_search_overflow_dispatch_args(own: &GpuDevice) -> Result
                 candidates_per_invocation: k::CANDIDATES_PER_INVOCATION,
                 ..SearchParams::zeroed()
             };
-            let listed = Outcome {
-                deferred_blocks: blocks,
-                deferred_max_tiles: chunks,
-                deferred_end: begin,
-                ..Outcome::zeroed()
-            };
+            let listed = changed(Outcome::zeroed(), |new| {
+                new.deferred_blocks = blocks;
+                new.deferred_max_tiles = chunks;
+                new.deferred_end = begin;
+            });
             let call = KernelCall::new(own)
                 .with("params", &[call])?
                 .with("outcome", &[listed])?
@@ -197,7 +196,10 @@ pub(crate) fn cell_list_search_overflow_dispatch_args(own: &GpuDevice) -> Result
                     "{blocks} blocks, the first {begin}, of {chunks} chunks, {tiles_per_submission} a part"
                 )
             };
-            let expected = Outcome { deferred_begin: begin, deferred_end: begin + taken, ..listed };
+            let expected = changed(listed, |new| {
+                new.deferred_begin = begin;
+                new.deferred_end = begin + taken;
+            });
             same(case, &call.read_one::<Outcome>("outcome")?, &expected)?;
             let groups = call.read_one::<[u32; 3]>("dispatch")?;
             same(case, &groups, &[chunks, taken.min(65_535), taken.div_ceil(65_535)])?;

@@ -9,7 +9,7 @@ use lazygrid_kernels::layout::{RadixPass, SearchParams, SortCounts};
 use super::cells::{CellListCase, ConfiguredCellList, LISTED, level_of, numbers};
 use super::division::Division;
 use super::kernel_call::KernelCall;
-use super::support::{KernelError, same};
+use super::support::{KernelError, changed, same};
 use crate::{Random, TestInput};
 
 const SPHERES: u32 = 2000;
@@ -165,8 +165,12 @@ impl Reused<'_> {
         let ConfiguredCellList { call, scenario, list, variant, division, .. } = chosen;
         let tiles = SPHERES.div_ceil(k::RADIX_TILE);
         // The outcome of an earlier call.
-        let before =
-            Outcome { found_lo: 9, quarantined: 2, deferred_blocks: 4, dispatch_z: 1, ..Outcome::zeroed() };
+        let before = changed(Outcome::zeroed(), |new| {
+            new.found_lo = 9;
+            new.quarantined = 2;
+            new.deferred_blocks = 4;
+            new.dispatch_z = 1;
+        });
         let call = KernelCall::new(own)
             .with("params", &[*call])?
             .with("digit_pass", &[RadixPass { shift: 0, mask: 255, is_first: 1 }])?
@@ -200,12 +204,11 @@ impl Reused<'_> {
 
 /// The outcome before the search.
 pub(crate) fn begun(overflow: u32) -> Outcome {
-    Outcome {
-        overflow,
-        entries_lo: SPHERES,
-        spheres: SPHERES,
-        dispatch_y: 1,
-        dispatch_z: 1,
-        ..Outcome::zeroed()
-    }
+    changed(Outcome::zeroed(), |new| {
+        new.overflow = overflow;
+        new.entries_lo = SPHERES;
+        new.spheres = SPHERES;
+        new.dispatch_y = 1;
+        new.dispatch_z = 1;
+    })
 }

@@ -5,7 +5,7 @@ use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{SearchParams, SkinParams, SpeciesParams};
 
 use super::kernel_call::KernelCall;
-use super::support::{KernelError, SIZES, same};
+use super::support::{KernelError, SIZES, changed, same};
 use crate::Random;
 use crate::scenes::periodic;
 
@@ -108,20 +108,22 @@ pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
 }
 
 pub(crate) fn skin_check(own: &GpuDevice) -> Result<(), KernelError> {
-    let kept = SkinState {
-        is_complete: 1,
-        spheres: 10,
-        age: 4,
-        displacement: SKIN.limit_squared.to_bits(),
-        ..SkinState::zeroed()
-    };
+    let kept = changed(SkinState::zeroed(), |new| {
+        new.is_complete = 1;
+        new.spheres = 10;
+        new.age = 4;
+        new.displacement = SKIN.limit_squared.to_bits();
+    });
     let cases = [
         (kept, 0),
         (SkinState::zeroed(), SkinState::NO_LIST),
-        (SkinState { spheres: 9, ..kept }, SkinState::INPUT_CHANGED),
-        (SkinState { input_changed: 1, ..kept }, SkinState::INPUT_CHANGED),
-        (SkinState { displacement: SKIN.limit_squared.next_up().to_bits(), ..kept }, SkinState::DISPLACEMENT),
-        (SkinState { displacement: f32::NAN.to_bits(), ..kept }, SkinState::DISPLACEMENT),
+        (changed(kept, |new| new.spheres = 9), SkinState::INPUT_CHANGED),
+        (changed(kept, |new| new.input_changed = 1), SkinState::INPUT_CHANGED),
+        (
+            changed(kept, |new| new.displacement = SKIN.limit_squared.next_up().to_bits()),
+            SkinState::DISPLACEMENT,
+        ),
+        (changed(kept, |new| new.displacement = f32::NAN.to_bits()), SkinState::DISPLACEMENT),
     ];
     for (state, rebuilt) in cases {
         let is_rebuilt = rebuilt != 0;
@@ -137,16 +139,15 @@ pub(crate) fn skin_check(own: &GpuDevice) -> Result<(), KernelError> {
                 .with("dispatch", &[7_u32; 4])?;
             call.run(&k::SKIN_CHECK, Variant::default(), 1)?;
             let case = || format!("{state:?}, {steps} dispatches");
-            let expected = SkinState {
-                displacement: 0,
-                input_changed: 0,
-                spheres: 10,
-                rebuild_reason: rebuilt,
-                age: if is_rebuilt { 0 } else { state.age + 1 },
-                last_displacement: state.displacement,
-                is_complete: u32::from(!is_rebuilt),
-                ..state
-            };
+            let expected = changed(state, |new| {
+                new.displacement = 0;
+                new.input_changed = 0;
+                new.spheres = 10;
+                new.rebuild_reason = rebuilt;
+                new.age = if is_rebuilt { 0 } else { state.age + 1 };
+                new.last_displacement = state.displacement;
+                new.is_complete = u32::from(!is_rebuilt);
+            });
             same(case, &call.read_one::<SkinState>("state")?, &expected)?;
             let gated = if is_rebuilt { full } else { vec![0; 3 * steps as usize] };
             same(case, &call.read::<u32>("dispatch_counts", 3 * steps as usize)?, &gated)?;
@@ -163,7 +164,10 @@ pub(crate) fn skin_store_reference(own: &GpuDevice) -> Result<(), KernelError> {
         SIZES.into_iter().flat_map(|size| [0, SkinState::DISPLACEMENT].map(|rebuilt| (size, rebuilt)))
     {
         let given = spheres(size, 3);
-        let state = SkinState { spheres: size as u32, rebuild_reason: rebuilt, ..SkinState::zeroed() };
+        let state = changed(SkinState::zeroed(), |new| {
+            new.spheres = size as u32;
+            new.rebuild_reason = rebuilt;
+        });
         let before = vec![[7.0_f32; 4]; size];
         let (call, variant) = call(size, Space::UNBOUNDED);
         let call = KernelCall::new(own)
@@ -193,8 +197,12 @@ pub(crate) fn candidates_test_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
         (7, 0, entries, 10),
         (7, 0, Outcome::OVERFLOW_SPHERES, 13),
     ] {
-        let of_search =
-            Outcome { found_lo: low, found_hi: high, overflow, quarantined: 3, ..Outcome::zeroed() };
+        let of_search = changed(Outcome::zeroed(), |new| {
+            new.found_lo = low;
+            new.found_hi = high;
+            new.overflow = overflow;
+            new.quarantined = 3;
+        });
         let call = KernelCall::new(own)
             .with("params", &[call(12, Space::UNBOUNDED).0])?
             .with("skin", &[SkinParams { candidate_capacity: most, ..SKIN }])?
@@ -207,14 +215,13 @@ pub(crate) fn candidates_test_dispatch_args(own: &GpuDevice) -> Result<(), Kerne
         let full = of_search.found() > most.into();
         let lost = (overflow & entries) | if full { Outcome::OVERFLOW_CANDIDATES } else { 0 };
         let more = if given > 12 { Outcome::OVERFLOW_SPHERES } else { 0 };
-        let expected = Outcome {
-            overflow: lost | more,
-            quarantined: 3,
-            entries_lo: low,
-            entries_hi: high,
-            spheres: given,
-            ..Outcome::zeroed()
-        };
+        let expected = changed(Outcome::zeroed(), |new| {
+            new.overflow = lost | more;
+            new.quarantined = 3;
+            new.entries_lo = low;
+            new.entries_hi = high;
+            new.spheres = given;
+        });
         let case = || format!("{of_search:?}, {given} spheres");
         same(case, &call.read_one::<Outcome>("outcome")?, &expected)?;
         let written = if full { most } else { low };
@@ -249,7 +256,7 @@ pub(crate) fn candidates_test(own: &GpuDevice) -> Result<(), KernelError> {
             window_end: window.end,
             ..call
         };
-        let state = SkinState { candidates: candidates.len() as u32, ..SkinState::zeroed() };
+        let state = changed(SkinState::zeroed(), |new| new.candidates = candidates.len() as u32);
         let groups = (candidates.len() as u32).div_ceil(256);
         let call = KernelCall::new(own)
             .with("params", &[call])?

@@ -45,6 +45,12 @@ pub(crate) fn same<T: PartialEq + Debug>(
     Err(KernelError::WrongResult(format!("{}: {} instead of {}", case(), short(found), short(expected))))
 }
 
+/// Returns a value after a change, for structures that other crates cannot create field by field.
+pub(crate) fn changed<T>(mut value: T, change: impl FnOnce(&mut T)) -> T {
+    change(&mut value);
+    value
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

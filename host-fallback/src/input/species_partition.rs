@@ -44,7 +44,7 @@ impl Meeting {
         let (meeting, pairs) = species.fold((none, false), |(mut meeting, pairs), (a, b)| {
             let interaction = table.interactions.get(a, b);
             let is_by_radii = [a, b].into_iter().all(|species| {
-                let EffectiveRadius { touches, half } = table.reaches[species as usize].effective;
+                let EffectiveRadius { touches, half, .. } = table.reaches[species as usize].effective;
                 match interaction {
                     Interaction::Never => false,
                     Interaction::Touch => half == 0.0,

@@ -3,5 +3,5 @@ mod neighbors;
 mod pair_sorter;
 
 pub use neighbor_list::{ContactTest, ListOptions, NeighborList, NeighborListBuilder, PeriodicImages};
-pub use neighbors::{Neighbors, NeighborsBuilder};
+pub use neighbors::{Neighbors, NeighborsBuilder, NeighborsIter};
 pub(crate) use pair_sorter::PairSorter;

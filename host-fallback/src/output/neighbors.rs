@@ -24,9 +24,8 @@ impl<'a> Neighbors<'a> {
     }
 
     /// Lists in order of their spheres.
-    pub fn iter(&self) -> impl ExactSizeIterator<Item = &'a [u32]> + use<'a> {
-        let (offsets, indices) = (self.offsets, self.indices);
-        offsets.windows(2).map(move |ends| &indices[ends[0] as usize..ends[1] as usize])
+    pub fn iter(&self) -> NeighborsIter<'a> {
+        NeighborsIter { ends: self.offsets.windows(2), indices: self.indices }
     }
 
     /// Neighbors of sphere `k`.
@@ -50,12 +49,60 @@ impl<'a> Neighbors<'a> {
 
 impl<'a> IntoIterator for Neighbors<'a> {
     type Item = &'a [u32];
-    type IntoIter = Box<dyn ExactSizeIterator<Item = &'a [u32]> + 'a>;
+    type IntoIter = NeighborsIter<'a>;
 
-    fn into_iter(self) -> Self::IntoIter {
-        Box::new(self.iter())
+    fn into_iter(self) -> NeighborsIter<'a> {
+        self.iter()
     }
 }
+
+impl<'a> IntoIterator for &Neighbors<'a> {
+    type Item = &'a [u32];
+    type IntoIter = NeighborsIter<'a>;
+
+    fn into_iter(self) -> NeighborsIter<'a> {
+        self.iter()
+    }
+}
+
+/// An iterator over the lists of [`Neighbors`], in order of their spheres.
+#[derive(Clone, Debug)]
+pub struct NeighborsIter<'a> {
+    ends: std::slice::Windows<'a, u64>,
+    indices: &'a [u32],
+}
+
+impl<'a> NeighborsIter<'a> {
+    fn list(&self, ends: &[u64]) -> &'a [u32] {
+        &self.indices[ends[0] as usize..ends[1] as usize]
+    }
+}
+
+impl<'a> Iterator for NeighborsIter<'a> {
+    type Item = &'a [u32];
+
+    fn next(&mut self) -> Option<&'a [u32]> {
+        self.ends.next().map(|ends| self.list(ends))
+    }
+
+    fn nth(&mut self, n: usize) -> Option<&'a [u32]> {
+        self.ends.nth(n).map(|ends| self.list(ends))
+    }
+
+    fn size_hint(&self) -> (usize, Option<usize>) {
+        self.ends.size_hint()
+    }
+}
+
+impl DoubleEndedIterator for NeighborsIter<'_> {
+    fn next_back(&mut self) -> Option<Self::Item> {
+        self.ends.next_back().map(|ends| self.list(ends))
+    }
+}
+
+impl ExactSizeIterator for NeighborsIter<'_> {}
+
+impl std::iter::FusedIterator for NeighborsIter<'_> {}
 
 /// Turns pairs into neighbor lists, in reused buffers.
 #[derive(Debug, Default)]
@@ -142,6 +189,9 @@ mod tests {
         for (k, list) in expected.iter().enumerate() {
             assert_eq!(neighbors.neighbors_of(k), *list, "sphere {k}");
         }
+        let iter = neighbors.iter();
+        assert_eq!((iter.len(), iter.clone().nth(2)), (6, Some(expected[2])));
+        assert!(iter.rev().eq(expected.into_iter().rev()));
     }
 
     #[test]

@@ -6,6 +6,7 @@ use super::WORKGROUP_SIZE;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
+#[non_exhaustive]
 pub struct SubgroupProbe {
     /// Bits [`Self::PARTIAL`], [`Self::OUT_OF_ORDER`] and [`Self::NO_SUBGROUPS`].
     pub faults: u32,

@@ -221,6 +221,7 @@ impl Interactions {
 /// The rule for a species' effective radius: spheres that may pair are no farther apart than the sum of their effective
 /// radii, so culling by radii is valid.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub struct EffectiveRadius {
     /// `true` if contact decides some of its pairs.
     pub touches: bool,

@@ -71,6 +71,7 @@ impl<'a> Query<'a> {
     ///
     /// # Errors
     /// [`InputError::ExclusionSizeMismatch`].
+    #[doc(hidden)]
     pub fn check_exclusions(&self) -> Result<(), InputError> {
         let given = (self.first.len(), self.second.map(|second| second.len()));
         match self.exclusions.map(Exclusions::spheres) {
@@ -83,6 +84,7 @@ impl<'a> Query<'a> {
     ///
     /// # Errors
     /// The errors of `check`.
+    #[doc(hidden)]
     pub fn check_each(
         &self,
         check: impl Fn(Spheres<'a>) -> Result<(), InputError>,

@@ -8,8 +8,7 @@ use lazygrid_sim::{
 
 use super::device;
 use super::models::{
-    Runs, assert_close, brownian, by_id, cpu, decay, dyadic, gpu_with, reaction, receiver, species,
-    steps,
+    Runs, assert_close, brownian, by_id, cpu, decay, dyadic, gpu_with, reaction, receiver, species, steps,
 };
 use super::surfaces::{compare, surfaces};
 

@@ -82,7 +82,7 @@ impl Bundle {
     }
 
     fn probe(&mut self) -> Result<Value, CliError> {
-        let SubgroupProbe { faults, invocations, smallest, largest } = SubgroupProbe::BEFORE;
+        let SubgroupProbe { faults, invocations, smallest, largest, .. } = SubgroupProbe::BEFORE;
         let kernel = Planner::subgroup_probe(1);
         let workgroups = SubgroupProbe::WORKGROUPS;
         Ok(json!({

@@ -158,7 +158,8 @@ impl Scene {
 }
 
 fn backend() -> impl TypedValueParser<Value = Backend> {
-    PossibleValuesParser::new(Backend::ALL.map(Backend::name)).try_map(|name| name.parse::<Backend>())
+    let names = Backend::ALL.iter().map(|backend| backend.name());
+    PossibleValuesParser::new(names).try_map(|name| name.parse::<Backend>())
 }
 
 impl Args {

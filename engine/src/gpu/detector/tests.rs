@@ -107,7 +107,7 @@ fn a_further_part_is_timed_as_a_search() {
     let mut part = encoder(&gpu);
     detector.encode_continuation(&mut part);
     let rest = ticks(&detector, part);
-    for phase in GpuPhase::ALL {
+    for &phase in GpuPhase::ALL {
         let ([begin, end], [rest_begin, rest_end]) = (first[phase as usize], rest[phase as usize]);
         assert!(begin <= end && rest_begin <= rest_end, "{phase:?}: {first:?}, {rest:?}");
         if phase == GpuPhase::Search {

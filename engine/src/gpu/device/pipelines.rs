@@ -144,8 +144,7 @@ pub(super) fn pipeline(
             ty: wgpu::BindingType::Buffer {
                 ty: match access {
                     Access::Uniform => wgpu::BufferBindingType::Uniform,
-                    Access::Read => wgpu::BufferBindingType::Storage { read_only: true },
-                    Access::ReadWrite => wgpu::BufferBindingType::Storage { read_only: false },
+                    _ => wgpu::BufferBindingType::Storage { read_only: access == Access::Read },
                 },
                 has_dynamic_offset: false,
                 min_binding_size: None,

@@ -111,7 +111,8 @@ mod tests {
             (SubgroupProbe::PARTIAL, true),
             (SubgroupProbe::OUT_OF_ORDER, true),
         ] {
-            let probe = SubgroupProbe { faults, ..probe };
+            let mut probe = probe;
+            probe.faults = faults;
             let refusal = probe.refusal(smallest).map(str::to_owned);
             assert_eq!(refusal.is_some(), is_refused, "{probe:?}");
             let pipelines = Pipelines::with_refusal(&gpu.device, refusal.clone());

@@ -239,7 +239,7 @@ impl Recording {
             let descriptor =
                 wgpu::ComputePassDescriptor { label: Some("lazygrid timed"), timestamp_writes: None };
             let mut pass = encoder.begin_compute_pass(&descriptor);
-            for phase in GpuPhase::ALL {
+            for &phase in GpuPhase::ALL {
                 let [begins, ends] = ends_in_part(phase);
                 if begins {
                     pass.write_timestamp(queries, 2 * phase as u32);
@@ -251,7 +251,7 @@ impl Recording {
             }
             return;
         }
-        for phase in GpuPhase::ALL {
+        for &phase in GpuPhase::ALL {
             if part > 0 && of_phase(phase).next().is_none() {
                 continue;
             }

@@ -63,6 +63,7 @@ impl BufferId {
 
 /// Buffer usages, named as in WebGPU.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 #[expect(clippy::struct_excessive_bools, reason = "a set of flags")]
 pub struct BufferUsage {
     /// Storage binding.

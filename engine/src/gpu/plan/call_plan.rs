@@ -66,6 +66,7 @@ impl PlanBuffer {
 
 /// The origin of a buffer's contents.
 #[derive(Clone, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum BufferSource {
     /// Written by the host: `spheres` (`x, y, z, r` as `f32` rows) or the columns `x`, `y`, `z` and `r`, `species` (a
     /// `u32` per sphere), `count` (a `u32`).
@@ -142,6 +143,7 @@ pub struct PlanDispatch {
 
 /// The number of workgroups of a dispatch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Workgroups {
     /// Workgroups along x and y; one along z.
     Fixed([u32; 2]),
@@ -332,9 +334,9 @@ impl Plan {
 
 impl CallPlan {
     /// Offset in bytes of each field of the [`Outcome`], all `u32`.
-    pub const OUTCOME_FIELDS: [(&'static str, usize); 16] = {
+    pub const OUTCOME_FIELDS: &'static [(&'static str, usize)] = {
         use std::mem::offset_of;
-        [
+        &[
             ("found_lo", offset_of!(Outcome, found_lo)),
             ("found_hi", offset_of!(Outcome, found_hi)),
             ("overflow", offset_of!(Outcome, overflow)),
@@ -355,7 +357,7 @@ impl CallPlan {
     };
 
     /// Names of the `overflow` bits of the [`Outcome`].
-    pub const OVERFLOW_BITS: [(&'static str, u32); 5] = [
+    pub const OVERFLOW_BITS: &'static [(&'static str, u32)] = &[
         ("pairs", Outcome::OVERFLOW_PAIRS),
         ("entries", Outcome::OVERFLOW_ENTRIES),
         ("spheres", Outcome::OVERFLOW_SPHERES),

@@ -20,7 +20,7 @@ pub enum GpuPhase {
 
 impl GpuPhase {
     /// Every phase in execution order.
-    pub const ALL: [Self; 4] = [Self::Survey, Self::Entries, Self::Sort, Self::Search];
+    pub const ALL: &'static [Self] = &[Self::Survey, Self::Entries, Self::Sort, Self::Search];
 
     /// Name in lower case.
     pub const fn name(self) -> &'static str {

@@ -1,6 +1,6 @@
 use std::collections::BTreeMap;
 
-use lazygrid_kernels::kernel::{Access, Binding};
+use lazygrid_kernels::kernel::Binding;
 use lazygrid_kernels::layout::Outcome;
 use serde::{Serialize, Serializer};
 
@@ -103,8 +103,8 @@ impl Serialize for CallPlan {
                 buffer: self.outcome,
                 pairs: self.pairs,
                 bytes: size_of::<Outcome>(),
-                fields: Self::OUTCOME_FIELDS.into(),
-                overflow_bits: Self::OVERFLOW_BITS.into(),
+                fields: Self::OUTCOME_FIELDS.iter().copied().collect(),
+                overflow_bits: Self::OVERFLOW_BITS.iter().copied().collect(),
             },
             requires: BTreeMap::from([
                 ("storage_binding", limits.storage_binding),
@@ -138,12 +138,7 @@ fn buffer(buffer: &PlanBuffer) -> BufferForm<'_> {
 
 impl Serialize for PlanKernel {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
-        let access = |access| match access {
-            Access::Uniform => "uniform",
-            Access::Read => "read",
-            Access::ReadWrite => "read_write",
-        };
-        let binding = |binding: Binding| BindingForm { name: binding.name, access: access(binding.access) };
+        let binding = |binding: Binding| BindingForm { name: binding.name, access: binding.access.name() };
         let form = KernelForm {
             entry_point: self.entry_point(),
             workgroup_size: self.workgroup_size(),

@@ -93,14 +93,13 @@ impl Sides {
     /// Returns the rule for the effective radius of a species in a cell list: on a narrow side, it covers the
     /// interactions with its own side only.
     pub(crate) fn effective_radius(&self, table: &Interactions, species: u32) -> EffectiveRadius {
-        let to_all = table.effective_radius(species);
-        match self.of_species[species as usize] {
-            Some(side) if self.one_set.narrow >> side & 1 == 1 => {
-                let own = (0..table.species()).filter(|&other| self.of_species[other as usize] == Some(side));
-                EffectiveRadius { half: table.reach_among(species, own).effective.half, ..to_all }
-            }
-            _ => to_all,
+        let mut radius = table.effective_radius(species);
+        let side = self.of_species[species as usize];
+        if let Some(side) = side.filter(|side| self.one_set.narrow >> side & 1 == 1) {
+            let own = (0..table.species()).filter(|&other| self.of_species[other as usize] == Some(side));
+            radius.half = table.reach_among(species, own).effective.half;
         }
+        radius
     }
 
     /// Returns `true` if there is one side and contact decides all its pairs, so that a search needs no species.

@@ -348,10 +348,10 @@ fn tiny_budgets_divide_each_search_and_nothing_else() {
 fn deferred_parts_follow_the_outcome() {
     let request = Request { algorithm: Algorithm::CellList, max_tests: 1 << 27, ..request(1 << 20, 1) };
     let list = plan(&request, &H200).expect("fits");
-    let outcome = |deferred_blocks, deferred_max_tiles| Outcome {
-        deferred_blocks,
-        deferred_max_tiles,
-        ..Outcome::default()
+    let outcome = |deferred_blocks, deferred_max_tiles| {
+        let mut outcome = Outcome::default();
+        (outcome.deferred_blocks, outcome.deferred_max_tiles) = (deferred_blocks, deferred_max_tiles);
+        outcome
     };
     // A part has 2¹¹ tiles; a chunk of 2048 candidates has eight.
     for (blocks, chunks, parts) in [(0, 0, 0), (1, 1, 1), (256, 1, 1), (257, 1, 2), (4096, 512, 4096)] {

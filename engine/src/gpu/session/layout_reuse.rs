@@ -51,9 +51,11 @@ mod tests {
     fn searches(reuse: &mut LayoutReuse, count: u32, refuses: impl Fn(u32) -> bool) -> Vec<bool> {
         let search = |search: u32| {
             let reused = reuse.source(true) == LayoutSource::EarlierCall;
-            let is_refused = reused && refuses(search);
-            let overflow = if is_refused { Outcome::OVERFLOW_LAYOUT } else { 0 };
-            reuse.note(reused, &Outcome { overflow, ..Outcome::default() });
+            let mut outcome = Outcome::default();
+            if reused && refuses(search) {
+                outcome.overflow = Outcome::OVERFLOW_LAYOUT;
+            }
+            reuse.note(reused, &outcome);
             reused
         };
         (0..count).map(search).collect()
@@ -77,7 +79,9 @@ mod tests {
     #[test]
     fn calls_with_overfull_cells_are_surveyed() {
         let mut reuse = LayoutReuse::default();
-        reuse.note(false, &Outcome { max_occupancy: 100, ..Outcome::default() });
+        let mut outcome = Outcome::default();
+        outcome.max_occupancy = 100;
+        reuse.note(false, &outcome);
         assert_eq!(reuse.source(true), LayoutSource::Survey);
         reuse.note(false, &Outcome::default());
         assert_eq!(reuse.source(true), LayoutSource::EarlierCall);

@@ -85,7 +85,7 @@ impl GpuSession {
         let skin = skin.as_mut().filter(|_| keeps).map(|skin| &mut skin.detector);
         let timed: &[GpuPhase] = match work {
             _ if detector.ticks().is_none() || skin.is_some() => &[],
-            Submission::Full(_) => &GpuPhase::ALL,
+            Submission::Full(_) => GpuPhase::ALL,
             Submission::Continuation => &[GpuPhase::Search],
             Submission::Copy => &[],
         };

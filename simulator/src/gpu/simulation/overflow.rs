@@ -47,8 +47,8 @@ impl GpuSimulation {
             }
             ControlHeader::UNFINISHED_SEARCH => {
                 for detector in self.detectors.all() {
-                    let [deferred_blocks, deferred_max_tiles] = head.missing;
-                    let outcome = Outcome { deferred_blocks, deferred_max_tiles, ..Outcome::default() };
+                    let mut outcome = Outcome::default();
+                    [outcome.deferred_blocks, outcome.deferred_max_tiles] = head.missing;
                     detector.set_deferred_parts(detector.needed_deferred_parts(&outcome));
                 }
             }
