@@ -64,8 +64,8 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
 /// Longest path that systems accept (`PATH_MAX` of Linux).
 const MAX_PATH_BYTES: usize = 4096;
 
-/// Returns a message with [excerpts](excerpt) of arguments and their values that are longer than `longest` bytes; `None` if
-/// it quotes none.
+/// Returns a message with [excerpts](excerpt) of arguments and their values that are longer than `longest` bytes;
+/// `None` if it quotes none.
 fn with_short_arguments(message: &str, args: &[OsString], longest: usize) -> Option<String> {
     let mut text = message.to_owned();
     for arg in args.iter().map(|arg| arg.to_string_lossy()).filter(|arg| arg.len() > longest) {

@@ -51,37 +51,17 @@ pub(crate) fn backend<D>(
     }
 }
 
-/// Returns `true` if each call chooses the CPU or the GPU by its size.
+/// Returns `true` if each call chooses the CPU or the GPU by its number of spheres.
 pub(crate) fn is_per_call(asked: Backend, algorithm: Algorithm) -> bool {
     asked == Backend::Auto && matches!(algorithm, Algorithm::Auto | Algorithm::CellList)
 }
 
-/// Pairs that take a CPU about as long as a sphere: a pair takes about one nanosecond.
 #[cfg(feature = "gpu")]
-const PAIRS_PER_SPHERE: u64 = 32;
-
-/// The spheres and pairs of a call.
-#[cfg(feature = "gpu")]
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct CallSize {
-    pub(crate) spheres: u64,
-    pub(crate) pairs: u64,
-}
-
-/// Returns the backend of a call, with the reason. The call is expected to have as many pairs per sphere as the `last`.
-#[cfg(feature = "gpu")]
-pub(crate) fn per_call(spheres: u64, last: CallSize, known: &AdapterProfile) -> (Backend, String) {
+pub(crate) fn per_call(spheres: u64, known: &AdapterProfile) -> (Backend, String) {
     let AdapterProfile { device_from, how, .. } = *known;
-    let least = u64::from(device_from);
-    let pairs_per_sphere = last.pairs / last.spheres.max(1);
-    let work = spheres.saturating_add(spheres.saturating_mul(pairs_per_sphere) / PAIRS_PER_SPHERE);
-    if spheres >= least {
-        (Backend::Gpu, format!("GPU: {spheres} spheres are at least {least} ({how})"))
-    } else if work >= least {
-        let crowd = format!("{spheres} spheres with about {pairs_per_sphere} pairs each");
-        (Backend::Gpu, format!("GPU: {crowd} are as much work as {least} spheres ({how})"))
-    } else {
-        (Backend::Cpu, format!("CPU: {spheres} spheres are fewer than {least} ({how})"))
+    match spheres < u64::from(device_from) {
+        true => (Backend::Cpu, format!("CPU: {spheres} spheres are fewer than {device_from} ({how})")),
+        false => (Backend::Gpu, format!("GPU: {spheres} spheres are at least {device_from} ({how})")),
     }
 }
 
@@ -94,7 +74,6 @@ mod tests {
     use crate::gpu::device::{AdapterSummary, card};
 
     const NONE: Error = Error::NoAdapter { reason: String::new() };
-    const NO_CALL: CallSize = CallSize { spheres: 0, pairs: 0 };
 
     fn open(machine: &str) -> impl FnOnce(bool) -> Result<(String, ()), Error> {
         let found = machine.to_owned();
@@ -177,20 +156,6 @@ mod tests {
     }
 
     #[test]
-    fn crowded_calls_run_on_the_device() {
-        let known = profile_of(&[], &card("Card"));
-        let backend = |spheres, last| per_call(spheres, last, &known).0;
-        let crowd = CallSize { spheres: 1000, pairs: 499_500 };
-        assert_eq!(backend(1000, NO_CALL), Backend::Cpu);
-        assert_eq!(backend(1000, crowd), Backend::Gpu);
-        assert_eq!(backend(200, crowd), Backend::Cpu);
-        assert_eq!(backend(0, crowd), Backend::Cpu);
-        assert_eq!(backend(4000, CallSize { spheres: 4000, pairs: 40_000 }), Backend::Gpu);
-        assert_eq!(backend(2000, CallSize { spheres: 4000, pairs: 40_000 }), Backend::Cpu);
-        assert!(per_call(1000, crowd, &known).1.contains("about 499 pairs each"));
-    }
-
-    #[test]
     fn calibration_applies_to_one_adapter_driver_and_version() {
         let adapter = card("Card");
         let measured = |adapter: &str, driver: &str, version: &str, naive_below| Calibration {
@@ -212,14 +177,14 @@ mod tests {
         let assumed = profile_of(&others, &adapter);
         assert!(assumed.crossover == Crossover::HARDWARE && assumed.skin == HARDWARE_SKIN_COSTS);
         assert!(assumed.how.contains("not measured"), "{assumed:?}");
-        assert_eq!(per_call(4095, NO_CALL, &assumed).0, Backend::Cpu);
-        assert_eq!(per_call(4096, NO_CALL, &assumed).0, Backend::Gpu);
+        assert_eq!(per_call(4095, &assumed).0, Backend::Cpu);
+        assert_eq!(per_call(4096, &assumed).0, Backend::Gpu);
         let integrated = profile_of(&others, &AdapterSummary { is_integrated: true, ..adapter.clone() });
         assert_eq!(integrated.device_from, Calibration::INTEGRATED_DEVICE_FROM);
         let software = AdapterSummary { is_hardware: false, ..adapter.clone() };
         let assumed = profile_of(&[], &software);
         assert!(assumed.crossover == Crossover::SOFTWARE && assumed.skin == SOFTWARE_SKIN_COSTS);
-        assert_eq!(per_call(1_000_000_000, NO_CALL, &assumed).0, Backend::Cpu);
+        assert_eq!(per_call(1_000_000_000, &assumed).0, Backend::Cpu);
         let current = [4, 5].map(|naive_below| measured("Card", "driver 1", version, naive_below));
         let last = profile_of(&[&others[..], &current].concat(), &adapter);
         assert!(last.crossover.naive_below == 5 && last.skin.call_ns == 5.0, "{last:?}");

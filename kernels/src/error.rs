@@ -79,7 +79,7 @@ pub enum InputError {
     },
     /// Coordinates so far apart in a triclinic cell that the multiples of its vectors between them overflow.
     #[error(
-        "the {axis} coordinates from {from:e} to {to:e} are more than {limit:e} apart, too many lengths of this cell for `f64`; \
+        "the {axis} coordinates from {from:e} to {to:e} are more than {limit:e} apart, so that multiples of the cell vectors may overflow; \
          wrap the coordinates into the box"
     )]
     CoordinateRange { axis: char, from: f64, to: f64, limit: f64 },

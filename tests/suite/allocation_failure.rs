@@ -280,7 +280,7 @@ fn failed_allocation_is_an_error_wherever_it_occurs() {
     }
 }
 
-/// Reads with ids and without, under limits from `FIXED_BYTES` up to more than needed.
+/// Reads under limits from `FIXED_BYTES` up to more than needed.
 fn read_under_limits<T>(path: &Path, read: impl Fn(&Path) -> Result<T, lazygrid_io::Error>) {
     // Buffers of constant size, which reading begins with.
     const FIXED_BYTES: usize = 1 << 19;

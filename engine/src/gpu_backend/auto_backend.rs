@@ -5,28 +5,25 @@ use lazygrid_kernels::Query;
 
 use super::GpuBackend;
 use crate::backend::DetectorBackend;
-use crate::choice::{self, CallSize};
 use crate::config::Config;
 use crate::gpu::device::GpuDevice;
 use crate::report::Report;
-use crate::{Backend, Error};
+use crate::{Backend, Error, choice};
 
-/// A backend that runs each call on the CPU or on the device, depending on its number of spheres and expected pairs.
+/// A backend that runs each call on the CPU or on the device, depending on its number of spheres.
 #[derive(Debug)]
 pub(crate) struct AutoBackend {
     host: HostBackend,
     device: GpuBackend,
     /// Backend of the last call, and the reason.
     chosen: (Backend, String),
-    /// Number of spheres of the last call.
-    spheres: u64,
 }
 
 impl AutoBackend {
     pub(crate) fn new(gpu: GpuDevice, config: Config) -> Result<Self, Error> {
         let host = HostBackend::new(config.settings.clone())?;
         let device = GpuBackend::on_team(gpu, config, Arc::clone(host.team()))?;
-        Ok(Self { host, device, chosen: (Backend::Gpu, String::new()), spheres: 0 })
+        Ok(Self { host, device, chosen: (Backend::Gpu, String::new()) })
     }
 
     fn last(&self) -> &dyn DetectorBackend {
@@ -42,9 +39,8 @@ impl DetectorBackend for AutoBackend {
     }
 
     fn memory_for(&self, spheres: u64, is_f64: bool) -> u64 {
-        let last = CallSize { spheres: self.spheres, pairs: self.last().report().pairs };
         let on_host = self.host.memory_for(spheres.min(u64::from(self.device.known.device_from)), is_f64);
-        match choice::per_call(spheres, last, &self.device.known).0 {
+        match choice::per_call(spheres, &self.device.known).0 {
             Backend::Cpu => on_host,
             _ => on_host.saturating_add(self.device.memory_for(spheres, is_f64)),
         }
@@ -68,10 +64,7 @@ impl SearchBackend for AutoBackend {
     }
 
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
-        let last = CallSize { spheres: self.spheres, pairs: *self.report_mut().0 };
-        let spheres = query.len() as u64;
-        self.chosen = choice::per_call(spheres, last, &self.device.known);
-        self.spheres = spheres;
+        self.chosen = choice::per_call(query.len() as u64, &self.device.known);
         log::debug!("{}", self.chosen.1);
         match self.chosen.0 {
             Backend::Cpu => self.host.search(query, work),
@@ -106,14 +99,6 @@ mod tests {
             assert_eq!(report.pairs, count as u64 - 1, "{report:?}");
             assert!(report.algorithm != Algorithm::Auto && report.reason.contains("100"), "{report:?}");
         }
-        let crowd = vec![Sphere::new([0.0; 3], 1.0); 90];
-        for expected in [Backend::Cpu, Backend::Gpu] {
-            assert_eq!(finder.count(&crowd[..]), Ok(90 * 89 / 2));
-            assert_eq!(finder.backend().report().backend, expected);
-        }
-        assert_eq!(finder.count(&spheres[..99]), Ok(98));
-        assert_eq!(finder.count(&spheres[..99]), Ok(98));
-        assert_eq!(finder.backend().report().backend, Backend::Cpu);
         let [few, many] = [99, 100].map(|spheres| finder.backend().memory_for(spheres, false));
         assert!(0 < few && few < many, "{few}, {many}");
     }

@@ -1,7 +1,7 @@
 //! Groups that species with different partners share, for tables with more sets of partners than groups.
 //!
 //! Spheres of a group that pairs with itself are compared with each other. Among crowds these comparisons grow with the
-//! square of the number of spheres. So a species joins a group in which no spheres pair, if such a group exists.
+//! square of the number of spheres. So a species joins a group in which no spheres pair, if one exists when its turn comes.
 
 #![expect(
     clippy::disallowed_methods,

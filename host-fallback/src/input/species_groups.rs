@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn groups_beyond_the_most_share_one() {
+    fn species_beyond_the_most_groups_share_these() {
         let mut table = Interactions::new(100, Interaction::Never).expect("a table");
         for species in 0..100 {
             table.set(species, species, Interaction::Touch).expect("species of the table");
@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn shared_groups_never_pair_with_themselves_if_avoidable() {
+    fn shared_groups_of_pairs_never_pair_with_themselves() {
         for pairs in 5..=20 {
             assert_eq!(crowded_groups(2 * pairs, |a, b| a ^ b == 1).0, 0, "{pairs} neighbors");
             assert_eq!(crowded_groups(2 * pairs, |a, b| a + pairs == b).0, 0, "{pairs} in two halves");

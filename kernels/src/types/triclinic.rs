@@ -127,7 +127,7 @@ impl TriclinicCell {
         self.rank
     }
 
-    /// Returns the largest component of a vector for which no number in [`minimum_image`](Self::minimum_image)
+    /// Returns the largest component of a vector for which no number of the search for the minimum image
     /// overflows. Only its result may, in cells longer than 1; the exact test then scales the vector and the cell.
     pub fn max_component(&self) -> f64 {
         let lowest = heights(&self.inverse)[..self.rank].iter().copied().fold(f64::INFINITY, f64::min);
