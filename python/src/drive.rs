@@ -230,9 +230,10 @@ impl SimulationCore {
         let inner = self.lock()?;
         let model = &inner.scenario.model;
         if !model.logs_arrivals {
-            let pairs = model.receivers.len() * model.species.len();
             return Err(error::setting(format!(
-                "a GPU cannot log arrivals for {pairs} pairs of a receiver and a species; choose the CPU"
+                "a GPU logs no arrivals for {} receivers and {} species, whose product exceeds its limit; choose the CPU",
+                model.receivers.len(),
+                model.species.len()
             )));
         }
         let arrivals = &inner.arrivals;

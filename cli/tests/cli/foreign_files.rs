@@ -291,7 +291,10 @@ fn resumed_run_refuses_pages_and_copies_of_others_that_it_would_replace() {
         for steps in ["21", "22"] {
             let said = simulate(&["--resume", "--steps", steps]).fails().err;
             let result = result.rsplit('/').next().unwrap();
-            assert!(said.contains(&format!("it holds a file {result} of no run")), "{said}");
+            assert!(
+                said.contains(&format!("it holds a file {result} that was written by another version")),
+                "{said}"
+            );
             assert!(files(&run) == before, "{name}: files have changed");
         }
     };

@@ -67,8 +67,10 @@ pub(crate) fn check(model: &Model) -> Result<(), Error> {
         if let Some(species) = seen.into_iter().find(passed) {
             return rejected(format!(
                 "{}, whose drift may carry it past receiver {} within a step; shorten the time step until the drift of a \
-                 step is a sixteenth of the receiver's radius",
-                model.species[species].name, receiver.name
+                 step is a sixteenth of the receiver's radius, {} µm",
+                model.species[species].name,
+                receiver.name,
+                receiver.radius / 16.0
             ));
         }
     }

@@ -54,7 +54,7 @@ impl Particles {
         let particles = self.len() as u64 + count;
         let columns = if with_velocity { 9 } else { 6 };
         let needed = count.saturating_mul(columns * size_of::<f32>() as u64);
-        check_available(&format!("{count} particles"), needed, "release fewer, or raise the limit")?;
+        check_available(&format!("{count} particles"), needed, "release or copy fewer, or raise the limit")?;
         let refused = |_| Error::OutOfMemory { particles, bytes: particles * size_of::<f32>() as u64 };
         let count = usize::try_from(count).unwrap_or(usize::MAX);
         let velocity = self.velocity.iter_mut().filter(|_| with_velocity);

@@ -76,7 +76,7 @@ pub(crate) fn refuse_other_table(directory: &Path, name: &str, beginning: &str) 
 /// Refuses a page of an animation, or a copy of a log, that no run wrote and that a run with this output would replace.
 pub(crate) fn refuse_other_derived(directory: &Path, output: &Output) -> Result<(), Error> {
     let mut others = derived(output.animation.is_some(), output.arrow);
-    others.try_for_each(|name| if is_marked(directory, name) { Ok(()) } else { refuse_file(directory, name) })
+    others.try_for_each(|name| if is_marked(directory, name) { Ok(()) } else { refuse_page(directory, name) })
 }
 
 /// Returns the names of the page of an animation and of copies of logs.

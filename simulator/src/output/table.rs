@@ -87,7 +87,8 @@ impl TableRow<'_> {
 fn check_memory(path: &Path, file: &mut File, bytes_per_field: u64) -> Result<(), Error> {
     let check = |fields: u64| {
         let what = format!("the {fields} fields of {}", path.display());
-        let remedy = "write fewer rows (--series-every), do fewer replicas, or raise the limit";
+        let remedy =
+            "write fewer rows (--series-every, arrivals = false), do fewer replicas, or raise the limit";
         check_available(&what, fields.saturating_mul(bytes_per_field), remedy)
     };
     let read = |source| Error::Read { path: path.to_owned(), source };
@@ -133,7 +134,7 @@ mod tests {
         let open = |bytes_per_field: u64| TableReader::open(file.path(), "a,", bytes_per_field);
         let Err(error) = open(available.bytes) else { panic!("no error") };
         assert!(error.to_string().contains("the 4 fields of "), "{error}");
-        for bytes_per_field in [0, 16, available.bytes / 8] {
+        for bytes_per_field in [0, 16, available.bytes / 64] {
             let row = open(bytes_per_field).unwrap().next_row().unwrap().unwrap();
             assert_eq!((row.number::<u32>(0).unwrap(), row.field(1)), (7, "1"));
         }

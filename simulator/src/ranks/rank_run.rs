@@ -96,14 +96,14 @@ pub(super) fn moves_on_gpus<C: Communicator>(communicator: &mut C, model: &Model
         _ => obstacle(model),
     };
     if let Some(obstacle) = &obstacle {
-        log_obstacle(communicator, obstacle);
+        log_obstacle(communicator, log::Level::Info, obstacle);
     }
     obstacle.is_none()
 }
 
-fn log_obstacle<C: Communicator>(communicator: &C, obstacle: &str) {
+fn log_obstacle<C: Communicator>(communicator: &C, level: log::Level, obstacle: &str) {
     if communicator.rank() == 0 {
-        log::info!("particles move on the CPU, and GPUs find their pairs at the most: {obstacle}");
+        log::log!(level, "particles move on the CPU, and GPUs find their pairs at the most: {obstacle}");
     }
 }
 
@@ -127,7 +127,7 @@ pub(super) fn agree_on_gpus<C: Communicator>(
     let (obstacles, lengths) = communicator.all_gather("limits of GPUs", obstacle.as_bytes())?;
     let Some(rank) = lengths.iter().position(|&length| length > 0) else { return Ok(run) };
     let obstacle = String::from_utf8_lossy(&obstacles[..lengths[rank]]);
-    log_obstacle(communicator, &format!("rank {rank}: {obstacle}"));
+    log_obstacle(communicator, log::Level::Warn, &format!("rank {rank}: {obstacle}"));
     Ok(None)
 }
 

@@ -6,21 +6,29 @@ use super::Run;
 use crate::output::Files;
 use crate::{AnySimulation, Error, RunView};
 
+/// The steps of the last row or frame, and of the last checkpoint.
+pub(super) struct LastSteps {
+    pub(super) recorded: u32,
+    pub(super) saved: u32,
+}
+
 impl Run {
     /// Saves the steps before a failed one if a GPU still has their state, and returns the error with the remedy. On the
-    /// CPU, a failed step leaves a state within it. `recorded` and `saved` are the steps of the last output and checkpoint.
+    /// CPU, a failed step leaves a state within it.
     pub(super) fn after_failed_step(
         &self,
         error: Error,
-        (simulation, files): (&AnySimulation, &mut Files),
-        [recorded, mut saved]: [u32; 2],
+        simulation: &AnySimulation,
+        files: &mut Files,
+        last: LastSteps,
     ) -> Error {
         if simulation.backend() == Backend::Cpu {
             return error;
         }
         let done = simulation.step_count();
+        let mut saved = last.saved;
         if done > saved {
-            match self.record_and_save(simulation, files, done > recorded) {
+            match self.record_and_save(simulation, files, done > last.recorded) {
                 Ok(()) => saved = done,
                 Err(unsaved) => log::warn!("the {done} steps done have no checkpoint: {unsaved}"),
             }

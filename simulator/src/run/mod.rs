@@ -25,6 +25,7 @@ use crate::output::append_file::FileRecord;
 use crate::output::options::Output;
 use crate::output::{self, Files, Lock};
 use crate::run::checkpoint::Checkpoint;
+use crate::run::failed_step::LastSteps;
 use crate::run::memory_estimate::{MemoryGuard, Sharing, check_largest_release};
 use crate::run::time_step_monitor::TimeStepMonitor;
 use crate::scenario::Scenario;
@@ -146,7 +147,8 @@ impl Run {
                 return Err(error);
             }
             if let Err(error) = simulation.advance(next) {
-                return Err(self.after_failed_step(error, (&simulation, &mut files), [step, saved]));
+                let last = LastSteps { recorded: step, saved };
+                return Err(self.after_failed_step(error, &simulation, &mut files, last));
             }
             pace.see(simulation.model(), [&before, simulation.totals()], step..simulation.step_count());
             // Half the free space that is required suffices for this output and a checkpoint.

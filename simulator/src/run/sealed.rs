@@ -61,7 +61,7 @@ pub(crate) fn write(path: &Path, kind: Kind, content: &impl Serialize) -> Result
 pub(crate) fn read<T: DeserializeOwned>(path: &Path, kind: Kind) -> Result<(T, u64), Error> {
     let read = |source| Error::Read { path: path.to_owned(), source };
     let length = std::fs::metadata(path).map_err(read)?.len();
-    let remedy = "run fewer replicas at once (--threads), or raise the limit";
+    let remedy = "run fewer replicas at once (--threads), free memory, or raise the limit";
     check_available("the contents of the checkpoint", length.saturating_mul(MEMORY_PER_BYTE), remedy)?;
     let bytes = std::fs::read(path).map_err(read)?;
     let damaged = |damage| Error::Damaged { path: path.to_owned(), damage };

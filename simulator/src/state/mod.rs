@@ -127,6 +127,9 @@ impl State {
     pub(crate) fn belongs_to(&self, model: &Model) -> bool {
         let receivers = model.receivers.len();
         let is_known = |species: u32| (species as usize) < model.species.len();
+        let is_of_species = |(&species, &radius): (&u32, &f32)| {
+            model.species.get(species as usize).is_some_and(|species| species.radius == radius)
+        };
         let first_types = model.first_receptor_types();
         let known = |held: &Bound| {
             let receiver = held.receiver as usize;
@@ -138,7 +141,7 @@ impl State {
             && self.totals.arrived.len() == receivers
             && first_types.last() == Some(&(self.totals.occupied.len() as u32))
             && self.bound.iter().all(known)
-            && self.particles.species.iter().all(|&species| is_known(species))
+            && self.particles.species.iter().zip(&self.particles.radius).all(is_of_species)
     }
 
     /// Releases the particles of a step, and returns the arrivals since the release, in the order of ids.
