@@ -83,8 +83,8 @@ impl AnySimulation {
         Err(lazygrid::Error::WithoutGpu.into())
     }
 
-    /// Returns `true` if a run of the model on `backend` can log arrivals: a GPU cannot name any number of pairs of a
-    /// receiver and a species.
+    /// Returns `true` if a run of the model on `backend` can log arrivals. A GPU limits the number of pairs of a receiver
+    /// and a species.
     #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU has a limit"))]
     pub fn can_log_arrivals(model: &Model, backend: Backend) -> bool {
         #[cfg(feature = "gpu")]

@@ -132,21 +132,14 @@ fn names(directory: &Path) -> Vec<String> {
     every_file(directory).into_keys().filter(|name| is_checkpoint(name)).collect()
 }
 
-#[test]
-fn files_equal_one_process() {
+/// Compares the files of a scenario over ranks with those of one process, and returns these.
+fn compare(text: &str, steps: u32, numbers: &[u32]) -> BTreeMap<String, Vec<u8>> {
     let alone = tempfile::tempdir().unwrap();
-    go(&run(alone.path(), 40, false), 0);
+    go(&run_of(text, alone.path(), steps, false), 0);
     let expected = files(alone.path());
-    assert!(
-        ["series.csv", "frames.xyz", "frame-000000040.npy", "arrivals.csv", "releases.csv"]
-            .iter()
-            .all(|name| expected[*name].len() > 100),
-        "{:?}",
-        expected.keys()
-    );
-    for ranks in [1, 2, 3, 8] {
+    for &ranks in numbers {
         let over = tempfile::tempdir().unwrap();
-        go(&run(over.path(), 40, false), ranks);
+        go(&run_of(text, over.path(), steps, false), ranks);
         let found = files(over.path());
         assert!(expected.keys().eq(found.keys()), "{:?}", found.keys());
         for (name, expected) in &expected {
@@ -154,6 +147,36 @@ fn files_equal_one_process() {
         }
         assert_eq!(state(over.path()), state(alone.path()));
         assert_eq!(names(over.path()).len(), 1 + ranks as usize);
+    }
+    expected
+}
+
+#[test]
+fn files_equal_one_process() {
+    let files = compare(SCENARIO, 40, &[1, 2, 3, 8]);
+    assert!(
+        ["series.csv", "frames.xyz", "frame-000000040.npy", "arrivals.csv", "releases.csv"]
+            .iter()
+            .all(|name| files[*name].len() > 100),
+        "{:?}",
+        files.keys()
+    );
+}
+
+/// The others are compared under MPI (`distributed/mpi/tests/simulate.rs`).
+#[test]
+fn shipped_scenarios_equal_one_process() {
+    let scenarios = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");
+    for (name, steps) in [("chemotaxis", 60), ("distances", 100), ("wall", 120)] {
+        let text = std::fs::read_to_string(scenarios.join(name).with_extension("toml")).unwrap();
+        // A sweep varies the scenario before its section.
+        let text = text.split("[sweep]").next().unwrap();
+        let files = compare(text, steps, &[2, 3]);
+        let series = std::str::from_utf8(&files["series.csv"]).unwrap();
+        let [first, last] = [series.lines().nth(1), series.lines().last()];
+        let counts =
+            |row: Option<&str>| row.unwrap().split(',').skip(2).map(str::to_owned).collect::<Vec<_>>();
+        assert_ne!(counts(first), counts(last), "{name}: {series}");
     }
 }
 
