@@ -127,8 +127,8 @@ impl TriclinicCell {
         self.rank
     }
 
-    /// Returns the largest component of a vector for which no number of the search for the minimum image
-    /// overflows. Only its result may, in cells longer than 1; the exact test then scales the vector and the cell.
+    /// Returns the largest component of a vector for which the search of its minimum image does not overflow. In cells
+    /// longer than 1, only the image itself may; the exact test then scales the vector and the cell.
     pub fn max_component(&self) -> f64 {
         let lowest = heights(&self.inverse)[..self.rank].iter().copied().fold(f64::INFINITY, f64::min);
         // A vector of length `l` takes at most `l` divided by the height of each basis vector, and up to the sum of

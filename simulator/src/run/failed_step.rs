@@ -14,7 +14,7 @@ pub(super) struct LastSteps {
 
 impl Run {
     /// Saves the steps before a failed one if a GPU still has their state, and returns the error with the remedy. On the
-    /// CPU, a failed step leaves a state within it.
+    /// CPU, a failed step leaves particles half moved.
     pub(super) fn after_failed_step(
         &self,
         error: Error,
