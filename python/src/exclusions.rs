@@ -1,6 +1,5 @@
 use std::sync::Arc;
 
-use numpy::PyUntypedArrayMethods;
 use pyo3::prelude::*;
 
 use crate::memory::try_collect;

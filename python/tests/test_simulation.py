@@ -258,7 +258,7 @@ def test_gpu_runs_take_changes() -> None:
 def test_gpu_runs_log_the_steps_of_arrivals() -> None:
     at_once, one_by_one = on_gpu(), on_gpu()
     at_once.step(50)
-    rows = []
+    rows: list[tuple[int, ...]] = []
     for step in range(1, 51):
         one_by_one.step()
         arrivals = one_by_one.arrivals
