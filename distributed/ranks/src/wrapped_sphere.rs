@@ -3,7 +3,7 @@ use lazygrid::{EffectiveRadius, Error, Interactions, Orthogonalization, Space, S
 
 use crate::memory::try_collect;
 use crate::species_groups::SpeciesGroups;
-use crate::{ClassBounds, Particle, SizeClass};
+use crate::{Particle, SizeClass};
 
 /// A sphere wrapped into the box, with its effective radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -53,14 +53,20 @@ impl SphereWrapper {
         Self { space, orthogonal, wrapped_space, species }
     }
 
-    /// Returns `true` if a sphere in one box and one in the other may pair, or if unsure.
+    /// Returns the space of wrapped spheres.
     #[inline]
-    pub fn can_pair(&self, one: &ClassBounds, other: &ClassBounds) -> bool {
-        let cutoff = match &self.species {
-            Some(species) => species.groups.cutoff(one.group(), other.group()),
+    pub(crate) fn wrapped_space(&self) -> &Space {
+        &self.wrapped_space
+    }
+
+    /// Returns the largest center distance at which spheres of two groups pair, infinite if only radii limit it; `None`
+    /// if they never pair.
+    #[inline]
+    pub(crate) fn cutoff(&self, one: u32, other: u32) -> Option<f64> {
+        match &self.species {
+            Some(species) => species.groups.cutoff(one, other),
             None => Some(f64::INFINITY),
-        };
-        cutoff.is_some_and(|cutoff| one.overlaps(other, &self.wrapped_space, cutoff))
+        }
     }
 
     /// An unknown species has the sphere's radius and may pair with all.

@@ -130,7 +130,7 @@ mod tests {
             let state = State::new(&model, 1).expect("a state");
             let run = CpuRun::new(model.clone(), 1, Config::default(), state, [0, 2]).expect("a run");
             let bounds = |species| ClassBounds::around(&run.wrapper.wrap(Sphere::default(), species));
-            let can_pair = |[a, b]: [u32; 2]| run.wrapper.can_pair(&bounds(a), &bounds(b));
+            let can_pair = |[a, b]: [u32; 2]| bounds(a).can_pair(&bounds(b), &run.wrapper);
             assert_eq!([[0, 0], [0, 1], [1, 1]].map(can_pair), expected, "{radius}");
         }
     }

@@ -63,13 +63,13 @@ impl<'a, C: Communicator> RankHalo<'a, C> {
         let here = ClassBounds::all_of(&wrapped[..own]);
         let mut unsent = Vec::new();
         for rank in (0..bounds.ranks()).filter(|&rank| rank != this) {
-            let is_near = |there: &&ClassBounds| here.iter().any(|here| self.wrapper.can_pair(here, there));
+            let is_near = |there: &&ClassBounds| here.iter().any(|here| here.can_pair(there, self.wrapper));
             let near: Vec<_> = bounds.of_rank(rank).iter().filter(is_near).collect();
             let known = self.sent.partition_point(|ghost| ghost.rank < rank);
             let known = &self.sent[known..self.sent.partition_point(|ghost| ghost.rank <= rank)];
             let is_unsent = |&at: &u32| {
                 let sphere = ClassBounds::around(&wrapped[at as usize]);
-                near.iter().any(|near| self.wrapper.can_pair(near, &sphere))
+                near.iter().any(|near| near.can_pair(&sphere, self.wrapper))
                     && known.binary_search_by_key(&at, |ghost| ghost.at).is_err()
             };
             let found = (0..own as u32).filter(is_unsent);

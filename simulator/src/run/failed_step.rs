@@ -2,15 +2,9 @@
 
 use lazygrid::Backend;
 
-use super::Run;
+use super::{LastSteps, Run};
 use crate::output::Files;
 use crate::{AnySimulation, Error, RunView};
-
-/// The steps of the last row or frame, and of the last checkpoint.
-pub(super) struct LastSteps {
-    pub(super) recorded: u32,
-    pub(super) saved: u32,
-}
 
 impl Run {
     /// Saves the steps before a failed one if a GPU still has their state, and returns the error with the remedy. On the

@@ -25,7 +25,6 @@ use crate::output::append_file::FileRecord;
 use crate::output::options::Output;
 use crate::output::{self, Files, Lock};
 use crate::run::checkpoint::Checkpoint;
-use crate::run::failed_step::LastSteps;
 use crate::run::memory_estimate::{MemoryGuard, Sharing, check_largest_release};
 use crate::run::time_step_monitor::TimeStepMonitor;
 use crate::scenario::Scenario;
@@ -80,6 +79,12 @@ impl ReplicaSlot {
     fn sharing(self) -> Sharing {
         Sharing { runs: self.at_once, machines: 1 }
     }
+}
+
+/// The steps of the last row or frame, and of the last checkpoint.
+struct LastSteps {
+    recorded: u32,
+    saved: u32,
 }
 
 impl Run {

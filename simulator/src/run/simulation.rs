@@ -385,3 +385,6 @@ pub(crate) fn detector(model: &Model, algorithm: Algorithm) -> Result<Option<Det
     let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).order(Order::Unordered);
     Ok(Some(Detector::new(config.space(model.boundary.space()?).interactions(table))?))
 }
+
+#[cfg(test)]
+mod tests;

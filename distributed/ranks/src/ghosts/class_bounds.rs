@@ -1,7 +1,7 @@
 use bytemuck::{Pod, Zeroable};
 use lazygrid::Space;
 
-use crate::{SizeClass, WrappedSphere};
+use crate::{SizeClass, SphereWrapper, WrappedSphere};
 
 /// The box of the centers of a rank's spheres of one size class and species group, and their largest effective radius.
 /// 32 bytes.
@@ -62,6 +62,13 @@ impl ClassBounds {
     #[inline]
     pub fn group(&self) -> u32 {
         self.group
+    }
+
+    /// Returns `true` if a sphere in this box and one in the other may pair, or if unsure.
+    #[inline]
+    pub fn can_pair(&self, other: &Self, wrapper: &SphereWrapper) -> bool {
+        let cutoff = wrapper.cutoff(self.group, other.group);
+        cutoff.is_some_and(|cutoff| self.overlaps(other, wrapper.wrapped_space(), cutoff))
     }
 
     /// Returns `true` if spheres of both boxes may overlap and are at most `cutoff` apart, or if unsure. Their species

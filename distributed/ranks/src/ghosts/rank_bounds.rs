@@ -69,7 +69,7 @@ impl RankBounds {
                 }
                 for &k in members {
                     let sphere = ClassBounds::around(&spheres[k as usize]);
-                    if near.iter().any(|near| wrapper.can_pair(near, &sphere)) {
+                    if near.iter().any(|near| near.can_pair(&sphere, wrapper)) {
                         try_push(&mut ghosts, k, "ghosts to send")?;
                     }
                 }
@@ -90,7 +90,7 @@ impl RankBounds {
     ) -> Vec<ClassBounds> {
         let is_near = |other: &&ClassBounds| {
             becomes_ghost(from, RankAndClass { rank: to, class: other.class() }, self.ranks())
-                && wrapper.can_pair(bounds, other)
+                && bounds.can_pair(other, wrapper)
         };
         self.of_rank(to).iter().filter(is_near).copied().collect()
     }

@@ -1,7 +1,5 @@
 //! Comparison of rounds with the order of times, and of candidates with all pairs.
 
-use lazygrid::Algorithm;
-
 use super::halo::Undivided;
 use super::mover::{Mover, length};
 use super::overlaps::bounce_overlaps;
@@ -12,7 +10,7 @@ use crate::model::receiver::finder_with;
 use crate::model::{Contact, Model, ReactionRate, Species};
 use crate::random::gaussian::normals;
 use crate::random::philox::{open_unit, philox};
-use crate::{Axis, Boundary, Reaction, Shape, Simulation, State, Transmitter};
+use crate::{Axis, Boundary, Reaction};
 
 fn run_in_order(rules: &Rules, movers: &mut [Mover], pairs: &[[u32; 2]], horizon: f64) -> u64 {
     let mut collisions = 0;
@@ -160,7 +158,7 @@ fn overlapping_reactants_pass_through_each_other() {
 }
 
 /// Adds points to the two sizes of spheres. The larger spheres react with each other.
-fn with_points(contact: Contact) -> Model {
+pub(crate) fn with_points(contact: Contact) -> Model {
     let mut model = model(contact, Axis::Periodic { low: 0.0, high: 5.5 });
     model.species.push(Species { radius: 0.0, ..model.species[1].clone() });
     model.reactions = vec![Reaction {
@@ -207,35 +205,9 @@ fn points_and_reactants_at_one_place_are_no_candidates() {
     assert!(found == expected, "{} candidates of {} movers, and not {}", found.len(), n, expected.len());
 }
 
-#[test]
-fn collisions_without_the_table_are_the_same() {
-    let end = |model: &Model, has_table: bool| -> State {
-        let mut simulation = Simulation::new(model.clone(), 3, Algorithm::Auto).expect("a model");
-        let collisions = simulation.collisions.as_mut().expect("collisions");
-        assert!(collisions.interactions.is_some());
-        if !has_table {
-            collisions.interactions = None;
-            collisions.detector = finder_with(&model.boundary, None).expect("a detector");
-        }
-        (0..4).for_each(|_| simulation.step().expect("a step"));
-        simulation.state().clone()
-    };
-    for contact in [Contact::Separate, Contact::Elastic] {
-        let mut model = with_points(contact);
-        model.time_step = 0.02;
-        let burst = |center, shape, release: &[(u32, u32)]| Transmitter {
-            center,
-            shape,
-            release: release.to_vec(),
-            ..Transmitter::default()
-        };
-        model.transmitters = vec![
-            burst([2.75; 3], Shape::Lattice([5.5; 3], [5; 3]), &[(0, 60), (1, 65)]),
-            burst([1.1; 3], Shape::Point, &[(0, 40)]),
-            burst([2.2; 3], Shape::Point, &[(2, 300)]),
-        ];
-        let with = end(&model, true);
-        assert!(with.totals.contacts > 50 && with.totals.reacted[0] > 3, "{:?}", with.totals);
-        assert!(with == end(&model, false), "{contact:?}");
-    }
+/// Searches candidates without the table of species from now on.
+pub(crate) fn remove_table(collisions: &mut Collisions, model: &Model) {
+    assert!(collisions.interactions.is_some());
+    collisions.interactions = None;
+    collisions.detector = finder_with(&model.boundary, None).expect("a detector");
 }

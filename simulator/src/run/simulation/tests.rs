@@ -1,0 +1,35 @@
+use lazygrid::Algorithm;
+
+use super::*;
+use crate::motion::collisions::tests::{remove_table, with_points};
+use crate::{Contact, Shape, Transmitter};
+
+#[test]
+fn collisions_without_the_table_are_the_same() {
+    let end = |model: &Model, has_table: bool| -> State {
+        let mut simulation = Simulation::new(model.clone(), 3, Algorithm::Auto).expect("a model");
+        if !has_table {
+            remove_table(simulation.collisions.as_mut().expect("collisions"), model);
+        }
+        (0..4).for_each(|_| simulation.step().expect("a step"));
+        simulation.state().clone()
+    };
+    for contact in [Contact::Separate, Contact::Elastic] {
+        let mut model = with_points(contact);
+        model.time_step = 0.02;
+        let burst = |center, shape, release: &[(u32, u32)]| Transmitter {
+            center,
+            shape,
+            release: release.to_vec(),
+            ..Transmitter::default()
+        };
+        model.transmitters = vec![
+            burst([2.75; 3], Shape::Lattice([5.5; 3], [5; 3]), &[(0, 60), (1, 65)]),
+            burst([1.1; 3], Shape::Point, &[(0, 40)]),
+            burst([2.2; 3], Shape::Point, &[(2, 300)]),
+        ];
+        let with = end(&model, true);
+        assert!(with.totals.contacts > 50 && with.totals.reacted[0] > 3, "{:?}", with.totals);
+        assert!(with == end(&model, false), "{contact:?}");
+    }
+}
