@@ -205,7 +205,7 @@ fn points_and_reactants_at_one_place_are_no_candidates() {
     assert!(found == expected, "{} candidates of {} movers, and not {}", found.len(), n, expected.len());
 }
 
-/// Searches candidates without the table of species from now on.
+/// Searches candidates without the table of species.
 pub(crate) fn remove_table(collisions: &mut Collisions, model: &Model) {
     assert!(collisions.interactions.is_some());
     collisions.interactions = None;
