@@ -90,9 +90,8 @@ impl MpiCommunicator {
         let (Outgoing { data: out, segments: leaving }, Incoming { data: into, segments: coming }) =
             (outgoing, incoming);
         let (leaving, coming) = (byte_counts::<T>(leaving.lengths()), byte_counts::<T>(coming.lengths()));
-        let out = Partition::new(bytemuck::cast_slice::<T, u8>(out), &leaving[..], begins(&leaving));
-        let into = bytemuck::cast_slice_mut::<T, u8>(into);
-        let mut into = PartitionMut::new(into, &coming[..], begins(&coming));
+        let out = Partition::new(bytes_of(out), &leaving[..], begins(&leaving));
+        let mut into = PartitionMut::new(bytes_mut(into), &coming[..], begins(&coming));
         self.comm.all_to_all_varcount_into(&out, &mut into);
     }
 
@@ -145,9 +144,8 @@ impl RankCommunicator for MpiCommunicator {
         let mut all = self.agree(try_zeroed(what, total, self.rank()))?;
         let counts: Vec<usize> = counts.into_iter().map(|count| count as usize).collect();
         let bytes = byte_counts::<T>(&counts);
-        let mut into =
-            PartitionMut::new(bytemuck::cast_slice_mut::<T, u8>(&mut all), &bytes[..], begins(&bytes));
-        self.comm.all_gather_varcount_into(bytemuck::cast_slice::<T, u8>(own), &mut into);
+        let mut into = PartitionMut::new(bytes_mut(&mut all), &bytes[..], begins(&bytes));
+        self.comm.all_gather_varcount_into(bytes_of(own), &mut into);
         self.count_sent(size_of_val(own) + size_of::<u64>(), ranks - 1);
         Ok((all, counts))
     }
@@ -213,6 +211,23 @@ pub fn try_reserved<T>(what: &str, elements: u64, rank: u32) -> Result<Vec<T>, E
     reserved.map(|()| buffer).ok_or_else(|| Error::OutOfMemory { rank, what: what.to_owned(), bytes })
 }
 
+/// Returns the bytes of `buffer`, at an address that is a multiple of 8 if there are none. An empty vector of bytes has the
+/// address 1, which is `MPI_IN_PLACE` of Open MPI.
+fn bytes_of<T: Pod>(buffer: &[T]) -> &[u8] {
+    match buffer {
+        [] => bytemuck::cast_slice::<u64, u8>(&[]),
+        _ => bytemuck::cast_slice(buffer),
+    }
+}
+
+/// As [`bytes_of`], to receive into.
+fn bytes_mut<T: Pod>(buffer: &mut [T]) -> &mut [u8] {
+    match buffer {
+        [] => bytemuck::cast_slice_mut::<u64, u8>(&mut []),
+        _ => bytemuck::cast_slice_mut(buffer),
+    }
+}
+
 fn byte_counts<T>(lengths: &[usize]) -> Vec<Count> {
     lengths.iter().map(|&length| (length * size_of::<T>()) as Count).collect()
 }
@@ -235,5 +250,13 @@ mod tests {
                 .starts_with("rank 5: no memory for ghosts: 9223372036854775808 bytes were refused;"),
             "{error}"
         );
+    }
+
+    #[test]
+    fn bytes_of_no_rank_are_gathered() {
+        let universe = mpi::initialize().unwrap();
+        let mut communicator = MpiCommunicator::new(universe.world(), 1 << 20);
+        assert_eq!(communicator.all_gather::<u8>("bytes", &[]), Ok((Vec::new(), vec![0])));
+        assert_eq!(communicator.all_to_all_v::<u8>("bytes", &[], &[0]), Ok((Vec::new(), vec![0])));
     }
 }

@@ -166,3 +166,12 @@ pub(crate) fn rounds(world: &SimpleCommunicator) {
         assert_eq!(sum(world, particles.ids.len() as u64), 2000);
     }
 }
+
+pub(crate) fn bytes_of_few_ranks(world: &SimpleCommunicator) {
+    let (rank, last) = (world.rank(), world.size() - 1);
+    let mut distributed = Distributed::new(world, config()).unwrap();
+    assert_eq!(distributed.gather::<u8>(&[]), Ok(Vec::new()));
+    let own: &[u8] = if rank == last { b"pairs" } else { b"" };
+    let all = distributed.gather(own).unwrap();
+    assert_eq!(all, if rank == 0 { b"pairs".to_vec() } else { Vec::new() });
+}

@@ -23,6 +23,7 @@ const CASES: &[Case] = &[
     ("answers: each pair with both owners", answers::both_owners),
     ("answers: streams and counts", answers::streams),
     ("answers: messages in rounds", answers::rounds),
+    ("answers: bytes that few ranks or none have", answers::bytes_of_few_ranks),
     ("settling: what moved is found again", settling::follows),
     ("settling: the parts are kept, and made again", settling::keeps_parts),
     ("failures: one bad sphere", failures::bad_sphere),
