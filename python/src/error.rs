@@ -142,7 +142,7 @@ pub(crate) fn simulator(error: lazygrid_sim::Error) -> PyErr {
         Error::Scenario { .. } | Error::Model(_) | Error::NotOnGpu { .. } => {
             exception("SettingError", message, &[])
         }
-        Error::OutOfMemory { bytes, .. } => {
+        Error::OutOfMemory { bytes, .. } | Error::TooLittleMemory { needed: bytes, .. } => {
             exception("OutOfMemory", message, &[("bytes", Attribute::Whole(bytes))])
         }
         Error::Detection(error) => engine(error),
