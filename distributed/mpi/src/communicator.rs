@@ -211,8 +211,8 @@ pub fn try_reserved<T>(what: &str, elements: u64, rank: u32) -> Result<Vec<T>, E
     reserved.map(|()| buffer).ok_or_else(|| Error::OutOfMemory { rank, what: what.to_owned(), bytes })
 }
 
-/// Returns the bytes of `buffer`, at an address that is a multiple of 8 if there are none. An empty vector of bytes has the
-/// address 1, which is `MPI_IN_PLACE` of Open MPI.
+/// Returns the bytes of `buffer`. An empty vector of bytes has the address 1, which is `MPI_IN_PLACE` of Open MPI, so no
+/// bytes have the address of an empty vector of larger numbers.
 fn bytes_of<T: Pod>(buffer: &[T]) -> &[u8] {
     match buffer {
         [] => bytemuck::cast_slice::<u64, u8>(&[]),
@@ -220,7 +220,7 @@ fn bytes_of<T: Pod>(buffer: &[T]) -> &[u8] {
     }
 }
 
-/// As [`bytes_of`], to receive into.
+/// Returns the bytes of `buffer` to receive into, as [`bytes_of`] does to send.
 fn bytes_mut<T: Pod>(buffer: &mut [T]) -> &mut [u8] {
     match buffer {
         [] => bytemuck::cast_slice_mut::<u64, u8>(&mut []),

@@ -8,6 +8,9 @@ use crate::gpu::session::GpuSession;
 pub(super) const SIZES: [u32; 10] = [256, 512, 1024, 2048, 4096, 8192, 16_384, 32_768, 65_536, 131_072];
 /// Disturbances only add time, so the fastest round counts.
 pub(super) const ROUNDS: usize = 7;
+/// Time of the rounds of a scene after which three rounds are enough: disturbances are a small part of long calls, and
+/// a driver in software would take a minute.
+const ROUNDS_TIME: Duration = Duration::from_millis(60);
 /// Ratio of the second to the first time below which the second algorithm is clearly faster.
 pub(super) const CLEAR_TIME_RATIO: f64 = 0.7;
 const DENSITY: f32 = 0.05;
@@ -17,6 +20,11 @@ pub(super) fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Durat
     let ticket = session.begin(Spheres::from(spheres))?;
     session.finish_count(ticket)?;
     Ok(start.elapsed())
+}
+
+/// Returns whether `rounds` since `start` suffice although more are asked for.
+pub(super) fn is_enough(rounds: usize, start: Instant) -> bool {
+    rounds >= 3 && start.elapsed() >= ROUNDS_TIME
 }
 
 /// Returns the fastest times of two algorithms for growing scenes, until the second is clearly faster or `goes_on`
@@ -32,7 +40,11 @@ pub(super) fn race(
     for &spheres in sizes {
         let scene = scene(spheres, classes, DENSITY);
         let mut least = [Duration::MAX; 2];
-        for _ in 0..rounds {
+        let start = Instant::now();
+        for round in 0..rounds {
+            if is_enough(round, start) {
+                break;
+            }
             for (least, time) in least.iter_mut().zip(times(&scene)?) {
                 *least = time.min(*least);
             }
