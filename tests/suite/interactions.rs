@@ -124,7 +124,10 @@ fn crowd_with_distant_partners() {
             let mixture = Some(SpeciesSetup { species: species.clone(), rows });
             let scenario = TestInput { spheres: spheres.clone(), mixture, space, ..TestInput::default() };
             let expected = scenario.oracle();
-            for variant in variants::each_algorithm() {
+            // In boxes, where some take seconds, other algorithms than the cell list have the table of longest distances.
+            let has_all = space == Space::default() || of_partners == Interaction::Within(2.0);
+            let variants = variants::each_algorithm().into_iter();
+            for variant in variants.filter(|variant| has_all || variant.algorithm == Algorithm::CellList) {
                 let agrees = variant.verify(&scenario, &expected, &Config::default());
                 let case = || format!("{variant}, {space:?}, {of_partners:?}, {of_third}");
                 assert_eq!(agrees, Ok(()), "{}", case());
