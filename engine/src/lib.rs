@@ -50,7 +50,7 @@ pub use lazygrid_kernels::{
 };
 /// For runs on several ranks; no part of the stable interface.
 #[doc(hidden)]
-pub use lazygrid_kernels::{Orthogonalization, TriclinicCell};
+pub use lazygrid_kernels::{Orthogonalization, SpeciesReach, TriclinicCell};
 pub use report::Report;
 
 /// The examples of README.md and docs/rust.md, as tests.

@@ -2,7 +2,7 @@ use std::ops::ControlFlow;
 
 use lazygrid::{Detector, Error, Sphere, Spheres};
 
-use crate::Particle;
+use crate::Ghosts;
 use crate::memory::try_collect;
 
 const CHUNK_PAIRS: usize = 1 << 14;
@@ -10,7 +10,7 @@ const CHUNK_PAIRS: usize = 1 << 14;
 pub(crate) fn pairs_across<F>(
     detector: &mut Detector,
     owned: Spheres<'_>,
-    ghosts: &[Particle],
+    ghosts: &Ghosts,
     mut consume: F,
 ) -> Result<(), Error>
 where
@@ -24,27 +24,33 @@ where
 pub(crate) fn count_across(
     detector: &mut Detector,
     owned: Spheres<'_>,
-    ghosts: &[Particle],
+    ghosts: &Ghosts,
 ) -> Result<u64, Error> {
     detector.count((owned, GhostRows::new(owned, ghosts)?.spheres()?))
 }
 
-struct GhostRows {
+struct GhostRows<'g> {
+    /// Empty if the ghosts have `f64` rows.
     rows: Vec<Sphere>,
+    doubles: Option<&'g [[f64; 4]]>,
     species: Option<Vec<u32>>,
 }
 
-impl GhostRows {
-    fn new(owned: Spheres<'_>, ghosts: &[Particle]) -> Result<Self, Error> {
+impl<'g> GhostRows<'g> {
+    fn new(owned: Spheres<'_>, ghosts: &'g Ghosts) -> Result<Self, Error> {
+        let (doubles, ghosts) = (ghosts.doubles(), ghosts.particles());
         let species = owned.species().map(|_| {
             try_collect(ghosts.len(), ghosts.iter().map(|ghost| ghost.species), "the species of ghosts")
         });
-        let rows = try_collect(ghosts.len(), ghosts.iter().map(|ghost| ghost.sphere), "ghosts")?;
-        Ok(Self { rows, species: species.transpose()? })
+        let rows = match doubles {
+            Some(_) => Vec::new(),
+            None => try_collect(ghosts.len(), ghosts.iter().map(|ghost| ghost.sphere), "ghosts")?,
+        };
+        Ok(Self { rows, doubles, species: species.transpose()? })
     }
 
     fn spheres(&self) -> Result<Spheres<'_>, Error> {
-        let rows = Spheres::from(&self.rows);
+        let rows = self.doubles.map_or_else(|| Spheres::from(&self.rows), Spheres::from);
         Ok(match &self.species {
             Some(species) => rows.with_species(species)?,
             None => rows,

@@ -13,6 +13,9 @@
 //! 4. Each rank searches its own spheres, and between these and its ghosts ([`Search`]). The owner of the smaller
 //!    sphere reports a pair of two ranks.
 //!
+//! Spheres in `f64`, and spaces that `f32` does not represent, have wrapped spheres and bounding boxes of `f64` numbers
+//! ([`SphereWrapper::wrap_f64`]), and ghosts with `f64` rows ([`Ghosts::exchange_f64`]).
+//!
 //! [`Settings`] compares what all ranks must share.
 //!
 //! # Correctness
@@ -26,6 +29,7 @@
 
 mod across;
 mod communicator;
+mod coordinate;
 mod difference;
 mod error;
 mod ghosts;
@@ -46,6 +50,7 @@ pub mod threads;
 mod wrapped_sphere;
 
 pub use communicator::{Communicator, RankData, gather, send_to_ranks};
+pub use coordinate::Coordinate;
 pub use difference::Difference;
 pub use error::Error;
 pub use ghosts::{ClassBounds, Ghosts, RankBounds, ghost_rule};

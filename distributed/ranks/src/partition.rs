@@ -1,22 +1,21 @@
 use bytemuck::{Pod, Zeroable};
-use glam::Vec3;
 
-use crate::Error;
 use crate::sample::Sample;
+use crate::{Coordinate, Error};
 
-/// A plane through a region: spheres with a lower `(coordinate, tie breaker)` are left. 16 bytes.
+/// A plane through a region: spheres with a lower `(coordinate, tie breaker)` are left. 24 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct BisectionPlane {
-    axis: u32,
-    at: f32,
+    at: f64,
     /// Belongs to the sphere at the plane.
     tie_breaker: u64,
+    axis: u64,
 }
 
 impl BisectionPlane {
     #[inline]
-    fn is_left(&self, coordinate: f32, tie_breaker: u64) -> bool {
+    fn is_left(&self, coordinate: f64, tie_breaker: u64) -> bool {
         coordinate < self.at || (coordinate == self.at && tie_breaker < self.tie_breaker)
     }
 }
@@ -61,12 +60,12 @@ impl Partition {
 
     /// Returns a sphere's part by the center of its [`WrappedSphere`](crate::WrappedSphere).
     #[inline]
-    pub fn part_of(&self, center: Vec3, tie_breaker: u64) -> u32 {
+    pub fn part_of<T: Coordinate>(&self, center: [T; 3], tie_breaker: u64) -> u32 {
         let (mut first, mut parts, mut node) = (0, self.parts, 0);
         while parts > 1 {
             let plane = &self.planes[node];
             let left = parts / 2;
-            if plane.is_left(center[plane.axis as usize], tie_breaker) {
+            if plane.is_left(center[plane.axis as usize].into(), tie_breaker) {
                 parts = left;
                 node += 1;
             } else {
@@ -88,14 +87,14 @@ fn cut(sample: &mut [Sample], parts: u32, planes: &mut Vec<BisectionPlane>) {
     let middle = (sample.len() as u64 * u64::from(left) / u64::from(parts)) as usize;
     let axis = widest(sample);
     let plane = match sample.is_empty() {
-        true => BisectionPlane { axis: 0, at: 0.0, tie_breaker: 0 },
+        true => BisectionPlane { at: 0.0, tie_breaker: 0, axis: 0 },
         false => {
             let order = |a: &Sample, b: &Sample| {
                 // Coordinates are finite, and −0 is 0.
                 (a.at(axis) + 0.0).total_cmp(&(b.at(axis) + 0.0)).then(a.tie_breaker().cmp(&b.tie_breaker()))
             };
             let (_, at, _) = sample.select_nth_unstable_by(middle, order);
-            BisectionPlane { axis: axis as u32, at: at.at(axis), tie_breaker: at.tie_breaker() }
+            BisectionPlane { at: at.at(axis), tie_breaker: at.tie_breaker(), axis: axis as u64 }
         }
     };
     planes.push(plane);
@@ -106,10 +105,10 @@ fn cut(sample: &mut [Sample], parts: u32, planes: &mut Vec<BisectionPlane>) {
 
 fn widest(sample: &[Sample]) -> usize {
     let extent = |axis: usize| {
-        let ends = sample.iter().fold([f32::INFINITY, f32::NEG_INFINITY], |[low, high], s| {
+        let ends = sample.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], s| {
             [low.min(s.at(axis)), high.max(s.at(axis))]
         });
-        f64::from(ends[1]) - f64::from(ends[0])
+        ends[1] - ends[0]
     };
     let extents = [extent(0), extent(1), extent(2)];
     let wider = |best: usize, axis: usize| if extents[axis] > extents[best] { axis } else { best };
@@ -118,18 +117,21 @@ fn widest(sample: &[Sample]) -> usize {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
     use crate::tie_breaker;
 
     fn sizes(centers: &[Vec3], parts: u32) -> Vec<u64> {
-        let mut sample: Vec<_> = (0..).zip(centers).map(|(id, &center)| Sample::new(center, id)).collect();
+        let mut sample: Vec<_> =
+            (0..).zip(centers).map(|(id, &center)| Sample::new(center.to_array(), id)).collect();
         let partition = Partition::new(&mut sample, parts);
         let copy = Partition::from_planes(parts, partition.planes().to_vec()).unwrap();
         assert_eq!(copy, partition);
         let mut sizes = vec![0; parts as usize];
         (0..)
             .zip(centers)
-            .for_each(|(id, &center)| sizes[copy.part_of(center, tie_breaker(id)) as usize] += 1);
+            .for_each(|(id, &center)| sizes[copy.part_of(center.to_array(), tie_breaker(id)) as usize] += 1);
         sizes
     }
 
@@ -159,13 +161,13 @@ mod tests {
     #[test]
     fn splits_of_another_partition_are_refused() {
         let error =
-            Partition::from_planes(3, vec![BisectionPlane { axis: 0, at: 0.0, tie_breaker: 0 }]).unwrap_err();
+            Partition::from_planes(3, vec![BisectionPlane { at: 0.0, tie_breaker: 0, axis: 0 }]).unwrap_err();
         assert_eq!(
             error.to_string(),
             "1 planes cut space into 2 parts, not 3; use the planes of one partition"
         );
         assert!(
-            Partition::from_planes(2, vec![BisectionPlane { axis: 3, at: 0.0, tie_breaker: 0 }]).is_err()
+            Partition::from_planes(2, vec![BisectionPlane { at: 0.0, tie_breaker: 0, axis: 3 }]).is_err()
         );
     }
 }

@@ -4,7 +4,7 @@ use lazygrid::Error;
 use crate::communicator::{agree_on_memory, gather};
 use crate::memory::try_collect;
 use crate::sample::{Sample, SampleFilter};
-use crate::{Communicator, LoadBalance, Partition, WrappedSphere, tie_breaker};
+use crate::{Communicator, Coordinate, LoadBalance, Partition, WrappedSphere, tie_breaker};
 
 /// Keeps the partition between steps.
 #[derive(Clone, Debug, Default)]
@@ -30,10 +30,10 @@ pub struct Assignment {
 impl Partitioner {
     /// Returns the ranks of the spheres' domains. Rebuilds the partition if a rank would have more than `bound` times
     /// the mean. Collective.
-    pub fn assign<C: Communicator>(
+    pub fn assign<T: Coordinate, C: Communicator>(
         &mut self,
         communicator: &mut C,
-        spheres: &[WrappedSphere],
+        spheres: &[WrappedSphere<T>],
         ids: &[u64],
         bound: f64,
     ) -> Result<Assignment, C::Error> {
@@ -55,13 +55,13 @@ impl Partitioner {
     }
 }
 
-fn owners<C: Communicator>(
+fn owners<T: Coordinate, C: Communicator>(
     communicator: &mut C,
     partition: &Partition,
-    spheres: &[WrappedSphere],
+    spheres: &[WrappedSphere<T>],
     ids: &[u64],
 ) -> Result<(Vec<u32>, LoadBalance), C::Error> {
-    let part = |(sphere, &id): (&WrappedSphere, &u64)| partition.part_of(sphere.center, tie_breaker(id));
+    let part = |(sphere, &id): (&WrappedSphere<T>, &u64)| partition.part_of(sphere.center, tie_breaker(id));
     let parts = try_collect(spheres.len(), spheres.iter().zip(ids).map(part), "the ranks of spheres");
     let parts = agree_on_memory(communicator, parts)?;
     let mut counts = vec![0; partition.parts() as usize];
@@ -70,9 +70,9 @@ fn owners<C: Communicator>(
     Ok((parts, owned))
 }
 
-fn partition<C: Communicator>(
+fn partition<T: Coordinate, C: Communicator>(
     communicator: &mut C,
-    spheres: &[WrappedSphere],
+    spheres: &[WrappedSphere<T>],
     ids: &[u64],
 ) -> Result<Partition, C::Error> {
     let ranks = communicator.ranks();

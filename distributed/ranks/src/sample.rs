@@ -1,39 +1,37 @@
 //! A sample for a [`Partition`](crate::Partition), chosen by a hash of ids, without a message.
 
 use bytemuck::{Pod, Zeroable};
-use glam::Vec3;
 
+use crate::Coordinate;
 use crate::hash::{mix, tie_breaker};
 
 /// A part's size errs by about the reciprocal square root, 1.1 %.
 pub const SAMPLES_PER_PART: u64 = 8192;
-/// The rank that gathers the samples needs 40 MB.
+/// The rank that gathers the samples needs 64 MB.
 pub const MAX_SAMPLES: u64 = 1 << 21;
 
-/// A sampled sphere, 20 bytes.
+/// A sampled sphere, 32 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Sample {
-    center: [f32; 3],
-    /// Two halves: a 64-bit number would enlarge the sample to 24 bytes.
-    tie_breaker: [u32; 2],
+    center: [f64; 3],
+    tie_breaker: u64,
 }
 
 impl Sample {
     /// Uses the center of the [`WrappedSphere`](crate::WrappedSphere).
-    pub fn new(center: Vec3, id: u64) -> Self {
-        let tie_breaker = tie_breaker(id);
-        Self { center: center.to_array(), tie_breaker: [(tie_breaker >> 32) as u32, tie_breaker as u32] }
+    pub fn new<T: Coordinate>(center: [T; 3], id: u64) -> Self {
+        Self { center: center.map(T::into), tie_breaker: tie_breaker(id) }
     }
 
     #[inline]
-    pub(crate) fn at(&self, axis: usize) -> f32 {
+    pub(crate) fn at(&self, axis: usize) -> f64 {
         self.center[axis]
     }
 
     #[inline]
     pub(crate) fn tie_breaker(&self) -> u64 {
-        (u64::from(self.tie_breaker[0]) << 32) | u64::from(self.tie_breaker[1])
+        self.tie_breaker
     }
 }
 

@@ -104,7 +104,7 @@ impl Search {
         let classes = Classes::new(self, owned, ghosts)?;
         let mut reported = Vec::new();
         let across = self.across.as_mut().unwrap_or(&mut self.detector);
-        pairs_across(across, owned, ghosts.particles(), |pairs| {
+        pairs_across(across, owned, ghosts, |pairs| {
             reported.clear();
             reported.extend(pairs.iter().filter(|&&pair| classes.reports(pair)));
             counts.with_ghosts += reported.len() as u64;
@@ -131,7 +131,7 @@ impl Search {
         }
         let local = self.detector.count(owned)?;
         let across = self.across.as_mut().unwrap_or(&mut self.detector);
-        let with_ghosts = count_across(across, owned, ghosts.particles())?;
+        let with_ghosts = count_across(across, owned, ghosts)?;
         Ok(PairCounts { local, with_ghosts, elsewhere: 0 })
     }
 }
@@ -145,17 +145,25 @@ struct Classes {
 
 impl Classes {
     fn new(search: &Search, owned: Spheres<'_>, ghosts: &Ghosts) -> Result<Self, Error> {
-        let class = |sphere, species| search.wrapper.wrap(sphere, species).class();
-        let species = owned.species();
-        let own = |(k, sphere): (usize, _)| class(sphere, species.map_or(0, |species| species[k]));
-        let ghost = |(k, ghost): (u32, &Particle)| RankAndClass {
-            rank: ghosts.rank_of(k),
-            class: class(ghost.sphere, ghost.species),
+        let (wrapper, species, doubles) = (&search.wrapper, owned.species(), ghosts.doubles());
+        let own = |k: usize| {
+            let species = species.map_or(0, |species| species[k]);
+            match doubles {
+                Some(_) => wrapper.wrap_f64(owned.get_f64(k), species).class(),
+                None => wrapper.wrap(owned.get(k), species).class(),
+            }
+        };
+        let ghost = |(k, ghost): (u32, &Particle)| {
+            let class = match doubles {
+                Some(rows) => wrapper.wrap_f64(rows[k as usize], ghost.species).class(),
+                None => wrapper.wrap(ghost.sphere, ghost.species).class(),
+            };
+            RankAndClass { rank: ghosts.rank_of(k), class }
         };
         let what = "the size classes of spheres";
         let particles = ghosts.particles();
         Ok(Self {
-            owned: try_collect(owned.len(), owned.iter().enumerate().map(own), what)?,
+            owned: try_collect(owned.len(), (0..owned.len()).map(own), what)?,
             ghosts: try_collect(particles.len(), (0..).zip(particles).map(ghost), what)?,
             rank: search.rank,
             ranks: search.ranks,

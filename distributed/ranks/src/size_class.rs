@@ -12,7 +12,7 @@ pub struct SizeClass(u8);
 impl SizeClass {
     pub const COUNT: usize = 256;
 
-    /// `radius` must be finite and not negative.
+    /// `radius` must not be NaN or negative.
     #[inline]
     pub fn of(radius: f32) -> Self {
         // The cast drops the sign of −0.

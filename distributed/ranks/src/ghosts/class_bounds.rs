@@ -1,23 +1,26 @@
-use bytemuck::{Pod, Zeroable};
 use lazygrid::Space;
 
-use crate::{SizeClass, SphereWrapper, WrappedSphere};
+use crate::{Coordinate, SizeClass, SphereWrapper, WrappedSphere};
+
+/// Factor of the largest distance, above all rounding of the test and of the contact test.
+const MARGIN: f64 = 1.0 + 1.0 / (1_u64 << 40) as f64;
+/// Distance above which squares do not underflow, 2⁻⁴⁸⁰.
+const MIN_SQUARED: f64 = f64::from_bits((1023 - 480) << 52);
 
 /// The box of the centers of a rank's spheres of one size class and species group, and their largest effective radius.
-/// 32 bytes.
-#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
-#[repr(C)]
-pub struct ClassBounds {
-    low: [f32; 3],
-    high: [f32; 3],
+/// In messages 8 numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClassBounds<T = f32> {
+    low: [T; 3],
+    high: [T; 3],
     /// Implies the class.
-    radius: f32,
+    radius: T,
     group: u32,
 }
 
-impl ClassBounds {
+impl<T: Coordinate> ClassBounds<T> {
     /// Returns a box for each class and group, ascending.
-    pub fn all_of(spheres: &[WrappedSphere]) -> Vec<Self> {
+    pub fn all_of(spheres: &[WrappedSphere<T>]) -> Vec<Self> {
         let mut all: Vec<Self> = Vec::new();
         // Boxes are few, and equal spheres often adjacent.
         let mut last = 0;
@@ -36,27 +39,36 @@ impl ClassBounds {
 
     /// Returns the box of one sphere.
     #[inline]
-    pub fn around(sphere: &WrappedSphere) -> Self {
-        let center = sphere.center.to_array();
+    pub fn around(sphere: &WrappedSphere<T>) -> Self {
+        let center = sphere.center;
         Self { low: center, high: center, radius: sphere.radius, group: sphere.group }
     }
 
+    pub(crate) fn from_message([x, y, z, high_x, high_y, high_z, radius, group]: [T; 8]) -> Self {
+        Self { low: [x, y, z], high: [high_x, high_y, high_z], radius, group: group.to_group() }
+    }
+
+    pub(crate) fn message(&self) -> [T; 8] {
+        let ([x, y, z], [high_x, high_y, high_z]) = (self.low, self.high);
+        [x, y, z, high_x, high_y, high_z, self.radius, T::from_group(self.group)]
+    }
+
     #[inline]
-    fn has_kind_of(&self, sphere: &WrappedSphere) -> bool {
+    fn has_kind_of(&self, sphere: &WrappedSphere<T>) -> bool {
         self.group == sphere.group && self.class() == sphere.class()
     }
 
-    fn add(&mut self, sphere: &WrappedSphere) {
-        for (axis, x) in sphere.center.to_array().into_iter().enumerate() {
-            self.low[axis] = self.low[axis].min(x);
-            self.high[axis] = self.high[axis].max(x);
+    fn add(&mut self, sphere: &WrappedSphere<T>) {
+        for (axis, x) in sphere.center.into_iter().enumerate() {
+            self.low[axis] = if x < self.low[axis] { x } else { self.low[axis] };
+            self.high[axis] = if x > self.high[axis] { x } else { self.high[axis] };
         }
-        self.radius = self.radius.max(sphere.radius);
+        self.radius = if sphere.radius > self.radius { sphere.radius } else { self.radius };
     }
 
     #[inline]
     pub fn class(&self) -> SizeClass {
-        SizeClass::of(self.radius)
+        SizeClass::of(self.radius.into() as f32)
     }
 
     #[inline]
@@ -67,8 +79,12 @@ impl ClassBounds {
     /// Returns `true` if a sphere in this box and one in the other may pair, or if unsure.
     #[inline]
     pub fn can_pair(&self, other: &Self, wrapper: &SphereWrapper) -> bool {
-        let cutoff = wrapper.cutoff(self.group, other.group);
-        cutoff.is_some_and(|cutoff| self.overlaps(other, wrapper.wrapped_space(), cutoff))
+        let (cutoff, space) = (wrapper.cutoff(self.group, other.group), wrapper.wrapped_space());
+        // Radii that have grown by the rounding of images exceed a cutoff that has not.
+        let is_limited = !(T::GROWS && space.is_periodic());
+        cutoff.is_some_and(|cutoff| {
+            self.overlaps(other, space, if is_limited { cutoff } else { f64::INFINITY })
+        })
     }
 
     /// Returns `true` if spheres of both boxes may overlap and are at most `cutoff` apart, or if unsure. Their species
@@ -79,30 +95,37 @@ impl ClassBounds {
     /// 1. The test has the `f64` operations of the contact test.
     /// 2. Its distance by axis is at most that of any two spheres. Its radii and its cutoff are at least theirs.
     /// 3. Every operation is monotone, with or without rounding.
-    /// 4. Effective radii of larger distances are cut at the largest `f32` number, so that such a radius limits no
-    ///    distance.
+    /// 4. Effective `f32` radii of larger distances are cut at the largest `f32` number, so that such a radius limits no
+    ///    distance. No `f64` number but infinity does.
+    /// 5. The contact test of `f64` numbers computes as if exponents had no bounds. Here a sum of squares that overflows
+    ///    exceeds every reach with a finite square, and squares that may underflow are not used. In both cases no axis of
+    ///    touching spheres exceeds the reach by more than rounding, for which the margin compensates.
+    /// 6. Wrapped `f64` centers are exact, while the contact test rounds images. Radii have grown by more than this
+    ///    ([`SphereWrapper::wrap_f64`]).
     #[inline]
     pub fn overlaps(&self, other: &Self, space: &Space, cutoff: f64) -> bool {
-        let lengths = space.lengths_f32();
+        let lengths = space.lengths();
         let gap = |axis: usize| {
-            let ours = [self.low[axis], self.high[axis]].map(f64::from);
-            gap(ours, [other.low[axis], other.high[axis]].map(f64::from), lengths[axis])
+            let ours = [self.low[axis], self.high[axis]].map(T::into);
+            gap(ours, [other.low[axis], other.high[axis]].map(T::into), lengths[axis])
         };
         let (x, y, z) = (gap(0), gap(1), gap(2));
-        let is_limited = self.radius < f32::MAX && other.radius < f32::MAX;
-        let radii = f64::from(self.radius) + f64::from(other.radius);
+        let is_limited = self.radius < T::UNLIMITED && other.radius < T::UNLIMITED;
+        let radii = self.radius.into() + other.radius.into();
         let reach = if is_limited { radii.min(cutoff) } else { cutoff };
-        x * x + y * y + z * z <= reach * reach
+        let reach = (reach * MARGIN).next_up();
+        let is_near = x.max(y).max(z) <= reach;
+        is_near && (reach < MIN_SQUARED || x * x + y * y + z * z <= reach * reach)
     }
 }
 
 /// Is on a ring if `length` is given.
 #[inline]
-fn gap(a: [f64; 2], b: [f64; 2], length: Option<f32>) -> f64 {
+fn gap(a: [f64; 2], b: [f64; 2], length: Option<f64>) -> f64 {
     let direct = (b[0] - a[1]).max(a[0] - b[1]).max(0.0);
     match length {
         // Points are at most this span apart, or at least the rest of the ring.
-        Some(length) => direct.min((f64::from(length) - (a[1].max(b[1]) - a[0].min(b[0]))).max(0.0)),
+        Some(length) => direct.min((length - (a[1].max(b[1]) - a[0].min(b[0]))).max(0.0)),
         None => direct,
     }
 }
@@ -112,7 +135,7 @@ mod tests {
     use super::*;
 
     fn sphere(x: f32, radius: f32) -> WrappedSphere {
-        WrappedSphere { center: [x, 0.0, 0.0].into(), radius, group: 0 }
+        WrappedSphere { center: [x, 0.0, 0.0], radius, group: 0 }
     }
 
     fn overlap(bounds: &ClassBounds, sphere: &WrappedSphere, space: &Space, cutoff: f64) -> bool {
@@ -128,7 +151,7 @@ mod tests {
         assert!(all.is_sorted_by_key(ClassBounds::class));
         assert_eq!((all[1].low[0], all[1].high[0], all[1].radius), (0.0, 5.0, 1.5));
         assert_eq!((all[2].low[0], all[2].high[0], all[2].radius), (7.0, 7.0, 1.25));
-        assert!(ClassBounds::all_of(&[]).is_empty());
+        assert!(ClassBounds::<f32>::all_of(&[]).is_empty());
     }
 
     #[test]
@@ -138,17 +161,12 @@ mod tests {
         assert!(overlaps(2.0, 0.0) && overlaps(6.0, 1.0) && overlaps(-2.0, 1.0));
         assert!(!overlaps(6.0_f32.next_up(), 1.0) && !overlaps((-2.0_f32).next_down(), 1.0));
         assert!(overlaps(f32::MAX, f32::MAX));
-        let far = |sign: f32| WrappedSphere { center: [sign * 3e38; 3].into(), ..sphere(0.0, f32::MAX) };
+        let far = |sign: f32| WrappedSphere { center: [sign * 3e38; 3], ..sphere(0.0, f32::MAX) };
         let one = ClassBounds::around(&far(1.0));
         assert!(overlap(&one, &far(-1.0), &Space::UNBOUNDED, f64::INFINITY));
         // Only the cutoff limits the distance of spheres with this radius.
         let huge = sphere(0.0, f32::MAX);
-        assert!(overlap(
-            &bounds,
-            &WrappedSphere { center: [9.0, 0.0, 0.0].into(), ..huge },
-            &Space::UNBOUNDED,
-            5.0
-        ));
+        assert!(overlap(&bounds, &WrappedSphere { center: [9.0, 0.0, 0.0], ..huge }, &Space::UNBOUNDED, 5.0));
         assert!(!overlap(&one, &far(-1.0), &Space::UNBOUNDED, 1e38));
     }
 

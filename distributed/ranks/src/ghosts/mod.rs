@@ -4,7 +4,9 @@ mod class_bounds;
 pub mod ghost_rule;
 mod rank_bounds;
 
-use crate::communicator::agree_on_memory;
+use bytemuck::Pod;
+
+use crate::communicator::{RankData, agree_on_memory};
 use crate::memory::try_collect;
 use crate::{Communicator, Particle};
 
@@ -15,6 +17,8 @@ pub use rank_bounds::RankBounds;
 #[derive(Clone, Debug, Default)]
 pub struct Ghosts {
     particles: Vec<Particle>,
+    /// Rows `x, y, z, r` if ranks decide in `f64`; particles then have rounded numbers.
+    doubles: Option<Vec<[f64; 4]>>,
     /// First ghost of each rank, and the number of all.
     starts: Vec<usize>,
 }
@@ -27,7 +31,7 @@ impl Ghosts {
             starts.push((starts[starts.len() - 1] + count).min(particles.len()));
         }
         particles.truncate(starts[starts.len() - 1]);
-        Self { particles, starts }
+        Self { particles, doubles: None, starts }
     }
 
     /// Sends the particles `leaving[rank]` to each rank, and receives this rank's ghosts. Collective.
@@ -36,19 +40,44 @@ impl Ghosts {
         leaving: &[Vec<u32>],
         particle: impl Fn(u32) -> Particle,
     ) -> Result<Self, C::Error> {
-        let counts: Vec<usize> = leaving.iter().map(Vec::len).collect();
-        let send = try_collect(counts.iter().sum(), leaving.iter().flatten().map(|&k| particle(k)), "ghosts");
-        let send = agree_on_memory(communicator, send)?;
-        let (ghosts, counts) = communicator.all_to_all_v("ghosts", &send, &counts)?;
+        let (ghosts, counts) = exchange(communicator, leaving, particle)?;
         Ok(Self::new(ghosts, &counts))
+    }
+
+    /// Like [`exchange`](Self::exchange), for bounds of `f64` numbers: also sends the rows `x, y, z, r`, which decide.
+    /// Collective.
+    pub fn exchange_f64<C: Communicator>(
+        communicator: &mut C,
+        leaving: &[Vec<u32>],
+        particle: impl Fn(u32) -> Particle,
+        row: impl Fn(u32) -> [f64; 4],
+    ) -> Result<Self, C::Error> {
+        let ghosts = Self::exchange(communicator, leaving, particle)?;
+        let (rows, _) = exchange(communicator, leaving, row)?;
+        Ok(Self { doubles: Some(rows), ..ghosts })
     }
 
     pub fn particles(&self) -> &[Particle] {
         &self.particles
     }
 
+    pub(crate) fn doubles(&self) -> Option<&[[f64; 4]]> {
+        self.doubles.as_deref()
+    }
+
     #[inline]
     pub fn rank_of(&self, k: u32) -> u32 {
         (self.starts.partition_point(|&start| start <= k as usize) - 1) as u32
     }
+}
+
+fn exchange<T: Pod, C: Communicator>(
+    communicator: &mut C,
+    leaving: &[Vec<u32>],
+    element: impl Fn(u32) -> T,
+) -> Result<RankData<T>, C::Error> {
+    let counts: Vec<usize> = leaving.iter().map(Vec::len).collect();
+    let send = try_collect(counts.iter().sum(), leaving.iter().flatten().map(|&k| element(k)), "ghosts");
+    let send = agree_on_memory(communicator, send)?;
+    communicator.all_to_all_v("ghosts", &send, &counts)
 }

@@ -4,23 +4,23 @@ use rayon::prelude::*;
 use super::ClassBounds;
 use super::ghost_rule::{RankAndClass, becomes_ghost};
 use crate::memory::try_push;
-use crate::{Communicator, SphereWrapper, WrappedSphere};
+use crate::{Communicator, Coordinate, SphereWrapper, WrappedSphere};
 
 #[derive(Clone, Debug, Default)]
-pub struct RankBounds {
-    bounds: Vec<ClassBounds>,
+pub struct RankBounds<T = f32> {
+    bounds: Vec<ClassBounds<T>>,
     /// First box of each rank, and the number of all.
     starts: Vec<usize>,
 }
 
-struct BoxedSpheres<'a> {
-    bounds: &'a ClassBounds,
+struct BoxedSpheres<'a, T> {
+    bounds: &'a ClassBounds<T>,
     /// Ascending indices.
     members: Vec<u32>,
 }
 
-impl RankBounds {
-    pub fn new(of_ranks: impl IntoIterator<Item = Vec<ClassBounds>>) -> Self {
+impl<T: Coordinate> RankBounds<T> {
+    pub fn new(of_ranks: impl IntoIterator<Item = Vec<ClassBounds<T>>>) -> Self {
         let mut all = Self { bounds: Vec::new(), starts: vec![0] };
         for bounds in of_ranks {
             all.bounds.extend(bounds);
@@ -32,10 +32,11 @@ impl RankBounds {
     /// Sends this rank's boxes to all, and receives theirs. Collective.
     pub fn gather<C: Communicator>(
         communicator: &mut C,
-        spheres: &[WrappedSphere],
+        spheres: &[WrappedSphere<T>],
     ) -> Result<Self, C::Error> {
-        let (bounds, counts) = communicator.all_gather("bounding boxes", &ClassBounds::all_of(spheres))?;
-        let mut bounds = bounds.into_iter();
+        let own: Vec<_> = ClassBounds::all_of(spheres).iter().map(ClassBounds::message).collect();
+        let (bounds, counts) = communicator.all_gather("bounding boxes", &own)?;
+        let mut bounds = bounds.into_iter().map(ClassBounds::from_message);
         Ok(Self::new(counts.iter().map(|&count| bounds.by_ref().take(count).collect())))
     }
 
@@ -43,7 +44,7 @@ impl RankBounds {
         self.starts.len().saturating_sub(1) as u32
     }
 
-    pub fn of_rank(&self, rank: u32) -> &[ClassBounds] {
+    pub fn of_rank(&self, rank: u32) -> &[ClassBounds<T>] {
         &self.bounds[self.starts[rank as usize]..self.starts[rank as usize + 1]]
     }
 
@@ -55,7 +56,7 @@ impl RankBounds {
     pub fn ghosts(
         &self,
         rank: u32,
-        spheres: &[WrappedSphere],
+        spheres: &[WrappedSphere<T>],
         wrapper: &SphereWrapper,
     ) -> Result<Vec<Vec<u32>>, Error> {
         let boxed = boxed(spheres, self.of_rank(rank))?;
@@ -84,11 +85,11 @@ impl RankBounds {
     fn near(
         &self,
         from: RankAndClass,
-        bounds: &ClassBounds,
+        bounds: &ClassBounds<T>,
         to: u32,
         wrapper: &SphereWrapper,
-    ) -> Vec<ClassBounds> {
-        let is_near = |other: &&ClassBounds| {
+    ) -> Vec<ClassBounds<T>> {
+        let is_near = |other: &&ClassBounds<T>| {
             becomes_ghost(from, RankAndClass { rank: to, class: other.class() }, self.ranks())
                 && bounds.can_pair(other, wrapper)
         };
@@ -96,7 +97,10 @@ impl RankBounds {
     }
 }
 
-fn boxed<'a>(spheres: &[WrappedSphere], all: &'a [ClassBounds]) -> Result<Vec<BoxedSpheres<'a>>, Error> {
+fn boxed<'a, T: Coordinate>(
+    spheres: &[WrappedSphere<T>],
+    all: &'a [ClassBounds<T>],
+) -> Result<Vec<BoxedSpheres<'a, T>>, Error> {
     let mut boxed: Vec<_> = all.iter().map(|bounds| BoxedSpheres { bounds, members: Vec::new() }).collect();
     for (k, sphere) in (0..).zip(spheres) {
         let key = (sphere.class(), sphere.group);

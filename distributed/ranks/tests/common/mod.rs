@@ -44,6 +44,11 @@ impl Random {
         (self.0 >> 40) as f32 / (1_u32 << 24) as f32
     }
 
+    pub(crate) fn next_f64(&mut self) -> f64 {
+        self.next();
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+
     pub(crate) fn point(&mut self, edge: f32) -> [f32; 3] {
         [(); 3].map(|()| edge * self.next())
     }
