@@ -12,6 +12,7 @@ use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 use lazygrid::Space;
+use lazygrid_io::read::Precision;
 use lazygrid_mpi::{Config, Distributed, Error, GlobalPair, agree, try_reserved};
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
@@ -49,7 +50,9 @@ pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Er
     if world.rank() != 0 {
         return Ok(());
     }
-    let summary = Summary { report: distributed.report(), space: input.space, files, times: times.0 };
+    let precision = if particles.doubles.is_some() { Precision::F64 } else { Precision::F32 };
+    let (report, space) = (distributed.report(), input.space);
+    let summary = Summary { report, space, precision, files, times: times.0 };
     print(world, &if args.json { summary.json() } else { summary.to_string() })
 }
 

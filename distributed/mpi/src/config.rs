@@ -160,11 +160,6 @@ impl Config {
                 format!("choose between {least} (64 for each of {ranks} ranks) and {} bytes", i32::MAX);
             return refuse("message_limit", self.message_limit.to_string(), range);
         }
-        // Ghosts and bounding boxes are `f32`.
-        if !self.space.fits_f32() {
-            let value = format!("{:?}", self.space.lengths());
-            return refuse("space", value, "round its lengths to f32, or use one process".to_owned());
-        }
         match self.ownership {
             Ownership::Balance { bound } if !(bound.is_finite() && bound >= 1.0) => {
                 refuse("bound", bound.to_string(), "choose a finite number of at least 1".to_owned())

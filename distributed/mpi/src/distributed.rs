@@ -3,8 +3,8 @@ use std::ops::ControlFlow;
 use bytemuck::Pod;
 use lazygrid::{Detector, Order};
 use lazygrid_ranks::{
-    Communicator as _, Ghosts, LoadBalance, Migration, PairCounts, PairKind, Partitioner, RankBounds, Search,
-    SphereWrapper, gather,
+    Communicator as _, Coordinate, Ghosts, LoadBalance, Migration, PairCounts, PairKind, Partitioner,
+    RankBounds, Search, SphereWrapper, WrappedSphere, gather,
 };
 use mpi::traits::Communicator;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -126,7 +126,8 @@ impl Distributed {
     /// Returns the pairs that this rank reports ([`Config::delivery`]) in the configured order, until the next call.
     ///
     /// # Errors
-    /// [`Error::Input`] for non-finite spheres, negative radii, unknown species or different lengths;
+    /// [`Error::Input`] for non-finite spheres, negative radii, unknown species, different lengths, or `f64` spheres on
+    /// some ranks and `f32` spheres on others;
     /// [`Error::DuplicateId`]; [`Error::TooManyPairs`] above [`Config::max_pairs`]; [`Error::OutOfMemory`];
     /// [`Error::Detection`].
     pub fn pairs(&mut self, local: LocalSpheres<'_>) -> Result<&[GlobalPair], Error> {
@@ -197,20 +198,33 @@ impl Distributed {
 
     fn prepare(&mut self, local: LocalSpheres<'_>) -> Result<Prepared, Error> {
         self.comm.take_sent();
-        let (rank, ranks) = (self.comm.rank(), self.comm.ranks());
+        let rank = self.comm.rank();
         let species = self.config.interactions.as_ref().map(|table| table.species());
         self.comm.agree(local.check(rank, species))?;
         let owned = self.id_check.check(&mut self.comm, local)?;
-        let particles = (0..local.ids.len()).map(|k| local.particle(k as u32));
-        let wrapped = self.wrapper.wrap_all(particles);
+        let particle = |k| local.particle(k);
+        let ghosts = if owned.are_f64 || self.wrapper.needs_f64() {
+            let leaving = self.leaving(self.wrapper.wrap_all_f64(local.spheres))?;
+            Ghosts::exchange_f64(&mut self.comm, &leaving, particle, |k| local.row(k))?
+        } else {
+            let leaving = self.leaving(self.wrapper.wrap_all(local.particles()))?;
+            Ghosts::exchange(&mut self.comm, &leaving, particle)?
+        };
+        Ok(Prepared { owned: owned.of_ranks, ghosts })
+    }
+
+    /// Returns the spheres that become ghosts on each rank. Collective.
+    fn leaving<T: Coordinate>(
+        &mut self,
+        wrapped: Result<Vec<WrappedSphere<T>>, lazygrid::Error>,
+    ) -> Result<Vec<Vec<u32>>, Error> {
+        let (rank, ranks) = (self.comm.rank(), self.comm.ranks());
         let wrapped = self.comm.agree(wrapped.map_err(|error| Error::of_detector(rank, error)))?;
         let bounds = RankBounds::gather(&mut self.comm, &wrapped)?;
         let leaving = self.pool.install(|| bounds.ghosts(rank, &wrapped, &self.wrapper));
-        drop(wrapped);
         let leaving = self.comm.agree(leaving.map_err(|error| Error::of_detector(rank, error)))?;
         debug_assert_eq!(leaving.len(), ranks as usize);
-        let ghosts = Ghosts::exchange(&mut self.comm, &leaving, |k| local.particle(k))?;
-        Ok(Prepared { owned, ghosts })
+        Ok(leaving)
     }
 
     fn search(

@@ -15,6 +15,31 @@ pub(crate) struct IdCheck {
 struct IdSummary {
     ids: Digest,
     spheres: u64,
+    /// 1 if the spheres are `f64`, else 0.
+    is_f64: u64,
+}
+
+/// The spheres of all ranks.
+#[derive(Debug)]
+pub(crate) struct OwnedCounts {
+    pub(crate) of_ranks: Vec<u64>,
+    /// `true` if they are `f64`.
+    pub(crate) are_f64: bool,
+}
+
+impl OwnedCounts {
+    /// Refuses spheres of both types.
+    fn new(summaries: &[IdSummary]) -> Result<Self, Error> {
+        let has = |is_f64: u64| move |of: &IdSummary| of.spheres > 0 && of.is_f64 == is_f64;
+        let [first_f32, first_f64] = [0, 1].map(|is_f64| summaries.iter().position(has(is_f64)));
+        if let (Some(other), Some(rank)) = (first_f32, first_f64) {
+            let message =
+                format!("the spheres are f64, but those of rank {other} f32; give all ranks one type");
+            return Err(Error::Input { rank: rank as u32, index: None, message });
+        }
+        let of_ranks = summaries.iter().map(|summary| summary.spheres).collect();
+        Ok(Self { of_ranks, are_f64: first_f64.is_some() })
+    }
 }
 
 /// An id and its sphere's index, for the rank that compares.
@@ -26,21 +51,27 @@ struct IdRecord {
 }
 
 impl IdCheck {
-    /// Refuses duplicate ids, and returns the spheres by rank. Compares no set that equals the last call's.
+    /// Refuses duplicate ids and spheres of different types. Compares no set of ids that equals the last call's.
     pub(crate) fn check(
         &mut self,
         comm: &mut MpiCommunicator,
         local: LocalSpheres<'_>,
-    ) -> Result<Vec<u64>, Error> {
-        let own = IdSummary { ids: Digest::of(local.ids.iter().copied()), spheres: local.ids.len() as u64 };
+    ) -> Result<OwnedCounts, Error> {
+        let own = IdSummary {
+            ids: Digest::of(local.ids.iter().copied()),
+            spheres: local.ids.len() as u64,
+            is_f64: local.spheres.is_f64().into(),
+        };
         let (summaries, _) = comm.all_gather("counts", &[own])?;
+        // All ranks see the same summaries.
+        let counts = OwnedCounts::new(&summaries)?;
         let digest = summaries.iter().fold(Digest::default(), |all, summary| all.join(summary.ids));
         if self.unique != Some(digest) {
             self.unique = None;
             compare(comm, local)?;
             self.unique = Some(digest);
         }
-        Ok(summaries.iter().map(|summary| summary.spheres).collect())
+        Ok(counts)
     }
 }
 

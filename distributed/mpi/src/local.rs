@@ -11,7 +11,7 @@ pub struct LocalSpheres<'a> {
 
 impl<'a> LocalSpheres<'a> {
     /// `spheres` have species if there are interactions, and `ids` are unique among all ranks. All ranks have one
-    /// length unit.
+    /// length unit, and numbers of one type, `f32` or `f64`.
     pub fn new(spheres: impl Into<Spheres<'a>>, ids: &'a [u64]) -> Self {
         Self { spheres: spheres.into(), ids }
     }
@@ -32,18 +32,12 @@ impl<'a> LocalSpheres<'a> {
             let message = "groups are known within one process only; filter the pairs that are reported";
             return Err(Error::Input { rank, index: None, message: message.to_owned() });
         }
-        if self.spheres.is_f64() {
-            let message = "ranks compute with f32 numbers; convert the spheres, or use one process";
-            return Err(Error::Input { rank, index: None, message: message.to_owned() });
-        }
-        let mut bad = (0..).zip(self.spheres.iter()).filter(|(_, sphere)| !sphere.is_valid());
-        if let Some((index, sphere)) = bad.next() {
-            let count = 1 + bad.count() as u64;
-            let (center, radius) = (sphere.center.to_array().map(f64::from), f64::from(sphere.radius));
-            return refuse(
-                Some(index),
-                InputError::Sphere { index, center, radius, count, total: expected as u64 },
-            );
+        let mut bad = (0..expected).filter(|&k| !self.spheres.is_valid(k));
+        if let Some(first) = bad.next() {
+            let (count, index) = (1 + bad.count() as u64, first as u32);
+            let [x, y, z, radius] = self.spheres.get_f64(first);
+            let (center, total) = ([x, y, z], expected as u64);
+            return refuse(Some(index), InputError::Sphere { index, center, radius, count, total });
         }
         match (species, self.spheres.species()) {
             (Some(_), None) if expected > 0 => refuse(None, InputError::SpeciesMissing),
@@ -57,17 +51,30 @@ impl<'a> LocalSpheres<'a> {
         }
     }
 
+    pub(crate) fn particles(self) -> impl ExactSizeIterator<Item = Particle> {
+        (0..self.ids.len()).map(move |k| self.particle(k as u32))
+    }
+
+    /// Rounds `f64` numbers, besides which their [rows](Self::row) are sent.
     #[inline]
     pub(crate) fn particle(&self, k: u32) -> Particle {
         let species = self.spheres.species().map_or(0, |species| species[k as usize]);
         Particle { sphere: self.spheres.get(k as usize), id: self.ids[k as usize], species, index: k }
+    }
+
+    #[inline]
+    pub(crate) fn row(&self, k: u32) -> [f64; 4] {
+        self.spheres.get_f64(k as usize)
     }
 }
 
 /// Owned spheres of a rank, which can [move](crate::Distributed::rebalance).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OwnedSpheres {
+    /// Empty if the numbers are `f64`.
     pub spheres: Vec<Sphere>,
+    /// The spheres as rows `x, y, z, r`, if the numbers are `f64`.
+    pub doubles: Option<Vec<[f64; 4]>>,
     /// Unique among all ranks.
     pub ids: Vec<u64>,
     /// Present with interactions.
@@ -80,7 +87,10 @@ impl OwnedSpheres {
     /// # Errors
     /// [`InputError::Lengths`] unless each sphere has a species.
     pub fn local(&self) -> Result<LocalSpheres<'_>, InputError> {
-        let spheres = Spheres::from(&self.spheres);
+        let spheres = match &self.doubles {
+            Some(doubles) => Spheres::from(doubles),
+            None => Spheres::from(&self.spheres),
+        };
         let spheres = match &self.species {
             Some(species) => spheres.with_species(species)?,
             None => spheres,

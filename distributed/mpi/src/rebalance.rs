@@ -1,6 +1,7 @@
 use bytemuck::Pod;
 use lazygrid_ranks::{
-    Assignment, Communicator, LoadBalance, Migration, Particle, Partitioner, SphereWrapper,
+    Assignment, Communicator, Coordinate, LoadBalance, Migration, Particle, Partitioner, SphereWrapper,
+    WrappedSphere,
 };
 
 use crate::communicator::{MpiCommunicator, try_zeroed};
@@ -23,11 +24,13 @@ pub(crate) fn rebalance(
     bound: f64,
     particles: &mut OwnedSpheres,
 ) -> Result<RebalanceReport, Error> {
-    let (has_species, local) = checked(comm, particles)?;
+    let (columns, local) = checked(comm, particles)?;
     let rank = comm.rank();
-    let wrapped = wrapper.wrap_all((0..local.ids.len()).map(|k| local.particle(k as u32)));
-    let wrapped = comm.agree(wrapped.map_err(|error| Error::of_detector(rank, error)))?;
-    let Assignment { ranks, owned, rebuilt } = partitioner.assign(comm, &wrapped, local.ids, bound)?;
+    let assignment = match columns.doubles || wrapper.needs_f64() {
+        true => assign(comm, partitioner, wrapper.wrap_all_f64(local.spheres), local.ids, bound),
+        false => assign(comm, partitioner, wrapper.wrap_all(local.particles()), local.ids, bound),
+    };
+    let Assignment { ranks, owned, rebuilt } = assignment?;
     if rebuilt {
         log::info!("the partition was built, with an imbalance of {:.2}", owned.imbalance());
     }
@@ -35,39 +38,69 @@ pub(crate) fn rebalance(
     let migration = comm.agree(migration.map_err(|error| Error::of_detector(rank, error)))?;
     let moved = comm.all_reduce_sum(&[migration.sent_count(comm.rank()) as u64])[0];
     let came = migration.apply(comm, "spheres that change rank", |k| local.particle(k))?;
-    *particles = comm.agree(unpacked(&came, has_species, rank))?;
+    let doubles = match columns.doubles {
+        true => Some(migration.apply(comm, "spheres that change rank", |k| local.row(k))?),
+        false => None,
+    };
+    *particles = comm.agree(unpacked(&came, doubles, columns.species, rank))?;
     Ok(RebalanceReport { owned, moved, rebuilt, migration })
 }
 
-/// Returns whether the spheres have species, on which ranks with spheres must agree, and this rank's spheres.
+fn assign<T: Coordinate>(
+    comm: &mut MpiCommunicator,
+    partitioner: &mut Partitioner,
+    wrapped: Result<Vec<WrappedSphere<T>>, lazygrid::Error>,
+    ids: &[u64],
+    bound: f64,
+) -> Result<Assignment, Error> {
+    let rank = comm.rank();
+    let wrapped = comm.agree(wrapped.map_err(|error| Error::of_detector(rank, error)))?;
+    partitioner.assign(comm, &wrapped, ids, bound)
+}
+
+/// The columns of spheres, on which ranks with spheres must agree.
+struct Columns {
+    species: bool,
+    doubles: bool,
+}
+
 fn checked<'a>(
     comm: &mut MpiCommunicator,
     particles: &'a OwnedSpheres,
-) -> Result<(bool, LocalSpheres<'a>), Error> {
+) -> Result<(Columns, LocalSpheres<'a>), Error> {
     let rank = comm.rank();
     let refuse = |message: String| Error::Input { rank, index: None, message };
     let local = particles.local().map_err(|error| refuse(error.to_string()));
     let local = comm.agree(local.and_then(|local| local.check(rank, None).map(|()| local)))?;
-    let has_species = comm.all_reduce_sum(&[particles.species.is_some().into()])[0] > 0;
-    let lacks = has_species && particles.species.is_none() && !particles.ids.is_empty();
-    let agreed = match lacks {
-        true => Err(refuse(
-            "the spheres have no species ids, but those of other ranks do; give all spheres species ids"
-                .to_owned(),
-        )),
-        false => Ok(()),
+    let has_spheres = !particles.ids.is_empty();
+    let own = [particles.species.is_some(), particles.doubles.is_some() && has_spheres];
+    let all = comm.all_reduce_sum(&own.map(u64::from));
+    let [species, doubles] = [all[0] > 0, all[1] > 0];
+    let lacking = match has_spheres {
+        true if species && !own[0] => {
+            Some("the spheres have no species ids, but those of other ranks do; give all spheres species ids")
+        }
+        true if doubles && !own[1] => {
+            Some("the spheres are f32, but those of other ranks f64; give all ranks one type")
+        }
+        _ => None,
     };
-    comm.agree(agreed)?;
-    Ok((has_species, local))
+    comm.agree(lacking.map_or(Ok(()), |message| Err(refuse(message.to_owned()))))?;
+    Ok((Columns { species, doubles }, local))
 }
 
-fn unpacked(came: &[Particle], has_species: bool, rank: u32) -> Result<OwnedSpheres, Error> {
+fn unpacked(
+    came: &[Particle],
+    doubles: Option<Vec<[f64; 4]>>,
+    has_species: bool,
+    rank: u32,
+) -> Result<OwnedSpheres, Error> {
     let species = has_species.then(|| column(came, rank, |particle| particle.species)).transpose()?;
-    Ok(OwnedSpheres {
-        spheres: column(came, rank, |particle| particle.sphere)?,
-        ids: column(came, rank, |particle| particle.id)?,
-        species,
-    })
+    let spheres = match doubles {
+        Some(_) => Vec::new(),
+        None => column(came, rank, |particle| particle.sphere)?,
+    };
+    Ok(OwnedSpheres { spheres, doubles, ids: column(came, rank, |particle| particle.id)?, species })
 }
 
 fn column<T: Pod>(came: &[Particle], rank: u32, field: impl Fn(&Particle) -> T) -> Result<Vec<T>, Error> {

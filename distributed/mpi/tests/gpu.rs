@@ -45,13 +45,15 @@ fn ranks_find_the_pairs_of_the_cpu_on_gpus() {
     assert!(cpu.contains("pairs      3072") && gpu.contains("pairs      3072"), "{cpu}{gpu}");
     assert!(!cpu.contains("GPU") && gpu.contains("GPU"), "{cpu}{gpu}");
     let lists = tempfile::tempdir().unwrap();
-    let list = |backend: &str| {
+    let list = |backend: &str, precision: &str| {
         let path = lists.path().join(backend).with_extension("csv");
-        let to = path.to_str().unwrap();
-        on_two_ranks(&["detect", pour.to_str().unwrap(), "--backend", backend, "-o", to, "--gather"]);
+        let output = ["-o", path.to_str().unwrap(), "--gather", "--precision", precision];
+        on_two_ranks(&[&["detect", pour.to_str().unwrap(), "--backend", backend][..], &output].concat());
         std::fs::read(path).unwrap()
     };
-    assert!(list("gpu") == list("cpu"));
+    for precision in ["f32", "f64"] {
+        assert!(list("gpu", precision) == list("cpu", precision), "{precision}");
+    }
 }
 
 #[test]

@@ -6,8 +6,8 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 use lazygrid::{Backend, Space};
-use lazygrid_io::arguments::{periodic_space_f32, radii_by_species, species_radius};
-use lazygrid_io::read::{Format, Options};
+use lazygrid_io::arguments::{periodic_space, radii_by_species, species_radius};
+use lazygrid_io::read::{Format, Options, Precision};
 use lazygrid_mpi::{Ownership, Settings};
 use lazygrid_sim::run::run_args::RunArgs;
 
@@ -37,11 +37,11 @@ pub(crate) enum Command {
   npy, csv            each rank reads its own part of the file: rows of arrays, whole lines of text
   all others          one rank reads the file: xyz, lammps, smoldyn, Fortran order, and what is compressed
   part-{rank}.npy     each rank reads a file of its own, in any of the formats
-Formats are those of `lazygrid detect`, and numbers are 32-bit. Spheres are numbered from 0 in the order of the file, or of the files.
+Formats are those of `lazygrid detect`. Spheres are numbered from 0 in the order of the file, or of the files.
 
 Output:
   -o pairs.npy        pairs.0.npy, pairs.1.npy and so on, one file per rank, and pairs.manifest.json
-  -o pairs.csv --gather   pairs.csv alone: what `lazygrid detect --precision f32` writes, brought together on one rank
+  -o pairs.csv --gather   pairs.csv alone: what `lazygrid detect` writes, brought together on one rank
 Rows are i,j with i < j, in order within each file; arrays are of type u32, or u64 for 2^32 spheres or more.
 
 Examples:
@@ -59,8 +59,11 @@ pub(crate) struct Detect {
     /// Radius of a species; overrides the file. May be repeated
     #[arg(long = "radius", value_name = "SPECIES=R", value_parser = species_radius)]
     pub(crate) radii: Vec<(String, f64)>,
+    /// Type of the numbers that decide; auto rounds none: f32 for NumPy arrays of float32, else f64
+    #[arg(long, default_value_t = Precision::Auto, value_parser = PossibleValuesParser::new(Precision::ALL.map(Precision::name)).try_map(|name| name.parse::<Precision>()))]
+    pub(crate) precision: Precision,
     /// Lengths of the periodic box, - for an unbounded axis; or none [default: the file's box]
-    #[arg(long, value_name = "X,Y,Z", value_parser = periodic_space_f32, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X,Y,Z", value_parser = periodic_space, allow_hyphen_values = true)]
     pub(crate) periodic: Option<Space>,
     /// Let each rank own the spheres that it read, instead of those of its domain
     #[arg(long)]
@@ -212,6 +215,7 @@ impl Detect {
             .with("--format", option(self.format.map(Format::name)))
             .with("--frame", option(self.frame))
             .with("--radius", option((!radii.is_empty()).then(|| radii.join(" "))))
+            .with("--precision", self.precision)
             .with("--periodic", option(periodic))
             .with("--no-rebalance", self.no_rebalance)
             .with("--output", option(self.output.as_ref().map(|path| path.display())))
@@ -225,7 +229,8 @@ impl Detect {
     pub(crate) fn options(&self) -> Options {
         // `Args::checked` refuses a species with two radii.
         let radii = self.radii.iter().cloned().collect();
-        Options { format: self.format, radii, space: self.periodic, ..Options::default() }
+        let (format, space, precision) = (self.format, self.periodic, self.precision);
+        Options { format, radii, space, precision, ..Options::default() }
     }
 }
 

@@ -113,7 +113,7 @@ fn own_part(world: &SimpleCommunicator, scene: Scene, spheres: u64) -> Result<Ow
     });
     agree(world, reserved)?;
     own.extend(ids.clone().map(|id| sphere(scene, id, spheres)));
-    Ok(OwnedSpheres { spheres: own, ids: ids.collect(), species: None })
+    Ok(OwnedSpheres { spheres: own, ids: ids.collect(), ..OwnedSpheres::default() })
 }
 
 /// Returns sphere `id`; all fill 5 % of a cube or of the middle of a cloud.

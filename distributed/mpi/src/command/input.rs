@@ -60,12 +60,28 @@ pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, E
     };
     let (frame, species) = agree(world, frame.map_err(|message| refused(world, message)))?;
     warn_of_radii(world, args, species.as_ref());
-    let space = in_32_bits(common_space(world, own_file(args, world.rank()), frame.space)?, rank == 0);
-    let first = before(world, frame.spheres.len() as u64);
-    let mut ids = agree(world, try_reserved("ids", frame.spheres.len() as u64, rank as u32))?;
-    ids.extend((first..).take(frame.spheres.len()));
+    let space = common_space(world, own_file(args, world.rank()), frame.space)?;
+    let count = frame.len();
+    let first = before(world, count as u64);
+    let mut ids = agree(world, try_reserved("ids", count as u64, rank as u32))?;
+    ids.extend((first..).take(count));
+    let Frame { spheres, doubles, .. } = in_common_type(world, frame)?;
     // Species have served for radii.
-    Ok(Input { particles: OwnedSpheres { spheres: frame.spheres, ids, species: None }, space })
+    Ok(Input { particles: OwnedSpheres { spheres, doubles, ids, species: None }, space })
+}
+
+/// Converts the spheres to `f64` if any rank has read `f64` numbers. Collective.
+fn in_common_type(world: &SimpleCommunicator, mut frame: Frame) -> Result<Frame, Error> {
+    let (own, mut any) = (u8::from(frame.doubles.is_some()), 0_u8);
+    world.all_reduce_into(&own, &mut any, SystemOperation::max());
+    let count = if any > own { frame.spheres.len() as u64 } else { 0 };
+    let mut rows = agree(world, try_reserved("spheres", count, world.rank() as u32))?;
+    if any > own {
+        let spheres = frame.as_spheres();
+        rows.extend((0..spheres.len()).map(|k| spheres.get_f64(k)));
+        (frame.spheres, frame.doubles) = (Vec::new(), Some(rows));
+    }
+    Ok(frame)
 }
 
 /// Returns the file that a rank alone reads; `None` if all ranks read the same file.
@@ -157,23 +173,6 @@ fn common_space(world: &SimpleCommunicator, file: Option<PathBuf>, own: Space) -
         _ => Ok(first),
     });
     agree(world, agreed)
-}
-
-/// Rounds the lengths of an orthogonal box, because ghosts and bounding boxes have 32 bits.
-fn in_32_bits(space: Space, warns: bool) -> Space {
-    let narrow = space.lengths_f32().map(|length| length.map(f64::from));
-    match Space::periodic(narrow) {
-        Ok(narrow) if space.triclinic_cell().is_none() && narrow != space => {
-            if warns {
-                log::warn!(
-                    "the lengths {:?} of the box are rounded to 32 bits, as ranks search with",
-                    space.lengths()
-                );
-            }
-            narrow
-        }
-        _ => space,
-    }
 }
 
 fn before(world: &SimpleCommunicator, own: u64) -> u64 {

@@ -3,12 +3,14 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use lazygrid::Space;
+use lazygrid_io::read::Precision;
 use lazygrid_mpi::Report;
 use serde_json::{Map, Value, json};
 
 pub(crate) struct Summary<'a> {
     pub(crate) report: &'a Report,
     pub(crate) space: Space,
+    pub(crate) precision: Precision,
     pub(crate) files: Vec<PathBuf>,
     /// Times of rank 0, including waits.
     pub(crate) times: Vec<(&'static str, Duration)>,
@@ -24,8 +26,9 @@ impl Summary<'_> {
             "ranks": report.owned.ranks,
             "spheres": report.owned.total,
             "pairs": report.pairs.total,
-            "periodic": self.space.is_periodic().then(|| self.space.lengths_f32()),
-            "cell_vectors": self.space.triclinic_cell().map(|_| self.space.cell_vectors().map(|edge| edge.map(|edge| edge.map(|number| number as f32)))),
+            "periodic": self.space.is_periodic().then(|| self.space.lengths()),
+            "cell_vectors": self.space.triclinic_cell().map(|_| self.space.cell_vectors()),
+            "precision": self.precision.name(),
             "ghosts": report.ghosts.total,
             "imbalance": { "spheres": report.owned.imbalance(), "pairs": report.pairs.imbalance() },
             "reason": report.detector,
@@ -41,6 +44,7 @@ impl fmt::Display for Summary<'_> {
         let report = self.report;
         let mut row = |name: &str, value: &dyn fmt::Display| writeln!(f, "{name:<11}{value}");
         row("ranks", &report.owned.ranks)?;
+        row("precision", &self.precision)?;
         row("spheres", &format_args!("{} (max/mean {:.3})", report.owned.total, report.owned.imbalance()))?;
         row("ghosts", &report.ghosts.total)?;
         row("pairs", &format_args!("{} (max/mean {:.3})", report.pairs.total, report.pairs.imbalance()))?;

@@ -6,6 +6,7 @@
 
 mod answers;
 mod disagreements;
+mod doubles;
 mod failures;
 mod scale;
 mod scenes;
@@ -22,6 +23,9 @@ const CASES: &[Case] = &[
     ("answers: species and interactions", answers::interactions),
     ("answers: each pair with both owners", answers::both_owners),
     ("answers: streams and counts", answers::streams),
+    ("answers: spheres in f64", doubles::answers),
+    ("answers: f32 spheres in boxes of other lengths", doubles::f32_in_other_boxes),
+    ("answers: f32 spheres across other boundaries", doubles::f32_across_other_boundaries),
     ("answers: messages in rounds", answers::rounds),
     ("answers: bytes that few ranks or none have", answers::bytes_of_few_ranks),
     ("settling: what moved is found again", settling::follows),
@@ -29,6 +33,7 @@ const CASES: &[Case] = &[
     ("failures: one bad sphere", failures::bad_sphere),
     ("failures: ids that two spheres have", failures::duplicate_ids),
     ("failures: lengths, species and limits", failures::refusals),
+    ("failures: spheres in f64 and f32", doubles::both_types),
     ("failures: pairs of owners above the limit", failures::pairs_of_owners_above_the_limit),
     ("disagreements: settings of one rank", disagreements::settings),
     ("disagreements: settings that each rank has for itself", disagreements::own_settings),

@@ -45,7 +45,7 @@ impl Scene {
         OwnedSpheres {
             spheres: mine().map(|k| self.sphere(k, n)).collect(),
             ids: mine().map(id).collect(),
-            species: None,
+            ..OwnedSpheres::default()
         }
     }
 }

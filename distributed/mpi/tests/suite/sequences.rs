@@ -88,6 +88,7 @@ impl World {
         let mine: Vec<usize> = (0..self.spheres.len()).filter(|&k| self.owners[k] == rank).collect();
         OwnedSpheres {
             spheres: mine.iter().map(|&k| self.spheres[k]).collect(),
+            doubles: None,
             ids: mine.iter().map(|&k| id(k as u64)).collect(),
             species: with_species.then(|| mine.iter().map(|&k| self.species[k]).collect()),
         }

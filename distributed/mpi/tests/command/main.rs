@@ -1,6 +1,8 @@
-//! `lazygrid-mpi detect` under `mpirun`, run by `../../test.sh`.
+//! `lazygrid-mpi detect` under `mpirun`, run by `../../../test.sh`.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
+
+mod precision;
 
 use std::path::Path;
 use std::process::{Command, Output};
@@ -186,6 +188,7 @@ fn arguments_that_differ_between_ranks_are_refused_by_name() {
     refused("--format", &with(&["--format", "npy"]));
     refused("--frame", &with(&["--frame", "0"]));
     refused("--radius", &with(&["--radius", "A=2"]));
+    refused("--precision", &with(&["--precision", "f64"]));
     refused("--periodic", &with(&["--periodic", "12,12,12"]));
     refused("--periodic", &with(&["--periodic", "none"]));
     refused("--no-rebalance", &with(&["--no-rebalance"]));
