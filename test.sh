@@ -49,7 +49,7 @@ on_swiftshader() {
 # leaves processors idle. `suite workspace` checks that each test is in a group. The output of the second group comes last.
 long_tests=(suite memory allocation_failure gpu gpu_failure)
 other_tests=(api without_gpu cli figures kernels loops reflection tint translation gpu_runs ranks validation
-    exact settings sequences traffic)
+    exact f64 settings sequences traffic)
 all_tests() {
     local code=0 name long=() other=(--lib --bins --examples)
     for name in "${long_tests[@]}"; do long+=(--test "$name"); done
