@@ -40,10 +40,7 @@ pub(crate) struct GpuBackend {
     pub(super) known: AdapterProfile,
     device: Device,
     framed: Option<Box<Device>>,
-    /// The species that `device` searches outside of frames.
-    searched_species: SearchedSpecies,
-    /// The crowd of its calls.
-    crowd: CrowdSpecies,
+    species: DeviceSpecies,
     team: Arc<Team>,
     buffers: QueryBuffers,
     /// `None` if the skin is fixed.
@@ -102,8 +99,7 @@ impl GpuBackend {
             known,
             device,
             framed: None,
-            searched_species: SearchedSpecies::default(),
-            crowd: CrowdSpecies::default(),
+            species: DeviceSpecies::default(),
             team,
             buffers: QueryBuffers::default(),
             skin_controller,
@@ -142,7 +138,7 @@ impl SearchBackend for GpuBackend {
     }
 
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
-        let Self { settings, known, device, framed, skin_controller, team, buffers, report, .. } = self;
+        let Self { settings, known, device, framed, species, skin_controller, team, buffers, report } = self;
         let settings = &*settings;
         report.begin(query.len());
         let (prepared, stats) = team.pass(query.len(), |threads| {
@@ -165,11 +161,7 @@ impl SearchBackend for GpuBackend {
         (report.algorithm, report.reason) = (algorithm, reason);
         let present = prepared.present_species().filter(|_| !has_empty_set(split, spheres));
         if let (None, Some(present)) = (prepared.frame, present) {
-            device.search_species(
-                (&mut self.searched_species, &mut self.crowd),
-                (query, present),
-                settings,
-            )?;
+            device.search_species(species, query, present, settings)?;
         }
         let device = match prepared.frame {
             Some(_) if !settings.is_framed() => Device::framed(framed, device, settings)?,
@@ -216,6 +208,13 @@ impl SearchBackend for GpuBackend {
     }
 }
 
+/// The species that a device searches outside of frames, and the crowd of its calls.
+#[derive(Debug, Default)]
+struct DeviceSpecies {
+    searched: SearchedSpecies,
+    crowd: CrowdSpecies,
+}
+
 #[derive(Debug)]
 struct Device {
     search: SlabSearch,
@@ -227,15 +226,16 @@ impl Device {
     /// suffices. Includes species that return.
     fn search_species(
         &mut self,
-        (species, crowd): (&mut SearchedSpecies, &mut CrowdSpecies),
-        (query, present): (&Query<'_>, &SpeciesGroups),
+        species: &mut DeviceSpecies,
+        query: &Query<'_>,
+        present: &SpeciesGroups,
         settings: &Settings,
     ) -> Result<(), Error> {
         let Some(all) = &settings.interactions else { return Ok(()) };
-        match self.replace_interactions((&mut *species, crowd), (query, present), all) {
-            Err(error) if !species.lacks(present) => {
+        match self.replace_interactions(species, query, present, all) {
+            Err(error) if !species.searched.lacks(present) => {
                 log::info!("the searched species stay: {error}");
-                species.keep(present);
+                species.searched.keep(present);
                 Ok(())
             }
             replaced => replaced,
@@ -244,19 +244,21 @@ impl Device {
 
     fn replace_interactions(
         &mut self,
-        (species, crowd): (&mut SearchedSpecies, &mut CrowdSpecies),
-        (query, present): (&Query<'_>, &SpeciesGroups),
+        species: &mut DeviceSpecies,
+        query: &Query<'_>,
+        present: &SpeciesGroups,
         all: &Interactions,
     ) -> Result<(), Error> {
         let Some(searched) = &self.interactions else { return Ok(()) };
-        let new = species.next(present, (all, searched))?;
+        let DeviceSpecies { searched: searched_species, crowd } = species;
+        let new = searched_species.next(present, all, searched)?;
         let table = new.as_ref().unwrap_or(searched).clone();
         let new_crowd = crowd.next(query, &table)?;
         if new.is_some() || new_crowd.is_some() {
             let of_sides = new_crowd.or(crowd.searched());
             self.search.session = self.search.session.with_interactions(Some(table.clone()), of_sides)?;
             if new.is_some() {
-                species.record(present, table.species());
+                searched_species.record(present, table.species());
             }
             new_crowd.into_iter().for_each(|species| crowd.record(species));
             self.interactions = Some(table);

@@ -34,7 +34,8 @@ impl SearchedSpecies {
     pub(super) fn next(
         &mut self,
         present: &SpeciesGroups,
-        (all, searched): (&Interactions, &Interactions),
+        all: &Interactions,
+        searched: &Interactions,
     ) -> Result<Option<Interactions>, Error> {
         if self.version == present.version() && !self.is_too_far {
             return Ok(None);

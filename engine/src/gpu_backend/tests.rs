@@ -210,7 +210,7 @@ fn narrow_side_follows_the_crowd_and_loses_no_pair() {
             let given = Spheres::from(&spheres).with_species(&ids).expect("an id for each");
             let expected = host.pairs(given).expect("valid").to_vec();
             assert!(detector.pairs(given).expect("found") == expected, "{skin:?}, call {call}");
-            assert_eq!(detector.backend().crowd.searched(), Some(crowd), "{skin:?}, call {call}");
+            assert_eq!(detector.backend().species.crowd.searched(), Some(crowd), "{skin:?}, call {call}");
         }
     }
 }

@@ -307,7 +307,7 @@ impl GpuDetector {
     ) -> Result<GpuOutput, Error> {
         let spheres = input.check(&self.settings, &self.device)?;
         let mut prepared = self.prepare(spheres, choice)?;
-        let bound = self.bind_prepared(&mut prepared, (choice, source), input);
+        let bound = self.bind_prepared(&mut prepared, choice, source, input);
         let output = self.prepared.insert(prepared).output();
         bound.map(|()| output)
     }
@@ -350,7 +350,8 @@ impl GpuDetector {
     fn bind_prepared(
         &self,
         prepared: &mut Prepared,
-        (choice, source): (AlgorithmChoice, LayoutSource),
+        choice: AlgorithmChoice,
+        source: LayoutSource,
         input: &GpuSpheres<'_>,
     ) -> Result<(), Error> {
         let (window, split) = input.search();
