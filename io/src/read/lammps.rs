@@ -11,7 +11,7 @@ use super::columns::{Column, Columns, Row};
 use super::line::{Line, rule_of};
 use super::lines::Lines;
 use super::read_context::ReadContext;
-use super::rows::Table;
+use super::rows::{AnnouncedRows, Table};
 use super::source::Source;
 use super::{Frame, RESERVE};
 use crate::error::{Error, Location};
@@ -91,7 +91,7 @@ impl Lammps {
         let mut frame = Frame { step: head.step, space, ..Frame::with_capacity(atoms.min(RESERVE), context) };
         let scaled = columns.has(Column::Scaled(0));
         let table = Atoms { columns, scale: head.bounds.filter(|_| scaled) };
-        self.lines.rows(&table, ("atoms", atoms), context, &mut frame)?;
+        self.lines.rows(&table, AnnouncedRows { what: "atoms", count: atoms }, context, &mut frame)?;
         Ok(frame)
     }
 

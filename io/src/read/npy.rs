@@ -15,7 +15,7 @@ mod npy_rows;
 use lazygrid::Sphere;
 
 use self::dtype::Dtype;
-use self::header::{Header, Layout};
+use self::header::{Header, Layout, PlainLayout};
 use super::line::rule_of;
 use super::read_context::ReadContext;
 use super::source::Source;
@@ -46,26 +46,40 @@ fn read_body(source: &mut Source, header: &Header, context: &mut ReadContext) ->
         room.map_err(|_| header.too_many(source, "memory"))?;
     }
     match &header.layout {
-        Layout::Plain { .. } if context.ids => {
+        Layout::Plain(_) if context.ids => {
             let expected = "a structured array with a field `id`, which --ids asks for";
             return Err(syntax(source, expected, "an array of numbers"));
         }
-        Layout::Plain { .. } if context.groups => {
+        Layout::Plain(_) if context.groups => {
             let expected = "a structured array with a field `group`, `molecule` or `mol`, which --exclude-groups asks for";
             return Err(syntax(source, expected, "an array of numbers"));
         }
-        Layout::Plain { kind: Dtype::NATIVE_F32, fortran: false } if !context.doubles => {
+        Layout::Plain(PlainLayout { kind: Dtype::NATIVE_F32, fortran: false }) if !context.doubles => {
             read_rows(source, header, &mut frame.spheres)?;
         }
-        &Layout::Plain { kind, fortran } => {
-            decode(source, (header, kind, fortran), &mut frame, context)?;
-        }
+        &Layout::Plain(plain) => decode(source, header, plain, &mut frame, context)?,
         Layout::Structured(fields) => fields.read(source, header, &mut frame, context)?,
     }
     if source.fill(&mut [0])? != 0 {
         return Err(further_bytes(source));
     }
     Ok(frame)
+}
+
+/// A number of an array, as the file has it.
+#[derive(Clone, Copy)]
+struct ArrayNumber<'a> {
+    row: u64,
+    column: &'a str,
+    is_radius: bool,
+    written: f64,
+}
+
+impl ArrayNumber<'_> {
+    /// A number of a plain array.
+    fn in_column(column: usize, row: u64, written: f64) -> Self {
+        Self { row, column: COLUMNS[column], is_radius: column == 3, written }
+    }
 }
 
 fn read_rows(source: &mut Source, header: &Header, spheres: &mut Vec<Sphere>) -> Result<(), Error> {
@@ -84,7 +98,7 @@ fn read_rows(source: &mut Source, header: &Header, spheres: &mut Vec<Sphere>) ->
         if !spheres[start..].iter().fold(true, |valid, sphere| valid & sphere.is_valid()) {
             for (row, sphere) in spheres.iter().enumerate().skip(start) {
                 for (column, &value) in bytemuck::cast_ref::<_, [f32; 4]>(sphere).iter().enumerate() {
-                    check(source, row as u64, (COLUMNS[column], column == 3), value.into(), false)?;
+                    check(source, ArrayNumber::in_column(column, row as u64, value.into()), false)?;
                 }
             }
         }
@@ -94,10 +108,12 @@ fn read_rows(source: &mut Source, header: &Header, spheres: &mut Vec<Sphere>) ->
 
 fn decode(
     source: &mut Source,
-    (header, kind, fortran): (&Header, Dtype, bool),
+    header: &Header,
+    plain: PlainLayout,
     frame: &mut Frame,
     context: &mut ReadContext,
 ) -> Result<(), Error> {
+    let PlainLayout { kind, fortran } = plain;
     let width = kind.width;
     let mut bytes = vec![0; BLOCK * width];
     let rows = header.rows;
@@ -110,7 +126,7 @@ fn decode(
             let written = kind.float(value);
             let (row, column) =
                 if fortran { (next % rows, (next / rows) as usize) } else { (next / 4, (next % 4) as usize) };
-            let value = context.number(source, row, (COLUMNS[column], column == 3), written)?;
+            let value = context.number(source, ArrayNumber::in_column(column, row, written))?;
             if column == 0 {
                 frame.try_reserve(1).map_err(|_| header.too_many(source, "memory"))?;
                 frame.push([0.0; 4]);
@@ -141,29 +157,18 @@ impl ReadContext {
     }
 
     /// Returns a number of the requested type, and warns if it is rounded.
-    fn number(
-        &mut self,
-        source: &Source,
-        row: u64,
-        (column, is_radius): (&str, bool),
-        written: f64,
-    ) -> Result<f64, Error> {
-        let value = check(source, row, (column, is_radius), written, self.doubles)?;
-        if value != written {
-            self.warn_of_rounding(source.at(Position::Row(row)), column, written);
+    fn number(&mut self, source: &Source, number: ArrayNumber<'_>) -> Result<f64, Error> {
+        let value = check(source, number, self.doubles)?;
+        if value != number.written {
+            self.warn_of_rounding(source.at(Position::Row(number.row)), number.column, number.written);
         }
         Ok(value)
     }
 }
 
 /// Checks for a finite value of `f64` or `f32`, not negative as a radius.
-fn check(
-    source: &Source,
-    row: u64,
-    (column, is_radius): (&str, bool),
-    written: f64,
-    doubles: bool,
-) -> Result<f64, Error> {
+fn check(source: &Source, number: ArrayNumber<'_>, doubles: bool) -> Result<f64, Error> {
+    let ArrayNumber { row, column, is_radius, written } = number;
     let value = if doubles { written } else { f64::from(written as f32) };
     let rule = if !value.is_finite() {
         rule_of(doubles)

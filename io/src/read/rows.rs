@@ -39,15 +39,22 @@ struct ParsedBlock {
     error: Option<Error>,
 }
 
+/// Rows that a header announces.
+pub(super) struct AnnouncedRows {
+    pub(super) what: &'static str,
+    pub(super) count: u64,
+}
+
 impl Lines {
-    /// Adds exactly `count` rows of `what` to a frame.
+    /// Adds exactly the `announced` rows to a frame.
     pub(super) fn rows(
         &mut self,
         table: &impl Table,
-        (what, expected): (&'static str, u64),
+        announced: AnnouncedRows,
         context: &mut ReadContext,
         frame: &mut Frame,
     ) -> Result<(), Error> {
+        let AnnouncedRows { what, count: expected } = announced;
         match self.up_to(expected, table, context, frame)? {
             found if found < expected => Err(Error::Truncated { place: self.place(), what, found, expected }),
             _ => Ok(()),

@@ -9,7 +9,7 @@ use super::comment::{elements, value_of};
 use super::line::Line;
 use super::lines::Lines;
 use super::read_context::ReadContext;
-use super::rows::Table;
+use super::rows::{AnnouncedRows, Table};
 use super::source::Source;
 use super::{Frame, RESERVE};
 use crate::error::Error;
@@ -34,7 +34,7 @@ impl Xyz {
         };
         let step = value_of(comment.bytes, "Step").and_then(|step| lexical_core::parse(step).ok());
         let mut frame = Frame { step, space, ..Frame::with_capacity(count.min(RESERVE), context) };
-        self.lines.rows(&Words(columns), ("spheres", count), context, &mut frame)?;
+        self.lines.rows(&Words(columns), AnnouncedRows { what: "spheres", count }, context, &mut frame)?;
         Ok(Some(frame))
     }
 }

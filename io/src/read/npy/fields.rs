@@ -2,7 +2,7 @@ use std::collections::TryReserveError;
 
 use super::dictionary::Field;
 use super::dtype::{Dtype, DtypeKind};
-use super::{Header, ReadContext, Source, syntax, truncated};
+use super::{ArrayNumber, Header, ReadContext, Source, syntax, truncated};
 use crate::error::{Error, Position, excerpt};
 use crate::read::Frame;
 use crate::read::columns::{Column, Columns};
@@ -19,6 +19,14 @@ struct Location {
     meaning: Column,
     kind: Dtype,
     start: usize,
+}
+
+/// A row of a structured array, with the file for errors.
+struct StructuredRow<'a> {
+    source: &'a Source,
+    header: &'a Header,
+    number: u64,
+    bytes: &'a [u8],
 }
 
 impl Fields {
@@ -101,8 +109,8 @@ impl Fields {
             let read = source.fill(block)?;
             self.make_room(read / self.width, frame, context)
                 .map_err(|_| header.too_many(source, "memory"))?;
-            for row in block[..read].chunks_exact(self.width) {
-                self.push((source, header), (found, row), frame, context)?;
+            for bytes in block[..read].chunks_exact(self.width) {
+                self.push(StructuredRow { source, header, number: found, bytes }, frame, context)?;
                 found += 1;
             }
             if read < block.len() {
@@ -133,16 +141,18 @@ impl Fields {
 
     fn push(
         &self,
-        (source, header): (&Source, &Header),
-        (number, row): (u64, &[u8]),
+        row: StructuredRow<'_>,
         frame: &mut Frame,
         context: &mut ReadContext,
     ) -> Result<(), Error> {
+        let StructuredRow { source, header, number, bytes: row } = row;
         let (mut center, mut radius, mut given) = ([0.0; 3], None, None);
         for Location { name, meaning, kind, start } in &self.wanted {
             let bytes = &row[*start..start + kind.width];
-            let mut float =
-                |is_radius| context.number(source, number, (name.as_str(), is_radius), kind.float(bytes));
+            let mut float = |is_radius| {
+                let written = kind.float(bytes);
+                context.number(source, ArrayNumber { row: number, column: name, is_radius, written })
+            };
             match meaning {
                 Column::Axis(axis) => center[*axis] = float(false)?,
                 Column::Radius => radius = Some(float(true)?),

@@ -17,12 +17,15 @@ pub(super) struct Header {
 }
 
 pub(super) enum Layout {
-    /// Four numbers in rows or columns.
-    Plain {
-        kind: Dtype,
-        fortran: bool,
-    },
+    Plain(PlainLayout),
     Structured(Fields),
+}
+
+/// Four numbers in rows or columns.
+#[derive(Clone, Copy)]
+pub(super) struct PlainLayout {
+    pub(super) kind: Dtype,
+    pub(super) fortran: bool,
 }
 
 /// Reads the dictionary of a header. Returns it with the length of the header in bytes.
@@ -58,14 +61,14 @@ impl Layout {
     /// Returns `true` if a number that is read is an `f64`.
     pub(super) fn has_f64(&self) -> bool {
         match self {
-            Self::Plain { kind, .. } => kind.is_f64(),
+            Self::Plain(plain) => plain.kind.is_f64(),
             Self::Structured(fields) => fields.has_f64(),
         }
     }
 
     pub(super) fn has_species(&self) -> bool {
         match self {
-            Self::Plain { .. } => false,
+            Self::Plain(_) => false,
             Self::Structured(fields) => fields.has_species(),
         }
     }
@@ -87,7 +90,7 @@ impl Header {
 
     pub(super) fn row_bytes(&self) -> u64 {
         match &self.layout {
-            Layout::Plain { kind, .. } => 4 * kind.width as u64,
+            Layout::Plain(plain) => 4 * plain.kind.width as u64,
             Layout::Structured(fields) => fields.width() as u64,
         }
     }
@@ -129,7 +132,7 @@ fn layout(source: &Source, text: &[u8]) -> Result<(Layout, u64), Error> {
         Descr::Plain(descr) => {
             let kind = float_type(source, descr)?;
             match said.shape.as_slice() {
-                &[rows, 4] => Ok((Layout::Plain { kind, fortran: said.fortran }, rows)),
+                &[rows, 4] => Ok((Layout::Plain(PlainLayout { kind, fortran: said.fortran }), rows)),
                 _ => Err(syntax(source, "an array of shape (n, 4)", &found)),
             }
         }

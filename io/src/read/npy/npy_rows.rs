@@ -3,7 +3,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::header::{Header, Layout};
+use super::header::{Header, Layout, PlainLayout};
 use super::{further_bytes, read_body};
 use crate::error::{Error, Position};
 use crate::read::read_context::ReadContext;
@@ -28,7 +28,7 @@ impl NpyRows {
         let (file, length) = super::super::open(path)?;
         let mut source = Source::new(path, file, length)?;
         let header = Header::parse(&mut source)?;
-        let is_fortran = matches!(header.layout, Layout::Plain { fortran: true, .. });
+        let is_fortran = matches!(header.layout, Layout::Plain(PlainLayout { fortran: true, .. }));
         let Some(length) = source.length.filter(|_| !is_fortran) else { return Ok(None) };
         header.check_length(&source)?;
         if length > header.end + header.rows * header.row_bytes() {
