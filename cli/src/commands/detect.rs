@@ -51,7 +51,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
         output.as_ref().map_or(Ok(()), |output| refuse_inputs(args, output))?;
         if args.ids {
             let spheres = frame.len();
-            let refused = |error| unsorted(args, (number, spheres), error);
+            let refused = |error| unsorted(args, number, spheres, error);
             input.in_pool(|| frame.sort_by_id()).map_err(refused)?;
         }
         refuse_too_little_memory(args, number, &frame, &frames)?;
@@ -99,7 +99,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
     printer.finish()
 }
 
-fn unsorted(args: &Detect, (frame, spheres): (usize, usize), error: SortError) -> CliError {
+fn unsorted(args: &Detect, frame: usize, spheres: usize, error: SortError) -> CliError {
     let path = input::name(&args.file).to_owned();
     match error {
         SortError::RepeatedId(id) => CliError::IdTwice { path, frame, id },
@@ -144,10 +144,10 @@ fn refuse_inputs(args: &Detect, output: &Output) -> Result<(), CliError> {
     let spheres = input::handle(&args.file).map(|handle| (input::name(&args.file), handle));
     let excluded = args.exclude.as_deref();
     let excluded = excluded.and_then(|path| Some((path, input::file_handle(Handle::from_path(path))?)));
-    spheres.into_iter().chain(excluded).try_for_each(|(path, read)| refuse_input(args, output, (path, &read)))
+    spheres.into_iter().chain(excluded).try_for_each(|(path, read)| refuse_input(args, output, path, &read))
 }
 
-fn refuse_input(args: &Detect, output: &Output, (path, read): (&Path, &Handle)) -> Result<(), CliError> {
+fn refuse_input(args: &Detect, output: &Output, path: &Path, read: &Handle) -> Result<(), CliError> {
     let same = |written: io::Result<Handle>| written.is_ok_and(|written| written == *read);
     let refused = match output.path {
         None => same(Handle::stdout()).then(|| output.name().to_owned()),

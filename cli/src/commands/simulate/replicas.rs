@@ -38,7 +38,7 @@ pub(crate) fn run(replicas: &Replicas, args: &Simulate) -> Result<(), CliError> 
         animation::write(&replicas.replica(0))?;
     }
     if args.report && !replicated.done.is_empty() {
-        report::write(&done(args, (replicas, &replicas.run.path), &replicated, &mean))?;
+        report::write(&done(args, replicas, &replicas.run.path, &replicated, &mean))?;
     }
     let printed = print(summary(replicas, &replicated, &mean));
     match replicated.end {
@@ -50,7 +50,8 @@ pub(crate) fn run(replicas: &Replicas, args: &Simulate) -> Result<(), CliError> 
 /// `scenario` is the file of the replicas.
 pub(crate) fn done<'a>(
     args: &Simulate,
-    (replicas, scenario): (&'a Replicas, &Path),
+    replicas: &'a Replicas,
+    scenario: &Path,
     results: &ReplicaResults,
     mean: &'a MeanSeries,
 ) -> Done<'a> {

@@ -55,9 +55,8 @@ pub(crate) fn write(done: &Done<'_>) -> Result<Channels, CliError> {
     let channels = channels(done)?;
     let name = done.run.path.file_stem().unwrap_or_default().to_string_lossy();
     let title = format!("lazygrid simulate: {name}");
-    let place = (done.run.directory.as_path(), done.run.overwrite);
     let tables = tables(&channels, &done.run.scenario.model);
-    write_page(place, title, tables, || sections::all(done, &channels))?;
+    write_page(&done.run.directory, done.run.overwrite, title, tables, || sections::all(done, &channels))?;
     Ok(channels)
 }
 
@@ -68,7 +67,8 @@ pub(crate) fn channels(done: &Done<'_>) -> Result<Channels, CliError> {
 }
 
 fn write_page(
-    (directory, overwrite): (&Path, bool),
+    directory: &Path,
+    overwrite: bool,
     title: String,
     tables: Vec<(&str, TableWriter<'_>)>,
     sections: impl FnOnce() -> Result<Vec<Section>, Box<dyn std::error::Error>>,

@@ -39,7 +39,7 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
             animation::write(&point.replica(0))?;
         }
         let scenario = point.run.directory.join("scenario.toml");
-        let all = done(args, (point, &scenario), results, &mean);
+        let all = done(args, point, &scenario, results, &mean);
         let channels = match args.report && !all.runs.is_empty() {
             true => report::write(&all)?,
             false => report::channels(&all)?,

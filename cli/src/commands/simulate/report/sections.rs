@@ -61,7 +61,7 @@ fn by_symbol(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
                 lines.push(Series { name, points, dashed: false, color: lines.len() });
             }
         }
-        section.plots.extend(plot(file, "Counts by symbol", ("time since the symbol, s", axis), &lines)?);
+        section.plots.extend(plot(file, "Counts by symbol", "time since the symbol, s", axis, &lines)?);
     }
     Ok(section)
 }
@@ -104,7 +104,7 @@ fn series(done: &Done<'_>) -> Result<Section, Box<dyn Error>> {
         };
         let happens = |column: &usize| (0..mean.steps.len()).any(|row| mean.row(row)[*column].mean() > 0.0);
         let all: Vec<Series> = columns.into_iter().filter(happens).enumerate().map(line).collect();
-        section.plots.extend(plot(name, name, ("time, s", axis), &all)?);
+        section.plots.extend(plot(name, name, "time, s", axis, &all)?);
     }
     if let Some(last) = mean.steps.len().checked_sub(1) {
         let row = |(name, sample): (&String, &IntegerStats)| {
@@ -152,12 +152,12 @@ fn responses(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
         }
     }
     let time = "time since release, s";
-    let density_axes = (time, "arrivals per particle and s");
-    section.plots.extend(plot("impulse-response", "Impulse response", density_axes, &densities)?);
-    let axes = (time, "part of the particles");
+    let density = "arrivals per particle and s";
+    section.plots.extend(plot("impulse-response", "Impulse response", time, density, &densities)?);
+    let part = "part of the particles";
     let title = "Impulse response: part inside";
-    section.plots.extend(plot("impulse-response-inside", title, axes, &momentary)?);
-    section.plots.extend(plot("arrived", "Part that has arrived", axes, &sums)?);
+    section.plots.extend(plot("impulse-response-inside", title, time, part, &momentary)?);
+    section.plots.extend(plot("arrived", "Part that has arrived", time, part, &sums)?);
     section.tables.push(Table {
         caption: "part that has arrived".into(),
         header: vec!["way".into(), "within".into(), "part".into()],
@@ -188,7 +188,8 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
     section.plots.extend(plot(
         "interference",
         "Inter-symbol interference",
-        ("slots after the release", "part of the particles"),
+        "slots after the release",
+        "part of the particles",
         &all,
     )?);
     let lags = channels.interference.first().map_or(0, |own| own.by_lag.len());
@@ -205,7 +206,8 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
 pub(super) fn plot(
     name: &str,
     title: &str,
-    (x, y): (&str, &str),
+    x: &str,
+    y: &str,
     series: &[Series],
 ) -> Result<Option<Plot>, Box<dyn Error>> {
     plot_scaled(name, title, [(x, Scale::Linear), (y, Scale::Linear)], series)

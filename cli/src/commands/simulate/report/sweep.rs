@@ -21,7 +21,7 @@ pub(crate) fn write(
 ) -> Result<(), CliError> {
     let title = sweep.points.first().map_or_else(String::new, |point| point.run.path.display().to_string());
     let title = format!("lazygrid simulate: sweep of {title}");
-    write_page((&sweep.directory, sweep.overwrites()), title, Vec::new(), || {
+    write_page(&sweep.directory, sweep.overwrites(), title, Vec::new(), || {
         let mut sections = vec![points(sweep, rows)];
         sections.extend(curves(sweep, rows)?);
         sections.extend(response_section(sweep, responses)?);
@@ -130,7 +130,7 @@ fn response_section(
         ("impulse-responses-inside", format!("{title}: part inside"), "part of the particles", momentary),
     ] {
         if lines.len() <= MAX_LINES {
-            section.plots.extend(plot(file, &title, ("time since release, s", axis), &lines)?);
+            section.plots.extend(plot(file, &title, "time since release, s", axis, &lines)?);
         }
     }
     Ok((!section.plots.is_empty()).then_some(section))
