@@ -5,7 +5,7 @@ use lazygrid_kernels::kernel::Variant;
 use lazygrid_kernels::layout::{Outcome, SearchParams};
 
 use super::cell_list::surveyed;
-use super::cells::configure;
+use super::cells::{CellListInput, configure};
 use super::division::Division;
 use super::support::{KernelError, changed, same};
 use crate::Effort;
@@ -56,7 +56,8 @@ fn configured(own: &GpuDevice, extent: [f32; 3], capacity: u32) -> Result<[u32; 
     };
     let (one_set, variant) = (Division::OneSet, Variant::default());
     let before = changed(Outcome::zeroed(), |new| new.dispatch_z = 1);
-    let given = (&spheres[..], surveyed(&spheres, one_set, false), one_set);
-    let configured = configure(own, (one_set.divide(call), variant), given, before)?;
+    let survey = surveyed(&spheres, one_set, false);
+    let input = CellListInput { spheres: &spheres, survey, division: one_set };
+    let configured = configure(own, one_set.divide(call), variant, input, before)?;
     Ok(configured.list.level[0].cells.to_array())
 }

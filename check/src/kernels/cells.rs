@@ -112,12 +112,19 @@ impl CellListCase {
         let variant = Variant { periodic: space.is_periodic(), species, ..Variant::default() };
         let images: Vec<Sphere> =
             spheres.iter().map(|sphere| Sphere::new(space.wrap(sphere.center), sphere.radius)).collect();
-        let statistics = surveyed(&images, division, false);
-        let configured = configure(own, (call, variant), (&spheres, statistics, division), before)?;
+        let input = CellListInput { spheres: &spheres, survey: surveyed(&images, division, false), division };
+        let configured = configure(own, call, variant, input, before)?;
         let Configured { list, lengths, outcome, survey } = configured;
         let scenario = TestInput { space, mixture: division.mixture(count), ..spheres.into() };
         Ok(ConfiguredCellList { call, scenario, division, list, variant, lengths, outcome, survey })
     }
+}
+
+/// Spheres with their sides, and the statistics of their images.
+pub(crate) struct CellListInput<'a> {
+    pub(crate) spheres: &'a [Sphere],
+    pub(crate) survey: InputStats,
+    pub(crate) division: Division,
 }
 
 pub(crate) struct Configured {
@@ -130,10 +137,12 @@ pub(crate) struct Configured {
 /// Configures cells for statistics and sides, after a call with the outcome `before`.
 pub(crate) fn configure(
     own: &GpuDevice,
-    (call, variant): (SearchParams, Variant),
-    (spheres, survey, division): (&[Sphere], InputStats, Division),
+    call: SearchParams,
+    variant: Variant,
+    input: CellListInput<'_>,
     before: Outcome,
 ) -> Result<Configured, KernelError> {
+    let CellListInput { spheres, survey, division } = input;
     let call = KernelCall::new(own)
         .with("params", &[call])?
         .with("count_source", &[call.spheres])?
