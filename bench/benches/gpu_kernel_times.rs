@@ -153,7 +153,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         let given = upload::<Sphere>(&own, &spheres)?;
         for &algorithm in &args.algorithm {
             let name = format!("{scene}, {n} spheres, {algorithm}");
-            match measure(&own, &args, (algorithm, &given, n as u32), &name) {
+            let call = Call::new(&own, algorithm, &given, n as u32);
+            match call.and_then(|call| measure(&args, &name, n, call)) {
                 Ok(row) => calls.push(row),
                 Err(error) => println!("{name}: {error}\n"),
             }
@@ -165,17 +166,11 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// Prints the kernels of a call, and returns the row of the whole call.
-fn measure(
-    own: &GpuDevice,
-    args: &Args,
-    (algorithm, given, n): (Algorithm, &wgpu::Buffer, u32),
-    name: &str,
-) -> Result<Vec<String>, Box<dyn Error>> {
-    let mut call = Call::new(own, algorithm, given, n)?;
+fn measure(args: &Args, name: &str, n: usize, mut call: Call<'_>) -> Result<Vec<String>, Box<dyn Error>> {
     let names = call.detector.kernels();
     let (mut whole, mut waits, mut kernels) = (vec![], vec![], vec![vec![]; names.len()]);
     let start = Instant::now();
-    while !args.quick && start.elapsed() < warm_up(own) {
+    while !args.quick && start.elapsed() < warm_up(call.own) {
         call.whole()?;
     }
     for _ in 0..args.rounds {
@@ -201,6 +196,6 @@ fn measure(
         names.len().to_string(),
         format!("{gpu:.1}"),
         format!("{:.1}", micros(&waits)),
-        format!("{:.3}", gpu * 1e3 / f64::from(n)),
+        format!("{:.3}", gpu * 1e3 / n as f64),
     ])
 }
