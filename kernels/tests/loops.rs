@@ -65,31 +65,32 @@ impl Scope<'_> {
             return Err("it does not begin with a single comparison");
         };
         let Expression::Load { pointer } = self.of(*left) else { return Err("it compares no counter") };
-        let &Expression::LocalVariable(counter) = self.of(*pointer) else {
+        let &Expression::LocalVariable(variable) = self.of(*pointer) else {
             return Err("it compares no counter");
         };
         let updates: Vec<_> = continuing.iter().filter(|s| !matches!(s, Statement::Emit(_))).collect();
         let [Statement::Store { pointer, value }] = updates[..] else {
             return Err("it has not one update");
         };
-        if self.of(*pointer) != &Expression::LocalVariable(counter) {
+        if self.of(*pointer) != &Expression::LocalVariable(variable) {
             return Err("its update is not of its counter");
         }
-        if self.changes(body, counter) {
+        if self.changes(body, variable) {
             return Err("its body changes the counter");
         }
         let limit =
             Limit { constant: self.constant(*right), fixed: self.is_fixed(*right, [body, continuing]) };
-        self.ends((*op, *value), counter, &limit, self.start(before, counter))
+        let counter = Counter { variable, start: self.start(before, variable) };
+        self.ends(*op, *value, counter, &limit)
     }
 
     /// Checks that a counter with this update reaches its limit.
     fn ends(
         &self,
-        (op, update): (BinaryOperator, Value),
-        counter: Handle<LocalVariable>,
+        op: BinaryOperator,
+        update: Value,
+        counter: Counter,
         limit: &Limit,
-        start: Option<u32>,
     ) -> Result<(), &'static str> {
         use BinaryOperator::{Add, And, Divide, Greater, Less, LessEqual, Multiply, NotEqual, Subtract};
         let Expression::Binary { op: change, left, right } = *self.of(update) else {
@@ -97,7 +98,7 @@ impl Scope<'_> {
         };
         let is_counter = |value: Value| {
             matches!(self.of(value), &Expression::Load { pointer }
-                if self.of(pointer) == &Expression::LocalVariable(counter))
+                if self.of(pointer) == &Expression::LocalVariable(counter.variable))
         };
         if !is_counter(left) {
             return Err("its update does not begin with its counter");
@@ -114,7 +115,7 @@ impl Scope<'_> {
             (NotEqual, And, _) => limit.constant == Some(0) && lowest_cleared,
             (Less, Add, Some(1)) => true,
             (Less | LessEqual, Add, Some(step)) => step > 0 && fits(step),
-            (Less, Multiply, Some(by)) => by > 1 && grows(by) && start.is_some_and(|start| start > 0),
+            (Less, Multiply, Some(by)) => by > 1 && grows(by) && counter.start.is_some_and(|start| start > 0),
             (Greater, Subtract, Some(1)) => true,
             (Greater, Divide, Some(by)) => by > 1,
             _ => false,
@@ -204,6 +205,12 @@ impl Scope<'_> {
             _ => false,
         }
     }
+}
+
+/// The variable that a loop counts in, and its first value if that is a constant.
+struct Counter {
+    variable: Handle<LocalVariable>,
+    start: Option<u32>,
 }
 
 struct Limit {
