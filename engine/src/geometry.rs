@@ -1,8 +1,8 @@
 use std::time::Instant;
 
 use lazygrid_host::{
-    ContactTest, HostDetector, ListOptions, NeighborList, NeighborListBuilder, Order, PeriodicImages,
-    PhaseTime, SearchBackend, Settings, Skin, check,
+    ContactTest, FoundPairs, HostDetector, ListOptions, NeighborList, NeighborListBuilder, Order,
+    PeriodicImages, PhaseTime, SearchBackend, Settings, Skin, check,
 };
 use lazygrid_kernels::{Algorithm, Query, Space};
 
@@ -34,7 +34,8 @@ impl Geometry {
         let start = Instant::now();
         let backend = finder.backend();
         let contact = contact(query, backend.settings());
-        let list = self.builder.build(contact, (finder.last_pairs(), None), options, backend.team())?;
+        let found = FoundPairs { pairs: finder.last_pairs(), images: None };
+        let list = self.builder.build(contact, found, options, backend.team())?;
         PhaseTime::add(finder.phases_mut(), "neighbors", start.elapsed());
         Ok(list)
     }
@@ -58,7 +59,8 @@ impl Geometry {
         };
         detector.list(&images.query(), Order::Canonical)?;
         let start = Instant::now();
-        let list = builder.build(contact, (detector.last_pairs(), Some(images)), options, team)?;
+        let found = FoundPairs { pairs: detector.last_pairs(), images: Some(images) };
+        let list = builder.build(contact, found, options, team)?;
         PhaseTime::add(detector.phases_mut(), "images", image_time);
         PhaseTime::add(detector.phases_mut(), "neighbors", start.elapsed());
         let found = Report::from(detector.report());

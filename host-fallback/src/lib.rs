@@ -43,8 +43,8 @@ pub use input::{
 };
 pub use lazygrid_kernels::{Error, InputError};
 pub use output::{
-    ContactTest, ListOptions, NeighborList, NeighborListBuilder, Neighbors, NeighborsBuilder, NeighborsIter,
-    PeriodicImages,
+    ContactTest, FoundPairs, ListOptions, NeighborList, NeighborListBuilder, Neighbors, NeighborsBuilder,
+    NeighborsIter, PeriodicImages,
 };
 pub use report::{CandidateListStats, PhaseTime, RebuildReason, Report};
 pub use settings::{Order, SKIN_RANGE, Settings, Skin};

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 use lazygrid_kernels::{Space, Spheres};
 
 use crate::compare::COMPARE_NS;
-use crate::input::{Grouping, MAX_GROUPS, SearchInput};
+use crate::input::{CenterBounds, Grouping, MAX_GROUPS, SearchInput};
 use crate::memory::try_collect;
 use crate::{Error, InputStats};
 
@@ -47,8 +47,8 @@ impl DensityProfile {
         let size = sample_size(n);
         let center = |k| space.wrap(spheres.get(sample_index(k, size, n)).center);
         let centers = try_collect((0..size).map(center), "a sample of the spheres")?;
-        let empty = (Vec3::INFINITY, Vec3::NEG_INFINITY);
-        let bounds = centers.iter().fold(empty, |(min, max), center| (min.min(*center), max.max(*center)));
+        let mut bounds = CenterBounds::EMPTY;
+        centers.iter().for_each(|center| bounds.add(*center));
         let centers = centers.into_iter().map(|center| (center, 0));
         Ok(Sample::new(bounds, centers, n)?.density(None))
     }
@@ -142,21 +142,21 @@ pub(super) struct Sample {
 
 impl Sample {
     pub(super) fn take(input: &SearchInput<'_>) -> Result<Self, Error> {
-        let InputStats { spheres: n, min, max, .. } = input.stats;
+        let (n, bounds) = (input.stats.spheres, input.stats.bounds());
         let (spheres, size) = (input.test.spheres(), sample_size(n));
         let indices = (0..size).map(|k| sample_index(k, size, n));
         let centers = indices.map(|index| (spheres.get(index).center, index as u32));
         let periodic_axes = input.test.lengths().iter().flatten().count() as i32;
-        Ok(Self { extent: input.extent((min, max)), periodic_axes, ..Self::new((min, max), centers, n)? })
+        Ok(Self { extent: input.extent(bounds), periodic_axes, ..Self::new(bounds, centers, n)? })
     }
 
     fn new(
-        (min, max): (Vec3, Vec3),
+        bounds: CenterBounds,
         centers: impl ExactSizeIterator<Item = (Vec3, u32)>,
         n: usize,
     ) -> Result<Self, Error> {
-        let origin = min.as_dvec3();
-        let cube_size = (max.as_dvec3() - origin).max_element();
+        let origin = bounds.min.as_dvec3();
+        let cube_size = (bounds.max.as_dvec3() - origin).max_element();
         let scale = if cube_size > 0.0 { f64::from(1 << DEPTHS) / cube_size } else { 0.0 };
         let codes = centers.map(|(center, index)| (morton((center.as_dvec3() - origin) * scale), index));
         let mut codes = try_collect(codes, "a sample of the spheres")?;

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::LevelPlan;
 use super::density::{DensityProfile, EXACT_TEST_NS, Sample};
-use crate::input::{Division, Grouping, SearchInput, SizeClass, SpeciesGroups};
+use crate::input::{CenterBounds, Division, Grouping, SearchInput, SizeClass, SpeciesGroups};
 use crate::memory::{try_collect, try_push};
 use crate::size_class::SIZE_CLASSES;
 use crate::{Error, InputStats};
@@ -84,11 +84,10 @@ impl Sample {
     ) -> Result<Vec<DensityProfile>, Error> {
         let mut densities = Vec::new();
         for group in 0..grouping.count() {
-            let (mut codes, mut bounds) = (Vec::new(), (Vec3::INFINITY, Vec3::NEG_INFINITY));
+            let (mut codes, mut bounds) = (Vec::new(), CenterBounds::EMPTY);
             for code in self.of_group(grouping, group) {
                 try_push(&mut codes, code, "a sample of the spheres")?;
-                let center = input.test.spheres().get(code.1 as usize).center;
-                bounds = (bounds.0.min(center), bounds.1.max(center));
+                bounds.add(input.test.spheres().get(code.1 as usize).center);
             }
             let spheres = codes.len() * self.spheres / self.codes.len().max(1);
             let density = DensityProfile::from_codes(&codes, spheres, self.cube_size, None);

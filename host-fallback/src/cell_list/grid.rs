@@ -3,9 +3,10 @@
 //! If the bounds or the periods contain too many cells, the grid is folded: cells whose coordinates agree modulo the
 //! grid's size share a table entry. Folding adds comparisons, never pairs.
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
 use crate::compare::{Axes, SimdWidth};
+use crate::input::CenterBounds;
 use crate::math::floor;
 
 /// Distance from the origin, in cells, below which `f64` distinguishes cells. Farther out, different `f32` coordinates
@@ -62,16 +63,17 @@ impl CellRange {
 }
 
 impl CellGrid {
-    /// Creates cells of size `cell_size` over `min..=max`, folded to `most` cells, for spheres up to radius `largest`.
+    /// Creates cells of size `cell_size` over `bounds`, folded to `most` cells, for spheres up to radius `largest`.
     ///
     /// A periodic axis starts at `−length / 2` and has a whole number of cells that are no smaller.
     pub(crate) fn new(
         cell_size: f64,
-        (min, max): (Vec3, Vec3),
+        bounds: CenterBounds,
         lengths: [Option<f32>; 3],
         largest: f32,
         most: u64,
     ) -> Self {
+        let CenterBounds { min, max } = bounds;
         debug_assert!(cell_size > 0.0 && cell_size.is_finite(), "cells of size {cell_size}");
         let per_length = cell_size.recip();
         let mut origin = (min.as_dvec3() * per_length).floor();
@@ -269,6 +271,8 @@ fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
 
 #[cfg(test)]
 mod tests {
+    use glam::Vec3;
+
     use super::*;
     use crate::compare::Portable;
 
@@ -291,9 +295,9 @@ mod tests {
                 let base = Vec3::new(random(), random(), random()) * scale;
                 let points: Vec<_> =
                     (0..40).map(|_| base + 20.0 * Vec3::new(random(), random(), random())).collect();
-                let min = points.iter().fold(Vec3::INFINITY, |a, &b| a.min(b));
-                let max = points.iter().fold(Vec3::NEG_INFINITY, |a, &b| a.max(b));
-                let grid = CellGrid::new(1.7, (min, max), [None; 3], 2.0, most);
+                let mut bounds = CenterBounds::EMPTY;
+                points.iter().for_each(|&point| bounds.add(point));
+                let grid = CellGrid::new(1.7, bounds, [None; 3], 2.0, most);
                 for &p in &points {
                     for &q in &points {
                         let near = (p.as_dvec3() - q.as_dvec3()).length() <= 2.5;
@@ -312,7 +316,7 @@ mod tests {
         for (length, cell_size) in [(10.0_f32, 0.3), (1000.0, 0.01), (1e-3, 1e-7), (7.0, 1e-12)] {
             let reach = 1.5 * cell_size;
             let half = length / 2.0;
-            let bounds = (Vec3::splat(-half), Vec3::splat(half));
+            let bounds = CenterBounds { min: Vec3::splat(-half), max: Vec3::splat(half) };
             let grid = CellGrid::new(cell_size, bounds, [Some(length); 3], reach as f32, 1 << 12);
             assert!(grid.folded && grid.cells() <= 1 << 12, "{grid:?}");
             for _ in 0..2000 {
@@ -335,7 +339,8 @@ mod tests {
     #[test]
     fn coordinates_just_below_a_cell_boundary_stay_inside() {
         let center = Vec3::new(-1e-30, 1.0_f32.next_down(), -1.0_f32.next_down());
-        let grid = CellGrid::new(1.0, (center, center), [None; 3], 0.0, 64);
+        let bounds = CenterBounds { min: center, max: center };
+        let grid = CellGrid::new(1.0, bounds, [None; 3], 0.0, 64);
         assert_eq!(grid.cells(), 1);
         assert_eq!(grid.cell_of(Portable, center.to_array()), [0; 3]);
     }

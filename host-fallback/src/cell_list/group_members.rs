@@ -4,7 +4,7 @@ use super::levels::LevelPlan;
 use crate::Error;
 use crate::compare::{PairTest, SphereRadii};
 use crate::frame::SearchFrame;
-use crate::input::{Grouping, InputStats, Meeting, SearchInput, SizeClass};
+use crate::input::{CenterBounds, Grouping, InputStats, Meeting, SearchInput, SizeClass};
 use crate::memory::try_collect;
 use crate::size_class::SIZE_CLASSES;
 
@@ -16,8 +16,7 @@ pub(super) struct GroupMembers {
     pub(super) classes: [SizeClass; SIZE_CLASSES],
     /// Largest effective radius, likewise.
     pub(super) effective: f32,
-    min: Vec3,
-    max: Vec3,
+    bounds: CenterBounds,
     /// Largest radius, or with a skin the largest up to which radii may grow without a change of effective radii.
     radius: f32,
     margin: f32,
@@ -27,8 +26,7 @@ impl GroupMembers {
     const NONE: Self = Self {
         classes: [SizeClass { count: 0, largest: 0.0 }; SIZE_CLASSES],
         effective: 0.0,
-        min: Vec3::INFINITY,
-        max: Vec3::NEG_INFINITY,
+        bounds: CenterBounds::EMPTY,
         radius: 0.0,
         margin: 0.0,
     };
@@ -38,8 +36,7 @@ impl GroupMembers {
         let radius = grouping.radius(test, id, widened);
         self.classes[InputStats::class_of(radius)].add(radius);
         self.effective = self.effective.max(widened);
-        self.min = self.min.min(center);
-        self.max = self.max.max(center);
+        self.bounds.add(center);
         // Candidates stay valid while radii grow up to the effective radii.
         self.radius = self.radius.max(if test.has_margin() { own.max(effective) } else { own });
         self.margin = self.margin.max(widened - effective);
@@ -50,8 +47,7 @@ impl GroupMembers {
             class.merge(with);
         }
         self.effective = self.effective.max(other.effective);
-        self.min = self.min.min(other.min);
-        self.max = self.max.max(other.max);
+        self.bounds.merge(other.bounds);
         self.radius = self.radius.max(other.radius);
         self.margin = self.margin.max(other.margin);
     }
@@ -87,8 +83,8 @@ impl GroupMembers {
     }
 
     fn of_sets(input: &SearchInput<'_>, split: usize) -> [Self; 2] {
-        let InputStats { min, max, classes, .. } = input.stats;
-        let mut first = Self { classes, min, max, ..Self::NONE };
+        let (classes, bounds) = (input.stats.classes, input.stats.bounds());
+        let mut first = Self { classes, bounds, ..Self::NONE };
         let mut second = first.clone();
         first.classes.iter_mut().for_each(|class| class.count = 0);
         for id in 0..split as u32 {
@@ -111,8 +107,9 @@ impl GroupMembers {
         all
     }
 
-    pub(super) fn bounds(&self) -> (Vec3, Vec3) {
-        if self.min.x <= self.max.x { (self.min, self.max) } else { (Vec3::ZERO, Vec3::ZERO) }
+    pub(super) fn bounds(&self) -> CenterBounds {
+        let point = CenterBounds { min: Vec3::ZERO, max: Vec3::ZERO };
+        if self.bounds.min.x <= self.bounds.max.x { self.bounds } else { point }
     }
 
     /// Returns the largest distance of two spheres that pair, in the coordinates of the search.

@@ -206,16 +206,14 @@ impl CellList {
                 let density = density_cache.density_of(group).clone().within(input.extent(members.bounds()));
                 let plan = LevelPlan::plan(&stats, &density);
                 self.time += plan.cost;
-                let limit = max_cells(grouping.count() * MAX_LEVELS);
-                self.add_levels(input, &plan, (group, grouping), limit)?;
+                self.add_levels(input, &plan, grouping, group)?;
             }
             return Ok(());
         }
         let plan = CachedPlan::of(self.plan.take(), &input.stats, density_cache.density());
         self.time = plan.levels.cost;
-        let limit = max_cells(grouping.count() * plan.levels.levels.len());
         for group in 0..grouping.count() {
-            self.add_levels(input, &plan.levels, (group, grouping), limit)?;
+            self.add_levels(input, &plan.levels, grouping, group)?;
         }
         self.plan = Some(plan);
         Ok(())
@@ -225,15 +223,17 @@ impl CellList {
         &mut self,
         input: &SearchInput<'_>,
         plan: &LevelPlan,
-        (group, grouping): (usize, &Grouping<'_>),
-        max_cells: u64,
+        grouping: &Grouping<'_>,
+        group: usize,
     ) -> Result<(), Error> {
+        let levels = if grouping.is_narrow() { MAX_LEVELS } else { plan.levels.len() };
+        let max_cells = max_cells(grouping.count() * levels);
         let groups = GroupLevels { first: self.levels.len(), of_class: plan.of_class };
         try_push(&mut self.groups, groups, "groups of spheres")?;
         let members = self.members.get(group);
         let pairs_within = grouping.pairs_within(group);
         for of in 0..plan.levels.len() {
-            let grid = Self::grid(input, (plan, of), members, max_cells);
+            let grid = Self::grid(input, plan, of, members, max_cells);
             let last = self.levels.last();
             let base = last.map_or(0, |last| last.base + last.grid.cells() as usize);
             let from = last.map_or(0, |last| last.members.end);
@@ -251,14 +251,14 @@ impl CellList {
 
     fn grid(
         input: &SearchInput<'_>,
-        (plan, of): (&LevelPlan, usize),
+        plan: &LevelPlan,
+        of: usize,
         members: Option<&GroupMembers>,
         max_cells: u64,
     ) -> CellGrid {
-        let InputStats { min, max, .. } = input.stats;
         let level = &plan.levels[of];
         let (spheres, largest, bounds) = match members {
-            None => (level.spheres, level.largest, (min, max)),
+            None => (level.spheres, level.largest, input.stats.bounds()),
             Some(members) => {
                 let SizeClass { count, largest } = members.of_level(plan, of);
                 (count, largest, members.bounds())
@@ -312,6 +312,23 @@ impl CellList {
     pub(crate) fn memory_for(spheres: u64) -> u64 {
         let cells = (CELLS_PER_SPHERE as u64 * spheres).max(64);
         with_growth(spheres * (Columns::BYTES_PER_SPHERE + Sorter::BYTES_PER_SPHERE) + 4 * cells)
+    }
+}
+
+/// Builds a cell list for the density of its spheres.
+pub(crate) struct CellListBuilder<'c> {
+    pub(crate) list: &'c mut CellList,
+    pub(crate) density_cache: &'c DensityCache,
+}
+
+impl CellListBuilder<'_> {
+    pub(crate) fn build(
+        &mut self,
+        input: &SearchInput<'_>,
+        report: &mut Report,
+    ) -> Result<&mut CellList, Error> {
+        self.list.build(input, self.density_cache, report)?;
+        Ok(self.list)
     }
 }
 

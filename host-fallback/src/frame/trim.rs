@@ -17,9 +17,10 @@ const MIN_GAIN: f64 = 16.0;
 /// Growth of radii as a fraction of the median radius: above the first, a frame is trimmed; the second is acceptable.
 const GROWN: [f64; 2] = [1.0 / 4.0, 1.0 / 32.0];
 
-/// Coordinates and effective radii of spheres by index. The second set follows the first.
+/// Coordinates and effective radii of spheres by index, and their bounds. The second set follows the first.
 pub(crate) struct RowsByIndex<'r> {
     pub(crate) count: usize,
+    pub(crate) bounds: &'r Bounds,
     pub(crate) get: &'r (dyn Fn(usize) -> [f64; 4] + Sync),
 }
 
@@ -39,13 +40,13 @@ impl SearchFrame {
         self.is_trimmed
     }
 
-    /// Returns a trimmed frame if this frame, of all spheres in `bounds`, enlarges radii too much because of a few far
+    /// Returns a trimmed frame if this frame, of all spheres in `rows`, enlarges radii too much because of a few far
     /// spheres. Keeps the `last` trimmed frame if it serves. The result is independent of the number of threads.
     pub(crate) fn trimmed(
         &self,
-        bounds: &Bounds,
         space: &Space,
-        (rows, last): (&RowsByIndex<'_>, Option<&Self>),
+        rows: &RowsByIndex<'_>,
+        last: Option<&Self>,
         executor: Executor,
     ) -> Option<Self> {
         let is_free = Self::periodic_axes(space).map(|is_periodic| !is_periodic);
@@ -68,8 +69,8 @@ impl SearchFrame {
         if sample.iter().filter(|row| reach.of(row) > most).count() > SAMPLE_OUTSIDE {
             return None;
         }
-        let size = reach.size_of_most(rows, bounds, executor).max(radius * (GROWN[1] / GROWTH[1]));
-        let size = size.max(Self::size(&reach.cut(bounds), space, &reach.origin));
+        let size = reach.size_of_most(rows, executor).max(radius * (GROWN[1] / GROWTH[1]));
+        let size = size.max(Self::size(&reach.cut(rows.bounds), space, &reach.origin));
         if size > most {
             return None;
         }
@@ -104,9 +105,9 @@ impl Reach {
     }
 
     /// Returns a power of two above the distances of all spheres except the few that may lie outside.
-    fn size_of_most(&self, rows: &RowsByIndex<'_>, bounds: &Bounds, executor: Executor) -> f64 {
+    fn size_of_most(&self, rows: &RowsByIndex<'_>, executor: Executor) -> f64 {
         let farthest = (0..3).filter(|&axis| self.is_free[axis]);
-        let farthest = farthest.map(|axis| bounds.reach(axis, self.origin[axis])).fold(0.0, f64::max);
+        let farthest = farthest.map(|axis| rows.bounds.reach(axis, self.origin[axis])).fold(0.0, f64::max);
         let levels = self.count_levels(rows, exponent(farthest), executor);
         let (mut outside, mut level) = (0, 0);
         while level < LEVELS && outside + levels[level] as usize <= rows.most_outside() {
@@ -174,8 +175,8 @@ mod tests {
         let mut bounds = Bounds::EMPTY;
         rows.iter().for_each(|&row| bounds.add(row));
         let frame = SearchFrame::new(&bounds, space);
-        let rows = RowsByIndex { count: rows.len(), get: &|k| rows[k] };
-        frame.trimmed(&bounds, space, (&rows, last), Executor::Pool).unwrap_or(frame)
+        let rows = RowsByIndex { count: rows.len(), bounds: &bounds, get: &|k| rows[k] };
+        frame.trimmed(space, &rows, last, Executor::Pool).unwrap_or(frame)
     }
 
     fn spaces() -> [Space; 2] {

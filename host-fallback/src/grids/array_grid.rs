@@ -1,7 +1,8 @@
 //! The paper's ArrayGrid: (cell, sphere) entries for every cell that a sphere overlaps, sorted by cell.
 
-use super::cell::{Batch, OverfullCells};
+use super::cell::Batch;
 use super::entries::{Entries, KeyLayout, Visit, cells_of_piece, memory_of_entries, most_entries, runs};
+use super::overfull_cells::OverfullCells;
 use super::workspace::Workspaces;
 use crate::Error;
 use crate::compare::Output;
@@ -53,7 +54,7 @@ impl<'o, O: Output> Visit for Search<'_, 'o, O> {
         let Self { grid, input, output } = self;
         let pieces = entries.len().div_ceil(CHUNK_ENTRIES);
         search_pieces(output, input, pieces, usize::MAX, |sink, piece| {
-            cells(grid, cells_of_piece(entries, piece, CHUNK_ENTRIES), (input, output, sink))
+            cells(grid, cells_of_piece(entries, piece, CHUNK_ENTRIES), input, output, sink)
         })
     }
 }
@@ -61,7 +62,9 @@ impl<'o, O: Output> Visit for Search<'_, 'o, O> {
 fn cells<'o, K: RadixKey, O: Output>(
     grid: &ArrayGrid,
     entries: &[KeyedSphere<K>],
-    (input, output, mut sink): (&SearchInput<'_>, &'o O, O::Sink<'o>),
+    input: &SearchInput<'_>,
+    output: &'o O,
+    mut sink: O::Sink<'o>,
 ) -> Result<O::Sink<'o>, Error> {
     let grouping = input.grouping(Division::ByPartners);
     let mut batch = grid.batches.take();

@@ -115,9 +115,10 @@ impl Entries {
             let wrap = |cell| grid.wrap::<PERIODIC>(cell);
             narrow.entries.clear();
             wide.entries.clear();
+            let cells = SphereCells { count: n, cover, wrap };
             match layout.is_narrow() {
-                true => fill((n, executor), (cover, wrap), *layout, (narrow, offsets, most)),
-                false => fill((n, executor), (cover, wrap), *layout, (wide, offsets, most)),
+                true => EntryBuffers { radix: narrow, offsets }.fill(cells, *layout, most, executor),
+                false => EntryBuffers { radix: wide, offsets }.fill(cells, *layout, most, executor),
             }
         })? {
             grid = report.time("map", || grid.shifted::<PERIODIC>(ratio, sphere, n, executor));
@@ -154,53 +155,76 @@ pub(crate) fn most_entries(spheres: usize, ratio: f32) -> usize {
     (1.05 * UniformGrid::most_cells(ratio) * spheres as f64) as usize + 64
 }
 
-/// Writes an entry for every cell that each of `n` spheres overlaps. `sphere` returns the cells of the `k`-th sphere, a
-/// mask for its corner masks, and its id, or `None` to omit it; for many spheres it is called twice. `wrap` wraps a
-/// cell. Returns `false`, without entries, if there would be more than `most`.
-pub(crate) fn fill<K: RadixKey>(
-    (n, executor): (usize, Executor),
-    (sphere, wrap): (impl Fn(usize) -> Option<(CellBox, u8, u32)> + Sync, impl Fn(UVec3) -> UVec3 + Sync),
-    layout: KeyLayout,
-    (radix, offsets, most): (&mut Radix<K>, &mut Vec<usize>, usize),
-) -> Result<bool, Error> {
-    let entries = &mut radix.entries;
-    entries.clear();
-    if n <= CHUNK_SPHERES {
-        for (cover, masks, id) in (0..n).filter_map(&sphere) {
-            if cover.cells() > most - entries.len() {
-                entries.clear();
-                return Ok(false);
-            }
-            try_reserve(entries, cover.cells(), "entries of cells")?;
-            #[expect(clippy::disallowed_methods, reason = "there is room for all cells of the sphere")]
-            cover.for_each(|cell, corner_mask| {
-                entries.push(KeyedSphere { key: layout.key(wrap(cell), corner_mask & masks), id });
-            });
-        }
-        return Ok(true);
-    }
-    let range = |piece: usize| piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES);
-    try_resize(offsets, n.div_ceil(CHUNK_SPHERES), "counting entries of cells")?;
-    executor.for_each(offsets, |piece, count| {
-        *count = range(piece).filter_map(&sphere).map(|(cover, ..)| cover.cells()).sum();
-    });
-    let total = accumulate(offsets);
-    if total > most {
-        return Ok(false);
-    }
-    try_resize(entries, total, "entries of cells")?;
-    let mut targets = split_at(entries, offsets.iter().copied())?;
-    executor.for_each(&mut targets, |piece, target| {
-        let mut slots = target.iter_mut();
-        for (cover, masks, id) in range(piece).filter_map(&sphere) {
-            cover.for_each(|cell, corner_mask| {
-                if let Some(slot) = slots.next() {
-                    *slot = KeyedSphere { key: layout.key(wrap(cell), corner_mask & masks), id };
+/// The cells that spheres overlap.
+pub(crate) struct SphereCells<C, W> {
+    pub(crate) count: usize,
+    /// Returns the cells of the `k`-th sphere, a mask for its corner masks, and its id, or `None` to omit it.
+    pub(crate) cover: C,
+    /// Wraps a cell.
+    pub(crate) wrap: W,
+}
+
+/// Buffers for entries and their numbers per chunk of spheres.
+pub(crate) struct EntryBuffers<'b, K: RadixKey> {
+    pub(crate) radix: &'b mut Radix<K>,
+    pub(crate) offsets: &'b mut Vec<usize>,
+}
+
+impl<K: RadixKey> EntryBuffers<'_, K> {
+    /// Writes an entry for every cell of each sphere. For many spheres, `cover` is called twice. Returns `false`, without
+    /// entries, if there would be more than `most`.
+    pub(crate) fn fill<C, W>(
+        self,
+        cells: SphereCells<C, W>,
+        layout: KeyLayout,
+        most: usize,
+        executor: Executor,
+    ) -> Result<bool, Error>
+    where
+        C: Fn(usize) -> Option<(CellBox, u8, u32)> + Sync,
+        W: Fn(UVec3) -> UVec3 + Sync,
+    {
+        let SphereCells { count: n, cover: sphere, wrap } = cells;
+        let Self { radix, offsets } = self;
+        let entries = &mut radix.entries;
+        entries.clear();
+        if n <= CHUNK_SPHERES {
+            for (cover, masks, id) in (0..n).filter_map(&sphere) {
+                if cover.cells() > most - entries.len() {
+                    entries.clear();
+                    return Ok(false);
                 }
-            });
+                try_reserve(entries, cover.cells(), "entries of cells")?;
+                #[expect(clippy::disallowed_methods, reason = "there is room for all cells of the sphere")]
+                cover.for_each(|cell, corner_mask| {
+                    entries.push(KeyedSphere { key: layout.key(wrap(cell), corner_mask & masks), id });
+                });
+            }
+            return Ok(true);
         }
-    });
-    Ok(true)
+        let range = |piece: usize| piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES);
+        try_resize(offsets, n.div_ceil(CHUNK_SPHERES), "counting entries of cells")?;
+        executor.for_each(offsets, |piece, count| {
+            *count = range(piece).filter_map(&sphere).map(|(cover, ..)| cover.cells()).sum();
+        });
+        let total = accumulate(offsets);
+        if total > most {
+            return Ok(false);
+        }
+        try_resize(entries, total, "entries of cells")?;
+        let mut targets = split_at(entries, offsets.iter().copied())?;
+        executor.for_each(&mut targets, |piece, target| {
+            let mut slots = target.iter_mut();
+            for (cover, masks, id) in range(piece).filter_map(&sphere) {
+                cover.for_each(|cell, corner_mask| {
+                    if let Some(slot) = slots.next() {
+                        *slot = KeyedSphere { key: layout.key(wrap(cell), corner_mask & masks), id };
+                    }
+                });
+            }
+        });
+        Ok(true)
+    }
 }
 
 /// Replaces lengths by their inclusive prefix sums. Returns the total.

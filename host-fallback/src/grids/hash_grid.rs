@@ -6,8 +6,9 @@ use std::sync::atomic::Ordering::Relaxed;
 use bytemuck::Zeroable;
 use glam::UVec3;
 
-use super::cell::{Batch, CellMember, OverfullCells};
+use super::cell::{Batch, CellMember};
 use super::entries::{accumulate, most_entries};
+use super::overfull_cells::OverfullCells;
 use super::uniform_grid::{CellBox, UniformGrid};
 use super::workspace::{Workspaces, most_members};
 use crate::Error;
@@ -141,39 +142,11 @@ impl HashGrid {
         output: &'o O,
     ) -> Result<O::Sink<'o>, Error> {
         let pieces = self.heads.len().div_ceil(CHUNK_CHAINS);
+        let search = Search { grid: self, input, output };
         search_pieces(output, input, pieces, usize::MAX, |sink, piece| {
             let heads = &self.heads[piece * CHUNK_CHAINS..self.heads.len().min((piece + 1) * CHUNK_CHAINS)];
-            self.chains.lend(|chain| self.search_chains(heads, chain, (input, output, sink)))
+            self.chains.lend(|chain| search.chains(heads, chain, sink))
         })
-    }
-
-    fn search_chains<'o, O: Output>(
-        &self,
-        heads: &[u32],
-        chain: &mut Vec<InChain>,
-        (input, output, mut sink): (&SearchInput<'_>, &'o O, O::Sink<'o>),
-    ) -> Result<O::Sink<'o>, Error> {
-        let grouping = input.grouping(Division::ByPartners);
-        let mut batch = self.batches.take();
-        for &head in heads {
-            self.collect(head, chain)?;
-            for run in chain.chunk_by(|a, b| a.cell == b.cell).filter(|run| run.len() > 1) {
-                if run.len() > BATCH_SPHERES {
-                    batch.search(input, &mut sink)?;
-                    self.batches.give_back(batch)?;
-                    sink = self.overfull.within(input, run, output, sink)?;
-                    batch = self.batches.take();
-                } else {
-                    batch.push(run, &grouping)?;
-                }
-            }
-            if batch.len() > BATCH_SPHERES {
-                batch.search(input, &mut sink)?;
-            }
-        }
-        batch.search(input, &mut sink)?;
-        self.batches.give_back(batch)?;
-        Ok(sink)
     }
 
     /// Collects the entries of a chain in an order that does not depend on the order of insertion.
@@ -198,6 +171,44 @@ impl HashGrid {
         let chains = with_growth(most_members(spheres, entries, threads) * size_of::<InChain>() as u64);
         let overfull = OverfullCells::memory_for(spheres, threads);
         with_growth(entries * size_of::<Linked>() as u64 + table) + batches + chains + overfull
+    }
+}
+
+struct Search<'s, 'o, O> {
+    grid: &'s HashGrid,
+    input: &'s SearchInput<'s>,
+    output: &'o O,
+}
+
+impl<'o, O: Output> Search<'_, 'o, O> {
+    fn chains(
+        &self,
+        heads: &[u32],
+        chain: &mut Vec<InChain>,
+        mut sink: O::Sink<'o>,
+    ) -> Result<O::Sink<'o>, Error> {
+        let &Self { grid, input, output } = self;
+        let grouping = input.grouping(Division::ByPartners);
+        let mut batch = grid.batches.take();
+        for &head in heads {
+            grid.collect(head, chain)?;
+            for run in chain.chunk_by(|a, b| a.cell == b.cell).filter(|run| run.len() > 1) {
+                if run.len() > BATCH_SPHERES {
+                    batch.search(input, &mut sink)?;
+                    grid.batches.give_back(batch)?;
+                    sink = grid.overfull.within(input, run, output, sink)?;
+                    batch = grid.batches.take();
+                } else {
+                    batch.push(run, &grouping)?;
+                }
+            }
+            if batch.len() > BATCH_SPHERES {
+                batch.search(input, &mut sink)?;
+            }
+        }
+        batch.search(input, &mut sink)?;
+        grid.batches.give_back(batch)?;
+        Ok(sink)
     }
 }
 

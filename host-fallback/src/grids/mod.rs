@@ -2,6 +2,8 @@ mod array_grid;
 mod cell;
 mod entries;
 mod hash_grid;
+mod nested_cell;
+mod overfull_cells;
 mod recursive_grid;
 mod uniform_grid;
 mod workspace;

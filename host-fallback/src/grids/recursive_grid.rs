@@ -10,13 +10,16 @@
 //! the centers. So every step halves the largest remaining size or the extent of a cell's spheres, and a recursion ends
 //! after some tens of steps on any input.
 
-use glam::{BVec3, DVec3, UVec3, Vec3};
+use glam::{DVec3, UVec3, Vec3};
 
-use super::cell::{Batch, CellMember, OverfullCells, owns_pairs};
+use super::cell::{Batch, CellMember, owns_pairs};
 use super::entries::{
-    ENTRY, Entries, KeyLayout, Visit, cells_of_piece, fill, memory_of_entries, most_entries, runs,
+    ENTRY, Entries, EntryBuffers, KeyLayout, SphereCells, Visit, cells_of_piece, memory_of_entries,
+    most_entries, runs,
 };
-use super::uniform_grid::{CellBox, UniformGrid};
+use super::nested_cell::{FinerCells, NestedCell};
+use super::overfull_cells::{CellMembers, OverfullCells};
+use super::uniform_grid::UniformGrid;
 use super::workspace::{Workspaces, most_members};
 use crate::Error;
 use crate::compare::{Output, Sink};
@@ -31,10 +34,6 @@ const CHUNK_ENTRIES: usize = 1 << 11;
 const PER_CELL: f64 = 16.0;
 /// Most halvings of a split by count, so that 32 bits suffice for a finer cell's key.
 const MAX_HALVINGS: f64 = 7.0;
-/// Maximum number of finer cells from the origin to a coordinate. Boxes are widened by 2⁻⁴⁹ of the coordinate for
-/// rounding, at most an eighth of a cell. Different coordinates are 2²² such cells apart, so along such an axis all
-/// spheres of a cell agree, and no split is needed.
-const MAX_FINENESS: f64 = (1_u64 << 46) as f64;
 
 #[derive(Debug, Default)]
 pub(crate) struct RecursiveGrid {
@@ -117,7 +116,7 @@ impl CellSplit {
             let empty = (DVec3::INFINITY, DVec3::NEG_INFINITY);
             let ([low, min], [high, max]) =
                 self.small.iter().fold(([empty.0; 2], [empty.1; 2]), |([low, min], [high, max]), member| {
-                    let (from, to) = cell.bounds::<true>(grid, member);
+                    let (from, to) = cell.bounds::<true>(grid, member.center, member.radius);
                     let center = 0.5 * (from + to);
                     ([low.min(from), min.min(center)], [high.max(to), max.max(center)])
                 });
@@ -151,68 +150,6 @@ enum SplitDecision {
     CompareLarge(f64),
     /// Compares all spheres, because no finer grid separates them.
     BruteForce,
-}
-
-/// A cell of the top grid, or of a grid nested in one of its cells.
-#[derive(Clone, Copy, Debug)]
-struct NestedCell {
-    /// Corner of the top cell, in top cells.
-    top: DVec3,
-    /// Number of cells of this size per axis of a top cell, a power of two.
-    fineness: f64,
-    /// `fineness`, or zero on an axis with one coordinate for all spheres of the top cell, or a ring of one cell.
-    scale: DVec3,
-    /// Corner relative to the top cell's corner, in cells of this size.
-    corner: DVec3,
-    /// Most top cells between the origin, or the ring's start, and a coordinate in this cell.
-    away: DVec3,
-}
-
-impl NestedCell {
-    fn top(grid: &UniformGrid, cell: UVec3) -> Self {
-        let corner = grid.corner(cell);
-        let top = DVec3::from_array(corner.map(|at| at.unwrap_or(0.0)));
-        let scale = DVec3::from_array(corner.map(|at| f64::from(u8::from(at.is_some()))));
-        Self { top, fineness: 1.0, scale, corner: DVec3::ZERO, away: grid.away(top) }
-    }
-
-    fn finer(&self, parts: f64, at: DVec3) -> Self {
-        let (fineness, scale) = (self.fineness * parts, self.scale * parts);
-        Self { fineness, scale, corner: self.corner * parts + at, ..*self }
-    }
-
-    /// Returns the most further halvings of each axis.
-    fn halvings(&self) -> DVec3 {
-        (MAX_FINENESS / (self.away * self.fineness)).map(|parts| parts.log2().floor())
-    }
-
-    /// Returns the axes that can be halved, and how often all of them can.
-    fn divisible(&self) -> (BVec3, f64) {
-        let halvings = self.halvings();
-        let axes = self.scale.cmpgt(DVec3::ZERO) & halvings.cmpge(DVec3::ONE);
-        (axes, DVec3::select(axes, halvings, DVec3::INFINITY).min_element())
-    }
-
-    fn along(&self, axes: BVec3) -> Self {
-        Self { scale: DVec3::select(axes, self.scale, DVec3::ZERO), ..*self }
-    }
-
-    #[inline(always)]
-    fn bounds<const PERIODIC: bool>(&self, grid: &UniformGrid, member: &Member) -> (DVec3, DVec3) {
-        let bounds = grid.bounds::<PERIODIC>(member.center, member.radius);
-        if PERIODIC { grid.image_at(self.top, bounds) } else { bounds }
-    }
-
-    /// Returns the parts that contain a position, clamped to this cell.
-    ///
-    /// The map is monotone, so the larger of two lower bounds never exceeds either upper bound. A coordinate keeps its
-    /// cell in further splits, because all but the first subtraction are exact inside the cell.
-    #[inline(always)]
-    fn part(&self, at: DVec3, parts: f64) -> DVec3 {
-        let at = ((at - self.top) * self.scale - self.corner) * parts;
-        // `floor` may be a function call.
-        at.max(DVec3::ZERO).min(DVec3::splat(parts - 1.0)).map(|k| k as i64 as f64)
-    }
 }
 
 impl RecursiveGrid {
@@ -272,7 +209,7 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         let piece = |sink: O::Sink<'o>, piece: usize| {
             self.grid
                 .splits
-                .lend(|split| self.cells(cells_of_piece(entries, piece, CHUNK_ENTRIES), &cell, (split, sink)))
+                .lend(|split| self.cells(cells_of_piece(entries, piece, CHUNK_ENTRIES), &cell, split, sink))
         };
         match entries.len().div_ceil(CHUNK_ENTRIES) {
             0 | 1 if sink.stopped() => Ok(sink),
@@ -286,7 +223,8 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         &self,
         entries: &[KeyedSphere<K>],
         cell: impl Fn(K) -> NestedCell,
-        (split, mut sink): (&mut CellSplit, O::Sink<'o>),
+        split: &mut CellSplit,
+        mut sink: O::Sink<'o>,
     ) -> Result<O::Sink<'o>, Error> {
         let grouping = self.input.grouping(Division::ByPartners);
         let batches = &self.grid.batches;
@@ -335,41 +273,36 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
                 split.merge_large()?;
             }
             if !split.large.is_empty() {
-                let overfull = &self.grid.overfull;
-                sink = overfull.among(self.input, (&split.large, &split.small), (self.output, sink))?;
+                let members = CellMembers { large: &split.large, small: &split.small };
+                sink = self.grid.overfull.among(self.input, members, self.output, sink)?;
             }
             match step {
                 SplitDecision::BruteForce => return Ok(sink),
                 SplitDecision::CompareLarge(radius) => limit = radius,
-                SplitDecision::Split(parts) => return self.split(&cell, (parts, extent), (split, sink)),
+                SplitDecision::Split(parts) => {
+                    let finer = FinerCells::new(&cell, parts, extent.low, extent.high);
+                    return self.split(&finer, split, sink);
+                }
             }
         }
     }
 
     fn split(
         &self,
-        cell: &NestedCell,
-        (parts, extent): (f64, Extent),
-        (split, sink): (&mut CellSplit, O::Sink<'o>),
+        cells: &FinerCells,
+        split: &mut CellSplit,
+        sink: O::Sink<'o>,
     ) -> Result<O::Sink<'o>, Error> {
         let CellSplit { small, finer, offsets, .. } = split;
-        let cell = &cell.along(cell.divisible().0);
-        let grid = &self.grid.entries.grid;
-        // One more cell on either side covers rounding.
-        let first = cell.part(extent.low, parts) - 1.0;
-        let last = cell.part(extent.high, parts) + 1.0;
-        let layout = KeyLayout::new(UVec3::ZERO, (last - first).as_uvec3());
-        let sphere = |k: usize| {
-            let member = &small[k];
-            let (low, high) = cell.bounds::<PERIODIC>(grid, member);
-            let within = |at| (cell.part(at, parts) - first).as_uvec3();
-            Some((CellBox { low: within(low), high: within(high) }, member.corner_mask, member.id))
+        let (grid, executor, layout) = (&self.grid.entries.grid, self.input.executor, cells.layout);
+        let cover = |k: usize| {
+            let Member { center, radius, id, corner_mask } = small[k];
+            Some((cells.cover::<PERIODIC>(grid, center, radius), corner_mask, id))
         };
-        let executor = self.input.executor;
-        fill((small.len(), executor), (sphere, |at| at), layout, (finer, offsets, usize::MAX))?;
+        let spheres = SphereCells { count: small.len(), cover, wrap: |at: UVec3| at };
+        EntryBuffers { radix: finer, offsets }.fill(spheres, layout, usize::MAX, executor)?;
         finer.sort(layout.bits(), executor)?;
-        let cell = |key: u32| cell.finer(parts, first + layout.cell(key).as_dvec3());
-        self.level(&finer.entries, cell, sink)
+        self.level(&finer.entries, |key| cells.cell_of(key), sink)
     }
 }
 

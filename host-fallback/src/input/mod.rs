@@ -1,3 +1,4 @@
+mod center_bounds;
 mod copy;
 mod grouping;
 mod input_spheres;
@@ -10,6 +11,7 @@ mod stats;
 mod unequal_radii;
 mod validate;
 
+pub(crate) use center_bounds::CenterBounds;
 pub(crate) use grouping::{Grouping, sort_by_group};
 pub(crate) use input_spheres::{InputLoop, InputRows, InputSpheres};
 pub use query::{Preparation, PreparedQuery, QueryBuffers, check};

@@ -197,29 +197,32 @@ impl QueryBuffers {
         let bounds = given.unwrap_or_else(|| Bounds::of(query, executor));
         check(&bounds)?;
         let frame = SearchFrame::new(&bounds, space);
-        let trimmed = self.trimmed(&frame, (&bounds, last.as_ref()), (query, settings), executor);
+        let trimmed = {
+            let get = self.effective_rows(query, settings, &frame);
+            let rows = RowsByIndex { count: query.len(), bounds: &bounds, get: &get };
+            frame.trimmed(space, &rows, last.as_ref(), executor)
+        };
         let frame = trimmed.unwrap_or(frame);
         self.fill(query, &frame, settings, executor)?;
         Ok(frame)
     }
 
-    fn trimmed(
+    /// Returns the coordinates and the effective radius of each sphere, by index over both sets.
+    fn effective_rows(
         &self,
+        query: &Query<'_>,
+        settings: &Settings,
         frame: &SearchFrame,
-        (bounds, last): (&Bounds, Option<&SearchFrame>),
-        (query, settings): (&Query<'_>, &Settings),
-        executor: Executor,
-    ) -> Option<SearchFrame> {
+    ) -> impl Fn(usize) -> [f64; 4] + Sync {
         let reaches = frame_reaches(&self.groups, settings, frame);
-        let given =
-            |set: Spheres<'_>, k| InputSpheres::new(set, reaches, frame, &settings.space).effective_row(k);
+        let given = move |set: Spheres<'_>, k| {
+            InputSpheres::new(set, reaches, frame, &settings.space).effective_row(k)
+        };
         let first = query.first();
-        let get = |k: usize| match query.second() {
+        move |k: usize| match query.second() {
             Some(second) if k >= first.len() => given(second, k - first.len()),
             _ => given(first, k),
-        };
-        let rows = RowsByIndex { count: query.len(), get: &get };
-        frame.trimmed(bounds, &settings.space, (&rows, last), executor)
+        }
     }
 
     /// Maps both sets to a frame. Returns the bounds of the given numbers.

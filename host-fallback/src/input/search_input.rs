@@ -2,6 +2,7 @@ use std::sync::atomic::Ordering::Relaxed;
 
 use glam::Vec3;
 
+use super::CenterBounds;
 use crate::compare::{Output, PairTest, SimdTask, Sink};
 use crate::executor::Executor;
 use crate::input::{Division, Grouping, InputStats, SpeciesGroups};
@@ -43,9 +44,9 @@ impl<'a> SearchInput<'a> {
     }
 
     /// Returns the longest axis of a grid for these bounds.
-    pub(crate) fn extent(&self, (min, max): (Vec3, Vec3)) -> f32 {
+    pub(crate) fn extent(&self, bounds: CenterBounds) -> f32 {
         let lengths = self.test.lengths();
-        let apart = (max.as_dvec3() - min.as_dvec3()).as_vec3().min(Vec3::MAX);
+        let apart = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).as_vec3().min(Vec3::MAX);
         (0..3).map(|axis| lengths[axis].unwrap_or(apart[axis])).fold(0.0, f32::max)
     }
 

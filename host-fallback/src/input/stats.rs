@@ -5,6 +5,7 @@ use std::ops::Range;
 use glam::Vec3;
 use lazygrid_kernels::{InputError, Interactions, Spheres};
 
+use super::CenterBounds;
 use super::validate::check;
 use crate::compare::{EffectiveLoop, EffectiveRows, PairTest};
 use crate::executor::Executor;
@@ -93,6 +94,10 @@ impl InputStats {
             stats.span = [stats.span[0].min(class), stats.span[1].max(class + 1)];
         }
         stats
+    }
+
+    pub(crate) fn bounds(&self) -> CenterBounds {
+        CenterBounds { min: self.min, max: self.max }
     }
 
     /// Returns the statistics of these classes, with the bounds of all spheres.

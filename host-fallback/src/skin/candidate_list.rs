@@ -5,7 +5,7 @@ use lazygrid_kernels::Pair;
 
 use super::CallSpheres;
 use super::advance::{CHUNK_SPHERES, advance};
-use crate::cell_list::{CellList, DensityCache, SortRecord};
+use crate::cell_list::{CellList, CellListBuilder, SortRecord};
 use crate::compare::{
     ChunkTarget, ChunkedOutput, MAX_LANES, Output, PairTest, SimdTask, SimdWidth, Sink, SkinMargin, Xyzr,
     memory_of_list, pair_at,
@@ -133,12 +133,12 @@ impl CandidateList {
     /// if memory is refused.
     pub(crate) fn find(
         &mut self,
-        (list, density_cache): (&mut CellList, &DensityCache),
+        builder: &mut CellListBuilder<'_>,
         input: &SearchInput<'_>,
         limits: &DisplacementLimits,
         report: &mut Report,
     ) -> Result<bool, Error> {
-        let found = self.find_within_limit((list, density_cache), input, limits, report);
+        let found = self.find_within_limit(builder, input, limits, report);
         if matches!(found, Ok(true)) {
             return found;
         }
@@ -155,7 +155,7 @@ impl CandidateList {
 
     fn find_within_limit(
         &mut self,
-        (list, density_cache): (&mut CellList, &DensityCache),
+        builder: &mut CellListBuilder<'_>,
         input: &SearchInput<'_>,
         limits: &DisplacementLimits,
         report: &mut Report,
@@ -168,7 +168,7 @@ impl CandidateList {
         let stats = report.time("survey", || InputStats::of(&test, input.executor))?;
         let wide = |test, stats| SearchInput { test, stats, ..*input };
         let widened = wide(test, stats);
-        list.build(&widened, density_cache, report)?;
+        let list = builder.build(&widened, report)?;
         report.time("keep", || self.store_reference(list, input))?;
 
         let test = input.test.widened(SkinMargin { limits, order: Some(&self.order) });

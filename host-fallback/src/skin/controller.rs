@@ -2,7 +2,7 @@ use super::CallSpheres;
 use super::candidate_list::{CandidateList, DisplacementLimits, least_limit};
 use super::cost_model::{SkinCosts, SkinModel, SkinScaling, choose};
 use super::tuner::SkinTuner;
-use crate::cell_list::{CellList, DensityCache, DensityProfile};
+use crate::cell_list::{CellList, CellListBuilder, DensityCache, DensityProfile};
 use crate::executor::Executor;
 use crate::input::SearchInput;
 use crate::report::{RebuildReason, Report};
@@ -55,8 +55,9 @@ impl SkinController {
             }
             Skin::Auto => report.time("plan", || choose_limits(tuner, input, density))?,
         };
+        let mut builder = CellListBuilder { list, density_cache: &density_cache };
         if let Some(limits) = limits {
-            if candidates.find((list, &density_cache), input, limits, report)? {
+            if candidates.find(&mut builder, input, limits, report)? {
                 let count = candidates.stats(None).count;
                 tuner.record_count(count as f32 / input.stats.spheres as f32);
                 self.density_cache = Some(density_cache);
@@ -66,7 +67,7 @@ impl SkinController {
         }
         // The cell list, to whose positions candidates refer, is rebuilt now.
         candidates.clear();
-        list.build(input, &density_cache, report)?;
+        builder.build(input, report)?;
         self.density_cache = Some(density_cache);
         Ok(false)
     }

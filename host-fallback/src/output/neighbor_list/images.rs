@@ -102,7 +102,7 @@ impl PeriodicImages {
         self.reserve(count as usize)?;
         for k in 0..second.len() {
             let ranges = ranges(offset + k, self);
-            self.add((contact, &lattice), k, offset + k, ranges)?;
+            self.add(contact, &lattice, k, ranges)?;
         }
         Ok(())
     }
@@ -149,14 +149,15 @@ impl PeriodicImages {
         Ok(())
     }
 
-    /// Adds the images of sphere `k` of the second set, which is folded at `at`.
+    /// Adds the images of sphere `k` of the second set.
     fn add(
         &mut self,
-        (contact, lattice): (&ContactTest<'_>, &Lattice),
+        contact: &ContactTest<'_>,
+        lattice: &Lattice,
         k: usize,
-        at: usize,
         ranges: [[f64; 2]; 3],
     ) -> Result<(), Error> {
+        let at = contact.query.first().len() + k;
         let (folded, reach) = (self.folded[at], self.reaches[at]);
         let along = |axis: usize| {
             let [from, to] = ranges[axis];

@@ -98,6 +98,15 @@ impl ContactTest<'_> {
     }
 }
 
+/// The pairs that a list is built from.
+#[derive(Clone, Copy, Debug)]
+pub struct FoundPairs<'a> {
+    /// Pairs of the query, or pairs between its spheres and their `images`, in canonical order.
+    pub pairs: &'a [Pair],
+    /// Images of the spheres; `None` if minimum images suffice.
+    pub images: Option<&'a PeriodicImages>,
+}
+
 /// Builds neighbor lists in reused buffers.
 #[derive(Debug, Default)]
 pub struct NeighborListBuilder {
@@ -117,8 +126,7 @@ fn read(set: Spheres<'_>, into: &mut [[f64; 4]], executor: Executor) {
 }
 
 impl NeighborListBuilder {
-    /// Builds the list from the pairs of a query in canonical order, if minimum images suffice, or from the pairs
-    /// between the spheres and their `images`.
+    /// Builds the list from the pairs of a search.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`], [`Error::ThreadPool`], [`Error::Cancelled`], and [`InputError::Shift`] for a shift
@@ -126,10 +134,11 @@ impl NeighborListBuilder {
     pub fn build(
         &mut self,
         contact: ContactTest<'_>,
-        (pairs, images): (&[Pair], Option<&PeriodicImages>),
+        found: FoundPairs<'_>,
         options: ListOptions,
         team: &Team,
     ) -> Result<NeighborList<'_>, Error> {
+        let FoundPairs { pairs, images } = found;
         let rows = contact.query.first().len();
         let is_mirrored = images.is_none() && contact.query.second().is_none() && !options.is_half;
         let candidates = self.lists.rows(pairs, rows, is_mirrored)?;
@@ -215,7 +224,7 @@ mod tests {
             let contact =
                 ContactTest { query: &query, space: &Space::UNBOUNDED, table: None, stop: Some(&stop) };
             let mut builder = NeighborListBuilder::default();
-            let found = (&[Pair { i: 0, j: 1 }][..], None);
+            let found = FoundPairs { pairs: &[Pair { i: 0, j: 1 }], images: None };
             let list = builder.build(contact, found, ListOptions::default(), &team).map(|list| list.len());
             assert_eq!(list, if is_stopped { Err(Error::Cancelled) } else { Ok(2) });
         }

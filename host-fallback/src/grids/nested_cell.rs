@@ -1,0 +1,118 @@
+//! Cells of grids that nest in the cells of the top grid.
+
+use glam::{BVec3, DVec3, UVec3, Vec3};
+
+use super::entries::KeyLayout;
+use super::uniform_grid::{CellBox, UniformGrid};
+
+/// Maximum number of finer cells from the origin to a coordinate. Boxes are widened by 2⁻⁴⁹ of the coordinate for
+/// rounding, at most an eighth of a cell. Different coordinates are 2²² such cells apart, so along such an axis all
+/// spheres of a cell agree, and no split is needed.
+const MAX_FINENESS: f64 = (1_u64 << 46) as f64;
+
+/// A cell of the top grid, or of a grid nested in one of its cells.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NestedCell {
+    /// Corner of the top cell, in top cells.
+    top: DVec3,
+    /// Number of cells of this size per axis of a top cell, a power of two.
+    pub(super) fineness: f64,
+    /// `fineness`, or zero on an axis with one coordinate for all spheres of the top cell, or a ring of one cell.
+    scale: DVec3,
+    /// Corner relative to the top cell's corner, in cells of this size.
+    corner: DVec3,
+    /// Most top cells between the origin, or the ring's start, and a coordinate in this cell.
+    away: DVec3,
+}
+
+impl NestedCell {
+    pub(super) fn top(grid: &UniformGrid, cell: UVec3) -> Self {
+        let corner = grid.corner(cell);
+        let top = DVec3::from_array(corner.map(|at| at.unwrap_or(0.0)));
+        let scale = DVec3::from_array(corner.map(|at| f64::from(u8::from(at.is_some()))));
+        Self { top, fineness: 1.0, scale, corner: DVec3::ZERO, away: grid.away(top) }
+    }
+
+    fn finer(&self, parts: f64, at: DVec3) -> Self {
+        let (fineness, scale) = (self.fineness * parts, self.scale * parts);
+        Self { fineness, scale, corner: self.corner * parts + at, ..*self }
+    }
+
+    /// Returns the most further halvings of each axis.
+    fn halvings(&self) -> DVec3 {
+        (MAX_FINENESS / (self.away * self.fineness)).map(|parts| parts.log2().floor())
+    }
+
+    /// Returns the axes that can be halved, and how often all of them can.
+    pub(super) fn divisible(&self) -> (BVec3, f64) {
+        let halvings = self.halvings();
+        let axes = self.scale.cmpgt(DVec3::ZERO) & halvings.cmpge(DVec3::ONE);
+        (axes, DVec3::select(axes, halvings, DVec3::INFINITY).min_element())
+    }
+
+    fn along(&self, axes: BVec3) -> Self {
+        Self { scale: DVec3::select(axes, self.scale, DVec3::ZERO), ..*self }
+    }
+
+    #[inline(always)]
+    pub(super) fn bounds<const PERIODIC: bool>(
+        &self,
+        grid: &UniformGrid,
+        center: Vec3,
+        radius: f32,
+    ) -> (DVec3, DVec3) {
+        let bounds = grid.bounds::<PERIODIC>(center, radius);
+        if PERIODIC { grid.image_at(self.top, bounds) } else { bounds }
+    }
+
+    /// Returns the parts that contain a position, clamped to this cell.
+    ///
+    /// The map is monotone, so the larger of two lower bounds never exceeds either upper bound. A coordinate keeps its
+    /// cell in further splits, because all but the first subtraction are exact inside the cell.
+    #[inline(always)]
+    fn part(&self, at: DVec3, parts: f64) -> DVec3 {
+        let at = ((at - self.top) * self.scale - self.corner) * parts;
+        // `floor` may be a function call.
+        at.max(DVec3::ZERO).min(DVec3::splat(parts - 1.0)).map(|k| k as i64 as f64)
+    }
+}
+
+/// The finer cells that a split divides a cell into.
+pub(super) struct FinerCells {
+    /// The cell, along the axes that can be halved.
+    cell: NestedCell,
+    /// Number of finer cells per axis.
+    parts: f64,
+    /// First finer cell with a key.
+    first: DVec3,
+    pub(super) layout: KeyLayout,
+}
+
+impl FinerCells {
+    /// Divides a cell into `parts` per axis, with keys for those between two positions.
+    pub(super) fn new(cell: &NestedCell, parts: f64, low: DVec3, high: DVec3) -> Self {
+        let cell = cell.along(cell.divisible().0);
+        // One more cell on either side covers rounding.
+        let first = cell.part(low, parts) - 1.0;
+        let last = cell.part(high, parts) + 1.0;
+        let layout = KeyLayout::new(UVec3::ZERO, (last - first).as_uvec3());
+        Self { cell, parts, first, layout }
+    }
+
+    /// Returns the finer cells that a sphere overlaps.
+    #[inline(always)]
+    pub(super) fn cover<const PERIODIC: bool>(
+        &self,
+        grid: &UniformGrid,
+        center: Vec3,
+        radius: f32,
+    ) -> CellBox {
+        let (low, high) = self.cell.bounds::<PERIODIC>(grid, center, radius);
+        let within = |at| (self.cell.part(at, self.parts) - self.first).as_uvec3();
+        CellBox { low: within(low), high: within(high) }
+    }
+
+    pub(super) fn cell_of(&self, key: u32) -> NestedCell {
+        self.cell.finer(self.parts, self.first + self.layout.cell(key).as_dvec3())
+    }
+}

@@ -1,0 +1,220 @@
+//! Comparisons inside overfull cells, in tiles.
+
+use std::ops::Range;
+
+use super::cell::{
+    ALL_PARTNERS, CellMember, LATER_PARTNERS, MASKS, MaskRange, Starts, owns_pairs, range, starts,
+};
+use super::workspace::Workspaces;
+use crate::Error;
+use crate::compare::{Columns, Output, PairTest, SimdTask, SimdWidth, Sink, scan};
+use crate::input::{Division, Grouping, SearchInput, search_pieces};
+use crate::memory::{try_collect, try_push, with_growth};
+
+/// Spheres per tile, so that its columns stay near the first-level cache.
+const TILE: usize = 1024;
+/// Spheres with which a thread compares a tile.
+const ROW: usize = 1 << 13;
+/// Comparisons, about 0.1 ms, at or above which threads share an overfull cell.
+const MIN_PARALLEL_COMPARISONS: usize = 1 << 20;
+
+/// The members of a cell, sorted by corner mask.
+pub(crate) struct CellMembers<'m, M> {
+    /// Members to compare with all.
+    pub(crate) large: &'m [M],
+    /// Members to compare only with the large ones.
+    pub(crate) small: &'m [M],
+}
+
+/// Buffers for overfull cells.
+#[derive(Debug, Default)]
+pub(crate) struct OverfullCells {
+    cells: Workspaces<OverfullCell>,
+    columns: Workspaces<Columns>,
+}
+
+/// An overfull cell, divided into rows of tiles. Spheres are gathered per row, so memory does not grow with the cell.
+#[derive(Debug, Default)]
+struct OverfullCell {
+    rows: Vec<TileRow>,
+    /// Positions in the cell, group by group.
+    order: Vec<u32>,
+}
+
+#[derive(Clone, Debug)]
+struct TileRow {
+    of: Range<usize>,
+    with: Range<usize>,
+}
+
+impl OverfullCells {
+    pub(crate) fn memory_for(spheres: u64, threads: u64) -> u64 {
+        threads * with_growth(Columns::BYTES_PER_SPHERE * spheres.min((TILE + ROW) as u64))
+    }
+
+    /// Compares inside one cell, whose entries are sorted by corner mask.
+    pub(crate) fn within<'o, O: Output>(
+        &self,
+        input: &SearchInput<'_>,
+        run: &[impl CellMember],
+        output: &'o O,
+        sink: O::Sink<'o>,
+    ) -> Result<O::Sink<'o>, Error> {
+        if !owns_pairs(run) {
+            return Ok(sink);
+        }
+        self.among(input, CellMembers { large: run, small: &[] }, output, sink)
+    }
+
+    /// Compares the large members of a cell with each other and with the small ones.
+    pub(crate) fn among<'o, O: Output>(
+        &self,
+        input: &SearchInput<'_>,
+        members: CellMembers<'_, impl CellMember>,
+        output: &'o O,
+        sink: O::Sink<'o>,
+    ) -> Result<O::Sink<'o>, Error> {
+        let CellMembers { large, small } = members;
+        self.cells.lend(|cell| {
+            cell.arrange_all(input, large, small)?;
+            let cell = &*cell;
+            let id = |k: usize| {
+                let k = cell.order.get(k).map_or(k, |&member| member as usize);
+                if k < large.len() { large[k].id() } else { small[k - large.len()].id() }
+            };
+            cell.search(input, output, sink, |mut sink, row| {
+                self.columns.lend(|columns| {
+                    let local = row.gather(columns, &input.test, id)?;
+                    input.run(TileTask { columns, test: &input.test, row: &local, sink: &mut sink });
+                    sink.checked()
+                })
+            })
+        })
+    }
+}
+
+impl OverfullCell {
+    fn arrange_all(
+        &mut self,
+        input: &SearchInput<'_>,
+        large: &[impl CellMember],
+        small: &[impl CellMember],
+    ) -> Result<(), Error> {
+        let grouping = input.grouping(Division::ByPartners);
+        self.rows.clear();
+        self.order.clear();
+        let first = self.arrange(large, 0, &grouping)?;
+        let second = self.arrange(small, large.len(), &grouping)?;
+        for (a, b) in grouping.meetings() {
+            self.plan(&first[a], &first[b], if a == b { &LATER_PARTNERS } else { &ALL_PARTNERS })?;
+            self.plan(&first[a], &second[b], &ALL_PARTNERS)?;
+            if a != b {
+                self.plan(&first[b], &second[a], &ALL_PARTNERS)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Appends the members of a cell to the order, group by group, unless there is one group. Returns each group's
+    /// positions. `from` is the first member's index.
+    fn arrange(
+        &mut self,
+        members: &[impl CellMember],
+        from: usize,
+        grouping: &Grouping<'_>,
+    ) -> Result<Vec<Starts>, Error> {
+        let mut groups = try_collect(std::iter::empty(), "groups of a cell")?;
+        if grouping.count() == 1 {
+            try_push(&mut groups, starts(members.iter(), from), "groups of a cell")?;
+            return Ok(groups);
+        }
+        for group in 0..grouping.count() {
+            let is_own = |id: u32| grouping.of(id as usize) == group;
+            let own = || members.iter().zip(from as u32..).filter(|(member, _)| is_own(member.id()));
+            let first = self.order.len();
+            try_push(&mut groups, starts(own().map(|(member, _)| member), first), "groups of a cell")?;
+            own().try_for_each(|(_, k)| try_push(&mut self.order, k, "spheres of an overfull cell"))?;
+        }
+        Ok(groups)
+    }
+
+    fn plan(&mut self, of: &Starts, with: &Starts, partners: &[&[MaskRange]; MASKS]) -> Result<(), Error> {
+        for (corner_mask, partners) in partners.iter().enumerate() {
+            for &partners in *partners {
+                let (of, with) = (range(of, (corner_mask, corner_mask + 1)), range(with, partners));
+                for tile in pieces(of, TILE) {
+                    let with = with.start.max(tile.start)..with.end;
+                    for with in pieces(with, ROW) {
+                        let row = TileRow { of: tile.clone(), with };
+                        try_push(&mut self.rows, row, "tiles of an overfull cell")?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Calls `compare` for each row, on several threads if there is enough work.
+    fn search<'o, O: Output>(
+        &self,
+        input: &SearchInput<'_>,
+        output: &'o O,
+        sink: O::Sink<'o>,
+        compare: impl Fn(O::Sink<'o>, &TileRow) -> Result<O::Sink<'o>, Error> + Send + Sync,
+    ) -> Result<O::Sink<'o>, Error> {
+        let compare = |sink, row: usize| compare(sink, &self.rows[row]);
+        let comparisons: usize = self.rows.iter().map(|row| row.of.len() * row.with.len()).sum();
+        if comparisons < MIN_PARALLEL_COMPARISONS {
+            return (0..self.rows.len()).try_fold(sink, compare);
+        }
+        sink.merge(search_pieces(output, input, self.rows.len(), 1, compare)?)
+    }
+}
+
+impl TileRow {
+    /// Gathers the spheres of a row. Returns the row with positions in the columns.
+    fn gather(
+        &self,
+        columns: &mut Columns,
+        test: &PairTest<'_>,
+        id: impl Fn(usize) -> u32,
+    ) -> Result<Self, Error> {
+        let Self { of, with } = self;
+        let rest = with.start.max(of.end)..with.end.max(of.end);
+        let (own, fetched) = (of.len(), of.len() + rest.len());
+        let place = |k: usize| if k < own { of.start + k } else { rest.start + k - own };
+        columns.gather(test, (0..fetched).map(|k| id(place(k))))?;
+        let local = |at: usize| if at < of.end { at - of.start } else { at - rest.start + own };
+        Ok(Self { of: 0..own, with: local(with.start)..local(with.end) })
+    }
+}
+
+fn pieces(range: Range<usize>, size: usize) -> impl Iterator<Item = Range<usize>> {
+    let end = range.end;
+    range.step_by(size).map(move |from| from..end.min(from + size))
+}
+
+struct TileTask<'t, S> {
+    columns: &'t Columns,
+    test: &'t PairTest<'t>,
+    row: &'t TileRow,
+    sink: &'t mut S,
+}
+
+impl<S: Sink> SimdTask for TileTask<'_, S> {
+    type Result = ();
+
+    #[inline(always)]
+    fn run<V: SimdWidth>(self, vector: V) {
+        let Self { columns, test, row, sink } = self;
+        for tile in pieces(row.with.clone(), TILE) {
+            for at in row.of.clone() {
+                // Spheres of one corner mask are compared only with later spheres.
+                let run = tile.start.max(at + 1)..tile.end;
+                if !run.is_empty() {
+                    scan(vector, (columns, test), at, run, sink);
+                }
+            }
+        }
+    }
+}
