@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use crate::Error;
-use crate::compare::{COMPARE_NS, Columns, Output, PairTest, SimdTask, SimdWidth, Sink, scan};
+use crate::compare::{COMPARE_NS, Columns, Output, PairTest, ScanInput, SimdTask, SimdWidth, Sink, scan};
 use crate::input::{Division, SearchInput, search_pieces, sort_by_group};
 use crate::memory::{try_push, with_growth};
 
@@ -26,7 +26,7 @@ impl<S: Sink> SimdTask for Tile<'_, S> {
     fn run<V: SimdWidth>(self, vector: V) {
         for at in self.a.clone() {
             let run = self.b.start.max(if self.a == self.b { at + 1 } else { 0 })..self.b.end;
-            scan(vector, (self.columns, self.test), at, run, self.sink);
+            scan(vector, ScanInput { columns: self.columns, test: self.test }, at, run, self.sink);
         }
     }
 }

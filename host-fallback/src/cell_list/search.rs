@@ -4,7 +4,8 @@ use super::grid::CellRange;
 use super::{CellList, LevelGrid, SearchRadius, Target};
 use crate::Error;
 use crate::compare::{
-    Among, HitQueue, MAX_LANES, NeighborRows, Output, PairTest, RunQueue, SimdTask, SimdWidth, Sink, scan,
+    HitQueue, MAX_LANES, NeighborRows, Output, PairTest, RunQueue, ScanInput, SimdTask, SimdWidth, Sink,
+    SphereRun, scan,
 };
 use crate::input::{SearchInput, search_pieces};
 
@@ -123,15 +124,16 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
                 at = end;
             }
             while at < end {
-                let count = MAX_LANES.min(end - at);
+                let spheres = at..at + MAX_LANES.min(end - at);
+                at = spheres.end;
                 self.work_if_full();
-                self.vector.find_neighbor_runs(&self.list.columns, (at, count), &neighbors, &mut self.runs);
+                let columns = &self.list.columns;
+                self.vector.find_neighbor_runs(columns, spheres.clone(), &neighbors, &mut self.runs);
                 if !targets.is_empty() {
-                    for at in at..at + count {
+                    for at in spheres {
                         self.others(targets, at);
                     }
                 }
-                at += count;
             }
         }
     }
@@ -200,13 +202,13 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
     #[inline(always)]
     fn work(&mut self) {
         let Self { vector, list, test, ref mut sink, ref mut runs, ref mut hits, ref mut is_crowded } = *self;
-        let among = (&list.columns, test);
-        vector.call(Scan { among, runs, hits, is_crowded, sink: *sink }, vector);
+        let input = ScanInput { columns: &list.columns, test };
+        vector.call(Scan { input, runs, hits, is_crowded, sink: *sink }, vector);
     }
 }
 
 struct Scan<'f, S> {
-    among: Among<'f>,
+    input: ScanInput<'f>,
     runs: &'f mut RunQueue,
     hits: &'f mut HitQueue,
     is_crowded: &'f mut bool,
@@ -218,17 +220,17 @@ impl<S: Sink> SimdTask for Scan<'_, S> {
 
     #[inline(always)]
     fn run<V: SimdWidth>(self, vector: V) {
-        let Self { among, runs, hits, is_crowded, sink } = self;
+        let Self { input, runs, hits, is_crowded, sink } = self;
         let mut hit_vectors = 0;
         if *is_crowded {
             for k in 0..runs.len() {
-                hits.scan(vector, among, runs.get(k), sink);
+                hits.scan(vector, input, runs.get(k), sink);
             }
-            hit_vectors = hits.flush(vector, among, sink);
+            hit_vectors = hits.flush(vector, input, sink);
         } else {
             for k in 0..runs.len() {
-                let (at, run) = runs.get(k);
-                hit_vectors += scan(vector, among, at, run, sink);
+                let SphereRun { at, run } = runs.get(k);
+                hit_vectors += scan(vector, input, at, run, sink);
             }
         }
         *is_crowded = hit_vectors > runs.len() / RUNS_PER_HIT;

@@ -2,7 +2,7 @@ use std::ops::Range;
 
 use super::columns::{Columns, MAX_LANES};
 use super::pair_test::PairTest;
-use super::simd::SimdWidth;
+use super::simd::{SimdWidth, SphereRun};
 use super::sink::Sink;
 
 /// Estimated nanoseconds of a comparison.
@@ -14,27 +14,39 @@ struct Lanes {
     possible: u32,
 }
 
+/// The hits of the sphere at `at` in a vector of spheres at or above `base`.
+#[derive(Clone, Copy)]
+struct VectorHits {
+    at: usize,
+    base: usize,
+    lanes: Lanes,
+}
+
 /// Spheres to compare, and their exact test.
-pub(crate) type Among<'c> = (&'c Columns, &'c PairTest<'c>);
+#[derive(Clone, Copy)]
+pub(crate) struct ScanInput<'c> {
+    pub(crate) columns: &'c Columns,
+    pub(crate) test: &'c PairTest<'c>,
+}
 
 /// Compares the sphere at `at` with a run that does not contain it. Returns the number of vectors with hits.
 #[inline(always)]
 pub(crate) fn scan<V: SimdWidth, S: Sink>(
     vector: V,
-    among: Among<'_>,
+    input: ScanInput<'_>,
     at: usize,
     run: Range<usize>,
     sink: &mut S,
 ) -> usize {
-    let query = vector.query(among.0.sphere(at));
+    let query = vector.query(input.columns.sphere(at));
     let (mut base, mut hit_vectors) = (run.start, 0);
     while base < run.end {
         let live = u32::MAX >> (32 - V::LANES.min(run.end - base));
-        let distances = vector.squared_distances(among.0, base, query);
+        let distances = vector.squared_distances(input.columns, base, query);
         let possible = vector.possible(distances) & live;
         if possible != 0 {
             let certain = vector.certain(distances) & live;
-            take(vector, among, (at, base), Lanes { certain, possible }, sink);
+            take(vector, input, VectorHits { at, base, lanes: Lanes { certain, possible } }, sink);
             hit_vectors += 1;
         }
         base += V::LANES;
@@ -69,22 +81,23 @@ impl HitQueue {
     pub(crate) fn scan<V: SimdWidth, S: Sink>(
         &mut self,
         vector: V,
-        among: Among<'_>,
-        (at, run): (usize, Range<usize>),
+        input: ScanInput<'_>,
+        sphere_run: SphereRun,
         sink: &mut S,
     ) {
-        let query = vector.query(among.0.sphere(at));
+        let SphereRun { at, run } = sphere_run;
+        let query = vector.query(input.columns.sphere(at));
         let mut base = run.start;
         while base < run.end {
             let live = u32::MAX >> (32 - V::LANES.min(run.end - base));
-            let distances = vector.squared_distances(among.0, base, query);
+            let distances = vector.squared_distances(input.columns, base, query);
             let (possible, certain) = (vector.possible(distances) & live, vector.certain(distances) & live);
             let len = self.len % Self::ROOM;
             (self.at[len], self.base[len]) = (at as u32, base as u32);
             self.lanes[len] = possible | (certain << MAX_LANES);
             self.len = len + usize::from(possible != 0);
             if self.len == Self::ROOM {
-                self.write_pairs(vector, among, sink);
+                self.write_pairs(vector, input, sink);
             }
             base += V::LANES;
         }
@@ -95,19 +108,19 @@ impl HitQueue {
     pub(crate) fn flush<V: SimdWidth, S: Sink>(
         &mut self,
         vector: V,
-        among: Among<'_>,
+        input: ScanInput<'_>,
         sink: &mut S,
     ) -> usize {
-        self.write_pairs(vector, among, sink);
+        self.write_pairs(vector, input, sink);
         std::mem::take(&mut self.hit_vectors)
     }
 
     #[inline(always)]
-    fn write_pairs<V: SimdWidth, S: Sink>(&mut self, vector: V, among: Among<'_>, sink: &mut S) {
+    fn write_pairs<V: SimdWidth, S: Sink>(&mut self, vector: V, input: ScanInput<'_>, sink: &mut S) {
         for k in 0..self.len.min(Self::ROOM) {
             let (at, base) = (self.at[k] as usize, self.base[k] as usize);
             let (possible, certain) = (self.lanes[k] & (u32::MAX >> MAX_LANES), self.lanes[k] >> MAX_LANES);
-            take(vector, among, (at, base), Lanes { certain, possible }, sink);
+            take(vector, input, VectorHits { at, base, lanes: Lanes { certain, possible } }, sink);
         }
         self.hit_vectors += self.len;
         self.len = 0;
@@ -115,13 +128,8 @@ impl HitQueue {
 }
 
 #[inline(always)]
-fn take<V: SimdWidth, S: Sink>(
-    vector: V,
-    (columns, test): Among<'_>,
-    (at, base): (usize, usize),
-    lanes: Lanes,
-    sink: &mut S,
-) {
+fn take<V: SimdWidth, S: Sink>(vector: V, input: ScanInput<'_>, found: VectorHits, sink: &mut S) {
+    let (ScanInput { columns, test }, VectorHits { at, base, lanes }) = (input, found);
     let hits = match test.is_plain() && lanes.certain == lanes.possible {
         true => lanes.certain,
         false => decide(test, columns, at, base, lanes),

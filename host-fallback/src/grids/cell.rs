@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use super::entries::MASK_BITS;
 use crate::Error;
-use crate::compare::{Columns, PairTest, SimdTask, SimdWidth, Sink, scan};
+use crate::compare::{Columns, PairTest, ScanInput, SimdTask, SimdWidth, Sink, scan};
 use crate::input::{Grouping, SearchInput};
 use crate::memory::{try_extend, try_push, with_growth};
 use crate::radix::{KeyedSphere, RadixKey};
@@ -146,13 +146,14 @@ impl<S: Sink> Cells<'_, S> {
         [of, with]: [&Starts; 2],
         partners: &[&[MaskRange]; MASKS],
     ) {
+        let input = ScanInput { columns: self.columns, test: self.test };
         for (corner_mask, partners) in partners.iter().enumerate() {
             for at in range(of, (corner_mask, corner_mask + 1)) {
                 for &masks in *partners {
                     let run = range(with, masks);
                     let run = run.start.max(at + 1)..run.end;
                     if !run.is_empty() {
-                        scan(vector, (self.columns, self.test), at, run, self.sink);
+                        scan(vector, input, at, run, self.sink);
                     }
                 }
             }

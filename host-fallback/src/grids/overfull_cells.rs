@@ -7,7 +7,7 @@ use super::cell::{
 };
 use super::workspace::Workspaces;
 use crate::Error;
-use crate::compare::{Columns, Output, PairTest, SimdTask, SimdWidth, Sink, scan};
+use crate::compare::{Columns, Output, PairTest, ScanInput, SimdTask, SimdWidth, Sink, scan};
 use crate::input::{Division, Grouping, SearchInput, search_pieces};
 use crate::memory::{try_collect, try_push, with_growth};
 
@@ -212,7 +212,7 @@ impl<S: Sink> SimdTask for TileTask<'_, S> {
                 // Spheres of one corner mask are compared only with later spheres.
                 let run = tile.start.max(at + 1)..tile.end;
                 if !run.is_empty() {
-                    scan(vector, (columns, test), at, run, sink);
+                    scan(vector, ScanInput { columns, test }, at, run, sink);
                 }
             }
         }

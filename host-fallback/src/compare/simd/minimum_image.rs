@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use lazygrid_kernels::{Pair, Space};
 
 use super::super::columns::Columns;
@@ -103,7 +105,7 @@ impl<V: PeriodicSimd> SimdWidth for MinimumImage<V> {
     fn find_neighbor_runs(
         self,
         columns: &Columns,
-        spheres: (usize, usize),
+        spheres: Range<usize>,
         neighbors: &NeighborRows,
         queue: &mut RunQueue,
     ) {

@@ -6,6 +6,7 @@
 
 use std::env;
 use std::fmt;
+use std::ops::Range;
 use std::sync::OnceLock;
 
 use lazygrid_kernels::Pair;
@@ -15,7 +16,7 @@ use crate::frame::{Bounds, FrameMap};
 use minimum_image::MinimumImage;
 pub(crate) use minimum_image::PeriodicBox;
 pub(crate) use portable::Portable;
-pub(crate) use run_queue::{NeighborRows, RunQueue};
+pub(crate) use run_queue::{NeighborRows, RunQueue, SphereRun};
 pub(crate) use scalar::Xyzr;
 
 mod minimum_image;
@@ -169,12 +170,12 @@ pub(crate) trait SimdWidth: Copy {
     fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr;
     /// Returns the squared displacement, between minimum images if `PERIODIC`. The last lane has no effect.
     fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32;
-    /// Appends the runs to compare with `spheres` (start and count) of one cell, at most [`MAX_LANES`]: up to five runs
-    /// per sphere, of which the first starts after it.
+    /// Appends the runs to compare with `spheres` of one cell, at most [`MAX_LANES`]: up to five runs per sphere, of which
+    /// the first starts after it.
     fn find_neighbor_runs(
         self,
         columns: &Columns,
-        spheres: (usize, usize),
+        spheres: Range<usize>,
         neighbors: &NeighborRows,
         queue: &mut RunQueue,
     );
@@ -289,13 +290,15 @@ mod tests {
                         [[0, 0, 20, 25], [30, 31, 35, 40], [28, 30, 30, 30], [1, 1, 1, 2], [36, 36, 40, 40]];
                     let neighbors = NeighborRows { low: [low; 3], high: [high, high, 0.5], rows };
                     queue.clear();
-                    vector.find_neighbor_runs(&columns, (10, count), &neighbors, &mut queue);
-                    let mut found: Vec<_> = (0..queue.len()).map(|k| queue.get(k)).collect();
-                    found.sort_unstable_by_key(|(at, run)| (*at, run.start, run.end));
+                    vector.find_neighbor_runs(&columns, 10..10 + count, &neighbors, &mut queue);
+                    let found = |k| {
+                        let SphereRun { at, run } = queue.get(k);
+                        [at, run.start, run.end]
+                    };
+                    let mut found: Vec<_> = (0..queue.len()).map(found).collect();
+                    found.sort_unstable();
                     all.push(queue.len() as u32);
-                    all.extend(
-                        found.iter().flat_map(|(at, run)| [*at, run.start, run.end]).map(|k| k as u32),
-                    );
+                    all.extend(found.as_flattened().iter().map(|&k| k as u32));
                 }
             }
             all

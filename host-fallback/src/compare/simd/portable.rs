@@ -1,3 +1,5 @@
+use std::ops::Range;
+
 use lazygrid_kernels::Pair;
 use wide::f32x8;
 
@@ -83,7 +85,7 @@ impl SimdWidth for Portable {
     fn find_neighbor_runs(
         self,
         columns: &Columns,
-        spheres: (usize, usize),
+        spheres: Range<usize>,
         neighbors: &NeighborRows,
         queue: &mut RunQueue,
     ) {
@@ -138,12 +140,12 @@ impl PeriodicSimd for Portable {
 #[inline(always)]
 pub(super) fn find_neighbor_runs(
     columns: &Columns,
-    (at, count): (usize, usize),
+    spheres: Range<usize>,
     neighbors: &NeighborRows,
     queue: &mut RunQueue,
 ) {
     let NeighborRows { low, high, rows } = neighbors;
-    for at in at..at + count {
+    for at in spheres {
         let [x, y, z, r] = columns.sphere(at);
         let [lower_x, lower_y] = [x - r < low[0], y - r < low[1]];
         let [higher_x, higher_y, higher_z] = [x + r > high[0], y + r > high[1], z + r > high[2]];

@@ -17,6 +17,13 @@ pub(crate) struct NeighborRows {
     pub(crate) rows: [[u32; 4]; ROWS],
 }
 
+/// A sphere, and the run to compare it with.
+#[derive(Debug)]
+pub(crate) struct SphereRun {
+    pub(crate) at: usize,
+    pub(crate) run: Range<usize>,
+}
+
 /// A queue of comparisons of a sphere with a run. [`push`](Self::push) appends without a branch, because branches on
 /// searched and empty rows would be mispredicted.
 pub(crate) struct RunQueue {
@@ -49,8 +56,8 @@ impl RunQueue {
     }
 
     #[inline(always)]
-    pub(crate) fn get(&self, k: usize) -> (usize, Range<usize>) {
-        (self.at[k] as usize, self.start[k] as usize..self.end[k] as usize)
+    pub(crate) fn get(&self, k: usize) -> SphereRun {
+        SphereRun { at: self.at[k] as usize, run: self.start[k] as usize..self.end[k] as usize }
     }
 
     #[inline(always)]

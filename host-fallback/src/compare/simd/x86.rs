@@ -1,4 +1,5 @@
 use std::arch::x86_64::*;
+use std::ops::Range;
 
 use lazygrid_kernels::Pair;
 
@@ -167,10 +168,11 @@ impl SimdWidth for Avx512 {
     fn find_neighbor_runs(
         self,
         columns: &Columns,
-        (at, count): (usize, usize),
+        spheres: Range<usize>,
         neighbors: &NeighborRows,
         queue: &mut RunQueue,
     ) {
+        let (at, count) = (spheres.start, spheres.end - spheres.start);
         assert!(!queue.is_full() && count <= MAX_LANES, "the queue has capacity for the runs of a vector");
         let [x, y, z, r] = columns.lanes::<16>(at);
         let NeighborRows { low, high, rows } = neighbors;
@@ -298,7 +300,7 @@ impl SimdWidth for Avx2 {
     fn find_neighbor_runs(
         self,
         columns: &Columns,
-        spheres: (usize, usize),
+        spheres: Range<usize>,
         neighbors: &NeighborRows,
         queue: &mut RunQueue,
     ) {
