@@ -312,7 +312,12 @@ fn line_hit(body: &ReceiverState, domain: &Boundary, line: Line) -> Option<Hit> 
         let planes = (low.ceil() as i64..=high.floor() as i64).take(CUTS);
         cuts.extend(planes.map(|plane| (first + plane as f64 * period - from[k]) / way));
     }
-    if cuts.is_empty() {
+    let begins_inside = |k: usize| match domain.axes[k] {
+        Axis::Reflecting { low, high } => (f64::from(low)..=f64::from(high)).contains(&from[k]),
+        _ => true,
+    };
+    // A line after a reflection in a vessel may begin beyond a wall.
+    if cuts.is_empty() && (0..3).all(begins_inside) {
         let from = domain.displacement(center, from.map(|x| x as f32)).map(f64::from);
         let way = std::array::from_fn(|k| way[k] - displacement[k]);
         return entry_time(from, way, radius).map(hit_at);

@@ -90,6 +90,25 @@ fn path_without_diffusion_is_followed_to_the_side_of_a_vessel() {
     assert_eq!(time([1.0, 4.0, 2.0], [1.0, 9.9, 11.0]), None);
 }
 
+/// The path passes the end of a cylinder, then its side, and returns.
+#[test]
+fn path_without_diffusion_is_followed_past_the_end_and_the_side_of_a_vessel() {
+    let vessel = Vessel { along: Some(2), center: [1.0, 0.0, 0.0], radius: 5.0 };
+    let axes = [Axis::Open, Axis::Open, Axis::Reflecting { low: -4.0, high: 4.0 }];
+    let domain = Boundary { axes, vessel: Some(vessel) };
+    let (before, free_end) = ([1.0, 0.0, 3.0], [1.0, 9.0, 7.5]);
+    let drift = std::array::from_fn(|k| free_end[k] - before[k]);
+    let end = vessel.reflect(before, free_end, &mut [0.0; 3]);
+    let path = Path { before, end, after: domain.confine(end), drift, diffusion: 0.0 };
+    let mut ball = body(ReceiverKind::Absorbing);
+    ball.receiver.radius = 0.25;
+    // At 7 of 9 along y it is at 10 − 7, and at 3 + 3.5 along z, from which the end reflects it to 8 − 6.5.
+    for (center, expected) in [([1.0, 3.0, 1.5], true), ([1.0, 3.0, 2.5], false)] {
+        ball.center = center;
+        assert_eq!(hits(&ball, &domain, &path, DRAWS).is_some(), expected, "{center:?}");
+    }
+}
+
 #[test]
 fn halves_of_a_path_follow_the_drift() {
     let open = Boundary::default();
