@@ -4,7 +4,7 @@ use lazygrid::gpu::{DeviceLimits, GpuDevice, GpuOutput, Outcome, wgpu};
 
 use super::detectors::Found;
 use super::device::{buffer, encoded, filled, refused, with_error_scope};
-use super::kernel::{self as k, Kernel};
+use super::kernel::{self as k, Kernel, Variant};
 use super::layout::{ControlHeader, ReceiverCellsHeader, TrajectoryHeader, WINDOW_BYTES};
 use super::plan::{LOG_ROWS, Sizes, groups_for};
 use super::receiver_cells::ReceiverCells;
@@ -24,7 +24,7 @@ pub(super) struct RunBuffers {
     pub(super) limits: DeviceLimits,
     counts_inside: bool,
     reflects: bool,
-    has_membranes: bool,
+    variant: Variant,
     /// Receptor types.
     receptors: u32,
     dissociates: bool,
@@ -99,7 +99,7 @@ impl RunBuffers {
             limits,
             counts_inside,
             reflects: tables.reflects,
-            has_membranes: tables.scene_rows.has_membranes(),
+            variant: tables.variant,
             receptors: tables.receptors.len() as u32,
             dissociates: tables.dissociates(),
             reacts: tables.tallies.reactions > 0,
@@ -154,7 +154,7 @@ impl RunBuffers {
             let accesses = kernel.bindings.iter().map(|&(_, access)| access);
             // SAFETY: the kernel is one of this crate, and `kernels/tests/loops.rs` checks that each loop of its text
             // ends.
-            let made = unsafe { self.own.compile(kernel.name, accesses, kernel.wgsl(self.has_membranes)) }
+            let made = unsafe { self.own.compile(kernel.name, accesses, kernel.wgsl(self.variant)) }
                 .map_err(refused)?;
             self.pipelines.insert(kernel.name, made);
         }

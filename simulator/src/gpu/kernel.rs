@@ -172,7 +172,9 @@ const SHARED: &[(&str, &str)] = &[
     ("particles_move", include_str!("shader/shared/particles_move.wgsl")),
     ("path", include_str!("shader/shared/path.wgsl")),
     ("hit", include_str!("shader/shared/hit.wgsl")),
+    ("path_bridge", include_str!("shader/shared/path_bridge.wgsl")),
     ("path_hit", include_str!("shader/shared/path_hit.wgsl")),
+    ("path_line", include_str!("shader/shared/path_line.wgsl")),
     ("philox", include_str!("shader/shared/philox.wgsl")),
     ("push", include_str!("shader/shared/push.wgsl")),
     ("receiver_cells", include_str!("shader/shared/receiver_cells.wgsl")),
@@ -180,6 +182,7 @@ const SHARED: &[(&str, &str)] = &[
     ("reflection", include_str!("shader/shared/reflection.wgsl")),
     ("round", include_str!("shader/shared/round.wgsl")),
     ("running_sum", include_str!("shader/shared/running_sum.wgsl")),
+    ("short_paths", include_str!("shader/shared/short_paths.wgsl")),
     ("surface_diffusion", include_str!("shader/shared/surface_diffusion.wgsl")),
     ("unit_32", include_str!("shader/shared/unit_32.wgsl")),
     ("velocity", include_str!("shader/shared/velocity.wgsl")),
@@ -189,14 +192,26 @@ const SHARED: &[(&str, &str)] = &[
     ("window", include_str!("shader/shared/window.wgsl")),
 ];
 
+/// Features of a model whose absence makes kernels faster.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Variant {
+    pub(super) has_membranes: bool,
+    /// `true` if drift may carry a particle past a receiver within a step.
+    pub(super) has_long_paths: bool,
+}
+
 impl Kernel {
-    pub(super) fn wgsl(&self, has_membranes: bool) -> String {
-        expand(self.source, has_membranes)
+    pub(super) fn wgsl(&self, variant: Variant) -> String {
+        expand(self.source, variant)
     }
 }
 
-pub(super) fn expand(source: &str, has_membranes: bool) -> String {
-    wgsl::expand(source, SHARED, &|name| name == "WITHOUT_MEMBRANES" && !has_membranes)
+pub(super) fn expand(source: &str, variant: Variant) -> String {
+    wgsl::expand(source, SHARED, &|name| match name {
+        "WITHOUT_MEMBRANES" => !variant.has_membranes,
+        "WITHOUT_LONG_PATHS" => !variant.has_long_paths,
+        _ => false,
+    })
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@
 //! A step is a transaction from one set of buffers to another: if it exceeds a capacity, the device *halts* before the
 //! write, and the host repeats the step with more capacity (`docs/design/simulator.md`).
 
+mod carried;
 mod chemotaxis;
 mod detectors;
 mod device;

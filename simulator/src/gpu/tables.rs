@@ -1,9 +1,11 @@
+use super::carried::{long_path_iterations, reach};
+use super::kernel::Variant;
 use super::layout::{
     ChemotaxisRow, DissociationRow, EventRow, NOTHING, OccupancyRow, Params, ReactionRow, ReceptorRow,
     SpeciesRow,
 };
 use super::ligand_rows::LigandRows;
-use super::model_check::{Carried, chained_decays};
+use super::model_check::chained_decays;
 use super::receiver_cells::MIN_LISTED_RECEIVERS;
 use super::scene_rows::SceneRows;
 use super::tally_layout::Tallies;
@@ -28,6 +30,7 @@ pub(super) struct Tables {
     pub(super) occupancy_rows: Vec<OccupancyRow>,
     pub(super) receptors: Vec<ReceptorRow>,
     pub(super) reflects: bool,
+    pub(super) variant: Variant,
     pub(super) scene_rows: SceneRows,
     pub(super) reaction_rows: Vec<ReactionRow>,
     pub(super) dissociation_rows: Vec<DissociationRow>,
@@ -43,10 +46,12 @@ const REFLECTION_ITERATIONS: u32 = 60_000;
 const ITERATIONS_PER_SEARCH: u32 = 1_100;
 const BOUNCES: u32 = 64;
 
-/// Most searches by a particle in a step: moving surfaces may push it out of the searched region.
-fn max_requeries(species_rows: &[SpeciesRow]) -> u32 {
+/// Most searches by a particle in a step: moving surfaces may push it out of the searched region. `paths` are the
+/// iterations that its hits take.
+fn max_requeries(species_rows: &[SpeciesRow], paths: u32) -> u32 {
     let most = species_rows.iter().map(|kind| kind.decays_begin - kind.events_begin).max().unwrap_or(0);
-    (REFLECTION_ITERATIONS.saturating_sub(most + ITERATIONS_PER_SEARCH) / (most + ITERATIONS_PER_SEARCH))
+    let per_search = most + ITERATIONS_PER_SEARCH;
+    (REFLECTION_ITERATIONS.saturating_sub(per_search + paths) / per_search)
         .clamp(1, BOUNCES)
 }
 
@@ -63,7 +68,8 @@ impl Tables {
         let mut scene_rows = SceneRows::new(model);
         scene_rows.add_membranes(model, &mut species_rows);
         let mut params = params(model, key, max_iterations, &tallies);
-        params.max_requeries = max_requeries(&species_rows);
+        let paths = long_path_iterations(model);
+        params.max_requeries = max_requeries(&species_rows, paths as u32);
         scene_rows.describe_field(&mut params);
         Self {
             params,
@@ -72,6 +78,7 @@ impl Tables {
             occupancy_rows: occupancy_rows(model, &tallies),
             receptors: receptor_rows(model, &tallies),
             reflects: model.receivers.iter().any(Receiver::reflects_some),
+            variant: Variant { has_membranes: scene_rows.has_membranes(), has_long_paths: paths > 0 },
             scene_rows,
             reaction_rows: reaction_rows(model),
             dissociation_rows: dissociation_rows(model, &tallies),
@@ -196,7 +203,7 @@ fn species_and_event_rows(model: &Model, tallies: &Tallies) -> (Vec<SpeciesRow>,
             walls_begin,
             events_end,
             bend: step.bend,
-            reach: reach(&step, &Carried::all(model, &motion.steps, id)),
+            reach: reach(model, &motion.steps, id),
             cell_lists: if is_listed { listed } else { NOTHING },
             speed: species.speed as f32,
             thermal_speed: species.thermal_speed as f32,
@@ -229,12 +236,6 @@ fn face_index(face: WallFace) -> u32 {
 
 fn at_wall_bits(drift: StepDrift) -> u32 {
     (0..3).map(|k| u32::from(drift.at_wall[k]) << k).sum()
-}
-
-/// Displacement of all but one in ten million particles, plus three displacements of a receiver.
-fn reach(step: &SpeciesStep, carried: &[Carried]) -> f32 {
-    let longest = carried.iter().map(Carried::length).fold(0.0, f32::max);
-    1.01 * (6.0 * step.length + longest) + step.bend
 }
 
 fn surface(receiver: &Receiver, species: usize, step: &SpeciesStep, time_step: f64) -> Option<EventRow> {

@@ -6,6 +6,7 @@ mod births;
 mod collisions;
 #[path = "../../../tests/src/limited_device.rs"]
 mod limited_device;
+mod past_receivers;
 mod surfaces;
 mod vessels;
 
@@ -16,7 +17,7 @@ pub(crate) use limited_device::limited;
 use super::detectors::Found;
 use super::device::{buffer, filled, read};
 use super::dispatches::{Groups, RunBuffers, StepDispatches};
-use super::kernel::{self as k, expand};
+use super::kernel::{self as k, Variant, expand};
 use super::layout::{CLAIM_BYTES, ControlHeader};
 use super::plan::Sizes;
 use super::tables::Tables;
@@ -30,6 +31,8 @@ pub(crate) fn device() -> Option<GpuDevice> {
     or_skip(GpuDevice::shared(SoftwareAdapter::Allow))
 }
 
+const EVERYTHING: Variant = Variant { has_membranes: true, has_long_paths: true };
+
 fn evaluate(own: &GpuDevice, pieces: &str, body: &str, count: u32) -> Vec<[u32; 4]> {
     let source = format!(
         "{pieces}\n@group(0) @binding(0) var<storage, read_write> out: array<vec4<u32>>;\n\
@@ -38,7 +41,7 @@ fn evaluate(own: &GpuDevice, pieces: &str, body: &str, count: u32) -> Vec<[u32; 
     );
     let module = own.device.create_shader_module(wgpu::ShaderModuleDescriptor {
         label: None,
-        source: wgpu::ShaderSource::Wgsl(expand(&source, true).into()),
+        source: wgpu::ShaderSource::Wgsl(expand(&source, EVERYTHING).into()),
     });
     let pipeline = own.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
         label: None,

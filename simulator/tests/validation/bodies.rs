@@ -5,7 +5,7 @@ use lazygrid_sim::{
 use rayon::prelude::*;
 
 use crate::Row;
-use crate::receivers::{FLOW, passing, step_counts};
+use crate::receivers::{FLOW, passing};
 use crate::setup::{begin, burst, mean, receiver, run_for, scenario, share_error, species, steps};
 
 const D: f64 = 100.0;
@@ -251,7 +251,7 @@ pub(crate) fn reflecting() -> Vec<Row> {
 /// coefficients.
 pub(crate) fn moving() -> Vec<Row> {
     let row = |count| passing("on the way of a receiver", [0.0, -FLOW], count);
-    let mut rows: Vec<Row> = step_counts(400).into_iter().map(row).collect();
+    let mut rows: Vec<Row> = [8, 32, 400].map(row).into();
     rows.push(diffusing());
     rows
 }

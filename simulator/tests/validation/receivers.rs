@@ -1,11 +1,10 @@
-use lazygrid::Backend;
 use lazygrid_sim::random::philox::{open_unit, philox};
 use lazygrid_sim::{Adsorption, Boundary, Model, Receiver, ReceiverKind, Shape, Species, Transmitter};
 use rayon::prelude::*;
 
 use crate::Row;
 use crate::setup::{
-    backend, begin, burst, in_ball, receiver, run_for, share_error, species, steps, steps_until,
+    begin, burst, in_ball, receiver, run_for, share_error, species, steps, steps_until,
 };
 
 const D: f64 = 100.0;
@@ -62,14 +61,8 @@ pub(crate) fn transparent() -> Vec<Row> {
 /// 1)·iₗ(κR)·kₗ(κr)/kₗ(κR)·Pₗ(cosθ), θ from the flow; steps up to two radii.
 pub(crate) fn absorbing_in_flow() -> Vec<Row> {
     let mut rows = vec![Row::new("the series, hardly a flow", 0.25, reached(1e-3, 4.0, 0.3), 0.002)];
-    rows.extend(step_counts(1600).into_iter().map(|count| passing("from a flow", [FLOW, 0.0], count)));
+    rows.extend([8, 32, 1600].map(|count| passing("from a flow", [FLOW, 0.0], count)));
     rows
-}
-
-/// Returns the numbers of steps of [`passing`]. A GPU takes a drift of at most a sixteenth of the receiver's radius in a
-/// step, hence at least 256 steps.
-pub(crate) fn step_counts(last: u32) -> Vec<u32> {
-    if backend() == Backend::Gpu { vec![320, last] } else { vec![8, 32, last] }
 }
 
 pub(crate) const FLOW: f64 = 10.0;

@@ -17,7 +17,15 @@ use super::super::layout::{
 use super::*;
 
 fn texts() -> impl Iterator<Item = (&'static Kernel, String)> {
-    KERNELS.iter().flat_map(|&kernel| [true, false].map(|has_membranes| (kernel, kernel.wgsl(has_membranes))))
+    let variant =
+        |has_membranes| [true, false].map(|has_long_paths| Variant { has_membranes, has_long_paths });
+    let variants = [true, false].map(variant).concat();
+    KERNELS.iter().flat_map(move |&kernel| {
+        let mut texts: Vec<String> = variants.iter().map(|&variant| kernel.wgsl(variant)).collect();
+        texts.sort_unstable();
+        texts.dedup();
+        texts.into_iter().map(move |text| (kernel, text))
+    })
 }
 
 #[test]

@@ -39,7 +39,7 @@ fn collisions_begin(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     let tag = tags[at];
     let kind = species_rows[tag.x];
     let velocity = velocity_of(at, kind, tag.y);
-    var end = free_end_of(before.xyz, velocity, kind, tag.y);
+    var end = free_path_of(before.xyz, velocity, kind, tag.y).end;
     if (params.vessel_axis != NO_VESSEL) {
         let across = reflect_in_vessel(before.xyz, end, params.vessel_radius - kind.radius, velocity).end;
         end += flow_between(before.xyz, across) * along_vessel();

@@ -13,7 +13,7 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     let tag = tags[at];
     let kind = species_rows[tag.x];
     let free = path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y);
-    let path = held_back(collided(free, at, kind.radius), kind, tag.y);
+    let path = held_back(collided(free, at, kind), kind, tag.y);
     var here = Moved(vec4(path.after, before.w), tag.x, path.velocity);
     var first = NOTHING;
     var first_hit: Hit;
@@ -25,7 +25,7 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
         if (is_separated(kind, path.after, receiver.center)) {
             continue;
         }
-        let hit = hit_of(event, receiver, path, kind.diffusion, tag.y);
+        let hit = hit_of(event, receiver, path, kind, tag.y);
         if (hit.is_hit && is_earlier(hit, event.receiver, first_hit, first, tag.y)) {
             first = place;
             first_hit = hit;

@@ -96,7 +96,7 @@ fn path_to(receiver: u32, path: Path, reflected: ReflectedPath) -> Path {
     if (reflected.first == receiver) {
         return path;
     }
-    return Path(path.before, reflected.end, reflected.after, path.velocity, path.free_end);
+    return Path(path.before, reflected.end, reflected.after, path.velocity, path.free_end, path.drift);
 }
 
 fn bind(at: u32, place: u32, path: Path, id: u32) {
@@ -146,7 +146,7 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
             continue;
         }
         let taken = path_to(event.receiver, path, reflected);
-        let hit = hit_of(event, receiver, taken, kind.diffusion, tag.y);
+        let hit = hit_of(event, receiver, taken, kind, tag.y);
         if (!hit.is_hit) {
             continue;
         }
@@ -164,8 +164,7 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
     }
     if (first == NOTHING) {
         if (stays) {
-            let rest = Path(path.before, path.before, path.before, path.velocity, path.before);
-            return absorb_or_decay(here, rest, without_turns(), kind, tag.y);
+            return absorb_or_decay(here, at_rest(path), without_turns(), kind, tag.y);
         }
         return absorb_or_decay(here, path_to(NOTHING, path, reflected), turns, kind, tag.y);
     }
@@ -199,7 +198,7 @@ fn particles_move_reflecting(@builtin(workgroup_id) group: vec3<u32>, @builtin(n
             here.velocity = drawn_velocity(kind.speed, kind.thermal_speed, tag.y, VELOCITY_OF_UNBOUND);
         }
     } else {
-        let path = collided(path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y), at, kind.radius);
+        let path = collided(path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y), at, kind);
         here = move_free(at, held_back(path, kind, tag.y), kind, tag, before.w);
     }
     if (here.sphere.w < 0.0) {

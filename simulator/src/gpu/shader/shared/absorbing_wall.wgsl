@@ -79,7 +79,7 @@ fn aimed(kind: SpeciesRow, path: Path) -> Path {
             after = with_component(after, face / 2u, path.free_end[face / 2u]);
         }
     }
-    return Path(path.before, end, after, path.velocity, path.free_end);
+    return Path(path.before, end, after, path.velocity, path.free_end, path.drift);
 }
 
 // Returns the probability that a path touches a wall between two heights, the second of which may be beyond it.

@@ -14,6 +14,14 @@ struct Capture {
     time: f32,
 }
 
+// Returns the capture at a hit. Its time is drawn only if the species decays or dissociates.
+fn capture_of(row: u32, hit: Hit, kind: SpeciesRow, id: u32) -> Capture {
+    if (kind.decays_begin == kind.walls_begin && kind.dissociation_rate == 0.0) {
+        return Capture(row, 0.0);
+    }
+    return Capture(row, time_of(hit, event_rows[row].receiver, id));
+}
+
 const MAX_DECAYS: u32 = 64u;
 const ARRIVAL_UNIT: f32 = 0x1p-23;
 

@@ -108,6 +108,12 @@ struct Path {
     velocity: vec3<f32>,
     // End without reflection.
     free_end: vec3<f32>,
+    // Displacement apart from diffusion.
+    drift: vec3<f32>,
+}
+
+fn at_rest(path: Path) -> Path {
+    return Path(path.before, path.before, path.before, path.velocity, path.before, path.drift);
 }
 
 const ABSORBING: u32 = 0u;

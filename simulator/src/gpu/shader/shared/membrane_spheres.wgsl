@@ -158,11 +158,11 @@ fn end_of(ray: Ray, start: Path, kind: SpeciesRow) -> Path {
         let after = confined(point, kind.radius);
         if (is_on_right_sides(kind, after)) {
             let free = select(point, 2.0 * ray.walls - point, ray.mirrors > vec3(0.0));
-            return Path(start.before, free, after, start.velocity, free);
+            return Path(start.before, free, after, start.velocity, free, start.drift);
         }
         point = ray.at + f32(2u << k) * unit;
     }
-    return Path(start.before, start.before, start.before, start.velocity, start.before);
+    return at_rest(start);
 }
 
 // Also lists the spheres that contain the beginning.
@@ -209,5 +209,5 @@ fn hold_back_by_spheres(path: Path, kind: SpeciesRow, id: u32) -> Path {
             ray.displacement -= 2.0 * out * next.normal;
         }
     }
-    return Path(path.before, path.before, path.before, path.velocity, path.before);
+    return at_rest(path);
 }

@@ -124,7 +124,7 @@ fn held_back(start: Path, kind: SpeciesRow, id: u32) -> Path {
         path = hold_back_by_planes(path, kind, axis, id);
     }
     if (is_across_sphere(kind, side, path.after)) {
-        return Path(start.before, start.before, start.before, start.velocity, start.before);
+        return at_rest(start);
     }
     return path;
 }

@@ -2,25 +2,33 @@
 #include chemotaxis
 #include flow_field
 
-fn free_end_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32) -> vec3<f32> {
+// The end of a path without walls, and its displacement apart from diffusion.
+struct FreePath {
+    end: vec3<f32>,
+    drift: vec3<f32>,
+}
+
+fn free_path_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32) -> FreePath {
     let random = flattened(normals(philox(vec4(id, 0u, control.step, PURPOSE_MOVE), params.key)));
     let spread = kind.length * random;
     let drift = kind.drift + velocity * params.time_step;
-    return before + (spread + (drift + carried_by_field(before, before + (spread + drift), kind.radius)));
+    let carried = drift + carried_by_field(before, before + (spread + drift), kind.radius);
+    return FreePath(before + (spread + carried), carried);
 }
 
 fn path_of(before: vec3<f32>, velocity: vec3<f32>, kind: SpeciesRow, id: u32) -> Path {
-    let free_end = free_end_of(before, velocity, kind, id);
+    let free = free_path_of(before, velocity, kind, id);
+    let free_end = free.end;
     if (params.vessel_axis == NO_VESSEL) {
         let end = reflected_at_walls(before, free_end, kind, id);
         let own = select(velocity, -velocity, reversed_axes(end, kind.radius));
-        return Path(before, end, confined(end, kind.radius), own, free_end);
+        return Path(before, end, confined(end, kind.radius), own, free_end, free.drift);
     }
     let reflected = reflect_in_vessel(before, free_end, params.vessel_radius - kind.radius, velocity);
     let flow = flow_between(before, reflected.end) * along_vessel();
     let carried = reflected_at_walls(before, reflected.end + flow, kind, id);
     let own = select(reflected.velocity, -reflected.velocity, reversed_axes(carried, kind.radius));
-    return Path(before, carried, confined_axes(carried, kind.radius), own, free_end + flow);
+    return Path(before, carried, confined_axes(carried, kind.radius), own, free_end + flow, free.drift + flow);
 }
 
 fn velocity_of(at: u32, kind: SpeciesRow, id: u32) -> vec3<f32> {

@@ -1,57 +1,73 @@
 // Hits of a particle's path on receivers, as in path_hit.rs.
 #include path
 
-// Returns the fraction of a line at which it enters the sphere, in its frame; above 1 if it does not.
-fn entry_time(event: EventRow, receiver: ReceiverRow, path: Path) -> f32 {
-    let start = minimum_image(path.before - receiver.center);
-    let displacement = path.end - path.before - receiver.displacement;
-    let outside = dot(start, start) - event.radius * event.radius;
+// Returns the fraction of a displacement at which it enters a sphere around the origin; above 1 if it does not.
+fn entry_time(start: vec3<f32>, displacement: vec3<f32>, radius: f32) -> f32 {
+    let outside = dot(start, start) - radius * radius;
     let approach = -dot(start, displacement);
     let across = cross(start, displacement);
     let square = dot(displacement, displacement);
-    let root = event.radius * event.radius * square - dot(across, across);
+    let root = radius * radius * square - dot(across, across);
     if (approach <= 0.0 || root < 0.0) {
         return 2.0;
     }
     return outside / (approach + sqrt(root));
 }
 
-// Returns the heights of both ends above the surface, negative inside. A path to the other side of a segment ends
-// inside.
+// Returns the heights of the ends of a segment above the surface, negative inside; `centers` are those of the
+// receiver. In one dimension, a segment to the other side ends inside.
+fn heights_between(radius: f32, centers: mat2x3<f32>, ends: mat2x3<f32>) -> vec2<f32> {
+    let a = signed_distance(radius, centers[0], ends[0]);
+    let b = signed_distance(radius, centers[1], ends[1]);
+    let sides = minimum_image(ends[0] - centers[0]).x * minimum_image(ends[1] - centers[1]).x;
+    return vec2(a, select(b, -b - 2.0 * radius, params.axes.y == FROZEN && sides < 0.0));
+}
+
 fn heights_of(event: EventRow, receiver: ReceiverRow, path: Path) -> vec2<f32> {
-    let last = receiver.center + receiver.displacement;
-    let a = signed_distance(event.radius, receiver.center, path.before);
-    let b = signed_distance(event.radius, last, path.after);
-    let sides = minimum_image(path.before - receiver.center).x * minimum_image(path.after - last).x;
-    return vec2(a, select(b, -b - 2.0 * event.radius, params.axes.y == FROZEN && sides < 0.0));
+    let centers = mat2x3(receiver.center, receiver.center + receiver.displacement);
+    return heights_between(event.radius, centers, mat2x3(path.before, path.after));
 }
 
 // A radius without curvature or image.
 const FLAT: f32 = 1e12;
 
-fn hit_of(event: EventRow, receiver: ReceiverRow, path: Path, own_diffusion: f32, id: u32) -> Hit {
+// Returns true if a diffusing path between two heights hits the receiver. Numbers of segments begin at 0.
+fn hits_sphere(event: EventRow, heights: vec2<f32>, diffusion: f32, id: u32, number: u32) -> bool {
+    if (heights.y <= 0.0 || heights.x < 0.0) {
+        return true;
+    }
+    let radius = select(event.radius, FLAT, params.axes.z == FROZEN);
+    let probability = hit_probability(radius, heights.x, heights.y, diffusion);
+    let counter = vec4(id, event.receiver, control.step, PURPOSE_RECEIVER | (number << 8u));
+    return probability > 0.0 && open_unit(philox(counter, params.key).x) < probability;
+}
+
+#ifdef WITHOUT_LONG_PATHS
+#include short_paths
+#else
+#include path_bridge
+#include path_line
+#endif
+
+fn hit_of(event: EventRow, receiver: ReceiverRow, path: Path, kind: SpeciesRow, id: u32) -> Hit {
     if (event.kind == ENDPOINT) {
         return hit_at(signed_distance(event.radius, receiver.center + receiver.displacement, path.after) <= 0.0, 1.0);
     }
     let heights = heights_of(event, receiver, path);
-    let a = heights.x;
-    let b = heights.y;
-    let diffusion = own_diffusion + event.diffusion;
+    let diffusion = kind.diffusion + event.diffusion;
     if (diffusion == 0.0) {
-        if (a < 0.0) {
+        if (heights.x < 0.0) {
             return hit_at(true, 0.0);
         }
-        let time = entry_time(event, receiver, path);
-        return hit_at(b <= 0.0 || time <= 1.0, min(time, 1.0));
+        let time = line_time(event, receiver, path, kind.radius);
+        return hit_at(heights.y <= 0.0 || time <= 1.0, min(time, 1.0));
     }
-    var is_hit = b <= 0.0 || a < 0.0;
-    if (!is_hit) {
-        let radius = select(event.radius, FLAT, params.axes.z == FROZEN);
-        let probability = hit_probability(radius, a, b, diffusion);
-        is_hit = probability > 0.0
-            && open_unit(philox(vec4(id, event.receiver, control.step, PURPOSE_RECEIVER), params.key).x) < probability;
+    let spread = sqrt(2.0 * diffusion);
+    let drift = length(path.drift - event.drift);
+    if (is_long(drift, spread, event.radius)) {
+        return bridge_hit(event, receiver, path, vec3(drift, spread, kind.radius), id);
     }
-    return Hit(is_hit, true, 0.0, vec2(a, b) / sqrt(2.0 * diffusion));
+    return Hit(hits_sphere(event, heights, diffusion, id, 0u), 0.0, 1.0, heights / spread);
 }
 
 // Returns true if a hit precedes the hit so far of event `first`.

@@ -3,6 +3,7 @@ const PURPOSE_MOVE: u32 = 0u;
 const PURPOSE_RECEIVER: u32 = 3u;
 const PURPOSE_PAIR: u32 = 4u;
 const PURPOSE_DECAY: u32 = 5u;
+const PURPOSE_PATH: u32 = 6u;
 const PURPOSE_DISSOCIATION: u32 = 7u;
 const PURPOSE_TUMBLE: u32 = 11u;
 const PURPOSE_UNBINDING: u32 = 13u;

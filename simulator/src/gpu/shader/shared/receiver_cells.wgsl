@@ -38,6 +38,8 @@ fn event_at(near_receivers: NearbyReceivers, k: u32) -> u32 {
     return k;
 }
 
+// Bounds the distance of a path's ends, and of a line that a vessel reflects, from the beginning.
 fn reach_of(path: Path) -> f32 {
-    return max(length(path.end - path.before), length(minimum_image(path.after - path.before)));
+    let ends = max(length(path.end - path.before), length(minimum_image(path.after - path.before)));
+    return max(ends, length(path.drift));
 }

@@ -1,0 +1,146 @@
+//! Bounds of the displacement of particles, and paths that pass receivers within a step.
+
+use crate::Axis;
+use crate::model::Model;
+use crate::model::receiver::{Receiver, ReceiverKind};
+use crate::motion::path_hit;
+use crate::motion::propagate::Propagator;
+use crate::motion::species_step::SpeciesStep;
+use crate::motion::vessel_flow::{FlowStep, StepDrift, StepTime};
+
+/// Bounds of a species' displacement in a step apart from diffusion.
+struct Carried {
+    /// Plug flow and drift, in µm.
+    drift: [f32; 3],
+    /// Largest displacement by a flow field along each axis, in µm.
+    field: [f32; 3],
+    /// Poiseuille flow, and own velocity in any direction, in µm.
+    flow: f32,
+    own: f32,
+    diffusion: f32,
+}
+
+fn length(v: [f32; 3]) -> f32 {
+    v.iter().map(|c| c * c).sum::<f32>().sqrt()
+}
+
+/// In standard deviations; a component exceeds it once in 10⁹ draws.
+const MAX_THERMAL: f32 = 6.0;
+
+/// Bound of a path's distance from its drift, in √(2DΔt).
+const MAX_SPREADS: f32 = 4.0;
+/// Iterations in which a path passes a sphere once, at most 295 in 3500 bridges of all ratios of drift, diffusion and
+/// radius; all segments of `path_bridge.wgsl`, and all pieces of `path_line.wgsl`.
+const PASSAGE_ITERATIONS: usize = 400;
+const MAX_SEGMENTS: usize = 8191;
+const MAX_PIECES: usize = 3000;
+/// Reflections of a line in a vessel, followed twice, with a piece between any two.
+const VESSEL_ITERATIONS: usize = 200;
+
+impl Carried {
+    /// Returns bounds in a steady flow, or with and without a pulse, which bound all fractions of it.
+    fn all(model: &Model, steps: &[SpeciesStep], species: usize) -> Vec<Self> {
+        let parts = if model.flow_pulse.is_some() { &[1.0, 0.0][..] } else { &[1.0] };
+        let drifts = parts.iter().map(|&part| StepDrift::new(model, species, StepTime::new(model, part)));
+        drifts.map(|drift| Self::new(model, steps[species].diffusion, (species, drift.drift))).collect()
+    }
+
+    fn new(model: &Model, diffusion: f32, (species, drift): (usize, [f32; 3])) -> Self {
+        let kind = &model.species[species];
+        let speed = if kind.speed > 0.0 {
+            kind.speed as f32
+        } else {
+            MAX_THERMAL * 3f32.sqrt() * kind.thermal_speed as f32
+        };
+        let flow = FlowStep::new(model, StepTime::new(model, 1.0)).map_or(0.0, |flow| flow.fastest as f32);
+        // A product keeps the velocity of a reactant with the same speed.
+        let hottest = model.species.iter().map(|species| species.thermal_speed).fold(0.0, f64::max);
+        let speed = speed.max(MAX_THERMAL * 3f32.sqrt() * hottest as f32);
+        let field = model.flow_field().map_or([0.0; 3], |field| field.fastest());
+        let field = field.map(|v| (v * model.time_step) as f32);
+        Self { drift, field, flow, own: speed * model.time_step as f32, diffusion }
+    }
+
+    fn length(&self) -> f32 {
+        length(self.drift) + self.carried()
+    }
+
+    /// Bounds the displacement apart from the drift.
+    fn carried(&self) -> f32 {
+        length(self.field) + self.flow.abs() + self.own
+    }
+
+    /// Returns a bound of the loop iterations in which a particle's path finds its hit on a receiver, or 0 if the ends
+    /// of the path are enough.
+    fn iterations_at(&self, receiver: &Receiver, model: &Model) -> usize {
+        let own = receiver.velocity.map(|v| (v * model.time_step) as f32);
+        let diffusion = self.diffusion + (receiver.diffusion * model.time_step) as f32;
+        let spread = (2.0 * diffusion).sqrt();
+        let relative: [f32; 3] = std::array::from_fn(|k| self.drift[k] - own[k]);
+        let images: usize = (0..3).map(|k| self.images(k, (receiver, spread), model)).sum();
+        if diffusion > 0.0 {
+            let is_long = path_hit::is_long(length(relative) + self.carried(), spread, receiver.radius);
+            return if is_long { (PASSAGE_ITERATIONS * (1 + images)).min(MAX_SEGMENTS) } else { 0 };
+        }
+        let vessel = model.boundary.vessel;
+        let across = |k: usize| vessel.is_some_and(|vessel| vessel.along != Some(k));
+        if (0..3).any(|k| across(k) && (relative[k] != 0.0 || self.along(k, model) > 0.0)) {
+            return VESSEL_ITERATIONS + images.min(MAX_PIECES);
+        }
+        if images == 0 { 0 } else { 1 + images.min(MAX_PIECES) }
+    }
+
+    /// Bounds the number of walls and images along an axis at which the path may reach the receiver again.
+    fn images(&self, axis: usize, (receiver, spread): (&Receiver, f32), model: &Model) -> usize {
+        let own = (receiver.velocity[axis] * model.time_step) as f32;
+        let along = self.along(axis, model) + MAX_SPREADS * spread;
+        let relative = (self.drift[axis] - own).abs() + along;
+        let moved = self.drift[axis].abs() + along;
+        let (center, reach) = (receiver.center[axis], receiver.radius + moved);
+        let stays = own == 0.0 && receiver.diffusion == 0.0;
+        match model.boundary.axes[axis] {
+            _ if relative == 0.0 => 0,
+            Axis::Open | Axis::Frozen => 0,
+            Axis::Reflecting { .. } if moved == 0.0 => 0,
+            Axis::Reflecting { low, high } if stays && center - reach >= low && center + reach <= high => 0,
+            Axis::Reflecting { low, high } => 1 + (moved / (high - low)) as usize,
+            Axis::Periodic { low, high } if 2.0 * (receiver.radius + relative) <= high - low => 0,
+            Axis::Periodic { low, high } => 1 + (relative / (high - low)) as usize,
+        }
+    }
+
+    /// Bounds the displacement along an axis apart from the drift.
+    fn along(&self, axis: usize, model: &Model) -> f32 {
+        let is_vessel = model.boundary.vessel.is_some_and(|vessel| vessel.along == Some(axis));
+        self.field[axis] + self.own + if is_vessel { self.flow.abs() } else { 0.0 }
+    }
+}
+
+/// Bounds the loop iterations in which the path of a particle finds its hits on all receivers that drift may carry it
+/// past within a step, or that a line may reach after a wall or at another image; 0 if no species has such paths.
+pub(super) fn long_path_iterations(model: &Model) -> usize {
+    let steps = Propagator::new(model).steps;
+    // Others count ends of steps only, or nothing.
+    let follows_path = |receiver: &&Receiver| match receiver.kind {
+        ReceiverKind::Absorbing | ReceiverKind::Receptors(_) => true,
+        _ => receiver.kind.reflects() && receiver.kind.absorbs(),
+    };
+    let of_species = |species: usize| -> usize {
+        let carried = Carried::all(model, &steps, species);
+        let most = |receiver: &Receiver| carried.iter().map(|one| one.iterations_at(receiver, model)).max();
+        let seen = || model.receivers.iter().filter(follows_path).filter(|receiver| receiver.sees[species]);
+        match seen().filter_map(most).sum() {
+            0 => 0,
+            // Lines to the other receivers have one piece.
+            iterations => iterations + seen().count(),
+        }
+    };
+    (0..steps.len()).map(of_species).max().unwrap_or(0)
+}
+
+/// Displacement of all but one in ten million particles, plus three displacements of a receiver.
+pub(super) fn reach(model: &Model, steps: &[SpeciesStep], species: usize) -> f32 {
+    let step = &steps[species];
+    let longest = Carried::all(model, steps, species).iter().map(Carried::length).fold(0.0, f32::max);
+    1.01 * (6.0 * step.length + longest) + step.bend
+}

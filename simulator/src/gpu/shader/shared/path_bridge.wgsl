@@ -1,0 +1,66 @@
+// Paths that diffuse, and drift past a receiver within a step: Brownian bridges, as in path_hit.rs. Halves of segment k
+// are 2k and 2k + 1; the loop visits them in the order of time.
+
+// Largest drift of a segment, as fractions of the receiver's radius and of the segment's sqrt(2 D dt).
+const SEGMENT_DRIFT = vec2<f32>(0.0625, 0.125);
+const BEND: f32 = 3.1;
+// Number from which segments are not halved, its bits without the first, and all segments.
+const LAST: u32 = 4096u;
+const LEVELS: u32 = 12u;
+const SEGMENTS: u32 = 8191u;
+
+fn is_long(drift: f32, spread: f32, radius: f32) -> bool {
+    return drift > SEGMENT_DRIFT.x * radius && drift > SEGMENT_DRIFT.y * spread;
+}
+
+// Returns 2^-k.
+fn power_of_half(k: u32) -> f32 {
+    return bitcast<f32>((127u - k) << 23u);
+}
+
+// `lengths` are the drift, sqrt(2 D dt), and the particle's radius.
+fn bridge_hit(event: EventRow, receiver: ReceiverRow, path: Path, lengths: vec3<f32>, id: u32) -> Hit {
+    // Ends of the segment of each level. The first half of a segment begins where the segment does.
+    var ends: array<vec3<f32>, LEVELS + 1u>;
+    ends[0] = path.end;
+    var start = path.before;
+    var number = 1u;
+    var level = 0u;
+    for (var k = 0u; k < SEGMENTS; k++) {
+        let to = ends[level];
+        let part = power_of_half(level);
+        let begin = f32(number - (1u << level)) * part;
+        let spread = lengths.y * power_of_half(level / 2u) * select(1.0, 0.70710677, (level & 1u) != 0u);
+        let middle = start + 0.5 * (to - start);
+        let half = 0.5 * length(to - start - part * receiver.displacement);
+        let center = receiver.center + (begin + 0.5 * part) * receiver.displacement;
+        let is_near = signed_distance(event.radius, center, confined(middle, lengths.z)) <= half + BEND * spread;
+        if (is_near && number < LAST && is_long(part * lengths.x, spread, event.radius)) {
+            let words = philox(vec4(id, number, control.step, PURPOSE_PATH), params.key);
+            level++;
+            number *= 2u;
+            ends[level] = middle + 0.5 * spread * flattened(normals(words));
+            continue;
+        }
+        if (is_near) {
+            let confined_ends = mat2x3(confined(start, lengths.z), confined(to, lengths.z));
+            let first = receiver.center + begin * receiver.displacement;
+            let last = receiver.center + (begin + part) * receiver.displacement;
+            let heights = heights_between(event.radius, mat2x3(first, last), confined_ends);
+            if (hits_sphere(event, heights, 0.5 * spread * spread, id, number - 1u)) {
+                return Hit(true, begin, part, heights / spread);
+            }
+        }
+        start = to;
+        // Leaves all segments that end here. Their numbers are odd.
+        let finished = countTrailingZeros(~number);
+        number >>= finished;
+        if (number == 0u) {
+            break;
+        }
+        level -= finished;
+        number++;
+        ends[level] = ends[level - 1u];
+    }
+    return hit_at(false, 0.0);
+}

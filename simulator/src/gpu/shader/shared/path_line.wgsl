@@ -1,0 +1,133 @@
+// Paths without diffusion past receivers: lines that walls reflect, as in path_hit.rs.
+
+// Most pieces of a line between walls and changes of the receiver's nearest image; steps with more are far too long.
+const PIECES: u32 = 3000u;
+// Relative difference of two ends above which rounding is not its reason.
+const TURNED: f32 = 1e-5;
+
+// A segment of a path, with its beginning and duration as fractions of the step.
+struct Line {
+    start: vec3<f32>,
+    displacement: vec3<f32>,
+    begin: f32,
+    part: f32,
+}
+
+// The next plane of each axis that cuts a line, in periods, and their parameters. Axes without cuts have no speed.
+struct Cuts {
+    planes: vec3<f32>,
+    origin: vec3<f32>,
+    period: vec3<f32>,
+    start: vec3<f32>,
+    speed: vec3<f32>,
+}
+
+fn first_cuts(line: Line, center: vec3<f32>, moved: vec3<f32>, radius: f32) -> Cuts {
+    let is_periodic = params.axes == vec3(2u);
+    let inset = select(vec3(0.0), vec3(radius), params.axes == vec3(1u));
+    let low = params.low + inset;
+    let period = params.high - inset - low;
+    let origin = select(low, center + 0.5 * period, is_periodic);
+    let relative = select(line.displacement, line.displacement - moved, is_periodic);
+    let speed = select(vec3(0.0), relative, is_periodic | (params.axes == vec3(1u)));
+    let at = (line.start - origin) / period;
+    return Cuts(select(floor(at), ceil(at), speed > vec3(0.0)), origin, period, line.start, speed);
+}
+
+// Returns the fractions of the line at which it is cut next along each axis.
+fn cut_times(cuts: Cuts) -> vec3<f32> {
+    let safe = select(cuts.speed, vec3(1.0), cuts.speed == vec3(0.0));
+    let times = (cuts.origin + cuts.planes * cuts.period - cuts.start) / safe;
+    return select(times, vec3(2.0), cuts.speed == vec3(0.0));
+}
+
+// Returns the fraction of a step at which the line enters the receiver; above 1 if it does not.
+fn line_entry(event: EventRow, receiver: ReceiverRow, line: Line, radius: f32) -> f32 {
+    let moved = line.part * receiver.displacement;
+    let center = receiver.center + line.begin * receiver.displacement;
+    var cuts = first_cuts(line, center, moved, radius);
+    var time = 0.0;
+    for (var k = 0u; k < PIECES; k++) {
+        let times = cut_times(cuts);
+        let next = min(times.x, min(times.y, times.z));
+        let until = clamp(next, time, 1.0);
+        let middle = 0.5 * (time + until);
+        let part = until - time;
+        let point = line.start + middle * line.displacement;
+        let own = part * select(line.displacement, -line.displacement, reversed_axes(point, radius));
+        let relative = own - part * moved;
+        let at = minimum_image(confined(point, radius) - (center + middle * moved)) - 0.5 * relative;
+        if (dot(at, at) <= event.radius * event.radius) {
+            return line.begin + line.part * time;
+        }
+        let entry = entry_time(at, relative, event.radius);
+        if (entry <= 1.0) {
+            return line.begin + line.part * (time + part * entry);
+        }
+        if (next >= 1.0) {
+            break;
+        }
+        time = until;
+        cuts.planes += select(vec3(0.0), sign(cuts.speed), times == vec3(next));
+    }
+    return 2.0;
+}
+
+// Returns the part of a displacement in a vessel after which its wall reflects it; above 1 if it does not.
+fn time_to_side(at: vec3<f32>, displacement: vec3<f32>, radius: f32) -> f32 {
+    let distance = length(at);
+    let a = dot(displacement, displacement);
+    let b = dot(at, displacement);
+    let c = min((distance - radius) * (distance + radius), 0.0);
+    let root = sqrt(max(b * b - a * c, 0.0));
+    if (a == 0.0) {
+        return 2.0;
+    }
+    if (b > 0.0) {
+        return -c / (b + root);
+    }
+    return (root - b) / a;
+}
+
+// Returns true if the wall of a vessel reflects the path, and nothing else across the vessel.
+fn turns_at_side(path: Path, radius: f32) -> bool {
+    if (params.vessel_axis == NO_VESSEL) {
+        return false;
+    }
+    let free_end = path.before + path.drift;
+    if (length(across_vessel(free_end)) <= radius) {
+        return false;
+    }
+    let reflected = reflect_in_vessel(path.before, free_end, radius, vec3(0.0)).end;
+    let scale = radius + length(path.before) + length(path.drift);
+    return length(across(reflected - path.end)) <= TURNED * scale;
+}
+
+fn line_time(event: EventRow, receiver: ReceiverRow, path: Path, radius: f32) -> f32 {
+    let inset = params.vessel_radius - radius;
+    if (!turns_at_side(path, inset)) {
+        return line_entry(event, receiver, Line(path.before, path.end - path.before, 0.0, 1.0), radius);
+    }
+    let along = path.drift - across(path.drift);
+    var start = path.before;
+    var displacement = across(path.drift);
+    var begin = 0.0;
+    for (var k = 0u; k <= VESSEL_REFLECTIONS; k++) {
+        let rest = 1.0 - begin;
+        let time = min(time_to_side(across_vessel(start), displacement, inset), 1.0);
+        let line = Line(start, time * (displacement + rest * along), begin, time * rest);
+        let entry = line_entry(event, receiver, line, radius);
+        if (entry <= 1.0) {
+            return entry;
+        }
+        if (time >= 1.0) {
+            break;
+        }
+        start += line.displacement;
+        begin += line.part;
+        let normal = across_vessel(start) / inset;
+        displacement *= 1.0 - time;
+        displacement -= 2.0 * dot(displacement, normal) * normal;
+    }
+    return 2.0;
+}
