@@ -35,11 +35,11 @@ kernels! {
     ];
     STEP_BEGIN = "step_begin" [Uniform "params", Write "control"];
     PARTICLES_MOVE = "particles_move" [
-        Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
+        Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Write "tags", Write "moved",
         Write "species", Read "species_rows", Read "event_rows", Read "scene_rows",
     ];
     PARTICLES_MOVE_REFLECTING = "particles_move_reflecting" [
-        Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Read "tags", Write "moved",
+        Uniform "params", Uniform "trajectory", Write "control", Read "spheres", Write "tags", Write "moved",
         Write "species", Read "species_rows", Read "event_rows", Read "scene_rows", Write "claims", Write "receptors",
     ];
     COLLISIONS_BEGIN = "collisions_begin" [
@@ -184,6 +184,7 @@ const SHARED: &[(&str, &str)] = &[
     ("running_sum", include_str!("shader/shared/running_sum.wgsl")),
     ("short_paths", include_str!("shader/shared/short_paths.wgsl")),
     ("surface_diffusion", include_str!("shader/shared/surface_diffusion.wgsl")),
+    ("tag", include_str!("shader/shared/tag.wgsl")),
     ("unit_32", include_str!("shader/shared/unit_32.wgsl")),
     ("velocity", include_str!("shader/shared/velocity.wgsl")),
     ("velocity_index", include_str!("shader/shared/velocity_index.wgsl")),

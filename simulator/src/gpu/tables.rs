@@ -51,8 +51,7 @@ const BOUNCES: u32 = 64;
 fn max_requeries(species_rows: &[SpeciesRow], paths: u32) -> u32 {
     let most = species_rows.iter().map(|kind| kind.decays_begin - kind.events_begin).max().unwrap_or(0);
     let per_search = most + ITERATIONS_PER_SEARCH;
-    (REFLECTION_ITERATIONS.saturating_sub(per_search + paths) / per_search)
-        .clamp(1, BOUNCES)
+    (REFLECTION_ITERATIONS.saturating_sub(per_search + paths) / per_search).clamp(1, BOUNCES)
 }
 
 impl Tables {

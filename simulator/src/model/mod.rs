@@ -284,6 +284,12 @@ impl Model {
         self.decays.iter().any(|decay| decay.reactant == species && decay.splits())
     }
 
+    /// Returns `true` if a decay forms a species that dissociates.
+    pub(crate) fn forms_dissociating(&self) -> bool {
+        let alone = self.decays.iter().filter(|decay| !self.dissociates(decay.reactant));
+        alone.filter_map(|decay| decay.products[0]).any(|product| self.dissociates(product))
+    }
+
     /// Returns the fraction of a displacement of two species that the first one makes, in proportion to their
     /// diffusion.
     pub(crate) fn share(&self, [a, b]: [u32; 2]) -> f32 {

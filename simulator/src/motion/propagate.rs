@@ -228,15 +228,23 @@ impl Propagator {
     fn decay_to(&self, moved: &ParticleMove, capture: Capture, events: &mut Vec<Event>) {
         let ParticleMove { at, species: first, who, .. } = *moved;
         let DrawContext { key, id, step } = who;
+        let now = (key, id, step);
         let captures = |species| self.surfaces.captures(&capture.event, species);
         let mut order = CaptureOrder::new(first, (capture.time(who), self.decays.time_step));
-        self.decays.for_each_decay(first, (key, id, step), |decay| {
+        let mut last = None;
+        self.decays.for_each_decay(first, now, |decay| {
             if order.decays(&decay, captures) {
-                let ChainedDecay { decay, product, .. } = decay;
-                events.push(Event::Decayed { at, decay, product });
+                events.push(self.decayed(at, &decay, now));
+                last = Some(decay);
             }
         });
-        events.extend(order.captured(captures).map(|_| capture.event));
+        let exists = || !self.decays.product_dissociates_before(last.as_ref(), &order, now);
+        events.extend(order.captured(|species| captures(species) && exists()).map(|_| capture.event));
+    }
+
+    fn decayed(&self, at: u32, decay: &ChainedDecay, now: (Key, u32, u32)) -> Event {
+        let ChainedDecay { decay: place, product, .. } = *decay;
+        Event::Decayed { at, decay: place, product, spared: self.decays.spares_product(decay, now) }
     }
 
     #[inline(always)]
@@ -245,9 +253,8 @@ impl Propagator {
             return;
         }
         let ParticleMove { at, species, who: DrawContext { key, id, step }, .. } = *moved;
-        self.decays.for_each_decay(species, (key, id, step), |ChainedDecay { decay, product, .. }| {
-            events.push(Event::Decayed { at, decay, product });
-        });
+        let now = (key, id, step);
+        self.decays.for_each_decay(species, now, |decay| events.push(self.decayed(at, &decay, now)));
     }
 
     /// Returns a bound of the path's distance from its chord plus the displacement of any receiver, in µm.

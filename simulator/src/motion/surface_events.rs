@@ -30,6 +30,9 @@ pub enum Event {
         decay: u32,
         /// Species of the product; `None` removes the particle.
         product: Option<u32>,
+        /// `true` if the product does not dissociate in the rest of the step, though its random word says so for a whole
+        /// step.
+        spared: bool,
     },
 }
 

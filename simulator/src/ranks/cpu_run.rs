@@ -47,6 +47,7 @@ impl CpuRun {
         let requests = self.requests(communicator, &moved)?;
         let rejected = self.simulation.requests.reject(requests, &free);
         self.simulation.apply_events(&moved, &rejected);
+        self.share_spared(communicator)?;
         let Self { simulation, pair_search, .. } = self;
         let interact = |search: &mut RankPairSearch| search.interact(communicator, simulation);
         let outcomes = pair_search.as_mut().map_or_else(|| Ok(Vec::new()), interact)?;
@@ -82,6 +83,18 @@ impl CpuRun {
             return Ok(Vec::new());
         }
         all_requests(communicator, &self.simulation.binding_requests(moved))
+    }
+
+    /// Adds the spared particles of all ranks, because others hold them as ghosts.
+    fn share_spared<C: Communicator>(&mut self, communicator: &mut C) -> Result<(), C::Error> {
+        let Simulation { dissociation, model, spared, .. } = &mut self.simulation;
+        if dissociation.is_empty() || !model.forms_dissociating() {
+            return Ok(());
+        }
+        let (mut all, _) = communicator.all_gather("ids of particles that do not dissociate", &spared[..])?;
+        all.sort_unstable();
+        *spared = all;
+        Ok(())
     }
 
     fn parents<C: Communicator>(

@@ -181,7 +181,8 @@ fn find(
 }
 
 fn sample(run: &Simulation, pairs: &[Pair], taken: &[bool], best: &mut BestCandidates) -> Result<(), Error> {
-    let pairs = StepPairs { particles: &run.state.particles, pairs, key: run.key, step: run.state.step };
+    let Simulation { key, spared, state: State { particles, step, .. }, .. } = run;
+    let pairs = StepPairs { particles, pairs, spared, key: *key, step: *step };
     run.reactions.sample(pairs, |particle| taken[particle as usize], best)
 }
 

@@ -17,6 +17,8 @@ use crate::reaction::{ReactionRule, Reactions, distance_squared};
 pub struct StepPairs<'a> {
     pub particles: &'a Particles,
     pub pairs: &'a [Pair],
+    /// Ascending ids of particles that do not dissociate in the step, though their random words say so.
+    pub spared: &'a [u32],
     pub key: philox::Key,
     pub step: u32,
 }
@@ -101,7 +103,7 @@ impl Reactions {
 
     fn candidate(
         &self,
-        StepPairs { particles, key, step, .. }: StepPairs<'_>,
+        StepPairs { particles, spared, key, step, .. }: StepPairs<'_>,
         pair: Pair,
         is_consumed: impl Fn(u32) -> bool,
     ) -> Option<ReactionCandidate> {
@@ -131,13 +133,14 @@ impl Reactions {
         let rule = shell.rules().find(|rule| chance <= rule.up_to)?;
         let dissociates = [(a, particles.id[i]), (b, particles.id[j])]
             .into_iter()
-            .any(|(species, id)| self.dissociates(species, (key, id, step)));
+            .any(|(species, id)| self.dissociates(species, spared, (key, id, step)));
         Some(candidate(rule, priority)).filter(|candidate| !dissociates && is_open(candidate))
     }
 
     /// Returns `true` if a particle dissociates in this step, so that it does not exist when pairs react.
     #[inline]
-    fn dissociates(&self, species: u32, now: (philox::Key, u32, u32)) -> bool {
-        self.dissociation_of(species).is_some_and(|time| time.is_within(now))
+    fn dissociates(&self, species: u32, spared: &[u32], now: (philox::Key, u32, u32)) -> bool {
+        let is_within = self.dissociation_of(species).is_some_and(|time| time.is_within(now));
+        is_within && spared.binary_search(&now.1).is_err()
     }
 }

@@ -3,9 +3,14 @@
 //! A particle may decay several times in a step: the first decay is drawn for the whole step, then its time, and the
 //! product may decay in the rest. Chains are therefore right at any step length.
 //!
+//! A product that dissociates does so in the rest of the step only. Its dissociation is that of a whole step, whose clock
+//! begins when the product is formed: within the rest with the right probability, as the process has no memory.
+//! Otherwise the product is *spared*. Other particles show by their random words if they dissociate.
+//!
 //! A receiver or a wall that the path hits takes the species that exists at the time of the hit, if it sees that
 //! species (`CaptureOrder`). Decays before the hit happen, and later ones do not if the particle was taken. A particle
-//! that dissociates before the hit is not taken either; its products appear at the end of its path.
+//! that dissociates before the hit is not taken either, also one that a decay formed in the step; its products appear at
+//! the end of its path.
 //!
 //! Bimolecular reactions happen at the end of the step, among the particles that then exist: products of decays take
 //! part, and particles that dissociate in the step do not, so a surface spares no particle that a reaction then
@@ -56,11 +61,11 @@ impl DissociationTime {
         key.draw(id, 0, step, Purpose::Dissociation)[0] <= self.up_to
     }
 
-    /// Returns the time in steps, or `None` if the particle does not dissociate in this step.
-    fn draw(&self, now: (Key, u32, u32)) -> Option<f32> {
+    /// Returns the time from the beginning of the step or of the particle, in steps, or `None` if it is above one step.
+    fn draw(&self, now: (Key, u32, u32)) -> Option<f64> {
         let (key, id, step) = now;
         let word = || key.draw(id, 1, step, Purpose::Dissociation)[0];
-        self.is_within(now).then(|| decay_time(self.rate, 1.0, word()) as f32)
+        self.is_within(now).then(|| decay_time(self.rate, 1.0, word()))
     }
 }
 
@@ -184,7 +189,30 @@ impl Decays {
         hit: impl FnOnce() -> f32,
     ) -> bool {
         let dissociation = self.kinds[species as usize].dissociation;
-        dissociation.and_then(|time| time.draw(now)).is_some_and(|time| time < hit())
+        dissociation.and_then(|time| time.draw(now)).is_some_and(|time| (time as f32) < hit())
+    }
+
+    /// Returns the time left in the step, in s, when the product of a decay dissociates, negative if the step ends
+    /// before; `None` if the product does not dissociate in a whole step.
+    fn left_at_dissociation(&self, decay: &ChainedDecay, now: (Key, u32, u32)) -> Option<f64> {
+        let dissociation = self.kinds[decay.product? as usize].dissociation?;
+        Some(decay.left() - dissociation.draw(now)? * self.time_step)
+    }
+
+    /// Returns `true` if the product of a decay dissociates in a whole step by its random word, but not in the rest of
+    /// this one.
+    pub(crate) fn spares_product(&self, decay: &ChainedDecay, now: (Key, u32, u32)) -> bool {
+        self.left_at_dissociation(decay, now).is_some_and(|left| left <= 0.0)
+    }
+
+    /// Returns `true` if the product of the last decay dissociates in this step before a hit.
+    pub(crate) fn product_dissociates_before(
+        &self,
+        last: Option<&ChainedDecay>,
+        order: &CaptureOrder,
+        now: (Key, u32, u32),
+    ) -> bool {
+        last.and_then(|decay| self.left_at_dissociation(decay, now)).is_some_and(|left| left > order.left)
     }
 
     /// Calls `tell` with each decay of a particle in a step, in order of time.
@@ -264,6 +292,39 @@ fn kind(model: &Model, species: u32) -> SpeciesDecays {
 mod tests {
     use super::*;
     use crate::model::{Decay, Species};
+
+    /// 0 -> 1 -> 0 + 0, within a step.
+    #[test]
+    fn product_dissociates_in_the_rest_of_the_step() {
+        let decay = |reactant, products, rate| Decay { reactant, products, rate, ..Decay::default() };
+        let model = Model {
+            time_step: 0.5,
+            species: vec![Species { mass: 1.0, ..Species::default() }; 2],
+            decays: vec![decay(0, [Some(1), None], 4.0), decay(1, [Some(0), Some(0)], 6.0)],
+            ..Model::default()
+        };
+        let decays = Decays::new(&model);
+        let dissociation = decays.kinds[1].dissociation.expect("a species that dissociates");
+        let n = 100_000;
+        let [mut dissociated, mut before] = [0_u32; 2];
+        for id in 0..n {
+            let now = (Key::new(5), id, 7);
+            decays.for_each_decay(0, now, |decay| {
+                let is_spared = decays.spares_product(&decay, now);
+                dissociated += u32::from(dissociation.is_within(now) && !is_spared);
+                // A hit in the middle of the step.
+                let order = CaptureOrder::new(0, (0.5, 0.5));
+                before += u32::from(decays.product_dissociates_before(Some(&decay), &order, now));
+            });
+        }
+        // The second of two decays with the expected numbers 2 and 3.
+        let both = |part: f64| 1.0 - 3.0 * (-2.0 * part).exp() + 2.0 * (-3.0 * part).exp();
+        for (count, p) in [(dissociated, both(1.0)), (before, both(0.5))] {
+            let n = f64::from(n);
+            let error = (f64::from(count) - n * p) / (n * p * (1.0 - p)).sqrt();
+            assert!(error.abs() < 4.0, "{count} and not {}: {error} standard errors", n * p);
+        }
+    }
 
     #[test]
     fn a_chain_is_right_however_long_the_step() {

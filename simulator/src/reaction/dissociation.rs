@@ -1,5 +1,8 @@
 //! Dissociation of one particle into two: `C -> A + B`.
 //!
+//! A particle dissociates in a step by its random word, unless a decay formed it in the step and its clock, which began
+//! then, spares it ([`decay`](crate::reaction::decay)).
+//!
 //! Particles that dissociate in a step take no part in its reactions, which happen at the end of the step. Their
 //! products are placed after the reactions and do not react in the same step. Products of reactions do not dissociate
 //! in it either, so each process can be the inverse of the other.
@@ -110,14 +113,17 @@ impl Dissociation {
         &self.channels[species as usize]
     }
 
-    /// Returns the dissociations of a step, in the order of particles.
-    pub fn splits(&self, particles: &Particles, key: Key, step: u32) -> Vec<Dissociated> {
+    /// Returns the dissociations of a step, in the order of particles. Particles of the ascending ids `spared` do not
+    /// dissociate.
+    pub fn splits(&self, particles: &Particles, spared: &[u32], (key, step): (Key, u32)) -> Vec<Dissociated> {
         if !self.any {
             return Vec::new();
         }
         let chunks = particles.species.par_chunks(TASK).enumerate().map(|(chunk, species)| {
             let base = chunk * TASK;
-            let split = |(k, &species): (usize, &u32)| self.split(particles, (base + k, species), key, step);
+            let split = |(k, &species): (usize, &u32)| {
+                self.split(particles, (base + k, species), spared, (key, step))
+            };
             species.iter().enumerate().filter_map(split).collect()
         });
         chunks.collect::<Vec<Vec<Dissociated>>>().concat()
@@ -127,8 +133,8 @@ impl Dissociation {
         &self,
         particles: &Particles,
         (at, species): (usize, u32),
-        key: Key,
-        step: u32,
+        spared: &[u32],
+        (key, step): (Key, u32),
     ) -> Option<Dissociated> {
         let channels = &self.channels[species as usize];
         if channels.is_empty() {
@@ -137,6 +143,9 @@ impl Dissociation {
         let id = particles.id[at];
         let [word, far, first, second] = key.draw(id, 0, step, Purpose::Dissociation);
         let &(_, channel) = channels.iter().find(|(up_to, _)| word <= *up_to)?;
+        if spared.binary_search(&id).is_ok() {
+            return None;
+        }
         let distance = match channel.unbinding {
             Unbinding::Apart(radius) => radius,
             Unbinding::Within(radius) => match self.boundary.dimensions() {
@@ -180,7 +189,7 @@ mod tests {
         let mut particles = Particles::default();
         let particle = |id| Particle { position: [1.0, 2.0, 3.0], species: 2, id, ..Particle::default() };
         (0..n).for_each(|id| particles.push(particle(id), false));
-        Dissociation::new(model).splits(&particles, Key::new(4), 6)
+        Dissociation::new(model).splits(&particles, &[], (Key::new(4), 6))
     }
 
     #[test]

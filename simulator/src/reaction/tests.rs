@@ -26,7 +26,7 @@ const KEY: Key = Key::new(3);
 
 fn sample(reactions: &Reactions, particles: &Particles, step: u32) -> Vec<ReactionCandidate> {
     let mut best = BestCandidates::new(particles.len());
-    let pairs = StepPairs { particles, pairs: &[Pair::new(0, 1)], key: KEY, step };
+    let pairs = StepPairs { particles, pairs: &[Pair::new(0, 1)], spared: &[], key: KEY, step };
     reactions.sample(pairs, |_| false, &mut best).expect("memory");
     best.candidates
 }
@@ -139,7 +139,7 @@ fn particles_that_dissociate_do_not_react() {
         let (reactions, dissociation, particles) = (Reactions::new(&model), Dissociation::new(&model), two());
         let mut dissociated = 0;
         for step in 0..n {
-            let splits = dissociation.splits(&particles, KEY, step);
+            let splits = dissociation.splits(&particles, &[], (KEY, step));
             assert_eq!(sample(&reactions, &particles, step).len() + splits.len(), 1);
             dissociated += splits.len();
         }

@@ -37,6 +37,9 @@ pub struct Simulation {
     pub(crate) dissociation: Dissociation,
     pub(crate) detector: Option<Detector>,
     matching: Matching,
+    /// Ascending ids of particles that decays formed in the step and that do not dissociate in its rest, though their
+    /// random words say so for a whole step.
+    pub(crate) spared: Vec<u32>,
     partial_events: PartialEvents,
     arrivals: Vec<Arrival>,
     /// Since the run began or was resumed.
@@ -84,6 +87,7 @@ impl Simulation {
             dissociation: Dissociation::new(&model),
             detector,
             matching: Matching::default(),
+            spared: Vec::new(),
             partial_events: PartialEvents::new(&model),
             arrivals: Vec::new(),
             requests: RequestCounts::default(),
@@ -207,6 +211,7 @@ impl Simulation {
     pub(crate) fn apply_events(&mut self, moved: &Moved, rejected: &[u32]) {
         let mut gone = Vec::new();
         self.arrivals.clear();
+        self.spared.clear();
         for event in &moved.events {
             match *event {
                 Event::Arrived { at, receiver } => {
@@ -229,13 +234,17 @@ impl Simulation {
                         self.transform(at, None, &mut gone);
                     }
                 }
-                Event::Decayed { at, decay, product } => {
+                Event::Decayed { at, decay, product, spared } => {
+                    if spared {
+                        self.spared.push(self.state.particles.id[at as usize]);
+                    }
                     self.state.totals.decayed[decay as usize] += 1;
                     self.transform(at, product, &mut gone);
                 }
             }
         }
         self.arrivals.sort_unstable_by_key(|arrival| arrival.id);
+        self.spared.sort_unstable();
         self.state.particles.remove(&mut gone);
         self.let_off(&moved.leaving);
     }
@@ -293,7 +302,7 @@ impl Simulation {
         let pairs = detector.pairs(particles.spheres()?).map_err(failed)?;
         self.state.totals.pairs = pairs.len() as u64;
         let reactions = &self.reactions;
-        let step_pairs = StepPairs { particles, pairs, key, step };
+        let step_pairs = StepPairs { particles, pairs, spared: &self.spared, key, step };
         let chosen = self.matching.greedy(particles.len(), |consumed, best| {
             reactions.sample(step_pairs, |particle| consumed.contains(particle), best)
         })?;
@@ -312,7 +321,7 @@ impl Simulation {
     /// Returns the dissociations by id, independent of storage.
     pub(crate) fn splits(&self) -> Vec<Dissociated> {
         let State { particles, step, .. } = &self.state;
-        let mut splits = self.dissociation.splits(particles, self.key, *step);
+        let mut splits = self.dissociation.splits(particles, &self.spared, (self.key, *step));
         splits.sort_unstable_by_key(|split| split.id);
         splits
     }

@@ -128,8 +128,8 @@ pub(super) fn fast_reaction(equation: &str, rate: f64, time_step: f64) -> Option
 
 /// Warns of a decay that is fast for the time step.
 ///
-/// Decays of released particles and of products of decays are right at any step length, except for a species that
-/// dissociates, which decays at the ends of whole steps.
+/// Decays and dissociations of released particles and of products of decays are right at any step length, except that
+/// nothing dissociates between a release and the end of its step.
 pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     let part = decay.rate * model.time_step;
     let species = decay.reactant;
@@ -145,23 +145,41 @@ pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
         .any(|reaction| reaction.products.contains(&Some(species)) && !exchanged(reaction));
     let from_splits =
         model.decays.iter().any(|decay| decay.splits() && decay.products.contains(&Some(species)));
-    let forms_within_a_step = || {
-        let is_steady = |one: &&Transmitter| matches!(one.schedule, Schedule::Steady { .. });
-        model.decays.iter().any(|other| other.products.contains(&Some(species)))
-            || model.transmitters.iter().filter(is_steady).any(|one| one.species().any(|s| s == species))
+    let is_steady = |one: &&Transmitter| matches!(one.schedule, Schedule::Steady { .. });
+    let released_within_a_step = || {
+        let ancestors = ancestors(model, species);
+        let steady = model.transmitters.iter().filter(is_steady);
+        steady.flat_map(Transmitter::species).any(|released| ancestors.contains(&released))
     };
-    let late = model.dissociates(species) && forms_within_a_step();
+    let late = model.dissociates(species) && released_within_a_step();
     (part > FAST_DECAY && (from_pairs || from_splits || late)).then(|| {
         let name = &model.species[species as usize].name;
         format!(
-            "'{}': {:.1} % of {name} decay in a step, and particles that form or are released within a step decay in the next \
-             step at the earliest, or in this step with the probability of a whole step, so that they live half a step too \
-             long or too short on average; time-step = {} is short enough",
+            "'{}': {:.1} % of {name} decay in a step, and those that pairs or dissociations form, or that dissociate after a \
+             release within a step, decay in the next step at the earliest, so that they live half a step too long on average; \
+             time-step = {} is short enough",
             decay.name,
             100.0 * part,
             below(FAST_DECAY / decay.rate)
         )
     })
+}
+
+/// Returns a species and all whose decays lead to it, without dissociations.
+fn ancestors(model: &Model, species: u32) -> Vec<u32> {
+    let mut found = vec![species];
+    let mut next = 0;
+    while let Some(&product) = found.get(next) {
+        let before = model.decays.iter().filter(|decay| !model.dissociates(decay.reactant));
+        let leads = before.filter(|decay| decay.products[0] == Some(product)).map(|decay| decay.reactant);
+        for reactant in leads {
+            if !found.contains(&reactant) {
+                found.push(reactant);
+            }
+        }
+        next += 1;
+    }
+    found
 }
 
 /// Largest √(2DΔt), in radii, near a reflecting surface.

@@ -1,10 +1,10 @@
 //! Runs in which particles decay on their way to receivers and walls.
 
 use lazygrid_sim::model::receiver::WallFace;
-use lazygrid_sim::{Decay, Model, ReceiverKind, Unbinding};
+use lazygrid_sim::{Decay, Model, ReceiverKind, Shape, Unbinding};
 
 use super::device;
-use super::models::{Runs, brownian, decay, reaction, receiver};
+use super::models::{Runs, brownian, burst, decay, reaction, receiver, species};
 use super::surfaces::surfaces;
 
 /// A -> B -> A, or nothing, about once per step. Some receivers and walls see one species only.
@@ -47,7 +47,7 @@ fn dissociations_before_hits_are_those_of_the_cpu() {
     }
 }
 
-/// Both species dissociate, react as catalysts and are consumed.
+/// Two species dissociate, react as catalysts and are consumed. A third one decays to them.
 #[test]
 fn particles_that_dissociate_react_as_on_the_cpu() {
     let Some(own) = device() else { return };
@@ -66,6 +66,9 @@ fn particles_that_dissociate_react_as_on_the_cpu() {
         ..Decay::default()
     };
     model.decays = vec![dissociation(0, 1, 10.0), dissociation(1, 0, 30.0)];
+    model.decays.extend([decay(2, Some(0), 20.0), decay(2, Some(1), 30.0)]);
+    model.species.push(species("C", 1.0, [0.0; 3]));
+    model.transmitters.push(burst(Shape::Box([4.0; 3]), &[(2, 2000)]));
     let mut runs = Runs::new(&own, &model, 75);
     for _ in 0..4 {
         runs.steps(1);

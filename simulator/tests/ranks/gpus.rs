@@ -159,6 +159,7 @@ fn walls_flow_and_membranes_on_the_gpus_of_ranks_equal_one_gpu() {
 fn dissociations_on_the_gpus_of_ranks_equal_one_gpu() {
     let Some(own) = device() else { return };
     let mut model = Model { decays: model(&everything()).decays, ..independent() };
+    model.decays[3].rate = 4.0;
     let half = Decay { reactant: 0, products: [Some(1), Some(1)], rate: 1.0, ..Decay::default() };
     model.decays.push(half);
     for logs_arrivals in [true, false] {
@@ -235,7 +236,8 @@ fn particles_that_react_touch_or_lack_a_gpu_move_on_the_cpu() {
     let reactions = Model { reactions: model(&everything()).reactions, ..independent() };
     let contacts = Model { contact: Contact::Count, ..independent() };
     let mut drifting = independent();
-    drifting.receivers.last_mut().unwrap().velocity = [900.0, 0.0, 0.0];
+    let moving = Receiver { velocity: [900.0, 0.0, 0.0], ..drifting.receivers.pop().unwrap() };
+    drifting.receivers = vec![moving; 200];
     for (name, model) in [("reactions", reactions), ("contacts", contacts), ("drift", drifting)] {
         assert!(backends(&model, |_| on_gpu()) == [Backend::Cpu; 2], "{name}");
     }

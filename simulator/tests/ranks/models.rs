@@ -80,6 +80,9 @@ pub(crate) fn model(parts: &Parts) -> Model {
     if parts.splits {
         decays.push(decay("c -> a + b", 2, [Some(0), Some(1)], 4.0));
     }
+    if parts.decays && parts.splits {
+        decays.push(decay("d -> c", 3, [Some(2), None], 1.5));
+    }
     let transmitter = |name: &str, center, shape, schedule, release| Transmitter {
         name: name.into(),
         center,

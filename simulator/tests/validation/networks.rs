@@ -272,5 +272,22 @@ pub(crate) fn chain() -> Vec<Row> {
         let what = format!("share of {} after 1 s", model.species[k].name);
         Row::share(what, expected[k], share, n)
     };
-    vec![row(0), row(1)]
+    vec![row(0), row(1), chain_to_dissociation(0.5, 9), chain_to_dissociation(1.0, 10)]
+}
+
+/// A -> B -> C + C, in steps of about a life.
+fn chain_to_dissociation(time_step: f64, seed: u64) -> Row {
+    let decay = |reactant, products, rate| Decay { reactant, products, rate, ..Decay::default() };
+    let n = 100_000;
+    let model = Model {
+        time_step,
+        species: ["A", "B", "C"].map(|name| species(name, 0.0, 0.0)).into(),
+        decays: vec![decay(0, [Some(1), None], 1.0), decay(1, [Some(2); 2], 2.0)],
+        transmitters: vec![burst(Shape::Point, &[(0, n)])],
+        ..Model::default()
+    };
+    let simulation = run_for(&model, seed, (1.0 / time_step) as u32);
+    let share = simulation.state().totals.present[2] as f64 / f64::from(2 * n);
+    let expected = (1.0 - (-1.0_f64).exp()).powi(2);
+    Row::share(format!("share of the dissociated, step {time_step} s"), expected, share, n)
 }

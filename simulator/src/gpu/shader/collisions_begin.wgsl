@@ -8,6 +8,7 @@
 #include event_rows
 #include mover
 #include window
+#include tag
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> control: Control;
@@ -37,7 +38,7 @@ fn collisions_begin(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     }
     let before = spheres[at];
     let tag = tags[at];
-    let kind = species_rows[tag.x];
+    let kind = species_rows[species_of(tag)];
     let velocity = velocity_of(at, kind, tag.y);
     var end = free_path_of(before.xyz, velocity, kind, tag.y).end;
     if (params.vessel_axis != NO_VESSEL) {

@@ -4,6 +4,7 @@
 #include boundary
 #include candidate
 #include near
+#include tag
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> near_pairs: array<vec2<u32>>;
@@ -28,7 +29,7 @@ fn mark_of(pair: vec2<u32>) -> u32 {
     if (a.id < b.id) {
         place = a.base + a.offset;
     }
-    if (may_react(reaction_rows[tags[pair.x].x * params.species + tags[pair.y].x])) {
+    if (may_react(reaction_rows[species_of(tags[pair.x]) * params.species + species_of(tags[pair.y])])) {
         return NOTHING;
     }
     if (!(-gap > 4e-6 * (abs(place.x) + abs(place.y) + abs(place.z) + touch))) {

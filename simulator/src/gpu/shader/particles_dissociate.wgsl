@@ -8,6 +8,7 @@
 #include boundary
 #include candidate
 #include born
+#include tag
 
 // The table begins with the first channel of each species; further ones follow.
 struct DissociationRow {
@@ -63,10 +64,11 @@ fn particles_dissociate(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_wo
     if (parent.w < 0.0) {
         return;
     }
-    let id = tags[at].y;
+    let tag = tags[at];
+    let id = tag.y;
     let words = philox(vec4(id, 0u, control.step, PURPOSE_DISSOCIATION), params.key);
     let found = channel_of(species[at], words.x);
-    if (found == NOTHING) {
+    if (found == NOTHING || (tag.x & SPARED) != 0u) {
         return;
     }
     let row = dissociation_rows[found];

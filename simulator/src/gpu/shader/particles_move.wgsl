@@ -10,11 +10,12 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
         return;
     }
     let before = spheres[at];
-    let tag = tags[at];
+    let marked = tags[at];
+    let tag = vec2(species_of(marked), marked.y);
     let kind = species_rows[tag.x];
     let free = path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y);
     let path = held_back(collided(free, at, kind), kind, tag.y);
-    var here = Moved(vec4(path.after, before.w), tag.x, path.velocity);
+    var here = Moved(vec4(path.after, before.w), tag.x, path.velocity, false);
     var first = NOTHING;
     var first_hit: Hit;
     let near_receivers = receivers_near(kind, before.xyz, reach_of(path) + kind.bend + trajectory.max_displacement);
@@ -41,6 +42,7 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     }
     moved[at] = here.sphere;
     species[at] = here.species;
+    mark(at, marked, here.is_spared);
     if (params.has_velocity != 0u) {
         moved[velocity_at(at)] = vec4(here.velocity, 0.0);
     }

@@ -131,7 +131,7 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
     }
     // See surfaces.rs.
     let stays = turns.exist && is_separated(kind, path.after, reflected.after);
-    var here = Moved(vec4(select(reflected.after, path.before, stays), radius), tag.x, reflected.velocity);
+    var here = Moved(vec4(select(reflected.after, path.before, stays), radius), tag.x, reflected.velocity, false);
     let reach = max(reach_of(path), max(reflected.length, length(minimum_image(reflected.after - path.before))));
     let near_receivers = receivers_near(kind, path.before, reach + kind.bend + trajectory.max_displacement);
     var first = NOTHING;
@@ -189,9 +189,10 @@ fn particles_move_reflecting(@builtin(workgroup_id) group: vec3<u32>, @builtin(n
         return;
     }
     let before = spheres[at];
-    let tag = tags[at];
+    let marked = tags[at];
+    let tag = vec2(species_of(marked), marked.y);
     let kind = species_rows[tag.x];
-    var here = Moved(before, tag.x, vec3(0.0));
+    var here = Moved(before, tag.x, vec3(0.0), false);
     if (before.w <= BOUND_RADIUS) {
         here.sphere = unbind(before, tag.y, kind);
         if (params.has_velocity != 0u && here.sphere.w >= 0.0) {
@@ -206,6 +207,7 @@ fn particles_move_reflecting(@builtin(workgroup_id) group: vec3<u32>, @builtin(n
     }
     moved[at] = here.sphere;
     species[at] = here.species;
+    mark(at, marked, here.is_spared);
     if (params.has_velocity != 0u) {
         moved[velocity_at(at)] = vec4(here.velocity, 0.0);
     }

@@ -4,6 +4,7 @@
 #include philox
 #include boundary
 #include candidate
+#include tag
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> control: Control;
@@ -16,11 +17,11 @@
 @group(0) @binding(8) var<storage, read_write> left: array<u32>;
 
 // Returns true if a particle dissociates in this step, so that it does not exist when pairs react; see dissociation.rs.
-fn dissociates(first_row: ReactionRow, side: u32, id: u32) -> bool {
-    if ((first_row.flags & (32u << side)) == 0u) {
+fn dissociates(first_row: ReactionRow, side: u32, tag: vec2<u32>) -> bool {
+    if ((first_row.flags & (32u << side)) == 0u || (tag.x & SPARED) != 0u) {
         return false;
     }
-    let words = philox(vec4(id, 0u, control.step, PURPOSE_DISSOCIATION), params.key);
+    let words = philox(vec4(tag.y, 0u, control.step, PURPOSE_DISSOCIATION), params.key);
     return words.x <= first_row.dissociation_thresholds[side];
 }
 
@@ -59,7 +60,7 @@ fn reactions_sample(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     if (row == NOTHING) {
         return;
     }
-    if (dissociates(reaction_rows[first_row], 0u, own.x) || dissociates(reaction_rows[first_row], 1u, own.y)) {
+    if (dissociates(reaction_rows[first_row], 0u, tags[pair.x]) || dissociates(reaction_rows[first_row], 1u, tags[pair.y])) {
         return;
     }
     let rule = reaction_rows[row];

@@ -3,6 +3,7 @@
 #include params
 #include boundary
 #include event
+#include tag
 
 struct OccupancyRow {
     receiver: u32,
@@ -27,7 +28,7 @@ fn receivers_count(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgro
     if (at >= control.alive || spheres[at].w < 0.0) {
         return;
     }
-    let species = tags[at].x;
+    let species = species_of(tags[at]);
     for (var k = 0u; k < arrayLength(&occupancy_rows); k++) {
         let row = occupancy_rows[k];
         if (row.species != species) {

@@ -4,6 +4,7 @@
 #include boundary
 #include mover
 #include window
+#include tag
 
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read_write> window: Window;
@@ -33,6 +34,6 @@ fn window_spheres(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     next_events[at].count = 0u;
     // Further windows of the step read the same species.
     if (window.now == 0.0) {
-        species[at] = tags[at].x;
+        species[at] = species_of(tags[at]);
     }
 }

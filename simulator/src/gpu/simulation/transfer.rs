@@ -8,6 +8,8 @@ use crate::{Error, State};
 
 /// See `receptor.wgsl`.
 const BOUND_RADIUS: f32 = -2.0;
+/// Equal to that of `tag.wgsl`.
+const SPARED: u32 = 1 << 31;
 
 impl GpuSimulation {
     /// # Errors
@@ -30,7 +32,9 @@ impl GpuSimulation {
         let mut rows: Vec<_> = spheres.into_iter().zip(velocities).zip(tags).collect();
         rows.sort_unstable_by_key(|&(_, [_, id])| id);
         let (mut particles, mut bound) = (Particles::default(), Vec::new());
-        for (([x, y, z, radius], [u, v, w, _]), [species, id]) in rows {
+        for (([x, y, z, radius], [u, v, w, _]), [tag, id]) in rows {
+            // A halted step leaves the mark of `tag.wgsl`.
+            let species = tag & !SPARED;
             if radius >= 0.0 {
                 let (position, velocity) = ([x, y, z], [u, v, w]);
                 particles.push(Particle { position, velocity, radius, species, id }, sizes.has_velocity);

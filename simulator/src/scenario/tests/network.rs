@@ -344,10 +344,9 @@ fn long_steps_are_warned_of_with_a_short_enough_one() {
 fn dissociation_of_particles_released_within_a_step_is_warned_of() {
     let warnings = |text: &str| network(text).unwrap().warnings;
     let steady = transmitter("release = [{ species = \"C\", rate = 9 }]");
-    let source =
-        "[[source]]\nequation = \"-> C\"\nrate = 1\nshape = { kind = \"ball\", radius = 1 }\n".to_owned();
+    let source = "[[source]]\nequation = \"-> C\"\nrate = 1\nshape = { kind = \"ball\", radius = 1 }\n";
     let split = decay("C -> A + B", "rate = 3000\nunbinding-radius = 0.1");
-    for release in [&steady, &source] {
+    for release in [&steady[..], source] {
         let said = warnings(&(split.clone() + release));
         assert_warns(&said, "'C -> A + B': 3.0 % of C decay in a step");
         assert!(said[0].contains("time-step = 6.66e-6 is short enough"), "{said:?}");
@@ -355,8 +354,12 @@ fn dissociation_of_particles_released_within_a_step_is_warned_of() {
     // The rest of a species that dissociates decays at the ends of steps, too.
     let both = decay("C -> A + B", "rate = 30") + &decay("C ->", "rate = 3000");
     assert_warns(&warnings(&(both + &steady)), "'C ->': 3.0 % of C decay");
+    // Products of decays dissociate in the rest of the step, except after a release within it.
+    let chain = decay("D -> C", "rate = 30") + &split;
     let burst = transmitter("release = [{ species = \"C\", count = 9 }]");
-    assert_eq!(warnings(&(split + &burst)), [""; 0]);
+    assert_eq!(warnings(&(chain.clone() + &burst)), [""; 0]);
+    let early = transmitter("release = [{ species = \"D\", rate = 9 }]");
+    assert_warns(&warnings(&(chain + &early)), "'C -> A + B': 3.0 % of C decay");
     assert_eq!(warnings(&(decay("C ->", "rate = 3000") + &steady)), [""; 0]);
 }
 

@@ -4,6 +4,8 @@ struct Moved {
     sphere: vec4<f32>,
     species: u32,
     velocity: vec3<f32>,
+    // See tag.wgsl.
+    is_spared: bool,
 }
 
 // The event of a hit, unless the particle decays or dissociates before.
@@ -110,23 +112,24 @@ fn arrive(moved: Moved, row: u32) -> Moved {
     return here;
 }
 
-// Returns true if the particle dissociates before the capture. particles_dissociate draws the products.
-fn dissociates_before(capture: Capture, kind: SpeciesRow, id: u32) -> bool {
+// Returns the time from the beginning of the step or of the particle to its dissociation, in steps; 2 if the particle
+// does not dissociate in a whole step. particles_dissociate draws the products.
+fn dissociation_time(kind: SpeciesRow, id: u32) -> f32 {
     if (kind.dissociation_rate == 0.0) {
-        return false;
+        return 2.0;
     }
     if (philox(vec4(id, 0u, control.step, PURPOSE_DISSOCIATION), params.key).x > kind.dissociation_threshold) {
-        return false;
+        return 2.0;
     }
     let words = philox(vec4(id, 1u, control.step, PURPOSE_DISSOCIATION), params.key);
-    return decay_time(kind.dissociation_rate, 1.0, words.x) < capture.time;
+    return decay_time(kind.dissociation_rate, 1.0, words.x);
 }
 
 // Returns true if the particle decays or dissociates before the capture.
 fn decays_before(capture: Capture, species: u32, id: u32) -> bool {
     let kind = species_rows[species];
     if (kind.decays_begin == kind.walls_begin) {
-        return dissociates_before(capture, kind, id);
+        return dissociation_time(kind, id) < capture.time;
     }
     let words = philox(vec4(id, 0u, control.step, PURPOSE_DECAY), params.key);
     if (first_decay(kind, words.x) == NOTHING) {
@@ -141,7 +144,7 @@ fn decay(moved: Moved, capture: Capture, id: u32) -> Moved {
     var kind = species_rows[here.species];
     var row = capture.row;
     if (kind.decays_begin == kind.walls_begin) {
-        if (row != NOTHING && !dissociates_before(capture, kind, id)) {
+        if (row != NOTHING && dissociation_time(kind, id) >= capture.time) {
             here = arrive(here, row);
         }
         return here;
@@ -158,6 +161,13 @@ fn decay(moved: Moved, capture: Capture, id: u32) -> Moved {
         var remaining = left;
         if (found != NOTHING) {
             remaining -= decay_time(kind.decay_rate, left, words.y);
+        }
+        if (generation > 0u && kind.dissociation_rate != 0.0) {
+            let time = dissociation_time(kind, id);
+            here.is_spared = time <= 1.0 && time >= left;
+            if (time < left && left - time > 1.0 - capture.time) {
+                break;
+            }
         }
         if (row != NOTHING && (found == NOTHING || remaining <= 1.0 - capture.time)) {
             row = row_of_capture(row, kind);

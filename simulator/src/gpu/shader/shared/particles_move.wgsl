@@ -3,6 +3,7 @@
 #include philox
 #include normal
 #include unit_32
+#include tag
 #include velocity
 #include boundary
 #include event
@@ -11,7 +12,7 @@
 @group(0) @binding(1) var<uniform> trajectory: TrajectoryHeader;
 @group(0) @binding(2) var<storage, read_write> control: Control;
 @group(0) @binding(3) var<storage, read> spheres: array<vec4<f32>>;
-@group(0) @binding(4) var<storage, read> tags: array<vec2<u32>>;
+@group(0) @binding(4) var<storage, read_write> tags: array<vec2<u32>>;
 @group(0) @binding(5) var<storage, read_write> moved: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> species: array<u32>;
 @group(0) @binding(7) var<storage, read> species_rows: array<SpeciesRow>;
@@ -32,3 +33,11 @@
 #include collided
 #include decay
 #include absorbing_wall
+
+// Marks a particle for later kernels of the step.
+fn mark(at: u32, tag: vec2<u32>, is_spared: bool) {
+    let marked = select(species_of(tag), species_of(tag) | SPARED, is_spared);
+    if (marked != tag.x) {
+        tags[at] = vec2(marked, tag.y);
+    }
+}
