@@ -114,7 +114,32 @@ pub(crate) fn crowded_diffusion() -> Vec<Row> {
             rows.push(Row { must_differ: true, ..Row::new(what, 0.0, fall.max(0.0), error) });
         }
     }
+    rows.extend((0..4).into_par_iter().flat_map_iter(drawn_crowd).collect::<Vec<_>>());
     rows
+}
+
+/// A drawn volume fraction, another one, and steps up to the longest that is not warned of, with one collision of a
+/// particle on average; then half of the step.
+fn drawn_crowd(case: u32) -> [Row; 2] {
+    let [u, v, w, _] = philox([case, 0, 0, 0], [29, 1]).map(|word| f64::from(open_unit(word)));
+    let (packing, more) = (0.05 + 0.2 * u, 0.1 + 0.05 * v);
+    // Collisions per step: √(2·2D)·√(8/π)·√Δt·nπσ²·g(σ⁺), with the density n = 6φ/πσ³.
+    let contact_value = (1.0 - packing / 2.0) / (1.0 - packing).powi(3);
+    let longest = 1.0 / (24.0 / PI.sqrt() * packing * contact_value);
+    let step = longest.min(0.3) * (0.5 + 0.5 * w);
+    let cases = [(step, packing), (0.5 * step, packing), (step, packing + more)];
+    let [(ratio, one), (of_half, other), (denser, third)] = cases.map(slowed_diffusion);
+    let case = format!("at {packing:.2}, step {step:.2} σ");
+    let falls = Row::new(
+        format!("D/D₀ falls by {more:.2}, {case}"),
+        0.0,
+        (ratio - denser).max(0.0),
+        4.0 * one.hypot(third),
+    );
+    [
+        Row::new(format!("D/D₀ {case}, and half of it"), of_half, ratio, (4.0 * one.hypot(other)).max(0.03)),
+        Row { must_differ: true, ..falls },
+    ]
 }
 
 /// D/D₀ and its standard error, at a step √(2DΔt) in diameters and a volume fraction.
