@@ -3,7 +3,7 @@
 # shared and static, with AddressSanitizer and under valgrind.
 #
 #     capi/test.sh                  all of it
-#     capi/test.sh --without-gpu    of a library without the GPU path, which builds faster
+#     capi/test.sh --without-gpu    of a library without the GPU path, which builds faster; skips the sizes of releases
 #
 # Needs Rust. On Debian it installs what else is missing, and says so first: gcc, g++, pkg-config, cmake, valgrind, ns-3.
 # What cannot be had elsewhere is skipped, and that is said. The program for ns-3 is held against LAZYGRID, the path of the

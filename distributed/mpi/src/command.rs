@@ -31,6 +31,7 @@ pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Er
     let input = times.take("read", || input::read(world, args))?;
     let mut distributed = Distributed::new(world, config(args, input.space))?;
     let mut particles = input.particles;
+    let precision = if particles.doubles.is_some() { Precision::F64 } else { Precision::F32 };
     times.take("rebalance", || distributed.rebalance(&mut particles))?;
     let local = particles.local().map_err(|error| refused(world, error.to_string()));
     let local = agree(world, local)?;
@@ -50,7 +51,6 @@ pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Er
     if world.rank() != 0 {
         return Ok(());
     }
-    let precision = if particles.doubles.is_some() { Precision::F64 } else { Precision::F32 };
     let (report, space) = (distributed.report(), input.space);
     let summary = Summary { report, space, precision, files, times: times.0 };
     print(world, &if args.json { summary.json() } else { summary.to_string() })

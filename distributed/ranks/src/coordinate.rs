@@ -1,7 +1,7 @@
 use bytemuck::Pod;
 
-/// The number type of wrapped spheres and their bounding boxes: `f32`, or `f64` for spheres and spaces that `f32` cannot
-/// represent.
+/// The number type of wrapped spheres and their bounding boxes: `f32`, or `f64` for spheres, spaces and tables that
+/// `f32` cannot represent.
 pub trait Coordinate: Pod + PartialOrd + Into<f64> + Send + Sync {
     /// Smallest radius that limits no distance.
     const UNLIMITED: Self;

@@ -10,6 +10,8 @@ use crate::motion::vessel_flow::{FlowStep, StepDrift, StepTime};
 
 /// Bounds of a species' displacement in a step apart from diffusion.
 struct Carried {
+    /// Radius of the species, whose paths turn where its spheres touch walls.
+    radius: f32,
     /// Plug flow and drift, in µm.
     drift: [f32; 3],
     /// Largest displacement by a flow field along each axis, in µm.
@@ -58,7 +60,7 @@ impl Carried {
         let speed = speed.max(MAX_THERMAL * 3f32.sqrt() * hottest as f32);
         let field = model.flow_field().map_or([0.0; 3], |field| field.fastest());
         let field = field.map(|v| (v * model.time_step) as f32);
-        Self { drift, field, flow, own: speed * model.time_step as f32, diffusion }
+        Self { radius: kind.radius, drift, field, flow, own: speed * model.time_step as f32, diffusion }
     }
 
     fn length(&self) -> f32 {
@@ -84,7 +86,7 @@ impl Carried {
         }
         let vessel = model.boundary.vessel;
         let across = |k: usize| vessel.is_some_and(|vessel| vessel.along != Some(k));
-        if (0..3).any(|k| across(k) && (relative[k] != 0.0 || self.along(k, model) > 0.0)) {
+        if (0..3).any(|k| across(k) && (self.drift[k] != 0.0 || self.along(k, model) > 0.0)) {
             return VESSEL_ITERATIONS + images.min(MAX_PIECES);
         }
         if images == 0 { 0 } else { 1 + images.min(MAX_PIECES) }
@@ -98,14 +100,15 @@ impl Carried {
         let moved = self.drift[axis].abs() + along;
         let (center, reach) = (receiver.center[axis], receiver.radius + moved);
         let stays = own == 0.0 && receiver.diffusion == 0.0;
-        match model.boundary.axes[axis] {
-            _ if relative == 0.0 => 0,
+        let passed = |moved: f32, width: f32| 1 + (moved / width).min(MAX_PIECES as f32) as usize;
+        match model.boundary.axes[axis].inset(self.radius) {
             Axis::Open | Axis::Frozen => 0,
             Axis::Reflecting { .. } if moved == 0.0 => 0,
             Axis::Reflecting { low, high } if stays && center - reach >= low && center + reach <= high => 0,
-            Axis::Reflecting { low, high } => 1 + (moved / (high - low)) as usize,
+            Axis::Reflecting { low, high } => passed(moved, high - low),
+            Axis::Periodic { .. } if relative == 0.0 => 0,
             Axis::Periodic { low, high } if 2.0 * (receiver.radius + relative) <= high - low => 0,
-            Axis::Periodic { low, high } => 1 + (relative / (high - low)) as usize,
+            Axis::Periodic { low, high } => passed(relative, high - low),
         }
     }
 

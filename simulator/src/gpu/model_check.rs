@@ -73,8 +73,9 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
     let paths = long_path_iterations(model);
     if visits + paths > most {
         let what = format!(
-            "paths that drift past receivers within a step, with {paths} loop iterations, beyond {}; use fewer receivers, or \
-             shorten the time step until drift, flow and velocity move no particle by a sixteenth of a receiver's radius in it",
+            "paths that drift past receivers within a step, with {paths} loop iterations, beyond {}; use fewer receivers, or, \
+             if particles diffuse, shorten the time step until drift, flow and velocity move none by a sixteenth of a receiver's \
+             radius",
             most - visits
         );
         return Err(Error::NotOnGpu { what });

@@ -88,7 +88,8 @@ impl CpuRun {
     /// Adds the spared particles of all ranks, because others hold them as ghosts.
     fn share_spared<C: Communicator>(&mut self, communicator: &mut C) -> Result<(), C::Error> {
         let Simulation { dissociation, model, spared, .. } = &mut self.simulation;
-        if dissociation.is_empty() || !model.forms_dissociating() {
+        // Pairs with ghosts need the ids of other ranks.
+        if dissociation.is_empty() || model.reactions.is_empty() || !model.forms_dissociating() {
             return Ok(());
         }
         let (mut all, _) = communicator.all_gather("ids of particles that do not dissociate", &spared[..])?;

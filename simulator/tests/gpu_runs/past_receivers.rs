@@ -1,11 +1,11 @@
 //! Runs in which drift, flow or velocity carries particles past receivers within a step.
 
 use lazygrid_sim::{
-    Adsorption, Axis, Boundary, Flow, Model, Receiver, ReceiverKind, ReceptorType, Species, Vessel,
+    Adsorption, Axis, Boundary, Flow, Model, Receiver, ReceiverKind, ReceptorType, Shape, Species, Vessel,
 };
 
 use super::device;
-use super::models::{brownian, decay, receiver, species};
+use super::models::{brownian, burst, decay, receiver, species};
 use super::surfaces::compare;
 
 /// Particles that move by 2 µm per step in a box of 4 µm, and receivers of a quarter micrometer.
@@ -94,4 +94,28 @@ fn drifting_particles_adsorb_as_on_the_cpu() {
     let state = compare(&model, 82, 3);
     let arrived = &state.totals.arrived;
     assert!(device().is_none() || arrived[..5].iter().flatten().all(|&n| n > 0), "{arrived:?}");
+}
+
+/// Lines of spheres of radius 1 towards a wall at −2, where they turn at −1.
+fn lines_to_a_wall(center: f32, radius: f32, velocity: f64) -> Model {
+    let mut receiver = receiver("target", [center, 0.0, 0.0], radius, ReceiverKind::Absorbing);
+    receiver.velocity[0] = velocity;
+    let mut model = Model {
+        species: vec![species("A", 0.0, [-3200.0, 0.0, 0.0]), species("B", 0.0, [0.0; 3])],
+        receivers: vec![receiver],
+        boundary: Boundary::reflecting([-2.0; 3], [6.0, 2.0, 2.0]),
+        ..brownian(false)
+    };
+    model.species[0].radius = 1.0;
+    model.transmitters = vec![burst(Shape::Box([0.9, 0.04, 0.04]), &[(0, 1000)])];
+    model.transmitters[0].center[0] = -0.5;
+    model
+}
+
+#[test]
+fn lines_of_large_spheres_hit_a_receiver_after_the_wall_as_on_the_cpu() {
+    for (seed, center, velocity) in [(91, 2.0, 0.0), (92, 1.5, -3200.0)] {
+        let state = compare(&lines_to_a_wall(center, 0.05, velocity), seed, 1);
+        assert!(device().is_none() || state.totals.arrived[0][0] > 50, "{:?}", state.totals.arrived);
+    }
 }

@@ -22,7 +22,7 @@ pub(super) fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Durat
     Ok(start.elapsed())
 }
 
-/// Returns whether `rounds` since `start` suffice although more are asked for.
+/// Returns `true` if `rounds` rounds since `start` are enough.
 pub(super) fn is_enough(rounds: usize, start: Instant) -> bool {
     rounds >= 3 && start.elapsed() >= ROUNDS_TIME
 }
