@@ -114,7 +114,7 @@ pub(crate) fn crowded_diffusion() -> Vec<Row> {
             rows.push(Row { must_differ: true, ..Row::new(what, 0.0, fall.max(0.0), error) });
         }
     }
-    rows.extend((0..4).into_par_iter().flat_map_iter(drawn_crowd).collect::<Vec<_>>());
+    rows.extend((0..2).into_par_iter().flat_map_iter(drawn_crowd).collect::<Vec<_>>());
     rows
 }
 
