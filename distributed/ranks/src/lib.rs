@@ -13,8 +13,8 @@
 //! 4. Each rank searches its own spheres, and between these and its ghosts ([`Search`]). The owner of the smaller
 //!    sphere reports a pair of two ranks.
 //!
-//! Spheres in `f64`, and spaces or tables that `f32` does not represent, have wrapped spheres and bounding boxes of `f64` numbers
-//! ([`SphereWrapper::wrap_f64`]), and ghosts with `f64` rows ([`Ghosts::exchange_f64`]).
+//! Spheres in `f64`, and spaces or tables that `f32` does not represent, have wrapped spheres and bounding boxes of
+//! `f64` numbers ([`SphereWrapper::wrap_f64`]), and ghosts with `f64` rows ([`Ghosts::exchange_f64`]).
 //!
 //! [`Settings`] compares what all ranks must share.
 //!

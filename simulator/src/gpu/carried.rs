@@ -44,10 +44,10 @@ impl Carried {
     fn all(model: &Model, steps: &[SpeciesStep], species: usize) -> Vec<Self> {
         let parts = if model.flow_pulse.is_some() { &[1.0, 0.0][..] } else { &[1.0] };
         let drifts = parts.iter().map(|&part| StepDrift::new(model, species, StepTime::new(model, part)));
-        drifts.map(|drift| Self::new(model, steps[species].diffusion, (species, drift.drift))).collect()
+        drifts.map(|drift| Self::new(model, species, steps[species].diffusion, drift.drift)).collect()
     }
 
-    fn new(model: &Model, diffusion: f32, (species, drift): (usize, [f32; 3])) -> Self {
+    fn new(model: &Model, species: usize, diffusion: f32, drift: [f32; 3]) -> Self {
         let kind = &model.species[species];
         let speed = if kind.speed > 0.0 {
             kind.speed as f32
@@ -72,14 +72,14 @@ impl Carried {
         length(self.field) + self.flow.abs() + self.own
     }
 
-    /// Returns a bound of the loop iterations in which a particle's path finds its hit on a receiver, or 0 if the ends
-    /// of the path are enough.
+    /// Returns a bound of the loop iterations in which a particle's path finds its hit on a receiver, or 0 if the path's
+    /// ends are enough.
     fn iterations_at(&self, receiver: &Receiver, model: &Model) -> usize {
         let own = receiver.velocity.map(|v| (v * model.time_step) as f32);
         let diffusion = self.diffusion + (receiver.diffusion * model.time_step) as f32;
         let spread = (2.0 * diffusion).sqrt();
         let relative: [f32; 3] = std::array::from_fn(|k| self.drift[k] - own[k]);
-        let images: usize = (0..3).map(|k| self.images(k, (receiver, spread), model)).sum();
+        let images: usize = (0..3).map(|k| self.images(k, receiver, spread, model)).sum();
         if diffusion > 0.0 {
             let is_long = path_hit::is_long(length(relative) + self.carried(), spread, receiver.radius);
             return if is_long { (PASSAGE_ITERATIONS * (1 + images)).min(MAX_SEGMENTS) } else { 0 };
@@ -93,7 +93,7 @@ impl Carried {
     }
 
     /// Bounds the number of walls and images along an axis at which the path may reach the receiver again.
-    fn images(&self, axis: usize, (receiver, spread): (&Receiver, f32), model: &Model) -> usize {
+    fn images(&self, axis: usize, receiver: &Receiver, spread: f32, model: &Model) -> usize {
         let own = (receiver.velocity[axis] * model.time_step) as f32;
         let along = self.along(axis, model) + MAX_SPREADS * spread;
         let relative = (self.drift[axis] - own).abs() + along;

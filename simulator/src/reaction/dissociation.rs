@@ -115,37 +115,27 @@ impl Dissociation {
 
     /// Returns the dissociations of a step, in the order of particles. Particles of the ascending ids `spared` do not
     /// dissociate.
-    pub fn splits(&self, particles: &Particles, spared: &[u32], (key, step): (Key, u32)) -> Vec<Dissociated> {
+    pub fn splits(&self, particles: &Particles, spared: &[u32], key: Key, step: u32) -> Vec<Dissociated> {
         if !self.any {
             return Vec::new();
         }
+        let dissociates = |split: &Dissociated| spared.binary_search(&split.id).is_err();
         let chunks = particles.species.par_chunks(TASK).enumerate().map(|(chunk, species)| {
             let base = chunk * TASK;
-            let split = |(k, &species): (usize, &u32)| {
-                self.split(particles, (base + k, species), spared, (key, step))
-            };
-            species.iter().enumerate().filter_map(split).collect()
+            let split = |k: usize| self.split(particles, base + k, key, step);
+            (0..species.len()).filter_map(split).filter(dissociates).collect()
         });
         chunks.collect::<Vec<Vec<Dissociated>>>().concat()
     }
 
-    fn split(
-        &self,
-        particles: &Particles,
-        (at, species): (usize, u32),
-        spared: &[u32],
-        (key, step): (Key, u32),
-    ) -> Option<Dissociated> {
-        let channels = &self.channels[species as usize];
+    fn split(&self, particles: &Particles, at: usize, key: Key, step: u32) -> Option<Dissociated> {
+        let channels = &self.channels[particles.species[at] as usize];
         if channels.is_empty() {
             return None;
         }
         let id = particles.id[at];
         let [word, far, first, second] = key.draw(id, 0, step, Purpose::Dissociation);
         let &(_, channel) = channels.iter().find(|(up_to, _)| word <= *up_to)?;
-        if spared.binary_search(&id).is_ok() {
-            return None;
-        }
         let distance = match channel.unbinding {
             Unbinding::Apart(radius) => radius,
             Unbinding::Within(radius) => match self.boundary.dimensions() {
@@ -189,7 +179,7 @@ mod tests {
         let mut particles = Particles::default();
         let particle = |id| Particle { position: [1.0, 2.0, 3.0], species: 2, id, ..Particle::default() };
         (0..n).for_each(|id| particles.push(particle(id), false));
-        Dissociation::new(model).splits(&particles, &[], (Key::new(4), 6))
+        Dissociation::new(model).splits(&particles, &[], Key::new(4), 6)
     }
 
     #[test]

@@ -139,7 +139,7 @@ fn particles_that_dissociate_do_not_react() {
         let (reactions, dissociation, particles) = (Reactions::new(&model), Dissociation::new(&model), two());
         let mut dissociated = 0;
         for step in 0..n {
-            let splits = dissociation.splits(&particles, &[], (KEY, step));
+            let splits = dissociation.splits(&particles, &[], KEY, step);
             assert_eq!(sample(&reactions, &particles, step).len() + splits.len(), 1);
             dissociated += splits.len();
         }

@@ -321,7 +321,7 @@ impl Simulation {
     /// Returns the dissociations by id, independent of storage.
     pub(crate) fn splits(&self) -> Vec<Dissociated> {
         let State { particles, step, .. } = &self.state;
-        let mut splits = self.dissociation.splits(particles, &self.spared, (self.key, *step));
+        let mut splits = self.dissociation.splits(particles, &self.spared, self.key, *step);
         splits.sort_unstable_by_key(|split| split.id);
         splits
     }

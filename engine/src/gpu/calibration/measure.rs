@@ -22,9 +22,10 @@ pub(super) fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Durat
     Ok(start.elapsed())
 }
 
-/// Returns `true` if `rounds` rounds since `start` are enough.
-pub(super) fn is_enough(rounds: usize, start: Instant) -> bool {
-    rounds >= 3 && start.elapsed() >= ROUNDS_TIME
+/// Returns the numbers of rounds that begin now: `most`, or fewer on a slow device.
+pub(super) fn rounds_up_to(most: usize) -> impl Iterator<Item = usize> {
+    let start = Instant::now();
+    (0..most).take_while(move |&round| round < 3 || start.elapsed() < ROUNDS_TIME)
 }
 
 /// Returns the fastest times of two algorithms for growing scenes, until the second is clearly faster or `goes_on`
@@ -40,11 +41,7 @@ pub(super) fn race(
     for &spheres in sizes {
         let scene = scene(spheres, classes, DENSITY);
         let mut least = [Duration::MAX; 2];
-        let start = Instant::now();
-        for round in 0..rounds {
-            if is_enough(round, start) {
-                break;
-            }
+        for _ in rounds_up_to(rounds) {
             for (least, time) in least.iter_mut().zip(times(&scene)?) {
                 *least = time.min(*least);
             }

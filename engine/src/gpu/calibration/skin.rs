@@ -1,9 +1,9 @@
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use lazygrid_host::SkinCosts;
 use lazygrid_kernels::{Algorithm, Sphere};
 
-use super::measure::{CLEAR_TIME_RATIO, is_enough, scene, time};
+use super::measure::{CLEAR_TIME_RATIO, rounds_up_to, scene, time};
 use crate::Error;
 use crate::gpu::config::GpuConfig;
 use crate::gpu::device::GpuDevice;
@@ -104,11 +104,8 @@ fn session(gpu: &GpuDevice, skin: Option<f32>) -> Result<GpuSession, Error> {
 
 fn fastest(session: &mut GpuSession, spheres: &[Sphere]) -> Result<TimedCall, Error> {
     time(session, spheres)?;
-    let (mut least, start) = (Duration::MAX, Instant::now());
-    for round in 0..ROUNDS {
-        if is_enough(round, start) {
-            break;
-        }
+    let mut least = Duration::MAX;
+    for _ in rounds_up_to(ROUNDS) {
         least = least.min(time(session, spheres)?);
     }
     Ok(call(session, spheres.len(), least))
@@ -116,11 +113,8 @@ fn fastest(session: &mut GpuSession, spheres: &[Sphere]) -> Result<TimedCall, Er
 
 /// Times calls that rebuild the list because a radius changes.
 fn found(session: &mut GpuSession, mut spheres: Vec<Sphere>) -> Result<TimedCall, Error> {
-    let (mut least, start) = (Duration::MAX, Instant::now());
-    for round in 0..ROUNDS {
-        if is_enough(round, start) {
-            break;
-        }
+    let mut least = Duration::MAX;
+    for _ in rounds_up_to(ROUNDS) {
         spheres[0].radius *= 0.99;
         least = least.min(time(session, &spheres)?);
     }
