@@ -67,11 +67,10 @@ impl Executor {
         }
     }
 
-    /// Folds consecutive chunks from `open` with `step`, and merges the results in order. `chunks` are the number of
-    /// chunks and the most chunks of a task.
+    /// Folds consecutive chunks from `open` with `step`, and merges the results in order.
     pub(crate) fn fold<S: Send, E: Send>(
         self,
-        chunks: (usize, usize),
+        chunks: Chunks,
         open: impl Fn() -> S + Sync + Send,
         step: impl Fn(S, usize) -> Result<S, E> + Sync + Send,
         merge: impl Fn(S, S) -> Result<S, E> + Sync + Send,
@@ -82,16 +81,30 @@ impl Executor {
     /// Compiled once per type, like [`chunks`](Self::chunks).
     fn fold_chunks<S: Send, E: Send>(
         self,
-        (chunks, most): (usize, usize),
+        Chunks { count, most_per_task }: Chunks,
         Fold { open, step, merge }: Fold<'_, S, E>,
     ) -> Result<S, E> {
         match self {
-            Self::Pool if chunks > 1 => {
-                let chunks = (0..chunks).into_par_iter().with_max_len(most);
+            Self::Pool if count > 1 => {
+                let chunks = (0..count).into_par_iter().with_max_len(most_per_task);
                 chunks.try_fold(open, step).try_reduce(open, merge)
             }
-            _ => (0..chunks).try_fold(open(), step),
+            _ => (0..count).try_fold(open(), step),
         }
+    }
+}
+
+/// Chunks of work, and how many of them a task has at most.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Chunks {
+    pub(crate) count: usize,
+    pub(crate) most_per_task: usize,
+}
+
+impl Chunks {
+    /// Creates chunks of which a task has any number.
+    pub(crate) fn of_any_task(count: usize) -> Self {
+        Self { count, most_per_task: usize::MAX }
     }
 }
 
@@ -219,7 +232,9 @@ mod tests {
                     all.push(k);
                     if k < limit { Ok(all) } else { Err(k) }
                 };
-                threads.fold((1000, 7), Vec::new, step, |a, b| Ok([a, b].concat()))
+                threads.fold(Chunks { count: 1000, most_per_task: 7 }, Vec::new, step, |a, b| {
+                    Ok([a, b].concat())
+                })
             };
             assert_eq!(fold(usize::MAX), Ok((0..1000).collect()));
             assert!(fold(400).is_err_and(|k| k >= 400));

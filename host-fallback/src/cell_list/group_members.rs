@@ -3,6 +3,7 @@ use glam::Vec3;
 use super::levels::LevelPlan;
 use crate::Error;
 use crate::compare::{PairTest, SphereRadii};
+use crate::executor::Chunks;
 use crate::frame::SearchFrame;
 use crate::input::{CenterBounds, Grouping, InputStats, Meeting, SearchInput, SizeClass};
 use crate::memory::try_collect;
@@ -77,7 +78,7 @@ impl GroupMembers {
             a.iter_mut().zip(&b).for_each(|(a, b)| a.merge(b));
             Ok::<_, Error>(Ok(a))
         };
-        let pieces = (n.div_ceil(CHUNK_SPHERES), usize::MAX);
+        let pieces = Chunks::of_any_task(n.div_ceil(CHUNK_SPHERES));
         *all = input.executor.for_light_work(n).fold(pieces, open, piece, merge)??;
         Ok(())
     }

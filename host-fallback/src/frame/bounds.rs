@@ -1,6 +1,6 @@
 use lazygrid_kernels::{InputError, Query, Space};
 
-use crate::executor::Executor;
+use crate::executor::{Chunks, Executor};
 
 const CHUNK_SPHERES: usize = 1 << 13;
 
@@ -27,7 +27,7 @@ impl Bounds {
                 Ok(bounds)
             };
             let merge = |a: Self, b: Self| Ok::<_, std::convert::Infallible>(a.merge(b));
-            let pieces = (count.div_ceil(CHUNK_SPHERES), usize::MAX);
+            let pieces = Chunks::of_any_task(count.div_ceil(CHUNK_SPHERES));
             let Ok(of_set) = executor.for_light_work(count).fold(pieces, || Self::EMPTY, piece, merge);
             bounds.merge(of_set)
         })

@@ -3,7 +3,7 @@
 use lazygrid_kernels::Space;
 
 use super::{Bounds, GROWTH, SearchFrame, scale_of};
-use crate::executor::Executor;
+use crate::executor::{Chunks, Executor};
 
 const CHUNK_SPHERES: usize = 1 << 13;
 /// Number of spheres whose medians are taken, evenly spaced by index.
@@ -131,7 +131,7 @@ impl Reach {
             a.iter_mut().zip(b).for_each(|(sum, count)| *sum += count);
             Ok::<_, std::convert::Infallible>(a)
         };
-        let pieces = (rows.count.div_ceil(CHUNK_SPHERES), usize::MAX);
+        let pieces = Chunks::of_any_task(rows.count.div_ceil(CHUNK_SPHERES));
         let Ok(levels) = executor.for_light_work(rows.count).fold(pieces, || [0; LEVELS], piece, merge);
         levels
     }

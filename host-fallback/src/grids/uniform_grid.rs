@@ -16,7 +16,7 @@ use std::convert::Infallible;
 
 use glam::{BVec3, DVec3, UVec3, Vec3};
 
-use crate::executor::Executor;
+use crate::executor::{Chunks, Executor};
 use crate::input::InputStats;
 use crate::math::floor;
 
@@ -156,7 +156,8 @@ impl UniformGrid {
             cells.zip(b.as_flattened().as_flattened()).for_each(|(a, b)| *a += b);
             Ok(a)
         };
-        let Ok(counts) = executor.fold((n.div_ceil(CHUNK_SPHERES), usize::MAX), Counts::default, count, add);
+        let Ok(counts) =
+            executor.fold(Chunks::of_any_task(n.div_ceil(CHUNK_SPHERES)), Counts::default, count, add);
         let cells = |shift: [usize; 3]| {
             let mut cells = 0;
             for (x, plane) in counts.iter().enumerate() {

@@ -4,7 +4,7 @@ use glam::Vec3;
 
 use super::CenterBounds;
 use crate::compare::{Output, PairTest, SimdTask, Sink};
-use crate::executor::Executor;
+use crate::executor::{Chunks, Executor};
 use crate::input::{Division, Grouping, InputStats, SpeciesGroups};
 use crate::{Error, Settings, Simd};
 
@@ -69,5 +69,5 @@ pub(crate) fn search_pieces<'o, O: Output>(
         true => Ok(sink),
         false => search(sink, piece)?.checked(),
     };
-    input.executor.fold((pieces, most), || output.open(), piece, Sink::merge)
+    input.executor.fold(Chunks { count: pieces, most_per_task: most }, || output.open(), piece, Sink::merge)
 }

@@ -7,7 +7,7 @@ use lazygrid_kernels::{Interactions, Query, SpeciesReach};
 use super::species_partition::{Division, MAX_PRESENT, SpeciesPartition, SpeciesTable};
 use super::unequal_radii::UnequalRadii;
 use crate::Error;
-use crate::executor::Executor;
+use crate::executor::{Chunks, Executor};
 use crate::memory::try_collect;
 
 const CHUNK_SPHERES: usize = 1 << 14;
@@ -142,7 +142,7 @@ fn find_present(ids: &[u32], species: u32, executor: Executor) -> Result<[u64; W
         a.iter_mut().zip(b).for_each(|(a, b)| *a |= b);
         Ok(a)
     };
-    let pieces = (ids.len().div_ceil(CHUNK_SPHERES), usize::MAX);
+    let pieces = Chunks::of_any_task(ids.len().div_ceil(CHUNK_SPHERES));
     executor.for_light_work(ids.len()).fold(pieces, || [0; WORDS], piece, merge)
 }
 

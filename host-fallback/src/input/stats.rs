@@ -8,7 +8,7 @@ use lazygrid_kernels::{InputError, Interactions, Spheres};
 use super::CenterBounds;
 use super::validate::check;
 use crate::compare::{EffectiveLoop, EffectiveRows, PairTest};
-use crate::executor::Executor;
+use crate::executor::{Chunks, Executor};
 use crate::size_class::{SIZE_CLASSES, class_of};
 
 const CHUNK_SPHERES: usize = 1 << 13;
@@ -143,7 +143,7 @@ impl InputStats {
                     Ok((a, p | q))
                 };
                 let (all, suspect) =
-                    pool.fold((chunks, usize::MAX), || (Self::empty(), false), step, merge)?;
+                    pool.fold(Chunks::of_any_task(chunks), || (Self::empty(), false), step, merge)?;
                 stats = all;
                 suspect
             }

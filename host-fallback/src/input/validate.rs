@@ -1,6 +1,6 @@
 use lazygrid_kernels::{InputError, Interactions, MAX_SPHERES, Query, Spheres};
 
-use crate::executor::Executor;
+use crate::executor::{Chunks, Executor};
 
 const CHUNK_SPHERES: usize = 1 << 13;
 
@@ -53,5 +53,5 @@ fn find(
         let first = if count == 0 { None } else { range.clone().find(|&i| bad(i)).map(|i| i as u32) };
         merge(sum, (first, count))
     };
-    executor.fold((n.div_ceil(CHUNK_SPHERES), usize::MAX), || (None, 0), piece, merge)
+    executor.fold(Chunks::of_any_task(n.div_ceil(CHUNK_SPHERES)), || (None, 0), piece, merge)
 }

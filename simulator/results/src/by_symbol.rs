@@ -6,9 +6,8 @@ use crate::columns::column_of;
 use crate::mean::IntegerStats;
 use crate::response::Link;
 use crate::series::Series;
-use crate::symbols::SymbolSlots;
+use crate::symbols::{SymbolSlots, messages};
 use lazygrid_sim::Model;
-use lazygrid_sim::model::message::Message;
 use lazygrid_sim::random::philox::Key;
 
 /// The count of a receiver by the time within a slot and the slot's symbol, over slots and replicas. Arrivals are
@@ -32,14 +31,9 @@ impl CountsBySymbol {
     }
 
     /// Adds a replica, with slots that begin with their symbols.
-    pub fn add(
-        &mut self,
-        series: &Series,
-        (model, message): (&Model, &Message),
-        seed: u64,
-        slots: &SymbolSlots,
-    ) {
+    pub fn add(&mut self, series: &Series, model: &Model, seed: u64, slots: &SymbolSlots) {
         let Link { transmitter, receiver, species } = self.link;
+        let Some((_, message)) = messages(model).find(|&(place, _)| place == transmitter) else { return };
         let Some(column) = column_of(model, receiver, species) else { return };
         let grows = model.receivers[receiver].kind.absorbs();
         for (k, bounds) in slots.bounds.windows(2).enumerate() {
@@ -60,7 +54,6 @@ impl CountsBySymbol {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::symbols::messages;
     use crate::symbols::tests::{model, slots};
     use lazygrid_sim::ReceiverKind;
 
@@ -77,7 +70,7 @@ mod tests {
         };
         let by_symbol = |model: &Model| {
             let mut own = CountsBySymbol::new(Link { transmitter: 0, receiver: 0, species: 0 });
-            own.add(&series, (model, messages(model).next().unwrap().1), 1, &slots(100));
+            own.add(&series, model, 1, &slots(100));
             let means = |times: &BTreeMap<u32, IntegerStats>| -> Vec<(u32, f64, u64)> {
                 times.iter().map(|(&lag, sample)| (lag, sample.mean(), sample.count())).collect()
             };

@@ -124,8 +124,8 @@ impl Channels {
             }
         }
         for counts in &mut self.by_symbol {
-            if let Some((_, message, slots)) = of(counts.link.transmitter) {
-                counts.add(&files.series, (model, message), files.seed, slots);
+            if let Some((_, _, slots)) = of(counts.link.transmitter) {
+                counts.add(&files.series, model, files.seed, slots);
             }
         }
         for errors in &mut self.bit_errors {

@@ -2,8 +2,8 @@
 
 use glam::UVec2;
 
-use crate::model::membrane::{Membrane, MembraneSurface};
-use crate::{Axis, Model};
+use crate::model::membrane::MembraneSurface;
+use crate::{Axis, Boundary, Model};
 
 pub(super) type Row = [u32; 4];
 
@@ -24,55 +24,24 @@ impl MembraneRows {
     pub(super) fn new(model: &Model, species: usize) -> Self {
         let mut rows = Self::default();
         let seen = (0..).zip(&model.membranes).filter(|(_, membrane)| membrane.sees[species]);
+        let diffusion = model.species[species].diffusion;
         for (k, membrane) in seen {
             match membrane.surface {
                 MembraneSurface::Plane { axis, position } => {
-                    rows.add_plane(model, species, (k, membrane), (axis, position));
+                    let rate = (2.0 * membrane.permeability / diffusion) as f32;
+                    let index = axis as u32 | k << 2;
+                    let row = |at: f32| [at.to_bits(), below(at).to_bits(), rate.to_bits(), index];
+                    rows.planes.extend(images(model.boundary.axes[axis], position).map(row));
                 }
-                MembraneSurface::Sphere { center, radius } => {
-                    rows.add_sphere(model, species, (k, membrane), (center, radius));
+                MembraneSurface::Sphere { center: [x, y, z], radius } => {
+                    let own = 2.0 * membrane.permeability * (model.time_step / diffusion).sqrt();
+                    let rounding = rounding(&model.boundary, radius);
+                    rows.spheres.push([x, y, z, radius].map(f32::to_bits));
+                    rows.spheres.push([(own as f32).to_bits(), k, rounding.to_bits(), 0]);
                 }
             }
         }
         rows
-    }
-
-    /// Adds a plane and its images in a periodic box.
-    fn add_plane(
-        &mut self,
-        model: &Model,
-        species: usize,
-        (k, membrane): (u32, &Membrane),
-        (axis, position): (usize, f32),
-    ) {
-        let (images, period) = match model.boundary.axes[axis] {
-            Axis::Periodic { low, high } => (&[-1.0, 0.0, 1.0][..], high - low),
-            _ => (&[0.0][..], 0.0),
-        };
-        let rate = (2.0 * membrane.permeability / model.species[species].diffusion) as f32;
-        for image in images {
-            let position = position + image * period;
-            let row = [position, below(position), rate].map(f32::to_bits);
-            self.planes.push([row[0], row[1], row[2], axis as u32 | k << 2]);
-        }
-    }
-
-    fn add_sphere(
-        &mut self,
-        model: &Model,
-        species: usize,
-        (k, membrane): (u32, &Membrane),
-        ([x, y, z], radius): ([f32; 3], f32),
-    ) {
-        let own = 2.0 * membrane.permeability * (model.time_step / model.species[species].diffusion).sqrt();
-        let period = |axis: &Axis| match *axis {
-            Axis::Periodic { low, high } => high - low,
-            _ => 0.0,
-        };
-        let longest = model.boundary.axes.iter().map(period).fold(0.0, f32::max);
-        let rounding = ROUNDING[0] * radius + ROUNDING[1] * longest;
-        self.spheres.push([x, y, z, radius].map(f32::to_bits));
-        self.spheres.push([(own as f32).to_bits(), k, rounding.to_bits(), 0]);
     }
 
     /// Returns the numbers of planes, with their images, and of spheres.
@@ -85,6 +54,25 @@ impl MembraneRows {
         let (planes, spheres) = self.counts();
         [[first, planes], [first + planes, spheres]].map(|range| UVec2::from(range.map(|n| n as u32)))
     }
+}
+
+/// Returns the positions of a plane and its images in a periodic box.
+fn images(axis: Axis, position: f32) -> impl Iterator<Item = f32> {
+    let (images, period) = match axis {
+        Axis::Periodic { low, high } => (&[-1.0, 0.0, 1.0][..], high - low),
+        _ => (&[0.0][..], 0.0),
+    };
+    images.iter().map(move |image| position + image * period)
+}
+
+/// Returns the rounding of the distance from a sphere, in µm.
+fn rounding(boundary: &Boundary, radius: f32) -> f32 {
+    let period = |axis: &Axis| match *axis {
+        Axis::Periodic { low, high } => high - low,
+        _ => 0.0,
+    };
+    let longest = boundary.axes.iter().map(period).fold(0.0, f32::max);
+    ROUNDING[0] * radius + ROUNDING[1] * longest
 }
 
 /// Returns the next number below, which devices do not flush to zero.

@@ -18,6 +18,7 @@ use crate::random::philox::Key;
 use crate::release::origins::{Arrival, Origins};
 use crate::release::rank_slice::RankSlice;
 use crate::release::{PartialEvents, Released};
+use crate::state::RankStart;
 use crate::{Error, State, Totals};
 
 mod events;
@@ -107,16 +108,15 @@ impl GpuSimulation {
         options: GpuOptions,
         state: &State,
     ) -> Result<Self, Error> {
-        Self::resume_slice(model, seed, (device, options), state, RankSlice::WHOLE)
+        Self::resume_slice(model, device, options, RankStart { seed, state, slice: RankSlice::WHOLE })
     }
 
     /// Resumes a run that releases only the particles of `slice`, from a [`State::part`].
     pub(crate) fn resume_slice(
         model: Model,
-        seed: u64,
-        (device, options): (GpuDevice, GpuOptions),
-        state: &State,
-        slice: RankSlice,
+        device: GpuDevice,
+        options: GpuOptions,
+        RankStart { seed, state, slice }: RankStart<'_>,
     ) -> Result<Self, Error> {
         model.check()?;
         check(&model)?;

@@ -19,7 +19,7 @@ mod sphere;
 use self::sphere::SphereEnd;
 use crate::model::boundary::{Axis, Boundary};
 use crate::random::bridge::lowest;
-use crate::random::philox::{Key, Purpose, fine_unit};
+use crate::random::philox::{DrawContext, Purpose, fine_unit};
 
 /// A surface that holds back diffusing particles.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -91,10 +91,8 @@ struct Slab {
 
 impl MembraneStep<'_> {
     /// Replaces the ends of a step that begins at `before` by those that membranes allow.
-    pub(crate) fn hold_back(&self, before: [f32; 3], ends: &mut StepEnds, (key, id, step): (Key, u32, u32)) {
-        let words = |membrane: usize, event: u32| {
-            key.draw_part([id, membrane as u32], event, step, Purpose::Membrane)
-        };
+    pub(crate) fn hold_back(&self, before: [f32; 3], ends: &mut StepEnds, who: DrawContext) {
+        let words = |membrane: usize, event: u32| who.draw_part(membrane as u32, event, Purpose::Membrane);
         let around = self.sphere_end([before, ends.free], |membrane, event| words(membrane, event)[0]);
         if let Some(SphereEnd { free, confined }) = around {
             *ends = StepEnds { end: free, free, after: confined };

@@ -9,7 +9,7 @@ use crate::model::receiver::{rounding, signed_distance};
 use crate::model::receptors::ReceptorType;
 use crate::motion::adsorption::{Step, reactivity};
 use crate::motion::surface_events::Event;
-use crate::random::philox::{Draws, Key, Purpose};
+use crate::random::philox::{Draws, Purpose, StepKey};
 
 /// A particle that is bound to a receptor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable, Serialize, Deserialize)]
@@ -45,7 +45,7 @@ pub(crate) fn leaving(
     model: &Model,
     bound: &[Bound],
     free: &[u32],
-    (key, step): (Key, u32),
+    StepKey { key, step }: StepKey,
 ) -> Vec<UnboundParticle> {
     let first_types = model.first_receptor_types();
     let leaves = |(at, held): (usize, &Bound)| {

@@ -17,7 +17,7 @@ use crate::model::reactive_pairs::ReactivePairs;
 use crate::model::receiver::rounding;
 use crate::model::{Contact, Model};
 use crate::random::gaussian::direction;
-use crate::random::philox::{Key, Purpose};
+use crate::random::philox::{Purpose, StepKey};
 use crate::reaction::distance_squared;
 
 mod bodies;
@@ -75,7 +75,7 @@ impl Contacts {
         particles: &mut Particles,
         pairs: &[Pair],
         free: impl Fn(u32) -> bool + Sync,
-        now: (Key, u32),
+        now: StepKey,
     ) -> u64 {
         let mut resolved = 0;
         for pass in 0..PASSES {
@@ -96,7 +96,7 @@ impl Contacts {
         particles: &Particles,
         pairs: &[Pair],
         free: impl Fn(u32) -> bool + Sync,
-        now: (Key, u32),
+        now: StepKey,
     ) -> Vec<Push> {
         let kind = |at: u32| particles.species[at as usize];
         let separates =
@@ -125,7 +125,7 @@ impl Contacts {
     }
 
     /// Returns the displacements that separate a pair; `None` if it does not overlap.
-    fn push(&self, particles: &Particles, pair: Pair, (key, step): (Key, u32)) -> Option<[Push; 2]> {
+    fn push(&self, particles: &Particles, pair: Pair, now: StepKey) -> Option<[Push; 2]> {
         let [mut a, mut b] = [pair.i, pair.j];
         if particles.id[a as usize] > particles.id[b as usize] {
             (a, b) = (b, a);
@@ -143,7 +143,7 @@ impl Contacts {
                 self.boundary.axes[k].displacement_exact(f64::from(q[k]) - f64::from(p[k])) / distance
             })
         } else {
-            let [_, _, first, second] = key.draw(particles.id[i], particles.id[j], step, Purpose::Pair);
+            let [_, _, first, second] = now.of_particle(particles.id[i]).draw(particles.id[j], Purpose::Pair);
             self.boundary.direction_within(direction(first, second)).map(f64::from)
         };
         let [da, db] = [i, j].map(|at| self.diffusion[particles.species[at] as usize]);

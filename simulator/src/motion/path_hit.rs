@@ -30,7 +30,7 @@ use crate::model::receiver::{ReceiverKind, signed_distance};
 use crate::motion::receiver_state::ReceiverState;
 use crate::random::bridge::NEVER;
 use crate::random::gaussian::normals;
-use crate::random::philox::{Key, Purpose, open_unit};
+use crate::random::philox::{DrawContext, Purpose, open_unit};
 
 /// The path of a particle in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,14 +46,6 @@ pub struct Path {
     pub drift: [f32; 3],
     /// DΔt, in µm².
     pub diffusion: f32,
-}
-
-/// The particle and the step of random draws.
-#[derive(Clone, Copy, Debug)]
-pub struct DrawContext {
-    pub key: Key,
-    pub id: u32,
-    pub step: u32,
 }
 
 /// A path's hit on a receiver: a segment of the path, and its heights above the surface.
@@ -91,7 +83,7 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
         return path_line_hit(receiver, domain, path).or((b <= 0.0).then_some(Hit::at(1.0)));
     }
     if drift == [0.0; 3] {
-        return who.hits_sphere((receiver.place, 0), image_radius(receiver), [a, b], diffusion);
+        return who.hits_sphere([receiver.place, 0], image_radius(receiver), [a, b], diffusion);
     }
     let segment = PathSegment {
         number: 1,
@@ -140,14 +132,13 @@ impl DrawContext {
     #[inline]
     fn hits_sphere(
         self,
-        (place, part): (u32, u32),
+        [place, part]: [u32; 2],
         radius: f32,
         heights: [f32; 2],
         diffusion: f32,
     ) -> Option<Hit> {
-        let Self { key, id, step } = self;
         let [a, b] = heights;
-        let word = || key.draw_part([id, place], part, step, Purpose::Receiver)[0];
+        let word = || self.draw_part(place, part, Purpose::Receiver)[0];
         let probability = if b <= 0.0 || a < 0.0 { 1.0 } else { hit_probability(radius, heights, diffusion) };
         let hit = probability >= 1.0 || probability > 0.0 && open_unit(word()) < probability;
         hit.then(|| Hit::between(heights, diffusion))
@@ -179,7 +170,7 @@ impl Hit {
         if part == 0.0 {
             return begin;
         }
-        let words = who.key.draw(who.id, place, who.step, Purpose::HitTime);
+        let words = who.draw(place, Purpose::HitTime);
         begin + part * first_passage([a, b], normals(words)[0], open_unit(words[2]))
     }
 }
@@ -234,15 +225,14 @@ impl BrownianBridge<'_> {
             let ends = [p, q].map(|end| self.domain.confine(end));
             let heights = self.receiver.heights(self.domain, ends, [begin, begin + part]);
             let hit = self.who.hits_sphere(
-                (self.receiver.place, number - 1),
+                [self.receiver.place, number - 1],
                 image_radius(self.receiver),
                 heights,
                 0.5 * spread * spread,
             );
             return hit.map(|hit| Hit { begin, part, ..hit });
         }
-        let DrawContext { key, id, step } = self.who;
-        let z = normals(key.draw(id, number, step, Purpose::Path));
+        let z = normals(self.who.draw(number, Purpose::Path));
         let middle = std::array::from_fn(|k| middle[k] + 0.5 * spread * z[k]);
         let half_of = |number, begin, ends| PathSegment {
             number,

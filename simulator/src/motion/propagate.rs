@@ -9,7 +9,6 @@ use crate::model::Model;
 use crate::model::boundary::Boundary;
 use crate::model::particles::Particles;
 use crate::motion::collisions::Flight;
-use crate::motion::path_hit::DrawContext;
 use crate::motion::receiver_search::{ReceiverSearch, StepBounds};
 use crate::motion::receiver_state::ReceiverState;
 use crate::motion::species_step::{FreePaths, SpeciesStep};
@@ -18,8 +17,9 @@ use crate::motion::surface_events::{Capture, ParticleMove};
 use crate::motion::surfaces::{SpeciesSurfaces, Surfaces};
 use crate::motion::tumble::TumbleStep;
 use crate::motion::vessel_flow::{StepDrift, StepTime};
-use crate::random::philox::Key;
+use crate::random::philox::{DrawContext, StepKey};
 use crate::reaction::decay::{CaptureOrder, ChainedDecay, Decays};
+use flight::FlightStart;
 
 pub use crate::motion::surface_events::Event;
 
@@ -79,7 +79,7 @@ impl Propagator {
         particles: &mut Particles,
         mut receiver_search: Option<&mut ReceiverSearch>,
         flights: Option<&[Flight]>,
-        (key, step): (Key, u32),
+        now: StepKey,
     ) -> Result<Vec<Event>, Error> {
         let begin = |receiver_search: &mut &mut ReceiverSearch| {
             receiver_search.begin(particles.len(), &self.surfaces.bodies)
@@ -104,13 +104,13 @@ impl Propagator {
             .enumerate()
             .map(|(chunk, (x, y, z, velocity, id, species))| {
                 let chunk = Chunk { base: chunk * CHUNK, position: [x, y, z], velocity, id, species };
-                self.advance_chunk(chunk, (seen, flights), (key, step))
+                self.advance_chunk(chunk, seen, flights, now)
             })
             .unzip();
         let mut events = events.concat();
         if let Some(receiver_search) = receiver_search {
             if searches {
-                events.extend(self.search(particles, receiver_search, unsure.concat(), step)?);
+                events.extend(self.search(particles, receiver_search, unsure.concat(), now.step)?);
                 events.sort_by_key(Event::at);
             }
             receiver_search.end(&self.surfaces.bodies);
@@ -121,8 +121,9 @@ impl Propagator {
     fn advance_chunk(
         &self,
         chunk: Chunk<'_>,
-        (receiver_search, flights): (Option<&ReceiverSearch>, Option<&[Flight]>),
-        (key, step): (Key, u32),
+        receiver_search: Option<&ReceiverSearch>,
+        flights: Option<&[Flight]>,
+        now: StepKey,
     ) -> (Vec<Event>, Vec<ParticleMove>) {
         let Chunk { base, position: [x, y, z], velocity, id, species } = chunk;
         let has_membranes = self.surfaces.has_membranes();
@@ -131,7 +132,7 @@ impl Propagator {
         let mut random = [[0.0; BLOCK]; 3];
         for (block, ids) in id.chunks(BLOCK).enumerate() {
             if flights.is_none() {
-                draw(key, ids, step, &mut random);
+                draw(now, ids, &mut random);
             }
             let first = block * BLOCK;
             for (k, &id) in ids.iter().enumerate() {
@@ -142,20 +143,23 @@ impl Propagator {
                         let own =
                             velocity.each_ref().map(|column| column.get(at).copied().unwrap_or_default());
                         let normal = [0, 1, 2].map(|axis: usize| random[axis][k]);
-                        let who = DrawContext { key, id, step };
-                        self.flight(species[at], ([x[at], y[at], z[at]], own), normal, who)
+                        let start = FlightStart {
+                            species: species[at],
+                            position: [x[at], y[at], z[at]],
+                            velocity: own,
+                        };
+                        self.flight(start, normal, now.of_particle(id))
                     }
                 };
                 let mut path = flight.path;
                 let mut own = self.with_velocity.then_some(flight.velocity);
                 if watches {
                     let place = base + at;
-                    let who = DrawContext { key, id, step };
                     let (at, species) = (place as u32, species[at]);
                     let mut moved = ParticleMove {
                         at,
                         species,
-                        who,
+                        who: now.of_particle(id),
                         path,
                         free_end: flight.free_end,
                         gone: 0.0,
@@ -217,8 +221,7 @@ impl Propagator {
 
     #[inline(always)]
     fn dissociates_before(&self, moved: &ParticleMove, capture: &Capture) -> bool {
-        let DrawContext { key, id, step } = moved.who;
-        self.decays.dissociates_before(moved.species, (key, id, step), || capture.time(moved.who))
+        self.decays.dissociates_before(moved.species, moved.who, || capture.time(moved.who))
     }
 
     /// Adds the decays before a capture, and the capture; or all decays if the receiver does not take the species at
@@ -227,24 +230,22 @@ impl Propagator {
     #[inline(never)]
     fn decay_to(&self, moved: &ParticleMove, capture: Capture, events: &mut Vec<Event>) {
         let ParticleMove { at, species: first, who, .. } = *moved;
-        let DrawContext { key, id, step } = who;
-        let now = (key, id, step);
         let captures = |species| self.surfaces.captures(&capture.event, species);
         let mut order = CaptureOrder::new(first, (capture.time(who), self.decays.time_step));
         let mut last = None;
-        self.decays.for_each_decay(first, now, |decay| {
+        self.decays.for_each_decay(first, who, |decay| {
             if order.decays(&decay, captures) {
-                events.push(self.decayed(at, &decay, now));
+                events.push(self.decayed(at, &decay, who));
                 last = Some(decay);
             }
         });
-        let exists = || !self.decays.product_dissociates_before(last.as_ref(), &order, now);
+        let exists = || !self.decays.product_dissociates_before(last.as_ref(), &order, who);
         events.extend(order.captured(|species| captures(species) && exists()).map(|_| capture.event));
     }
 
-    fn decayed(&self, at: u32, decay: &ChainedDecay, now: (Key, u32, u32)) -> Event {
+    fn decayed(&self, at: u32, decay: &ChainedDecay, who: DrawContext) -> Event {
         let ChainedDecay { decay: place, product, .. } = *decay;
-        Event::Decayed { at, decay: place, product, spared: self.decays.spares_product(decay, now) }
+        Event::Decayed { at, decay: place, product, spared: self.decays.spares_product(decay, who) }
     }
 
     #[inline(always)]
@@ -252,9 +253,8 @@ impl Propagator {
         if self.decays.is_empty() {
             return;
         }
-        let ParticleMove { at, species, who: DrawContext { key, id, step }, .. } = *moved;
-        let now = (key, id, step);
-        self.decays.for_each_decay(species, now, |decay| events.push(self.decayed(at, &decay, now)));
+        let ParticleMove { at, species, who, .. } = *moved;
+        self.decays.for_each_decay(species, who, |decay| events.push(self.decayed(at, &decay, who)));
     }
 
     /// Returns a bound of the path's distance from its chord plus the displacement of any receiver, in µm.

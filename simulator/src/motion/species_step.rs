@@ -5,10 +5,10 @@
 
 use crate::model::Model;
 use crate::model::boundary::Boundary;
-use crate::motion::path_hit::{BEND, DrawContext, Path, length};
+use crate::motion::path_hit::{BEND, Path, length};
 use crate::motion::vessel_flow::{FieldStep, FlowStep, StepDrift, StepTime};
 use crate::motion::wall::reflected;
-use crate::random::philox::Purpose;
+use crate::random::philox::{DrawContext, Purpose};
 
 /// Constants of a species' paths.
 #[derive(Clone, Copy, Debug)]
@@ -99,7 +99,7 @@ impl FreePaths {
             drift = std::array::from_fn(|axis| drift[axis] + carried[axis]);
         }
         let end = free_end(drift);
-        let words = || who.key.draw(who.id, 0, who.step, Purpose::Wall);
+        let words = || who.draw(0, Purpose::Wall);
         if let Some(stream) = &self.stream {
             let reflect_at_end = |ends: [f32; 2]| match stream.vessel.along.filter(|&along| at_wall[along]) {
                 Some(along) => reflected(domain.axes[along], ends, length, words()[along]).unwrap_or(ends[1]),

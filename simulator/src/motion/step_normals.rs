@@ -1,12 +1,12 @@
 //! Normally distributed numbers for the motion of particles, in blocks, which the compiler vectorizes.
 
 use crate::random::gaussian::normals;
-use crate::random::philox::{Key, Purpose};
+use crate::random::philox::{Key, Purpose, StepKey};
 
 pub(crate) const BLOCK: usize = 64;
 
 /// Draws the numbers of up to [`BLOCK`] particles, by axis.
-pub(crate) fn draw(key: Key, ids: &[u32], step: u32, random: &mut [[f32; BLOCK]; 3]) {
+pub(crate) fn draw(StepKey { key, step }: StepKey, ids: &[u32], random: &mut [[f32; BLOCK]; 3]) {
     let mut block = [0; BLOCK];
     block[..ids.len()].copy_from_slice(ids);
     #[cfg(target_arch = "x86_64")]

@@ -13,7 +13,7 @@ use rayon::prelude::*;
 use crate::model::Model;
 use crate::model::vessel::dot;
 use crate::motion::binding::Bound;
-use crate::random::philox::{Key, Purpose, fine_unit};
+use crate::random::philox::{Purpose, StepKey, fine_unit};
 
 #[derive(Clone, Debug)]
 pub(crate) struct SurfaceSteps {
@@ -36,13 +36,13 @@ impl SurfaceSteps {
         self.concentrations[receiver]
     }
 
-    pub(crate) fn advance(&self, bound: &mut [Bound], (key, step): (Key, u32)) {
+    pub(crate) fn advance(&self, bound: &mut [Bound], now: StepKey) {
         if self.concentrations.iter().all(Option::is_none) {
             return;
         }
         bound.par_iter_mut().with_min_len(256).for_each(|bound| {
             if let Some(concentration) = self.concentrations[bound.receiver as usize] {
-                let [first, second, ..] = key.draw(bound.id, 0, step, Purpose::SurfaceDiffusion);
+                let [first, second, ..] = now.of_particle(bound.id).draw(0, Purpose::SurfaceDiffusion);
                 let [first, second] = [first, second].map(fine_unit);
                 let gap = gap(concentration, first);
                 bound.direction = turned(bound.direction, gap, TAU * second);

@@ -3,11 +3,11 @@
 use crate::model::boundary::Boundary;
 use crate::model::receiver::{Adsorption, ReceiverKind, signed_distance};
 use crate::motion::adsorption;
-use crate::motion::path_hit::{DrawContext, Hit, Path, hits, length};
+use crate::motion::path_hit::{Hit, Path, hits, length};
 use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
 use crate::motion::reflection::{PathTurns, ReflectedPath, reflect_path};
 use crate::motion::wall::AbsorbingWall;
-use crate::random::philox::{Purpose, fine_unit};
+use crate::random::philox::{DrawContext, Purpose, fine_unit};
 
 /// An event of the particle with index `at`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -98,23 +98,31 @@ impl ParticleMove {
     }
 }
 
+/// The space in which a particle moves for a `duration`, in s.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct PathSurroundings<'a> {
+    pub(crate) domain: &'a Boundary,
+    pub(crate) duration: f32,
+    pub(crate) walls: &'a [AbsorbingWall],
+}
+
 impl ActiveReceivers {
     /// Returns the capture at the first receiver that takes the particle. Reflecting receivers change the path.
     #[inline]
     pub(crate) fn resolve<'a>(
         &self,
         moved: &mut ParticleMove,
-        (domain, time_step, walls): (&Boundary, f32, &[AbsorbingWall]),
+        surroundings: PathSurroundings<'_>,
         receivers: impl Iterator<Item = &'a ReceiverState>,
     ) -> Option<Capture> {
         let ParticleMove { at, species, who, path, .. } = *moved;
         let seen = receivers.filter(|body| body.receiver.sees[species as usize]);
         if self.any_reflect() {
-            return reflect_or_keep(moved, (domain, time_step, walls), seen);
+            return reflect_or_keep(moved, surroundings, seen);
         }
         let mut first = FirstHit::default();
         for body in seen {
-            if let Some(hit) = hits(body, domain, &path, who) {
+            if let Some(hit) = hits(body, surroundings.domain, &path, who) {
                 first.update(who, Capture { hit, event: Event::Arrived { at, receiver: body.place } });
             }
         }
@@ -137,7 +145,7 @@ impl FirstHit {
 
 fn reflect_or_keep<'a>(
     moved: &mut ParticleMove,
-    (domain, time_step, walls): (&Boundary, f32, &[AbsorbingWall]),
+    PathSurroundings { domain, duration, walls }: PathSurroundings<'_>,
     seen: impl Iterator<Item = &'a ReceiverState>,
 ) -> Option<Capture> {
     let ParticleMove { at, species, who, path, free_end, .. } = *moved;
@@ -146,13 +154,13 @@ fn reflect_or_keep<'a>(
     let reflects = |body: &ReceiverState| body.receiver.kind.reflects();
     let near: Vec<&ReceiverState> = seen.filter(|body| !reflects(body) || is_outside(body)).collect();
     let reflecting: Vec<&ReceiverState> = near.iter().copied().filter(|body| reflects(body)).collect();
-    let mut velocity = moved.velocity.unwrap_or_default().map(|v| v * time_step);
+    let mut velocity = moved.velocity.unwrap_or_default().map(|v| v * duration);
     let walls = walls.iter().filter(|wall| wall.sees[species as usize]);
     let aimed = walls.fold(path, |path, wall| wall.aim(domain, path, free_end));
     let reflected = reflect_path(&reflecting, domain, &aimed, &mut velocity);
     if let Some(ReflectedPath { path, gone, turns, .. }) = reflected {
         (moved.path, moved.gone, moved.turns) = (path, gone, Some(turns));
-        moved.velocity = moved.velocity.map(|_| velocity.map(|v| v / time_step));
+        moved.velocity = moved.velocity.map(|_| velocity.map(|v| v / duration));
     }
     let mut first = FirstHit::default();
     for body in near.into_iter().filter(|body| body.receiver.kind != ReceiverKind::Reflecting) {
@@ -163,7 +171,7 @@ fn reflect_or_keep<'a>(
         };
         let Some(hit) = hits(body, domain, taken, who) else { continue };
         let event = match reflects(body) {
-            true => adsorb(moved, body, (domain, taken, time_step)),
+            true => adsorb(moved, body, (domain, taken, duration)),
             false => Some(Event::Arrived { at, receiver: body.place }),
         };
         if let Some(event) = event {
@@ -195,7 +203,7 @@ fn adsorb(
         }
     };
     // The first word has decided on the hit.
-    let [_, word, rank, of_type] = who.key.draw(who.id, body.place, who.step, Purpose::Receiver);
+    let [_, word, rank, of_type] = who.draw(body.place, Purpose::Receiver);
     if fine_unit(word) >= probability {
         return None;
     }

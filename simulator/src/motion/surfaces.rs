@@ -2,10 +2,9 @@
 
 use crate::model::Model;
 use crate::model::membrane::{Membrane, MembraneStep, StepEnds};
-use crate::motion::path_hit::DrawContext;
 use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
 use crate::motion::species_step::SpeciesStep;
-use crate::motion::surface_events::{Capture, Event, ParticleMove};
+use crate::motion::surface_events::{Capture, Event, ParticleMove, PathSurroundings};
 use crate::motion::wall::AbsorbingWall;
 
 #[derive(Clone, Debug)]
@@ -59,9 +58,9 @@ impl SpeciesSurfaces<'_> {
     #[cold]
     #[inline(never)]
     pub(crate) fn hold_back(&self, moved: &mut ParticleMove) {
-        let ParticleMove { species, who: DrawContext { key, id, step }, path, free_end, .. } = moved;
+        let ParticleMove { species, who, path, free_end, .. } = moved;
         let mut ends = StepEnds { end: path.end, free: *free_end, after: path.after };
-        self.among_membranes(*species).hold_back(path.before, &mut ends, (*key, *id, *step));
+        self.among_membranes(*species).hold_back(path.before, &mut ends, *who);
         (path.end, *free_end, path.after) = (ends.end, ends.free, ends.after);
     }
 
@@ -75,7 +74,8 @@ impl SpeciesSurfaces<'_> {
         let Self { surfaces: Surfaces { bodies, walls, .. }, step, duration } = self;
         let (species, after) = (moved.species, moved.path.after);
         let near_side = receivers.filter(|body| !self.separates(species, [after, body.center]));
-        let capture = bodies.resolve(moved, (&step.domain, *duration, walls), near_side);
+        let surroundings = PathSurroundings { domain: &step.domain, duration: *duration, walls };
+        let capture = bodies.resolve(moved, surroundings, near_side);
         // Receivers that reflect are so far from membranes that they carry at most one step in 16 000 across one.
         if moved.turns.is_some() && self.separates(species, [after, moved.path.after]) {
             moved.stay();

@@ -109,7 +109,7 @@ impl AbsorbingWall {
             }
         }
         let probability = direct + turned;
-        let draw = || open_unit(who.key.draw(who.id, self.receiver, who.step, Purpose::Receiver)[0]);
+        let draw = || open_unit(who.draw(self.receiver, Purpose::Receiver)[0]);
         let is_hit = probability >= 1.0 || probability > 0.0 && draw() < probability;
         if !is_hit {
             return None;
@@ -174,9 +174,8 @@ fn height(face: WallFace, domain: &Boundary, point: [f32; 3]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::motion::path_hit::DrawContext;
     use crate::random::gaussian::normals;
-    use crate::random::philox::Key;
+    use crate::random::philox::{DrawContext, Key};
 
     fn free(path: Path, who: DrawContext) -> ParticleMove {
         let free_end = path.end;

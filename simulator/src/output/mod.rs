@@ -71,6 +71,16 @@ struct Logs {
     next_step: u32,
 }
 
+/// A run whose files exist.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct WrittenRun<'a> {
+    pub(crate) model: &'a Model,
+    pub(crate) seed: u64,
+    pub(crate) records: &'a [FileRecord],
+    /// Number of steps.
+    pub(crate) done: u32,
+}
+
 impl Files {
     pub(crate) fn create(
         directory: &Path,
@@ -112,10 +122,10 @@ impl Files {
     pub(crate) fn reopen(
         directory: &Path,
         output: Output,
-        (model, seed): (&Model, u64),
-        (records, done): (&[FileRecord], u32),
+        run: WrittenRun<'_>,
         lock: Lock,
     ) -> Result<Self, Error> {
+        let WrittenRun { model, seed, records, done } = run;
         let reopen = |name: &str| {
             let Some(record) = records.iter().find(|record| record.name == name) else {
                 let message =

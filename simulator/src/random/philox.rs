@@ -69,6 +69,43 @@ impl Key {
     }
 }
 
+/// The key and the step of random draws.
+#[derive(Clone, Copy, Debug)]
+pub struct StepKey {
+    pub key: Key,
+    pub step: u32,
+}
+
+impl StepKey {
+    #[inline(always)]
+    pub fn of_particle(self, id: u32) -> DrawContext {
+        let Self { key, step } = self;
+        DrawContext { key, id, step }
+    }
+}
+
+/// The particle and the step of random draws.
+#[derive(Clone, Copy, Debug)]
+pub struct DrawContext {
+    pub key: Key,
+    pub id: u32,
+    pub step: u32,
+}
+
+impl DrawContext {
+    /// Returns four random words for the particle, and `other` or 0.
+    #[inline(always)]
+    pub(crate) fn draw(self, other: u32, purpose: Purpose) -> [u32; 4] {
+        self.key.draw(self.id, other, self.step, purpose)
+    }
+
+    /// Returns four random words of a part, as [`Key::draw_part`].
+    #[inline(always)]
+    pub(crate) fn draw_part(self, other: u32, part: u32, purpose: Purpose) -> [u32; 4] {
+        self.key.draw_part([self.id, other], part, self.step, purpose)
+    }
+}
+
 /// A stream of random words.
 #[derive(Clone, Debug)]
 pub struct Draws {

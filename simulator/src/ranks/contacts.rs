@@ -10,6 +10,7 @@ use lazygrid_ranks::{Communicator, Ghosts, send_to_ranks};
 
 use crate::Simulation;
 use crate::motion::contact::{PASSES, Push};
+use crate::random::philox::StepKey;
 
 /// Ghosts follow `own` particles, and `sent` are ghosts on each rank.
 #[derive(Clone, Copy, Debug)]
@@ -60,7 +61,12 @@ pub(super) fn separate<C: Communicator>(
             particles.set_position(at, ghost.position);
             free[at] = ghost.free > 0;
         }
-        let pushes = contacts.pushes(particles, pairs, |at| free[at as usize], (*key, state.step));
+        let pushes = contacts.pushes(
+            particles,
+            pairs,
+            |at| free[at as usize],
+            StepKey { key: *key, step: state.step },
+        );
         if pass == 0 {
             state.totals.contacts += pushes.len() as u64 / 2;
         }

@@ -9,9 +9,9 @@ use super::cpu_run::{all_parents, all_requests};
 use crate::gpu::{GpuOptions, GpuSimulation, ReceptorRequests};
 use crate::motion::binding;
 use crate::motion::request_counts::RequestCounts;
-use crate::release::rank_slice::RankSlice;
 use crate::run::any::{GPU_STEPS, open_device};
-use crate::{Error, Model, State};
+use crate::state::RankStart;
+use crate::{Error, Model};
 
 #[derive(Debug)]
 pub(super) struct GpuRun {
@@ -23,16 +23,16 @@ pub(super) struct GpuRun {
 impl GpuRun {
     pub(super) fn new(
         model: Model,
-        seed: u64,
         detector: &Config,
-        state: &State,
-        (slice, ranks_on_machine): (RankSlice, u32),
+        start: RankStart<'_>,
+        ranks_on_machine: u32,
     ) -> Result<Self, Error> {
         let shared = || detector.shared_device(SoftwareAdapter::Allow);
+        let state = start.state;
         let particles = (state.particles.len() + state.bound.len()) as u64;
         let device = open_device(particles, ranks_on_machine, shared)?;
         let options = GpuOptions::default();
-        let simulation = GpuSimulation::resume_slice(model, seed, (device, options), state, slice)?;
+        let simulation = GpuSimulation::resume_slice(model, device, options, start)?;
         Ok(Self { simulation, requests: RequestCounts::default() })
     }
 

@@ -60,6 +60,13 @@ impl KeyMessage {
     }
 }
 
+/// The number of a rank's own particles, and the ghosts that follow them.
+#[derive(Clone, Copy, Debug)]
+struct RankParticles<'a> {
+    own: usize,
+    ghosts: &'a Ghosts,
+}
+
 impl DistributedMatching {
     /// Returns this rank's winning candidates, by key. Ghosts follow its `own` particles. `sample` adds candidates as
     /// for [`Matching::greedy`](crate::reaction::matching::Matching::greedy).
@@ -86,7 +93,7 @@ impl DistributedMatching {
                 best.restrict(bounds.into_iter().map(KeyMessage::key).min().expect("one of each rank"));
             }
             let candidates = &mut best.candidates;
-            chosen.extend(self.choose(communicator, candidates, (own, ghosts), &mut won)?);
+            chosen.extend(self.choose(communicator, candidates, RankParticles { own, ghosts }, &mut won)?);
             if is_last {
                 break;
             }
@@ -102,9 +109,10 @@ impl DistributedMatching {
         &mut self,
         communicator: &mut C,
         candidates: &mut [ReactionCandidate],
-        (own, ghosts): (usize, &Ghosts),
+        particles: RankParticles<'_>,
         won: &mut Vec<u32>,
     ) -> Result<Vec<ReactionCandidate>, C::Error> {
+        let own = particles.own;
         candidates.par_sort_unstable_by_key(ReactionCandidate::key);
         let candidates = &*candidates;
         let mut active: Vec<u32> = (0..candidates.len() as u32).collect();
@@ -113,7 +121,7 @@ impl DistributedMatching {
             for &c in &active {
                 candidates[c as usize].claimed().for_each(|at| self.bid(at, candidates[c as usize].key()));
             }
-            self.ask(communicator, (own, ghosts), &claimed_ghosts(candidates, &active, own), won)?;
+            self.ask(communicator, particles, &claimed_ghosts(candidates, &active, own), won)?;
             let claimed = |c: u32| candidates[c as usize].claimed();
             let wins = |c: &u32| {
                 let key = Some(candidates[*c as usize].key());
@@ -143,10 +151,11 @@ impl DistributedMatching {
     fn ask<C: Communicator>(
         &mut self,
         communicator: &mut C,
-        (own, ghosts): (usize, &Ghosts),
+        particles: RankParticles<'_>,
         wanted: &[u32],
         won: &[u32],
     ) -> Result<(), C::Error> {
+        let RankParticles { own, ghosts } = particles;
         let bid = |ghost: u32, takes: u32, key: KeyMessage| {
             (ghosts.rank_of(ghost), GhostBid { at: ghosts.particles()[ghost as usize].index, takes, key })
         };

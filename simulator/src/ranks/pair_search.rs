@@ -11,6 +11,7 @@ use lazygrid_ranks::{
 use super::contacts::{SharedParticles, separate};
 use super::matching::DistributedMatching;
 use super::rows;
+use crate::random::philox::StepKey;
 use crate::reaction::candidates::{BestCandidates, StepPairs};
 use crate::reaction::{ReactantChange, interactions};
 use crate::{Error, Model, Simulation, State};
@@ -106,7 +107,8 @@ impl RankPairSearch {
             }
         };
         let chosen = matching.greedy(communicator, own, &ghosts, sample)?;
-        let outcomes = run.reactions.all_outcomes(&run.state.particles, &chosen, run.key, run.state.step);
+        let now = StepKey { key: run.key, step: run.state.step };
+        let outcomes = run.reactions.all_outcomes(&run.state.particles, &chosen, now);
         chosen.iter().for_each(|c| run.state.totals.reacted[c.rule as usize] += 1);
         let outcomes = deliver_outcomes(communicator, outcomes, own, &ghosts)?;
         if let Some(pairs) = pairs {
@@ -182,7 +184,7 @@ fn find(
 
 fn sample(run: &Simulation, pairs: &[Pair], taken: &[bool], best: &mut BestCandidates) -> Result<(), Error> {
     let Simulation { key, spared, state: State { particles, step, .. }, .. } = run;
-    let pairs = StepPairs { particles, pairs, spared, key: *key, step: *step };
+    let pairs = StepPairs { particles, pairs, spared, now: StepKey { key: *key, step: *step } };
     run.reactions.sample(pairs, |particle| taken[particle as usize], best)
 }
 

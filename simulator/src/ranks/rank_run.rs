@@ -7,7 +7,7 @@ use super::agree;
 use super::cpu_run::CpuRun;
 #[cfg(feature = "gpu")]
 use super::gpu_run::GpuRun;
-use crate::release::rank_slice::RankSlice;
+use crate::state::RankStart;
 use crate::{Contact, Error, Model, RunView, State, Totals};
 
 #[derive(Debug)]
@@ -18,26 +18,18 @@ pub(super) enum RankRun {
 }
 
 impl RankRun {
-    /// `share` has this rank's slice of the releases, and the number of ranks on its machine.
     #[cfg(feature = "gpu")]
     pub(super) fn on_gpu(
         model: Model,
-        seed: u64,
         detector: &Config,
-        state: &State,
-        share: (RankSlice, u32),
+        start: RankStart<'_>,
+        ranks_on_machine: u32,
     ) -> Result<Self, Error> {
-        GpuRun::new(model, seed, detector, state, share).map(Box::new).map(Self::Gpu)
+        GpuRun::new(model, detector, start, ranks_on_machine).map(Box::new).map(Self::Gpu)
     }
 
     #[cfg(not(feature = "gpu"))]
-    pub(super) fn on_gpu(
-        _: Model,
-        _: u64,
-        _: &Config,
-        _: &State,
-        _: (RankSlice, u32),
-    ) -> Result<Self, Error> {
+    pub(super) fn on_gpu(_: Model, _: &Config, _: RankStart<'_>, _: u32) -> Result<Self, Error> {
         Err(lazygrid::Error::WithoutGpu.into())
     }
 
@@ -161,6 +153,7 @@ mod tests {
     use super::*;
     use crate::gpu::{GpuOptions, GpuSimulation, device, limited};
     use crate::motion::request_counts::RequestCounts;
+    use crate::release::rank_slice::RankSlice;
     use crate::{Receiver, ReceiverKind, Species, Transmitter};
 
     /// Returns a model that needs ten storage buffers in a stage.
@@ -183,7 +176,8 @@ mod tests {
     fn run_on(device: GpuDevice, slice: RankSlice) -> Result<RankRun, Error> {
         let (model, options) = (model(), GpuOptions::default());
         let state = State::new_slice(&model, 1, slice)?;
-        let simulation = GpuSimulation::resume_slice(model, 1, (device, options), &state, slice)?;
+        let simulation =
+            GpuSimulation::resume_slice(model, device, options, RankStart { seed: 1, state: &state, slice })?;
         Ok(RankRun::Gpu(Box::new(GpuRun { simulation, requests: RequestCounts::default() })))
     }
 

@@ -6,7 +6,7 @@ use lazygrid::Config;
 use lazygrid_ranks::{Communicator, Settings, gather};
 
 use super::{GatherFields, RankSimulation};
-use crate::output::{Files, Lock, occupancy};
+use crate::output::{Files, Lock, WrittenRun, occupancy};
 use crate::release::rank_slice::RankSlice;
 use crate::run::checkpoint::Checkpoint;
 use crate::run::memory_estimate::{MemoryGuard, Sharing, check_largest_release};
@@ -58,7 +58,7 @@ impl Run {
             let next = self.steps_to_next(step).min(simulation.steps_at_once());
             let present = simulation.totals().present.iter().sum();
             let sharing = Sharing::over_ranks(simulation.communicator());
-            let fits = memory.check(simulation.model(), (present, step, next), sharing);
+            let fits = memory.check(simulation.model(), present, step..step.saturating_add(next), sharing);
             let refused = simulation.communicator().all_reduce_sum(&[fits.is_err().into()])[0] > 0;
             if refused && step > first {
                 self.save_distributed(&mut simulation, &mut files)?;
@@ -141,13 +141,9 @@ impl Run {
         let standing = simulation.gather(GatherFields::default())?;
         let reopen = |lock: Lock| {
             self.check_disk_space(&standing, ReplicaSlot::NONE)?;
-            Files::reopen(
-                &self.directory,
-                own.output,
-                (&own.model, own.seed),
-                (&records, standing.step_count()),
-                lock,
-            )
+            let done = standing.step_count();
+            let run = WrittenRun { model: &own.model, seed: own.seed, records: &records, done };
+            Files::reopen(&self.directory, own.output, run, lock)
         };
         let files = lock.map(reopen).transpose();
         let files = simulation.agree(files)?;

@@ -10,6 +10,7 @@ use super::cpu_run::CpuRun;
 use super::rank_run::{RankRun, agree_on_gpus, moves_on_gpus};
 use super::{Gathered, agree, rows};
 use crate::release::rank_slice::RankSlice;
+use crate::state::RankStart;
 use crate::{Arrival, Error, Model, State, Totals};
 
 /// One rank's part of a run.
@@ -86,10 +87,10 @@ impl<C: Communicator> RankSimulation<C> {
         let state = agree(&communicator, state)?;
         shared(&model, seed, state.step).agree(&mut communicator)?;
         agree(&communicator, model.check())?;
-        let share = (RankSlice::new(rank, ranks), communicator.ranks_on_machine());
+        let start = RankStart { seed, state: &state, slice: RankSlice::new(rank, ranks) };
         let on_gpus = match moves_on_gpus(&mut communicator, &model, &detector) {
             true => {
-                let run = RankRun::on_gpu(model.clone(), seed, &detector, &state, share);
+                let run = RankRun::on_gpu(model.clone(), &detector, start, communicator.ranks_on_machine());
                 agree_on_gpus(&mut communicator, run)?
             }
             false => None,

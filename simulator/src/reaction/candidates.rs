@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use crate::Error;
 use crate::model::particles::Particles;
-use crate::random::philox::{self, Purpose};
+use crate::random::philox::{DrawContext, Purpose, StepKey};
 use crate::reaction::matching::{Key, ReactionCandidate};
 use crate::reaction::{ReactionRule, Reactions, distance_squared};
 
@@ -19,8 +19,7 @@ pub struct StepPairs<'a> {
     pub pairs: &'a [Pair],
     /// Ascending ids of particles that do not dissociate in the step, though their random words say so.
     pub spared: &'a [u32],
-    pub key: philox::Key,
-    pub step: u32,
+    pub now: StepKey,
 }
 
 /// The best candidates, in bounded memory.
@@ -103,7 +102,7 @@ impl Reactions {
 
     fn candidate(
         &self,
-        StepPairs { particles, spared, key, step, .. }: StepPairs<'_>,
+        StepPairs { particles, spared, now, .. }: StepPairs<'_>,
         pair: Pair,
         is_consumed: impl Fn(u32) -> bool,
     ) -> Option<ReactionCandidate> {
@@ -129,18 +128,18 @@ impl Reactions {
         if !shell.rules().any(|rule| is_open(&candidate(rule, 0))) {
             return None;
         }
-        let [priority, chance, ..] = key.draw(ids[0], ids[1], step, Purpose::Pair);
+        let [priority, chance, ..] = now.of_particle(ids[0]).draw(ids[1], Purpose::Pair);
         let rule = shell.rules().find(|rule| chance <= rule.up_to)?;
         let dissociates = [(a, particles.id[i]), (b, particles.id[j])]
             .into_iter()
-            .any(|(species, id)| self.dissociates(species, spared, (key, id, step)));
+            .any(|(species, id)| self.dissociates(species, spared, now.of_particle(id)));
         Some(candidate(rule, priority)).filter(|candidate| !dissociates && is_open(candidate))
     }
 
     /// Returns `true` if a particle dissociates in this step, so that it does not exist when pairs react.
     #[inline]
-    fn dissociates(&self, species: u32, spared: &[u32], now: (philox::Key, u32, u32)) -> bool {
-        let is_within = self.dissociation_of(species).is_some_and(|time| time.is_within(now));
-        is_within && spared.binary_search(&now.1).is_err()
+    fn dissociates(&self, species: u32, spared: &[u32], who: DrawContext) -> bool {
+        let is_within = self.dissociation_of(species).is_some_and(|time| time.is_within(who));
+        is_within && spared.binary_search(&who.id).is_err()
     }
 }

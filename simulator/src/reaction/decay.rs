@@ -18,7 +18,7 @@
 
 use crate::model::Model;
 use crate::model::probability::ReactionProbabilities;
-use crate::random::philox::{Key, Purpose, fine_unit, probability_threshold};
+use crate::random::philox::{DrawContext, Purpose, fine_unit, probability_threshold};
 use crate::reaction::dissociation::channel_words;
 
 /// The decays of all species.
@@ -57,15 +57,14 @@ impl DissociationTime {
     }
 
     /// Returns `true` if the particle dissociates in this step.
-    pub(crate) fn is_within(&self, (key, id, step): (Key, u32, u32)) -> bool {
-        key.draw(id, 0, step, Purpose::Dissociation)[0] <= self.up_to
+    pub(crate) fn is_within(&self, who: DrawContext) -> bool {
+        who.draw(0, Purpose::Dissociation)[0] <= self.up_to
     }
 
     /// Returns the time from the beginning of the step or of the particle, in steps, or `None` if it is above one step.
-    fn draw(&self, now: (Key, u32, u32)) -> Option<f64> {
-        let (key, id, step) = now;
-        let word = || key.draw(id, 1, step, Purpose::Dissociation)[0];
-        self.is_within(now).then(|| decay_time(self.rate, 1.0, word()))
+    fn draw(&self, who: DrawContext) -> Option<f64> {
+        let word = || who.draw(1, Purpose::Dissociation)[0];
+        self.is_within(who).then(|| decay_time(self.rate, 1.0, word()))
     }
 }
 
@@ -185,24 +184,24 @@ impl Decays {
     pub(crate) fn dissociates_before(
         &self,
         species: u32,
-        now: (Key, u32, u32),
+        who: DrawContext,
         hit: impl FnOnce() -> f32,
     ) -> bool {
         let dissociation = self.kinds[species as usize].dissociation;
-        dissociation.and_then(|time| time.draw(now)).is_some_and(|time| (time as f32) < hit())
+        dissociation.and_then(|time| time.draw(who)).is_some_and(|time| (time as f32) < hit())
     }
 
     /// Returns the time left in the step, in s, when the product of a decay dissociates, negative if the step ends
     /// before; `None` if the product does not dissociate in a whole step.
-    fn left_at_dissociation(&self, decay: &ChainedDecay, now: (Key, u32, u32)) -> Option<f64> {
+    fn left_at_dissociation(&self, decay: &ChainedDecay, who: DrawContext) -> Option<f64> {
         let dissociation = self.kinds[decay.product? as usize].dissociation?;
-        Some(decay.left() - dissociation.draw(now)? * self.time_step)
+        Some(decay.left() - dissociation.draw(who)? * self.time_step)
     }
 
     /// Returns `true` if the product of a decay dissociates in a whole step by its random word, but not in the rest of
     /// this one.
-    pub(crate) fn spares_product(&self, decay: &ChainedDecay, now: (Key, u32, u32)) -> bool {
-        self.left_at_dissociation(decay, now).is_some_and(|left| left <= 0.0)
+    pub(crate) fn spares_product(&self, decay: &ChainedDecay, who: DrawContext) -> bool {
+        self.left_at_dissociation(decay, who).is_some_and(|left| left <= 0.0)
     }
 
     /// Returns `true` if the product of the last decay dissociates in this step before a hit.
@@ -210,29 +209,24 @@ impl Decays {
         &self,
         last: Option<&ChainedDecay>,
         order: &CaptureOrder,
-        now: (Key, u32, u32),
+        who: DrawContext,
     ) -> bool {
-        last.and_then(|decay| self.left_at_dissociation(decay, now)).is_some_and(|left| left > order.left)
+        last.and_then(|decay| self.left_at_dissociation(decay, who)).is_some_and(|left| left > order.left)
     }
 
     /// Calls `tell` with each decay of a particle in a step, in order of time.
     #[inline]
-    pub fn for_each_decay(
-        &self,
-        species: u32,
-        (key, id, step): (Key, u32, u32),
-        mut tell: impl FnMut(ChainedDecay),
-    ) {
+    pub fn for_each_decay(&self, species: u32, who: DrawContext, mut tell: impl FnMut(ChainedDecay)) {
         let kind = &self.kinds[species as usize];
         if kind.channels.is_empty() {
             return;
         }
-        let [word, when, ..] = key.draw(id, 0, step, Purpose::Decay);
+        let [word, when, ..] = who.draw(0, Purpose::Decay);
         let Some(channel) = kind.channels.iter().find(|channel| word <= channel.up_to) else { return };
         let first = kind.chained(channel, self.time_step, when);
         tell(first);
         if let Some(product) = channel.product.filter(|&product| self.kinds[product as usize].rate > 0.0) {
-            let words = |generation| key.draw(id, generation, step, Purpose::Decay);
+            let words = |generation| who.draw(generation, Purpose::Decay);
             self.continue_chain(product, first.left(), words, tell);
         }
     }
@@ -292,6 +286,7 @@ fn kind(model: &Model, species: u32) -> SpeciesDecays {
 mod tests {
     use super::*;
     use crate::model::{Decay, Species};
+    use crate::random::philox::Key;
 
     /// 0 -> 1 -> 0 + 0, within a step.
     #[test]
@@ -308,13 +303,13 @@ mod tests {
         let n = 100_000;
         let [mut dissociated, mut before] = [0_u32; 2];
         for id in 0..n {
-            let now = (Key::new(5), id, 7);
-            decays.for_each_decay(0, now, |decay| {
-                let is_spared = decays.spares_product(&decay, now);
-                dissociated += u32::from(dissociation.is_within(now) && !is_spared);
+            let who = DrawContext { key: Key::new(5), id, step: 7 };
+            decays.for_each_decay(0, who, |decay| {
+                let is_spared = decays.spares_product(&decay, who);
+                dissociated += u32::from(dissociation.is_within(who) && !is_spared);
                 // A hit in the middle of the step.
                 let order = CaptureOrder::new(0, (0.5, 0.5));
-                before += u32::from(decays.product_dissociates_before(Some(&decay), &order, now));
+                before += u32::from(decays.product_dissociates_before(Some(&decay), &order, who));
             });
         }
         // The second of two decays with the expected numbers 2 and 3.
@@ -343,10 +338,14 @@ mod tests {
         let n = 100_000;
         let mut counts = [0_u32; 2];
         for id in 0..n {
-            decays.for_each_decay(0, (Key::new(5), id, 7), |ChainedDecay { decay, product, .. }| {
-                assert_eq!(product, Some(decay + 1));
-                counts[decay as usize] += 1;
-            });
+            decays.for_each_decay(
+                0,
+                DrawContext { key: Key::new(5), id, step: 7 },
+                |ChainedDecay { decay, product, .. }| {
+                    assert_eq!(product, Some(decay + 1));
+                    counts[decay as usize] += 1;
+                },
+            );
         }
         let [a, b] = [(-2.0_f64).exp(), (-3.0_f64).exp()];
         for (count, p) in counts.into_iter().zip([1.0 - a, 1.0 - a - 2.0 * (a - b)]) {

@@ -14,7 +14,7 @@ use crate::model::particles::Particles;
 use crate::model::probability::{ProbabilityShell, ReactionProbabilities};
 use crate::model::{Contact, Model, Reaction};
 use crate::random::gaussian::direction;
-use crate::random::philox::{Key, Purpose, probability_threshold};
+use crate::random::philox::{Purpose, StepKey, probability_threshold};
 use crate::reaction::decay::DissociationTime;
 use crate::reaction::matching::ReactionCandidate;
 
@@ -120,8 +120,7 @@ impl Reactions {
         &self,
         particles: &Particles,
         candidate: &ReactionCandidate,
-        key: Key,
-        step: u32,
+        now: StepKey,
     ) -> [Option<ReactantChange>; 2] {
         let reaction = &self.reactions[candidate.rule as usize];
         let [a, b] = candidate.at.map(|at| particles.position_of(at as usize));
@@ -132,7 +131,8 @@ impl Reactions {
         let separates = reaction.separates();
         let apart = match separates {
             true => {
-                let [_, _, first, second] = key.draw(candidate.ids[0], candidate.ids[1], step, Purpose::Pair);
+                let [first_id, second_id] = candidate.ids;
+                let [_, _, first, second] = now.of_particle(first_id).draw(second_id, Purpose::Pair);
                 let away = self.boundary.direction_within(direction(first, second));
                 away.map(|c| c * reaction.unbinding_radius)
             }
@@ -156,10 +156,9 @@ impl Reactions {
         &self,
         particles: &Particles,
         chosen: &[ReactionCandidate],
-        key: Key,
-        step: u32,
+        now: StepKey,
     ) -> Vec<ReactantChange> {
-        chosen.iter().flat_map(|candidate| self.outcomes(particles, candidate, key, step)).flatten().collect()
+        chosen.iter().flat_map(|candidate| self.outcomes(particles, candidate, now)).flatten().collect()
     }
 
     /// Returns `None` for a species that does not dissociate.

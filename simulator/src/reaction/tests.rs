@@ -2,6 +2,7 @@ use super::candidates::{BestCandidates, StepPairs};
 use super::*;
 use crate::model::particles::Particle;
 use crate::model::{Decay, ReactionRate, Species};
+use crate::random::philox::Key;
 use crate::reaction::dissociation::Dissociation;
 
 fn species(name: &str, diffusion: f64, radius: f32) -> Species {
@@ -26,7 +27,8 @@ const KEY: Key = Key::new(3);
 
 fn sample(reactions: &Reactions, particles: &Particles, step: u32) -> Vec<ReactionCandidate> {
     let mut best = BestCandidates::new(particles.len());
-    let pairs = StepPairs { particles, pairs: &[Pair::new(0, 1)], spared: &[], key: KEY, step };
+    let pairs =
+        StepPairs { particles, pairs: &[Pair::new(0, 1)], spared: &[], now: StepKey { key: KEY, step } };
     reactions.sample(pairs, |_| false, &mut best).expect("memory");
     best.candidates
 }
@@ -35,7 +37,7 @@ fn only(reactions: &Reactions, particles: &Particles) -> [Option<ReactantChange>
     let candidates = sample(reactions, particles, 0);
     assert_eq!(candidates.len(), 1);
     assert_eq!((candidates[0].at, candidates[0].ids), ([1, 0], [4, 8]));
-    reactions.outcomes(particles, &candidates[0], KEY, 0)
+    reactions.outcomes(particles, &candidates[0], StepKey { key: KEY, step: 0 })
 }
 
 #[test]

@@ -58,7 +58,9 @@ pub(crate) struct ReleaseStep<'a> {
 }
 
 /// Particles of one species that a transmitter releases in a burst, or by steady release in the last step.
-struct Batch<'a> {
+pub(crate) struct Batch<'a> {
+    /// Index of the transmitter.
+    transmitter: u32,
     from: &'a Transmitter,
     /// Center of the transmitter at the beginning of the step, in µm.
     center: [f32; 3],
@@ -71,6 +73,13 @@ struct Batch<'a> {
     /// `true` if its sites continue those of the previous batch, of the same burst or steady release.
     continues: bool,
     ages: Ages,
+}
+
+/// A particle at its release, and the time since then, in s.
+#[derive(Clone, Copy, Debug)]
+struct AgedParticle {
+    particle: Particle,
+    age: f64,
 }
 
 /// The times since the release of a batch's particles, at the beginning of a step, in s.
@@ -108,9 +117,8 @@ impl Model {
     pub(crate) fn release(&self, at: ReleaseStep<'_>, slice: RankSlice) -> Result<Released, Error> {
         let ReleaseStep { key, step, next_id, places, .. } = at;
         let mut batches: Vec<_> = self.all_batches(step, key).collect();
-        batches.iter_mut().for_each(|(_, batch)| batch.center = center_among(places, batch.from));
-        let released =
-            u64::from(next_id) + batches.iter().map(|(_, batch)| u64::from(batch.count)).sum::<u64>();
+        batches.iter_mut().for_each(|batch| batch.center = center_among(places, batch.from));
+        let released = u64::from(next_id) + batches.iter().map(|batch| u64::from(batch.count)).sum::<u64>();
         if released > lazygrid::MAX_SPHERES {
             return Err(Error::OutOfIds { released });
         }
@@ -119,7 +127,7 @@ impl Model {
         let own = slice.of(released - u64::from(next_id), next_id);
         out.particles.reserve(own.end - own.start, self.has_velocity())?;
         let (mut before, mut site) = (0, 0);
-        for (transmitter, batch) in &batches {
+        for batch in &batches {
             site = if batch.continues { site } else { batch.site };
             let [first, last] =
                 [own.start, own.end].map(|at| at.saturating_sub(before).min(batch.count.into()) as u32);
@@ -127,12 +135,12 @@ impl Model {
             let born = (first..last).map(|nth| {
                 let id = next_id + before as u32 + nth;
                 let age = batch.age(nth, key.draw(id, 0, 0, Purpose::PartialStep)[0]);
-                (self.born(batch, (id, site.wrapping_add(nth)), key), age)
+                AgedParticle { particle: self.born(batch, (id, site.wrapping_add(nth)), key), age }
             });
             match batch.ages {
-                Ages::None => born.for_each(|(particle, _)| self.add(particle, &mut out)),
+                Ages::None => born.for_each(|born| self.add(born.particle, &mut out)),
                 Ages::Between(..) | Ages::Spaced(..) => {
-                    self.add_later((*transmitter, batch), born, at, &mut out);
+                    self.add_later(batch, born, at, &mut out);
                 }
             }
             before += u64::from(batch.count);
@@ -141,36 +149,26 @@ impl Model {
         Ok(out)
     }
 
-    /// Releases particles outside the schedule, with these ids, which also select lattice sites.
+    /// Releases the particles of a batch outside the schedule.
     ///
     /// # Errors
     /// Those of [`Particles::reserve`].
-    pub(crate) fn burst(
-        &self,
-        from: &Transmitter,
-        species: u32,
-        ids: Range<u32>,
-        (key, places): (Key, &[Place]),
-    ) -> Result<Released, Error> {
-        let center = center_among(places, from);
+    pub(crate) fn burst(&self, batch: &Batch<'_>, key: Key) -> Result<Released, Error> {
+        let ids = batch.site..batch.site + batch.count;
         let mut out = Released::new(self, ids.end);
-        let [site, count] = [ids.start, ids.end - ids.start];
-        let batch = Batch { center, site, ..Batch::of_burst(from, (species, count), false) };
-        out.particles.reserve(count.into(), self.has_velocity())?;
-        out.released[species as usize] += u64::from(count);
-        ids.for_each(|id| self.add(self.born(&batch, (id, id), key), &mut out));
+        out.particles.reserve(batch.count.into(), self.has_velocity())?;
+        out.released[batch.species as usize] += u64::from(batch.count);
+        ids.for_each(|id| self.add(self.born(batch, (id, id), key), &mut out));
         Ok(out)
     }
 
     /// Returns transmitter, species and number of the releases at the beginning of a step, in the order of ids.
     pub fn releases(&self, step: u32, key: Key) -> impl Iterator<Item = (u32, u32, u32)> + '_ {
-        self.all_batches(step, key).map(|(place, batch)| (place, batch.species, batch.count))
+        self.all_batches(step, key).map(|batch| (batch.transmitter, batch.species, batch.count))
     }
 
-    fn all_batches(&self, step: u32, key: Key) -> impl Iterator<Item = (u32, Batch<'_>)> {
-        let of = move |(place, transmitter)| {
-            self.batches(transmitter, place, step, key).into_iter().map(move |batch| (place, batch))
-        };
+    fn all_batches(&self, step: u32, key: Key) -> impl Iterator<Item = Batch<'_>> {
+        let of = move |(place, transmitter)| self.batches(transmitter, place, step, key);
         (0..).zip(&self.transmitters).flat_map(of)
     }
 
@@ -189,7 +187,7 @@ impl Model {
                 } else {
                     count
                 };
-                Batch::of_burst(from, (species, count), entry > 0)
+                Batch::of_burst([place, species, count], from, entry > 0)
             };
             return entries.map(batch).collect();
         };
@@ -212,7 +210,7 @@ impl Model {
                     ((after - before) as u32, Ages::Spaced(oldest, 1.0 / rate))
                 }
             };
-            Batch { now, site, ages, ..Batch::of_burst(from, (species, count), entry > 0) }
+            Batch { now, site, ages, ..Batch::of_burst([place, species, count], from, entry > 0) }
         };
         rates.iter().enumerate().map(batch).collect()
     }
@@ -240,8 +238,21 @@ impl Model {
 
 impl<'a> Batch<'a> {
     /// Creates the batch of an entry of a burst, at the transmitter's center and from the first site.
-    fn of_burst(from: &'a Transmitter, (species, count): (u32, u32), continues: bool) -> Self {
-        Self { from, center: from.center, now: 0.0, species, count, site: 0, continues, ages: Ages::None }
+    fn of_burst([transmitter, species, count]: [u32; 3], from: &'a Transmitter, continues: bool) -> Self {
+        let (center, now, site, ages) = (from.center, 0.0, 0, Ages::None);
+        Self { transmitter, from, center, now, species, count, site, continues, ages }
+    }
+
+    /// Creates a batch with these ids, which also select lattice sites.
+    pub(crate) fn of_ids(
+        transmitter: u32,
+        from: &'a Transmitter,
+        species: u32,
+        ids: &Range<u32>,
+        places: &[Place],
+    ) -> Self {
+        let batch = Self::of_burst([transmitter, species, ids.end - ids.start], from, false);
+        Self { center: center_among(places, from), site: ids.start, ..batch }
     }
 
     /// Returns the time since the release of the `nth` particle, in s.

@@ -5,12 +5,12 @@
 
 use rayon::prelude::*;
 
-use super::{Batch, ReleaseStep, Released};
+use super::{AgedParticle, Batch, ReleaseStep, Released};
 use crate::model::Model;
 use crate::model::boundary::Boundary;
 use crate::model::particles::Particle;
 use crate::model::receiver::{rounding, signed_distance};
-use crate::motion::path_hit::{DrawContext, length};
+use crate::motion::path_hit::length;
 use crate::motion::propagate::{Event, ROUNDED};
 use crate::motion::receiver_state::{Place, ReceiverState};
 use crate::motion::species_step::{FreePaths, SpeciesStep};
@@ -18,7 +18,7 @@ use crate::motion::surface_events::{Capture, ParticleMove};
 use crate::motion::surfaces::{SpeciesSurfaces, Surfaces};
 use crate::motion::vessel_flow::StepTime;
 use crate::random::gaussian;
-use crate::random::philox::Purpose;
+use crate::random::philox::{DrawContext, Purpose};
 use crate::reaction::decay::{CaptureOrder, ChainedDecay};
 use crate::release::origins::{Arrival, Origin};
 
@@ -65,8 +65,8 @@ impl Model {
     /// Adds the particles of a batch, which were released within the last step, with their ages in s.
     pub(super) fn add_later(
         &self,
-        (transmitter, batch): (u32, &Batch<'_>),
-        mut born: impl Iterator<Item = (Particle, f64)>,
+        batch: &Batch<'_>,
+        mut born: impl Iterator<Item = AgedParticle>,
         at: ReleaseStep<'_>,
         out: &mut Released,
     ) {
@@ -87,12 +87,14 @@ impl Model {
                 .with_min_len(MIN_PER_THREAD)
                 .map(|(&born, moved)| self.partial_outcome(born, moved, &near, at))
                 .collect();
-            for ((Particle { id, .. }, _), PartialOutcome { decays, fate }) in born.into_iter().zip(outcomes)
+            for (AgedParticle { particle, .. }, PartialOutcome { decays, fate }) in
+                born.into_iter().zip(outcomes)
             {
+                let id = particle.id;
                 decays.into_iter().for_each(|decay| out.decayed[decay as usize] += 1);
                 match fate {
                     Fate::Arrived { receiver, species } => {
-                        let origin = Some(Origin { transmitter, step: at.step });
+                        let origin = Some(Origin { transmitter: batch.transmitter, step: at.step });
                         out.arrivals.push(Arrival { receiver, species, id, step: at.step, origin });
                     }
                     Fate::Remains(particle) => self.add(particle, out),
@@ -106,7 +108,7 @@ impl Model {
     fn partial_move<'a>(
         &self,
         batch: &Batch<'_>,
-        (particle, age): (Particle, f64),
+        AgedParticle { particle, age }: AgedParticle,
         at: ReleaseStep<'a>,
     ) -> Option<PartialMove<'a>> {
         if age == 0.0 {
@@ -120,8 +122,7 @@ impl Model {
         }
         let before = step.constants.domain.confine(position);
         let normal = gaussian::normals(at.key.draw(id, 1, 0, Purpose::PartialStep));
-        // The step of the release, in which the particle has used no random numbers.
-        let who = DrawContext { key: at.key, id, step: at.step - 1 };
+        let who = at.draws_of(id);
         let own = self.has_velocity().then_some(&mut velocity);
         let (path, free_end) = step.paths.path(&step.constants, [before, normal], own, who);
         let velocity = self.has_velocity().then_some(velocity);
@@ -137,7 +138,7 @@ impl Model {
     /// Moves a particle, which can hit only the receivers `near`.
     fn partial_outcome(
         &self,
-        (mut particle, age): (Particle, f64),
+        AgedParticle { mut particle, age }: AgedParticle,
         moved: Option<PartialMove<'_>>,
         near: &[&ReceiverState],
         at: ReleaseStep<'_>,
@@ -149,7 +150,7 @@ impl Model {
         particle.position = moved.path.after;
         particle.velocity = moved.velocity.unwrap_or(particle.velocity);
         if at.events.decays.has(particle.species) {
-            return self.partial_decays((particle, age), (capture, moved.who), at);
+            return self.partial_decays(AgedParticle { particle, age }, capture, at);
         }
         let arrived = |Capture { event, .. }: Capture| Fate::of(&event, particle.species);
         PartialOutcome { decays: Vec::new(), fate: capture.map_or(Fate::Remains(particle), arrived) }
@@ -158,13 +159,14 @@ impl Model {
     /// Decays a particle that is at the end of its path, until the particle or a product is captured.
     fn partial_decays(
         &self,
-        (mut particle, age): (Particle, f64),
-        (capture, who): (Option<Capture>, DrawContext),
+        AgedParticle { mut particle, age }: AgedParticle,
+        capture: Option<Capture>,
         at: ReleaseStep<'_>,
     ) -> PartialOutcome {
         let Particle { species: released, id, .. } = particle;
         let words = |generation| at.key.draw(id, 1 + generation, 0, Purpose::PartialStep);
         let turned = || at.key.draw(id, 1, 0, Purpose::Velocity);
+        let who = at.draws_of(id);
         let captures = |event: &Event, species| at.events.surfaces.captures(event, species);
         let ordered =
             |capture: Capture| (CaptureOrder::new(released, (capture.time(who), age)), capture.event);
@@ -250,6 +252,11 @@ impl<'a> PartialStep<'a> {
 }
 
 impl<'a> ReleaseStep<'a> {
+    /// Returns the draws of a particle in the step of its release, in which it has used no random numbers.
+    fn draws_of(&self, id: u32) -> DrawContext {
+        DrawContext { key: self.key, id, step: self.step - 1 }
+    }
+
     /// Returns the receivers that any of these paths may hit.
     fn near(&self, boundary: &Boundary, moves: &[Option<PartialMove<'_>>]) -> Vec<&'a ReceiverState> {
         let moves = || moves.iter().flatten();

@@ -8,8 +8,17 @@ use crate::model::Model;
 use crate::model::particles::{Particle, Particles};
 use crate::motion::receiver_state::Place;
 use crate::random::philox::{Key, Purpose};
+use crate::release::Batch;
 use crate::release::origins::Origin;
 use crate::{AnySimulation, Error, Simulation, State};
+
+/// Particles that a transmitter releases outside its schedule.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Emission {
+    pub(crate) transmitter: u32,
+    pub(crate) species: u32,
+    pub(crate) count: u32,
+}
 
 impl State {
     pub(crate) fn add(
@@ -65,13 +74,8 @@ impl State {
         places.len() + before - self.bound.len()
     }
 
-    pub(crate) fn emit(
-        &mut self,
-        model: &Model,
-        key: Key,
-        transmitter: u32,
-        (species, count): (u32, u32),
-    ) -> Result<Range<u32>, Error> {
+    pub(crate) fn emit(&mut self, model: &Model, key: Key, emission: Emission) -> Result<Range<u32>, Error> {
+        let Emission { transmitter, species, count } = emission;
         let from = model.transmitters.get(transmitter as usize).ok_or_else(|| {
             let known = model.transmitters.len();
             Error::Model(format!("there is no transmitter {transmitter}; the model has {known}"))
@@ -79,7 +83,8 @@ impl State {
         known(model, species)?;
         let ids = self.take_ids(count.into())?;
         self.particles.reserve(count.into(), model.has_velocity())?;
-        let released = model.burst(from, species, ids.clone(), (key, &Place::at_rest(&self.centers)))?;
+        let batch = Batch::of_ids(transmitter, from, species, &ids, &Place::at_rest(&self.centers));
+        let released = model.burst(&batch, key)?;
         self.next_id = ids.end;
         self.totals.enter(&released);
         self.particles.append(released.particles);
@@ -127,7 +132,7 @@ impl Simulation {
     /// # Errors
     /// [`Error::Model`] for an unknown transmitter or species; otherwise as [`add`](Self::add).
     pub fn emit(&mut self, transmitter: u32, species: u32, count: u32) -> Result<Range<u32>, Error> {
-        self.state.emit(&self.model, self.key, transmitter, (species, count))
+        self.state.emit(&self.model, self.key, Emission { transmitter, species, count })
     }
 
     /// Takes the particles and leaves a copy: a program can keep the columns while the run continues.
@@ -162,7 +167,8 @@ impl AnySimulation {
     /// # Errors
     /// Also [`Error::Detection`] from the GPU.
     pub fn emit(&mut self, transmitter: u32, species: u32, count: u32) -> Result<Range<u32>, Error> {
-        self.edit(|state, model, key| state.emit(model, key, transmitter, (species, count)))
+        let emission = Emission { transmitter, species, count };
+        self.edit(|state, model, key| state.emit(model, key, emission))
     }
 
     fn edit<T>(

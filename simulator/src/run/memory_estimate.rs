@@ -1,5 +1,7 @@
 //! The forecast of a run's memory. A run that cannot fit is refused, or stops with a checkpoint.
 
+use std::ops::Range;
+
 #[cfg(feature = "gpu")]
 use lazygrid_io::memory_of_driver;
 use lazygrid_ranks::Communicator;
@@ -70,13 +72,15 @@ pub(crate) struct MemoryGuard {
 }
 
 impl MemoryGuard {
+    /// Checks the memory of `present` particles and those of the releases in `steps`.
     pub(crate) fn check(
         &mut self,
         model: &Model,
-        (present, step, steps): (u64, u32, u32),
+        present: u64,
+        steps: Range<u32>,
         sharing: Sharing,
     ) -> Result<(), Error> {
-        let window = [step.saturating_add(1), step.saturating_add(steps).saturating_add(1)];
+        let window = [steps.start, steps.end].map(|step| step.saturating_add(1));
         let released: f64 = model
             .transmitters
             .iter()
@@ -149,12 +153,12 @@ mod tests {
         if available_memory().is_some() {
             let error = check_largest_release(&huge(0.0), 10, Sharing::NONE).unwrap_err().to_string();
             assert!(error.contains("bytes") && error.contains("release fewer"), "{error}");
-            assert!(MemoryGuard::default().check(&huge(0.3), (0, 0, 5), Sharing::NONE).is_err());
-            assert!(MemoryGuard::default().check(&huge(0.0), (0, 0, 5), Sharing::NONE).is_ok());
+            assert!(MemoryGuard::default().check(&huge(0.3), 0, 0..5, Sharing::NONE).is_err());
+            assert!(MemoryGuard::default().check(&huge(0.0), 0, 0..5, Sharing::NONE).is_ok());
         }
         let none = Model { time_step: 0.1, ..Model::default() };
         assert!(check_largest_release(&none, 10, Sharing::NONE).is_ok());
-        assert!(MemoryGuard::default().check(&none, (1000, 0, 5), Sharing::NONE).is_ok());
+        assert!(MemoryGuard::default().check(&none, 1000, 0..5, Sharing::NONE).is_ok());
     }
 
     /// 1000 particles in each of 10⁹ steps, which live for a step.

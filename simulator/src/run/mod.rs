@@ -23,7 +23,7 @@ use lazygrid::{Algorithm, Backend};
 
 use crate::output::append_file::FileRecord;
 use crate::output::options::Output;
-use crate::output::{self, Files, Lock};
+use crate::output::{self, Files, Lock, WrittenRun};
 use crate::run::checkpoint::Checkpoint;
 use crate::run::memory_estimate::{MemoryGuard, Sharing, check_largest_release};
 use crate::run::time_step_monitor::TimeStepMonitor;
@@ -145,7 +145,8 @@ impl Run {
             let (step, before) = (simulation.step_count(), TimeStepMonitor::part_of(simulation.totals()));
             let next = self.steps_to_next(step).min(simulation.steps_at_once());
             let present = simulation.totals().present.iter().sum();
-            if let Err(error) = memory.check(simulation.model(), (present, step, next), slot.sharing()) {
+            let steps = step..step.saturating_add(next);
+            if let Err(error) = memory.check(simulation.model(), present, steps, slot.sharing()) {
                 if step > saved {
                     self.save(&simulation, &mut files)?;
                 }
@@ -256,8 +257,8 @@ impl Run {
             let former = output::refuse_foreign_page(&self.directory)?;
             output::refuse_foreign_parts(&self.directory, &former, plots, &output::TABLES)?;
         }
-        let files =
-            Files::reopen(&self.directory, own.output, (&own.model, own.seed), (&records, done), lock)?;
+        let run = WrittenRun { model: &own.model, seed: own.seed, records: &records, done };
+        let files = Files::reopen(&self.directory, own.output, run, lock)?;
         Ok((simulation, files))
     }
 

@@ -13,14 +13,14 @@ use crate::motion::receiver_search::ReceiverSearch;
 use crate::motion::receiver_state::{self, Place};
 use crate::motion::request_counts::RequestCounts;
 use crate::motion::surface_diffusion::SurfaceSteps;
-use crate::random::philox::{Key, Purpose};
+use crate::random::philox::{Key, Purpose, StepKey};
 use crate::reaction::candidates::StepPairs;
 use crate::reaction::dissociation::{Dissociated, Dissociation};
 use crate::reaction::matching::Matching;
 use crate::reaction::{ReactantChange, Reactions, interactions};
-use crate::release::PartialEvents;
 use crate::release::origins::Arrival;
 use crate::release::rank_slice::RankSlice;
+use crate::release::{PartialEvents, ReleaseStep};
 use crate::state::State;
 
 #[derive(Debug)]
@@ -183,12 +183,11 @@ impl Simulation {
 
     /// Collective.
     pub(crate) fn advance<H: Halo>(&mut self, free: &[u32], halo: &mut H) -> Result<Moved, H::Error> {
-        let Self { model, key, state, motion, receiver_search, collisions, contacts, surface_steps, .. } =
-            self;
-        let now = (*key, state.step);
+        let now = StepKey { key: self.key, step: self.state.step };
+        let Self { model, state, motion, receiver_search, collisions, contacts, surface_steps, .. } = self;
         surface_steps.advance(&mut state.bound, now);
         let leaving = binding::leaving(model, &state.bound, free, now);
-        let places = receiver_state::move_receivers(model, &state.centers, *key, state.step);
+        let places = receiver_state::move_receivers(model, &state.centers, now.key, state.step);
         motion.surfaces.bodies.set(&state.centers, &places, free);
         motion.set_flow(model, state.step);
         let mut flights = None;
@@ -291,8 +290,8 @@ impl Simulation {
     }
 
     fn interact(&mut self) -> Result<Vec<ReactantChange>, Error> {
-        let (key, step) = (self.key, self.state.step);
-        let failed = |source| Error::Step { step, source };
+        let now = StepKey { key: self.key, step: self.state.step };
+        let failed = |source| Error::Step { step: now.step, source };
         let Some(detector) = &mut self.detector else { return Ok(Vec::new()) };
         let particles = &mut self.state.particles;
         if self.reactions.is_empty() && !self.contacts.separate() {
@@ -302,18 +301,18 @@ impl Simulation {
         let pairs = detector.pairs(particles.spheres()?).map_err(failed)?;
         self.state.totals.pairs = pairs.len() as u64;
         let reactions = &self.reactions;
-        let step_pairs = StepPairs { particles, pairs, spared: &self.spared, key, step };
+        let step_pairs = StepPairs { particles, pairs, spared: &self.spared, now };
         let chosen = self.matching.greedy(particles.len(), |consumed, best| {
             reactions.sample(step_pairs, |particle| consumed.contains(particle), best)
         })?;
-        let outcomes = reactions.all_outcomes(particles, &chosen, key, step);
+        let outcomes = reactions.all_outcomes(particles, &chosen, now);
         chosen.iter().for_each(|c| self.state.totals.reacted[c.rule as usize] += 1);
         if self.contacts.separate() {
             // Reactants that come out unchanged stay free to move.
             let mut reacted: Vec<u32> = outcomes.iter().map(|outcome| outcome.at).collect();
             reacted.sort_unstable();
             let free = |at: u32| reacted.binary_search(&at).is_err();
-            self.state.totals.contacts += self.contacts.resolve(particles, pairs, free, (key, step));
+            self.state.totals.contacts += self.contacts.resolve(particles, pairs, free, now);
         }
         Ok(outcomes)
     }
@@ -380,8 +379,10 @@ impl Simulation {
 
     pub(crate) fn finish(&mut self, moved: &Moved, slice: RankSlice) -> Result<(), Error> {
         self.state.step += 1;
-        let events = (&self.partial_events, &moved.places[..]);
-        let arrivals = self.state.release(&self.model, events, self.key, slice)?;
+        let State { step, next_id, .. } = self.state;
+        let (events, key, places) = (&self.partial_events, self.key, &moved.places[..]);
+        let at = ReleaseStep { events, key, step, next_id, places };
+        let arrivals = self.state.release(&self.model, at, slice)?;
         if self.model.logs_arrivals {
             self.arrivals.extend(arrivals);
         }

@@ -54,6 +54,16 @@ pub struct Totals {
     pub contacts: u64,
 }
 
+/// The part of a run that a rank resumes.
+#[derive(Clone, Copy, Debug)]
+#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "a build without GPUs refuses to begin such a run"))]
+pub(crate) struct RankStart<'a> {
+    pub(crate) seed: u64,
+    /// A [`State::part`].
+    pub(crate) state: &'a State,
+    pub(crate) slice: RankSlice,
+}
+
 impl State {
     /// Creates the initial state, after the releases of step 0.
     ///
@@ -69,7 +79,9 @@ impl State {
         let places = Place::at_rest(&centers);
         let mut state = Self { totals: Totals::of(model), centers, ..Self::default() };
         // No particle was released before step 0, so none arrives.
-        state.release(model, (&PartialEvents::new(model), &places), Key::new(seed), slice)?;
+        let events = PartialEvents::new(model);
+        let at = ReleaseStep { events: &events, key: Key::new(seed), step: 0, next_id: 0, places: &places };
+        state.release(model, at, slice)?;
         Ok(state)
     }
 
@@ -148,17 +160,15 @@ impl State {
     pub(crate) fn release(
         &mut self,
         model: &Model,
-        (events, places): (&PartialEvents, &[Place]),
-        key: Key,
+        at: ReleaseStep<'_>,
         slice: RankSlice,
     ) -> Result<Vec<Arrival>, Error> {
-        let (step, next_id) = (self.step, self.next_id);
-        let released = model.release(ReleaseStep { events, key, step, next_id, places }, slice)?;
+        let released = model.release(at, slice)?;
         self.particles.reserve(released.particles.len() as u64, model.has_velocity())?;
         if model.logs_arrivals {
             let mut first = self.next_id;
-            for (transmitter, _, count) in model.releases(self.step, key) {
-                self.origins.enter(first, Some(Origin { transmitter, step: self.step }));
+            for (transmitter, _, count) in model.releases(at.step, at.key) {
+                self.origins.enter(first, Some(Origin { transmitter, step: at.step }));
                 first += count;
             }
         }

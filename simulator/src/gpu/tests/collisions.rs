@@ -11,7 +11,7 @@ use crate::motion::collisions::rounds::{Adjacency, SLACK, Window};
 use crate::motion::collisions::rules::{Event, Rules};
 use crate::motion::collisions::tests::model;
 use crate::motion::contact::Contacts;
-use crate::random::philox::open_unit;
+use crate::random::philox::{StepKey, open_unit};
 use crate::{Receiver, ReceiverKind};
 
 const WINDOW: usize = WINDOW_BYTES as usize / 4;
@@ -293,8 +293,9 @@ fn separation_matches_the_cpu() {
     let all: Vec<lazygrid::Pair> =
         (0..n).flat_map(|j| (0..j).map(move |i| lazygrid::Pair::new(i, j))).collect();
     let mut without_body = particles.clone();
-    Contacts::new(&free_model).resolve(&mut without_body, &all, free, (Key::new(1), 0));
-    let resolved = Contacts::new(&model).resolve(&mut particles, &all, free, (Key::new(1), 0));
+    Contacts::new(&free_model).resolve(&mut without_body, &all, free, StepKey { key: Key::new(1), step: 0 });
+    let resolved =
+        Contacts::new(&model).resolve(&mut particles, &all, free, StepKey { key: Key::new(1), step: 0 });
     assert_ne!(particles, without_body);
     let control: Vec<u32> = device.read("control", size_of::<ControlHeader>() / 4);
     let contacts = std::mem::offset_of!(ControlHeader, contacts) / 4;

@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::model::receiver::Receiver;
-use crate::motion::path_hit::{DrawContext, Path, hits};
+use crate::motion::path_hit::{Path, hits};
 use crate::motion::receiver_state::ReceiverState;
-use crate::random::philox::open_unit;
+use crate::random::philox::{DrawContext, open_unit};
 use crate::{Axis, Vessel};
 
 const PIECES: &str = "#include params\nvar<private> params: Params;\n\

@@ -1,5 +1,6 @@
 use super::*;
 use crate::random::gaussian::normals;
+use crate::random::philox::Key;
 
 const KEY: Key = Key::new(3);
 
@@ -102,7 +103,7 @@ fn crossed(membranes: &[Membrane], domain: &Boundary, from: [f32; 3], spread: f3
             let z = normals(KEY.draw(id, 0, now, Purpose::Move));
             let end: [f32; 3] = std::array::from_fn(|k| at[k] + spread * z[k]);
             let mut ends = StepEnds { end, free: end, after: domain.confine(end) };
-            step.hold_back(at, &mut ends, (KEY, id, now));
+            step.hold_back(at, &mut ends, DrawContext { key: KEY, id, step: now });
             at = ends.after;
             assert_eq!(at, domain.confine(at));
         }
@@ -145,7 +146,7 @@ fn segment_across_a_sphere_passes_with_the_probability_of_a_plane() {
     let n = 40_000_u32;
     let passes = |&id: &u32| {
         let mut ends = StepEnds { end, free: end, after: end };
-        step.hold_back(before, &mut ends, (KEY, id, 0));
+        step.hold_back(before, &mut ends, DrawContext { key: KEY, id, step: 0 });
         ends.after == end
     };
     let found = (0..n).filter(passes).count() as f64 / f64::from(n);

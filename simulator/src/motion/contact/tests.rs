@@ -3,6 +3,7 @@ use lazygrid::Algorithm;
 use super::*;
 use crate::model::particles::Particle;
 use crate::model::receiver::signed_distance;
+use crate::random::philox::Key;
 use crate::random::philox::{open_unit, philox};
 use crate::reaction::rate::binding_radius;
 use crate::{Reaction, ReactionRate, Receiver, ReceiverKind, Shape, Simulation, Species, State, Transmitter};
@@ -24,8 +25,9 @@ fn pushed(x: f32, overlap: f32) -> (Vec<u64>, bool) {
     }
     let begun = particles.clone();
     let contacts = Contacts::new(&model);
-    let resolved = (0..4)
-        .map(|step| contacts.resolve(&mut particles, &[Pair::new(0, 1)], |_| true, (Key::new(1), step)));
+    let resolved = (0..4).map(|step| {
+        contacts.resolve(&mut particles, &[Pair::new(0, 1)], |_| true, StepKey { key: Key::new(1), step })
+    });
     (resolved.collect(), particles != begun)
 }
 
@@ -52,7 +54,8 @@ fn separation_ignores_the_order_of_pairs_and_particles() {
             pairs.reverse();
         }
         let contacts = Contacts::new(&model(0.5));
-        let resolved = contacts.resolve(&mut particles, &pairs, |_| true, (Key::new(1), 3));
+        let resolved =
+            contacts.resolve(&mut particles, &pairs, |_| true, StepKey { key: Key::new(1), step: 3 });
         let mut rows: Vec<_> =
             (0..n as usize).map(|at| (particles.id[at], particles.position_of(at))).collect();
         rows.sort_by_key(|row| row.0);

@@ -1,6 +1,7 @@
 use super::*;
 use crate::model::receiver::Receiver;
 use crate::model::vessel::Vessel;
+use crate::random::philox::Key;
 
 fn body(kind: ReceiverKind) -> ReceiverState {
     let receiver =
@@ -39,7 +40,7 @@ fn diffusion_follows_the_bridge() {
 #[test]
 fn receivers_and_segments_share_no_draws() {
     let one = |place, part, id| {
-        DrawContext { id, ..DRAWS }.hits_sphere((place, part), 1.0, [0.7, 1.0], 1.0).is_some()
+        DrawContext { id, ..DRAWS }.hits_sphere([place, part], 1.0, [0.7, 1.0], 1.0).is_some()
     };
     let draws = |place, part| (0..256).map(|id| one(place, part, id)).collect::<Vec<bool>>();
     let places = [0, 1, 1 << 15, 1 << 16, (1 << 16) + 1, 1 << 24, u32::MAX];

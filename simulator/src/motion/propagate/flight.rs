@@ -3,22 +3,28 @@
 use rayon::prelude::*;
 
 use super::Propagator;
-use crate::model::particles::Particles;
+use crate::model::particles::{Particle, Particles};
 use crate::motion::collisions::Flight;
-use crate::motion::path_hit::DrawContext;
 use crate::motion::step_normals::{BLOCK, draw};
-use crate::random::philox::{Key, Purpose};
+use crate::random::philox::{DrawContext, Purpose, StepKey};
+
+/// A particle at the beginning of a step.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FlightStart {
+    pub(super) species: u32,
+    pub(super) position: [f32; 3],
+    pub(super) velocity: [f32; 3],
+}
 
 impl Propagator {
-    pub(crate) fn flights(&self, particles: &Particles, (key, step): (Key, u32)) -> Vec<Flight> {
+    pub(crate) fn flights(&self, particles: &Particles, now: StepKey) -> Vec<Flight> {
         let of_block = |(block, ids): (usize, &[u32])| {
             let mut random = [[0.0; BLOCK]; 3];
-            draw(key, ids, step, &mut random);
+            draw(now, ids, &mut random);
             let one = |(k, &id): (usize, &u32)| {
-                let particle = particles.get(block * BLOCK + k);
                 let normal = [0, 1, 2].map(|axis: usize| random[axis][k]);
-                let who = DrawContext { key, id, step };
-                self.flight(particle.species, (particle.position, particle.velocity), normal, who)
+                let Particle { species, position, velocity, .. } = particles.get(block * BLOCK + k);
+                self.flight(FlightStart { species, position, velocity }, normal, now.of_particle(id))
             };
             ids.iter().enumerate().map(one).collect::<Vec<_>>()
         };
@@ -26,17 +32,11 @@ impl Propagator {
     }
 
     #[inline(always)]
-    pub(super) fn flight(
-        &self,
-        species: u32,
-        (before, mut begun): ([f32; 3], [f32; 3]),
-        normal: [f32; 3],
-        who: DrawContext,
-    ) -> Flight {
+    pub(super) fn flight(&self, start: FlightStart, normal: [f32; 3], who: DrawContext) -> Flight {
+        let FlightStart { species, position: before, velocity: mut begun } = start;
         let kind = &self.steps[species as usize];
-        let DrawContext { key, id, step } = who;
         if let Some(tumbles) = &self.tumbles[species as usize] {
-            let words = key.draw(id, 0, step, Purpose::Tumble);
+            let words = who.draw(0, Purpose::Tumble);
             tumbles.apply(before, &mut begun, words, &kind.domain);
         }
         let mut velocity = begun;

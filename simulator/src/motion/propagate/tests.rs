@@ -2,6 +2,7 @@ use super::*;
 use crate::model::particles::Particle;
 use crate::model::{Decay, Species};
 use crate::random::gaussian::normals;
+use crate::random::philox::Key;
 use crate::random::philox::Purpose;
 
 fn species(diffusion: f64) -> Species {
@@ -22,13 +23,15 @@ fn a_move_depends_on_the_id_and_not_on_the_index() {
     let order: Vec<u32> = (0..10_001).map(|k| (k * 4_001) % 10_001).collect();
     let mut shuffled = all.permuted(&order);
     for step in 0..3 {
-        assert!(motion.advance(&mut all, None, None, (Key::new(1), step)).unwrap().is_empty());
-        motion.advance(&mut shuffled, None, None, (Key::new(1), step)).unwrap();
+        assert!(motion.advance(&mut all, None, None, StepKey { key: Key::new(1), step }).unwrap().is_empty());
+        motion.advance(&mut shuffled, None, None, StepKey { key: Key::new(1), step }).unwrap();
     }
     assert_eq!(all.permuted(&order), shuffled);
     let [x, ..] = normals(Key::new(1).draw(all.id[5], 0, 2, Purpose::Move));
     let mut two = cloud(10_001);
-    (0..2).for_each(|step| drop(motion.advance(&mut two, None, None, (Key::new(1), step)).unwrap()));
+    (0..2).for_each(|step| {
+        drop(motion.advance(&mut two, None, None, StepKey { key: Key::new(1), step }).unwrap())
+    });
     let length = (2.0_f64 * 2.0 * 0.1).sqrt() as f32;
     assert_eq!(all.position[0][5], two.position[0][5] + (length * x + 0.1));
 }
@@ -49,7 +52,9 @@ fn walls_reverse_velocities() {
     for (id, u) in (0..).zip([0.5, 1.5, -1.5, 3.5, -3.5]) {
         particles.push(Particle { id, velocity: [u; 3], ..Particle::default() }, true);
     }
-    Propagator::new(&model).advance(&mut particles, None, None, (Key::new(1), 0)).unwrap();
+    Propagator::new(&model)
+        .advance(&mut particles, None, None, StepKey { key: Key::new(1), step: 0 })
+        .unwrap();
     assert_eq!(particles.velocity[0], [0.5, -1.5, 1.5, 3.5, -3.5]);
     assert_eq!(particles.position[0], [0.5, 0.5, -0.5, -0.5, 0.5]);
     assert_eq!(particles.velocity[1], [0.5, 1.5, -1.5, 3.5, -3.5]);
@@ -66,7 +71,9 @@ fn decays_share_their_probability() {
         ..Model::default()
     };
     let n = 100_000;
-    let events = Propagator::new(&model).advance(&mut cloud(n), None, None, (Key::new(9), 4)).unwrap();
+    let events = Propagator::new(&model)
+        .advance(&mut cloud(n), None, None, StepKey { key: Key::new(9), step: 4 })
+        .unwrap();
     for (which, share) in [(0, 0.25), (1, 0.75)] {
         let p = (1.0 - (-2.0_f64).exp()) * share;
         let count =

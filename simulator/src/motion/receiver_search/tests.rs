@@ -8,7 +8,7 @@ use crate::model::vessel::Vessel;
 use crate::model::{Flow, Model, Species};
 use crate::motion::propagate::Propagator;
 use crate::motion::receiver_state::move_receivers;
-use crate::random::philox::{Key, open_unit, philox};
+use crate::random::philox::{Key, StepKey, open_unit, philox};
 use crate::{Simulation, Transmitter};
 
 const MANY: u32 = 60;
@@ -82,8 +82,9 @@ fn run(
         );
         let places = move_receivers(model, &centers, Key::new(3), step);
         motion.surfaces.bodies.set(&centers, &places, &vec![5; centers.len()]);
-        let events =
-            motion.advance(&mut particles, receiver_search.as_mut(), None, (Key::new(3), step)).unwrap();
+        let events = motion
+            .advance(&mut particles, receiver_search.as_mut(), None, StepKey { key: Key::new(3), step })
+            .unwrap();
         let mut gone: Vec<u32> = events.iter().map(crate::motion::propagate::Event::at).collect();
         particles.remove(&mut gone);
         centers = places.iter().map(|place| place.center).collect();
@@ -165,8 +166,14 @@ fn receivers_in_the_path_of_a_pushed_particle_are_found() {
             particles.push(Particle::default(), false);
             let centers: Vec<_> = model.receivers.iter().map(|receiver| receiver.center).collect();
             motion.surfaces.bodies.set(&centers, &move_receivers(&model, &centers, Key::new(3), 0), &[0; 3]);
-            let events =
-                motion.advance(&mut particles, receiver_search.as_mut(), None, (Key::new(3), 0)).unwrap();
+            let events = motion
+                .advance(
+                    &mut particles,
+                    receiver_search.as_mut(),
+                    None,
+                    StepKey { key: Key::new(3), step: 0 },
+                )
+                .unwrap();
             (events, particles)
         });
         assert_eq!(after[0], after[1]);

@@ -98,9 +98,10 @@ fn receivers_out_of_reach_change_nothing() {
     let events = PartialEvents::new(&model);
     let at = ReleaseStep { events: &events, key: Key::new(3), step: 1, next_id: 0, places: &places };
     let all: Vec<_> = events.surfaces.bodies.all.iter().collect();
-    let (_, batch) = model.all_batches(1, at.key).next().expect("a batch");
-    let born: Vec<_> =
-        (0..batch.count).map(|k| (model.born(&batch, (k, k), at.key), batch.age(k, 0))).collect();
+    let batch = model.all_batches(1, at.key).next().expect("a batch");
+    let born: Vec<_> = (0..batch.count)
+        .map(|k| AgedParticle { particle: model.born(&batch, (k, k), at.key), age: batch.age(k, 0) })
+        .collect();
     let moves: Vec<_> = born.iter().map(|&born| model.partial_move(&batch, born, at)).collect();
     let (mut arrived, mut left_out, mut first) = (0, 0, 0);
     for length in (1..=7).cycle() {
@@ -155,7 +156,7 @@ fn flow_pulse_carries_particles_of_the_least_ages() {
     let (events, mut least) = (PartialEvents::new(&model), f64::INFINITY);
     for step in 1..100 {
         let at = ReleaseStep { events: &events, key: Key::new(3), step, next_id: 0, places: &[] };
-        for (_, batch) in model.all_batches(step, at.key) {
+        for batch in model.all_batches(step, at.key) {
             let ages = (0..batch.count).map(|nth| batch.age(nth, 0)).filter(|&age| age > 0.0);
             least = ages.fold(least, f64::min);
         }
