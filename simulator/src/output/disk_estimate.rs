@@ -1,4 +1,4 @@
-use super::{animation, frames, log_estimate, series};
+use super::{animation, frames, log_estimate, series, symbols};
 use crate::output::options::Output;
 use crate::{Model, ReceiverKind, RunView, State};
 
@@ -47,7 +47,9 @@ impl DiskEstimate {
             // The frames, and eight letters of the page per particle.
             due(animation.every) as f64 * (animation::bytes_of(model, drawn as u64) as f64 + 8.0 * drawn)
         });
-        let fixed = (scenario.len() + totals) as u64 + rows as u64 + frames * header as u64;
+        // They are written when the run begins.
+        let symbols = if from == 0 { symbols::expected_bytes(model) } else { 0.0 };
+        let fixed = (scenario.len() + totals) as u64 + (rows + symbols) as u64 + frames * header as u64;
         let kept = if model.has_velocity() { 32.0 } else { 20.0 };
         let particles = |count: f64| (count * kept) as u64;
         let most = fixed + (frames as f64 * frame + animation) as u64 + particles(crowd.last);
@@ -192,12 +194,15 @@ mod tests {
     fn estimate_is_within_half_of_the_output() {
         let decaying = "[[decay]]\nequation = 'A ->'\nrate = 5\n";
         let watched = "[[receiver]]\nname = 'rx'\ncenter = [1, 0, 0]\nradius = 1\nkind = 'transparent'\n";
+        let message = "[[transmitter]]\nname = 'sender'\nrandom-bits = 20000\nsymbol-time = 1.1\n\
+            release = [{ species = 'A', count = 1 }]\n";
         let frames = "[output]\nevery = 100\nframes-every = 20\nframes = ";
         for (what, more) in [
             ("rows", "[output]\nevery = 1\n".to_owned()),
             ("text", format!("{frames}['xyz']\n")),
             ("binary", format!("{frames}['npy']\n")),
             ("decay", format!("{decaying}{watched}{frames}['xyz', 'npy']\n")),
+            ("symbols", format!("{message}[output]\nevery = 400\n")),
         ] {
             let [least, most, written] = foretold_and_written(&format!("{CLOUD}{more}"));
             let ratio = most as f64 / written as f64;

@@ -56,7 +56,10 @@ pub struct Totals {
 
 /// The part of a run that a rank resumes.
 #[derive(Clone, Copy, Debug)]
-#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "a build without GPUs refuses to begin such a run"))]
+#[cfg_attr(
+    not(feature = "gpu"),
+    expect(dead_code, reason = "a build without GPUs refuses to begin such a run")
+)]
 pub(crate) struct RankStart<'a> {
     pub(crate) seed: u64,
     /// A [`State::part`].
