@@ -124,6 +124,11 @@ impl Scene {
         let buffers = [&self.particles, &self.contacts];
         pass.set_bind_group(0, &bind(device, &pipeline.get_bind_group_layout(0), &buffers), &[]);
         pass.set_pipeline(pipeline);
+        // The largest square in the middle, in which spheres are round.
+        let size = target.main_texture().size();
+        let [width, height] = [size.width, size.height].map(|length| length as f32);
+        let edge = width.min(height);
+        pass.set_viewport(0.5 * (width - edge), 0.5 * (height - edge), edge, edge, 0.0, 1.0);
         pass.draw(0..6, 0..PARTICLES);
     }
 }
