@@ -41,7 +41,8 @@ swiftshader=/usr/lib/chromium/vk_swiftshader_icd.json
 on_swiftshader() {
     say "on SwiftShader:"
     export VK_DRIVER_FILES=$swiftshader LAZYGRID_REQUIRE_GPU=1 LAZYGRID_TEST_VARIANTS=gpu PROPTEST_CASES=2
-    # Its compiler frees and takes much memory, which glibc would return to the system each time: a sixth of the time.
+    # The driver's compiler allocates and frees much memory. By default glibc returns it to the system each time, which
+    # takes a sixth of the time.
     export MALLOC_TRIM_THRESHOLD_=1073741824 MALLOC_TOP_PAD_=16777216
     cargo test "$@" --test gpu -- kernels:: skin::
     cargo test "$@" --test suite -- properties:: interactions:: results:: cell_reuse::

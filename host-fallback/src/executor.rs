@@ -94,7 +94,7 @@ impl Executor {
     }
 }
 
-/// Chunks of work, and how many of them a task has at most.
+/// The number of chunks of work, and the most that one task processes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chunks {
     pub(crate) count: usize,
@@ -102,8 +102,8 @@ pub(crate) struct Chunks {
 }
 
 impl Chunks {
-    /// Creates chunks of which a task has any number.
-    pub(crate) fn of_any_task(count: usize) -> Self {
+    /// Sets no limit to the chunks of a task.
+    pub(crate) fn unlimited(count: usize) -> Self {
         Self { count, most_per_task: usize::MAX }
     }
 }

@@ -78,7 +78,7 @@ impl GroupMembers {
             a.iter_mut().zip(&b).for_each(|(a, b)| a.merge(b));
             Ok::<_, Error>(Ok(a))
         };
-        let pieces = Chunks::of_any_task(n.div_ceil(CHUNK_SPHERES));
+        let pieces = Chunks::unlimited(n.div_ceil(CHUNK_SPHERES));
         *all = input.executor.for_light_work(n).fold(pieces, open, piece, merge)??;
         Ok(())
     }

@@ -27,7 +27,7 @@ impl Bounds {
                 Ok(bounds)
             };
             let merge = |a: Self, b: Self| Ok::<_, std::convert::Infallible>(a.merge(b));
-            let pieces = Chunks::of_any_task(count.div_ceil(CHUNK_SPHERES));
+            let pieces = Chunks::unlimited(count.div_ceil(CHUNK_SPHERES));
             let Ok(of_set) = executor.for_light_work(count).fold(pieces, || Self::EMPTY, piece, merge);
             bounds.merge(of_set)
         })

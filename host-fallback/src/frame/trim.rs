@@ -131,7 +131,7 @@ impl Reach {
             a.iter_mut().zip(b).for_each(|(sum, count)| *sum += count);
             Ok::<_, std::convert::Infallible>(a)
         };
-        let pieces = Chunks::of_any_task(rows.count.div_ceil(CHUNK_SPHERES));
+        let pieces = Chunks::unlimited(rows.count.div_ceil(CHUNK_SPHERES));
         let Ok(levels) = executor.for_light_work(rows.count).fold(pieces, || [0; LEVELS], piece, merge);
         levels
     }

@@ -157,7 +157,7 @@ impl UniformGrid {
             Ok(a)
         };
         let Ok(counts) =
-            executor.fold(Chunks::of_any_task(n.div_ceil(CHUNK_SPHERES)), Counts::default, count, add);
+            executor.fold(Chunks::unlimited(n.div_ceil(CHUNK_SPHERES)), Counts::default, count, add);
         let cells = |shift: [usize; 3]| {
             let mut cells = 0;
             for (x, plane) in counts.iter().enumerate() {

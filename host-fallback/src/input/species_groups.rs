@@ -142,7 +142,7 @@ fn find_present(ids: &[u32], species: u32, executor: Executor) -> Result<[u64; W
         a.iter_mut().zip(b).for_each(|(a, b)| *a |= b);
         Ok(a)
     };
-    let pieces = Chunks::of_any_task(ids.len().div_ceil(CHUNK_SPHERES));
+    let pieces = Chunks::unlimited(ids.len().div_ceil(CHUNK_SPHERES));
     executor.for_light_work(ids.len()).fold(pieces, || [0; WORDS], piece, merge)
 }
 

@@ -143,7 +143,7 @@ impl InputStats {
                     Ok((a, p | q))
                 };
                 let (all, suspect) =
-                    pool.fold(Chunks::of_any_task(chunks), || (Self::empty(), false), step, merge)?;
+                    pool.fold(Chunks::unlimited(chunks), || (Self::empty(), false), step, merge)?;
                 stats = all;
                 suspect
             }

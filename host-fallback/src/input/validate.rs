@@ -53,5 +53,5 @@ fn find(
         let first = if count == 0 { None } else { range.clone().find(|&i| bad(i)).map(|i| i as u32) };
         merge(sum, (first, count))
     };
-    executor.fold(Chunks::of_any_task(n.div_ceil(CHUNK_SPHERES)), || (None, 0), piece, merge)
+    executor.fold(Chunks::unlimited(n.div_ceil(CHUNK_SPHERES)), || (None, 0), piece, merge)
 }

@@ -98,10 +98,11 @@ impl ParticleMove {
     }
 }
 
-/// The space in which a particle moves for a `duration`, in s.
+/// The boundary and walls that a path meets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathSurroundings<'a> {
     pub(crate) domain: &'a Boundary,
+    /// Duration of the path, in s.
     pub(crate) duration: f32,
     pub(crate) walls: &'a [AbsorbingWall],
 }

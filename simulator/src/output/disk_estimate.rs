@@ -47,7 +47,7 @@ impl DiskEstimate {
             // The frames, and eight letters of the page per particle.
             due(animation.every) as f64 * (animation::bytes_of(model, drawn as u64) as f64 + 8.0 * drawn)
         });
-        // They are written when the run begins.
+        // Symbols are written when the run begins.
         let symbols = if from == 0 { symbols::expected_bytes(model) } else { 0.0 };
         let fixed = (scenario.len() + totals) as u64 + (rows + symbols) as u64 + frames * header as u64;
         let kept = if model.has_velocity() { 32.0 } else { 20.0 };
@@ -194,7 +194,7 @@ mod tests {
     fn estimate_is_within_half_of_the_output() {
         let decaying = "[[decay]]\nequation = 'A ->'\nrate = 5\n";
         let watched = "[[receiver]]\nname = 'rx'\ncenter = [1, 0, 0]\nradius = 1\nkind = 'transparent'\n";
-        let message = "[[transmitter]]\nname = 'sender'\nrandom-bits = 20000\nsymbol-time = 1.1\n\
+        let message = "[[transmitter]]\nname = 'sender'\nrandom-bits = 20000\nsymbol-time = 0.1\n\
             release = [{ species = 'A', count = 1 }]\n";
         let frames = "[output]\nevery = 100\nframes-every = 20\nframes = ";
         for (what, more) in [

@@ -77,7 +77,7 @@ pub(crate) struct WrittenRun<'a> {
     pub(crate) model: &'a Model,
     pub(crate) seed: u64,
     pub(crate) records: &'a [FileRecord],
-    /// Number of steps.
+    /// Number of steps done.
     pub(crate) done: u32,
 }
 

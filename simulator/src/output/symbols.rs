@@ -20,13 +20,14 @@ pub(super) fn write(out: &mut impl Write, model: &Model, seed: u64) -> io::Resul
     Ok(())
 }
 
-/// Returns the bytes of the file, with the mean length of the times of 16 symbols of each message.
+/// Estimates the bytes of the file, by the mean length of the times of 17 symbols of each message.
 pub(super) fn expected_bytes(model: &Model) -> f64 {
     let of_transmitter = |Transmitter { name, schedule, .. }: &Transmitter| {
         let Schedule::Message(message) = schedule else { return 0.0 };
         let count = message.symbols.len();
-        let time = |k: u32| message.time_of((u64::from(count) * u64::from(k) / 16) as u32).to_string().len();
-        let mean = (0..16).map(time).sum::<usize>() as f64 / 16.0;
+        // Multiples of a prime number: every sixteenth time of a round count has few digits.
+        let time = |k: u32| message.time_of((u64::from(count) * u64::from(k) / 17) as u32).to_string().len();
+        let mean = (0..17).map(time).sum::<usize>() as f64 / 17.0;
         f64::from(count) * (mean + (name.len() + ",,0\n".len()) as f64)
     };
     model.transmitters.iter().map(of_transmitter).sum()

@@ -77,6 +77,7 @@ pub struct StepKey {
 }
 
 impl StepKey {
+    /// Returns the context of a particle's draws in this step.
     #[inline(always)]
     pub fn of_particle(self, id: u32) -> DrawContext {
         let Self { key, step } = self;
@@ -93,13 +94,13 @@ pub struct DrawContext {
 }
 
 impl DrawContext {
-    /// Returns four random words for the particle, and `other` or 0.
+    /// Returns [`Key::draw`] for this particle and step.
     #[inline(always)]
     pub(crate) fn draw(self, other: u32, purpose: Purpose) -> [u32; 4] {
         self.key.draw(self.id, other, self.step, purpose)
     }
 
-    /// Returns four random words of a part, as [`Key::draw_part`].
+    /// Returns [`Key::draw_part`] for this particle and step.
     #[inline(always)]
     pub(crate) fn draw_part(self, other: u32, part: u32, purpose: Purpose) -> [u32; 4] {
         self.key.draw_part([self.id, other], part, self.step, purpose)

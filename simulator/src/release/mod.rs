@@ -8,8 +8,6 @@ pub mod origins;
 mod partial_step;
 pub(crate) mod rank_slice;
 
-use std::ops::Range;
-
 use rand_distr::{Distribution, Poisson};
 
 use crate::error::Error;
@@ -75,7 +73,16 @@ pub(crate) struct Batch<'a> {
     ages: Ages,
 }
 
-/// A particle at its release, and the time since then, in s.
+/// Particles of one species that a transmitter releases at once.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Emission {
+    /// Index of the transmitter.
+    pub(crate) transmitter: u32,
+    pub(crate) species: u32,
+    pub(crate) count: u32,
+}
+
+/// A particle released within the last step, and its age in s.
 #[derive(Clone, Copy, Debug)]
 struct AgedParticle {
     particle: Particle,
@@ -149,7 +156,7 @@ impl Model {
         Ok(out)
     }
 
-    /// Releases the particles of a batch outside the schedule.
+    /// Releases the particles of a [`Batch::of_ids`], whose ids begin at its lattice site.
     ///
     /// # Errors
     /// Those of [`Particles::reserve`].
@@ -187,7 +194,7 @@ impl Model {
                 } else {
                     count
                 };
-                Batch::of_burst([place, species, count], from, entry > 0)
+                Batch::of_burst(from, Emission { transmitter: place, species, count }, entry > 0)
             };
             return entries.map(batch).collect();
         };
@@ -210,7 +217,12 @@ impl Model {
                     ((after - before) as u32, Ages::Spaced(oldest, 1.0 / rate))
                 }
             };
-            Batch { now, site, ages, ..Batch::of_burst([place, species, count], from, entry > 0) }
+            Batch {
+                now,
+                site,
+                ages,
+                ..Batch::of_burst(from, Emission { transmitter: place, species, count }, entry > 0)
+            }
         };
         rates.iter().enumerate().map(batch).collect()
     }
@@ -238,21 +250,17 @@ impl Model {
 
 impl<'a> Batch<'a> {
     /// Creates the batch of an entry of a burst, at the transmitter's center and from the first site.
-    fn of_burst([transmitter, species, count]: [u32; 3], from: &'a Transmitter, continues: bool) -> Self {
+    fn of_burst(from: &'a Transmitter, emission: Emission, continues: bool) -> Self {
+        let Emission { transmitter, species, count } = emission;
         let (center, now, site, ages) = (from.center, 0.0, 0, Ages::None);
         Self { transmitter, from, center, now, species, count, site, continues, ages }
     }
 
-    /// Creates a batch with these ids, which also select lattice sites.
-    pub(crate) fn of_ids(
-        transmitter: u32,
-        from: &'a Transmitter,
-        species: u32,
-        ids: &Range<u32>,
-        places: &[Place],
-    ) -> Self {
-        let batch = Self::of_burst([transmitter, species, ids.end - ids.start], from, false);
-        Self { center: center_among(places, from), site: ids.start, ..batch }
+    /// Creates a batch outside the schedule, whose particles get the ids from `first_id`. The ids also select lattice
+    /// sites.
+    pub(crate) fn of_ids(from: &'a Transmitter, emission: Emission, first_id: u32, places: &[Place]) -> Self {
+        let batch = Self::of_burst(from, emission, false);
+        Self { center: center_among(places, from), site: first_id, ..batch }
     }
 
     /// Returns the time since the release of the `nth` particle, in s.

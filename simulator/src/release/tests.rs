@@ -150,8 +150,10 @@ fn emitted_particles_continue_from_site_to_site() {
     let transmitter = Transmitter { shape, ..Transmitter::default() };
     let species = vec![Species { mass: 1.0, ..Species::default() }];
     let model = Model { time_step: 0.1, species, ..Model::default() };
-    let burst =
-        |id| model.burst(&Batch::of_ids(0, &transmitter, 0, &(id..id + 1), &[]), Key::new(3)).unwrap();
+    let burst = |id| {
+        let one = Emission { transmitter: 0, species: 0, count: 1 };
+        model.burst(&Batch::of_ids(&transmitter, one, id, &[]), Key::new(3)).unwrap()
+    };
     let place = |id| burst(id).particles.get(0).position[0];
     assert_eq!([4, 5, 6, 7, 8].map(place), [-1.5, -0.5, 0.5, 1.5, -1.5]);
 }

@@ -8,17 +8,9 @@ use crate::model::Model;
 use crate::model::particles::{Particle, Particles};
 use crate::motion::receiver_state::Place;
 use crate::random::philox::{Key, Purpose};
-use crate::release::Batch;
 use crate::release::origins::Origin;
+use crate::release::{Batch, Emission};
 use crate::{AnySimulation, Error, Simulation, State};
-
-/// Particles that a transmitter releases outside its schedule.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Emission {
-    pub(crate) transmitter: u32,
-    pub(crate) species: u32,
-    pub(crate) count: u32,
-}
 
 impl State {
     pub(crate) fn add(
@@ -83,7 +75,7 @@ impl State {
         known(model, species)?;
         let ids = self.take_ids(count.into())?;
         self.particles.reserve(count.into(), model.has_velocity())?;
-        let batch = Batch::of_ids(transmitter, from, species, &ids, &Place::at_rest(&self.centers));
+        let batch = Batch::of_ids(from, emission, ids.start, &Place::at_rest(&self.centers));
         let released = model.burst(&batch, key)?;
         self.next_id = ids.end;
         self.totals.enter(&released);

@@ -72,7 +72,8 @@ pub(crate) struct MemoryGuard {
 }
 
 impl MemoryGuard {
-    /// Checks the memory of `present` particles and those of the releases in `steps`.
+    /// Checks the memory of `present` particles and of the releases while the run advances from step `steps.start` to
+    /// `steps.end`.
     pub(crate) fn check(
         &mut self,
         model: &Model,

@@ -56,10 +56,7 @@ pub struct Totals {
 
 /// The part of a run that a rank resumes.
 #[derive(Clone, Copy, Debug)]
-#[cfg_attr(
-    not(feature = "gpu"),
-    expect(dead_code, reason = "a build without GPUs refuses to begin such a run")
-)]
+#[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only the GPU path reads it"))]
 pub(crate) struct RankStart<'a> {
     pub(crate) seed: u64,
     /// A [`State::part`].
@@ -169,7 +166,7 @@ impl State {
         let released = model.release(at, slice)?;
         self.particles.reserve(released.particles.len() as u64, model.has_velocity())?;
         if model.logs_arrivals {
-            let mut first = self.next_id;
+            let mut first = at.next_id;
             for (transmitter, _, count) in model.releases(at.step, at.key) {
                 self.origins.enter(first, Some(Origin { transmitter, step: at.step }));
                 first += count;
