@@ -6,8 +6,9 @@ use crate::columns::column_of;
 use crate::mean::IntegerStats;
 use crate::response::Link;
 use crate::series::Series;
-use crate::symbols::{SymbolSlots, messages};
+use crate::symbols::SymbolSlots;
 use lazygrid_sim::Model;
+use lazygrid_sim::model::transmitter::Schedule;
 use lazygrid_sim::random::philox::Key;
 
 /// The count of a receiver by the time within a slot and the slot's symbol, over slots and replicas. Arrivals are
@@ -33,7 +34,7 @@ impl CountsBySymbol {
     /// Adds a replica, with slots that begin with their symbols.
     pub fn add(&mut self, series: &Series, model: &Model, seed: u64, slots: &SymbolSlots) {
         let Link { transmitter, receiver, species } = self.link;
-        let Some((_, message)) = messages(model).find(|&(place, _)| place == transmitter) else { return };
+        let Schedule::Message(message) = &model.transmitters[transmitter].schedule else { return };
         let Some(column) = column_of(model, receiver, species) else { return };
         let grows = model.receivers[receiver].kind.absorbs();
         for (k, bounds) in slots.bounds.windows(2).enumerate() {

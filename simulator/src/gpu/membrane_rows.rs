@@ -31,7 +31,7 @@ impl MembraneRows {
                     let rate = (2.0 * membrane.permeability / diffusion) as f32;
                     let index = axis as u32 | k << 2;
                     let row = |at: f32| [at.to_bits(), below(at).to_bits(), rate.to_bits(), index];
-                    rows.planes.extend(images(model.boundary.axes[axis], position).map(row));
+                    rows.planes.extend(model.boundary.axes[axis].plane_images(position).map(row));
                 }
                 MembraneSurface::Sphere { center: [x, y, z], radius } => {
                     let own = 2.0 * membrane.permeability * (model.time_step / diffusion).sqrt();
@@ -56,22 +56,9 @@ impl MembraneRows {
     }
 }
 
-/// Returns the positions of a plane and its images in a periodic box.
-fn images(axis: Axis, position: f32) -> impl Iterator<Item = f32> {
-    let (images, period) = match axis {
-        Axis::Periodic { low, high } => (&[-1.0, 0.0, 1.0][..], high - low),
-        _ => (&[0.0][..], 0.0),
-    };
-    images.iter().map(move |image| position + image * period)
-}
-
 /// Returns the rounding of the distance from a sphere, in µm.
 fn rounding(boundary: &Boundary, radius: f32) -> f32 {
-    let period = |axis: &Axis| match *axis {
-        Axis::Periodic { low, high } => high - low,
-        _ => 0.0,
-    };
-    let longest = boundary.axes.iter().map(period).fold(0.0, f32::max);
+    let longest = boundary.axes.map(Axis::period).into_iter().fold(0.0, f32::max);
     ROUNDING[0] * radius + ROUNDING[1] * longest
 }
 

@@ -66,6 +66,26 @@ impl Axis {
         }
     }
 
+    /// Returns the length of a periodic axis, in µm, or 0 for another.
+    #[inline]
+    pub(crate) fn period(self) -> f32 {
+        match self {
+            Self::Periodic { low, high } => high - low,
+            _ => 0.0,
+        }
+    }
+
+    /// Returns the positions of a plane across the axis: its own, and those of its images on both sides.
+    #[inline]
+    pub(crate) fn plane_images(self, position: f32) -> impl Iterator<Item = f32> {
+        let images: &[f32] = match self {
+            Self::Periodic { .. } => &[-1.0, 0.0, 1.0],
+            _ => &[0.0],
+        };
+        let period = self.period();
+        images.iter().map(move |image| position + image * period)
+    }
+
     /// Returns the minimum image of a displacement, in µm.
     pub(crate) fn displacement_exact(self, d: f64) -> f64 {
         match self {

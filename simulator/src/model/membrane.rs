@@ -146,14 +146,7 @@ impl MembraneStep<'_> {
 
     /// Returns the indices of the species' planar membranes across an axis, and the coordinates of their images.
     fn planes(&self, axis: usize) -> impl Iterator<Item = (usize, f32)> {
-        let images: &[f32] = match self.domain.axes[axis] {
-            Axis::Periodic { .. } => &[-1.0, 0.0, 1.0],
-            _ => &[0.0],
-        };
-        let period = match self.domain.axes[axis] {
-            Axis::Periodic { low, high } => high - low,
-            _ => 0.0,
-        };
+        let domain = self.domain.axes[axis];
         let own = move |(k, membrane): (usize, &Membrane)| match membrane.surface {
             MembraneSurface::Plane { axis: across, position } if across == axis => {
                 membrane.sees[self.species].then_some((k, position))
@@ -161,7 +154,7 @@ impl MembraneStep<'_> {
             _ => None,
         };
         let all = self.membranes.iter().enumerate().filter_map(own);
-        all.flat_map(move |(k, position)| images.iter().map(move |image| (k, position + image * period)))
+        all.flat_map(move |(k, position)| domain.plane_images(position).map(move |at| (k, at)))
     }
 
     fn within(&self, axis: usize, slab: Slab, end: f32) -> HeldEnd {

@@ -151,9 +151,13 @@ fn row(model: &Model, crowd: &ParticleCounts, [from, steps]: [u32; 2]) -> f64 {
 
 /// Returns the mean length of a step and its time.
 pub(super) fn moment(model: &Model, [from, steps]: [u32; 2]) -> f64 {
-    let step = |k: u32| from + (u64::from(steps - from) * u64::from(k) / 16) as u32;
-    let length = |step: u32| series::moment(step, model).len() as f64;
-    (1..=16).map(|k| length(step(k))).sum::<f64>() / 16.0
+    mean_length([from, steps], 16, |step| series::moment(step, model).len())
+}
+
+/// Returns the mean of `length` over `numbers` equally spaced numbers above `from`, the last of which is `to`.
+pub(super) fn mean_length([from, to]: [u32; 2], numbers: u32, length: impl Fn(u32) -> usize) -> f64 {
+    let number = |k: u32| from + (u64::from(to - from) * u64::from(k) / u64::from(numbers)) as u32;
+    (1..=numbers).map(|k| length(number(k))).sum::<usize>() as f64 / f64::from(numbers)
 }
 
 pub(super) fn digits(count: f64) -> f64 {

@@ -1,6 +1,7 @@
 use std::io::{self, Write};
 
 use crate::model::transmitter::Schedule;
+use crate::output::disk_estimate::mean_length;
 use crate::random::philox::Key;
 use crate::{Model, Transmitter};
 
@@ -20,15 +21,14 @@ pub(super) fn write(out: &mut impl Write, model: &Model, seed: u64) -> io::Resul
     Ok(())
 }
 
-/// Estimates the bytes of the file, by the mean length of the times of 17 symbols of each message.
+/// Estimates the bytes of the file, by the mean length of the times of some symbols of each message.
 pub(super) fn expected_bytes(model: &Model) -> f64 {
     let of_transmitter = |Transmitter { name, schedule, .. }: &Transmitter| {
         let Schedule::Message(message) = schedule else { return 0.0 };
         let count = message.symbols.len();
-        // Multiples of a prime number: every sixteenth time of a round count has few digits.
-        let time = |k: u32| message.time_of((u64::from(count) * u64::from(k) / 17) as u32).to_string().len();
-        let mean = (0..17).map(time).sum::<usize>() as f64 / 17.0;
-        f64::from(count) * (mean + (name.len() + ",,0\n".len()) as f64)
+        // A prime number: a power of two divides round counts, and then all of these times have few digits.
+        let time = mean_length([0, count], 17, |k| message.time_of(k).to_string().len());
+        f64::from(count) * (time + (name.len() + ",,0\n".len()) as f64)
     };
     model.transmitters.iter().map(of_transmitter).sum()
 }

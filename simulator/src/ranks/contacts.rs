@@ -61,12 +61,8 @@ pub(super) fn separate<C: Communicator>(
             particles.set_position(at, ghost.position);
             free[at] = ghost.free > 0;
         }
-        let pushes = contacts.pushes(
-            particles,
-            pairs,
-            |at| free[at as usize],
-            StepKey { key: *key, step: state.step },
-        );
+        let now = StepKey { key: *key, step: state.step };
+        let pushes = contacts.pushes(particles, pairs, |at| free[at as usize], now);
         if pass == 0 {
             state.totals.contacts += pushes.len() as u64 / 2;
         }

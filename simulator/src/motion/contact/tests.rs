@@ -3,8 +3,7 @@ use lazygrid::Algorithm;
 use super::*;
 use crate::model::particles::Particle;
 use crate::model::receiver::signed_distance;
-use crate::random::philox::Key;
-use crate::random::philox::{open_unit, philox};
+use crate::random::philox::{Key, open_unit, philox};
 use crate::reaction::rate::binding_radius;
 use crate::{Reaction, ReactionRate, Receiver, ReceiverKind, Shape, Simulation, Species, State, Transmitter};
 

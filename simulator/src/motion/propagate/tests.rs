@@ -2,8 +2,7 @@ use super::*;
 use crate::model::particles::Particle;
 use crate::model::{Decay, Species};
 use crate::random::gaussian::normals;
-use crate::random::philox::Key;
-use crate::random::philox::Purpose;
+use crate::random::philox::{Key, Purpose};
 
 fn species(diffusion: f64) -> Species {
     Species { name: "A".into(), diffusion, mass: 1.0, drift: [1.0, 0.0, 0.0], ..Species::default() }
