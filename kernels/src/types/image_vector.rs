@@ -60,7 +60,10 @@ impl Space {
     /// or are within `distance` if given. Nothing overflows or underflows.
     #[inline]
     pub fn touch(&self, a: [f64; 4], b: [f64; 4], distance: Option<f64>) -> bool {
-        self.decide(a, b, distance, |space, from, to| space.nearest(from, to).1)
+        self.decide(a, b, distance, |space, from, to| match space.triclinic_cell() {
+            Some(cell) => cell.shortest(apart(from, to)),
+            None => space.nearest(from, to).1,
+        })
     }
 
     /// Tests `a` and the image of `b` at these multiples of the cell vectors.

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use super::triclinic::{combination, heights, inverse, power_of_two_below};
+use super::basis::{combination, heights, inverse, power_of_two_below};
 use crate::Space;
 
 /// The reduced basis of a periodic space, and the distances between images. Numbers are in the unit of the spheres

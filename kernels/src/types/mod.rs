@@ -1,9 +1,11 @@
 //! Spheres, pairs, spaces and the rules that decide which spheres pair.
 
+mod basis;
 pub(crate) mod exclusions;
 pub(crate) mod image_vector;
 pub(crate) mod interactions;
 pub(crate) mod lattice;
+pub(crate) mod orthogonalization;
 pub(crate) mod pair;
 pub(crate) mod query;
 pub(crate) mod real;

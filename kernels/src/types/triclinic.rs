@@ -1,30 +1,24 @@
-//! Triclinic cells: the minimum image in a tilted periodic box, and the orthogonal space in which its pairs are
-//! searched.
+//! Triclinic cells: the minimum image in a tilted periodic box.
 
-use glam::{DVec3, Vec3};
+use glam::DVec3;
 
+use super::basis::{combination, completed, heights, inverse, orthogonal_part, power_of_two_below, reduce};
 use super::lattice::Lattice;
-use crate::{InputError, Space, Sphere};
+use super::orthogonalization::Orthogonalization;
+use crate::InputError;
 
 /// Thinnest box, as a fraction of its longest cell vector. In a thinner one, `f64` could not distinguish images.
 const MIN_THICKNESS: f64 = 1.0 / (1 << 24) as f64;
-/// Most steps of the lattice reduction. Valid boxes need some hundreds.
-const MAX_REDUCTION_STEPS: usize = 1 << 16;
 /// Most steps to wrap a vector. Each step leaves about 2⁻⁵⁰ of its length.
 const MAX_WRAP_STEPS: usize = 4;
-/// Gain that a swap of the reduction requires, so that rounding cannot make it cycle (Lovász's δ).
-const LLL_DELTA: f64 = 0.99;
 /// Factor by which sums of multiples of vectors stay below the largest number: above 3·√3·√3, for three components,
 /// vectors and the longest vector.
 const OVERFLOW_MARGIN: f64 = 16.0;
-/// Growth of an orthogonalized sphere, as a fraction of its coordinates: four times the rounding to `f32`, on three
-/// axes.
-const ROUNDING: f64 = 1.0 / (1 << 21) as f64;
-/// Fraction of a sphere's distance from the origin that counts in the length scale of its rounding. [`ROUNDING`] times
-/// this fraction, 2⁻⁴¹, exceeds the rounding of coordinates in `f64`.
-const FAR: f64 = 1.0 / (1 << 20) as f64;
-/// Growth of orthogonalized radii: above the error of a GPU, 5 ulp of the squared cutoff.
-const REACH_MARGIN: f64 = 1.0 + 1.0 / (1 << 20) as f64;
+/// Most multiples of cell vectors, in all, that were added to a vector whose images are not compared. Rounding then
+/// stays below 2⁻¹³ of [`MIN_NEAR_PART`].
+const MAX_NEAR_MULTIPLES: f64 = (1 << 16) as f64;
+/// Least length of each basis vector's orthogonal part in cells for which images of short vectors are not compared.
+const MIN_NEAR_PART: f64 = 1.0 / (1 << 20) as f64;
 
 /// The cell of a space with a cell vector that is not along an axis. Images are at integer multiples of *basis*
 /// vectors, which are reduced (Lenstra, Lenstra and Lovász): nearly as short and orthogonal as the images allow, at any
@@ -43,6 +37,10 @@ pub struct TriclinicCell {
     steps: [DVec3; 3],
     /// Rows of the inverse of the basis: they give the fractions of a vector.
     inverse: [DVec3; 3],
+    /// Squared length, in the unit of the basis, below which a wrapped vector is the minimum image.
+    near_squared: f64,
+    /// Most multiples of a basis vector for which `near_squared` holds.
+    near_count: f64,
     /// `true` if orthogonalized coordinates at [`Orthogonalization::SCALE`] suit `f32` spheres. Stored, because every
     /// call reads it.
     fits_f32: bool,
@@ -74,7 +72,19 @@ impl TriclinicCell {
         let orthogonal = [0, 1, 2].map(|k| orthogonal_part(&basis, k));
         let steps = orthogonal.map(|part| part / part.length_squared());
         let inverse = inverse(&basis);
-        let mut cell = Self { vectors, rank, unit, basis, multiples, steps, inverse, fits_f32: false };
+        let (near_squared, near_count) = near(&orthogonal[..rank], &multiples);
+        let mut cell = Self {
+            vectors,
+            rank,
+            unit,
+            basis,
+            multiples,
+            steps,
+            inverse,
+            near_squared,
+            near_count,
+            fits_f32: false,
+        };
         cell.fits_f32 = cell.orthogonal_space(Orthogonalization::SCALE).is_normal();
         Ok(cell)
     }
@@ -85,16 +95,7 @@ impl TriclinicCell {
 
     /// Returns the map to the orthogonal space at this scale.
     pub fn orthogonal_space(&self, scale: f64) -> Orthogonalization {
-        let heights = heights(&self.inverse);
-        // The factor is also a power of two, so that nothing is rounded twice.
-        let factor = scale / self.unit;
-        let lengths = [0, 1, 2].map(|k| match k < self.rank {
-            true => f64::from(((heights[k] * factor) as f32).max(f32::MIN_POSITIVE)),
-            false => heights[k] * factor,
-        });
-        let rows = [0, 1, 2].map(|k| self.inverse[k] * lengths[k]);
-        let stretch = norm_bound(rows) * self.unit;
-        Orthogonalization { rank: self.rank, unit: self.unit, inverse: self.inverse, lengths, stretch }
+        Orthogonalization::of_basis(self.rank, self.unit, self.inverse, scale)
     }
 
     /// Returns the same cell in a unit of length that is `1 / scale` times the present one.
@@ -147,7 +148,37 @@ impl TriclinicCell {
     ///    lead from it to the minimum image.
     /// 4. The same holds for the second vector in each of these three planes. Along the first one, rounding finds the
     ///    image.
+    /// 5. No lattice vector is shorter than the smallest `rₖ`. If a vector is shorter than a quarter of the smallest `rₖ`,
+    ///    all its other images are at least three times as long. The same holds for the wrapped vector, up to a number
+    ///    of added vectors for which rounding is far smaller.
     pub(crate) fn minimum_image(&self, vector: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+        if self.is_near(vector) {
+            return self.image(vector, [0.0; 3]);
+        }
+        let (apart, counts) = self.wrapped(vector);
+        if apart.length_squared() < self.near_squared
+            && counts.iter().all(|count| count.abs() <= self.near_count)
+        {
+            return self.image(vector, counts);
+        }
+        self.shortest_image(vector, apart, counts)
+    }
+
+    /// Returns the minimum image, up to the signs of zeros.
+    #[inline]
+    pub(crate) fn shortest(&self, vector: [f64; 3]) -> [f64; 3] {
+        if self.is_near(vector) { vector } else { self.minimum_image(vector).1 }
+    }
+
+    /// Returns `true` only if a vector is its own minimum image.
+    #[inline]
+    fn is_near(&self, vector: [f64; 3]) -> bool {
+        (DVec3::from(vector) * self.unit).length_squared() < self.near_squared
+    }
+
+    /// Returns the vector, in the unit of the basis, with at most about half of each basis vector, and the multiples of
+    /// the basis vectors that were added to it.
+    fn wrapped(&self, vector: [f64; 3]) -> (DVec3, [f64; 3]) {
         let scaled = DVec3::from(vector) * self.unit;
         let mut counts = [0.0; 3];
         let mut apart = scaled;
@@ -161,6 +192,10 @@ impl TriclinicCell {
             (0..3).for_each(|k| counts[k] += parts[k]);
             apart = scaled + combination(&self.basis, counts);
         }
+        (apart, counts)
+    }
+
+    fn shortest_image(&self, vector: [f64; 3], apart: DVec3, counts: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let mut best: Option<(f64, [f64; 3], [f64; 3])> = None;
         for image in self.images(apart, counts) {
             let (shift, image) = self.image(vector, image);
@@ -217,158 +252,52 @@ pub(crate) fn shifted(vector: [f64; 3], shift: [f64; 3], vectors: &[Option<[f64;
     image
 }
 
-pub(crate) fn combination(basis: &[DVec3; 3], counts: [f64; 3]) -> DVec3 {
-    basis[0] * counts[0] + basis[1] * counts[1] + basis[2] * counts[2]
-}
-
-pub(crate) fn power_of_two_below(number: f64) -> f64 {
-    const FRACTION: u64 = (1 << 52) - 1;
-    if number < f64::MIN_POSITIVE {
-        return f64::MIN_POSITIVE;
-    }
-    f64::from_bits(number.to_bits() & !FRACTION)
-}
-
-/// The map from a triclinic cell to orthogonalized coordinates, the distances from the planes that pairs of basis
-/// vectors span. The space of these coordinates is periodic along the axes, and distances grow at most by the factor
-/// `stretch`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Orthogonalization {
-    rank: usize,
-    unit: f64,
-    inverse: [DVec3; 3],
-    /// Length of each axis, an `f32` number; for an unbounded axis, its scale.
-    lengths: [f64; 3],
-    /// Upper bound of the factor by which a distance grows.
-    stretch: f64,
-}
-
-impl Orthogonalization {
-    /// Scale of orthogonalized coordinates of `f32` spheres. Distances grow by up to √3, and none may exceed `f32`.
-    pub const SCALE: f64 = 0.25;
-
-    /// Returns the space of these coordinates.
-    pub fn space(&self) -> Space {
-        let length = |k: usize| (k < self.rank).then_some(self.lengths[k] as f32);
-        Space::of_lengths([0, 1, 2].map(length))
-    }
-
-    /// Returns `true` if the lengths are `f32` numbers of full precision, as `f32` spheres need.
-    fn is_normal(&self) -> bool {
-        let is_normal = |length: &f64| (*length as f32).is_normal() && *length > f64::from(f32::MIN_POSITIVE);
-        self.lengths[..self.rank].iter().all(is_normal)
-    }
-
-    /// Orthogonalizes a valid sphere and wraps it to the image nearest to the origin. Spheres whose minimum images
-    /// touch also touch in these coordinates, because radii grow by `stretch`, and by more than rounding. This growth
-    /// hardly depends on the position, so a moving sphere keeps its radius. Radii are at most `limit`, with which a
-    /// sphere must touch all others.
-    pub fn sphere(&self, center: [f64; 3], radius: f64, limit: f64) -> Sphere {
-        let center = DVec3::from(center) * self.unit;
-        let mut orthogonal = Vec3::ZERO;
-        // The length scale of all rounding: the box, or more if the sphere is far away.
-        let mut scale = 0.0_f64;
-        for k in 0..3 {
-            let length = self.lengths[k];
-            let part = self.inverse[k].dot(center);
-            let from_origin = length * self.inverse[k].abs().dot(center.abs());
-            if k < self.rank {
-                let half = 0.5 * length as f32;
-                orthogonal[k] = ((length * (part - part.round())) as f32).clamp(-half, half);
-                scale = scale.max(length);
-            } else {
-                orthogonal[k] = (length * part) as f32;
-            }
-            scale = scale.max(if k < self.rank { FAR * from_origin } else { from_origin });
-        }
-        if !(scale.is_finite() && orthogonal.is_finite()) {
-            return Sphere { center: Vec3::ZERO, radius: limit as f32 };
-        }
-        let base = self.lengths[..self.rank].iter().fold(0.0, |longest, &length| length.max(longest));
-        let mut rounding = base;
-        while rounding < scale {
-            rounding *= 16.0;
-        }
-        let radius = (self.stretch * radius + ROUNDING * rounding) * REACH_MARGIN;
-        Sphere { center: orthogonal, radius: (radius.min(limit) as f32).next_up() }
-    }
+/// Returns the squared length below which a wrapped vector is the minimum image, and the most multiples of a basis vector
+/// up to which that holds.
+fn near(orthogonal: &[DVec3], multiples: &[[f64; 3]; 3]) -> (f64, f64) {
+    let shortest = orthogonal.iter().map(|part| part.length()).fold(f64::INFINITY, f64::min);
+    let most = multiples.iter().flatten().map(|count| count.abs()).sum::<f64>();
+    if shortest < MIN_NEAR_PART { (0.0, 0.0) } else { ((0.25 * shortest).powi(2), MAX_NEAR_MULTIPLES / most) }
 }
 
 fn image_offsets(is_periodic: bool) -> std::slice::Iter<'static, f64> {
     if is_periodic { [-1.0, 0.0, 1.0].iter() } else { [0.0].iter() }
 }
 
-fn orthogonal_part(basis: &[DVec3], k: usize) -> DVec3 {
-    let mut rest = basis[k];
-    for before in 0..k {
-        let orthogonal = orthogonal_part(basis, before);
-        rest -= orthogonal * (rest.dot(orthogonal) / orthogonal.length_squared());
-    }
-    rest
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// Reduces the basis without changing the images. `multiples` contains the multiple of each cell vector in each basis
-/// vector.
-fn reduce(basis: &mut [DVec3], multiples: &mut [[f64; 3]; 3]) {
-    let mut k = 1;
-    for _ in 0..MAX_REDUCTION_STEPS {
-        if k >= basis.len() {
-            return;
+    #[test]
+    fn near_vectors_have_the_image_that_a_comparison_gives() {
+        let mut state = 3_u64;
+        let mut random = || {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            2.0 * ((state >> 11) as f64 / (1_u64 << 53) as f64) - 1.0
+        };
+        let mut near = [0; 2];
+        for case in 0..20_000 {
+            // From cubes to cells a million times as long as thin, some tilted by many lengths.
+            let thin = 10_f64.powi(-(case % 7));
+            let tilt = [0.5, 1.0, 30.0, 1000.0][case as usize / 7 % 4];
+            let vectors = [
+                Some([1.0, 0.0, 0.0]),
+                (case % 5 != 0).then(|| [tilt * random(), thin, 0.0]),
+                (case % 3 != 0).then(|| [tilt * random(), tilt * random(), 0.7]),
+            ];
+            let unit = [1.0, 1e-300, 1e150][case as usize / 140 % 3];
+            let vectors = vectors.map(|edge| edge.map(|edge: [f64; 3]| edge.map(|number| unit * number)));
+            let Ok(cell) = TriclinicCell::new(vectors) else { continue };
+            let size = [1.0, 0.1, 1e-4, 100.0, 1e5][case as usize / 28 % 5];
+            let far = [50.0, 50.0, 1e5, 1e14][case as usize / 420 % 4];
+            let offset = [0, 1, 2].map(|_| (far * random()).round());
+            let vector = shifted([(); 3].map(|()| unit * size * random()), offset, &cell.vectors);
+            let (apart, counts) = cell.wrapped(vector);
+            let compared = cell.shortest_image(vector, apart, counts);
+            assert_eq!(cell.minimum_image(vector), compared, "{vectors:?}, {vector:?}");
+            assert_eq!(cell.shortest(vector), compared.1, "{vectors:?}, {vector:?}");
+            near[usize::from(apart.length_squared() < cell.near_squared)] += 1;
         }
-        for before in (0..k).rev() {
-            let orthogonal = orthogonal_part(basis, before);
-            let count = (basis[k].dot(orthogonal) / orthogonal.length_squared()).round();
-            basis[k] -= basis[before] * count;
-            let taken = multiples[before];
-            (0..3).for_each(|edge| multiples[k][edge] -= count * taken[edge]);
-        }
-        let before = orthogonal_part(basis, k - 1);
-        let along = basis[k].dot(before) / before.length_squared();
-        if orthogonal_part(basis, k).length_squared() >= (LLL_DELTA - along * along) * before.length_squared()
-        {
-            k += 1;
-        } else {
-            basis.swap(k, k - 1);
-            multiples.swap(k, k - 1);
-            k = (k - 1).max(1);
-        }
+        assert!(near.iter().all(|&count| count > 2000), "{near:?}");
     }
-}
-
-/// Completes the first `rank` vectors with orthogonal unit vectors.
-fn completed(mut basis: [DVec3; 3], rank: usize) -> [DVec3; 3] {
-    match rank {
-        1 => (basis[1], basis[2]) = basis[0].normalize().any_orthonormal_pair(),
-        2 => basis[2] = basis[0].normalize().cross(basis[1].normalize()).normalize(),
-        _ => {}
-    }
-    basis
-}
-
-pub(crate) fn inverse([a, b, c]: &[DVec3; 3]) -> [DVec3; 3] {
-    let volume = a.dot(b.cross(*c));
-    [b.cross(*c) / volume, c.cross(*a) / volume, a.cross(*b) / volume]
-}
-
-pub(crate) fn heights(inverse: &[DVec3; 3]) -> [f64; 3] {
-    inverse.map(|row| row.length().recip())
-}
-
-/// Returns an upper bound of the largest singular value of a matrix with these rows, the factor by which it lengthens a
-/// vector. The trace of the `p`-th power of a symmetric `n` × `n` matrix lies between the `p`-th power of its largest
-/// eigenvalue and `n` times as much.
-fn norm_bound(rows: [DVec3; 3]) -> f64 {
-    const DOUBLINGS: i32 = 10;
-    let mut products = glam::DMat3::from_cols(rows[0], rows[1], rows[2]);
-    products = products.transpose() * products;
-    let trace = |matrix: &glam::DMat3| matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;
-    let mut logarithm = 0.0_f64;
-    for doubling in 0..=DOUBLINGS {
-        // Divided by its trace, so that no power overflows.
-        let size = trace(&products);
-        logarithm += size.ln() / f64::from(1 << doubling);
-        products *= size.recip();
-        products = products * products;
-    }
-    (0.5 * logarithm).exp() * REACH_MARGIN
 }
