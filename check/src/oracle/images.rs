@@ -45,11 +45,16 @@ impl ImageOracle {
         // The folded image bounds the search: the nearest is no longer.
         let along = self.edges.iter().zip(&self.fractions).map(|((_, edge), row)| *edge * row.dot(folded));
         let limit = reach.min(along.sum::<DVec3>().length());
-        let shifts = self.fractions.iter().map(|row| {
+        let mut shifts = [[0; 2]; 3];
+        for (range, row) in shifts.iter_mut().zip(&self.fractions) {
             let (part, most) = (row.dot(folded), limit * row.length() + 1e-6);
-            [(-part - most).ceil() as i32, (-part + most).floor() as i32]
-        });
-        self.nearest(apart, shift, folded, &shifts.collect::<Vec<_>>())
+            *range = [(-part - most).ceil() as i32, (-part + most).floor() as i32];
+        }
+        // Not the last one, of which `nearest` ignores the range.
+        if shifts.iter().take(self.edges.len().saturating_sub(1)).any(|[from, to]| from > to) {
+            return f64::INFINITY;
+        }
+        self.nearest(apart, shift, folded, &shifts[..self.edges.len()])
     }
 
     /// Returns an image of `vector`, rounded as the library documents.
