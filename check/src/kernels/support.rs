@@ -35,14 +35,19 @@ pub(crate) fn same<T: PartialEq + Debug>(
     if found == expected {
         return Ok(());
     }
-    let short = |value: &T| {
+    Err(wrong(&case(), found, expected))
+}
+
+// Not compiled for each type.
+fn wrong(case: &str, found: &dyn Debug, expected: &dyn Debug) -> KernelError {
+    let short = |value: &dyn Debug| {
         let text = format!("{value:?}");
         match text.char_indices().nth(200) {
             Some((end, _)) => format!("{}…", &text[..end]),
             None => text,
         }
     };
-    Err(KernelError::WrongResult(format!("{}: {} instead of {}", case(), short(found), short(expected))))
+    KernelError::WrongResult(format!("{case}: {} instead of {}", short(found), short(expected)))
 }
 
 /// Returns a value after a change, for structures that other crates cannot create field by field.

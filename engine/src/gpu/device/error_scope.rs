@@ -8,14 +8,24 @@ pub(crate) fn with_error_scope<T>(
     bytes: u64,
     work: impl FnOnce() -> T,
 ) -> Result<T, Error> {
-    use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
-    let [memory, validation, internal] =
-        [OutOfMemory, Validation, Internal].map(|filter| device.push_error_scope(filter));
+    let scopes = push(device);
     let result = work();
-    // On native devices the futures are ready at once.
+    pop(scopes, what, bytes)?;
+    Ok(result)
+}
+
+// Functions of their own, since `with_error_scope` is compiled for each `work`.
+fn push(device: &wgpu::Device) -> [wgpu::ErrorScopeGuard; 3] {
+    use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
+    [OutOfMemory, Validation, Internal].map(|filter| device.push_error_scope(filter))
+}
+
+fn pop(scopes: [wgpu::ErrorScopeGuard; 3], what: &'static str, bytes: u64) -> Result<(), Error> {
+    // Scopes are popped in reverse order. On native devices the futures are ready at once.
+    let [memory, validation, internal] = scopes;
     let errors = [internal, validation, memory].map(|scope| pollster::block_on(scope.pop()));
     match errors.into_iter().flatten().next() {
-        None => Ok(result),
+        None => Ok(()),
         Some(wgpu::Error::OutOfMemory { .. }) => Err(Error::DeviceOutOfMemory { what, bytes }),
         Some(wgpu::Error::Validation { description, .. } | wgpu::Error::Internal { description, .. }) => {
             Err(lost_or_refused(what, description))
