@@ -5,9 +5,9 @@
 #
 #     ./test.sh                  all tests, then the GPU tests on SwiftShader if it is installed
 #     ./test.sh --quick          the short tests, for daily work
-#     ./test.sh --all ARGUMENT…  all tests, with these arguments of cargo, as in `--all --workspace --features lazygrid-cli/arrow`
+#     ./test.sh --all ARGUMENT…  all tests, with these arguments of cargo, as in `--all --features lazygrid-cli/arrow`
 #     ./test.sh --swiftshader    only the GPU tests, on SwiftShader (Debian: `apt-get install chromium-common`)
-#     ./test.sh ARGUMENT…        `cargo test` with these, as in `./test.sh --workspace --test suite properties`
+#     ./test.sh ARGUMENT…        `cargo test` with these, as in `./test.sh --test suite properties`
 #
 # Tint, which looks at every WGSL text, is among all tests where it is installed: `npm ci --prefix kernels/tint`.
 set -euo pipefail
@@ -84,12 +84,12 @@ if [ "$(uname)" = Linux ] && ! has_vulkan; then
     install mesa-vulkan-drivers libvulkan1 || say "no Vulkan driver: the GPU's tests are skipped"
 fi
 
-# Always the whole workspace: for fewer packages, dependencies would be built again with fewer features.
+# Always all default members: for fewer packages, dependencies would be built again with fewer features.
 case ${1:-} in
     "")
-        all_tests --workspace
+        all_tests
         if [ -e $swiftshader ]; then
-            on_swiftshader --workspace
+            on_swiftshader
         else
             say "skipped: SwiftShader is not installed; \`apt-get install chromium-common\` does that on Debian"
         fi
@@ -97,7 +97,7 @@ case ${1:-} in
             || say "skipped: Tint is not installed; \`npm ci --prefix kernels/tint\` does that"
         ;;
     --quick)
-        PROPTEST_CASES=4 cargo test --workspace --lib --bins --test=suite --test=cli --test=loops --test=reflection -- \
+        PROPTEST_CASES=4 cargo test --lib --bins --test=suite --test=cli --test=loops --test=reflection -- \
             --skip animation:: --skip memory_limits:: --skip page:: --skip simulate:: --skip the_gpu_is_all_right
         ;;
     --all)
@@ -106,7 +106,7 @@ case ${1:-} in
         ;;
     --swiftshader)
         shift
-        on_swiftshader "${@:---workspace}"
+        on_swiftshader "$@"
         ;;
     *) cargo test "$@" ;;
 esac

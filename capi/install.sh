@@ -20,7 +20,8 @@ for argument; do
     esac
 done
 [ -n "$prefix" ] || usage
-[ $profile = debug ] || options+=(--release)
+# Tests share the builds of other tests.
+[ $profile = debug ] && options+=(-p lazygrid-features) || options+=(--release)
 mkdir -p "$prefix"
 prefix=$(cd "$prefix" && pwd)
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)

@@ -29,7 +29,7 @@ rm -rf "$work"
 mkdir -p "$work"
 strict=(-Wall -Wextra -Wpedantic -Werror -g)
 
-passes "the header against the library" cargo test -p lazygrid-capi "${features[@]}"
+passes "the header against the library" cargo test -p lazygrid-capi -p lazygrid-features "${features[@]}"
 passes "install" capi/install.sh "$work/first" --debug "${options[@]}"
 # Found where it is, not where it was installed.
 mv "$work/first" "$work/prefix"

@@ -11,7 +11,7 @@ most=${1:?how many ranks at most}
 shift
 
 cargo build --release --manifest-path "$here/mpi/Cargo.toml"
-command=${CARGO_TARGET_DIR:-$here/mpi/target}/release/lazygrid-mpi
+command=${CARGO_TARGET_DIR:-$here/../target}/release/lazygrid-mpi
 launch=${LAUNCH:-mpirun --oversubscribe -n}
 per_rank=${PER_RANK:-1000000}
 

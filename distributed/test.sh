@@ -1,11 +1,12 @@
 #!/usr/bin/env bash
-# Runs the tests of several ranks, in about two minutes on two cores, or in four without the builds of the Python package,
-# which it shares. Needs an MPI, a C compiler and libclang (Debian: libopenmpi-dev openmpi-bin libclang-dev); without them it
-# reports a skip, or fails with LAZYGRID_REQUIRE_MPI=1. Ranks with GPUs are skipped without a GPU, or fail with
-# LAZYGRID_REQUIRE_GPU=1. `cargo test -p lazygrid-ranks` needs no MPI.
+# Runs the tests of several ranks, in about two minutes on two cores, or in four without the builds of `./test.sh`, which it
+# shares if the features are the same. Needs an MPI, a C compiler and libclang (Debian: libopenmpi-dev openmpi-bin
+# libclang-dev); without them it reports a skip, or fails with LAZYGRID_REQUIRE_MPI=1. Ranks with GPUs are skipped without a
+# GPU, or fail with LAZYGRID_REQUIRE_GPU=1. `cargo test -p lazygrid-ranks` needs no MPI.
 #
 #     distributed/test.sh              all tests on 1, 2, 3, 5 and 8 ranks, then the command
 #     distributed/test.sh 3 answers    the cases whose names contain `answers`, on 3 ranks
+#     distributed/test.sh --features lazygrid-cli/arrow …    with the builds of `./test.sh --all --features lazygrid-cli/arrow`
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/mpi"
 
@@ -28,8 +29,11 @@ export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_mpi_yi
 export OMPI_MCA_rmaps_base_oversubscribe=1 OMPI_MCA_hwloc_base_binding_policy=none
 export OMPI_MCA_btl_vader_single_copy_mechanism=none
 
-# Reuses the builds of the other workspaces.
-export CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$PWD/../../target}
+features=()
+case ${1:-} in
+    --features) features=(--features "${2:?which features}") && shift 2 ;;
+    -*) say "unknown option $1" && exit 2 ;;
+esac
 
 host=$(rustc -vV | sed -n 's/^host: //p')
 runner=CARGO_TARGET_$(tr 'a-z-' 'A-Z_' <<<"$host")_RUNNER
@@ -38,7 +42,7 @@ runner=CARGO_TARGET_$(tr 'a-z-' 'A-Z_' <<<"$host")_RUNNER
 suite() {
     local ranks=$1
     shift
-    env "$runner=mpirun --oversubscribe -n $ranks" cargo test --quiet --test suite -- "$@"
+    env "$runner=mpirun --oversubscribe -n $ranks" cargo test --quiet ${features[@]+"${features[@]}"} --test suite -- "$@"
 }
 
 if [ $# -gt 0 ]; then
@@ -46,14 +50,15 @@ if [ $# -gt 0 ]; then
     exit
 fi
 
-cargo test --quiet --lib --bins
+cargo test --quiet ${features[@]+"${features[@]}"} --lib --bins
 for ranks in 1 2 3 5 8; do
     suite "$ranks"
 done
 
 # A panic on one rank ends the waiting others, with an exit code that is not 0.
 code=0
-LAZYGRID_TEST_MPI_PANIC=1 timeout 120 env "$runner=mpirun --oversubscribe -n 3" cargo test --quiet --test suite \
+LAZYGRID_TEST_MPI_PANIC=1 timeout 120 env "$runner=mpirun --oversubscribe -n 3" cargo test --quiet ${features[@]+"${features[@]}"} \
+    --test suite \
     >/dev/null 2>&1 || code=$?
 if [ $code = 0 ] || [ $code = 124 ]; then
     say "a panic on one of three ranks ended with code $code"
@@ -61,6 +66,6 @@ if [ $code = 0 ] || [ $code = 124 ]; then
 fi
 say "a panic on one rank ended the job with code $code"
 
-cargo test --quiet --test command --test simulate --test gpu
+cargo test --quiet ${features[@]+"${features[@]}"} --test command --test simulate --test gpu
 # Nodes without GPUs.
 cargo check --quiet --no-default-features --features command

@@ -5,6 +5,7 @@
 #
 #     python/test.sh               the wheel of a quick build
 #     python/test.sh --release     the wheel that is published, as `pip wheel python/` makes it
+#     python/test.sh --features lazygrid-cli/arrow     with the builds of `./test.sh --all --features lazygrid-cli/arrow`
 #
 # LAZYGRID, the path of the Rust command, is compared with the package where it is set; else the package's own is.
 set -euo pipefail
@@ -17,9 +18,6 @@ skip() {
     [ -z "${LAZYGRID_REQUIRE_PYTHON:-}" ]
     exit
 }
-
-# What the workspace of the other crates has built is not built again.
-export CARGO_TARGET_DIR=${CARGO_TARGET_DIR:-$PWD/../target}
 
 usable='import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 10))'
 for python in ${PYTHON:-} python3.13 python3.12 python3.11 python3.10 python3 none; do
