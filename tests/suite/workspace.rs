@@ -49,7 +49,7 @@ const LAYERS: [(&str, &[&str]); 17] = [
 fn metadata() -> serde_json::Value {
     let metadata = Command::new(env!("CARGO"))
         .args(["metadata", "--no-deps", "--offline", "--format-version", "1"])
-        .current_dir(env!("CARGO_MANIFEST_DIR"))
+        .current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/.."))
         .output()
         .expect("cargo runs");
     serde_json::from_slice(&metadata.stdout).expect("metadata is JSON")
@@ -92,6 +92,22 @@ fn all_packages_have_one_version() {
             "{file} asks for another version"
         );
     }
+}
+
+/// Cargo tests default members only: a crate that is missing among them would not be tested.
+#[test]
+fn all_members_but_those_of_mpi_and_python_are_default_members() {
+    let metadata = metadata();
+    let members = |list: &str| -> BTreeSet<String> {
+        let ids = metadata[list].as_array().expect("a list").iter();
+        ids.map(|id| id.as_str().expect("an id").to_owned()).collect()
+    };
+    let names = metadata["packages"].as_array().expect("packages").iter();
+    let name_of: BTreeMap<_, _> = names.map(|package| (package["id"].as_str(), &package["name"])).collect();
+    let (all, default) = (members("workspace_members"), members("workspace_default_members"));
+    let others: BTreeSet<_> =
+        all.difference(&default).map(|id| name_of[&Some(id.as_str())].as_str()).collect();
+    assert_eq!(others, BTreeSet::from([Some("lazygrid-mpi"), Some("lazygrid-python")]));
 }
 
 #[test]
