@@ -50,10 +50,6 @@ impl ImageOracle {
             let (part, most) = (row.dot(folded), limit * row.length() + 1e-6);
             *range = [(-part - most).ceil() as i32, (-part + most).floor() as i32];
         }
-        // Not the last one, of which `nearest` ignores the range.
-        if shifts.iter().take(self.edges.len().saturating_sub(1)).any(|[from, to]| from > to) {
-            return f64::INFINITY;
-        }
         self.nearest(apart, shift, folded, &shifts[..self.edges.len()])
     }
 
