@@ -61,7 +61,7 @@ impl Space {
     #[inline]
     pub fn touch(&self, a: [f64; 4], b: [f64; 4], distance: Option<f64>) -> bool {
         self.decide(a, b, distance, |space, from, to| match space.triclinic_cell() {
-            Some(cell) => cell.shortest(apart(from, to)),
+            Some(cell) => cell.minimum_image_vector(apart(from, to)),
             None => space.nearest(from, to).1,
         })
     }
@@ -169,6 +169,7 @@ fn is_within([x, y, z]: [f64; 3], reach: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::types::random::random_fractions;
 
     #[test]
     fn contact_is_exact_at_any_magnitude() {
@@ -248,11 +249,8 @@ mod tests {
     fn shifts_and_edges_make_the_vector() {
         let edges = [Some([4.0, 0.0, 0.0]), Some([11.5, 5.0, 0.0]), Some([0.3, -7.1, 6.0])];
         let space = Space::triclinic(edges).expect("a box");
-        let mut state = 1_u64;
-        let mut random = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            40.0 * ((state >> 11) as f64 / (1_u64 << 53) as f64) - 20.0
-        };
+        let mut fractions = random_fractions(1);
+        let mut random = || 40.0 * fractions() - 20.0;
         for _ in 0..2000 {
             let [from, to] = [(); 2].map(|()| [(); 3].map(|()| random()));
             let ImageVector { shift, vector, .. } = space.minimum_image(from, to);

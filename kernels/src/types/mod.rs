@@ -8,6 +8,8 @@ pub(crate) mod lattice;
 pub(crate) mod orthogonalization;
 pub(crate) mod pair;
 pub(crate) mod query;
+#[cfg(test)]
+mod random;
 pub(crate) mod real;
 pub(crate) mod space;
 pub(crate) mod sphere;

@@ -210,6 +210,7 @@ fn remainder(x: f64, length: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::types::random::random_states;
 
     #[test]
     fn lengths_beyond_f32_wrap_in_f64() {
@@ -236,11 +237,8 @@ mod tests {
     #[test]
     fn wrapping_is_exact_at_any_distance() {
         let lengths = [1.0_f32, 0.1, 3.0, 10.0, 1.0 / 3.0, 7.7e-4, 1e4, 16_777_215.0];
-        let mut state = 1_u64;
-        let mut random = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            state >> 33
-        };
+        let mut states = random_states(1);
+        let mut random = || states() >> 33;
         for length in lengths {
             for k in 0..20_000_i32 {
                 let scale = length * f32::from(k as i16 % 30).exp2();

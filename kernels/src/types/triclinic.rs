@@ -149,12 +149,26 @@ impl TriclinicCell {
     /// 4. The same holds for the second vector in each of these three planes. Along the first one, rounding finds the
     ///    image.
     /// 5. No lattice vector is shorter than the smallest `rₖ`. If a vector is shorter than a quarter of the smallest `rₖ`,
-    ///    all its other images are at least three times as long. The same holds for the wrapped vector, up to a number
-    ///    of added vectors for which rounding is far smaller.
+    ///    all its other images are at least three times as long. The same holds for the wrapped vector if few lattice
+    ///    vectors were added to it, which bounds the rounding.
     pub(crate) fn minimum_image(&self, vector: [f64; 3]) -> ([f64; 3], [f64; 3]) {
-        if self.is_near(vector) {
-            return self.image(vector, [0.0; 3]);
-        }
+        if self.is_near(vector) { self.image(vector, [0.0; 3]) } else { self.image_of_distant(vector) }
+    }
+
+    /// Returns the vector of [`minimum_image`](Self::minimum_image), up to the signs of zeros.
+    #[inline]
+    pub(crate) fn minimum_image_vector(&self, vector: [f64; 3]) -> [f64; 3] {
+        if self.is_near(vector) { vector } else { self.image_of_distant(vector).1 }
+    }
+
+    /// Returns `true` only if a vector is its own minimum image.
+    #[inline]
+    fn is_near(&self, vector: [f64; 3]) -> bool {
+        (DVec3::from(vector) * self.unit).length_squared() < self.near_squared
+    }
+
+    /// Returns the minimum image of a vector that is not near.
+    fn image_of_distant(&self, vector: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let (apart, counts) = self.wrapped(vector);
         if apart.length_squared() < self.near_squared
             && counts.iter().all(|count| count.abs() <= self.near_count)
@@ -162,18 +176,6 @@ impl TriclinicCell {
             return self.image(vector, counts);
         }
         self.shortest_image(vector, apart, counts)
-    }
-
-    /// Returns the minimum image, up to the signs of zeros.
-    #[inline]
-    pub(crate) fn shortest(&self, vector: [f64; 3]) -> [f64; 3] {
-        if self.is_near(vector) { vector } else { self.minimum_image(vector).1 }
-    }
-
-    /// Returns `true` only if a vector is its own minimum image.
-    #[inline]
-    fn is_near(&self, vector: [f64; 3]) -> bool {
-        (DVec3::from(vector) * self.unit).length_squared() < self.near_squared
     }
 
     /// Returns the vector, in the unit of the basis, with at most about half of each basis vector, and the multiples of
@@ -195,6 +197,8 @@ impl TriclinicCell {
         (apart, counts)
     }
 
+    /// Returns the shortest of the images that can be the minimum image of a vector, which [`wrapped`](Self::wrapped) has
+    /// wrapped.
     fn shortest_image(&self, vector: [f64; 3], apart: DVec3, counts: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let mut best: Option<(f64, [f64; 3], [f64; 3])> = None;
         for image in self.images(apart, counts) {
@@ -267,14 +271,12 @@ fn image_offsets(is_periodic: bool) -> std::slice::Iter<'static, f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::types::random::random_fractions;
 
     #[test]
     fn near_vectors_have_the_image_that_a_comparison_gives() {
-        let mut state = 3_u64;
-        let mut random = || {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            2.0 * ((state >> 11) as f64 / (1_u64 << 53) as f64) - 1.0
-        };
+        let mut fractions = random_fractions(3);
+        let mut random = || 2.0 * fractions() - 1.0;
         let mut near = [0; 2];
         for case in 0..20_000 {
             // From cubes to cells a million times as long as thin, some tilted by many lengths.
@@ -295,7 +297,7 @@ mod tests {
             let (apart, counts) = cell.wrapped(vector);
             let compared = cell.shortest_image(vector, apart, counts);
             assert_eq!(cell.minimum_image(vector), compared, "{vectors:?}, {vector:?}");
-            assert_eq!(cell.shortest(vector), compared.1, "{vectors:?}, {vector:?}");
+            assert_eq!(cell.minimum_image_vector(vector), compared.1, "{vectors:?}, {vector:?}");
             near[usize::from(apart.length_squared() < cell.near_squared)] += 1;
         }
         assert!(near.iter().all(|&count| count > 2000), "{near:?}");
