@@ -1,6 +1,6 @@
 //! XXH64, the checksum of files that a run resumes from.
 //!
-//! Two of a million files share a 64-bit checksum with a probability of 3 × 10⁻⁸; a 32-bit one would collide.
+//! Two of a million files share a 64-bit checksum with a probability of 3 × 10⁻⁸; 32 bits would collide.
 
 use std::hash::Hasher;
 use std::io::{self, BufReader, Read, Write};

@@ -1,5 +1,3 @@
-//! Refusals of work that exceeds the available memory.
-
 #[cfg(feature = "gpu")]
 use lazygrid_io::lacking_address_space;
 use lazygrid_io::{AvailableMemory, lacking_memory};

@@ -1,5 +1,3 @@
-//! Special functions.
-
 pub(crate) const ROOT_PI: f64 = 1.772_453_850_905_516;
 
 /// Returns exp(x²)·erfc(x) for x ≥ 0.

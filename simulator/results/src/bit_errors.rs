@@ -1,5 +1,3 @@
-//! Bit errors of receivers that decide on the symbols of a message.
-
 use crate::columns::column_of;
 use crate::interval::wilson;
 use crate::log::Log;
@@ -44,7 +42,6 @@ impl Detector {
     }
 }
 
-/// The results of a replica.
 #[derive(Clone, Debug, Default)]
 pub struct ReplicaFiles {
     pub seed: u64,
@@ -55,8 +52,8 @@ pub struct ReplicaFiles {
 
 /// Bit errors at a receiver that observes the sent species in each slot, from any transmitter.
 ///
-/// With on–off and concentration shift keying, a quantity at or above a threshold means the next higher level. With
-/// molecule shift keying, the species with the largest quantity decides, the first of equal ones.
+/// In on–off and concentration shift keying, a quantity at or above a threshold means the next higher level. In
+/// molecule shift keying, the largest quantity decides, the first of equal ones.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BitErrors {
     pub transmitter: usize,
@@ -65,23 +62,21 @@ pub struct BitErrors {
     /// Steps from a symbol to the start of its slot.
     pub delay: u32,
     pub bits: u64,
-    /// Bits that are 1.
     pub ones: u64,
     decision: DetectionRule,
     /// Bits per symbol.
     width: u32,
-    /// Indexed by replica.
     slots: Vec<Vec<SymbolObservation>>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 enum DetectionRule {
-    /// Thresholds decide; symbols from the lowest level to the highest.
+    /// Symbols from the lowest level to the highest.
     Level(Vec<u32>),
     Species,
 }
 
-/// A sent symbol, and the observed quantity, or with [`DetectionRule::Species`] the detected symbol.
+/// A sent symbol, and the observed quantity or the detected symbol.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct SymbolObservation {
     sent: u32,
@@ -89,7 +84,6 @@ struct SymbolObservation {
 }
 
 impl BitErrors {
-    /// Creates the errors of no replica.
     pub fn new(
         model: &Model,
         message: &Message,
@@ -111,7 +105,6 @@ impl BitErrors {
         Self { transmitter, receiver, detector, delay, bits: 0, ones: 0, decision, width, slots: Vec::new() }
     }
 
-    /// Adds a replica.
     pub fn add(&mut self, files: &ReplicaFiles, model: &Model, slots: &SymbolSlots) {
         let transmitter = &model.transmitters[self.transmitter];
         let Schedule::Message(message) = &transmitter.schedule else { return };
@@ -137,8 +130,7 @@ impl BitErrors {
         self.slots.push(all);
     }
 
-    /// Returns for each slot a list of counts by entry of the burst: one list of arrivals, or a list per row of the
-    /// series.
+    /// Returns counts by slot, row (one for arrivals) and entry of the burst.
     fn observed(&self, files: &ReplicaFiles, model: &Model, slots: &SymbolSlots) -> Vec<Vec<Vec<u64>>> {
         let release = &model.transmitters[self.transmitter].release;
         if self.detector == Detector::Arrivals {
@@ -163,8 +155,7 @@ impl BitErrors {
         counts
     }
 
-    /// Returns the thresholds at which errors may change, and the number of wrong bits with each; empty unless a single
-    /// threshold decides.
+    /// Returns thresholds at which errors may change, and their wrong bits; empty unless a single threshold decides.
     pub fn by_threshold(&self) -> Vec<(u64, u64)> {
         let DetectionRule::Level(symbols) = &self.decision else { return Vec::new() };
         let &[low, high] = symbols.as_slice() else { return Vec::new() };
@@ -187,7 +178,6 @@ impl BitErrors {
         self.slots.iter().filter(|slots| !slots.is_empty()).count()
     }
 
-    /// Returns the number of thresholds.
     pub fn thresholds(&self) -> usize {
         match &self.decision {
             DetectionRule::Level(symbols) => symbols.len() - 1,
@@ -200,7 +190,7 @@ impl BitErrors {
         self.slots.iter().flatten().map(|slot| slot.seen).max().unwrap_or(0)
     }
 
-    /// Returns the bit error rate over replicas, with these ascending thresholds, and the number of wrong bits.
+    /// Returns the bit error rate over replicas, and the number of wrong bits.
     pub fn at(&self, thresholds: &[u64]) -> (RunningStats, u64) {
         let symbol = |seen: u64| match &self.decision {
             DetectionRule::Level(symbols) => {
@@ -223,7 +213,7 @@ impl BitErrors {
         let mut seen: Vec<SymbolObservation> = self.slots.iter().flatten().copied().collect();
         seen.sort_unstable_by_key(|slot| slot.seen);
         let numbers: Vec<&[SymbolObservation]> = seen.chunk_by(|a, b| a.seen == b.seen).collect();
-        // Indexed by rank of the threshold and level: the fewest errors of all higher levels.
+        // Fewest errors of all higher levels, by rank of the threshold and level.
         let mut fewest = vec![vec![0_u64; symbols.len()]; numbers.len() + 1];
         let errors = |slots: &[SymbolObservation], level: usize| -> u64 {
             slots.iter().map(|slot| wrong_bits(slot.sent, symbols[level])).sum()
@@ -248,12 +238,11 @@ impl BitErrors {
         thresholds
     }
 
-    /// Returns the 95 % interval of the rate, as if errors of successive bits were independent.
+    /// Returns the 95 % interval of the rate, as if errors of bits were independent.
     pub fn interval(&self, wrong: u64) -> [f64; 2] {
         wilson(wrong, self.bits)
     }
 
-    /// Returns the name, such as `tx to rx by peak`.
     pub fn name(&self, model: &Model) -> String {
         let [from, to] = [&model.transmitters[self.transmitter].name, &model.receivers[self.receiver].name];
         match self.detector {

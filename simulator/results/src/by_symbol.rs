@@ -1,5 +1,3 @@
-//! Counts of receivers within symbol slots, by the symbol that was sent.
-
 use std::collections::BTreeMap;
 
 use crate::columns::column_of;
@@ -11,13 +9,13 @@ use lazygrid_sim::Model;
 use lazygrid_sim::model::transmitter::Schedule;
 use lazygrid_sim::random::philox::Key;
 
-/// The count of a receiver by the time within a slot and the slot's symbol, over slots and replicas. Arrivals are
-/// counted since the last row at or before the beginning of the slot, up to the row at its end. The row at the end
-/// includes the next symbol's burst, so it belongs to the next slot of momentary counts.
+/// A receiver's count by symbol and time within the slot. Arrivals count from the last row at or before the slot's
+/// beginning to the row at its end. That row includes the next symbol's burst, so momentary counts assign it to the
+/// next slot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CountsBySymbol {
     pub link: Link,
-    /// Statistics by symbol and steps since the beginning of the slot.
+    /// Indexed by symbol and steps within the slot.
     pub symbols: BTreeMap<u32, BTreeMap<u32, IntegerStats>>,
 }
 
@@ -26,7 +24,6 @@ impl CountsBySymbol {
         Self { link, symbols: BTreeMap::new() }
     }
 
-    /// Returns `true` if any count is above 0.
     pub fn is_any(&self) -> bool {
         self.symbols.values().flat_map(BTreeMap::values).any(|sample| sample.mean() > 0.0)
     }

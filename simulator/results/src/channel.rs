@@ -1,5 +1,3 @@
-//! Statistics of the channels between transmitters and receivers, and their tables.
-
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -13,13 +11,12 @@ use crate::symbols::{Interference, SymbolSlots, messages};
 use lazygrid_sim::model::message::Message;
 use lazygrid_sim::{Error, Model, Receiver};
 
-/// The statistics of one or several replicas. Responses, interference and the errors of absorbing receivers need
-/// logged arrivals.
+/// Statistics over replicas. Responses, interference and the errors of absorbing receivers need logged arrivals.
 #[derive(Clone, Debug, Default)]
 pub struct Channels {
     pub responses: Vec<Response>,
     pub interference: Vec<Interference>,
-    /// Ordered by message, receiver, detector and delay of the slots.
+    /// Ordered by message, receiver, detector and delay.
     pub bit_errors: Vec<BitErrors>,
     pub by_symbol: Vec<CountsBySymbol>,
 }
@@ -32,8 +29,6 @@ const PER_SYMBOL: f64 = 20.0;
 const SYMBOLS: usize = 8;
 
 impl Channels {
-    /// Reads the logs of runs of `steps` steps, each as its seed and directory.
-    ///
     /// # Errors
     /// As [`Log::read`].
     pub fn of<'a>(
@@ -136,8 +131,7 @@ impl Channels {
         }
     }
 
-    /// Returns the errors of each message, receiver and detector at the delay with the fewest errors, the first of
-    /// equal ones.
+    /// Returns the errors at the best delay, the first of equal ones.
     pub fn least_errors(&self) -> impl Iterator<Item = &BitErrors> {
         let same = |a: &BitErrors, b: &BitErrors| {
             (a.transmitter, a.receiver, a.detector) == (b.transmitter, b.receiver, b.detector)
@@ -147,8 +141,7 @@ impl Channels {
             .filter_map(|all| all.iter().min_by(|a, b| a.least().total_cmp(&b.least())))
     }
 
-    /// Writes the impulse responses: the fraction of particles that arrives, or is inside, in each bin after the
-    /// release, its sum over arrivals, and standard errors.
+    /// Writes the fraction of particles that arrives, or is inside, in each bin after the release.
     pub fn write_responses(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(
             out,
@@ -168,7 +161,7 @@ impl Channels {
         Ok(())
     }
 
-    /// Writes the fraction of particles that arrives, or is inside, in each slot after the release.
+    /// Writes the fractions in slots after the release.
     pub fn write_interference(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(out, "transmitter,receiver,species,slot,replicas,part mean,part error")?;
         for interference in &self.interference {
@@ -180,8 +173,7 @@ impl Channels {
         Ok(())
     }
 
-    /// Writes errors, bits, error rate and 95 % interval for each detector and delay. A single threshold takes the
-    /// values at which errors may change; several take those with the fewest errors.
+    /// Writes error rates at each threshold where errors may change, or at the best thresholds of several.
     pub fn write_bit_errors(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(
             out,
@@ -216,7 +208,6 @@ impl Channels {
         Ok(())
     }
 
-    /// Writes the mean count over slots and replicas, by symbol and time within the slot.
     pub fn write_by_symbol(&self, out: &mut impl Write, model: &Model) -> io::Result<()> {
         writeln!(out, "transmitter,receiver,species,symbol,time,slots,count mean,count error")?;
         for counts in &self.by_symbol {
@@ -234,7 +225,7 @@ impl Channels {
     }
 }
 
-/// Returns delays of slots in steps: multiples of a quarter symbol, up to two symbols.
+/// Returns multiples of a quarter symbol, up to two symbols, in steps.
 fn delays(message: &Message, time_step: f64) -> impl Iterator<Item = u32> {
     let quarter = message.symbol_time / time_step / 4.0;
     let mut delays: Vec<u32> = (0..=8).map(|k| (f64::from(k) * quarter).round() as u32).collect();
@@ -242,7 +233,6 @@ fn delays(message: &Message, time_step: f64) -> impl Iterator<Item = u32> {
     delays.into_iter()
 }
 
-/// Returns the name of a link, such as `tx to rx: A`.
 pub fn link_name(link: Link, model: &Model) -> String {
     format!(
         "{} to {}: {}",
@@ -261,7 +251,6 @@ fn names(link: Link, model: &Model) -> String {
     format!("{transmitter},{receiver},{species}")
 }
 
-/// Returns thresholds separated by spaces.
 pub fn spaced(thresholds: &[u64]) -> String {
     thresholds.iter().map(u64::to_string).collect::<Vec<_>>().join(" ")
 }

@@ -1,5 +1,3 @@
-//! Columns of the series, and groups of columns that share a plot.
-
 use lazygrid_sim::Model;
 
 /// Columns that share a plot.
@@ -11,7 +9,7 @@ pub struct ColumnGroup {
     pub columns: Vec<usize>,
 }
 
-/// Returns the groups of a model: arrivals grow; counts inside or bound are momentary.
+/// Separates arrivals, which grow, from momentary counts inside or bound.
 pub fn groups(model: &Model) -> [ColumnGroup; 5] {
     let species = model.species.len();
     let reactions = species + model.reactions.len() + model.decays.len();
@@ -33,7 +31,6 @@ pub fn groups(model: &Model) -> [ColumnGroup; 5] {
     ]
 }
 
-/// Returns the column of a receiver's count of a species.
 pub fn column_of(model: &Model, receiver: usize, species: usize) -> Option<usize> {
     let species_of = |at: usize| (0..model.species.len()).filter(move |&k| model.receivers[at].counts(k));
     let before = (0..receiver).map(|at| species_of(at).count()).sum::<usize>();

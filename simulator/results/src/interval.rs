@@ -1,10 +1,7 @@
-//! Confidence intervals of probabilities.
-
 /// Normal quantile for 95 %.
 const Z: f64 = 1.959_963_984_540_054;
 
-/// Returns the 95 % Wilson interval of a probability after `hits` of `trials` independent trials. Without hits, its
-/// upper end is z²/(n + z²) for n trials and the normal quantile z.
+/// Returns the 95 % Wilson interval of a probability after `hits` of `trials` independent trials.
 pub fn wilson(hits: u64, trials: u64) -> [f64; 2] {
     if trials == 0 {
         return [0.0, 1.0];

@@ -1,7 +1,4 @@
-//! Results of simulations from the files of runs: means over replicas, impulse responses, interference, bit errors,
-//! and animations.
-//!
-//! Lengths are in µm and times in s, as in [`lazygrid_sim`].
+//! Results of simulations from the files of runs. Lengths are in µm and times in s.
 
 #![allow(missing_docs, reason = "most names and types are clear")]
 

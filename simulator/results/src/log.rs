@@ -1,12 +1,10 @@
-//! The log of arrivals, releases and occupancy of a run.
-
 use std::path::Path;
 
 use crate::BYTES_PER_FIELD;
 use lazygrid_sim::table::{TableReader, TableRow};
 use lazygrid_sim::{Error, Model, Receiver};
 
-/// The log of a run, in the order of steps.
+/// Entries in the order of steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Log {
     pub arrivals: Vec<Arrived>,
@@ -15,28 +13,26 @@ pub struct Log {
     pub inside: Vec<Inside>,
 }
 
-/// A particle that a receiver removed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrived {
     pub step: u32,
     pub receiver: usize,
     pub species: usize,
-    /// Index of the transmitter, and completed steps at the release; `None` for inserted particles.
+    /// Transmitter, and completed steps at the release; `None` for inserted particles.
     pub origin: Option<(usize, u32)>,
 }
 
-/// Particles of one origin inside a receiver or bound to it.
+/// Particles of one origin inside a receiver or bound.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Inside {
     pub step: u32,
     pub receiver: usize,
     pub species: usize,
-    /// `None` for inserted particles, as in [`Arrived`].
+    /// See [`Arrived::origin`].
     pub origin: Option<(usize, u32)>,
     pub count: u64,
 }
 
-/// Particles that a transmitter released.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Released {
     pub step: u32,
@@ -46,8 +42,6 @@ pub struct Released {
 }
 
 impl Log {
-    /// Reads the log of a run of this model.
-    ///
     /// # Errors
     /// [`Error::Read`] if a file cannot be read or is damaged, and [`Error::TooLittleMemory`].
     pub fn read(directory: &Path, model: &Model) -> Result<Self, Error> {

@@ -1,5 +1,3 @@
-//! Means over replicas and their standard errors.
-
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -32,7 +30,7 @@ impl IntegerStats {
         self.sum as f64 / self.count as f64
     }
 
-    /// Returns the standard error of the mean, √(s²/n) with s² = Σ(x − x̄)²/(n − 1); `None` for fewer than two values.
+    /// Returns √(s²/n) with s² = Σ(x − x̄)²/(n − 1); `None` for fewer than two values.
     pub fn standard_error(&self) -> Option<f64> {
         let n = u128::from(self.count);
         let spread = n.saturating_mul(self.squares).saturating_sub(self.sum.saturating_mul(self.sum));
@@ -80,13 +78,12 @@ impl RunningStats {
     }
 }
 
-/// The mean of the series of several replicas.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MeanSeries {
     pub names: Vec<String>,
     pub steps: Vec<u32>,
     pub times: Vec<f64>,
-    /// Statistics of the counts, row after row.
+    /// Statistics, row after row.
     pub samples: Vec<IntegerStats>,
     pub replicas: u64,
 }
@@ -96,8 +93,7 @@ impl MeanSeries {
     /// series misses the scenario's last row.
     ///
     /// # Errors
-    /// [`Error::Read`] and [`Error::Write`] if a series cannot be read or the table cannot be written, and
-    /// [`Error::TooLittleMemory`].
+    /// [`Error::Read`], [`Error::Write`] and [`Error::TooLittleMemory`].
     pub fn of_replicas(replicas: &Replicas, results: &mut ReplicaResults) -> Result<Self, Error> {
         let scenario = &replicas.run.scenario;
         let last = scenario.steps - scenario.steps % scenario.output.every;
@@ -115,11 +111,8 @@ impl MeanSeries {
         Ok(mean)
     }
 
-    /// Adds the series of a replica.
-    ///
     /// # Errors
-    /// [`Error::Read`] with `path` if its columns or steps differ from previous replicas, and
-    /// [`Error::TooLittleMemory`] for the statistics of the first one.
+    /// [`Error::Read`] if columns or steps differ from previous replicas, and [`Error::TooLittleMemory`].
     pub fn add(&mut self, series: &Series, path: &Path) -> Result<(), Error> {
         if self.replicas == 0 {
             let (rows, counts) = (series.steps.len() as u64, series.counts.len() as u64);
@@ -147,8 +140,7 @@ impl MeanSeries {
         &self.samples[row * width..][..width]
     }
 
-    /// Writes step, time, replicas, and the mean and standard error of each count; the error is empty for one
-    /// replica.
+    /// Writes the table. Errors of one replica are empty.
     pub fn write(&self, out: &mut impl Write) -> io::Result<()> {
         write!(out, "step,time,replicas")?;
         self.names.iter().try_for_each(|name| write!(out, ",{name} mean,{name} error"))?;

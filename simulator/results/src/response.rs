@@ -1,10 +1,7 @@
-//! Impulse responses: the fraction of released particles that arrives, by time since the release.
-
 use crate::log::{Log, Released};
 use crate::mean::RunningStats;
 use lazygrid_sim::Model;
 
-/// A transmitter, a receiver, and a species that arrives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Link {
     pub transmitter: usize,
@@ -25,7 +22,7 @@ impl Link {
         all
     }
 
-    /// Returns the species of the released particles to which the arriving ones are compared.
+    /// Returns the released species to which arrivals are compared.
     pub fn source(self, model: &Model) -> SourceSpecies {
         let mut released = model.transmitters[self.transmitter].species();
         match released.any(|species| species as usize == self.species) {
@@ -43,10 +40,10 @@ impl Link {
     }
 }
 
-/// The released species of a link. It is the same in all replicas; a replica that releases none of it adds no sample.
+/// The released species of a link. A replica that releases none of it adds no sample.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SourceSpecies {
-    /// The transmitter of the model releases the arriving species.
+    /// The transmitter releases the arriving species.
     Arriving,
     /// The arriving species is a product.
     Any,
@@ -59,9 +56,9 @@ pub struct Response {
     from: SourceSpecies,
     /// Steps per bin.
     pub width: u32,
-    /// Fraction in each bin, over replicas.
+    /// Fraction in each bin.
     pub parts: Vec<RunningStats>,
-    /// Fraction up to the end of each bin, over replicas; empty for momentary counts.
+    /// Fraction up to the end of each bin; empty for momentary counts.
     pub cumulative: Vec<RunningStats>,
 }
 
@@ -71,7 +68,7 @@ impl Response {
         Self { link, from, width, parts: none.clone(), cumulative: none }
     }
 
-    /// Adds a replica whose series has these `rows` (steps). A bin's fraction inside is the mean over its rows.
+    /// Adds a replica with these `rows` (steps). A bin's fraction inside is the mean over its rows.
     pub fn add_momentary(&mut self, log: &Log, rows: &[u32]) {
         self.cumulative.clear();
         let Self { link, from, width, .. } = *self;
@@ -96,7 +93,7 @@ impl Response {
             .for_each(|(part, (inside, released))| part.add(*inside as f64 / *released as f64));
     }
 
-    /// Adds a replica of `steps` steps. A release contributes only to bins that end no later than the run.
+    /// Adds a replica. Releases contribute only to bins that end within `steps`.
     pub fn add(&mut self, log: &Log, steps: u32) {
         let Self { link, from, width, .. } = *self;
         let bins = self.parts.len();
@@ -126,7 +123,6 @@ impl Response {
         }
     }
 
-    /// Returns `true` if any fraction is above 0.
     pub fn is_any(&self) -> bool {
         self.parts.iter().any(|part| part.mean() > 0.0)
     }
@@ -194,7 +190,6 @@ mod tests {
 
     #[test]
     fn replicas_without_a_release_of_the_species_add_no_sample() {
-        // The transmitter sends one of two species for each symbol; this replica sent the other one.
         let log = Log { releases: vec![Released { species: 1, ..released(0, 4) }], ..Log::default() };
         let mut response = Response::new(LINK, ARRIVING, 4, 1);
         response.add(&log, 4);

@@ -1,28 +1,23 @@
-//! The series of counts of a run, `series.csv`.
-
 use std::path::Path;
 
 use crate::BYTES_PER_FIELD;
 use lazygrid_sim::Error;
 use lazygrid_sim::table::TableReader;
 
-/// The counts of a run at some of its steps.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Series {
     /// Names of the columns; see [`names`](lazygrid_sim::series::names).
     pub names: Vec<String>,
     pub steps: Vec<u32>,
-    /// Time in s, by row.
+    /// In s, by row.
     pub times: Vec<f64>,
-    /// Counts, row after row.
+    /// Row after row.
     pub counts: Vec<u64>,
 }
 
 impl Series {
-    /// Reads a file.
-    ///
     /// # Errors
-    /// [`Error::Read`] with the line if the file cannot be read or is not a series, and [`Error::TooLittleMemory`].
+    /// [`Error::Read`] with the line of a fault, and [`Error::TooLittleMemory`].
     pub fn read(path: &Path) -> Result<Self, Error> {
         let mut rows = TableReader::open(path, "step,time,", BYTES_PER_FIELD)?;
         let mut series = Self { names: rows.header().iter().skip(2).cloned().collect(), ..Self::default() };

@@ -1,5 +1,3 @@
-//! The results of the points of a sweep, `sweep.csv`.
-
 use std::io::{self, Write};
 
 use crate::channel::{Channels, link_name};
@@ -7,22 +5,20 @@ use crate::columns::groups;
 use crate::mean::MeanSeries;
 use lazygrid_sim::Model;
 
-/// A result of a point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepResult {
-    /// Group, such as `particles` or `bit errors`.
+    /// Such as `particles` or `bit errors`.
     pub group: &'static str,
     pub name: String,
-    /// Mean over replicas, or the error rate over the bits of all replicas.
+    /// Mean over replicas, or over the bits of all replicas.
     pub value: f64,
-    /// One standard error around the mean, or the 95 % interval of a bit error rate; `None` for one replica.
+    /// One standard error around the mean, or the 95 % interval; `None` for one replica.
     pub bounds: Option<[f64; 2]>,
 }
 
 /// Group of the bit error rates, which plots show on logarithmic axes.
 pub const BIT_ERRORS: &str = "bit errors";
 
-/// A point of a sweep and its results.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SweepRow {
     pub values: Vec<String>,
@@ -31,8 +27,8 @@ pub struct SweepRow {
 }
 
 impl SweepRow {
-    /// Returns the results of a point: the last row of the series; by link the fraction that arrived, the peak time
-    /// of the response, the late fraction, and the lowest bit error rate.
+    /// Returns the series' last row, and by link the arrived fraction, the peak time, the late fraction and the lowest
+    /// bit error rate.
     pub fn new(values: Vec<String>, model: &Model, mean: &MeanSeries, channels: &Channels) -> Self {
         let mut row = Self { values, replicas: mean.replicas, results: Vec::new() };
         if let Some(last) = mean.steps.len().checked_sub(1) {
@@ -78,7 +74,7 @@ impl SweepRow {
     }
 }
 
-/// Writes a row per point: its values, replicas, and each result with its bounds. Missing results are empty.
+/// Writes a row per point. Missing results are empty.
 pub fn write(out: &mut impl Write, keys: &[String], rows: &[SweepRow]) -> io::Result<()> {
     let mut names: Vec<&str> = Vec::new();
     for result in rows.iter().flat_map(|row| &row.results) {

@@ -1,5 +1,3 @@
-//! Symbol slots, and interference between symbols.
-
 use crate::log::Log;
 use crate::mean::RunningStats;
 use crate::response::{Link, SourceSpecies};
@@ -7,15 +5,15 @@ use lazygrid_sim::model::message::Message;
 use lazygrid_sim::model::time::step_of;
 use lazygrid_sim::{Model, Schedule};
 
-/// The complete slots of a message, from symbol to symbol, with a delay.
+/// The complete slots of a message, with a delay.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SymbolSlots {
-    /// First step of each slot, and the last one's end.
+    /// First step of each slot, and the end of the last.
     pub(crate) bounds: Vec<u32>,
 }
 
 impl SymbolSlots {
-    /// Returns the slots that begin `delay` steps after the symbols, in a run of `steps` steps.
+    /// Returns the slots that begin `delay` steps after the symbols.
     pub fn new(message: &Message, time_step: f64, delay: u32, steps: u32) -> Self {
         let begin = |k: u32| step_of(message.time_of(k), time_step).unwrap_or(u32::MAX).saturating_add(delay);
         let bounds = (0..=message.symbols.len()).map(begin).take_while(|&step| step <= steps).collect();
@@ -30,8 +28,8 @@ impl SymbolSlots {
         self.len() == 0
     }
 
-    /// Returns the slot of a release, or of a row of momentary counts. A row includes the releases of its step, so the
-    /// row at the end of a slot belongs to the next slot.
+    /// Returns the slot of a release or a row. A row of momentary counts includes the releases of its step, so the row
+    /// at a slot's end belongs to the next one.
     pub(crate) fn of_release(&self, step: u32) -> Option<usize> {
         let after = self.bounds.partition_point(|&begin| begin <= step);
         (1..=self.len()).contains(&after).then(|| after - 1)
@@ -43,7 +41,6 @@ impl SymbolSlots {
     }
 }
 
-/// Returns the messages of a model, with the indices of their transmitters.
 pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
     model.transmitters.iter().enumerate().filter_map(|(place, transmitter)| match &transmitter.schedule {
         Schedule::Message(message) => Some((place, message)),
@@ -51,15 +48,14 @@ pub fn messages(model: &Model) -> impl Iterator<Item = (usize, &Message)> {
     })
 }
 
-/// Inter-symbol interference: the fraction of a symbol's particles that arrives, or is inside on average, in its own
-/// slot, the next one and so on, over replicas.
+/// The fraction of a symbol's particles that arrives, or is inside on average, in its own slot and each later one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Interference {
     pub link: Link,
     from: SourceSpecies,
-    /// Indexed by the number of slots from the symbol's own.
+    /// Indexed by the number of slots since the symbol's own.
     pub by_lag: Vec<RunningStats>,
-    /// Fraction of a symbol's arrivals that come after its own slot.
+    /// Fraction of a symbol's arrivals after its own slot.
     pub late: RunningStats,
 }
 
@@ -68,7 +64,7 @@ impl Interference {
         Self { link, from, by_lag: vec![RunningStats::default(); lags], late: RunningStats::default() }
     }
 
-    /// Adds a replica. A symbol contributes only to lags whose slots are complete.
+    /// Adds a replica. Symbols contribute only to lags whose slots are complete.
     pub fn add(&mut self, log: &Log, slots: &SymbolSlots) {
         let (link, lags) = (self.link, self.by_lag.len());
         let released = released(link, self.from, log, slots);
@@ -88,7 +84,7 @@ impl Interference {
         self.add_parts(arrived.into_iter().enumerate().map(|(lag, arrived)| (arrived, seen(lag))));
     }
 
-    /// Adds a replica of a momentary count, in these `rows` (steps): the mean fraction inside during a slot.
+    /// Adds a replica: the mean fraction inside in the `rows` (steps) of a slot.
     pub fn add_momentary(&mut self, log: &Log, rows: &[u32], slots: &SymbolSlots) {
         let (link, lags) = (self.link, self.by_lag.len());
         let released = released(link, self.from, log, slots);
@@ -109,7 +105,7 @@ impl Interference {
     }
 
     fn add_parts(&mut self, counts: impl Iterator<Item = (u64, u64)>) {
-        // `None` until the symbols' own slots have a sample, without which the late fraction is unknown.
+        // `None` until own slots have a sample, without which the late fraction is unknown.
         let (mut own, mut late) = (None, 0.0);
         for (lag, (count, of)) in counts.enumerate().filter(|(_, (_, of))| *of > 0) {
             let part = count as f64 / of as f64;
@@ -125,7 +121,6 @@ impl Interference {
     }
 }
 
-/// Returns the number of particles released in each slot.
 fn released(link: Link, from: SourceSpecies, log: &Log, slots: &SymbolSlots) -> Vec<u64> {
     let mut released = vec![0_u64; slots.len()];
     for release in link.releases(log, from) {
@@ -255,7 +250,6 @@ pub(crate) mod tests {
 
     #[test]
     fn interference_counts_slots_from_the_release() {
-        // In their own slots 6, 4, 5 of 10; in the next 2 and 1; then 1.
         let log = log(&[(0, 0, 6), (0, 1, 2), (0, 2, 1), (2, 2, 4), (2, 3, 1), (3, 3, 5)]);
         let mut interference = Interference::new(LINK, SourceSpecies::Arriving, 4);
         interference.add(&log, &slots(100));

@@ -1,7 +1,6 @@
-//! Tables of a scenario file for lazygrid's simulator, with the checks that need only one key. `docs/simulator.md`
-//! describes the keys and their units.
+//! Tables of a scenario file. `docs/simulator.md` describes the keys.
 //!
-//! A crate of its own, because the code that serde derives takes long to compile.
+//! A separate crate, because the code that serde derives takes long to compile.
 
 #![allow(missing_docs, reason = "docs/simulator.md describes the keys")]
 
@@ -14,11 +13,8 @@ use toml::Spanned;
 pub use chemotaxis::{Attractant, AttractantProfile, Chemotaxis};
 pub use space::{AxisName, Boundary, BoundaryKind, Ends, Flow, Profile};
 
-/// Parses the text of a scenario file.
-///
 /// # Errors
-/// Returns an error for a text that is not TOML, for unknown and missing keys, and for values of the wrong type or
-/// range.
+/// Text that is not TOML, unknown and missing keys, and values of the wrong type or range.
 pub fn parse(text: &str) -> Result<File, toml::de::Error> {
     toml::from_str(text)
 }
@@ -290,7 +286,7 @@ pub enum FrameFormat {
     Npy,
 }
 
-/// Defines a number type that is checked when it is read, so that an error names its line.
+/// Defines a number type that is checked on reading, so that an error names its line.
 macro_rules! number {
     ($name:ident, $rule:expr, $allowed:literal) => {
         #[derive(Clone, Copy, Debug, Default, Deserialize)]
@@ -319,7 +315,6 @@ number!(NotNegative, |value| value >= 0.0, "a number from 0 to 3.4e38");
 number!(Finite, |_| true, "a number between -3.4e38 and 3.4e38");
 number!(Probability, |value| value > 0.0 && value <= 1.0, "a probability above 0 and at most 1");
 
-/// The number of dimensions, from 1 to 3.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(try_from = "i64")]
 pub struct Dimensions(pub usize);
@@ -349,7 +344,7 @@ impl Default for One {
 /// Longest name, in bytes. Names are columns of tables and part of messages.
 const MAX_NAME_BYTES: usize = 255;
 
-/// A name of letters, digits, `_`, `.` and `-`, of at most 255 bytes.
+/// A name of letters, digits, `_`, `.` and `-`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "String")]
 pub struct Name(pub String);

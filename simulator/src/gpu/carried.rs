@@ -1,5 +1,3 @@
-//! Bounds of the displacement of particles, and paths that pass receivers within a step.
-
 use crate::Axis;
 use crate::model::Model;
 use crate::model::receiver::{Receiver, ReceiverKind};
@@ -8,15 +6,14 @@ use crate::motion::propagate::Propagator;
 use crate::motion::species_step::SpeciesStep;
 use crate::motion::vessel_flow::{FlowStep, StepDrift, StepTime};
 
-/// Bounds of a species' displacement in a step apart from diffusion.
+/// Bounds of a species' displacement in a step apart from diffusion, in µm.
 struct Carried {
-    /// Radius of the species, whose paths turn where its spheres touch walls.
     radius: f32,
-    /// Plug flow and drift, in µm.
+    /// Plug flow and drift.
     drift: [f32; 3],
-    /// Largest displacement by a flow field along each axis, in µm.
+    /// Flow field, along each axis.
     field: [f32; 3],
-    /// Poiseuille flow, and own velocity in any direction, in µm.
+    /// Poiseuille flow, and own velocity in any direction.
     flow: f32,
     own: f32,
     diffusion: f32,
@@ -40,7 +37,7 @@ const MAX_PIECES: usize = 3000;
 const VESSEL_ITERATIONS: usize = 200;
 
 impl Carried {
-    /// Returns bounds in a steady flow, or with and without a pulse, which bound all fractions of it.
+    /// Returns one bound, or two with a pulse, which bound all its fractions.
     fn all(model: &Model, steps: &[SpeciesStep], species: usize) -> Vec<Self> {
         let parts = if model.flow_pulse.is_some() { &[1.0, 0.0][..] } else { &[1.0] };
         let drifts = parts.iter().map(|&part| StepDrift::new(model, species, StepTime::new(model, part)));
@@ -67,13 +64,11 @@ impl Carried {
         length(self.drift) + self.carried()
     }
 
-    /// Bounds the displacement apart from the drift.
     fn carried(&self) -> f32 {
         length(self.field) + self.flow.abs() + self.own
     }
 
-    /// Returns a bound of the loop iterations in which a particle's path finds its hit on a receiver, or 0 if the path's
-    /// ends are enough.
+    /// Bounds the loop iterations of a path's hit; 0 if the path's ends are enough.
     fn iterations_at(&self, receiver: &Receiver, model: &Model) -> usize {
         let own = receiver.velocity.map(|v| (v * model.time_step) as f32);
         let diffusion = self.diffusion + (receiver.diffusion * model.time_step) as f32;
@@ -92,7 +87,7 @@ impl Carried {
         if images == 0 { 0 } else { 1 + images.min(MAX_PIECES) }
     }
 
-    /// Bounds the number of walls and images along an axis at which the path may reach the receiver again.
+    /// Bounds walls and images at which the path may reach the receiver again.
     fn images(&self, axis: usize, receiver: &Receiver, spread: f32, model: &Model) -> usize {
         let own = (receiver.velocity[axis] * model.time_step) as f32;
         let along = self.along(axis, model) + MAX_SPREADS * spread;
@@ -112,15 +107,14 @@ impl Carried {
         }
     }
 
-    /// Bounds the displacement along an axis apart from the drift.
     fn along(&self, axis: usize, model: &Model) -> f32 {
         let is_vessel = model.boundary.vessel.is_some_and(|vessel| vessel.along == Some(axis));
         self.field[axis] + self.own + if is_vessel { self.flow.abs() } else { 0.0 }
     }
 }
 
-/// Bounds the loop iterations in which the path of a particle finds its hits on all receivers that drift may carry it
-/// past within a step, or that a line may reach after a wall or at another image; 0 if no species has such paths.
+/// Bounds the loop iterations of all hits of a path; 0 if no path drifts past a receiver within a step, and no line
+/// reaches one after a wall or at another image.
 pub(super) fn long_path_iterations(model: &Model) -> usize {
     let steps = Propagator::new(model).steps;
     // Others count ends of steps only, or nothing.
@@ -141,7 +135,7 @@ pub(super) fn long_path_iterations(model: &Model) -> usize {
     (0..steps.len()).map(of_species).max().unwrap_or(0)
 }
 
-/// Displacement of all but one in ten million particles, plus three displacements of a receiver.
+/// Bounds the displacement of all but one in ten million particles.
 pub(super) fn reach(model: &Model, steps: &[SpeciesStep], species: usize) -> f32 {
     let step = &steps[species];
     let longest = Carried::all(model, steps, species).iter().map(Carried::length).fold(0.0, f32::max);

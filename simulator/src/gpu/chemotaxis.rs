@@ -7,9 +7,7 @@ impl ChemotaxisRow {
     const GAUSSIAN: u32 = 2;
     const SOURCE: u32 = 3;
 
-    /// Returns the response of a species that tumbles in a step with this probability.
-    ///
-    /// Concentrations are scaled by 1/K or |χ|, so that `f32` has them in any unit.
+    /// Scales concentrations by 1/K or |χ|, so that `f32` has them in any unit.
     pub(super) fn new(model: &Model, species: usize, probability: f64) -> Self {
         let Some(taxis) = model.species[species].chemotaxis else { return Self::default() };
         let Chemotaxis { attractant, sensitivity, half_saturation } = taxis;

@@ -9,9 +9,7 @@ use crate::reaction::{collision_interactions, interactions};
 
 #[derive(Debug)]
 pub(super) struct Detectors {
-    /// For pairs that react or overlap at the end of a step.
     pub(super) interactions: Option<GpuDetector>,
-    /// For candidates of collisions.
     pub(super) candidates: Option<GpuDetector>,
 }
 
@@ -23,7 +21,7 @@ pub(super) struct Found {
 
 impl Detectors {
     pub(super) fn new(own: &GpuDevice, model: &Model, sizes: Sizes) -> Result<Self, Error> {
-        // A software driver has few threads, so the cell list beats all pairs at fewer particles.
+        // Software drivers have few threads, so the cell list is faster at fewer particles.
         let crossover = Crossover::assumed(own.adapter.is_hardware);
         let config = GpuConfig::default()
             .crossover(crossover)

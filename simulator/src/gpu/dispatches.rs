@@ -25,7 +25,6 @@ pub(super) struct RunBuffers {
     counts_inside: bool,
     reflects: bool,
     variant: Variant,
-    /// Receptor types.
     receptors: u32,
     dissociates: bool,
     reacts: bool,
@@ -180,7 +179,7 @@ pub(super) struct StepDispatches {
     begin: Vec<Stage>,
     collisions: CollisionStages,
     motion: MotionStages,
-    /// From pairs to candidates; empty without a detector.
+    /// Empty without a detector.
     sampling: Vec<Stage>,
     matching: Vec<Stage>,
     separation: Vec<Stage>,

@@ -1,5 +1,3 @@
-//! Kernels: WGSL and bindings, without a device.
-
 use lazygrid::gpu::Access;
 use lazygrid::gpu::Access::{Read, ReadWrite as Write, Uniform};
 use lazygrid::gpu::wgsl;
@@ -11,7 +9,7 @@ pub(super) const WORKGROUP_SIZE: u32 = 256;
 #[derive(Debug)]
 pub(super) struct Kernel {
     pub(super) name: &'static str,
-    /// Names and accesses, by binding number in group 0.
+    /// Indexed by binding number in group 0.
     pub(super) bindings: &'static [(&'static str, Access)],
     source: &'static str,
 }
@@ -193,11 +191,11 @@ const SHARED: &[(&str, &str)] = &[
     ("window", include_str!("shader/shared/window.wgsl")),
 ];
 
-/// Features of a model whose absence makes kernels faster.
+/// Features whose absence makes kernels faster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Variant {
     pub(super) has_membranes: bool,
-    /// `true` if drift may carry a particle past a receiver within a step.
+    /// Drift may carry a particle past a receiver within a step.
     pub(super) has_long_paths: bool,
 }
 

@@ -1,5 +1,4 @@
-//! Rust twins of shader structures, whose WGSL has the comments; a test compares sizes and offsets. [`ControlHeader`]
-//! is read back as words, which have one layout on both sides.
+//! Rust twins of shader structures; their WGSL has the comments, and a test compares layouts.
 
 use bytemuck::{Pod, Zeroable};
 use encase::ShaderType;
@@ -203,7 +202,6 @@ impl ReactionRow {
 
 pub(super) const NOTHING: u32 = u32::MAX;
 
-/// The head of the control buffer, before the tallies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub(super) struct ControlHeader {

@@ -30,7 +30,6 @@ impl<'a> LigandRows<'a> {
         Self { model, tallies, first_types, surface_steps }
     }
 
-    /// Appends the rows of a species for its `events` with receptors, and refers to them there.
     pub(super) fn append(&self, species: u32, events: Range<usize>, rows: &mut Vec<EventRow>) {
         for at in events {
             let event = rows[at];
@@ -68,7 +67,6 @@ impl<'a> LigandRows<'a> {
 }
 
 impl Tables {
-    /// Returns the rows of ligands, by species and receptor type.
     pub(super) fn ligands(&self) -> Vec<LigandRow> {
         let mut ligands = Vec::new();
         for (species, kind) in (0..).zip(&self.species_rows) {

@@ -1,5 +1,3 @@
-//! Rows of the membranes that hold back a species.
-
 use glam::UVec2;
 
 use crate::model::membrane::MembraneSurface;
@@ -16,7 +14,7 @@ const ROUNDING: [f32; 2] = [1e-6, 2e-7];
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct MembraneRows {
     pub(super) planes: Vec<Row>,
-    /// Two rows of each sphere.
+    /// Two rows each.
     pub(super) spheres: Vec<Row>,
 }
 
@@ -44,12 +42,12 @@ impl MembraneRows {
         rows
     }
 
-    /// Returns the numbers of planes, with their images, and of spheres.
+    /// Planes are counted with their images.
     pub(super) fn counts(&self) -> (usize, usize) {
         (self.planes.len(), self.spheres.len() / 2)
     }
 
-    /// Returns the first row and the number of planes, then of spheres, after `first` other rows.
+    /// Returns first row and number of planes, then of spheres, after `first` other rows.
     pub(super) fn ranges(&self, first: usize) -> [UVec2; 2] {
         let (planes, spheres) = self.counts();
         [[first, planes], [first + planes, spheres]].map(|range| UVec2::from(range.map(|n| n as u32)))

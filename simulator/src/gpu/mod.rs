@@ -1,11 +1,8 @@
 //! The simulation on the GPU. Particles stay on the device between readbacks.
 //!
-//! One encoder records many steps. Each moves the particles, finds their pairs with a [`lazygrid::gpu::GpuDetector`],
-//! and consumes the pairs in place. Random numbers, rules and the matching are those of the CPU; runs diverge only by
-//! rounding.
-//!
-//! A step is a transaction from one set of buffers to another: if it exceeds a capacity, the device *halts* before the
-//! write, and the host repeats the step with more capacity (`docs/design/simulator.md`).
+//! Random numbers, rules and the matching are those of the CPU; runs diverge only by rounding. A step that exceeds a
+//! capacity *halts* the run before it changes particles, and the host repeats it with more capacity
+//! (`docs/design/simulator.md`).
 
 mod carried;
 mod chemotaxis;

@@ -1,11 +1,9 @@
-//! Models that the device cannot run.
-
 use super::carried::long_path_iterations;
 use super::membrane_rows::{MAX_SPHERES, MembraneRows};
 use crate::model::{Decay, Model};
 use crate::{Axis, Error};
 
-/// At a mean of 16, `MAX_DECAYS` of `decay.wgsl` is exceeded with a probability of 10⁻¹⁷.
+/// At a mean of 16, the probability of more than `MAX_DECAYS` of `decay.wgsl` is below 10⁻¹⁷.
 const MAX_DECAY_RATE: f64 = 16.0;
 /// Most pairs of a receiver and a species that an arriving particle can name, as in `decay.wgsl`.
 const MAX_LOGGED_PAIRS: usize = (1 << 23) - 2;
@@ -18,12 +16,10 @@ pub(super) fn chained_decays(model: &Model) -> impl Iterator<Item = (&Decay, &De
     model.decays.iter().flat_map(move |first| after(first).map(move |second| (first, second)))
 }
 
-/// Returns the number of pairs of a receiver and a species.
 fn logged_pairs(model: &Model) -> usize {
     model.receivers.len() * model.species.len()
 }
 
-/// Returns `true` if the device can name all receivers and species of arrivals.
 pub(crate) fn can_log_arrivals(model: &Model) -> bool {
     logged_pairs(model) <= MAX_LOGGED_PAIRS
 }
@@ -87,8 +83,7 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
 /// per plane.
 const MEMBRANE_ITERATIONS: [usize; 3] = [660, 210, 8];
 
-/// `visits` is the number of receivers that a particle visits. For each, a loop over planes and one over spheres find if
-/// a membrane separates them.
+/// For each of `visits` receivers, loops over planes and spheres find if a membrane separates it.
 fn check_membranes(model: &Model, visits: usize, most: usize) -> Result<(), Error> {
     let repeats = model.boundary.axes.iter().any(|axis| matches!(axis, Axis::Periodic { .. }));
     for (id, species) in model.species.iter().enumerate() {
@@ -107,7 +102,6 @@ fn check_membranes(model: &Model, visits: usize, most: usize) -> Result<(), Erro
     Ok(())
 }
 
-/// Bounds the loop iterations of a particle in a step.
 fn membrane_iterations((planes, spheres): (usize, usize), visits: usize, repeats: bool) -> usize {
     if planes + spheres == 0 {
         return 0;

@@ -1,5 +1,3 @@
-//! Buffer sizes and dispatches of a run, as pure functions of sizes and limits.
-
 use lazygrid::Error;
 use lazygrid::gpu::DeviceLimits;
 
@@ -8,17 +6,16 @@ use super::layout::{
     BORN_BYTES, CANDIDATE_BYTES, CLAIM_BYTES, EVENT_BYTES, MOVER_BYTES, NEXT_EVENT_BYTES, PUSH_BYTES,
 };
 
-/// Options of a run on a device, without effect on results.
+/// Options of a run on a device, without effect on results. Capacities and rounds grow on demand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct GpuOptions {
-    /// Initial capacity for pairs; it grows on demand. Default: 2¹⁶.
+    /// Initial capacity for pairs. Default: 2¹⁶.
     pub pair_capacity: u32,
-    /// Matching rounds by the whole device, before one workgroup does the rest; they increase if it cannot finish.
-    /// Default: 3.
+    /// Initial matching rounds by the whole device, before one workgroup does the rest. Default: 3.
     pub rounds: u32,
-    /// Initial capacity for second products of dissociations in a step; it grows on demand. Default: 2¹².
+    /// Initial capacity for second products of dissociations in a step. Default: 2¹².
     pub birth_capacity: u32,
-    /// Initial capacity for arrivals between readbacks; it grows on demand. Default: 2¹⁶.
+    /// Initial capacity for arrivals between readbacks. Default: 2¹⁶.
     pub event_capacity: u32,
     /// Most loop iterations of that workgroup's threads, up to 60,000. Default: 60,000.
     pub max_iterations: u32,
@@ -54,9 +51,8 @@ pub(super) struct Sizes {
     pub(super) births: u32,
     pub(super) events: u32,
     pub(super) has_velocity: bool,
-    /// Capacity for candidates of collisions; 0 without collisions.
     pub(super) near: u32,
-    /// Recorded windows per step, and rounds per window.
+    /// Windows per step, and rounds per window.
     pub(super) windows: u32,
     pub(super) window_rounds: u32,
     pub(super) speed_doublings: u32,
@@ -111,12 +107,11 @@ pub(super) fn groups_for(items: u32, limits: &DeviceLimits) -> [u32; 2] {
     [groups.div_ceil(rows), rows]
 }
 
-/// Returns the steps after which no tally exceeds 32 bits, if each particle counts at most `counts` times per step.
+/// Returns the steps in which no tally exceeds 32 bits, at `counts` per particle and step.
 pub(super) fn steps_per_readback(particles: u32, counts: u32) -> u32 {
     (u32::MAX / particles.saturating_mul(counts).max(1)).clamp(1, LOG_ROWS)
 }
 
-/// With a reserve.
 pub(super) fn grown(needed: u32) -> u32 {
     needed.saturating_add(needed / 4).max(WORKGROUP_SIZE)
 }

@@ -1,8 +1,8 @@
 //! Lists of the receivers that a particle may hit, by cell.
 //!
-//! The host searches two sets: cells, inflated by the displacement of particles in a step, and receivers, inflated by
-//! their displacements while the lists are valid. Lists keep the order of receivers, so the result is that of a loop
-//! over all receivers, which serves longer displacements and species without lists.
+//! The host searches cells, inflated by a particle's displacement in a step, and receivers, inflated by theirs while
+//! the lists are valid. Lists keep the order of receivers, so the result equals that of a loop over all. This loop
+//! serves longer displacements and species without lists.
 
 use glam::{UVec3, Vec3};
 use lazygrid::Sphere;
@@ -62,7 +62,7 @@ impl ReceiverCellsBuilder {
     }
 
     /// Builds lists for receivers that stay within `displacements` of `centers`, and move by at most `max_displacement`
-    /// in a step. Builds no lists if numbers are too large for cells.
+    /// in a step. Returns no lists if numbers are too large for cells.
     pub(super) fn build(
         &mut self,
         centers: &[[f32; 3]],

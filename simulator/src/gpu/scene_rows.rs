@@ -1,5 +1,5 @@
-//! The table of 16-byte rows with positions of receivers, membranes, velocities of a flow field and lists of receivers.
-//! One buffer holds them, since portable devices bind eight in a stage.
+//! One table of receivers, membranes, a flow field and lists of receivers: portable devices bind eight buffers in a
+//! stage.
 
 use std::sync::Arc;
 
@@ -46,12 +46,10 @@ impl SceneRows {
         !self.membranes.is_empty()
     }
 
-    /// Returns the first row of the flow field.
     fn field_at(&self) -> usize {
         self.receivers + self.membranes.len()
     }
 
-    /// Sets the grid of a flow field that is on during a whole step.
     pub(super) fn describe_field(&self, params: &mut Params) {
         let Some(field) = &self.field else { return };
         let ([origin, spacing], points) = field.grid();
@@ -68,7 +66,7 @@ impl SceneRows {
         ROW_BYTES * (self.field_at() + points) as u64
     }
 
-    /// Creates the table with capacity for `words` of lists of receivers.
+    /// Creates the table with `words` reserved for lists of receivers.
     pub(super) fn create(&self, own: &GpuDevice, words: usize) -> Result<wgpu::Buffer, Error> {
         let needed = self.cells_at() + 4 * words as u64;
         let limits = DeviceLimits::of(&own.device);

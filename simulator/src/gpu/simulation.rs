@@ -38,7 +38,7 @@ pub(crate) use shared_step::ReceptorRequests;
 
 /// A run on a GPU.
 ///
-/// Its [`state`](Self::state) is that of a [`Simulation`](crate::Simulation), for resuming on either backend.
+/// Its [`state`](Self::state) also resumes a [`Simulation`](crate::Simulation).
 #[derive(Debug)]
 pub struct GpuSimulation {
     model: Model,
@@ -59,18 +59,17 @@ pub struct GpuSimulation {
     options: GpuOptions,
     steps: StepDispatches,
     alive: u32,
-    /// Released since then, not yet on the device.
+    /// Particles not yet on the device.
     due: Particles,
     step: u32,
     next_id: u32,
     totals: Totals,
     inside: Vec<Vec<u64>>,
     pairs: Vec<u64>,
-    /// Since the run was begun or resumed.
     requests: RequestCounts,
     origins: Origins,
     arrivals: Vec<Arrival>,
-    /// Error of a call with steps submitted. The device then holds a later state than the host.
+    /// Error after submitted steps: the device's state is later than the host's.
     failure: Option<String>,
 }
 
@@ -144,7 +143,6 @@ impl GpuSimulation {
         };
         let mut detectors = Detectors::new(&buffers.own, &model, sizes)?;
         let steps = StepDispatches::new(&mut buffers, sizes, options.rounds, detectors.reserve(sizes)?)?;
-        // Moving receivers are listed for each of their paths.
         let moves = model.receivers.iter().any(crate::Receiver::moves);
         let receiver_cells =
             if moves { ReceiverCells::default() } else { cells_builder.build(&state.centers, &[], 0.0)? };
@@ -231,7 +229,7 @@ impl GpuSimulation {
         self.model.receivers.iter().enumerate().map(says).collect()
     }
 
-    /// Runs `steps` steps. The host reads back at their end and at least every 1,024 steps.
+    /// Runs `steps` steps, with a readback at their end and at least every 1,024 steps.
     ///
     /// # Errors
     /// [`Error::OutOfIds`], [`Error::NotFinite`], and [`Error::Step`] if pairs or particles exceed the device's
@@ -252,7 +250,7 @@ impl GpuSimulation {
         Ok(())
     }
 
-    /// Runs a batch of at most `most` steps, and reads back. The results are not recorded yet.
+    /// Reads back, but does not record the results.
     fn run_batch(&mut self, most: u32) -> Result<(Readback, Vec<Burst>), Error> {
         let most = most.min(max_steps(&self.model)).min(self.steps_per_readback());
         let most = self.steps_of_flow(most);
@@ -297,7 +295,6 @@ impl GpuSimulation {
         if is_ahead { self.or_fail(read) } else { read }
     }
 
-    /// Returns a result after the submission of steps, and remembers an error.
     fn or_fail<T>(&mut self, result: Result<T, Error>) -> Result<T, Error> {
         if let Err(error) = &result {
             self.failure = Some(error.to_string());
@@ -305,14 +302,14 @@ impl GpuSimulation {
         result
     }
 
-    /// Returns an upper bound of the number of particles at the end.
+    /// Returns an upper bound of the final number of particles.
     fn encode_steps(
         &mut self,
         submissions: &mut Submissions,
         steps: u32,
         bursts: &[Burst],
     ) -> Result<u32, Error> {
-        // Only the repetition of a halted step consumes them.
+        // A repeated step needs the same particles.
         let due = self.due.clone();
         let mut bursts_left = bursts.iter().peekable();
         let mut particles = self.alive;

@@ -6,7 +6,7 @@ use crate::Error;
 /// Moved particles and pairs per submission: far below the limit of watchdogs.
 pub(super) const MAX_WORK: u64 = 1 << 24;
 
-/// Records work, and submits it in parts, none of which is long.
+/// Submits work in short parts.
 #[derive(Debug)]
 pub(super) struct Submissions {
     own: GpuDevice,
@@ -25,7 +25,6 @@ impl Submissions {
         &mut self.encoder
     }
 
-    /// The work of what was recorded since the last call.
     pub(super) fn add_work(&mut self, work: u64) -> Result<(), Error> {
         self.work += work;
         if self.work < MAX_WORK { Ok(()) } else { self.submit() }
@@ -60,7 +59,7 @@ impl Submissions {
         self.has_submitted
     }
 
-    /// Returns the work that is not submitted yet.
+    /// Returns commands not submitted yet.
     pub(super) fn finish(self) -> wgpu::CommandEncoder {
         self.encoder
     }

@@ -46,8 +46,8 @@ const REFLECTION_ITERATIONS: u32 = 60_000;
 const ITERATIONS_PER_SEARCH: u32 = 1_100;
 const BOUNCES: u32 = 64;
 
-/// Most searches by a particle in a step: moving surfaces may push it out of the searched region. `paths` are the
-/// iterations that its hits take.
+/// Bounds the searches of a particle in a step: moving surfaces may push it out of the searched region. `paths` are the
+/// iterations of its hits.
 fn max_requeries(species_rows: &[SpeciesRow], paths: u32) -> u32 {
     let most = species_rows.iter().map(|kind| kind.decays_begin - kind.events_begin).max().unwrap_or(0);
     let per_search = most + ITERATIONS_PER_SEARCH;

@@ -1,5 +1,5 @@
-/// Indices of tallies: arrivals by receiver and species, decays, reactions, by receptor type the change of occupied
-/// receptors, and by receptor type in turn all requests and the refused ones.
+/// Indices of tallies: arrivals by receiver and species, decays, reactions, changes of occupied receptors by type, and
+/// by type in turn all and refused requests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Tallies {
     pub(super) species: usize,
@@ -26,7 +26,6 @@ impl Tallies {
         self.reaction(self.reactions) + receptor
     }
 
-    /// The next index is of refused requests.
     pub(super) fn requests(&self, receptor: usize) -> usize {
         self.occupied(self.receptors) + 2 * receptor
     }

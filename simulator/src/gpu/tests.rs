@@ -95,7 +95,7 @@ fn normal_numbers_and_directions_differ_in_the_last_bits_at_most() {
     let body = |of: &str| {
         format!("{SCATTERED} let w = philox(counter, key); out[k] = vec4(bitcast<vec3<u32>>({of}), 0u);")
     };
-    // Each of the few operations after the logarithm and the angle may round differently.
+    // Operations after the logarithm and the angle may round differently.
     let close = |a: f32, b: f32| (a - b).abs() <= 4e-7 * b.abs().max(0.25);
     for (of, exact) in [
         ("normals(w)", gaussian::normals as fn([u32; 4]) -> [f32; 3]),
@@ -112,7 +112,6 @@ fn normal_numbers_and_directions_differ_in_the_last_bits_at_most() {
     }
 }
 
-/// Equal diffusion: reactants meet halfway. A + A consumes both, A + B the first, B + B the second.
 fn model() -> Model {
     let species = |name: &str| Species { name: name.into(), mass: 1.0, ..Species::default() };
     let reaction = |reactants: [u32; 2], products| Reaction {
@@ -162,7 +161,6 @@ fn candidates(particles: u32, count: u32, salt: u32) -> Vec<ReactionCandidate> {
     all
 }
 
-/// Runs the matching. Returns the reason of a halt, and each particle's reaction as the product's position.
 fn matched(
     own: &GpuDevice,
     all: &[ReactionCandidate],

@@ -1,5 +1,3 @@
-//! Boundaries of space, axis by axis: open, reflecting walls or periodic.
-
 use lazygrid::Space;
 
 use crate::Error;
@@ -7,7 +5,6 @@ use crate::model::vessel::Vessel;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Axis {
-    /// Unbounded.
     #[default]
     Open,
     /// Walls at both coordinates, in µm, that reflect the surfaces of spheres.
@@ -18,7 +15,7 @@ pub enum Axis {
         /// Upper end, outside the box.
         high: f32,
     },
-    /// Absent from a run of fewer dimensions: every coordinate is 0.
+    /// Absent from the run: every coordinate is 0.
     Frozen,
 }
 
@@ -32,7 +29,6 @@ impl Axis {
         }
     }
 
-    /// Reflects or wraps a coordinate into the interval.
     #[inline(always)]
     pub fn confine(self, x: f32) -> f32 {
         match self {
@@ -75,7 +71,7 @@ impl Axis {
         }
     }
 
-    /// Returns the positions of a plane across the axis: its own, and those of its images on both sides.
+    /// Returns the positions of a plane and its images.
     #[inline]
     pub(crate) fn plane_images(self, position: f32) -> impl Iterator<Item = f32> {
         let images: &[f32] = match self {
@@ -143,17 +139,15 @@ impl Boundary {
         self.axes.iter().filter(|axis| **axis != Axis::Frozen).count()
     }
 
-    /// Returns the axis of a cylinder.
     pub(crate) fn along(&self) -> Option<usize> {
         self.vessel.and_then(|vessel| vessel.along)
     }
 
-    /// Sets the components along absent axes to 0.
     pub(crate) fn flattened(&self, v: [f32; 3]) -> [f32; 3] {
         std::array::from_fn(|k| if self.axes[k] == Axis::Frozen { 0.0 } else { v[k] })
     }
 
-    /// Projects a uniformly random direction onto the dimensions of the run, in which it stays uniform.
+    /// Projects a uniform direction onto the dimensions of the run, in which it stays uniform.
     pub(crate) fn direction_within(&self, direction: [f32; 3]) -> [f32; 3] {
         if self.dimensions() == 3 {
             return direction;
@@ -163,8 +157,6 @@ impl Boundary {
         flat.map(|c| c / length)
     }
 
-    /// Returns the space that the detector searches.
-    ///
     /// # Errors
     /// [`Error::Detection`] if a periodic box has no extent.
     pub fn space(&self) -> Result<Space, Error> {
@@ -183,7 +175,7 @@ impl Boundary {
         }
     }
 
-    /// Returns the first direction in which a sphere of this radius does not fit, and the distance of its walls, in µm.
+    /// Returns the first direction too narrow for a sphere of this radius, and the distance of its walls in µm.
     pub fn too_narrow(&self, radius: f32) -> Option<(&'static str, f32)> {
         let inset = self.inset(radius);
         let walls = ["along x", "along y", "along z"].into_iter().zip(self.axes.into_iter().zip(inset.axes));
@@ -197,7 +189,6 @@ impl Boundary {
         narrow.or_else(|| Some(("across the vessel", 2.0 * vessel()?.radius)))
     }
 
-    /// Reflects or wraps a position.
     #[inline(always)]
     pub fn confine(&self, p: [f32; 3]) -> [f32; 3] {
         let p = [self.axes[0].confine(p[0]), self.axes[1].confine(p[1]), self.axes[2].confine(p[2])];

@@ -8,22 +8,21 @@
 //!
 //! with the occupied fraction B of receptors of the dissociation constant K (M. Rivero, R. Tranquillo, H. Buettner and
 //! D. Lauffenburger, *Transport models for chemotactic cell populations based on individual cell behavior*, Chemical
-//! Engineering Science 44 (1989) 2881). A tumble takes a random direction, so in a constant gradient the direction has
+//! Engineering Science 44 (1989) 2881). A tumble takes a random direction, so directions in a constant gradient have
 //! the stationary density ∝ 1/λ. With α = χ·v·|∇B| the drift velocity is
 //!
 //! ```text
 //! v·(coth α − 1/α) ≈ χv²|∇B|/3   in three dimensions,   v·tanh α   in one
 //! ```
 //!
-//! In a step the probability of a tumble is λ₀Δt/(1 + λ₀Δt/2) times λ/λ₀, whose stationary density of directions is the
-//! same at any time step, as long as the probability is at most 1. The diffusion coefficient without a gradient,
-//! v²/(3λ₀), does not depend on the time step either.
+//! A step has a tumble with the probability λ₀Δt/(1 + λ₀Δt/2) times λ/λ₀. While this is at most 1, the stationary
+//! density of directions does not depend on the time step. Neither does the diffusion coefficient without a gradient,
+//! v²/(3λ₀).
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::vessel::dot;
 
-/// A concentration that does not change.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Attractant {
     pub name: String,
@@ -31,7 +30,7 @@ pub struct Attractant {
     pub profile: AttractantProfile,
 }
 
-/// A concentration, in any unit, as a function of the displacement from the attractant's center.
+/// A concentration, in any unit, by the displacement from the attractant's center.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum AttractantProfile {
     /// The `level` at the center plus a gradient, but not below 0.
@@ -46,7 +45,7 @@ pub enum AttractantProfile {
         /// w, in µm.
         width: f64,
     },
-    /// The `peak` times R/r, the steady state around a source of radius R, inside which it is constant.
+    /// The `peak` times R/r around a source of radius R, inside which it is constant.
     Source {
         peak: f64,
         /// R, in µm.
@@ -56,7 +55,6 @@ pub enum AttractantProfile {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Chemotaxis {
-    /// Index of the attractant in the model.
     pub attractant: u32,
     /// Sensitivity χ: in s over the unit of the concentration, with `half_saturation` in s. A negative one repels.
     pub sensitivity: f64,
@@ -86,7 +84,7 @@ impl Attractant {
         }
     }
 
-    /// Returns the largest gradient of the response B, per µm; for a Gaussian, the largest of 1000 samples.
+    /// Returns the largest gradient of B, per µm; for a Gaussian, the largest of 1000 samples.
     fn steepest(&self, half_saturation: Option<f64>) -> f64 {
         const SAMPLES: u32 = 1000;
         let response = |c: f64| half_saturation.map_or(1.0, |k| k / ((k + c) * (k + c)));
@@ -108,7 +106,7 @@ impl Attractant {
 }
 
 impl Chemotaxis {
-    /// Returns λ/λ₀ of a swimmer with this velocity, in µm/s.
+    /// Returns λ/λ₀ at this velocity, in µm/s.
     pub(crate) fn rate_factor(&self, (c, gradient): (f64, [f64; 3]), velocity: [f32; 3]) -> f64 {
         let rise = dot(gradient, velocity.map(f64::from));
         let change = match self.half_saturation {
@@ -120,7 +118,6 @@ impl Chemotaxis {
 }
 
 impl Model {
-    /// Returns the largest λ/λ₀ of a species at any position and direction.
     pub(crate) fn largest_rate_factor(&self, species: usize) -> f64 {
         let species = &self.species[species];
         let Some(Chemotaxis { attractant, sensitivity, half_saturation }) = species.chemotaxis else {

@@ -1,12 +1,9 @@
-//! Runs of one or two dimensions.
-
 use crate::model::boundary::Axis;
 use crate::model::receiver::ReceiverKind;
 use crate::model::transmitter::Shape;
 use crate::model::{Flow, Model};
 
 impl Model {
-    /// Returns the fault of a run of one or two dimensions that uses a feature of three.
     pub(crate) fn beyond_dimensions(&self) -> Option<String> {
         let dimensions = self.boundary.dimensions();
         if dimensions == 3 {

@@ -1,7 +1,5 @@
-//! A flow with velocities on a regular grid.
-//!
-//! Between grid points velocities are interpolated linearly along each axis. Outside, the velocity is that of the
-//! nearest point, so an axis with one point has the same flow everywhere.
+//! A flow with velocities on a regular grid. They are interpolated linearly along each axis. Outside the grid, the
+//! velocity is that of the nearest point.
 
 use std::fmt;
 
@@ -18,15 +16,15 @@ pub struct FlowField {
     checksum: u64,
     /// Largest absolute component along each axis, in µm/s.
     fastest: [f64; 3],
-    /// Largest change of a component between neighboring points, divided by their distance, in 1/s.
+    /// Largest change of a component per distance of neighboring points, in 1/s.
     steepest: f64,
 }
 
 impl FlowField {
     pub(crate) const BYTES_PER_POINT: u64 = 3 * size_of::<f32>() as u64;
 
-    /// Creates a field from the coordinates of the first point and the spacing of points along each axis, in µm, and
-    /// velocities in µm/s: three components per point, z fastest, x slowest.
+    /// Creates a field from the first point and the spacing in µm, and velocities in µm/s: three components per point,
+    /// z fastest, x slowest.
     ///
     /// # Errors
     /// [`Error::Model`] if the number of velocities, the spacing or a velocity is invalid.
@@ -83,7 +81,6 @@ impl FlowField {
         }
     }
 
-    /// Returns the checksum of the velocities and of the number of points along each axis.
     pub fn checksum(&self) -> u64 {
         self.checksum
     }
@@ -96,21 +93,19 @@ impl FlowField {
         self.steepest
     }
 
-    /// Returns the coordinates of the first and the last point along an axis, and the spacing, in µm; `None` for an
-    /// axis with one point.
+    /// Returns the first and the last point and the spacing, in µm; `None` for one point.
     pub(crate) fn extent(&self, axis: usize) -> Option<[f64; 3]> {
         let (first, spacing) = (self.origin[axis], self.spacing[axis]);
         let last = first + (self.points[axis] - 1) as f64 * spacing;
         (self.points[axis] > 1).then_some([first, last, spacing])
     }
 
-    /// Returns the first point and the spacing, in µm, and the number of points along each axis.
+    /// Returns the first point and the spacing, in µm, and the numbers of points.
     #[cfg(feature = "gpu")]
     pub(crate) fn grid(&self) -> ([[f64; 3]; 2], [usize; 3]) {
         ([self.origin, self.spacing], self.points)
     }
 
-    /// Returns the velocities of all points in µm/s, z fastest.
     #[cfg(feature = "gpu")]
     pub(crate) fn velocities(&self) -> &[[f32; 3]] {
         bytemuck::cast_slice(&self.velocities)
@@ -136,7 +131,7 @@ impl FlowField {
         sum
     }
 
-    /// Returns the index of the point before a coordinate, and the fraction of the distance to the next point.
+    /// Returns the index of the previous point, and the fraction of the way to the next.
     fn cell(&self, axis: usize, x: f32) -> (usize, f64) {
         let last = self.points[axis] - 1;
         let at = ((f64::from(x) - self.origin[axis]) / self.spacing[axis]).clamp(0.0, last as f64);

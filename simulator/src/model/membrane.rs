@@ -1,16 +1,16 @@
-//! Planar and spherical (`sphere.rs`) membranes with a permeability for diffusing particles.
+//! Planar and spherical (`sphere.rs`) membranes.
 //!
 //! The flux is κ times the difference of the concentrations on both sides. The distance |x| from the plane is a
-//! reflected Brownian motion. Each time its local time L has grown by D/(2κ) on average, the particle takes either side
-//! with equal probability (A. Lejay, *The snapping out Brownian motion*, The Annals of Applied Probability 26 (2016)
-//! 1727), so that it has changed sides with the probability
+//! reflected Brownian motion. Each time its local time L has grown by D/(2κ) on average, the particle takes either
+//! side with equal probability (A. Lejay, *The snapping out Brownian motion*, The Annals of Applied Probability 26
+//! (2016) 1727). It has then changed sides with the probability
 //!
 //! ```text
 //! ½(1 − exp(−2κL/D)),   L = max(0, −min over s ≤ t of X(s)),   |x(t)| = X(t) + L
 //! ```
 //!
-//! with the free path X. Between its ends X is a Brownian bridge, whose minimum has a closed form (`bridge.rs`), so
-//! that L, |x| and the side are exact for steps of any length that reach one membrane and no wall.
+//! with the free path X, a Brownian bridge whose minimum has a closed form (`bridge.rs`). L, |x| and the side are
+//! exact for steps of any length that reach one membrane and no wall.
 
 mod check;
 mod receiver;
@@ -21,14 +21,13 @@ use crate::model::boundary::{Axis, Boundary};
 use crate::random::bridge::lowest;
 use crate::random::philox::{DrawContext, Purpose, fine_unit};
 
-/// A surface that holds back diffusing particles.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Membrane {
     pub name: String,
     pub surface: MembraneSurface,
     /// Permeability κ, in µm/s.
     pub permeability: f64,
-    /// Flags by species: `true` if the membrane holds the species back.
+    /// `true` for the species that the membrane holds back.
     pub sees: Vec<bool>,
 }
 
@@ -51,18 +50,17 @@ impl Default for MembraneSurface {
     }
 }
 
-/// The end of a step in three forms.
+/// The end of a step, in µm.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StepEnds {
-    /// End without periodic images, in µm; see [`Path::end`](crate::motion::path_hit::Path::end).
+    /// Without periodic images; see [`Path::end`](crate::motion::path_hit::Path::end).
     pub(crate) end: [f32; 3],
-    /// End without periodic images and walls, in µm.
+    /// Without periodic images and walls.
     pub(crate) free: [f32; 3],
-    /// End within the boundary, in µm.
+    /// Within the boundary.
     pub(crate) after: [f32; 3],
 }
 
-/// A step of a species among membranes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct MembraneStep<'a> {
     pub(crate) membranes: &'a [Membrane],
@@ -75,14 +73,14 @@ pub(crate) struct MembraneStep<'a> {
     pub(crate) spread: f32,
 }
 
-/// The coordinate of a step's end along an axis, in µm: `free` without walls and periodic images, `confined` with them.
+/// A step's end along an axis, in µm: `free` without walls and images, `confined` with them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct HeldEnd {
     pub(crate) free: f32,
     pub(crate) confined: f32,
 }
 
-/// The interval between two membranes in which a particle stays. A membrane belongs to the side above it.
+/// The interval between two membranes. A membrane belongs to the side above it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Slab {
     low: f32,
@@ -90,7 +88,7 @@ struct Slab {
 }
 
 impl MembraneStep<'_> {
-    /// Replaces the ends of a step that begins at `before` by those that membranes allow.
+    /// Replaces the ends of a step by those that membranes allow.
     pub(crate) fn hold_back(&self, before: [f32; 3], ends: &mut StepEnds, who: DrawContext) {
         let words = |membrane: usize, event: u32| who.draw_part(membrane as u32, event, Purpose::Membrane);
         let around = self.sphere_end([before, ends.free], |membrane, event| words(membrane, event)[0]);
@@ -102,8 +100,7 @@ impl MembraneStep<'_> {
         for (axis, held) in (0..3).zip(held).filter_map(|(axis, held)| Some((axis, held?))) {
             (ends.end[axis], ends.free[axis], ends.after[axis]) = (held.free, held.free, held.confined);
         }
-        // Reflection at a plane, or rounding in a periodic box, may carry the end across a sphere; then the particle
-        // stays.
+        // Reflection or rounding may carry the end across a sphere. The particle then stays.
         if self.is_across_sphere([side, ends.after]) {
             *ends = StepEnds { end: before, free: before, after: before };
         }
@@ -144,7 +141,7 @@ impl MembraneStep<'_> {
         self.within(axis, other, at - sign * height)
     }
 
-    /// Returns the indices of the species' planar membranes across an axis, and the coordinates of their images.
+    /// Returns the indices of planar membranes, and the coordinates of their images.
     fn planes(&self, axis: usize) -> impl Iterator<Item = (usize, f32)> {
         let domain = self.domain.axes[axis];
         let own = move |(k, membrane): (usize, &Membrane)| match membrane.surface {
@@ -167,7 +164,6 @@ impl MembraneStep<'_> {
         }
     }
 
-    /// Returns `true` if a membrane separates two points.
     pub(crate) fn separates(&self, [a, b]: [[f32; 3]; 2]) -> bool {
         let way = self.domain.displacement(a, b);
         let is_across_plane = (0..3).any(|axis| {

@@ -1,9 +1,6 @@
-//! Messages: bits as symbols, symbols as bursts.
-
 use crate::model::time::step_of;
 use crate::random::philox::{Key, Purpose};
 
-/// A sequence of symbols that a transmitter sends.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Message {
     /// In s.
@@ -18,7 +15,7 @@ pub struct Message {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Symbols {
     Given(Vec<u32>),
-    /// Uniformly random, drawn with the seed of the run.
+    /// Uniformly random, by the seed of the run.
     Random {
         count: u32,
         /// Distinct symbols, a power of two.
@@ -50,7 +47,6 @@ pub enum Modulation {
 }
 
 impl Modulation {
-    /// Returns the number of distinct symbols for a burst of `entries` entries.
     pub fn alphabet(&self, entries: usize) -> usize {
         match self {
             Self::OnOff => 2,
@@ -59,7 +55,6 @@ impl Modulation {
         }
     }
 
-    /// Returns the species and numbers that a symbol releases, of the burst `release`.
     pub fn burst(&self, symbol: u32, release: &[(u32, u32)]) -> Vec<(u32, u32)> {
         match self {
             Self::OnOff => {
@@ -80,7 +75,6 @@ impl Modulation {
         }
     }
 
-    /// Returns the mean released fraction of each entry over equally likely symbols.
     pub(crate) fn mean(&self, entries: usize) -> f64 {
         match self {
             Self::OnOff => 0.5,
@@ -96,7 +90,7 @@ impl Message {
         self.start + f64::from(k) * self.symbol_time
     }
 
-    /// Returns the `k`-th symbol, from 0. `place` is the transmitter's index in the model.
+    /// Returns the `k`-th symbol, from 0, of the transmitter with index `place`.
     pub fn symbol(&self, k: u32, place: u32, key: Key) -> u32 {
         match &self.symbols {
             Symbols::Given(symbols) => symbols[k as usize],
@@ -106,7 +100,6 @@ impl Message {
         }
     }
 
-    /// Returns the fault of transmitter `name` if symbols are shorter than a step, so that slots are empty.
     pub(crate) fn faulty_symbol_time(&self, name: &str, time_step: f64) -> Option<String> {
         (self.symbol_time < time_step * (1.0 - 1e-9)).then(|| {
             format!(
@@ -117,12 +110,10 @@ impl Message {
         })
     }
 
-    /// Returns the indices of the symbols that are sent at the beginning of `step`.
     pub(crate) fn due(&self, step: u32, time_step: f64) -> std::ops::Range<u32> {
         self.sent_before(step, time_step)..self.sent_before(step.saturating_add(1), time_step)
     }
 
-    /// Returns the number of symbols that are sent before `step`.
     pub(crate) fn sent_before(&self, step: u32, time_step: f64) -> u32 {
         let is_sent = |k: u32| step_of(self.time_of(k), time_step).is_some_and(|own| own < step);
         let [mut low, mut high] = [0, self.symbols.len()];

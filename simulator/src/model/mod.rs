@@ -30,7 +30,7 @@ use crate::random::gaussian::{direction, normals};
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Model {
     pub time_step: f64,
-    /// Reactions, decays, transmitters, receivers and particles refer to a species by its index.
+    /// Other fields refer to a species by its index.
     pub species: Vec<Species>,
     pub attractants: Vec<Attractant>,
     pub reactions: Vec<Reaction>,
@@ -42,9 +42,7 @@ pub struct Model {
     pub flow: Option<Flow>,
     /// Begin and end of the flow, in s; `None` if it is always on.
     pub flow_pulse: Option<[f64; 2]>,
-    /// Treatment of overlapping particles that do not react.
     pub contact: Contact,
-    /// Records each arrival, with the transmitter that released the particle, if `true`.
     pub logs_arrivals: bool,
 }
 
@@ -61,7 +59,7 @@ pub struct Species {
     pub mass: f64,
     /// Standard deviation of each velocity component at release, in µm/s.
     pub thermal_speed: f64,
-    /// Run speed of a swimmer, in µm/s, along a line between tumbles and reflections.
+    /// Run speed of a swimmer, in µm/s.
     pub speed: f64,
     /// Rate at which a swimmer takes a random direction, in 1/s.
     pub tumble_rate: f64,
@@ -101,23 +99,21 @@ pub enum Flow {
     Field(Arc<FlowField>),
 }
 
-/// A bimolecular reaction of two particles within the binding radius.
+/// A reaction of two particles within the binding radius.
 ///
 /// Products take the ids of their reactants, in order. A reactant that is its own product keeps its position and may
-/// react with several partners in one step. The product of the other reactant then stays where its reactant was, or
-/// appears at the unbinding radius from that catalyst. Products of two consumed reactants appear where these meet.
+/// react with several partners in one step. The other product then stays where its reactant was, or appears at the
+/// unbinding radius from this catalyst. Products of two consumed reactants appear where these meet.
 ///
-/// Several reactions of the same reactants are channels: a pair undergoes at most one per step. Probabilities
-/// decide between those whose binding radius contains the pair.
+/// A pair undergoes at most one of its reactions per step. Probabilities decide between those whose binding radius
+/// contains the pair.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Reaction {
-    /// Such as `A + B -> C`.
     pub name: String,
-    /// Both may be the same species.
     pub reactants: [u32; 2],
     /// `None` removes the reactant.
     pub products: [Option<u32>; 2],
-    /// Largest center distance at which the pair can react, in µm.
+    /// Largest center distance of a reacting pair, in µm.
     pub binding_radius: f32,
     /// Distance of two products, in µm.
     pub unbinding_radius: f32,
@@ -125,13 +121,11 @@ pub struct Reaction {
 }
 
 impl Reaction {
-    /// Returns `true` if two products appear at the unbinding radius from each other.
     pub(crate) fn separates(&self) -> bool {
         self.unbinding_radius > 0.0 && self.products.iter().all(Option::is_some)
     }
 }
 
-/// The rate or probability at which a pair reacts within the binding radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ReactionRate {
     /// Probability per step.
@@ -148,10 +142,9 @@ impl Default for ReactionRate {
 
 /// A unimolecular reaction into up to two products.
 ///
-/// The first product takes the id, and a single product the position, of the reactant. A second product gets a new id.
+/// The first product takes the reactant's id, and a single product its position. A second product gets a new id.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Decay {
-    /// Such as `A -> B`.
     pub name: String,
     pub reactant: u32,
     /// A second product requires a first.
@@ -167,13 +160,12 @@ impl Decay {
     }
 }
 
-/// The distance of two products, which go in opposite random directions from the reactant, the faster one further.
+/// The distance of two products. They go in opposite random directions from the reactant, the faster one further.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unbinding {
     /// At this distance, in µm.
     Apart(f32),
-    /// Distance vector uniform in a ball of this radius, in µm: the inverse of a reaction that is equally likely
-    /// anywhere in the ball.
+    /// Uniform in a ball of this radius, in µm: the inverse of a reaction that is equally likely anywhere in the ball.
     Within(f32),
 }
 
@@ -197,7 +189,6 @@ pub enum Contact {
 }
 
 impl Contact {
-    /// Returns `true` if particles collide on their paths.
     pub(crate) fn collides(self) -> bool {
         matches!(self, Self::Separate | Self::Elastic)
     }
@@ -208,12 +199,12 @@ impl Model {
         self.species.iter().any(Species::has_velocity)
     }
 
-    /// Returns √(2DΔt), the standard deviation of a step along each axis, in µm.
+    /// Returns √(2DΔt) in µm.
     pub fn step_length(&self, species: u32) -> f64 {
         (2.0 * self.species[species as usize].diffusion * self.time_step).sqrt()
     }
 
-    /// Returns the fraction of an interval, in s, during which the flow is on.
+    /// Returns the fraction of an interval, in s, with flow.
     pub(crate) fn flow_part(&self, [begin, end]: [f64; 2]) -> f64 {
         let Some([from, until]) = self.flow_pulse else { return 1.0 };
         // An interval below the rounding of its ends has no length.
@@ -241,7 +232,6 @@ impl Model {
         }
     }
 
-    /// Returns the flow's velocities on a grid, if it has them.
     pub fn flow_field(&self) -> Option<&Arc<FlowField>> {
         match &self.flow {
             Some(Flow::Field(field)) => Some(field),
@@ -249,7 +239,6 @@ impl Model {
         }
     }
 
-    /// Draws the velocity of a new particle, in µm/s.
     pub(crate) fn own_velocity(&self, species: u32, words: [u32; 4]) -> [f32; 3] {
         let Species { speed, thermal_speed, .. } = self.species[species as usize];
         match speed > 0.0 {
@@ -258,10 +247,8 @@ impl Model {
         }
     }
 
-    /// Returns the velocity of a particle that changes from one species to another.
-    ///
-    /// Between two speeds of swimmers, or two thermal speeds, the direction is kept and the velocity scaled. Otherwise
-    /// the velocity is redrawn; it is 0 for a species without any.
+    /// Scales the velocity between two speeds of swimmers, or two thermal speeds. Otherwise redraws it, or returns 0
+    /// for a species without any.
     pub(crate) fn converted_velocity(
         &self,
         velocity: [f32; 3],
@@ -284,20 +271,17 @@ impl Model {
         self.decays.iter().any(|decay| decay.reactant == species && decay.splits())
     }
 
-    /// Returns `true` if a decay forms a species that dissociates.
     pub(crate) fn forms_dissociating(&self) -> bool {
         let alone = self.decays.iter().filter(|decay| !self.dissociates(decay.reactant));
         alone.filter_map(|decay| decay.products[0]).any(|product| self.dissociates(product))
     }
 
-    /// Returns the fraction of a displacement of two species that the first one makes, in proportion to their
-    /// diffusion.
+    /// Returns the first species' share of a displacement, in proportion to diffusion.
     pub(crate) fn share(&self, [a, b]: [u32; 2]) -> f32 {
         let [a, b] = [a, b].map(|species| self.species[species as usize].diffusion);
         if a + b > 0.0 { (a / (a + b)) as f32 } else { 0.5 }
     }
 
-    /// Returns the boundaries of centers, by species.
     pub(crate) fn center_domains(&self) -> Vec<Boundary> {
         self.species.iter().map(|species| self.boundary.inset(species.radius)).collect()
     }

@@ -1,5 +1,3 @@
-//! Particles as columns.
-
 use std::ops::Range;
 
 use lazygrid::Spheres;
@@ -8,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::Error;
 use crate::memory::check_available;
 
-/// One column per quantity.
+/// Particles as columns.
 ///
 /// An id names a particle as long as it exists. Its index changes when particles are removed.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -45,11 +43,9 @@ impl Particles {
         !self.is_empty() && self.velocity[0].len() == self.len()
     }
 
-    /// Reserves memory for `count` more particles.
-    ///
     /// # Errors
-    /// [`Error::OutOfMemory`] if the memory is refused, and [`Error::TooLittleMemory`] for more memory than is available,
-    /// which the system may grant and then end the process that writes it.
+    /// [`Error::OutOfMemory`] if the system refuses, and [`Error::TooLittleMemory`] for more than is available, which
+    /// the system may grant and then end the process.
     pub fn reserve(&mut self, count: u64, with_velocity: bool) -> Result<(), Error> {
         let particles = self.len() as u64 + count;
         let columns = if with_velocity { 9 } else { 6 };
@@ -79,8 +75,6 @@ impl Particles {
         self.id.push(particle.id);
     }
 
-    /// Returns a copy.
-    ///
     /// # Errors
     /// As [`reserve`](Self::reserve).
     pub fn try_clone(&self) -> Result<Self, Error> {
@@ -165,7 +159,7 @@ impl Particles {
         self.id.truncate(count);
     }
 
-    /// Returns the particles in another order: index `k` has the particle at `order[k]`.
+    /// Returns the particles with `order[k]` at index `k`.
     pub fn permuted(&self, order: &[u32]) -> Self {
         let mut permuted = Self::default();
         for &at in order {
@@ -174,15 +168,12 @@ impl Particles {
         permuted
     }
 
-    /// Returns the indices in ascending order of ids.
     pub fn by_id(&self) -> Vec<u32> {
         let mut order: Vec<u32> = (0..self.len() as u32).collect();
         order.sort_unstable_by_key(|&at| self.id[at as usize]);
         order
     }
 
-    /// Returns the particles for the detector.
-    ///
     /// # Errors
     /// [`Error::Detection`] if columns differ in length.
     pub fn spheres(&self) -> Result<Spheres<'_>, Error> {

@@ -1,22 +1,21 @@
 //! Rates as probabilities per step.
 //!
-//! Among events at the rates λ₁, λ₂, … with the sum R, one happens within Δt with the probability 1 − exp(−RΔt). Each has
-//! the probability λ·g with g = (1 − exp(−RΔt))/R.
+//! Among events at the rates λ₁, λ₂, … with the sum R, one happens within Δt with the probability 1 − exp(−RΔt). Each
+//! has the probability λ·g with g = (1 − exp(−RΔt))/R.
 //!
-//! If a reaction joins particles anywhere in a ball, and a decay places its products anywhere in the same ball, the
-//! reaction uses the decay's g: the probabilities then have the ratio of the rates, and the equilibrium is independent
-//! of Δt.
+//! If a reaction joins particles anywhere in a ball, and a decay places its products anywhere in it, the reaction uses
+//! the decay's g. The probabilities then have the ratio of the rates, and the equilibrium is independent of Δt.
 
 use std::collections::HashSet;
 
 use crate::model::{Decay, Model, Reaction, ReactionRate, Unbinding};
 
-/// The reactions of two species at center distances between the radius of the next inner shell and its own.
+/// Reactions of two species between the radius of the next inner shell and its own.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct ProbabilityShell {
     /// In µm.
     pub(crate) radius: f32,
-    /// Reactions, as indices in the model, and their probabilities.
+    /// Indices of the reactions, and their probabilities.
     pub(crate) channels: Vec<(usize, f64)>,
 }
 
@@ -24,14 +23,12 @@ pub(crate) struct ProbabilityShell {
 pub(crate) struct ReactionProbabilities<'a>(pub(crate) &'a Model);
 
 impl ReactionProbabilities<'_> {
-    /// Returns the pairs of species that react, each once, in the order of the reactions.
     pub(crate) fn pairs(self) -> impl Iterator<Item = [u32; 2]> {
         let mut seen = HashSet::new();
         let reactants = self.0.reactions.iter().map(|reaction| reaction.reactants);
         reactants.filter(move |&[a, b]| seen.insert([a.min(b), a.max(b)]))
     }
 
-    /// Returns the shells of two species, innermost first.
     pub(crate) fn shells(self, pair: [u32; 2]) -> Vec<ProbabilityShell> {
         let with_back = |(place, reaction)| (place, reaction, self.inverse_rate(reaction));
         let channels: Vec<_> = channels(self.0, pair).map(with_back).collect();
@@ -52,20 +49,16 @@ impl ReactionProbabilities<'_> {
         radii.into_iter().map(shell).collect()
     }
 
-    /// Returns the decays of a species, as indices in the model, and their probabilities per step.
     pub(crate) fn decays(self, species: u32) -> Vec<(usize, f64)> {
         let own = self.0.decays.iter().enumerate().filter(|(_, decay)| decay.reactant == species);
         let factor = factor(self.decay_rate(species), self.0.time_step);
         own.map(|(place, decay)| (place, decay.rate * factor)).collect()
     }
 
-    /// Returns the rate of all decays of a species, in 1/s.
     pub(crate) fn decay_rate(self, species: u32) -> f64 {
         self.0.decays.iter().filter(|decay| decay.reactant == species).map(|decay| decay.rate).sum()
     }
 
-    /// Returns the rate of all decays of the species whose decay undoes a reaction anywhere within its binding radius, in
-    /// 1/s.
     fn inverse_rate(self, reaction: &Reaction) -> Option<f64> {
         let back = Unbinding::Within(reaction.binding_radius);
         let mut decays = self.0.decays.iter();
@@ -90,7 +83,6 @@ fn channels(model: &Model, [a, b]: [u32; 2]) -> impl Iterator<Item = (usize, &Re
     model.reactions.iter().enumerate().filter(move |(_, reaction)| own(reaction))
 }
 
-/// Returns `true` if a decay into two products is the inverse of a reaction.
 pub(crate) fn undoes(decay: &Decay, reaction: &Reaction) -> bool {
     let single = match reaction.products {
         [Some(product), None] | [None, Some(product)] => product == decay.reactant,

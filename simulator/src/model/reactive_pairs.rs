@@ -1,10 +1,9 @@
 use crate::model::Model;
 
-/// Pairs of species that react with each other. They overlap in order to react, so they are neither separated nor
-/// collide on their paths.
+/// Pairs of species that react. They must overlap, so they are neither separated nor collide on their paths.
 #[derive(Clone, Debug)]
 pub(crate) struct ReactivePairs {
-    /// Index of each species' first partner, then the number of all partners.
+    /// Index of each species' first partner, then the number of partners.
     first: Vec<usize>,
     partners: Vec<u32>,
 }

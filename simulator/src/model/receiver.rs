@@ -1,5 +1,3 @@
-//! Spheres that count, absorb, bind or reflect particles.
-
 use lazygrid::{Algorithm, Backend, Config, Detector, Interactions, Order, Spheres};
 
 use crate::Error;
@@ -15,7 +13,7 @@ pub struct Receiver {
     pub center: [f32; 3],
     pub radius: f32,
     pub kind: ReceiverKind,
-    /// Flags by species: `true` if the receiver acts on it.
+    /// `true` for the species that the receiver acts on.
     pub sees: Vec<bool>,
     /// In µm/s.
     pub velocity: [f64; 3],
@@ -56,14 +54,13 @@ pub enum WallFace {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Adsorption {
-    /// Probability per particle and step in which it reaches the surface; the rate depends on the time step.
+    /// Probability at the surface per particle and step; the rate depends on the time step.
     PerStep(f64),
     /// Reactivity κ, in µm/s: the flux is κ times the local concentration.
     Reactivity(f64),
 }
 
 impl ReceiverKind {
-    /// Returns `true` if the surface reflects particles that do not adsorb or bind.
     pub fn reflects(&self) -> bool {
         matches!(self, Self::Reflecting | Self::Partial(_) | Self::Receptors(_))
     }
@@ -72,7 +69,6 @@ impl ReceiverKind {
         !matches!(self, Self::Transparent | Self::Wall(_))
     }
 
-    /// Returns `true` if the receiver removes particles; each removal is an arrival.
     pub fn absorbs(&self) -> bool {
         matches!(self, Self::Absorbing | Self::Endpoint | Self::Partial(_) | Self::Wall(_))
     }
@@ -88,7 +84,7 @@ impl Receiver {
         self.sees[species] && counts
     }
 
-    /// Returns `true` if the receiver counts the particles that are inside or bound now, not arrivals.
+    /// Returns `true` if the receiver counts particles inside or bound now, not arrivals.
     pub fn is_momentary(&self) -> bool {
         matches!(self.kind, ReceiverKind::Transparent | ReceiverKind::Receptors(_))
     }
@@ -106,7 +102,7 @@ impl Receiver {
         self.velocity != [0.0; 3] || self.diffusion > 0.0
     }
 
-    /// Returns the number of particles that it acts on within its radius of `center`, by species.
+    /// Returns counts within the radius of `center`, by species; 0 for those that `sees` excludes.
     pub fn inside(&self, center: [f32; 3], boundary: &Boundary, particles: &Particles) -> Vec<u64> {
         let mut counts = vec![0; self.sees.len()];
         for at in (0..particles.len()).filter(|&at| self.has_inside(center, boundary, particles, at)) {
@@ -126,7 +122,6 @@ impl Receiver {
 const MAX_TESTED: usize = 1;
 const CHUNK: usize = 1 << 16;
 
-/// Returns the number of particles inside each transparent receiver, by receiver and species.
 pub(crate) fn all_inside(
     receivers: &[Receiver],
     centers: &[[f32; 3]],
@@ -140,7 +135,6 @@ pub(crate) fn all_inside(
     counts
 }
 
-/// Returns the pairs of a transparent receiver and a particle inside it, as indices.
 pub(crate) fn inside_of(
     receivers: &[Receiver],
     centers: &[[f32; 3]],
@@ -169,7 +163,7 @@ fn found_inside(
     particles: &Particles,
 ) -> Result<Vec<(u32, u32)>, Error> {
     let mut inside = Vec::new();
-    // Radii include the rounding error, so the search misses nothing; `has_inside` is exact.
+    // Grown by the rounding error, so that the search misses nothing.
     let grown = |&k: &usize| {
         let radius = receivers[k].radius;
         lazygrid::Sphere::new(centers[k], radius + rounding(centers[k], 2.0 * radius))
@@ -190,12 +184,11 @@ fn found_inside(
     Ok(inside)
 }
 
-/// Creates a detector on the CPU, with pairs in any order.
+/// Creates a CPU detector with pairs in any order.
 pub(crate) fn finder(boundary: &Boundary) -> Result<Detector, Error> {
     finder_with(boundary, None)
 }
 
-/// Creates a detector as [`finder`] does, for spheres with species if there are interactions.
 pub(crate) fn finder_with(
     boundary: &Boundary,
     interactions: Option<Interactions>,
@@ -204,13 +197,13 @@ pub(crate) fn finder_with(
     Ok(Detector::new(config.space(boundary.space()?).interactions(interactions))?)
 }
 
-/// Returns a bound of the rounding error of distances up to `distance` from a point, in µm.
+/// Bounds the rounding error of distances up to `distance` from a point, in µm.
 #[inline(always)]
 pub(crate) fn rounding(point: [f32; 3], distance: f32) -> f32 {
     4e-6 * (point[0].abs() + point[1].abs() + point[2].abs() + distance)
 }
 
-/// Returns the distance of a point from a sphere's surface, in µm, negative inside.
+/// Returns the distance from a sphere's surface, in µm, negative inside.
 #[inline(always)]
 pub fn signed_distance(radius: f32, center: [f32; 3], boundary: &Boundary, point: [f32; 3]) -> f32 {
     let [x, y, z] = boundary.displacement(center, point);

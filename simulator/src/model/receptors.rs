@@ -1,12 +1,10 @@
-//! Receptors on the surface of a receiver, without positions.
-
 use crate::model::Model;
 use crate::model::receiver::{Receiver, ReceiverKind};
 
-/// Identical receptors, for which ligands compete.
+/// Identical receptors without positions, for which ligands compete.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReceptorType {
-    /// Number of receptors, each of which binds one particle.
+    /// Each receptor binds one particle.
     pub count: u32,
     pub ligands: Vec<Ligand>,
 }
@@ -21,7 +19,6 @@ pub struct Ligand {
 }
 
 impl ReceptorType {
-    /// Creates receptors that bind several species at the same rates.
     pub fn new(
         count: u32,
         binding_rate: f64,
@@ -32,14 +29,12 @@ impl ReceptorType {
         Self { count, ligands: species.into_iter().map(ligand).collect() }
     }
 
-    /// Returns the rates of a species; `None` if it does not bind.
     pub fn ligand(&self, species: u32) -> Option<&Ligand> {
         self.ligands.iter().find(|ligand| ligand.species == species)
     }
 }
 
 impl Receiver {
-    /// Returns the receptor types; empty for other kinds of receivers.
     pub fn receptor_types(&self) -> &[ReceptorType] {
         match &self.kind {
             ReceiverKind::Receptors(types) => types,
@@ -57,7 +52,7 @@ impl Model {
         self.receivers.iter().flat_map(Receiver::receptor_types)
     }
 
-    /// Returns the index of each receiver's first receptor type, and the number of types.
+    /// Returns each receiver's first receptor type, then the number of types.
     pub(crate) fn first_receptor_types(&self) -> Vec<u32> {
         let mut next = 0;
         let first = self.receivers.iter().map(|receiver| {

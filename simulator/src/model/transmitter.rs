@@ -1,5 +1,3 @@
-//! Sources of particles.
-
 use crate::model::boundary::Boundary;
 use crate::model::message::Message;
 use crate::model::time::step_of;
@@ -10,9 +8,8 @@ use crate::random::philox::{Key, open_unit};
 pub struct Transmitter {
     pub name: String,
     pub center: [f32; 3],
-    /// Index of a moving receiver at whose center the transmitter stays.
+    /// Index of a moving receiver whose center the transmitter follows.
     pub carrier: Option<u32>,
-    /// Distribution around the center.
     pub shape: Shape,
     pub schedule: Schedule,
     /// Species and number per burst.
@@ -22,8 +19,7 @@ pub struct Transmitter {
 
 #[derive(Clone, Debug, PartialEq)]
 pub enum Schedule {
-    /// A burst at each of these ascending times, in s. It appears at the beginning of the first step that begins at its
-    /// time or later.
+    /// A burst at each of these ascending times, in s, in the first step that begins then or later.
     Times(Vec<f64>),
     /// A burst for each symbol.
     Message(Message),
@@ -66,13 +62,13 @@ pub enum Shape {
     /// Uniform in a cylinder: axis, radius, length; a disk if the length is 0.
     Cylinder(usize, f32, f32),
     /// Lattice in a box: sides, and sites per axis, filled x fastest. Each burst begins at the first site. Steady
-    /// release continues from site to site, or takes a random site for each particle of a Poisson process.
+    /// release continues from site to site, or takes random sites if it is a Poisson process.
     Lattice([f32; 3], [u32; 3]),
 }
 
 impl Transmitter {
-    /// Returns the bursts at the beginning of `step`, as species and numbers. `place` is the transmitter's index in
-    /// the model, which selects random symbols.
+    /// Returns the species and numbers of each burst at the beginning of `step`. The transmitter's index `place`
+    /// selects random symbols.
     pub fn bursts(&self, place: u32, step: u32, time_step: f64, key: Key) -> Vec<Vec<(u32, u32)>> {
         match &self.schedule {
             Schedule::Times(times) => vec![self.release.clone(); due(times, step, time_step).len()],
@@ -84,7 +80,7 @@ impl Transmitter {
         }
     }
 
-    /// Returns the number of entries of all bursts but the first, in the step with the most bursts.
+    /// Counts the entries of all bursts but the first, in the step with the most bursts.
     pub(crate) fn repeated_entries(&self, time_step: f64) -> u64 {
         let Schedule::Times(times) = &self.schedule else { return 0 };
         let steps = times.chunk_by(|&a, &b| step_of(a, time_step) == step_of(b, time_step));
@@ -93,7 +89,6 @@ impl Transmitter {
         (most.saturating_sub(1) as u64).saturating_mul(self.release.len() as u64)
     }
 
-    /// Returns the species of the schedule's releases.
     pub fn species(&self) -> impl Iterator<Item = u32> {
         let steady = match &self.schedule {
             Schedule::Steady { rates, .. } => rates.as_slice(),
@@ -102,7 +97,6 @@ impl Transmitter {
         self.release.iter().map(|&(species, _)| species).chain(steady.iter().map(|&(species, _)| species))
     }
 
-    /// Returns the mean number of particles released in steps `begin..end`, by species.
     pub fn mean_between(&self, [begin, end]: [u32; 2], time_step: f64) -> Vec<(u32, f64)> {
         let scaled = |by: f64| self.release.iter().map(move |&(species, n)| (species, by * f64::from(n)));
         match &self.schedule {
@@ -124,8 +118,7 @@ impl Transmitter {
         }
     }
 
-    /// Returns the first release time, in s, that a run of `steps` steps does not reach, and the number of bursts that
-    /// it misses, which is `None` for steady release.
+    /// Returns the first missed release time, in s, and the number of missed bursts; `None` for steady release.
     pub fn after(&self, steps: u32, time_step: f64) -> Option<(f64, Option<usize>)> {
         let is_late = |time: f64| step_of(time, time_step).is_none_or(|step| step >= steps);
         match &self.schedule {
@@ -149,14 +142,13 @@ fn due(times: &[f64], step: u32, time_step: f64) -> &[f64] {
 }
 
 impl Shape {
-    /// Returns a uniformly distributed site of a lattice, and 0 for other shapes.
     pub(crate) fn random_site(self, word: u32) -> u32 {
         let Self::Lattice(_, sites) = self else { return 0 };
         let count: u128 = sites.map(u128::from).into_iter().product();
         ((u128::from(word) * count) >> 32).min(u32::MAX.into()) as u32
     }
 
-    /// Returns an offset from the center, in µm, drawn by `words`; for a lattice, the offset of site `place`.
+    /// Returns an offset, in µm, drawn by `words`; for a lattice, that of site `place`.
     pub(crate) fn offset(self, words: [u32; 4], place: u32, boundary: &Boundary) -> [f32; 3] {
         match self {
             Self::Point => [0.0; 3],

@@ -50,8 +50,6 @@ impl Model {
         Ok(())
     }
 
-    /// Checks that the model can be run.
-    ///
     /// # Errors
     /// [`Error::Model`] with the first fault.
     pub fn check(&self) -> Result<(), Error> {
@@ -118,7 +116,7 @@ impl Model {
         ))
     }
 
-    /// Returns the boundary of a receiver's center, or of a point if the receiver does not fit.
+    /// Returns the boundary of the center, or of a point if the receiver does not fit.
     pub(crate) fn domain_of(&self, receiver: &Receiver) -> Boundary {
         match self.boundary.too_narrow(receiver.radius) {
             None => self.boundary.inset(receiver.radius),
@@ -126,7 +124,6 @@ impl Model {
         }
     }
 
-    /// Returns the fault of a moving sphere that overlaps a wall, which would displace it in the first step.
     pub(crate) fn overlaps_wall(&self, receiver: &Receiver) -> Option<String> {
         let is_beyond = !self.domain_of(receiver).is_inside_walls(receiver.center);
         (receiver.moves() && is_beyond).then(|| {
@@ -138,8 +135,7 @@ impl Model {
         })
     }
 
-    /// Returns the fault of an absorbing wall that does not exist, or that particles with collisions would meet: walls
-    /// see only the ends of paths.
+    /// Colliding particles cannot meet absorbing walls, which see only the ends of paths.
     pub(crate) fn missing_wall(&self, name: &str, face: WallFace) -> Option<String> {
         if self.contact.collides() {
             return Some(format!(
@@ -318,7 +314,7 @@ impl Model {
         Ok(())
     }
 
-    /// Refuses bursts at many times of one step: each costs memory even if it releases no particle.
+    /// Refuses bursts at many times of one step: each costs memory even without particles.
     fn check_repeated_bursts(&self) -> Result<(), Error> {
         let mut entries: u64 = 0;
         for transmitter in &self.transmitters {

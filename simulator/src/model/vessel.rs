@@ -1,14 +1,12 @@
-//! A round vessel: a cylinder or a sphere.
-//!
-//! Its wall reflects paths as in a billiard, which conserves volumes, so a uniform density stays uniform at any step
-//! length.
+//! A round vessel. Its wall reflects paths as in a billiard, which conserves volumes, so a uniform density stays
+//! uniform at any step length.
 
-/// A cylinder along an axis, which the boundary of that axis may limit, or a sphere.
+/// A cylinder, which the boundary of its axis may limit, or a sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vessel {
     /// Axis of a cylinder: 0, 1 or 2. `None` is a sphere.
     pub along: Option<usize>,
-    /// A point on the middle line of a cylinder, or the center of a sphere, in µm.
+    /// A point on the middle line, or the center of a sphere, in µm.
     pub center: [f32; 3],
     /// In µm.
     pub radius: f32,
@@ -18,7 +16,6 @@ pub struct Vessel {
 const BOUNCES: usize = 64;
 
 impl Vessel {
-    /// Returns the vessel of the centers of spheres of this radius.
     #[inline(always)]
     pub fn inset(self, radius: f32) -> Self {
         Self { radius: self.radius - radius, ..self }
@@ -33,7 +30,7 @@ impl Vessel {
         v
     }
 
-    /// Returns the vector to a point from the middle line or center, in µm.
+    /// Returns the vector from the middle line or center, in µm.
     pub(crate) fn offset(&self, p: [f64; 3]) -> [f64; 3] {
         self.across(std::array::from_fn(|k| p[k] - f64::from(self.center[k])))
     }
@@ -74,7 +71,7 @@ impl Vessel {
         }
     }
 
-    /// Returns the end of a path with reflections, which also reflect `velocity`.
+    /// Returns the end of a reflected path, and reflects `velocity`.
     pub fn reflect(&self, from: [f32; 3], mut to: [f32; 3], velocity: &mut [f32; 3]) -> [f32; 3] {
         let radius = f64::from(self.radius);
         if self.distance(to) <= radius {
@@ -92,8 +89,8 @@ impl Vessel {
         to
     }
 
-    /// Returns the offset at the end of a path. At each reflection, calls `turn` with the offset, the normal and the
-    /// fraction of the remaining path that led to it.
+    /// Returns the offset at the end. At each reflection, calls `turn` with the offset, the normal and the fraction of
+    /// the remaining path.
     #[inline(always)]
     fn follow(
         &self,
@@ -117,8 +114,7 @@ impl Vessel {
         at
     }
 
-    /// Returns the corners of a path with reflections, from its beginning to its end, each with its fraction of the
-    /// path.
+    /// Returns the corners and ends of a reflected path, each with its fraction of the path.
     pub(crate) fn corners(&self, from: [f32; 3], to: [f32; 3]) -> Vec<(f64, [f64; 3])> {
         let begin = from.map(f64::from);
         let whole: [f64; 3] = std::array::from_fn(|k| f64::from(to[k]) - begin[k]);

@@ -1,32 +1,31 @@
-//! Adsorption at a surface of given reactivity, and desorption, for a time step of any length.
+//! Adsorption at a surface of given reactivity, and desorption.
 //!
 //! A surface of reactivity κ adsorbs κ times the local concentration, per area and time. S. S. Andrews (*Accurate
 //! particle-based simulation of adsorption, desorption and partial transmission*, Physical Biology 6 (2009) 046015)
-//! fits a probability for particles observed at the ends of steps. Here the path decides
-//! ([`path_hit`](crate::motion::path_hit)), and the probability has a closed form.
+//! fits a probability for the ends of steps. For paths it has a closed form.
 //!
 //! *On a plane*, the density of particles that are not adsorbed is known (Carslaw and Jaeger, *Conduction of Heat in
-//! Solids*, section 14.2). Divided by the density before a reflecting wall, it gives the adsorption probability of a
-//! particle that reaches the surface between the heights `a` and ±`b`:
+//! Solids*, section 14.2). Divided by that before a reflecting wall, it gives the adsorption probability of a particle
+//! that reaches the surface between the heights `a` and ±`b`:
 //!
 //! ```text
 //! √π·X·erfcx(X + y),   X = κ√(Δt/D),   y = (a + b)/√(4DΔt),   erfcx(x) = exp(x²)·erfc(x)
 //! ```
 //!
-//! *On a sphere* of radius R, r times the density obeys the equation of the half line r ≥ R, with κ + D/R for κ. `X` in
-//! the argument of erfcx becomes X + √(DΔt)/R; the factor stays. The free density is that of the half line with an
-//! image at −r, so a path between the distances r₀ and r₁ is adsorbed with the probability
+//! *On a sphere* of radius R, r times the density obeys the equation of the half line r ≥ R, with κ + D/R for κ. In the
+//! argument of erfcx, `X` becomes X + √(DΔt)/R. The free density is that of the half line with an image at −r, so a
+//! path between the distances r₀ and r₁ is adsorbed with the probability
 //!
 //! ```text
 //! (w·s(a + |b|) − exp(−r₀r₁/DΔt)·s(r₀ + r₁)) / (1 − exp(−r₀r₁/DΔt)),   w = exp(−ab/DΔt) for b > 0, else 1
 //! ```
 //!
-//! with s for the expression above. From a height, this gives the adsorbed fraction of Collins and Kimball
-//! (*Diffusion-controlled reaction rates*, Journal of Colloid Science 4 (1949) 425), also for large steps or κ.
+//! with s for the expression above. This gives the adsorbed fraction of Collins and Kimball (*Diffusion-controlled
+//! reaction rates*, Journal of Colloid Science 4 (1949) 425).
 //!
 //! *Desorption* follows from detailed balance: in equilibrium, as many particles desorb to each height as adsorb from
-//! it. This gives the heights, and with the total adsorbed from a uniform concentration ([`Step::volume`]) the
-//! desorption probability. The equilibrium constant is that of the rates at any time step.
+//! it. The total adsorbed from a uniform concentration ([`Step::volume`]) gives the probability. The equilibrium
+//! constant is that of the rates at any time step.
 
 use std::f64::consts::PI;
 
@@ -38,10 +37,9 @@ pub(crate) fn reactivity(binding_rate: f64, free: u32, radius: f64) -> f64 {
     binding_rate * f64::from(free) / (4.0 * PI * radius * radius)
 }
 
-/// A step at a sphere of given reactivity.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
-    /// √(DΔt), in µm.
+    /// √(DΔt).
     length: f64,
     /// In µm.
     radius: f64,
@@ -52,21 +50,19 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// `radius` is in µm, `reactivity` in µm/s. `diffusion` is DΔt in µm², with D the sum of the coefficients of
-    /// particle and sphere.
+    /// `diffusion` is DΔt, with D the sum of both coefficients.
     pub(crate) fn new(diffusion: f64, time_step: f64, (radius, reactivity): (f64, f64)) -> Self {
         let length = diffusion.sqrt();
         let own = reactivity * time_step / length;
         Self { length, radius, own, all: own + length / radius }
     }
 
-    /// Returns the expression s of the module's documentation, for a sum of two distances in µm.
+    /// Returns s of the module's documentation.
     fn on_plane(&self, distances: f64) -> f64 {
         (ROOT_PI * self.own * erfcx(self.all + distances / (2.0 * self.length))).min(1.0)
     }
 
-    /// Returns the adsorption probability of a path that reaches the surface, with the height `a` before and `b` after
-    /// the step, in µm, negative inside.
+    /// Returns the adsorption probability of a path that reaches the surface. Heights are negative inside.
     pub(crate) fn sticking(&self, [a, b]: [f64; 2]) -> f64 {
         let [from, to] = [self.radius + a, self.radius + b];
         let crossed = if b > 0.0 { a * b } else { 0.0 };
@@ -80,7 +76,7 @@ impl Step {
         erfcx(y) - erfcx(self.all + y)
     }
 
-    /// Returns the volume, in µm³, whose particles a step adsorbs from a uniform concentration: κ·4πR²Δt if κ is small.
+    /// Returns the volume whose particles a step adsorbs from a uniform concentration: κ·4πR²Δt if κ is small.
     pub(crate) fn volume(&self) -> f64 {
         let x = self.all;
         // The mean of erfcx(x√t) over t in [0, 1], without cancellation.
@@ -101,8 +97,7 @@ impl Step {
         }
     }
 
-    /// Draws the height after desorption, in µm, with the distribution of the heights from which a uniform
-    /// concentration adsorbs.
+    /// Draws a height after desorption, distributed as the heights before adsorption.
     pub(crate) fn height_after(&self, draws: &mut Draws) -> f64 {
         let scale = 2.0 * self.length;
         let most = self.taken_from(0.0) * (1.0 + FAR * scale / self.radius);
@@ -152,7 +147,6 @@ mod tests {
         CASES.into_iter().map(|(diffusion, radius, kappa)| Step::new(diffusion, 0.1, (radius, kappa)))
     }
 
-    /// Paths from height a end at ±b with the density of diffusion.
     #[test]
     fn adsorbed_fractions_match_collins_and_kimball() {
         for step in steps() {

@@ -27,20 +27,17 @@ pub struct Bound {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct UnboundParticle {
-    /// Index among the bound particles.
     at: usize,
     /// Height above the receiver, in µm.
     height: f32,
 }
 
-/// Returns the number of free receptors of each type.
 pub(crate) fn free(model: &Model, occupied: &[u64]) -> Vec<u32> {
     let one =
         |(kind, &held): (&ReceptorType, &u64)| kind.count.saturating_sub(held.try_into().unwrap_or(u32::MAX));
     model.receptor_types().zip(occupied).map(one).collect()
 }
 
-/// Draws the particles that unbind in a step.
 pub(crate) fn leaving(
     model: &Model,
     bound: &[Bound],
@@ -70,7 +67,7 @@ pub(crate) fn leaving(
     bound.iter().enumerate().filter_map(leaves).collect()
 }
 
-/// Returns the position of a particle after unbinding; `None` if walls leave no space, or if it is across a membrane.
+/// Returns the position after unbinding, unless it is across a membrane or walls leave no space.
 pub(crate) fn place_of(
     model: &Model,
     held: &Bound,
@@ -114,13 +111,11 @@ impl BindingRequest {
         self.id
     }
 
-    /// Returns the index of the receptor type among those of all receivers.
     pub(crate) fn receptor(self) -> usize {
         self.receptor as usize
     }
 }
 
-/// Returns the requests for receptors among events. `id` returns the id of a particle by its index.
 pub(crate) fn requests(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<BindingRequest> {
     let request = |event: &Event| match *event {
         Event::Bound { at, receptor, rank, .. } => Some(BindingRequest { receptor, rank, id: id(at) }),
@@ -129,8 +124,7 @@ pub(crate) fn requests(events: &[Event], id: impl Fn(u32) -> u32) -> Vec<Binding
     events.iter().filter_map(request).collect()
 }
 
-/// Returns the ids of the particles that find no free receptor, in ascending order. They are those with the highest
-/// ranks of a type, and of equal ranks those with the highest ids.
+/// Returns the ids without a free receptor, in ascending order. Receptors go to the lowest ranks, then ids.
 pub(crate) fn rejected(mut requests: Vec<BindingRequest>, free: &[u32]) -> Vec<u32> {
     requests.sort_unstable();
     let of_one = requests.chunk_by(|a, b| a.receptor == b.receptor);

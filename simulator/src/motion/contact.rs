@@ -1,10 +1,9 @@
 //! Separation of particles that overlap at the end of a step.
 //!
-//! `collisions/` prevents overlaps on paths. Overlaps remain after releases and reactions, and at bodies that reflect
-//! paths. Species that react with each other are not separated: a reaction may need them closer than contact.
+//! Species that react with each other are not separated: a reaction may need them closer than contact.
 //!
-//! In each of four passes, a particle moves by the mean of the displacements that would separate its overlaps.
-//! Sums are integers, so the order of overlaps has no effect. A particle that would enter a body stays where it is.
+//! In each of four passes, a particle moves by the mean of the displacements that would separate its overlaps, unless
+//! it would enter a body. Sums are integers, so the order of overlaps has no effect.
 //!
 //! Overlaps below the rounding error of an `f32` distance remain and are not counted.
 
@@ -64,7 +63,6 @@ impl Contacts {
         self.separates
     }
 
-    /// Moves the bodies to the `centers` of all receivers.
     pub(crate) fn set_centers(&mut self, centers: &[[f32; 3]]) {
         self.bodies.set_centers(centers);
     }
@@ -124,7 +122,6 @@ impl Contacts {
         shifts.iter().for_each(|shift| particles.set_position(shift.at, shift.to));
     }
 
-    /// Returns the displacements that separate a pair; `None` if it does not overlap.
     fn push(&self, particles: &Particles, pair: Pair, now: StepKey) -> Option<[Push; 2]> {
         let [mut a, mut b] = [pair.i, pair.j];
         if particles.id[a as usize] > particles.id[b as usize] {

@@ -1,4 +1,4 @@
-//! Motion of particles and receivers, and contacts with walls, surfaces and each other.
+//! Motion of particles and receivers, and their contacts.
 
 pub mod binding;
 pub mod contact;

@@ -1,25 +1,22 @@
-//! Hits of a particle's path on receivers, from the two ends of a step.
+//! Hits of a particle's path on receivers.
 //!
-//! *Diffusion alone.* The distance from the center of a sphere of radius R is a Markov process. Between r₀ = R + `a`
-//! and r₁ = R + `b` it reached R with the probability
+//! *Diffusion alone.* A path between the distances r₀ = R + `a` and r₁ = R + `b` from the center reached a sphere of
+//! radius R with the probability
 //!
 //! ```text
 //! (exp(−ab/DΔt) − exp(−r₀r₁/DΔt)) / (1 − exp(−r₀r₁/DΔt))
 //! ```
 //!
-//! exactly, for a step of any length (Carslaw and Jaeger, *Conduction of Heat in Solids*, section 14.7: r times the
-//! density is that of a half line, with an image at −r).
+//! exactly, for any step (Carslaw and Jaeger, *Conduction of Heat in Solids*, section 14.7: r times the density is that
+//! of a half line, with an image at −r).
 //!
-//! *In one dimension* a path that ends on the other side of the segment has hit it, and a path that ends on its own
-//! side has hit it with the probability exp(−ab/DΔt). *In two* no closed form exists. To first order in DΔt/r₀r₁ the
-//! other terms of both ends cancel, which leaves the same expression, for steps that are short compared with the
-//! radius.
+//! *In one dimension* a path that ends on the other side of the segment has hit it; otherwise the probability is
+//! exp(−ab/DΔt). *In two* this holds to first order in DΔt/r₀r₁, for steps short compared with the radius.
 //!
-//! *Drift alone.* The path is a line that walls reflect, round ones included.
+//! *Drift alone.* The path is a line that walls reflect.
 //!
-//! *Both.* A long drift may pass the sphere, where an average over directions fails. The path is then halved as a
-//! Brownian bridge until the drift of a segment is short compared with its diffusion or the sphere. Halves far from
-//! the sphere are skipped. All receivers see the same path.
+//! *Both.* A long drift may pass the sphere. So near the sphere the path is halved as a Brownian bridge, until a
+//! segment's drift is short compared with its diffusion or the sphere. All receivers see the same path.
 //!
 //! *Moving receivers* are hit in their own frame, in which both diffusions bend the path.
 //!
@@ -35,27 +32,26 @@ use crate::random::philox::{DrawContext, Purpose, open_unit};
 /// The path of a particle in a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Path {
-    /// Beginning, in µm.
+    /// In µm.
     pub before: [f32; 3],
-    /// End before [`Boundary::confine`] mirrors it at walls and wraps it, in µm. Reflections that are no mirror
-    /// images, such as those at vessels, are included.
+    /// End before [`Boundary::confine`], in µm, but after reflections that are no mirror images, such as at vessels.
     pub end: [f32; 3],
     /// End within the boundary, in µm.
     pub after: [f32; 3],
-    /// Displacement apart from diffusion, in µm.
+    /// Displacement without diffusion, in µm.
     pub drift: [f32; 3],
     /// DΔt, in µm².
     pub diffusion: f32,
 }
 
-/// A path's hit on a receiver: a segment of the path, and its heights above the surface.
+/// A hit on a receiver, within a segment of the path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Beginning of the segment, as a fraction of the step.
     begin: f32,
-    /// Duration of the segment, as a fraction of the step; 0 if the hit is at `begin`.
+    /// Fraction of the step; 0 if the hit is at `begin`.
     part: f32,
-    /// Heights at both ends, in √(2DΔt) of the segment, negative inside.
+    /// In √(2DΔt) of the segment, negative inside.
     heights: [f32; 2],
 }
 
@@ -66,7 +62,7 @@ pub(crate) const BEND: f32 = 3.1;
 /// Number from which segments are not halved. The halves of segment `k` are 2k and 2k + 1, and the whole path is 1.
 const LAST: u32 = 1 << 12;
 
-/// Returns the hit of a path on a receiver, if any. `domain` confines the particle's center.
+/// Returns the hit of a path on a receiver. `domain` confines the particle's center.
 #[inline]
 pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawContext) -> Option<Hit> {
     if receiver.receiver.kind == ReceiverKind::Endpoint {
@@ -96,18 +92,17 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
     BrownianBridge { receiver, domain, who }.hits(segment)
 }
 
-/// Returns the radius in the image term of [`hit_probability`]; infinite, so that the term vanishes, in fewer than
-/// three dimensions.
+/// The image term of [`hit_probability`] vanishes in fewer than three dimensions.
 fn image_radius(receiver: &ReceiverState) -> f32 {
     if receiver.dimensions == 3 { receiver.receiver.radius } else { f32::INFINITY }
 }
 
-/// Returns `true` if a drift may carry a segment past a sphere. Lengths are in µm.
+/// Returns `true` if a drift may carry a segment past a sphere.
 pub(crate) fn is_long(drift: f32, spread: f32, radius: f32) -> bool {
     drift > SEGMENT_DRIFT[0] * radius && drift > SEGMENT_DRIFT[1] * spread
 }
 
-/// Returns 1 − exp(−x) for x ≥ 0, to a few units in the last place, by the operations of `first_passage.wgsl`.
+/// Returns 1 − exp(−x) for x ≥ 0, to a few units in the last place, as `first_passage.wgsl` does.
 fn one_minus_exp(x: f32) -> f32 {
     if x < 0.125 {
         return x * (1.0 - x * (0.5 - x * (1.0 / 6.0 - x * (1.0 / 24.0 - x * (1.0 / 120.0)))));
@@ -115,13 +110,12 @@ fn one_minus_exp(x: f32) -> f32 {
     1.0 - libm::expf(-x)
 }
 
-/// Returns the probability that a path between the heights `a` and `b` > 0, in µm, hits a sphere. `diffusion` is DΔt,
-/// in µm².
+/// Returns the probability of a hit between the heights `a` and `b` > 0; `diffusion` is DΔt.
 #[inline]
 pub(crate) fn hit_probability(radius: f32, [a, b]: [f32; 2], diffusion: f32) -> f32 {
     let exponent = a * b / diffusion;
     if exponent.is_nan() || exponent >= NEVER {
-        // 0/0 is NaN: a particle at rest on the surface, which it hit earlier.
+        // 0/0: a particle at rest on the surface, which it hit earlier.
         return 0.0;
     }
     let image = radius * (a + b + radius) / diffusion;
@@ -150,7 +144,6 @@ impl Hit {
         Self { begin: time, part: 0.0, heights: [0.0; 2] }
     }
 
-    /// Creates the hit of a whole path between two heights in µm, of which the first is positive. `diffusion` is DΔt.
     pub(crate) fn between([a, b]: [f32; 2], diffusion: f32) -> Self {
         if diffusion == 0.0 {
             return Self::at((a / (a - b)).min(1.0));
@@ -159,12 +152,11 @@ impl Hit {
         Self { begin: 0.0, part: 1.0, heights: [a, b].map(|height| height / spread) }
     }
 
-    /// Draws the time of the hit, as a fraction of the step, for the receiver `place`.
+    /// Draws the time of the hit, as a fraction of the step.
     ///
-    /// A Brownian path from height α to ±β that reaches the surface does so first at s, where u = s/(1 − s) has the
-    /// inverse Gaussian density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2), drawn by a quadratic equation with one normal and one
-    /// uniform number (Michael, Schucany and Haas, *Generating random variates using transformations with multiple
-    /// roots*, The American Statistician 30 (1976) 88). The surface is taken as a plane.
+    /// A Brownian path from height α to ±β first reaches a plane at s, where u = s/(1 − s) has the inverse Gaussian
+    /// density ∝ u^(−3/2)·exp(−(α²/u + β²u)/2), drawn by a quadratic equation (Michael, Schucany and Haas, *Generating
+    /// random variates using transformations with multiple roots*, The American Statistician 30 (1976) 88).
     pub(crate) fn time(&self, who: DrawContext, place: u32) -> f32 {
         let Self { begin, part, heights: [a, b] } = *self;
         if part == 0.0 {
@@ -175,8 +167,7 @@ impl Hit {
     }
 }
 
-/// Returns the time of the first passage between two heights in √(2DΔt), as a fraction of the segment, by a normal and
-/// a uniform random number.
+/// Returns a fraction of the segment, for heights in √(2DΔt).
 pub(crate) fn first_passage([a, b]: [f32; 2], normal: f32, uniform: f32) -> f32 {
     let b = b.abs();
     if a <= 0.0 {
@@ -254,14 +245,13 @@ pub(crate) fn length(v: [f32; 3]) -> f32 {
 /// Largest number of cuts per axis. Steps that need more are far too long.
 const CUTS: usize = 1000;
 
-/// Returns the hit of a path without diffusion, which walls reflect.
 fn path_line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
     let line = Line { ends: [path.before, path.end].map(|end| end.map(f64::from)), begin: 0.0, part: 1.0 };
     let Some(vessel) = domain.vessel else { return line_hit(body, domain, line) };
     let free_end: [f32; 3] = std::array::from_fn(|k| path.before[k] + path.drift[k]);
     let reflected = vessel.reflect(path.before, free_end, &mut [0.0; 3]);
     let is_other = |k: usize| Some(k) != vessel.along && reflected[k] != path.end[k];
-    // A path inside the vessel has no corner. A path with another end was turned by a collision or a surface.
+    // A path inside has no corner. A collision or a surface turned a path with another end.
     if vessel.distance(free_end) <= f64::from(vessel.radius) || (0..3).any(is_other) {
         return line_hit(body, domain, line);
     }
@@ -271,7 +261,6 @@ fn path_line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option
     })
 }
 
-/// A segment of a path, with its beginning and duration as fractions of the step.
 #[derive(Clone, Copy)]
 struct Line {
     ends: [[f64; 3]; 2],
@@ -279,7 +268,7 @@ struct Line {
     part: f64,
 }
 
-/// Returns the hit of a line, cut at plane walls and at changes of the receiver's nearest image.
+/// Cuts the line at plane walls and at changes of the receiver's nearest image.
 fn line_hit(body: &ReceiverState, domain: &Boundary, line: Line) -> Option<Hit> {
     let Line { ends: [from, to], begin, part: of_step } = line;
     let way: [f64; 3] = std::array::from_fn(|k| to[k] - from[k]);
@@ -329,7 +318,6 @@ fn line_hit(body: &ReceiverState, domain: &Boundary, line: Line) -> Option<Hit> 
     })
 }
 
-/// Returns the fraction of a line at which it enters a sphere around the origin.
 fn entry_time(from: [f64; 3], way: [f64; 3], radius: f64) -> Option<f64> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let outside = dot(from, from) - radius * radius;

@@ -1,4 +1,4 @@
-//! The part of a step in which particles are independent: motion, walls, receivers and decays.
+//! The part of a step in which particles are independent.
 
 mod flight;
 
@@ -72,8 +72,7 @@ impl Propagator {
         SpeciesSurfaces { surfaces: &self.surfaces, step, duration: self.paths.duration }
     }
 
-    /// Moves all particles and returns their events, in the order of particles. `flights` are the paths after
-    /// collisions, if particles collide.
+    /// Moves all particles and returns their events, in order. `flights` are the paths after collisions.
     pub(crate) fn advance(
         &self,
         particles: &mut Particles,
@@ -224,8 +223,7 @@ impl Propagator {
         self.decays.dissociates_before(moved.species, moved.who, || capture.time(moved.who))
     }
 
-    /// Adds the decays before a capture, and the capture; or all decays if the receiver does not take the species at
-    /// the hit.
+    /// Adds the decays before the capture, or all if the receiver does not take the species at the hit.
     #[cold]
     #[inline(never)]
     fn decay_to(&self, moved: &ParticleMove, capture: Capture, events: &mut Vec<Event>) {
@@ -257,7 +255,7 @@ impl Propagator {
         self.decays.for_each_decay(species, who, |decay| events.push(self.decayed(at, &decay, who)));
     }
 
-    /// Returns a bound of the path's distance from its chord plus the displacement of any receiver, in µm.
+    /// Bounds the path's distance from its chord plus the displacement of any receiver.
     #[inline(always)]
     fn more(&self, moved: &ParticleMove) -> f32 {
         self.steps[moved.species as usize].bend_of(&moved.path) + self.surfaces.bodies.max_displacement

@@ -1,13 +1,12 @@
 //! The search for particles that may hit a receiver.
 //!
-//! Every particle has a clear sphere, which contained no receiver at the last search around it. A path inside its
-//! clear sphere hits no receiver. Other particles go to the detector as spheres that cover several steps, with the
-//! receivers as second set. So most particles cost one distance per step.
+//! Every particle has a clear sphere, in which the last search found no receiver, so a path inside it hits none. Other
+//! particles go to the detector as spheres that cover several steps. So most particles cost one distance per step.
 //!
-//! A clear sphere stays valid if the particle moves or another particle takes its index. The result equals a loop over
-//! all receivers bit for bit.
+//! A clear sphere stays valid if another particle takes its index. The result equals a loop over all receivers bit for
+//! bit.
 //!
-//! If most particles leave their clear spheres in every step, the loop is faster and takes over for some steps.
+//! The loop takes over for some steps if most particles leave their clear spheres in every step.
 
 use lazygrid::{Detector, Neighbors, Sphere};
 
@@ -17,8 +16,7 @@ use crate::model::receiver::{finder, rounding};
 use crate::motion::path_hit::Path;
 use crate::motion::receiver_state::ActiveReceivers;
 
-/// A sphere of radius `half` around the middle of a path's ends, enlarged by `more` for diffusion and approaching
-/// receivers. In µm.
+/// A sphere around the middle of a path's ends, enlarged by `more` for diffusion and approaching receivers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct StepBounds {
     middle: [f32; 3],
@@ -42,9 +40,9 @@ impl StepBounds {
 #[derive(Debug)]
 pub(crate) struct ReceiverSearch {
     detector: Detector,
-    /// Indexed by particle: center, and radius plus `traveled` at the search. In µm.
+    /// Center, and radius plus `traveled` at the search, by particle.
     pub(crate) clear_spheres: Vec<[f32; 4]>,
-    /// Sum of the largest displacements of receivers in all steps since all clear spheres expired, in µm.
+    /// Sum of receivers' largest displacements since all clear spheres expired.
     pub(crate) traveled: f32,
     steps: u32,
     /// Radius of a search, relative to the bound of a step. Results do not depend on it.
@@ -54,12 +52,10 @@ pub(crate) struct ReceiverSearch {
     cost: SearchCost,
 }
 
-/// Compares searches with the loop over all receivers.
 #[derive(Debug, Default)]
 struct SearchCost {
-    /// Steps with searches in this window.
     steps: u32,
-    /// Cost of the searches in this window, in tests of a receiver.
+    /// In tests of a receiver.
     cost: u64,
     /// Steps left without searches.
     rest: u32,
@@ -98,7 +94,7 @@ impl ReceiverSearch {
         }))
     }
 
-    /// Begins a step. Returns `false` if the loop over all receivers is faster.
+    /// Returns `false` if the loop over all receivers is faster.
     pub(crate) fn begin(&mut self, particles: usize, bodies: &ActiveReceivers) -> bool {
         if bodies.move_about() {
             if self.steps.is_multiple_of(FORGET) {
@@ -130,8 +126,8 @@ impl ReceiverSearch {
         distance + reach.half + reach.more <= radius - self.traveled
     }
 
-    /// Returns the receivers near each particle, in the order of the model. `particles` are positions at the beginning
-    /// of the step and the distances up to which paths reach, in µm.
+    /// Returns the receivers near each particle, in the order of the model. `particles` are beginnings of paths, and
+    /// bounds of their lengths.
     pub(crate) fn find<'a>(
         &'a mut self,
         particles: impl Iterator<Item = ([f32; 3], f32)>,
@@ -170,8 +166,6 @@ impl SearchCost {
         true
     }
 
-    /// Adds a search of `queries` particles that found `found` receivers, in a step in which the loop makes `tests`
-    /// tests.
     fn add(&mut self, [queries, found]: [usize; 2], tests: usize) {
         self.cost += (COSTS[0] * queries + COSTS[1] * found) as u64;
         if self.cost > u64::from(WINDOW) * tests as u64 {
@@ -192,7 +186,7 @@ pub(crate) struct Found<'a> {
 }
 
 impl Found<'_> {
-    /// Returns the receivers within `reach` of the beginning of particle `k`, and its new clear sphere.
+    /// Returns the receivers within `reach`, and the new clear sphere.
     pub(crate) fn of(
         &self,
         k: usize,

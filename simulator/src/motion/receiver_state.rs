@@ -17,17 +17,17 @@ pub struct ReceiverState {
     pub center: [f32; 3],
     /// Displacement in the step, not wrapped, in µm.
     pub displacement: [f32; 3],
-    /// Part of the displacement that is drift, in µm.
+    /// Drift in the displacement, in µm.
     pub drift: [f32; 3],
     /// DΔt, in µm².
     pub diffusion: f32,
-    /// Adsorption of a partial receiver; without effect for other kinds.
+    /// Adsorption of a partial receiver.
     pub sticking: Adsorption,
-    /// Index of its first receptor type in the model.
+    /// Index of the first receptor type.
     pub(crate) first_type: u32,
-    /// Number of free receptors, by type.
+    /// Free receptors, by type.
     pub(crate) free: Vec<u32>,
-    /// Number of dimensions, in which the receiver is a sphere, a disk or a segment.
+    /// Dimensions: 3 for a sphere, 2 for a disk, 1 for a segment.
     pub dimensions: usize,
 }
 
@@ -66,8 +66,8 @@ impl ReceiverState {
         }
     }
 
-    /// Returns the heights of the ends of a path, in µm, negative inside, at the fractions `parts` of the step. In one
-    /// dimension, a path that ends on the other side of the segment has a negative second height.
+    /// Returns the heights of a path's ends, negative inside, at the fractions `parts` of the step. In one dimension, a
+    /// second end on the other side of the segment is negative too.
     #[inline(always)]
     pub(crate) fn heights(&self, domain: &Boundary, ends: [[f32; 3]; 2], parts: [f32; 2]) -> [f32; 2] {
         let radius = self.receiver.radius;
@@ -79,7 +79,6 @@ impl ReceiverState {
         }
     }
 
-    /// Returns the reactivity of each receptor type for a species, in µm/s.
     pub(crate) fn reactivities(&self, species: u32) -> impl Iterator<Item = f64> {
         let radius = self.receiver.radius.into();
         let types = self.receiver.receptor_types().iter().zip(&self.free);
@@ -89,19 +88,18 @@ impl ReceiverState {
     }
 }
 
-/// Receivers that affect particles, in the order of the model.
 #[derive(Clone, Debug)]
 pub(crate) struct ActiveReceivers {
     pub(crate) all: Vec<ReceiverState>,
-    /// Indices of the receivers that move or have receptors.
+    /// Indices of receivers that move or have receptors.
     changing: Vec<usize>,
     moving: bool,
     reflecting: bool,
-    /// Largest DΔt, in µm².
+    /// Largest DΔt.
     pub(crate) diffusion: f32,
     /// Largest displacement in the step, in µm.
     pub(crate) max_displacement: f32,
-    /// Largest radius, in µm.
+    /// Largest radius.
     pub(crate) largest: f32,
 }
 
@@ -139,7 +137,6 @@ impl ActiveReceivers {
         self.reflecting
     }
 
-    /// Begins a step: `centers` are those at its beginning, `places` those at its end, and `free` the free receptors.
     pub(crate) fn set(&mut self, centers: &[[f32; 3]], places: &[Place], free: &[u32]) {
         self.max_displacement = 0.0;
         for &k in &self.changing {
@@ -156,12 +153,11 @@ impl ActiveReceivers {
     }
 }
 
-/// The position of a receiver at the end of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Place {
     /// In µm.
     pub(crate) center: [f32; 3],
-    /// Displacement in the step, not wrapped, in µm.
+    /// Not wrapped.
     pub(crate) displacement: [f32; 3],
 }
 

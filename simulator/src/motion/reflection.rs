@@ -12,25 +12,23 @@ use crate::motion::receiver_state::ReceiverState;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct ReflectedPath {
     pub(crate) path: Path,
-    /// First reflecting receiver, as index in the model.
+    /// First reflecting receiver.
     pub(crate) first: u32,
-    /// Length of the path, in µm; spheres that move make it longer than the displacement of the step.
+    /// Length of the path; moving spheres lengthen it.
     pub(crate) gone: f32,
     pub(crate) turns: PathTurns,
 }
 
-/// The first contact with a sphere, and the ends of the last segment, which is extended backwards to the length of a
-/// step.
+/// The first contact with a sphere, and the last segment, extended backwards to the length of a step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct PathTurns {
     pub(crate) contact: [f32; 3],
     pub(crate) last: [[f32; 3]; 2],
 }
 
-/// A periodic image of a sphere.
 struct Obstacle<'a> {
     body: &'a ReceiverState,
-    /// Vector from the sphere's center to the beginning of the path, in µm.
+    /// From the sphere's center to the beginning of the path.
     offset: [f64; 3],
     /// Displacement of the sphere in the step, in µm.
     displacement: [f64; 3],
@@ -39,8 +37,7 @@ struct Obstacle<'a> {
 /// Largest number of reflections in a step; a particle with more stays at the last.
 const BOUNCES: usize = 64;
 
-/// Reflects a path that begins outside all spheres, and `velocity`, in µm per step. Returns `None` if the path reaches
-/// no sphere.
+/// Reflects a path that begins outside all spheres, and `velocity`, in µm per step. Returns `None` if it reaches none.
 pub(crate) fn reflect_path(
     bodies: &[&ReceiverState],
     domain: &Boundary,
@@ -84,8 +81,7 @@ pub(crate) fn reflect_path(
     Some(ReflectedPath { path: Path { end, after, ..*path }, first, gone: length as f32, turns })
 }
 
-/// Returns each sphere at its image nearest to the beginning of the path, and at its image nearest to the end if that
-/// is another one.
+/// Returns each sphere at its images nearest to the beginning and to the end of the path, if these differ.
 fn obstacles<'a>(
     bodies: &[&'a ReceiverState],
     domain: &Boundary,
@@ -112,12 +108,11 @@ fn obstacles<'a>(
 }
 
 impl Obstacle<'_> {
-    /// Returns the vector from the sphere's center to a particle that has moved by `gone` until `time`.
     fn offset_at(&self, gone: [f64; 3], time: f64) -> [f64; 3] {
         std::array::from_fn(|k| self.offset[k] + gone[k] - time * self.displacement[k])
     }
 
-    /// Returns the time from `time` to a hit, as a fraction of the step.
+    /// Returns the time from `time` to a hit.
     fn meeting(&self, gone: [f64; 3], time: f64, displacement: [f64; 3]) -> Option<f64> {
         let from = self.offset_at(gone, time);
         let displacement: [f64; 3] = std::array::from_fn(|k| displacement[k] - self.displacement[k]);
@@ -134,8 +129,8 @@ fn turned(velocity: [f64; 3], of_surface: [f64; 3], normal: [f64; 3]) -> [f64; 3
     std::array::from_fn(|k| velocity[k] - 2.0 * out * normal[k])
 }
 
-/// Returns the end of a path, or its beginning if walls or rounding moved the end into a sphere. A sphere that covers
-/// the beginning too pushes the particle out.
+/// Returns `after`, or `before` if walls or rounding moved `after` into a sphere. A sphere that covers both pushes the
+/// particle out.
 fn outside(bodies: &[&ReceiverState], domain: &Boundary, before: [f32; 3], after: [f32; 3]) -> [f32; 3] {
     let inside = |point: [f32; 3]| {
         let height =

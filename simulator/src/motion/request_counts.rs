@@ -1,4 +1,4 @@
-//! Counts of requests for receptors, and warnings of refused ones.
+//! Counts of requests for receptors, and warnings.
 //!
 //! A step binds min(Poisson(f·x), f) particles to f free receptors, with x = `binding-rate`·c·Δt. Refused requests are
 //! missing from the equilibrium; at a single receptor they are about the fraction x/2.
@@ -11,12 +11,12 @@ const REFUSED: f64 = 0.01;
 /// Smallest number of refused requests for which their fraction is known well enough.
 const LEAST: u64 = 10;
 
-/// The numbers of all requests and of refused ones, by receptor type.
+/// All and refused requests, by receptor type.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct RequestCounts(Vec<[u64; 2]>);
 
 impl RequestCounts {
-    /// Counts the requests of a step, and returns the ids of refused ones in ascending order.
+    /// Counts requests, and returns the refused ids in ascending order.
     pub(crate) fn reject(&mut self, requests: Vec<BindingRequest>, free: &[u32]) -> Vec<u32> {
         let mut of_step = vec![0_u64; free.len()];
         requests.iter().for_each(|request| of_step[request.receptor()] += 1);
@@ -25,7 +25,6 @@ impl RequestCounts {
         rejected(requests, free)
     }
 
-    /// Adds the numbers of all requests and of refused ones of each receptor type.
     pub(crate) fn add(&mut self, counts: impl ExactSizeIterator<Item = [u64; 2]>) {
         self.0.resize(counts.len(), [0; 2]);
         for (sum, count) in self.0.iter_mut().zip(counts) {
@@ -66,7 +65,6 @@ pub(crate) mod tests {
     use crate::model::receptors::ReceptorType;
     use crate::{Boundary, Receiver, ReceiverKind, Shape, Simulation, Species, Transmitter};
 
-    /// Returns one receptor that is requested 50 times per s and keeps a particle for 1/50 s.
     pub(crate) fn request_model(time_step: f64) -> Model {
         let kind = ReceiverKind::Receptors(vec![ReceptorType::new(1, 5.0, 50.0, [0])]);
         let receiver =

@@ -1,6 +1,6 @@
 //! Free paths of a species in a step, up to walls.
 //!
-//! A coordinate becomes `x + (s·z + d)` with `s` = √(2DΔt), a standard normal `z`, and `d` the displacement by drift,
+//! A coordinate becomes `x + (s·z + d)` with `s` = √(2DΔt), a standard normal `z`, and the displacement `d` by drift,
 //! flow and own velocity. Each operation is rounded to `f32`.
 
 use crate::model::Model;
@@ -10,28 +10,27 @@ use crate::motion::vessel_flow::{FieldStep, FlowStep, StepDrift, StepTime};
 use crate::motion::wall::reflected;
 use crate::random::philox::{DrawContext, Purpose};
 
-/// Constants of a species' paths.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SpeciesStep {
-    /// √(2DΔt) in µm.
+    /// √(2DΔt).
     pub(crate) length: f32,
-    /// √(2DΔt) along each axis in µm, 0 along absent axes.
+    /// Zero along absent axes.
     lengths: [f32; 3],
-    /// DΔt in µm².
+    /// DΔt.
     pub(crate) diffusion: f32,
     /// D in µm²/s.
     pub(crate) coefficient: f64,
     pub(crate) drift: StepDrift,
     /// Boundary of the center.
     pub(crate) domain: Boundary,
-    /// Bound of the distance of a path from its chord by the diffusion of particle and receiver, in µm.
+    /// Bound of a path's distance from its chord by both diffusions.
     pub(crate) bend: f32,
-    /// `true` if a vessel reflects paths without diffusion, which receivers follow from corner to corner.
+    /// `true` for paths without diffusion in a vessel, which have corners.
     turns_at_side: bool,
 }
 
 impl SpeciesStep {
-    /// `of_receivers` is the largest DΔt of a receiver, in µm².
+    /// `of_receivers` is the largest DΔt of a receiver.
     pub(crate) fn new(model: &Model, species: usize, time: StepTime, of_receivers: f32) -> Self {
         let kind = &model.species[species];
         let diffusion = (kind.diffusion * time.duration) as f32;
@@ -55,10 +54,8 @@ impl SpeciesStep {
     }
 }
 
-/// Constants of the paths of all species.
 #[derive(Clone, Debug)]
 pub(crate) struct FreePaths {
-    /// In s.
     pub(crate) duration: f32,
     bounded: bool,
     /// Set in a vessel, also without a flow.
@@ -76,8 +73,7 @@ impl FreePaths {
         }
     }
 
-    /// Returns the path, and its end without walls, in µm. Walls reverse `velocity`. `normal` has three standard normal
-    /// numbers.
+    /// Returns the path and its end without walls. Walls reverse `velocity`.
     #[inline(always)]
     pub(crate) fn path(
         &self,
@@ -108,7 +104,7 @@ impl FreePaths {
             let mut still = [0.0; 3];
             let own = velocity.unwrap_or(&mut still);
             let carried = stream.carry(domain, [before, end], own, reflect_at_end);
-            // An array with a variable index would stay in memory instead of registers, which slows down all particles.
+            // An array with a variable index would stay in memory instead of registers.
             let carry = |from: [f32; 3]| {
                 let along = |axis| {
                     if Some(axis) == stream.vessel.along { from[axis] + carried.by } else { from[axis] }

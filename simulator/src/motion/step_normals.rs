@@ -1,11 +1,10 @@
-//! Normally distributed numbers for the motion of particles, in blocks, which the compiler vectorizes.
+//! Normal numbers for the motion of particles, in blocks that the compiler vectorizes.
 
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose, StepKey};
 
 pub(crate) const BLOCK: usize = 64;
 
-/// Draws the numbers of up to [`BLOCK`] particles, by axis.
 pub(crate) fn draw(StepKey { key, step }: StepKey, ids: &[u32], random: &mut [[f32; BLOCK]; 3]) {
     let mut block = [0; BLOCK];
     block[..ids.len()].copy_from_slice(ids);
@@ -17,7 +16,7 @@ pub(crate) fn draw(StepKey { key, step }: StepKey, ids: &[u32], random: &mut [[f
     draw_block(key, &block, step, random);
 }
 
-/// The operations of [`draw_block`] in wider vectors. None is fused, so the results are equal.
+/// No operation is fused, so wider vectors give equal results.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx2")]
 fn draw_avx2(key: Key, ids: &[u32; BLOCK], step: u32, random: &mut [[f32; BLOCK]; 3]) {

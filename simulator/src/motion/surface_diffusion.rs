@@ -1,10 +1,8 @@
 //! Diffusion of bound particles on the surface of their receiver.
 //!
-//! On a sphere of radius R the mean cosine of the angle to an earlier direction decays as exp(−2Dt/R²). A step draws
-//! the cosine w from the density ∝ exp(kw) (von Mises and Fisher), with k such that its mean coth k − 1/k is this
-//! decay. The mean cosine is therefore exact for steps of any length. With the mean cosine m, the mean of the second
-//! Legendre polynomial, 1 − 3m/k, is exp(−6DΔt/R²) up to an error of (2DΔt/R²)³. Both densities become uniform in long
-//! steps, and a uniform density stays uniform.
+//! A step draws the cosine w of the turn from the density ∝ exp(kw) (von Mises and Fisher). Its mean m = coth k − 1/k
+//! is that of diffusion on a sphere of radius R, exp(−2DΔt/R²). The mean of the second Legendre polynomial, 1 − 3m/k,
+//! is exp(−6DΔt/R²) up to an error of (2DΔt/R²)³. A uniform density stays uniform.
 
 use std::f64::consts::TAU;
 
@@ -17,7 +15,7 @@ use crate::random::philox::{Purpose, StepKey, fine_unit};
 
 #[derive(Clone, Debug)]
 pub(crate) struct SurfaceSteps {
-    /// Concentration k of the density, by receiver; `None` if particles do not diffuse on it.
+    /// Concentration k, by receiver; `None` without diffusion.
     concentrations: Vec<Option<f64>>,
 }
 
@@ -53,7 +51,6 @@ impl SurfaceSteps {
 
 /// Returns the concentration k with coth k − 1/k = exp(−decay).
 fn concentration(decay: f64) -> f64 {
-    // 1 − exp(−decay), without cancellation.
     let less = -libm::expm1(-decay);
     let mean = 1.0 - less;
     if mean < 1e-6 {
@@ -75,7 +72,7 @@ fn gap(concentration: f64, uniform: f64) -> f64 {
     (-libm::log1p((1.0 - uniform) * least) / concentration).clamp(0.0, 2.0)
 }
 
-/// Turns a direction by the angle with the cosine 1 − `gap`, towards the azimuth `around`.
+/// Turns a direction by the angle with the cosine 1 − `gap`, towards an azimuth.
 fn turned(direction: [f32; 3], gap: f64, around: f64) -> [f32; 3] {
     let n = unit(direction.map(f64::from));
     // The axis with the smallest component gives a normal of length above ½.

@@ -1,5 +1,3 @@
-//! Events of particles at receivers and walls, and by decays.
-
 use crate::model::boundary::Boundary;
 use crate::model::receiver::{Adsorption, ReceiverKind, signed_distance};
 use crate::motion::adsorption;
@@ -14,7 +12,7 @@ use crate::random::philox::{DrawContext, Purpose, fine_unit};
 pub enum Event {
     /// The particle reached a receiver that removes it.
     Arrived { at: u32, receiver: u32 },
-    /// The particle requests a receptor. If the request is refused, it stays at the end of its path.
+    /// The particle requests a receptor. If refused, it stays at the end of its path.
     Bound {
         at: u32,
         receiver: u32,
@@ -30,13 +28,12 @@ pub enum Event {
         decay: u32,
         /// Species of the product; `None` removes the particle.
         product: Option<u32>,
-        /// `true` if the product does not dissociate in the rest of the step, though its random word says so for a whole
-        /// step.
+        /// `true` if the product, by its random word, dissociates only after the step.
         spared: bool,
     },
 }
 
-/// The event at a hit, if the particle does not decay before it.
+/// The event at a hit, if the particle does not decay before.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Capture {
     pub(crate) hit: Hit,
@@ -65,26 +62,22 @@ impl Event {
     }
 }
 
-/// A particle on its path in a step.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ParticleMove {
-    /// Index of the particle.
     pub(crate) at: u32,
     pub(crate) species: u32,
     pub(crate) who: DrawContext,
     pub(crate) path: Path,
-    /// End without walls, in µm.
+    /// End without walls.
     pub(crate) free_end: [f32; 3],
-    /// Length of the path, in µm, if a receiver reflected it, otherwise 0.
+    /// Length of a path that a receiver reflected, or 0.
     pub(crate) gone: f32,
-    /// Reflections at receivers.
     pub(crate) turns: Option<PathTurns>,
-    /// In µm/s; `None` in a model without velocities.
+    /// `None` in a model without velocities.
     pub(crate) velocity: Option<[f32; 3]>,
 }
 
 impl ParticleMove {
-    /// Ends the path where it began.
     pub(crate) fn stay(&mut self) {
         let before = self.path.before;
         (self.path.end, self.path.after, self.free_end) = (before, before, before);
@@ -98,7 +91,6 @@ impl ParticleMove {
     }
 }
 
-/// The boundary and walls that a path meets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PathSurroundings<'a> {
     pub(crate) domain: &'a Boundary,
@@ -135,7 +127,7 @@ impl ActiveReceivers {
 struct FirstHit(Option<Capture>);
 
 impl FirstHit {
-    /// Keeps the earliest hit. Hitting times are drawn only for several hits.
+    /// Draws hitting times only for several hits.
     fn update(&mut self, who: DrawContext, capture: Capture) {
         match &self.0 {
             Some(earlier) if earlier.time(who) <= capture.time(who) => {}

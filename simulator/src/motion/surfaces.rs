@@ -1,5 +1,3 @@
-//! Membranes, receivers and walls on a particle's path.
-
 use crate::model::Model;
 use crate::model::membrane::{Membrane, MembraneStep, StepEnds};
 use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
@@ -12,16 +10,14 @@ pub(crate) struct Surfaces {
     pub(crate) bodies: ActiveReceivers,
     walls: Vec<AbsorbingWall>,
     membranes: Vec<Membrane>,
-    /// Flags by receiver and species of the model: `true` if the receiver acts on the species.
+    /// Indexed by receiver and species.
     sees: Vec<Vec<bool>>,
 }
 
-/// The surfaces on the paths of a species.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SpeciesSurfaces<'a> {
     pub(crate) surfaces: &'a Surfaces,
     pub(crate) step: &'a SpeciesStep,
-    /// In s.
     pub(crate) duration: f32,
 }
 
@@ -43,8 +39,8 @@ impl Surfaces {
         !self.membranes.is_empty()
     }
 
-    /// Returns `true` if an event applies to a species. Receptors bind no product of a decay in the same step, because
-    /// the request depends on the species.
+    /// Returns `true` if an event applies to a species. Receptors bind no product in the step of its decay, because the
+    /// request depends on the species.
     pub(crate) fn captures(&self, event: &Event, (species, is_product): (u32, bool)) -> bool {
         match *event {
             Event::Arrived { receiver, .. } => self.sees[receiver as usize][species as usize],
@@ -54,7 +50,6 @@ impl Surfaces {
 }
 
 impl SpeciesSurfaces<'_> {
-    /// Reflects the path at membranes, or lets it pass.
     #[cold]
     #[inline(never)]
     pub(crate) fn hold_back(&self, moved: &mut ParticleMove) {
@@ -64,7 +59,6 @@ impl SpeciesSurfaces<'_> {
         (path.end, *free_end, path.after) = (ends.end, ends.free, ends.after);
     }
 
-    /// Returns the capture at a receiver or wall, which applies if the particle does not decay before it.
     #[inline]
     pub(crate) fn resolve<'b>(
         &self,
@@ -83,7 +77,6 @@ impl SpeciesSurfaces<'_> {
         capture.or_else(|| self.absorb(moved))
     }
 
-    /// Returns the capture at an absorbing wall.
     #[inline(always)]
     pub(crate) fn absorb(&self, moved: &ParticleMove) -> Option<Capture> {
         if self.surfaces.walls.is_empty() { None } else { self.absorb_at_walls(moved) }
@@ -102,7 +95,6 @@ impl SpeciesSurfaces<'_> {
         })
     }
 
-    /// Returns `true` if a membrane lies between both points.
     #[inline(always)]
     fn separates(&self, species: u32, ends: [[f32; 3]; 2]) -> bool {
         self.surfaces.has_membranes() && self.among_membranes(species).separates(ends)

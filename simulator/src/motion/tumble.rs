@@ -8,9 +8,9 @@ use crate::random::philox::probability_threshold;
 
 #[derive(Clone, Debug)]
 pub(crate) struct TumbleStep {
-    /// Largest word at which a swimmer tumbles without a gradient.
+    /// Largest word of a tumble without a gradient.
     pub(crate) up_to: u32,
-    /// Probability of a tumble without a gradient.
+    /// Without a gradient.
     pub(crate) probability: f64,
     /// In µm/s.
     speed: f32,
@@ -19,8 +19,8 @@ pub(crate) struct TumbleStep {
 
 /// Returns the probability p of a tumble in a step, x/(1 + x/2) for x = λΔt from 0 to 2.
 ///
-/// Runs of whole steps then have the diffusion coefficient v²Δt/3·(1/p − ½) = v²/(3λ) exactly. With the probability
-/// 1 − exp(−x) it would be (x/2)·coth(x/2) times as large. Above 2 a swimmer would have to tumble more often than once.
+/// The diffusion coefficient of runs is then v²Δt/3·(1/p − ½) = v²/(3λ) exactly. The probability 1 − exp(−x) would give
+/// (x/2)·coth(x/2) times that. Above x = 2, p would exceed 1.
 pub(crate) fn tumble_probability(tumbles: f64) -> f64 {
     tumbles / (1.0 + 0.5 * tumbles)
 }
@@ -34,7 +34,7 @@ impl TumbleStep {
         Some(Self { up_to, probability, speed: one.speed as f32, taxis })
     }
 
-    /// Decides if a swimmer tumbles, and then gives it a random direction. `domain` is the boundary of its center.
+    /// Decides if a swimmer tumbles, and then gives it a random direction.
     pub(crate) fn apply(
         &self,
         position: [f32; 3],

@@ -7,41 +7,35 @@ use crate::model::flow_field::FlowField;
 use crate::model::vessel::Vessel;
 use crate::model::{Flow, Model};
 
-/// Constants of the paths in a vessel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct FlowStep {
     pub(crate) vessel: Vessel,
-    /// Displacement in a step by Poiseuille flow on the axis, in µm; 0 for other flows.
+    /// Displacement per step by Poiseuille flow on the axis.
     pub(crate) fastest: f64,
 }
 
-/// The duration of a step, or of the part of a step after a release.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StepTime {
-    /// In s.
     pub(crate) duration: f64,
     /// Fraction of the duration in which the flow is on.
     pub(crate) flow_part: f64,
 }
 
 impl StepTime {
-    /// A whole step, during the fraction `flow_part` of which the flow is on.
     pub(crate) fn new(model: &Model, flow_part: f64) -> Self {
         Self { duration: model.time_step, flow_part }
     }
 
-    /// Returns the time in which the flow is on, in s.
     fn in_flow(&self) -> f64 {
         self.flow_part * self.duration
     }
 }
 
-/// The displacement of a species by its drift and plug flow.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct StepDrift {
     /// In µm.
     pub(crate) drift: [f32; 3],
-    /// Axes whose walls reflect Brownian motion with drift exactly; walls across other axes mirror its path.
+    /// Axes whose walls reflect Brownian motion with drift exactly; other walls mirror the path.
     pub(crate) at_wall: [bool; 3],
 }
 
@@ -53,10 +47,9 @@ impl StepDrift {
             _ => [0.0; 3],
         };
         let drift = std::array::from_fn(|k| ((kind.drift[k] + plug[k]) * time.duration) as f32);
-        // Walls mirror the lines along which colliding particles move. A particle whose end were drawn otherwise could
-        // overlap one of them at the wall.
+        // Walls mirror the lines of colliding particles. An end drawn otherwise could overlap one of them.
         let is_exact = kind.diffusion > 0.0 && !kind.has_velocity() && !model.contact.collides();
-        // A wall that absorbs this species needs no reflection: particles that survive never touched it.
+        // A wall that absorbs needs no reflection: surviving particles never touched it.
         let reflects = |k| {
             matches!(model.boundary.axes[k], Axis::Reflecting { .. })
                 && !model.receivers.iter().any(|receiver| receiver.is_across(k) && receiver.sees[species])
@@ -71,11 +64,9 @@ impl StepDrift {
     }
 }
 
-/// Constants of the displacement by a flow field.
 #[derive(Clone, Debug)]
 pub(crate) struct FieldStep {
     field: Arc<FlowField>,
-    /// Time in which the flow is on, in s.
     duration: f64,
 }
 
@@ -84,7 +75,7 @@ impl FieldStep {
         Some(Self { field: model.flow_field()?.clone(), duration: time.in_flow() })
     }
 
-    /// Returns the displacement in µm on a path between `ends`, the second without flow and walls.
+    /// Returns the displacement between `ends`, the second without flow and walls.
     ///
     /// The mean of the velocities at the beginning and at the predicted end (Heun) is right to second order in the time
     /// step, also with diffusion.
@@ -96,11 +87,10 @@ impl FieldStep {
     }
 }
 
-/// The ends of a path, as in [`Path`](crate::motion::path_hit::Path).
 pub(crate) struct AdvectedPath {
     pub(crate) end: [f32; 3],
     pub(crate) after: [f32; 3],
-    /// Displacement by the flow along a cylinder, in µm.
+    /// Displacement along a cylinder.
     pub(crate) by: f32,
 }
 
@@ -114,8 +104,8 @@ impl FlowStep {
         Some(Self { vessel: model.boundary.vessel?, fastest })
     }
 
-    /// Returns the path of a step. `ends` are its beginning and its end without walls and Poiseuille flow. Walls
-    /// reverse the velocity. `reflect_at_end` reflects the coordinate along a cylinder if the particle drifts.
+    /// Returns the path between `ends`, and reverses `velocity` at walls. The second end is without walls and
+    /// Poiseuille flow. `reflect_at_end` reflects the coordinate along a cylinder if the particle drifts.
     pub(crate) fn carry(
         &self,
         domain: &Boundary,

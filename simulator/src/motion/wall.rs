@@ -1,29 +1,26 @@
-//! Reflection of paths with diffusion and drift at walls, and absorption by walls.
+//! Reflection of paths at walls, and absorption.
 //!
-//! Mirroring the end of a step is exact for diffusion alone, but with a drift towards the wall it leaves too few
-//! particles near the wall. The reflected motion is the free path X plus the least displacement that keeps it inside
-//! (Skorokhod), with the wall at 0:
+//! Mirroring the end of a step is exact for diffusion alone. With drift, the reflected motion is the free path X plus
+//! the least displacement that keeps it inside (Skorokhod), with the wall at 0:
 //!
 //! ```text
 //! Y(t) = X(t) + max(0, −min over s ≤ t of X(s))
 //! ```
 //!
-//! Between ends `a` and `b` the path is a Brownian bridge for any drift. Its minimum m has
-//! P(m ≤ y) = exp(−2(a − y)(b − y)/s²), s² = 2DΔt, inverted in closed form. The end is exact unless the path also
-//! reaches the opposite wall.
+//! Between ends `a` and `b` the path is a Brownian bridge for any drift. Its minimum m is drawn by inversion of
+//! P(m ≤ y) = exp(−2(a − y)(b − y)/s²), s² = 2DΔt. The end is exact unless the path also reaches the opposite wall.
 //!
-//! *Absorbing walls.* For y = 0, a path between heights `a` and `b` above a plane touched it with the probability
-//! exp(−ab/DΔt), for any step and drift. For a cylinder the tangent plane is used, which is right for steps short
-//! compared with the radius. In a sphere r times the density is that of a slit from 0 to R with absorbing ends: the
-//! probability is a sum over images, for any step.
+//! *Absorbing walls.* A path between heights `a` and `b` above a plane touched it with the probability exp(−ab/DΔt),
+//! for any step and drift. A cylinder is taken as its tangent plane, which is right for steps short compared with the
+//! radius. In a sphere r times the density is that of a slit from 0 to R with absorbing ends: the probability is a sum
+//! over images.
 //!
-//! *Surfaces in front of absorbing walls.* At a reflecting plane the path unfolds into a free one, between the wall
-//! and its mirror image. The mirror image is the wall as seen from the last segment, extended backwards to the length
-//! of the step. The probabilities of both add up, unless a step reaches both. Spheres are taken as their tangent
-//! planes.
+//! *Surfaces in front of absorbing walls.* A reflecting plane unfolds the path into a free one, between the wall and
+//! its mirror image. The image is the wall as seen from the last segment, extended backwards to the length of the step.
+//! Both probabilities add up, unless a step reaches both. Spheres are taken as their tangent planes.
 //!
 //! *The time of absorption* follows from the heights of both ends as at a receiver (`Hit::time`), with any wall taken
-//! as a plane. Without diffusion the height changes linearly.
+//! as a plane.
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};
@@ -35,8 +32,7 @@ use crate::motion::surface_events::ParticleMove;
 use crate::random::bridge::{NEVER, lowest};
 use crate::random::philox::{Purpose, open_unit};
 
-/// Returns the coordinate at the end of a path that walls reflect, or `None` if it touches no wall. `spread` is
-/// √(2DΔt) in µm, `word` is random.
+/// Returns the end's coordinate after reflection; `None` if the path touches no wall. `spread` is √(2DΔt).
 #[inline]
 pub(crate) fn reflected(axis: Axis, [before, end]: [f32; 2], spread: f32, word: u32) -> Option<f32> {
     let Axis::Reflecting { low, high } = axis else { return None };
@@ -46,12 +42,9 @@ pub(crate) fn reflected(axis: Axis, [before, end]: [f32; 2], spread: f32, word: 
     Some(if is_low { low + inside } else { high - inside })
 }
 
-/// A wall that absorbs particles.
 #[derive(Clone, Debug)]
 pub(crate) struct AbsorbingWall {
-    /// Index of the receiver in the model.
     pub(crate) receiver: u32,
-    /// Flags by species: `true` if the wall absorbs it.
     pub(crate) sees: Vec<bool>,
     face: WallFace,
 }
@@ -67,7 +60,7 @@ impl AbsorbingWall {
         model.receivers.iter().enumerate().filter_map(wall).collect()
     }
 
-    /// Returns the nearest point of a plane wall; for a curved wall, the point itself.
+    /// Returns `point` itself for a curved wall.
     pub(crate) fn foot(&self, domain: &Boundary, mut point: [f32; 3]) -> [f32; 3] {
         let (WallFace::Low(axis) | WallFace::High(axis)) = self.face else { return point };
         point[axis] -= match self.face {
@@ -77,8 +70,7 @@ impl AbsorbingWall {
         point
     }
 
-    /// Returns a path that ends beyond the wall if the step does, for surfaces in front of the wall. `domain` is the
-    /// boundary of the center, `free_end` the end without walls.
+    /// Returns a path that ends beyond the wall if the step does, for surfaces in front of it.
     pub(crate) fn aim(&self, domain: &Boundary, path: Path, free_end: [f32; 3]) -> Path {
         let Path { mut end, mut after, .. } = path;
         if let WallFace::Low(axis) | WallFace::High(axis) = self.face
@@ -89,7 +81,6 @@ impl AbsorbingWall {
         Path { end, after, ..path }
     }
 
-    /// Returns the hit of a path that the wall absorbs.
     pub(crate) fn hit(&self, domain: &Boundary, moved: &ParticleMove) -> Option<Hit> {
         let ParticleMove { who, path, free_end, turns, .. } = moved;
         let height = |point: [f32; 3]| height(self.face, domain, point);
@@ -119,8 +110,7 @@ impl AbsorbingWall {
     }
 }
 
-/// Returns the probability that a path between two heights, in µm, touches a wall. The second height may be beyond the
-/// wall. `diffusion` is DΔt, in µm².
+/// The second height may be beyond the wall.
 fn touch_probability(domain: &Boundary, heights: [f32; 2], diffusion: f32) -> f32 {
     let exponent = heights[0] * heights[1] / diffusion;
     if heights[1] <= 0.0 {
@@ -137,15 +127,14 @@ fn touch_probability(domain: &Boundary, heights: [f32; 2], diffusion: f32) -> f3
 /// Number of images on each side, which suffices up to DΔt = R².
 const IMAGES: i32 = 6;
 
-/// Returns the probability that a path between two positive heights, in µm, touches a sphere from inside. `diffusion`
-/// is DΔt, in µm².
+/// Returns the probability that a path between positive heights touches a sphere from inside.
 pub(crate) fn hit_from_inside(radius: f32, heights: [f32; 2], diffusion: f32) -> f32 {
     let [radius, diffusion] = [radius, diffusion].map(f64::from);
     if diffusion >= radius * radius {
-        // The survival is below exp(−π²).
+        // The survival is below 0.4 %.
         return 1.0;
     }
-    // At the center all terms vanish; a small distance from it gives the limit.
+    // All terms vanish at the center; a small distance gives the limit.
     let [from, to] = heights.map(|height| (radius - f64::from(height)).max(1e-4 * radius));
     let term = |distance: f64| libm::exp(((from - to).powi(2) - distance * distance) / (4.0 * diffusion));
     let pair = |image: i32| {
@@ -156,7 +145,7 @@ pub(crate) fn hit_from_inside(radius: f32, heights: [f32; 2], diffusion: f32) ->
     (-others / pair(0)) as f32
 }
 
-/// Returns the height of a point above a wall, in µm, negative beyond it.
+/// Returns the height above a wall, negative beyond it.
 fn height(face: WallFace, domain: &Boundary, point: [f32; 3]) -> f32 {
     let wall = |axis: usize, of: fn(f32, f32, f32) -> f32| match domain.axes[axis] {
         Axis::Reflecting { low, high } => of(low, high, point[axis]),
@@ -204,7 +193,7 @@ mod tests {
         }
     }
 
-    /// From the center of a sphere in one step: the survival is 2·Σ (−1)^(n+1)·exp(−n²π²DΔt/R²).
+    /// The survival from the center is 2·Σ (−1)^(n+1)·exp(−n²π²DΔt/R²).
     #[test]
     fn sphere_takes_the_part_of_the_closed_form_from_inside() {
         let vessel = Some(Vessel { along: None, center: [1.0, 2.0, 3.0], radius: 1.0 });

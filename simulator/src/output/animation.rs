@@ -1,5 +1,5 @@
 //! Frames of an animation, `animation.frames`, as little-endian 32-bit words: step, shift, numbers of particles (two
-//! words), drawn particles and moving receivers; then id, species and position of each drawn particle, and the moving
+//! words), drawn particles and moving receivers. Then id, species and position of each drawn particle, and the moving
 //! receivers' centers.
 
 use std::io::{self, Read, Write};
@@ -10,7 +10,7 @@ use crate::{Model, State};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Animation {
     pub every: u32,
-    /// Most drawn particles. Above it, all frames draw a half, a quarter and so on, by a hash of ids.
+    /// Above this number, all frames draw a half, a quarter and so on, by a hash of ids.
     pub particles: NonZeroU32,
 }
 
@@ -24,7 +24,7 @@ const CENTER: usize = 3;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Frame {
     pub step: u32,
-    /// One in 2ˢʰⁱᶠᵗ particles is drawn, by id.
+    /// One in 2ˢʰⁱᶠᵗ particles is drawn.
     pub shift: u32,
     pub present: u64,
     pub rows: Vec<DrawnParticle>,
@@ -83,7 +83,6 @@ pub(crate) fn append(out: &mut impl Write, model: &Model, state: &State, most: N
     out.write_all(&bytes)
 }
 
-/// The frames of a file.
 #[derive(Debug)]
 pub struct Frames<R>(R);
 

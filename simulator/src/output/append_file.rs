@@ -1,5 +1,3 @@
-//! Files that a run appends to, also when resumed.
-
 use std::fs::{File, OpenOptions};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -12,7 +10,7 @@ use crate::checksum::{Digest, DigestWriter};
 
 type Out = BufWriter<DigestWriter<File>>;
 
-/// An appended file at the checkpoint, without the bytes after `length`.
+/// An appended file up to its `length` at the checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct FileRecord {
     pub name: String,
@@ -33,7 +31,7 @@ impl AppendFile {
         Ok(Self { path, out: BufWriter::new(DigestWriter::new(file, Digest::new())) })
     }
 
-    /// Opens a file with its content at a checkpoint; [`cut`](Self::cut) precedes the first write.
+    /// [`cut`](Self::cut) must precede the first write.
     pub(super) fn reopen(directory: &Path, record: &FileRecord) -> Result<Self, Error> {
         let path = directory.join(&record.name);
         let mut file = OpenOptions::new().read(true).write(true).open(&path).map_err(|source| {

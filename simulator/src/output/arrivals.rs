@@ -9,7 +9,7 @@ pub(super) fn header(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "step,time,receiver,species,id,transmitter,released")
 }
 
-/// Rows of `arrivals.csv`; origins of inserted particles are empty.
+/// Origins of inserted particles are empty.
 pub(super) fn rows(out: &mut impl Write, simulation: &impl RunView) -> io::Result<()> {
     let model = simulation.model();
     for arrival in simulation.arrivals() {

@@ -1,6 +1,4 @@
-//! The log as Arrow IPC files: the columns of the CSV files, names as dictionaries.
-//!
-//! Converted at the end of a run: an Arrow file, which ends with a table, cannot be appended to.
+//! The log as Arrow IPC files, converted at the end of a run, since an Arrow file cannot be appended to.
 
 use std::collections::HashMap;
 use std::io::{self, Write};
@@ -235,7 +233,7 @@ arrivals = true
         let model = run(folder.path(), SCENARIO).unwrap();
         let table = |name: &str| fs::read_to_string(folder.path().join(name)).unwrap();
         for name in NAMES {
-            // Resumed runs find their copies by it, also in builds without Arrow.
+            // Resumed runs find their copies by the mark, also in builds without Arrow.
             let bytes = fs::read(folder.path().join(name)).unwrap();
             assert!(bytes[..2048].windows(ARROW_MARK[1].len()).any(|part| part == ARROW_MARK[1].as_bytes()));
         }

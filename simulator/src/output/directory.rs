@@ -1,5 +1,3 @@
-//! Names of the files of a run, and their removal. Files of others stay.
-
 use std::fs;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
@@ -43,7 +41,7 @@ pub(super) const ARROW_MARK: [&str; 2] = ["lazygrid", "copy of a log of lazygrid
 /// Bytes of a file that contain its mark: two lines of a page, or the schema of a copy.
 const MARKED_BYTES: u64 = 4096;
 
-/// Also locks the directory. Refuses one with files of a run, unless `overwrite`.
+/// Creates and locks the directory. Refuses one with files of a run, unless `overwrite`.
 pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> {
     let refused = |source| Error::Write { path: directory.to_owned(), source };
     fs::create_dir_all(directory).map_err(refused)?;
@@ -66,26 +64,24 @@ pub(crate) fn refuse_file(directory: &Path, name: &str) -> Result<(), Error> {
     if is_file(&directory.join(name)) { Err(foreign_file(directory, name)) } else { Ok(()) }
 }
 
-/// Refuses a table that begins otherwise than those that runs write under its `name`.
+/// Refuses a table that begins otherwise than those of runs.
 pub(crate) fn refuse_other_table(directory: &Path, name: &str, beginning: &str) -> Result<(), Error> {
     let start = start_of(&directory.join(name), beginning.len() as u64);
     // A table that cannot be read is not known to be a run's.
     if start == beginning.as_bytes() { Ok(()) } else { refuse_file(directory, name) }
 }
 
-/// Refuses a page of an animation, or a copy of a log, that no run wrote and that a run with this output would replace.
+/// Refuses animation pages and Arrow copies that this output would replace and that no run wrote.
 pub(crate) fn refuse_other_derived(directory: &Path, output: &Output) -> Result<(), Error> {
     let mut others = derived(output.animation.is_some(), output.arrow);
     others.try_for_each(|name| if is_marked(directory, name) { Ok(()) } else { refuse_page(directory, name) })
 }
 
-/// Returns the names of the page of an animation and of copies of logs.
 fn derived(has_page: bool, has_copies: bool) -> impl Iterator<Item = &'static str> {
     let page = has_page.then_some(ANIMATION);
     page.into_iter().chain(ARROW.into_iter().filter(move |_| has_copies))
 }
 
-/// Returns `true` if a run wrote this page of an animation or copy of a log.
 fn is_marked(directory: &Path, name: &str) -> bool {
     let path = directory.join(name);
     let mark = if name == ANIMATION { PAGE_MARK } else { ARROW_MARK[1] };
@@ -93,7 +89,7 @@ fn is_marked(directory: &Path, name: &str) -> bool {
     start.windows(mark.len()).any(|bytes| bytes == mark.as_bytes())
 }
 
-/// Returns the first bytes of a file, at most `length`; none if it cannot be read.
+/// Returns at most `length` bytes, none if the file cannot be read.
 pub(crate) fn start_of(path: &Path, length: u64) -> Vec<u8> {
     let mut start = Vec::new();
     // Opening a pipe would wait.
@@ -112,7 +108,7 @@ fn foreign_file(directory: &Path, name: &str) -> Error {
     foreign(directory, message)
 }
 
-/// Refuses a page without the mark of reports, which the report would replace.
+/// Refuses the file `name`, which has no mark and would be replaced.
 pub(super) fn refuse_page(directory: &Path, name: &str) -> Result<(), Error> {
     let message = format!(
         "it holds a file {name} that was written by another version or by another program; move it, or start over with \
@@ -136,8 +132,6 @@ pub(super) fn is_regular(path: &Path) -> bool {
     fs::symlink_metadata(path).is_ok_and(|data| data.is_file())
 }
 
-/// Returns the name of a file in `directory` that a run would replace: one of `results` or a
-/// table, or else the first frame or plot.
 fn foreign_result(directory: &Path, results: &[&str]) -> Result<Option<String>, Error> {
     if let Some(name) = results.iter().chain(&TABLES).find(|name| directory.join(name).is_file()) {
         return Ok(Some((*name).to_owned()));
@@ -149,7 +143,6 @@ fn foreign_result(directory: &Path, results: &[&str]) -> Result<Option<String>, 
     Ok(plot.map(|name| format!("{PLOTS}/{name}")))
 }
 
-/// Returns the first file in alphabetical order with such a name.
 fn first_file(directory: &Path, has_name: impl Fn(&str) -> bool) -> Result<Option<String>, Error> {
     let mut first: Option<String> = None;
     for entry in entries(directory)? {
@@ -164,7 +157,6 @@ fn first_file(directory: &Path, has_name: impl Fn(&str) -> bool) -> Result<Optio
     Ok(first)
 }
 
-/// Returns none for a directory that does not exist, or a file.
 fn entries(directory: &Path) -> Result<impl Iterator<Item = Result<fs::DirEntry, Error>>, Error> {
     let read = |source| Error::Read { path: directory.to_owned(), source };
     let entries = match fs::read_dir(directory) {
@@ -174,13 +166,12 @@ fn entries(directory: &Path) -> Result<impl Iterator<Item = Result<fs::DirEntry,
     Ok(entries.into_iter().flatten().map(move |entry| entry.map_err(read)))
 }
 
-/// Returns `true` for the names of frames: `frame-STEP.npy`.
 fn is_frame(name: &str) -> bool {
     let step = name.strip_prefix("frame-").and_then(|rest| rest.strip_suffix(".npy"));
     step.is_some_and(|step| step.len() >= 9 && step.bytes().all(|byte| byte.is_ascii_digit()))
 }
 
-/// Returns the numbers in names of a directory's entries that begin with `prefix`, ascending.
+/// Returns the ascending numbers after `prefix` in names of entries.
 pub(crate) fn numbered(directory: &Path, prefix: &str) -> Result<Vec<u32>, Error> {
     let mut numbers = Vec::new();
     for entry in entries(directory)? {
@@ -192,15 +183,14 @@ pub(crate) fn numbered(directory: &Path, prefix: &str) -> Result<Vec<u32>, Error
     Ok(numbers)
 }
 
-/// Removes the files of a run, but not the directories of replicas and points. Begins with the files that `--resume`
-/// continues.
+/// Removes the files of a run, those that `--resume` continues first. Directories of replicas and points stay.
 pub(crate) fn remove_results(directory: &Path) -> Result<(), Error> {
     remove_own_plots(directory)?;
     RESULTS.into_iter().chain(TABLES).try_for_each(|name| remove_file(directory.join(name)))?;
     remove_where(directory, is_frame)
 }
 
-/// Removes the files of replicas, which could count as done in a later run, but not their directories.
+/// Removes the files of replicas, which could count as done in a later run.
 pub(crate) fn remove_replicas(directory: &Path) -> Result<(), Error> {
     let replicas = numbered(directory, "replica-")?.into_iter();
     replicas
@@ -212,8 +202,7 @@ pub(crate) fn replica_directory(directory: &Path, replica: u32) -> PathBuf {
     directory.join(format!("replica-{replica:04}"))
 }
 
-/// Removes what is made of a run's finished files: its report, the page of a run with an animation, and copies of the
-/// logs of a run with logs. Files of others stay.
+/// Removes the report, animation page and Arrow copies of a run. Files of others stay.
 pub(crate) fn remove_derived(directory: &Path, is_animated: bool, has_logs: bool) -> Result<(), Error> {
     remove_report(directory)?;
     let mut own = derived(is_animated, has_logs).filter(|name| is_marked(directory, name));
@@ -230,7 +219,7 @@ pub(super) fn remove_where(directory: &Path, is_result: impl Fn(&str) -> bool) -
     Ok(())
 }
 
-/// Removes a file, unless the path is a directory or a device.
+/// Leaves directories and devices alone.
 pub(super) fn remove_file(path: PathBuf) -> Result<(), Error> {
     match path.is_file() {
         true => fs::remove_file(&path).map_err(|source| Error::Write { path, source }),

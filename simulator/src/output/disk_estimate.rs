@@ -44,7 +44,7 @@ impl DiskEstimate {
         let totals = 5 * (3 + model.receivers.len()) * model.species.len();
         let animation = output.animation.map_or(0.0, |animation| {
             let drawn = crowd.mean.iter().sum::<f64>().min(u32::from(animation.particles).into());
-            // The frames, and eight letters of the page per particle.
+            // Frames, and eight letters of the page per particle.
             due(animation.every) as f64 * (animation::bytes_of(model, drawn as u64) as f64 + 8.0 * drawn)
         });
         // Symbols are written when the run begins.
@@ -149,12 +149,11 @@ fn row(model: &Model, crowd: &ParticleCounts, [from, steps]: [u32; 2]) -> f64 {
     moment + species + counts as f64 * (1.0 + digits(0.2 * all)) + 2.0 * (1.0 + pairs) + 1.0
 }
 
-/// Returns the mean length of a step and its time.
 pub(super) fn moment(model: &Model, [from, steps]: [u32; 2]) -> f64 {
     mean_length([from, steps], 16, |step| series::moment(step, model).len())
 }
 
-/// Returns the mean of `length` over `numbers` equally spaced numbers above `from`, the last of which is `to`.
+/// Averages over equally spaced numbers above `from`, the last of which is `to`.
 pub(super) fn mean_length([from, to]: [u32; 2], numbers: u32, length: impl Fn(u32) -> usize) -> f64 {
     let number = |k: u32| from + (u64::from(to - from) * u64::from(k) / u64::from(numbers)) as u32;
     (1..=numbers).map(|k| length(number(k))).sum::<usize>() as f64 / f64::from(numbers)

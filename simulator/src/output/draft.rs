@@ -1,5 +1,3 @@
-//! Files that appear under their names once complete.
-
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 

@@ -1,4 +1,4 @@
-//! Frames by [`lazygrid_io::write::frames`], particles by ascending id.
+//! Frames, with particles by ascending id.
 
 use std::io::{self, Write};
 
@@ -27,7 +27,6 @@ pub(super) fn xyz(out: &mut impl Write, model: &Model, state: &State) -> io::Res
     frames::xyz(out, &info, particles.by_id().into_iter().map(|at| particle(model, particles, at as usize)))
 }
 
-/// A NumPy structured array: `id`, `species`, `x`, `y`, `z`, `r`.
 pub(super) fn npy(out: &mut impl Write, model: &Model, particles: &Particles) -> io::Result<()> {
     frames::npy(out, particles.by_id().into_iter().map(|at| particle(model, particles, at as usize)))
 }

@@ -26,7 +26,7 @@ impl Lock {
         let open = OpenOptions::new().create(true).truncate(false).read(true).write(true).open(&path);
         let file = open.map_err(refused)?;
         match file.try_lock() {
-            // The lock excludes other writers of these.
+            // The lock excludes other writers.
             Ok(()) => remove_temporaries(directory),
             Err(TryLockError::WouldBlock) => {
                 let message =
@@ -42,9 +42,8 @@ impl Lock {
         Ok(Self { path, file })
     }
 
-    /// Marks the files that follow as those of a run with this seed, for a run that is killed before its first
-    /// checkpoint or loses it. Leaves a `.lock` of another program and the target of a link alone: a resumed replica
-    /// then refuses its files as those of others.
+    /// Marks files as those of a run with this seed, in case it loses its checkpoint. Leaves a `.lock` of another
+    /// program and the target of a link alone.
     pub(crate) fn mark_begun(&self, seed: u64) -> Result<(), Error> {
         let written = self.write_mark(seed);
         written.map_err(|source| Error::Write { path: self.path.clone(), source })
@@ -73,10 +72,8 @@ fn mark(seed: u64) -> String {
     format!("{BEGUN}{seed}\n")
 }
 
-/// Returns `true` if a run with this seed has begun in the directory.
 pub(crate) fn has_begun(directory: &Path, seed: u64) -> bool {
     let path = directory.join(LOCK);
-    // Opening a named pipe would wait.
     is_regular(&path) && std::fs::read(path).is_ok_and(|content| content == mark(seed).as_bytes())
 }
 

@@ -1,4 +1,4 @@
-//! Upper bounds of the logs of arrivals, releases and occupancy, in bytes.
+//! Upper bounds of logs, in bytes.
 
 use super::disk_estimate::{digits, moment};
 use super::occupancy;
@@ -10,7 +10,7 @@ pub(crate) const LOGGED_ARRIVALS: u64 = 1 << 14;
 /// Steps between checks of the disk, with logs.
 pub(crate) const LOGGED_STEPS: u32 = 4096;
 
-/// Remaining bytes after step `from`, with `ids` particles that exist or appear, and `present` ones in a row.
+/// Remaining bytes after step `from`, for `ids` particles that exist or appear, and `present` ones in a row.
 pub(super) fn rest(model: &Model, [from, steps]: [u32; 2], [ids, present]: [f64; 2], every: u32) -> f64 {
     if !model.logs_arrivals {
         return 0.0;
@@ -36,7 +36,6 @@ pub(super) fn next(run: &impl RunView) -> f64 {
     arrivals * row.arrival(ids) + releases(model, [step, later]) * row.release() + occupied * row.occupancy()
 }
 
-/// Lengths of parts of a row.
 struct Row {
     moment: f64,
     receiver: f64,
@@ -71,7 +70,6 @@ impl Row {
 
 const COUNT: f64 = 6.0;
 
-/// Rows of the releases in steps after `from`.
 fn releases(model: &Model, [from, steps]: [u32; 2]) -> f64 {
     let window = [from.saturating_add(1), steps.saturating_add(1)];
     let steady = |(&(_, rate), (_, count)): (&(u32, f64), (u32, f64))| {
@@ -95,7 +93,7 @@ fn releases(model: &Model, [from, steps]: [u32; 2]) -> f64 {
     model.transmitters.iter().map(of).sum()
 }
 
-/// Rows for a row of the series up to `step`: one for each release in each momentary receiver, if not more than particles.
+/// Rows up to `step`: one for each release in each momentary receiver, but at most one per particle.
 fn occupancy_rows(model: &Model, step: u32, present: f64) -> f64 {
     if !occupancy::is_logged(model) {
         return 0.0;

@@ -1,4 +1,4 @@
-//! The files of a run in its directory, which `docs/simulator.md` describes.
+//! The files of a run; see `docs/simulator.md`.
 
 pub mod animation;
 pub(crate) mod append_file;
@@ -55,7 +55,7 @@ pub(crate) struct Files {
     xyz: Option<AppendFile>,
     logs: Option<Logs>,
     animation: Option<AppendFile>,
-    /// `true` if files made of these may be of fewer steps.
+    /// `true` if derived files may have fewer steps.
     has_derived: bool,
     _lock: Lock,
 }
@@ -71,13 +71,11 @@ struct Logs {
     next_step: u32,
 }
 
-/// A run whose files exist.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct WrittenRun<'a> {
     pub(crate) model: &'a Model,
     pub(crate) seed: u64,
     pub(crate) records: &'a [FileRecord],
-    /// Number of steps done.
     pub(crate) done: u32,
 }
 
@@ -118,7 +116,7 @@ impl Files {
         Ok(files)
     }
 
-    /// Changes no file unless all begin as recorded, and those made of them are not of others.
+    /// Changes no file unless all begin as recorded, and derived files are not of others.
     pub(crate) fn reopen(
         directory: &Path,
         output: Output,

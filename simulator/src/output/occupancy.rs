@@ -1,5 +1,3 @@
-//! Particles inside receivers at each row of the series, by origin.
-
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
@@ -15,7 +13,7 @@ pub(super) fn header(out: &mut impl Write) -> io::Result<()> {
     writeln!(out, "step,time,receiver,species,transmitter,released,count")
 }
 
-/// Rows of particles inside or bound; the origin of inserted particles is empty.
+/// Counts particles inside or bound; the origin of inserted ones is empty.
 pub(super) fn rows(out: &mut impl Write, model: &Model, state: &State) -> io::Result<()> {
     let State { particles, centers, bound, origins, .. } = state;
     let inside = inside_of(&model.receivers, centers, &model.boundary, particles);

@@ -19,7 +19,7 @@ impl Output {
         (self.xyz || self.npy) && step.is_multiple_of(self.frames_every)
     }
 
-    /// Returns the animation's options, if it has a frame after this step.
+    /// Returns the options if a frame follows this step.
     pub fn animated(&self, step: u32) -> Option<Animation> {
         self.animation.filter(|animation| step.is_multiple_of(animation.every))
     }

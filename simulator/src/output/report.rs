@@ -1,5 +1,5 @@
-//! The report of a run: a page, its plots and its tables. The page tells them from files of others: it contains the plots,
-//! and its last line has the checksums of the tables.
+//! The report of a run. Its page identifies the other files: it contains the plots, and the checksums of the tables in
+//! its last line.
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, BufWriter, Write};
@@ -47,7 +47,7 @@ pub fn write_report(directory: &Path, report: &Report<'_>, overwrite: bool) -> R
         refuse_others(directory, plots, report.tables.iter().map(|(name, _)| *name), [&former, &page])?;
     }
     remove_parts(directory, &former)?;
-    // The page first: it tells the plots and tables from those of others.
+    // The page first: it identifies the other files.
     write_atomically(&directory.join(REPORT), |out| out.write_all(page.as_bytes()))?;
     tables.into_iter().try_for_each(Draft::publish)?;
     let folder = directory.join(PLOTS);
@@ -61,8 +61,8 @@ fn plot_name(plot: &str) -> String {
     format!("{PLOTS}/{plot}.svg")
 }
 
-/// Writes the tables. Returns the page with their checksums, and the tables without their names: a table that appeared
-/// before the page would be one of others.
+/// Writes the tables, and returns the page with their checksums. Tables stay unpublished: one that appeared before the
+/// page would count as a file of others.
 fn draft_tables(directory: &Path, report: &Report<'_>) -> Result<(String, Vec<Draft>), Error> {
     let mut page = format!("{}\n{MARK}", report.page.trim_end());
     let mut drafts = Vec::new();
@@ -78,12 +78,11 @@ fn draft_tables(directory: &Path, report: &Report<'_>) -> Result<(String, Vec<Dr
     Ok((page + " -->\n", drafts))
 }
 
-/// Returns the text of a table in the last line of a page.
 fn entry(name: &str, digest: &Digest) -> String {
     format!(" {name} {} {:016x};", digest.length(), digest.checksum())
 }
 
-/// Returns the page of the former report, empty if no report exists, or refuses a page that no report wrote.
+/// Returns the page of the report, empty without one. Refuses a page that no report wrote.
 pub(crate) fn refuse_foreign_page(directory: &Path) -> Result<String, Error> {
     let former = former_report(directory);
     if former.is_empty() {
@@ -92,7 +91,7 @@ pub(crate) fn refuse_foreign_page(directory: &Path) -> Result<String, Error> {
     Ok(former)
 }
 
-/// Refuses such plots and tables that the page of the `former` report does not have, and that the next one may replace.
+/// Refuses plots and tables that the `former` page does not have, and that the next report may replace.
 pub(crate) fn refuse_foreign_parts(
     directory: &Path,
     former: &str,
@@ -102,7 +101,6 @@ pub(crate) fn refuse_foreign_parts(
     refuse_others(directory, plots.iter().copied(), tables.iter().copied(), [former, ""])
 }
 
-/// Refuses such plots and tables that none of the `pages` has.
 fn refuse_others<'a>(
     directory: &Path,
     plots: impl IntoIterator<Item = &'a str>,
@@ -125,21 +123,19 @@ fn refuse_others<'a>(
     Ok(())
 }
 
-/// Removes the files of the former report, but no files of the user. The page goes last: it tells them apart.
+/// Removes the former report, its page last: it identifies the other files.
 pub(crate) fn remove_report(directory: &Path) -> Result<(), Error> {
     let former = former_report(directory);
     remove_parts(directory, &former)?;
     if former.is_empty() { Ok(()) } else { remove_file(directory.join(REPORT)) }
 }
 
-/// Removes the plots and tables that are part of a page.
 fn remove_parts(directory: &Path, page: &str) -> Result<(), Error> {
     remove_plots(directory, page)?;
     let own = TABLES.into_iter().filter(|name| is_table_of(page, name, &directory.join(name)));
     own.into_iter().try_for_each(|name| remove_file(directory.join(name)))
 }
 
-/// Removes the plots of the directory's report.
 pub(super) fn remove_own_plots(directory: &Path) -> Result<(), Error> {
     remove_plots(directory, &former_report(directory))
 }
@@ -151,12 +147,12 @@ fn remove_plots(directory: &Path, page: &str) -> Result<(), Error> {
         return Ok(());
     }
     remove_where(&plots, |name| is_plot(name) && is_plot_of(page, &plots.join(name)))?;
-    // Remains if it holds other files.
+    // A directory with other files remains.
     let _ = fs::remove_dir(plots);
     Ok(())
 }
 
-/// Returns an empty text if no report exists, or a page of others.
+/// Returns an empty text without a report, or for a page of others.
 fn former_report(directory: &Path) -> String {
     let path = directory.join(REPORT);
     // Opening a pipe would wait.
@@ -181,7 +177,7 @@ fn is_table_of(page: &str, name: &str, path: &Path) -> bool {
     table_digest(path).is_ok_and(|digest| line.contains(&entry(name, &digest)))
 }
 
-/// Returns the digest without carriage returns, which a copy to another system adds. Reports write none.
+/// Skips carriage returns, which a copy to another system adds. Reports write none.
 fn table_digest(path: &Path) -> io::Result<Digest> {
     let (mut reader, mut digest) = (BufReader::new(File::open(path)?), Digest::new());
     loop {

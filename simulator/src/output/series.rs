@@ -1,5 +1,3 @@
-//! The time series of counts.
-
 use std::io::{self, Write};
 
 use crate::{Model, RunView};
@@ -14,8 +12,8 @@ pub(super) fn row(out: &mut impl Write, simulation: &impl RunView) -> io::Result
     writeln!(out)
 }
 
-/// Returns the names of the [`counts`]: particles by species, reactions and decays so far, receivers as
-/// `receiver:species`, and the last step's `pairs` and resolved `contacts`.
+/// Returns the names of the [`counts`]: particles by species, reactions and decays so far, `receiver:species`, and the
+/// last step's `pairs` and resolved `contacts`.
 pub fn names(model: &Model) -> Vec<String> {
     let mut names: Vec<_> = model.species.iter().map(|species| species.name.clone()).collect();
     names.extend(model.reactions.iter().map(|reaction| reaction.name.clone()));

@@ -1,5 +1,3 @@
-//! A reader of `.csv` tables that runs write.
-
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Seek};
 use std::path::Path;
@@ -24,8 +22,7 @@ pub struct TableRow<'a> {
 }
 
 impl<'a> TableReader<'a> {
-    /// Opens a table whose first line begins with `begin`. Its reader keeps `bytes_per_field` bytes of memory for each
-    /// field.
+    /// Opens a table whose first line begins with `begin`. The caller will need `bytes_per_field` bytes for each field.
     ///
     /// # Errors
     /// [`Error::Read`] if the file cannot be read or begins otherwise, and [`Error::TooLittleMemory`] for its fields.
@@ -68,7 +65,7 @@ impl TableRow<'_> {
         &self.text[start..self.ends[column]]
     }
 
-    /// Parses a field as a number.
+    /// Parses a field.
     ///
     /// # Errors
     /// [`Error::Read`] with the line if the field is no such number.
@@ -99,7 +96,6 @@ fn check_memory(path: &Path, file: &mut File, bytes_per_field: u64) -> Result<()
     check(count_fields(file).map_err(read)?)
 }
 
-/// Returns to the beginning.
 fn count_fields(file: &mut File) -> io::Result<u64> {
     let (mut reader, mut fields) = (BufReader::with_capacity(1 << 16, &mut *file), 0);
     loop {

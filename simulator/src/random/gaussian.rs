@@ -1,7 +1,8 @@
-//! Normally distributed numbers from random words, by Box and Muller.
+//! Normally distributed numbers, by Box and Muller.
 //!
 //! All operations are correctly rounded and none is fused, so every processor and vector width gives the same bits.
-//! Logarithm and sine are Cephes polynomials. A device may round the WGSL version differently.
+//! Sine and cosine are Cephes polynomials; the logarithm is a series of artanh. A device may round the WGSL version
+//! differently.
 
 /// Returns three independent standard normal numbers.
 #[inline(always)]

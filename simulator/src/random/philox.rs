@@ -1,11 +1,10 @@
 //! Philox 4×32 with ten rounds (Salmon et al., *Parallel random numbers: as easy as 1, 2, 3*, SC 2011).
 //!
-//! A draw is a pure function of the seed, the ids, the step and the purpose. It does not depend on order, threads or
-//! machine. WGSL has the same 32-bit operations.
+//! A draw depends only on the seed, the ids, the step and the purpose. WGSL has the same operations.
 
 use rand::TryRng;
 
-/// The use of a draw. Different purposes share no random words.
+/// The use of a draw. Purposes share no random words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum Purpose {
@@ -13,32 +12,30 @@ pub enum Purpose {
     /// Position at release.
     Release = 1,
     Velocity = 2,
-    /// Hit of a receiver, by particle and receiver.
+    /// Hit, by particle and receiver.
     Receiver = 3,
-    /// Priority, probability and direction of a candidate pair, by both ids.
+    /// Priority, probability and direction of a pair, by both ids.
     Pair = 4,
     Decay = 5,
     /// Position within a step, by particle and segment of its path.
     Path = 6,
     Dissociation = 7,
-    /// Events between release and the next step.
+    /// Events after a release.
     PartialStep = 8,
-    /// Released number, by transmitter.
+    /// Number, by transmitter.
     Count = 9,
-    /// Symbol, by transmitter and index in the message.
+    /// Symbol, by transmitter and index.
     Symbol = 10,
     Tumble = 11,
-    /// Displacement of a receiver, by its index.
     ReceiverMotion = 12,
     Unbinding = 13,
-    /// Time of a hit, by particle and receiver.
     HitTime = 14,
-    /// Extreme position of a path near a wall.
+    /// Extreme position near a wall.
     Wall = 15,
-    /// Extreme position of a path near a membrane, and its side, by particle and membrane.
+    /// Extreme position near a membrane, and its side.
     Membrane = 16,
     SurfaceDiffusion = 17,
-    /// Seed of a replica, by its index.
+    /// Seed of a replica.
     Replica = 100,
 }
 
@@ -61,7 +58,7 @@ impl Key {
         philox([id, other, step, purpose as u32], self.0)
     }
 
-    /// Returns four random words of a numbered part; part 0 is [`draw`](Self::draw). Parts below 2²⁴ share no words
+    /// Returns four random words of a numbered part. Part 0 is [`draw`](Self::draw). Parts below 2²⁴ share no words
     /// with other parts and purposes.
     #[inline(always)]
     pub(crate) fn draw_part(self, [id, other]: [u32; 2], part: u32, step: u32, purpose: Purpose) -> [u32; 4] {
@@ -77,7 +74,7 @@ pub struct StepKey {
 }
 
 impl StepKey {
-    /// Returns the context of a particle's draws in this step.
+    /// Returns the draws of a particle.
     #[inline(always)]
     pub fn of_particle(self, id: u32) -> DrawContext {
         let Self { key, step } = self;
@@ -94,13 +91,11 @@ pub struct DrawContext {
 }
 
 impl DrawContext {
-    /// Returns [`Key::draw`] for this particle and step.
     #[inline(always)]
     pub(crate) fn draw(self, other: u32, purpose: Purpose) -> [u32; 4] {
         self.key.draw(self.id, other, self.step, purpose)
     }
 
-    /// Returns [`Key::draw_part`] for this particle and step.
     #[inline(always)]
     pub(crate) fn draw_part(self, other: u32, part: u32, purpose: Purpose) -> [u32; 4] {
         self.key.draw_part([self.id, other], part, self.step, purpose)
@@ -118,12 +113,11 @@ pub struct Draws {
 }
 
 impl Draws {
-    /// Creates the stream of `id` at `step`, for a purpose without other draws.
+    /// Creates the stream of `id`, for a purpose without other draws.
     pub fn new(key: Key, id: u32, step: u32, purpose: Purpose) -> Self {
         Self { key, counter: [id, 0, step, purpose as u32], words: [0; 4], used: 4 }
     }
 
-    /// Returns a uniform number in (0, 1).
     pub(crate) fn unit(&mut self) -> f64 {
         fine_unit(self.word())
     }
@@ -163,7 +157,6 @@ const MULTIPLIERS: [u32; 2] = [0xD251_1F53, 0xCD9E_8D57];
 const WEYL: [u32; 2] = [0x9E37_79B9, 0xBB67_AE85];
 const ROUNDS: usize = 10;
 
-/// Returns the four words of Philox 4×32-10 for a counter and a key.
 #[inline(always)]
 pub fn philox(mut counter: [u32; 4], mut key: [u32; 2]) -> [u32; 4] {
     for _ in 0..ROUNDS {
@@ -194,8 +187,7 @@ pub(crate) fn fine_unit(word: u32) -> f64 {
     (f64::from(word) + 0.5) / 4_294_967_296.0
 }
 
-/// Returns the largest word at which an event of this probability happens, which is rounded to a multiple of 2⁻³²;
-/// `None` if that is 0.
+/// Returns the largest word at which an event of this probability, rounded to multiples of 2⁻³², happens; `None` for 0.
 pub fn probability_threshold(probability: f64) -> Option<u32> {
     let count = (probability * 4_294_967_296.0).round().min(4_294_967_296.0);
     (count >= 1.0).then_some((count - 1.0) as u32)

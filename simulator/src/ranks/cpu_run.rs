@@ -1,5 +1,3 @@
-//! A rank's particles on the CPU, with the exchanges of a step.
-
 use lazygrid::{Algorithm, Config};
 use lazygrid_ranks::{Communicator, SphereWrapper};
 
@@ -36,7 +34,7 @@ impl CpuRun {
         Ok(Self { simulation, pair_search, wrapper })
     }
 
-    /// Does a step. `occupied` counts the receptors of all ranks.
+    /// `occupied` counts the receptors of all ranks.
     pub(super) fn step<C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -85,10 +83,9 @@ impl CpuRun {
         all_requests(communicator, &self.simulation.binding_requests(moved))
     }
 
-    /// Adds the spared particles of all ranks, because others hold them as ghosts.
+    /// Adds the spared particles of all ranks, which others hold as ghosts.
     fn share_spared<C: Communicator>(&mut self, communicator: &mut C) -> Result<(), C::Error> {
         let Simulation { dissociation, model, spared, .. } = &mut self.simulation;
-        // Pairs with ghosts need the ids of other ranks.
         if dissociation.is_empty() || model.reactions.is_empty() || !model.forms_dissociating() {
             return Ok(());
         }
@@ -119,7 +116,7 @@ pub(super) fn all_requests<C: Communicator>(
     Ok(communicator.all_gather("requests for receptors", own)?.0)
 }
 
-/// Returns the ascending ids of all ranks' particles that dissociate into two. Collective.
+/// Returns ascending ids of particles that dissociate into two. Collective.
 pub(super) fn all_parents<C: Communicator>(communicator: &mut C, own: &[u32]) -> Result<Vec<u32>, C::Error> {
     let (mut parents, _) = communicator.all_gather("ids of particles that dissociate", own)?;
     parents.sort_unstable();

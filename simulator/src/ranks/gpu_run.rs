@@ -1,5 +1,3 @@
-//! A rank's particles on its GPU.
-
 use lazygrid::Config;
 use lazygrid::gpu::SoftwareAdapter;
 use lazygrid_ranks::Communicator;
@@ -40,7 +38,6 @@ impl GpuRun {
         if self.simulation.shares_steps() { 1 } else { GPU_STEPS }
     }
 
-    /// Does the next steps, at most `most`. `occupied` counts the receptors of all ranks.
     pub(super) fn advance<C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -53,7 +50,6 @@ impl GpuRun {
         agree(communicator, self.simulation.run(most.min(GPU_STEPS)))
     }
 
-    /// Does a step in which ranks decide together on receptors and on the ids of second products.
     fn step<C: Communicator>(&mut self, communicator: &mut C, occupied: &[u64]) -> Result<(), C::Error> {
         let requests = agree(communicator, self.simulation.request_receptors(occupied))?;
         let accepted = self.accept(communicator, &requests, occupied)?;
@@ -65,7 +61,6 @@ impl GpuRun {
         agree(communicator, self.simulation.conclude_shared_step(step, &parents))
     }
 
-    /// Returns the number of this rank's accepted requests by receptor type.
     fn accept<C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -82,7 +77,7 @@ impl GpuRun {
         let refused = all.iter().zip(&free).map(|(&all, &free)| [all, all.saturating_sub(free.into())]);
         let is_any_refused = refused.clone().any(|[_, refused]| refused > 0);
         if is_any_refused {
-            // Keys of all particles are read back, which is rare at a suitable time step.
+            // Reads the keys of all particles back, which is rare at a suitable time step.
             let own = agree(communicator, self.simulation.requests_by_key(requests))?;
             let all = all_requests(communicator, &own)?;
             let rejected = binding::rejected(all, &free);

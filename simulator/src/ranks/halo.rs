@@ -1,5 +1,3 @@
-//! Exchange of particles in motion while they collide.
-
 use bytemuck::{Pod, Zeroable};
 use lazygrid::Sphere;
 use lazygrid_ranks::{ClassBounds, Communicator, RankBounds, SphereWrapper, WrappedSphere, send_to_ranks};
@@ -24,7 +22,6 @@ pub(super) struct RankHalo<'a, C> {
 struct SentGhost {
     at: u32,
     rank: u32,
-    /// Place among this rank's ghosts there.
     slot: u32,
 }
 
@@ -57,7 +54,7 @@ impl<'a, C: Communicator> RankHalo<'a, C> {
         movers.par_iter().map(wrap).collect()
     }
 
-    /// Returns the first `own` movers that may be candidates on another rank, and are unknown there.
+    /// Returns own movers that may be candidates on another rank, and are unknown there.
     fn unsent(&self, wrapped: &[WrappedSphere], own: usize, bounds: &RankBounds) -> Vec<SentGhost> {
         let this = self.communicator.rank();
         let here = ClassBounds::all_of(&wrapped[..own]);
@@ -178,7 +175,6 @@ mod tests {
     fn scene(case: u32) -> Scene {
         let rules = Rules::new(&model(Contact::Separate, Axis::Open)).expect("collisions");
         let mut movers = movers(case, 8, 0.4);
-        // Nearly touching, so that chains are long.
         movers.iter_mut().for_each(|mover| mover.position = mover.position.map(|c| 0.94 * c));
         let n = movers.len() as u32;
         let mut pairs: Vec<[u32; 2]> = (0..n).flat_map(|i| (0..i).map(move |j| [j, i])).collect();
@@ -195,7 +191,6 @@ mod tests {
             (self.movers[at as usize].position[0] as u32 / 2).min(RANKS - 1)
         }
 
-        /// Returns the indices of a rank's movers, then those up to `hops` candidates away, by owner.
         fn places(&self, rank: u32, hops: u32) -> Vec<u32> {
             let all = 0..self.movers.len() as u32;
             let mut is_here: Vec<bool> = all.clone().map(|at| self.owner(at) == rank).collect();
@@ -231,7 +226,6 @@ mod tests {
             (movers, end)
         }
 
-        /// Returns movers by id.
         fn over_ranks(&self, hops: u32) -> (Vec<Mover>, WindowEnd) {
             let ranks = threads::on(RANKS, |mut thread| {
                 let this = thread.rank();
@@ -259,7 +253,6 @@ mod tests {
         }
     }
 
-    /// Bursts of points and of spheres that react with each other are divided among all ranks, each far from the rest.
     #[test]
     fn movers_of_bursts_are_no_ghosts_of_each_other() {
         let mut model = model(Contact::Separate, Axis::Open);
@@ -271,7 +264,6 @@ mod tests {
             0 => Mover { id: k, species: 0, radius: 0.5, position: [0.0; 3], ..first },
             _ => Mover { id: k, species: 2, radius: 0.0, position: [9.0; 3], ..first },
         };
-        // One sphere that may collide with the reacting ones, on the last rank.
         let target = Mover { id: 800, species: 1, radius: 0.3, position: [0.0, 0.0, 0.85], ..first };
         let ghosts = |table: Option<&Interactions>, has_target: bool| -> Vec<usize> {
             let wrapper = SphereWrapper::new(Space::UNBOUNDED, table);

@@ -1,8 +1,8 @@
 //! Matching of reactions whose candidates are on several ranks.
 //!
-//! Every candidate is on one rank; every particle has an owner. In each round, a rank sends its best key of each ghost
-//! to the owner, which replies with the best key of all ranks, or that the particle is taken. The rank then applies
-//! candidates that are best at all their consumed particles.
+//! Every candidate is on one rank; every particle has an owner. In each round, ranks send their best keys of ghosts to
+//! the owners. An owner replies with the best key of all ranks, or that the particle is taken. Ranks apply candidates
+//! that are best at all their consumed particles.
 //!
 //! # Correctness
 //! 1. After the replies, a rank knows of its candidates' particles what
@@ -60,7 +60,6 @@ impl KeyMessage {
     }
 }
 
-/// The number of a rank's own particles, and the ghosts that follow them.
 #[derive(Clone, Copy, Debug)]
 struct RankParticles<'a> {
     own: usize,
@@ -68,8 +67,8 @@ struct RankParticles<'a> {
 }
 
 impl DistributedMatching {
-    /// Returns this rank's winning candidates, by key. Ghosts follow its `own` particles. `sample` adds candidates as
-    /// for [`Matching::greedy`](crate::reaction::matching::Matching::greedy).
+    /// Returns this rank's winning candidates, by key. Ghosts follow its `own` particles. `sample` is that of
+    /// [`Matching::greedy`](crate::reaction::matching::Matching::greedy).
     pub(super) fn greedy<C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -104,7 +103,7 @@ impl DistributedMatching {
         Ok(chosen)
     }
 
-    /// Returns the winning candidates. `won` are consumed ghosts whose owners do not know it yet.
+    /// `won` are consumed ghosts whose owners do not know it yet.
     fn choose<C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -147,7 +146,6 @@ impl DistributedMatching {
         self.touched.push(at as u32);
     }
 
-    /// Sends owners the keys of ghosts `wanted`, and the ghosts `won`, and records the replies.
     fn ask<C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -232,7 +230,7 @@ mod tests {
         (here, own, Ghosts::new(ghosts.iter().map(particle).collect(), &counts))
     }
 
-    /// Returns the ids that all ranks choose, by key. Each chooses twice, to test the state between calls.
+    /// Each rank chooses twice, to test the state between calls.
     fn chosen(all: &[ReactionCandidate], owners: &[u32]) -> Vec<[u32; 2]> {
         let ranks = owners.iter().max().map_or(1, |most| most + 1);
         let chosen = threads::on(ranks, |mut thread| {

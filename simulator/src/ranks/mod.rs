@@ -1,8 +1,7 @@
 //! A run over ranks: processes that each own a part of the particles.
 //!
 //! Every rank does with its own particles what [`Simulation`](crate::Simulation) does with all, and moves all
-//! receivers. `docs/design/ranks.md` has the exchanges between the parts of a step. Particles of models without
-//! reactions and contacts may move on the GPUs of the ranks.
+//! receivers. See `docs/design/ranks.md` for the exchanges.
 
 mod contacts;
 mod cpu_run;

@@ -1,5 +1,3 @@
-//! Pairs and reactions between ranks.
-
 use std::ops::ControlFlow;
 
 use bytemuck::{Pod, Zeroable};
@@ -120,7 +118,7 @@ impl RankPairSearch {
         Ok(outcomes)
     }
 
-    /// Returns this rank's ghosts, and its particles sent as ghosts to each rank.
+    /// Returns ghosts here, and this rank's particles sent as ghosts to each rank.
     fn ghosts<C: Communicator>(
         &self,
         communicator: &mut C,
@@ -223,8 +221,7 @@ mod tests {
     use crate::random::philox::{open_unit, philox};
     use crate::{Reaction, Species};
 
-    /// Returns the number of ghosts on all ranks of 4000 particles that react within `distances` with each other and
-    /// with a species without particles.
+    /// Returns the ghosts on all ranks of 4000 particles that react within `distances`.
     fn ghosts(distances: [f32; 2]) -> usize {
         let species = |name: &str| Species { name: name.into(), mass: 1.0, ..Species::default() };
         let reaction = |(other, binding_radius)| Reaction {

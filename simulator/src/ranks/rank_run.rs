@@ -1,5 +1,3 @@
-//! A rank's particles on the CPU or on its GPU, and the choice between the two.
-
 use lazygrid::{Backend, Config};
 use lazygrid_ranks::Communicator;
 
@@ -49,7 +47,6 @@ impl RankRun {
         }
     }
 
-    /// Returns the largest number of steps of one call.
     pub(super) fn steps_at_once(&self) -> u32 {
         match self {
             Self::Cpu(_) => 1,
@@ -58,7 +55,7 @@ impl RankRun {
         }
     }
 
-    /// Returns the state without particles, which is common to all ranks except for the counts.
+    /// Returns the state, of which only the counts differ between ranks.
     pub(super) fn without_particles(&self, totals: Totals) -> State {
         match self {
             Self::Cpu(run) => run.simulation.state.without_particles(totals),
@@ -78,7 +75,7 @@ impl RankRun {
 
 /// Returns `true` if the particles of all ranks move on GPUs. Collective.
 ///
-/// Ranks with and without a GPU do not mix, because a checkpoint names one backend and backends round differently.
+/// Backends do not mix: they round differently, and a checkpoint names one.
 pub(super) fn moves_on_gpus<C: Communicator>(communicator: &mut C, model: &Model, detector: &Config) -> bool {
     let ranks = u64::from(communicator.ranks());
     let asking = communicator.all_reduce_sum(&[detector.requires_gpu().into()])[0];
@@ -99,10 +96,10 @@ fn log_obstacle<C: Communicator>(communicator: &C, level: log::Level, obstacle: 
     }
 }
 
-/// Returns the run on this rank's GPU, or `None` on all ranks if the model exceeds the device of one. Collective.
+/// Returns `None` on all ranks if the model exceeds the device of one. Collective.
 ///
 /// # Errors
-/// On every rank, any other error of one.
+/// Every rank returns any other error of one.
 pub(super) fn agree_on_gpus<C: Communicator>(
     communicator: &mut C,
     run: Result<RankRun, Error>,
@@ -127,7 +124,6 @@ fn is_beyond_device(error: &Error) -> bool {
     matches!(error, Error::NotOnGpu { .. } | Error::Detection(lazygrid::Error::LimitExceeded { .. }))
 }
 
-/// Returns the reason why particles of this model do not move on the GPUs of ranks.
 fn obstacle(model: &Model) -> Option<String> {
     let common = [(!model.reactions.is_empty(), "reactions"), (model.contact != Contact::Ignore, "contacts")];
     let found = common.into_iter().find(|&(has, _)| has);
@@ -156,7 +152,6 @@ mod tests {
     use crate::release::rank_slice::RankSlice;
     use crate::{Receiver, ReceiverKind, Species, Transmitter};
 
-    /// Returns a model that needs ten storage buffers in a stage.
     fn model() -> Model {
         let mirror =
             Receiver { radius: 1.0, kind: ReceiverKind::Reflecting, sees: vec![true], ..Receiver::default() };

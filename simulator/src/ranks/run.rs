@@ -1,5 +1,3 @@
-//! A run over ranks to the files of a run in one process.
-
 use std::ops::ControlFlow;
 
 use lazygrid::Config;
@@ -17,15 +15,15 @@ use crate::{Error, RunView};
 
 impl Run {
     /// Does all steps as [`run`](Self::run), together with all ranks. All must see the directory: the first writes
-    /// common files, every rank its particles. `watch` is called on every rank after each step (several on GPUs) and
-    /// stops all. Uses the caller's rayon pool.
+    /// common files, every rank its particles. After each step (several on GPUs), every rank calls `watch`, which can
+    /// stop all. Uses the caller's rayon pool.
     ///
-    /// `detector` selects this rank's backend, instead of [`backend`](Self::backend), as for [`RankSimulation::new`].
+    /// `detector` selects this rank's backend, as for [`RankSimulation::new`], instead of [`backend`](Self::backend).
     ///
     /// # Errors
-    /// On all ranks, those of one: as [`run`](Self::run), [`RankSimulation::new`], and the communicator's.
-    /// [`Communicator::difference`] if ranks have different runs; detector, algorithm and [`threads`](Self::threads) may
-    /// differ.
+    /// Every rank returns the errors of one: as [`run`](Self::run), [`RankSimulation::new`], and the communicator's.
+    /// [`Communicator::difference`] if ranks have different runs; detector, algorithm and [`threads`](Self::threads)
+    /// may differ.
     pub fn run_distributed<C: Communicator>(
         &self,
         mut communicator: C,

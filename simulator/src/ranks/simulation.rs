@@ -1,5 +1,3 @@
-//! A run of one rank among others.
-
 use std::borrow::Cow;
 
 use bytemuck::{Pod, Zeroable};
@@ -32,7 +30,7 @@ pub struct GatherFields {
     pub particles: bool,
 }
 
-/// Every rank knows the origin from the id.
+/// The origin follows from the id.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Arrived {
@@ -43,16 +41,16 @@ struct Arrived {
 }
 
 impl<C: Communicator> RankSimulation<C> {
-    /// Begins a run. `detector` selects the backend and the algorithm by which this rank finds pairs, each rank its own;
-    /// the model gives the space and the interactions.
+    /// Begins a run. `detector` selects this rank's backend and algorithm; the model gives the space and the
+    /// interactions.
     ///
-    /// Particles move on the GPUs of all ranks if every `detector` [requires one](Config::requires_gpu), the model has
-    /// kernels and no reactions and contacts, and it exceeds no device. Otherwise they move on the CPU.
+    /// Particles move on GPUs if every `detector` [requires one](Config::requires_gpu), the model has kernels and no
+    /// reactions and contacts, and it exceeds no device. Otherwise they move on the CPU.
     ///
     /// # Errors
-    /// On every rank, those of the first that fails: as [`Simulation::new`](crate::Simulation::new),
-    /// [`Detector::new`](lazygrid::Detector::new), and failures of devices if particles move on GPUs.
-    /// [`Communicator::difference`] if models, seeds or steps differ.
+    /// Every rank returns those of the first that fails: as [`Simulation::new`](crate::Simulation::new),
+    /// [`Detector::new`](lazygrid::Detector::new), and failures of devices. [`Communicator::difference`] if models,
+    /// seeds or steps differ.
     pub fn new(communicator: C, model: Model, seed: u64, detector: Config) -> Result<Self, C::Error> {
         let state = State::new_slice(&model, seed, RankSlice::new(communicator.rank(), communicator.ranks()));
         Self::begin(communicator, model, seed, detector, state)
@@ -131,12 +129,10 @@ impl<C: Communicator> RankSimulation<C> {
         self.run.view().state()
     }
 
-    /// Returns the state of all ranks without particles. Not collective.
     pub(super) fn without_particles(&self) -> State {
         self.run.without_particles(self.totals.clone())
     }
 
-    /// Returns warnings of refused requests for receptors.
     pub(super) fn request_warnings(&self) -> Vec<String> {
         self.run.request_warnings()
     }
@@ -157,17 +153,15 @@ impl<C: Communicator> RankSimulation<C> {
         self.advance(1)
     }
 
-    /// Returns the largest number of steps of one call of [`advance`](Self::advance).
     pub(super) fn steps_at_once(&self) -> u32 {
         self.run.steps_at_once()
     }
 
-    /// Does the next steps, up to `most`: several on GPUs, but one on the CPU or if particles dissociate or bind.
+    /// Does up to `most` steps: several on GPUs, but one on the CPU or if particles dissociate or bind.
     ///
     /// # Errors
     /// Returns the error of one rank on all: as [`AnySimulation::advance`](crate::AnySimulation::advance), and the
-    /// communicator's. Ranks may then be at different steps, so later calls of this and of
-    /// [`gather`](Self::gather) fail.
+    /// communicator's. Later calls of this and of [`gather`](Self::gather) fail.
     pub fn advance(&mut self, most: u32) -> Result<(), C::Error> {
         self.check_state()?;
         if most == 0 {

@@ -1,7 +1,7 @@
 //! Candidates of a step: pairs whose random draws select a reaction.
 //!
-//! Crowds have far more candidates than particles, so only the best are kept. The matching consumes particles, and
-//! samples the pairs of the others again.
+//! Crowds have far more candidates than particles, so only the best are kept. The matching then samples the pairs of
+//! unconsumed particles again.
 
 use lazygrid::Pair;
 use rayon::prelude::*;
@@ -17,7 +17,7 @@ use crate::reaction::{ReactionRule, Reactions, distance_squared};
 pub struct StepPairs<'a> {
     pub particles: &'a Particles,
     pub pairs: &'a [Pair],
-    /// Ascending ids of particles that do not dissociate in the step, though their random words say so.
+    /// Ascending ids of particles that do not dissociate, though their random words say so.
     pub spared: &'a [u32],
     pub now: StepKey,
 }
@@ -44,7 +44,7 @@ impl BestCandidates {
         Self { candidates: Vec::new(), capacity, bound: None }
     }
 
-    /// Adds candidates. If the capacity is exceeded, keeps the best candidates, half the capacity.
+    /// Adds candidates. If the capacity is exceeded, keeps the best half of the capacity.
     ///
     /// # Errors
     /// [`Error::OutOfCandidateMemory`] if the memory is refused.
@@ -65,7 +65,6 @@ impl BestCandidates {
         Ok(())
     }
 
-    /// Drops the candidates above `bound`.
     pub(crate) fn restrict(&mut self, bound: Key) {
         self.candidates.retain(|candidate| candidate.key() <= bound);
         self.bound = Some(bound);
@@ -73,7 +72,7 @@ impl BestCandidates {
 }
 
 impl Reactions {
-    /// Draws the reactions of pairs and adds to `best` those that would consume no particle that is consumed already.
+    /// Draws the reactions of pairs, and adds to `best` those that would consume no particle consumed already.
     ///
     /// # Errors
     /// As [`BestCandidates::extend`].
@@ -136,7 +135,6 @@ impl Reactions {
         Some(candidate(rule, priority)).filter(|candidate| !dissociates && is_open(candidate))
     }
 
-    /// Returns `true` if a particle dissociates in this step, so that it does not exist when pairs react.
     #[inline]
     fn dissociates(&self, species: u32, spared: &[u32], who: DrawContext) -> bool {
         let is_within = self.dissociation_of(species).is_some_and(|time| time.is_within(who));

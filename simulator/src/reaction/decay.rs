@@ -1,20 +1,16 @@
 //! Decays of particles while they move.
 //!
-//! A particle may decay several times in a step: the first decay is drawn for the whole step, then its time, and the
-//! product may decay in the rest. Chains are therefore right at any step length.
+//! The first decay is drawn for the whole step, then its time, then a decay of the product in the rest. So chains are
+//! right at any step length.
 //!
-//! A product that dissociates does so in the rest of the step only. Its dissociation is that of a whole step, whose clock
-//! begins when the product is formed: within the rest with the right probability, as the process has no memory.
-//! Otherwise the product is *spared*. Other particles show by their random words if they dissociate.
+//! A product draws its dissociation for a whole step from its own beginning: the process has no memory. If the time is
+//! after the step, the product is *spared*.
 //!
-//! A receiver or a wall that the path hits takes the species that exists at the time of the hit, if it sees that
-//! species (`CaptureOrder`). Decays before the hit happen, and later ones do not if the particle was taken. A particle
-//! that dissociates before the hit is not taken either, also one that a decay formed in the step; its products appear at
-//! the end of its path.
+//! A receiver or wall takes the species that exists at the hit (`CaptureOrder`), and no particle that dissociated
+//! before. Products of a dissociation appear at the end of the path.
 //!
-//! Bimolecular reactions happen at the end of the step, among the particles that then exist: products of decays take
-//! part, and particles that dissociate in the step do not, so a surface spares no particle that a reaction then
-//! consumes.
+//! Bimolecular reactions happen at the end of the step, without particles that dissociate in it. So a surface spares no
+//! particle that a reaction then consumes.
 
 use crate::model::Model;
 use crate::model::probability::ReactionProbabilities;
@@ -24,33 +20,29 @@ use crate::reaction::dissociation::channel_words;
 /// The decays of all species.
 #[derive(Clone, Debug)]
 pub struct Decays {
-    /// Indexed by species. A species that dissociates has no channels: all its decays are those of
-    /// [`Dissociation`](crate::reaction::dissociation::Dissociation).
+    /// Indexed by species; without channels for one that dissociates, whose decays are all in `Dissociation`.
     kinds: Vec<SpeciesDecays>,
-    /// In s.
     pub(crate) time_step: f64,
 }
 
 #[derive(Clone, Debug, Default)]
 struct SpeciesDecays {
-    /// Rate of all decays, in 1/s.
+    /// In 1/s.
     rate: f64,
     channels: Vec<Channel>,
     dissociation: Option<DissociationTime>,
 }
 
-/// The time at which a particle dissociates. [`Dissociation`](crate::reaction::dissociation::Dissociation) draws the
-/// products at the end of the step.
+/// The time at which a particle dissociates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DissociationTime {
-    /// Largest random word at which the particle dissociates within a step.
+    /// Largest random word at which the particle dissociates.
     pub(crate) up_to: u32,
     /// Rate of all decays, per step.
     pub(crate) rate: f64,
 }
 
 impl DissociationTime {
-    /// Returns `None` for a species that does not dissociate.
     pub(crate) fn new(model: &Model, species: u32) -> Option<Self> {
         let &(up_to, _) = channel_words(model, species).last()?;
         Some(Self { up_to, rate: ReactionProbabilities(model).decay_rate(species) * model.time_step })
@@ -61,23 +53,19 @@ impl DissociationTime {
         who.draw(0, Purpose::Dissociation)[0] <= self.up_to
     }
 
-    /// Returns the time from the beginning of the step or of the particle, in steps, or `None` if it is above one step.
+    /// Returns steps from the beginning of the step or of the particle; `None` above one.
     fn draw(&self, who: DrawContext) -> Option<f64> {
         let word = || who.draw(1, Purpose::Dissociation)[0];
         self.is_within(who).then(|| decay_time(self.rate, 1.0, word()))
     }
 }
 
-/// One of the decays of a species.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Channel {
-    /// Largest random word at which it happens within a step.
     pub(crate) up_to: u32,
-    /// Fraction of the rate of this channel and all before it.
+    /// Cumulative fraction of the rate.
     pub(crate) share: f64,
-    /// Index in the model.
     pub(crate) decay: u32,
-    /// Species; `None` removes the particle.
     pub(crate) product: Option<u32>,
 }
 
@@ -89,13 +77,12 @@ pub struct ChainedDecay {
     /// Species; `None` removes the particle.
     pub product: Option<u32>,
     rate: f64,
-    /// Time left in the step before the decay, in s.
     left: f64,
     word: u32,
 }
 
 impl ChainedDecay {
-    /// Returns the time left in the step after the decay, in s.
+    /// Returns the time left in the step after the decay.
     pub(crate) fn left(&self) -> f64 {
         self.left - decay_time(self.rate, self.left, self.word)
     }
@@ -104,22 +91,19 @@ impl ChainedDecay {
 /// The order of a hit and the decays of a particle.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CaptureOrder {
-    /// Species after the decays so far, and `true` if it is a product; `None` after a decay without products.
+    /// `None` after a decay without products; `true` marks a product.
     species: Option<(u32, bool)>,
-    /// Time left in the step at the hit, in s.
     left: f64,
-    /// Result of the hit; `None` until a decay after the hit is added.
+    /// `None` until a decay after the hit is added.
     is_captured: Option<bool>,
 }
 
 impl CaptureOrder {
-    /// Begins with the released or moved species. The hit is after the fraction `time` of `duration`, in s.
     pub(crate) fn new(species: u32, (time, duration): (f32, f64)) -> Self {
         Self { species: Some((species, false)), left: duration * (1.0 - f64::from(time)), is_captured: None }
     }
 
-    /// Adds a decay. Returns `false` if the particle was captured before it. `captures` takes a species, and `true` if
-    /// it is a product.
+    /// Adds a decay. Returns `false` if the particle was captured before it.
     pub(crate) fn decays(
         &mut self,
         decay: &ChainedDecay,
@@ -135,7 +119,6 @@ impl CaptureOrder {
         true
     }
 
-    /// Returns the captured species, after all decays were added.
     pub(crate) fn captured(self, captures: impl FnOnce((u32, bool)) -> bool) -> Option<u32> {
         let Self { species, is_captured, .. } = self;
         let (species, is_product) = species?;
@@ -156,8 +139,7 @@ impl Decays {
         self.kinds.iter().all(|kind| kind.channels.is_empty())
     }
 
-    /// Returns the channels of a species. The probability 1 − exp(−ΣkΔt) of any is divided in proportion to their
-    /// rates k.
+    /// Returns the channels, which share 1 − exp(−ΣkΔt) in proportion to their rates k.
     #[cfg(feature = "gpu")]
     pub(crate) fn channels(&self, species: u32) -> &[Channel] {
         &self.kinds[species as usize].channels
@@ -168,7 +150,7 @@ impl Decays {
         self.kinds[species as usize].rate
     }
 
-    /// Returns `true` if particles of a species decay while they move.
+    /// Returns `true` if the species decays while it moves.
     #[inline(always)]
     pub(crate) fn has(&self, species: u32) -> bool {
         !self.kinds[species as usize].channels.is_empty()
@@ -179,7 +161,7 @@ impl Decays {
         self.kinds[species as usize].dissociation
     }
 
-    /// Returns `true` if a particle dissociates before a hit, whose time `hit` returns in steps.
+    /// Returns `true` if a particle dissociates before the time `hit`, in steps.
     #[inline]
     pub(crate) fn dissociates_before(
         &self,
@@ -191,20 +173,18 @@ impl Decays {
         dissociation.and_then(|time| time.draw(who)).is_some_and(|time| (time as f32) < hit())
     }
 
-    /// Returns the time left in the step, in s, when the product of a decay dissociates, negative if the step ends
-    /// before; `None` if the product does not dissociate in a whole step.
+    /// Returns the time left when the product dissociates, negative after the step; `None` if it does not within a
+    /// whole step.
     fn left_at_dissociation(&self, decay: &ChainedDecay, who: DrawContext) -> Option<f64> {
         let dissociation = self.kinds[decay.product? as usize].dissociation?;
         Some(decay.left() - dissociation.draw(who)? * self.time_step)
     }
 
-    /// Returns `true` if the product of a decay dissociates in a whole step by its random word, but not in the rest of
-    /// this one.
+    /// Returns `true` if the product dissociates within a whole step, but not within this one.
     pub(crate) fn spares_product(&self, decay: &ChainedDecay, who: DrawContext) -> bool {
         self.left_at_dissociation(decay, who).is_some_and(|left| left <= 0.0)
     }
 
-    /// Returns `true` if the product of the last decay dissociates in this step before a hit.
     pub(crate) fn product_dissociates_before(
         &self,
         last: Option<&ChainedDecay>,
@@ -214,7 +194,7 @@ impl Decays {
         last.and_then(|decay| self.left_at_dissociation(decay, who)).is_some_and(|left| left > order.left)
     }
 
-    /// Calls `tell` with each decay of a particle in a step, in order of time.
+    /// Calls `tell` with each decay of a particle in a step, in order.
     #[inline]
     pub fn for_each_decay(&self, species: u32, who: DrawContext, mut tell: impl FnMut(ChainedDecay)) {
         let kind = &self.kinds[species as usize];
@@ -231,7 +211,6 @@ impl Decays {
         }
     }
 
-    /// Continues the decays for `left` s, with random words by generation, from 1.
     pub(crate) fn continue_chain(
         &self,
         mut species: u32,
@@ -259,7 +238,6 @@ impl SpeciesDecays {
     }
 }
 
-/// Returns the time of a decay that happens within `duration`, by a random word.
 fn decay_time(rate: f64, duration: f64, word: u32) -> f64 {
     -libm::log1p(fine_unit(word) * libm::expm1(-rate * duration)) / rate
 }
@@ -288,7 +266,6 @@ mod tests {
     use crate::model::{Decay, Species};
     use crate::random::philox::Key;
 
-    /// 0 -> 1 -> 0 + 0, within a step.
     #[test]
     fn product_dissociates_in_the_rest_of_the_step() {
         let decay = |reactant, products, rate| Decay { reactant, products, rate, ..Decay::default() };
@@ -307,12 +284,10 @@ mod tests {
             decays.for_each_decay(0, who, |decay| {
                 let is_spared = decays.spares_product(&decay, who);
                 dissociated += u32::from(dissociation.is_within(who) && !is_spared);
-                // A hit in the middle of the step.
                 let order = CaptureOrder::new(0, (0.5, 0.5));
                 before += u32::from(decays.product_dissociates_before(Some(&decay), &order, who));
             });
         }
-        // The second of two decays with the expected numbers 2 and 3.
         let both = |part: f64| 1.0 - 3.0 * (-2.0 * part).exp() + 2.0 * (-3.0 * part).exp();
         for (count, p) in [(dissociated, both(1.0)), (before, both(0.5))] {
             let n = f64::from(n);

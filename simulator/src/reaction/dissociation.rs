@@ -1,11 +1,7 @@
 //! Dissociation of one particle into two: `C -> A + B`.
 //!
-//! A particle dissociates in a step by its random word, unless a decay formed it in the step and its clock, which began
-//! then, spares it ([`decay`](crate::reaction::decay)).
-//!
-//! Particles that dissociate in a step take no part in its reactions, which happen at the end of the step. Their
-//! products are placed after the reactions and do not react in the same step. Products of reactions do not dissociate
-//! in it either, so each process can be the inverse of the other.
+//! Products are placed after the reactions of the step, and products of reactions do not dissociate in it. So each
+//! process can be the inverse of the other.
 
 use rayon::prelude::*;
 
@@ -19,7 +15,7 @@ use crate::random::philox::{Key, Purpose, open_unit, probability_threshold};
 /// The decays of species that dissociate.
 #[derive(Clone, Debug, Default)]
 pub struct Dissociation {
-    /// Decays by species, each with the largest random word at which it happens within a step.
+    /// Indexed by species.
     channels: Vec<Vec<(u32, Channel)>>,
     any: bool,
     boundary: Boundary,
@@ -30,7 +26,7 @@ pub(crate) struct Channel {
     pub(crate) decay: u32,
     pub(crate) products: [Option<Product>; 2],
     pub(crate) unbinding: Unbinding,
-    /// Fraction of the distance of two products that the first one moves.
+    /// The first product's fraction of the distance.
     pub(crate) share: f32,
 }
 
@@ -43,7 +39,7 @@ pub(crate) struct Product {
     domain: Boundary,
 }
 
-/// A particle and the products of its dissociation, or of another decay of the same species.
+/// A particle and the products of its dissociation, or of another decay of its species.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Dissociated {
     /// Index of the particle.
@@ -56,7 +52,7 @@ pub struct Dissociated {
 }
 
 impl Dissociated {
-    /// Returns `true` if the decay has two products, the second of which needs a new id.
+    /// Returns `true` if the decay has a second product, which needs a new id.
     pub(crate) fn is_parent(&self) -> bool {
         self.products[1].is_some()
     }
@@ -64,8 +60,7 @@ impl Dissociated {
 
 const TASK: usize = 4096;
 
-/// Returns the decays of a species that dissociates, as indices in the model, each with the largest random word at
-/// which it happens within a step. The list of other species is empty.
+/// Returns the decays of a species that dissociates, each with the largest random word at which it happens.
 pub(crate) fn channel_words(model: &Model, species: u32) -> Vec<(u32, usize)> {
     if !model.dissociates(species) {
         return Vec::new();
@@ -113,8 +108,7 @@ impl Dissociation {
         &self.channels[species as usize]
     }
 
-    /// Returns the dissociations of a step, in the order of particles. Particles of the ascending ids `spared` do not
-    /// dissociate.
+    /// Returns the dissociations of a step, in the order of particles, except of the ascending ids `spared`.
     pub fn splits(&self, particles: &Particles, spared: &[u32], key: Key, step: u32) -> Vec<Dissociated> {
         if !self.any {
             return Vec::new();

@@ -1,8 +1,8 @@
 //! Matching: chooses reactions among candidate pairs that share particles.
 //!
-//! Keys are totally ordered. Each round takes the candidates that are best at all particles they consume. The rounds
-//! give the result of a sequential pass from the best key to the worst, for any order of the candidates (Blelloch,
-//! Fineman and Shun, *Greedy sequential maximal independent set and matching are parallel on average*, SPAA 2012).
+//! Keys are totally ordered. Each round takes the candidates that are best at all particles they consume. The result is
+//! that of a sequential pass by key, for any order of the candidates (Blelloch, Fineman and Shun, *Greedy sequential
+//! maximal independent set and matching are parallel on average*, SPAA 2012).
 
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -34,7 +34,6 @@ impl ReactionCandidate {
         (self.priority, self.ids)
     }
 
-    /// Returns the indices of the particles that the reaction consumes.
     pub(crate) fn claimed(&self) -> impl Iterator<Item = usize> {
         let Self { at, consumes, .. } = *self;
         (0..2).filter(move |&k| consumes[k]).map(move |k| at[k] as usize)
@@ -66,8 +65,8 @@ const TASK: usize = 1024;
 const PARTICLES_PER_CANDIDATE: usize = 8;
 
 impl Matching {
-    /// Chooses reactions of `particles` particles. `sample` adds the candidates of unconsumed particles to a buffer of
-    /// the best, and is called until the buffer drops no candidate.
+    /// Chooses reactions. `sample` adds the candidates of unconsumed particles to a buffer of the best, and is called
+    /// until the buffer drops none.
     ///
     /// # Errors
     /// Those of `sample`.
@@ -96,7 +95,6 @@ impl Matching {
         result.map(|()| chosen)
     }
 
-    /// Appends the winners among candidates of unconsumed particles to `chosen`, by key.
     fn choose(&self, candidates: &mut [ReactionCandidate], chosen: &mut Vec<ReactionCandidate>) {
         candidates.par_sort_unstable_by_key(ReactionCandidate::key);
         let (best, candidates) = (&self.best, &*candidates);
@@ -119,7 +117,7 @@ impl Matching {
                 let waits = |c: &u32| !wins(c) && claimed(*c).all(|p| p.load(Ordering::Relaxed) != TAKEN);
                 let left: Vec<u32> = in_parallel().filter(waits).collect();
                 all_winners.extend_from_slice(&winners);
-                // Entries of all candidates are cleared before winners set those of their particles.
+                // Clears all entries before winners set theirs.
                 in_parallel().for_each(|c| {
                     let clear = |p: &AtomicU32| {
                         let _ = p.fetch_update(Ordering::Relaxed, Ordering::Relaxed, |there| {
@@ -196,7 +194,6 @@ pub(crate) mod tests {
         choose(matching, candidates, particles).iter().map(|candidate| candidate.ids).collect()
     }
 
-    /// Pairs of 25 catalysts with 4000 particles, more than a buffer holds. Some consume the catalyst.
     pub(crate) fn crowd() -> Vec<ReactionCandidate> {
         let word = |[a, b]: [u32; 2]| (a * 4025 + b).wrapping_mul(0x9e37_79b9) >> 7;
         let candidate = |ids| ReactionCandidate {

@@ -21,27 +21,24 @@ use crate::reaction::matching::ReactionCandidate;
 /// The bimolecular reactions of a model.
 #[derive(Clone, Debug)]
 pub struct Reactions {
-    /// Number of species that react.
     reactants: usize,
-    /// Table row of each species; `u32::MAX` if it does not react.
+    /// Table row by species; `u32::MAX` if it does not react.
     rows: Vec<u32>,
-    /// Shells of two species by their rows, innermost first.
+    /// Shells by the rows of two species, innermost first.
     table: Vec<Vec<ReactionShell>>,
     reactions: Vec<Reaction>,
     /// Indexed by reaction: the first reactant's fraction of the approach, and the first product's of the separation.
     shares: Vec<[f32; 2]>,
     boundary: Boundary,
     center_domains: Vec<Boundary>,
-    /// Indexed by species.
     dissociation: Vec<Option<DissociationTime>>,
 }
 
 /// Center distances at which two species have the same reactions.
 #[derive(Clone, Debug)]
 pub(crate) struct ReactionShell {
-    /// Largest distance, in µm; `None` if it is the one up to which the detector finds pairs.
+    /// Largest distance; `None` for that of the detector.
     pub(crate) within: Option<f32>,
-    /// First rule in ascending order of words.
     rule: ReactionRule,
     others: Vec<ReactionRule>,
 }
@@ -54,7 +51,6 @@ impl ReactionShell {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReactionRule {
-    /// Index in the model.
     pub(crate) reaction: u32,
     /// Species of the first reactant.
     pub(crate) first: u32,
@@ -111,11 +107,9 @@ impl Reactions {
 
     /// Returns the changes of a candidate's consumed reactants.
     ///
-    /// Consumed reactants meet between their positions, each moving in proportion to its diffusion, and one product
-    /// appears there. Two products separate from there by the unbinding radius in a random direction.
-    ///
-    /// The product of a reactant next to a catalyst stays at its reactant's position, or appears at the unbinding
-    /// radius from the catalyst.
+    /// Consumed reactants meet between their positions, each moving in proportion to its diffusion. One product appears
+    /// there; two separate by the unbinding radius in a random direction. A product next to a catalyst stays at its
+    /// reactant's position, or appears at the unbinding radius from the catalyst.
     pub fn outcomes(
         &self,
         particles: &Particles,
@@ -150,8 +144,7 @@ impl Reactions {
         [outcome(0, -first_share), outcome(1, 1.0 - first_share)]
     }
 
-    /// Returns the changes of all chosen reactions, computed before any is applied, because a catalyst may take part in
-    /// several reactions.
+    /// Returns the changes before any is applied: a catalyst may take part in several reactions.
     pub(crate) fn all_outcomes(
         &self,
         particles: &Particles,
@@ -161,7 +154,6 @@ impl Reactions {
         chosen.iter().flat_map(|candidate| self.outcomes(particles, candidate, now)).flatten().collect()
     }
 
-    /// Returns `None` for a species that does not dissociate.
     #[inline]
     pub(crate) fn dissociation_of(&self, species: u32) -> Option<DissociationTime> {
         self.dissociation[species as usize]
@@ -216,19 +208,19 @@ fn shares(model: &Model, reaction: &Reaction) -> [f32; 2] {
     [together, apart]
 }
 
-/// Returns the squared distance of the nearest images of two particles, in µm².
+/// Returns the squared distance of the nearest images.
 pub(crate) fn distance_squared(particles: &Particles, pair: Pair, boundary: &Boundary) -> f64 {
     let [a, b] = [pair.i, pair.j].map(|at| particles.position_of(at as usize).map(f64::from));
     (0..3).map(|k| boundary.axes[k].displacement_exact(b[k] - a[k])).map(|d| d * d).sum()
 }
 
-/// Returns the contact distance of two species, in µm; 0 if contacts are ignored.
+/// Returns 0 if contacts are ignored.
 fn contact_distance(model: &Model, a: u32, b: u32) -> f32 {
     let touch = model.species[a as usize].radius + model.species[b as usize].radius;
     if model.contact == Contact::Ignore { 0.0 } else { touch }
 }
 
-/// Returns the detector's interactions, if any.
+/// Returns the detector's interactions.
 ///
 /// # Errors
 /// [`Error::Detection`] for more species than the detector supports.
@@ -249,10 +241,9 @@ pub fn interactions(model: &Model) -> Result<Option<Interactions>, Error> {
     Ok(Some(table))
 }
 
-/// Returns the species that may collide, as the detector's table; `None` if all may.
+/// Returns the species that may collide; `None` if all may.
 ///
-/// Particles of species that react with each other pass through each other, and points never touch. Particles have the
-/// radius of their species.
+/// Reactants pass through each other, and points never touch. Particles have the radius of their species.
 ///
 /// # Errors
 /// As [`interactions`].

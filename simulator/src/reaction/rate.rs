@@ -1,9 +1,8 @@
 //! The binding radius of a rate constant, for steps of any length.
 //!
-//! With steps of length s = √(2DΔt) along each axis, partners that react when they *end* a step within σ react more
-//! slowly than Smoluchowski's k = 4πDσ, because they jump over the boundary and back. Andrews and Bray (*Phys. Biol.*
-//! 1, 137, 2004), as in Smoldyn, tabulate the steady-state rate. Here it is solved for: with u(r) = r·ρ(r), ρ the
-//! density of partners right after a step, beyond σ,
+//! Partners that react when they *end* a step within σ react more slowly than Smoluchowski's k = 4πDσ, because they
+//! jump over the boundary and back. Andrews and Bray (*Phys. Biol.* 1, 137, 2004) tabulate the steady-state rate. Here
+//! it is solved for: with s = √(2DΔt), u(r) = r·ρ(r), and ρ the density of partners right after a step, beyond σ,
 //!
 //! ```text
 //! u(r) = ∫ from σ to ∞ of u(r′)·[G(r − r′) − G(r + r′)] dr′,    u(r) → r − c far away,
@@ -12,14 +11,14 @@
 //! with the normal density G of width s. Then k = 4πDc: c = σ − 0.5826·s for short steps, and k = (4/3)πσ³/Δt for
 //! long ones.
 //!
-//! *Reversible reactions.* If every pair that reacts dissociates to an unbinding radius, nothing flows in
-//! equilibrium, u(r) → r, and the density has a source there,
+//! *Reversible reactions.* If every pair that reacts dissociates to an unbinding radius r₀, nothing flows in
+//! equilibrium, u(r) → r, and the density has a source at r₀,
 //!
 //! ```text
 //! u(r) = ∫ from σ to ∞ of u(r′)·[G(r − r′) − G(r + r′)] dr′ + κ·[G(r − r₀) − G(r + r₀)]/(4πr₀),
 //! ```
 //!
-//! with the volume κ: for a density of 1, κ pairs react per step, including pairs that bind again at once. So κ/Δt is
+//! with the volume κ: for a density of 1, κ pairs react per step, those that bind again at once included. So κ/Δt is
 //! the rate constant of the law of mass action: with a dissociation rate k′, \[C\]/(\[A\]\[B\]) = κ/(k′Δt).
 
 use crate::Error;
@@ -28,21 +27,21 @@ use crate::Error;
 /// coefficients. With longer steps the rate holds for well-mixed partners only.
 pub const LONG_STEP: f64 = 1.0;
 
-/// Returns the longest time step, in s, at which partners of this binding radius rarely jump over each other.
+/// Returns the longest time step, in s, at which partners rarely jump over each other; see [`LONG_STEP`].
 pub fn longest_step(binding_radius: f64, diffusion: f64) -> f64 {
     (LONG_STEP * binding_radius).powi(2) / (2.0 * diffusion)
 }
 
-/// Returns the longest time step as [`longest_step`] does, for a rate constant in µm³/s.
+/// Returns [`longest_step`] for a rate constant in µm³/s.
 pub fn longest_step_for(rate: f64, diffusion: f64) -> f64 {
     let radius = rate / (4.0 * std::f64::consts::PI * diffusion * absorbed(LONG_STEP));
     longest_step(radius, diffusion)
 }
 
-/// Returns the binding radius, in µm, of a rate constant `rate`, in µm³/s, for the sum `diffusion` of both
-/// coefficients, in µm²/s, and a `time_step` in s.
+/// Returns the binding radius, in µm, of a rate constant, in µm³/s. `diffusion` is the sum of both coefficients, in
+/// µm²/s; `time_step` is in s.
 ///
-/// The rate is per pair: with concentrations a and b, k·a·b reactions per volume and time, and k·a²/2 for A + A.
+/// With concentrations a and b, k·a·b reactions happen per volume and time, and k·a²/2 for A + A.
 ///
 /// # Errors
 /// [`Error::Model`] if an argument is not positive and finite.
@@ -55,14 +54,14 @@ pub fn binding_radius(rate: f64, diffusion: f64, time_step: f64) -> Result<f64, 
         }
     }
     let step = (2.0 * diffusion * time_step).sqrt();
-    // k rises with the radius from 0. At `high` it exceeds `rate` in the limits of short and of long steps.
+    // k rises with the radius from 0. At `high` it exceeds `rate` in the limits of short and long steps.
     let mixed = (rate * time_step * 3.0 / (4.0 * std::f64::consts::PI)).cbrt();
     let high = mixed.max(rate / (4.0 * std::f64::consts::PI * diffusion)) + step;
     Ok(root([mixed, high], |radius| rate_constant(radius, diffusion, time_step) - rate))
 }
 
-/// Returns the binding radius, in µm, whose equilibrium has the rate constant `rate`, in µm³/s, if pairs dissociate
-/// to the `unbinding` radius, in µm.
+/// Returns the binding radius, in µm, whose equilibrium has the rate constant `rate`, if pairs dissociate to the
+/// `unbinding` radius.
 ///
 /// # Errors
 /// As [`binding_radius`].
@@ -78,7 +77,7 @@ pub fn reversible_binding_radius(
     Ok(root([1e-6 * highest, highest], |radius| is(radius) - rate))
 }
 
-/// Returns the rate constant, in µm³/s, in equilibrium; see [`reversible_binding_radius`].
+/// Returns the rate constant in equilibrium, in µm³/s; inverts [`reversible_binding_radius`].
 pub fn reversible_rate_constant(binding: f64, unbinding: f64, diffusion: f64, time_step: f64) -> f64 {
     let step = (2.0 * diffusion * time_step).sqrt();
     step.powi(3) / time_step * regained(binding / step, unbinding / step)
@@ -92,7 +91,7 @@ fn root([mut low, mut high]: [f64; 2], function: impl Fn(f64) -> f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Returns the rate constant, in µm³/s, of a binding radius; see [`binding_radius`].
+/// Returns the rate constant, in µm³/s, of a binding radius; inverts [`binding_radius`].
 pub fn rate_constant(binding_radius: f64, diffusion: f64, time_step: f64) -> f64 {
     let step = (2.0 * diffusion * time_step).sqrt() / binding_radius;
     4.0 * std::f64::consts::PI * diffusion * binding_radius * absorbed(step)
@@ -103,7 +102,7 @@ const PANELS: usize = 12;
 /// Distance from σ, in step lengths s, beyond which the density has its asymptotic form.
 const FAR: f64 = 12.0;
 
-/// Returns c for σ = 1, where `step` is s: the intercept of u, by elimination on Gauss–Legendre panels.
+/// Returns c for σ = 1 and s = `step`.
 fn absorbed(step: f64) -> f64 {
     let b = 1.0 / step;
     let far = b + FAR;
@@ -111,7 +110,7 @@ fn absorbed(step: f64) -> f64 {
     steady(b, [&unknown, &|_| 1.0]) / b
 }
 
-/// Returns κ of reversible reactions in s³, for radii in step lengths s.
+/// Returns κ in s³, for radii in step lengths s.
 fn regained(binding: f64, unbinding: f64) -> f64 {
     if unbinding > binding + FAR / 2.0 {
         // Far away the density is harmonic: a pair that dissociates to r₀ binds again with the probability c/r₀.
@@ -126,8 +125,7 @@ fn regained(binding: f64, unbinding: f64) -> f64 {
 }
 
 /// Solves for u beyond `b`, with lengths in s, and returns the other unknown, c or κ. `unknown` returns its
-/// coefficients in the equation at a distance, and in the condition at the last node, beyond which u has its
-/// asymptotic form.
+/// coefficients in the equation and at the last node, beyond which u has its asymptotic form.
 fn steady(b: f64, unknown: [&dyn Fn(f64) -> f64; 2]) -> f64 {
     let far = b + FAR;
     let nodes: Vec<(f64, f64)> = panels(b, far);
@@ -159,7 +157,6 @@ fn upper(x: f64) -> f64 {
     0.5 * libm::erfc(x / std::f64::consts::SQRT_2)
 }
 
-/// Returns the nodes and weights of a quadrature.
 fn panels(from: f64, to: f64) -> Vec<(f64, f64)> {
     /// Eight-point Gauss–Legendre rule, one half.
     const RULE: [(f64, f64); POINTS / 2] = [
@@ -178,7 +175,7 @@ fn panels(from: f64, to: f64) -> Vec<(f64, f64)> {
     (0..PANELS).flat_map(panel).collect()
 }
 
-/// Returns the last unknown of a linear system, whose rows end with the right side.
+/// Returns the last unknown. Rows end with the right side.
 fn solve(mut rows: Vec<Vec<f64>>) -> f64 {
     let n = rows.len();
     for column in 0..n {

@@ -57,7 +57,6 @@ fn unconsumed_reactant_is_unchanged() {
 
 #[test]
 fn product_next_to_a_catalyst_stays_unless_it_unbinds() {
-    // A at 1 and B at 0, each as the catalyst.
     for catalyst in [1, 0] {
         let mut model = model([Some(2), Some(2)]);
         model.reactions[0].products[catalyst] = Some(catalyst as u32);
@@ -132,7 +131,6 @@ fn pair_takes_one_channel_within_its_radius() {
 #[test]
 fn particles_that_dissociate_do_not_react() {
     let n = 2000;
-    // A or B dissociates, and either may be consumed or a catalyst.
     let cases =
         [0, 1].map(|reactant| [[None, None], [Some(0), None], [None, Some(1)]].map(|p| (reactant, p)));
     for (reactant, products) in cases.concat() {

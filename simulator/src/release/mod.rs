@@ -1,7 +1,6 @@
 //! Releases: a pure function of the model, the seed and the step.
 //!
-//! Bursts appear at the beginning of a step. Particles of steady release appear within a step: they move, meet
-//! surfaces and decay for the rest of it, so numbers are right at any step length.
+//! Bursts appear at the beginning of a step, particles of steady release within it.
 
 pub mod origins;
 
@@ -21,75 +20,65 @@ use crate::reaction::decay::Decays;
 use crate::release::origins::Arrival;
 use crate::release::rank_slice::RankSlice;
 
-/// The result of the releases at the beginning of a step.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Released {
-    /// Released particles that neither arrived nor decayed without products since.
+    /// Particles that neither arrived nor decayed without products.
     pub(crate) particles: Particles,
-    /// Id of the next new particle, equal on all ranks.
+    /// Equal on all ranks.
     pub(crate) next_id: u32,
-    /// Released numbers, by species.
     pub(crate) released: Vec<u64>,
-    /// Decays since the release, in the order of the model.
     pub(crate) decayed: Vec<u64>,
-    /// Arrivals since the release, by id.
     pub(crate) arrivals: Vec<Arrival>,
 }
 
-/// The events that act on particles between their release and the next step.
 #[derive(Clone, Debug)]
 pub(crate) struct PartialEvents {
     decays: Decays,
     surfaces: Surfaces,
 }
 
-/// The step that a release begins, and its random numbers.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ReleaseStep<'a> {
     pub(crate) events: &'a PartialEvents,
     pub(crate) key: Key,
     pub(crate) step: u32,
-    /// Id of the first released particle, equal on all ranks.
+    /// Equal on all ranks.
     pub(crate) next_id: u32,
-    /// Receivers at the beginning of the step, with their displacements in the step before.
+    /// Receivers at the beginning of the step, with displacements in the step before.
     pub(crate) places: &'a [Place],
 }
 
-/// Particles of one species that a transmitter releases in a burst, or by steady release in the last step.
+/// Particles of one species from a burst, or from steady release in the last step.
 pub(crate) struct Batch<'a> {
-    /// Index of the transmitter.
     transmitter: u32,
     from: &'a Transmitter,
     /// Center of the transmitter at the beginning of the step, in µm.
     center: [f32; 3],
-    /// Time at the beginning of the step, in s; 0 for bursts, whose particles have no age.
+    /// Beginning of the step; 0 for bursts, whose particles have no age.
     now: f64,
     species: u32,
     count: u32,
     /// Lattice site of the first particle, unless `continues`.
     site: u32,
-    /// `true` if its sites continue those of the previous batch, of the same burst or steady release.
+    /// `true` if its sites continue those of the previous batch.
     continues: bool,
     ages: Ages,
 }
 
-/// Particles of one species that a transmitter releases at once.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Emission {
-    /// Index of the transmitter.
     pub(crate) transmitter: u32,
     pub(crate) species: u32,
     pub(crate) count: u32,
 }
 
-/// A particle released within the last step, and its age in s.
 #[derive(Clone, Copy, Debug)]
 struct AgedParticle {
     particle: Particle,
     age: f64,
 }
 
-/// The times since the release of a batch's particles, at the beginning of a step, in s.
+/// Times since the release, at the beginning of a step.
 #[derive(Clone, Copy)]
 enum Ages {
     None,
@@ -117,7 +106,7 @@ impl Released {
 }
 
 impl Model {
-    /// Returns the releases at the beginning of a step, with ids from `next_id`.
+    /// Returns the releases at the beginning of a step.
     ///
     /// # Errors
     /// [`Error::OutOfIds`] if ids would exceed the largest one. Those of [`Particles::reserve`].
@@ -156,7 +145,7 @@ impl Model {
         Ok(out)
     }
 
-    /// Releases the particles of a [`Batch::of_ids`], whose ids begin at its lattice site.
+    /// Releases the particles of a [`Batch::of_ids`].
     ///
     /// # Errors
     /// Those of [`Particles::reserve`].
@@ -169,7 +158,7 @@ impl Model {
         Ok(out)
     }
 
-    /// Returns transmitter, species and number of the releases at the beginning of a step, in the order of ids.
+    /// Returns transmitter, species and number of each release, in the order of ids.
     pub fn releases(&self, step: u32, key: Key) -> impl Iterator<Item = (u32, u32, u32)> + '_ {
         self.all_batches(step, key).map(|batch| (batch.transmitter, batch.species, batch.count))
     }
@@ -249,21 +238,18 @@ impl Model {
 }
 
 impl<'a> Batch<'a> {
-    /// Creates the batch of an entry of a burst, at the transmitter's center and from the first site.
     fn of_burst(from: &'a Transmitter, emission: Emission, continues: bool) -> Self {
         let Emission { transmitter, species, count } = emission;
         let (center, now, site, ages) = (from.center, 0.0, 0, Ages::None);
         Self { transmitter, from, center, now, species, count, site, continues, ages }
     }
 
-    /// Creates a batch outside the schedule, whose particles get the ids from `first_id`. The ids also select lattice
-    /// sites.
+    /// Creates a batch outside the schedule. Ids ascend from `first_id`, and also select lattice sites.
     pub(crate) fn of_ids(from: &'a Transmitter, emission: Emission, first_id: u32, places: &[Place]) -> Self {
         let batch = Self::of_burst(from, emission, false);
         Self { center: center_among(places, from), site: first_id, ..batch }
     }
 
-    /// Returns the time since the release of the `nth` particle, in s.
     fn age(&self, nth: u32, word: u32) -> f64 {
         match self.ages {
             Ages::None => 0.0,
@@ -278,10 +264,10 @@ fn center_among(places: &[Place], from: &Transmitter) -> [f32; 3] {
     place.map_or(from.center, |place| place.center)
 }
 
-/// Returns the number of evenly spaced particles released from `begin` until `time`, in s. The numbers of successive
-/// steps add up exactly, since the end of each step is the beginning of the next.
+/// Returns the number of evenly spaced particles released until `time`. Numbers of successive steps add up exactly,
+/// since each step begins at the end of the previous.
 fn released_until(time: f64, rate: f64, begin: f64) -> f64 {
-    // Allows for rounding of the time, so that a particle due at the end of a step is released in it.
+    // Rounding of the time must not delay a particle that is due at the end of a step.
     let rounding = (4.0 * f64::EPSILON * rate * time).max(1e-9);
     (rate * (time - begin) + rounding).floor()
 }

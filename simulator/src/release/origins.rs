@@ -1,7 +1,7 @@
 //! Origins of particles, and arrivals.
 //!
-//! Ids ascend with time, so a few id ranges store all origins. A product of a reaction has the origin of the reactant
-//! whose id it takes, and products of a decay that of the decayed particle.
+//! Ids ascend with time, so a few ranges store all origins. Products of a reaction take the origin with the id,
+//! products of a decay that of the decayed particle.
 
 use serde::{Deserialize, Serialize};
 
@@ -27,7 +27,7 @@ pub struct Arrival {
 
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Origins {
-    /// First ids of ranges, ascending, and their origins. A range ends before the next one.
+    /// First ids of ranges, ascending.
     ranges: Vec<(u32, Option<Origin>)>,
 }
 

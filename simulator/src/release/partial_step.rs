@@ -1,7 +1,7 @@
-//! The part of a step after a release, in which a particle moves, meets surfaces and decays.
+//! The part of a step after a release.
 //!
-//! It is a shorter step, in which receivers make the same fraction of their displacement. Receptors only reflect,
-//! because free receptors are counted at the beginning of a step.
+//! A shorter step, in which receivers make the same fraction of their displacement. Receptors only reflect, because
+//! free receptors are counted at the beginning of a step.
 
 use rayon::prelude::*;
 
@@ -30,24 +30,22 @@ const MIN_PER_THREAD: usize = 64;
 #[derive(Clone, Debug)]
 struct PartialStep<'a> {
     surfaces: &'a Surfaces,
-    /// Receivers at the end of the step in which the particle was released, with their displacements in it.
+    /// Receivers at the end of the step of the release.
     places: &'a [Place],
     constants: SpeciesStep,
     paths: FreePaths,
-    /// Duration as a fraction of the time step.
+    /// Fraction of the time step.
     part: f32,
 }
 
-/// A particle on its path since the release.
 #[derive(Clone, Debug)]
 struct PartialMove<'a> {
     step: PartialStep<'a>,
     moved: ParticleMove,
-    /// Distance from the beginning within which receivers are hit, in µm.
+    /// Distance within which receivers are hit.
     reach: f32,
 }
 
-/// The decays of a particle, and its state at the end of the step.
 #[derive(Debug, PartialEq)]
 struct PartialOutcome {
     decays: Vec<u32>,
@@ -62,7 +60,6 @@ enum Fate {
 }
 
 impl Model {
-    /// Adds the particles of a batch, which were released within the last step, with their ages in s.
     pub(super) fn add_later(
         &self,
         batch: &Batch<'_>,
@@ -104,7 +101,7 @@ impl Model {
         }
     }
 
-    /// Returns the path since the release, without receivers; `None` if the age is 0.
+    /// Returns the path without receivers, or `None` if the age is 0.
     fn partial_move<'a>(
         &self,
         batch: &Batch<'_>,
@@ -135,7 +132,6 @@ impl Model {
         Some(PartialMove { step, moved, reach })
     }
 
-    /// Moves a particle, which can hit only the receivers `near`.
     fn partial_outcome(
         &self,
         AgedParticle { mut particle, age }: AgedParticle,
@@ -156,7 +152,6 @@ impl Model {
         PartialOutcome { decays: Vec::new(), fate: capture.map_or(Fate::Remains(particle), arrived) }
     }
 
-    /// Decays a particle that is at the end of its path, until the particle or a product is captured.
     fn partial_decays(
         &self,
         AgedParticle { mut particle, age }: AgedParticle,
@@ -193,7 +188,7 @@ impl Model {
 }
 
 impl Fate {
-    /// Creates the fate of a captured particle. Receptors only reflect in a partial step, so a capture is an arrival.
+    /// Receptors only reflect in a partial step, so a capture is an arrival.
     fn of(event: &Event, species: u32) -> Self {
         Self::Arrived { receiver: event.receiver(), species }
     }
@@ -212,7 +207,6 @@ impl<'a> PartialStep<'a> {
         SpeciesSurfaces { surfaces: self.surfaces, step: &self.constants, duration: self.paths.duration }
     }
 
-    /// Returns the capture at a receiver or wall, which applies if the particle does not decay before it.
     fn advance(&self, moved: &mut ParticleMove, near: &[&ReceiverState], reach: f32) -> Option<Capture> {
         let (begun, length) = (*moved, moved.length());
         let mut capture = self.resolve(moved, near.iter().copied(), reach);
@@ -223,7 +217,6 @@ impl<'a> PartialStep<'a> {
         capture
     }
 
-    /// Resolves the events at `bodies`, of which those farther than `reach` from the beginning, in µm, cannot be hit.
     fn resolve<'b>(
         &self,
         moved: &mut ParticleMove,
@@ -252,12 +245,11 @@ impl<'a> PartialStep<'a> {
 }
 
 impl<'a> ReleaseStep<'a> {
-    /// Returns the draws of a particle in the step of its release, in which it has used no random numbers.
+    /// Returns the draws of the step of the release, of which the particle has used none.
     fn draws_of(&self, id: u32) -> DrawContext {
         DrawContext { key: self.key, id, step: self.step - 1 }
     }
 
-    /// Returns the receivers that any of these paths may hit.
     fn near(&self, boundary: &Boundary, moves: &[Option<PartialMove<'_>>]) -> Vec<&'a ReceiverState> {
         let moves = || moves.iter().flatten();
         let Some(PartialMove { moved, .. }) = moves().next() else { return Vec::new() };

@@ -1,6 +1,6 @@
 use std::ops::Range;
 
-/// A rank's part of a list. The lengths of all parts differ by at most one.
+/// A rank's part of a list. Lengths differ by at most one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RankSlice {
     rank: u32,
@@ -18,8 +18,8 @@ impl RankSlice {
         self.rank == 0
     }
 
-    /// Returns this rank's part of a list. The ranks whose parts are longer by one begin with rank `turn`, modulo their
-    /// number.
+    /// Returns this rank's part of a list. The parts that are longer by one begin with rank `turn`, modulo the number
+    /// of ranks.
     pub(crate) fn of(self, length: u64, turn: u32) -> Range<u64> {
         let ranks = u64::from(self.ranks);
         let (each, longer) = (length / ranks, length % ranks);

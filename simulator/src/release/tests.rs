@@ -23,7 +23,6 @@ fn released_in_a_step(model: &Model) -> impl Iterator<Item = Particle> {
     (0..released.particles.len()).map(move |at| released.particles.get(at))
 }
 
-/// A swimmer that comes to rest, and one that begins to swim, soon after the release.
 #[test]
 fn products_since_the_release_have_the_speeds_of_their_species() {
     let species = |speed| Species { speed, mass: 1.0, ..Species::default() };
@@ -43,7 +42,6 @@ fn products_since_the_release_have_the_speeds_of_their_species() {
     assert!(counts.iter().all(|&count| count > 100), "{counts:?}");
 }
 
-/// Particles that come to rest, move twice as fast, and begin to move soon after the release.
 #[test]
 fn products_since_the_release_have_the_thermal_speeds_of_their_species() {
     let species = |thermal_speed| Species { thermal_speed, mass: 1.0, ..Species::default() };
@@ -117,7 +115,6 @@ fn each_of_two_bursts_in_a_step_begins_at_the_first_site() {
     assert_eq!(places, [-1.5, -0.5, 0.5, -1.5, -0.5, 0.5]);
 }
 
-/// A checkpoint of a run without arrivals has no origins.
 #[test]
 fn origins_are_restored_if_all_ids_are_of_scheduled_releases() {
     let burst = |times: &[f64]| Transmitter {
@@ -180,7 +177,6 @@ fn fixed_steady_release_counts_every_particle_once() {
     }
 }
 
-/// A point at (1.05, 0, 0) releases 10⁵ diffusing particles per s, near a sphere of radius 1 at the origin.
 fn beside_a_sphere(kind: ReceiverKind, time_step: f64) -> Model {
     let species = Species { name: "A".into(), diffusion: 1.0, mass: 1.0, ..Species::default() };
     let receiver = Receiver { name: "rx".into(), radius: 1.0, kind, sees: vec![true], ..Receiver::default() };
@@ -270,7 +266,7 @@ fn arrivals_since_the_release_are_logged_with_their_origin() {
     assert!(arrivals.iter().all(|arrival| !simulation.state().particles.id.contains(&arrival.id)));
 }
 
-/// Particles that drift to the wall at which they are released: 2DΔt/v² is 1 in the long step.
+/// In the long step 2DΔt = (vΔt)².
 #[test]
 fn steady_release_at_a_wall_with_drift_spreads_alike_at_any_time_step() {
     let heights = |time_step: f64, steps| {
@@ -324,7 +320,7 @@ fn steady_release_in_a_pulse_of_flow_goes_as_far_at_any_time_step() {
     let (long, short) = (ends(0.02, 1), ends(0.0005, 40));
     assert!(long.len() == 200 && short.len() == 200);
     for (&(id, long), (_, short)) in long.iter().zip(short) {
-        // The axis is twice as fast as the mean, and half the radius has three quarters of that.
+        // The velocity at half the radius is 1.5 times the mean.
         let released = f64::from(id + 1) * 1e-4;
         let expected = 75.0 * (0.0155 - released.max(0.0031)).max(0.0) as f32;
         assert!(

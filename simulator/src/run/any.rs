@@ -1,5 +1,3 @@
-//! A run on either backend.
-
 use std::borrow::Cow;
 #[cfg(feature = "gpu")]
 use std::sync::{Mutex, PoisonError};
@@ -16,7 +14,6 @@ use crate::run::memory_estimate::{Sharing, check_largest_release};
 use crate::state::view::RunView;
 use crate::{Arrival, Error, Model, Simulation, State, Totals};
 
-/// A run on the CPU or on a GPU.
 #[derive(Debug)]
 pub enum AnySimulation {
     Cpu(Box<Simulation>),
@@ -24,12 +21,12 @@ pub enum AnySimulation {
     Gpu(Box<GpuSimulation>),
 }
 
-/// After which the run can be watched and stopped.
+/// Steps after which a run can be watched and stopped.
 #[cfg(feature = "gpu")]
 pub(crate) const GPU_STEPS: u32 = 64;
 
-/// Opens the shared device by `open`, or refuses a run that leaves too little memory to the driver. As many `processes`
-/// of this machine begin with about as many particles each.
+/// Opens the shared device, or refuses a run that leaves too little memory to the driver. `processes` runs of about as
+/// many particles begin on this machine.
 #[cfg(feature = "gpu")]
 pub(crate) fn open_device(
     particles: u64,
@@ -46,8 +43,8 @@ pub(crate) fn open_device(
 }
 
 impl AnySimulation {
-    /// Begins a run, or resumes it from `state`. [`Backend::Auto`] is the CPU, because a run depends on its seed
-    /// alone and backends round differently. `algorithm` is for the CPU.
+    /// Begins a run, or resumes it from `state`. [`Backend::Auto`] is the CPU, because backends round differently.
+    /// `algorithm` is for the CPU.
     ///
     /// # Errors
     /// As [`Simulation::resume`] or `GpuSimulation::resume`, [`Error::Detection`] without a GPU, and
@@ -83,8 +80,7 @@ impl AnySimulation {
         Err(lazygrid::Error::WithoutGpu.into())
     }
 
-    /// Returns `true` if a run of the model on `backend` can log arrivals. A GPU limits the number of pairs of a receiver
-    /// and a species.
+    /// Returns `true` if `backend` can log arrivals. A GPU limits the pairs of a receiver and a species.
     #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU has a limit"))]
     pub fn can_log_arrivals(model: &Model, backend: Backend) -> bool {
         #[cfg(feature = "gpu")]
@@ -94,7 +90,6 @@ impl AnySimulation {
         true
     }
 
-    /// Returns the largest number of steps of one call of [`advance`](Self::advance).
     pub(crate) fn steps_at_once(&self) -> u32 {
         match self {
             Self::Cpu(_) => 1,
@@ -103,7 +98,7 @@ impl AnySimulation {
         }
     }
 
-    /// Does the next steps: one on the CPU, several on a GPU, at most `most`.
+    /// Does up to `most` steps: one on the CPU, several on a GPU.
     ///
     /// # Errors
     /// As [`Simulation::step`] or `GpuSimulation::run`.
@@ -116,7 +111,6 @@ impl AnySimulation {
         }
     }
 
-    /// Returns warnings of refused requests for receptors.
     pub(crate) fn request_warnings(&self) -> Vec<String> {
         match self {
             Self::Cpu(run) => run.requests.warnings(&run.model),

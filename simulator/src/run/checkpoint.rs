@@ -1,12 +1,10 @@
-//! Checkpoints.
-//!
 //! # Correctness
 //!
 //! A resumed run is the run without a break, or is refused with [`Error::Damaged`]:
 //!
 //! 1. The header of `checkpoint` has its length and checksum (`sealed.rs`), checked before decoding.
-//! 2. `checkpoint` has the checksum of each rank's part ([`PartRecord`]). A part is checked against its header and that
-//!    record, so parts of different checkpoints do not mix.
+//! 2. `checkpoint` has the checksum of each rank's part ([`PartRecord`]). A part is checked against its header and
+//!    that record, so parts of different checkpoints do not mix.
 //! 3. `checkpoint` has the length and checksum of each file that the run appends to ([`FileRecord`]), all checked
 //!    before any is cut.
 
@@ -23,9 +21,7 @@ use crate::release::rank_slice::RankSlice;
 use crate::run::sealed::{self, Kind};
 use crate::{Error, Model, Particles, State};
 
-/// All data to continue a run bit for bit.
-///
-/// A run over ranks has one more file per rank, with its particles.
+/// All data to continue a run bit for bit, except the particles of ranks, which have a file each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
     /// Text of the scenario, which must match.
@@ -69,8 +65,7 @@ impl PartRecord {
 }
 
 impl Checkpoint {
-    /// Writes a checkpoint, which replaces the previous one once complete. Parts must exist; those of others are
-    /// removed.
+    /// Writes a checkpoint, which replaces the previous one once complete. Its parts must exist; others are removed.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -98,17 +93,15 @@ impl Checkpoint {
     /// Reads a checkpoint, without its parts.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::CheckpointVersion`]; [`Error::Damaged`] if the file is not as written.
+    /// [`Error::Read`], [`Error::CheckpointVersion`] and [`Error::Damaged`].
     pub fn read(path: &Path) -> Result<Self, Error> {
         let (checkpoint, _): (Self, _) = sealed::read(path, Kind::Whole)?;
         check_columns(path, &checkpoint.state.particles)?;
         Ok(checkpoint)
     }
 
-    /// Checks that the model has the flow field of the run.
-    ///
     /// # Errors
-    /// [`Error::Checkpoint`] if the file of the field has other contents now.
+    /// [`Error::Checkpoint`] if the flow field has other contents now.
     pub fn check_flow_field(&self, path: &Path, model: &Model) -> Result<(), Error> {
         let now = model.flow_field().map(|field| field.checksum());
         let shown = |checksum: Option<u64>| checksum.map_or("none".to_owned(), |sum| format!("{sum:016x}"));

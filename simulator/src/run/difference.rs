@@ -1,5 +1,3 @@
-//! Differences of scenario files.
-
 use toml::Value;
 
 /// Returns the first key with different values; `None` if only comments or layout differ.

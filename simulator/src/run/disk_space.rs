@@ -1,5 +1,3 @@
-//! The space that a run needs on its disk.
-
 use super::{ReplicaSlot, Run};
 use crate::output::options::Output;
 use crate::output::{self, DiskEstimate, LOGGED_ARRIVALS, LOGGED_STEPS, occupancy};
@@ -74,7 +72,6 @@ impl Run {
     }
 }
 
-/// Returns `true` after steps that write a frame, and after several thousand rows of the tables.
 fn is_check_due(simulation: &impl RunView, output: Output) -> bool {
     let (step, model) = (simulation.step_count(), simulation.model());
     if output.has_frame(step) || output.animated(step).is_some() {
@@ -111,7 +108,6 @@ mod tests {
         Run::new(Scenario::parse(Path::new("s.toml"), text).unwrap(), "s.toml", directory.join("out"))
     }
 
-    /// 1000 arrivals in each step, of particles that appear in the receiver.
     #[test]
     fn disk_is_checked_after_many_arrivals() {
         let directory = tempfile::tempdir().unwrap();
@@ -133,7 +129,6 @@ mod tests {
         assert!(reserved > until_next && reserved < 3 * until_next, "{reserved}, {until_next} needed");
     }
 
-    /// 4·10¹² particles in all, of which a step keeps the one that is released at its end.
     #[test]
     fn run_that_loses_its_particles_needs_no_room_for_all() {
         let directory = tempfile::tempdir().unwrap();

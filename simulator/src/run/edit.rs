@@ -1,6 +1,5 @@
-//! Changes between steps by the driving program. A GPU run reads the state back for each and uploads it again.
-//! New particles take the next free ids, which determine their random numbers: a run depends only on the model, the
-//! seed and the changes.
+//! Changes between steps by the driving program. A GPU run reads the state back for each and uploads it again. New
+//! particles take the next free ids, which determine their random numbers.
 
 use std::ops::Range;
 
@@ -103,8 +102,7 @@ fn known(model: &Model, species: u32) -> Result<&crate::Species, Error> {
 }
 
 impl Simulation {
-    /// Adds particles at positions in µm, wrapped or reflected into the boundary, with velocities as released. Returns
-    /// the ids.
+    /// Adds particles at positions in µm, confined to the boundary, with velocities as released. Returns the ids.
     ///
     /// # Errors
     /// [`Error::Model`] for an unknown species or a non-finite position; [`Error::OutOfIds`]; those of
@@ -113,13 +111,12 @@ impl Simulation {
         self.state.add(&self.model, self.key, species, positions)
     }
 
-    /// Removes free or bound particles by id and returns their number; ignores unknown ids.
+    /// Removes free or bound particles by id, and returns their number. Ignores unknown ids.
     pub fn remove(&mut self, ids: &[u32]) -> usize {
         self.state.remove(ids)
     }
 
-    /// Releases particles from a transmitter, besides its schedule. Returns the ids, from which the places in a lattice
-    /// follow.
+    /// Releases particles besides the schedule. Returns the ids, which determine the places in a lattice.
     ///
     /// # Errors
     /// [`Error::Model`] for an unknown transmitter or species; otherwise as [`add`](Self::add).
@@ -127,7 +124,7 @@ impl Simulation {
         self.state.emit(&self.model, self.key, Emission { transmitter, species, count })
     }
 
-    /// Takes the particles and leaves a copy: a program can keep the columns while the run continues.
+    /// Takes the particles and leaves a copy, so that a program can keep the columns.
     ///
     /// # Errors
     /// Those of [`Particles::reserve`]. Then nothing changes.

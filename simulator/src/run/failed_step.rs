@@ -1,5 +1,3 @@
-//! Checkpoints after failed steps of a GPU, which a CPU can resume.
-
 use lazygrid::Backend;
 
 use super::{LastSteps, Run};
@@ -7,8 +5,8 @@ use crate::output::Files;
 use crate::{AnySimulation, Error, RunView};
 
 impl Run {
-    /// Saves the steps before a failed one if a GPU still has their state, and returns the error with the remedy. On the
-    /// CPU, a failed step leaves particles half moved.
+    /// Saves the steps before a failed one if a GPU still has their state, and returns the error with the remedy. On
+    /// the CPU, a failed step leaves particles half moved.
     pub(super) fn after_failed_step(
         &self,
         error: Error,

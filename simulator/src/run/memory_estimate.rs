@@ -1,4 +1,4 @@
-//! The forecast of a run's memory. A run that cannot fit is refused, or stops with a checkpoint.
+//! A run that cannot fit the memory is refused, or stops with a checkpoint.
 
 use std::ops::Range;
 
@@ -15,7 +15,7 @@ use crate::{Error, Model};
 /// Estimated from its parts (not measured): columns, displaced copies, the detector's index, a snapshot for the
 /// checkpoint.
 const BYTES_PER_PARTICLE: u64 = 260;
-/// Every run needs them: columns, those of the release, the detector's.
+/// Columns of the particles, the release and the detector, which every run needs.
 const MIN_BYTES_PER_PARTICLE: u64 = 100;
 const OVERHEAD: u64 = 64 << 20;
 /// Particles between checks.
@@ -31,7 +31,6 @@ pub(crate) struct Sharing {
 impl Sharing {
     pub(crate) const NONE: Self = Self { runs: 1, machines: 1 };
 
-    /// Ranks on one machine take from the same memory.
     pub(crate) fn over_ranks(communicator: &impl Communicator) -> Self {
         Self { runs: 1, machines: communicator.ranks() / communicator.ranks_on_machine().max(1) }
     }
@@ -49,7 +48,7 @@ pub(crate) fn check_largest_release(model: &Model, steps: u32, sharing: Sharing)
     check_particles(particles, sharing.bytes(particles, MIN_BYTES_PER_PARTICLE))
 }
 
-/// Returns the particles of the first release, which precedes all checks, or those of a later burst or step if larger.
+/// Returns the size of the first release, which precedes all checks, or of a later burst or step if larger.
 fn largest_release(model: &Model, steps: u32) -> u64 {
     let mean = |transmitter: &Transmitter, window| -> f64 {
         transmitter.mean_between(window, model.time_step).iter().map(|&(_, count)| count).sum()
@@ -67,13 +66,11 @@ fn largest_release(model: &Model, steps: u32) -> u64 {
 
 #[derive(Debug, Default)]
 pub(crate) struct MemoryGuard {
-    /// Particles up to which memory was found to be enough.
+    /// Particles for which memory is enough.
     checked: u64,
 }
 
 impl MemoryGuard {
-    /// Checks the memory of `present` particles and of the releases while the run advances from step `steps.start` to
-    /// `steps.end`.
     pub(crate) fn check(
         &mut self,
         model: &Model,
@@ -98,8 +95,7 @@ impl MemoryGuard {
     }
 }
 
-/// Refuses a run on a GPU, whose software driver is loaded or not, if memory is short: the driver ends the process if
-/// memory is refused to it. As many `processes` of this machine begin with about as many particles each.
+/// Refuses a GPU run if memory is short, because a software driver ends the process if memory is refused to it.
 #[cfg(feature = "gpu")]
 pub(crate) fn check_memory_on_gpu(particles: u64, processes: u32, is_loaded: bool) -> Result<(), Error> {
     let driver = if is_loaded { 0 } else { memory_of_driver() };

@@ -3,7 +3,6 @@ pub mod checkpoint;
 mod edit;
 mod queue;
 pub mod replicas;
-/// Command-line arguments of commands that run scenarios.
 #[cfg(feature = "clap")]
 pub mod run_args;
 pub mod simulation;
@@ -30,7 +29,6 @@ use crate::run::time_step_monitor::TimeStepMonitor;
 use crate::scenario::Scenario;
 use crate::{AnySimulation, Error, RunView, State};
 
-/// A run and its directory.
 #[derive(Clone, Debug)]
 pub struct Run {
     /// After overrides.
@@ -46,8 +44,8 @@ pub struct Run {
     pub threads: Option<usize>,
     pub resume: bool,
     pub overwrite: bool,
-    /// Names of the plots that a report of this run may have; `None` without a report. A resumed run refuses files of
-    /// others that [`write_report`](crate::write_report) would replace before it changes any file.
+    /// Plots that a report may have; `None` without a report. A resumed run refuses foreign files that
+    /// [`write_report`](crate::write_report) would replace, before it changes any file.
     pub report: Option<&'static [&'static str]>,
     /// Refuses a run that will not fit the disk, and stops before the disk is full.
     pub space_check: bool,
@@ -81,7 +79,6 @@ impl ReplicaSlot {
     }
 }
 
-/// The steps of the last row or frame, and of the last checkpoint.
 struct LastSteps {
     recorded: u32,
     saved: u32,
@@ -104,13 +101,13 @@ impl Run {
         }
     }
 
-    /// Does all steps. Calls `watch` before the first and after each (several on a GPU) until it breaks. A checkpoint
-    /// at the end allows to resume.
+    /// Does all steps. Calls `watch` before the first and after each (several on a GPU) until it breaks. A final
+    /// checkpoint allows to resume.
     ///
     /// # Errors
     /// [`Error::Write`] before the first step if the directory is not writable or the disk too small, later from the
     /// system. [`Error::Read`], [`Error::Checkpoint`], [`Error::CheckpointVersion`] or [`Error::Damaged`] if the run
-    /// cannot be resumed. Those of [`AnySimulation::advance`], after which a run on a GPU has a checkpoint of the state
+    /// cannot be resumed. Those of [`AnySimulation::advance`], after which a GPU run has a checkpoint of the state
     /// before the failed step; [`Error::StoppedOnGpu`] if the CPU can resume it.
     pub fn run(
         &self,
@@ -157,7 +154,7 @@ impl Run {
                 return Err(self.after_failed_step(error, &simulation, &mut files, last));
             }
             pace.see(simulation.model(), [&before, simulation.totals()], step..simulation.step_count());
-            // Half the free space that is required suffices for this output and a checkpoint.
+            // This output and a checkpoint need at most half of the required free space.
             let is_last = self.is_disk_full(&simulation, slot)?;
             files.record(&simulation)?;
             if is_last {
@@ -197,7 +194,7 @@ impl Run {
         Ok(())
     }
 
-    /// Returns the default directory of a scenario: its file name without extension.
+    /// Returns the scenario's file name without extension.
     pub fn directory_of(scenario: &Path) -> PathBuf {
         PathBuf::from(scenario.file_stem().unwrap_or(scenario.as_os_str()))
     }
@@ -227,7 +224,6 @@ impl Run {
         Ok((simulation, files))
     }
 
-    /// Creates the files of a run that begins.
     pub(crate) fn create_files(&self, run: &impl RunView, slot: ReplicaSlot) -> Result<Files, Error> {
         let Scenario { model, seed, output, .. } = &self.scenario;
         let lock = output::prepare(&self.directory, self.overwrite)?;

@@ -1,5 +1,3 @@
-//! Many runs in parallel: replicas and points of a sweep.
-
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -24,8 +22,7 @@ fn threads(of: &Replicas) -> usize {
     of.run.threads.unwrap_or_else(rayon::current_num_threads).max(1)
 }
 
-/// Does all replicas of all groups, one per thread at once, until `watch` breaks. It takes the group, the replica,
-/// and the simulation. Directories must be prepared.
+/// Does all replicas of all groups, one per thread at once, until `watch` breaks. Directories must be prepared.
 ///
 /// # Errors
 /// The first error, with its group. The other runs then have checkpoints.
@@ -35,8 +32,7 @@ pub(crate) fn run_all(
 ) -> Result<Vec<ReplicaResults>, (usize, Error)> {
     let Some(first) = groups.first() else { return Ok(Vec::new()) };
     let (threads, at_once) = (threads(first), at_once(groups) as usize);
-    // In a common pool, a worker that waits for a task of its run would begin another run and delay the first. So
-    // each run has a pool.
+    // In a common pool, a worker that waits for its run would begin another run and delay the first.
     let pools = (0..at_once).map(|k| pool(threads / at_once + usize::from(k < threads % at_once)));
     let pools = pools.collect::<Result<Vec<_>, _>>().map_err(|error| (0, error))?;
     let queue = RunQueue::new(groups, at_once as u32);
@@ -67,7 +63,6 @@ pub(crate) fn run_all(
 struct RunQueue<'a> {
     groups: &'a [Replicas],
     at_once: u32,
-    /// First run of each group, and the number of runs.
     starts: Vec<usize>,
     next: AtomicUsize,
     stop: AtomicBool,

@@ -1,5 +1,3 @@
-//! Replicas: runs of a scenario with different seeds.
-
 use std::fs;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::num::NonZeroU32;
@@ -18,10 +16,10 @@ const HEADER: &str = "replica,seed\n";
 const BYTES_PER_ROW: u64 = 28;
 const ROWS_PER_QUESTION: u32 = 1 << 16;
 
-/// Runs of one scenario, each in its own directory, as if run by itself with its seed.
+/// Runs of one scenario, each in its own directory, as if run by itself.
 #[derive(Clone, Debug)]
 pub struct Replicas {
-    /// Scenario, parent directory, and the seed from which those of the replicas are derived.
+    /// Scenario, parent directory, and the seed of the replicas' seeds.
     pub run: Run,
     pub count: NonZeroU32,
 }
@@ -55,8 +53,8 @@ impl Replicas {
         Ok(results.unwrap_or(ReplicaResults { end: RunEnd::Stopped, done: Vec::new() }))
     }
 
-    /// [`run`](Self::run) that also asks `is_cancelled` while the seeds are written, which takes minutes for billions
-    /// of replicas. Returns `None` if `is_cancelled` answers `true` before all seeds are written.
+    /// Does [`run`](Self::run), and asks `is_cancelled` while the seeds are written, which takes minutes for billions
+    /// of replicas. Returns `None` if cancelled then.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -90,14 +88,13 @@ impl Replicas {
         Ok(begun)
     }
 
-    /// Returns the number of replicas with a checkpoint. Looks only at directories that exist, because the replicas may
-    /// be billions.
+    /// Counts replicas with a checkpoint. Looks only at directories that exist, because the replicas may be billions.
     pub(super) fn checkpoint_count(&self) -> Result<u32, Error> {
         let has_one = |replica: &u32| self.directory_of(*replica).join("checkpoint").exists();
         Ok(self.begun()?.iter().filter(|replica| has_one(replica)).count() as u32)
     }
 
-    /// Returns `true` if replicas have steps to do, so that files made of all replicas are of fewer steps.
+    /// Returns `true` if replicas have steps to do.
     pub(super) fn is_outdated(&self) -> Result<bool, Error> {
         let begun = self.begun()?;
         if !self.run.resume || begun.len() < self.count.get() as usize {
@@ -118,7 +115,7 @@ impl Replicas {
         run.report = None;
         run.scenario.output = self.output_of(replica);
         if run.resume && !run.checkpoint_path().exists() {
-            // It begins. The table of the seeds shows that the directory is of these replicas, and a mark that files are.
+            // The table of seeds shows that the directory is of these replicas, and a mark that the files are.
             (run.resume, run.overwrite) = (false, output::has_begun(&run.directory, run.scenario.seed));
         }
         run
@@ -139,7 +136,7 @@ impl Replicas {
                 self.check_table_fits()?;
                 if self.run.overwrite {
                     output::remove_results(directory)?;
-                    // Or replicas of a former run could count as done.
+                    // Replicas of a former run could count as done.
                     output::remove_replicas(directory)?;
                 }
                 lock
@@ -160,7 +157,6 @@ impl Replicas {
         }
     }
 
-    /// Refuses files of others that the means and the report would replace.
     pub(super) fn refuse_foreign(&self) -> Result<(), Error> {
         let directory = &self.run.directory;
         output::refuse_other_table(directory, output::MEAN, "step,time,replicas")?;
@@ -170,7 +166,7 @@ impl Replicas {
         let Some(plots) = self.run.report else { return Ok(()) };
         let former = output::refuse_foreign_page(directory)?;
         match output::refuse_foreign_parts(directory, &former, plots, &output::TABLES) {
-            // If no step is left, the tables may equal those to be written, which their writer sees.
+            // If no step is left, the tables may equal those to be written. Their writer sees that.
             Err(error) if self.is_outdated()? => Err(error),
             _ => Ok(()),
         }
@@ -179,7 +175,6 @@ impl Replicas {
     fn write_seeds(&self, out: &mut impl Write, is_cancelled: &impl Fn() -> bool) -> io::Result<()> {
         out.write_all(HEADER.as_bytes())?;
         for replica in 0..self.count.get() {
-            // Billions of rows take minutes.
             if replica.is_multiple_of(ROWS_PER_QUESTION) && is_cancelled() {
                 return Err(io::Error::other("cancelled"));
             }
@@ -243,7 +238,6 @@ impl Replicas {
         Err(refused(io::Error::new(io::ErrorKind::StorageFull, message)))
     }
 
-    /// Returns the results after the replicas `ended`, in ascending order, have ended.
     pub(crate) fn results(&self, ended: &[u32]) -> Result<ReplicaResults, Error> {
         let mut done = Vec::new();
         for replica in self.begun()? {
@@ -263,7 +257,7 @@ fn is_done(replica: &Run) -> Result<bool, Error> {
     }
 }
 
-/// Returns the files of a replica whose steps are done. One of another scenario or seed is not.
+/// Returns the files of a replica whose steps are done; `None` for another scenario or seed.
 fn finished(replica: &Run) -> Result<Option<Vec<FileRecord>>, Error> {
     let path = replica.checkpoint_path();
     if !path.exists() {

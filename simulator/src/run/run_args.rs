@@ -52,7 +52,7 @@ pub struct RunArgs {
 }
 
 impl RunArgs {
-    /// Reads the scenario and applies the overrides, for the CPU, the default algorithm and all threads.
+    /// Reads the scenario and applies the overrides.
     ///
     /// # Errors
     /// As [`Scenario::read`].
@@ -60,7 +60,7 @@ impl RunArgs {
         Ok(self.run(Scenario::read(&self.scenario)?))
     }
 
-    /// Returns the run of a scenario with the overrides, for the CPU, the default algorithm and all threads.
+    /// Returns the run of a scenario with the overrides, as [`Run::new`] for other options.
     pub fn run(&self, mut scenario: Scenario) -> Run {
         scenario.change(&Overrides {
             seed: self.seed,

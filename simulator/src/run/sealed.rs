@@ -96,7 +96,7 @@ pub(crate) fn read<T: DeserializeOwned>(path: &Path, kind: Kind) -> Result<(T, u
     }
 }
 
-/// Returns `true` if the file begins as one of this kind and of any version.
+/// Returns `true` for a file of this kind and any version.
 pub(crate) fn is_of(path: &Path, kind: Kind) -> bool {
     let start = output::start_of(path, MAX_FIRST_LINE);
     version(&start).is_some_and(|version| start.starts_with(kind.first_line_of(version).as_bytes()))

@@ -37,7 +37,7 @@ pub struct Simulation {
     pub(crate) dissociation: Dissociation,
     pub(crate) detector: Option<Detector>,
     matching: Matching,
-    /// Ascending ids of particles that decays formed in the step and that do not dissociate in its rest, though their
+    /// Ascending ids of particles that decays formed and that do not dissociate in the rest of the step, though their
     /// random words say so for a whole step.
     pub(crate) spared: Vec<u32>,
     partial_events: PartialEvents,
@@ -50,14 +50,11 @@ pub struct Simulation {
 pub(crate) struct Moved {
     events: Vec<Event>,
     leaving: Vec<UnboundParticle>,
-    /// Receivers at the end of the step.
     places: Vec<Place>,
 }
 
 impl Simulation {
-    /// Begins a run. `algorithm` does not change the result.
-    ///
-    /// Work is done in the caller's rayon pool.
+    /// Begins a run in the caller's rayon pool. `algorithm` does not change the result.
     ///
     /// # Errors
     /// As [`State::new`], and [`Error::Detection`] if the detector refuses the model.
@@ -167,7 +164,7 @@ impl Simulation {
     /// react or separate, and transmitters release.
     ///
     /// # Errors
-    /// [`Error::OutOfIds`], [`Error::Collisions`], and [`Error::Step`] from the detector, such as for too many pairs.
+    /// [`Error::OutOfIds`], [`Error::Collisions`], and [`Error::Step`] from the detector.
     pub fn step(&mut self) -> Result<(), Error> {
         let free = binding::free(&self.model, &self.state.totals.occupied);
         let moved = self.advance(&free, &mut Undivided)?;
@@ -317,7 +314,7 @@ impl Simulation {
         Ok(outcomes)
     }
 
-    /// Returns the dissociations by id, independent of storage.
+    /// Returns the dissociations by id.
     pub(crate) fn splits(&self) -> Vec<Dissociated> {
         let State { particles, step, .. } = &self.state;
         let mut splits = self.dissociation.splits(particles, &self.spared, self.key, *step);
@@ -367,7 +364,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Returns the second product. The parent must be the particle still.
+    /// Returns the second product. The particle at `split.at` must still be the parent.
     fn second_product(&self, split: &Dissociated, id: u32) -> Option<Particle> {
         let Self { model, key, state: State { particles, step, .. }, .. } = self;
         let (species, radius, position) = split.products[1]?;

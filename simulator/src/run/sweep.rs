@@ -1,5 +1,3 @@
-//! Runs of a sweep.
-
 use std::fs;
 use std::io::Write;
 use std::num::NonZeroU32;
@@ -18,7 +16,7 @@ use crate::{AnySimulation, Error};
 const POINTS: &str = "points.csv";
 const SCENARIO: &str = "scenario.toml";
 
-/// All points of a sweep, each in a directory with its scenario and replicas.
+/// Each point has a directory with its scenario and replicas.
 #[derive(Clone, Debug)]
 pub struct SweepRuns {
     pub keys: Vec<SweptKey>,
@@ -29,8 +27,8 @@ pub struct SweepRuns {
 }
 
 impl SweepRuns {
-    /// Returns the runs of a sweep with the options of `run`, whose scenario is not used, and `count` replicas per
-    /// point.
+    /// Calls `run` for the scenario of each point, which gets `count` replicas. The points have directories within the
+    /// directory of the run.
     pub fn new(sweep: Sweep, run: impl Fn(&crate::scenario::Scenario) -> Run, count: NonZeroU32) -> Self {
         let (mut directory, mut resume) = (PathBuf::new(), false);
         let (mut values, mut points) = (Vec::new(), Vec::new());
@@ -47,11 +45,11 @@ impl SweepRuns {
         Self { keys: sweep.keys, values, points, directory, resume }
     }
 
-    /// Does all replicas of all points, one per thread at once. Files do not depend on threads.
+    /// Does all replicas of all points, one per thread at once.
     ///
     /// Calls `watch` as [`Replicas::run`](super::replicas::Replicas::run), with the point. [`Run::resume`] may add
-    /// replicas and values of the first key. Asks `is_cancelled` while the seeds are written, and returns `None` if
-    /// cancelled then.
+    /// replicas and values of the first key. Returns `None` if `is_cancelled` answers `true` while the seeds are
+    /// written.
     ///
     /// # Errors
     /// [`Error::Write`] and [`Error::SweepPoint`], before the first step also for a lack of memory or disk.
@@ -99,12 +97,10 @@ impl SweepRuns {
         output::prepare(&self.directory, self.overwrites())
     }
 
-    /// Returns `true` if the sweep replaces the files of another run.
     pub fn overwrites(&self) -> bool {
         !self.resume && self.points.first().is_some_and(|point| point.run.overwrite)
     }
 
-    /// Refuses files of others that the results of a resumed sweep would replace.
     fn refuse_foreign(&self) -> Result<(), Error> {
         let begun = self.points.iter().enumerate().filter(|(_, point)| point.run.resume);
         for (k, point) in begun {
@@ -130,7 +126,7 @@ impl SweepRuns {
         new.try_for_each(|point| output::refuse_file(&point.run.directory, SCENARIO))
     }
 
-    /// Removes results of a former sweep, whose points could count as done.
+    /// Writes the table of points. Removes results of a former sweep, whose points could count as done.
     fn write_points(&self) -> Result<(), Error> {
         for point in self.points.iter().filter(|point| !point.run.resume) {
             point.check_table_fits_into(&self.directory)?;
@@ -215,7 +211,7 @@ impl SweepRuns {
     }
 }
 
-/// Removes the scenario of a point, which has a table of seeds, and its results.
+/// Removes a point's results, and its scenario if a table of seeds exists.
 fn remove_point(directory: &Path) -> Result<(), Error> {
     let scenario = directory.join(SCENARIO);
     if directory.join(SEEDS).is_file() && scenario.is_file() {

@@ -19,13 +19,11 @@ pub(crate) struct TimeStepMonitor {
 }
 
 impl TimeStepMonitor {
-    /// Copies the totals before a step for [`see`](Self::see).
     pub(crate) fn part_of(Totals { present, reacted, .. }: &Totals) -> Totals {
         let [present, reacted] = [present, reacted].map(Clone::clone);
         Totals { present, reacted, ..Totals::default() }
     }
 
-    /// Counts the reactions of `steps`.
     pub(crate) fn see(&mut self, model: &Model, [before, after]: [&Totals; 2], steps: Range<u32>) {
         self.seen.resize(model.reactions.len(), (0.0, 0.0, 0.0));
         if steps.len() == 1 && begins_with_burst(model, steps.start) {

@@ -1,5 +1,3 @@
-//! The flow files of the points of a sweep.
-
 use std::path::Path;
 use std::sync::Arc;
 
@@ -10,7 +8,7 @@ use crate::Model;
 use crate::model::Flow;
 use crate::model::flow_field::FlowField;
 
-/// Returns the text with the absolute path of the flow's file, because each point has its own directory.
+/// Makes the path of the flow's file absolute, because each point has its own directory.
 pub(super) fn with_absolute_path(mut text: String, directory: &Path) -> String {
     let found = DeTable::parse(&text).ok().and_then(|file| {
         let DeValue::Table(flow) = file.get_ref().get("flow")?.get_ref() else { return None };
@@ -24,7 +22,7 @@ pub(super) fn with_absolute_path(mut text: String, directory: &Path) -> String {
     text
 }
 
-/// Replaces the field of a model by an equal one of `known`, to share its memory.
+/// Shares the memory of equal fields.
 pub(super) fn share(model: &mut Model, known: &mut Vec<Arc<FlowField>>) {
     let Some(Flow::Field(field)) = &mut model.flow else { return };
     match known.iter().find(|known| *known == field) {

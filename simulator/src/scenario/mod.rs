@@ -19,22 +19,18 @@ use crate::memory::check_available;
 pub use crate::output::options::Output;
 use crate::{Error, Model, Transmitter};
 
-/// A scenario file.
 #[derive(Clone, Debug)]
 pub struct Scenario {
     pub model: Model,
     pub steps: u32,
     pub seed: u64,
     pub output: Output,
-    /// Text of the file.
     pub text: String,
-    /// Warnings, each with its location and a remedy.
+    /// Each with its location and a remedy.
     pub warnings: Vec<String>,
 }
 
 impl Scenario {
-    /// Reads a scenario file.
-    ///
     /// # Errors
     /// [`Error::Read`] if the file cannot be read, otherwise as [`parse`](Self::parse).
     pub fn read(path: &Path) -> Result<Self, Error> {
@@ -68,7 +64,6 @@ impl Scenario {
         Ok(Self { model, steps, seed, output, text, warnings })
     }
 
-    /// Returns warnings of releases that the run does not reach.
     pub fn late_releases(&self) -> Vec<String> {
         let end = f64::from(self.steps) * self.model.time_step;
         let late = |t: &Transmitter| {
@@ -155,8 +150,7 @@ fn short_message(message: &str) -> String {
     printed(with_short_quotes(message).as_bytes(), MOST_SHOWN)
 }
 
-/// Shortens words, and texts between quotation marks, to [`MOST_QUOTED`] characters, because the parser quotes keys and
-/// values in full.
+/// Shortens words and quotations to [`MOST_QUOTED`] characters, because the parser quotes keys and values in full.
 fn with_short_quotes(text: &str) -> String {
     let (mut shown, mut quote, mut length) = (String::new(), None, 0);
     for c in text.chars() {
@@ -177,7 +171,7 @@ fn with_short_quotes(text: &str) -> String {
     shown
 }
 
-/// Returns the 1-based line of an offset, and the key there or in the nearest earlier line.
+/// Returns the 1-based line, and the key there or in the nearest earlier line.
 fn place(text: &str, start: usize) -> (usize, String) {
     let start = (0..=start.min(text.len())).rev().find(|&at| text.is_char_boundary(at)).unwrap_or(0);
     let line = text[..start].bytes().filter(|&byte| byte == b'\n').count();

@@ -1,6 +1,4 @@
-//! The most similar of several names.
-
-/// Returns the name with the smallest edit distance, the first of equal ones.
+/// Prefers the first of equally similar names.
 pub(super) fn nearest<'a>(name: &str, names: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     names.min_by_key(|known| edits(name, known))
 }

@@ -6,7 +6,6 @@ use crate::output::animation::Animation;
 /// Approximate number of frames of an animation.
 const FRAMES: u32 = 200;
 
-/// Values that replace those of a scenario, such as options of the command line.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overrides {
     pub seed: Option<u64>,
@@ -15,14 +14,13 @@ pub struct Overrides {
     pub every: Option<NonZeroU32>,
     pub frames_every: Option<NonZeroU32>,
     pub checkpoint_every: Option<NonZeroU32>,
-    /// Largest number of particles drawn in an animation; `None` for no animation.
+    /// Most particles drawn; `None` for no animation.
     pub animated: Option<NonZeroU32>,
-    /// Steps between frames of the animation; by default, a two-hundredth of the scenario's steps.
+    /// Steps between frames; a two-hundredth of the scenario's steps by default.
     pub animate_every: Option<NonZeroU32>,
 }
 
 impl Scenario {
-    /// Replaces values of the scenario.
     pub fn change(&mut self, changes: &Overrides) {
         let animation = |particles| Animation {
             // The scenario's steps, so that an extended run has the same interval.

@@ -12,7 +12,6 @@ use crate::Error;
 
 const MAX_POINTS: usize = 100_000;
 
-/// A key and its values in a sweep.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SweptKey {
     /// Path, such as `receiver.rx.center.x`.
@@ -21,7 +20,6 @@ pub struct SweptKey {
     pub values: Vec<String>,
 }
 
-/// A combination of values, and its scenario.
 #[derive(Clone, Debug)]
 pub struct SweepPoint {
     /// Values without quotation marks, in the order of keys.
@@ -29,7 +27,7 @@ pub struct SweepPoint {
     pub scenario: Scenario,
 }
 
-/// All combinations of values. The last key varies fastest.
+/// All combinations of values, the last key fastest.
 #[derive(Clone, Debug)]
 pub struct Sweep {
     /// Keys of `[sweep]` in alphabetical order, then those of options.
@@ -38,20 +36,18 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// Reads the section `[sweep]`, and `KEY=VALUE,VALUE` options, which replace values of the same key. Returns `None`
-    /// without either.
+    /// Reads `[sweep]`, and `KEY=VALUE,VALUE` options, which replace values of the same key. Returns `None` without
+    /// either.
     ///
     /// # Errors
-    /// [`Error::Read`] if the file cannot be read, [`Error::Scenario`] for a faulty file, [`Error::Model`] for a
-    /// faulty key or option, and [`Error::SweepPoint`] for an invalid combination.
+    /// [`Error::Read`], [`Error::Scenario`] for a faulty file, [`Error::Model`] for a faulty key or option, and
+    /// [`Error::SweepPoint`] for an invalid combination.
     pub fn read(path: &Path, options: &[String]) -> Result<Option<Self>, Error> {
         let text = std::fs::read_to_string(path);
         let text = text.map_err(|source| Error::Read { path: path.to_owned(), source })?;
         Self::parse(path, &text, options)
     }
 
-    /// Parses the sweep of a scenario's text.
-    ///
     /// # Errors
     /// As [`read`](Self::read).
     pub fn parse(path: &Path, text: &str, options: &[String]) -> Result<Option<Self>, Error> {
@@ -172,7 +168,6 @@ pub(super) fn quoted(value: &str) -> String {
     format!("\"{}\"", value.replace('\\', "\\\\").replace('"', "\\\""))
 }
 
-/// Returns a value without quotation marks, commas and line breaks.
 fn plain(value: &str) -> String {
     let inner = ['"', '\''].into_iter().find_map(|quote| value.strip_prefix(quote)?.strip_suffix(quote));
     inner.unwrap_or(value).replace(',', " ").split_whitespace().collect::<Vec<_>>().join(" ")
@@ -230,7 +225,6 @@ fn element_names(value: &DeValue<'_>, index: usize, count: usize) -> Vec<String>
     names
 }
 
-/// Returns the span of a key's value, and `true` if the value is a string.
 fn spot(key: &SweptKey, known: &[KnownKey]) -> Result<(Range<usize>, bool), String> {
     if let Some(found) = known.iter().find(|known| known.path == key.path) {
         return Ok((found.span.clone(), found.is_string));
@@ -267,7 +261,7 @@ fn combinations(keys: &[SweptKey]) -> Result<Vec<Vec<String>>, String> {
     Ok(keys.iter().fold(vec![Vec::new()], add))
 }
 
-/// Returns the text with other values. Values of strings get quotation marks.
+/// Puts quotation marks around values of strings.
 fn replaced(text: &str, spots: &[(Range<usize>, bool)], values: &[String]) -> String {
     let mut edits: Vec<_> = spots.iter().zip(values).collect();
     edits.sort_by_key(|((span, _), _)| std::cmp::Reverse(span.start));

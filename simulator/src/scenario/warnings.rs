@@ -1,5 +1,3 @@
-//! Warnings of scenarios that are probably not intended, with remedies.
-
 mod absorption;
 mod collisions;
 mod rounding;
@@ -44,7 +42,6 @@ pub(super) fn image(boundary: &Boundary, center: [f32; 3]) -> Option<String> {
     })
 }
 
-/// Returns a description of the walls.
 pub(super) fn walls(boundary: &Boundary) -> String {
     let corner = |upper: bool| {
         boundary.axes.map(|axis| match axis {
@@ -86,7 +83,6 @@ pub(super) fn below(value: f64) -> String {
     format!("{:.2e}", ((value / unit) * (1.0 - 1e-6)).floor() * unit)
 }
 
-/// Warns of a step that is long compared with a binding radius.
 pub(super) fn long_step(
     equation: &str,
     radius: f64,
@@ -126,10 +122,8 @@ pub(super) fn fast_reaction(equation: &str, rate: f64, time_step: f64) -> Option
     })
 }
 
-/// Warns of a decay that is fast for the time step.
-///
-/// Decays and dissociations of released particles and of products of decays are right at any step length, except that
-/// nothing dissociates between a release and the end of its step.
+/// Decays and dissociations of released particles and of products of decays are right at any step length. The
+/// exception: nothing dissociates between a release and the end of its step.
 pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     let part = decay.rate * model.time_step;
     let species = decay.reactant;
@@ -165,7 +159,7 @@ pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     })
 }
 
-/// Returns a species and all whose decays lead to it, without dissociations.
+/// Returns a species and all whose decays lead to it without dissociation.
 fn ancestors(model: &Model, species: u32) -> Vec<u32> {
     let mut found = vec![species];
     let mut next = 0;
@@ -187,7 +181,6 @@ const LONG_AT_SURFACE: f64 = 0.5;
 /// Largest drift near a surface that takes particles at a rate, in √(2DΔt).
 const DRIFT_AT_SURFACE: f64 = 0.2;
 
-/// Warns of a step that is long for a surface that reflects.
 pub(super) fn long_step_before(receiver: &Receiver, model: &Model) -> Option<String> {
     if !receiver.kind.reflects() {
         return None;
@@ -221,7 +214,7 @@ pub(super) fn long_step_before(receiver: &Receiver, model: &Model) -> Option<Str
     })
 }
 
-/// Returns a bound of a species' speed relative to a receiver apart from diffusion, in µm/s.
+/// Bounds the speed relative to a receiver apart from diffusion, in µm/s.
 fn speed_past(receiver: &Receiver, species: &Species, model: &Model) -> f64 {
     let mut velocity = species.drift;
     let mut more = species.thermal_speed + species.speed;
@@ -235,7 +228,6 @@ fn speed_past(receiver: &Receiver, species: &Species, model: &Model) -> f64 {
     relative.sqrt() + more
 }
 
-/// Warns of an unbinding that is fast for the time step.
 pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<String> {
     let ligands = receiver.receptor_types().iter().flat_map(|kind| &kind.ligands);
     let unbinding_rate = ligands.map(|ligand| ligand.unbinding_rate).fold(0.0, f64::max);
@@ -254,7 +246,6 @@ pub(super) fn fast_unbinding(receiver: &Receiver, model: &Model) -> Option<Strin
 /// Largest fraction of reversible pairs that bind again at once without a warning.
 const BOUND_AGAIN: f64 = 0.02;
 
-/// Warns of a reversible reaction that relaxes slowly, because dissociated pairs bind again at once.
 pub(super) fn slow_relaxation(
     equation: &str,
     [rate, radius, unbinding]: [f64; 3],
@@ -272,7 +263,6 @@ pub(super) fn slow_relaxation(
     })
 }
 
-/// Warns of a transmitter whose particles all appear inside a removing receiver.
 pub(super) fn released_inside(
     transmitter: &Transmitter,
     receivers: &[Receiver],

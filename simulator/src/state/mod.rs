@@ -1,5 +1,3 @@
-//! The state of a run, which with the model and the seed determines the rest of it.
-
 pub mod view;
 
 use serde::{Deserialize, Serialize};
@@ -23,7 +21,6 @@ pub struct State {
     pub particles: Particles,
     /// Number of completed steps.
     pub step: u32,
-    /// Id of the next new particle.
     pub next_id: u32,
     pub totals: Totals,
     /// Centers of receivers, in µm.
@@ -33,7 +30,7 @@ pub struct State {
     pub origins: Origins,
 }
 
-/// Counts of a run: those of the moment, and sums since its beginning.
+/// Counts of the moment, and sums since the beginning.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Totals {
     /// Free particles now, by species.
@@ -54,7 +51,6 @@ pub struct Totals {
     pub contacts: u64,
 }
 
-/// The part of a run that a rank resumes.
 #[derive(Clone, Copy, Debug)]
 #[cfg_attr(not(feature = "gpu"), expect(dead_code, reason = "only the GPU path reads it"))]
 pub(crate) struct RankStart<'a> {
@@ -68,7 +64,7 @@ impl State {
     /// Creates the initial state, after the releases of step 0.
     ///
     /// # Errors
-    /// [`Error::Model`] if the model is invalid, [`Error::OutOfIds`] if a release needs too many ids.
+    /// [`Error::Model`] for an invalid model, and [`Error::OutOfIds`].
     pub fn new(model: &Model, seed: u64) -> Result<Self, Error> {
         Self::new_slice(model, seed, RankSlice::WHOLE)
     }
@@ -97,7 +93,7 @@ impl State {
         }
     }
 
-    /// Returns the state of one rank, whose totals count its own particles; the first rank also keeps all other totals.
+    /// Returns the state of one rank, whose totals count its own particles. The first rank keeps all other totals.
     pub(crate) fn part(self, model: &Model, is_first: bool) -> Self {
         let mut totals = if is_first { self.totals } else { Totals::of(model) };
         totals.present.fill(0);
@@ -115,8 +111,7 @@ impl State {
         Self { totals, ..self }
     }
 
-    /// Returns the origins, restored if the model of the state logged no arrivals and all ids are those of scheduled
-    /// releases.
+    /// Returns the origins, restored if the model logged no arrivals and all ids are those of scheduled releases.
     pub(crate) fn restored_origins(&self, model: &Model, key: Key) -> Origins {
         if !model.logs_arrivals || self.origins != Origins::default() {
             return self.origins.clone();
@@ -135,7 +130,6 @@ impl State {
         if first == u64::from(self.next_id) { origins } else { self.origins.clone() }
     }
 
-    /// Returns `true` if the state can be one of the model.
     pub(crate) fn belongs_to(&self, model: &Model) -> bool {
         let receivers = model.receivers.len();
         let is_known = |species: u32| (species as usize) < model.species.len();
@@ -156,7 +150,7 @@ impl State {
             && self.particles.species.iter().zip(&self.particles.radius).all(is_of_species)
     }
 
-    /// Releases the particles of a step, and returns the arrivals since the release, in the order of ids.
+    /// Returns the arrivals since the release, by id.
     pub(crate) fn release(
         &mut self,
         model: &Model,

@@ -141,7 +141,6 @@ fn overlaps_are_separated_as_on_the_cpu() {
     let mut model = crowd(Contact::Separate, 0.1, 0.02, 4);
     model.transmitters[0].shape = Shape::Shell(0.0, 0.7);
     for probability in [0.05, 0.0] {
-        // The binding radius is below the contact distance.
         model.reactions = vec![models::reaction([0, 1], [None, Some(1)], 0.5, probability)];
         let mut runs = Runs::new(&own, &model, 5);
         runs.steps(1);

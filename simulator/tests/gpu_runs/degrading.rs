@@ -1,5 +1,3 @@
-//! Runs in which particles decay on their way to receivers and walls.
-
 use lazygrid_sim::model::receiver::WallFace;
 use lazygrid_sim::{Decay, Model, ReceiverKind, Shape, Unbinding};
 
@@ -7,7 +5,7 @@ use super::device;
 use super::models::{Runs, brownian, burst, decay, reaction, receiver, species};
 use super::surfaces::surfaces;
 
-/// A -> B -> A, or nothing, about once per step. Some receivers and walls see one species only.
+/// A -> B -> A, or nothing, about once per step.
 fn degrading() -> Model {
     let mut model = surfaces();
     model.time_step = 0.02;
@@ -23,7 +21,6 @@ fn degrading() -> Model {
     model
 }
 
-/// The second species dissociates about once in three steps.
 #[test]
 fn dissociations_before_hits_are_those_of_the_cpu() {
     let mut model = degrading();
@@ -47,7 +44,6 @@ fn dissociations_before_hits_are_those_of_the_cpu() {
     }
 }
 
-/// Two species dissociate, react as catalysts and are consumed. A third one decays to them.
 #[test]
 fn particles_that_dissociate_react_as_on_the_cpu() {
     let Some(own) = device() else { return };
@@ -78,7 +74,6 @@ fn particles_that_dissociate_react_as_on_the_cpu() {
     assert!(totals.reacted.iter().chain(&totals.decayed).all(|&count| count > 50), "{totals:?}");
 }
 
-/// Compares every step, and returns the logged arrivals by receiver and species.
 fn compare_arrivals(runs: &mut Runs, steps: u32) -> Vec<[u64; 2]> {
     let mut logged = vec![[0; 2]; runs.cpu.model().receivers.len()];
     for _ in 0..steps {
@@ -92,7 +87,6 @@ fn compare_arrivals(runs: &mut Runs, steps: u32) -> Vec<[u64; 2]> {
     logged
 }
 
-/// Checks that the log has the counts of all receivers that absorb.
 #[track_caller]
 fn assert_logged(runs: &Runs, logged: Vec<[u64; 2]>) {
     for ((own, row), logged) in runs.cpu.model().receivers.iter().zip(runs.cpu.received()).zip(logged) {

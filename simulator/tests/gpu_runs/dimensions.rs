@@ -1,5 +1,3 @@
-//! Runs of one and two dimensions.
-
 use lazygrid_sim::{
     Adsorption, Axis, Boundary, Contact, Decay, Model, ReceiverKind, Shape, Species, Unbinding, Vessel,
 };

@@ -113,12 +113,11 @@ fn vessels_carry_as_on_the_cpu() {
     compare(&sphere, 25, 8);
 }
 
-/// Batches of steps across the ends of a pulse, which are within steps.
+/// The ends of the pulse are within steps.
 #[test]
 fn pulses_of_flow_match_the_cpu() {
     let Some(own) = device() else { return };
     let plug = |velocity| Model { flow: Some(Flow::Plug(velocity)), time_step: 0.004, ..brownian(true) };
-    // The flow alone drifts along x, and cancels the drift of B.
     let models = [plug([40.0, 0.0, 0.0]), plug([-0.5, 30.0, 0.0]), in_vessel(1, Axis::Open)];
     for (k, mut model) in models.into_iter().enumerate() {
         let time_step = model.time_step;
@@ -149,7 +148,6 @@ fn with_walls(mut model: Model, faces: &[WallFace]) -> Model {
 #[test]
 fn walls_absorb_as_on_the_cpu() {
     let Some(own) = device() else { return };
-    // All but the last wall see both species, which drift; a receiver takes what reaches it and a wall.
     let faces = [WallFace::Low(0), WallFace::High(0), WallFace::High(1), WallFace::Low(2)];
     let mut planes = Model { time_step: 0.02, ..with_walls(brownian(true), &faces) };
     planes.species[0].radius = 0.125;

@@ -1,5 +1,3 @@
-//! Steps that exceed a limit of the device.
-
 use lazygrid_sim::{
     Contact, Error, Model, Receiver, ReceiverKind, ReceptorType, Schedule, Shape, Species, Transmitter,
 };
@@ -8,7 +6,7 @@ use super::device;
 use super::features::dissociating;
 use super::models::{brownian, burst, decay, gpu, receiver, species};
 
-/// Returns mirrors in about one place, of which a particle may meet 16 in a step.
+/// A particle may meet 16 of these mirrors in a step.
 fn mirrors(center: [f32; 3], count: u32) -> impl Iterator<Item = Receiver> {
     (0..count).map(move |k| {
         let center = [center[0], center[1], center[2] + 1e-3 * k as f32];
@@ -32,7 +30,7 @@ fn halts_do_not_depend_on_the_order_of_threads() {
     }
 }
 
-/// Returns a model of four species, of which the last meets too many mirrors once it is released, after six steps.
+/// The fourth species, released after six steps, meets too many mirrors.
 fn halting() -> Model {
     let mut model = dissociating();
     model.species[0].speed = 10.0;

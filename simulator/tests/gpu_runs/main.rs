@@ -1,5 +1,5 @@
-//! Runs on the GPU against the CPU, which draws the same numbers and decides the same, and closed forms. Skipped
-//! without an adapter, unless `LAZYGRID_REQUIRE_GPU` is set.
+//! Runs on the GPU against the CPU, which draws the same numbers, and closed forms. Skipped without an adapter, unless
+//! `LAZYGRID_REQUIRE_GPU` is set.
 
 #[path = "../../../tests/src/adapter.rs"]
 mod adapter;
@@ -181,7 +181,6 @@ fn annihilation_has_the_statistics_of_the_cpu() {
     assert!((mean(&here) - mean(&there)).abs() < 4.0 * error, "{here:?} {there:?}");
 }
 
-/// (r/d)·erfc((d − r)/√(4DT)) of the particles reach an absorbing sphere.
 #[test]
 fn absorbing_receiver() {
     let Some(own) = device() else { return };
@@ -274,11 +273,9 @@ fn models_beyond_the_device_are_refused_by_name() {
     assert!(drifting.contains("64160 loop iterations, beyond 59680; use fewer receivers, or"), "{drifting}");
 }
 
-/// Returns the reason why particles that drift past `count` receivers within a step are refused.
 fn past_receivers(own: &GpuDevice, count: usize) -> Option<String> {
     let mut model = brownian(true);
     model.boundary = Boundary::default();
-    // A pulse that cancels the drift of B leaves it as it is before.
     model.species[1].drift = [9000.0, 0.0, 0.0];
     (model.flow, model.flow_pulse) = (Some(Flow::Plug([-9000.0, 0.0, 0.0])), Some([0.5, 1.0]));
     model.receivers = vec![receiver("rx", [0.0; 3], 0.25, ReceiverKind::Absorbing); count];

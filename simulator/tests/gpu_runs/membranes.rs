@@ -1,5 +1,3 @@
-//! Runs with membranes.
-
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::model::receiver::WallFace;
 use lazygrid_sim::{
@@ -71,7 +69,6 @@ fn walls_behind_planes_absorb_as_on_the_cpu() {
     }
     let state = compare(&model, 77, 8);
     assert!(device().is_none() || state.totals.arrived[3..].iter().all(|row| row[0] > 0));
-    // Reflecting receivers see a species that no membrane holds back.
     let mut mixed = planes(0.005);
     mixed.membranes.iter_mut().for_each(|membrane| membrane.sees[1] = false);
     let sees = vec![false, true];
@@ -133,7 +130,6 @@ fn spheres_hold_back_as_on_the_cpu() {
     }
 }
 
-/// Surfaces that reflect, some around or in membranes.
 fn surfaces_among_membranes() -> Model {
     let mut model = surfaces();
     model.receivers.retain(|receiver| !["ghost", "endpoint"].contains(&receiver.name.as_str()));
@@ -164,7 +160,6 @@ fn surfaces_among_membranes_reflect_as_on_the_cpu() {
     }
 }
 
-/// Receivers that membranes turn, within some of them.
 #[test]
 fn moving_receivers_among_membranes_are_those_of_the_cpu() {
     let Some(_) = device() else { return };
@@ -184,7 +179,6 @@ fn moving_receivers_among_membranes_are_those_of_the_cpu() {
     }
 }
 
-/// Ids on one side.
 fn ids(state: &State, is_there: impl Fn([f32; 3]) -> bool) -> Vec<u32> {
     by_id(state)
         .into_iter()

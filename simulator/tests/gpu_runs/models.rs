@@ -31,7 +31,6 @@ pub(crate) fn decay(reactant: u32, product: Option<u32>, rate: f64) -> Decay {
     Decay { reactant, products: [product, None], rate, ..Decay::default() }
 }
 
-/// Returns a receiver that sees two species.
 pub(crate) fn receiver(name: &str, center: [f32; 3], radius: f32, kind: ReceiverKind) -> Receiver {
     Receiver { name: name.into(), center, radius, kind, sees: vec![true; 2], ..Receiver::default() }
 }
@@ -123,7 +122,6 @@ pub(crate) fn steps(run: &mut Simulation, count: u32) {
     (0..count).for_each(|_| run.step().expect("a step"));
 }
 
-/// A model's runs on both processors.
 pub(crate) struct Runs {
     pub(crate) gpu: GpuSimulation,
     pub(crate) cpu: Simulation,
@@ -134,7 +132,6 @@ impl Runs {
         Self { gpu: gpu(own, model, seed), cpu: cpu(model, seed) }
     }
 
-    /// Takes the steps on the GPU in one batch.
     pub(crate) fn steps(&mut self, count: u32) {
         self.gpu.run(count).expect("steps");
         steps(&mut self.cpu, count);

@@ -1,5 +1,3 @@
-//! Runs in which drift, flow or velocity carries particles past receivers within a step.
-
 use lazygrid_sim::{
     Adsorption, Axis, Boundary, Flow, Model, Receiver, ReceiverKind, ReceptorType, Shape, Species, Vessel,
 };
@@ -8,7 +6,6 @@ use super::device;
 use super::models::{brownian, burst, decay, receiver, species};
 use super::surfaces::compare;
 
-/// Particles that move by 2 µm per step in a box of 4 µm, and receivers of a quarter micrometer.
 fn past(diffusion: f64, boundary: Boundary) -> Model {
     let absorbing = |name, center| receiver(name, center, 0.25, ReceiverKind::Absorbing);
     let mut receivers = vec![
@@ -96,7 +93,6 @@ fn drifting_particles_adsorb_as_on_the_cpu() {
     assert!(device().is_none() || arrived[..5].iter().flatten().all(|&n| n > 0), "{arrived:?}");
 }
 
-/// Lines of spheres of radius 1 towards a wall at −2, where they turn at −1.
 fn lines_to_a_wall(center: f32, radius: f32, velocity: f64) -> Model {
     let mut receiver = receiver("target", [center, 0.0, 0.0], radius, ReceiverKind::Absorbing);
     receiver.velocity[0] = velocity;

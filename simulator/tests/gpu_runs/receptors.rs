@@ -1,5 +1,3 @@
-//! Runs with receptor types and surface diffusion.
-
 use lazygrid::Algorithm;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::model::receptors::Ligand;
@@ -46,7 +44,6 @@ fn receptor_types_compete_as_on_the_cpu() {
     }
 }
 
-/// Short steps, long ones, and those after which any direction is equally likely.
 #[test]
 fn bound_particles_diffuse_as_on_the_cpu() {
     for (seed, surface_diffusion) in [(63, 1e-3), (64, 5.0), (65, 60.0), (66, 1e5)] {

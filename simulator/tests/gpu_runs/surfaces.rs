@@ -1,5 +1,3 @@
-//! Runs with surfaces.
-
 use lazygrid::Algorithm;
 use lazygrid_sim::gpu::{GpuOptions, GpuSimulation};
 use lazygrid_sim::{
@@ -79,7 +77,6 @@ fn surfaces_act_as_on_the_cpu() {
     }
 }
 
-/// Bursts and steady release, in a batch of steps, of transmitters that go with receivers.
 #[test]
 fn transmitters_go_where_they_go_on_the_cpu() {
     let Some(own) = device() else { return };
@@ -162,7 +159,7 @@ fn resting_particles_are_pushed() {
     compare(&model, 14, 16);
 }
 
-/// A receiver pushes a particle to a second, which pushes it to a third, out of one receiver's reach.
+/// Receivers push a particle from one to the next, out of one receiver's reach.
 fn throwing() -> Model {
     let mirror = |center: [f32; 3], radius, velocity: f64| Receiver {
         velocity: [velocity, 0.0, 0.0],

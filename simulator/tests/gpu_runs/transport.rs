@@ -1,5 +1,3 @@
-//! Runs with flow fields and chemotaxis.
-
 use std::sync::Arc;
 
 use lazygrid_sim::{
@@ -58,8 +56,6 @@ fn swimmers_follow_attractants_as_on_the_cpu() {
     }
 }
 
-/// Receptor types whose receivers move and carry a transmitter, bound particles that diffuse, and swimmers that follow an
-/// attractant in a flow field.
 #[test]
 fn combined_features_match_the_cpu() {
     let mut model = competing();
@@ -89,7 +85,6 @@ fn combined_features_match_the_cpu() {
     }
 }
 
-/// A field that neither ends nor begins at walls, with velocities up to `fastest`.
 fn field(points: [usize; 3], fastest: f32) -> Option<Flow> {
     let count = 3 * points.iter().product::<usize>() as u32;
     let velocities =

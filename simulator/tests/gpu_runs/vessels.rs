@@ -1,11 +1,8 @@
-//! Vessels against closed forms.
-
 use lazygrid_sim::{Axis, Boundary, Flow, Model, Shape, Transmitter, Vessel};
 
 use super::device;
 use super::models::{burst, gpu, species};
 
-/// Particles that drift to the end of a cylinder have the mean height D/v above it, of an exponential density.
 #[test]
 fn drift_to_the_end_of_a_cylinder_has_the_exponential_layer() {
     let Some(own) = device() else { return };

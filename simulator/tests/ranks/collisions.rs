@@ -12,7 +12,6 @@ use crate::steps::{alone, compare};
 const RANKS: [u32; 4] = [1, 2, 3, 5];
 const SIZES: [f32; 3] = [0.5, 0.35, 0.2];
 
-/// Three sizes and masses that fill a fraction of a periodic box, placed on a lattice.
 fn crowd(contact: Contact, fraction: f64, edge: u32) -> Model {
     let volume = SIZES.iter().map(|&radius| 4.0 / 3.0 * PI * f64::from(radius).powi(3)).sum::<f64>() / 3.0;
     let count = edge.pow(3) / 3;
@@ -92,7 +91,6 @@ fn walls_and_vessels_reflect_as_in_one_process() {
     }
 }
 
-/// Releases at one point and in a small ball, reactions besides contact, products inside others.
 fn reacting(contact: Contact) -> Model {
     let mut model = crowd(contact, 0.2, 6);
     let reaction = |name: &str, reactants, products| Reaction {
@@ -156,7 +154,6 @@ fn bursts_of_points_and_reactants_are_those_of_one_process() {
     }
 }
 
-/// Species 0 and 1 react below the contact distance.
 fn around_bodies() -> Model {
     let mut model = crowd(Contact::Separate, 0.25, 9);
     let Axis::Periodic { high, .. } = model.boundary.axes[0] else { unreachable!() };
@@ -192,7 +189,6 @@ fn bodies_and_reactions_within_contact_are_those_of_one_process() {
     compare(&model, 7, 8, &RANKS);
 }
 
-/// A row of touching spheres along x, whose first is hit: momentum crosses all ranks within a step.
 #[test]
 fn momentum_crosses_all_ranks_within_a_step() {
     let species = |name: &str, thermal_speed| Species {

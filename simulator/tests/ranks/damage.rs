@@ -1,5 +1,3 @@
-//! Damaged or exchanged files are refused by name, without a change.
-
 use std::collections::BTreeMap;
 use std::fs;
 use std::io::Write;
@@ -105,7 +103,7 @@ fn assert_refuses(directory: &Path, ranks: u32, name: &str, bytes: &[u8], damage
     overwrite(&path, &whole);
 }
 
-/// Without truncating first, after which some file systems wait for the disk.
+/// Some file systems wait for the disk after truncation.
 fn overwrite(path: &Path, bytes: &[u8]) {
     let mut file = fs::File::options().write(true).open(path).unwrap();
     file.write_all(bytes).unwrap();

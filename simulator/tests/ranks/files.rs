@@ -91,7 +91,7 @@ pub(crate) fn go(run: &Run, ranks: u32) {
     go_on(&on_cpu(), run, ranks);
 }
 
-/// Does a run over ranks with this detector, or in one process if `ranks` is 0.
+/// Runs in one process if `ranks` is 0.
 pub(crate) fn go_on(detector: &Config, run: &Run, ranks: u32) {
     if ranks == 0 {
         assert_eq!(run.run(|_| ControlFlow::Continue(())).unwrap().0, RunEnd::Finished);
@@ -104,7 +104,6 @@ pub(crate) fn go_on(detector: &Config, run: &Run, ranks: u32) {
     }
 }
 
-/// Returns the contents of the files of a directory by name.
 pub(crate) fn every_file(directory: &Path) -> BTreeMap<String, Vec<u8>> {
     let files = std::fs::read_dir(directory).unwrap().map(|entry| entry.unwrap());
     files
@@ -132,7 +131,6 @@ fn names(directory: &Path) -> Vec<String> {
     every_file(directory).into_keys().filter(|name| is_checkpoint(name)).collect()
 }
 
-/// Compares the files of a scenario over ranks with those of one process, and returns these.
 fn compare(text: &str, steps: u32, numbers: &[u32]) -> BTreeMap<String, Vec<u8>> {
     let alone = tempfile::tempdir().unwrap();
     go(&run_of(text, alone.path(), steps, false), 0);
@@ -176,7 +174,6 @@ fn shipped_scenarios_equal_one_process() {
         let [first, last] = [series.lines().nth(1), series.lines().last()];
         let counts =
             |row: Option<&str>| row.unwrap().split(',').skip(2).map(str::to_owned).collect::<Vec<_>>();
-        // The swimmers of the chemotaxis reach no receiver in these steps.
         assert!(name == "chemotaxis" || counts(first) != counts(last), "{name}: {series}");
     }
 }

@@ -1,5 +1,3 @@
-//! Files of ranks whose particles move on GPUs.
-
 use std::ops::ControlFlow;
 
 use lazygrid::{Backend, Config};
@@ -110,7 +108,6 @@ fn compare_files(text: &str) {
     }
 }
 
-/// GPUs, then the CPU, then GPUs again.
 #[test]
 fn a_run_changes_between_gpus_and_cpus_of_ranks() {
     if device().is_none() {

@@ -1,5 +1,3 @@
-//! Ranks whose particles move on GPUs, against one process on a GPU, which they equal bit for bit, and the CPU.
-
 use lazygrid::gpu::{GpuDevice, SoftwareAdapter};
 use lazygrid::{Backend, Config};
 use lazygrid_ranks::Communicator;
@@ -23,7 +21,6 @@ pub(crate) fn on_gpu() -> Config {
     Config::default().backend(Backend::Gpu)
 }
 
-/// Returns a model in which ranks are independent of each other within a step.
 fn independent() -> Model {
     let parts = Parts {
         contact: Contact::Ignore,
@@ -73,7 +70,6 @@ fn membrane() -> Model {
     model
 }
 
-/// Returns the runs of one process at the ends of batches.
 fn alone_on_gpu(own: &GpuDevice, model: &Model, seed: u64, batches: &[u32]) -> Vec<Seen> {
     let mut run = GpuSimulation::new(model.clone(), seed, own.clone(), GpuOptions::default()).unwrap();
     let look = |run: &GpuSimulation| seen(run.state().unwrap(), run.received(), run.arrivals());
@@ -111,7 +107,6 @@ fn over_gpus(ranks: u32, model: &Model, seed: u64, batches: &[u32]) -> Vec<Seen>
     of_ranks.swap_remove(0)
 }
 
-/// Compares runs over 1, 2 and 3 ranks with one process on the GPU, and their counts with those of the CPU.
 fn compare(own: &GpuDevice, model: &Model, seed: u64) -> Seen {
     let last = compare_gpus(own, model, seed, &[1, 4, 15, 10]);
     let on_cpu = alone(model, seed, 30).pop().unwrap();
@@ -258,7 +253,7 @@ fn backends(model: &Model, detector: impl Fn(u32) -> Config + Sync) -> Vec<Backe
     })
 }
 
-/// Only the first of three ranks has the particle that has too many surfaces within reach.
+/// Only the first rank has the particle with too many surfaces within reach.
 #[test]
 fn failure_on_the_gpu_of_one_rank_is_returned_on_all() {
     if device().is_none() {

@@ -105,7 +105,6 @@ fn arrivals_since_the_release_over_ranks_equal_one_process() {
     compare(&model, 3, 20, &[1, 3]);
 }
 
-/// Several decays per step, and walls in place of the periodic box.
 #[test]
 fn decays_before_hits_over_ranks_equal_one_process() {
     let mut model = model(&Parts { periodic: false, ..everything() });
@@ -128,7 +127,6 @@ fn decays_before_hits_over_ranks_equal_one_process() {
     compare(&model, 5, 20, &[1, 3]);
 }
 
-/// The second and the third species dissociate about once in three steps, close to surfaces that absorb.
 #[test]
 fn dissociations_before_hits_over_ranks_equal_one_process() {
     let mut model = model(&Parts { periodic: false, ..everything() });
@@ -189,7 +187,6 @@ fn membranes_over_ranks_equal_one_process() {
     let open = Model { membranes: Vec::new(), ..model.clone() };
     assert!(alone(&model, 4, 10).last() != alone(&open, 4, 10).last());
     compare(&model, 4, 10, &[3]);
-    // Both membranes turn receivers that move.
     let absorber = receiver("absorber", [4.4, 5.0, 5.0], ReceiverKind::Absorbing);
     model.receivers.push(Receiver { velocity: [20.0, 0.0, 0.0], ..absorber });
     let moving = model.receivers.iter_mut().filter(|receiver| receiver.kind != ReceiverKind::Transparent);

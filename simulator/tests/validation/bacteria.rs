@@ -6,7 +6,6 @@ use rayon::prelude::*;
 use crate::Row;
 use crate::setup::{begin, burst, mean, run_for, scenario, species, steps_until};
 
-/// Mean square displacement 2v²τ²(t/τ − 1 + exp(−t/τ)); finally D = v²τ/3.
 pub(crate) fn run_and_tumble() -> Vec<Row> {
     let (n, speed, rate) = (40_000_u32, 20.0, 2.0);
     let swimmer = Species { speed, tumble_rate: rate, ..species("A", 0.0, 0.0) };
@@ -37,7 +36,7 @@ pub(crate) fn run_and_tumble() -> Vec<Row> {
     rows
 }
 
-/// D = v²τ/3 with a tumble rate of 1 per step, where the probability 1 − exp(−1) would give 8 % more.
+/// The probability 1 − exp(−1) per step would give 8 % more than D = v²τ/3.
 fn one_run_per_step() -> Row {
     let (n, speed, count) = (40_000_u32, 20.0, 200);
     let model = Model {
@@ -48,13 +47,11 @@ fn one_run_per_step() -> Row {
     };
     let simulation = run_for(&model, 4, count);
     let (measured, error) = mean(simulation.squares());
-    // A run ends at each step with the probability 2/3, so that the mean square way is v²Δt²(2n − 3/2).
+    // A run ends at each step with the probability 2/3, so the mean square way is v²Δt²(2n − 3/2).
     let by = 6.0 * f64::from(count) - 4.5;
     Row::new("D = v²τ/3, a tumble per step", speed * speed / 3.0, measured / by, 4.0 * error / by)
 }
 
-/// Products have the speeds of their own species: two that diffuse after a swimmer divides have 6Dt, and two swimmers
-/// from a resting particle v²t².
 pub(crate) fn division() -> Vec<Row> {
     let (n, speed, diffusion, time_step, count) = (20_000, 4.0, 1.0, 0.01, 100);
     let parent_and_product = [
@@ -80,13 +77,12 @@ pub(crate) fn division() -> Vec<Row> {
             return Row::new("mean square way, swimmers of a resting one", exact, measured, 1e-4 * exact);
         }
         let exact = (speed * time_step).powi(2) + 6.0 * diffusion * time;
-        // Both products begin where the parent was.
         Row::new("mean square way, offspring of swimmers", exact, measured, 4.0 * 2.0_f64.sqrt() * error)
     };
     parent_and_product.into_iter().map(row).collect()
 }
 
-/// Donors transfer at a rate γ to recipients in contact, which decrease as exp(−γ·n·(4/3)πρ³·t), with n donors per
+/// Donors transfer at a rate γ to recipients in contact. These decrease as exp(−γ·n·(4/3)πρ³·t), with n donors per
 /// volume.
 pub(crate) fn conjugation() -> Vec<Row> {
     let (donors, recipients, edge, contact, rate) = (800, 1000, 20.0_f64, 1.0_f64, 0.1);

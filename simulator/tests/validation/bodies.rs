@@ -61,7 +61,7 @@ pub(crate) fn partial() -> Vec<Row> {
     rows
 }
 
-/// Mean bound of `n` in a volume to `receptors`, with the equilibrium constant K.
+/// Mean bound number, with the equilibrium constant K.
 fn bound(n: u32, receptors: u32, constant_per_volume: f64) -> f64 {
     let (mut weight, mut sum, mut total) = (1.0, 0.0, 1.0);
     for b in 0..n.min(receptors) {
@@ -74,7 +74,6 @@ fn bound(n: u32, receptors: u32, constant_per_volume: f64) -> f64 {
     sum / total
 }
 
-/// Law of mass action, from well-resolved to long steps.
 pub(crate) fn receptors() -> Vec<Row> {
     const N: u32 = 200;
     const EDGE: f64 = 4.0;
@@ -110,8 +109,8 @@ pub(crate) fn receptors() -> Vec<Row> {
     [(0.005, 2.0), (0.02, 2.0), (0.02, 0.2)].map(row).into()
 }
 
-/// Means of A and B bound to the first receptors, and of A bound to the second, of [`competition`]. The weight of a state
-/// changes with each binding by the ratio of the binding to the unbinding rates.
+/// Means of A and B bound to the first receptors, and of A bound to the second. Each binding changes the weight of a
+/// state by the ratio of the rates.
 fn competing(free: [u32; 2], receptors: [u32; 2], constants: [f64; 3]) -> [f64; 3] {
     let [a, b] = free.map(f64::from);
     let [both, only] = receptors.map(f64::from);
@@ -137,8 +136,7 @@ fn competing(free: [u32; 2], receptors: [u32; 2], constants: [f64; 3]) -> [f64; 
     sums.map(|sum| sum / total)
 }
 
-/// Two ligands that compete for receptors, one of which also binds to others: the law of mass action, exactly and with
-/// the mean free concentrations c, which is N·(c/K)/(1 + Σ c/K) up to fluctuations.
+/// The law of mass action, exactly and with the mean free concentrations c: N·(c/K)/(1 + Σ c/K) up to fluctuations.
 pub(crate) fn competition() -> Vec<Row> {
     const FREE: [u32; 2] = [150, 100];
     const RECEPTORS: [u32; 2] = [60, 30];
@@ -247,8 +245,7 @@ pub(crate) fn reflecting() -> Vec<Row> {
     rows
 }
 
-/// A moving receiver adsorbs as a resting one in a flow; diffusing ones as resting ones with the sum of both
-/// coefficients.
+/// A moving receiver adsorbs as a resting one in a flow; diffusion coefficients add up.
 pub(crate) fn moving() -> Vec<Row> {
     let row = |count| passing("on the way of a receiver", [0.0, -FLOW], count);
     let mut rows: Vec<Row> = [8, 32, 400].map(row).into();
@@ -282,7 +279,6 @@ fn diffusing() -> Row {
     Row::mean("by many that diffuse", expected, shares)
 }
 
-/// Particles at rest stay where a moving transmitter released them: on its line, and at the distances that it diffused.
 pub(crate) fn transmitters() -> Vec<Row> {
     let model = |motion: &str, release: &str| {
         let text = format!(
@@ -292,7 +288,7 @@ pub(crate) fn transmitters() -> Vec<Row> {
         scenario(text)
     };
     let places = |model: &Model, seed, count| run_for(model, seed, count).positions().collect::<Vec<_>>();
-    // Evenly spaced in time, hence uniform from 0 to 8 µm along the way, in steps of 1 µm.
+    // Uniform from 0 to 8 µm along the way.
     let steady = "release = [{ species = \"A\", rate = 1000 }]";
     let line: Vec<f64> =
         places(&model("velocity = [0, 4, 0]", steady), 1, 8).iter().map(|place| place[1] - 2.0).collect();
@@ -302,7 +298,7 @@ pub(crate) fn transmitters() -> Vec<Row> {
         Row::new("steady release on a way, mean", 4.0, moment(1), 0.01),
         Row::new("steady release on a way, mean square", 64.0 / 3.0, moment(2), 0.1),
     ];
-    // One particle after 4 s of diffusion with D = 2: 6Dt.
+    // 6Dt after 4 s with D = 2.
     let late = "times = [4]\nrelease = [{ species = \"A\", count = 1 }]";
     let wandering = model("diffusion = 2", late);
     let square = |seed| {

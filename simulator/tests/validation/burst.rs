@@ -4,7 +4,6 @@ use rayon::prelude::*;
 use crate::Row;
 use crate::setup::{begin, burst, in_ball, mean, receiver, run_for, species, steps};
 
-/// Pairs within σ after a burst at one point: N(N − 1)/2·[erf(σ/√(2v)) − √(2/π)·(σ/√v)·exp(−σ²/2v)] with v = 4Dt.
 pub(crate) fn pairs_of_a_point_burst() -> Vec<Row> {
     let (n, sigma, v) = (20_000_u32, 0.1_f64, 4.0_f64);
     let model = Model {

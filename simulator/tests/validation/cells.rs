@@ -1,5 +1,3 @@
-//! Spherical membranes.
-
 use std::f64::consts::{LN_2, PI};
 
 use lazygrid_sim::{Adsorption, Model, ReceiverKind};
@@ -39,7 +37,7 @@ impl AtMembrane {
     }
 }
 
-/// A sphere around the origin that reflects and takes particles, in a membrane.
+/// A sphere around the origin that reflects and takes particles.
 #[derive(Clone, Copy, Debug)]
 struct Nucleus {
     radius: f64,
@@ -53,9 +51,9 @@ struct Fractions {
     taken: f64,
 }
 
-/// Solves for the transforms r·c = A·f(r) inside and B·exp(−q(r − R)) outside, next to those of the source at the distance `from`, with
-/// equal fluxes D·c′ = κ·(c₊ − c₋). Here f(r) = sinh(qr), or sinh(q(r − a)) + γ·cosh(q(r − a)) around a nucleus of radius a, where
-/// D·c′ = k·c.
+/// Solves for the transforms r·c = A·f(r) inside and B·exp(−q(r − R)) outside, next to the source at the distance
+/// `from`, with equal fluxes D·c′ = κ·(c₊ − c₋). Here f(r) = sinh(qr), or sinh(q(r − a)) + γ·cosh(q(r − a)) around a
+/// nucleus of radius a, where D·c′ = k·c.
 fn transformed(p: f64, from: f64, permeability: f64, nucleus: Option<Nucleus>) -> Fractions {
     let q = (p / D).sqrt();
     let Nucleus { radius, rate } = nucleus.unwrap_or(Nucleus { radius: 0.0, rate: 0.0 });
@@ -82,7 +80,7 @@ fn transformed(p: f64, from: f64, permeability: f64, nucleus: Option<Nucleus>) -
     let [f, slope] = function(R);
     let layer = AtMembrane(f, q * slope);
     let out = AtMembrane(1.0, -q);
-    // Two linear equations for A and B: the second with B of the first.
+    // Solves two linear equations for A and B.
     let ratio = layer.gradient() / out.gradient();
     let begun = (own.gradient() - other.gradient()) / out.gradient();
     let jump = other.concentration() - own.concentration() + begun * out.concentration();
@@ -95,7 +93,8 @@ fn transformed(p: f64, from: f64, permeability: f64, nucleus: Option<Nucleus>) -
     }
 }
 
-/// The inverse transform (H. Stehfest, *Numerical inversion of Laplace transforms*, Communications of the ACM 13 (1970) 47).
+/// The inverse transform (H. Stehfest, *Numerical inversion of Laplace transforms*, Communications of the ACM 13
+/// (1970) 47).
 fn fractions(time: f64, from: f64, permeability: f64, nucleus: Option<Nucleus>) -> Fractions {
     const HALF: u32 = 7;
     let factorial = |n: u32| (1..=n).map(f64::from).product::<f64>();
@@ -121,7 +120,6 @@ fn fractions(time: f64, from: f64, permeability: f64, nucleus: Option<Nucleus>) 
     all
 }
 
-/// From the center and from outside in free space; the equilibrium with a box; the relaxation of two well-mixed volumes.
 pub(crate) fn spherical_membranes() -> Vec<Row> {
     let mut rows = Vec::new();
     let mut add = |what: String, expected: f64, (found, more): (f64, f64)| {
@@ -142,7 +140,7 @@ pub(crate) fn spherical_membranes() -> Vec<Row> {
         let expected = fractions(time, from, permeability, None).inside;
         add(what, expected, (inside(&run_for(&model, seed, count)), 0.0));
     }
-    // A nucleus that reflects, or takes by a rate; surfaces at least four steps from the membrane.
+    // Surfaces of the nucleus are at least four steps from the membrane.
     for (seed, rate, spread) in [(13, 0.0, 0.05_f64), (14, 0.0, 0.12), (15, 4.0, 0.05), (16, 4.0, 0.12)] {
         let (from, permeability, time, nucleus) = (1.5, 5.0, 0.5, Nucleus { radius: 0.5, rate });
         let count = (2.0 * D * time / (spread * spread)).round() as u32;

@@ -29,12 +29,10 @@ fn model(numbers: &str) -> Model {
     scenario(text)
 }
 
-/// (r/d)·erfc((d − r)/√(4DT)) of a burst.
 fn arrived(time: f64) -> f64 {
     if time > 0.0 { R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * D * time).sqrt()) } else { 0.0 }
 }
 
-/// Probability of fewer arrivals than the threshold, by the fractions `parts` of Poisson or fixed bursts.
 fn too_few(parts: &[f64], is_poisson: bool) -> f64 {
     let mut below = [0.0; THRESHOLD];
     below[0] = 1.0;
@@ -54,8 +52,6 @@ fn too_few(parts: &[f64], is_poisson: bool) -> f64 {
     below.iter().sum()
 }
 
-/// On–off keying of random bits: errors of a threshold, given the sent bits, from binomial and Poisson arrivals of
-/// all bursts so far.
 pub(crate) fn on_off_keying() -> Vec<Row> {
     let parts: Vec<f64> = (0..SYMBOLS)
         .map(|k| arrived(f64::from(k + 1) * SYMBOL_TIME) - arrived(f64::from(k) * SYMBOL_TIME))
@@ -180,8 +176,6 @@ fn taken_for(modulation: &str, sent: &[u32], parts: &[f64]) -> [f64; 4] {
     })
 }
 
-/// Errors of concentration shift keying (thresholds) and molecule shift keying (most arrivals), two bits per symbol,
-/// from binomial arrivals.
 pub(crate) fn shift_keying() -> Vec<Row> {
     let time = |k: u32| f64::from(k) * SYMBOL_TIME;
     let parts: Vec<f64> = (0..FEW_SYMBOLS).map(|k| arrived(time(k + 1)) - arrived(time(k))).collect();

@@ -1,5 +1,3 @@
-//! Swimmers that follow a concentration.
-
 use lazygrid_sim::Model;
 
 use crate::Row;
@@ -17,7 +15,6 @@ fn model(top: &str, attractant: &str, swimmer: &str, shape: &str) -> Model {
     scenario(text)
 }
 
-/// The mean velocity along x and its error, in a gradient of 0.01 per µm with χ = α/(0.01·v).
 fn drift(dimensions: u32, alpha: f64, time_step: f64, seed: u64) -> (f64, f64) {
     let sensitivity = alpha / (0.01 * SPEED);
     let model = model(
@@ -43,8 +40,7 @@ fn drift(dimensions: u32, alpha: f64, time_step: f64, seed: u64) -> (f64, f64) {
     mean(before.iter().zip(&after).map(|((_, a), (_, b))| (b - a) / 10.0))
 }
 
-/// Drift velocities in a constant gradient, and the stationary density around a peak in one dimension: with reflecting ends no
-/// flux remains, and both directions balance where p′ = p·λ₀·sinh(α)/v.
+/// In one dimension with reflecting ends no flux remains, and both directions balance where p′ = p·λ₀·sinh(α)/v.
 pub(crate) fn chemotaxis() -> Vec<Row> {
     let mut rows = Vec::new();
     let alpha = 0.4;

@@ -24,7 +24,7 @@ fn model(contact: Contact, packing: f64, time_step: f64, kind: Species, edge: u3
     }
 }
 
-/// Contact value g(σ⁺) = (1 − φ/2)/(1 − φ)³ of Carnahan and Starling, and conserved quantities of elastic collisions.
+/// Contact value g(σ⁺) = (1 − φ/2)/(1 − φ)³ of Carnahan and Starling.
 pub(crate) fn hard_spheres() -> Vec<Row> {
     let expected = (1.0 - PACKING / 2.0) / (1.0 - PACKING).powi(3);
     let elastic = Species { thermal_speed: 1.0, ..species("A", 0.5, 0.0) };
@@ -63,8 +63,8 @@ fn compressibility(packing: f64) -> f64 {
     (1.0 + packing + packing.powi(2) - packing.powi(3)) / (1.0 - packing).powi(3)
 }
 
-/// Pressure by the collision rate Γ of a sphere: with Γ = 4nσ²g·√(πkT/m) and P/nkT = 1 + (2π/3)·nσ³g, the
-/// compressibility factor is 1 + √π·σΓ/(6·√(kT/m)).
+/// With the collision rate Γ = 4nσ²g·√(πkT/m) of a sphere and P/nkT = 1 + (2π/3)·nσ³g, the factor P/nkT is 1 +
+/// √π·σΓ/(6·√(kT/m)).
 pub(crate) fn elastic_pressure() -> Vec<Row> {
     let mut cases = vec![(0.2, 0.5), (0.4, 0.05), (0.4, 3.0)];
     cases.extend((0..4).map(|case| {
@@ -97,8 +97,7 @@ pub(crate) fn elastic_pressure() -> Vec<Row> {
     cases.par_iter().map(row).collect()
 }
 
-/// Long-time diffusion over free diffusion. It falls with the volume fraction; short steps have the value of Brownian
-/// dynamics, about 0.49 at 0.3.
+/// Short steps have the value of Brownian dynamics, about 0.49 at 0.3.
 pub(crate) fn crowded_diffusion() -> Vec<Row> {
     const PACKINGS: [f64; 4] = [0.1, 0.2, 0.3, 0.4];
     let cases: Vec<(f64, f64)> =
@@ -118,8 +117,7 @@ pub(crate) fn crowded_diffusion() -> Vec<Row> {
     rows
 }
 
-/// A drawn volume fraction, another one, and steps up to the longest that is not warned of, with one collision of a
-/// particle on average; then half of the step.
+/// Steps up to the longest without a warning, with one collision per particle on average.
 fn drawn_crowd(case: u32) -> [Row; 2] {
     let [u, v, w, _] = philox([case, 0, 0, 0], [29, 1]).map(|word| f64::from(open_unit(word)));
     let (packing, more) = (0.05 + 0.2 * u, 0.1 + 0.05 * v);
@@ -142,7 +140,7 @@ fn drawn_crowd(case: u32) -> [Row; 2] {
     ]
 }
 
-/// D/D₀ and its standard error, at a step √(2DΔt) in diameters and a volume fraction.
+/// Takes the step √(2DΔt) in diameters, and the volume fraction.
 fn slowed_diffusion((step, packing): (f64, f64)) -> (f64, f64) {
     let time_step = step * step / 2.0;
     let model = model(Contact::Separate, packing, time_step, species("A", 0.5, 1.0), 8);
@@ -263,7 +261,6 @@ impl Shells {
         self.particles = particles.len() as u64;
     }
 
-    /// Fits a parabola through the logarithms of all shells.
     fn contact_value(&self) -> f64 {
         let n = self.particles as f64;
         let pairs = n * (n - 1.0) / 2.0 / self.volume;

@@ -15,7 +15,7 @@ const HEIGHT: f64 = 5.0;
 const TIME: f64 = 0.5;
 const N: u32 = 40_000;
 
-/// Fraction that diffuses from a height to a plane before it decays, within `time`; a sphere has R/(R + height) of it.
+/// Fraction that diffuses from a height to a plane before it decays. A sphere has R/(R + height) of it.
 fn reached(rate: f64, time: f64) -> f64 {
     let (decay, length) = (HEIGHT * (rate / D).sqrt(), HEIGHT / (4.0 * D * time).sqrt());
     let term = |sign: f64| (sign * decay).exp() * libm::erfc(length + sign * (rate * time).sqrt());
@@ -26,7 +26,6 @@ fn decay(products: [Option<u32>; 2], reactant: u32) -> Decay {
     Decay { reactant, products, rate: RATE, ..Decay::default() }
 }
 
-/// Releases A, which decays to nothing. Receivers do not see B.
 fn model(time_step: f64, kind: ReceiverKind) -> Model {
     let center = [(R + HEIGHT) as f32, 0.0, 0.0];
     Model {
@@ -59,7 +58,6 @@ fn arrived(simulation: &BackendRun) -> u64 {
     simulation.received()[0].iter().sum()
 }
 
-/// A -> B + B at receivers that see only A.
 fn dissociating(time_step: f64, seed: u64) -> Vec<Row> {
     let with_products = |model: Model| Model { decays: vec![decay([Some(1); 2], 0)], ..model };
     let sphere = after(&with_products(model(time_step, ReceiverKind::Absorbing)), TIME, seed);
@@ -74,8 +72,7 @@ fn dissociating(time_step: f64, seed: u64) -> Vec<Row> {
     ]
 }
 
-/// A -> B + B at a receiver, within the reach of E, which consumes each A at the end of the step. Neither arrives nor
-/// dissociates by then.
+/// E consumes each A within its reach at the end of the step, so none arrives or dissociates.
 fn consumed(time_step: f64, seed: u64) -> Row {
     let mut model = model(time_step, ReceiverKind::Absorbing);
     model.species.push(species("E", 0.0, 0.0));
@@ -94,7 +91,6 @@ fn consumed(time_step: f64, seed: u64) -> Row {
     share("dissociation and reaction", (-RATE * time_step).exp() * remains, reacted)
 }
 
-/// Arrivals of molecules that decay, in steps of half of their life and shorter ones.
 pub(crate) fn degrading() -> Vec<Row> {
     let sphere = |time_step| model(time_step, ReceiverKind::Absorbing);
     let mut rows = Vec::new();
@@ -116,7 +112,6 @@ pub(crate) fn degrading() -> Vec<Row> {
     rows
 }
 
-/// A -> B -> nothing at a receiver that sees only A, then A -> B at one that sees both.
 fn products(sphere: &Model) -> Vec<Row> {
     let mut chain = sphere.clone();
     chain.decays = vec![decay([Some(1), None], 0), decay([None; 2], 1)];
@@ -136,7 +131,7 @@ fn products(sphere: &Model) -> Vec<Row> {
     ]
 }
 
-/// Releases within one step, of which arrivals are the mean over ages.
+/// Arrivals are the mean over ages since the release.
 fn since_the_release(sphere: &Model) -> Row {
     let time = sphere.time_step;
     let rates = vec![(0, f64::from(N) / time)];

@@ -3,7 +3,6 @@ use lazygrid_sim::{Model, Shape};
 use crate::Row;
 use crate::setup::{burst, run_for, species};
 
-/// Moments 6Dt and 60D²t², with and without drift.
 pub(crate) fn displacement() -> Vec<Row> {
     let (n, time_step, count) = (100_000, 0.01, 25);
     let mut drifting = species("drifting", 0.0, 2.0);

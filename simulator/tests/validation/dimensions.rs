@@ -6,7 +6,6 @@ use crate::setup::{begin, run_for, scenario, steps};
 
 const N: u32 = 20_000;
 
-/// N particles with D = 1 from `center` in a run of fewer dimensions.
 fn model(dimensions: usize, time_step: f64, center: &str, more: &str) -> Model {
     let text = format!(
         "time-step = {time_step}\nsteps = 1\ndimensions = {dimensions}\n[[species]]\nname = \"A\"\ndiffusion = 1\n\
@@ -24,7 +23,6 @@ fn taken(model: &Model, time: f64, seed: u64) -> f64 {
     simulation.received()[0][0] as f64 / f64::from(N)
 }
 
-/// The mean time until all particles are taken, and its standard error.
 fn mean_time(model: &Model, seed: u64) -> [f64; 2] {
     let mut simulation = begin(model, seed);
     let (mut first, mut second, mut left) = (0.0, 0.0, N as usize);
@@ -38,8 +36,6 @@ fn mean_time(model: &Model, seed: u64) -> [f64; 2] {
     [first, ((second - first * first) / f64::from(N)).sqrt()]
 }
 
-/// Displacement; first passage to a point and to both ends of a segment; partial absorption on a line; and the mean time to a disk in a
-/// larger one, which absorbs all or some.
 pub(crate) fn fewer_dimensions() -> Vec<Row> {
     let mut rows = Vec::new();
     for dimensions in [1_usize, 2] {
@@ -48,7 +44,7 @@ pub(crate) fn fewer_dimensions() -> Vec<Row> {
         rows.push(Row::mean(what, 2.0 * dimensions as f64 * 0.5, simulation.squares()));
     }
     let share = |what: String, expected: f64, found: f64| Row::share(what, expected, found, N);
-    // From the distance 1 within the time 1. A radius of 1e-4 is a point that steps jump over.
+    // A radius of 1e-4 is a point that steps jump over.
     for (seed, spread, radius) in [(3, 0.1_f64, 1e-4), (4, 0.5, 0.5), (5, 1.0, 1e-4)] {
         let time_step = spread * spread / 2.0;
         let line = model(1, time_step, "[1, 0, 0]", &receiver("\"absorbing\"", -radius, radius));
@@ -60,7 +56,6 @@ pub(crate) fn fewer_dimensions() -> Vec<Row> {
                 [[receiver]]\nname = \"high\"\nkind = \"wall\"\nface = \"high-x\"\n";
     let [found, error] = mean_time(&model(1, 2e-4, "[0.5, 0, 0]", ends), 6);
     rows.push(Row::new("mean time to the ends of a segment", 0.5 * 0.5 * 1.5, found, 4.0 * error));
-    // From the distance 1 to a point with κ = 2: erfc(y) − exp(κa/D + κ²t/D)·erfc(y + κ√(t/D)).
     for (seed, spread) in [(7, 0.1_f64), (8, 0.7)] {
         let time_step = spread * spread / 2.0;
         let line = model(1, time_step, "[1, 0, 0]", &receiver("\"partial\"\nrate = 2", -1e-4, 1e-4));

@@ -1,5 +1,3 @@
-//! Flows on a grid.
-
 use std::sync::Arc;
 
 use lazygrid_sim::{Boundary, Flow, FlowField, Model, Shape};
@@ -10,7 +8,6 @@ use crate::setup::{burst, mean, run_for, species};
 const N: u32 = 40_000;
 const D: f64 = 1.0;
 
-/// A field of three points along each axis, from −`half` to `half`.
 fn grid(half: f64, velocity: impl Fn([f64; 3]) -> [f64; 3]) -> Flow {
     let mut velocities = Vec::new();
     for index in 0..27_u32 {
@@ -31,28 +28,24 @@ fn model(flow: Flow, time_step: f64) -> Model {
     }
 }
 
-/// Products of two coordinates after these steps.
 fn products(model: &Model, count: u32, seed: u64, axes: &[[usize; 2]]) -> Vec<(f64, f64)> {
     let simulation = run_for(model, seed, count);
     let product = |[a, b]: [usize; 2]| mean(simulation.positions().map(|point| point[a] * point[b]));
     axes.iter().map(|&axes| product(axes)).collect()
 }
 
-/// Linear flows, which a grid has exactly: moments of a burst, in steps that need the second order. A flow towards a wall: the
-/// barometric density.
+/// A grid represents linear flows exactly. The steps need the second order.
 pub(crate) fn flow_fields() -> Vec<Row> {
     let mut rows = Vec::new();
     let mut add = |what: &str, expected: f64, (found, error): (f64, f64)| {
         rows.push(Row::new(what, expected, found, 4.0 * error));
     };
-    // Shear u = γy along x: ⟨x²⟩ = 2Dt + ⅔γ²Dt³, ⟨xy⟩ = γDt².
     let (shear, time) = (2.0, 1.0);
     let shear_model = model(grid(100.0, |[_, y, _]| [shear * y, 0.0, 0.0]), 0.1);
     let found = products(&shear_model, 10, 1, &[[0, 0], [0, 1], [2, 2]]);
     add("shear, mean of x²", 2.0 * D * time + 2.0 / 3.0 * shear * shear * D * time.powi(3), found[0]);
     add("shear, mean of xy", shear * D * time * time, found[1]);
     add("shear, mean of z²", 2.0 * D * time, found[2]);
-    // Extension u = (ax, −ay, 0): ⟨x²⟩ = D(exp(2at) − 1)/a, ⟨y²⟩ = D(1 − exp(−2at))/a.
     let rate = 1.0;
     let extension = model(grid(100.0, |[x, y, _]| [rate * x, -rate * y, 0.0]), 0.1);
     let found = products(&extension, 15, 2, &[[0, 0], [1, 1]]);

@@ -81,14 +81,12 @@ fn model() -> Model {
     }
 }
 
-/// A circulation around the x axis.
 fn field() -> FlowField {
     let corners = (0..8_u8).map(|k| [k >> 2, k >> 1 & 1, k & 1].map(|upper| 2.0 * f32::from(upper) - 1.0));
     let velocities = corners.flat_map(|[_, y, z]| [0.0, -z, y]);
     FlowField::new([[-3.0; 3], [6.0; 3]], [2; 3], velocities.collect()).expect("a field")
 }
 
-/// Swimmers in search of an attractant, and particles among membranes.
 fn cells() -> Model {
     let profile = AttractantProfile::Source { peak: 1.0, radius: 0.5 };
     let taxis = Chemotaxis { attractant: 0, sensitivity: 2.0, half_saturation: Some(0.5) };

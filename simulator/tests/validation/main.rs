@@ -33,7 +33,7 @@ pub(crate) struct Row {
     pub(crate) what: String,
     pub(crate) expected: f64,
     pub(crate) measured: f64,
-    /// Largest deviation that passes.
+    /// Largest passing deviation.
     pub(crate) tolerance: f64,
     /// Expects a difference above the tolerance.
     pub(crate) must_differ: bool,
@@ -48,7 +48,7 @@ impl Row {
         Self::new(what, expected as f64, measured as f64, 0.0)
     }
 
-    /// With a tolerance of four standard errors of the mean of `values`.
+    /// Tolerates four standard errors of the mean.
     pub(crate) fn mean(
         what: impl Into<String>,
         expected: f64,
@@ -58,7 +58,7 @@ impl Row {
         Self::new(what, expected, measured, 4.0 * error)
     }
 
-    /// With a tolerance of four standard errors of a share of `n`.
+    /// Tolerates four standard errors of a share of `n`.
     pub(crate) fn share(what: impl Into<String>, expected: f64, measured: f64, n: impl Into<f64>) -> Self {
         Self::new(what, expected, measured, 4.0 * setup::share_error(expected, n.into()))
     }
@@ -133,7 +133,7 @@ fn main() -> ExitCode {
             failed.fetch_add(run(item), Ordering::Relaxed);
         }
     };
-    // Steps are too short for several threads, and results do not depend on the number of threads.
+    // Steps are too short for several threads.
     std::thread::scope(|scope| {
         for _ in 0..std::thread::available_parallelism().map_or(1, usize::from) {
             scope.spawn(|| {
@@ -145,7 +145,7 @@ fn main() -> ExitCode {
     if failed.into_inner() == 0 { ExitCode::SUCCESS } else { ExitCode::FAILURE }
 }
 
-/// Prints the rows of an item at once. Returns the number of failures.
+/// Returns the number of failures.
 fn run((name, measure): &Item) -> usize {
     let start = Instant::now();
     let rows = measure();

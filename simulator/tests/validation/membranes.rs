@@ -21,7 +21,6 @@ fn burst(center: f64, shape: &str) -> String {
     format!("center = [{center}, 0, 0]\nshape = {shape}\nrelease = [{{ species = \"A\", count = {N} }}]")
 }
 
-/// Fraction of particles with an x from `low` to `high`.
 fn share(model: &Model, count: u32, seed: u64, [low, high]: [f32; 2]) -> f64 {
     let simulation = run_for(model, seed, count);
     let x = &simulation.state().particles.position[0];
@@ -44,8 +43,8 @@ pub(crate) fn membranes() -> Vec<Row> {
     let mut add = |what: String, expected: f64, found: f64| {
         rows.push(Row::share(what, expected, found, N));
     };
-    // One half of a box with particles, the other without. The difference of both is that of a plate which loses heat
-    // at one face, with b = 2κw/D (Carslaw and Jaeger, *Conduction of Heat in Solids*, section 3.11).
+    // The difference of both halves is that of a plate which loses heat at one face, with b = 2κw/D (Carslaw and
+    // Jaeger, *Conduction of Heat in Solids*, section 3.11).
     let halves = "[boundary]\nkind = \"reflecting\"\nlow = [-1, -50, -50]\nhigh = [1, 50, 50]";
     for (seed, spread, permeability, time) in [
         (1, 0.05_f64, 0.5, 0.3),
@@ -67,7 +66,7 @@ pub(crate) fn membranes() -> Vec<Row> {
         let what = format!("κ = {permeability}, passed in {time} s, steps of {spread}");
         add(what, expected, share(&model, count, seed, [0.0, 2.0]));
     }
-    // From the distance 1 in free space, in steps of up to four times that: by the mean of exp(−2κL/D).
+    // The mean of exp(−2κL/D) from the distance 1.
     for (seed, permeability, count) in [(6, 0.5, 1), (7, 0.5, 100), (8, 4.0, 2), (9, 4.0, 400)] {
         let time = 8.0;
         let (h, y) = (2.0 * permeability / D, 1.0 / (4.0 * D * time).sqrt());
@@ -83,7 +82,6 @@ pub(crate) fn membranes() -> Vec<Row> {
         let model = model(0.045, halves, 1.0, &burst(0.0, "{ kind = \"box\", size = [2, 1, 1] }"));
         add(format!("uniform from {low} to {high}"), 0.025, share(&model, 20, seed, [low, high]));
     }
-    // A closed membrane, also for particles released within a step, and for a receiver next to it.
     let steady = "center = [0.01, 0, 0]\nrelease = [{ species = \"A\", rate = 20000 }]";
     let mut closed = model(0.02, "", 0.0, steady);
     let center = [-0.52, 0.0, 0.0];
@@ -113,7 +111,6 @@ pub(crate) fn membranes() -> Vec<Row> {
     rows
 }
 
-/// A body diffuses between two membranes in a periodic box, in one of two halves, around which particles are uniform.
 fn diffusing_body() -> Vec<Row> {
     const RADIUS: f64 = 0.35;
     const COUNT: u32 = 2500;

@@ -25,7 +25,7 @@ fn box_of(n: u32, time_step: f64, diffusion: f64, more: &str) -> String {
     )
 }
 
-/// Mean bound of n + n, with K = [C]/[A][B] in a volume: m bound weigh (n over m)²·m!·(K/V)^m.
+/// Mean bound of n + n: m bound weigh (n over m)²·m!·(K/V)^m.
 fn bound(n: u32, constant: f64) -> f64 {
     let (mut weight, mut sum, mut first) = (1.0, 1.0, 0.0);
     for m in 1..=n {
@@ -36,7 +36,6 @@ fn bound(n: u32, constant: f64) -> f64 {
     first / sum
 }
 
-/// A + B ⇌ C and the law of mass action, for few molecules.
 pub(crate) fn equilibrium() -> Vec<Row> {
     let (n, volume) = (20, 8.0);
     let row = |what: &str, text: String, constant: f64, (relax, count): (u32, u32)| {
@@ -81,7 +80,6 @@ pub(crate) fn equilibrium() -> Vec<Row> {
     ]
 }
 
-/// A + B ⇌ C + D and the law of mass action, from n + n of A and B.
 pub(crate) fn exchange() -> Vec<Row> {
     let (n, ratio, seeds) = (60_u32, 4.0_f64, 12);
     let text = |time_step: f64, [there, back]: [f64; 2]| {
@@ -116,7 +114,6 @@ pub(crate) fn exchange() -> Vec<Row> {
     [(1e-4, [0.1, 0.3]), (5e-5, [0.3, 0.15])].into_iter().map(row).collect()
 }
 
-/// E + S ⇌ ES → E + P, well mixed, and the rate equations.
 pub(crate) fn michaelis_menten() -> Vec<Row> {
     let (inside, back, onwards, radius) = (40.0, 1.0, 2.0, 0.05_f64);
     let text = format!(
@@ -147,7 +144,7 @@ pub(crate) fn michaelis_menten() -> Vec<Row> {
     times.into_iter().enumerate().map(row).collect()
 }
 
-/// Complex and product by Runge and Kutta, of 100 E and 1000 S.
+/// Uses the method of Runge and Kutta, from 100 E and 1000 S.
 fn rate_equations([there, back, onwards]: [f64; 3], time: f64) -> [f64; 2] {
     let slope = |[complex, product]: [f64; 2]| {
         let bind = there * (100.0 - complex) * (1000.0 - complex - product);
@@ -166,7 +163,7 @@ fn rate_equations([there, back, onwards]: [f64; 3], time: f64) -> [f64; 2] {
     })
 }
 
-/// Born and decayed particles, and their products, are Poisson at any step.
+/// The numbers of particles are Poisson at any step.
 pub(crate) fn births() -> Vec<Row> {
     let text = "time-step = 1\nsteps = 1\n[boundary]\nkind = \"reflecting\"\nlow = [0, 0, 0]\nhigh = [1, 2, 5]\n\
                 [[species]]\nname = \"A\"\nradius = 0.1\ndiffusion = 0.1\n\
@@ -275,7 +272,6 @@ pub(crate) fn chain() -> Vec<Row> {
     vec![row(0), row(1), chain_to_dissociation(0.5, 9), chain_to_dissociation(1.0, 10)]
 }
 
-/// A -> B -> C + C, in steps of about a life.
 fn chain_to_dissociation(time_step: f64, seed: u64) -> Row {
     let decay = |reactant, products, rate| Decay { reactant, products, rate, ..Decay::default() };
     let n = 100_000;

@@ -46,7 +46,6 @@ pub(crate) fn diffusion_limited() -> Vec<Row> {
     rows
 }
 
-/// A + B → nothing, well mixed: n(t) = 1/(1/n₀ + kt/V).
 pub(crate) fn well_mixed() -> Vec<Row> {
     let (n, sigma, probability, time_step) = (4000_u32, 0.02_f64, 0.02, 1.0);
     let reaction = Reaction {

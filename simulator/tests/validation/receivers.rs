@@ -21,7 +21,6 @@ fn model(time_step: f64, kind: ReceiverKind) -> Model {
     }
 }
 
-/// (r/d)·erfc((d − r)/√(4DT)) reach an absorbing sphere within T.
 pub(crate) fn absorbing() -> Vec<Row> {
     let time = 0.5;
     let expected = R / DISTANCE * libm::erfc((DISTANCE - R) / (4.0 * D * time).sqrt());
@@ -39,7 +38,6 @@ pub(crate) fn absorbing() -> Vec<Row> {
     rows
 }
 
-/// Concentration, integrated over a transparent sphere.
 pub(crate) fn transparent() -> Vec<Row> {
     let time_step = 0.01;
     let mut simulation = begin(&model(time_step, ReceiverKind::Transparent), 3);
@@ -55,8 +53,8 @@ pub(crate) fn transparent() -> Vec<Row> {
     rows
 }
 
-/// Fraction in a flow v that ever reaches an absorbing sphere: with κ = v/2D, exp(−κr·cosθ)·Σ (2l +
-/// 1)·iₗ(κR)·kₗ(κr)/kₗ(κR)·Pₗ(cosθ), θ from the flow; steps up to two radii.
+/// In a flow v with κ = v/2D, the fraction exp(−κr·cosθ)·Σ (2l + 1)·iₗ(κR)·kₗ(κr)/kₗ(κR)·Pₗ(cosθ) ever reaches the
+/// sphere, θ from the flow.
 pub(crate) fn absorbing_in_flow() -> Vec<Row> {
     let mut rows = vec![Row::new("the series, hardly a flow", 0.25, reached(1e-3, 4.0, 0.3), 0.002)];
     rows.extend([8, 32, 1600].map(|count| passing("from a flow", [FLOW, 0.0], count)));
@@ -130,7 +128,7 @@ pub(crate) fn long_steps() -> Vec<Row> {
     (0..CASES).into_par_iter().map(row).collect()
 }
 
-/// Two equal spheres of radius 1 and a release in their middle plane.
+/// Two spheres of radius 1, and a release between them.
 #[derive(Clone, Debug)]
 struct Neighbors {
     kind: ReceiverKind,
@@ -141,7 +139,7 @@ struct Neighbors {
     height: f64,
 }
 
-/// Two equal spheres adsorb equally from the same distance, and together as the method of images predicts.
+/// Both spheres adsorb equally, and together as the method of images predicts.
 pub(crate) fn neighbors() -> Vec<Row> {
     let kinds = [ReceiverKind::Absorbing, ReceiverKind::Partial(Adsorption::Reactivity(2.0))];
     let fixed = |kind: &ReceiverKind| {
@@ -194,9 +192,8 @@ impl Neighbors {
     }
 }
 
-/// Fraction from the middle plane of two spheres, at a height above their line, that reaches one: the potential of both
-/// at 1 is that of charges q and their images, q′ = −q/(d − a) at a′ = 1/(d − a). Later arrivals are those of a sphere
-/// of the same capacity.
+/// The potential of both spheres at 1 is that of charges q and their images, q′ = −q/(d − a) at a′ = 1/(d − a). Later
+/// arrivals are those of a sphere of the same capacity.
 fn reached_by_two((gap, height): (f64, f64), time: f64) -> f64 {
     let distance = 2.0 + gap;
     let (mut charge, mut place, mut potential, mut capacity) = (1.0, 0.0, 0.0, 0.0);
@@ -228,12 +225,12 @@ pub(crate) fn drift_at_wall() -> Vec<Row> {
     cases.par_iter().map(DriftAtWall::row).collect()
 }
 
-/// A drift of 1 with a diffusion of 1 towards a wall.
+/// Drift and diffusion are 1.
 #[derive(Clone, Copy, Debug)]
 struct DriftAtWall {
     /// Drift of a step over √(2DΔt).
     ratio: f64,
-    /// Thickness of the layer at the wall in which particles are counted.
+    /// Thickness of the counted layer at the wall.
     layer: f64,
     axis: usize,
     is_high: bool,

@@ -21,7 +21,6 @@ pub(crate) fn burst(shape: Shape, release: &[(u32, u32)]) -> Transmitter {
     Transmitter { name: "tx".to_owned(), shape, release: release.to_vec(), ..Transmitter::default() }
 }
 
-/// Returns a receiver at the origin that sees the only species.
 pub(crate) fn receiver(radius: f64, kind: ReceiverKind) -> Receiver {
     let name = "rx".to_owned();
     Receiver { name, radius: radius as f32, kind, sees: vec![true], ..Receiver::default() }
@@ -31,7 +30,7 @@ pub(crate) fn scenario(text: String) -> Model {
     Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
 }
 
-/// Returns the backend of all runs: the CPU, or a GPU if `LAZYGRID_TEST_BACKEND` is `gpu`.
+/// Returns the backend: the CPU, or a GPU if `LAZYGRID_TEST_BACKEND` is `gpu`.
 pub(crate) fn backend() -> Backend {
     match std::env::var("LAZYGRID_TEST_BACKEND") {
         Ok(name) => name.parse().expect("a backend"),
@@ -41,7 +40,6 @@ pub(crate) fn backend() -> Backend {
 
 pub(crate) struct BackendRun {
     run: AnySimulation,
-    /// State of the last step, once it was read.
     state: OnceCell<State>,
 }
 
@@ -64,7 +62,6 @@ impl BackendRun {
         (0..particles.len()).map(|at| particles.position_of(at).map(f64::from))
     }
 
-    /// Squared distances of all particles from the origin.
     pub(crate) fn squares(&self) -> impl Iterator<Item = f64> {
         self.positions().map(|[x, y, z]| x * x + y * y + z * z)
     }
@@ -103,19 +100,16 @@ pub(crate) fn steps(simulation: &mut BackendRun, count: u32) {
     simulation.state.take();
 }
 
-/// Begins a run of `count` steps.
 pub(crate) fn run_for(model: &Model, seed: u64, count: u32) -> BackendRun {
     let mut simulation = begin(model, seed);
     steps(&mut simulation, count);
     simulation
 }
 
-/// Continues until `step`, counted from the beginning.
 pub(crate) fn steps_until(simulation: &mut BackendRun, step: u32) {
     steps(simulation, step - simulation.state().step);
 }
 
-/// The mean and its standard error.
 pub(crate) fn mean(values: impl IntoIterator<Item = f64>) -> (f64, f64) {
     let values: Vec<f64> = values.into_iter().collect();
     let n = values.len() as f64;
@@ -128,8 +122,7 @@ pub(crate) fn share_error(p: f64, n: f64) -> f64 {
     (p * (1.0 - p) / n).sqrt()
 }
 
-/// Probability that a normal variable of variance `v` per axis is in a ball of radius `r` whose center is `d` from the
-/// mean.
+/// Probability that a normal variable of variance `v` per axis is in a ball of radius `r`, `d` from its mean.
 pub(crate) fn in_ball(r: f64, d: f64, v: f64) -> f64 {
     let (s, erf) = ((2.0 * v).sqrt(), libm::erf);
     let bell = |x: f64| (-(x * x) / (2.0 * v)).exp();

@@ -1,5 +1,3 @@
-//! Bound particles that diffuse on a surface.
-
 use std::collections::HashMap;
 
 use crate::Row;
@@ -9,7 +7,7 @@ const N: u32 = 20_000;
 const RADIUS: f64 = 2.0;
 const D: f64 = 0.5;
 
-/// Mean Legendre polynomials of the cosine to the direction at the beginning: exp(−2Dt/R²) and exp(−6Dt/R²).
+/// The mean Legendre polynomials of the cosine to the initial direction are exp(−2Dt/R²) and exp(−6Dt/R²).
 pub(crate) fn surface_diffusion() -> Vec<Row> {
     let mut rows = Vec::new();
     for (seed, time_step, count) in [(1, 0.05, 40), (2, 0.5, 4), (3, 4.0, 1)] {

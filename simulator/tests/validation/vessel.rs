@@ -21,8 +21,8 @@ fn model(profile: &str) -> Model {
 
 const ZEROS: [f64; 6] = [3.831_706, 7.015_587, 10.173_468, 13.323_692, 16.470_630, 19.615_859];
 
-/// Variance along a vessel after a release that is uniform across it. The flow at a particle is correlated with that a
-/// time s before as v²·Σ (64/λ⁴)·exp(−λ²Ds/R²), so the limit is D(1 + v²R²/48D²) of Taylor and Aris.
+/// Variance along a vessel. The flow at a particle is correlated with that a time s before as v²·Σ
+/// (64/λ⁴)·exp(−λ²Ds/R²), so the limit is D(1 + v²R²/48D²) of Taylor and Aris.
 fn taylor(time: f64) -> f64 {
     let term = |zero: f64| {
         let rate = zero * zero * D / (RADIUS * RADIUS);
@@ -31,7 +31,7 @@ fn taylor(time: f64) -> f64 {
     2.0 * D * time + 2.0 * SPEED * SPEED * ZEROS.into_iter().map(term).sum::<f64>()
 }
 
-/// Mean displacement by a flow that is on for 0.123 s, between the ends of steps.
+/// The flow begins and ends within steps.
 fn pulse(profile: &str) -> Row {
     let mut model = model(profile);
     model.flow_pulse = Some([0.0642, 0.1872]);
@@ -70,8 +70,7 @@ pub(crate) fn flow_profiles() -> Vec<Row> {
     rows
 }
 
-/// Mean height above the end of a cylinder that particles drift to: D/v. The profile of Poiseuille flow is flat at the
-/// middle line of a wide vessel.
+/// The profile of Poiseuille flow is flat at the middle line of a wide vessel.
 pub(crate) fn drift_at_ends() -> Vec<Row> {
     let (n, speed, diffusion, time_step, length) = (20_000, 100.0, 100.0, 0.01, 200.0);
     let row = |(what, flow, radius, sign): (&str, fn(f64) -> Flow, f32, f64)| {

@@ -17,7 +17,6 @@ fn model(time_step: f64, boundary: &str, drift: f64, center: &str, faces: &[&str
     scenario(text)
 }
 
-/// A sphere on the x axis, at this distance from the plane x = 0.
 fn body(distance: f32, radius: f32) -> Receiver {
     let center = [distance + radius, 0.0, 0.0];
     Receiver { center, ..receiver(radius.into(), ReceiverKind::Reflecting) }
@@ -28,8 +27,7 @@ fn taken(model: &Model, count: u32, receiver: usize, seed: u64) -> f64 {
     simulation.received()[receiver][0] as f64 / f64::from(N)
 }
 
-/// A sphere of radius 1 that absorbs, and one that reflects: the mean cosine decays by the eigenvalue of the first mode without
-/// symmetry, and the density becomes uniform.
+/// The mean cosine decays by the first mode without symmetry, and the density becomes uniform.
 pub(crate) fn inside_a_sphere() -> Vec<Row> {
     let mut rows = Vec::new();
     let boundary = "kind = \"sphere\"\nradius = 1";
@@ -77,7 +75,7 @@ pub(crate) fn absorbing_walls() -> Vec<Row> {
     };
     let normal = |x: f64| 0.5 * libm::erfc(-x * std::f64::consts::FRAC_1_SQRT_2);
     let box_of = |width: f64| format!("kind = \"reflecting\"\nlow = [0, -50, -50]\nhigh = [{width}, 50, 50]");
-    // From the distance 1, in steps of 0.1 to 2 of it: the first passage of Brownian motion with drift.
+    // First passage of Brownian motion with drift.
     for (seed, spread, drift) in
         [(1, 0.1_f64, 0.0), (2, 0.7, 0.0), (3, 2.0, 0.0), (4, 0.3, -1.0), (5, 1.5, -0.5), (6, 0.5, 0.5)]
     {
@@ -89,7 +87,7 @@ pub(crate) fn absorbing_walls() -> Vec<Row> {
         let model = model(time_step, &box_of(60.0), drift, "[1, 0, 0]", &["low-x"]);
         add(format!("plane, steps of {spread}, drift {drift}"), expected, taken(&model, count, 0, seed));
     }
-    // Between two absorbing planes, from a quarter: the survival in a slit of width 2.
+    // The survival in a slit of width 2, from a quarter.
     let slit = model(2e-4, &box_of(2.0), 0.0, "[0.5, 0, 0]", &["low-x", "high-x"]);
     let survival: f64 = (0..40)
         .map(|k| {
@@ -99,7 +97,7 @@ pub(crate) fn absorbing_walls() -> Vec<Row> {
         .sum();
     let both = taken(&slit, 1000, 0, 7) + taken(&slit, 1000, 1, 7);
     add("slit, both planes".to_owned(), 1.0 - survival, both);
-    // Between an absorbing plane and a reflecting sphere that is almost a plane, 0.5 apart, in steps of 0.3.
+    // An absorbing plane and a reflecting sphere that is almost a plane.
     for (seed, start, count) in [(11, 0.4, 1), (12, 0.25, 1), (13, 0.25, 5)] {
         let mut model = model(0.045, &box_of(3000.0), 0.0, &format!("[{start}, 0, 0]"), &["low-x"]);
         model.receivers.push(body(0.5, 1000.0));

@@ -1,6 +1,5 @@
-//! A page that plays a run in three dimensions in any browser with WebGL 2.
-//!
-//! Positions have 16 bits per coordinate, relative to the frame's extent, in base64.
+//! A page that plays a run in any browser with WebGL 2. Positions are base64 of 16 bits per coordinate, relative to
+//! the frame's extent.
 
 mod scene;
 
@@ -22,7 +21,7 @@ const SCRIPTS: [&str; 2] = [include_str!("renderer.js"), include_str!("player.js
 /// Writes `animation.html` of a run that recorded frames; does nothing for other runs.
 ///
 /// # Errors
-/// [`Error::Read`] and [`Error::Write`] if files of the run cannot be read or the page cannot be written.
+/// [`Error::Read`] and [`Error::Write`].
 pub fn write(run: &Run) -> Result<(), Error> {
     let frames = run.directory.join("animation.frames");
     if run.scenario.output.animation.is_none() || !frames.exists() {
@@ -60,7 +59,7 @@ fn page(out: &mut impl Write, model: &Model, title: &str, frames: &Path, series:
     out.write_all(rest.as_bytes())
 }
 
-/// Writes the page up to `mark`, and `text` in place of the mark. Returns the rest of the page.
+/// Writes the page up to `mark`, then `text`. Returns the rest of the page.
 fn put<'a>(out: &mut impl Write, page: &'a str, mark: &str, text: &str) -> io::Result<&'a str> {
     let (before, after) = page.split_once(mark).unwrap_or((page, ""));
     out.write_all(before.as_bytes())?;
@@ -68,7 +67,6 @@ fn put<'a>(out: &mut impl Write, page: &'a str, mark: &str, text: &str) -> io::R
     Ok(after)
 }
 
-/// Removes particles that are not drawn, and sorts the others by species.
 fn thinned(mut frame: Frame, shift: u32) -> Frame {
     frame.rows.retain(|row| is_drawn(row.id, shift));
     frame.rows.sort_unstable_by_key(|row| (row.species, row.id));

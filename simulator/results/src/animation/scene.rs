@@ -1,5 +1,3 @@
-//! The data of an animation, which its page reads as JSON.
-
 use serde::Serialize;
 
 use crate::series::Series;
@@ -20,7 +18,7 @@ pub(crate) struct Scene {
     charts: Vec<Chart>,
     #[serde(skip)]
     time_step: f64,
-    /// Distances of some particles from the center of the view, in all frames.
+    /// Distances from the center of the view.
     #[serde(skip)]
     distances: Vec<f32>,
 }
@@ -31,7 +29,6 @@ struct SpeciesStyle {
     radius: f32,
 }
 
-/// A vessel.
 #[derive(Clone, Debug, Serialize)]
 struct Tube {
     along: Option<usize>,
@@ -50,7 +47,7 @@ struct Transceiver {
     name: String,
     role: &'static str,
     center: [f32; 3],
-    /// Index of its center in the list of each frame, if it moves.
+    /// Index in each frame's list of centers.
     #[serde(skip_serializing_if = "Option::is_none")]
     moves: Option<usize>,
     shape: Solid,
@@ -63,7 +60,7 @@ struct Solid {
     size: [f32; 3],
 }
 
-/// A frame, without the positions of its particles, which are sorted by species and relative to `low` and `size`.
+/// A frame without its positions, which are sorted by species and relative to `low` and `size`.
 #[derive(Clone, Debug, Serialize)]
 struct FrameSummary {
     step: u32,
@@ -109,7 +106,7 @@ impl Scene {
         let sources =
             model.transmitters.iter().map(|from| Transceiver { moves: moves(from), ..transmitter(from) });
         let mut transceivers: Vec<_> = sources.collect();
-        // Walls, and the points that carry moving transmitters, have no radius and are not drawn.
+        // Walls, and the points that carry moving transmitters, have no radius.
         transceivers.extend(receivers.into_iter().filter(|receiver| receiver.shape.size[0] > 0.0));
         let step = series.steps.len().div_ceil(ROWS).max(1);
         let kind = |species: &Species| SpeciesStyle { name: species.name.clone(), radius: species.radius };
@@ -200,7 +197,6 @@ impl Scene {
     }
 }
 
-/// Returns the positions of a frame's particles, 16 bits per coordinate.
 pub(crate) fn places(frame: &Frame) -> Vec<u8> {
     let (low, size) = extent(frame);
     let part = |k: usize, x: f32| if size[k] > 0.0 { (x - low[k]) / size[k] } else { 0.0 };
@@ -248,7 +244,6 @@ fn receiver(receiver: &Receiver) -> Transceiver {
     Transceiver { name: receiver.name.clone(), role: "receiver", center: receiver.center, moves: None, shape }
 }
 
-/// Returns the charts of a run, without counts that are always zero.
 fn charts(model: &Model, series: &Series, step: usize) -> Vec<Chart> {
     let species = model.species.len();
     let reactions = species + model.reactions.len() + model.decays.len();

@@ -73,7 +73,6 @@ fn bit_errors_of_a_known_sequence() {
     let mut errors = of(&model(), 0);
     errors.add(&files(sent), &model(), &slots(100));
     let counts: Vec<u64> = (0..=7).map(|threshold| errors.at(&[threshold]).1).collect();
-    // 0 is read as 1 up to a threshold of 3; the last 1 as 0 above 4, the middle one above 5, the first above 7.
     assert_eq!(counts, [1, 1, 1, 2, 1, 2, 2, 3]);
     assert_eq!((errors.bits, errors.ones, errors.most(), errors.best()), (4, 3, 6, vec![0]));
     errors.add(&files(log(&[(0, 0, 6), (2, 2, 4), (3, 3, 5)])), &model(), &slots(100));

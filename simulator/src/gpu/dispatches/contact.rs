@@ -1,5 +1,3 @@
-//! Dispatches of contact: collisions, window by window, and separation of remaining overlaps.
-
 use lazygrid::gpu::wgpu;
 
 use super::{Groups, RunBuffers, Stage, StepDispatches};

@@ -1,5 +1,3 @@
-//! Dispatches of the motion and of the requests for receptors.
-
 use lazygrid::gpu::wgpu;
 
 use super::{Groups, RunBuffers, Stage, StepDispatches};
@@ -8,9 +6,7 @@ use crate::gpu::kernel as k;
 
 #[derive(Debug)]
 pub(super) struct MotionStages {
-    /// Count the occupied receptors.
     counting: Vec<Stage>,
-    /// From the motion to the grouped requests.
     moving: Vec<Stage>,
     selection: Option<Stage>,
 }
@@ -48,7 +44,6 @@ impl StepDispatches {
         self.encode(encoder, stages, particles);
     }
 
-    /// Records the motion up to the grouped requests, if the numbers of occupied receptors are known.
     pub(in crate::gpu) fn encode_requests(&self, encoder: &mut wgpu::CommandEncoder, particles: u32) {
         self.encode(encoder, &self.motion.moving, particles);
     }

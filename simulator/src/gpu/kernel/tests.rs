@@ -1,5 +1,3 @@
-//! WGSL texts compared with their metadata and Rust twins.
-
 #[path = "../../../../tests/src/reflection.rs"]
 mod reflection;
 
@@ -200,7 +198,6 @@ fn rust_structures_have_the_layout_of_the_shaders() {
     assert!(held > KERNELS.len(), "only {held} structures were compared");
 }
 
-/// Skipped without Tint, as `kernels/tests/tint.rs`.
 #[test]
 fn tint_accepts_every_text() {
     let tint = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../kernels/tint");

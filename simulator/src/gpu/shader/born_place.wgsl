@@ -1,4 +1,3 @@
-// Appends the second products of dissociations after the survivors, with ids in the order of their parents' ids.
 #include control
 #include params
 #include born

@@ -1,4 +1,4 @@
-// Appends the particles of a burst. A repeated step appends them again.
+// Appends a burst. A repeated step appends it again.
 #include control
 #include params
 

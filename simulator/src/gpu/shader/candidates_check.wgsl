@@ -1,4 +1,3 @@
-// Accepts the candidates of a window, or halts the run.
 #include control
 #include window
 

@@ -1,4 +1,4 @@
-// Applies the events of a round, as in collisions/rules.rs. No two share a particle.
+// No two events of a round share a particle. See collisions/rules.rs.
 #include control
 #include params
 #include boundary
@@ -35,7 +35,6 @@ fn reflect_at_wall(mover: Mover, wall: u32) -> Mover {
     return reflected;
 }
 
-// Returns true if paths change.
 fn collide(at: u32, partner: u32, time: f32) -> bool {
     var a = advanced(at, time);
     var b = advanced(partner, time);

@@ -1,4 +1,3 @@
-// Begins the collisions of a step: all movers, the fastest, and the box around all.
 #include control
 #include params
 #include philox

@@ -1,4 +1,4 @@
-// Chooses the events of this round: safe ones that are the next of both particles; see collisions/rounds.rs.
+// Chooses safe events that are the next of both particles; see collisions/rounds.rs.
 #include control
 #include params
 #include boundary
@@ -18,7 +18,7 @@ const MAX_ITERATIONS: u32 = 60000u;
 
 var<private> iterations: u32;
 
-// Returns a lower bound of the time at which a particle that leaves its path at or after `time` hits a steady one.
+// Returns a lower bound of the time at which `left`, off its path at or after `time`, hits `steady`.
 fn hit(left: Mover, steady: Mover, time: f32) -> f32 {
     let gap = gap_at(left, steady, max(time, max(left.time, steady.time))) + SLACK * (left.radius + steady.radius);
     return time + max(gap, 0.0) / (window.top_speed + length(steady.motion));
@@ -74,7 +74,7 @@ fn happens(at: u32, earliest: f32) -> bool {
     if ((next.partner & PASSES) != 0u) {
         return true;
     }
-    // In the same order for both particles: compilers may round two copies of the test differently.
+    // In the same order for both: compilers may round two copies of the test differently.
     let pair = vec2(min(at, partner), max(at, partner));
     return is_safe(pair.x, pair, next.time, earliest) && is_safe(pair.y, pair, next.time, earliest);
 }

@@ -1,4 +1,4 @@
-// Writes the ends of paths with collisions. Halts the run if the step is not over.
+// Writes the ends of paths. Halts the run if the step is not over.
 #include control
 #include params
 #include boundary

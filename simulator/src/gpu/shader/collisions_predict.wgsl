@@ -1,4 +1,4 @@
-// Predicts the next event of each particle that changed, or whose neighbors did, and finds the earliest.
+// Predicts events of particles that changed, or whose neighbors did.
 #include control
 #include params
 #include boundary
@@ -39,7 +39,6 @@ fn predict(at: u32) -> f32 {
         next.time = hit.time;
         next.partner = hit.wall;
     }
-    // The overlapping neighbor with the lowest id that has not bounced.
     var bounce = NOTHING;
     var bounce_id = NOTHING;
     let end = next.begin + next.count;

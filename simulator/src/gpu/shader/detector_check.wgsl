@@ -1,4 +1,4 @@
-// Accepts the detector's result, or halts the run before the step changes a particle.
+// Halts the run if the search failed.
 #include control
 #include params
 

@@ -1,4 +1,3 @@
-// Begins a round: compacts the remaining candidates and clears the claims.
 #include control
 #include candidate
 #include round

@@ -1,5 +1,5 @@
-// Runs the remaining rounds in one workgroup, which can synchronize. If its loops would be too long, the run halts
-// and the host repeats the step with more rounds before this kernel.
+// Runs the remaining rounds in one workgroup, which can synchronize. If its loops would be too long, the run halts, and
+// the host adds rounds before this kernel.
 #include control
 #include params
 #include philox
@@ -24,7 +24,7 @@
 // Per candidate and round: four visits, one with a draw of ten rounds.
 const ITERATIONS_PER_CANDIDATE: u32 = 32u;
 
-// Free candidates. Entries alternate: one is cleared while threads read the other.
+// Free candidates. One entry is cleared while threads read the other.
 var<workgroup> free: array<atomic<u32>, 2>;
 var<workgroup> candidate_count: u32;
 

@@ -1,4 +1,4 @@
-// Counts the neighbors of each particle, and marks the candidate pairs: another kernel could round their gaps differently.
+// Counts neighbors and marks candidate pairs: another kernel could round their gaps differently.
 #include control
 #include params
 #include boundary
@@ -16,7 +16,7 @@
 
 #include gap
 
-// Returns the mark of a candidate pair: 0, PASSES if they overlap and may bounce, or NOTHING if no neighbors.
+// Returns 0 for neighbors, PASSES if they overlap and may bounce, or NOTHING.
 fn mark_of(pair: vec2<u32>) -> u32 {
     let a = movers[pair.x];
     let b = movers[pair.y];

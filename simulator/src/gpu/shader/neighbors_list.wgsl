@@ -1,4 +1,4 @@
-// Lists the neighbors of each particle, by the marks of neighbors_count.
+// Reads the marks of neighbors_count.
 #include control
 #include near
 

@@ -1,4 +1,3 @@
-// Reserves the list of each particle, in any order.
 #include control
 #include mover
 #include window
@@ -9,7 +8,7 @@
 
 #include running_sum
 
-// Most neighbors of a particle for which loops end on software drivers.
+// Loops over more would not end on software drivers.
 const MAX_NEIGHBORS: u32 = 50000u;
 
 var<workgroup> first: u32;

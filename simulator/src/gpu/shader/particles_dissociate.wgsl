@@ -1,5 +1,5 @@
-// Dissociates particles, which did not react in this step; see dissociation.rs. The first product replaces the
-// particle; born_place assigns ids to second ones.
+// Dissociates particles: the first product replaces the particle; born_place assigns ids to second ones. See
+// dissociation.rs.
 #include control
 #include params
 #include philox
@@ -10,19 +10,18 @@
 #include born
 #include tag
 
-// The table begins with the first channel of each species; further ones follow.
+// The table begins with the first channel of each species.
 struct DissociationRow {
     threshold: u32,
     next: u32,
     // NOTHING if the species does not dissociate.
     tally: u32,
-    // 1 if the products are anywhere within the unbinding radius, 0 if at that distance.
+    // 1 if products are anywhere within the unbinding radius, 0 at that distance.
     is_within: u32,
     unbinding: f32,
     share: f32,
     products: vec2<u32>,
     radii: vec2<f32>,
-    // Speeds and thermal speeds of both products, then of the dissociating particle.
     product_speeds: vec2<f32>,
     product_thermal_speeds: vec2<f32>,
     speed: f32,

@@ -1,5 +1,4 @@
-// Moves particles if no surface reflects: motion, walls, receivers, decay. A removed particle keeps its index until
-// the end of the step, with a negative radius, which pairs with nothing.
+// A removed particle keeps its index until the end of the step, with a negative radius, which pairs with nothing.
 #include particles_move
 
 @compute @workgroup_size(256)

@@ -1,4 +1,4 @@
-// Moves particles if some surfaces reflect or adsorb. Later kernels choose the requests for receptors that are granted.
+// Later kernels grant the requests for receptors.
 #include particles_move
 #include candidate
 #include receptor
@@ -17,7 +17,7 @@ fn free_receptors(receptor: u32) -> u32 {
     return count - min(count, atomicLoad(&receptors[receptor].bound));
 }
 
-// Reactivity of the free receptors of all types. In the row `bound` it has one more: detailed balance of unbinding.
+// Sums reactivities of free receptors; one more in row `bound`, for the detailed balance of unbinding.
 fn reactivity_of(event: EventRow, bound: u32) -> f32 {
     var sum = 0.0;
     for (var k = event.ligands_begin; k < event.ligands_end; k++) {
@@ -26,7 +26,6 @@ fn reactivity_of(event: EventRow, bound: u32) -> f32 {
     return sum;
 }
 
-// Returns the row at which the running sum of reactivities passes `part`.
 fn chosen_ligand(event: EventRow, part: f32) -> u32 {
     var rest = part * reactivity_of(event, NOTHING);
     var last = event.ligands_begin;
@@ -43,7 +42,6 @@ fn chosen_ligand(event: EventRow, part: f32) -> u32 {
     return last;
 }
 
-// `word` is the draw.
 fn adsorbs(event: EventRow, a: f32, b: f32, word: u32) -> bool {
     if (event.kind == PER_STEP) {
         return word <= event.threshold;
@@ -52,7 +50,7 @@ fn adsorbs(event: EventRow, a: f32, b: f32, word: u32) -> bool {
     if (event.kind == RECEPTORS) {
         own = reactivity_of(event, NOTHING);
     }
-    // The radius of the sphere with the curvature of a disk or a segment.
+    // Radius of a sphere with the curvature of a disk or a segment.
     let flatter = select(2.0 * event.radius, FLAT, params.axes.y == FROZEN);
     let radius = select(event.radius, flatter, params.axes.z == FROZEN);
     return unit_32(word) < adsorption_probability(surface_of(own, event.length, radius), a, b);
@@ -69,7 +67,7 @@ fn request_binding(at: u32, k: u32, touching: vec3<f32>, center: vec3<f32>, rank
     atomicStore(&claims[at].is_taken, REQUESTED);
 }
 
-// The step of a bound particle: it moves on the surface, and may unbind to a height above its receptor.
+// Unbinds the particle to a height above its receptor, or moves it on the surface.
 fn unbind(bound: vec4<f32>, id: u32, kind: SpeciesRow) -> vec4<f32> {
     let ligand = ligand_of_bound(bound);
     let event = event_rows[ligand];
@@ -91,7 +89,7 @@ fn unbind(bound: vec4<f32>, id: u32, kind: SpeciesRow) -> vec4<f32> {
     return vec4(place, kind.radius);
 }
 
-// The path on which a particle may hit a receiver: the original one if that receiver reflected it first.
+// Returns the original path for the first receiver that reflected it.
 fn path_to(receiver: u32, path: Path, reflected: ReflectedPath) -> Path {
     if (reflected.first == receiver) {
         return path;

@@ -1,4 +1,3 @@
-// Samples the pairs that react, in any order.
 #include control
 #include params
 #include philox
@@ -16,7 +15,7 @@
 @group(0) @binding(7) var<storage, read_write> candidates: array<Candidate>;
 @group(0) @binding(8) var<storage, read_write> left: array<u32>;
 
-// Returns true if a particle dissociates in this step, so that it does not exist when pairs react; see dissociation.rs.
+// Particles that dissociate in this step do not exist when pairs react; see dissociation.rs.
 fn dissociates(first_row: ReactionRow, side: u32, tag: vec2<u32>) -> bool {
     if ((first_row.flags & (32u << side)) == 0u || (tag.x & SPARED) != 0u) {
         return false;
@@ -43,7 +42,7 @@ fn reactions_sample(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
     let apart = dot(d, d);
     let own = vec2(tags[pair.x].y, tags[pair.y].y);
     let words = philox(vec4(min(own.x, own.y), max(own.x, own.y), control.step, PURPOSE_PAIR), params.key);
-    // The innermost shell that contains the pair, then the drawn reaction of it.
+    // The innermost shell of the pair, then its drawn reaction.
     for (var k = 0u; k < arrayLength(&reaction_rows); k++) {
         if (row == NOTHING) {
             break;

@@ -1,4 +1,4 @@
-// Counts particles by species inside transparent receivers, before each readback.
+// Runs before each readback.
 #include control
 #include params
 #include boundary

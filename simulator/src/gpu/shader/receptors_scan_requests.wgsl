@@ -1,4 +1,3 @@
-// Computes the beginning of the requests for each receptor type in the common list.
 #include control
 #include receptor
 #include running_sum

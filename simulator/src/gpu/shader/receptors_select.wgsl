@@ -1,5 +1,4 @@
-// Binds particles to a receiver's free receptors: if too few, those with the lowest ranks, then ids. One workgroup
-// per type.
+// Binds particles to free receptors: if too few, those with the lowest keys. One workgroup per type.
 #include control
 #include candidate
 #include event_rows
@@ -17,7 +16,6 @@ const DIGITS: u32 = 8u;
 
 // Requests, free receptors, and the beginning of the type's list.
 var<workgroup> numbers: vec3<u32>;
-// Histogram of the next digit, over requests with the known digits.
 var<workgroup> digits: array<atomic<u32>, 256>;
 // Known digits of the threshold key, and the accepted requests with those digits.
 var<workgroup> known: vec3<u32>;
@@ -30,7 +28,6 @@ fn is_up_to(key: vec2<u32>, last: vec2<u32>) -> bool {
     return key.x < last.x || (key.x == last.x && key.y <= last.y);
 }
 
-// Returns the largest accepted key, digit by digit from the highest.
 fn last_key(requests: u32, free: u32, first: u32, local_index: u32) -> vec2<u32> {
     if (local_index == 0u) {
         known = vec3(0u, 0u, free);

@@ -17,7 +17,7 @@
 
 #include receiver_cells
 
-// Converts a signed number of two words by its magnitude, so that small negative ones keep their digits.
+// Converts the magnitude, so that small negative numbers keep their digits.
 fn value_of(low: u32, high: u32) -> f32 {
     if (high < 0x80000000u) {
         return f32(high) * 0x1p32 + f32(low);
@@ -26,8 +26,7 @@ fn value_of(low: u32, high: u32) -> f32 {
     return -(f32(~high + carry) * 0x1p32 + f32(~low + 1u));
 }
 
-// Returns true if the line between two points leads from outside into a surface that reflects, at the end of the step;
-// see bodies.rs.
+// Returns true if a line leads from outside into a reflecting surface at the end of the step; see bodies.rs.
 fn enters_body(kind: SpeciesRow, before: vec3<f32>, to: vec3<f32>) -> bool {
     let by = minimum_image(to - before);
     let square = max(dot(by, by), 1e-37);

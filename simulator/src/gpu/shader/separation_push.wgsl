@@ -1,4 +1,4 @@
-// Sums the displacements that separate overlaps of species that do not react, as integers, as in contact.rs.
+// Sums displacements that separate overlaps, as integers; see contact.rs.
 #include control
 #include params
 #include philox

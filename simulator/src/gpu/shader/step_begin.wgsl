@@ -1,4 +1,4 @@
-// Begins a step: sets its particle count and resets counters. Steps of a halted run have no particles.
+// Steps of a halted run have no particles.
 #include control
 #include params
 

@@ -1,4 +1,3 @@
-// Counts the survivors of each workgroup, in output order.
 #include control
 #include params
 #include candidate
@@ -13,13 +12,12 @@
 @group(0) @binding(6) var<storage, read_write> ids: array<u32>;
 @group(0) @binding(7) var<storage, read_write> sums: array<u32>;
 @group(0) @binding(8) var<uniform> params: Params;
-// The event log. Arrival: step, receiver, species, id. Second product: step, NOTHING, rank, parent's id.
+// See simulation/events.rs.
 @group(0) @binding(9) var<storage, read_write> events: array<vec4<u32>>;
 
 #include output_order
 #include compaction
 
-// Logs a particle that a receiver removed.
 fn log_arrival(at: u32) {
     let radius = moved[at].w;
     if (radius >= -1.0 || radius <= -2.0 || atomicLoad(&control.halted) != 0u) {

@@ -1,4 +1,4 @@
-// Computes the first output index of each workgroup. Then commits the step to the counts.
+// Computes the first output index of each workgroup, then commits the step to the counts.
 #include control
 #include params
 #include running_sum
@@ -9,13 +9,13 @@
 @group(0) @binding(3) var<storage, read_write> log: array<vec2<u32>>;
 
 const MAX_ID: u32 = 0xfffffffeu;
-// Consecutive sums that a thread takes per round, so that the workgroup reads whole lines.
+// Consecutive sums of a thread, so that the workgroup reads whole lines.
 const ITEMS: u32 = 16u;
 
 var<workgroup> group_halted: u32;
 var<workgroup> group_total: u32;
 
-// Returns true if all results of the step fit; otherwise halts the run.
+// Halts the run if a result of the step does not fit.
 fn has_capacity(survivors: u32) -> bool {
     let born = atomicLoad(&control.born);
     let logged = select(0u, born, params.logs_arrivals != 0u);
@@ -53,7 +53,7 @@ fn commit(survivors: u32) {
     control.logged += 1u;
 }
 
-// Returns true if the run is halted, uniformly: sums need the whole workgroup.
+// Uniform, since sums need the whole workgroup.
 fn is_halted(local_index: u32) -> bool {
     if (local_index == 0u) {
         group_halted = atomicLoad(&control.halted);

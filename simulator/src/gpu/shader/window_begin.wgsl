@@ -1,5 +1,4 @@
-// Computes the end of a window and the displacement limit of its neighbor lists, as in collisions/mod.rs. Sets `count` to 0
-// if the step is over or no particle moves.
+// Computes the end of a window and the displacement limit of its lists; see collisions/mod.rs.
 #include control
 #include params
 #include boundary

@@ -1,4 +1,4 @@
-// Ends a window: advances all particles, and finds the fastest. Halts the run if events are left.
+// Halts the run if events are left.
 #include control
 #include params
 #include boundary

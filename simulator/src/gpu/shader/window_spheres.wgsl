@@ -1,4 +1,3 @@
-// Writes the spheres whose pairs are the candidates of a window, and their species before the motion.
 #include control
 #include params
 #include boundary
@@ -14,7 +13,7 @@
 @group(0) @binding(5) var<storage, read> tags: array<vec2<u32>>;
 @group(0) @binding(6) var<storage, read_write> species: array<u32>;
 
-// Bound of the rounding error of distances, as in receiver.rs.
+// Bounds the rounding of distances, as in receiver.rs.
 fn rounding(point: vec3<f32>, distance: f32) -> f32 {
     return 4e-6 * (abs(point.x) + abs(point.y) + abs(point.z) + distance);
 }

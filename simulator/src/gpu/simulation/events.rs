@@ -1,5 +1,3 @@
-//! The event log: arrivals, second products of dissociations, and releases.
-
 use super::{Burst, GpuSimulation};
 use crate::Error;
 use crate::gpu::device::read;
@@ -61,7 +59,7 @@ impl GpuSimulation {
         Ok(())
     }
 
-    /// Records the next step, in which the particles of all ranks with the ascending ids `parents` dissociated into two.
+    /// Records the next step, with the ascending ids of all ranks' `parents`.
     pub(super) fn record_shared_step(
         &mut self,
         bursts: &[Burst],

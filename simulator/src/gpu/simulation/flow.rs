@@ -1,4 +1,4 @@
-//! Flow that begins or ends during the run. A batch of steps ends where it changes.
+//! A batch of steps ends if the flow changes.
 
 use super::GpuSimulation;
 use crate::Error;

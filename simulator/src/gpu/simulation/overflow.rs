@@ -1,4 +1,4 @@
-//! Recovery from a halt: the host enlarges the exceeded capacity and repeats the step.
+//! Recovery from a halt: repeats the step with more capacity.
 
 use lazygrid::gpu::{GpuConfig, Outcome};
 
@@ -159,7 +159,7 @@ impl GpuSimulation {
         })
     }
 
-    /// Only particles stay on the device.
+    /// Keeps only the particles.
     pub(super) fn rebuild(&mut self, sizes: Sizes) -> Result<(), Error> {
         let found = self.detectors.reserve(sizes)?;
         let steps = StepDispatches::new(&mut self.buffers, sizes, self.options.rounds, found)?;

@@ -1,5 +1,3 @@
-//! Readbacks after a batch of steps, and the record of their results.
-
 use lazygrid::gpu::wgpu;
 
 use super::events::Entry;
@@ -9,13 +7,12 @@ use crate::gpu::device::{read, with_error_scope};
 use crate::gpu::layout::ControlHeader;
 use crate::gpu::plan::LOG_ROWS;
 
-/// Results of a batch.
 pub(super) struct Readback {
     pub(super) head: ControlHeader,
     pub(super) entries: Vec<Entry>,
     counts: Vec<u32>,
     inside: Vec<u32>,
-    /// Pairs of each step.
+    /// Indexed by step.
     pairs: Vec<u64>,
 }
 
@@ -38,8 +35,7 @@ impl GpuSimulation {
         Ok(Readback { head, entries, counts, inside, pairs })
     }
 
-    /// Records the results of a batch. `parents` are those of all ranks in the only step of the batch, if ranks
-    /// assign ids together.
+    /// Records a batch. If ranks assign ids together, it has one step, and `parents` are those of all ranks.
     pub(super) fn record(
         &mut self,
         read: Readback,

@@ -1,5 +1,3 @@
-//! Releases of the next steps, which the host computes and uploads.
-
 use super::transfer::{columns, velocities};
 use super::{Burst, GpuSimulation};
 use crate::Error;

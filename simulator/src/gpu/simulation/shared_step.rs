@@ -1,7 +1,5 @@
-//! Steps of ranks that decide on receptors and on the ids of second products together.
-//!
-//! A step stops twice: after the requests for receptors, of which ranks accept those with the lowest ranks and ids, and
-//! after the dissociations, whose second products get ids in the order of all ranks' parents.
+//! Steps that ranks do together: they stop for requests for receptors, of which the lowest keys of all ranks are
+//! accepted, and for ids of second products, in the order of all ranks' parents.
 
 use std::mem;
 
@@ -13,18 +11,17 @@ use crate::gpu::device::{buffer, read, with_error_scope};
 mod requests;
 pub(crate) use requests::ReceptorRequests;
 
-/// A step on the device whose second products have no ids yet.
+/// A step whose second products have no ids yet.
 pub(crate) struct SharedStep {
-    /// Ids of this rank's parents of second products, ascending.
+    /// Ascending ids of this rank's parents of second products.
     pub(crate) parents: Vec<u32>,
     read: Readback,
     bursts: Vec<Burst>,
-    /// Species and preliminary ids of second products, in the order of `parents`.
+    /// Species and preliminary ids, in the order of `parents`.
     tags: Vec<[u32; 2]>,
 }
 
 impl GpuSimulation {
-    /// Returns `true` if ranks have to do each step together.
     pub(crate) fn shares_steps(&self) -> bool {
         self.assigns_ids() || !self.tables.receptors.is_empty()
     }
@@ -34,8 +31,8 @@ impl GpuSimulation {
         self.tables.dissociates()
     }
 
-    /// Does the rest of a step on the device, after [`request_receptors`](Self::request_receptors). `accepted` is the
-    /// number of this rank's accepted requests by receptor type.
+    /// Does the rest of a step, after [`request_receptors`](Self::request_receptors). `accepted` counts this rank's
+    /// accepted requests by receptor type.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -78,7 +75,7 @@ impl GpuSimulation {
         Ok((keys.iter().map(|key| key[0]).collect(), bytemuck::pod_collect_to_vec(&read[0])))
     }
 
-    /// Assigns ids by the ascending ids of all ranks' parents, and does the releases of the step.
+    /// Assigns ids by the ascending `parents` of all ranks, and does the releases of the step.
     ///
     /// # Errors
     /// [`Error::OutOfIds`], and [`Error::Detection`] if the device fails.

@@ -1,12 +1,9 @@
-//! Skipped without an adapter, unless `LAZYGRID_REQUIRE_GPU` is set.
-
 use super::*;
 use crate::gpu::tests::device;
 use crate::model::boundary::Axis;
 use crate::motion::collisions::tests::model;
 use crate::{Contact, Shape, Transmitter};
 
-/// Spheres on a lattice, and a burst of 600 particles of this radius among them.
 fn burst(radius: f32) -> Model {
     let mut model = model(Contact::Separate, Axis::Periodic { low: 0.0, high: 5.5 });
     model.time_step = 0.02;
@@ -24,7 +21,7 @@ fn burst(radius: f32) -> Model {
     model
 }
 
-/// A radius of 10⁻³⁰ µm, which collides as a point does, shows the candidates without a table of species.
+/// A radius of 10⁻³⁰ µm collides as a point, and shows the candidates without a table of species.
 #[test]
 fn points_at_one_place_are_no_candidates_of_each_other() {
     let Some(own) = device() else { return };

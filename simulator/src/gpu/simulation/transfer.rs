@@ -53,7 +53,6 @@ impl GpuSimulation {
         Ok(State { particles, bound, ..self.without_particles() })
     }
 
-    /// Returns the state without particles, which the host has.
     pub(crate) fn without_particles(&self) -> State {
         let Self { step, next_id, .. } = *self;
         let (totals, centers) = (self.totals.clone(), self.centers.clone());

@@ -248,7 +248,6 @@ fn separation_matches_the_cpu() {
     let mut model = crowd(Contact::Separate, Axis::Reflecting { low: 0.0, high: 5.5 });
     model.reactions = vec![Reaction { reactants: [1, 1], binding_radius: 0.2, ..Reaction::default() }];
     let free_model = model.clone();
-    // The crowd expands into the body.
     let center = [4.4, 2.4, 2.4];
     let (radius, sees) = (0.8, vec![true, false]);
     model.receivers =

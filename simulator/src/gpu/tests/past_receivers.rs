@@ -1,5 +1,3 @@
-//! Paths that drift past receivers within a step against the CPU, which computes lines in `f64`.
-
 use super::*;
 use crate::model::receiver::Receiver;
 use crate::motion::path_hit::{Path, hits};
@@ -21,7 +19,6 @@ const MOVED: [f32; 3] = [0.5, 0.25, -0.25];
 const DRIFT: [f32; 3] = [0.375, 0.25, 0.0];
 const SIDE: f32 = 2.0;
 
-/// Returns the WGSL of a step: the beginning, the drift and the diffusion are drawn, the receiver moves.
 fn step_of(room: &Boundary, [particle, receiver]: [f32; 2], moves: bool) -> String {
     let kind = |axis: Axis| match axis {
         Axis::Open => 0,
@@ -61,7 +58,6 @@ fn step_of(room: &Boundary, [particle, receiver]: [f32; 2], moves: bool) -> Stri
     )
 }
 
-/// Returns the time of the hit in the same step on the CPU.
 fn on_the_cpu(room: &Boundary, [particle, receiver]: [f32; 2], moves: bool, id: u32) -> Option<f32> {
     let factor = f32::from(u8::from(moves));
     let domain = room.inset(RADIUS);

@@ -159,7 +159,6 @@ struct Crowd {
     coming: [u32; 3],
 }
 
-/// Few ranks, so that ids decide. One in four does nothing; the other free ones request a receptor.
 fn crowd(count: u32) -> Crowd {
     let mut crowd = Crowd::default();
     let mut holding = [0; 3];

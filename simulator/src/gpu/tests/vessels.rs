@@ -1,5 +1,3 @@
-//! Reflections in vessels against the CPU, which computes in `f64`.
-
 use super::*;
 use crate::Vessel;
 use crate::motion::wall::hit_from_inside;
@@ -34,7 +32,7 @@ fn vessel_paths_match_the_cpu() {
             reflected += u32::from(expected != end);
             let expected = if k % 2 == 1 { velocity } else { expected };
             let found = [x, y, z].map(f32::from_bits);
-            // A path almost parallel to the wall has many reflections and amplifies rounding.
+            // Paths almost parallel to the wall amplify rounding.
             others += u32::from(!found.into_iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-3));
         }
         assert!(reflected > count / 2, "{reflected}");

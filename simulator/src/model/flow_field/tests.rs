@@ -67,7 +67,6 @@ fn checksums_differ_by_velocity_and_shape() {
     assert!(zero != sum([1, 2, 1], &[0.0; 6]) && zero != sum([1, 1, 2], &[0.0, 0.0, 0.0, 0.0, 0.0, 1.0]));
 }
 
-/// A receiver of each kind that sees paths, walls, and a species that does not diffuse.
 fn model(flow: Flow) -> Model {
     let species =
         |name: &str, diffusion| Species { name: name.into(), diffusion, mass: 1.0, ..Species::default() };

@@ -66,7 +66,6 @@ impl Model {
         self.receivers.iter().find_map(|receiver| self.fault_beside(receiver, membrane)).and_then(fault)
     }
 
-    /// Returns the fault of a surface that does not fit the boundary of particles up to a radius.
     fn misplaced(&self, surface: MembraneSurface, largest: f32) -> Option<String> {
         let domain = self.boundary.inset(largest);
         let fits = |axis: usize, [low_end, high_end]: [f32; 2]| match domain.axes[axis] {
@@ -98,7 +97,6 @@ impl Model {
         }
     }
 
-    /// Returns the fault of a receiver that is too near to a membrane of the same species.
     fn fault_beside(&self, receiver: &Receiver, membrane: &Membrane) -> Option<String> {
         let fastest = self.fastest_shared(receiver, membrane)?;
         let away = match membrane.surface {

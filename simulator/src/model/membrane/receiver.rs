@@ -1,7 +1,7 @@
 //! Moving receivers, whose surfaces membranes reflect as walls do.
 //!
-//! A membrane acts on a receiver if both act on a species in common. The receiver then stays on one side. A receiver
-//! that reflects particles turns at the distance that a resting one must have from the membrane.
+//! A membrane keeps a receiver on one side if both act on a common species. A receiver that reflects particles turns
+//! at the least distance of a resting one.
 
 use super::{Membrane, MembraneSurface};
 use crate::model::boundary::{Axis, Boundary};
@@ -15,16 +15,15 @@ pub(super) const STEPS_APART: f64 = 4.0;
 /// Largest number of reflections in a step at several membranes; a receiver with more stays where it was.
 const PASSES: u32 = 8;
 
-/// A spherical membrane and the side of a receiver.
 struct Side {
     center: [f32; 3],
-    /// Distance of the receiver's center from the membrane's at which the membrane reflects it, in µm.
+    /// Distance of both centers at which the membrane reflects the receiver, in µm.
     limit: f64,
     is_inside: bool,
 }
 
 impl Model {
-    /// Returns the fastest species that a membrane holds back and a receiver acts on.
+    /// Returns the fastest species that both act on.
     pub(crate) fn fastest_shared(&self, receiver: &Receiver, membrane: &Membrane) -> Option<&Species> {
         if !receiver.kind.is_active_sphere() {
             return None;
@@ -45,7 +44,6 @@ impl Model {
         STEPS_APART * spread + dot(velocity, velocity).sqrt() * self.time_step
     }
 
-    /// Returns the end of a moving receiver's step, without images. `domain` bounds its center.
     pub(crate) fn held_receiver(
         &self,
         receiver: &Receiver,
@@ -78,7 +76,7 @@ impl Model {
 }
 
 impl Receiver {
-    /// Returns the time step, in s, for which a distance from a membrane, in µm, is the least allowed one.
+    /// Returns the time step, in s, for which `gap`, in µm, is the least allowed distance.
     pub(crate) fn time_of_gap(&self, gap: f64, diffusion: f64) -> f64 {
         let spread = STEPS_APART * (2.0 * (diffusion + self.diffusion)).sqrt();
         let speed = dot(self.velocity, self.velocity).sqrt();
@@ -87,7 +85,6 @@ impl Receiver {
     }
 }
 
-/// Returns the interval of the receiver's center between walls and planes across an axis.
 fn bounds(surfaces: &[(MembraneSurface, f64)], axis: usize, domain: &Boundary, center: [f32; 3]) -> [f32; 2] {
     let ([mut low, mut high], period) = match domain.axes[axis] {
         Axis::Reflecting { low, high } => ([low, high], None),
@@ -108,7 +105,7 @@ fn bounds(surfaces: &[(MembraneSurface, f64)], axis: usize, domain: &Boundary, c
     [low, high]
 }
 
-/// Reflects a coordinate into an interval; returns `before` if the interval is empty.
+/// Returns `before` if the interval is empty.
 fn mirrored([low, high]: [f32; 2], x: f32, before: f32) -> f32 {
     match [low, high].map(f32::is_finite) {
         [true, true] if low >= high => before,
@@ -128,7 +125,6 @@ impl Side {
         Some(Self { center, limit: if is_inside { radius - reach } else { radius + reach }, is_inside })
     }
 
-    /// Returns the mirror image of a point beyond the limit.
     fn mirrored(&self, domain: &Boundary, point: [f32; 3]) -> Option<[f32; 3]> {
         let away = vector(domain, [self.center, point]);
         let distance = dot(away, away).sqrt();
@@ -168,7 +164,6 @@ mod tests {
         }
     }
 
-    /// Signed distances of a receiver's center from membranes.
     fn heights(model: &Model, [x, y, z]: [f32; 3]) -> Vec<f32> {
         let height = |membrane: &Membrane| match membrane.surface {
             MembraneSurface::Plane { position, .. } => x - position,

@@ -1,27 +1,27 @@
 //! Spherical membranes.
 //!
-//! A path from the distance a of a plane to the distance b on its other side has a density that depends on a + b alone:
-//! the Gaussian density of the free end on the other side, times
+//! A path from the distance a of a plane to the distance b on its other side has the Gaussian density of the free end,
+//! times
 //!
 //! ```text
 //! √π·X·erfcx(X + z/√(4DΔt)),   X = 2κ√(Δt/D),   z = a + b
 //! ```
 //!
-//! It follows from the probability ½(1 − exp(−2κL/D)) at the local time L (`membrane.rs`), averaged over the paths
-//! that touch the plane and whose free end is at b on either side. A segment from the beginning to the free end that
-//! crosses the plane therefore passes with the probability of this factor, and is reflected otherwise, which is exact
-//! for a plane and steps of any length.
+//! It follows from averaging ½(1 − exp(−2κL/D)) (`membrane.rs`) over the paths that touch the plane and end at b on
+//! either side. A segment to the free end that crosses the plane passes with the probability of this factor, and is
+//! reflected otherwise. That is exact for a plane and steps of any length.
 //!
 //! # Correctness
 //!
-//! On a sphere the segment is that of a billiard: at each crossing it continues or is reflected, with z = ℓ·cos θ for
-//! the length ℓ of the whole segment and its angle θ to the normal. A uniform density stays uniform at any step length:
+//! On a sphere the segment is that of a billiard. At each crossing it continues or is reflected, with z = ℓ·cos θ for
+//! the length ℓ of the whole segment and its angle θ to the normal. A uniform density stays uniform at any step
+//! length:
 //!
 //! 1. Reflections and passages conserve volumes of positions and directions.
 //! 2. The reverse of a segment has the same crossings, ℓ and angles, hence the same probability.
 //! 3. Gaussian segments have the same density in each direction.
 //!
-//! The flux between different concentrations has an error from the curvature, which vanishes with √(2DΔt)/R.
+//! The flux between different concentrations has an error that vanishes with √(2DΔt)/R.
 
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::membrane::{Membrane, MembraneStep, MembraneSurface};
@@ -31,14 +31,14 @@ use crate::special::{ROOT_PI, erfcx};
 
 /// Largest number of crossings and reflections in a step; a particle with more stays where it was.
 const EVENTS: u32 = 64;
-/// Corrections of a rounded position that are tried: the k-th is 2^(k − 23) of the radius.
+/// Largest number of tried corrections of a rounded position; the k-th is 2^(k − 23) of the radius.
 const NUDGES: u32 = 8;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct SphereEnd {
-    /// End without periodic images and walls, in µm.
+    /// Without periodic images and walls, in µm.
     pub(super) free: [f32; 3],
-    /// End within the boundary, in µm.
+    /// Within the boundary, in µm.
     pub(super) confined: [f32; 3],
 }
 
@@ -50,14 +50,11 @@ struct Sphere {
     permeability: f64,
 }
 
-/// The rest of a step.
 struct Ray<'a> {
     domain: &'a Boundary,
     at: [f64; 3],
     way: [f64; 3],
-    /// Spheres, and `true` for those that contain the ray's beginning.
     spheres: Vec<(Sphere, bool)>,
-    /// Coordinates of walls that reflected the ray.
     walls: [Option<f64>; 3],
 }
 
@@ -82,7 +79,7 @@ impl MembraneStep<'_> {
         self.spheres().any(|sphere| sphere.contains(self.domain, a) != sphere.contains(self.domain, b))
     }
 
-    /// Returns the end of a step; `None` if it cannot reach a sphere. `word` returns random bits by membrane and event.
+    /// Returns `None` if the step cannot reach a sphere. `word` returns random bits by membrane and event.
     pub(super) fn sphere_end(
         &self,
         [before, end]: [[f32; 3]; 2],
@@ -136,7 +133,7 @@ impl MembraneStep<'_> {
 }
 
 impl Sphere {
-    /// Returns the distance of a point from the surface, negative inside.
+    /// Returns the distance from the surface, negative inside.
     fn height(&self, domain: &Boundary, point: [f32; 3]) -> f64 {
         let away = self.vector_to(domain, point.map(f64::from));
         dot(away, away).sqrt() - f64::from(self.radius)
@@ -150,8 +147,7 @@ impl Sphere {
         self.height(domain, point) < 0.0
     }
 
-    /// Returns the fraction of the displacement `way` after which a ray reaches the surface; `None` if it does not.
-    /// `from` is the beginning of the ray, relative to the center.
+    /// Returns the fraction of `way` after which a ray from `from`, relative to the center, reaches the surface.
     fn reached(&self, is_inside: bool, from: [f64; 3], way: [f64; 3]) -> Option<f64> {
         let [a, b] = [dot(way, way), dot(from, way)];
         let c = dot(from, from) - f64::from(self.radius).powi(2);
@@ -164,7 +160,6 @@ impl Sphere {
 }
 
 impl Ray<'_> {
-    /// Moves to the next obstacle, or to the end, and shortens the remaining displacement.
     fn advance(&mut self) -> Option<Obstacle> {
         let (part, obstacle) = self.next().map_or((1.0, None), |(part, obstacle)| (part, Some(obstacle)));
         for axis in 0..3 {
@@ -182,8 +177,7 @@ impl Ray<'_> {
         })
     }
 
-    /// Returns the nearest obstacle, and the fraction of the remaining displacement to it. [`Obstacle::Sphere`] has the
-    /// vector from the sphere's center to the ray.
+    /// Returns the nearest obstacle, and the fraction of `way` to it.
     fn next(&self) -> Option<(f64, Obstacle)> {
         let walls = (0..3).filter_map(|axis| {
             let Axis::Reflecting { low, high } = self.domain.axes[axis] else { return None };
@@ -202,7 +196,7 @@ impl Ray<'_> {
         within.min_by(|a, b| a.0.total_cmp(&b.0))
     }
 
-    /// Returns the shifts of the images of a sphere that the ray may meet: only the nearest if it contains the ray.
+    /// Returns the shifts of a sphere's images: only the nearest if it contains the ray.
     fn images(&self, is_inside: bool) -> impl Iterator<Item = [f64; 3]> {
         let period = |axis: usize| match self.domain.axes[axis] {
             Axis::Periodic { low, high } if !is_inside => f64::from(high) - f64::from(low),
@@ -216,7 +210,7 @@ impl Ray<'_> {
         })
     }
 
-    /// Returns the rounded end on the right side of each sphere; `None` if no correction achieves that.
+    /// Returns `None` if no correction puts the end on the right side of each sphere.
     fn end(&self) -> Option<SphereEnd> {
         let is_right = |point: [f32; 3]| {
             let own =
@@ -235,7 +229,7 @@ impl Ray<'_> {
         })
     }
 
-    /// Returns the end moved by a fraction of the radius to its side of the nearest surface.
+    /// Moves the end by a fraction of the radius to its side of the nearest surface.
     fn nudged(&self, part: f64) -> [f32; 3] {
         let gap = |sphere: &Sphere| {
             let from = sphere.vector_to(self.domain, self.at);

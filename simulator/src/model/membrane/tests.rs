@@ -49,7 +49,6 @@ fn low_permeability_passes_a_part_of_the_least_words() {
     assert_eq!((0..1000).filter(|&word| is_below(word)).count(), 126);
 }
 
-/// Closed membranes keep particles, in steps of any length and before walls and images.
 #[test]
 fn nothing_passes_a_closed_membrane() {
     let own = [membrane(-0.5, 0.0), membrane(0.25, 0.0)];
@@ -94,7 +93,6 @@ fn sphere(center: [f32; 3], radius: f32, permeability: f64) -> Membrane {
     Membrane { name: "m".into(), surface, permeability, sees: vec![true] }
 }
 
-/// Runs particles from a point and returns how many end across the first membrane.
 fn crossed(membranes: &[Membrane], domain: &Boundary, from: [f32; 3], spread: f32) -> u32 {
     let step = MembraneStep { membranes, domain, species: 0, diffusion: 1.0, spread };
     let walk = |id: u32| {

@@ -9,7 +9,7 @@ use crate::Error;
 /// may leave its path, and a third that may hit this neighbor.
 pub(crate) const HOPS: u32 = 3;
 
-/// Exchange between the ranks of a run. Every method is collective.
+/// Exchange between ranks. Every method is collective.
 pub(crate) trait Halo {
     /// Error of the run, equal on all ranks.
     type Error;
@@ -19,11 +19,11 @@ pub(crate) trait Halo {
     /// Returns the values of all ranks. A value consists of 64-bit words.
     fn gather<T: Pod>(&mut self, own: T) -> Vec<T>;
 
-    /// Appends the ghosts: movers of other ranks up to [`HOPS`] candidate pairs away, and possibly more. The species of
-    /// a candidate pair may collide, and the surfaces are within twice the `allowance`, in µm.
+    /// Appends the ghosts: at least the movers of other ranks up to [`HOPS`] candidate pairs away. Surfaces of a
+    /// candidate pair are within twice the `allowance`.
     fn add_ghosts(&mut self, movers: &mut Vec<Mover>, allowance: f64) -> Result<(), Self::Error>;
 
-    /// Updates ghosts that their owners `changed`, and appends their indices to this rank's.
+    /// Updates ghosts that their owners `changed`, and appends their indices.
     fn refresh(&mut self, movers: &mut [Mover], changed: &mut Vec<u32>) -> Result<(), Self::Error>;
 }
 

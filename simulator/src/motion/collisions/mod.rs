@@ -1,29 +1,25 @@
 //! Collisions of particles on their paths within a step.
 //!
-//! Every particle moves along a line until it collides with a wall or another particle, so a step of any length leaves
-//! no new overlap. The contact of the model sets the result:
+//! Particles move along lines until they collide, so a step of any length leaves no new overlap. The contact of the
+//! model sets the result:
 //!
 //! - *Elastic*: the particles exchange momentum by their masses.
-//! - *Separate*: a diffusion step is a displacement with a variance proportional to D, as if the particle had the mass
-//!   1/D and a thermal velocity drawn per step. Such collisions keep the uniform distribution over states without
-//!   overlap, because the motion conserves volumes and energy (A. Scala, T. Voigtmann and C. De Michele, *Event-driven
-//!   Brownian dynamics for hard spheres*, Journal of Chemical Physics 126 (2007) 134109).
-//!
-//! Collisions are *not detected* between species that react with each other, which must overlap to react and otherwise
-//! pass through each other, nor between particles that overlap at the beginning of the step. With elastic contact, other
-//! overlapping pairs that approach bounce at the beginning.
+//! - *Separate*: diffusion is a thermal velocity, drawn per step, of a particle with the mass 1/D. Such collisions
+//!   conserve volumes and energy, and so the uniform distribution over states without overlap (A. Scala, T. Voigtmann
+//!   and C. De Michele, *Event-driven Brownian dynamics for hard spheres*, Journal of Chemical Physics 126 (2007)
+//!   134109).
 //!
 //! # Correctness
 //!
-//! 1. A step consists of windows. A window's candidate list holds every pair of species that may collide whose
-//!    surfaces are within twice an allowance. No particle exceeds a top speed, and the window ends when that speed has
-//!    traveled the allowance. So no other pair collides in it.
+//! 1. A step consists of windows. A window's candidate list holds every pair of species that may collide whose surfaces
+//!    are within twice an allowance. The window ends when its top speed, which no particle exceeds, has traveled the
+//!    allowance. So no other pair collides in it.
 //! 2. If a collision exceeds the top speed, the window begins again with a higher one.
-//! 3. The events of a window happen in the order of times, then of ids (`rounds.rs`). A prediction uses only the two
-//!    particles, and candidates are tried in the order of ids. So the result is independent of the order of particles
-//!    and candidates, and of threads.
-//! 4. Ranks do the same rounds together. The safety of an event depends on movers up to three candidate pairs away, so a
-//!    rank with these ghosts, updated in every round, decides on the events of its movers as one process does.
+//! 3. The events of a window happen in the order of times, then of ids (`rounds.rs`). A prediction uses only two
+//!    particles, and candidates are tried in the order of ids. So the order of particles and candidates has no effect,
+//!    nor have threads.
+//! 4. Ranks do the same rounds together. The safety of an event depends on movers up to three candidate pairs away.
+//!    With these ghosts, updated in every round, a rank decides on the events of its movers as one process does.
 
 use bytemuck::{Pod, Zeroable};
 use lazygrid::{Detector, Interactions, Spheres};
@@ -54,7 +50,6 @@ use rules::Rules;
 #[derive(Debug)]
 pub(crate) struct Collisions {
     detector: Detector,
-    /// Species that may collide; `None` if all may.
     interactions: Option<Interactions>,
     rules: Rules,
     scratch: Scratch,
@@ -63,22 +58,16 @@ pub(crate) struct Collisions {
 #[derive(Debug, Default)]
 struct Scratch {
     movers: Vec<Mover>,
-    /// Movers at the beginning of the window.
     begun: Vec<Mover>,
-    /// Spheres for the detector: center and radius.
     rows: Vec<[f32; 4]>,
-    /// Their species; empty without interactions.
     species: Vec<u32>,
     neighbors: Adjacency,
 }
 
-/// Bounding box of the movers, in µm.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct Extent {
-    /// Number of movers.
     count: u64,
-    /// Largest radius.
     largest: f64,
     low: [f64; 3],
     high: [f64; 3],
@@ -102,7 +91,6 @@ impl Collisions {
         Ok(Some(Self { detector, interactions, rules, scratch: Scratch::default() }))
     }
 
-    /// Returns the species that may collide; `None` if all may.
     pub(crate) fn interactions(&self) -> Option<&Interactions> {
         self.interactions.as_ref()
     }
@@ -262,7 +250,6 @@ impl Extent {
     }
 }
 
-/// Returns the largest speed on all ranks.
 fn fastest<H: Halo>(movers: &[Mover], halo: &mut H) -> f64 {
     let own = movers.par_iter().map(|mover| mover.speed).reduce(|| 0.0, f64::max);
     halo.gather(own).into_iter().fold(0.0, f64::max)

@@ -1,17 +1,14 @@
-//! Particles in motion between collisions.
-
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::particles::Particles;
 pub(crate) use crate::model::vessel::dot;
 use crate::motion::path_hit::Path;
 
-/// The path of a particle in a step, and its velocity.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Flight {
     pub(crate) path: Path,
-    /// End without walls, in µm.
+    /// End without walls.
     pub(crate) free_end: [f32; 3],
-    /// Velocity after a tumble and before walls, in µm/s.
+    /// After a tumble and before walls.
     pub(crate) begun: [f32; 3],
     /// Velocity at the end, in µm/s.
     pub(crate) velocity: [f32; 3],
@@ -19,11 +16,11 @@ pub(crate) struct Flight {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Mover {
-    /// Position at `time`, in µm, not wrapped.
+    /// At `time`, not wrapped.
     pub(crate) position: [f64; 3],
     /// Fraction of the step up to which the path is known.
     pub(crate) time: f64,
-    /// Displacement per step, in µm.
+    /// Displacement per step.
     pub(crate) motion: [f64; 3],
     /// Length of `motion`.
     pub(crate) speed: f64,
@@ -66,17 +63,16 @@ impl Mover {
         std::array::from_fn(|k| boundary.axes[k].displacement_exact(to[k] - from[k]))
     }
 
-    /// Returns the distance of the centers in contact, in µm.
+    /// Returns the distance of the centers in contact.
     pub(crate) fn touch(&self, other: &Self) -> f64 {
         f64::from(self.radius) + f64::from(other.radius)
     }
 
-    /// Returns the gap in µm, negative for an overlap.
+    /// Returns a negative gap for an overlap.
     pub(crate) fn gap(&self, other: &Self, time: f64, boundary: &Boundary) -> f64 {
         length(self.displacement(other, time, boundary)) - self.touch(other)
     }
 
-    /// Ends the flight at the position of the mover. `domain` is the boundary of its center.
     pub(crate) fn land(&self, flight: &mut Flight, domain: &Boundary) {
         let end = self.position.map(|c| c as f32);
         let after = domain.confine(end);

@@ -13,7 +13,7 @@ use super::mover::Mover;
 use super::rounds::Adjacency;
 use super::rules::Rules;
 
-/// Lets overlapping pairs bounce if they approach and cannot react, and returns the number of bounces on all ranks. The
+/// Lets overlapping pairs bounce if they approach and cannot react. Returns the number of bounces on all ranks. The
 /// first `own` movers are this rank's.
 pub(super) fn bounce_overlaps<H: Halo>(
     rules: &Rules,

@@ -9,16 +9,15 @@
 //!
 //! 1. A particle leaves its predicted path at its next event, or when a particle that left its own path hits it.
 //!    Nothing leaves its path before `T`.
-//! 2. A particle that leaves its path at `s` or later cannot hit one that stays on its path, with the speed `v`,
-//!    before `s + g/(V + v)`. Here `g` is their surface distance at `s` on the predicted paths, which shrinks at the
-//!    speed `V + v` at most. (If a clock is beyond `s`, that known path is safe until there, and `g` is taken at the
-//!    clock.)
-//! 3. Two such hits bound the time at which a third particle may hit a particle of the event. If no bound is before the
-//!    event, the event is the same as in the order of times.
+//! 2. A particle that leaves its path at `s` or later cannot hit one that stays on its path, with the speed `v`, before
+//!    `s + g/(V + v)`. Their surface distance on the predicted paths, `g` at `s`, shrinks at `V + v` at most. If a
+//!    clock is beyond `s`, `g` is taken there: the path up to it is known.
+//! 3. Two such hits bound the time at which a third particle may hit one of the event. If no bound is before the event,
+//!    the event is that of the order of times.
 //!
 //! The earliest event is always safe, so every round has one. In dense clusters distances vanish, and the parallelism
-//! with them. There each distance is taken as larger by [`SLACK`] contact distances: a third particle may hit late by
-//! the time of that distance, at that overlap.
+//! with them. So distances are taken as larger by [`SLACK`] contact distances, and a third particle may hit late at
+//! that overlap.
 
 use bytemuck::{Pod, Zeroable};
 use rayon::prelude::*;
@@ -42,26 +41,22 @@ pub(crate) struct Adjacency {
 pub(crate) struct Window<'a> {
     pub(crate) rules: &'a Rules,
     pub(crate) neighbors: &'a Adjacency,
-    /// Number of this rank's movers, which come first; the others are ghosts.
+    /// Number of own movers, which precede the ghosts.
     pub(crate) own: usize,
-    /// End of the window, as a fraction of the step.
+    /// Fraction of the step.
     pub(crate) horizon: f64,
     /// In µm per step.
     pub(crate) top_speed: f64,
     /// [`SLACK`], or 0 for the exact order.
     pub(crate) slack: f64,
-    /// Largest number of collisions.
     pub(crate) limit: u64,
 }
 
-/// The end of a window on all ranks.
+/// The end of a window, with the number of collisions or the speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum WindowEnd {
-    /// Number of collisions.
     Finished(u64),
-    /// A speed above the top speed, in µm per step.
     TooFast(f64),
-    /// Number of collisions, above the limit.
     TooMany(u64),
 }
 
@@ -73,30 +68,25 @@ struct Progress {
     collisions: u64,
 }
 
-/// Next events, and the particles whose next event is within the window.
 #[derive(Debug)]
 struct Agenda {
     next: Vec<Event>,
-    /// Time from which the next event may be safe.
     safe_from: Vec<f64>,
     active: Vec<u32>,
     is_active: Vec<bool>,
     news: Vec<News>,
 }
 
-/// The change of a particle in a round.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum News {
     None,
     /// The partner of its next event changed.
     Partner,
-    /// The particle itself changed.
     Own,
 }
 
 impl Window<'_> {
-    /// Runs all events of the window. Ghosts must include all movers up to [`HOPS`](super::halo::HOPS) candidate pairs
-    /// away.
+    /// Ghosts must include the movers up to [`HOPS`](super::halo::HOPS) candidate pairs away.
     pub(crate) fn run<H: Halo>(&self, movers: &mut [Mover], halo: &mut H) -> Result<WindowEnd, H::Error> {
         let mut agenda = self.begin(movers);
         let (mut last, mut collisions) = (Progress::zeroed(), 0);
@@ -201,8 +191,8 @@ impl Window<'_> {
         });
     }
 
-    /// Returns the earliest pending time at which an event may be safe; `None` if it is not the next event of all its
-    /// particles. It is safe if this is `earliest`.
+    /// Returns the earliest time at which an event may be safe, `earliest` if it is safe; `None` if it is not the next
+    /// event of all its particles.
     pub(crate) fn safe_from(
         &self,
         movers: &[Mover],
@@ -216,7 +206,7 @@ impl Window<'_> {
         }
         for &at in own {
             for &other in self.neighbors.of(at).iter().filter(|other| !own.contains(other)) {
-                // The earliest pending event bounds the time at which the other may leave its path, and often suffices.
+                // The other leaves its path at `earliest` or later, a bound that often suffices.
                 if self.misses(movers, [other, at], [earliest, event.time]) {
                     continue;
                 }
@@ -225,7 +215,7 @@ impl Window<'_> {
                 let leaves = hits.fold(next[other as usize].time, f64::min);
                 let late = event.time - self.hit(movers, [other, at], leaves);
                 if late > 0.0 {
-                    // The bound rises about as much as `earliest`; until then another test would be in vain.
+                    // The bound rises about as much as `earliest`, so earlier tests would be in vain.
                     return Some(earliest + late);
                 }
             }
@@ -243,8 +233,7 @@ impl Window<'_> {
         dot(d, d) >= reach * reach
     }
 
-    /// Returns a lower bound of the time at which the first particle, off its path at `from` or later, hits the
-    /// second.
+    /// Returns a lower bound of the time at which the first particle, off its path at `from` or later, hits the second.
     fn hit(&self, movers: &[Mover], pair: [u32; 2], from: f64) -> f64 {
         if from == f64::INFINITY {
             return from;
@@ -268,13 +257,11 @@ impl Progress {
 }
 
 impl Agenda {
-    /// Returns the time of the earliest event of the first `own` particles; infinite beyond the window.
     fn earliest(&self, own: usize) -> f64 {
         let active = self.active.iter().filter(|&&at| (at as usize) < own);
         active.map(|&at| self.next[at as usize].time).fold(f64::INFINITY, f64::min)
     }
 
-    /// Marks and returns the unchanged candidates whose next event involved a changed particle.
     fn lose_partners<'a>(&mut self, candidates: impl Iterator<Item = &'a u32>) -> Vec<u32> {
         let Self { next, news, .. } = self;
         let mut stale = Vec::new();
@@ -315,7 +302,7 @@ impl Adjacency {
         }
     }
 
-    /// Sorts each particle's candidates by id, so that the first that delays an event is the same in any order.
+    /// Sorts candidates by id, so that the first that delays an event is always the same.
     pub(crate) fn sort_by_id(&mut self, movers: &[Mover]) {
         // Movers are large: reading them in this order would miss caches.
         let ids: Vec<u32> = movers.iter().map(|mover| mover.id).collect();

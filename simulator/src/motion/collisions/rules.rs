@@ -1,5 +1,3 @@
-//! Collisions of particles with each other and with walls.
-
 use std::cmp::Ordering;
 
 use super::mover::{Mover, dot, length};
@@ -22,9 +20,9 @@ pub(crate) struct Rules {
 pub(crate) struct Event {
     /// Fraction of the step; infinite without an event.
     pub(crate) time: f64,
-    /// Ids in ascending order; [`WALL`] for a wall.
+    /// Ids in ascending order, or [`WALL`].
     ids: [u32; 2],
-    /// Indices of the movers; [`WALL`] for a wall.
+    /// Indices of the movers, or [`WALL`].
     pub(crate) at: [u32; 2],
     /// Number of the wall: 2·axis or 2·axis + 1 of a plane, or [`VESSEL_WALL`].
     wall: u32,
@@ -66,7 +64,7 @@ impl Rules {
         })
     }
 
-    /// Returns `true` if two particles may react or overlap, so that their collisions are not detected.
+    /// Returns `true` if a pair may react or overlaps. Its collisions are not detected.
     pub(crate) fn passes(&self, pair: [&Mover; 2]) -> bool {
         self.may_react(pair) || self.overlap(pair)
     }
@@ -75,15 +73,14 @@ impl Rules {
         self.reactive.contain(a.species, b.species)
     }
 
-    /// Returns `true` if two particles overlap by more than rounding.
     pub(crate) fn overlap(&self, [a, b]: [&Mover; 2]) -> bool {
-        // The particle with the lower id, so that the order of particles has no effect.
+        // The lower id, so that the order of particles has no effect.
         let first = if a.id < b.id { a } else { b };
         let tolerance = rounding(first.position.map(|c| c as f32), a.radius + b.radius);
         -a.gap(b, a.time, &self.boundary) > f64::from(tolerance)
     }
 
-    /// Returns the collision of two particles after both clocks, if they approach.
+    /// Returns the collision after both clocks, if the particles approach.
     pub(crate) fn predict(&self, movers: &[Mover], mut pair: [u32; 2]) -> Option<Event> {
         if movers[pair[0] as usize].id > movers[pair[1] as usize].id {
             pair.reverse();
@@ -126,8 +123,7 @@ impl Rules {
         Some(Event { time: time + after.max(0.0), ids: [mover.id, WALL], at: [at, WALL], wall })
     }
 
-    /// Returns the particles of an event after it, and the number of collisions. After a hit on a wall only the first
-    /// is meaningful.
+    /// Returns the particles after the event, and the number of collisions. At a wall only the first is meaningful.
     pub(crate) fn outcome(&self, movers: &[Mover], event: &Event) -> ([Mover; 2], u64) {
         let second = if event.at[1] == WALL { event.at[0] } else { event.at[1] };
         let mut pair = [event.at[0], second].map(|at| movers[at as usize]);
@@ -159,8 +155,7 @@ impl Rules {
         }
     }
 
-    /// Exchanges momentum. The particle with the lower id comes first. Returns `false` if the particles do not
-    /// approach.
+    /// Exchanges momentum, with the lower id first. Returns `false` if the particles do not approach.
     pub(crate) fn collide(&self, [a, b]: &mut [Mover; 2]) -> bool {
         let d = a.displacement(b, a.time, &self.boundary);
         let mut shares = [a.species, b.species].map(|species| self.mobility[species as usize]);

@@ -1,5 +1,3 @@
-//! Comparison of rounds with the order of times, and of candidates with all pairs.
-
 use super::halo::Undivided;
 use super::mover::{Mover, length};
 use super::overlaps::bounce_overlaps;
@@ -157,7 +155,6 @@ fn overlapping_reactants_pass_through_each_other() {
     }
 }
 
-/// Adds points to the two sizes of spheres. The larger spheres react with each other.
 pub(crate) fn with_points(contact: Contact) -> Model {
     let mut model = model(contact, Axis::Periodic { low: 0.0, high: 5.5 });
     model.species.push(Species { radius: 0.0, ..model.species[1].clone() });
@@ -170,7 +167,6 @@ pub(crate) fn with_points(contact: Contact) -> Model {
     model
 }
 
-/// A lattice of spheres with a burst of reacting ones and a burst of points.
 fn movers_with_bursts() -> Vec<Mover> {
     let mut movers = movers(0, 5, 0.4);
     let sphere = Mover { species: 0, radius: 0.5, ..movers[0] };
@@ -205,7 +201,6 @@ fn points_and_reactants_at_one_place_are_no_candidates() {
     assert!(found == expected, "{} candidates of {} movers, and not {}", found.len(), n, expected.len());
 }
 
-/// Searches candidates without the table of species.
 pub(crate) fn remove_table(collisions: &mut Collisions, model: &Model) {
     assert!(collisions.interactions.is_some());
     collisions.interactions = None;

@@ -1,4 +1,4 @@
-//! Bodies that particles may enter neither on their paths nor by a separation.
+//! Bodies that particles must not enter.
 
 use lazygrid::{Sphere, Spheres};
 use rayon::prelude::*;
@@ -18,14 +18,13 @@ pub(super) struct Bodies {
 
 #[derive(Debug)]
 struct Body {
-    /// Index of the receiver in the model.
+    /// Index in the model.
     place: usize,
     center: [f32; 3],
     radius: f32,
     sees: Vec<bool>,
 }
 
-/// The displacement of a particle in a pass, between points within the walls.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Shift {
     pub(super) at: usize,
@@ -54,7 +53,7 @@ impl Bodies {
         self.all.iter_mut().for_each(|body| body.center = centers[body.place]);
     }
 
-    /// Removes the shifts that lead from outside into a body that sees the species.
+    /// Removes the shifts from outside into a body that sees the species.
     pub(super) fn retain_outside(&self, shifts: &mut Vec<Shift>) {
         let candidates = match self.all.len() * shifts.len() {
             0 => return,
@@ -77,7 +76,7 @@ impl Bodies {
         shifts.retain(|_| kept.next().unwrap_or(true));
     }
 
-    /// Returns the pairs of a body and a shift that ends within the length of the longest shift from its surface.
+    /// Returns pairs of a body and a shift that ends within the longest shift of its surface.
     fn candidates(&self, shifts: &[Shift]) -> Result<Vec<(usize, usize)>, Error> {
         let longest = shifts.iter().map(|shift| length(shift.by(&self.boundary))).fold(0.0, f32::max);
         let grown = |body: &Body| {

@@ -12,8 +12,7 @@ fn model(radius: f32) -> Model {
     Model { species: vec![species], contact: Contact::Separate, time_step: 1.0, ..Model::default() }
 }
 
-/// Separates two particles at `x` that overlap by the fraction `overlap` of their distance, in four steps. Returns the
-/// number of overlaps in each step, and `true` if a particle moved.
+/// Returns the number of overlaps in each of four steps, and `true` if a particle moved.
 fn pushed(x: f32, overlap: f32) -> (Vec<u64>, bool) {
     let model = model(0.5 + 0.5 * overlap);
     let mut particles = Particles::default();
@@ -111,7 +110,7 @@ fn reaction_within_contact_distance_has_its_rate() {
         run(&model, 200, |_| {}).state().totals.reacted[0] as f64
     };
     let [ignored, separated] = [Contact::Ignore, Contact::Separate].map(reacted);
-    // Poisson errors of both counts are 14 % each, and volumes that exclude particles change the rate.
+    // Poisson errors of both counts are 14 % each, and excluded volumes change the rate.
     assert!(ignored > 30.0 && (separated / ignored - 1.0).abs() < 0.5, "{separated} and {ignored}");
 }
 

@@ -1,4 +1,4 @@
-//! The path of a particle in a step, up to membranes and receivers.
+//! The path of a particle, up to membranes and receivers.
 
 use rayon::prelude::*;
 
@@ -8,7 +8,6 @@ use crate::motion::collisions::Flight;
 use crate::motion::step_normals::{BLOCK, draw};
 use crate::random::philox::{DrawContext, Purpose, StepKey};
 
-/// A particle at the beginning of a step.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct FlightStart {
     pub(super) species: u32,

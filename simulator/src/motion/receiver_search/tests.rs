@@ -186,7 +186,6 @@ fn receivers_in_the_path_of_a_pushed_particle_are_found() {
     }
 }
 
-/// Steps of 9.9 µm from the axis of a cylinder of radius 5 µm, whose chords have 0.1 µm.
 #[test]
 fn receivers_by_the_side_of_a_vessel_are_found_without_diffusion() {
     let vessel = Vessel { along: Some(0), center: [0.0; 3], radius: 5.0 };

@@ -9,7 +9,6 @@ use crate::{Adsorption, Receiver, ReceiverKind};
 
 const SPEED: f32 = 20.0;
 
-/// Releases swimmers in steps of 0.1 s, each with at most 2 µm to go.
 fn swimmers(boundary: Boundary, center: [f32; 3]) -> Model {
     let schedule = Schedule::Steady { from: 0.0, until: 1.0, rates: vec![(0, 2e4)] };
     Model {
@@ -41,7 +40,6 @@ fn a_plane_wall_reverses_velocities_since_the_release() {
     }
 }
 
-/// From the center of a sphere of radius 1, half of the particles are on their way back.
 #[test]
 fn a_vessel_reflects_velocities_since_the_release() {
     let vessel = Vessel { along: None, center: [0.0; 3], radius: 1.0 };
@@ -58,7 +56,6 @@ fn a_vessel_reflects_velocities_since_the_release() {
     assert!(back.abs_diff(particles.len() / 2) <= 2, "{back} of {}", particles.len());
 }
 
-/// 10 000 particles per step among 300 moving receivers in a periodic box.
 fn crowd() -> (Model, Vec<Place>) {
     let kinds = [
         ReceiverKind::Absorbing,
@@ -77,7 +74,7 @@ fn crowd() -> (Model, Vec<Place>) {
     let model = Model {
         time_step: 0.02,
         species: vec![Species { diffusion: 1.0, mass: 1.0, ..Species::default() }],
-        // At a corner of the periodic box, so that particles appear at all corners.
+        // At a corner, so that particles appear at all corners.
         transmitters: vec![Transmitter { schedule, shape, center: [10.1; 3], ..Transmitter::default() }],
         boundary: Boundary::periodic([10.0; 3], [18.0; 3]),
         receivers: (0..300).map(receiver).collect(),
@@ -141,7 +138,7 @@ fn neither_threads_nor_ranks_change_a_release() {
     assert!(particles == whole.particles && arrivals == whole.arrivals);
 }
 
-/// Ages that rounding leaves to particles due at the end of a step are below the rounding of the time.
+/// Rounding leaves tiny ages to particles due at the end of a step.
 #[test]
 fn flow_pulse_carries_particles_of_the_least_ages() {
     let schedule = Schedule::Steady { from: 0.0, until: 1e9, rates: vec![(0, 100.0)] };

@@ -1,5 +1,3 @@
-//! Attractants, and the swimmers that follow them.
-
 use lazygrid_scenario::{self as file, Finite};
 
 use crate::model::Model;

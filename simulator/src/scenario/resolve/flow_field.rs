@@ -1,5 +1,3 @@
-//! Flows from a file.
-
 use std::path::Path;
 use std::sync::Arc;
 
@@ -12,7 +10,6 @@ use crate::memory::check_available;
 use crate::model::flow_field::FlowField;
 use crate::scenario::Problem;
 
-/// Reads the field of a flow, whose file is relative to `directory`.
 pub(super) fn read(flow: &file::Flow, directory: &Path) -> Result<Arc<FlowField>, Problem> {
     let speed = flow.speed.as_ref().map(Spanned::span);
     if let Some(span) = flow.velocity.as_ref().map(Spanned::span).or(speed) {
@@ -41,7 +38,6 @@ pub(super) fn read(flow: &file::Flow, directory: &Path) -> Result<Arc<FlowField>
     field.map(Arc::new).map_err(|error| fault(error.to_string()))
 }
 
-/// Refuses a field that exceeds the memory, before it is read.
 fn check_memory(points: [u64; 3]) -> Result<(), Error> {
     let count = points.into_iter().fold(1, u64::saturating_mul);
     let remedy = "give it fewer points, or raise the limit";

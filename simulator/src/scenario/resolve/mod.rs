@@ -1,5 +1,3 @@
-//! Conversion of a scenario file to a model.
-
 mod chemotaxis;
 mod flow_field;
 mod network_index;
@@ -277,12 +275,11 @@ impl<'a> Names<'a> {
     }
 }
 
-/// Returns an equation in one line.
 fn equation_name(equation: &Spanned<String>) -> String {
     equation.get_ref().split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Gives equal names a number, as in `-> A (2)`, because files and reports tell their owners apart by name.
+/// Gives equal names a number, as in `-> A (2)`, because files tell them apart by name.
 fn number_equal_names<'a>(names: impl Iterator<Item = &'a mut String>) {
     let mut counts: HashMap<String, u32> = HashMap::new();
     for name in names {

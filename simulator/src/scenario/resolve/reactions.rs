@@ -1,5 +1,3 @@
-//! Reactions and decays.
-
 use lazygrid_io::excerpt;
 use lazygrid_scenario::{self as file, Positive};
 use toml::Spanned;
@@ -57,10 +55,9 @@ struct Reverse<'a> {
     kept: f64,
 }
 
-/// A reaction of the file, before its binding radius is known.
 struct Draft<'a> {
     file: &'a file::Reaction,
-    /// The reaction without binding radius and rate.
+    /// Without binding radius and rate.
     bare: Reaction,
     /// Sum of the reactants' diffusion coefficients, in µm²/s.
     diffusion: f64,
@@ -112,7 +109,7 @@ impl Network<'_> {
         self.index.channels(draft.bare.reactants).iter().map(|&place| &self.drafts[place])
     }
 
-    /// Refuses too many reactions of a pair, whose probabilities take quadratic time and memory.
+    /// Refuses too many reactions of a pair: their probabilities take quadratic time and memory.
     fn check_count(&self, draft: &Draft<'_>, names: &Names<'_>) -> Result<(), Problem> {
         let count = self.index.channels(draft.bare.reactants).len();
         if count <= MAX_CHANNELS {
@@ -175,7 +172,6 @@ impl Network<'_> {
         Ok(Reaction { binding_radius: radius as f32, chance, ..draft.bare.clone() })
     }
 
-    /// Returns the binding radius of a pair's reactions, for the sum of their rates.
     fn radius_for(&self, draft: &Draft<'_>, rate: &Spanned<Positive>) -> Result<f64, Problem> {
         if self.dimensions < 3 {
             let message = "a rate in µm³/s needs three dimensions; give a binding-radius, with a probability or rate-inside";
@@ -198,7 +194,6 @@ impl Network<'_> {
         rate::reversible_binding_radius(total * kept, apart, draft.diffusion, dt).map_err(refused)
     }
 
-    /// Returns the decay or reaction that undoes a reaction.
     fn reverse(&self, reaction: &Reaction) -> Option<Reverse<'_>> {
         let by_decay = self.index.reverse_decay(reaction).map(|place| {
             let decay = &self.decays[place];
@@ -275,7 +270,7 @@ impl Network<'_> {
     }
 }
 
-/// Returns the root mean square of the relative speed apart from diffusion.
+/// Returns the root mean square speed, apart from diffusion.
 fn relative_speed(both: [&Species; 2]) -> f64 {
     let [a, b] = both.map(|species| species.drift);
     let by_drift: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
@@ -290,7 +285,6 @@ fn at_once(name: &str, back: &str) -> String {
     )
 }
 
-/// Returns `true` if the products of each are the reactants of the other.
 fn is_reverse(a: &Reaction, b: &Reaction) -> bool {
     let leads = |from: &Reaction, to: &Reaction| {
         let [c, d] = to.reactants.map(Some);
@@ -299,8 +293,7 @@ fn is_reverse(a: &Reaction, b: &Reaction) -> bool {
     leads(a, b) && leads(b, a)
 }
 
-/// Returns the product of each reactant: one of its own species, otherwise the next of the other products. Returns
-/// `None` for more than two products.
+/// Returns the product of each reactant, of its own species if possible; `None` for more than two products.
 fn places(reactants: [u32; 2], products: &[u32]) -> Option<[Option<u32>; 2]> {
     let mut placed = [None; 2];
     let mut others = Vec::new();
@@ -335,7 +328,7 @@ fn decay(decay: &file::Decay, names: &Names<'_>) -> Result<Decay, Problem> {
     })
 }
 
-/// Returns the unbinding radius in µm, or 0 if it is absent. It is an error for fewer than two products.
+/// Returns 0 if absent. Fails for fewer than two products.
 fn unbinding_radius(
     radius: &Option<Spanned<file::NotNegative>>,
     products: [Option<u32>; 2],

@@ -33,7 +33,6 @@ pub(super) fn receivers(
     Ok(all)
 }
 
-/// Returns a receiver, or the receivers of its lattice.
 fn at_places(
     one: &file::Receiver,
     names: &Names<'_>,
@@ -84,8 +83,7 @@ fn check_memory(many: &[file::Receiver], species: usize) -> Result<(), Problem> 
     fits.map_err(|error| Problem { key: Some("receiver".to_owned()), ..Problem::at(span, error.to_string()) })
 }
 
-/// Returns the body of a transmitter that reflects or moves. The body of one that only moves is a point that particles
-/// pass.
+/// Returns the body of a transmitter that reflects or moves. One that only moves is a point that particles pass.
 pub(super) fn body(transmitter: &file::Transmitter, species: usize) -> Option<Receiver> {
     let body = Receiver {
         name: transmitter.name.get_ref().0.clone(),
@@ -137,7 +135,6 @@ fn receiver(
     Ok(receiver)
 }
 
-/// Returns center and radius, in µm; zeros for a wall.
 fn extent(one: &file::Receiver) -> Result<([f32; 3], f32), Problem> {
     let is_wall = *one.kind.get_ref() == file::ReceiverKind::Wall;
     let center = one.center.as_ref();

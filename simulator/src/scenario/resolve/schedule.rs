@@ -103,7 +103,6 @@ fn message_only(transmitter: &file::Transmitter) -> Result<(), Problem> {
 /// is written before the first step.
 pub(super) const MAX_BITS: usize = 1 << 22;
 
-/// Returns the span of the bits of a message, which is empty for other transmitters.
 pub(super) fn bits_span(transmitter: &file::Transmitter) -> Range<usize> {
     let random = || transmitter.random_bits.as_ref().map(toml::Spanned::span);
     transmitter.bits.as_ref().map(toml::Spanned::span).or_else(random).unwrap_or_default()
@@ -149,7 +148,7 @@ fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, P
                     format!("'{}' may contain only 0, 1, spaces and '_'", excerpt(text.as_bytes())),
                 ));
             }
-            // Counted before a vector is made, so that the limit bounds its size.
+            // Counted before a vector is made, to bound its size.
             let mut bits = text.bytes().filter(|byte| b"01".contains(byte));
             let count = whole(bits.clone().count())?;
             let mut symbol =

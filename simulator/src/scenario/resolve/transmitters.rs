@@ -80,7 +80,6 @@ fn shape(shape: file::Shape) -> Shape {
     }
 }
 
-/// Returns sources, everywhere or in a region, as transmitters of steady release.
 pub(super) fn sources(
     many: &[file::Source],
     names: &Names<'_>,
@@ -150,7 +149,7 @@ fn source(
     })
 }
 
-/// Returns center, shape and volume of the whole space of a particle's center; `None` if it is unbounded.
+/// Returns center, shape and volume of the space of a particle's center; `None` if unbounded.
 fn everywhere(boundary: &Boundary, radius: f32) -> Option<([f32; 3], Shape, f64)> {
     let side = |axis: Axis| match axis {
         Axis::Open => None,
@@ -178,12 +177,11 @@ fn everywhere(boundary: &Boundary, radius: f32) -> Option<([f32; 3], Shape, f64)
     Some((inside.map(|[low, high]| 0.5 * (low + high)), Shape::Box(edges), volume))
 }
 
-/// Returns the length of an interval; 1 along a frozen axis.
+/// Returns 1 along a frozen axis.
 fn extent([low, high]: [f32; 2]) -> f64 {
     if low == high { 1.0 } else { f64::from(high - low) }
 }
 
-/// Returns the volume of a ball, the area of a disk or the length of a segment.
 fn ball(dimensions: usize, radius: f32) -> f64 {
     let (pi, radius) = (std::f64::consts::PI, f64::from(radius));
     match dimensions {
@@ -193,7 +191,6 @@ fn ball(dimensions: usize, radius: f32) -> f64 {
     }
 }
 
-/// Refuses a sphere outside walls; warns of one outside a periodic box.
 pub(super) fn check_place(
     boundary: &Boundary,
     span: std::ops::Range<usize>,

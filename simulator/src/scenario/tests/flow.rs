@@ -20,7 +20,7 @@ name = 'A'
 diffusion = 1
 ";
 
-/// Writes a field of shape (3, 2, 1, 3) with these velocities along x at each x.
+/// Writes a field of shape (3, 2, 1, 3) with the velocities `along` x.
 pub(super) fn write(directory: &Path, along: [f32; 3]) -> PathBuf {
     let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (3, 2, 1, 3)}\n";
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
@@ -177,7 +177,6 @@ fn diffusion_across_a_flow_is_warned_of() {
     assert_eq!(short, "1.66e-2");
     assert_eq!(warnings(short, "1800"), [""; 0]);
     assert_eq!(warnings("0.017", "1800").len(), 1);
-    // Convection makes 2 % of the spread.
     assert_eq!(warnings("0.05", "10"), [""; 0]);
     assert_eq!(warnings("0.05", "0"), [""; 0]);
 }
@@ -192,7 +191,6 @@ fn diffusion_across_a_flow_field_is_warned_of() {
     assert_warns(&said, "the spread along the flow is too large");
     assert!(said[0].contains("time-step = 2.49e-3 is short enough"), "{said:?}");
     assert_eq!(parse_at(&path, &text("2.49e-3")).unwrap().warnings, [""; 0]);
-    // A flow so weak adds little to the spread by diffusion.
     let path = write(directory.path(), [0.0, 40.0, 0.0]);
     assert_eq!(parse_at(&path, &text("2.6e-3")).unwrap().warnings, [""; 0]);
 }

@@ -58,14 +58,12 @@ fn parse(text: &str) -> Result<Scenario, Error> {
     Scenario::parse(Path::new("s.toml"), text.to_owned())
 }
 
-/// Fails if the scenario is accepted, or the error names another key or reason.
 #[track_caller]
 fn assert_refused(parsed: Result<Scenario, Error>, key: &str, message: &str) {
     let error = parsed.expect_err(message).to_string();
     assert!(error.contains(&format!("`{key}`: ")) && error.contains(message), "{message}: {error}");
 }
 
-/// Fails unless this is the only warning.
 #[track_caller]
 fn assert_warns(warnings: &[String], message: &str) {
     assert!(warnings.len() == 1 && warnings[0].contains(message), "{warnings:?}");
@@ -75,7 +73,6 @@ fn advised_step(warning: &str) -> &str {
     warning.split("time-step = ").nth(1).unwrap().split(' ').next().unwrap()
 }
 
-/// Replaces `right` by `wrong` in `text`, which is then refused at a line and key.
 #[track_caller]
 fn assert_mistake(text: &str, [right, wrong]: [&str; 2], line: u32, key: &str, message: &str) {
     let mistaken = text.replace(right, wrong);

@@ -199,7 +199,6 @@ fn membranes_are_read_or_refused() {
     ] {
         assert_refused(parse(&text), key, message);
     }
-    // Moving receivers keep a distance.
     let moving = |step: &str| {
         let moves = "\"reflecting\"\nvelocity = [3, 4, 0]\ndiffusion = 2";
         reflecting(step).replace("\"reflecting\"", moves)
@@ -240,7 +239,6 @@ fn spherical_membranes_are_read_or_refused() {
             .warnings
             .join("\n")
     };
-    // 4 √(2DΔt) is the radius.
     let said = receiver("diffusion = 2");
     assert!(said.contains("takes rx 0.063 µm by diffusion and 0.000 µm by its velocity"), "{said}");
     assert!(said.contains("time-step = 9.76e-4 is short enough"), "{said}");
@@ -282,7 +280,6 @@ fn long_steps_to_surfaces_that_absorb_are_warned_of() {
     let disk =
         "dimensions = 2\n[[receiver]]\nname = 'disk'\nkind = 'absorbing'\ncenter = [0, 0, 0]\nradius = 2\n";
     let cylinder = format!("[boundary]\nkind = 'cylinder'\nradius = 4.5\n{}", wall("side"));
-    // The square of the length over 4 µm²/s.
     for (text, said, short) in [
         (disk.to_owned(), "for disk, a disk of radius 2 µm", "9.90e-1"),
         (cylinder, "for side, the side of a cylinder of radius 4.5 µm", "9.90e-1"),

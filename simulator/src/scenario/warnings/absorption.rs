@@ -1,5 +1,3 @@
-//! Warnings of steps that are long for a surface that absorbs.
-
 use super::below;
 use crate::model::boundary::Axis;
 use crate::model::receiver::{Receiver, ReceiverKind, WallFace};
@@ -15,7 +13,6 @@ const LONG_IN_CYLINDER: f64 = 0.5;
 /// 0.2 L²/D, and at 0.63 18 % (same method).
 const LONG_BETWEEN_WALLS: f64 = 0.4;
 
-/// Warns of the surface that needs the shortest time step.
 pub(in crate::scenario) fn long_step_to_absorber(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
     let seen = model.receivers.iter().filter(|receiver| receiver.sees[species]);
@@ -37,7 +34,7 @@ pub(in crate::scenario) fn long_step_to_absorber(model: &Model, species: usize) 
     })
 }
 
-/// Returns the longest √(2DΔt) for a surface in µm, and a description of the surface; `None` if any step is right.
+/// Returns the longest √(2DΔt) in µm, and the surface; `None` if any step is right.
 fn longest_step(
     model: &Model,
     receiver: &Receiver,

@@ -1,5 +1,3 @@
-//! Warnings of steps with many collisions.
-
 use super::below;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::ReceiverKind;
@@ -12,7 +10,7 @@ const MANY_COLLISIONS: f64 = 1.0;
 /// long.
 const COSTLY_COLLISIONS: f64 = 100.0;
 
-/// Warns of many collisions at the density after the releases of `steps` steps, in bounded space.
+/// Assumes the density after `steps` steps, in bounded space.
 pub(in crate::scenario) fn many_collisions(model: &Model, steps: u32) -> Option<String> {
     let sees_paths =
         !model.reactions.is_empty() || model.receivers.iter().any(|r| r.kind != ReceiverKind::Transparent);

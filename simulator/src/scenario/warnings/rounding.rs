@@ -1,5 +1,3 @@
-//! Warnings of probabilities that the 32 bits of a random number round.
-
 use crate::model::Model;
 use crate::model::probability::ReactionProbabilities;
 use crate::motion::tumble::tumble_probability;
@@ -9,7 +7,7 @@ use crate::random::philox::probability_threshold;
 const ROUNDED: f64 = 0.01;
 const WORDS: f64 = 4_294_967_296.0;
 
-/// Returns a warning or `None` for each decay of the model, in the model's order.
+/// Indexed by decay.
 pub(in crate::scenario) fn rounded_decays(model: &Model) -> Vec<Option<String>> {
     let mut messages = vec![None; model.decays.len()];
     for species in 0..model.species.len() as u32 {
@@ -21,7 +19,7 @@ pub(in crate::scenario) fn rounded_decays(model: &Model) -> Vec<Option<String>> 
     messages
 }
 
-/// Returns a warning or `None` for each reaction of the model, in the model's order.
+/// Indexed by reaction.
 pub(in crate::scenario) fn rounded_reactions(model: &Model) -> Vec<Option<String>> {
     let mut messages = vec![None; model.reactions.len()];
     let chances = ReactionProbabilities(model);
@@ -45,7 +43,6 @@ pub(in crate::scenario) fn rounded_tumbles(model: &Model, species: usize) -> Opt
     Some(message(&format!("a tumble of {}", one.name), probability, rounded))
 }
 
-/// Returns index, probability and rounded probability of the channels that rounding changes.
 fn rounded(channels: &[(usize, f64)]) -> impl Iterator<Item = (usize, f64, f64)> {
     let words =
         |probability: f64| probability_threshold(probability).map_or(0.0, |up_to| f64::from(up_to) + 1.0);

@@ -1,5 +1,3 @@
-//! Warnings of flows, swimmers and membranes that need a shorter time step.
-
 use super::below;
 use crate::model::boundary::Axis;
 use crate::model::membrane::{Membrane, MembraneSurface};
@@ -12,7 +10,6 @@ use crate::motion::tumble::tumble_probability;
 /// in the time step is too large.
 const STEEP_FLOW: f64 = 0.3;
 
-/// Warns of a flow that changes much in a step, and of a grid that ends before the walls.
 pub(in crate::scenario) fn unresolved_flow(model: &Model) -> Vec<String> {
     let Some(field) = model.flow_field() else { return Vec::new() };
     let mut messages = Vec::new();
@@ -51,13 +48,13 @@ const SPREAD_IN_FLOW: f64 = 0.02;
 /// length is R/2, and the spread is 1.7 % too large.
 const LONG_ACROSS_FIELD: f64 = 0.5;
 
-/// Warns of diffusion across a flow in a step, which takes the mean of the flow at both ends.
+/// Diffusion in a step takes the mean of the flow at both ends.
 pub(in crate::scenario) fn long_step_across_flow(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
     let (longest, effect) = match &model.flow {
         Some(Flow::Poiseuille { mean }) => {
             let radius = f64::from(model.boundary.vessel?.radius - one.radius);
-            // The spread by the flow relative to that by diffusion (Taylor and Aris).
+            // The spread by the flow relative to diffusion's (Taylor and Aris).
             let spread = (mean * radius / one.diffusion).powi(2) / 48.0;
             let part = spread / (1.0 + spread);
             let x = model.time_step * one.diffusion / (SLOWEST_MODE * radius * radius);
@@ -69,7 +66,7 @@ pub(in crate::scenario) fn long_step_across_flow(model: &Model, species: usize) 
         Some(Flow::Field(field)) => {
             let fastest = field.fastest().iter().map(|v| v * v).sum::<f64>().sqrt();
             let steepest = fastest / field.steepest();
-            // The spread by the flow relative to that by diffusion, about as in a vessel of this radius.
+            // The spread by the flow relative to diffusion's, about as in a vessel of this radius.
             if (fastest * steepest / one.diffusion).powi(2) / 48.0 < SPREAD_IN_FLOW {
                 return None;
             }
@@ -89,7 +86,6 @@ pub(in crate::scenario) fn long_step_across_flow(model: &Model, species: usize) 
     })
 }
 
-/// Warns of a swimmer that would tumble more than once per step.
 pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
     let most = model.largest_rate_factor(species);
@@ -125,7 +121,6 @@ pub(in crate::scenario) fn frequent_tumbles(model: &Model, species: usize) -> Op
 /// Largest volume per time that reactants sweep by drift and velocities, relative to their rate.
 const SWEPT: f64 = 0.05;
 
-/// Warns of a rate constant of reactants whose drift and velocities add to it.
 pub(in crate::scenario) fn swept_by_motion(
     equation: &str,
     rate: f64,
@@ -145,7 +140,6 @@ pub(in crate::scenario) fn swept_by_motion(
 /// Largest √(2DΔt) at a spherical membrane, in radii.
 const LONG_AT_SPHERE: f64 = 0.25;
 
-/// Warns of a step that is long for a spherical membrane.
 pub(in crate::scenario) fn long_step_through(membrane: &Membrane, model: &Model) -> Option<String> {
     let MembraneSurface::Sphere { radius, .. } = membrane.surface else { return None };
     let seen = model.species.iter().zip(&membrane.sees).filter(|(_, sees)| **sees);
@@ -163,7 +157,7 @@ pub(in crate::scenario) fn long_step_through(membrane: &Membrane, model: &Model)
     })
 }
 
-/// Warns of a receiver whose steps are long for a spherical membrane, which acts only on their ends.
+/// A membrane acts only on the ends of receivers' steps.
 pub(in crate::scenario) fn long_receiver_step_through(membrane: &Membrane, model: &Model) -> Option<String> {
     let MembraneSurface::Sphere { radius, .. } = membrane.surface else { return None };
     let turns = |one: &&Receiver| one.moves() && model.fastest_shared(one, membrane).is_some();
@@ -188,7 +182,6 @@ pub(in crate::scenario) fn long_receiver_step_through(membrane: &Membrane, model
 /// cylinder 0.7 % and 10 % (measured with R = 5D/v).
 const DRIFT_AT_MIRROR: f64 = 0.1;
 
-/// Warns of a drift towards the curved wall of a vessel, which mirrors paths.
 pub(in crate::scenario) fn drift_at_curved_wall(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
     let vessel = model.boundary.vessel?;
@@ -209,7 +202,7 @@ pub(in crate::scenario) fn drift_at_curved_wall(model: &Model, species: usize) -
     })
 }
 
-/// Warns of a drift towards a plane wall that mirrors paths; see [`StepDrift`](crate::motion::vessel_flow::StepDrift).
+/// Plane walls mirror some paths; see [`StepDrift`](crate::motion::vessel_flow::StepDrift).
 pub(in crate::scenario) fn drift_at_plane_wall(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
     let towards = |axis: usize| speed_to_mirror(model, species, axis);
@@ -227,8 +220,7 @@ pub(in crate::scenario) fn drift_at_plane_wall(model: &Model, species: usize) ->
     })
 }
 
-/// Returns the largest speed by drift and flow towards a wall across an axis, if the wall mirrors paths, and the
-/// reason for mirroring.
+/// Returns the largest speed towards a mirroring wall across an axis, and the reason for mirroring.
 fn speed_to_mirror(model: &Model, species: usize, axis: usize) -> Option<(f64, &'static str)> {
     let Axis::Reflecting { .. } = model.boundary.axes[axis] else { return None };
     let absorbs = |face: WallFace| {
@@ -250,7 +242,6 @@ fn longest_at_mirror(diffusion: f64, speed: f64) -> f64 {
     2.0 * diffusion * (DRIFT_AT_MIRROR / speed).powi(2)
 }
 
-/// Returns the drift of a species with plug flow, in µm/s.
 fn drift(model: &Model, species: usize) -> [f64; 3] {
     let plug = match model.flow {
         Some(Flow::Plug(velocity)) => velocity,
@@ -259,7 +250,7 @@ fn drift(model: &Model, species: usize) -> [f64; 3] {
     std::array::from_fn(|k| model.species[species].drift[k] + plug[k])
 }
 
-/// Returns the least and the largest velocity of a flow along an axis, in µm/s, without plug flow.
+/// Returns the least and the largest velocity along an axis, in µm/s, without plug flow.
 fn flow_along(model: &Model, axis: usize) -> [f64; 2] {
     match &model.flow {
         Some(Flow::Poiseuille { mean }) if model.boundary.along() == Some(axis) => {

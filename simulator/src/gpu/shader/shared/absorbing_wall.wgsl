@@ -1,12 +1,11 @@
-// Walls that absorb, as in wall.rs.
+// See wall.rs.
 
 // Faces: low-x, high-x, low-y, high-y, low-z, high-z.
 const SIDE: u32 = 6u;
 const SPHERE: u32 = 4u;
-// Images on each side, as on the CPU.
 const IMAGES: u32 = 6u;
 
-// Returns the height of a point above the wall; negative beyond it.
+// Negative beyond the wall.
 fn wall_height(face: u32, radius: f32, point: vec3<f32>) -> f32 {
     if (face >= SIDE) {
         return params.vessel_radius - radius - length(across_vessel(point));
@@ -18,8 +17,7 @@ fn wall_height(face: u32, radius: f32, point: vec3<f32>) -> f32 {
     return params.high[axis] - radius - point[axis];
 }
 
-// Returns the probability that a path in a sphere reaches its surface between two heights. Terms of the CPU's `f64` sum
-// are combined so that none cancels in `f32`.
+// Combines terms of the CPU's `f64` sum, so that none cancels in `f32`.
 fn hit_from_inside(radius: f32, heights: vec2<f32>, diffusion: f32) -> f32 {
     if (diffusion >= radius * radius) {
         return 1.0;
@@ -45,7 +43,7 @@ fn hit_from_inside(radius: f32, heights: vec2<f32>, diffusion: f32) -> f32 {
     return sum;
 }
 
-// Returns the point of the wall nearest to another point.
+// Returns the nearest point of a plane wall; for a vessel, the point itself.
 fn foot_at(face: u32, radius: f32, point: vec3<f32>) -> vec3<f32> {
     var foot = point;
     if (face < SIDE) {
@@ -55,8 +53,7 @@ fn foot_at(face: u32, radius: f32, point: vec3<f32>) -> vec3<f32> {
     return foot;
 }
 
-// The turns of a path at reflecting receivers: the first contact, and the ends of the last segment, extended backwards to
-// the length of a step.
+// Reflections at receivers: the first contact, and the last segment, extended backwards to the length of a step.
 struct PathTurns {
     exist: bool,
     contact: vec3<f32>,
@@ -68,7 +65,7 @@ fn without_turns() -> PathTurns {
     return PathTurns(false, vec3(0.0), vec3(0.0), vec3(0.0));
 }
 
-// Returns a path that ends beyond the absorbing planes that the step passes, for surfaces in front of them.
+// Extends the path beyond absorbing planes that it passes, for surfaces in front of them.
 fn aimed(kind: SpeciesRow, path: Path) -> Path {
     var end = path.end;
     var after = path.after;
@@ -82,7 +79,6 @@ fn aimed(kind: SpeciesRow, path: Path) -> Path {
     return Path(path.before, end, after, path.velocity, path.free_end, path.drift);
 }
 
-// Returns the probability that a path touches a wall between two heights, the second of which may be beyond it.
 fn touch_probability(radius: f32, heights: vec2<f32>, diffusion: f32) -> f32 {
     if (heights.y <= 0.0) {
         return 1.0;

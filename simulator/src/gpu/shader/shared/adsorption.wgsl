@@ -1,11 +1,11 @@
-// Adsorption on a surface and unbinding from it, as in adsorption.rs.
+// See adsorption.rs.
 #include erfcx
 
 // Larger multiples of sqrt(4 D dt) do not occur as heights.
 const FAR: f32 = 5.0;
 const TRIALS: u32 = 1000u;
 
-// A reactive surface: kappa sqrt(dt / D), then with the effect of curvature, sqrt(D dt), and the radius.
+// kappa sqrt(dt / D), then with the effect of curvature, and sqrt(D dt).
 struct Surface {
     own: f32,
     all: f32,

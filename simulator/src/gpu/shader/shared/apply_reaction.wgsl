@@ -11,13 +11,13 @@ fn apply_if_best(index: u32) {
     react(candidate, rule);
 }
 
-// Records the outcome at each consumed reactant. Reactions only read positions, so a catalyst can take part in several.
+// Reactions only read positions, so a catalyst can take part in several.
 fn react(candidate: Candidate, rule: ReactionRow) {
     let first = moved[candidate.at.x].xyz;
     let meeting = first + rule.share * minimum_image(moved[candidate.at.y].xyz - first);
     var apart = vec3(0.0);
     let separates = (rule.flags & 8u) != 0u;
-    // The product of a reactant next to a catalyst stays at its reactant's position.
+    // Products next to a catalyst stay at their reactants.
     let stays = !separates && (rule.flags & 3u) != 3u;
     if (separates) {
         let low = min(candidate.ids.x, candidate.ids.y);

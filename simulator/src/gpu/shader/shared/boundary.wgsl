@@ -1,19 +1,18 @@
-// Walls, periodic images and vessels, as in boundary.rs and vessel.rs.
+// See boundary.rs.
 #include vessel
 
 const FROZEN: u32 = 3u;
 
-// Returns a vector without its components along frozen axes.
 fn flattened(v: vec3<f32>) -> vec3<f32> {
     return select(v, vec3(0.0), params.axes == vec3(FROZEN));
 }
 
-// Returns a vector with another component. Some compilers of DirectX refuse to store one by an index that varies.
+// Some compilers of DirectX refuse a store to a component whose index varies.
 fn with_component(v: vec3<f32>, axis: u32, x: f32) -> vec3<f32> {
     return select(v, vec3(x), vec3(0u, 1u, 2u) == vec3(axis));
 }
 
-// Makes a direction that is uniform in three dimensions uniform in those of the run.
+// Makes a direction uniform in the dimensions of the run.
 fn direction_within(direction: vec3<f32>) -> vec3<f32> {
     if (params.axes.z != FROZEN) {
         return direction;
@@ -49,7 +48,7 @@ fn confined(x: vec3<f32>, radius: f32) -> vec3<f32> {
     return confined_in_vessel(p, params.vessel_radius - radius);
 }
 
-// True for walls that reverse a particle that would end at x without them.
+// True for walls that reverse a particle on its path to x.
 fn reversed_axes(x: vec3<f32>, radius: f32) -> vec3<bool> {
     let low = params.low + radius;
     let high = params.high - radius;

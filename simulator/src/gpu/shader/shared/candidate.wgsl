@@ -7,43 +7,41 @@ struct Candidate {
 }
 
 struct Claim {
-    // Best key of a round: a priority, then the other particle's id.
+    // Best key of a round.
     priority: atomic<u32>,
     other: atomic<u32>,
     is_taken: atomic<u32>,
-    // New species, or NOTHING if the particle is consumed.
+    // NOTHING if the particle is consumed.
     product: u32,
     sphere: vec4<f32>,
 }
 
-// The table begins with the first row of each pair of species, in both orders; further reactions follow.
+// The table begins with the first row of each ordered pair of species.
 struct ReactionRow {
     reaction: u32,
-    // Next rows if the draw does not select this one, and if the pair is farther apart than `within`; NOTHING at the
-    // end.
+    // Next rows if the draw does not select this one, and if the pair is farther apart than `within`, or NOTHING.
     next: u32,
     next_shell: u32,
     // First reactant, or NOTHING if the species never react.
     first: u32,
     threshold: u32,
-    // Bits 0 and 1: the reactant is consumed. Bit 2: the detector's cutoff exceeds `within`. Bit 3: products are
-    // placed apart. Bit 4, of first rows: the species have a reaction, even if its probability is 0. Bits 5 and 6, of
-    // first rows: the species dissociates.
+    // Bits 0 and 1: the reactant is consumed. Bit 2: the detector's cutoff exceeds `within`. Bit 3: products are placed
+    // apart. Only in first rows, bit 4: the species have a reaction, even if its probability is 0; bits 5 and 6: the
+    // species dissociates.
     flags: u32,
     products: vec2<u32>,
     radii: vec2<f32>,
     within: f32,
     unbinding: f32,
-    // First reactant's fraction of the distance to the meeting point, or the first species' of a separation if the
-    // species do not react. Then the first product's of `unbinding`.
+    // First reactant's fraction of the distance to the meeting point, or the first species' of a separation without
+    // reactions. Then the first product's of `unbinding`.
     share: f32,
     first_share: f32,
-    // Speeds and thermal speeds of both reactants, then of both products.
     speeds: vec2<f32>,
     thermal_speeds: vec2<f32>,
     product_speeds: vec2<f32>,
     product_thermal_speeds: vec2<f32>,
-    // The largest word at which each species dissociates within a step; for first rows only.
+    // The largest words at which species dissociate; for first rows only.
     dissociation_thresholds: vec2<u32>,
 }
 

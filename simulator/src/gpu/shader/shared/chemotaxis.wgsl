@@ -1,4 +1,4 @@
-// Tumbles in the gradient of an attractant, as in chemotaxis.rs, in f32.
+// See chemotaxis.rs.
 #include unit_32
 
 const NO_TAXIS: u32 = 0u;

@@ -1,5 +1,4 @@
-// The stages of a matching round for one candidate. It wins with the best key (priority, lower id, higher id) at all
-// particles that it claims.
+// A candidate wins with the best key (priority, lower id, higher id) at all particles that it claims.
 fn is_free(candidate: Candidate, rule: ReactionRow) -> bool {
     for (var side = 0u; side < 2u; side++) {
         if (claims_it(rule, side) && atomicLoad(&claims[candidate.at[side]].is_taken) != 0u) {

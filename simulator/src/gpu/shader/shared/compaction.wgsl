@@ -1,4 +1,3 @@
-// Returns true if a particle survives a step with `count` particles.
 fn survives(at: u32, count: u32) -> bool {
     if (at >= count) {
         return false;

@@ -1,7 +1,7 @@
 // The state of the run. The detector reads the particle count in the first word.
 struct Control {
     count: u32,
-    // Particles at the beginning of the step, without bursts.
+    // At the beginning of the step, without bursts.
     alive: u32,
     incoming: u32,
     // Reasons of a halt, as bits that several threads may set.
@@ -9,24 +9,24 @@ struct Control {
     step: u32,
     done: u32,
     logged: u32,
-    // Particles that pair with nothing: bound, or removed in this step by a receiver or a decay.
+    // Bound particles, and those removed in this step: all pair with nothing.
     removed: atomic<u32>,
     pairs: u32,
     found_lo: u32,
     found_hi: u32,
-    // Needed capacity: detector entries, pairs, particles, non-finite particles, or blocks and tiles of crowded cells.
+    // Needed capacity, or the number of non-finite particles.
     missing_lo: u32,
     missing_hi: u32,
-    // Most surfaces near a particle above NEAR, and most requests above MAX_REQUESTS.
+    // Largest number of surfaces near a particle, if above NEAR; requests, if above MAX_REQUESTS.
     near_surfaces: atomic<u32>,
     requests: atomic<u32>,
     // Remaining matching candidates, in either list.
     left: array<atomic<u32>, 2>,
-    // Capacities for particles, second products, and log entries.
+    // Capacities: particles, second products, log entries.
     capacity: u32,
     max_births: u32,
     max_events: u32,
-    // Factor of the top speed of collisions, usually 1.
+    // Factor of the top speed of collisions.
     speed_factor: f32,
     next_id: u32,
     born: atomic<u32>,
@@ -37,10 +37,10 @@ struct Control {
     born_at: u32,
     born_id: u32,
     born_event: u32,
-    // Collisions and separated overlaps of this step, and of the last finished one.
+    // Collisions and separated overlaps, then those of the last finished step.
     contacts: atomic<u32>,
     committed_contacts: u32,
-    // Tallies of this step, then of all steps since the last readback.
+    // This step's tallies, then all since the last readback.
     tallies: array<atomic<u32>>,
 }
 

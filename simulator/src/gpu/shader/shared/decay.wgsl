@@ -1,5 +1,4 @@
-// A particle after its own step. A removed one has a radius of -1 until the end of the step, or less if a receiver
-// removed it, which the radius names.
+// A particle after its own step. If removed, its radius is -1, or less to name the receiver that removed it.
 struct Moved {
     sphere: vec4<f32>,
     species: u32,
@@ -10,13 +9,12 @@ struct Moved {
 
 // The event of a hit, unless the particle decays or dissociates before.
 struct Capture {
-    // Row of the event, or NOTHING.
     row: u32,
     // In steps.
     time: f32,
 }
 
-// Returns the capture at a hit. Its time is drawn only if the species decays or dissociates.
+// Draws the time only if the species decays or dissociates.
 fn capture_of(row: u32, hit: Hit, kind: SpeciesRow, id: u32) -> Capture {
     if (kind.decays_begin == kind.walls_begin && kind.dissociation_rate == 0.0) {
         return Capture(row, 0.0);
@@ -27,7 +25,7 @@ fn capture_of(row: u32, hit: Hit, kind: SpeciesRow, id: u32) -> Capture {
 const MAX_DECAYS: u32 = 64u;
 const ARRIVAL_UNIT: f32 = 0x1p-23;
 
-// The radius of a particle that a receiver removed; log_arrival reads it.
+// Inverse of log_arrival.
 fn radius_of_arrived(receiver: u32, arrived: u32) -> f32 {
     if (params.logs_arrivals == 0u) {
         return -1.0;
@@ -51,7 +49,7 @@ fn minus_ln_of_rest(x: f32) -> f32 {
     return x * (1.0 + x * (1.0 / 2.0 + x * (1.0 / 3.0 + x * (1.0 / 4.0 + x * (1.0 / 5.0 + x * (1.0 / 6.0))))));
 }
 
-// The part of `left` steps after which a given decay happened; `rate` is per step.
+// Returns the time of a decay that happens within `left` steps; `rate` is per step.
 fn decay_time(rate: f32, left: f32, word: u32) -> f32 {
     return min(minus_ln_of_rest(unit_32(word) * probability_within(rate * left)) / rate, left);
 }
@@ -65,7 +63,6 @@ fn first_decay(kind: SpeciesRow, word: u32) -> u32 {
     return NOTHING;
 }
 
-// A further decay of a particle that exists for `left` of the step, or NOTHING.
 fn next_decay(kind: SpeciesRow, left: f32, word: u32) -> u32 {
     if (kind.decays_begin == kind.walls_begin) {
         return NOTHING;
@@ -79,7 +76,7 @@ fn next_decay(kind: SpeciesRow, left: f32, word: u32) -> u32 {
     return NOTHING;
 }
 
-// Returns the row of a capture for a species, or NOTHING if the receiver does not see it. Rows ascend by receiver.
+// Returns NOTHING if the receiver does not see the species. Rows ascend by receiver.
 fn row_of_capture(row: u32, kind: SpeciesRow) -> u32 {
     let receiver = event_rows[row].receiver;
     let is_wall = event_rows[row].kind >= WALL;
@@ -103,7 +100,6 @@ fn row_of_capture(row: u32, kind: SpeciesRow) -> u32 {
     return NOTHING;
 }
 
-// Removes a particle at a receiver or wall.
 fn arrive(moved: Moved, row: u32) -> Moved {
     let event = event_rows[row];
     atomicAdd(&control.tallies[event.tally], 1u);
@@ -112,8 +108,7 @@ fn arrive(moved: Moved, row: u32) -> Moved {
     return here;
 }
 
-// Returns the time from the beginning of the step or of the particle to its dissociation, in steps; 2 if the particle
-// does not dissociate in a whole step. particles_dissociate draws the products.
+// Returns a time in steps, from the beginning of the step or of the particle; 2 without a dissociation.
 fn dissociation_time(kind: SpeciesRow, id: u32) -> f32 {
     if (kind.dissociation_rate == 0.0) {
         return 2.0;
@@ -125,7 +120,7 @@ fn dissociation_time(kind: SpeciesRow, id: u32) -> f32 {
     return decay_time(kind.dissociation_rate, 1.0, words.x);
 }
 
-// Returns true if the particle decays or dissociates before the capture.
+// Dissociations count as decays.
 fn decays_before(capture: Capture, species: u32, id: u32) -> bool {
     let kind = species_rows[species];
     if (kind.decays_begin == kind.walls_begin) {
@@ -138,7 +133,7 @@ fn decays_before(capture: Capture, species: u32, id: u32) -> bool {
     return 1.0 - decay_time(kind.decay_rate, 1.0, words.y) > 1.0 - capture.time;
 }
 
-// Decays a particle, then its products for the rest of the step, up to a capture; see decay.rs.
+// Decays a particle and its products up to a capture; see decay.rs.
 fn decay(moved: Moved, capture: Capture, id: u32) -> Moved {
     var here = moved;
     var kind = species_rows[here.species];

@@ -1,7 +1,6 @@
 const ROOT_PI: f32 = 1.7724538509055159;
 
-// exp(x * x) * erfc(x) for x >= 0, with a relative error of 1e-6: 2 / (2 + x) times the exponential of a polynomial
-// in (2 - x) / (2 + x), interpolated at the zeros of a Chebyshev polynomial.
+// exp(x * x) * erfc(x) for x >= 0, with a relative error of 1e-6. The polynomial in u interpolates at Chebyshev zeros.
 fn erfcx(x: f32) -> f32 {
     let u = (2.0 - x) / (2.0 + x);
     let high = 0.0017940662500077753 + u * (-0.0022887652400513936 + u * (-0.0002279109663083645

@@ -1,4 +1,3 @@
-// The response of a swimmer to a concentration, in a unit chosen by the host.
 struct ChemotaxisRow {
     center: vec3<f32>,
     profile: u32,
@@ -9,7 +8,7 @@ struct ChemotaxisRow {
     size: f32,
     sensitivity: f32,
     saturates: u32,
-    // Probability of a tumble in a step without a gradient.
+    // Per step without a gradient.
     probability: f32,
 }
 
@@ -19,36 +18,36 @@ struct SpeciesRow {
     length: f32,
     diffusion: f32,
     radius: f32,
-    // First row in the table of events: receivers, then decays, then walls that absorb.
+    // Rows in the table of events: receivers, decays, absorbing walls.
     events_begin: u32,
     decays_begin: u32,
     walls_begin: u32,
     events_end: u32,
-    // Bound of the distance of a path from its chord, near a diffusing receiver.
+    // Bound of the distance of a path from its chord.
     bend: f32,
-    // Bound of the displacement of almost all particles, plus three of a receiver. Receivers within it are listed.
+    // Bound of the displacement of almost all particles.
     reach: f32,
     // Index among species with lists of receivers, or NOTHING.
     cell_lists: u32,
     speed: f32,
     thermal_speed: f32,
-    // Largest word at which a swimmer tumbles.
+    // 1 if the species tumbles, and the largest word at which it does.
     tumbles: u32,
     tumble_threshold: u32,
     decay_rate: f32,
-    // Per step, or 0; and the largest word at which the particle dissociates within a step.
+    // Per step, or 0; and the largest word at which the particle dissociates.
     dissociation_rate: f32,
     dissociation_threshold: u32,
     mobility: f32,
     // Bits of the axes whose walls reflect paths with diffusion and drift.
     drifts_at_wall: u32,
-    // First row and number of membranes across an axis, and of spheres.
+    // First row and number, of planes and of spheres.
     membrane_planes: vec2<u32>,
     membrane_spheres: vec2<u32>,
     taxis: ChemotaxisRow,
 }
 
-// A possible event of a species' particle, in the order of precedence.
+// A possible event of a species, in the order of precedence.
 struct EventRow {
     drift: vec3<f32>,
     radius: f32,
@@ -67,23 +66,22 @@ struct EventRow {
     unbinding: f32,
     // Fraction of the decay rate up to this channel.
     share: f32,
-    // Rows of receptors that bind the species, after those of all events. Each has the receptor type and its tally of
-    // occupied receptors.
+    // Rows of receptors that bind the species, each with receptor type and tally of occupied receptors.
     ligands_begin: u32,
     ligands_end: u32,
     receptor: u32,
     occupied: u32,
-    // Concentration of the cosines in a step of surface diffusion; 0 without.
+    // Concentration of the cosines in surface diffusion; 0 without.
     concentration: f32,
 }
 
-// A receiver's center at the beginning of a step, and its displacement.
+// Center at the beginning of a step.
 struct ReceiverRow {
     center: vec3<f32>,
     displacement: vec3<f32>,
 }
 
-// Zero cells if there are no lists.
+// Zero cells without lists.
 struct ReceiverCellsHeader {
     low: vec3<f32>,
     cells_per_length: vec3<f32>,
@@ -102,11 +100,11 @@ struct TrajectoryHeader {
 
 struct Path {
     before: vec3<f32>,
-    // End without walls and periodic images.
+    // Without walls and periodic images.
     end: vec3<f32>,
     after: vec3<f32>,
     velocity: vec3<f32>,
-    // End without reflection.
+    // Without reflection.
     free_end: vec3<f32>,
     // Displacement apart from diffusion.
     drift: vec3<f32>,

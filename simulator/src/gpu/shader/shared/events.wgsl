@@ -1,6 +1,6 @@
-// Prediction of events, as in collisions/rules.rs.
+// See collisions/rules.rs.
 
-// Returns the collision time of two particles after both clocks, or NEVER; the lower id is first.
+// Returns a time after both clocks, or NEVER. The lower id is first.
 fn collision_time(a: Mover, b: Mover) -> f32 {
     let now = max(a.time, b.time);
     let d = displacement_at(a, b, now);
@@ -24,7 +24,7 @@ fn collision_time(a: Mover, b: Mover) -> f32 {
 
 const GRAZING: f32 = 1e-6;
 
-// One call for both orders: compilers may round two copies of it differently.
+// One call for both orders: compilers may round two copies differently.
 fn collision_time_by_id(a: Mover, b: Mover) -> f32 {
     var first = a;
     var second = b;

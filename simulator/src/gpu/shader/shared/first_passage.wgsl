@@ -1,4 +1,4 @@
-// The probability and time at which a diffusing path reaches a sphere, as in path_hit.rs.
+// See path_hit.rs.
 
 // Above it the probability is below the smallest random number.
 const NEVER: f32 = 17.0;
@@ -21,7 +21,7 @@ fn hit_probability(radius: f32, a: f32, b: f32, diffusion: f32) -> f32 {
     return exp(-exponent) * one_minus_exp(image) / one_minus_exp(exponent + image);
 }
 
-// Takes heights in sqrt(2 D dt), a normal and a uniform number; in steps.
+// Takes heights in sqrt(2 D dt); returns a time in steps.
 fn first_passage(heights: vec2<f32>, normal: f32, uniform: f32) -> f32 {
     let a = heights.x;
     let b = abs(heights.y);

@@ -1,4 +1,4 @@
-// A flow on a grid, as in flow_field.rs and vessel_flow.rs, in f32.
+// See flow_field.rs and vessel_flow.rs.
 
 fn field_velocity(point: vec3<f32>) -> vec3<f32> {
     let last = params.field_points - vec3(1u);
@@ -17,8 +17,7 @@ fn field_velocity(point: vec3<f32>) -> vec3<f32> {
     return sum;
 }
 
-// Displacement on a path between two ends, the second without flow and walls: the mean of the velocities at the
-// beginning and at the predicted end.
+// The predicted `end` is without flow and walls.
 fn carried_by_field(before: vec3<f32>, end: vec3<f32>, radius: f32) -> vec3<f32> {
     if (params.field_points.x == 0u) {
         return vec3(0.0);

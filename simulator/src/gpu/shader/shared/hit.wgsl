@@ -1,13 +1,11 @@
-// Hits on receivers and walls, as in path_hit.rs.
+// See path_hit.rs.
 
-// A hit on a segment of a path.
 struct Hit {
     is_hit: bool,
-    // Beginning and duration of the segment, as fractions of the step. The duration is 0 if the hit is at the
-    // beginning; otherwise its time is drawn.
+    // The segment, in fractions of the step. Without a duration, the hit is at its beginning.
     begin: f32,
     part: f32,
-    // Heights of both ends in units of sqrt(2 D dt) of the segment.
+    // Unit: sqrt(2 D dt) of the segment.
     heights: vec2<f32>,
 }
 
@@ -15,7 +13,7 @@ fn hit_at(is_hit: bool, time: f32) -> Hit {
     return Hit(is_hit, time, 0.0, vec2(0.0));
 }
 
-// Returns the hit of a whole path between two heights, of which the first is positive.
+// The first height is positive.
 fn hit_between(heights: vec2<f32>, diffusion: f32) -> Hit {
     if (diffusion == 0.0) {
         return hit_at(true, min(heights.x / (heights.x - heights.y), 1.0));

@@ -1,4 +1,4 @@
-// A matching stage; the argument is the function of one candidate.
+// The argument is the function of one candidate.
 #include control
 #include candidate
 #include round

@@ -1,7 +1,7 @@
-// Spherical membranes, as in membrane/sphere.rs, in f32.
+// See membrane/sphere.rs.
 #include erfcx
 
-// Crossings and reflections per step, after which a particle stays at its beginning.
+// Crossings and reflections per step; then a particle stays at its beginning.
 const MEMBRANE_EVENTS: u32 = 64u;
 const NUDGES: u32 = 8u;
 
@@ -11,24 +11,22 @@ struct MembraneSphere {
     // 2 kappa sqrt(dt / D).
     own: f32,
     membrane: u32,
-    // Distance from the surface above which rounding does not change the side.
+    // Below this distance from the surface, rounding may change the side.
     rounding: f32,
 }
 
-// The rest of a step, and walls that reflected it.
+// The rest of a step.
 struct Ray {
     at: vec3<f32>,
     displacement: vec3<f32>,
     walls: vec3<f32>,
-    // 1 for axes with such a wall.
+    // 1 for axes whose walls reflected it.
     mirrors: vec3<f32>,
 }
 
-// The next obstacle on a ray: the part of its displacement, and the normal there.
 struct Crossing {
     part: f32,
     normal: vec3<f32>,
-    // Index of a sphere, or of an axis with a wall.
     index: u32,
     is_wall: bool,
 }
@@ -61,7 +59,7 @@ fn is_across_sphere(kind: SpeciesRow, a: vec3<f32>, b: vec3<f32>) -> bool {
     return false;
 }
 
-// Returns the part of a displacement at which it reaches a surface; above 1 if it does not.
+// Returns the part of a displacement that reaches a surface, or a number above 1.
 fn time_to_surface(radius: f32, is_within: bool, start: vec3<f32>, displacement: vec3<f32>) -> f32 {
     let a = dot(displacement, displacement);
     let b = dot(start, displacement);
@@ -123,7 +121,6 @@ fn next_crossing(ray: Ray, kind: SpeciesRow) -> Crossing {
     return next;
 }
 
-// Returns true if the point is on the right side of each sphere by more than rounding.
 fn is_on_right_sides(kind: SpeciesRow, point: vec3<f32>) -> bool {
     for (var k = 0u; k < kind.membrane_spheres.y; k++) {
         let sphere = membrane_sphere(kind, k);
@@ -134,7 +131,7 @@ fn is_on_right_sides(kind: SpeciesRow, point: vec3<f32>) -> bool {
     return true;
 }
 
-// Returns the displacement from the nearest surface to the right side that rounding needs.
+// Returns a displacement from the nearest surface to the right side, beyond rounding.
 fn nudge(kind: SpeciesRow, point: vec3<f32>) -> vec3<f32> {
     var nearest = 1e38;
     var found = vec3(0.0);
@@ -150,7 +147,7 @@ fn nudge(kind: SpeciesRow, point: vec3<f32>) -> vec3<f32> {
     return found;
 }
 
-// Returns the end of a ray, beyond walls that reflected it, or the beginning if no near place is on the right sides.
+// Returns the beginning if no near place is on the right sides.
 fn end_of(ray: Ray, start: Path, kind: SpeciesRow) -> Path {
     var point = ray.at;
     let unit = nudge(kind, ray.at);
@@ -165,7 +162,7 @@ fn end_of(ray: Ray, start: Path, kind: SpeciesRow) -> Path {
     return at_rest(start);
 }
 
-// Also lists the spheres that contain the beginning.
+// Sets `inside`.
 fn may_reach_sphere(kind: SpeciesRow, path: Path) -> bool {
     let reach = length(path.free_end - path.before) * (1.0 + 1e-6);
     var is_near = false;

@@ -1,4 +1,4 @@
-// Membranes across an axis, as in membrane.rs, in f32.
+// See membrane.rs.
 #include membrane_spheres
 
 struct MembranePlane {
@@ -11,7 +11,7 @@ struct MembranePlane {
     membrane: u32,
 }
 
-// Rows of the planes around a coordinate: the next one at or below it, and the next one above. NOTHING without a plane.
+// Rows of the next planes at or below a coordinate and above it, or NOTHING.
 struct Slab {
     low: u32,
     high: u32,
@@ -57,7 +57,6 @@ fn mirrored_in(slab: Slab, x: f32) -> f32 {
     return select(max(y, low.position), y, slab.low == NOTHING);
 }
 
-// Returns the plane of a slab that is nearer to the middle of both ends.
 fn nearer_plane(slab: Slab, ends: vec2<f32>) -> u32 {
     if (slab.low == NOTHING || slab.high == NOTHING) {
         return min(slab.low, slab.high);
@@ -97,7 +96,6 @@ fn hold_back_by_planes(start: Path, kind: SpeciesRow, axis: u32, id: u32) -> Pat
     return path;
 }
 
-// Returns true if a membrane is between two points.
 fn is_separated(kind: SpeciesRow, a: vec3<f32>, b: vec3<f32>) -> bool {
     let c = a + minimum_image(b - a);
     for (var k = 0u; k < kind.membrane_planes.y; k++) {
@@ -109,7 +107,6 @@ fn is_separated(kind: SpeciesRow, a: vec3<f32>, b: vec3<f32>) -> bool {
     return is_across_sphere(kind, a, b);
 }
 
-// Returns the path of a step as the species' membranes change it.
 fn held_back(start: Path, kind: SpeciesRow, id: u32) -> Path {
     if (kind.membrane_planes.y + kind.membrane_spheres.y == 0u) {
         return start;

@@ -1,6 +1,6 @@
-// Particles in motion, their next events and neighbors, as in collisions/mover.rs and rules.rs.
+// See collisions/mover.rs and rules.rs.
 struct Mover {
-    // Position at the beginning of the step, and the displacement until the particle's clock, kept apart for precision.
+    // Position at the beginning of the step; the displacement until `time` is apart, for precision.
     base: vec3<f32>,
     id: u32,
     offset: vec3<f32>,
@@ -13,7 +13,7 @@ struct Mover {
 
 struct NextEvent {
     time: f32,
-    // Index of the other particle, with PASSES if both overlapped at the beginning; a wall; or NOTHING.
+    // The other particle, with PASSES if both overlapped at the beginning; a wall; or NOTHING.
     partner: u32,
     // 1 if the event happens in this round, or just happened.
     happens: u32,

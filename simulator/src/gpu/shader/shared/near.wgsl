@@ -1,4 +1,3 @@
-// The lists of neighbors while they are made.
 #include window
 #include mover
 

@@ -1,4 +1,4 @@
-// Stubs for models without membranes, whose kernels then compile and run faster.
+// Stubs that make kernels without membranes compile and run faster.
 
 fn held_back(path: Path, kind: SpeciesRow, id: u32) -> Path {
     return path;

@@ -1,5 +1,4 @@
-// The order of particles after a step: that of the detector's cells, which keeps neighbors close in memory, or the
-// previous order.
+// The order of the detector's cells, which keeps neighbors close in memory, or the previous order.
 struct OutputOrder {
     is_cell_order: u32,
 }

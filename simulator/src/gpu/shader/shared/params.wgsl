@@ -17,13 +17,13 @@ struct Params {
     low: vec3<f32>,
     vessel_radius: f32,
     high: vec3<f32>,
-    // Displacement of Poiseuille flow on the axis in a step.
+    // Displacement on the axis in a step.
     peak_flow: f32,
     vessel_center: vec3<f32>,
     largest_radius: f32,
     collides: u32,
     is_elastic: u32,
-    // Time in which the flow is on, and the row of the first velocity of a flow field.
+    // Time in which the flow is on, and the first row of a flow field.
     flow_duration: f32,
     field_at: u32,
     field_origin: vec3<f32>,

@@ -34,7 +34,6 @@
 #include decay
 #include absorbing_wall
 
-// Marks a particle for later kernels of the step.
 fn mark(at: u32, tag: vec2<u32>, is_spared: bool) {
     let marked = select(species_of(tag), species_of(tag) | SPARED, is_spared);
     if (marked != tag.x) {

@@ -1,8 +1,7 @@
-// The path of a particle in a step, as in propagate.rs.
+// See propagate.rs.
 #include chemotaxis
 #include flow_field
 
-// The end of a path without walls, and its displacement apart from diffusion.
 struct FreePath {
     end: vec3<f32>,
     drift: vec3<f32>,
@@ -45,7 +44,6 @@ fn velocity_of(at: u32, kind: SpeciesRow, id: u32) -> vec3<f32> {
     return velocity;
 }
 
-// Returns the end of a step after reflection at walls along which the particle drifts.
 fn reflected_at_walls(before: vec3<f32>, end: vec3<f32>, kind: SpeciesRow, id: u32) -> vec3<f32> {
     if (kind.drifts_at_wall == 0u) {
         return end;

@@ -1,10 +1,10 @@
-// Paths that diffuse, and drift past a receiver within a step: Brownian bridges, as in path_hit.rs. Halves of segment k
-// are 2k and 2k + 1; the loop visits them in the order of time.
+// Paths that diffuse and drift past a receiver within a step: Brownian bridges; see path_hit.rs. Halves of segment k
+// are 2k and 2k + 1, visited in the order of time.
 
-// Largest drift of a segment, as fractions of the receiver's radius and of the segment's sqrt(2 D dt).
+// Largest drift of a segment, in radii of the receiver and in the segment's sqrt(2 D dt).
 const SEGMENT_DRIFT = vec2<f32>(0.0625, 0.125);
 const BEND: f32 = 3.1;
-// Number from which segments are not halved, its bits without the first, and all segments.
+// Segments from this number are not halved; its bits without the first; all segments.
 const LAST: u32 = 4096u;
 const LEVELS: u32 = 12u;
 const SEGMENTS: u32 = 8191u;
@@ -13,14 +13,12 @@ fn is_long(drift: f32, spread: f32, radius: f32) -> bool {
     return drift > SEGMENT_DRIFT.x * radius && drift > SEGMENT_DRIFT.y * spread;
 }
 
-// Returns 2^-k.
 fn power_of_half(k: u32) -> f32 {
     return bitcast<f32>((127u - k) << 23u);
 }
 
 // `lengths` are the drift, sqrt(2 D dt), and the particle's radius.
 fn bridge_hit(event: EventRow, receiver: ReceiverRow, path: Path, lengths: vec3<f32>, id: u32) -> Hit {
-    // Ends of the segment of each level. The first half of a segment begins where the segment does.
     var ends: array<vec3<f32>, LEVELS + 1u>;
     ends[0] = path.end;
     var start = path.before;

@@ -1,7 +1,7 @@
-// Hits of a particle's path on receivers, as in path_hit.rs.
+// See path_hit.rs.
 #include path
 
-// Returns the fraction of a displacement at which it enters a sphere around the origin; above 1 if it does not.
+// Returns a fraction of the displacement; above 1 without an entry.
 fn entry_time(start: vec3<f32>, displacement: vec3<f32>, radius: f32) -> f32 {
     let outside = dot(start, start) - radius * radius;
     let approach = -dot(start, displacement);
@@ -14,8 +14,7 @@ fn entry_time(start: vec3<f32>, displacement: vec3<f32>, radius: f32) -> f32 {
     return outside / (approach + sqrt(root));
 }
 
-// Returns the heights of the ends of a segment above the surface, negative inside; `centers` are those of the
-// receiver. In one dimension, a segment to the other side ends inside.
+// Returns the heights of a segment's ends, negative inside. In one dimension, a segment to the other side ends inside.
 fn heights_between(radius: f32, centers: mat2x3<f32>, ends: mat2x3<f32>) -> vec2<f32> {
     let a = signed_distance(radius, centers[0], ends[0]);
     let b = signed_distance(radius, centers[1], ends[1]);
@@ -31,7 +30,7 @@ fn heights_of(event: EventRow, receiver: ReceiverRow, path: Path) -> vec2<f32> {
 // A radius without curvature or image.
 const FLAT: f32 = 1e12;
 
-// Returns true if a diffusing path between two heights hits the receiver. Numbers of segments begin at 0.
+// Numbers of segments begin at 0.
 fn hits_sphere(event: EventRow, heights: vec2<f32>, diffusion: f32, id: u32, number: u32) -> bool {
     if (heights.y <= 0.0 || heights.x < 0.0) {
         return true;
@@ -70,7 +69,6 @@ fn hit_of(event: EventRow, receiver: ReceiverRow, path: Path, kind: SpeciesRow, 
     return Hit(hits_sphere(event, heights, diffusion, id, 0u), 0.0, 1.0, heights / spread);
 }
 
-// Returns true if a hit precedes the hit so far of event `first`.
 fn is_earlier(hit: Hit, receiver: u32, first_hit: Hit, first: u32, id: u32) -> bool {
     if (first == NOTHING) {
         return true;

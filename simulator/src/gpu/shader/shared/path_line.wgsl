@@ -1,11 +1,10 @@
-// Paths without diffusion past receivers: lines that walls reflect, as in path_hit.rs.
+// Paths without diffusion past receivers: lines that walls reflect. See path_hit.rs.
 
-// Most pieces of a line between walls and changes of the receiver's nearest image; steps with more are far too long.
+// Most pieces of a line, between walls and changes of the receiver's nearest image; steps with more are far too long.
 const PIECES: u32 = 3000u;
-// Relative difference of two ends above which rounding is not its reason.
+// Larger relative differences of two ends are not due to rounding.
 const TURNED: f32 = 1e-5;
 
-// A segment of a path, with its beginning and duration as fractions of the step.
 struct Line {
     start: vec3<f32>,
     displacement: vec3<f32>,
@@ -13,7 +12,7 @@ struct Line {
     part: f32,
 }
 
-// The next plane of each axis that cuts a line, in periods, and their parameters. Axes without cuts have no speed.
+// The next plane of each axis that cuts a line, in periods. Axes without cuts have no speed.
 struct Cuts {
     planes: vec3<f32>,
     origin: vec3<f32>,
@@ -34,14 +33,13 @@ fn first_cuts(line: Line, center: vec3<f32>, moved: vec3<f32>, radius: f32) -> C
     return Cuts(select(floor(at), ceil(at), speed > vec3(0.0)), origin, period, line.start, speed);
 }
 
-// Returns the fractions of the line at which it is cut next along each axis.
 fn cut_times(cuts: Cuts) -> vec3<f32> {
     let safe = select(cuts.speed, vec3(1.0), cuts.speed == vec3(0.0));
     let times = (cuts.origin + cuts.planes * cuts.period - cuts.start) / safe;
     return select(times, vec3(2.0), cuts.speed == vec3(0.0));
 }
 
-// Returns the fraction of a step at which the line enters the receiver; above 1 if it does not.
+// Returns a fraction of the step; above 1 without an entry.
 fn line_entry(event: EventRow, receiver: ReceiverRow, line: Line, radius: f32) -> f32 {
     let moved = line.part * receiver.displacement;
     let center = receiver.center + line.begin * receiver.displacement;
@@ -73,7 +71,7 @@ fn line_entry(event: EventRow, receiver: ReceiverRow, line: Line, radius: f32) -
     return 2.0;
 }
 
-// Returns the part of a displacement in a vessel after which its wall reflects it; above 1 if it does not.
+// Returns a part of the displacement; above 1 without a reflection.
 fn time_to_side(at: vec3<f32>, displacement: vec3<f32>, radius: f32) -> f32 {
     let distance = length(at);
     let a = dot(displacement, displacement);
@@ -89,7 +87,7 @@ fn time_to_side(at: vec3<f32>, displacement: vec3<f32>, radius: f32) -> f32 {
     return (root - b) / a;
 }
 
-// Returns true if the wall of a vessel reflects the path, and nothing else across the vessel.
+// Returns true if only the vessel's wall reflects the path across it.
 fn turns_at_side(path: Path, radius: f32) -> bool {
     if (params.vessel_axis == NO_VESSEL) {
         return false;

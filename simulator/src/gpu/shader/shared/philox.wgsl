@@ -1,4 +1,4 @@
-// Philox 4x32-10, word for word as in philox.rs.
+// Equal to philox.rs, word for word.
 const PURPOSE_MOVE: u32 = 0u;
 const PURPOSE_RECEIVER: u32 = 3u;
 const PURPOSE_PAIR: u32 = 4u;

@@ -1,4 +1,4 @@
-// The sum of a particle's displacements, in 64 bits, and their number.
+// 64-bit sums.
 struct Push {
     low: array<atomic<u32>, 3>,
     high: array<atomic<u32>, 3>,

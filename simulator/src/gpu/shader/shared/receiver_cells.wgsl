@@ -1,6 +1,6 @@
-// The receivers that a particle may hit, from the lists of receiver_cells.rs.
+// See receiver_cells.rs.
 struct NearbyReceivers {
-    // Range in the table of events, or in the lists.
+    // In the table of events, or in the lists.
     begin: u32,
     end: u32,
     is_listed: bool,
@@ -10,7 +10,7 @@ fn list_word(k: u32) -> u32 {
     return scene_rows[trajectory.cells_at + k / 4u][k % 4u];
 }
 
-// Returns the receivers within `reach` of `point`, and possibly more.
+// May return receivers farther away than `reach`.
 fn receivers_near(kind: SpeciesRow, point: vec3<f32>, reach: f32) -> NearbyReceivers {
     let every = NearbyReceivers(kind.events_begin, kind.decays_begin, false);
     let cells = trajectory.cells;
@@ -38,7 +38,7 @@ fn event_at(near_receivers: NearbyReceivers, k: u32) -> u32 {
     return k;
 }
 
-// Bounds the distance of a path's ends, and of a line that a vessel reflects, from the beginning.
+// Bounds the distance of ends, and of a line that a vessel reflects, from the beginning.
 fn reach_of(path: Path) -> f32 {
     let ends = max(length(path.end - path.before), length(minimum_image(path.after - path.before)));
     return max(ends, length(path.drift));

@@ -1,17 +1,16 @@
-// The receptors of a type.
 struct Receptors {
     count: u32,
-    // Occupied at the beginning of the step.
+    // At the beginning of the step.
     bound: atomic<u32>,
     // Requests, and their beginning in the common list.
     requests: atomic<u32>,
     first: u32,
-    // Index of the tally of requests. The next one is of refused requests.
+    // Tally of requests; the next one is of refused requests.
     tally: u32,
 }
 
-// A bound particle has its direction from the center as its position, and a radius of -2 minus the index of its
-// row among ligands. Negative radii pair with nothing.
+// A bound particle has its direction from the center as its position, and a radius of -2 minus its row in the table of
+// events.
 const BOUND_RADIUS: f32 = -2.0;
 
 fn as_bound(direction: vec3<f32>, ligand: u32) -> vec4<f32> {

@@ -1,6 +1,6 @@
-// Reflection of paths off spheres, as in reflection.rs.
+// See reflection.rs.
 
-// A sphere near a particle, relative to the path's beginning.
+// A sphere, relative to the path's beginning.
 struct Obstacle {
     offset: vec3<f32>,
     radius: f32,
@@ -10,8 +10,8 @@ struct Obstacle {
     receiver: u32,
 }
 
-// A reflected path: its end, the confined end, the first reflecting receiver or NOTHING, its length, and the
-// particle's velocity at the end. Then the first contact and the displacement of a step along the last segment.
+// A reflected path: `after` is the confined end, `first` the first reflecting receiver or NOTHING, `contact` the first
+// contact, and `last` a step's displacement along the last segment.
 struct ReflectedPath {
     end: vec3<f32>,
     after: vec3<f32>,
@@ -22,16 +22,16 @@ struct ReflectedPath {
     last: vec3<f32>,
 }
 
-// Most spheres and images near a particle; the run halts above it.
+// Most spheres and images near a particle; the run halts above.
 const NEAR: u32 = 16u;
-// Most reflections in a step; a particle stops at the last.
+// A particle stops at the last reflection.
 const BOUNCES: u32 = 64u;
-// Bound of the factor by which rounding lengthens a path.
+// Bounds the lengthening of a path by rounding.
 const ROUNDING_FACTOR: f32 = 1.00001;
 
 var<private> near: array<Obstacle, NEAR>;
 var<private> near_count: u32;
-// True if the path left the region of the listed spheres after all searches; the run halts.
+// The path left the region of the listed spheres after all searches.
 var<private> left_region: bool;
 
 fn add_obstacle(obstacle: Obstacle, reach: f32) {
@@ -69,7 +69,7 @@ fn search_surfaces(kind: SpeciesRow, path: Path, displacement: vec3<f32>, reach:
     }
 }
 
-// Returns the time until the particle, from outside, hits the obstacle; above a step if it does not.
+// Returns a number above 1 without a hit.
 fn time_to_hit(obstacle: Obstacle, traveled: vec3<f32>, time: f32, displacement: vec3<f32>) -> f32 {
     let out = obstacle.offset + traveled - time * obstacle.displacement;
     let relative = displacement - obstacle.displacement;
@@ -84,7 +84,7 @@ fn time_to_hit(obstacle: Obstacle, traveled: vec3<f32>, time: f32, displacement:
     return c / (sqrt(root) - b);
 }
 
-// Returns the obstacle that contains a point at the end of the step, or NEAR.
+// Returns NEAR if no obstacle contains the point at the end of the step.
 fn obstacle_at(point: vec3<f32>, count: u32) -> u32 {
     for (var j = 0u; j < count; j++) {
         let receiver = receiver_at(near[j].receiver, control.step);
@@ -95,8 +95,8 @@ fn obstacle_at(point: vec3<f32>, count: u32) -> u32 {
     return NEAR;
 }
 
-// Returns the end of a path, or its beginning if walls or rounding moved the end into a sphere. A sphere that covers
-// both pushes the particle out.
+// Returns `after`, or `before` if walls or rounding moved `after` into a sphere. A sphere that covers both pushes the
+// particle out.
 fn outside(before: vec3<f32>, after: vec3<f32>, radius: f32, count: u32) -> vec3<f32> {
     if (obstacle_at(after, count) == NEAR) {
         return after;

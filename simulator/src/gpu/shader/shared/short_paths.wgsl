@@ -1,4 +1,4 @@
-// Stubs for models whose drift carries no particle past a receiver within a step, which then run faster.
+// Stubs for models whose drift carries no particle past a receiver; they make kernels faster.
 
 fn is_long(drift: f32, spread: f32, radius: f32) -> bool {
     return false;
@@ -8,7 +8,6 @@ fn bridge_hit(event: EventRow, receiver: ReceiverRow, path: Path, lengths: vec3<
     return hit_at(false, 0.0);
 }
 
-// Returns the fraction of a step at which a line enters the receiver; above 1 if it does not.
 fn line_time(event: EventRow, receiver: ReceiverRow, path: Path, radius: f32) -> f32 {
     let start = minimum_image(path.before - receiver.center);
     return entry_time(start, path.end - path.before - receiver.displacement, event.radius);

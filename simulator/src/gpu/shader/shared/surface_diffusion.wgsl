@@ -1,6 +1,6 @@
-// Diffusion of a bound particle on the surface of its receiver, as in surface_diffusion.rs, in f32.
+// See surface_diffusion.rs.
 
-// Returns 1 minus the cosine of the angle of a step.
+// Returns 1 minus the cosine of the angle.
 fn gap_of(concentration: f32, word: u32) -> f32 {
     let rest = unit_32(~word);
     let part = rest * one_minus_exp(2.0 * concentration);

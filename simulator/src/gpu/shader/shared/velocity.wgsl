@@ -1,4 +1,4 @@
-// Velocities of particles, as in release/mod.rs and simulation.rs.
+// See release/mod.rs and simulation.rs.
 const PURPOSE_VELOCITY: u32 = 2u;
 // Draws for this purpose.
 const VELOCITY_OF_PRODUCT: u32 = 1u;
@@ -13,8 +13,7 @@ fn drawn_velocity(speed: f32, thermal_speed: f32, id: u32, draw: u32) -> vec3<f3
     return thermal_speed * flattened(normals(words));
 }
 
-// Returns the velocity after a change of species: scaled between two swimmers or two thermal speeds, else drawn. Both
-// arguments are the speed and the thermal speed of a species.
+// Scales the velocity between two swimmers or two thermal speeds, else draws it.
 fn converted_velocity(velocity: vec3<f32>, before: vec2<f32>, after: vec2<f32>, id: u32, draw: u32) -> vec3<f32> {
     if (all(before == after)) {
         return velocity;

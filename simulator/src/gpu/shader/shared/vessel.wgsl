@@ -1,7 +1,7 @@
-// A round vessel, as in vessel.rs, in f32.
+// See vessel.rs.
 const NO_VESSEL: u32 = 0u;
 
-// Returns the unit vector along a cylinder; zeros for a sphere.
+// Zeros for a sphere.
 fn along_vessel() -> vec3<f32> {
     return select(vec3(0.0), vec3(1.0), vec3(1u, 2u, 3u) == vec3(params.vessel_axis));
 }
@@ -10,7 +10,6 @@ fn across(v: vec3<f32>) -> vec3<f32> {
     return select(v, vec3(0.0), vec3(1u, 2u, 3u) == vec3(params.vessel_axis));
 }
 
-// Most reflections of a step; a particle stops at the last.
 const VESSEL_REFLECTIONS: u32 = 64u;
 // Fraction by which a point that rounding left outside moves towards the axis, doubled each time.
 const SHRINK: f32 = 2e-7;
@@ -20,7 +19,7 @@ fn across_vessel(p: vec3<f32>) -> vec3<f32> {
     return across(p - params.vessel_center);
 }
 
-// Moves a point to the given offset across the vessel, but no farther from the axis than `radius`.
+// Moves `p` to an offset across the vessel, at most `radius` from the axis.
 fn placed_across(p: vec3<f32>, offset: vec3<f32>, radius: f32) -> vec3<f32> {
     var q = p;
     var shrink = 0.0;
@@ -44,7 +43,6 @@ fn confined_in_vessel(p: vec3<f32>, radius: f32) -> vec3<f32> {
     return placed_across(p, offset * (max(2.0 * radius - distance, 0.0) / distance), radius);
 }
 
-// The end of a path across the vessel, and the velocity after its reflections.
 struct VesselPath {
     end: vec3<f32>,
     velocity: vec3<f32>,
@@ -87,7 +85,7 @@ fn reflect_in_vessel(before: vec3<f32>, end: vec3<f32>, radius: f32, velocity: v
     return VesselPath(placed_across(end, at, radius), turned);
 }
 
-// Displacement by Poiseuille flow: the mean of both ends, to second order in the time step.
+// The mean of both ends, to second order in the time step.
 fn flow_between(before: vec3<f32>, end: vec3<f32>) -> f32 {
     let r = vec2(length(across_vessel(before)), length(across_vessel(end))) / params.vessel_radius;
     return params.peak_flow * 0.5 * ((1.0 - r.x * r.x) + (1.0 - r.y * r.y));

@@ -1,6 +1,6 @@
-// Reflection at walls of diffusion with drift, as in wall.rs and bridge.rs.
+// See wall.rs and bridge.rs.
 
-// Returns the lowest point of a path between two ends, or a number at or above 0 if it is not below 0.
+// Returns the lowest point of a path, or 0 or more if it is not below 0.
 fn lowest_point(ends: vec2<f32>, spread: f32, word: u32) -> f32 {
     let square = spread * spread;
     if (2.0 * ends.x * ends.y >= NEVER * square) {

@@ -1,8 +1,8 @@
-// The part of a step in which the neighbor lists are complete, as in collisions/mod.rs. Zeros begin a step.
+// The part of a step in which the neighbor lists are complete; see collisions/mod.rs. Zeros begin a step.
 struct Window {
-    // Particles, or 0 if the step is over or the run is halted. The detector reads this word.
+    // 0 if the step is over, the run is halted or no particle moves. The detector reads this word.
     count: u32,
-    // Beginning and end, as fractions of the step.
+    // Fractions of the step.
     now: f32,
     horizon: f32,
     // Path length for which the lists suffice, the largest useful one, and the largest permitted speed.
@@ -14,15 +14,13 @@ struct Window {
     fastest: atomic<u32>,
     // Bits of the earliest event's time, by parity of the round.
     earliest: array<atomic<u32>, 2>,
-    // Box around all particles. Keys ascend from the highest coordinate down for the lower corner, up for the upper
-    // one.
+    // Keys descend with the coordinate for the lower corner of the box around all, and ascend for the upper one.
     lows: array<atomic<u32>, 3>,
     highs: array<atomic<u32>, 3>,
 }
 
 const LATER: u32 = 0x7f800000u;
 
-// Returns true if the events of a round of this parity are after the window.
 fn is_over(source: u32) -> bool {
     return window.count == 0u || bitcast<f32>(atomicLoad(&window.earliest[source])) > window.horizon;
 }

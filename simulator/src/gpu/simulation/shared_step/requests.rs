@@ -1,9 +1,8 @@
 //! Requests for the receptors of all ranks.
 //!
-//! The kernels accept as many of a rank's requests as a receptor type has free receptors. Before the motion, the host sets
-//! the number of occupied receptors of all ranks, on which binding and unbinding depend, and before the selection the
-//! number that leaves as many free as this rank has accepted requests. Accepted requests have the lowest keys on all
-//! ranks, and so on this one.
+//! Kernels accept as many of a rank's requests as receptors are free. Binding and unbinding depend on the occupied
+//! receptors of all ranks, which the host sets before the motion. Before the selection, it leaves as many free as this
+//! rank has accepted requests. Accepted requests have the lowest keys on all ranks, and so on this one.
 
 use lazygrid::gpu::wgpu;
 
@@ -18,25 +17,22 @@ use crate::motion::binding::BindingRequest;
 /// Words of a [`ReceptorRow`] on the device.
 const ROW_WORDS: usize = 5;
 
-/// This rank's requests in a step.
 pub(crate) struct ReceptorRequests {
-    /// Occupied receptors of all ranks at the beginning of the step, by type.
+    /// Indexed by type; counts of all ranks at the beginning of the step.
     pub(super) occupied: Vec<u64>,
-    /// Releases of the step.
     pub(super) bursts: Vec<Burst>,
     rows: Vec<ReceptorRow>,
 }
 
 impl ReceptorRequests {
-    /// Returns the numbers of requests by receptor type.
     pub(crate) fn counts(&self) -> Vec<u32> {
         self.rows.iter().map(|row| row.requests).collect()
     }
 }
 
 impl GpuSimulation {
-    /// Moves the particles of the next step up to the requests, none in a model without receptors. `occupied` counts
-    /// the receptors of all ranks.
+    /// Does the next step up to the requests; does nothing without receptors. `occupied` counts the receptors of all
+    /// ranks.
     ///
     /// # Errors
     /// As [`run`](Self::run). The run is then at the beginning of the step.
@@ -100,8 +96,6 @@ impl GpuSimulation {
         self.alive + self.due.len() as u32
     }
 
-    /// Returns this rank's requests with their keys.
-    ///
     /// # Errors
     /// [`Error::Detection`] if the device fails.
     pub(crate) fn requests_by_key(&self, requests: &ReceptorRequests) -> Result<Vec<BindingRequest>, Error> {
@@ -129,7 +123,6 @@ impl GpuSimulation {
         Ok((0..).zip(rows).flat_map(of_type).collect())
     }
 
-    /// Binds particles and does the rest of the step.
     pub(super) fn bind_accepted(
         &mut self,
         requests: &ReceptorRequests,
