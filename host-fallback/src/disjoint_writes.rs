@@ -3,7 +3,7 @@ use std::sync::atomic::AtomicU32;
 
 use crate::{Error, memory};
 
-/// A slice to which several threads may write, each element by one thread only.
+/// A slice that several threads write, each element by one thread only.
 pub(crate) struct DisjointSlice<'a, T> {
     start: *mut T,
     len: usize,
@@ -29,7 +29,6 @@ impl<'a, T: Copy> DisjointSlice<'a, T> {
     }
 }
 
-/// Returns the numbers as atomics, for writes by several threads.
 pub(crate) fn shared(numbers: &mut [u32]) -> &[AtomicU32] {
     let len = numbers.len();
     const { assert!(align_of::<AtomicU32>() == align_of::<u32>()) };
@@ -38,7 +37,7 @@ pub(crate) fn shared(numbers: &mut [u32]) -> &[AtomicU32] {
     unsafe { std::slice::from_raw_parts(numbers.as_mut_ptr().cast(), len) }
 }
 
-/// Splits a slice at ascending `ends`, the last of which is its length.
+/// The last of the ascending `ends` is the slice's length.
 pub(crate) fn split_at<T>(
     mut slice: &mut [T],
     ends: impl ExactSizeIterator<Item = usize>,
@@ -52,7 +51,7 @@ pub(crate) fn split_at<T>(
     memory::try_collect(ends.map(cut), "parts of a buffer")
 }
 
-/// Closes the gaps between filled ranges, given as start and length.
+/// Moves the `filled` ranges (start, length) together.
 pub(crate) fn close_gaps<T: Copy>(values: &mut Vec<T>, filled: impl Iterator<Item = (usize, usize)>) {
     let mut end = 0;
     for (start, count) in filled {

@@ -1,6 +1,6 @@
 //! The threads of a call: the calling thread, or a rayon pool. No other module uses rayon.
 //!
-//! Work consists of numbered chunks. The first chunk that fails ends the work with its error.
+//! The first chunk of work that fails ends the work with its error.
 
 use std::error::Error as _;
 use std::sync::OnceLock;
@@ -57,7 +57,7 @@ impl Executor {
         self.chunks(values, size, &work);
     }
 
-    /// Runs `work` on each chunk. It is a `dyn` function, so that rayon's code is compiled once per type.
+    /// Takes a `dyn` function, so that rayon's code is compiled once per type.
     fn chunks<T: Send>(self, values: &mut [T], size: usize, work: &(dyn Fn(usize, &mut [T]) + Sync)) {
         match self {
             Self::Pool if values.len() > size => {
@@ -67,7 +67,6 @@ impl Executor {
         }
     }
 
-    /// Folds consecutive chunks from `open` with `step`, and merges the results in order.
     pub(crate) fn fold<S: Send, E: Send>(
         self,
         chunks: Chunks,
@@ -94,7 +93,6 @@ impl Executor {
     }
 }
 
-/// The number of chunks of work, and the most that one task processes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Chunks {
     pub(crate) count: usize,
@@ -102,7 +100,6 @@ pub(crate) struct Chunks {
 }
 
 impl Chunks {
-    /// Sets no limit to the chunks of a task.
     pub(crate) fn unlimited(count: usize) -> Self {
         Self { count, most_per_task: usize::MAX }
     }
@@ -191,8 +188,8 @@ fn cores() -> usize {
     available_parallelism().map_or(1, usize::from)
 }
 
-/// Starts the threads of rayon's global pool, unless it already runs or the caller is in another pool. Rayon itself
-/// would panic if the system refused the threads.
+/// Starts rayon's global pool, unless it runs or the caller is in another pool. Rayon itself would panic if the system
+/// refused the threads.
 ///
 /// # Errors
 /// Returns [`Error::ThreadPool`] if the system refuses the threads, or refused them before.
@@ -202,7 +199,7 @@ pub fn start_threads() -> Result<(), Error> {
     }
     static STARTED: OnceLock<Result<(), String>> = OnceLock::new();
     let started = STARTED.get_or_init(|| match ThreadPoolBuilder::new().build_global() {
-        // An error without a source means that the pool runs already.
+        // An error without a source: the pool runs already.
         Err(error) if error.source().is_some() => Err(error.to_string()),
         _ => Ok(()),
     });

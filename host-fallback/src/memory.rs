@@ -14,7 +14,7 @@ const MIN_GROWTH: usize = 64;
 /// Buffers double up to this length when they grow value by value.
 const MAX_DOUBLING_LEN: usize = 4096;
 
-/// Returns the most bytes of buffers that may have grown once more.
+/// Buffers may have grown once more.
 pub(crate) fn with_growth(bytes: u64) -> u64 {
     bytes + bytes / GROWTH_DIVISOR as u64
 }
@@ -25,14 +25,13 @@ pub(crate) fn prefetch<T>(values: &[T], at: usize) {
     prefetch_address(values.as_ptr().wrapping_add(at).cast());
 }
 
-/// Prefetches `rows[k]`, which may lie in two cache lines.
+/// The row may lie in two cache lines.
 #[inline(always)]
 pub(crate) fn prefetch_row(rows: &[[f64; 4]], k: usize) {
     prefetch(rows.as_flattened(), 4 * k);
     prefetch(rows.as_flattened(), 4 * k + 3);
 }
 
-/// Prefetches an address on x86-64. Ignores an invalid address.
 #[inline(always)]
 pub(crate) fn prefetch_address(address: *const u8) {
     #[cfg(target_arch = "x86_64")]
@@ -63,7 +62,7 @@ pub(crate) fn try_resize<T: Zeroable>(
     Ok(())
 }
 
-/// Reserves memory for `count` more values. After an error the buffer is unchanged.
+/// After an error the buffer is unchanged.
 pub(crate) fn try_reserve<T>(buffer: &mut Vec<T>, count: usize, what: &'static str) -> Result<(), Error> {
     let needed = buffer.len() + count;
     if buffer.capacity() < needed {
@@ -84,7 +83,6 @@ pub(crate) fn try_push<T>(buffer: &mut Vec<T>, value: T, what: &'static str) -> 
     Ok(())
 }
 
-/// Doubles the capacity of a short buffer, and adds a [`GROWTH_DIVISOR`]th to a long buffer.
 #[cold]
 fn grow<T>(buffer: &mut Vec<T>, what: &'static str) -> Result<(), Error> {
     let len = buffer.len();

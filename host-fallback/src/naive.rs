@@ -1,4 +1,4 @@
-//! The comparison of all pairs of the groups that may pair, the reference for all other algorithms.
+//! Compares all pairs of groups that may pair: the reference for all other algorithms.
 
 use std::ops::Range;
 
@@ -10,7 +10,6 @@ use crate::memory::{try_push, with_growth};
 /// Spheres per tile, so that the columns of two tiles, 40 KiB, stay near the first-level cache.
 const TILE: usize = 1024;
 
-/// Compares every sphere of `columns[a]` with every later one of `columns[b]`.
 struct Tile<'t, S> {
     columns: &'t Columns,
     test: &'t PairTest<'t>,
@@ -43,7 +42,7 @@ pub(crate) struct Naive {
     rows: Vec<TileRow>,
 }
 
-/// A tile, and the spheres with which it is compared. The ranges overlap only within a group.
+/// The ranges overlap only within a group.
 #[derive(Clone, Debug)]
 struct TileRow {
     tile: Range<usize>,

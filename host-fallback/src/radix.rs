@@ -1,7 +1,6 @@
 //! A parallel stable radix sort of (key, sphere) entries, least significant digit first, independent of threads.
 //!
-//! Each chunk counts its digits, a prefix sum over (digit, chunk) gives it positions, and it moves its entries. A pass
-//! in which all digits agree moves nothing.
+//! Each chunk counts its digits, gets positions from a prefix sum over (digit, chunk), and moves its entries.
 
 use bytemuck::Zeroable;
 
@@ -12,16 +11,16 @@ use crate::memory::{try_resize, with_growth};
 
 /// Entries per chunk: 128 KiB with narrow keys, and far more than digits.
 const CHUNK_RECORDS: usize = 1 << 14;
-/// Most chunks, because one thread sums their counts.
+/// One thread sums the counts of all chunks.
 const MAX_CHUNKS: usize = 64;
 /// Bits per pass, so that the written cache lines stay in the first-level cache.
 const DIGIT: u32 = 8;
 const DIGITS: usize = 1 << DIGIT;
 
 pub(crate) trait RadixKey: Copy + Ord + Zeroable + Send + Sync + From<u32> {
-    /// Returns the key with `low` appended as its lowest `bits`, fewer than the width of the type.
+    /// Appends `low` as the lowest `bits`, fewer than the type has.
     fn append(self, low: u32, bits: u32) -> Self;
-    /// Returns the key without its lowest `bits`, fewer than the width of the type.
+    /// Drops the lowest `bits`, fewer than the type has.
     fn without(self, bits: u32) -> Self;
     fn low(self) -> u32;
 }
@@ -76,7 +75,7 @@ impl<K: RadixKey> Radix<K> {
             + self.counts.capacity() * size_of::<[usize; DIGITS]>()
     }
 
-    /// Sorts the entries stably. Keys must be below 2^`bits`.
+    /// Keys must be below 2^`bits`.
     pub(crate) fn sort(&mut self, bits: u32, executor: Executor) -> Result<(), Error> {
         try_resize(&mut self.spare, self.entries.len(), "sorting entries of cells")?;
         for shift in (0..bits).step_by(DIGIT as usize) {
@@ -87,7 +86,7 @@ impl<K: RadixKey> Radix<K> {
         Ok(())
     }
 
-    /// Sorts by one digit into `spare`. Returns `false`, without a sort, if all digits agree.
+    /// Returns `false`, without a sort, if all digits agree.
     fn pass(&mut self, shift: u32, executor: Executor) -> Result<bool, Error> {
         let Self { entries, spare, counts } = self;
         let Some(first) = entries.first() else { return Ok(false) };

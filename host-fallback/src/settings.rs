@@ -13,8 +13,8 @@ pub enum Order {
     /// Ascending by `i`, then `j`.
     #[default]
     Canonical,
-    /// Without sorting. On the CPU, reproducible and independent of the number of threads, except for streamed chunks.
-    /// On the GPU, the order may differ from call to call.
+    /// Unsorted. On the CPU, reproducible and independent of the number of threads, except for streamed chunks. On the
+    /// GPU, the order may differ from call to call.
     Unordered,
 }
 
@@ -24,8 +24,8 @@ pub enum Order {
 pub enum Skin {
     /// Keeps no candidate list: every call searches.
     Off,
-    /// Chooses the skin by observed displacements: on the CPU per species and size class, on a GPU for all. Keeps
-    /// no list if searching is expected to be cheaper. Decisions never depend on a clock, so runs are reproducible.
+    /// Chooses the skin by observed displacements: on the CPU per species and size class, on a GPU for all. Keeps no
+    /// list if searching is expected to be cheaper. Never reads a clock, so runs are reproducible.
     #[default]
     Auto,
     /// A fixed distance. Candidates are the pairs with gaps up to it, until a sphere has moved by half of it.

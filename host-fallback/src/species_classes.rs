@@ -10,12 +10,11 @@ use crate::size_class::{SIZE_CLASSES, class_of};
 const MAX_ROWS: u32 = 16;
 const NAME: &str = "displacements by species";
 
-/// Numbers indexed by size class.
 pub(crate) type PerClass<T = f32> = [T; SIZE_CLASSES];
 
 #[derive(Debug, Default)]
 pub(crate) struct SpeciesClasses<T = f32> {
-    /// Rows of the species: their number is a power of two, or 0 before the first use.
+    /// The number of rows is a power of two, or 0 before the first use.
     rows: Vec<PerClass<T>>,
 }
 
@@ -32,7 +31,7 @@ impl<T: Copy + Zeroable> SpeciesClasses<T> {
         self.rows.fill([number; SIZE_CLASSES]);
     }
 
-    /// Overwrites all numbers with `of` the numbers of others.
+    /// Sets all numbers to `of` those of `others`.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -50,7 +49,7 @@ impl<T: Copy + Zeroable> SpeciesClasses<T> {
         &self.rows
     }
 
-    /// Returns the number of a species and radius. Species 0 represents all spheres if there is no table of species.
+    /// Species 0 represents all spheres without a table.
     #[inline(always)]
     pub(crate) fn get(&self, species: u32, radius: f32) -> T {
         self.rows[species as usize & (self.rows.len() - 1)][class_of(radius)]

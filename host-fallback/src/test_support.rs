@@ -1,4 +1,4 @@
-//! Inputs that are hard for grids, and the comparison of a detector with naive.
+//! Inputs that are hard for grids, and comparisons with naive.
 
 use glam::Vec3;
 use lazygrid_kernels::{Algorithm, Interaction, Interactions, Pair, Space, Sphere, Spheres};
@@ -15,7 +15,6 @@ impl Random {
         mixed ^ mixed >> 31
     }
 
-    /// Uniform in −1..1.
     pub(crate) fn unit(&mut self) -> f32 {
         (self.next() >> 40) as f32 / (1 << 23) as f32 - 1.0
     }
@@ -97,7 +96,6 @@ pub(crate) fn inputs() -> Vec<(&'static str, Vec<Sphere>)> {
     ]
 }
 
-/// Interactions of three species, some of which never pair and some of which pair at a distance.
 fn reactions() -> Interactions {
     let mut table = Interactions::new(3, Interaction::Touch).expect("three species");
     table.set(0, 1, Interaction::Within(0.7)).expect("a distance");

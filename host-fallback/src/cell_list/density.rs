@@ -1,5 +1,5 @@
-//! The density of spheres by cell size, estimated from a sample, because bounds do not show clusters. Along the Morton
-//! curve the members of every octree cell are adjacent, so one sort serves all cube sizes.
+//! Density of spheres by cell size, estimated from a sample: bounds do not show clusters. Morton order keeps the
+//! members of every octree cell adjacent, so one sort serves all cube sizes.
 
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{Space, Spheres};
@@ -17,7 +17,7 @@ const MIN_COINCIDENCES: u64 = 24;
 pub(super) const EXACT_TEST_NS: f32 = 60.0;
 const MAX_SEPARATE: usize = 2 * (MAX_GROUPS + 1);
 
-/// Mean number of spheres around a sphere by cube size: a polyline in log-log scale.
+/// Mean number of spheres around a sphere by cube size, as a log-log polyline.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct DensityProfile {
     /// log₂ of the size of the bounding cube.
@@ -25,7 +25,7 @@ pub(crate) struct DensityProfile {
     /// log₂ of the longest axis of the grid.
     log_extent: f32,
     pub(super) periodic_axes: i32,
-    /// log₂ of the mean number at size `2^(top - depth)`, for the depths that the sample resolves.
+    /// log₂ of the mean at size `2^(top - depth)`, for each resolved depth.
     log_mean: Vec<f32>,
     /// Decrease of log₂ of the mean per halving below these depths.
     slope: f32,
@@ -41,7 +41,6 @@ impl DensityProfile {
         Ok(Sample::take(input)?.density(None))
     }
 
-    /// Samples the wrapped centers of the spheres, within the bounds of the sample.
     pub(crate) fn of_centers(spheres: Spheres<'_>, space: Space) -> Result<Self, Error> {
         let n = spheres.len();
         let size = sample_size(n);
@@ -53,8 +52,7 @@ impl DensityProfile {
         Ok(Sample::new(bounds, centers, n)?.density(None))
     }
 
-    /// Computes the profile of `n` spheres from a sample in a cube of size `cube_size`. With a grouping, only
-    /// coincidences of groups that pair count.
+    /// With a grouping, only coincidences of groups that pair count.
     #[expect(clippy::disallowed_macros, clippy::disallowed_methods, reason = "there are 22 depths")]
     pub(super) fn from_codes(
         codes: &[(u64, u32)],
@@ -73,7 +71,7 @@ impl DensityProfile {
             log_mean.push((n * shared as f32 / pairs).log2());
         }
         if let Some(grouping) = grouping {
-            // With too few pairs at a depth, the fraction of the enclosing cubes is an upper estimate.
+            // With too few pairs, the fraction of the enclosing cubes is an upper estimate.
             let mut fraction = 1.0;
             for (depth, log_mean) in log_mean.iter_mut().enumerate() {
                 let [met, all] = meetings(codes, depth, grouping);
@@ -97,27 +95,23 @@ impl DensityProfile {
         self.log_extent
     }
 
-    /// Returns the profile of a group. If `compares`, its spheres are compared with each other, all by the exact test.
     pub(super) fn of_group(self, periodic_axes: i32, compares: bool) -> Self {
         let compare_ns = if compares { EXACT_TEST_NS } else { COMPARE_NS };
         Self { periodic_axes, compare_ns, ..self }
     }
 
-    /// Returns the profile for a grid whose longest axis is `extent`.
     pub(super) fn within(self, extent: f32) -> Self {
-        // Without an extent all spheres are at one point, also in the finest cubes.
         let top = if extent > 0.0 { self.top } else { f32::NEG_INFINITY };
         Self { top, log_extent: extent.log2(), ..self }
     }
 
-    /// Estimates the number of contacts by the effective radii.
     pub(super) fn contacts(&self, stats: &InputStats) -> f32 {
-        // A cube with the volume of the sphere of centers of equal spheres in contact.
+        // Side of a cube with the volume of a ball of radius `2 * radius`.
         let around = |radius: f32| if radius > 0.0 { self.mean((3.2 * radius).log2()) } else { 0.0 };
         stats.occupied().map(|(_, class)| class.count as f32 * around(class.largest)).sum::<f32>() / 2.0
     }
 
-    /// Returns the mean number of spheres in a cube of size 2^`log_size` around a sphere, itself included.
+    /// Returns the mean number in a cube of size 2^`log_size` around a sphere, itself included.
     pub(crate) fn mean(&self, log_size: f32) -> f32 {
         let (depth, last) = ((self.top - log_size).max(0.0), self.log_mean.len() - 1);
         let log_mean = if depth >= last as f32 {
@@ -131,11 +125,9 @@ impl DensityProfile {
 }
 
 pub(super) struct Sample {
-    /// Morton codes and ids, ascending.
     pub(super) codes: Vec<(u64, u32)>,
     pub(super) spheres: usize,
     pub(super) cube_size: f64,
-    /// The longest axis of the grid.
     extent: f32,
     pub(super) periodic_axes: i32,
 }
@@ -171,7 +163,6 @@ impl Sample {
         DensityProfile { log_extent, periodic_axes, searches, ..density }
     }
 
-    /// Returns the searches in cells, as a fraction of the searches of a single group.
     fn searches(&self, grouping: &Grouping<'_>) -> f32 {
         let mut members = [0.0_f32; MAX_SEPARATE];
         for (_, index) in &self.codes {
@@ -184,12 +175,11 @@ impl Sample {
     }
 }
 
-/// With one sphere per cell on average, a sample of this size has about 18 coincidences.
+/// With one sphere per cell on average, a sample has about 18 coincidences.
 fn sample_size(n: usize) -> usize {
     n.min((6.0 * (n as f64).sqrt()) as usize).clamp(n.min(64), 1 << 16)
 }
 
-/// Returns a pseudorandom index in the `k`-th of `size` equal ranges below `n`.
 fn sample_index(k: usize, size: usize, n: usize) -> usize {
     let (from, to) = (k * n / size, (k + 1) * n / size);
     let mixed = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32;
@@ -217,7 +207,6 @@ fn coincidences(codes: &[(u64, u32)], depth: usize) -> u64 {
     cells(codes, depth).map(|run| run.len() as u64 * (run.len() as u64 - 1) / 2).sum()
 }
 
-/// Returns the coincidences at `depth` of groups that pair, and of all.
 fn meetings(codes: &[(u64, u32)], depth: usize, grouping: &Grouping<'_>) -> [u64; 2] {
     cells(codes, depth).fold([0, 0], |[met, all], run| {
         let mut members = [0_u64; MAX_SEPARATE];

@@ -1,4 +1,4 @@
-//! The density and the division of species into groups, estimated from a sample that small inputs reuse.
+//! A density sample and the resulting division of species into groups, which small inputs reuse.
 
 use glam::Vec3;
 
@@ -16,7 +16,7 @@ const MAX_REUSES: u32 = 15;
 const MAX_BOUNDS_SHIFT: f32 = 0.0625;
 /// A finer division must cost less than this fraction of the coarser one.
 const MAX_FINER_COST: f32 = 0.9;
-/// The limit for a division by reach, whose estimate is coarse.
+/// The limit for a division by reach: stricter, because its estimate is coarse.
 const MAX_NARROW_COST: f32 = 0.5;
 /// Nanoseconds per sphere. A search that costs less gains little by a division by reach.
 const CROWDED_NS: f32 = 200.0;
@@ -33,7 +33,6 @@ impl Sample {
         LevelPlan::plan(&input.stats, density).cost + exact
     }
 
-    /// Estimates the nanoseconds of a search with a plan for each group, in which effective radii decide no pair.
     fn cost_by_group(
         &self,
         input: &SearchInput<'_>,
@@ -49,12 +48,10 @@ impl Sample {
         Ok(within.sum::<f32>() + between.sum::<f32>())
     }
 
-    /// Returns the codes and ids of a group.
     fn of_group(&self, grouping: &Grouping<'_>, group: usize) -> impl Iterator<Item = (u64, u32)> {
         self.codes.iter().copied().filter(move |(_, id)| grouping.of(*id as usize) == group)
     }
 
-    /// Estimates the spheres of each group by size class of the radius within the group.
     fn stats_of_groups(
         &self,
         input: &SearchInput<'_>,
@@ -76,7 +73,6 @@ impl Sample {
         try_collect((0..grouping.count()).map(of_group), "groups of spheres")
     }
 
-    /// Returns the density of each group alone, within the extent of its sample.
     fn of_groups(
         &self,
         input: &SearchInput<'_>,
@@ -99,11 +95,9 @@ impl Sample {
     }
 }
 
-/// A density sample for reuse, and the division of species into groups.
 #[derive(Debug)]
 pub(crate) struct DensityCache {
     density: DensityProfile,
-    /// Density of each group, if groups have plans of their own.
     of_groups: Vec<DensityProfile>,
     division: Division,
     /// Version of the [`SpeciesGroups`].
@@ -172,7 +166,7 @@ impl DensityCache {
         &self.density
     }
 
-    /// Returns the density of a group. The division must have a narrow group.
+    /// The division must have a narrow group.
     pub(crate) fn density_of(&self, group: usize) -> &DensityProfile {
         &self.of_groups[group]
     }

@@ -1,7 +1,7 @@
 //! The cells of one level, in contiguous rows.
 //!
-//! If the bounds or the periods contain too many cells, the grid is folded: cells whose coordinates agree modulo the
-//! grid's size share a table entry. Folding adds comparisons, never pairs.
+//! A grid with too many cells is folded: cells whose coordinates agree modulo the grid's size share a table entry.
+//! Folding adds comparisons, never pairs.
 
 use glam::DVec3;
 
@@ -33,16 +33,16 @@ pub(crate) struct CellGrid {
     /// Inverse of `size`.
     per_size: [f64; 3],
     pub(crate) folded: bool,
-    /// `true` if a row of cells may wrap.
+    /// Rows may wrap.
     pub(crate) circular: bool,
-    /// `true` if touching spheres are always in the same or adjacent cells.
+    /// Touching spheres are in equal or adjacent cells.
     pub(crate) adjoining: bool,
-    /// Largest effective radius of the level plus its rounding error.
+    /// Largest effective radius plus rounding.
     reach: f64,
     largest: f32,
 }
 
-/// A box of cells, both corners included. `last` may exceed the size of a grid whose rows wrap.
+/// `last` may exceed the size of a grid whose rows wrap.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CellRange {
     pub(crate) first: [u32; 3],
@@ -63,9 +63,7 @@ impl CellRange {
 }
 
 impl CellGrid {
-    /// Creates cells of size `cell_size` over `bounds`, folded to `most` cells, for spheres up to radius `largest`.
-    ///
-    /// A periodic axis starts at `−length / 2` and has a whole number of cells that are no smaller.
+    /// A periodic axis starts at `−length / 2` and has a whole number of cells no smaller than `cell_size`.
     pub(crate) fn new(
         cell_size: f64,
         bounds: CenterBounds,
@@ -89,7 +87,7 @@ impl CellGrid {
         let mut cell_sizes = [cell_size; 3];
         for (axis, length) in lengths.into_iter().enumerate() {
             if let Some(length) = length {
-                // A whole number of the grid's sizes, so that the last cell and the first are adjacent in the grid, too.
+                // A multiple of the grid's size, so that the last and the first cell are adjacent there, too.
                 cells[axis] *= (extent[axis] / cells[axis]).floor().min(MAX_REPEATS);
                 cell_sizes[axis] = f64::from(length) / cells[axis];
                 origin[axis] = -0.5 * cells[axis];
@@ -143,10 +141,8 @@ impl CellGrid {
         row * self.size[0] as usize + cell[0] as usize
     }
 
-    /// Returns all cells with spheres that may touch this one.
-    ///
-    /// Unless the grid is folded or periodic, both corners come from the monotone expression of
-    /// [`cell_of`](Self::cell_of), with coordinates moved outward by more than rounding.
+    /// Covers all spheres that may touch this one. Unless the grid is folded or periodic, both corners come from the
+    /// monotone expression of [`cell_of`](Self::cell_of), with coordinates moved outward by more than rounding.
     #[inline(always)]
     pub(crate) fn block<V: SimdWidth>(&self, vector: V, [x, y, z, r]: [f32; 4]) -> CellRange {
         if self.circular {
@@ -158,9 +154,8 @@ impl CellGrid {
         CellRange { first: [low[0], low[1], low[2]], last: [high[0], high[1], high[2]] }
     }
 
-    /// Returns the bounds within which a sphere of `cell`, radius included, touches no sphere of lower or of higher
-    /// cells along each axis. They are moved inward by far more than `f32` rounding, and infinite without such cells.
-    /// The grid must not be folded.
+    /// Returns bounds within which a sphere of `cell`, radius included, touches no sphere of lower or higher cells
+    /// along each axis. They are inward by far more than `f32` rounding, or infinite. The grid must not be folded.
     #[inline(always)]
     pub(crate) fn bounds(&self, cell: [u32; 3]) -> ([f32; 3], [f32; 3]) {
         let (mut low, mut high) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
@@ -194,13 +189,12 @@ impl CellGrid {
             let (low, high) = match (self.periodic[axis], self.folded) {
                 (true, _) => {
                     let cells = self.axes.last[axis] + 1.0;
-                    // Wrapping changes coordinates by up to the rounding of one length, so a center at the end of the
-                    // axis may touch the first cell.
+                    // Wrapping may move a coordinate by the rounding of a length, so a center at the end of the axis
+                    // may touch the first cell.
                     let (at, span) = (x * per_length + 0.5 * cells, reach * per_length + cells * ROUNDING);
                     (floor(at - span), floor(at + span))
                 }
                 (false, true) if (x * per_length).abs() >= MAX_COUNTED_CELLS => {
-                    // Other coordinates are at least 2²⁵ cells away.
                     let is_near = reach * per_length < FAR_CELLS;
                     first[axis] = if is_near { self.far_cell(axis, center[axis]) } else { 0 };
                     last[axis] = if is_near { first[axis] } else { self.size[axis] - 1 };
@@ -236,23 +230,21 @@ impl CellGrid {
         cell
     }
 
-    /// Returns a hash of the coordinate: so far away, only spheres with equal coordinates can touch.
+    /// Hashes the coordinate: so far away, only spheres with equal coordinates can touch.
     fn far_cell(&self, axis: usize, at: f32) -> u32 {
         at.to_bits().wrapping_mul(0x9E37_79B1) % self.size[axis]
     }
 
-    /// Returns `cell` modulo the size, mostly without a division.
     #[inline(always)]
     fn fold(&self, axis: usize, cell: i64) -> u32 {
         let size = i64::from(self.size[axis]);
         let repeats = floor(cell as f64 * self.per_size[axis]);
         let rest = cell.wrapping_sub(repeats.wrapping_mul(size));
-        // The product may have been rounded to the next whole number.
+        // The product may have been rounded up.
         (if (0..size).contains(&rest) { rest } else { cell.rem_euclid(size) }) as u32
     }
 }
 
-/// Reduces the longest axes until the grid has at most `most` cells. Returns its size, and `true` if it is reduced.
 fn fold(extent: DVec3, most: u64) -> ([u32; 3], bool) {
     if extent.x * extent.y * extent.z <= most as f64 {
         return (extent.max(DVec3::ONE).to_array().map(|cells| cells as u32), false);
@@ -320,7 +312,6 @@ mod tests {
             let grid = CellGrid::new(cell_size, bounds, [Some(length); 3], reach as f32, 1 << 12);
             assert!(grid.folded && grid.cells() <= 1 << 12, "{grid:?}");
             for _ in 0..2000 {
-                // Half of the centers are at a face of the box.
                 let near = Vec3::from(random.point(1.0)).map(|at| if at < 0.0 { half } else { half * at });
                 let apart = Vec3::from(random.point(reach as f32 / 2.0));
                 let other = (near + apart).map(|at| if at > half { at - length } else { at });

@@ -13,12 +13,11 @@ const CHUNK_SPHERES: usize = 1 << 14;
 
 #[derive(Clone, Debug)]
 pub(super) struct GroupMembers {
-    /// Counts by size class of the radius within the group, with the skin if candidates are searched.
+    /// Classes of the radius within the group, with the skin when candidates are searched.
     pub(super) classes: [SizeClass; SIZE_CLASSES],
-    /// Largest effective radius, likewise.
     pub(super) effective: f32,
     bounds: CenterBounds,
-    /// Largest radius, or with a skin the largest up to which radii may grow without a change of effective radii.
+    /// Largest radius; with a skin, the largest to which radii may grow without changing effective radii.
     radius: f32,
     margin: f32,
 }
@@ -38,7 +37,6 @@ impl GroupMembers {
         self.classes[InputStats::class_of(radius)].add(radius);
         self.effective = self.effective.max(widened);
         self.bounds.add(center);
-        // Candidates stay valid while radii grow up to the effective radii.
         self.radius = self.radius.max(if test.has_margin() { own.max(effective) } else { own });
         self.margin = self.margin.max(widened - effective);
     }
@@ -53,8 +51,7 @@ impl GroupMembers {
         self.margin = self.margin.max(other.margin);
     }
 
-    /// Counts the members of each group. Two sets without other groups both get the bounds of all spheres and no radii,
-    /// because only other groups need them.
+    /// Two sets without other groups get the bounds of all spheres and no radii: only other groups need them.
     pub(super) fn count(
         all: &mut Vec<Self>,
         input: &SearchInput<'_>,
@@ -113,7 +110,6 @@ impl GroupMembers {
         if self.bounds.min.x <= self.bounds.max.x { self.bounds } else { point }
     }
 
-    /// Returns the largest distance of two spheres that pair, in the coordinates of the search.
     pub(super) fn reach(&self, other: &Self, meeting: Meeting, frame: Option<&SearchFrame>) -> f64 {
         let radii = f64::from(self.radius) + f64::from(other.radius);
         let searched = |frame: &SearchFrame| {

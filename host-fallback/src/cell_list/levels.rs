@@ -1,8 +1,7 @@
-//! The choice of size classes that share a level, and of each level's cell size.
+//! Choice of the size classes that share a level, and of each level's cell size.
 //!
-//! A search compares each sphere with its neighbor cells at its own level and at every coarser one. Few levels mean
-//! long runs of spheres too small for their cells; many mean short runs. Dynamic programming minimizes the cost
-//! estimated from the density.
+//! A search compares each sphere with neighbor cells at its own level and every coarser one. Few levels mean long runs
+//! of spheres too small for their cells; many mean short runs. Dynamic programming minimizes the estimated cost.
 
 #![expect(clippy::disallowed_methods, clippy::disallowed_macros, reason = "a plan is of 256 classes at most")]
 
@@ -23,7 +22,7 @@ const CIRCULAR_ROWS: f32 = 4.0;
 /// than this. The estimate suits short runs. Long runs take less, above all without minimum images.
 const MIN_CROWD_NS: f32 = 800.0;
 const MIN_PERIODIC_CROWD_NS: f32 = 200.0;
-/// Spheres in eight cells, below which smaller cells save nothing.
+/// With fewer spheres in eight cells, smaller cells save nothing.
 const MIN_FOLDED_MEAN: f32 = 16.0;
 const SIZES_PER_DOUBLING: f32 = 2.0;
 const MAX_CELL_SIZES: usize = 24;
@@ -32,7 +31,7 @@ const MAX_CELL_SIZES: usize = 24;
 const MAX_CLASS_GROUPS: usize = 20;
 pub(super) const MAX_LEVELS: usize = MAX_CLASS_GROUPS;
 
-/// The levels of a cell list, coarsest first.
+/// Levels, coarsest first.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct LevelPlan {
     pub(crate) levels: Vec<Level>,
@@ -52,14 +51,13 @@ pub(crate) struct Level {
 struct LevelOption {
     cost: f32,
     log_size: f32,
-    /// Number of groups of classes before its last level.
     from: usize,
 }
 
 impl LevelPlan {
     pub(crate) fn plan(stats: &InputStats, density: &DensityProfile) -> Self {
         let classes: Vec<_> = stats.occupied().collect();
-        // Planning time grows with the square of the number of classes, so neighboring ones are merged.
+        // Planning is quadratic in the classes, so neighbors are merged.
         let groups: Vec<&[(usize, SizeClass)]> =
             classes.chunks(classes.len().div_ceil(MAX_CLASS_GROUPS).max(1)).collect();
         let count = |group: &&[(usize, SizeClass)]| group.iter().map(|(_, class)| class.count as f32).sum();
@@ -110,15 +108,14 @@ struct LevelCostModel<'c> {
 }
 
 impl LevelCostModel<'_> {
-    /// Calls `offer` for every level from class `from` and every cell size, with the end of its classes, its search
-    /// cost for its own and all smaller spheres, and log₂ of the cell size.
+    /// Offers every level from class `from`: the end of its classes, the cost for them and all smaller spheres, and
+    /// log₂ of the cell size.
     fn levels_from(&self, from: usize, mut offer: impl FnMut(usize, f32, f32)) {
         let ends = from + 1..=self.counts.len();
         let extent = self.density.log_extent();
         let members = |to: usize| self.counts[from..to].iter().sum::<f32>();
         let row_ns = ROW_NS * self.density.searches;
         if extent == f32::NEG_INFINITY {
-            // With coincident centers all spheres are compared at any level.
             let part = self.density.mean(extent) / self.total.max(1.0);
             let met = |to: usize| part * (members(to) / 2.0 + self.counts[to..].iter().sum::<f32>());
             return ends
@@ -135,7 +132,7 @@ impl LevelCostModel<'_> {
             let mut rest = [0.0, 0.0];
             for to in ends.clone().rev() {
                 let members = members(to);
-                // The tolerance keeps rounding from excluding the size that just fits.
+                // Rounding must not exclude the size that just fits.
                 if is_folded || cells <= 1.001 * most[to - from - 1] {
                     let table = CELL_NS * cells.min(members * CELLS_PER_SPHERE);
                     let cost = table + rows + rest[0] + members / self.total * (met + rest[1]);
@@ -147,16 +144,13 @@ impl LevelCostModel<'_> {
         }
     }
 
-    /// Returns log₂ of the cell sizes to compare, and `true` if a table of `most` cells is folded for them.
     fn cell_sizes(&self, from: usize, most: f32) -> impl Iterator<Item = (f32, bool)> {
         let (density, extent) = (self.density, self.density.log_extent());
-        // Sizes range from the finest unfolded table to a single cell, but not far below the largest radius.
         let finest = extent - most.log2() / 3.0;
         let radius = (self.radii[from].log2() - 1.0).min(extent);
         let lowest = finest.max(radius);
         let unfolded = (0..MAX_CELL_SIZES).map(move |k| lowest + k as f32 / SIZES_PER_DOUBLING);
         let unfolded = unfolded.take_while(move |&log_size| log_size <= extent + 1.0);
-        // Smaller cells share entries of the table, which pays only in crowds.
         let min_ns = if density.periodic_axes > 0 { MIN_PERIODIC_CROWD_NS } else { MIN_CROWD_NS };
         let are_crowded = density.compare_ns * density.mean(finest + 1.0) > min_ns;
         let folded = (1..MAX_CELL_SIZES).map(move |k| finest - k as f32 / SIZES_PER_DOUBLING);
@@ -165,16 +159,15 @@ impl LevelCostModel<'_> {
         unfolded.map(|size| (size, false)).chain(folded.map(|size| (size, true)))
     }
 
-    /// Returns the factor on the time of rows. Cells at the faces of a periodic box are searched like cells of a folded
-    /// table.
+    /// Cells at faces of a periodic box are searched like folded ones.
     fn rows_factor(&self, log_size: f32, is_folded: bool) -> f32 {
         let cells = (self.density.log_extent() - log_size).exp2();
         let inner = (1.0 - 2.0 / cells).max(0.0).powi(self.density.periodic_axes);
         if is_folded { CIRCULAR_ROWS } else { 1.0 + (CIRCULAR_ROWS - 1.0) * (1.0 - inner) }
     }
 
-    /// Returns the costs of each class at or after `from`: for the later half of the rows around its spheres, and for
-    /// the comparisons there if the level held all spheres. Smaller spheres search both halves.
+    /// Returns costs of each class: for the later half of the rows around its spheres, and for the comparisons there if
+    /// the level held all spheres.
     fn halves(
         &self,
         from: usize,
@@ -184,7 +177,7 @@ impl LevelCostModel<'_> {
     ) -> [[f32; 2]; MAX_CLASS_GROUPS] {
         let cell_size = log_size.exp2();
         let mut halves = [[0.0; 2]; MAX_CLASS_GROUPS];
-        // Distant spheres share entries of a folded table.
+        // Distant spheres share folded entries.
         let distant = if is_folded { 1.0 / CELLS_PER_SPHERE } else { 0.0 };
         let classes = self.radii.iter().zip(&self.counts).skip(from);
         for (half, (radius, count)) in halves.iter_mut().zip(classes) {

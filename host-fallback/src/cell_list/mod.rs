@@ -1,12 +1,12 @@
 //! Hierarchical cell list: every sphere is in the cell of its center, at the level of its size.
 //!
-//! All levels are sorted together, coarse levels first. Each sphere searches the cells around it, at its own level for
-//! later spheres only, and at coarser levels. So a pair is found once, from its finer sphere or, within a level, from
-//! its earlier one.
+//! All levels are sorted together, coarse ones first. Each sphere searches the cells around it: for later spheres at
+//! its own level, and for all at coarser ones. So a pair is found once, from its finer or, within a level, earlier
+//! sphere.
 //!
-//! Groups of spheres, such as two sets or species with the same partners, have separate levels. Spheres search only
-//! levels of groups that pair with theirs, each two levels from one side. A group whose spheres reach much farther to
-//! others than to each other may have grids for its own reach; others search these with larger radii.
+//! Groups of spheres, such as two sets or species with the same partners, have separate levels. Of two levels whose
+//! groups pair, one searches the other. A group that reaches much farther to others than within itself may have grids
+//! for its own reach; others search these with larger radii.
 
 mod density;
 mod density_cache;
@@ -45,12 +45,10 @@ const SIZE_FACTORS: [f64; 5] = [1.0, 1.04, 1.08, 1.13, 1.2];
 pub(crate) struct CellList {
     levels: Vec<LevelGrid>,
     columns: Columns,
-    /// First sphere of each cell of all levels, in sorted order.
     starts: Vec<u32>,
     targets: Vec<Target>,
     members: Vec<GroupMembers>,
     groups: Vec<GroupLevels>,
-    /// `true` if contact of effective radii decides pairs.
     touch_decides: bool,
     sorter: Sorter,
     plan: Option<CachedPlan>,
@@ -58,14 +56,12 @@ pub(crate) struct CellList {
     time: f32,
 }
 
-/// The levels of a group's spheres.
 #[derive(Clone, Copy, Debug)]
 struct GroupLevels {
     first: usize,
     of_class: [u8; SIZE_CLASSES],
 }
 
-/// The last plan that all groups shared.
 #[derive(Debug)]
 struct CachedPlan {
     classes: [SizeClass; SIZE_CLASSES],
@@ -91,24 +87,22 @@ struct LevelGrid {
     /// Number of cells of earlier levels.
     base: usize,
     group: usize,
-    /// Sorted positions of the spheres.
     members: Range<usize>,
-    /// Largest effective radius; the grid is for radii within the group.
+    /// Largest effective radius. The grid is for radii within the group.
     effective: f32,
     pairs_within: bool,
     targets: Range<usize>,
 }
 
-/// The radius with which spheres search a level: their own and the excess, at most the cap.
+/// Spheres search a level with their own radius plus `excess`, at most `cap`.
 #[derive(Clone, Copy, Debug)]
 struct SearchRadius {
-    /// Effective radii of the level may exceed the largest radius of its grid by this.
+    /// Effective radii may exceed the grid's largest radius by this.
     excess: f32,
-    /// Upper bound of the distances of pairs, less the largest radius of the grid.
+    /// Largest distance of a pair, less the grid's largest radius.
     cap: f32,
 }
 
-/// A level that the spheres of another level search.
 #[derive(Clone, Copy, Debug)]
 struct Target {
     level: usize,
@@ -116,13 +110,11 @@ struct Target {
 }
 
 impl LevelGrid {
-    /// Returns the radius with which spheres of this level search their own level.
     fn own_radius(&self) -> SearchRadius {
         SearchRadius { excess: 0.0, cap: self.grid.largest() }
     }
 
-    /// Returns the radius for the search of another level, and the estimated effort. `reach` is the largest distance of
-    /// a pair of both groups.
+    /// `reach` is the largest distance of a pair.
     fn search_of(&self, other: &Self, reach: f64) -> (SearchRadius, f64) {
         let largest = f64::from(other.grid.largest());
         let (excess, cap) = match self.group == other.group {
@@ -130,7 +122,6 @@ impl LevelGrid {
             false => (f64::from(other.effective) - largest, reach - largest),
         };
         let most = f64::from(self.effective) + excess;
-        // Sums of radius and excess are rounded.
         let rounding = if excess > 0.0 { SUM_ROUNDING * most } else { 0.0 };
         let radius = SearchRadius { excess: (excess + rounding) as f32, cap: (cap as f32).next_up() };
         (radius, self.members.len() as f64 * other.grid.rows_around(most.min(cap)))
@@ -164,7 +155,7 @@ impl CellLocator<'_> {
     }
 }
 
-/// Returns the maximum number of cells per level, so that 32 bits number the cells of all levels.
+/// With this limit, 32 bits number the cells of all levels.
 fn max_cells(levels: usize) -> u64 {
     MAX_CELLS_PER_LEVEL.min(u64::from(u32::MAX) / levels.max(1) as u64)
 }
@@ -189,7 +180,7 @@ impl CellList {
         report.time("sort", || self.sorter.sort(input, cells, &mut self.columns, &mut self.starts))
     }
 
-    /// Plans the levels. Each group has its own plan if radii within some group are smaller than the effective radii.
+    /// Each group has its own plan if radii within some group are below the effective radii.
     fn plan_levels(
         &mut self,
         input: &SearchInput<'_>,
@@ -277,7 +268,6 @@ impl CellList {
         self.touch_decides
     }
 
-    /// Returns the number of sorted spheres up to the last one that may pair.
     pub(crate) fn paired(&self) -> usize {
         let searched = self.targets.iter().map(|target| &self.levels[target.level]);
         let own = self.levels.iter().filter(|level| level.pairs_within || !level.targets.is_empty());
@@ -296,7 +286,6 @@ impl CellList {
         search::search(self, input, output)
     }
 
-    /// Moves the ids of the sorted spheres to `order`, and replaces them by sorted positions.
     pub(crate) fn renumber(&mut self, order: &mut Vec<u32>) -> Result<(), Error> {
         self.columns.renumber(order)
     }
@@ -315,7 +304,6 @@ impl CellList {
     }
 }
 
-/// Builds a cell list for the density of its spheres.
 pub(crate) struct CellListBuilder<'c> {
     pub(crate) list: &'c mut CellList,
     pub(crate) density_cache: &'c DensityCache,
@@ -332,8 +320,8 @@ impl CellListBuilder<'_> {
     }
 }
 
-/// Decides which of two levels searches the other: within a group the finer one, between groups the one that searches
-/// fewer cells. `members` is empty for one group.
+/// Within a group the finer level searches; between groups, the level with fewer cells to search. `members` is empty
+/// for one group.
 fn link(
     levels: &mut [LevelGrid],
     targets: &mut Vec<Target>,

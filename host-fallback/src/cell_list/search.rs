@@ -72,7 +72,6 @@ impl<S: Sink> SimdTask for Piece<'_, S> {
     }
 }
 
-/// Returns the neighbor rows of a cell, and the end of the cell's spheres.
 #[inline(always)]
 fn neighbor_rows(list: &CellList, level: &LevelGrid, cell: [u32; 3]) -> (NeighborRows, usize) {
     let [size_x, size_y, size_z] = level.grid.size;
@@ -102,12 +101,11 @@ struct Finder<'p, V, S> {
     sink: &'p mut S,
     runs: RunQueue,
     hits: HitQueue,
-    /// `true` if the last runs had many hits, so that the next ones are queued.
     is_crowded: bool,
 }
 
 impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
-    /// Queues the runs of `members` cell by cell, because spheres of one cell share its neighbor cells.
+    /// Spheres of one cell share its neighbor cells.
     #[inline(always)]
     fn cell_by_cell(&mut self, level: &LevelGrid, targets: &[Target], members: Range<usize>) {
         let mut at = members.start;
@@ -145,7 +143,6 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Queues the runs of `level` that the sphere at `at` may touch, at or after position `from`.
     #[inline(always)]
     fn level(
         &mut self,
@@ -173,7 +170,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
     }
 
-    /// Queues the rows of a range. No row is queued twice, because no range is longer than its axis.
+    /// No row is queued twice, because no range is longer than its axis.
     #[inline(always)]
     fn rows(&mut self, level: &LevelGrid, block: CellRange, at: usize, from: usize) {
         let (size, first, count) = (level.grid.size, block.first, block.count());

@@ -1,8 +1,8 @@
-//! Sorts spheres by cell in two stable passes, whose order does not depend on threads: into buckets of consecutive
-//! cells, then within each bucket.
+//! Sorts spheres by cell in two stable passes: into buckets of consecutive cells, then within buckets. The order does
+//! not depend on threads.
 //!
-//! A single counting sort would miss every cache for large inputs. The ends of the few buckets stay in cache in the
-//! first pass, and each bucket in the second.
+//! A single counting sort would miss every cache for large inputs. The bucket ends stay in cache in the first pass, and
+//! each bucket in the second.
 
 use bytemuck::Zeroable;
 
@@ -53,8 +53,7 @@ impl Sorter {
     /// Entries of `starts` after the cells, which a search may read past the last cell.
     pub(super) const PADDING: usize = 3;
 
-    /// Fills `columns` with the sorted spheres, and `starts[k]` with the position of the first sphere of cell `k` or a
-    /// later cell. The padding repeats the end.
+    /// `starts[k]` becomes the position of the first sphere of cell `k` or later. The padding repeats the end.
     pub(super) fn sort(
         &mut self,
         input: &SearchInput<'_>,
@@ -98,7 +97,6 @@ impl Sorter {
         Ok(())
     }
 
-    /// Computes the cell of each sphere and distributes the spheres to buckets of 2^`shift` consecutive cells.
     fn spread(
         &mut self,
         input: &SearchInput<'_>,

@@ -48,7 +48,6 @@ fn agrees_with_all_pairs() {
     assert_matches_naive(&Settings { algorithm: Algorithm::CellList, ..Settings::default() });
 }
 
-/// Cells wider than the cutoff, and pairs across every face, edge and corner.
 #[test]
 fn gas_in_a_periodic_box_matches_naive() {
     let spheres: Vec<_> = scattered(6000, 0, 60.0)
@@ -72,7 +71,6 @@ fn gas_in_a_periodic_box_matches_naive() {
 
 #[test]
 fn folded_table_matches_naive() {
-    // The bounds contain far more cells than the table, and the chain crosses every boundary of the fold.
     let mut at = glam::Vec3::new(-700.0, 400.0, 90.0);
     let mut spheres = scattered(2000, 3, 30.0);
     for sphere in &mut spheres {
@@ -176,7 +174,7 @@ fn groups_of_species_match_naive() {
 
 #[test]
 fn slightly_too_many_cells_do_not_fold_the_table() {
-    // Sums of four are about normally distributed, so that no cells are as good as the smallest.
+    // Sums of four are about normal, so no cells are as good as the smallest.
     let cloud: Vec<_> = scattered(80_000, 0, 1e5)
         .chunks(4)
         .map(|four| Sphere::new(four.iter().map(|sphere| sphere.center).sum::<glam::Vec3>(), 1.0))
@@ -193,7 +191,7 @@ fn slightly_too_many_cells_do_not_fold_the_table() {
     }
 }
 
-/// The difference of the centers rounds to the radius of the giant, which belongs to another group.
+/// The difference of the centers rounds to the giant's radius.
 #[test]
 fn giant_touches_points_of_another_group_by_rounding_alone() {
     let giant = Sphere::new([1_048_576.0, 0.0, 0.0], 1_048_576.0);

@@ -30,7 +30,7 @@ impl Columns {
         self.len
     }
 
-    /// Sets the number of spheres. The caller must write all of them. After an error the columns are empty.
+    /// The caller must write all spheres. After an error the columns are empty.
     pub(crate) fn resize(&mut self, len: usize) -> Result<ColumnsMut<'_>, Error> {
         let Self { x, y, z, r, id, .. } = self;
         self.len = 0;
@@ -76,7 +76,6 @@ impl Columns {
         self.lanes::<1>(at).map(|[value]| *value)
     }
 
-    /// Returns `N` values of `x`, `y`, `z`, `r` from `base`, padding included.
     #[inline(always)]
     pub(crate) fn lanes<const N: usize>(&self, base: usize) -> [&[f32; N]; 4] {
         const { assert!(N <= MAX_LANES) };

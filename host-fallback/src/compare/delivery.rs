@@ -14,13 +14,13 @@ use lazygrid_kernels::Pair;
 use super::sink::{ChunkTarget, ChunkedOutput, PairConsumer};
 use crate::Error;
 
-/// Runs `search`, while a new thread passes its output to `consume`. Takes chunks from `free_chunks`, and returns them.
+/// Runs `search`, and `consume` on a new thread. Recycles `free_chunks`.
 pub(crate) fn deliver_unordered(
     consume: PairConsumer<'_>,
     free_chunks: &mut Vec<Vec<Pair>>,
     search: impl FnOnce(&ChunkedOutput<'_>) -> Result<(), Error>,
 ) -> Result<(), Error> {
-    // One waiting chunk per thread: no thread waits for a consumer that keeps up.
+    // With one waiting chunk per thread, no thread waits for a consumer that keeps up.
     let (sender, receiver) = sync_channel(rayon::current_num_threads());
     let end = sender.clone();
     let output = ChunkedOutput::new(ChunkTarget::Channel(sender), std::mem::take(free_chunks));

@@ -3,11 +3,9 @@ use lazygrid_kernels::{SpeciesReach, Sphere};
 use super::{PairTest, Xyzr};
 use crate::memory::{prefetch, prefetch_address};
 
-/// A layout of spheres, for each of which loops over effective spheres are compiled.
 pub(crate) trait EffectiveRows: Copy {
     fn prefetch(self, k: usize);
     fn get(self, k: usize) -> Xyzr;
-    /// Returns the effective radius of sphere `k`, given its radius.
     fn effective(self, k: usize, radius: f32) -> f32;
 
     #[inline(always)]
@@ -17,7 +15,7 @@ pub(crate) trait EffectiveRows: Copy {
     }
 }
 
-/// A loop over effective spheres. Its callees are `#[inline(always)]`, as in a [`SimdTask`](super::SimdTask).
+/// Callees are `#[inline(always)]`, as in a [`SimdTask`](super::SimdTask).
 pub(crate) trait EffectiveLoop {
     type Result;
     /// Must be `#[inline(always)]`.

@@ -11,25 +11,23 @@ use crate::memory::try_collect;
 /// About 0.2 ms (50 ns per pair of distant spheres).
 const CHUNK_PAIRS: usize = 1 << 12;
 
-/// A filter of the pairs that a search has found. Indices of a second set follow the first set.
+/// A filter of found pairs. Indices of a second set follow the first.
 #[derive(Clone, Debug)]
 pub struct PairFilter<'a> {
     first: Spheres<'a>,
     second: Option<Spheres<'a>>,
     exclusions: Option<&'a Exclusions>,
-    /// Decides contact of spheres in a frame.
     contact: Option<(&'a Space, Option<&'a Interactions>)>,
     has_groups: bool,
 }
 
 impl<'a> PairFilter<'a> {
-    /// Creates a filter; `None` if the search needs none. Species ids and exclusions must be valid.
+    /// Returns `None` if no filter is needed. Species ids and exclusions must be valid.
     pub(crate) fn new(
         query: Query<'a>,
         contact: Option<(&'a Space, Option<&'a Interactions>)>,
     ) -> Option<Self> {
         let (first, second, exclusions) = (query.first(), query.second(), query.exclusions());
-        // If one of two sets has no groups, none is shared.
         let has_groups = first.groups().is_some() && second.is_none_or(|second| second.groups().is_some());
         let is_needed = contact.is_some() || has_groups || exclusions.is_some();
         is_needed.then_some(Self { first, second, exclusions, contact, has_groups })
@@ -40,17 +38,16 @@ impl<'a> PairFilter<'a> {
         self.contact.is_some()
     }
 
-    /// Returns `true` if the filter ignores groups and exclusions.
+    /// Returns `true` without groups and exclusions.
     pub(crate) fn is_contact(&self) -> bool {
         !self.has_groups && self.exclusions.is_none()
     }
 
-    /// Returns `true` if the filter decides contact by radii alone.
     pub(crate) fn is_by_radii(&self) -> bool {
         matches!(self.contact, Some((_, None)))
     }
 
-    /// Returns `true` if spheres `i` and `j`, which a search has found, pair.
+    /// Returns `true` if the found spheres `i` and `j` pair.
     pub fn accepts(&self, i: u32, j: u32) -> bool {
         // The exclusion lookup is the slowest test, so it comes last.
         !(self.has_groups && self.are_of_one_group(i, j))

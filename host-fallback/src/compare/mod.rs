@@ -1,5 +1,3 @@
-//! The contact test of two spheres, and its vector code.
-
 mod columns;
 mod delivery;
 mod effective_rows;

@@ -7,11 +7,9 @@ use super::{PairFilter, PeriodicBox, Xyzr};
 use crate::frame::SearchFrame;
 use crate::species_classes::SpeciesClasses;
 
-/// Tests in `f64`, where differences of `f32` coordinates cannot overflow, underflow or lose the digits that decide
-/// contact.
-///
-/// With periodic `lengths` it uses minimum images. Wrapped centers are no farther apart along an axis than its length,
-/// and subtracting their distance from the length does not round.
+/// Tests in `f64`, where differences of `f32` coordinates cannot overflow, underflow or lose deciding digits. Minimum
+/// images are exact: wrapped centers are at most a length apart along an axis, and subtracting their distance from the
+/// length does not round.
 #[inline]
 fn within(lengths: Option<DVec3>, a: Vec3, b: Vec3, cutoff: f64) -> bool {
     let mut d = a.as_dvec3() - b.as_dvec3();
@@ -24,20 +22,20 @@ fn within(lengths: Option<DVec3>, a: Vec3, b: Vec3, cutoff: f64) -> bool {
 /// Largest radius for which contact may be certain: the square of twice this radius is finite in `f32`.
 const MAX_CERTAIN_RADIUS: f32 = (1_u64 << 62) as f32;
 
-/// The exact test of the spheres of a search, as pairs or, with a skin margin, as candidates.
+/// Tests pairs or, with a skin margin, candidates.
 #[derive(Clone, Debug)]
 pub(crate) struct PairTest<'a> {
     spheres: Spheres<'a>,
     species: Option<Species<'a>>,
     space: Space,
-    /// Infinite for an unbounded axis; `None` if all axes are unbounded.
+    /// Infinite for an unbounded axis; `None` if all are unbounded.
     lengths: Option<DVec3>,
     margin: Option<SkinMargin<'a>>,
     filter: Option<&'a PairFilter<'a>>,
     frame: Option<&'a SearchFrame>,
-    /// `true` if spheres that certainly touch are a pair without further tests.
+    /// Certain contacts need no further test.
     is_plain: bool,
-    /// `true` if the square of a cutoff may be infinite in `f32`, so that no contact is certain.
+    /// Squared cutoffs may be infinite in `f32`, so that no contact is certain.
     overflows: bool,
 }
 
@@ -47,16 +45,14 @@ pub(crate) struct SphereRadii {
     pub(crate) own: f32,
     /// Radius that covers the interactions of the species.
     pub(crate) effective: f32,
-    /// Displacement limit in a search for candidates, or 0.
     pub(crate) margin: f32,
-    /// Effective radius plus margin.
     pub(crate) widened: f32,
 }
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SkinMargin<'a> {
     pub(crate) limits: &'a SpeciesClasses,
-    /// Ids of the sorted spheres; `None` if columns contain ids instead of sorted positions.
+    /// `None` if columns contain ids instead of sorted positions.
     pub(crate) order: Option<&'a [u32]>,
 }
 
@@ -67,21 +63,20 @@ struct Species<'a> {
     reaches: Cow<'a, [SpeciesReach]>,
 }
 
-/// Returns the radius plus the margin, rounded up, because candidates must include every possible pair.
+/// Rounds up: candidates must include every possible pair.
 #[inline(always)]
 fn widened(radius: f32, margin: f32) -> f32 {
     (radius + margin).next_up()
 }
 
 impl<'a> PairTest<'a> {
-    /// Creates a test in unbounded space. Species ids must have been checked.
+    /// Species ids must have been checked.
     pub(crate) fn new(spheres: Spheres<'a>, interactions: Option<&'a Interactions>) -> Self {
         #[expect(clippy::disallowed_methods, reason = "a table has at most 4096 species")]
         let reaches = |table: &Interactions| (0..table.species()).map(|s| table.reach(s)).collect();
         Self::with_reaches(spheres, interactions.map(|table| (table, Cow::Owned(reaches(table)))))
     }
 
-    /// Like [`new`](Self::new), with the reach of each species to those that are present.
     pub(crate) fn of_present(
         spheres: Spheres<'a>,
         table: Option<(&'a Interactions, &'a [SpeciesReach])>,
@@ -101,7 +96,7 @@ impl<'a> PairTest<'a> {
     }
 
     pub(crate) fn filtered(self, filter: Option<&'a PairFilter<'a>>, frame: Option<&'a SearchFrame>) -> Self {
-        // No contact is certain in orthogonalized coordinates, in a trimmed frame, or between effective radii.
+        // Orthogonalized coordinates, trimmed frames and effective radii leave every contact uncertain.
         let is_certain = frame.is_none_or(SearchFrame::has_certain_contacts)
             && filter.is_none_or(|filter| filter.is_contact() && filter.is_by_radii());
         Self { filter, frame, is_plain: self.is_plain && is_certain, ..self }
@@ -112,7 +107,6 @@ impl<'a> PairTest<'a> {
         Self { space, lengths: space.is_periodic().then_some(lengths.into()), ..self }
     }
 
-    /// Returns the test for effective radii up to `largest`.
     pub(crate) fn with_radii_up_to(self, largest: f32) -> Self {
         let overflows = largest > MAX_CERTAIN_RADIUS;
         Self { overflows, is_plain: self.is_plain && !overflows, ..self }
@@ -126,16 +120,14 @@ impl<'a> PairTest<'a> {
         &self.space
     }
 
-    /// Returns the constants of minimum images and of the slack; `None` if neither is needed.
     pub(crate) fn periodic_box(&self, largest: f32) -> Option<PeriodicBox> {
         match self.frame.is_some_and(SearchFrame::has_certain_contacts) {
             true => Some(PeriodicBox::of_frame(&self.space, largest)),
-            // In orthogonalized coordinates or a trimmed frame no contact is certain, so none needs the frame's slack.
             false => PeriodicBox::of(&self.space),
         }
     }
 
-    /// Returns a distance in the coordinates of the search.
+    /// Converts to search coordinates.
     pub(crate) fn searched(&self, distance: f64) -> f32 {
         (distance * self.frame.map_or(1.0, SearchFrame::scale)) as f32
     }
@@ -158,12 +150,10 @@ impl<'a> PairTest<'a> {
         self.species.as_ref().map(|species| (species.ids, &*species.reaches))
     }
 
-    /// Returns the number of species of the table; 0 without one.
     pub(crate) fn species_count(&self) -> u32 {
         self.species.as_ref().map_or(0, |species| species.table.species())
     }
 
-    /// Returns the species of a sphere; 0 without a table.
     #[inline(always)]
     pub(crate) fn species_of(&self, id: u32) -> u32 {
         self.species.as_ref().map_or(0, |species| species.ids[id as usize])
@@ -200,12 +190,12 @@ impl<'a> PairTest<'a> {
         SphereRadii { center: sphere.center, own: sphere.radius, effective, margin, widened }
     }
 
-    /// Returns the effective radius of a sphere, with the skin margin, by the interactions that `reach` covers.
+    /// Covers the interactions of `reach`, with the skin margin.
     #[inline]
     pub(crate) fn radius_within(&self, id: u32, reach: SpeciesReach) -> f32 {
         let SphereRadii { own, effective, margin, widened: most, .. } = self.radii(id);
         let radius = match self.frame {
-            // The given radius may grow while candidates are kept, and is unknown in a frame.
+            // The own radius may grow while candidates are kept; in a frame it is unknown.
             _ if reach.effective.touches && (self.has_margin() || self.frame.is_some()) => effective,
             None => reach.effective.for_radius(own),
             Some(frame) => frame.radius(reach.largest_half).unwrap_or(effective),
@@ -213,7 +203,7 @@ impl<'a> PairTest<'a> {
         if self.has_margin() { widened(radius, margin).min(most) } else { radius.min(most) }
     }
 
-    /// Lets contact by effective radii decide up to rounding, unless a filter or frame requires more.
+    /// Contact of effective radii decides, unless a filter or frame requires more.
     pub(crate) fn decided_by_radii(&mut self) {
         self.is_plain = !self.overflows
             && self.frame.is_none_or(SearchFrame::has_certain_contacts)
@@ -230,7 +220,7 @@ impl<'a> PairTest<'a> {
         [center.x, center.y, center.z, radius]
     }
 
-    /// Returns `true` if the spheres at two sorted positions may pair; `None` if the search is not for candidates.
+    /// Returns `None` if the search is for pairs.
     #[inline(always)]
     pub(crate) fn is_candidate(&self, i: u32, j: u32) -> Option<bool> {
         let order = self.margin?.order?;

@@ -14,7 +14,6 @@ struct Lanes {
     possible: u32,
 }
 
-/// The hits of the sphere at `at` in a vector of spheres at or above `base`.
 #[derive(Clone, Copy)]
 struct VectorHits {
     at: usize,
@@ -22,14 +21,13 @@ struct VectorHits {
     lanes: Lanes,
 }
 
-/// Spheres to compare, and their exact test.
 #[derive(Clone, Copy)]
 pub(crate) struct ScanInput<'c> {
     pub(crate) columns: &'c Columns,
     pub(crate) test: &'c PairTest<'c>,
 }
 
-/// Compares the sphere at `at` with a run that does not contain it. Returns the number of vectors with hits.
+/// The run must not contain `at`. Returns the number of vectors with hits.
 #[inline(always)]
 pub(crate) fn scan<V: SimdWidth, S: Sink>(
     vector: V,
@@ -54,14 +52,11 @@ pub(crate) fn scan<V: SimdWidth, S: Sink>(
     hit_vectors
 }
 
-/// A queue of vectors with hits.
-///
-/// If about every second vector has a hit, branches are mispredicted. [`scan`](Self::scan) therefore appends to the
-/// queue without a branch, and pairs are written later.
+/// Appends without a branch: with hits in every second vector, branches would be mispredicted.
 pub(crate) struct HitQueue {
     at: [u32; Self::ROOM],
     base: [u32; Self::ROOM],
-    /// Possible contacts in the lower half, certain ones in the upper half.
+    /// Possible contacts in the lower half, certain in the upper.
     lanes: [u32; Self::ROOM],
     len: usize,
     hit_vectors: usize,
@@ -76,7 +71,7 @@ impl HitQueue {
         Self { at: [0; Self::ROOM], base: [0; Self::ROOM], lanes: [0; Self::ROOM], len: 0, hit_vectors: 0 }
     }
 
-    /// Compares like [`scan`](fn@scan), for spheres with many hits. [`flush`](Self::flush) writes the last pairs.
+    /// [`flush`](Self::flush) writes the last pairs.
     #[inline(always)]
     pub(crate) fn scan<V: SimdWidth, S: Sink>(
         &mut self,
@@ -103,7 +98,6 @@ impl HitQueue {
         }
     }
 
-    /// Returns the number of vectors with hits since the last flush.
     #[inline(always)]
     pub(crate) fn flush<V: SimdWidth, S: Sink>(
         &mut self,

@@ -1,7 +1,7 @@
 //! Outputs of a search: counters, lists and consumers of chunks.
 //!
-//! Threads share an [`Output`]; each opens a [`Sink`]. Sinks of consecutive chunks of work are merged in order, so a
-//! list does not depend on the number of threads.
+//! Threads share an [`Output`]; each opens a [`Sink`]. Sinks are merged in order of their work, so a list does not
+//! depend on threads.
 
 use std::ops::{ControlFlow, Range};
 use std::sync::atomic::{AtomicBool, AtomicU32, AtomicU64, Ordering::Relaxed};
@@ -40,7 +40,6 @@ pub(crate) trait Sink: Send + Sized {
 
     fn pair(&mut self, pair: Pair);
 
-    /// Adds pairs of positions in `order`.
     #[inline(always)]
     fn pairs_at(&mut self, pairs: &[Pair], order: &[u32]) {
         pairs.iter().for_each(|&pair| self.pair(pair_at(pair, order)));
@@ -57,7 +56,6 @@ pub(crate) trait Sink: Send + Sized {
     }
 }
 
-/// Returns the pair of the ids at two positions in `order`.
 #[inline(always)]
 pub(crate) fn pair_at(pair: Pair, order: &[u32]) -> Pair {
     Pair::new(order[pair.i as usize], order[pair.j as usize])
@@ -107,7 +105,7 @@ pub(crate) struct ChunkedOutput<'c> {
     pub(crate) to: ChunkTarget<'c>,
     /// Range of the smaller index; `None` for all.
     pub(crate) window: Option<Range<u32>>,
-    /// Reusable chunks, with arbitrary contents.
+    /// Contents are arbitrary.
     pub(crate) free_chunks: Mutex<Vec<Vec<Pair>>>,
     pub(crate) stop: AtomicBool,
 }
@@ -138,7 +136,6 @@ impl<'c> ChunkedOutput<'c> {
         matches!(&self.to, ChunkTarget::List { limit, kept } if kept.load(Relaxed) > *limit)
     }
 
-    /// Returns the `lanes` of `ids` whose pairs with `id` are in the window.
     #[inline(always)]
     fn inside(&self, id: u32, ids: &[u32; MAX_LANES], lanes: u32) -> u32 {
         let Some(Range { start, end }) = self.window else { return lanes };
@@ -200,7 +197,7 @@ impl<'c> ChunkedOutput<'c> {
         Ok(())
     }
 
-    /// Makes a chunk reusable. Keeps its length, because growing would clear the new part.
+    /// Keeps the length, because growing would clear the new part.
     fn put_back(&self, chunk: Vec<Pair>) -> Result<(), Error> {
         if chunk.capacity() > 0 {
             memory::try_push(&mut lock(&self.free_chunks), chunk, "chunks of pairs")?;
@@ -224,7 +221,6 @@ impl<'c> Output for ChunkedOutput<'c> {
 pub(crate) struct Writer<'o, 'c> {
     output: &'o ChunkedOutput<'c>,
     found: u64,
-    /// Empty, or up to [`CHUNK`] pairs (`len` are used).
     chunk: Vec<Pair>,
     len: usize,
     /// `true` if the list is too long or memory was refused.
@@ -240,7 +236,6 @@ impl Writer<'_, '_> {
         Ok((found, chunks))
     }
 
-    /// Returns the next slots of the chunk; `None` if memory is refused.
     #[inline(always)]
     fn room(&mut self) -> Option<&mut [Pair; MAX_LANES]> {
         if self.chunk.len() < self.len + MAX_LANES
@@ -252,7 +247,7 @@ impl Writer<'_, '_> {
         self.chunk[self.len..].first_chunk_mut()
     }
 
-    /// Enlarges the chunk, or takes another if it is full. Chunks grow as they fill, so few pairs clear little memory.
+    /// Chunks grow as they fill, so few pairs clear little memory.
     #[cold]
     #[inline(never)]
     fn renew(&mut self) -> Result<(), Error> {
@@ -359,6 +354,6 @@ impl Sink for Writer<'_, '_> {
 }
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    // The guarded values are consistent after every statement, even if a thread panicked.
+    // The guarded values are consistent after every statement, even after a panic.
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -34,7 +34,7 @@ pub const NAIVE_BELOW: usize = 400;
 /// Increase per size class, because each slows the plan of the cell list.
 pub const NAIVE_PER_CLASS: usize = 80;
 
-/// Returns the algorithm and its reason. `Auto` depends on the statistics of the spheres.
+/// Returns the algorithm and its reason.
 pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
     if asked != Algorithm::Auto {
         return (asked, format!("{asked}: requested"));
@@ -52,7 +52,6 @@ pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
 /// Number of comparisons between two sets that cost as much as sorting and searching one sphere.
 const COMPARED_PER_SPHERE: u64 = 200;
 
-/// Chooses for two sets, of which the first has `split` spheres.
 pub(crate) fn choose_between(asked: Algorithm, stats: &InputStats, split: usize) -> (Algorithm, String) {
     if asked != Algorithm::Auto {
         return choose(asked, stats);

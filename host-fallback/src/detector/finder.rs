@@ -40,7 +40,6 @@ pub trait SearchBackend {
 
     fn team(&self) -> &Arc<Team>;
 
-    /// Returns the number of pairs and the phases of the report.
     fn report_mut(&mut self) -> (&mut u64, &mut Vec<PhaseTime>);
 
     /// Checks a query, chooses an algorithm, builds its index, and lets `work` search.
@@ -96,8 +95,7 @@ impl<B: SearchBackend> PairFinder<B> {
     /// See [`pairs`](Self::pairs).
     pub fn list(&mut self, query: &Query<'_>, order: Order) -> Result<(), Error> {
         let listed = self.find_list(query, order);
-        // A failed search must not leave the list of an earlier call. Clearing the list first would cost each call the
-        // time to fill its memory again.
+        // A failed search must not leave an earlier list. Clearing it first would cost each call a refill.
         if listed.is_err() {
             self.pairs.clear();
         }
@@ -148,7 +146,7 @@ impl<B: SearchBackend> PairFinder<B> {
         &self.backend
     }
 
-    /// Returns the phases of the last call, to which the caller may add.
+    /// Returns the phases of the last call. The caller may add phases.
     pub fn phases_mut(&mut self) -> &mut Vec<PhaseTime> {
         self.backend.report_mut().1
     }
@@ -236,7 +234,7 @@ fn join(chunks: &mut [Vec<Pair>], team: &Team, pairs: &mut Vec<Pair>) -> Result<
     if let [only] = chunks
         && only.len() > MIN_PARALLEL_SPHERES
     {
-        // This is the list of a device. Chunks of the CPU are shorter, and keep their memory.
+        // A device's list. Chunks of the CPU are short and keep their memory.
         std::mem::swap(only, pairs);
         return Ok(());
     }
@@ -254,7 +252,7 @@ fn join(chunks: &mut [Vec<Pair>], team: &Team, pairs: &mut Vec<Pair>) -> Result<
     })
 }
 
-/// Returns the largest consecutive ranges of indices with at most `most` pairs by `counts`, or with a single index.
+/// Returns the largest consecutive index ranges of at most `most` pairs by `counts`, or of a single index.
 pub fn ranges(counts: &[u32], most: u64) -> impl Iterator<Item = Range<u32>> {
     let mut from = 0;
     std::iter::from_fn(move || {
@@ -270,7 +268,7 @@ pub fn ranges(counts: &[u32], most: u64) -> impl Iterator<Item = Range<u32>> {
     })
 }
 
-/// Converts pairs of two sets, so that spheres of the second set have their index in that set.
+/// Gives spheres of the second set their index in that set.
 #[derive(Debug, Default)]
 struct Numbering {
     split: Option<u32>,

@@ -25,7 +25,6 @@ pub type HostDetector = PairFinder<HostBackend>;
 #[derive(Debug)]
 pub struct HostBackend {
     settings: Settings,
-    /// Largest index that its calls may build.
     structure: IndexKind,
     team: Arc<Team>,
     buffers: QueryBuffers,
@@ -64,10 +63,10 @@ impl HostBackend {
 
     /// Returns the most bytes held for `spheres` spheres by all threads, without the result and its chunks.
     ///
-    /// The paper's grids may take four times as much beyond 2²⁹ cells, and again on periodic axes shorter than three
-    /// cells. For the recursive grid, the estimate assumes one overfull cell with all spheres; nested overfull cells
-    /// add up to 150 bytes per sphere. A candidate list is assumed to have its maximum, 96 candidates of 8 bytes per
-    /// sphere. Few scenes have more than ten, and [`Skin::Off`](crate::Skin::Off) keeps none.
+    /// The paper's grids may take four times as much beyond 2²⁹ cells, and again on periodic axes below three cells.
+    /// The recursive grid is assumed to have one overfull cell with all spheres; nested ones add up to 150 bytes per
+    /// sphere. A candidate list is assumed to have its maximum, 96 candidates of 8 bytes per sphere. Few scenes have
+    /// more than ten, and [`Skin::Off`](crate::Skin::Off) keeps none.
     pub fn memory_for(&self, spheres: u64, is_f64: bool) -> u64 {
         let (ratio, threads) = (self.settings.cell_ratio, self.team.count() as u64);
         let copied = QueryBuffers::memory_for(spheres, is_f64, &self.settings, true);
@@ -104,7 +103,6 @@ impl SearchBackend for HostBackend {
         (&mut self.state.report.pairs, &mut self.state.report.phases)
     }
 
-    /// Runs small inputs in the calling thread, except for long searches.
     fn search(&mut self, query: &Query<'_>, work: Work<'_>) -> Result<(), Error> {
         let Self { settings, structure, team, buffers, state } = self;
         let settings = &*settings;
@@ -119,7 +117,6 @@ impl SearchBackend for HostBackend {
             let candidates = &state.skin.candidates;
             let has_same_species = candidates.are_of_species(query.first().species(), buffers.version());
             if has_same_species {
-                // Valid candidates are tested without a copy of the spheres.
                 prepared = buffers.prepare_in_place(query, settings, executor)?;
                 if let Some(in_place) = &prepared {
                     let input = in_place.input;
@@ -223,7 +220,6 @@ mod tests {
         }
     }
 
-    /// The host wraps for its own search, a GPU wraps on the device.
     #[test]
     fn memory_for_counts_the_copy_of_each_space() {
         let memory = |space, is_f64, wraps| {

@@ -23,7 +23,6 @@ pub(crate) struct DetectorState {
     naive: Naive,
     cell_list: CellList,
     pub(crate) skin: SkinController,
-    /// `true` if the search tests candidates.
     from_candidates: bool,
     hash_grid: HashGrid,
     array_grid: ArrayGrid,
@@ -32,7 +31,6 @@ pub(crate) struct DetectorState {
 }
 
 impl DetectorState {
-    /// Measures displacements. Returns the reason for a rebuild of the candidate list; `None` if the list is valid.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,
@@ -87,7 +85,6 @@ impl DetectorState {
         Ok(())
     }
 
-    /// Returns `true` if a search probably ends before threads wake.
     pub(crate) fn is_short(&self, input: &SearchInput<'_>) -> bool {
         match self.report.algorithm {
             _ if self.from_candidates => false,
@@ -129,7 +126,6 @@ impl DetectorState {
         })
     }
 
-    /// Collects at most `limit` pairs, with `i` in `window` if given.
     fn collect(
         &mut self,
         input: &SearchInput<'_>,
@@ -155,7 +151,6 @@ impl DetectorState {
     }
 }
 
-/// An index that has been built for a query.
 pub(crate) struct Built<'b> {
     pub(crate) state: &'b mut DetectorState,
     pub(crate) input: &'b SearchInput<'b>,
@@ -176,7 +171,7 @@ impl PairSource for Built<'_> {
         Ok(found)
     }
 
-    /// Delivers one part if there are at most `limit` pairs, else searches again for each range of `i`.
+    /// Searches again for each range of `i` if more than `limit` pairs exist.
     fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error> {
         let Self { state, input } = self;
         let (found, chunks) = state.collect(input, limit, None)?;

@@ -4,7 +4,6 @@ use crate::executor::{Chunks, Executor};
 
 const CHUNK_SPHERES: usize = 1 << 13;
 
-/// Bounds of the numbers `x, y, z, r` of spheres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Bounds {
     pub(crate) min: [f64; 4],
@@ -55,7 +54,7 @@ impl Bounds {
         self.zero == [0.0; 4] && self.min[3] >= 0.0
     }
 
-    /// Checks that the exact test of spheres in these bounds does not overflow in a triclinic cell.
+    /// Checks that the exact test cannot overflow in a triclinic cell.
     ///
     /// # Errors
     /// [`InputError::CoordinateRange`].
@@ -70,12 +69,10 @@ impl Bounds {
         Ok(())
     }
 
-    /// Returns the middle along an axis; 0 without spheres.
     pub(super) fn middle(&self, axis: usize) -> f64 {
         if self.min[axis] > self.max[axis] { 0.0 } else { 0.5 * self.min[axis] + 0.5 * self.max[axis] }
     }
 
-    /// Returns the largest distance from `origin` along an axis.
     pub(super) fn reach(&self, axis: usize, origin: f64) -> f64 {
         (self.max[axis] - origin).max(origin - self.min[axis])
     }

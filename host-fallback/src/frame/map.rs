@@ -2,20 +2,18 @@ use bytemuck::cast;
 
 use super::{Axes, GROWTH, MAX_LENGTHS, MAX_RADIUS, SearchFrame};
 
-/// The map of spheres to a frame, prepared for vectors. Its results equal [`SearchFrame::sphere`].
+/// A map prepared for vectors. Its results equal [`SearchFrame::sphere`].
 pub(crate) struct FrameMap<'f> {
     pub(crate) frame: &'f SearchFrame,
     pub(crate) origin: [f64; 4],
-    /// Infinite for an unbounded axis and for the radius. NaN in a triclinic space and in a trimmed frame.
+    /// Infinite for an unbounded axis and the radius. NaN in a triclinic space and a trimmed frame.
     pub(crate) lengths: [f64; 4],
-    /// Largest radius; infinite for coordinates.
     pub(crate) limit: [f64; 4],
-    /// Scale times the growth of radii, and the summand of the growth. The scale is a power of two, so a product with
-    /// both rounds like products with each in turn.
+    /// Scale times growth, and summand. The scale is a power of two, so a product with both rounds like products with
+    /// each in turn.
     pub(crate) growth: [[f64; 4]; 2],
-    /// Half the period of each axis; infinite for an unbounded one and for the radius.
     pub(crate) half: [f32; 4],
-    /// Smallest and largest difference from the origin of a sphere that the frame [contains](Self::contains).
+    /// Range of differences from the origin that the frame [contains](Self::contains).
     pub(crate) limits: [[f64; 4]; 2],
 }
 
@@ -44,7 +42,7 @@ impl<'f> FrameMap<'f> {
         }
         for axis in 0..3 {
             let length = map.lengths[axis];
-            // Below the inverse of the scale, which is infinite for the smallest scales.
+            // The inverse is infinite for the smallest scales.
             let limit =
                 if length == f64::INFINITY { scale.recip().next_down() } else { MAX_LENGTHS * length };
             (map.limits[0][axis], map.limits[1][axis]) = (-limit, limit);
@@ -52,9 +50,9 @@ impl<'f> FrameMap<'f> {
         map
     }
 
-    /// Returns `true` if the sphere is valid, and the frame represents it independently of other spheres: inside the
-    /// frame along unbounded axes, within [`MAX_LENGTHS`] along periodic axes. Returns `false` in a triclinic space and
-    /// in a trimmed frame.
+    /// Returns `true` if the sphere is valid, and the frame represents it independently of others: inside along
+    /// unbounded axes, within [`MAX_LENGTHS`] along periodic axes. Returns `false` in a triclinic space and a trimmed
+    /// frame.
     #[inline(always)]
     pub(crate) fn contains(&self, row: [f64; 4]) -> bool {
         let [low, high] = &self.limits;
@@ -68,8 +66,7 @@ impl<'f> FrameMap<'f> {
         self.lengths == [f64::INFINITY; 4]
     }
 
-    /// Maps a sphere with its effective radius. `PERIODIC` may be `false` only if the map [is
-    /// unbounded](Self::is_unbounded).
+    /// `PERIODIC` may be `false` only if the map [is unbounded](Self::is_unbounded).
     #[inline(always)]
     pub(crate) fn map<const PERIODIC: bool>(&self, row: [f64; 4]) -> [f32; 4] {
         let (mut mapped, mut is_near) = ([0.0_f32; 4], true);
@@ -90,10 +87,10 @@ impl<'f> FrameMap<'f> {
             }
         }
         if PERIODIC && !is_near {
-            // This image is wrong beyond `MAX_LENGTHS`, in a triclinic space, and in a trimmed frame.
+            // The image is wrong beyond `MAX_LENGTHS`, and where lengths are NaN.
             return cast(self.frame.sphere(row));
         }
-        // The next larger radius, because this one is positive and finite.
+        // The next larger number.
         mapped[3] = f32::from_bits(mapped[3].to_bits() + 1);
         mapped
     }

@@ -1,31 +1,31 @@
-//! Search frames: `f32` coordinates for `f64` spheres, and for lengths and distances that `f32` cannot represent. A
-//! search in a frame finds candidates; [`Space::touch`] decides on the given numbers.
+//! Search frames: `f32` coordinates for `f64` spheres, and for lengths and distances beyond `f32`. A search in a frame
+//! finds candidates; [`Space::touch`] decides on the given numbers.
 //!
 //! # Correctness
 //!
-//! A frame has an origin `o` and a power of two `s`. A sphere `c, r` is searched as `u = f32((c − o)·s)` with the
+//! A frame has an origin `o` and a power of two `s`. It searches a sphere `c, r` as `u = f32((c − o)·s)` with the
 //! radius `R = r·s·(1 + 2⁻²⁰) + 2⁻²³`, rounded up.
 //!
 //! 1. `s` makes all `|c − o|·s` along unbounded axes, and all lengths `L·s`, less than 1. Rounding `u` moves a center
-//!    by up to 2⁻²⁵ along an axis, so two centers seem at most √3·2⁻²⁴ farther apart than they are, and rounding `L·s`
-//!    to a period adds 2⁻²⁵. The radii of two spheres compensate for 4·2⁻²⁴.
-//! 2. Their relative part compensates for rounding of the radii, for 5 ulp of error on a GPU, and for the roundings of
-//!    the decision in `f64`.
+//!    by up to 2⁻²⁵ along an axis, so two centers seem at most √3·2⁻²⁴ farther apart. Rounding `L·s` to a period adds
+//!    2⁻²⁵. The two radii compensate for 4·2⁻²⁴.
+//! 2. The relative part of the radii compensates for rounding of the radii, for 5 ulp of error on a GPU, and for
+//!    roundings of the decision in `f64`.
 //! 3. The decision rounds `cⱼ − cᵢ` by 2⁻⁵³ of itself. Along periodic axes, `s` makes it less than 2²⁰, and the
 //!    rounding less than 2⁻³³.
-//! 4. A sphere with a radius above 4 touches everything in the frame, so radii are limited to 4.
+//! 4. A radius above 4 touches everything in the frame, so radii are limited to 4.
 //!
 //! So every pair that touches in space also touches in the frame. Conversely, in an orthogonal frame a pair that
 //! touches by more than the [slack](SearchFrame::slack) touches in space and needs no decision:
 //!
-//! 5. By 1. a distance in the frame is at most √3·3·2⁻²⁵ less than the distance in space. The error of the search's
-//!    filter, whose slack in a periodic space is 2⁻²² of the longest axis, is less than that.
-//! 6. Two radii together have grown by at most 2⁻²⁰ + 2⁻²² of the cutoff `ρ`, where the second term is the roundings
-//!    upward, and 1.01·2⁻²². Effective radii that decide may exceed their distance by 2⁻²³ of it.
-//! 7. All absolute parts together are 2.7·2⁻²² at most; the slack has 2⁻²⁰, and for the relative ones 2⁻¹⁹ of the
+//! 5. By 1. a distance in the frame is at most √3·3·2⁻²⁵ less than in space. The error of the search's filter, whose
+//!    slack in a periodic space is 2⁻²² of the longest axis, is less than that.
+//! 6. Two radii together have grown by at most 2⁻²⁰ + 2⁻²² of the cutoff `ρ` (the second term for rounding up) and
+//!    1.01·2⁻²². Effective radii that decide may exceed their distance by 2⁻²³ of it.
+//! 7. All absolute parts together are at most 2.7·2⁻²²; the slack has 2⁻²⁰. For the relative ones it has 2⁻¹⁹ of the
 //!    largest cutoff, of which the decision's own rounding is less than 2⁻⁴⁹.
 //!
-//! A *trimmed* frame excludes a few spheres far away from the others, which would make `s` small and enlarge all radii:
+//! A *trimmed* frame excludes a few far spheres, which would make `s` small and enlarge all radii:
 //!
 //! 8. Coordinates along unbounded axes are clamped to ±1. Clamping never moves two spheres apart, hence 1. holds.
 //!    Differences of clamped coordinates are rounded in proportion to `ρ` if the spheres touch: 2. compensates for it.
@@ -48,7 +48,7 @@ const MAX_RADIUS: f64 = 4.0;
 const MIN_SPREAD: f64 = 1.0 / (1 << 20) as f64;
 /// Absolute part of the slack, and the part relative to the largest radius.
 const SLACK: [f32; 2] = [1.0 / (1 << 20) as f32, 1.0 / (1 << 18) as f32];
-/// Largest distance from the origin along a periodic axis, in lengths, at which one subtraction wraps a center.
+/// Distance from the origin, in lengths of a periodic axis, up to which one subtraction wraps a center.
 pub(crate) const MAX_LENGTHS: f64 = 1.5;
 /// Filled fraction below which a frame is replaced. Keeping a frame preserves the radii of moving spheres.
 const MIN_FILLED: f64 = 1.0 / 8.0;
@@ -59,16 +59,15 @@ pub struct SearchFrame {
     origin: [f64; 3],
     scale: f64,
     axes: Axes,
-    /// `true` if coordinates along unbounded axes are clamped to the frame.
     is_trimmed: bool,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 enum Axes {
-    /// Length of each axis as given, and its period in the frame.
+    /// Given length, and period in the frame.
     Orthogonal([Option<(f64, f32)>; 3]),
     Triclinic(Orthogonalization),
-    /// Axes of `f32` spheres in a triclinic space, whose rounding does not depend on bounds.
+    /// Axes of `f32` spheres, whose rounding does not depend on bounds.
     TriclinicF32(Orthogonalization),
 }
 
@@ -79,13 +78,13 @@ impl SearchFrame {
         Self::at(origin, scale_of(Self::size(bounds, space, &origin)), space)
     }
 
-    /// Returns `true` if this frame represents spheres in `bounds`, and they fill enough of it.
+    /// Returns `true` if spheres in `bounds` fit, and fill enough of the frame.
     pub(crate) fn fits(&self, bounds: &Bounds, space: &Space) -> bool {
         (MIN_FILLED..1.0).contains(&(Self::size(bounds, space, &self.origin) * self.scale))
     }
 
-    /// Returns `true` if this frame represents spheres in `bounds` together with all spheres that its map
-    /// [contains](FrameMap::contains), and the exact test can decide their pairs. They may fill little of the frame.
+    /// Returns `true` if the frame represents spheres in `bounds` together with all that its map
+    /// [contains](FrameMap::contains), and the exact test can decide their pairs. They may fill little of it.
     pub(crate) fn holds(&self, bounds: &Bounds, space: &Space) -> bool {
         if bounds.check_range(space).is_err() {
             return false;
@@ -138,7 +137,7 @@ impl SearchFrame {
         Self { origin, scale, axes, is_trimmed: false }
     }
 
-    /// Returns the space of the coordinates in the frame.
+    /// Returns the space of the frame's coordinates.
     pub fn space(&self) -> Space {
         match &self.axes {
             Axes::Orthogonal(axes) => {
@@ -162,18 +161,18 @@ impl SearchFrame {
         self.scale
     }
 
-    /// Returns the searched radius of spheres with this radius; `None` if it depends on the center.
+    /// Returns `None` if the radius depends on the center.
     pub(crate) fn radius(&self, radius: f64) -> Option<f32> {
         self.is_orthogonal().then(|| searched_radius(radius * self.scale))
     }
 
-    /// Returns the overlap beyond which spheres up to this radius certainly touch in space.
+    /// Returns the overlap beyond which radii up to `largest` touch in space.
     pub(crate) fn slack(largest: f32) -> f32 {
         let [absolute, relative] = SLACK;
         absolute + relative * largest
     }
 
-    /// Maps a sphere. The function is cold, so that loops over vectors keep their registers around the call.
+    /// Cold, so that loops over vectors keep their registers around the call.
     #[cold]
     #[inline(never)]
     pub(crate) fn sphere(&self, [x, y, z, radius]: [f64; 4]) -> Sphere {
@@ -212,7 +211,7 @@ fn searched_radius(radius: f64) -> f32 {
     f32::from_bits(((radius * relative + absolute) as f32).to_bits() + 1)
 }
 
-/// Returns a power of two that scales `size` to between one half and 1.
+/// Returns a power of two that scales `size` to at least one half and below 1.
 fn scale_of(size: f64) -> f64 {
     const FRACTION: u64 = (1 << 52) - 1;
     const EXPONENTS: u64 = 2047;
@@ -221,11 +220,11 @@ fn scale_of(size: f64) -> f64 {
     }
     // The smallest sizes stay below one half, because their inverse is infinite.
     let exponent = (size.max(4.0 * f64::MIN_POSITIVE).to_bits() & !FRACTION) >> 52;
-    // A quarter of twice the inverse power of two; for the largest sizes the inverse is subnormal.
+    // A quarter of twice the inverse, because the inverse is subnormal for the largest sizes.
     0.25 * f64::from_bits((EXPONENTS - exponent) << 52)
 }
 
-/// Wraps a coordinate to within half a length of the origin, without rounding.
+/// Wraps to within half a length of the origin, without rounding.
 #[inline]
 fn wrap(x: f64, length: f64) -> f64 {
     let half = 0.5 * length;

@@ -17,7 +17,7 @@ const MIN_GAIN: f64 = 16.0;
 /// Growth of radii as a fraction of the median radius: above the first, a frame is trimmed; the second is acceptable.
 const GROWN: [f64; 2] = [1.0 / 4.0, 1.0 / 32.0];
 
-/// Coordinates and effective radii of spheres by index, and their bounds. The second set follows the first.
+/// The second set follows the first.
 pub(crate) struct RowsByIndex<'r> {
     pub(crate) count: usize,
     pub(crate) bounds: &'r Bounds,
@@ -25,7 +25,7 @@ pub(crate) struct RowsByIndex<'r> {
 }
 
 impl RowsByIndex<'_> {
-    /// Returns the number of spheres that may lie outside. All pairs among them are only a few per sphere of the input.
+    /// All pairs of outside spheres are only a few per input sphere.
     fn most_outside(&self) -> usize {
         (4 * self.count.isqrt()).min(self.count / 8)
     }
@@ -40,8 +40,8 @@ impl SearchFrame {
         self.is_trimmed
     }
 
-    /// Returns a trimmed frame if this frame, of all spheres in `rows`, enlarges radii too much because of a few far
-    /// spheres. Keeps the `last` trimmed frame if it serves. The result is independent of the number of threads.
+    /// Returns a trimmed frame if a few far spheres make this frame, of all `rows`, enlarge radii too much. Keeps the
+    /// `last` one if it serves. The result does not depend on threads.
     pub(crate) fn trimmed(
         &self,
         space: &Space,
@@ -83,7 +83,7 @@ impl SearchFrame {
         (0..3).all(|axis| (origin[axis] - self.origin[axis]).abs() * self.scale < 0.25)
     }
 
-    /// Returns `bounds` without the extent along unbounded axes, which does not matter in a trimmed frame.
+    /// The extent along unbounded axes does not matter in a trimmed frame.
     pub(super) fn without_free_axes(&self, bounds: &Bounds, space: &Space) -> Bounds {
         let is_free = Self::periodic_axes(space).map(|is_periodic| !is_periodic);
         Reach { origin: self.origin, is_free }.cut(bounds)
@@ -92,19 +92,16 @@ impl SearchFrame {
 
 struct Reach {
     origin: [f64; 3],
-    /// Set for unbounded axes.
     is_free: [bool; 3],
 }
 
 impl Reach {
-    /// Returns the largest distance from the origin along an unbounded axis.
     fn of(&self, row: &[f64; 4]) -> f64 {
         let along =
             |axis: usize| if self.is_free[axis] { (row[axis] - self.origin[axis]).abs() } else { 0.0 };
         along(0).max(along(1)).max(along(2))
     }
 
-    /// Returns a power of two above the distances of all spheres except the few that may lie outside.
     fn size_of_most(&self, rows: &RowsByIndex<'_>, executor: Executor) -> f64 {
         let farthest = (0..3).filter(|&axis| self.is_free[axis]);
         let farthest = farthest.map(|axis| rows.bounds.reach(axis, self.origin[axis])).fold(0.0, f64::max);
@@ -118,7 +115,7 @@ impl Reach {
         f64::from_bits(below.min(2046) << 52)
     }
 
-    /// Counts spheres by the exponent of their distance. Level 0 has the exponent `largest`.
+    /// Level 0 has the exponent `largest`.
     fn count_levels(&self, rows: &RowsByIndex<'_>, largest: u64, executor: Executor) -> [u32; LEVELS] {
         let piece = |mut levels: [u32; LEVELS], piece: usize| {
             for k in piece * CHUNK_SPHERES..rows.count.min((piece + 1) * CHUNK_SPHERES) {
@@ -149,7 +146,6 @@ fn median(sample: &mut [[f64; 4]; SAMPLE], lane: usize) -> f64 {
     sample.select_nth_unstable_by(SAMPLE / 2, |a, b| a[lane].total_cmp(&b[lane])).1[lane]
 }
 
-/// Returns the biased exponent of a distance, which is not negative.
 fn exponent(distance: f64) -> u64 {
     distance.to_bits() >> 52
 }
@@ -207,7 +203,6 @@ mod tests {
     fn ordinary_scenes_keep_the_frame_of_their_bounds() {
         for space in spaces() {
             let mut scenes = [(); 5].map(|()| cloud(3000));
-            // Near enough, half of all spheres, and only radii of 0 in one or two sizes.
             scenes[1][5][0] = 1e3;
             scenes[2].iter_mut().step_by(2).for_each(|row| row[2] += 1e9);
             scenes[3].iter_mut().for_each(|row| row[3] = 0.0);

@@ -10,7 +10,6 @@ use crate::memory::{try_extend, try_push, with_growth};
 use crate::radix::{KeyedSphere, RadixKey};
 
 pub(super) const MASKS: usize = 1 << MASK_BITS;
-/// Start and end of a range of corner masks.
 pub(super) type MaskRange = (usize, usize);
 /// For each corner mask, the masks at or above it whose pairs with it belong to the cell.
 pub(super) const LATER_PARTNERS: [&[MaskRange]; MASKS] =
@@ -44,10 +43,10 @@ impl<K: RadixKey> CellMember for KeyedSphere<K> {
     }
 }
 
-/// Start of the members of each corner mask, and the end.
+/// Start of each corner mask's members, and the end.
 pub(super) type Starts = [u32; MASKS + 1];
 
-/// Counts the members of a run, which are sorted by corner mask. The first is at `from`.
+/// The run is sorted by corner mask; its first member is at `from`.
 pub(super) fn starts<'m>(run: impl Iterator<Item = &'m (impl CellMember + 'm)>, from: usize) -> Starts {
     let mut starts = [from as u32; MASKS + 1];
     for entry in run {
@@ -59,7 +58,6 @@ pub(super) fn starts<'m>(run: impl Iterator<Item = &'m (impl CellMember + 'm)>, 
     starts
 }
 
-/// Returns `true` if the cell may own a pair of its members.
 pub(crate) fn owns_pairs(run: &[impl CellMember]) -> bool {
     run.len() > 1 && run.iter().fold(0, |all, entry| all | entry.corner_mask()) == MASKS - 1
 }
@@ -68,12 +66,10 @@ pub(super) fn range(starts: &Starts, (first, end): MaskRange) -> Range<usize> {
     starts[first] as usize..starts[end] as usize
 }
 
-/// Small cells, gathered and compared together.
 #[derive(Debug, Default)]
 pub(crate) struct Batch {
     ids: Vec<u32>,
     cells: Vec<Starts>,
-    /// Pairs of different groups in a cell.
     meetings: Vec<[Starts; 2]>,
     groups: Vec<Starts>,
     columns: Columns,
@@ -109,7 +105,7 @@ impl Batch {
         Ok(())
     }
 
-    /// Returns the most bytes for `entries`: ids, columns, and the starts of cells of two members, doubled by growth.
+    /// Counts ids, columns, and starts of cells of two members, doubled by growth.
     pub(crate) fn memory_for(entries: u64) -> u64 {
         with_growth((4 + Columns::BYTES_PER_SPHERE) * entries) + size_of::<Starts>() as u64 * entries + 4096
     }
@@ -118,7 +114,6 @@ impl Batch {
         self.ids.len()
     }
 
-    /// Compares inside all cells, and empties the batch.
     pub(crate) fn search<S: Sink>(&mut self, input: &SearchInput<'_>, sink: &mut S) -> Result<(), Error> {
         let Self { ids, cells, meetings, columns, .. } = self;
         columns.gather(&input.test, ids.iter().copied())?;

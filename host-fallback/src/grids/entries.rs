@@ -22,7 +22,7 @@ impl<K: RadixKey> KeyedSphere<K> {
     }
 }
 
-/// The bits of a key: the cell relative to the lowest cell, as wide as the highest cell needs, then the corner mask.
+/// Bits of a key: the cell relative to the lowest one, as wide as the highest needs, then the corner mask.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct KeyLayout {
     low: UVec3,
@@ -67,13 +67,12 @@ pub(crate) struct Entries {
     pub(crate) grid: UniformGrid,
     layout: KeyLayout,
     offsets: Vec<usize>,
-    /// Entries with keys of 32 bits, which suffice unless space has very many cells.
+    /// Keys of 32 bits suffice unless space has very many cells.
     narrow: Radix<u32>,
-    /// Entries with larger keys. Three coordinates of 32 bits always fit.
+    /// Three coordinates of 32 bits always fit.
     wide: Radix<u128>,
 }
 
-/// A function of sorted entries, for keys of any size.
 pub(crate) trait Visit {
     type Result;
     fn visit<K: RadixKey>(self, entries: &[KeyedSphere<K>], layout: KeyLayout) -> Self::Result;
@@ -101,7 +100,7 @@ impl Entries {
         let (mut grid, mut most) =
             (UniformGrid::new(stats, ratio, input.test.lengths()), most_entries(n, ratio));
         let Self { layout, offsets, narrow, wide, .. } = self;
-        // At the second attempt the grid is shifted so that it has the fewest entries.
+        // A second attempt shifts the grid to the fewest entries.
         while !report.time("map", || {
             if n > 0 {
                 let (low, high) = grid.bounds_of(stats.min, stats.max, stats.largest_radius());
@@ -149,30 +148,25 @@ pub(crate) fn memory_of_entries(entries: u64) -> u64 {
     Radix::<u32>::memory_for(entries)
 }
 
-/// Returns the most entries of a grid that is not shifted: the bound of the mean, plus 5 % and 64, so that chance
-/// causes no shift.
+/// Returns the most entries of an unshifted grid: the bound of the mean, plus 5 % and 64 for chance.
 pub(crate) fn most_entries(spheres: usize, ratio: f32) -> usize {
     (1.05 * UniformGrid::most_cells(ratio) * spheres as f64) as usize + 64
 }
 
-/// The cells that spheres overlap.
 pub(crate) struct SphereCells<C, W> {
     pub(crate) count: usize,
     /// Returns the cells of the `k`-th sphere, a mask for its corner masks, and its id, or `None` to omit it.
     pub(crate) cover: C,
-    /// Wraps a cell.
     pub(crate) wrap: W,
 }
 
-/// Buffers for entries and their numbers per chunk of spheres.
 pub(crate) struct EntryBuffers<'b, K: RadixKey> {
     pub(crate) radix: &'b mut Radix<K>,
     pub(crate) offsets: &'b mut Vec<usize>,
 }
 
 impl<K: RadixKey> EntryBuffers<'_, K> {
-    /// Writes an entry for every cell of each sphere. For many spheres, `cover` is called twice. Returns `false`, without
-    /// entries, if there would be more than `most`.
+    /// For many spheres, `cover` is called twice. Returns `false`, without entries, if there would be more than `most`.
     pub(crate) fn fill<C, W>(
         self,
         cells: SphereCells<C, W>,
@@ -227,7 +221,6 @@ impl<K: RadixKey> EntryBuffers<'_, K> {
     }
 }
 
-/// Replaces lengths by their inclusive prefix sums. Returns the total.
 pub(crate) fn accumulate(lengths: &mut [usize]) -> usize {
     lengths.iter_mut().fold(0, |total, length| {
         *length += total;
@@ -244,7 +237,7 @@ pub(crate) fn runs<K: RadixKey>(mut rest: &[KeyedSphere<K>]) -> impl Iterator<It
     })
 }
 
-/// Finds the end of a cell's entries by exponential search, because most runs are short.
+/// Searches exponentially, because most runs are short.
 #[inline]
 fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> usize {
     let cell = entries[from].cell();
@@ -257,7 +250,7 @@ fn run_end<K: RadixKey>(entries: &[KeyedSphere<K>], from: usize) -> usize {
     last + window.partition_point(|entry| entry.cell() == cell)
 }
 
-/// Returns the entries of a piece of `size` entries, moved to the ends of cells.
+/// Moves both ends of a piece to ends of cells.
 pub(crate) fn cells_of_piece<K: RadixKey>(
     entries: &[KeyedSphere<K>],
     piece: usize,

@@ -1,5 +1,5 @@
-//! The paper's HashGrid: a hash table with chaining and an entry for every cell that a sphere overlaps. Cells of equal
-//! hash share a chain and are distinguished by coordinates.
+//! The paper's HashGrid: a hash table with chaining, and an entry for every cell that a sphere overlaps. Cells of equal
+//! hash share a chain.
 
 use std::sync::atomic::Ordering::Relaxed;
 
@@ -84,8 +84,7 @@ impl HashGrid {
         })
     }
 
-    /// Counts the entries of each chunk. Shifts the grid if they are too many, and doubles its cells until 32 bits
-    /// number the entries.
+    /// Shifts the grid if it has too many entries, and doubles its cells until 32 bits number the entries.
     fn count<const PERIODIC: bool>(&mut self, input: &SearchInput<'_>) -> Result<UniformGrid, Error> {
         let (n, ratio, lengths) = (input.stats.spheres, input.settings.cell_ratio, input.test.lengths());
         let mut grid = UniformGrid::new(&input.stats, ratio, lengths);
@@ -149,7 +148,7 @@ impl HashGrid {
         })
     }
 
-    /// Collects the entries of a chain in an order that does not depend on the order of insertion.
+    /// The order does not depend on insertion.
     fn collect(&self, head: u32, chain: &mut Vec<InChain>) -> Result<(), Error> {
         chain.clear();
         let mut at = head;
@@ -225,12 +224,12 @@ fn cover<const PERIODIC: bool>(input: &SearchInput<'_>, grid: &UniformGrid, id: 
     grid.cover::<PERIODIC>(center, radius)
 }
 
-/// Returns the shift of a hash for a number of chains, which is a power of two and at least 2.
+/// `chains` is a power of two, at least 2.
 fn shift(chains: usize) -> u32 {
     u64::BITS - chains.trailing_zeros()
 }
 
-/// Returns the chain of a cell: the upper, well mixed bits of products with odd constants.
+/// Upper bits of products with odd constants are well mixed.
 #[inline(always)]
 fn chain_of(cell: UVec3, shift: u32) -> usize {
     let [x, y, z] = cell.to_array().map(u64::from);

@@ -10,18 +10,17 @@ use super::uniform_grid::{CellBox, UniformGrid};
 /// spheres of a cell agree, and no split is needed.
 const MAX_FINENESS: f64 = (1_u64 << 46) as f64;
 
-/// A cell of the top grid, or of a grid nested in one of its cells.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct NestedCell {
     /// Corner of the top cell, in top cells.
     top: DVec3,
-    /// Number of cells of this size per axis of a top cell, a power of two.
+    /// Cells per axis of a top cell, a power of two.
     pub(super) fineness: f64,
-    /// `fineness`, or zero on an axis with one coordinate for all spheres of the top cell, or a ring of one cell.
+    /// `fineness`, or 0 on an axis with one coordinate for all spheres, or with a ring of one cell.
     scale: DVec3,
-    /// Corner relative to the top cell's corner, in cells of this size.
+    /// Relative to `top`, in cells of this size.
     corner: DVec3,
-    /// Most top cells between the origin, or the ring's start, and a coordinate in this cell.
+    /// Most top cells between the origin, or the ring's start, and a coordinate inside.
     away: DVec3,
 }
 
@@ -38,7 +37,6 @@ impl NestedCell {
         Self { fineness, scale, corner: self.corner * parts + at, ..*self }
     }
 
-    /// Returns the most further halvings of each axis.
     fn halvings(&self) -> DVec3 {
         (MAX_FINENESS / (self.away * self.fineness)).map(|parts| parts.log2().floor())
     }
@@ -65,10 +63,8 @@ impl NestedCell {
         if PERIODIC { grid.image_at(self.top, bounds) } else { bounds }
     }
 
-    /// Returns the parts that contain a position, clamped to this cell.
-    ///
     /// The map is monotone, so the larger of two lower bounds never exceeds either upper bound. A coordinate keeps its
-    /// cell in further splits, because all but the first subtraction are exact inside the cell.
+    /// cell in further splits: all but the first subtraction are exact inside the cell.
     #[inline(always)]
     fn part(&self, at: DVec3, parts: f64) -> DVec3 {
         let at = ((at - self.top) * self.scale - self.corner) * parts;
@@ -77,19 +73,15 @@ impl NestedCell {
     }
 }
 
-/// The finer cells that a split divides a cell into.
 pub(super) struct FinerCells {
-    /// The cell, along the axes that can be halved.
     cell: NestedCell,
     /// Number of finer cells per axis.
     parts: f64,
-    /// First finer cell with a key.
     first: DVec3,
     pub(super) layout: KeyLayout,
 }
 
 impl FinerCells {
-    /// Divides a cell into `parts` per axis, with keys for those between two positions.
     pub(super) fn new(cell: &NestedCell, parts: f64, low: DVec3, high: DVec3) -> Self {
         let cell = cell.along(cell.divisible().0);
         // One more cell on either side covers rounding.
@@ -99,7 +91,6 @@ impl FinerCells {
         Self { cell, parts, first, layout }
     }
 
-    /// Returns the finer cells that a sphere overlaps.
     #[inline(always)]
     pub(super) fn cover<const PERIODIC: bool>(
         &self,

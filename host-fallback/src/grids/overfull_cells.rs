@@ -18,26 +18,23 @@ const ROW: usize = 1 << 13;
 /// Comparisons, about 0.1 ms, at or above which threads share an overfull cell.
 const MIN_PARALLEL_COMPARISONS: usize = 1 << 20;
 
-/// The members of a cell, sorted by corner mask.
 pub(crate) struct CellMembers<'m, M> {
-    /// Members to compare with all.
+    /// Compared with all members.
     pub(crate) large: &'m [M],
-    /// Members to compare only with the large ones.
+    /// Compared only with large members.
     pub(crate) small: &'m [M],
 }
 
-/// Buffers for overfull cells.
 #[derive(Debug, Default)]
 pub(crate) struct OverfullCells {
     cells: Workspaces<OverfullCell>,
     columns: Workspaces<Columns>,
 }
 
-/// An overfull cell, divided into rows of tiles. Spheres are gathered per row, so memory does not grow with the cell.
+/// Spheres are gathered per row of tiles, so memory does not grow with the cell.
 #[derive(Debug, Default)]
 struct OverfullCell {
     rows: Vec<TileRow>,
-    /// Positions in the cell, group by group.
     order: Vec<u32>,
 }
 
@@ -52,7 +49,7 @@ impl OverfullCells {
         threads * with_growth(Columns::BYTES_PER_SPHERE * spheres.min((TILE + ROW) as u64))
     }
 
-    /// Compares inside one cell, whose entries are sorted by corner mask.
+    /// `run` is sorted by corner mask.
     pub(crate) fn within<'o, O: Output>(
         &self,
         input: &SearchInput<'_>,
@@ -66,7 +63,6 @@ impl OverfullCells {
         self.among(input, CellMembers { large: run, small: &[] }, output, sink)
     }
 
-    /// Compares the large members of a cell with each other and with the small ones.
     pub(crate) fn among<'o, O: Output>(
         &self,
         input: &SearchInput<'_>,
@@ -115,8 +111,7 @@ impl OverfullCell {
         Ok(())
     }
 
-    /// Appends the members of a cell to the order, group by group, unless there is one group. Returns each group's
-    /// positions. `from` is the first member's index.
+    /// Orders members group by group, unless only one group exists. Returns each group's positions.
     fn arrange(
         &mut self,
         members: &[impl CellMember],
@@ -154,7 +149,6 @@ impl OverfullCell {
         Ok(())
     }
 
-    /// Calls `compare` for each row, on several threads if there is enough work.
     fn search<'o, O: Output>(
         &self,
         input: &SearchInput<'_>,
@@ -172,7 +166,6 @@ impl OverfullCell {
 }
 
 impl TileRow {
-    /// Gathers the spheres of a row. Returns the row with positions in the columns.
     fn gather(
         &self,
         columns: &mut Columns,
@@ -209,7 +202,6 @@ impl<S: Sink> SimdTask for TileTask<'_, S> {
         let Self { columns, test, row, sink } = self;
         for tile in pieces(row.with.clone(), TILE) {
             for at in row.of.clone() {
-                // Spheres of one corner mask are compared only with later spheres.
                 let run = tile.start.max(at + 1)..tile.end;
                 if !run.is_empty() {
                     scan(vector, ScanInput { columns, test }, at, run, sink);

@@ -2,13 +2,12 @@
 //!
 //! In each cell, large spheres (too large for a finer grid) are compared with all. If more than τ smaller spheres
 //! remain, the cell is split into a finer grid, else they are compared with each other. Finer cells are a power of two
-//! smaller and nest in the cell they split, so a pair's own cell lies in its own coarser cell. The corner mask of a
-//! finer entry has only bits of the coarser one.
+//! smaller and nest, so a pair's own cell lies in its own coarser cell. A finer entry's corner mask has only bits of
+//! the coarser one.
 //!
 //! A split goes directly to the cell size that the largest remaining sphere requires, or, for few spheres, to cells
-//! that hold a handful. Spheres as large as the extent of all remaining ones are large too, since no split separates
-//! the centers. So every step halves the largest remaining size or the extent of a cell's spheres, and a recursion ends
-//! after some tens of steps on any input.
+//! with a handful. Spheres as large as the extent of the rest are large too, since no split separates the centers. So
+//! every step halves the largest size or the extent, and a recursion ends after some tens of steps.
 
 use glam::{DVec3, UVec3, Vec3};
 
@@ -97,11 +96,10 @@ impl CellSplit {
         Ok(())
     }
 
-    /// Makes all spheres large, in the order of their corner masks.
     fn merge_large(&mut self) -> Result<(), Error> {
         let Self { large, small, .. } = self;
         let joined = !large.is_empty();
-        // All spheres were in `small` before, so its capacity suffices.
+        // The capacity suffices: `small` had all spheres before.
         try_extend(small, large.drain(..), "spheres of an overfull cell")?;
         std::mem::swap(large, small);
         if joined {
@@ -133,22 +131,21 @@ impl CellSplit {
     }
 }
 
-/// The extent of the small spheres of a cell, in cells of the top grid.
 #[derive(Clone, Copy, Debug)]
 struct Extent {
     low: DVec3,
     high: DVec3,
-    /// Largest extent of the centers along an axis, in the unit of length.
+    /// Largest extent of the centers, in the unit of length.
     wide: f64,
     radius: f32,
 }
 
 enum SplitDecision {
-    /// Splits the cell into this number of parts per axis, a power of two.
+    /// Parts per axis, a power of two.
     Split(f64),
-    /// Compares spheres above this radius with all spheres, then decides again.
+    /// Compares spheres above this radius with all, then decides again.
     CompareLarge(f64),
-    /// Compares all spheres, because no finer grid separates them.
+    /// No finer grid separates the spheres.
     BruteForce,
 }
 
@@ -169,13 +166,12 @@ impl RecursiveGrid {
         }
     }
 
-    /// Returns the most bytes held: the top grid, split cells of all threads, and gathered spheres; with narrow keys and
-    /// without nested overfull cells.
+    /// Assumes narrow keys and no nested overfull cells.
     pub(crate) fn memory_for(spheres: u64, ratio: f32, threads: u64) -> u64 {
         let entries = most_entries(spheres as usize, ratio) as u64;
         let batches = threads * Batch::memory_for(entries.min(2 * CHUNK_ENTRIES as u64));
         let members = most_members(spheres, entries, threads) * size_of::<Member>() as u64;
-        // Finer cells may be as small as the spheres in them. A call has its own splits in addition to the largest one.
+        // A call has its own splits in addition to the largest one.
         let finer = spheres * threads.min(2) * 8 * ENTRY;
         memory_of_entries(entries) + members + finer + batches + OverfullCells::memory_for(spheres, threads)
     }
@@ -213,7 +209,6 @@ impl<'o, O: Output, const PERIODIC: bool> Search<'_, 'o, O, PERIODIC> {
         };
         match entries.len().div_ceil(CHUNK_ENTRIES) {
             0 | 1 if sink.stopped() => Ok(sink),
-            // Most split cells hold too little for a task.
             pieces @ (0 | 1) => (0..pieces).try_fold(sink, piece)?.checked(),
             pieces => sink.merge(search_pieces(self.output, self.input, pieces, usize::MAX, piece)?),
         }

@@ -1,16 +1,16 @@
-//! The geometry of the paper's grids: the cells of an unbounded or periodic grid that a sphere overlaps.
+//! Geometry of the paper's grids: the cells of an unbounded or periodic grid that a sphere overlaps.
 //!
 //! # Correctness
 //!
-//! A pair can share several cells. The one that reports it has, on each axis, the larger of the two spheres' lowest
-//! cells. Every (cell, sphere) entry carries a corner mask: one bit per axis, set if the cell is the sphere's lowest on
-//! that axis. A cell owns the pair of two of its spheres exactly if their masks together have all three bits.
+//! A pair can share several cells. The cell that reports it has, on each axis, the larger of the two spheres' lowest
+//! cells. Every entry carries a corner mask: one bit per axis, set if the cell is the sphere's lowest on it. A cell
+//! owns a pair exactly if the two masks together have all three bits.
 //!
-//! A periodic axis is a ring of cells. There a cell owns a pair if on every axis one of the spheres begins in it and
-//! the other overlaps it. Spheres of `a` and `b` cells have one such cell if they share any. Two such cells would mean
-//! that each sphere begins inside the other, so that a ring of at most `a + b − 2` cells is covered. A ring therefore
-//! has at least 3 cells for spheres of up to 2 cells, and 5 for spheres of 3; else it is one cell, in which all begin.
-//! For the same reason two spheres share only one arc of the ring, which is treated as a line.
+//! A periodic axis is a ring of cells. There a cell owns a pair if on every axis one sphere begins in it and the other
+//! overlaps it. Spheres of `a` and `b` cells have one such cell if they share any. Two would mean that each sphere
+//! begins inside the other, so that both cover a ring of at most `a + b − 2` cells. A ring therefore has at least 3
+//! cells for spheres of up to 2 cells, and 5 for spheres of 3; else it is one cell, in which all begin. For the same
+//! reason two spheres share only one arc of the ring, which is treated as a line.
 
 use std::convert::Infallible;
 
@@ -40,22 +40,20 @@ const POINTS_PER_CELL: f64 = 4.0;
 const MAX_SHIFTS: usize = 4;
 const CHUNK_SPHERES: usize = 1 << 14;
 
-/// A grid whose cells are numbered per axis in ascending order.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct UniformGrid {
     cell_size: f64,
     per_length: f64,
-    /// Shift of all coordinates in cells, below 1. The origin of a ring includes it.
+    /// In cells, below 1. Included in a ring's origin.
     shift: DVec3,
-    /// Bits of the first coordinate in a far cell.
     first_far: u32,
     periodic: PeriodicAxes,
 }
 
-/// The periodic axes, which are rings of cells. Cell 0 begins at minus half a length.
+/// Rings of cells. Cell 0 begins at minus half a length.
 #[derive(Clone, Debug, Default)]
 struct PeriodicAxes {
-    /// Cells of each ring; 0 for an unbounded axis.
+    /// 0 for an unbounded axis.
     count: UVec3,
     per_length: DVec3,
     origin: DVec3,
@@ -63,7 +61,7 @@ struct PeriodicAxes {
 }
 
 impl PeriodicAxes {
-    /// Creates rings for spheres up to `diameter`. Cells are no smaller than `cell_size`, in short rings `diameter`.
+    /// Cells are no smaller than `cell_size`, in short rings `diameter`.
     fn new(cell_size: f64, diameter: f64, lengths: [Option<f32>; 3]) -> Self {
         let (per_length, zero) = (DVec3::splat(cell_size.recip()), DVec3::ZERO);
         let mut periodic = Self { count: UVec3::ZERO, per_length, origin: zero, lengths: zero };
@@ -88,7 +86,7 @@ impl PeriodicAxes {
 }
 
 impl UniformGrid {
-    /// Creates cells of `ratio` × the largest diameter, or by density if all radii are zero.
+    /// Uses `ratio` × the largest diameter, or the density if all radii are zero.
     pub(crate) fn new(stats: &InputStats, ratio: f32, lengths: [Option<f32>; 3]) -> Self {
         let diameter = 2.0 * f64::from(stats.largest_radius());
         let cell_size = match diameter > 0.0 {
@@ -113,22 +111,20 @@ impl UniformGrid {
         Self { cell_size, per_length, shift: DVec3::ZERO, first_far, periodic }
     }
 
-    /// Returns the number of shifts per axis. At most one of them moves a given sphere across a cell boundary.
+    /// At most one shift per axis moves a given sphere across a cell boundary.
     fn shifts(ratio: f32) -> usize {
         (ratio as usize).clamp(1, MAX_SHIFTS)
     }
 
-    /// Returns the largest mean number of cells per sphere in a grid of this `ratio`, which is [shifted](Self::shifted)
-    /// if it has more.
+    /// Bounds the mean number of cells per sphere of a grid that is [shifted](Self::shifted) if it has more.
     ///
     /// At one of *p* shifts per axis a sphere overlaps two cells along that axis, otherwise one. The mean over all *p*³
-    /// shifts is (1 + 1/*p*)³ cells, so the best shift has no more.
+    /// shifts is (1 + 1/*p*)³, so the best shift has no more.
     pub(crate) fn most_cells(ratio: f32) -> f64 {
         let shifts = Self::shifts(ratio) as f64;
         if ratio < 1.0 { 27.0 } else { (1.0 + shifts.recip()).powi(3) }
     }
 
-    /// Returns the grid, shifted so that the spheres overlap the fewest cells.
     pub(crate) fn shifted<const PERIODIC: bool>(
         mut self,
         ratio: f32,
@@ -137,7 +133,7 @@ impl UniformGrid {
         executor: Executor,
     ) -> Self {
         let shifts = Self::shifts(ratio);
-        // The shift at which the sphere crosses a cell boundary; `MAX_SHIFTS` if it crosses none.
+        // The shift at which the sphere crosses a boundary, or `MAX_SHIFTS`.
         let at = |low: f64, high: f64| {
             let (low, high) = (floor(low * shifts as f64), floor(high * shifts as f64));
             if low == high { MAX_SHIFTS } else { (-high).rem_euclid(shifts as i64) as usize }
@@ -178,7 +174,6 @@ impl UniformGrid {
         self
     }
 
-    /// Returns the smallest size of a cell along an axis.
     pub(crate) fn cell_size(&self) -> f64 {
         let PeriodicAxes { count, per_length, lengths, .. } = &self.periodic;
         if count.to_array() == [1; 3] {
@@ -189,8 +184,7 @@ impl UniformGrid {
             .fold(self.cell_size, |cell_size, axis| cell_size.min(per_length[axis].recip()))
     }
 
-    /// Returns the box around a sphere in cells, widened by more than rounding. Both corners come from one monotone
-    /// expression.
+    /// Widened by more than rounding. Both corners come from one monotone expression.
     #[inline(always)]
     pub(crate) fn bounds<const PERIODIC: bool>(&self, center: Vec3, radius: f32) -> (DVec3, DVec3) {
         let center = center.as_dvec3();
@@ -203,7 +197,7 @@ impl UniformGrid {
         ((center - reach) * self.per_length + self.shift, (center + reach) * self.per_length + self.shift)
     }
 
-    /// Returns the cells that a sphere overlaps. On a ring, numbers may exceed the end; see [`wrap`](Self::wrap).
+    /// On a ring, numbers may exceed the end; see [`wrap`](Self::wrap).
     #[inline(always)]
     pub(crate) fn cover<const PERIODIC: bool>(&self, center: Vec3, radius: f32) -> CellBox {
         let (low, high) = self.bounds::<PERIODIC>(center, radius);
@@ -248,7 +242,6 @@ impl UniformGrid {
         cell
     }
 
-    /// Returns the lowest and highest cells of spheres up to `largest` with centers between these corners.
     pub(crate) fn bounds_of(&self, min: Vec3, max: Vec3, largest: f32) -> (UVec3, UVec3) {
         let (mut low, mut high) =
             (self.cover::<false>(min, largest).low, self.cover::<false>(max, largest).high);
@@ -265,18 +258,18 @@ impl UniformGrid {
         corner.abs().max(self.periodic.count.as_dvec3()) + 1.0
     }
 
-    /// Returns the longest of these sides, given in cells, in the unit of length.
+    /// Converts from cells to the unit of length.
     pub(crate) fn widest(&self, sides: DVec3) -> f64 {
         (sides / self.periodic.per_length).max_element()
     }
 
-    /// Moves a box to its image nearest to the cell with this corner. All positions are in cells.
+    /// Moves a box to its image nearest to the cell at `corner`.
     #[inline(always)]
     pub(crate) fn image_at(&self, corner: DVec3, (mut low, mut high): (DVec3, DVec3)) -> (DVec3, DVec3) {
         for axis in 0..3 {
             let ring = f64::from(self.periodic.count[axis]);
             if ring > 1.0 {
-                // A sphere that overlaps a cell has an image with its center within half a ring of the cell's center.
+                // A sphere that overlaps a cell has an image within half a ring of the cell's center.
                 let away = corner[axis] + 0.5 - 0.5 * (low[axis] + high[axis]);
                 let shift = if away.abs() > 0.5 * ring { ring.copysign(away) } else { 0.0 };
                 (low[axis], high[axis]) = (low[axis] + shift, high[axis] + shift);
@@ -295,7 +288,7 @@ impl UniformGrid {
         if coordinate > 0.0 { MIDDLE + step } else { MIDDLE - step }
     }
 
-    /// Returns the corner of a cell, in cells; `None` on an axis on which it is a far cell or a whole ring.
+    /// Returns the corner in cells; `None` on an axis with a far cell or a whole ring.
     pub(crate) fn corner(&self, cell: UVec3) -> [Option<f64>; 3] {
         [0, 1, 2].map(|axis| match (self.periodic.count[axis], cell[axis]) {
             (0, k) if k.abs_diff(MIDDLE) < MAX_INTEGER_CELL + FAR_GAP => {
@@ -307,7 +300,6 @@ impl UniformGrid {
     }
 }
 
-/// A box of cells, both corners included.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct CellBox {
     pub(crate) low: UVec3,
@@ -315,7 +307,7 @@ pub(crate) struct CellBox {
 }
 
 impl CellBox {
-    /// Returns the number of cells: at most 8 if the cell size is at least the largest diameter, 27 if at least half.
+    /// At most 8 if the cell size is at least the largest diameter, 27 if at least half.
     #[inline(always)]
     pub(crate) fn cells(self) -> usize {
         let size = self.high - self.low + 1;

@@ -1,6 +1,5 @@
 use glam::Vec3;
 
-/// The smallest box with the centers of spheres.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CenterBounds {
     pub(crate) min: Vec3,

@@ -50,11 +50,11 @@ impl<'s> Wrapping<'s> {
     /// # Correctness
     ///
     /// 1. A coordinate `x` and a length `L` are `f32` numbers. Unless `x / L` is a whole number and a half, it is at
-    ///    least 2⁻²⁶ away from one. Below 2²⁰ lengths the product with the inverse is wrong by less than 2⁻³¹, so it is
-    ///    rounded to a nearest whole number.
-    /// 2. The product of that number, of at most 21 bits, and a length of 24 bits is an `f64` number. The difference
-    ///    from `x` is at most half a length and a multiple of a unit of `x` or `L`, hence an `f32` number.
-    /// 3. All other coordinates, including non-finite ones, are wrapped by [`Space::wrap`].
+    ///    least 2⁻²⁶ away from one. Below 2²⁰ lengths the product with the inverse is wrong by less than 2⁻³¹, so it
+    ///    rounds to a nearest whole number.
+    /// 2. That number, of at most 21 bits, times a length of 24 bits is an `f64` number. The difference from `x` is at
+    ///    most half a length and a multiple of a unit of `x` or `L`, hence an `f32` number.
+    /// 3. [`Space::wrap`] wraps all other coordinates, including non-finite ones.
     #[inline(always)]
     fn wrap(&self, sphere: Sphere) -> Sphere {
         let row: [f32; 4] = cast(sphere);
@@ -91,7 +91,7 @@ impl SimdTask for WrapChunk<'_> {
     }
 }
 
-/// Maps spheres to a frame, with their effective radii. Returns the bounds of the given numbers.
+/// Returns the bounds of the given numbers.
 pub(super) fn map_to_frame(
     input: InputSpheres<'_>,
     targets: &mut [Sphere],

@@ -3,7 +3,7 @@ use crate::Error;
 use crate::compare::PairTest;
 use crate::memory::{try_collect, try_resize};
 
-/// Groups of spheres that a search keeps apart: the two sets, each divided by species.
+/// Groups that a search keeps apart: two sets, each divided by species.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Grouping<'a> {
     split: Option<usize>,
@@ -28,7 +28,6 @@ impl<'a> Grouping<'a> {
         self.split.filter(|_| self.species.is_none_or(|(partition, _)| partition.count == 1))
     }
 
-    /// Returns `true` if contact of effective radii decides all pairs, up to rounding.
     pub(crate) fn is_by_radii(&self) -> bool {
         self.species
             .is_some_and(|(partition, _)| partition.meetings.iter().flatten().all(|of| of.is_by_radii))
@@ -45,12 +44,11 @@ impl<'a> Grouping<'a> {
         }
     }
 
-    /// Returns `true` if spheres of some group reach farther to other groups than to each other.
+    /// Returns `true` if some group reaches farther to others than within itself.
     pub(crate) fn is_narrow(&self) -> bool {
         self.species.is_some_and(|(partition, _)| !partition.narrow.is_empty())
     }
 
-    /// Returns the radius of a sphere within its group, with the skin margin, given its effective radius.
     #[inline(always)]
     pub(crate) fn radius(&self, test: &PairTest<'_>, id: usize, effective: f32) -> f32 {
         match self.species {
@@ -61,7 +59,6 @@ impl<'a> Grouping<'a> {
         }
     }
 
-    /// Returns a bit for each group whose spheres may pair.
     pub(crate) fn paired(&self) -> u32 {
         self.meetings().fold(0, |paired, (a, b)| paired | 1 << a | 1 << b)
     }
@@ -70,14 +67,13 @@ impl<'a> Grouping<'a> {
         self.meeting(group, group).is_some()
     }
 
-    /// Returns the pairs of groups whose spheres may pair, the smaller number first.
     pub(crate) fn meetings(&self) -> impl Iterator<Item = (usize, usize)> {
         let groups = self.count();
         let all = (0..groups).flat_map(move |a| (a..groups).map(move |b| (a, b)));
         all.filter(|&(a, b)| self.meeting(a, b).is_some())
     }
 
-    /// Returns how two groups pair; `None` if their spheres never do.
+    /// Returns `None` if the groups never pair.
     pub(crate) fn meeting(&self, a: usize, b: usize) -> Option<Meeting> {
         let per_set = self.per_set();
         if self.split.is_some() && a / per_set == b / per_set {
@@ -89,7 +85,7 @@ impl<'a> Grouping<'a> {
     }
 }
 
-/// Writes sphere indices to `order`, group by group and ascending in each. Returns the end of each group.
+/// Ascending in each group. Returns the groups' ends.
 pub(crate) fn sort_by_group(
     grouping: &Grouping<'_>,
     spheres: usize,

@@ -14,18 +14,16 @@ pub(crate) struct InputSpheres<'a> {
     space: &'a Space,
 }
 
-/// A layout of spheres, for each of which loops are compiled.
 pub(crate) trait InputRows: Copy {
     fn prefetch(self, k: usize);
     fn get(self, k: usize) -> [f64; 4];
-    /// Returns the row of sphere `k` with its effective radius.
     fn effective(self, k: usize, row: [f64; 4]) -> [f64; 4];
 }
 
-/// A loop over input spheres. Its callees are `#[inline(always)]`, as in a [`SimdTask`](crate::compare::SimdTask).
+/// Callees are `#[inline(always)]`, as in a [`SimdTask`](crate::compare::SimdTask).
 pub(crate) trait InputLoop {
     type Result;
-    /// Must be `#[inline(always)]`. `PERIODIC` is a parameter of the map.
+    /// Must be `#[inline(always)]`.
     fn run<V: SimdWidth, const PERIODIC: bool>(
         self,
         vector: V,
@@ -44,7 +42,6 @@ impl<'a> InputSpheres<'a> {
         Self { spheres, species: spheres.species().zip(reaches), frame, space }
     }
 
-    /// Returns `true` if the frame represents the spheres in `bounds` and all spheres that its map contains.
     pub(crate) fn frame_holds(&self, bounds: &Bounds) -> bool {
         self.frame.is_triclinic_f32() || self.frame.holds(bounds, self.space)
     }
@@ -70,7 +67,6 @@ impl<'a> InputSpheres<'a> {
         (&self).effective(k, self.spheres.get_f64(k))
     }
 
-    /// Returns the map for [`searched`](Self::searched).
     pub(crate) fn frame_map(&self) -> FrameMap<'a> {
         FrameMap::new(self.frame)
     }
@@ -171,7 +167,7 @@ impl InputRows for &InputSpheres<'_> {
     }
 }
 
-/// Returns the row with its effective radius. An invalid radius stays, because the validity check must find it.
+/// Keeps an invalid radius, because the validity check must find it.
 #[inline(always)]
 fn effective([x, y, z, radius]: [f64; 4], reach: SpeciesReach) -> [f64; 4] {
     let is_valid = (0.0..f64::INFINITY).contains(&radius);

@@ -1,4 +1,4 @@
-//! Prepares a query, for both backends: checks it, appends the second set to the first, and wraps spheres into a
+//! Prepares a query for both backends: checks it, appends the second set to the first, and wraps spheres into a
 //! periodic space or maps them to a frame.
 
 use std::time::Instant;
@@ -26,16 +26,16 @@ pub struct QueryBuffers {
 
 #[derive(Debug)]
 pub struct PreparedQuery<'a> {
-    /// Both sets, with species if both sets have them.
+    /// Both sets, with species if both have them.
     pub spheres: Spheres<'a>,
     pub split: Option<usize>,
-    /// Frame of the spheres, whose radii are then effective; `None` for spheres as given.
+    /// Frame of the spheres, whose radii are then effective.
     pub frame: Option<&'a SearchFrame>,
-    /// Spheres that are not mapped to the frame yet.
+    /// Spheres not yet mapped to the frame.
     pub(crate) input: Option<InputSpheres<'a>>,
-    /// Exact filter; `None` if contact alone decides.
+    /// `None` if contact alone decides.
     pub filter: Option<PairFilter<'a>>,
-    /// Species groups; `None` without interactions.
+    /// `None` without interactions.
     pub(crate) groups: Option<&'a SpeciesGroups>,
 }
 
@@ -47,12 +47,12 @@ pub struct Preparation<'a> {
     pub wraps: bool,
     /// `true` if the species of the spheres are those of the last query.
     pub has_same_species: bool,
-    /// `true` if the search uses only radii and ignores reaches between groups of species.
+    /// `true` if the search uses only radii.
     pub ignores_reaches: bool,
 }
 
 impl PreparedQuery<'_> {
-    /// Returns the present species and their reach to each other; `None` without interactions.
+    /// Returns `None` without interactions.
     pub fn present_species(&self) -> Option<&SpeciesGroups> {
         self.groups
     }
@@ -68,20 +68,20 @@ impl PreparedQuery<'_> {
 }
 
 impl QueryBuffers {
-    /// Returns the most bytes of the copy of `spheres` spheres of one set, which are copied into a frame, and, if the
-    /// search `wraps`, into an orthogonal periodic space.
+    /// Returns the most bytes of copies of one set. Framed spheres are copied, and, if the search `wraps`, those in an
+    /// orthogonal periodic space.
     pub fn memory_for(spheres: u64, is_f64: bool, settings: &Settings, wraps: bool) -> u64 {
         let is_copied = is_f64 || settings.is_framed() || (wraps && settings.space.is_periodic());
         if is_copied { with_growth(spheres.saturating_mul(size_of::<Sphere>() as u64)) } else { 0 }
     }
 
-    /// Returns a number that changes with the present species and the choice of radii; 0 without interactions.
+    /// Returns [`SpeciesGroups::version`].
     pub(crate) fn version(&self) -> u32 {
         self.groups.version()
     }
 
-    /// Checks a query and prepares its spheres. Their validity is checked only if they need a frame. Adds the time of a
-    /// copy to `phases`.
+    /// Checks a query and prepares its spheres. Checks the validity only of spheres that need a frame. Adds the time of
+    /// a copy to `phases`.
     ///
     /// # Errors
     /// [`Error::Input`] for too many spheres, unknown species, exclusions of other numbers of spheres, invalid spheres,
@@ -127,8 +127,8 @@ impl QueryBuffers {
         Ok(PreparedQuery { spheres, split, frame, input: None, filter, groups })
     }
 
-    /// Prepares spheres in place, to test candidates in the last frame. Their species must be those of the last query.
-    /// Returns `None` if they need no frame, are two sets, or have another number type than the last frame.
+    /// Prepares spheres to test candidates in the last frame. Their species must be those of the last query. Returns
+    /// `None` without a frame, for two sets, and for another number type.
     pub(crate) fn prepare_in_place<'a>(
         &'a self,
         query: &Query<'a>,
@@ -149,7 +149,6 @@ impl QueryBuffers {
         Ok(Some(PreparedQuery { spheres, split: None, frame: Some(frame), input, filter, groups }))
     }
 
-    /// Maps the spheres to the last frame if they fit, else to a new frame.
     fn map_to_frame(
         &mut self,
         query: &Query<'_>,
@@ -170,8 +169,8 @@ impl QueryBuffers {
         Ok(())
     }
 
-    /// Checks the spheres, and maps them to a frame for their bounds: to the `last` one if it fits, and is not a frame
-    /// of `f32` spheres, which radii of `f64` spheres may exceed.
+    /// Checks the spheres, and maps them. Keeps the `last` frame if it fits, unless it is a frame of `f32` spheres,
+    /// which may be too small for radii of `f64` spheres.
     fn map_to_wide_frame(
         &mut self,
         last: Option<SearchFrame>,
@@ -207,7 +206,6 @@ impl QueryBuffers {
         Ok(frame)
     }
 
-    /// Returns the coordinates and the effective radius of each sphere, by index over both sets.
     fn effective_rows(
         &self,
         query: &Query<'_>,
@@ -225,7 +223,6 @@ impl QueryBuffers {
         }
     }
 
-    /// Maps both sets to a frame. Returns the bounds of the given numbers.
     fn fill(
         &mut self,
         query: &Query<'_>,
@@ -253,8 +250,8 @@ impl QueryBuffers {
     }
 }
 
-/// Returns the reaches for radii in a frame. Unequal radii are limited to an eighth of the shortest period, because
-/// slabs cannot divide a period of less than four radii.
+/// Limits unequal radii to an eighth of the shortest period, because slabs cannot divide a period of less than four
+/// radii.
 fn frame_reaches<'g>(
     groups: &'g SpeciesGroups,
     settings: &Settings,
@@ -266,7 +263,7 @@ fn frame_reaches<'g>(
     settings.interactions.as_ref().map(|_| groups.reaches_in_frame(most))
 }
 
-/// Gives sets without spheres the species ids that interactions require.
+/// Gives empty sets the required species ids.
 fn with_ids<'a>(query: &Query<'a>, table: Option<&Interactions>) -> Query<'a> {
     let complete = |set: Spheres<'a>| match table.filter(|_| set.is_empty()) {
         Some(_) => set.with_species(&[]).unwrap_or(set),

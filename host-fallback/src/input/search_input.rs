@@ -33,7 +33,7 @@ impl<'a> SearchInput<'a> {
         self.simd.run(task, self.test.periodic_box(self.stats.largest_radius()))
     }
 
-    /// Returns `true` if the caller has cancelled the search. Threads ask before each chunk of work.
+    /// Threads ask before each chunk of work.
     pub(crate) fn is_stopped(&self) -> bool {
         self.settings.stop.as_ref().is_some_and(|stop| stop.load(Relaxed))
     }
@@ -43,7 +43,6 @@ impl<'a> SearchInput<'a> {
         Grouping::new(self.split, species.map(|(groups, ids)| (groups.partition(division), ids)))
     }
 
-    /// Returns the longest axis of a grid for these bounds.
     pub(crate) fn extent(&self, bounds: CenterBounds) -> f32 {
         let lengths = self.test.lengths();
         let apart = (bounds.max.as_dvec3() - bounds.min.as_dvec3()).as_vec3().min(Vec3::MAX);
@@ -55,8 +54,7 @@ impl<'a> SearchInput<'a> {
     }
 }
 
-/// Searches chunks on all threads and merges their sinks in order, until the caller stops. A task has at most `most`
-/// chunks.
+/// Merges sinks in order, until the caller stops. A task has at most `most` chunks.
 pub(crate) fn search_pieces<'o, O: Output>(
     output: &'o O,
     input: &SearchInput<'_>,

@@ -1,7 +1,7 @@
 //! Groups that species with different partners share, for tables with more sets of partners than groups.
 //!
-//! Spheres of a group that pairs with itself are compared with each other. Among crowds these comparisons grow with the
-//! square of the number of spheres. So a species joins a group in which no spheres pair, if one exists when its turn comes.
+//! Comparisons within a group that pairs with itself grow with the square of its spheres. So a species joins a group in
+//! which no spheres pair, if one exists.
 
 #![expect(
     clippy::disallowed_methods,
@@ -15,14 +15,11 @@ use lazygrid_kernels::{Interaction, Interactions};
 
 use super::species_partition::{Groups, MAX_GROUPS};
 
-/// Groups with the species assigned so far.
 #[derive(Default)]
 struct SharedGroups {
-    /// The position of the first species of each group.
     firsts: [usize; MAX_GROUPS],
-    /// The number of species of each group.
     species: [usize; MAX_GROUPS],
-    /// The groups with which each group pairs, one bit each.
+    /// One bit per group.
     partners: [u8; MAX_GROUPS],
 }
 
@@ -35,8 +32,8 @@ impl SharedGroups {
         (0..MAX_GROUPS).filter(|group| groups >> group & 1 == 1).map(|group| self.species[group]).sum()
     }
 
-    /// Returns the disadvantage of a group for a species that pairs with the groups `partners`: first that spheres
-    /// which never pair are compared in crowds, then the number of added comparisons of species.
+    /// Returns the disadvantage of a group: first needless comparisons within crowds, then added comparisons of
+    /// species.
     fn cost(&self, group: usize, partners: u8, pairs_with_itself: bool) -> (u8, usize) {
         let met_itself = self.meets(group, group);
         let meets_itself = met_itself || pairs_with_itself || partners >> group & 1 == 1;
@@ -63,7 +60,7 @@ impl SharedGroups {
     }
 }
 
-/// Divides species into at most [`MAX_GROUPS`] groups, beginning with those with most partners.
+/// Begins with the species that have most partners.
 pub(super) fn share_groups(present: &[u32], table: &Interactions) -> Groups {
     let pairs = |a: usize, b: usize| table.get(present[a], present[b]) != Interaction::Never;
     let partners = |a: usize| (0..present.len()).filter(move |&b| pairs(a, b));

@@ -17,7 +17,6 @@ const WORDS: usize = Interactions::MAX_SPECIES as usize / 64;
 pub struct SpeciesGroups {
     /// One bit per species.
     present: [u64; WORDS],
-    /// The reach of each species to those that are present.
     reaches: Vec<SpeciesReach>,
     unequal_radii: UnequalRadii,
     /// Indexed by [`Division`].
@@ -38,13 +37,11 @@ impl SpeciesGroups {
         let (all, present) = (u64::from(species), spheres.min(species.into()));
         // Old and new reaches, old and new ones in frames, and the table's reaches beyond `MAX_PRESENT`.
         let reaches = 5 * size_of::<SpeciesReach>() as u64 * all;
-        // A list of the present species grows by doubling.
         let lists = 3 * size_of::<u32>() as u64 * present;
         reaches + lists + 2 * SpeciesPartition::memory_of_three(all, present)
     }
 
-    /// Finds the present species of a query and divides them, if they have changed. `table` must be the same in every
-    /// call, and must contain the species of the query.
+    /// `table` must be the same in every call, and contain the query's species.
     pub(crate) fn update(
         &mut self,
         query: &Query<'_>,
@@ -77,17 +74,17 @@ impl SpeciesGroups {
         Ok(())
     }
 
-    /// Returns `true` for a species that was present at the last update.
+    /// Returns `true` if the last update found the species.
     pub fn is_present(&self, species: u32) -> bool {
         has(&self.present, species)
     }
 
-    /// Returns the reach of each species to the species of the last update.
+    /// Returns the reach of each species to those of the last update.
     pub fn reaches(&self) -> &[SpeciesReach] {
         &self.reaches
     }
 
-    /// Chooses the radii in frames that are searched by radii alone, for the spheres and `table` of the last update.
+    /// Spheres and `table` must be those of the last update.
     pub(super) fn choose_radii(&mut self, query: &Query<'_>, table: &Interactions) -> Result<(), Error> {
         if self.unequal_radii.may_differ() {
             let present: Vec<u32> =
@@ -109,7 +106,6 @@ impl SpeciesGroups {
         &self.partitions[division as usize]
     }
 
-    /// Returns the divisions that differ from each other and from [`Division::Merged`].
     pub(crate) fn finer_divisions(&self) -> impl Iterator<Item = Division> {
         let [merged, by_partners, by_reach] = &self.partitions;
         let divides = by_partners.count > merged.count;
@@ -221,7 +217,6 @@ mod tests {
         assert!((0..MAX_GROUPS as u8).all(|group| (12..=13).contains(&members(group))), "{groups:?}");
     }
 
-    /// Returns the number of groups by partners that pair with themselves, and the group of each species.
     fn crowded_groups(species: u32, pairs: impl Fn(u32, u32) -> bool) -> (usize, Vec<u8>) {
         let mut table = Interactions::new(species, Interaction::Never).expect("a table");
         for (a, b) in (0..species).flat_map(|a| (a..species).map(move |b| (a, b))) {
@@ -306,7 +301,6 @@ mod tests {
         assert!(self::groups(&[0, 1, 2], &table).partition(Division::ByReach).narrow.is_empty());
     }
 
-    /// Half distances in a frame, for these numbers of spheres of species 0, 1 and 2.
     fn halves_in_frame(groups: &mut SpeciesGroups, counts: [usize; 3], table: &Interactions) -> [f64; 3] {
         let ids: Vec<u32> = (0..).zip(counts).flat_map(|(id, count)| vec![id; count]).collect();
         let spheres = vec![Sphere::default(); ids.len()];

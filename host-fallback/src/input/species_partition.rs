@@ -1,7 +1,6 @@
-//! Species grouped by their partners, so a search compares only spheres that may pair.
+//! Species grouped by their partners, so that a search compares only spheres that may pair.
 //!
-//! Present species with the same present partners share a group. In the finer division by reach, they must also have
-//! about the same distances.
+//! Species with the same present partners share a group. The division by reach also requires about the same distances.
 
 #![expect(
     clippy::disallowed_methods,
@@ -25,14 +24,13 @@ const ROUNDED_UP: f64 = 1.0 + f32::EPSILON as f64;
 /// Reach of a species in its own group, as a fraction of its reach to all species, below which both are distinguished.
 const MAX_NARROW: f32 = 0.5;
 
-/// The pairs of two groups.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Meeting {
-    /// `true` if contact decides some pairs.
+    /// Contact decides some pairs.
     pub(crate) touches: bool,
     /// Largest distance of a pair, or 0.
     pub(crate) distance: f64,
-    /// `true` if contact of effective radii decides pairs, up to rounding.
+    /// Effective radii decide pairs, up to rounding.
     pub(crate) is_by_radii: bool,
 }
 
@@ -65,24 +63,21 @@ impl Meeting {
     }
 }
 
-/// The group of each present species, `None` without partners, and the number of groups.
+/// Group of each species, `None` without partners, and number of groups.
 pub(super) type Groups = (Vec<Option<usize>>, usize);
 
-/// Interactions with the reach of each species to all that are present.
 #[derive(Clone, Copy)]
 pub(super) struct SpeciesTable<'t> {
     pub(super) interactions: &'t Interactions,
     pub(super) reaches: &'t [SpeciesReach],
 }
 
-/// A division of the present species into groups.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) enum Division {
-    /// All species that pair share one group.
     #[default]
     Merged,
     ByPartners,
-    /// Species with the same partners and about the same distances share a group, which has its own reach.
+    /// Groups species with the same partners and about the same distances. Each group has its own reach.
     ByReach,
 }
 
@@ -92,8 +87,8 @@ pub struct SpeciesPartition {
     pub(super) count: usize,
     /// Indexed by two groups, row by row; `None` if they never pair.
     pub(super) meetings: Vec<Option<Meeting>>,
-    /// Reach of each species within its own group. Empty unless the division is by reach and some species reaches much
-    /// farther to other groups.
+    /// Reach of each species within its group. Empty unless some species reaches much farther to others in a division
+    /// by reach.
     pub(super) narrow: Vec<SpeciesReach>,
 }
 
@@ -103,7 +98,6 @@ impl SpeciesPartition {
         let meetings = (MAX_GROUPS + 1).pow(2) * size_of::<Option<Meeting>>();
         let groups = present.min(MAX_PRESENT as u64) * size_of::<Option<usize>>() as u64;
         let narrow = species * size_of::<SpeciesReach>() as u64;
-        // Shared groups are in a further list, and need the order of species.
         3 * (species + meetings as u64 + groups) + narrow + 2 * groups
     }
 
@@ -118,13 +112,12 @@ impl SpeciesPartition {
         Self { of_species, count, meetings, narrow: Vec::new() }
     }
 
-    /// Adds the reach of species in their own groups.
     pub(super) fn narrowed(self, present: &[u32], table: SpeciesTable<'_>) -> Result<Self, Error> {
         let mut narrow = try_collect(table.reaches.iter().copied(), "reaches of species")?;
         let mut is_narrow = false;
         for &species in present {
             let group = self.group_of(species);
-            // A group that does not pair with itself is searched only by other groups.
+            // A group without own pairs is searched only by other groups.
             if self.meets(group, group) {
                 let members = present.iter().copied().filter(|&other| self.group_of(other) == group);
                 let own = table.interactions.reach_among(species, members);
@@ -145,7 +138,6 @@ impl SpeciesPartition {
         [by_partners, by_reach]
     }
 
-    /// Returns the divisions of the species `present`, indexed by [`Division`], without the reach in their own groups.
     pub(super) fn of_present(present: &[u32], table: SpeciesTable<'_>) -> [Self; 3] {
         let interactions = table.interactions;
         if present.len() > MAX_PRESENT {
@@ -157,7 +149,7 @@ impl SpeciesPartition {
         let by_reach = group_by(present, interactions, reach_class);
         let is_idle = by_partners.0.iter().any(|group| group.is_none());
         let partition = |(groups, count): &Groups| {
-            // Without spheres there is one empty group.
+            // Without spheres, one empty group exists.
             let count = (*count).max(usize::from(present.is_empty()));
             let mut of_species = vec![0; interactions.species() as usize];
             for (&species, group) in present.iter().zip(groups) {
@@ -185,13 +177,12 @@ impl SpeciesPartition {
         self.meetings[a * self.count + b].is_some()
     }
 
-    /// Returns the largest distance of a pair of both groups; 0 without one.
     pub(super) fn distance(&self, a: usize, b: usize) -> f64 {
         self.meetings[a * self.count + b].map_or(0.0, |meeting| meeting.distance)
     }
 
-    /// Returns the largest distance within a group as a fraction of its largest distance to any group. Returns `None`
-    /// if its spheres never pair with each other, or pair by contact, because radii may be as large as the distances.
+    /// Returns the largest distance within a group, relative to that to any group. Returns `None` if its spheres never
+    /// pair, or pair by contact: radii may be as large as distances.
     pub fn narrowness(&self, group: usize) -> Option<f64> {
         let own = self.meetings[group * self.count + group].filter(|own| !own.touches)?;
         let largest = (0..self.count).map(|other| self.distance(group, other)).fold(0.0, f64::max);
@@ -209,7 +200,7 @@ impl SpeciesPartition {
     }
 }
 
-/// Returns the class of an interaction. Distances of one class differ by less than a factor of 4.
+/// Distances of one class differ by less than a factor of 4.
 fn reach_class(with: Interaction) -> u16 {
     match with {
         Interaction::Never => 0,
@@ -219,8 +210,8 @@ fn reach_class(with: Interaction) -> u16 {
     }
 }
 
-/// Groups species with equal classes of all their interactions, in which 0 stands for [`Interaction::Never`]. Returns
-/// `None` if these are more than [`MAX_GROUPS`] groups.
+/// Groups species by the classes of their interactions. Class 0 is [`Interaction::Never`]. Returns `None` above
+/// [`MAX_GROUPS`].
 fn group_by(present: &[u32], table: &Interactions, class: impl Fn(Interaction) -> u16) -> Option<Groups> {
     let class = |a: u32, b: u32| class(table.get(a, b));
     let mut firsts: Vec<u32> = Vec::new();

@@ -22,9 +22,8 @@ pub struct InputStats {
     pub spheres: usize,
     pub min: Vec3,
     pub max: Vec3,
-    /// Spheres by size: class `k` has the effective radii with biased exponent `k`, class 0 zero and subnormal radii.
+    /// Classes by biased exponent of the effective radius. Class 0 has zero and subnormal radii.
     pub classes: [SizeClass; SIZE_CLASSES],
-    /// First class that may have spheres, and the end of the classes that may.
     span: [usize; 2],
 }
 
@@ -47,7 +46,6 @@ impl SizeClass {
     }
 }
 
-/// Adds a range of spheres to the statistics. Returns `true` if a sphere may be invalid.
 struct AddRows<'a> {
     stats: &'a mut InputStats,
     range: Range<usize>,
@@ -84,7 +82,6 @@ impl InputStats {
         (first..end).zip(classes.iter().copied()).rev().filter(|(_, class)| class.count > 0)
     }
 
-    /// Returns the statistics with the largest radius of each class replaced by `larger(class, radius)`.
     pub(crate) fn with_sizes(&self, larger: impl Fn(usize, f32) -> f32) -> Self {
         let mut stats = Self { spheres: self.spheres, min: self.min, max: self.max, ..Self::empty() };
         for (class, SizeClass { count, largest }) in self.occupied() {
@@ -100,7 +97,6 @@ impl InputStats {
         CenterBounds { min: self.min, max: self.max }
     }
 
-    /// Returns the statistics of these classes, with the bounds of all spheres.
     pub(crate) fn with_classes(&self, classes: [SizeClass; SIZE_CLASSES]) -> Self {
         let occupied = || (0..SIZE_CLASSES).filter(|&class| classes[class].count > 0);
         let span = occupied().next().zip(occupied().next_back());
@@ -109,7 +105,7 @@ impl InputStats {
         Self { spheres, min: self.min, max: self.max, classes, span }
     }
 
-    /// Computes the statistics of spheres, whose species ids must have been checked.
+    /// Computes the statistics. Species ids must have been checked.
     ///
     /// # Errors
     /// [`InputError::Sphere`] for the first invalid sphere.
@@ -131,7 +127,7 @@ impl InputStats {
         let chunks = n.div_ceil(CHUNK_SPHERES);
         let mut stats = Self::empty();
         let is_suspect = match executor.for_light_work(n) {
-            // In place, because moving the statistics takes longer than adding a few spheres.
+            // Moving the statistics takes longer than adding a few spheres.
             Executor::Caller => (0..chunks).fold(false, |suspect, k| suspect | chunk(&mut stats, k)),
             pool => {
                 let step = |(mut stats, suspect): (Self, bool), k| {
@@ -155,7 +151,6 @@ impl InputStats {
         Ok(stats)
     }
 
-    /// Returns `true` if a sphere may be invalid.
     fn add(&mut self, count: usize, spheres: impl Iterator<Item = ([f32; 4], f32)>) -> bool {
         match count < MIN_TABLED_SPHERES {
             true => self.add_in::<1>(spheres),
@@ -167,7 +162,7 @@ impl InputStats {
     fn add_in<const N: usize>(&mut self, spheres: impl Iterator<Item = ([f32; 4], f32)>) -> bool {
         let (mut min, mut max) = ([f32::INFINITY; 4], [f32::NEG_INFINITY; 4]);
         let (mut smallest, mut largest) = (f32::INFINITY, 0.0_f32);
-        // Any number that is not finite makes this NaN, without a branch per sphere.
+        // Any non-finite number makes this NaN, without a branch.
         let mut poison = [0.0; 4];
         // With one table, equal radii would wait for the same counter.
         let mut tables = [[SizeClass::default(); SIZE_CLASSES]; N];
@@ -183,7 +178,6 @@ impl InputStats {
         }
         let is_suspect = poison != [0.0; 4] || min[3] < 0.0;
         let (first, end) = (class_of(smallest), class_of(largest) + 1);
-        // The range is empty without valid spheres.
         if first < end {
             self.span = [self.span[0].min(first), self.span[1].max(end)];
             for table in &tables {

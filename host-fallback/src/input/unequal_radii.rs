@@ -1,7 +1,7 @@
 //! Radii for frames in which radii alone decide the size of cells.
 //!
-//! Two species pair within the sum of their radii, which need not be equal. If a crowd has distant partners, its
-//! species get half of their own largest distance as radius, and the partners the rest of the distance to them.
+//! Two species pair within the sum of their radii, which need not be equal. A crowd with distant partners gets half of
+//! its own largest distance as radius, and the partners get the rest of the distance to it.
 
 use lazygrid_kernels::{Interaction, Query, SpeciesReach};
 
@@ -17,7 +17,7 @@ const WORTHWHILE: f64 = 0.75;
 /// Most spheres of each set whose species are counted.
 const SAMPLES: usize = 1024;
 
-/// A set of groups, one bit each.
+/// One bit per group.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Groups(u16);
 
@@ -35,17 +35,15 @@ impl Groups {
 
 #[derive(Debug, Default)]
 pub(super) struct UnequalRadii {
-    /// Groups that pair among themselves within much less than with others.
     narrow: Groups,
-    /// Narrow groups whose radius is half of their own largest distance. No two of them pair.
+    /// Radius is half of their largest distance. No two of them pair.
     chosen: Groups,
-    /// Reach of each species; empty if no group is chosen.
+    /// Empty if no group is chosen.
     reaches: Vec<SpeciesReach>,
     largest: f64,
 }
 
 impl UnequalRadii {
-    /// Finds the narrow groups of a division by reach, and chooses no group.
     pub(super) fn new(partition: &SpeciesPartition) -> Self {
         let is_narrow = |&group: &usize| partition.narrowness(group).is_some_and(|of| of < MAX_NARROW);
         let narrow = (0..partition.count).filter(is_narrow).fold(Groups::NONE, Groups::with);
@@ -56,7 +54,7 @@ impl UnequalRadii {
         self.narrow != Groups::NONE
     }
 
-    /// Chooses groups again, based on a sample of the spheres. Returns `true` if radii have changed.
+    /// Samples spheres to choose groups again. Returns `true` if radii have changed.
     pub(super) fn choose(
         &mut self,
         query: &Query<'_>,
@@ -79,7 +77,6 @@ impl UnequalRadii {
         Ok(true)
     }
 
-    /// Returns the reaches of all species if they are unequal and no radius exceeds `most`.
     pub(super) fn reaches(&self, most: f64) -> Option<&[SpeciesReach]> {
         (!self.reaches.is_empty() && self.largest <= most).then_some(&*self.reaches)
     }
@@ -104,12 +101,11 @@ fn reaches(
     try_collect((0..table.interactions.species()).map(reach), "reaches of species")
 }
 
-/// Returns the radius of a chosen group.
 fn own_half(partition: &SpeciesPartition, group: usize) -> f64 {
     0.5 * partition.distance(group, group)
 }
 
-/// Returns the radius with which a group pairs with the group `other` within this distance.
+/// Returns the radius of a group that pairs with `other` within `distance`.
 fn rest(partition: &SpeciesPartition, chosen: Groups, distance: f64, other: usize) -> f64 {
     if chosen.has(other) { distance - own_half(partition, other) } else { 0.5 * distance }
 }
@@ -121,14 +117,12 @@ pub fn sample_species(query: &Query<'_>, mut add: impl FnMut(u32, f64)) {
         let samples = ids.len().min(SAMPLES);
         for k in 0..samples {
             let [begin, end] = [k, k + 1].map(|k| (k as u64 * ids.len() as u64 / samples as u64) as usize);
-            // Species may repeat with the distance between samples.
             let random = (k as u64).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
             add(ids[begin + random as usize % (end - begin)], ids.len() as f64 / samples as f64);
         }
     }
 }
 
-/// The estimated number of spheres in each group.
 struct Crowds<'a> {
     partition: &'a SpeciesPartition,
     counts: [f64; MAX_GROUPS + 1],
@@ -136,13 +130,12 @@ struct Crowds<'a> {
 
 impl<'a> Crowds<'a> {
     fn of(query: &Query<'_>, partition: &'a SpeciesPartition) -> Self {
-        // Each group is present, even if the sample misses it.
         let mut counts = [1.0; MAX_GROUPS + 1];
         sample_species(query, |species, spheres| counts[partition.group_of(species)] += spheres);
         Self { partition, counts }
     }
 
-    /// Returns the narrow groups that reduce the candidates, chosen in the order of their sizes.
+    /// Tries large groups first.
     fn best(&self, narrow: Groups) -> Groups {
         let mut order: [usize; MAX_GROUPS + 1] = std::array::from_fn(|group| group);
         order.sort_unstable_by(|&a, &b| self.counts[b].total_cmp(&self.counts[a]).then(a.cmp(&b)));

@@ -39,7 +39,6 @@ pub(crate) fn check_species(
     }
 }
 
-/// Returns the first index below `n` that is `bad`, and the number of such indices.
 fn find(
     n: usize,
     executor: Executor,
@@ -48,7 +47,7 @@ fn find(
     let merge = |(a, m): (Option<u32>, u64), (b, n)| Ok((a.or(b), m + n));
     let piece = |sum, piece: usize| {
         let range = piece * CHUNK_SPHERES..n.min((piece + 1) * CHUNK_SPHERES);
-        // The count is nearly always 0, and the compiler vectorizes a sum without a branch.
+        // The count is nearly always 0, and a sum without a branch is vectorized.
         let count = range.clone().map(|i| u64::from(bad(i))).sum::<u64>();
         let first = if count == 0 { None } else { range.clone().find(|&i| bad(i)).map(|i| i as u32) };
         merge(sum, (first, count))

@@ -121,8 +121,8 @@ impl NeighborsBuilder {
         self.rows(pairs, query.first().len(), query.split().is_none())
     }
 
-    /// Builds the lists of the first `rows` spheres from pairs in canonical order. If mirrored, the second sphere of a
-    /// pair also lists the first sphere.
+    /// Builds `rows` lists from pairs in canonical order. If mirrored, the second sphere of a pair also lists the
+    /// first.
     pub(crate) fn rows(
         &mut self,
         pairs: &[Pair],
@@ -132,8 +132,7 @@ impl NeighborsBuilder {
         if is_mirrored { self.fill(pairs, rows) } else { self.fill_between(pairs, rows) }
     }
 
-    /// Fills the lists of both spheres of each pair. A list begins with the pairs in which its sphere is second, so it
-    /// is ascending.
+    /// A list begins with the pairs in which its sphere is second, so it is ascending.
     fn fill(&mut self, pairs: &[Pair], spheres: usize) -> Result<Neighbors<'_>, Error> {
         let Self { offsets, next, indices } = self;
         try_resize(offsets, spheres + 1, "neighbor lists")?;

@@ -1,8 +1,8 @@
 //! Puts pairs in canonical order: by `i`, then `j`.
 //!
-//! One pass distributes the pairs to buckets of consecutive `i` that fit the cache, as keys of the low digits of `i`
-//! and of `j`. With all buckets, a key is half as large as a pair for up to 2²¹ spheres. A radix sort orders each
-//! bucket, and its last pass turns keys into pairs.
+//! One pass distributes pairs to buckets of consecutive `i` that fit the cache, as keys of the low digits of `i` and of
+//! `j`. With all buckets, a key is half as large as a pair for up to 2²¹ spheres. A radix sort orders each bucket; its
+//! last pass turns keys into pairs.
 
 use bytemuck::{Pod, cast_slice_mut};
 use lazygrid_kernels::Pair;
@@ -18,7 +18,7 @@ const MAX_CHUNKS: usize = 128;
 const MAX_BUCKETS: usize = 1 << 11;
 /// Pairs per bucket: 64 KiB.
 const BUCKET: usize = 1 << 13;
-/// Values of `i` per bucket, above which pairs get more buckets for shorter keys.
+/// With more values of `i` per bucket, pairs get more buckets for shorter keys.
 const MAX_WIDTH: usize = 1 << 15;
 /// Most bits of a digit: 8 KiB of counters for a bucket of 64 KiB.
 const DIGIT: u32 = 11;
@@ -100,8 +100,7 @@ impl BucketLayout {
 }
 
 impl PairSorter {
-    /// Writes the pairs of `chunks` to `out` in order. Indices must be below `spheres`. Threads divide the chunks, of
-    /// which about a hundred are best.
+    /// Indices must be below `spheres`. Threads divide the chunks, of which about a hundred are best.
     pub(crate) fn order(
         &mut self,
         executor: Executor,
@@ -186,12 +185,11 @@ impl PairSorter {
     }
 }
 
-/// Returns `true` if this number of keys is sorted by radix, with counters of 32 bits.
+/// Counters of the radix sort have 32 bits.
 fn are_radix_sorted(keys: usize) -> bool {
     keys >= MIN_RADIX_KEYS && u32::try_from(keys).is_ok()
 }
 
-/// Sorts the keys of a bucket into `target`. Each pass of the radix sort counts the digits of the next pass.
 fn order_bucket<K: PairKey>(source: &mut [K], target: &mut [Pair], bucket: usize, layout: BucketLayout) {
     if !are_radix_sorted(source.len()) {
         source.sort_unstable_by_key(|key| key.bits());

@@ -16,9 +16,9 @@ pub(super) const CHUNK_SPHERES: usize = 1 << 13;
 /// Number of spheres that are prefetched ahead, because they may lie anywhere in memory.
 const PREFETCH_SPHERES: usize = 128;
 
-/// Copies the spheres to their positions in `rows`. `then` holds each center at the build, and as its radius the
-/// inverse square of its displacement limit. Returns the largest used fraction of a limit, infinity for an invalid
-/// sphere; and `true` if an effective radius has changed or the frame no longer fits.
+/// Copies the spheres to their positions in `rows`. `then` has each center at the build and, as its radius, the inverse
+/// square of its displacement limit. Returns the largest used fraction of a limit (infinity for an invalid sphere), and
+/// `true` if an effective radius has changed or the frame no longer fits.
 pub(super) fn advance(
     CallSpheres { test, input, .. }: CallSpheres<'_>,
     then: &[SortRecord],
@@ -126,16 +126,12 @@ impl InputLoop for AdvanceInput<'_> {
     }
 }
 
-/// The largest displacement of some spheres, and their changes.
 struct Largest {
-    /// Period of each axis; infinite for an unbounded axis.
     lengths: [f32; 4],
-    /// Bits of the largest used fraction of a limit, squared. Infinity and NaN have the largest bits.
+    /// Bits of the squared largest used fraction. Infinity and NaN have the largest bits.
     fraction: u32,
-    /// Bits in which rows differ from the last call.
     differing: [u32; 4],
     is_refused: bool,
-    /// Bounds of the spheres that the frame does not contain.
     bounds: Bounds,
 }
 
@@ -147,7 +143,6 @@ impl Largest {
         Self { lengths, fraction: 0, differing: [0; 4], is_refused: false, bounds: Bounds::EMPTY }
     }
 
-    /// Returns the square of the largest used fraction of a limit, or infinity for an invalid sphere.
     fn fraction_squared(&self) -> f32 {
         let fraction = f32::from_bits(self.fraction);
         if self.is_refused || !fraction.is_finite() { f32::INFINITY } else { fraction }

@@ -37,17 +37,13 @@ pub(super) const LIMIT_RANGE: std::ops::RangeInclusive<f32> = 0.5 * *SKIN_RANGE.
 
 #[derive(Debug, Default)]
 pub(crate) struct CandidateList {
-    /// Statistics of the spheres; `None` without a valid list.
     input_stats: Option<Box<InputStats>>,
-    /// Frame of the coordinates, which are comparable only in this frame, because others have other periods.
+    /// Other frames have other periods, so coordinates are not comparable.
     frame: Option<SearchFrame>,
     species: Vec<u32>,
-    /// Version of the [`SpeciesGroups`].
     species_version: u32,
-    /// Ids of the spheres in the order of the cell list.
     order: Vec<u32>,
     rows: Vec<Xyzr>,
-    /// Inverse squares of displacement limits.
     inverse: SpeciesClasses,
     /// Candidates, as positions in `order`.
     chunks: Vec<Vec<Pair>>,
@@ -68,7 +64,6 @@ impl CandidateList {
         self.input_stats.as_deref()
     }
 
-    /// Returns `true` for a list of spheres with these species, in this version of the species groups.
     pub(crate) fn are_of_species(&self, species: Option<&[u32]>, version: u32) -> bool {
         let is_version = self.input_stats.is_some() && self.species_version == version;
         is_version && self.species == species.unwrap_or(&[])
@@ -78,7 +73,6 @@ impl CandidateList {
         self.input_stats = None;
     }
 
-    /// Returns the age in calls, and the largest used fraction of a displacement limit.
     pub(crate) fn age(&self) -> (u32, f32) {
         (self.age, self.displacement_fraction)
     }
@@ -88,9 +82,8 @@ impl CandidateList {
         CandidateListStats { count, age, displacement_fraction, rebuilt }
     }
 
-    /// Returns the reason for a rebuild; `None` for a valid list.
-    ///
-    /// Drops an invalid list before the call can fail, so that no later call uses it.
+    /// Returns the reason for a rebuild; `None` for a valid list. Drops an invalid list before the call can fail, so
+    /// that no later call uses it.
     pub(crate) fn update_displacements(
         &mut self,
         current: CallSpheres<'_>,
@@ -112,7 +105,7 @@ impl CandidateList {
             None if spheres.species().is_some() && check_valid(&spheres.into(), executor).is_err() => {
                 return Some(RebuildReason::InputChanged);
             }
-            // Spheres after the last one that may pair are in no candidate.
+            // Later spheres are in no candidate.
             None => &mut self.rows[..list.paired()],
         };
         let (moved, changed) = advance(current, list.notes(), rows, simd, executor);
@@ -122,15 +115,14 @@ impl CandidateList {
             (true, _) => Some(RebuildReason::InputChanged),
             (false, false) => Some(RebuildReason::Displacement),
             (false, true) => {
-                // The radii have not changed since the build.
                 self.input_stats = Some(input_stats);
                 None
             }
         }
     }
 
-    /// Builds a list. Returns `false`, without a list, above [`MAX_CANDIDATES_PER_SPHERE`] or the limit of a result, or
-    /// if memory is refused.
+    /// Returns `false`, without a list, above [`MAX_CANDIDATES_PER_SPHERE`] or the limit of a result, or if memory is
+    /// refused.
     pub(crate) fn find(
         &mut self,
         builder: &mut CellListBuilder<'_>,
@@ -187,15 +179,14 @@ impl CandidateList {
         Ok(true)
     }
 
-    /// Stores the inverse squares of limits minus the rounding of distances. Returns `false` if too little of a limit
-    /// is left.
+    /// Stores inverse squares of limits minus the rounding of distances. Returns `false` if too little of a limit is
+    /// left.
     fn set_inverse(&mut self, limits: &DisplacementLimits, test: &PairTest<'_>) -> Result<bool, Error> {
         let rounding = boundary_rounding(test);
         self.inverse.set_from(limits, |limit| (limit - rounding).powi(-2))?;
         Ok(limits.numbers().all(|limit| LIMIT_RANGE.contains(&limit) && rounding <= limit / 2.0))
     }
 
-    /// Stores the order and the reference positions of the spheres.
     fn store_reference(&mut self, list: &mut CellList, input: &SearchInput<'_>) -> Result<(), Error> {
         let n = input.stats.spheres;
         list.renumber(&mut self.order)?;
@@ -247,12 +238,10 @@ fn boundary_rounding(test: &PairTest<'_>) -> f32 {
     test.lengths().into_iter().flatten().fold(0.0, f32::max) * BOUNDARY_ROUNDING
 }
 
-/// Returns the smallest displacement limit in the space of the test.
 pub(super) fn least_limit(test: &PairTest<'_>) -> f32 {
     LIMIT_RANGE.start().max(4.0 * boundary_rounding(test))
 }
 
-/// Returns the magnitudes of the minimum image of a displacement.
 #[inline(always)]
 pub(super) fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
     let mut apart = apart.abs();
@@ -264,7 +253,7 @@ pub(super) fn nearest(apart: Vec3, lengths: [Option<f32>; 3]) -> Vec3 {
     apart
 }
 
-/// A test of candidates. It appends hits without a branch, because branches on hits would be mispredicted.
+/// Appends hits without a branch, because branches would be mispredicted.
 struct CandidateTest<'t, S> {
     pairs: &'t [Pair],
     rows: &'t [Xyzr],
@@ -282,7 +271,6 @@ impl HitBuffer {
     /// Number of pairs at or above which the buffer is written: 4 KiB, a small part of the first-level cache.
     const FULL: usize = 512;
 
-    /// Appends the selected pairs. Returns `true` if the buffer must be written.
     #[inline(always)]
     fn keep<V: SimdWidth>(&mut self, vector: V, pairs: &[Pair; MAX_LANES], lanes: u32) -> bool {
         if let Some(room) = self.pairs[self.len..].first_chunk_mut() {

@@ -12,13 +12,11 @@ use crate::{Error, Settings, Skin};
 pub(crate) struct SkinController {
     pub(crate) candidates: CandidateList,
     tuner: SkinTuner,
-    /// Displacement limits of a fixed skin.
     limits: DisplacementLimits,
     density_cache: Option<DensityCache>,
 }
 
 impl SkinController {
-    /// Updates the displacements. Returns the reason for a rebuild, or `None` if the list is still valid.
     pub(crate) fn advance(
         &mut self,
         settings: &Settings,
@@ -34,7 +32,7 @@ impl SkinController {
         Ok(lapsed)
     }
 
-    /// Builds a candidate list if it pays, otherwise only the cell list. Returns `true` for a candidate list.
+    /// Builds a candidate list and returns `true` if it pays, otherwise only the cell list.
     pub(crate) fn find(
         &mut self,
         list: &mut CellList,
@@ -65,7 +63,7 @@ impl SkinController {
             }
             tuner.record_overflow();
         }
-        // The cell list, to whose positions candidates refer, is rebuilt now.
+        // The cell list of the candidates is rebuilt now.
         candidates.clear();
         builder.build(input, report)?;
         self.density_cache = Some(density_cache);

@@ -1,6 +1,6 @@
-//! The choice of the skin from sizes, displacements and costs.
+//! Choice of the skin from sizes, displacements and costs.
 //!
-//! With a skin in proportion to the displacements of each species and size class, all spheres exceed their limits at
+//! With skins in proportion to the displacements of each species and size class, all spheres exceed their limits at
 //! about the same time.
 
 use super::candidate_list::LIMIT_RANGE;
@@ -74,9 +74,7 @@ impl SkinCosts {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum SkinScaling {
-    /// In proportion to the largest displacements of each species and size class.
     Proportional,
-    /// One limit for all spheres.
     Alike,
 }
 
@@ -97,20 +95,19 @@ pub(super) struct SkinChoice {
 pub(super) struct SkinModel<'a> {
     pub(super) costs: &'a SkinCosts,
     pub(super) scaling: SkinScaling,
-    /// Smallest limit.
     pub(super) least: f32,
 }
 
 impl SkinModel<'_> {
-    /// Returns the displacement limit for a displacement `step` per call, the largest of which is `farthest`.
+    /// Returns the limit for `step` per call; `farthest` is the largest.
     pub(super) fn limit(&self, skin: f32, step: f32, farthest: f32) -> f32 {
         let ratio = if self.scaling == SkinScaling::Alike { 1.0 } else { MIN_LIMIT_RATIO };
         (skin * step.max(ratio * farthest)).max(*LIMIT_RANGE.start()).max(self.least)
     }
 }
 
-/// Chooses the skin with the least mean time of a call; `None` if a search without a skin costs less. `excess`
-/// multiplies the estimated number of candidates.
+/// Minimizes the mean time of a call; `None` if a search without a skin costs less. `excess` multiplies the estimated
+/// candidates.
 pub(super) fn choose(
     stats: &InputStats,
     density: &DensityProfile,
@@ -149,7 +146,7 @@ pub(super) fn choose(
 }
 
 fn candidates(stats: &InputStats, density: &DensityProfile, limits: &PerClass) -> f32 {
-    // log₂ of the size of a cube with the volume of a sphere of radius 1.
+    // log₂ of the side of a cube with the volume of a unit ball.
     const CUBE: f32 = 0.689;
     let classes = stats.occupied().count();
     let stride = classes.div_ceil(MAX_CLASS_GROUPS).max(1);

@@ -25,9 +25,7 @@ const GROWTH_DECAY: f32 = 0.2;
 pub(crate) struct DisplacementStats {
     spheres: usize,
     positions: Vec<Vec3>,
-    /// Largest displacements per call, which decay.
     steps: SpeciesClasses,
-    /// Displacements and number of the spheres of the last sample.
     seen: SpeciesClasses,
     counts: SpeciesClasses<u16>,
     estimates: SpeciesClasses,
@@ -35,20 +33,18 @@ pub(crate) struct DisplacementStats {
     growth: DisplacementGrowth,
 }
 
-/// Growth law of the largest displacement, `factor · calls^exponent`, in units of the largest displacement per call of
-/// the sample. Ballistic motion has the exponent 1, diffusion ½.
+/// Law of the largest displacement, `factor · calls^exponent`, in units of the sample's largest displacement per call.
+/// Ballistic motion has the exponent 1, diffusion ½.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DisplacementGrowth {
     pub(crate) factor: f32,
     pub(crate) exponent: f32,
 }
 
-/// Displacements per call of each size class, and their growth law.
 #[derive(Clone, Debug)]
 pub(crate) struct Displacements {
-    /// Mean over the spheres of the sample, each with the displacement of its species.
+    /// Mean over sampled spheres, each with the displacement of its species.
     pub(crate) mean: PerClass,
-    /// Largest over the species.
     pub(crate) largest: PerClass,
     pub(crate) growth: DisplacementGrowth,
 }
@@ -56,12 +52,10 @@ pub(crate) struct Displacements {
 impl DisplacementGrowth {
     const ASSUMED: Self = Self { factor: 1.3, exponent: 0.75 };
 
-    /// Returns the calls until the largest displacement is `distance`, in units of the displacement per call.
     pub(crate) fn steps(self, distance: f32) -> f32 {
         (distance / self.factor).max(0.0).powf(self.exponent.recip())
     }
 
-    /// Computes the law from the largest displacement `first` after one call and `last` after `steps` calls.
     fn between(first: f32, steps: u32, last: f32) -> Self {
         let exponent = if steps > 1 { (last / first).ln() / (steps as f32).ln() } else { 1.0 };
         Self { factor: first, exponent: if exponent.is_finite() { exponent.clamp(0.3, 1.5) } else { 1.0 } }
@@ -83,7 +77,6 @@ impl DisplacementStats {
         let species = test.species_count();
         let known = self.spheres == n && self.positions.len() == size && self.steps.has_rows_for(species);
         if !known {
-            // The sample stays unknown if memory is refused.
             self.spheres = usize::MAX;
             try_resize(&mut self.positions, size, "a sample of the spheres")?;
             self.seen.set_all(species, 0.0)?;
@@ -109,7 +102,7 @@ impl DisplacementStats {
             *self.counts.get_mut(species, radius) += 1;
             *position = center;
         }
-        // A sphere is invalid or too far away, so this call says nothing about the next one.
+        // A sphere is invalid or too far away, so this call predicts nothing.
         if self.seen.numbers().any(|step| !step.is_finite()) {
             self.calls = 0;
             self.steps.fill(0.0);
@@ -122,7 +115,7 @@ impl DisplacementStats {
         Ok(())
     }
 
-    /// Learns from the largest displacements `first` after one call, and `last` after `calls`, in units of the largest
+    /// Fits the growth law to the largest displacements after one call and after `calls`, in units of the largest
     /// displacement per call of the sample.
     pub(crate) fn learn(&mut self, first: f32, calls: u32, last: f32) {
         if first > 0.0 {
@@ -130,7 +123,6 @@ impl DisplacementStats {
         }
     }
 
-    /// Moves the growth law toward the assumed one.
     pub(crate) fn forget(&mut self) {
         let DisplacementGrowth { factor, exponent } = &mut self.growth;
         *factor += GROWTH_DECAY * (DisplacementGrowth::ASSUMED.factor - *factor);
@@ -141,8 +133,8 @@ impl DisplacementStats {
         self.calls > 0
     }
 
-    /// Estimates the largest displacements per call. Species with few spheres in the sample get the largest of their
-    /// class, classes without spheres the largest of all, and spheres at rest a fraction of the largest of all.
+    /// Estimates the largest displacements per call. Species with few sampled spheres get the largest of their class;
+    /// classes without spheres get the largest of all, and spheres at rest a fraction.
     pub(crate) fn estimate(&mut self) {
         let farthest = self.steps.numbers().fold(0.0, f32::max);
         let of_class = self.by_class(&self.steps, farthest);
@@ -153,18 +145,16 @@ impl DisplacementStats {
         }
     }
 
-    /// Returns the last estimates.
     pub(crate) fn estimates(&self) -> &SpeciesClasses {
         &self.estimates
     }
 
-    /// Returns the last estimates by size class.
     pub(crate) fn displacements(&self) -> Displacements {
         let farthest = self.estimates.numbers().fold(0.0, f32::max);
         self.by_class(&self.estimates, farthest)
     }
 
-    /// Returns the displacements by size class. Classes that are not in the sample get `farthest`.
+    /// Classes outside the sample get `farthest`.
     fn by_class(&self, steps: &SpeciesClasses, farthest: f32) -> Displacements {
         let [mut mean, mut largest] = [[farthest; SIZE_CLASSES]; 2];
         for class in 0..SIZE_CLASSES {
@@ -183,8 +173,7 @@ impl DisplacementStats {
     }
 }
 
-/// Returns the `k`-th sphere of a sample of `size` among `n`. Intervals are unequal, because species or sizes may recur
-/// at equal intervals.
+/// Returns the `k`-th sampled sphere. Intervals are unequal, because species or sizes may recur at equal ones.
 #[inline(always)]
 fn sampled(k: usize, n: usize, size: usize) -> usize {
     let anywhere = (k as u32).wrapping_mul(0x9e37_79b1) >> 16;
@@ -221,7 +210,6 @@ mod tests {
         let table = Interactions::new(4, Interaction::Touch).expect("few species");
         let mut motion = DisplacementStats::default();
         for x in [0.0, 1.0] {
-            // Four at rest, four that move, one of species 2 that moves farther, none of species 3.
             let spheres = [0.0, 0.0, 0.0, 0.0, x, x, x, x, 2.0 * x].map(|x| Sphere::new([x, 0.0, 0.0], 1.0));
             let ids = [0, 0, 0, 0, 1, 1, 1, 1, 2];
             let spheres = Spheres::from(&spheres).with_species(&ids).expect("one id for each");

@@ -1,12 +1,11 @@
-//! Candidate lists (Verlet lists): pairs that may touch until a sphere has moved too far.
-//!
-//! Candidates are the pairs that touch with radii larger by the spheres' *displacement limits*.
+//! Candidate lists (Verlet lists): pairs that may touch until a sphere has moved too far. Candidates touch with radii
+//! larger by the spheres' *displacement limits*.
 //!
 //! # Correctness
 //!
-//! 1. If no sphere exceeds its limit, two spheres that touch now were at most their radii and both limits apart when
-//!    the list was built, so every pair is a candidate.
-//! 2. Each call measures the displacements. It tests the candidates if no limit is exceeded, else it builds a new list.
+//! 1. If no sphere exceeds its limit, two touching spheres were at most their radii and both limits apart at the build.
+//!    So every pair is a candidate.
+//! 2. Each call measures displacements. It tests candidates if no limit is exceeded, else it builds a new list.
 //!
 //! The GPU shares `displacement`, `cost_model` and `tuner`.
 
@@ -27,17 +26,16 @@ pub(crate) use controller::SkinController;
 pub use cost_model::SkinCosts;
 pub use tuner::SkinTuner;
 
-/// The spheres of a call. The spheres of `input` are not mapped to their frame yet.
+/// The spheres of `input` are not yet mapped to their frame.
 #[derive(Clone, Copy)]
 pub(crate) struct CallSpheres<'a> {
     pub(crate) test: &'a PairTest<'a>,
     pub(crate) input: Option<InputSpheres<'a>>,
-    /// `true` if the species are those of the candidates.
+    /// `true` if species are those of the candidates.
     pub(crate) has_same_species: bool,
 }
 
 impl<'a> CallSpheres<'a> {
-    /// Creates the spheres of a call without candidates.
     pub(crate) fn new(test: &'a PairTest<'a>) -> Self {
         Self { test, input: None, has_same_species: false }
     }

@@ -164,7 +164,6 @@ fn without_a_list_every_call_searches() {
     }
 }
 
-/// Couples with different gaps that approach each other: the skin must expire in time.
 #[test]
 fn head_on_spheres_are_found_when_they_touch() {
     for skin in [Skin::Fixed(0.5), Skin::Auto] {
@@ -309,7 +308,7 @@ fn candidates_of_f64_spheres_are_tested_without_a_copy() {
     }
 }
 
-/// A distance to a third species hides that radii grow, by which the first two species touch.
+/// A distance to a third species hides that radii grow until the first two species touch.
 #[test]
 fn radii_that_grow_below_effective_ones_lose_no_pair() {
     let mut table = Interactions::new(4, Interaction::Never).expect("few species");

@@ -24,13 +24,11 @@ pub struct SkinTuner {
     displacements: DisplacementStats,
     choice: Option<SkinChoice>,
     limits: DisplacementLimits,
-    /// Largest fraction of a displacement limit that was used in the first call of the list.
+    /// Largest used fraction of a limit in the list's first call.
     first: f32,
-    /// Remaining searches before a new choice.
     wait: u32,
-    /// Searches before a new choice, after the last one.
+    /// Initial `wait` of the last choice.
     patience: u32,
-    /// Remaining searches without a list after an overflow.
     pause: u32,
     /// log₂ of the ratio of observed to estimated candidates.
     excess: f32,
@@ -62,7 +60,7 @@ impl SkinTuner {
         }
         if let (Some(RebuildReason::Displacement), Some(choice)) = (lapsed, &self.choice) {
             self.displacements.learn(self.first * choice.skin, age, moved * choice.skin);
-            // A list that lasted about as long as predicted is not reconsidered soon.
+            // A list that lasted about as predicted is not reconsidered soon.
             let is_as_expected = AS_EXPECTED.contains(&(age as f32 / (choice.calls + 1.0)));
             self.wait = if is_as_expected { self.wait } else { 0 };
         }
@@ -113,8 +111,7 @@ impl SkinTuner {
         Ok(limits.map(|limits| 2.0 * limits.get(0, 0.0)))
     }
 
-    /// Returns the limits of the last choice, or of a new one by `choose`, which gets displacements and the excess of
-    /// candidates.
+    /// Returns the limits of the last choice, or of a new one by `choose`, which gets displacements and the excess.
     pub(super) fn limits(
         &mut self,
         model: SkinModel<'_>,
@@ -168,8 +165,6 @@ mod tests {
         call_ns: 0.0,
     };
 
-    /// Spheres of a periodic box move by `step` in every call. Returns the calls that candidates served, and the last
-    /// skin.
     fn follow(
         tuner: &mut SkinTuner,
         n: usize,
@@ -206,7 +201,6 @@ mod tests {
     #[test]
     fn skin_follows_from_displacements_and_costs() {
         let cheap = SkinCosts { search_ns: 4.0, find_ns: 1.0, ..COSTS };
-        // Each call costs as much as a search of a thousand spheres.
         let by_the_call = SkinCosts { call_ns: 1000.0 * COSTS.search_ns, ..COSTS };
         for (what, n, step, costs, calls_served) in [
             ("little displacements", 3000, 0.002, COSTS, 90..=100),

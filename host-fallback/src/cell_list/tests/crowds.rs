@@ -1,5 +1,3 @@
-//! Crowds: in a uniform grid around them most cells would be empty.
-
 use std::ops::Range;
 
 use lazygrid_kernels::{Algorithm, Interaction, Interactions, Query, Space, Sphere, Spheres};
@@ -10,19 +8,16 @@ use crate::input::{Division, Preparation, SearchInput};
 use crate::test_support::Random;
 use crate::{HostDetector, QueryBuffers, Report, Settings, Skin};
 
-/// Returns a crowd of `n` spheres in a cube of size 1, and `others` in a cube of size `width`.
 fn crowd(n: usize, (others, width): (usize, f32)) -> Vec<Sphere> {
     let mut random = Random(3);
     let mut center = |k: usize| if k < n { random.point(0.5) } else { random.point(width / 2.0) };
     (0..n + others).map(|k| Sphere::new(center(k), 0.004)).collect()
 }
 
-/// Returns species 0 for the first `n` spheres, and species 1 for the others.
 fn species(n: usize, others: usize) -> Vec<u32> {
     (0..n + others).map(|k| u32::from(k >= n)).collect()
 }
 
-/// Pairs of species 0, which is crowded, are close; those with species 1 are far apart.
 fn table(of_last: Interaction) -> Interactions {
     let mut table = Interactions::new(3, Interaction::Within(3.0)).expect("few species");
     table.set(0, 0, Interaction::Within(0.008)).expect("known species");
@@ -94,7 +89,6 @@ fn wide(spheres: &[Sphere]) -> Vec<[f64; 4]> {
 fn groups_with_a_reach_of_their_own_match_naive() {
     let (n, others) = (1000, 500);
     let (mut spheres, ids) = (crowd(n, (others, 12.0)), species(n, others));
-    // Across a corner of the boxes.
     spheres.iter_mut().for_each(|sphere| sphere.center += 30.0);
     let rows = wide(&spheres);
     let tilted = [Some([60.0, 0.0, 0.0]), Some([20.0, 61.0, 0.0]), Some([-9.0, 7.0, 62.0])];
@@ -111,7 +105,6 @@ fn groups_with_a_reach_of_their_own_match_naive() {
                 };
                 let of_f64 = Spheres::from(&rows).with_species(&ids).expect("an id for each");
                 let (all, sets) = (of_f32(0..n + others), (of_f32(0..n / 2), of_f32(n / 2..n + others)));
-                // Second calls may use candidates.
                 let queries: [Query<'_>; 5] =
                     [all.into(), all.into(), of_f64.into(), of_f64.into(), sets.into()];
                 queries.map(|query| detector.pairs(query).expect("valid").to_vec())
@@ -149,7 +142,7 @@ fn group_at_one_point_is_found_by_others() {
     }
 }
 
-/// A distance to other species hides that the radii in a crowd grow. The denser crowd has too many candidates.
+/// A distance to other species hides that radii in a crowd grow.
 #[test]
 fn radii_that_grow_in_a_divided_crowd_lose_no_pair() {
     let (n, others) = (3600, 400);

@@ -10,9 +10,8 @@ use crate::frame::{Bounds, FrameMap, SearchFrame};
 pub(crate) struct PeriodicBox {
     /// Infinite for an unbounded axis.
     pub(super) lengths: [f32; 3],
-    /// Upper bound on the error of a distance. Coordinates, of at most half a length, are exact; their difference is
-    /// rounded to 2⁻²⁴ of a length, and subtracting it from the length rounds no more. The slack is over twice that for
-    /// three axes together.
+    /// Bounds the error of a distance. Coordinates within half a length are exact; their difference rounds to 2⁻²⁴ of a
+    /// length, and subtracting it from the length rounds no more. The slack is over twice that for three axes together.
     pub(super) slack: f32,
 }
 
@@ -33,7 +32,7 @@ impl PeriodicBox {
     }
 }
 
-/// A SIMD width that compares minimum images. It is compiled separately, so that unbounded spaces pay nothing.
+/// Compiled separately, so that unbounded spaces pay nothing.
 #[derive(Clone, Copy)]
 pub(super) struct MinimumImage<V> {
     pub(super) vector: V,
@@ -43,7 +42,6 @@ pub(super) struct MinimumImage<V> {
 impl<V: PeriodicSimd> SimdWidth for MinimumImage<V> {
     const LANES: usize = V::LANES;
     type Query = V::Query;
-    /// Results with the slack added to the sum of radii, and with the slack subtracted.
     type SquaredDistances = [V::SquaredDistances; 2];
 
     #[inline(always)]

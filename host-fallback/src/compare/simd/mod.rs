@@ -1,8 +1,7 @@
 //! SIMD code of every detector: compares one sphere with several.
 //!
 //! The comparison is a filter in `f32` with an error band around tangency. [`PairTest`](super::pair_test::PairTest)
-//! decides pairs inside the band, so SIMD width, fused multiply-adds and the order of operations cannot change a
-//! result.
+//! decides inside the band, so SIMD width, fused multiply-adds and operation order cannot change a result.
 
 use std::env;
 use std::fmt;
@@ -37,7 +36,6 @@ const BAND: f32 = 1.0 / (1 << 20) as f32;
 /// Absolute half-width of the band: below it products underflow, and relative error has no meaning.
 const FLOOR: f32 = f32::MIN_POSITIVE;
 
-/// An instruction set, under its name in `target_feature`.
 #[cfg(target_arch = "x86_64")]
 struct Feature {
     name: &'static str,
@@ -101,7 +99,7 @@ impl Simd {
         if self as u8 > other as u8 { self } else { other }
     }
 
-    /// A virtual machine may hide any instruction set, so all are tested.
+    /// Tests all instruction sets, because a virtual machine may hide any.
     #[cfg(target_arch = "x86_64")]
     fn widest(has: impl Fn(&Feature) -> bool) -> Self {
         if x86::Avx512::FEATURES.iter().all(&has) {
@@ -113,7 +111,7 @@ impl Simd {
         }
     }
 
-    /// Runs `task` with this width, or the portable one if unavailable.
+    /// Runs `task` with this width, or a narrower one if it is unavailable.
     pub(crate) fn run<T: SimdTask>(self, task: T, periodic: Option<PeriodicBox>) -> T::Result {
         match self.narrower(Self::detect()) {
             // SAFETY: this width is no wider than `detect` returns, for which this processor has all features.
@@ -135,43 +133,43 @@ fn over<T: SimdTask>(task: T, vector: impl PeriodicSimd, periodic: Option<Period
     }
 }
 
-/// Work that is compiled for each SIMD width. Only code inlined into [`SimdTask::run`] uses the instructions, so its
-/// callees must be `#[inline(always)]`, and must not pass a closure to a function that is not.
+/// Work compiled for each SIMD width. Callees of [`SimdTask::run`] must be `#[inline(always)]` to use its instructions,
+/// and must not pass closures to other functions.
 pub(crate) trait SimdTask {
     type Result;
-    /// Must be `#[inline(always)]`, to have the features of its caller.
+    /// Must be `#[inline(always)]`, to have its caller's features.
     fn run<V: SimdWidth>(self, vector: V) -> Self::Result;
 }
 
-/// The operations of a SIMD width. A value of the type proves that the processor supports it.
+/// A value proves that the processor supports the width.
 pub(crate) trait SimdWidth: Copy {
     const LANES: usize;
     type Query: Copy;
     type SquaredDistances: Copy;
 
-    /// Calls `task` with `vector`, as a function that is not inlined: for long tasks with several callers. `vector`
-    /// must have no more features than `self`.
+    /// Calls `task` without inlining, for long tasks with several callers. `vector` must have no more features than
+    /// `self`.
     fn call<T: SimdTask>(self, task: T, vector: impl SimdWidth) -> T::Result;
     fn query(self, sphere: [f32; 4]) -> Self::Query;
-    /// Compares the query with the spheres at or above `base`. May read padding.
+    /// May read padding.
     fn squared_distances(self, columns: &Columns, base: usize, query: Self::Query) -> Self::SquaredDistances;
-    /// Returns the lanes that may touch: contacts, and all lanes inside the band.
+    /// Returns contacts, and all lanes inside the band.
     fn possible(self, distances: Self::SquaredDistances) -> u32;
-    /// Returns the lanes that certainly touch.
+    /// Returns certain contacts only.
     fn certain(self, distances: Self::SquaredDistances) -> u32;
-    /// Returns masks of the `pairs` that may touch, and that certainly touch.
+    /// Returns possible and certain contacts.
     fn touching(self, rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32; 2];
-    /// Returns the cell of `center + offset`, clamped to the grid: monotone along each axis, by the same operations for
+    /// Returns the cell of `center + offset`, clamped to the grid: monotone along each axis, with equal operations for
     /// every width.
     fn cell(self, axes: &Axes, center: [f32; 3], offset: f64) -> [u32; 4];
     fn add_to_bounds(self, bounds: &mut Bounds, row: [f64; 4]);
     /// Equals [`FrameMap::contains`].
     fn is_in_frame(self, map: &FrameMap<'_>, row: [f64; 4]) -> bool;
     fn map_to_frame<const PERIODIC: bool>(self, map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr;
-    /// Returns the squared displacement, between minimum images if `PERIODIC`. The last lane has no effect.
+    /// Uses minimum images if `PERIODIC`. The last lane has no effect.
     fn squared_displacement<const PERIODIC: bool>(self, now: Xyzr, then: Xyzr, lengths: &[f32; 4]) -> f32;
-    /// Appends the runs to compare with `spheres` of one cell, at most [`MAX_LANES`]: up to five runs per sphere, of which
-    /// the first starts after it.
+    /// Appends up to five runs per sphere of one cell, the first starting after it. `spheres` are at most
+    /// [`MAX_LANES`].
     fn find_neighbor_runs(
         self,
         columns: &Columns,
@@ -179,10 +177,9 @@ pub(crate) trait SimdWidth: Copy {
         neighbors: &NeighborRows,
         queue: &mut RunQueue,
     );
-    /// Writes the pairs of `id` with the selected `lanes` of `ids` to the front of `pairs`; the rest is arbitrary.
-    /// Returns their number.
+    /// Writes pairs of `id` with the selected `lanes` first; the rest is arbitrary. Returns their number.
     fn pack(self, id: u32, ids: &[u32; MAX_LANES], lanes: u32, pairs: &mut [Pair; MAX_LANES]) -> usize;
-    /// Writes the selected `lanes` of `pairs` to the front of `kept`; the rest is arbitrary. Returns their number.
+    /// Compacts the selected `lanes` into `kept`, like [`pack`](Self::pack).
     fn keep(self, pairs: &[Pair; MAX_LANES], lanes: u32, kept: &mut [Pair; MAX_LANES]) -> usize;
 }
 
@@ -193,8 +190,8 @@ pub(crate) trait PeriodicSimd: SimdWidth {
         pairs: &[Pair; MAX_LANES],
         periodic: &PeriodicBox,
     ) -> [u32; 2];
-    /// Returns two results like [`squared_distances`](SimdWidth::squared_distances) between minimum images: with the
-    /// slack added to the sum of radii, and with the slack subtracted but no sum below zero.
+    /// Returns [`squared_distances`](SimdWidth::squared_distances) of minimum images: with the slack added to the sum
+    /// of radii, and subtracted, but not below zero.
     fn minimum_image_distances(
         self,
         columns: &Columns,
@@ -204,12 +201,12 @@ pub(crate) trait PeriodicSimd: SimdWidth {
     ) -> [Self::SquaredDistances; 2];
 }
 
-/// The map from coordinates to cells. The fourth lane fills a vector.
+/// The fourth lane fills a vector.
 #[derive(Clone, Debug)]
 pub(crate) struct Axes {
     pub(crate) per_length: [f64; 4],
     pub(crate) origin: [f64; 4],
-    /// Highest cell of each axis, at most `i32::MAX`.
+    /// Highest cell, at most `i32::MAX`.
     pub(crate) last: [f64; 4],
 }
 

@@ -10,7 +10,6 @@ use super::{
 };
 use crate::frame::{Bounds, FrameMap};
 
-/// Eight lanes in baseline vectors: two vectors of four lanes on most processors.
 #[derive(Clone, Copy)]
 pub(crate) struct Portable;
 

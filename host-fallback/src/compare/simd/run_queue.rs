@@ -5,27 +5,25 @@ use super::MAX_LANES;
 /// The own row, and the four adjacent ones later in the table.
 const ROWS: usize = 5;
 
-/// The neighbor rows of a cell, in a grid in which touching spheres are in adjacent cells.
+/// Touching spheres must be in adjacent cells.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NeighborRows {
     /// A sphere touches lower cells only if its center less its radius is below this.
     pub(crate) low: [f32; 3],
     /// A sphere touches higher cells only if its center plus its radius is above this.
     pub(crate) high: [f32; 3],
-    /// Starts of cells `x - 1`, `x` and `x + 1` of each row, and the end. Rows inside the grid replace rows outside,
-    /// and `low` and `high` exclude the replacements.
+    /// Starts of cells `x - 1`, `x` and `x + 1`, and the end. Rows inside replace rows outside the grid; `low` and
+    /// `high` exclude the replacements.
     pub(crate) rows: [[u32; 4]; ROWS],
 }
 
-/// A sphere, and the run to compare it with.
 #[derive(Debug)]
 pub(crate) struct SphereRun {
     pub(crate) at: usize,
     pub(crate) run: Range<usize>,
 }
 
-/// A queue of comparisons of a sphere with a run. [`push`](Self::push) appends without a branch, because branches on
-/// searched and empty rows would be mispredicted.
+/// Appends without a branch: branches on searched and empty rows would be mispredicted.
 pub(crate) struct RunQueue {
     pub(super) at: [u32; Self::ROOM],
     pub(super) start: [u32; Self::ROOM],

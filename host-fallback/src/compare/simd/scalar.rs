@@ -2,7 +2,7 @@ use lazygrid_kernels::Pair;
 
 use super::{BAND, FLOOR, MAX_LANES, PeriodicBox};
 
-/// The center and the radius of a sphere.
+/// Center and radius.
 pub(crate) type Xyzr = [f32; 4];
 
 struct SquaredDistances {

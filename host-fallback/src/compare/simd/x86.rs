@@ -10,8 +10,7 @@ use super::{
 };
 use crate::frame::{Bounds, FrameMap};
 
-/// Defines a width from one list of instruction sets, for the compiled tasks and for the check of the processor. The
-/// list includes sets that `rustc` enables implicitly.
+/// Defines a width from one list of instruction sets, including those that `rustc` enables implicitly.
 macro_rules! width {
     ($(#[$doc:meta])* $name:ident, $run:ident, $call:ident: $($feature:tt)+) => {
         $(#[$doc])*
@@ -48,8 +47,6 @@ width! {
     "sse3" "ssse3" "sse4.1" "sse4.2" "popcnt" "avx" "fma" "avx2" "bmi1" "bmi2" "lzcnt"
 }
 
-/// Computes one cell with AVX.
-///
 /// # Safety
 /// The processor must have AVX2.
 #[inline(always)]

@@ -4,7 +4,7 @@ use lazygrid_kernels::Pair;
 
 use super::{BAND, FLOOR, MAX_LANES, PeriodicBox, Xyzr};
 
-/// Tests four pairs at a time, each in its own vector until their coordinates are transposed.
+/// Tests four pairs at a time, one vector each until coordinates are transposed.
 ///
 /// # Safety
 /// The processor must have FMA.
@@ -38,7 +38,7 @@ pub(super) unsafe fn touching(rows: &[Xyzr], pairs: &[Pair; MAX_LANES]) -> [u32;
     masks
 }
 
-/// Tests pairs between minimum images, like [`touching`].
+/// Tests minimum images, like [`touching`].
 ///
 /// # Safety
 /// The processor must have FMA.

@@ -1,4 +1,4 @@
-//! Operations on one row `x, y, z, r` per vector, which compilers do not vectorize in this way.
+//! Operations on one row `x, y, z, r` per vector, which compilers do not vectorize this way.
 
 use std::arch::x86_64::*;
 
@@ -77,7 +77,7 @@ pub(super) unsafe fn map_to_frame<const PERIODIC: bool>(map: &FrameMap<'_>, row:
     searched
 }
 
-/// Returns the squared displacement, with the operations of the scalar code.
+/// Uses the operations of the scalar code.
 ///
 /// # Safety
 /// The processor must have SSE3.

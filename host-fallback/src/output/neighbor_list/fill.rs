@@ -14,15 +14,13 @@ const PREFETCHED: usize = 16;
 
 pub(super) struct Fill<'a> {
     pub contact: ContactTest<'a>,
-    /// Spheres whose rows are filled.
     pub first: &'a [[f64; 4]],
-    /// Spheres that are neighbors.
     pub second: &'a [[f64; 4]],
     pub images: Option<&'a PeriodicImages>,
     pub options: ListOptions,
-    /// Filter of groups and exclusions, if the search has ignored them.
+    /// For groups and exclusions that the search has ignored.
     pub filter: Option<PairFilter<'a>>,
-    /// Found neighbors of each sphere: indices of spheres or images.
+    /// Indices of spheres or images.
     pub candidates: Neighbors<'a>,
 }
 
@@ -32,14 +30,13 @@ pub(super) struct Neighbor {
     pub j: u32,
 }
 
-/// An entry of a list. A shift of `i32::MIN` or `i32::MAX` is out of range.
+/// A shift of `i32::MIN` or `i32::MAX` is out of range.
 struct Entry {
     pair: Pair,
     bond: ImageVector,
     distance: f64,
 }
 
-/// The arrays of a list, or of a part of it. Arrays of unrequested quantities are empty.
 pub(super) struct Slots<'s> {
     pub pairs: &'s mut [Pair],
     pub shifts: &'s mut [[i32; 3]],
@@ -95,15 +92,12 @@ fn length_of(vector: [f64; 3]) -> f64 {
     image.length()
 }
 
-/// A range of rows, whose entries a thread writes.
 pub(super) struct Piece<'s> {
     rows: Range<usize>,
     slots: Slots<'s>,
     counts: &'s mut [u64],
-    /// Position of the slots in the list.
     pub start: usize,
     pub filled: usize,
-    /// First spheres whose shift exceeds 32 bits.
     pub too_far: Option<Neighbor>,
 }
 
@@ -139,8 +133,7 @@ impl<'s> Piece<'s> {
         }
     }
 
-    /// Fills a row whose minimum images mostly have shift 0. Differences of coordinates below `near` are vectors to
-    /// minimum images.
+    /// Uses minimum images with shift 0 for differences of coordinates below `near`.
     fn fill_near(&mut self, fill: &Fill<'_>, i: u32, near: [f64; 3]) {
         let neighbors = fill.candidates.neighbors_of(i as usize);
         let mirrored = match fill.contact.query.second() {
@@ -152,7 +145,7 @@ impl<'s> Piece<'s> {
         self.fill_side::<false>(fill, i, after, near);
     }
 
-    /// Appends the entries of `i` with `neighbors`. If `MIRRORED`, `i` is the second sphere of these pairs.
+    /// If `MIRRORED`, `i` is the second sphere of the pairs.
     #[inline(always)]
     fn fill_side<const MIRRORED: bool>(
         &mut self,
@@ -190,8 +183,7 @@ impl<'s> Piece<'s> {
 }
 
 impl Fill<'_> {
-    /// Returns the differences of coordinates below which a minimum image has shift 0; `None` if rows need more than
-    /// minimum images of an orthogonal space.
+    /// Returns the differences below which minimum images have shift 0; `None` if rows need other images.
     fn near(&self) -> Option<[f64; 3]> {
         let ContactTest { space, .. } = self.contact;
         let is_plain = self.images.is_none() && !self.options.has_self && space.triclinic_cell().is_none();
@@ -279,7 +271,6 @@ impl Fill<'_> {
         self.entry(i, j, bond)
     }
 
-    /// Returns an entry; `None` at or above the cutoff of an open list.
     #[inline(always)]
     fn entry(&self, i: u32, j: u32, bond: ImageVector) -> Option<Entry> {
         let ListOptions { is_open, distances, .. } = self.options;
@@ -295,7 +286,7 @@ impl Fill<'_> {
         self.reach(i, j).is_some_and(|cutoff| is_clear(vector, cutoff) || length_of(vector) < cutoff)
     }
 
-    /// Returns the cutoff if it is independent of the radii; `None` if the spheres never pair.
+    /// Returns the cutoff, `Some(None)` if radii decide it, and `None` if the spheres never pair.
     #[inline]
     fn distance(&self, i: u32, j: u32) -> Option<Option<f64>> {
         let ContactTest { query, table, .. } = self.contact;
@@ -314,7 +305,7 @@ impl Fill<'_> {
     }
 }
 
-/// Returns `true` if a vector is shorter than a cutoff by more than rounding, without a square root.
+/// Returns `true`, without a square root, if a vector is shorter than `reach` by more than rounding.
 #[inline]
 fn is_clear([x, y, z]: [f64; 3], reach: f64) -> bool {
     const CLEAR: f64 = 1.0 - 1.0 / (1_u64 << 40) as f64;

@@ -2,12 +2,12 @@
 //!
 //! # Correctness
 //!
-//! 1. The spheres of the first set are folded into the box.
-//! 2. An image of a sphere of the second set touches no sphere of the first set if, along some basis vector, its fraction
-//!    is farther from all fractions of the first set than the cutoff divided by the height of the box. All other images
+//! 1. The first set is folded into the box.
+//! 2. Consider an image of the second set whose fraction, along some basis vector, is farther from all fractions of the
+//!    first set than the cutoff divided by the box's height. It touches no sphere of the first set. All other images
 //!    are created.
-//! 3. A search in unbounded space finds all images that touch. Radii include the rounding of folds, images and the decision
-//!    ([`Lattice::rounding`]), so no pair is lost.
+//! 3. A search in unbounded space finds all images that touch. Radii include the rounding of folds, images and the
+//!    decision ([`Lattice::rounding`]), so no pair is lost.
 //! 4. The decision uses the given numbers.
 
 use lazygrid_kernels::{Error, InputError, Lattice, MAX_SPHERES, Query, Spheres, WrappedPoint};
@@ -31,11 +31,9 @@ pub struct PeriodicImages {
     of: Vec<u32>,
     /// Cell vectors subtracted from each sphere of the first set.
     folds: Vec<[f64; 3]>,
-    /// Cell vectors added to each image.
     shifts: Vec<[f64; 3]>,
     folded: Vec<WrappedPoint>,
     reaches: Vec<f64>,
-    /// Steps to the images of one sphere, with their cell vectors.
     steps: Vec<([f64; 3], [f64; 3])>,
 }
 
@@ -71,7 +69,7 @@ impl PeriodicImages {
         let spread = self.fold_all(&lattice, contact)?;
         let growth = spread.rounding(&lattice, largest * lattice.unit());
         self.reaches.clear();
-        // Half the largest cutoff of each sphere: the sum for two covers their cutoff.
+        // The sum of halves for two spheres covers their cutoff.
         for set in [query.first(), second] {
             let reaches =
                 (0..set.len()).map(|k| half_reach(contact, set, k) * lattice.unit() * GROWTH + growth);
@@ -149,7 +147,6 @@ impl PeriodicImages {
         Ok(())
     }
 
-    /// Adds the images of sphere `k` of the second set.
     fn add(
         &mut self,
         contact: &ContactTest<'_>,
@@ -190,7 +187,6 @@ impl PeriodicImages {
     }
 }
 
-/// The largest coordinate, the most folds, and the fractions of the first set.
 #[derive(Debug)]
 struct Spread {
     extent: f64,
@@ -219,12 +215,10 @@ impl Spread {
 
     fn rounding(&self, lattice: &Lattice, reach: f64) -> f64 {
         let heights = lattice.heights();
-        // Two folds, and the steps to the image.
         let counts = [0, 1, 2].map(|axis| 2.0 * self.counts[axis] + reach / heights[axis] + 2.0);
         lattice.rounding(2.0 * self.extent + reach, counts)
     }
 
-    /// Returns the first and last step along each basis vector to images within `reach` of the first set.
     fn steps(&self, lattice: &Lattice, folded: &WrappedPoint, reach: f64) -> [[f64; 2]; 3] {
         let heights = lattice.heights();
         [0, 1, 2].map(|axis| {
@@ -238,7 +232,6 @@ impl Spread {
     }
 }
 
-/// Returns the effective radius of sphere `k`.
 fn half_reach(contact: &ContactTest<'_>, set: Spheres<'_>, k: usize) -> f64 {
     let radius = set.get_f64(k)[3];
     match (contact.table, set.species()) {
@@ -247,7 +240,7 @@ fn half_reach(contact: &ContactTest<'_>, set: Spheres<'_>, k: usize) -> f64 {
     }
 }
 
-/// Returns the number of steps in a range, or NaN if a height of the box underflows.
+/// Returns NaN if a height of the box underflows.
 fn steps_between(from: f64, to: f64) -> f64 {
     let steps = to - from + 1.0;
     if steps < 0.0 { 0.0 } else { steps }

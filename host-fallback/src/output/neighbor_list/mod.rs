@@ -1,6 +1,6 @@
 //! Neighbor lists with geometry: shifts, vectors and distances of all images within the cutoff.
 //!
-//! If no sphere has two images of another within the cutoff, minimum images suffice; else the search is between the
+//! Minimum images suffice if no sphere has two images of another within the cutoff. Otherwise the search is between the
 //! spheres and [their images](PeriodicImages).
 
 mod fill;
@@ -25,9 +25,7 @@ const CHUNK_ROWS: usize = 1 << 9;
 const CHUNK_SPHERES: usize = 1 << 13;
 
 /// A neighbor list with geometry, in compressed sparse rows: the neighbors of sphere `k` are the entries
-/// `offsets()[k]..offsets()[k + 1]`, ordered by index, then shift.
-///
-/// Arrays of unrequested quantities are empty.
+/// `offsets()[k]..offsets()[k + 1]`, ordered by index, then shift. Arrays of unrequested quantities are empty.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NeighborList<'a> {
     offsets: &'a [u64],
@@ -43,7 +41,7 @@ impl<'a> NeighborList<'a> {
         self.offsets
     }
 
-    /// Sphere and its neighbor per entry. In a full list `i` may exceed `j`, and equals it for an image of the sphere
+    /// Sphere and neighbor per entry. In a full list `i` may exceed `j`, and equals it for an image of the sphere
     /// itself.
     pub fn pairs(&self) -> &'a [Pair] {
         self.pairs
@@ -194,7 +192,6 @@ impl NeighborListBuilder {
         })
     }
 
-    /// Closes the gaps between the filled ranges, and turns counts into offsets.
     fn close(&mut self, filled: &[(usize, usize)]) {
         fn close<T: Copy>(values: &mut Vec<T>, filled: &[(usize, usize)]) {
             if !values.is_empty() {

@@ -1,5 +1,3 @@
-//! Candidates of spheres in a search frame.
-
 use super::*;
 
 #[test]
@@ -34,7 +32,7 @@ fn f64_spheres_that_leave_their_frame_rebuild_the_list() {
         HostDetector::new(Settings { skin: Skin::Off, ..Settings::default() }).expect("good settings");
     let mut rows = wide(&gas(3000, 2, 20.0));
     rows[0] = [-15.8, 0.0, 0.0, 1.0];
-    // The frame ends at 16, which is less than a displacement limit away.
+    // The frame ends at 16, less than a displacement limit away.
     for (x, rebuilt) in [
         (15.8, Some(RebuildReason::NoList)),
         (15.95, None),
@@ -47,7 +45,6 @@ fn f64_spheres_that_leave_their_frame_rebuild_the_list() {
     }
 }
 
-/// All images of a sphere have equal coordinates in the frame.
 #[test]
 fn f64_spheres_many_lengths_away_rebuild_the_list() {
     let space = Space::periodic([Some(8.0), None, None]).expect("a box");
@@ -70,7 +67,7 @@ fn f64_spheres_many_lengths_away_rebuild_the_list() {
     }
 }
 
-/// A call of two sets replaces the frame, and tests all pairs, so that the candidates outlive it.
+/// A call of two sets replaces the frame, but candidates stay.
 #[test]
 fn candidates_of_another_frame_are_not_used() {
     let space = Space::periodic([Some(1.0), None, None]).expect("a box");
@@ -84,6 +81,5 @@ fn candidates_of_another_frame_are_not_used() {
     assert!(kept.report().candidates.is_some());
     let far_apart = ([[0.0, -8.0, 0.0, 0.1]], [[0.0, 8.0, 0.0, 0.1]]);
     assert_eq!(kept.count((&far_apart.0, &far_apart.1)), Ok(0));
-    // In a frame of eight times the size, these have the coordinates and radii of the first ones.
     assert_eq!(kept.count(&near_the_boundary(8.0)), Ok(250));
 }

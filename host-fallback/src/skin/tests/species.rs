@@ -1,19 +1,15 @@
-//! Species of one size that move at different speeds.
-
 use lazygrid_kernels::{Interaction, Interactions, Space, Sphere, Spheres};
 
 use super::gas;
 use crate::test_support::Random;
 use crate::{HostDetector, Settings, Skin};
 
-/// Pairs of species 0 with species 1 only.
 fn table() -> Interactions {
     let mut table = Interactions::new(2, Interaction::Never).expect("few species");
     table.set(0, 1, Interaction::Touch).expect("known species");
     table
 }
 
-/// Moves spheres by `step` of the call and species. Returns the number of calls that candidates served.
 fn follow(
     (spheres, space): (&mut [Sphere], Space),
     calls: std::ops::Range<u32>,
@@ -39,7 +35,6 @@ fn follow(
 #[test]
 fn resting_species_that_begins_to_move_loses_no_pair() {
     let mut spheres = gas(4000, 1, 40.0);
-    // Later both species move toward each other.
     let step = |call, species, random: &mut Random| match (call, species) {
         (..6, 0) => [0.0; 3],
         (..6, _) => random.point(0.05),
@@ -60,7 +55,6 @@ fn nearly_resting_spheres_of_a_long_box_do_not_prevent_a_list() {
     assert!(served > 15, "{served} served");
 }
 
-/// A species that appears makes the reach of the others larger.
 #[test]
 fn species_that_appear_while_candidates_are_kept_lose_no_pair() {
     let mut table = Interactions::new(3, Interaction::Never).expect("few species");
@@ -71,7 +65,6 @@ fn species_that_appear_while_candidates_are_kept_lose_no_pair() {
     let rows: Vec<[f64; 4]> =
         spheres.iter().map(|sphere| sphere.center.as_dvec3().extend(0.5).to_array()).collect();
     let bad = [Sphere::new([f32::NAN; 3], 0.5); 1500];
-    // Species of the last ten spheres and of the others.
     let calls =
         [(0, 0), (0, 0), (1, 0), (1, 0), (0, 0), (2, 1), (0, 0), (0, 0), (1, 0), (2, 0), (2, 0), (1, 0)];
     for skin in [Skin::Auto, Skin::Fixed(0.5)] {
@@ -81,7 +74,6 @@ fn species_that_appear_while_candidates_are_kept_lose_no_pair() {
         let mut served = 0;
         for (call, (last, others)) in calls.into_iter().cycle().take(4 * calls.len()).enumerate() {
             let ids: Vec<u32> = (0..1500).map(|k| if k < 1490 { others } else { last }).collect();
-            // A refused call of other species.
             if call % 5 == 3 {
                 let ids = vec![1; 1500];
                 assert!(kept.count(Spheres::from(&bad).with_species(&ids).expect("an id for each")).is_err());
