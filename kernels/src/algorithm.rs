@@ -3,8 +3,8 @@ use std::str::FromStr;
 
 use crate::UnknownName;
 
-/// The algorithms. All find the same pairs, in different time and memory. Text form (`Display`, `FromStr`):
-/// `cell-list`, `recursive-grid`, …
+/// The algorithms, which all find the same pairs. Text form (`Display`, `FromStr`): `cell-list`, `recursive-grid`, …
+/// Sections refer to Stroobant et al.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Algorithm {
@@ -13,17 +13,17 @@ pub enum Algorithm {
     Auto,
     /// Tests all pairs: the reference, and the fastest for a few hundred spheres.
     Naive,
-    /// Uniform grid in a hash table with chaining (Stroobant et al., section 3.1). CPU.
+    /// Uniform grid in a hash table with chaining (section 3.1). CPU.
     HashGrid,
     /// Uniform grid as an array of (cell, object) entries sorted by cell (section 3.1). CPU and GPU.
     ArrayGrid,
-    /// Uniform grid of the largest diameter whose overfull cells are split again (section 3.2). CPU.
+    /// Uniform grid of the largest diameter, with overfull cells split again (section 3.2). CPU.
     RecursiveGrid,
     /// Each sphere in the cell of its center, with a level per size class. CPU and GPU.
     CellList,
-    /// Nested grids; all smaller objects continue to the next level (section 3.2). GPU.
+    /// Nested grids; every cell passes smaller objects to the next level (section 3.2). GPU.
     EagerGrid,
-    /// Nested grids; only smaller objects of overfull cells continue to the next level (section 3.2). GPU.
+    /// Nested grids; only overfull cells pass smaller objects to the next level (section 3.2). GPU.
     LazyGrid,
 }
 

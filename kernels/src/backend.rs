@@ -7,8 +7,8 @@ use crate::UnknownName;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Backend {
-    /// CPU, or a hardware GPU if present. Spheres in host memory go to the GPU if a measurement or estimate favors it.
-    /// An algorithm that runs only on GPUs falls back to a software adapter.
+    /// CPU, or a hardware GPU if present and, for spheres in host memory, favored by a measurement or estimate. An
+    /// algorithm that runs only on GPUs falls back to a software adapter.
     #[default]
     Auto,
     /// CPU, through rayon.

@@ -1,4 +1,4 @@
-//! The GPU kernels: WGSL sources and the metadata to run them, without device calls.
+//! The GPU kernels: WGSL sources and their metadata.
 
 use crate::layout::{SearchParams, SortCounts};
 use crate::wgsl;
@@ -17,7 +17,7 @@ pub use sizes::{
 };
 pub use subgroup_probe::SubgroupProbe;
 
-/// The use of a binding; its position in [`Kernel::bindings`] is the binding number of group 0.
+/// The use of a binding, whose number is its position in [`Kernel::bindings`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Access {
@@ -27,7 +27,6 @@ pub enum Access {
 }
 
 impl Access {
-    /// Returns the name in lower case.
     pub const fn name(self) -> &'static str {
         match self {
             Self::Uniform => "uniform",
@@ -40,7 +39,6 @@ impl Access {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub struct Binding {
-    /// Variable in the shader.
     pub name: &'static str,
     pub access: Access,
 }
@@ -60,13 +58,12 @@ const fn write(name: &'static str) -> Binding {
 /// The properties of a call and a device that select a kernel's text.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Variant {
-    /// Smallest subgroup size if subgroup operations are used; kernels with `None` run on every device.
+    /// Smallest subgroup size, if subgroup operations are used.
     pub subgroups: Option<u32>,
     /// `true` if an interaction table decides pairs.
     pub species: bool,
-    /// `true` if some axis is periodic.
     pub periodic: bool,
-    /// `true` if a cell list has the cells of an earlier call, which are checked.
+    /// `true` if a cell list reuses cells of an earlier call.
     pub reuse: bool,
 }
 
@@ -77,8 +74,7 @@ impl Variant {
     /// Smallest subgroup size for which the ranking tables of a radix pass fit into workgroup memory.
     pub const MIN_RANKING_SUBGROUP: u32 = 8;
 
-    /// Returns the variant for a device, with subgroup operations if `smallest_subgroup` is given and
-    /// `workgroup_memory` (bytes) suffices. Callers set the other fields.
+    /// Returns the variant for a device, with subgroup operations if `workgroup_memory` (bytes) suffices.
     pub fn for_device(smallest_subgroup: Option<u32>, workgroup_memory: u32) -> Self {
         let fits = |variant: Self| variant.workgroup_memory() <= workgroup_memory;
         // Ranking tables of small subgroups exceed the workgroup memory of some devices.
@@ -86,13 +82,12 @@ impl Variant {
         Self { subgroups: smallest_subgroup.filter(serves), ..Self::default() }
     }
 
-    /// Returns an upper bound of the workgroup memory of every kernel of this variant, in bytes.
+    /// Returns an upper bound in bytes.
     pub fn workgroup_memory(self) -> u32 {
         let sort = self.radix_scratch() * 4 + 4096;
         if self.species { sort.max(SPECIES_MEMORY) } else { sort }
     }
 
-    /// Returns `true` if subgroups rank the keys of a radix pass.
     pub fn ranks_by_subgroup(self) -> bool {
         self.subgroups.is_some_and(|size| size >= Self::MIN_RANKING_SUBGROUP)
     }
@@ -107,7 +102,6 @@ impl Variant {
 }
 
 impl SortCounts {
-    /// Returns the counts for a radix sort of `items` keys.
     pub fn for_sort(items: u32) -> Self {
         Self { items, counters: items.div_ceil(RADIX_TILE) << DIGIT_BITS }
     }
@@ -141,7 +135,6 @@ impl Kernel {
         }
     }
 
-    /// Returns all variants with different texts.
     pub fn variants(&self) -> Vec<Variant> {
         let subgroups = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
         let mut found = Vec::new();
@@ -161,9 +154,8 @@ impl Kernel {
         Preprocessor { variant: self.effective_variant(variant), strict: false }.expand(self.source)
     }
 
-    /// Returns the text for compilers that follow the WGSL standard strictly, such as in browsers. It has `enable
-    /// subgroups;`, which naga 30 rejects, and turns off diagnostics of subgroup operations whose uniformity no
-    /// compiler can prove.
+    /// Returns the text for strict compilers, such as in browsers. It has `enable subgroups;`, which naga 30 rejects,
+    /// and turns off diagnostics for subgroup operations whose uniformity no compiler can prove.
     pub fn strict_wgsl(&self, variant: Variant) -> String {
         let variant = self.effective_variant(variant);
         let text = Preprocessor { variant, strict: true }.expand(self.source);
@@ -194,7 +186,6 @@ kernels! {
         [uniform("params"), read("count_source"), write("bounds"), write("grid"), write("outcome")], species: [];
     SPHERES_WRAP = "grid" / "spheres_wrap", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("params"), read("grid"), read("given"), write("wrapped")], species: [];
-    /// Reduces the valid spheres to bounds and counts the invalid ones.
     BOUNDS_REDUCE = "grid" / "bounds_reduce", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [uniform("params"), read("grid"), read("spheres"), write("bounds"), write("outcome")],
         species: [read("species"), read("species_params")];
@@ -202,7 +193,6 @@ kernels! {
         [uniform("params"), read("spheres"), write("bounds"), write("grid")], species: [];
     OCCUPANCY_CLEAR = "grid" / "occupancy_clear", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("params"), read("grid"), write("occupancy")], species: [];
-    /// Finds each sphere's depth and cells.
     CELLS_FIND = "grid" / "cells_find", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("grid"), read("spheres"), write("bounds"), write("cells"), write("occupancy")],
         species: [read("species"), read("species_params")];
@@ -219,7 +209,6 @@ kernels! {
         [read("sort_counts"), read("values"), write("sums")], species: [];
     SCAN_SPINE = "sort" / "scan_spine", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [read("sort_counts"), write("sums"), write("total")], species: [];
-    /// Computes the prefix sums of all values, in place.
     SCAN_SPREAD = "sort" / "scan_spread", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [read("sort_counts"), read("sums"), write("values")], species: [];
     SCAN_ONCE = "sort" / "scan_once", WORKGROUP_SIZE, subgroups: true, periodic: false, [read("sort_counts"), write("values")], species: [];
@@ -243,7 +232,6 @@ kernels! {
     NAIVE_SEARCH = "grid" / "naive_search", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("grid"), read("spheres"), write("outcome"), write("pairs")],
         species: [read("species"), read("species_params"), read("table")];
-    /// Computes the bounds and size classes of the spheres of a cell list.
     STATS_REDUCE = "cell_list" / "stats_reduce", WORKGROUP_SIZE, subgroups: true, periodic: false,
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("starts"), write("occupancy")],
         species: [read("species"), read("species_params")];
@@ -251,7 +239,6 @@ kernels! {
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
          write("sort_counts")],
         species: [read("species"), read("species_params")];
-    /// Does the work of `STATS_REDUCE` and `CELL_LIST_CONFIGURE` for small inputs, in one workgroup.
     CELL_LIST_SETUP_SMALL = "cell_list" / "cell_list_setup_small", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), read("count_source"), read("spheres"), write("stats"), write("cell_list"), write("outcome"),
          write("sort_counts"), write("starts"), write("occupancy")],
@@ -259,7 +246,6 @@ kernels! {
     OCCUPANCY_COUNT = "cell_list" / "occupancy_count", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("spheres"), write("occupancy")],
         species: [read("species"), read("species_params")];
-    /// Assigns each sphere its cell and its rank there.
     CELLS_COUNT = "cell_list" / "cells_count", WORKGROUP_SIZE, subgroups: false, periodic: true,
         [uniform("params"), read("cell_list"), read("count_source"), read("spheres"), write("occupancy"), write("outcome"),
          write("starts"), write("cell_ranks")],
@@ -287,7 +273,6 @@ kernels! {
         [uniform("params"), read("cell_list"), read("starts"), read("sorted"), read("cells"), read("order"),
          write("outcome"), write("pairs"), read("deferred")],
         species: [read("sorted_species"), read("table")];
-    /// Finds the largest displacement since the candidate list was built.
     SKIN_DISPLACEMENT = "skin" / "skin_displacement", WORKGROUP_SIZE, subgroups: true, periodic: true,
         [uniform("params"), uniform("skin"), read("count_source"), read("spheres"), read("reference"), write("state")],
         species: [read("species"), read("reference_species"), read("species_params")];
@@ -306,7 +291,6 @@ kernels! {
     SPHERES_INTERLEAVE = "shared" / "spheres_interleave", WORKGROUP_SIZE, subgroups: false, periodic: false,
         [uniform("params"), uniform("columns"), read("count_source"), read("x"), read("y"), read("z"), read("r"),
          write("rows")], species: [];
-    /// Stores overflow flags and the dispatch arguments of the consumer.
     OUTCOME_FINISH = "shared" / "outcome_finish", 1, subgroups: false, periodic: false,
         [uniform("params"), write("outcome")], species: [];
 }

@@ -1,12 +1,4 @@
 //! The types, rules and GPU kernels that all lazygrid detectors share. No function calls a device.
-//!
-//! * [`Spheres`] and [`Query`]: the input of a search;
-//! * [`Interactions`], [`Exclusions`] and [`Space`]: the rules that decide which spheres pair;
-//! * [`Pair`]: an overlapping pair, smaller index first;
-//! * [`Algorithm`], [`Backend`]: the detectors and their processors;
-//! * [`Error`], [`InputError`]: failures and invalid inputs;
-//! * [`kernel`], [`layout`]: the GPU kernels in WGSL, and the structures they share with Rust;
-//! * [`wgsl`]: the WGSL preprocessor.
 
 mod algorithm;
 mod backend;

@@ -1,6 +1,6 @@
 use crate::Error;
 
-/// Reserves memory for `count` more values. `what` names the values in the error.
+/// Reserves memory for `count` more values, which the error calls `what`.
 ///
 /// # Errors
 /// Returns [`Error::OutOfMemory`] if the system refuses the memory.

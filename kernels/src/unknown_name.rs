@@ -16,7 +16,7 @@ pub struct UnknownName {
 }
 
 impl UnknownName {
-    /// Creates the error for a `name` that is not among the `known` ones; `what` is the kind of name.
+    /// Creates the error for a `name` of the kind `what` that is not among the `known` ones.
     pub fn new(what: &'static str, name: &str, known: &[&str]) -> Self {
         Self { what, name: name.to_owned(), known: known.join(", ") }
     }

@@ -2,10 +2,9 @@
 
 use std::fmt::Write;
 
-/// Resolves `#include NAME` and `#include NAME ARGUMENT` from `includes`, and the conditions `#ifdef NAME`, `#else` and
-/// `#endif` (not nested in one file). The argument replaces `#{ARGUMENT}` in an include. The rest of a line that begins
-/// with `#standard` is kept if `STANDARD` is defined. An include without an argument appears once; an unknown name is
-/// omitted.
+/// Resolves `#include NAME`, `#include NAME ARGUMENT`, `#ifdef NAME`, `#else` and `#endif` (not nested in one file).
+/// The argument replaces `#{ARGUMENT}` in the include. Without one, the include appears once; unknown names are
+/// omitted. The rest of a line that begins with `#standard` is kept if `STANDARD` is defined.
 pub fn expand(source: &str, includes: &[(&str, &str)], is_defined: &dyn Fn(&str) -> bool) -> String {
     let mut expansion = Expansion { includes, is_defined, included: Vec::new(), text: String::new() };
     expansion.append(source);
@@ -61,7 +60,7 @@ impl Expansion<'_> {
     }
 }
 
-/// Replaces `#{NAME}` of the constants by their values.
+/// Replaces `#{NAME}` by the constants.
 pub fn with_constants(source: &str, constants: &[(&str, u32)]) -> String {
     let (mut text, mut rest) = (String::with_capacity(source.len()), source);
     while let Some((before, after)) = rest.split_once("#{") {
@@ -77,7 +76,7 @@ pub fn with_constants(source: &str, constants: &[(&str, u32)]) -> String {
     text + rest
 }
 
-/// Writes each block between `#repeat NAME 4` and `#end` four times, with `#{NAME}` replaced by 0, 1, 2 and 3.
+/// Repeats each block between `#repeat NAME 4` and `#end` with `#{NAME}` replaced by 0, 1, 2 and 3.
 pub fn repeated(source: &str) -> String {
     let mut text = String::new();
     let mut lines = source.lines();

@@ -1,8 +1,8 @@
-//! Every loop of every kernel has a bound that its text shows, so it always ends. Accepted loops have a single
-//! comparison as condition, and a counter that only their update changes:
-//! * `for (var k = a; k < b; k++)`, also downward or with a constant step or factor, if `b` does not change while the
-//!   loop runs and the counter cannot pass it by wrapping;
-//! * `for (; bits != 0u; bits &= bits - 1u)`, which clears a bit per iteration.
+//! Every loop of every kernel ends, by a bound that its text shows. In accepted loops, only the update changes the
+//! counter:
+//! * `for (var k = a; k < b; k++)`, also downward or with a constant step or factor, if `b` is constant in the loop and
+//!   the counter cannot wrap past it;
+//! * `for (; bits != 0u; bits &= bits - 1u)`.
 
 mod texts;
 
@@ -16,7 +16,7 @@ use naga::{
 
 type Value = Handle<Expression>;
 
-/// Returns the number of loops, and an error with its line for each loop without a bound.
+/// Returns the number of loops, and the faults.
 fn judge(source: &str) -> (usize, Vec<String>) {
     let module =
         naga::front::wgsl::parse_str(source).unwrap_or_else(|e| panic!("{}", e.emit_to_string(source)));
@@ -39,7 +39,6 @@ struct Scope<'a> {
     function: &'a Function,
 }
 
-/// Receives the statements before a loop in its block, its body beginning with the condition, its update, and its line.
 type Visit<'a> = dyn FnMut(&[Statement], &Block, &Block, &dyn Fn(&str) -> u32) + 'a;
 
 impl Scope<'_> {
@@ -84,7 +83,6 @@ impl Scope<'_> {
         self.ends(*op, *value, counter, &limit)
     }
 
-    /// Checks that a counter with this update reaches its limit.
     fn ends(
         &self,
         op: BinaryOperator,
@@ -171,7 +169,7 @@ impl Scope<'_> {
         }
     }
 
-    /// Returns `true` if a value is computed before the loop, or from values that do not change.
+    /// Returns `true` if no iteration changes the value.
     fn is_fixed(&self, value: Value, parts: [&Block; 2]) -> bool {
         let mut made_inside = HashSet::new();
         parts.iter().for_each(|part| collect_made(part, &mut made_inside));
@@ -207,7 +205,6 @@ impl Scope<'_> {
     }
 }
 
-/// The variable that a loop counts in, and its first value if that is a constant.
 struct Counter {
     variable: Handle<LocalVariable>,
     start: Option<u32>,

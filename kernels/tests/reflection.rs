@@ -1,4 +1,4 @@
-//! Compares the metadata and the Rust layouts with every shader, by naga.
+//! Compares metadata and Rust layouts with every shader.
 
 #[path = "../../tests/src/reflection.rs"]
 mod reflection;

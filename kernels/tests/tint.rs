@@ -1,5 +1,5 @@
-//! Tint, the compiler of Chromium and Dawn, accepts every text; it rejects some that naga accepts, and proves that
-//! whole workgroups reach barriers.
+//! Tint, the compiler of Chromium and Dawn, rejects some texts that naga accepts, and proves that whole workgroups
+//! reach barriers.
 //!
 //! `npm ci --prefix kernels/tint` installs it. Without it the test is skipped, unless `LAZYGRID_REQUIRE_TINT` is set.
 

@@ -1,5 +1,4 @@
-//! naga translates every text to HLSL for DirectX 12 and MSL for Metal, and each input of an entry point has the
-//! semantic that the target's compiler requires.
+//! Each input of an entry point has the semantic that compilers of HLSL and MSL require.
 
 mod texts;
 
@@ -21,8 +20,7 @@ fn between<'a>(text: &'a str, opening: &str, closing: &str) -> &'a str {
     text.split_once(opening).and_then(|(_, rest)| rest.split_once(closing)).map_or("", |(inside, _)| inside)
 }
 
-/// Returns the inputs of an HLSL entry point without a semantic: parameters, and members of structures among their
-/// types.
+/// Returns the inputs of an entry point without a semantic.
 fn hlsl_faults(hlsl: &str, entry: &str) -> Vec<String> {
     let mut faults = Vec::new();
     for input in between(hlsl, &format!("void {entry}("), ")\n").split(", ").filter(|input| !input.is_empty())

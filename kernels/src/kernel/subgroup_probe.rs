@@ -1,5 +1,3 @@
-//! The result of the subgroup probe, and the decision for or against subgroup operations.
-
 use bytemuck::{Pod, Zeroable};
 
 use super::WORKGROUP_SIZE;
@@ -26,8 +24,7 @@ impl SubgroupProbe {
     /// Initial content of the buffer.
     pub const BEFORE: Self = Self { faults: 0, invocations: 0, smallest: u32::MAX, largest: 0 };
 
-    /// Returns the reason not to use subgroup operations in kernels for subgroups of at least `smallest` lanes; `None`
-    /// if all assumptions hold.
+    /// Returns the reason against subgroup operations for at least `smallest` lanes, if any.
     pub fn refusal(&self, smallest: u32) -> Option<&'static str> {
         if self.invocations != Self::WORKGROUPS * WORKGROUP_SIZE || self.smallest > self.largest {
             return Some("the probe of subgroups did not run as dispatched");

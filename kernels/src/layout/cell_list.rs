@@ -6,13 +6,12 @@ use glam::{UVec3, Vec3};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct InputStats {
-    /// Complement of the lowest coordinate per axis, in an order-preserving encoding.
+    /// Complement of the lowest coordinate, in an order-preserving encoding.
     pub low: [u32; 3],
     /// Highest coordinate per axis, in this encoding.
     pub high: [u32; 3],
     /// Complement of the bits of the smallest effective radius.
     pub smallest: u32,
-    /// The number of invalid spheres.
     pub quarantined: u32,
     /// Spheres per size class (exponent of the effective radius), side after side.
     pub members: [u32; 256 * CellListLayout::MAX_SIDES],
@@ -20,12 +19,10 @@ pub struct InputStats {
     pub largest: [u32; 256],
 }
 
-/// Flags and interaction range of a species.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct SpeciesParams {
-    /// [`TOUCHES`](Self::TOUCHES), [`IDLE`](Self::IDLE), and at or above [`SIDE_SHIFT`](Self::SIDE_SHIFT) the species'
-    /// side of a cell list.
+    /// [`TOUCHES`](Self::TOUCHES), [`IDLE`](Self::IDLE), and at or above bit `SIDE_SHIFT` the side of a cell list.
     pub flags: u32,
     /// Half the largest interaction distance.
     pub half: f32,
@@ -40,43 +37,35 @@ impl SpeciesParams {
     pub const SIDE_SHIFT: u32 = 8;
 }
 
-/// A level of a cell list.
 #[derive(Clone, Copy, Debug, Default, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct CellListLevel {
     /// Cells of the table along each axis. The table repeats in space.
     pub cells: UVec3,
-    /// The first cell in the table.
     pub base: u32,
-    /// The first cell of an unbounded axis.
+    /// First cell of an unbounded axis.
     pub low: UVec3,
-    /// Fixed-point units per unit of length, a power of two.
+    /// Fixed-point units, a power of two.
     pub units_per_length: f32,
-    /// Cells per unit of length on a periodic axis.
     pub cells_per_length: Vec3,
     /// Bits of the coordinate at or above which neighboring floats are more than a cell apart; infinity if none is.
     pub far: u32,
     /// Cells around each periodic axis, a multiple of `cells`.
     pub around: UVec3,
-    /// The largest radius of the level.
     pub max_radius: f32,
-    /// The levels in which spheres of this level search all cells that their boxes overlap, one bit each.
+    /// Levels that spheres of this level search, one bit each.
     pub searched_levels: u32,
-    /// 1 if spheres of this level are compared with each other.
     pub searches_itself: u32,
 }
 
-/// The cells of a cell list.
 #[derive(Clone, Copy, Debug, PartialEq, ShaderType, Zeroable)]
 #[repr(C)]
 pub struct CellListLayout {
-    /// The number of spheres.
     pub spheres: u32,
-    /// Cells of all levels.
     pub cells: u32,
     /// Fixed-point units per cell.
     pub units_per_cell: u32,
-    /// The levels with cells, one bit each.
+    /// Levels with cells, one bit each.
     pub levels: u32,
     /// 1 if smaller spheres leave overfull cells of the first level.
     pub has_overfull_cells: u32,
@@ -84,7 +73,6 @@ pub struct CellListLayout {
     pub ordinary: u32,
     /// Levels of the size classes, four per word.
     pub class_levels: [u32; 64],
-    /// The levels of all sides, one side after the other.
     pub level: [CellListLevel; CellListLayout::LEVELS],
 }
 
@@ -96,7 +84,6 @@ impl CellListLayout {
     /// Most sides. Pairs of sides decide whether spheres are compared.
     pub const MAX_SIDES: usize = 8;
 
-    /// Returns the levels of each of `sides` sides.
     pub const fn levels_per_side(sides: usize) -> usize {
         let most = Self::LEVELS / sides;
         if most < Self::DEPTHS { most } else { Self::DEPTHS }

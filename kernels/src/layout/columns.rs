@@ -1,13 +1,12 @@
 use bytemuck::{Pod, Zeroable};
 
-/// The positions of spheres in four `f32` arrays `x`, `y`, `z` and `r`: sphere `i` is at `first + i · stride`. The
-/// default is for dense arrays.
+/// The layout of four `f32` arrays `x`, `y`, `z` and `r`: sphere `i` is at `first + i · stride`. The default is for
+/// dense arrays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct ColumnLayout {
-    /// Position of the first sphere.
     pub first: [u32; 4],
-    /// Distance between consecutive spheres; 0 if all spheres share one number, such as a radius.
+    /// Distance between consecutive spheres; 0 if all spheres share one number.
     pub stride: [u32; 4],
 }
 

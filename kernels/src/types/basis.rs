@@ -1,5 +1,3 @@
-//! Arithmetic with the basis of a lattice.
-
 use glam::DVec3;
 
 /// Most steps of the lattice reduction. Valid boxes need some hundreds.
@@ -28,8 +26,7 @@ pub(super) fn orthogonal_part(basis: &[DVec3], k: usize) -> DVec3 {
     rest
 }
 
-/// Reduces the basis without changing the images. `multiples` contains the multiple of each cell vector in each basis
-/// vector.
+/// Reduces the basis without changing the images.
 pub(super) fn reduce(basis: &mut [DVec3], multiples: &mut [[f64; 3]; 3]) {
     let mut k = 1;
     for _ in 0..MAX_REDUCTION_STEPS {
@@ -56,7 +53,6 @@ pub(super) fn reduce(basis: &mut [DVec3], multiples: &mut [[f64; 3]; 3]) {
     }
 }
 
-/// Completes the first `rank` vectors with orthogonal unit vectors.
 pub(super) fn completed(mut basis: [DVec3; 3], rank: usize) -> [DVec3; 3] {
     match rank {
         1 => (basis[1], basis[2]) = basis[0].normalize().any_orthonormal_pair(),

@@ -4,8 +4,8 @@ const WHAT: &str = "excluded pairs";
 
 /// Pairs that a search never reports, such as bonds.
 ///
-/// [`Query::without`](crate::Query::without) applies them. Pairs may be in either order and repeated. A touching pair
-/// costs a binary search in a row. To exclude whole molecules, [groups](crate::Spheres::with_groups) cost less.
+/// Pairs may be in either order and repeated. Each touching pair costs a binary search;
+/// [groups](crate::Spheres::with_groups) cost less for whole molecules.
 ///
 /// ```
 /// # use lazygrid_kernels::Exclusions;
@@ -17,13 +17,13 @@ const WHAT: &str = "excluded pairs";
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Exclusions {
     offsets: Vec<usize>,
-    /// For one set the larger index of each pair, for two sets the index in the second set; ascending within a row.
+    /// The larger index of each pair, or the index in the second set; ascending within a row.
     others: Vec<u32>,
     second: Option<usize>,
 }
 
 impl Exclusions {
-    /// Creates exclusions among `spheres` spheres. A pair of a sphere with itself is ignored.
+    /// Creates exclusions among `spheres` spheres, and ignores pairs of a sphere with itself.
     ///
     /// # Errors
     /// [`InputError::ExcludedIndex`] for the first pair with an index out of range, [`InputError::TooManySpheres`] and
@@ -35,7 +35,7 @@ impl Exclusions {
         Self::of(spheres, None, pairs)
     }
 
-    /// Creates exclusions of one sphere of the first set and one of the second, by index in each set.
+    /// Creates exclusions across two sets, by index in each set.
     ///
     /// # Errors
     /// See [`new`](Self::new).
@@ -47,8 +47,8 @@ impl Exclusions {
         Self::of(first, Some(second), checked(first, second, pairs)?)
     }
 
-    /// Creates exclusions from compressed sparse rows, which exclude sphere `i` with each of
-    /// `indices[offsets[i]..offsets[i + 1]]`, in any order. A pair may be in either of its two rows, or in both.
+    /// Creates exclusions from compressed sparse rows: sphere `i` with each of `indices[offsets[i]..offsets[i + 1]]`. A
+    /// pair may be in either of its two rows, or in both.
     ///
     /// # Errors
     /// [`InputError::ExcludedOffsets`] if offsets do not begin with 0, decrease, or do not end with the number of
@@ -89,7 +89,7 @@ impl Exclusions {
         Ok(Self { offsets, others, second })
     }
 
-    /// Returns the numbers of spheres of one set, or of both.
+    /// Returns the number of spheres of each set.
     pub fn spheres(&self) -> (usize, Option<usize>) {
         (self.offsets.len() - 1, self.second)
     }
@@ -104,8 +104,7 @@ impl Exclusions {
         self.others.is_empty()
     }
 
-    /// Returns `true` if this pair is excluded. The order of `i` and `j` does not matter for one set; for two sets, `i`
-    /// is in the first and `j` in the second.
+    /// Returns `true` if this pair is excluded. For one set, the order does not matter; for two, `i` is in the first.
     ///
     /// # Panics
     /// If the row is out of range.

@@ -1,13 +1,11 @@
-//! The vector to the minimum image, and the exact contact test.
-
 use super::triclinic::shifted;
 use crate::Space;
 
-/// The vector from one point to the minimum image of another.
+/// The vector from a point to the minimum image of another.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct ImageVector {
-    /// Multiples `S` of the cell vectors that lead to the image.
+    /// Multiples `S` of the cell vectors.
     pub shift: [i32; 3],
     /// `(to − from) + (S₁e₁ + S₂e₂ + S₃e₃)`, in the length unit of the spheres.
     pub vector: [f64; 3],
@@ -40,8 +38,8 @@ const UP: f64 = f64::from_bits((1023 + 600) << 52);
 
 impl Space {
     /// Returns the vector from a point to the minimum image of another, by the expression of the exact contact test.
-    /// Shifts beyond `i32` are limited to its range. The vector is correct in any case, except that it is not finite if
-    /// the difference of the points or a multiple of a cell vector exceeds the largest number.
+    /// Shifts are limited to `i32`, which does not affect the vector. The vector is not finite if a difference or a
+    /// multiple of a cell vector overflows.
     ///
     /// ```
     /// # use lazygrid_kernels::Space;
@@ -56,8 +54,8 @@ impl Space {
         ImageVector { shift: shift.map(|count| count as i32), vector }
     }
 
-    /// Exact contact test: returns `true` if minimum images of the spheres `a` and `b`, given as `x, y, z, r`, touch,
-    /// or are within `distance` if given. Nothing overflows or underflows.
+    /// Exact contact test: returns `true` if minimum images of `a` and `b` (`x, y, z, r`) touch, or are within
+    /// `distance` if given. Nothing overflows or underflows.
     #[inline]
     pub fn touch(&self, a: [f64; 4], b: [f64; 4], distance: Option<f64>) -> bool {
         self.decide(a, b, distance, |space, from, to| match space.triclinic_cell() {
@@ -66,12 +64,12 @@ impl Space {
         })
     }
 
-    /// Tests `a` and the image of `b` at these multiples of the cell vectors.
+    /// Tests `a` and the image of `b` at `shift` cell vectors like [`touch`](Self::touch).
     pub fn touch_image(&self, a: [f64; 4], b: [f64; 4], shift: [f64; 3], distance: Option<f64>) -> bool {
         self.decide(a, b, distance, |space, from, to| space.image(apart(from, to), shift))
     }
 
-    /// Returns `vector + (S₁e₁ + S₂e₂ + S₃e₃)` for the shift `S` and the cell vectors `e`.
+    /// Returns `vector + (S₁e₁ + S₂e₂ + S₃e₃)` for cell vectors `e`.
     pub fn image(&self, vector: [f64; 3], shift: [f64; 3]) -> [f64; 3] {
         shifted(vector, shift, &self.cell_vectors())
     }
@@ -103,7 +101,6 @@ impl Space {
         }
     }
 
-    /// Returns the minimum image as multiples of the cell vectors, and the vector to it.
     #[inline]
     fn nearest(&self, from: [f64; 3], to: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let apart = apart(from, to);
@@ -122,7 +119,6 @@ impl Space {
 
 #[inline]
 fn nearest_along(apart: f64, length: f64) -> (f64, f64) {
-    // Most differences are far from half a length and need no division.
     if apart.abs() < 0.49 * length {
         return (0.0, apart);
     }
@@ -135,8 +131,7 @@ fn nearest_along(apart: f64, length: f64) -> (f64, f64) {
     if neighbor.abs() < image.abs() { (other, neighbor) } else { (lengths, image) }
 }
 
-/// Returns the image if the number of lengths overflows. Numbers of this size are integers, to which adding 1 has no
-/// effect. The returned number of lengths is infinite.
+/// Returns infinitely many lengths, and the image. Numbers of this size are integers, to which adding 1 has no effect.
 #[cold]
 fn far_along(apart: f64, length: f64) -> (f64, f64) {
     let (apart, sign) = (apart * DOWN, apart.signum());
@@ -233,10 +228,8 @@ mod tests {
             let cell = cell.map(|edge| edge.map(|edge: [f64; 3]| edge.map(|number| number * scale)));
             let space = Space::triclinic(cell).expect("a cell");
             let most = space.triclinic_cell().expect("triclinic").max_component();
-            // The largest difference of two numbers, scaled.
             let most = (most * DOWN).min(2.0 * (f64::MAX * DOWN));
             for to in [[most; 3], [most, -most, most], [0.0, most, 0.0], [-most, 0.0, 0.3 * most]] {
-                // The exact test scales a vector that overflows.
                 let images = [(space, to.map(|number| number / DOWN)), (space.scaled(DOWN), to)]
                     .map(|(space, to)| space.minimum_image([0.0; 3], to).vector);
                 let is_finite = |vector: &[f64; 3]| vector.iter().all(|number| number.is_finite());

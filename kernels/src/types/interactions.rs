@@ -10,18 +10,18 @@ pub enum Interaction {
     /// A pair if the spheres touch: center distance ≤ `ri + rj`.
     #[default]
     Touch,
-    /// A pair if the center distance is at most this distance, such as a binding radius, for any radii.
+    /// A pair if the center distance is at most this distance, for any radii.
     Within(f64),
 }
 
 impl Interaction {
-    /// Returns the cutoff of a pair with the sum of radii `radii`; `None` if the spheres never pair.
+    /// Returns the cutoff for the sum of radii `radii`; `None` if the spheres never pair.
     #[inline]
     pub fn cutoff(self, radii: f64) -> Option<f64> {
         self.distance().map(|distance| distance.unwrap_or(radii))
     }
 
-    /// Returns the cutoff if it is independent of the radii; `None` if the spheres never pair.
+    /// Returns the cutoff, or `Some(None)` if radii decide it; `None` if the spheres never pair.
     #[inline]
     pub fn distance(self) -> Option<Option<f64>> {
         match self {
@@ -32,10 +32,10 @@ impl Interaction {
     }
 }
 
-/// A symmetric table of the interaction of any two species, for reaction–diffusion models.
+/// A symmetric table of interactions between species, for reaction–diffusion models.
 ///
-/// With up to 512 species, a search compares few spheres of species that never pair. With more species in a call, on a
-/// GPU in the table, it compares all nearby spheres.
+/// With up to 512 species (on a GPU in the table, else in the call), a search compares few spheres of species that
+/// never pair; with more, all nearby spheres.
 ///
 /// ```
 /// # use lazygrid_kernels::{Interaction, Interactions};
@@ -48,10 +48,10 @@ impl Interaction {
 #[derive(Clone, Debug)]
 pub struct Interactions {
     species: u32,
-    /// Clones share the table until one of them changes.
+    /// Shared by clones until one changes.
     table: Arc<Vec<Interaction>>,
     fits_f32: bool,
-    /// Reaches of all species, computed once because every call reads them; `None` if memory was refused.
+    /// Computed once; `None` if memory was refused.
     reaches: OnceLock<Option<Arc<Vec<SpeciesReach>>>>,
 }
 
@@ -145,8 +145,8 @@ impl Interactions {
         self.table[a as usize * self.species as usize + b as usize]
     }
 
-    /// Returns the table with every distance replaced by contact. Spheres with their [effective
-    /// radius](Self::effective_radius) then have all pairs of this table, and more.
+    /// Returns the table with contact for every distance. Spheres with their [effective radii](Self::effective_radius)
+    /// then have at least the pairs of this table.
     ///
     /// # Errors
     /// [`InputError::TableMemory`].
@@ -178,7 +178,7 @@ impl Interactions {
         Ok(Self { species: self.species, table, fits_f32: self.fits_f32, reaches })
     }
 
-    /// Returns `true` if `f32` holds all distances to half an ulp, so that `f32` spheres can be searched as given.
+    /// Returns `true` if `f32` holds all distances to half an ulp, so `f32` spheres need no conversion.
     #[inline]
     pub fn fits_f32(&self) -> bool {
         self.fits_f32
@@ -189,12 +189,11 @@ impl Interactions {
         self.species
     }
 
-    /// Returns the rule for the effective radius of this species.
+    /// Returns the rule for this species' effective radius.
     pub fn effective_radius(&self, species: u32) -> EffectiveRadius {
         self.reach(species).effective
     }
 
-    /// Returns the distances of this species with any other.
     #[doc(hidden)]
     pub fn reach(&self, species: u32) -> SpeciesReach {
         let reaches = self.reaches.get_or_init(|| {
@@ -206,7 +205,6 @@ impl Interactions {
         reaches.as_ref().map_or_else(|| self.scan(species), |reaches| reaches[species as usize])
     }
 
-    /// Returns the distances of this species with some others.
     #[doc(hidden)]
     pub fn reach_among(&self, species: u32, others: impl Iterator<Item = u32>) -> SpeciesReach {
         SpeciesReach::of(others.map(|other| self.get(species, other)))
@@ -218,14 +216,14 @@ impl Interactions {
     }
 }
 
-/// The rule for a species' effective radius: spheres that may pair are no farther apart than the sum of their effective
-/// radii, so culling by radii is valid.
+/// The rule for a species' effective radius. Spheres that may pair are no farther apart than the sum of their effective
+/// radii.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct EffectiveRadius {
-    /// `true` if contact decides some of its pairs.
+    /// `true` if contact decides some pairs.
     pub touches: bool,
-    /// Half the largest interaction distance.
+    /// Half the largest interaction distance, rounded up.
     pub half: f32,
 }
 
@@ -248,18 +246,16 @@ fn reserved(species: u32) -> Result<Vec<Interaction>, InputError> {
     Ok(table)
 }
 
-/// Copies the table if a clone shares it.
 fn own(table: &mut Arc<Vec<Interaction>>, species: u32) -> Result<&mut Vec<Interaction>, InputError> {
     if Arc::get_mut(table).is_none() {
         let mut copy = reserved(species)?;
         copy.extend_from_slice(table);
         *table = Arc::new(copy);
     }
-    // Nothing is copied, because no clone shares the table.
     Ok(Arc::make_mut(table))
 }
 
-/// Returns half of `distance`, rounded up to `f32`, or the largest finite number.
+/// Rounds half of `distance` up, but to a finite number.
 fn half_up(distance: f64) -> f32 {
     let half = (0.5 * distance) as f32;
     let half = if 2.0 * f64::from(half) < distance { half.next_up() } else { half };
@@ -310,7 +306,6 @@ mod tests {
         assert_eq!([0, 1, 2].map(|species| radius(&table, species)), [0.0, 1.0, 0.0]);
     }
 
-    /// Detectors read the radii of all species at every call.
     #[test]
     fn effective_radii_are_computed_once() {
         let table = Interactions::new(Interactions::MAX_SPECIES, Interaction::Within(1.0)).expect("memory");

@@ -1,12 +1,9 @@
-//! Images of points in a periodic space.
-
 use glam::DVec3;
 
 use super::basis::{combination, heights, inverse, power_of_two_below};
 use crate::Space;
 
-/// The reduced basis of a periodic space, and the distances between images. Numbers are in the unit of the spheres
-/// times a power of two, so that no product overflows.
+/// The reduced basis of a periodic space. Lengths are scaled by a power of two, so no product overflows.
 #[derive(Clone, Copy, Debug)]
 pub struct Lattice {
     rank: usize,
@@ -18,14 +15,14 @@ pub struct Lattice {
     multiples: [[f64; 3]; 3],
 }
 
-/// A point, wrapped into the box of the basis vectors of a [`Lattice`].
+/// A point, wrapped into a [`Lattice`]'s box.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct WrappedPoint {
     /// Point in the unit of the lattice.
     pub point: [f64; 3],
     /// Multiple of each basis vector that was subtracted.
     pub counts: [f64; 3],
-    /// Remaining fraction of each basis vector, between 0 and 1 up to rounding.
+    /// Remaining fraction of each basis vector, from 0 to 1 up to rounding.
     pub fractions: [f64; 3],
 }
 
@@ -61,23 +58,22 @@ impl Lattice {
         self.rank
     }
 
-    /// Returns the factor from the unit of the spheres to the unit of the lattice, a power of two.
+    /// Returns the factor from the unit of the spheres to the unit of the lattice.
     pub fn unit(&self) -> f64 {
         self.unit
     }
 
-    /// Returns, for each basis vector, the distance between neighboring images of the plane that the others span, in
-    /// the unit of the lattice. No image of a point is nearer than the smallest of the first [`rank`](Self::rank)
-    /// heights.
+    /// Returns the distances between neighboring images of the planes that pairs of basis vectors span, in the unit of
+    /// the lattice. Images of a point are at least the smallest of the first [`rank`](Self::rank) heights apart.
     pub fn heights(&self) -> [f64; 3] {
         self.heights
     }
 
-    /// Wraps a point into the box of the basis vectors, along periodic vectors only.
+    /// Wraps a point along periodic vectors.
     pub fn wrap(&self, point: [f64; 3]) -> WrappedPoint {
         let mut folded = DVec3::from(point) * self.unit;
         let mut counts = [0.0; 3];
-        // For distant points, the first step leaves more than one vector.
+        // For distant points, one step is not enough.
         for _ in 0..4 {
             let parts =
                 [0, 1, 2].map(|k| if k < self.rank { self.inverse[k].dot(folded).floor() } else { 0.0 });
@@ -91,22 +87,21 @@ impl Lattice {
         WrappedPoint { point: folded.to_array(), counts, fractions }
     }
 
-    /// Returns the image of a wrapped point at these multiples of the basis vectors, in the unit of the lattice.
+    /// Returns the image of a wrapped point at these multiples of the basis vectors.
     pub fn image(&self, folded: &WrappedPoint, steps: [f64; 3]) -> [f64; 3] {
         (DVec3::from(folded.point) + combination(&self.basis, steps)).to_array()
     }
 
-    /// Returns the multiples of the cell vectors in these multiples of the basis vectors.
+    /// Converts multiples of the basis vectors into multiples of the cell vectors.
     pub fn shift(&self, counts: [f64; 3]) -> [f64; 3] {
         [0, 1, 2].map(|edge| (0..3).map(|k| counts[k] * self.multiples[k][edge]).sum())
     }
 
-    /// Returns an upper bound of the rounding error of vectors between images, in the unit of the lattice, for up to
-    /// `counts` basis vectors added to coordinates up to `extent`: in [`wrap`](Self::wrap), [`image`](Self::image) and
-    /// [`Space::image`].
+    /// Returns an upper bound of the rounding error of [`wrap`](Self::wrap), [`image`](Self::image) and
+    /// [`Space::image`] for coordinates up to `extent` and up to `counts` basis vectors, in the unit of the lattice.
     pub fn rounding(&self, extent: f64, counts: [f64; 3]) -> f64 {
         const PART: f64 = 1.0 / (1_u64 << 47) as f64;
-        // No cell vector is longer than 2 in the unit of the lattice.
+        // No cell vector is longer than 2 in this unit.
         let edges = |k: usize| 2.0 * self.multiples[k].iter().map(|multiples| multiples.abs()).sum::<f64>();
         PART * (extent + (0..self.rank).map(|k| (counts[k] + 1.0) * edges(k)).sum::<f64>())
     }

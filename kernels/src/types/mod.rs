@@ -1,5 +1,3 @@
-//! Spheres, pairs, spaces and the rules that decide which spheres pair.
-
 mod basis;
 pub(crate) mod exclusions;
 pub(crate) mod image_vector;

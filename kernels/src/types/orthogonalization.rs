@@ -1,5 +1,3 @@
-//! Orthogonalized coordinates: the orthogonal space in which the pairs of a triclinic cell are searched.
-
 use glam::{DVec3, Vec3};
 
 use super::basis::heights;
@@ -14,15 +12,14 @@ const FAR: f64 = 1.0 / (1 << 20) as f64;
 /// Growth of orthogonalized radii: above the error of a GPU, 5 ulp of the squared cutoff.
 const REACH_MARGIN: f64 = 1.0 + 1.0 / (1 << 20) as f64;
 
-/// The map from a triclinic cell to orthogonalized coordinates, the distances from the planes that pairs of basis
-/// vectors span. The space of these coordinates is periodic along the axes, and distances grow at most by the factor
-/// `stretch`.
+/// The map from a triclinic cell to distances from the planes that pairs of basis vectors span. Their space is periodic
+/// along the axes, and distances grow at most by `stretch`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orthogonalization {
     rank: usize,
     unit: f64,
     inverse: [DVec3; 3],
-    /// Length of each axis, an `f32` number; for an unbounded axis, its scale.
+    /// `f32` numbers for periodic axes, scales for others.
     lengths: [f64; 3],
     /// Upper bound of the factor by which a distance grows.
     stretch: f64,
@@ -32,11 +29,10 @@ impl Orthogonalization {
     /// Scale of orthogonalized coordinates of `f32` spheres. Distances grow by up to √3, and none may exceed `f32`.
     pub const SCALE: f64 = 0.25;
 
-    /// Returns the map of the first `rank` vectors of a basis at this scale. `unit` scales lengths to the unit of the basis,
-    /// whose inverse has these rows.
+    /// Returns the map of the first `rank` vectors of a basis. `inverse` holds the rows of the inverse.
     pub(super) fn of_basis(rank: usize, unit: f64, inverse: [DVec3; 3], scale: f64) -> Self {
         let heights = heights(&inverse);
-        // The factor is also a power of two, so that nothing is rounded twice.
+        // A power of two, so that nothing is rounded twice.
         let factor = scale / unit;
         let lengths = [0, 1, 2].map(|k| match k < rank {
             true => f64::from(((heights[k] * factor) as f32).max(f32::MIN_POSITIVE)),
@@ -53,20 +49,18 @@ impl Orthogonalization {
         Space::of_lengths([0, 1, 2].map(length))
     }
 
-    /// Returns `true` if the lengths are `f32` numbers of full precision, as `f32` spheres need.
     pub(super) fn is_normal(&self) -> bool {
         let is_normal = |length: &f64| (*length as f32).is_normal() && *length > f64::from(f32::MIN_POSITIVE);
         self.lengths[..self.rank].iter().all(is_normal)
     }
 
-    /// Orthogonalizes a valid sphere and wraps it to the image nearest to the origin. Spheres whose minimum images
-    /// touch also touch in these coordinates, because radii grow by `stretch`, and by more than rounding. This growth
-    /// hardly depends on the position, so a moving sphere keeps its radius. Radii are at most `limit`, with which a
-    /// sphere must touch all others.
+    /// Orthogonalizes and wraps a valid sphere. Radii grow by `stretch` and by more than rounding, so touching spheres
+    /// still touch. This growth hardly depends on the position, so a moving sphere keeps its radius. A sphere of radius
+    /// `limit`, the maximum, must touch all others.
     pub fn sphere(&self, center: [f64; 3], radius: f64, limit: f64) -> Sphere {
         let center = DVec3::from(center) * self.unit;
         let mut orthogonal = Vec3::ZERO;
-        // The length scale of all rounding: the box, or more if the sphere is far away.
+        // The box, or more if the sphere is far away.
         let mut scale = 0.0_f64;
         for k in 0..3 {
             let length = self.lengths[k];
@@ -94,9 +88,8 @@ impl Orthogonalization {
     }
 }
 
-/// Returns an upper bound of the largest singular value of a matrix with these rows, the factor by which it lengthens a
-/// vector. The trace of the `p`-th power of a symmetric `n` × `n` matrix lies between the `p`-th power of its largest
-/// eigenvalue and `n` times as much.
+/// Returns an upper bound of the largest singular value. The trace of the `p`-th power of a symmetric `n` × `n` matrix
+/// lies between the `p`-th power of its largest eigenvalue and `n` times as much.
 fn norm_bound(rows: [DVec3; 3]) -> f64 {
     const DOUBLINGS: i32 = 10;
     let mut products = glam::DMat3::from_cols(rows[0], rows[1], rows[2]);
@@ -104,7 +97,7 @@ fn norm_bound(rows: [DVec3; 3]) -> f64 {
     let trace = |matrix: &glam::DMat3| matrix.x_axis.x + matrix.y_axis.y + matrix.z_axis.z;
     let mut logarithm = 0.0_f64;
     for doubling in 0..=DOUBLINGS {
-        // Divided by its trace, so that no power overflows.
+        // Keeps powers from overflowing.
         let size = trace(&products);
         logarithm += size.ln() / f64::from(1 << doubling);
         products *= size.recip();

@@ -1,7 +1,7 @@
 use bytemuck::{Pod, Zeroable};
 
-/// An overlapping pair of input indices, with `i < j`. For two sets, `i` is an index in the first set and `j` in the
-/// second. A full neighbor list contains each pair of one set in both orders.
+/// An overlapping pair of input indices, `i < j`. For two sets, `i` is in the first and `j` in the second. Full
+/// neighbor lists contain both orders.
 ///
 /// The derived ordering (by `i`, then `j`) is the canonical order of results. The layout is `[u32; 2]`
 /// (`bytemuck::cast_slice`).

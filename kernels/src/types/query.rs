@@ -1,8 +1,6 @@
 use crate::{Exclusions, InputError, Spheres};
 
-/// The input of a search: one set of spheres, or two sets, across which pairs are found, and exclusions.
-///
-/// Searches accept a set of spheres, a tuple of two sets, or a query with exclusions.
+/// The input of a search: one set of spheres, or two sets across which pairs are found, and exclusions.
 ///
 /// ```
 /// # use lazygrid_kernels::{Exclusions, Query, Sphere};
@@ -22,12 +20,12 @@ pub struct Query<'a> {
 }
 
 impl<'a> Query<'a> {
-    /// Creates a query from one set of spheres, or from a tuple of two.
+    /// Creates a query from a set of spheres or a tuple of two.
     pub fn new(of: impl Into<Query<'a>>) -> Self {
         of.into()
     }
 
-    /// Excludes these pairs. The search checks that they were created for these numbers of spheres.
+    /// Excludes these pairs, which must be created for these numbers of spheres.
     pub fn without(self, pairs: &'a Exclusions) -> Self {
         Self { exclusions: Some(pairs), ..self }
     }
@@ -61,13 +59,13 @@ impl<'a> Query<'a> {
         self.len() == 0
     }
 
-    /// Returns the first index of the second set in the numbering of a search; `None` for one set.
+    /// Returns the first index of the second set in a search's numbering; `None` for one set.
     #[inline]
     pub fn split(&self) -> Option<usize> {
         self.second.map(|_| self.first.len())
     }
 
-    /// Checks that the exclusions were created for these numbers of spheres.
+    /// Checks that the exclusions are for these numbers of spheres.
     ///
     /// # Errors
     /// [`InputError::ExclusionSizeMismatch`].
@@ -80,7 +78,7 @@ impl<'a> Query<'a> {
         }
     }
 
-    /// Runs a check on each set. Errors of the second become [`InputError::SecondSet`].
+    /// Checks each set. Wraps errors of the second in [`InputError::SecondSet`].
     ///
     /// # Errors
     /// The errors of `check`.

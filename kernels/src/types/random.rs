@@ -1,6 +1,4 @@
-//! Reproducible random numbers for tests.
-
-/// Returns the states of a linear congruential generator, whose upper bits are random.
+/// States of a linear congruential generator, whose upper bits are random.
 pub(super) fn random_states(seed: u64) -> impl FnMut() -> u64 {
     let mut state = seed;
     move || {
@@ -9,7 +7,6 @@ pub(super) fn random_states(seed: u64) -> impl FnMut() -> u64 {
     }
 }
 
-/// Returns random numbers from 0 to below 1.
 pub(super) fn random_fractions(seed: u64) -> impl FnMut() -> f64 {
     let mut states = random_states(seed);
     move || (states() >> 11) as f64 / (1_u64 << 53) as f64

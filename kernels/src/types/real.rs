@@ -1,5 +1,3 @@
-//! Spheres in `f64`, or in strided memory.
-
 use std::mem::MaybeUninit;
 
 use crate::InputError;
@@ -40,7 +38,7 @@ pub(crate) mod sealed {
     }
 }
 
-/// The radii of points: one for all, or one each.
+/// The radii of points.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Radii<'a, T> {
@@ -53,10 +51,8 @@ pub enum Radii<'a, T> {
 /// Columns in strided memory.
 #[derive(Clone, Copy, Debug)]
 pub struct Strided<'a, T> {
-    /// Columns that begin with the value of the first sphere. Memory between values is not read and may be
-    /// uninitialized.
+    /// Columns from the first sphere's value. Memory between values may be uninitialized and is not read.
     axes: [&'a [MaybeUninit<T>]; 3],
-    /// Number of values from one center to the next.
     step: usize,
     radii: Source<'a, T>,
     count: usize,
@@ -65,7 +61,7 @@ pub struct Strided<'a, T> {
 #[derive(Clone, Copy, Debug)]
 enum Source<'a, T> {
     All(T),
-    /// A column like `axes`, and the number of values from one radius to the next.
+    /// A column like `axes`, and its step.
     Each(&'a [MaybeUninit<T>], usize),
 }
 
@@ -100,8 +96,8 @@ impl<'a, T: Copy> Strided<'a, T> {
         Ok(Self { axes, step: 3, radii, count: centers.len() })
     }
 
-    /// Creates strided spheres from columns `x, y, z, r` of `count` spheres. `steps` are the numbers of values between
-    /// consecutive centers and radii; a radius step of 0 shares one radius.
+    /// Creates strided spheres from columns `x, y, z, r`. `steps` are the numbers of values from one center and one
+    /// radius to the next; a radius step of 0 shares one radius.
     ///
     /// # Safety
     /// For every `k` below `count`, value `k * steps[0]` of the first three columns and value `k * steps[1]` of the
@@ -121,8 +117,8 @@ impl<'a, T: Copy> Strided<'a, T> {
     #[doc(hidden)]
     pub fn get(&self, i: usize) -> [T; 4] {
         assert!(i < self.count, "sphere {i} of {}", self.count);
-        // SAFETY: `i` is below the number of spheres, whose values are inside their columns and initialized: the columns are
-        // initialized slices of these lengths, or `from_parts` required it.
+        // SAFETY: `i` is below `count`. The values of these spheres are inside their columns and initialized: the
+        // columns are initialized slices of these lengths, or `from_parts` required it.
         let value =
             |values: &[MaybeUninit<T>], step: usize| unsafe { values.get_unchecked(i * step).assume_init() };
         let [x, y, z] = self.axes.map(|axis| value(axis, self.step));
@@ -135,7 +131,6 @@ impl<'a, T: Copy> Strided<'a, T> {
 }
 
 impl<T> Strided<'_, T> {
-    /// Returns addresses of the numbers of sphere `i`, which may be out of range: only for prefetches.
     #[inline(always)]
     #[doc(hidden)]
     pub fn addresses(&self, i: usize) -> [*const u8; 4] {

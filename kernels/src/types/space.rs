@@ -3,11 +3,10 @@ use glam::{DVec3, Vec3};
 use super::triclinic::TriclinicCell;
 use crate::InputError;
 
-/// The space of the spheres: along each axis unbounded or periodic, or a triclinic cell with up to three cell vectors.
+/// The space of the spheres: each axis unbounded or periodic, or a triclinic cell with up to three cell vectors.
 ///
-/// In a periodic space, the distance of two spheres is the distance of their minimum images: along a periodic axis of
-/// length `L`, a coordinate difference `d` counts as `d − L·round(d/L)`. Two spheres pair once if that distance is at
-/// most their cutoff, for any number of images in reach and any radii; a sphere never pairs with its own image. In a
+/// In a periodic space, minimum images decide: along a periodic axis of length `L`, `d − L·round(d/L)` replaces a
+/// difference `d`. Spheres pair once, for any number of images in reach, and never with their own images. In a
 /// triclinic cell, images are at integer multiples of the cell vectors. Coordinates may lie anywhere, as in unwrapped
 /// trajectories.
 ///
@@ -49,13 +48,13 @@ impl Space {
         Self { lengths: lengths.map(|length| length.map(f64::from)), triclinic: None }
     }
 
-    /// Creates a space that is periodic along up to three cell vectors of any direction, in the unit of the spheres. A
-    /// LAMMPS box of lengths `lx, ly, lz` and tilts `xy, xz, yz` has the cell vectors `(lx, 0, 0)`, `(xy, ly, 0)` and
-    /// `(xz, yz, lz)`. The rows of an ASE cell are its cell vectors; omit rows without `pbc`.
+    /// Creates a space that is periodic along up to three cell vectors. A LAMMPS box of lengths `lx, ly, lz` and tilts
+    /// `xy, xz, yz` has the vectors `(lx, 0, 0)`, `(xy, ly, 0)` and `(xz, yz, lz)`. The rows of an ASE cell are its
+    /// vectors; omit rows without `pbc`.
     ///
     /// # Errors
-    /// [`InputError::CellVectors`] if vectors are not finite, zero, or so nearly in one line or plane that the box is
-    /// thinner than 2⁻²⁴ of its longest vector, or thinner than `f32` can represent.
+    /// [`InputError::CellVectors`] if a vector is zero or not finite, or if the box is thinner than 2⁻²⁴ of its longest
+    /// vector or than `f32` can represent.
     pub fn triclinic(cell_vectors: [Option<[f64; 3]>; 3]) -> Result<Self, InputError> {
         if let Some(lengths) = along_axes(&cell_vectors) {
             return Self::periodic(lengths);
@@ -67,7 +66,7 @@ impl Space {
         })
     }
 
-    /// Returns the length of each periodic axis, or of each cell vector of a [triclinic](Self::triclinic) cell.
+    /// Returns the length of each periodic axis or cell vector.
     pub fn lengths(&self) -> [Option<f64>; 3] {
         self.lengths
     }
@@ -77,14 +76,12 @@ impl Space {
         self.lengths.map(|length| length.map(|length| length as f32))
     }
 
-    /// Returns the same space in a unit of length that is `1 / scale` times the present one.
     pub(crate) fn scaled(&self, scale: f64) -> Self {
         let lengths = self.lengths.map(|length| length.map(|length| length * scale));
         Self { lengths, triclinic: self.triclinic.map(|cell| cell.scaled(scale)) }
     }
 
-    /// Returns `true` if `f32` spheres can be searched without conversion: all lengths are `f32` numbers, or `f32`
-    /// suits the coordinates of the triclinic cell.
+    /// Returns `true` if `f32` spheres need no conversion.
     pub fn fits_f32(&self) -> bool {
         match &self.triclinic {
             None => self.lengths.iter().flatten().all(|&length| f64::from(length as f32) == length),
@@ -113,12 +110,11 @@ impl Space {
         self.lengths != [None; 3]
     }
 
-    /// Returns the image of a point nearest to the origin: along a periodic axis of length `L` between `−L/2` and
-    /// `L/2`.
+    /// Returns the image of a point nearest to the origin: within half a length along periodic axes.
     ///
-    /// Along an axis whose length is an `f32` number, the result is exact: an integer number of lengths away. Otherwise
-    /// it is computed in `f64` and rounded. Non-finite coordinates give NaN. In a triclinic cell, the result is the
-    /// image with at most half of each vector of the reduced basis, rounded.
+    /// The result is exact along an axis whose length is an `f32` number, else computed in `f64` and rounded.
+    /// Non-finite coordinates give NaN. In a triclinic cell, the result has at most half of each vector of the reduced
+    /// basis, rounded.
     pub fn wrap(&self, point: Vec3) -> Vec3 {
         if let Some(cell) = &self.triclinic {
             let (_, [x, y, z]) = cell.minimum_image(point.as_dvec3().to_array());
@@ -136,8 +132,7 @@ impl Space {
     }
 
     /// Returns the squared distance of minimum images, as the exact test of the CPU computes it. In a triclinic cell,
-    /// differences of coordinates are wrapped in `f64`, which is as exact as the coordinates for points up to 2²⁰ boxes
-    /// away.
+    /// it is as exact as the coordinates for points up to 2²⁰ boxes away.
     pub fn distance_squared(&self, a: Vec3, b: Vec3) -> f64 {
         if self.triclinic.is_some() || !self.fits_f32() {
             let [x, y, z] = self.minimum_image(a.as_dvec3().to_array(), b.as_dvec3().to_array()).vector;
@@ -156,7 +151,7 @@ impl Space {
     }
 }
 
-/// Returns the length of a vector whose squared components may overflow or underflow.
+/// Avoids overflow and underflow of squares.
 fn length(vector: DVec3) -> f64 {
     /// Bits of the exponent.
     const EXPONENT: u64 = 0x7FF << 52;
@@ -165,8 +160,7 @@ fn length(vector: DVec3) -> f64 {
     (vector / unit).length() * unit
 }
 
-/// Returns the lengths of vectors that point along x, y and z, in this order; `None` for other vectors. Vectors along
-/// the axes in another order need a triclinic cell, because shifts count the given vectors.
+/// Returns `None` also for another order of axes, because shifts count the given vectors.
 fn along_axes(edges: &[Option<[f64; 3]>; 3]) -> Option<[Option<f64>; 3]> {
     let mut lengths = [None; 3];
     for (axis, edge) in edges.iter().enumerate() {
@@ -182,7 +176,7 @@ fn along_axes(edges: &[Option<[f64; 3]>; 3]) -> Option<[Option<f64>; 3]> {
 
 /// Returns the remainder of `x` of least magnitude, without rounding.
 /// # Correctness
-/// A remainder is a multiple of the last place of `length`, or half of that if `x` is less than `length`, and it is at
+/// A remainder is a multiple of the last place of `length`, or of half of it if `x` is less than `length`. It is at
 /// most half of `length`, so 24 bits hold it. The integer part and its product with `length` fit the 53 bits of `f64`.
 #[inline(always)]
 fn wrap(x: f32, length: f32) -> f32 {
@@ -244,7 +238,6 @@ mod tests {
                 let scale = length * f32::from(k as i16 % 30).exp2();
                 let mut x = ((random() % 2_000_001) as f32 / 1e6 - 1.0) * scale;
                 if k % 3 == 0 {
-                    // Next to a tie.
                     x = (random() % 9) as f32 * 0.5 * length;
                     x = [x, x.next_up(), x.next_down(), -x][k as usize / 3 % 4];
                 }

@@ -4,7 +4,7 @@ use glam::Vec3;
 use super::real::{Radii, Real, Strided, Wide};
 use crate::InputError;
 
-/// A sphere: center and radius in the caller's length unit, 16 bytes, laid out as `[f32; 4]` = `x, y, z, r`.
+/// A sphere in the caller's length unit, 16 bytes, laid out as `[f32; 4]` = `x, y, z, r`.
 ///
 /// Radius 0 is a point. Detectors reject a negative radius and non-finite values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
@@ -17,7 +17,7 @@ pub struct Sphere {
 }
 
 impl Sphere {
-    /// Creates a sphere from anything that converts to a vector, such as `[x, y, z]`.
+    /// Creates a sphere.
     pub fn new(center: impl Into<Vec3>, radius: f32) -> Self {
         Self { center: center.into(), radius }
     }
@@ -35,8 +35,8 @@ impl From<[f32; 4]> for Sphere {
     }
 }
 
-/// A borrowed set of spheres, never copied here: rows (`&[Sphere]`, `&[[T; 4]]`), columns (four `&[T]`) or points with
-/// radii, where `T` is `f32` or `f64`; and optionally a species id and a group per sphere. No number is rounded.
+/// A borrowed set of spheres: rows (`&[Sphere]`, `&[[T; 4]]`), columns (four `&[T]`) or points with radii, where `T` is
+/// `f32` or `f64`; and optionally a species id and a group per sphere. No number is rounded.
 ///
 /// ```
 /// # use lazygrid_kernels::{Sphere, Spheres};
@@ -84,7 +84,7 @@ impl<'a> Spheres<'a> {
         }))
     }
 
-    /// Borrows points, with one radius for all points, or one radius each.
+    /// Borrows points with their radii.
     ///
     /// # Errors
     /// [`InputError::Lengths`] unless there is one radius per point.
@@ -105,7 +105,7 @@ impl<'a> Spheres<'a> {
         Ok(Self { species: Some(self.one_each("species", species)?), ..self })
     }
 
-    /// Adds a group per sphere, such as a molecule or a rigid body. Spheres of one group never pair, except in
+    /// Adds a group per sphere, such as a molecule. Spheres of one group never pair, except in
     /// [`NO_GROUP`](Self::NO_GROUP). With two sets, equal numbers mean one group in both.
     ///
     /// # Errors
@@ -135,7 +135,7 @@ impl<'a> Spheres<'a> {
         self.len() == 0
     }
 
-    /// Returns sphere `i`, rounded to `f32`; see [`get_f64`](Self::get_f64).
+    /// Returns sphere `i`, rounded to `f32`.
     ///
     /// # Panics
     /// If `i` is not below [`len`](Self::len).
@@ -148,7 +148,7 @@ impl<'a> Spheres<'a> {
         }
     }
 
-    /// Rounds sphere `i`. Inlined, it would lengthen the loops of searches over `f32` rows and columns.
+    /// Inlined, it would lengthen the loops over `f32` rows and columns.
     #[cold]
     #[inline(never)]
     fn rounded(&self, i: usize) -> Sphere {
@@ -171,7 +171,7 @@ impl<'a> Spheres<'a> {
         }
     }
 
-    /// Returns addresses of the numbers of sphere `i`, which may be out of range: only for prefetches.
+    /// Returns addresses for prefetches; `i` may be out of range.
     #[inline]
     #[doc(hidden)]
     pub fn addresses(&self, i: usize) -> [*const u8; 4] {
@@ -198,33 +198,29 @@ impl<'a> Spheres<'a> {
         matches!(self.layout, Layout::RowsF64(_) | Layout::Wide(Wide::F64(_)))
     }
 
-    /// Returns `true` for rows or columns of `f32`, which searches read in place.
+    /// Returns `true` for rows or columns of `f32`.
     pub fn is_read_in_place(&self) -> bool {
         matches!(self.layout, Layout::Rows(_) | Layout::Columns(_))
     }
 
-    /// Returns rows as one slice.
     #[inline]
     #[doc(hidden)]
     pub fn as_rows(&self) -> Option<&'a [Sphere]> {
         if let Layout::Rows(rows) = self.layout { Some(rows) } else { None }
     }
 
-    /// Returns rows of `f64` as one slice.
     #[inline]
     #[doc(hidden)]
     pub fn as_rows_f64(&self) -> Option<&'a [[f64; 4]]> {
         if let Layout::RowsF64(rows) = self.layout { Some(rows) } else { None }
     }
 
-    /// Returns columns of `f32`.
     #[inline]
     #[doc(hidden)]
     pub fn as_columns(&self) -> Option<[&'a [f32]; 4]> {
         if let Layout::Columns(columns) = self.layout { Some(columns) } else { None }
     }
 
-    /// Returns columns or points of `f64`.
     #[inline]
     #[doc(hidden)]
     pub fn as_strided_f64(&self) -> Option<Strided<'a, f64>> {
@@ -243,13 +239,12 @@ impl<'a> Spheres<'a> {
         self.groups
     }
 
-    /// Returns the spheres without groups.
     #[doc(hidden)]
     pub fn without_groups(self) -> Self {
         Self { groups: None, ..self }
     }
 
-    /// Returns all spheres in order.
+    /// Returns all spheres in order, rounded to `f32`.
     pub fn iter(&self) -> impl ExactSizeIterator<Item = Sphere> + '_ {
         (0..self.len()).map(|i| self.get(i))
     }

@@ -1,5 +1,3 @@
-//! Triclinic cells: the minimum image in a tilted periodic box.
-
 use glam::DVec3;
 
 use super::basis::{combination, completed, heights, inverse, orthogonal_part, power_of_two_below, reduce};
@@ -21,28 +19,24 @@ const MAX_NEAR_MULTIPLES: f64 = (1 << 16) as f64;
 const MIN_NEAR_PART: f64 = 1.0 / (1 << 20) as f64;
 
 /// The cell of a space with a cell vector that is not along an axis. Images are at integer multiples of *basis*
-/// vectors, which are reduced (Lenstra, Lenstra and Lovász): nearly as short and orthogonal as the images allow, at any
-/// tilt.
+/// vectors, which are reduced (Lenstra, Lenstra and Lovász).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TriclinicCell {
     vectors: [Option<[f64; 3]>; 3],
     rank: usize,
-    /// A power of two that scales lengths to the unit of the basis, so that no product overflows.
+    /// Scales lengths to the unit of the basis: a power of two, so that no product overflows.
     unit: f64,
-    /// Reduced vectors, followed by unit vectors that are orthogonal to all before.
+    /// Reduced vectors, then unit vectors orthogonal to all before.
     basis: [DVec3; 3],
     /// Multiple of each cell vector in each basis vector.
     multiples: [[f64; 3]; 3],
-    /// Part of each basis vector that is orthogonal to its predecessors, divided by its squared length.
+    /// Part of each basis vector that is orthogonal to its predecessors, over its squared length.
     steps: [DVec3; 3],
-    /// Rows of the inverse of the basis: they give the fractions of a vector.
     inverse: [DVec3; 3],
-    /// Squared length, in the unit of the basis, below which a wrapped vector is the minimum image.
+    /// Squared length below which a wrapped vector is the minimum image.
     near_squared: f64,
     /// Most multiples of a basis vector for which `near_squared` holds.
     near_count: f64,
-    /// `true` if orthogonalized coordinates at [`Orthogonalization::SCALE`] suit `f32` spheres. Stored, because every
-    /// call reads it.
     fits_f32: bool,
 }
 
@@ -98,7 +92,6 @@ impl TriclinicCell {
         Orthogonalization::of_basis(self.rank, self.unit, self.inverse, scale)
     }
 
-    /// Returns the same cell in a unit of length that is `1 / scale` times the present one.
     pub(crate) fn scaled(self, scale: f64) -> Self {
         let vectors = self.vectors.map(|edge| edge.map(|edge| edge.map(|number| number * scale)));
         Self { vectors, unit: self.unit / scale, ..self }
@@ -111,7 +104,7 @@ impl TriclinicCell {
     pub(crate) fn lattice(&self) -> Lattice {
         let mut basis = self.basis;
         for (vector, multiples) in basis.iter_mut().zip(&self.multiples).take(self.rank) {
-            // Recomputed, without the rounding of the reduction.
+            // Recomputed without the rounding of the reduction.
             *vector = DVec3::from(shifted([0.0; 3], *multiples, &self.vectors)) * self.unit;
         }
         Lattice::from_parts(self.rank, self.unit, basis, self.multiples)
@@ -128,29 +121,29 @@ impl TriclinicCell {
         self.rank
     }
 
-    /// Returns the largest component of a vector for which the search of its minimum image does not overflow. In cells
-    /// longer than 1, only the image itself may; the exact test then scales the vector and the cell.
+    /// Returns the largest component of a vector whose minimum image does not overflow. In cells longer than 1, the
+    /// image itself may; the exact test then scales the vector and the cell.
     pub fn max_component(&self) -> f64 {
         let lowest = heights(&self.inverse)[..self.rank].iter().copied().fold(f64::INFINITY, f64::min);
-        // A vector of length `l` takes at most `l` divided by the height of each basis vector, and up to the sum of
-        // their multiples of each cell vector, no longer than √3 units.
+        // A vector of length `l` takes at most `l` over the height of each basis vector. Each takes up to the sum of
+        // its multiples of cell vectors, no longer than √3 units.
         let vectors = self.multiples.iter().flatten().map(|count| count.abs()).sum::<f64>();
         f64::MAX / (OVERFLOW_MARGIN * vectors) * lowest / self.unit
     }
 
-    /// Returns the multiples of the cell vectors that, added to a vector, give its minimum image, and that image.
+    /// Returns the multiples of the cell vectors that lead to a vector's minimum image, and that image.
     ///
     /// # Correctness
-    /// 1. Let `rₖ` be the length of the part of the `k`-th basis vector that is orthogonal to its predecessors. The
-    ///    minimum image is at most `ρ = ½√(r₁² + r₂² + r₃²)` long, since some image has at most `½rₖ` along each part.
+    /// 1. Let `rₖ` be the length of the part of the `k`-th basis vector that is orthogonal to its predecessors. Some
+    ///    image has at most `½rₖ` along each part, so the minimum image is at most `ρ = ½√(r₁² + r₂² + r₃²)` long.
     /// 2. In a reduced basis `rₖ² ≥ 0.74 rₖ₋₁²`, hence `ρ < 1.1 r₃`.
     /// 3. The wrapped vector has at most half of each basis vector. Hence only −1, 0 and 1 times the third vector can
-    ///    lead from it to the minimum image.
-    /// 4. The same holds for the second vector in each of these three planes. Along the first one, rounding finds the
+    ///    lead to the minimum image.
+    /// 4. The same holds for the second vector in each of these three planes. Along the first, rounding finds the
     ///    image.
-    /// 5. No lattice vector is shorter than the smallest `rₖ`. If a vector is shorter than a quarter of the smallest `rₖ`,
-    ///    all its other images are at least three times as long. The same holds for the wrapped vector if few lattice
-    ///    vectors were added to it, which bounds the rounding.
+    /// 5. No lattice vector is shorter than the smallest `rₖ`. If a vector is shorter than a quarter of it, all its
+    ///    other images are at least three times as long. The same holds for a wrapped vector if few lattice vectors
+    ///    were added, which bounds the rounding.
     pub(crate) fn minimum_image(&self, vector: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         if self.is_near(vector) { self.image(vector, [0.0; 3]) } else { self.image_of_distant(vector) }
     }
@@ -161,13 +154,11 @@ impl TriclinicCell {
         if self.is_near(vector) { vector } else { self.image_of_distant(vector).1 }
     }
 
-    /// Returns `true` only if a vector is its own minimum image.
     #[inline]
     fn is_near(&self, vector: [f64; 3]) -> bool {
         (DVec3::from(vector) * self.unit).length_squared() < self.near_squared
     }
 
-    /// Returns the minimum image of a vector that is not near.
     fn image_of_distant(&self, vector: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let (apart, counts) = self.wrapped(vector);
         if apart.length_squared() < self.near_squared
@@ -178,13 +169,11 @@ impl TriclinicCell {
         self.shortest_image(vector, apart, counts)
     }
 
-    /// Returns the vector, in the unit of the basis, with at most about half of each basis vector, and the multiples of
-    /// the basis vectors that were added to it.
+    /// Returns the vector with at most about half of each basis vector, and the multiples of basis vectors added to it.
     fn wrapped(&self, vector: [f64; 3]) -> (DVec3, [f64; 3]) {
         let scaled = DVec3::from(vector) * self.unit;
         let mut counts = [0.0; 3];
         let mut apart = scaled;
-        // For distant images, the first step leaves more than half of a vector.
         for _ in 0..MAX_WRAP_STEPS {
             let parts =
                 [0, 1, 2].map(|k| if k < self.rank { -self.inverse[k].dot(apart).round() } else { 0.0 });
@@ -197,8 +186,6 @@ impl TriclinicCell {
         (apart, counts)
     }
 
-    /// Returns the shortest of the images that can be the minimum image of a vector, which [`wrapped`](Self::wrapped) has
-    /// wrapped.
     fn shortest_image(&self, vector: [f64; 3], apart: DVec3, counts: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let mut best: Option<(f64, [f64; 3], [f64; 3])> = None;
         for image in self.images(apart, counts) {
@@ -227,8 +214,7 @@ impl TriclinicCell {
         })
     }
 
-    /// Returns the image of a vector at these multiples of the basis vectors: the multiples `S` of the cell vectors,
-    /// and `vector + (S₁e₁ + S₂e₂ + S₃e₃)`.
+    /// Returns the multiples `S` of the cell vectors, and `vector + (S₁e₁ + S₂e₂ + S₃e₃)`.
     fn image(&self, vector: [f64; 3], counts: [f64; 3]) -> ([f64; 3], [f64; 3]) {
         let mut shift = [0.0; 3];
         for (count, multiples) in counts.iter().zip(&self.multiples) {
@@ -256,8 +242,6 @@ pub(crate) fn shifted(vector: [f64; 3], shift: [f64; 3], vectors: &[Option<[f64;
     image
 }
 
-/// Returns the squared length below which a wrapped vector is the minimum image, and the most multiples of a basis vector
-/// up to which that holds.
 fn near(orthogonal: &[DVec3], multiples: &[[f64; 3]; 3]) -> (f64, f64) {
     let shortest = orthogonal.iter().map(|part| part.length()).fold(f64::INFINITY, f64::min);
     let most = multiples.iter().flatten().map(|count| count.abs()).sum::<f64>();
@@ -279,7 +263,6 @@ mod tests {
         let mut random = || 2.0 * fractions() - 1.0;
         let mut near = [0; 2];
         for case in 0..20_000 {
-            // From cubes to cells a million times as long as thin, some tilted by many lengths.
             let thin = 10_f64.powi(-(case % 7));
             let tilt = [0.5, 1.0, 30.0, 1000.0][case as usize / 7 % 4];
             let vectors = [

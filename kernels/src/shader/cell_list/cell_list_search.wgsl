@@ -1,11 +1,10 @@
-// Tests the first chunk of candidates of each sphere, usually all. Blocks with more candidates are deferred to
-// `cell_list_search_overflow`. For few spheres, this kernel instead has a workgroup for each chunk of a block.
+// Tests the first chunk of candidates, and defers blocks with more to `cell_list_search_overflow`. For few spheres,
+// each chunk of a block has a workgroup here.
 #include cell_list_search read_write
 
 #ifdef REUSE
 #include cell_list_reuse
 
-// A refused call tests nothing.
 fn is_refused() -> bool {
     return (atomicLoad(&outcome.overflow) & OVERFLOW_LAYOUT) != 0u;
 }
@@ -17,11 +16,11 @@ fn is_refused() -> bool {
 
 var<workgroup> most_candidates: atomic<u32>;
 
-// With a single level, a sphere has candidates in at most 14 cells and in the cell of listed spheres.
+// With a single level, candidates are in at most 14 cells and in the cell of listed spheres.
 const MOST_CELLS: u32 = 15u;
 
-// Returns `true` if no sphere can have candidates in this chunk, because the fullest cell has too few spheres. Only
-// `scan_once` stores the number of its spheres, which is 0 after other scans.
+// Returns `true` if even the fullest cell has too few spheres for this chunk. Only `scan_once` stores their number,
+// which is 0 after other scans.
 fn is_past_last_chunk(chunk: u32) -> bool {
     let largest = starts[cell_list.cells + 2u];
     let is_known = cell_list.levels == 1u && largest != 0u;

@@ -1,5 +1,4 @@
-// Tests the later chunks of candidates of deferred blocks, one per workgroup, so that an overfull cell occupies the
-// whole device within the limit of loop iterations.
+// Tests later chunks of deferred blocks, one per workgroup, so that an overfull cell occupies the whole device.
 #include cell_list_search read
 
 fn is_refused() -> bool {

@@ -1,5 +1,4 @@
-// Writes the dispatch arguments of the next submission: x is the largest number of chunks of a sphere; y and z count
-// blocks.
+// Writes the dispatch arguments of the next submission: x counts further chunks; y and z count blocks.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;

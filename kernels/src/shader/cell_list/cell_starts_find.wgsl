@@ -1,4 +1,4 @@
-// Finds the first sphere of each cell. A workgroup processes a block of cells, with any number of spheres.
+// Finds the first sphere of each cell. A workgroup processes a block of cells.
 #include layout
 #include cell_list
 #include thread
@@ -10,16 +10,14 @@
 const WORKGROUP_SIZE: u32 = 256u;
 const ITEMS: u32 = 8u;
 const BLOCK: u32 = WORKGROUP_SIZE * ITEMS;
-// In blocks with more spheres, a binary search finds the start of each cell.
+// A binary search serves blocks with more spheres.
 const MAX_SCANNED: u32 = 32768u;
 
-// The first sphere of each cell, or the end of the block's spheres. One word in 33 is padding, so that threads with
-// eight cells each read different banks.
+// One word in 33 is padding, so that threads with eight cells each read different banks.
 var<workgroup> firsts: array<atomic<u32>, BLOCK + BLOCK / 32u>;
-// The minimum of `firsts` over the cells after those of each thread.
+// Minima of `firsts` over the cells after those of each thread.
 var<workgroup> later: array<u32, 512>;
 var<workgroup> block_range: array<u32, 2>;
-// The number of probes before each end of `block_range`.
 var<workgroup> passed: array<atomic<u32>, 2>;
 const PROBES: u32 = WORKGROUP_SIZE / 2u;
 
@@ -30,7 +28,6 @@ fn slot_of(number: u32) -> u32 {
 fn first_from(cell: u32, low: u32, high: u32) -> u32 {
     var begin = low;
     var end = high;
-    // Each iteration at least halves the range.
     for (var iteration = 32u - countLeadingZeros(high - low); iteration > 0u; iteration--) {
         if (begin >= end) {
             break;
@@ -57,8 +54,8 @@ fn cell_starts_find(
     if (first_cell >= counters) {
         return;
     }
-    // Each half of the workgroup searches for one end of the range. A round divides `low..high` by the number of
-    // probes, 2^7, so rounds are the bits of the number of spheres divided by seven.
+    // Each half of the workgroup searches for one end of the range. A round divides `low..high` by the 2^7 probes, so
+    // rounds are a seventh of the bits of the number of spheres.
     let half = thread.local_index / PROBES;
     let probe = thread.local_index % PROBES;
     let end_cell = first_cell + half * BLOCK;

@@ -1,4 +1,4 @@
-// Writes the cell of each sphere as its sort key, and counts the digits of the first radix pass.
+// Writes cells as sort keys, and counts the digits of the first radix pass.
 #include layout
 #include cell_list
 #include thread

@@ -1,5 +1,4 @@
-// Counts the spheres per cell of level 0. Few workgroups stride over the spheres, because most calls need no counts:
-// they matter only if smaller spheres may leave level 0.
+// Counts the spheres per cell of level 0. Few workgroups stride over the spheres, because most calls need no counts.
 #include layout
 #include cell_list
 #include thread

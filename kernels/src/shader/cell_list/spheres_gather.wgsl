@@ -17,7 +17,6 @@
 #ifdef REUSE
 #include cell_list_reuse
 
-// Returns `true` if the cell of the sphere at `position` has too many spheres.
 fn is_overfull(position: u32) -> bool {
     let cell = cells[position];
     let limit = max_occupancy_of(cell);

@@ -1,4 +1,4 @@
-// Workgroups stride over the spheres, so that few of them contend for the counters in memory.
+// Workgroups stride over the spheres, so that few contend for the counters in memory.
 #include layout
 #include cell_list
 #include thread

@@ -18,7 +18,6 @@
 const WORKGROUP_SIZE: u32 = 256u;
 const ITEMS: u32 = #{SPHERES_PER_THREAD}u;
 
-// Results of the workgroup, so that few atomics reach memory.
 var<workgroup> group_low: array<atomic<u32>, 3>;
 var<workgroup> group_high: array<atomic<u32>, 3>;
 var<workgroup> group_radius_min: atomic<u32>;

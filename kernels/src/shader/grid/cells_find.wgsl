@@ -1,6 +1,4 @@
-// Finds the depth and the cells of each sphere. Only this kernel does, because rounding may differ between kernels. It
-// also records the depths that occur and, if only overfull cells are split, counts smaller spheres per cell of the
-// first level.
+// No other kernel finds depths and cells, because rounding may differ between kernels.
 #include layout
 #include thread
 #include sphere
@@ -28,8 +26,8 @@ fn exponent_of(value: f32) -> i32 {
     return i32(bitcast<u32>(value) >> 23u) - 127;
 }
 
-// Returns the finest depth at which a sphere's box, widened for rounding, overlaps at most two cells per axis and has
-// coordinates of at most 17 bits.
+// Returns the finest depth at which a widened box overlaps at most two cells per axis and has coordinates of at most 17
+// bits.
 fn depth_of(sphere: vec4<f32>, radius: f32) -> u32 {
     if (grid.split_policy == 0u) {
         return 0u;
@@ -44,7 +42,7 @@ fn depth_of(sphere: vec4<f32>, radius: f32) -> u32 {
     return u32(clamp(finest, 0, 31));
 }
 
-// Returns a position in cells of depth 0. Positions next to the origin become 0, so that no device flushes them.
+// Positions next to the origin become 0, so that no device flushes them.
 fn scaled(position: vec3<f32>) -> vec3<f32> {
     let offset = clamp(position - grid.origin, vec3(-0x1p126), vec3(0x1p126));
     let high = vec3<f32>(grid.high) + vec3(0x1.f8p-1);
@@ -56,7 +54,7 @@ fn cells_of(sphere: vec4<f32>, radius: f32) -> Cells {
     let depth = depth_of(sphere, radius);
     let box = box_of(sphere, radius);
     let scale = bitcast<f32>((127u + depth) << 23u);
-    // Values computed from either side of the periodic boundary differ by rounding.
+    // Values from either side of the periodic boundary differ by rounding.
     let spare = grid.ring_cells * 0x1p-21;
     let first = vec3<i32>(floor((scaled(box.low) - spare) * scale));
     let last = vec3<i32>(floor((scaled(box.high) + spare) * scale));

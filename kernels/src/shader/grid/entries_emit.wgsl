@@ -1,6 +1,5 @@
-// Emits (cell, sphere) entries level by level. A split cell passes its smaller spheres to the next level. The object
-// word has a bit per axis that is set in the sphere's first cell. The key marks passive entries: smaller spheres in a
-// split cell, which are compared only with the spheres that stay in it.
+// Emits (cell, sphere) entries level by level. An object word has a bit per axis, set in the sphere's first cell. Keys
+// mark passive entries: smaller spheres in a split cell, compared only with spheres that stay there.
 #include layout
 #include thread
 
@@ -16,7 +15,6 @@
 #include reserve entries
 #include workgroup_scan
 
-// Position of the workgroup's entries, and the number of its spheres that continue.
 struct Reservation {
     first: u32,
     descending: u32,
@@ -24,7 +22,7 @@ struct Reservation {
 
 var<workgroup> reservation: Reservation;
 
-// One bit per cell: cells with an entry, with a passive entry, and that pass the sphere to the next level.
+// One bit per cell.
 struct Visit {
     entries: u32,
     passive: u32,
@@ -37,7 +35,7 @@ fn key_of(depth: u32, cell: vec3<i32>) -> u32 {
     return level.base + (hashed.x | (hashed.y << level.bits.x) | (hashed.z << (level.bits.x + level.bits.y)));
 }
 
-// `alive` marks the sphere's cells in `above` that passed it to this level.
+// `alive` marks the cells in `above` that passed the sphere down.
 fn visit(here: Cells, above: Cells, alive: u32, is_own: bool) -> Visit {
     var found = Visit(0u, 0u, 0u);
     for (var number = 0u; number < 8u; number++) {
@@ -46,7 +44,7 @@ fn visit(here: Cells, above: Cells, alive: u32, is_own: bool) -> Visit {
         if (!has_cell(here, step) || (alive & (1u << parent_of(cell, here.depth, above))) == 0u) {
             continue;
         }
-        // EagerGrid splits every cell. At a depth without spheres of its own, no sphere stays in a cell.
+        // At a depth without own spheres, no sphere stays in a cell.
         var is_refined = grid.split_policy == 1u;
         var has_own = (grid.depth_mask & (1u << here.depth)) != 0u;
         if (grid.split_policy == 2u && !is_own) {
@@ -94,7 +92,7 @@ fn entries_emit(
             here = cells_at(own, depth);
             found = visit(here, above, alive, depth == own_depth);
         }
-        // One scan for both counts: entries in the lower half, continuing spheres in the upper half.
+        // Entries in the lower half, continuing spheres in the upper half.
         let before = workgroup_scan(countOneBits(found.entries) | select(0u, 0x10000u, found.passed_down != 0u), thread);
         if (thread.local_index == 0u) {
             let all = workgroup_sum();

@@ -1,4 +1,3 @@
-// Chooses the grid of a call: origin, cell size, limits and key bits.
 #include layout
 #include thread
 #include sphere
@@ -12,14 +11,13 @@
 #include periods
 
 const SAMPLES: u32 = 256u;
-// Factor on the cell size of grids with levels. It lets spheres of half the size keep the next depth although boxes are
-// widened.
+// Factor on the cell size that lets widened boxes of half-size spheres fit the next depth.
 const SLACK: f32 = 0x1.04p0;
 // Cells on either side of the origin; coordinates beyond share the outermost cell. Within them a box widens by at most
 // an eighth of a cell, so it overlaps at most two cells per axis.
 const HALF_GRID: f32 = 0x1p17;
-// Cells in a ring at depth 0. The upper limit keeps rounding at the periodic boundary below a fraction of a cell. Rings
-// at the lower limit, and axes with a length out of range, have one cell.
+// Cells in a ring at depth 0. The upper limit keeps rounding at the boundary below a fraction of a cell. Rings at the
+// lower limit, or of a length out of range, have one cell.
 const MAX_RING_CELLS: f32 = 0x1p15;
 const MIN_RING_CELLS: f32 = 0x1p-40;
 const MIN_LENGTH: f32 = 0x1p-80;
@@ -27,7 +25,6 @@ const MAX_LENGTH: f32 = 0x1p80;
 
 var<workgroup> samples: array<array<f32, 256>, 3>;
 var<workgroup> accepted: atomic<u32>;
-// Lower quartile, median and upper quartile of the samples, per axis.
 var<workgroup> quartiles: array<array<f32, 3>, 3>;
 
 // Compares bits, because devices may flush small periods to 0.
@@ -35,14 +32,14 @@ fn is_open(period: f32) -> bool {
     return bitcast<u32>(period) == 0u;
 }
 
-// The limits keep every intermediate value finite.
+// Limits keep every intermediate value finite.
 fn cell_of(position: vec3<f32>, origin: vec3<f32>, inverse_edge: vec3<f32>) -> vec3<i32> {
     let offset = clamp(position - origin, vec3(-0x1p126), vec3(0x1p126));
     return vec3<i32>(floor(clamp(offset * inverse_edge, vec3(-HALF_GRID), vec3(HALF_GRID - 1.0))));
 }
 
 #ifdef PERIODIC
-// The image nearest to the first sphere keeps a cluster across the periodic boundary together.
+// Keeps a cluster across the boundary together.
 fn from_first(sample: vec3<f32>) -> vec3<f32> {
     let lengths = periods();
     let first = spheres[0].xyz;
@@ -52,9 +49,8 @@ fn from_first(sample: vec3<f32>) -> vec3<f32> {
     return select(sample, d + shift, used);
 }
 
-// Returns the number of cells around an axis, each at least `edge` wide; 0 for an unbounded axis. It is a multiple of
-// four, so that neither the key hash nor the periodic boundary merges neighbors, or a smaller power of two, for which
-// the axis has one cell until a depth at which four fit.
+// Returns the number of cells at least `edge` wide around an axis. With a multiple of four, neither the key hash nor
+// the boundary merges neighbors. A smaller power of two means one cell until a depth at which four fit.
 fn ring_cells_of(length: f32, edge: f32) -> f32 {
     if (is_open(length)) {
         return 0.0;
@@ -65,7 +61,7 @@ fn ring_cells_of(length: f32, edge: f32) -> f32 {
     if (length * (1.0 / MAX_RING_CELLS) >= edge) {
         return MAX_RING_CELLS;
     }
-    // Rounded down, so that no rounding makes cells narrower than `edge`.
+    // Rounded down, because cells must not be narrower than `edge`.
     let ring_cells = (length / edge) * 0x1.ffffep-1;
     if (ring_cells >= 4.0) {
         return 4.0 * floor(0.25 * ring_cells);
@@ -96,7 +92,7 @@ fn grid_configure(
         quartiles[local_index] = array(0.0, 0.0, 0.0);
     }
     workgroupBarrier();
-    // Threads without a valid sphere use the largest value and rank last.
+    // Threads without a valid sphere rank last.
     var sample = vec4(0x1.fffffep127);
     var used = false;
     if (local_index < count) {
@@ -146,7 +142,7 @@ fn grid_configure(
     let aside = select(vec3(0.0), abs(origin), open);
     let far = max(max(aside.x, aside.y), aside.z);
     let spheres_count = f32(max(count, 1u));
-    // Sparse points need no cells smaller than about an eighth of their mean distance, in a volume or on a line.
+    // Sparse points need no cells below about an eighth of their mean distance, in a volume or on a line.
     let volume_spacing = pow(spread.x, 1.0 / 3.0) * pow(spread.y, 1.0 / 3.0) * pow(spread.z, 1.0 / 3.0)
         * pow(spheres_count, -1.0 / 3.0);
     let line_spacing = max(spread.x, max(spread.y, spread.z)) / spheres_count;
@@ -176,7 +172,7 @@ fn grid_configure(
         low = cell_of(lowest, corner, inverse_edge);
         high = max(low, cell_of(highest, corner, inverse_edge));
     }
-    // Boxes extend past the periodic boundary by less than a cell.
+    // Boxes extend past the boundary by less than a cell.
     low = select(vec3(-1), low, open);
     high = select(vec3<i32>(ring_cells) + vec3(1), high, open);
     let largest = max(
@@ -189,14 +185,13 @@ fn grid_configure(
     grid.low = low;
     grid.high = high;
     grid.ordinary = select(0u, 1u, radius_min > 0x1p-40 && largest < 0x1p58);
-    // If the smallest sphere does not fit cells of half the size, all spheres have depth 0.
+    // Unless the smallest sphere fits cells of half the size, all have depth 0.
     let finest = max(inverse_edge.x, max(inverse_edge.y, inverse_edge.z));
     let some_fit = 4.0 * params.cell_ratio * (radius_min * finest) < 0x1.01p0;
     grid.split_policy = select(0u, params.split_policy, some_fit && open_inverse > 0.0);
     grid.level_mask = 1u;
     grid.depth_mask = 1u;
     grid.passive = 0u;
-    // The naive search has no keys.
     if (params.key_bits != 0u) {
         grid.levels[0] = LevelKeys(hash_bits(axis_bits(low, high, ring_cells, 0u), params.key_bits), 0u);
     }

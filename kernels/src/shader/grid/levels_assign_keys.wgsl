@@ -1,5 +1,4 @@
-// Divides the keys among the levels in proportion to the spheres that may have entries. No level has more keys than
-// cells.
+// Divides the keys among levels in proportion to spheres that may have entries.
 #include layout
 #include thread
 
@@ -39,10 +38,10 @@ fn levels_assign_keys(
     for (var other = 0u; other < 32u; other++) {
         total += f32(weights[other]);
     }
-    // One key bit marks passive entries.
+    // One bit marks passive entries.
     let keys = 1u << (params.key_bits - 1u);
     let spare = keys - (countOneBits(depths) << MIN_BITS);
-    // Rounded down, so that the shares never exceed all keys.
+    // Rounded down, because shares must not exceed all keys.
     let share = f32(spare) * (f32(weights[depth]) / total) * 0x1.ff8p-1;
     let share_bits = (bitcast<u32>(max(share, 1.0)) >> 23u) - 127u;
     let cells = axis_bits(grid.low, grid.high, grid.ring_cells, depth);
@@ -54,7 +53,7 @@ fn levels_assign_keys(
         base += sizes[coarser];
     }
     workgroupBarrier();
-    // Without an overfull cell, all entries stay at the first level, as `grid_configure` left it.
+    // Without an overfull cell, all entries stay at the first level.
     if (depth == 0u && deeper == 0u) {
         grid.split_policy = 0u;
     }

@@ -1,5 +1,4 @@
-// Counts spheres per cell of the finer levels, inside overfull cells of the first level, and the spheres that continue
-// below the first level.
+// Counts spheres per finer cell inside overfull cells of the first level.
 #include layout
 #include thread
 

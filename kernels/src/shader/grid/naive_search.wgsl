@@ -1,5 +1,4 @@
-// Each workgroup tests 256 spheres with some tiles of larger indices, or of the second set, within the limit of loop
-// iterations.
+// Each workgroup tests 256 spheres with some tiles, within the limit of loop iterations.
 #include layout
 #include thread
 #include sphere
@@ -74,8 +73,8 @@ fn naive_search(
             }
         }
         workgroupBarrier();
-        // The block's own tile is tested only for larger indices, and the first tile of the second set only for its
-        // spheres.
+        // Partners in the block's own tile have larger indices; partners in the first tile of the second set belong to
+        // this set.
         let of_second = max(params.second_set_start, column * WORKGROUP_SIZE) - column * WORKGROUP_SIZE;
         let begin = max(select(0u, thread.local_index + 1u, column == block), of_second);
         for (var first = 0u; first < WORKGROUP_SIZE; first += 32u) {

@@ -1,6 +1,5 @@
-// Finds pairs of entries more than NEAR positions apart in one run. Each workgroup tests a deferred block of 256
-// entries with some of the later tiles, so that an overfull cell occupies the whole device within the limit of loop
-// iterations.
+// Finds pairs more than NEAR positions apart in one run. Each workgroup tests a deferred block with some later tiles,
+// so that an overfull cell occupies the whole device.
 #include runs_search read
 #include reserve_by_subgroup
 #include entry
@@ -18,7 +17,6 @@ struct DeferredRange {
 
 var<workgroup> group_range: DeferredRange;
 
-// Returns the hits whose pairs this cell owns and the call requests.
 fn owned_hits(object: u32, first: u32, hits: u32) -> u32 {
     var owned = 0u;
     for (var k = 0u; k < 32u; k++) {
@@ -61,7 +59,7 @@ fn runs_search_far(
 #ifdef SPECIES
     query.species = species[index_of(query.object)];
 #endif
-    // An object that begins here on every axis makes this cell the owner of all its pairs.
+    // If an object begins here on every axis, this cell owns all its pairs.
     let owns_all = is_owned(query.object, 0u) && asks_for_all(grid.spheres);
     for (var iteration = 0u; iteration < per_workgroup; iteration++) {
         let column = first_column + iteration * WORKGROUP_SIZE;
@@ -86,7 +84,7 @@ fn runs_search_far(
         // In the first tile, partners up to NEAR positions away are skipped; they end later for later threads.
         let begin = select(0u, thread.local_index, column == start);
         let finish = min(WORKGROUP_SIZE, end - column);
-        // Objects that share several cells are skipped here in all of these cells except one.
+        // Objects that share several cells are skipped here in all except one.
         let query_owns = is_query && is_owned(query.object, atomicLoad(&tile_firsts));
         for (var first = 0u; first < WORKGROUP_SIZE; first += 32u) {
             let window = tile_window(first, begin, finish);

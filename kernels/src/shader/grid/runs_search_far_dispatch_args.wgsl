@@ -1,5 +1,5 @@
-// Writes the dispatch arguments of the next submission: x counts the workgroups of the block with the most tiles; y and
-// z count blocks.
+// Writes the dispatch arguments of the next submission: x counts the workgroups of the largest block; y and z count
+// blocks.
 #include layout
 
 @group(0) @binding(0) var<uniform> params: SearchParams;

@@ -1,5 +1,5 @@
-// Finds pairs of entries at most NEAR positions apart whose earlier entry is active. Blocks with farther partners are
-// deferred to `runs_search_far`.
+// Finds pairs at most NEAR positions apart whose earlier entry is active. Defers blocks with farther partners to
+// `runs_search_far`.
 #include runs_search read_write
 #include pairs
 #include entry
@@ -12,7 +12,6 @@ var<workgroup> block_spheres: array<vec4<f32>, 256>;
 var<workgroup> group_hits: atomic<u32>;
 var<workgroup> group_open: atomic<u32>;
 var<workgroup> group_far: atomic<u32>;
-// The output position of the pairs among 32 partners, and 1 if some thread has further partners.
 struct PartnerChunk {
     first: u32,
     open: u32,

@@ -1,13 +1,10 @@
-// Tests a block of 256 sorted spheres, one per thread, with a chunk of each sphere's candidates.
+// Tests 256 sorted spheres, one per thread, with a chunk of each sphere's candidates.
 
 const WORKGROUP_SIZE: u32 = 256u;
-// Most iterations of each loop of `gather_hits` in a round.
 const ROWS: u32 = 256u;
-// Hits of a workgroup that are collected before they are written. A thread writes the further hits of its batch itself.
 const HITS: u32 = 1024u;
 
-// A bit for each hit of a batch that overflowed the list of hits. `number` is the position of the first of them in the
-// list, later in the output.
+// A bit for each hit of a batch beyond the list. `number` is the first one's position in the list, later in the output.
 struct HitOverflow {
     bits: u32,
     number: u32,
@@ -31,8 +28,7 @@ fn query_sphere(position: u32) -> QuerySphere {
     return QuerySphere(sorted[position], position, cells[position], sorted_species[position]);
 }
 
-// Returns the reach of the largest effective radii of both levels. Spheres of a narrow side pair with spheres of other
-// sides within twice the larger radius.
+// Spheres of a narrow side pair with other sides within twice the larger radius.
 fn reach_at(query: QuerySphere, level: u32) -> f32 {
     let levels = vec2(level_of_cell(query.cell), level);
     let radii = vec2(cell_list.level[levels.x].max_radius, cell_list.level[levels.y].max_radius);
@@ -45,8 +41,8 @@ fn is_ordinary() -> bool {
     return cell_list.ordinary != 0u && params.interaction != BY_SPECIES;
 }
 
-// The cutoff of the test without guards: the first component, plus the second times the other radius. A branch per
-// candidate slowed a burst on llvmpipe by a third.
+// The cutoff of the unguarded test: the first component plus the second times the other radius. A branch per candidate
+// slowed a burst on llvmpipe by a third.
 fn ordinary_reach(query: QuerySphere) -> vec2<f32> {
     return select(vec2(params.interaction, 0.0), vec2(query.sphere.w, 1.0), params.interaction == TOUCH);
 }
@@ -93,7 +89,7 @@ fn species_pair(query: QuerySphere, other: u32) -> bool {
 }
 #endif
 
-// Returns a bit per candidate in `begin..end`, at most 32. One of the two loops is empty.
+// One of the two loops is empty.
 fn candidate_hits(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: u32) -> u32 {
     var bits = 0u;
     let ordinary_end = select(begin, end, is_ordinary());
@@ -112,7 +108,6 @@ fn candidate_hits(query: QuerySphere, ranges: CandidateRanges, begin: u32, end: 
     return bits;
 }
 
-// Returns the hits in the window, across the sets, and of compared sides.
 fn asked_for(query: QuerySphere, ranges: CandidateRanges, first: u32, found: u32) -> u32 {
     var bits = found;
     let all = asks_for_all(cell_list.spheres) && !mixes_sides();
@@ -125,7 +120,7 @@ fn asked_for(query: QuerySphere, ranges: CandidateRanges, first: u32, found: u32
     return bits;
 }
 
-// Returns the first candidate of the batch whose hits overflow the list, or `end`.
+// Returns the first candidate whose hits overflow the list, or `end`.
 fn gather_candidates(
     query: QuerySphere,
     ranges: CandidateRanges,
@@ -159,7 +154,6 @@ fn gather_candidates(
     return reached;
 }
 
-// Writes the hits of the batch at `first` that overflowed the list in the round before.
 fn write_overflow(query: QuerySphere, ranges: CandidateRanges, first: u32, overflow: HitOverflow) {
     var at_pair = overflow.number;
     for (var left = overflow.bits; left != 0u; left &= left - 1u) {
@@ -179,8 +173,8 @@ fn next_level(neighbors: ptr<function, NeighborCells>, query: QuerySphere) {
     }
 }
 
-// Collects hits until the candidates or the chunk end, or the list of hits is full. The first chunk continues to the
-// last cell, to count the remaining candidates.
+// Collects hits until the candidates, the chunk or the space in the list end. The first chunk continues, to count the
+// remaining candidates.
 fn gather_hits(
     neighbors: ptr<function, NeighborCells>,
     query: QuerySphere,
@@ -229,8 +223,8 @@ fn index_in_pair(position: u32) -> u32 {
     return index;
 }
 
-// Stores the overflow flag and the dispatch arguments for at least `found` pairs, fewer than 2^32, of few spheres. They
-// only grow, so workgroups may run in any order, and the call needs no further dispatch.
+// Stores the overflow flag and the dispatch arguments. Both only grow, so workgroups may run in any order, and the call
+// needs no further dispatch.
 fn finish_outcome(found: u32) {
     if (found > params.pair_capacity) {
         atomicOr(&outcome.overflow, 1u);
@@ -240,8 +234,7 @@ fn finish_outcome(found: u32) {
     atomicMax(&outcome.dispatch_y, groups.y);
 }
 
-// Whole workgroups must call it. For the first chunk, returns the number of candidates of this thread's sphere that
-// remain for later chunks.
+// Whole workgroups must call it. For the first chunk, returns the number of later candidates.
 fn search_candidates(block: u32, chunk: u32, local_index: u32) -> u32 {
     var query: QuerySphere;
     var neighbors: NeighborCells;
@@ -256,7 +249,7 @@ fn search_candidates(block: u32, chunk: u32, local_index: u32) -> u32 {
         atomicStore(&has_more, 0u);
     }
     workgroupBarrier();
-    // A round ends with a full list of hits, after the last candidates, or after the most iterations.
+    // A round ends with a full list, the last candidates or the most iterations.
     for (var round = 0u; round < 2u * params.candidates_per_invocation * WORKGROUP_SIZE / HITS; round++) {
         if (neighbors.level != NO_LEVEL) {
             gather_hits(&neighbors, query, chunk, &overflow);

@@ -1,7 +1,7 @@
-// A sphere's cell: at level 0 if its cell there has few spheres, else at the level of its size class.
+// A sphere's cell: at level 0 if few spheres are in it, else at the level of the size class.
 struct CellAssignment {
     cell: u32,
-    // Occupancy of the cell of level 0 that the sphere leaves, or 0.
+    // Nonzero if the sphere leaves level 0.
     occupancy: u32,
     can_descend: bool,
 }
@@ -18,8 +18,7 @@ fn assign_cell(index: u32, sphere: vec4<f32>) -> CellAssignment {
     }
     let position = wrapped_sphere(sphere).xyz;
     let first = side_of(index) * params.levels_per_side;
-    // Without an occupancy table, every sphere uses its own level. The occupancy of its own cell is a lower bound for
-    // the cell of level 0.
+    // Without an occupancy table, every sphere uses its own level, whose occupancy is a lower bound for level 0.
     var level = first + select(0u, own, cell_list.has_overfull_cells != 0u && params.occupancy_slots == 0u);
     var assigned = CellAssignment(0u, 0u, own != 0u);
     for (var iteration = 0u; iteration < 2u; iteration++) {

@@ -1,14 +1,13 @@
-// Each sphere is in the cell of its center, at the level of its size class. Level 0 of a side has depth 0, and
-// further levels the depths of smaller spheres. On each axis cells form a ring, so spheres that cannot be distinguished
-// share a cell, which costs tests but no pair.
+// Each sphere is in the cell of its center, at the level of its size class. Cells form a ring on each axis, so distant
+// spheres may share a cell, which costs tests but no pair.
 
 const LEVELS: u32 = 32u;
 const DEPTHS: u32 = 16u;
 // Exponents of the effective radius.
 const CLASSES: u32 = 256u;
-// Level of the largest size classes, whose few spheres are listed instead of having cells.
+// Level of the largest size classes, whose few spheres have no cells.
 const LISTED: u32 = 255u;
-// Most spheres that are listed, which are compared with all others.
+// Most listed spheres, which are compared with all others.
 const MAX_LISTED: u32 = 8u;
 
 // See layout.rs.
@@ -30,8 +29,6 @@ struct CellListLevel {
     far: u32,
     around: vec3<u32>,
     max_radius: f32,
-    // Levels in which spheres search all cells that their boxes overlap, one bit each: coarser ones of the compared
-    // sides, and the same level of another side if that has more spheres.
     searched_levels: u32,
     searches_itself: u32,
 }

@@ -1,13 +1,12 @@
-// The levels of a cell list. Sides have equal numbers of levels, one side after the other. The first level of a side
-// has depth 0, and any sphere may use it.
+// Sides have equal numbers of levels, side after side. Any sphere may use the first level of its side, which has depth
+// 0.
 
-// The depths that occur, one bit each, and the depth of each level of a side, DEPTHS for a level without spheres.
+// Depths that occur, and the depth of each level, DEPTHS without spheres.
 var<workgroup> depths: atomic<u32>;
 var<workgroup> level_depths: array<atomic<u32>, DEPTHS>;
 var<workgroup> populations: array<atomic<u32>, LEVELS>;
 var<workgroup> on_side: array<atomic<u32>, MAX_SIDES>;
 
-// Returns `true` if spheres of the two sides are compared.
 fn meets(a: u32, b: u32) -> bool {
     let partners = select(params.partners_low, params.partners_high, a >= 4u) >> ((a % 4u) * 8u);
     return ((partners >> b) & 1u) != 0u;
@@ -21,7 +20,6 @@ fn is_first_of_side(level: u32) -> bool {
     return level % params.levels_per_side == 0u;
 }
 
-// Returns the finest depth with cells that are large enough for a sphere of this radius.
 fn finest_depth(radius: f32) -> u32 {
     if (is_single != 0u) {
         return 0u;
@@ -30,7 +28,7 @@ fn finest_depth(radius: f32) -> u32 {
     return u32(clamp(exponent_of(level_radius) - exponent_of(radius) - mantissa, 0, i32(DEPTHS) - 1));
 }
 
-// Returns the level of a depth within its side. If more depths than levels occur, neighboring depths share a level.
+// Neighboring depths share a level if more depths than levels occur.
 fn level_of_depth(depth: u32) -> u32 {
     let number = countOneBits(atomicLoad(&depths) & ((1u << depth) - 1u));
     let total = max(countOneBits(atomicLoad(&depths)), params.levels_per_side);
@@ -42,7 +40,6 @@ fn spheres_on_side(level: u32) -> u32 {
     return select(0u, atomicLoad(&on_side[min(side, MAX_SIDES - 1u)]), side < params.sides);
 }
 
-// Returns `true` if the level has cells although no sphere leaves overfull cells.
 fn is_used(level: u32) -> bool {
     return level == 0u || (is_first_of_side(level) && spheres_on_side(level) != 0u);
 }
@@ -54,8 +51,7 @@ fn spheres_at(level: u32) -> u32 {
     return select(0u, spheres_on_side(level), is_first_of_side(level));
 }
 
-// Spheres at the finer level find the others. At one level of different sides, spheres of the side with fewer spheres
-// there do.
+// Spheres at the finer level find the others. At one level of two sides, the side with fewer spheres there does.
 fn set_searched_levels(level: u32, used: u32) {
     let side = level / params.levels_per_side;
     let own = 1u << (level % params.levels_per_side);

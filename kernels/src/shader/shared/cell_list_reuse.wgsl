@@ -1,7 +1,5 @@
-// A call that reuses the cells of an earlier call is refused unless they suit its spheres.
 #include outcome_clear
 
-// Bit of `overflow`: the cells do not suit the spheres.
 const OVERFLOW_LAYOUT: u32 = 32u;
 // Above this occupancy of a cell, the call may need other cells.
 const MAX_OCCUPANCY: u32 = 64u;
@@ -12,13 +10,11 @@ fn refuse_layout() {
     }
 }
 
-// Returns the most spheres of a cell. Spheres that do not pair have no limit.
 fn max_occupancy_of(cell: u32) -> u32 {
     let limit = select(min(params.tau, MAX_OCCUPANCY), MAX_LISTED, cell == cell_list.cells);
     return select(limit, 0xffffffffu, cell > cell_list.cells);
 }
 
-// Clears the outcome, except for the refusal.
 fn reuse_outcome() {
     atomicAnd(&outcome.overflow, OVERFLOW_LAYOUT);
     outcome_clear(cell_list.spheres);

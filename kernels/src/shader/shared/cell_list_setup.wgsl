@@ -1,4 +1,4 @@
-// Chooses the cells of a cell list from the statistics of its spheres, which it clears.
+// Chooses the cells from the statistics of the spheres.
 
 #include outcome_begin
 #include cell_list_levels
@@ -7,13 +7,13 @@ const SAMPLES: u32 = 256u;
 const MAX_SAMPLES: u32 = 1024u;
 // Cell size over diameter: above the rounding of the distance test.
 const SLACK: f32 = 0x1.04p0;
-// Below this cell size, devices may flush fixed-point units.
+// Devices may flush fixed-point units of smaller cells.
 const MIN_CELL_SIZE: f32 = 0x1p-90;
-// At or above this cell size, all spheres share one cell, so that nothing overflows.
+// At or above this size, all spheres share one cell, so that nothing overflows.
 const MAX_CELL_SIZE: f32 = 0x1p120;
-// Most cells around a periodic axis, so that rounding at the boundary stays below SLACK.
+// Keeps rounding at the periodic boundary below SLACK.
 const MAX_RING_CELLS: f32 = 32768.0;
-// A box may begin 8 cells below a center, and centers of later calls may lie 8 cells below the lowest one.
+// Boxes begin less than 8 cells below centers, and centers of later calls may lie 8 cells below the lowest.
 const MARGIN: u32 = 16u;
 
 var<workgroup> largest: array<u32, 256>;
@@ -23,7 +23,7 @@ var<workgroup> packed_levels: array<atomic<u32>, 64>;
 var<workgroup> low: array<u32, 3>;
 var<workgroup> high: array<u32, 3>;
 var<workgroup> samples: u32;
-// First the sums of a scan, later the cells of samples.
+// Sums of a scan, later the cells of samples.
 var<workgroup> sampled: array<u32, 1024>;
 var<workgroup> sampled_pairs: atomic<u32>;
 var<workgroup> unit_exponent: i32;
@@ -42,8 +42,7 @@ fn exponent_of(value: f32) -> i32 {
     return i32((bitcast<u32>(value) >> 23u) & 255u) - 127;
 }
 
-// Returns a vector with another component. Some compilers of DirectX refuse to store a component by an index that
-// varies.
+// Some compilers of DirectX refuse to store a component by a varying index.
 fn with_extent(extents: vec3<f32>, axis: u32, extent: f32) -> vec3<f32> {
     return select(extents, vec3(extent), vec3(0u, 1u, 2u) == vec3(axis));
 }
@@ -56,8 +55,7 @@ fn cube_root(value: f32) -> f32 {
     return pow(max(value, 0x1p-120), 1.0 / 3.0);
 }
 
-// Chooses the largest diameter of spheres with cells, or up to `cell_ratio` times as much if the table is too small for
-// the cells.
+// Chooses the largest diameter of spheres with cells, or up to `cell_ratio` times it if the table is too small.
 fn choose_cell_size() {
     let lengths = periods();
     let diameter = 2.0 * (bitcast<f32>(largest[atomicLoad(&base_class)]) * SLACK);
@@ -84,20 +82,19 @@ fn open_extent(axis: u32, level: u32) -> u32 {
     return open_number(from_sortable(high[axis]), level) - open_number(from_sortable(low[axis]), level) + 1u;
 }
 
-// Returns `true` if the product of `cells` is at most `room`. Divisions cannot overflow, and their rounding does not
-// matter: an integer is at most a quotient exactly if it is at most the quotient rounded down.
+// Divisions cannot overflow, and their rounding does not matter: an integer is at most a quotient exactly if it is at
+// most its floor.
 fn fit(cells: vec3<u32>, room: u32) -> bool {
     return room / cells.x / cells.y >= cells.z;
 }
 
-// Returns the number of cells along each axis in the bounds or the period.
 fn cells_wanted(level: u32) -> vec3<u32> {
     let lengths = periods();
     let cell_size = f32(units) * power_of_two(unit_exponent - i32(depth_of(level)));
     var wanted = vec3(1u);
     for (var axis = 0u; axis < 3u; axis++) {
         if (lengths[axis] > 0.0) {
-            // Rounded down, so that no rounding makes cells narrower.
+            // Rounded down, because cells must not become narrower.
             let around = min((lengths[axis] / cell_size) * 0x1.ffffep-1, MAX_RING_CELLS);
             let count = select(1u, u32(around), around >= 3.0 && lengths[axis] > MIN_CELL_SIZE);
             wanted = with_cells(wanted, axis, count);
@@ -109,8 +106,8 @@ fn cells_wanted(level: u32) -> vec3<u32> {
     return wanted;
 }
 
-// Returns the wanted cells, reduced on the longest axes to at most `room` cells in all. It uses only integers, because
-// a root that is rounded up would leave an axis one cell.
+// Reduces the longest axes to `room` cells in all. Only integers serve, because a root that is rounded up would leave
+// an axis one cell.
 fn cells_of_table(wanted: vec3<u32>, room: u32) -> vec3<u32> {
     var limit = 0u;
     let leading = countLeadingZeros(max(max(wanted.x, wanted.y), wanted.z));
@@ -119,7 +116,7 @@ fn cells_of_table(wanted: vec3<u32>, room: u32) -> vec3<u32> {
         limit = select(limit, more, fit(min(wanted, vec3(more)), room));
     }
     var cells = min(wanted, vec3(max(limit, 3u)));
-    // If fewer than three cells fit on the longest axes, axes get a single cell until all fit.
+    // If three cells do not fit, axes get a single cell until all fit.
     for (var axis = 0u; axis < 3u; axis++) {
         if (!fit(cells, room)) {
             cells = with_cells(cells, axis, 1u);
@@ -144,8 +141,8 @@ fn set_level(level: u32, room: u32) {
     if (is_single == 0u) {
         let wanted = cells_wanted(level);
         cells = cells_of_table(wanted, room);
-        // The table repeats along an axis with more cells, so that the cells of a crowd are small. The number of
-        // repeats is an integer, because the first cell follows the last.
+        // The table repeats an integer number of times along an axis with more cells, because the first cell follows
+        // the last.
         repeats = wanted / cells;
     }
     level_cells[level] = cells;
@@ -175,15 +172,14 @@ fn set_call(count: u32) {
     atomicStore(&stats.quarantined, 0u);
 }
 
-// Pairs of samples in one cell, fewer of which may be chance.
+// Fewer pairs of samples in one cell may be chance.
 const MIN_SIGNIFICANT_PAIRS: f32 = 4.0;
 
-// Returns `true` if samples may miss cells of more than τ spheres.
 fn may_miss(count: u32, samples: u32) -> bool {
     return count > samples && MIN_SIGNIFICANT_PAIRS * f32(count) > f32(params.tau) * f32(samples) * f32(samples);
 }
 
-// Returns `true` in the first call, because each call sets this word to 1.
+// Each call sets this word to 1.
 fn is_first() -> bool {
     return atomicLoad(&outcome.dispatch_z) == 0u;
 }
@@ -201,8 +197,8 @@ fn sample_cell(number: u32, count: u32) -> u32 {
     return cell_of(wrapped_sphere(sphere).xyz, side_of(index) * params.levels_per_side);
 }
 
-// Decides if smaller spheres leave overfull cells of level 0: if finer levels exist, and samples or the last call found
-// such cells. In a first call whose samples may miss such cells, they do.
+// Smaller spheres leave overfull cells if samples or the last call found such cells, or in a first call whose samples
+// may miss them.
 fn decide_descent(count: u32) {
     let finer = atomicLoad(&level_depths[1]) != DEPTHS;
     // The mean occupancy that a sphere sees: the fraction of ordered pairs of samples in one cell, times the spheres.
@@ -215,7 +211,7 @@ fn decide_descent(count: u32) {
     atomicStore(&outcome.max_occupancy, 0u);
 }
 
-// The only workgroup must call it.
+// Only one workgroup may call it.
 fn configure(local_index: u32) {
     let count = min(count_source[0], params.spheres);
     var own_members = 0u;
@@ -306,7 +302,7 @@ fn configure(local_index: u32) {
     storageBarrier();
     workgroupBarrier();
     if (local_index < LEVELS && is_used(local_index)) {
-        // With several sides, half of the cells are shared equally, and half by number of spheres.
+        // Sides share half of the cells equally, and half by number of spheres.
         let share = 0.5 / f32(params.sides) + 0.5 * f32(spheres_on_side(local_index)) / f32(max(count, 1u));
         let room = select(params.cells, u32(f32(params.cells) * share * 0x1.ffffp-1), params.sides > 1u);
         set_level(local_index, max(room, 1u));
@@ -325,7 +321,7 @@ fn configure(local_index: u32) {
     for (var round = 0u; round < MAX_SAMPLES / 256u; round++) {
         let number = round * 256u + local_index;
         if (number < taken) {
-            // Both numbers of samples are multiples of eight. Each sample also meets itself.
+            // Numbers of samples are multiples of eight. Each sample also meets itself.
             let cell = vec4(sampled[number]);
             var same = vec4(0u);
             for (var eight = 0u; eight < taken / 8u; eight++) {
@@ -342,8 +338,6 @@ fn configure(local_index: u32) {
     if (local_index == 0u) {
         decide_descent(count);
     }
-    // If smaller spheres leave the first level, half of the cells are shared equally by all levels, half by number of
-    // spheres.
     if (workgroupUniformLoad(&has_overfull_cells) && local_index < LEVELS) {
         let population = atomicLoad(&populations[local_index]);
         var levels = 0.0;
@@ -369,7 +363,7 @@ fn configure(local_index: u32) {
         cell_list.levels = levels;
         used_levels = levels;
         let tiles = (count + max(params.radix_tile, 1u) - 1u) / max(params.radix_tile, 1u);
-        // No pair is found yet. A `dispatch_z` of 1 means that a call has run.
+        // A `dispatch_z` of 1 means that a call has run.
         atomicStore(&outcome.dispatch_x, 0u);
         atomicStore(&outcome.dispatch_y, 1u);
         atomicStore(&outcome.dispatch_z, 1u);

@@ -1,12 +1,11 @@
-// On an unbounded axis, a coordinate times a power of two is rounded down to fixed-point units, which are divided as
-// integers. So every kernel computes the same cell, and touching spheres lie in neighboring cells.
+// On unbounded axes, coordinates times a power of two are rounded down to fixed-point units, which are divided as
+// integers. So all kernels compute the same cell, and touching spheres lie in neighboring cells.
 
 // The cell of coordinate 0, before `low` is subtracted.
 const MIDDLE: u32 = 0x40000000u;
 const MAX_FAR_CELLS: u32 = 0x1fffffffu;
 
-// Returns the whole cells in `units` fixed-point units, at most 2^30, modulo 2^32. A float estimate, corrected by
-// integers, is faster than an integer division.
+// Counts cells modulo 2^32, for at most 2^30 units. A float estimate, corrected by integers, is faster than a division.
 fn quotient(units: f32) -> u32 {
     let inverse = 1.0 / f32(cell_list.units_per_cell);
     let near = floor(units * inverse);
@@ -17,7 +16,7 @@ fn quotient(units: f32) -> u32 {
     return bitcast<u32>(i32(near) + i32(nearer) + step);
 }
 
-// At or above `far`, neighboring floats are at least a cell apart, so each has its own cell.
+// At or above `far`, each float has its own cell.
 fn open_number(x: f32, level: u32) -> u32 {
     let far = cell_list.level[level].far;
     let size = bitcast<u32>(abs(x));
@@ -29,7 +28,7 @@ fn open_number(x: f32, level: u32) -> u32 {
 }
 
 #ifdef PERIODIC
-// Returns the cell plus the number of cells around the axis, for coordinates up to half a period past the boundary.
+// Adds `around`, for coordinates up to half a period past the boundary.
 fn ring_number(x: f32, around: u32, per_length: f32) -> u32 {
     return u32(i32(floor(x * per_length + 0.5 * f32(around))) + i32(around));
 }

@@ -1,11 +1,10 @@
-// A sphere's first cell at a depth, and on each axis 1 if there is a second.
+// A sphere's first cell, and on each axis 1 if it overlaps a second.
 struct Cells {
     first: vec3<i32>,
     more: vec3<i32>,
     depth: u32,
 }
 
-// Quarantined spheres have no cells.
 const NO_CELLS: vec2<u32> = vec2(0xffffffffu);
 
 fn cells_packed(cells: Cells) -> vec2<u32> {
@@ -28,7 +27,7 @@ fn cells_unpacked(words: vec2<u32>) -> Cells {
     );
 }
 
-// Grids nest, so a sphere also overlaps at most two cells per axis of a coarser depth.
+// Grids nest, so a sphere overlaps at most two cells per axis of coarser depths as well.
 fn cells_at(cells: Cells, depth: u32) -> Cells {
     let shift = vec3(cells.depth - depth);
     let first = cells.first >> shift;
@@ -40,8 +39,7 @@ fn cells_around(depth: u32) -> vec3<i32> {
     return vec3<i32>(min(grid.ring_cells * bitcast<f32>((127u + depth) << 23u), vec3(0x1p30)));
 }
 
-// Returns the axes with a single cell at this depth. In a ring of two or three cells, spheres would share cells in
-// which neither begins.
+// Rings of two or three cells count as one, because spheres would share cells in which neither begins.
 fn one_cell(depth: u32) -> vec3<bool> {
     return (grid.ring_cells != vec3(0.0)) & (cells_around(depth) < vec3(4));
 }
@@ -51,7 +49,7 @@ fn gathered(cells: Cells) -> Cells {
     return Cells(select(cells.first, vec3(0), one), select(cells.more, vec3(0), one), cells.depth);
 }
 
-// Wraps a cell. A sphere's cells are numbered consecutively, also across the periodic boundary.
+// A sphere's cells are numbered consecutively, also across the boundary.
 fn in_ring(cell: vec3<i32>, depth: u32) -> vec3<i32> {
     let around = cells_around(depth);
     return cell + select(vec3(0), around, cell < vec3(0)) - select(vec3(0), around, cell >= around);
@@ -66,7 +64,7 @@ fn in_ring(cell: vec3<i32>, depth: u32) -> vec3<i32> {
 }
 #endif
 
-// The offset of cell `number` among up to eight cells, one bit per axis.
+// One bit per axis.
 fn step_of(number: u32) -> vec3<i32> {
     return (vec3(i32(number)) >> vec3(0u, 1u, 2u)) & vec3(1);
 }
@@ -79,7 +77,6 @@ fn has_cell(cells: Cells, step: vec3<i32>) -> bool {
     return all(step <= cells.more);
 }
 
-// Returns the number of a cell's parent among the sphere's cells at a coarser depth.
 fn parent_of(cell: vec3<i32>, depth: u32, parents: Cells) -> u32 {
     return number_of(clamp((cell >> vec3(depth - parents.depth)) - parents.first, vec3(0), parents.more));
 }

@@ -1,6 +1,6 @@
 const MAX_GROUPS: u32 = 65535u;
 
-// Returns the dispatch of a consumer with one thread per pair. Neither dimension shrinks for more pairs.
+// One thread per pair. Neither dimension shrinks for more pairs.
 fn consumer_groups(pairs: u32) -> vec2<u32> {
     let size = params.consumer_workgroup_size;
     return workgroups_2d(pairs / size + select(0u, 1u, pairs % size != 0u));

@@ -2,8 +2,7 @@
 #include periods
 
 #ifdef PERIODIC
-// Returns the displacement along an axis with this period, 0 for an unbounded axis. Both coordinates must lie within
-// half a period of 0. Across the boundary the result is a distance, without a sign.
+// Both coordinates must lie within half a period of 0. Across the boundary, the result has no sign.
 fn axis_displacement(a: f32, b: f32, period: f32) -> f32 {
     let half = 0.5 * period;
     let is_across = half > 0.0 && abs(a - b) > half;

@@ -1,15 +1,12 @@
-// Summand of radii. Devices may flush any number below 2^-126, as operand and as result. A box is a sum of four
-// numbers, and this summand exceeds the loss. It does not change radii of 2^-96 and above.
+// Summand of radii. Devices may flush numbers below 2^-126, as operands and results. A box sums four numbers, and this
+// summand exceeds the loss. It leaves radii of 2^-95 and above unchanged.
 const FLUSHED: f32 = 0x1p-120;
 
 #ifdef SPECIES
-// `species_params[s]` holds the flags of species s, and the bits of half the largest distance at which it pairs.
-// TOUCHES: the species has pairs decided by contact. Above SIDE_SHIFT: the side of a cell list.
 const TOUCHES: u32 = 1u;
 const IDLE: u32 = 2u;
 const SIDE_SHIFT: u32 = 8u;
 
-// Half of the largest distance at which the sphere pairs, and at least its radius if contact decides some pairs.
 fn effective_radius(index: u32, sphere: vec4<f32>) -> f32 {
     let own = species_params[species[index]];
     let half = bitcast<f32>(own.y);

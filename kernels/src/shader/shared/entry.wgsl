@@ -1,13 +1,13 @@
-// Each thread tests the partners in its run up to NEAR positions away. Tiles contain the later partners. NEAR is a
-// block's length, so at most one run of a block has later partners.
+// Threads test partners up to NEAR positions away; tiles contain later partners. NEAR is a block's length, so at most
+// one run of a block has later partners.
 const NEAR: u32 = #{NEAR}u;
 
 fn index_of(object: u32) -> u32 {
     return object & 0x1fffffffu;
 }
 
-// Returns `true` if the cell of two entries reports their pair: on each axis it must be the larger of their first
-// cells. Both overlap the cell, so it is if on each axis one of them begins there.
+// The cell that reports a pair is on each axis the larger of both first cells. Both overlap this cell, so on each axis
+// one must begin here.
 fn is_owned(object: u32, other: u32) -> bool {
     return ((object | other) >> 29u) == 7u;
 }
@@ -20,7 +20,7 @@ fn run_of(key: u32) -> u32 {
     return key >> grid.passive;
 }
 
-// Passive entries are the last of their run; pairs among them are found at a deeper level.
+// Passive entries end their run; pairs among them are found at a deeper level.
 fn is_passive(key: u32) -> bool {
     return (key & grid.passive) != 0u;
 }
@@ -28,7 +28,6 @@ fn is_passive(key: u32) -> bool {
 fn run_end(run: u32, begin: u32) -> u32 {
     var low = begin;
     var high = sort_counts.items;
-    // Each iteration at least halves the range.
     for (var iteration = 32u - countLeadingZeros(high - min(low, high)); iteration > 0u; iteration--) {
         if (low >= high) {
             break;

@@ -1,10 +1,9 @@
-// With eight cells per axis before keys repeat, overlapping spheres are never in different cells of one key.
+// With eight cells before keys repeat, overlapping spheres are never in different cells of one key.
 const MIN_AXIS_BITS: u32 = 3u;
-// An axis has 19 bits at depth 0, and one more at each of the 31 further depths.
+// Above the bits of an axis: 18 at depth 0, and one more at each of the 31 further depths.
 const MAX_BITS: u32 = 50u;
 
-// Returns the bits that distinguish the cells of this depth. A ring has a multiple of four cells, so fewer bits also
-// keep neighbors distinct across the periodic boundary.
+// Rings have a multiple of four cells, so fewer bits also keep neighbors across the boundary distinct.
 fn axis_bits(low: vec3<i32>, high: vec3<i32>, ring_cells: vec3<f32>, depth: u32) -> vec3<u32> {
     let open = vec3(32u) - countLeadingZeros(vec3<u32>(high - low)) + vec3(depth);
 #ifdef PERIODIC
@@ -16,7 +15,6 @@ fn axis_bits(low: vec3<i32>, high: vec3<i32>, ring_cells: vec3<f32>, depth: u32)
 #endif
 }
 
-// Reduces the longest axes to `budget`, or to the fewest possible bits.
 fn hash_bits(wanted: vec3<u32>, budget: u32) -> vec3<u32> {
     var bits = min(wanted, vec3(MAX_BITS));
     for (var iteration = 0u; iteration < 3u * MAX_BITS; iteration++) {

@@ -38,7 +38,6 @@ const NEVER: f32 = -1.0;
 const TOUCH: f32 = -2.0;
 const BY_SPECIES: f32 = -3.0;
 
-// Bounds of all valid spheres, with widened radii.
 struct Bounds {
     low_x: atomic<u32>,
     low_y: atomic<u32>,
@@ -57,8 +56,7 @@ struct LevelKeys {
     base: u32,
 }
 
-// Cells of depth k are 2^-k of the size of depth 0: cell = floor((position - origin) * inverse_edge * 2^k), with cells
-// of depth 0 limited to low..=high.
+// cell = floor((position - origin) * inverse_edge * 2^k) at depth k, with cells of depth 0 limited to low..=high.
 struct Grid {
     origin: vec3<f32>,
     spheres: u32,

@@ -1,8 +1,8 @@
-// The candidates of a sphere: rows of cells, each one or two ranges of the sorted spheres. Every pair is found from
-// exactly one of its spheres. A sphere is compared with
-// - the later spheres of its own cell, and of one half of the adjacent cells, if its level searches itself;
-// - at each of the searched levels, the spheres of all cells that its box overlaps when widened by that level's radius;
-// - the listed spheres, which have a cell of their own without adjacent cells.
+// The candidates of a sphere: rows of cells, each one or two ranges of sorted spheres. Every pair is found from exactly
+// one sphere, which is compared with
+// - the later spheres of its own cell, and of half of the adjacent cells, if its level searches itself;
+// - at each searched level, all cells that its box overlaps when widened by that level's radius;
+// - the listed spheres, which have one cell without adjacent cells.
 
 const NO_LEVEL: u32 = 256u;
 
@@ -10,16 +10,15 @@ struct NeighborCells {
     level: u32,
     around: vec3<u32>,
     base: u32,
-    // The first cell of the current box of cells, and the lengths of its rows and planes.
+    // The first cell of the current box.
     first: vec3<u32>,
     cells_per_row: u32,
     rows_per_plane: u32,
-    // Rows are counted plane by plane.
     row: u32,
     end: u32,
     past_boundary: bool,
     levels: u32,
-    // Tested candidates of the current rows, and candidates of all rows before.
+    // Tested candidates of the current rows, and candidates of earlier rows.
     tested: u32,
     skipped: u32,
 }
@@ -33,15 +32,14 @@ struct CellRow {
     in_plane: u32,
 }
 
-// Up to five rows of cells, and after the last row the listed spheres. Candidates of each range have consecutive
-// numbers below `until`; a number plus `shift` is a position in cell order.
+// Up to five rows, and after the last row the listed spheres. A range's candidates have consecutive numbers below
+// `until`; a number plus `shift` is a position in cell order.
 struct CandidateRanges {
     until: vec4<u32>,
     shift: vec4<u32>,
     last_until: u32,
     last_shifts: vec2<u32>,
     total: u32,
-    // The rows continue past the periodic boundary.
     wraps: bool,
 }
 
@@ -63,7 +61,7 @@ fn neighbor_cells_of(own: u32) -> NeighborCells {
     let x = own - neighbors.base - row * neighbors.around.x;
     let z = row / neighbors.around.y;
     let y = row - z * neighbors.around.y;
-    // The half of the adjacent cells that follows the own row in x, then in y, then in z.
+    // The adjacent cells that follow the own row in x, then in y, then in z.
     neighbors.first = vec3(previous(x, neighbors.around.x), previous(y, neighbors.around.y), z);
     neighbors.cells_per_row = min(neighbors.around.x, 3u);
     neighbors.rows_per_plane = min(neighbors.around.y, 3u);
@@ -118,10 +116,9 @@ fn row_after(neighbors: NeighborCells, row: CellRow) -> CellRow {
     );
 }
 
-// Returns the candidates in a row, of the sphere at `position` in the cell `own`.
 fn range_of(neighbors: NeighborCells, row: CellRow, position: u32, own: u32) -> vec2<u32> {
     let cell = neighbors.base + (row.z * neighbors.around.y + row.y) * neighbors.around.x;
-    // In the sphere's own row, the cells before its own are skipped.
+    // In the sphere's own row, earlier cells are skipped.
     let is_own = own - cell < neighbors.around.x;
     let ring = neighbors.around.x;
     let x = select(neighbors.first.x, own - cell, is_own);
@@ -156,7 +153,6 @@ fn next_ranges(neighbors: NeighborCells, position: u32, own: u32) -> CandidateRa
     return CandidateRanges(until, shift, last, vec2(e.x - until.w, begin - last), last + listed, wraps);
 }
 
-// Continues after the rows of `ranges`, or with their part past the periodic boundary.
 fn skip_rows(neighbors: ptr<function, NeighborCells>, ranges: CandidateRanges) {
     (*neighbors).skipped += ranges.total;
     (*neighbors).tested = 0u;
@@ -164,7 +160,7 @@ fn skip_rows(neighbors: ptr<function, NeighborCells>, ranges: CandidateRanges) {
     (*neighbors).row = select(min((*neighbors).row + ROWS_PER_STEP, (*neighbors).end), (*neighbors).row, ranges.wraps);
 }
 
-// `reach` is at least the distance at which the sphere pairs with any of the level.
+// `reach` is at least the sphere's largest cutoff with the level.
 fn enter_level(neighbors: ptr<function, NeighborCells>, level: u32, sphere: vec4<f32>, reach: f32) {
     let around = cell_list.level[level].cells;
     let half = vec3(reach * 0x1.00001p0) + abs(sphere.xyz) * 0x1p-22 + periods() * 0x1p-21;
@@ -173,7 +169,7 @@ fn enter_level(neighbors: ptr<function, NeighborCells>, level: u32, sphere: vec4
     var first = in_ring(low, around);
     var span = min(high - low, around - vec3(1u)) + vec3(1u);
 #ifdef PERIODIC
-    // A box as wide as the period overlaps all cells; its corners may be too far away for cell numbers.
+    // A box as wide as the period overlaps all cells; its corners may be too far for cell numbers.
     let whole = (periods() > vec3(0.0)) & (2.0 * half >= periods());
     first = select(first, vec3(0u), whole);
     span = select(span, around, whole);

@@ -1,6 +1,5 @@
 #include occupancy
 
-// Counts a sphere in a cell. `is_own` is true if the sphere has the cell's own depth.
 fn occupancy_add(depth: u32, cell: vec3<i32>, is_own: bool) {
     let slot = occupancy_slot(depth, cell);
     if (!is_own) {

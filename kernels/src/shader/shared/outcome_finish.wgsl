@@ -4,7 +4,6 @@
 @group(0) @binding(1) var<storage, read_write> outcome: Outcome;
 #include dispatch_2d
 
-// Bit of `overflow`: deferred blocks remain.
 const OVERFLOW_WORK: u32 = 16u;
 
 @compute @workgroup_size(1)

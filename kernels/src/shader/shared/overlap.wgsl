@@ -1,10 +1,10 @@
 #include displacement
 
-// Returns the difference of two coordinates, which must be at most 2^-40, times 2^100.
+// Returns the difference, which must be at most 2^-40, times 2^100.
 fn scaled_axis_displacement(a: f32, b: f32, period: f32) -> f32 {
     if (max(abs(a), abs(b)) < 0x1p20) {
-        // A periodic boundary farther away has no effect. Integers, because NVIDIA's compiler replaces a `select` by a
-        // minimum of floats, and that replaces subnormal periods by zero.
+        // A periodic boundary farther away has no effect. Integers, because NVIDIA's compiler turns a `select` into a
+        // minimum of floats, which flushes subnormal periods.
         let near_period = bitcast<f32>(min(bitcast<u32>(period), bitcast<u32>(0x1p22f)));
         return axis_displacement(scaled_up(a), scaled_up(b), scaled_up(near_period));
     }

@@ -8,7 +8,6 @@ fn asks_for_all(spheres: u32) -> bool {
     return params.window_begin == 0u && params.window_end >= spheres && params.second_set_start == 0u;
 }
 
-// Returns `true` if this pair is in the window and, with two sets, across them.
 fn is_asked_for(a: u32, b: u32) -> bool {
     let crosses = params.second_set_start == 0u || ((a < params.second_set_start) != (b < params.second_set_start));
     return crosses && is_in_window(min(a, b));

@@ -1,14 +1,12 @@
 #include pairs
 
 #ifdef SUBGROUPS
-// Lets whole subgroups call `pairs_reserve_by_subgroup`.
 fn any_in_subgroup(wanted: bool) -> bool {
     return subgroupAny(wanted);
 }
 
-// Reserves positions with one atomic per subgroup and no workgroup barrier. Callers branch on `any_in_subgroup`, which
-// is uniform in the subgroup, but no compiler can prove it. The first active thread reserves, because no interface
-// promises that all threads of a subgroup converge after a loop that diverged.
+// Callers branch on `any_in_subgroup`, whose uniformity no compiler can prove. The first active thread reserves,
+// because no interface promises that a subgroup converges after a diverged loop.
 #standard @diagnostic(off, subgroup_uniformity)
 fn pairs_reserve_by_subgroup(count: u32, thread: Thread) -> u32 {
     let before = subgroupExclusiveAdd(count);

@@ -1,20 +1,19 @@
-// The cell of a sphere among those of an earlier call.
 struct ReusedCell {
     cell: u32,
-    // `true` if the cells suit the sphere. Otherwise the session repeats the call with other cells.
+    // If false, the session repeats the call with other cells.
     suits: bool,
 }
 
 // A box begins fewer than this many cells below its center.
 const MIN_NUMBER: u32 = 8u;
 
-// Returns `true` if tests without guards against overflow and underflow are safe for the sphere.
+// Returns `true` if the sphere needs no guards.
 fn is_ordinary_sphere(sphere: vec4<f32>, radius: f32) -> bool {
     let farthest = max(max(abs(sphere.x), abs(sphere.y)), abs(sphere.z));
     return radius > 0x1p-40 && radius < 0x1p58 && farthest < 0x1p58;
 }
 
-// Returns `true` if the level has cells for this radius. Cells that depend on occupancies suit no sphere.
+// Cells that depend on occupancies suit no sphere.
 fn level_suits(level: u32, radius: f32) -> bool {
     let has_table = cell_list.has_overfull_cells != 0u && params.occupancy_slots != 0u;
     let has_cells = level < LEVELS && ((cell_list.levels >> (level % LEVELS)) & 1u) != 0u;
@@ -23,7 +22,7 @@ fn level_suits(level: u32, radius: f32) -> bool {
 
 fn reused_cell(index: u32, sphere: vec4<f32>) -> ReusedCell {
     if (!may_pair(index, sphere)) {
-        // Invalid spheres are left to a call that counts them.
+        // Only a call with new cells counts invalid spheres.
         return ReusedCell(cell_list.cells + 1u, is_accepted(index, sphere));
     }
     let radius = effective_radius(index, sphere);

@@ -1,4 +1,4 @@
-// The bindings of a search. The argument is the access to the deferred blocks.
+// The argument is the access to deferred blocks.
 #include layout
 #include thread
 

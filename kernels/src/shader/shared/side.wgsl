@@ -1,4 +1,4 @@
-// The sides of spheres, which their species decide. Two sets have separate sides: the sides of the second set follow.
+// Species decide the sides. Sides of a second set follow.
 
 #ifdef SPECIES
 const MAX_SIDES: u32 = 8u;
@@ -10,7 +10,7 @@ fn side_of(index: u32) -> u32 {
     let of_set = select(params.sides, params.sides / 2u, params.second_set_start != 0u);
     var side = select(0u, of_set, params.second_set_start != 0u && index >= params.second_set_start);
 #ifdef SPECIES
-    // Sets with a single side each ignore the species.
+    // Sets with one side each ignore the species.
     side += min(species_params[species[index]].x >> SIDE_SHIFT, of_set - 1u);
 #endif
     return side;

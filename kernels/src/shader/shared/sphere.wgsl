@@ -10,10 +10,9 @@ fn is_valid(sphere: vec4<f32>) -> bool {
         && bitcast<u32>(sphere.w) <= 0x80000000u;
 }
 
-// The largest coordinate of a corner, below infinity.
 const FARTHEST: f32 = 0x1.fffffcp+127;
 
-// A sphere's box, widened by a few ulp: two spheres that any rounding of the distance test accepts share a cell.
+// A box widened by a few ulp: two spheres that any rounding of the distance test accepts share a cell.
 struct Box {
     low: vec3<f32>,
     high: vec3<f32>,

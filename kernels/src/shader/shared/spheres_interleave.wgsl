@@ -1,7 +1,6 @@
 #include layout
 #include thread
 
-// The position of each column's first sphere, and the distance to the next: for x, y, z and r.
 struct ColumnLayout {
     first: vec4<u32>,
     stride: vec4<u32>,

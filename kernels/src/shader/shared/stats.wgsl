@@ -1,5 +1,4 @@
-// Computes the bounds and counts per size class of the valid spheres, and the number of invalid spheres. Clears the
-// counters of the call.
+// Reduces the spheres to bounds and counts per size class, and clears the call's counters.
 
 var<workgroup> group_low: array<atomic<u32>, 3>;
 var<workgroup> group_high: array<atomic<u32>, 3>;
@@ -8,7 +7,6 @@ var<workgroup> group_quarantined: atomic<u32>;
 var<workgroup> group_members: array<atomic<u32>, MAX_SIDES * CLASSES>;
 var<workgroup> group_largest: array<atomic<u32>, 256>;
 
-// Consecutive spheres of one size class and side in a thread.
 struct Streak {
     // The size class plus CLASSES times the side.
     size_class: u32,
@@ -52,7 +50,7 @@ fn add_sphere(own: ptr<function, ThreadStats>, index: u32, sphere: vec4<f32>) {
     (*own).streak.largest = max((*own).streak.largest, radius);
 }
 
-// Whole workgroups must call it. Each thread strides over the spheres from `first`.
+// Whole workgroups must call it. Threads stride over the spheres.
 fn reduce_stats(first: u32, stride: u32, thread: Thread) {
     let local_index = thread.local_index;
     for (var side = 0u; side < params.sides; side++) {

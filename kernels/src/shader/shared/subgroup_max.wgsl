@@ -1,6 +1,5 @@
-// Only the leader writes the maximum, because atomics on one address in workgroup memory serialize. Without subgroups,
-// every thread is a leader. Whole subgroups call both functions, but after a loop no compiler can prove and no
-// interface promises it. So the first active thread is the leader.
+// Only the leader writes the maximum, because atomics on one address in workgroup memory serialize. Whole subgroups
+// call both functions, but after a loop no interface promises it. So the first active thread leads.
 #ifdef SUBGROUPS
 #standard @diagnostic(off, subgroup_uniformity)
 fn max_in_subgroup(value: u32) -> u32 {

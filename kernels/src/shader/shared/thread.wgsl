@@ -1,6 +1,5 @@
-// Per-thread indices. Workgroup-uniform values are passed separately, because Tint treats all members of a structure
-// with a varying member as varying. Builtins are parameters of entry points, because naga 30 writes subgroup builtins
-// in a structure to HLSL without semantics.
+// Tint treats all members of a structure with a varying member as varying, so workgroup-uniform values are separate.
+// Builtins are parameters, because naga 30 writes subgroup builtins in a structure to HLSL without semantics.
 struct Thread {
     local_index: u32,
 #ifdef SUBGROUPS
@@ -11,7 +10,7 @@ struct Thread {
 #endif
 }
 
-// Dispatches have two dimensions, because one dimension has at most 65,535 workgroups.
+// A dimension has at most 65,535 workgroups.
 fn workgroup_index(id: vec3<u32>, groups: vec3<u32>) -> u32 {
     return id.x + id.y * groups.x;
 }

@@ -10,7 +10,7 @@ struct QuerySphere {
     species: u32,
 }
 
-// Returns a bit for each of the 32 spheres at or above `first` that pairs with the query.
+// Returns a bit for each of 32 spheres that pairs with the query.
 fn tile_hits(query: QuerySphere, first: u32) -> u32 {
     var hits = 0u;
 #ifdef SPECIES
@@ -32,7 +32,7 @@ fn tile_hits(query: QuerySphere, first: u32) -> u32 {
     return hits;
 }
 
-// Returns a bit for each of the 32 spheres at or above `first` that is in `begin..finish`.
+// Returns a bit for each of 32 spheres in `begin..finish`.
 fn tile_window(first: u32, begin: u32, finish: u32) -> u32 {
     let low = clamp(begin, first, first + 32u) - first;
     let high = clamp(finish, first, first + 32u) - first;

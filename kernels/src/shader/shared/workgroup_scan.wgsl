@@ -1,6 +1,6 @@
 const WORKGROUP_SIZE: u32 = 256u;
 
-// The total is separate from the partial sums, which the next scan may write while some threads still read the total.
+// Separate from the partial sums, which the next scan may write while threads still read the total.
 var<workgroup> group_total: u32;
 
 fn workgroup_sum() -> u32 {
@@ -10,8 +10,7 @@ fn workgroup_sum() -> u32 {
 #ifdef SUBGROUPS
 var<workgroup> group_sums: array<u32, #{MAX_SUBGROUPS}>;
 
-// Returns the exclusive prefix sum over the workgroup. `workgroup_sum` returns the total until the next scan. All
-// threads must call it.
+// Returns the exclusive prefix sum. All threads must call it. `workgroup_sum` returns the total until the next scan.
 fn workgroup_scan(value: u32, thread: Thread) -> u32 {
     let before = subgroupExclusiveAdd(value);
     let sum = subgroupAdd(value);

@@ -1,4 +1,4 @@
-// The exact minimum image by long division of bits: integers are never rounded, flushed or infinite.
+// Computes the exact minimum image by long division of bits: integers are never rounded, flushed or infinite.
 const SIGN: u32 = 0x80000000u;
 
 // A non-negative float: digits * 2^(exponent - 150).
@@ -21,7 +21,7 @@ fn bits_of(number: Number) -> u32 {
     return (number.digits << shift) + ((number.exponent - shift - 1u) << 23u);
 }
 
-// Returns the remainder of least magnitude, as bits. At a tie, its sign is opposite to the coordinate's sign.
+// At a tie, the remainder's sign is opposite to the coordinate's.
 fn wrap(coordinate: u32, period: u32) -> u32 {
     let sign = coordinate & SIGN;
     let x = number_of(coordinate & ~SIGN);
@@ -40,7 +40,7 @@ fn wrap(coordinate: u32, period: u32) -> u32 {
     var rest = x.digits - select(0u, length.digits, x.digits >= length.digits);
     var left = x.exponent - length.exponent;
     // Each iteration divides eight of at most 254 binary digits, which with 24 digits of the remainder fit 32 bits. The
-    // number of iterations varies, because compilers unroll fixed loops of up to 32 iterations.
+    // number of iterations varies, because compilers unroll fixed loops of up to 32.
     let iterations = max((left + 7u) / 8u, select(0u, 1u, rest >= length.digits));
     for (var iteration = 0u; iteration < iterations; iteration++) {
         let step = min(left, 8u);

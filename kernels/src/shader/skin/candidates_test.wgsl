@@ -1,4 +1,3 @@
-// Tests the candidates, one per thread.
 #include layout
 #include thread
 #include skin

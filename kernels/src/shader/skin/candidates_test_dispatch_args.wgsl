@@ -1,4 +1,3 @@
-// Writes the dispatch arguments of `candidates_test` after the search for candidates, and begins the outcome.
 #include layout
 #include skin
 
@@ -12,7 +11,6 @@
 #include outcome_begin
 #include dispatch_2d
 
-// Bits of `overflow`.
 const SPHERES: u32 = 4u;
 const CANDIDATES: u32 = 8u;
 const WORK: u32 = 16u;
@@ -21,7 +19,7 @@ const WORK: u32 = 16u;
 fn candidates_test_dispatch_args() {
     let count = atomicLoad(&found.found_lo);
     let full = atomicLoad(&found.found_hi) != 0u || count > skin.candidate_capacity;
-    // An overflow of pairs in the search for candidates is an overflow of candidates here.
+    // An overflow of pairs in the search for candidates is an overflow of candidates.
     let others = atomicLoad(&found.overflow) & ~(1u | SPHERES);
     let overflow = others | select(0u, CANDIDATES, full);
     let written = select(count, skin.candidate_capacity, full);
@@ -39,12 +37,12 @@ fn candidates_test_dispatch_args() {
         left -= taken;
     }
     outcome_begin(overflow, atomicLoad(&found.quarantined));
-    // The number of all candidates, for the caller's allocation.
+    // All candidates, for the caller's allocation.
     atomicStore(&outcome.entries_lo, count);
     atomicStore(&outcome.entries_hi, atomicLoad(&found.found_hi));
     atomicStore(&outcome.max_occupancy, 0u);
     if ((overflow & WORK) != 0u) {
-        // The size of the unfinished search, for the number of parts that the caller records.
+        // The caller records enough parts for the unfinished search.
         atomicStore(&outcome.deferred_blocks, atomicLoad(&found.deferred_blocks));
         atomicStore(&outcome.deferred_max_tiles, atomicLoad(&found.deferred_max_tiles));
     }

@@ -36,7 +36,7 @@ fn skin_check(
         state.last_displacement = moved;
         atomicStore(&state.displacement, 0u);
         atomicStore(&state.input_changed, 0u);
-        // Until the search has ended, its candidates are no list for the new reference.
+        // Until the search ends, its candidates are no list.
         state.is_complete = select(0u, state.is_complete, why == VALID);
         if (why == VALID) {
             dispatch[0] = 0u;

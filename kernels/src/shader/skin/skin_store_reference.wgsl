@@ -1,4 +1,4 @@
-// Stores the reference positions, with radii larger by half the skin, for the search that builds the list.
+// Stores the input of the search that builds the list, with radii plus half the skin.
 #include layout
 #include thread
 #include sphere

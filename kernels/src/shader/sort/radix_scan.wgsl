@@ -1,5 +1,5 @@
-// For each digit, one workgroup turns its counts in all tiles into exclusive prefix sums and stores the total. With few
-// tiles, the first workgroup processes all digits, one per thread, without a barrier.
+// Scans a digit's counts in one workgroup per digit. With few tiles, the first workgroup has a digit per thread and no
+// barrier.
 #include layout
 #include thread
 

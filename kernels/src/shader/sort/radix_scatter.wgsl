@@ -1,6 +1,5 @@
-// Moves each key and its payload to its sorted position, stably. A tile is sorted in workgroup memory first, so that
-// writes are coalesced. Per-key values stay in registers: loops over them are unrolled in the text, because not every
-// compiler unrolls them.
+// Moves keys and payloads to their sorted positions, stably. A tile is sorted in workgroup memory first, so that writes
+// are coalesced. Loops over keys are unrolled in the text, so that values stay in registers with any compiler.
 #include layout
 #include thread
 
@@ -8,7 +7,7 @@
 @group(0) @binding(1) var<storage, read> sort_counts: SortCounts;
 @group(0) @binding(2) var<storage, read> keys: array<u32>;
 @group(0) @binding(3) var<storage, read> payload: array<u32>;
-// Per digit, the number of keys in earlier tiles, and in all tiles.
+// Keys per digit in earlier tiles, and in all tiles.
 @group(0) @binding(4) var<storage, read> counts: array<u32>;
 @group(0) @binding(5) var<storage, read> totals: array<u32>;
 @group(0) @binding(6) var<storage, read_write> sorted_keys: array<u32>;
@@ -20,20 +19,18 @@ const ITEMS: u32 = #{RADIX_ITEMS}u;
 const TILE: u32 = WORKGROUP_SIZE * ITEMS;
 const NO_DIGIT: u32 = 256u;
 
-// The ranking tables, later the sorted tile.
+// Ranking tables, later the sorted tile.
 var<workgroup> scratch: array<atomic<u32>, #{RADIX_SCRATCH}>;
-// The tile's keys per digit; later the offset from a position in the tile to the result.
+// Keys per digit; later the offset from the tile to the result.
 var<workgroup> digits: array<u32, 256>;
 
 #ifdef SUBGROUP_RANKING
-// Each subgroup ranks its own part of the tile, with a table of 16-bit counters, two per word. A stable sort needs the
-// rows of keys to update the counters one after another, and only a barrier after each row orders updates of different
-// lanes.
+// Each subgroup ranks its own part of the tile, with two 16-bit counters per word. A stable sort updates counters row
+// after row, and only a barrier after each row orders updates of different lanes.
 fn item_index(thread: Thread, item: u32) -> u32 {
     return thread.subgroup * thread.subgroup_size * ITEMS + item * thread.subgroup_size + thread.lane;
 }
 
-// Returns the lanes with the same digit.
 fn same_digit(digit: u32) -> vec4<u32> {
     var same = subgroupBallot(digit != NO_DIGIT);
 #repeat BIT 8
@@ -49,7 +46,7 @@ fn lanes_below(lane: u32) -> vec4<u32> {
     return select(partial, vec4(0xffffffffu), at >= vec4(32));
 }
 
-// The mask is not empty and has at most 128 lanes.
+// The mask is not empty.
 fn lowest_lane(mask: vec4<u32>) -> u32 {
     let low = select(32u + firstTrailingBit(mask.y), firstTrailingBit(mask.x), mask.x != 0u);
     let high = select(96u + firstTrailingBit(mask.w), 64u + firstTrailingBit(mask.z), mask.z != 0u);
@@ -72,8 +69,8 @@ fn clear_tables(thread: Thread) {
     workgroupBarrier();
 }
 
-// Returns the number of earlier keys with this digit in this subgroup's part, and the digit in the upper half. All
-// threads must call it.
+// Returns the number of earlier keys with this digit in this part, and the digit in the upper half. All threads must
+// call it.
 fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
     let digit = select(NO_DIGIT, digit_of(key), used);
     let same = same_digit(digit);
@@ -88,8 +85,8 @@ fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
     return rank + subgroupShuffle(before, select(0u, lowest_lane(same), used)) + (digit << 16u);
 }
 
-// Replaces counts by the positions in the tile at which a subgroup's keys of each digit begin. Sums both halves of a
-// word at once, as neither reaches 2^16. A barrier must precede it.
+// Replaces counts by the positions at which a subgroup's keys of each digit begin. Sums both halves of a word at once,
+// because neither reaches 2^16. A barrier must precede it.
 fn merge_tables(thread: Thread) {
     if (thread.local_index < 128u) {
         var total = 0u;
@@ -132,8 +129,7 @@ fn clear_tables(thread: Thread) {
     workgroupBarrier();
 }
 
-// Returns the rank within the whole tile. Threads with one digit set their bits in its 256-bit mask, and the number of
-// bits below a thread's own bit is its rank in the row.
+// Threads set their bits in their digit's 256-bit mask; lower bits give the rank in the row.
 fn rank_of(thread: Thread, key: u32, used: bool) -> u32 {
     let digit = digit_of(key);
     let own_word = thread.local_index / 32u;

@@ -1,5 +1,4 @@
-// Scans the counters of few cells in one workgroup: exclusive prefix sums, in place. The largest counter is stored
-// after the last sum.
+// Scans in place, in one workgroup. The largest value follows the last sum.
 #include layout
 #include thread
 
@@ -10,7 +9,7 @@
 
 var<workgroup> largest_value: atomic<u32>;
 
-// Each thread takes 16 consecutive values per round, with all loads in flight: a warp reads whole lines.
+// Each thread loads 16 consecutive values at once: a warp reads whole lines.
 const VECTORS: u32 = 4u;
 
 @compute @workgroup_size(256)

@@ -1,4 +1,3 @@
-// One workgroup turns the sums of all tiles into their exclusive prefix sums and stores the total.
 #include layout
 #include thread
 

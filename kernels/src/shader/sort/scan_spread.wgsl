@@ -1,4 +1,3 @@
-// Replaces the values of each tile by their exclusive prefix sums over all tiles, modulo 2^32.
 #include layout
 #include thread
 
