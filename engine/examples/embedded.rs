@@ -1,4 +1,4 @@
-//! A simulation on the GPU: a compute pass counts each sphere's contacts from the detected pairs, without readback.
+//! A compute pass on the GPU counts each sphere's contacts from the detected pairs, without readback.
 //!
 //! `cargo run --release -p lazygrid --example embedded`
 
@@ -46,7 +46,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         cache: None,
     });
 
-    // Probes the adapter; otherwise detectors use no subgroup operations.
+    // Without this probe, detectors use no subgroup operations.
     let _ = GpuDevice::from_wgpu(&device, &queue);
     let mut detector = GpuDetector::new(&device, GpuConfig::default())?;
     let GpuOutput { pairs, outcome, .. } = detector.reserve(SPHERES)?;

@@ -1,4 +1,4 @@
-//! A periodic box: pairs and neighbors across its boundary, from coordinates that need not be wrapped.
+//! A periodic box: pairs and neighbors across its boundary, from unwrapped coordinates.
 //!
 //! `cargo run --release -p lazygrid --example periodic`
 
@@ -25,7 +25,6 @@ fn main() -> Result<(), Box<dyn Error>> {
                 writeln!(stdout(), "step {step}: {k} and {other} are {distance:.2} apart")?;
             }
         }
-        // Two box lengths and a little further.
         spheres[2].center += Vec3::new(20.0 + 2.0, 0.0, 0.0);
     }
     writeln!(

@@ -1,5 +1,4 @@
-//! A loop on the GPU: every step moves the spheres and adds the count of overlaps to a total, which the host reads at
-//! the end.
+//! A loop on the GPU: every step moves the spheres and adds the count of overlaps to a total.
 //!
 //! `cargo run --release -p lazygrid --example service [SPHERES] [STEPS]`
 

@@ -13,7 +13,6 @@ const BASE: u32 = 1;
 const SALT: u32 = 2;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    // Acid and base pair within a binding radius, salt with salt on contact, others never.
     let mut reactions = Interactions::new(3, Interaction::Never)?;
     reactions.set(ACID, BASE, Interaction::Within(0.2))?;
     reactions.set(SALT, SALT, Interaction::Touch)?;

@@ -13,14 +13,12 @@ fn main() -> Result<(), Box<dyn Error>> {
     let count = numbers.next().transpose()?.unwrap_or(10_000);
     let steps = numbers.next().transpose()?.unwrap_or(10);
 
-    // A square lattice with spacing 2.1, radii from 0.25 to 1.
     let row = (count as f64).sqrt().ceil() as usize;
     let position = |k: usize| Vec3::new((k % row) as f32, (k / row) as f32, 0.0) * 2.1;
     let mut spheres: Vec<Sphere> =
         (0..count).map(|k| Sphere::new(position(k), 0.25 * (1 + k % 4) as f32)).collect();
     let velocity = |k: usize| Vec3::new((k % 7) as f32 - 3.0, (k % 11) as f32 - 5.0, 0.0) * 0.1;
 
-    // The detector is created once, because it reuses its buffers.
     let mut detector = Detector::new(Config::default().backend(Backend::Cpu))?;
     for step in 0..steps {
         let pairs = detector.pairs(&spheres)?;

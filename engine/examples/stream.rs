@@ -10,15 +10,12 @@ use lazygrid::{Config, Detector, Order, Sphere};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let count = std::env::args().nth(1).map_or(Ok(5000), |text| text.parse::<usize>())?;
-    // All spheres at one point: n(n-1)/2 pairs.
     let burst: Vec<Sphere> = vec![Sphere::new([0.0; 3], 1.0); count];
 
-    // Unordered chunks are the fastest.
     let mut detector = Detector::new(Config::default().order(Order::Unordered))?;
     let found = detector.count(&burst)?;
     writeln!(stdout(), "{count} spheres have {found} pairs, a list of {} MB", found * 8 / 1_000_000)?;
 
-    // The degree of each sphere, without a list of pairs.
     let mut degree = vec![0_u32; burst.len()];
     let delivered = detector.stream(&burst, 10_000, |chunk| {
         for pair in chunk {

@@ -4,7 +4,6 @@ use lazygrid_host::{HostBackend, PairFinder, SearchBackend};
 
 use crate::report::Report;
 
-/// A search backend that also reports its last call and estimates its memory in bytes.
 pub(crate) trait DetectorBackend: SearchBackend + Debug + Send + Sync {
     fn report(&self) -> Report;
 

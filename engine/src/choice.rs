@@ -1,5 +1,3 @@
-//! Choice of the backend. Each backend chooses its algorithm: `gpu::choice` and `lazygrid_host::algorithm_choice`.
-
 use lazygrid_kernels::Algorithm;
 
 #[cfg(feature = "gpu")]
@@ -51,7 +49,6 @@ pub(crate) fn backend<D>(
     }
 }
 
-/// Returns `true` if each call chooses the CPU or the GPU by its number of spheres.
 pub(crate) fn is_per_call(asked: Backend, algorithm: Algorithm) -> bool {
     asked == Backend::Auto && matches!(algorithm, Algorithm::Auto | Algorithm::CellList)
 }

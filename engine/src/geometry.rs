@@ -9,7 +9,6 @@ use lazygrid_kernels::{Algorithm, Query, Space};
 use crate::backend::BackendFinder;
 use crate::{Error, Report};
 
-/// Builds neighbor lists with shifts, vectors and distances.
 #[derive(Debug, Default)]
 pub(crate) struct Geometry {
     builder: NeighborListBuilder,

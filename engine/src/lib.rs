@@ -12,8 +12,6 @@
 //! # Ok::<(), lazygrid::Error>(())
 //! ```
 //!
-//! A simulation keeps one [`Detector`], which reuses its buffers.
-//!
 //! # Features
 //!
 //! `gpu`, on by default: the GPU path, [`gpu`]. Without it wgpu is not compiled, and [`Backend::Auto`] is the CPU.
@@ -53,7 +51,6 @@ pub use lazygrid_kernels::{
 pub use lazygrid_kernels::{Orthogonalization, SpeciesReach, TriclinicCell};
 pub use report::Report;
 
-/// The examples of README.md and docs/rust.md, as tests.
 #[cfg(doctest)]
 #[doc = include_str!("../../README.md")]
 #[doc = include_str!("../../docs/rust.md")]

@@ -17,14 +17,14 @@ pub struct Report {
     pub adapter: Option<String>,
     /// Algorithm that ran; never `Auto` after a call.
     pub algorithm: Algorithm,
-    /// Reason for this backend and this algorithm.
+    /// Reason for backend and algorithm.
     pub reason: String,
-    /// Planned cost on the GPU; `None` on the CPU, or if a candidate list answered the call.
+    /// Planned cost on the GPU, unless a candidate list answered the call.
     #[cfg(feature = "gpu")]
     pub cost: Option<crate::gpu::CallCost>,
     /// Candidate list that answered the call.
     pub candidates: Option<CandidateListStats>,
-    /// Time of each phase in execution order, summed over the submissions of a call.
+    /// Time of each phase, summed over submissions.
     pub phases: Vec<PhaseTime>,
 }
 

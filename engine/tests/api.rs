@@ -1,4 +1,4 @@
-//! The public API as programs use it: a changed signature, name or marker fails to compile.
+//! The public API as programs use it.
 
 use std::error::Error as StdError;
 use std::fmt::{Debug, Display};

@@ -13,9 +13,7 @@ const NARROW_RATIO: f64 = 6.0;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Scale {
-    /// Equal ratios have equal lengths.
     Logarithmic,
-    /// Equal differences have equal lengths.
     Linear,
 }
 
@@ -55,7 +53,7 @@ impl Quantity {
     }
 }
 
-/// Formats three digits, or all of an integer below 10,000. Uses an exponent outside 0.001 to a million.
+/// Uses three digits, or all of an integer below 10,000, and an exponent outside 0.001 to a million.
 fn number(value: f64) -> String {
     let size = value.abs();
     if value.fract() == 0.0 && size < 1e4 {
@@ -94,7 +92,6 @@ impl LabelSpace {
     }
 }
 
-/// Returns the values of `range` to label, so that labels do not overlap.
 pub(crate) fn ticks(range: &Range<f64>, quantity: Quantity, space: LabelSpace) -> Vec<f64> {
     if space.scale == Scale::Linear {
         return even(range, quantity, space);
@@ -105,7 +102,7 @@ pub(crate) fn ticks(range: &Range<f64>, quantity: Quantity, space: LabelSpace) -
     candidates.reduce(|best, next| if next.len() > best.len() { next } else { best }).unwrap_or_default()
 }
 
-/// Returns the measured values if all their labels fit; otherwise like [`ticks`].
+/// Returns the `measured` values if all their labels fit, else [`ticks`].
 pub(crate) fn ticks_at(
     measured: &[f64],
     range: &Range<f64>,
@@ -124,7 +121,6 @@ fn of_decades(range: &Range<f64>, values: &[f64]) -> Vec<f64> {
     all.filter(|value| range.contains(value)).collect()
 }
 
-/// Returns every second power of ten, every third, and so on.
 fn sparse(range: &Range<f64>) -> impl Iterator<Item = Vec<f64>> {
     let powers = of_decades(range, &[1.0]);
     (2..powers.len().max(2)).map(move |step| powers.iter().copied().step_by(step).collect())

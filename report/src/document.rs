@@ -10,16 +10,13 @@ pub struct Section {
     /// Paragraphs. Backticks mark code; "```sh" begins a command.
     pub text: Vec<String>,
     pub plots: Vec<Plot>,
-    /// Tables below the plots.
     pub tables: Vec<Table>,
-    /// Notes on skipped measurements and faster peers.
     pub notes: Vec<Note>,
 }
 
 #[derive(Clone, Debug)]
 pub struct Note {
     pub text: String,
-    /// `true` for a wrong result.
     pub is_error: bool,
 }
 
@@ -47,10 +44,8 @@ pub struct Cell {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     Plain,
-    /// The best value of a row or column.
     Best,
     Absent,
-    /// A wrong answer.
     Error,
 }
 

@@ -65,7 +65,6 @@ fn cell(cell: &Cell) -> String {
     format!("<td{class}>{}</td>", escaped(&cell.text))
 }
 
-/// Escapes text, and turns text between backticks into code.
 fn inline(text: &str) -> String {
     let text = escaped(text);
     let parts: Vec<&str> = text.split('`').collect();

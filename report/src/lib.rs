@@ -1,6 +1,4 @@
-//! Reports: text, tables and plots as one self-contained page.
-//!
-//! [`plot::lines`] draws a [`Plot`]; [`html::page`] formats a [`Document`].
+//! Reports as one self-contained page.
 
 #![allow(missing_docs, reason = "internal to the workspace: most names and types are clear")]
 

@@ -6,7 +6,7 @@ pub fn count(n: usize) -> String {
     }
 }
 
-/// Returns a suitable unit of time, with the number of these units per second.
+/// Returns a suitable unit and the number of these units per second.
 pub fn unit(seconds: f64) -> (f64, &'static str) {
     match seconds {
         s if s < 1e-9 => (1e12, "ps"),

@@ -17,14 +17,13 @@ impl PlotPoint {
         Self { at: (x, y), bar }
     }
 
-    /// Divides the value and its bar by `by`.
     #[must_use]
     pub fn over(self, by: f64) -> Self {
         Self { at: (self.at.0, self.at.1 / by), bar: (self.bar.0 / by, self.bar.1 / by) }
     }
 
-    /// Returns `true` if the value or its bar can be drawn. A logarithmic axis excludes a value of 0, but not the upper
-    /// end of its bar.
+    /// Returns `true` if the value or its bar can be drawn. A logarithmic axis excludes 0, but not the upper end of its
+    /// bar.
     fn is_shown(&self, [x, y]: [Scale; 2]) -> bool {
         x.holds(self.at.0) && self.at.1.is_finite() && self.bar.0.is_finite() && y.holds(self.bar.1)
     }
@@ -32,12 +31,11 @@ impl PlotPoint {
 
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// Name in the legend.
     pub name: String,
-    /// Points in ascending order of x.
+    /// In ascending order of x.
     pub points: Vec<PlotPoint>,
     pub dashed: bool,
-    /// Index of a color; related lines share one.
+    /// Index of a color, which related lines share.
     pub color: usize,
 }
 
@@ -54,9 +52,7 @@ impl Series {
 #[derive(Clone, Copy, Debug)]
 pub struct Axes<'a> {
     pub title: &'a str,
-    /// Title and quantity.
     pub x: (&'a str, Quantity),
-    /// Title and quantity.
     pub y: (&'a str, Quantity),
     pub scales: [Scale; 2],
 }
@@ -203,7 +199,7 @@ impl Ranged for AxisTicks {
     }
 }
 
-/// Returns the range of an axis, with a margin; a linear axis of non-negative values begins at 0.
+/// Begins a linear axis of non-negative values at 0.
 fn range(scale: Scale, values: impl Iterator<Item = f64>) -> Range<f64> {
     let ends = (f64::INFINITY, f64::NEG_INFINITY);
     let (low, high) = values.fold(ends, |(low, high), v| (low.min(v), high.max(v)));

@@ -1,5 +1,3 @@
-//! Choice of the algorithm of a call, and of its candidate list, with a reason.
-
 use lazygrid_host::SkinCosts;
 use lazygrid_kernels::Algorithm;
 
@@ -10,12 +8,10 @@ pub(crate) const LARGE_INPUT_ALGORITHM: Algorithm = Algorithm::CellList;
 #[derive(Clone, Copy)]
 pub(crate) struct CallSize {
     pub(crate) spheres: u32,
-    /// Size of the first of two sets.
     pub(crate) split: Option<u32>,
     pub(crate) classes: usize,
 }
 
-/// Returns the algorithm of a call and the reason, which names the `source` of `crossover`.
 pub(crate) fn algorithm(
     asked: Algorithm,
     size: CallSize,
@@ -29,7 +25,7 @@ pub(crate) fn algorithm(
     let at = crossover.of(classes);
     if let Some(split) = split {
         let [a, b] = [split, spheres - split].map(u64::from);
-        // At the crossover, the grid costs as much per sphere as testing it against `at / 2` spheres.
+        // At the crossover, a sphere in the grid costs as much as `at / 2` tests.
         let is_few = 2 * a * b < (a + b) * u64::from(at);
         let (chosen, few) = if is_few { (Algorithm::Naive, "few") } else { (LARGE_INPUT_ALGORITHM, "many") };
         return (chosen, format!("{chosen}: {a} times {b} comparisons are {few} ({source})"));
@@ -40,7 +36,6 @@ pub(crate) fn algorithm(
     (chosen, format!("{chosen}: {spheres} spheres in {sizes} are {relation} {at} ({source})"))
 }
 
-/// Returns `Ok` if a candidate list may be worthwhile, otherwise the reason against it.
 pub(crate) fn can_use_skin(
     asked: Algorithm,
     chosen: Algorithm,
@@ -57,7 +52,6 @@ pub(crate) fn can_use_skin(
     }
 }
 
-/// Returns the reason why a call ran on one level.
 pub(crate) fn one_level(ran: Algorithm, chosen: Algorithm) -> String {
     format!("{ran} instead of {chosen}: the entries of several levels do not fit the device")
 }

@@ -2,7 +2,7 @@ use lazygrid_host::SkinCosts;
 
 use super::device::AdapterSummary;
 
-/// The number of spheres below which testing all pairs is faster than a grid.
+/// The number of spheres below which all pairs are faster than a grid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Crossover {
@@ -32,8 +32,7 @@ impl Crossover {
     /// Largest measurable crossover: twice the spheres of the largest scene of [`calibrate`](super::calibrate).
     pub const MOST: u32 = 1 << 18;
 
-    /// Returns the crossover for `classes` size classes; at most [`Crossover::MOST`], because all pairs of many more
-    /// take minutes.
+    /// Returns the crossover for `classes` size classes, at most [`Crossover::MOST`].
     pub fn of(self, classes: usize) -> u32 {
         let further = u32::try_from(classes.saturating_sub(1)).unwrap_or(u32::MAX);
         self.naive_below.saturating_add(self.per_class.saturating_mul(further)).min(Self::MOST)
@@ -41,8 +40,8 @@ impl Crossover {
 }
 
 /// Measurements by which `Auto` chooses, valid for one adapter, driver and library version. The application stores them
-/// and passes them to [`Config::calibration`](crate::Config::calibration). The crossovers to the GPU and to the radix
-/// sort that are assumed of discrete GPUs agree with an H100 and an H200; no integrated GPU was measured.
+/// for [`Config::calibration`](crate::Config::calibration). Assumed crossovers of discrete GPUs agree with an H100 and
+/// an H200; no integrated GPU was measured.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Calibration {
@@ -58,16 +57,15 @@ pub struct Calibration {
     pub radix_sort_from: u32,
     /// Costs of calls with and without a candidate list.
     pub skin: SkinCosts,
-    /// Spheres in host memory at or above which this device is faster than the CPU with all threads; [`u32::MAX`] if it
-    /// never is. [`Backend::Auto`](crate::Backend::Auto) uses it.
+    /// Spheres in host memory at or above which this device beats the CPU with all threads; [`u32::MAX`] if never.
     pub device_from: u32,
-    /// Distance tests per second of the slowest search. Long searches are divided into dispatches of at most 200 ms at
-    /// this rate.
+    /// Distance tests per second of the slowest search, which limit a dispatch to 200 ms.
     pub tests_per_second: f64,
 }
 
 impl Calibration {
-    /// Assumed for a discrete GPU: the memory-bound rate of candidate tests, a twelfth of that of an H100 and an H200.
+    /// Assumed for a discrete GPU: the memory-bound rate of candidate tests, a twelfth of the 3.1·10¹¹ of an H100 and
+    /// an H200.
     pub const TESTS_PER_SECOND: f64 = 2.5e10;
     /// Assumed for an integrated GPU.
     pub const INTEGRATED_TESTS_PER_SECOND: f64 = 2.5e9;
@@ -87,7 +85,7 @@ impl Calibration {
     /// -p lazygrid-bench --bench gpu_hard_scenes -- --radix-from 0,4000000000`).
     pub const SOFTWARE_RADIX_SORT_FROM: u32 = 1 << 20;
 
-    /// Creates the calibration of an adapter. `driver` includes the driver's version; `version` is the library's.
+    /// Creates a calibration. `driver` includes its version; `version` is the library's.
     pub fn new(
         [adapter, driver, version]: [String; 3],
         crossover: Crossover,
@@ -99,7 +97,7 @@ impl Calibration {
         Self { adapter, driver, version, crossover, radix_sort_from, skin, device_from, tests_per_second }
     }
 
-    /// Sets the measured distance tests per second, a positive number.
+    /// Sets the distance tests per second, a positive number.
     pub fn with_tests_per_second(self, tests_per_second: f64) -> Self {
         Self { tests_per_second, ..self }
     }

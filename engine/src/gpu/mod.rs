@@ -1,8 +1,7 @@
 //! The GPU engine: wgpu on Vulkan, Metal or DirectX 12, with hardware or in software.
 //!
-//! [`GpuDetector`] records into a caller's encoder, from GPU buffers to GPU buffers, without submit, poll or readback.
-//! [`GpuSession`] transfers spheres and pairs between host and device. [`RadixSort`] and [`PrefixScan`] are building
-//! blocks.
+//! [`GpuDetector`] records into a caller's encoder, from GPU buffers to GPU buffers. [`GpuSession`] transfers spheres
+//! and pairs between host and device.
 
 mod calibration;
 pub(crate) mod choice;

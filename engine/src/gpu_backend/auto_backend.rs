@@ -10,12 +10,10 @@ use crate::gpu::device::GpuDevice;
 use crate::report::Report;
 use crate::{Backend, Error, choice};
 
-/// A backend that runs each call on the CPU or on the device, depending on its number of spheres.
 #[derive(Debug)]
 pub(crate) struct AutoBackend {
     host: HostBackend,
     device: GpuBackend,
-    /// Backend of the last call, and the reason.
     chosen: (Backend, String),
 }
 

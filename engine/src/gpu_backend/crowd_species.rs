@@ -1,5 +1,5 @@
-//! The species of most spheres. Of groups of species that pair within short distances, and with each other within large
-//! ones, a device keeps small cells for one only, which should be that of a crowd.
+//! The species of most spheres. A device keeps small cells for one of several narrow groups that pair with each other,
+//! which should be that of a crowd.
 
 use lazygrid_host::sample_species;
 use lazygrid_kernels::{Interactions, Query, try_reserve};
@@ -14,13 +14,10 @@ const MAX_PATIENCE: u32 = 255;
 
 #[derive(Debug, Default)]
 pub(super) struct CrowdSpecies {
-    /// The crowd for which the device has its sides.
     searched: Option<u32>,
-    /// Successive calls with another crowd.
     waited: u32,
-    /// Value of `waited` at which the crowd changes. It doubles with each change.
+    /// Value of `waited` at which the crowd changes; it doubles with each change.
     patience: u32,
-    /// Estimated spheres of each species.
     counts: Vec<f64>,
 }
 
@@ -29,11 +26,8 @@ impl CrowdSpecies {
         self.searched
     }
 
-    /// Returns the crowd of this call and later ones if it needs other sides. The device must accept these before the
-    /// crowd is [recorded](Self::record).
-    ///
-    /// # Errors
-    /// [`Error::Input`] if memory for a count per species is refused.
+    /// Returns a new crowd that needs other sides. The device must accept these before the crowd is
+    /// [recorded](Self::record).
     pub(super) fn next(&mut self, query: &Query<'_>, table: &Interactions) -> Result<Option<u32>, Error> {
         let Self { searched, waited, patience, counts } = self;
         counts.clear();
@@ -60,7 +54,6 @@ impl CrowdSpecies {
         Ok(None)
     }
 
-    /// Records that the device has the sides for this crowd.
     pub(super) fn record(&mut self, crowd: u32) {
         self.searched = Some(crowd);
     }
@@ -72,8 +65,6 @@ mod tests {
 
     use super::*;
 
-    /// Two species that pair within short distances, and with each other within a large one. Species 2 pairs with
-    /// neither.
     fn table(distances: [f64; 2]) -> Interactions {
         let mut table = Interactions::new(3, Interaction::Never).expect("few species");
         for (a, b, distance) in [(0, 0, distances[0]), (1, 1, distances[1]), (0, 1, 8.0)] {
@@ -82,7 +73,6 @@ mod tests {
         table
     }
 
-    /// Searches these numbers of spheres of each species. Returns the new crowd, which it records.
     fn follow(crowd: &mut CrowdSpecies, counts: [usize; 3], table: &Interactions) -> Option<u32> {
         let ids: Vec<u32> = (0..).zip(counts).flat_map(|(species, count)| vec![species; count]).collect();
         let spheres = vec![Sphere::default(); ids.len()];

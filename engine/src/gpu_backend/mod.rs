@@ -43,7 +43,7 @@ pub(crate) struct GpuBackend {
     species: DeviceSpecies,
     team: Arc<Team>,
     buffers: QueryBuffers,
-    /// `None` if the skin is fixed.
+    /// `Some` only with [`Skin::Auto`].
     skin_controller: Option<SkinController>,
     report: Report,
 }
@@ -197,7 +197,7 @@ impl SearchBackend for GpuBackend {
             search.session.update_skin(skin)?;
         }
         work(&mut SlabPairSource { search, request: &request })?;
-        // If one set is empty, the session does not search and still describes an earlier call.
+        // With an empty set, the session does not search and describes an earlier call.
         if !request.has_no_pairs() {
             complete_report(report, search);
         }
@@ -208,7 +208,6 @@ impl SearchBackend for GpuBackend {
     }
 }
 
-/// The species that a device searches outside of frames, and the crowd of its calls.
 #[derive(Debug, Default)]
 struct DeviceSpecies {
     searched: SearchedSpecies,
@@ -222,8 +221,7 @@ struct Device {
 }
 
 impl Device {
-    /// Omits absent species from the search if that reduces the reach of others, and follows the crowd, if memory
-    /// suffices. Includes species that return.
+    /// Omits absent species if that reduces the reach of others, and follows the crowd, if memory suffices.
     fn search_species(
         &mut self,
         species: &mut DeviceSpecies,
@@ -266,7 +264,6 @@ impl Device {
         Ok(())
     }
 
-    /// Returns the session for spheres in a frame, created by the first call that needs it.
     fn framed<'d>(
         framed: &'d mut Option<Box<Self>>,
         unframed: &Self,
@@ -283,14 +280,14 @@ impl Device {
     }
 }
 
-/// Returns the interactions to search. In a frame, spheres have the effective radius of their species, and are
-/// candidates if they touch and their species can pair.
+/// Returns the interactions to search. In a frame, spheres of effective radii are candidates if they touch and their
+/// species can pair.
 fn searched_table(settings: &Settings, is_framed: bool) -> Result<Option<Interactions>, Error> {
     let Some(table) = &settings.interactions else { return Ok(None) };
     Ok(Some(if is_framed { table.contact_only()? } else { table.clone() }))
 }
 
-/// Returns a space with the periodic axes of all calls, which set its lengths.
+/// Returns the periodic axes of all calls; each call sets the lengths.
 fn searched_space(space: &Space) -> Space {
     let lengths = match space.triclinic_cell() {
         None => space.lengths_f32(),

@@ -1,5 +1,4 @@
-//! The species that a device searches. A search reaches as far as the interactions of its species require, so partners
-//! that are absent would make it compare distant spheres.
+//! The species that a device searches. Absent partners would enlarge the reach of a search.
 
 use lazygrid_host::SpeciesGroups;
 use lazygrid_kernels::{Interactions, SpeciesReach};
@@ -13,24 +12,17 @@ const MAX_PATIENCE: u32 = 255;
 
 #[derive(Debug, Default)]
 pub(super) struct SearchedSpecies {
-    /// `true` for a species that is not searched; empty if all are.
     are_left_out: Vec<bool>,
-    /// Version of the present species at the last call.
     version: u32,
-    /// `true` if species that are absent enlarge the reach of others.
+    /// `true` if absent species enlarge the reach of others.
     is_too_far: bool,
-    /// Successive calls with a reach that is too far.
     waited: u32,
-    /// Value of `waited` at which absent species are left out. It doubles when one of them returns.
+    /// Value of `waited` at which absent species are left out; it doubles when one of them returns.
     patience: u32,
 }
 
 impl SearchedSpecies {
-    /// Returns the interactions for this call and later ones, or `None` to keep the `searched` ones. The device must
-    /// accept them before the change is [recorded](Self::record).
-    ///
-    /// # Errors
-    /// [`Error::Input`] if memory for the interactions is refused.
+    /// Returns new interactions, which the device must accept before the change is [recorded](Self::record).
     pub(super) fn next(
         &mut self,
         present: &SpeciesGroups,
@@ -56,19 +48,16 @@ impl SearchedSpecies {
         Ok(Some(all.among(|species| present.is_present(species))?))
     }
 
-    /// Returns `true` if a present species is not searched, so that the interactions must change.
     pub(super) fn lacks(&self, present: &SpeciesGroups) -> bool {
         (0..)
             .zip(&self.are_left_out)
             .any(|(species, is_left_out)| *is_left_out && present.is_present(species))
     }
 
-    /// Keeps the searched interactions until other species are present.
     pub(super) fn keep(&mut self, present: &SpeciesGroups) {
         (self.version, self.is_too_far, self.waited) = (present.version(), false, 0);
     }
 
-    /// Records that the device searches the `present` ones of all `species`.
     pub(super) fn record(&mut self, present: &SpeciesGroups, species: u32) {
         self.keep(present);
         self.are_left_out = (0..species).map(|species| !present.is_present(species)).collect();

@@ -1,4 +1,4 @@
-//! Choice of the skin on the GPU, by the CPU path's tuner with the costs of the device.
+//! The CPU path's skin tuner with the costs of the device.
 
 use lazygrid_host::{CandidateListStats, RebuildReason, SKIN_RANGE, SkinCosts, SkinTuner};
 
@@ -12,12 +12,10 @@ const AS_GOOD: std::ops::RangeInclusive<f32> = 0.67..=1.5;
 pub(super) struct SkinController {
     tuner: SkinTuner,
     skin: Option<f32>,
-    /// `true` if an existing list answered the last call.
     is_served: bool,
 }
 
 impl SkinController {
-    /// Returns the skin of the next call; `None` for a search without a list.
     pub(super) fn next(
         &mut self,
         request: &SearchRequest<'_>,
@@ -36,8 +34,7 @@ impl SkinController {
         Ok(self.skin)
     }
 
-    /// Updates the tuner after a call with its candidate list, if any, and the age and displacement fraction of the
-    /// `previous` list.
+    /// `previous` is the age and displacement fraction of the previous list.
     pub(super) fn note(&mut self, spheres: usize, kept: Option<CandidateListStats>, previous: (u32, f32)) {
         self.is_served = kept.is_some_and(|kept| kept.rebuilt.is_none());
         match kept {
@@ -64,8 +61,6 @@ mod tests {
     use super::*;
     use crate::gpu::costs::SOFTWARE_SKIN_COSTS;
 
-    /// Moves a lattice by `step` per call; returns the numbers of served calls and of rebuilds. `fits`: the list has
-    /// capacity.
     fn follow(controller: &mut SkinController, calls: u32, step: f32, fits: bool) -> (u32, u32) {
         let n = 8000_usize;
         let costs = SOFTWARE_SKIN_COSTS;

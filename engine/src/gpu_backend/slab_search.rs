@@ -36,19 +36,16 @@ impl SearchRequest<'_> {
     }
 }
 
-/// Returns `true` if one of two sets has no sphere.
 pub(super) fn has_empty_set(split: Option<u32>, spheres: u32) -> bool {
     split.is_some_and(|split| split == 0 || split == spheres)
 }
 
-/// A request whose spheres are divided into slabs.
 struct Cut<'a> {
     request: &'a SearchRequest<'a>,
     input: SlabInput<'a>,
     slabs: Slabs,
 }
 
-/// Searches slab by slab if the device cannot bind all spheres.
 #[derive(Debug)]
 pub(super) struct SlabSearch {
     pub(super) session: GpuSession,
@@ -100,7 +97,6 @@ impl SlabSearch {
         Self { session, slab, timings, slabs: 1, found }
     }
 
-    /// Replaces `list` by the pairs, unordered.
     pub(super) fn list(
         &mut self,
         request: &SearchRequest<'_>,
@@ -213,7 +209,7 @@ impl SlabSearch {
         Ok(found)
     }
 
-    /// Passes the pairs in parts. With `in_order`, parts ascend by smaller index and have at most that number of pairs,
+    /// Passes the pairs in parts. With `in_order`, these ascend by smaller index and have at most that number of pairs,
     /// unless one sphere, or the output of the device, has more.
     pub(super) fn parts(
         &mut self,
@@ -239,7 +235,6 @@ impl SlabSearch {
         }
     }
 
-    /// Passes the pairs of each slab with smaller indices in `range`.
     fn slab_by_slab(
         &mut self,
         cut: &Cut<'_>,
@@ -264,8 +259,7 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// Passes pairs in parts of ascending smaller indices. If there are more than `most`, counts them per sphere and
-    /// then searches ranges of indices.
+    /// Searches ranges of indices if all pairs are more than `most`.
     fn range_by_range(
         &mut self,
         cut: &Cut<'_>,
@@ -304,8 +298,8 @@ impl SlabSearch {
         Ok(())
     }
 
-    /// Returns `true` if the host drops pairs that the device finds, by the filter or because both spheres are ghosts.
-    /// The window of one set excludes pairs of two ghosts.
+    /// Returns `true` if the host drops found pairs: by the filter, or of two ghosts, which the window of one set
+    /// excludes.
     fn drops_pairs(&self, request: &SearchRequest<'_>) -> bool {
         request.filter.is_some() || (request.split.is_some() && !self.is_bound_at_once(request))
     }
@@ -314,7 +308,6 @@ impl SlabSearch {
         request.spheres.len() as u64 <= self.session.most_spheres()
     }
 
-    /// Divides the spheres into slabs; returns `None` if the device can bind all of them.
     fn cut<'a>(&mut self, request: &'a SearchRequest<'a>) -> Result<Option<Cut<'a>>, Error> {
         self.timings.clear();
         self.slabs = 1;
@@ -348,8 +341,7 @@ impl SlabSearch {
         Ok(ticket)
     }
 
-    /// Begins the search of a slab for smaller indices in `range`; returns `None` if it has no such pairs. The session
-    /// keeps no candidate list, because its next call is another slab.
+    /// Begins the search of a slab, without candidate list, because the next call is another slab.
     fn begin_slab(
         &mut self,
         cut: &Cut<'_>,
@@ -380,7 +372,6 @@ impl SlabSearch {
     }
 }
 
-/// Appends `pairs` to `list`, or stops the search and stores the error if memory is refused.
 fn append(list: &mut Vec<Pair>, pairs: &mut Vec<Pair>, refused: &mut Option<Error>) -> ControlFlow<()> {
     match try_reserve(list, pairs.len(), "pairs") {
         Ok(()) => {

@@ -1,10 +1,10 @@
-//! Division of a call with more spheres than a device can bind into slabs.
+//! Division of a call with more spheres than a device can bind.
 //!
 //! Slabs divide one axis. A slab *owns* the spheres whose lower end it contains; its *ghosts* extend into it from
 //! below.
 //!
 //! For a *range* of indices, only pairs whose smaller index is in the range are found. Spheres of smaller indices are
-//! omitted, and the search window ends with the spheres of the range, which come first. Pairs of two ghosts are
+//! omitted, so the spheres of the range come first, and the search window ends with them. Pairs of two ghosts are
 //! dropped: the slab that owns one of the spheres finds the pair, too.
 //!
 //! The first of two sets has the smaller indices, and no range exceeds it. Spheres of the first set outside the range
@@ -32,7 +32,6 @@ pub(crate) struct SlabInput<'a> {
     spheres: Spheres<'a>,
     split: u32,
     reaches: Vec<EffectiveRadius>,
-    /// `true` for each species that never pairs.
     are_idle: Vec<bool>,
     space: Space,
 }
@@ -40,7 +39,7 @@ pub(crate) struct SlabInput<'a> {
 #[derive(Debug)]
 pub(crate) struct Slabs {
     axis: usize,
-    /// Ascending lower ends, and the largest number of spheres.
+    /// Ascending lower ends, and the most spheres of each slab.
     slabs: Vec<(f64, usize)>,
 }
 
@@ -52,7 +51,7 @@ pub(crate) struct Slab {
     indices: Vec<u32>,
     /// Groups two to four, during gathering.
     later: [Vec<u32>; 3],
-    /// The ends of the first three groups.
+    /// Ends of the first three groups.
     ends: [u32; 3],
     /// `true` if the first two groups are the first set.
     has_two_sets: bool,
@@ -69,7 +68,6 @@ impl<'a> SlabInput<'a> {
         Self { spheres, split: 0, reaches, are_idle, space }
     }
 
-    /// Returns `true` for a sphere that never pairs, which no slab needs.
     fn is_idle(&self, k: usize) -> bool {
         let species = self.spheres.species().filter(|_| !self.are_idle.is_empty());
         species.is_some_and(|species| self.are_idle[species[k] as usize])
@@ -79,13 +77,11 @@ impl<'a> SlabInput<'a> {
         Self { split, ..self }
     }
 
-    /// Returns the part of `range` that can contain smaller indices of pairs.
     fn first_indices(&self, range: &Range<u32>) -> Range<u32> {
         if self.split == 0 { range.clone() } else { range.start..range.end.min(self.split) }
     }
 
-    /// Returns the ends of a sphere along `axis`. On a periodic axis the lower end is wrapped; the upper end may be
-    /// outside the box.
+    /// Returns the ends of a sphere. On a periodic axis the lower end is wrapped; the upper end may be outside the box.
     fn ends(&self, k: usize, axis: usize) -> [f64; 2] {
         let Sphere { center, radius } = self.spheres.get(k);
         let radius = match self.spheres.species() {
@@ -111,7 +107,7 @@ impl<'a> SlabInput<'a> {
         self.space.lengths()[axis]
     }
 
-    /// Returns the possible cuts, with about equal numbers of spheres between them; the first is below all spheres.
+    /// Returns cuts with about equally many spheres between them; the first is below all spheres.
     fn edges(&self, axis: usize) -> Vec<f64> {
         let step = (self.spheres.len() / SAMPLE).max(1);
         let mut begins: Vec<f64> =
@@ -123,12 +119,12 @@ impl<'a> SlabInput<'a> {
         edges
     }
 
-    /// Returns slabs of at most `most` spheres each, and the number of ghosts; `None` if `axis` cannot be divided.
+    /// Returns slabs of at most `most` spheres, and the number of ghosts; `None` if `axis` cannot be divided.
     fn cut(&self, axis: usize, most: usize) -> Option<(Slabs, usize)> {
         let edges = self.edges(axis);
         let period = self.period(axis);
         let mut owned = vec![0_usize; edges.len()];
-        // Number of ghosts per edge, as differences between edges.
+        // Ghosts of each edge, as differences between edges.
         let mut ghosts = vec![0_isize; edges.len() + 1];
         let slot = |end: f64| edges.partition_point(|&edge| edge <= end) - 1;
         let mut widest = 0.0_f64;
@@ -167,7 +163,7 @@ impl<'a> SlabInput<'a> {
 }
 
 impl Slabs {
-    /// Divides the axis with the fewest ghosts into slabs of at most `most` spheres. Returns `None` if too many spheres
+    /// Divides the axis with the fewest ghosts into slabs of at most `most` spheres; `None` if too many spheres
     /// overlap.
     pub(crate) fn new(input: &SlabInput<'_>, most: usize) -> Option<Self> {
         let mut best: Option<(Self, usize)> = None;
@@ -188,7 +184,6 @@ impl Slabs {
         self.slabs.len()
     }
 
-    /// Gathers the spheres of a slab for pairs with smaller indices in `range`.
     pub(crate) fn gather(
         &self,
         number: usize,
@@ -248,20 +243,19 @@ impl Slab {
         Ok(if self.species.is_empty() { spheres } else { spheres.with_species(&self.species)? })
     }
 
-    /// Returns the size of the first of two sets; 0 for one set. For two sets it is 0 only if the
+    /// Returns the size of the first of two sets, 0 for one set. For two sets the size is 0 only if the
     /// [window](Self::window) is empty.
     pub(crate) fn split(&self) -> u32 {
         if self.has_two_sets { self.ends[1] } else { 0 }
     }
 
-    /// Returns the range of the smaller index of the pairs to find, as indices in the slab.
     pub(crate) fn window(&self) -> Range<u32> {
         let [owned, of_range, _] = self.ends;
         // Without other spheres, this slab owns no pair of two ghosts.
         0..if of_range as usize == self.indices.len() { owned } else { of_range }
     }
 
-    /// Replaces indices in the slab by indices of the call, and drops pairs of two ghosts.
+    /// Restores indices, and drops pairs of two ghosts.
     pub(crate) fn restore_indices(&self, pairs: &mut Vec<Pair>) {
         let [owned, of_range, others] = self.ends;
         let is_owned = |k: u32| k < owned || (of_range..others).contains(&k);

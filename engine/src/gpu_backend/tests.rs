@@ -198,7 +198,7 @@ fn narrow_side_follows_the_crowd_and_loses_no_pair() {
     table.set(1, 1, Interaction::Within(0.0625)).expect("a known species");
     let place = |k: u32| [7, 11, 13].map(|step| (k * step % 1009) as f32 / 128.0);
     let spheres: Vec<_> = (0..3000).map(|k| Sphere::new(place(k), 0.01)).collect();
-    // The species of all but the last ten spheres, and the crowd for which the device has its sides.
+    // The species of all but the last ten spheres, and the crowd of the device's sides.
     let calls = [(0, 0), (1, 0), (1, 1), (0, 1), (0, 1), (0, 1), (0, 0)];
     for skin in [Skin::Auto, Skin::Off, Skin::Fixed(0.125)] {
         let config = Config::default().algorithm(Algorithm::CellList).skin(skin);

@@ -1,6 +1,6 @@
 //! Particles in Bevy's render world, colored by their number of contacts.
 //!
-//! One of Bevy's command encoders moves the particles, finds their contacts and draws them, without readback or copy.
+//! One command encoder moves the particles, finds their contacts and draws them, without readback or copy.
 //!
 //! `cargo run --release` in this folder, with the Rust release that Bevy 0.20 needs.
 
@@ -43,13 +43,12 @@ struct Scene {
     shader: wgpu::ShaderModule,
     mover: wgpu::ComputePipeline,
     counter: wgpu::ComputePipeline,
-    /// Created for the view's format by the first frame.
     drawer: Option<(wgpu::TextureFormat, wgpu::RenderPipeline)>,
 }
 
 fn prepare(mut commands: Commands, device: Res<RenderDevice>, queue: Res<RenderQueue>) -> Result {
     let device = device.wgpu_device();
-    // Probes the adapter; otherwise detectors use no subgroup operations.
+    // Without this probe, detectors use no subgroup operations.
     let _ = GpuDevice::from_wgpu(device, &queue);
     let layout = ColumnLayout { first: [0, 1, 2, 3], stride: [WORDS; 4] };
     let detector = GpuDetector::new(device, GpuConfig::default().columns(layout))?;
@@ -124,7 +123,7 @@ impl Scene {
         let buffers = [&self.particles, &self.contacts];
         pass.set_bind_group(0, &bind(device, &pipeline.get_bind_group_layout(0), &buffers), &[]);
         pass.set_pipeline(pipeline);
-        // The largest square in the middle, in which spheres are round.
+        // The largest centered square, in which spheres are round.
         let size = target.main_texture().size();
         let [width, height] = [size.width, size.height].map(|length| length as f32);
         let edge = width.min(height);

@@ -1,5 +1,3 @@
-// Moves particles in a box, counts their contacts and draws the particles.
-
 const HALF_EDGE: f32 = 50.0;
 
 struct Particle {
@@ -24,7 +22,7 @@ fn move_particles(@builtin(global_invocation_id) id: vec3<u32>) {
     }
 }
 
-// The outcome's first word is the number of pairs; its overflow flag is not read, as the buffer holds all pairs.
+// The first word is the number of pairs. The buffer holds all pairs, so the overflow flag is not read.
 @group(1) @binding(0) var<storage, read> outcome: array<u32>;
 @group(1) @binding(1) var<storage, read> pairs: array<vec2<u32>>;
 
@@ -50,7 +48,6 @@ struct Corner {
     @location(1) color: vec3<f32>,
 }
 
-// A square of two triangles around each particle, seen along z.
 @vertex
 fn particle_corner(@builtin(vertex_index) vertex: u32, @builtin(instance_index) index: u32) -> Corner {
     let particle = drawn[index];

@@ -13,7 +13,6 @@ use crate::gpu::session::GpuSession;
 /// Device time of a sample after which larger scenes are not measured.
 const MAX_SAMPLE_TIME: Duration = Duration::from_millis(50);
 
-/// Returns the number of spheres at or above which the device is faster than the CPU; [`u32::MAX`] if it never is.
 pub(super) fn device_from(gpu: &GpuDevice, crossover: Crossover, radix_sort_from: u32) -> Result<u32, Error> {
     let config = GpuConfig::default().crossover(crossover).radix_sort_from(radix_sort_from).timestamps(true);
     let mut session = GpuSession::new(gpu.clone(), config)?;
@@ -31,8 +30,7 @@ pub(super) fn device_from(gpu: &GpuDevice, crossover: Crossover, radix_sort_from
     })
 }
 
-/// Returns the number of spheres at which the device overtakes the CPU if both times grow linearly as between these
-/// samples; [`u32::MAX`] if it does not.
+/// Returns the spheres at which the device overtakes the CPU if both times grow linearly; [`u32::MAX`] if never.
 fn crossing_beyond(from: &(u32, [Duration; 2]), to: &(u32, [Duration; 2])) -> u32 {
     let lag =
         |(_, [on_host, on_device]): &(u32, [Duration; 2])| on_device.as_secs_f64() - on_host.as_secs_f64();

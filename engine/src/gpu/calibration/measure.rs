@@ -22,14 +22,13 @@ pub(super) fn time(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Durat
     Ok(start.elapsed())
 }
 
-/// Returns the numbers of rounds that begin now: `most`, or fewer on a slow device.
 pub(super) fn rounds_up_to(most: usize) -> impl Iterator<Item = usize> {
     let start = Instant::now();
     (0..most).take_while(move |&round| round < 3 || start.elapsed() < ROUNDS_TIME)
 }
 
-/// Returns the fastest times of two algorithms for growing scenes, until the second is clearly faster or `goes_on`
-/// returns `false`.
+/// Returns the fastest times for growing scenes, until the second algorithm is clearly faster or `goes_on` returns
+/// `false`.
 pub(super) fn race(
     sizes: &[u32],
     classes: usize,
@@ -55,10 +54,10 @@ pub(super) fn race(
     Ok(samples)
 }
 
-/// Returns the number of spheres at which the second algorithm overtakes the first, interpolated in logarithms: the
-/// first size if it always wins, twice the last size (at most `most`) if never.
+/// Returns the spheres at which the second algorithm overtakes the first: the first size if it always wins, twice the
+/// last size (at most `most`) if never.
 pub(super) fn crossing(samples: &[(u32, [Duration; 2])], most: u32) -> u32 {
-    // Between two samples the lead is a power of the number of spheres.
+    // Between samples, the lead is about a power of the number of spheres, so logarithms are interpolated.
     let lead = |(_, [first, second]): &(u32, [Duration; 2])| {
         (second.as_secs_f64().max(1e-9) / first.as_secs_f64().max(1e-9)).ln()
     };

@@ -1,6 +1,3 @@
-//! Measures the costs of candidate lists, and the numbers of spheres at which the grid overtakes all pairs, the radix
-//! sort overtakes the counting sort, and the device overtakes the CPU.
-
 mod host;
 mod measure;
 mod skin;
@@ -26,7 +23,7 @@ const CROWD: [u32; 2] = [2048, 1 << 18];
 const CROWD_SECONDS: f64 = 0.05;
 const CROWD_ROUNDS: usize = 3;
 
-/// The fastest of several calls per algorithm, with upload and readback of the count.
+/// The fastest of several calls, with upload and readback.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct CrossoverSample {
@@ -36,15 +33,14 @@ pub struct CrossoverSample {
     pub spheres: u32,
     /// Time of all pairs.
     pub naive: Duration,
-    /// Time of the grid that `Auto` uses for many spheres.
+    /// Time of the cell list.
     pub grid: Duration,
 }
 
 /// Time of work after which an idle GPU has raised its clock: an H100 copied 0.40 TB/s when idle, 0.80 TB/s after work.
 const WARM_UP: Duration = Duration::from_secs(1);
 
-/// Measures the crossovers and the costs of candidate lists on this device, within seconds. `seen` receives each sample
-/// of the crossover between all pairs and the grid.
+/// Measures the [`Calibration`] of this device within seconds. `seen` receives each crossover sample.
 ///
 /// # Errors
 /// Fails if the device fails.
@@ -94,11 +90,10 @@ fn warm_up(gpu: &GpuDevice) -> Result<(), Error> {
     Ok(())
 }
 
-/// Returns the lower rate of distance tests per second: of a grid in a crowded cell, or of all pairs (`naive`). Returns
-/// the assumed rate if neither can be measured.
+/// Returns the lower rate of a crowded cell and of all pairs (`naive`) in tests per second; the assumed rate if neither
+/// is measurable.
 fn slowest_rate(gpu: &GpuDevice, naive: Option<f64>) -> Result<f64, Error> {
     let assumed = Calibration::assumed_tests_per_second(gpu.adapter.is_hardware, gpu.adapter.is_integrated);
-    // The larger crowd takes about 50 ms at the rate of all pairs.
     let tests = CROWD_SECONDS * naive.unwrap_or(assumed);
     let most = ((2.0 * tests).sqrt() as u32).clamp(2 * CROWD[0], CROWD[1]);
     let mut grid = session(gpu, LARGE_INPUT_ALGORITHM)?;
@@ -112,7 +107,7 @@ fn slowest_rate(gpu: &GpuDevice, naive: Option<f64>) -> Result<f64, Error> {
     Ok([naive, crowded].into_iter().flatten().reduce(f64::min).unwrap_or(assumed))
 }
 
-/// Returns the rate of `n²/2` tests from the difference of two samples; `None` if the submission cost hides it.
+/// Returns the rate of `n²/2` tests; `None` if the submission cost hides it.
 fn rate<T: Copy>([first, last]: [&(u32, T); 2], time: impl Fn(T) -> Duration) -> Option<f64> {
     let tests = |(spheres, _): &(u32, T)| f64::from(*spheres).powi(2) / 2.0;
     let seconds = time(last.1).saturating_sub(time(first.1)).as_secs_f64();

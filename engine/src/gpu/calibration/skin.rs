@@ -29,13 +29,13 @@ struct TimedCall {
 #[derive(Clone, Copy, Debug)]
 struct Calls {
     spheres: f64,
-    /// Calls of few spheres, without and with a candidate list.
+    /// Calls without and with a list.
     few: [TimedCall; 2],
-    /// Calls without a candidate list, per density.
+    /// Searches per density.
     searched: [TimedCall; 2],
-    /// Calls answered from candidates, per skin.
+    /// Calls answered from a list, per skin.
     served: [TimedCall; 2],
-    /// Call that builds a list with the wider skin.
+    /// A rebuild with the wider skin.
     found: TimedCall,
 }
 
@@ -111,7 +111,6 @@ fn fastest(session: &mut GpuSession, spheres: &[Sphere]) -> Result<TimedCall, Er
     Ok(call(session, spheres.len(), least))
 }
 
-/// Times calls that rebuild the list because a radius changes.
 fn found(session: &mut GpuSession, mut spheres: Vec<Sphere>) -> Result<TimedCall, Error> {
     let mut least = Duration::MAX;
     for _ in rounds_up_to(ROUNDS) {

@@ -15,8 +15,7 @@ const MOST: u32 = 2 * SIZES[SIZES.len() - 1];
 const ROUNDS: usize = 3;
 const MAX_SAMPLE_TIME: Duration = Duration::from_millis(50);
 
-/// Returns the number of spheres at which the radix sort overtakes the counting sort. If counting is faster even for
-/// the largest scene, the result is at least the assumed value.
+/// Returns the spheres at which the radix sort overtakes counting; at least the assumed number if counting always wins.
 pub(super) fn radix_sort_from(gpu: &GpuDevice) -> Result<u32, Error> {
     let mut sessions = [session(gpu, u32::MAX)?, session(gpu, 0)?];
     let times = |scene: &[Sphere]| {
@@ -40,7 +39,7 @@ fn session(gpu: &GpuDevice, radix_sort_from: u32) -> Result<GpuSession, Error> {
     GpuSession::new(gpu.clone(), settings)
 }
 
-/// Returns the device's busy time if it has timestamps, because the upload may take longer; otherwise the wall time.
+/// Returns the device's busy time, because the upload may take longer; without timestamps, the wall time.
 fn busy(session: &mut GpuSession, spheres: &[Sphere]) -> Result<Duration, Error> {
     let whole = time(session, spheres)?;
     let is_phase = |name: &str| GpuPhase::ALL.iter().any(|phase| phase.name() == name);

@@ -1,5 +1,5 @@
-/// Capacities for (cell, object) entries that calls have needed, indexed by the binary digits of the sphere count. Each
-/// applies to calls of at least as many digits.
+/// Needed capacities for (cell, object) entries, by the binary digits of the sphere count. Each applies to calls of at
+/// least as many digits.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct EntryCapacity(pub(super) [u32; u32::BITS as usize + 1]);
 
@@ -15,7 +15,6 @@ impl EntryCapacity {
     }
 }
 
-/// The capacities that calls have needed, to restore or to pass on.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct CapacitySnapshot {
     pub(super) entries: EntryCapacity,

@@ -81,9 +81,7 @@ impl<'a> From<wgpu::BufferSlice<'a>> for BufferRange<'a> {
 
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum SphereBuffers<'a> {
-    /// `x, y, z, r` as four `f32` per sphere.
     Rows(BufferRange<'a>),
-    /// `x`, `y`, `z` and `r`, described by a [`ColumnLayout`].
     Columns([BufferRange<'a>; 4]),
 }
 
@@ -93,22 +91,18 @@ pub(crate) enum SphereBuffers<'a> {
 pub struct GpuSpheres<'a> {
     pub(crate) spheres: SphereBuffers<'a>,
     pub(crate) count: SphereCount<'a>,
-    /// A `u32` per sphere.
     pub(crate) species: Option<BufferRange<'a>>,
-    /// Range of the smaller index of pairs.
     window: Range<u32>,
-    /// Size of the first of two sets.
     first: Option<u32>,
 }
 
 impl<'a> GpuSpheres<'a> {
-    /// First `count` spheres of a buffer; `count` is a number or a [`SphereCount`]. The buffer needs `STORAGE` usage.
+    /// First `count` spheres of a buffer with `STORAGE` usage.
     pub fn new(spheres: impl Into<BufferRange<'a>>, count: impl Into<SphereCount<'a>>) -> Self {
         Self::from_buffers(SphereBuffers::Rows(spheres.into()), count.into())
     }
 
-    /// First `count` spheres of arrays of `x`, `y`, `z` and `r`, in the layout of [`GpuConfig::columns`]. Arrays may
-    /// share a range.
+    /// First `count` spheres of four arrays in the layout of [`GpuConfig::columns`]. Arrays may share a range.
     pub fn from_columns(columns: [BufferRange<'a>; 4], count: impl Into<SphereCount<'a>>) -> Self {
         Self::from_buffers(SphereBuffers::Columns(columns), count.into())
     }
@@ -132,8 +126,6 @@ impl<'a> GpuSpheres<'a> {
         Self { first: Some(first), ..self }
     }
 
-    /// Returns the window of the smaller index and the size of the first of two sets, 0 for one set. An empty first set
-    /// has an empty window.
     pub(crate) fn search(&self) -> (Range<u32>, u32) {
         match self.first {
             Some(0) => (0..0, 0),
@@ -144,8 +136,6 @@ impl<'a> GpuSpheres<'a> {
     /// Window of all pairs.
     pub const ALL: Range<u32> = 0..u32::MAX;
 
-    /// Returns the ranges, each with the bytes that the call binds. Rejects rows if the configuration has columns, and
-    /// columns if it has rows.
     fn sphere_ranges(
         &self,
         spheres: u32,
@@ -166,8 +156,6 @@ impl<'a> GpuSpheres<'a> {
         }
     }
 
-    /// Rejects ranges that are too short or cannot be bound, species without interactions, and interactions without
-    /// species. Returns the largest number of spheres.
     pub(crate) fn check(&self, settings: &GpuConfig, device: &wgpu::Device) -> Result<u32, Error> {
         let alignment = device.limits().min_storage_buffer_offset_alignment;
         let spheres = match self.count {

@@ -27,7 +27,7 @@ use super::plan::{
 };
 use crate::Error;
 
-/// Finds overlapping pairs of spheres in GPU buffers and writes them to the buffers of [`GpuOutput`].
+/// Finds overlapping pairs of spheres in GPU buffers.
 ///
 /// Invalid spheres (non-finite value or negative radius) are counted and never pair.
 #[derive(Debug)]
@@ -47,10 +47,8 @@ pub(crate) struct AlgorithmChoice {
     pub(crate) cell_ratio: f32,
 }
 
-/// The origin of a cell list's cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum LayoutSource {
-    /// Statistics of the spheres.
     Survey,
     /// The last submitted call if it had equal parameters, otherwise statistics.
     EarlierCall,
@@ -114,12 +112,11 @@ impl GpuDetector {
         self.cost(spheres).map(|cost| cost.working_bytes + cost.pair_bytes)
     }
 
-    /// Returns the algorithm for calls of up to `spheres` spheres, and the reason.
+    /// Returns the algorithm for `spheres` spheres, and the reason.
     pub fn choice(&self, spheres: u32) -> (Algorithm, String) {
         self.settings.chosen(self.settings.algorithm, spheres)
     }
 
-    /// Changes the space, which must keep its periodic axes.
     pub(crate) fn set_space(&mut self, space: Space) {
         debug_assert_eq!(
             self.settings.space.lengths().map(|l| l.is_some()),
@@ -138,7 +135,7 @@ impl GpuDetector {
         plan(&request, &DeviceLimits::of(&self.device))
     }
 
-    /// Allocates buffers for calls of up to `spheres` spheres, unless they exist, and releases smaller ones.
+    /// Allocates buffers for calls of up to `spheres` spheres, and releases smaller ones.
     ///
     /// # Errors
     /// [`Error::LimitExceeded`], [`Error::DeviceOutOfMemory`] and [`Error::DeviceLost`].
@@ -149,8 +146,7 @@ impl GpuDetector {
 
     fn prepare(&mut self, spheres: u32, choice: AlgorithmChoice) -> Result<Prepared, Error> {
         let plan = self.plan_for(spheres, choice)?;
-        // Old buffers are released first, so that both need not fit at once. Larger buffers, and those of a grid for
-        // naive calls, are reused.
+        // Releasing old buffers first avoids holding both.
         let kept = self.prepared.take().filter(|prepared| prepared.buffers.have_room_for(&plan.buffers));
         if let Some(mut prepared) = kept {
             if prepared.plan.deferred_parts != plan.deferred_parts {
@@ -182,9 +178,8 @@ impl GpuDetector {
         self.settings.pair_capacity = pairs;
     }
 
-    /// Raises the capacity to at least `entries` (cell, object) entries, after a call with too few
-    /// ([`Outcome::entries_needed`]). Calls of less than half as many spheres keep theirs. Returns `false` if the
-    /// device cannot hold that many.
+    /// Raises the capacity to `entries` (cell, object) entries, such as [`Outcome::entries_needed`]. Calls of less than
+    /// half as many spheres keep theirs. Returns `false` if the device cannot hold them.
     pub fn set_entry_capacity(&mut self, entries: u64) -> bool {
         let spheres = self.plan().map_or(0, |plan| plan.spheres);
         self.raise_entry_capacity(entries, spheres)
@@ -210,18 +205,18 @@ impl GpuDetector {
         self.settings.deferred_parts = before.deferred_parts;
     }
 
-    /// Changes the number of recorded parts of the search of crowded cells; see [`GpuConfig::deferred_parts`].
+    /// Sets [`GpuConfig::deferred_parts`].
     pub fn set_deferred_parts(&mut self, parts: u32) {
         self.settings.deferred_parts = parts;
     }
 
-    /// Returns the number of parts that the search of crowded cells needs, by the outcome of the last recorded call.
+    /// Returns the parts that the search of crowded cells needs, by the last call's outcome.
     pub fn needed_deferred_parts(&self, outcome: &Outcome) -> u32 {
         self.plan().map_or(1, |plan| plan.deferred_parts_for(outcome)).max(1)
     }
 
-    /// Records a further part of the last recorded call, for an outcome with [`Outcome::has_remaining_work`]. The
-    /// output then has the pairs of all parts; the search time is replaced.
+    /// Records a further part of the last call, for an outcome with [`Outcome::has_remaining_work`]. Pairs accumulate
+    /// in the output; the search time is replaced.
     pub fn encode_continuation(&self, encoder: &mut wgpu::CommandEncoder) {
         if let Some(recording) = self.recording() {
             recording.encode_continuation(encoder, self.timer.as_ref().map(Timer::queries));
@@ -231,7 +226,7 @@ impl GpuDetector {
         }
     }
 
-    /// Changes the cell size; see [`GpuConfig::cell_ratio`].
+    /// Sets [`GpuConfig::cell_ratio`].
     ///
     /// # Errors
     /// [`Error::InvalidSetting`] if `ratio` is out of range.
@@ -240,9 +235,8 @@ impl GpuDetector {
         check(&self.settings).inspect_err(|_| self.settings.cell_ratio = before)
     }
 
-    /// Records the detection without submit, poll or readback, in parts by
-    /// [`GpuConfig::max_tests_per_dispatch`]. Allocates only if the call is larger than all before; otherwise it
-    /// returns the previous buffers.
+    /// Records the detection without submit, poll or readback. Allocates only if the call is larger than all before;
+    /// otherwise it returns the previous buffers.
     ///
     /// # Errors
     /// [`Error::BufferSize`], [`Error::BufferUsage`] and [`Error::SpeciesBuffer`] for the input; otherwise as
@@ -257,8 +251,8 @@ impl GpuDetector {
         Ok(output)
     }
 
-    /// Binds a call without recording it. [`encode_part`](Self::encode_part) records its parts, in one encoder or in
-    /// several that are submitted in sequence.
+    /// Binds a call, whose parts [`encode_part`](Self::encode_part) records in one encoder or in several that are
+    /// submitted in sequence.
     ///
     /// # Errors
     /// See [`encode`](Self::encode).
@@ -281,18 +275,16 @@ impl GpuDetector {
         }
     }
 
-    /// Returns the kernels of the bound call in execution order, one per dispatch; empty before the first call.
+    /// Returns the kernels of the bound call in execution order, one per dispatch.
     pub fn kernels(&self) -> Vec<&'static str> {
         self.recording().map_or(vec![], |recording| recording.kernels().collect())
     }
 
-    /// Records the bound call with a timestamp before each of its [`kernels`](Self::kernels) and one after the last,
-    /// to see which of them take the time. A device may overlap the beginning and end of adjacent kernels, so single
-    /// times are less exact than their sum.
+    /// Records the bound call with a timestamp before each of its [`kernels`](Self::kernels) and after the last.
+    /// Adjacent kernels may overlap, so single times are less exact than their sum.
     ///
     /// `queries` must have room for one timestamp more than kernels, and the device
-    /// [`TIMESTAMP_QUERY_INSIDE_PASSES`](wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES), or wgpu reports a validation
-    /// error.
+    /// [`TIMESTAMP_QUERY_INSIDE_PASSES`](wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES).
     pub fn encode_stamped(&self, encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet) {
         if let Some(recording) = self.recording() {
             recording.encode_stamped(encoder, queries);
@@ -312,13 +304,11 @@ impl GpuDetector {
         bound.map(|()| output)
     }
 
-    /// Returns `true` if the bound call uses the cells of an earlier call. Its outcome then may have
-    /// [`Outcome::OVERFLOW_LAYOUT`].
+    /// Returns `true` if the outcome may have [`Outcome::OVERFLOW_LAYOUT`].
     pub(crate) fn reuses_layout(&self) -> bool {
         self.plan().is_some_and(|plan| plan.reuses_layout)
     }
 
-    /// Records that the bound call was submitted, so that later calls may use its cells.
     pub(crate) fn note_submitted(&mut self) {
         if let Some(prepared) = &mut self.prepared {
             prepared.note_submitted();
@@ -341,8 +331,8 @@ impl GpuDetector {
         self.prepared.as_ref().map(Prepared::output)
     }
 
-    /// Returns the buffer of begin and end ticks per phase (`u64`, ordered as [`GpuPhase::ALL`](super::GpuPhase::ALL));
-    /// `None` without timestamps.
+    /// Returns the begin and end ticks per phase (`u64`, ordered as [`GpuPhase::ALL`](super::GpuPhase::ALL)); `None`
+    /// without timestamps.
     pub fn ticks(&self) -> Option<&wgpu::Buffer> {
         self.timer.as_ref().map(Timer::ticks)
     }

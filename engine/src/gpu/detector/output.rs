@@ -12,16 +12,15 @@ pub struct GpuOutput {
     pub pairs: wgpu::Buffer,
     /// Capacity of the buffer in pairs.
     pub capacity: u32,
-    /// The [`Outcome`]: number of pairs and overflow flags; `STORAGE`, `INDIRECT` and `COPY_SRC` usage.
-    /// [`Outcome::DISPATCH_OFFSET`] has the dispatch arguments of a consumer with a thread per pair.
+    /// The [`Outcome`], with dispatch arguments of a consumer with a thread per pair at [`Outcome::DISPATCH_OFFSET`];
+    /// `STORAGE`, `INDIRECT` and `COPY_SRC` usage.
     pub outcome: wgpu::Buffer,
     /// Spheres in cell order, if the cell list ran.
     pub sorted: Option<CellOrder>,
 }
 
-/// The spheres in the cell order of a cell list. Adopting this order now and then accelerates later calls and, with
-/// [`GpuConfig::pairs_in_cell_order`], the caller's work on pairs. The buffers have `STORAGE` and `COPY_SRC` usage and
-/// an element per sphere, until the next call.
+/// The spheres in cell order, one element per sphere, until the next call; `STORAGE` and `COPY_SRC` usage. Adopting
+/// this order now and then accelerates later calls and, with [`GpuConfig::pairs_in_cell_order`], work on pairs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CellOrder {

@@ -12,15 +12,13 @@ use crate::gpu::device::{Pipelines, constant_buffer};
 use crate::gpu::encode::{BoundBuffer, Buffers, Recording, SmallCache};
 use crate::gpu::plan::{BufferId, CallConstants, DeviceLimits, Dispatch, Plan, Resource};
 
-/// The plan of a call, its buffers and its recent recordings.
 #[derive(Debug)]
 pub(super) struct Prepared {
     pub(super) plan: Plan,
     pub(super) buffers: Buffers,
     pub(super) recordings: SmallCache<Key, Recording>,
-    /// Parameters of the submitted call that chose the cells in the buffers; `None` if cells are not known.
+    /// Parameters of the submitted call that chose the cells.
     layout: Option<SearchParams>,
-    /// Parameters of the bound call.
     bound: SearchParams,
 }
 
@@ -37,8 +35,7 @@ impl Prepared {
         Self { plan, buffers, recordings: SmallCache::NONE, layout: None, bound }
     }
 
-    /// Removes the dispatches that choose cells if the cells in the buffers were chosen for equal parameters. The
-    /// device then checks that they suit the spheres.
+    /// Reuses the cells in the buffers if they were chosen for equal parameters. The device then checks them.
     pub(super) fn set_call(&mut self, call: SearchParams, source: LayoutSource) {
         let may_reuse = source == LayoutSource::EarlierCall && call.spheres > 0;
         if may_reuse && self.layout == Some(layout_params(&call)) {
@@ -49,7 +46,6 @@ impl Prepared {
         self.bound = call;
     }
 
-    /// Records that the bound call was submitted, so that its cells can be reused.
     pub(super) fn note_submitted(&mut self) {
         let chose = self.plan.algorithm == Algorithm::CellList;
         self.layout = chose.then(|| layout_params(&self.bound));
@@ -104,12 +100,10 @@ impl Prepared {
     }
 }
 
-/// Returns `call` without the parameters that do not affect the cells.
 fn layout_params(call: &SearchParams) -> SearchParams {
     SearchParams { window_begin: 0, window_end: 0, pair_capacity: 0, ..*call }
 }
 
-/// Returns a uniform buffer of `call` for each first workgroup of `dispatches`, and for 0.
 pub(super) fn params_buffers<'a>(
     device: &wgpu::Device,
     dispatches: impl IntoIterator<Item = &'a Dispatch>,

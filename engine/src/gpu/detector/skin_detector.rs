@@ -1,8 +1,7 @@
 //! A candidate list that stays on the device between calls.
 //!
 //! A rebuild searches the stored spheres with radii larger by half the skin. Each call records that search with
-//! indirect workgroup counts, measures displacements and tests the candidates. If the list is still valid, the device
-//! sets the workgroup counts to zero.
+//! indirect workgroup counts, which the device sets to zero if the list is still valid.
 
 use lazygrid_host::SKIN_RANGE;
 use lazygrid_kernels::kernel::{self as k, Variant};
@@ -30,10 +29,11 @@ const ROUNDING: f32 = 1.0 + 1.0 / (1 << 19) as f32;
 /// Candidate capacity per pair of the output.
 const PER_PAIR: u32 = 4;
 
-/// Finds overlapping pairs of slowly moving spheres in GPU buffers.
+/// Finds overlapping pairs of slowly moving spheres in GPU buffers, with a candidate list of pairs with gaps up to the
+/// skin.
 ///
-/// Works like [`GpuDetector`], with a candidate list of pairs with gaps up to the skin. The device rebuilds the list if
-/// a sphere has moved half the skin, or the number of spheres, a radius or a species has changed.
+/// The device rebuilds the list if a sphere has moved half the skin, or the number of spheres, a radius or a species
+/// has changed.
 #[derive(Debug)]
 pub struct GpuSkinDetector {
     device: wgpu::Device,
@@ -47,7 +47,7 @@ pub struct GpuSkinDetector {
 
 #[derive(Debug)]
 struct Resident {
-    /// Numbers of spheres, of pairs and of parts of the candidate test.
+    /// Spheres, pairs and parts.
     capacities: [u32; 3],
     buffers: Buffers,
     candidates: Option<Candidates>,
@@ -68,8 +68,8 @@ struct Parts {
 }
 
 impl GpuSkinDetector {
-    /// Creates a detector with a skin in the unit of the coordinates. A wider skin lasts longer and has more
-    /// candidates; choose a few times the fastest displacement per call. [`GpuConfig::pairs_in_cell_order`] and
+    /// Creates a detector with a skin in the unit of the coordinates, such as a few times the fastest displacement per
+    /// call. A wider skin lasts longer and has more candidates. [`GpuConfig::pairs_in_cell_order`] and
     /// [`GpuConfig::timestamps`] have no effect.
     ///
     /// # Errors
@@ -96,7 +96,6 @@ impl GpuSkinDetector {
         self.skin
     }
 
-    /// Changes the skin. The next call rebuilds the list, without interactions in the existing buffers.
     pub(crate) fn set_skin(&mut self, skin: f32) -> Result<(), Error> {
         check_skin(skin)?;
         if self.tables.is_some() {
@@ -111,19 +110,18 @@ impl GpuSkinDetector {
         Ok(())
     }
 
-    /// Changes the candidate capacity, by default four per pair of the output. After [`Outcome::OVERFLOW_CANDIDATES`],
-    /// [`Outcome::candidates_needed`] is the required number.
+    /// Sets the candidate capacity, such as [`Outcome::candidates_needed`] after [`Outcome::OVERFLOW_CANDIDATES`].
+    /// Default: four per pair of the output.
     pub fn set_candidate_capacity(&mut self, candidates: u32) {
         self.search.set_pair_capacity(candidates);
     }
 
-    /// Changes the number of recorded parts of the search of crowded cells; see [`GpuConfig::deferred_parts`].
+    /// Sets [`GpuConfig::deferred_parts`].
     pub fn set_deferred_parts(&mut self, parts: u32) {
         self.search.set_deferred_parts(parts);
     }
 
-    /// Returns the number of parts that the search of crowded cells needs, by an outcome of the last recorded call with
-    /// [`Outcome::OVERFLOW_WORK`].
+    /// Works like [`GpuDetector::needed_deferred_parts`].
     pub fn needed_deferred_parts(&self, outcome: &Outcome) -> u32 {
         self.search.needed_deferred_parts(outcome)
     }
@@ -137,13 +135,12 @@ impl GpuSkinDetector {
         self.settings.pair_capacity = pairs;
     }
 
-    /// Raises the entry capacity as [`GpuDetector::set_entry_capacity`] does.
+    /// Works like [`GpuDetector::set_entry_capacity`].
     pub fn set_entry_capacity(&mut self, entries: u64) -> bool {
         self.search.set_entry_capacity(entries)
     }
 
-    /// Returns the bytes of device memory for calls of up to `spheres` spheres, with candidates and output, without
-    /// input.
+    /// Works like [`GpuDetector::memory_for`], with candidates.
     ///
     /// # Errors
     /// See [`GpuDetector::memory_for`].
@@ -153,7 +150,7 @@ impl GpuSkinDetector {
         Ok(self.search.memory_for(spheres)? + buffers.iter().map(|(_, bytes)| bytes).sum::<u64>())
     }
 
-    /// Returns the used fraction of half the skin, from the bits of a squared displacement.
+    /// Returns the used fraction of half the skin; `moved` has the bits of a squared displacement.
     pub(crate) fn part(&self, moved: u32) -> f32 {
         f32::from_bits(moved).sqrt() / (self.skin / 2.0)
     }
@@ -168,8 +165,7 @@ impl GpuSkinDetector {
         Some(candidates.state.get(BufferId::SkinState))
     }
 
-    /// Records the detection, as [`GpuDetector::encode`]. With [`Outcome::OVERFLOW_CANDIDATES`], pairs are missing
-    /// because candidates did not fit.
+    /// Works like [`GpuDetector::encode`]. With [`Outcome::OVERFLOW_CANDIDATES`], pairs are missing.
     ///
     /// # Errors
     /// See [`GpuDetector::encode`].
@@ -183,7 +179,7 @@ impl GpuSkinDetector {
         Ok(output)
     }
 
-    /// Binds a call without recording it, as [`GpuDetector::bind`].
+    /// Works like [`GpuDetector::bind`].
     ///
     /// # Errors
     /// See [`GpuDetector::encode`].
@@ -191,13 +187,12 @@ impl GpuSkinDetector {
         self.bind_as(self.search.algorithm_choice(), input)
     }
 
-    /// Returns the number of parts of the bound call: those of a search for candidates, which do nothing in a call that
-    /// reuses the list. 0 before the first call.
+    /// Returns the number of parts of the bound call.
     pub fn parts(&self) -> u32 {
         self.search.parts()
     }
 
-    /// Records part `part` of the bound call, below [`parts`](Self::parts). Parts must run in ascending order.
+    /// Works like [`GpuDetector::encode_part`].
     pub fn encode_part(&self, encoder: &mut wgpu::CommandEncoder, part: u32) {
         let candidates = self.resident.as_ref().and_then(|resident| resident.candidates.as_ref());
         let parts = candidates.and_then(|candidates| candidates.parts.current());
@@ -226,7 +221,7 @@ impl GpuSkinDetector {
             None => self.allocate([spheres, pairs, parts])?,
         };
         let Resident { buffers, candidates, .. } = &mut resident;
-        // Candidates are found without window and split, so that they serve any.
+        // The search has no window and split, so its candidates serve any.
         let mut kept = GpuSpheres::new(buffers.get(BufferId::ReferenceSpheres), input.count);
         kept.species = buffers.find(BufferId::ReferenceSpecies).map(Into::into);
         let found = self.search.bind_as(choice, &kept, LayoutSource::Survey)?;
@@ -300,7 +295,7 @@ impl GpuSkinDetector {
                     ("state", ..) => state.get(BufferId::SkinState).into(),
                     ("full_counts", ..) => (&full).into(),
                     ("dispatch_counts", ..) => counts.get(BufferId::DispatchCounts).into(),
-                    // The search's indirect arguments, or else a buffer that nothing reads.
+                    // Without indirect arguments, binds a buffer that nothing reads.
                     ("dispatch", ..) if dispatch.kernel == &k::SKIN_CHECK => search
                         .and_then(Recording::indirect_args)
                         .map_or_else(|| own(BufferId::DispatchArgs), BoundBuffer::from),
@@ -346,7 +341,6 @@ fn search(
     GpuDetector::with_pipelines(device, pipelines, wide)
 }
 
-/// Returns `table` with distances larger by the skin.
 fn widened(table: &Interactions, skin: f32) -> Result<Interactions, Error> {
     let mut wide = Interactions::new(table.species(), Interaction::Never)?;
     for (a, b) in (0..table.species()).flat_map(|a| (a..table.species()).map(move |b| (a, b))) {

@@ -3,7 +3,6 @@ use crate::gpu::config::GpuConfig;
 use crate::gpu::device::constant_buffer;
 use crate::gpu::plan::TableBytes;
 
-/// The interactions of a detector as constant buffers.
 #[derive(Debug)]
 pub(crate) struct Tables {
     pub(crate) bytes: TableBytes,
@@ -13,7 +12,6 @@ pub(crate) struct Tables {
 }
 
 impl Tables {
-    /// Returns the tables of a configuration, `None` without interactions.
     pub(crate) fn new(device: &wgpu::Device, config: &GpuConfig) -> Result<Option<Self>, Error> {
         let Some(interactions) = &config.interactions else { return Ok(None) };
         let most_bytes = device.limits().max_storage_buffer_binding_size;

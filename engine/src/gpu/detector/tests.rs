@@ -79,7 +79,7 @@ fn the_kernel_wraps_as_the_host_does() {
             let expected = space.wrap(given.center);
             for axis in [0, 2] {
                 let (x, y) = (expected[axis], found.center[axis]);
-                // Zeroes compare equal; non-finite values stay non-finite, so that kernels reject them.
+                // Zeroes compare equal. Non-finite values stay non-finite, so that kernels reject them.
                 let same = if x.is_nan() { !y.is_finite() } else { x == y };
                 assert!(same, "{:e} in {length:e}: {y:e} instead of {x:e}", given.center[axis]);
             }
@@ -118,7 +118,6 @@ fn a_further_part_is_timed_as_a_search() {
     }
 }
 
-/// Returns the entries: `true` for the first level, and the sphere.
 fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)> {
     let settings = GpuConfig::default().algorithm(Algorithm::LazyGrid).tau(tau);
     let mut detector = detector(gpu, settings);
@@ -139,7 +138,6 @@ fn entries_of(gpu: &GpuDevice, tau: u32, spheres: &[Sphere]) -> Vec<(bool, u32)>
     entries.map(|(key, object)| (key >> grid.passive < first_keys, object & 0x1fff_ffff)).collect()
 }
 
-/// A crowd near a few spheres, some on the border between cells: as τ grows, fewer of the crowd's cells are split.
 #[test]
 fn split_and_unsplit_cells_share_spheres() {
     let Some(gpu) = device_or_skip() else { return };

@@ -2,7 +2,7 @@ use std::fmt;
 
 use crate::Error;
 
-/// A GPU, or a software rasterizer, that can run the kernels.
+/// A GPU or a software rasterizer.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct AdapterSummary {
@@ -12,15 +12,15 @@ pub struct AdapterSummary {
     pub driver: String,
     /// API, such as `vulkan`.
     pub api: String,
-    /// `false` for a software rasterizer, which `Backend::Auto` never chooses.
+    /// `false` for a software rasterizer.
     pub is_hardware: bool,
     /// `true` for a GPU that shares the CPU's memory.
     pub is_integrated: bool,
     /// Smallest and largest subgroup size.
     pub subgroup_sizes: [u32; 2],
-    /// `true` if it supports subgroup operations.
+    /// Support of subgroup operations.
     pub has_subgroups: bool,
-    /// `true` if it supports timestamp queries.
+    /// Support of timestamp queries.
     pub has_timestamps: bool,
     /// Bytes of the largest storage binding.
     pub storage_binding: u64,
@@ -37,7 +37,7 @@ pub fn adapters() -> Vec<AdapterSummary> {
     enumerate().iter().map(summary).collect()
 }
 
-/// The name or index of an adapter. Text that is a number is an index; other text is a name.
+/// The index or name of an adapter. Text that is a number is an index.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum AdapterId {
@@ -109,10 +109,10 @@ pub fn optional_features() -> wgpu::Features {
     wgpu::Features::SUBGROUP | wgpu::Features::TIMESTAMP_QUERY | wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES
 }
 
-/// Returns the default flags without two features.
+/// Omits two default flags.
 ///
-/// - Debugging information of shaders, the default with debug assertions: naga counts the lines before each
-///   instruction, which takes most of the time of compiling a kernel.
+/// - Debugging information of shaders: naga counts the lines before each instruction, which takes most of the time of
+///   compiling a kernel.
 /// - Validation of indirect dispatches, which costs a dispatch each: kernels write at most 65,535 workgroups. Windows
 ///   keeps it, because DirectX 12 has `num_workgroups` of validated dispatches only.
 fn instance_flags() -> wgpu::InstanceFlags {

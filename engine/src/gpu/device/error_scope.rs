@@ -1,4 +1,4 @@
-//! Error scopes around this library's work, so that a host application's handlers do not receive its errors.
+//! Error scopes, which hide this library's errors from a host application's handlers.
 
 use crate::Error;
 
@@ -14,7 +14,7 @@ pub(crate) fn with_error_scope<T>(
     Ok(result)
 }
 
-// Functions of their own, since `with_error_scope` is compiled for each `work`.
+// Separate from `with_error_scope`, which is compiled for each `work`.
 fn push(device: &wgpu::Device) -> [wgpu::ErrorScopeGuard; 3] {
     use wgpu::ErrorFilter::{Internal, OutOfMemory, Validation};
     [OutOfMemory, Validation, Internal].map(|filter| device.push_error_scope(filter))

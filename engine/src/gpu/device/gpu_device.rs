@@ -57,7 +57,7 @@ impl GpuDevice {
         }
     }
 
-    /// Opens this adapter, hardware or software.
+    /// Opens this adapter, also a software rasterizer.
     ///
     /// # Errors
     /// [`Error::UnknownAdapter`] if no adapter or several match; [`Error::NoAdapter`] if none exists;
@@ -94,8 +94,8 @@ impl GpuDevice {
 }
 
 impl GpuDevice {
-    /// Wraps a host application's device and leaves its handlers alone. The first device of an adapter runs a short
-    /// subgroup probe, without which detectors use no subgroup operations.
+    /// Wraps a host application's device and leaves its handlers alone. An adapter's first device runs a short probe,
+    /// without which detectors use no subgroup operations.
     pub fn from_wgpu(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         subgroup_probe::run_once(device, queue);
         Self {
@@ -107,8 +107,7 @@ impl GpuDevice {
         }
     }
 
-    /// Returns the device that the process shares, opened by [`open`](Self::open) and kept until it is lost. A missing
-    /// adapter is looked up once.
+    /// Returns the process's shared device, kept until it is lost. A missing adapter is looked up once.
     ///
     /// # Errors
     /// See [`open`](Self::open).
@@ -116,7 +115,7 @@ impl GpuDevice {
         Self::share(SharedRequest::Best(software), || Self::open(software))
     }
 
-    /// Returns the device that the process shares for this adapter, opened by [`open_adapter`](Self::open_adapter).
+    /// Returns the process's shared device for this adapter.
     ///
     /// # Errors
     /// See [`open_adapter`](Self::open_adapter).
@@ -139,8 +138,7 @@ impl GpuDevice {
         opened
     }
 
-    /// Polls the device as [`wgpu::Device::poll`] does, but returns an error if the driver reports a loss meanwhile,
-    /// for which wgpu panics.
+    /// Polls the device. If the driver reports a loss meanwhile, returns an error where wgpu panics.
     ///
     /// # Errors
     /// [`Error::Timeout`] and [`Error::DeviceLost`]; [`Error::DeviceRejected`] for another device's submission.
@@ -148,8 +146,6 @@ impl GpuDevice {
         mapping::poll(&self.device, until)
     }
 
-    /// # Errors
-    /// [`Error::DeviceLost`] after the driver reported it.
     pub(crate) fn check_lost(&self) -> Result<(), Error> {
         match self.lost.get() {
             Some(reason) => Err(Error::DeviceLost { reason: reason.clone() }),
@@ -157,13 +153,13 @@ impl GpuDevice {
         }
     }
 
-    /// Returns the cause of an error: a lost device first refuses calls with other errors.
+    /// Returns the cause of `error`: a lost device first refuses calls with other errors.
     pub(crate) fn reason(&self, error: Error) -> Error {
         self.probe().err().unwrap_or(error)
     }
 
-    /// Checks that the device works, by a small buffer. The driver reports a loss late, and for a host application's
-    /// device only to the application.
+    /// Creates a small buffer, because the driver reports a loss late, and for a host application's device only to the
+    /// application.
     pub(crate) fn probe(&self) -> Result<(), Error> {
         self.check_lost()?;
         // A poll delivers the report of a loss.
@@ -185,8 +181,8 @@ pub(crate) fn device_or_skip() -> Option<GpuDevice> {
 }
 
 impl GpuDevice {
-    /// Runs `work` in an error scope and returns the device's error, which would otherwise panic in a handler. Messages
-    /// name `what` and `bytes`.
+    /// Runs `work` in an error scope, and returns the device's error instead of panicking. Messages name `what` and
+    /// `bytes`.
     ///
     /// # Errors
     /// [`Error::DeviceOutOfMemory`], [`Error::DeviceLost`] and [`Error::DeviceRejected`].
@@ -201,7 +197,7 @@ impl GpuDevice {
 }
 
 impl GpuDevice {
-    /// Returns a compiled kernel of this library, and its bind group layout.
+    /// Returns a compiled kernel and its bind group layout.
     ///
     /// # Errors
     /// See [`with_error_scope`](Self::with_error_scope).
@@ -213,13 +209,12 @@ impl GpuDevice {
         self.pipelines.get(kernel, variant).map(|Pipeline { pipeline, layout }| (pipeline, layout))
     }
 
-    /// Returns the reason why kernels do not use subgroup operations; `None` if they do, or the device has none.
+    /// Returns the reason why kernels do not use subgroup operations, if the device has them.
     pub fn subgroup_refusal(&self) -> Option<&str> {
         self.pipelines.subgroup_refusal()
     }
 
-    /// Lets `rewrite` change the WGSL of kernels before compilation, for tests. It must keep all loops, and the results
-    /// up to rounding.
+    /// Rewrites WGSL for tests. `rewrite` must keep all loops, and the results up to rounding.
     #[doc(hidden)]
     #[must_use]
     pub fn with_rewritten_kernels(self, rewrite: fn(&str) -> String) -> Self {
@@ -227,10 +222,8 @@ impl GpuDevice {
     }
 
     /// Compiles WGSL without wgpu's loop counters. Returns the compute pipeline of entry point `name` and its bind
-    /// group layout: group 0, bindings numbered from 0.
-    ///
-    /// The device and its clones keep each text and its pipeline, so pass numbers that change in buffers. One thread
-    /// compiles at a time.
+    /// group layout: group 0, bindings numbered from 0. The device keeps each text, so pass numbers that change in
+    /// buffers.
     ///
     /// # Errors
     /// See [`with_error_scope`](Self::with_error_scope).

@@ -25,7 +25,6 @@ struct State {
 }
 
 impl Mapping {
-    /// Requests the mapping of `buffer`, which completes after all submitted work.
     pub(crate) fn request(buffer: &wgpu::Buffer) -> Self {
         let mapping = Self::default();
         let answer = mapping.clone();
@@ -70,7 +69,6 @@ impl Mapping {
     }
 }
 
-/// Polls a device. A loss that the driver reports meanwhile makes wgpu panic; here it is an error.
 pub(crate) fn poll(device: &wgpu::Device, until: wgpu::PollType) -> Result<(), Error> {
     let seconds = match &until {
         wgpu::PollType::Wait { timeout: Some(timeout), .. } => timeout.as_secs(),
@@ -87,8 +85,7 @@ pub(crate) fn poll(device: &wgpu::Device, until: wgpu::PollType) -> Result<(), E
     }
 }
 
-/// Returns the message if wgpu panicked. Callbacks of a host application, which run while wgpu polls, may panic as
-/// well.
+/// Returns wgpu's message; `None` for panics of a host application's callbacks, which may run while wgpu polls.
 fn loss(panic: &(dyn Any + Send)) -> Option<String> {
     let message = panic.downcast_ref::<String>()?;
     message.starts_with("Error in Device::").then(|| message.clone())

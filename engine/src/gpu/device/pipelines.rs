@@ -8,7 +8,6 @@ use super::error_scope::with_error_scope;
 use super::subgroup_probe;
 use crate::Error;
 
-/// The compiled kernels of a device, shared by clones.
 #[derive(Clone, Debug)]
 pub(crate) struct Pipelines {
     device: wgpu::Device,
@@ -16,7 +15,6 @@ pub(crate) struct Pipelines {
     subgroup_refusal: Option<Arc<str>>,
     rewrite: Option<KernelRewrite>,
     compiled: Arc<Mutex<Compiled>>,
-    /// WGSL texts of callers.
     by_text: Arc<Mutex<CompiledTexts>>,
 }
 
@@ -32,7 +30,7 @@ pub(crate) struct Pipeline {
 }
 
 impl Pipelines {
-    /// Uses subgroup operations if the device has the feature and its adapter passed the probe.
+    /// Subgroup operations need the feature and a passed probe.
     pub(crate) fn new(device: &wgpu::Device) -> Self {
         Self::with_refusal(device, subgroup_probe::refusal(device))
     }
@@ -53,7 +51,6 @@ impl Pipelines {
         }
     }
 
-    /// Compiles a kernel without storing it.
     pub(super) fn compiled(
         device: &wgpu::Device,
         kernel: &'static Kernel,
@@ -66,7 +63,6 @@ impl Pipelines {
         self.subgroup_refusal.as_deref()
     }
 
-    /// Returns the variant for the device. Calls set the fields that depend on them.
     pub(crate) fn variant(&self) -> Variant {
         self.variant
     }
@@ -92,8 +88,6 @@ impl Pipelines {
         }
     }
 
-    /// Compiles each text once.
-    ///
     /// # Safety
     /// Each loop of `wgsl` must end.
     pub(super) unsafe fn by_text(

@@ -1,7 +1,5 @@
-//! The subgroup probe, run once per adapter and process.
-//!
-//! Kernels with subgroup operations need full subgroups whose lanes follow local indices. wgpu requests neither, and no
-//! API reports them.
+//! The subgroup probe, run once per adapter and process. Kernels with subgroup operations need full subgroups whose
+//! lanes follow local indices. wgpu requests neither, and no API reports them.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
@@ -27,7 +25,6 @@ fn key(device: &wgpu::Device) -> AdapterKey {
     (info.name, info.driver, info.driver_info, info.vendor, info.device, info.backend)
 }
 
-/// Returns the reason why this adapter must not use subgroup operations, such as a missing probe.
 pub(super) fn refusal(device: &wgpu::Device) -> Option<String> {
     let results = RESULTS.lock().unwrap_or_else(PoisonError::into_inner);
     match results.as_ref().and_then(|results| results.get(&key(device))) {

@@ -4,7 +4,6 @@ use std::num::NonZero;
 pub(crate) struct BoundBuffer {
     pub(crate) buffer: wgpu::Buffer,
     offset: u64,
-    /// `None` for all bytes after the offset.
     size: Option<NonZero<u64>>,
 }
 

@@ -1,5 +1,3 @@
-//! Building blocks that are bound once and recorded without allocation.
-
 use lazygrid_kernels::kernel::SCAN_TILE;
 use lazygrid_kernels::layout::{RadixPass, SortCounts};
 
@@ -8,8 +6,8 @@ use crate::Error;
 use crate::gpu::device::{Pipelines, constant_buffer};
 use crate::gpu::plan::{BufferId, digits, scan_dispatches, sort_buffers, sort_dispatches};
 
-/// A stable radix sort of `u32` keys with a `u32` payload, least significant digit first, up to eight bits per pass. No
-/// workgroup waits for another, so it runs on every device.
+/// A stable radix sort of `u32` keys with a `u32` payload, up to eight bits per pass. No workgroup waits for another,
+/// so it runs on every device.
 #[derive(Debug)]
 pub struct RadixSort {
     device: wgpu::Device,
@@ -33,12 +31,12 @@ pub struct BoundSort {
 }
 
 impl RadixSort {
-    /// Creates the sort. `subgroups` permits subgroup operations if the device has them.
+    /// Creates the sort. `subgroups` permits subgroup operations.
     pub fn new(device: &wgpu::Device, subgroups: bool) -> Self {
         Self { device: device.clone(), pipelines: pipelines(device, subgroups) }
     }
 
-    /// Binds a sort of the first `count` keys by their lowest `bits` bits, at least one. The sort overwrites the input.
+    /// Binds a sort of the first `count` keys by their lowest `bits` bits, at least one. It overwrites the input.
     ///
     /// # Errors
     /// [`Error::BufferSize`] if `input` has less than `count` words; fails if the device refuses a buffer or a binding.
@@ -112,7 +110,7 @@ pub struct BoundScan {
 }
 
 impl PrefixScan {
-    /// Creates the scan. `subgroups` permits subgroup operations if the device has them.
+    /// Creates the scan. `subgroups` permits subgroup operations.
     pub fn new(device: &wgpu::Device, subgroups: bool) -> Self {
         Self { device: device.clone(), pipelines: pipelines(device, subgroups) }
     }

@@ -43,11 +43,9 @@ impl Buffers {
 #[derive(Debug)]
 pub(crate) struct Recording {
     dispatches: Vec<BoundDispatch>,
-    /// Index of the first dispatch of a continuation.
     continuation_start: usize,
     part_starts: Vec<usize>,
     stamps_inside_passes: bool,
-    /// Bytes of a buffer to clear before the first dispatch.
     cleared: Option<(wgpu::Buffer, u64)>,
 }
 
@@ -67,7 +65,6 @@ enum WorkgroupCount {
 }
 
 impl Recording {
-    /// Binds the dispatches to the buffers that `resolve` returns for the names of their bindings.
     pub(crate) fn new<B: Into<BoundBuffer> + PartialEq>(
         device: &wgpu::Device,
         pipelines: &Pipelines,
@@ -145,8 +142,7 @@ impl Recording {
         })
     }
 
-    /// Records a part. Workgroup counts come from `counts`, which has [`workgroup_counts`](Self::workgroup_counts) or
-    /// zeros.
+    /// Records a part whose workgroup counts are in `counts`: [`workgroup_counts`](Self::workgroup_counts) or zeros.
     pub(crate) fn encode_indirect_part(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -170,7 +166,6 @@ impl Recording {
         self.dispatches.iter().map(|dispatch| dispatch.kernel)
     }
 
-    /// Records all parts in one pass, with a timestamp before each dispatch and after the last.
     pub(crate) fn encode_stamped(&self, encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet) {
         if let Some((buffer, bytes)) = &self.cleared {
             encoder.clear_buffer(buffer, 0, Some(*bytes));
@@ -185,7 +180,6 @@ impl Recording {
         pass.write_timestamp(queries, self.dispatches.len() as u32);
     }
 
-    /// Records a continuation, whose timestamps replace the timestamps of the search.
     pub(crate) fn encode_continuation(
         &self,
         encoder: &mut wgpu::CommandEncoder,
@@ -211,8 +205,6 @@ impl Recording {
         start_of(part)..start_of(part + 1)
     }
 
-    /// With queries, records timestamps per phase; on a device without timestamps inside passes, each phase then has
-    /// its own pass.
     pub(crate) fn encode_part(
         &self,
         encoder: &mut wgpu::CommandEncoder,

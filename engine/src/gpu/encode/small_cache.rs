@@ -2,7 +2,6 @@ use std::collections::VecDeque;
 
 use crate::Error;
 
-/// A cache of the values that were inserted last.
 #[derive(Debug)]
 pub(crate) struct SmallCache<K, V> {
     entries: VecDeque<(K, V)>,

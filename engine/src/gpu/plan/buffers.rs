@@ -10,7 +10,6 @@ pub(crate) enum BufferId {
     Grid,
     Outcome,
     Pairs,
-    /// Spheres copied from columns.
     Rows,
     Wrapped,
     Cells,
@@ -33,7 +32,6 @@ pub(crate) enum BufferId {
     ReferenceSpheres,
     ReferenceSpecies,
     SkinState,
-    /// Workgroup counts of the candidate search, or zeros.
     DispatchCounts,
 }
 
@@ -48,7 +46,6 @@ impl BufferId {
         }
     }
 
-    /// Returns the name in plans, such as `sorted_species`, or `keys_0` for the first of two buffers.
     pub(crate) fn name(self) -> String {
         let mut name = String::new();
         for letter in format!("{self:?}").replace("(false)", "_0").replace("(true)", "_1").chars() {

@@ -1,5 +1,3 @@
-//! A call as data for any host: buffers, kernels and dispatches.
-
 use std::sync::Arc;
 
 use lazygrid_kernels::Algorithm;
@@ -13,7 +11,7 @@ use super::limits::DeviceLimits;
 use super::tables::TableBytes;
 use super::{BufferId, CallCost, Dispatch, GpuPhase, Plan, Resource, cell_list, flattened};
 
-/// A call, planned without a device. [`GpuDetector`](crate::gpu::GpuDetector) executes the same plans.
+/// A call, planned without a device.
 ///
 /// The feature `serde` serializes plans. `docs/page.md` describes the format, and how to run a call.
 #[derive(Clone, Debug, PartialEq)]
@@ -25,7 +23,7 @@ pub struct CallPlan {
     pub spheres: u32,
     /// Capacity of the pair buffer.
     pub pair_capacity: u32,
-    /// Buffers. Dispatches refer to them by position.
+    /// Buffers, to which dispatches refer by position.
     pub buffers: Vec<PlanBuffer>,
     /// Kernels and dispatches.
     pub sequence: DispatchSequence,
@@ -73,7 +71,7 @@ pub enum BufferSource {
     Input,
     /// These bytes, written before the call and never changed.
     Constant(Arc<[u8]>),
-    /// Written by kernels, in a buffer that was filled with zeros before its first call.
+    /// Written by kernels; filled with zeros before the first call.
     Working,
 }
 
@@ -87,8 +85,7 @@ pub struct DispatchSequence {
     pub dispatches: Vec<PlanDispatch>,
     /// First dispatch of a continuation; the number of dispatches if calls have one part.
     pub continuation: usize,
-    /// First dispatch of each part after the first. A part has about 200 ms of work at the planned rate; parts may be
-    /// submitted separately.
+    /// First dispatch of each part after the first. Parts have about 200 ms of work and may be submitted separately.
     pub part_starts: Vec<usize>,
 }
 
@@ -157,7 +154,6 @@ pub enum Workgroups {
 }
 
 impl DispatchSequence {
-    /// Returns the sequence and its distinct resources in order of first use.
     pub(crate) fn resolved<R: PartialEq>(
         dispatches: impl IntoIterator<Item = Dispatch>,
         variant: Variant,

@@ -57,8 +57,8 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
 }
 
 impl Plan {
-    /// Changes the plan to reuse the cells of an earlier call: the device checks them instead of choosing cells. The
-    /// caller clears [`Self::cleared_bytes`] of the counters.
+    /// Lets the device check an earlier call's cells instead of choosing cells. The caller clears
+    /// [`Self::cleared_bytes`] of the counters.
     pub(crate) fn reuse_layout(&mut self) {
         let choosing =
             [&k::CELL_LIST_SETUP_SMALL, &k::STATS_REDUCE, &k::CELL_LIST_CONFIGURE, &k::OCCUPANCY_COUNT];
@@ -139,7 +139,6 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
     let groups = per_sphere * plan.chunks_per_block.max(1);
     let search = dispatch(&k::CELL_LIST_SEARCH, groups, GpuPhase::Search);
     dispatches.extend(plan.budget.divide(search, tests_per_group));
-    // A search of few spheres has a workgroup for each chunk and defers none.
     if plan.chunks_per_block == 0 {
         let args = &k::CELL_LIST_SEARCH_OVERFLOW_DISPATCH_ARGS;
         dispatches.extend(deferred(plan, args, &k::CELL_LIST_SEARCH_OVERFLOW));

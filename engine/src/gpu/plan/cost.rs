@@ -3,7 +3,7 @@ use lazygrid_kernels::kernel::{self as k, Kernel};
 
 use super::{BufferId, Dispatch, Plan};
 
-/// The planned cost of a call, from its size, the settings and the limits of the device.
+/// The planned cost of a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct CallCost {
@@ -13,14 +13,14 @@ pub struct CallCost {
     pub spheres: u32,
     /// Number of dispatches and clears of buffers.
     pub dispatches: u32,
-    /// Parts of the call by [`GpuConfig::max_tests_per_dispatch`](crate::gpu::GpuConfig::max_tests_per_dispatch).
+    /// Parts by [`GpuConfig::max_tests_per_dispatch`](crate::gpu::GpuConfig::max_tests_per_dispatch).
     pub parts: u32,
-    /// Bytes of working memory on the device, without spheres and pairs.
+    /// Bytes of working memory, without spheres and pairs.
     pub working_bytes: u64,
-    /// Bytes of device memory for pairs.
+    /// Bytes of pairs.
     pub pair_bytes: u64,
-    /// Bytes that all dispatches read and write: sequential reads once, random reads by 32-byte sectors; without pairs
-    /// and overfull cells. `None` if it depends on the cells per sphere or on caches.
+    /// Bytes that all dispatches read and write, without pairs and overfull cells: sequential reads once, random reads
+    /// by 32-byte sectors. `None` if it depends on the cells per sphere or on caches.
     pub traffic_bytes: Option<u64>,
 }
 
@@ -86,7 +86,7 @@ impl Plan {
         } else {
             (0, 0)
         };
-        // A divided search reads each sphere in one of its parts.
+        // A divided search reads each sphere in one part.
         let parts = match is(&k::CELL_LIST_SEARCH) {
             true => self.dispatches.iter().filter(|other| other.kernel == dispatch.kernel).count(),
             false => 1,

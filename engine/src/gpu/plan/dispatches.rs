@@ -8,9 +8,9 @@ use super::{Plan, SplitPolicy, cell_list};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum GpuPhase {
-    /// Statistics of the spheres, and choice of the grid.
+    /// Statistics and choice of the grid.
     Survey,
-    /// Cells of the spheres: entries of all overlapped cells, or the one cell of each in a cell list.
+    /// Cells: all that a sphere overlaps, or one each in a cell list.
     Entries,
     /// Sort of the entries, or of a cell list's spheres.
     Sort,
@@ -37,13 +37,11 @@ impl GpuPhase {
 pub(crate) struct Dispatch {
     pub(crate) kernel: &'static Kernel,
     pub(crate) groups: u32,
-    /// `true` if the number of workgroups is computed in [`BufferId::DispatchArgs`](super::BufferId::DispatchArgs).
     pub(crate) indirect: bool,
     pub(crate) first_group: u32,
     pub(crate) args_index: u32,
     pub(crate) phase: GpuPhase,
     pub(crate) pass: u32,
-    /// `true` for the kernel without species in a call with species.
     pub(crate) ignores_species: bool,
 }
 
@@ -107,7 +105,7 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
     if plan.columns.is_some() {
         dispatches.insert(0, interleave(plan.spheres));
     }
-    // The search of few spheres finishes the outcome itself.
+    // The search of few spheres finishes the outcome.
     if plan.chunks_per_block == 0 {
         dispatches.push(dispatch(&k::OUTCOME_FINISH, 1, GpuPhase::Search));
     }
@@ -129,7 +127,7 @@ pub(super) fn deferred(
     })
 }
 
-/// Returns the dispatch size in rows within the limit. Its product may exceed `groups`; excess workgroups end early.
+/// Returns the dispatch size in rows within the limit; excess workgroups end early.
 pub(crate) fn flattened(groups: u32, limits: &DeviceLimits) -> [u32; 2] {
     let rows = groups.div_ceil(limits.groups_per_dimension).max(1);
     [groups.div_ceil(rows), rows]

@@ -15,7 +15,7 @@ pub struct DeviceLimits {
 }
 
 impl DeviceLimits {
-    /// Limits of a device.
+    /// Returns the limits of a device.
     pub fn of(device: &wgpu::Device) -> Self {
         Self::from(&device.limits())
     }

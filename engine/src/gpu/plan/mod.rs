@@ -66,7 +66,6 @@ pub(crate) struct Request {
     pub(crate) columns: Option<ColumnLayout>,
     pub(crate) radix_sort_from: u32,
     pub(crate) max_tests: u64,
-    /// At least 1.
     pub(crate) deferred_parts: u32,
 }
 
@@ -85,7 +84,6 @@ pub(crate) struct Plan {
     pub(crate) spheres: u32,
     pub(crate) pairs: u32,
     pub(crate) entries: u32,
-    /// 0 without a sort.
     pub(crate) key_bits: u32,
     pub(crate) split_policy: SplitPolicy,
     pub(crate) periodic: bool,
@@ -96,14 +94,12 @@ pub(crate) struct Plan {
     pub(crate) counters: u32,
     /// Keys per workgroup of a radix pass; 0 for a counting sort.
     pub(crate) tile: u32,
-    /// Candidates that one invocation of a cell-list search tests.
     pub(crate) candidates_per_invocation: u32,
-    /// Chunks of candidates that the search dispatches for each block; 0 if the device defers blocks.
+    /// 0 if the device defers blocks.
     pub(crate) chunks_per_block: u32,
     pub(crate) search_groups: u32,
     pub(crate) budget: WorkBudget,
     pub(crate) deferred_parts: u32,
-    /// `true` if a cell list uses the cells of an earlier call.
     pub(crate) reuses_layout: bool,
     pub(crate) buffers: Vec<(BufferId, u64)>,
     pub(crate) dispatches: Vec<Dispatch>,
@@ -175,8 +171,8 @@ impl Plan {
         blocks.div_ceil(shares) * u64::from(k::WORKGROUP_SIZE).pow(2)
     }
 
-    /// Returns the number of parts. A part has one dispatch of a divided search or of a deferred search, but the last
-    /// divided dispatch and the first deferred one share a part.
+    /// Returns the number of parts, one per dispatch of a divided or deferred search; the last divided dispatch and the
+    /// first deferred one share a part.
     pub(crate) fn parts(&self) -> u32 {
         let divided = self.dispatches.iter().filter(|dispatch| dispatch.first_group > 0).count();
         let deferred = self.dispatches.iter().filter(|dispatch| dispatch.indirect).count();
@@ -197,7 +193,7 @@ impl Plan {
     }
 
     pub(crate) fn digits(&self) -> Vec<RadixPass> {
-        // A cell list's objects are the positions of its keys; entries name theirs.
+        // The objects of a cell list are the positions of its keys.
         digits(self.key_bits, self.algorithm == Algorithm::CellList)
     }
 
@@ -206,7 +202,7 @@ impl Plan {
     }
 
     pub(crate) fn resource(&self, dispatch: &Dispatch, binding: &str) -> Resource {
-        // Each pass reads what the previous one wrote; the parity names the last one's output.
+        // Each pass reads the output of the previous one; the parity names the last output.
         let front = match dispatch.phase {
             GpuPhase::Sort => dispatch.pass % 2 == 1,
             GpuPhase::Search => self.passes() % 2 == 1,
@@ -258,7 +254,7 @@ impl Plan {
     }
 }
 
-/// Returns the digits of the lowest `bits` bits, least significant first: as few as possible, of about equal width.
+/// Returns the digits, least significant first: as few as possible, of about equal width.
 pub(super) fn digits(bits: u32, is_counted: bool) -> Vec<RadixPass> {
     let passes = bits.div_ceil(k::DIGIT_BITS);
     let width = bits.div_ceil(passes.max(1));
@@ -295,7 +291,7 @@ fn entry_capacity(request: &Request, limits: &DeviceLimits) -> Result<u32, Error
     Ok(entries as u32)
 }
 
-/// Returns the number of workgroups that keeps the device busy, with at most [`k::NAIVE_TILES`] tiles each.
+/// Returns enough workgroups to keep the device busy.
 fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
     let blocks = u64::from(spheres.div_ceil(k::WORKGROUP_SIZE)).max(1);
     let needed = (blocks * blocks.div_ceil(k::NAIVE_TILES.into())).max(SEARCH_GROUPS.min(blocks * blocks));
@@ -307,13 +303,13 @@ fn naive_groups(spheres: u32, limits: &DeviceLimits) -> Result<u32, Error> {
     Ok(needed as u32)
 }
 
-/// Returns the bits for the cells that the spheres can occupy, in whole digits. Larger grids are hashed.
+/// Returns bits for the cells that the spheres can occupy. Larger grids are hashed.
 fn key_bits(spheres: u32) -> u32 {
     let bits = u32::BITS - spheres.max(2).leading_zeros();
     bits.next_multiple_of(k::DIGIT_BITS).max(MIN_KEY_BITS)
 }
 
-/// Returns about half as many slots as spheres, because most spheres share cells.
+/// Returns half as many slots as spheres, because most spheres share cells.
 fn occupancy_slots(spheres: u32) -> u32 {
     (spheres.max(512) / 2 + 1).next_power_of_two().min(MAX_DENSITY_SLOTS)
 }

@@ -14,7 +14,7 @@ use crate::gpu::choice::{self, CallSize};
 use crate::gpu::config::{GpuConfig, check};
 use crate::gpu::costs::Calibration;
 
-/// Plans calls without a device, as a [`GpuDetector`](crate::gpu::GpuDetector) would on a device of these limits.
+/// Plans calls as a [`GpuDetector`](crate::gpu::GpuDetector) would on a device of these limits.
 ///
 /// ```
 /// use lazygrid::Algorithm;
@@ -47,8 +47,8 @@ impl Planner {
         Self { smallest_subgroup: smallest, ..self }
     }
 
-    /// Sets the minimum capacity for (cell, sphere) entries. Calls that exceed it set
-    /// [`Outcome::OVERFLOW_ENTRIES`](crate::gpu::Outcome::OVERFLOW_ENTRIES). Default: 0, the plan decides.
+    /// Sets the minimum capacity for (cell, sphere) entries. Calls that need more set
+    /// [`Outcome::OVERFLOW_ENTRIES`](crate::gpu::Outcome::OVERFLOW_ENTRIES). Default: 0.
     pub fn min_entries(self, min_entries: u32) -> Self {
         Self { min_entries, ..self }
     }
@@ -58,7 +58,7 @@ impl Planner {
         Self { count_in_buffer, ..self }
     }
 
-    /// Plans a call of `spheres` spheres, or of at most that many if the number comes from a buffer.
+    /// Plans a call of `spheres` spheres, or of at most that many if a buffer has the number.
     ///
     /// # Errors
     /// [`Error::LimitExceeded`] if a buffer exceeds the limits; [`Error::InvalidSetting`] and [`Error::NotOnBackend`]
@@ -82,8 +82,8 @@ impl Planner {
         Ok(sized.call_plan(&constants, variant, limits))
     }
 
-    /// Returns the cost of a call that reuses the cells of an earlier call, as most calls of a
-    /// [`GpuSession`](crate::gpu::GpuSession) do. Algorithms other than the cell list reuse no cells.
+    /// Returns the cost of a call that reuses an earlier call's cells, as most calls of a
+    /// [`GpuSession`](crate::gpu::GpuSession) do.
     ///
     /// # Errors
     /// See [`plan`](Self::plan).
@@ -101,14 +101,14 @@ impl Planner {
         plan(&Request::new(&self.config, algorithm, spheres, self.min_entries), &self.limits)
     }
 
-    /// Returns the kernel that tests the assumptions of kernels for subgroups of at least this size. Its only buffer is
-    /// a [`SubgroupProbe`](super::SubgroupProbe), initially [`BEFORE`](super::SubgroupProbe::BEFORE).
+    /// Returns the kernel that tests subgroups of at least this size. Its only buffer is a
+    /// [`SubgroupProbe`](super::SubgroupProbe), initially [`BEFORE`](super::SubgroupProbe::BEFORE).
     pub fn subgroup_probe(smallest_subgroup: u32) -> PlanKernel {
         let variant = Variant { subgroups: Some(smallest_subgroup), ..Variant::default() };
         PlanKernel { kernel: &SUBGROUP_PROBE, variant }
     }
 
-    /// Returns the largest workgroup memory in bytes of kernels for this smallest subgroup size.
+    /// Returns the most workgroup memory in bytes of any kernel.
     pub fn workgroup_memory(smallest_subgroup: Option<u32>) -> u32 {
         Variant { subgroups: smallest_subgroup, ..Variant::default() }.workgroup_memory()
     }
@@ -131,7 +131,6 @@ impl Request {
     }
 }
 
-/// Returns the configured number of tests per dispatch, by default from the rate of a discrete GPU.
 fn max_tests(config: &GpuConfig) -> u64 {
     config.max_tests_per_dispatch.unwrap_or_else(|| tests_within_limit(Calibration::TESTS_PER_SECOND))
 }
@@ -182,7 +181,6 @@ impl Plan {
 }
 
 impl GpuConfig {
-    /// Returns the parameters that do not depend on the algorithm.
     pub(crate) fn call(&self, spheres: u32, window: &Range<u32>, split: u32) -> SearchParams {
         let call = SearchParams {
             spheres,

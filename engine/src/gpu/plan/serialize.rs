@@ -32,7 +32,6 @@ struct BufferForm<'a> {
     size: u64,
     usage: Vec<&'static str>,
     source: &'static str,
-    /// Little-endian `u32` words of a constant.
     #[serde(skip_serializing_if = "Option::is_none")]
     words: Option<Vec<u32>>,
 }

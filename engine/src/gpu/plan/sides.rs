@@ -1,5 +1,5 @@
-//! The sides of a cell list on the GPU: a partition of the species, chosen so that few spheres are compared. Sides
-//! without common interactions are never compared.
+//! The sides of a cell list on the GPU: a partition of the species that needs few comparisons. Sides without common
+//! interactions are never compared.
 
 use lazygrid_host::SpeciesPartition;
 use lazygrid_kernels::layout::{CellListLayout, SearchParams};
@@ -19,22 +19,20 @@ pub(crate) struct Sides {
     /// `None` for a species that never pairs.
     pub(crate) of_species: Vec<Option<u8>>,
     pub(crate) one_set: SidePartners,
-    /// The sides of the first set, followed by those of the second.
+    /// Sides of the first set, then of the second.
     pub(crate) two_sets: SidePartners,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct SidePartners {
-    /// The sides that each side is compared with, one bit each.
+    /// Sides that each side is compared with, one bit each.
     pub(crate) of_side: Vec<u8>,
-    /// See [`SearchParams::narrow_sides`].
     pub(crate) narrow: u8,
     /// See [`SearchParams::interaction`].
     pub(crate) interaction: f32,
 }
 
 impl SidePartners {
-    /// Returns the partners if all spheres pair by contact.
     pub(crate) fn one_set() -> Self {
         Self { of_side: vec![1], narrow: 0, interaction: SearchParams::TOUCH }
     }
@@ -43,7 +41,6 @@ impl SidePartners {
         Self::one_set().across_sets()
     }
 
-    /// Returns the partners if each of two sets has these sides, and only spheres of different sets pair.
     fn across_sets(&self) -> Self {
         let sides = self.of_side.len();
         let of_first = self.of_side.iter().map(|partners| partners << sides);
@@ -53,8 +50,8 @@ impl SidePartners {
 }
 
 impl Sides {
-    /// Returns the sides with the fewest comparisons, assuming equal numbers of spheres of each species. Of narrow
-    /// groups that pair with each other, that of `crowd`, the species of most spheres, has a narrow side.
+    /// Returns the sides with the fewest comparisons, assuming equally frequent species. Of narrow groups that pair
+    /// with each other, that of `crowd`, the species of most spheres, has a narrow side.
     pub(crate) fn of(table: &Interactions, crowd: Option<u32>) -> Self {
         let groups = PairingGroups::of_table(table, crowd);
         let species = || 0..table.species();
@@ -83,15 +80,13 @@ impl Sides {
         Self { of_species, one_set, two_sets }
     }
 
-    /// Returns `true` for each species on a narrow side; see [`of`](Self::of).
     pub(crate) fn narrow_species(table: &Interactions, crowd: Option<u32>) -> Vec<bool> {
         let groups = PairingGroups::of_table(table, crowd);
         let is_narrow = |group: &Option<usize>| group.is_some_and(|group| groups.is_narrow(group));
         groups.of_species.iter().map(is_narrow).collect()
     }
 
-    /// Returns the rule for the effective radius of a species in a cell list: on a narrow side, it covers the
-    /// interactions with its own side only.
+    /// Returns the effective radius, which on a narrow side covers interactions with this side only.
     pub(crate) fn effective_radius(&self, table: &Interactions, species: u32) -> EffectiveRadius {
         let mut radius = table.effective_radius(species);
         let side = self.of_species[species as usize];
@@ -102,28 +97,23 @@ impl Sides {
         radius
     }
 
-    /// Returns `true` if there is one side and contact decides all its pairs, so that a search needs no species.
+    /// Returns `true` if a search needs no species.
     pub(crate) fn are_decided_by_contact(&self) -> bool {
         self.one_set.of_side.len() == 1 && self.one_set.interaction == SearchParams::TOUCH
     }
 }
 
-/// The groups of species that pair with some group.
 struct PairingGroups {
     of_species: Vec<Option<usize>>,
-    /// Relative numbers of spheres, as the number of species.
     weights: Vec<f64>,
-    /// The groups with which each group pairs, one bit each.
     partners: Vec<u8>,
     /// Narrow groups, one bit each. No two of them pair.
     narrow: u8,
 }
 
-/// The side of each group.
 type Division = [u8; MAX_SIDES];
 
 impl PairingGroups {
-    /// Returns the groups by reach if some are narrow, else by partners.
     fn of_table(table: &Interactions, crowd: Option<u32>) -> Self {
         let [by_partners, by_reach] = SpeciesPartition::of_table(table);
         let by_reach = Self::of(&by_reach, table, crowd);
@@ -155,8 +145,7 @@ impl PairingGroups {
         self.narrow >> group & 1 == 1
     }
 
-    /// Returns the groups below [`MAX_NARROW`], one bit each. Of two that pair with each other, `crowd` stays, or else
-    /// the narrower one.
+    /// Returns the narrow groups, one bit each. If two of them pair, `crowd` stays, or else the narrower one.
     fn narrow(&self, crowd: Option<usize>, narrowness: impl Fn(usize) -> Option<f64>) -> u8 {
         let narrow = |group| Some((narrowness(group).filter(|of| *of < MAX_NARROW)?, group));
         let mut groups: Vec<(f64, usize)> = (0..self.count()).filter_map(narrow).collect();
@@ -168,7 +157,6 @@ impl PairingGroups {
         })
     }
 
-    /// Returns `true` if each narrow group has a side to itself.
     fn separates_narrow(&self, division: &Division) -> bool {
         let others = |group: usize| (0..self.count()).filter(move |&other| other != group);
         (0..self.count())
@@ -176,15 +164,15 @@ impl PairingGroups {
             .all(|group| others(group).all(|other| division[other] != division[group]))
     }
 
-    /// Returns `true` if no group without pairs of its own is on a side that is compared with itself. In a crowd of
-    /// such a group, the comparisons grow with the square of the spheres, for no pair.
+    /// Returns `true` if no group without pairs of its own is on a side that is compared with itself. Such comparisons
+    /// grow with the square of the spheres, for no pair.
     fn separates_crowds(&self, division: &Division, partners: &[u8]) -> bool {
         let is_compared = |side: u8| partners[usize::from(side)] >> side & 1 == 1;
         (0..self.count()).all(|group| self.partners[group] >> group & 1 == 1 || !is_compared(division[group]))
     }
 
-    /// Returns the division with fewest comparisons, with as many sides as save enough of them. It separates narrow
-    /// groups and crowds; the division with one group on each side does.
+    /// Returns the division with fewest comparisons, with as many sides as save enough. One exists: one group on each
+    /// side separates narrow groups and crowds.
     fn divide(&self) -> Division {
         let mut best = [(f64::INFINITY, [0; MAX_SIDES]); MAX_SIDES + 1];
         for division in divisions(self.count()).into_iter().filter(|of| self.separates_narrow(of)) {
@@ -201,7 +189,6 @@ impl PairingGroups {
         chosen.1
     }
 
-    /// Returns the sides with which each side is compared, one bit each.
     fn side_partners(&self, division: &Division) -> Vec<u8> {
         let groups = self.count();
         let sides = division[..groups].iter().max().map_or(1, |&last| usize::from(last) + 1);
@@ -222,8 +209,7 @@ impl PairingGroups {
     }
 }
 
-/// Returns all divisions of groups into sides, once each: a group is on the side of an earlier group or on the next
-/// one.
+/// Returns all divisions once each: a group is on an earlier group's side or on the next.
 fn divisions(groups: usize) -> Vec<Division> {
     let mut divisions = vec![([0; MAX_SIDES], 0)];
     for group in 0..groups {
@@ -239,7 +225,6 @@ fn divisions(groups: usize) -> Vec<Division> {
     divisions.into_iter().map(|(division, _)| division).collect()
 }
 
-/// Returns each pair of sides that are compared.
 fn side_pairs(partners: &[u8]) -> impl Iterator<Item = (usize, usize)> {
     let pairs = (0..partners.len()).flat_map(|a| (a..partners.len()).map(move |b| (a, b)));
     pairs.filter(|&(a, b)| partners[a] >> b & 1 == 1)
@@ -253,7 +238,8 @@ fn product(a: &[u32], b: &[u32]) -> impl Iterator<Item = (u32, u32)> {
     a.iter().flat_map(|&a| b.iter().map(move |&b| (a, b)))
 }
 
-/// Returns the interaction of all pairs; `BY_SPECIES` if they differ or never pair.
+/// Returns the interaction of all pairs: `BY_SPECIES` if interactions differ or spheres never pair, `TOUCH` without
+/// pairs.
 fn common(mut pairs: impl Iterator<Item = (u32, u32)>, table: &Interactions) -> f32 {
     let Some((a, b)) = pairs.next() else { return SearchParams::TOUCH };
     let first = table.get(a, b);

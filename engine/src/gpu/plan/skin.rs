@@ -8,7 +8,7 @@ use super::work_budget::WorkBudget;
 /// State of a candidate list; every list has a new buffer.
 pub(crate) const STATE: (BufferId, u64) = (BufferId::SkinState, size_of::<SkinState>() as u64);
 
-/// Returns the number of dispatches of a candidate test and the workgroups of each.
+/// Returns the number of dispatches and their workgroups.
 pub(crate) fn candidate_parts(candidates: u32, budget: WorkBudget) -> (u32, u32) {
     let groups = candidates.div_ceil(k::WORKGROUP_SIZE).max(1);
     let per_dispatch = budget.groups_per_dispatch(groups, k::WORKGROUP_SIZE.into());
@@ -35,7 +35,6 @@ pub(crate) fn buffers(
     buffers
 }
 
-/// Returns the dispatches before and after the candidate search.
 pub(crate) fn dispatches(spheres: u32, columns: bool, parts: u32, per_dispatch: u32) -> [Vec<Dispatch>; 2] {
     let per_sphere = spheres.div_ceil(k::WORKGROUP_SIZE);
     let mut before = vec![

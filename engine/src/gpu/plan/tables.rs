@@ -9,15 +9,12 @@ use crate::Error;
 #[derive(Clone, Debug)]
 pub(crate) struct TableBytes {
     pub(crate) reach: Arc<[u8]>,
-    /// Effective radii for a cell list with narrow sides.
     pub(crate) reach_by_side: Arc<[u8]>,
-    /// A distance per pair of species, or one of two negative marks.
     pub(crate) table: Arc<[u8]>,
     pub(crate) sides: Sides,
 }
 
 impl TableBytes {
-    /// Returns the tables for a device. `crowd` is the species of most spheres, if it is known.
     pub(crate) fn new(
         interactions: &Interactions,
         crowd: Option<u32>,

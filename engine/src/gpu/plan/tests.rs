@@ -49,7 +49,7 @@ fn plans_fit_their_devices_or_say_why_not() {
     }
 }
 
-/// Slabs depend on this number alone. All pairs are excluded: too many workgroups are refused with a remedy.
+/// Slabs depend on this number alone. All pairs are excluded, for which too many workgroups are refused.
 #[test]
 fn the_most_spheres_that_can_be_bound_can_be_searched() {
     for limits in [LAVAPIPE, H200, DeviceLimits { storage_binding: 8 << 20, ..LAVAPIPE }] {

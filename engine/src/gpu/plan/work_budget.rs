@@ -26,12 +26,10 @@ pub(crate) fn tests_within_limit(tests_per_second: f64) -> u64 {
 pub(crate) struct WorkBudget {
     /// Maximum number of distance tests per dispatch, unless a single workgroup has more.
     pub(crate) tests: u64,
-    /// Maximum number of workgroups in a row of a dispatch.
     pub(crate) row: u32,
 }
 
 impl WorkBudget {
-    /// Returns `groups` if they are within the budget, otherwise at most one row.
     pub(crate) fn groups_per_dispatch(&self, groups: u32, tests_per_group: u64) -> u32 {
         let fitting = self.tests / tests_per_group.max(1);
         match fitting >= groups.into() {
@@ -40,7 +38,6 @@ impl WorkBudget {
         }
     }
 
-    /// Divides a dispatch into dispatches within the budget.
     pub(crate) fn divide(&self, dispatch: Dispatch, tests_per_group: u64) -> impl Iterator<Item = Dispatch> {
         let groups = dispatch.groups;
         let step = self.groups_per_dispatch(groups, tests_per_group).max(1);
@@ -51,7 +48,6 @@ impl WorkBudget {
         })
     }
 
-    /// Returns the tiles of 256 × 256 tests per part of a deferred search.
     pub(crate) fn tiles(&self) -> u32 {
         let tile = u64::from(k::WORKGROUP_SIZE).pow(2);
         u32::try_from((self.tests / tile).max(1)).unwrap_or(SearchParams::UNLIMITED)

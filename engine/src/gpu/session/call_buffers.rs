@@ -11,7 +11,6 @@ use crate::gpu::device::{GpuDevice, with_error_scope};
 const PAIRS_AT: u64 = 128;
 const TICKS_AT: u64 = 64;
 
-/// The input and staging buffers of one in-flight call.
 #[derive(Debug, Default)]
 pub(crate) struct CallBuffers {
     pub(crate) count: u32,
@@ -41,7 +40,6 @@ impl CallBuffers {
         }
     }
 
-    /// Returns the species of the last upload, if it had any.
     pub(crate) fn species(&self) -> Option<&wgpu::Buffer> {
         self.species.as_ref().filter(|_| self.has_species)
     }
@@ -91,7 +89,6 @@ pub(crate) fn copy_to_staging(
     }
 }
 
-/// The mapped bytes of a staging buffer.
 pub(crate) struct Readback<'a>(pub(crate) &'a [u8]);
 
 impl Readback<'_> {
@@ -103,7 +100,6 @@ impl Readback<'_> {
         bytemuck::pod_collect_to_vec(&self.0[TICKS_AT as usize..PAIRS_AT as usize])
     }
 
-    /// Stored in place of the ticks.
     pub(crate) fn state(&self) -> SkinState {
         let at = TICKS_AT as usize;
         bytemuck::pod_read_unaligned(&self.0[at..at + size_of::<SkinState>()])

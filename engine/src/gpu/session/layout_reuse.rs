@@ -7,15 +7,14 @@ use crate::gpu::detector::LayoutSource;
 const MAX_REUSES: u32 = 16;
 const MAX_PAUSE: u32 = 63;
 
-/// Decides which searches reuse the cells of an earlier call. The device checks that they suit the spheres, so the
-/// decision affects the time only.
+/// Decides which searches reuse an earlier call's cells. The device checks these, so the decision affects the time
+/// only.
 #[derive(Debug, Default)]
 pub(super) struct LayoutReuse {
-    /// Further searches that may reuse the cells.
+    /// Further reuses.
     left: u32,
-    /// Surveys before the next attempt.
     pause: u32,
-    /// The pause after the last refusal. Pauses grow, because a refused call runs twice.
+    /// Pauses grow, because a refused call runs twice.
     last_pause: u32,
 }
 
@@ -24,7 +23,6 @@ impl LayoutReuse {
         if may_reuse && self.left > 0 { LayoutSource::EarlierCall } else { LayoutSource::Survey }
     }
 
-    /// Records the outcome of a search.
     pub(super) fn note(&mut self, has_reused: bool, outcome: &Outcome) {
         if has_reused && outcome.overflow & Outcome::OVERFLOW_LAYOUT != 0 {
             self.last_pause = (2 * self.last_pause + 1).min(MAX_PAUSE);

@@ -28,10 +28,9 @@ const MAX_IN_FLIGHT: usize = 2;
 /// Pairs in the first readback of a session.
 const FIRST_PAIRS: u64 = 1 << 12;
 
-/// Uploads spheres, finds their pairs, reads them back, and retries if a capacity was too small.
+/// Uploads spheres, reads their pairs back, and retries if a capacity was too small.
 ///
-/// Two calls may be in flight, so that upload, detection and readback overlap. The input is not checked: invalid
-/// spheres never pair.
+/// Two calls may be in flight to overlap transfers and detection. Invalid spheres never pair.
 #[derive(Debug)]
 pub struct GpuSession {
     gpu: GpuDevice,
@@ -39,17 +38,16 @@ pub struct GpuSession {
     layouts: LayoutReuse,
     skin: Option<SkinSession>,
     kept: Option<CandidateListStats>,
-    /// The settings of calls to begin.
     asked: AlgorithmChoice,
     timeout: Duration,
     slots: [CallBuffers; MAX_IN_FLIGHT],
     calls: [QueuedCall; MAX_IN_FLIGHT],
     begun: u64,
-    /// Number of the call whose result is in the detector's buffers, and its output.
+    /// The call whose result is in the detector's buffers.
     submitted: Option<(u64, GpuOutput)>,
     pending: [Option<PendingReadback>; MAX_IN_FLIGHT],
     tickets: [Weak<()>; MAX_IN_FLIGHT],
-    /// Number of pairs that the first readback of a call copies.
+    /// Pairs in the first readback of a call.
     expected: u64,
     pairs: Vec<Pair>,
     gathered: Vec<Pair>,
@@ -62,12 +60,9 @@ pub struct GpuSession {
 #[derive(Clone, Debug)]
 pub(crate) struct QueuedCall {
     pub(crate) choice: AlgorithmChoice,
-    /// Range of the smaller index of pairs.
     pub(crate) window: Range<u32>,
     pub(crate) split: u32,
-    /// `true` if a candidate list may answer the call.
     pub(crate) keeps: bool,
-    /// `true` if the call may reuse the cells of an earlier call.
     pub(crate) reuses_layout: bool,
 }
 
@@ -77,7 +72,7 @@ impl QueuedCall {
     }
 }
 
-/// A call that was begun. Dropping the ticket abandons the call.
+/// A call that was begun. Dropping the ticket abandons it.
 #[derive(Debug, PartialEq, Eq)]
 #[must_use = "the result comes with `finish`"]
 pub struct Ticket {
@@ -91,7 +86,7 @@ impl GpuSession {
         self.gpu.subgroup_refusal()
     }
 
-    /// Creates a session on a device.
+    /// Creates a session.
     ///
     /// # Errors
     /// See [`GpuDetector::new`]; also [`Error::DeviceLost`].
@@ -126,7 +121,6 @@ impl GpuSession {
         })
     }
 
-    /// Returns a session for other interactions, with the species of most spheres if it is known.
     pub(crate) fn with_interactions(
         &self,
         interactions: Option<Interactions>,
@@ -151,7 +145,7 @@ impl GpuSession {
         Ok(())
     }
 
-    /// Sets the time limit of each submission, after which the call returns [`Error::Timeout`]. Default: ten minutes.
+    /// Sets the time limit of a submission ([`Error::Timeout`]). Default: ten minutes.
     pub fn set_timeout(&mut self, timeout: Duration) {
         self.timeout = timeout;
     }
@@ -161,7 +155,7 @@ impl GpuSession {
         &self.gpu.adapter
     }
 
-    /// Changes the algorithm of calls begun later; see [`GpuConfig::algorithm`].
+    /// Sets [`GpuConfig::algorithm`] for later calls.
     ///
     /// # Errors
     /// [`Error::NotOnBackend`] for an algorithm without kernels.
@@ -177,7 +171,7 @@ impl GpuSession {
         self.plan().map_or(Algorithm::Auto, |plan| plan.algorithm)
     }
 
-    /// Returns the planned cost of the last finished call; `None` if an existing candidate list answered it.
+    /// Returns the planned cost of the last finished call; `None` if a candidate list answered it.
     pub fn cost(&self) -> Option<CallCost> {
         self.plan().filter(|_| self.kept.is_none_or(|kept| kept.rebuilt.is_some())).map(Plan::cost)
     }
@@ -205,8 +199,7 @@ impl GpuSession {
         &self.timings
     }
 
-    /// Returns the bytes of device memory for calls of up to `spheres` spheres, with input and readback: eight entries
-    /// per sphere, or as many as a call needed ([`Outcome::entries_needed`]).
+    /// Returns the bytes of device memory for calls of up to `spheres` spheres, with input and readback.
     ///
     /// # Errors
     /// [`Error::LimitExceeded`] if the device cannot hold it.
@@ -237,8 +230,8 @@ impl GpuSession {
     /// Uploads the spheres and starts the detection, without waiting.
     ///
     /// # Errors
-    /// [`Error::TooManyInFlight`] with two calls in flight; [`Error::InvalidSetting`] for spheres with groups, which
-    /// only [`Detector`](crate::Detector) supports; otherwise as [`GpuDetector::encode`].
+    /// [`Error::TooManyInFlight`] with two calls in flight; [`Error::InvalidSetting`] for `f64` spheres and spheres
+    /// with groups, which only [`Detector`](crate::Detector) supports; otherwise as [`GpuDetector::encode`].
     pub fn begin(&mut self, spheres: Spheres<'_>) -> Result<Ticket, Error> {
         if spheres.is_f64() {
             let range = "a session searches f32 numbers: use `Detector`, or convert the spheres";
@@ -278,7 +271,7 @@ impl GpuSession {
         Ok(Ticket { number, _held: held })
     }
 
-    /// Waits for a call and returns its pairs, unordered. Retries with more capacity if they did not fit.
+    /// Waits for a call and returns its pairs, unordered.
     ///
     /// # Errors
     /// [`Error::TooManyPairs`] above `limit`, with the exact number, or an error of the device.
@@ -351,7 +344,7 @@ impl GpuSession {
             self.pairs.clear();
             self.repeat_for_pairs(number, window.clone(), found)?;
             found = self.finish_with_retries(number, window, wait).await?.found();
-            // Another kernel may round tangent pairs differently and find more of them.
+            // Another kernel may round tangent pairs differently and find more.
             if found == self.pairs.len() as u64 {
                 return Ok(());
             }

@@ -1,6 +1,3 @@
-//! Calls of several submissions: a capacity too small, a result larger than the output, or a search beyond one
-//! submission.
-
 use std::ops::{ControlFlow, Range};
 
 use lazygrid_kernels::layout::Outcome;
@@ -14,8 +11,7 @@ use crate::gpu::detector::{AlgorithmChoice, CapacitySnapshot, GpuOutput};
 use crate::gpu::device::Wait;
 
 impl AlgorithmChoice {
-    /// Returns settings with fewer entries than the call that `ran`: a coarser grid, finally a single level, which
-    /// coincident spheres need, at the cell ratio `asked`.
+    /// Returns a coarser grid, finally a single level, which coincident spheres need, at the cell ratio `asked`.
     fn with_fewer_entries(self, ran: Algorithm, asked: f32) -> Option<Self> {
         if self.cell_ratio < GpuConfig::MAX_CELL_RATIO {
             let cell_ratio = (self.cell_ratio * 2.0).min(GpuConfig::MAX_CELL_RATIO);
@@ -27,7 +23,6 @@ impl AlgorithmChoice {
 }
 
 impl GpuSession {
-    /// Waits for a call and returns its outcome after retries and continuations.
     pub(super) async fn finish_with_retries(
         &mut self,
         number: u64,
@@ -54,7 +49,7 @@ impl GpuSession {
             } else if !outcome.has_remaining_work() {
                 return Ok(outcome);
             } else {
-                // The last part delivers the pairs of all parts.
+                // The last part delivers all pairs.
                 self.pairs.clear();
                 let work = match self.is_submitted(number) {
                     true => Submission::Continuation,
@@ -70,8 +65,7 @@ impl GpuSession {
         self.submitted.as_ref().is_some_and(|(submitted, _)| *submitted == number)
     }
 
-    /// Reads back the pairs that a search left on the device. Returns `false` if the output no longer holds all of
-    /// them.
+    /// Returns `false` if the output no longer holds all pairs.
     pub(super) async fn copy_pairs(&mut self, number: u64, found: u64, wait: Wait) -> Result<bool, Error> {
         let holds_all = |(submitted, output): &(u64, GpuOutput)| {
             *submitted == number && found <= u64::from(output.capacity)
@@ -120,7 +114,6 @@ impl GpuSession {
         self.submit_with_capacity(number, window, before).inspect_err(|_| self.expected = expected)
     }
 
-    /// Submits a call after a capacity was raised. If the device cannot allocate it, restores the capacities `before`.
     fn submit_with_capacity(
         &mut self,
         number: u64,
@@ -131,8 +124,7 @@ impl GpuSession {
             .inspect_err(|_| self.detector.restore_capacities(before))
     }
 
-    /// Makes the output large enough that about four windows cover `found` pairs, because each window costs a search.
-    /// Returns `true` if that is larger than before.
+    /// Grows the output until about four windows cover `found` pairs, because each window costs a search.
     pub(super) fn grow_for_windows(&mut self, found: u64) -> bool {
         let wanted = (found / 4).next_power_of_two().min(self.largest_capacity());
         let is_larger = wanted > self.capacity().into();
@@ -142,7 +134,6 @@ impl GpuSession {
         is_larger
     }
 
-    /// Collects the pairs of all windows in `self.pairs`.
     pub(super) async fn gather_windows(&mut self, number: u64, found: u64, wait: Wait) -> Result<(), Error> {
         let mut all = std::mem::take(&mut self.gathered);
         all.clear();
@@ -156,7 +147,7 @@ impl GpuSession {
         result
     }
 
-    /// Passes the pairs of successive windows of smaller indices to `consume`. Each window fits the output's capacity.
+    /// Passes the pairs of each window, which fits the output's capacity, to `consume`.
     pub(super) async fn read_windows(
         &mut self,
         number: u64,

@@ -18,18 +18,16 @@ const MAX_DEFERRED_PARTS: u32 = 4096;
 #[derive(Debug)]
 pub(super) struct SkinSession {
     pub(super) detector: GpuSkinDetector,
-    /// Number of the first call that may use a list.
+    /// First call that may use a list.
     from: u64,
-    /// Candidates of the last list; `None` before.
     candidates: Option<u64>,
     age: u32,
-    /// See [`GpuSession::last_rebuild`].
     last_rebuild: (u32, f32),
 }
 
 impl GpuSession {
-    /// Sets the skin of later calls; `None` disables the candidate list. Results do not change. If candidates do not
-    /// fit the device, calls search without a list.
+    /// Sets the skin of later calls; `None` disables the candidate list. If candidates do not fit the device, calls
+    /// search without a list.
     ///
     /// # Errors
     /// [`Error::InvalidSetting`] if `distance` is out of range, or an error of the device.
@@ -48,7 +46,6 @@ impl GpuSession {
         Ok(())
     }
 
-    /// Changes the skin of later calls. An equal skin keeps the list.
     pub(crate) fn update_skin(&mut self, distance: Option<f32>) -> Result<(), Error> {
         match (&mut self.skin, distance) {
             (Some(skin), Some(distance)) if skin.detector.skin() == distance => Ok(()),
@@ -57,8 +54,7 @@ impl GpuSession {
         }
     }
 
-    /// Returns the age of the list in calls when the last call began, and the largest fraction of the displacement
-    /// limit that the spheres had used.
+    /// Returns the list's age when the last call began, and the used fraction of the displacement limit.
     pub(crate) fn last_rebuild(&self) -> (u32, f32) {
         self.skin.as_ref().map_or((0, 0.0), |skin| skin.last_rebuild)
     }
@@ -78,8 +74,7 @@ impl GpuSession {
         Ok(self.io_memory(spheres) + self.detector.memory_for(spheres)? + kept)
     }
 
-    /// Returns `true` if a search for as many candidates as the last list has may be long. Its parts are then submitted
-    /// one by one, also in calls that reuse the list.
+    /// Returns `true` if a rebuild may be long, whose parts are then submitted one by one.
     pub(super) fn is_long_search(&self) -> bool {
         let tests =
             |skin: &SkinSession| skin.candidates.map(|count| count.saturating_mul(TESTS_PER_CANDIDATE));
@@ -130,7 +125,6 @@ impl GpuSession {
         self.kept = Some(kept);
     }
 
-    /// Repeats a call whose candidates or pairs did not fit, with more capacity or without a list.
     pub(super) fn repeat_for_candidates(
         &mut self,
         number: u64,

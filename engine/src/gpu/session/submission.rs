@@ -16,9 +16,9 @@ use crate::gpu::plan::GpuPhase;
 pub struct SubmissionCounts {
     /// Searches, including retries.
     pub searches: u32,
-    /// Searches that reused the cells of an earlier call's cell list.
+    /// Searches that reused an earlier call's cells.
     pub reused_layouts: u32,
-    /// Command buffers of searches and continuations. Long searches have several.
+    /// Command buffers of searches and continuations.
     pub parts: u32,
     /// Copies of pairs that a search left on the device.
     pub copies: u32,
@@ -34,9 +34,8 @@ pub(super) struct PendingReadback {
     staged: u64,
     capacity: u32,
     timed: &'static [GpuPhase],
-    /// `true` if a candidate list answered the call. Its state is then read back in place of ticks.
+    /// If `true`, the list's state replaces the ticks.
     pub(super) is_kept: bool,
-    /// `true` if a search reused the cells of an earlier call; `None` without a search.
     has_reused: Option<bool>,
 }
 
@@ -55,7 +54,6 @@ impl Drop for PendingReadback {
 }
 
 impl GpuSession {
-    /// Submits `work`. If candidates do not fit, the call searches without a list.
     pub(super) fn submit(&mut self, number: u64, work: Submission) -> Result<(), Error> {
         let keeps = self.uses_candidates(number);
         let submitted = match self.try_submit(number, work.clone()) {

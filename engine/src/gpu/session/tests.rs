@@ -6,7 +6,6 @@ use super::*;
 use crate::gpu::detector::{BufferRange, GpuSkinDetector};
 use crate::gpu::device::device_or_skip;
 
-/// A cloud, and a crowd in which each sphere overlaps the next two.
 fn spheres() -> Vec<Sphere> {
     let mut state = 7_u64;
     let mut unit = || {

@@ -32,7 +32,7 @@ fn overlaps(input: &SlabInput<'_>, a: usize, b: usize) -> bool {
         && input.space.distance_squared(at, other) <= (radius(a) + radius(b)).powi(2)
 }
 
-/// Checks that slabs of `most` spheres find every pair once, as a whole and range by range; returns their number.
+/// Checks that slabs find every pair once; returns their number.
 fn agrees(input: &SlabInput<'_>, most: usize) -> usize {
     let all = 0..input.spheres.len();
     let pairs = all.clone().flat_map(|i| (i + 1..all.end).map(move |j| (i, j)));

@@ -43,7 +43,6 @@ fn species_of_disjoint_pairs_have_a_side_each() {
     assert_eq!(sides_of(&table(4, &distances)).one_set.interaction, SearchParams::BY_SPECIES);
 }
 
-/// Returns the species that never pair with themselves but are on a side that is compared with itself.
 fn crowds_compared_in_vain(table: &Interactions) -> Vec<u32> {
     let sides = sides_of(table);
     let is_compared = |side: u8| sides.one_set.of_side[usize::from(side)] >> side & 1 == 1;
@@ -130,7 +129,7 @@ fn narrow_sides_never_pair_with_each_other() {
 
 #[test]
 fn side_that_saves_little_is_not_separated() {
-    // A side of each of the species that do not pair with each other would save one in 18 comparisons.
+    // More sides would save one in 18 comparisons.
     let mut almost_all = Interactions::new(6, TOUCH).expect("a table");
     almost_all.set(4, 5, Interaction::Never).expect("species of the table");
     assert_eq!(sides_of(&almost_all).of_species, [Some(0); 6]);
