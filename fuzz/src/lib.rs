@@ -2,8 +2,8 @@ use std::io::Cursor;
 
 use lazygrid_io::read::{Format, Frames, Options, Precision};
 
-/// Reads `bytes` in every precision, with and without a known length and ids. Checks that reading never panics, spheres are valid and no
-/// more than bytes, and nothing follows an error.
+/// Reads `bytes` in every precision. Checks that reading never panics, spheres are valid and no more than
+/// bytes, and nothing follows an error.
 pub fn read(format: Option<Format>, bytes: &[u8]) {
     let radii = [("A".to_owned(), 1.0), ("1".to_owned(), 0.5)];
     let length = Some(bytes.len() as u64);
@@ -32,7 +32,7 @@ pub fn read(format: Option<Format>, bytes: &[u8]) {
                 }
             }
         }
-        // Compressed files (gzip, zstd) may hold more spheres than bytes.
+        // Compressed files may hold more spheres than bytes.
         assert!(
             spheres <= bytes.len()
                 || bytes.starts_with(b"\x1F\x8B")

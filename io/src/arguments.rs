@@ -1,4 +1,4 @@
-//! Parsers and printers of arguments that several commands share.
+//! Arguments that several commands share.
 
 use std::path::Path;
 use std::str::FromStr;
@@ -38,13 +38,13 @@ pub fn radii_by_species(given: &[(String, f64)]) -> Result<Radii, String> {
     Ok(radii)
 }
 
-/// Returns the warning of a radius whose species no sphere of a file has.
+/// Returns the warning of a radius whose species is not in a file.
 pub fn unused_radius(path: &Path, species: &str) -> String {
     let species = excerpt(species.as_bytes());
     format!("{}: no sphere is of species '{species}', for which a radius was given", path.display())
 }
 
-/// Parses `X,Y,Z`, the lengths of a periodic box, `-` for an unbounded axis; or `none`.
+/// Parses the lengths of a periodic box as `X,Y,Z`, `-` for an unbounded axis; or `none`.
 ///
 /// # Errors
 /// Fails with a message for the user.
@@ -68,7 +68,7 @@ pub fn periodic_space(text: &str) -> Result<Space, String> {
     Space::periodic(lengths).map_err(|error| error.to_string())
 }
 
-/// Parses as [`periodic_space`], for programs that search in 32 bits.
+/// Parses as [`periodic_space`], for `f32`.
 ///
 /// # Errors
 /// Fails with a message for the user, also for a length that is zero or infinite as an `f32`.
@@ -81,7 +81,7 @@ pub fn periodic_space_f32(text: &str) -> Result<Space, String> {
     }
 }
 
-/// Returns a command to type into a shell, with quotes around words that need them.
+/// Joins words to a shell command, with quotes where needed.
 pub fn shell_command(words: &[String]) -> String {
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
 }

@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use thiserror::Error;
 
-/// The location of a fault in a file.
+/// The location of a fault.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Location {
-    /// File, as named.
+    /// File.
     pub path: Arc<Path>,
-    /// Position in the file.
+    /// Position.
     pub at: Position,
 }
 
@@ -21,7 +21,7 @@ pub enum Position {
     File,
     /// Line, from 1.
     Line(u64),
-    /// Row of an array, from 0, as in pairs that refer to it.
+    /// Row of an array, from 0.
     Row(u64),
 }
 
@@ -36,30 +36,26 @@ impl fmt::Display for Location {
     }
 }
 
-/// A failure to read or write a file. Messages name the file, the line or row, and the text.
+/// A failure to read or write a file.
 #[derive(Debug, Error)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "messages explain the fields")]
 pub enum Error {
-    /// The file cannot be opened or read.
     #[error("{}: cannot read: {source}", path.display())]
     Read { path: PathBuf, source: io::Error },
-    /// The file cannot be created or written. An existing one is untouched.
+    /// An existing file is untouched.
     #[error("{}: cannot write: {source}", path.display())]
     Write { path: PathBuf, source: io::Error },
-    /// An array whose header was written before its rows, of another number.
     #[error(
         "{}: the header promises {expected} pairs, but the search found {found}; it was not written, try again as .csv",
         path.display()
     )]
     RowCount { path: PathBuf, expected: u64, found: u64 },
-    /// Neither name nor content tell the format.
     #[error(
         "{}: neither the name nor the content tells the format; say --format csv, npy, xyz, lammps or smoldyn",
         path.display()
     )]
     UnknownFormat { path: PathBuf },
-    /// Text that does not fit the format.
     #[error("{place}: expected {expected}, found {found}")]
     Syntax {
         place: Location,
@@ -67,44 +63,35 @@ pub enum Error {
         /// Text of the file.
         found: String,
     },
-    /// Field that is not a number.
     #[error("{place}: {column} '{text}' is not a number")]
     Number { place: Location, column: String, text: String },
-    /// Number that no sphere can have.
     #[error("{place}: {column} is {value}; {rule}")]
     Value {
         place: Location,
         column: String,
-        /// Number as written.
+        /// Text of the file.
         value: String,
         rule: &'static str,
     },
-    /// A given radius that no sphere can have.
     #[error(
         "the radius of species '{species}' is {radius}; radii must be finite in the precision that is read, and not negative"
     )]
     Radius { species: String, radius: f64 },
-    /// The file has no radii, and none was given for this species.
     #[error("{place}: no radius column and no radius for {}", remedy(species.as_deref()))]
     NoRadius { place: Location, species: Option<String> },
-    /// File ends inside a frame.
     #[error("{place}: the file ends after {found} of {expected} {what}")]
     Truncated {
         place: Location,
-        /// Counted things.
+        /// Plural noun.
         what: &'static str,
-        /// Actual number.
         found: u64,
-        /// Declared number.
         expected: u64,
     },
-    /// Box vectors that span no box.
     #[error(
         "{place}: the box cannot be periodic: {reason}; give lengths with --periodic X,Y,Z, or take space as unbounded with \
          --periodic none"
     )]
     BoxEdges { place: Location, reason: Box<lazygrid::InputError> },
-    /// A box length that is no period.
     #[error(
         "{place}: the box is periodic along {axis} and its length there is {length}, no {rule} above zero; give \
          lengths with --periodic X,Y,Z, or take space as unbounded with --periodic none"
@@ -113,10 +100,9 @@ pub enum Error {
         place: Location,
         axis: &'static str,
         length: f64,
-        /// Kind of the numbers that are lengths.
+        /// Kind of numbers.
         rule: &'static str,
     },
-    /// A Smoldyn molecule is listed twice: the file has several listings without a separator.
     #[error(
         "{place}: molecule {serial} is listed a second time, first on line {first}; several listings in one \
          file cannot be told apart: write one file per listing (Smoldyn's `incrementfile`)"
@@ -124,22 +110,18 @@ pub enum Error {
     RepeatedMolecule {
         place: Location,
         serial: String,
-        /// Line of the first occurrence.
+        /// Line number.
         first: u64,
     },
-    /// Line too long for a text file.
     #[error("{place}: the line is longer than {limit} bytes; is this a text file?")]
     LineTooLong { place: Location, limit: usize },
-    /// The system refused the threads that parse text.
     #[error("{}: cannot read: {reason}", path.display())]
     Threads { path: PathBuf, reason: Box<lazygrid::Error> },
-    /// More spheres in a frame than indices or memory.
     #[error("{place}: no room for {spheres} spheres ({limit}); split the file")]
     TooManySpheres {
         place: Location,
-        /// Actual number.
         spheres: u64,
-        /// Source of the limit.
+        /// Limited resource.
         limit: &'static str,
     },
 }
@@ -168,7 +150,6 @@ impl Error {
     }
 }
 
-/// `acid` of `acid(solution)`.
 pub(crate) fn bare(name: &str) -> &str {
     match name.split_once('(') {
         Some((bare, state)) if state.ends_with(')') => bare,
@@ -190,12 +171,12 @@ fn remedy(species: Option<&str>) -> String {
     }
 }
 
-/// Returns offending bytes as short printable text.
+/// Returns bytes as short printable text.
 pub fn excerpt(bytes: &[u8]) -> String {
     printed(bytes, 60)
 }
 
-/// Returns at most `longest` bytes as printable text, with an ellipsis if shortened.
+/// Returns at most `longest` bytes as printable text.
 pub fn printed(bytes: &[u8], longest: usize) -> String {
     let text = String::from_utf8_lossy(&bytes[..bytes.len().min(longest)]);
     let mut shown: String = text.chars().flat_map(printable).collect();
@@ -205,7 +186,7 @@ pub fn printed(bytes: &[u8], longest: usize) -> String {
     shown
 }
 
-/// A control character would let a file write to the terminal.
+/// Keeps control characters from the terminal.
 fn printable(c: char) -> impl Iterator<Item = char> {
     let escaped = c.is_control().then(|| c.escape_default());
     let plain = (!c.is_control()).then_some(c);

@@ -1,5 +1,4 @@
-//! [Readers](read) of CSV, NumPy, extended XYZ, LAMMPS and Smoldyn files, [writers](mod@write) of spheres and pairs,
-//! and the [scenes] of tests and benchmarks.
+//! Readers and writers of spheres and pairs, and scenes of tests and benchmarks.
 
 pub mod arguments;
 pub mod read;

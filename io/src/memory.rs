@@ -1,4 +1,4 @@
-//! Fallible allocation of memory whose size depends on the input.
+//! Fallible allocation.
 
 use std::collections::TryReserveError;
 use std::io;
@@ -6,7 +6,6 @@ use std::path::Path;
 
 use crate::Error;
 
-/// Pushes a value. Doubles the capacity of a full vector.
 pub(crate) fn try_push<T>(all: &mut Vec<T>, value: T) -> Result<(), TryReserveError> {
     if all.len() == all.capacity() {
         all.try_reserve(1)?;
@@ -22,17 +21,17 @@ pub(crate) fn try_collect<T>(values: impl ExactSizeIterator<Item = T>) -> Result
     Ok(all)
 }
 
-/// Refuses if less than a MiB is left, which small allocations that cannot report a failure need, such as messages.
+/// Refuses if less than a MiB is left for small allocations that cannot report a failure.
 pub(crate) fn check_margin() -> Result<(), TryReserveError> {
     const MARGIN_BYTES: usize = 1 << 20;
     let mut margin = Vec::<u8>::new();
-    // A compiler may remove an allocation that nothing uses.
+    // Keeps the compiler from removing the unused allocation.
     std::hint::black_box(&mut margin).try_reserve_exact(MARGIN_BYTES)?;
     drop(std::hint::black_box(margin));
     Ok(())
 }
 
-/// Returns text with U+FFFD in place of each sequence of bytes that is not UTF-8.
+/// Replaces invalid UTF-8 by U+FFFD.
 pub(crate) fn try_text(bytes: &[u8]) -> Result<String, TryReserveError> {
     const REPLACEMENT_BYTES: usize = char::REPLACEMENT_CHARACTER.len_utf8();
     let is_text = std::str::from_utf8(bytes).is_ok();
@@ -45,7 +44,6 @@ pub(crate) fn try_text(bytes: &[u8]) -> Result<String, TryReserveError> {
     Ok(text)
 }
 
-/// Returns the error of a file that needs more memory than the system grants for `what`.
 pub(crate) fn refused(path: &Path, what: &str) -> Error {
     let source = io::Error::new(io::ErrorKind::OutOfMemory, format!("no memory for {what}"));
     Error::Read { path: path.to_owned(), source }

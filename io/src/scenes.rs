@@ -1,6 +1,6 @@
-//! The scenes of tests, benchmarks, `lazygrid generate` and figures.
+//! Scenes of tests, benchmarks and figures.
 //!
-//! A scene is a function of the number of spheres and a seed, with the same bytes on every platform: `ChaCha8`, `f64`
+//! The number of spheres and a seed determine the bytes of a scene on every platform, by `ChaCha8`, `f64`
 //! arithmetic, and `libm`.
 
 mod expected;
@@ -29,7 +29,7 @@ const TEN_TENTHS: [f32; 10] = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0]
 /// Two sizes: transceivers of radius 1, and carriers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Transceivers {
-    /// Transceivers, at most all spheres.
+    /// Number of transceivers, at most all spheres.
     pub count: u32,
     /// Radius of a transceiver over a carrier's; 0 counts as 1.
     pub ratio: u32,
@@ -55,7 +55,7 @@ impl Default for Transceivers {
     }
 }
 
-/// A distribution of spheres, in units of the largest radius.
+/// A distribution of spheres in random order, in units of the largest radius.
 ///
 /// ```
 /// # use lazygrid_io::scenes::Scene;
@@ -68,16 +68,16 @@ impl Default for Transceivers {
 pub enum Scene {
     /// Radius 1; uniform in a ball, 5 % filled.
     Equal,
-    /// Radii 1, ½ … 1⁄16, equally frequent, in random order; uniform in a ball, 5 % filled.
+    /// Radii 1, ½ … 1⁄16, equally frequent; uniform in a ball, 5 % filled.
     FiveSizes,
-    /// Radii 1, ½ … 1⁄512, equally frequent, in random order; normal about the origin, with 20 pairs per sphere.
-    /// Below 42 spheres there are fewer pairs, and all centers coincide.
+    /// Radii 1, ½ … 1⁄512, equally frequent; normal about the origin, with 20 pairs per sphere. Fewer than 42
+    /// spheres all coincide.
     Burst,
     /// [`Burst`](Self::Burst) with radii 0.1, 0.2 … 1.
     BurstLinear,
     /// Radii of [`Burst`](Self::Burst); all centers at the origin.
     Point,
-    /// Few large spheres among small ones, in random order; uniform in a ball, 5 % filled by both.
+    /// Large and small spheres; uniform in a ball, 5 % filled by both.
     Transceivers(Transceivers),
 }
 
@@ -104,7 +104,7 @@ impl Scene {
         }
     }
 
-    /// Returns `n` spheres, equal for equal seeds on every platform.
+    /// Returns `n` spheres.
     pub fn spheres(self, n: usize, seed: u64) -> Vec<Sphere> {
         let mut rng = stream(seed, 0);
         let mut radii = self.sizes().radii(n);
@@ -116,12 +116,12 @@ impl Scene {
     /// Step of the benchmarks' motion, in radii.
     pub const STEP: f32 = 0.1;
 
-    /// Moves every sphere by a tenth of its radius in a random direction, by `seed`, `step` and index.
+    /// Moves every sphere by [`STEP`](Self::STEP) in a random direction.
     pub fn advance(spheres: &mut [Sphere], seed: u64, step: u32) {
         Self::advance_by(Self::STEP, spheres, seed, step);
     }
 
-    /// Moves every sphere by `part` of its radius, as [`advance`](Self::advance).
+    /// Moves every sphere by `part` of its radius in a random direction.
     pub fn advance_by(part: f32, spheres: &mut [Sphere], seed: u64, step: u32) {
         let mut rng = stream(seed, 1 + u64::from(step));
         for sphere in spheres {
@@ -130,7 +130,7 @@ impl Scene {
         }
     }
 
-    /// Returns the exact mean and variance over seeds of the number of overlapping pairs, before the first step.
+    /// Returns the exact distribution over seeds of the number of overlapping pairs.
     pub fn expected_pairs(self, n: usize) -> PairCount {
         expected::pairs(&self.sizes().classes(n), self.cloud(n))
     }
@@ -230,7 +230,6 @@ impl CenterDistribution {
     }
 }
 
-/// Stream 0 makes the spheres, 1 + step moves them.
 fn stream(seed: u64, stream: u64) -> ChaCha8Rng {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     rng.set_stream(stream);

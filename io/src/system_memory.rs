@@ -6,23 +6,23 @@ use std::path::{Path, PathBuf};
 pub struct AvailableMemory {
     /// Bytes.
     pub bytes: u64,
-    /// The limit that leaves the fewest bytes.
+    /// The strictest limit.
     pub limit: MemoryLimit,
 }
 
-/// A limit of the memory of a process.
+/// A memory limit of a process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MemoryLimit {
-    /// Free memory of the system, swap included.
+    /// Free memory, swap included.
     System,
-    /// Control group, such as of a container or batch job.
+    /// Control group, as of a container or batch job.
     ControlGroup,
     /// Address space, `ulimit -v`.
     AddressSpace,
 }
 
 impl MemoryLimit {
-    /// Returns the name in messages.
+    /// Returns the name for messages.
     pub fn name(self) -> &'static str {
         match self {
             Self::System => "free memory of the system",
@@ -32,8 +32,7 @@ impl MemoryLimit {
     }
 }
 
-/// Returns the least memory that the system, its control groups and `RLIMIT_AS` leave; `None` if unknown, as outside
-/// Linux.
+/// Returns the least memory that any limit leaves; `None` if unknown, as outside Linux.
 pub fn available_memory() -> Option<AvailableMemory> {
     let system = system(&read("/proc/meminfo")).map(|bytes| (bytes, MemoryLimit::System));
     let address_space = available_address_space().map(|bytes| (bytes, MemoryLimit::AddressSpace));
@@ -48,8 +47,8 @@ pub fn lacking_memory(needed: u64) -> Option<AvailableMemory> {
     available_memory().filter(|available| available.bytes < needed)
 }
 
-/// Returns the address space that `ulimit -v` leaves if it is less than `needed` bytes. Bytes that are mapped, but not
-/// written, need no other memory.
+/// Returns the address space that is left if it is less than `needed` bytes. It alone limits mapped bytes
+/// that are never written.
 pub fn lacking_address_space(needed: u64) -> Option<AvailableMemory> {
     let bytes = available_address_space().filter(|bytes| *bytes < needed)?;
     Some(AvailableMemory { bytes, limit: MemoryLimit::AddressSpace })
@@ -59,7 +58,6 @@ fn available_address_space() -> Option<u64> {
     address_space(&read("/proc/self/limits"), &read("/proc/self/status"))
 }
 
-/// Returns an empty text if the file cannot be read.
 fn read(path: &str) -> String {
     fs::read_to_string(path).unwrap_or_default()
 }
@@ -75,8 +73,8 @@ pub fn memory_of_driver_threads() -> u64 {
     cores.min(MAX_DRIVER_THREADS) * (10 << 20)
 }
 
-/// Returns the bytes that a software driver maps for a search or a simulation, without its data. It ends the process if
-/// memory is refused to it.
+/// Returns the bytes that a software driver maps without data. The driver ends the process if memory is
+/// refused.
 pub fn memory_of_driver() -> u64 {
     DRIVER + memory_of_driver_threads()
 }
@@ -96,7 +94,7 @@ fn address_space(limits: &str, status: &str) -> Option<u64> {
     Some(limit.saturating_sub(kilobytes(status, "VmSize")?))
 }
 
-/// Returns the least that the process's control groups, version 1 or 2, leave.
+/// Covers groups of version 1 and 2 and their ancestors.
 fn control_group(own: &str, root: &Path) -> Option<u64> {
     let of_line = |line: &str| {
         let (controllers, path) = line.split_once(':')?.1.split_once(':')?;
@@ -114,7 +112,7 @@ fn control_group(own: &str, root: &Path) -> Option<u64> {
     own.lines().filter_map(of_line).min()
 }
 
-/// Returns the bytes that a control group leaves; its inactive file pages count as free.
+/// Counts inactive file pages as free.
 fn left(folder: &Path, [limit, used]: [&str; 2]) -> Option<u64> {
     let read = |name: &str| -> Option<String> { fs::read_to_string(PathBuf::from(folder).join(name)).ok() };
     let number = |name: &str| read(name)?.trim().parse::<u64>().ok();

@@ -1,10 +1,8 @@
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::Communicator;
 
-/// Makes a panic in any thread end the job on all ranks, with exit code 101, after its message.
-///
-/// Otherwise unwinding ends in `MPI_Finalize`, where all ranks wait for the launcher's time limit. Programs call this
-/// once after initializing MPI, because a library must not set a panic hook.
+/// Makes a panic in any thread end the job on all ranks, with exit code 101, where ranks would otherwise wait in
+/// `MPI_Finalize`. Programs call this once after initializing MPI, since a library must not set a panic hook.
 pub fn abort_on_panic() {
     let before = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {

@@ -4,7 +4,7 @@ use mpi::traits::Communicator;
 use crate::communicator::MpiCommunicator;
 use crate::{Config, Error};
 
-/// Compares settings of a program on all ranks. Collective.
+/// Compares a program's settings on all ranks. Collective.
 ///
 /// # Errors
 /// [`Error::Settings`] on all ranks if one differs.

@@ -10,7 +10,6 @@ use crate::Error;
 use crate::agree::agree;
 use crate::rank_segments::RankSegments;
 
-/// Ranks over MPI. Methods are collective, except getters.
 pub(crate) struct MpiCommunicator {
     comm: SimpleCommunicator,
     ranks_on_machine: u32,
@@ -18,13 +17,11 @@ pub(crate) struct MpiCommunicator {
     sent: u64,
 }
 
-/// A segment per rank.
 struct Outgoing<'a, T> {
     data: &'a [T],
     segments: &'a RankSegments,
 }
 
-/// A segment per rank.
 struct Incoming<'a, T> {
     data: &'a mut [T],
     segments: &'a RankSegments,
@@ -45,7 +42,6 @@ impl MpiCommunicator {
         std::mem::take(&mut self.sent)
     }
 
-    /// `most` is the largest number of elements between two ranks.
     fn exchange_in_rounds<T: Pod>(
         &mut self,
         what: &str,
@@ -58,7 +54,7 @@ impl MpiCommunicator {
         let limit = self.limit / size_of::<T>().max(1) as u64;
         let rounds = MessageRounds::new(limit, self.ranks()).map_err(|_| self.too_small(what))?;
         self.count_sent(leaving.total() * size_of::<T>(), 1);
-        // Rounds are about equal, so the first needs the largest buffers.
+        // The first round is the largest.
         let buffers =
             try_zeroed(what, leaving.in_round(rounds, 0).total() as u64, self.rank()).and_then(|out| {
                 Ok((out, try_zeroed(what, coming.in_round(rounds, 0).total() as u64, self.rank())?))
@@ -66,7 +62,7 @@ impl MpiCommunicator {
         let (mut out, mut into): (Vec<T>, Vec<T>) = self.agree(buffers)?;
         for round in 0..rounds.count(most) {
             let (leaving, coming) = (leaving.in_round(rounds, round), coming.in_round(rounds, round));
-            // A round copies its segments: offsets in a message have 32 bits.
+            // Copies the segments of a round, since offsets in a message have 32 bits.
             let ranks = 0..leaving.lengths().len();
             out.clear();
             ranks.clone().for_each(|rank| out.extend_from_slice(&send[leaving.of(rank)]));
@@ -138,7 +134,7 @@ impl RankCommunicator for MpiCommunicator {
         let total: u64 = counts.iter().sum();
         let needed = total * size_of::<T>() as u64;
         if needed > i32::MAX as u64 {
-            // All ranks see the same counts.
+            // Fails on all ranks.
             return Err(Error::Message { what: what.to_owned(), needed, limit: i32::MAX as u64 });
         }
         let mut all = self.agree(try_zeroed(what, total, self.rank()))?;
@@ -164,7 +160,6 @@ impl RankCommunicator for MpiCommunicator {
         let leaving = RankSegments::new(counts.to_vec());
         let coming = RankSegments::new(told.iter().map(|&count| count as usize).collect());
         let buffer = try_zeroed(what, told.iter().sum(), self.rank());
-        // Elements that stay are not sent.
         let (from_own, to_own) = (leaving.of(own), coming.of(own));
         let lengths = coming.lengths().to_vec();
         let (leaving, coming) = (leaving.without(own), coming.without(own));
@@ -199,7 +194,7 @@ pub(crate) fn try_zeroed<T: Pod>(what: &str, elements: u64, rank: u32) -> Result
     Ok(buffer)
 }
 
-/// An empty vector with the capacity for `elements`.
+/// Returns an empty vector with the capacity for `elements`.
 ///
 /// # Errors
 /// [`Error::OutOfMemory`] on this rank alone: agree on the result before a collective call.
@@ -211,8 +206,8 @@ pub fn try_reserved<T>(what: &str, elements: u64, rank: u32) -> Result<Vec<T>, E
     reserved.map(|()| buffer).ok_or_else(|| Error::OutOfMemory { rank, what: what.to_owned(), bytes })
 }
 
-/// Returns the bytes of `buffer`. An empty vector of bytes has the address 1, which is `MPI_IN_PLACE` of Open MPI, so no
-/// bytes have the address of an empty vector of larger numbers.
+/// An empty vector of bytes has the address 1, `MPI_IN_PLACE` of Open MPI. Empty vectors of larger numbers
+/// have another address.
 fn bytes_of<T: Pod>(buffer: &[T]) -> &[u8] {
     match buffer {
         [] => bytemuck::cast_slice::<u64, u8>(&[]),
@@ -220,7 +215,6 @@ fn bytes_of<T: Pod>(buffer: &[T]) -> &[u8] {
     }
 }
 
-/// Returns the bytes of `buffer` to receive into, as [`bytes_of`] does to send.
 fn bytes_mut<T: Pod>(buffer: &mut [T]) -> &mut [u8] {
     match buffer {
         [] => bytemuck::cast_slice_mut::<u64, u8>(&mut []),

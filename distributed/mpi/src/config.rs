@@ -6,11 +6,11 @@ use crate::Error;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum Ownership {
-    /// Assigned by the caller: spheres stay on their ranks.
+    /// Spheres stay on the caller's ranks.
     #[default]
     Keep,
-    /// Assigned by [`rebalance`](crate::Distributed::rebalance): spheres move to the rank of their domain. Domains are
-    /// rebuilt only if a rank has more than `bound` times the mean load.
+    /// [`rebalance`](crate::Distributed::rebalance) moves spheres to their domains. It rebuilds domains if a
+    /// rank has more than `bound` times the mean load.
     Balance {
         /// At least 1.
         bound: f64,
@@ -24,18 +24,15 @@ impl Ownership {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Delivery {
-    /// One owner of one of its spheres.
+    /// Each pair to one owner of its spheres.
     #[default]
     Once,
-    /// Every owner of one of its spheres.
+    /// Each pair to every owner of its spheres.
     Owners,
 }
 
-/// Settings of a [`Distributed`](crate::Distributed).
-///
-/// [`Distributed::new`](crate::Distributed::new) requires that all ranks have the same space, interactions, ownership,
-/// delivery, order and message limit. Backend, threads, the limit of pairs and the [detector](Self::detector) may
-/// differ.
+/// Settings of a [`Distributed`](crate::Distributed). Only backend, threads, `max_pairs` and `detector` may
+/// differ between ranks.
 #[derive(Clone, Debug)]
 pub struct Config {
     pub(crate) detector: lazygrid::Config,
@@ -86,20 +83,20 @@ impl Config {
         self
     }
 
-    /// All spheres then have species.
+    /// Requires species of all spheres.
     pub fn interactions(mut self, interactions: Interactions) -> Self {
         self.interactions = Some(interactions);
         self
     }
 
-    /// Order of a rank's list. Default: [`Order::Canonical`], by ids.
+    /// Order of a rank's list, by default by ids.
     pub fn order(mut self, order: Order) -> Self {
         self.order = order;
         self
     }
 
-    /// Default: [`Backend::Auto`]: the first ranks of a node use a hardware GPU each, the others the CPU. With
-    /// [`Backend::Gpu`], ranks share GPUs if there are too few.
+    /// Default: [`Backend::Auto`], by which the first ranks of a node use a hardware GPU each, the others the CPU.
+    /// With [`Backend::Gpu`], ranks may share GPUs.
     pub fn backend(mut self, backend: Backend) -> Self {
         self.backend = backend;
         self
@@ -111,21 +108,20 @@ impl Config {
         self
     }
 
-    /// Most pairs in a rank's list, 32 bytes each. Default: 2²⁷ (4 GiB). Counting and streaming have no limit.
+    /// Maximum pairs in a rank's list, 32 bytes each. Default: 2²⁷ (4 GiB). Counting and streaming have no limit.
     pub fn max_pairs(mut self, max_pairs: u64) -> Self {
         self.max_pairs = max_pairs;
         self
     }
 
-    /// Most bytes of a message, at least 64 per rank and at most 2³¹ − 1, as MPI counts in 32 bits. Larger data take
-    /// rounds. Default: 2²⁸.
+    /// Maximum bytes of a message, from 64 per rank to 2³¹ − 1 (MPI's limit). Larger data take rounds. Default: 2²⁸.
     pub fn message_limit(mut self, bytes: u64) -> Self {
         self.message_limit = bytes;
         self
     }
 
-    /// Other settings of a detector, such as its algorithm. This configuration replaces its space, interactions, order,
-    /// backend and limits.
+    /// Other settings of the detector. This configuration overrides its space, interactions, order, backend
+    /// and limits.
     pub fn detector(mut self, detector: lazygrid::Config) -> Self {
         self.detector = detector;
         self

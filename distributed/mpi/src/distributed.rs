@@ -18,10 +18,9 @@ use crate::{
     SphereRef,
 };
 
-/// Finds overlapping pairs among the spheres of all ranks.
+/// Finds overlapping pairs among the spheres of all ranks, as one process with all spheres would.
 ///
-/// Every method except [`report`](Self::report) is collective: all ranks call it in the same order. The result is
-/// that of one process with all spheres, for any distribution.
+/// Every method except [`report`](Self::report) is collective: all ranks call it in the same order.
 pub struct Distributed {
     comm: MpiCommunicator,
     config: Config,
@@ -40,7 +39,7 @@ struct Prepared {
 }
 
 impl Distributed {
-    /// Creates a detector for these ranks. Duplicates the communicator, so messages do not mix. Collective.
+    /// Creates a detector on a duplicate of the communicator, so messages do not mix. Collective.
     ///
     /// # Errors
     /// On all ranks: [`Error::Setting`] out of range; [`Error::Settings`] if a setting of [`Config`] differs;
@@ -70,10 +69,8 @@ impl Distributed {
         })
     }
 
-    /// Moves spheres to the ranks of their domains with [`Balance`](Ownership::Balance), else only checks them.
-    /// Searches give the same pairs without it.
-    ///
-    /// Afterwards spheres are sorted by previous rank, and within it as before.
+    /// Moves spheres to the ranks of their domains with [`Balance`](Ownership::Balance), else only checks
+    /// them. Sorts spheres by previous rank and order.
     ///
     /// # Errors
     /// [`Error::Input`] and [`Error::OutOfMemory`]; no sphere has moved.
@@ -98,8 +95,7 @@ impl Distributed {
         Ok(RebalanceReport { owned: LoadBalance::of(&counts), moved: 0, rebuilt: false, migration })
     }
 
-    /// Moves further data, one element per sphere in the previous order, like a [`rebalance`](Self::rebalance). Returns
-    /// the present order.
+    /// Moves further data, one element per sphere in the previous order. Returns the present order.
     ///
     /// # Errors
     /// [`Error::Input`] for another number of elements; [`Error::OutOfMemory`].
@@ -123,7 +119,7 @@ impl Distributed {
         gather(&mut self.comm, "what is gathered", elements)
     }
 
-    /// Returns the pairs that this rank reports ([`Config::delivery`]) in the configured order, until the next call.
+    /// Returns this rank's pairs ([`Config::delivery`]) in the configured order.
     ///
     /// # Errors
     /// [`Error::Input`] for non-finite spheres, negative radii, unknown species, different lengths, or `f64` spheres on
@@ -170,8 +166,8 @@ impl Distributed {
         Ok(self.report.pairs.total)
     }
 
-    /// Hands this rank's pairs to `consume`, in unordered chunks of at most `chunk`. Returns the pairs of all ranks.
-    /// `consume` may stop its rank's search, whose further pairs are not counted.
+    /// Hands this rank's pairs to `consume`, in unordered chunks of at most `chunk`, until it breaks. Returns
+    /// the number of pairs handed over on all ranks.
     ///
     /// # Errors
     /// As [`count`](Self::count).
@@ -213,7 +209,7 @@ impl Distributed {
         Ok(Prepared { owned: owned.of_ranks, ghosts })
     }
 
-    /// Returns the spheres that become ghosts on each rank. Collective.
+    /// Collective.
     fn leaving<T: Coordinate>(
         &mut self,
         wrapped: Result<Vec<WrappedSphere<T>>, lazygrid::Error>,

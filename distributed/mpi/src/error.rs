@@ -1,7 +1,7 @@
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// Equal on all ranks, with value, limit and remedy.
+/// Equal on all ranks.
 #[derive(Clone, Debug, Error, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "messages explain the fields")]
@@ -9,7 +9,7 @@ pub enum Error {
     #[error("rank {rank}: {message}")]
     Input {
         rank: u32,
-        /// First invalid sphere of this rank, if a sphere is at fault.
+        /// First invalid sphere, if any.
         index: Option<u32>,
         message: String,
     },
@@ -27,7 +27,6 @@ pub enum Error {
     Setting { name: String, value: String, range: String },
     #[error("{message}")]
     Settings {
-        /// First such setting.
         name: String,
         /// Rank 0, and the first that differs from it.
         ranks: [u32; 2],
@@ -43,7 +42,7 @@ pub enum Error {
         /// Requested bytes.
         bytes: u64,
     },
-    /// A rank's list has more pairs than allowed. Nothing was truncated.
+    /// Nothing was truncated.
     #[error(
         "rank {rank}: {found} pairs are more than the limit of {limit} for the list of a rank; count or stream them, \
          use more ranks, or raise `max_pairs`"

@@ -15,20 +15,17 @@ pub(crate) struct IdCheck {
 struct IdSummary {
     ids: Digest,
     spheres: u64,
-    /// 1 if the spheres are `f64`, else 0.
+    /// 1 for `f64` spheres, else 0.
     is_f64: u64,
 }
 
-/// The spheres of all ranks.
 #[derive(Debug)]
 pub(crate) struct OwnedCounts {
     pub(crate) of_ranks: Vec<u64>,
-    /// `true` if they are `f64`.
     pub(crate) are_f64: bool,
 }
 
 impl OwnedCounts {
-    /// Refuses spheres of both types.
     fn new(summaries: &[IdSummary]) -> Result<Self, Error> {
         let has = |is_f64: u64| move |of: &IdSummary| of.spheres > 0 && of.is_f64 == is_f64;
         let [first_f32, first_f64] = [0, 1].map(|is_f64| summaries.iter().position(has(is_f64)));
@@ -42,7 +39,6 @@ impl OwnedCounts {
     }
 }
 
-/// An id and its sphere's index, for the rank that compares.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 struct IdRecord {
@@ -51,7 +47,7 @@ struct IdRecord {
 }
 
 impl IdCheck {
-    /// Refuses duplicate ids and spheres of different types. Compares no set of ids that equals the last call's.
+    /// Refuses duplicate ids and spheres of different types. Compares ids only if their set has changed.
     pub(crate) fn check(
         &mut self,
         comm: &mut MpiCommunicator,
@@ -63,7 +59,7 @@ impl IdCheck {
             is_f64: local.spheres.is_f64().into(),
         };
         let (summaries, _) = comm.all_gather("counts", &[own])?;
-        // All ranks see the same summaries.
+        // Fails on all ranks.
         let counts = OwnedCounts::new(&summaries)?;
         let digest = summaries.iter().fold(Digest::default(), |all, summary| all.join(summary.ids));
         if self.unique != Some(digest) {
@@ -75,14 +71,14 @@ impl IdCheck {
     }
 }
 
-/// Equal ids meet on the rank of their hash.
+/// Compares each id on the rank of its hash.
 fn compare(comm: &mut MpiCommunicator, local: LocalSpheres<'_>) -> Result<(), Error> {
     let (rank, ranks) = (comm.rank(), comm.ranks());
     let records = comm.agree(records(local, rank, ranks))?;
     let (records, counts) = comm.all_to_all_v("ids", &records.0, &records.1)?;
     let from = (0..).zip(&counts).flat_map(|(rank, &count)| std::iter::repeat_n(rank, count));
     let met = try_zeroed("ids", records.len() as u64, rank).map(|mut met: Vec<IdRecord>| {
-        // Sorted by id, rank and index, which has 32 bits.
+        // An index has 32 bits.
         let placed =
             |(record, rank): (&IdRecord, u64)| IdRecord { index: rank << 32 | record.index, ..*record };
         met.iter_mut().zip(records.iter().zip(from).map(placed)).for_each(|(met, record)| *met = record);
@@ -98,7 +94,6 @@ fn compare(comm: &mut MpiCommunicator, local: LocalSpheres<'_>) -> Result<(), Er
     comm.agree(duplicate)
 }
 
-/// Grouped by home rank, with their number for each.
 fn records(local: LocalSpheres<'_>, rank: u32, ranks: u32) -> Result<(Vec<IdRecord>, Vec<usize>), Error> {
     let mut counts = vec![0; ranks as usize];
     let mut records: Vec<IdRecord> = try_zeroed("ids", local.ids.len() as u64, rank)?;

@@ -1,6 +1,6 @@
 //! Overlapping spheres over many ranks, through MPI.
 //!
-//! A simulator passes its communicator and each rank's spheres, and gets the pairs across ranks, each once:
+//! A simulator passes its communicator and each rank's spheres:
 //!
 //! ```no_run
 //! use lazygrid::Sphere;
@@ -23,9 +23,7 @@
 //! # }
 //! ```
 //!
-//! An error is the same on all ranks, and names one.
-//!
-//! `lazygrid-ranks` has the algorithm.
+//! Errors are the same on all ranks. `lazygrid-ranks` has the algorithm.
 
 #![allow(missing_docs, reason = "most names and types are clear")]
 

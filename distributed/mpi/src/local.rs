@@ -10,13 +10,12 @@ pub struct LocalSpheres<'a> {
 }
 
 impl<'a> LocalSpheres<'a> {
-    /// `spheres` have species if there are interactions, and `ids` are unique among all ranks. All ranks have one
-    /// length unit, and numbers of one type, `f32` or `f64`.
+    /// Requires species if there are interactions, ids that are unique among all ranks, and one length unit
+    /// and number type on all ranks.
     pub fn new(spheres: impl Into<Spheres<'a>>, ids: &'a [u64]) -> Self {
         Self { spheres: spheres.into(), ids }
     }
 
-    /// `species` is the size of the interaction table.
     pub(crate) fn check(&self, rank: u32, species: Option<u32>) -> Result<(), Error> {
         let refuse = |index: Option<u32>, error: InputError| {
             Err(Error::Input { rank, index, message: error.to_string() })
@@ -55,7 +54,7 @@ impl<'a> LocalSpheres<'a> {
         (0..self.ids.len()).map(move |k| self.particle(k as u32))
     }
 
-    /// Rounds `f64` numbers, besides which their [rows](Self::row) are sent.
+    /// Rounds `f64` numbers.
     #[inline]
     pub(crate) fn particle(&self, k: u32) -> Particle {
         let species = self.spheres.species().map_or(0, |species| species[k as usize]);
@@ -68,12 +67,12 @@ impl<'a> LocalSpheres<'a> {
     }
 }
 
-/// Owned spheres of a rank, which can [move](crate::Distributed::rebalance).
+/// Spheres that [`rebalance`](crate::Distributed::rebalance) moves.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OwnedSpheres {
     /// Empty if the numbers are `f64`.
     pub spheres: Vec<Sphere>,
-    /// The spheres as rows `x, y, z, r`, if the numbers are `f64`.
+    /// Rows `x, y, z, r` in place of `spheres`.
     pub doubles: Option<Vec<[f64; 4]>>,
     /// Unique among all ranks.
     pub ids: Vec<u64>,

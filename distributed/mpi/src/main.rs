@@ -43,7 +43,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Returns this rank's arguments, or the common exit code if some rank's are invalid. Collective.
+/// Returns the common exit code if a rank's arguments are invalid. Collective.
 fn all_parsed(world: &SimpleCommunicator, parsed: Result<Args, clap::Error>) -> Result<Args, ExitCode> {
     let mut refused = vec![false; world.size() as usize];
     world.all_gather_into(&parsed.is_err(), &mut refused[..]);

@@ -34,7 +34,7 @@ impl NodeRank {
     }
 }
 
-/// Returns a rank's default threads: its share of the cores on which ranks of its node may run. Collective.
+/// Returns a rank's default number of threads, its share of the cores of its node. Collective.
 pub fn threads(communicator: &impl Communicator) -> usize {
     NodeRank::of(&communicator.duplicate()).threads()
 }
@@ -43,12 +43,11 @@ pub fn threads(communicator: &impl Communicator) -> usize {
 pub(crate) enum RankDevice {
     Asked,
     Cpu,
-    /// Index among the real GPUs.
+    /// Index among hardware GPUs.
     Gpu(usize),
 }
 
 impl RankDevice {
-    /// Returns the configuration of a detector on this device.
     pub(crate) fn of(self, detector: Config, asked: Backend) -> Config {
         match self {
             Self::Asked => detector.backend(asked),
@@ -61,7 +60,7 @@ impl RankDevice {
     }
 }
 
-/// The first ranks of a node get a GPU each. The others take the CPU, or share GPUs if only GPUs are allowed.
+/// Without a GPU of their own, ranks take the CPU, or share GPUs if only GPUs are allowed.
 fn rank_device(asked: Backend, rank: usize, gpus: usize) -> RankDevice {
     match (asked, gpus) {
         // The detector reports missing GPUs.
@@ -71,7 +70,7 @@ fn rank_device(asked: Backend, rank: usize, gpus: usize) -> RankDevice {
     }
 }
 
-/// Real GPUs come first among adapters.
+/// Hardware GPUs come first among adapters.
 #[cfg(feature = "gpu")]
 fn gpus() -> usize {
     // Drivers take long to answer.
@@ -84,7 +83,7 @@ fn gpus() -> usize {
     0
 }
 
-/// Equal for processes that may run on the same cores; for all if the system does not report cores.
+/// Equal for processes that may run on the same cores.
 fn cores_hash() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let cores = status.lines().find(|line| line.starts_with("Cpus_allowed_list"));

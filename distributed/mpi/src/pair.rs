@@ -5,27 +5,23 @@ use bytemuck::{Pod, Zeroable};
 pub struct SphereRef {
     pub id: u64,
     pub rank: u32,
-    /// Index on that rank, from 0.
     pub index: u32,
 }
 
-/// Two overlapping spheres, the smaller id first. Ordered by ids.
+/// Two overlapping spheres, the smaller id first.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Pod, Zeroable)]
 #[repr(C)]
 pub struct GlobalPair {
-    /// With the smaller id.
     pub a: SphereRef,
     pub b: SphereRef,
 }
 
 impl GlobalPair {
-    /// In any order.
     #[inline]
     pub fn new(one: SphereRef, other: SphereRef) -> Self {
         if one.id <= other.id { Self { a: one, b: other } } else { Self { a: other, b: one } }
     }
 
-    /// Returns both ids, the smaller first.
     #[inline]
     pub fn ids(&self) -> [u64; 2] {
         [self.a.id, self.b.id]

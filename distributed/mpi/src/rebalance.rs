@@ -13,7 +13,7 @@ pub struct RebalanceReport {
     pub owned: LoadBalance,
     pub moved: u64,
     pub rebuilt: bool,
-    /// For [further data](crate::Distributed::migrate_data).
+    /// For [`migrate_data`](crate::Distributed::migrate_data).
     pub migration: Migration,
 }
 
@@ -58,7 +58,6 @@ fn assign<T: Coordinate>(
     partitioner.assign(comm, &wrapped, ids, bound)
 }
 
-/// The columns of spheres, on which ranks with spheres must agree.
 struct Columns {
     species: bool,
     doubles: bool,

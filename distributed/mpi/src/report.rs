@@ -1,11 +1,11 @@
 use lazygrid_ranks::LoadBalance;
 
-/// Describes the last call on all ranks, unless a field says otherwise.
+/// The last call, on all ranks.
 #[derive(Clone, Debug, Default)]
 #[non_exhaustive]
 pub struct Report {
     pub owned: LoadBalance,
-    /// Spheres sent to a rank for the search.
+    /// Spheres received for the search.
     pub ghosts: LoadBalance,
     pub pairs: LoadBalance,
     /// Pairs found here and reported by another rank.

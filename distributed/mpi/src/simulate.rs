@@ -14,17 +14,15 @@ use crate::{Config, Error};
 pub struct Simulated {
     pub end: RunEnd,
     pub steps: u32,
-    /// Line per count.
     pub summary: String,
 }
 
-/// Runs the simulator on all ranks with the files of `lazygrid simulate`. All ranks need the same run and see its
-/// directory. `watch` gets the completed steps on every rank; a break on one stops all. Ranks compute in the caller's
+/// Runs the simulator on all ranks, which need the same run, except [`Run::backend`], and see its directory.
+/// `watch` gets the completed steps on every rank; a break on one stops all. Ranks compute in the caller's
 /// rayon pool, and send from the calling thread.
 ///
-/// [`Run::backend`] selects the backend of each rank, as for [`Config::backend`]; it may differ between ranks. If all ranks
-/// use GPUs and the model has no reactions and contacts, particles move on the GPUs. Otherwise they move on the CPU, and
-/// GPUs find pairs.
+/// Particles move on GPUs if all ranks use GPUs and the model has no reactions and contacts. Otherwise GPUs
+/// only find pairs.
 ///
 /// # Errors
 /// [`Error::Input`] with the simulator's message.

@@ -1,4 +1,4 @@
-//! `lazygrid-mpi` with `--backend gpu` under `mpirun`, run by `../../test.sh`, against the CPU.
+//! `lazygrid-mpi --backend gpu` against the CPU, run by `test.sh`.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -10,7 +10,6 @@ use lazygrid::Backend;
 use lazygrid_sim::run::Run;
 use lazygrid_sim::scenario::Scenario;
 
-/// Returns `false` without a GPU, which it reports.
 fn has_gpu() -> bool {
     let found = !lazygrid::gpu::adapters().is_empty();
     assert!(found || std::env::var_os("LAZYGRID_REQUIRE_GPU").is_none(), "no GPU adapter was found");

@@ -1,4 +1,4 @@
-//! `lazygrid-mpi simulate` under `mpirun`, run by `../../test.sh`, against one process.
+//! `lazygrid-mpi simulate` against one process, run by `test.sh`.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -148,9 +148,8 @@ fn an_error_is_printed_once() {
     assert!(!Path::new(&at("out")).exists());
 }
 
-/// Standard error of ranks with different arguments, which end with `code`.
 fn of_two(arguments: [&[&str]; 2], code: i32) -> String {
-    // Open MPI ends the others after a failure, with unreliable exit codes.
+    // Exit codes of ranks that Open MPI ends are unreliable.
     let command = env!("CARGO_BIN_EXE_lazygrid-mpi");
     let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", command, "simulate"];
     let [one, other] = arguments;
@@ -164,7 +163,6 @@ fn of_two(arguments: [&[&str]; 2], code: i32) -> String {
     said
 }
 
-/// Error of ranks with different arguments, which end with code 1.
 fn error_of_two(arguments: [&[&str]; 2]) -> String {
     let said = of_two(arguments, 1);
     let errors: Vec<_> = said.lines().filter(|line| line.starts_with("error: ")).collect();

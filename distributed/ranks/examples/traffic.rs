@@ -21,7 +21,6 @@ impl Random {
     }
 }
 
-/// Spheres that fill 5 % of a cube, with radii that halve.
 fn uniform(spheres: usize, sizes: i32) -> Vec<Sphere> {
     let mut random = Random(1);
     let radius = |k: usize| 0.5_f32.powi(k as i32 % sizes);

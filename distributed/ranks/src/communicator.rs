@@ -6,11 +6,10 @@ use crate::memory::try_collect;
 /// Elements by rank, and the count of each.
 pub type RankData<T> = (Vec<T>, Vec<usize>);
 
-/// The collective operations of the algorithm.
-///
-/// Methods are collective unless stated: all ranks call them in the same order. `what` names the data in messages.
+/// Collective operations: unless stated, all ranks call them in the same order. `what` names the data in
+/// messages.
 pub trait Communicator {
-    /// Error of a transport or a [rank](Self::failure), equal on all ranks.
+    /// Equal on all ranks.
     type Error;
 
     /// Not collective.
@@ -19,13 +18,11 @@ pub trait Communicator {
     /// Not collective.
     fn ranks(&self) -> u32;
 
-    /// Returns the number of ranks that share this rank's memory, with itself. Not collective.
+    /// Returns the number of ranks that share this rank's memory, itself included. Not collective.
     fn ranks_on_machine(&self) -> u32;
 
-    /// Returns the sum of each element over all ranks.
     fn all_reduce_sum(&mut self, values: &[u64]) -> Vec<u64>;
 
-    /// Returns the elements of all ranks, on all ranks.
     fn all_gather<T: Pod>(&mut self, what: &str, own: &[T]) -> Result<RankData<T>, Self::Error>;
 
     /// Sends `counts[rank]` consecutive elements to each rank, and returns those for this rank.
@@ -82,7 +79,7 @@ pub fn send_to_ranks<T: Pod, C: Communicator>(
     communicator.all_to_all_v(what, &elements, &counts)
 }
 
-/// Returns this rank's result if no rank lacked memory. Collective.
+/// Collective.
 pub(crate) fn agree_on_memory<T, C: Communicator>(
     communicator: &C,
     made: Result<T, lazygrid::Error>,

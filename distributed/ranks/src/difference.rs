@@ -6,7 +6,6 @@ pub struct Difference {
     /// Rank 0, and the first that differs from it.
     pub ranks: [u32; 2],
     pub values: [String; 2],
-    /// Number of ranks that differ from rank 0.
     pub differing: u32,
     pub all: u32,
 }

@@ -1,6 +1,5 @@
 use thiserror::Error;
 
-/// An error, with value, limit and remedy.
 #[derive(Clone, Debug, Error, PartialEq, Eq)]
 #[non_exhaustive]
 #[allow(missing_docs, reason = "messages explain the fields")]

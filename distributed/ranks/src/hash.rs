@@ -1,19 +1,19 @@
 use bytemuck::{Pod, Zeroable};
 
-/// Finalizer of SplitMix64: a bijection whose every output bit depends on every input bit.
+/// Finalizer of SplitMix64, a bijection.
 pub(crate) fn mix(word: u64) -> u64 {
     let word = (word ^ (word >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     let word = (word ^ (word >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     word ^ (word >> 31)
 }
 
-/// Returns a hash of the id, distinct for distinct ids, by which a plane divides spheres of equal coordinates.
+/// Returns a distinct hash for each id.
 #[inline]
 pub fn tie_breaker(id: u64) -> u64 {
     mix(id.wrapping_add(0x9E37_79B9_7F4A_7C15))
 }
 
-/// Hashes words in order; a sequence and its prefix differ.
+/// Hashes words in order. A sequence and its prefix differ.
 pub(crate) fn sequence(words: impl IntoIterator<Item = u64>) -> u64 {
     let (hash, length) = words
         .into_iter()
@@ -21,8 +21,7 @@ pub(crate) fn sequence(words: impl IntoIterator<Item = u64>) -> u64 {
     mix(hash ^ tie_breaker(length))
 }
 
-/// A digest of a set of ids, independent of order and ranks. Digests of parts [join](Self::join). Different sets
-/// collide with a probability of about 2⁻¹²⁸.
+/// A digest of a set of ids, independent of order. Different sets collide with a probability of about 2⁻¹²⁸.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Digest {
@@ -38,7 +37,7 @@ impl Digest {
         })
     }
 
-    /// The sets must be disjoint.
+    /// Requires disjoint sets.
     pub fn join(self, other: Self) -> Self {
         let sum = |k: usize| self.sums[k].wrapping_add(other.sums[k]);
         Self { sums: [sum(0), sum(1)] }

@@ -1,4 +1,4 @@
-//! All ranks in one process, for tests and to count traffic.
+//! All ranks in one process, for tests.
 
 use std::ops::ControlFlow;
 
@@ -74,12 +74,11 @@ impl InProcessRanks {
         LoadBalance::of(&self.ghosts.iter().map(|ghosts| ghosts.particles().len() as u64).collect::<Vec<_>>())
     }
 
-    /// Counts boxes of all ranks.
     pub fn bounds(&self) -> u64 {
         self.bounds
     }
 
-    /// Returns each rank's report. The wrapper must have the space and interactions of `config`.
+    /// The wrapper must have the space and interactions of `config`.
     ///
     /// # Errors
     /// As [`Detector::new`] and [`Detector::count`].

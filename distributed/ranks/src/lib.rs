@@ -1,29 +1,19 @@
-//! Overlapping spheres over many ranks: who owns a sphere, which spheres become ghosts, who reports a pair.
+//! Overlapping spheres over many ranks, which send messages through a [`Communicator`].
 //!
-//! Messages go through a [`Communicator`]: MPI in `lazygrid-mpi`, [`threads`], or all ranks in one process
-//! ([`in_process`]).
-//!
-//! 1. A [`Partition`] cuts space into a domain per rank, from a [sample] of all spheres. Placement does not change the
-//!    result.
-//! 2. Every rank tells all others its [`ClassBounds`]: a bounding box for each binade of radius ([`SizeClass`]) and
-//!    each species group.
-//! 3. *The larger sphere becomes a ghost at the owner of the smaller one*; within a class, ghosts go one way between
-//!    two ranks ([`ghost_rule`]). Only spheres that may pair with one in a bounding box are sent
-//!    ([`RankBounds::ghosts`]).
-//! 4. Each rank searches its own spheres, and between these and its ghosts ([`Search`]). The owner of the smaller
-//!    sphere reports a pair of two ranks.
-//!
-//! Spheres in `f64`, and spaces or tables that `f32` does not represent, have wrapped spheres and bounding boxes of
-//! `f64` numbers ([`SphereWrapper::wrap_f64`]), and ghosts with `f64` rows ([`Ghosts::exchange_f64`]).
-//!
-//! [`Settings`] compares what all ranks must share.
+//! 1. A [`Partition`] cuts space into a domain per rank. It does not change the result.
+//! 2. Every rank tells all others its [`ClassBounds`]: a bounding box for each [`SizeClass`] and species
+//!    group.
+//! 3. *The larger sphere becomes a ghost at the owner of the smaller one*, if it may pair with a sphere in a
+//!    bounding box ([`RankBounds::ghosts`]). Within a class, ghosts go one way between two ranks
+//!    ([`ghost_rule`]).
+//! 4. Each rank searches its own spheres, and between these and its ghosts ([`Search`]).
 //!
 //! # Correctness
 //!
-//! 1. *Each pair is reported once.* Of two spheres on different ranks exactly one becomes a ghost at the other's owner,
-//!    by a rule of size classes and ranks that both know.
-//! 2. *No pair is lost.* A sphere that may pair with one in a bounding box overlaps the box, within the cutoff of the
-//!    two species groups, by a test that no rounding makes fail ([`ClassBounds::overlaps`]).
+//! 1. *Each pair is reported once.* Of two spheres on different ranks exactly one becomes a ghost at the
+//!    other's owner, which reports the pair. Both know the rule's size classes and ranks.
+//! 2. *No pair is lost.* A sphere that may pair with one in a bounding box overlaps the box, within the
+//!    cutoff of the two species groups, by a test that no rounding makes fail ([`ClassBounds::overlaps`]).
 
 #![allow(missing_docs, reason = "most names and types are clear")]
 

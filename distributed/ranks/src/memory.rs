@@ -2,7 +2,6 @@
 
 use lazygrid::Error;
 
-/// Collects `count` values, which `what` names in errors.
 pub(crate) fn try_collect<T>(
     count: usize,
     values: impl Iterator<Item = T>,

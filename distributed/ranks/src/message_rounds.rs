@@ -2,10 +2,8 @@ use std::ops::Range;
 
 use crate::Error;
 
-/// Rounds of an exchange beyond one message, as MPI counts elements in 32 bits.
-///
-/// A round has at most `limit / ranks` elements between two ranks, so neither sent nor received elements exceed the
-/// limit.
+/// Rounds of an exchange beyond one message, each with at most `limit / ranks` elements between two ranks, so that no
+/// rank sends or receives more than the limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct MessageRounds {
     per_rank: u64,
@@ -21,7 +19,7 @@ impl MessageRounds {
         }
     }
 
-    /// Returns the rounds for at most `most` elements between two ranks, a number common to all ranks.
+    /// `most` is the largest number of elements between any two ranks.
     pub fn count(self, most: u64) -> u64 {
         most.div_ceil(self.per_rank)
     }

@@ -3,12 +3,11 @@ use bytemuck::{Pod, Zeroable};
 use crate::sample::Sample;
 use crate::{Coordinate, Error};
 
-/// A plane through a region: spheres with a lower `(coordinate, tie breaker)` are left. 24 bytes.
+/// A plane through a region: spheres with a lower `(coordinate, tie breaker)` are left.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct BisectionPlane {
     at: f64,
-    /// Belongs to the sphere at the plane.
     tie_breaker: u64,
     axis: u64,
 }
@@ -20,10 +19,8 @@ impl BisectionPlane {
     }
 }
 
-/// Recursive bisection of space into one part per rank. Only balance depends on it, so it can be kept for many steps.
-///
-/// Planes compare `(coordinate, tie breaker)`. [Tie breakers](crate::tie_breaker) are distinct, so planes divide
-/// spheres of equal coordinates evenly.
+/// Recursive bisection of space into one part per rank. Only balance depends on it, so it can be kept for
+/// many steps. [Tie breakers](crate::tie_breaker) divide spheres of equal coordinates evenly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Partition {
     parts: u32,
@@ -32,7 +29,7 @@ pub struct Partition {
 }
 
 impl Partition {
-    /// Divides the sample about equally. Reorders it.
+    /// Divides the sample about equally, and reorders it.
     pub fn new(sample: &mut [Sample], parts: u32) -> Self {
         let parts = parts.max(1);
         let mut planes = Vec::with_capacity(parts as usize - 1);
@@ -40,8 +37,6 @@ impl Partition {
         Self { parts, planes }
     }
 
-    /// Creates a partition from its [planes](Self::planes).
-    ///
     /// # Errors
     /// [`Error::Planes`] for a wrong number of planes or an invalid axis.
     pub fn from_planes(parts: u32, planes: Vec<BisectionPlane>) -> Result<Self, Error> {
@@ -49,7 +44,6 @@ impl Partition {
         if sound { Ok(Self { parts, planes }) } else { Err(Error::Planes { planes: planes.len(), parts }) }
     }
 
-    /// One less than parts.
     pub fn planes(&self) -> &[BisectionPlane] {
         &self.planes
     }
@@ -58,7 +52,7 @@ impl Partition {
         self.parts
     }
 
-    /// Returns a sphere's part by the center of its [`WrappedSphere`](crate::WrappedSphere).
+    /// `center` is that of a [`WrappedSphere`](crate::WrappedSphere).
     #[inline]
     pub fn part_of<T: Coordinate>(&self, center: [T; 3], tie_breaker: u64) -> u32 {
         let (mut first, mut parts, mut node) = (0, self.parts, 0);
@@ -90,7 +84,7 @@ fn cut(sample: &mut [Sample], parts: u32, planes: &mut Vec<BisectionPlane>) {
         true => BisectionPlane { at: 0.0, tie_breaker: 0, axis: 0 },
         false => {
             let order = |a: &Sample, b: &Sample| {
-                // Coordinates are finite, and −0 is 0.
+                // Coordinates are finite, and −0 becomes 0.
                 (a.at(axis) + 0.0).total_cmp(&(b.at(axis) + 0.0)).then(a.tie_breaker().cmp(&b.tie_breaker()))
             };
             let (_, at, _) = sample.select_nth_unstable_by(middle, order);

@@ -6,7 +6,6 @@ use crate::memory::try_collect;
 use crate::sample::{Sample, SampleFilter};
 use crate::{Communicator, Coordinate, LoadBalance, Partition, WrappedSphere, tie_breaker};
 
-/// Keeps the partition between steps.
 #[derive(Clone, Debug, Default)]
 pub struct Partitioner {
     current: Option<FreshPartition>,
@@ -20,16 +19,14 @@ struct FreshPartition {
 
 #[derive(Clone, Debug)]
 pub struct Assignment {
-    /// Indexed by sphere.
     pub ranks: Vec<u32>,
     pub owned: LoadBalance,
-    /// `true` if the partition was rebuilt.
     pub rebuilt: bool,
 }
 
 impl Partitioner {
-    /// Returns the ranks of the spheres' domains. Rebuilds the partition if a rank would have more than `bound` times
-    /// the mean. Collective.
+    /// Returns the ranks of the spheres' domains. Rebuilds the partition if a rank would have more than
+    /// `bound` times the mean. Collective.
     pub fn assign<T: Coordinate, C: Communicator>(
         &mut self,
         communicator: &mut C,
@@ -94,7 +91,6 @@ fn partition<T: Coordinate, C: Communicator>(
 pub struct Migration {
     /// Previous indices, by destination, then ascending.
     order: Vec<u32>,
-    /// Spheres for each rank, this one included.
     counts: Vec<usize>,
 }
 
@@ -109,8 +105,6 @@ impl Migration {
         Ok(Self { order: try_collect(spheres, 0..spheres as u32, "the order of spheres")?, counts })
     }
 
-    /// Sends each sphere to its destination, below `ranks`.
-    ///
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub fn to_ranks(destinations: &[u32], ranks: u32) -> Result<Self, Error> {
@@ -123,17 +117,15 @@ impl Migration {
         Ok(Self { order, counts })
     }
 
-    /// Counts spheres before the migration.
     pub fn spheres(&self) -> usize {
         self.order.len()
     }
 
-    /// `rank` is this rank.
     pub fn sent_count(&self, rank: u32) -> usize {
         self.spheres() - self.counts[rank as usize]
     }
 
-    /// Moves `data(k)` of each sphere `k` to its destination. Returns data by previous rank, in its order there.
+    /// Moves `data(k)` of each sphere `k` to its destination. Returns data by previous rank and order.
     /// Collective.
     pub fn apply<T: Pod, C: Communicator>(
         &self,

@@ -1,16 +1,15 @@
-//! A sample for a [`Partition`](crate::Partition), chosen by a hash of ids, without a message.
+//! A sample for a [`Partition`](crate::Partition), chosen by a hash of ids without a message.
 
 use bytemuck::{Pod, Zeroable};
 
 use crate::Coordinate;
 use crate::hash::{mix, tie_breaker};
 
-/// A part's size errs by about the reciprocal square root, 1.1 %.
+/// A part's size errs by about 1.1 %, the reciprocal square root.
 pub const SAMPLES_PER_PART: u64 = 8192;
 /// The rank that gathers the samples needs 64 MB.
 pub const MAX_SAMPLES: u64 = 1 << 21;
 
-/// A sampled sphere, 32 bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Sample {
@@ -19,7 +18,6 @@ pub struct Sample {
 }
 
 impl Sample {
-    /// Uses the center of the [`WrappedSphere`](crate::WrappedSphere).
     pub fn new<T: Coordinate>(center: [T; 3], id: u64) -> Self {
         Self { center: center.map(T::into), tie_breaker: tie_breaker(id) }
     }
@@ -41,7 +39,6 @@ pub struct SampleFilter {
 }
 
 impl SampleFilter {
-    /// `spheres` are those of all ranks.
     pub fn new(spheres: u64, parts: u32) -> Self {
         let wanted = (SAMPLES_PER_PART * u64::from(parts)).min(MAX_SAMPLES);
         let fraction = wanted as f64 / spheres.max(1) as f64;
@@ -51,7 +48,7 @@ impl SampleFilter {
 
     #[inline]
     pub fn takes(self, id: u64) -> bool {
-        // With the hash of the tie breaker, samples at one point would all be on one side of its plane.
+        // With the tie breaker's hash, samples at one point would all be on one side of its plane.
         mix(id ^ 0x2545_F491_4F6C_DD1D) <= self.largest
     }
 }

@@ -13,17 +13,16 @@ const CHUNK_PAIRS: usize = 1 << 14;
 pub enum PairKind {
     /// Two owned spheres, the smaller index first.
     Local,
-    /// Owned sphere, then a ghost.
+    /// An owned sphere, then a ghost.
     WithGhost,
 }
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PairCounts {
-    /// Between owned spheres.
     pub local: u64,
-    /// With ghosts, reported by this rank.
+    /// Reported by this rank.
     pub with_ghosts: u64,
-    /// With ghosts, reported by the ghost's owner.
+    /// Reported by the ghost's owner.
     pub elsewhere: u64,
 }
 
@@ -32,7 +31,7 @@ impl PairCounts {
         self.local + self.with_ghosts
     }
 
-    /// Returns the counts of a search that was stopped after `reported` pairs.
+    /// Returns the counts after a stop at `reported` pairs.
     #[must_use]
     pub fn up_to(self, reported: u64) -> Self {
         let local = self.local.min(reported);
@@ -50,12 +49,9 @@ pub struct Search {
 }
 
 impl Search {
-    /// Creates the search of `rank` among `ranks`.
-    ///
-    /// The detector must have the wrapper's space and interactions, equal on all ranks. Between owned spheres and
-    /// ghosts it searches only if it takes two sets on the CPU, and otherwise a second detector does, which `cpu`
-    /// configures with the same space and interactions: a GPU would get all owned spheres again for few ghosts, and the
-    /// paper's grids take one set.
+    /// Creates the search of `rank`. A second detector, configured by `cpu`, searches between owned spheres and ghosts
+    /// unless `detector` takes two sets on the CPU: a GPU would get all owned spheres again for few ghosts, and the
+    /// paper's grids take one set. Both must have the wrapper's space and interactions.
     ///
     /// # Errors
     /// See [`Detector::new`], which gets `cpu`.
@@ -73,7 +69,7 @@ impl Search {
         Ok(Self { detector, across, wrapper, rank, ranks })
     }
 
-    /// Creates a search by a detector that takes two sets.
+    /// Requires a detector that takes two sets.
     pub(crate) fn by_one(detector: Detector, wrapper: SphereWrapper, rank: u32, ranks: u32) -> Self {
         Self { detector, across: None, wrapper, rank, ranks }
     }
@@ -82,8 +78,7 @@ impl Search {
         &self.detector
     }
 
-    /// Delivers this rank's pairs as indices of owned spheres and ghosts, in unordered chunks, until `consume`
-    /// breaks.
+    /// Delivers this rank's pairs as indices, in unordered chunks, until `consume` breaks.
     ///
     /// # Errors
     /// As [`Detector::count`].
@@ -118,7 +113,7 @@ impl Search {
         Ok(counts)
     }
 
-    /// Counts one by one only if the other rank may report some.
+    /// Counts pairs one by one only if another rank may report some.
     ///
     /// # Errors
     /// As [`Detector::count`].
@@ -170,7 +165,6 @@ impl Classes {
         })
     }
 
-    /// Returns `true` if this rank reports a pair: the ghost was sent for this sphere.
     #[inline]
     fn reports(&self, [own, ghost]: [u32; 2]) -> bool {
         let own = RankAndClass { rank: self.rank, class: self.owned[own as usize] };
@@ -178,7 +172,7 @@ impl Classes {
     }
 
     fn all_report(&self) -> bool {
-        // A ghost for the largest class is one for all others.
+        // A ghost for the largest class is a ghost for all others.
         let largest = self.owned.iter().max();
         largest.is_none_or(|&class| {
             let own = RankAndClass { rank: self.rank, class };

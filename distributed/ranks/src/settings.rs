@@ -2,12 +2,11 @@
 //!
 //! # Correctness
 //!
-//! 1. A setting has a 64-bit digest of its name and value, as text or words. The hash is written out in this crate,
-//!    independent of builds, seeds and addresses.
-//! 2. Numbers enter exactly: as the shortest decimal text that reads back, or as bits. −0 counts as 0. Spaces, tables
-//!    and bounds refuse NaN.
-//! 3. All ranks get all digests in one collective call, and compare them by the same rule, so all see the same
-//!    difference or none. Only then two of them send the texts.
+//! 1. A setting has a 64-bit digest of its name and value, independent of builds, seeds and addresses.
+//! 2. Numbers enter exactly: as the shortest decimal text that reads back, or as bits. −0 counts as 0.
+//!    Spaces, tables and bounds refuse NaN.
+//! 3. All ranks compare all digests by the same rule, so all see the same difference or none. Only then two
+//!    of them send the texts.
 //! 4. Unequal values collide with a probability of about 2⁻⁶⁴.
 
 use std::fmt::{self, Write};
@@ -54,7 +53,7 @@ impl Settings {
         self.add(Setting { name, text, digest })
     }
 
-    /// Adds a setting whose text is too long for a message, as a digest and `what` it is.
+    /// Sends a digest and `what` the value is, in place of a long text.
     pub fn with_long(self, name: &'static str, what: impl fmt::Display, value: impl fmt::Display) -> Self {
         self.with_words(name, what, words(&value.to_string()))
     }
@@ -87,8 +86,7 @@ impl Settings {
         self
     }
 
-    /// Compares the settings of all ranks. Collective: one exchange of 8 bytes per setting, more only to describe a
-    /// difference.
+    /// Compares the settings of all ranks. Collective.
     ///
     /// # Errors
     /// [`Communicator::difference`] on all ranks for a difference; the communicator's.
@@ -127,7 +125,6 @@ fn split<'a, T>(all: &'a [T], counts: &'a [usize]) -> impl Iterator<Item = &'a [
     })
 }
 
-/// Returns the index and the rank.
 fn first_difference(of_ranks: &[&[u64]]) -> Option<(usize, usize)> {
     let first = of_ranks.first()?;
     let places = of_ranks.iter().map(|own| own.len()).max()?;
@@ -141,7 +138,7 @@ fn words(text: &str) -> impl Iterator<Item = u64> {
     std::iter::once(text.len() as u64).chain(text.as_bytes().chunks(8).map(word))
 }
 
-/// Two words, with 0 for −0.
+/// Uses 0 for −0.
 fn entry(interaction: Interaction) -> [u64; 2] {
     match interaction {
         Interaction::Never => [0, 0],
@@ -150,7 +147,7 @@ fn entry(interaction: Interaction) -> [u64; 2] {
     }
 }
 
-/// A complete text, with 0 for −0.
+/// Uses 0 for −0.
 fn describe(space: &Space) -> String {
     if !space.is_periodic() {
         return "unbounded".to_owned();

@@ -19,7 +19,6 @@ impl SizeClass {
         Self((radius.to_bits() >> 23) as u8)
     }
 
-    /// 0 for the smallest radii, below [`COUNT`](Self::COUNT).
     #[inline]
     pub fn index(self) -> usize {
         self.0.into()

@@ -4,12 +4,11 @@ use lazygrid::Interactions;
 
 use crate::hash::sequence;
 
-/// Groups of species with the same partners at similar distances. Each has its own bounding boxes, so a ghost goes only
-/// to ranks with a partner within its distance.
+/// Groups of species with the same partners at similar distances, each with its own bounding boxes, so that
+/// ghosts go only to ranks with near partners.
 #[derive(Clone, Debug)]
 pub(crate) struct SpeciesGroups {
     groups: Vec<u32>,
-    /// Number of groups.
     count: u32,
     /// Largest cutoff of two groups, in rows; `None` if they never pair.
     cutoffs: Vec<Option<f64>>,
@@ -19,8 +18,8 @@ impl SpeciesGroups {
     /// Groups add bounding boxes on all ranks. Further groups share these, which sends more ghosts and loses none.
     const MAX_GROUPS: u32 = 16;
 
-    /// Creates groups by partners and, if they are at most [`Self::MAX_GROUPS`], by distances to a factor of two.
-    /// Without `has_cutoffs`, only radii limit distances.
+    /// Groups by partners and, within [`Self::MAX_GROUPS`], distances to a factor of two. Without
+    /// `has_cutoffs`, only radii limit distances.
     pub(crate) fn new(table: &Interactions, has_cutoffs: bool) -> Self {
         let cutoff = |one: u32, other: u32| {
             let distance = table.get(one, other).distance()?;
@@ -53,8 +52,8 @@ impl SpeciesGroups {
         self.groups.get(species as usize).copied().unwrap_or(self.count)
     }
 
-    /// Returns the largest center distance at which spheres of two groups pair, infinite if only radii limit it; `None`
-    /// if they never pair.
+    /// Returns the largest center distance at which spheres of two groups pair, infinite if only radii limit
+    /// it; `None` if they never pair.
     #[inline]
     pub(crate) fn cutoff(&self, one: u32, other: u32) -> Option<f64> {
         if one.max(other) < self.count {
@@ -65,13 +64,12 @@ impl SpeciesGroups {
     }
 }
 
-/// Returns the exponent of a distance, with its offset.
 fn binade(distance: f64) -> u64 {
     distance.to_bits() >> 52
 }
 
-/// Returns the group of each species, in order of appearance, and their number. Species of equal rows share a group, and
-/// so do species whose rows have equal hashes.
+/// Species with equal rows share a group; so do rows with colliding hashes. Also returns the number of
+/// groups.
 fn grouped(species: u32, class: impl Fn(u32, u32) -> u64) -> (Vec<u32>, u32) {
     let mut of_rows = HashMap::new();
     let group = |one: u32| {
@@ -111,7 +109,6 @@ mod tests {
         assert!((0..4).all(|other| groups.cutoff(groups.of(9), other) == Some(f64::INFINITY)));
     }
 
-    /// Species 0 and 1 have distances of one binade; species 3 also touches.
     #[test]
     fn species_with_similar_distances_share_a_group_and_the_largest() {
         let distance = |one: u32, other: u32| match (one, other) {

@@ -1,4 +1,4 @@
-//! Ranks as threads: a [`Communicator`] for tests without MPI.
+//! Ranks as threads, for tests without MPI.
 
 use std::sync::mpsc::{Receiver, Sender, channel};
 
@@ -6,7 +6,7 @@ use bytemuck::Pod;
 
 use crate::{Communicator, RankData};
 
-/// A rank. Methods panic if another rank has ended or is in another call, so none waits for ever.
+/// Methods panic if another rank has ended or is in another call.
 pub struct Thread {
     rank: u32,
     to: Vec<Sender<Vec<u8>>>,

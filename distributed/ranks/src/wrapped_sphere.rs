@@ -10,11 +10,10 @@ const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 /// A sphere wrapped into the box, with its effective radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WrappedSphere<T = f32> {
-    /// Center, within half a length of the origin along periodic axes; orthogonalized in triclinic spaces.
+    /// Within half a length of the origin along periodic axes; orthogonalized in triclinic spaces.
     pub center: [T; 3],
-    /// Effective radius: spheres that may pair are at most the sum of both radii apart.
+    /// Effective radius: spheres that may pair are at most the sum of both apart.
     pub radius: T,
-    /// Species group.
     pub group: u32,
 }
 
@@ -29,14 +28,12 @@ impl<T: Coordinate> WrappedSphere<T> {
 pub struct SphereWrapper {
     space: Space,
     orthogonal: Option<Orthogonalization>,
-    /// The space of wrapped spheres, orthogonalized if triclinic.
     wrapped_space: Space,
     /// `None` if all touching spheres pair.
     species: Option<SpeciesTable>,
     needs_f64: bool,
 }
 
-/// For the exchange of ghosts.
 #[derive(Clone, Debug)]
 struct SpeciesTable {
     reaches: Vec<SpeciesReach>,
@@ -45,7 +42,7 @@ struct SpeciesTable {
 
 impl SphereWrapper {
     pub fn new(space: Space, interactions: Option<&Interactions>) -> Self {
-        // Orthogonalized radii grow by the rounding of positions, which boxes do not hold and a cutoff would need.
+        // Orthogonalized radii grow by the rounding of positions, but cutoffs would not.
         let has_cutoffs = space.triclinic_cell().is_none();
         let species = interactions.map(|table| SpeciesTable {
             reaches: (0..table.species()).map(|species| table.reach(species)).collect(),
@@ -58,21 +55,18 @@ impl SphereWrapper {
         Self { space, orthogonal, wrapped_space, species, needs_f64 }
     }
 
-    /// Returns `true` if `f32` spheres must also be wrapped as [`f64` numbers](Self::wrap_f64), because `f32` does not
-    /// represent the space or a distance of the interactions.
+    /// Returns `true` if `f32` does not represent the space or a distance, so `f32` spheres need
+    /// [`wrap_f64`](Self::wrap_f64).
     #[inline]
     pub fn needs_f64(&self) -> bool {
         self.needs_f64
     }
 
-    /// Returns the space of wrapped spheres.
     #[inline]
     pub(crate) fn wrapped_space(&self) -> &Space {
         &self.wrapped_space
     }
 
-    /// Returns the largest center distance at which spheres of two groups pair, infinite if only radii limit it; `None`
-    /// if they never pair.
     #[inline]
     pub(crate) fn cutoff(&self, one: u32, other: u32) -> Option<f64> {
         match &self.species {
@@ -102,14 +96,15 @@ impl SphereWrapper {
         }
     }
 
-    /// Wraps a valid sphere, given as `x, y, z, r`. An unknown species has the sphere's radius and may pair with all.
+    /// Wraps a valid sphere `x, y, z, r` like [`wrap`](Self::wrap).
     ///
     /// # Correctness
     ///
-    /// 1. Wrapping along an axis of length `L` rounds nothing, so wrapped centers have the distances of exact images.
-    /// 2. The contact test computes `(cj − ci) + S·L`, whose roundings add up to `2⁻⁵³·(4|ci| + 4|cj| + 2L)` at most
-    ///    along an axis, and √3 times that in space. The boxes' distance across the boundary rounds by less than
-    ///    `2⁻⁵¹·L`. Each of the two radii grows by `2⁻⁴⁹·(|c| + L)`.
+    /// 1. Wrapping along an axis of length `L` rounds nothing, so wrapped centers have the distances of exact
+    ///    images.
+    /// 2. The contact test computes `(cj − ci) + S·L`, whose roundings add up to `2⁻⁵³·(4|ci| + 4|cj| + 2L)`
+    ///    at most along an axis, and √3 times that in space. The boxes' distance across the boundary rounds
+    ///    by less than `2⁻⁵¹·L`. Each of the two radii grows by `2⁻⁴⁹·(|c| + L)`.
     /// 3. If this test takes another image than the nearest, the nearest is closer.
     /// 4. Orthogonalized radii grow in the same way ([`Orthogonalization`]).
     #[inline]
@@ -124,7 +119,7 @@ impl SphereWrapper {
         let mut center = [x, y, z];
         if let Some(orthogonal) = &self.orthogonal {
             let Sphere { center, radius } = orthogonal.sphere(center, radius, f64::from(f32::MAX));
-            // A larger radius is cut.
+            // Larger radii are cut.
             let radius = if radius < f32::MAX { f64::from(radius) } else { f64::INFINITY };
             return WrappedSphere { center: center.to_array().map(f64::from), radius, group };
         }
@@ -148,8 +143,6 @@ impl SphereWrapper {
         try_collect(particles.len(), particles.map(wrapped), "spheres wrapped into the box")
     }
 
-    /// Wraps spheres of either type as `f64` numbers.
-    ///
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub fn wrap_all_f64(&self, spheres: Spheres<'_>) -> Result<Vec<WrappedSphere<f64>>, Error> {
@@ -159,7 +152,7 @@ impl SphereWrapper {
     }
 }
 
-/// Returns the image of `x` within half a length of the origin, without rounding.
+/// Returns the image of `x` nearest to the origin, without rounding.
 #[inline]
 fn wrap(x: f64, length: f64) -> f64 {
     let rest = x % length;
@@ -167,7 +160,7 @@ fn wrap(x: f64, length: f64) -> f64 {
     if rest.abs() > 0.5 * length { rest - length.copysign(rest) } else { rest }
 }
 
-/// Returns a power of two that brings the longest cell vector to between 1 and 2, or near to this.
+/// Returns a power of two that scales the longest cell vector to about 1.
 fn scale_of(cell: &TriclinicCell) -> f64 {
     const EXPONENTS: u64 = 2046;
     let exponent = (cell.longest().to_bits() >> 52).clamp(1, EXPONENTS - 1);

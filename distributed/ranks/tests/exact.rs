@@ -15,7 +15,6 @@ use proptest::sample::select;
 #[derive(Clone, Debug)]
 enum Placement {
     Balanced,
-    /// One word per sphere, in turn.
     Given(Vec<u32>),
     Single(u32),
 }

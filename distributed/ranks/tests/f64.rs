@@ -1,4 +1,4 @@
-//! Spheres in `f64` within 2 ulp of tangency over thread ranks, against one process and the exact contact test.
+//! Spheres within 2 ulp of tangency, against one process and the exact contact test.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -33,12 +33,10 @@ struct Scene {
     algorithm: Algorithm,
 }
 
-/// Sizes and position of a scene.
 #[derive(Clone, Copy, Debug)]
 struct Scale {
     unit: f64,
     offset: f64,
-    /// Spheres are up to this many cell vectors away from the cell.
     images: f64,
 }
 
@@ -53,8 +51,6 @@ fn by_ulps(number: f64, ulps: i64) -> f64 {
     f64::from_bits(number.to_bits().saturating_add_signed(ulps))
 }
 
-/// Returns two spheres whose minimum images are within 2 ulp of touching, or of a distance that decides for species 0
-/// and 1.
 fn tangent(random: &mut Random, space: &Space, scale: Scale, distance: Option<f64>) -> [Row; 2] {
     let Scale { unit, offset, images } = scale;
     let a = [0, 1, 2].map(|_| offset + 9.9 * unit * random.next_f64());
@@ -95,7 +91,6 @@ fn spaces() -> Vec<Space> {
     ]
 }
 
-/// Returns the same cell in units of `1 / unit`.
 fn scaled(space: &Space, unit: f64) -> Space {
     let edges = space.cell_vectors().map(|edge| edge.map(|edge| edge.map(|number| number * unit)));
     Space::triclinic(edges).unwrap()
@@ -115,7 +110,6 @@ impl Scene {
         config.order(Order::Unordered)
     }
 
-    /// Returns the pairs of the exact test, which are those of one process.
     fn expected(&self) -> Vec<[u64; 2]> {
         let (table, species) = (self.table(), self.species());
         let is_pair = |i: usize, j: usize| {
@@ -229,7 +223,7 @@ fn ranks_decide_in_f64() {
 fn spheres_far_from_the_origin_are_decided_in_f64() {
     for space in spaces() {
         for offset in [1e9, -1e30, 1e300] {
-            // Differences of coordinates at this offset have some digits.
+            // Leaves some digits to differences of coordinates.
             let unit = if offset == 1e9 { 1.0 } else { 1e-12 * f64::abs(offset) };
             let space = scaled(&space, unit);
             assert!(
@@ -279,7 +273,7 @@ fn distances_of_species_are_decided_in_f64() {
     }
 }
 
-/// Spheres that touch pair by their bounding boxes, in whose place no other sphere makes them ghosts.
+/// Each sphere is alone in its box, so no other sphere makes it a ghost.
 #[test]
 fn touching_spheres_have_boxes_that_may_pair() {
     let mut random = Random(11);
@@ -292,7 +286,6 @@ fn touching_spheres_have_boxes_that_may_pair() {
             let images = [0.0, 1.0, 100.0, 1e9, 1e15][k / 60 % 5];
             let scale = Scale { unit, offset, images };
             let [a, b] = tangent(&mut random, &space, scale, None);
-            // The sum of both radii, also of spheres with other radii.
             let within = k.is_multiple_of(3).then_some(a[3] + b[3]).filter(|distance| distance.is_finite());
             let table = within.map(|distance| Interactions::new(1, Within(distance)).unwrap());
             let wrapper = SphereWrapper::new(space, table.as_ref());
@@ -316,7 +309,6 @@ fn boxes_of_far_spheres_in_f64_do_not_pair() {
     }
 }
 
-/// A box length that is no `f32` number decides on `f32` spheres, too.
 #[test]
 fn f32_spheres_in_other_boxes_need_f64() {
     let needs = |space: &Space| SphereWrapper::new(*space, None).needs_f64();

@@ -1,4 +1,4 @@
-//! Settings that differ are the same error on all ranks, which names the setting and two ranks.
+//! Different settings are the same error on all ranks.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 

@@ -1,4 +1,4 @@
-//! Loads, ghosts and pairs in scenes of thousands of spheres.
+//! Loads, ghosts and pairs of thousands of spheres.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -74,7 +74,7 @@ fn coincident_spheres_and_their_pairs_are_balanced() {
         let (pairs, reported) = found(&in_process, Space::UNBOUNDED);
         assert_eq!((pairs.len() as u64, reported.total), (n * (n - 1) / 2, n * (n - 1) / 2));
         assert!(pairs.windows(2).all(|two| two[0] != two[1]), "a pair twice on {ranks} ranks");
-        // For an even number P of ranks, ranks k and k + P/2 share pairs, and only one of the two reports them.
+        // For even P, only one of ranks k and k + P/2 reports their pairs.
         let most = 1.02 + if ranks % 2 == 0 { 1.0 / f64::from(ranks) } else { 0.0 };
         assert!(reported.imbalance() <= most, "{} on {ranks} ranks", reported.imbalance());
         let ranks = in_process.pairs(&Config::default().threads(1)).unwrap();
@@ -93,7 +93,7 @@ fn domains_balance_spheres_outside_the_sample() {
 
 #[test]
 fn ghosts_are_near_domain_boundaries() {
-    // A cube of 50³ spheres, 100 across, in eight parts with three borders, each crossed at up to 0.8 from one side.
+    // A cube of 50³ spheres, 100 across, has three borders, each crossed by up to 0.8 from one side.
     let near = 3.0 * 0.8 / 100.0;
     for (name, spheres, most) in [
         ("uniform", uniform(125_000, &[0.4]), 1.1),
@@ -117,7 +117,6 @@ fn giant_becomes_a_ghost_and_spheres_in_it_do_not() {
     assert!(ghosts(&particles).abs_diff(ghosts(&alone)) <= 20, "{} {}", ghosts(&particles), ghosts(&alone));
 }
 
-/// Two ranks share a crowd of species 0; a sphere of species 1 on rank 1 is its only partner.
 #[test]
 fn ghosts_go_only_to_ranks_with_a_partner_species() {
     let mut crowd = uniform(2000, &[0.6]);
@@ -155,7 +154,6 @@ fn ghosts_go_only_to_ranks_with_a_partner_species() {
     }
 }
 
-/// Eight ranks share a crowd of species 0, whose distance with itself is small, and with species 1 large.
 #[test]
 fn ghosts_are_within_the_distance_of_their_species() {
     let crowd = uniform(8000, &[0.3]);

@@ -1,5 +1,3 @@
-//! The simulation box of a file.
-
 use lazygrid::Space;
 
 use crate::error::{Error, Location};
@@ -13,7 +11,7 @@ pub(super) struct Cell {
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 impl Cell {
-    /// `doubles` says that spheres are `f64`, so that nothing of a cell vector is negligible.
+    /// For `doubles`, no component of a cell vector is negligible.
     pub(super) fn space(&self, place: &Location, doubles: bool) -> Result<Space, Error> {
         let repeats = self.edges.iter().zip(self.periodic);
         let mut lengths = [None; 3];
@@ -40,7 +38,7 @@ impl Cell {
             .map_err(|reason| Error::BoxEdges { place: place.clone(), reason: Box::new(reason) })
     }
 
-    /// For `f32` spheres, ignores residues of rotations far below 32-bit rounding.
+    /// For `f32` spheres, ignores residues of rotations.
     fn axis_of(edge: &[f64; 3], doubles: bool) -> Option<usize> {
         const NEGLIGIBLE: f64 = 1.0 / (1 << 30) as f64;
         let longest = (0..3).max_by(|&a, &b| edge[a].abs().total_cmp(&edge[b].abs()))?;

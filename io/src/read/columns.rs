@@ -4,14 +4,11 @@ use crate::error::{Error, excerpt};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Column {
-    /// Coordinate of the center.
     Axis(usize),
-    /// Coordinate as a fraction of the box.
     Scaled(usize),
     Radius,
     Diameter,
     Species,
-    /// Stays with a sphere from frame to frame.
     Id,
     Group,
     Other,
@@ -33,34 +30,29 @@ impl Column {
     }
 }
 
-/// Columns in the order of fields.
 pub(super) struct Columns {
     meanings: Vec<Column>,
     names: Vec<String>,
-    /// A row may have more fields.
     open_ended: bool,
 }
 
 #[derive(Clone, Copy, Default)]
 pub(super) struct Row<'a> {
-    /// Numbers of the requested type, like the radius.
     pub(super) center: [f64; 3],
     pub(super) scaled: [Scaled<'a>; 3],
     pub(super) radius: Option<f64>,
     pub(super) species: Option<&'a [u8]>,
     pub(super) id: Option<&'a [u8]>,
     pub(super) group: Option<&'a [u8]>,
-    /// First column that lost digits, and its field.
+    /// First rounded column, and its field.
     pub(super) rounded: Option<(usize, &'a [u8])>,
 }
 
-/// A coordinate as a fraction of the box.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Scaled<'a> {
     pub(super) value: f64,
-    /// Unit of the last digit, infinite for few digits.
+    /// Unit of the last digit; infinite for at most [`SAFE_DIGITS`].
     pub(super) unit: f64,
-    /// Column and text.
     pub(super) field: Option<(usize, &'a [u8])>,
 }
 
@@ -189,24 +181,23 @@ impl Columns {
 /// Numbers of at most this many digits survive a conversion to `f32` (FLT_DIG of C).
 const SAFE_DIGITS: u32 = 6;
 
-/// Returns `true` if `value`, written with as many significant digits as the field has, is another number. Text
-/// that `%.9g` makes from an `f32` loses none.
+/// Returns `true` if `value`, written with the field's number of significant digits, is another number. Text
+/// of `%.9g` loses none.
 fn loses_digits(field: &[u8], value: f32) -> bool {
     let Some((_, unit)) = digits(field).filter(|&(significant, _)| significant > SAFE_DIGITS) else {
         return false;
     };
     let Ok(wide) = lexical_core::parse::<f64>(field) else { return false };
-    // A tie may be rounded either way, and so may numbers within the rounding errors of `wide` and `unit`.
+    // Ties may round either way, and `wide` and `unit` have errors.
     let error = 1e-9 * unit + wide.abs() * f64::EPSILON;
     (wide - f64::from(value)).abs() > 0.5 * unit + error
 }
 
-/// Returns the number of significant digits, without zeros at the end, and the unit of the last of them; `None` for zero.
+/// Returns the significant digits, without trailing zeros, and the unit of the last; `None` for zero.
 fn digits(field: &[u8]) -> Option<(u32, f64)> {
     let end = field.iter().position(|b| b"eE".contains(b));
     let (mantissa, exponent) = field.split_at(end.unwrap_or(field.len()));
     let exponent: i32 = exponent.get(1..).map_or(Some(0), |exponent| lexical_core::parse(exponent).ok())?;
-    // Counted in digits from the left.
     let (mut all, mut point, mut first, mut last) = (0_i32, None, None, 0);
     for &b in mantissa {
         match b {

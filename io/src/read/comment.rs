@@ -1,6 +1,6 @@
 //! `key=value` pairs in the comment line of extended XYZ.
 
-/// Returns a key's value, case-insensitive, without quotes or brackets.
+/// Ignores case, and removes quotes or brackets.
 pub(super) fn value_of<'a>(comment: &'a [u8], key: &str) -> Option<&'a [u8]> {
     let mut rest = comment;
     loop {
@@ -10,7 +10,7 @@ pub(super) fn value_of<'a>(comment: &'a [u8], key: &str) -> Option<&'a [u8]> {
         }
         let (found, tail) = token(rest, |b| b == b'=' || b.is_ascii_whitespace());
         let Some(value) = tail.trim_ascii_start().strip_prefix(b"=") else {
-            // Skips a word without a value, or a stray sign.
+            // Skips a word without a value, or a stray `=`.
             rest = if tail.len() < rest.len() { tail } else { &rest[1..] };
             continue;
         };
@@ -43,7 +43,7 @@ fn token(text: &[u8], end: impl Fn(u8) -> bool) -> (&[u8], &[u8]) {
     }
 }
 
-/// Returns the end of the quote that begins before `inside`; backslashes escape.
+/// Searches after the opening quote; backslashes escape.
 fn closing_quote(inside: &[u8], quote: u8) -> Option<usize> {
     let mut at = 0;
     while at < inside.len() {

@@ -1,6 +1,6 @@
-//! Values separated by commas, semicolons or tabs, one frame. A header names `x`, `y`, `z`, and `r`, `radius` or
-//! `diameter`, optionally `species` and `id`, in any order and case, among others. `#` begins comments; without a
-//! header, the last leading comment is the header, as by NumPy's `savetxt`.
+//! Values separated by commas, semicolons or tabs, one frame. A header names the columns ([`Column::named`])
+//! in any order. `#` begins comments; without a header line, the last fitting leading comment is the header,
+//! as by NumPy's `savetxt`.
 
 use super::Frame;
 use super::columns::{Column, Columns, Row};
@@ -29,7 +29,7 @@ pub(super) fn read(source: Source, context: &mut ReadContext) -> Result<Frame, E
 fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
     let mut in_comment = None;
     while let Some(line) = lines.next()? {
-        // Old programs end lines by `\r` alone. All rows would be part of the header.
+        // Old programs end lines by `\r` alone.
         if line.bytes.trim_ascii().contains(&b'\r') {
             return Err(Error::Syntax {
                 place: line.place(),
@@ -51,7 +51,6 @@ fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
             };
         };
         if is_header(comment) {
-            // The comment is the header only if no other line is.
             let table = Csv::of(line, comment);
             in_comment = Some(table.and_then(|table| table.columns.check(line, context).map(|()| table)));
         }
@@ -96,7 +95,7 @@ fn separator(header: &[u8]) -> u8 {
     most.unwrap_or(b',')
 }
 
-/// Quoted separators and quotes are refused: no read column needs them.
+/// Refuses quoted separators and quotes, which no column needs.
 fn fields<'a>(
     line: Line<'a>,
     bytes: &'a [u8],

@@ -1,8 +1,8 @@
-//! LAMMPS text dumps (`dump custom`): any number of frames, columns by name.
+//! LAMMPS text dumps (`dump custom`) of any number of frames.
 //!
-//! Positions are `x y z`, unwrapped `xu yu zu`, or box fractions `xs ys zs` and `xsu ysu zsu`; sizes `radius` or
-//! `diameter`; species `type`, else `element`; groups `mol`. An axis is periodic if `BOX BOUNDS` says `pp`; old dumps
-//! are unbounded.
+//! Positions are `x y z`, unwrapped `xu yu zu`, or box fractions `xs ys zs` and `xsu ysu zsu`; sizes `radius`
+//! or `diameter`; species `type`, else `element`; groups `mol`. An axis is periodic if `BOX BOUNDS` says
+//! `pp`.
 
 use lazygrid::Space;
 
@@ -28,7 +28,6 @@ struct Head {
     bounds: Option<Bounds>,
 }
 
-/// A corner, the vectors from it, and the line in the file.
 struct Bounds {
     corner: [f64; 3],
     cell: Cell,
@@ -163,11 +162,10 @@ fn periodic(item: &[u8]) -> [bool; 3] {
 
 #[derive(Clone, Copy)]
 enum Style {
-    /// `low high` per axis.
     Orthogonal,
-    /// `low high tilt`: the bounding box of a box tilted by xy, xz and yz.
+    /// `low high tilt` of the bounding box of a box tilted by xy, xz and yz.
     Tilted,
-    /// `x y z origin`: a vector and a coordinate of the corner per line.
+    /// `x y z origin`: a cell vector and a coordinate of the corner.
     Edges,
 }
 
@@ -205,7 +203,6 @@ impl Style {
 }
 
 impl Bounds {
-    /// Computes the center from the scaled coordinates.
     fn place(&self, line: Line<'_>, row: &mut Row<'_>, doubles: bool) -> Result<(), Error> {
         let parts = row.scaled;
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
@@ -216,7 +213,7 @@ impl Bounds {
             if !number.is_finite() {
                 return Err(line.refuse(name, value.to_string().as_bytes(), rule_of(doubles)));
             }
-            // Half of the last digit of each field: the coordinate is not known better.
+            // A coordinate is known to half of the last digit of each field.
             let edges = self.cell.edges.iter().zip(parts).filter(|(edge, _)| edge[axis] != 0.0);
             let units = edges.map(|(edge, part)| edge[axis].abs() * part.unit);
             if row.rounded.is_none() && (value - number).abs() > 0.5 * units.sum::<f64>() {
@@ -227,7 +224,7 @@ impl Bounds {
     }
 }
 
-/// Parses `ITEM: ATOMS id type x y z radius`. Of several forms, the first in the module documentation is read.
+/// Prefers the first form in the module docs.
 fn columns(header: Line<'_>, context: &ReadContext) -> Result<Columns, Error> {
     let names: Vec<_> =
         header.words().skip(2).map(|name| String::from_utf8_lossy(name).into_owned()).collect();

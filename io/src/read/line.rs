@@ -67,7 +67,6 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// A number of the requested type: rounded once, to `f64` or `f32`.
     pub(super) fn real(self, column: &str, field: &[u8], doubles: bool) -> Result<f64, Error> {
         match doubles {
             true => self.number(column, field),
@@ -75,7 +74,6 @@ impl<'a> Line<'a> {
         }
     }
 
-    /// Finite, not negative.
     pub(super) fn radius(self, column: &str, field: &[u8], doubles: bool) -> Result<f64, Error> {
         let radius = self.real(column, field, doubles)?;
         if radius < 0.0 {
@@ -93,7 +91,6 @@ impl<'a> Line<'a> {
         })
     }
 
-    /// 0 means no molecule.
     pub(super) fn group(self, field: &[u8]) -> Result<u32, Error> {
         let refused = || Error::Syntax {
             place: self.place(),
@@ -109,7 +106,6 @@ impl<'a> Line<'a> {
     }
 }
 
-/// Returns the rule of numbers of `f64` or `f32`.
 pub(super) fn rule_of(doubles: bool) -> &'static str {
     match doubles {
         true => "values must be finite floating-point numbers",

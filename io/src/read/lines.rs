@@ -50,7 +50,7 @@ impl Lines {
         }
     }
 
-    /// Returns the next non-blank line, without `\n` or `\r\n`; skips a byte-order mark.
+    /// Skips blank lines and a byte-order mark, and removes line ends.
     pub(super) fn next(&mut self) -> Result<Option<Line<'_>>, Error> {
         while self.advance()? {
             if !self.line().is_blank() {
@@ -70,7 +70,6 @@ impl Lines {
         Ok(true)
     }
 
-    /// For a frame that has `found` of `expected` `what`.
     pub(super) fn required(
         &mut self,
         what: &'static str,
@@ -97,8 +96,8 @@ impl Lines {
         Location { path: self.source.path.clone(), at }
     }
 
-    /// Hands at most `most` lines to `parse` while `meanwhile` runs and reading continues. Returns the result and the
-    /// number of lines, 0 at the end.
+    /// Parses at most `most` lines while `meanwhile` runs and reading continues. Returns the number of lines,
+    /// 0 at the end.
     pub(super) fn parse<T: Send>(
         &mut self,
         most: u64,
@@ -196,7 +195,6 @@ struct Text<'a> {
 }
 
 impl<'a> Text<'a> {
-    /// Cuts at most `most` lines into pieces. Returns pieces, lines and bytes.
     fn cut(&self, most: u64) -> (Vec<LineBlock<'a>>, u64, usize) {
         let (mut pieces, mut lines, mut at) = (Vec::new(), 0, 0);
         while lines < most && at < self.bytes.len() {
@@ -224,7 +222,6 @@ struct Read {
     failed: Option<Error>,
 }
 
-/// Fills `spare` with `rest` and more bytes, up to `lines` lines.
 fn read_on(source: &mut Source, spare: &mut [u8], rest: &[u8], lines: u64) -> Read {
     spare[..rest.len()].copy_from_slice(rest);
     let mut so_far = Read { filled: rest.len(), ended: false, failed: None };
@@ -253,7 +250,7 @@ fn start_threads(path: &Path) -> Result<(), Error> {
     lazygrid::start_threads().map_err(refused)
 }
 
-/// Returns the length of the next block. Starts the threads that parse it.
+/// Returns the length of the next block, and starts the threads that parse it.
 fn larger(bytes: usize, path: &Path) -> Result<usize, Error> {
     start_threads(path)?;
     let most = (SHARE * rayon::current_num_threads()).clamp(2 * LONGEST_LINE, LARGEST_BLOCK);

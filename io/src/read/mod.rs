@@ -1,4 +1,4 @@
-//! Readers of simulators' files: frames of spheres, one at a time.
+//! Readers of simulators' files, one frame at a time.
 //!
 //! ```no_run
 //! use lazygrid_io::read::{Frames, Options};
@@ -9,8 +9,7 @@
 //! # Ok::<(), lazygrid_io::Error>(())
 //! ```
 //!
-//! One frame bounds the memory, not declared sizes. Radii and coordinates are `f32`, rounded once from the text, or
-//! `f64`, as [`Precision`] says; lengths of boxes are `f64`.
+//! One frame bounds the memory, not declared sizes.
 
 mod cell;
 mod columns;
@@ -54,7 +53,7 @@ pub use pairs::pairs;
 pub use precision::Precision;
 pub use species::{Radii, Species};
 
-/// Most spheres reserved before they are read.
+/// Limits the memory reserved for a declared number of spheres.
 const RESERVE: u64 = 1 << 20;
 
 /// A file format.
@@ -102,7 +101,7 @@ impl Format {
         }
     }
 
-    /// Returns the format that a file's first bytes suggest.
+    /// Guesses the format from the first bytes.
     pub fn from_content(head: &[u8]) -> Option<Self> {
         let mut lines = head.split(|&b| b == b'\n').map(<[u8]>::trim_ascii);
         let tells = |line: &&[u8]| !line.is_empty() && (!csv::is_comment(line) || csv::is_header(line));
@@ -138,53 +137,51 @@ impl FromStr for Format {
     }
 }
 
-/// Reader options. By default, the reader finds the format and takes radii from the file.
+/// Reader options.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Format; else by extension, then content.
+    /// Format, by default guessed from extension, then content.
     pub format: Option<Format>,
-    /// Radii by species, finite and not negative; they win over a radius column.
+    /// Radii by species, finite and not negative; they override a radius column.
     pub radii: Radii,
-    /// Space of all frames; else the one that each frame declares: a box, possibly triclinic (`Lattice` and `pbc` of
-    /// extended XYZ, `BOX BOUNDS` of LAMMPS), or unbounded.
+    /// Space of all frames. By default each frame declares its own, or is unbounded.
     pub space: Option<Space>,
-    /// Reads ids from a column `id` (Smoldyn: serial numbers).
+    /// Reads a column `id` (Smoldyn: serial numbers).
     pub ids: bool,
-    /// Reads groups from a column `group`, `molecule` or `mol`.
+    /// Reads a column `group`, `molecule` or `mol`.
     pub groups: bool,
-    /// The type of the numbers; `f64` numbers are in [`Frame::doubles`].
+    /// Type of coordinates and radii.
     pub precision: Precision,
 }
 
 /// A frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Frame {
-    /// Number of the time step, if given.
+    /// Time step.
     pub step: Option<i64>,
-    /// Space: declared, or from the options.
+    /// Declared or requested space.
     pub space: Space,
-    /// Spheres in the order of the file, finite, radii not negative. Empty if the numbers are `f64`.
+    /// Valid spheres in the order of the file. Empty if the numbers are `f64`.
     pub spheres: Vec<Sphere>,
-    /// The spheres as rows `x, y, z, r`, if the numbers are `f64`.
+    /// Rows `x, y, z, r` in place of spheres, if the numbers are `f64`.
     pub doubles: Option<Vec<[f64; 4]>>,
-    /// Species id of each sphere, if given; names are in [`Frames::species`].
+    /// Ids in [`Frames::species`].
     pub species: Option<Vec<u32>>,
-    /// Id of each sphere, if requested.
+    /// Ids, if requested.
     pub ids: Option<Vec<i64>>,
-    /// Molecule of each sphere, if requested; [`Spheres::NO_GROUP`] for 0.
+    /// Molecules, if requested; [`Spheres::NO_GROUP`] for 0.
     pub groups: Option<Vec<u32>>,
 }
 
 impl Frame {
-    /// Returns an empty frame for numbers of the type that `context` says.
     fn with_capacity(spheres: u64, context: &ReadContext) -> Self {
         let mut frame = Self { doubles: context.doubles.then(Vec::new), ..Self::default() };
-        // On refusal, memory is reserved again as spheres come.
+        // Refused memory is reserved again as spheres come.
         let _ = frame.try_reserve(spheres as usize);
         frame
     }
 
-    /// Returns the spheres with the numbers that were read, without species and groups.
+    /// Returns the spheres without species and groups.
     pub fn as_spheres(&self) -> Spheres<'_> {
         match &self.doubles {
             Some(doubles) => Spheres::from(doubles),
@@ -197,12 +194,11 @@ impl Frame {
         self.doubles.as_ref().map_or(self.spheres.len(), Vec::len)
     }
 
-    /// Returns `true` for a frame without spheres.
+    /// Returns `true` without spheres.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// Reserves memory for more spheres of the type of this frame.
     fn try_reserve(&mut self, more: usize) -> Result<(), TryReserveError> {
         match &mut self.doubles {
             Some(doubles) => doubles.try_reserve(more),
@@ -210,7 +206,6 @@ impl Frame {
         }
     }
 
-    /// Adds a sphere whose numbers have the type of this frame, in reserved memory.
     fn push(&mut self, row: [f64; 4]) {
         match &mut self.doubles {
             Some(doubles) => doubles.push(row),
@@ -218,8 +213,7 @@ impl Frame {
         }
     }
 
-    /// Sorts spheres by id, if any, for comparison between frames. After a lack of memory, columns may differ in their
-    /// order.
+    /// Sorts spheres by id, if any. If memory is refused, columns may differ in order.
     ///
     /// # Errors
     /// [`SortError::RepeatedId`], and [`SortError::OutOfMemory`] if the system refuses memory for the sorted columns.
@@ -251,23 +245,21 @@ impl Frame {
 pub enum SortError {
     /// The least id of several spheres.
     RepeatedId(i64),
-    /// The refused memory of the sorted columns.
+    /// Memory for the sorted columns.
     OutOfMemory(TryReserveError),
 }
 
-/// Sorts a column so that row `k` is the former row `order[k]`.
 fn sort_column<T: Copy>(column: &mut Vec<T>, order: &[u32]) -> Result<(), SortError> {
     let sorted = try_collect(order.iter().map(|&row| column[row as usize]));
     *column = sorted.map_err(SortError::OutOfMemory)?;
     Ok(())
 }
 
-/// Returns a sphere of numbers that `f32` holds.
 fn sphere([x, y, z, r]: [f64; 4]) -> Sphere {
     Sphere::new([x, y, z].map(|number| number as f32), r as f32)
 }
 
-/// Frames of a file, one at a time, up to the first error.
+/// An iterator over the frames of a file, up to the first error.
 pub struct Frames {
     format: Format,
     reader: Reader,
@@ -275,14 +267,12 @@ pub struct Frames {
 }
 
 enum Reader {
-    /// One frame per file, not read yet.
     Single(fn(Source, &mut ReadContext) -> Result<Frame, Error>, Source),
     Xyz(xyz::Xyz),
     Lammps(lammps::Lammps),
     Ended,
 }
 
-/// Opens a file. Returns it with its length, if it is a regular file.
 fn open(path: &Path) -> Result<(File, Option<u64>), Error> {
     let open = || {
         let file = File::open(path)?;
@@ -303,7 +293,7 @@ impl Frames {
         Self::new(path, file, length, options)
     }
 
-    /// Reads from `input`; `path` is for messages and the extension, `length` the bytes to come, if known.
+    /// Reads from `input` of `length` bytes, if known. `path` gives the extension.
     ///
     /// # Errors
     /// As [`open`](Self::open).
@@ -338,7 +328,7 @@ impl Frames {
         &self.context.species
     }
 
-    /// Returns the warning of the first number that 32 bits cannot hold, if any so far. It was also logged.
+    /// Returns the warning of the first rounded number, if any so far.
     pub fn rounding(&self) -> Option<&str> {
         self.context.rounding.as_deref()
     }

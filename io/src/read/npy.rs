@@ -1,9 +1,8 @@
-//! NumPy arrays, format versions 1 to 3, one frame: numbers of shape `(n, 4)` with x, y, z and radius, `f32` or `f64`,
-//! of either byte and memory order; or a structured array of shape `(n,)` with fields `x`, `y`, `z` (or `pos` with
-//! three numbers), `r`, `radius` or `diameter`, optionally `species` and `id`, in any order among others.
+//! NumPy arrays, format versions 1 to 3, of one frame: `f32` or `f64` of shape `(n, 4)` with x, y, z and
+//! radius, in any byte and memory order; or a structured array of shape `(n,)` with fields as in
+//! [CSV](super::csv), also `pos` of three numbers.
 //!
-//! Rows of `f32` in this machine's layout are read directly. The file is not mapped, because shortening a mapped file
-//! ends the process.
+//! The file is not mapped, because shortening a mapped file ends the process.
 
 mod array;
 mod dictionary;
@@ -35,7 +34,6 @@ pub(super) fn read(mut source: Source, context: &mut ReadContext) -> Result<Fram
     read_body(&mut source, &header, context)
 }
 
-/// Reads what follows a header.
 fn read_body(source: &mut Source, header: &Header, context: &mut ReadContext) -> Result<Frame, Error> {
     header.check_count(source)?;
     header.check_length(source)?;
@@ -66,7 +64,6 @@ fn read_body(source: &mut Source, header: &Header, context: &mut ReadContext) ->
     Ok(frame)
 }
 
-/// A number of an array, as the file has it.
 #[derive(Clone, Copy)]
 struct ArrayNumber<'a> {
     row: u64,
@@ -76,7 +73,6 @@ struct ArrayNumber<'a> {
 }
 
 impl ArrayNumber<'_> {
-    /// A number of a plain array.
     fn in_column(column: usize, row: u64, written: f64) -> Self {
         Self { row, column: COLUMNS[column], is_radius: column == 3, written }
     }
@@ -148,7 +144,6 @@ fn decode(
 }
 
 impl ReadContext {
-    /// Chooses the type that holds all numbers of an array and the radii for its species, if the caller leaves that open.
     fn choose_precision(&mut self, layout: &Layout) {
         if self.precision == Precision::Auto {
             let takes_radii = layout.has_species() && !self.species.given_fit_f32();
@@ -156,7 +151,6 @@ impl ReadContext {
         }
     }
 
-    /// Returns a number of the requested type, and warns if it is rounded.
     fn number(&mut self, source: &Source, number: ArrayNumber<'_>) -> Result<f64, Error> {
         let value = check(source, number, self.doubles)?;
         if value != number.written {
@@ -166,7 +160,6 @@ impl ReadContext {
     }
 }
 
-/// Checks for a finite value of `f64` or `f32`, not negative as a radius.
 fn check(source: &Source, number: ArrayNumber<'_>, doubles: bool) -> Result<f64, Error> {
     let ArrayNumber { row, column, is_radius, written } = number;
     let value = if doubles { written } else { f64::from(written as f32) };

@@ -1,5 +1,3 @@
-//! Lists of pairs: two integers per line, separated by commas, semicolons or white space.
-
 use std::fs::File;
 use std::path::Path;
 
@@ -10,8 +8,8 @@ use super::source::Source;
 use crate::error::Error;
 use crate::memory::{refused, try_push};
 
-/// Reads pairs from a text file: a [`PairFile`](crate::write::PairFile) as CSV, or bonds. Skips blank lines, `#`
-/// lines, and a header.
+/// Reads two integers per line, such as bonds, separated by commas, semicolons or white space. Skips blank
+/// lines, `#` lines, and a header.
 ///
 /// # Errors
 /// [`Error::Read`], and [`Error::Syntax`] for the first other line.

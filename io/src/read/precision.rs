@@ -3,18 +3,17 @@ use std::str::FromStr;
 
 use lazygrid::UnknownName;
 
-/// The type of the numbers that a reader returns.
+/// The type of coordinates and radii.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum Precision {
-    /// `f32`. Other numbers are rounded, with a warning if one loses digits.
+    /// `f32`; warns if a number loses digits.
     #[default]
     F32,
     /// `f64`.
     F64,
-    /// The type that rounds nothing: `f32` for NumPy arrays of `f32`, else `f64`. Text is read as `f64`, because few
-    /// decimal numbers are `f32` numbers, such as 0.5 but not 0.1. With a given radius that is not an `f32` number, arrays
-    /// with species are read as `f64`.
+    /// The type that rounds nothing: `f32` for NumPy arrays of `f32`, else `f64`, as few decimal numbers are
+    /// `f32` numbers. Arrays with species are `f64` if a given radius is not an `f32` number.
     Auto,
 }
 

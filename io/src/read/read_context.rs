@@ -14,16 +14,13 @@ pub(super) struct ReadContext {
     pub(super) ids: bool,
     pub(super) groups: bool,
     pub(super) precision: Precision,
-    /// Numbers are `f64`. An array may change this.
     pub(super) doubles: bool,
-    /// Lines of serial numbers, which are unique.
+    /// Line of each serial number.
     serials: HashMap<Serial, u64>,
-    /// Warning of the first number that lost digits.
     pub(super) rounding: Option<String>,
 }
 
 impl ReadContext {
-    /// Refuses radii that no sphere can have.
     pub(super) fn new(options: Options) -> Result<Self, Error> {
         let Options { mut radii, space, ids, groups, precision, .. } = options;
         let doubles = precision != Precision::F32;
@@ -37,7 +34,6 @@ impl ReadContext {
         Ok(Self { species, space, ids, groups, precision, doubles, serials, rounding: None })
     }
 
-    /// Logs once per file that 32 bits lose digits.
     pub(super) fn warn_of_rounding(&mut self, place: Location, column: &str, text: impl Display) {
         if self.rounding.is_none() {
             let warning = format!(
@@ -50,7 +46,6 @@ impl ReadContext {
         }
     }
 
-    /// Refuses a serial number that the file has on an earlier line.
     pub(super) fn listed(&mut self, serials: &[(Serial, u64)], file: &Location) -> Result<(), Error> {
         let spheres = (self.serials.len() + serials.len()) as u64;
         let refused = |_| Error::TooManySpheres { place: file.clone(), spheres, limit: "memory" };

@@ -1,4 +1,4 @@
-//! Tables as spheres, parsed by all threads of the caller's pool. Order and first fault are those of the file.
+//! Tables as spheres, parsed by all threads, with the order and first error of the file.
 
 use lazygrid::{MAX_SPHERES, Sphere};
 use rayon::prelude::*;
@@ -26,27 +26,24 @@ pub(super) trait Table: Sync {
 #[derive(Default)]
 struct ParsedBlock {
     spheres: Vec<Sphere>,
-    /// In place of the spheres, if requested.
     doubles: Vec<[f64; 4]>,
     kinds: Vec<u32>,
     species: Species,
     ids: Vec<i64>,
     groups: Vec<u32>,
     serials: Vec<(Serial, u64)>,
-    /// First number that lost digits: line, column, field.
+    /// First rounded number: line, column, field.
     rounded: Option<(Location, usize, String)>,
-    /// Ends the rows.
+    /// Follows the rows.
     error: Option<Error>,
 }
 
-/// Rows that a header announces.
 pub(super) struct AnnouncedRows {
     pub(super) what: &'static str,
     pub(super) count: u64,
 }
 
 impl Lines {
-    /// Adds exactly the `announced` rows to a frame.
     pub(super) fn rows(
         &mut self,
         table: &impl Table,
@@ -70,7 +67,7 @@ impl Lines {
         self.up_to(u64::MAX, table, context, frame).map(drop)
     }
 
-    /// Adds `count` lines or all, and returns their number. Blocks are appended while the next are parsed.
+    /// Adds at most `most` lines, and returns their number. Appends blocks while the next are parsed.
     fn up_to(
         &mut self,
         most: u64,
@@ -106,7 +103,6 @@ impl Lines {
     }
 }
 
-/// Given radii, and wanted columns.
 struct RowDefaults {
     species: Species,
     ids: bool,
@@ -126,7 +122,6 @@ impl ParsedBlock {
         part
     }
 
-    /// Adds a row's sphere, with the given radius of its species, else its own.
     fn push(&mut self, line: Line<'_>, table: &impl Table, defaults: &RowDefaults) -> Result<(), Error> {
         let Some(row) = table.row(line, defaults.doubles)? else { return Ok(()) };
         let mut radius = row.radius;
@@ -169,7 +164,7 @@ fn too_many(line: Line<'_>, before: usize) -> Error {
 }
 
 impl Frame {
-    /// Adds the columns that the table has or the caller requests, also for a frame without spheres.
+    /// Adds requested columns even without spheres.
     fn begin(&mut self, table: &impl Table, context: &ReadContext) {
         if table.columns().has(Column::Species) {
             self.species.get_or_insert_default();

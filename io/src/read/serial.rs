@@ -1,7 +1,7 @@
 use super::line::Line;
 use crate::error::Error;
 
-/// One number, or two with a point between them.
+/// `high.low`, or one number.
 pub(super) type Serial = (u64, Option<u64>);
 
 pub(super) fn serial(line: Line<'_>, field: &[u8]) -> Result<Serial, Error> {

@@ -1,6 +1,6 @@
-//! Smoldyn's `listmols` output: `name(state) x y z serial` per molecule, radii by species, one frame.
+//! Smoldyn's `listmols` output, one frame: `name(state) x y z serial` per molecule, radii by species.
 //!
-//! Smoldyn may append listings without a separator. A repeated serial number, which shows this, is refused.
+//! Smoldyn may append listings without a separator, which a repeated serial number reveals.
 
 use super::Frame;
 use super::columns::{Column, Columns, Row};

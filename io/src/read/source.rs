@@ -37,7 +37,6 @@ impl Source {
         Ok(source)
     }
 
-    /// Never decompresses.
     pub(super) fn uncompressed(path: &Path, input: impl Read + Send + 'static, length: Option<u64>) -> Self {
         Self { path: path.into(), input: Box::new(input), length }
     }

@@ -4,15 +4,14 @@ use std::sync::Arc;
 use crate::error::bare;
 use crate::memory::{check_margin, try_collect, try_text};
 
-/// Radii by species name, which win over a radius column.
+/// Radii by species name.
 pub type Radii = BTreeMap<String, f64>;
 
 /// Names that are added between two checks of the memory that is left.
 const NAMES_PER_CHECK: usize = 256;
 
-/// The species of a file in the order of appearance, and their given radii.
-///
-/// A name with a state, `acid(solution)`, takes the radius of `acid` unless it has its own.
+/// The species of a file in order of appearance, and their given radii. `acid(solution)` takes the radius of
+/// `acid` unless it has its own.
 #[derive(Clone, Debug, Default)]
 pub struct Species {
     names: Vec<String>,
@@ -37,7 +36,7 @@ impl Species {
         &self.names
     }
 
-    /// Returns radii of unknown names, probably misspelled.
+    /// Returns names of given radii that no sphere has.
     pub fn unused_radii(&self) -> impl Iterator<Item = &str> {
         let met = |given: &str| self.names.iter().any(|name| name == given || bare(name) == given);
         self.given.keys().map(String::as_str).filter(move |given| !met(given))
@@ -47,14 +46,12 @@ impl Species {
         !self.given.is_empty()
     }
 
-    /// Returns `true` if all given radii are `f32` numbers.
     pub(super) fn given_fit_f32(&self) -> bool {
         self.given.values().all(|&radius| f64::from(radius as f32) == radius)
     }
 
-    /// Returns the id and the given radius of a species.
     pub(super) fn intern(&mut self, name: &[u8]) -> Result<(u32, Option<f64>), TryReserveError> {
-        // Rows mostly repeat the species, without hashing.
+        // Most rows repeat the species.
         let same = self.keys.get(self.last).is_some_and(|last| **last == *name);
         let id = match same {
             true => self.last as u32,
@@ -74,7 +71,7 @@ impl Species {
     }
 
     fn add(&mut self, bytes: &[u8]) -> Result<u32, TryReserveError> {
-        // Names are small allocations, which would leave no memory at all.
+        // Names must leave memory to allocations that cannot report a failure.
         if self.names.len().is_multiple_of(NAMES_PER_CHECK) {
             check_margin()?;
         }
@@ -85,7 +82,7 @@ impl Species {
         self.names.try_reserve(1)?;
         self.keys.try_reserve(1)?;
         self.ids.try_reserve(1)?;
-        // A frame has fewer than 2³² spheres, each with at most one new name.
+        // A frame has fewer than 2³² new names.
         let id = self.names.len() as u32;
         self.radii.push(self.given.get(&name).or_else(|| self.given.get(bare(&name))).copied());
         self.names.push(name);

@@ -67,7 +67,6 @@ fn rounding_is_told_once_with_the_first_number() {
     reader.next().unwrap().unwrap();
     let warning = reader.rounding().unwrap();
     assert!(warning.starts_with("a.csv, line 3: x is 16777217, more digits than"), "{warning}");
-    // Commands without the option also show the warning.
     assert!(warning.contains("(lazygrid detect --precision f64; "), "{warning}");
 }
 
@@ -220,10 +219,10 @@ fn lammps_columns_by_name() {
 fn lammps_tilted_boxes() {
     let corner = "0.25 0.5 1 0";
     let columns = "xs ys zs radius";
-    // Vectors (4, 0, 0), (1, 2, 0) and (-2, 1, 8) from the origin; the bounding box is wider.
+    // Vectors (4, 0, 0), (1, 2, 0) and (-2, 1, 8) from the origin.
     let tilted = dump("xy xz yz ff ff ff\n-2 5 1\n0 3 -2\n0 8 1", columns, corner);
     assert_eq!(rows("a.dump", tilted, &[]), [[-0.5, 2.0, 8.0, 0.0]]);
-    // Both tilts to one side: vectors (4, 0, 0), (1, 2, 0), (2, 1, 8).
+    // Both tilts to one side.
     let skewed = dump("xy xz yz ff ff ff\n0 7 1\n0 3 2\n0 8 1", columns, corner);
     assert_eq!(rows("a.dump", skewed, &[]), [[3.5, 2.0, 8.0, 0.0]]);
     let general = dump("abc origin\n4 0 0 10\n1 2 0 20\n-2 1 8 30", columns, corner);

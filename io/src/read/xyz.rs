@@ -1,5 +1,5 @@
-//! XYZ: a count, a comment, then `species x y z` per sphere; any number of frames. In extended XYZ the comment has
-//! columns (`Properties=`) and a box (`Lattice=`), periodic along `pbc=` or all vectors.
+//! XYZ: a count, a comment, then `species x y z` per sphere, in any number of frames. The comment of extended
+//! XYZ has columns (`Properties=`) and a box (`Lattice=`), periodic along `pbc=` or all vectors.
 
 use lazygrid::Space;
 
@@ -64,7 +64,7 @@ fn columns(comment: Line<'_>, context: &ReadContext) -> Result<Columns, Error> {
     Ok(columns)
 }
 
-/// Parses `species:S:1:pos:R:3:radius:R:1`: triples of name, type and columns.
+/// Parses triples of name, type and width: `species:S:1:pos:R:3:radius:R:1`.
 fn declared(comment: Line<'_>, properties: &[u8]) -> Result<Vec<(String, Column)>, Error> {
     const MOST: usize = 1000;
     let malformed = || comment.unexpected("Properties=name:type:columns, such as pos:R:3:radius:R:1");

@@ -1,10 +1,10 @@
-//! Mean and standard deviation over seeds of a scene's pairs, in closed form.
+//! Mean and variance of a scene's pairs, in closed form.
 
 use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 use super::{CenterDistribution, SizeGroup};
 
-/// Distribution of the number of overlapping pairs over seeds.
+/// The distribution over seeds of the number of overlapping pairs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PairCount {
     /// Mean.
@@ -14,15 +14,15 @@ pub struct PairCount {
 }
 
 impl PairCount {
-    /// Returns the distance of `count` from the mean in standard deviations; 0 if every seed has it.
+    /// Returns the distance of `count` from the mean in standard deviations.
     pub fn deviations(self, count: u64) -> f64 {
         let distance = count as f64 - self.mean;
         if distance == 0.0 { 0.0 } else { distance / self.variance.sqrt() }
     }
 }
 
-/// Pairs of uniform spheres, `(count, radius)` per size, in a periodic cube of this volume. No sum of two radii may
-/// exceed half its edge.
+/// Returns the pairs of uniform spheres, `(count, radius)` per size, in a periodic cube with an edge of at
+/// least twice the largest sum of radii.
 pub fn periodic_box_pairs(sizes: &[(u64, f64)], volume: f64) -> PairCount {
     let classes: Vec<SizeGroup> =
         sizes.iter().map(|&(count, radius)| SizeGroup { count: count as f64, radius }).collect();
@@ -34,7 +34,7 @@ pub(super) fn pairs(classes: &[SizeGroup], cloud: CenterDistribution) -> PairCou
     PairCount { variance: pairs.variance + shared(classes, cloud), ..pairs }
 }
 
-/// Returns the σ with `per_sphere` pairs per sphere; 0 if there is no such σ.
+/// Returns the σ with `per_sphere` pairs per sphere; 0 if none exists.
 pub(super) fn sigma_for(classes: &[SizeGroup], per_sphere: f64) -> f64 {
     let wanted = per_sphere * classes.iter().map(|c| c.count).sum::<f64>();
     let mean = |sigma| independent(classes, |reach| CenterDistribution::Normal { sigma }.hit(reach)).mean;
@@ -46,7 +46,7 @@ pub(super) fn sigma_for(classes: &[SizeGroup], per_sphere: f64) -> f64 {
     while mean(high) > wanted {
         (low, high) = (high, 2.0 * high);
     }
-    // Independent of a tolerance.
+    // Bisects to the last bit, which needs no tolerance.
     loop {
         let middle = 0.5 * (low + high);
         if middle <= low || middle >= high {
@@ -69,15 +69,14 @@ fn independent(classes: &[SizeGroup], hit: impl Fn(f64) -> f64) -> PairCount {
     total
 }
 
-/// Covariance of pairs that share a sphere: a central sphere has many partners, one at the rim few. In bursts it far
-/// outweighs the independent part.
+/// Covariance of pairs that share a sphere. In bursts it far outweighs the independent part.
 fn shared(classes: &[SizeGroup], cloud: CenterDistribution) -> f64 {
     classes
         .iter()
         .enumerate()
         .map(|(k, a)| {
             let partners = |l: usize| (classes[l].count - if k == l { 1.0 } else { 0.0 }).max(0.0);
-            // First and second moment of a sphere's partners, and of each class's share.
+            // Products of distinct partners: all products, less the squares.
             let moments = cloud.average(|distance| {
                 let mut sum = 0.0;
                 let mut own = 0.0;
@@ -111,7 +110,7 @@ impl CenterDistribution {
         }
     }
 
-    /// Chance that a center is within `reach` of a point at `distance` from the middle.
+    /// Probability that a center is within `reach` of a point at `distance` from the middle.
     fn hit_at(self, distance: f64, reach: f64) -> f64 {
         match self {
             Self::Ball { radius } => lens(distance, reach, radius) / radius.powi(3),
@@ -129,7 +128,7 @@ impl CenterDistribution {
         let outer = match self {
             Self::Ball { radius } => radius,
             Self::Normal { sigma: 0.0 } => return 0.0,
-            // Beyond lies 1e-14 of the cloud.
+            // 1e-14 of the cloud is farther out.
             Self::Normal { sigma } => 8.0 * sigma,
         };
         let (sum, weights) = (0..POINTS).fold((0.0, 0.0), |(sum, weights), k| {
@@ -146,7 +145,7 @@ impl CenterDistribution {
     }
 }
 
-/// Common volume of balls of radii `a` and `b` at a distance `d > 0`, in 4π/3.
+/// Common volume of two balls at a distance `d > 0`, in 4π/3.
 fn lens(d: f64, a: f64, b: f64) -> f64 {
     if d >= a + b {
         0.0

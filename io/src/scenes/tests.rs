@@ -50,7 +50,6 @@ fn sizes_are_as_frequent_as_they_should_be_and_shuffled() {
         }
         let in_order = scene.sizes().radii(n);
         let moved = spheres.iter().zip(&in_order).filter(|(s, radius)| s.radius != **radius).count();
-        // The rarer of two sizes, 30 spheres, hardly keeps a position.
         let enough = match scene.sizes() {
             RadiusMix::EquallyOften([_]) => 0,
             RadiusMix::EquallyOften(_) => n / 2,
@@ -143,7 +142,7 @@ fn a_step_is_a_tenth_of_the_radius() {
         for (a, b) in before.iter().zip(&after) {
             let moved = (b.center - a.center) / a.radius;
             assert_eq!(a.radius, b.radius);
-            // Far out, coordinates of size 30 round the step of the smallest spheres.
+            // Coordinates near 30 round the step of the smallest spheres.
             assert!((moved.length() - 0.1).abs() < 1e-2, "{scene}: {moved}");
             mean += moved / before.len() as f32;
         }

@@ -11,14 +11,13 @@ use crate::Error;
 #[must_use = "a file that is not published disappears"]
 pub struct AtomicFile {
     path: PathBuf,
-    /// `None` for standard output, FIFOs and devices, which cannot be replaced.
     temporary: Option<Temporary>,
     out: Box<dyn Encoder>,
 }
 
 impl AtomicFile {
-    /// Creates an empty file for `path`, and removes temporary files of killed processes. FIFOs and devices are
-    /// written directly.
+    /// Creates an empty file, and removes temporary files of killed processes. FIFOs and devices cannot be
+    /// replaced and are written directly.
     ///
     /// # Errors
     /// [`Error::Write`] if the directory accepts no new file.
@@ -48,7 +47,6 @@ impl AtomicFile {
         Self::at_once(PathBuf::from(STDOUT), Ok(io::stdout()))
     }
 
-    /// Writes directly to `to`, without a commit.
     fn at_once(path: PathBuf, to: io::Result<impl Write + Send + 'static>) -> Result<Self, Error> {
         match to.and_then(|to| encoder(&path, to)) {
             Ok(out) => Ok(Self { path, temporary: None, out }),
@@ -68,13 +66,13 @@ impl AtomicFile {
         write(&mut self.out).map_err(|source| Error::Write { path: self.path.clone(), source })
     }
 
-    /// Brings all bytes to the disk, under the temporary name.
+    /// Syncs the file to the disk, under the temporary name.
     ///
     /// # Errors
     /// [`Error::Write`], also if the disk is full.
     pub fn finish(self) -> Result<CompleteFile, Error> {
         let Self { path, temporary, out } = self;
-        // A network file system may report a full disk no earlier than here.
+        // Network file systems may report a full disk only here.
         let synced = out.finish().and_then(|()| temporary.as_ref().map_or(Ok(()), Temporary::sync));
         match synced {
             Ok(()) => Ok(CompleteFile { path, temporary }),
@@ -82,7 +80,7 @@ impl AtomicFile {
         }
     }
 
-    /// Finishes and renames the file, in place of an existing one.
+    /// Finishes the file and renames it over an existing one.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -90,7 +88,7 @@ impl AtomicFile {
         Self::commit_all([self])
     }
 
-    /// Finishes all files before it renames the first, so that a full disk leaves no mixture of old and new files.
+    /// Finishes all files before it renames the first, so a full disk replaces none.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -100,7 +98,7 @@ impl AtomicFile {
     }
 }
 
-/// A file on the disk that lacks only its name; removed unless committed.
+/// A synced file without its final name; removed unless committed.
 #[derive(Debug)]
 #[must_use = "a file that is not committed disappears"]
 pub struct CompleteFile {
@@ -109,7 +107,7 @@ pub struct CompleteFile {
 }
 
 impl CompleteFile {
-    /// Renames the file, in place of an existing one.
+    /// Renames the file over an existing one.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -183,7 +181,7 @@ mod tests {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.npy");
         let (file, mut temporary) = Temporary::create(directory.path()).unwrap();
-        // Pipes accept bytes, but cannot be synchronized.
+        // Pipes cannot be synced.
         let (_reader, pipe) = io::pipe().unwrap();
         temporary.file = File::from(std::os::fd::OwnedFd::from(pipe));
         let out = encoder(&path, file).unwrap();

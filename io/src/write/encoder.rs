@@ -25,7 +25,7 @@ impl Compression {
 
 pub(super) fn uncompressed(path: &Path) -> &Path {
     match (Compression::from_extension(path), path.file_stem()) {
-        // Cuts the end only, so that directories stay.
+        // Drops the directory, which callers do not use.
         (Some(_), Some(stem)) => Path::new(stem),
         _ => path,
     }
@@ -44,8 +44,8 @@ pub(super) fn encoder(path: &Path, out: impl Write + Send + 'static) -> io::Resu
     })
 }
 
-/// Returns an error if the system refuses the memory, for which `BufWriter` itself would end the process. Small
-/// allocations follow, so as much again must be free.
+/// Fails if memory is refused, for which `BufWriter` would end the process. Requires as much again for small
+/// allocations.
 fn buffered<W: Write>(out: W) -> io::Result<BufWriter<W>> {
     Vec::<u8>::new().try_reserve_exact(2 * BUFFER)?;
     Ok(BufWriter::with_capacity(BUFFER, out))
@@ -63,7 +63,7 @@ impl<W: Write + Send> Encoder for GzEncoder<W> {
     }
 }
 
-/// A single frame. The compressor pulls its input, so a thread runs it at the other end of a pipe.
+/// One frame. A thread runs the compressor, which pulls its input from a pipe.
 struct Zstandard {
     running: Option<(BufWriter<PipeWriter>, JoinHandle<io::Result<()>>)>,
 }
@@ -77,8 +77,7 @@ impl Zstandard {
         Ok(Self { running: Some((into, thread)) })
     }
 
-    /// Returns an error of another kind than `BrokenPipe` if the compressor has ended: callers take a broken pipe for an
-    /// output whose reader has ended.
+    /// Hides `BrokenPipe`, which callers take for an output that its reader has closed.
     fn piped<T>(&mut self, write: impl FnOnce(&mut BufWriter<PipeWriter>) -> io::Result<T>) -> io::Result<T> {
         let failed = || io::Error::other("the compressor has failed");
         let (into, _) = self.running.as_mut().ok_or_else(failed)?;
@@ -107,7 +106,7 @@ impl Encoder for Zstandard {
     }
 }
 
-/// The compressor expects writing to succeed, so errors are reported afterwards.
+/// Reports write errors at the end, because the compressor expects writing to succeed.
 fn compress(source: impl Read, out: impl Write) -> io::Result<()> {
     struct Patient<W> {
         out: W,
@@ -193,7 +192,6 @@ mod tests {
         }
     }
 
-    /// Ends the thread that writes to it.
     struct Broken;
 
     impl Write for Broken {

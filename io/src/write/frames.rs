@@ -1,4 +1,4 @@
-//! Frames of a simulation for [`read`](crate::read), OVITO and Python.
+//! Frames of a simulation.
 
 use std::io::{self, Write};
 
@@ -7,14 +7,14 @@ use lazygrid::Sphere;
 
 use super::{header_of, number};
 
-/// A particle of a frame.
+/// A particle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Particle<'a> {
-    /// Id, the same in all frames.
+    /// Id, equal in all frames.
     pub id: u32,
     /// Species index.
     pub species: u32,
-    /// Name of its species, without white space.
+    /// Species name, without white space.
     pub name: &'a str,
     /// Position and radius.
     pub sphere: Sphere,
@@ -23,17 +23,17 @@ pub struct Particle<'a> {
 /// The header of a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameInfo {
-    /// Number of the time step.
+    /// Time step.
     pub step: u32,
-    /// Time.
+    /// Simulation time.
     pub time: f64,
-    /// Lower and upper end of the box by axis, if any.
+    /// Lower and upper bound by axis, if any.
     pub bounds: Option<[[f32; 2]; 3]>,
     /// Periodic axes.
     pub periodic: [bool; 3],
 }
 
-/// Bytes per particle in a NumPy file.
+/// Bytes of a particle in a NumPy file.
 pub const NPY_ROW: u64 = size_of::<Row>() as u64;
 
 #[derive(Clone, Copy, Pod, Zeroable)]
@@ -71,7 +71,7 @@ pub fn xyz<'a>(
     Ok(())
 }
 
-/// Writes a NumPy file of one frame, a structured array: `id`, `species`, `x`, `y`, `z`, `r`.
+/// Writes a frame as a NumPy array with fields `id`, `species`, `x`, `y`, `z`, `r`.
 ///
 /// # Errors
 /// Fails if the writer fails.
@@ -86,7 +86,7 @@ pub fn npy<'a>(
     Ok(())
 }
 
-/// Returns the NumPy header for `particles` particles.
+/// Returns the NumPy header of a frame.
 pub fn npy_frame_header(particles: usize) -> Vec<u8> {
     let fields = [("id", "u4"), ("species", "u4"), ("x", "f4"), ("y", "f4"), ("z", "f4"), ("r", "f4")];
     let fields = fields.map(|(name, kind)| format!("('{name}', {})", number(kind))).join(", ");

@@ -1,4 +1,4 @@
-//! Writers. A file appears under its name only when complete.
+//! Writers of files that appear only when complete.
 
 mod atomic_file;
 mod base64;
@@ -38,8 +38,7 @@ impl TableFormat {
     }
 }
 
-/// Returns a NumPy header for numbers of a type such as `u4`, in this machine's byte order. `shape` is a Python
-/// tuple.
+/// Returns a NumPy header in native byte order. `kind` is a type such as `u4`, `shape` a Python tuple.
 pub fn npy_header(kind: &str, shape: &str) -> Vec<u8> {
     header_of(&number(kind), shape)
 }

@@ -20,7 +20,7 @@ pub struct Output {
 }
 
 impl Output {
-    /// Returns the files that [`PairFile`] or [`neighbors`] writes.
+    /// Returns the files to write.
     pub fn files(&self, neighbors: bool, ids: bool) -> Vec<PathBuf> {
         match &self.path {
             None => Vec::new(),
@@ -59,12 +59,12 @@ pub struct PairFile<'a> {
     file: AtomicFile,
     format: TableFormat,
     ids: Option<&'a [i64]>,
-    /// Rows that the header promises, and rows so far.
+    /// Promised and written rows.
     rows: [u64; 2],
 }
 
 impl<'a> PairFile<'a> {
-    /// Creates a table for `pairs` pairs, of the `ids` of spheres if given.
+    /// Creates a table for `pairs` pairs, with `ids` of spheres if given.
     ///
     /// # Errors
     /// [`Error::Write`].
@@ -99,7 +99,7 @@ impl<'a> PairFile<'a> {
         }
     }
 
-    /// Returns the complete file, not committed.
+    /// Returns the complete, uncommitted file.
     ///
     /// # Errors
     /// [`Error::RowCount`] if the header of an array has another number of rows.
@@ -132,11 +132,11 @@ fn header_line(ids: bool) -> &'static [u8] {
     if ids { b"id_i,id_j\n" } else { b"i,j\n" }
 }
 
-/// Writes neighbor lists, without committing them.
+/// Writes neighbor lists into uncommitted files.
 ///
-/// CSV: a table `i,j` with every pair twice, by `i`, then `j`; with ids, `id_i,id_j`. NumPy: for `near.npy`, compressed
-/// sparse rows in `near.offsets.npy` (`u8`) and `near.indices.npy` (`u4`), with ids also `near.ids.npy` of `i8`, by
-/// sphere. Several files cannot go to standard output.
+/// CSV: a table `i,j` or `id_i,id_j` with every pair twice, sorted. NumPy: for `near.npy`, compressed sparse
+/// rows in `near.offsets.npy` (`u8`) and `near.indices.npy` (`u4`), with ids also `near.ids.npy` (`i8`),
+/// which cannot go to standard output.
 ///
 /// # Errors
 /// [`Error::Write`].

@@ -32,7 +32,7 @@ impl SphereFormat {
     }
 }
 
-/// Writes spheres, which read back exactly.
+/// Writes spheres so that they read back exactly.
 ///
 /// # Errors
 /// [`Error::Write`].

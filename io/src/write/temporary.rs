@@ -1,7 +1,5 @@
-//! Hidden incomplete files in the directories of the final ones.
-//!
-//! The writing process locks `.lazygrid-HOST-RANDOM.part`. The host's next process that writes to the directory removes
-//! unlocked files of killed processes; without file locks, none.
+//! Hidden incomplete files, `.lazygrid-HOST-RANDOM.part`, which the writing process locks. The host's next
+//! process that writes to the directory removes unlocked files of killed processes.
 
 use std::fs::{self, File};
 use std::io;
@@ -27,11 +25,10 @@ fn begun() -> MutexGuard<'static, Begun> {
     BEGUN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removed by a drop.
 #[derive(Debug)]
 pub(super) struct Temporary {
     path: Option<TempPath>,
-    /// Holds the lock until the file has its name.
+    /// Holds the lock.
     pub(super) file: File,
 }
 
@@ -73,23 +70,22 @@ impl Drop for Temporary {
     }
 }
 
-/// Removes all uncommitted files of this process. Later uses of this module in the process block until it
-/// ends. For signal handlers.
+/// Removes all uncommitted files of this process, for signal handlers. Later uses of this module block until
+/// the process ends.
 pub fn remove_temporaries() {
     let begun = begun();
     for file in &begun.files {
-        // Otherwise the next use of the directory removes it.
+        // The next use of the directory retries.
         let _ = fs::remove_file(file);
     }
     std::mem::forget(begun);
 }
 
-/// Creates a file that is locked before another process can remove it.
+/// Creates a locked file, since another process could take an unlocked one for an orphan.
 fn create_locked(path: &Path) -> io::Result<File> {
     let file = File::options().write(true).create_new(true).open(path)?;
     let taken = io::Error::from(io::ErrorKind::AlreadyExists);
     match file.try_lock() {
-        // Another process took it for an orphan.
         Err(fs::TryLockError::WouldBlock) => Err(taken),
         Ok(()) if !is_at(&file, path) => Err(taken),
         Ok(()) | Err(fs::TryLockError::Error(_)) => Ok(file),
@@ -107,7 +103,6 @@ fn sweep(directory: &Path) {
     }
 }
 
-/// Removes a file unless a live process locks it.
 fn remove_orphan(path: &Path) {
     let Ok(file) = File::options().write(true).open(path) else { return };
     if file.try_lock().is_ok() && is_at(&file, path) && fs::remove_file(path).is_ok() {
@@ -120,7 +115,7 @@ fn is_at(file: &File, path: &Path) -> bool {
     matches!((open, Handle::from_path(path)), (Ok(open), Ok(named)) if open == named)
 }
 
-/// Per host: over a network, locks may have no effect.
+/// Contains the host, since locks may not work over a network.
 fn prefix() -> String {
     let host = gethostname::gethostname();
     let plain = |c: char| if c.is_ascii_alphanumeric() || c == '.' { c } else { '_' };

@@ -166,7 +166,6 @@ fn backend() -> impl TypedValueParser<Value = Backend> {
 }
 
 impl Args {
-    /// Refuses a species with two radii.
     pub(crate) fn checked(self) -> Result<Self, clap::Error> {
         if let Command::Detect(args) = &self.command {
             let twice = |message| Self::command().error(ErrorKind::ArgumentConflict, message);
@@ -177,7 +176,7 @@ impl Args {
 }
 
 impl Command {
-    /// Command and the options that all ranks must share. Those of runs are compared when their scenarios are read.
+    /// Returns the options that ranks must share, without those of runs, which are compared with the scenarios.
     pub(crate) fn shared(&self) -> Settings {
         let settings = Settings::new(env!("CARGO_PKG_VERSION"));
         match self {
@@ -199,11 +198,11 @@ impl BenchScaling {
 }
 
 impl Detect {
-    /// All options except `--backend`, `--threads`, `--max-pairs` and `--json`, which may differ between ranks.
+    /// Omits options that may differ between ranks.
     fn shared(&self, settings: Settings) -> Settings {
         let radii: Vec<_> =
             self.radii.iter().map(|(species, radius)| format!("{species}={radius}")).collect();
-        // No box and an unbounded one are different: a file may declare a box.
+        // No box is not an unbounded one, since a file may declare a box.
         let periodic = self.periodic.map(|space| {
             space
                 .lengths()
@@ -227,7 +226,6 @@ impl Detect {
     }
 
     pub(crate) fn options(&self) -> Options {
-        // `Args::checked` refuses a species with two radii.
         let radii = self.radii.iter().cloned().collect();
         let (format, space, precision) = (self.format, self.periodic, self.precision);
         Options { format, radii, space, precision, ..Options::default() }

@@ -100,7 +100,7 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
     Some(f64::midpoint(*values.get(below)?, *values.get(above)?))
 }
 
-/// Consecutive ids: the first step must move almost all spheres.
+/// Consecutive ids make the first step move almost all spheres.
 fn own_part(world: &SimpleCommunicator, scene: Scene, spheres: u64) -> Result<OwnedSpheres, Error> {
     let (rank, ranks) = (world.rank() as u64, world.size() as u64);
     let ids = share(spheres, rank, ranks);
@@ -116,7 +116,7 @@ fn own_part(world: &SimpleCommunicator, scene: Scene, spheres: u64) -> Result<Ow
     Ok(OwnedSpheres { spheres: own, ids: ids.collect(), ..OwnedSpheres::default() })
 }
 
-/// Returns sphere `id`; all fill 5 % of a cube or of the middle of a cloud.
+/// Fills 5 % of a cube or of the middle of a cloud.
 fn sphere(scene: Scene, id: u64, spheres: u64) -> Sphere {
     let cubes = match scene {
         Scene::FiveSizes => 0.2 * (0..5).map(|k| 0.125_f64.powi(k)).sum::<f64>(),
@@ -127,7 +127,7 @@ fn sphere(scene: Scene, id: u64, spheres: u64) -> Sphere {
     match scene {
         Scene::Uniform => Sphere::new(cube(edge), 1.0),
         Scene::FiveSizes => Sphere::new(cube(edge), 0.5_f32.powi((id % 5) as i32)),
-        // Four uniform numbers have a standard deviation of 0.58.
+        // The sum of four uniform numbers has a standard deviation of 0.58.
         Scene::Gaussian => {
             let sum = |axis: u64| (0..4).map(|k| random(id, 8 * axis + k) - 0.5).sum::<f32>();
             Sphere::new(Vec3::from([1, 2, 3].map(sum)) * (edge / 1.45), 1.0)
@@ -143,7 +143,6 @@ fn wander(particles: &mut OwnedSpheres, step: u32) {
     }
 }
 
-/// In 0..1, the same on every rank.
 fn random(id: u64, stream: u64) -> f32 {
     (tie_breaker(tie_breaker(id) ^ stream) >> 40) as f32 / (1_u32 << 24) as f32
 }

@@ -1,5 +1,3 @@
-//! The spheres of a file, read in parts.
-
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -20,19 +18,14 @@ use super::{refused, text};
 const RANK: &str = "{rank}";
 
 pub(crate) struct Input {
-    /// Numbered through all ranks in the order of the file.
     pub(crate) particles: OwnedSpheres,
     pub(crate) space: Space,
 }
 
 enum FileSplit {
-    /// One file per rank.
     Own(PathBuf),
-    /// Rank 0 reads everything.
     Whole,
-    /// Each rank reads rows of an array.
     Rows(NpyRows),
-    /// Each rank reads whole lines of a table.
     Lines(text::TextRows),
 }
 
@@ -48,7 +41,7 @@ pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, E
             let frame = rows.read(own, args.options()).map_err(|error| error.to_string());
             frame.map(|(frame, species)| (frame, Some(species)))
         }
-        // All ranks count lines before one may fail.
+        // All ranks must count lines before one may fail.
         FileSplit::Lines(text) => {
             let rank_lines = agree(
                 world,
@@ -66,11 +59,11 @@ pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, E
     let mut ids = agree(world, try_reserved("ids", count as u64, rank as u32))?;
     ids.extend((first..).take(count));
     let Frame { spheres, doubles, .. } = in_common_type(world, frame)?;
-    // Species have served for radii.
+    // Species only selected radii.
     Ok(Input { particles: OwnedSpheres { spheres, doubles, ids, species: None }, space })
 }
 
-/// Converts the spheres to `f64` if any rank has read `f64` numbers. Collective.
+/// Converts the spheres to `f64` if any rank has `f64` numbers. Collective.
 fn in_common_type(world: &SimpleCommunicator, mut frame: Frame) -> Result<Frame, Error> {
     let (own, mut any) = (u8::from(frame.doubles.is_some()), 0_u8);
     world.all_reduce_into(&own, &mut any, SystemOperation::max());
@@ -84,7 +77,7 @@ fn in_common_type(world: &SimpleCommunicator, mut frame: Frame) -> Result<Frame,
     Ok(frame)
 }
 
-/// Returns the file that a rank alone reads; `None` if all ranks read the same file.
+/// Returns `None` if all ranks read the same file.
 pub(crate) fn own_file(args: &Detect, rank: i32) -> Option<PathBuf> {
     let name = args.file.to_str().filter(|name| name.contains(RANK))?;
     Some(name.replace(RANK, &rank.to_string()).into())
@@ -105,15 +98,15 @@ impl FileSplit {
         File::open(path).and_then(|file| file.take(4096).read_to_end(&mut head)).map_err(cannot)?;
         let known =
             args.format.or_else(|| Format::from_extension(path)).or_else(|| Format::from_content(&head));
-        // Compressed files are read from the start.
+        // Compressed files cannot be read from the middle.
         let compressed = head.starts_with(b"\x1F\x8B") || head.starts_with(b"\x28\xB5\x2F\xFD");
-        // Parts are of the first frame. The reader of all reports that arrays and tables have no others.
+        // Later frames and their errors need a reader of the whole file.
         let is_later = args.frame.is_some_and(|frame| frame > 0);
         let split = match known {
             _ if compressed || is_later => None,
             Some(Format::Npy) => NpyRows::open(path).map_err(|error| error.to_string())?.map(Self::Rows),
             Some(Format::Csv) => text::TextRows::of(path).map_err(cannot)?.map(Self::Lines),
-            // Among them Smoldyn's listings: only a reader of all lines sees a repeated serial number.
+            // Only a reader of all lines of a Smoldyn listing sees a repeated serial number.
             _ => None,
         };
         Ok(split.unwrap_or_else(|| {
@@ -137,7 +130,7 @@ fn whole(path: &Path, args: &Detect) -> Result<(Frame, Option<Species>), String>
     }
 }
 
-/// Warns of radii of species that no rank has read. Collective.
+/// Collective.
 fn warn_of_radii(world: &SimpleCommunicator, args: &Detect, own: Option<&Species>) {
     let radii = args.options().radii;
     // Open MPI refuses to reduce two empty vectors of Rust, which have the same address.

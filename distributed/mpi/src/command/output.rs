@@ -25,7 +25,7 @@ impl Target {
             ));
         };
         let target = Self { path: path.clone(), format, gather: args.gather };
-        // Each rank compares the file that it reads, so that together they compare all.
+        // Each rank compares only the file that it reads.
         let input = input::own_file(args, world.rank()).unwrap_or_else(|| args.file.clone());
         target.refuse_input(&input, world.size() as u32).map(|()| Some(target))
     }
@@ -40,7 +40,6 @@ impl Target {
         })
     }
 
-    /// Returns the files that [`write`] writes.
     fn files(&self, ranks: u32) -> Vec<PathBuf> {
         match self.gather {
             true => vec![self.path.clone()],
@@ -62,7 +61,6 @@ impl Target {
 
     fn renamed(&self, name: impl Fn(&str, &str) -> String) -> PathBuf {
         let file = self.path.file_name().unwrap_or_default().to_string_lossy();
-        // The extension is present, or there would be no format.
         let dot = [".csv", ".npy"].iter().filter_map(|ending| file.rfind(ending)).max().unwrap_or(file.len());
         self.path.with_file_name(name(&file[..dot], &file[dot..]))
     }
@@ -72,7 +70,7 @@ impl Target {
     }
 }
 
-/// Writes all pairs as ids, in order per rank, and returns the files on rank 0. Collective.
+/// Returns the files of all ranks. Collective.
 pub(crate) fn write(
     world: &SimpleCommunicator,
     distributed: &mut Distributed,
@@ -98,7 +96,7 @@ pub(crate) fn write(
         .then(|| manifest::write(target, &counts, distributed.report().owned.total, wide))
         .transpose();
     let manifest = agree(world, manifest.map_err(failed))?;
-    // No file gets its name before all are complete, and the manifest last.
+    // The manifest, committed last, names complete files.
     agree(world, file.commit().map_err(failed))?;
     agree(world, manifest.map_or(Ok(()), CompleteFile::commit).map_err(failed))?;
     Ok(target.files(world.size() as u32))

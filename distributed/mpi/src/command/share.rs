@@ -1,6 +1,5 @@
 use std::ops::Range;
 
-/// Returns a rank's range of `all` rows, bytes or spheres.
 pub(crate) fn share(all: u64, rank: u64, ranks: u64) -> Range<u64> {
     let begin = |rank: u64| (u128::from(all) * u128::from(rank) / u128::from(ranks.max(1))) as u64;
     begin(rank)..begin(rank + 1)

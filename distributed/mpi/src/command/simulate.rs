@@ -15,7 +15,7 @@ use crate::command::{print, refused};
 pub(crate) fn simulate(world: &SimpleCommunicator, args: &Simulate) -> Result<(), Error> {
     let say = |error: &dyn std::fmt::Display| refused(world, error.to_string());
     let run = agree(world, read(world, args).map_err(|error| say(&error)))?;
-    // Collective, so every rank asks for its share, also a rank that got a number.
+    // Collective, so ranks with `--threads` call it, too.
     let share = threads(world);
     let threads = args.threads.map_or(share, Into::into);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
@@ -48,7 +48,6 @@ fn read(world: &SimpleCommunicator, args: &Simulate) -> Result<Run, lazygrid_sim
     run.map(|run| Run { backend: args.backend, ..run })
 }
 
-/// Lets later signals stop the run with a checkpoint.
 fn signals() -> std::io::Result<Arc<AtomicBool>> {
     let asked = Arc::new(AtomicBool::new(false));
     #[cfg(unix)]

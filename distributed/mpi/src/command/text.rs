@@ -1,4 +1,4 @@
-//! Lines of a CSV file: each rank reads whole lines after the common header.
+//! Whole lines of a CSV file for each rank, after the common header.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
@@ -13,7 +13,6 @@ const LONGEST: u64 = 1 << 16;
 
 #[derive(Debug)]
 pub(crate) struct TextRows {
-    /// Read by every rank, before the rows.
     head: Vec<u8>,
     end: u64,
 }
@@ -22,12 +21,12 @@ pub(crate) struct TextRows {
 pub(crate) struct RankLines {
     head: Vec<u8>,
     bytes: Vec<u8>,
-    /// `true` on rank 0, which also reports an empty file.
+    /// `true` on rank 0, which reports an empty file.
     is_first: bool,
 }
 
 impl TextRows {
-    /// Returns the lines of a file; `None` to read all of it.
+    /// Returns `None` if ranks must read the whole file.
     pub(crate) fn of(path: &Path) -> io::Result<Option<Self>> {
         let end = path.metadata()?.len();
         let mut start = Vec::new();
@@ -62,7 +61,7 @@ impl RankLines {
         newlines(&self.bytes)
     }
 
-    /// `before` counts lines of earlier ranks, for messages. Returns no species if the rank has no lines.
+    /// `before` counts lines of earlier ranks, for messages.
     pub(crate) fn read(
         self,
         path: &Path,
@@ -96,7 +95,6 @@ fn newlines(bytes: &[u8]) -> u64 {
     bytes.iter().filter(|&&byte| byte == b'\n').count() as u64
 }
 
-/// `None` if comments and header do not end.
 fn head(start: &[u8]) -> Option<usize> {
     let mut length = if start.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
     for line in start[length..].split_inclusive(|&byte| byte == b'\n') {
@@ -113,7 +111,6 @@ fn head(start: &[u8]) -> Option<usize> {
     None
 }
 
-/// First line that begins at or after `at`.
 fn line_from(file: &mut File, first: u64, end: u64, at: u64) -> io::Result<u64> {
     if at <= first {
         return Ok(first);
@@ -121,7 +118,7 @@ fn line_from(file: &mut File, first: u64, end: u64, at: u64) -> io::Result<u64> 
     if at >= end {
         return Ok(end);
     }
-    // The byte before a line ends one.
+    // The byte before a line is a newline.
     file.seek(SeekFrom::Start(at - 1))?;
     let skipped = BufReader::new(file.take(end - (at - 1))).skip_until(b'\n')?;
     Ok(at - 1 + skipped as u64)

@@ -1,4 +1,4 @@
-//! `lazygrid-mpi detect` under `mpirun`, run by `../../../test.sh`.
+//! `lazygrid-mpi detect` under `mpirun`, run by `test.sh`.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 
@@ -149,9 +149,8 @@ fn an_input_error_is_printed_once_with_its_place_in_the_file() {
     assert!(said.contains("--output <FILE>"), "{said}");
 }
 
-/// Standard error of ranks with different arguments, which end with `code`.
 fn of_two(directory: &Path, arguments: [&[&str]; 2], code: i32) -> String {
-    // Open MPI ends the others after a failure, with unreliable exit codes.
+    // Exit codes of ranks that Open MPI ends are unreliable.
     let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", env!("CARGO_BIN_EXE_lazygrid-mpi")];
     let [one, other] = arguments;
     let output = Command::new("mpirun")
@@ -221,7 +220,6 @@ fn arguments_of_one_rank_that_are_no_command_end_all_ranks() {
     }
 }
 
-/// Runs three ranks, each within this address space, and returns their exit codes.
 fn codes_within(mebibytes: u32, directory: &Path, file: &str) -> (Vec<String>, String) {
     let script = format!("ulimit -v {}; \"$0\" \"$@\"; echo \"code $?\"", mebibytes << 10);
     let output = Command::new("mpirun")
@@ -244,7 +242,7 @@ fn memory_limits_end_no_rank_by_a_signal() {
     std::fs::write(directory.path().join("all.npy"), npy(&spheres(100_000))).unwrap();
     let mut ended = Vec::new();
     for mebibytes in (150..330).step_by(20).chain([1000]) {
-        // Within some limits MPI itself cannot begin.
+        // MPI itself cannot start within some limits.
         if codes_within(mebibytes, directory.path(), "few.npy").0 != ["0"; 3] {
             continue;
         }

@@ -1,5 +1,3 @@
-//! Spheres within 2 ulp of tangency in `f64`, which numbers rounded to `f32` would decide otherwise.
-
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -10,13 +8,11 @@ use crate::{csv, error, npy, run, stdout};
 
 type Rows = Vec<[f64; 4]>;
 
-/// Returns a number from 0 to 1.
 fn random(state: &mut u64) -> f64 {
     *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
     (*state >> 11) as f64 / (1_u64 << 53) as f64
 }
 
-/// Returns pairs of spheres whose minimum images are within 2 ulp of touching.
 fn tangent(space: &Space) -> Rows {
     let (mut state, mut rows) = (3, Rows::new());
     for k in 0..90 {
@@ -35,7 +31,6 @@ fn in_f32(rows: &[[f64; 4]]) -> Vec<Sphere> {
     rows.iter().map(|row| Sphere::from(row.map(|x| x as f32))).collect()
 }
 
-/// Returns the pairs of one process.
 fn pairs<'a>(spheres: impl Into<Spheres<'a>>, space: Space) -> Vec<[u32; 2]> {
     let mut detector = Detector::new(Config::default().backend(Backend::Cpu).space(space)).unwrap();
     detector.pairs(spheres.into()).unwrap().iter().map(|pair| [pair.i, pair.j]).collect()
@@ -54,7 +49,6 @@ fn doubles(rows: &[[f64; 4]]) -> Vec<u8> {
     [b"\x93NUMPY\x01\x00", &(text.len() as u16).to_le_bytes()[..], text.as_bytes(), &body].concat()
 }
 
-/// Returns the summary and the pairs in the output file.
 fn detect(directory: &Path, ranks: usize, arguments: &[&str]) -> (Value, String) {
     let output = ["-o", "pairs.csv", "--gather", "--json"];
     let said = stdout(ranks, directory, &[arguments, &output].concat());
@@ -124,7 +118,6 @@ fn precision_follows_the_files_unless_it_is_given() {
     assert!(refused.contains("f16"), "{refused}");
 }
 
-/// An array of `f32` next to one of `f64` is converted, which rounds nothing.
 #[test]
 fn files_of_ranks_may_have_different_types() {
     let directory = tempfile::tempdir().unwrap();

@@ -1,5 +1,3 @@
-//! Different settings and failures of single ranks are the same error on all.
-
 use lazygrid::{Algorithm, Backend, Interaction, Interactions, Order, Skin, Space};
 use lazygrid_mpi::{Config, Delivery, Distributed, Error, OwnedSpheres, Ownership, Settings, agree_on};
 use mpi::topology::SimpleCommunicator;
@@ -12,7 +10,6 @@ fn part(world: &SimpleCommunicator) -> OwnedSpheres {
     Scene::Uniform.part(900, world.rank() as u32, |k| (k % ranks) as u32)
 }
 
-/// Error of [`Distributed::new`] if rank `odd` has the second configuration.
 fn refused(world: &SimpleCommunicator, odd: i32, [all, one]: [&Config; 2]) -> Error {
     let own = if world.rank() == odd { one } else { all };
     let error = Distributed::new(world, own.clone()).err().expect("ranks disagree");

@@ -1,5 +1,3 @@
-//! Spheres in `f64`, which `f32` numbers would decide otherwise.
-
 use std::ops::ControlFlow;
 
 use lazygrid::{Detector, Space, Sphere, Spheres};
@@ -11,7 +9,7 @@ use crate::scenes::{config, gathered, id, local, random};
 
 const COUNT: u64 = 600;
 
-/// Returns sphere `k`. Spheres `2 i` and `2 i + 1` touch up to 2 ulp.
+/// Spheres `2 i` and `2 i + 1` touch up to 2 ulp.
 fn row(k: u64, offset: f64) -> [f64; 4] {
     let number = |stream| f64::from(random(k / 2, stream)) + f64::from(random(k / 2, stream + 1)) * 1e-8;
     let center = [0, 2, 4].map(|stream| offset + 12.0 * number(stream));
@@ -37,7 +35,6 @@ fn expected<'a>(spheres: impl Into<Spheres<'a>>, space: Space) -> Vec<[u64; 2]> 
     pairs
 }
 
-/// Returns the spheres of a rank, which ranks take in turn.
 fn part(world: &SimpleCommunicator, rows: &[[f64; 4]]) -> OwnedSpheres {
     let (rank, ranks) = (world.rank() as u64, world.size() as u64);
     let mine = || (0..rows.len() as u64).filter(|k| k % ranks == rank);
@@ -101,14 +98,12 @@ pub(crate) fn f32_in_other_boxes(world: &SimpleCommunicator) {
     }
 }
 
-/// Two spheres touch across the boundary, where `f32` centers would be rounded when they are wrapped.
 pub(crate) fn f32_across_other_boundaries(world: &SimpleCommunicator) {
     let (rank, last) = (world.rank(), world.size() - 1);
     let space = Space::periodic([Some(10.1), None, None]).unwrap();
     let mut distributed = Distributed::new(world, config().space(space)).unwrap();
     for k in 0..50_u8 {
         let x = 6.0 + 0.01 * f32::from(k);
-        // The rounding moves all spheres to one side.
         let other = (f64::from(x) + [0.2, -0.2][usize::from(k % 2)] - 10.1) as f32;
         let apart = space.minimum_image([x.into(), 0.0, 0.0], [other.into(), 0.0, 0.0]).length();
         let half = (0.5 * apart) as f32;
@@ -144,7 +139,6 @@ pub(crate) fn both_types(world: &SimpleCommunicator) {
         let Error::Input { index: None, message, .. } = error else { panic!("{error}") };
         assert!(message.contains("f64") && message.contains("give all ranks one type"), "{message}");
     }
-    // No sphere has no type.
     let none = OwnedSpheres::default();
     let particles = if rank == last { &none } else { &particles };
     assert!(distributed.count(local(particles)).is_ok());

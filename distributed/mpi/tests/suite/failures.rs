@@ -5,7 +5,6 @@ use mpi::traits::{Communicator, CommunicatorCollectives};
 
 use crate::scenes::{Scene, config, local};
 
-/// For `test.sh`: the last rank panics while the others wait.
 pub(crate) fn panic(world: &SimpleCommunicator) {
     assert!(world.rank() + 1 < world.size(), "a panic on rank {}, as was asked for", world.rank());
     world.barrier();
@@ -74,10 +73,8 @@ fn error_text(distributed: &mut Distributed, particles: &OwnedSpheres) -> String
     distributed.count(local(particles)).unwrap_err().to_string()
 }
 
-/// Pairs that other ranks send count, too.
 pub(crate) fn pairs_of_owners_above_the_limit(world: &SimpleCommunicator) {
     let (rank, others) = (world.rank() as u32, world.size() as u64 - 1);
-    // A giant of rank 0 around small spheres of the others.
     let small = |k: u32| Sphere::new([k as f32, rank as f32, 0.0], 0.1);
     let spheres = if rank == 0 { vec![Sphere::new([0.0; 3], 1000.0)] } else { (0..8).map(small).collect() };
     let ids = (0..spheres.len() as u64).map(|k| 100 * u64::from(rank) + k).collect();

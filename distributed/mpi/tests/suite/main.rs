@@ -1,5 +1,4 @@
-//! Properties for any number of ranks, which all run every case. `../../test.sh` uses `mpirun`; alone it has one
-//! rank.
+//! Properties for any number of ranks, run by `test.sh`; without it on one rank.
 
 #![allow(clippy::unwrap_used, reason = "tests")]
 #![allow(clippy::print_stdout, reason = "a test program, of which rank 0 says what it did")]

@@ -9,14 +9,12 @@ const MILLION: u64 = 1_000_000;
 
 pub(crate) fn million(world: &SimpleCommunicator) {
     let ranks = world.size() as u64;
-    // Fewer ranks add nothing.
     let scenes: &[Scene] = match ranks {
         8 => &[Scene::Uniform, Scene::FiveSizes, Scene::Giant, Scene::Gaussian, Scene::WideSizes],
         _ => &[Scene::FiveSizes],
     };
     for &scene in scenes {
         let mut distributed = Distributed::new(world, config().ownership(Ownership::BALANCE)).unwrap();
-        // In blocks, like a file.
         let mut particles = scene.part(MILLION, world.rank() as u32, |k| (k * ranks / MILLION) as u32);
         let report = distributed.rebalance(&mut particles).unwrap();
         assert!(
@@ -94,7 +92,7 @@ pub(crate) fn one_point(world: &SimpleCommunicator) {
     assert!(report.owned.imbalance() <= 1.05, "{}", report.owned.imbalance());
     assert_eq!(distributed.count(local(&particles)), Ok(n * (n - 1) / 2));
     let report = distributed.report();
-    // For an even number P of ranks, ranks k and k + P/2 share pairs, and only one of the two reports them.
+    // For even P, only one of ranks k and k + P/2 reports their pairs.
     let most = 1.03 + if ranks % 2 == 0 { 1.0 / f64::from(ranks) } else { 0.0 };
     assert!(report.pairs.imbalance() <= most, "{:?}", report.pairs);
     assert_eq!(report.elsewhere, 0);

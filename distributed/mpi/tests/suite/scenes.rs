@@ -12,7 +12,6 @@ pub(crate) enum Scene {
     FiveSizes,
     Giant,
     Gaussian,
-    /// Four orders of magnitude.
     WideSizes,
     Point,
 }

@@ -1,5 +1,3 @@
-//! One detector, call after call: any input may change, and any call may fail.
-
 use std::ops::ControlFlow;
 
 use lazygrid::glam::Vec3;
@@ -12,7 +10,6 @@ use crate::scenes::{config, gathered, id, random, sum};
 
 const EDGE: f32 = 12.0;
 
-/// Spheres of all ranks. Sphere `k` has the id `id(k)`.
 struct World {
     spheres: Vec<Sphere>,
     species: Vec<u32>,
@@ -43,7 +40,6 @@ impl World {
         self.owners.truncate(n);
     }
 
-    /// Returns the calls before the next change.
     fn change(&mut self) -> u64 {
         match self.choose(9) {
             0 => return 1 + self.choose(5),
@@ -109,10 +105,8 @@ impl World {
     }
 }
 
-/// A call that fails with the changed input, and must have no later effect.
 fn fail(world: &SimpleCommunicator, distributed: &mut Distributed, particles: &OwnedSpheres, kind: u64) {
     let mut bad = particles.clone();
-    // The first rank with a sphere differs between cases.
     let has = sum(world, u64::from(!bad.ids.is_empty()) << world.rank());
     if has == 0 {
         return;

@@ -7,8 +7,8 @@ const MARGIN: f64 = 1.0 + 1.0 / (1_u64 << 40) as f64;
 /// Distance above which squares do not underflow, 2⁻⁴⁸⁰.
 const MIN_SQUARED: f64 = f64::from_bits((1023 - 480) << 52);
 
-/// The box of the centers of a rank's spheres of one size class and species group, and their largest effective radius.
-/// In messages 8 numbers.
+/// The bounding box of a rank's centers of one size class and species group, and the largest effective
+/// radius.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClassBounds<T = f32> {
     low: [T; 3],
@@ -37,7 +37,6 @@ impl<T: Coordinate> ClassBounds<T> {
         all
     }
 
-    /// Returns the box of one sphere.
     #[inline]
     pub fn around(sphere: &WrappedSphere<T>) -> Self {
         let center = sphere.center;
@@ -76,31 +75,31 @@ impl<T: Coordinate> ClassBounds<T> {
         self.group
     }
 
-    /// Returns `true` if a sphere in this box and one in the other may pair, or if unsure.
+    /// Returns `true` if spheres of both boxes may pair, or if unsure.
     #[inline]
     pub fn can_pair(&self, other: &Self, wrapper: &SphereWrapper) -> bool {
         let (cutoff, space) = (wrapper.cutoff(self.group, other.group), wrapper.wrapped_space());
-        // Radii that have grown by the rounding of images exceed a cutoff that has not.
+        // Radii have grown by the rounding of images, but cutoffs have not.
         let is_limited = !(T::GROWS && space.is_periodic());
         cutoff.is_some_and(|cutoff| {
             self.overlaps(other, space, if is_limited { cutoff } else { f64::INFINITY })
         })
     }
 
-    /// Returns `true` if spheres of both boxes may overlap and are at most `cutoff` apart, or if unsure. Their species
-    /// must pair at most at the `cutoff`, which is infinite if only radii limit the distance.
+    /// Returns `true` if spheres of both boxes may overlap and are at most `cutoff` apart, or if unsure. Their
+    /// species must pair at most at `cutoff`, which is infinite if only radii count.
     ///
     /// # Correctness
     ///
     /// 1. The test has the `f64` operations of the contact test.
-    /// 2. Its distance by axis is at most that of any two spheres. Its radii and its cutoff are at least theirs.
+    /// 2. Its distance by axis is at most that of any two spheres. Its radii and its cutoff are at least
+    ///    theirs.
     /// 3. Every operation is monotone, with or without rounding.
-    /// 4. Effective `f32` radii of larger distances are cut at the largest `f32` number, so that such a radius limits no
-    ///    distance. No `f64` number but infinity does.
-    /// 5. The contact test of `f64` numbers computes as if exponents had no bounds. Here a sum of squares that overflows
-    ///    exceeds every reach with a finite square, and squares that may underflow are not used. In both cases no axis of
-    ///    touching spheres exceeds the reach by more than rounding, for which the margin compensates.
-    /// 6. Wrapped `f64` centers are exact, while the contact test rounds images. Radii have grown by more than this
+    /// 4. Radii of at least [`Coordinate::UNLIMITED`] limit no distance: larger `f32` radii are cut there.
+    /// 5. The `f64` contact test computes as if exponents had no bounds. Here an overflowing sum of squares
+    ///    exceeds every reach with a finite square, and squares that may underflow are not used. In both
+    ///    cases no axis of touching spheres exceeds the reach by more than rounding, which the margin covers.
+    /// 6. Wrapped `f64` centers are exact. Radii have grown by more than the contact test rounds images
     ///    ([`SphereWrapper::wrap_f64`]).
     #[inline]
     pub fn overlaps(&self, other: &Self, space: &Space, cutoff: f64) -> bool {
@@ -119,7 +118,7 @@ impl<T: Coordinate> ClassBounds<T> {
     }
 }
 
-/// Is on a ring if `length` is given.
+/// Returns the gap of two intervals, on a ring if `length` is given.
 #[inline]
 fn gap(a: [f64; 2], b: [f64; 2], length: Option<f64>) -> f64 {
     let direct = (b[0] - a[1]).max(a[0] - b[1]).max(0.0);
@@ -164,7 +163,6 @@ mod tests {
         let far = |sign: f32| WrappedSphere { center: [sign * 3e38; 3], ..sphere(0.0, f32::MAX) };
         let one = ClassBounds::around(&far(1.0));
         assert!(overlap(&one, &far(-1.0), &Space::UNBOUNDED, f64::INFINITY));
-        // Only the cutoff limits the distance of spheres with this radius.
         let huge = sphere(0.0, f32::MAX);
         assert!(overlap(&bounds, &WrappedSphere { center: [9.0, 0.0, 0.0], ..huge }, &Space::UNBOUNDED, 5.0));
         assert!(!overlap(&one, &far(-1.0), &Space::UNBOUNDED, 1e38));

@@ -1,6 +1,3 @@
-//! The ghost of a pair on two ranks: the larger sphere, at the owner of the smaller. Within a size class ghosts go
-//! one way between two ranks.
-
 use std::cmp::Ordering;
 
 use crate::SizeClass;
@@ -11,8 +8,8 @@ pub struct RankAndClass {
     pub class: SizeClass,
 }
 
-/// Returns `true` if `sphere` becomes a ghost at the owner of `other`, which then reports the pair. On different ranks
-/// exactly one of two spheres does; on one rank neither.
+/// Returns `true` if `sphere` becomes a ghost at the owner of `other`. Exactly one of two spheres on
+/// different ranks does.
 #[inline]
 pub fn becomes_ghost(sphere: RankAndClass, other: RankAndClass, ranks: u32) -> bool {
     if sphere.rank == other.rank {
@@ -26,8 +23,8 @@ pub fn becomes_ghost(sphere: RankAndClass, other: RankAndClass, ranks: u32) -> b
 
 /// Returns `true` if ghosts of one class go from rank `from` to `to`, and not back.
 ///
-/// Each of P ranks sends ghosts to the next (P − 1)/2 ranks, rounded down, cyclically. For an even P, the direction
-/// between ranks k and k + P/2 alternates with k.
+/// Each of P ranks sends ghosts to the next (P − 1)/2 ranks, rounded down, cyclically. For even P, the
+/// direction between ranks k and k + P/2 alternates with k.
 #[inline]
 pub fn sends_ghosts(from: u32, to: u32, ranks: u32) -> bool {
     let (from, to, ranks) = (u64::from(from), u64::from(to), u64::from(ranks.max(1)));

@@ -1,4 +1,4 @@
-//! Ghosts: spheres of other ranks that may pair with this rank's.
+//! Spheres of other ranks that may pair with this rank's.
 
 mod class_bounds;
 pub mod ghost_rule;
@@ -13,18 +13,16 @@ use crate::{Communicator, Particle};
 pub use class_bounds::ClassBounds;
 pub use rank_bounds::RankBounds;
 
-/// Sorted by owner.
 #[derive(Clone, Debug, Default)]
 pub struct Ghosts {
     particles: Vec<Particle>,
-    /// Rows `x, y, z, r` if ranks decide in `f64`; particles then have rounded numbers.
+    /// Rows `x, y, z, r` if ranks decide in `f64`.
     doubles: Option<Vec<[f64; 4]>>,
-    /// First ghost of each rank, and the number of all.
     starts: Vec<usize>,
 }
 
 impl Ghosts {
-    /// Creates ghosts from particles by rank, with counts. Drops particles beyond the counts.
+    /// `particles` are by rank, with counts.
     pub fn new(mut particles: Vec<Particle>, counts: &[usize]) -> Self {
         let mut starts = vec![0];
         for count in counts {
@@ -34,7 +32,7 @@ impl Ghosts {
         Self { particles, doubles: None, starts }
     }
 
-    /// Sends the particles `leaving[rank]` to each rank, and receives this rank's ghosts. Collective.
+    /// Sends `leaving[rank]` to each rank, and receives this rank's ghosts. Collective.
     pub fn exchange<C: Communicator>(
         communicator: &mut C,
         leaving: &[Vec<u32>],
@@ -44,8 +42,7 @@ impl Ghosts {
         Ok(Self::new(ghosts, &counts))
     }
 
-    /// Like [`exchange`](Self::exchange), for bounds of `f64` numbers: also sends the rows `x, y, z, r`, which decide.
-    /// Collective.
+    /// Works like [`exchange`](Self::exchange), but also sends the `f64` rows `x, y, z, r`, which decide. Collective.
     pub fn exchange_f64<C: Communicator>(
         communicator: &mut C,
         leaving: &[Vec<u32>],

@@ -9,7 +9,6 @@ use crate::{Communicator, Coordinate, SphereWrapper, WrappedSphere};
 #[derive(Clone, Debug, Default)]
 pub struct RankBounds<T = f32> {
     bounds: Vec<ClassBounds<T>>,
-    /// First box of each rank, and the number of all.
     starts: Vec<usize>,
 }
 
@@ -29,7 +28,7 @@ impl<T: Coordinate> RankBounds<T> {
         all
     }
 
-    /// Sends this rank's boxes to all, and receives theirs. Collective.
+    /// Sends this rank's boxes to all ranks. Collective.
     pub fn gather<C: Communicator>(
         communicator: &mut C,
         spheres: &[WrappedSphere<T>],
@@ -48,8 +47,7 @@ impl<T: Coordinate> RankBounds<T> {
         &self.bounds[self.starts[rank as usize]..self.starts[rank as usize + 1]]
     }
 
-    /// Returns, for each other rank, the ascending indices of `rank`'s spheres that become ghosts there: they may pair
-    /// there, and the [rule](becomes_ghost) sends them.
+    /// Returns ascending indices of `rank`'s spheres that become ghosts, for each rank.
     ///
     /// # Errors
     /// [`Error::OutOfMemory`].
@@ -81,7 +79,6 @@ impl<T: Coordinate> RankBounds<T> {
         (0..self.ranks()).into_par_iter().map(to).collect()
     }
 
-    /// Returns rank `to`'s boxes that may have a partner of spheres in `bounds`, where these become ghosts.
     fn near(
         &self,
         from: RankAndClass,

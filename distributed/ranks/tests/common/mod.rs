@@ -26,7 +26,7 @@ pub(crate) fn numbered(spheres: impl IntoIterator<Item = Sphere>) -> Vec<Particl
     (0..).zip(spheres).map(particle).collect()
 }
 
-/// Returns the table of species 0, 1 and 2 with the interactions 0–0, 0–1, 0–2, 1–1, 1–2 and 2–2.
+/// Sets the interactions 0–0, 0–1, 0–2, 1–1, 1–2 and 2–2.
 pub(crate) fn table(interactions: [Interaction; 6]) -> Interactions {
     let mut table = Interactions::new(3, Interaction::Never).unwrap();
     let pairs = [[0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2]];

@@ -8,7 +8,7 @@ use crate::error::{Error, Position};
 use crate::memory::refused;
 use crate::read::source::Source;
 
-/// A NumPy file with an array of `f32` or `f64` of any shape, byte order and memory order, opened up to its header.
+/// A NumPy file of `f32` or `f64` in any shape, byte order and memory order.
 pub struct ArrayFile {
     source: Source,
     kind: Dtype,
@@ -53,7 +53,7 @@ impl ArrayFile {
         &self.shape
     }
 
-    /// Reads the numbers, each rounded to `f32`, with the last index varying fastest.
+    /// Reads the numbers, rounded to `f32`, with the last index varying fastest.
     ///
     /// # Errors
     /// [`Error::Read`], also if the system refuses the memory; [`Error::Value`] for a number that is not finite;
@@ -94,7 +94,6 @@ impl ArrayFile {
         })
     }
 
-    /// `position` is in the file.
     fn index(&self, mut position: u64) -> Vec<u64> {
         let mut index = vec![0; self.shape.len()];
         let mut next = |axis: usize| {

@@ -37,7 +37,6 @@ impl<'a> Dictionary<'a> {
                 b"shape" => shape = Some(self.tuple()?),
                 _ => return None,
             }
-            // The last comma is optional.
             let _ = self.token(b",");
         }
         Some(Description { descr: descr?, fortran: fortran?, shape: shape? })

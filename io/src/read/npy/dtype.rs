@@ -7,13 +7,10 @@ pub(super) struct Dtype {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum DtypeKind {
-    /// 32 or 64 bits.
     Float,
     Signed,
     Unsigned,
-    /// One byte per character.
     Bytes,
-    /// Four bytes per character.
     Text,
     Other,
 }
@@ -22,7 +19,6 @@ impl Dtype {
     pub(super) const NATIVE_F32: Self =
         Self { class: DtypeKind::Float, big_endian: cfg!(target_endian = "big"), width: 4 };
 
-    /// Parses `<f8` or `|S12`.
     pub(super) fn parse(text: &[u8]) -> Option<Self> {
         const WIDEST: usize = 1 << 16;
         let (&order, rest) = text.split_first()?;
@@ -33,7 +29,7 @@ impl Dtype {
             b'=' => cfg!(target_endian = "big"),
             _ => return None,
         };
-        // Dates have their unit after the width.
+        // The unit of a date follows its width.
         let (count, _): (usize, _) = lexical_core::parse_partial(digits).ok()?;
         let width = if letter == b'U' { count.checked_mul(4)? } else { count };
         let class = match (letter, width) {
@@ -42,7 +38,7 @@ impl Dtype {
             (b'u', 1 | 2 | 4 | 8) => DtypeKind::Unsigned,
             (b'S', _) => DtypeKind::Bytes,
             (b'U', _) => DtypeKind::Text,
-            // Objects stand for no bytes.
+            // Objects are not stored in the array.
             (b'O', _) => return None,
             _ => DtypeKind::Other,
         };
@@ -53,7 +49,7 @@ impl Dtype {
         self.class == DtypeKind::Float && self.width == 8
     }
 
-    /// For [`Float`](DtypeKind::Float).
+    /// Requires `Float`.
     #[inline]
     pub(super) fn float(self, bytes: &[u8]) -> f64 {
         match self.width {
@@ -62,7 +58,7 @@ impl Dtype {
         }
     }
 
-    /// For [`Signed`](DtypeKind::Signed) or [`Unsigned`](DtypeKind::Unsigned).
+    /// Requires `Signed` or `Unsigned`.
     pub(super) fn whole(self, bytes: &[u8]) -> i128 {
         let (bits, unused) = (self.bits(bytes), 64 - 8 * self.width as u32);
         match self.class {
@@ -71,7 +67,6 @@ impl Dtype {
         }
     }
 
-    /// Without trailing zeros.
     pub(super) fn text(self, bytes: &[u8]) -> String {
         match self.class {
             DtypeKind::Text => {

@@ -21,7 +21,6 @@ struct Location {
     start: usize,
 }
 
-/// A row of a structured array, with the file for errors.
 struct StructuredRow<'a> {
     source: &'a Source,
     header: &'a Header,
@@ -49,7 +48,7 @@ impl Fields {
             for (k, (name, meaning)) in meanings(field).into_iter().enumerate() {
                 let start = start + k * kind.width;
                 let is_whole = matches!(kind.class, DtypeKind::Signed | DtypeKind::Unsigned);
-                // A field of that name may mean something else if no groups are requested.
+                // A field of another type may mean something else.
                 let meaning = if meaning == Column::Group && !is_whole { Column::Other } else { meaning };
                 match (meaning, kind.class) {
                     (Column::Other, _) => {}
@@ -77,7 +76,6 @@ impl Fields {
         self.width
     }
 
-    /// Returns `true` if a coordinate or a radius is an `f64`.
     pub(super) fn has_f64(&self) -> bool {
         self.wanted.iter().any(|field| field.kind.is_f64())
     }
@@ -99,7 +97,7 @@ impl Fields {
             return Err(syntax(source, &expected, &found));
         }
         let rows = header.rows;
-        // Also without rows, a requested column is part of the frame.
+        // Requested columns exist even without rows.
         self.make_room(0, frame, context).map_err(|_| header.too_many(source, "memory"))?;
         let most = (BLOCK / self.width).max(1) as u64;
         let mut bytes = vec![0; most.min(rows) as usize * self.width];

@@ -21,14 +21,12 @@ pub(super) enum Layout {
     Structured(Fields),
 }
 
-/// Four numbers in rows or columns.
 #[derive(Clone, Copy)]
 pub(super) struct PlainLayout {
     pub(super) kind: Dtype,
     pub(super) fortran: bool,
 }
 
-/// Reads the dictionary of a header. Returns it with the length of the header in bytes.
 pub(super) fn read_text(source: &mut Source) -> Result<(Vec<u8>, u64), Error> {
     let mut start = [0; 8];
     if source.fill(&mut start)? < start.len() || !start.starts_with(MAGIC) {
@@ -58,7 +56,6 @@ pub(super) fn read_text(source: &mut Source) -> Result<(Vec<u8>, u64), Error> {
 }
 
 impl Layout {
-    /// Returns `true` if a number that is read is an `f64`.
     pub(super) fn has_f64(&self) -> bool {
         match self {
             Self::Plain(plain) => plain.kind.is_f64(),
@@ -95,7 +92,7 @@ impl Header {
         }
     }
 
-    /// Compares the file's length with the header, before memory is reserved.
+    /// Requires the declared rows before memory is reserved.
     pub(super) fn check_length(&self, source: &Source) -> Result<(), Error> {
         let row = self.row_bytes();
         match source.length.map(|length| length.saturating_sub(self.end)) {

@@ -10,15 +10,14 @@ use crate::read::read_context::ReadContext;
 use crate::read::source::Source;
 use crate::read::{Frame, Options, Species};
 
-/// The rows of a NumPy file of spheres, of which a reader may take a part.
+/// A NumPy file of spheres with contiguous rows.
 pub struct NpyRows {
     path: PathBuf,
     header: Header,
 }
 
 impl NpyRows {
-    /// Opens a file and reads its header. Returns `None` if its rows are not contiguous: in Fortran order, compressed, or
-    /// not in a regular file.
+    /// Opens a file. Returns `None` in Fortran order, if compressed, or if not a regular file.
     ///
     /// # Errors
     /// [`Error::Read`]; [`Error::Syntax`] for another content or further bytes; [`Error::Truncated`] if the file is shorter
@@ -42,8 +41,7 @@ impl NpyRows {
         self.header.rows
     }
 
-    /// Reads the part of `rows` that the file has, with the spheres, species and errors of
-    /// [`Frames`](super::super::Frames).
+    /// Reads those of `rows` that exist.
     ///
     /// # Errors
     /// Returns the errors of the iterator [`Frames`](super::super::Frames).

@@ -99,7 +99,7 @@ fn npy_refusals_name_row_and_value() {
     ] {
         assert_eq!(refusal("a.npy", file, &[]), message);
     }
-    // A pipe that promises a terabyte and ends reserves no memory for it.
+    // A pipe that promises 64 GB reserves no memory for them.
     for fortran in [false, true] {
         let file = npy(1, &header("<f4", fortran, 4_000_000_000), &data);
         let mut frames = Frames::new("a.npy", Cursor::new(file), None, Options::default()).unwrap();

@@ -2,7 +2,6 @@ use std::fmt::Write;
 
 use super::*;
 
-/// Delivers text in odd sizes, like a pipe.
 struct Trickle {
     text: Vec<u8>,
     at: usize,
@@ -130,7 +129,6 @@ fn frames_of_all_sizes_follow_one_another() {
     }
 }
 
-/// Its last line is enough.
 #[test]
 fn a_frame_is_not_held_up_by_the_next() {
     struct Live(Vec<u8>);
@@ -149,7 +147,6 @@ fn a_frame_is_not_held_up_by_the_next() {
     assert_eq!(frames.next().unwrap().unwrap().spheres.len(), 20_000);
 }
 
-/// Earlier frames precede the error.
 #[test]
 fn a_disk_that_fails_later_does_not_hide_an_error() {
     struct Failing(Cursor<Vec<u8>>);

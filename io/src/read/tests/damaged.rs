@@ -3,7 +3,7 @@ use proptest::prelude::*;
 use super::arrays::{flat, header, npy};
 use super::*;
 
-/// Small valid files: a mutation mostly has an effect.
+/// Small, so that most mutations have an effect.
 fn samples() -> [(Format, Vec<u8>); 9] {
     let data: Vec<u8> = flat(true).iter().flat_map(|&v| f64::from(v).to_le_bytes()).collect();
     let fields = "('id', '<i2'), ('species', '|S1'), ('pos', '<f4', (3,)), ('r', '<f8')";
@@ -27,7 +27,6 @@ fn samples() -> [(Format, Vec<u8>); 9] {
     ]
 }
 
-/// For any bytes, a reader gives valid spheres or one error, and no frame larger than the file.
 fn survives(format: Option<Format>, bytes: Vec<u8>) -> Result<(), TestCaseError> {
     let radii = options(format, &[("A", 1.0), ("B", 2.0)]);
     for (length, ids) in [(None, true), (Some(bytes.len() as u64), false)] {

@@ -1,5 +1,3 @@
-//! `f64` numbers of every format, without rounding.
-
 use super::*;
 
 fn doubles(name: &str, bytes: impl Into<Vec<u8>>, radii: &[(&str, f64)]) -> Result<Frame, Error> {
@@ -19,7 +17,7 @@ fn npy(descr: &str, fortran: &str, shape: &str, numbers: &[f64]) -> Vec<u8> {
     bytes
 }
 
-/// No `f32` numbers; one is beyond them all.
+/// No `f32` numbers; one is beyond their range.
 const ROW: [f64; 4] = [0.1, -16_777_217.123_456_7, 1e300, 1.0 / 3.0];
 
 #[test]
@@ -56,7 +54,6 @@ fn scaled_coordinates_and_radii_by_species_are_doubles() {
                 ITEM: ATOMS type xs ys zs\n7 0.1 0.7 0.9\n";
     let frame = doubles("a.dump", text, &[("7", 0.1)]).unwrap();
     assert_eq!(frame.doubles, Some(vec![[0.3 * 0.1, 0.3 * 0.7, 0.3 * 0.9, 0.1]]));
-    // Rounded to `f32` otherwise, like the coordinates.
     assert_eq!(rows("a.dump", text, &[("7", 0.1)])[0][3], 0.1_f32);
 }
 

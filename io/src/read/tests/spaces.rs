@@ -59,7 +59,7 @@ fn boxes_that_lean() {
     let skewed =
         |name: &str, text: String| frames(name, text, Options::default()).unwrap()[0].space.cell_vectors();
     let edges = [[10.0, 0.0, 0.0], [2.0, 20.0, 0.0], [-1.0, 3.0, 30.0]].map(Some);
-    // LAMMPS writes the bounds of all corners.
+    // LAMMPS writes the bounding box of the corners.
     let bounds = "xy xz yz pp pp pp\n-1 12 2\n-5 18 -1\n0 30 3";
     let dump_of = |bounds: &str| dump(bounds, "x y z radius", "1 2 3 0.5");
     assert_eq!(skewed("a.dump", dump_of(bounds)), edges);

@@ -7,7 +7,7 @@ fn csv_with_other_separators_and_comments() {
         "x;y;z;r\n1;2;3;0.5\n-4;5e-3;6.25;0\n",
         "x\ty\tz\tr\n1\t2\t3\t0.5\n -4 \t5e-3\t6.25\t0\n",
         "# units: µm; made by hand\n\nx,y,z,diameter\n1,2,3,1\n  # between\n-4,5e-3,6.25,0\n#end",
-        // Output of numpy.savetxt(…, header="x,y,z,r", delimiter=",").
+        // Output of `numpy.savetxt(…, header="x,y,z,r", delimiter=",")`.
         "# some title\n# x,y,z,r\n1.0e+00,2.0e+00,3.0e+00,5.0e-01\n-4,5e-3,6.25,0\n",
         "# z,y,x,r\nx,y,z,r\n1,2,3,0.5\n-4,5e-3,6.25,0\n",
         "# x,y,z: the center\n# x,y,z\nx,y,z,r\n1,2,3,0.5\n-4,5e-3,6.25,0\n",
