@@ -1,4 +1,4 @@
-//! Records the commit of the build, and compiles the Bullet shim with the feature `bullet`.
+//! Records the commit, and compiles the Bullet shim.
 
 include!("../cli/commit.rs");
 

@@ -1,4 +1,4 @@
-// Shared by the build scripts of this crate and of `bench`.
+// Shared by the build scripts of `cli` and `bench`.
 
 use std::path::Path;
 use std::process::Command;
@@ -20,9 +20,9 @@ fn commit(crates: &[&str], more: &[&str]) -> Option<String> {
     sources.extend(crates.iter().flat_map(|name| [format!("{name}/Cargo.toml"), format!("{name}/src")]));
     sources.extend(more.iter().map(|&path| path.to_owned()));
     sources.iter().for_each(|source| watch(&root.join(source)));
-    // The sources may be a copy inside another repository.
+    // A copy of the sources may lie inside another repository.
     git(&["ls-files", "--error-unmatch", "cli/commit.rs"])?;
-    // Commits, checkouts and rebases add a line to HEAD's log.
+    // Commits add a line to HEAD's log.
     for name in ["HEAD", "logs/HEAD"] {
         watch(&root.join(git(&["rev-parse", "--git-path", name])?));
     }

@@ -1,4 +1,4 @@
-//! The GPU cell list in hard scenes, compared with equal spheres and another algorithm by GPU timestamps per phase.
+//! The GPU cell list in hard scenes, by GPU timestamps per phase.
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;
@@ -102,7 +102,7 @@ fn main() -> Result<(), Box<dyn Error>> {
             runner.run(round > 0)?;
         }
         for (a, b) in runners.iter().zip(&runners[1..]) {
-            // Pairs within 4 ulp of tangency may be found or missed.
+            // GPUs may decide pairs within 4 ulp of tangency differently.
             if std::ptr::eq(a.given, b.given) && a.pairs.abs_diff(b.pairs) > 1 + a.pairs / 100_000 {
                 let (a, b, name) = (a.pairs, b.pairs, a.given.name);
                 return Err(format!("{a} pairs and {b} in {name}").into());

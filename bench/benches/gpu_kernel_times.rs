@@ -1,4 +1,4 @@
-//! GPU time of each kernel of a call on spheres that are in GPU memory, and of the whole call, by timestamps.
+//! GPU time of each kernel and of the whole call, by timestamps.
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;
@@ -92,7 +92,6 @@ impl<'a> Call<'a> {
         Ok(Self { own, detector, input, queries, ticks, pairs })
     }
 
-    /// Returns the seconds between successive timestamps, of which `record` writes `count`.
     fn seconds(
         &self,
         count: u32,
@@ -108,7 +107,6 @@ impl<'a> Call<'a> {
         Ok(ticks.windows(2).map(|ends| ends[1].saturating_sub(ends[0]) as f64 * period).collect())
     }
 
-    /// Returns the GPU seconds of a whole call.
     fn whole(&mut self) -> Result<f64, Box<dyn Error>> {
         self.detector.bind(&self.input)?;
         let seconds = self.seconds(2, |encoder| {
@@ -119,7 +117,6 @@ impl<'a> Call<'a> {
         Ok(seconds[0])
     }
 
-    /// Returns the wall seconds from encoding to completion.
     fn until_completion(&mut self) -> Result<f64, Box<dyn Error>> {
         let start = Instant::now();
         submit(self.own, |encoder| self.detector.encode(encoder, &self.input))?;
@@ -127,7 +124,6 @@ impl<'a> Call<'a> {
         Ok(start.elapsed().as_secs_f64())
     }
 
-    /// Returns the GPU seconds of each kernel.
     fn kernels(&self) -> Result<Vec<f64>, Box<dyn Error>> {
         let count = self.detector.kernels().len() as u32 + 1;
         self.seconds(count, |encoder| self.detector.encode_stamped(encoder, &self.queries))
@@ -165,7 +161,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Prints the kernels of a call, and returns the row of the whole call.
+/// Prints the kernels, and returns the row of the whole call.
 fn measure(args: &Args, name: &str, n: usize, mut call: Call<'_>) -> Result<Vec<String>, Box<dyn Error>> {
     let names = call.detector.kernels();
     let (mut whole, mut waits, mut kernels) = (vec![], vec![], vec![vec![]; names.len()]);

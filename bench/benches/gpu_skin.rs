@@ -1,5 +1,4 @@
-//! Spheres that stay on the GPU: the cell list at each step compared with candidate lists, by wall time until
-//! completion.
+//! A cell list at each step compared with candidate lists, on spheres in GPU memory.
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;

@@ -73,7 +73,7 @@ fn sweep(args: &Args, what: What) -> Result<(), Box<dyn Error>> {
 
 impl Args {
     fn config(&self, algorithm: Algorithm) -> Config {
-        // A candidate list, which only some algorithms keep, would shift the crossover.
+        // Only some algorithms keep a candidate list, which would shift the crossover.
         Config::default().backend(self.backend).order(Order::Unordered).algorithm(algorithm).skin(Skin::Off)
     }
 

@@ -1,4 +1,4 @@
-//! Spheres in `f64` compared with the same ones in `f32`, in unbounded and periodic space.
+//! Spheres in `f64` compared with `f32`, in unbounded and periodic space.
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;
@@ -41,7 +41,7 @@ impl PairFinder for F64Rows {
     }
 }
 
-/// Returns a periodic cube with the extent of the scene, so that spheres at opposite faces touch.
+/// Returns a box of the scene's extent, so spheres at opposite faces touch.
 fn periodic_box(plan: &Plan) -> Result<Space, Box<dyn Error>> {
     let spheres = plan.scene.spheres(plan.n, plan.seed);
     let extent = spheres.iter().fold(0.0, |extent: f32, s| extent.max(s.center.abs().max_element()));

@@ -1,4 +1,4 @@
-//! The GPU engine's radix sort and prefix scan compared with a copy on the device.
+//! The radix sort and the prefix scan compared with a copy on the device.
 #![allow(clippy::print_stdout)]
 
 use std::error::Error;

@@ -1,4 +1,4 @@
-//! Species that seldom or never pair, and two sets, with and without a table of interactions, on CPU and GPU.
+//! Spheres with and without a table of interactions.
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! The paper's evaluation on the machine at hand: `lazygrid-bench figures`.
+//! The paper's evaluation.
 
 mod burst;
 pub mod compare;

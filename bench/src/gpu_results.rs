@@ -1,4 +1,4 @@
-//! `RESULTS-GPU.md`: the GPU times that arithmetic predicts, next to those of `lazygrid check --json` or of the page.
+//! `RESULTS-GPU.md`: predicted GPU times next to measured ones.
 
 use std::fmt::Write;
 
@@ -104,12 +104,12 @@ impl GpuRun {
     }
 }
 
-/// Returns the expected seconds if each dispatch waits for the previous one and each byte is transferred once.
+/// Assumes that each dispatch waits for the previous one, and each byte is transferred once.
 fn expected(dispatches: f64, traffic_bytes: f64, bandwidth: f64) -> f64 {
     dispatches * DISPATCH_SECONDS + traffic_bytes / bandwidth
 }
 
-/// Returns the costs of a call that chooses its cells and of a call that reuses the cells of an earlier one.
+/// Returns the costs of a call that chooses its cells and of one that reuses them.
 fn costs(spheres: u32) -> Option<[CallCost; 2]> {
     let limits = wgpu::Limits {
         max_storage_buffer_binding_size: (1 << 31) - 4,

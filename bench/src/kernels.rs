@@ -1,5 +1,4 @@
-//! Driver statistics of the compiled GPU kernels: registers, spills, code size. No kernel is run, so some drivers need
-//! no GPU.
+//! Driver statistics of the compiled GPU kernels. Some drivers need no GPU, as no kernel is run.
 
 mod spirv;
 mod table;
@@ -44,13 +43,12 @@ pub struct Text {
     pub text: String,
 }
 
-/// A program that a driver compiled; some drivers compile several per kernel, for different subgroup sizes.
+/// Drivers may compile several programs per kernel, for different subgroup sizes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Program {
     pub name: String,
     pub subgroup: u32,
     pub statistics: Vec<Statistic>,
-    /// Empty unless requested.
     #[serde(skip)]
     pub texts: Vec<Text>,
 }
@@ -61,7 +59,6 @@ pub struct Compiled {
     pub variant: String,
     /// Bytes of workgroup memory.
     pub workgroup_memory: u32,
-    /// Empty if the driver reports none.
     pub programs: Vec<Program>,
     pub error: Option<String>,
 }
@@ -83,11 +80,9 @@ impl Kernels {
 
 #[derive(Clone, Debug, Default)]
 pub struct Wanted {
-    /// Names of the kernels to compile; empty for all.
     pub only: Vec<String>,
-    /// Also compiles variants for devices without subgroup operations and for reused cells.
+    /// Includes variants without subgroup operations and for reused cells.
     pub all_variants: bool,
-    /// Also requests representations such as assembly.
     pub disassembly: bool,
 }
 
@@ -104,7 +99,7 @@ pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, Str
         |kernel: &&&Kernel| wanted.only.is_empty() || wanted.only.iter().any(|name| name == kernel.name);
     for kernel in KERNELS.iter().filter(is_wanted) {
         for variant in variants(kernel, own, wanted.all_variants) {
-            // Logged before compiling, because a driver may crash the process.
+            // The driver may crash the process.
             log::info!(
                 "{}: {}, {}",
                 adapter.name,

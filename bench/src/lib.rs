@@ -1,5 +1,4 @@
-//! The paper's figures, the peers of lazygrid, interleaved timing, driver statistics of the GPU kernels, and
-//! `RESULTS-GPU.md`.
+//! The paper's figures, the peers of lazygrid, and statistics of the GPU kernels.
 
 #![allow(missing_docs, reason = "internal to the workspace: most names and types are clear")]
 

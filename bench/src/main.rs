@@ -40,7 +40,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Flushes, so that a pipe sees each result at once.
+/// Flushes each result, for readers of a pipe.
 fn print(text: impl AsRef<[u8]>) -> Result<(), Failure> {
     let mut out = io::stdout().lock();
     out.write_all(text.as_ref()).and_then(|()| out.flush()).map_err(Failure::Stdout)

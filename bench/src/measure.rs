@@ -1,5 +1,4 @@
-//! Compares searches for pairs of the same spheres. Answers are checked before times are reported, rounds are
-//! interleaved, and ratios are taken within rounds.
+//! Compares searches for pairs of the same spheres, in interleaved rounds.
 
 mod finders;
 pub mod memory;
@@ -25,31 +24,28 @@ pub use present::{Spread, markdown, provenance};
 
 #[derive(Clone, Copy, Debug)]
 pub enum Found<'a> {
-    /// Each pair once, in any order.
     Pairs(&'a [Pair]),
     Count(u64),
 }
 
 pub trait PairFinder {
-    /// Receives the spheres of the next call, untimed, for programs that store them in their own memory.
+    /// Receives the spheres, untimed, for programs with their own memory.
     fn prepare(&mut self, _spheres: &[Sphere]) -> Result<(), Box<dyn Error>> {
         Ok(())
     }
 
-    /// Finds the pairs of spheres, which have moved slightly since the last call.
+    /// The spheres have moved slightly since the last call.
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>>;
 
-    /// Returns the phase times of the last call; empty if unknown.
+    /// Returns the phases of the last call; empty if unknown.
     fn phases(&self) -> Vec<PhaseTime> {
         Vec::new()
     }
 
-    /// Returns the GPU time of the last call; `None` without a GPU or timestamps.
     fn gpu_time(&self) -> Option<Duration> {
         None
     }
 
-    /// Describes the last call; may be empty.
     fn note(&self) -> String {
         String::new()
     }
@@ -85,7 +81,6 @@ impl ContenderFactory {
         Self::new(name, move || Ok(Count(Detector::new(config.clone())?)))
     }
 
-    /// Returns a search that streams its pairs and drops the chunks.
     pub fn stream(name: impl Into<String>, config: Config) -> Self {
         Self::new(name, move || Ok(Stream(Detector::new(config.clone())?)))
     }
@@ -96,9 +91,9 @@ pub struct Plan {
     pub scene: Scene,
     pub n: usize,
     pub seed: u64,
-    /// Number of measured rounds, after one to warm up.
+    /// Measured rounds, after one to warm up.
     pub rounds: usize,
-    /// Number of steps per contender and round, at least one.
+    /// Steps per contender and round, at least one.
     pub steps: usize,
     /// Displacement per step, in radii.
     pub step_length: f32,
@@ -109,10 +104,9 @@ pub struct Plan {
 #[derive(Clone, Debug)]
 pub struct Timing {
     pub name: String,
-    /// Nanoseconds per sphere and step, one value per round.
+    /// Nanoseconds per sphere and step, by round.
     pub nanos: Vec<f64>,
     pub note: String,
-    /// Number of pairs at the last step.
     pub pairs: u64,
 }
 
@@ -121,14 +115,14 @@ impl Timing {
         Spread::of(&self.nanos).median
     }
 
-    /// Returns the ratios of this time to the other, per round.
+    /// Returns a ratio per round.
     pub fn over(&self, other: &Self) -> Spread {
         let ratios: Vec<f64> = self.nanos.iter().zip(&other.nanos).map(|(a, b)| a / b).collect();
         Spread::of(&ratios)
     }
 }
 
-/// A digest of pairs that is independent of their order.
+/// A digest that ignores the order of pairs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Digest {
     pub pairs: u64,
@@ -150,9 +144,8 @@ impl Digest {
     }
 }
 
-/// Runs all contenders on the same moving spheres, round by round. Compares the number and checksum of pairs with the
-/// first contender that lists them, untimed. Every contender runs every step, because a skipped step would double the
-/// next displacement.
+/// Runs all contenders on the same moving spheres, and compares their pairs with the first that lists them,
+/// untimed. Every contender runs every step, because a skipped step would double the next displacement.
 pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timing>, Box<dyn Error>> {
     let mut runs = contenders.iter().map(ContenderRun::new).collect::<Result<Vec<_>, _>>()?;
     let mut motion = MovingScene::new(plan);
@@ -168,7 +161,7 @@ pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timin
     Ok(runs.into_iter().map(ContenderRun::timing).collect())
 }
 
-/// Returns a random order of the contenders; in a rotation, each would keep its predecessor.
+/// A random order: in a rotation, each contender would keep its predecessor.
 pub fn turns(count: usize, seed: u64) -> Vec<usize> {
     let mut turns: Vec<usize> = (0..count).collect();
     turns.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
@@ -193,7 +186,6 @@ impl MovingScene {
         }
     }
 
-    /// Advances all frames; each round continues from the last frame of the previous one.
     fn next_round(&mut self) -> &[Vec<Sphere>] {
         let mut last = self.frames[self.frames.len() - 1].clone();
         for frame in &mut self.frames {

@@ -1,5 +1,4 @@
-//! The peers of lazygrid: trees of C++ and Rust programs, methods of earlier nanosimulators, and a plain cell list.
-//! Each is a [`PairFinder`](crate::measure::PairFinder) with the same exact test.
+//! The peers of lazygrid, each a [`PairFinder`](crate::measure::PairFinder) with the same exact test.
 
 #[cfg(feature = "bullet")]
 pub mod bullet;
@@ -13,7 +12,7 @@ pub mod verlet;
 
 use lazygrid::Sphere;
 
-/// Returns `true` if the spheres touch; decides in `f64` near tangency, as lazygrid does on the CPU.
+/// Decides in `f64` near tangency, as lazygrid does.
 #[inline]
 fn touch(a: &Sphere, b: &Sphere) -> bool {
     let reach = a.radius + b.radius;
@@ -25,7 +24,7 @@ fn touch(a: &Sphere, b: &Sphere) -> bool {
     a.center.as_dvec3().distance_squared(b.center.as_dvec3()) <= reach * reach
 }
 
-/// Returns half the edge of a sphere's box: a few ulp more than the radius, so that rounding loses no tangent pair.
+/// A few ulp above the radius, so rounding loses no tangent pair.
 #[inline]
 fn half_extent(sphere: &Sphere) -> f32 {
     sphere.radius + (sphere.center.abs().max_element() + sphere.radius) * f32::EPSILON

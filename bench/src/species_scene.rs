@@ -4,26 +4,22 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, UnitBall};
 
-/// A scene whose spheres have species, with a table of the species that pair.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpeciesScene {
-    /// A burst of one species, with one sphere in a thousand of its only partner.
+    /// A burst of one species, with one partner in a thousand spheres.
     RarePartner,
-    /// A crowd that pairs at short distances, among one sphere in a thousand of a partner at a large distance.
+    /// A crowd that pairs at short distances; one sphere in a thousand is a partner at a large distance.
     DistantPartner,
-    /// One enzyme among 25 substrate molecules each, all nearly at one point.
+    /// One enzyme per 25 substrate molecules, all nearly at one point.
     Enzymes,
-    /// One target in a crowd of its only partner.
+    /// One target in a crowd of its partner.
     Target,
-    /// Four species that each pair with two others; uniform.
     Ring,
-    /// Four species that all pair; uniform.
     AllPair,
-    /// Three disjoint pairs of species; uniform.
     DisjointPairs,
     /// Three disjoint pairs of species, nearly at one point.
     DisjointPairsCrowd,
-    /// A burst of one of ten species in five disjoint pairs, with one sphere in a thousand of the others.
+    /// A burst of one of ten species, with one sphere in a thousand of the others.
     TenSpecies,
 }
 
@@ -88,7 +84,6 @@ impl SpeciesScene {
         self == Self::DistantPartner && k % 1000 == 999
     }
 
-    /// Returns `true` if the pairs are those of touching spheres of two sets.
     pub const fn is_of_two_sets(self) -> bool {
         matches!(self, Self::RarePartner | Self::Enzymes | Self::Target)
     }

@@ -1,4 +1,4 @@
-//! At the smallest scale, each engine gives the right answer, and all files exist.
+//! Each engine gives the right answer at the smallest scale.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::ffi::OsStr;
@@ -120,7 +120,6 @@ fn lammps_named_after_a_run_takes_part_in_the_next() {
     bench(args).succeeds();
     let (first, others) = (rows(true), rows(false));
     assert!(!first.is_empty() && first.iter().all(|row| row["status"] == "not-available"), "{first:?}");
-    // Each library that is named is opened.
     for library in ["/nowhere/liblammps.so", "/elsewhere/liblammps.so"] {
         BENCH.run_with("LAZYGRID_LAMMPS_LIB", library, &args).fails();
         for row in rows(true) {

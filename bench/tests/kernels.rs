@@ -1,4 +1,4 @@
-//! A real GPU compiler accepts all kernels: Mesa's for AMD, which compiles without a GPU.
+//! Mesa's compiler for AMD, which needs no GPU, accepts all kernels.
 
 use std::collections::HashSet;
 use std::fs;

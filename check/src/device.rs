@@ -11,7 +11,6 @@ use wgpu::BufferUsages;
 /// Time limit of each operation.
 pub const TIMEOUT: Duration = Duration::from_secs(60);
 
-/// Creates a buffer for storage, uniforms and copies.
 pub fn storage_buffer(own: &GpuDevice, bytes: u64) -> Result<wgpu::Buffer, Error> {
     let usage =
         BufferUsages::STORAGE | BufferUsages::UNIFORM | BufferUsages::COPY_DST | BufferUsages::COPY_SRC;
@@ -49,7 +48,6 @@ pub fn download<T: Pod>(own: &GpuDevice, from: &wgpu::Buffer, count: usize) -> R
     Ok(bytemuck::pod_collect_to_vec(&view[..bytes as usize]))
 }
 
-/// Uploads one structure in the shader's memory layout.
 pub fn upload_one<T: ShaderType + WriteInto>(own: &GpuDevice, data: &T) -> Result<wgpu::Buffer, Error> {
     let mut bytes = StorageBuffer::new(Vec::<u8>::new());
     bytes.write(data).expect("a vector grows");
@@ -92,7 +90,7 @@ pub fn run(
     run_over(own, kernel, variant, [groups, 1, 1], buffers)
 }
 
-/// Runs one kernel with a number of workgroups per dimension.
+/// Runs one kernel on a grid of workgroups.
 ///
 /// # Panics
 /// Panics if a binding has no buffer.

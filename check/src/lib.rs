@@ -1,4 +1,4 @@
-//! Correctness and speed checks of lazygrid on the machine at hand; `docs/design/tools.md` describes their parts.
+//! Correctness and speed checks of lazygrid; `docs/design/tools.md` describes their parts.
 
 #![allow(missing_docs, reason = "internal to the workspace: most names and types are clear")]
 

@@ -1,5 +1,4 @@
-//! Lost devices and requests that are too large: typed errors, and recovery. The tests share a device; those that
-//! destroy it run one at a time.
+//! The tests share a device; those that destroy it run one at a time.
 
 mod common;
 
@@ -98,7 +97,7 @@ fn new_detector_works_after_device_loss() {
 fn lost_device_ends_a_stream_with_an_error() {
     let Some(_) = device() else { return };
     let _alone = alone();
-    // More pairs than the output holds, so that the stream takes several searches.
+    // The stream must take several searches.
     let spheres = vec![Sphere::new([1.0; 3], 0.5); 3000];
     let mut detector = gpu();
     let mut handed = 0;

@@ -1,5 +1,4 @@
-//! The measurements of `lazygrid calibrate`, as JSON in the user's cache directory
-//! (`$XDG_CACHE_HOME/lazygrid/calibration.json` on Linux).
+//! The measurements of `lazygrid calibrate`: `$XDG_CACHE_HOME/lazygrid/calibration.json` on Linux.
 
 use std::fs;
 use std::io;
@@ -23,7 +22,7 @@ struct Entry {
     lazygrid: String,
     naive_below: u32,
     per_class: u32,
-    /// Other versions may omit it or later fields; their other measurements are ignored.
+    /// Other versions may omit this or a later field.
     #[serde(default)]
     radix_sort_from: Option<u32>,
     #[serde(default)]
@@ -44,7 +43,7 @@ struct Skin {
     call_ns: f32,
 }
 
-/// An invalid file counts as empty, with a warning.
+/// Ignores an invalid file with a warning.
 pub(crate) fn load() -> Vec<Calibration> {
     let Some(path) = path() else { return Vec::new() };
     match read(&path).and_then(checked) {
@@ -59,12 +58,10 @@ pub(crate) fn load() -> Vec<Calibration> {
     }
 }
 
-/// Refuses a cache directory that cannot be written.
 pub(crate) fn check_writable() -> Result<(), CliError> {
     create_file().map(drop)
 }
 
-/// Replaces a calibration of the same adapter, and returns the path.
 pub(crate) fn keep(measured: &Calibration) -> Result<PathBuf, CliError> {
     let (path, mut file) = create_file()?;
     let mut all = load();
@@ -79,7 +76,6 @@ pub(crate) fn keep(measured: &Calibration) -> Result<PathBuf, CliError> {
     Ok(path)
 }
 
-/// Creates the directory, and a file that replaces the calibrations when it is committed.
 fn create_file() -> Result<(PathBuf, AtomicFile), CliError> {
     let path = path().ok_or(CliError::NoCacheDirectory)?;
     if let Some(directory) = path.parent() {
@@ -105,7 +101,7 @@ fn read(path: &Path) -> io::Result<CalibrationFile> {
 /// A device with a rate far from these would run each workgroup by itself, or a call in one dispatch.
 const TESTS_PER_SECOND: std::ops::RangeInclusive<f64> = 1e6..=1e14;
 
-/// Refuses calibrations that would test all pairs of millions of spheres.
+/// Refuses values that would test all pairs of millions of spheres.
 fn checked(file: CalibrationFile) -> io::Result<CalibrationFile> {
     let most = Crossover::MOST;
     for entry in &file.calibrations {

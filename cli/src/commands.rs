@@ -10,7 +10,7 @@ use lazygrid_io::{AvailableMemory, lacking_address_space, lacking_memory, memory
 
 use crate::error::CliError;
 
-/// Refuses `what` if it needs more bytes than are available. An allocation refused later would end the process.
+/// Refuses `what` if memory is short, as a refused allocation would end the process.
 ///
 /// # Errors
 /// Returns [`CliError::TooLittleMemoryFor`].

@@ -88,7 +88,6 @@ pub(crate) enum CliError {
         needed: u64,
         available: u64,
         limit: &'static str,
-        /// Further ways to need less.
         remedy: &'static str,
     },
     #[error(
@@ -124,7 +123,7 @@ pub(crate) enum CliError {
 }
 
 impl CliError {
-    /// 2 for contradicting options; 128 plus the signal after Ctrl-C (130) or SIGTERM (143); else 1.
+    /// 2 for contradicting options; 128 plus the signal after Ctrl-C or SIGTERM; else 1.
     pub(crate) fn exit_code(&self) -> u8 {
         match self {
             Self::Stopped { signal, .. } | Self::StoppedRuns { signal, .. } => 128 + (*signal & 0x7F) as u8,

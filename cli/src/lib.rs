@@ -1,4 +1,4 @@
-//! The `lazygrid` command as a library, for other command lines: [`run`].
+//! The `lazygrid` command as a library: [`run`].
 
 mod args;
 mod calibration_file;
@@ -20,20 +20,18 @@ use crate::args::{Args, Command};
 use crate::commands::{calibrate, check, detect, devices, generate, page, simulate};
 use crate::error::CliError;
 
-/// Runs a command; the first argument is the program's name. Returns the exit code: 0 for success, 1 for bad input or a
-/// failure, 2 for wrong usage, 128 plus the signal for a run stopped with a checkpoint.
+/// Runs a command and returns the exit code: 0 for success, 1 for bad input or a failure, 2 for wrong usage,
+/// 128 plus the signal for a run stopped with a checkpoint.
 ///
-/// Writes to standard output and standard error, handles signals, and sets up the log.
+/// The first argument is the program's name. Handles signals, and sets up the log.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     let given: Vec<OsString> = args.into_iter().collect();
     let result = match Args::try_parse_from(&given) {
         Ok(args) => {
             let log = env_logger::Env::default().default_filter_or("warn");
-            // A host may have a log.
             let _ = env_logger::Builder::from_env(log).try_init();
             command(args.command)
         }
-        // Help and version are errors of the parser.
         Err(said) if !said.use_stderr() => print_help(&said),
         Err(said) => {
             let text = said.render().to_string();
@@ -46,7 +44,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
     };
     match result {
         Ok(()) => 0,
-        // The reader has read enough, as in `lazygrid … | head -1`. Verdicts and files come before failures to print.
+        // The reader has read enough, as in `lazygrid … | head -1`.
         Err(CliError::Stdout(error) | CliError::File(lazygrid_io::Error::Write { source: error, .. }))
             if error.kind() == io::ErrorKind::BrokenPipe =>
         {
@@ -64,13 +62,13 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
 /// Longest path that systems accept (`PATH_MAX` of Linux).
 const MAX_PATH_BYTES: usize = 4096;
 
-/// Returns a message with [excerpts](excerpt) of arguments and their values that are longer than `longest` bytes;
-/// `None` if it quotes none.
+/// Returns a message with [excerpts](excerpt) of quoted arguments above `longest` bytes; `None` if it quotes
+/// none.
 fn with_short_arguments(message: &str, args: &[OsString], longest: usize) -> Option<String> {
     let mut text = message.to_owned();
     for arg in args.iter().map(|arg| arg.to_string_lossy()).filter(|arg| arg.len() > longest) {
         let after_equals = arg.split_once('=').map(|(_, value)| value);
-        // A short option may precede its value, as in `-oVALUE`.
+        // Form `-oVALUE`.
         let after_option = arg.strip_prefix('-').and_then(|rest| rest.get(1..));
         for quoted in [&*arg].into_iter().chain(after_option).chain(after_equals) {
             let short = excerpt(quoted.as_bytes());
@@ -82,7 +80,6 @@ fn with_short_arguments(message: &str, args: &[OsString], longest: usize) -> Opt
     (text != message).then_some(text)
 }
 
-/// Prints help or the version in color if standard output is a terminal.
 fn print_help(said: &clap::Error) -> Result<(), CliError> {
     check_output()?;
     said.print().and_then(|()| io::stdout().flush()).map_err(CliError::Stdout)
@@ -117,7 +114,7 @@ fn command(command: Command) -> Result<(), CliError> {
     }
 }
 
-/// Starts the process's threads, unless the command makes a pool. Later rayon could not report a failure.
+/// Starts the process's threads, as later rayon could not report a failure.
 fn start_threads(threads: Option<NonZeroUsize>) -> Result<(), CliError> {
     match threads {
         Some(_) => Ok(()),
@@ -128,7 +125,7 @@ fn start_threads(threads: Option<NonZeroUsize>) -> Result<(), CliError> {
 /// `true` if the process began without standard output.
 static OUTPUT_IS_CLOSED: AtomicBool = AtomicBool::new(false);
 
-/// Makes later writes to standard output fail, for a program that began with a closed one, which Rust replaces by
+/// Makes writes to standard output fail, for a program that began with a closed one. Rust replaces it by
 /// /dev/null.
 pub fn set_output_closed() {
     OUTPUT_IS_CLOSED.store(true, Ordering::Relaxed);
@@ -141,7 +138,7 @@ fn check_output() -> Result<(), CliError> {
     }
 }
 
-/// Writes and flushes, so that a pipe gets each result at once.
+/// Flushes each result, for readers of a pipe.
 fn print(text: impl AsRef<[u8]>) -> Result<(), CliError> {
     check_output()?;
     let mut out = io::stdout().lock();

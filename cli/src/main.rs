@@ -18,13 +18,13 @@ fn quiet_wayland() {
     let missing = !std::env::var_os(RUNTIME_DIRECTORY)
         .is_some_and(|directory| std::path::Path::new(&directory).is_absolute());
     if cfg!(target_os = "linux") && missing {
-        // SAFETY: `main` has just begun. Neither this program nor a loaded library has started a thread, so no other
-        // code uses the environment at the same time. No compositor is found below this path, as before.
+        // SAFETY: `main` has just begun, and neither this program nor a library has started a thread. So no
+        // other code uses the environment at the same time.
         unsafe { std::env::set_var(RUNTIME_DIRECTORY, "/dev/null") };
     }
 }
 
-/// Tests for a closed standard output, before Rust's runtime replaces it.
+/// Tests for a closed standard output before Rust's runtime replaces it.
 #[cfg(target_os = "linux")]
 mod closed_output {
     use std::ffi::c_int;
@@ -33,8 +33,8 @@ mod closed_output {
     pub(super) static IS_CLOSED: AtomicBool = AtomicBool::new(false);
 
     #[used]
-    // SAFETY: the loader calls the functions of this section once, before `main`, by the C calling convention. `ask` needs
-    // nothing of Rust's runtime.
+    // SAFETY: the loader calls the functions of this section once, before `main`, by the C calling
+    // convention. `ask` needs nothing of Rust's runtime.
     #[unsafe(link_section = ".init_array")]
     static ASK: extern "C" fn() = ask;
 
@@ -44,7 +44,8 @@ mod closed_output {
         }
         const STDOUT: c_int = 1;
         const F_GETFD: c_int = 1;
-        // SAFETY: `fcntl` with F_GETFD takes no further argument, and reads the flags of a descriptor or fails.
+        // SAFETY: `fcntl` with F_GETFD takes no further argument, and reads the flags of a descriptor or
+        // fails.
         let flags = unsafe { fcntl(STDOUT, F_GETFD) };
         IS_CLOSED.store(flags == -1, Ordering::Relaxed);
     }

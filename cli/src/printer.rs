@@ -1,22 +1,20 @@
 use crate::error::CliError;
 use crate::print;
 
-/// Prints reports of work whose result is elsewhere. A closed standard output must neither stop such work nor hide its
-/// verdict, so the first failure is kept until [`finish`](Self::finish).
+/// Keeps the first failure to print until [`finish`](Self::finish): a closed standard output must not stop
+/// the work or hide its verdict.
 #[derive(Debug, Default)]
 pub(crate) struct Printer {
     failure: Option<CliError>,
 }
 
 impl Printer {
-    /// Writes nothing after a failure.
     pub(crate) fn print(&mut self, text: impl AsRef<[u8]>) {
         if self.failure.is_none() {
             self.failure = print(text).err();
         }
     }
 
-    /// Returns the first failure.
     pub(crate) fn finish(self) -> Result<(), CliError> {
         self.failure.map_or(Ok(()), Err)
     }

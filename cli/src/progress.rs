@@ -7,13 +7,12 @@ use indicatif::{ProgressBar, ProgressBarIter, ProgressDrawTarget, ProgressStyle}
 const DELAY: Duration = Duration::from_secs(1);
 const TICK: Duration = Duration::from_millis(200);
 
-/// Shows the current work and the read part of the input, on terminals, after a second.
+/// A progress line that appears on terminals after a second.
 pub(crate) struct Progress {
     bar: ProgressBar,
 }
 
 impl Progress {
-    /// `length` is that of the input in bytes, if known.
     pub(crate) fn new(length: Option<u64>) -> Self {
         let progress = Self::hidden(length);
         let bar = progress.bar.downgrade();
@@ -52,7 +51,6 @@ impl Progress {
         self.bar.set_message(what);
     }
 
-    /// Hides the line during work that prints.
     pub(crate) fn hidden_during<T>(&self, work: impl FnOnce() -> T) -> T {
         self.bar.suspend(work)
     }
@@ -64,7 +62,6 @@ impl Drop for Progress {
     }
 }
 
-/// Shows a hidden bar, unless its work is done.
 fn show(bar: &ProgressBar, target: ProgressDrawTarget) {
     if !bar.is_finished() {
         bar.set_draw_target(target);
@@ -75,7 +72,6 @@ fn show(bar: &ProgressBar, target: ProgressDrawTarget) {
 pub(crate) fn running(steps: u64) -> ProgressBar {
     let bar = ProgressBar::new(steps);
     let bar = bar.with_style(style("{wide_bar} step {pos}/{len} {per_sec}, {eta} left, {msg}"));
-    // Until the first step, after the files are created.
     bar.set_message("preparing");
     bar.tick();
     bar

@@ -33,7 +33,7 @@ pub(crate) fn install_stop_handler() -> Result<StopSignal, CliError> {
     Ok(asked)
 }
 
-/// Handles signals in a thread; SIGHUP only if it is not ignored, as under `nohup`.
+/// Handles signals in a thread; leaves SIGHUP alone if it is ignored, as under `nohup`.
 #[cfg(unix)]
 fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), CliError> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -45,7 +45,7 @@ fn on_signal(handle: impl Fn(i32) + Send + 'static) -> Result<(), CliError> {
     std::thread::Builder::new().spawn(listen).map(drop).map_err(CliError::SignalThread)
 }
 
-/// Returns `true` if the process began with this signal ignored, or if that is unknown.
+/// Returns `true` if the process began with `signal` ignored, or if that is unknown.
 #[cfg(unix)]
 fn is_ignored(signal: i32) -> bool {
     let Ok(status) = std::fs::read_to_string("/proc/self/status") else { return true };

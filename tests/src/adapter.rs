@@ -1,8 +1,8 @@
-//! Skips tests without a GPU adapter. Tests of several crates include this file.
+//! Included by tests of several crates.
 
 use lazygrid::Error;
 
-/// Returns the opened object, or `None` without an adapter.
+/// Returns `None` without an adapter, to skip the test.
 ///
 /// # Panics
 /// Panics if no adapter exists but `LAZYGRID_REQUIRE_GPU` is set, or if an adapter cannot be used.

@@ -15,7 +15,7 @@ pub fn skipped(required: &str, why: &str) {
     }
 }
 
-/// Returns the name of an installed browser. Without one, skips the test, unless `LAZYGRID_REQUIRE_BROWSER` is set.
+/// Returns `None` without a browser, to skip the test. Panics instead if `LAZYGRID_REQUIRE_BROWSER` is set.
 pub fn browser() -> Option<&'static str> {
     let known = ["chromium", "chromium-headless-shell", "google-chrome"];
     let runs = |name: &&str| {
@@ -33,7 +33,6 @@ pub fn browser() -> Option<&'static str> {
     found
 }
 
-/// Decodes a PNG image with eight bits per channel; returns its pixels row by row.
 pub fn decoded(png: &[u8], size: [usize; 2]) -> Vec<[u8; 3]> {
     assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
     let (mut rest, mut packed) = (&png[8..], Vec::new());

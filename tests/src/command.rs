@@ -14,7 +14,6 @@ pub struct Run {
     pub err: String,
 }
 
-/// Returns `true` if a GPU exists or is required.
 pub fn has_gpu() -> bool {
     let has_one = !lazygrid::gpu::adapters().is_empty() || std::env::var_os("LAZYGRID_REQUIRE_GPU").is_some();
     if !has_one {
@@ -32,11 +31,11 @@ pub struct Program(pub &'static str);
 impl Program {
     fn command(self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Command {
         let mut command = Command::new(self.0);
-        // Without `XDG_RUNTIME_DIR` some Vulkan layers print warnings on standard error.
+        // Without `XDG_RUNTIME_DIR`, some Vulkan layers print warnings on standard error.
         command
             .args(args)
             .env("XDG_RUNTIME_DIR", std::env::temp_dir())
-            // Hides the Git repository: results name their commit, which may change while tests run.
+            // Results name their commit, which may change while tests run.
             .env("GIT_DIR", "none")
             .env_remove("RUST_LOG")
             .env_remove("LAZYGRID_LAMMPS_LIB")
@@ -52,12 +51,10 @@ impl Program {
         self.run_with("XDG_CACHE_HOME", cache, args)
     }
 
-    /// Runs the command with an environment variable.
     pub fn run_with(self, variable: &str, value: &str, args: &[&str]) -> Run {
         self.command(args).env(variable, value).output().unwrap().into()
     }
 
-    /// Runs the command with a standard output whose reader is closed.
     pub fn run_with_closed_output(self, args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);
@@ -79,7 +76,6 @@ impl Run {
         self
     }
 
-    /// Asserts exit code 1, and an error as the last line of standard error.
     pub fn fails(self) -> Self {
         assert_eq!(self.code, Some(1), "{}", self.err);
         assert!(self.err.lines().last().is_some_and(|line| line.starts_with("error: ")), "{}", self.err);

@@ -11,7 +11,6 @@ use crate::{SceneSeed, TestInput};
 
 pub type Spheres = BoxedStrategy<Vec<Sphere>>;
 
-/// Returns seeds of mostly a few dozen elements, sometimes none, at most 600.
 pub(crate) fn words() -> impl Strategy<Value = SceneSeed> + Clone {
     let element = || uniform12(any::<u32>());
     let elements = prop_oneof![

@@ -1,5 +1,4 @@
-//! Shared code of the tests in `suite/`: scenarios with their oracles and generators, detector variants, commands and
-//! browsers.
+//! Shared code of the tests in `suite/`.
 
 #![allow(missing_docs, reason = "internal to the workspace: most names and types are clear")]
 
@@ -20,7 +19,7 @@ pub use lazygrid_check::{
 };
 pub use variants::{SuiteVariant, THREADS, in_pool};
 
-/// Returns the device that all tests of a process share; `None` without an adapter.
+/// Shared by all tests of a process.
 ///
 /// # Panics
 /// Panics if no adapter exists but `LAZYGRID_REQUIRE_GPU` is set.

@@ -1,8 +1,8 @@
-//! Devices with lower limits than their adapters. Tests of several crates include this file.
+//! Included by tests of several crates.
 
 use lazygrid::gpu::{GpuDevice, wgpu};
 
-/// Returns another device of an adapter, with changed limits.
+/// Opens another device of the adapter.
 ///
 /// # Panics
 /// Panics if the adapter refuses the limits.

@@ -1,4 +1,4 @@
-//! Reflection of WGSL by naga. Tests of several crates include this file and must define `Access` in the parent module.
+//! Tests of several crates include this file and must define `Access` in the parent module.
 
 use std::num::NonZeroU64;
 
@@ -21,7 +21,7 @@ pub(crate) fn parse(name: &str, source: &str) -> (Module, ModuleInfo) {
     (module, info)
 }
 
-/// Returns number, name and access of each binding, which must be in group 0.
+/// Bindings must be in group 0.
 pub(crate) fn bindings(name: &str, module: &Module) -> Vec<(u32, String, Access)> {
     let bound = module.global_variables.iter().filter_map(|(_, global)| {
         let binding = global.binding.as_ref()?;
@@ -39,7 +39,7 @@ pub(crate) fn bindings(name: &str, module: &Module) -> Vec<(u32, String, Access)
     found
 }
 
-/// Name and size of a structure, and the name and offset of each member.
+/// Name and size, and the name and offset of each member.
 pub(crate) type Structure = (String, usize, Vec<(String, usize)>);
 
 pub(crate) fn structures(module: &Module) -> Vec<Structure> {
@@ -56,8 +56,8 @@ pub(crate) fn spirv(name: &str, module: &Module, info: &ModuleInfo) -> Vec<u32> 
     naga::back::spv::write_vec(module, info, &options, None).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-/// Returns the layout of a `repr(C)` structure in a shader buffer. `fields` have their offsets in memory, which give
-/// their order; `offsets` are their offsets in a shader buffer.
+/// Returns the shader layout of a structure. `fields` have offsets in memory, which give their order;
+/// `offsets` are those in a buffer.
 pub(crate) fn laid_out<const N: usize>(
     name: &str,
     size: NonZeroU64,
@@ -70,8 +70,8 @@ pub(crate) fn laid_out<const N: usize>(
     (name.to_owned(), size.get() as usize, members.collect())
 }
 
-/// Describes a Rust structure like [`structures`]. A structure of `words` has the same layout in a buffer and in
-/// memory.
+/// Describes a Rust structure like [`structures`]. A structure of `words` has equal layouts in a buffer and
+/// in memory.
 macro_rules! layout {
     ($type:ident { $($field:ident),* $(,)? }) => {
         laid_out(

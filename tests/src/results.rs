@@ -1,5 +1,3 @@
-//! Pairs from counts, neighbor lists and streams.
-
 use std::ops::ControlFlow;
 
 use lazygrid::{Detector, Pair, Query};
@@ -49,7 +47,7 @@ pub fn listed<'a>(detector: &mut Detector, query: impl Into<Query<'a>>) -> Resul
     }
 }
 
-/// Compares the count, the neighbor lists and a stream of a query with the `expected` pairs.
+/// Compares the count, the neighbor lists and a stream with the `expected` pairs.
 ///
 /// # Errors
 /// Fails if one of them differs.

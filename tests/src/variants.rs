@@ -12,8 +12,8 @@ use crate::{TestInput, Tolerance, difference};
 /// Numbers of threads: one, a few, and usually more than there are cores.
 pub const THREADS: [usize; 3] = [1, 2, 7];
 
-/// Returns all variants. `LAZYGRID_TEST_VARIANTS=cpu` or `=gpu` selects one backend, and `=gpu/cell-list` one GPU
-/// algorithm.
+/// Returns all variants. `LAZYGRID_TEST_VARIANTS=cpu` or `=gpu` selects one backend, and `=gpu/cell-list` one
+/// GPU algorithm.
 ///
 /// # Panics
 /// Panics if `LAZYGRID_TEST_VARIANTS` has another value, or a required GPU is missing.
@@ -49,8 +49,8 @@ fn on_gpu() -> Vec<DetectorVariant> {
     Algorithm::GPU.iter().map(|&algorithm| DetectorVariant::new(algorithm, target)).collect()
 }
 
-/// Returns all CPU variants, and two GPU variants chosen by the scenario, because software adapters are slow. Returns
-/// all variants if `LAZYGRID_TEST_VARIANTS` is set.
+/// Returns all CPU variants, and two GPU variants chosen by the scenario, as software adapters are slow.
+/// Returns all variants if `LAZYGRID_TEST_VARIANTS` is set.
 ///
 /// # Panics
 /// See [`all`].
@@ -71,26 +71,24 @@ pub fn each_algorithm() -> Vec<DetectorVariant> {
     all().into_iter().filter(|variant| variant.threads() == THREADS[0]).collect()
 }
 
-/// A [`DetectorVariant`] in the suite, where detectors share thread pools.
 pub trait SuiteVariant: Copy {
-    /// Returns the number of CPU threads, which on a GPU do the work of the host.
+    /// Returns the number of CPU threads, which on a GPU do the host's work.
     fn threads(self) -> usize;
 
-    /// Returns settings without a number of threads, because detectors use the pool in which they [run](Self::run).
+    /// Sets no number of threads: detectors use the pool in which they [run](Self::run).
     fn settings(self) -> Config;
 
     fn run<T: Send>(self, work: impl FnOnce() -> T + Send) -> T {
         in_pool(self.threads(), work)
     }
 
-    /// Returns the pairs that a new detector finds.
     fn find(self, scenario: &TestInput, settings: Config) -> Result<Vec<Pair>, String>;
 
-    /// Returns the reference for this variant's other results: the `expected` pairs if it is exact; otherwise its own
-    /// list after a comparison, because tangent pairs may be found or missed.
+    /// Returns the reference for other results: the `expected` pairs, or if tangent pairs may differ the
+    /// variant's own list after a comparison.
     fn own_pairs(self, scenario: &TestInput, expected: &[Pair]) -> Result<Vec<Pair>, String>;
 
-    /// Checks the pairs in both orders; GPU variants in one, because only the host sorts pairs.
+    /// Checks both orders; GPU variants need one, as only the host sorts pairs.
     fn verify(self, scenario: &TestInput, expected: &[Pair], settings: &Config) -> Result<(), String>;
 }
 
@@ -149,7 +147,7 @@ fn drawn(scenario: &TestInput) -> usize {
     (scenario.spheres.iter().fold(1, hash) >> 16) as usize
 }
 
-/// Runs `work` in one of the suite's pools, because creating a pool takes longer than most scenarios.
+/// Runs `work` in a shared pool: creating one takes longer than most scenarios.
 ///
 /// # Panics
 /// Panics if `threads` is not one of [`THREADS`].

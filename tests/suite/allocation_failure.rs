@@ -1,4 +1,4 @@
-//! A failed allocation is an error, wherever it occurs, never an abort or a wrong answer. The detector remains usable.
+//! A failed allocation is an error, never an abort or a wrong answer, and the detector remains usable.
 
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::ops::ControlFlow;
@@ -14,10 +14,9 @@ use lazygrid_io::read::{Frame, Frames, Options, SortError, pairs};
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{DetectorVariant, SuiteVariant, variants};
 
-/// Refuses large allocations on request. Small ones, such as the text of a message, always succeed.
 struct Refusing;
 
-/// Smallest size in bytes of a large allocation.
+/// Smallest large allocation, above the text of a message.
 const LARGE: usize = 4096;
 
 static LIVE: AtomicUsize = AtomicUsize::new(0);
@@ -29,8 +28,8 @@ static REFUSED: AtomicUsize = AtomicUsize::new(0);
 /// Held by the running test, because tests share the allocator.
 static ALONE: Mutex<()> = Mutex::new(());
 
-// SAFETY: every call is forwarded unchanged to the system allocator, or returns null, which is how an allocator reports
-// failure; the counters touch no memory of the caller.
+// SAFETY: every call is forwarded unchanged to the system allocator, or returns null, which is how an
+// allocator reports failure. The counters touch no memory of the caller.
 unsafe impl GlobalAlloc for Refusing {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         let size = layout.size();
@@ -59,7 +58,7 @@ static ALLOCATOR: Refusing = Refusing;
 
 #[derive(Clone, Copy, Debug)]
 enum Refusal {
-    /// Refuses after this number of large allocations.
+    /// After this number of large allocations.
     After(usize),
     /// Refuses above this number of bytes more than at the start.
     Above(usize),
@@ -85,7 +84,7 @@ enum Ask {
     Unordered,
     Neighbors,
     Count,
-    /// A stream with a limit of a third of the pairs.
+    /// The limit is a third of the pairs.
     StreamCanonical,
     StreamUnordered,
 }
@@ -108,8 +107,7 @@ impl Ask {
         }
     }
 
-    /// Returns the number of pairs and a checksum. `streamed` has the capacity for all pairs, so that the consumer
-    /// allocates nothing.
+    /// `streamed` has the capacity for all pairs, so the consumer allocates nothing.
     fn answer(
         self,
         detector: &mut Detector,
@@ -145,7 +143,7 @@ impl Ask {
     }
 }
 
-/// Runs each kind of query with the refusals `next(0)`, `next(1)` and so on, until nothing is refused.
+/// Runs the queries with the refusals `next(0)`, `next(1)` and so on, until nothing is refused.
 fn walk<'a>(
     variant: DetectorVariant,
     config: &Config,
@@ -155,8 +153,8 @@ fn walk<'a>(
     walk_after(None, variant, config, query.into(), next);
 }
 
-/// Like [`walk`], with detectors that have searched `before` and may keep its candidates. After an error, they search
-/// `before` again in every second case, and then repeat the query.
+/// The detectors have searched `before` and may keep its candidates. After an error they repeat the query, in
+/// every second case after another search of `before`.
 fn walk_after(
     before: Option<Query<'_>>,
     variant: DetectorVariant,
@@ -201,12 +199,12 @@ fn walk_after(
                 break;
             }
         }
-        // A query served by kept candidates may allocate nothing.
+        // Kept candidates may serve a query without allocation.
         assert!(refusals > 0 || before.is_some(), "{variant}, {ask:?}: nothing was refused");
     }
 }
 
-/// Returns the CPU algorithms on one and two threads, because a GPU driver has its own allocator.
+/// Returns CPU algorithms only, because GPU drivers have their own allocator.
 fn variants() -> impl Iterator<Item = DetectorVariant> {
     let is_one = |s: &DetectorVariant| {
         s.backend() == Backend::Cpu && s.threads() <= 2 && s.algorithm != Algorithm::Auto
@@ -219,7 +217,6 @@ fn failed_allocation_is_an_error_wherever_it_occurs() {
     let _alone = ALONE.lock();
     let sizes = Scene::FiveSizes.spheres(1300, 41);
     let burst = Scene::Burst.spheres(1200, 42);
-    // All spheres are in one cell, whose size a giant determines.
     let mut crowd = Scene::Equal.spheres(1300, 43);
     crowd.iter_mut().for_each(|sphere| sphere.center += 100.0);
     crowd.push(Sphere::new([100.0; 3], 20.0));
@@ -259,7 +256,6 @@ fn failed_allocation_is_an_error_wherever_it_occurs() {
                     for query in [few_sizes, &moved] {
                         walk_after(Some(few_sizes.into()), variant, &config, query.into(), Refusal::After);
                     }
-                    // Alternates `f32` and `f64` spheres.
                     let config = config.interactions(table.clone());
                     let of_species =
                         [few_with_species, Spheres::from(&rows).with_species(few_ids).expect("one each")];
@@ -273,16 +269,15 @@ fn failed_allocation_is_an_error_wherever_it_occurs() {
             walk(variant, &few(), Spheres::from(&crowd), Refusal::After);
             walk(variant, &config().interactions(table.clone()), with_species, Refusal::After);
             walk(variant, &few().space(periodic), Spheres::from(&sizes), Refusal::After);
-            // From a page up to more than needed, in steps of 30 %.
+            // Limits from a page up, in steps of 30 %.
             let above = |k: usize| Refusal::Above((LARGE as f64 * 1.3_f64.powi(k as i32)) as usize);
             walk(variant, &few(), Spheres::from(&crowd), above);
         });
     }
 }
 
-/// Reads under limits from `FIXED_BYTES` up to more than needed.
 fn read_under_limits<T>(path: &Path, read: impl Fn(&Path) -> Result<T, lazygrid_io::Error>) {
-    // Buffers of constant size, which reading begins with.
+    // Reading begins with such buffers.
     const FIXED_BYTES: usize = 1 << 19;
     assert!(read(path).is_ok(), "{path:?}");
     let mut refusals = 0;

@@ -1,5 +1,3 @@
-//! Each algorithm and query refuses bad input with its index, values and count.
-
 use std::ops::ControlFlow;
 
 use lazygrid::{
@@ -21,7 +19,7 @@ fn refusal(config: &Config, spheres: Spheres<'_>) -> Error {
         });
     }
     let first = errors.swap_remove(0);
-    // Compares texts, because NaN is not equal to itself.
+    // NaN differs from itself, but its text does not.
     errors.iter().for_each(|error| assert_eq!(format!("{error:?}"), format!("{first:?}")));
     first
 }

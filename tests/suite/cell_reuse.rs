@@ -1,4 +1,4 @@
-//! Calls of one session that reuse the cells of an earlier call if these suit the spheres.
+//! Calls of one session that reuse the cells of an earlier call.
 
 use std::cell::Cell;
 
@@ -11,7 +11,6 @@ use proptest::sample::select;
 
 use crate::properties::check;
 
-/// A change of all spheres, or of one by index.
 #[derive(Clone, Copy, Debug)]
 enum Change {
     Drift(f32),
@@ -79,7 +78,6 @@ impl Change {
     }
 }
 
-/// Returns spheres of five sizes, few of them in contact.
 fn start() -> impl Strategy<Value = TestInput> {
     let sphere = ([0_u32..1024, 0..1024, 0..1024], 0..5_usize).prop_map(|(at, size)| {
         Sphere::new(at.map(|x| x as f32 / 64.0 - 3.0), [0.5, 0.4, 0.2, 0.06, 0.02][size])
@@ -165,7 +163,7 @@ fn spheres_that_outgrow_their_cells_find_their_pairs() {
     let config = GpuConfig::default().algorithm(Algorithm::CellList).cell_ratio(1.5);
     let mut session = session(&gpu, &config, &input).expect("a session");
     for (call, radius) in [0.5, 0.5, 0.95, 0.95, 0.5].into_iter().enumerate() {
-        // The radius stays in its size class, so that the level does not change.
+        // The radius stays in its size class, so the level does not change.
         input.spheres.iter_mut().step_by(7).for_each(|sphere| sphere.radius = radius);
         let ticket = session.begin(input.view()).expect("valid spheres");
         let found = session.finish(ticket, u64::MAX).expect("pairs").to_vec();

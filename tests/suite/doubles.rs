@@ -1,4 +1,4 @@
-//! Spheres, lengths and distances in `f64`: each algorithm finds exactly the pairs of the contract's expression.
+//! `f64` spheres: each algorithm finds exactly the pairs of the contract's expression.
 
 use lazygrid::{
     Backend, Config, Detector, Error, Exclusions, InputError, Interaction, Interactions, Order, Pair, Query,
@@ -17,8 +17,7 @@ impl Random {
     }
 }
 
-/// Returns spheres of which every second touches the previous one, up to a deviation of 2 ulp or of 2⁻¹⁶ to 2⁻²⁷ of its
-/// radius.
+/// Every second sphere touches the previous one, up to 2 ulp or 2⁻¹⁶ to 2⁻²⁷ of its radius.
 pub(crate) fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Random) -> Vec<[f64; 4]> {
     let mut spheres: Vec<[f64; 4]> = Vec::new();
     for k in 0..count {
@@ -46,10 +45,8 @@ pub(crate) fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Ra
 
 const NEAR: std::ops::RangeInclusive<i32> = -2..=2;
 
-/// Returns the sums of up to two of each cell vector, rounded as in the contract's expression.
 fn images(space: &Space) -> Vec<[f64; 3]> {
     let edges = space.cell_vectors();
-    // The extent of these scenes is no larger than a few cell vectors.
     let [counts_a, counts_b, counts_c] = edges.map(|edge| if edge.is_some() { NEAR } else { 0..=0 });
     let mut images = Vec::new();
     for a in counts_a {
@@ -64,7 +61,6 @@ fn images(space: &Space) -> Vec<[f64; 3]> {
     images
 }
 
-/// Returns the smallest squared length of an image of `to − from`, by the contract's expression.
 fn distance_squared(images: &[[f64; 3]], from: [f64; 4], to: [f64; 4]) -> f64 {
     let apart = [to[0] - from[0], to[1] - from[1], to[2] - from[2]];
     let mut least = f64::INFINITY;
@@ -75,7 +71,7 @@ fn distance_squared(images: &[[f64; 3]], from: [f64; 4], to: [f64; 4]) -> f64 {
     least
 }
 
-/// Returns the pairs by the contract's expression; the species of sphere `k` is `k % 2`.
+/// The species of sphere `k` is `k % 2`.
 pub(crate) fn oracle(spheres: &[[f64; 4]], space: &Space, table: Option<&Interactions>) -> Vec<Pair> {
     let images = images(space);
     let mut pairs = Vec::new();
@@ -99,7 +95,6 @@ fn spaces() -> [Space; 5] {
     spaces_of(|length| length)
 }
 
-/// Returns spaces of all kinds, with `map` applied to each length.
 pub(crate) fn spaces_of(map: impl Fn(f64) -> f64) -> [Space; 5] {
     let tilts = [[7.3, 0.0, 0.0], [2.9, 6.1, 0.0], [-1.7, 0.4, 5.9]].map(|edge| Some(edge.map(&map)));
     let periodic = |lengths: [Option<f64>; 3]| Space::periodic(lengths.map(|length| length.map(&map)));
@@ -132,7 +127,7 @@ fn pairs_match_the_contract_in_all_spaces_and_magnitudes() {
             let spheres = scene(240, 2.4, offset, &mut random);
             let expected = oracle(&spheres, &space, None);
             assert!(expected.len() > 60, "{}", expected.len());
-            // On a GPU, two offsets suffice, because the host subtracts the origin of the frame.
+            // On a GPU, two offsets suffice, as the host subtracts the frame's origin.
             let is_asked = |variant: &DetectorVariant| variant.backend() == Backend::Cpu || offset[0] != 1e3;
             for variant in variants::each_algorithm().into_iter().filter(is_asked) {
                 variant.run(|| {
@@ -210,7 +205,6 @@ fn two_sets_species_and_exclusions_are_decided_in_f64() {
 
 #[test]
 fn candidates_of_f64_spheres_lose_no_pair() {
-    // The second species reaches farther than the first.
     let mut table = Interactions::new(2, Interaction::Touch).expect("few species");
     table.set(0, 1, Interaction::Never).expect("known species");
     table.set(1, 1, Interaction::Within(0.7)).expect("a distance");
@@ -272,7 +266,7 @@ impl Columns {
     }
 }
 
-/// Returns the number of calls served by candidates, or the first step whose pairs are wrong.
+/// Returns the number of calls served by candidates.
 pub(crate) fn serve(
     config: &Config,
     layout: usize,

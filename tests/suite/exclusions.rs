@@ -1,5 +1,3 @@
-//! Exclusions of pairs, in groups and in lists, with every kind of query.
-
 use lazygrid::gpu::{GpuConfig, GpuSession};
 use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, Exclusions, InputError, Order, Pair, Query, Space, Sphere,

@@ -1,15 +1,14 @@
-//! `f64` spheres of which a few are far away from all others, so that the search frame clamps them.
+//! `f64` spheres of which a few are so far away that the search frame clamps them.
 
 use lazygrid::{Algorithm, Detector, Interaction, Interactions, Order, Query, Skin, Space, Spheres};
 use lazygrid_tests::{SuiteVariant, in_pool, variants};
 
 use crate::doubles::{Random, agrees, oracle, scene};
 
-/// Returns spheres of which some are far away and touch each other, a sphere that is clamped to the same position, or
-/// the near spheres. No square overflows, as the oracle requires.
+/// Some far spheres touch each other or a clamped sphere. No square overflows, as the oracle requires.
 fn with_far_spheres(random: &mut Random) -> Vec<[f64; 4]> {
     let mut spheres = scene(600, 2.4, [0.0; 3], random);
-    // Scaling by a power of two does not change the pairs.
+    // A power of two scales without rounding.
     spheres.iter_mut().for_each(|sphere| *sphere = sphere.map(|number| number / 131_072.0));
     let far = [
         [1e9, 0.0, 0.0, 0.5],
@@ -76,7 +75,7 @@ fn candidates_with_far_spheres_lose_no_pair() {
                 (0..3).for_each(|axis| sphere[axis] += 0.0005 * random.signed());
             }
             match step {
-                // Another sphere leaves the frame; the first one returns, and later moves to the end of the frame.
+                // Another sphere leaves the frame; the first one returns.
                 3 => spheres[500] = [0.0, 1.0, 1e8, 0.05],
                 6 => spheres[10] = spheres[11],
                 8 => spheres[10] = [3e4, 0.0, 0.0, 0.1],

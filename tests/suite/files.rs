@@ -1,5 +1,3 @@
-//! The frames of two real simulations, read with the readers of the command line.
-
 use std::path::{Path, PathBuf};
 
 use lazygrid::Config;
@@ -29,7 +27,7 @@ fn check(scenario: &TestInput, spheres: usize, pairs: usize, sum: u64) {
     }
 }
 
-/// A granular pour of diameters 2, 1 and ½ from LAMMPS. SciPy's cKDTree and LAMMPS itself find 3072 pairs.
+/// A granular pour of diameters 2, 1 and ½ from LAMMPS. SciPy's cKDTree and LAMMPS find 3072 pairs.
 #[test]
 fn lammps_pour() {
     check(&frame("lammps-pour.dump", None, &[]), 15_208, 3_072, 0x9545_c450_a3ed_9bf6);

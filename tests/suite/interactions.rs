@@ -1,5 +1,3 @@
-//! Tables of interactions between species.
-
 use lazygrid::{Algorithm, Config, Detector, Interaction, Interactions, Space, Sphere, Spheres};
 use lazygrid_tests::{SpeciesSetup, SuiteVariant, TestInput, difference, hard, variants};
 
@@ -26,7 +24,7 @@ fn random_tables_in_crowded_boxes() {
     check(96, (hard::mixture(hard::soup()), settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
 
-/// Up to five pairs of species, which on a GPU are up to eight sides of a cell list.
+/// Five pairs of species are up to eight sides of a cell list on a GPU.
 #[test]
 fn disjoint_pairs_of_species() {
     let spheres = prop_oneof![hard::powers_of_two(), hard::soup(), hard::any_spheres()];
@@ -50,7 +48,7 @@ fn largest_radius(spheres: &[Sphere]) -> f64 {
     radii.fold(0.0, f32::max).clamp(0.0, 1e30).into()
 }
 
-/// More sets of partners than groups of species, which therefore share groups.
+/// Species share groups if the sets of partners outnumber them.
 #[test]
 fn sparse_tables_of_many_species() {
     let spheres = prop_oneof![hard::powers_of_two(), hard::soup(), hard::any_spheres()];
@@ -72,7 +70,7 @@ fn sparse_tables_of_many_species() {
     check(96, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
 
-/// Tiny spheres interact at a large distance: the effective radius comes from the table.
+/// The effective radius comes from the table.
 #[test]
 fn small_radii_with_large_distances() {
     // Distances near the spacings of the lattice that are not representable in `f32`.
@@ -95,7 +93,6 @@ fn small_radii_with_large_distances() {
 #[test]
 fn crowd_with_distant_partners() {
     let mut random = Random(11);
-    // The crowd lies across the boundary of the boxes.
     let mut center = |width: f32| [8.4, 1.5, 8.9].map(|at| at + random.signed() as f32 * width);
     let species: Vec<u32> = (0..2300).map(|k| [0, 0, 0, 0, 0, 0, 2, 1][k % 8]).collect();
     let spheres: Vec<_> =
@@ -114,7 +111,6 @@ fn crowd_with_distant_partners() {
             (Interaction::Never, true),
             (Interaction::Touch, false),
             (Interaction::Within(2.0), true),
-            // Narrower than the crowd.
             (Interaction::Within(0.015), true),
         ] {
             let (near, far) = (Interaction::Within(0.02), Interaction::Within(2.0));
@@ -124,7 +120,7 @@ fn crowd_with_distant_partners() {
             let mixture = Some(SpeciesSetup { species: species.clone(), rows });
             let scenario = TestInput { spheres: spheres.clone(), mixture, space, ..TestInput::default() };
             let expected = scenario.oracle();
-            // In boxes, where some take seconds, other algorithms than the cell list have the table of longest distances.
+            // In boxes some algorithms take seconds, so only the cell list gets all tables.
             let has_all = space == Space::default() || of_partners == Interaction::Within(2.0);
             let variants = variants::each_algorithm().into_iter();
             for variant in variants.filter(|variant| has_all || variant.algorithm == Algorithm::CellList) {
@@ -144,7 +140,7 @@ fn crowd_with_distant_partners() {
     }
 }
 
-/// Distances differ by orders of magnitude, so that groups of species have different reaches.
+/// Groups of species have different reaches.
 #[test]
 fn tables_with_near_and_distant_partners() {
     let spheres = prop_oneof![hard::powers_of_two(), hard::soup(), hard::any_spheres()];
@@ -157,7 +153,6 @@ fn tables_with_near_and_distant_partners() {
             power => Interaction::Within(size * 0.125_f64.powi(power as i32 - 3)),
         };
         let rows = (0..5).map(|a| (0..=a).map(|b| with(entries[a * (a + 1) / 2 + b])).collect()).collect();
-        // Species 0 is a crowd.
         let species = ids[..spheres.len()].iter().map(|id| (id % 10).saturating_sub(5)).collect();
         TestInput { spheres, mixture: Some(SpeciesSetup { species, rows }), ..TestInput::default() }
     });
@@ -224,8 +219,7 @@ fn effective_radii_cover_all_distances() {
     }
 }
 
-/// Distances between subnormal numbers and above half of the largest number, for which rounding to `f32` would change
-/// the result.
+/// Distances between subnormal numbers and above half of the largest number.
 #[test]
 fn distances_beyond_f32_are_not_rounded() {
     let (unit, far) = (f32::from_bits(1), 3e38);

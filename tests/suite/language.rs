@@ -1,5 +1,3 @@
-//! Comments, documents and messages have no vague phrase, and comments begin with a noun or a verb.
-
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -34,11 +32,8 @@ const OPENINGS: [&str; 12] =
     ["what", "whether", "where", "how", "who", "why", "which", "those", "as", "of", "by", "the same"];
 
 enum Pattern {
-    /// One of these phrases, as whole words.
     Phrases(&'static [&'static str]),
-    /// A word that begins with one of these.
     Prefixes(&'static [&'static str]),
-    /// A whole word of the first list, then within a number of characters the whole last word.
     Pair(&'static [&'static str], usize, &'static str),
 }
 

@@ -1,4 +1,4 @@
-//! LazyGrid finds the same pairs for all values of τ, which determines the cells to refine.
+//! LazyGrid finds equal pairs for all values of τ, which determines the cells to refine.
 
 use glam::Vec3;
 use lazygrid::{Algorithm, Backend, Config, Sphere};

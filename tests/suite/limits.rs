@@ -1,5 +1,3 @@
-//! Results far larger than memory can only be counted, streamed or refused.
-
 use std::ops::ControlFlow;
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Order, Sphere};

@@ -1,5 +1,5 @@
-//! `f64` spheres of any size, and far away from the origin. Scaling by a power of two and a common offset change no
-//! pair if they round no number, because the contract's expression then computes the scaled differences.
+//! `f64` spheres of any size. Scaling by a power of two and a common offset change no pair if they round no
+//! number: the contract's expression then computes the scaled differences.
 
 use lazygrid::{
     Algorithm, Detector, Error, Exclusions, InputError, Interaction, Interactions, Order, Pair, Query, Skin,
@@ -21,7 +21,7 @@ fn quantized(number: f64) -> f64 {
     (number / QUANTUM).round() * QUANTUM
 }
 
-/// Returns quantized spheres of which every second touches the previous one, up to a gap or an overlap of two quanta.
+/// Every second sphere touches the previous one, up to two quanta.
 fn scene(count: usize, random: &mut Random) -> Vec<[f64; 4]> {
     let mut spheres: Vec<[f64; 4]> = Vec::new();
     for k in 0..count {
@@ -45,9 +45,9 @@ fn scene(count: usize, random: &mut Random) -> Vec<[f64; 4]> {
 
 #[derive(Clone, Copy, Debug)]
 struct Magnitude {
-    /// Power of two by which a scene is scaled.
+    /// Scales a scene by a power of two.
     exponent: i32,
-    /// Center of the scaled scene, a multiple of the scaled quantum.
+    /// A multiple of the scaled quantum.
     offset: [f64; 3],
 }
 
@@ -73,7 +73,7 @@ impl Magnitude {
         scene.iter().map(|[a, b, c, r]| [a * unit + x, b * unit + y, c * unit + z, r * unit]).collect()
     }
 
-    /// Returns the spheres after a check that no number is rounded.
+    /// Asserts that no number is rounded.
     fn exact_spheres(self, scene: &[[f64; 4]]) -> Vec<[f64; 4]> {
         let spheres = self.spheres(scene);
         let ([x, y, z], unit) = (self.offset, self.unit());
@@ -115,7 +115,7 @@ fn table(unit: f64) -> Interactions {
 fn two_sets_groups_and_exclusions_of_any_magnitude_match_the_contract() {
     const SPLIT: usize = 80;
     let base = scene(2 * SPLIT, &mut Random(41));
-    // Spheres that touch by construction become members of different sets.
+    // Spheres that touch by construction are in different sets.
     let base: Vec<_> = [0, 1].into_iter().flat_map(|k| base.iter().copied().skip(k).step_by(2)).collect();
     let ids: Vec<u32> = (0..2 * SPLIT as u32).map(|k| k % 2).collect();
     let groups: Vec<u32> =
@@ -156,7 +156,8 @@ fn cell_lists() -> impl Iterator<Item = DetectorVariant> {
     variants::each_algorithm().into_iter().filter(|variant| variant.algorithm == Algorithm::CellList)
 }
 
-/// The longest skins and the distances of neighboring numbers at this offset are less than a factor of 1000 apart.
+/// The longest skins and the distances of neighboring numbers at this offset are less than a factor of 1000
+/// apart.
 #[test]
 fn candidates_of_spheres_far_from_the_origin_lose_no_pair() {
     let farthest = [1e30, -1e30, 1e30];

@@ -1,4 +1,4 @@
-//! Memory that detectors use and allocate, measured by the allocator. Most tests use one thread, because the number of
+//! Memory that detectors use, measured by the allocator. Most tests use one thread, as the number of
 //! workspaces depends on scheduling.
 
 use std::alloc::{GlobalAlloc, Layout, System};
@@ -42,7 +42,7 @@ unsafe impl GlobalAlloc for Counting {
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// Excludes other measuring tests, because all threads share the counters.
+/// Locks out other measuring tests, as all threads share the counters.
 struct Measurement {
     live: usize,
     _alone: MutexGuard<'static, ()>,
@@ -52,7 +52,7 @@ impl Measurement {
     fn alone() -> Self {
         static ALONE: Mutex<()> = Mutex::new(());
         let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
-        // Creates the thread pools and detects SIMD support, whose memory belongs to no detector.
+        // The memory of thread pools and SIMD detection belongs to no detector.
         in_pool(1, || lazygrid::detect(&[] as &[Sphere]).is_ok());
         Self { live: 0, _alone: alone }
     }
@@ -72,7 +72,6 @@ impl Measurement {
         LIVE.load(SeqCst).saturating_sub(self.live)
     }
 
-    /// Returns the sum of all allocations and the largest one, in bytes.
     fn total_and_largest(&self) -> (usize, usize) {
         (TOTAL.load(SeqCst), LARGEST.load(SeqCst))
     }
@@ -87,7 +86,6 @@ const FIXED: usize = 16 << 10;
 /// Number of measurements; threads that the test harness starts meanwhile add to some, but not to all.
 const MEASUREMENTS: usize = 3;
 
-/// Measures a peak and its bound again while the peak exceeds it.
 fn repeated(mut peak_and_bound: impl FnMut() -> (usize, usize)) -> (usize, usize) {
     (1..MEASUREMENTS).fold(
         peak_and_bound(),
@@ -104,7 +102,7 @@ fn second_call_allocates_nothing_proportional_to_the_input() {
     for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst] {
         let spheres = scene.spheres(N, 31);
         for variant in variants::each_algorithm().into_iter().filter(|s| s.algorithm != Algorithm::Naive) {
-            // Host allocations for the GPU depend only on the number of spheres, and software adapters are slow.
+            // Host allocations for the GPU depend only on the number of spheres.
             let spheres = match (variant.backend(), scene) {
                 (Backend::Gpu, Scene::Equal) => &spheres[..N / 4],
                 (Backend::Gpu, _) => continue,
@@ -181,7 +179,6 @@ fn memory_for_is_an_upper_bound_with_species() {
     }
 }
 
-/// Returns a table in which each species pairs with one or two others.
 fn distances(species: u32) -> Interactions {
     let mut table = Interactions::new(species, Interaction::Never).expect("few species");
     for a in 0..species {
@@ -201,13 +198,12 @@ fn memory_for_is_an_upper_bound_for_several_threads() {
         for algorithm in [Algorithm::ArrayGrid, Algorithm::HashGrid, Algorithm::RecursiveGrid] {
             let config = Config::default().backend(Backend::Cpu).algorithm(algorithm).threads(16);
             let mut detector = Detector::new(config.skin(Skin::Off)).expect("a detector");
-            // Starts the threads.
             detector.count(&spheres[..2]).expect("a count");
             measurement.start();
             let bound = detector.memory_for(spheres.len() as u64) as usize + FIXED;
             for call in 0..8 {
                 detector.count(&spheres).expect("a count");
-                // A growing buffer also needs the old one for a moment, so only the remaining memory is compared.
+                // A growing buffer briefly needs the old one too, so only the remaining memory is compared.
                 let used = measurement.used();
                 assert!(
                     used <= bound,
@@ -218,8 +214,8 @@ fn memory_for_is_an_upper_bound_for_several_threads() {
     }
 }
 
-/// Returns the benchmark scenes; equal spheres in a ball about as large as one cell of the paper's grids, each in the
-/// maximum number of cells; and one huge sphere far from the origin along one axis, filled with small ones.
+/// Returns the benchmark scenes, a crowd about as large as one cell of the paper's grids, and a huge sphere
+/// far from the origin.
 fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
     let crowd = Scene::Equal.spheres(n, seed).into_iter().map(|sphere| {
         let extent = (n as f32 * 20.0).cbrt().max(1.0);
@@ -274,7 +270,6 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
             for n in (40_000..=60_000).step_by(2000) {
                 detector.count(&spheres[..n]).expect("a count");
             }
-            // A growing buffer also needs the old one for a moment, so only the remaining memory is compared.
             measurement.used()
         });
         let bound = detector.memory_for(60_000) as usize + FIXED;
@@ -282,8 +277,8 @@ fn memory_for_is_an_upper_bound_for_a_growing_input() {
     }
 }
 
-/// Equal spheres have nearly the estimated number of entries in cells of up to two diameters, and a growing buffer is
-/// an eighth larger than it needs to be.
+/// Equal spheres have nearly the estimated number of entries in cells of up to two diameters, and a growing
+/// buffer is an eighth larger than it needs to be.
 #[test]
 fn memory_for_is_an_upper_bound_for_growing_grids_of_small_cells() {
     let mut measurement = Measurement::alone();
@@ -329,14 +324,13 @@ fn memory_for_includes_candidates() {
     }
 }
 
-/// Returns spheres of radius ½ on a lattice that fills a cube.
 fn cube(n: usize, edge: f32) -> Vec<Sphere> {
     let side = (n as f32).cbrt().ceil() as usize;
     let at = |k: usize| [k % side, k / side % side, k / side / side].map(|c| c as f32 * edge / side as f32);
     (0..n).map(|k| Sphere::new(at(k), 0.5)).collect()
 }
 
-/// In addition to the memory of the detector, a stream needs a few chunks for each thread.
+/// A stream needs a few chunks for each thread.
 #[test]
 fn a_stream_needs_no_memory_for_its_pairs() {
     let mut measurement = Measurement::alone();
@@ -372,7 +366,7 @@ fn a_refused_list_stays_within_its_limit() {
     }
 }
 
-/// In addition to the memory of the detector, the stream needs a few times a list of `limit` pairs.
+/// The stream needs a few times a list of `limit` pairs.
 #[test]
 fn a_canonical_stream_stays_within_its_limit() {
     let mut measurement = Measurement::alone();
@@ -391,7 +385,7 @@ fn a_canonical_stream_stays_within_its_limit() {
         });
         assert_eq!(delivered, Ok(found), "{variant}");
         assert!(in_order, "{variant}: not in canonical order");
-        // Includes the found chunks, the pairs before and after sorting, and some chunks for each thread.
+        // Includes the found chunks, and the pairs before and after sorting.
         let bound = detector.memory_for(2000) as usize + 40 * limit as usize + (2 << 20);
         let peak = measurement.peak();
         assert!(peak < bound, "{variant}: {peak} bytes exceed the bound of {bound}");

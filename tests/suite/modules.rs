@@ -1,5 +1,3 @@
-//! The top-level modules of each crate have no circular dependencies.
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -24,10 +22,8 @@ const CRATES: [&str; 17] = [
     "tests/src",
 ];
 
-/// The modules that each module uses.
 type Graph = BTreeMap<String, BTreeSet<String>>;
 
-/// Returns code without comments, strings and test-only items.
 fn code(source: &str) -> String {
     let mut text = String::with_capacity(source.len());
     let mut rest = source;
@@ -54,7 +50,6 @@ fn code(source: &str) -> String {
     text
 }
 
-/// Returns the text after a string literal whose opening quote was removed.
 fn after_string(mut rest: &str) -> &str {
     while let Some(at) = rest.find(['"', '\\']) {
         let skipped = if rest[at..].starts_with('\\') { 2 } else { 1 };
@@ -67,7 +62,6 @@ fn after_string(mut rest: &str) -> &str {
     ""
 }
 
-/// Returns the text after the semicolon or the braces of an item.
 fn after_item(rest: &str) -> &str {
     let mut depth = 0_usize;
     for (at, character) in rest.char_indices() {
@@ -94,7 +88,6 @@ fn paths(text: &str, prefix: &str) -> Vec<Vec<String>> {
     found
 }
 
-/// Adds the paths of one use tree, and returns the text after it.
 fn expand<'a>(text: &'a str, before: &[String], found: &mut Vec<Vec<String>>) -> &'a str {
     let text = text.trim_start();
     if let Some(mut rest) = text.strip_prefix('{') {

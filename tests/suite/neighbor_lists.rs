@@ -1,5 +1,3 @@
-//! Neighbor lists with geometry against a plain loop over all images.
-
 use lazygrid::{
     Config, Detector, Error, Exclusions, InputError, Interaction, Interactions, ListOptions, Order, Pair,
     Query, Radii, Space, Spheres,
@@ -40,8 +38,7 @@ fn scene(count: usize, space: &Space, radius: f64, state: &mut u64) -> Vec<[f64;
 /// Number of images in each direction along each cell vector that the oracle tests.
 const FAR: i32 = 7;
 
-/// Returns all entries of the lists of `rows` among `others` by the contract's expression. `reach` returns the cutoff
-/// of a pair, or `None` if it never pairs.
+/// `reach` returns the cutoff of a pair, or `None` if it never pairs.
 fn oracle(
     rows: &[[f64; 4]],
     others: &[[f64; 4]],
@@ -265,7 +262,7 @@ fn neighbor_lists_refuse_invalid_input() {
     assert_eq!(entries(&mut detector, Query::new(points), ListOptions::full().open()), Ok(Vec::new()));
 }
 
-/// Numbers of cell vectors beyond 32 bits, beyond the whole numbers of `f64`, and beyond its range.
+/// Numbers of cell vectors beyond 32 bits, beyond the integers of `f64`, and beyond its range.
 #[test]
 fn cell_vectors_beyond_their_types_are_refused() {
     let edges = [[1.0, 0.0, 0.0], [0.4, 1.0, 0.0], [-0.3, 0.2, 1.0]];
@@ -303,7 +300,6 @@ fn cell_vectors_beyond_their_types_are_refused() {
                     );
                 }
             }
-            // The number of vectors between these spheres is no `f64` number.
             let apart = [0.0, 1e20].map(|at| [at, at, 0.0, 0.7 * scale]);
             if scale < 1.0 {
                 let refused = list(&apart);

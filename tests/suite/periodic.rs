@@ -1,5 +1,3 @@
-//! Periodic spaces: each algorithm against plain loops over images.
-
 use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, InputError, Order, Pair, Space, Sphere, Spheres,
 };

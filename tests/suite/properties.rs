@@ -1,5 +1,3 @@
-//! All variants find the oracle's pairs of hard scenes, for any settings.
-
 use std::fmt::Debug;
 
 use lazygrid::Config;
@@ -11,8 +9,7 @@ use proptest::test_runner::{RngSeed, TestCaseError, TestError, TestRunner};
 /// Divisor of the number of cases unless `LAZYGRID_TEST_FULL` is set, because software adapters are slow.
 const SHORT: u32 = 3;
 
-/// Runs `cases` divided by [`SHORT`], or all if `LAZYGRID_TEST_FULL` is set, with a fixed seed. `PROPTEST_CASES` and
-/// `PROPTEST_RNG_SEED` replace the number and the seed.
+/// Uses a fixed seed. `PROPTEST_CASES` and `PROPTEST_RNG_SEED` replace the number and the seed.
 pub(crate) fn check<S>(cases: u32, strategy: S, test: impl Fn(S::Value) -> Result<(), String>)
 where
     S: Strategy,
@@ -35,7 +32,6 @@ where
     }
 }
 
-/// Settings that affect the speed but not the pairs.
 pub(crate) fn settings() -> impl Strategy<Value = Config> {
     let tau = prop_oneof![select(vec![0, 1, 2, 8, 32, u32::MAX]), 0_u32..600];
     let ratio = prop_oneof![select(vec![0.5_f32, 1.0, 1.5, 2.0, 16.0]), 0.5_f32..=16.0];

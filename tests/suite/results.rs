@@ -1,5 +1,3 @@
-//! Counts, streams, neighbor lists and reports agree with the list of pairs, for all layouts and numbers of threads.
-
 use std::ops::ControlFlow;
 
 use lazygrid::{Algorithm, Backend, Config, Detector, Error, Neighbors, Order, Pair, Spheres};

@@ -1,5 +1,3 @@
-//! State kept between calls never affects a result.
-
 use lazygrid::{Detector, Order};
 use lazygrid_tests::results::{listed, streamed};
 use lazygrid_tests::{DetectorVariant, SuiteVariant, TestInput, difference, hard, variants};

@@ -1,5 +1,3 @@
-//! The scenes of tests, benchmarks and figures, with all variants.
-
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Pair};
 use lazygrid_io::scenes::Scene;
 use lazygrid_tests::{DetectorVariant, SuiteVariant, TestInput, difference, variants};

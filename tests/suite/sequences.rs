@@ -1,5 +1,3 @@
-//! Sequences of calls in which radii, numbers, species, groups and positions change, and some calls fail.
-
 use lazygrid::Backend;
 use lazygrid_check::detectors::sequence::{Sequence, Tally};
 use lazygrid_check::{DetectorVariant, Effort, Gpu};
@@ -8,7 +6,7 @@ use lazygrid_tests::variants;
 /// Sequences per variant, on the CPU and on the GPU.
 const COUNTS: [u64; 2] = [40, 8];
 
-/// Scales a number of sequences with `PROPTEST_CASES`, whose default is 256.
+/// The default of `PROPTEST_CASES` is 256.
 fn scaled(count: u64) -> u64 {
     let cases = std::env::var("PROPTEST_CASES").ok().and_then(|cases| cases.parse::<u64>().ok());
     cases.map_or(count, |cases| (count * cases / 256).max(2))

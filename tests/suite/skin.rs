@@ -1,5 +1,3 @@
-//! Candidate lists never affect a result.
-
 use lazygrid::{Algorithm, Backend, Detector, Order, Skin, Space};
 use lazygrid_check::scenes::motion::{skin_of, walk};
 use lazygrid_io::scenes::Scene;

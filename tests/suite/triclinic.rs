@@ -1,5 +1,3 @@
-//! Triclinic cells: each algorithm against a plain loop over images.
-
 use glam::Vec3;
 use lazygrid::{
     Algorithm, Backend, Config, Detector, Error, InputError, Order, Skin, Space, Sphere, Spheres,
@@ -31,7 +29,6 @@ fn uniform(n: usize, radii: &[f32], edges: [Vec3; 3], seed: u64) -> Vec<Sphere> 
     (0..n).map(|k| Sphere::new(place(), radii[k % radii.len()])).collect()
 }
 
-/// Returns a scenario that is periodic along all vectors, with tilts of up to 0.4 of the length.
 fn tilted_input(n: usize, radii: &[f32], edge: f32) -> TestInput {
     let edges = tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
     let spheres = uniform(n, radii, edges.map(Option::unwrap_or_default), 5);

@@ -1,5 +1,3 @@
-//! Pairs of spheres of two sets.
-
 use lazygrid::{
     Algorithm, Backend, Detector, Error, Exclusions, InputError, Interaction, Interactions, Order, Pair,
     Query, Radii, Sphere, Spheres,
@@ -20,7 +18,7 @@ pub(crate) fn split_at(scenario: &TestInput, part: f32) -> usize {
     (part * scenario.spheres.len() as f32).round() as usize
 }
 
-/// Returns the exclusions across the sets; exclusions within one set have no effect.
+/// Exclusions within one set have no effect.
 fn exclusions(scenario: &TestInput, split: usize) -> Option<Exclusions> {
     let excluded = scenario.excluded.as_ref()?;
     let across = excluded.pairs().filter(|&(i, j)| (i as usize) < split && j as usize >= split);
@@ -85,7 +83,7 @@ fn arbitrary_sets_match_the_oracle() {
     });
 }
 
-/// On some levels, searching from the other set is faster.
+/// Some levels are faster to search from the second set.
 #[test]
 fn scenes_with_giants_in_either_set_match_the_oracle() {
     let giants =
@@ -136,8 +134,8 @@ fn partner(a: u32) -> u32 {
     (7 * a + 1) % SPECIES
 }
 
-/// Returns the centers and species of two sets. Each sphere of the second set is near the one with its index in the
-/// first set; every second one is of the species that pairs with it.
+/// Returns sets in which each sphere of the second is near one of the first, and every second one is of its
+/// partner species.
 fn sets_of_most_species() -> [(Vec<[f32; 3]>, Vec<u32>); 2] {
     let mut random = Random(53);
     let mut point = |extent: f32| [(); 3].map(|()| extent * random.signed() as f32);
@@ -181,11 +179,11 @@ fn two_sets_of_most_species_match_the_oracle() {
     }
     let wide = [first, second].map(|set| set.iter().map(|at| at.map(f64::from)).collect::<Vec<_>>());
     for variant in variants::each_algorithm() {
-        // A detector may have another table, of 256 MiB, which is dropped before the next one.
+        // The detector drops a table of 256 MiB before the next one is made.
         let mut detector = Detector::new(variant.settings().interactions(table.clone())).expect("a detector");
         let narrow = [first, second].map(|set| Spheres::points(set, Radii::All(0.0_f32)));
         let wide = wide.each_ref().map(|set| Spheres::points(set, Radii::All(0.0_f64)));
-        // On a GPU, the host decides pairs of `f64` spheres, which another table finds: one algorithm suffices.
+        // On a GPU, the host decides pairs of `f64` spheres, so one algorithm suffices.
         let has_wide = variant.backend() == Backend::Cpu || variant.algorithm == Algorithm::CellList;
         for [a, b] in [Some(narrow), has_wide.then_some(wide)].into_iter().flatten() {
             let a = a.and_then(|a| a.with_species(ids)).expect("one each");

@@ -1,5 +1,3 @@
-//! Structure of the workspace: names, versions and dependencies.
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::process::Command;
 
@@ -94,7 +92,7 @@ fn all_packages_have_one_version() {
     }
 }
 
-/// Cargo tests default members only: a crate that is missing among them would not be tested.
+/// Cargo tests default members only.
 #[test]
 fn all_members_but_those_of_mpi_and_python_are_default_members() {
     let metadata = metadata();

@@ -1,5 +1,4 @@
-//! lazygrid compared with parry3d, one thread with two, and small inputs with large ones, as Markdown and on request
-//! CSV.
+//! lazygrid compared with parry3d, one thread with two, and small inputs with large ones.
 #![allow(clippy::print_stdout)]
 
 mod sizes;

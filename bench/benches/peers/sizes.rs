@@ -1,5 +1,3 @@
-//! Time and memory per sphere for growing numbers of spheres, each in a separate process.
-
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::process::Command;
@@ -20,7 +18,7 @@ struct Kind {
     output: Output,
 }
 
-/// Number of pairs and their checksum, by scene and number of spheres.
+/// Number of pairs and checksum, by scene and number of spheres.
 type Answers = BTreeMap<(&'static str, usize), (u64, Option<u64>)>;
 
 pub(crate) fn run(args: &Args) -> Result<(), Box<dyn Error>> {
@@ -101,7 +99,6 @@ fn spawn(args: &Args, kind: Kind, n: usize) -> Result<Sample, Box<dyn Error>> {
     })?)
 }
 
-/// Checks that a sample has the same answer as earlier samples of the same spheres.
 fn check(answers: &mut Answers, kind: Kind, n: usize, sample: &memory::Sample) -> Result<(), Box<dyn Error>> {
     let (pairs, sum) = answers.entry((kind.scene.name(), n)).or_insert((sample.pairs, sample.sum));
     *sum = sum.or(sample.sum);

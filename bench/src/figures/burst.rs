@@ -1,4 +1,4 @@
-//! Figure 5: a simulated burst of carriers of ten sizes from one point.
+//! Figure 5: a burst of carriers of ten sizes.
 
 use std::error::Error;
 use std::path::Path;
@@ -27,7 +27,7 @@ pub(super) const DESCRIPTION: &str = "The scenario is simulator/scenarios/burst.
     consecutive steps; the first one updates its data structure and is not timed. Times are of the search alone, on \
     all threads; the sweep of N3Sim uses one.";
 
-/// In a step of 2 ns, √(2·D·t) of a carrier with radius 1 nm and D = 245 µm²/s is 0.99 nm.
+/// Steps of 2 ns, in which √(2·D·t) of a carrier with radius 1 nm and D = 245 µm²/s is 0.99 nm.
 const STEPS_PER_SECOND: f64 = 5e8;
 /// Volume fraction of the initial ball: about the freezing density of hard spheres.
 const FILLED: f64 = 0.5;

@@ -1,5 +1,3 @@
-//! Comparison of two runs of the figures: changes beyond their noise.
-
 use super::row::{Results, Row, Status};
 
 /// Smallest ratio that counts as a change: processes differ more than runs within a process.
@@ -7,13 +5,12 @@ const MIN_RATIO: f64 = 1.05;
 /// Minimum number of runs for a comparison of times.
 const MIN_RUNS: usize = 5;
 
-/// The change of a measurement, ordered from the worst.
+/// Changes, ordered from the worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Change {
-    /// Only the new run failed or gave a wrong answer.
     Broken,
-    /// Missing from the new run, which should have it.
+    /// The new run lacks a row that it should have.
     Lost,
     Slower,
     Larger,
@@ -26,14 +23,12 @@ pub enum Change {
 #[derive(Clone, Debug)]
 pub struct Difference<'a> {
     pub old: &'a Row,
-    /// `None` if the new run has no such row.
     pub new: Option<&'a Row>,
-    /// Ratio of new to old median times or bytes; NaN if either is missing.
+    /// Ratio of new to old medians; NaN if either is missing.
     pub ratio: f64,
     pub change: Change,
 }
 
-/// Returns the differences that make two runs hard to compare: machine, adapter, scale or number of runs.
 pub fn circumstances(old: &Results, new: &Results) -> Vec<String> {
     let runs = |results: &Results| results.settings.runs.map_or("the default".to_owned(), |n| n.to_string());
     let of = |results: &Results| {
@@ -46,8 +41,8 @@ pub fn circumstances(old: &Results, new: &Results) -> Vec<String> {
     differing.map(|((name, old), new)| format!("different {name}: {old} / {new}")).collect()
 }
 
-/// Compares all measurements that the new run should repeat. A change is more than 5 % in medians or bytes; for times,
-/// the middle halves of the runs must also be disjoint.
+/// A change is more than 5 % in medians or bytes. For times, the middle halves of the runs must also be
+/// disjoint.
 pub fn differences<'a>(old: &'a Results, new: &'a Results) -> Vec<Difference<'a>> {
     let of = |row: &'a Row| match new.rows.iter().find(|n| n.matches(row)) {
         Some(found) => difference(row, found),

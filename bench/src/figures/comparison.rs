@@ -1,5 +1,3 @@
-//! Runs engines in turn on the same spheres and checks each answer against the reference.
-
 use std::error::Error;
 use std::hint::black_box;
 use std::time::{Duration, Instant};
@@ -13,7 +11,7 @@ use super::verify::Reference;
 use super::{Contender, Figure};
 use crate::measure::{ContenderFactory, Digest, Found, PairFinder, Spread, turns};
 
-/// An engine may use this multiple of its time to reach `at_least` runs.
+/// Factor of the time that an engine may use to reach `at_least` runs.
 const MAX_OVERTIME_FACTOR: u32 = 3;
 
 /// Warm-up time per engine if numbers of threads are compared: threads that were just woken may share a core for
@@ -48,11 +46,11 @@ pub(super) struct Limits {
     pub(super) runs: usize,
     /// Minimum number of runs, within [`MAX_OVERTIME_FACTOR`] times the allowed time.
     pub(super) at_least: usize,
-    /// An engine with at least `at_least` runs starts no run after this total of its own runs. With fewer, it may use
+    /// Limit of the total time of an engine's own runs. With fewer than `at_least` runs, it is
     /// [`MAX_OVERTIME_FACTOR`] times as long.
     pub(super) time: Duration,
-    /// After this time of all engines, including the work between runs, only engines with fewer than `at_least` runs
-    /// start another.
+    /// Limit of the time of all engines, with the work between runs. Later only engines with fewer than
+    /// `at_least` runs start another.
     pub(super) in_all: Duration,
 }
 
@@ -151,7 +149,7 @@ impl ContenderRun {
         self.search.is_none() || runs >= limits.runs || out_of_time
     }
 
-    /// Runs for [`WAKING`], so that the scheduler can move the engine's threads to separate cores.
+    /// Lets the scheduler move the engine's threads to separate cores.
     fn wake(&mut self, point: &DataPoint, spheres: &[Sphere]) {
         let Some(search) = self.search.as_mut().filter(|_| point.figure == Figure::Threads) else { return };
         let begun = Instant::now();
@@ -185,7 +183,7 @@ impl ContenderRun {
     fn verify(&mut self, reference: &Reference, spheres: &[Sphere]) {
         let Some(found) = self.last else { return };
         let verdict = match (reference.check(found), &mut self.search) {
-            // GPUs may round differently from the reference, so pairs are compared one by one.
+            // GPUs may round differently.
             (Err(reason), Some(search)) if self.contender.rounds_freely() => match search.run(spheres) {
                 Ok(again) if Digest::of(&again) != found => {
                     Err("a repeated search gave a different answer".to_owned())
@@ -239,7 +237,6 @@ fn medians(runs: &[Vec<PhaseTime>]) -> Vec<(String, f64)> {
     first.iter().map(|phase| (phase.name.to_owned(), Spread::of(&times(phase.name)).median)).collect()
 }
 
-/// Returns `true` if the engine is not available on this machine, which is not a fault.
 fn is_refusal(error: &(dyn Error + 'static)) -> bool {
     use lazygrid::Error as E;
     if error.is::<Unavailable>() {

@@ -12,15 +12,15 @@ use lazygrid_io::scenes::Scene;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Contender {
-    /// Delivers pairs in any order. On the CPU, only `Auto` keeps candidates between steps. A GPU variant falls back to
-    /// a software adapter, and its pairs are read back to the host.
+    /// A detector that delivers pairs in any order. On the CPU, only `Auto` keeps candidates between steps. A
+    /// GPU variant may use a software adapter, and reads its pairs back.
     Lazygrid(DetectorVariant),
     BulletAsShipped,
     /// Bullet with the fastest margin for the scene.
     BulletTuned,
     /// A tree that is refitted at each step.
     Parry,
-    /// A tree with boxes larger than the spheres, so that few are updated.
+    /// A tree with enlarged boxes, of which few are updated.
     ParryMargin,
     /// A tree that is partly rebuilt at each step.
     ParryOptimized,
@@ -34,7 +34,7 @@ pub enum Contender {
 }
 
 impl Contender {
-    /// Returns a CPU detector with default settings, and all threads if `threads` is `None`.
+    /// Returns a CPU detector with all threads if `threads` is `None`.
     pub fn cpu(algorithm: Algorithm, threads: Option<usize>) -> Self {
         let target = TargetDevice::Cpu { simd: Simd::detect(), threads };
         Self::Lazygrid(DetectorVariant::new(algorithm, target))
@@ -52,7 +52,7 @@ impl Contender {
         }
     }
 
-    /// Returns a search for spheres of `scene` that move by `step_length` radii per step.
+    /// `step_length` is in radii.
     pub fn factory(self, scene: Scene, step_length: f32) -> ContenderFactory {
         let name = self.to_string();
         match self {
@@ -82,7 +82,7 @@ impl Contender {
         Unavailable::BULLET.factory(self.to_string())
     }
 
-    /// Returns the varied setting: τ, the cell ratio, or the number of threads.
+    /// Returns τ, the cell ratio, or the number of threads.
     pub(super) fn setting(self) -> Option<f64> {
         let Self::Lazygrid(variant) = self else { return None };
         let threads = match variant.target {
@@ -98,7 +98,7 @@ impl Contender {
         matches!(self, Self::SortAndSweep) || matches!(self, Self::Lazygrid(variant) if is_naive(variant))
     }
 
-    /// Returns `true` if pairs within 4 ulp of tangency may be found or missed.
+    /// Returns `true` if pairs within 4 ulp of tangency may differ.
     pub(super) fn rounds_freely(self) -> bool {
         matches!(self, Self::Lazygrid(variant) if variant.backend() == Backend::Gpu)
     }
@@ -114,7 +114,7 @@ impl Contender {
 const TIMEOUT: Duration = Duration::from_secs(600);
 
 fn config(variant: DetectorVariant) -> Config {
-    // A named algorithm on the CPU must search at each step; others may keep candidates.
+    // A named algorithm on the CPU must search at each step.
     let skin = match (variant.backend(), variant.algorithm) {
         (Backend::Cpu, Algorithm::Auto) | (Backend::Gpu, _) => Skin::Auto,
         _ => Skin::Off,

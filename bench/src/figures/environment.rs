@@ -9,13 +9,12 @@ const LOCK: &str = include_str!("../../../Cargo.lock");
 pub struct Environment {
     pub cpu: String,
     pub cores: usize,
-    /// GiB of memory; 0 if unknown.
+    /// 0 if unknown.
     pub memory_gib: f64,
     pub system: String,
     pub adapter: Option<Adapter>,
-    /// Compared programs and their versions.
     pub versions: Vec<(String, String)>,
-    /// Commit of the build, marked `with changes` if files had changed, or `unknown`.
+    /// Commit of the build, marked `with changes`, or `unknown`.
     pub commit: String,
     pub date: String,
 }
@@ -25,7 +24,6 @@ pub struct Adapter {
     pub name: String,
     pub driver: String,
     pub api: String,
-    /// `false` for a software adapter, whose times do not apply to GPUs.
     pub is_hardware: bool,
 }
 

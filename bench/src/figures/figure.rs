@@ -4,7 +4,7 @@ use std::str::FromStr;
 use lazygrid::UnknownName;
 use serde::{Deserialize, Serialize};
 
-/// A figure of the report, described in `docs/benchmarks.md`.
+/// A figure of the report (`docs/benchmarks.md`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(into = "String", try_from = "String")]
 pub enum Figure {
@@ -75,7 +75,7 @@ impl Figure {
         }
     }
 
-    /// Returns `true` if all engines use one thread, because trees cannot use more.
+    /// Trees cannot use more than one thread.
     pub(super) const fn is_single_threaded(self) -> bool {
         matches!(self, Self::F4 | Self::StepLength | Self::Transceivers | Self::SizeRatio)
     }

@@ -1,5 +1,5 @@
-/// Fits the exponent `k` of `time ≈ c·xᵏ` to points (x, seconds) by least squares of logarithms. Ignores points with a
-/// value of 0 or less; returns `None` for fewer than three others.
+/// Fits `k` of `time ≈ c·xᵏ` to points (x, seconds) by least squares of logarithms. Returns `None` for fewer
+/// than three points above 0.
 pub(super) fn exponent(points: impl Iterator<Item = (f64, f64)>) -> Option<f64> {
     let above_zero = points.filter(|&(x, seconds)| x > 0.0 && seconds > 0.0);
     let logs: Vec<(f64, f64)> = above_zero.map(|(x, seconds)| (x.ln(), seconds.ln())).collect();

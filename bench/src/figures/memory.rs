@@ -1,4 +1,4 @@
-//! Memory per sphere: each engine runs [`measure`] in a separate process.
+//! Each engine runs [`measure`] in a separate process.
 
 use std::error::Error;
 use std::path::Path;
@@ -15,7 +15,7 @@ use lazygrid_io::scenes::Scene;
 
 const SEED: u64 = 1;
 
-/// Measures the memory of an engine in this process, which must have done nothing else.
+/// Measures an engine in this process, which must have done nothing else.
 pub fn measure(contender: &str, scene: Scene, n: usize, steps: u32) -> Result<Sample, Box<dyn Error>> {
     let known = Contender::for_memory();
     let contender = known.iter().find(|e| e.to_string() == contender).ok_or_else(|| {

@@ -10,11 +10,11 @@ use lazygrid_io::scenes::{Scene, Transceivers};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum RunScale {
-    /// A few hundred spheres: checks answers, times are meaningless.
+    /// A few hundred spheres; times are meaningless.
     Smoke,
-    /// Takes under three minutes on two cores.
+    /// Under three minutes on two cores.
     Quick,
-    /// The paper's sizes, as far as the time budget allows.
+    /// The paper's sizes, within the time budget.
     Full,
 }
 
@@ -22,12 +22,11 @@ pub enum RunScale {
 pub struct Settings {
     pub scale: RunScale,
     pub only: Vec<Figure>,
-    /// Maximum number of runs, or steps, of an engine at a point; `None` for the numbers of the paper, or fewer below
-    /// full scale.
+    /// Maximum number of runs, or steps, of an engine at a point; `None` for the numbers of the paper, or
+    /// fewer below full scale.
     pub runs: Option<usize>,
     pub minutes: f64,
     pub seed: u64,
-    /// Command that repeats the run; may be empty.
     #[serde(default)]
     pub command: String,
 }
@@ -42,7 +41,7 @@ pub(super) enum SceneUpdate {
     Simulated {
         steps: u32,
     },
-    /// Each engine runs in a separate process.
+    /// Runs each engine in a separate process.
     Processes,
 }
 
@@ -101,7 +100,7 @@ impl DataPoint {
 
     pub(super) fn setting(&self, contender: Contender) -> Option<f64> {
         match (self.figure, self.scene) {
-            // Parses the shortest decimal: 0.1 rather than the nearest `f32`.
+            // Gives 0.1 rather than the nearest `f32`.
             (Figure::StepLength, _) => self.step_length().to_string().parse().ok(),
             (Figure::Transceivers, Scene::Transceivers(of)) => Some(of.count.into()),
             (Figure::SizeRatio, Scene::Transceivers(of)) => Some(of.ratio.into()),
@@ -123,7 +122,7 @@ impl DataPoint {
 }
 
 impl Settings {
-    /// Returns all points, small ones first, so that unused time goes to the large ones.
+    /// Returns small points first, so large ones get unused time.
     pub(super) fn points(&self) -> Vec<DataPoint> {
         let mut points: Vec<DataPoint> =
             self.only.iter().flat_map(|&figure| self.points_of(figure)).collect();
@@ -163,7 +162,7 @@ impl Settings {
         }
     }
 
-    /// Returns the number of steps; one takes about 0.2 µs per carrier on two cores.
+    /// A step takes about 0.2 µs per carrier on two cores.
     fn steps_of_a_burst(&self, figure: Figure, n: usize) -> u32 {
         let moves: usize = match (self.scale, figure) {
             (RunScale::Smoke, _) => 20_000,
@@ -229,7 +228,7 @@ impl Settings {
             (RunScale::Full, Tau | Ratio | Transceivers | SizeRatio | StepLength) => &[100_000],
             (RunScale::Full, Species) => &[10_000, 100_000],
             (RunScale::Full, Threads) => &[10_000, 100_000, 1_000_000],
-            // Building trees for a million spheres takes minutes, in each engine's process.
+            // Trees for a million spheres take minutes to build.
             (RunScale::Full, Memory) => &[100_000],
             (RunScale::Full, Point) => &[100, 1000, 3000, 10_000],
         }
@@ -271,7 +270,7 @@ fn contenders(figure: Figure) -> Vec<Contender> {
             ours.into_iter().chain([Contender::PlainCellList, Contender::Verlet, Contender::Lammps]).collect()
         }
         Figure::F5a | Figure::F5b => {
-            // The paper's grid, and the GPU path's choice, which is naive for small inputs.
+            // The paper's grid, and the GPU path's choice.
             let gpu = on_gpu(&[Algorithm::LazyGrid, Algorithm::Auto]);
             let cpu = [Contender::cpu(Algorithm::Auto, None), Contender::Octree, Contender::SortAndSweep];
             gpu.into_iter().chain(cpu).collect()

@@ -1,5 +1,3 @@
-//! Writes `results.json`, `results.csv`, plots, `report.html` and `results.md`.
-
 mod csv;
 mod curves;
 mod growth;
@@ -20,7 +18,7 @@ use lazygrid_report::html;
 
 use super::row::Results;
 
-/// Writes all files. Labels engines on a software adapter, except in `results.json`, which names the adapter.
+/// `results.json` names the adapter; the other files label engines on a software adapter.
 pub fn write(results: &Results, folder: &Path) -> Result<(), Box<dyn Error>> {
     let labelled = sections::labelled(results);
     let document = sections::document(&labelled)?;

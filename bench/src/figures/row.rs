@@ -13,7 +13,6 @@ pub enum Status {
     Error,
     /// The engine cannot run here or at this size.
     NotAvailable,
-    /// The predicted time was too long.
     LeftOut,
 }
 
@@ -30,30 +29,27 @@ impl Status {
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Row {
-    /// Name of the figure, such as `3a`.
+    /// Such as `3a`.
     pub figure: String,
-    /// Name of the scene, with the parameters that the figure does not vary.
+    /// The scene with the parameters that the figure does not vary.
     pub scene: String,
     pub n: usize,
-    /// Value of the varied parameter: step length, τ, cell ratio, threads, simulated seconds, transceivers, or size
-    /// ratio.
+    /// Value of the varied parameter.
     pub at: Option<f64>,
     pub engine: String,
     pub status: Status,
-    /// Empty for `Ok`.
     pub reason: String,
-    /// Number of pairs in the last run.
     pub pairs: u64,
-    /// Largest number of tangent pairs, within 4 ulp, that a GPU decided differently from the reference in a run.
+    /// Largest number of tangent pairs, within 4 ulp, that a GPU decided differently in a run.
     #[serde(default)]
     pub tangent: u64,
     /// Seconds of each run until the pairs are in host memory.
     pub wall: Vec<f64>,
-    /// Seconds of GPU time of each of these runs.
+    /// Seconds.
     pub gpu: Vec<f64>,
-    /// Median seconds per phase.
+    /// Median seconds.
     pub phases: Vec<(String, f64)>,
-    /// Peak bytes per sphere in addition to input and result, if memory was measured.
+    /// Peak bytes per sphere besides input and result.
     pub bytes: Option<f64>,
 }
 
@@ -80,7 +76,7 @@ impl Row {
         Spread::of(&self.wall).median
     }
 
-    /// Returns the mean and the standard deviation of the wall times, in seconds.
+    /// Returns the mean and the standard deviation in seconds.
     pub fn mean(&self) -> (f64, f64) {
         let n = self.wall.len() as f64;
         let mean = self.wall.iter().sum::<f64>() / n;
@@ -88,7 +84,7 @@ impl Row {
         (mean, (squares / (n - 1.0).max(1.0)).sqrt())
     }
 
-    /// Returns the lower and the upper quartile of the wall times, in seconds.
+    /// Returns the lower and the upper quartile in seconds.
     pub fn quartiles(&self) -> (f64, f64) {
         quartiles(&self.wall)
     }
@@ -102,7 +98,7 @@ impl Row {
     }
 }
 
-/// Returns the lower and the upper quartile, interpolated linearly; NaN without values.
+/// Interpolates linearly; returns NaN without values.
 pub(super) fn quartiles(values: &[f64]) -> (f64, f64) {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -119,9 +115,8 @@ pub(super) fn quartiles(values: &[f64]) -> (f64, f64) {
 pub struct Results {
     pub environment: Environment,
     pub settings: Settings,
-    /// Total time over all sessions.
     pub seconds: f64,
-    /// Names of the points for which no time was left.
+    /// Points for which no time was left.
     #[serde(default)]
     pub missing: Vec<String>,
     pub rows: Vec<Row>,

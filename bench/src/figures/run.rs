@@ -1,5 +1,3 @@
-//! Runs all points. Finished points are cached; the remaining ones share the remaining time.
-
 use std::error::Error;
 use std::fs;
 use std::path::Path;
@@ -27,11 +25,9 @@ const OVERRUN: f64 = 1.5;
 
 #[derive(Clone, Debug)]
 pub struct Progress {
-    /// Finished points, including those of earlier runs.
     pub done: usize,
     pub points: usize,
     pub next: String,
-    /// Remaining time budget, which slow engines may exceed.
     pub left: Duration,
 }
 
@@ -43,8 +39,8 @@ struct CachedPoint {
     rows: Vec<Row>,
 }
 
-/// Runs all figures and stores each finished point in `folder`, to resume a run of the same settings and build.
-/// `program` is `lazygrid-bench`, for memory measurements.
+/// Runs all figures and stores each finished point in `folder`, to resume a run of the same settings and
+/// build. `program` is `lazygrid-bench`, for memory measurements.
 ///
 /// # Errors
 /// Fails if the folder cannot be written or a reference fails. A wrong answer is a row with
@@ -146,7 +142,7 @@ fn rows_of(
         (seconds > most && settings.scale != RunScale::Smoke)
             .then(|| format!("left out: a run would take about {seconds:.1} s"))
     };
-    // No engine is left out at points with steps or a simulation.
+    // Points with steps or a simulation have all engines.
     let left_out = |contender: Contender| match point.update {
         SceneUpdate::Steps { .. } | SceneUpdate::Simulated { .. } => None,
         _ => too_long(contender),
@@ -191,17 +187,17 @@ fn run_comparison(
     Ok(comparison.take_rows(None))
 }
 
-/// Seconds that a run may always take, so that linear engines appear at the largest size.
+/// Linear engines must appear at the largest size.
 fn always_allowed_seconds(contender: Contender, scene: Scene) -> f64 {
     if is_quadratic(contender, scene) { 2.0 } else { 120.0 }
 }
 
-/// Returns `true` if time grows quadratically; with all spheres at one point, every pair touches.
+/// Returns `true` also for spheres at one point, where every pair touches.
 fn is_quadratic(contender: Contender, scene: Scene) -> bool {
     contender.is_quadratic() || scene == Scene::Point
 }
 
-/// Extrapolates from the largest earlier point of the same figure and scene, using its slowest row.
+/// Uses the slowest row of the largest earlier point.
 fn predicted(contender: Contender, point: &DataPoint, earlier: &[Row]) -> Option<f64> {
     let name = contender.to_string();
     let same = earlier.iter().filter(|row| {
@@ -213,7 +209,7 @@ fn predicted(contender: Contender, point: &DataPoint, earlier: &[Row]) -> Option
     Some(last.median() * (point.n as f64 / last.n as f64).powf(exponent))
 }
 
-/// The conditions of a measurement; a cached result is valid only under the same ones.
+/// The conditions under which a cached result is valid.
 struct Fingerprint {
     common: String,
     /// The library of LAMMPS, and the search path of the libraries that it needs.
@@ -221,7 +217,6 @@ struct Fingerprint {
 }
 
 impl Fingerprint {
-    /// Combines commit, build, machine, adapter, and all settings except the choice of figures.
     fn new(settings: &Settings, environment: &Environment, program: &Path) -> Self {
         let Settings { scale, runs, minutes, seed, only: _, command: _ } = settings;
         let (commit, machine, graphics) =
@@ -247,7 +242,7 @@ impl Fingerprint {
     }
 }
 
-/// Returns the size and the modification time of a file; empty if it does not exist.
+/// Returns size and modification time; empty if the file does not exist.
 fn file_version(path: &Path) -> String {
     let version = fs::metadata(path).ok().and_then(|file| {
         let modified = file.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;

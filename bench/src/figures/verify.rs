@@ -49,8 +49,8 @@ impl Reference {
         }
     }
 
-    /// Counts the differing pairs within 4 ulp of tangency, relative to the squared cutoff, where GPUs may round
-    /// differently (`docs/contract.md`). Any other missing, extra or repeated pair is an error.
+    /// Counts the differing pairs within 4 ulp of tangency, relative to the squared cutoff
+    /// (`docs/contract.md`). Any other difference is an error.
     pub(super) fn tangent(&self, found: &[Pair]) -> Result<u64, String> {
         let [found, expected] = [found, &self.pairs].map(|pairs| {
             let mut pairs = pairs.to_vec();

@@ -5,9 +5,8 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Target {
-    /// Major and minor version.
     pub(super) vulkan: (u32, u32),
-    /// `true` if the device checks bounds of buffers (`robustBufferAccess2`), so that shaders need not.
+    /// `true` if the device checks bounds (`robustBufferAccess2`), so shaders need not.
     pub(super) checks_buffers: bool,
 }
 
@@ -34,8 +33,8 @@ pub(super) fn translate(name: &str, wgsl: &str, target: Target) -> Result<Transl
     Ok(Translated { words, workgroup_memory: module.global_variables.iter().filter_map(shared).sum() })
 }
 
-/// Returns the options of `wgpu_hal::vulkan` with the settings of lazygrid's pipelines, which neither bound loops nor
-/// clear workgroup memory.
+/// Returns the options of `wgpu_hal::vulkan` for lazygrid's pipelines, which neither bound loops nor clear
+/// workgroup memory.
 fn options(target: Target) -> spv::Options<'static> {
     spv::Options {
         lang_version: match target.vulkan {

@@ -6,7 +6,7 @@ use crate::measure::markdown;
 type Row<'a> = (&'a Compiled, &'a Program);
 
 impl Display for Kernels {
-    /// Writes a row per program and a column per statistic; constant columns become a line below the table.
+    /// Constant columns become a line below the table.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "{}, {}\n", self.adapter, self.driver)?;
         let rows: Vec<Row<'_>> = self.compiled.iter().flat_map(rows).collect();

@@ -1,4 +1,4 @@
-//! Compiles pipelines on a Vulkan device and reads the driver's statistics, which wgpu does not expose.
+//! Compiles pipelines and reads the driver's statistics, which wgpu does not expose.
 
 use std::ffi::{CStr, CString, c_char};
 
@@ -15,11 +15,10 @@ pub(super) struct Compiler {
     executables: Option<khr::pipeline_executable_properties::Device>,
     stage: vk::PipelineShaderStageCreateFlags,
     pub(super) target: Target,
-    // Keeps the library loaded that contains the functions of the other fields.
+    // Keeps the library of the other fields' functions loaded.
     _entry: ash::Entry,
 }
 
-/// Features beyond Vulkan 1.0 that a device offers.
 struct Offered {
     robustness: bool,
     executables: bool,
@@ -181,7 +180,7 @@ fn offered(
     })
 }
 
-/// Creates a device that reports statistics, with the features that wgpu requests and that affect generated code.
+/// Enables statistics, and wgpu's features that affect generated code.
 fn device(
     instance: &ash::Instance,
     physical: vk::PhysicalDevice,

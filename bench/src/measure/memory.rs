@@ -12,14 +12,13 @@ pub struct Sample {
     pub first: f64,
     /// Median nanoseconds per sphere and step of later calls, or of the only one.
     pub nanos: f64,
-    /// Peak bytes per sphere in addition to spheres and result; `None` if the system does not report it.
+    /// Peak bytes per sphere besides spheres and result; `None` if unknown.
     pub bytes: Option<f64>,
     pub pairs: u64,
-    /// [`Digest::sum`]; `None` if pairs were only counted.
     pub sum: Option<u64>,
 }
 
-/// Measures the times of a search and the peak memory of this process.
+/// Measures times, and the peak memory of this process.
 pub fn sample(
     contender: &ContenderFactory,
     scene: Scene,

@@ -32,12 +32,10 @@ pub struct Options {
 }
 
 impl Options {
-    /// Returns `true` if the run only checks answers, so that its times are meaningless.
     pub fn is_quick(&self) -> bool {
         self.quick || !self.bench
     }
 
-    /// Replaces sizes and repetitions by tiny ones in a check of answers.
     pub fn shrunk(self) -> Self {
         if self.is_quick() { Self { n: vec![300], rounds: 1, steps: 2, ..self } } else { self }
     }

@@ -1,10 +1,9 @@
 use std::fmt::{self, Write as _};
 use std::process::Command;
 
-/// Median and range of values; NaN without values.
+/// Median and range; NaN without values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Spread {
-    /// For an even number of values, the mean of the middle two.
     pub median: f64,
     pub low: f64,
     pub high: f64,

@@ -1,4 +1,4 @@
-//! Bullet 3's `btDbvtBroadphase` through a C++ shim, with one proxy per sphere kept between steps.
+//! Bullet 3's `btDbvtBroadphase` through a C++ shim, with one proxy per sphere.
 
 use std::error::Error;
 use std::ffi::c_int;
@@ -11,16 +11,16 @@ use lazygrid_io::scenes::Scene;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
-    /// Added to a box on each side, in units of length (the largest radius is 1); `None` for Bullet's default of 0.05.
+    /// Added to a box on each side, in units of length (the largest radius is 1); `None` for Bullet's 0.05.
     pub margin: Option<f32>,
-    /// `true` if the tree is searched once per step instead of once per updated box.
+    /// Searches the tree once per step instead of once per updated box.
     pub deferred: bool,
 }
 
 impl Tuning {
     pub const SHIPPED: Self = Self { margin: None, deferred: false };
 
-    /// Returns the fastest of [`tunings`], as measured in `bench/results/amd-epyc-2-cores.md`.
+    /// Returns the fastest of [`tunings`] in `bench/results/amd-epyc-2-cores.md`.
     pub fn best(scene: Scene) -> Self {
         let margin = match scene {
             Scene::Equal => 1.0,
@@ -32,7 +32,6 @@ impl Tuning {
     }
 }
 
-/// Returns candidate settings; the default is a margin of 0.05 that is not deferred.
 pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     let margins: &[f32] = match scene {
         Scene::Equal | Scene::FiveSizes => &[0.05, 0.1, 0.25, 0.5, 1.0, 2.0],

@@ -1,5 +1,5 @@
-//! A plain, well-made cell list: one grid per size class, half of the neighbor cells visited, contiguous runs compared.
-//! It shares only the exact test with lazygrid's detectors, so it is the baseline and the reference.
+//! A plain, well-made cell list with one grid per size class, as the baseline and the reference. It shares
+//! only the exact test with lazygrid.
 
 use std::error::Error;
 
@@ -14,8 +14,8 @@ const CLASSES: usize = 24;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Tuning {
-    /// Cell size of a class over its largest diameter, at least 0.25. Below 1.01, a sphere searches more than one cell
-    /// in each direction.
+    /// Cell size over the largest diameter of a class, at least 0.25. Below 1.01, a sphere searches more than
+    /// one cell in each direction.
     pub edge: f32,
     /// Ratio of the largest to the smallest size of a class, above 1.
     pub class: f32,
@@ -24,15 +24,17 @@ pub struct Tuning {
 impl Tuning {
     pub const DEFAULT: Self = Self { edge: 1.5, class: 4.0 };
 
-    /// Returns the fastest of [`tunings`], by the ratio to parry3d's refitted tree within rounds of `--mode yardstick
-    /// --algorithm cell-list --output unordered --n 100000 --rounds 7 --steps 3` of the bench `peers`.
+    /// Returns the fastest of [`tunings`], by the ratio to parry3d's refitted tree within rounds of `--mode
+    /// yardstick --algorithm cell-list --output unordered --n 100000 --rounds 7 --steps 3` of the bench
+    /// `peers`.
     pub fn best(scene: Scene) -> Self {
         match scene {
             Scene::Equal => Self { edge: 2.5, ..Self::DEFAULT },
-            // One class suffices: a cell of the largest spheres holds at most as many spheres as a vector compares.
+            // One class suffices: a cell of the largest spheres holds at most as many spheres as a vector
+            // compares.
             Scene::FiveSizes => Self { edge: 1.25, class: 32.0 },
             Scene::Burst => Self { edge: 0.51, class: 4.0 },
-            // Transceivers and carriers have separate grids by default.
+            // The default gives transceivers and carriers separate grids.
             Scene::BurstLinear | Scene::Point | Scene::Transceivers(_) => Self::DEFAULT,
         }
     }
@@ -54,7 +56,6 @@ pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     tunings
 }
 
-/// Returns a cell list with the default settings; each step starts from the previous order.
 pub fn incremental() -> ContenderFactory {
     with("plain cell list", Tuning::DEFAULT)
 }
@@ -95,13 +96,12 @@ impl CellList {
         Self { tuning, classes: vec![], pairs: vec![], spheres: 0 }
     }
 
-    /// Assigns spheres to size classes, once, because radii do not change between steps.
     fn classify(&mut self, spheres: &[Sphere]) {
         let largest = spheres.iter().fold(0.0_f32, |largest, s| largest.max(s.radius));
         self.classes = std::iter::repeat_with(SizeClassGrid::default).take(CLASSES).collect();
         for (k, sphere) in (0..).zip(spheres) {
             let halvings = (largest / sphere.radius).log2();
-            // A radius of 0 gives infinity; if all radii are 0, the result is NaN, which becomes 0.
+            // A radius of 0 gives infinity. If all radii are 0, NaN becomes 0.
             let class = ((halvings / self.tuning.class.log2()) as usize).min(CLASSES - 1);
             self.classes[class].order.push(k);
         }

@@ -1,7 +1,8 @@
-//! LAMMPS through its C library, loaded at run time from the path in [`VARIABLE`]: in doubles, with a half list and
-//! forces at each step. Its pair style has an energy of 1 within the cutoff, so a step's energy is the number of pairs.
+//! LAMMPS through its C library, loaded from the path in [`VARIABLE`]: in doubles, with a half list and
+//! forces at each step. Its pair style has an energy of 1 within the cutoff, so a step's energy is the number
+//! of pairs.
 //!
-//! A LAMMPS simulation stores its own atoms, so copying the coordinates is not timed.
+//! LAMMPS stores its own atoms, so copying the coordinates is not timed.
 
 use std::env;
 use std::error::Error;
@@ -37,8 +38,8 @@ type Create = unsafe extern "C" fn(
     c_int,
 ) -> c_int;
 
-/// Returns a search for equal spheres of radius 1, with the fastest of [`skins`] for steps of `step_length` radii, by
-/// the command in `verlet.rs` with `--scene equal`.
+/// Returns a search for spheres of radius 1 with the fastest of [`skins`], by the command in `verlet.rs` with
+/// `--scene equal`.
 pub fn tuned(name: impl Into<String>, step_length: f32) -> ContenderFactory {
     with(name, best(step_length))
 }
@@ -52,7 +53,6 @@ pub fn is_named() -> bool {
     library().is_some()
 }
 
-/// Returns the path of the library, if the environment names it.
 pub fn library() -> Option<PathBuf> {
     env::var_os(VARIABLE).map(PathBuf::from)
 }
@@ -166,7 +166,7 @@ impl Lammps {
             return Err(format!("LAMMPS created {made} of {count} atoms").into());
         }
         self.atoms = Some(spheres.len());
-        // Sorts the atoms by position and builds the first neighbor list.
+        // Builds the first neighbor list.
         self.commands("run 0\n")
     }
 }

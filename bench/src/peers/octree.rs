@@ -1,8 +1,8 @@
-//! An octree whose leaves run sweep and prune in parallel, updated between steps, as the paper describes BiNS2 (section
-//! 4.3). Overfull leaves are split, and sparse siblings merged.
+//! An octree whose leaves run sweep and prune in parallel, updated between steps, as the paper describes
+//! BiNS2 (section 4.3).
 //!
-//! A sphere is in each leaf that its box overlaps. The leaf with `max(low corner of a, low corner of b)`, which is in
-//! both boxes, reports a pair.
+//! A sphere is in each leaf that its box overlaps. The leaf with `max(low corner of a, low corner of b)`,
+//! which is in both boxes, reports a pair.
 
 use std::error::Error;
 use std::mem;
@@ -109,7 +109,7 @@ struct Octree {
     free: Vec<usize>,
     boxes: Vec<Bounds>,
     before: Vec<Bounds>,
-    /// Leaf that encloses a sphere's box; such a box is in no other leaf.
+    /// The leaf that encloses a sphere's box.
     home: Vec<Option<u32>>,
     pairs: Vec<Pair>,
 }
@@ -188,7 +188,7 @@ impl Octree {
         });
     }
 
-    /// Merges sparse siblings from the leaves up. Returns the number of spheres if `node` is a leaf afterwards.
+    /// Merges sparse siblings. Returns the number of spheres if `node` is a leaf afterwards.
     fn merge(&mut self, node: usize) -> Option<usize> {
         let Some(first) = self.nodes[node].children else {
             return Some(self.nodes[node].members.len());

@@ -1,4 +1,4 @@
-//! parry3d's bounding volume hierarchy, used as its documentation advises.
+//! parry3d's tree, used as its documentation advises.
 
 use std::error::Error;
 
@@ -14,14 +14,13 @@ use crate::measure::{ContenderFactory, Found, PairFinder};
 enum TreeUpdate {
     /// Updates all boxes; the topology stays.
     Refit,
-    /// Updates a leaf only if its sphere has left its box, which has a margin of this fraction of the radius.
+    /// Updates a leaf if its sphere has left the box, whose margin is this fraction of the radius.
     Fat(f32),
-    /// Like `Refit`, then rebuilds a small part of the tree.
+    /// Refits, then rebuilds a small part of the tree.
     Optimize,
 }
 
-/// Returns the trees that are kept between steps. Full rebuilds are not included: within a hundred steps, they cost
-/// more than they gain.
+/// Returns trees without full rebuilds, which cost more than they gain within a hundred steps.
 pub fn incremental() -> Vec<ContenderFactory> {
     vec![
         refitted("parry3d refit"),
@@ -34,7 +33,6 @@ pub fn refitted(name: impl Into<String>) -> ContenderFactory {
     ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Refit)))
 }
 
-/// Returns a refitted tree whose boxes have a margin of a fifth of the radius.
 pub fn with_margin(name: impl Into<String>) -> ContenderFactory {
     ContenderFactory::new(name, || Ok(PersistentTree::new(TreeUpdate::Fat(0.2))))
 }

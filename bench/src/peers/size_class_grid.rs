@@ -17,15 +17,14 @@ const LANES: usize = 8;
 
 #[derive(Default)]
 pub(super) struct SizeClassGrid {
-    /// Indices of the spheres, in cell order.
     pub(super) order: Vec<u32>,
-    /// Coordinates and radii in cell order, with `LANES` more entries for full vectors.
+    /// Values in cell order, with `LANES` more for full vectors.
     x: Vec<f32>,
     y: Vec<f32>,
     z: Vec<f32>,
     r: Vec<f32>,
-    /// First sphere of each cell, and the number of spheres. Layers of empty cells surround the grid, so that each cell
-    /// has all its neighbors.
+    /// First sphere of each cell. Layers of empty cells surround the grid, so each cell has all its
+    /// neighbors.
     starts: Vec<u32>,
     /// Largest distance of cells of touching spheres, and the number of empty layers.
     reach: u32,
@@ -35,13 +34,11 @@ pub(super) struct SizeClassGrid {
     sorted: Vec<u32>,
     origin: Vec3,
     per_edge: f32,
-    /// Number of cells along each axis, including empty layers.
     cells: UVec3,
     largest: f32,
 }
 
 impl SizeClassGrid {
-    /// Builds cells of `edge` times the largest diameter, from the previous step's order.
     #[inline(always)]
     pub(super) fn build(&mut self, spheres: &[Sphere], edge: f32) {
         self.members.clear();
@@ -56,7 +53,7 @@ impl SizeClassGrid {
             self.keys.push(key);
             self.starts[key as usize] += 1;
         }
-        // Turns counts into ends. Filling a cell from the back then moves its end down to its start.
+        // Turns counts into ends. Filling a cell from the back moves its end down to its start.
         let mut end = 0;
         for start in &mut self.starts {
             end += *start;
@@ -89,7 +86,7 @@ impl SizeClassGrid {
         (self.cells, self.reach) = (count(edge).as_uvec3(), reach(edge) as u32);
     }
 
-    /// Returns the cell of a point. Points outside belong to the border cells, which preserves adjacency.
+    /// Points outside belong to the border cells, which preserves adjacency.
     #[inline(always)]
     fn cell(&self, point: Vec3) -> UVec3 {
         // Negative values saturate to 0.
@@ -120,8 +117,8 @@ impl SizeClassGrid {
         std::mem::swap(&mut self.order, &mut self.sorted);
     }
 
-    /// Compares each sphere with later ones in its row of cells, and with the adjacent rows after its own, which are
-    /// four if cells are at least as large as spheres.
+    /// Compares each sphere with later ones in its row, and with the adjacent rows after it: four if cells
+    /// are at least as large as spheres.
     #[inline(always)]
     pub(super) fn pairs_within(&self, pairs: &mut Vec<Pair>) {
         let reach = self.reach as usize;
@@ -208,7 +205,7 @@ impl SizeClassGrid {
         }
     }
 
-    /// Returns a mask of the `LANES` spheres from `from` that touch, up to rounding.
+    /// Returns a mask of the spheres that touch, up to rounding.
     #[inline(always)]
     fn near(&self, sphere: &Sphere, from: usize) -> u32 {
         let lanes = from..from + LANES;

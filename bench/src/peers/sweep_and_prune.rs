@@ -1,4 +1,4 @@
-//! Sweep and prune along one axis, as in N3Sim. Each sort by lower ends starts from the order of the previous step.
+//! Sweep and prune along one axis, as in N3Sim. Each sort by lower ends starts from the previous order.
 
 use std::error::Error;
 
@@ -8,12 +8,12 @@ use lazygrid::{Pair, Sphere};
 use super::{half_extent, touch};
 use crate::measure::{ContenderFactory, Found, PairFinder};
 
-/// Returns a sweep along the axis of (nearly) the largest variance of the centers.
+/// Sweeps along the axis of (nearly) the largest variance.
 pub fn incremental() -> ContenderFactory {
     ContenderFactory::new("sort-and-sweep (N3Sim)", || Ok(Sweep::default()))
 }
 
-/// The extent of a sphere along the axis, with a copy of the sphere, so that the sweep reads memory in order.
+/// An extent along the axis. The copy of the sphere lets the sweep read memory in order.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Interval {
     low: f32,
@@ -29,8 +29,8 @@ impl Interval {
     }
 }
 
-/// Ratio of variances above which the axis changes. A new axis makes the stored order useless, and in a round cloud the
-/// axis of the largest variance is random.
+/// Ratio of variances above which the axis changes. A new axis makes the stored order useless, and in a round
+/// cloud the axis of the largest variance is random.
 const AXIS_CHANGE_RATIO: f64 = 1.5;
 
 #[derive(Default)]
@@ -64,9 +64,9 @@ impl PairFinder for Sweep {
     }
 }
 
-/// Sorts by lower ends, in linear time if little has changed.
+/// Takes linear time if little has changed.
 pub(super) fn sort(intervals: &mut [Interval]) {
-    // Insertion moves each interval past the ones it overtook; after too many moves, a general sort takes over.
+    // After too many moves, a general sort takes over from insertion.
     let patience = 8 * intervals.len();
     let mut moved = 0;
     for k in 1..intervals.len() {

@@ -1,4 +1,4 @@
-//! A typical Verlet list: candidates of the plain cell list are tested until some sphere has moved by half the skin.
+//! A Verlet list: tests candidates of the plain cell list until some sphere has moved by half the skin.
 
 use std::error::Error;
 
@@ -9,9 +9,9 @@ use super::touch;
 use crate::measure::{ContenderFactory, Found, PairFinder};
 use lazygrid_io::scenes::Scene;
 
-/// Returns the fastest of [`skins`] for steps of `step_length` radii and a largest radius of 1, by `--mode skins
-/// --output unordered --algorithm auto --steps 100 --rounds 3 --step-length 0.01` of the bench `peers`. Skins of scenes
-/// other than equal spheres were measured with steps of a tenth.
+/// Returns the fastest of [`skins`] for a largest radius of 1, by `--mode skins --output unordered
+/// --algorithm auto --steps 100 --rounds 3 --step-length 0.01` of the bench `peers`. Skins of other scenes
+/// than equal spheres were measured with steps of a tenth.
 fn best(scene: Scene, step_length: f32) -> f32 {
     match scene {
         Scene::Equal if step_length <= 0.003 => 0.1,
@@ -19,8 +19,8 @@ fn best(scene: Scene, step_length: f32) -> f32 {
         Scene::Equal => 2.0,
         Scene::FiveSizes => 1.0,
         Scene::Burst | Scene::BurstLinear | Scene::Point => 0.1,
-        // Not measured; taken from equal spheres, because nearly all spheres are carriers. Transceivers exceed the
-        // limit of this skin at each step.
+        // Not measured: nearly all spheres are carriers, so it is the skin of equal spheres. Transceivers
+        // exceed its limit at each step.
         Scene::Transceivers(mixture) => 2.0 * mixture.carrier(),
     }
 }
@@ -44,9 +44,7 @@ struct Verlet {
     wide: Vec<Sphere>,
     order: Vec<u32>,
     place_of: Vec<u32>,
-    /// Spheres at each sorted position, of the current step.
     now: Vec<Sphere>,
-    /// Spheres at each sorted position, when the candidates were found.
     then: Vec<Sphere>,
     candidates: Vec<Pair>,
     pairs: Vec<Pair>,

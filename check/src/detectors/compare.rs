@@ -99,9 +99,8 @@ pub struct FailedCase {
     pub name: String,
     pub what: String,
     pub scenario: Option<TestInput>,
-    /// Options of `lazygrid detect` that reproduce the failure, if any.
+    /// Options of `lazygrid detect` that repeat the failure, if any.
     pub options: String,
-    /// Variables of the environment for these options, before the command.
     pub environment: &'static str,
 }
 
@@ -150,7 +149,6 @@ impl SceneCase {
         found.and_then(|found| difference(&self.scenario, &found, expected, variant.tolerance())).err()
     }
 
-    /// Shrinks a failure in at most `tries` attempts.
     pub fn failure(
         &self,
         variant: &DetectorVariant,

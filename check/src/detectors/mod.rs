@@ -1,5 +1,3 @@
-//! Checks of whole detectors against the definition.
-
 pub mod compare;
 pub mod results;
 pub mod sequence;

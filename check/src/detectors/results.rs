@@ -1,5 +1,3 @@
-//! Pairs from neighbor lists.
-
 use lazygrid::{Neighbors, Pair};
 
 /// Returns the pairs of the `list` of each sphere in canonical order.

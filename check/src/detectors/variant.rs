@@ -18,9 +18,7 @@ pub struct Gpu {
 pub struct DetectorVariant {
     pub algorithm: Algorithm,
     pub target: TargetDevice,
-    /// `None` for the default.
     pub tau: Option<u32>,
-    /// `None` for the default.
     pub cell_ratio: Option<f32>,
     /// Fraction of a radius; 0 leaves the choice to the detector.
     pub skin: f32,
@@ -43,7 +41,7 @@ impl DetectorVariant {
         Self { algorithm, target, tau: None, cell_ratio: None, skin: 0.0 }
     }
 
-    /// Returns each algorithm on one thread with each SIMD width, and on all threads with the widest.
+    /// Returns all SIMD widths on one thread, and the widest on all threads.
     pub fn on_cpu() -> Vec<Self> {
         let widest = Simd::detect();
         let mut widths = vec![Simd::Avx512, Simd::Avx2, Simd::Portable];
@@ -55,8 +53,8 @@ impl DetectorVariant {
             .collect()
     }
 
-    /// Returns each algorithm with and without subgroup operations and with τ = 1, and a cell list with candidates. A
-    /// [quick](Effort::Quick) check has only default settings and the latter.
+    /// Returns each algorithm with and without subgroup operations and with τ = 1, and a cell list with
+    /// candidates. A [quick](Effort::Quick) check has only default settings and the latter.
     pub fn on_gpu(own: &GpuDevice, effort: Effort) -> Vec<Self> {
         let with = |subgroups, tau| {
             let variant =
@@ -112,7 +110,7 @@ impl DetectorVariant {
         }
     }
 
-    /// Finds the pairs: with a `Detector` in canonical order, which is checked; with a session in any order.
+    /// Uses a `Detector` in canonical order, or a session in any order.
     pub fn pairs(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> Result<Vec<Pair>, String> {
         catch_panic(|| match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) if !scenario.is_refined() => {
@@ -132,7 +130,7 @@ impl DetectorVariant {
         })
     }
 
-    /// Returns `true` if the variant can search the scene. A filter on the host needs a [`Detector`](Self::config).
+    /// A filter on the host needs a [`Detector`](Self::config).
     pub fn takes(&self, gpu: Option<&Gpu>, scenario: &TestInput) -> bool {
         match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) => {
@@ -154,7 +152,7 @@ impl DetectorVariant {
         subgroups: bool,
         scenario: &TestInput,
     ) -> Result<Vec<Pair>, String> {
-        // A small capacity, so that many scenes overflow and are retried.
+        // Many scenes exceed this capacity and are retried.
         let settings = GpuConfig::default()
             .pair_capacity(1 << 12)
             .algorithm(self.algorithm)
@@ -174,8 +172,7 @@ impl DetectorVariant {
         Ok(session.finish(ticket, u64::MAX).map_err(text)?.to_vec())
     }
 
-    /// Returns the options of `lazygrid detect`. They are empty if `detect` cannot repeat the variant: for candidates
-    /// of an earlier frame, and for kernels without subgroup operations on a device that has them.
+    /// Returns the options of `lazygrid detect`; empty if it cannot repeat the variant.
     pub fn options(&self, gpu: Option<&Gpu>) -> String {
         let without_subgroups = match (self.target, gpu) {
             (TargetDevice::Gpu { subgroups }, Some(gpu)) => subgroups != gpu.own.adapter.has_subgroups,
@@ -198,7 +195,7 @@ impl DetectorVariant {
         options + &tau.unwrap_or_default() + &ratio.unwrap_or_default()
     }
 
-    /// Returns the environment variable that selects the SIMD width of `lazygrid detect`, to precede the command.
+    /// Returns the environment variable that selects the SIMD width.
     pub fn environment(&self) -> &'static str {
         match self.target {
             TargetDevice::Gpu { .. } => "",
@@ -225,12 +222,10 @@ impl fmt::Display for DetectorVariant {
     }
 }
 
-/// Returns the pairs, or an error if they are not in canonical order.
 pub(crate) fn in_order(pairs: Vec<Pair>) -> Result<Vec<Pair>, String> {
     if pairs.is_sorted() { Ok(pairs) } else { Err("the pairs are not in canonical order".to_owned()) }
 }
 
-/// Turns a panic into an error.
 pub fn catch_panic<T>(work: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|payload| {
         let message = payload.downcast_ref::<String>().map(String::as_str);

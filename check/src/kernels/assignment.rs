@@ -9,7 +9,6 @@ use super::division::Division;
 use super::kernel_call::KernelCall;
 use super::support::{KernelError, changed, same};
 
-/// Cells are as large as their spheres, fit the table, and hold touching spheres in adjacent cells.
 pub(crate) fn cell_list_configure(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
@@ -39,7 +38,7 @@ pub(crate) fn cell_list_configure(own: &GpuDevice) -> Result<(), KernelError> {
     first_calls_miss_no_crowd(own)
 }
 
-/// A call samples one sphere of each crowd: a first call looks again, a later one uses the last occupancy.
+/// One sphere of each crowd is sampled: a first call looks again, a later one uses the last occupancy.
 fn first_calls_miss_no_crowd(own: &GpuDevice) -> Result<(), KernelError> {
     const SPHERES: u32 = 20_000;
     let sphere = |k: u32| {
@@ -93,7 +92,6 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
                 let (cells, around) = (own.cells[axis], own.around[axis]);
                 let fits = |around: u32, edge: f64| length.is_some_and(|l| l / f64::from(around) >= edge);
                 let is_wide = around == 1 || (fits(around, edge.into()) && around.is_multiple_of(cells));
-                // Another repeat does not fit, or rounding forbids it.
                 let has_room = cells > 1 && around + cells <= 32_768;
                 let is_full = !(has_room && fits(around + cells, 1.001 * f64::from(edge)));
                 same(what, &(is_wide, is_full), &(true, true))?;
@@ -111,7 +109,7 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     levels_are_those_of_their_spheres(chosen, case)
 }
 
-/// Each occurring depth is a level of every side, or shares one with its neighbors if a side has fewer levels.
+/// Each occurring depth is a level of every side, if the side has enough levels.
 fn levels_are_those_of_their_spheres(
     chosen: &ConfiguredCellList,
     case: CellListCase,
@@ -144,7 +142,7 @@ fn levels_are_those_of_their_spheres(
     Ok(())
 }
 
-/// If the sides of two levels meet, one searches the other, whose cells are at least as large.
+/// One of two meeting levels searches the other, whose cells are at least as large.
 fn levels_look_once(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(), KernelError> {
     let list = &chosen.list;
     let looks = |from: usize, at: usize| list.level[from].searched_levels >> at & 1;
@@ -165,7 +163,7 @@ fn levels_look_once(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
     Ok(())
 }
 
-/// Touching spheres are in adjacent cells of each level that both may be assigned to, unless they pair at a distance.
+/// Spheres that pair at a distance are exempt.
 fn touching_spheres_are_in_adjacent_cells(
     chosen: &ConfiguredCellList,
     case: CellListCase,
@@ -205,7 +203,6 @@ fn touching_spheres_are_in_adjacent_cells(
     Ok(())
 }
 
-/// Counters hold the number of unlisted spheres, if smaller spheres may leave cells.
 pub(crate) fn occupancy_count(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;
@@ -227,7 +224,7 @@ pub(crate) fn occupancy_count(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Each sphere gets its cell and a distinct rank in it, and overfull cells are reported.
+/// Each sphere gets its cell and a distinct rank in it.
 pub(crate) fn cells_count(own: &GpuDevice) -> Result<(), KernelError> {
     for case in cases() {
         let chosen = case.choose(own)?;

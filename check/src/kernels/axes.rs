@@ -15,7 +15,7 @@ const EXTENTS: [[f32; 3]; 3] = [[1000.0; 3], [1000.0, 1000.0, 0.0], [1000.0, 0.0
 /// Radius at which the bounds hold far more cells than the table.
 const RADIUS: f32 = 1.0 / 1024.0;
 
-/// Long axes have as many cells as the table holds, around every number at which one more fits.
+/// Tries table sizes around every number at which one more cell fits.
 pub(crate) fn cells_along_axes(own: &GpuDevice, effort: Effort) -> Result<(), KernelError> {
     let roots: Vec<u32> = match effort {
         Effort::Quick => vec![3, 7, 64],

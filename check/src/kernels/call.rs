@@ -33,7 +33,6 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
             new.dispatch_x = x;
             new.dispatch_y = y;
             new.dispatch_z = z;
-            // Kept from the previous call.
             new.max_occupancy = 1;
         });
         same(|| case("outcome"), &found, &cleared)?;
@@ -41,7 +40,7 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Wrapping is exact at any distance from the origin and for any length of the box.
+/// Wrapping is exact at any distance.
 pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     let lengths = [
         [Some(1.0_f32), Some(0.1), Some(3.3)],
@@ -68,7 +67,7 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// No value is written above the number or the capacity.
+/// No value above the number or the capacity is written.
 pub(crate) fn spheres_interleave(own: &GpuDevice) -> Result<(), KernelError> {
     const ROOM: usize = 700;
     const UNWRITTEN: [u32; 4] = [7; 4];
@@ -155,7 +154,7 @@ pub(crate) fn bounds_reduce(own: &GpuDevice) -> Result<(), KernelError> {
             let case = || format!("{low}..{high} within {found_low}..{found_high}, {size} spheres");
             same(case, &(is_held && is_near), &true)?;
         }
-        // A radius of 0 is increased slightly, to differ from "no radius".
+        // A radius of 0 is increased, to differ from "no radius".
         let [least, most] = extent(&|sphere| sphere.radius);
         let radii = [found.radius_min, found.radius_max].map(f32::from_bits);
         let near = radii[0] >= least && radii[0] <= least + 1e-30 && radii[1] == most;
@@ -188,7 +187,7 @@ pub(crate) fn entries_finish(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Dispatch arguments suffice if one cell has all entries, up to the largest plan.
+/// The arguments suffice if one cell has all entries.
 pub(crate) fn runs_search_far_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
     let most = 65_535 * k::RUN_TILES;
     let blocks = [1, 5, 4096, 65_535, 65_536, most];
@@ -288,7 +287,7 @@ fn more_than_a_word_of_pairs(own: &GpuDevice, variant: Variant) -> Result<(), Ke
     same(|| format!("found beyond 32 bits, {variant:?}"), &found, &(before.found() + 600 * 599 / 2))
 }
 
-/// Returns a call whose pair buffer has one row more than the capacity.
+/// The pair buffer has an extra row, which must stay unchanged.
 fn naive_call<'a>(
     own: &'a GpuDevice,
     call: SearchParams,
@@ -304,7 +303,6 @@ fn naive_call<'a>(
         .with("pairs", &vec![[u32::MAX; 2]; call.pair_capacity as usize + 1])?)
 }
 
-/// Each written pair has a thread, and an overflow is reported.
 pub(crate) fn outcome_finish(own: &GpuDevice) -> Result<(), KernelError> {
     let capacity = 40_000_000_u32;
     for (low, high) in [

@@ -11,7 +11,6 @@ use super::support::{KernelError, SIZES, ordered, same};
 use crate::scenes::hard;
 use crate::{Random, SceneSeed};
 
-/// Any number of workgroups gives the same statistics, and clears the counters.
 pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     let species = Division::Species { meets_itself: true };
     let narrow = Division::NarrowSide { two_sets: true };
@@ -56,7 +55,7 @@ pub(crate) fn stats_reduce(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// The set-up of few spheres chooses the cells that the kernels for many spheres choose, and clears the statistics.
+/// Few spheres get the cells that the kernels for many choose.
 pub(crate) fn cell_list_setup_small(own: &GpuDevice) -> Result<(), KernelError> {
     let one_set = [0, 1, 300, 2048].map(|size| (size, Division::OneSet));
     let species = Division::Species { meets_itself: false };
@@ -139,7 +138,6 @@ fn begun(
 /// Constant that is added to radii, larger than the numbers that devices flush to zero.
 const FLUSHED: f32 = f32::MIN_POSITIVE * 64.0;
 
-/// Returns the expected statistics; `flushes` for a device that flushes subnormal radii to zero.
 pub(crate) fn surveyed(spheres: &[Sphere], division: Division, flushes: bool) -> InputStats {
     let mut survey = InputStats::zeroed();
     for (id, sphere) in spheres.iter().enumerate() {
@@ -224,7 +222,6 @@ pub(crate) fn spheres_scatter(own: &GpuDevice) -> Result<(), KernelError> {
         same(|| format!("order of {size} spheres"), &call.read::<u32>("order", size)?, &order)?;
         same(|| format!("cells of {size} spheres"), &call.read::<u32>("cells", size)?, &expected_cells)?;
         gathered(&call, &spheres, &order)?;
-        // The gathering kernel must give the same order.
         let call = call.with_zeros::<[u32; 4]>("sorted", size)?;
         call.run(&k::SPHERES_GATHER, Variant::default(), groups)?;
         gathered(&call, &spheres, &order)?;

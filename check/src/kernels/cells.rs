@@ -34,7 +34,6 @@ pub(crate) struct ConfiguredCellList {
 pub(crate) struct CellListCase {
     pub(crate) spheres: u32,
     pub(crate) lengths: [Option<f32>; 3],
-    /// Smaller spheres leave cells that the previous call found overfull.
     pub(crate) is_dense: bool,
     pub(crate) division: Division,
 }
@@ -53,7 +52,7 @@ pub(crate) fn cases() -> impl Iterator<Item = CellListCase> {
     })
 }
 
-/// More sizes than eight sides have levels, a crowd, a few much larger spheres, and some invalid ones.
+/// More sizes than eight sides have levels, a crowd, and some invalid spheres.
 fn scene(count: u32) -> Vec<Sphere> {
     let mut random = Random(u64::from(count));
     let mut coordinate = |edge: f32| (random.unit() - 0.5) * edge;
@@ -120,7 +119,6 @@ impl CellListCase {
     }
 }
 
-/// Spheres with their sides, and the statistics of their images.
 pub(crate) struct CellListInput<'a> {
     pub(crate) spheres: &'a [Sphere],
     pub(crate) survey: InputStats,
@@ -134,7 +132,6 @@ pub(crate) struct Configured {
     survey: InputStats,
 }
 
-/// Configures cells for statistics and sides, after a call with the outcome `before`.
 pub(crate) fn configure(
     own: &GpuDevice,
     call: SearchParams,
@@ -245,7 +242,7 @@ impl ConfiguredCellList {
         density
     }
 
-    /// Returns the cell of a sphere, and the occupancy of the overfull cell that it left, or 0.
+    /// Returns the cell, and the occupancy of an overfull cell that the sphere left, or 0.
     fn home(&self, id: usize, density: &[u32], fused: bool) -> (u32, u32) {
         let (list, space, sphere) = (&self.list, self.scenario.space, &self.scenario.spheres[id]);
         let Some(coarsest) = self.coarsest(id, fused) else {
@@ -259,14 +256,12 @@ impl ConfiguredCellList {
         }
     }
 
-    /// Returns the cell of each sphere, and the largest occupancy of a cell that a sphere left.
     pub(crate) fn homes(&self, density: &[u32], fused: bool) -> (Vec<u32>, u32) {
         let homes = (0..self.scenario.spheres.len()).map(|id| self.home(id, density, fused));
         let (cells, crowds): (Vec<u32>, Vec<u32>) = homes.unzip();
         (cells, crowds.into_iter().max().unwrap_or(0))
     }
 
-    /// Compares `found` with the values expected with and without fused multiply-add.
     pub(crate) fn agrees<T: PartialEq + std::fmt::Debug>(
         case: impl FnOnce() -> String,
         found: &T,

@@ -4,19 +4,17 @@ use lazygrid_kernels::layout::{CellListLayout, SearchParams, SpeciesParams};
 use super::kernel_call::KernelCall;
 use crate::SpeciesSetup;
 
-/// The division of test spheres into sides, of which only some pairs are compared.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Division {
     OneSet,
     TwoSets,
-    /// Every fifth sphere is of a species that does not pair with itself, every seventh of one that never pairs.
+    /// Every fifth sphere does not pair with its species, every seventh never pairs.
     Species {
         meets_itself: bool,
     },
     /// Each species pairs with one other; every seventh sphere never pairs.
     DisjointPairs(usize),
-    /// Species of [`Species`](Self::Species) with `meets_itself`; different ones pair within [`FAR`]. If
-    /// there are two sets, no spheres of one set pair.
+    /// Different species pair within [`FAR`]; with two sets, no spheres of one set pair.
     NarrowSide {
         two_sets: bool,
     },
@@ -29,7 +27,6 @@ impl Division {
         match self {
             Self::OneSet => 0,
             Self::TwoSets => usize::from(index >= self.first_set(count)),
-            // The species that never pairs comes after those with sides.
             _ if index % 7 == 3 => self.species_that_pair(),
             Self::Species { .. } | Self::NarrowSide { .. } => usize::from(index.is_multiple_of(5)),
             Self::DisjointPairs(pairs) => index / 2 % (2 * pairs),
@@ -44,7 +41,6 @@ impl Division {
         if self == (Self::NarrowSide { two_sets: true }) { 2 } else { self.sides() }
     }
 
-    /// Returns the side of a sphere that may pair.
     pub(crate) fn side(self, index: usize, count: usize) -> usize {
         let species = self.species_of(index, count);
         let has_sides = self == Self::NarrowSide { two_sets: true };
@@ -97,7 +93,6 @@ impl Division {
         call.with_sides(&self.partners())
     }
 
-    /// Returns the interaction of the spheres of two sides.
     fn interaction(self, a: usize, b: usize) -> Interaction {
         match (self.meets(a, b), self) {
             (false, _) => Interaction::Never,
@@ -106,7 +101,7 @@ impl Division {
         }
     }
 
-    /// Returns half the largest distance at which a species pairs; 0 on the narrow side.
+    /// Half the distance at which a species pairs; 0 on the narrow side.
     fn half(self, species: usize) -> f32 {
         if matches!(self, Self::NarrowSide { .. }) && species == 1 { 0.5 * FAR } else { 0.0 }
     }
@@ -115,7 +110,6 @@ impl Division {
         spheres[index].radius.max(self.half(self.species_of(index, spheres.len())))
     }
 
-    /// Returns sides as species of one set, with one that never pairs.
     pub(crate) fn mixture(self, count: usize) -> Option<SpeciesSetup> {
         let side_of =
             |index| if self.may_pair(index, count) { self.side(index, count) } else { self.sides() };
@@ -130,13 +124,11 @@ impl Division {
         (0..count).map(|index| self.species_of(index, count) as u32).collect()
     }
 
-    /// Adds the species of `count` spheres and their table.
     pub(super) fn bind(self, call: KernelCall<'_>, count: usize) -> Result<KernelCall<'_>, Error> {
         let of_one_set = match self {
             Self::NarrowSide { .. } => Self::NarrowSide { two_sets: false },
             other => other,
         };
-        // All species, with the one that never pairs.
         let ids = 0..=self.species_that_pair();
         let flags = |id: usize| match id < self.species_that_pair() {
             true => SpeciesParams::TOUCHES | (id as u32) << SpeciesParams::SIDE_SHIFT,

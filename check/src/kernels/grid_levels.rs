@@ -43,7 +43,7 @@ impl Cells {
     }
 }
 
-/// Cells of size 8 at depth 0: powers of two avoid rounding.
+/// Powers of two avoid rounding.
 fn grid(spheres: usize, split_policy: u32) -> Grid {
     let mut grid = Grid {
         inverse_edge: Vec3::splat(0.125),
@@ -71,7 +71,7 @@ fn call(split_policy: u32, tau: u32) -> SearchParams {
     }
 }
 
-/// Returns spheres with radii of eight powers of two, at multiples of an eighth; every third is at the same point.
+/// Every third sphere is at one point.
 fn spheres(count: usize) -> Vec<Sphere> {
     let mut random = Random(count as u64);
     let mut place = || (random.word() % 1024) as f32 / 8.0 - 64.0;
@@ -147,7 +147,6 @@ fn packed(cells: &[Cells]) -> Vec<[u32; 2]> {
     cells.iter().map(|own| own.packed()).collect()
 }
 
-/// Clears the occupancy table to its end if it is used.
 pub(crate) fn occupancy_clear(own: &GpuDevice) -> Result<(), KernelError> {
     for slots in [1_u32, 256, 512, 8192] {
         for split_policy in [1, 2] {
@@ -228,7 +227,6 @@ pub(crate) fn levels_count(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// The levels get disjoint ranges of keys.
 pub(crate) fn levels_assign_keys(own: &GpuDevice) -> Result<(), KernelError> {
     let mut random = Random(5);
     for key_bits in [16_u32, 24, 32] {
@@ -272,7 +270,6 @@ pub(crate) fn levels_assign_keys(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Returns the expected (key, object) entries in ascending order.
 fn entries_plain(cells: &[Cells], grid: &Grid, density: &[u32], tau: u32) -> Vec<[u32; 2]> {
     let mut entries = Vec::new();
     for (index, own) in cells.iter().enumerate() {

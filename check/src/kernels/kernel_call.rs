@@ -7,7 +7,6 @@ use lazygrid_kernels::kernel::{Kernel, Variant};
 
 use crate::device::{download, download_one, run_over, upload, upload_one};
 
-/// Buffers by binding name, for kernels that bind all or some of them.
 pub(super) struct KernelCall<'a> {
     own: &'a GpuDevice,
     buffers: Vec<(&'static str, wgpu::Buffer)>,
@@ -18,7 +17,6 @@ impl<'a> KernelCall<'a> {
         Self { own, buffers: Vec::new() }
     }
 
-    /// Adds a buffer, which replaces any of this name.
     pub(super) fn bind(mut self, name: &'static str, buffer: wgpu::Buffer) -> Self {
         self.buffers.retain(|(other, _)| *other != name);
         self.buffers.push((name, buffer));
@@ -34,7 +32,6 @@ impl<'a> KernelCall<'a> {
         self.with(name, &vec![T::zeroed(); count])
     }
 
-    /// Uploads a structure in the shader's memory layout.
     pub(super) fn with_layout<T: ShaderType + WriteInto>(
         self,
         name: &'static str,

@@ -22,7 +22,6 @@ impl<'a> Searched<'a> {
         let mut order: Vec<u32> = (0..call.spheres).collect();
         order.sort_by_key(|&id| homes[id as usize]);
         let cells: Vec<u32> = order.iter().map(|&id| homes[id as usize]).collect();
-        // One word more for the largest counter.
         let starts: Vec<u32> =
             (0..list.cells + 3).map(|cell| cells.partition_point(|&own| own < cell) as u32).collect();
         let image = |&id: &u32| {
@@ -92,8 +91,7 @@ pub(crate) fn cell_list_search_overflow(own: &GpuDevice) -> Result<(), KernelErr
     Ok(())
 }
 
-/// All later spheres are candidates of a coincident sphere. The first search covers one chunk of them and lists blocks
-/// with more.
+/// All later spheres are candidates of a coincident sphere.
 pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
     for count in [2_u32, 256, 257, 300, 700, 769, 1400] {
         let division = Division::OneSet;
@@ -122,13 +120,11 @@ pub(crate) fn cell_list_search(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Few spheres take one dispatch with a workgroup per chunk of candidates of each block, which also finishes the
-/// outcome.
 fn few(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
     let count = chosen.call.spheres;
     let pairs = count * (count - 1) / 2;
     let chunks_per_block = count.div_ceil(chosen.call.candidates_per_invocation);
-    // Only one of the two scans stores the largest number of spheres in a cell.
+    // Only one of the two scans stores the largest occupancy.
     for (pair_capacity, largest) in [(pairs, count), (pairs, 0), (pairs / 2, count)] {
         let call =
             SearchParams { chunks_per_block, pair_capacity, consumer_workgroup_size: 64, ..chosen.call };
@@ -147,7 +143,6 @@ fn few(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> 
     Ok(())
 }
 
-/// A call with cells of an earlier call searches only if they suit the spheres.
 fn refused(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelError> {
     for overflow in [0, Outcome::OVERFLOW_LAYOUT] {
         let variant = k::Variant { reuse: true, ..chosen.variant };
@@ -162,7 +157,6 @@ fn refused(own: &GpuDevice, chosen: &ConfiguredCellList) -> Result<(), KernelErr
     Ok(())
 }
 
-/// A part has the blocks that the number of tiles allows, at least one.
 pub(crate) fn cell_list_search_overflow_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
     let blocks = [1, 5, 4096, 65_535, 65_536, 1_000_000];
     for (blocks, chunks) in

@@ -7,7 +7,7 @@ use super::support::{KernelError, same, variants};
 use crate::Random;
 use crate::device::{download, submit, upload};
 
-/// Around a workgroup, around a tile, and many tiles.
+/// Sizes around a workgroup and a tile, and of many tiles.
 pub const SIZES: [usize; 12] = [0, 1, 255, 256, 257, 2047, 2048, 2049, 4095, 4096, 4097, 300_000];
 /// Number of keys at or above which only random keys are sorted, by two numbers of bits.
 const MANY: usize = 100_000;
@@ -47,7 +47,6 @@ pub(crate) fn scan_once(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in variants(own) {
         for size in [0, 1, 255, 256, 257, 30_002, SCANNED_AT_ONCE as usize] {
             let mut random = Random(size as u64);
-            // The sum fits in 32 bits, as that of counters does.
             let mut values: Vec<u32> = (0..size).map(|_| random.word() >> 16).collect();
             let largest = values.iter().copied().max().unwrap_or(0);
             // The kernel reads four values at once and stores the largest after the last.
@@ -92,8 +91,6 @@ fn keys_of_each_kind(size: usize) -> [Vec<u32>; 4] {
     ]
 }
 
-/// Sorts random keys by several numbers of bits, other kinds by 13 and 32 bits; at or above 100,000 keys only random
-/// ones, by 24 and 32 bits.
 pub fn sort(own: &GpuDevice, size: usize) -> Result<(), KernelError> {
     for subgroups in [false, true] {
         let sort = RadixSort::new(&own.device, subgroups);

@@ -5,7 +5,6 @@ use lazygrid_kernels::kernel::SubgroupProbe;
 use super::kernel_call::KernelCall;
 use super::support::{KernelError, same, variants};
 
-/// All invocations run, and subgroup sizes are reported if full.
 pub(crate) fn subgroup_probe(own: &GpuDevice) -> Result<(), KernelError> {
     let [least, most] = own.adapter.subgroup_sizes;
     for variant in variants(own) {

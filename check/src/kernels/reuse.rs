@@ -100,7 +100,6 @@ fn has_room(chosen: &ConfiguredCellList, cells: &[u32]) -> bool {
     counts[..in_cells].iter().all(|&count| count <= most) && counts[in_cells] <= most_listed
 }
 
-/// Changes the spheres after their cells were chosen, for both sorts.
 pub(crate) fn reused_cells(own: &GpuDevice) -> Result<(), KernelError> {
     let mut refused = [0; 2];
     for (case, (what, change)) in cases().flat_map(|case| CHANGES.map(|change| (case, change))) {
@@ -159,12 +158,10 @@ impl Reused<'_> {
         Ok(cells)
     }
 
-    /// Checks the keys, and the kernel that stores the spheres in cell order and begins the outcome.
     fn sorted(&self, suits: bool, cells: &[u32], what: impl Fn() -> String) -> Result<(), KernelError> {
         let Self { own, chosen, count } = *self;
         let ConfiguredCellList { call, scenario, list, variant, division, .. } = chosen;
         let tiles = SPHERES.div_ceil(k::RADIX_TILE);
-        // The outcome of an earlier call.
         let before = changed(Outcome::zeroed(), |new| {
             new.found_lo = 9;
             new.quarantined = 2;
@@ -202,7 +199,6 @@ impl Reused<'_> {
     }
 }
 
-/// The outcome before the search.
 pub(crate) fn begun(overflow: u32) -> Outcome {
     changed(Outcome::zeroed(), |new| {
         new.overflow = overflow;

@@ -18,7 +18,6 @@ struct Runs<'a> {
 }
 
 impl<'a> Runs<'a> {
-    /// Binds one entry per sphere, in its first cell on all axes.
     fn of(own: &'a GpuDevice, spheres: &[Sphere], keys: &[u32], passive: u32) -> Result<Self, KernelError> {
         let count = keys.len() as u32;
         let call = SearchParams {
@@ -61,7 +60,6 @@ impl<'a> Runs<'a> {
     }
 }
 
-/// Active entries meet all entries of their run, which are at one point.
 pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
     for (actives, passives, passive) in
         [(0, 5, 1), (1, 0, 1), (1, 256, 1), (3, 200, 1), (257, 0, 0), (100, 157, 1)]
@@ -84,7 +82,7 @@ pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// The first search finds near pairs, the second the others, in runs of any length.
+/// The first search finds near pairs, the second the others.
 pub(crate) fn runs_search_far(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in super::support::variants(own) {
         for lengths in [&[257_u32][..], &[258, 3, 258], &[1, 900, 40, 600, 7], &[2300]] {

@@ -14,7 +14,7 @@ const SKIN: SkinParams = SkinParams { half_skin: 0.25, limit_squared: 0.0625, ca
 
 const SPACES: [[Option<f32>; 3]; 2] = [[None; 3], [Some(16.0), None, Some(8.0)]];
 
-/// Multiples of an eighth avoid rounding; some spheres are invalid.
+/// Multiples of an eighth avoid rounding.
 fn spheres(count: usize, seed: u64) -> Vec<Sphere> {
     let mut random = Random(seed);
     let mut coordinate = |edge: u32| random.below(8 * edge) as f32 / 8.0 - edge as f32 / 2.0;
@@ -48,7 +48,6 @@ pub(crate) fn skin_displacement(own: &GpuDevice) -> Result<(), KernelError> {
     let sizes = SIZES.into_iter().flat_map(|size| SPACES.map(|lengths| (size, lengths)));
     for ((size, lengths), has_species) in sizes.flat_map(|case| [false, true].map(|species| (case, species)))
     {
-        // Every third sphere never pairs.
         let is_idle = |k: usize| has_species && k.is_multiple_of(3);
         let space = periodic::space(lengths);
         let then = spheres(size, 1);
@@ -158,7 +157,6 @@ pub(crate) fn skin_check(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// A rebuild stores positions and inflated radii; other calls keep the stored ones.
 pub(crate) fn skin_store_reference(own: &GpuDevice) -> Result<(), KernelError> {
     for (size, rebuilt) in
         SIZES.into_iter().flat_map(|size| [0, SkinState::DISPLACEMENT].map(|rebuilt| (size, rebuilt)))
@@ -184,7 +182,6 @@ pub(crate) fn skin_store_reference(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Each written candidate has a thread, and an overflow is reported.
 pub(crate) fn candidates_test_dispatch_args(own: &GpuDevice) -> Result<(), KernelError> {
     let most = 40_000_000;
     let entries = Outcome::OVERFLOW_ENTRIES;

@@ -22,7 +22,6 @@ pub(super) fn variants(own: &GpuDevice) -> impl Iterator<Item = Variant> {
     [None, subgroups].into_iter().take(1 + usize::from(subgroups.is_some())).map(with)
 }
 
-/// Returns bits that order as the floats do.
 pub(super) fn ordered(x: f32) -> u32 {
     if x.is_sign_negative() { !x.to_bits() } else { x.to_bits() | 1 << 31 }
 }
@@ -38,7 +37,7 @@ pub(crate) fn same<T: PartialEq + Debug>(
     Err(wrong(&case(), found, expected))
 }
 
-// Not compiled for each type.
+// Separate, so it is not compiled for each type.
 fn wrong(case: &str, found: &dyn Debug, expected: &dyn Debug) -> KernelError {
     let short = |value: &dyn Debug| {
         let text = format!("{value:?}");
@@ -50,7 +49,7 @@ fn wrong(case: &str, found: &dyn Debug, expected: &dyn Debug) -> KernelError {
     KernelError::WrongResult(format!("{case}: {} instead of {}", short(found), short(expected)))
 }
 
-/// Returns a value after a change, for structures that other crates cannot create field by field.
+/// Returns `value` after `change`, for structures that other crates cannot create field by field.
 pub(crate) fn changed<T>(mut value: T, change: impl FnOnce(&mut T)) -> T {
     change(&mut value);
     value

@@ -6,9 +6,9 @@ use crate::TestInput;
 pub enum Tolerance {
     /// For the CPU.
     Exact,
-    /// For the GPU: pairs within 4 ulp of tangency, relative to the squared cutoff, may be missing or extra; in a
-    /// periodic space within 5 ulp, because a distance across the boundary is a sum of two. Points and triclinic cells
-    /// are exact.
+    /// For the GPU: pairs within 4 ulp of tangency, relative to the squared cutoff, may be missing or extra.
+    /// In a periodic space the limit is 5 ulp, as a distance across the boundary is a sum of two. Points and
+    /// triclinic cells are exact.
     Tangent,
 }
 
@@ -33,7 +33,7 @@ impl Tolerance {
     }
 }
 
-/// Compares `found`, in any order, with `expected` in canonical order.
+/// Accepts `found` in any order, and `expected` in canonical order.
 ///
 /// # Errors
 /// Counts missing, extra, duplicate and malformed pairs, and describes the first of each.
@@ -83,7 +83,7 @@ fn describe(scenario: &TestInput, pair: Pair) -> String {
     format!("{} and {}, {gap}", sphere(i), sphere(j))
 }
 
-/// Returns a checksum that is independent of the order of pairs; duplicates change it.
+/// Returns a checksum that ignores the order of pairs, but not duplicates.
 pub fn checksum(pairs: &[Pair]) -> u64 {
     // The finalizer of SplitMix64.
     let mix = |pair: &Pair| {
@@ -130,7 +130,6 @@ mod tests {
         let [none, one] = [&[][..], &[(0, 1)]];
         assert_eq!(verdict(&[0.0, 2.0], none, Tangent), Ok(()));
         assert!(verdict(&[0.0, 2.0], none, Exact).is_err());
-        // One ulp of 2 changes the squared distance by 2 ulp, relative to the squared cutoff.
         let ulp = 2.0 * f32::EPSILON;
         assert_eq!(verdict(&[0.0, 2.0 + ulp], one, Tangent), Ok(()));
         assert!(verdict(&[0.0, 2.0 + ulp], one, Exact).is_err());

@@ -6,7 +6,7 @@ use crate::TestInput;
 
 pub const EXCLUSION_WORDS: usize = 64;
 
-/// The exclusions of a test, as the library's [`Exclusions`] and as a plain set for the oracle.
+/// Exclusions for the library, and a plain set for the oracle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExclusionCase {
     list: Exclusions,
@@ -15,7 +15,6 @@ pub struct ExclusionCase {
 }
 
 impl ExclusionCase {
-    /// `pairs` may be in either order and repeated.
     pub fn new(spheres: usize, pairs: impl IntoIterator<Item = (u32, u32)>) -> Result<Self, Error> {
         let pairs: Vec<(u32, u32)> = pairs.into_iter().collect();
         let list = Exclusions::new(spheres, pairs.iter().copied())?;
@@ -26,7 +25,6 @@ impl ExclusionCase {
         &self.list
     }
 
-    /// Returns each pair once, the smaller index first.
     pub fn pairs(&self) -> impl Iterator<Item = (u32, u32)> {
         self.pairs.iter().copied()
     }
@@ -35,7 +33,7 @@ impl ExclusionCase {
         self.pairs.contains(&(i.min(j), i.max(j)))
     }
 
-    /// Renumbers the exclusions of the spheres `kept`, whose indices ascend.
+    /// `kept` must ascend.
     pub(crate) fn only(&self, kept: &[usize]) -> Self {
         let place = |k: u32| kept.binary_search(&(k as usize)).ok().map(|place| place as u32);
         let pairs = self.pairs().filter_map(|(i, j)| place(i).zip(place(j)));
@@ -44,7 +42,7 @@ impl ExclusionCase {
 }
 
 impl TestInput {
-    /// Adds groups of any size with some spheres in none, a list of pairs in either order with repetitions, or both.
+    /// Adds groups, a list of pairs in either order with repetitions, or both.
     pub fn with_exclusions(self, words: &[u32; EXCLUSION_WORDS]) -> Self {
         let spheres = self.spheres.len();
         let word = |k: usize| words[k % words.len()].rotate_left((k / words.len()) as u32 * 7);
@@ -61,7 +59,6 @@ impl TestInput {
             groups: (kind != 1).then(|| (0..spheres).map(group).collect()),
             excluded: match kind {
                 0 => None,
-                // Indices are below the number of spheres; without spheres the list is empty.
                 _ => ExclusionCase::new(spheres, (0..4 * spheres).map(pair)).ok(),
             },
             ..self

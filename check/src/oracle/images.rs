@@ -1,13 +1,12 @@
-//! Distances in triclinic cells by enumeration of images, without the library's reduction: the reference for detectors.
+//! Distances in triclinic cells without the library's reduction.
 
 use glam::{DMat3, DVec3};
 use lazygrid::Space;
 
 pub(crate) struct ImageOracle {
     given: [Option<[f64; 3]>; 3],
-    /// Cell vectors with their original indices, the longest first. The search loops over all but the last one.
+    /// Cell vectors with their indices, the longest first. The search loops over all but the last.
     edges: Vec<(usize, DVec3)>,
-    /// Rows of the inverse matrix give fractional coordinates.
     fractions: Vec<DVec3>,
 }
 
@@ -22,23 +21,22 @@ impl ImageOracle {
         Self { given, edges, fractions }
     }
 
-    /// Returns a row per cell vector, whose product with a vector is the fractional coordinate.
+    /// Products of a vector with these rows are fractional coordinates.
     pub(crate) fn fractions(&self) -> &[DVec3] {
         &self.fractions
     }
 
-    /// Returns the smallest squared length of `apart` and its images. For a finite `reach`, returns the squared length
-    /// of any image within `reach`, or any larger value if no image is.
+    /// Returns the smallest squared length of `apart` and its images. For a finite `reach`, returns the
+    /// squared length of any image within `reach`, or any larger value if no image is.
     ///
-    /// An image within `reach` has a fractional coordinate of at most `reach` over the height of the cell along that
-    /// vector.
+    /// An image within `reach` has a fractional coordinate of at most `reach` over the height of the cell
+    /// along that vector.
     pub(crate) fn distance_squared(&self, apart: DVec3, reach: f64) -> f64 {
         let mut shift = [0.0; 3];
         for ((k, _), row) in self.edges.iter().zip(&self.fractions) {
             shift[*k] = -row.dot(apart).round();
         }
         let folded = self.image(apart, shift);
-        // A folded image within `reach` needs no search.
         if reach.is_finite() && folded.length() <= reach {
             return squared(folded);
         }
@@ -53,7 +51,7 @@ impl ImageOracle {
         self.nearest(apart, shift, folded, &shifts[..self.edges.len()])
     }
 
-    /// Returns an image of `vector`, rounded as the library documents.
+    /// Rounds as the library documents.
     fn image(&self, vector: DVec3, shift: [f64; 3]) -> DVec3 {
         let component = |axis: usize| {
             let terms = [0, 1, 2].map(|k| self.given[k].map_or(0.0, |edge| shift[k] * edge[axis]));
@@ -62,9 +60,9 @@ impl ImageOracle {
         DVec3::new(component(0), component(1), component(2))
     }
 
-    /// Returns the smallest squared length of images that differ from `shift` by `shifts` along the remaining cell
-    /// vectors. `near` is approximately the image at `shift`. Along the last vector, the integer nearest to the minimum
-    /// of the parabola and its two neighbors suffice.
+    /// Returns the smallest squared length of images that differ from `shift` by `shifts` along the remaining
+    /// vectors. `near` approximates the image at `shift`. Along the last vector, the integer nearest to the
+    /// minimum of the parabola and its two neighbors suffice.
     fn nearest(&self, vector: DVec3, shift: [f64; 3], near: DVec3, shifts: &[[i32; 2]]) -> f64 {
         let at = self.edges.len() - shifts.len();
         let Some((k, edge)) = self.edges.get(at) else { return squared(self.image(vector, shift)) };
@@ -91,7 +89,7 @@ fn squared(vector: DVec3) -> f64 {
     vector.x * vector.x + vector.y * vector.y + vector.z * vector.z
 }
 
-/// Returns the inverse matrix, or its pseudoinverse within the plane or line of the cell vectors.
+/// Returns the inverse matrix, or its pseudoinverse within a plane or line.
 fn fractions(edges: &[DVec3]) -> Vec<DVec3> {
     match *edges {
         [a] => vec![a / a.length_squared()],
@@ -124,14 +122,12 @@ mod tests {
         assert_eq!(at(&triclinic, 1.5, 2.0, 0.5), 1.25);
         assert_eq!(at(&triclinic, 4000.0 - 15.0, -30.0 + 1.0, 0.0), 1.0);
         assert!(at(&triclinic, 0.0, 0.0, 3.0) > 2.25);
-        // A tilt larger than the length has the same images as a smaller one.
         let far = of([Some(DVec3::X * 4.0), Some(DVec3::new(1.5 + 40.0, 3.0, 0.0)), None]);
         for k in 0..50 {
             let [x, y] = [0.61 * f64::from(k), 0.37 * f64::from(k)];
             let [one, other] = [&triclinic, &far].map(|images| at(images, x, y, 0.0));
             assert!((one - other).abs() < 1e-9 || one.min(other) > 2.25, "{one} {other}");
         }
-        // The nearest image is not the folded one.
         let flat = of([Some(DVec3::X * 0.5), Some(DVec3::new(1.375, 1.0, 0.0)), None]);
         let apart = DVec3::new(-0.25, 2.75, 0.25);
         assert_eq!(flat.distance_squared(apart, f64::INFINITY), 0.140625);

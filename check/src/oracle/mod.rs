@@ -1,5 +1,3 @@
-//! Test inputs and their pairs by definition.
-
 mod difference;
 mod exclusions;
 mod images;
@@ -19,7 +17,6 @@ pub struct TestInput {
     pub space: Space,
     /// `None` if all touching spheres pair.
     pub mixture: Option<SpeciesSetup>,
-    /// Group of each sphere, or [`Spheres::NO_GROUP`].
     pub groups: Option<Vec<u32>>,
     pub excluded: Option<ExclusionCase>,
 }
@@ -108,7 +105,7 @@ impl TestInput {
             || self.excluded.as_ref().is_some_and(|excluded| excluded.has(i as u32, j as u32))
     }
 
-    /// Returns the cutoff of two spheres; `None` if they never pair.
+    /// `None` if the spheres never pair.
     pub fn reach(&self, i: usize, j: usize) -> Option<f64> {
         if self.excludes(i, j) {
             return None;
@@ -124,7 +121,6 @@ impl TestInput {
         }
     }
 
-    /// Returns the squared distance of two spheres, in a periodic space of minimum images.
     pub fn distance_squared(&self, i: usize, j: usize) -> f64 {
         let (a, b) = (self.spheres[i].center, self.spheres[j].center);
         if self.space.triclinic_cell().is_some() {
@@ -137,7 +133,7 @@ impl TestInput {
         dx * dx + dy * dy + dz * dz
     }
 
-    /// Returns all pairs in canonical order by definition, in the simplest code.
+    /// Returns all pairs by definition, in the simplest code.
     pub fn oracle(&self) -> Vec<Pair> {
         if self.space.triclinic_cell().is_none() {
             return self.pairs_by(|i, j, _| self.distance_squared(i, j));
@@ -149,7 +145,6 @@ impl TestInput {
         })
     }
 
-    /// Returns all pairs of valid spheres in canonical order.
     pub fn oracle_of_valid(&self) -> Vec<Pair> {
         let is_valid = |k: &usize| self.spheres[*k].is_valid();
         let ids: Vec<u32> = (0..self.spheres.len()).filter(is_valid).map(|k| k as u32).collect();
@@ -157,8 +152,8 @@ impl TestInput {
         pairs.map(|pair| Pair { i: ids[pair.i as usize], j: ids[pair.j as usize] }).collect()
     }
 
-    /// Returns all pairs in canonical order, in a periodic or unbounded space by `d − L·round(d/L)` on each periodic
-    /// axis, of coordinates that are wrapped without rounding. It shares no code with [`Space`].
+    /// Returns all pairs without code of [`Space`], by `d − L·round(d/L)` of coordinates that are wrapped
+    /// without rounding.
     pub fn rounding_oracle(&self) -> Vec<Pair> {
         let lengths = self.space.lengths();
         self.pairs_by(|i, j, _| {
@@ -177,8 +172,7 @@ impl TestInput {
         })
     }
 
-    /// Returns all pairs in canonical order. `apart` returns the squared distance of two spheres, or any larger value
-    /// beyond the given cutoff.
+    /// Returns all pairs. `apart` may return any larger squared distance beyond the given cutoff.
     pub fn pairs_by(&self, apart: impl Fn(usize, usize, f64) -> f64) -> Vec<Pair> {
         let mut pairs = Vec::new();
         for i in 0..self.spheres.len() {

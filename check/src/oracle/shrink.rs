@@ -2,8 +2,8 @@ use glam::Vec3;
 
 use crate::TestInput;
 
-/// Removes exclusions, then ever smaller groups of spheres, then rounds numbers. Calls `failing`, which describes a
-/// fault, at most `tries` times. Returns the smallest failing input and its fault.
+/// Removes exclusions and ever smaller groups of spheres, then rounds numbers. Returns the smallest input for
+/// which `failing` describes a fault, within `tries` calls.
 pub fn shrink(
     scenario: TestInput,
     what: String,
@@ -47,7 +47,7 @@ pub fn shrink(
             let sphere = &mut smaller.spheres[k];
             sphere.center = Vec3::from(sphere.center.to_array().map(rounder));
             sphere.radius = rounder(sphere.radius);
-            // An input that overflows would fail for another reason.
+            // An overflow would fail for another reason.
             let is_valid = sphere.center.is_finite() && sphere.radius.is_finite();
             if is_valid && smaller != best.0 && attempt(&mut best, smaller) {
                 break;

@@ -32,8 +32,7 @@ fn place(mut coordinate: impl FnMut() -> f32) -> [f32; 3] {
     [coordinate(), coordinate(), coordinate()]
 }
 
-/// Lattices in contact: exact for dyadic spacings, up to rounding for others. Some spheres have twice the radius or are
-/// points.
+/// Lattices in contact, exact for dyadic spacings.
 pub fn lattice(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
     let spacing = choices.of(&[1.0_f32, 0.25, 3.0, 0.1, 0.3, 1.0 / 3.0, 1e-3, 1.1e-20, 7.7e15]);
@@ -44,19 +43,18 @@ pub fn lattice(words: &SceneSeed) -> Vec<Sphere> {
     })
 }
 
-/// Copies of a few spheres, including points.
 pub fn duplicates(words: &SceneSeed) -> Vec<Sphere> {
     let originals =
         words.each(|of| Sphere::new(place(|| of.between(-2.0, 2.0)), of.of(&[0.0, 1e-3, 1.0, 2.0])));
     let few = (1 + words.reader().below(5) as usize).min(originals.len());
     words.each(|of| {
-        // Skips the words that made the original at the same index.
+        // Skips the words of the original.
         let _ = [(); 4].map(|()| of.below(1));
         of.of(&originals[..few])
     })
 }
 
-/// One huge sphere at a random index, among tiny ones inside it, at its surface and outside.
+/// One huge sphere among tiny ones inside, at its surface and outside.
 pub fn giant(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
     let tiny = choices.of(&[1e-3_f32, 1.0, 1e10, 1e-30]);
@@ -74,7 +72,7 @@ pub fn giant(words: &SceneSeed) -> Vec<Sphere> {
     spheres
 }
 
-/// Radii over twenty powers of two. Centers at multiples of a power of two, so that many spheres touch exactly.
+/// Spheres with radii over twenty powers of two, many in exact contact.
 pub fn powers_of_two(words: &SceneSeed) -> Vec<Sphere> {
     let unit = words.reader().of(&[1.0_f32, 0.25, 8.0]);
     words.each(|of| {
@@ -83,7 +81,6 @@ pub fn powers_of_two(words: &SceneSeed) -> Vec<Sphere> {
     })
 }
 
-/// Centers on a line or in a plane, parallel or diagonal to the axes.
 pub fn flat(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
     let axes = choices.of(&[[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [1.0, 1.0, 0.0]]);
@@ -96,7 +93,7 @@ pub fn flat(words: &SceneSeed) -> Vec<Sphere> {
     })
 }
 
-/// Clusters of clusters of clusters, with radii on all three scales.
+/// Clusters of clusters of clusters.
 pub fn clusters(words: &SceneSeed) -> Vec<Sphere> {
     let scale = words.reader().of(&[1e-2_f32, 1e-4, 1.0 / 1024.0]);
     words.each(|of| {
@@ -107,7 +104,7 @@ pub fn clusters(words: &SceneSeed) -> Vec<Sphere> {
     })
 }
 
-/// Coordinates far from the origin, where adjacent `f32` values are as far apart as the radii are large.
+/// Coordinates whose ulp is about as large as the radii.
 pub fn far(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
     let exponent = 3 + choices.below(37) as i32;
@@ -137,7 +134,7 @@ pub fn any_floats(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| Sphere::new(place(|| any_magnitude(of)), any_magnitude(of).abs()))
 }
 
-/// Values log-uniform over four binades anywhere in the range of `f32`, subnormals included.
+/// Values log-uniform over four binades anywhere in `f32`.
 pub fn one_magnitude(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
     let lowest = if choices.below(4) == 0 { 0 } else { choices.below(251) };
@@ -148,16 +145,15 @@ pub fn one_magnitude(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| Sphere::new(place(|| value(of)), value(of).abs()))
 }
 
-/// Returns a length near which `f32` arithmetic changes: smallest numbers, around the smallest normal one, and numbers
-/// whose squares underflow or overflow.
+/// Returns a length near which `f32` arithmetic changes: subnormal, or with a square that underflows or
+/// overflows.
 pub(crate) fn extreme_unit(of: &mut SeedReader<'_>) -> f32 {
     let exponents =
         [-76, -149, -147, -130, -127, -126, -125, -120, -101, -64, -41, -39, 59, 64, 100, 119, 121];
     f64::from(of.of(&exponents)).exp2() as f32
 }
 
-/// Spheres a few `extreme_unit`s wide and apart, many in contact. Some use a second unit; in some scenes all are far
-/// away along one axis.
+/// Spheres a few `extreme_unit`s wide and apart, in some scenes far away.
 pub fn extremes(words: &SceneSeed) -> Vec<Sphere> {
     let mut choices = words.reader();
     let (unit, other) = (extreme_unit(&mut choices), extreme_unit(&mut choices));
@@ -169,7 +165,7 @@ pub fn extremes(words: &SceneSeed) -> Vec<Sphere> {
     })
 }
 
-/// Radii whose squares overflow `f32`, at any position.
+/// Radii whose squares overflow `f32`.
 pub fn huge_radii(words: &SceneSeed) -> Vec<Sphere> {
     let least = 1e19_f32.to_bits();
     words.each(|of| {
@@ -177,14 +173,14 @@ pub fn huge_radii(words: &SceneSeed) -> Vec<Sphere> {
         let center = place(|| match of.below(3) {
             0 => of.between(-1e20, 1e20),
             1 => any_magnitude(of),
-            // `between` needs a finite span, so half the range is drawn and doubled.
+            // `between` needs a finite span.
             _ => 2.0 * of.between(-0.5 * f32::MAX, 0.5 * f32::MAX),
         });
         Sphere::new(center, radius)
     })
 }
 
-/// A box of overlapping spheres with radii from 0 to a third of the box.
+/// Overlapping spheres in a box.
 pub fn soup(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| {
         let radius = match of.below(7) {
@@ -198,8 +194,7 @@ pub fn soup(words: &SceneSeed) -> Vec<Sphere> {
 
 pub const TABLE_WORDS: usize = 41;
 
-/// Returns up to four species with all kinds of interactions. Distances may be 0, the exact distance of two spheres, or
-/// larger than all radii. `ids` has one word per sphere.
+/// Distances may be 0, exact distances of spheres, or larger than all radii. `ids` has one word per sphere.
 pub fn mixture(spheres: &[Sphere], table: &[u32; TABLE_WORDS], ids: &[u32]) -> SpeciesSetup {
     let mut choices = SeedReader::new(table);
     let count = 1 + choices.below(4);

@@ -1,4 +1,4 @@
-//! Scenes that are hard on grids: single ones, each for one reason, and families that shrink.
+//! Scenes that are hard on grids.
 
 pub mod hard;
 pub mod motion;

@@ -1,8 +1,7 @@
 use lazygrid::{Skin, Sphere};
 
-/// Returns a fixed skin of `part` times the first nonzero radius, or [`Skin::Auto`] if the product is 0. If all radii
-/// are 0, the first nonzero distance of consecutive spheres replaces the radius; without one, 1 does. The skin is
-/// clamped to 10⁻¹⁴ to 10¹⁷.
+/// Returns a skin of `part` times the first nonzero radius, clamped to 10⁻¹⁴ to 10¹⁷, or [`Skin::Auto`] if
+/// the product is 0. Without such a radius, uses the first nonzero distance of consecutive spheres, or 1.
 pub fn skin_of(spheres: &[Sphere], part: f32) -> Skin {
     let radius = spheres.iter().map(|sphere| sphere.radius).find(|&radius| radius > 0.0);
     let apart = |two: &[Sphere]| two[0].center.distance(two[1].center);
@@ -20,7 +19,7 @@ pub(crate) fn stride(spheres: &[Sphere]) -> f32 {
     if radius > 0.0 { radius.min(1e30) } else { 1.0 }
 }
 
-/// Moves each sphere by up to `part` times the largest radius (or 1 if all radii are 0) along each axis.
+/// Moves each sphere by up to `part` times the `stride` along each axis.
 pub fn walk(spheres: &mut [Sphere], part: f32, step: u32) {
     let far = part * stride(spheres);
     for (sphere, k) in spheres.iter_mut().zip(0_u32..) {

@@ -20,7 +20,7 @@ pub const FAMILIES: [PeriodicSceneFamily; 6] = [
     PeriodicSceneFamily { name: "giants in small boxes", scene: giant },
 ];
 
-/// Draws each axis from `lengths`. One axis in four is unbounded.
+/// One axis in four is unbounded.
 pub fn lengths(of: &mut SeedReader<'_>, lengths: &[f32]) -> [Option<f32>; 3] {
     [(); 3].map(|()| {
         let (length, is_unbounded) = (of.of(lengths), of.once_in(4));
@@ -36,8 +36,7 @@ fn in_box(spheres: Vec<Sphere>, lengths: [Option<f32>; 3]) -> TestInput {
     TestInput { space: space(lengths), ..spheres.into() }
 }
 
-/// Lattice sites in exact contact, in a box of a whole number of spacings, shifted by whole boxes and half spacings.
-/// Some spheres have twice the radius, are points, or exceed the box.
+/// Lattice sites in exact contact. Some spheres exceed the box.
 pub fn lattice(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let spacing = choices.of(&[1.0_f32, 0.25, 3.0, 1.0 / 1024.0]);
@@ -50,7 +49,7 @@ pub fn lattice(words: &SceneSeed) -> TestInput {
     in_box(spheres, counts.map(|count| count.map(|count| count * spacing)))
 }
 
-/// Radii range from 0 to more than the box, centers up to several boxes from the origin.
+/// Radii range from 0 to more than the box, centers over several boxes.
 pub fn soup(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let lengths = match choices.below(3) {
@@ -70,7 +69,7 @@ pub fn soup(words: &SceneSeed) -> TestInput {
     in_box(spheres, lengths)
 }
 
-/// Spheres at the corner of the box: on the periodic boundary, a few ulp away from it, and at the opposite boundary.
+/// Spheres within a few ulp of the corner and the boundaries.
 pub fn corner(words: &SceneSeed) -> TestInput {
     let lengths = lengths(&mut words.reader(), &[1.0, 10.0, 0.1, 3.3]);
     let spheres = words.each(|of| {
@@ -102,7 +101,7 @@ pub fn unwrapped(words: &SceneSeed) -> TestInput {
     in_box(spheres, lengths.map(Some))
 }
 
-/// Sizes near which `f32` arithmetic changes, up to several boxes from the origin.
+/// Sizes near which `f32` arithmetic changes.
 pub fn extremes(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let unit = extreme_unit(&mut choices);
@@ -119,7 +118,7 @@ pub fn extremes(words: &SceneSeed) -> TestInput {
     in_box(spheres, lengths)
 }
 
-/// One sphere about as large as the box among many much smaller ones.
+/// One sphere about as large as the box among tiny ones.
 pub fn giant(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let lengths = lengths(&mut choices, &[10.0, 6.0, 2.0]);

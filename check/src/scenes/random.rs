@@ -1,4 +1,4 @@
-/// The random numbers of SplitMix64, equal on all platforms.
+/// SplitMix64.
 #[derive(Clone, Debug)]
 pub struct Random(pub u64);
 
@@ -15,7 +15,6 @@ impl Random {
         (self.bits() >> 32) as u32
     }
 
-    /// Returns a number in 0..1.
     pub fn unit(&mut self) -> f32 {
         (self.bits() >> 40) as f32 / (1 << 24) as f32
     }

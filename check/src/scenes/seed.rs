@@ -4,7 +4,7 @@ pub type ElementSeed = [u32; 12];
 
 /// Random words for the whole scene, and for each element (mostly a sphere).
 ///
-/// Elements are independent, so a scene shrinks by removing elements. Smaller words make simpler elements.
+/// A scene shrinks by removing elements. Smaller words make simpler elements.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct SceneSeed {
     pub setup: ElementSeed,
@@ -45,7 +45,7 @@ impl<'a> SeedReader<'a> {
         ((u64::from(self.word()) * u64::from(limit)) >> 32) as u32
     }
 
-    /// Draws one of `values`; small words give the first.
+    /// Draws one of `values`, the first for small words.
     ///
     /// # Panics
     /// If `values` is empty.
@@ -53,24 +53,23 @@ impl<'a> SeedReader<'a> {
         values[self.below(values.len() as u32) as usize]
     }
 
-    /// Returns `true` with probability `1 / times`; `false` for small words.
+    /// Returns `true` with probability `1 / times`.
     pub fn once_in(&mut self, times: u32) -> bool {
         self.below(times) + 1 == times
     }
 
-    /// Draws an integer from `-most` to `most`, near zero for small words.
+    /// Draws from `-most` to `most`, near zero for small words.
     pub fn within(&mut self, most: i32) -> i32 {
         let number = self.below(2 * most as u32 + 1) as i32;
         if number % 2 == 0 { number / 2 } else { -(number / 2) - 1 }
     }
 
-    /// Draws a number from `low` to `high`, whose difference must be finite.
+    /// Draws from `low` to `high`, whose difference must be finite.
     pub fn between(&mut self, low: f32, high: f32) -> f32 {
         low + (self.word() >> 8) as f32 / (1 << 24) as f32 * (high - low)
     }
 
-    /// Draws a non-negative number below the float with these bits: uniform in its bits, so nearly log-uniform in its
-    /// value.
+    /// Draws a nearly log-uniform number below the float with these bits.
     pub fn float_below(&mut self, bits: u32) -> f32 {
         f32::from_bits(self.below(bits))
     }

@@ -16,7 +16,7 @@ pub const FAMILIES: [PeriodicSceneFamily; 7] = [
     PeriodicSceneFamily { name: "the largest spheres in a triclinic cell", scene: largest_spheres },
 ];
 
-/// Returns the cell vectors of these lengths and tilts. An axis without a length is not periodic.
+/// Returns cell vectors as LAMMPS defines them by lengths and tilts.
 pub fn tilted(lengths: [Option<f32>; 3], [xy, xz, yz]: [f32; 3]) -> [Option<Vec3>; 3] {
     let [x, y, z] = lengths;
     [x.map(|x| Vec3::new(x, 0.0, 0.0)), y.map(|y| Vec3::new(xy, y, 0.0)), z.map(|z| Vec3::new(xz, yz, z))]
@@ -35,7 +35,7 @@ fn some_of(of: &mut SeedReader<'_>, edges: [Option<Vec3>; 3]) -> [Option<Vec3>; 
     [0, 1, 2].map(|k| edges[k].filter(|_| taken >> k & 1 == 1))
 }
 
-/// Lattice sites in exact contact, in cells tilted by whole and half sites, some by more than their length.
+/// Lattice sites in exact contact, in cells tilted by whole and half sites.
 pub fn lattice(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let spacing = choices.of(&[1.0_f32, 0.25, 1024.0]);
@@ -50,8 +50,7 @@ pub fn lattice(words: &SceneSeed) -> TestInput {
     in_space(spheres, edges)
 }
 
-/// Cells of any tilt: half a length, as LAMMPS allows, and much more. Radii range from 0 to more than the cell;
-/// coordinates reach several cells from the origin.
+/// Cells with tilts of half a length, as LAMMPS allows, and much more.
 pub fn soup(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let most = choices.of(&[0.5_f32, 0.5, 1.5, 6.0]);
@@ -61,7 +60,7 @@ pub fn soup(words: &SceneSeed) -> TestInput {
     in_space(sizes(words), edges)
 }
 
-/// Cells with vectors of any direction, the longest up to about a hundred times as long as the shortest.
+/// Vectors of any direction, with lengths up to a ratio of about 100.
 pub fn directions(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let mut edge = || {
@@ -77,7 +76,7 @@ pub fn directions(words: &SceneSeed) -> TestInput {
     in_space(sizes(words), edges)
 }
 
-/// Radii range from 0 to more than a cell, centers up to several cells from the origin.
+/// Radii range from 0 to more than a cell.
 pub fn sizes(words: &SceneSeed) -> Vec<Sphere> {
     words.each(|of| {
         let radius = match of.below(10) {
@@ -90,7 +89,8 @@ pub fn sizes(words: &SceneSeed) -> Vec<Sphere> {
     })
 }
 
-/// Spheres of an unwrapped simulation, shifted by whole cell vectors. All values are multiples of 2⁻⁸ below 2¹⁵.
+/// Spheres of an unwrapped simulation, shifted by whole cell vectors. All values are multiples of 2⁻⁸ below
+/// 2¹⁵.
 pub fn carried_away(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let quarters = |of: &mut SeedReader<'_>, most: i32| of.within(most) as f32 / 4.0;
@@ -107,7 +107,7 @@ pub fn carried_away(words: &SceneSeed) -> TestInput {
     in_space(spheres, edges)
 }
 
-/// Spheres at the corner of the cell and at its periodic boundaries, or a few ulp away.
+/// Spheres within a few ulp of the corner and the boundaries.
 pub fn corners(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let lengths = [(); 3].map(|()| Some(choices.of(&[1.0_f32, 10.0, 0.1, 3.3])));
@@ -127,7 +127,7 @@ pub fn corners(words: &SceneSeed) -> TestInput {
     in_space(spheres, edges)
 }
 
-/// Cells and spheres of sizes near which `f32` arithmetic changes.
+/// Sizes near which `f32` arithmetic changes.
 pub fn ends_of_the_range(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let unit = choices.of(&[1e-30_f32, 1e-36, 1e30, 2e36]);
@@ -141,7 +141,7 @@ pub fn ends_of_the_range(words: &SceneSeed) -> TestInput {
     in_space(spheres, edges)
 }
 
-/// Spheres of nearly the largest radii, in space that is periodic along some cell vectors and unbounded across them.
+/// Spheres of nearly the largest radii, in a space that is unbounded along one axis.
 pub fn largest_spheres(words: &SceneSeed) -> TestInput {
     let mut choices = words.reader();
     let unit = choices.of(&[1.0_f32, 1e38, 1e-3]);

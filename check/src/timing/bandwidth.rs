@@ -1,5 +1,4 @@
-//! Times of the radix sort and the prefix scan compared with a plain copy, by GPU timestamps if available. Each result
-//! is checked.
+//! Times of the radix sort and the prefix scan compared with a plain copy.
 
 use std::time::{Duration, Instant};
 
@@ -12,7 +11,7 @@ use crate::Random;
 use crate::device::{download, storage_buffer, submit, upload, wait};
 use crate::kernels::{KernelError, same};
 
-/// Returns the time of work before a measurement, during which an idle GPU raises its clock; 0 for a software adapter.
+/// Returns the time in which an idle GPU raises its clock.
 pub fn warm_up(own: &GpuDevice) -> Duration {
     if own.adapter.is_hardware { Duration::from_secs(1) } else { Duration::ZERO }
 }
@@ -37,7 +36,6 @@ impl Measured {
     }
 }
 
-/// Returns the median; 0 for an empty slice.
 pub fn median(times: &[f64]) -> f64 {
     let mut sorted = times.to_vec();
     sorted.sort_unstable_by(f64::total_cmp);
@@ -52,7 +50,6 @@ pub struct GpuTimer {
 }
 
 impl GpuTimer {
-    /// Creates a timer of `rounds` rounds after a warm-up.
     pub fn new(own: GpuDevice, rounds: usize) -> Result<Self, Error> {
         let ticks = own.adapter.has_timestamps.then(|| {
             let descriptor =
@@ -75,7 +72,7 @@ impl GpuTimer {
         self.ticks.is_some()
     }
 
-    /// Times a copy of the `n` keys and payloads that one pass of a sort reads and writes.
+    /// Times a copy of the keys and payloads that a sort pass moves.
     pub fn copy(&self, n: u32) -> Result<Measured, KernelError> {
         let size = u64::from(n.max(2)) * 8;
         let (from, to) = (storage_buffer(&self.own, size)?, storage_buffer(&self.own, size)?);
@@ -83,7 +80,7 @@ impl GpuTimer {
         Ok(Measured { times, bytes: 2 * size })
     }
 
-    /// Times a prefix scan, which reads each value twice and writes it once.
+    /// Times a scan, which reads each value twice and writes it once.
     pub fn scan(&self, n: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let values = random(n);
         let (fresh, work) = (upload(&self.own, &values)?, storage_buffer(&self.own, u64::from(n) * 4)?);
@@ -101,7 +98,7 @@ impl GpuTimer {
         Ok(Measured { times, bytes: 12 * u64::from(n) })
     }
 
-    /// Times a radix sort, whose passes count keys, scan counters, and move keys and payload.
+    /// Times a sort, whose passes count keys, scan counters, and move keys and payload.
     pub fn sort(&self, n: u32, bits: u32, subgroups: bool) -> Result<Measured, KernelError> {
         let (keys, payload) = (random(n), (0..n).collect::<Vec<_>>());
         let fresh = [upload(&self.own, &keys)?, upload(&self.own, &payload)?];
@@ -125,7 +122,6 @@ impl GpuTimer {
         Ok(Measured { times, bytes: u64::from(bits.div_ceil(DIGIT_BITS)) * a_pass })
     }
 
-    /// Returns the seconds of the commands of `record`, after those of `prepare`.
     fn times(
         &self,
         prepare: impl Fn(&mut wgpu::CommandEncoder),
@@ -172,7 +168,6 @@ impl GpuTimer {
     }
 }
 
-/// Writes a timestamp.
 pub fn stamp(encoder: &mut wgpu::CommandEncoder, queries: &wgpu::QuerySet, at: u32) {
     let writes = wgpu::ComputePassTimestampWrites {
         query_set: queries,

@@ -21,14 +21,12 @@ const SECONDS: f64 = 0.5;
 #[derive(Clone, Debug)]
 pub struct Speed {
     pub pairs: u64,
-    /// Median of a call, with upload of spheres and readback of the count.
+    /// Median of a call, with upload and readback.
     pub seconds: f64,
-    /// Seconds of GPU work by timestamps; without them, and on the CPU, the median of the whole call.
+    /// Seconds of GPU work by timestamps, or else of the whole call.
     pub busy: f64,
-    /// Median seconds of each phase, in execution order.
     pub stages: Vec<(&'static str, f64)>,
     pub rounds: usize,
-    /// `None` on the CPU.
     pub cost: Option<CallCost>,
 }
 
@@ -76,7 +74,6 @@ pub fn on_cpu(algorithm: Algorithm, spheres: &[Sphere]) -> Result<Speed, SkipRea
     speed.map_err(SkipReason::Failed)
 }
 
-/// Checks that `needed` bytes of memory are free; otherwise describes the lack.
 pub fn check_memory(needed: u64) -> Result<(), String> {
     match lacking_memory(needed) {
         None => Ok(()),
@@ -114,7 +111,6 @@ fn timed(
         spent = begun.elapsed().as_secs_f64();
     }
     if times.is_empty() {
-        // A slow call is timed only once, without warm-up.
         times.push(once);
         stages.push(first);
     }
@@ -134,8 +130,8 @@ fn timed(
     })
 }
 
-/// Predicts the seconds of a call by continuing the growth of the last step, at least linearly (quadratically for
-/// `Naive`). Returns 0 without earlier times.
+/// Predicts seconds from the growth of the last step, at least linear (quadratic for `Naive`). Returns 0
+/// without earlier times.
 pub fn forecast(algorithm: Algorithm, before: &[(usize, f64)], spheres: usize) -> f64 {
     let Some(&(last, seconds)) = before.last() else { return 0.0 };
     let growth = (spheres as f64 / last as f64).ln();

@@ -16,7 +16,7 @@ use lazygrid_check::{SpeciesSetup, device};
 use lazygrid_kernels::kernel::{Kernel, Variant};
 pub(crate) use limited_device::limited;
 
-/// The device of all tests of a binary, which keeps compiled kernels.
+/// Shared, as it keeps compiled kernels.
 pub(crate) fn device() -> Option<GpuDevice> {
     or_skip(GpuDevice::shared(SoftwareAdapter::Allow))
 }
@@ -42,7 +42,6 @@ pub(crate) fn session_count(session: &mut GpuSession, spheres: &[Sphere]) -> u64
     session.finish_count(ticket).expect("counted")
 }
 
-/// Species of which 0 and 1, 1 and 2, and two of 2 pair.
 pub(crate) fn four_species(species: Vec<u32>) -> SpeciesSetup {
     use Interaction::{Never, Touch, Within};
     let rows = vec![vec![Never], vec![Within(0.7), Never], vec![Never, Within(0.01), Touch], vec![Never; 4]];

@@ -1,5 +1,3 @@
-//! Scenes in periodic spaces, and all pairs of minimum images in `f64`.
-
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSession, Outcome};
 use lazygrid::{Algorithm, Pair, Sphere};
 pub(crate) use lazygrid_check::scenes::cloud;
@@ -35,7 +33,7 @@ pub(crate) fn detect(own: &GpuDevice, scene: &Scene, settings: GpuConfig) -> (Ou
     (*session.outcome(), pairs)
 }
 
-/// LazyGrid also with τ of 0, 1 and 8, for deep refinement.
+/// Small τ make LazyGrid refine deeply.
 pub(crate) fn subjects() -> impl Iterator<Item = (Algorithm, u32, GpuConfig)> {
     Algorithm::GPU.iter().flat_map(|&algorithm| {
         let taus: &[u32] = if algorithm == Algorithm::LazyGrid { &[0, 1, 8] } else { &[0] };

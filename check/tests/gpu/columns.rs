@@ -1,5 +1,3 @@
-//! Spheres in columns give the same pairs as rows.
-
 use crate::common::scenes::{cloud, detect_with, settings, touching, verify};
 use crate::common::{device, download, submit, upload};
 use lazygrid::gpu::{

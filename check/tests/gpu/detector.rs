@@ -1,5 +1,3 @@
-//! `GpuDetector` on a caller's device: hard scenes against all pairs in `f64`.
-
 use crate::common::scenes::{cloud, detect, detect_with, scenes, settings, touching, verify};
 use crate::common::{Random, device, download, four_species, upload};
 use bytemuck::Zeroable;
@@ -19,7 +17,7 @@ fn every_scene_agrees_with_all_pairs() {
                 let scene = format!("{name}, {algorithm}, subgroups {subgroups}");
                 let mut found = detect(&own, &mut detector, &spheres);
                 if found.outcome.overflow & Outcome::OVERFLOW_ENTRIES != 0 {
-                    // Many refined levels have more entries than the initial capacity.
+                    // Many refined levels exceed the initial capacity.
                     assert!(detector.set_entry_capacity(found.outcome.entries_needed()), "{scene}");
                     found = detect(&own, &mut detector, &spheres);
                 }
@@ -51,8 +49,7 @@ fn grid_of_few_cells_finds_each_pair_once() {
     }
 }
 
-/// Small spheres at the surfaces of much larger ones, also below the lowest center, and a crowd elsewhere that makes
-/// all small spheres leave the cells of the large ones.
+/// The crowd makes all small spheres leave the cells of the large ones.
 #[test]
 fn small_spheres_below_the_lowest_center_are_found() {
     let Some(own) = device() else { return };
@@ -165,7 +162,7 @@ fn interactions_determine_pairs() {
     }
 }
 
-/// A radius, a distance or coordinates around a median may be -0.0, whose bits are a large integer.
+/// The bits of -0.0 are a large integer.
 #[test]
 fn sign_of_zero_is_ignored() {
     let Some(own) = device() else { return };

@@ -1,5 +1,5 @@
-//! The kernels under transformations that WGSL allows and fast-math compilers make. Results stay within the contract
-//! only with the guards of `evaluation_order.wgsl`.
+//! The kernels under transformations that WGSL allows and fast-math compilers make. Results stay within the
+//! contract only with the guards of `evaluation_order.wgsl`.
 
 mod inline;
 mod rewrite;
@@ -25,11 +25,9 @@ fn unguarded(text: &str, function: &str) -> String {
     format!("{before}{header}{body}\n}}{after}")
 }
 
-/// The order of evaluation decides: differences across the periodic boundary, tiny differences of large coordinates,
-/// and the largest floats.
 fn scenes() -> Vec<Scene> {
-    // Multiples of one ulp of 500. Odd distances across the boundary are multiples of half an ulp of 1000, where a sum
-    // is rounded; some lie just below the cutoff of 51.5 units.
+    // Multiples of one ulp of 500. Odd distances across the boundary are multiples of half an ulp of 1000,
+    // where a sum is rounded; some lie just below the cutoff of 51.5 units.
     let unit = (-15.0_f32).exp2();
     let at_boundary = (1..=75).flat_map(|k| [500.0 - k as f32 * unit, k as f32 * unit - 500.0]);
     let at_boundary = at_boundary.map(|x| Sphere::new([x, 0.0, 0.0], 25.75 * unit)).collect();
@@ -46,7 +44,6 @@ fn scenes() -> Vec<Scene> {
     ]
 }
 
-/// Many sizes, and sizes near subnormal numbers.
 fn more_scenes() -> Vec<Scene> {
     let sizes = |random: &mut Random| 0.5 * (-(random.unit() * 8.0)).exp2();
     let small = |random: &mut Random| 1e-38 * random.unit();
@@ -142,8 +139,8 @@ fn rebuilds(own: &GpuDevice, rewrite: fn(&str) -> String) -> usize {
     (0..3).filter(|_| call()).count()
 }
 
-/// Compilers may treat one expression differently in two kernels whose results are compared. On llvmpipe this test also
-/// passes without the guard.
+/// Compilers may treat one expression differently in two kernels. On llvmpipe this test also passes without
+/// the guard.
 #[test]
 fn inflated_radii_agree_between_kernels() {
     let Some(own) = device() else { return };

@@ -1,5 +1,3 @@
-//! Single kernels against plain sequential functions, as in `lazygrid check`.
-
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::thread;
 
@@ -7,7 +5,7 @@ use crate::common::device;
 use lazygrid_check::Effort;
 use lazygrid_check::kernels::CHECKS;
 
-/// The driver's compiler, on one core, takes most of the time.
+/// Called by several threads, as the driver compiles a kernel on one core.
 fn faults(next: &AtomicUsize) -> Vec<String> {
     let Some(own) = device() else { return Vec::new() };
     std::iter::from_fn(|| CHECKS.get(next.fetch_add(1, Relaxed)))

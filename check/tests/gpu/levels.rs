@@ -1,5 +1,3 @@
-//! EagerGrid and LazyGrid with several levels, against all pairs in `f64`.
-
 use crate::common::scenes::{Found, detect, scenes, settings, touching, verify};
 use crate::common::{Random, device, session_pairs};
 use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSession, Outcome};

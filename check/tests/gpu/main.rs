@@ -1,4 +1,4 @@
-//! The GPU path on a device that all tests of this binary share, so that each kernel is compiled once.
+//! All tests share a device, so that each kernel is compiled once.
 
 #[path = "../common/mod.rs"]
 mod common;

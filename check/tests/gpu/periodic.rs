@@ -1,5 +1,3 @@
-//! `GpuDetector` in periodic spaces against all pairs of nearest images in `f64`.
-
 use crate::common::periodic::{Scene, cloud, detect, lengths, subjects};
 use crate::common::{Random, device, four_species};
 use lazygrid::Sphere;
@@ -20,7 +18,7 @@ fn octaves(random: &mut Random) -> f32 {
     0.5 * (-((random.word() % 11) as f32) - random.unit()).exp2()
 }
 
-/// About half the coordinates are near the periodic boundary of a cube with this edge.
+/// Half of the coordinates are near the periodic boundary.
 fn at_seams(seed: u64, n: usize, edge: f32, radius: impl Fn(&mut Random) -> f32) -> Vec<Sphere> {
     let mut random = Random(seed);
     let mut place = || match random.word() % 2 {
@@ -31,7 +29,7 @@ fn at_seams(seed: u64, n: usize, edge: f32, radius: impl Fn(&mut Random) -> f32)
     centers.into_iter().map(|center| Sphere::new(center, radius(&mut random))).collect()
 }
 
-/// With the default cell ratio, the coarsest cells are twice as large as the largest diameter: here one unit.
+/// The coarsest cells are one unit wide, with the default cell ratio.
 #[test]
 fn boxes_of_few_cells() {
     let Some(own) = device() else { return };
@@ -45,7 +43,7 @@ fn boxes_of_few_cells() {
     }
 }
 
-/// If the number of cells along a ring were one or two above a multiple of eight, its ends would share keys.
+/// A ring with one or two cells more than a multiple of eight would share keys at its ends.
 #[test]
 fn keys_shared_by_cells_of_a_ring_lose_no_pair() {
     let Some(own) = device() else { return };
@@ -158,7 +156,7 @@ fn species_in_a_periodic_box() {
     check(&own, &scene);
 }
 
-/// Several cells share a key, runs of entries are long, and the periodic boundary cuts the crowd in two.
+/// Cells share keys, runs are long, and the boundary cuts the crowd.
 #[test]
 fn crowds_on_the_periodic_boundary_of_a_large_box() {
     let Some(own) = device() else { return };

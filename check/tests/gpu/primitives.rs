@@ -1,5 +1,4 @@
-//! Radix sort and prefix scan with more workgroups than one dispatch dimension holds, and cases that the drivers of
-//! test machines do not show.
+//! Cases that the drivers of test machines do not show.
 
 use std::mem::replace;
 
@@ -12,7 +11,7 @@ use lazygrid_check::kernels::primitives;
 use lazygrid_kernels::kernel::{Access, Kernel, RADIX_SCAN, RADIX_SCATTER, SCAN_SPINE, SCAN_TILE, Variant};
 use lazygrid_kernels::layout::SortCounts;
 
-/// Workgroups along one dimension: the digits of a sort pass, which each device supports.
+/// Workgroups along one dimension, which each device supports: the digits of a sort pass.
 const ROW: u32 = 256;
 /// A partial last row of tiles.
 const MANY: usize = 1_100_001;
@@ -27,7 +26,8 @@ fn dispatch_over_several_dimensions() {
 
 fn run_text(own: &GpuDevice, name: &'static str, text: String, buffers: &[(Access, &wgpu::Buffer)]) {
     let accesses = buffers.iter().map(|(access, _)| *access);
-    // SAFETY: the text is a kernel's with its threads in another order. `kernels/tests/loops.rs` checks its loops.
+    // SAFETY: the text is a kernel's with its threads in another order. `kernels/tests/loops.rs` checks its
+    // loops.
     let (pipeline, layout) = unsafe { own.compile(name, accesses, text) }.expect("compiled");
     let resources = buffers.iter().map(|(_, buffer)| buffer.as_entire_binding());
     let entries: Vec<_> =
@@ -42,7 +42,7 @@ fn run_text(own: &GpuDevice, name: &'static str, text: String, buffers: &[(Acces
     });
 }
 
-/// Between two barriers threads may run in any order, but software adapters start with the first.
+/// Threads may run in any order between two barriers, but software adapters start with the first.
 fn both_ways(kernel: &Kernel) -> [String; 2] {
     let forwards = kernel.wgsl(Variant::default());
     let backwards = forwards.replace("Thread(local_invocation)", "Thread(255u - local_invocation)");

@@ -1,5 +1,3 @@
-//! Many spheres in one call, and many consecutive calls.
-
 use std::time::Duration;
 
 use crate::common::{Random, device, limited, new_device, session_count, session_pairs};
@@ -44,7 +42,6 @@ fn lists_agree(own: &GpuDevice, spheres: &[Sphere], detector: &mut Detector, alg
 fn millions_of_spheres_in_one_call() {
     let Some(own) = device() else { return };
     for (n, algorithm) in [(2_000_000, Algorithm::CellList), (600_000, Algorithm::LazyGrid)] {
-        // The spheres fill a twentieth of the box.
         let edge = (n as f32 * 4.188_79 * 0.125 / 0.05).cbrt();
         lists_agree(&own, &uniform(1, n, edge, 0.5), &mut cpu(), &[algorithm]);
     }
@@ -63,11 +60,10 @@ fn thousands_of_coincident_spheres_are_counted_exactly() {
     for algorithm in [Algorithm::Naive, Algorithm::ArrayGrid, Algorithm::CellList] {
         count(14_000, algorithm);
     }
-    // The least number whose counters take several workgroups to scan, with a workgroup for each chunk of candidates.
+    // The least number whose counters take several workgroups to scan.
     count(21_845, Algorithm::CellList);
 }
 
-/// Thousands of spheres in each of about twenty cells.
 #[test]
 fn eighty_thousand_crowded_spheres() {
     let Some(own) = device() else { return };
@@ -80,7 +76,7 @@ fn eighty_thousand_crowded_spheres() {
     assert!(agree(found, expected), "{found} instead of {expected}");
 }
 
-/// Entries at ten levels in eight cells each, most of them passive, searched in many submissions.
+/// Most entries are passive, and the search takes many submissions.
 #[test]
 fn ten_thousand_spheres_of_ten_sizes_at_one_point() {
     let Some(own) = device() else { return };
@@ -104,7 +100,7 @@ fn one_giant_among_a_hundred_thousand_grains() {
     lists_agree(&own, &spheres, &mut detector, &[Algorithm::LazyGrid, Algorithm::CellList]);
 }
 
-/// `LAZYGRID_SOAK_STEPS` sets the number of steps (20,000 for a release). Counts and lists alternate.
+/// `LAZYGRID_SOAK_STEPS` sets the number of steps (20,000 for a release).
 #[test]
 fn soak_of_changing_sizes_and_shapes() {
     // Other tests allocate memory of the shared device.
@@ -114,7 +110,7 @@ fn soak_of_changing_sizes_and_shapes() {
     let mut session = GpuSession::new(own.clone(), GpuConfig::default()).expect("made");
     session.set_timeout(Duration::from_secs(60));
     let mut detector = cpu();
-    // Both calls in flight first get the largest input and result, so that later growth is a leak.
+    // Both calls in flight get the largest input first, so later growth is a leak.
     let largest = [uniform(0, LARGEST, 20.0, 0.5), vec![Sphere::new([0.0; 3], 0.25); CROWD]];
     for spheres in &largest {
         let tickets = [(); 2].map(|()| session.begin(Spheres::from(spheres)).expect("begun"));
@@ -130,7 +126,7 @@ fn soak_of_changing_sizes_and_shapes() {
             true => session.finish_count(ticket).expect("counted"),
             false => session.finish(ticket, u64::MAX).expect("found").len() as u64,
         };
-        // Checks one step in each hundred, at a changing position, to cover each kind of scene and result.
+        // The position changes, to cover each kind of scene.
         if step % 100 == step / 100 % 100 {
             let expected = count_on_cpu(&mut detector, &spheres);
             assert!(agree(found, expected), "step {step}: {found} instead of {expected}");

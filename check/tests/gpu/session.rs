@@ -1,5 +1,3 @@
-//! `GpuSession` and `Detector` on the GPU against the CPU.
-
 use std::ops::ControlFlow;
 
 use crate::common::{Random, device, finished, limited, session_count, session_pairs};
@@ -30,7 +28,6 @@ fn gpu(config: Config) -> Detector {
     Detector::new(config.backend(Backend::Gpu)).expect("an adapter")
 }
 
-/// Returns the pairs of a stream in chunks of at most 1000.
 fn streamed(detector: &mut Detector, spheres: &[Sphere]) -> Vec<Pair> {
     let mut pairs = Vec::new();
     let handed = detector.stream(spheres, 1000, |chunk| {
@@ -59,7 +56,6 @@ fn lists_counts_neighbors_and_streams_agree_with_the_cpu() {
             let report = detector.report();
             assert_eq!((report.backend, report.pairs), (Backend::Gpu, wanted.len() as u64));
             let is_timed = report.phases.iter().any(|phase| phase.name == "search");
-            // A call answered from the candidate list has no search phase.
             assert!(report.adapter.is_some() && (is_timed || report.candidates.is_some()));
         }
     }
@@ -130,8 +126,6 @@ fn third_call_in_flight_is_refused() {
     assert_eq!(pairs, expected(&scenes[5]));
 }
 
-/// Crowds of a thousand spheres, searched one block of entries at a time, while another call in flight uses the same
-/// buffers.
 #[test]
 fn call_without_species_does_not_use_those_of_an_earlier_one() {
     let Some(own) = device() else { return };
@@ -180,8 +174,7 @@ fn crowded_searches_continue_over_several_submissions() {
     }
 }
 
-/// Groups in one cell of LazyGrid and twenty levels of EagerGrid, beyond the entry capacity of a first call; and a
-/// crowd that takes several submissions.
+/// The groups exceed the entry capacity of a first call, and the crowd takes several submissions.
 #[test]
 fn retried_call_keeps_its_algorithm_and_pairs() {
     let Some(own) = device() else { return };
@@ -277,7 +270,7 @@ fn memory_estimate_includes_the_species_of_each_call() {
     for ticket in tickets {
         session.finish_count(ticket).expect("counted");
     }
-    // Two calls in flight have two buffers of ids each of 4 bytes per sphere, of up to 2^15 spheres.
+    // Two calls in flight have two buffers of ids each, of 4 bytes per sphere, for up to 2^15 spheres.
     assert!(estimate(&settings) >= estimate(&plain) + 2 * 4 * (1 << 15));
     assert!(session.held_bytes() <= estimate(&settings));
 }
@@ -331,7 +324,7 @@ fn candidate_overflow_never_fails_a_call() {
         assert_eq!(found, (n * (n - 1) / 2) as u64, "{n}, {what}");
         session.kept().map(|kept| (kept.count, kept.age, kept.rebuilt))
     };
-    // The initial capacity is 4096 candidates, the largest one 131,072.
+    // The initial capacity is 4096 candidates, the largest 131,072.
     assert_eq!(count(80, "few"), Some((3160, 0, Some(RebuildReason::NoList))));
     assert_eq!(count(80, "few again"), Some((3160, 1, None)));
     assert_eq!(count(400, "more"), Some((79_800, 0, Some(RebuildReason::NoList))));
@@ -347,7 +340,7 @@ fn candidate_overflow_never_fails_a_call() {
     );
 }
 
-/// The sizes take all sorts: counted in one or several scans, and by radix.
+/// The sizes take all sorts.
 #[test]
 fn slowly_moving_spheres_are_surveyed_every_seventeenth_call() {
     let Some(own) = device() else { return };
@@ -371,7 +364,6 @@ fn slowly_moving_spheres_are_surveyed_every_seventeenth_call() {
     }
 }
 
-/// Both calls in flight refuse the cells of an earlier call, and are repeated.
 #[test]
 fn calls_in_flight_are_repeated_if_reused_cells_do_not_suit() {
     let Some(own) = device() else { return };

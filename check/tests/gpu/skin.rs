@@ -1,5 +1,3 @@
-//! `GpuSkinDetector` against all pairs, with small and large displacements.
-
 use crate::common::{Random, device, download, scenes, submit, upload};
 use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSkinDetector, GpuSpheres, Outcome, SkinState, SphereCount};
 use lazygrid::{Algorithm, Interaction, Pair, Space, Sphere};
@@ -147,7 +145,6 @@ fn changed_spheres_rebuild_the_list() {
     ask(&scenario, 0, "nothing new");
 }
 
-/// Two species by turns. The first touches itself, the second has the interactions `of_second`.
 fn two_species(own: &GpuDevice, of_second: [Interaction; 2]) -> (TestInput, GpuSkinDetector) {
     let rows = vec![vec![Interaction::Touch], of_second.to_vec()];
     let species: Vec<u32> = (0..700).map(|k| k % 2).collect();
@@ -196,7 +193,7 @@ fn spheres_that_never_pair_may_move_and_grow() {
     ask(&scenario, SkinState::DISPLACEMENT, "far");
 }
 
-/// Radii to which half a skin cannot be added without loss, up to the largest float.
+/// Radii to which half a skin cannot be added without loss.
 #[test]
 fn largest_radii_have_no_candidate_list() {
     let Some(own) = device() else { return };

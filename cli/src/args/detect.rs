@@ -51,7 +51,6 @@ impl Detect {
         Ok(Some(Output { path: (!to_stdout).then(|| path.clone()), format }))
     }
 
-    /// Returns `true` if no search runs on the CPU.
     pub(crate) fn is_on_gpu(&self) -> bool {
         let runs_on_cpu = self.algorithm == Algorithm::Auto || Algorithm::CPU.contains(&self.algorithm);
         match self.backend {
@@ -61,7 +60,6 @@ impl Detect {
         }
     }
 
-    /// Returns `true` if the searches on a GPU run on a software adapter.
     pub(crate) fn has_software_adapter(&self) -> Result<bool, CliError> {
         if !self.is_on_gpu() {
             return Ok(false);

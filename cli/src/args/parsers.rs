@@ -46,7 +46,7 @@ pub(super) fn skin(text: &str) -> Result<Skin, String> {
     }
 }
 
-/// Parses a path whose extension tells a format; the text lists them.
+/// Parses a path whose extension names a format; the text lists the extensions.
 #[derive(Clone)]
 pub(super) struct PathWith<T>(pub(super) fn(&Path) -> Option<T>, pub(super) &'static str);
 

@@ -15,7 +15,7 @@ pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), CliError> {
     check_memory("the calibration", NEEDED + memory_of_driver_threads())?;
     let own = adapter.map_or_else(|| GpuDevice::shared(SoftwareAdapter::Allow), GpuDevice::shared_adapter);
     let own = own.map_err(CliError::Calibration)?;
-    // Before measurements that take seconds.
+    // Fails before measurements that take seconds.
     calibration_file::check_writable()?;
     let mut printer = Printer::default();
     printer.print(format!(

@@ -23,7 +23,7 @@ const KERNELS: u64 = 20;
 const SCENES: u64 = 40;
 const SPEEDS: u64 = 60;
 
-/// Slower scenes are skipped; with `--full` twenty times as long.
+/// Slower scenes are skipped; `--full` multiplies the limit by 20.
 const SCENE_SECONDS: f64 = 0.2;
 
 /// Bytes of the scenes, and of the smallest timed calls; larger ones are skipped if memory is short.
@@ -32,7 +32,7 @@ const FULL_CPU_BYTES: u64 = 1 << 30;
 /// Bytes that a software driver maps (llvmpipe). It ends the process if memory is refused to it.
 const GPU_BYTES: u64 = 700 << 20;
 
-/// To shrink a failing case.
+/// Attempts to shrink a failing case.
 const TRIES: usize = 1500;
 
 /// Failing rounds that end the fuzzer.
@@ -46,7 +46,7 @@ pub(crate) fn run(args: &Check) -> Result<(), CliError> {
         Err(reason) => (None, Some(reason)),
     };
     let on_cpu = args.backend != Checked::Gpu;
-    // Caught panics are reported with the other failures.
+    // Caught panics are reported as failures.
     std::panic::set_hook(Box::new(|panic| log::info!("{panic}")));
     let backends = u64::from(on_cpu) + u64::from(gpu.is_some());
     let fuzz = args.fuzz.map_or(0, |time| time.as_secs());
@@ -75,7 +75,6 @@ fn cpu_bytes(args: &Check) -> u64 {
     if args.full { FULL_CPU_BYTES } else { CPU_BYTES }
 }
 
-/// Returns the reason if no GPU is to be checked.
 fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, CliError> {
     if args.backend == Checked::Cpu {
         return match &args.adapter {
@@ -109,7 +108,6 @@ struct Runner<'a> {
     variant: &'a DetectorVariant,
     pace: Pace,
     left_out: usize,
-    /// Scenes that [`DetectorVariant::takes`] refuses.
     not_taken: usize,
     wrong: usize,
     smallest: Option<(&'a SceneCase, String)>,
@@ -130,7 +128,6 @@ impl<'a> Runner<'a> {
     }
 }
 
-/// Sums the scenes of variants by algorithm and backend, without zeros.
 fn by_algorithm(runners: &[Runner<'_>], scenes: fn(&Runner<'_>) -> usize) -> Vec<(String, usize)> {
     let mut sums: Vec<(String, usize)> = Vec::new();
     for (variant, scenes) in runners.iter().map(|runner| (runner.variant, scenes(runner))) {
@@ -252,7 +249,6 @@ impl Work<'_> {
         self.tell(|| report.fuzz(first, rounds, &tally, start.elapsed()));
     }
 
-    /// Runs a seed's round and sequence of calls. Returns the number of wrong ones.
     fn round(&self, seed: u64, tally: &mut Tally, report: &mut Report) -> usize {
         let (gpu, has_gpu) = (self.gpu.as_ref(), self.gpu.is_some());
         let round = Sequence::round(seed, self.on_cpu, has_gpu).check(gpu, TRIES, &mut Tally::default());

@@ -40,10 +40,10 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
     }
     let to_stdout = output.as_ref().is_some_and(|output| output.path.is_none());
     let own_output = output.as_ref().is_some_and(has_number);
-    // A single frame's output keeps its temporary name until no second frame appears.
+    // The output keeps its temporary name until no second frame appears.
     let (mut files, mut printer) = (Vec::new(), Printer::default());
     while let Some(IndexedFrame { number, mut frame, time }) = input.next()? {
-        // Bytes on standard output cannot be taken back.
+        // Bytes on standard output cannot be withdrawn.
         if !files.is_empty() || (to_stdout && !input.is_last()?) {
             return Err(CliError::SeveralFrames { path: input::name(&args.file).to_owned() });
         }
@@ -139,7 +139,7 @@ fn refuse_too_little_memory(
     }
 }
 
-/// Refuses an output that would replace the spheres or the excluded pairs, under any name.
+/// Refuses an output that is an input file under any name.
 fn refuse_inputs(args: &Detect, output: &Output) -> Result<(), CliError> {
     let spheres = input::handle(&args.file).map(|handle| (input::name(&args.file), handle));
     let excluded = args.exclude.as_deref();
@@ -152,7 +152,7 @@ fn refuse_input(args: &Detect, output: &Output, path: &Path, read: &Handle) -> R
     let refused = match output.path {
         None => same(Handle::stdout()).then(|| output.name().to_owned()),
         Some(_) => {
-            // Opening a FIFO would wait for its other end.
+            // Opening a FIFO would block.
             let is_file = |file: &_| std::fs::metadata(file).is_ok_and(|metadata| metadata.is_file());
             let files = output.files(args.neighbors, args.ids);
             files.into_iter().filter(is_file).find(|file| same(Handle::from_path(file)))
@@ -166,7 +166,6 @@ fn has_number(output: &Output) -> bool {
 }
 
 fn numbered(output: &Output, frame: usize) -> Output {
-    // `Detect::output` refuses {frame} in a name that is not UTF-8.
     let with_number = |path: &Path| match path.to_str() {
         Some(text) => PathBuf::from(text.replace(FRAME, &frame.to_string())),
         None => path.to_owned(),

@@ -17,7 +17,7 @@ pub(crate) fn run(args: &Generate) -> Result<(), CliError> {
         let limit = limit.name();
         return Err(CliError::TooLittleMemoryToGenerate { spheres: args.spheres, needed, available, limit });
     }
-    // Otherwise refused memory would end the program.
+    // A refused allocation would end the process.
     Vec::<Sphere>::new().try_reserve_exact(n).map_err(|_| CliError::NoMemory { spheres: args.spheres })?;
     let progress = Progress::new(None);
     progress.say(format!("generating {n} spheres"));

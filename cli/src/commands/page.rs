@@ -14,7 +14,7 @@ use crate::error::CliError;
 use crate::progress::Progress;
 
 const PAGE: &str = include_str!("page/page.html");
-/// In the order in which they use each other's names.
+/// Scripts in the order in which they use each other's names.
 const SCRIPTS: [&str; 6] = [
     include_str!("page/player.js"),
     include_str!("page/bundle.js"),
@@ -42,7 +42,6 @@ pub(crate) fn run(args: &PageArgs) -> Result<(), CliError> {
         out.write_all(before.as_bytes())?;
         base64(out, &packed)?;
         out.write_all(between.as_bytes())?;
-        // One `"use strict"` is enough.
         out.write_all(SCRIPTS.concat().as_bytes())?;
         out.write_all(after.as_bytes())
     })?;

@@ -53,7 +53,7 @@ fn once(run: Run, args: &Simulate) -> Result<(), CliError> {
     let (end, simulation) = run.run(|simulation| {
         if !started {
             started = true;
-            // Steps of an earlier run are not part of the speed.
+            // Steps of an earlier run must not count in the speed.
             bar.set_position(simulation.step_count().into());
             bar.reset_eta();
         }

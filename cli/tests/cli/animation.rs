@@ -1,4 +1,3 @@
-//! `lazygrid simulate --animate`: the page, also in a browser.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
@@ -86,7 +85,6 @@ fn the_page_has_every_particle_of_every_frame() {
     let scratch = Scratch::new();
     let out = animated(&scratch, "out", &["--animate-every", "4"]);
     let page = fs::read_to_string(out.clone() + "/animation.html").unwrap();
-    // Opens without a network.
     assert!(!page.contains("://") && page.contains("default-src 'none'"));
     let scene = scene(&page);
     assert_eq!((&scene["title"], &scene["note"]), (&"clouds, seed 5".into(), &"".into()));
@@ -98,7 +96,6 @@ fn the_page_has_every_particle_of_every_frame() {
         let npy = fs::read(format!("{out}/frame-{step:09}.npy")).unwrap();
         let end = 10 + usize::from(u16::from_le_bytes([npy[8], npy[9]]));
         let word = |bytes: &[u8]| <[u8; 4]>::try_from(bytes).unwrap();
-        // Particles are sorted by species, then id.
         let mut expected: Vec<(u32, [f32; 3])> = npy[end..]
             .chunks_exact(24)
             .map(|row| {
@@ -126,7 +123,7 @@ fn the_page_has_every_particle_of_every_frame() {
     assert!(lines[1]["counts"][0] == 300 && lines[1]["counts"][20].as_u64().unwrap() < 10, "{}", lines[1]);
 }
 
-/// A rising receiver, and hardly any acid, whose color is similar.
+/// A rising receiver and little acid, as both have similar colors.
 fn with_a_rising_receiver() -> String {
     let rising = "kind = \"transparent\"\n[[receiver]]\nname = \"rx-two\"\ncenter = [0, -1.2, 0]\nradius = 0.5\n\
                   kind = \"transparent\"\nvelocity = [0, 60, 0]";
@@ -206,7 +203,6 @@ fn screenshot(browser: &str, scratch: &Scratch, page: &str, hash: &str, more: &[
     decoded(&fs::read(shot).unwrap(), SIZE)
 }
 
-/// Pixels with a hue like `like`, without the controls.
 fn hued(pixels: &[[u8; 3]], like: [u8; 3]) -> usize {
     rows_of(pixels, like).len()
 }

@@ -1,5 +1,3 @@
-//! `lazygrid check` on small scenes; its unit tests have wrong detectors.
-
 use lazygrid::Algorithm;
 use lazygrid::gpu::adapters;
 use serde_json::Value;

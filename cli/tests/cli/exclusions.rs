@@ -1,5 +1,3 @@
-//! `lazygrid detect` with excluded pairs.
-
 use lazygrid_tests::command::{Scratch, data, table};
 
 use crate::{LAZYGRID, detect_file};

@@ -1,5 +1,3 @@
-//! Runs leave the files of others alone.
-
 use std::fs;
 use std::path::Path;
 use std::process::Command;
@@ -104,7 +102,7 @@ fn resumed_replicas_leave_files_of_others_alone() {
     for name in ["series.csv", "frame-000000002.npy", "bit-errors.csv"] {
         let own = second.clone() + name;
         fs::write(&own, "the work of years\n").unwrap();
-        // A refused run leaves no sign that the files are its own.
+        // A refused run must not claim the files.
         for _ in 0..2 {
             let said = simulate("2", &["--resume"]).fails().err;
             let message = format!("it holds a file {name} of no run that can be continued; move the file");
@@ -113,14 +111,14 @@ fn resumed_replicas_leave_files_of_others_alone() {
         }
         fs::remove_file(own).unwrap();
     }
-    // A run that ends before its first checkpoint leaves files that are its own.
+    // A run that ends before its first checkpoint keeps its own files.
     let frame = second.clone() + "frame-000000000.npy";
     fs::create_dir(&frame).unwrap();
     assert!(simulate("2", &["--resume"]).fails().err.contains("frame-000000000.npy: cannot write"));
     assert!(fs::exists(second.clone() + "series.csv").unwrap());
     fs::remove_dir(&frame).unwrap();
     simulate("2", &["--resume"]).succeeds();
-    // So are those of a replica whose checkpoint is lost, but not those of another seed.
+    // A replica whose checkpoint is lost also keeps its files, unless their seed differs.
     fs::remove_file(second.clone() + "checkpoint").unwrap();
     fs::rename(second.clone() + ".lock", scratch.path("lock")).unwrap();
     fs::copy(run.clone() + "/replica-0000/.lock", second.clone() + ".lock").unwrap();
@@ -154,7 +152,6 @@ fn report_leaves_tables_and_pages_of_others_alone() {
         };
         assert!(said.contains(&format!("it holds a file {name} {reason}")), "{said}");
         assert_eq!((read(name), read("report.html")), ("the work of years\n".to_owned(), page));
-        // More steps outdate the report, but not the file of others.
         steps += 1;
         simulate(&["--resume", "--steps", &steps.to_string()]).succeeds();
         assert_eq!(read(name), "the work of years\n");
@@ -190,7 +187,6 @@ fn report_replaces_own_files_with_other_line_ends() {
     assert!(!fs::read_to_string(run + "/bit-errors.csv").unwrap().contains('\r'));
 }
 
-/// A scenario with a receiver, for all tables of a report.
 fn channel() -> String {
     let text = scenario("bits = \"1011\"\nsymbol-time = 5e-3")
         .replace("[[species]]", "[output]\narrivals = true\n[[species]]");
@@ -229,7 +225,6 @@ fn resumed_run_refuses_reports_of_others_before_its_first_step() {
             fs::write(&path, own).unwrap();
         }
         if k == 2 {
-            // No step of this point is left.
             let path = format!("{run}/point-0000/report.html");
             let own = fs::read(&path).unwrap();
             fs::write(&path, "the work of years\n").unwrap();
@@ -239,14 +234,11 @@ fn resumed_run_refuses_reports_of_others_before_its_first_step() {
             assert!(said.contains("it holds a file report.html "), "{said}");
             assert!(!Path::new(&format!("{run}/point-0002/checkpoint")).exists());
             fs::write(&path, own).unwrap();
-            // The report of a sweep has no tables.
             fs::write(run.clone() + "/bit-errors.csv", "the work of years\n").unwrap();
         }
-        // Names that no report uses are of no concern.
         let mine = scratch.write(&format!("run-{k}/plots/mine.svg"), "the work of years\n");
         simulate("21", &["--resume"]).succeeds();
         assert_eq!(fs::read_to_string(mine).unwrap(), "the work of years\n");
-        // Without steps, the report is made from the same files.
         fs::remove_file(run.clone() + "/report.html").unwrap();
         fs::remove_dir_all(run.clone() + "/plots").unwrap();
         simulate("21", &["--resume"]).succeeds();
@@ -282,7 +274,6 @@ fn resumed_run_refuses_pages_and_copies_of_others_that_it_would_replace() {
             LAZYGRID.run(["simulate", &file, "--output", &run].iter().chain(more).chain(steps))
         };
         simulate(&[]).succeeds();
-        // Its own files are replaced.
         simulate(&["--resume", "--steps", "21"]).succeeds();
         let path = format!("{run}/{result}");
         assert!(fs::exists(&path).unwrap(), "{name}");
@@ -303,7 +294,6 @@ fn resumed_run_refuses_pages_and_copies_of_others_that_it_would_replace() {
     if cfg!(feature = "arrow") {
         let arrow = ["--arrivals-format", "arrow"];
         refuse(&channel(), "logged", &arrow, "releases.arrow");
-        // Copies of fewer steps are removed.
         let (file, run) = (scratch.write("a.toml", &channel()), scratch.path("copied"));
         let simulate = |more: &[&str]| LAZYGRID.run(["simulate", &file, "--output", &run].iter().chain(more));
         simulate(&arrow).succeeds();

@@ -1,5 +1,3 @@
-//! Scenes as files of all formats.
-
 use std::path::Path;
 
 use lazygrid_io::scenes::{Scene, Transceivers};

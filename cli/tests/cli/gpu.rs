@@ -117,7 +117,6 @@ fn the_calibration_is_kept_and_used() {
     assert!(run.out.contains("nanoseconds for each sphere"), "{}", run.out);
     let (measured, _) = reason();
     assert!(measured.contains("(measured on this adapter)"), "{measured}");
-    // Three size classes.
     let at = below + 2 * kept["calibrations"][0]["per_class"].as_u64().unwrap();
     assert!(measured.contains(&format!(" {at} ")), "{measured}, {kept}");
 

@@ -160,7 +160,6 @@ fn neighbors_are_the_pairs_both_ways() {
     let (_, indices) = npy::<1>(&scratch.path("near.indices.npy"), "<u4");
     assert_eq!(shape, "(301,)");
     assert!(!Path::new(&npy_path).exists());
-    // The high halves of the 64-bit offsets are zero.
     let offsets: Vec<_> = offsets.into_iter().map(|[low, high]| (low as usize, high).0).collect();
     let lists = offsets
         .windows(2)

@@ -1,5 +1,4 @@
-//! Under a memory limit a command ends with an error or succeeds, never by a signal. `LAZYGRID_TEST_FULL=1` sweeps
-//! more limits.
+//! A command under a memory limit never ends by a signal. `LAZYGRID_TEST_FULL=1` tries more limits.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 #![expect(clippy::print_stderr, reason = "a skipped test says why")]
 
@@ -28,7 +27,6 @@ shape = { kind = \"gaussian\", width = 40.0 }
 release = [{ species = \"A\", count = COUNT }, { species = \"B\", count = COUNT }]
 ";
 
-/// Limits the address space. Returns the exit code and standard error.
 fn limited(mebibytes: u64, args: &[&str]) -> (i32, String) {
     limited_with(mebibytes, &[], args)
 }
@@ -124,7 +122,6 @@ fn checkpoints_and_series_that_do_not_fit_are_refused() {
     }
 }
 
-/// A search of `f64` spheres needs a copy in `f32`.
 #[test]
 fn announced_memory_counts_the_copy_of_f64_spheres() {
     const SPHERES: u64 = 500_000;
@@ -147,10 +144,9 @@ fn announced_memory_counts_the_copy_of_f64_spheres() {
     assert_eq!(needed(&wide, &periodic), needed(&narrow, &periodic));
 }
 
-/// A software driver maps hundreds of MiB, and ends the process if it is refused the last of these.
+/// A software driver ends the process if memory is refused.
 #[test]
 fn commands_on_a_gpu_under_any_memory_limit_end_without_a_signal() {
-    // Drivers of hardware map more than these limits.
     let adapters = lazygrid::gpu::adapters();
     if adapters.is_empty() || adapters.iter().any(|adapter| adapter.is_hardware) {
         return eprintln!(

@@ -1,4 +1,3 @@
-//! Overwritten and temporary files of `lazygrid detect`.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
@@ -131,7 +130,7 @@ mod stopped {
         for (signal, number) in [("-INT", 2), ("-TERM", 15)] {
             let scratch = Scratch::new();
             let mut child = begun(&scratch);
-            // Its end would end the file.
+            // A closed standard input would complete the file.
             let _open = child.stdin.take();
             send(signal, &child);
             let ended = child.wait_with_output().unwrap();
@@ -153,7 +152,6 @@ mod stopped {
         assert_eq!(scratch.names().len(), 4);
 
         detect([&file, "-o", &scratch.path("other.csv")]).succeeds();
-        // The ended process's file is gone; the other process continues.
         assert_eq!(scratch.names().len(), 4, "{:?}", scratch.names());
         drop(live.stdin.take());
         assert!(live.wait().unwrap().success());

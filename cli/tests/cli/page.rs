@@ -1,4 +1,3 @@
-//! Plans on another implementation of WebGPU (Dawn in Node, on SwiftShader), and the page in a browser.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
@@ -29,7 +28,6 @@ fn tool(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cli/page").join(name)
 }
 
-/// Returns `true` if Node with Dawn and SwiftShader are installed; else prints a skip.
 fn has_dawn() -> bool {
     let package = Path::new(env!("CARGO_MANIFEST_DIR")).join("../kernels/tint/node_modules/webgpu");
     let missing = if !package.exists() {
@@ -121,7 +119,7 @@ fn exported_plans_find_the_pairs_of_the_cpu_on_dawn() {
     for algorithm in ["lazy-grid", "cell-list"] {
         exported.push(export(&scratch, &periodic, &["--algorithm", algorithm]));
     }
-    // The host's buffer has the number; the plan is for more.
+    // The plan has room for more spheres than the buffer's count.
     exported.push(export(&scratch, &mixed, &["--algorithm", "cell-list", "-n", "5000", "--count-in-buffer"]));
     // Crowded cells need indirect dispatches.
     let crowded = TestInput::from(vec![Sphere::new([3.0, -1.0, 7.0], 0.25); 300]);
@@ -218,7 +216,7 @@ fn measurement_of_the_page_has_the_rows_of_lazygrid_check() {
     if !has_dawn() {
         return;
     }
-    // One tile of a crowd per submission, so that calls of the burst are divided.
+    // One tile per submission divides the calls of the burst.
     let report = on_dawn(&["measure", PAGE.to_str().unwrap(), "3000"]);
     assert_eq!((&report["wrong"], &report["ok"]), (&0.into(), &true.into()), "{:#}", report["failures"]);
     let speeds = report["speeds"].as_array().unwrap();
@@ -235,7 +233,7 @@ fn measurement_of_the_page_has_the_rows_of_lazygrid_check() {
 
 const SIZE: [usize; 2] = [1100, 700];
 
-/// Opens the page until `until` is true. Returns the text of `#result`, the console, and a screenshot.
+/// Opens the page until `until` is true. Returns the text of `#result`, the console and a screenshot.
 fn visit(scratch: &Scratch, browser: &str, page: &str, until: &str) -> (String, Vec<String>, Vec<[u8; 3]>) {
     let (profile, picture) = (scratch.path("profile"), scratch.path("page.png"));
     let size = SIZE.map(|length| length.to_string());

@@ -1,5 +1,3 @@
-//! `lazygrid detect` on periodic files.
-
 use lazygrid::Sphere;
 use lazygrid_io::read::Frames;
 use lazygrid_io::scenes::Scene;
@@ -99,7 +97,6 @@ fn a_box_may_change_from_frame_to_frame() {
     assert_eq!(counts, boxes.map(|lengths| brute_force(&spheres(), lengths).len()));
 }
 
-/// Tests every image up to three cell vectors away, in `f64`.
 fn brute_force_of_edges(spheres: &[Sphere], edges: [[f64; 3]; 3]) -> Vec<[u32; 2]> {
     let steps = (0..343).map(|k| [k % 7 - 3, k / 7 % 7 - 3, k / 49 - 3].map(f64::from));
     let images: Vec<[f64; 3]> =
@@ -147,7 +144,7 @@ fn a_box_that_leans_is_used_and_said() {
     assert!(run.err.contains("(1000000000, 16, 0)"), "{}", run.err);
 }
 
-/// The contract uses numbers as given. In 32 bits the length would be 0.100000001.
+/// The length would be 0.100000001 in `f32`.
 #[test]
 fn lengths_and_tilts_are_not_rounded() {
     let scratch = Scratch::new();
@@ -178,7 +175,7 @@ fn lengths_and_tilts_are_not_rounded() {
     assert_eq!(object["cell_vectors"][1], json!([0.1, 4.0, 0.0]));
 }
 
-/// The pour has fixed walls (`BOX BOUNDS ff ff ff`). A periodic box adds pairs across its walls.
+/// A periodic box adds pairs across the file's fixed walls (`BOX BOUNDS ff ff ff`).
 #[test]
 fn the_pour_is_not_periodic_and_could_be() {
     let scratch = Scratch::new();

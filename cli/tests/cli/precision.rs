@@ -1,5 +1,4 @@
-//! Spheres within 2 ulp of tangency in `f64`, which numbers rounded to `f32` would decide otherwise, against the
-//! contract's expression.
+//! Spheres within 2 ulp of tangency in `f64`, which rounding to `f32` would decide otherwise.
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fmt::Write as _;
@@ -18,7 +17,6 @@ const UNBOUNDED: Edges = [None; 3];
 struct Random(u64);
 
 impl Random {
-    /// Returns a number from 0 to 1.
     fn next(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 53) as f64
@@ -29,7 +27,6 @@ fn dot([x, y, z]: [f64; 3]) -> f64 {
     x * x + y * y + z * z
 }
 
-/// Returns `cⱼ − cᵢ + S·e` for the multiples `s`, as the contract writes it.
 fn image(a: &[f64; 4], b: &[f64; 4], edges: &Edges, s: [f64; 3]) -> [f64; 3] {
     let e = edges.map(|edge| edge.unwrap_or_default());
     [0, 1, 2].map(|k| (b[k] - a[k]) + (s[0] * e[0][k] + s[1] * e[1][k] + s[2] * e[2][k]))
@@ -51,8 +48,7 @@ fn in_f32(rows: &[[f64; 4]]) -> Rows {
     rows.iter().map(|row| row.map(|number| f64::from(number as f32))).collect()
 }
 
-/// Returns pairs of spheres that touch, within 2 ulp, the second at an image in the box. Asserts that numbers in `f32`
-/// have other pairs.
+/// Returns tangent pairs, and asserts that `f32` finds others.
 fn tangent(edges: &Edges, seed: u64) -> Rows {
     let mut random = Random(seed);
     let mut rows = Rows::new();
@@ -108,7 +104,6 @@ fn doubles(rows: &[[f64; 4]]) -> Vec<u8> {
     array("'<f8'", &format!("({}, 4)", rows.len()), body)
 }
 
-/// Runs the outputs on every backend.
 fn check(scratch: &Scratch, file: &str, options: &[&str], expected: &[[u32; 2]]) {
     for backend in if has_gpu() { &["cpu", "gpu"][..] } else { &["cpu"] } {
         let run = |more: &[&str]| {
@@ -123,10 +118,8 @@ fn check(scratch: &Scratch, file: &str, options: &[&str], expected: &[[u32; 2]])
         run(&["--count"]);
         run(&["-o", &csv]);
         assert_eq!(table(&csv), expected, "{file} {options:?} on {backend}");
-        // More pairs than the limit are streamed.
         run(&["-o", &npy_path, "--max-pairs", "7"]);
         assert_eq!(npy::<2>(&npy_path, "<u4").1, expected, "{file} {options:?} on {backend}");
-        // Each run on a GPU opens the device.
         if *backend == "gpu" && !file.ends_with("a.csv") {
             continue;
         }
@@ -164,7 +157,7 @@ fn spheres_in_boxes_are_decided_in_f64() {
     let [long, high] = [-0.3, 9.87];
     let orthogonal = [[10.1, 0.0, 0.0], [0.0, 10.3, 0.0], [0.0, 0.0, high - long]].map(Some);
     let slab = [orthogonal[0], orthogonal[1], None];
-    // A residue that 32-bit spheres would not feel, and a tilt.
+    // A tilt below the precision of `f32`, and a larger one.
     let residue = [Some([10.1, 0.0, 0.0]), Some([1e-9, 10.3, 0.0]), Some([0.0, 0.0, high - long])];
     let tilted = [Some([10.1, 0.0, 0.0]), Some([0.7, 10.3, 0.0]), Some([0.0, 0.1, high - long])];
     let lattice = |edges: &Edges| {
@@ -198,7 +191,7 @@ fn ids_groups_exclusions_and_frames_are_those_of_f64_spheres() {
     let rows = tangent(&UNBOUNDED, 6);
     let all = brute_force(&rows, &UNBOUNDED);
     let excluded = scratch.write("excluded.csv", &format!("{},{}\n", all[0][0], all[0][1]));
-    // The spheres of the pair `all[1]` are a molecule. All others belong to no molecule.
+    // The spheres of `all[1]` are a molecule.
     let group = |k: usize| u32::from(all[1].contains(&(k as u32)));
     let line = |k: usize| format!("{},{},{}", lines(&rows[k..=k], ",").trim_end(), k, group(k));
     let table_of = |order: &mut dyn Iterator<Item = usize>| {
@@ -216,7 +209,7 @@ fn ids_groups_exclusions_and_frames_are_those_of_f64_spheres() {
         });
         assert_eq!(text, expected, "{backend}");
 
-        // The spheres move by less than the skin, and some pairs with them.
+        // The moves are smaller than the skin, and some pairs change.
         let scenes = [0.0, 1e-9, 3e-9, 0.0].map(|by| {
             let mut moved = rows.clone();
             moved.iter_mut().step_by(2).for_each(|row| row[1] += by);
@@ -267,7 +260,7 @@ fn precision_follows_the_file_unless_it_is_given() {
     assert!(detect([&text]).succeeds().out.lines().any(|line| line == "precision  f64"));
 }
 
-/// Two spheres are 0.2 apart, rounded up to an `f32` number. Radii of 0.1 do not reach that far, but in `f32` they do.
+/// The distance is 0.2 rounded up to `f32`. Radii of 0.1 touch in `f32`, but not in `f64`.
 #[test]
 fn given_radii_are_not_rounded() {
     let scratch = Scratch::new();

@@ -1,5 +1,3 @@
-//! Refused inputs and environments.
-
 use std::fs;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -150,7 +148,7 @@ fn pairs_are_written_into_a_pipe_with_a_name() {
     assert_eq!(String::from_utf8_lossy(&read), expected.out);
 }
 
-/// Refused by a stack that no system has.
+/// The requested stack is larger than any system grants.
 #[cfg(unix)]
 #[test]
 fn refused_thread_for_signals_is_an_error() {
@@ -198,7 +196,7 @@ fn resumed_sweep_looks_only_at_replicas_that_exist() {
     assert!(begun.elapsed() < Duration::from_secs(60), "{:?}", begun.elapsed());
 }
 
-/// Takes minutes, exceeds the disk, or is cancelled by the signal.
+/// Ignoring the signal would take minutes or exceed the disk.
 #[test]
 fn billions_of_replicas_take_no_memory_and_obey_sigterm() {
     let scratch = Scratch::new();

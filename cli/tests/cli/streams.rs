@@ -1,5 +1,3 @@
-//! `lazygrid detect` in pipelines.
-
 #![expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 use std::fs;
@@ -86,7 +84,7 @@ fn pairs_go_to_standard_output_and_the_summary_aside() {
     assert_eq!(detect([&one, "-o", "-"]).succeeds().out, "i,j\n0,1\n");
     let run = LAZYGRID.run_with_closed_output(["detect", &file, "-o", "-"]);
     assert_eq!(run.code, Some(0), "{}", run.err);
-    // A file that is read cannot be appended to.
+    // A file must not be appended to while it is read.
     let both = fs::File::options().append(true).open(&file).unwrap();
     let run =
         Command::new(env!("CARGO_BIN_EXE_lazygrid")).args(["detect", &file, "-o", "-"]).stdout(both).output();

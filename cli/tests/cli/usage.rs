@@ -1,5 +1,3 @@
-//! Arguments, help and completions.
-
 use lazygrid_tests::command::data;
 
 use crate::{LAZYGRID, lazygrid};

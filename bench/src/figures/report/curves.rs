@@ -1,5 +1,3 @@
-//! Plots of one curve per engine on logarithmic axes.
-
 use super::super::row::Row;
 use super::table::engines;
 use lazygrid_report::plot::{Axes, PlotPoint, Series};
@@ -9,7 +7,6 @@ pub(super) fn logarithmic<'a>(title: &'a str, x: (&'a str, Quantity), y: (&'a st
     Axes { scales: [Scale::Logarithmic; 2], title, x, y }
 }
 
-/// Returns a curve per engine, through the points of its timed rows.
 pub(super) fn curves(
     rows: &[&Row],
     point: impl Fn(&Row) -> PlotPoint,

@@ -145,7 +145,7 @@ fn phases(rows: &[&Row]) -> Option<Table> {
     })
 }
 
-/// Lists the phases; GPU phases are part of the phase in which the host waits.
+/// GPU phases are part of the phase in which the host waits.
 fn listed(phases: &[(String, f64)]) -> String {
     let has_waited = phases.iter().any(|(name, _)| name == "wait");
     let on_device = |name: &str| has_waited && gpu::GpuPhase::ALL.iter().any(|phase| phase.name() == name);

@@ -12,7 +12,6 @@ use lazygrid_report::number::count;
 use lazygrid_report::plot::{Axes, PlotPoint, Series, lines};
 use lazygrid_report::{Plot, Quantity, Section, Table};
 
-/// Point of a row in a plot: position, value, and middle half of the runs.
 type Shown = fn(&Row) -> PlotPoint;
 
 pub(super) fn trees(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
@@ -80,7 +79,7 @@ pub(super) fn step_length(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     Ok(section)
 }
 
-/// Returns the section of figure 5a, which plots times, or of 5b, which plots speed-ups.
+/// Figure 5a plots times, 5b speed-ups.
 pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let (title, text) = match figure {
         Figure::F5a => {

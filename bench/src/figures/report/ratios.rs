@@ -1,5 +1,3 @@
-//! Speed-ups of lazygrid over its peers, and the points where it is not faster.
-
 use std::fmt;
 
 use super::super::row::{Row, Status, quartiles};
@@ -22,9 +20,8 @@ pub(super) const OURS: [&str; 7] = [
 /// Range of time ratios that is inconclusive if single steps differ in both directions.
 pub(super) const NEAR: std::ops::RangeInclusive<f64> = 0.9..=1.1;
 
-/// Ratios of a peer's time to lazygrid's.
 pub(super) struct Times {
-    /// Ratio of the total times of all common steps, because trees are slow only occasionally.
+    /// Ratio of the totals of all common steps, as trees are slow only occasionally.
     pub(super) total: f64,
     pub(super) by_step: Vec<f64>,
 }

@@ -1,5 +1,3 @@
-//! Transceivers among carriers: the recursive grid compared with all others.
-
 use std::error::Error;
 
 use super::super::figure::Figure;

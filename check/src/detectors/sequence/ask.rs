@@ -16,7 +16,7 @@ pub(super) struct Ask {
     pub(super) split: Option<usize>,
     pub(super) layout: Layout,
     pub(super) is_stopped: bool,
-    /// `true` for exclusions of one set in a query of two sets, or of two sets in a query of one.
+    /// `true` for exclusions of the wrong number of sets.
     pub(super) has_foreign_exclusions: bool,
 }
 
@@ -24,7 +24,6 @@ pub(super) struct Ask {
 pub(super) enum Layout {
     Rows,
     Columns,
-    /// Rows of `f64`, with equal values.
     WideRows,
 }
 
@@ -41,23 +40,20 @@ pub(super) enum Ending {
     All,
     /// Ends the stream at this chunk, counted from 1.
     Break(usize),
-    /// Panics at this chunk.
     Panic(usize),
     /// Sets the cancel flag at this chunk, and continues.
     Stop(usize),
 }
 
-/// The answer of a detector. In pairs of two sets, `j` is the index of the second sphere among all spheres.
+/// An answer in which pairs of two sets have `j` as an index among all spheres.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Answer {
     Pairs(Vec<Pair>),
     Count(u64),
-    /// Chunks of a stream that broke off, panicked or was cancelled.
     Part(Vec<Pair>),
     Refused(Error),
 }
 
-/// The payload of the consumer's panic.
 struct Thrown;
 
 #[derive(Default)]
@@ -66,7 +62,6 @@ struct Received {
     chunks: usize,
     longest: usize,
     has_ended: bool,
-    /// Number of chunks received after the consumer had ended the stream.
     late: usize,
 }
 
@@ -90,14 +85,13 @@ fn wide_rows(spheres: &[Sphere]) -> Vec<[f64; 4]> {
 }
 
 impl Ask {
-    /// Returns `true` for a query of all spheres to the end, in rows.
     pub(super) fn is_plain(&self) -> bool {
         let ends_early = matches!(self.output, Output::Stream { ending, .. } if ending != Ending::All);
         let is_changed = self.is_stopped || self.has_foreign_exclusions || ends_early;
         self.split.is_none() && self.layout == Layout::Rows && !is_changed
     }
 
-    /// Asks `detector`, and clears `stop` afterwards. An answer that contradicts itself is an error.
+    /// Asks `detector`, and clears `stop` afterwards.
     pub(super) fn answer(
         &self,
         detector: &mut Detector,

@@ -1,4 +1,4 @@
-//! The pairs of a scene by their definition, faster than [`TestInput::oracle`] because distant pairs are skipped.
+//! The pairs of a scene by definition.
 
 use glam::DVec3;
 use lazygrid::{Interaction, Pair};
@@ -6,12 +6,13 @@ use lazygrid::{Interaction, Pair};
 use crate::TestInput;
 use crate::oracle::ImageOracle;
 
-/// Largest distance from the origin in periods. Farther away, too few digits remain for the position in the period.
+/// Largest distance from the origin in periods. Farther away, too few digits remain for the position in the
+/// period.
 const MAX_PERIODS: f64 = 1e4;
 /// Error bounds of a distance along an axis: relative to the distance, and relative to the period.
 const ROUNDING: [f64; 2] = [1e-6, 1e-9];
 
-/// Returns the pairs in canonical order. `is_wide` means spheres in `f64`, which are not wrapped into their box first.
+/// Spheres in `f64` (`is_wide`) are not wrapped into the box first.
 pub(super) fn pairs(scenario: &TestInput, is_wide: bool) -> Vec<Pair> {
     let sieve = Sieve::new(scenario);
     let images = scenario.space.triclinic_cell().map(|_| ImageOracle::of(&scenario.space));
@@ -37,21 +38,19 @@ pub(super) fn pairs(scenario: &TestInput, is_wide: bool) -> Vec<Pair> {
     pairs
 }
 
-/// Evaluates the documented expression for the distance of spheres in `f64`.
 fn distance_squared_of_wide(scenario: &TestInput, i: usize, j: usize) -> f64 {
     let [from, to] = [i, j].map(|k| scenario.spheres[k].center.as_dvec3().to_array());
     let [x, y, z] = scenario.space.minimum_image(from, to).vector;
     x * x + y * y + z * z
 }
 
-/// Excludes spheres that are too far apart along some direction.
+/// Skips distant pairs.
 struct Sieve {
     axes: Vec<Axis>,
 }
 
 struct Axis {
     positions: Vec<f64>,
-    /// Infinite if the axis is not periodic.
     period: f64,
     max_distance: f64,
 }
@@ -85,8 +84,7 @@ impl Sieve {
 }
 
 impl Axis {
-    /// Projects the centers onto `row`, whose products are periods on periodic axes. Returns `None` if too few digits
-    /// remain.
+    /// Returns `None` if too few digits remain.
     fn new(scenario: &TestInput, row: DVec3, period: f64, largest_cutoff: f64) -> Option<Self> {
         let mut positions: Vec<f64> =
             scenario.spheres.iter().map(|sphere| row.dot(sphere.center.as_dvec3())).collect();

@@ -10,7 +10,7 @@ use crate::detectors::variant::TargetDevice;
 use crate::scenes::{hard, periodic, triclinic};
 use crate::{DetectorVariant, Random, SceneSeed, SpeciesSetup, TestInput};
 
-/// Makes a sequence unrelated to the [round](Sequence::round) of the same seed.
+/// Makes a sequence unrelated to the round of the same seed.
 const OTHER: u64 = 0x5e90_e4ce;
 /// First of the eight kinds of spaces with tilted cell vectors.
 const TRICLINIC: u32 = 6;
@@ -37,7 +37,7 @@ pub(super) fn sequence(seed: u64, variant: impl FnOnce(&mut Random) -> DetectorV
     Sequence { seed, settings, steps }
 }
 
-/// Draws a variant, mostly with an algorithm that keeps candidates.
+/// Prefers algorithms that keep candidates.
 pub(super) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> DetectorVariant {
     let variant = round::variant(random, on_cpu, on_gpu);
     let keeper = [Algorithm::Auto, Algorithm::CellList][random.below(2) as usize];
@@ -53,7 +53,6 @@ pub(super) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Detect
     }
 }
 
-/// Draws a skin in proportion to the radii, a skin that the detector chooses, or none.
 fn skin(random: &mut Random, variant: DetectorVariant, radius: f32) -> Skin {
     let keeps = matches!(variant.target, TargetDevice::Gpu { .. })
         || matches!(variant.algorithm, Algorithm::Auto | Algorithm::CellList);
@@ -68,7 +67,7 @@ fn skin(random: &mut Random, variant: DetectorVariant, radius: f32) -> Skin {
     }
 }
 
-/// Draws a number of spheres, mostly a small one, often near the crossover to a cell list.
+/// Prefers numbers near the crossover to a cell list.
 pub(super) fn number(random: &mut Random, variant: DetectorVariant, most: usize) -> usize {
     let is_on_gpu = matches!(variant.target, TargetDevice::Gpu { .. });
     let about_crossover = if variant.algorithm == Algorithm::Auto { 9 } else { 4 };
@@ -84,7 +83,7 @@ pub(super) fn number(random: &mut Random, variant: DetectorVariant, most: usize)
 }
 
 fn world(random: &mut Random, variant: DetectorVariant) -> World {
-    // Rare sizes far from 1 make the detector give up candidate lists.
+    // Sizes far from 1 make the detector give up candidate lists.
     let scales = [1.0, 1.0, 1.0, 1.0, 0.01, 37.0, 1e-12, 1e12];
     let radius = scales[random.below(8) as usize];
     let family = random.below(8);
@@ -152,7 +151,7 @@ fn draw_space(random: &mut Random, kind: u32, extent: [f32; 3]) -> Space {
     }
 }
 
-/// Draws the interactions of up to four species. Those of the first species ignore radii.
+/// Interactions of the first species ignore radii.
 fn rows(random: &mut Random, radius: f32) -> Vec<Vec<Interaction>> {
     let count = 1 + random.below(4);
     let mut interaction = |may_touch: bool| match random.below(8) {
@@ -177,7 +176,6 @@ fn step(random: &mut Random, world: &mut World, k: u32) -> Step {
         if random.below(4) == 0 {
             world.scenario = before;
         } else {
-            // The next call has the same input without the error.
             world.held = world.held.max(1);
         }
     } else if random.below(60) == 0 {
@@ -186,13 +184,13 @@ fn step(random: &mut Random, world: &mut World, k: u32) -> Step {
     Step { scenario, changes, ask }
 }
 
-/// Changes the world and names the changes; small steps have no name.
+/// Changes `world`, and names the changes; small steps have no name.
 fn change(random: &mut Random, world: &mut World, k: u32) -> Vec<&'static str> {
     if world.held > 0 {
         world.held -= 1;
         return vec!["still"];
     }
-    // The first calls are similar, so that a candidate list is built.
+    // Lets the detector build a candidate list.
     let most = if k < 3 { world.calm.max(8) } else { world.calm };
     match random.below(10) {
         kind if kind < most => {

@@ -18,18 +18,17 @@ pub(super) struct World {
     pub(super) radius: f32,
     pub(super) extent: [f32; 3],
     pub(super) motion: f32,
-    /// Number of calls in ten before which the spheres only move a little.
+    /// Number of calls in ten that only move the spheres a little.
     pub(super) calm: u32,
     pub(super) variant: DetectorVariant,
     pub(super) most: usize,
-    /// Number of further calls without changes, which reveal stale state.
+    /// Further calls without changes, which reveal stale state.
     pub(super) held: u32,
 }
 
 impl World {
     pub(super) fn new_spheres(&self, random: &mut Random, n: usize) -> Vec<Sphere> {
         let kind = if random.below(2) == 0 { 0 } else { random.below(10) };
-        // Small spheres have few pairs until they grow.
         let unit = if random.below(3) == 0 { 0.2 * self.radius } else { self.radius };
         let sphere = |k| {
             let center = place(random, self.extent);
@@ -75,7 +74,7 @@ impl World {
     }
 
     fn radii(&mut self, random: &mut Random) -> &'static str {
-        // A candidate list that missed growing radii would lose pairs.
+        // A list that misses growing radii loses pairs.
         let grown = [0.5, 1.0, 2.0, 3.0][random.below(4) as usize];
         let (one, unit) = (self.one(random), self.radius * grown);
         let classes = 1 + random.below(9) as i32;

@@ -1,7 +1,5 @@
-//! Sequences of random calls of one detector, determined by the seed.
-//!
-//! Most calls keep the spheres, so that candidate lists are reused. Others change the input, fail, are cancelled, break
-//! off or panic. Each answer must match the definition and a new detector.
+//! Sequences of random calls of one detector. Most only move the spheres, so candidate lists are reused. Each
+//! answer must match the definition and a new detector.
 
 use std::fmt;
 use std::sync::Arc;
@@ -57,11 +55,9 @@ pub struct Tally {
     pub calls: u64,
     /// Calls that reused a candidate list.
     pub served: u64,
-    /// Calls that returned an error.
     pub refused: u64,
 }
 
-/// The index of a failing call, and a description.
 type Wrong = (usize, String);
 
 impl Sequence {
@@ -69,7 +65,7 @@ impl Sequence {
         draw::sequence(seed, |random| draw::variant(random, on_cpu, on_gpu))
     }
 
-    /// Draws at most six calls, most of them with unrelated scenes, from all families of scenes.
+    /// Draws few calls with mostly unrelated scenes of all families.
     pub fn round(seed: u64, on_cpu: bool, on_gpu: bool) -> Self {
         round::round(seed, on_cpu, on_gpu)
     }
@@ -78,8 +74,7 @@ impl Sequence {
         draw::sequence(seed, |_| variant)
     }
 
-    /// Runs the sequence with a new detector. Reduces the calls and spheres of a failure in at most `tries` further
-    /// runs.
+    /// Shrinks a failure in at most `tries` further runs.
     pub fn check(self, gpu: Option<&Gpu>, tries: usize, tally: &mut Tally) -> Option<FailedCase> {
         let first = self.run_guarded(gpu, tally);
         tally.sequences += 1;
@@ -92,8 +87,7 @@ impl Sequence {
         Some(FailedCase { name, what, scenario, options, environment })
     }
 
-    /// Returns the options of `lazygrid detect` that repeat the only call; empty if calls precede it or no option
-    /// repeats it.
+    /// Returns the options of `lazygrid detect` that repeat a single call.
     fn options(&self, gpu: Option<&Gpu>) -> String {
         let Settings { variant, skin, order, max_pairs, rows, .. } = &self.settings;
         let own = variant.options(gpu);
@@ -118,7 +112,6 @@ impl Sequence {
         run.map_err(|what| (at, format!("call {} of {}: {what}", at + 1, self.steps.len())))
     }
 
-    /// Stores the index of the current call in `at`.
     fn run(&self, gpu: Option<&Gpu>, at: &mut usize, tally: &mut Tally) -> Result<(), String> {
         let stop = Arc::new(AtomicBool::new(false));
         let config = self.settings.config(gpu)?.cancel_flag(stop.clone());
@@ -160,8 +153,7 @@ impl Settings {
         Ok(config.interactions(table))
     }
 
-    /// Returns the configuration of a new detector, on the CPU with one thread: more threads do not change the answer,
-    /// and a pool takes longer to create than the call.
+    /// Uses one CPU thread: creating a pool takes longer than a call, and threads do not change the answer.
     fn fresh(&self, config: Config) -> Config {
         match self.variant.target {
             TargetDevice::Cpu { .. } => config.threads(1),
@@ -169,7 +161,7 @@ impl Settings {
         }
     }
 
-    /// On a GPU, where creating a detector takes longer than many calls, compares only errors and every eighth call.
+    /// Creating a detector on a GPU takes longer than many calls, so only some are compared.
     fn compares_with_new(&self, k: usize, answer: &Answer) -> bool {
         let is_on_cpu = matches!(self.variant.target, TargetDevice::Cpu { .. });
         is_on_cpu || k % 8 == 7 || matches!(answer, Answer::Refused(_))

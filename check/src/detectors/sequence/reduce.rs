@@ -2,7 +2,6 @@ use super::ask::Layout;
 use super::{Sequence, Step, Wrong};
 use crate::{TestInput, shrink};
 
-/// Reduces a failing sequence in at most `tries` runs.
 pub(super) fn reduce(
     sequence: Sequence,
     wrong: Wrong,
@@ -57,7 +56,6 @@ impl<R: Fn(&Sequence) -> Result<(), Wrong>> Best<R> {
         self.attempt(smaller);
     }
 
-    /// Drops ever smaller groups of spheres, with equal indices in all calls.
     fn drop_spheres(&mut self) {
         let most = |sequence: &Sequence| sequence.steps.iter().map(|step| step.scenario.spheres.len()).max();
         let mut group = most(&self.sequence).unwrap_or(0).div_ceil(2);
@@ -78,7 +76,6 @@ impl<R: Fn(&Sequence) -> Result<(), Wrong>> Best<R> {
         }
     }
 
-    /// Removes spheres from the last call alone, and rounds their numbers.
     fn shrink_last(&mut self) {
         let last = self.sequence.steps.len() - 1;
         let mut smaller = self.sequence.clone();

@@ -1,5 +1,3 @@
-//! Few calls with scenes of all families, most of them unrelated to the scene before.
-
 use glam::DVec3;
 use lazygrid::{Algorithm, Order, Simd};
 
@@ -54,8 +52,8 @@ fn step(output: Output, scenario: TestInput) -> Step {
     Step { scenario, changes: Vec::new(), ask }
 }
 
-/// The family of a round's scenes, and the words that determine their cell. Spheres of another family may be too many
-/// boxes away for `f64` to distinguish the images.
+/// Fixes the cell of all scenes. Spheres of another family may be too many boxes away for `f64` to
+/// distinguish the images.
 #[derive(Clone, Copy)]
 struct Triclinic {
     family: PeriodicSceneFamily,
@@ -69,7 +67,7 @@ impl Triclinic {
     }
 }
 
-/// Returns `true` if `f64` still distinguishes the images of spheres after a [walk].
+/// Returns `true` if `f64` still distinguishes images after a [walk].
 fn stays_near(scenario: &TestInput) -> bool {
     let least = 1e-6 * f64::from(stride(&scenario.spheres));
     let mut edges = scenario.space.cell_vectors().into_iter().flatten();

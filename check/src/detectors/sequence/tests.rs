@@ -45,7 +45,6 @@ fn rounds_are_reproducible_and_pass_on_the_cpu() {
     assert!(triclinic > 80 && less > 80, "{triclinic} triclinic, {less} with exclusions");
 }
 
-/// Answers by the definition, after `spoil` has changed the pairs.
 fn answers(sequence: &Sequence, spoil: impl Fn(&mut Vec<Pair>)) -> Result<(), Wrong> {
     sequence.steps.iter().enumerate().try_for_each(|(k, step)| {
         let mut pairs = step.scenario.oracle();

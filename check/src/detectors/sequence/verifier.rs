@@ -12,9 +12,9 @@ pub(super) struct Verifier<'a> {
 }
 
 enum Expected {
-    /// Texts of the permitted errors, because NaN does not equal itself.
+    /// Texts, because NaN differs from itself.
     Refused(Vec<String>),
-    /// Pairs, and the smallest and largest number of pairs within the tolerance.
+    /// Pairs, and the bounds of their number within the tolerance.
     Pairs(Vec<Pair>, [u64; 2]),
 }
 
@@ -75,7 +75,7 @@ impl<'a> Verifier<'a> {
         }
     }
 
-    /// Checks that each pair occurs once, and that in canonical order the first pairs are complete.
+    /// Requires distinct pairs, and in canonical order a complete beginning.
     fn part(&self, pairs: &[Pair], expected: &[Pair]) -> Result<(), String> {
         self.in_order(pairs)?;
         let mut all: Vec<Pair> = match (self.settings.order, pairs.last()) {
@@ -119,7 +119,6 @@ impl<'a> Verifier<'a> {
         }
     }
 
-    /// Compares the answer with the answer of a new detector.
     pub(super) fn alike(&self, answer: &Answer, fresh: &Answer) -> Result<(), String> {
         use Answer::{Count, Pairs, Part, Refused};
         if let Err(what) = self.verdict(fresh) {
@@ -129,7 +128,6 @@ impl<'a> Verifier<'a> {
             matches!(self.step.ask.output, Output::Stream { ending, .. } if ending != Ending::All);
         let may_fall_either_way = self.tolerance != Tolerance::Exact;
         let same = match (answer, fresh) {
-            // A cancelled search may end at any chunk.
             _ if self.step.ask.is_stopped || ends_early => true,
             (Refused(Error::TooManyPairs { .. }), Refused(Error::TooManyPairs { .. }))
                 if may_fall_either_way =>
@@ -137,7 +135,7 @@ impl<'a> Verifier<'a> {
                 true
             }
             (Refused(a), Refused(b)) => format!("{a:?}") == format!("{b:?}"),
-            // Each answer was already checked with its tolerance.
+            // The verdict already allowed for the tolerance.
             (Pairs(_), Pairs(_)) | (Count(_), Count(_)) if may_fall_either_way => true,
             (Pairs(a), Pairs(b)) if self.settings.order == Order::Unordered => sorted(a) == sorted(b),
             (Pairs(a), Pairs(b)) => a == b,
@@ -183,7 +181,6 @@ fn is_asked(pair: Pair, split: Option<u32>) -> bool {
     split.is_none_or(|split| pair.i < split && pair.j >= split)
 }
 
-/// Returns the smallest and largest number of pairs within the tolerance.
 fn counts(step: &Step, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
     if tolerance == Tolerance::Exact {
         return [expected.len() as u64; 2];
@@ -202,7 +199,6 @@ fn counts(step: &Step, expected: &[Pair], tolerance: Tolerance) -> [u64; 2] {
     [least, most]
 }
 
-/// Returns the errors that the input permits; none if it is valid.
 fn refusals(settings: &Settings, step: &Step) -> Vec<String> {
     let n = step.scenario.spheres.len();
     let split = step.ask.split.map(|split| split.min(n));

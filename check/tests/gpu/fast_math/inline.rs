@@ -1,4 +1,4 @@
-//! Expands calls of WGSL functions whose body is one `return` statement.
+//! Inlines WGSL functions whose body is one `return` statement.
 
 struct Single {
     name: String,
@@ -8,7 +8,6 @@ struct Single {
 
 pub(crate) fn inlined(text: &str) -> String {
     let mut text = text.to_owned();
-    // Each pass expands one level of nested calls.
     for _ in 0..8 {
         let before = text.clone();
         for single in singles(&before) {

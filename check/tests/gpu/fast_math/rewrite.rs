@@ -9,7 +9,7 @@ use naga::{BinaryOperator, Expression, Function, Handle, MathFunction, Module, S
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Rewrite {
-    /// `(a - b) + (c - d)` becomes `(a + c) - (b + d)`, and similar regroupings of sums.
+    /// `(a - b) + (c - d)` becomes `(a + c) - (b + d)`.
     Reassociate,
     /// `a * c + b * c` becomes `(a + b) * c`.
     Factor,
@@ -21,7 +21,6 @@ pub(crate) enum Rewrite {
     Flush,
 }
 
-/// Applies each rewrite in turn wherever it fits.
 pub(crate) fn rewritten(text: &str, rewrites: &[Rewrite]) -> String {
     let mut text = text.to_owned();
     for &rewrite in rewrites {
@@ -229,7 +228,7 @@ impl Scope<'_> {
         (is_nested || (self.is_repeatable(left) && self.is_repeatable(right))).then_some((op, left, right))
     }
 
-    /// Computed from arguments, constants and read-only buffers alone.
+    /// Returns `true` for values of arguments, constants and read-only buffers alone.
     fn is_repeatable(&self, value: Value) -> bool {
         match self.function.expressions[value] {
             Expression::Literal(_) | Expression::Constant(_) | Expression::FunctionArgument(_) => true,
@@ -271,7 +270,7 @@ impl Scope<'_> {
         (!is_assignment).then_some(range)
     }
 
-    /// Source range of a value. naga's span of a call ends before its arguments.
+    /// naga's span of a call ends before its arguments.
     fn range(&self, value: Value) -> Option<Range<usize>> {
         let range = self.function.expressions.get_span(value).to_range().filter(|range| !range.is_empty())?;
         let mut depth = 0;

@@ -21,20 +21,17 @@ use crate::printer::Printer;
 /// A GPU's count may differ by two tangent pairs, and by one in this number.
 const TANGENT: u64 = 1_000_000;
 
-/// Prints results at once, or as one JSON object at the end.
 pub(super) struct Report {
     is_json: bool,
     printer: Printer,
-    /// Options of this command that select the device.
+    /// Options that select the device.
     device: String,
-    /// Option of this command for the number of scenes.
     effort: &'static str,
     object: Map<String, Value>,
     failures: Vec<Value>,
     files: usize,
     left_out: Vec<Value>,
     speeds: Vec<Value>,
-    /// Spheres and counted pairs.
     counts: Vec<(Scene, usize, u64)>,
     start: Instant,
 }
@@ -237,7 +234,6 @@ impl Report {
         self.compare_count(called, speed.pairs);
     }
 
-    /// Compares with the first count of the same spheres.
     fn compare_count(&mut self, called: Called, pairs: u64) {
         let Called { backend, algorithm, scene, spheres } = called;
         let known = self.counts.iter().find(|(of, n, _)| *of == scene && *n == spheres);

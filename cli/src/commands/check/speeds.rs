@@ -18,7 +18,7 @@ const FULL_TIMES: f64 = 12.0;
 
 const ROUNDS: usize = 7;
 
-/// The CPU comes first: the GPU's counts are compared with its.
+/// Times the CPU first, because the GPU's counts are compared with the CPU's.
 pub(super) fn run(work: &Work<'_>, report: &mut Report) {
     let scenes: &[Scene] = match work.args.effort() {
         Effort::Full => &[Scene::FiveSizes, Scene::Equal, Scene::Burst],
@@ -44,7 +44,7 @@ fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) {
         let mut seconds = 0.0;
         let sizes: &[u32] = if work.args.quick { &[100_000] } else { &[1_000_000, 10_000_000] };
         for &values in sizes {
-            // Predicts ten times as many.
+            // The next size is ten times as large.
             if seconds * 10.0 * (ROUNDS + 1) as f64 > 4.0 * CALL {
                 break;
             }
@@ -79,16 +79,14 @@ struct Race<'a> {
     work: &'a Work<'a>,
     backend: Backend,
     time: Time<'a>,
-    /// In the progress bar.
     from: u64,
     spent: f64,
 }
 
 struct Runner {
     algorithm: Algorithm,
-    /// Spheres and seconds of calls.
     times: Vec<(usize, f64)>,
-    /// `true` after a skipped call: larger inputs are skipped too.
+    /// `true` after a skipped call.
     is_out: bool,
 }
 
@@ -124,7 +122,6 @@ impl<'a> Race<'a> {
         self.work.bar.set_position(self.from + SPEEDS);
     }
 
-    /// Makes spheres on demand.
     fn call(&mut self, runner: &mut Runner, called: Called, spheres: &mut Vec<Sphere>, report: &mut Report) {
         let Called { algorithm, scene, spheres: n, .. } = called;
         if runner.is_out {
@@ -151,7 +148,7 @@ impl<'a> Race<'a> {
                 runner.times.push((n, speed.seconds));
                 self.work.tell(|| report.speed(called, &speed))
             }
-            // An algorithm that never runs has not been checked.
+            // An algorithm that never runs is a failure.
             Err(SkipReason::TooLarge(what)) if n > speed::SIZES[0] => {
                 runner.is_out = true;
                 self.work.tell(|| report.left_out(called, &what))

@@ -10,7 +10,7 @@ pub(crate) struct Excluded {
     path: PathBuf,
     pairs: Vec<(i64, i64)>,
     by_id: bool,
-    /// `true` for each pair that some frame has, by id.
+    /// `true` for pairs of ids that a frame has.
     met: Vec<bool>,
 }
 
@@ -27,7 +27,7 @@ impl Excluded {
         Ok(Some(Self { path: path.clone(), pairs, by_id: args.ids, met }))
     }
 
-    /// Ids of a frame ascend. Absent spheres are in no pair.
+    /// Requires ascending ids.
     pub(crate) fn of(&mut self, frame: &Frame, number: usize) -> Result<Exclusions, CliError> {
         let refused = |reason: Error| CliError::Excluded {
             path: self.path.clone(),
@@ -52,7 +52,6 @@ impl Excluded {
         }
     }
 
-    /// Warns of pairs of ids that no frame has, probably misspelled.
     pub(crate) fn warn_of_unmet(&self) {
         let unmet = || self.pairs.iter().zip(&self.met).filter(|(_, met)| !**met);
         if let Some(((i, j), _)) = unmet().next() {

@@ -16,7 +16,7 @@ use crate::progress::Progress;
 pub(crate) struct Input {
     path: PathBuf,
     frames: Frames,
-    /// Parses text; `None` uses the process's threads.
+    /// `None` uses the process's threads.
     pool: Option<ThreadPool>,
     read: usize,
     wanted: Option<usize>,
@@ -44,7 +44,6 @@ impl Input {
         Ok(Self { path, frames, pool, read: 0, wanted: args.frame, progress })
     }
 
-    /// Fails without the requested frame.
     pub(crate) fn next(&mut self) -> Result<Option<IndexedFrame>, CliError> {
         let start = Instant::now();
         while self.wanted.is_none_or(|wanted| wanted >= self.read) {
@@ -62,7 +61,6 @@ impl Input {
         self.end()
     }
 
-    /// Runs work on the threads that parse.
     pub(crate) fn in_pool<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         in_pool(self.pool.as_ref(), work)
     }
@@ -101,7 +99,6 @@ pub(crate) fn name(file: &Path) -> &Path {
     if file == Path::new(STANDARD) { Path::new("standard input") } else { file }
 }
 
-/// Opens the file or standard input, with its length if known.
 fn open(path: &Path) -> io::Result<(Box<dyn Read + Send>, Option<u64>)> {
     if path == Path::new(STANDARD) {
         return Ok((Box::new(io::stdin()), None));
@@ -111,12 +108,11 @@ fn open(path: &Path) -> io::Result<(Box<dyn Read + Send>, Option<u64>)> {
     Ok((Box::new(file), metadata.is_file().then_some(metadata.len())))
 }
 
-/// Compared with written files.
 pub(crate) fn handle(path: &Path) -> Option<Handle> {
     file_handle(if path == Path::new(STANDARD) { Handle::stdin() } else { Handle::from_path(path) })
 }
 
-/// Returns `None` for a terminal, which may be input and output, and for other things that no output replaces.
+/// `None` for terminals and other things that no output replaces.
 pub(crate) fn file_handle(handle: io::Result<Handle>) -> Option<Handle> {
     handle.ok().filter(|handle| handle.as_file().metadata().is_ok_and(|metadata| metadata.is_file()))
 }

@@ -26,7 +26,7 @@ impl FrameDetector {
         Ok(Self { config, space: Space::UNBOUNDED, detector })
     }
 
-    /// Returns the most bytes of a search without a candidate list, which is dropped if memory is short.
+    /// Returns the bytes without a candidate list, which is dropped if memory is short.
     pub(crate) fn least_memory(&self, frame: &Frame) -> Result<u64, CliError> {
         let config = self.config.clone().space(frame.space).skin(Skin::Off).threads(1);
         let detector = Detector::new(config).map_err(CliError::Setting)?;
@@ -55,7 +55,6 @@ pub(crate) struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Writes the result to `output`, uncommitted.
     pub(crate) fn run(&mut self, output: Option<&Output>) -> Result<Vec<AtomicFile>, CliError> {
         let failure = failure_in(&self.args.file, self.frame);
         self.progress.say(format!("searching {} spheres", self.query.len()));

@@ -11,26 +11,23 @@ pub(crate) struct Summary {
     pub(crate) frame: usize,
     pub(crate) step: Option<i64>,
     pub(crate) space: Space,
-    /// Options gave the space.
     pub(crate) space_given: bool,
     pub(crate) precision: Precision,
     pub(crate) report: Report,
-    /// 0 if the file has none.
     pub(crate) species: usize,
-    /// Besides the search.
     pub(crate) read: Duration,
     pub(crate) write: Option<Duration>,
     pub(crate) output: Option<PathBuf>,
 }
 
-/// Scripts depend on the names of `--json`.
+/// Scripts depend on these names.
 #[derive(Serialize)]
 struct Object<'a> {
     frame: usize,
     step: Option<i64>,
-    /// Indexed by axis, if periodic.
+    /// Lengths by axis.
     periodic: Option<[Option<f64>; 3]>,
-    /// If not along the axes; then `periodic` has their lengths.
+    /// The cell vectors of a box that is not along the axes.
     cell_vectors: Option<[Option<[f64; 3]>; 3]>,
     periodic_from: Option<&'a str>,
     precision: &'a str,
@@ -42,7 +39,6 @@ struct Object<'a> {
     reason: &'a str,
     gpu: Option<Value>,
     candidates: Option<Value>,
-    /// In seconds, by name.
     phases: Map<String, Value>,
 }
 

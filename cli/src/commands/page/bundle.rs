@@ -1,5 +1,3 @@
-//! The page's plans, kernels, scenes and checks as one JSON object.
-
 use std::collections::BTreeMap;
 
 use lazygrid::gpu::plan::{CallPlan, PlanKernel, Planner, SubgroupProbe};
@@ -12,28 +10,26 @@ use super::scenes::KINDS;
 use crate::error::CliError;
 
 const SIZES: [u32; 9] = [1000, 3000, 10_000, 30_000, 100_000, 300_000, 1_000_000, 3_000_000, 10_000_000];
-/// Above, all pairs take seconds on most GPUs.
+/// Largest size of the naive algorithm: all pairs of more spheres take seconds on most GPUs.
 const MOST_NAIVE: u32 = 100_000;
 /// Above, the CPU counts no pairs for the page.
 const MOST_COUNTED: u32 = 1_000_000;
-/// Pairs per sphere that a scene can color, and in all: 128 MiB, which every device can bind.
+/// Pairs that a scene can color, per sphere and in all: 128 MiB, which every device can bind.
 const PAIRS_PER_SPHERE: u32 = 24;
 const MOST_PAIRS: u32 = 1 << 24;
 /// Subgroup sizes of kernels; without subgroups they run everywhere.
 const SUBGROUPS: [Option<u32>; 7] = [None, Some(4), Some(8), Some(16), Some(32), Some(64), Some(128)];
 
-/// Best first, every device's last.
+/// Limits, the best first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Limits {
-    /// 1 GiB per binding.
     Large,
-    /// 128 MiB per binding, WebGPU's default.
+    /// WebGPU's default.
     Default,
 }
 
 impl Limits {
     pub(super) fn of_device(self) -> DeviceLimits {
-        // Plans require the storage buffers that they bind.
         let mut limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 16, ..wgpu::Limits::default() };
         if self == Self::Large {
             limits.max_storage_buffer_binding_size = 1 << 30;
@@ -57,7 +53,6 @@ impl Bundle {
     pub(super) fn add(&mut self, plan: &CallPlan) -> Result<usize, CliError> {
         let kernels: Value =
             plan.sequence.kernels.iter().map(|kernel| self.kernel(kernel)).collect::<Result<_, _>>()?;
-        // Texts of kernels take longer to write than everything else.
         let mut without_kernels = plan.clone();
         without_kernels.sequence.kernels.clear();
         let mut form = serde_json::to_value(without_kernels).map_err(CliError::Json)?;
@@ -97,12 +92,10 @@ impl Bundle {
     }
 }
 
-/// Kernels consist of shared runs of lines.
 #[derive(Debug, Default)]
 struct Texts {
     lines: Vec<String>,
     positions: BTreeMap<String, Vec<usize>>,
-    /// Beginnings and lengths of runs, by text.
     runs: Vec<Vec<[usize; 2]>>,
     numbers: BTreeMap<String, usize>,
 }
@@ -167,7 +160,6 @@ pub(super) fn contents(version: &str, commit: &str) -> Result<Value, CliError> {
     }))
 }
 
-/// The best limits come first.
 fn size(bundle: &mut Bundle, spheres: u32) -> Result<Value, CliError> {
     let pairs = spheres.saturating_mul(PAIRS_PER_SPHERE).min(MOST_PAIRS);
     let config = |algorithm| GpuConfig::default().algorithm(algorithm).pair_capacity(pairs);

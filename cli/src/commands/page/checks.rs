@@ -24,7 +24,6 @@ const WIDER: f32 = 1.0 + 1e-5;
 pub(super) fn scenes(bundle: &mut Bundle) -> Result<Vec<Value>, CliError> {
     let mut scenes = Vec::new();
     for SceneCase { name, scenario } in compare::cases(Effort::Quick) {
-        // The device makes scenes of thousands of random spheres.
         let is_taken = !scenario.is_refined() && (scenario.spheres.len() < 4000);
         if is_taken {
             let scenario = scenario.only(|at| at < MOST_EMBEDDED);
@@ -72,7 +71,7 @@ fn merged(mut scene: Value, more: Value) -> Value {
     scene
 }
 
-/// Number and checksum of the pairs that every device must find, and the pairs near tangency.
+/// Returns the certain pairs, and those near tangency.
 fn expected(scenario: &TestInput) -> Result<Value, CliError> {
     let wrong = |what: String| CliError::Page { what };
     let found = compare::expected(scenario).map_err(wrong)?;
@@ -105,7 +104,7 @@ fn calls(bundle: &mut Bundle, scenario: &TestInput, capacity: u32, scene: &Value
     let expected = &scene["expected"];
     let most =
         expected["pairs"].as_u64().unwrap_or(0) + expected["unsure"].as_array().map_or(0, Vec::len) as u64;
-    // Few sizes, so that scenes share plans.
+    // Few sizes let scenes share plans.
     let pairs =
         [1 << 12, 1 << 14, 1 << 17].into_iter().find(|&pairs| u64::from(pairs) >= most).unwrap_or(1 << 21);
     let mut calls = Vec::new();

@@ -1,7 +1,5 @@
-// Marks the spheres of pairs, and draws spheres as impostors: squares with a ray test.
-
 struct View {
-    // To the eye, which looks along -z.
+    // World to eye, which looks along -z.
     camera: mat4x4f,
     focal: vec2f,
     // Size of a pixel at distance 1.

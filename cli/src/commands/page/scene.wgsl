@@ -1,5 +1,5 @@
-// The moving spheres. Positions at time 0 are integers below 2^24 times one factor, so the host computes the same
-// bits (`page/scenes.rs`).
+// Positions at time 0 are integers below 2^24 times one factor, so the host computes the same bits
+// (`page/scenes.rs`).
 
 struct Scene {
     count: u32,
@@ -7,10 +7,8 @@ struct Scene {
     is_burst: u32,
     seed: u32,
     classes: u32,
-    // Length of an integer step.
     scale: f32,
     time: f32,
-    // Radius of the first `giants` spheres.
     giant_radius: f32,
     giants: u32,
     radii: array<vec4f, 3>,
@@ -19,7 +17,6 @@ struct Scene {
 @group(0) @binding(0) var<uniform> scene: Scene;
 @group(0) @binding(1) var<storage, read_write> spheres: array<vec4f>;
 
-// A 32-bit hash with low bias (two rounds of xor-shift and multiply).
 fn word(index: u32, stream: u32) -> u32 {
     var x = index * 0x9e3779b1u + stream * 0x85ebca77u + scene.seed;
     x = (x ^ (x >> 16u)) * 0x7feb352du;
@@ -32,7 +29,7 @@ fn centered(index: u32, stream: u32) -> i32 {
     return i32(word(index, stream) >> 8u) - 8388608;
 }
 
-// Eight uniform numbers: nearly normal.
+// A sum of eight uniform numbers, nearly normal.
 fn bell(index: u32, axis: u32) -> i32 {
     var sum = 0u;
     for (var k = 0u; k < 8u; k++) {
@@ -49,7 +46,6 @@ fn radius_of(index: u32) -> f32 {
     return scene.radii[class_index / 4u][class_index % 4u];
 }
 
-// Reflects at the walls -half and half.
 fn folded(x: f32, half: f32) -> f32 {
     let turns = (x + half) / (4.0 * half);
     return (abs(fract(turns) - 0.5) * -4.0 + 1.0) * half;

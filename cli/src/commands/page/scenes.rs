@@ -1,5 +1,4 @@
-//! The scenes of the page. `scene.wgsl` makes the same spheres, bit for bit, from integers and one product per
-//! coordinate.
+//! `scene.wgsl` makes the same spheres, bit for bit.
 
 use lazygrid::Sphere;
 use serde::Serialize;
@@ -17,11 +16,9 @@ const BELL: f64 = 2_097_152.0 * 0.816_496_580_927_726;
 pub(super) struct Kind {
     pub(super) name: &'static str,
     title: &'static str,
-    /// Normal about the origin, else uniform in a cube.
     is_burst: bool,
     seed: u32,
     radii: &'static [f32],
-    /// Spheres with `giant_radius`.
     giants: u32,
     giant_radius: f32,
 }
@@ -43,7 +40,6 @@ const fn uniform(name: &'static str, title: &'static str, radii: &'static [f32])
 }
 
 impl Kind {
-    /// Returns the integer step at [`FILLING`] or [`BURST_PAIRS`].
     pub(super) fn scale(&self, spheres: u32) -> f32 {
         let n = f64::from(spheres);
         let mean = |of: &dyn Fn(f64) -> f64| -> f64 {
@@ -58,7 +54,7 @@ impl Kind {
         }
         let giants = f64::from(self.giants) * f64::from(self.giant_radius).powi(3);
         let volume = 4.0 / 3.0 * std::f64::consts::PI * ((n - f64::from(self.giants)) * mean(&|r| r.powi(3)));
-        // The giant takes room without counting as filling.
+        // The giant takes room, but does not count as filling.
         let edge = (volume / FILLING + giants * 8.0).cbrt();
         (edge / 2.0 / HALF) as f32
     }
@@ -78,7 +74,7 @@ impl Kind {
                 true => (0..8).map(|k| word(index, 8 * axis + k + 8) >> 11).sum::<u32>(),
                 false => word(index, axis) >> 8,
             };
-            // Both are below 2²⁴.
+            // Both values are below 2²⁴.
             (sum as i32 - (1 << 23)) as f32
         };
         let radius = |index: u32| {

@@ -1,5 +1,3 @@
-//! Commands to type again.
-
 use std::num::NonZeroU32;
 use std::path::Path;
 
@@ -10,7 +8,7 @@ use lazygrid_sim::run::run_args::RunArgs;
 
 use crate::args::{ArrivalsFormat, Simulate};
 
-/// Returns the command that repeats a run, or `replicas`, with the report. `scenario` is its file.
+/// Returns the command that repeats a run or its `replicas`, with the report.
 pub(crate) fn of_report(args: &Simulate, run: &Run, scenario: &Path, replicas: Option<NonZeroU32>) -> String {
     let mut options = args.options.clone();
     (options.seed, options.steps) = (Some(run.scenario.seed), Some(run.scenario.steps));
@@ -21,7 +19,7 @@ pub(crate) fn of_report(args: &Simulate, run: &Run, scenario: &Path, replicas: O
     shell_command(&command.0)
 }
 
-/// Returns the command with these options that goes on after a stop, and resumes if a run `is_begun`.
+/// Returns the command that continues a stopped run, with `--resume` if it `is_begun`.
 pub(crate) fn goes_on(args: &Simulate, directory: &Path, is_begun: bool) -> String {
     let Simulate { ref options, replicas, ref sweep, report, .. } = *args;
     let mut command = Words::simulate(&options.scenario, directory);
@@ -43,7 +41,6 @@ impl Words {
         Self(vec!["lazygrid".into(), "simulate".into(), scenario, "--output".into(), directory])
     }
 
-    /// Adds what changes the results of a run.
     fn overrides(&mut self, args: &Simulate, options: &RunArgs) {
         let Simulate { arrivals_format, backend, algorithm, .. } = *args;
         self.options(options);
@@ -52,7 +49,6 @@ impl Words {
         self.value("--algorithm", Some(algorithm).filter(|&algorithm| algorithm != Algorithm::default()));
     }
 
-    /// Adds overrides of the scenario, except the output.
     fn options(&mut self, options: &RunArgs) {
         self.value("--seed", options.seed);
         self.value("--steps", options.steps);

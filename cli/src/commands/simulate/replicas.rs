@@ -47,7 +47,6 @@ pub(crate) fn run(replicas: &Replicas, args: &Simulate) -> Result<(), CliError> 
     }
 }
 
-/// `scenario` is the file of the replicas.
 pub(crate) fn done<'a>(
     args: &Simulate,
     replicas: &'a Replicas,
@@ -63,7 +62,6 @@ pub(crate) fn done<'a>(
 
 pub(crate) struct Advance {
     pub(crate) bar: ProgressBar,
-    /// Indexed by point and replica.
     steps: Mutex<BTreeMap<(usize, u32), u32>>,
 }
 
@@ -86,7 +84,6 @@ impl Advance {
     }
 }
 
-/// Has mean last rows, with standard errors.
 fn summary(replicas: &Replicas, replicated: &ReplicaResults, mean: &MeanSeries) -> String {
     let run = &replicas.run;
     let mut lines = vec![

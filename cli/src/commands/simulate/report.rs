@@ -36,7 +36,7 @@ pub(super) const PLOTS: &[&str] = &[
 ];
 
 pub(crate) struct Done<'a> {
-    /// `run` has the directory of the report.
+    /// Holds the directory of the report.
     pub(crate) run: &'a Run,
     pub(crate) mean: &'a MeanSeries,
     pub(crate) runs: Vec<(u64, PathBuf)>,
@@ -50,7 +50,6 @@ pub(crate) fn of_one(run: &Run) -> Result<MeanSeries, CliError> {
     Ok(mean)
 }
 
-/// Returns the tables of channels, which it writes with `report.html` and its plots.
 pub(crate) fn write(done: &Done<'_>) -> Result<Channels, CliError> {
     let channels = channels(done)?;
     let name = done.run.path.file_stem().unwrap_or_default().to_string_lossy();

@@ -27,7 +27,6 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
     advance.bar.finish_and_clear();
     let stopped = |done: usize| {
         let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);
-        // The table of the points is written first.
         let command = command::goes_on(args, &sweep.directory, true);
         Err(CliError::StoppedRuns { done, count: runs().sum(), runs: "runs", command, signal })
     };

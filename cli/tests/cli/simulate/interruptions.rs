@@ -1,5 +1,3 @@
-//! Runs that signals and other runs interrupt.
-
 use std::fs;
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
@@ -12,12 +10,10 @@ use lazygrid_tests::command::{Scratch, has_gpu};
 
 use super::{SCENARIO, files, lazygrid};
 
-/// Killed when dropped.
 pub(crate) struct Endless(Option<Child>);
 
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 impl Endless {
-    /// Signals it and waits.
     pub(crate) fn end(mut self, signal: &str) -> Output {
         let child = self.0.take().unwrap();
         let id = child.id().to_string();
@@ -102,7 +98,6 @@ fn stopped_before_the_seeds_are_written_leaves_no_table() {
     }
 }
 
-/// Types a printed command into a shell.
 #[expect(clippy::unwrap_used, reason = "a test fails by panicking")]
 fn typed(command: &str) -> Output {
     let binary = env!("CARGO_BIN_EXE_lazygrid");

@@ -1,5 +1,3 @@
-//! `lazygrid simulate`.
-
 mod arrivals;
 #[cfg(unix)]
 mod interruptions;
@@ -263,7 +261,6 @@ fn unwritable_outputs_fail_before_the_run() {
     let scratch = Scratch::new();
     let scenario = scratch.write("s.toml", SCENARIO);
     let file = scratch.write("file", "");
-    // Would not end.
     let long =
         |out: &str| lazygrid(["simulate", &scenario, "--steps", "4000000000", "--output", out]).fails();
     assert!(long(&file).err.contains("cannot write"));

@@ -100,7 +100,6 @@ fn channels_are_as_formulas_and_logs_say() {
         let error = (part / released).sqrt() * 2.0_f64.sqrt();
         assert!((number(row, "part mean") - part).abs() < 4.0 * error, "{row:?}, not {part}");
     }
-    // Counts again from each replica's files.
     let errors = table("bit-errors.csv");
     let mut best = usize::MAX;
     for delay in [0.0, 0.1, 0.4] {
@@ -159,7 +158,6 @@ fn overwritten_run_leaves_no_file_of_its_report_and_animation() {
     lazygrid(["simulate", &scenario, "--output", &whole]).succeeds();
     assert_eq!(files(&out), files(&whole));
     assert!(!fs::exists(out.clone() + "/plots").unwrap());
-    // Pictures of the user remain.
     lazygrid(["simulate", &scenario, "--output", &out, "--overwrite", "--report"]).succeeds();
     let own = out.clone() + "/plots/own.svg";
     fs::write(&own, "<svg xmlns=\"http://www.w3.org/2000/svg\"/>").unwrap();
@@ -241,7 +239,6 @@ every = 5
 arrivals = true
 "#;
 
-/// Fraction of a burst inside a sphere of radius r at a distance d.
 fn inside(time: f64) -> f64 {
     let (r, d, spread) = (3.0_f64, 8.0_f64, (400.0 * time).sqrt());
     if time <= 0.0 {
@@ -260,7 +257,7 @@ fn transparent_receivers_have_responses_and_bit_errors() {
     let replicas = || (0..12).map(|k| format!("{out}/replica-{k:04}"));
     let table = |name: &str| rows(&format!("{out}/{name}"));
     let bursts: f64 = replicas().flat_map(|own| rows(&(own + "/releases.csv"))).map(|_| 1.0).sum();
-    // Bins of a step; rows are every 5 steps after a release.
+    // Bins are one step long; rows are every 5 steps after a release.
     let responses: Vec<_> =
         table("impulse-response.csv").into_iter().filter(|row| !row["part mean"].is_empty()).collect();
     assert!(responses.len() > 10, "{} bins", responses.len());

@@ -44,7 +44,6 @@ fn sweep_gives_the_closed_form_at_each_point() {
         assert!((mean - 2000.0 * part).abs() < 4.0 * error, "{row:?}, not {}", 2000.0 * part);
         assert!(low < mean && mean < high && number("replicas") == 3.0, "{row:?}");
     }
-    // Each point is a scenario that gives the same bytes by itself.
     let [point, alone] = [out.clone() + "/point-0002", scratch.path("alone")];
     let args = ["simulate", &(point.clone() + "/scenario.toml"), "--output", &alone, "--replicas", "3"];
     lazygrid(args).succeeds();
@@ -118,7 +117,6 @@ fn options_sweep_and_threads_change_no_byte() {
     assert_eq!(sweep(&one, &["--threads", "1"]), sweep(&two, &["--threads", "3"]));
     let points = rows(&(one.clone() + "/points.csv"));
     assert_eq!(points.iter().map(|row| &row["species.acid.diffusion"][..]).collect::<Vec<_>>(), ["1", "5"]);
-    // The file's value gives the run without a sweep.
     let alone = scratch.path("alone");
     lazygrid(["simulate", &scenario, "--output", &alone, "--replicas", "1"]).succeeds();
     let series = |out: &str| fs::read_to_string(format!("{out}/replica-0000/series.csv")).unwrap();

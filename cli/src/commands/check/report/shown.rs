@@ -9,8 +9,7 @@ use lazygrid_check::TestInput;
 use lazygrid_io::Error;
 use lazygrid_io::write::AtomicFile;
 
-/// Returns the options of `lazygrid detect` for a scene, whose numbers are `f32`; `None` for species and for cells that
-/// no option describes.
+/// Returns `None` for species and cells without an option.
 pub(super) fn options(path: &Path, scenario: &TestInput) -> Option<String> {
     let space = of_space(&scenario.space).filter(|_| scenario.mixture.is_none())?;
     let mut options = format!("{space} --precision f32");
@@ -33,7 +32,7 @@ fn of_space(space: &Space) -> Option<String> {
     if !space.is_periodic() {
         return Some(" --periodic none".to_owned());
     }
-    // A diagonal above zero, and nothing else.
+    // The diagonal must be positive, and the part above it zero.
     let has_option =
         |k: usize| edges[k].is_none_or(|edge| edge[k] > 0.0 && (k + 1..3).all(|axis| edge[axis] == 0.0));
     if !(0..3).all(has_option) {
@@ -46,7 +45,6 @@ fn of_space(space: &Space) -> Option<String> {
     Some(if space.triclinic_cell().is_some() { format!("{periodic} --tilt {tilts}") } else { periodic })
 }
 
-/// Writes a scene after comments, and its excluded pairs.
 pub(super) fn write(path: &Path, scenario: &TestInput, comments: &str) -> Result<(), Error> {
     let mut text = String::new();
     let mut comment = |line: &str| text += &format!("# {line}\n");

@@ -79,13 +79,12 @@ fn rate(errors: &BitErrors, wrong: u64) -> String {
     format!("{:.4} ({low:.4} to {high:.4})", wrong as f64 / errors.bits as f64)
 }
 
-/// First delay, and the one with the fewest errors.
+/// The first delay, and the one with the fewest errors.
 fn shown(of: &[BitErrors]) -> impl Iterator<Item = &BitErrors> {
     let found = of.iter().min_by(|a, b| a.least().total_cmp(&b.least()));
     of.iter().take(1).chain(found.filter(|errors| errors.delay != of[0].delay))
 }
 
-/// Has a row per delay, with the best thresholds.
 fn table_by_delay(of: &[BitErrors], name: &str, model: &Model) -> Table {
     let least = of.iter().map(BitErrors::least).fold(f64::INFINITY, f64::min);
     let row = |errors: &BitErrors| {
@@ -128,7 +127,6 @@ fn row_of<const N: usize>(cells: [String; N], is_best: bool) -> Vec<Cell> {
     cells
 }
 
-/// At most `most`, evenly spaced.
 fn thresholds(errors: &BitErrors, most: usize) -> impl Iterator<Item = u64> {
     let last = errors.most() + 1;
     let step = (last / most as u64 + 1) as usize;

@@ -36,7 +36,6 @@ pub(super) fn all(done: &Done<'_>, channels: &Channels) -> Result<Vec<Section>, 
     Ok(sections)
 }
 
-/// A line per symbol; bars are the error of the mean over slots.
 fn by_symbol(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Error>> {
     let mut section = Section { title: "Counts by symbol".into(), ..Section::default() };
     section.text.push(
@@ -202,7 +201,6 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
     Ok(section)
 }
 
-/// A plot of these lines, if they have points.
 pub(super) fn plot(
     name: &str,
     title: &str,

@@ -51,14 +51,12 @@ fn points(sweep: &SweepRuns, rows: &[SweepRow]) -> Section {
     }
 }
 
-/// Returns the first key with numbers, and these by point.
 fn axis(rows: &[SweepRow], keys: usize) -> Option<(usize, Vec<f64>)> {
     let numbers =
         |key: usize| rows.iter().map(|row| row.values[key].parse().ok()).collect::<Option<Vec<f64>>>();
     (0..keys).find_map(|key| Some((key, numbers(key)?)))
 }
 
-/// Values of all other keys, for legends.
 fn others(sweep: &SweepRuns, values: &[String], but: usize) -> String {
     let named = sweep.keys.iter().zip(values).enumerate().filter(|&(key, _)| key != but);
     named.map(|(_, (key, value))| format!(", {} = {value}", key.path)).collect()
