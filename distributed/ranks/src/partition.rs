@@ -37,6 +37,8 @@ impl Partition {
         Self { parts, planes }
     }
 
+    /// Creates a partition from its [planes](Self::planes).
+    ///
     /// # Errors
     /// [`Error::Planes`] for a wrong number of planes or an invalid axis.
     pub fn from_planes(parts: u32, planes: Vec<BisectionPlane>) -> Result<Self, Error> {

@@ -105,6 +105,8 @@ impl Migration {
         Ok(Self { order: try_collect(spheres, 0..spheres as u32, "the order of spheres")?, counts })
     }
 
+    /// Sends each sphere to its destination, below `ranks`.
+    ///
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub fn to_ranks(destinations: &[u32], ranks: u32) -> Result<Self, Error> {

@@ -143,6 +143,8 @@ impl SphereWrapper {
         try_collect(particles.len(), particles.map(wrapped), "spheres wrapped into the box")
     }
 
+    /// Wraps spheres of either type as `f64` numbers.
+    ///
     /// # Errors
     /// [`Error::OutOfMemory`].
     pub fn wrap_all_f64(&self, spheres: Spheres<'_>) -> Result<Vec<WrappedSphere<f64>>, Error> {

@@ -29,6 +29,8 @@ const PER_SYMBOL: f64 = 20.0;
 const SYMBOLS: usize = 8;
 
 impl Channels {
+    /// Reads the logs of runs of `steps` steps, each as its seed and directory.
+    ///
     /// # Errors
     /// As [`Log::read`].
     pub fn of<'a>(

@@ -42,6 +42,8 @@ pub struct Released {
 }
 
 impl Log {
+    /// Reads the log of a run of this model.
+    ///
     /// # Errors
     /// [`Error::Read`] if a file cannot be read or is damaged, and [`Error::TooLittleMemory`].
     pub fn read(directory: &Path, model: &Model) -> Result<Self, Error> {

@@ -111,6 +111,8 @@ impl MeanSeries {
         Ok(mean)
     }
 
+    /// Adds the series of a replica.
+    ///
     /// # Errors
     /// [`Error::Read`] if columns or steps differ from previous replicas, and [`Error::TooLittleMemory`].
     pub fn add(&mut self, series: &Series, path: &Path) -> Result<(), Error> {

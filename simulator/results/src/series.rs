@@ -16,6 +16,8 @@ pub struct Series {
 }
 
 impl Series {
+    /// Reads a file.
+    ///
     /// # Errors
     /// [`Error::Read`] with the line of a fault, and [`Error::TooLittleMemory`].
     pub fn read(path: &Path) -> Result<Self, Error> {

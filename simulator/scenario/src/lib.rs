@@ -13,6 +13,8 @@ use toml::Spanned;
 pub use chemotaxis::{Attractant, AttractantProfile, Chemotaxis};
 pub use space::{AxisName, Boundary, BoundaryKind, Ends, Flow, Profile};
 
+/// Parses the text of a scenario file.
+///
 /// # Errors
 /// Text that is not TOML, unknown and missing keys, and values of the wrong type or range.
 pub fn parse(text: &str) -> Result<File, toml::de::Error> {

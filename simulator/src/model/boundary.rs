@@ -157,6 +157,8 @@ impl Boundary {
         flat.map(|c| c / length)
     }
 
+    /// Returns the space that the detector searches.
+    ///
     /// # Errors
     /// [`Error::Detection`] if a periodic box has no extent.
     pub fn space(&self) -> Result<Space, Error> {

@@ -43,6 +43,8 @@ impl Particles {
         !self.is_empty() && self.velocity[0].len() == self.len()
     }
 
+    /// Reserves memory for `count` more particles.
+    ///
     /// # Errors
     /// [`Error::OutOfMemory`] if the system refuses, and [`Error::TooLittleMemory`] for more than is available, which
     /// the system may grant and then end the process.
@@ -75,6 +77,8 @@ impl Particles {
         self.id.push(particle.id);
     }
 
+    /// Returns a copy.
+    ///
     /// # Errors
     /// As [`reserve`](Self::reserve).
     pub fn try_clone(&self) -> Result<Self, Error> {
@@ -174,6 +178,8 @@ impl Particles {
         order
     }
 
+    /// Returns the particles for the detector.
+    ///
     /// # Errors
     /// [`Error::Detection`] if columns differ in length.
     pub fn spheres(&self) -> Result<Spheres<'_>, Error> {

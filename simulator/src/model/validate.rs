@@ -50,6 +50,8 @@ impl Model {
         Ok(())
     }
 
+    /// Checks that the model can be run.
+    ///
     /// # Errors
     /// [`Error::Model`] with the first fault.
     pub fn check(&self) -> Result<(), Error> {

@@ -100,6 +100,8 @@ impl Checkpoint {
         Ok(checkpoint)
     }
 
+    /// Checks that the model has the flow field of the run.
+    ///
     /// # Errors
     /// [`Error::Checkpoint`] if the flow field has other contents now.
     pub fn check_flow_field(&self, path: &Path, model: &Model) -> Result<(), Error> {

@@ -31,6 +31,8 @@ pub struct Scenario {
 }
 
 impl Scenario {
+    /// Reads a scenario file.
+    ///
     /// # Errors
     /// [`Error::Read`] if the file cannot be read, otherwise as [`parse`](Self::parse).
     pub fn read(path: &Path) -> Result<Self, Error> {

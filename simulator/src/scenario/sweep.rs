@@ -48,6 +48,8 @@ impl Sweep {
         Self::parse(path, &text, options)
     }
 
+    /// Parses the sweep of a scenario's text.
+    ///
     /// # Errors
     /// As [`read`](Self::read).
     pub fn parse(path: &Path, text: &str, options: &[String]) -> Result<Option<Self>, Error> {
