@@ -161,7 +161,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-/// Prints the kernels, and returns the row of the whole call.
 fn measure(args: &Args, name: &str, n: usize, mut call: Call<'_>) -> Result<Vec<String>, Box<dyn Error>> {
     let names = call.detector.kernels();
     let (mut whole, mut waits, mut kernels) = (vec![], vec![], vec![vec![]; names.len()]);

@@ -183,7 +183,6 @@ impl CSpheres {
     }
 }
 
-/// Converts a step in bytes to a number of values of type `T`.
 fn values_of<T>(step: usize, name: &str) -> Result<usize, Failure> {
     let size = size_of::<T>();
     if !step.is_multiple_of(size) {

@@ -22,7 +22,6 @@ impl<T> OutPtr<T> {
         Ok(out)
     }
 
-    /// Writes `value`.
     pub fn put(&self, value: T) {
         // SAFETY: `new` has checked that the pointer is aligned and not NULL, and requires the rest from its caller. The
         // old value is not dropped, as C may have left it uninitialized.

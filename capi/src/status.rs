@@ -37,11 +37,9 @@ pub const NAMES: [&CStr; 13] = [
     c"LAZYGRID_ERROR_INTERNAL",
 ];
 
-/// Message after a panic.
 pub const PANICKED: &CStr =
     c"a bug in lazygrid ended this call or an earlier one; destroy the detector and create a new one";
 
-/// Message after a panic in a call without a detector.
 pub const PANICKED_WITHOUT_DETECTOR: &CStr =
     c"a bug in lazygrid ended this call; objects of other calls remain usable";
 
@@ -53,12 +51,10 @@ pub struct Failure {
 }
 
 impl Failure {
-    /// Creates the failure of a wrong argument.
     pub fn argument(message: impl Into<String>) -> Self {
         Self { status: ARGUMENT, message: message.into() }
     }
 
-    /// Creates the failure of settings that contradict each other.
     pub fn setting(message: impl Into<String>) -> Self {
         Self { status: SETTING, message: message.into() }
     }
@@ -107,8 +103,7 @@ pub fn c_text(text: String) -> CString {
 }
 
 thread_local! {
-    /// Error message of this thread's last call without a detector.
-    static LAST: RefCell<CString> = RefCell::default();
+        static LAST: RefCell<CString> = RefCell::default();
 }
 
 /// Like [`guarded`], for functions without a detector: a panic also replaces this thread's error message.

@@ -1,5 +1,5 @@
-//! Searches dense scenes with the cell list, recursive grid and hash grid on the CPU, and the cell list on the GPU.
-//! Fails at the first frame with different pairs.
+//! Compares three CPU algorithms with the GPU's cell list in dense scenes. Fails at the first frame with different
+//! pairs.
 //!
 //! Coordinates and radii are multiples of 1/2048 of the largest cutoff, so `f32` is exact near a cutoff.
 //!

@@ -214,7 +214,6 @@ pub(crate) struct Generate {
     pub(crate) output: (PathBuf, SphereFormat),
 }
 
-/// The format of the log of arrivals.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum ArrivalsFormat {
     /// CSV files alone.
@@ -335,7 +334,6 @@ impl Check {
     }
 }
 
-/// The backends that `lazygrid check` checks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Checked {
     Gpu,

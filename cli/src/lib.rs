@@ -122,7 +122,6 @@ fn start_threads(threads: Option<NonZeroUsize>) -> Result<(), CliError> {
     }
 }
 
-/// `true` if the process began without standard output.
 static OUTPUT_IS_CLOSED: AtomicBool = AtomicBool::new(false);
 
 /// Makes writes to standard output fail, for a program that began with a closed one. Rust replaces it by

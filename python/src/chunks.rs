@@ -25,7 +25,6 @@ type Sent = Result<Vec<Pair>, Error>;
 /// A thread searches some chunks ahead. ``close``, the end of a ``with`` block, and dropping the iterator end it.
 #[pyclass(frozen, module = "lazygrid")]
 pub(crate) struct Chunks {
-    /// `None` after the end.
     chunks: Mutex<Option<Receiver<Sent>>>,
     stopper: StreamStopper,
     process: Process,
@@ -173,14 +172,12 @@ impl OwnedSpheres {
     }
 }
 
-/// Sends the pairs, and finally the error, if any.
 fn search(mut lease: DetectorLease, owned: &OwnedQuery, chunk: usize, to: &SyncSender<Sent>) {
     let mut refused = None;
     let send = |pairs: &[Pair]| {
         let sent = try_collect(pairs.iter().copied(), "a chunk of pairs").map(|own| to.send(Ok(own)).is_ok());
         match sent {
             Ok(true) => ControlFlow::Continue(()),
-            // The iterator was closed.
             Ok(false) => ControlFlow::Break(()),
             Err(error) => {
                 refused = Some(error);
@@ -193,7 +190,6 @@ fn search(mut lease: DetectorLease, owned: &OwnedQuery, chunk: usize, to: &SyncS
     // Lets a caller that sees the end use the detector again and read its report.
     drop(lease);
     if let Some(error) = refused.or(streamed.err()) {
-        // A closed iterator receives no error.
         let _ = to.send(Err(error));
     }
 }

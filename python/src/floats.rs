@@ -65,7 +65,6 @@ impl<'py, D: Dimension> Floats<'py, D> {
         array.ok_or_else(|| crate::error::array(format!("`{name}` cannot be read as an array")))
     }
 
-    /// Borrows an array if its type, shape and layout can be read.
     fn in_place(given: &Bound<'py, PyAny>, name: Name, width: usize) -> PyResult<Option<Self>> {
         if let Ok(array) = given.cast::<PyArray<f32, D>>() {
             if is_readable(array, width) {
@@ -135,7 +134,6 @@ impl<'a, T: Number> Column<'a, T> {
         Self::new(array, 0)
     }
 
-    /// The first `N` columns of an array that has at least as many.
     pub(crate) fn of_table<const N: usize>(array: &'a PyReadonlyArray2<'_, T>) -> [Self; N] {
         let stride = array.strides()[1] as usize / size_of::<T>();
         std::array::from_fn(|k| {
@@ -144,7 +142,6 @@ impl<'a, T: Number> Column<'a, T> {
         })
     }
 
-    /// Values along the first axis, after `offset` values in the first row.
     fn new<D: Dimension>(array: &'a PyReadonlyArray<'_, T, D>, offset: usize) -> Self {
         let rows = array.shape()[0];
         if rows == 0 {
@@ -161,7 +158,6 @@ impl<'a, T: Number> Column<'a, T> {
         Self { memory, step, rows }
     }
 
-    /// The values, if they are contiguous.
     pub(crate) fn as_slice(&self) -> Option<&'a [T]> {
         // SAFETY: without gaps all values belong to the array, hence are initialized.
         (self.step == 1).then(|| unsafe { &*(std::ptr::from_ref(self.memory) as *const [T]) })

@@ -43,7 +43,6 @@ pub(crate) fn interruptible<R: Send>(
     }
 }
 
-/// Runs `work` in another thread, as [`interruptible`] does if it may be long.
 pub(crate) fn poll_signals<R: Send>(cancel: &AtomicBool, work: impl FnOnce() -> R + Send) -> PyResult<R> {
     thread::scope(|scope| {
         let (done, finished) = sync_channel(1);

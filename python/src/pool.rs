@@ -32,14 +32,11 @@ pub(crate) struct DetectorPool {
 #[expect(clippy::vec_box, reason = "a lease moves the pointer, not the detector")]
 struct Idle {
     detectors: Vec<Box<PooledDetector>>,
-    /// Detectors of `stream_config`.
     of_streams: Vec<Box<PooledDetector>>,
-    /// The report of the last finished call.
     report: Report,
 }
 
 impl DetectorPool {
-    /// `threads` is the setting in `config`.
     pub(crate) fn new(config: Config, threads: Option<usize>) -> PyResult<Arc<Self>> {
         let first = PooledDetector::new(&config).map_err(error::engine)?;
         let report = first.detector.report();
@@ -95,7 +92,6 @@ impl DetectorPool {
     }
 
     fn idle(&self) -> MutexGuard<'_, Idle> {
-        // No code panics while it holds the lock.
         self.idle.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
@@ -133,7 +129,6 @@ pub(crate) struct DetectorLease {
 }
 
 impl DetectorLease {
-    /// Returns the detector, for a search.
     pub(crate) fn parts(&mut self) -> (&mut lazygrid::Detector, &AtomicBool) {
         self.has_searched = true;
         match self.detector.as_deref_mut() {
@@ -150,7 +145,6 @@ impl DetectorLease {
         self.pool.is_on_cpu
     }
 
-    /// Returns a handle by which another thread ends the search.
     pub(crate) fn stopper(&mut self) -> StreamStopper {
         let is_leased = self.stream.get_or_insert_with(|| Arc::new(AtomicBool::new(true))).clone();
         let cancel = self.detector.as_ref().map(|leased| leased.cancel.clone()).unwrap_or_default();

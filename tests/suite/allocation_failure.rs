@@ -58,7 +58,6 @@ static ALLOCATOR: Refusing = Refusing;
 
 #[derive(Clone, Copy, Debug)]
 enum Refusal {
-    /// After this number of large allocations.
     After(usize),
     /// Refuses above this number of bytes more than at the start.
     Above(usize),
@@ -153,8 +152,7 @@ fn walk<'a>(
     walk_after(None, variant, config, query.into(), next);
 }
 
-/// The detectors have searched `before` and may keep its candidates. After an error they repeat the query, in
-/// every second case after another search of `before`.
+/// The detectors have searched `before` and may keep its candidates.
 fn walk_after(
     before: Option<Query<'_>>,
     variant: DetectorVariant,

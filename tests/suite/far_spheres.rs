@@ -75,7 +75,6 @@ fn candidates_with_far_spheres_lose_no_pair() {
                 (0..3).for_each(|axis| sphere[axis] += 0.0005 * random.signed());
             }
             match step {
-                // Another sphere leaves the frame; the first one returns.
                 3 => spheres[500] = [0.0, 1.0, 1e8, 0.05],
                 6 => spheres[10] = spheres[11],
                 8 => spheres[10] = [3e4, 0.0, 0.0, 0.1],

@@ -70,7 +70,6 @@ fn sparse_tables_of_many_species() {
     check(96, (strategy, settings()), |(scenario, settings)| agree(&scenario, &settings));
 }
 
-/// The effective radius comes from the table.
 #[test]
 fn small_radii_with_large_distances() {
     // Distances near the spacings of the lattice that are not representable in `f32`.
@@ -140,7 +139,6 @@ fn crowd_with_distant_partners() {
     }
 }
 
-/// Groups of species have different reaches.
 #[test]
 fn tables_with_near_and_distant_partners() {
     let spheres = prop_oneof![hard::powers_of_two(), hard::soup(), hard::any_spheres()];
@@ -219,7 +217,6 @@ fn effective_radii_cover_all_distances() {
     }
 }
 
-/// Distances between subnormal numbers and above half of the largest number.
 #[test]
 fn distances_beyond_f32_are_not_rounded() {
     let (unit, far) = (f32::from_bits(1), 3e38);

@@ -73,7 +73,6 @@ impl Magnitude {
         scene.iter().map(|[a, b, c, r]| [a * unit + x, b * unit + y, c * unit + z, r * unit]).collect()
     }
 
-    /// Asserts that no number is rounded.
     fn exact_spheres(self, scene: &[[f64; 4]]) -> Vec<[f64; 4]> {
         let spheres = self.spheres(scene);
         let ([x, y, z], unit) = (self.offset, self.unit());

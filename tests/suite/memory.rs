@@ -152,7 +152,6 @@ fn memory_for_is_an_upper_bound() {
     }
 }
 
-/// The second call uses half of the species.
 #[test]
 fn memory_for_is_an_upper_bound_with_species() {
     let mut measurement = Measurement::alone();
@@ -214,8 +213,7 @@ fn memory_for_is_an_upper_bound_for_several_threads() {
     }
 }
 
-/// Returns the benchmark scenes, a crowd about as large as one cell of the paper's grids, and a huge sphere
-/// far from the origin.
+/// Returns the benchmark scenes, a crowd in about one cell of the paper's grids, and a distant huge sphere.
 fn scenes(n: usize, seed: u64) -> Vec<(String, Vec<Sphere>)> {
     let crowd = Scene::Equal.spheres(n, seed).into_iter().map(|sphere| {
         let extent = (n as f32 * 20.0).cbrt().max(1.0);
@@ -366,7 +364,6 @@ fn a_refused_list_stays_within_its_limit() {
     }
 }
 
-/// The stream needs a few times a list of `limit` pairs.
 #[test]
 fn a_canonical_stream_stays_within_its_limit() {
     let mut measurement = Measurement::alone();

@@ -262,7 +262,6 @@ fn neighbor_lists_refuse_invalid_input() {
     assert_eq!(entries(&mut detector, Query::new(points), ListOptions::full().open()), Ok(Vec::new()));
 }
 
-/// Numbers of cell vectors beyond 32 bits, beyond the integers of `f64`, and beyond its range.
 #[test]
 fn cell_vectors_beyond_their_types_are_refused() {
     let edges = [[1.0, 0.0, 0.0], [0.4, 1.0, 0.0], [-0.3, 0.2, 1.0]];

@@ -8,7 +8,7 @@ use std::time::Duration;
 use lazygrid::{Algorithm, Backend, Config, Detector, Order, Space};
 use lazygrid_io::scenes::Scene;
 
-/// Time after which a stream counts as hung, far longer than the search takes.
+/// A limit far longer than the search takes.
 const TIME_LIMIT: Duration = Duration::from_secs(120);
 
 fn detector(algorithm: Algorithm, threads: usize) -> Detector {

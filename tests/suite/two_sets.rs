@@ -134,8 +134,6 @@ fn partner(a: u32) -> u32 {
     (7 * a + 1) % SPECIES
 }
 
-/// Returns sets in which each sphere of the second is near one of the first, and every second one is of its
-/// partner species.
 fn sets_of_most_species() -> [(Vec<[f32; 3]>, Vec<u32>); 2] {
     let mut random = Random(53);
     let mut point = |extent: f32| [(); 3].map(|()| extent * random.signed() as f32);

@@ -4,7 +4,6 @@ use lazygrid_io::arguments::shell_command;
 
 const PACKAGE: &str = env!("CARGO_PKG_NAME");
 
-/// Returns a command to type again.
 pub(crate) fn command() -> String {
     let mut words = env::args_os().map(|word| word.to_string_lossy().into_owned());
     let program = words.next().unwrap_or_else(|| PACKAGE.to_owned());

@@ -33,8 +33,7 @@ const STEPS_PER_SECOND: f64 = 5e8;
 const FILLED: f64 = 0.5;
 /// Time step in seconds that moves particles by less than rounding errors.
 const STILL: f64 = 1e-30;
-/// Relative growth of radii while overlaps are removed; without it, overlaps below the rounding error of a coordinate
-/// would remain.
+/// Relative growth of radii while overlaps are removed, because rounding would leave small overlaps.
 const MARGIN: f32 = 1e-3;
 /// Maximum number of steps that remove the initial overlaps.
 const PUSHES: u32 = 200;

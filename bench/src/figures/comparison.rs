@@ -44,7 +44,6 @@ impl PairFinder for NoFinder {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Limits {
     pub(super) runs: usize,
-    /// Minimum number of runs, within [`MAX_OVERTIME_FACTOR`] times the allowed time.
     pub(super) at_least: usize,
     /// Limit of the total time of an engine's own runs. With fewer than `at_least` runs, it is
     /// [`MAX_OVERTIME_FACTOR`] times as long.
@@ -149,7 +148,6 @@ impl ContenderRun {
         self.search.is_none() || runs >= limits.runs || out_of_time
     }
 
-    /// Lets the scheduler move the engine's threads to separate cores.
     fn wake(&mut self, point: &DataPoint, spheres: &[Sphere]) {
         let Some(search) = self.search.as_mut().filter(|_| point.figure == Figure::Threads) else { return };
         let begun = Instant::now();

@@ -82,7 +82,6 @@ impl Contender {
         Unavailable::BULLET.factory(self.to_string())
     }
 
-    /// Returns τ, the cell ratio, or the number of threads.
     pub(super) fn setting(self) -> Option<f64> {
         let Self::Lazygrid(variant) = self else { return None };
         let threads = match variant.target {

@@ -192,7 +192,7 @@ fn always_allowed_seconds(contender: Contender, scene: Scene) -> f64 {
     if is_quadratic(contender, scene) { 2.0 } else { 120.0 }
 }
 
-/// Returns `true` also for spheres at one point, where every pair touches.
+/// Every pair of spheres at one point touches.
 fn is_quadratic(contender: Contender, scene: Scene) -> bool {
     contender.is_quadratic() || scene == Scene::Point
 }
@@ -209,7 +209,6 @@ fn predicted(contender: Contender, point: &DataPoint, earlier: &[Row]) -> Option
     Some(last.median() * (point.n as f64 / last.n as f64).powf(exponent))
 }
 
-/// The conditions under which a cached result is valid.
 struct Fingerprint {
     common: String,
     /// The library of LAMMPS, and the search path of the libraries that it needs.
@@ -242,7 +241,6 @@ impl Fingerprint {
     }
 }
 
-/// Returns size and modification time; empty if the file does not exist.
 fn file_version(path: &Path) -> String {
     let version = fs::metadata(path).ok().and_then(|file| {
         let modified = file.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;

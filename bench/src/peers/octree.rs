@@ -84,7 +84,6 @@ impl Node {
         members.retain(|&k| boxes[k as usize].overlaps(cell));
     }
 
-    /// Sweeps along x, and keeps the pairs that this leaf must report.
     fn search(&mut self, spheres: &[Sphere], boxes: &[Bounds]) {
         let Self { members, intervals, pairs, cell, .. } = self;
         intervals.clear();

@@ -117,8 +117,7 @@ impl SizeClassGrid {
         std::mem::swap(&mut self.order, &mut self.sorted);
     }
 
-    /// Compares each sphere with later ones in its row, and with the adjacent rows after it: four if cells
-    /// are at least as large as spheres.
+    /// Compares each sphere with later spheres in its row and in the adjacent rows after it.
     #[inline(always)]
     pub(super) fn pairs_within(&self, pairs: &mut Vec<Pair>) {
         let reach = self.reach as usize;

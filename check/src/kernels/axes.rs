@@ -10,7 +10,6 @@ use super::division::Division;
 use super::support::{KernelError, changed, same};
 use crate::Effort;
 
-/// A cube, a plane and a line.
 const EXTENTS: [[f32; 3]; 3] = [[1000.0; 3], [1000.0, 1000.0, 0.0], [1000.0, 0.0, 0.0]];
 /// Radius at which the bounds hold far more cells than the table.
 const RADIUS: f32 = 1.0 / 1024.0;

@@ -40,7 +40,6 @@ pub(crate) fn call_begin(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// Wrapping is exact at any distance.
 pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     let lengths = [
         [Some(1.0_f32), Some(0.1), Some(3.3)],
@@ -67,7 +66,6 @@ pub(crate) fn spheres_wrap(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// No value above the number or the capacity is written.
 pub(crate) fn spheres_interleave(own: &GpuDevice) -> Result<(), KernelError> {
     const ROOM: usize = 700;
     const UNWRITTEN: [u32; 4] = [7; 4];

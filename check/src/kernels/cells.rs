@@ -52,7 +52,6 @@ pub(crate) fn cases() -> impl Iterator<Item = CellListCase> {
     })
 }
 
-/// More sizes than eight sides have levels, a crowd, and some invalid spheres.
 fn scene(count: u32) -> Vec<Sphere> {
     let mut random = Random(u64::from(count));
     let mut coordinate = |edge: f32| (random.unit() - 0.5) * edge;

@@ -37,7 +37,6 @@ fn bounds(spheres: &[Sphere]) -> Bounds {
     }
 }
 
-/// The origin is the median center, and keys distinguish cells.
 pub(crate) fn grid_configure(own: &GpuDevice) -> Result<(), KernelError> {
     let spaces = [[None; 3], [Some(20.0), None, Some(1e3)], [Some(3.0); 3]];
     for (count, lengths) in [1, 200, 256].into_iter().flat_map(|count| spaces.map(|space| (count, space))) {

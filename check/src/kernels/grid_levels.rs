@@ -71,7 +71,6 @@ fn call(split_policy: u32, tau: u32) -> SearchParams {
     }
 }
 
-/// Every third sphere is at one point.
 fn spheres(count: usize) -> Vec<Sphere> {
     let mut random = Random(count as u64);
     let mut place = || (random.word() % 1024) as f32 / 8.0 - 64.0;

@@ -82,7 +82,6 @@ pub(crate) fn runs_search_near(own: &GpuDevice) -> Result<(), KernelError> {
     Ok(())
 }
 
-/// The first search finds near pairs, the second the others.
 pub(crate) fn runs_search_far(own: &GpuDevice) -> Result<(), KernelError> {
     for variant in super::support::variants(own) {
         for lengths in [&[257_u32][..], &[258, 3, 258], &[1, 900, 40, 600, 7], &[2300]] {

@@ -18,7 +18,6 @@ fn octaves(random: &mut Random) -> f32 {
     0.5 * (-((random.word() % 11) as f32) - random.unit()).exp2()
 }
 
-/// Half of the coordinates are near the periodic boundary.
 fn at_seams(seed: u64, n: usize, edge: f32, radius: impl Fn(&mut Random) -> f32) -> Vec<Sphere> {
     let mut random = Random(seed);
     let mut place = || match random.word() % 2 {
@@ -156,7 +155,6 @@ fn species_in_a_periodic_box() {
     check(&own, &scene);
 }
 
-/// Cells share keys, runs are long, and the boundary cuts the crowd.
 #[test]
 fn crowds_on_the_periodic_boundary_of_a_large_box() {
     let Some(own) = device() else { return };

@@ -76,7 +76,6 @@ fn eighty_thousand_crowded_spheres() {
     assert!(agree(found, expected), "{found} instead of {expected}");
 }
 
-/// Most entries are passive, and the search takes many submissions.
 #[test]
 fn ten_thousand_spheres_of_ten_sizes_at_one_point() {
     let Some(own) = device() else { return };

@@ -340,7 +340,6 @@ fn candidate_overflow_never_fails_a_call() {
     );
 }
 
-/// The sizes take all sorts.
 #[test]
 fn slowly_moving_spheres_are_surveyed_every_seventeenth_call() {
     let Some(own) = device() else { return };

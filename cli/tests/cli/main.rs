@@ -30,9 +30,7 @@ use serde_json::Value;
 
 const LAZYGRID: Program = Program(env!("CARGO_BIN_EXE_lazygrid"));
 
-/// Two spheres that overlap.
 const SPHERES: &str = "x,y,z,r\n0,0,0,1\n1,0,0,1\n";
-/// Two spheres that overlap, as a frame of an extended XYZ file.
 const FRAME: &str = "2\nProperties=pos:R:3:radius:R:1\n0 0 0 1\n1 0 0 1\n";
 
 fn lazygrid(args: impl IntoIterator<Item = impl AsRef<OsStr>>) -> Run {

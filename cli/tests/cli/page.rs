@@ -15,7 +15,6 @@ use serde_json::{Value, json};
 
 use crate::LAZYGRID;
 
-/// Driver of Debian's Chromium.
 const SWIFTSHADER: &str = "/usr/lib/chromium/vk_swiftshader_icd.json";
 
 static PAGE: LazyLock<PathBuf> = LazyLock::new(|| {

@@ -157,7 +157,6 @@ fn spheres_in_boxes_are_decided_in_f64() {
     let [long, high] = [-0.3, 9.87];
     let orthogonal = [[10.1, 0.0, 0.0], [0.0, 10.3, 0.0], [0.0, 0.0, high - long]].map(Some);
     let slab = [orthogonal[0], orthogonal[1], None];
-    // A tilt below the precision of `f32`, and a larger one.
     let residue = [Some([10.1, 0.0, 0.0]), Some([1e-9, 10.3, 0.0]), Some([0.0, 0.0, high - long])];
     let tilted = [Some([10.1, 0.0, 0.0]), Some([0.7, 10.3, 0.0]), Some([0.0, 0.1, high - long])];
     let lattice = |edges: &Edges| {
@@ -191,7 +190,6 @@ fn ids_groups_exclusions_and_frames_are_those_of_f64_spheres() {
     let rows = tangent(&UNBOUNDED, 6);
     let all = brute_force(&rows, &UNBOUNDED);
     let excluded = scratch.write("excluded.csv", &format!("{},{}\n", all[0][0], all[0][1]));
-    // The spheres of `all[1]` are a molecule.
     let group = |k: usize| u32::from(all[1].contains(&(k as u32)));
     let line = |k: usize| format!("{},{},{}", lines(&rows[k..=k], ",").trim_end(), k, group(k));
     let table_of = |order: &mut dyn Iterator<Item = usize>| {

@@ -10,7 +10,7 @@ use crate::hash::sequence;
 pub(crate) struct SpeciesGroups {
     groups: Vec<u32>,
     count: u32,
-    /// Largest cutoff of two groups, in rows; `None` if they never pair.
+    /// Largest cutoffs of two groups, in rows.
     cutoffs: Vec<Option<f64>>,
 }
 

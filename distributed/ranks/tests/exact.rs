@@ -29,7 +29,6 @@ struct Scene {
     interactions: Option<[Interaction; 6]>,
 }
 
-/// Contact and a distance, distances besides contact, and distances alone, also larger than all others.
 const TABLES: [[Interaction; 6]; 3] = [
     [Touch, Within(2.5), Touch, Never, Never, Within(0.0)],
     [Within(0.5), Within(4.0), Within(0.0), Never, Within(1.0), Touch],

@@ -17,7 +17,6 @@ use proptest::prelude::*;
 use proptest::sample::select;
 
 const EDGE: f32 = 12.0;
-/// Contact besides a distance, and distances alone.
 const TABLES: [[Interaction; 6]; 2] = [
     [Touch, Within(0.7), Touch, Touch, Never, Touch],
     [Within(0.1), Within(1.5), Within(0.7), Never, Within(0.05), Within(0.4)],

@@ -67,7 +67,7 @@ impl Lines {
         self.up_to(u64::MAX, table, context, frame).map(drop)
     }
 
-    /// Adds at most `most` lines, and returns their number. Appends blocks while the next are parsed.
+    /// Appends blocks while the next are parsed.
     fn up_to(
         &mut self,
         most: u64,

@@ -222,7 +222,6 @@ fn lammps_tilted_boxes() {
     // Vectors (4, 0, 0), (1, 2, 0) and (-2, 1, 8) from the origin.
     let tilted = dump("xy xz yz ff ff ff\n-2 5 1\n0 3 -2\n0 8 1", columns, corner);
     assert_eq!(rows("a.dump", tilted, &[]), [[-0.5, 2.0, 8.0, 0.0]]);
-    // Both tilts to one side.
     let skewed = dump("xy xz yz ff ff ff\n0 7 1\n0 3 2\n0 8 1", columns, corner);
     assert_eq!(rows("a.dump", skewed, &[]), [[3.5, 2.0, 8.0, 0.0]]);
     let general = dump("abc origin\n4 0 0 10\n1 2 0 20\n-2 1 8 30", columns, corner);

@@ -5,7 +5,6 @@ use super::device;
 use super::models::{Runs, brownian, burst, decay, reaction, receiver, species};
 use super::surfaces::surfaces;
 
-/// A -> B -> A, or nothing, about once per step.
 fn degrading() -> Model {
     let mut model = surfaces();
     model.time_step = 0.02;

@@ -91,7 +91,6 @@ pub(crate) fn go(run: &Run, ranks: u32) {
     go_on(&on_cpu(), run, ranks);
 }
 
-/// Runs in one process if `ranks` is 0.
 pub(crate) fn go_on(detector: &Config, run: &Run, ranks: u32) {
     if ranks == 0 {
         assert_eq!(run.run(|_| ControlFlow::Continue(())).unwrap().0, RunEnd::Finished);

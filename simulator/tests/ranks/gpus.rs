@@ -253,7 +253,6 @@ fn backends(model: &Model, detector: impl Fn(u32) -> Config + Sync) -> Vec<Backe
     })
 }
 
-/// Only the first rank has the particle with too many surfaces within reach.
 #[test]
 fn failure_on_the_gpu_of_one_rank_is_returned_on_all() {
     if device().is_none() {

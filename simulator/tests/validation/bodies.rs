@@ -61,7 +61,6 @@ pub(crate) fn partial() -> Vec<Row> {
     rows
 }
 
-/// Mean bound number, with the equilibrium constant K.
 fn bound(n: u32, receptors: u32, constant_per_volume: f64) -> f64 {
     let (mut weight, mut sum, mut total) = (1.0, 0.0, 1.0);
     for b in 0..n.min(receptors) {

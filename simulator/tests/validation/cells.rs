@@ -37,7 +37,6 @@ impl AtMembrane {
     }
 }
 
-/// A sphere around the origin that reflects and takes particles.
 #[derive(Clone, Copy, Debug)]
 struct Nucleus {
     radius: f64,
@@ -80,7 +79,6 @@ fn transformed(p: f64, from: f64, permeability: f64, nucleus: Option<Nucleus>) -
     let [f, slope] = function(R);
     let layer = AtMembrane(f, q * slope);
     let out = AtMembrane(1.0, -q);
-    // Solves two linear equations for A and B.
     let ratio = layer.gradient() / out.gradient();
     let begun = (own.gradient() - other.gradient()) / out.gradient();
     let jump = other.concentration() - own.concentration() + begun * out.concentration();

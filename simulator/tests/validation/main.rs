@@ -33,9 +33,7 @@ pub(crate) struct Row {
     pub(crate) what: String,
     pub(crate) expected: f64,
     pub(crate) measured: f64,
-    /// Largest passing deviation.
     pub(crate) tolerance: f64,
-    /// Expects a difference above the tolerance.
     pub(crate) must_differ: bool,
 }
 

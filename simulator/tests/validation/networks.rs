@@ -144,7 +144,7 @@ pub(crate) fn michaelis_menten() -> Vec<Row> {
     times.into_iter().enumerate().map(row).collect()
 }
 
-/// Uses the method of Runge and Kutta, from 100 E and 1000 S.
+/// Uses the method of Runge and Kutta.
 fn rate_equations([there, back, onwards]: [f64; 3], time: f64) -> [f64; 2] {
     let slope = |[complex, product]: [f64; 2]| {
         let bind = there * (100.0 - complex) * (1000.0 - complex - product);

@@ -12,7 +12,7 @@ pub(crate) fn species(name: &str, radius: f32, diffusion: f64) -> Species {
     Species { name: name.to_owned(), radius, diffusion, mass: 1.0, ..Species::default() }
 }
 
-/// Returns `true` if `LAZYGRID_TEST_FULL` asks for more samples; tolerances follow their number.
+/// Tolerances follow the number of samples.
 pub(crate) fn is_long() -> bool {
     std::env::var_os("LAZYGRID_TEST_FULL").is_some()
 }
@@ -30,7 +30,6 @@ pub(crate) fn scenario(text: String) -> Model {
     Scenario::parse(Path::new("validation.toml"), text).expect("a scenario").model
 }
 
-/// Returns the backend: the CPU, or a GPU if `LAZYGRID_TEST_BACKEND` is `gpu`.
 pub(crate) fn backend() -> Backend {
     match std::env::var("LAZYGRID_TEST_BACKEND") {
         Ok(name) => name.parse().expect("a backend"),

@@ -97,7 +97,6 @@ pub(crate) fn absorbing_walls() -> Vec<Row> {
         .sum();
     let both = taken(&slit, 1000, 0, 7) + taken(&slit, 1000, 1, 7);
     add("slit, both planes".to_owned(), 1.0 - survival, both);
-    // An absorbing plane and a reflecting sphere that is almost a plane.
     for (seed, start, count) in [(11, 0.4, 1), (12, 0.25, 1), (13, 0.25, 5)] {
         let mut model = model(0.045, &box_of(3000.0), 0.0, &format!("[{start}, 0, 0]"), &["low-x"]);
         model.receivers.push(body(0.5, 1000.0));

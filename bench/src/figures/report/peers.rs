@@ -79,7 +79,6 @@ pub(super) fn step_length(rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     Ok(section)
 }
 
-/// Figure 5a plots times, 5b speed-ups.
 pub(super) fn burst(figure: Figure, rows: &[&Row]) -> Result<Section, Box<dyn Error>> {
     let (title, text) = match figure {
         Figure::F5a => {

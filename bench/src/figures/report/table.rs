@@ -97,7 +97,6 @@ pub(super) fn median(times: &[f64]) -> Option<String> {
     }
 }
 
-/// Returns the mean with its deviation in percent and the number of runs.
 pub(super) fn mean(row: &Row, written: impl Fn(f64) -> String) -> Option<String> {
     let (mean, deviation) = row.mean();
     match row.wall.len() {
@@ -160,7 +159,6 @@ pub(super) fn best_of_columns(table: &mut Table, rows: &[&Row], columns: &[Colum
     }
 }
 
-/// Returns the last row of a table of [`by_engine`].
 pub(super) fn pairs(rows: &[&Row], columns: &[Column]) -> Vec<Cell> {
     let of = |column: &Column| {
         let found = rows.iter().find(|row| column.holds(row) && row.status == Status::Ok);

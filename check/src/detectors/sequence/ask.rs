@@ -91,7 +91,6 @@ impl Ask {
         self.split.is_none() && self.layout == Layout::Rows && !is_changed
     }
 
-    /// Asks `detector`, and clears `stop` afterwards.
     pub(super) fn answer(
         &self,
         detector: &mut Detector,

@@ -44,7 +44,6 @@ fn distance_squared_of_wide(scenario: &TestInput, i: usize, j: usize) -> f64 {
     x * x + y * y + z * z
 }
 
-/// Skips distant pairs.
 struct Sieve {
     axes: Vec<Axis>,
 }

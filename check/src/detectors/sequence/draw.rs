@@ -184,7 +184,7 @@ fn step(random: &mut Random, world: &mut World, k: u32) -> Step {
     Step { scenario, changes, ask }
 }
 
-/// Changes `world`, and names the changes; small steps have no name.
+/// Small steps get no name.
 fn change(random: &mut Random, world: &mut World, k: u32) -> Vec<&'static str> {
     if world.held > 0 {
         world.held -= 1;

@@ -8,7 +8,6 @@ use lazygrid_sim::run::run_args::RunArgs;
 
 use crate::args::{ArrivalsFormat, Simulate};
 
-/// Returns the command that repeats a run or its `replicas`, with the report.
 pub(crate) fn of_report(args: &Simulate, run: &Run, scenario: &Path, replicas: Option<NonZeroU32>) -> String {
     let mut options = args.options.clone();
     (options.seed, options.steps) = (Some(run.scenario.seed), Some(run.scenario.steps));
@@ -19,7 +18,7 @@ pub(crate) fn of_report(args: &Simulate, run: &Run, scenario: &Path, replicas: O
     shell_command(&command.0)
 }
 
-/// Returns the command that continues a stopped run, with `--resume` if it `is_begun`.
+/// Returns the command that continues a stopped run.
 pub(crate) fn goes_on(args: &Simulate, directory: &Path, is_begun: bool) -> String {
     let Simulate { ref options, replicas, ref sweep, report, .. } = *args;
     let mut command = Words::simulate(&options.scenario, directory);

@@ -13,7 +13,6 @@ use lazygrid_sim::{Model, Report, TableWriter, write_report};
 
 use crate::error::CliError;
 
-/// Names of the plots that reports of runs and sweeps may have.
 pub(super) const PLOTS: &[&str] = &[
     "particles",
     "reactions",

@@ -6,7 +6,6 @@ use std::fs;
 use super::{SCENARIO, files, lazygrid, rows};
 use lazygrid_tests::command::Scratch;
 
-/// Random bits to an absorbing receiver of 5 µm, 10 µm away.
 const BITS: &str = r#"
 time-step = 0.004
 steps = 620
@@ -215,7 +214,6 @@ fn a_report_of_one_run_has_its_series() {
     assert_eq!(fs::read_to_string(out + "/report.html").unwrap(), report);
 }
 
-/// Bits to a transparent receiver of 3 µm, 8 µm away, with a row every 5 steps.
 const INSIDE: &str = r#"
 time-step = 0.01
 steps = 210

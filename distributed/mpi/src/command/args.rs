@@ -136,7 +136,6 @@ pub(crate) struct BenchScaling {
     pub(crate) threads: Option<usize>,
 }
 
-/// The distribution of the spheres.
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
 pub(crate) enum Scene {
     /// Equal spheres in a cube
