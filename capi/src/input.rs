@@ -62,8 +62,8 @@ unsafe impl VersionedStruct for CQuery {
 /// error in the second set says so.
 ///
 /// # Safety
-/// The header's conditions: `query` is NULL or points to such a structure, whose pointers are NULL or point to
-/// what the header says, which does not change while the result is in use.
+/// The header's conditions: `query` is NULL or points to such a structure, whose pointers are NULL or point
+/// to what the header says, which does not change while the result is in use.
 pub unsafe fn borrow<'a>(query: *const CQuery) -> Result<Query<'a>, Failure> {
     // SAFETY: by this function's condition.
     let CQuery { first, second, exclusions, .. } = unsafe { sized::read(query, "query") }?;
@@ -89,7 +89,7 @@ impl CSpheres {
     /// Borrows the spheres at `at`; messages call them `name`.
     ///
     /// # Safety
-    /// The same as [`borrow`], for these spheres.
+    /// The conditions of [`borrow`], for these spheres.
     unsafe fn borrow<'a>(at: *const Self, name: &str) -> Result<Spheres<'a>, Failure> {
         // SAFETY: by this function's condition.
         let set = unsafe { sized::read(at, name) }?;
@@ -117,7 +117,7 @@ impl CSpheres {
     /// Spheres without species and groups.
     ///
     /// # Safety
-    /// The same as [`borrow`](Self::borrow); `count` is at most the number of spheres that fit in memory.
+    /// The conditions of [`borrow`](Self::borrow); `count` is at most the number of spheres that fit in memory.
     unsafe fn numbers<'a>(&self) -> Result<Spheres<'a>, Failure> {
         match self.r#type {
             F32 if self.is_rows::<f32>() => {
@@ -151,7 +151,7 @@ impl CSpheres {
     /// Returns spheres of type `T` with any steps.
     ///
     /// # Safety
-    /// The same as [`numbers`](Self::numbers); the numbers are of type `T`.
+    /// The conditions of [`numbers`](Self::numbers); the numbers are of type `T`.
     unsafe fn strided<'a, T: Real>(&self) -> Result<Spheres<'a>, Failure> {
         let (step, step_values) = (self.step, values_of::<T>(self.step, "step")?);
         let (r_step, r_step_values) = (self.r_step, values_of::<T>(self.r_step, "r_step")?);

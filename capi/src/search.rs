@@ -19,7 +19,7 @@ thread_local! {
 /// search with any detector would wait for them.
 ///
 /// # Safety
-/// The same as [`with_detector`].
+/// The conditions of [`with_detector`].
 pub unsafe fn search(
     detector: *const DetectorHandle,
     work: impl FnOnce(&mut HandleState) -> Result<(), Failure>,

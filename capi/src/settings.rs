@@ -79,8 +79,8 @@ impl CSettings {
     /// See [`sized::read`]; also if a number is out of range.
     ///
     /// # Safety
-    /// The same as [`sized::read`]; and the adapter is NULL or a text that ends with a zero byte, the table is NULL or one
-    /// that no other thread changes during the call, and the cell vectors are NULL or nine numbers.
+    /// The conditions of [`sized::read`]; and the adapter is NULL or a text that ends with a zero byte, the table is NULL
+    /// or one that no other thread changes during the call, and the cell vectors are NULL or nine numbers.
     pub unsafe fn config(settings: *const Self) -> Result<Config, Failure> {
         if settings.is_null() {
             return Ok(Config::default());

@@ -70,7 +70,7 @@ impl Config {
     /// `software` permits.
     ///
     /// # Errors
-    /// As [`GpuDevice::open`] and [`GpuDevice::open_adapter`].
+    /// See [`GpuDevice::open`] and [`GpuDevice::open_adapter`].
     #[cfg(feature = "gpu")]
     pub fn shared_device(&self, software: SoftwareAdapter) -> Result<GpuDevice, Error> {
         self.adapter.as_ref().map_or_else(|| GpuDevice::shared(software), GpuDevice::shared_adapter)
@@ -170,8 +170,8 @@ impl Config {
     }
 
     /// Sets the space of the spheres. Default: [`Space::UNBOUNDED`]. On the GPU, pairs within 4 ulp of tangency
-    /// (relative to the squared cutoff; 5 ulp in a periodic space) may fall either way, except in a triclinic space,
-    /// where the host decides and a count reads back all candidates.
+    /// (relative to the squared cutoff; 5 ulp in a periodic space) may fall either way, except in a triclinic
+    /// space, where the host decides and a count reads back all candidates.
     pub fn space(mut self, space: Space) -> Self {
         self.settings.space = space;
         self

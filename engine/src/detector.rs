@@ -149,8 +149,8 @@ impl Detector {
     /// `consume` may stop the search with `ControlFlow::Break`.
     ///
     /// In canonical order the whole stream is sorted; each further [`Config::max_pairs`] pairs then cost one more
-    /// search. Unordered chunks arrive one at a time, possibly from another thread. `consume` must not wait for work of
-    /// the same rayon pool, because searching threads may wait for it; a detector with its own pool may search.
+    /// search. Unordered chunks arrive one at a time, possibly from another thread. `consume` must not wait for
+    /// work of the same rayon pool, because searching threads may wait for it; a detector with its own pool may search.
     ///
     /// # Errors
     /// See [`count`](Self::count).

@@ -63,7 +63,7 @@ impl Exclusions {
     /// Raises
     /// ------
     /// InputError
-    ///     As the class.
+    ///     See the class.
     #[staticmethod]
     fn across(py: Python<'_>, first: u32, second: u32, pairs: &Bound<'_, PyAny>) -> PyResult<Self> {
         let given = arrays::whole_pairs(pairs, "pairs")?;
@@ -78,13 +78,13 @@ impl Exclusions {
     /// offsets
     ///     Whole numbers of shape ``(n + 1,)`` for ``n`` spheres.
     /// indices
-    ///     Whole numbers of shape ``(k,)``. Sphere ``i`` never pairs with ``indices[offsets[i]:offsets[i + 1]]``; one
-    ///     of the two rows of a pair suffices.
+    ///     Whole numbers of shape ``(k,)``. Sphere ``i`` never pairs with ``indices[offsets[i]:offsets[i + 1]]``;
+    ///     one of the two rows of a pair suffices.
     ///
     /// Raises
     /// ------
     /// InputError
-    ///     As the class, and for offsets that do not begin with 0, decrease, or do not end with the number of indices.
+    ///     See the class; also for offsets that do not begin with 0, decrease, or do not end with the number of indices.
     #[staticmethod]
     fn from_csr(py: Python<'_>, offsets: &Bound<'_, PyAny>, indices: &Bound<'_, PyAny>) -> PyResult<Self> {
         let offsets = arrays::offsets(offsets, "offsets")?;

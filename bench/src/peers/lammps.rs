@@ -1,6 +1,6 @@
 //! LAMMPS through its C library, loaded from the path in [`VARIABLE`]: in doubles, with a half list and
-//! forces at each step. Its pair style has an energy of 1 within the cutoff, so a step's energy is the number
-//! of pairs.
+//! forces at each step. Its pair style has an energy of 1 within the cutoff, so a step's energy is the
+//! number of pairs.
 //!
 //! LAMMPS stores its own atoms, so copying the coordinates is not timed.
 

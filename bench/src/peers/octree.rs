@@ -1,8 +1,8 @@
 //! An octree whose leaves run sweep and prune in parallel, updated between steps, as the paper describes
 //! BiNS2 (section 4.3).
 //!
-//! A sphere is in each leaf that its box overlaps. The leaf with `max(low corner of a, low corner of b)`,
-//! which is in both boxes, reports a pair.
+//! A sphere is in each leaf that its box overlaps. A pair is reported by the leaf with
+//! `max(low corner of a, low corner of b)`, a point of both boxes.
 
 use std::error::Error;
 use std::mem;

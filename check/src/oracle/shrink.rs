@@ -2,8 +2,8 @@ use glam::Vec3;
 
 use crate::TestInput;
 
-/// Removes exclusions and ever smaller groups of spheres, then rounds numbers. Returns the smallest input for
-/// which `failing` describes a fault, within `tries` calls.
+/// Removes exclusions and ever smaller groups of spheres, then rounds numbers. Returns the smallest input
+/// for which `failing` describes a fault, within `tries` calls.
 pub fn shrink(
     scenario: TestInput,
     what: String,

@@ -26,8 +26,8 @@ fn unguarded(text: &str, function: &str) -> String {
 }
 
 fn scenes() -> Vec<Scene> {
-    // Multiples of one ulp of 500. Odd distances across the boundary are multiples of half an ulp of 1000,
-    // where a sum is rounded; some lie just below the cutoff of 51.5 units.
+    // Multiples of one ulp of 500. Odd distances across the boundary are multiples of half an ulp of
+    // 1000, where a sum is rounded; some lie just below the cutoff of 51.5 units.
     let unit = (-15.0_f32).exp2();
     let at_boundary = (1..=75).flat_map(|k| [500.0 - k as f32 * unit, k as f32 * unit - 500.0]);
     let at_boundary = at_boundary.map(|x| Sphere::new([x, 0.0, 0.0], 25.75 * unit)).collect();

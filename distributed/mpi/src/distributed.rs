@@ -155,7 +155,7 @@ impl Distributed {
     /// Counts the pairs of all ranks.
     ///
     /// # Errors
-    /// As [`pairs`](Self::pairs), without [`Error::TooManyPairs`].
+    /// See [`pairs`](Self::pairs), without [`Error::TooManyPairs`].
     pub fn count(&mut self, local: LocalSpheres<'_>) -> Result<u64, Error> {
         let prepared = self.prepare(local)?;
         let search = &mut self.search;
@@ -170,7 +170,7 @@ impl Distributed {
     /// the number of pairs handed over on all ranks.
     ///
     /// # Errors
-    /// As [`count`](Self::count).
+    /// See [`count`](Self::count).
     pub fn stream<F>(&mut self, local: LocalSpheres<'_>, chunk: usize, mut consume: F) -> Result<u64, Error>
     where
         F: FnMut(&[GlobalPair]) -> ControlFlow<()> + Send,

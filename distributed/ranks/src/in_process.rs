@@ -81,7 +81,7 @@ impl InProcessRanks {
     /// The wrapper must have the space and interactions of `config`.
     ///
     /// # Errors
-    /// As [`Detector::new`] and [`Detector::count`].
+    /// See [`Detector::new`] and [`Detector::count`].
     pub fn pairs(&self, config: &Config) -> Result<Vec<Reported>, Error> {
         let each = self.owned.iter().zip(&self.ghosts).enumerate();
         each.map(|(rank, (owned, ghosts))| self.pairs_of(rank as u32, config, owned, ghosts)).collect()

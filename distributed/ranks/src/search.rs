@@ -81,7 +81,7 @@ impl Search {
     /// Delivers this rank's pairs as indices, in unordered chunks, until `consume` breaks.
     ///
     /// # Errors
-    /// As [`Detector::count`].
+    /// See [`Detector::count`].
     pub fn run<F>(&mut self, owned: Spheres<'_>, ghosts: &Ghosts, mut consume: F) -> Result<PairCounts, Error>
     where
         F: FnMut(PairKind, &[[u32; 2]]) -> ControlFlow<()> + Send,
@@ -116,7 +116,7 @@ impl Search {
     /// Counts pairs one by one only if another rank may report some.
     ///
     /// # Errors
-    /// As [`Detector::count`].
+    /// See [`Detector::count`].
     pub fn count(&mut self, owned: Spheres<'_>, ghosts: &Ghosts) -> Result<PairCounts, Error> {
         if ghosts.particles().is_empty() || owned.is_empty() {
             return Ok(PairCounts { local: self.detector.count(owned)?, ..PairCounts::default() });

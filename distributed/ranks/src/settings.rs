@@ -5,8 +5,8 @@
 //! 1. A setting has a 64-bit digest of its name and value, independent of builds, seeds and addresses.
 //! 2. Numbers enter exactly: as the shortest decimal text that reads back, or as bits. −0 counts as 0.
 //!    Spaces, tables and bounds refuse NaN.
-//! 3. All ranks compare all digests by the same rule, so all see the same difference or none. Only then two
-//!    of them send the texts.
+//! 3. All ranks compare all digests by the same rule, so all see the same difference or none. Only then
+//!    two of them send the texts.
 //! 4. Unequal values collide with a probability of about 2⁻⁶⁴.
 
 use std::fmt::{self, Write};

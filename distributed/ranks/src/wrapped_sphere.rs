@@ -103,8 +103,8 @@ impl SphereWrapper {
     /// 1. Wrapping along an axis of length `L` rounds nothing, so wrapped centers have the distances of exact
     ///    images.
     /// 2. The contact test computes `(cj − ci) + S·L`, whose roundings add up to `2⁻⁵³·(4|ci| + 4|cj| + 2L)`
-    ///    at most along an axis, and √3 times that in space. The boxes' distance across the boundary rounds
-    ///    by less than `2⁻⁵¹·L`. Each of the two radii grows by `2⁻⁴⁹·(|c| + L)`.
+    ///    at most along an axis, and √3 times that in space. The boxes' distance across the boundary
+    ///    rounds by less than `2⁻⁵¹·L`. Each of the two radii grows by `2⁻⁴⁹·(|c| + L)`.
     /// 3. If this test takes another image than the nearest, the nearest is closer.
     /// 4. Orthogonalized radii grow in the same way ([`Orthogonalization`]).
     #[inline]

@@ -107,10 +107,10 @@ impl GpuConfig {
     }
 
     /// Sets the most distance tests of one dispatch, so that no driver's watchdog ends it. Longer searches have several
-    /// dispatches ([`CallCost::parts`](super::CallCost::parts)). A dispatch searches at least 256 spheres,
-    /// which have more tests than the default among 20 million spheres in one cell. Default: the tests of 200 ms, at
-    /// 2.5·10¹⁰ tests/s for a discrete GPU, 2.5·10⁹ for an integrated one and 5·10⁸ for a software adapter; an H100 and
-    /// an H200 reach 3.1·10¹¹. A [`Detector`](crate::Detector) uses the rate of its [`Calibration`].
+    /// dispatches ([`CallCost::parts`](super::CallCost::parts)). A dispatch searches at least 256 spheres; among 20
+    /// million spheres in one cell, these exceed the default. Default: the tests of 200 ms, at 2.5·10¹⁰ tests/s for a
+    /// discrete GPU, 2.5·10⁹ for an integrated one and 5·10⁸ for a software adapter; an H100 and an H200 reach 3.1·10¹¹.
+    /// A [`Detector`](crate::Detector) uses the rate of its [`Calibration`].
     pub fn max_tests_per_dispatch(self, tests: u64) -> Self {
         Self { max_tests_per_dispatch: Some(tests), ..self }
     }

@@ -1,5 +1,5 @@
-//! The species of most spheres. A device keeps small cells for one of several narrow groups that pair with each other,
-//! which should be that of a crowd.
+//! The species of most spheres. A device keeps small cells for one of several narrow groups that pair with each
+//! other, which should be that of a crowd.
 
 use lazygrid_host::sample_species;
 use lazygrid_kernels::{Interactions, Query, try_reserve};

@@ -1,7 +1,7 @@
 //! Choice of the size classes that share a level, and of each level's cell size.
 //!
-//! A search compares each sphere with neighbor cells at its own level and every coarser one. Few levels mean long runs
-//! of spheres too small for their cells; many mean short runs. Dynamic programming minimizes the estimated cost.
+//! A search compares each sphere with neighbor cells at its own level and every coarser one. Few levels mean long
+//! runs of spheres too small for their cells; many mean short runs. Dynamic programming minimizes the estimated cost.
 
 #![expect(clippy::disallowed_methods, clippy::disallowed_macros, reason = "a plan is of 256 classes at most")]
 

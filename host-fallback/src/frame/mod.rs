@@ -6,9 +6,9 @@
 //! A frame has an origin `o` and a power of two `s`. It searches a sphere `c, r` as `u = f32((c − o)·s)` with the
 //! radius `R = r·s·(1 + 2⁻²⁰) + 2⁻²³`, rounded up.
 //!
-//! 1. `s` makes all `|c − o|·s` along unbounded axes, and all lengths `L·s`, less than 1. Rounding `u` moves a center
-//!    by up to 2⁻²⁵ along an axis, so two centers seem at most √3·2⁻²⁴ farther apart. Rounding `L·s` to a period adds
-//!    2⁻²⁵. The two radii compensate for 4·2⁻²⁴.
+//! 1. `s` makes all `|c − o|·s` along unbounded axes, and all lengths `L·s`, less than 1. Rounding `u` moves a
+//!    center by up to 2⁻²⁵ along an axis, so two centers seem at most √3·2⁻²⁴ farther apart. Rounding `L·s` to a period
+//!    adds 2⁻²⁵. The two radii compensate for 4·2⁻²⁴.
 //! 2. The relative part of the radii compensates for rounding of the radii, for 5 ulp of error on a GPU, and for
 //!    roundings of the decision in `f64`.
 //! 3. The decision rounds `cⱼ − cᵢ` by 2⁻⁵³ of itself. Along periodic axes, `s` makes it less than 2²⁰, and the

@@ -140,8 +140,8 @@ impl Entries {
     }
 }
 
-/// Bytes per entry in both buffers of the sort, with a narrow key, for up to 2²⁹ cells. A wide entry takes four times
-/// as much.
+/// Bytes per entry in both buffers of the sort, with a narrow key, for up to 2²⁹ cells. A wide entry takes four
+/// times as much.
 pub(crate) const ENTRY: u64 = 2 * size_of::<KeyedSphere<u32>>() as u64;
 
 pub(crate) fn memory_of_entries(entries: u64) -> u64 {

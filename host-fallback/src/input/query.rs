@@ -169,8 +169,8 @@ impl QueryBuffers {
         Ok(())
     }
 
-    /// Checks the spheres, and maps them. Keeps the `last` frame if it fits, unless it is a frame of `f32` spheres,
-    /// which may be too small for radii of `f64` spheres.
+    /// Checks the spheres, and maps them. Keeps the `last` frame if it fits, unless it is a frame of `f32`
+    /// spheres, which may be too small for radii of `f64` spheres.
     fn map_to_wide_frame(
         &mut self,
         last: Option<SearchFrame>,

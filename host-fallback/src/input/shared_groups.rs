@@ -1,7 +1,7 @@
 //! Groups that species with different partners share, for tables with more sets of partners than groups.
 //!
-//! Comparisons within a group that pairs with itself grow with the square of its spheres. So a species joins a group in
-//! which no spheres pair, if one exists.
+//! Comparisons within a group that pairs with itself grow with the square of its spheres. So a species joins a group
+//! in which no spheres pair, if one exists.
 
 #![expect(
     clippy::disallowed_methods,

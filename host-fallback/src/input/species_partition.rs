@@ -87,8 +87,8 @@ pub struct SpeciesPartition {
     pub(super) count: usize,
     /// Indexed by two groups, row by row; `None` if they never pair.
     pub(super) meetings: Vec<Option<Meeting>>,
-    /// Reach of each species within its group. Empty unless some species reaches much farther to others in a division
-    /// by reach.
+    /// Reach of each species within its group. Empty unless some species reaches much farther to others in a
+    /// division by reach.
     pub(super) narrow: Vec<SpeciesReach>,
 }
 

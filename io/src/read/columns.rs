@@ -181,8 +181,8 @@ impl Columns {
 /// Numbers of at most this many digits survive a conversion to `f32` (FLT_DIG of C).
 const SAFE_DIGITS: u32 = 6;
 
-/// Returns `true` if `value`, written with the field's number of significant digits, is another number. Text
-/// of `%.9g` loses none.
+/// Returns `true` if `value`, written with the field's number of significant digits, is another number.
+/// Text of `%.9g` loses none.
 fn loses_digits(field: &[u8], value: f32) -> bool {
     let Some((_, unit)) = digits(field).filter(|&(significant, _)| significant > SAFE_DIGITS) else {
         return false;

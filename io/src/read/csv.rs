@@ -1,6 +1,6 @@
 //! Values separated by commas, semicolons or tabs, one frame. A header names the columns ([`Column::named`])
-//! in any order. `#` begins comments; without a header line, the last fitting leading comment is the header,
-//! as by NumPy's `savetxt`.
+//! in any order. `#` begins comments; without a header line, the last fitting leading comment is the
+//! header, as by NumPy's `savetxt`.
 
 use super::Frame;
 use super::columns::{Column, Columns, Row};

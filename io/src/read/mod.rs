@@ -296,7 +296,7 @@ impl Frames {
     /// Reads from `input` of `length` bytes, if known. `path` gives the extension.
     ///
     /// # Errors
-    /// As [`open`](Self::open).
+    /// See [`open`](Self::open).
     pub fn new(
         path: impl AsRef<Path>,
         input: impl Read + Send + 'static,

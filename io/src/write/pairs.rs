@@ -135,8 +135,8 @@ fn header_line(ids: bool) -> &'static [u8] {
 /// Writes neighbor lists into uncommitted files.
 ///
 /// CSV: a table `i,j` or `id_i,id_j` with every pair twice, sorted. NumPy: for `near.npy`, compressed sparse
-/// rows in `near.offsets.npy` (`u8`) and `near.indices.npy` (`u4`), with ids also `near.ids.npy` (`i8`),
-/// which cannot go to standard output.
+/// rows in `near.offsets.npy` (`u8`) and `near.indices.npy` (`u4`), with ids also `near.ids.npy`
+/// (`i8`), which cannot go to standard output.
 ///
 /// # Errors
 /// [`Error::Write`].

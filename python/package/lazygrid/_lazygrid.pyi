@@ -352,7 +352,7 @@ class Exclusions:
         Raises
         ------
         InputError
-            As the class.
+            See the class.
         """
 
     @staticmethod
@@ -370,7 +370,7 @@ class Exclusions:
         Raises
         ------
         InputError
-            As the class, and for offsets that do not begin with 0, decrease, or do not end with the number of indices.
+            See the class; also for offsets that do not begin with 0, decrease, or do not end with the number of indices.
         """
 
     def __len__(self) -> int: ...

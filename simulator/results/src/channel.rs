@@ -32,7 +32,7 @@ impl Channels {
     /// Reads the logs of runs of `steps` steps, each as its seed and directory.
     ///
     /// # Errors
-    /// As [`Log::read`].
+    /// See [`Log::read`].
     pub fn of<'a>(
         model: &Model,
         steps: u32,

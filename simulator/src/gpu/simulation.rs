@@ -99,7 +99,7 @@ impl GpuSimulation {
     /// Resumes a run from a state of the same model and seed.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
+    /// See [`new`](Self::new).
     pub fn resume(
         model: Model,
         seed: u64,

@@ -80,7 +80,7 @@ impl Particles {
     /// Returns a copy.
     ///
     /// # Errors
-    /// As [`reserve`](Self::reserve).
+    /// See [`reserve`](Self::reserve).
     pub fn try_clone(&self) -> Result<Self, Error> {
         let mut copy = Self::default();
         copy.reserve(self.len() as u64, self.has_velocity())?;

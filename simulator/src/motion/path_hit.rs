@@ -7,8 +7,8 @@
 //! (exp(−ab/DΔt) − exp(−r₀r₁/DΔt)) / (1 − exp(−r₀r₁/DΔt))
 //! ```
 //!
-//! exactly, for any step (Carslaw and Jaeger, *Conduction of Heat in Solids*, section 14.7: r times the density is that
-//! of a half line, with an image at −r).
+//! exactly, for any step (Carslaw and Jaeger, *Conduction of Heat in Solids*, section 14.7: r times the density is
+//! that of a half line, with an image at −r).
 //!
 //! *In one dimension* a path that ends on the other side of the segment has hit it; otherwise the probability is
 //! exp(−ab/DΔt). *In two* this holds to first order in DΔt/r₀r₁, for steps short compared with the radius.

@@ -19,8 +19,8 @@
 //! its mirror image. The image is the wall as seen from the last segment, extended backwards to the length of the step.
 //! Both probabilities add up, unless a step reaches both. Spheres are taken as their tangent planes.
 //!
-//! *The time of absorption* follows from the heights of both ends as at a receiver (`Hit::time`), with any wall taken
-//! as a plane.
+//! *The time of absorption* follows from the heights of both ends as at a receiver (`Hit::time`), with any wall
+//! taken as a plane.
 
 use crate::model::Model;
 use crate::model::boundary::{Axis, Boundary};

@@ -59,7 +59,7 @@ impl<C: Communicator> RankSimulation<C> {
     /// Resumes a run from a state of the same model and seed, with the counts of all ranks and this rank's particles.
     ///
     /// # Errors
-    /// As [`new`](Self::new).
+    /// See [`new`](Self::new).
     pub fn resume(
         communicator: C,
         model: Model,
@@ -148,7 +148,7 @@ impl<C: Communicator> RankSimulation<C> {
     /// Does a step as [`Simulation::step`](crate::Simulation::step).
     ///
     /// # Errors
-    /// As [`advance`](Self::advance).
+    /// See [`advance`](Self::advance).
     pub fn step(&mut self) -> Result<(), C::Error> {
         self.advance(1)
     }

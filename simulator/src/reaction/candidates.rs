@@ -75,7 +75,7 @@ impl Reactions {
     /// Draws the reactions of pairs, and adds to `best` those that would consume no particle consumed already.
     ///
     /// # Errors
-    /// As [`BestCandidates::extend`].
+    /// See [`BestCandidates::extend`].
     pub fn sample(
         &self,
         pairs: StepPairs<'_>,

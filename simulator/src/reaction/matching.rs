@@ -69,7 +69,7 @@ impl Matching {
     /// until the buffer drops none.
     ///
     /// # Errors
-    /// Those of `sample`.
+    /// Returns the errors of `sample`.
     pub fn greedy(
         &mut self,
         particles: usize,

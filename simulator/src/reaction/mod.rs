@@ -246,7 +246,7 @@ pub fn interactions(model: &Model) -> Result<Option<Interactions>, Error> {
 /// Reactants pass through each other, and points never touch. Particles have the radius of their species.
 ///
 /// # Errors
-/// As [`interactions`].
+/// See [`interactions`].
 pub(crate) fn collision_interactions(model: &Model) -> Result<Option<Interactions>, Error> {
     let is_point = |&species: &u32| model.species[species as usize].radius == 0.0;
     let points: Vec<u32> = (0..model.species.len() as u32).filter(is_point).collect();

@@ -64,7 +64,7 @@ pub fn binding_radius(rate: f64, diffusion: f64, time_step: f64) -> Result<f64, 
 /// `unbinding` radius.
 ///
 /// # Errors
-/// As [`binding_radius`].
+/// See [`binding_radius`].
 pub fn reversible_binding_radius(
     rate: f64,
     unbinding: f64,

@@ -148,7 +148,7 @@ impl Model {
     /// Releases the particles of a [`Batch::of_ids`].
     ///
     /// # Errors
-    /// Those of [`Particles::reserve`].
+    /// See [`Particles::reserve`].
     pub(crate) fn burst(&self, batch: &Batch<'_>, key: Key) -> Result<Released, Error> {
         let ids = batch.site..batch.site + batch.count;
         let mut out = Released::new(self, ids.end);

@@ -18,8 +18,8 @@ impl RankSlice {
         self.rank == 0
     }
 
-    /// Returns this rank's part of a list. The parts that are longer by one begin with rank `turn`, modulo the number
-    /// of ranks.
+    /// Returns this rank's part of a list. The parts that are longer by one begin with rank `turn`, modulo the
+    /// number of ranks.
     pub(crate) fn of(self, length: u64, turn: u32) -> Range<u64> {
         let ranks = u64::from(self.ranks);
         let (each, longer) = (length / ranks, length % ranks);

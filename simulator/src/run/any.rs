@@ -47,7 +47,7 @@ impl AnySimulation {
     /// `algorithm` is for the CPU.
     ///
     /// # Errors
-    /// As [`Simulation::resume`] or `GpuSimulation::resume`, [`Error::Detection`] without a GPU, and
+    /// See [`Simulation::resume`] or `GpuSimulation::resume`, [`Error::Detection`] without a GPU, and
     /// [`Error::TooLittleMemory`] for the first release.
     pub fn begin(
         model: &Model,
@@ -101,7 +101,7 @@ impl AnySimulation {
     /// Does up to `most` steps: one on the CPU, several on a GPU.
     ///
     /// # Errors
-    /// As [`Simulation::step`] or `GpuSimulation::run`.
+    /// See [`Simulation::step`] or `GpuSimulation::run`.
     #[cfg_attr(not(feature = "gpu"), expect(unused_variables, reason = "only a GPU does several"))]
     pub fn advance(&mut self, most: u32) -> Result<(), Error> {
         match self {

@@ -24,10 +24,10 @@ use crate::{Error, Model, Particles, State};
 /// All data to continue a run bit for bit, except the particles of ranks, which have a file each.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
-    /// Text of the scenario, which must match.
+    /// Text of the scenario; a run of another one is refused.
     pub scenario: String,
     pub seed: u64,
-    /// Checksum of a flow field, which must match.
+    /// Checksum of a flow field, compared by [`check_flow_field`](Self::check_flow_field).
     pub flow_field: Option<u64>,
     pub backend: String,
     /// Steps between rows, frames, and frames of the animation (0 without one).
@@ -121,7 +121,7 @@ impl Checkpoint {
     /// Returns the state, with the parts of the checkpoint at `path`.
     ///
     /// # Errors
-    /// As [`read`](Self::read).
+    /// See [`read`](Self::read).
     pub fn into_state(self, path: &Path) -> Result<State, Error> {
         self.into_slice(path, RankSlice::WHOLE)
     }

@@ -127,7 +127,7 @@ impl Simulation {
     /// Takes the particles and leaves a copy, so that a program can keep the columns.
     ///
     /// # Errors
-    /// Those of [`Particles::reserve`]. Then nothing changes.
+    /// See [`Particles::reserve`]; nothing changes then.
     pub fn detach_particles(&mut self) -> Result<Particles, Error> {
         let copy = self.state.particles.try_clone()?;
         Ok(std::mem::replace(&mut self.state.particles, copy))

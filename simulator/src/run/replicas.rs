@@ -44,7 +44,7 @@ impl Replicas {
     /// replicas and begins others, possibly more.
     ///
     /// # Errors
-    /// As [`Run::run`], as [`Error::Replica`] for one replica. The others then have checkpoints.
+    /// See [`Run::run`], as [`Error::Replica`] for one replica. The others then have checkpoints.
     pub fn run(
         &self,
         watch: impl Fn(u32, &AnySimulation) -> ControlFlow<()> + Sync,
@@ -53,11 +53,11 @@ impl Replicas {
         Ok(results.unwrap_or(ReplicaResults { end: RunEnd::Stopped, done: Vec::new() }))
     }
 
-    /// Does [`run`](Self::run), and asks `is_cancelled` while the seeds are written, which takes minutes for billions
-    /// of replicas. Returns `None` if cancelled then.
+    /// Does [`run`](Self::run), and asks `is_cancelled` while the seeds are written, which takes minutes for
+    /// billions of replicas. Returns `None` if cancelled then.
     ///
     /// # Errors
-    /// As [`run`](Self::run).
+    /// See [`run`](Self::run).
     pub fn run_unless(
         &self,
         is_cancelled: impl Fn() -> bool + Sync,

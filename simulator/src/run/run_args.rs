@@ -55,7 +55,7 @@ impl RunArgs {
     /// Reads the scenario and applies the overrides.
     ///
     /// # Errors
-    /// As [`Scenario::read`].
+    /// See [`Scenario::read`].
     pub fn read(&self) -> Result<Run, Error> {
         Ok(self.run(Scenario::read(&self.scenario)?))
     }

@@ -57,14 +57,14 @@ impl Simulation {
     /// Begins a run in the caller's rayon pool. `algorithm` does not change the result.
     ///
     /// # Errors
-    /// As [`State::new`], and [`Error::Detection`] if the detector refuses the model.
+    /// See [`State::new`], and [`Error::Detection`] if the detector refuses the model.
     pub fn new(model: Model, seed: u64, algorithm: Algorithm) -> Result<Self, Error> {
         let state = State::new(&model, seed)?;
         Self::resume(model, seed, algorithm, state)
     }
 
     /// # Errors
-    /// As [`new`](Self::new).
+    /// See [`new`](Self::new).
     pub fn resume(model: Model, seed: u64, algorithm: Algorithm, mut state: State) -> Result<Self, Error> {
         model.check()?;
         if !state.belongs_to(&model) {

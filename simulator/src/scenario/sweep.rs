@@ -51,7 +51,7 @@ impl Sweep {
     /// Parses the sweep of a scenario's text.
     ///
     /// # Errors
-    /// As [`read`](Self::read).
+    /// See [`read`](Self::read).
     pub fn parse(path: &Path, text: &str, options: &[String]) -> Result<Option<Self>, Error> {
         check_length(text.len())?;
         let placed = |problem| located(path, text, problem);

@@ -1,5 +1,5 @@
 //! Sequences of random calls of one detector. Most only move the spheres, so candidate lists are reused. Each
-//! answer must match the definition and a new detector.
+//! answer is compared with the definition and with a new detector.
 
 use std::fmt;
 use std::sync::Arc;

@@ -19,8 +19,8 @@ pub struct CallCost {
     pub working_bytes: u64,
     /// Bytes of pairs.
     pub pair_bytes: u64,
-    /// Bytes that all dispatches read and write, without pairs and overfull cells: sequential reads once, random reads
-    /// by 32-byte sectors. `None` if it depends on the cells per sphere or on caches.
+    /// Bytes that all dispatches read and write, without pairs and overfull cells: sequential reads once, random
+    /// reads by 32-byte sectors. `None` if it depends on the cells per sphere or on caches.
     pub traffic_bytes: Option<u64>,
 }
 

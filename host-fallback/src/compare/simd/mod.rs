@@ -30,8 +30,8 @@ mod x86_pairs;
 mod x86_rows;
 
 /// Relative half-width of the band. `f32` rounding changes `d²` relative to `(ri + rj)²` by at most 4 ulp, 2⁻²¹; twice
-/// that leaves one comparison in 10⁶ to the exact test. Between minimum images, with separate slack, it is at most 11
-/// of the 16 half ulps of the band.
+/// that leaves one comparison in 10⁶ to the exact test. Between minimum images, with separate slack, it is at most
+/// 11 of the 16 half ulps of the band.
 const BAND: f32 = 1.0 / (1 << 20) as f32;
 /// Absolute half-width of the band: below it products underflow, and relative error has no meaning.
 const FLOOR: f32 = f32::MIN_POSITIVE;
@@ -190,8 +190,8 @@ pub(crate) trait PeriodicSimd: SimdWidth {
         pairs: &[Pair; MAX_LANES],
         periodic: &PeriodicBox,
     ) -> [u32; 2];
-    /// Returns [`squared_distances`](SimdWidth::squared_distances) of minimum images: with the slack added to the sum
-    /// of radii, and subtracted, but not below zero.
+    /// Returns [`squared_distances`](SimdWidth::squared_distances) of minimum images: with the slack added to the
+    /// sum of radii, and subtracted, but not below zero.
     fn minimum_image_distances(
         self,
         columns: &Columns,

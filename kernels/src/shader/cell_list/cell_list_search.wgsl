@@ -19,8 +19,8 @@ var<workgroup> most_candidates: atomic<u32>;
 // With a single level, candidates are in at most 14 cells and in the cell of listed spheres.
 const MOST_CELLS: u32 = 15u;
 
-// Returns `true` if even the fullest cell has too few spheres for this chunk. Only `scan_once` stores their number,
-// which is 0 after other scans.
+// Returns `true` if even the fullest cell has too few spheres for this chunk. Only `scan_once` stores their
+// number, which is 0 after other scans.
 fn is_past_last_chunk(chunk: u32) -> bool {
     let largest = starts[cell_list.cells + 2u];
     let is_known = cell_list.levels == 1u && largest != 0u;

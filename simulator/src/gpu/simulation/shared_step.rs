@@ -35,7 +35,7 @@ impl GpuSimulation {
     /// accepted requests by receptor type.
     ///
     /// # Errors
-    /// As [`run`](Self::run).
+    /// See [`run`](Self::run).
     pub(crate) fn begin_shared_step(
         &mut self,
         mut requests: ReceptorRequests,

@@ -35,7 +35,7 @@ impl GpuSimulation {
     /// ranks.
     ///
     /// # Errors
-    /// As [`run`](Self::run). The run is then at the beginning of the step.
+    /// See [`run`](Self::run). The run is then at the beginning of the step.
     pub(crate) fn request_receptors(&mut self, occupied: &[u64]) -> Result<ReceptorRequests, Error> {
         self.check_state()?;
         self.pairs.clear();
