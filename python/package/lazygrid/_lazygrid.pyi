@@ -364,8 +364,8 @@ class Exclusions:
         offsets
             Whole numbers of shape ``(n + 1,)`` for ``n`` spheres.
         indices
-            Whole numbers of shape ``(k,)``. Sphere ``i`` never pairs with ``indices[offsets[i]:offsets[i + 1]]``; one
-            of the two rows of a pair suffices.
+            Whole numbers of shape ``(k,)``. Sphere ``i`` never pairs with ``indices[offsets[i]:offsets[i + 1]]``;
+            one of the two rows of a pair suffices.
 
         Raises
         ------
