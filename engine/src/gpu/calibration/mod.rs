@@ -20,7 +20,7 @@ const CLASSES: [usize; 2] = [1, 5];
 
 /// Least and most spheres in a crowded cell.
 const CROWD: [u32; 2] = [2048, 1 << 18];
-const CROWD_SECONDS: f64 = 0.05;
+const CROWD_TIME: Duration = Duration::from_millis(50);
 const CROWD_ROUNDS: usize = 3;
 
 /// The fastest of several calls, with upload and readback.
@@ -93,18 +93,29 @@ fn warm_up(gpu: &GpuDevice) -> Result<(), Error> {
 /// Returns the lower rate of a crowded cell and of all pairs (`naive`) in tests per second; the assumed rate if neither
 /// is measurable.
 fn slowest_rate(gpu: &GpuDevice, naive: Option<f64>) -> Result<f64, Error> {
-    let assumed = Calibration::assumed_tests_per_second(gpu.adapter.is_hardware, gpu.adapter.is_integrated);
-    let tests = CROWD_SECONDS * naive.unwrap_or(assumed);
-    let most = ((2.0 * tests).sqrt() as u32).clamp(2 * CROWD[0], CROWD[1]);
     let mut grid = session(gpu, LARGE_INPUT_ALGORITHM)?;
-    let mut sample = |spheres: u32| -> Result<(u32, Duration), Error> {
+    let crowded = crowded_rate(|spheres| {
         let crowd = vec![Sphere::new([0.0; 3], 1.0); spheres as usize];
         let times = (0..CROWD_ROUNDS).map(|_| time(&mut grid, &crowd)).collect::<Result<Vec<_>, _>>()?;
-        Ok((spheres, times.into_iter().min().unwrap_or_default()))
-    };
-    let crowded = rate([&sample(CROWD[0])?, &sample(most)?], |time| time);
+        Ok(times.into_iter().min().unwrap_or_default())
+    })?;
     log::debug!("distance tests per second of all pairs {naive:?}, in a crowded cell {crowded:?}");
+    let assumed = Calibration::assumed_tests_per_second(gpu.adapter.is_hardware, gpu.adapter.is_integrated);
     Ok([naive, crowded].into_iter().flatten().reduce(f64::min).unwrap_or(assumed))
+}
+
+/// Doubles the crowd until its search takes [`CROWD_TIME`]. A size derived from the rate of few spheres could take
+/// minutes: noise can make that rate far too high.
+fn crowded_rate(mut time: impl FnMut(u32) -> Result<Duration, Error>) -> Result<Option<f64>, Error> {
+    let mut samples = [(CROWD[0], time(CROWD[0])?); 2];
+    while samples[1].0 < CROWD[1] {
+        let spheres = 2 * samples[1].0;
+        samples[1] = (spheres, time(spheres)?);
+        if samples[1].1 >= CROWD_TIME {
+            break;
+        }
+    }
+    Ok(rate(samples.each_ref(), |time| time))
 }
 
 /// Returns the rate of `n²/2` tests; `None` if the submission cost hides it.
@@ -118,6 +129,20 @@ fn rate<T: Copy>([first, last]: [&(u32, T); 2], time: impl Fn(T) -> Duration) ->
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn crowds_grow_no_further_than_their_time() {
+        for (tests_per_second, most) in [(1e7, 2 * CROWD[0]), (2e9, 16_384), (1e15, CROWD[1])] {
+            let mut spheres = Vec::new();
+            let found = crowded_rate(|crowd| {
+                spheres.push(crowd);
+                Ok(Duration::from_secs_f64(1e-3 + f64::from(crowd).powi(2) / 2.0 / tests_per_second))
+            });
+            assert_eq!(spheres.last(), Some(&most), "{spheres:?}");
+            let found = found.expect("no device fails").expect("times differ");
+            assert!((found / tests_per_second - 1.0).abs() < 0.1, "{found}");
+        }
+    }
 
     #[test]
     fn rate_is_free_of_the_cost_of_a_submission() {
