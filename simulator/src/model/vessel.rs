@@ -42,7 +42,11 @@ impl Vessel {
 
     pub(crate) fn length(&self, v: [f64; 3]) -> f64 {
         match self.along {
-            Some(along) => v[(along + 1) % 3].hypot(v[(along + 2) % 3]),
+            // Coordinates are `f32`, so no square overflows. `hypot` would take a quarter of a step.
+            Some(along) => {
+                let [a, b] = [1, 2].map(|k| v[(along + k) % 3]);
+                (a * a + b * b).sqrt()
+            }
             None => dot(v, v).sqrt(),
         }
     }
