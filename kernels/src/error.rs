@@ -142,7 +142,7 @@ pub enum Error {
     Cancelled,
     /// The system refused memory.
     #[error(
-        "out of memory: the system refused {bytes} bytes for {what}; use fewer spheres or stream the pairs"
+        "out of memory: the system refused {bytes} bytes for {what}; use fewer spheres, or stream pairs that are listed"
     )]
     OutOfMemory {
         /// Purpose of the memory.
