@@ -41,14 +41,9 @@ impl Vessel {
     }
 
     pub(crate) fn length(&self, v: [f64; 3]) -> f64 {
-        match self.along {
-            // Coordinates are `f32`, so no square overflows. `hypot` would take a quarter of a step.
-            Some(along) => {
-                let [a, b] = [1, 2].map(|k| v[(along + k) % 3]);
-                (a * a + b * b).sqrt()
-            }
-            None => dot(v, v).sqrt(),
-        }
+        // Coordinates are `f32`, so no square overflows. `hypot` would take a quarter of a step.
+        let v = self.across(v);
+        dot(v, v).sqrt()
     }
 
     /// Mirrors a position beyond the wall. A position beyond twice the radius moves to the middle line or center.
