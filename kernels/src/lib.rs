@@ -24,7 +24,7 @@ pub use types::image_vector::ImageVector;
 pub use types::interactions::SpeciesReach;
 pub use types::interactions::{EffectiveRadius, Interaction, Interactions};
 pub use types::lattice::{Lattice, WrappedPoint};
-pub use types::orthogonalization::Orthogonalization;
+pub use types::orthogonalization::{DistanceMap, Orthogonalization};
 pub use types::pair::Pair;
 pub use types::query::Query;
 pub use types::real::{Radii, Real, Strided};

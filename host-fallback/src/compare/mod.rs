@@ -6,6 +6,7 @@ mod pair_test;
 mod scan;
 mod simd;
 mod sink;
+mod triclinic_filter;
 
 pub(crate) use columns::{Columns, ColumnsMut, MAX_LANES};
 pub(crate) use delivery::deliver_unordered;

@@ -3,6 +3,7 @@ use std::borrow::Cow;
 use glam::{DVec3, Vec3};
 use lazygrid_kernels::{Interaction, Interactions, Space, SpeciesReach, Spheres};
 
+use super::triclinic_filter::TriclinicFilter;
 use super::{PairFilter, PeriodicBox, Xyzr};
 use crate::frame::SearchFrame;
 use crate::species_classes::SpeciesClasses;
@@ -33,6 +34,7 @@ pub(crate) struct PairTest<'a> {
     margin: Option<SkinMargin<'a>>,
     filter: Option<&'a PairFilter<'a>>,
     frame: Option<&'a SearchFrame>,
+    triclinic: Option<TriclinicFilter>,
     /// Certain contacts need no further test.
     is_plain: bool,
     /// Squared cutoffs may be infinite in `f32`, so that no contact is certain.
@@ -91,15 +93,28 @@ impl<'a> PairTest<'a> {
         let with_ids = table.zip(spheres.species());
         let species = with_ids.map(|((table, reaches), ids)| Species { table, ids, reaches });
         let (space, is_plain) = (Space::UNBOUNDED, species.is_none());
-        let (lengths, margin, filter, frame) = Default::default();
-        Self { spheres, species, space, lengths, margin, filter, frame, is_plain, overflows: false }
+        let (lengths, margin, filter, frame, triclinic) = Default::default();
+        Self {
+            spheres,
+            species,
+            space,
+            lengths,
+            margin,
+            filter,
+            frame,
+            triclinic,
+            is_plain,
+            overflows: false,
+        }
     }
 
     pub(crate) fn filtered(self, filter: Option<&'a PairFilter<'a>>, frame: Option<&'a SearchFrame>) -> Self {
         // Orthogonalized coordinates, trimmed frames and effective radii leave every contact uncertain.
-        let is_certain = frame.is_none_or(SearchFrame::has_certain_contacts)
-            && filter.is_none_or(|filter| filter.is_contact() && filter.is_by_radii());
-        Self { filter, frame, is_plain: self.is_plain && is_certain, ..self }
+        let is_by_radii = filter.is_none_or(|filter| filter.is_contact() && filter.is_by_radii());
+        let is_certain = frame.is_none_or(SearchFrame::has_certain_contacts) && is_by_radii;
+        let triclinic = frame.and_then(TriclinicFilter::of_frame);
+        let triclinic = triclinic.map(|near| if is_by_radii { near } else { near.without_certain() });
+        Self { filter, frame, triclinic, is_plain: self.is_plain && is_certain, ..self }
     }
 
     pub(crate) fn in_space(self, space: Space) -> Self {
@@ -113,7 +128,14 @@ impl<'a> PairTest<'a> {
     }
 
     pub(crate) fn widened(&self, margin: SkinMargin<'a>) -> Self {
-        Self { margin: Some(margin), ..self.clone() }
+        let largest = margin.limits.numbers().fold(0.0, f32::max);
+        let triclinic = self.triclinic.map(|filter| filter.widened(largest));
+        Self { margin: Some(margin), triclinic, ..self.clone() }
+    }
+
+    /// Decides most contacts of orthogonalized coordinates.
+    pub(crate) fn triclinic(&self) -> Option<&TriclinicFilter> {
+        self.triclinic.as_ref()
     }
 
     pub(crate) fn space(&self) -> &Space {

@@ -135,7 +135,12 @@ fn take<V: SimdWidth, S: Sink>(vector: V, input: ScanInput<'_>, found: VectorHit
 
 #[inline(never)]
 fn decide(test: &PairTest<'_>, columns: &Columns, at: usize, base: usize, lanes: Lanes) -> u32 {
-    let mut hits = if test.is_plain() { lanes.certain } else { 0 };
+    let mut lanes = if test.is_plain() { lanes } else { Lanes { certain: 0, ..lanes } };
+    if let Some(filter) = test.triclinic() {
+        let [possible, certain] = filter.touching(columns, at, base);
+        lanes = Lanes { certain: lanes.possible & certain, possible: lanes.possible & possible };
+    }
+    let mut hits = lanes.certain;
     let mut open = lanes.possible & !hits;
     while open != 0 {
         let lane = open.trailing_zeros();

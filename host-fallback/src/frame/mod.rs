@@ -30,6 +30,8 @@
 //! 8. Coordinates along unbounded axes are clamped to ±1. Clamping never moves two spheres apart, hence 1. holds.
 //!    Differences of clamped coordinates are rounded in proportion to `ρ` if the spheres touch: 2. compensates for it.
 //! 9. Clamped spheres that touch in the frame may be far apart in space, so every candidate is decided.
+//!
+//! In a triclinic frame, `compare::TriclinicFilter` decides most candidates.
 
 mod bounds;
 mod map;
@@ -60,6 +62,8 @@ pub struct SearchFrame {
     scale: f64,
     axes: Axes,
     is_trimmed: bool,
+    /// `true` if the rounding of centers enlarges radii in a triclinic space by the least possible amount.
+    has_least_growth: bool,
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -83,9 +87,38 @@ impl SearchFrame {
         (MIN_FILLED..1.0).contains(&(Self::size(bounds, space, &self.origin) * self.scale))
     }
 
+    /// Finds out whether radii of spheres in `bounds` grow least.
+    pub(crate) fn with_growth_in(mut self, bounds: &Bounds) -> Self {
+        self.has_least_growth = self.grows_least(bounds);
+        self
+    }
+
+    fn grows_least(&self, bounds: &Bounds) -> bool {
+        let largest = [0, 1, 2].map(|axis| bounds.reach(axis, self.origin[axis]));
+        self.orthogonalization().is_some_and(|cell| cell.has_least_growth(largest))
+    }
+
+    pub(crate) fn has_least_growth(&self) -> bool {
+        self.has_least_growth
+    }
+
+    /// Returns `None` unless the space is triclinic.
+    pub(crate) fn orthogonalization(&self) -> Option<&Orthogonalization> {
+        match &self.axes {
+            Axes::Orthogonal(_) => None,
+            Axes::Triclinic(cell) | Axes::TriclinicF32(cell) => Some(cell),
+        }
+    }
+
     /// Returns `true` if the frame represents spheres in `bounds` together with all that its map
     /// [contains](FrameMap::contains), and the exact test can decide their pairs. They may fill little of it.
     pub(crate) fn holds(&self, bounds: &Bounds, space: &Space) -> bool {
+        if self.has_least_growth && !self.grows_least(bounds) {
+            return false;
+        }
+        if self.is_triclinic_f32() {
+            return true;
+        }
         if bounds.check_range(space).is_err() {
             return false;
         }
@@ -119,7 +152,13 @@ impl SearchFrame {
 
     pub(crate) fn triclinic_f32(cell: &TriclinicCell) -> Self {
         let axes = Axes::TriclinicF32(cell.orthogonal_space(Orthogonalization::SCALE));
-        Self { origin: [0.0; 3], scale: Orthogonalization::SCALE, axes, is_trimmed: false }
+        Self {
+            origin: [0.0; 3],
+            scale: Orthogonalization::SCALE,
+            axes,
+            is_trimmed: false,
+            has_least_growth: false,
+        }
     }
 
     pub(crate) fn is_triclinic_f32(&self) -> bool {
@@ -134,7 +173,7 @@ impl SearchFrame {
                 Axes::Orthogonal(space.lengths().map(|length| length.map(|length| (length, period(length)))))
             }
         };
-        Self { origin, scale, axes, is_trimmed: false }
+        Self { origin, scale, axes, is_trimmed: false, has_least_growth: false }
     }
 
     /// Returns the space of the frame's coordinates.

@@ -43,7 +43,7 @@ impl<'a> InputSpheres<'a> {
     }
 
     pub(crate) fn frame_holds(&self, bounds: &Bounds) -> bool {
-        self.frame.is_triclinic_f32() || self.frame.holds(bounds, self.space)
+        self.frame.holds(bounds, self.space)
     }
 
     #[inline(always)]

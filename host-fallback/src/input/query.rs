@@ -160,8 +160,8 @@ impl QueryBuffers {
             Some(cell) => {
                 let last = last.filter(SearchFrame::is_triclinic_f32);
                 let frame = last.unwrap_or_else(|| SearchFrame::triclinic_f32(cell));
-                self.fill(query, &frame, settings, executor)?;
-                frame
+                let bounds = self.fill(query, &frame, settings, executor)?;
+                frame.with_growth_in(&bounds)
             }
             None => self.map_to_wide_frame(last, query, settings, executor)?,
         };
@@ -189,7 +189,7 @@ impl QueryBuffers {
             let bounds = self.fill(query, last, settings, executor)?;
             check(&bounds)?;
             if last.fits(&bounds, space) {
-                return Ok(last.clone());
+                return Ok(last.clone().with_growth_in(&bounds));
             }
             given = Some(bounds);
         }
@@ -203,7 +203,7 @@ impl QueryBuffers {
         };
         let frame = trimmed.unwrap_or(frame);
         self.fill(query, &frame, settings, executor)?;
-        Ok(frame)
+        Ok(frame.with_growth_in(&bounds))
     }
 
     fn effective_rows(

@@ -310,7 +310,16 @@ impl<S: Sink> CandidateTest<'_, S> {
         while open != 0 {
             let lane = open.trailing_zeros();
             open &= open - 1;
-            let Pair { i, j } = pair_at(pairs[lane as usize], self.order);
+            let pair = pairs[lane as usize];
+            if let Some(filter) = self.test.triclinic() {
+                let [a, b] = [pair.i, pair.j].map(|at| self.rows[at as usize]);
+                let [possible, certain] = filter.touch(a, b);
+                hits |= u32::from(certain) << lane;
+                if certain || !possible {
+                    continue;
+                }
+            }
+            let Pair { i, j } = pair_at(pair, self.order);
             hits |= u32::from(self.test.is_pair(i, j)) << lane;
         }
         hits

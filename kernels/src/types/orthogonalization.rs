@@ -1,6 +1,6 @@
 use glam::{DVec3, Vec3};
 
-use super::basis::heights;
+use super::basis::{heights, inverse};
 use crate::{Space, Sphere};
 
 /// Growth of an orthogonalized sphere, as a fraction of its coordinates: four times the rounding to `f32`, on three
@@ -23,6 +23,38 @@ pub struct Orthogonalization {
     lengths: [f64; 3],
     /// Upper bound of the factor by which a distance grows.
     stretch: f64,
+    /// Longest periodic axis, which the rounding of near coordinates is relative to.
+    longest: f64,
+    /// Largest component of a near center. 0 if an axis is unbounded.
+    near: f64,
+    distances: Option<DistanceMap>,
+}
+
+/// The map from a difference of orthogonalized coordinates to a vector as long as the distance in the space times the
+/// growth of radii. Upper triangular.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DistanceMap {
+    /// The first row, the second from its second number, and the third from its third.
+    pub rows: [f64; 6],
+    /// Upper bound of the factor by which a difference grows, at most [`MAX_NORM`](Self::MAX_NORM).
+    pub norm: f64,
+}
+
+impl DistanceMap {
+    /// With larger factors, the rounding of coordinates could exceed the growth of radii for it.
+    pub const MAX_NORM: f64 = 4.0;
+
+    /// Orthogonalizes the columns of the inverse of `map`, so that lengths stay those of `inverse · difference`.
+    fn of_inverse(map: [DVec3; 3], stretch: f64) -> Option<Self> {
+        let [a, b, c] = inverse(&map).map(|column| column * stretch);
+        let norm = norm_bound([a, b, c]);
+        let first = a.normalize();
+        let second = (b - first * first.dot(b)).normalize();
+        let third = first.cross(second);
+        let rows = [first.dot(a), first.dot(b), first.dot(c), second.dot(b), second.dot(c), third.dot(c)];
+        let is_accurate = rows.iter().all(|number| number.is_finite()) && norm <= Self::MAX_NORM;
+        is_accurate.then_some(Self { rows, norm })
+    }
 }
 
 impl Orthogonalization {
@@ -39,8 +71,14 @@ impl Orthogonalization {
             false => heights[k] * factor,
         });
         let rows = [0, 1, 2].map(|k| inverse[k] * lengths[k]);
-        let stretch = norm_bound(rows) * unit;
-        Self { rank, unit, inverse, lengths, stretch }
+        let growth = norm_bound(rows);
+        let longest = lengths[..rank].iter().fold(0.0, |longest, &length| length.max(longest));
+        // Products of three numbers neither overflow nor underflow.
+        let is_moderate = (1e-60..1e60).contains(&factor);
+        let distances = is_moderate.then(|| DistanceMap::of_inverse(rows, growth)).flatten();
+        let along = inverse.map(|row| row.abs().element_sum());
+        let near = if rank == 3 { 1.0 / (FAR * along.into_iter().fold(0.0, f64::max)) } else { 0.0 };
+        Self { rank, unit, inverse, lengths, stretch: growth * unit, longest, near, distances }
     }
 
     /// Returns the space of these coordinates.
@@ -54,22 +92,47 @@ impl Orthogonalization {
         self.lengths[..self.rank].iter().all(is_normal)
     }
 
+    /// Returns `None` for cells of extreme size or shape.
+    pub fn distance_map(&self) -> Option<DistanceMap> {
+        self.distances
+    }
+
+    /// Returns `true` if [`sphere`](Self::sphere) enlarges radii for the rounding of coordinates by the least possible
+    /// amount, for centers with components up to `largest`. Never if an axis is unbounded.
+    pub fn has_least_growth(&self, largest: [f64; 3]) -> bool {
+        self.is_near(DVec3::from(largest) * self.unit)
+    }
+
+    #[inline]
+    fn is_near(&self, center: DVec3) -> bool {
+        center.abs().cmplt(DVec3::splat(self.near)).all()
+    }
+
     /// Orthogonalizes and wraps a valid sphere. Radii grow by `stretch` and by more than rounding, so touching spheres
     /// still touch. This growth hardly depends on the position, so a moving sphere keeps its radius. A sphere of radius
     /// `limit`, the maximum, must touch all others.
+    #[inline]
     pub fn sphere(&self, center: [f64; 3], radius: f64, limit: f64) -> Sphere {
         let center = DVec3::from(center) * self.unit;
+        if self.is_near(center) {
+            let parts = self.inverse.map(|row| row.dot(center));
+            let wrapped = |k: usize| self.wrapped(k, parts[k] - nearest(parts[k]));
+            let center = Vec3::new(wrapped(0), wrapped(1), wrapped(2));
+            return Sphere { center, radius: self.enlarged(radius, self.longest, limit) };
+        }
+        self.distant_sphere(center, radius, limit)
+    }
+
+    fn distant_sphere(&self, center: DVec3, radius: f64, limit: f64) -> Sphere {
         let mut orthogonal = Vec3::ZERO;
         // The box, or more if the sphere is far away.
-        let mut scale = 0.0_f64;
+        let mut scale = self.longest;
         for k in 0..3 {
             let length = self.lengths[k];
             let part = self.inverse[k].dot(center);
             let from_origin = length * self.inverse[k].abs().dot(center.abs());
             if k < self.rank {
-                let half = 0.5 * length as f32;
-                orthogonal[k] = ((length * (part - part.round())) as f32).clamp(-half, half);
-                scale = scale.max(length);
+                orthogonal[k] = self.wrapped(k, part - part.round());
             } else {
                 orthogonal[k] = (length * part) as f32;
             }
@@ -78,14 +141,31 @@ impl Orthogonalization {
         if !(scale.is_finite() && orthogonal.is_finite()) {
             return Sphere { center: Vec3::ZERO, radius: limit as f32 };
         }
-        let base = self.lengths[..self.rank].iter().fold(0.0, |longest, &length| length.max(longest));
-        let mut rounding = base;
+        let mut rounding = self.longest;
         while rounding < scale {
             rounding *= 16.0;
         }
-        let radius = (self.stretch * radius + ROUNDING * rounding) * REACH_MARGIN;
-        Sphere { center: orthogonal, radius: (radius.min(limit) as f32).next_up() }
+        Sphere { center: orthogonal, radius: self.enlarged(radius, rounding, limit) }
     }
+
+    #[inline]
+    fn wrapped(&self, k: usize, part: f64) -> f32 {
+        let half = 0.5 * self.lengths[k] as f32;
+        ((self.lengths[k] * part) as f32).clamp(-half, half)
+    }
+
+    #[inline]
+    fn enlarged(&self, radius: f64, rounding: f64, limit: f64) -> f32 {
+        let radius = (self.stretch * radius + ROUNDING * rounding) * REACH_MARGIN;
+        (radius.min(limit) as f32).next_up()
+    }
+}
+
+/// Returns a nearest integer of a number below 2⁵¹. Unlike `f64::round`, it is never a function call.
+#[inline]
+fn nearest(number: f64) -> f64 {
+    const ROUND: f64 = 1.5 * (1_u64 << 52) as f64;
+    (number + ROUND) - ROUND
 }
 
 /// Returns an upper bound of the largest singular value. The trace of the `p`-th power of a symmetric `n` × `n` matrix
