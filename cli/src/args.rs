@@ -114,7 +114,7 @@ pub(crate) struct Detect {
     #[arg(long, value_parser = one_of(Format::ALL.map(Format::name)).try_map(|name| name.parse::<Format>()))]
     pub(crate) format: Option<Format>,
     /// Radius of a species, by name or LAMMPS type; overrides the file. May be repeated
-    #[arg(long = "radius", value_name = "SPECIES=R", value_parser = species_radius)]
+    #[arg(long = "radius", value_name = "SPECIES=R", value_parser = species_radius, allow_hyphen_values = true)]
     pub(crate) radii: Vec<(String, f64)>,
     /// Type of the numbers that decide; auto rounds none: f32 for NumPy arrays of float32, else f64
     #[arg(long, default_value_t = Precision::Auto, value_parser = one_of(Precision::ALL.map(Precision::name)).try_map(|name| name.parse::<Precision>()))]

@@ -18,6 +18,19 @@ fn check_memory(what: &'static str, needed: u64) -> Result<(), CliError> {
     refuse_if_lacking(what, needed, lacking_memory(needed))
 }
 
+/// Address space that glibc reserves for the heaps of other threads.
+const HEAPS: u64 = 2 * (128 << 20);
+
+/// Refuses `what` if memory is short for it and for a few threads.
+///
+/// # Errors
+/// Returns [`CliError::TooLittleMemoryFor`].
+fn check_memory_with_threads(what: &'static str, needed: u64) -> Result<(), CliError> {
+    check_memory(what, needed)?;
+    let mapped = needed.saturating_add(HEAPS);
+    refuse_if_lacking(what, mapped, lacking_address_space(mapped))
+}
+
 /// Refuses `what` if a software driver could not map its memory.
 ///
 /// # Errors

@@ -41,7 +41,7 @@ impl Detect {
         if path.to_str().is_none() && path.to_string_lossy().contains(FRAME) {
             return Err(CliError::NumberedName { path: path.clone() });
         }
-        let to_stdout = path.as_os_str() == STANDARD;
+        let to_stdout = [STANDARD, "/dev/stdout"].iter().any(|name| path.as_os_str() == *name);
         let by_name = if to_stdout { Some(TableFormat::Csv) } else { TableFormat::from_extension(path) };
         let format = self.output_format.or(by_name);
         let format = format.ok_or_else(|| CliError::OutputFormat { path: path.clone() })?;

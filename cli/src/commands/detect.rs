@@ -143,19 +143,17 @@ fn refuse_too_little_memory(
 fn refuse_inputs(args: &Detect, output: &Output) -> Result<(), CliError> {
     let spheres = input::handle(&args.file).map(|handle| (input::name(&args.file), handle));
     let excluded = args.exclude.as_deref();
-    let excluded = excluded.and_then(|path| Some((path, input::file_handle(Handle::from_path(path))?)));
+    let excluded = excluded.and_then(|path| Some((path, input::handle_of_file(path)?)));
     spheres.into_iter().chain(excluded).try_for_each(|(path, read)| refuse_input(args, output, path, &read))
 }
 
 fn refuse_input(args: &Detect, output: &Output, path: &Path, read: &Handle) -> Result<(), CliError> {
-    let same = |written: io::Result<Handle>| written.is_ok_and(|written| written == *read);
+    let same = |written: Option<Handle>| written.is_some_and(|written| written == *read);
     let refused = match output.path {
-        None => same(Handle::stdout()).then(|| output.name().to_owned()),
+        None => same(Handle::stdout().ok()).then(|| output.name().to_owned()),
         Some(_) => {
-            // Opening a FIFO would block.
-            let is_file = |file: &_| std::fs::metadata(file).is_ok_and(|metadata| metadata.is_file());
             let files = output.files(args.neighbors, args.ids);
-            files.into_iter().filter(is_file).find(|file| same(Handle::from_path(file)))
+            files.into_iter().find(|file| same(input::handle_of_file(file)))
         }
     };
     refused.map_or(Ok(()), |output| Err(CliError::OutputIsInput { input: path.to_owned(), output }))

@@ -2,14 +2,16 @@ mod bundle;
 mod checks;
 mod scenes;
 
+use std::path::Path;
+
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use lazygrid::gpu::plan::Planner;
 use lazygrid::gpu::{DeviceLimits, GpuConfig, wgpu};
 use lazygrid_io::write::{AtomicFile, base64};
 
-use crate::args::{PageArgs, PlanArgs};
-use crate::commands::check_memory;
+use crate::args::{PageArgs, PlanArgs, STANDARD};
+use crate::commands::check_memory_with_threads;
 use crate::error::CliError;
 use crate::progress::Progress;
 
@@ -28,11 +30,11 @@ const SCRIPTS: [&str; 6] = [
 const NEEDED: u64 = 128 << 20;
 
 pub(crate) fn run(args: &PageArgs) -> Result<(), CliError> {
-    check_memory("the page", NEEDED)?;
+    check_memory_with_threads("the page", NEEDED)?;
     let progress = Progress::new(None);
     progress.say("counting the pairs of all scenes");
     let contents = bundle::contents(env!("CARGO_PKG_VERSION"), env!("LAZYGRID_COMMIT"))?;
-    let mut draft = AtomicFile::create(&args.output)?;
+    let mut draft = file_or_stdout(&args.output)?;
     draft.write_with(|out| {
         let mut packed = GzEncoder::new(Vec::new(), Compression::best());
         serde_json::to_writer(&mut packed, &contents)?;
@@ -48,6 +50,10 @@ pub(crate) fn run(args: &PageArgs) -> Result<(), CliError> {
     Ok(draft.commit()?)
 }
 
+fn file_or_stdout(path: &Path) -> Result<AtomicFile, CliError> {
+    Ok(if path == Path::new(STANDARD) { AtomicFile::stdout()? } else { AtomicFile::create(path)? })
+}
+
 pub(crate) fn plan(args: &PlanArgs) -> Result<(), CliError> {
     let config = GpuConfig::default().algorithm(args.algorithm).pair_capacity(args.pairs).space(args.space());
     let mut limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 10, ..wgpu::Limits::default() };
@@ -57,7 +63,7 @@ pub(crate) fn plan(args: &PlanArgs) -> Result<(), CliError> {
     let planner = Planner::new(config, DeviceLimits::from(&limits)).subgroups(args.subgroups);
     let plan = planner.count_in_buffer(args.count_in_buffer).plan(args.spheres).map_err(CliError::Setting)?;
     let mut draft = match &args.output {
-        Some(path) => AtomicFile::create(path)?,
+        Some(path) => file_or_stdout(path)?,
         None => AtomicFile::stdout()?,
     };
     draft.write_with(|out| {

@@ -148,6 +148,29 @@ fn pairs_are_written_into_a_pipe_with_a_name() {
     assert_eq!(String::from_utf8_lossy(&read), expected.out);
 }
 
+#[cfg(unix)]
+#[test]
+fn spheres_are_read_from_a_pipe_with_a_name() {
+    let scratch = Scratch::new();
+    let (file, pipe) = (scratch.write("spheres.csv", SPHERES), scratch.path("pipe.csv"));
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    let pairs = scratch.path("pairs.csv");
+    let detect = |input: &str, more: &[&str]| {
+        let args = ["detect", input, "--backend", "cpu", "-o", &pairs];
+        LAZYGRID.run(args.iter().chain(more)).succeeds();
+        std::fs::read_to_string(&pairs).unwrap()
+    };
+    let expected = detect(&file, &[]);
+    let mut writer = Command::new("cp").args([&file, &pipe]).spawn().unwrap();
+    assert_eq!(detect(&pipe, &[]), expected);
+    assert!(writer.wait().unwrap().success());
+    let excluded = scratch.write("excluded.csv", "0 1\n");
+    let expected = detect(&file, &["--exclude", &excluded]);
+    let mut writer = Command::new("cp").args([&excluded, &pipe]).spawn().unwrap();
+    assert_eq!(detect(&file, &["--exclude", &pipe]), expected);
+    assert!(writer.wait().unwrap().success());
+}
+
 /// The requested stack is larger than any system grants.
 #[cfg(unix)]
 #[test]

@@ -13,10 +13,11 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 impl Cell {
     /// For `doubles`, no component of a cell vector is negligible.
     pub(super) fn space(&self, place: &Location, doubles: bool) -> Result<Space, Error> {
-        let repeats = self.edges.iter().zip(self.periodic);
         let mut lengths = [None; 3];
-        for (edge, _) in repeats.clone().filter(|(_, periodic)| *periodic) {
-            let Some(axis) = Self::axis_of(edge, doubles).filter(|&axis| lengths[axis].is_none()) else {
+        for k in (0..3).filter(|&k| self.periodic[k]) {
+            let edge = &self.edges[k];
+            let along = if *edge == [0.0; 3] { Some(k) } else { Self::axis_of(edge, doubles) };
+            let Some(axis) = along.filter(|&axis| lengths[axis].is_none()) else {
                 return self.sheared(place);
             };
             let length = edge[axis].abs();

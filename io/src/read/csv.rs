@@ -52,7 +52,10 @@ fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
         };
         if is_header(comment) {
             let table = Csv::of(line, comment);
-            in_comment = Some(table.and_then(|table| table.columns.check(line, context).map(|()| table)));
+            let table = table.and_then(|table| table.columns.check(line, context).map(|()| table));
+            if table.is_ok() || !matches!(in_comment, Some(Ok(_))) {
+                in_comment = Some(table);
+            }
         }
     }
     in_comment.unwrap_or_else(|| {

@@ -103,6 +103,7 @@ impl Format {
 
     /// Guesses the format from the first bytes.
     pub fn from_content(head: &[u8]) -> Option<Self> {
+        let head = head.strip_prefix(BYTE_ORDER_MARK).unwrap_or(head);
         let mut lines = head.split(|&b| b == b'\n').map(<[u8]>::trim_ascii);
         let tells = |line: &&[u8]| !line.is_empty() && (!csv::is_comment(line) || csv::is_header(line));
         let line = lines.find(tells)?;

@@ -23,6 +23,8 @@ impl Source {
         const GZIP: &[u8] = b"\x1F\x8B";
         const ZSTANDARD: &[u8] = b"\x28\xB5\x2F\xFD";
         const BUFFER: usize = 1 << 18;
+        // Zstandard files may begin with a frame to skip.
+        let is_skippable = |head: &[u8]| matches!(head, [0x50..=0x5F, 0x2A, 0x4D, 0x18]);
         let mut source = Self::uncompressed(path, input, length);
         let head = source.look(ZSTANDARD.len())?;
         let compressed = |source: &mut Self| {
@@ -31,7 +33,7 @@ impl Source {
         };
         if head.starts_with(GZIP) {
             source.input = Box::new(MultiGzDecoder::new(compressed(&mut source)));
-        } else if head.starts_with(ZSTANDARD) {
+        } else if head.starts_with(ZSTANDARD) || is_skippable(&head) {
             source.input = Box::new(ZstdReader::new(compressed(&mut source)));
         }
         Ok(source)

@@ -74,7 +74,7 @@ fn declared(comment: Line<'_>, properties: &[u8]) -> Result<Vec<(String, Column)
     for &[name, _type, width] in triples {
         let name = String::from_utf8_lossy(name).into_owned();
         let width: usize = lexical_core::parse(width).map_err(|_| malformed())?;
-        if width == 0 || columns.len() + width > MOST {
+        if width == 0 || width > MOST - columns.len() {
             return Err(malformed());
         }
         match (name.to_ascii_lowercase().as_str(), width) {

@@ -11,30 +11,38 @@ use crate::Error;
 #[must_use = "a file that is not published disappears"]
 pub struct AtomicFile {
     path: PathBuf,
+    /// The path without symbolic links at its end.
+    target: PathBuf,
     temporary: Option<Temporary>,
     out: Box<dyn Encoder>,
 }
 
 impl AtomicFile {
-    /// Creates an empty file, and removes temporary files of killed processes. FIFOs and devices cannot be
+    /// Creates an empty file, and removes temporary files of killed processes. It will replace the target of a symbolic
+    /// link, and keep the permissions of a replaced file. FIFOs, devices and open files, such as `/dev/fd/3`, cannot be
     /// replaced and are written directly.
     ///
     /// # Errors
     /// [`Error::Write`] if the directory accepts no new file.
     pub fn create(path: impl Into<PathBuf>) -> Result<Self, Error> {
         let path = path.into();
-        if fs::metadata(&path).is_ok_and(|there| !there.is_file() && !there.is_dir()) {
+        let (there, target) = (fs::metadata(&path), target(&path));
+        let is_open = OPEN_FILES.iter().any(|directory| target.starts_with(directory));
+        if is_open || there.as_ref().is_ok_and(|there| !there.is_file() && !there.is_dir()) {
             let opened = File::options().write(true).open(&path);
             return Self::at_once(path, opened);
         }
-        let directory = match path.parent() {
-            Some(parent) if parent != Path::new("") => parent,
-            _ => Path::new("."),
-        };
-        let created =
-            Temporary::create(directory).and_then(|(file, temporary)| Ok((temporary, encoder(&path, file)?)));
+        let created = Temporary::create(directory_of(&target)).and_then(|(file, temporary)| {
+            if let Ok(there) = there.as_ref().map(fs::Metadata::permissions) {
+                // A read-only target is replaced like any other.
+                if !there.readonly() {
+                    file.set_permissions(there)?;
+                }
+            }
+            Ok((temporary, encoder(&path, file)?))
+        });
         match created {
-            Ok((temporary, out)) => Ok(Self { path, temporary: Some(temporary), out }),
+            Ok((temporary, out)) => Ok(Self { path, target, temporary: Some(temporary), out }),
             Err(source) => Err(Error::Write { path, source }),
         }
     }
@@ -49,7 +57,7 @@ impl AtomicFile {
 
     fn at_once(path: PathBuf, to: io::Result<impl Write + Send + 'static>) -> Result<Self, Error> {
         match to.and_then(|to| encoder(&path, to)) {
-            Ok(out) => Ok(Self { path, temporary: None, out }),
+            Ok(out) => Ok(Self { target: path.clone(), path, temporary: None, out }),
             Err(source) => Err(Error::Write { path, source }),
         }
     }
@@ -71,11 +79,11 @@ impl AtomicFile {
     /// # Errors
     /// [`Error::Write`], also if the disk is full.
     pub fn finish(self) -> Result<CompleteFile, Error> {
-        let Self { path, temporary, out } = self;
+        let Self { path, target, temporary, out } = self;
         // Network file systems may report a full disk only here.
         let synced = out.finish().and_then(|()| temporary.as_ref().map_or(Ok(()), Temporary::sync));
         match synced {
-            Ok(()) => Ok(CompleteFile { path, temporary }),
+            Ok(()) => Ok(CompleteFile { path, target, temporary }),
             Err(source) => Err(Error::Write { path, source }),
         }
     }
@@ -103,6 +111,7 @@ impl AtomicFile {
 #[must_use = "a file that is not committed disappears"]
 pub struct CompleteFile {
     path: PathBuf,
+    target: PathBuf,
     temporary: Option<Temporary>,
 }
 
@@ -112,8 +121,34 @@ impl CompleteFile {
     /// # Errors
     /// [`Error::Write`].
     pub fn commit(self) -> Result<(), Error> {
-        let Self { path, temporary } = self;
-        temporary.map_or(Ok(()), |file| file.rename(&path)).map_err(|source| Error::Write { path, source })
+        let Self { path, target, temporary } = self;
+        temporary.map_or(Ok(()), |file| file.rename(&target)).map_err(|source| Error::Write { path, source })
+    }
+}
+
+/// Directories of files that this process has open.
+const OPEN_FILES: [&str; 2] = ["/dev/fd", "/proc/self/fd"];
+/// Most links that are followed, like Linux.
+const MAX_LINKS: usize = 40;
+
+/// Follows symbolic links at the end of a path, also to a file that does not exist. The links of [`OPEN_FILES`] are not
+/// followed.
+fn target(path: &Path) -> PathBuf {
+    let mut target = path.to_owned();
+    for _ in 0..MAX_LINKS {
+        let is_open = OPEN_FILES.iter().any(|directory| target.starts_with(directory));
+        match fs::read_link(&target) {
+            Ok(link) if !is_open => target = directory_of(&target).join(link),
+            _ => break,
+        }
+    }
+    target
+}
+
+fn directory_of(path: &Path) -> &Path {
+    match path.parent() {
+        Some(parent) if parent != Path::new("") => parent,
+        _ => Path::new("."),
     }
 }
 
@@ -161,6 +196,42 @@ mod tests {
     }
 
     #[test]
+    #[cfg(unix)]
+    fn target_of_a_link_is_replaced_with_its_permissions() {
+        use std::os::unix::fs::{PermissionsExt, symlink};
+        let directory = tempfile::tempdir().unwrap();
+        let [target, link, dangling] = ["a.csv", "b.csv", "c.csv"].map(|name| directory.path().join(name));
+        fs::write(&target, "old").unwrap();
+        fs::set_permissions(&target, fs::Permissions::from_mode(0o600)).unwrap();
+        symlink("a.csv", &link).unwrap();
+        symlink("new.csv", &dangling).unwrap();
+        for path in [&link, &dangling] {
+            let mut file = AtomicFile::create(path).unwrap();
+            file.write_with(|out| out.write_all(b"new")).unwrap();
+            file.commit().unwrap();
+            assert!(fs::symlink_metadata(path).unwrap().is_symlink());
+            assert_eq!(fs::read_to_string(path).unwrap(), "new");
+        }
+        assert_eq!(fs::read_to_string(&target).unwrap(), "new");
+        assert_eq!(fs::metadata(&target).unwrap().permissions().mode() & 0o777, 0o600);
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 4);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn open_file_is_not_replaced() {
+        use std::os::fd::AsRawFd;
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("a.csv");
+        let open = File::create(&path).unwrap();
+        let mut file = AtomicFile::create(format!("/dev/fd/{}", open.as_raw_fd())).unwrap();
+        file.write_with(|out| out.write_all(b"new")).unwrap();
+        file.commit().unwrap();
+        assert_eq!(fs::read_to_string(&path).unwrap(), "new");
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), 1);
+    }
+
+    #[test]
     #[cfg(target_os = "linux")]
     fn a_full_disk_is_an_error_and_leaves_nothing() {
         let directory = tempfile::tempdir().unwrap();
@@ -168,7 +239,8 @@ mod tests {
         let (_, temporary) = Temporary::create(directory.path()).unwrap();
         let full = File::options().write(true).open("/dev/full").unwrap();
         let out = encoder(&path, full).unwrap();
-        let mut file = AtomicFile { path: path.clone(), temporary: Some(temporary), out };
+        let mut file =
+            AtomicFile { path: path.clone(), target: path.clone(), temporary: Some(temporary), out };
         file.write_with(|out| out.write_all(b"fits the buffer")).unwrap();
         let error = file.commit().unwrap_err().to_string();
         assert_eq!(error, format!("{}: cannot write: No space left on device (os error 28)", path.display()));
@@ -185,7 +257,8 @@ mod tests {
         let (_reader, pipe) = io::pipe().unwrap();
         temporary.file = File::from(std::os::fd::OwnedFd::from(pipe));
         let out = encoder(&path, file).unwrap();
-        let mut file = AtomicFile { path: path.clone(), temporary: Some(temporary), out };
+        let mut file =
+            AtomicFile { path: path.clone(), target: path.clone(), temporary: Some(temporary), out };
         file.write_with(|out| out.write_all(b"new")).unwrap();
         let error = file.commit().unwrap_err().to_string();
         assert!(error.starts_with(&format!("{}: cannot write: Invalid argument", path.display())), "{error}");

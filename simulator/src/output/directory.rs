@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use crate::Error;
 use crate::output::animation::PAGE_MARK;
 use crate::output::options::Output;
-use crate::output::report::{PLOTS, REPORT, TABLES, is_plot, remove_own_plots, remove_report};
-use crate::output::{ANIMATED, ARRIVALS, Lock, OCCUPANCY, RELEASES, SERIES, SYMBOLS, XYZ};
+use crate::output::report::{REPORT, TABLES, is_plot, remove_own_plots, remove_report};
+use crate::output::{ANIMATED, ARRIVALS, Lock, OCCUPANCY, PLOTS, RELEASES, SERIES, SYMBOLS, XYZ};
 
 /// Files of runs, replicas, sweeps and reports, apart from frames, plots and the tables of reports.
 const RESULTS: [&str; 16] = [

@@ -2,6 +2,7 @@ use std::fs::{File, FileType, OpenOptions, TryLockError};
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
+use super::PLOTS;
 use super::directory::is_regular;
 use crate::Error;
 
@@ -27,7 +28,10 @@ impl Lock {
         let file = open.map_err(refused)?;
         match file.try_lock() {
             // The lock excludes other writers.
-            Ok(()) => remove_temporaries(directory),
+            Ok(()) => {
+                remove_temporaries(directory);
+                remove_temporaries(&directory.join(PLOTS));
+            }
             Err(TryLockError::WouldBlock) => {
                 let message =
                     "another run is writing to it; wait until that has ended, or choose another directory";
@@ -136,9 +140,11 @@ mod tests {
         ];
         kept.iter().for_each(|name| fs::write(at(name), "mine").unwrap());
         fs::create_dir(at(".lazygrid-draft-folder")).unwrap();
-        fs::write(at(".lazygrid-draft-aB3xY9"), "left").unwrap();
+        fs::create_dir(at(PLOTS)).unwrap();
+        let left = [".lazygrid-draft-aB3xY9", "plots/.lazygrid-draft-aB3xY9"];
+        left.iter().for_each(|name| fs::write(at(name), "left").unwrap());
         let lock = Lock::take(directory.path()).unwrap();
-        assert!(!at(".lazygrid-draft-aB3xY9").exists());
+        assert!(left.iter().all(|name| !at(name).exists()));
         assert!(kept.iter().all(|name| at(name).exists()) && at(".lazygrid-draft-folder").exists());
         fs::write(at(".lazygrid-draft-aB3xY9"), "being written").unwrap();
         assert!(Lock::take(directory.path()).is_err());

@@ -45,6 +45,7 @@ const ARRIVALS: &str = "arrivals.csv";
 const RELEASES: &str = "releases.csv";
 const OCCUPANCY: &str = "occupancy.csv";
 const ANIMATED: &str = "animation.frames";
+const PLOTS: &str = "plots";
 
 #[derive(Debug)]
 pub(crate) struct Files {

@@ -5,16 +5,15 @@ use std::fs::{self, File};
 use std::io::{self, BufRead, BufReader, BufWriter, Write};
 use std::path::Path;
 
-use super::Draft;
 use super::directory::{is_file, is_regular, refuse_file, refuse_page, remove_file, remove_where};
 use super::write_atomically;
+use super::{Draft, PLOTS};
 use crate::Error;
 use crate::checksum::{Digest, DigestWriter};
 
 pub(super) const REPORT: &str = "report.html";
 pub(crate) const TABLES: [&str; 4] =
     ["impulse-response.csv", "interference.csv", "bit-errors.csv", "by-symbol.csv"];
-pub(super) const PLOTS: &str = "plots";
 
 /// Begins the last line of each page.
 const MARK: &str = "<!-- tables of lazygrid simulate:";

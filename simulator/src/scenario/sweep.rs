@@ -58,8 +58,16 @@ impl Sweep {
         // `Scenario::parse` reports a text that is not TOML.
         let Ok(file) = DeTable::parse(text) else { return Ok(None) };
         let mut keys = section_keys(text, file.get_ref()).map_err(placed)?;
-        for option in options {
+        for (k, option) in options.iter().enumerate() {
             let key = option_key(option).map_err(Error::Model)?;
+            let is_repeated = |other: &String| option_key(other).is_ok_and(|other| other.path == key.path);
+            if options[..k].iter().any(is_repeated) {
+                return Err(Error::Model(format!(
+                    "--sweep {}: given twice; give all values at once, such as {}=1,2,3",
+                    excerpt(key.path.as_bytes()),
+                    excerpt(key.path.as_bytes())
+                )));
+            }
             match keys.iter_mut().find(|known| known.path == key.path) {
                 Some(known) => *known = key,
                 None => keys.push(key),
@@ -376,6 +384,11 @@ mod tests {
         }
         let both = sweep(TEXT, &["receiver.rx.center.x=1", "receiver.0.center=[1, 1, 1]"]).unwrap_err();
         assert!(both.contains("a part of the other"), "{both}");
+        let twice = sweep(TEXT, &["steps=10,20", "seed=1", "steps=30"]).unwrap_err();
+        assert!(
+            twice.contains("--sweep steps: given twice; give all values at once, such as steps=1,2,3"),
+            "{twice}"
+        );
         let values = (0..400).map(|k| k.to_string()).collect::<Vec<_>>().join(",");
         let [a, b] = ["seed", "steps"].map(|key| format!("{key}={values}"));
         assert!(sweep(TEXT, &[&a, &b]).unwrap_err().contains("more than 100000 combinations"));

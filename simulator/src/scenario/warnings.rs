@@ -79,6 +79,10 @@ pub(super) fn walls(boundary: &Boundary) -> String {
 
 /// Returns a number rounded down to three digits.
 pub(super) fn below(value: f64) -> String {
+    // For smaller ones, the unit would underflow.
+    if value < 1e-300 {
+        return format!("{value:.2e}");
+    }
     let unit = 10_f64.powi(value.log10().floor() as i32 - 2);
     format!("{:.2e}", ((value / unit) * (1.0 - 1e-6)).floor() * unit)
 }

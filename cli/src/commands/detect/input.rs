@@ -109,10 +109,15 @@ fn open(path: &Path) -> io::Result<(Box<dyn Read + Send>, Option<u64>)> {
 }
 
 pub(crate) fn handle(path: &Path) -> Option<Handle> {
-    file_handle(if path == Path::new(STANDARD) { Handle::stdin() } else { Handle::from_path(path) })
+    if path == Path::new(STANDARD) { file_handle(Handle::stdin()) } else { handle_of_file(path) }
 }
 
-/// `None` for terminals and other things that no output replaces.
-pub(crate) fn file_handle(handle: io::Result<Handle>) -> Option<Handle> {
+/// `None` for terminals and other things that no output replaces. Opening a FIFO once more would block.
+pub(crate) fn handle_of_file(path: &Path) -> Option<Handle> {
+    let is_file = std::fs::metadata(path).is_ok_and(|metadata| metadata.is_file());
+    is_file.then(|| Handle::from_path(path).ok()).flatten()
+}
+
+fn file_handle(handle: io::Result<Handle>) -> Option<Handle> {
     handle.ok().filter(|handle| handle.as_file().metadata().is_ok_and(|metadata| metadata.is_file()))
 }

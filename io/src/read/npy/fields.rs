@@ -49,7 +49,8 @@ impl Fields {
                 let start = start + k * kind.width;
                 let is_whole = matches!(kind.class, DtypeKind::Signed | DtypeKind::Unsigned);
                 // A field of another type may mean something else.
-                let meaning = if meaning == Column::Group && !is_whole { Column::Other } else { meaning };
+                let is_number = matches!(meaning, Column::Group | Column::Id);
+                let meaning = if is_number && !is_whole { Column::Other } else { meaning };
                 match (meaning, kind.class) {
                     (Column::Other, _) => {}
                     (
@@ -57,9 +58,7 @@ impl Fields {
                         DtypeKind::Signed | DtypeKind::Unsigned | DtypeKind::Bytes | DtypeKind::Text,
                     ) => {}
                     (Column::Species, _) => return refuse("species as whole numbers or text"),
-                    (Column::Id, DtypeKind::Signed | DtypeKind::Unsigned) => {}
-                    (Column::Group, _) => {}
-                    (Column::Id, _) => return refuse("ids as whole numbers"),
+                    (Column::Id | Column::Group, _) => {}
                     (_, DtypeKind::Float) => {}
                     _ => return refuse("coordinates and radii of type f4 or f8"),
                 }

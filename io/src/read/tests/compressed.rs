@@ -24,7 +24,8 @@ fn compressed_files_read_as_the_originals() {
         ("a.csv.gz", gzip(text)),
         ("a.csv.zst", zstd(text)),
         ("a.csv.gz", [gzip(head), gzip(rest)].concat()),
-        ("a.csv.zst", [zstd(head), skipped, zstd(rest)].concat()),
+        ("a.csv.zst", [zstd(head), skipped.clone(), zstd(rest)].concat()),
+        ("a", [skipped, zstd(text)].concat()),
         ("a", gzip(text)),
         ("a.csv", zstd(text)),
     ] {

@@ -90,3 +90,12 @@ proptest! {
         survives(None, bytes)?;
     }
 }
+
+#[test]
+fn width_of_a_property_beyond_any_row_is_refused() {
+    for width in ["1001", "997", "18446744073709551615", "99999999999999999999"] {
+        let text = format!("1\nProperties=pos:R:3:radius:R:1:v:R:{width}\n1 2 3 4\n");
+        let refused = refusal("a.xyz", text, &[]);
+        assert!(refused.contains("expected Properties=name:type:columns"), "{refused}");
+    }
+}

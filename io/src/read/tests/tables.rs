@@ -9,6 +9,8 @@ fn csv_with_other_separators_and_comments() {
         "# units: µm; made by hand\n\nx,y,z,diameter\n1,2,3,1\n  # between\n-4,5e-3,6.25,0\n#end",
         // Output of `numpy.savetxt(…, header="x,y,z,r", delimiter=",")`.
         "# some title\n# x,y,z,r\n1.0e+00,2.0e+00,3.0e+00,5.0e-01\n-4,5e-3,6.25,0\n",
+        "# x,y,z,r\n# x,y,z\n1,2,3,0.5\n-4,5e-3,6.25,0\n",
+        "\u{feff}x,y,z,r\n1,2,3,0.5\n-4,5e-3,6.25,0\n",
         "# z,y,x,r\nx,y,z,r\n1,2,3,0.5\n-4,5e-3,6.25,0\n",
         "# x,y,z: the center\n# x,y,z\nx,y,z,r\n1,2,3,0.5\n-4,5e-3,6.25,0\n",
         "\"x\";\"y\";\"note, or not\";\"z\";\"r\"\n1;2;\"a, b\";3;0.5\n-4;5e-3;;6.25;0\n",
@@ -120,6 +122,12 @@ fn structured_arrays_in_any_order() {
             assert_eq!(reader.species().names(), ["3", "5"]);
         }
     }
+    // Other numbers than whole ones are no ids.
+    let of_floats = structured(
+        "('id', '<f8'), ('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('r', '<f4')",
+        |sphere, _, id| [f64::from(id).to_le_bytes().to_vec(), bytes(&sphere)].concat(),
+    );
+    assert_eq!(rows("a.npy", of_floats, &[]), TWO);
     let by_species = structured(
         "('x', '<f4', (1,)), ('y', '<f4'), ('z', '<f4'), ('species', '|i1')",
         |[x, y, z, _], kind, _| [bytes(&[x, y, z]), vec![kind]].concat(),
