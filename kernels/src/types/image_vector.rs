@@ -69,9 +69,15 @@ impl Space {
         self.decide(a, b, distance, |space, from, to| space.image(apart(from, to), shift))
     }
 
-    /// Returns `vector + (S₁e₁ + S₂e₂ + S₃e₃)` for cell vectors `e`.
+    /// Returns `vector + (S₁e₁ + S₂e₂ + S₃e₃)` for cell vectors `e`. Multiples may overflow if the result does not.
     pub fn image(&self, vector: [f64; 3], shift: [f64; 3]) -> [f64; 3] {
-        shifted(vector, shift, &self.cell_vectors())
+        let vectors = self.cell_vectors();
+        let image = shifted(vector, shift, &vectors);
+        if image.iter().all(|number| number.is_finite()) {
+            return image;
+        }
+        let vectors = vectors.map(|edge| edge.map(|edge| edge.map(|number| number * DOWN)));
+        shifted(vector.map(|number| number * DOWN), shift, &vectors).map(|number| number / DOWN)
     }
 
     #[inline]

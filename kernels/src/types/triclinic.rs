@@ -9,6 +9,8 @@ use crate::InputError;
 const MIN_THICKNESS: f64 = 1.0 / (1 << 24) as f64;
 /// Most steps to wrap a vector. Each step leaves about 2⁻⁵⁰ of its length.
 const MAX_WRAP_STEPS: usize = 4;
+/// Scales cells in which multiples of cell vectors overflow. Multiples in a reduced basis are smaller than its inverse.
+const DOWN: f64 = 1.0 / (1_u128 << 64) as f64;
 /// Factor by which sums of multiples of vectors stay below the largest number: above 3·√3·√3, for three components,
 /// vectors and the longest vector.
 const OVERFLOW_MARGIN: f64 = 16.0;
@@ -160,11 +162,21 @@ impl TriclinicCell {
     }
 
     fn image_of_distant(&self, vector: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+        if let Some(image) = self.finite_image(vector) {
+            return image;
+        }
+        let image = self.scaled(DOWN).finite_image(vector.map(|number| number * DOWN));
+        image.map_or(([0.0; 3], [f64::NAN; 3]), |(shift, image)| (shift, image.map(|number| number / DOWN)))
+    }
+
+    /// Returns `None` if a multiple of a cell vector overflows.
+    fn finite_image(&self, vector: [f64; 3]) -> Option<([f64; 3], [f64; 3])> {
         let (apart, counts) = self.wrapped(vector);
         if apart.length_squared() < self.near_squared
             && counts.iter().all(|count| count.abs() <= self.near_count)
         {
-            return self.image(vector, counts);
+            let image = self.image(vector, counts);
+            return image.1.iter().all(|number| number.is_finite()).then_some(image);
         }
         self.shortest_image(vector, apart, counts)
     }
@@ -186,17 +198,26 @@ impl TriclinicCell {
         (apart, counts)
     }
 
-    fn shortest_image(&self, vector: [f64; 3], apart: DVec3, counts: [f64; 3]) -> ([f64; 3], [f64; 3]) {
+    fn shortest_image(
+        &self,
+        vector: [f64; 3],
+        apart: DVec3,
+        counts: [f64; 3],
+    ) -> Option<([f64; 3], [f64; 3])> {
         let mut best: Option<(f64, [f64; 3], [f64; 3])> = None;
         for image in self.images(apart, counts) {
             let (shift, image) = self.image(vector, image);
+            // It might be the shortest.
+            if !image.iter().all(|number| number.is_finite()) {
+                return None;
+            }
             let [x, y, z] = image.map(|number| number * self.unit);
             let squared = x * x + y * y + z * z;
             if best.is_none_or(|(least, ..)| squared < least) {
                 best = Some((squared, shift, image));
             }
         }
-        best.map_or(([0.0; 3], vector), |(_, shift, image)| (shift, image))
+        Some(best.map_or(([0.0; 3], vector), |(_, shift, image)| (shift, image)))
     }
 
     fn images(&self, apart: DVec3, counts: [f64; 3]) -> impl Iterator<Item = [f64; 3]> {
@@ -279,10 +300,25 @@ mod tests {
             let vector = shifted([(); 3].map(|()| unit * size * random()), offset, &cell.vectors);
             let (apart, counts) = cell.wrapped(vector);
             let compared = cell.shortest_image(vector, apart, counts);
+            let compared = compared.expect("no multiple overflows");
             assert_eq!(cell.minimum_image(vector), compared, "{vectors:?}, {vector:?}");
             assert_eq!(cell.minimum_image_vector(vector), compared.1, "{vectors:?}, {vector:?}");
             near[usize::from(apart.length_squared() < cell.near_squared)] += 1;
         }
         assert!(near.iter().all(|&count| count > 2000), "{near:?}");
+    }
+
+    #[test]
+    fn multiples_of_cell_vectors_that_overflow_hide_no_image() {
+        let edges = [[2.325e307, 0.0, 0.0], [0.0, 1.075e307, 0.0], [2.325e307, 5.375e306, 1.5e306]];
+        let vector = [2e306, 0.0, -1.2e307];
+        let cell = TriclinicCell::new(edges.map(Some)).expect("a cell");
+        let part = 0.5_f64.powi(100);
+        let small = TriclinicCell::new(edges.map(|edge| Some(edge.map(|number| number * part))));
+        let (shift, image) = small.expect("a cell").minimum_image(vector.map(|number| number * part));
+        assert_eq!(cell.minimum_image(vector), (shift, image.map(|number| number / part)));
+        assert_eq!(shift.map(f64::abs), [8.0, 4.0, 8.0]);
+        let space = crate::Space::triclinic(edges.map(Some)).expect("a cell");
+        assert_eq!(space.image(vector, shift), cell.minimum_image(vector).1);
     }
 }
