@@ -279,9 +279,10 @@ impl Detector {
         // The number of spheres does not bound the number of images.
         let spheres = if self.is_periodic { usize::MAX } else { query.len() };
         let work = Work { spheres, can_hold_lock: lease.is_on_cpu() };
+        let is_single_threaded = lease.is_single_threaded();
         let (detector, cancel) = lease.parts();
         let found = interruptible(py, work, cancel, || detector.neighbor_list(query, options))?;
-        neighbors::arrays(py, quantities, &found.map_err(error::engine)?)
+        neighbors::arrays(py, quantities, &found.map_err(error::engine)?, is_single_threaded)
     }
 
     /// Return the number of pairs, in memory independent of that number.

@@ -19,6 +19,7 @@ use crate::interruptible::{Work, interruptible};
 use crate::pool::DetectorPool;
 use crate::{error, fork, result_memory};
 
+/// At or below this number of entries, one thread fills the arrays.
 const CHUNK_ENTRIES: usize = 1 << 14;
 
 enum Cutoffs<'a> {
@@ -150,7 +151,7 @@ impl<'py> Arrays<'py> {
         })
     }
 
-    fn fill(&self, py: Python<'_>, list: &NeighborList<'_>) -> PyResult<()> {
+    fn fill(&self, py: Python<'_>, list: &NeighborList<'_>, threads: Threads) -> PyResult<()> {
         let (mut i, mut j) =
             (self.i.as_ref().map(|array| array.readwrite()), self.j.as_ref().map(|array| array.readwrite()));
         let (mut distance, mut vector, mut shift) = (
@@ -164,11 +165,13 @@ impl<'py> Arrays<'py> {
         let vector = vector.as_mut().map(|array| array.as_slice_mut()).transpose()?;
         let shift = shift.as_mut().map(|array| array.as_slice_mut()).transpose()?;
         py.detach(|| {
-            put(i, list.pairs(), |pair| i64::from(pair.i));
-            put(j, list.pairs(), |pair| i64::from(pair.j));
-            put(distance, list.distances(), |&distance| distance);
-            put(vector.map(|all| all.as_chunks_mut::<3>().0), list.vectors(), |&vector| vector);
-            put(shift.map(|all| all.as_chunks_mut::<3>().0), list.shifts(), |shift| shift.map(i64::from));
+            let (vector, shift) =
+                (vector.map(|all| all.as_chunks_mut::<3>().0), shift.map(|all| all.as_chunks_mut::<3>().0));
+            threads.put(i, list.pairs(), |pair| i64::from(pair.i));
+            threads.put(j, list.pairs(), |pair| i64::from(pair.j));
+            threads.put(distance, list.distances(), |&distance| distance);
+            threads.put(vector, list.vectors(), |&vector| vector);
+            threads.put(shift, list.shifts(), |shift| shift.map(i64::from));
         });
         Ok(())
     }
@@ -194,12 +197,37 @@ impl<'py> Arrays<'py> {
     }
 }
 
-/// Writes a quantity of all entries, if it has an array.
-fn put<T: Send, U: Sync>(array: Option<&mut [T]>, values: &[U], value: impl Fn(&U) -> T + Sync) {
-    let Some(array) = array else { return };
-    array.par_chunks_mut(CHUNK_ENTRIES).zip(values.par_chunks(CHUNK_ENTRIES)).for_each(|(array, values)| {
-        array.iter_mut().zip(values).for_each(|(slot, from)| *slot = value(from));
-    });
+/// The threads that fill arrays.
+#[derive(Clone, Copy)]
+enum Threads {
+    Caller,
+    Global,
+}
+
+impl Threads {
+    /// Starts the global threads, unless `is_single_threaded` or the list is short.
+    fn start(is_single_threaded: bool, entries: usize) -> PyResult<Self> {
+        if is_single_threaded || entries <= CHUNK_ENTRIES {
+            return Ok(Self::Caller);
+        }
+        fork::use_global_threads()?;
+        Ok(Self::Global)
+    }
+
+    /// Writes a quantity of all entries, if it has an array.
+    fn put<T: Send, U: Sync>(self, array: Option<&mut [T]>, values: &[U], value: impl Fn(&U) -> T + Sync) {
+        let Some(array) = array else { return };
+        let fill = |(array, values): (&mut [T], &[U])| {
+            array.iter_mut().zip(values).for_each(|(slot, from)| *slot = value(from));
+        };
+        match self {
+            Self::Caller => fill((array, values)),
+            Self::Global => {
+                let chunks = array.par_chunks_mut(CHUNK_ENTRIES).zip(values.par_chunks(CHUNK_ENTRIES));
+                chunks.for_each(fill);
+            }
+        }
+    }
 }
 
 /// Cutoffs: a number, a radius per atom, or a kind per atom and a table for two kinds.
@@ -248,14 +276,17 @@ pub(crate) fn options(quantities: &str, options: ListOptions) -> PyResult<ListOp
     Ok(if wanted('d') { options.distances() } else { options })
 }
 
-/// Returns the quantities of a list as an array or a tuple of arrays.
+/// Returns the quantities of a list as an array or a tuple of arrays. The list of a single-threaded detector, which
+/// serves forked processes, uses no other threads.
 pub(crate) fn arrays<'py>(
     py: Python<'py>,
     quantities: &str,
     list: &NeighborList<'_>,
+    is_single_threaded: bool,
 ) -> PyResult<Bound<'py, PyAny>> {
+    let threads = Threads::start(is_single_threaded, list.len())?;
     let arrays = Arrays::new(py, quantities, list.len())?;
-    arrays.fill(py, list)?;
+    arrays.fill(py, list, threads)?;
     arrays.in_order(py, quantities)
 }
 
@@ -284,7 +315,7 @@ pub(crate) fn neighbors_within<'py>(
     let work = Work { spheres: spheres_of_work, can_hold_lock: true };
     let found = interruptible(py, work, cancel, || detector.neighbor_list(spheres, options))?;
     let list = found.map_err(error::engine)?;
-    let (length, arrays) = (list.len(), arrays(py, quantities, &list)?);
+    let (length, arrays) = (list.len(), arrays(py, quantities, &list, false)?);
     drop(lease);
     if length <= MAX_KEPT_ENTRIES {
         keep(cell, &cutoffs, detectors);

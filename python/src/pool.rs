@@ -145,6 +145,10 @@ impl DetectorLease {
         self.pool.is_on_cpu
     }
 
+    pub(crate) fn is_single_threaded(&self) -> bool {
+        self.pool.is_single_threaded
+    }
+
     pub(crate) fn stopper(&mut self) -> StreamStopper {
         let is_leased = self.stream.get_or_insert_with(|| Arc::new(AtomicBool::new(true))).clone();
         let cancel = self.detector.as_ref().map(|leased| leased.cancel.clone()).unwrap_or_default();

@@ -228,6 +228,23 @@ if child == 0:
     os._exit(detector.count(line) != len(line) - 1)
 assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
 """
+COPIED_LIST = """
+import signal
+
+alone = lazygrid.Detector(backend="cpu", threads=1)
+
+def child_succeeds(use):
+    child = os.fork()
+    if child == 0:
+        signal.alarm(20)
+        os._exit(not use())
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 0
+
+assert len(alone.neighbor_list("ij", line)[0]) == 2 * len(line) - 2
+assert child_succeeds(lambda: lazygrid.Detector(backend="cpu").count(line) == len(line) - 1)
+lazygrid.Detector(backend="cpu").count(line)
+assert child_succeeds(lambda: len(alone.neighbor_list("i", line)) == 2 * len(line) - 2)
+"""
 COPIED_SIMULATION = """
 species = {"name": "a", "radius": 0.1, "diffusion": 1.0}
 burst = {"name": "t", "center": [0, 0, 0], "shape": {"kind": "point"}}
@@ -243,7 +260,10 @@ for threads in (None, 1, 2):
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="processes are not copied here")
-@pytest.mark.parametrize("use", [COPIED_DETECTOR, COPIED_UNUSED_DETECTOR, COPIED_SIMULATION, COPIED_READER, COPIED_USER_OF_A_DETECTOR])
+@pytest.mark.parametrize(
+    "use",
+    [COPIED_DETECTOR, COPIED_UNUSED_DETECTOR, COPIED_LIST, COPIED_SIMULATION, COPIED_READER, COPIED_USER_OF_A_DETECTOR],
+)
 def test_inherited_objects_do_not_wait_for_threads_of_the_parent(use: str) -> None:
     # A process of its own, in which no other test has started threads.
     done = subprocess.run(
