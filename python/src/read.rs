@@ -23,7 +23,8 @@ const MIN_POLLED_SPHERES: usize = 1 << 12;
 /// An iterator over the frames of a file, with one in memory. :func:`lazygrid.read` reads one frame.
 ///
 /// Numbers are rounded to float32, and the first that loses digits is a ``UserWarning``, unless ``dtype`` is float64. A
-/// species of ``radii`` that no sphere has is a ``UserWarning`` at the end. Ctrl-C ends the iteration.
+/// species of ``radii`` that no sphere has is a ``UserWarning`` at the end. If a filter turns a warning into an
+/// exception, the next ``next`` returns the frame. Ctrl-C ends the iteration.
 ///
 /// Raises
 /// ------
@@ -45,8 +46,13 @@ pub(crate) struct Frames {
     state: Mutex<State>,
 }
 
+/// A frame and the names of its species.
+type NamedFrame = (read::Frame, Vec<String>);
+
 struct State {
     frames: read::Frames,
+    /// A frame that was read by a call whose warning was raised as an exception. The next call returns it.
+    kept: Option<NamedFrame>,
     has_warned_of_rounding: bool,
     has_warned_of_radii: bool,
 }
@@ -113,7 +119,7 @@ impl Frames {
         let is_polled = length.is_none_or(|length| length >= MIN_POLLED_BYTES);
         let frames = interruptible(py, is_polled, &cancel, open)?.map_err(error::file)?;
         let format = frames.format();
-        let state = State { frames, has_warned_of_rounding: false, has_warned_of_radii: false };
+        let state = State { frames, kept: None, has_warned_of_rounding: false, has_warned_of_radii: false };
         let is_polled = AtomicBool::new(is_polled);
         Ok(Self { path, format, is_regular: length.is_some(), is_polled, cancel, state: Mutex::new(state) })
     }
@@ -124,16 +130,11 @@ impl Frames {
 
     fn __next__(&self, py: Python<'_>) -> PyResult<Option<Frame>> {
         fork::use_threads()?;
-        let (read, warnings) = self.interruptible(py, || {
-            let mut state = self.lock();
-            let frame = state.frames.next().transpose();
-            let warnings = state.warnings(&self.path, matches!(frame, Ok(None)));
-            let names = |frame| (frame, state.frames.species().names().to_vec());
-            (frame.map(|frame| frame.map(names)), warnings)
-        })?;
+        let (read, warnings) = self.interruptible(py, || self.lock().read(&self.path))?;
         let read = read.map_err(error::file)?;
-        for warning in warnings {
-            py.import("warnings")?.call_method1("warn", (warning, py.get_type::<PyUserWarning>()))?;
+        if let Err(raised) = warnings.into_iter().try_for_each(|warning| warn(py, warning)) {
+            py.detach(|| self.lock().kept = read);
+            return Err(raised);
         }
         let Some((frame, names)) = read else { return Ok(None) };
         self.is_polled.store(!self.is_regular || frame.len() >= MIN_POLLED_SPHERES, Ordering::Relaxed);
@@ -143,7 +144,11 @@ impl Frames {
     /// Return ``True`` after the last frame.
     fn at_end(&self, py: Python<'_>) -> PyResult<bool> {
         fork::use_threads()?;
-        self.interruptible(py, || self.lock().frames.at_end())?.map_err(error::file)
+        let at_end = || {
+            let mut state = self.lock();
+            if state.kept.is_some() { Ok(false) } else { state.frames.at_end() }
+        };
+        self.interruptible(py, at_end)?.map_err(error::file)
     }
 
     /// Return the species of ``radii`` that no frame so far has, probably misspelled.
@@ -181,6 +186,17 @@ impl Frames {
 }
 
 impl State {
+    /// Returns the next frame, and new warnings.
+    fn read(&mut self, path: &Path) -> (Result<Option<NamedFrame>, Error>, Vec<String>) {
+        if let Some(kept) = self.kept.take() {
+            return (Ok(Some(kept)), Vec::new());
+        }
+        let frame = self.frames.next().transpose();
+        let warnings = self.warnings(path, matches!(frame, Ok(None)));
+        let names = |frame| (frame, self.frames.species().names().to_vec());
+        (frame.map(|frame| frame.map(names)), warnings)
+    }
+
     /// Returns warnings that no earlier call returned.
     fn warnings(&mut self, path: &Path, is_at_end: bool) -> Vec<String> {
         let mut warnings = Vec::new();
@@ -193,6 +209,12 @@ impl State {
         }
         warnings
     }
+}
+
+/// Warns, or returns the exception into which a filter turns the warning.
+fn warn(py: Python<'_>, warning: String) -> PyResult<()> {
+    py.import("warnings")?.call_method1("warn", (warning, py.get_type::<PyUserWarning>()))?;
+    Ok(())
 }
 
 /// Returns `true` for float64 and `false` for float32.

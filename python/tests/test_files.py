@@ -155,6 +155,17 @@ def test_rounding_is_warned_of_once(tmp_path: Path, kind: str) -> None:
     assert len(said) == 1
 
 
+@pytest.mark.filterwarnings("error")
+def test_frame_whose_warning_is_raised_is_returned_next(tmp_path: Path) -> None:
+    path = tmp_path / "two.xyz"
+    path.write_text("1\n\nH 16777217 2 3\n1\n\nH 4 5 6\n")
+    frames = lazygrid.Frames(path, radii={"H": 1.0})
+    with pytest.raises(UserWarning, match="x is 16777217"):
+        next(frames)
+    assert not frames.at_end()
+    assert [frame.spheres[0, 0] for frame in frames] == [16777216, 4] and frames.at_end()
+
+
 def test_unused_radii_are_warned_of(tmp_path: Path) -> None:
     path = tmp_path / "two.xyz"
     path.write_text("1\n\nH 1 2 3\n1\n\nO 1 2 3\n")

@@ -411,7 +411,8 @@ class Frames:
     """An iterator over the frames of a file, with one in memory. :func:`lazygrid.read` reads one frame.
 
     Numbers are rounded to float32, and the first that loses digits is a ``UserWarning``, unless ``dtype`` is float64. A
-    species of ``radii`` that no sphere has is a ``UserWarning`` at the end. Ctrl-C ends the iteration.
+    species of ``radii`` that no sphere has is a ``UserWarning`` at the end. If a filter turns a warning into an
+    exception, the next ``next`` returns the frame. Ctrl-C ends the iteration.
 
     Raises
     ------
