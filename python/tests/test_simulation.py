@@ -185,9 +185,13 @@ def test_callbacks_see_and_change_the_run() -> None:
 
     run.step(100, callback=callback, every=7)
     assert seen == [7, 14, 21, 28] and run.step_count == 28
+    run.step(9, callback=lambda simulation: (simulation.particles.x < -1e9).any())
+    run.step(2, callback=lambda _: None)
+    run.step(2, callback=lambda _: 0)
+    assert run.step_count == 33
     with pytest.raises(ZeroDivisionError):
         run.step(5, callback=lambda _: 1 / 0)
-    assert run.step_count == 29
+    assert run.step_count == 34
 
 
 def test_resumed_run_continues_bit_for_bit(tmp_path: Path) -> None:

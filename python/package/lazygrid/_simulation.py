@@ -143,7 +143,7 @@ class Simulation:
             The number of steps.
         callback
             Called with the simulation after every ``every`` steps and at the end. It may read and change the
-            simulation. If it returns ``False``, the steps end.
+            simulation. If it returns ``False``, also of NumPy, the steps end.
         every
             The number of steps between calls of ``callback``.
 
@@ -161,7 +161,9 @@ class Simulation:
             done = min(every, steps)
             self._core.step(done)
             steps -= done
-            if callback(self) is False:
+            going_on = callback(self)
+            # A condition on arrays is a bool of NumPy.
+            if isinstance(going_on, (bool, np.bool_)) and not going_on:
                 return
 
     @property
