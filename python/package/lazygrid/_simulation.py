@@ -150,7 +150,7 @@ class Simulation:
         Raises
         ------
         KeyboardInterrupt
-            After Ctrl-C; the simulation keeps the step that it has reached.
+            After Ctrl-C, at the end of a step; the simulation keeps the step that it has reached.
         """
         if callback is None:
             self._core.step(steps)
@@ -332,7 +332,7 @@ def simulate(
     SettingError
         For an invalid scenario, with line and key.
     KeyboardInterrupt
-        After Ctrl-C; the run is lost.
+        After Ctrl-C, at the end of a step; the run is lost.
     """
     source = dict(scenario) if isinstance(scenario, Mapping) else scenario
     options = {
