@@ -86,7 +86,7 @@ impl Settings {
     pub fn check_skin_range(&self) -> Result<(), Error> {
         match self.skin {
             Skin::Fixed(distance) if !SKIN_RANGE.contains(&(distance as f32)) => {
-                let range = "choose between 1e-14 and 1e17, `Auto` or `Off`";
+                let range = "choose auto, off, or a distance from 1e-14 to 1e17";
                 Err(Error::InvalidSetting { name: "skin", value: distance.to_string(), range })
             }
             _ => Ok(()),
@@ -98,7 +98,7 @@ impl Settings {
         match self.skin {
             Skin::Fixed(distance) if !self.keeps_candidates() => {
                 let range =
-                    "only `Algorithm::CellList` and `Auto` keep candidates: choose one of them, or no skin";
+                    "only the algorithms auto and cell-list keep candidates: choose one of them, or no skin";
                 Err(Error::InvalidSetting { name: "skin", value: distance.to_string(), range })
             }
             _ => Ok(()),
