@@ -62,6 +62,8 @@ use crate::{error, neighbors, report};
 /// ------
 /// SettingError
 ///     For a setting out of range, and for an algorithm that the backend lacks.
+/// InputError
+///     For lengths or cell vectors that no periodic box has.
 /// Error
 ///     If ``backend="gpu"`` and no GPU can be used.
 #[pyclass(frozen, module = "lazygrid")]

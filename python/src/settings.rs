@@ -2,7 +2,7 @@ use std::time::Duration;
 
 use lazygrid::gpu::AdapterId;
 use lazygrid::{Backend, Config, Order, Skin, Space};
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyOverflowError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyBool;
 
@@ -87,19 +87,53 @@ pub(crate) fn space(periodic: Option<&Bound<'_, PyAny>>) -> PyResult<Space> {
     }
     let mut edges = [None; 3];
     for (axis, (edge, item)) in edges.iter_mut().zip(&items).enumerate() {
-        *edge = match item.extract::<f64>() {
-            _ if item.is_none() => None,
-            Ok(length) => Some([0, 1, 2].map(|k| if k == axis { length } else { 0.0 })),
-            Err(_) => Some(item.extract::<[f64; 3]>()?),
+        *edge = match item.is_none() {
+            true => None,
+            false => Some(cell_vector(item, axis).map_err(|error| refused_axis(item, axis, error))?),
         };
     }
     Space::triclinic(edges).map_err(error::input)
+}
+
+/// Reads the length of an axis, or a cell vector.
+fn cell_vector(item: &Bound<'_, PyAny>, axis: usize) -> PyResult<[f64; 3]> {
+    match item.extract::<f64>() {
+        Ok(length) => Ok([0, 1, 2].map(|k| if k == axis { length } else { 0.0 })),
+        Err(error) if error.is_instance_of::<PyOverflowError>(item.py()) => Err(error),
+        Err(_) => item.extract(),
+    }
+}
+
+/// Names the axis in an error of [`cell_vector`].
+fn refused_axis(item: &Bound<'_, PyAny>, axis: usize, error: PyErr) -> PyErr {
+    let (py, name) = (item.py(), ["x", "y", "z"][axis]);
+    if error.is_instance_of::<PyOverflowError>(py) {
+        error::array(format!(
+            "periodic has a number along {name} that exceeds float64; choose a smaller number"
+        ))
+    } else if error.is_instance_of::<PyValueError>(py) {
+        error::array(format!("periodic has {item} along {name}; a cell vector has three numbers: (x, y, z)"))
+    } else if error.is_instance_of::<PyTypeError>(py) {
+        PyTypeError::new_err(format!(
+            "periodic has {item} along {name}; give a length, a cell vector (x, y, z) or None"
+        ))
+    } else {
+        error
+    }
 }
 
 /// Reads a GPU's index or a part of its name.
 pub(crate) fn adapter(given: &Bound<'_, PyAny>) -> PyResult<AdapterId> {
     match given.extract::<usize>() {
         Ok(index) => Ok(AdapterId::Index(index)),
-        Err(_) => Ok(AdapterId::from(given.extract::<&str>()?)),
+        Err(error) if error.is_instance_of::<PyOverflowError>(given.py()) => Err(error::setting(format!(
+            "adapter = {given} is out of range; give an index from 0, or a part of a name"
+        ))),
+        Err(_) => match given.extract::<&str>() {
+            Ok(name) => Ok(AdapterId::from(name)),
+            Err(_) => {
+                Err(PyTypeError::new_err(format!("adapter is {given}; give an index, or a part of a name")))
+            }
+        },
     }
 }

@@ -10,7 +10,7 @@ use lazygrid_sim::random::philox::Key;
 use lazygrid_sim::scenario::Scenario;
 use lazygrid_sim::{AnySimulation, Error, Model, Particles, RunView, check_available, series};
 use numpy::PyArray1;
-use pyo3::exceptions::PyTypeError;
+use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -30,8 +30,6 @@ pub(crate) enum Source<'py> {
     File(PathBuf),
 }
 
-#[derive(FromPyObject)]
-#[pyo3(from_item_all)]
 pub(crate) struct Options {
     seed: Option<u64>,
     steps: Option<u32>,
@@ -40,6 +38,37 @@ pub(crate) struct Options {
     backend: String,
     algorithm: String,
     threads: Option<usize>,
+}
+
+impl<'py> FromPyObject<'_, 'py> for Options {
+    type Error = PyErr;
+
+    fn extract(options: Borrowed<'_, 'py, PyAny>) -> PyResult<Self> {
+        Ok(Self {
+            seed: whole(&options, "seed")?,
+            steps: whole(&options, "steps")?,
+            every: whole(&options, "every")?,
+            frames_every: whole(&options, "frames_every")?,
+            backend: options.get_item("backend")?.extract()?,
+            algorithm: options.get_item("algorithm")?.extract()?,
+            threads: whole(&options, "threads")?,
+        })
+    }
+}
+
+/// Reads a whole number; a `SettingError` if `T` does not hold it.
+fn whole<T>(options: &Bound<'_, PyAny>, name: &str) -> PyResult<Option<T>>
+where
+    Option<T>: for<'a, 'py> FromPyObject<'a, 'py, Error = PyErr>,
+{
+    let given = options.get_item(name)?;
+    given.extract().map_err(|error: PyErr| match error.is_instance_of::<PyOverflowError>(given.py()) {
+        true => error::setting(format!(
+            "{name} = {given} is out of range; choose a whole number from 0 to 2**{} - 1",
+            8 * size_of::<T>()
+        )),
+        false => PyTypeError::new_err(format!("{name} is {given}; give a whole number")),
+    })
 }
 
 struct Run {
@@ -61,8 +90,10 @@ impl Run {
         scenario.seed = options.seed.unwrap_or(scenario.seed);
         scenario.steps = options.steps.unwrap_or(scenario.steps);
         let every = options.every.unwrap_or(scenario.output.every);
-        if every == 0 || options.frames_every == Some(0) {
-            return Err(error::setting("every = 0 is out of range; choose at least one step"));
+        for (name, steps) in [("every", Some(every)), ("frames_every", options.frames_every)] {
+            if steps == Some(0) {
+                return Err(error::setting(format!("{name} = 0 is out of range; choose at least one step")));
+            }
         }
         let begun = AnySimulation::begin(&scenario.model, scenario.seed, backend, algorithm, None);
         let simulation = begun.map_err(error::simulator)?;

@@ -265,8 +265,12 @@ def test_scenarios_that_make_no_sense() -> None:
         lazygrid.simulate("time-step = 1\n\nsteps = -1\n")
     with pytest.raises(TypeError, match="cannot hold"):
         lazygrid.simulate({"steps": object()})
-    with pytest.raises(lazygrid.SettingError, match="every = 0"):
+    with pytest.raises(lazygrid.SettingError, match="^every = 0"):
         lazygrid.simulate(SAME, every=0)
+    with pytest.raises(lazygrid.SettingError, match="^frames_every = 0"):
+        lazygrid.simulate(SAME, frames_every=0)
+    with pytest.raises(lazygrid.SettingError, match=r"^steps = -1 is out of range; .* 2\*\*32 - 1"):
+        lazygrid.simulate(SAME, steps=-1)
     with pytest.raises(FileNotFoundError):
         lazygrid.simulate(Path("no such scenario.toml"))
     late = SAME | {"transmitter": [SAME["transmitter"][0] | {"times": [0.0, 99.0]}]}

@@ -81,6 +81,8 @@ class Detector:
     ------
     SettingError
         For a setting out of range, and for an algorithm that the backend lacks.
+    InputError
+        For lengths or cell vectors that no periodic box has.
     Error
         If ``backend="gpu"`` and no GPU can be used.
     """
