@@ -20,6 +20,15 @@
 //!
 //! with the volume κ: for a density of 1, κ pairs react per step, those that bind again at once included. So κ/Δt is
 //! the rate constant of the law of mass action: with a dissociation rate k′, \[C\]/(\[A\]\[B\]) = κ/(k′Δt).
+//!
+//! *Deviations.* c and κ are of the order σ³, so that u would lose them to rounding. Here the deviation v(r) = r − u(r)
+//! is solved for instead: r is a solution with σ = 0, hence
+//!
+//! ```text
+//! v(r) = ∫ from σ to ∞ of v(r′)·[G(r − r′) − G(r + r′)] dr′ + ∫ from 0 to σ of r′·[G(r − r′) − G(r + r′)] dr′,
+//! ```
+//!
+//! minus the source. v(r) → c or 0 far away. All of its terms are of the order σ³.
 
 use crate::Error;
 
@@ -54,10 +63,11 @@ pub fn binding_radius(rate: f64, diffusion: f64, time_step: f64) -> Result<f64, 
         }
     }
     let step = (2.0 * diffusion * time_step).sqrt();
-    // k rises with the radius from 0. At `high` it exceeds `rate` in the limits of short and long steps.
+    // k rises with the radius from 0. At `low` it is at most `rate`, because partners are never denser near each other
+    // than far away. At `high` it exceeds `rate` in the limits of short and long steps.
     let mixed = (rate * time_step * 3.0 / (4.0 * std::f64::consts::PI)).cbrt();
-    let high = mixed.max(rate / (4.0 * std::f64::consts::PI * diffusion)) + step;
-    Ok(root([mixed, high], |radius| rate_constant(radius, diffusion, time_step) - rate))
+    let low = mixed.max(rate / (4.0 * std::f64::consts::PI * diffusion));
+    Ok(root([low, low + step], |radius| rate_constant(radius, diffusion, time_step) - rate))
 }
 
 /// Returns the binding radius, in µm, whose equilibrium has the rate constant `rate`, if pairs dissociate to the
@@ -85,7 +95,11 @@ pub fn reversible_rate_constant(binding: f64, unbinding: f64, diffusion: f64, ti
 
 fn root([mut low, mut high]: [f64; 2], function: impl Fn(f64) -> f64) -> f64 {
     while high - low > 1e-9 * high {
-        let middle = 0.5 * (low + high);
+        // Radii far below a step take many halvings of the interval, but few of its logarithm.
+        let middle = if high > 4.0 * low { (low * high).sqrt() } else { 0.5 * (low + high) };
+        if !(low < middle && middle < high) {
+            break;
+        }
         if function(middle) < 0.0 { low = middle } else { high = middle }
     }
     0.5 * (low + high)
@@ -106,8 +120,8 @@ const FAR: f64 = 12.0;
 fn absorbed(step: f64) -> f64 {
     let b = 1.0 / step;
     let far = b + FAR;
-    let unknown = |x: f64| upper(far - x) - upper(far + x);
-    steady(b, [&unknown, &|_| 1.0]) / b
+    let beyond = |x: f64| upper(far - x) - upper(far + x);
+    steady(b, [&|x| -beyond(x), &|_| -1.0]) / b
 }
 
 /// Returns κ in s³, for radii in step lengths s.
@@ -117,35 +131,36 @@ fn regained(binding: f64, unbinding: f64) -> f64 {
         let c = binding * absorbed(1.0 / binding);
         return 2.0 * std::f64::consts::PI * c / (1.0 - c / unbinding);
     }
-    let source = |x: f64| match unbinding > 1e-3 {
-        true => (gauss(x - unbinding) - gauss(x + unbinding)) / (4.0 * std::f64::consts::PI * unbinding),
+    let source = |x: f64| match unbinding > 1e-9 {
+        true => kernel(x, unbinding) / (4.0 * std::f64::consts::PI * unbinding),
         false => x * gauss(x) / (2.0 * std::f64::consts::PI),
     };
-    steady(binding, [&|x| -source(x), &|_| 0.0])
+    steady(binding, [&source, &|_| 0.0])
 }
 
-/// Solves for u beyond `b`, with lengths in s, and returns the other unknown, c or κ. `unknown` returns its
-/// coefficients in the equation and at the last node, beyond which u has its asymptotic form.
+/// Solves for v beyond `b`, with lengths in s, and returns the other unknown, c or κ. `unknown` returns its
+/// coefficients in the equation and at the last node, beyond which v has its asymptotic form.
 fn steady(b: f64, unknown: [&dyn Fn(f64) -> f64; 2]) -> f64 {
-    let far = b + FAR;
-    let nodes: Vec<(f64, f64)> = panels(b, far);
+    let nodes = panels(b, b + FAR);
+    // From further inside no step arrives.
+    let inside = panels((b - FAR).max(0.0), b);
     let n = nodes.len();
-    let kernel = |x: f64, y: f64| gauss(x - y) - gauss(x + y);
-    // Beyond the last panel u(x) = x or x − c, whose integral with the kernel has a closed form.
     let mut matrix = vec![vec![0.0; n + 2]; n + 1];
     for (row, &(x, _)) in nodes.iter().enumerate() {
         for (column, &(y, weight)) in nodes.iter().enumerate() {
             matrix[row][column] = f64::from(u8::from(row == column)) - weight * kernel(x, y);
         }
-        let tail = |s: f64| upper(far - s);
         matrix[row][n] = unknown[0](x);
-        matrix[row][n + 1] = (gauss(far - x) + x * tail(x)) - (gauss(far + x) - x * tail(-x));
+        matrix[row][n + 1] = inside.iter().map(|&(y, weight)| weight * y * kernel(x, y)).sum();
     }
-    let last = nodes[n - 1].0;
     matrix[n][n - 1] = 1.0;
-    matrix[n][n] = unknown[1](last);
-    matrix[n][n + 1] = last;
+    matrix[n][n] = unknown[1](nodes[n - 1].0);
     solve(matrix)
+}
+
+/// Returns G(x − y) − G(x + y) for positive numbers, without cancellation.
+fn kernel(x: f64, y: f64) -> f64 {
+    gauss(x - y) * -libm::expm1(-2.0 * x * y)
 }
 
 fn gauss(x: f64) -> f64 {
@@ -233,9 +248,39 @@ mod tests {
         assert!((reversible_rate_constant(radius, 1.2, 1.0, 1e-3) / 30.0 - 1.0).abs() < 1e-6);
     }
 
+    /// Relative to the volume of the ball, a small one absorbs 1 − ε, ε = (4/3)πb³·Σ over n of (2πn)^(−3/2): after n
+    /// steps, the hole that it leaves has spread to this density at the center. The next terms are of the order εb².
+    #[test]
+    fn rates_of_long_steps_are_those_of_well_mixed_partners() {
+        const ZETA: f64 = 2.612_375_348_685_488;
+        let pi = std::f64::consts::PI;
+        for k in 0..=28 {
+            let b = 10_f64.powf(-8.0 + 0.25 * f64::from(k));
+            let missing = 4.0 / 3.0 * pi * b.powi(3) * ZETA / (2.0 * pi).powf(1.5);
+            let part = 1.5 * absorbed(1.0 / b) / (b * b);
+            assert!(
+                (part - (1.0 - missing)).abs() < 1e-11 + missing * b * b + missing * missing,
+                "{b}: {part}"
+            );
+            // A pair that dissociates to the center fills the hole.
+            let exchanged = 0.75 / pi * regained(b, 0.0) / b.powi(3);
+            assert!((exchanged - 1.0).abs() < 1e-11 + missing * b * b, "{b}: {exchanged}");
+        }
+        for k in 5..=8 {
+            let (sigma, time_step) = (10_f64.powi(-k), 0.5);
+            let rate = 4.0 / 3.0 * pi * sigma.powi(3) / time_step;
+            let radius = binding_radius(rate, 1.0, time_step).unwrap();
+            assert!((radius / sigma - 1.0).abs() < 1e-8, "{sigma}: {radius}");
+            let reversible = reversible_binding_radius(rate, 0.0, 1.0, time_step).unwrap();
+            assert!((reversible / sigma - 1.0).abs() < 1e-8, "{sigma}: {reversible}");
+        }
+    }
+
     #[test]
     fn the_radius_gives_the_rate_back() {
-        for (rate, diffusion, time_step) in [(1.0, 1.0, 1e-3), (12.0, 3.0, 1e-6), (0.5, 2.0, 10.0)] {
+        for (rate, diffusion, time_step) in
+            [(1.0, 1.0, 1e-3), (12.0, 3.0, 1e-6), (0.5, 2.0, 10.0), (1e-9, 1.0, 10.0)]
+        {
             let radius = binding_radius(rate, diffusion, time_step).unwrap();
             let back = rate_constant(radius, diffusion, time_step);
             assert!((back / rate - 1.0).abs() < 1e-6, "{rate}: {radius}, {back}");
