@@ -7,6 +7,7 @@ use crate::model::probability::ReactionProbabilities;
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, WallFace};
 use crate::model::transmitter::{Schedule, Shape, Transmitter};
 use crate::model::{Contact, Decay, Flow, Model, Reaction, ReactionRate, Species, Unbinding};
+use crate::reaction::decay::faulty_chain;
 
 /// Entries of the bursts of a step that follow the first burst of their transmitter: about 100 MB.
 const MAX_REPEATED_ENTRIES: u64 = 1 << 20;
@@ -97,6 +98,9 @@ impl Model {
         }
         self.reactions.iter().try_for_each(|reaction| self.check_reaction(reaction))?;
         self.decays.iter().try_for_each(|decay| self.check_decay(decay))?;
+        if let Some((_, message)) = faulty_chain(self) {
+            return Err(Error::Model(message));
+        }
         self.check_channels()?;
         self.transmitters.iter().try_for_each(|transmitter| self.check_transmitter(transmitter))?;
         self.check_repeated_bursts()?;

@@ -12,6 +12,10 @@
 //! Bimolecular reactions happen at the end of the step, without particles that dissociate in it. So a surface spares no
 //! particle that a reaction then consumes.
 
+mod chain;
+
+pub(crate) use self::chain::faulty_chain;
+
 use crate::model::Model;
 use crate::model::probability::ReactionProbabilities;
 use crate::random::philox::{DrawContext, Purpose, fine_unit, probability_threshold};
@@ -126,8 +130,8 @@ impl CaptureOrder {
     }
 }
 
-/// Largest number of further decays in a step. More are rare if a step is shorter than a hundred lifetimes.
-const MAX_GENERATIONS: u32 = 1000;
+/// Largest number of further decays in a step. More have a probability below 10⁻⁴¹: see [`chain::MAX_EXPECTED`].
+const MAX_GENERATIONS: u32 = 1_000_000;
 
 impl Decays {
     pub fn new(model: &Model) -> Self {

@@ -19,6 +19,7 @@ use super::{Output, Problem, warnings};
 use crate::model::membrane::{Membrane, MembraneSurface};
 use crate::model::transmitter::Schedule;
 use crate::model::{Contact, Model, Species};
+use crate::reaction::decay::faulty_chain;
 
 pub(super) struct Resolved {
     pub(super) model: Model,
@@ -96,6 +97,9 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
     model = Model { reactions, decays, transmitters, receivers, membranes, ..model };
     if let Some((k, message)) = model.faulty_membrane() {
         return Err(Problem::at(file.membranes[k].name.span(), message));
+    }
+    if let Some((k, message)) = faulty_chain(&model) {
+        return Err(Problem::at(file.decays[k].rate.span(), message));
     }
     for ((decay, rounded), from) in
         model.decays.iter().zip(warnings::rounded_decays(&model)).zip(&file.decays)

@@ -2,6 +2,7 @@ mod chemotaxis;
 mod flow;
 mod limits;
 mod network;
+mod rates;
 mod surfaces;
 
 use super::*;

@@ -1,0 +1,151 @@
+//! The mean length of a chain of decays within a step.
+//!
+//! # Correctness
+//! 1. `N` is the number of decays of a particle in a time with an exponential distribution of mean Δt. The process has
+//!    no memory, so P(N > j + k) ≤ P(N > j)·P(N > k), each for the worst first species.
+//! 2. After k sweeps, [`expected`] is at least the mean of min(N, k). If it is at most m, then P(N ≥ k) ≤ m/k.
+//! 3. The exponential time exceeds Δt with the probability 1/e, so more than k decays occur in a step with a probability
+//!    of at most e·m/k, which is 0.68 for [`MAX_EXPECTED`] and [`SWEEPS`], and more than 10⁶ with at most 0.68²⁵⁰ < 10⁻⁴¹.
+
+use crate::model::Model;
+
+/// Largest mean number of decays of a particle in a step.
+pub(super) const MAX_EXPECTED: f64 = 1000.0;
+const SWEEPS: u32 = 4000;
+/// Largest change of a mean number that ends the sweeps: later ones then add at most 4.
+const CONVERGED: f64 = 1e-3;
+
+/// A decay of a species that does not dissociate.
+struct Link {
+    decay: usize,
+    from: usize,
+    to: Option<usize>,
+    rate: f64,
+}
+
+/// Returns a decay that begins too long a chain, and a message.
+pub(crate) fn faulty_chain(model: &Model) -> Option<(usize, String)> {
+    let links = links(model);
+    let starts = |time_step: f64| expected(&links, model.species.len(), time_step);
+    let fits = |time_step: f64| starts(time_step).iter().all(|&count| count <= MAX_EXPECTED);
+    if fits(model.time_step) {
+        return None;
+    }
+    let means = starts(model.time_step);
+    let worst = (0..means.len()).max_by(|&a, &b| means[a].total_cmp(&means[b]))?;
+    let fastest = links.iter().filter(|link| link.from == worst).max_by(|a, b| a.rate.total_cmp(&b.rate))?;
+    let [mut low, mut high] = [0.5 * model.time_step, model.time_step];
+    while low > 0.0 && !fits(low) {
+        [low, high] = [0.5 * low, low];
+    }
+    while high - low > 1e-3 * high && high > f64::MIN_POSITIVE {
+        let middle = 0.5 * (low + high);
+        if fits(middle) { low = middle } else { high = middle }
+    }
+    let message = format!(
+        "'{}' at {:.1} expected decays per step begins a chain of more than {MAX_EXPECTED} decays on average in a step; set \
+         time-step to {:.2e} or less",
+        model.decays[fastest.decay].name,
+        fastest.rate * model.time_step,
+        // Rounding to three digits adds at most 0.5 %.
+        0.995 * low
+    );
+    Some((fastest.decay, message))
+}
+
+fn links(model: &Model) -> Vec<Link> {
+    let mut dissociates = vec![false; model.species.len()];
+    for decay in model.decays.iter().filter(|decay| decay.splits()) {
+        dissociates[decay.reactant as usize] = true;
+    }
+    let all = model.decays.iter().enumerate().filter(|(_, decay)| decay.rate > 0.0);
+    let links = all.map(|(place, decay)| Link {
+        decay: place,
+        from: decay.reactant as usize,
+        to: decay.products[0].map(|product| product as usize),
+        rate: decay.rate,
+    });
+    links.filter(|link| !dissociates[link.from]).collect()
+}
+
+/// Returns the mean number of decays in a time of mean `time_step`, by the first species.
+fn expected(links: &[Link], species: usize, time_step: f64) -> Vec<f64> {
+    let mut rates = vec![0.0; species];
+    links.iter().for_each(|link| rates[link.from] += link.rate);
+    let mut means = vec![0.0; species];
+    for _ in 0..SWEEPS {
+        let mut next = vec![0.0; species];
+        for &Link { from, to, rate, .. } in links {
+            // The probability of this decay before the end of the time.
+            let share = rate / rates[from] / (1.0 + 1.0 / (rates[from] * time_step));
+            next[from] += share * (1.0 + to.map_or(0.0, |to| means[to]));
+        }
+        let change = means.iter().zip(&next).map(|(old, new): (&f64, &f64)| new - old).fold(0.0, f64::max);
+        means = next;
+        if change <= CONVERGED {
+            break;
+        }
+    }
+    means
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Decay, Species};
+    use crate::random::philox::{DrawContext, Key};
+
+    fn cycle(rates: [f64; 2], time_step: f64) -> Model {
+        let decay = |reactant: u32, rate| Decay {
+            name: format!("{reactant} ->"),
+            reactant,
+            products: [Some(1 - reactant), None],
+            rate,
+            ..Decay::default()
+        };
+        Model {
+            time_step,
+            species: vec![Species { mass: 1.0, ..Species::default() }; 2],
+            decays: vec![decay(0, rates[0]), decay(1, rates[1])],
+            ..Model::default()
+        }
+    }
+
+    #[test]
+    fn long_chain_is_refused_with_a_time_step_that_works() {
+        let (place, message) = faulty_chain(&cycle([3e6, 1e6], 1e-3)).expect("1500 decays per step");
+        assert!(place == 0 && message.contains("'0 ->' at 3000.0 expected decays per step"), "{message}");
+        let advised = message.split("time-step to ").nth(1).and_then(|rest| rest.split(' ').next());
+        let advised: f64 = advised.and_then(|text| text.parse().ok()).expect("a time step");
+        assert!((advised / 6.7e-4 - 1.0).abs() < 0.01, "{message}");
+        assert_eq!(faulty_chain(&cycle([3e6, 1e6], advised)), None);
+        assert!(faulty_chain(&cycle([3e6, 1e6], 1.02 * advised)).is_some());
+        assert!(cycle([3e6, 1e6], 1e-3).check().is_err() && cycle([3e6, 1e6], advised).check().is_ok());
+        assert!(faulty_chain(&cycle([1e300, 1e300], 1e20)).is_some());
+    }
+
+    #[test]
+    fn chain_of_many_decays_ends_with_the_right_species() {
+        let decays = crate::reaction::decay::Decays::new(&cycle([3e6, 1e6], 6.6e-4));
+        let n = 2000;
+        let mut first = 0;
+        for id in 0..n {
+            let who = DrawContext { key: Key::new(5), id, step: 7 };
+            let mut species = Some(0);
+            decays.for_each_decay(0, who, |decay| species = decay.product);
+            first += u32::from(species == Some(0));
+        }
+        let (n, p) = (f64::from(n), 0.25);
+        let error = (f64::from(first) - n * p) / (n * p * (1.0 - p)).sqrt();
+        assert!(error.abs() < 4.0, "{first} and not {}", n * p);
+    }
+
+    #[test]
+    fn fast_decay_without_a_fast_way_back_is_accepted() {
+        assert_eq!(faulty_chain(&cycle([1e12, 1.0], 1e-3)), None);
+        assert_eq!(faulty_chain(&cycle([1e12, 0.0], 1e-3)), None);
+        let mut dissociating = cycle([3e6, 1e6], 1e-3);
+        dissociating.decays[1].products[1] = Some(0);
+        assert_eq!(faulty_chain(&dissociating), None);
+    }
+}
