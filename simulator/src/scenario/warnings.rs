@@ -127,7 +127,8 @@ pub(super) fn fast_reaction(equation: &str, rate: f64, time_step: f64) -> Option
 }
 
 /// Decays and dissociations of released particles and of products of decays are right at any step length. The
-/// exception: nothing dissociates between a release and the end of its step.
+/// exceptions: nothing dissociates between a release and the end of its step, and products of a species that can
+/// dissociate begin at the end of its step.
 pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
     let part = decay.rate * model.time_step;
     let species = decay.reactant;
@@ -141,8 +142,11 @@ pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
         .reactions
         .iter()
         .any(|reaction| reaction.products.contains(&Some(species)) && !exchanged(reaction));
-    let from_splits =
-        model.decays.iter().any(|decay| decay.splits() && decay.products.contains(&Some(species)));
+    // If a species dissociates, all of its decays happen at the end of the step.
+    let from_late = model
+        .decays
+        .iter()
+        .any(|decay| decay.products.contains(&Some(species)) && model.dissociates(decay.reactant));
     let is_steady = |one: &&Transmitter| matches!(one.schedule, Schedule::Steady { .. });
     let released_within_a_step = || {
         let ancestors = ancestors(model, species);
@@ -150,12 +154,12 @@ pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
         steady.flat_map(Transmitter::species).any(|released| ancestors.contains(&released))
     };
     let late = model.dissociates(species) && released_within_a_step();
-    (part > FAST_DECAY && (from_pairs || from_splits || late)).then(|| {
+    (part > FAST_DECAY && (from_pairs || from_late || late)).then(|| {
         let name = &model.species[species as usize].name;
         format!(
-            "'{}': {:.1} % of {name} decay in a step, and those that pairs or dissociations form, or that dissociate after a \
-             release within a step, decay in the next step at the earliest, so that they live half a step too long on average; \
-             time-step = {} is short enough",
+            "'{}': {:.1} % of {name} decay in a step, and those that pairs or a species that can dissociate form, or that \
+             dissociate after a release within a step, decay in the next step at the earliest, so that they live half a step too \
+             long on average; time-step = {} is short enough",
             decay.name,
             100.0 * part,
             below(FAST_DECAY / decay.rate)

@@ -21,3 +21,14 @@ fn chain_of_too_many_decays_is_refused_at_its_line() {
     let step = refused.split("set time-step to ").nth(1).unwrap().split(' ').next().unwrap();
     assert!(parse(&text(step)).is_ok(), "{refused}");
 }
+
+#[test]
+fn products_of_a_species_that_can_dissociate_are_warned_of() {
+    let cycle = [("C -> A + B", "0.001"), ("C -> D", "9"), ("D -> C", "9")];
+    let warnings = parse(&decays("0.1", &cycle)).unwrap().warnings;
+    assert_warns(&warnings, "'D -> C': 90.0 % of D decay in a step");
+    let step = advised_step(&warnings[0]);
+    assert_eq!(parse(&decays(step, &cycle)).unwrap().warnings, [""; 0]);
+    let alone = [("C -> D", "9"), ("D -> C", "9")];
+    assert_eq!(parse(&decays("0.1", &alone)).unwrap().warnings, [""; 0]);
+}
