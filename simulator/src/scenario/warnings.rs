@@ -1,10 +1,12 @@
 mod absorption;
 mod collisions;
+mod gaps;
 mod rounding;
 mod transport;
 
 pub(super) use self::absorption::long_step_to_absorber;
 pub(super) use self::collisions::many_collisions;
+pub(super) use self::gaps::{long_step_across_gap, long_step_between_walls};
 pub(super) use self::rounding::{rounded_decays, rounded_reactions, rounded_tumbles};
 pub(super) use self::transport::{
     drift_at_curved_wall, drift_at_plane_wall, frequent_tumbles, long_receiver_step_through,

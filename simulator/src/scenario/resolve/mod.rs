@@ -123,6 +123,8 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
             warnings::drift_at_plane_wall(&model, place),
             warnings::long_step_across_flow(&model, place),
             warnings::long_step_to_absorber(&model, place),
+            warnings::long_step_across_gap(&model, place),
+            warnings::long_step_between_walls(&model, place),
             warnings::rounded_tumbles(&model, place),
         ];
         let messages = messages.into_iter().flatten();

@@ -1,5 +1,6 @@
 mod chemotaxis;
 mod flow;
+mod gaps;
 mod limits;
 mod network;
 mod rates;
@@ -215,6 +216,7 @@ fn likely_mistakes_are_warned_of() {
     let inside = GOOD.replace("transparent", "absorbing").replace("[1, 0, 0]\nradius", "[0, 0, 0]\nradius");
     let inside = inside
         .replace("gaussian\", width = 0.5", "ball\", radius = 0.25")
+        .replace("time-step = 0.001", "time-step = 7e-4")
         .replace("species = [\"base\"]", "");
     let said = parse(&inside).unwrap().warnings;
     assert_warns(&said, "transmitter tx is inside receiver rx");

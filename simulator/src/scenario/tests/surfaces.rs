@@ -294,6 +294,8 @@ fn long_steps_to_surfaces_that_absorb_are_warned_of() {
         assert!(found[0].contains(&format!("time-step = {short} is short enough")), "{found:?}");
         assert_eq!(warnings(short, &text), [""; 0]);
     }
-    assert_eq!(warnings("1.01", &(walls.to_owned() + &wall("low-x") + &wall("high-y"))), [""; 0]);
+    let mixed = walls.to_owned() + &wall("low-x") + &wall("high-y");
+    assert_warns(&warnings("1.01", &mixed), "for low-x, opposite to a wall that reflects, 6 µm apart");
+    assert_eq!(warnings("0.99", &mixed), [""; 0]);
     assert_eq!(warnings("1.01", &disk.replace("dimensions = 2\n", "")), [""; 0]);
 }

@@ -9,8 +9,8 @@ const LONG_BY_DISK: f64 = 1.0;
 /// Largest √(2DΔt) in a cylinder whose side absorbs, in radii. At this length 1.2 % too few are left after a time of
 /// 0.25 R²/D, and at 0.7 times the radius 5 % too many (same method).
 const LONG_IN_CYLINDER: f64 = 0.5;
-/// Largest √(2DΔt) between two walls that absorb, in distances L. At 0.45, 3 % too many are left after a time of
-/// 0.2 L²/D, and at 0.63 18 % (same method).
+/// Largest √(2DΔt) between two walls of which one absorbs, in distances L. If both do, 3 % too many are left at 0.45 after
+/// a time of 0.2 L²/D, and 18 % at 0.63 (same method). If one does, see `gaps.rs`.
 const LONG_BETWEEN_WALLS: f64 = 0.4;
 
 pub(in crate::scenario) fn long_step_to_absorber(model: &Model, species: usize) -> Option<String> {
@@ -63,12 +63,9 @@ fn longest_step(
                 |other: &Receiver| other.kind == ReceiverKind::Wall(opposite) && other.sees[species];
             let Axis::Reflecting { low, high } = model.boundary.axes[axis] else { return None };
             let distance = f64::from(high - low - 2.0 * one.radius);
-            model.receivers.iter().any(is_opposite).then(|| {
-                (
-                    LONG_BETWEEN_WALLS * distance,
-                    format!("one of two walls that absorb, {} µm apart", high - low),
-                )
-            })
+            let also = model.receivers.iter().any(is_opposite);
+            let pair = if also { "one of two walls that absorb" } else { "opposite to a wall that reflects" };
+            Some((LONG_BETWEEN_WALLS * distance, format!("{pair}, {} µm apart", high - low)))
         }
         _ => None,
     }

@@ -1,0 +1,62 @@
+use super::*;
+
+/// A radius of 0.5 µm and a diffusion coefficient of 2 µm²/s: a time step of 1.01 s has a diffusion step of 2.01 µm.
+fn warnings(time_step: &str, more: &str, drift: &str) -> Vec<String> {
+    let text = format!(
+        "time-step = {time_step}\nsteps = 3\n{more}[[species]]\nname = 'A'\nradius = 0.5\ndiffusion = 2\n\
+         drift = {drift}\n"
+    );
+    parse(&text).unwrap().warnings
+}
+
+const NO_DRIFT: &str = "[0, 0, 0]";
+
+fn sphere(name: &str, kind: &str, center: &str, radius: &str) -> String {
+    format!("[[receiver]]\nname = '{name}'\nkind = {kind}\ncenter = {center}\nradius = {radius}\n")
+}
+
+fn reflecting(high: &str) -> String {
+    format!("[boundary]\nkind = 'reflecting'\nlow = [0, 0, 0]\nhigh = {high}\n")
+}
+
+#[test]
+fn long_steps_across_gaps_are_warned_of() {
+    let [a, b] = ["[20, 20, 20]", "[35, 20, 20]"];
+    let rx = |center: &str| sphere("rx", "'absorbing'", center, "5");
+    let pair = rx(a) + &sphere("ry", "'absorbing'", b, "5");
+    let body = rx(a) + &sphere("ry", "'reflecting'", b, "5");
+    let near = reflecting("[90, 90, 90]") + &rx("[10.5, 20, 20]");
+    let partial = reflecting("[90, 90, 90]") + &sphere("rx", "'partial'\nrate = 1", "[79.5, 20, 20]", "5");
+    let image = "[boundary]\nkind = 'periodic'\nlow = [0, 0, 0]\nhigh = [90, 15, 90]\n".to_owned()
+        + &rx("[20, 5, 20]");
+    let vessel = "[boundary]\nkind = 'cylinder'\nradius = 10.5\n".to_owned() + &rx("[0, 0, 0]");
+    for (text, said) in [
+        (&pair, "the gap of 5.000 µm between rx and ry"),
+        (&body, "the gap of 5.000 µm between rx and ry"),
+        (&near, "the gap of 5.000 µm between rx and the wall low-x"),
+        (&partial, "the gap of 5.000 µm between rx and the wall high-x"),
+        (&image, "the gap of 5.000 µm between rx and its image in the periodic box"),
+        (&vessel, "the gap of 5.000 µm between rx and the side of the vessel"),
+    ] {
+        let found = warnings("1.01", text, NO_DRIFT);
+        assert_warns(&found, said);
+        assert_eq!(advised_step(&found[0]), "9.90e-1", "{found:?}");
+        assert_eq!(warnings("9.90e-1", text, NO_DRIFT), [""; 0]);
+    }
+    let touching = rx(a) + &sphere("ry", "'absorbing'", "[30, 20, 20]", "5");
+    let resting = reflecting("[90, 90, 90]") + &sphere("rx", "'reflecting'", "[10.5, 20, 20]", "5");
+    for text in [touching, resting] {
+        assert_eq!(warnings("1.01", &text, NO_DRIFT), [""; 0], "{text}");
+    }
+}
+
+#[test]
+fn drift_between_two_walls_in_long_steps_is_warned_of() {
+    let walls = reflecting("[6, 90, 90]");
+    let found = warnings("1.01", &walls, "[1, 0, 0]");
+    assert_warns(&found, "which is long for two walls 5.000 µm apart");
+    assert_eq!(advised_step(&found[0]), "9.90e-1", "{found:?}");
+    assert_eq!(warnings("9.90e-1", &walls, "[1, 0, 0]"), [""; 0]);
+    assert_eq!(warnings("1.01", &walls, "[0, 1, 0]"), [""; 0]);
+    assert_eq!(warnings("1.01", &walls, NO_DRIFT), [""; 0]);
+}
