@@ -9,8 +9,8 @@ pub(super) use self::collisions::many_collisions;
 pub(super) use self::gaps::{long_step_across_gap, long_step_between_walls};
 pub(super) use self::rounding::{rounded_decays, rounded_reactions, rounded_tumbles};
 pub(super) use self::transport::{
-    drift_at_curved_wall, drift_at_plane_wall, frequent_tumbles, long_receiver_step_through,
-    long_step_across_flow, long_step_through, swept_by_motion, unresolved_flow,
+    drift_at_curved_wall, drift_at_plane_wall, drift_without_diffusion, frequent_tumbles,
+    long_receiver_step_through, long_step_across_flow, long_step_through, swept_by_motion, unresolved_flow,
 };
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::probability::undoes;

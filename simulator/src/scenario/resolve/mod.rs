@@ -121,6 +121,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
         let messages = [
             warnings::drift_at_curved_wall(&model, place),
             warnings::drift_at_plane_wall(&model, place),
+            warnings::drift_without_diffusion(&model, place),
             warnings::long_step_across_flow(&model, place),
             warnings::long_step_to_absorber(&model, place),
             warnings::long_step_across_gap(&model, place),

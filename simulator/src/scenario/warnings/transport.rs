@@ -220,6 +220,47 @@ pub(in crate::scenario) fn drift_at_plane_wall(model: &Model, species: usize) ->
     })
 }
 
+/// Largest way in a step by drift without diffusion, in distances of walls. Particles end up to such a way from the
+/// wall to which they drift.
+const DRIFT_TO_WALL: f64 = 0.02;
+
+/// Paths without diffusion are mirrored at walls, so that particles jump off the wall at which they should stay.
+pub(in crate::scenario) fn drift_without_diffusion(model: &Model, species: usize) -> Option<String> {
+    let one = &model.species[species];
+    if one.diffusion > 0.0 || one.has_velocity() {
+        return None;
+    }
+    let velocity = drift(model, species);
+    let absorbs = |face: WallFace| {
+        model
+            .receivers
+            .iter()
+            .any(|receiver| receiver.kind == ReceiverKind::Wall(face) && receiver.sees[species])
+    };
+    let across_box = |axis: usize| {
+        let Axis::Reflecting { low, high } = model.boundary.axes[axis] else { return None };
+        let face = if velocity[axis] > 0.0 { WallFace::High(axis) } else { WallFace::Low(axis) };
+        let length = f64::from(high - low - 2.0 * one.radius);
+        (velocity[axis] != 0.0 && !absorbs(face)).then(|| (velocity[axis].abs(), length))
+    };
+    let across_vessel = model.boundary.vessel.filter(|_| !absorbs(WallFace::Side)).map(|vessel| {
+        let across = vessel.across(velocity);
+        (dot(across, across).sqrt(), 2.0 * f64::from(vessel.radius - one.radius))
+    });
+    let walls = (0..3).filter_map(across_box).chain(across_vessel).filter(|&(speed, _)| speed > 0.0);
+    let (speed, length) = walls.min_by(|a, b| (a.1 / a.0).total_cmp(&(b.1 / b.0)))?;
+    let longest = DRIFT_TO_WALL * length / speed;
+    (model.time_step > longest).then(|| {
+        format!(
+            "a step takes {} {:.3} µm by drift towards a wall, {length:.3} µm from the opposite one: without diffusion, walls \
+             mirror paths, so that particles jump off the wall by up to a step; time-step = {} is short enough",
+            one.name,
+            speed * model.time_step,
+            below(longest)
+        )
+    })
+}
+
 /// Returns the largest speed towards a mirroring wall across an axis, and the reason for mirroring.
 fn speed_to_mirror(model: &Model, species: usize, axis: usize) -> Option<(f64, &'static str)> {
     let Axis::Reflecting { .. } = model.boundary.axes[axis] else { return None };
