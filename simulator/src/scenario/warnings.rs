@@ -1,12 +1,14 @@
 mod absorption;
 mod collisions;
 mod gaps;
+mod resolution;
 mod rounding;
 mod transport;
 
 pub(super) use self::absorption::long_step_to_absorber;
 pub(super) use self::collisions::many_collisions;
 pub(super) use self::gaps::{long_step_across_gap, long_step_between_walls};
+pub(super) use self::resolution::{rounded_receiver_steps, rounded_steps};
 pub(super) use self::rounding::{rounded_decays, rounded_reactions, rounded_tumbles};
 pub(super) use self::transport::{
     drift_at_curved_wall, drift_at_plane_wall, drift_without_diffusion, frequent_tumbles,

@@ -1,3 +1,4 @@
+mod checks;
 mod chemotaxis;
 mod flow_field;
 mod network_index;
@@ -72,13 +73,15 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
     let (reactions, decays) =
         reactions::resolve(&file.reactions, &file.decays, &names, &model, &mut warnings)?;
     let mut receivers = receivers::receivers(&file.receivers, &names, &model, &mut warnings)?;
-    let mut carriers = Vec::new();
+    let (mut carriers, mut has_body) = (Vec::new(), Vec::new());
     for transmitter in &file.transmitters {
         let body = receivers::body(transmitter, names.species.len());
+        has_body.push(body.is_some());
         let moves = body.as_ref().is_some_and(crate::Receiver::moves);
         carriers.push(moves.then_some(receivers.len() as u32));
         receivers.extend(body);
     }
+    let receiver_spans = checks::receiver_spans(&file, has_body.into_iter());
     let spans: Vec<_> = file.transmitters.iter().map(|one| one.name.span()).collect();
     let symbol_times: Vec<_> =
         file.transmitters.iter().map(|one| one.symbol_time.as_ref().map(Spanned::span)).collect();
@@ -98,6 +101,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
     if let Some((k, message)) = model.faulty_membrane() {
         return Err(Problem::at(file.membranes[k].name.span(), message));
     }
+    checks::warn_of_receivers(&model, &receiver_spans, &mut warnings);
     if let Some((k, message)) = faulty_chain(&model) {
         return Err(Problem::at(file.decays[k].rate.span(), message));
     }
@@ -122,6 +126,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
             warnings::drift_at_curved_wall(&model, place),
             warnings::drift_at_plane_wall(&model, place),
             warnings::drift_without_diffusion(&model, place),
+            warnings::rounded_steps(&model, place),
             warnings::long_step_across_flow(&model, place),
             warnings::long_step_to_absorber(&model, place),
             warnings::long_step_across_gap(&model, place),

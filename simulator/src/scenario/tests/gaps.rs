@@ -75,3 +75,25 @@ fn drift_to_a_wall_without_diffusion_is_warned_of() {
     assert_eq!(text("4.99e-2", "low-x"), [""; 0]);
     assert_eq!(text("0.051", "high-x"), [""; 0]);
 }
+
+#[test]
+fn steps_below_the_resolution_of_positions_are_warned_of() {
+    let parsed = |time_step: &str, motion: &str| {
+        let boxed = "[boundary]\nkind = 'periodic'\nlow = [0, 0, 0]\nhigh = [1000, 1000, 1000]\n";
+        parse(&format!("time-step = {time_step}\nsteps = 3\n{boxed}[[species]]\nname = 'A'\n{motion}\n"))
+            .unwrap()
+            .warnings
+    };
+    for (motion, said) in [
+        ("drift = [1, 0, 0]", "a step takes A 1.000e-6 µm by its velocity, but coordinates up to 1e3 µm"),
+        ("diffusion = 1e-3", "a step takes A 4.472e-5 µm by diffusion, but coordinates up to 1e3 µm"),
+    ] {
+        let found = parsed("1e-6", motion);
+        assert_warns(&found, said);
+        assert_eq!(parsed(advised_step(&found[0]), motion), [""; 0]);
+    }
+    assert_eq!(parsed("1e-6", "drift = [1, 0, 0]\ndiffusion = 1"), [""; 0]);
+    let receiver = "diffusion = 1\n[[receiver]]\nname = 'rx'\nkind = 'transparent'\ncenter = [0, 0, 0]\nradius = 1\n\
+                    velocity = [0, 1, 0]";
+    assert_warns(&parsed("1e-6", receiver), "a step takes rx 1.000e-6 µm by its velocity");
+}

@@ -1,0 +1,33 @@
+use std::ops::Range;
+
+use lazygrid_scenario::File;
+use toml::Spanned;
+
+use crate::model::Model;
+use crate::scenario::{Problem, warnings};
+
+/// Returns the places in the file of the receivers of its model: of receivers, and of transmitters with a body.
+pub(super) fn receiver_spans(file: &File, has_body: impl Iterator<Item = bool>) -> Vec<Range<usize>> {
+    let places = |one: &lazygrid_scenario::Receiver| {
+        let places = one.lattice.map_or([1; 3], |lattice| lattice.places.map(u32::from));
+        places.into_iter().map(|count| count as usize).product()
+    };
+    let receivers = file.receivers.iter();
+    let mut spans: Vec<_> =
+        receivers.flat_map(|one| std::iter::repeat_n(one.name.span(), places(one))).collect();
+    let bodies = file.transmitters.iter().zip(has_body).filter(|(_, has_body)| *has_body);
+    spans.extend(bodies.map(|(transmitter, _)| Spanned::span(&transmitter.name)));
+    spans
+}
+
+/// Warns of receivers; `spans` are their places in the file.
+pub(super) fn warn_of_receivers(
+    model: &Model,
+    spans: &[Range<usize>],
+    warnings: &mut Vec<Problem>,
+) {
+    let at = |k: usize| spans.get(k).cloned().unwrap_or_default();
+    let rounded =
+        |(k, receiver)| Some(Problem::at(at(k), warnings::rounded_receiver_steps(model, receiver)?));
+    warnings.extend(model.receivers.iter().enumerate().find_map(rounded));
+}
