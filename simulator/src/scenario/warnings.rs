@@ -1,6 +1,7 @@
 mod absorption;
 mod collisions;
 mod gaps;
+mod passage;
 mod resolution;
 mod rounding;
 mod transport;
@@ -8,11 +9,12 @@ mod transport;
 pub(super) use self::absorption::long_step_to_absorber;
 pub(super) use self::collisions::many_collisions;
 pub(super) use self::gaps::{long_step_across_gap, long_step_between_walls};
+pub(super) use self::passage::{long_step_between_membranes, long_step_through};
 pub(super) use self::resolution::{rounded_receiver_steps, rounded_steps};
 pub(super) use self::rounding::{rounded_decays, rounded_reactions, rounded_tumbles};
 pub(super) use self::transport::{
     drift_at_curved_wall, drift_at_plane_wall, drift_without_diffusion, frequent_tumbles,
-    long_receiver_step_through, long_step_across_flow, long_step_through, swept_by_motion, unresolved_flow,
+    long_receiver_step_through, long_step_across_flow, swept_by_motion, unresolved_flow,
 };
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::probability::undoes;

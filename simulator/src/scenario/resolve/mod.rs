@@ -117,6 +117,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
     for (membrane, from) in model.membranes.iter().zip(&file.membranes) {
         let messages = [
             warnings::long_step_through(membrane, &model),
+            warnings::long_step_between_membranes(membrane, &model),
             warnings::long_receiver_step_through(membrane, &model),
         ];
         warnings.extend(messages.into_iter().flatten().map(|message| Problem::at(from.name.span(), message)));

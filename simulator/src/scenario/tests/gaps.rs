@@ -62,6 +62,49 @@ fn drift_between_two_walls_in_long_steps_is_warned_of() {
 }
 
 #[test]
+fn planes_closer_than_some_steps_are_warned_of() {
+    let plane = |name: &str, at: &str| {
+        format!("[[membrane]]\nname = '{name}'\naxis = 'x'\nposition = {at}\npermeability = 1\n")
+    };
+    let boxed =
+        |kind: &str, high: &str| format!("[boundary]\nkind = '{kind}'\nlow = [0, 0, 0]\nhigh = {high}\n");
+    let [wide, narrow] = ["[90, 90, 90]", "[5, 90, 90]"];
+    let two = boxed("periodic", wide) + &plane("m", "40") + &plane("n", "45");
+    let wall = boxed("reflecting", wide) + &plane("m", "84.5");
+    let image = boxed("periodic", narrow) + &plane("m", "2");
+    for (text, said) in [
+        (&two, "the gap of 5.000 µm between m and n"),
+        (&wall, "the gap of 5.000 µm between m and a wall"),
+        (&image, "the gap of 5.000 µm between m and its periodic image"),
+    ] {
+        let found = warnings("1.01", text, NO_DRIFT);
+        assert!(found.iter().any(|warning| warning.contains(said)), "{said}: {found:?}");
+        assert_eq!(advised_step(&found[0]), "9.90e-1", "{found:?}");
+        assert_eq!(warnings("9.90e-1", text, NO_DRIFT), [""; 0]);
+    }
+    let far = boxed("reflecting", wide) + &plane("m", "40") + &plane("n", "50");
+    assert_eq!(warnings("1.01", &far, NO_DRIFT), [""; 0]);
+}
+
+#[test]
+fn sphere_near_a_plane_or_in_a_narrow_box_has_no_right_equilibrium() {
+    let sphere = "[[membrane]]\nname = 'm'\ncenter = [20, 20, 20]\nradius = 4\npermeability = 1\n";
+    let boxed = |edge: u32| {
+        format!("[boundary]\nkind = 'periodic'\nlow = [0, 0, 0]\nhigh = [{edge}, {edge}, {edge}]\n{sphere}")
+    };
+    let near = boxed(90) + "[[membrane]]\nname = 'n'\naxis = 'x'\nposition = 25\npermeability = 1\n";
+    let said = warnings("1.01", &near, NO_DRIFT).join("\n");
+    assert!(said.contains("neither the flux nor, so near n, the equilibrium is right"), "{said}");
+    let crossing = warnings("1e-3", &near.replace("position = 25", "position = 22"), NO_DRIFT).join("\n");
+    assert!(crossing.contains("n touches or crosses m: steps that reach both"), "{crossing}");
+    let narrow = boxed(12).replace("[20, 20, 20]", "[6, 6, 6]");
+    let said = warnings("1.01", &narrow, NO_DRIFT).join("\n");
+    assert!(said.contains("so near its periodic image, the equilibrium is right"), "{said}");
+    let said = warnings("1.01", &boxed(90), NO_DRIFT).join("\n");
+    assert!(said.contains("the equilibrium is right, but the flux is not"), "{said}");
+}
+
+#[test]
 fn drift_to_a_wall_without_diffusion_is_warned_of() {
     let boxed = reflecting("[6, 90, 90]");
     let text = |time_step: &str, face: &str| {

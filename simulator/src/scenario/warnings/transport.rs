@@ -137,26 +137,6 @@ pub(in crate::scenario) fn swept_by_motion(
     })
 }
 
-/// Largest √(2DΔt) at a spherical membrane, in radii.
-const LONG_AT_SPHERE: f64 = 0.25;
-
-pub(in crate::scenario) fn long_step_through(membrane: &Membrane, model: &Model) -> Option<String> {
-    let MembraneSurface::Sphere { radius, .. } = membrane.surface else { return None };
-    let seen = model.species.iter().zip(&membrane.sees).filter(|(_, sees)| **sees);
-    let (species, _) = seen.max_by(|a, b| a.0.diffusion.total_cmp(&b.0.diffusion))?;
-    let longest = (LONG_AT_SPHERE * f64::from(radius)).powi(2) / (2.0 * species.diffusion);
-    (model.time_step > longest).then(|| {
-        format!(
-            "a step takes {} {:.3} µm, which is long compared with the radius of {radius} µm of {}: the equilibrium is right, \
-             but the flux is not; time-step = {} is short enough",
-            species.name,
-            (2.0 * species.diffusion * model.time_step).sqrt(),
-            membrane.name,
-            below(longest)
-        )
-    })
-}
-
 /// A membrane acts only on the ends of receivers' steps.
 pub(in crate::scenario) fn long_receiver_step_through(membrane: &Membrane, model: &Model) -> Option<String> {
     let MembraneSurface::Sphere { radius, .. } = membrane.surface else { return None };
