@@ -15,6 +15,7 @@ pub mod transmitter;
 pub mod vessel;
 
 mod dimensions;
+mod duplicates;
 mod validate;
 
 use std::sync::Arc;

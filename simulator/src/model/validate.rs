@@ -104,7 +104,8 @@ impl Model {
         self.check_channels()?;
         self.transmitters.iter().try_for_each(|transmitter| self.check_transmitter(transmitter))?;
         self.check_repeated_bursts()?;
-        self.receivers.iter().try_for_each(|receiver| self.check_receiver(receiver))
+        self.receivers.iter().try_for_each(|receiver| self.check_receiver(receiver))?;
+        self.faulty_absorber().map_or(Ok(()), |(_, message)| Err(Error::Model(message)))
     }
 
     pub(crate) fn resting_before(&self, receiver: &Receiver) -> Option<String> {

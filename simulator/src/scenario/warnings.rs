@@ -8,7 +8,7 @@ mod transport;
 
 pub(super) use self::absorption::long_step_to_absorber;
 pub(super) use self::collisions::many_collisions;
-pub(super) use self::gaps::{long_step_across_gap, long_step_between_walls};
+pub(super) use self::gaps::{long_step_across_gap, long_step_between_walls, overlapping_absorbers};
 pub(super) use self::passage::{long_step_between_membranes, long_step_through};
 pub(super) use self::resolution::{rounded_receiver_steps, rounded_steps};
 pub(super) use self::rounding::{rounded_decays, rounded_reactions, rounded_tumbles};

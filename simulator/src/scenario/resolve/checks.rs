@@ -20,14 +20,20 @@ pub(super) fn receiver_spans(file: &File, has_body: impl Iterator<Item = bool>) 
     spans
 }
 
-/// Warns of receivers; `spans` are their places in the file.
-pub(super) fn warn_of_receivers(
+/// Checks receivers together; `spans` are their places in the file.
+pub(super) fn check_receivers(
     model: &Model,
     spans: &[Range<usize>],
     warnings: &mut Vec<Problem>,
-) {
+) -> Result<(), Problem> {
     let at = |k: usize| spans.get(k).cloned().unwrap_or_default();
+    if let Some((k, message)) = model.faulty_absorber() {
+        return Err(Problem::at(at(k), message));
+    }
+    let overlap = warnings::overlapping_absorbers(model);
+    warnings.extend(overlap.map(|(k, message)| Problem::at(at(k), message)));
     let rounded =
         |(k, receiver)| Some(Problem::at(at(k), warnings::rounded_receiver_steps(model, receiver)?));
     warnings.extend(model.receivers.iter().enumerate().find_map(rounded));
+    Ok(())
 }

@@ -101,7 +101,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
     if let Some((k, message)) = model.faulty_membrane() {
         return Err(Problem::at(file.membranes[k].name.span(), message));
     }
-    checks::warn_of_receivers(&model, &receiver_spans, &mut warnings);
+    checks::check_receivers(&model, &receiver_spans, &mut warnings)?;
     if let Some((k, message)) = faulty_chain(&model) {
         return Err(Problem::at(file.decays[k].rate.span(), message));
     }

@@ -105,6 +105,26 @@ fn sphere_near_a_plane_or_in_a_narrow_box_has_no_right_equilibrium() {
 }
 
 #[test]
+fn surfaces_that_absorb_twice_are_refused() {
+    let wall = |name: &str| format!("[[receiver]]\nname = '{name}'\nkind = 'wall'\nface = 'low-x'\n");
+    let boxed = reflecting("[90, 90, 90]");
+    let at = "[20, 20, 20]";
+    let partial = "'partial'\nprobability = 0.5";
+    for (one, two) in [
+        (wall("rx"), wall("ry")),
+        (sphere("rx", "'absorbing'", at, "5"), sphere("ry", "'absorbing'", at, "5")),
+        (sphere("rx", "'absorbing'", at, "5"), sphere("ry", partial, at, "5")),
+    ] {
+        let text =
+            format!("time-step = 1e-3\nsteps = 3\n{boxed}[[species]]\nname = 'A'\ndiffusion = 2\n{one}{two}");
+        let message = "ry has the same surface as rx, and both would absorb the same particles; remove one";
+        assert_refused(parse(&text), "name", message);
+    }
+    let apart = sphere("rx", "'absorbing'", at, "5") + &sphere("ry", "'absorbing'", "[25, 20, 20]", "5");
+    assert_warns(&warnings("1e-3", &apart, NO_DRIFT), "ry overlaps rx, and both absorb the same particles");
+}
+
+#[test]
 fn drift_to_a_wall_without_diffusion_is_warned_of() {
     let boxed = reflecting("[6, 90, 90]");
     let text = |time_step: &str, face: &str| {

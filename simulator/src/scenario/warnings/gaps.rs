@@ -112,6 +112,35 @@ fn gaps_to_walls(model: &Model, receiver: &Receiver, species: usize) -> Vec<Gap>
     walls.into_iter().filter(is_gap).map(gap).collect()
 }
 
+/// Returns the first receiver that overlaps an earlier one and takes the same species, and a message.
+pub(in crate::scenario) fn overlapping_absorbers(model: &Model) -> Option<(usize, String)> {
+    let absorbs = |one: &Receiver| {
+        matches!(one.kind, ReceiverKind::Absorbing | ReceiverKind::Partial(_)) && !one.moves()
+    };
+    let all: Vec<_> =
+        model.receivers.iter().enumerate().filter(|(_, one)| absorbs(one)).take(MAX_TESTED).collect();
+    let pair = |&(k, one): &(usize, &Receiver)| {
+        let shares = |other: &Receiver| other.sees.iter().zip(&one.sees).any(|(a, b)| *a && *b);
+        let overlaps = |&&(at, other): &&(usize, &Receiver)| {
+            let least = -(CONTACT as f32) * one.radius.min(other.radius);
+            let radii = one.radius + other.radius;
+            at < k
+                && shares(other)
+                && signed_distance(radii, one.center, &model.boundary, other.center) < least
+        };
+        let (_, other) = all.iter().find(overlaps)?;
+        Some((
+            k,
+            format!(
+                "{} overlaps {}, and both absorb the same particles: each takes its part of a step, so that steps that are long \
+             compared with the overlap are taken at a wrong rate; move them apart, or let them see different species",
+                one.name, other.name
+            ),
+        ))
+    };
+    all.iter().find_map(pair)
+}
+
 /// A step with drift that reaches both of two walls is mirrored; see [`wall`](crate::motion::wall).
 pub(in crate::scenario) fn long_step_between_walls(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];

@@ -1,0 +1,47 @@
+use std::collections::HashMap;
+
+use crate::model::Model;
+use crate::model::receiver::{Receiver, ReceiverKind, WallFace};
+
+/// Surfaces that coincide if they are equal. Floats are compared by their bits.
+#[derive(PartialEq, Eq, Hash)]
+enum Place {
+    Wall(u8, usize),
+    Sphere([u32; 3], u32),
+}
+
+impl Model {
+    /// Returns a receiver on the surface of an earlier one, and a message. Each of them would absorb.
+    pub(crate) fn faulty_absorber(&self) -> Option<(usize, String)> {
+        let mut known: HashMap<Place, Vec<&Receiver>> = HashMap::new();
+        for (k, receiver) in self.receivers.iter().enumerate() {
+            let Some(place) = place(receiver) else { continue };
+            let others = known.entry(place).or_default();
+            let shares = |other: &&&Receiver| other.sees.iter().zip(&receiver.sees).any(|(a, b)| *a && *b);
+            if let Some(other) = others.iter().find(shares) {
+                let message = format!(
+                    "{} has the same surface as {}, and both would absorb the same particles; remove one, or let them see \
+                     different species",
+                    receiver.name, other.name
+                );
+                return Some((k, message));
+            }
+            others.push(receiver);
+        }
+        None
+    }
+}
+
+fn place(receiver: &Receiver) -> Option<Place> {
+    match receiver.kind {
+        ReceiverKind::Wall(WallFace::Low(axis)) => Some(Place::Wall(0, axis)),
+        ReceiverKind::Wall(WallFace::High(axis)) => Some(Place::Wall(1, axis)),
+        ReceiverKind::Wall(WallFace::Side) => Some(Place::Wall(2, 0)),
+        // Moving receivers part at once.
+        ReceiverKind::Absorbing | ReceiverKind::Partial(_) if !receiver.moves() => {
+            let center = receiver.center.map(|c| (c + 0.0).to_bits());
+            Some(Place::Sphere(center, receiver.radius.to_bits()))
+        }
+        _ => None,
+    }
+}
