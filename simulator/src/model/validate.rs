@@ -255,20 +255,39 @@ impl Model {
     }
 
     fn check_channels(&self) -> Result<(), Error> {
-        let chances = ReactionProbabilities(self);
-        for pair in chances.pairs() {
-            for shell in chances.shells(pair) {
-                let total: f64 = shell.channels.iter().map(|(_, probability)| probability).sum();
-                if total > 1.0 + 1e-9 {
-                    let names = shell.channels.iter().map(|&(place, _)| self.reactions[place].name.as_str());
-                    return Err(Error::Model(format!(
-                        "the probabilities of {} add up to {total} in a step; shorten the time step, or lower them",
-                        excerpt(names.collect::<Vec<_>>().join(" and of ").as_bytes())
-                    )));
+        let Some((total, places)) = self.excessive_probability() else { return Ok(()) };
+        let names = places.iter().map(|&place| self.reactions[place].name.as_str());
+        let names = names.collect::<Vec<_>>().join(" and of ");
+        // Probabilities per step do not depend on the time step.
+        let fits = |time_step: f64| Self { time_step, ..self.clone() }.excessive_probability().is_none();
+        let remedy = match fits(0.0) {
+            false => "lower them".to_owned(),
+            true => {
+                let [mut low, mut high] = [0.0, self.time_step];
+                while high - low > 1e-3 * high && high > f64::MIN_POSITIVE {
+                    let middle = 0.5 * (low + high);
+                    if fits(middle) { low = middle } else { high = middle }
                 }
+                // Rounding to three digits adds at most 0.5 %.
+                format!("lower them, or set time-step to {:.2e} or less", 0.995 * low)
             }
-        }
-        Ok(())
+        };
+        Err(Error::Model(format!(
+            "the probabilities of {} add up to {} in a step, more than the limit of 1; {remedy}",
+            excerpt(names.as_bytes()),
+            (1e6 * total).round() / 1e6
+        )))
+    }
+
+    /// Returns the sum of the first probabilities above 1, and their reactions.
+    fn excessive_probability(&self) -> Option<(f64, Vec<usize>)> {
+        let chances = ReactionProbabilities(self);
+        let mut shells = chances.pairs().flat_map(|pair| chances.shells(pair));
+        shells.find_map(|shell| {
+            let total: f64 = shell.channels.iter().map(|(_, probability)| probability).sum();
+            let places = || shell.channels.iter().map(|&(place, _)| place).collect();
+            (total > 1.0 + 1e-9).then(|| (total, places()))
+        })
     }
 
     fn check_transmitter(&self, transmitter: &Transmitter) -> Result<(), Error> {

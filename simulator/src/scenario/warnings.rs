@@ -269,9 +269,11 @@ pub(super) fn slow_relaxation(
     let again = 1.0 - rate::rate_constant(radius, diffusion, time_step) / rate;
     (again > BOUND_AGAIN).then(|| {
         format!(
-            "'{equation}': {:.1} % of the pairs that dissociate to {unbinding} µm bind again at once; the equilibrium is that of \
+            "'{equation}': {:.1} % of the pairs that dissociate to {} µm bind again at once; the equilibrium is that of \
              the rates, but it is approached {:.1} % more slowly; a larger unbinding-radius reduces this",
             100.0 * again,
+            // Without the digits of a double.
+            unbinding as f32,
             100.0 * again
         )
     })

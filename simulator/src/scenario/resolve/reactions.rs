@@ -3,6 +3,7 @@ use lazygrid_scenario::{self as file, Positive};
 use toml::Spanned;
 
 use super::network_index::NetworkIndex;
+use super::schedule::single_radius;
 use super::{Names, equation_name, number_equal_names};
 use crate::model::probability::undoes;
 use crate::model::{Decay, Model, Reaction, ReactionRate, Species, Unbinding};
@@ -169,7 +170,10 @@ impl Network<'_> {
                 return draft.refuse(format!("'{name}' needs a rate, or a binding-radius, or rate-inside"));
             }
         };
-        Ok(Reaction { binding_radius: radius as f32, chance, ..draft.bare.clone() })
+        let span = rate.as_ref().map(Spanned::span);
+        let span = span.or_else(|| binding_radius.as_ref().map(Spanned::span));
+        let binding_radius = single_radius(radius, span.unwrap_or_else(|| draft.file.equation.span()))?;
+        Ok(Reaction { binding_radius, chance, ..draft.bare.clone() })
     }
 
     fn radius_for(&self, draft: &Draft<'_>, rate: &Spanned<Positive>) -> Result<f64, Problem> {

@@ -4,7 +4,7 @@ use lazygrid_scenario::{self as file, Finite};
 use toml::Spanned;
 
 use super::Names;
-use super::schedule::to_f32;
+use super::schedule::{single_radius, to_f32};
 use super::transmitters::check_place;
 use crate::memory::check_available;
 use crate::model::Model;
@@ -141,7 +141,8 @@ fn extent(one: &file::Receiver) -> Result<([f32; 3], f32), Problem> {
     let moves = one.velocity.iter().any(|v| v.0 != 0.0) || one.diffusion.0 > 0.0 || one.lattice.is_some();
     match (center, &one.radius) {
         (Some(center), Some(radius)) if !is_wall => {
-            Ok((to_f32(*center.get_ref()), radius.get_ref().0 as f32))
+            let single = single_radius(radius.get_ref().0, radius.span())?;
+            Ok((to_f32(*center.get_ref()), single))
         }
         (None, None) if is_wall && !moves => Ok(([0.0; 3], 0.0)),
         _ if is_wall => {

@@ -57,7 +57,15 @@ pub(super) fn schedule(
             }
             let [from, until] =
                 [&transmitter.from, &transmitter.until].map(|time| time.as_ref().map(|t| t.get_ref().0));
-            Schedule::Steady { from: from.unwrap_or(0.0), until: until.unwrap_or(f64::INFINITY), rates }
+            let (begin, end) = (from.unwrap_or(0.0), until.unwrap_or(f64::INFINITY));
+            if begin >= end {
+                let message = format!(
+                    "the release is from {begin} s until {end} s; the end must be later than the beginning"
+                );
+                let span = transmitter.until.as_ref().map_or(span, toml::Spanned::span);
+                return Err(Problem::at(span, message));
+            }
+            Schedule::Steady { from: begin, until: end, rates }
         }
         _ => {
             let message =
@@ -185,4 +193,16 @@ fn modulation(transmitter: &file::Transmitter) -> Result<Modulation, Problem> {
 
 pub(super) fn to_f32(center: [Finite; 3]) -> [f32; 3] {
     center.map(|Finite(x)| x as f32)
+}
+
+/// Returns a radius in single precision. Refuses one above 0 that rounds to 0.
+pub(super) fn single_radius(radius: f64, span: Range<usize>) -> Result<f32, Problem> {
+    let single = radius as f32;
+    if radius > 0.0 && single == 0.0 {
+        let message = format!(
+            "the radius {radius:e} µm is 0 in single precision, whose smallest number is 1.4e-45; make it larger, or 0"
+        );
+        return Err(Problem::at(span, message));
+    }
+    Ok(single)
 }

@@ -50,6 +50,12 @@ fn transmitter(
         Some(center) => (to_f32(*center.get_ref()), center.span()),
     };
     check_place(boundary, span, center, 0.0, warnings)?;
+    if let Some(message) = faulty_shell(shape(transmitter.shape)) {
+        return Err(Problem {
+            key: Some("shape".to_owned()),
+            ..Problem::at(transmitter.name.span(), message)
+        });
+    }
     let (schedule, release) = schedule(&transmitter, names)?;
     Ok(Transmitter {
         name: transmitter.name.into_inner().0,
@@ -78,6 +84,13 @@ fn shape(shape: file::Shape) -> Shape {
             Shape::Lattice(size.map(|edge| edge.0 as f32), places.map(Into::into))
         }
     }
+}
+
+fn faulty_shell(shape: Shape) -> Option<String> {
+    let Shape::Shell(inner, outer) = shape else { return None };
+    (inner > outer).then(|| {
+        format!("the inner-radius {inner} µm of the ball exceeds its radius {outer} µm; make it smaller")
+    })
 }
 
 pub(super) fn sources(
@@ -123,6 +136,9 @@ fn source(
         }
         Some(spanned) => {
             let shape = shape(*spanned.get_ref());
+            if let Some(message) = faulty_shell(shape) {
+                return Err(Problem::at(spanned.span(), message));
+            }
             let volume = match shape {
                 Shape::Shell(inner, outer) => ball(dimensions, outer) - ball(dimensions, inner),
                 Shape::Box(edges) => edges[..dimensions].iter().copied().map(f64::from).product(),

@@ -32,3 +32,51 @@ fn products_of_a_species_that_can_dissociate_are_warned_of() {
     let alone = [("C -> D", "9"), ("D -> C", "9")];
     assert_eq!(parse(&decays("0.1", &alone)).unwrap().warnings, [""; 0]);
 }
+
+#[test]
+fn excessive_probabilities_are_refused_with_a_time_step_that_works() {
+    let text = |time_step: &str, more: &str| {
+        let one = "[[reaction]]\nequation = 'A + B -> C'\nbinding-radius = 1\nprobability = 0.8\n";
+        decays(time_step, &[]) + one + "[[reaction]]\nequation = 'A + B -> D'\nbinding-radius = 1\n" + more
+    };
+    let rate = "rate-inside = 100\n";
+    let refused = parse(&text("0.01", rate)).unwrap_err().to_string();
+    let expected = "of A + B -> C and of A + B -> D add up to 1.432121 in a step, more than the limit of 1";
+    assert!(refused.contains(expected), "{refused}");
+    let step = refused.split("set time-step to ").nth(1).unwrap().split(' ').next().unwrap();
+    assert!(parse(&text(step, rate)).is_ok(), "{refused}");
+    let longer = (1.02 * step.parse::<f64>().unwrap()).to_string();
+    assert!(parse(&text(&longer, rate)).is_err(), "{refused}");
+    let refused = parse(&text("0.01", "probability = 0.6\n")).unwrap_err().to_string();
+    assert!(refused.ends_with("add up to 1.4 in a step, more than the limit of 1; lower them"), "{refused}");
+}
+
+#[test]
+fn radii_that_are_zero_in_single_precision_are_refused() {
+    let reaction = "[[reaction]]\nequation = 'A + B -> C'\n";
+    let receiver = "[[receiver]]\nname = 'rx'\nkind = 'absorbing'\ncenter = [0, 0, 0]\n";
+    for (text, key) in [
+        (format!("{reaction}binding-radius = 1e-60\n"), "binding-radius"),
+        (format!("{reaction}rate = 1e-200\n"), "rate"),
+        (format!("{receiver}radius = 1e-60\n"), "radius"),
+        (format!("{receiver}radius = 1e-60\n").replace("'absorbing'", "'partial'\nrate = 1"), "radius"),
+    ] {
+        assert_refused(parse(&(decays("0.01", &[]) + &text)), key, "µm is 0 in single precision");
+    }
+    // A radius that is small, but not 0, has a warning.
+    assert!(parse(&(decays("0.01", &[]) + reaction + "rate = 1e-90\n")).is_ok());
+}
+
+#[test]
+fn contradictory_releases_are_refused_at_their_line() {
+    let transmitter = |more: &str| {
+        decays("0.01", &[]) + "[[transmitter]]\nname = 'tx'\nrelease = [{ species = 'A', rate = 5 }]\n" + more
+    };
+    let ends = "the release is from 5 s until 2 s; the end must be later than the beginning";
+    assert_refused(parse(&transmitter("from = 5\nuntil = 2\n")), "until", ends);
+    let ball = "shape = { kind = 'ball', inner-radius = 3, radius = 2 }\n";
+    let inverted = "the inner-radius 3 µm of the ball exceeds its radius 2 µm";
+    assert_refused(parse(&transmitter(ball)), "shape", inverted);
+    let source = format!("[[source]]\nequation = '-> A'\nrate = 1\n{ball}");
+    assert_refused(parse(&(decays("0.01", &[]) + &source)), "shape", inverted);
+}
