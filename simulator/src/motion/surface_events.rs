@@ -123,12 +123,13 @@ impl ActiveReceivers {
     }
 }
 
+/// The capture with the earliest hit so far.
 #[derive(Default)]
-struct FirstHit(Option<Capture>);
+pub(crate) struct FirstHit(pub(crate) Option<Capture>);
 
 impl FirstHit {
     /// Draws hitting times only for several hits.
-    fn update(&mut self, who: DrawContext, capture: Capture) {
+    pub(crate) fn update(&mut self, who: DrawContext, capture: Capture) {
         match &self.0 {
             Some(earlier) if earlier.time(who) <= capture.time(who) => {}
             _ => self.0 = Some(capture),

@@ -2,7 +2,7 @@ use crate::model::Model;
 use crate::model::membrane::{Membrane, MembraneStep, StepEnds};
 use crate::motion::receiver_state::{ActiveReceivers, ReceiverState};
 use crate::motion::species_step::SpeciesStep;
-use crate::motion::surface_events::{Capture, Event, ParticleMove, PathSurroundings};
+use crate::motion::surface_events::{Capture, Event, FirstHit, ParticleMove, PathSurroundings};
 use crate::motion::wall::AbsorbingWall;
 
 #[derive(Clone, Debug)]
@@ -84,15 +84,18 @@ impl SpeciesSurfaces<'_> {
 
     #[inline(never)]
     fn absorb_at_walls(&self, moved: &ParticleMove) -> Option<Capture> {
-        let ParticleMove { at, species, path, .. } = *moved;
+        let ParticleMove { at, species, who, path, .. } = *moved;
         let domain = &self.step.domain;
         let seen = self.surfaces.walls.iter().filter(|wall| wall.sees[species as usize]);
-        let mut near_side =
+        let near_side =
             seen.filter(|wall| !self.separates(species, [path.after, wall.foot(domain, path.after)]));
-        near_side.find_map(|wall| {
-            let hit = wall.hit(domain, moved)?;
-            Some(Capture { hit, event: Event::Arrived { at, receiver: wall.receiver } })
-        })
+        let mut first = FirstHit::default();
+        for wall in near_side {
+            if let Some(hit) = wall.hit(domain, moved) {
+                first.update(who, Capture { hit, event: Event::Arrived { at, receiver: wall.receiver } });
+            }
+        }
+        first.0
     }
 
     #[inline(always)]

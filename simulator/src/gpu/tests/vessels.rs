@@ -50,6 +50,7 @@ fn absorption_from_inside_a_sphere_matches_the_cpu() {
         #include philox\n#include normal\n#include unit_32\n#include velocity\n#include boundary\n\
         #include event_rows\n#include first_passage\n#include hit\n#include decay\n\
         fn is_separated(kind: SpeciesRow, a: vec3<f32>, b: vec3<f32>) -> bool { return false; }\n\
+        fn is_earlier(hit: Hit, receiver: u32, first_hit: Hit, first: u32, id: u32) -> bool { return true; }\n\
         #include absorbing_wall";
     let body = "let w = philox(vec4(k, 1u, 2u, 3u), vec2(4u, 5u));
         let heights = 2.0 * pow(vec2(open_unit(w.x), open_unit(w.y)), vec2(f32(1u + k % 4u)));

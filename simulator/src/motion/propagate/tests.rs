@@ -1,5 +1,6 @@
 use super::*;
 use crate::model::particles::Particle;
+use crate::model::receiver::{Receiver, ReceiverKind, WallFace};
 use crate::model::{Decay, Species};
 use crate::random::gaussian::normals;
 use crate::random::philox::{Key, Purpose};
@@ -80,4 +81,30 @@ fn decays_share_their_probability() {
         let error = (count as f64 - f64::from(n) * p) / (f64::from(n) * p * (1.0 - p)).sqrt();
         assert!(error.abs() < 4.0, "{which}: {count}, {error} standard errors");
     }
+}
+
+/// Both walls are at the same distance, so half of the hits are on each.
+#[test]
+fn first_of_two_walls_absorbs() {
+    let wall = |axis| Receiver {
+        kind: ReceiverKind::Wall(WallFace::Low(axis)),
+        sees: vec![true],
+        ..Receiver::default()
+    };
+    let model = Model {
+        time_step: 0.01,
+        species: vec![Species { drift: [0.0; 3], ..species(1.0) }],
+        boundary: Boundary::reflecting([0.0; 3], [10.0; 3]),
+        receivers: vec![wall(0), wall(1)],
+        ..Model::default()
+    };
+    let mut particles = Particles::default();
+    let position = [0.1, 0.1, 5.0];
+    (0..40_000).for_each(|id| particles.push(Particle { id, position, ..Particle::default() }, false));
+    let now = StepKey { key: Key::new(5), step: 0 };
+    let events = Propagator::new(&model).advance(&mut particles, None, None, now).unwrap();
+    let on = |wall: u32| events.iter().filter(|event| event.receiver() == wall).count() as f64;
+    let [low_x, low_y] = [0, 1].map(on);
+    let error = (low_x - low_y) / (low_x + low_y).sqrt();
+    assert!(low_x > 10_000.0 && error.abs() < 5.0, "{low_x} and {low_y}");
 }

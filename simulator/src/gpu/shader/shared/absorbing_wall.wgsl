@@ -133,12 +133,18 @@ fn wall_hit_of(event: EventRow, kind: SpeciesRow, path: Path, turns: PathTurns, 
 }
 
 fn absorb_or_decay(moved: Moved, path: Path, turns: PathTurns, kind: SpeciesRow, id: u32) -> Moved {
+    var first = NOTHING;
+    var first_hit: Hit;
     for (var k = kind.walls_begin; k < kind.events_end; k++) {
         let event = event_rows[k];
         let hit = wall_hit_of(event, kind, path, turns, id);
-        if (hit.is_hit) {
-            return decay(moved, capture_of(k, hit, kind, id), id);
+        if (hit.is_hit && is_earlier(hit, event.receiver, first_hit, first, id)) {
+            first = k;
+            first_hit = hit;
         }
     }
-    return decay(moved, Capture(NOTHING, 0.0), id);
+    if (first == NOTHING) {
+        return decay(moved, Capture(NOTHING, 0.0), id);
+    }
+    return decay(moved, capture_of(first, first_hit, kind, id), id);
 }
