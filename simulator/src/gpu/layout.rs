@@ -198,6 +198,7 @@ impl ReactionRow {
     pub(super) const APART: u32 = 8;
     pub(super) const REACTS: u32 = 16;
     pub(super) const DISSOCIATES: [u32; 2] = [32, 64];
+    pub(super) const DRAWS_ORDER: u32 = 128;
 }
 
 pub(super) const NOTHING: u32 = u32::MAX;

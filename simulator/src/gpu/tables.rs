@@ -331,6 +331,7 @@ fn reaction_row(
     let mut flags = u32::from(rule.consumes[0]) | u32::from(rule.consumes[1]) << 1;
     flags |= if within.is_some() { ReactionRow::NARROWER } else { 0 };
     flags |= if reaction.separates() { ReactionRow::APART } else { 0 };
+    flags |= if rule.draws_order { ReactionRow::DRAWS_ORDER } else { 0 };
     ReactionRow {
         reaction: rule.reaction,
         next: NOTHING,

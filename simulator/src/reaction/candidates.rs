@@ -35,6 +35,9 @@ pub struct BestCandidates {
 const CANDIDATES_PER_PARTICLE: usize = 4;
 /// Smallest capacity.
 const MIN_CAPACITY: usize = 1 << 14;
+/// Bit of a pair's last word that decides the order of equal reactants. The angle between products, drawn by the same
+/// word, ignores its lowest eight bits.
+const ORDER: u32 = 1;
 const TASK: usize = 4096;
 const BLOCK: usize = 64 * TASK;
 
@@ -117,22 +120,24 @@ impl Reactions {
             }
         };
         let ids = [particles.id[i].min(particles.id[j]), particles.id[i].max(particles.id[j])];
-        let candidate = |rule: &ReactionRule, priority| {
-            // For equal species, the lower id is first.
-            let in_order = if a == b { particles.id[i] == ids[0] } else { a == rule.first };
+        let candidate = |rule: &ReactionRule, priority, word| {
+            // Either of two equal reactants may be the first. An order by id would favor early releases.
+            let lower_first = !rule.draws_order || word & ORDER == 0;
+            let in_order = if a == b { (particles.id[i] == ids[0]) == lower_first } else { a == rule.first };
             let at = if in_order { [pair.i, pair.j] } else { [pair.j, pair.i] };
             ReactionCandidate { at, consumes: rule.consumes, rule: rule.reaction, priority, ids }
         };
         let is_open = |candidate: &ReactionCandidate| !candidate.claimed().any(|at| is_consumed(at as u32));
-        if !shell.rules().any(|rule| is_open(&candidate(rule, 0))) {
+        let may_be_open = |rule| [0, ORDER].into_iter().any(|word| is_open(&candidate(rule, 0, word)));
+        if !shell.rules().any(may_be_open) {
             return None;
         }
-        let [priority, chance, ..] = now.of_particle(ids[0]).draw(ids[1], Purpose::Pair);
+        let [priority, chance, _, word] = now.of_particle(ids[0]).draw(ids[1], Purpose::Pair);
         let rule = shell.rules().find(|rule| chance <= rule.up_to)?;
         let dissociates = [(a, particles.id[i]), (b, particles.id[j])]
             .into_iter()
             .any(|(species, id)| self.dissociates(species, spared, now.of_particle(id)));
-        Some(candidate(rule, priority)).filter(|candidate| !dissociates && is_open(candidate))
+        Some(candidate(rule, priority, word)).filter(|candidate| !dissociates && is_open(candidate))
     }
 
     #[inline]

@@ -57,6 +57,8 @@ pub(crate) struct ReactionRule {
     /// Largest random word at which it happens.
     pub(crate) up_to: u32,
     pub(crate) consumes: [bool; 2],
+    /// `true` if a draw decides which of two equal reactants is the first.
+    pub(crate) draws_order: bool,
 }
 
 /// The change of a consumed reactant.
@@ -179,6 +181,7 @@ fn shells(model: &Model, chances: ReactionProbabilities<'_>, pair: [u32; 2]) -> 
                 first: reaction.reactants[0],
                 up_to: probability_threshold(below)?,
                 consumes: consumes(reaction),
+                draws_order: draws_order(reaction),
             })
         };
         let mut rules = shell.channels.into_iter().filter_map(rule);
@@ -191,6 +194,12 @@ fn shells(model: &Model, chances: ReactionProbabilities<'_>, pair: [u32; 2]) -> 
 /// Returns `true` for each reactant that is not its own product.
 fn consumes(reaction: &Reaction) -> [bool; 2] {
     [0, 1].map(|k| reaction.products[k] != Some(reaction.reactants[k]))
+}
+
+/// Returns `true` if the reactants are of one species, but their products are not.
+fn draws_order(reaction: &Reaction) -> bool {
+    let ([a, b], [c, d]) = (reaction.reactants, reaction.products);
+    a == b && c != d
 }
 
 fn shares(model: &Model, reaction: &Reaction) -> [f32; 2] {

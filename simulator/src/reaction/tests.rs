@@ -161,6 +161,27 @@ fn probability_is_per_candidate() {
 }
 
 #[test]
+fn either_of_two_equal_reactants_is_consumed() {
+    let n = 20_000;
+    let mut particles = two();
+    particles.species = vec![0, 0];
+    for products in [[Some(0), None], [Some(2), Some(0)], [Some(1), Some(2)]] {
+        let mut model = model(products);
+        model.reactions[0].reactants = [0, 0];
+        let reactions = Reactions::new(&model);
+        let is_ascending = |&step: &u32| {
+            let candidates = sample(&reactions, &particles, step);
+            let candidate = candidates[0];
+            assert_eq!((candidates.len(), candidate.ids), (1, [4, 8]));
+            candidate.at == [0, 1]
+        };
+        let ascending = (0..n).filter(is_ascending).count() as f64;
+        let error = (ascending - 0.5 * f64::from(n)) / (0.25 * f64::from(n)).sqrt();
+        assert!(error.abs() < 5.0, "{products:?}: {ascending}, {error} standard errors");
+    }
+}
+
+#[test]
 fn reactants_and_points_do_not_collide() {
     let mut model = model([None, None]);
     model.species.push(species("D", 1.0, 0.5));

@@ -63,8 +63,9 @@ fn reactions_sample(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
         return;
     }
     let rule = reaction_rows[row];
-    // For equal species, the lower id is the first reactant.
-    let in_order = select(kinds.x == rule.first, own.x < own.y, kinds.x == kinds.y);
+    // Of two equal reactants, the one with the lower id is the first, unless the order is drawn; see candidates.rs.
+    let lower_first = (rule.flags & 128u) == 0u || (words.w & 1u) == 0u;
+    let in_order = select(kinds.x == rule.first, (own.x < own.y) == lower_first, kinds.x == kinds.y);
     let slot = atomicAdd(&control.left[0], 1u);
     candidates[slot] =
         Candidate(select(pair.yx, pair, in_order), select(own.yx, own, in_order), row, words.x);

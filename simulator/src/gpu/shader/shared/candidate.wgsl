@@ -26,8 +26,8 @@ struct ReactionRow {
     first: u32,
     threshold: u32,
     // Bits 0 and 1: the reactant is consumed. Bit 2: the detector's cutoff exceeds `within`. Bit 3: products are placed
-    // apart. Only in first rows, bit 4: the species have a reaction, even if its probability is 0; bits 5 and 6: the
-    // species dissociates.
+    // apart. Bit 7: a draw decides which of two equal reactants is the first. Only in first rows, bit 4: the species have
+    // a reaction, even if its probability is 0; bits 5 and 6: the species dissociates.
     flags: u32,
     products: vec2<u32>,
     radii: vec2<f32>,
