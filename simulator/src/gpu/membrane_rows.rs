@@ -1,12 +1,16 @@
 use glam::UVec2;
 
-use crate::model::membrane::MembraneSurface;
-use crate::{Axis, Boundary, Model};
+use crate::model::membrane::{MAX_PARTS, MembraneSurface, narrowest_gaps, parts};
+use crate::{Axis, Boundary, Model, Species};
 
 pub(super) type Row = [u32; 4];
 
 /// Largest number of spherical membranes of a species, as in `membrane_spheres.wgsl`.
 pub(super) const MAX_SPHERES: usize = 100;
+
+/// Lowest bit of a membrane's index in the row of a plane, above the bits of the axis and of [`MAX_PARTS`].
+const MEMBRANE_SHIFT: u32 = 11;
+const _: () = assert!(MAX_PARTS << 2 < 1 << MEMBRANE_SHIFT);
 
 /// Rounding of a distance from a surface in single precision, in radii and in lengths of a periodic box.
 const ROUNDING: [f32; 2] = [1e-6, 2e-7];
@@ -22,12 +26,14 @@ impl MembraneRows {
     pub(super) fn new(model: &Model, species: usize) -> Self {
         let mut rows = Self::default();
         let seen = (0..).zip(&model.membranes).filter(|(_, membrane)| membrane.sees[species]);
-        let diffusion = model.species[species].diffusion;
+        let Species { diffusion, radius, .. } = model.species[species];
+        let gaps = narrowest_gaps(&model.membranes, &model.boundary.inset(radius), species);
+        let spread = (2.0 * diffusion * model.time_step).sqrt() as f32;
         for (k, membrane) in seen {
             match membrane.surface {
                 MembraneSurface::Plane { axis, position } => {
                     let rate = (2.0 * membrane.permeability / diffusion) as f32;
-                    let index = axis as u32 | k << 2;
+                    let index = axis as u32 | parts(gaps[axis], spread) << 2 | k << MEMBRANE_SHIFT;
                     let row = |at: f32| [at.to_bits(), below(at).to_bits(), rate.to_bits(), index];
                     rows.planes.extend(model.boundary.axes[axis].plane_images(position).map(row));
                 }
@@ -45,6 +51,11 @@ impl MembraneRows {
     /// Planes are counted with their images.
     pub(super) fn counts(&self) -> (usize, usize) {
         (self.planes.len(), self.spheres.len() / 2)
+    }
+
+    /// Returns the largest number of parts of a step.
+    pub(super) fn most_parts(&self) -> usize {
+        self.planes.iter().map(|row| (row[3] % (1 << MEMBRANE_SHIFT)) >> 2).max().unwrap_or(0) as usize
     }
 
     /// Returns first row and number of planes, then of spheres, after `first` other rows.

@@ -83,13 +83,17 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
 /// per plane.
 const MEMBRANE_ITERATIONS: [usize; 3] = [660, 210, 8];
 
+/// Axes along which a step has parts, each with two loops over planes.
+const AXES: usize = 3;
+
 /// For each of `visits` receivers, loops over planes and spheres find if a membrane separates it.
 fn check_membranes(model: &Model, visits: usize, most: usize) -> Result<(), Error> {
     let repeats = model.boundary.axes.iter().any(|axis| matches!(axis, Axis::Periodic { .. }));
     for (id, species) in model.species.iter().enumerate() {
-        let counts = MembraneRows::new(model, id).counts();
-        let iterations = membrane_iterations(counts, visits, repeats);
-        let (planes, spheres) = counts;
+        let rows = MembraneRows::new(model, id);
+        let (planes, spheres) = rows.counts();
+        let parts = AXES * rows.most_parts() * (2 * planes + 1);
+        let iterations = membrane_iterations((planes, spheres), visits, repeats) + parts;
         if iterations > most || spheres > MAX_SPHERES {
             let what = format!(
                 "{spheres} spherical and {planes} plane membranes with images that hold back {}, beyond {MAX_SPHERES} spheres or, \

@@ -11,11 +11,18 @@
 //!
 //! with the free path X, a Brownian bridge whose minimum has a closed form (`bridge.rs`). L, |x| and the side are
 //! exact for steps of any length that reach one membrane and no wall.
+//!
+//! *Narrow gaps.* A step that is long compared with the gap between two membranes, or a membrane and a wall, is divided
+//! into parts of a Brownian bridge. Otherwise more particles would enter the gap than leave it.
 
 mod check;
+mod gaps;
 mod receiver;
 mod sphere;
 
+pub(crate) use self::gaps::narrowest_gaps;
+#[cfg(feature = "gpu")]
+pub(crate) use self::gaps::{MAX_PARTS, parts};
 use self::sphere::SphereEnd;
 use crate::model::boundary::{Axis, Boundary};
 use crate::random::bridge::lowest;
@@ -71,6 +78,8 @@ pub(crate) struct MembraneStep<'a> {
     pub(crate) diffusion: f64,
     /// √(2DΔt), in µm.
     pub(crate) spread: f32,
+    /// Narrowest gap along each axis, in µm; see [`narrowest_gaps`].
+    pub(crate) gaps: [f32; 3],
 }
 
 /// A step's end along an axis, in µm: `free` without walls and images, `confined` with them.
@@ -90,13 +99,13 @@ struct Slab {
 impl MembraneStep<'_> {
     /// Replaces the ends of a step by those that membranes allow.
     pub(crate) fn hold_back(&self, before: [f32; 3], ends: &mut StepEnds, who: DrawContext) {
-        let words = |membrane: usize, event: u32| who.draw_part(membrane as u32, event, Purpose::Membrane);
-        let around = self.sphere_end([before, ends.free], |membrane, event| words(membrane, event)[0]);
+        let words = |membrane: u32, event: u32| who.draw_part(membrane, event, Purpose::Membrane);
+        let around = self.sphere_end([before, ends.free], |membrane, event| words(membrane as u32, event)[0]);
         if let Some(SphereEnd { free, confined }) = around {
             *ends = StepEnds { end: free, free, after: confined };
         }
         let side = around.map_or(before, |around| around.confined);
-        let held = self.ends([before, ends.free], |membrane| words(membrane, 0));
+        let held = self.ends([before, ends.free], words);
         for (axis, held) in (0..3).zip(held).filter_map(|(axis, held)| Some((axis, held?))) {
             (ends.end[axis], ends.free[axis], ends.after[axis]) = (held.free, held.free, held.confined);
         }
@@ -106,14 +115,26 @@ impl MembraneStep<'_> {
         }
     }
 
-    fn ends(&self, [before, end]: [[f32; 3]; 2], words: impl Fn(usize) -> [u32; 4]) -> [Option<HeldEnd>; 3] {
+    /// `words` returns the random words of a membrane, or of a number above all membranes, in a part of the step.
+    fn ends(
+        &self,
+        [before, end]: [[f32; 3]; 2],
+        words: impl Fn(u32, u32) -> [u32; 4],
+    ) -> [Option<HeldEnd>; 3] {
         std::array::from_fn(|axis| {
             self.planes(axis).next()?;
             Some(self.end(axis, [before[axis], end[axis]], &words))
         })
     }
 
-    fn end(&self, axis: usize, [before, end]: [f32; 2], words: impl Fn(usize) -> [u32; 4]) -> HeldEnd {
+    /// Returns the end of a part with this standard deviation, in µm.
+    fn part_end(
+        &self,
+        axis: usize,
+        [before, end]: [f32; 2],
+        spread: f32,
+        words: impl Fn(u32) -> [u32; 4],
+    ) -> HeldEnd {
         let below = self.planes(axis).filter(|&(_, at)| at <= before).max_by(|a, b| a.1.total_cmp(&b.1));
         let above = self.planes(axis).filter(|&(_, at)| at > before).min_by(|a, b| a.1.total_cmp(&b.1));
         let [low, high] = [below, above].map(|next| next.map(|(_, at)| at));
@@ -124,13 +145,13 @@ impl MembraneStep<'_> {
         };
         let sign = if is_low { 1.0 } else { -1.0 };
         let heights = [before, end].map(|x| sign * (x - at));
-        let Some(lowest) = lowest(heights, self.spread, || words(membrane)[0]) else {
+        let Some(lowest) = lowest(heights, spread, || words(membrane as u32)[0]) else {
             return self.within(axis, slab, end);
         };
         let (height, local_time) = (heights[1] - lowest, -lowest);
         let rate = 2.0 * self.membranes[membrane].permeability / self.diffusion;
         let changes = -0.5 * libm::expm1(-rate * f64::from(local_time));
-        if fine_unit(words(membrane)[1]) >= changes {
+        if fine_unit(words(membrane as u32)[1]) >= changes {
             return self.within(axis, slab, at + sign * height);
         }
         let others = self.planes(axis).map(|(_, at)| at);
@@ -179,6 +200,7 @@ impl Slab {
         let Self { low, high } = self;
         let x = if x < low { 2.0 * low - x } else { x };
         let x = if x >= high { 2.0 * high - x } else { x };
+        let x = if x < low && high < f32::INFINITY { Axis::Reflecting { low, high }.confine(x) } else { x };
         x.min(high.next_down()).max(low)
     }
 }

@@ -80,8 +80,14 @@ pub(crate) fn place_of(
     let away = away + rounding(center, away);
     let place = domain.confine(std::array::from_fn(|k| center[k] + away * held.direction[k]));
     let species = held.species as usize;
-    let among_membranes =
-        MembraneStep { membranes: &model.membranes, domain: &domain, species, diffusion: 0.0, spread: 0.0 };
+    let among_membranes = MembraneStep {
+        membranes: &model.membranes,
+        domain: &domain,
+        species,
+        diffusion: 0.0,
+        spread: 0.0,
+        gaps: [f32::INFINITY; 3],
+    };
     let is_outside = signed_distance(receiver.radius, center, &domain, place) >= 0.0;
     (is_outside && !among_membranes.separates([place, center])).then_some(place)
 }

@@ -5,6 +5,7 @@
 
 use crate::model::Model;
 use crate::model::boundary::Boundary;
+use crate::model::membrane::narrowest_gaps;
 use crate::motion::path_hit::{BEND, Path, length};
 use crate::motion::vessel_flow::{FieldStep, FlowStep, StepDrift, StepTime};
 use crate::motion::wall::reflected;
@@ -23,6 +24,8 @@ pub(crate) struct SpeciesStep {
     pub(crate) drift: StepDrift,
     /// Boundary of the center.
     pub(crate) domain: Boundary,
+    /// Narrowest gap between membranes along each axis, in µm.
+    pub(crate) gaps: [f32; 3],
     /// Bound of a path's distance from its chord by both diffusions.
     pub(crate) bend: f32,
     /// `true` for paths without diffusion in a vessel, which have corners.
@@ -35,13 +38,15 @@ impl SpeciesStep {
         let kind = &model.species[species];
         let diffusion = (kind.diffusion * time.duration) as f32;
         let length = (2.0 * kind.diffusion * time.duration).sqrt() as f32;
+        let domain = model.boundary.inset(kind.radius);
         Self {
             length,
             lengths: model.boundary.flattened([length; 3]),
             diffusion,
             coefficient: kind.diffusion,
             drift: StepDrift::new(model, species, time),
-            domain: model.boundary.inset(kind.radius),
+            domain,
+            gaps: narrowest_gaps(&model.membranes, &domain, species),
             bend: BEND * (2.0 * (diffusion + of_receivers)).sqrt(),
             turns_at_side: diffusion == 0.0 && model.boundary.vessel.is_some(),
         }

@@ -106,13 +106,14 @@ impl SpeciesSurfaces<'_> {
     #[cold]
     #[inline(never)]
     fn among_membranes(&self, species: u32) -> MembraneStep<'_> {
-        let SpeciesStep { ref domain, length, coefficient, .. } = *self.step;
+        let SpeciesStep { ref domain, length, coefficient, gaps, .. } = *self.step;
         MembraneStep {
             membranes: &self.surfaces.membranes,
             domain,
             species: species as usize,
             diffusion: coefficient,
             spread: length,
+            gaps,
         }
     }
 }

@@ -9,10 +9,15 @@ fn membrane(position: f32, permeability: f64) -> Membrane {
     Membrane { name: "m".into(), surface, permeability, sees: vec![true] }
 }
 
+fn step<'a>(membranes: &'a [Membrane], domain: &'a Boundary, spread: f32) -> MembraneStep<'a> {
+    let gaps = narrowest_gaps(membranes, domain, 0);
+    MembraneStep { membranes, domain, species: 0, diffusion: 1.0, spread, gaps }
+}
+
 fn ends(membranes: &[Membrane], domain: &Boundary, before: f32, spread: f32, id: u32) -> HeldEnd {
-    let step = MembraneStep { membranes, domain, species: 0, diffusion: 1.0, spread };
+    let step = step(membranes, domain, spread);
     let end = before + spread * normals(KEY.draw(id, 0, 0, Purpose::Move))[0];
-    let words = |membrane: usize| KEY.draw(id, membrane as u32, 0, Purpose::Membrane);
+    let words = |place, part| KEY.draw_part([id, place], part, 0, Purpose::Membrane);
     step.ends([[before, 0.0, 0.0], [end, 0.0, 0.0]], words)[0].expect("a membrane")
 }
 
@@ -44,8 +49,8 @@ fn one_step_changes_sides_with_the_closed_probability() {
 #[test]
 fn low_permeability_passes_a_part_of_the_least_words() {
     let (own, domain) = ([membrane(5.0, 5e-8)], Boundary::default());
-    let step = MembraneStep { membranes: &own, domain: &domain, species: 0, diffusion: 1.0, spread: 1.0 };
-    let is_below = |word: u32| step.end(0, [5.0; 2], |_| [1 << 31, word, 0, 0]).confined < 5.0;
+    let step = step(&own, &domain, 1.0);
+    let is_below = |word: u32| step.end(0, [5.0; 2], |_, _| [1 << 31, word, 0, 0]).confined < 5.0;
     assert_eq!((0..1000).filter(|&word| is_below(word)).count(), 126);
 }
 
@@ -75,6 +80,35 @@ fn nothing_passes_a_closed_membrane() {
     }
 }
 
+/// Particles that begin with a uniform density keep it, in gaps as wide as the step or narrower.
+#[test]
+fn narrow_gaps_keep_a_uniform_density() {
+    const N: u32 = 10_000;
+    let periodic = Boundary::periodic([0.0; 3], [10.0; 3]);
+    let walls = Boundary::reflecting([0.0; 3], [10.0; 3]);
+    let two = [membrane(4.75, 5.0), membrane(5.25, 5.0)];
+    for (own, domain, [low, high]) in [
+        (&two[..], periodic, [4.75, 5.25]),
+        (&two[..], walls, [4.75, 5.25]),
+        (&[membrane(0.5, 5.0)], walls, [0.0, 0.5]),
+        (&[membrane(9.75, 1.0)], walls, [9.75, 10.0]),
+    ] {
+        let mut all: Vec<f32> = (0..N).map(|k| 10.0 * (k as f32 + 0.5) / N as f32).collect();
+        for now in 0..60 {
+            for (id, x) in (0..).zip(&mut all) {
+                let step = step(own, &domain, 0.5);
+                let end = *x + 0.5 * normals(KEY.draw(id, 0, now, Purpose::Move))[0];
+                let words = |place, part| KEY.draw_part([id, place], part, now, Purpose::Membrane);
+                *x = step.end(0, [*x, end], words).confined;
+            }
+        }
+        let share = all.iter().filter(|x| (low..high).contains(*x)).count() as f64 / f64::from(N);
+        let expected = f64::from(high - low) / 10.0;
+        let error = (expected * (1.0 - expected) / f64::from(N)).sqrt();
+        assert!((share - expected).abs() < 5.0 * error, "{low} to {high}, {domain:?}: {share}");
+    }
+}
+
 #[test]
 fn a_point_on_a_membrane_is_above_it() {
     let own = [membrane(0.0, 1.0)];
@@ -82,7 +116,7 @@ fn a_point_on_a_membrane_is_above_it() {
         (Boundary::default(), [false, true, true]),
         (Boundary::periodic([-1.0; 3], [1.0; 3]), [false, true, false]),
     ] {
-        let step = MembraneStep { membranes: &own, domain: &domain, species: 0, diffusion: 1.0, spread: 1.0 };
+        let step = step(&own, &domain, 1.0);
         let points = [[0.0, 0.5], [-0.25, 0.0], [-0.75, 0.75]];
         assert_eq!(points.map(|[a, b]| step.separates([[a, 0.0, 0.0], [b, 0.0, 0.0]])), expected);
     }
@@ -94,7 +128,7 @@ fn sphere(center: [f32; 3], radius: f32, permeability: f64) -> Membrane {
 }
 
 fn crossed(membranes: &[Membrane], domain: &Boundary, from: [f32; 3], spread: f32) -> u32 {
-    let step = MembraneStep { membranes, domain, species: 0, diffusion: 1.0, spread };
+    let step = step(membranes, domain, spread);
     let walk = |id: u32| {
         let mut at = from;
         for now in 0..40 {
@@ -133,13 +167,8 @@ fn closed_spheres_keep_particles_on_their_side() {
 fn segment_across_a_sphere_passes_with_the_probability_of_a_plane() {
     // A segment of length 2 at 60° to the normal, in a step with DΔt = 0.5 and κ = 0.75: X = 1.5·√0.5, y = 1/√2.
     let membranes = [sphere([0.0; 3], 4.0, 0.75)];
-    let step = MembraneStep {
-        membranes: &membranes,
-        domain: &Boundary::default(),
-        species: 0,
-        diffusion: 1.0,
-        spread: 1.0,
-    };
+    let domain = Boundary::default();
+    let step = step(&membranes, &domain, 1.0);
     let (before, end) = ([3.5, -0.866_025_4, 0.0], [4.5, 0.866_025_4, 0.0]);
     let n = 40_000_u32;
     let passes = |&id: &u32| {

@@ -9,6 +9,8 @@ struct MembranePlane {
     rate: f32,
     axis: u32,
     membrane: u32,
+    // Parts of a step; see gaps.rs.
+    parts: u32,
 }
 
 // Rows of the next planes at or below a coordinate and above it, or NOTHING.
@@ -19,7 +21,8 @@ struct Slab {
 
 fn membrane_plane(k: u32) -> MembranePlane {
     let row = scene_rows[k];
-    return MembranePlane(bitcast<f32>(row.x), bitcast<f32>(row.y), bitcast<f32>(row.z), row.w & 3u, row.w >> 2u);
+    let parts = (row.w >> 2u) & 511u;
+    return MembranePlane(bitcast<f32>(row.x), bitcast<f32>(row.y), bitcast<f32>(row.z), row.w & 3u, row.w >> 11u, parts);
 }
 
 fn slab_around(kind: SpeciesRow, axis: u32, x: f32) -> Slab {
@@ -52,7 +55,13 @@ fn mirrored_in(slab: Slab, x: f32) -> f32 {
     }
     if (slab.high != NOTHING) {
         let high = membrane_plane(slab.high);
-        y = min(select(y, 2.0 * high.position - y, y >= high.position), high.below);
+        y = select(y, 2.0 * high.position - y, y >= high.position);
+        if (slab.low != NOTHING && y < low.position) {
+            let width = high.position - low.position;
+            let rest = y - low.position - 2.0 * width * floor((y - low.position) / (2.0 * width));
+            y = low.position + (width - abs(width - rest));
+        }
+        y = min(y, high.below);
     }
     return select(max(y, low.position), y, slab.low == NOTHING);
 }
@@ -66,20 +75,21 @@ fn nearer_plane(slab: Slab, ends: vec2<f32>) -> u32 {
     return select(slab.high, slab.low, below.x + below.y < above.x + above.y);
 }
 
-fn hold_back_by_planes(start: Path, kind: SpeciesRow, axis: u32, id: u32) -> Path {
-    var path = start;
-    let before = path.before[axis];
-    var end = path.free_end[axis];
-    var slab = slab_around(kind, axis, before);
-    let nearer = nearer_plane(slab, vec2(before, end));
-    if (nearer == NOTHING) {
-        return path;
-    }
+struct HeldEnd {
+    free: f32,
+    confined: f32,
+}
+
+// Returns the end of a part with the standard deviation `spread`.
+fn part_end(kind: SpeciesRow, axis: u32, ends: vec2<f32>, spread: f32, id: u32, part: u32) -> HeldEnd {
+    var end = ends.y;
+    var slab = slab_around(kind, axis, ends.x);
+    let nearer = nearer_plane(slab, ends);
     let plane = membrane_plane(nearer);
     let sign = select(-1.0, 1.0, nearer == slab.low);
-    let heights = sign * (vec2(before, end) - plane.position);
-    let words = philox(vec4(id, plane.membrane, control.step, PURPOSE_MEMBRANE), params.key);
-    let lowest = lowest_point(heights, kind.length, words.x);
+    let heights = sign * (ends - plane.position);
+    let words = philox(vec4(id, plane.membrane, control.step, PURPOSE_MEMBRANE | (part << 8u)), params.key);
+    let lowest = lowest_point(heights, spread, words.x);
     if (lowest < 0.0) {
         let passes = unit_32(words.y) < 0.5 * one_minus_exp(-plane.rate * lowest);
         end = plane.position + select(sign, -sign, passes) * (heights.y - lowest);
@@ -88,11 +98,55 @@ fn hold_back_by_planes(start: Path, kind: SpeciesRow, axis: u32, id: u32) -> Pat
         }
     }
     end = mirrored_in(slab, end);
-    path.free_end = with_component(path.free_end, axis, end);
-    path.end = with_component(path.end, axis, end);
-    let after = confined_axes(path.free_end, kind.radius)[axis];
-    let held = select(mirrored_in(slab, after), after, params.axes[axis] == 2u);
-    path.after = with_component(path.after, axis, held);
+    let after = confined_axes(vec3(end), kind.radius)[axis];
+    return HeldEnd(end, select(mirrored_in(slab, after), after, params.axes[axis] == 2u));
+}
+
+// Returns true if a path reaches no plane with a probability above that of the smallest random number.
+fn is_clear_of_planes(kind: SpeciesRow, axis: u32, ends: vec2<f32>) -> bool {
+    for (var k = 0u; k < kind.membrane_planes.y; k++) {
+        let plane = membrane_plane(kind.membrane_planes.x + k);
+        let heights = ends - plane.position;
+        if (plane.axis == axis && 2.0 * heights.x * heights.y < NEVER * kind.length * kind.length) {
+            return false;
+        }
+    }
+    return true;
+}
+
+// Takes the parts of a Brownian bridge; see gaps.rs.
+fn held_end(kind: SpeciesRow, axis: u32, ends: vec2<f32>, parts: u32, id: u32) -> HeldEnd {
+    if (parts == 1u || is_clear_of_planes(kind, axis, ends)) {
+        return part_end(kind, axis, ends, kind.length, id, 0u);
+    }
+    let spread = kind.length / sqrt(f32(parts));
+    var whole = HeldEnd(ends.x, ends.x);
+    var sign = 1.0;
+    var rest = ends.y - ends.x;
+    for (var part = 0u; part < parts; part++) {
+        let left = f32(parts - part);
+        let words = philox(vec4(id, 0xffffffffu - axis, control.step, PURPOSE_MEMBRANE | (part << 8u)), params.key);
+        let displacement = rest / left + spread * sqrt(1.0 - 1.0 / left) * normals(words).x;
+        rest -= displacement;
+        let at = whole.confined;
+        let held = part_end(kind, axis, vec2(at, at + displacement), spread, id, part);
+        whole = HeldEnd(whole.free + sign * (held.free - at), held.confined);
+        sign = select(sign, -sign, reversed_axes(vec3(held.free), kind.radius)[axis]);
+    }
+    return whole;
+}
+
+fn hold_back_by_planes(start: Path, kind: SpeciesRow, axis: u32, id: u32) -> Path {
+    var path = start;
+    let ends = vec2(path.before[axis], path.free_end[axis]);
+    let nearer = nearer_plane(slab_around(kind, axis, ends.x), ends);
+    if (nearer == NOTHING) {
+        return path;
+    }
+    let held = held_end(kind, axis, ends, membrane_plane(nearer).parts, id);
+    path.free_end = with_component(path.free_end, axis, held.free);
+    path.end = with_component(path.end, axis, held.free);
+    path.after = with_component(path.after, axis, held.confined);
     return path;
 }
 
