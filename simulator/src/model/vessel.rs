@@ -1,6 +1,9 @@
 //! A round vessel. Its wall reflects paths as in a billiard, which conserves volumes, so a uniform density stays
 //! uniform at any step length.
 
+use crate::random::gaussian::{cos_sin, direction};
+use crate::random::philox::open_unit;
+
 /// A cylinder, which the boundary of its axis may limit, or a sphere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Vessel {
@@ -46,14 +49,33 @@ impl Vessel {
         dot(v, v).sqrt()
     }
 
-    /// Mirrors a position beyond the wall. A position beyond twice the radius moves to the middle line or center.
+    /// Mirrors a position beyond the wall until it is inside, along the line through the middle line or center.
     pub fn confine(&self, mut p: [f32; 3]) -> [f32; 3] {
         let (distance, radius) = (self.distance(p), f64::from(self.radius));
         if distance > radius {
-            let factor = (2.0 * radius - distance).max(0.0) / distance;
+            let rest = (distance + radius).rem_euclid(4.0 * radius);
+            let folded = radius - (2.0 * radius - rest).abs();
+            let factor = if folded.is_finite() { folded / distance } else { 0.0 };
             let mirrored = self.offset(p.map(f64::from)).map(|c| c * factor);
             self.put(&mut p, mirrored);
         }
+        p
+    }
+
+    /// Replaces the components across a cylinder, or all of a sphere, by those of a uniform place.
+    pub(crate) fn uniform_place(&self, mut p: [f32; 3], words: [u32; 4]) -> [f32; 3] {
+        let unit = f64::from(open_unit(words[0]));
+        let offset = match self.along {
+            None => direction(words[1], words[2]).map(|c| libm::cbrt(unit) * f64::from(c)),
+            Some(along) => {
+                let mut across = [0.0; 3];
+                let [cosine, sine] = cos_sin(words[1]).map(f64::from);
+                across[(along + 1) % 3] = unit.sqrt() * cosine;
+                across[(along + 2) % 3] = unit.sqrt() * sine;
+                across
+            }
+        };
+        self.put(&mut p, offset.map(|c| f64::from(self.radius) * c));
         p
     }
 
@@ -183,7 +205,8 @@ mod tests {
     #[test]
     fn nothing_stays_outside() {
         assert_eq!(VESSEL.inset(0.5).confine([1.0, 9.0, 0.0]), [1.0, 9.0, -1.0]);
-        assert_eq!(VESSEL.confine([1.0, 9.0, 90.0]), [1.0, 9.0, -2.0]);
+        assert_eq!(VESSEL.confine([1.0, 9.0, 3.0]), [1.0, 9.0, -3.0]);
+        assert_eq!(VESSEL.confine([1.0, 9.0, 7.0]), [1.0, 9.0, -1.0]);
         assert_eq!(SPHERE.confine([1.0, 8.0, -2.0]), [1.0, 6.0, -2.0]);
         for vessel in [VESSEL, SPHERE] {
             let mut from = vessel.center;

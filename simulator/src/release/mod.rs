@@ -12,13 +12,16 @@ use rand_distr::{Distribution, Poisson};
 use crate::error::Error;
 use crate::model::Model;
 use crate::model::particles::{Particle, Particles};
-use crate::model::transmitter::{CountDistribution, Schedule, Transmitter};
+use crate::model::transmitter::{CountDistribution, Schedule, Shape, Transmitter};
 use crate::motion::receiver_state::Place;
 use crate::motion::surfaces::Surfaces;
 use crate::random::philox::{Draws, Key, Purpose, open_unit};
 use crate::reaction::decay::Decays;
 use crate::release::origins::Arrival;
 use crate::release::rank_slice::RankSlice;
+
+/// Number of draws of a place within a vessel.
+const ATTEMPTS: u32 = 64;
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Released {
@@ -225,9 +228,38 @@ impl Model {
             Ages::Between(..) => batch.from.shape.random_site(words[0]),
             Ages::None | Ages::Spaced(..) => site,
         };
-        let offset = batch.from.shape.offset(words, site, &self.boundary);
-        let position = std::array::from_fn(|k| batch.center[k] + offset[k]);
+        let position = self.place(batch, words, site);
+        let position = self
+            .drawn_within_vessel(batch, position, |part| key.draw_part([id, 0], part, 0, Purpose::Release));
         Particle { position, velocity, radius: 0.0, species, id }
+    }
+
+    fn place(&self, batch: &Batch<'_>, words: [u32; 4], site: u32) -> [f32; 3] {
+        let offset = batch.from.shape.offset(words, site, &self.boundary);
+        std::array::from_fn(|k| batch.center[k] + offset[k])
+    }
+
+    /// Returns `position`, or another place of the transmitter if a vessel excludes `position`. A shape that is far
+    /// larger than the vessel fills it uniformly.
+    fn drawn_within_vessel(
+        &self,
+        batch: &Batch<'_>,
+        position: [f32; 3],
+        words: impl Fn(u32) -> [u32; 4],
+    ) -> [f32; 3] {
+        let shape = batch.from.shape;
+        let inset = || Some(self.boundary.vessel?.inset(self.species[batch.species as usize].radius));
+        let Some(vessel) = inset().filter(|_| shape != Shape::Point) else { return position };
+        let is_inside = |position: &[f32; 3]| vessel.distance(*position) <= f64::from(vessel.radius);
+        if is_inside(&position) {
+            return position;
+        }
+        let draw = |part: u32| {
+            let words = words(part);
+            self.place(batch, words, shape.random_site(words[0]))
+        };
+        let drawn = (1..=ATTEMPTS).map(draw).find(is_inside);
+        drawn.unwrap_or_else(|| vessel.uniform_place(position, words(ATTEMPTS + 1)))
     }
 
     fn add(&self, particle: Particle, out: &mut Released) {

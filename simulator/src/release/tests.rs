@@ -329,3 +329,38 @@ fn steady_release_in_a_pulse_of_flow_goes_as_far_at_any_time_step() {
         );
     }
 }
+
+/// The mean distance from the center of a uniform ball is 3/4 of its radius, from the axis of a cylinder 2/3.
+#[test]
+fn shapes_larger_than_a_vessel_fill_it() {
+    let all = |along: Option<usize>, shape: Shape| -> Vec<f64> {
+        let vessel = Vessel { along, center: [1.0, 0.0, 0.0], radius: 1.0 };
+        let model = Model {
+            time_step: 0.1,
+            species: vec![Species { mass: 1.0, ..Species::default() }],
+            transmitters: vec![Transmitter {
+                center: [1.0, 0.0, 0.0],
+                shape,
+                schedule: Schedule::Times(vec![0.1]),
+                release: vec![(0, 20_000)],
+                ..Transmitter::default()
+            }],
+            boundary: Boundary { vessel: Some(vessel), ..Boundary::default() },
+            ..Model::default()
+        };
+        released_in_a_step(&model).map(|particle| vessel.distance(particle.position)).collect()
+    };
+    let cubic = |along, shape, mean: f64, variance: f64| {
+        let found = all(along, shape);
+        assert!(found.iter().all(|&r| r <= 1.0));
+        let n = found.len() as f64;
+        let error = (found.iter().sum::<f64>() / n - mean) / (variance / n).sqrt();
+        assert!(n == 20_000.0 && error.abs() < 5.0, "{shape:?}: {error} standard errors");
+    };
+    for shape in [Shape::Box([2.0; 3]), Shape::Box([9.0; 3]), Shape::Gaussian(1e4)] {
+        cubic(None, shape, 0.75, 3.0 / 5.0 - 9.0 / 16.0);
+        cubic(Some(1), shape, 2.0 / 3.0, 1.0 / 2.0 - 4.0 / 9.0);
+    }
+    let center = all(None, Shape::Gaussian(1.0)).into_iter().filter(|&r| r < 0.01).count();
+    assert!(center < 10, "{center} at the center");
+}

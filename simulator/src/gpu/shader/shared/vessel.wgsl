@@ -33,14 +33,16 @@ fn placed_across(p: vec3<f32>, offset: vec3<f32>, radius: f32) -> vec3<f32> {
     return q;
 }
 
-// A point far beyond the wall goes to the axis.
+// Mirrors a point beyond the wall until it is inside, along the line through the axis or center.
 fn confined_in_vessel(p: vec3<f32>, radius: f32) -> vec3<f32> {
     let offset = across_vessel(p);
     let distance = length(offset);
     if (distance <= radius) {
         return p;
     }
-    return placed_across(p, offset * (max(2.0 * radius - distance, 0.0) / distance), radius);
+    let way = distance + radius;
+    let rest = way - 4.0 * radius * floor(way / (4.0 * radius));
+    return placed_across(p, offset * ((radius - abs(2.0 * radius - rest)) / distance), radius);
 }
 
 struct VesselPath {
