@@ -75,13 +75,18 @@ impl Carried {
         let spread = (2.0 * diffusion).sqrt();
         let relative: [f32; 3] = std::array::from_fn(|k| self.drift[k] - own[k]);
         let images: usize = (0..3).map(|k| self.images(k, receiver, spread, model)).sum();
-        if diffusion > 0.0 {
-            let is_long = path_hit::is_long(length(relative) + self.carried(), spread, receiver.radius);
-            return if is_long { (PASSAGE_ITERATIONS * (1 + images)).min(MAX_SEGMENTS) } else { 0 };
-        }
         let vessel = model.boundary.vessel;
         let across = |k: usize| vessel.is_some_and(|vessel| vessel.along != Some(k));
-        if (0..3).any(|k| across(k) && (self.drift[k] != 0.0 || self.along(k, model) > 0.0)) {
+        let has_corners = (0..3).any(|k| across(k) && (self.drift[k] != 0.0 || self.along(k, model) > 0.0));
+        if diffusion > 0.0 {
+            let moved = length(relative) + self.carried();
+            let narrow = vessel.filter(|_| has_corners).map_or(f32::INFINITY, |vessel| vessel.radius);
+            let passages = 1 + images + (moved / narrow).min(MAX_PIECES as f32) as usize;
+            let corners = if has_corners { VESSEL_ITERATIONS } else { 0 };
+            let is_long = path_hit::is_long(moved, spread, receiver.radius);
+            return if is_long { corners + (PASSAGE_ITERATIONS * passages).min(MAX_SEGMENTS) } else { 0 };
+        }
+        if has_corners {
             return VESSEL_ITERATIONS + images.min(MAX_PIECES);
         }
         if images == 0 { 0 } else { 1 + images.min(MAX_PIECES) }

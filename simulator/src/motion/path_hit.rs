@@ -20,6 +20,8 @@
 //!
 //! *Moving receivers* are hit in their own frame, in which both diffusions bend the path.
 //!
+//! *In a vessel* whose side turns the path, the segments between its corners are halved.
+//!
 //! *Several receivers.* The earliest hitting time decides (`Hit::time`).
 
 use crate::model::boundary::{Axis, Boundary};
@@ -38,6 +40,8 @@ pub struct Path {
     pub end: [f32; 3],
     /// End within the boundary, in µm.
     pub after: [f32; 3],
+    /// End of a path that no wall, receiver or membrane turned, in µm.
+    pub free: [f32; 3],
     /// Displacement without diffusion, in µm.
     pub drift: [f32; 3],
     /// DΔt, in µm².
@@ -89,7 +93,30 @@ pub fn hits(receiver: &ReceiverState, domain: &Boundary, path: &Path, who: DrawC
         spread: (2.0 * diffusion).sqrt(),
         drift: length(drift),
     };
-    BrownianBridge { receiver, domain, who }.hits(segment)
+    let bridge = |piece: u32| BrownianBridge { receiver, domain, who, first: piece * 2 * LAST };
+    let mut to = path.free;
+    if let Some(along) = domain.along() {
+        to[along] = path.end[along];
+    }
+    let is_long = is_long(segment.drift, segment.spread, receiver.receiver.radius);
+    let corners = is_long.then(|| corners(domain, path, to)).flatten();
+    let Some(corners) = corners else { return bridge(0).hits(segment) };
+    (0..).zip(corners.windows(2)).find_map(|(piece, ends)| {
+        let &[from, to] = ends else { return None };
+        bridge(piece).hits(segment.piece([from, to]))
+    })
+}
+
+/// Returns the corners and ends of a path to `to` that only the side of a vessel turned; `None` for another path.
+fn corners(domain: &Boundary, path: &Path, to: [f32; 3]) -> Option<Vec<(f64, [f64; 3])>> {
+    let vessel = domain.vessel?;
+    // A path inside has no corner. A collision or a surface turned a path with another end.
+    if vessel.distance(to) <= f64::from(vessel.radius) {
+        return None;
+    }
+    let reflected = vessel.reflect(path.before, to, &mut [0.0; 3]);
+    let is_other = |k: usize| Some(k) != vessel.along && reflected[k] != path.end[k];
+    (!(0..3).any(is_other)).then(|| vessel.corners(path.before, to))
 }
 
 /// The image term of [`hit_probability`] vanishes in fewer than three dimensions.
@@ -186,6 +213,8 @@ struct BrownianBridge<'a> {
     receiver: &'a ReceiverState,
     domain: &'a Boundary,
     who: DrawContext,
+    /// Added to numbers of segments in draws.
+    first: u32,
 }
 
 struct PathSegment {
@@ -195,6 +224,21 @@ struct PathSegment {
     part: f32,
     spread: f32,
     drift: f32,
+}
+
+impl PathSegment {
+    /// Returns a piece of a whole path between two corners.
+    fn piece(&self, [(begin, from), (end, to)]: [(f64, [f64; 3]); 2]) -> Self {
+        let part = (end - begin) as f32;
+        Self {
+            number: 1,
+            ends: [from, to].map(|end| end.map(|c| c as f32)),
+            begin: begin as f32,
+            part,
+            spread: self.spread * part.sqrt(),
+            drift: self.drift * part,
+        }
+    }
 }
 
 impl BrownianBridge<'_> {
@@ -216,14 +260,14 @@ impl BrownianBridge<'_> {
             let ends = [p, q].map(|end| self.domain.confine(end));
             let heights = self.receiver.heights(self.domain, ends, [begin, begin + part]);
             let hit = self.who.hits_sphere(
-                [self.receiver.place, number - 1],
+                [self.receiver.place, self.first + number - 1],
                 image_radius(self.receiver),
                 heights,
                 0.5 * spread * spread,
             );
             return hit.map(|hit| Hit { begin, part, ..hit });
         }
-        let z = normals(self.who.draw(number, Purpose::Path));
+        let z = normals(self.who.draw(self.first + number, Purpose::Path));
         let middle = std::array::from_fn(|k| middle[k] + 0.5 * spread * z[k]);
         let half_of = |number, begin, ends| PathSegment {
             number,
@@ -247,15 +291,8 @@ const CUTS: usize = 1000;
 
 fn path_line_hit(body: &ReceiverState, domain: &Boundary, path: &Path) -> Option<Hit> {
     let line = Line { ends: [path.before, path.end].map(|end| end.map(f64::from)), begin: 0.0, part: 1.0 };
-    let Some(vessel) = domain.vessel else { return line_hit(body, domain, line) };
-    let free_end: [f32; 3] = std::array::from_fn(|k| path.before[k] + path.drift[k]);
-    let reflected = vessel.reflect(path.before, free_end, &mut [0.0; 3]);
-    let is_other = |k: usize| Some(k) != vessel.along && reflected[k] != path.end[k];
-    // A path inside has no corner. A collision or a surface turned a path with another end.
-    if vessel.distance(free_end) <= f64::from(vessel.radius) || (0..3).any(is_other) {
-        return line_hit(body, domain, line);
-    }
-    vessel.corners(path.before, free_end).windows(2).find_map(|ends| {
+    let Some(corners) = corners(domain, path, path.free) else { return line_hit(body, domain, line) };
+    corners.windows(2).find_map(|ends| {
         let &[(begin, from), (end, to)] = ends else { return None };
         line_hit(body, domain, Line { ends: [from, to], begin, part: end - begin })
     })

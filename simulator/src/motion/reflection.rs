@@ -160,7 +160,7 @@ mod tests {
     }
 
     fn path(before: [f32; 3], end: [f32; 3], domain: &Boundary) -> Path {
-        Path { before, end, after: domain.confine(end), drift: [0.0; 3], diffusion: 0.0 }
+        Path { before, end, after: domain.confine(end), free: end, drift: [0.0; 3], diffusion: 0.0 }
     }
 
     #[track_caller]

@@ -28,8 +28,6 @@ pub(crate) struct SpeciesStep {
     pub(crate) gaps: [f32; 3],
     /// Bound of a path's distance from its chord by both diffusions.
     pub(crate) bend: f32,
-    /// `true` for paths without diffusion in a vessel, which have corners.
-    turns_at_side: bool,
 }
 
 impl SpeciesStep {
@@ -48,14 +46,16 @@ impl SpeciesStep {
             domain,
             gaps: narrowest_gaps(&model.membranes, &domain, species),
             bend: BEND * (2.0 * (diffusion + of_receivers)).sqrt(),
-            turns_at_side: diffusion == 0.0 && model.boundary.vessel.is_some(),
         }
     }
 
     /// Returns a bound of the distance of a path from its chord, in µm.
     #[inline(always)]
     pub(crate) fn bend_of(&self, path: &Path) -> f32 {
-        if self.turns_at_side { self.bend + length(path.drift) } else { self.bend }
+        let Some(vessel) = self.domain.vessel else { return self.bend };
+        let is_turned = |k: usize| Some(k) != vessel.along && path.free[k] != path.end[k];
+        let corners = || length(std::array::from_fn(|k| path.free[k] - path.before[k]));
+        if (0..3).any(is_turned) { self.bend + corners() } else { self.bend }
     }
 }
 
@@ -117,10 +117,11 @@ impl FreePaths {
                 std::array::from_fn(along)
             };
             let (drift, free_end) = (carry(drift), carry(end));
-            return (Path { before, end: carried.end, after: carried.after, drift, diffusion }, free_end);
+            let (end, after) = (carried.end, carried.after);
+            return (Path { before, end, after, free: free_end, drift, diffusion }, free_end);
         }
         if !self.bounded {
-            return (Path { before, end, after: end, drift, diffusion }, end);
+            return (Path { before, end, after: end, free: end, drift, diffusion }, end);
         }
         if let Some(own) = &mut velocity {
             (0..3).filter(|&axis| domain.axes[axis].turns(end[axis])).for_each(|axis| own[axis] = -own[axis]);
@@ -134,6 +135,6 @@ impl FreePaths {
                 end[axis] = reflected(domain.axes[axis], ends, length, words[axis]).unwrap_or(end[axis]);
             }
         }
-        (Path { before, end, after: domain.confine(end), drift, diffusion }, free_end)
+        (Path { before, end, after: domain.confine(end), free: free_end, drift, diffusion }, free_end)
     }
 }

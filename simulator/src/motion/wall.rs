@@ -183,7 +183,14 @@ mod tests {
                 let z = normals(Key::new(7).draw(id, 0, 0, Purpose::Move));
                 let before = [20.0, height - 1.0, 20.0];
                 let end: [f32; 3] = std::array::from_fn(|k| before[k] + z[k]);
-                let path = Path { before, end, after: domain.confine(end), drift: [0.0; 3], diffusion: 0.5 };
+                let path = Path {
+                    before,
+                    end,
+                    after: domain.confine(end),
+                    free: end,
+                    drift: [0.0; 3],
+                    diffusion: 0.5,
+                };
                 wall.hit(&domain, &free(path, who(id))).is_some()
             });
             let part = libm::erfc(f64::from(height) / 2.0_f64.sqrt());
@@ -206,7 +213,7 @@ mod tests {
                 let z = normals(Key::new(8).draw(id, 0, 0, Purpose::Move));
                 let before = [1.0, 2.0, 3.0];
                 let end: [f32; 3] = std::array::from_fn(|k| before[k] + (2.0 * diffusion).sqrt() * z[k]);
-                let path = Path { before, end, after: end, drift: [0.0; 3], diffusion };
+                let path = Path { before, end, after: end, free: end, drift: [0.0; 3], diffusion };
                 wall.hit(&domain, &free(path, who(id))).is_some()
             });
             let mode = |n: i32| {

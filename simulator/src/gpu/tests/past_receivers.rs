@@ -69,7 +69,7 @@ fn on_the_cpu(room: &Boundary, [particle, receiver]: [f32; 2], moves: bool, id: 
     let spread = room.flattened(normals.map(|z| (2.0 * particle).sqrt() * z));
     let free_end: [f32; 3] = std::array::from_fn(|k| before[k] + (spread[k] + drift[k]));
     let end = domain.vessel.map_or(free_end, |vessel| vessel.reflect(before, free_end, &mut [0.0; 3]));
-    let path = Path { before, end, after: domain.confine(end), drift, diffusion: particle };
+    let path = Path { before, end, after: domain.confine(end), free: free_end, drift, diffusion: particle };
     let body = Receiver { radius: 0.25, ..Receiver::default() };
     let mut body = ReceiverState::new(7, body, 1.0);
     body.center = room.flattened(CENTER);

@@ -121,7 +121,14 @@ var<private> scene_rows: array<vec4<u32>, 6>;
                 let [before, way] = [units(1), units(2)];
                 let before: [f32; 3] = std::array::from_fn(|k| 4.0 * before[k] - 2.0);
                 let end = std::array::from_fn(|k| before[k] + 4.0 * (way[k] - 0.5));
-                let path = Path { before, end, after: room.confine(end), drift: [0.0; 3], diffusion: 0.0 };
+                let path = Path {
+                    before,
+                    end,
+                    after: room.confine(end),
+                    free: end,
+                    drift: [0.0; 3],
+                    diffusion: 0.0,
+                };
                 let bodies: Vec<ReceiverState> = (0..)
                     .zip(receivers.clone().into_iter().zip(ways))
                     .map(|(place, (receiver, way))| ReceiverState {

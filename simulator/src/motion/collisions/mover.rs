@@ -83,6 +83,7 @@ impl Mover {
         flight.path = Path { end, after, ..flight.path };
         if flight.path.diffusion == 0.0 {
             flight.path.drift = std::array::from_fn(|k| end[k] - flight.path.before[k]);
+            flight.path.free = end;
         }
         flight.velocity = self.own.map(|v| v as f32);
     }

@@ -13,7 +13,7 @@ const DRAWS: DrawContext = DrawContext { key: Key::new(1), id: 7, step: 3 };
 
 fn path(before: [f32; 3], end: [f32; 3], domain: &Boundary, diffusion: f32) -> Path {
     let drift = std::array::from_fn(|k| if diffusion == 0.0 { end[k] - before[k] } else { 0.0 });
-    Path { before, end, after: domain.confine(end), drift, diffusion }
+    Path { before, end, after: domain.confine(end), free: end, drift, diffusion }
 }
 
 #[test]
@@ -80,7 +80,7 @@ fn path_without_diffusion_is_followed_to_the_side_of_a_vessel() {
         let end = vessel.reflect(before, free_end, &mut [0.0; 3]);
         let mut ball = body(ReceiverKind::Absorbing);
         (ball.center, ball.receiver.radius) = (center, 0.5);
-        let path = Path { before, end, after: end, drift, diffusion: 0.0 };
+        let path = Path { before, end, after: end, free: free_end, drift, diffusion: 0.0 };
         hits(&ball, &domain, &path, DRAWS).map(|hit| hit.time(DRAWS, 0))
     };
     let [out, back] = [time([1.0, 4.0, 0.0], [1.0, 9.9, 0.0]), time([1.0, 4.0, 7.0], [1.0, 9.9, 11.0])];
@@ -98,12 +98,40 @@ fn path_without_diffusion_is_followed_past_the_end_and_the_side_of_a_vessel() {
     let (before, free_end) = ([1.0, 0.0, 3.0], [1.0, 9.0, 7.5]);
     let drift = std::array::from_fn(|k| free_end[k] - before[k]);
     let end = vessel.reflect(before, free_end, &mut [0.0; 3]);
-    let path = Path { before, end, after: domain.confine(end), drift, diffusion: 0.0 };
+    let path = Path { before, end, after: domain.confine(end), free: free_end, drift, diffusion: 0.0 };
     let mut ball = body(ReceiverKind::Absorbing);
     ball.receiver.radius = 0.25;
     for (center, expected) in [([1.0, 3.0, 1.5], true), ([1.0, 3.0, 2.5], false)] {
         ball.center = center;
         assert_eq!(hits(&ball, &domain, &path, DRAWS).is_some(), expected, "{center:?}");
+    }
+}
+
+#[test]
+fn little_diffusion_hits_as_none_in_a_vessel() {
+    let mut ball = body(ReceiverKind::Absorbing);
+    (ball.center, ball.receiver.radius) = ([0.5, 0.3, -0.2], 0.7);
+    for along in [None, Some(2)] {
+        let vessel = Vessel { along, center: [0.0; 3], radius: 2.0 };
+        let domain = Boundary { vessel: Some(vessel), ..Boundary::default() };
+        let (mut met, mut others) = (0, 0);
+        for id in 0..4000 {
+            let who = DrawContext { id, ..DRAWS };
+            let [before, drift] = [0, 1].map(|k| normals(who.draw(k, Purpose::Velocity)));
+            let before = vessel.confine(before);
+            let drift = drift.map(|z| 1.5 * z);
+            let free = std::array::from_fn(|k| before[k] + drift[k]);
+            let end = vessel.reflect(before, free, &mut [0.0; 3]);
+            let hit = |diffusion| {
+                let path = Path { before, end, after: end, free, drift, diffusion };
+                hits(&ball, &domain, &path, who).is_some()
+            };
+            let [exact, found] = [0.0, 1e-9].map(hit);
+            met += u32::from(exact);
+            others += u32::from(exact != found);
+        }
+        // Grazing paths may differ.
+        assert!(met > 500 && others < 5, "{along:?}: {others} of {met} hits");
     }
 }
 

@@ -87,23 +87,22 @@ fn time_to_side(at: vec3<f32>, displacement: vec3<f32>, radius: f32) -> f32 {
     return (root - b) / a;
 }
 
-// Returns true if only the vessel's wall reflects the path across it.
-fn turns_at_side(path: Path, radius: f32) -> bool {
+// Returns true if only the vessel's wall reflects the path to `free_end`, across the vessel.
+fn turns_at_side(path: Path, free_end: vec3<f32>, radius: f32) -> bool {
     if (params.vessel_axis == NO_VESSEL) {
         return false;
     }
-    let free_end = path.before + path.drift;
     if (length(across_vessel(free_end)) <= radius) {
         return false;
     }
     let reflected = reflect_in_vessel(path.before, free_end, radius, vec3(0.0)).end;
-    let scale = radius + length(path.before) + length(path.drift);
+    let scale = radius + length(path.before) + length(free_end - path.before);
     return length(across(reflected - path.end)) <= TURNED * scale;
 }
 
 fn line_time(event: EventRow, receiver: ReceiverRow, path: Path, radius: f32) -> f32 {
     let inset = params.vessel_radius - radius;
-    if (!turns_at_side(path, inset)) {
+    if (!turns_at_side(path, path.before + path.drift, inset)) {
         return line_entry(event, receiver, Line(path.before, path.end - path.before, 0.0, 1.0), radius);
     }
     let along = path.drift - across(path.drift);

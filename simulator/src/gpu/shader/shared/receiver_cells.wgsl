@@ -41,5 +41,6 @@ fn event_at(near_receivers: NearbyReceivers, k: u32) -> u32 {
 // Bounds the distance of ends, and of a line that a vessel reflects, from the beginning.
 fn reach_of(path: Path) -> f32 {
     let ends = max(length(path.end - path.before), length(minimum_image(path.after - path.before)));
-    return max(ends, length(path.drift));
+    let line = select(path.free_end - path.before, path.drift, params.vessel_axis == NO_VESSEL);
+    return max(ends, max(length(line), length(path.drift)));
 }
