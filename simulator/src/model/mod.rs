@@ -2,6 +2,7 @@
 
 pub mod boundary;
 pub mod chemotaxis;
+pub(crate) mod decay_chain;
 pub mod flow_field;
 pub mod membrane;
 pub mod message;

@@ -2,12 +2,12 @@ use lazygrid_io::excerpt;
 
 use crate::Error;
 use crate::model::boundary::{Axis, Boundary};
+use crate::model::decay_chain::faulty_chain;
 use crate::model::message::Symbols;
 use crate::model::probability::ReactionProbabilities;
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, WallFace};
 use crate::model::transmitter::{Schedule, Shape, Transmitter};
 use crate::model::{Contact, Decay, Flow, Model, Reaction, ReactionRate, Species, Unbinding};
-use crate::reaction::decay::faulty_chain;
 
 /// Entries of the bursts of a step that follow the first burst of their transmitter: about 100 MB.
 const MAX_REPEATED_ENTRIES: u64 = 1 << 20;

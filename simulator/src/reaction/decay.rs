@@ -12,10 +12,6 @@
 //! Bimolecular reactions happen at the end of the step, without particles that dissociate in it. So a surface spares no
 //! particle that a reaction then consumes.
 
-mod chain;
-
-pub(crate) use self::chain::faulty_chain;
-
 use crate::model::Model;
 use crate::model::probability::ReactionProbabilities;
 use crate::random::philox::{DrawContext, Purpose, fine_unit, probability_threshold};
@@ -130,7 +126,7 @@ impl CaptureOrder {
     }
 }
 
-/// Largest number of further decays in a step. More have a probability below 10⁻⁴¹: see [`chain::MAX_EXPECTED`].
+/// Largest number of further decays in a step. More have a probability below 10⁻⁴¹: see `model::decay_chain`.
 const MAX_GENERATIONS: u32 = 1_000_000;
 
 impl Decays {
@@ -298,6 +294,33 @@ mod tests {
             let error = (f64::from(count) - n * p) / (n * p * (1.0 - p)).sqrt();
             assert!(error.abs() < 4.0, "{count} and not {}: {error} standard errors", n * p);
         }
+    }
+
+    #[test]
+    fn chain_of_many_decays_ends_with_the_right_species() {
+        let decay = |reactant, product, rate| Decay {
+            reactant,
+            products: [Some(product), None],
+            rate,
+            ..Decay::default()
+        };
+        let decays = Decays::new(&Model {
+            time_step: 6.6e-4,
+            species: vec![Species { mass: 1.0, ..Species::default() }; 2],
+            decays: vec![decay(0, 1, 3e6), decay(1, 0, 1e6)],
+            ..Model::default()
+        });
+        let n = 2000;
+        let mut first = 0;
+        for id in 0..n {
+            let who = DrawContext { key: Key::new(5), id, step: 7 };
+            let mut species = Some(0);
+            decays.for_each_decay(0, who, |decay| species = decay.product);
+            first += u32::from(species == Some(0));
+        }
+        let (n, p) = (f64::from(n), 0.25);
+        let error = (f64::from(first) - n * p) / (n * p * (1.0 - p)).sqrt();
+        assert!(error.abs() < 4.0, "{first} and not {}", n * p);
     }
 
     #[test]

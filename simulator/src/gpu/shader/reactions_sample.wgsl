@@ -63,7 +63,7 @@ fn reactions_sample(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgr
         return;
     }
     let rule = reaction_rows[row];
-    // Of two equal reactants, the one with the lower id is the first, unless the order is drawn; see candidates.rs.
+    // The lower id of two equal reactants is the first, unless the order is drawn; see candidates.rs.
     let lower_first = (rule.flags & 128u) == 0u || (words.w & 1u) == 0u;
     let in_order = select(kinds.x == rule.first, (own.x < own.y) == lower_first, kinds.x == kinds.y);
     let slot = atomicAdd(&control.left[0], 1u);

@@ -17,10 +17,10 @@ use lazygrid_scenario::{self as file, File, Finite};
 use toml::Spanned;
 
 use super::{Output, Problem, warnings};
+use crate::model::decay_chain::faulty_chain;
 use crate::model::membrane::{Membrane, MembraneSurface};
 use crate::model::transmitter::Schedule;
 use crate::model::{Contact, Model, Species};
-use crate::reaction::decay::faulty_chain;
 
 pub(super) struct Resolved {
     pub(super) model: Model,

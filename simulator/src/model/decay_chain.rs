@@ -10,7 +10,7 @@
 use crate::model::Model;
 
 /// Largest mean number of decays of a particle in a step.
-pub(super) const MAX_EXPECTED: f64 = 1000.0;
+const MAX_EXPECTED: f64 = 1000.0;
 const SWEEPS: u32 = 4000;
 /// Largest change of a mean number that ends the sweeps: later ones then add at most 4.
 const CONVERGED: f64 = 1e-3;
@@ -93,7 +93,6 @@ fn expected(links: &[Link], species: usize, time_step: f64) -> Vec<f64> {
 mod tests {
     use super::*;
     use crate::model::{Decay, Species};
-    use crate::random::philox::{DrawContext, Key};
 
     fn cycle(rates: [f64; 2], time_step: f64) -> Model {
         let decay = |reactant: u32, rate| Decay {
@@ -122,22 +121,6 @@ mod tests {
         assert!(faulty_chain(&cycle([3e6, 1e6], 1.02 * advised)).is_some());
         assert!(cycle([3e6, 1e6], 1e-3).check().is_err() && cycle([3e6, 1e6], advised).check().is_ok());
         assert!(faulty_chain(&cycle([1e300, 1e300], 1e20)).is_some());
-    }
-
-    #[test]
-    fn chain_of_many_decays_ends_with_the_right_species() {
-        let decays = crate::reaction::decay::Decays::new(&cycle([3e6, 1e6], 6.6e-4));
-        let n = 2000;
-        let mut first = 0;
-        for id in 0..n {
-            let who = DrawContext { key: Key::new(5), id, step: 7 };
-            let mut species = Some(0);
-            decays.for_each_decay(0, who, |decay| species = decay.product);
-            first += u32::from(species == Some(0));
-        }
-        let (n, p) = (f64::from(n), 0.25);
-        let error = (f64::from(first) - n * p) / (n * p * (1.0 - p)).sqrt();
-        assert!(error.abs() < 4.0, "{first} and not {}", n * p);
     }
 
     #[test]
