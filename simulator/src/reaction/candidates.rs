@@ -35,7 +35,7 @@ pub struct BestCandidates {
 const CANDIDATES_PER_PARTICLE: usize = 4;
 /// Smallest capacity.
 const MIN_CAPACITY: usize = 1 << 14;
-/// Bit of a pair's last word for the order of equal reactants. The angle between products comes from that
+/// Bit of the fourth random word of a pair for the order of equal reactants. The angle between products comes from that
 /// word, too, but ignores its lowest eight bits.
 const ORDER: u32 = 1;
 const TASK: usize = 4096;
