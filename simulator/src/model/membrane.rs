@@ -20,9 +20,9 @@ mod gaps;
 mod receiver;
 mod sphere;
 
-pub(crate) use self::gaps::narrowest_gaps;
 #[cfg(feature = "gpu")]
-pub(crate) use self::gaps::{MAX_PARTS, parts};
+pub(crate) use self::gaps::parts;
+pub(crate) use self::gaps::{MAX_PARTS, narrowest_gaps};
 use self::sphere::SphereEnd;
 use crate::model::boundary::{Axis, Boundary};
 use crate::random::bridge::lowest;

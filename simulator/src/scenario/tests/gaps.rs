@@ -68,21 +68,21 @@ fn planes_closer_than_some_steps_are_warned_of() {
     };
     let boxed =
         |kind: &str, high: &str| format!("[boundary]\nkind = '{kind}'\nlow = [0, 0, 0]\nhigh = {high}\n");
-    let [wide, narrow] = ["[90, 90, 90]", "[5, 90, 90]"];
-    let two = boxed("periodic", wide) + &plane("m", "40") + &plane("n", "45");
-    let wall = boxed("reflecting", wide) + &plane("m", "84.5");
-    let image = boxed("periodic", narrow) + &plane("m", "2");
+    let [wide, narrow] = ["[90, 90, 90]", "[0.3125, 90, 90]"];
+    let two = boxed("periodic", wide) + &plane("m", "40") + &plane("n", "40.3125");
+    let wall = boxed("reflecting", wide) + &plane("m", "89.1875");
+    let image = boxed("periodic", narrow) + &plane("m", "0.125");
     for (text, said) in [
-        (&two, "the gap of 5.000 µm between m and n"),
-        (&wall, "the gap of 5.000 µm between m and a wall"),
-        (&image, "the gap of 5.000 µm between m and its periodic image"),
+        (&two, "the gap of 0.312 µm between m and n"),
+        (&wall, "the gap of 0.312 µm between m and a wall"),
+        (&image, "the gap of 0.312 µm between m and its periodic image"),
     ] {
         let found = warnings("1.01", text, NO_DRIFT);
         assert!(found.iter().any(|warning| warning.contains(said)), "{said}: {found:?}");
         assert_eq!(advised_step(&found[0]), "9.90e-1", "{found:?}");
         assert_eq!(warnings("9.90e-1", text, NO_DRIFT), [""; 0]);
     }
-    let far = boxed("reflecting", wide) + &plane("m", "40") + &plane("n", "50");
+    let far = boxed("reflecting", wide) + &plane("m", "40") + &plane("n", "40.5");
     assert_eq!(warnings("1.01", &far, NO_DRIFT), [""; 0]);
 }
 

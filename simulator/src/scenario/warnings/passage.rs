@@ -1,18 +1,29 @@
 use super::below;
 use crate::model::boundary::Axis;
-use crate::model::membrane::{Membrane, MembraneSurface};
+use crate::model::membrane::{MAX_PARTS, Membrane, MembraneSurface};
 use crate::model::receiver::signed_distance;
 use crate::model::{Model, Species};
 
 /// Largest √(2DΔt) at a spherical membrane, in radii.
 const LONG_AT_SPHERE: f64 = 0.25;
-/// Least distance of a membrane from another, from its own image and of a plane from a wall, in √(2DΔt).
+/// Least distance of a membrane from another, from its own image and of a plane from a wall, in √(2DΔt) of a step or,
+/// between planes, of the shortest part of a step.
 const STEPS_IN_GAP: f64 = 2.5;
 
 struct Gap {
     /// In µm.
     length: f64,
     next: String,
+    /// Between planes, long steps are divided.
+    are_planes: bool,
+}
+
+impl Gap {
+    /// Returns the largest √(2DΔt) without a warning, in µm.
+    fn longest_step(&self) -> f64 {
+        let parts = if self.are_planes { f64::from(MAX_PARTS) } else { 1.0 };
+        parts.sqrt() * self.length / STEPS_IN_GAP
+    }
 }
 
 pub(in crate::scenario) fn long_step_through(membrane: &Membrane, model: &Model) -> Option<String> {
@@ -20,7 +31,7 @@ pub(in crate::scenario) fn long_step_through(membrane: &Membrane, model: &Model)
     let species = fastest(membrane, model)?;
     let step = (2.0 * species.diffusion * model.time_step).sqrt();
     let longest = (LONG_AT_SPHERE * f64::from(radius)).powi(2) / (2.0 * species.diffusion);
-    let effect = match gap(membrane, model).filter(|gap| step * STEPS_IN_GAP > gap.length) {
+    let effect = match gap(membrane, model).filter(|gap| step > gap.longest_step()) {
         None => "the equilibrium is right, but the flux is not".to_owned(),
         Some(gap) => format!("neither the flux nor, so near {}, the equilibrium is right", gap.next),
     };
@@ -35,7 +46,7 @@ pub(in crate::scenario) fn long_step_through(membrane: &Membrane, model: &Model)
     })
 }
 
-/// Membranes are exact for steps that reach one of them and no wall.
+/// Membranes are exact for steps, or their parts, that reach one of them and no wall.
 pub(in crate::scenario) fn long_step_between_membranes(membrane: &Membrane, model: &Model) -> Option<String> {
     let species = fastest(membrane, model)?;
     let gap = gap(membrane, model)?;
@@ -45,7 +56,7 @@ pub(in crate::scenario) fn long_step_between_membranes(membrane: &Membrane, mode
             membrane.name, gap.next
         ));
     }
-    let longest = (gap.length / STEPS_IN_GAP).powi(2) / (2.0 * species.diffusion);
+    let longest = gap.longest_step().powi(2) / (2.0 * species.diffusion);
     (model.time_step > longest).then(|| {
         format!(
             "a step takes {} {:.3} µm, which is long for the gap of {:.3} µm between {} and {}: steps that reach both pass the \
@@ -72,14 +83,17 @@ fn gap(membrane: &Membrane, model: &Model) -> Option<Gap> {
     };
     let others = model.membranes.iter().filter(shares).filter_map(|other| {
         let length = distance([membrane.surface, other.surface], model)?;
-        Some(Gap { length, next: other.name.clone() })
+        let are_planes = [membrane, other].iter().all(|membrane| is_plane(membrane));
+        Some(Gap { length, next: other.name.clone(), are_planes })
     });
     let gaps = others.chain(gap_to_boundary(membrane, model));
     gaps.min_by(|a, b| a.length.total_cmp(&b.length))
 }
 
 fn gap_to_boundary(membrane: &Membrane, model: &Model) -> Option<Gap> {
-    let image = |length: f32| Gap { length: length.into(), next: "its periodic image".to_owned() };
+    let are_planes = is_plane(membrane);
+    let image =
+        |length: f32| Gap { length: length.into(), next: "its periodic image".to_owned(), are_planes };
     match membrane.surface {
         MembraneSurface::Plane { axis, position } => match model.boundary.axes[axis] {
             Axis::Periodic { low, high } => Some(image(high - low)),
@@ -87,7 +101,7 @@ fn gap_to_boundary(membrane: &Membrane, model: &Model) -> Option<Gap> {
                 let seen = model.species.iter().zip(&membrane.sees).filter(|(_, sees)| **sees);
                 let radius = seen.map(|(species, _)| species.radius).fold(0.0, f32::max);
                 let length = f64::from((position - low).min(high - position) - radius);
-                Some(Gap { length, next: "a wall".to_owned() })
+                Some(Gap { length, next: "a wall".to_owned(), are_planes })
             }
             _ => None,
         },
@@ -97,6 +111,10 @@ fn gap_to_boundary(membrane: &Membrane, model: &Model) -> Option<Gap> {
             Some(image(shortest - 2.0 * radius))
         }
     }
+}
+
+fn is_plane(membrane: &Membrane) -> bool {
+    matches!(membrane.surface, MembraneSurface::Plane { .. })
 }
 
 /// Returns 0 or less for surfaces that touch or cross, and `None` for planes across different axes.
