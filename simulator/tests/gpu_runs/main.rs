@@ -259,18 +259,21 @@ fn models_beyond_the_device_are_refused_by_name() {
     assert!(membranes.contains(says), "{membranes}");
     let types = refused(|m| {
         let kind = ReceptorType::new(4, 1.0, 1.0, [0, 1]);
-        m.receivers = vec![receiver("rx", [0.0; 3], 0.25, ReceiverKind::Receptors(vec![kind; 5])); 2_500];
+        m.receivers = row(2_500, &ReceiverKind::Receptors(vec![kind; 5]));
     });
     assert!(types.contains("30000 counts of a receiver and a species, beyond 25000"), "{types}");
-    let crowd =
-        refused(|m| m.receivers = vec![receiver("rx", [0.0; 3], 0.25, ReceiverKind::Absorbing); 40_000]);
+    let crowd = refused(|m| m.receivers = row(40_000, &ReceiverKind::Absorbing));
     assert!(crowd.contains("80000 counts"), "{crowd}");
-    let crowd =
-        refused(|m| m.receivers = vec![receiver("rx", [0.0; 3], 0.25, ReceiverKind::Reflecting); 13_000]);
+    let crowd = refused(|m| m.receivers = row(13_000, &ReceiverKind::Reflecting));
     assert!(crowd.contains("26000 counts of a receiver and a species, beyond 25000"), "{crowd}");
     assert!(past_receivers(&own, 140).is_none());
     let drifting = past_receivers(&own, 160).expect("a reason");
     assert!(drifting.contains("64160 loop iterations, beyond 59680; use fewer receivers, or"), "{drifting}");
+}
+
+fn row(count: usize, kind: &ReceiverKind) -> Vec<Receiver> {
+    let at = |k: usize| [k as f32 / (1 << 16) as f32, 0.0, 0.0];
+    (0..count).map(|k| receiver("rx", at(k), 0.25, kind.clone())).collect()
 }
 
 fn past_receivers(own: &GpuDevice, count: usize) -> Option<String> {
@@ -278,7 +281,7 @@ fn past_receivers(own: &GpuDevice, count: usize) -> Option<String> {
     model.boundary = Boundary::default();
     model.species[1].drift = [9000.0, 0.0, 0.0];
     (model.flow, model.flow_pulse) = (Some(Flow::Plug([-9000.0, 0.0, 0.0])), Some([0.5, 1.0]));
-    model.receivers = vec![receiver("rx", [0.0; 3], 0.25, ReceiverKind::Absorbing); count];
+    model.receivers = row(count, &ReceiverKind::Absorbing);
     match GpuSimulation::new(model, 1, own.clone(), GpuOptions::default()) {
         Err(Error::NotOnGpu { what }) => Some(what),
         other => other.map(|_| None).expect("a model"),
