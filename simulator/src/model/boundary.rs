@@ -126,6 +126,11 @@ impl Boundary {
         Self { axes, vessel: None }
     }
 
+    /// Returns the length of the shortest periodic axis, in µm.
+    pub(crate) fn shortest_period(&self) -> Option<f32> {
+        self.axes.map(Axis::period).into_iter().filter(|&period| period > 0.0).min_by(f32::total_cmp)
+    }
+
     pub fn periodic(low: [f32; 3], high: [f32; 3]) -> Self {
         let axes = std::array::from_fn(|k| Axis::Periodic { low: low[k], high: high[k] });
         Self { axes, vessel: None }

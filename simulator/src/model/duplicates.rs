@@ -1,7 +1,7 @@
 use std::collections::HashMap;
 
-use crate::model::Model;
 use crate::model::receiver::{Receiver, ReceiverKind, WallFace};
+use crate::model::{Model, share_species};
 
 /// Surfaces that coincide if they are equal. Floats are compared by their bits.
 #[derive(PartialEq, Eq, Hash)]
@@ -17,7 +17,7 @@ impl Model {
         for (k, receiver) in self.receivers.iter().enumerate() {
             let Some(place) = place(receiver) else { continue };
             let others = known.entry(place).or_default();
-            let shares = |other: &&&Receiver| other.sees.iter().zip(&receiver.sees).any(|(a, b)| *a && *b);
+            let shares = |other: &&&Receiver| share_species(&other.sees, &receiver.sees);
             if let Some(other) = others.iter().find(shares) {
                 let message = format!(
                     "{} has the same surface as {}, and both would absorb the same particles; remove one, or let them see \

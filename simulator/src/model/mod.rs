@@ -196,6 +196,11 @@ impl Contact {
     }
 }
 
+/// Returns `true` if two surfaces see the same species.
+pub(crate) fn share_species(a: &[bool], b: &[bool]) -> bool {
+    a.iter().zip(b).any(|(a, b)| *a && *b)
+}
+
 impl Model {
     pub fn has_velocity(&self) -> bool {
         self.species.iter().any(Species::has_velocity)

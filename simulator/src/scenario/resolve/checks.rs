@@ -32,8 +32,7 @@ pub(super) fn check_receivers(
     }
     let overlap = warnings::overlapping_absorbers(model);
     warnings.extend(overlap.map(|(k, message)| Problem::at(at(k), message)));
-    let rounded =
-        |(k, receiver)| Some(Problem::at(at(k), warnings::rounded_receiver_steps(model, receiver)?));
-    warnings.extend(model.receivers.iter().enumerate().find_map(rounded));
+    let rounded = warnings::rounded_receiver_steps(model);
+    warnings.extend(rounded.map(|(k, message)| Problem::at(at(k), message)));
     Ok(())
 }

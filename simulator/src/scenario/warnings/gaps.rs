@@ -1,7 +1,7 @@
 use super::below;
-use crate::model::boundary::Axis;
+use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{Receiver, ReceiverKind, WallFace, signed_distance};
-use crate::model::{Flow, Model, Species};
+use crate::model::{Flow, Model, Species, share_species};
 
 /// Largest √(2DΔt) between two surfaces that face each other, in gaps L. From a point at 0.9 L, 1 % too many are left in
 /// front of a wall that absorbs and opposite to one that reflects after a time of 0.5 L²/D, 9 % at 0.58 and 22 % at 0.71
@@ -19,31 +19,52 @@ struct Gap {
     length: f64,
     /// In µm²/s.
     diffusion: f64,
-    surfaces: String,
+    between: [Surface; 2],
+}
+
+/// Named only in a message: there may be hundreds of thousands of gaps.
+#[derive(Clone, Copy)]
+enum Surface {
+    /// Its place among the receivers that the species sees.
+    Receiver(usize),
+    Image,
+    Wall(WallFace),
+}
+
+impl Surface {
+    fn name(self, seen: &[&Receiver]) -> String {
+        match self {
+            Self::Receiver(k) => seen[k].name.clone(),
+            Self::Image => "its image in the periodic box".to_owned(),
+            Self::Wall(WallFace::Low(axis)) => format!("the wall low-{}", ["x", "y", "z"][axis]),
+            Self::Wall(WallFace::High(axis)) => format!("the wall high-{}", ["x", "y", "z"][axis]),
+            Self::Wall(WallFace::Side) => "the side of the vessel".to_owned(),
+        }
+    }
 }
 
 /// A path between two surfaces is right if it reaches one of them.
 pub(in crate::scenario) fn long_step_across_gap(model: &Model, species: usize) -> Option<String> {
     let one = &model.species[species];
     let seen: Vec<&Receiver> = model.receivers.iter().filter(|receiver| receiver.sees[species]).collect();
-    let mut gaps = Vec::new();
+    let (walls, mut gaps) = (walls(model, &seen, species), Vec::new());
     for (k, receiver) in seen.iter().enumerate().filter(|(_, receiver)| is_surface(receiver)) {
-        gaps.extend(gaps_to_walls(model, receiver, species));
-        gaps.extend(gap_to_image(model, receiver, species));
+        gaps.extend(walls.iter().filter_map(|wall| gap_to_wall(wall, (k, receiver), (species, one))));
+        gaps.extend(gap_to_image(model, (k, receiver), species));
         let tested = if k < MAX_TESTED { &seen[..k] } else { &[] };
-        let others = tested.iter().filter(|other| is_surface(other));
-        gaps.extend(others.filter_map(|other| gap_between(model, [other, receiver], species)));
+        let others = tested.iter().enumerate().filter(|(_, other)| is_surface(other));
+        gaps.extend(others.filter_map(|(l, other)| gap_between(model, [(l, other), (k, receiver)], species)));
     }
     let longest = |gap: &Gap| (LONG_IN_GAP * gap.length).powi(2) / (2.0 * gap.diffusion);
     let worst = gaps.iter().min_by(|a, b| longest(a).total_cmp(&longest(b)))?;
     (model.time_step > longest(worst)).then(|| {
+        let [a, b] = worst.between.map(|surface| surface.name(&seen));
         format!(
-            "a step takes {} {:.3} µm by diffusion, which is long for the gap of {:.3} µm between {}: steps that reach both \
+            "a step takes {} {:.3} µm by diffusion, which is long for the gap of {:.3} µm between {a} and {b}: steps that reach both \
              surfaces are taken at a wrong rate; time-step = {} is short enough",
             one.name,
             (2.0 * worst.diffusion * model.time_step).sqrt(),
             worst.length,
-            worst.surfaces,
             below(longest(worst))
         )
     })
@@ -58,58 +79,69 @@ fn takes(receiver: &Receiver, species: usize) -> bool {
     receiver.sees[species] && (receiver.kind.absorbs() || receiver.binds(species))
 }
 
-fn gap_between(model: &Model, [a, b]: [&Receiver; 2], species: usize) -> Option<Gap> {
+fn gap_between(model: &Model, [(k, a), (l, b)]: [(usize, &Receiver); 2], species: usize) -> Option<Gap> {
     let meet = !a.moves() && !b.moves() && (takes(a, species) || takes(b, species));
     let length = f64::from(signed_distance(a.radius + b.radius, a.center, &model.boundary, b.center));
     let least = CONTACT * f64::from(a.radius.min(b.radius));
     (meet && length > least).then(|| Gap {
         length,
         diffusion: model.species[species].diffusion,
-        surfaces: format!("{} and {}", a.name, b.name),
+        between: [Surface::Receiver(k), Surface::Receiver(l)],
     })
 }
 
-fn gap_to_image(model: &Model, receiver: &Receiver, species: usize) -> Option<Gap> {
-    let periods = model.boundary.axes.map(|axis| f64::from(axis.period()));
-    let shortest = periods.into_iter().filter(|&period| period > 0.0).min_by(f64::total_cmp)?;
-    let length = shortest - 2.0 * f64::from(receiver.radius);
+fn gap_to_image(model: &Model, (k, receiver): (usize, &Receiver), species: usize) -> Option<Gap> {
+    let length = f64::from(model.boundary.shortest_period()?) - 2.0 * f64::from(receiver.radius);
     (takes(receiver, species) && length > CONTACT * f64::from(receiver.radius)).then(|| Gap {
         length,
         diffusion: model.species[species].diffusion + receiver.diffusion,
-        surfaces: format!("{} and its image in the periodic box", receiver.name),
+        between: [Surface::Receiver(k), Surface::Image],
     })
 }
 
-fn gaps_to_walls(model: &Model, receiver: &Receiver, species: usize) -> Vec<Gap> {
-    let Species { diffusion, radius, .. } = model.species[species];
-    let absorbs = |face: WallFace| {
-        let is_there = |one: &Receiver| one.kind == ReceiverKind::Wall(face) && one.sees[species];
-        model.receivers.iter().any(is_there)
-    };
-    let domain = model.boundary.inset(radius);
-    let mut walls = Vec::new();
-    for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
-        if let Axis::Reflecting { low, high } = domain.axes[axis] {
-            let center = receiver.center[axis];
-            walls.push((WallFace::Low(axis), center - low, format!("the wall low-{name}")));
-            walls.push((WallFace::High(axis), high - center, format!("the wall high-{name}")));
+struct Wall {
+    face: WallFace,
+    absorbs: bool,
+    domain: Boundary,
+}
+
+fn walls(model: &Model, seen: &[&Receiver], species: usize) -> Vec<Wall> {
+    let domain = model.boundary.inset(model.species[species].radius);
+    let reflecting = (0..3).filter(|&axis| matches!(domain.axes[axis], Axis::Reflecting { .. }));
+    let plane = reflecting.flat_map(|axis| [WallFace::Low(axis), WallFace::High(axis)]);
+    let faces = plane.chain(domain.vessel.map(|_| WallFace::Side));
+    let absorbs = |face: WallFace| seen.iter().any(|one| one.kind == ReceiverKind::Wall(face));
+    faces.map(|face| Wall { face, absorbs: absorbs(face), domain }).collect()
+}
+
+impl Wall {
+    /// Returns the distance of a point inside, in µm.
+    fn height(&self, center: [f32; 3]) -> Option<f32> {
+        match (self.face, self.domain.vessel) {
+            (WallFace::Side, Some(vessel)) => Some(vessel.radius - vessel.distance(center) as f32),
+            (WallFace::Side, None) => None,
+            (WallFace::Low(axis) | WallFace::High(axis), _) => {
+                let Axis::Reflecting { low, high } = self.domain.axes[axis] else { return None };
+                let is_low = self.face == WallFace::Low(axis);
+                Some(if is_low { center[axis] - low } else { high - center[axis] })
+            }
         }
     }
-    if let Some(vessel) = &domain.vessel {
-        let height = vessel.radius - vessel.distance(receiver.center) as f32;
-        walls.push((WallFace::Side, height, "the side of the vessel".to_owned()));
-    }
+}
+
+fn gap_to_wall(
+    wall: &Wall,
+    (k, receiver): (usize, &Receiver),
+    (species, one): (usize, &Species),
+) -> Option<Gap> {
     let radius = f64::from(receiver.radius);
-    let is_gap = |(face, height, _): &(WallFace, f32, String)| {
-        let meet = !receiver.moves() && (takes(receiver, species) || absorbs(*face));
-        meet && f64::from(*height) - radius > CONTACT * radius
-    };
-    let gap = |(_, height, name): (WallFace, f32, String)| Gap {
-        length: f64::from(height) - radius,
-        diffusion,
-        surfaces: format!("{} and {name}", receiver.name),
-    };
-    walls.into_iter().filter(is_gap).map(gap).collect()
+    let length = f64::from(wall.height(receiver.center)?) - radius;
+    let meet = !receiver.moves() && (takes(receiver, species) || wall.absorbs);
+    (meet && length > CONTACT * radius).then_some(Gap {
+        length,
+        diffusion: one.diffusion,
+        between: [Surface::Receiver(k), Surface::Wall(wall.face)],
+    })
 }
 
 /// Returns the first receiver that overlaps an earlier one and takes the same species, and a message.
@@ -120,7 +152,7 @@ pub(in crate::scenario) fn overlapping_absorbers(model: &Model) -> Option<(usize
     let all: Vec<_> =
         model.receivers.iter().enumerate().filter(|(_, one)| absorbs(one)).take(MAX_TESTED).collect();
     let pair = |&(k, one): &(usize, &Receiver)| {
-        let shares = |other: &Receiver| other.sees.iter().zip(&one.sees).any(|(a, b)| *a && *b);
+        let shares = |other: &Receiver| share_species(&other.sees, &one.sees);
         let overlaps = |&&(at, other): &&(usize, &Receiver)| {
             let least = -(CONTACT as f32) * one.radius.min(other.radius);
             let radii = one.radius + other.radius;

@@ -2,7 +2,7 @@ use super::below;
 use crate::model::boundary::Axis;
 use crate::model::membrane::{MAX_PARTS, Membrane, MembraneSurface};
 use crate::model::receiver::signed_distance;
-use crate::model::{Model, Species};
+use crate::model::{Model, Species, share_species};
 
 /// Largest √(2DΔt) at a spherical membrane, in radii.
 const LONG_AT_SPHERE: f64 = 0.25;
@@ -78,9 +78,8 @@ fn fastest<'a>(membrane: &Membrane, model: &'a Model) -> Option<&'a Species> {
 
 /// Returns the smallest gap next to a membrane.
 fn gap(membrane: &Membrane, model: &Model) -> Option<Gap> {
-    let shares = |other: &&Membrane| {
-        !std::ptr::eq(*other, membrane) && membrane.sees.iter().zip(&other.sees).any(|(a, b)| *a && *b)
-    };
+    let shares =
+        |other: &&Membrane| !std::ptr::eq(*other, membrane) && share_species(&membrane.sees, &other.sees);
     let others = model.membranes.iter().filter(shares).filter_map(|other| {
         let length = distance([membrane.surface, other.surface], model)?;
         let are_planes = [membrane, other].iter().all(|membrane| is_plane(membrane));
@@ -106,9 +105,7 @@ fn gap_to_boundary(membrane: &Membrane, model: &Model) -> Option<Gap> {
             _ => None,
         },
         MembraneSurface::Sphere { radius, .. } => {
-            let periods = model.boundary.axes.map(Axis::period);
-            let shortest = periods.into_iter().filter(|&period| period > 0.0).min_by(f32::total_cmp)?;
-            Some(image(shortest - 2.0 * radius))
+            Some(image(model.boundary.shortest_period()? - 2.0 * radius))
         }
     }
 }

@@ -22,19 +22,23 @@ pub(in crate::scenario) fn rounded_steps(model: &Model, species: usize) -> Optio
     let own = speed.max(thermal_speed);
     // Directions of own velocities vary, so that drifts are rounded to either side.
     let velocity = if own > 0.0 { [own; 3] } else { drift };
-    rounded(model, &Motion { name, diffusion, velocity })
+    rounded(model, &largest_coordinates(model), &Motion { name, diffusion, velocity })
 }
 
-pub(in crate::scenario) fn rounded_receiver_steps(model: &Model, receiver: &Receiver) -> Option<String> {
-    let Receiver { ref name, diffusion, velocity, .. } = *receiver;
-    rounded(model, &Motion { name, diffusion, velocity })
+/// Returns the first receiver whose steps are rounded, and a message.
+pub(in crate::scenario) fn rounded_receiver_steps(model: &Model) -> Option<(usize, String)> {
+    let largest = largest_coordinates(model);
+    model.receivers.iter().enumerate().find_map(|(k, receiver)| {
+        let Receiver { ref name, diffusion, velocity, .. } = *receiver;
+        Some((k, rounded(model, &largest, &Motion { name, diffusion, velocity })?))
+    })
 }
 
-fn rounded(model: &Model, motion: &Motion<'_>) -> Option<String> {
+fn rounded(model: &Model, largest: &[f32; 3], motion: &Motion<'_>) -> Option<String> {
     let dimensions = model.boundary.dimensions();
     let spread = (2.0 * motion.diffusion * model.time_step).sqrt();
     (0..dimensions).find_map(|axis| {
-        let largest = largest_coordinate(model, axis);
+        let largest = largest[axis];
         let unit = f64::from(largest.next_up()) - f64::from(largest);
         let carried = motion.velocity[axis].abs() * model.time_step;
         let (way, length, least) = if spread > 0.0 && spread < LEAST_STEP * unit {
@@ -55,6 +59,10 @@ fn rounded(model: &Model, motion: &Motion<'_>) -> Option<String> {
             1.006 * longer
         ))
     })
+}
+
+fn largest_coordinates(model: &Model) -> [f32; 3] {
+    std::array::from_fn(|axis| largest_coordinate(model, axis))
 }
 
 fn largest_coordinate(model: &Model, axis: usize) -> f32 {
