@@ -26,9 +26,19 @@ const HEAPS: u64 = 2 * (128 << 20);
 /// # Errors
 /// Returns [`CliError::TooLittleMemoryFor`].
 fn check_memory_with_threads(what: &'static str, needed: u64) -> Result<(), CliError> {
-    check_memory(what, needed)?;
-    let mapped = needed.saturating_add(HEAPS);
-    refuse_if_lacking(what, mapped, lacking_address_space(mapped))
+    let (needed, lacking) = lacking_with_threads(needed);
+    refuse_if_lacking(what, needed, lacking)
+}
+
+/// Returns the bytes that are needed or mapped, and the memory if it is less.
+fn lacking_with_threads(needed: u64) -> (u64, Option<AvailableMemory>) {
+    match lacking_memory(needed) {
+        Some(available) => (needed, Some(available)),
+        None => {
+            let mapped = needed.saturating_add(HEAPS);
+            (mapped, lacking_address_space(mapped))
+        }
+    }
 }
 
 /// Refuses `what` if a software driver could not map its memory.

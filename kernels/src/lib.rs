@@ -24,6 +24,8 @@ pub use types::image_vector::ImageVector;
 pub use types::interactions::SpeciesReach;
 pub use types::interactions::{EffectiveRadius, Interaction, Interactions};
 pub use types::lattice::{Lattice, WrappedPoint};
+#[doc(hidden)]
+pub use types::orthogonalization::nearest;
 pub use types::orthogonalization::{DistanceMap, Orthogonalization};
 pub use types::pair::Pair;
 pub use types::query::Query;

@@ -14,7 +14,7 @@ pub(crate) fn run(args: &GpuResults) -> Result<(), Failure> {
 }
 
 fn write(path: &Path, text: &str) -> Result<(), lazygrid_io::Error> {
-    let mut file = if path == Path::new("-") { AtomicFile::stdout()? } else { AtomicFile::create(path)? };
+    let mut file = AtomicFile::create_or_stdout(path)?;
     file.write_with(|out| out.write_all(text.as_bytes()))?;
     file.commit()
 }

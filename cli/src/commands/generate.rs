@@ -1,8 +1,8 @@
 use lazygrid::Sphere;
 use lazygrid_io::scenes::{Scene, Transceivers};
-use lazygrid_io::{AvailableMemory, lacking_address_space, lacking_memory, write};
+use lazygrid_io::{AvailableMemory, write};
 
-use super::HEAPS;
+use super::lacking_with_threads;
 use crate::args::Generate;
 use crate::error::CliError;
 use crate::progress::Progress;
@@ -14,7 +14,7 @@ pub(crate) fn run(args: &Generate) -> Result<(), CliError> {
     let scene = scene(args)?;
     let n = args.spheres as usize;
     let needed = args.spheres.saturating_mul(size_of::<Sphere>() as u64).saturating_add(OVERHEAD);
-    let lacking = lacking_memory(needed).or_else(|| lacking_address_space(needed.saturating_add(HEAPS)));
+    let (needed, lacking) = lacking_with_threads(needed);
     if let Some(AvailableMemory { bytes: available, limit }) = lacking {
         let limit = limit.name();
         return Err(CliError::TooLittleMemoryToGenerate { spheres: args.spheres, needed, available, limit });

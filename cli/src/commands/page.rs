@@ -2,15 +2,13 @@ mod bundle;
 mod checks;
 mod scenes;
 
-use std::path::Path;
-
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use lazygrid::gpu::plan::Planner;
 use lazygrid::gpu::{DeviceLimits, GpuConfig, wgpu};
 use lazygrid_io::write::{AtomicFile, base64};
 
-use crate::args::{PageArgs, PlanArgs, STANDARD};
+use crate::args::{PageArgs, PlanArgs};
 use crate::commands::check_memory_with_threads;
 use crate::error::CliError;
 use crate::progress::Progress;
@@ -34,7 +32,7 @@ pub(crate) fn run(args: &PageArgs) -> Result<(), CliError> {
     let progress = Progress::new(None);
     progress.say("counting the pairs of all scenes");
     let contents = bundle::contents(env!("CARGO_PKG_VERSION"), env!("LAZYGRID_COMMIT"))?;
-    let mut draft = file_or_stdout(&args.output)?;
+    let mut draft = AtomicFile::create_or_stdout(&args.output)?;
     draft.write_with(|out| {
         let mut packed = GzEncoder::new(Vec::new(), Compression::best());
         serde_json::to_writer(&mut packed, &contents)?;
@@ -50,10 +48,6 @@ pub(crate) fn run(args: &PageArgs) -> Result<(), CliError> {
     Ok(draft.commit()?)
 }
 
-fn file_or_stdout(path: &Path) -> Result<AtomicFile, CliError> {
-    Ok(if path == Path::new(STANDARD) { AtomicFile::stdout()? } else { AtomicFile::create(path)? })
-}
-
 pub(crate) fn plan(args: &PlanArgs) -> Result<(), CliError> {
     let config = GpuConfig::default().algorithm(args.algorithm).pair_capacity(args.pairs).space(args.space());
     let mut limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 10, ..wgpu::Limits::default() };
@@ -63,7 +57,7 @@ pub(crate) fn plan(args: &PlanArgs) -> Result<(), CliError> {
     let planner = Planner::new(config, DeviceLimits::from(&limits)).subgroups(args.subgroups);
     let plan = planner.count_in_buffer(args.count_in_buffer).plan(args.spheres).map_err(CliError::Setting)?;
     let mut draft = match &args.output {
-        Some(path) => file_or_stdout(path)?,
+        Some(path) => AtomicFile::create_or_stdout(path)?,
         None => AtomicFile::stdout()?,
     };
     draft.write_with(|out| {

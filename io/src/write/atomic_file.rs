@@ -27,8 +27,7 @@ impl AtomicFile {
     pub fn create(path: impl Into<PathBuf>) -> Result<Self, Error> {
         let path = path.into();
         let (there, target) = (fs::metadata(&path), target(&path));
-        let is_open = OPEN_FILES.iter().any(|directory| target.starts_with(directory));
-        if is_open || there.as_ref().is_ok_and(|there| !there.is_file() && !there.is_dir()) {
+        if is_open_file(&target) || there.as_ref().is_ok_and(|there| !there.is_file() && !there.is_dir()) {
             let opened = File::options().write(true).open(&path);
             return Self::at_once(path, opened);
         }
@@ -45,6 +44,14 @@ impl AtomicFile {
             Ok((temporary, out)) => Ok(Self { path, target, temporary: Some(temporary), out }),
             Err(source) => Err(Error::Write { path, source }),
         }
+    }
+
+    /// Creates a file, or writes to standard output for `-`.
+    ///
+    /// # Errors
+    /// See [`create`](Self::create).
+    pub fn create_or_stdout(path: &Path) -> Result<Self, Error> {
+        if path == Path::new("-") { Self::stdout() } else { Self::create(path) }
     }
 
     /// Writes to standard output.
@@ -126,19 +133,20 @@ impl CompleteFile {
     }
 }
 
-/// Directories of files that this process has open.
-const OPEN_FILES: [&str; 2] = ["/dev/fd", "/proc/self/fd"];
 /// Most links that are followed, like Linux.
 const MAX_LINKS: usize = 40;
 
-/// Follows symbolic links at the end of a path, also to a file that does not exist. The links of [`OPEN_FILES`] are not
-/// followed.
+/// Returns `true` for the name of a file that this process has open.
+fn is_open_file(path: &Path) -> bool {
+    ["/dev/fd", "/proc/self/fd"].iter().any(|directory| path.starts_with(directory))
+}
+
+/// Follows symbolic links at the end of a path, also to a file that does not exist, but not to an open file.
 fn target(path: &Path) -> PathBuf {
     let mut target = path.to_owned();
     for _ in 0..MAX_LINKS {
-        let is_open = OPEN_FILES.iter().any(|directory| target.starts_with(directory));
         match fs::read_link(&target) {
-            Ok(link) if !is_open => target = directory_of(&target).join(link),
+            Ok(link) if !is_open_file(&target) => target = directory_of(&target).join(link),
             _ => break,
         }
     }

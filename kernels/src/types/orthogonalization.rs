@@ -161,9 +161,10 @@ impl Orthogonalization {
     }
 }
 
-/// Returns a nearest integer of a number below 2⁵¹. Unlike `f64::round`, it is never a function call.
-#[inline]
-fn nearest(number: f64) -> f64 {
+/// Returns the integer nearest to a number below 2⁵¹, or the even one of two. It compiles to two additions.
+#[doc(hidden)]
+#[inline(always)]
+pub fn nearest(number: f64) -> f64 {
     const ROUND: f64 = 1.5 * (1_u64 << 52) as f64;
     (number + ROUND) - ROUND
 }

@@ -4,10 +4,12 @@
 //! 1. `N` is the number of decays of a particle in a time with an exponential distribution of mean Δt. The process has
 //!    no memory, so P(N > j + k) ≤ P(N > j)·P(N > k), each for the worst first species.
 //! 2. After k sweeps, [`expected`] is at least the mean of min(N, k). If it is at most m, then P(N ≥ k) ≤ m/k.
-//! 3. The exponential time exceeds Δt with the probability 1/e, so more than k decays occur in a step with a probability
-//!    of at most e·m/k, which is 0.68 for [`MAX_EXPECTED`] and [`SWEEPS`], and more than 10⁶ with at most 0.68²⁵⁰ < 10⁻⁴¹.
+//! 3. The exponential time exceeds Δt with the probability 1/e. Let p be the probability of more than k decays in a step:
+//!    p ≤ e·m/k. [`MAX_EXPECTED`] and [`SWEEPS`] make this bound 0.68. More than 10⁶ decays then have a probability below
+//!    0.68²⁵⁰ < 10⁻⁴¹.
 
 use crate::model::Model;
+use crate::model::time::longest_step;
 
 /// Largest mean number of decays of a particle in a step.
 const MAX_EXPECTED: f64 = 1000.0;
@@ -27,28 +29,19 @@ struct Link {
 pub(crate) fn faulty_chain(model: &Model) -> Option<(usize, String)> {
     let links = links(model);
     let starts = |time_step: f64| expected(&links, model.species.len(), time_step);
-    let fits = |time_step: f64| starts(time_step).iter().all(|&count| count <= MAX_EXPECTED);
-    if fits(model.time_step) {
+    let fit = |means: &[f64]| means.iter().all(|&count| count <= MAX_EXPECTED);
+    let means = starts(model.time_step);
+    if fit(&means) {
         return None;
     }
-    let means = starts(model.time_step);
     let worst = (0..means.len()).max_by(|&a, &b| means[a].total_cmp(&means[b]))?;
     let fastest = links.iter().filter(|link| link.from == worst).max_by(|a, b| a.rate.total_cmp(&b.rate))?;
-    let [mut low, mut high] = [0.5 * model.time_step, model.time_step];
-    while low > 0.0 && !fits(low) {
-        [low, high] = [0.5 * low, low];
-    }
-    while high - low > 1e-3 * high && high > f64::MIN_POSITIVE {
-        let middle = 0.5 * (low + high);
-        if fits(middle) { low = middle } else { high = middle }
-    }
     let message = format!(
         "'{}' at {:.1} expected decays per step begins a chain of more than {MAX_EXPECTED} decays on average in a step; set \
          time-step to {:.2e} or less",
         model.decays[fastest.decay].name,
         fastest.rate * model.time_step,
-        // Rounding to three digits adds at most 0.5 %.
-        0.995 * low
+        longest_step(model.time_step, |time_step| fit(&starts(time_step)))
     );
     Some((fastest.decay, message))
 }

@@ -6,6 +6,7 @@ use crate::model::decay_chain::faulty_chain;
 use crate::model::message::Symbols;
 use crate::model::probability::ReactionProbabilities;
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, WallFace};
+use crate::model::time::longest_step;
 use crate::model::transmitter::{Schedule, Shape, Transmitter};
 use crate::model::{Contact, Decay, Flow, Model, Reaction, ReactionRate, Species, Unbinding};
 
@@ -263,13 +264,8 @@ impl Model {
         let remedy = match fits(0.0) {
             false => "lower them".to_owned(),
             true => {
-                let [mut low, mut high] = [0.0, self.time_step];
-                while high - low > 1e-3 * high && high > f64::MIN_POSITIVE {
-                    let middle = 0.5 * (low + high);
-                    if fits(middle) { low = middle } else { high = middle }
-                }
-                // Rounding to three digits adds at most 0.5 %.
-                format!("lower them, or set time-step to {:.2e} or less", 0.995 * low)
+                let longest = longest_step(self.time_step, fits);
+                format!("lower them, or set time-step to {longest:.2e} or less")
             }
         };
         Err(Error::Model(format!(
