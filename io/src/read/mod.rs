@@ -15,6 +15,7 @@ mod cell;
 mod columns;
 mod comment;
 mod csv;
+mod gzip;
 mod lammps;
 mod line;
 mod lines;

@@ -2,9 +2,8 @@ use std::io::{self, BufReader, Cursor, Read};
 use std::path::Path;
 use std::sync::Arc;
 
-use flate2::read::MultiGzDecoder;
-
 use super::Format;
+use super::gzip::GzipReader;
 use super::zstd::ZstdReader;
 use crate::error::{Error, Location, Position};
 
@@ -32,7 +31,7 @@ impl Source {
             BufReader::with_capacity(BUFFER, std::mem::replace(&mut source.input, Box::new(io::empty())))
         };
         if head.starts_with(GZIP) {
-            source.input = Box::new(MultiGzDecoder::new(compressed(&mut source)));
+            source.input = Box::new(GzipReader::new(compressed(&mut source)));
         } else if head.starts_with(ZSTANDARD) || is_skippable(&head) {
             source.input = Box::new(ZstdReader::new(compressed(&mut source)));
         }

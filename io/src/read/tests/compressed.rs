@@ -24,6 +24,7 @@ fn compressed_files_read_as_the_originals() {
         ("a.csv.gz", gzip(text)),
         ("a.csv.zst", zstd(text)),
         ("a.csv.gz", [gzip(head), gzip(rest)].concat()),
+        ("a.csv.gz", [gzip(head), vec![0; 700], gzip(rest), vec![0; 1 << 19]].concat()),
         ("a.csv.zst", [zstd(head), skipped.clone(), zstd(rest)].concat()),
         ("a", [skipped, zstd(text)].concat()),
         ("a", gzip(text)),
@@ -50,6 +51,8 @@ fn damaged_compression_is_an_error() {
         let at = if name.ends_with("gz") { whole.len() - 6 } else { whole.len() - 2 };
         flipped[at] ^= 1;
         let refused = refusal(name, flipped, &[]);
+        assert!(refused.starts_with(&format!("{name}: cannot read: ")), "{refused}");
+        let refused = refusal(name, [&whole[..], &[0, 0, 7]].concat(), &[]);
         assert!(refused.starts_with(&format!("{name}: cannot read: ")), "{refused}");
     }
 }
