@@ -10,7 +10,7 @@ use numpy::ndarray::{Dim, Dimension};
 use numpy::npyffi::{self, NpyTypes, PY_ARRAY_API, npy_intp};
 use numpy::{
     Element, PyArray, PyArray1, PyArray2, PyArrayDescrMethods, PyArrayMethods, PyReadonlyArray,
-    PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods,
+    PyReadonlyArray1, PyReadonlyArray2, PyUntypedArray, PyUntypedArrayMethods,
 };
 use pyo3::intern;
 use pyo3::prelude::*;
@@ -47,13 +47,19 @@ fn of_type<'py, T: Element>(
     name: impl Display,
     copy: &str,
 ) -> PyResult<PyReadonlyArray1<'py, T>> {
-    if let Ok(array) = given.cast::<PyArray1<T>>()
+    if is_plain(given)
+        && let Ok(array) = given.cast::<PyArray1<T>>()
         && in_one_piece(array)
     {
         return readable(array, name);
     }
     let copied = package(given.py())?.call_method1(copy, (given, name.to_string()))?;
     readable(copied.cast::<PyArray1<T>>()?, name)
+}
+
+/// Returns `false` for subclasses of arrays, which may be masked.
+pub(crate) fn is_plain(given: &Bound<'_, PyAny>) -> bool {
+    given.is_exact_instance_of::<PyUntypedArray>()
 }
 
 fn in_one_piece<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>) -> bool {

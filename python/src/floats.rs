@@ -13,7 +13,7 @@ use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::PyFloat;
 
-use crate::arrays::{package, readable};
+use crate::arrays::{is_plain, package, readable};
 
 /// The name of an array in messages: an argument, or a member of a tuple.
 #[derive(Clone, Copy)]
@@ -66,6 +66,9 @@ impl<'py, D: Dimension> Floats<'py, D> {
     }
 
     fn in_place(given: &Bound<'py, PyAny>, name: Name, width: usize) -> PyResult<Option<Self>> {
+        if !is_plain(given) {
+            return Ok(None);
+        }
         if let Ok(array) = given.cast::<PyArray<f32, D>>() {
             if is_readable(array, width) {
                 return Ok(Some(Self::F32(readable(array, name)?)));

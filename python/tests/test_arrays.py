@@ -291,6 +291,29 @@ def test_other_forms_are_refused(spheres: Rows) -> None:
         detector.pairs(spheres, cast=True)  # type: ignore[call-arg]
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_masked_values_are_refused(kind: Any) -> None:
+    detector, rows = Detector(backend="cpu"), doubles(9, 100).astype(kind)
+    masked = np.ma.masked_array(rows, mask=False)
+    np.testing.assert_array_equal(detector.pairs(masked), brute_force(rows))
+    masked[17, 3] = np.ma.masked
+    for spheres in (masked, (masked[:, :3].data, masked[:, 3]), tuple(masked.T)):
+        with pytest.raises(lazygrid.InputError, match=r"`spheres.*` has masked values; give array.compressed"):
+            detector.pairs(spheres)
+    species = np.ma.masked_array(np.zeros(100, np.uint32), mask=np.arange(100) == 5)
+    reacting = Detector(backend="cpu", interactions=Interactions(1, 0.5))
+    with pytest.raises(lazygrid.InputError, match="`species` has masked values"):
+        reacting.pairs(rows, species=species)
+
+
+def test_files_in_memory_are_read(tmp_path: Any) -> None:
+    rows = doubles(10, 100)
+    np.save(tmp_path / "rows.npy", rows)
+    mapped = np.load(tmp_path / "rows.npy", mmap_mode="r")
+    assert type(mapped) is np.memmap
+    np.testing.assert_array_equal(Detector(backend="cpu").pairs(mapped), brute_force(rows))
+
+
 def test_errors_have_the_numbers_as_given() -> None:
     rows = doubles(8, 10, 1e9)
     rows[3, 3] = -0.1

@@ -17,6 +17,8 @@ def _array(given: Any, what: str) -> npt.NDArray[Any]:
     """``given`` as an array, without a copy if its memory can be shared, by NumPy's protocols or DLPack."""
     if not hasattr(given, "__array__") and hasattr(given, "__dlpack__"):
         return np.from_dlpack(given)
+    if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
+        raise InputError(f"`{what}` has masked values; give array.compressed(), or array.filled() with a value")
     try:
         return np.asarray(given)
     except ValueError as error:
