@@ -15,6 +15,22 @@ const MAX_REPEATED_ENTRIES: u64 = 1 << 20;
 
 impl Model {
     pub(crate) fn misfit(&self, species: &Species) -> Option<String> {
+        self.misfit_between_walls(species).or_else(|| self.misfit_in_period(species))
+    }
+
+    /// Colliding spheres move as their nearest images do, which must be the only ones that they can touch.
+    fn misfit_in_period(&self, species: &Species) -> Option<String> {
+        let period = self.boundary.shortest_period().filter(|_| self.contact.collides())?;
+        (4.0 * species.radius > period).then(|| {
+            format!(
+                "species {} has the radius {} µm, and particles collide in a periodic box that is {period} µm long; make the \
+                 radius at most a quarter of that, or the box longer",
+                species.name, species.radius
+            )
+        })
+    }
+
+    fn misfit_between_walls(&self, species: &Species) -> Option<String> {
         let (which, wide) = self.boundary.too_narrow(species.radius)?;
         Some(format!(
             "species {} has the radius {} µm, but the walls {which} are {wide} µm apart; make the radius less than half of \

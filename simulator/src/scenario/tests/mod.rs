@@ -202,6 +202,9 @@ fn impossible_values_are_refused() {
         assert_mistake(&walls, [right, wrong], line, key, message);
     }
     assert!(parse(&walls.replace("center = [1, 0, 0]", "center = [1.25, 0, 0]")).is_ok());
+    let message = "collide in a periodic box that is 2 µm long; make the radius at most a quarter";
+    assert_mistake(GOOD, ["radius = 0.1", "radius = 0.51"], 13, "radius", message);
+    assert!(parse(&GOOD.replace("radius = 0.1", "radius = 0.5")).is_ok());
 }
 
 #[test]
