@@ -44,6 +44,10 @@ const MARKED_BYTES: u64 = 4096;
 /// Creates and locks the directory. Refuses one with files of a run, unless `overwrite`.
 pub(crate) fn prepare(directory: &Path, overwrite: bool) -> Result<Lock, Error> {
     let refused = |source| Error::Write { path: directory.to_owned(), source };
+    if directory.exists() && !directory.is_dir() {
+        let message = "it is a file; choose a directory for the output";
+        return Err(refused(io::Error::new(io::ErrorKind::NotADirectory, message)));
+    }
     fs::create_dir_all(directory).map_err(refused)?;
     let lock = Lock::take(directory)?;
     let (resumable, others) = RESULTS.split_at(RESUMABLE);

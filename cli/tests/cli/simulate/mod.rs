@@ -223,6 +223,8 @@ fn run_is_replaced_only_on_request() {
     assert_eq!(files(&out), before);
     simulate(&["--overwrite", "--seed", "8"]).succeeds();
     assert_ne!(files(&out), before);
+    let run = lazygrid(["simulate", &scenario, "--output", &other]).fails();
+    assert!(run.err.contains("it is a file; choose a directory"), "{}", run.err);
 }
 
 #[test]
