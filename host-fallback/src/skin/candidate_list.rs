@@ -1,30 +1,28 @@
+mod rebuild;
+
 use std::sync::atomic::AtomicU64;
 
 use glam::Vec3;
 use lazygrid_kernels::Pair;
 
-use super::CallSpheres;
-use super::advance::{CHUNK_SPHERES, advance};
+use super::advance::CHUNK_SPHERES;
+use crate::Error;
 use crate::cell_list::{CellList, CellListBuilder, SortRecord};
 use crate::compare::{
     ChunkTarget, ChunkedOutput, MAX_LANES, Output, PairTest, SimdTask, SimdWidth, Sink, SkinMargin, Xyzr,
     memory_of_list, pair_at,
 };
-use crate::executor::Executor;
 use crate::frame::SearchFrame;
-use crate::input::{InputStats, SearchInput, SpeciesGroups, check_valid, search_pieces};
+use crate::input::{InputStats, SearchInput, SpeciesGroups, search_pieces};
 use crate::memory::{prefetch, try_resize, with_growth};
 use crate::report::{CandidateListStats, RebuildReason, Report};
 use crate::settings::SKIN_RANGE;
 use crate::species_classes::SpeciesClasses;
-use crate::{Error, Simd};
 
 pub(super) type DisplacementLimits = SpeciesClasses;
 
 /// Number of vectors of candidates that are prefetched ahead.
 const PREFETCH_VECTORS: usize = 16;
-/// Usable fraction of a displacement limit. The rest exceeds the rounding error of a displacement in `f32`.
-const USABLE_FRACTION: f32 = 1.0 - 1.0 / (1 << 16) as f32;
 /// Largest error of a minimum-image distance, as a fraction of the longest axis.
 const BOUNDARY_ROUNDING: f32 = 1.0 / (1 << 20) as f32;
 /// Maximum candidates per sphere in a list, 768 bytes; with more, every call searches. `cost_model` plans with at most
@@ -80,45 +78,6 @@ impl CandidateList {
     pub(crate) fn stats(&self, rebuilt: Option<RebuildReason>) -> CandidateListStats {
         let Self { count, age, displacement_fraction, .. } = *self;
         CandidateListStats { count, age, displacement_fraction, rebuilt }
-    }
-
-    /// Returns the reason for a rebuild; `None` for a valid list. Drops an invalid list before the call can fail, so
-    /// that no later call uses it.
-    pub(crate) fn update_displacements(
-        &mut self,
-        current: CallSpheres<'_>,
-        list: &CellList,
-        simd: Simd,
-        executor: Executor,
-    ) -> Option<RebuildReason> {
-        let spheres = current.test.spheres();
-        let Some(input_stats) = self.input_stats.take() else { return Some(RebuildReason::NoList) };
-        if spheres.len() != self.order.len()
-            || !current.has_same_species
-            || current.test.frame() != self.frame.as_ref()
-        {
-            return Some(RebuildReason::InputChanged);
-        }
-        let rows = match current.input {
-            Some(_) => &mut self.rows[..],
-            // An effective radius that depends only on the species hides an invalid radius.
-            None if spheres.species().is_some() && check_valid(&spheres.into(), executor).is_err() => {
-                return Some(RebuildReason::InputChanged);
-            }
-            // Later spheres are in no candidate.
-            None => &mut self.rows[..list.paired()],
-        };
-        let (moved, changed) = advance(current, list.notes(), rows, simd, executor);
-        self.displacement_fraction = moved;
-        self.age += 1;
-        match (changed, self.displacement_fraction <= USABLE_FRACTION) {
-            (true, _) => Some(RebuildReason::InputChanged),
-            (false, false) => Some(RebuildReason::Displacement),
-            (false, true) => {
-                self.input_stats = Some(input_stats);
-                None
-            }
-        }
     }
 
     /// Returns `false`, without a list, above [`MAX_CANDIDATES_PER_SPHERE`] or the limit of a result, or if memory is
