@@ -1,3 +1,4 @@
+use crate::model::Model;
 use crate::model::boundary::Boundary;
 use crate::model::message::Message;
 use crate::model::time::step_of;
@@ -66,6 +67,12 @@ pub enum Shape {
     Lattice([f32; 3], [u32; 3]),
 }
 
+impl Model {
+    pub(crate) fn release_beyond_range(&self) -> Option<String> {
+        self.transmitters.iter().find_map(Transmitter::places_beyond_range)
+    }
+}
+
 impl Transmitter {
     /// Returns the species and numbers of each burst at the beginning of `step`. The transmitter's index `place`
     /// selects random symbols.
@@ -118,6 +125,21 @@ impl Transmitter {
         }
     }
 
+    /// Refuses places beyond the numbers of `f32`.
+    pub(crate) fn places_beyond_range(&self) -> Option<String> {
+        let reach = self.shape.reach();
+        let farthest = |k: usize| f64::from(self.center[k].abs()) + reach[k];
+        let farthest = [0, 1, 2].map(farthest).into_iter().fold(0.0, f64::max);
+        (farthest > f64::from(f32::MAX)).then(|| {
+            format!(
+                "{} may release particles at coordinates up to {farthest:.1e} µm, more than the limit of {:.1e} µm of single \
+                 precision; move its center towards the origin, or make its shape smaller",
+                self.name,
+                f32::MAX
+            )
+        })
+    }
+
     /// Returns the first missed release time, in s, and the number of missed bursts; `None` for steady release.
     pub fn after(&self, steps: u32, time_step: f64) -> Option<(f64, Option<usize>)> {
         let is_late = |time: f64| step_of(time, time_step).is_none_or(|step| step >= steps);
@@ -141,7 +163,24 @@ fn due(times: &[f64], step: u32, time_step: f64) -> &[f64] {
     &times[until(step)..until(step.saturating_add(1))]
 }
 
+/// Bound of a normal number, which is at most 5.77.
+const LARGEST_NORMAL: f64 = 6.0;
+
 impl Shape {
+    /// Bounds the distance of released particles from the center along each axis, in µm.
+    fn reach(self) -> [f64; 3] {
+        match self {
+            Self::Point => [0.0; 3],
+            Self::Gaussian(width) => [LARGEST_NORMAL * f64::from(width); 3],
+            Self::Shell(_, outer) => [outer.into(); 3],
+            Self::Box(edges) | Self::Lattice(edges, _) => edges.map(|edge| 0.5 * f64::from(edge)),
+            Self::Cylinder(along, radius, length) => {
+                let half = 0.5 * f64::from(length);
+                std::array::from_fn(|k| if k == along { half } else { radius.into() })
+            }
+        }
+    }
+
     pub(crate) fn random_site(self, word: u32) -> u32 {
         let Self::Lattice(_, sites) = self else { return 0 };
         let count: u128 = sites.map(u128::from).into_iter().product();
@@ -187,8 +226,8 @@ impl Shape {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Species;
     use crate::random::philox::Purpose;
-    use crate::{Model, Species};
 
     #[test]
     fn a_burst_belongs_to_the_step_that_begins_at_its_time() {
@@ -259,6 +298,39 @@ mod tests {
                 }
             }
             assert!(mean.iter().all(|m| m.abs() < 5.0 * 2.0 / f64::from(n).sqrt()), "{shape:?} {mean:?}");
+        }
+    }
+
+    #[test]
+    fn places_beyond_the_range_of_numbers_are_refused() {
+        let check = |center, shape| {
+            let transmitter = Transmitter { name: "tx".into(), center, shape, ..Transmitter::default() };
+            Model { time_step: 0.1, transmitters: vec![transmitter], ..Model::default() }.check()
+        };
+        let far = [0.0, 3e38, 0.0];
+        let accepted = [
+            Shape::Point,
+            Shape::Gaussian(5e36),
+            Shape::Shell(0.0, 3e37),
+            Shape::Box([3e38, 6e37, 1.0]),
+            Shape::Cylinder(1, 3e38, 6e37),
+        ];
+        for shape in accepted {
+            assert!(check(far, shape).is_ok(), "{shape:?}");
+        }
+        let refused = [
+            Shape::Gaussian(1e37),
+            Shape::Shell(1.0, 5e37),
+            Shape::Box([2e38; 3]),
+            Shape::Cylinder(0, 1e38, 1.0),
+        ];
+        for shape in refused {
+            let error = check(far, shape).unwrap_err().to_string();
+            let expected = "tx may release particles at coordinates up to ";
+            assert!(
+                error.contains(expected) && error.contains("more than the limit of 3.4e38 µm"),
+                "{error}"
+            );
         }
     }
 

@@ -101,7 +101,7 @@ impl Model {
         if let Some(message) = self.idle_contact().or_else(|| self.groundless_flow()) {
             return Err(Error::Model(message));
         }
-        if let Some(message) = self.beyond_dimensions() {
+        if let Some(message) = self.beyond_dimensions().or_else(|| self.release_beyond_range()) {
             return Err(Error::Model(message));
         }
         if let Some([from, until]) = self.flow_pulse.filter(|[from, until]| !(*from >= 0.0 && from < until)) {

@@ -73,6 +73,9 @@ impl Propagator {
     }
 
     /// Moves all particles and returns their events, in order. `flights` are the paths after collisions.
+    ///
+    /// # Errors
+    /// [`Error::NotFinite`] if positions exceed the range of `f32`. [`Error::Step`] from the search for receivers.
     pub(crate) fn advance(
         &self,
         particles: &mut Particles,
@@ -98,14 +101,20 @@ impl Propagator {
             id.par_chunks(CHUNK),
             species.par_chunks(CHUNK),
         );
-        let (events, unsure): (Vec<Vec<Event>>, Vec<Vec<ParticleMove>>) = chunks
+        let moved: Vec<MovedChunk> = chunks
             .into_par_iter()
             .enumerate()
             .map(|(chunk, (x, y, z, velocity, id, species))| {
                 let chunk = Chunk { base: chunk * CHUNK, position: [x, y, z], velocity, id, species };
                 self.advance_chunk(chunk, seen, flights, now)
             })
-            .unzip();
+            .collect();
+        let lost = moved.iter().map(|chunk| chunk.lost as u64).sum();
+        if lost > 0 {
+            return Err(Error::NotFinite { step: now.step, particles: lost });
+        }
+        let split = |chunk: MovedChunk| (chunk.events, chunk.unsure);
+        let (events, unsure): (Vec<_>, Vec<_>) = moved.into_iter().map(split).unzip();
         let mut events = events.concat();
         if let Some(receiver_search) = receiver_search {
             if searches {
@@ -123,7 +132,7 @@ impl Propagator {
         receiver_search: Option<&ReceiverSearch>,
         flights: Option<&[Flight]>,
         now: StepKey,
-    ) -> (Vec<Event>, Vec<ParticleMove>) {
+    ) -> MovedChunk {
         let Chunk { base, position: [x, y, z], velocity, id, species } = chunk;
         let has_membranes = self.surfaces.has_membranes();
         let watches = !self.surfaces.is_empty() || !self.decays.is_empty();
@@ -183,7 +192,7 @@ impl Propagator {
                 }
             }
         }
-        (events, unsure)
+        MovedChunk { events, unsure, lost: non_finite([x, y, z]) }
     }
 
     #[inline(always)]
@@ -304,6 +313,20 @@ impl Propagator {
         }
         Ok(events)
     }
+}
+
+struct MovedChunk {
+    events: Vec<Event>,
+    /// Near receivers that are not yet known.
+    unsure: Vec<ParticleMove>,
+    /// Number of positions that are not finite.
+    lost: usize,
+}
+
+/// Returns the number of positions that are not finite.
+fn non_finite([x, y, z]: [&[f32]; 3]) -> usize {
+    let lost = |((x, y), z): ((&f32, &f32), &f32)| !(x.is_finite() & y.is_finite() & z.is_finite());
+    x.iter().zip(y).zip(z).map(|position| usize::from(lost(position))).sum()
 }
 
 struct Chunk<'a> {

@@ -2,7 +2,7 @@ use lazygrid::Algorithm;
 
 use super::*;
 use crate::motion::collisions::tests::{remove_table, with_points};
-use crate::{Contact, Shape, Transmitter};
+use crate::{Boundary, Contact, Error, Shape, Species, Transmitter};
 
 #[test]
 fn collisions_without_the_table_are_the_same() {
@@ -32,4 +32,30 @@ fn collisions_without_the_table_are_the_same() {
         assert!(with.totals.contacts > 50 && with.totals.reacted[0] > 3, "{:?}", with.totals);
         assert!(with == end(&model, false), "{contact:?}");
     }
+}
+
+fn three_particles(species: Species, contact: Contact) -> Simulation {
+    let burst = Transmitter { release: vec![(0, 3)], ..Transmitter::default() };
+    let boundary = match contact {
+        Contact::Ignore => Boundary::default(),
+        _ => Boundary::periodic([-1.0; 3], [1.0; 3]),
+    };
+    let model = Model {
+        time_step: 1.0,
+        species: vec![species],
+        transmitters: vec![burst],
+        contact,
+        boundary,
+        ..Model::default()
+    };
+    Simulation::new(model, 1, Algorithm::Auto).expect("a model")
+}
+
+#[test]
+fn positions_beyond_the_range_of_numbers_are_an_error() {
+    let drift = [2e38, 0.0, 0.0];
+    let mut simulation = three_particles(Species { drift, ..Species::default() }, Contact::Ignore);
+    simulation.step().expect("positions up to 2e38");
+    let error = simulation.step().expect_err("an error");
+    assert!(matches!(error, Error::NotFinite { step: 1, particles: 3 }), "{error}");
 }

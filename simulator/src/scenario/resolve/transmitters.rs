@@ -23,6 +23,9 @@ pub(super) fn transmitters(
         if let Schedule::Message(message) = &own.schedule {
             symbols += message.symbols.len() as usize;
         }
+        if let Some(message) = own.places_beyond_range() {
+            return Err(Problem::at(span, message));
+        }
         if symbols > MAX_BITS {
             let message = format!(
                 "the transmitters up to '{}' send {symbols} symbols, more than the limit of {MAX_BITS}; send fewer",

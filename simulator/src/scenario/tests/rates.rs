@@ -80,3 +80,15 @@ fn contradictory_releases_are_refused_at_their_line() {
     let source = format!("[[source]]\nequation = '-> A'\nrate = 1\n{ball}");
     assert_refused(parse(&(decays("0.01", &[]) + &source)), "shape", inverted);
 }
+
+#[test]
+fn releases_beyond_the_range_of_numbers_are_refused_at_their_line() {
+    let shape = "center = [3e38, 0, 0]\nshape = { kind = 'gaussian', width = 1e38 }\n";
+    let release = "release = [{ species = 'A', count = 9 }]\n";
+    let text = decays("0.1", &[]) + "[[transmitter]]\nname = 'tx'\n" + shape + release;
+    let refused = parse(&text).unwrap_err().to_string();
+    assert!(
+        refused.contains("line 16, `name`: tx may release particles at coordinates up to 9.0e38"),
+        "{refused}"
+    );
+}
