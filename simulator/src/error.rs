@@ -54,6 +54,21 @@ pub enum Error {
         /// Collisions at which the step stopped.
         collisions: u64,
     },
+    #[error(
+        "step {step}: a particle moves up to {way:.3e} µm in one step, and collisions are followed over {limit:.3e} µm at most, \
+         {searches} times the distance that one search for neighbors covers; shorten the time step, or let contact = \"count\" \
+         only count overlaps"
+    )]
+    LongPaths {
+        /// Step, from 0.
+        step: u32,
+        /// In µm.
+        way: f64,
+        /// In µm.
+        limit: f64,
+        /// Largest number of searches for neighbors in a step.
+        searches: u32,
+    },
     /// A step that a GPU cannot do.
     #[error("{source}; --resume --backend cpu continues from the checkpoint of step {step}")]
     StoppedOnGpu {

@@ -164,7 +164,8 @@ impl Simulation {
     /// react or separate, and transmitters release.
     ///
     /// # Errors
-    /// [`Error::OutOfIds`], [`Error::Collisions`], and [`Error::Step`] from the detector.
+    /// [`Error::OutOfIds`], [`Error::Collisions`], [`Error::LongPaths`], [`Error::NotFinite`], and [`Error::Step`] from the
+    /// detector.
     pub fn step(&mut self) -> Result<(), Error> {
         let free = binding::free(&self.model, &self.state.totals.occupied);
         let moved = self.advance(&free, &mut Undivided)?;

@@ -79,6 +79,8 @@ const ALLOWANCE: [f64; 2] = [0.25, 0.25];
 const TOP_SPEED: f64 = 1.15;
 /// Largest mean number of collisions per particle and step.
 const MAX_COLLISIONS: u64 = 1000;
+/// Largest number of windows of a step at its top speed. Each is a search for candidates.
+const MAX_WINDOWS: u32 = 100_000;
 /// Number of collisions that a step may have in addition, for runs of few particles.
 const MIN_BUDGET: u64 = 1_000_000;
 
@@ -98,7 +100,8 @@ impl Collisions {
     /// Changes the flights, and returns the number of collisions on all ranks. Collective.
     ///
     /// # Errors
-    /// [`Error::Step`] from the detector, [`Error::Collisions`] above [`MAX_COLLISIONS`].
+    /// [`Error::Step`] from the detector, [`Error::Collisions`] above [`MAX_COLLISIONS`], [`Error::LongPaths`] above
+    /// [`MAX_WINDOWS`].
     pub(crate) fn resolve<H: Halo>(
         &mut self,
         particles: &Particles,
@@ -138,7 +141,11 @@ impl Collisions {
             if !(top_speed > 0.0 && top_speed.is_finite()) {
                 break;
             }
-            let allowance = most.min(top_speed * (1.0 - now));
+            let way = top_speed * (1.0 - now);
+            if way > f64::from(MAX_WINDOWS) * most {
+                return halo.agree(Err(too_long(step, way, most)));
+            }
+            let allowance = most.min(way);
             scratch.movers.truncate(own);
             halo.add_ghosts(&mut scratch.movers, allowance)?;
             let candidates = self.candidates(scratch, allowance);
@@ -248,6 +255,11 @@ impl Extent {
             high: std::array::from_fn(|k| self.high[k].max(other.high[k])),
         }
     }
+}
+
+fn too_long(step: u32, way: f64, allowance: f64) -> Error {
+    let limit = f64::from(MAX_WINDOWS) * allowance;
+    Error::LongPaths { step, way, limit, searches: MAX_WINDOWS }
 }
 
 fn fastest<H: Halo>(movers: &[Mover], halo: &mut H) -> f64 {

@@ -59,3 +59,12 @@ fn positions_beyond_the_range_of_numbers_are_an_error() {
     let error = simulation.step().expect_err("an error");
     assert!(matches!(error, Error::NotFinite { step: 1, particles: 3 }), "{error}");
 }
+
+#[test]
+fn collisions_on_paths_of_too_many_searches_are_refused() {
+    let sphere = |thermal_speed| Species { radius: 0.1, thermal_speed, ..Species::default() };
+    three_particles(sphere(100.0), Contact::Elastic).step().expect("a step");
+    let error = three_particles(sphere(1e7), Contact::Elastic).step().expect_err("an error").to_string();
+    let expected = "collisions are followed over ";
+    assert!(error.contains(expected) && error.contains("100000 times the distance"), "{error}");
+}
