@@ -81,11 +81,17 @@ impl Reactions {
         reactants.dedup();
         let mut rows = vec![u32::MAX; model.species.len()];
         (0..).zip(&reactants).for_each(|(row, &species)| rows[species as usize] = row);
-        let all = || reactants.iter().flat_map(|&a| reactants.iter().map(move |&b| [a, b]));
+        let mut table = vec![Vec::new(); reactants.len() * reactants.len()];
+        for pair in chances.pairs() {
+            let [a, b] = pair.map(|species| rows[species as usize] as usize);
+            let shells = shells(model, chances, pair);
+            table[b * reactants.len() + a].clone_from(&shells);
+            table[a * reactants.len() + b] = shells;
+        }
         Self {
             reactants: reactants.len(),
             rows,
-            table: all().map(|pair| shells(model, chances, pair)).collect(),
+            table,
             reactions: model.reactions.clone(),
             shares: model.reactions.iter().map(|reaction| shares(model, reaction)).collect(),
             boundary: model.boundary,
