@@ -181,6 +181,11 @@ impl Network<'_> {
             let message = "a rate in µm³/s needs three dimensions; give a binding-radius, with a probability or rate-inside";
             return Err(Problem::at(rate.span(), message.to_owned()));
         }
+        if draft.diffusion == 0.0 {
+            let message = "the reactants do not diffuse, and a rate is that of diffusion; give one of them a diffusion coefficient, \
+                           or the reaction a binding-radius and rate-inside";
+            return Err(Problem::at(rate.span(), message.to_owned()));
+        }
         let refused = |error: crate::Error| Problem::at(rate.span(), error.to_string());
         let (total, dt) = (self.total_rate(draft), self.time_step);
         let Some(Reverse { name, apart, kept }) =

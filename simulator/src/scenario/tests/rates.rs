@@ -82,6 +82,15 @@ fn contradictory_releases_are_refused_at_their_line() {
 }
 
 #[test]
+fn rate_of_reactants_that_do_not_diffuse_is_refused() {
+    let text = decays("0.1", &[]) + "[[reaction]]\nequation = 'A + B -> C'\nrate = 5\n";
+    assert!(parse(&text).is_ok());
+    let refused = parse(&text.replace("diffusion = 1", "diffusion = 0")).unwrap_err().to_string();
+    let expected = "`rate`: the reactants do not diffuse, and a rate is that of diffusion; give one of them";
+    assert!(refused.contains(expected), "{refused}");
+}
+
+#[test]
 fn releases_beyond_the_range_of_numbers_are_refused_at_their_line() {
     let shape = "center = [3e38, 0, 0]\nshape = { kind = 'gaussian', width = 1e38 }\n";
     let release = "release = [{ species = 'A', count = 9 }]\n";
