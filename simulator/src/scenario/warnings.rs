@@ -1,5 +1,6 @@
 mod absorption;
 mod collisions;
+mod decays;
 mod gaps;
 mod passage;
 mod resolution;
@@ -8,6 +9,7 @@ mod transport;
 
 pub(super) use self::absorption::long_step_to_absorber;
 pub(super) use self::collisions::many_collisions;
+pub(super) use self::decays::fast_decays;
 pub(super) use self::gaps::{long_step_across_gap, long_step_between_walls, overlapping_absorbers};
 pub(super) use self::passage::{long_step_between_membranes, long_step_through};
 pub(super) use self::resolution::{rounded_receiver_steps, rounded_steps};
@@ -17,10 +19,9 @@ pub(super) use self::transport::{
     long_receiver_step_through, long_step_across_flow, swept_by_motion, unresolved_flow,
 };
 use crate::model::boundary::{Axis, Boundary};
-use crate::model::probability::undoes;
 use crate::model::receiver::{Adsorption, Receiver, ReceiverKind, signed_distance};
-use crate::model::transmitter::{Schedule, Shape, Transmitter};
-use crate::model::{Decay, Flow, Model, Reaction, Species, Unbinding};
+use crate::model::transmitter::{Shape, Transmitter};
+use crate::model::{Flow, Model, Species};
 use crate::reaction::rate;
 
 /// Returns `true` if walls separate a whole sphere from the inside.
@@ -116,8 +117,6 @@ pub(super) fn long_step(
     ))
 }
 
-/// Largest step, in lifetimes, of a particle that can decay in the next step at the earliest.
-const FAST_DECAY: f64 = 0.02;
 /// Largest step, in mean times to an event that is tested at the ends of steps only.
 const FAST_REACTION: f64 = 0.2;
 
@@ -130,64 +129,6 @@ pub(super) fn fast_reaction(equation: &str, rate: f64, time_step: f64) -> Option
             below(FAST_REACTION / rate)
         )
     })
-}
-
-/// Decays and dissociations of released particles and of products of decays are right at any step length. The
-/// exceptions: nothing dissociates between a release and the end of its step, and products of a species that can
-/// dissociate begin at the end of its step.
-pub(super) fn fast_decay(model: &Model, decay: &Decay) -> Option<String> {
-    let part = decay.rate * model.time_step;
-    let species = decay.reactant;
-    // Association and dissociation within the same ball keep the right proportion.
-    let exchanged = |reaction: &Reaction| {
-        let back =
-            |decay: &&Decay| undoes(decay, reaction) && matches!(decay.unbinding, Unbinding::Within(_));
-        model.decays.iter().any(|decay| back(&decay) && decay.reactant == species)
-    };
-    let from_pairs = model
-        .reactions
-        .iter()
-        .any(|reaction| reaction.products.contains(&Some(species)) && !exchanged(reaction));
-    // If a species dissociates, all of its decays happen at the end of the step.
-    let from_late = model
-        .decays
-        .iter()
-        .any(|decay| decay.products.contains(&Some(species)) && model.dissociates(decay.reactant));
-    let is_steady = |one: &&Transmitter| matches!(one.schedule, Schedule::Steady { .. });
-    let released_within_a_step = || {
-        let ancestors = ancestors(model, species);
-        let steady = model.transmitters.iter().filter(is_steady);
-        steady.flat_map(Transmitter::species).any(|released| ancestors.contains(&released))
-    };
-    let late = model.dissociates(species) && released_within_a_step();
-    (part > FAST_DECAY && (from_pairs || from_late || late)).then(|| {
-        let name = &model.species[species as usize].name;
-        format!(
-            "'{}': {:.1} % of {name} decay in a step, and those that pairs or a species that can dissociate form, or that \
-             dissociate after a release within a step, decay in the next step at the earliest, so that they live half a step too \
-             long on average; time-step = {} is short enough",
-            decay.name,
-            100.0 * part,
-            below(FAST_DECAY / decay.rate)
-        )
-    })
-}
-
-/// Returns a species and all whose decays lead to it without dissociation.
-fn ancestors(model: &Model, species: u32) -> Vec<u32> {
-    let mut found = vec![species];
-    let mut next = 0;
-    while let Some(&product) = found.get(next) {
-        let before = model.decays.iter().filter(|decay| !model.dissociates(decay.reactant));
-        let leads = before.filter(|decay| decay.products[0] == Some(product)).map(|decay| decay.reactant);
-        for reactant in leads {
-            if !found.contains(&reactant) {
-                found.push(reactant);
-            }
-        }
-        next += 1;
-    }
-    found
 }
 
 /// Largest √(2DΔt), in radii, near a reflecting surface.

@@ -105,10 +105,9 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
     if let Some((k, message)) = faulty_chain(&model) {
         return Err(Problem::at(file.decays[k].rate.span(), message));
     }
-    for ((decay, rounded), from) in
-        model.decays.iter().zip(warnings::rounded_decays(&model)).zip(&file.decays)
-    {
-        let messages = [warnings::fast_decay(&model, decay), rounded].into_iter().flatten();
+    let of_decays = warnings::fast_decays(&model).into_iter().zip(warnings::rounded_decays(&model));
+    for ((fast, rounded), from) in of_decays.zip(&file.decays) {
+        let messages = [fast, rounded].into_iter().flatten();
         warnings.extend(messages.map(|message| Problem::at(from.rate.span(), message)));
     }
     for (rounded, from) in warnings::rounded_reactions(&model).into_iter().zip(&file.reactions) {

@@ -34,6 +34,40 @@ fn products_of_a_species_that_can_dissociate_are_warned_of() {
 }
 
 #[test]
+fn reactants_that_decay_within_a_step_are_warned_of() {
+    let text = |time_step: &str, equation: &str, more: &str| {
+        let of_pair = "[[reaction]]\nequation = 'A + B -> C'\nbinding-radius = 1\nrate-inside = 0.01\n";
+        let release = "[[transmitter]]\nname = 'tx'\nrelease = [{ species = 'A', count = 9 }]\n";
+        decays(time_step, &[(equation, "3"), ("C -> D", "0.1")]) + of_pair + release + more
+    };
+    let warnings = |time_step, equation, more| parse(&text(time_step, equation, more)).unwrap().warnings;
+    let said = warnings("0.1", "A ->", "");
+    assert_warns(&said, "'A ->': 30.0 % of A decay in a step, and pairs react at the ends of steps");
+    assert!(said.iter().any(|one| one.contains("so that up to 25.9 % too few react")), "{said:?}");
+    assert_eq!(warnings(advised_step(&said[0]), "A ->", ""), [""; 0]);
+    // Products of a decay are as many at the ends of steps as within these.
+    assert_eq!(warnings("0.1", "B ->", ""), [""; 0]);
+    let other = "[[transmitter]]\nname = 'other'\nrelease = [{ species = 'B', rate = 9 }]\n";
+    assert_warns(&warnings("0.1", "B -> D", other), "'B -> D': 30.0 % of B decay in a step");
+    // A catalyst is not formed.
+    let catalyst = text("0.1", "A ->", "").replace("A + B -> C", "A + B -> A + C");
+    assert_warns(&parse(&catalyst).unwrap().warnings, "up to 25.9 % too few react");
+}
+
+#[test]
+fn decays_of_one_species_are_added_up() {
+    let all = [("C -> A + B", "1"), ("C -> D", "2"), ("C ->", "1.5"), ("D -> C", "1")];
+    let said = parse(&decays("0.0045", &all)).unwrap().warnings;
+    assert_eq!(said, [""; 0]);
+    let pair = "[[reaction]]\nequation = 'A + B -> C'\nbinding-radius = 1\nunbinding-radius = 2\n";
+    let pair = pair.replace("unbinding-radius = 2\n", "rate-inside = 0.1\n");
+    let text = |time_step: &str| decays(time_step, &all).replace("C -> A + B", "C -> A + A") + &pair;
+    let said = parse(&text("0.0045")).unwrap().warnings;
+    assert_warns(&said, "'C -> D': 2.0 % of C decay in a step");
+    assert_eq!(parse(&text(advised_step(&said[0]))).unwrap().warnings, [""; 0]);
+}
+
+#[test]
 fn excessive_probabilities_are_refused_with_a_time_step_that_works() {
     let text = |time_step: &str, more: &str| {
         let one = "[[reaction]]\nequation = 'A + B -> C'\nbinding-radius = 1\nprobability = 0.8\n";
