@@ -72,11 +72,19 @@ impl ReceiverState {
     pub(crate) fn heights(&self, domain: &Boundary, ends: [[f32; 3]; 2], parts: [f32; 2]) -> [f32; 2] {
         let radius = self.receiver.radius;
         let height = |k: usize| signed_distance(radius, self.center_at(parts[k]), domain, ends[k]);
-        let side = |k: usize| domain.displacement(self.center_at(parts[k]), ends[k])[0];
-        match self.dimensions == 1 && side(0) * side(1) < 0.0 {
+        match self.dimensions == 1 && self.is_passed(domain, ends, parts) {
             true => [height(0), -height(1) - 2.0 * radius],
             false => [height(0), height(1)],
         }
+    }
+
+    /// Returns `true` if the ends of a path in one dimension are on two sides of the center.
+    fn is_passed(&self, domain: &Boundary, ends: [[f32; 3]; 2], parts: [f32; 2]) -> bool {
+        let [from, to] = [0, 1].map(|k| domain.displacement(self.center_at(parts[k]), ends[k])[0]);
+        let period = domain.axes[0].period();
+        // Half a period away, the sides change, too.
+        let is_opposite = period > 0.0 && 2.0 * (from - to).abs() > period;
+        from * to < 0.0 && !is_opposite
     }
 
     pub(crate) fn reactivities(&self, species: u32) -> impl Iterator<Item = f64> {
@@ -188,4 +196,23 @@ pub(crate) fn move_receivers(model: &Model, centers: &[[f32; 3]], key: Key, step
         Place { center: after, displacement }
     };
     model.receivers.iter().zip(centers).enumerate().map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn path_opposite_to_a_segment_in_a_periodic_box_does_not_pass_it() {
+        let receiver = Receiver { center: [2.0, 0.0, 0.0], radius: 0.5, ..Receiver::default() };
+        let segment = ReceiverState { dimensions: 1, ..ReceiverState::new(0, receiver, 1.0) };
+        let domain = |axis| Boundary { axes: [axis, Axis::Frozen, Axis::Frozen], vessel: None };
+        let heights = |axis, [from, to]: [f32; 2]| {
+            segment.heights(&domain(axis), [from, to].map(|x| [x, 0.0, 0.0]), [0.0, 1.0])
+        };
+        let periodic = Axis::Periodic { low: 0.0, high: 10.0 };
+        assert_eq!(heights(periodic, [6.75, 7.25]), [4.25, 4.25]);
+        assert_eq!(heights(periodic, [1.25, 2.75]), [0.25, -1.25]);
+        assert_eq!(heights(Axis::Open, [-6.0, 8.0]), [7.5, -6.5]);
+    }
 }

@@ -18,8 +18,12 @@ fn entry_time(start: vec3<f32>, displacement: vec3<f32>, radius: f32) -> f32 {
 fn heights_between(radius: f32, centers: mat2x3<f32>, ends: mat2x3<f32>) -> vec2<f32> {
     let a = signed_distance(radius, centers[0], ends[0]);
     let b = signed_distance(radius, centers[1], ends[1]);
-    let sides = minimum_image(ends[0] - centers[0]).x * minimum_image(ends[1] - centers[1]).x;
-    return vec2(a, select(b, -b - 2.0 * radius, params.axes.y == FROZEN && sides < 0.0));
+    let from_x = minimum_image(ends[0] - centers[0]).x;
+    let to_x = minimum_image(ends[1] - centers[1]).x;
+    // Half a period away, the sides change, too.
+    let is_opposite = params.axes.x == 2u && 2.0 * abs(from_x - to_x) > params.high.x - params.low.x;
+    let passes = params.axes.y == FROZEN && from_x * to_x < 0.0 && !is_opposite;
+    return vec2(a, select(b, -b - 2.0 * radius, passes));
 }
 
 fn heights_of(event: EventRow, receiver: ReceiverRow, path: Path) -> vec2<f32> {
