@@ -19,19 +19,22 @@ fn coordinate(key: u32) -> f32 {
 fn largest_allowance() -> f32 {
     let largest = params.largest_radius;
     var volume = 1.0;
+    var dimensions = 0.0;
     var image = NO_LIMIT;
     for (var k = 0u; k < 3u; k++) {
-        var extent = params.high[k] - params.low[k];
         if (params.axes[k] == FROZEN) {
-            extent = 0.0;
-        } else if (params.axes[k] == 0u) {
+            continue;
+        }
+        dimensions += 1.0;
+        var extent = params.high[k] - params.low[k];
+        if (params.axes[k] == 0u) {
             extent = coordinate(atomicLoad(&window.highs[k])) - coordinate(~atomicLoad(&window.lows[k]));
         } else if (params.axes[k] == 2u) {
             image = min(image, max(0.25 * extent - largest, 0.01 * largest));
         }
         volume *= max(extent, largest);
     }
-    let spacing = pow(volume / f32(control.count), 1.0 / 3.0);
+    let spacing = pow(volume / f32(control.count), 1.0 / dimensions);
     return min(image, max(ALLOWANCE * spacing, ALLOWANCE * largest));
 }
 

@@ -188,15 +188,20 @@ impl Collisions {
         let axes = self.rules.boundary.axes;
         let extent = |k: usize| match axes[k] {
             Axis::Reflecting { low, high } | Axis::Periodic { low, high } => f64::from(high - low),
-            Axis::Frozen => 0.0,
-            Axis::Open => high[k] - low[k],
+            _ => high[k] - low[k],
         };
-        let spacing = (0..3).map(extent).map(|x| x.max(largest)).product::<f64>() / count.max(1) as f64;
+        let present = (0..3).filter(|&k| axes[k] != Axis::Frozen);
+        let space = present.map(|k| extent(k).max(largest)).product::<f64>() / count.max(1) as f64;
+        let spacing = match self.rules.boundary.dimensions() {
+            3 => space.cbrt(),
+            2 => space.sqrt(),
+            _ => space,
+        };
         let image = axes.into_iter().filter_map(|axis| match axis {
             Axis::Periodic { low, high } => Some((f64::from(high - low) / 4.0 - largest).max(0.01 * largest)),
             _ => None,
         });
-        image.fold((ALLOWANCE[0] * spacing.cbrt()).max(ALLOWANCE[1] * largest), f64::min)
+        image.fold((ALLOWANCE[0] * spacing).max(ALLOWANCE[1] * largest), f64::min)
     }
 
     fn candidates(

@@ -2,7 +2,7 @@ use lazygrid::Algorithm;
 
 use super::*;
 use crate::motion::collisions::tests::{remove_table, with_points};
-use crate::{Boundary, Contact, Error, Shape, Species, Transmitter};
+use crate::{Axis, Boundary, Contact, Error, Shape, Species, Transmitter};
 
 #[test]
 fn collisions_without_the_table_are_the_same() {
@@ -67,4 +67,31 @@ fn collisions_on_paths_of_too_many_searches_are_refused() {
     let error = three_particles(sphere(1e7), Contact::Elastic).step().expect_err("an error").to_string();
     let expected = "collisions are followed over ";
     assert!(error.contains(expected) && error.contains("100000 times the distance"), "{error}");
+}
+
+#[test]
+fn small_spheres_on_a_line_collide_in_few_searches() {
+    let sphere = Species { radius: 1e-4, thermal_speed: 1.0, ..Species::default() };
+    let burst =
+        Transmitter { shape: Shape::Box([100.0, 1.0, 1.0]), release: vec![(0, 9)], ..Transmitter::default() };
+    let walls = Axis::Reflecting { low: -50.0, high: 50.0 };
+    let model = Model {
+        time_step: 200.0,
+        species: vec![sphere],
+        transmitters: vec![burst],
+        contact: Contact::Elastic,
+        boundary: Boundary { axes: [walls, Axis::Frozen, Axis::Frozen], vessel: None },
+        ..Model::default()
+    };
+    let mut simulation = Simulation::new(model, 1, Algorithm::Auto).expect("a model");
+    let order = |simulation: &Simulation| {
+        let particles = &simulation.state().particles;
+        let mut places: Vec<_> = (0..9).map(|at| (particles.position[0][at], particles.id[at])).collect();
+        places.sort_by(|a, b| a.0.total_cmp(&b.0));
+        places.into_iter().map(|(_, id)| id).collect::<Vec<_>>()
+    };
+    let before = order(&simulation);
+    simulation.step().expect("a step");
+    assert!(simulation.state().totals.contacts > 9, "{:?}", simulation.state().totals);
+    assert_eq!(order(&simulation), before);
 }
