@@ -13,7 +13,7 @@ pub(super) use self::decays::fast_decays;
 pub(super) use self::gaps::{long_step_across_gap, long_step_between_walls, overlapping_absorbers};
 pub(super) use self::passage::{long_step_between_membranes, long_step_through};
 pub(super) use self::resolution::{rounded_receiver_steps, rounded_steps};
-pub(super) use self::rounding::{rounded_decays, rounded_reactions, rounded_tumbles};
+pub(super) use self::rounding::{rounded_decays, rounded_reactions, rounded_tumbles, rounded_unbinding};
 pub(super) use self::transport::{
     drift_at_curved_wall, drift_at_plane_wall, drift_without_diffusion, frequent_tumbles,
     long_receiver_step_through, long_step_across_flow, swept_by_motion, unresolved_flow,

@@ -129,8 +129,10 @@ fn receiver(
     warnings.extend(warnings::long_step_before(&receiver, model).map(at_kind));
     let rates = one.unbinding_rate.as_ref().map(Spanned::span);
     if let Some(span) = rates.or_else(|| one.receptors.as_ref().map(Spanned::span)) {
-        let message = warnings::fast_unbinding(&receiver, model);
-        warnings.extend(message.map(|message| Problem::at(span, message)));
+        let messages =
+            [warnings::fast_unbinding(&receiver, model), warnings::rounded_unbinding(model, &receiver)];
+        let messages = messages.into_iter().flatten();
+        warnings.extend(messages.map(|message| Problem::at(span.clone(), message)));
     }
     Ok(receiver)
 }

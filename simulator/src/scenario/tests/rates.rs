@@ -135,3 +135,16 @@ fn releases_beyond_the_range_of_numbers_are_refused_at_their_line() {
         "{refused}"
     );
 }
+
+#[test]
+fn rare_unbinding_is_warned_of() {
+    let text = |rate: &str| {
+        let cell = "[[receiver]]\nname = 'cell'\ncenter = [0, 0, 0]\nradius = 9\nkind = 'receptors'\n";
+        let rates = format!("count = 1\nbinding-rate = 1e-6\nunbinding-rate = {rate}\n");
+        decays("0.1", &[]) + cell + &rates
+    };
+    let said = parse(&text("1e-8")).unwrap().warnings;
+    assert_warns(&said, "'unbinding of A from cell' has the probability 1.000e-9 in a step");
+    assert!(said[0].contains("its rate is off by 6.9 %"), "{said:?}");
+    assert_eq!(parse(&text("1e-6")).unwrap().warnings, [""; 0]);
+}
