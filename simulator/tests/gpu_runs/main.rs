@@ -302,6 +302,19 @@ fn particles_that_leave_the_range_of_numbers_are_an_error() {
 }
 
 #[test]
+fn state_beyond_the_range_of_numbers_is_an_error_without_pairs() {
+    let Some(own) = device() else { return };
+    let mut model = brownian(false);
+    model.time_step = 1.0;
+    model.boundary = Boundary::default();
+    model.species[0].drift = [2e38, 0.0, 0.0];
+    let mut run = gpu(&own, &model, 1);
+    run.run(5).expect("steps without a detector");
+    let error = run.state().expect_err("an error");
+    assert!(matches!(error, Error::NotFinite { step: 4, particles: 1000 }), "{error}");
+}
+
+#[test]
 fn a_lost_device_is_said_to_be_lost() {
     let Some(own) = or_skip(GpuDevice::open(SoftwareAdapter::Allow)) else { return };
     let mut run = gpu(&own, &brownian(true), 1);

@@ -13,7 +13,8 @@ const SPARED: u32 = 1 << 31;
 
 impl GpuSimulation {
     /// # Errors
-    /// [`Error::Detection`] if the device fails, and [`Error::UnknownState`] after such a failure in [`run`](Self::run).
+    /// [`Error::Detection`] if the device fails, [`Error::UnknownState`] after such a failure in [`run`](Self::run), and
+    /// [`Error::NotFinite`] if positions exceed the range of `f32`.
     pub fn state(&self) -> Result<State, Error> {
         self.check_state()?;
         let n = u64::from(self.alive);
@@ -50,6 +51,12 @@ impl GpuSimulation {
             bound.push(Bound { id, species, receiver, receptor, direction: [x, y, z] });
         }
         (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), sizes.has_velocity));
+        // Only the detector on the device looks for such positions.
+        let is_lost = |at: &usize| particles.position_of(*at).iter().any(|x| !x.is_finite());
+        let lost = (0..particles.len()).filter(is_lost).count() as u64;
+        if lost > 0 {
+            return Err(Error::NotFinite { step: self.step.saturating_sub(1), particles: lost });
+        }
         Ok(State { particles, bound, ..self.without_particles() })
     }
 
