@@ -30,7 +30,7 @@ mod species_classes;
 #[cfg(test)]
 mod test_support;
 
-pub use compare::{PairConsumer, PairFilter, Simd};
+pub use compare::{CandidateFilter, PairConsumer, PairFilter, Simd};
 pub use detector::{
     ChunkConsumer, HostBackend, HostDetector, PairFinder, PairSource, SearchBackend, Work, algorithm_choice,
     ranges,

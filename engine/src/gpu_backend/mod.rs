@@ -174,13 +174,14 @@ impl SearchBackend for GpuBackend {
             let distance = distance * prepared.frame.map_or(1.0, SearchFrame::scale);
             search.session.update_skin(Some(distance as f32).filter(|skin| SKIN_RANGE.contains(skin)))?;
         }
+        let filter = prepared.candidate_filter();
         let request = SearchRequest {
             spheres: prepared.spheres.without_groups(),
             split,
             interactions: interactions.as_ref(),
             space,
             algorithm,
-            filter: prepared.filter.as_ref().map(|filter| (filter, &**team)),
+            filter: filter.as_ref().map(|filter| (filter, &**team)),
         };
         let mut skin_controller = skin_controller.as_mut().filter(|_| split.is_none());
         if let Some(skin_controller) =

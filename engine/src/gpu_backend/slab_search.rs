@@ -1,7 +1,9 @@
 use std::ops::{ControlFlow, Range};
 use std::time::Instant;
 
-use lazygrid_host::{ChunkConsumer, Executor, PairConsumer, PairFilter, PairSource, PhaseTime, Team, ranges};
+use lazygrid_host::{
+    CandidateFilter, ChunkConsumer, Executor, PairConsumer, PairSource, PhaseTime, Team, ranges,
+};
 use lazygrid_kernels::{Algorithm, Interactions, Pair, Space, Spheres, try_reserve};
 
 use super::slabs::{Slab, SlabInput, Slabs};
@@ -16,7 +18,7 @@ pub(super) struct SearchRequest<'a> {
     pub(super) interactions: Option<&'a Interactions>,
     pub(super) space: Space,
     pub(super) algorithm: Algorithm,
-    pub(super) filter: Option<(&'a PairFilter<'a>, &'a Team)>,
+    pub(super) filter: Option<(&'a CandidateFilter<'a>, &'a Team)>,
 }
 
 impl SearchRequest<'_> {

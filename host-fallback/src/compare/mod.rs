@@ -1,3 +1,4 @@
+mod candidate_filter;
 mod columns;
 mod delivery;
 mod effective_rows;
@@ -8,6 +9,7 @@ mod simd;
 mod sink;
 mod triclinic_filter;
 
+pub use candidate_filter::CandidateFilter;
 pub(crate) use columns::{Columns, ColumnsMut, MAX_LANES};
 pub(crate) use delivery::deliver_unordered;
 pub(crate) use effective_rows::{EffectiveLoop, EffectiveRows};

@@ -110,10 +110,9 @@ impl<'a> PairTest<'a> {
 
     pub(crate) fn filtered(self, filter: Option<&'a PairFilter<'a>>, frame: Option<&'a SearchFrame>) -> Self {
         // Orthogonalized coordinates, trimmed frames and effective radii leave every contact uncertain.
-        let is_by_radii = filter.is_none_or(|filter| filter.is_contact() && filter.is_by_radii());
+        let is_by_radii = filter.is_none_or(PairFilter::is_contact_of_radii);
         let is_certain = frame.is_none_or(SearchFrame::has_certain_contacts) && is_by_radii;
-        let triclinic = frame.and_then(TriclinicFilter::of_frame);
-        let triclinic = triclinic.map(|near| if is_by_radii { near } else { near.without_certain() });
+        let triclinic = frame.and_then(|frame| TriclinicFilter::of_candidates(frame, filter));
         Self { filter, frame, triclinic, is_plain: self.is_plain && is_certain, ..self }
     }
 

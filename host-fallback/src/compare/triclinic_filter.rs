@@ -1,7 +1,7 @@
 #[cfg(doc)]
 use lazygrid_kernels::DistanceMap;
 
-use super::{Columns, MAX_LANES, Xyzr};
+use super::{Columns, MAX_LANES, PairFilter, Xyzr};
 use crate::frame::SearchFrame;
 
 /// Relative and absolute slack of certain contacts; the absolute one is a fraction of the longest axis.
@@ -45,7 +45,7 @@ pub(crate) struct TriclinicFilter {
 
 impl TriclinicFilter {
     /// Returns `None` unless the frame is triclinic, and in cells of extreme size or shape.
-    pub(crate) fn of_frame(frame: &SearchFrame) -> Option<Self> {
+    fn of_frame(frame: &SearchFrame) -> Option<Self> {
         let cell = frame.orthogonalization()?;
         let (map, lengths) = (cell.distance_map()?, cell.space().lengths_f32());
         let shortest = lengths.into_iter().flatten().fold(f32::INFINITY, f32::min);
@@ -61,7 +61,14 @@ impl TriclinicFilter {
         Some(if frame.has_least_growth() { filter } else { filter.without_certain() })
     }
 
-    pub(crate) fn without_certain(self) -> Self {
+    /// Returns the filter of candidates that `exact` decides.
+    pub(crate) fn of_candidates(frame: &SearchFrame, exact: Option<&PairFilter<'_>>) -> Option<Self> {
+        let near = Self::of_frame(frame)?;
+        let is_by_radii = exact.is_none_or(PairFilter::is_contact_of_radii);
+        Some(if is_by_radii { near } else { near.without_certain() })
+    }
+
+    fn without_certain(self) -> Self {
         Self { certain_slack: f32::INFINITY, ..self }
     }
 

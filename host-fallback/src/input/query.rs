@@ -9,7 +9,7 @@ use super::copy::{copy, map_to_frame};
 use super::input_spheres::InputSpheres;
 use super::species_groups::SpeciesGroups;
 use super::validate::{check_species, check_valid};
-use crate::compare::{PairFilter, PairTest};
+use crate::compare::{CandidateFilter, PairFilter, PairTest};
 use crate::executor::Executor;
 use crate::frame::{Bounds, RowsByIndex, SearchFrame};
 use crate::memory::{try_resize, with_growth};
@@ -55,6 +55,11 @@ impl PreparedQuery<'_> {
     /// Returns `None` without interactions.
     pub fn present_species(&self) -> Option<&SpeciesGroups> {
         self.groups
+    }
+
+    /// Returns the filter of listed candidates; `None` if none is needed.
+    pub fn candidate_filter(&self) -> Option<CandidateFilter<'_>> {
+        self.filter.as_ref().map(|exact| CandidateFilter::new(exact, self.frame, self.spheres))
     }
 
     pub(crate) fn test<'q>(&'q self, settings: &'q Settings) -> PairTest<'q> {
