@@ -251,7 +251,9 @@ impl GpuSkinDetector {
 
     fn allocate(&self, capacities: [u32; 3]) -> Result<Resident, Error> {
         let buffers = self.buffers(capacities);
-        check_buffers(&buffers, &DeviceLimits::of(&self.device))?;
+        let limits = DeviceLimits::of(&self.device);
+        check_buffers(&buffers, &limits)?;
+        limits.check_indirect()?;
         let buffers = Buffers::allocate(&self.device, &buffers)?;
         Ok(Resident { capacities, buffers, candidates: None })
     }

@@ -3,7 +3,7 @@ use std::collections::HashSet;
 use bytemuck::Pod;
 use encase::{ShaderType, StorageBuffer};
 use lazygrid_kernels::layout::Grid;
-use lazygrid_kernels::{Algorithm, Space, Sphere};
+use lazygrid_kernels::{Algorithm, Interaction, Interactions, Space, Sphere};
 
 use super::*;
 use crate::gpu::Outcome;
@@ -166,4 +166,23 @@ fn split_and_unsplit_cells_share_spheres() {
         sharing.iter().filter(|&&count| count > 20).count() > 1,
         "spheres in cells of both kinds: {sharing:?}"
     );
+}
+
+#[test]
+fn empty_table_of_interactions_quarantines_all_spheres() {
+    let Some(gpu) = device_or_skip() else { return };
+    let table = Interactions::new(0, Interaction::Touch).expect("an empty table");
+    let spheres = upload(&gpu, &[Sphere::new([1.0; 3], 0.5); 600]);
+    let species = upload(&gpu, &[0_u32; 600]);
+    for (&algorithm, radix_sort_from) in
+        Algorithm::GPU.iter().flat_map(|algorithm| [(algorithm, 0), (algorithm, u32::MAX)])
+    {
+        let settings = GpuConfig::default().algorithm(algorithm).interactions(table.clone());
+        let mut detector = detector(&gpu, settings.radix_sort_from(radix_sort_from));
+        let mut call = encoder(&gpu);
+        let input = GpuSpheres::new(&spheres, 600).with_species(&species);
+        let output = detector.encode(&mut call, &input).expect("recorded");
+        let outcome: Vec<Outcome> = download(&gpu, call, &output.outcome, 1);
+        assert_eq!((outcome[0].quarantined, outcome[0].found()), (600, 0), "{algorithm}");
+    }
 }

@@ -208,7 +208,7 @@ impl DispatchSequence {
     fn workgroups_per_dimension(&self) -> u32 {
         let of = |dispatch: &PlanDispatch| match dispatch.workgroups {
             Workgroups::Fixed([x, y]) => x.max(y),
-            Workgroups::Indirect { .. } => 65_535,
+            Workgroups::Indirect { .. } => DeviceLimits::INDIRECT_GROUPS,
         };
         self.dispatches.iter().map(of).max().unwrap_or(0)
     }

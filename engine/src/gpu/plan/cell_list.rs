@@ -44,7 +44,7 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
     plan.cells = wanted.min(most - most / ROUNDED) as u32;
     // Two more counters and the largest one follow the cells. `scan_once` reads four at once.
     plan.counters = (plan.cells + plan.cells / ROUNDED as u32 + 3).next_multiple_of(4);
-    plan.occupancy_slots = request.spheres.max(256).next_power_of_two().min(MAX_DENSITY_SLOTS);
+    plan.occupancy_slots = request.spheres.clamp(256, MAX_DENSITY_SLOTS).next_power_of_two();
     if is_counted {
         plan.tile = 0;
         if request.spheres <= MAX_SMALL_CALL {

@@ -1,3 +1,5 @@
+use crate::Error;
+
 /// The device limits that a plan respects.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -34,6 +36,21 @@ impl From<&wgpu::Limits> for DeviceLimits {
 }
 
 impl DeviceLimits {
+    /// Kernels write at most this number of workgroups per dimension of an indirect dispatch, as every GPU supports.
+    pub(super) const INDIRECT_GROUPS: u32 = 65_535;
+
+    /// # Errors
+    /// [`Error::LimitExceeded`] if indirect dispatches may exceed a limit that the device was created with.
+    pub(crate) fn check_indirect(&self) -> Result<(), Error> {
+        let (needed, limit) = (Self::INDIRECT_GROUPS.into(), self.groups_per_dimension.into());
+        if needed <= limit {
+            return Ok(());
+        }
+        let what = "the number of workgroups per dimension";
+        let remedy = "request the adapter's own limits when making the device";
+        Err(Error::LimitExceeded { what, needed, limit, remedy })
+    }
+
     /// Most bytes of a buffer that is bound as a whole.
     pub(crate) fn bytes(&self) -> u64 {
         self.storage_binding.min(self.buffer)

@@ -61,7 +61,8 @@ pub(crate) struct Request {
     pub(crate) pairs: u32,
     pub(crate) entries: u32,
     pub(crate) algorithm: Algorithm,
-    pub(crate) species: u32,
+    /// `true` with a table of interactions, which may be empty.
+    pub(crate) has_species: bool,
     pub(crate) periodic: bool,
     pub(crate) columns: Option<ColumnLayout>,
     pub(crate) radix_sort_from: u32,
@@ -145,7 +146,7 @@ pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Err
         plan.search_groups = naive_groups(request.spheres, limits)?;
     } else if algorithm == Algorithm::CellList {
         cell_list::size(&mut plan, request, limits);
-        plan.buffers.extend(cell_list::buffers(&plan, request.species != 0));
+        plan.buffers.extend(cell_list::buffers(&plan, request.has_species));
     } else {
         plan.entries = entry_capacity(request, limits)?;
         plan.key_bits = key_bits(request.spheres);
@@ -156,7 +157,7 @@ pub(crate) fn plan(request: &Request, limits: &DeviceLimits) -> Result<Plan, Err
         plan.buffers.extend(entry_buffers(plan.entries));
     }
     plan.dispatches = dispatches(&plan);
-    check(&plan, request.species != 0, limits)?;
+    check(&plan, request.has_species, limits)?;
     Ok(plan)
 }
 
@@ -346,6 +347,9 @@ fn check(plan: &Plan, species: bool, limits: &DeviceLimits) -> Result<(), Error>
         return Err(Error::LimitExceeded { what: "the number of spheres", needed, limit, remedy });
     }
     check_buffers(&plan.buffers, limits)?;
+    if plan.dispatches.iter().any(|dispatch| dispatch.indirect) {
+        limits.check_indirect()?;
+    }
     let variant = k::Variant { species, periodic: plan.periodic, ..k::Variant::default() };
     let storage = |dispatch: &Dispatch| {
         dispatch.kernel.bindings(variant).filter(|b| b.access != k::Access::Uniform).count() as u64

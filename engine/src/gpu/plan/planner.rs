@@ -121,7 +121,7 @@ impl Request {
             pairs: config.pair_capacity,
             entries,
             algorithm,
-            species: config.interactions.as_ref().map_or(0, Interactions::species),
+            has_species: config.interactions.is_some(),
             periodic: config.space.is_periodic(),
             columns: config.columns,
             radix_sort_from: config.radix_sort_from,
@@ -199,5 +199,58 @@ impl GpuConfig {
 
     pub(crate) fn chosen(&self, algorithm: Algorithm, spheres: u32) -> (Algorithm, String) {
         choice::algorithm(algorithm, CallSize { spheres, split: None, classes: 1 }, self.crossover, "given")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use lazygrid_kernels::Interaction;
+
+    use super::*;
+
+    fn limits() -> DeviceLimits {
+        DeviceLimits::from(&wgpu::Limits { max_storage_buffers_per_shader_stage: 16, ..Default::default() })
+    }
+
+    #[test]
+    fn calls_above_any_limit_are_refused() {
+        for (&algorithm, radix_sort_from) in
+            Algorithm::GPU.iter().flat_map(|algorithm| [(algorithm, 0), (algorithm, u32::MAX)])
+        {
+            let config = GpuConfig::default().algorithm(algorithm).radix_sort_from(radix_sort_from);
+            for spheres in [1 << 28, 1 << 31, (1 << 31) + 1, u32::MAX] {
+                let refused = Planner::new(config.clone(), limits()).plan(spheres);
+                assert!(matches!(refused, Err(Error::LimitExceeded { .. })), "{algorithm}, {spheres}");
+            }
+        }
+    }
+
+    #[test]
+    fn empty_table_of_interactions_has_the_buffers_of_species() {
+        let table = Interactions::new(0, Interaction::Touch).expect("an empty table");
+        let config = GpuConfig::default().algorithm(Algorithm::CellList).interactions(table);
+        for radix_sort_from in [0, u32::MAX] {
+            let config = config.clone().radix_sort_from(radix_sort_from);
+            let plan = Planner::new(config, limits()).plan(1000).expect("within the limits");
+            let sorted = plan.buffers.iter().find(|buffer| buffer.name == "sorted_species");
+            assert_eq!(sorted.map(|buffer| buffer.size), Some(4000));
+        }
+    }
+
+    #[test]
+    fn indirect_dispatches_need_all_workgroups_of_a_dimension() {
+        let plan = |algorithm, groups_per_dimension| {
+            let limits = DeviceLimits { groups_per_dimension, ..limits() };
+            Planner::new(GpuConfig::default().algorithm(algorithm), limits)
+                .plan(1000)
+                .map(|plan| plan.spheres)
+        };
+        let (needed, limit) = (65_535, 65_534);
+        let refused = plan(Algorithm::ArrayGrid, limit as u32).expect_err("too few workgroups");
+        assert!(
+            matches!(refused, Error::LimitExceeded { needed: n, limit: l, .. } if (n, l) == (needed, limit))
+        );
+        assert!(plan(Algorithm::ArrayGrid, needed as u32).is_ok());
+        assert!(plan(Algorithm::Naive, limit as u32).is_ok());
     }
 }

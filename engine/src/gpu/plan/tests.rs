@@ -16,7 +16,7 @@ fn request(spheres: u32, pairs: u32) -> Request {
         pairs,
         entries: 0,
         algorithm: Algorithm::ArrayGrid,
-        species: 0,
+        has_species: false,
         periodic: false,
         columns: None,
         radix_sort_from: 1 << 19,
@@ -56,7 +56,7 @@ fn the_most_spheres_that_can_be_bound_can_be_searched() {
         let most = u32::try_from(most_spheres(&limits)).expect("indices have 32 bits");
         let grids = Algorithm::GPU.iter().copied().filter(|&algorithm| algorithm != Algorithm::Naive);
         for (algorithm, periodic) in grids.flat_map(|of| [(of, false), (of, true)]) {
-            let request = Request { algorithm, periodic, species: 2, ..request(most, 1) };
+            let request = Request { algorithm, periodic, has_species: true, ..request(most, 1) };
             plan(&request, &limits).unwrap_or_else(|error| panic!("{algorithm}, {limits:?}: {error}"));
         }
     }
@@ -93,7 +93,7 @@ fn passes_follow_the_spheres() {
 
 #[test]
 fn every_binding_has_a_resource_and_sort_passes_alternate() {
-    let request = Request { species: 2, periodic: true, ..request(10_000_000, 1) };
+    let request = Request { has_species: true, periodic: true, ..request(10_000_000, 1) };
     let plan = plan(&request, &H200).expect("fits");
     let variant = k::Variant { species: true, periodic: true, ..k::Variant::default() };
     for dispatch in &plan.dispatches {
