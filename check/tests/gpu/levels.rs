@@ -64,3 +64,21 @@ fn entry_overflow_is_reported_and_retried_by_a_session() {
         assert_eq!(found.pairs.len() as u64, pairs);
     }
 }
+
+/// At the largest coordinates, neighboring floats are a radius apart, and each has its own cell.
+#[test]
+fn levels_meet_at_the_largest_coordinates() {
+    let Some(own) = device() else { return };
+    let unit = f32::MAX - f32::MAX.next_down();
+    let mut spheres: Vec<_> = (0..10).map(|k| Sphere::new([k as f32 * 8.0 * unit; 3], unit)).collect();
+    // Small spheres leave the cells of large ones.
+    spheres.extend(vec![Sphere::new([0.0; 3], unit / 4.0); 700]);
+    for (far, radius) in [(f32::MAX, unit), (f32::MAX, unit / 4.0), (f32::MAX.next_down(), unit / 4.0)] {
+        spheres.extend([-1.0, 1.0].map(|sign| Sphere::new([sign * far, 0.0, -sign * f32::MAX], radius)));
+    }
+    for radix_sort_from in [0, u32::MAX] {
+        let config = settings(Algorithm::CellList, true).radix_sort_from(radix_sort_from);
+        let mut detector = GpuDetector::new(&own.device, config).expect("made");
+        verify("largest coordinates", &touching(&spheres), &detect(&own, &mut detector, &spheres).pairs);
+    }
+}

@@ -160,12 +160,19 @@ fn skip_rows(neighbors: ptr<function, NeighborCells>, ranges: CandidateRanges) {
     (*neighbors).row = select(min((*neighbors).row + ROWS_PER_STEP, (*neighbors).end), (*neighbors).row, ranges.wraps);
 }
 
+// Replaces an infinite sum by the largest float, whose cell may have spheres. Compilers may assume that floats are
+// finite, so integers decide.
+fn up_to_largest(position: vec3<f32>) -> vec3<f32> {
+    let bits = bitcast<vec3<u32>>(position);
+    return bitcast<vec3<f32>>(min(bits & vec3(0x7fffffffu), vec3(0x7f7fffffu)) | (bits & vec3(0x80000000u)));
+}
+
 // `reach` is at least the sphere's largest cutoff with the level.
 fn enter_level(neighbors: ptr<function, NeighborCells>, level: u32, sphere: vec4<f32>, reach: f32) {
     let around = cell_list.level[level].cells;
     let half = vec3(reach * 0x1.00001p0) + abs(sphere.xyz) * 0x1p-22 + periods() * 0x1p-21;
-    let low = cell_numbers(clamp(sphere.xyz - half, vec3(-FARTHEST), vec3(FARTHEST)), level);
-    let high = cell_numbers(clamp(sphere.xyz + half, vec3(-FARTHEST), vec3(FARTHEST)), level);
+    let low = cell_numbers(up_to_largest(sphere.xyz - half), level);
+    let high = cell_numbers(up_to_largest(sphere.xyz + half), level);
     var first = in_ring(low, around);
     var span = min(high - low, around - vec3(1u)) + vec3(1u);
 #ifdef PERIODIC
