@@ -1,5 +1,7 @@
-use crate::common::{Random, device, download, scenes, submit, upload};
-use lazygrid::gpu::{GpuConfig, GpuDevice, GpuSkinDetector, GpuSpheres, Outcome, SkinState, SphereCount};
+use crate::common::{Random, device, download, limited, scenes, submit, upload};
+use lazygrid::gpu::{
+    GpuConfig, GpuDevice, GpuSkinDetector, GpuSpheres, Outcome, SkinState, SphereCount, wgpu,
+};
 use lazygrid::{Algorithm, Interaction, Pair, Space, Sphere};
 use lazygrid_check::scenes::cloud;
 use lazygrid_check::{SpeciesSetup, TestInput};
@@ -226,6 +228,20 @@ fn candidate_overflow_reports_the_needed_capacity() {
     detector.set_candidate_capacity(500_000);
     assert_eq!(verify(&own, &mut detector, &scenario, "with room").rebuild_reason, SkinState::NO_LIST);
     assert_eq!(verify(&own, &mut detector, &scenario, "kept").rebuild_reason, 0);
+}
+
+/// Four candidates per pair of the output would exceed the binding.
+#[test]
+fn candidates_of_a_large_output_are_limited_to_the_device() {
+    let Some(own) = device() else { return };
+    let own = limited(&own, |limits| wgpu::Limits { max_storage_buffer_binding_size: 1 << 20, ..limits });
+    let settings = GpuConfig::default().pair_capacity(1 << 16);
+    let mut detector = GpuSkinDetector::new(&own.device, settings, 0.5).expect("made");
+    let scenario = TestInput::from(cloud(12, 900, 6.0, |_| 0.3));
+    for rebuilt in [SkinState::NO_LIST, 0] {
+        let state = verify(&own, &mut detector, &scenario, "a large output");
+        assert_eq!(state.rebuild_reason, rebuilt, "{state:?}");
+    }
 }
 
 #[test]

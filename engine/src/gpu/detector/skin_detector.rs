@@ -6,7 +6,7 @@
 use lazygrid_host::SKIN_RANGE;
 use lazygrid_kernels::kernel::{self as k, Variant};
 use lazygrid_kernels::layout::{SearchParams, SkinParams};
-use lazygrid_kernels::{Interaction, Interactions};
+use lazygrid_kernels::{Interaction, Interactions, Pair};
 
 use super::input::GpuSpheres;
 use super::output::GpuOutput;
@@ -26,7 +26,7 @@ use crate::gpu::plan::{BufferId, DeviceLimits, Dispatch, Plan, check_buffers, co
 const USABLE: f32 = 1.0 - 1.0 / 1024.0;
 /// Species distances grow by this factor in addition to the skin, as radii do.
 const ROUNDING: f32 = 1.0 + 1.0 / (1 << 19) as f32;
-/// Candidate capacity per pair of the output.
+/// Candidate capacity per pair of the output, unless the device cannot bind it.
 const PER_PAIR: u32 = 4;
 
 /// Finds overlapping pairs of slowly moving spheres in GPU buffers, with a candidate list of pairs with gaps up to the
@@ -111,7 +111,7 @@ impl GpuSkinDetector {
     }
 
     /// Sets the candidate capacity, such as [`Outcome::candidates_needed`] after [`Outcome::OVERFLOW_CANDIDATES`].
-    /// Default: four per pair of the output.
+    /// Default: four per pair of the output, if the device can bind these.
     pub fn set_candidate_capacity(&mut self, candidates: u32) {
         self.search.set_pair_capacity(candidates);
     }
@@ -333,10 +333,13 @@ fn search(
     settings: &GpuConfig,
     skin: f32,
 ) -> Result<GpuDetector, Error> {
+    let most = DeviceLimits::of(device).bytes() / size_of::<Pair>() as u64;
+    let candidates =
+        settings.pair_capacity.saturating_mul(PER_PAIR).min(u32::try_from(most).unwrap_or(u32::MAX));
     let wide = settings
         .clone()
         .interactions(settings.interactions.as_ref().map(|table| widened(table, skin)).transpose()?)
-        .pair_capacity(settings.pair_capacity.saturating_mul(PER_PAIR))
+        .pair_capacity(candidates)
         .pairs_in_cell_order(false)
         .timestamps(false)
         .columns(None);
