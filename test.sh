@@ -45,6 +45,7 @@ on_swiftshader() {
     # takes a sixth of the time.
     export MALLOC_TRIM_THRESHOLD_=1073741824 MALLOC_TOP_PAD_=16777216
     cargo test "$@" --test gpu -- kernels:: skin::
+    cargo test "$@" --lib -- session::tests::abandoned
     cargo test "$@" --test suite -- properties:: interactions:: results:: cell_reuse::
 }
 

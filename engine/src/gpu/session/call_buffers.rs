@@ -17,6 +17,8 @@ pub(crate) struct CallBuffers {
     pub(crate) spheres: Option<wgpu::Buffer>,
     species: Option<wgpu::Buffer>,
     has_species: bool,
+    /// `None` while a call reads it. The staging buffer of an abandoned call is not used again: wgpu 30 keeps the request
+    /// to map it, and would grant the next request when the abandoned call ends.
     staging: Option<wgpu::Buffer>,
     rows: Vec<Sphere>,
 }
@@ -59,6 +61,15 @@ impl CallBuffers {
             })
         })?;
         Ok(self.staging.insert(staging).clone())
+    }
+
+    /// Gives the staging buffer away, until a finished call returns it.
+    pub(crate) fn lend_staging(&mut self) {
+        self.staging = None;
+    }
+
+    pub(crate) fn return_staging(&mut self, staging: wgpu::Buffer) {
+        self.staging = Some(staging);
     }
 
     pub(crate) fn device_bytes(&self) -> u64 {

@@ -224,7 +224,8 @@ impl GpuSession {
 
     /// Returns the bytes of input and staging buffers.
     pub fn held_bytes(&self) -> u64 {
-        self.slots.iter().map(CallBuffers::device_bytes).sum()
+        let lent = self.pending.iter().flatten().map(|pending| pending.staging.size());
+        self.slots.iter().map(CallBuffers::device_bytes).chain(lent).sum()
     }
 
     /// Uploads the spheres and starts the detection, without waiting.

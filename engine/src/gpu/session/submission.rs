@@ -28,8 +28,8 @@ pub struct SubmissionCounts {
 pub(super) struct PendingReadback {
     pub(super) number: u64,
     device: wgpu::Device,
-    submission: wgpu::SubmissionIndex,
-    staging: wgpu::Buffer,
+    pub(super) submission: wgpu::SubmissionIndex,
+    pub(super) staging: wgpu::Buffer,
     mapping: Mapping,
     staged: u64,
     capacity: u32,
@@ -144,6 +144,7 @@ impl GpuSession {
                 staged,
             );
         }
+        slot.lend_staging();
         let (submission, mapping) = with_error_scope(&gpu.device, "a call", 0, || {
             (gpu.queue.submit([encoder.finish()]), Mapping::request(&staging))
         })?;
@@ -202,7 +203,9 @@ impl GpuSession {
             self.layouts.note(has_reused, &outcome);
         }
         drop(view);
+        let staging = pending.staging.clone();
         drop(pending);
+        self.slots[number as usize % MAX_IN_FLIGHT].return_staging(staging);
         if let Some(state) = state {
             self.note(&state);
         }

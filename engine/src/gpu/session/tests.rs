@@ -287,3 +287,30 @@ fn cells_of_another_space_or_algorithm_are_not_reused() {
     session.set_space(space(10.0)).expect("of the same axes");
     assert_eq!(call(&mut session, 0), wide);
 }
+
+/// The end of an abandoned call must not end the next call of its slot. Needs a driver with an asynchronous queue, such as
+/// SwiftShader.
+#[test]
+fn abandoned_call_does_not_answer_a_later_one() {
+    let Some(gpu) = device_or_skip() else { return };
+    let settings = GpuConfig::default().algorithm(Algorithm::Naive).max_tests_per_dispatch(u64::MAX);
+    let mut session = GpuSession::new(gpu.clone(), settings).expect("made");
+    let [few, many] = [15_000, 25_000].map(|n| vec![Sphere::new([1.0; 3], 0.5); n]);
+    let other = spheres();
+    let expected = finish(&mut session, &other).len() as u64;
+    let abandoned = session.begin(Spheres::from(&few)).expect("begun");
+    let slot = abandoned.number as usize % MAX_IN_FLIGHT;
+    let submission = session.pending[slot].as_ref().expect("in flight").submission.clone();
+    let long = session.begin(Spheres::from(&many)).expect("begun");
+    drop(abandoned);
+    let later = session.begin(Spheres::from(&other)).expect("begun");
+    assert_eq!(later.number as usize % MAX_IN_FLIGHT, slot);
+    // The abandoned call ends while the long one still runs.
+    gpu.poll(wgpu::PollType::Wait { submission_index: Some(submission), timeout: None }).expect("finished");
+    session.set_timeout(Duration::ZERO);
+    let answer = session.finish_count(later);
+    let is_right = matches!(answer, Err(Error::Timeout { .. })) || answer == Ok(expected);
+    assert!(is_right, "{answer:?}, not {expected}");
+    session.set_timeout(Duration::from_secs(600));
+    assert_eq!(session.finish_count(long), Ok(25_000 * 24_999 / 2));
+}
