@@ -84,20 +84,23 @@ impl Attractant {
         }
     }
 
-    /// Returns the largest gradient of B, per µm; for a Gaussian, the largest of 1000 samples.
+    /// Returns the largest gradient of B, per µm; for a Gaussian, the largest of samples.
     fn steepest(&self, half_saturation: Option<f64>) -> f64 {
-        const SAMPLES: u32 = 1000;
+        const SAMPLES_PER_WIDTH: f64 = 200.0;
         let response = |c: f64| half_saturation.map_or(1.0, |k| k / ((k + c) * (k + c)));
         match self.profile {
             // dB/dc is largest at c = 0.
             AttractantProfile::Linear { gradient, .. } => response(0.0) * dot(gradient, gradient).sqrt(),
             AttractantProfile::Gaussian { peak, width } => {
+                // Beyond `half`, c is below K, and B follows c.
+                let half = half_saturation.map_or(0.0, |k| (2.0 * (peak.ln() - k.ln()).max(0.0)).sqrt());
+                let samples = ((half + 6.0) * SAMPLES_PER_WIDTH) as u32;
                 let at = |k: u32| {
-                    let r = 6.0 * width * f64::from(k) / f64::from(SAMPLES);
+                    let r = width * f64::from(k) / SAMPLES_PER_WIDTH;
                     let c = peak * libm::exp(-r * r / (2.0 * width * width));
                     response(c) * c * r / (width * width)
                 };
-                (1..=SAMPLES).map(at).fold(0.0, f64::max)
+                (1..=samples).map(at).fold(0.0, f64::max)
             }
             // The gradient of B, K/(K + c)²·c²/(c₀R) with the peak c₀, rises with c up to the surface.
             AttractantProfile::Source { peak, radius } => response(peak) * peak / radius,
@@ -188,6 +191,17 @@ mod tests {
 
     fn attractant(profile: AttractantProfile) -> Attractant {
         Attractant { name: "food".into(), center: [1.0, -2.0, 0.5], profile }
+    }
+
+    #[test]
+    fn far_saturated_gaussian_is_steepest_where_half_of_the_receptors_are_occupied() {
+        for (peak, k) in [(1e12, 1e-3), (1e100, 1e-100)] {
+            let width = 2.0;
+            let radius = width * (2.0_f64 * (f64::ln(peak) - f64::ln(k))).sqrt();
+            let expected = radius / (4.0 * width * width);
+            let steepest = attractant(AttractantProfile::Gaussian { peak, width }).steepest(Some(k));
+            assert!((0.99..1.02).contains(&(steepest / expected)), "{peak:e}, {k:e}: {steepest}, {expected}");
+        }
     }
 
     #[test]
