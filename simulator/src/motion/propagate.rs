@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::Error;
 use crate::model::Model;
 use crate::model::boundary::Boundary;
-use crate::model::particles::Particles;
+use crate::model::particles::{Particles, non_finite};
 use crate::motion::collisions::Flight;
 use crate::motion::receiver_search::{ReceiverSearch, StepBounds};
 use crate::motion::receiver_state::ReceiverState;
@@ -321,12 +321,6 @@ struct MovedChunk {
     unsure: Vec<ParticleMove>,
     /// Number of positions that are not finite.
     lost: usize,
-}
-
-/// Returns the number of positions that are not finite.
-fn non_finite([x, y, z]: [&[f32]; 3]) -> usize {
-    let lost = |((x, y), z): ((&f32, &f32), &f32)| !(x.is_finite() & y.is_finite() & z.is_finite());
-    x.iter().zip(y).zip(z).map(|position| usize::from(lost(position))).sum()
 }
 
 struct Chunk<'a> {

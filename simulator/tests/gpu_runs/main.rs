@@ -288,14 +288,18 @@ fn past_receivers(own: &GpuDevice, count: usize) -> Option<String> {
     }
 }
 
-#[test]
-fn particles_that_leave_the_range_of_numbers_are_an_error() {
-    let Some(own) = device() else { return };
-    let mut model = brownian(true);
+/// In the second step, positions exceed the range of `f32`.
+fn fast_drift(mut model: Model) -> Model {
     model.time_step = 1.0;
     model.boundary = Boundary::default();
     model.species[0].drift = [2e38, 0.0, 0.0];
-    let mut run = gpu(&own, &model, 1);
+    model
+}
+
+#[test]
+fn particles_that_leave_the_range_of_numbers_are_an_error() {
+    let Some(own) = device() else { return };
+    let mut run = gpu(&own, &fast_drift(brownian(true)), 1);
     let error = run.run(5).expect_err("an error");
     assert!(matches!(error, Error::NotFinite { step: 1, particles: 1000 }), "{error}");
     assert_eq!(run.state().expect("a state").step, 1);
@@ -304,11 +308,7 @@ fn particles_that_leave_the_range_of_numbers_are_an_error() {
 #[test]
 fn state_beyond_the_range_of_numbers_is_an_error_without_pairs() {
     let Some(own) = device() else { return };
-    let mut model = brownian(false);
-    model.time_step = 1.0;
-    model.boundary = Boundary::default();
-    model.species[0].drift = [2e38, 0.0, 0.0];
-    let mut run = gpu(&own, &model, 1);
+    let mut run = gpu(&own, &fast_drift(brownian(false)), 1);
     run.run(5).expect("steps without a detector");
     let error = run.state().expect_err("an error");
     assert!(matches!(error, Error::NotFinite { step: 4, particles: 1000 }), "{error}");

@@ -2,7 +2,7 @@ use super::GpuSimulation;
 use crate::gpu::device::{read, with_error_scope};
 use crate::gpu::layout::ControlHeader;
 use crate::gpu::ligand_rows::LigandRow;
-use crate::model::particles::{Particle, Particles};
+use crate::model::particles::{Particle, Particles, non_finite};
 use crate::motion::binding::Bound;
 use crate::{Error, State};
 
@@ -52,8 +52,7 @@ impl GpuSimulation {
         }
         (0..self.due.len()).for_each(|at| particles.push(self.due.get(at), sizes.has_velocity));
         // Only the detector on the device looks for such positions.
-        let is_lost = |at: &usize| particles.position_of(*at).iter().any(|x| !x.is_finite());
-        let lost = (0..particles.len()).filter(is_lost).count() as u64;
+        let lost = non_finite(particles.position.each_ref().map(Vec::as_slice)) as u64;
         if lost > 0 {
             return Err(Error::NotFinite { step: self.step.saturating_sub(1), particles: lost });
         }
