@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::Model;
 use crate::model::membrane::MembraneStep;
-use crate::model::receiver::{rounding, signed_distance};
+use crate::model::receiver::{Receiver, rounding, signed_distance};
 use crate::model::receptors::ReceptorType;
 use crate::motion::adsorption::{Step, reactivity};
 use crate::motion::surface_events::Event;
@@ -38,6 +38,22 @@ pub(crate) fn free(model: &Model, occupied: &[u64]) -> Vec<u32> {
     model.receptor_types().zip(occupied).map(one).collect()
 }
 
+/// Returns the step of a particle at a receiver, whose receptor types have `free` receptors.
+pub(crate) fn desorption(
+    model: &Model,
+    receiver: &Receiver,
+    species: u32,
+    free: impl Fn(usize) -> u32,
+) -> Step {
+    let diffusion = (model.species[species as usize].diffusion + receiver.diffusion) * model.time_step;
+    let radius = f64::from(receiver.radius);
+    let of_type = |(kind, one): (usize, &ReceptorType)| {
+        one.ligand(species).map_or(0.0, |ligand| reactivity(ligand.binding_rate, free(kind), radius))
+    };
+    let reactivity = receiver.receptor_types().iter().enumerate().map(of_type).sum();
+    Step::new(diffusion, model.time_step, (radius, reactivity))
+}
+
 pub(crate) fn leaving(
     model: &Model,
     bound: &[Bound],
@@ -49,16 +65,12 @@ pub(crate) fn leaving(
         let receiver = &model.receivers[held.receiver as usize];
         let first = first_types[held.receiver as usize];
         let own = receiver.receptor_types().get((held.receptor - first) as usize)?.ligand(held.species)?;
-        let diffusion =
-            (model.species[held.species as usize].diffusion + receiver.diffusion) * model.time_step;
-        let radius = f64::from(receiver.radius);
         // Detailed balance: the reverse reaction sees one more free receptor.
-        let of_type = |(index, kind): (u32, &ReceptorType)| {
-            let free = free[index as usize].saturating_add(u32::from(index == held.receptor));
-            kind.ligand(held.species).map_or(0.0, |ligand| reactivity(ligand.binding_rate, free, radius))
+        let free_of = |kind: usize| {
+            let index = first + kind as u32;
+            free[index as usize].saturating_add(u32::from(index == held.receptor))
         };
-        let reactivity = (first..).zip(receiver.receptor_types()).map(of_type).sum();
-        let desorption = Step::new(diffusion, model.time_step, (radius, reactivity));
+        let desorption = desorption(model, receiver, held.species, free_of);
         let probability = own.unbinding_rate * model.time_step * desorption.effective_part();
         let mut draws = Draws::new(key, held.id, step, Purpose::Unbinding);
         (draws.unit() < probability)

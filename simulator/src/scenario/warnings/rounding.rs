@@ -1,7 +1,7 @@
 use crate::model::Model;
 use crate::model::probability::ReactionProbabilities;
 use crate::model::receiver::Receiver;
-use crate::motion::adsorption::{Step, reactivity};
+use crate::motion::binding::desorption;
 use crate::motion::tumble::tumble_probability;
 use crate::random::philox::probability_threshold;
 
@@ -47,15 +47,11 @@ pub(in crate::scenario) fn rounded_tumbles(model: &Model, species: usize) -> Opt
 
 /// Returns a warning for the first ligand of a receiver whose unbinding is rounded.
 pub(in crate::scenario) fn rounded_unbinding(model: &Model, receiver: &Receiver) -> Option<String> {
-    let mut ligands =
-        receiver.receptor_types().iter().flat_map(|kind| kind.ligands.iter().map(|one| (kind.count, one)));
-    ligands.find_map(|(count, ligand)| {
+    let types = receiver.receptor_types();
+    types.iter().flat_map(|kind| &kind.ligands).find_map(|ligand| {
         let species = &model.species[ligand.species as usize];
-        let radius = f64::from(receiver.radius);
-        let diffusion = (species.diffusion + receiver.diffusion) * model.time_step;
         // Least with all receptors free.
-        let most = reactivity(ligand.binding_rate, count, radius);
-        let part = Step::new(diffusion, model.time_step, (radius, most)).effective_part();
+        let part = desorption(model, receiver, ligand.species, |kind| types[kind].count).effective_part();
         let (_, probability, rounded) =
             rounded(&[(0, ligand.unbinding_rate * model.time_step * part)]).next()?;
         Some(message(&format!("unbinding of {} from {}", species.name, receiver.name), probability, rounded))
