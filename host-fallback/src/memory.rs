@@ -27,7 +27,7 @@ pub(crate) fn prefetch<T>(values: &[T], at: usize) {
 
 /// The row may lie in two cache lines.
 #[inline(always)]
-pub(crate) fn prefetch_row(rows: &[[f64; 4]], k: usize) {
+pub(crate) fn prefetch_row<T>(rows: &[[T; 4]], k: usize) {
     prefetch(rows.as_flattened(), 4 * k);
     prefetch(rows.as_flattened(), 4 * k + 3);
 }

@@ -31,6 +31,8 @@ pub use types::pair::Pair;
 pub use types::query::Query;
 pub use types::real::{Radii, Real, Strided};
 pub use types::space::Space;
+#[doc(hidden)]
+pub use types::sphere::SphereValues;
 pub use types::sphere::{Sphere, Spheres};
 pub use types::triclinic::TriclinicCell;
 pub use unknown_name::UnknownName;

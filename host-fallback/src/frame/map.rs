@@ -1,10 +1,14 @@
 use bytemuck::cast;
 
+use lazygrid_kernels::Orthogonalization;
+
 use super::{Axes, GROWTH, MAX_LENGTHS, MAX_RADIUS, SearchFrame};
 
 /// A map prepared for vectors. Its results equal [`SearchFrame::sphere`].
 pub(crate) struct FrameMap<'f> {
     pub(crate) frame: &'f SearchFrame,
+    /// Cell of a triclinic frame, and its largest radius.
+    pub(crate) cell: Option<(&'f Orthogonalization, f64)>,
     pub(crate) origin: [f64; 4],
     /// Infinite for an unbounded axis and the radius. NaN in a triclinic space and a trimmed frame.
     pub(crate) lengths: [f64; 4],
@@ -23,6 +27,7 @@ impl<'f> FrameMap<'f> {
         let ([x, y, z], scale, [factor, summand]) = (frame.origin, frame.scale, GROWTH);
         let mut map = Self {
             frame,
+            cell: frame.cell(),
             origin: [x, y, z, 0.0],
             lengths: [f64::INFINITY; 4],
             limit: [f64::INFINITY, f64::INFINITY, f64::INFINITY, MAX_RADIUS / scale],
@@ -66,9 +71,25 @@ impl<'f> FrameMap<'f> {
         self.lengths == [f64::INFINITY; 4]
     }
 
+    /// Maps a sphere to a triclinic frame.
+    #[inline(always)]
+    pub(crate) fn map_to_cell(&self, (cell, limit): (&Orthogonalization, f64), row: [f64; 4]) -> [f32; 4] {
+        let [x, y, z, radius] = row;
+        let [x0, y0, z0, _] = self.origin;
+        if (0.0..f64::INFINITY).contains(&radius)
+            && let Some(sphere) = cell.near_sphere([x - x0, y - y0, z - z0], radius, limit)
+        {
+            return cast(sphere);
+        }
+        cast(self.frame.sphere(row))
+    }
+
     /// `PERIODIC` may be `false` only if the map [is unbounded](Self::is_unbounded).
     #[inline(always)]
     pub(crate) fn map<const PERIODIC: bool>(&self, row: [f64; 4]) -> [f32; 4] {
+        if PERIODIC && let Some(cell) = self.cell {
+            return self.map_to_cell(cell, row);
+        }
         let (mut mapped, mut is_near) = ([0.0_f32; 4], true);
         for lane in 0..4 {
             let mut at = row[lane] - self.origin[lane];

@@ -187,6 +187,15 @@ impl SearchFrame {
         }
     }
 
+    /// Returns the cell of a triclinic frame and the largest radius in it.
+    fn cell(&self) -> Option<(&Orthogonalization, f64)> {
+        match &self.axes {
+            Axes::Orthogonal(_) => None,
+            Axes::Triclinic(cell) => Some((cell, 2.0 * MAX_RADIUS)),
+            Axes::TriclinicF32(cell) => Some((cell, f64::from(f32::MAX))),
+        }
+    }
+
     fn is_orthogonal(&self) -> bool {
         matches!(self.axes, Axes::Orthogonal(_))
     }

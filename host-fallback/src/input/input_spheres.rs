@@ -1,6 +1,6 @@
 //! The spheres of a call in the caller's layout, and their map to the search frame.
 
-use lazygrid_kernels::{Space, SpeciesReach, Spheres, Strided};
+use lazygrid_kernels::{Space, SpeciesReach, SphereValues, Spheres, Strided};
 
 use crate::compare::{SimdWidth, Xyzr};
 use crate::frame::{Bounds, FrameMap, SearchFrame};
@@ -48,23 +48,18 @@ impl<'a> InputSpheres<'a> {
 
     #[inline(always)]
     pub(crate) fn run<V: SimdWidth, L: InputLoop>(self, vector: V, task: L) -> L::Result {
-        let map = FrameMap::new(self.frame);
-        let (rows, strided) = (self.spheres.as_rows_f64(), self.spheres.as_strided_f64());
-        match (rows, &strided, self.species) {
-            (Some(rows), _, None) => run_mapped(vector, task, rows, &map),
-            (_, Some(rows), None) => run_mapped(vector, task, rows, &map),
-            (Some(rows), _, Some((ids, reaches))) => {
-                run_mapped(vector, task, OfSpecies { rows, ids, reaches }, &map)
-            }
-            (_, Some(rows), Some((ids, reaches))) => {
-                run_mapped(vector, task, OfSpecies { rows, ids, reaches }, &map)
-            }
-            (None, None, _) => task.run::<V, true>(vector, &self, &map),
+        let run = Run { vector, task, map: &FrameMap::new(self.frame), species: self.species };
+        match self.spheres.values() {
+            SphereValues::RowsF32(rows) => run.on_f32(rows),
+            SphereValues::StridedF32(columns) => run.on_f32(&columns),
+            SphereValues::RowsF64(rows) => run.on_f64(rows),
+            SphereValues::StridedF64(columns) => run.on_f64(&columns),
         }
     }
 
     pub(super) fn effective_row(self, k: usize) -> [f64; 4] {
-        (&self).effective(k, self.spheres.get_f64(k))
+        let row = self.spheres.get_f64(k);
+        self.species.map_or(row, |(species, reaches)| effective(row, reaches[species[k] as usize]))
     }
 
     pub(crate) fn frame_map(&self) -> FrameMap<'a> {
@@ -73,24 +68,41 @@ impl<'a> InputSpheres<'a> {
 
     #[inline]
     pub(crate) fn searched(self, map: &FrameMap<'_>, k: usize) -> Xyzr {
-        map.map::<true>(self.effective(k, self.get(k)))
+        map.map::<true>(self.effective_row(k))
     }
 }
 
-#[inline(always)]
-fn run_mapped<V: SimdWidth, L: InputLoop>(
+struct Run<'a, V, L> {
     vector: V,
     task: L,
-    rows: impl InputRows,
-    map: &FrameMap<'_>,
-) -> L::Result {
-    match map.is_unbounded() {
-        true => task.run::<V, false>(vector, rows, map),
-        false => task.run::<V, true>(vector, rows, map),
+    map: &'a FrameMap<'a>,
+    species: Option<(&'a [u32], &'a [SpeciesReach])>,
+}
+
+impl<V: SimdWidth, L: InputLoop> Run<'_, V, L> {
+    #[inline(always)]
+    fn on_f64(self, rows: impl InputRows) -> L::Result {
+        let Self { vector, task, map, species } = self;
+        match (species, map.is_unbounded()) {
+            (None, true) => task.run::<V, false>(vector, rows, map),
+            (None, false) => task.run::<V, true>(vector, rows, map),
+            (Some((ids, reaches)), true) => task.run::<V, false>(vector, OfSpecies { rows, ids, reaches }, map),
+            (Some((ids, reaches)), false) => task.run::<V, true>(vector, OfSpecies { rows, ids, reaches }, map),
+        }
+    }
+
+    /// Few unbounded spaces need a frame for `f32`, so they have no loop of their own.
+    #[inline(always)]
+    fn on_f32(self, rows: impl InputRows) -> L::Result {
+        let Self { vector, task, map, species } = self;
+        match species {
+            None => task.run::<V, true>(vector, rows, map),
+            Some((ids, reaches)) => task.run::<V, true>(vector, OfSpecies { rows, ids, reaches }, map),
+        }
     }
 }
 
-impl InputRows for &[[f64; 4]] {
+impl<T: Copy + Into<f64>> InputRows for &[[T; 4]] {
     #[inline(always)]
     fn prefetch(self, k: usize) {
         prefetch_row(self, k);
@@ -98,7 +110,7 @@ impl InputRows for &[[f64; 4]] {
 
     #[inline(always)]
     fn get(self, k: usize) -> [f64; 4] {
-        self[k]
+        self[k].map(T::into)
     }
 
     #[inline(always)]
@@ -107,7 +119,7 @@ impl InputRows for &[[f64; 4]] {
     }
 }
 
-impl InputRows for &Strided<'_, f64> {
+impl<T: Copy + Into<f64>> InputRows for &Strided<'_, T> {
     #[inline(always)]
     fn prefetch(self, k: usize) {
         self.addresses(k).into_iter().for_each(prefetch_address);
@@ -115,7 +127,7 @@ impl InputRows for &Strided<'_, f64> {
 
     #[inline(always)]
     fn get(self, k: usize) -> [f64; 4] {
-        Strided::get(self, k)
+        Strided::get(self, k).map(T::into)
     }
 
     #[inline(always)]
@@ -146,24 +158,6 @@ impl<R: InputRows> InputRows for OfSpecies<'_, R> {
     #[inline(always)]
     fn effective(self, k: usize, row: [f64; 4]) -> [f64; 4] {
         effective(row, self.reaches[self.ids[k] as usize])
-    }
-}
-
-impl InputRows for &InputSpheres<'_> {
-    #[inline(always)]
-    fn prefetch(self, k: usize) {
-        self.spheres.addresses(k).into_iter().for_each(prefetch_address);
-        self.species.iter().for_each(|(ids, _)| prefetch(ids, k));
-    }
-
-    #[inline(always)]
-    fn get(self, k: usize) -> [f64; 4] {
-        self.spheres.get_f64(k)
-    }
-
-    #[inline(always)]
-    fn effective(self, k: usize, row: [f64; 4]) -> [f64; 4] {
-        self.species.map_or(row, |(species, reaches)| effective(row, reaches[species[k] as usize]))
     }
 }
 

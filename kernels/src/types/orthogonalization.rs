@@ -19,6 +19,8 @@ pub struct Orthogonalization {
     rank: usize,
     unit: f64,
     inverse: [DVec3; 3],
+    /// The columns of `inverse`, as vectors of four lanes.
+    columns: [[f64; 4]; 3],
     /// `f32` numbers for periodic axes, scales for others.
     lengths: [f64; 3],
     /// Upper bound of the factor by which a distance grows.
@@ -78,7 +80,8 @@ impl Orthogonalization {
         let distances = is_moderate.then(|| DistanceMap::of_inverse(rows, growth)).flatten();
         let along = inverse.map(|row| row.abs().element_sum());
         let near = if rank == 3 { 1.0 / (FAR * along.into_iter().fold(0.0, f64::max)) } else { 0.0 };
-        Self { rank, unit, inverse, lengths, stretch: growth * unit, longest, near, distances }
+        let columns = [0, 1, 2].map(|axis| [inverse[0][axis], inverse[1][axis], inverse[2][axis], 0.0]);
+        Self { rank, unit, inverse, columns, lengths, stretch: growth * unit, longest, near, distances }
     }
 
     /// Returns the space of these coordinates.
@@ -111,16 +114,31 @@ impl Orthogonalization {
     /// Orthogonalizes and wraps a valid sphere. Radii grow by `stretch` and by more than rounding, so touching spheres
     /// still touch. This growth hardly depends on the position, so a moving sphere keeps its radius. A sphere of radius
     /// `limit`, the maximum, must touch all others.
-    #[inline]
     pub fn sphere(&self, center: [f64; 3], radius: f64, limit: f64) -> Sphere {
-        let center = DVec3::from(center) * self.unit;
-        if self.is_near(center) {
-            let parts = self.inverse.map(|row| row.dot(center));
-            let wrapped = |k: usize| self.wrapped(k, parts[k] - nearest(parts[k]));
-            let center = Vec3::new(wrapped(0), wrapped(1), wrapped(2));
-            return Sphere { center, radius: self.enlarged(radius, self.longest, limit) };
+        self.near_sphere(center, radius, limit).unwrap_or_else(|| {
+            self.distant_sphere(DVec3::from(center) * self.unit, radius, limit)
+        })
+    }
+
+    /// Returns [`sphere`](Self::sphere) if its radius has the least growth. Compiles to vector code in the caller.
+    #[inline(always)]
+    pub fn near_sphere(&self, center: [f64; 3], radius: f64, limit: f64) -> Option<Sphere> {
+        let center = center.map(|coordinate| coordinate * self.unit);
+        if !center.iter().all(|coordinate| coordinate.abs() < self.near) {
+            return None;
         }
-        self.distant_sphere(center, radius, limit)
+        let [x, y, z] = &self.columns;
+        let [a, b, c] = self.lengths;
+        let lengths = [a, b, c, 0.0];
+        let mut wrapped = [0.0_f32; 4];
+        for lane in 0..4 {
+            let part = x[lane] * center[0] + y[lane] * center[1] + z[lane] * center[2];
+            let (at, half) = ((lengths[lane] * (part - nearest(part))) as f32, 0.5 * lengths[lane] as f32);
+            let at = if at < -half { -half } else { at };
+            wrapped[lane] = if at > half { half } else { at };
+        }
+        let [x, y, z, _] = wrapped;
+        Some(Sphere { center: Vec3::new(x, y, z), radius: self.enlarged(radius, self.longest, limit) })
     }
 
     fn distant_sphere(&self, center: DVec3, radius: f64, limit: f64) -> Sphere {
@@ -154,10 +172,12 @@ impl Orthogonalization {
         ((self.lengths[k] * part) as f32).clamp(-half, half)
     }
 
-    #[inline]
+    #[inline(always)]
     fn enlarged(&self, radius: f64, rounding: f64, limit: f64) -> f32 {
         let radius = (self.stretch * radius + ROUNDING * rounding) * REACH_MARGIN;
-        (radius.min(limit) as f32).next_up()
+        let radius = if radius < limit { radius } else { limit };
+        // The next larger number of a positive one.
+        f32::from_bits((radius as f32).to_bits() + 1)
     }
 }
 

@@ -59,6 +59,16 @@ enum Layout<'a> {
     Wide(Wide<'a>),
 }
 
+/// The values `x, y, z, r` of [`Spheres`], for loops compiled for each layout.
+#[derive(Clone, Copy, Debug)]
+#[doc(hidden)]
+pub enum SphereValues<'a> {
+    RowsF32(&'a [[f32; 4]]),
+    StridedF32(Strided<'a, f32>),
+    RowsF64(&'a [[f64; 4]]),
+    StridedF64(Strided<'a, f64>),
+}
+
 impl<'a> Spheres<'a> {
     /// Value for a sphere without a group; see [`with_groups`](Self::with_groups).
     pub const NO_GROUP: u32 = u32::MAX;
@@ -211,20 +221,20 @@ impl<'a> Spheres<'a> {
 
     #[inline]
     #[doc(hidden)]
-    pub fn as_rows_f64(&self) -> Option<&'a [[f64; 4]]> {
-        if let Layout::RowsF64(rows) = self.layout { Some(rows) } else { None }
-    }
-
-    #[inline]
-    #[doc(hidden)]
     pub fn as_columns(&self) -> Option<[&'a [f32]; 4]> {
         if let Layout::Columns(columns) = self.layout { Some(columns) } else { None }
     }
 
     #[inline]
     #[doc(hidden)]
-    pub fn as_strided_f64(&self) -> Option<Strided<'a, f64>> {
-        if let Layout::Wide(Wide::F64(strided)) = self.layout { Some(strided) } else { None }
+    pub fn values(&self) -> SphereValues<'a> {
+        match self.layout {
+            Layout::Rows(rows) => SphereValues::RowsF32(bytemuck::cast_slice(rows)),
+            Layout::Columns(columns) => SphereValues::StridedF32(Strided::of_columns(columns)),
+            Layout::RowsF64(rows) => SphereValues::RowsF64(rows),
+            Layout::Wide(Wide::F32(strided)) => SphereValues::StridedF32(strided),
+            Layout::Wide(Wide::F64(strided)) => SphereValues::StridedF64(strided),
+        }
     }
 
     /// Returns the species ids.

@@ -45,6 +45,9 @@ pub(super) unsafe fn is_in_frame(map: &FrameMap<'_>, row: [f64; 4]) -> bool {
 /// The processor must have AVX.
 #[inline(always)]
 pub(super) unsafe fn map_to_frame<const PERIODIC: bool>(map: &FrameMap<'_>, row: [f64; 4]) -> Xyzr {
+    if PERIODIC && let Some(cell) = map.cell {
+        return map.map_to_cell(cell, row);
+    }
     let [factor, summand] = &map.growth;
     let mut searched = [0.0; 4];
     // SAFETY: AVX by the caller's promise; each array read or written has the vector's size.
