@@ -1,5 +1,5 @@
 use bytemuck::cast;
-use lazygrid_kernels::{Space, Sphere, Spheres};
+use lazygrid_kernels::{Space, Sphere, SphereValues, Spheres};
 
 use super::input_spheres::{InputLoop, InputRows, InputSpheres};
 use crate::Simd;
@@ -25,9 +25,26 @@ pub(super) fn copy(
         let from = chunk * CHUNK_SPHERES;
         match &wrapping {
             Some(wrapping) => simd.run(WrapChunk { spheres, wrapping, from, targets }, None),
-            None => targets.iter_mut().zip(from..).for_each(|(target, k)| *target = spheres.get(k)),
+            None => copy_chunk(spheres, from, targets, |sphere| sphere),
         }
     });
+}
+
+/// A loop for each layout, because a test of the layout per sphere takes longer than the copy.
+#[inline(always)]
+fn copy_chunk(spheres: Spheres<'_>, from: usize, targets: &mut [Sphere], map: impl Fn(Sphere) -> Sphere) {
+    let targets = targets.iter_mut();
+    match spheres.values() {
+        SphereValues::RowsF32(rows) => {
+            targets.zip(&rows[from..]).for_each(|(target, row)| *target = map(cast(*row)));
+        }
+        SphereValues::StridedF32(columns) => {
+            targets.zip(from..).for_each(|(target, k)| *target = map(cast(columns.get(k))));
+        }
+        SphereValues::RowsF64(_) | SphereValues::StridedF64(_) => {
+            targets.zip(from..).for_each(|(target, k)| *target = map(spheres.get(k)));
+        }
+    }
 }
 
 struct Wrapping<'s> {
@@ -82,12 +99,7 @@ impl SimdTask for WrapChunk<'_> {
     #[inline(always)]
     fn run<V: SimdWidth>(self, _: V) {
         let Self { spheres, wrapping, from, targets } = self;
-        match spheres.as_rows() {
-            Some(rows) => {
-                targets.iter_mut().zip(&rows[from..]).for_each(|(to, sphere)| *to = wrapping.wrap(*sphere));
-            }
-            None => targets.iter_mut().zip(from..).for_each(|(to, k)| *to = wrapping.wrap(spheres.get(k))),
-        }
+        copy_chunk(spheres, from, targets, |sphere| wrapping.wrap(sphere));
     }
 }
 
