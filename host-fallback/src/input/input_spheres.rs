@@ -86,8 +86,12 @@ impl<V: SimdWidth, L: InputLoop> Run<'_, V, L> {
         match (species, map.is_unbounded()) {
             (None, true) => task.run::<V, false>(vector, rows, map),
             (None, false) => task.run::<V, true>(vector, rows, map),
-            (Some((ids, reaches)), true) => task.run::<V, false>(vector, OfSpecies { rows, ids, reaches }, map),
-            (Some((ids, reaches)), false) => task.run::<V, true>(vector, OfSpecies { rows, ids, reaches }, map),
+            (Some((ids, reaches)), true) => {
+                task.run::<V, false>(vector, OfSpecies { rows, ids, reaches }, map)
+            }
+            (Some((ids, reaches)), false) => {
+                task.run::<V, true>(vector, OfSpecies { rows, ids, reaches }, map)
+            }
         }
     }
 
@@ -110,7 +114,8 @@ impl<T: Copy + Into<f64>> InputRows for &[[T; 4]] {
 
     #[inline(always)]
     fn get(self, k: usize) -> [f64; 4] {
-        self[k].map(T::into)
+        let [x, y, z, radius] = self[k];
+        [x.into(), y.into(), z.into(), radius.into()]
     }
 
     #[inline(always)]
@@ -127,7 +132,8 @@ impl<T: Copy + Into<f64>> InputRows for &Strided<'_, T> {
 
     #[inline(always)]
     fn get(self, k: usize) -> [f64; 4] {
-        Strided::get(self, k).map(T::into)
+        let [x, y, z, radius] = Strided::get(self, k);
+        [x.into(), y.into(), z.into(), radius.into()]
     }
 
     #[inline(always)]

@@ -115,9 +115,8 @@ impl Orthogonalization {
     /// still touch. This growth hardly depends on the position, so a moving sphere keeps its radius. A sphere of radius
     /// `limit`, the maximum, must touch all others.
     pub fn sphere(&self, center: [f64; 3], radius: f64, limit: f64) -> Sphere {
-        self.near_sphere(center, radius, limit).unwrap_or_else(|| {
-            self.distant_sphere(DVec3::from(center) * self.unit, radius, limit)
-        })
+        self.near_sphere(center, radius, limit)
+            .unwrap_or_else(|| self.distant_sphere(DVec3::from(center) * self.unit, radius, limit))
     }
 
     /// Returns [`sphere`](Self::sphere) if its radius has the least growth. Compiles to vector code in the caller.

@@ -162,7 +162,10 @@ impl Wide<'_> {
     #[inline]
     pub(crate) fn get(&self, i: usize) -> [f64; 4] {
         match self {
-            Self::F32(spheres) => spheres.get(i).map(f64::from),
+            Self::F32(spheres) => {
+                let [x, y, z, radius] = spheres.get(i);
+                [x.into(), y.into(), z.into(), radius.into()]
+            }
             Self::F64(spheres) => spheres.get(i),
         }
     }

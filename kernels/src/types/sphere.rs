@@ -175,8 +175,8 @@ impl<'a> Spheres<'a> {
             Layout::RowsF64(rows) => rows[i],
             Layout::Wide(wide) => wide.get(i),
             Layout::Rows(_) | Layout::Columns(_) => {
-                let Sphere { center, radius } = self.get(i);
-                [center.x, center.y, center.z, radius].map(f64::from)
+                let Sphere { center: Vec3 { x, y, z }, radius } = self.get(i);
+                [x.into(), y.into(), z.into(), radius.into()]
             }
         }
     }
@@ -198,9 +198,15 @@ impl<'a> Spheres<'a> {
     }
 
     /// Returns `true` if detectors accept sphere `i`.
+    #[inline]
     pub fn is_valid(&self, i: usize) -> bool {
-        let numbers = self.get_f64(i);
-        numbers.iter().all(|number| number.is_finite()) && numbers[3] >= 0.0
+        match self.layout {
+            Layout::Rows(_) | Layout::Columns(_) => self.get(i).is_valid(),
+            Layout::RowsF64(_) | Layout::Wide(_) => {
+                let numbers = self.get_f64(i);
+                numbers.iter().all(|number| number.is_finite()) && numbers[3] >= 0.0
+            }
+        }
     }
 
     /// Returns `true` if the numbers are `f64`.

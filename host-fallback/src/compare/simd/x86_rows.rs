@@ -7,6 +7,16 @@ use bytemuck::cast;
 use super::Xyzr;
 use crate::frame::{Bounds, FrameMap, MAX_LENGTHS};
 
+/// A load would wait for the stores of a row that was assembled in memory.
+///
+/// # Safety
+/// The processor must have AVX.
+#[inline(always)]
+unsafe fn vector([x, y, z, radius]: [f64; 4]) -> __m256d {
+    // SAFETY: AVX by the caller's promise.
+    unsafe { _mm256_setr_pd(x, y, z, radius) }
+}
+
 /// # Safety
 /// The processor must have FMA.
 #[inline(always)]
@@ -14,7 +24,7 @@ pub(super) unsafe fn add_to_bounds(bounds: &mut Bounds, row: [f64; 4]) {
     let Bounds { min, max, zero } = bounds;
     // SAFETY: FMA, hence AVX, by the caller's promise; each array read or written has the vector's size.
     unsafe {
-        let row = _mm256_loadu_pd(row.as_ptr());
+        let row = vector(row);
         // If one operand is NaN, the result is the second operand.
         _mm256_storeu_pd(min.as_mut_ptr(), _mm256_min_pd(row, _mm256_loadu_pd(min.as_ptr())));
         _mm256_storeu_pd(max.as_mut_ptr(), _mm256_max_pd(row, _mm256_loadu_pd(max.as_ptr())));
@@ -32,7 +42,7 @@ pub(super) unsafe fn is_in_frame(map: &FrameMap<'_>, row: [f64; 4]) -> bool {
     let [low, high] = &map.limits;
     // SAFETY: AVX by the caller's promise; each array read has the vector's size.
     unsafe {
-        let at = _mm256_sub_pd(_mm256_loadu_pd(row.as_ptr()), _mm256_loadu_pd(map.origin.as_ptr()));
+        let at = _mm256_sub_pd(vector(row), _mm256_loadu_pd(map.origin.as_ptr()));
         let is_above = _mm256_cmp_pd::<_CMP_GE_OQ>(at, _mm256_loadu_pd(low.as_ptr()));
         let is_below = _mm256_cmp_pd::<_CMP_LE_OQ>(at, _mm256_loadu_pd(high.as_ptr()));
         _mm256_movemask_pd(_mm256_and_pd(is_above, is_below)) == 0b1111
@@ -52,7 +62,7 @@ pub(super) unsafe fn map_to_frame<const PERIODIC: bool>(map: &FrameMap<'_>, row:
     let mut searched = [0.0; 4];
     // SAFETY: AVX by the caller's promise; each array read or written has the vector's size.
     unsafe {
-        let mut at = _mm256_sub_pd(_mm256_loadu_pd(row.as_ptr()), _mm256_loadu_pd(map.origin.as_ptr()));
+        let mut at = _mm256_sub_pd(vector(row), _mm256_loadu_pd(map.origin.as_ptr()));
         if PERIODIC {
             let (sign, length) = (_mm256_set1_pd(-0.0), _mm256_loadu_pd(map.lengths.as_ptr()));
             let away = _mm256_andnot_pd(sign, at);
