@@ -11,7 +11,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 
 use crate::Error;
 
-/// Most threads of a pool per core: a process may get more cores while it runs.
+/// Maximum threads of a pool per core: a process may get more cores while it runs.
 const MAX_THREADS_PER_CORE: usize = 4;
 /// Number of threads that a pool may always start.
 const MIN_MAX_THREADS: usize = 16;

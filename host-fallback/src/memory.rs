@@ -54,9 +54,9 @@ pub(crate) fn try_resize<T: Zeroable>(
 ) -> Result<(), Error> {
     if buffer.capacity() < len {
         // A buffer that has grown once often grows again by a little.
-        let room = if buffer.capacity() == 0 { len } else { len + len / GROWTH_DIVISOR };
+        let capacity = if buffer.capacity() == 0 { len } else { len + len / GROWTH_DIVISOR };
         drop(std::mem::take(buffer));
-        *buffer = try_zeroed_vec(room).map_err(|()| refused::<T>(room, what))?;
+        *buffer = try_zeroed_vec(capacity).map_err(|()| refused::<T>(capacity, what))?;
     }
     buffer.resize_with(len, T::zeroed);
     Ok(())
@@ -67,9 +67,9 @@ pub(crate) fn try_reserve<T>(buffer: &mut Vec<T>, count: usize, what: &'static s
     let needed = buffer.len() + count;
     if buffer.capacity() < needed {
         let grown = |capacity: usize| needed.max(capacity + (capacity / GROWTH_DIVISOR).max(MIN_GROWTH));
-        let room = if buffer.capacity() == 0 { needed } else { grown(buffer.capacity()) };
-        let refused = |_| refused::<T>(room, what);
-        buffer.try_reserve_exact(room - buffer.len()).map_err(refused)?;
+        let capacity = if buffer.capacity() == 0 { needed } else { grown(buffer.capacity()) };
+        let refused = |_| refused::<T>(capacity, what);
+        buffer.try_reserve_exact(capacity - buffer.len()).map_err(refused)?;
     }
     Ok(())
 }

@@ -41,7 +41,7 @@ pub enum RebuildReason {
     NoList,
     /// A sphere exceeded its displacement limit.
     Displacement,
-    /// The number, the radii or the species of the spheres changed.
+    /// The number, radii or species of the spheres changed, or `f64` spheres left the search frame.
     InputChanged,
 }
 

@@ -47,7 +47,7 @@ pub struct Settings {
     pub tau: u32,
     /// Cell size of the paper's grids as a multiple of the largest diameter, 0.5 to 16.
     pub cell_ratio: f32,
-    /// Most pairs of a list (8 bytes per pair, and 12 to 16 more while it is ordered).
+    /// Maximum pairs of a list (8 bytes per pair, and 12 to 16 more while it is ordered).
     pub max_pairs: u64,
     /// `None` if all touching spheres pair.
     pub interactions: Option<Interactions>,

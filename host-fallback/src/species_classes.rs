@@ -6,7 +6,7 @@ use crate::Error;
 use crate::memory::try_resize;
 use crate::size_class::{SIZE_CLASSES, class_of};
 
-/// Most rows, a power of two. Further species share the rows of earlier species.
+/// Maximum rows, a power of two. Further species share the rows of earlier ones.
 const MAX_ROWS: u32 = 16;
 const NAME: &str = "displacements by species";
 
@@ -19,8 +19,6 @@ pub(crate) struct SpeciesClasses<T = f32> {
 }
 
 impl<T: Copy + Zeroable> SpeciesClasses<T> {
-    /// # Errors
-    /// [`Error::OutOfMemory`].
     pub(crate) fn set_all(&mut self, species: u32, number: T) -> Result<(), Error> {
         try_resize(&mut self.rows, rows_for(species), NAME)?;
         self.fill(number);
@@ -31,10 +29,7 @@ impl<T: Copy + Zeroable> SpeciesClasses<T> {
         self.rows.fill([number; SIZE_CLASSES]);
     }
 
-    /// Sets all numbers to `of` those of `others`.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`].
+    /// Maps the numbers of `others` by `of`.
     pub(crate) fn set_from(&mut self, others: &Self, of: impl Fn(T) -> T) -> Result<(), Error> {
         try_resize(&mut self.rows, others.rows.len(), NAME)?;
         self.numbers_mut().zip(others.numbers()).for_each(|(to, from)| *to = of(from));

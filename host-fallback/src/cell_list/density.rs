@@ -29,7 +29,7 @@ pub(crate) struct DensityProfile {
     log_mean: Vec<f32>,
     /// Decrease of log₂ of the mean per halving below these depths.
     slope: f32,
-    /// Searches in cells, as a fraction of the searches of a single group.
+    /// Number of searches, relative to that without groups.
     pub(crate) searches: f32,
     /// Estimated nanoseconds of a comparison.
     pub(crate) compare_ns: f32,

@@ -100,28 +100,26 @@ pub(crate) struct DensityCache {
     density: DensityProfile,
     of_groups: Vec<DensityProfile>,
     division: Division,
-    /// Version of the [`SpeciesGroups`].
-    groups: u32,
+    groups_version: u32,
     spheres: usize,
     split: Option<usize>,
     bounds: [Vec3; 2],
-    /// Remaining reuses.
-    left: u32,
+    reuses_left: u32,
 }
 
 impl DensityCache {
     pub(crate) fn of(last: Option<Self>, input: &SearchInput<'_>) -> Result<Self, Error> {
         let InputStats { spheres, min, max, .. } = input.stats;
-        let version = input.groups.map_or(0, SpeciesGroups::version);
+        let groups_version = input.groups.map_or(0, SpeciesGroups::version);
         match last {
-            Some(last) if last.has_groups(input, version) && last.serves(spheres, [min, max]) => {
-                Ok(Self { left: last.left - 1, ..last })
+            Some(last) if last.has_groups(input, groups_version) && last.serves(spheres, [min, max]) => {
+                Ok(Self { reuses_left: last.reuses_left - 1, ..last })
             }
             _ => {
-                let left = if spheres < MAX_REUSE_SPHERES { MAX_REUSES } else { 0 };
+                let reuses_left = if spheres < MAX_REUSE_SPHERES { MAX_REUSES } else { 0 };
                 let (density, of_groups, division) = Self::sample(input)?;
-                let (bounds, groups, split) = ([min, max], version, input.split);
-                Ok(Self { density, of_groups, division, groups, spheres, split, bounds, left })
+                let (bounds, split) = ([min, max], input.split);
+                Ok(Self { density, of_groups, division, groups_version, spheres, split, bounds, reuses_left })
             }
         }
     }
@@ -176,14 +174,14 @@ impl DensityCache {
     }
 
     fn has_groups(&self, input: &SearchInput<'_>, version: u32) -> bool {
-        self.groups == version && self.split == input.split
+        self.groups_version == version && self.split == input.split
     }
 
     fn serves(&self, spheres: usize, [min, max]: [Vec3; 2]) -> bool {
         let [low, high] = self.bounds;
         let margin = (high - low).max_element() * MAX_BOUNDS_SHIFT;
         let near = |a: Vec3, b: Vec3| (a - b).abs().max_element() <= margin;
-        self.left > 0 && self.spheres == spheres && near(min, low) && near(max, high)
+        self.reuses_left > 0 && self.spheres == spheres && near(min, low) && near(max, high)
     }
 }
 
@@ -194,15 +192,15 @@ mod tests {
     #[test]
     fn sample_is_reused_by_small_inputs_within_about_the_same_bounds() {
         let density = DensityProfile::from_codes(&[(7, 0); 100], 1000, 1.0, None);
-        let density_cache = |left| DensityCache {
+        let density_cache = |reuses_left| DensityCache {
             density: density.clone(),
             of_groups: Vec::new(),
             division: Division::Merged,
-            groups: 0,
+            groups_version: 0,
             spheres: 1000,
             split: None,
             bounds: [Vec3::ZERO, Vec3::ONE],
-            left,
+            reuses_left,
         };
         assert!(density_cache(1).serves(1000, [Vec3::splat(0.06), Vec3::ONE]));
         assert!(!density_cache(0).serves(1000, [Vec3::ZERO, Vec3::ONE]), "it has served");

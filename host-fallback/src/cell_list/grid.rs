@@ -14,7 +14,7 @@ use crate::math::floor;
 const MAX_COUNTED_CELLS: f64 = (1_u64 << 50) as f64;
 /// Below this reach, in cells, a far sphere touches only spheres with an equal coordinate.
 const FAR_CELLS: f64 = (1_u64 << 24) as f64;
-/// Most repeats of a folded grid along a periodic axis: cell numbers stay exact, and cells far larger than rounding.
+/// Maximum repeats of a folded grid along a periodic axis: cell numbers stay exact, and cells far larger than rounding.
 const MAX_REPEATS: f64 = (1_u64 << 20) as f64;
 /// Rounding error relative to the largest coordinate: some ulp of `f64`.
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;

@@ -14,7 +14,7 @@ use crate::size_class::SIZE_CLASSES;
 const ROW_NS: f32 = 14.0;
 /// Estimated nanoseconds to clear and sum a table entry.
 const CELL_NS: f32 = 0.7;
-/// Most table entries per sphere of a level.
+/// Maximum table entries per sphere of a level.
 pub(crate) const CELLS_PER_SPHERE: f32 = 2.0;
 /// Estimated factor on the time of rows that may wrap.
 const CIRCULAR_ROWS: f32 = 4.0;
@@ -27,7 +27,7 @@ const MIN_FOLDED_MEAN: f32 = 16.0;
 const SIZES_PER_DOUBLING: f32 = 2.0;
 const MAX_CELL_SIZES: usize = 24;
 
-/// Most groups of neighboring size classes that a plan distinguishes.
+/// Maximum groups of neighboring size classes in a plan.
 const MAX_CLASS_GROUPS: usize = 20;
 pub(super) const MAX_LEVELS: usize = MAX_CLASS_GROUPS;
 

@@ -32,7 +32,7 @@ impl<'a> CandidateFilter<'a> {
         certain || (possible && self.exact.accepts(pair.i, pair.j))
     }
 
-    /// Returns `true` if the pair is possible, and `true` if it is certain.
+    /// Returns two flags: contact is possible, and contact is certain.
     fn near_contact(&self, pair: &Pair) -> [bool; 2] {
         self.near.as_ref().map_or([true, false], |(near, searched)| {
             let [a, b] = [pair.i, pair.j].map(|k| row(searched, k));

@@ -54,21 +54,27 @@ pub(crate) fn scan<V: SimdWidth, S: Sink>(
 
 /// Appends without a branch: with hits in every second vector, branches would be mispredicted.
 pub(crate) struct HitQueue {
-    at: [u32; Self::ROOM],
-    base: [u32; Self::ROOM],
+    at: [u32; Self::CAPACITY],
+    base: [u32; Self::CAPACITY],
     /// Possible contacts in the lower half, certain in the upper.
-    lanes: [u32; Self::ROOM],
+    lanes: [u32; Self::CAPACITY],
     len: usize,
     hit_vectors: usize,
 }
 
 impl HitQueue {
-    /// Capacity in vectors: 6 KiB, a small part of the first-level cache.
-    const ROOM: usize = 512;
+    /// In vectors: 6 KiB, a small part of the first-level cache.
+    const CAPACITY: usize = 512;
 
     pub(crate) fn new() -> Self {
         const { assert!(2 * MAX_LANES <= u32::BITS as usize) };
-        Self { at: [0; Self::ROOM], base: [0; Self::ROOM], lanes: [0; Self::ROOM], len: 0, hit_vectors: 0 }
+        Self {
+            at: [0; Self::CAPACITY],
+            base: [0; Self::CAPACITY],
+            lanes: [0; Self::CAPACITY],
+            len: 0,
+            hit_vectors: 0,
+        }
     }
 
     /// [`flush`](Self::flush) writes the last pairs.
@@ -87,11 +93,11 @@ impl HitQueue {
             let live = u32::MAX >> (32 - V::LANES.min(run.end - base));
             let distances = vector.squared_distances(input.columns, base, query);
             let (possible, certain) = (vector.possible(distances) & live, vector.certain(distances) & live);
-            let len = self.len % Self::ROOM;
+            let len = self.len % Self::CAPACITY;
             (self.at[len], self.base[len]) = (at as u32, base as u32);
             self.lanes[len] = possible | (certain << MAX_LANES);
             self.len = len + usize::from(possible != 0);
-            if self.len == Self::ROOM {
+            if self.len == Self::CAPACITY {
                 self.write_pairs(vector, input, sink);
             }
             base += V::LANES;
@@ -111,7 +117,7 @@ impl HitQueue {
 
     #[inline(always)]
     fn write_pairs<V: SimdWidth, S: Sink>(&mut self, vector: V, input: ScanInput<'_>, sink: &mut S) {
-        for k in 0..self.len.min(Self::ROOM) {
+        for k in 0..self.len.min(Self::CAPACITY) {
             let (at, base) = (self.at[k] as usize, self.base[k] as usize);
             let (possible, certain) = (self.lanes[k] & (u32::MAX >> MAX_LANES), self.lanes[k] >> MAX_LANES);
             take(vector, input, VectorHits { at, base, lanes: Lanes { certain, possible } }, sink);

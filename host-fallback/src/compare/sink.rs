@@ -19,7 +19,7 @@ use crate::memory::{self, try_resize};
 const CHUNK: usize = 8192;
 /// Pairs of a chunk's initial part, which is cleared before it is filled.
 const MIN_CHUNK: usize = 256;
-/// Most partly filled chunks per thread, at the ends of its tasks.
+/// Maximum partly filled chunks per thread, at the ends of its tasks.
 const PARTLY_FILLED: u64 = 8;
 
 /// Returns the most bytes in use while `threads` threads write a list.
@@ -237,7 +237,7 @@ impl Writer<'_, '_> {
     }
 
     #[inline(always)]
-    fn room(&mut self) -> Option<&mut [Pair; MAX_LANES]> {
+    fn free_slots(&mut self) -> Option<&mut [Pair; MAX_LANES]> {
         if self.chunk.len() < self.len + MAX_LANES
             && let Err(error) = self.renew()
         {
@@ -290,9 +290,9 @@ impl Sink for Writer<'_, '_> {
         } else {
             let lanes = self.output.inside(id, ids, lanes);
             if lanes != 0
-                && let Some(room) = self.room()
+                && let Some(slots) = self.free_slots()
             {
-                self.len += vector.pack(id, ids, lanes, room);
+                self.len += vector.pack(id, ids, lanes, slots);
             }
         }
     }
@@ -302,9 +302,9 @@ impl Sink for Writer<'_, '_> {
         if self.counting {
             self.found += 1;
         } else if self.output.window.as_ref().is_none_or(|window| window.contains(&pair.i))
-            && let Some(room) = self.room()
+            && let Some(slots) = self.free_slots()
         {
-            room[0] = pair;
+            slots[0] = pair;
             self.len += 1;
         }
     }
@@ -314,8 +314,8 @@ impl Sink for Writer<'_, '_> {
         for some in pairs.chunks(MAX_LANES) {
             if self.counting || self.output.window.is_some() {
                 some.iter().for_each(|&pair| self.pair(pair_at(pair, order)));
-            } else if let Some(room) = self.room() {
-                room.iter_mut().zip(some).for_each(|(room, &pair)| *room = pair_at(pair, order));
+            } else if let Some(slots) = self.free_slots() {
+                slots.iter_mut().zip(some).for_each(|(slot, &pair)| *slot = pair_at(pair, order));
                 self.len += some.len();
             }
         }

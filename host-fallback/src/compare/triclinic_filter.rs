@@ -90,7 +90,7 @@ impl TriclinicFilter {
         lanes
     }
 
-    /// Returns `true` if a contact is possible, and `true` if it is certain.
+    /// Returns two flags: contact is possible, and contact is certain.
     #[inline(always)]
     pub(crate) fn touch(&self, a: Xyzr, b: Xyzr) -> [bool; 2] {
         let apart = |axis: usize| {

@@ -11,7 +11,7 @@ use crate::memory::{try_collect, try_resize};
 use crate::output::{NeighborsBuilder, PairSorter};
 use crate::{Error, Neighbors, Order, PhaseTime, Settings};
 
-/// Most pairs of a streamed chunk of two sets, which is copied: 8 MiB.
+/// Maximum pairs of a streamed chunk of two sets, which is copied: 8 MiB.
 const MAX_STREAM_CHUNK: usize = 1 << 20;
 /// Number of tiles among which threads divide the sort of pairs.
 const ORDER_TILES: usize = 128;

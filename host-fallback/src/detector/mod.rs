@@ -143,7 +143,7 @@ impl SearchBackend for HostBackend {
                 (None, Some(stats)) => stats.clone(),
                 _ => {
                     let stats = state.report.time("survey", || InputStats::of(&test, executor));
-                    // An error names the given spheres.
+                    // The error must show the numbers as given, not as searched.
                     stats.or_else(|error| check_valid(query, executor).and(Err(error)))?
                 }
             };

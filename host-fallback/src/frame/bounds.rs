@@ -55,9 +55,6 @@ impl Bounds {
     }
 
     /// Checks that the exact test cannot overflow in a triclinic cell.
-    ///
-    /// # Errors
-    /// [`InputError::CoordinateRange`].
     pub(crate) fn check_range(&self, space: &Space) -> Result<(), InputError> {
         let Some(cell) = space.triclinic_cell() else { return Ok(()) };
         let limit = cell.max_component();

@@ -87,7 +87,7 @@ impl SearchFrame {
         (MIN_FILLED..1.0).contains(&(Self::size(bounds, space, &self.origin) * self.scale))
     }
 
-    /// Finds out whether radii of spheres in `bounds` grow least.
+    /// Sets [`has_least_growth`](Self::has_least_growth) for spheres in `bounds`.
     pub(crate) fn with_growth_in(mut self, bounds: &Bounds) -> Self {
         self.has_least_growth = self.grows_least(bounds);
         self
@@ -240,7 +240,7 @@ impl SearchFrame {
             }
             Axes::Triclinic(cell) => cell.sphere(center, radius, 2.0 * MAX_RADIUS),
             Axes::TriclinicF32(cell) => {
-                // Only these spheres have not been checked with their bounds.
+                // Spheres of other frames are checked by their bounds.
                 let is_valid = (x + y + z).is_finite() && radius.is_finite() && radius >= 0.0;
                 match is_valid {
                     true => cell.sphere(center, radius, f64::from(f32::MAX)),

@@ -8,10 +8,10 @@ use crate::executor::{Chunks, Executor};
 const CHUNK_SPHERES: usize = 1 << 13;
 /// Number of spheres whose medians are taken, evenly spaced by index.
 const SAMPLE: usize = 255;
-/// Most spheres of the sample that may lie outside the frame.
+/// Maximum spheres of the sample outside the frame.
 const SAMPLE_OUTSIDE: usize = SAMPLE / 16;
 /// Number of binary exponents of `f64`.
-const LEVELS: usize = 2048;
+const EXPONENTS: usize = 2048;
 /// A frame is trimmed only if it gets smaller by this factor: contacts in a trimmed frame are never certain.
 const MIN_GAIN: f64 = 16.0;
 /// Growth of radii as a fraction of the median radius: above the first, a frame is trimmed; the second is acceptable.
@@ -25,7 +25,7 @@ pub(crate) struct RowsByIndex<'r> {
 }
 
 impl RowsByIndex<'_> {
-    /// All pairs of outside spheres are only a few per input sphere.
+    /// Limits the pairs of outside spheres to eight per input sphere.
     fn most_outside(&self) -> usize {
         (4 * self.count.isqrt()).min(self.count / 8)
     }
@@ -107,7 +107,7 @@ impl Reach {
         let farthest = farthest.map(|axis| rows.bounds.reach(axis, self.origin[axis])).fold(0.0, f64::max);
         let levels = self.count_levels(rows, exponent(farthest), executor);
         let (mut outside, mut level) = (0, 0);
-        while level < LEVELS && outside + levels[level] as usize <= rows.most_outside() {
+        while level < EXPONENTS && outside + levels[level] as usize <= rows.most_outside() {
             outside += levels[level] as usize;
             level += 1;
         }
@@ -116,20 +116,20 @@ impl Reach {
     }
 
     /// Level 0 has the exponent `largest`.
-    fn count_levels(&self, rows: &RowsByIndex<'_>, largest: u64, executor: Executor) -> [u32; LEVELS] {
-        let piece = |mut levels: [u32; LEVELS], piece: usize| {
+    fn count_levels(&self, rows: &RowsByIndex<'_>, largest: u64, executor: Executor) -> [u32; EXPONENTS] {
+        let piece = |mut levels: [u32; EXPONENTS], piece: usize| {
             for k in piece * CHUNK_SPHERES..rows.count.min((piece + 1) * CHUNK_SPHERES) {
                 let level = largest.saturating_sub(exponent(self.of(&(rows.get)(k))));
                 levels[level as usize] += 1;
             }
             Ok(levels)
         };
-        let merge = |mut a: [u32; LEVELS], b: [u32; LEVELS]| {
+        let merge = |mut a: [u32; EXPONENTS], b: [u32; EXPONENTS]| {
             a.iter_mut().zip(b).for_each(|(sum, count)| *sum += count);
             Ok::<_, std::convert::Infallible>(a)
         };
         let pieces = Chunks::unlimited(rows.count.div_ceil(CHUNK_SPHERES));
-        let Ok(levels) = executor.for_light_work(rows.count).fold(pieces, || [0; LEVELS], piece, merge);
+        let Ok(levels) = executor.for_light_work(rows.count).fold(pieces, || [0; EXPONENTS], piece, merge);
         levels
     }
 

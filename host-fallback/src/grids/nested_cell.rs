@@ -20,7 +20,7 @@ pub(super) struct NestedCell {
     scale: DVec3,
     /// Relative to `top`, in cells of this size.
     corner: DVec3,
-    /// Most top cells between the origin, or the ring's start, and a coordinate inside.
+    /// Maximum distance of a coordinate inside from the origin, or from the ring's start, in top cells.
     away: DVec3,
 }
 

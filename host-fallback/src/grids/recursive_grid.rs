@@ -31,7 +31,7 @@ use crate::report::Report;
 const CHUNK_ENTRIES: usize = 1 << 11;
 /// Desired spheres per finer cell. Fewer mean more entries, more mean more comparisons.
 const PER_CELL: f64 = 16.0;
-/// Most halvings of a split by count, so that 32 bits suffice for a finer cell's key.
+/// Maximum halvings of a split by count, so that 32 bits suffice for a finer cell's key.
 const MAX_HALVINGS: f64 = 7.0;
 
 #[derive(Debug, Default)]
@@ -171,7 +171,7 @@ impl RecursiveGrid {
         let entries = most_entries(spheres as usize, ratio) as u64;
         let batches = threads * Batch::memory_for(entries.min(2 * CHUNK_ENTRIES as u64));
         let members = most_members(spheres, entries, threads) * size_of::<Member>() as u64;
-        // A call has its own splits in addition to the largest one.
+        // With several threads, the largest workspace of earlier calls adds to those of a call.
         let finer = spheres * threads.min(2) * 8 * ENTRY;
         memory_of_entries(entries) + members + finer + batches + OverfullCells::memory_for(spheres, threads)
     }

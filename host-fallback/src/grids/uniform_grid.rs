@@ -34,7 +34,7 @@ const WIDER: f64 = 1.0 + 1e-9;
 const ROUNDING: f64 = 1.0 / (1_u64 << 49) as f64;
 /// Factor on the cell size, so that a widened sphere of one cell's diameter never spans three.
 const CELL_SLACK: f64 = 1.0 + 1.0 / (1 << 20) as f64;
-/// Most cells of a ring, so that rounding of its length is less than [`CELL_SLACK`].
+/// Maximum cells of a ring, so that rounding of its length is less than [`CELL_SLACK`].
 const MAX_RING_CELLS: f64 = (1 << 26) as f64;
 const POINTS_PER_CELL: f64 = 4.0;
 const MAX_SHIFTS: usize = 4;
@@ -253,7 +253,8 @@ impl UniformGrid {
         (low, high)
     }
 
-    /// Returns the most cells between the origin and a coordinate in this cell; on a ring, its number of cells.
+    /// Returns the maximum distance of coordinates in this cell to the origin, in cells; on a ring, its number of
+    /// cells.
     pub(crate) fn away(&self, corner: DVec3) -> DVec3 {
         corner.abs().max(self.periodic.count.as_dvec3()) + 1.0
     }

@@ -7,7 +7,6 @@ pub(crate) struct CenterBounds {
 }
 
 impl CenterBounds {
-    /// The bounds of no spheres.
     pub(crate) const EMPTY: Self = Self { min: Vec3::INFINITY, max: Vec3::NEG_INFINITY };
 
     #[inline]

@@ -85,7 +85,7 @@ impl<'a> Grouping<'a> {
     }
 }
 
-/// Ascending in each group. Returns the groups' ends.
+/// Writes the spheres group by group, ascending, to `order`. Returns the groups' ends.
 pub(crate) fn sort_by_group(
     grouping: &Grouping<'_>,
     spheres: usize,

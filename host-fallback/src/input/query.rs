@@ -80,7 +80,6 @@ impl QueryBuffers {
         if is_copied { with_growth(spheres.saturating_mul(size_of::<Sphere>() as u64)) } else { 0 }
     }
 
-    /// Returns [`SpeciesGroups::version`].
     pub(crate) fn version(&self) -> u32 {
         self.groups.version()
     }

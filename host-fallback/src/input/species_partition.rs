@@ -14,9 +14,9 @@ use super::shared_groups::share_groups;
 use crate::Error;
 use crate::memory::try_collect;
 
-/// Most groups of species that pair. With more sets of partners, groups are [shared](super::shared_groups).
+/// Maximum groups of species that pair. With more sets of partners, groups are [shared](super::shared_groups).
 pub(crate) const MAX_GROUPS: usize = 8;
-/// Most present species that are grouped, because grouping takes quadratic time. More species are one group.
+/// Maximum present species that are grouped, because grouping takes quadratic time. More species are one group.
 pub(super) const MAX_PRESENT: usize = 512;
 /// Largest sum of two effective radii, as a multiple of the distance that they represent: rounding up adds one ulp, or
 /// 4 of the 16 half ulps of the filter's band in the square.

@@ -14,7 +14,7 @@ use crate::memory::try_collect;
 const MAX_NARROW: f64 = 0.5;
 /// Fraction of the expected candidates below which one choice of radii replaces another.
 const WORTHWHILE: f64 = 0.75;
-/// Most spheres of each set whose species are counted.
+/// Maximum spheres of each set whose species are counted.
 const SAMPLES: usize = 1024;
 
 /// One bit per group.
@@ -36,7 +36,7 @@ impl Groups {
 #[derive(Debug, Default)]
 pub(super) struct UnequalRadii {
     narrow: Groups,
-    /// Radius is half of their largest distance. No two of them pair.
+    /// Groups with half of their own largest distance as radius. No two of them pair.
     chosen: Groups,
     /// Empty if no group is chosen.
     reaches: Vec<SpeciesReach>,

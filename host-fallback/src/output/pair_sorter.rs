@@ -20,7 +20,7 @@ const MAX_BUCKETS: usize = 1 << 11;
 const BUCKET: usize = 1 << 13;
 /// With more values of `i` per bucket, pairs get more buckets for shorter keys.
 const MAX_WIDTH: usize = 1 << 15;
-/// Most bits of a digit: 8 KiB of counters for a bucket of 64 KiB.
+/// Maximum bits of a digit: 8 KiB of counters for a bucket of 64 KiB.
 const DIGIT: u32 = 11;
 /// Fewer pairs are sorted by comparisons.
 const MIN_RADIX_KEYS: usize = 256;

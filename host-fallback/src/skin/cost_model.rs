@@ -78,7 +78,7 @@ pub(super) enum SkinScaling {
     Alike,
 }
 
-/// Most candidates per sphere, which bounds the memory of a list.
+/// Maximum candidates per sphere, which bounds the memory of a list.
 const MAX_CANDIDATES: f32 = 64.0;
 
 #[derive(Clone, Copy, Debug)]

@@ -10,11 +10,11 @@ use crate::size_class::SIZE_CLASSES;
 use crate::species_classes::{PerClass, SpeciesClasses};
 
 const MAX_SAMPLE: usize = 1 << 10;
-/// Spheres per sphere of the sample, so that sampling costs almost nothing.
+/// Minimum spheres per sampled sphere, so that sampling costs almost nothing.
 const MIN_SPHERES_PER_SAMPLE: usize = 32;
 /// Decay per call of a class's largest displacement.
 const STEP_DECAY: f32 = 0.9;
-/// Spheres of a species and class in the sample, below which they say little.
+/// Minimum sampled spheres of a species and class for an estimate.
 const MIN_COUNT: u16 = 4;
 /// Estimate for spheres at rest, as a fraction of the largest displacement: some may begin to move.
 const AT_REST: f32 = 0.125;

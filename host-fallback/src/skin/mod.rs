@@ -31,7 +31,7 @@ pub use tuner::SkinTuner;
 pub(crate) struct CallSpheres<'a> {
     pub(crate) test: &'a PairTest<'a>,
     pub(crate) input: Option<InputSpheres<'a>>,
-    /// `true` if species are those of the candidates.
+    /// `true` if the species of the spheres are those of the candidates.
     pub(crate) has_same_species: bool,
 }
 

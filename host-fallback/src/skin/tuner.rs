@@ -13,7 +13,7 @@ use crate::executor::Executor;
 use crate::input::InputStats;
 use crate::report::RebuildReason;
 
-/// Most searches before a new choice, and number of searches without a list after an overflow.
+/// Maximum searches before a new choice, and number of searches without a list after an overflow.
 const MAX_WAIT: u32 = 31;
 /// Ratios of observed to expected validity and candidates, for which a choice is kept.
 const AS_EXPECTED: std::ops::RangeInclusive<f32> = 0.5..=2.0;

@@ -25,20 +25,20 @@ pub(crate) struct SphereRun {
 
 /// Appends without a branch: branches on searched and empty rows would be mispredicted.
 pub(crate) struct RunQueue {
-    pub(super) at: [u32; Self::ROOM],
-    pub(super) start: [u32; Self::ROOM],
-    pub(super) end: [u32; Self::ROOM],
+    pub(super) at: [u32; Self::CAPACITY],
+    pub(super) start: [u32; Self::CAPACITY],
+    pub(super) end: [u32; Self::CAPACITY],
     pub(super) len: usize,
 }
 
 impl RunQueue {
-    /// Capacity in runs: 6 KiB, a small part of the first-level cache.
-    const ROOM: usize = 512;
+    /// In runs: 6 KiB, a small part of the first-level cache.
+    const CAPACITY: usize = 512;
     /// Length at which only the runs of one more vector of spheres fit.
-    pub(super) const FULL: usize = Self::ROOM - (ROWS + 1) * MAX_LANES;
+    pub(super) const FULL: usize = Self::CAPACITY - (ROWS + 1) * MAX_LANES;
 
     pub(crate) fn new() -> Self {
-        Self { at: [0; Self::ROOM], start: [0; Self::ROOM], end: [0; Self::ROOM], len: 0 }
+        Self { at: [0; Self::CAPACITY], start: [0; Self::CAPACITY], end: [0; Self::CAPACITY], len: 0 }
     }
 
     #[inline(always)]
@@ -48,7 +48,7 @@ impl RunQueue {
 
     #[inline(always)]
     pub(crate) fn push(&mut self, at: u32, run: Range<u32>, wanted: bool) {
-        let len = self.len % Self::ROOM;
+        let len = self.len % Self::CAPACITY;
         (self.at[len], self.start[len], self.end[len]) = (at, run.start, run.end);
         self.len = len + usize::from(wanted & (run.start < run.end));
     }

@@ -109,12 +109,12 @@ impl<'s> Piece<'s> {
             let rows = piece * CHUNK_ROWS..piece * CHUNK_ROWS + counts.len();
             let offsets = fill.candidates.offsets();
             let found = (offsets[rows.end] - offsets[rows.start]) as usize;
-            let room = found + if fill.options.has_self { rows.len() } else { 0 };
-            let (own, rest) = slots.split(room);
+            let count = found + if fill.options.has_self { rows.len() } else { 0 };
+            let (own, rest) = slots.split(count);
             slots = rest;
             let piece = Self { rows, slots: own, counts, start, filled: 0, too_far: None };
             try_push(&mut pieces, piece, "pieces of a list")?;
-            start += room;
+            start += count;
         }
         Ok(pieces)
     }
