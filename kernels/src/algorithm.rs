@@ -19,7 +19,7 @@ pub enum Algorithm {
     ArrayGrid,
     /// Uniform grid of the largest diameter, with overfull cells split again (section 3.2). CPU.
     RecursiveGrid,
-    /// Each sphere in the cell of its center, with a level per size class. CPU and GPU.
+    /// Each sphere in the cell of its center, at the level of its size. CPU and GPU.
     CellList,
     /// Nested grids; every cell passes smaller objects to the next level (section 3.2). GPU.
     EagerGrid,

@@ -93,14 +93,7 @@ pub enum InputError {
     #[error(
         "the excluded pair ({i}, {j}) is out of range ({first} and {second} spheres); indices start at 0"
     )]
-    ExcludedIndex {
-        i: u32,
-        j: u32,
-        /// Size of the first set.
-        first: usize,
-        /// Size of the second set.
-        second: usize,
-    },
+    ExcludedIndex { i: u32, j: u32, first: usize, second: usize },
     /// Invalid offsets of compressed sparse rows of excluded pairs.
     #[error(
         "offset {at} of the excluded pairs is {offset}; the {offsets} offsets must begin with 0, never decrease, and end with the \
@@ -123,13 +116,10 @@ pub enum InputError {
 #[non_exhaustive]
 #[allow(missing_docs, reason = "messages explain the fields")]
 pub enum Error {
-    /// An invalid input.
     #[error(transparent)]
     Input(InputError),
-    /// A setting out of range.
     #[error("{name} = {value} is out of range; {range}")]
     InvalidSetting { name: &'static str, value: String, range: &'static str },
-    /// The algorithm does not run on the backend.
     #[error("{algorithm} does not run on the {backend} backend; choose {}", runs_on(*backend))]
     NotOnBackend { algorithm: Algorithm, backend: Backend },
     /// More pairs than `max_pairs`. The count is exact; nothing was truncated.
@@ -137,7 +127,6 @@ pub enum Error {
         "{found} pairs exceed the limit of {limit} for a list; count or stream the pairs, or raise `max_pairs`"
     )]
     TooManyPairs { found: u64, limit: u64 },
-    /// The caller cancelled the search.
     #[error("the search was cancelled by the caller's cancel flag; clear the flag before the next call")]
     Cancelled,
     /// The system refused memory.
@@ -161,7 +150,6 @@ pub enum Error {
     /// An adapter and the CPU backend were requested together.
     #[error("adapter '{adapter}' and the cpu backend exclude each other; omit one of them")]
     AdapterOnCpu { adapter: String },
-    /// No adapter was found.
     #[error(
         "no GPU adapter was found ({reason}); install a Vulkan, Metal or DirectX 12 driver, or use the CPU"
     )]
@@ -180,7 +168,6 @@ pub enum Error {
         /// Index, name and API of each adapter.
         available: String,
     },
-    /// The adapter refused a device.
     #[error("adapter {adapter} refused a device: {reason}")]
     NoDevice { adapter: String, reason: String },
     /// A requirement exceeds a limit of the device. Nothing was allocated.
@@ -217,7 +204,6 @@ pub enum Error {
         "all {calls} call slots are in use, or this call failed; finish a call before beginning the next"
     )]
     TooManyInFlight { calls: usize },
-    /// A given buffer is too small.
     #[error("the `{what}` buffer has {size} bytes, but needs {needed}")]
     BufferSize { what: &'static str, size: u64, needed: u64 },
     /// A given buffer lacks a usage.

@@ -36,11 +36,11 @@ pub struct SearchParams {
     pub window_end: u32,
     /// Cells that pass smaller spheres to the next level: 0 none, 1 all, 2 with more than `tau`.
     pub split_policy: u32,
-    /// Most smaller spheres of an unsplit cell.
+    /// Maximum smaller spheres of an unsplit cell.
     pub tau: u32,
     /// Counters in either half of the occupancy table, a power of two.
     pub occupancy_slots: u32,
-    /// Most tiles of deferred blocks per submission, unless a single block has more; [`Self::UNLIMITED`] without a
+    /// Maximum tiles of deferred blocks per submission, unless a single block has more; [`Self::UNLIMITED`] without a
     /// limit.
     pub tiles_per_submission: u32,
     /// Length of a periodic x axis, else 0.
@@ -78,7 +78,7 @@ pub struct SearchParams {
     pub interaction: f32,
     /// Index of the first workgroup of the dispatch.
     pub first_workgroup: u32,
-    /// Most workgroups per dispatch of candidate tests; 0 without a limit.
+    /// Maximum workgroups per dispatch of candidate tests; 0 without a limit.
     pub workgroups_per_dispatch: u32,
     /// Always 0, which shader compilers do not know. It guards expressions whose order of evaluation matters.
     pub opaque_zero: u32,
@@ -198,7 +198,7 @@ pub struct Outcome {
     pub entries_lo: u32,
     pub entries_hi: u32,
     pub spheres: u32,
-    /// Most tiles of a deferred block.
+    /// Maximum tiles of a deferred block.
     pub deferred_max_tiles: u32,
     /// First deferred block of the last submission.
     pub deferred_begin: u32,

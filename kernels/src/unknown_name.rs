@@ -27,7 +27,7 @@ impl UnknownName {
     }
 }
 
-/// Most characters of a name in a message.
+/// Maximum characters of a name in a message.
 const LONGEST: usize = 60;
 
 fn shortened(name: &str) -> String {

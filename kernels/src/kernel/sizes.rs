@@ -12,20 +12,20 @@ pub const BOUNDS_TILE: u32 = WORKGROUP_SIZE * SPHERES_PER_THREAD;
 pub const DENSITY_TILE: u32 = WORKGROUP_SIZE * SPHERES_PER_THREAD;
 pub const DEPTHS: u32 = 32;
 pub const DIGIT_BITS: u32 = 8;
-/// Most objects that entries can refer to: three bits of an entry's word mark the axes on which the object begins.
+/// Maximum objects that entries can refer to: three bits of an entry's word mark the axes on which the object begins.
 pub const MAX_ENTRY_OBJECTS: u64 = 1 << 29;
-/// Most entries per sphere and level: two cells per axis.
+/// Maximum entries per sphere and level: two cells per axis.
 pub const MAX_ENTRIES_PER_SPHERE: u64 = 8;
 
-/// Most loop iterations per invocation. Lavapipe silently ends loops after 65,535.
+/// Maximum loop iterations per invocation. Lavapipe silently ends loops after 65,535.
 pub const MAX_LOOP_ITERATIONS: u32 = 16_000;
 /// Iterations of the naive search per tile: one for each of its eight parts, and per part 32 tests and up to 32 pairs.
 pub const NAIVE_ITERATIONS_PER_TILE: u32 = 8 * (1 + 32 + 32);
 /// Iterations of `runs_search_far` per tile, which also tests the ownership of 32 pairs.
 pub const RUN_ITERATIONS_PER_TILE: u32 = 8 * (1 + 32 + 32 + 32);
-/// Most tiles per workgroup of the naive search.
+/// Maximum tiles per workgroup of the naive search.
 pub const NAIVE_TILES: u32 = MAX_LOOP_ITERATIONS / NAIVE_ITERATIONS_PER_TILE;
-/// Most tiles per workgroup of `runs_search_far`, after its search for the end of a run.
+/// Maximum tiles per workgroup of `runs_search_far`, after its search for the end of a run.
 pub const RUN_TILES: u32 = (MAX_LOOP_ITERATIONS - u32::BITS) / RUN_ITERATIONS_PER_TILE;
 
 /// Largest distance, in positions, of two entries of a run that `runs_search_near` tests.
@@ -34,7 +34,7 @@ pub const NEAR: u32 = 256;
 /// Candidates of a sphere of a cell list that one invocation tests.
 pub const CANDIDATES_PER_INVOCATION: u32 = 2048;
 
-/// Most values that [`SCAN_ONCE`](super::SCAN_ONCE) scans.
+/// Maximum values that [`SCAN_ONCE`](super::SCAN_ONCE) scans.
 pub const SCANNED_AT_ONCE: u32 = 1 << 16;
 pub(super) const SCAN_ITEMS: u32 = 8;
 pub(super) const SPHERES_PER_THREAD: u32 = 4;

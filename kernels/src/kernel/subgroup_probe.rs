@@ -24,7 +24,7 @@ impl SubgroupProbe {
     /// Initial content of the buffer.
     pub const BEFORE: Self = Self { faults: 0, invocations: 0, smallest: u32::MAX, largest: 0 };
 
-    /// Returns the reason against subgroup operations for at least `smallest` lanes, if any.
+    /// Returns the reason to avoid subgroup operations of at least `smallest` lanes, if any.
     pub fn refusal(&self, smallest: u32) -> Option<&'static str> {
         if self.invocations != Self::WORKGROUPS * WORKGROUP_SIZE || self.smallest > self.largest {
             return Some("the probe of subgroups did not run as dispatched");

@@ -77,11 +77,11 @@ pub struct CellListLayout {
 }
 
 impl CellListLayout {
-    /// Most levels of all sides together.
+    /// Maximum levels of all sides together.
     pub const LEVELS: usize = 32;
     /// Number of depths. Cells of depth `k` are 2⁻ᵏ times as large as cells of depth 0.
     pub const DEPTHS: usize = 16;
-    /// Most sides. Pairs of sides decide whether spheres are compared.
+    /// Maximum sides. Pairs of sides decide whether spheres are compared.
     pub const MAX_SIDES: usize = 8;
 
     pub const fn levels_per_side(sides: usize) -> usize {

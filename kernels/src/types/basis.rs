@@ -1,6 +1,6 @@
 use glam::DVec3;
 
-/// Most steps of the lattice reduction. Valid boxes need some hundreds.
+/// Maximum steps of the lattice reduction. Valid boxes need some hundreds.
 const MAX_REDUCTION_STEPS: usize = 1 << 16;
 /// Gain that a swap of the reduction requires, so that rounding cannot make it cycle (Lovász's δ).
 const LLL_DELTA: f64 = 0.99;

@@ -97,7 +97,7 @@ impl PartialEq for Interactions {
 }
 
 impl Interactions {
-    /// Most species of a table; 4096² entries take 256 MiB, and 64 MiB on a device.
+    /// Maximum species of a table; 4096² entries take 256 MiB, and 64 MiB on a device.
     pub const MAX_SPECIES: u32 = 4096;
 
     /// Creates a table for species `0..species` in which every pair has the interaction `all`.

@@ -25,18 +25,18 @@ pub struct Orthogonalization {
     lengths: [f64; 3],
     /// Upper bound of the factor by which a distance grows.
     stretch: f64,
-    /// Longest periodic axis, which the rounding of near coordinates is relative to.
+    /// Longest periodic axis, to which the rounding of near coordinates is relative.
     longest: f64,
     /// Largest component of a near center. 0 if an axis is unbounded.
     near: f64,
     distances: Option<DistanceMap>,
 }
 
-/// The map from a difference of orthogonalized coordinates to a vector as long as the distance in the space times the
-/// growth of radii. Upper triangular.
+/// The upper triangular map from a difference of orthogonalized coordinates to a vector as long as the distance in the
+/// space times the growth of radii.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DistanceMap {
-    /// The first row, the second from its second number, and the third from its third.
+    /// The upper triangle, row by row.
     pub rows: [f64; 6],
     /// Upper bound of the factor by which a difference grows, at most [`MAX_NORM`](Self::MAX_NORM).
     pub norm: f64,
@@ -180,7 +180,7 @@ impl Orthogonalization {
     }
 }
 
-/// Returns the integer nearest to a number below 2⁵¹, or the even one of two. It compiles to two additions.
+/// Rounds a number below 2⁵¹ to the nearest integer, ties to even. It compiles to two additions.
 #[doc(hidden)]
 #[inline(always)]
 pub fn nearest(number: f64) -> f64 {

@@ -7,14 +7,14 @@ use crate::InputError;
 
 /// Thinnest box, as a fraction of its longest cell vector. In a thinner one, `f64` could not distinguish images.
 const MIN_THICKNESS: f64 = 1.0 / (1 << 24) as f64;
-/// Most steps to wrap a vector. Each step leaves about 2⁻⁵⁰ of its length.
+/// Maximum steps to wrap a vector. Each step leaves about 2⁻⁵⁰ of its length.
 const MAX_WRAP_STEPS: usize = 4;
 /// Scales cells in which multiples of cell vectors overflow. Multiples in a reduced basis are smaller than its inverse.
 const DOWN: f64 = 1.0 / (1_u128 << 64) as f64;
 /// Factor by which sums of multiples of vectors stay below the largest number: above 3·√3·√3, for three components,
 /// vectors and the longest vector.
 const OVERFLOW_MARGIN: f64 = 16.0;
-/// Most multiples of cell vectors, in all, that were added to a vector whose images are not compared. Rounding then
+/// Maximum multiples of cell vectors, in all, that were added to a vector whose images are not compared. Rounding then
 /// stays below 2⁻¹³ of [`MIN_NEAR_PART`].
 const MAX_NEAR_MULTIPLES: f64 = (1 << 16) as f64;
 /// Least length of each basis vector's orthogonal part in cells for which images of short vectors are not compared.
@@ -37,7 +37,7 @@ pub struct TriclinicCell {
     inverse: [DVec3; 3],
     /// Squared length below which a wrapped vector is the minimum image.
     near_squared: f64,
-    /// Most multiples of a basis vector for which `near_squared` holds.
+    /// Maximum multiples of a basis vector for which `near_squared` holds.
     near_count: f64,
     fits_f32: bool,
 }
@@ -207,7 +207,7 @@ impl TriclinicCell {
         let mut best: Option<(f64, [f64; 3], [f64; 3])> = None;
         for image in self.images(apart, counts) {
             let (shift, image) = self.image(vector, image);
-            // It might be the shortest.
+            // An image that overflows might be the shortest.
             if !image.iter().all(|number| number.is_finite()) {
                 return None;
             }

@@ -7,7 +7,7 @@ const DEPTHS: u32 = 16u;
 const CLASSES: u32 = 256u;
 // Level of the largest size classes, whose few spheres have no cells.
 const LISTED: u32 = 255u;
-// Most listed spheres, which are compared with all others.
+// Maximum listed spheres, which are compared with all others.
 const MAX_LISTED: u32 = 8u;
 
 // See layout.rs.

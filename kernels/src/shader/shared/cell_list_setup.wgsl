@@ -65,8 +65,8 @@ fn choose_cell_size() {
         let length = select(2.0 * min(open, 0x1p126), lengths[axis], lengths[axis] > 0.0);
         extent = with_extent(extent, axis, max(length, diameter));
     }
-    let room = f32(max(params.cells, 1u));
-    let spacing = cube_root(extent.x / room) * cube_root(extent.y) * cube_root(extent.z);
+    let capacity = f32(max(params.cells, 1u));
+    let spacing = cube_root(extent.x / capacity) * cube_root(extent.y) * cube_root(extent.z);
     let cell_size = max(clamp(spacing, diameter, diameter * max(params.cell_ratio, 1.0)), MIN_CELL_SIZE);
     is_single = select(0u, 1u, !(cell_size < MAX_CELL_SIZE));
     unit_exponent = exponent_of(cell_size) - 6;
@@ -84,8 +84,8 @@ fn open_extent(axis: u32, level: u32) -> u32 {
 
 // Divisions cannot overflow, and their rounding does not matter: an integer is at most a quotient exactly if it is at
 // most its floor.
-fn fit(cells: vec3<u32>, room: u32) -> bool {
-    return room / cells.x / cells.y >= cells.z;
+fn are_within(cells: vec3<u32>, capacity: u32) -> bool {
+    return capacity / cells.x / cells.y >= cells.z;
 }
 
 fn cells_wanted(level: u32) -> vec3<u32> {
@@ -106,26 +106,26 @@ fn cells_wanted(level: u32) -> vec3<u32> {
     return wanted;
 }
 
-// Reduces the longest axes to `room` cells in all. Only integers serve, because a root that is rounded up would leave
-// an axis one cell.
-fn cells_of_table(wanted: vec3<u32>, room: u32) -> vec3<u32> {
+// Reduces the longest axes to `capacity` cells in all. Searches bit by bit, because a root that is rounded up would
+// leave an axis one cell.
+fn cells_of_table(wanted: vec3<u32>, capacity: u32) -> vec3<u32> {
     var limit = 0u;
     let leading = countLeadingZeros(max(max(wanted.x, wanted.y), wanted.z));
     for (var bit = leading; bit < 32u; bit++) {
         let more = limit | (0x80000000u >> bit);
-        limit = select(limit, more, fit(min(wanted, vec3(more)), room));
+        limit = select(limit, more, are_within(min(wanted, vec3(more)), capacity));
     }
     var cells = min(wanted, vec3(max(limit, 3u)));
     // If three cells do not fit, axes get a single cell until all fit.
     for (var axis = 0u; axis < 3u; axis++) {
-        if (!fit(cells, room)) {
+        if (!are_within(cells, capacity)) {
             cells = with_cells(cells, axis, 1u);
         }
     }
     return cells;
 }
 
-fn set_level(level: u32, room: u32) {
+fn set_level(level: u32, capacity: u32) {
     let lengths = periods();
     let depth = i32(depth_of(level));
     cell_list.level[level].units_per_length = power_of_two(depth - unit_exponent);
@@ -140,7 +140,7 @@ fn set_level(level: u32, room: u32) {
     var repeats = vec3(1u);
     if (is_single == 0u) {
         let wanted = cells_wanted(level);
-        cells = cells_of_table(wanted, room);
+        cells = cells_of_table(wanted, capacity);
         // The table repeats an integer number of times along an axis with more cells, because the first cell follows
         // the last.
         repeats = wanted / cells;
@@ -304,8 +304,8 @@ fn configure(local_index: u32) {
     if (local_index < LEVELS && is_used(local_index)) {
         // Sides share half of the cells equally, and half by number of spheres.
         let share = 0.5 / f32(params.sides) + 0.5 * f32(spheres_on_side(local_index)) / f32(max(count, 1u));
-        let room = select(params.cells, u32(f32(params.cells) * share * 0x1.ffffp-1), params.sides > 1u);
-        set_level(local_index, max(room, 1u));
+        let capacity = select(params.cells, u32(f32(params.cells) * share * 0x1.ffffp-1), params.sides > 1u);
+        set_level(local_index, max(capacity, 1u));
     }
     storageBarrier();
 
