@@ -35,8 +35,8 @@ impl GpuConfig {
         Self { algorithm, ..self }
     }
 
-    /// Number of spheres below which `Auto` tests all pairs; [`calibrate`](super::calibrate) measures it. Radii on the
-    /// GPU count as one size class. Default: [`Crossover::HARDWARE`].
+    /// Number of spheres below which `Auto` tests all pairs; [`calibrate`](super::calibrate) measures it. One size
+    /// class is assumed, because radii in GPU buffers are unknown. Default: [`Crossover::HARDWARE`].
     pub fn crossover(self, crossover: Crossover) -> Self {
         Self { crossover, ..self }
     }

@@ -7,8 +7,8 @@ use lazygrid_kernels::{Interactions, Query, try_reserve};
 use crate::Error;
 use crate::gpu::plan::Sides;
 
-/// A species is the new crowd if it has at least as many times the spheres of the last one, because other sides need
-/// new buffers on the device.
+/// A species replaces the crowd only at or above this ratio of their numbers, because other sides need new buffers on
+/// the device.
 const MIN_RATIO: f64 = 4.0;
 const MAX_PATIENCE: u32 = 255;
 

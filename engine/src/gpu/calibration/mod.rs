@@ -18,7 +18,7 @@ use measure::{ROUNDS, SIZES, crossing, race, time};
 /// Equal radii, and the classes of the paper's figure 3b.
 const CLASSES: [usize; 2] = [1, 5];
 
-/// Least and most spheres in a crowded cell.
+/// Minimum and maximum spheres in a crowded cell.
 const CROWD: [u32; 2] = [2048, 1 << 18];
 const CROWD_TIME: Duration = Duration::from_millis(50);
 const CROWD_ROUNDS: usize = 3;

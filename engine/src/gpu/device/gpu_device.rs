@@ -94,7 +94,7 @@ impl GpuDevice {
 }
 
 impl GpuDevice {
-    /// Wraps a host application's device and leaves its handlers alone. An adapter's first device runs a short probe,
+    /// Wraps a host application's device without replacing its handlers. An adapter's first device runs a short probe,
     /// without which detectors use no subgroup operations.
     pub fn from_wgpu(device: &wgpu::Device, queue: &wgpu::Queue) -> Self {
         subgroup_probe::run_once(device, queue);
@@ -153,7 +153,7 @@ impl GpuDevice {
         }
     }
 
-    /// Returns the cause of `error`: a lost device first refuses calls with other errors.
+    /// Returns the cause of `error`: calls on a lost device fail with other errors at first.
     pub(crate) fn reason(&self, error: Error) -> Error {
         self.probe().err().unwrap_or(error)
     }

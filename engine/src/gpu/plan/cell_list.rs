@@ -20,21 +20,21 @@ const MOST_CELLS: u64 = 1 << 30;
 /// three times by 2⁻²⁴.
 const ROUNDED: u64 = 1 << 22;
 /// Counters of level 0 that fit the caches of current devices.
-const MAX_DENSITY_SLOTS: u32 = 1 << 22;
+const MAX_OCCUPANCY_SLOTS: u32 = 1 << 22;
 /// Maximum number of workgroups of the statistics kernel: enough for current devices, with little contention at its
 /// counters.
-const SURVEY_GROUPS: u32 = 1024;
+const STATS_GROUPS: u32 = 1024;
 /// Maximum number of workgroups of the occupancy kernel, whose threads stride over the spheres.
 const OCCUPANCY_GROUPS: u32 = 1024;
 /// Spheres per thread of the statistics kernel, in calls of few and of many spheres.
 const SPHERES_PER_THREAD: [u32; 2] = [2, 8];
-/// Largest call that minimizes dispatches, because they cost more than their work: all smaller spheres leave overfull
-/// cells, and the search has a workgroup for each chunk of candidates of every block.
+/// Largest call with as few dispatches as possible, because each costs more than its work: all smaller spheres leave
+/// overfull cells, and the search has a workgroup for each chunk of candidates of every block.
 const MAX_SMALL_CALL: u32 = 1 << 15;
 /// Largest call that one workgroup surveys and sets up, in ten rounds of four loads.
 const MAX_ONE_GROUP_SETUP: u32 = 40 * k::WORKGROUP_SIZE;
 /// Counters per workgroup of `cell_starts_find`.
-const INDEX_BLOCK: u32 = 2048;
+const CELL_STARTS_BLOCK: u32 = 2048;
 
 pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
     let is_counted = request.spheres < request.radix_sort_from;
@@ -44,7 +44,7 @@ pub(super) fn size(plan: &mut Plan, request: &Request, limits: &DeviceLimits) {
     plan.cells = wanted.min(most - most / ROUNDED) as u32;
     // Two more counters and the largest one follow the cells. `scan_once` reads four at once.
     plan.counters = (plan.cells + plan.cells / ROUNDED as u32 + 3).next_multiple_of(4);
-    plan.occupancy_slots = request.spheres.clamp(256, MAX_DENSITY_SLOTS).next_power_of_two();
+    plan.occupancy_slots = request.spheres.clamp(256, MAX_OCCUPANCY_SLOTS).next_power_of_two();
     if is_counted {
         plan.tile = 0;
         if request.spheres <= MAX_SMALL_CALL {
@@ -108,7 +108,7 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
     let per_sphere = plan.spheres.div_ceil(k::WORKGROUP_SIZE);
     let dispatch = Dispatch::new;
     let per_thread = SPHERES_PER_THREAD[usize::from(plan.chunks_per_block == 0)];
-    let survey = plan.spheres.div_ceil(k::WORKGROUP_SIZE * per_thread).clamp(1, SURVEY_GROUPS);
+    let survey = plan.spheres.div_ceil(k::WORKGROUP_SIZE * per_thread).clamp(1, STATS_GROUPS);
     let mut dispatches = match plan.spheres <= MAX_ONE_GROUP_SETUP && plan.tile == 0 {
         true => vec![dispatch(&k::CELL_LIST_SETUP_SMALL, 1, GpuPhase::Survey)],
         false => vec![
@@ -132,7 +132,7 @@ pub(super) fn dispatches(plan: &Plan) -> Vec<Dispatch> {
         // The digits of the first pass are counted already.
         dispatches.extend(sort_dispatches(plan.spheres, plan.passes()).skip(1));
         let sorted = |kernel, groups| Dispatch::in_sort(kernel, groups, plan.passes());
-        dispatches.push(sorted(&k::CELL_STARTS_FIND, plan.counters.div_ceil(INDEX_BLOCK)));
+        dispatches.push(sorted(&k::CELL_STARTS_FIND, plan.counters.div_ceil(CELL_STARTS_BLOCK)));
         dispatches.push(sorted(&k::SPHERES_GATHER, per_sphere));
     }
     let tests_per_group = u64::from(k::WORKGROUP_SIZE * plan.candidates_per_invocation.min(plan.spheres));

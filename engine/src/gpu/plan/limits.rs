@@ -51,7 +51,7 @@ impl DeviceLimits {
         Err(Error::LimitExceeded { what, needed, limit, remedy })
     }
 
-    /// Most bytes of a buffer that is bound as a whole.
+    /// Returns the maximum bytes of a buffer that is bound as a whole.
     pub(crate) fn bytes(&self) -> u64 {
         self.storage_binding.min(self.buffer)
     }

@@ -53,7 +53,7 @@ const MAX_SPHERES: u64 = 65_536 * k::CANDIDATES_PER_INVOCATION as u64;
 /// Hashed keys need three bits per axis at each of up to 32 levels.
 const MIN_KEY_BITS: u32 = 16;
 /// Half of the occupancy table; fits the caches of current devices.
-const MAX_DENSITY_SLOTS: u32 = 1 << 22;
+const MAX_OCCUPANCY_SLOTS: u32 = 1 << 22;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Request {
@@ -312,7 +312,7 @@ fn key_bits(spheres: u32) -> u32 {
 
 /// Returns half as many slots as spheres, because most spheres share cells.
 fn occupancy_slots(spheres: u32) -> u32 {
-    (spheres.max(512) / 2 + 1).next_power_of_two().min(MAX_DENSITY_SLOTS)
+    (spheres.max(512) / 2 + 1).next_power_of_two().min(MAX_OCCUPANCY_SLOTS)
 }
 
 const SPLIT: &str = "split the spheres or take a device with a larger limit";

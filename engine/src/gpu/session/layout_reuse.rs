@@ -11,7 +11,7 @@ const MAX_PAUSE: u32 = 63;
 /// only.
 #[derive(Debug, Default)]
 pub(super) struct LayoutReuse {
-    /// Further reuses.
+    /// Remaining reuses.
     left: u32,
     pause: u32,
     /// Pauses grow, because a refused call runs twice.

@@ -11,13 +11,14 @@ use crate::gpu::detector::{AlgorithmChoice, CapacitySnapshot, GpuOutput};
 use crate::gpu::device::Wait;
 
 impl AlgorithmChoice {
-    /// Returns a coarser grid, finally a single level, which coincident spheres need, at the cell ratio `asked`.
-    fn with_fewer_entries(self, ran: Algorithm, asked: f32) -> Option<Self> {
+    /// Returns a coarser grid; after the coarsest, for coincident spheres, a single level at the `configured` cell
+    /// ratio.
+    fn with_fewer_entries(self, ran: Algorithm, configured: f32) -> Option<Self> {
         if self.cell_ratio < GpuConfig::MAX_CELL_RATIO {
             let cell_ratio = (self.cell_ratio * 2.0).min(GpuConfig::MAX_CELL_RATIO);
             return Some(Self { cell_ratio, ..self });
         }
-        let one_level = Self { algorithm: Algorithm::ArrayGrid, cell_ratio: asked };
+        let one_level = Self { algorithm: Algorithm::ArrayGrid, cell_ratio: configured };
         matches!(ran, Algorithm::EagerGrid | Algorithm::LazyGrid).then_some(one_level)
     }
 }

@@ -89,7 +89,7 @@ impl GpuSession {
         };
         let is_kept = skin.is_some() && !matches!(work, Submission::Copy);
         let searches = skin.is_none() && matches!(work, Submission::Full(_));
-        // No earlier call can be continued after this, even after an error.
+        // After this, also after an error, no earlier call can be continued.
         let before = self.submitted.take();
         let (found, details) = match (work, skin) {
             (Submission::Full(window), skin) => {
