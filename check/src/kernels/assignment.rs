@@ -86,7 +86,7 @@ fn levels_are_sound(chosen: &ConfiguredCellList, case: CellListCase) -> Result<(
                 && radius_is_finer
                 && (2.0 * own.max_radius..2.1 * own.max_radius).contains(&edge);
             same(what, &edges, &true)?;
-            // At the coordinate `far`, the number of quanta reaches 2³⁰.
+            // At the coordinate `far`, the number of units reaches 2³⁰.
             same(what, &(f32::from_bits(own.far) * own.units_per_length), &((1_u32 << 30) as f32))?;
             for (axis, length) in scenario.space.lengths().into_iter().enumerate() {
                 let (cells, around) = (own.cells[axis], own.around[axis]);

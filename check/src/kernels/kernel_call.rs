@@ -47,8 +47,6 @@ impl<'a> KernelCall<'a> {
         self.run_over(kernel, variant, [groups, 1, 1])
     }
 
-    /// # Panics
-    /// See [`run`](Self::run).
     pub(super) fn run_over(
         &self,
         kernel: &'static Kernel,
@@ -59,8 +57,6 @@ impl<'a> KernelCall<'a> {
         run_over(self.own, kernel, variant, groups, &buffers)
     }
 
-    /// # Panics
-    /// Panics if no buffer has this name.
     pub(super) fn buffer(&self, name: &str) -> &wgpu::Buffer {
         let found = self.buffers.iter().find(|(other, _)| *other == name);
         &found.unwrap_or_else(|| panic!("no buffer for {name}")).1
