@@ -157,8 +157,8 @@ pub fn document(runs: &[GpuRun], commit: &str) -> String {
 
 const MEASURED_ELSEWHERE: &str = "\
 [bench/results/nvidia-h100-h200.md](bench/results/nvidia-h100-h200.md) has the times of calls and kernels on an H100 and an
-H200. On the H200 a call for a million spheres or more takes 4 times what dispatches and bytes cost, and 1.1 to 1.2 times the
-audit's upper bounds; one for ten thousand is within the audit's range.
+H200. On the H200 a call takes 8 times the sum of dispatches and bytes for ten thousand spheres, and 4 times for a million or
+more.
 
 ";
 
@@ -185,7 +185,7 @@ earlier call chose. A call takes about
 
     dispatches × 1.7 µs + bytes ÷ bandwidth
 
-The 1.7 µs are an empty dispatch that waits for the one before, measured on an H200 through Vulkan. The estimate leaves out
+An empty dispatch that waits for the previous one takes 1.7 µs, measured on an H200 through Vulkan. The estimate leaves out
 instructions, of which the search has the most, latencies, the pairs, and caches, which hold a million spheres on some devices.
 
 ";
@@ -211,23 +211,7 @@ instructions, of which the search has the most, latencies, the pairs, and caches
         DEVICES.iter().map(|d| format!("{} {:.2} TB/s ({})", d.name, d.bandwidth * 1e-12, d.source));
     *text += &sources.collect::<Vec<_>>().join("; ");
     *text += ".\n\n";
-    *text += AUDIT;
 }
-
-const AUDIT: &str = "\
-An audit of every kernel at commit f2b6809 (by reading, ±35 %) also counts instructions, registers, latencies and caches. Its sums,
-which are arithmetic as well:
-
-| device | 10 k | 1 M | 10 M | 100 M |
-| --- | ---: | ---: | ---: | ---: |
-| NVIDIA H200 | 60–95 µs | 0.17–0.22 ms | 1.2–1.7 ms | 14–18 ms |
-| NVIDIA RTX 4090 | 45–80 µs | 0.15–0.2 ms | 2.2–2.8 ms | 25–30 ms |
-| AMD RDNA3 | 70–100 µs | 0.25–0.35 ms | 2.5–3.3 ms | 28–35 ms |
-| integrated, 90 GB/s | 0.2–0.3 ms | 2.5–3.5 ms | 28–40 ms | rarely fits |
-
-A measurement far above these ranges means that a kernel does not run as it was read; the times of the phases say which.
-
-";
 
 fn measured(text: &mut String, run: &GpuRun) {
     let Some(gpu) = &run.gpu else { return };

@@ -109,7 +109,7 @@ struct Octree {
     boxes: Vec<Bounds>,
     before: Vec<Bounds>,
     /// The leaf that encloses a sphere's box.
-    home: Vec<Option<u32>>,
+    enclosing_leaf: Vec<Option<u32>>,
     pairs: Vec<Pair>,
 }
 
@@ -152,15 +152,16 @@ impl Octree {
         let members = (0..self.boxes.len() as u32).collect();
         self.nodes = vec![Node { members, ..Node::leaf(cell, 0) }];
         self.free.clear();
-        self.home.clear();
-        self.home.resize(self.boxes.len(), Some(0));
+        self.enclosing_leaf.clear();
+        self.enclosing_leaf.resize(self.boxes.len(), Some(0));
     }
 
     fn update(&mut self) {
-        let Self { nodes, boxes, before, home, .. } = self;
+        let Self { nodes, boxes, before, enclosing_leaf, .. } = self;
         nodes.par_iter_mut().filter(|node| node.children.is_none()).for_each(|leaf| leaf.release(boxes));
         let nodes_now = &*nodes;
-        let stays = |k: usize| home[k].is_some_and(|h| nodes_now[h as usize].cell.encloses(&boxes[k]));
+        let stays =
+            |k: usize| enclosing_leaf[k].is_some_and(|h| nodes_now[h as usize].cell.encloses(&boxes[k]));
         let entered: Vec<(u32, u32)> = (0..boxes.len())
             .into_par_iter()
             .filter(|&k| !stays(k))
@@ -180,9 +181,9 @@ impl Octree {
             nodes[leaf as usize].members.push(k);
         }
         let nodes = &*nodes;
-        home.par_iter_mut().zip(&*boxes).for_each(|(home, b)| {
-            if !home.is_some_and(|h| nodes[h as usize].cell.encloses(b)) {
-                *home = home_of(nodes, b);
+        enclosing_leaf.par_iter_mut().zip(&*boxes).for_each(|(enclosing_leaf, b)| {
+            if !enclosing_leaf.is_some_and(|h| nodes[h as usize].cell.encloses(b)) {
+                *enclosing_leaf = leaf_enclosing(nodes, b);
             }
         });
     }
@@ -203,7 +204,7 @@ impl Octree {
         members.dedup();
         for &k in &members {
             if self.nodes[node].cell.encloses(&self.boxes[k as usize]) {
-                self.home[k as usize] = Some(node as u32);
+                self.enclosing_leaf[k as usize] = Some(node as u32);
             }
         }
         self.free.push(first);
@@ -221,14 +222,15 @@ impl Octree {
             let first = self.eight_leaves(node);
             for k in mem::take(&mut self.nodes[node].members) {
                 let this = &self.boxes[k as usize];
-                let mut home = None;
+                let mut enclosing_leaf = None;
                 for child in first..first + 8 {
                     if self.nodes[child].cell.overlaps(this) {
                         self.nodes[child].members.push(k);
-                        home = self.nodes[child].cell.encloses(this).then_some(child as u32).or(home);
+                        enclosing_leaf =
+                            self.nodes[child].cell.encloses(this).then_some(child as u32).or(enclosing_leaf);
                     }
                 }
-                self.home[k as usize] = home;
+                self.enclosing_leaf[k as usize] = enclosing_leaf;
             }
             self.nodes[node].children = Some(first);
             crowded.extend(first..first + 8);
@@ -273,7 +275,7 @@ fn descend(nodes: &[Node], node: usize, this: &Bounds, found: &mut impl FnMut(us
     }
 }
 
-fn home_of(nodes: &[Node], this: &Bounds) -> Option<u32> {
+fn leaf_enclosing(nodes: &[Node], this: &Bounds) -> Option<u32> {
     let mut node = 0;
     while let Some(first) = nodes[node].children {
         node = (first..first + 8).find(|&child| nodes[child].cell.encloses(this))?;

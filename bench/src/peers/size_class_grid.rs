@@ -211,16 +211,16 @@ impl SizeClassGrid {
         let (x, y) = (&self.x[lanes.clone()], &self.y[lanes.clone()]);
         let (z, r) = (&self.z[lanes.clone()], &self.r[lanes]);
         // Closures of iterators would be compiled without the caller's wider vectors.
-        let mut room = [0.0; LANES];
+        let mut overlaps = [0.0; LANES];
         for k in 0..LANES {
             let (dx, dy, dz) = (x[k] - sphere.center.x, y[k] - sphere.center.y, z[k] - sphere.center.z);
             let reach = r[k] + sphere.radius;
-            room[k] = reach * reach * 1.000_01 - (dx * dx + dy * dy + dz * dz);
+            overlaps[k] = reach * reach * 1.000_01 - (dx * dx + dy * dy + dz * dz);
         }
         // A comparison per lane would compile to scalar code.
         let mut apart = 0;
-        for (k, room) in room.iter().enumerate() {
-            apart |= (room.to_bits() >> 31) << k;
+        for (k, overlap) in overlaps.iter().enumerate() {
+            apart |= (overlap.to_bits() >> 31) << k;
         }
         !apart & ((1 << LANES) - 1)
     }
