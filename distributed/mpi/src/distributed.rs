@@ -274,13 +274,13 @@ struct List {
 
 impl List {
     fn add(&mut self, pairs: &[GlobalPair]) {
-        let room = (self.pairs.len() + pairs.len()) as u64;
-        if self.refused.is_some() || room > self.limit {
+        let total = (self.pairs.len() + pairs.len()) as u64;
+        if self.refused.is_some() || total > self.limit {
             return;
         }
         match self.pairs.try_reserve(pairs.len()) {
             Ok(()) => self.pairs.extend_from_slice(pairs),
-            Err(_) => self.refused = Some(room * size_of::<GlobalPair>() as u64),
+            Err(_) => self.refused = Some(total * size_of::<GlobalPair>() as u64),
         }
     }
 

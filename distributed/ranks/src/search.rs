@@ -172,7 +172,7 @@ impl Classes {
     }
 
     fn all_report(&self) -> bool {
-        // A ghost for the largest class is a ghost for all others.
+        // A sphere that is a ghost for the largest class is one for all others.
         let largest = self.owned.iter().max();
         largest.is_none_or(|&class| {
             let own = RankAndClass { rank: self.rank, class };
