@@ -58,20 +58,15 @@ pub struct Axes<'a> {
 }
 
 const SIZE: (u32, u32) = (1120, 600);
-/// Width of the legend, which fits the longest name.
-const LEGEND: u32 = 320;
+/// Fits the longest name.
+const LEGEND_WIDTH: u32 = 320;
 const FONT: &str = "sans-serif";
-/// Font size of titles.
-const TITLE: u32 = 27;
-/// Font size of the labels of axes.
-const TEXT: u32 = 22;
-/// Font size of the names in the legend.
-const NAMES: u32 = 19;
+const TITLE_SIZE: u32 = 27;
+const LABEL_SIZE: u32 = 22;
+const NAME_SIZE: u32 = 19;
 const MARGIN: u32 = 12;
-/// Height of the labels below the plot.
-const BELOW: u32 = 64;
-/// Width of the labels at the left of the plot.
-const LEFT: u32 = 110;
+const X_LABEL_HEIGHT: u32 = 64;
+const Y_LABEL_WIDTH: u32 = 110;
 const COLORS: [RGBColor; 10] = [
     RGBColor(31, 119, 180),
     RGBColor(214, 39, 40),
@@ -86,8 +81,8 @@ const COLORS: [RGBColor; 10] = [
 ];
 const GRID: RGBColor = RGBColor(225, 225, 225);
 
-/// Maximum number of points of a series that are marked by circles.
-const POINTS: usize = 50;
+/// Longer series are lines without circles.
+const MAX_CIRCLES: usize = 50;
 
 /// Draws the plot as SVG; returns `None` without points.
 pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<dyn Error>> {
@@ -100,8 +95,8 @@ pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<d
     {
         let root = SVGBackend::with_string(&mut svg, SIZE).into_drawing_area();
         root.fill(&WHITE)?;
-        let root = root.titled(axes.title, (FONT, TITLE))?;
-        let (area, legend) = root.split_horizontally(SIZE.0 - LEGEND);
+        let root = root.titled(axes.title, (FONT, TITLE_SIZE))?;
+        let (area, legend) = root.split_horizontally(SIZE.0 - LEGEND_WIDTH);
         let measured: Vec<f64> = marks().map(|mark| mark.at.0).collect();
         let x = range(scales[0], measured.iter().copied());
         let heights = marks().flat_map(|mark| [mark.at.1, mark.bar.0, mark.bar.1]);
@@ -112,8 +107,8 @@ pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<d
         let (at_x, at_y) = (ticks_at(&measured, &x, axes.x.1, x_space), ticks(&y, axes.y.1, y_space));
         let mut chart = ChartBuilder::on(&area)
             .margin(MARGIN)
-            .x_label_area_size(BELOW)
-            .y_label_area_size(LEFT)
+            .x_label_area_size(X_LABEL_HEIGHT)
+            .y_label_area_size(Y_LABEL_WIDTH)
             .build_cartesian_2d(
                 AxisTicks { scale: scales[0], range: x, ticks: at_x },
                 AxisTicks { scale: scales[1], range: y, ticks: at_y },
@@ -121,7 +116,10 @@ pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<d
         let (x_label, y_label) = (|value: &f64| axes.x.1.label(*value), |value: &f64| axes.y.1.label(*value));
         let mut mesh = chart.configure_mesh();
         mesh.x_desc(axes.x.0).y_desc(axes.y.0).x_label_formatter(&x_label).y_label_formatter(&y_label);
-        mesh.label_style((FONT, TEXT)).axis_desc_style((FONT, TEXT)).bold_line_style(GRID).draw()?;
+        mesh.label_style((FONT, LABEL_SIZE))
+            .axis_desc_style((FONT, LABEL_SIZE))
+            .bold_line_style(GRID)
+            .draw()?;
         let drawn = series.iter().filter(|line| line.marks(scales).next().is_some());
         for (row, line) in (0..).zip(drawn) {
             let color = line.color();
@@ -137,7 +135,7 @@ pub fn lines(axes: &Axes<'_>, series: &[Series]) -> Result<Option<String>, Box<d
             } else {
                 chart.draw_series(LineSeries::new(points(), color.stroke_width(2)))?;
             }
-            if points().count() <= POINTS {
+            if points().count() <= MAX_CIRCLES {
                 chart.draw_series(points().map(|p| Circle::new(p, 3, color.filled())))?;
             }
             draw_legend_entry(&legend, row, line)?;
@@ -156,18 +154,23 @@ fn draw_legend_entry<B: DrawingBackend>(
     let gap = if line.dashed { 5 } else { 0 };
     legend.draw(&PathElement::new([(0, middle), (9 - gap, middle)], color.stroke_width(2)))?;
     legend.draw(&PathElement::new([(9 + gap, middle), (18, middle)], color.stroke_width(2)))?;
-    legend.draw(&Text::new(line.name.clone(), (24, middle - NAMES as i32 / 2), (FONT, NAMES)))
+    legend.draw(&Text::new(line.name.clone(), (24, middle - NAME_SIZE as i32 / 2), (FONT, NAME_SIZE)))
 }
 
 fn x_label_space(width: u32, scale: Scale) -> LabelSpace {
-    let text = f64::from(TEXT);
-    LabelSpace { axis: f64::from(width - 2 * MARGIN - LEFT), gap: 0.8 * text, character: 0.48 * text, scale }
+    let text = f64::from(LABEL_SIZE);
+    LabelSpace {
+        axis: f64::from(width - 2 * MARGIN - Y_LABEL_WIDTH),
+        gap: 0.8 * text,
+        character: 0.48 * text,
+        scale,
+    }
 }
 
 fn y_label_space(height: u32, scale: Scale) -> LabelSpace {
     LabelSpace {
-        axis: f64::from(height - 2 * MARGIN - BELOW),
-        gap: 1.5 * f64::from(TEXT),
+        axis: f64::from(height - 2 * MARGIN - X_LABEL_HEIGHT),
+        gap: 1.5 * f64::from(LABEL_SIZE),
         character: 0.0,
         scale,
     }
