@@ -16,5 +16,5 @@ pub mod sweep;
 pub mod symbols;
 
 /// Bytes of memory per field of a table whose rows are kept: 8 for a number, or for a row's type divided by its fields,
-/// and twice as many because a growing vector has room for twice its elements.
+/// doubled because vectors double as they grow.
 const BYTES_PER_FIELD: u64 = 16;

@@ -5,7 +5,7 @@ use crate::{Axis, Error};
 
 /// At a mean of 16, the probability of more than `MAX_DECAYS` of `decay.wgsl` is below 10⁻¹⁷.
 const MAX_DECAY_RATE: f64 = 16.0;
-/// Most pairs of a receiver and a species that an arriving particle can name, as in `decay.wgsl`.
+/// Maximum pairs of a receiver and a species that an arriving particle can name, as in `decay.wgsl`.
 const MAX_LOGGED_PAIRS: usize = (1 << 23) - 2;
 
 pub(super) fn chained_decays(model: &Model) -> impl Iterator<Item = (&Decay, &Decay)> {
@@ -49,7 +49,7 @@ pub(crate) fn check(model: &Model) -> Result<(), Error> {
     check_receivers(model)
 }
 
-/// Most receivers and species of a thread and step: software drivers end loops after 65,535 iterations.
+/// Maximum receivers and species of a thread and step: software drivers end loops after 65,535 iterations.
 const MAX_SEEN: usize = 60_000;
 /// Surfaces make a thread visit receivers twice.
 const MAX_SEEN_REFLECTING: usize = 25_000;
@@ -79,8 +79,8 @@ fn check_receivers(model: &Model) -> Result<(), Error> {
     check_membranes(model, visits, most - paths)
 }
 
-/// Most loop iterations per membrane in a step of 64 passages: per spherical one in periodic space and otherwise, and
-/// per plane.
+/// Maximum loop iterations per membrane in a step of 64 passages: per spherical one in periodic space and otherwise,
+/// and per plane.
 const MEMBRANE_ITERATIONS: [usize; 3] = [660, 210, 8];
 
 /// Axes along which a step has parts, each with two loops over planes.

@@ -17,7 +17,7 @@ pub struct GpuOptions {
     pub birth_capacity: u32,
     /// Initial capacity for arrivals between readbacks. Default: 2¹⁶.
     pub event_capacity: u32,
-    /// Most loop iterations of that workgroup's threads, up to 60,000. Default: 60,000.
+    /// Maximum loop iterations of that workgroup's threads, up to 60,000. Default: 60,000.
     pub max_iterations: u32,
 }
 

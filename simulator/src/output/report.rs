@@ -18,7 +18,6 @@ pub(crate) const TABLES: [&str; 4] =
 /// Begins the last line of each page.
 const MARK: &str = "<!-- tables of lazygrid simulate:";
 
-/// Writes the rows of a table.
 pub type TableWriter<'a> = Box<dyn Fn(&mut dyn Write) -> io::Result<()> + 'a>;
 
 /// The files of a report, for [`write_report`].

@@ -74,7 +74,6 @@ pub struct StepKey {
 }
 
 impl StepKey {
-    /// Returns the draws of a particle.
     #[inline(always)]
     pub fn of_particle(self, id: u32) -> DrawContext {
         let Self { key, step } = self;

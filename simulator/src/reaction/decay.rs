@@ -17,7 +17,6 @@ use crate::model::probability::ReactionProbabilities;
 use crate::random::philox::{DrawContext, Purpose, fine_unit, probability_threshold};
 use crate::reaction::dissociation::channel_words;
 
-/// The decays of all species.
 #[derive(Clone, Debug)]
 pub struct Decays {
     /// Indexed by species; without channels for one that dissociates, whose decays are all in `Dissociation`.
@@ -33,7 +32,6 @@ struct SpeciesDecays {
     dissociation: Option<DissociationTime>,
 }
 
-/// The time at which a particle dissociates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct DissociationTime {
     /// Largest random word at which the particle dissociates.
@@ -69,7 +67,6 @@ pub(crate) struct Channel {
     pub(crate) product: Option<u32>,
 }
 
-/// A decay of a chain.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChainedDecay {
     /// Index in the model.

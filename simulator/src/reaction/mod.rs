@@ -18,7 +18,6 @@ use crate::random::philox::{Purpose, StepKey, probability_threshold};
 use crate::reaction::decay::DissociationTime;
 use crate::reaction::matching::ReactionCandidate;
 
-/// The bimolecular reactions of a model.
 #[derive(Clone, Debug)]
 pub struct Reactions {
     reactants: usize,
@@ -61,7 +60,6 @@ pub(crate) struct ReactionRule {
     pub(crate) draws_order: bool,
 }
 
-/// The change of a consumed reactant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ReactantChange {
     /// Index of the particle.

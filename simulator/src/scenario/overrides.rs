@@ -14,7 +14,7 @@ pub struct Overrides {
     pub every: Option<NonZeroU32>,
     pub frames_every: Option<NonZeroU32>,
     pub checkpoint_every: Option<NonZeroU32>,
-    /// Most particles drawn; `None` for no animation.
+    /// Maximum particles drawn; `None` for no animation.
     pub animated: Option<NonZeroU32>,
     /// Steps between frames; a two-hundredth of the scenario's steps by default.
     pub animate_every: Option<NonZeroU32>,

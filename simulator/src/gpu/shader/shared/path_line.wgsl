@@ -1,6 +1,7 @@
 // Paths without diffusion past receivers: lines that walls reflect. See path_hit.rs.
 
-// Most pieces of a line, between walls and changes of the receiver's nearest image; steps with more are far too long.
+// Maximum pieces of a line, between walls and changes of the receiver's nearest image; steps with more are far too
+// long.
 const PIECES: u32 = 3000u;
 // Larger relative differences of two ends are not due to rounding.
 const TURNED: f32 = 1e-5;

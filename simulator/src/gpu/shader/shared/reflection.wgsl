@@ -22,7 +22,7 @@ struct ReflectedPath {
     last: vec3<f32>,
 }
 
-// Most spheres and images near a particle; the run halts above.
+// Maximum spheres and images near a particle; the run halts above.
 const NEAR: u32 = 16u;
 // A particle stops at the last reflection.
 const BOUNCES: u32 = 64u;
