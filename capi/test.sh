@@ -6,8 +6,8 @@
 #     capi/test.sh --without-gpu    of a library without the GPU path, which builds faster; skips the sizes of releases
 #
 # Needs Rust. On Debian it installs what else is missing, and says so first: gcc, g++, pkg-config, cmake, valgrind, ns-3.
-# What cannot be had elsewhere is skipped, and that is said. The program for ns-3 is held against LAZYGRID, the path of the
-# Rust command, by default that in the target folder.
+# Elsewhere it skips tests of missing tools with a message. The counts of the program for ns-3 are compared with those of
+# LAZYGRID, the path of the Rust command, by default that in the target folder.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

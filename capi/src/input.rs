@@ -171,8 +171,8 @@ impl CSpheres {
             [extent::<T>(count, step_values, "step")?, extent::<T>(count, r_step_values, "r_step")?];
         let [x, y, z, r] = columns.map(|(name, at)| {
             let length = lengths[usize::from(name == "r")];
-            // SAFETY: the value of the last sphere is the last one of the slice, so that all are in the memory that the
-            // header asks for, which is no larger than an `isize`, as `extent` has checked; any bits are a `MaybeUninit`.
+            // SAFETY: the slice ends with the last sphere's value, so it is in the memory that the header requires;
+            // `extent` has checked its size; any bits are a `MaybeUninit`.
             unsafe { array(at.cast::<MaybeUninit<T>>(), length, name) }
         });
         // SAFETY: `extent` gives each column the value of the last sphere, and those before it. That of each sphere is

@@ -11,9 +11,6 @@ use lazygrid_io::{AvailableMemory, lacking_address_space, lacking_memory, memory
 use crate::error::CliError;
 
 /// Refuses `what` if memory is short, as a refused allocation would end the process.
-///
-/// # Errors
-/// Returns [`CliError::TooLittleMemoryFor`].
 fn check_memory(what: &'static str, needed: u64) -> Result<(), CliError> {
     refuse_if_lacking(what, needed, lacking_memory(needed))
 }
@@ -22,9 +19,6 @@ fn check_memory(what: &'static str, needed: u64) -> Result<(), CliError> {
 const HEAPS: u64 = 2 * (128 << 20);
 
 /// Refuses `what` if memory is short for it and for a few threads.
-///
-/// # Errors
-/// Returns [`CliError::TooLittleMemoryFor`].
 fn check_memory_with_threads(what: &'static str, needed: u64) -> Result<(), CliError> {
     let (needed, lacking) = lacking_with_threads(needed);
     refuse_if_lacking(what, needed, lacking)
@@ -42,9 +36,6 @@ fn lacking_with_threads(needed: u64) -> (u64, Option<AvailableMemory>) {
 }
 
 /// Refuses `what` if a software driver could not map its memory.
-///
-/// # Errors
-/// Returns [`CliError::TooLittleMemoryFor`].
 fn check_memory_of_driver(what: &'static str) -> Result<(), CliError> {
     let needed = memory_of_driver();
     refuse_if_lacking(what, needed, lacking_address_space(needed))

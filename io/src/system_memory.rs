@@ -62,7 +62,7 @@ fn read(path: &str) -> String {
     fs::read_to_string(path).unwrap_or_default()
 }
 
-/// Most threads of llvmpipe.
+/// Maximum threads of llvmpipe.
 const MAX_DRIVER_THREADS: u64 = 32;
 /// Bytes that llvmpipe maps for a search or a simulation: 350 to 395 MiB with LLVM 15.
 const DRIVER: u64 = 448 << 20;

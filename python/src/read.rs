@@ -15,8 +15,8 @@ use crate::interruptible::poll_signals;
 use crate::settings::space;
 use crate::{arrays, error, fork, input};
 
-/// Below these sizes of a regular file and of the frame before, a read takes milliseconds: it needs no thread of its own
-/// while the caller's polls for signals.
+/// Below these sizes of a regular file and of its previous frame, a read takes milliseconds and needs no thread of its
+/// own.
 const MIN_POLLED_BYTES: u64 = 1 << 16;
 const MIN_POLLED_SPHERES: usize = 1 << 12;
 

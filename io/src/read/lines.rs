@@ -10,7 +10,7 @@ use crate::error::{Error, Location, Position};
 
 /// Each block is up to four times the previous one.
 const FIRST_BLOCK: usize = 1 << 16;
-/// Most bytes of a block, per thread and in all.
+/// Maximum bytes of a block, per thread and in all.
 const SHARE: usize = 1 << 20;
 const LARGEST_BLOCK: usize = 32 << 20;
 /// Bytes per task, up to the end of a line.

@@ -133,7 +133,7 @@ impl CompleteFile {
     }
 }
 
-/// Most links that are followed, like Linux.
+/// Maximum links that are followed, as on Linux.
 const MAX_LINKS: usize = 40;
 
 /// Returns `true` for the name of a file that this process has open.

@@ -54,7 +54,7 @@ impl Kind {
         }
         let giants = f64::from(self.giants) * f64::from(self.giant_radius).powi(3);
         let volume = 4.0 / 3.0 * std::f64::consts::PI * ((n - f64::from(self.giants)) * mean(&|r| r.powi(3)));
-        // The giant takes room, but does not count as filling.
+        // The giant takes space, but does not count as filling.
         let edge = (volume / FILLING + giants * 8.0).cbrt();
         (edge / 2.0 / HALF) as f32
     }

@@ -8,7 +8,7 @@ use lazygrid_sim::Model;
 
 use super::sections::{POINTS, plot_scaled};
 
-/// Most rows of a table of thresholds.
+/// Maximum rows of a table of thresholds.
 const ROWS: usize = 40;
 
 pub(super) fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Error>> {
