@@ -1,18 +1,18 @@
 #!/usr/bin/env bash
 # Runs the tests. Needs Rust and a C linker (Debian: `apt-get install gcc libc6-dev`); cargo fetches the rest.
-# The GPU's tests need a Vulkan driver (Debian: `apt-get install mesa-vulkan-drivers libvulkan1` for one in
-# software); without one they say so and are skipped. On Debian both are installed where they are missing.
+# GPU tests need a Vulkan driver (Debian: `apt-get install mesa-vulkan-drivers libvulkan1` for a software driver); without
+# one they report a skip. On Debian the script installs the linker and the driver if they are missing.
 #
 #     ./test.sh                  all tests, then the GPU tests on SwiftShader if it is installed
 #     ./test.sh --quick          the short tests, for daily work
-#     ./test.sh --all ARGUMENT…  all tests, with these arguments of cargo, as in `--all --features lazygrid-cli/arrow`
+#     ./test.sh --all ARGUMENT…  all tests, with arguments for cargo, as in `--all --features lazygrid-cli/arrow`
 #     ./test.sh --swiftshader    only the GPU tests, on SwiftShader (Debian: `apt-get install chromium-common`)
-#     ./test.sh ARGUMENT…        `cargo test` with these, as in `./test.sh --test suite properties`
+#     ./test.sh ARGUMENT…        `cargo test` with these arguments, as in `./test.sh --test suite properties`
 #
-# Tint, which looks at every WGSL text, is among all tests where it is installed: `npm ci --prefix kernels/tint`.
+# If Tint is installed (`npm ci --prefix kernels/tint`), all tests include its check of every WGSL text.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
-# Mesa's driver complains in each process where this is not set.
+# Mesa's driver prints a warning in each process without this variable.
 export XDG_RUNTIME_DIR=${XDG_RUNTIME_DIR:-/tmp}
 
 say() { echo "test.sh: $*" >&2; }
@@ -34,23 +34,23 @@ has_vulkan() {
         || [ -n "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ]
 }
 
-# A driver with subgroups of 4, which takes subnormal numbers for zero and ends no loop by itself. Here run each
-# kernel, and with few cases of each property what the suite has of arbitrary spheres, tables and results: scenes of a
-# kind would only be the same again, and take long. Arguments choose packages and features.
+# SwiftShader has subgroups of 4, flushes subnormal numbers to zero, and does not end long loops. Runs each kernel, and the
+# tests of the suite with random spheres, tables and results, with few cases per property. The suite's fixed scenes take
+# long and would test nothing new. Arguments choose packages and features.
 swiftshader=/usr/lib/chromium/vk_swiftshader_icd.json
 on_swiftshader() {
     say "on SwiftShader:"
     export VK_DRIVER_FILES=$swiftshader LAZYGRID_REQUIRE_GPU=1 LAZYGRID_TEST_VARIANTS=gpu PROPTEST_CASES=2
-    # The driver's compiler allocates and frees much memory. By default glibc returns it to the system each time, which
-    # takes a sixth of the time.
+    # The driver's compiler often allocates and frees memory. By default glibc returns it to the system, which takes a sixth
+    # of the time.
     export MALLOC_TRIM_THRESHOLD_=1073741824 MALLOC_TOP_PAD_=16777216
     cargo test "$@" --test gpu -- kernels:: skin::
     cargo test "$@" --lib -- session::tests::abandoned
     cargo test "$@" --test suite -- properties:: interactions:: results:: cell_reuse::
 }
 
-# All tests, in two groups side by side: in each process the tests that use a software driver wait for its one queue, which
-# leaves processors idle. `suite workspace` checks that each test is in a group. The output of the second group comes last.
+# Runs all tests in two concurrent groups: within a process, tests on a software driver wait for its single queue, and cores
+# are idle. `suite workspace` checks that each test is in a group. The output of the second group is printed last.
 long_tests=(suite memory allocation_failure gpu gpu_failure)
 other_tests=(api without_gpu cli figures kernels loops reflection tint translation gpu_runs ranks validation
     exact f64 settings sequences traffic)
@@ -60,7 +60,7 @@ all_tests() {
     for name in "${other_tests[@]}"; do other+=(--test "$name"); done
     cargo test "$@" --no-run
     log=$(mktemp)
-    # In a process group, which `end_beside` can end as a whole.
+    # A process group, so that `end_beside` can end all its processes.
     set -m
     cargo test "$@" "${other[@]}" >"$log" 2>&1 &
     beside=$!
@@ -85,7 +85,7 @@ if [ "$(uname)" = Linux ] && ! has_vulkan; then
     install mesa-vulkan-drivers libvulkan1 || say "no Vulkan driver: the GPU's tests are skipped"
 fi
 
-# Always all default members: for fewer packages, dependencies would be built again with fewer features.
+# Always all default members: a selection of packages would rebuild dependencies with fewer features.
 case ${1:-} in
     "")
         all_tests

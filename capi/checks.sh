@@ -1,8 +1,8 @@
-# What the scripts that test another language share; they source it. `name` is the script's own.
+# Functions of the scripts that test C and Java, which source this file. `name` is the script's name.
 
 say() { echo "$name: $*" >&2; }
 
-# have COMMAND-OR-FILE PACKAGE…: whether it is there, or could be installed.
+# have COMMAND-OR-FILE PACKAGE…: succeeds if the command or file exists, or the packages could be installed.
 have() {
     local wanted=$1 sudo
     shift
@@ -17,7 +17,7 @@ have() {
 }
 
 passed=0 skipped=0
-# passes NAME COMMAND…
+# passes NAME COMMAND…: runs a test, and ends the script if it fails.
 passes() {
     local what=$1
     shift

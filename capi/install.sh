@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Builds the C library and lays it out for programs. Needs Rust and a C linker.
+# Builds and installs the C library. Needs Rust and a C linker.
 #
 #     capi/install.sh PREFIX [--debug] [--without-gpu]
 #
 # PREFIX/lib gets the shared and the static library, with files for pkg-config and for CMake's find_package;
-# PREFIX/include gets lazygrid.h and lazygrid.hpp. --debug builds faster, for tests. --without-gpu leaves the GPU out.
-# What is installed is stripped of tables for debuggers, except with --debug. On Linux, root runs ldconfig.
+# PREFIX/include gets lazygrid.h and lazygrid.hpp. --debug builds faster, for tests. --without-gpu omits the GPU path.
+# Without --debug, installed libraries are stripped of debug information. On Linux, root runs ldconfig.
 set -euo pipefail
 
 usage() { sed -n '4s/^# *//p' "$0" >&2; exit 2; }
@@ -20,7 +20,7 @@ for argument; do
     esac
 done
 [ -n "$prefix" ] || usage
-# Tests share the builds of other tests.
+# Debug builds share the dependencies that tests have built.
 [ $profile = debug ] && options+=(-p lazygrid-features) || options+=(--release)
 mkdir -p "$prefix"
 prefix=$(cd "$prefix" && pwd)
@@ -33,7 +33,7 @@ built=${CARGO_TARGET_DIR:-target}/$profile
 version=$(cargo pkgid -p lazygrid-capi | sed 's/.*[#@]//')
 IFS=. read -r major minor _ <<<"$version"
 [ "$major" = 0 ] && number=0.$minor || number=$major
-# What the static library needs besides itself.
+# `private` lists the libraries that the static library needs.
 if [ "$(uname)" = Darwin ]; then
     shared=liblazygrid.$version.dylib soname=liblazygrid.$number.dylib link=liblazygrid.dylib
     private="-framework CoreFoundation -framework Metal -framework QuartzCore -framework Foundation -lobjc -liconv -lm"
@@ -52,7 +52,7 @@ mkdir -p "$prefix"/include "$prefix"/lib/pkgconfig "$prefix"/lib/cmake/lazygrid
 install -m 644 "$here"/include/lazygrid.h "$here"/include/lazygrid.hpp "$prefix/include/"
 install -m 755 "$built/$link" "$prefix/lib/$shared"
 install -m 644 "$built/liblazygrid.a" "$prefix/lib/"
-# Line tables for debuggers are most of the files. The functions of the library keep their names.
+# Debug information is most of the files. Exported functions keep their names.
 if [ $profile = release ] && command -v strip >/dev/null; then
     if [ "$(uname)" = Darwin ]; then
         strip -x "$prefix/lib/$shared" && strip -S "$prefix/lib/liblazygrid.a"
@@ -67,7 +67,7 @@ for file in lazygrid-config lazygrid-config-version; do
     fill "cmake/$file.cmake.in" "$prefix/lib/cmake/lazygrid/$file.cmake"
 done
 echo "install.sh: lazygrid $version is in $prefix" >&2
-# The loader of Linux reads a cache of its own directories.
+# The dynamic loader of Linux reads a cache of its directories.
 if [ "$(uname)" = Linux ]; then
     PATH=$PATH:/usr/sbin:/sbin
     [ "$(id -u)" != 0 ] || ldconfig || true

@@ -2,10 +2,10 @@
 # Tests the C and C++ library as programs use it: header against library, programs built through pkg-config and CMake,
 # shared and static, with AddressSanitizer and under valgrind.
 #
-#     capi/test.sh                  all of it
-#     capi/test.sh --without-gpu    of a library without the GPU path, which builds faster; skips the sizes of releases
+#     capi/test.sh                  all tests
+#     capi/test.sh --without-gpu    a library without the GPU path, which builds faster; skips the sizes of releases
 #
-# Needs Rust. On Debian it installs what else is missing, and says so first: gcc, g++, pkg-config, cmake, valgrind, ns-3.
+# Needs Rust. On Debian it installs missing packages, with a message: gcc, g++, pkg-config, cmake, valgrind, ns-3.
 # Elsewhere it skips tests of missing tools with a message. The counts of the program for ns-3 are compared with those of
 # LAZYGRID, the path of the Rust command, by default that in the target folder.
 set -euo pipefail
@@ -31,7 +31,7 @@ strict=(-Wall -Wextra -Wpedantic -Werror -g)
 
 passes "the header against the library" cargo test -p lazygrid-capi -p lazygrid-features "${features[@]}"
 passes "install" capi/install.sh "$work/first" --debug "${options[@]}"
-# Found where it is, not where it was installed.
+# A moved installation must still be found.
 mv "$work/first" "$work/prefix"
 prefix=$work/prefix
 
@@ -46,7 +46,8 @@ else
     skip "exports and SONAME are looked at on Linux, with binutils"
 fi
 
-# Other compilers and systems may need a third more than capi/README.md says. Much less means that its figure is old.
+# With other compilers and systems, files may be a third larger than in capi/README.md. Much smaller files mean that its
+# numbers are outdated.
 # size_is_documented FILE MEGABYTES
 size_is_documented() {
     local size documented=$2
@@ -80,7 +81,7 @@ fi
 export PKG_CONFIG_PATH=$prefix/lib/pkgconfig
 export LD_LIBRARY_PATH=$prefix/lib${LD_LIBRARY_PATH:+:$LD_LIBRARY_PATH}
 
-# build NAME LANGUAGE SOURCE OPTION…: compiles for a language standard, with what pkg-config says; shared.
+# build NAME STANDARD SOURCE OPTION…: compiles with the options of pkg-config and the shared library.
 build() {
     local name=$1 language=$2 source=$3 compiler=cc
     shift 3
@@ -89,7 +90,7 @@ build() {
     $compiler -std="$language" "${strict[@]}" $(pkg-config --cflags lazygrid) "$source" -o "$work/$name" \
         $(pkg-config --libs lazygrid) -lm -pthread "$@"
 }
-# The same with the static library in place of the shared one.
+# build_static NAME STANDARD SOURCE: compiles with the static library.
 build_static() {
     local name=$1 language=$2 source=$3 compiler=cc
     case $language in c++*) compiler=c++ ;; esac
@@ -97,7 +98,7 @@ build_static() {
     $compiler -std="$language" "${strict[@]}" $(pkg-config --cflags lazygrid) "$source" -o "$work/$name" \
         "$prefix/lib/liblazygrid.a" $(pkg-config --static --libs-only-l lazygrid | sed 's/-llazygrid//')
 }
-# build_and_run NAME …: as `build`.
+# build_and_run NAME STANDARD SOURCE OPTION…
 build_and_run() { build "$@" && "$work/$1"; }
 
 if have pkg-config pkg-config; then
@@ -122,7 +123,7 @@ if have pkg-config pkg-config; then
     # The first program of the README.
     awk '/^```c$/ { inside = 1; next } /^```$/ { if (inside) exit } inside' capi/README.md >"$work/readme.c"
     passes "the README's program" build_and_run readme c99 "$work/readme.c"
-    # documented COMMAND SOURCE NAME: a command of the documentation, without LD_LIBRARY_PATH.
+    # documented COMMAND SOURCE NAME: runs a command of the documentation without LD_LIBRARY_PATH.
     documented() { cp "$2" "$work/$3" && (cd "$work" && env -u LD_LIBRARY_PATH sh -c "$1"); }
     passes "the example's command in C" \
         documented "$(sed -n 's/^ \*     \(cc .*\)/\1/p' capi/examples/steps.c)" capi/examples/steps.c steps.c
@@ -160,8 +161,8 @@ if have pkg-config pkg-config; then
         skip "cc has no AddressSanitizer"
     fi
 
-    # Threads of a pool that lives as long as the process are reachable, and no leak.
-    # Valgrind runs one thread at a time, in turn, so that one which waits does not hold up the others.
+    # The threads of the process's pool never end, so their memory is reachable; only unreachable memory is a leak. Fair
+    # scheduling, because valgrind runs one thread at a time, and a waiting thread must not block the others.
     watched() {
         valgrind -q --fair-sched=yes --leak-check=full --show-leak-kinds=definite,indirect \
             --errors-for-leak-kinds=definite,indirect --error-exitcode=9 "$@"

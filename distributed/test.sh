@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Runs the tests of several ranks, in about two minutes on two cores, or in four without the builds of `./test.sh`, which it
-# shares if the features are the same. Needs an MPI, a C compiler and libclang (Debian: libopenmpi-dev openmpi-bin
-# libclang-dev); without them it reports a skip, or fails with LAZYGRID_REQUIRE_MPI=1. Ranks with GPUs are skipped without a
-# GPU, or fail with LAZYGRID_REQUIRE_GPU=1. `cargo test -p lazygrid-ranks` needs no MPI.
+# Runs the tests of several ranks in about two minutes on two cores; in four, unless `./test.sh` has built with the same
+# features. Needs an MPI, a C compiler and libclang (Debian: libopenmpi-dev openmpi-bin libclang-dev); without them it
+# reports a skip, or fails with LAZYGRID_REQUIRE_MPI=1. Tests of ranks with GPUs are skipped without a GPU, or fail with
+# LAZYGRID_REQUIRE_GPU=1. `cargo test -p lazygrid-ranks` needs no MPI.
 #
 #     distributed/test.sh              all tests on 1, 2, 3, 5 and 8 ranks, then the command
 #     distributed/test.sh 3 answers    the cases whose names contain `answers`, on 3 ranks
@@ -15,7 +15,7 @@ say() { echo "distributed/test.sh: $*" >&2; }
 missing=()
 command -v mpirun >/dev/null || missing+=(openmpi-bin)
 command -v mpicc >/dev/null || missing+=(libopenmpi-dev)
-# The bindings need its headers, too.
+# bindgen also needs clang's headers.
 compgen -G '/usr/lib/llvm-*/lib/clang/*/include/stddef.h' >/dev/null || [ -n "${LIBCLANG_PATH:-}" ] \
     || missing+=(libclang-dev)
 if [ ${#missing[@]} -gt 0 ]; then
@@ -24,7 +24,7 @@ if [ ${#missing[@]} -gt 0 ]; then
     exit
 fi
 
-# Containers often have a root user, and fewer cores than ranks: waiting ranks yield.
+# For containers, which often run as root with fewer cores than ranks: waiting ranks yield.
 export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 OMPI_MCA_mpi_yield_when_idle=1
 export OMPI_MCA_rmaps_base_oversubscribe=1 OMPI_MCA_hwloc_base_binding_policy=none
 export OMPI_MCA_btl_vader_single_copy_mechanism=none
@@ -67,5 +67,5 @@ fi
 say "a panic on one rank ended the job with code $code"
 
 cargo test --quiet ${features[@]+"${features[@]}"} --test command --test simulate --test gpu
-# Nodes without GPUs.
+# The build for nodes without GPUs.
 cargo check --quiet --no-default-features --features command

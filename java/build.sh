@@ -3,9 +3,9 @@
 #
 #     java/build.sh [--debug] [--without-gpu]     passed on to capi/install.sh
 #
-# Needs Rust, a JDK 17 or later, and JNA 5 (JNA_JAR, by default Debian's /usr/share/java/jna.jar). What Java 22 and later
-# use is compiled by a javac of 22 or later; or, where there is only a runtime (JAVA22_HOME) and Eclipse's compiler, by ecj.
-# With neither the jar lacks that part and calls through JNA everywhere, which is said.
+# Needs Rust, a JDK 17 or later, and JNA 5 (JNA_JAR, by default Debian's /usr/share/java/jna.jar). The class for Java 22 and
+# later is compiled by a javac of 22 or later, or by Eclipse's compiler ecj with a Java 22 runtime (JAVA22_HOME). With
+# neither, the jar lacks this class and calls through JNA in all versions, and the script prints a message.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -35,7 +35,7 @@ classes22=$work/classes/META-INF/versions/22
 if [ "$(javac -version 2>&1 | sed 's/javac \([0-9]*\).*/\1/')" -ge 22 ]; then
     javac -Xlint:all,-restricted -Werror --release 22 -cp "$work/classes" -d "$classes22" "${newer[@]}"
 elif [ -n "${JAVA22_HOME:-}" ] && command -v ecj >/dev/null; then
-    # For an older class file than the runtime's, since that is what this compiler knows; the classes it looks up are new.
+    # The compiler knows no newer class files than those of Java 17; the classes that it looks up are the runtime's.
     ecj -proc:none -nowarn --system "$JAVA22_HOME" -source 17 -target 17 -cp "$work/classes" -d "$classes22" "${newer[@]}"
 else
     say "without java.lang.foreign: there is neither a javac of 22 or later, nor ecj and JAVA22_HOME"

