@@ -11,7 +11,7 @@ class Bundle {
     return new Bundle(await new Response(packed.pipeThrough(new DecompressionStream("gzip"))).json());
   }
 
-  // A call as a plan: with its constants, and the kernels for subgroups of this index.
+  // The plan of a call, with its constants and the texts of its kernels; `subgroups` is that of `Player.subgroupTexts`.
   plan(call, subgroups) {
     const { plan, constants } = this.calls[call], skeleton = this.plans[plan];
     let next = 0;
@@ -22,7 +22,7 @@ class Bundle {
     };
   }
 
-  // A kernel, from shared runs of lines.
+  // The text of a kernel, joined from runs of lines that kernels share.
   text(number) {
     return this.texts[number].map(([at, count]) => this.lines.slice(at, at + count).join("\n")).join("\n");
   }

@@ -1,6 +1,6 @@
 "use strict";
-// Runs every algorithm on every scene in every variant, and compares the pairs with those of the CPU. In software, where
-// a kernel compiles for a second, every algorithm runs on every scene in one variant, which the kind of scene decides.
+// Runs every algorithm on every scene in every variant, and compares the pairs with those of the CPU. On software drivers,
+// which compile each kernel for a second, only in one variant, chosen by the kind of scene.
 
 // Describes the difference of a call's pairs from the expected ones, or `null`. Pairs near tangency may be missing,
 // as `f32` cannot tell.
@@ -49,7 +49,7 @@ class Checker {
     return this.player.obstacle(this.bundle.plans[this.bundle.calls[calls[0]].plan]);
   }
 
-  // The plans of a search, the later with room for more entries.
+  // The plans of a search, in order of their capacity for entries.
   plans({ calls, variant }) {
     return calls.map((call) => this.bundle.plan(call, variant.texts));
   }
@@ -121,7 +121,7 @@ class Checker {
     told(row, what ?? "");
   }
 
-  // What is wrong with one call, or `null`. Where a plan has too few entries the next one has more, as natively.
+  // Returns the fault of one call, or `null`. If entries exceed a plan's capacity, the next plan runs, like native retries.
   async fault([plan, ...larger], scene, inputs) {
     let call;
     try {
@@ -137,7 +137,7 @@ class Checker {
     }
   }
 
-  // A failing scene for `lazygrid detect`.
+  // The spheres of a failing scene as CSV for `lazygrid detect`.
   async csv({ scene, name, what }) {
     const inputs = await this.inputs(scene);
     const rows = new Float32Array(await this.player.read(inputs.spheres, scene.count * 16));

@@ -339,7 +339,7 @@ class Page {
 // The report of a page that cannot work.
 const failed = (what) => ({ ok: false, wrong: 1, failures: [{ name: "the page itself", what }] });
 
-// Tells people and machines the fault and the remedy.
+// Shows the fault and the remedy, as text and as JSON.
 function fail(message) {
   Object.assign(element("failure"), { hidden: false, textContent: message });
   element("result").textContent ||= JSON.stringify(failed(message), null, 1);

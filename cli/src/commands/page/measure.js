@@ -1,7 +1,7 @@
 "use strict";
 // Times algorithms on scenes, by the GPU's clock if it has one.
 
-// Seconds per call, and rounds.
+// Time limit of the rounds of a measurement, and their maximum number.
 const CALL_SECONDS = 2.5, ROUNDS = 9;
 // Browsers round timestamps to 100 µs: a round repeats short calls for this long.
 const ROUND_SECONDS = 0.008, MOST_REPEATS = 200;
@@ -15,7 +15,7 @@ class Measurer {
     Object.assign(this, { player, bundle, placer: new Placer(player, bundle.wgsl.scene) });
   }
 
-  // Seconds of `repeats` times the dispatches of `record` in a pass.
+  // Mean seconds of the dispatches of `record`, repeated `repeats` times in one pass.
   async timePass(record, repeats) {
     const { device } = this.player, timer = this.player.timed ? new Timer(this.player, 1) : null;
     const encoder = device.createCommandEncoder();
@@ -60,7 +60,7 @@ class Measurer {
     return { what: "copy", values, seconds, bytes_per_second: (values * 8) / seconds, of_copy: 1 };
   }
 
-  // Submits a call of one submission.
+  // Runs a call in one submission.
   async once(call, timer) {
     const { device } = this.player, last = call.encode(device.createCommandEncoder(), timer, (full) => this.player.next(full));
     device.queue.submit([last.finish()]);

@@ -24,7 +24,7 @@ async function guarded(device, what, work) {
   return result;
 }
 
-// The device, and lazygrid's choices by its limits.
+// The device, and choices that depend on its limits.
 class Player {
   constructor(adapter, device) {
     Object.assign(this, { adapter, device, info: adapter.info, pipelines: new Map() });
@@ -35,7 +35,7 @@ class Player {
     });
   }
 
-  // Returns `true` if the device was lost. Calls fail before the device says so: it is asked to map a buffer.
+  // Returns `true` if the device was lost, tested by mapping a buffer: calls fail before the device reports the loss.
   async isLost() {
     const probe = this.device.createBuffer({ label: "probe", size: 4, usage: GPUBufferUsage.MAP_READ });
     const works = await probe.mapAsync(GPUMapMode.READ).then(() => true, () => false);
@@ -226,7 +226,7 @@ class PlannedCall {
     this.parts = this.grouped(() => "");
   }
 
-  // The dispatches of consecutive passes: of a part and a `kind` each.
+  // Groups consecutive dispatches of one part and one `kind` into passes.
   grouped(kind) {
     const passes = [], starts = new Set(this.plan.part_starts);
     this.steps.forEach((step, at) => {
@@ -263,14 +263,14 @@ class PlannedCall {
     return encoder;
   }
 
-  // Records a further part of a partial outcome.
+  // Records the continuation of a partial outcome.
   encodeContinuation(encoder) {
     const pass = encoder.beginComputePass();
     this.dispatch(pass, this.steps.slice(this.plan.continuation));
     pass.end();
   }
 
-  // Runs the call in as many submissions as it takes: of its parts, and of the further parts that it asks for.
+  // Runs the call: submits its parts, then a continuation for each partial outcome.
   async run() {
     const { device } = this.player, next = (encoder) => this.player.next(encoder);
     device.queue.submit([this.encode(device.createCommandEncoder(), null, next).finish()]);

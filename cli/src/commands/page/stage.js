@@ -92,8 +92,8 @@ class Stage {
     this.view = device.createBuffer({ size: 112, usage: GPUBufferUsage.UNIFORM | GPUBufferUsage.COPY_DST });
   }
 
-  // Prepares a scene, with the plan of a larger size if `room` asks. Must end before the next call begins: its error
-  // scopes are those of the device.
+  // Prepares a scene with the plan of the size `room` steps larger. Must end before the next call begins, because error
+  // scopes belong to the device.
   async configure({ kind, size, algorithm, filling }, room = 0) {
     const plan = this.bundle.planFor(this.player, Math.min(size + room, this.bundle.sizes.length - 1), algorithm);
     this.release();
@@ -151,7 +151,7 @@ class Stage {
   // `false` if the GPU is too busy.
   draw(seconds, told) {
     const { set, player: { device } } = this;
-    // The GPU is behind by the allowed frames.
+    // The outcomes of all allowed frames are pending.
     if (!set || set.staging.length === 0) return false;
     this.frame++;
     this.time += seconds;
@@ -186,7 +186,7 @@ class Stage {
     });
   }
 
-  // Records the drawing; returns what shows it if the canvas cannot be drawn to.
+  // Records the drawing. If the canvas cannot be drawn to, returns a function that copies the picture to it.
   render(encoder, extent) {
     this.resize();
     const { canvas, set } = this, { width, height } = canvas;
