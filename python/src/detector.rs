@@ -27,8 +27,8 @@ use crate::{error, neighbors, report};
 /// number is rounded. Arrays whose strides are multiples of the item size, such as columns of a larger array, are read
 /// in place; others are copied. With both types in one set, float32 values are copied to float64.
 ///
-/// A call of 64 spheres or more releases the interpreter's lock, and any number of threads may use one detector at once. The arrays of a
-/// call must not change before it returns. Ctrl-C ends a long call on the CPU.
+/// A call of 64 spheres or more releases the interpreter's lock, and any number of threads may use one detector at once.
+/// The arrays of a call must not change before it returns. Ctrl-C ends a long call on the CPU.
 ///
 /// Parameters
 /// ----------
@@ -47,7 +47,7 @@ use crate::{error, neighbors, report};
 /// interactions
 ///     The species that pair, and their distances; spheres then need species ids.
 /// max_pairs
-///     The most pairs of a list, by default 2**29 (4 GiB). More are an error with the exact number.
+///     The maximum number of pairs in a list, by default 2**29 (4 GiB). More are an error with the exact number.
 /// adapter
 ///     The GPU: its index, or a part of its name, as listed by ``python -m lazygrid devices``.
 /// skin
@@ -224,8 +224,8 @@ impl Detector {
 
     /// Return neighbors by quantity, with all periodic images within the cutoff, in a small box also a sphere's own.
     ///
-    /// Exclusions apply to all images. The order is by ``i``, then ``j``, then ``S``. A GPU searches pairs; their geometry is
-    /// computed in float64 in any case. :func:`lazygrid.neighbor_list` has the same quantities for atoms of ASE.
+    /// Exclusions apply to all images. The order is by ``i``, then ``j``, then ``S``. A GPU searches pairs; their geometry
+    /// is computed in float64 in any case. :func:`lazygrid.neighbor_list` has the same quantities for atoms of ASE.
     ///
     /// >>> i, j, d = detector.neighbor_list("ijd", spheres)
     ///
@@ -331,7 +331,7 @@ impl Detector {
     /// Parameters
     /// ----------
     /// chunk
-    ///     The most pairs per array.
+    ///     The maximum number of pairs per array.
     /// spheres, second, species, groups, exclusions
     ///     See :meth:`pairs`.
     ///

@@ -87,8 +87,8 @@ def run_readdy():
         system = readdy.ReactionDiffusionSystem([edge] * 3, temperature=None, unit_system=None)
         for name in "ABC":
             system.add_species(name, 1.0)
-        # ReaDDy requires a product of a reaction of two particles, so C stands for nothing and decays in the next step.
-        # Both are certain.
+        # ReaDDy requires a product of a reaction of two particles, so C is a placeholder that decays in the next step. Both
+        # reactions have probability 1.
         system.reactions.add("r1: A +(1) B -> C", rate=1e9)
         system.reactions.add("r2: C ->", rate=1e9)
         simulation = system.simulation(kernel="SingleCPU")

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Times whole steps with 1 to 10 000 absorbing receivers in a periodic box, in turn, and of another build if one is named.
+# Times whole steps with 1 to 10 000 absorbing receivers in a periodic box, in turn, optionally also with another build.
 # RECEIVERS, EDGE (of the box), DIFFUSION and KIND (of receivers) in the environment change the scene, and BACKEND=gpu the
 # backend. Prints milliseconds of processor time per step, medians of rounds, and their ratio to the first number of receivers.
 # Usage: simulator/compare/receivers.sh [PARTICLES [ROUNDS [STEPS [OTHER-LAZYGRID]]]]

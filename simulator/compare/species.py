@@ -202,7 +202,7 @@ def of_readdy(scene: Scene) -> Run:
         system = readdy.ReactionDiffusionSystem([2 * scene.half] * 3, temperature=None, unit_system=None)
         for name in [*scene.positions, "gone"]:
             system.add_species(name, scene.diffusion)
-        # No reaction has no product: the product decays in the next step. Both are certain.
+        # ReaDDy requires a product of each reaction; it decays in the next step. Both reactions have probability 1.
         for k, (a, b) in enumerate(scene.reactions):
             system.reactions.add(f"r{k}: {a} +({scene.radius}) {b} -> gone", rate=1e12)
         system.reactions.add("end: gone ->", rate=1e12)
@@ -228,7 +228,7 @@ def main() -> None:
     parser.add_argument("--scene", nargs="+", help="parts of the names of scenes")
     parser.add_argument("--without", nargs="+", default=[], choices=list(PEERS))
     options = parser.parse_args()
-    # Steps are as long as users choose them.
+    # The simulator warns of these long steps.
     warnings.simplefilter("ignore", UserWarning)
     names = [name for name in PEERS if name not in options.without]
     print("| scene | " + " | ".join(f"{name}, ms" for name in names) + " | reactions |")

@@ -46,10 +46,9 @@ def read(
         If true, also reads ids.
     groups
         If true, also reads groups, from a column ``group``, ``molecule`` or ``mol``.
-
     dtype
-        ``float32`` or ``float64``. Numbers are rounded to float32, and the first that loses digits is a ``UserWarning``;
-        with float64 the searches find the pairs of the file's own numbers.
+        With ``float32``, numbers are rounded, and the first that loses digits is a ``UserWarning``. With ``float64``,
+        searches find the pairs of the file's own numbers.
 
     Raises
     ------

@@ -249,7 +249,7 @@ public final class Detector implements AutoCloseable {
      * Passes the pairs to a consumer in chunks, in bounded memory.
      *
      * @param query the spheres
-     * @param chunk the most pairs of a chunk, at least 1
+     * @param chunk the maximum number of pairs in a chunk, at least 1
      * @param consumer receives the chunks
      * @return the number of delivered pairs
      * @throws LazygridException as {@link #count(Query)}; also the exceptions of the consumer
@@ -285,7 +285,7 @@ public final class Detector implements AutoCloseable {
      * Passes the pairs among one set to a consumer in chunks.
      *
      * @param spheres the spheres
-     * @param chunk the most pairs of a chunk, at least 1
+     * @param chunk the maximum number of pairs in a chunk, at least 1
      * @param consumer receives the chunks
      * @return the number of delivered pairs
      * @throws LazygridException as {@link #stream(Query, int, PairConsumer)}; also the exceptions of the consumer

@@ -101,7 +101,7 @@ final class NativeApi {
         return Pointer.nativeValue(Native.getDirectBufferPointer(buffer)) + (long) buffer.position() * size;
     }
 
-    /** Returns always: JNA serves versions of Java without arenas. */
+    /** Does nothing: JNA serves versions of Java without arenas. */
     static void requireAlive(Buffer buffer) {}
 
     /** Memory of the library as a buffer, in native order. */

@@ -65,7 +65,7 @@ public final class Settings {
     }
 
     /**
-     * Sets the most pairs of a list, 8 bytes each. Counts and streams have no limit.
+     * Sets the maximum number of pairs in a list, 8 bytes each. Counts and streams have no limit.
      *
      * @param maxPairs 0, the default: 2<sup>29</sup>
      * @return these settings
