@@ -14,7 +14,7 @@ use crate::grids::{ArrayGrid, HashGrid, RecursiveGrid};
 use crate::input::{InputStats, Preparation, QueryBuffers, SearchInput, SpeciesGroups, check_valid};
 use crate::naive::Naive;
 use crate::skin::{CallSpheres, memory_of_candidates};
-use crate::{Error, PhaseTime, RebuildReason, Report, Settings};
+use crate::{Error, PhaseTime, Report, Settings};
 use algorithm_choice::IndexKind;
 pub use finder::{ChunkConsumer, PairFinder, PairSource, SearchBackend, Work, ranges};
 use state::{Built, DetectorState};
@@ -112,10 +112,8 @@ impl SearchBackend for HostBackend {
         let mut task = || {
             state.report = Report { spheres: query.len() as u64, ..Report::default() };
             let executor = if is_large { team.executor()? } else { Executor::Caller };
-            let mut lapsed = query.split().map(|_| RebuildReason::NoList);
-            let mut prepared = None;
-            let candidates = &state.skin.candidates;
-            let has_same_species = candidates.are_of_species(query.first().species(), buffers.version());
+            let (mut lapsed, mut prepared) = (None, None);
+            let has_same_species = state.skin.candidates.have_species_of(query, buffers.version());
             if has_same_species {
                 prepared = buffers.prepare_in_place(query, settings, executor)?;
                 if let Some(in_place) = &prepared {
@@ -128,14 +126,13 @@ impl SearchBackend for HostBackend {
             let prepared = match prepared.filter(|_| lapsed.is_none()) {
                 Some(prepared) => prepared,
                 None => {
-                    let has_same_species = has_same_species && query.split().is_none();
                     let preparation =
                         Preparation { settings, wraps: true, has_same_species, ignores_reaches: false };
                     buffers.prepare(query, preparation, executor, &mut state.report.phases)?
                 }
             };
             let test = prepared.test(settings);
-            if !is_advanced && prepared.split.is_none() {
+            if !is_advanced {
                 let spheres = CallSpheres { test: &test, input: None, has_same_species };
                 lapsed = state.advance(settings, spheres, executor)?;
             }

@@ -3,7 +3,7 @@ mod rebuild;
 use std::sync::atomic::AtomicU64;
 
 use glam::Vec3;
-use lazygrid_kernels::Pair;
+use lazygrid_kernels::{Pair, Query};
 
 use super::advance::CHUNK_SPHERES;
 use crate::Error;
@@ -38,6 +38,9 @@ pub(crate) struct CandidateList {
     input_stats: Option<Box<InputStats>>,
     /// Other frames have other periods, so coordinates are not comparable.
     frame: Option<SearchFrame>,
+    /// Length of the first of two sets.
+    split: Option<usize>,
+    /// Species of both sets, or of neither.
     species: Vec<u32>,
     species_version: u32,
     order: Vec<u32>,
@@ -62,9 +65,18 @@ impl CandidateList {
         self.input_stats.as_deref()
     }
 
-    pub(crate) fn are_of_species(&self, species: Option<&[u32]>, version: u32) -> bool {
-        let is_version = self.input_stats.is_some() && self.species_version == version;
-        is_version && self.species == species.unwrap_or(&[])
+    /// Returns `true` if the query has as many sets, of the same species.
+    pub(crate) fn have_species_of(&self, query: &Query<'_>, version: u32) -> bool {
+        let first = query.first().species();
+        let (first, second) = match query.second() {
+            None => (first.unwrap_or(&[]), &[][..]),
+            Some(second) => first.zip(second.species()).unwrap_or((&[], &[])),
+        };
+        self.input_stats.is_some()
+            && (self.split, self.species_version) == (query.split(), version)
+            && self.species.len() == first.len() + second.len()
+            && self.species.starts_with(first)
+            && self.species.ends_with(second)
     }
 
     pub(crate) fn clear(&mut self) {
@@ -133,7 +145,7 @@ impl CandidateList {
             return Ok(false);
         }
         (self.count, self.age, self.displacement_fraction) = (count, 0, 0.0);
-        self.frame = input.test.frame().cloned();
+        (self.frame, self.split) = (input.test.frame().cloned(), input.split);
         self.input_stats = Some(Box::new(input.stats.clone()));
         Ok(true)
     }

@@ -44,7 +44,6 @@ impl SkinController {
         let density_cache = report.time("plan", || DensityCache::of(last, input))?;
         let density = density_cache.density();
         let limits = match input.settings.skin {
-            _ if input.split.is_some() => None,
             Skin::Off => None,
             Skin::Fixed(_) if tuner.is_paused() => None,
             Skin::Fixed(distance) => {

@@ -1,5 +1,6 @@
 mod frame;
 mod species;
+mod two_sets;
 
 use lazygrid_kernels::{InputError, Interaction, Interactions, Pair, Radii, Space, Sphere, Spheres};
 
