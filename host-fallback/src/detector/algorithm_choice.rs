@@ -49,15 +49,17 @@ pub fn choose(asked: Algorithm, stats: &InputStats) -> (Algorithm, String) {
     }
 }
 
-/// Number of comparisons between two sets that cost as much as sorting and searching one sphere.
-const COMPARED_PER_SPHERE: u64 = 200;
+/// Numbers of comparisons between two sets that cost as much as sorting one sphere, and as searching one of the smaller
+/// set.
+const COMPARED_PER_SORTED: u64 = 55;
+const COMPARED_PER_SEARCHED: u64 = 300;
 
 pub(crate) fn choose_between(asked: Algorithm, stats: &InputStats, split: usize) -> (Algorithm, String) {
     if asked != Algorithm::Auto {
         return choose(asked, stats);
     }
     let [a, b] = [split as u64, (stats.spheres - split) as u64];
-    if a * b < COMPARED_PER_SPHERE * (a + b) {
+    if a * b < COMPARED_PER_SORTED * (a + b) + COMPARED_PER_SEARCHED * a.min(b) {
         (Algorithm::Naive, format!("naive: {a} times {b} comparisons are few"))
     } else {
         (Algorithm::CellList, format!("cell-list: {a} spheres and {b} others"))
