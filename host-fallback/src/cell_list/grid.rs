@@ -141,16 +141,23 @@ impl CellGrid {
         row * self.size[0] as usize + cell[0] as usize
     }
 
-    /// Covers all spheres that may touch this one. Unless the grid is folded or periodic, both corners come from the
-    /// monotone expression of [`cell_of`](Self::cell_of), with coordinates moved outward by more than rounding.
+    /// Covers all spheres that may touch this one. Unless the grid is folded, both corners come from the monotone
+    /// expression of [`cell_of`](Self::cell_of), with coordinates moved outward by more than rounding. On a periodic
+    /// axis that suffices if they are not in its outermost cells, since nothing then touches across the boundary.
     #[inline(always)]
     pub(crate) fn block<V: SimdWidth>(&self, vector: V, [x, y, z, r]: [f32; 4]) -> CellRange {
-        if self.circular {
+        if self.folded {
             return self.circular_block([x, y, z], r);
         }
         let reach = f64::from(r) * (1.0 + RADIUS_ROUNDING) + self.reach;
         let low = vector.cell(&self.axes, [x, y, z], -reach);
         let high = vector.cell(&self.axes, [x, y, z], reach);
+        if self.circular {
+            let is_outermost = |axis: usize| low[axis] == 0 || high[axis] + 1 >= self.size[axis];
+            if (0..3).any(|axis| self.periodic[axis] & is_outermost(axis)) {
+                return self.circular_block([x, y, z], r);
+            }
+        }
         CellRange { first: [low[0], low[1], low[2]], last: [high[0], high[1], high[2]] }
     }
 
@@ -238,6 +245,9 @@ impl CellGrid {
     #[inline(always)]
     fn fold(&self, axis: usize, cell: i64) -> u32 {
         let size = i64::from(self.size[axis]);
+        if (0..size).contains(&cell) {
+            return cell as u32;
+        }
         let repeats = floor(cell as f64 * self.per_size[axis]);
         let rest = cell.wrapping_sub(repeats.wrapping_mul(size));
         // The product may have been rounded up.

@@ -1,4 +1,4 @@
-use bytemuck::cast;
+use bytemuck::{cast, cast_slice};
 use lazygrid_kernels::{Space, Sphere, SphereValues, Spheres};
 
 use super::input_spheres::{InputLoop, InputRows, InputSpheres};
@@ -25,24 +25,20 @@ pub(super) fn copy(
         let from = chunk * CHUNK_SPHERES;
         match &wrapping {
             Some(wrapping) => simd.run(WrapChunk { spheres, wrapping, from, targets }, None),
-            None => copy_chunk(spheres, from, targets, |sphere| sphere),
+            None => copy_chunk(spheres, from, targets),
         }
     });
 }
 
 /// A loop for each layout, because a test of the layout per sphere takes longer than the copy.
-#[inline(always)]
-fn copy_chunk(spheres: Spheres<'_>, from: usize, targets: &mut [Sphere], map: impl Fn(Sphere) -> Sphere) {
-    let targets = targets.iter_mut();
+fn copy_chunk(spheres: Spheres<'_>, from: usize, targets: &mut [Sphere]) {
     match spheres.values() {
-        SphereValues::RowsF32(rows) => {
-            targets.zip(&rows[from..]).for_each(|(target, row)| *target = map(cast(*row)));
-        }
+        SphereValues::RowsF32(rows) => targets.copy_from_slice(cast_slice(&rows[from..][..targets.len()])),
         SphereValues::StridedF32(columns) => {
-            targets.zip(from..).for_each(|(target, k)| *target = map(cast(columns.get(k))));
+            targets.iter_mut().zip(from..).for_each(|(to, k)| *to = cast(columns.get(k)));
         }
         SphereValues::RowsF64(_) | SphereValues::StridedF64(_) => {
-            targets.zip(from..).for_each(|(target, k)| *target = map(spheres.get(k)));
+            targets.iter_mut().zip(from..).for_each(|(to, k)| *to = spheres.get(k));
         }
     }
 }
@@ -99,7 +95,18 @@ impl SimdTask for WrapChunk<'_> {
     #[inline(always)]
     fn run<V: SimdWidth>(self, _: V) {
         let Self { spheres, wrapping, from, targets } = self;
-        copy_chunk(spheres, from, targets, |sphere| wrapping.wrap(sphere));
+        match spheres.values() {
+            SphereValues::RowsF32(rows) => {
+                let spheres: &[Sphere] = cast_slice(&rows[from..]);
+                targets.iter_mut().zip(spheres).for_each(|(to, sphere)| *to = wrapping.wrap(*sphere));
+            }
+            SphereValues::StridedF32(columns) => {
+                targets.iter_mut().zip(from..).for_each(|(to, k)| *to = wrapping.wrap(cast(columns.get(k))));
+            }
+            SphereValues::RowsF64(_) | SphereValues::StridedF64(_) => {
+                targets.iter_mut().zip(from..).for_each(|(to, k)| *to = wrapping.wrap(spheres.get(k)));
+            }
+        }
     }
 }
 
