@@ -181,6 +181,24 @@ impl CellGrid {
         (low, high)
     }
 
+    /// Returns `true` if no cell is adjacent to another cell both inside the box and across its boundary.
+    pub(crate) fn has_distinct_sides(&self) -> bool {
+        (0..3).all(|axis| !self.periodic[axis] || self.size[axis] != 2)
+    }
+
+    /// Returns bounds within which a sphere, radius included, touches no sphere across a periodic boundary, with the
+    /// slack of [`bounds`](Self::bounds).
+    pub(crate) fn boundary_bounds(&self) -> ([f32; 3], [f32; 3]) {
+        let (mut low, mut high) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
+        for axis in (0..3).filter(|&axis| self.periodic[axis]) {
+            let half = -self.axes.origin[axis] * self.cell_sizes[axis];
+            let slack = (half + self.cell_sizes[axis] + self.reach) * SINGLE_ROUNDING;
+            let inner = (half - self.reach - slack - f64::from(f32::MIN_POSITIVE)) as f32;
+            (low[axis], high[axis]) = (-inner, inner);
+        }
+        (low, high)
+    }
+
     #[inline(always)]
     pub(crate) fn is_at_boundary(&self, cell: [u32; 3]) -> bool {
         let at_boundary = |axis: usize| cell[axis] == 0 || cell[axis] + 1 == self.size[axis];

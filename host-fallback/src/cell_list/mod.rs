@@ -103,6 +103,13 @@ struct SearchRadius {
     cap: f32,
 }
 
+impl SearchRadius {
+    #[inline(always)]
+    fn of(self, radius: f32) -> f32 {
+        (radius + self.excess).min(self.cap)
+    }
+}
+
 #[derive(Clone, Copy, Debug)]
 struct Target {
     level: usize,

@@ -5,7 +5,7 @@ use super::{CellList, LevelGrid, SearchRadius, Target};
 use crate::Error;
 use crate::compare::{
     HitQueue, MAX_LANES, NeighborRows, Output, PairTest, RunQueue, ScanInput, SimdTask, SimdWidth, Sink,
-    SphereRun, scan,
+    SphereRun, Xyzr, scan,
 };
 use crate::input::{SearchInput, search_pieces};
 
@@ -94,6 +94,22 @@ fn wrap(at: u32, size: u32) -> u32 {
     if at < size { at } else { at - size }
 }
 
+#[inline(always)]
+fn crosses([x, y, z, radius]: Xyzr, (low, high): &([f32; 3], [f32; 3])) -> bool {
+    let is_outside = |axis: usize, at: f32| (at - radius < low[axis]) | (at + radius > high[axis]);
+    is_outside(0, x) | is_outside(1, y) | is_outside(2, z)
+}
+
+/// Returns the cells of one end of a block that are not adjacent to `cell`; none if `cell` is among them.
+#[inline(always)]
+fn outside(cells: &Range<u32>, cell: u32) -> Range<u32> {
+    if cells.contains(&cell) {
+        return 0..0;
+    }
+    let (start, end) = (cells.start, cells.end);
+    start + u32::from(start == cell + 1 && start < end)..end - u32::from(end == cell && start < end)
+}
+
 struct Finder<'p, V, S> {
     vector: V,
     list: &'p CellList,
@@ -108,13 +124,15 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
     /// Spheres of one cell share its neighbor cells.
     #[inline(always)]
     fn cell_by_cell(&mut self, level: &LevelGrid, targets: &[Target], members: Range<usize>) {
+        let (boundary, has_distinct_sides) = (level.grid.boundary_bounds(), level.grid.has_distinct_sides());
         let mut at = members.start;
         while at < members.end {
             let [x, y, z, _] = self.list.columns.sphere(at);
             let cell = level.grid.cell_of(self.vector, [x, y, z]);
             let (neighbors, end) = neighbor_rows(self.list, level, cell);
             let end = end.min(members.end);
-            if level.grid.is_at_boundary(cell) {
+            let is_at_boundary = level.grid.is_at_boundary(cell);
+            if is_at_boundary && !has_distinct_sides {
                 for at in at..end {
                     self.level(level, at, level.own_radius(), at + 1);
                     self.others(targets, at);
@@ -127,6 +145,13 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
                 self.work_if_full();
                 let columns = &self.list.columns;
                 self.vector.find_neighbor_runs(columns, spheres.clone(), &neighbors, &mut self.runs);
+                if is_at_boundary {
+                    for at in spheres.clone() {
+                        if crosses(self.list.columns.sphere(at), &boundary) {
+                            self.across_boundary(level, at, cell);
+                        }
+                    }
+                }
                 if !targets.is_empty() {
                     for at in spheres {
                         self.others(targets, at);
@@ -148,11 +173,11 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         &mut self,
         level: &LevelGrid,
         at: usize,
-        SearchRadius { excess, cap }: SearchRadius,
+        search_radius: SearchRadius,
         from: usize,
     ) {
         let [x, y, z, radius] = self.list.columns.sphere(at);
-        let block = level.grid.block(self.vector, [x, y, z, (radius + excess).min(cap)]);
+        let block = level.grid.block(self.vector, [x, y, z, search_radius.of(radius)]);
         let count = block.count();
         if (level.grid.circular && block.wraps(level.grid.size)) || count[1] > 2 || count[2] > 2 {
             return self.rows(level, block, at, from);
@@ -167,6 +192,39 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         for (row, wanted) in rows.into_iter().zip(wanted) {
             let start = self.list.starts[row].max(from as u32);
             self.runs.push(at as u32, start..self.list.starts[row + width], wanted);
+        }
+    }
+
+    /// Queues later spheres in those cells of the block that are adjacent to `cell`, the sphere's own, only across a
+    /// periodic boundary.
+    #[inline(always)]
+    fn across_boundary(&mut self, level: &LevelGrid, at: usize, cell: [u32; 3]) {
+        let [x, y, z, radius] = self.list.columns.sphere(at);
+        let block = level.grid.block(self.vector, [x, y, z, level.own_radius().of(radius)]);
+        let (size, first, count) = (level.grid.size, block.first, block.count());
+        if !block.wraps(size) {
+            return;
+        }
+        self.work_if_full();
+        let own_row = level.grid.index([0, cell[1], cell[2]]);
+        let before = count[0].min(size[0] - first[0]);
+        let parts = [first[0]..first[0] + before, 0..count[0] - before];
+        for z in 0..count[2] {
+            for y in 0..count[1] {
+                let (y, z) = (wrap(first[1] + y, size[1]), wrap(first[2] + z, size[2]));
+                let is_adjacent = y.abs_diff(cell[1]) <= 1 && z.abs_diff(cell[2]) <= 1;
+                let row = level.grid.index([0, y, z]);
+                if row < own_row || (is_adjacent && before == count[0]) {
+                    continue;
+                }
+                let row = level.base + row;
+                for cells in &parts {
+                    let wanted = if is_adjacent { outside(cells, cell[0]) } else { cells.clone() };
+                    let start = self.list.starts[row + wanted.start as usize].max(at as u32 + 1);
+                    let end = self.list.starts[row + wanted.end as usize];
+                    self.runs.push(at as u32, start..end, true);
+                }
+            }
         }
     }
 
