@@ -16,8 +16,10 @@ const ROW_NS: f32 = 14.0;
 const CELL_NS: f32 = 0.7;
 /// Maximum table entries per sphere of a level.
 pub(crate) const CELLS_PER_SPHERE: f32 = 2.0;
-/// Estimated factor on the time of rows that may wrap.
-const CIRCULAR_ROWS: f32 = 4.0;
+/// Estimated factor on the time of rows of a folded table.
+const FOLDED_ROWS: f32 = 4.0;
+/// Estimated factor on the time of rows around cells at faces of a periodic box.
+const BOUNDARY_ROWS: f32 = 2.0;
 /// Folding pays if comparisons with the spheres in eight cells of the finest unfolded table are estimated to take more
 /// than this. The estimate suits short runs. Long runs take less, above all without minimum images.
 const MIN_CROWD_NS: f32 = 800.0;
@@ -159,11 +161,10 @@ impl LevelCostModel<'_> {
         unfolded.map(|size| (size, false)).chain(folded.map(|size| (size, true)))
     }
 
-    /// Cells at faces of a periodic box are searched like folded ones.
     fn rows_factor(&self, log_size: f32, is_folded: bool) -> f32 {
         let cells = (self.density.log_extent() - log_size).exp2();
         let inner = (1.0 - 2.0 / cells).max(0.0).powi(self.density.periodic_axes);
-        if is_folded { CIRCULAR_ROWS } else { 1.0 + (CIRCULAR_ROWS - 1.0) * (1.0 - inner) }
+        if is_folded { FOLDED_ROWS } else { 1.0 + (BOUNDARY_ROWS - 1.0) * (1.0 - inner) }
     }
 
     /// Returns costs of each class: for the later half of the rows around its spheres, and for the comparisons there if
