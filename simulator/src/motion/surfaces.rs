@@ -74,22 +74,28 @@ impl SpeciesSurfaces<'_> {
         if moved.turns.is_some() && self.separates(species, [after, moved.path.after]) {
             moved.stay();
         }
-        capture.or_else(|| self.absorb(moved))
+        self.first_with_walls(moved, capture)
     }
 
     #[inline(always)]
     pub(crate) fn absorb(&self, moved: &ParticleMove) -> Option<Capture> {
-        if self.surfaces.walls.is_empty() { None } else { self.absorb_at_walls(moved) }
+        self.first_with_walls(moved, None)
+    }
+
+    /// Returns the earlier of a capture at a receiver and those at walls.
+    #[inline(always)]
+    fn first_with_walls(&self, moved: &ParticleMove, capture: Option<Capture>) -> Option<Capture> {
+        if self.surfaces.walls.is_empty() { capture } else { self.absorb_at_walls(moved, capture) }
     }
 
     #[inline(never)]
-    fn absorb_at_walls(&self, moved: &ParticleMove) -> Option<Capture> {
+    fn absorb_at_walls(&self, moved: &ParticleMove, capture: Option<Capture>) -> Option<Capture> {
         let ParticleMove { at, species, who, path, .. } = *moved;
         let domain = &self.step.domain;
         let seen = self.surfaces.walls.iter().filter(|wall| wall.sees[species as usize]);
         let near_side =
             seen.filter(|wall| !self.separates(species, [path.after, wall.foot(domain, path.after)]));
-        let mut first = FirstHit::default();
+        let mut first = FirstHit(capture);
         for wall in near_side {
             if let Some(hit) = wall.hit(domain, moved) {
                 first.update(who, Capture { hit, event: Event::Arrived { at, receiver: wall.receiver } });

@@ -68,6 +68,15 @@ pub(crate) fn inside_a_sphere() -> Vec<Row> {
     rows
 }
 
+fn legendre(x: f64) -> Vec<f64> {
+    let mut all = vec![1.0, x];
+    for l in 1..41 {
+        let k = l as f64;
+        all.push(((2.0 * k + 1.0) * x * all[l] - k * all[l - 1]) / (k + 1.0));
+    }
+    all
+}
+
 pub(crate) fn absorbing_walls() -> Vec<Row> {
     let mut rows = Vec::new();
     let mut add = |what: String, expected: f64, found: f64| {
@@ -121,5 +130,22 @@ pub(crate) fn absorbing_walls() -> Vec<Row> {
             taken(&cylinder, count, 0, seed),
         );
     }
+    rows.push(hemisphere_on_a_plane());
     rows
+}
+
+/// From the distance r = 2 µm, at 45°, a hemisphere of 1 µm takes the part Σ over odd l of
+/// (P(l − 1, 0) − P(l + 1, 0))·P(l, cos 45°)/r^(l + 1), with Legendre polynomials. After 20 s, 0.5 % of it are missing.
+fn hemisphere_on_a_plane() -> Row {
+    let (at, spread, n) = (std::f64::consts::SQRT_2, 0.35_f64, 2 * N);
+    let time_step = spread * spread / (2.0 * D);
+    let boundary = "kind = \"reflecting\"\nlow = [0, -3e3, -3e3]\nhigh = [3e3, 3e3, 3e3]";
+    let mut model = model(time_step, boundary, 0.0, &format!("[{at}, {at}, 0]"), &["low-x"]);
+    model.transmitters[0].release[0].1 = n;
+    model.receivers.push(receiver(1.0, ReceiverKind::Absorbing));
+    let [still, turned] = [0.0, 0.5 * at].map(legendre);
+    let term = |l: usize| (still[l - 1] - still[l + 1]) * 0.5_f64.powi(l as i32 + 1) * turned[l];
+    let expected = (1..40).step_by(2).map(term).sum();
+    let found = taken(&model, (20.0 / time_step) as u32, 1, 14) * f64::from(N) / f64::from(n);
+    Row::share(format!("hemisphere on the plane, steps of {spread}"), expected, found, n)
 }

@@ -15,8 +15,7 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
     let free = path_of(before.xyz, velocity_of(at, kind, tag.y), kind, tag.y);
     let path = held_back(collided(free, at, kind), kind, tag.y);
     var here = Moved(vec4(path.after, before.w), tag.x, path.velocity, false);
-    var first = NOTHING;
-    var first_hit: Hit;
+    var first = FirstHit(NOTHING, hit_at(false, 0.0));
     let near_receivers = receivers_near(kind, before.xyz, reach_of(path) + kind.bend + trajectory.max_displacement);
     for (var k = near_receivers.begin; k < near_receivers.end; k++) {
         let place = event_at(near_receivers, k);
@@ -26,16 +25,11 @@ fn particles_move(@builtin(workgroup_id) group: vec3<u32>, @builtin(num_workgrou
             continue;
         }
         let hit = hit_of(event, receiver, path, kind, tag.y);
-        if (hit.is_hit && is_earlier(hit, event.receiver, first_hit, first, tag.y)) {
-            first = place;
-            first_hit = hit;
+        if (hit.is_hit && is_earlier(hit, event.receiver, first.hit, first.row, tag.y)) {
+            first = FirstHit(place, hit);
         }
     }
-    if (first == NOTHING) {
-        here = absorb_or_decay(here, path, without_turns(), kind, tag.y);
-    } else {
-        here = decay(here, capture_of(first, first_hit, kind, tag.y), tag.y);
-    }
+    here = captured_or_decayed(here, first_with_walls(first, path, without_turns(), kind, tag.y), kind, tag.y);
     if (here.sphere.w < 0.0) {
         atomicAdd(&control.removed, 1u);
     }

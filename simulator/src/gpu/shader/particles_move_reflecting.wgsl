@@ -132,8 +132,7 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
     var here = Moved(vec4(select(reflected.after, path.before, stays), radius), tag.x, reflected.velocity, false);
     let reach = max(reach_of(path), max(reflected.length, length(minimum_image(reflected.after - path.before))));
     let near_receivers = receivers_near(kind, path.before, reach + kind.bend + trajectory.max_displacement);
-    var first = NOTHING;
-    var first_hit: Hit;
+    var first = FirstHit(NOTHING, hit_at(false, 0.0));
     for (var k = near_receivers.begin; k < near_receivers.end; k++) {
         let place = event_at(near_receivers, k);
         let event = event_rows[place];
@@ -155,27 +154,25 @@ fn move_free(at: u32, path: Path, kind: SpeciesRow, tag: vec2<u32>, radius: f32)
                 continue;
             }
         }
-        if (is_earlier(hit, event.receiver, first_hit, first, tag.y)) {
-            first = place;
-            first_hit = hit;
+        if (is_earlier(hit, event.receiver, first.hit, first.row, tag.y)) {
+            first = FirstHit(place, hit);
         }
     }
-    if (first == NOTHING) {
-        if (stays) {
-            return absorb_or_decay(here, at_rest(path), without_turns(), kind, tag.y);
-        }
-        return absorb_or_decay(here, path_to(NOTHING, path, reflected), turns, kind, tag.y);
+    if (stays) {
+        first = first_with_walls(first, at_rest(path), without_turns(), kind, tag.y);
+    } else {
+        first = first_with_walls(first, path_to(NOTHING, path, reflected), turns, kind, tag.y);
     }
-    let event = event_rows[first];
-    var capture = capture_of(first, first_hit, kind, tag.y);
-    if (event.kind == RECEPTORS) {
-        if (!decays_before(capture, tag.x, tag.y)) {
-            bind(at, first, path_to(event.receiver, path, reflected), tag.y);
-            return here;
-        }
-        // Receptors bind no products; see surfaces.rs.
-        capture.row = NOTHING;
+    if (first.row == NOTHING || event_rows[first.row].kind != RECEPTORS) {
+        return captured_or_decayed(here, first, kind, tag.y);
     }
+    var capture = capture_of(first.row, first.hit, kind, tag.y);
+    if (!decays_before(capture, tag.x, tag.y)) {
+        bind(at, first.row, path_to(event_rows[first.row].receiver, path, reflected), tag.y);
+        return here;
+    }
+    // Receptors bind no products; see surfaces.rs.
+    capture.row = NOTHING;
     return decay(here, capture, tag.y);
 }
 

@@ -108,3 +108,31 @@ fn first_of_two_walls_absorbs() {
     let error = (low_x - low_y) / (low_x + low_y).sqrt();
     assert!(low_x > 10_000.0 && error.abs() < 5.0, "{low_x} and {low_y}");
 }
+
+/// A line that the wall at 0 reflects reaches the sphere or its place after the wall.
+#[test]
+fn wall_before_a_receiver_absorbs() {
+    let receiver = |kind, x: f32| Receiver {
+        center: [x, 5.0, 5.0],
+        radius: 0.5,
+        kind,
+        sees: vec![true],
+        ..Receiver::default()
+    };
+    let first = |kind: ReceiverKind, x: f32| {
+        let model = Model {
+            time_step: 1.0,
+            species: vec![Species { drift: [-5.0, 0.0, 0.0], ..species(0.0) }],
+            boundary: Boundary::reflecting([0.0; 3], [10.0; 3]),
+            receivers: vec![receiver(ReceiverKind::Wall(WallFace::Low(0)), 0.0), receiver(kind, x)],
+            ..Model::default()
+        };
+        let mut particles = Particles::default();
+        particles.push(Particle { position: [2.0, 5.0, 5.0], ..Particle::default() }, false);
+        let now = StepKey { key: Key::new(5), step: 0 };
+        let events = Propagator::new(&model).advance(&mut particles, None, None, now).unwrap();
+        events.iter().map(Event::receiver).collect::<Vec<_>>()
+    };
+    assert_eq!([3.0, 1.0].map(|x| first(ReceiverKind::Absorbing, x)), [[0], [1]]);
+    assert_eq!(first(ReceiverKind::Endpoint, 3.0), [0]);
+}

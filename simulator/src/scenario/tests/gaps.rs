@@ -51,6 +51,19 @@ fn long_steps_across_gaps_are_warned_of() {
 }
 
 #[test]
+fn long_steps_to_a_sphere_that_an_absorbing_wall_cuts_are_warned_of() {
+    let wall = |face: &str| format!("[[receiver]]\nname = 'w'\nkind = 'wall'\nface = '{face}'\n");
+    for (kind, x) in [("'absorbing'", 3.0), ("'absorbing'", 5.6), ("'partial'\nrate = 1", 0.5)] {
+        let text = reflecting("[90, 90, 90]") + &sphere("rx", kind, &format!("[{x}, 20, 20]"), "5");
+        let found = warnings("1.01", &(text.clone() + &wall("low-x")), NO_DRIFT);
+        assert_warns(&found, "long for rx, a sphere of radius 5 µm that an absorbing wall cuts");
+        assert_eq!(advised_step(&found[0]), "9.90e-1", "{found:?}");
+        assert_eq!(warnings("9.90e-1", &(text.clone() + &wall("low-x")), NO_DRIFT), [""; 0]);
+        assert_eq!(warnings("1.01", &(text + &wall("high-x")), NO_DRIFT), [""; 0]);
+    }
+}
+
+#[test]
 fn drift_between_two_walls_in_long_steps_is_warned_of() {
     let walls = reflecting("[6, 90, 90]");
     let found = warnings("1.01", &walls, "[1, 0, 0]");

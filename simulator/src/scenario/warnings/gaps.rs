@@ -75,7 +75,7 @@ fn is_surface(receiver: &Receiver) -> bool {
     receiver.radius > 0.0 && (receiver.kind == ReceiverKind::Absorbing || receiver.kind.reflects())
 }
 
-fn takes(receiver: &Receiver, species: usize) -> bool {
+pub(super) fn takes(receiver: &Receiver, species: usize) -> bool {
     receiver.sees[species] && (receiver.kind.absorbs() || receiver.binds(species))
 }
 
@@ -99,7 +99,7 @@ fn gap_to_image(model: &Model, (k, receiver): (usize, &Receiver), species: usize
     })
 }
 
-struct Wall {
+pub(super) struct Wall {
     face: WallFace,
     absorbs: bool,
     domain: Boundary,
@@ -114,7 +114,24 @@ fn walls(model: &Model, seen: &[&Receiver], species: usize) -> Vec<Wall> {
     faces.map(|face| Wall { face, absorbs: absorbs(face), domain }).collect()
 }
 
+pub(super) fn absorbing_walls(model: &Model, species: usize) -> Vec<Wall> {
+    let is_wall =
+        |receiver: &&Receiver| matches!(receiver.kind, ReceiverKind::Wall(_)) && receiver.sees[species];
+    let seen: Vec<&Receiver> = model.receivers.iter().filter(is_wall).collect();
+    let mut walls = walls(model, &seen, species);
+    walls.retain(|wall| wall.absorbs);
+    walls
+}
+
 impl Wall {
+    /// Returns `true` if a sphere that does not move reaches the wall.
+    pub(super) fn cuts(&self, receiver: &Receiver) -> bool {
+        let most = (1.0 + CONTACT as f32) * receiver.radius;
+        !receiver.moves()
+            && receiver.radius > 0.0
+            && self.height(receiver.center).is_some_and(|height| height <= most)
+    }
+
     /// Returns the distance of a point inside, in µm.
     fn height(&self, center: [f32; 3]) -> Option<f32> {
         match (self.face, self.domain.vessel) {

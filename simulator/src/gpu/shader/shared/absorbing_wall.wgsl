@@ -132,19 +132,27 @@ fn wall_hit_of(event: EventRow, kind: SpeciesRow, path: Path, turns: PathTurns, 
     return hit_between(heights, kind.diffusion);
 }
 
-fn absorb_or_decay(moved: Moved, path: Path, turns: PathTurns, kind: SpeciesRow, id: u32) -> Moved {
-    var first = NOTHING;
-    var first_hit: Hit;
+// The first hit so far, with its row, or NOTHING.
+struct FirstHit {
+    row: u32,
+    hit: Hit,
+}
+
+fn first_with_walls(receiver: FirstHit, path: Path, turns: PathTurns, kind: SpeciesRow, id: u32) -> FirstHit {
+    var first = receiver;
     for (var k = kind.walls_begin; k < kind.events_end; k++) {
         let event = event_rows[k];
         let hit = wall_hit_of(event, kind, path, turns, id);
-        if (hit.is_hit && is_earlier(hit, event.receiver, first_hit, first, id)) {
-            first = k;
-            first_hit = hit;
+        if (hit.is_hit && is_earlier(hit, event.receiver, first.hit, first.row, id)) {
+            first = FirstHit(k, hit);
         }
     }
-    if (first == NOTHING) {
+    return first;
+}
+
+fn captured_or_decayed(moved: Moved, first: FirstHit, kind: SpeciesRow, id: u32) -> Moved {
+    if (first.row == NOTHING) {
         return decay(moved, Capture(NOTHING, 0.0), id);
     }
-    return decay(moved, capture_of(first, first_hit, kind, id), id);
+    return decay(moved, capture_of(first.row, first.hit, kind, id), id);
 }
