@@ -123,8 +123,15 @@ impl BitErrors {
             };
             SymbolObservation { sent, seen }
         };
-        let all: Vec<SymbolObservation> =
-            self.observed(files, model, slots).into_iter().enumerate().map(slot).collect();
+        // A slot between two rows shows nothing, not even a 0.
+        let is_observed = |(_, rows): &(usize, Vec<Vec<u64>>)| !rows.is_empty();
+        let all: Vec<SymbolObservation> = self
+            .observed(files, model, slots)
+            .into_iter()
+            .enumerate()
+            .filter(is_observed)
+            .map(slot)
+            .collect();
         self.bits += all.len() as u64 * u64::from(self.width);
         self.ones += all.iter().map(|slot| u64::from(slot.sent.count_ones())).sum::<u64>();
         self.slots.push(all);

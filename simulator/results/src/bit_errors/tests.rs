@@ -68,6 +68,26 @@ fn momentary_counts_are_detected_by_peak_energy_and_strength() {
 }
 
 #[test]
+fn slots_without_a_row_are_no_bits() {
+    let mut model = model();
+    model.receivers[0].kind = lazygrid_sim::ReceiverKind::Transparent;
+    // Rows in the first and the third slot of 1 0 1 1.
+    let series = Series {
+        names: lazygrid_sim::series::names(&model),
+        steps: vec![10, 30],
+        times: Vec::new(),
+        counts: [9, 8].into_iter().flat_map(|count| [0, count, 0, 0]).collect(),
+    };
+    let files = ReplicaFiles { seed: 1, log: Log::default(), series };
+    let (_, message) = messages(&model).next().unwrap();
+    for detector in Detector::MOMENTARY {
+        let mut errors = BitErrors::new(&model, message, [0, 0], detector, 0);
+        errors.add(&files, &model, &slots(100));
+        assert_eq!((errors.bits, errors.ones, errors.at(&[1]).1), (2, 2, 0), "{detector:?}");
+    }
+}
+
+#[test]
 fn bit_errors_of_a_known_sequence() {
     let sent = log(&[(0, 0, 6), (0, 1, 3), (2, 2, 4), (3, 3, 2)]);
     let mut errors = of(&model(), 0);
