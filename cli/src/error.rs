@@ -110,8 +110,8 @@ pub(crate) enum CliError {
     Stopped { steps: u32, command: String, signal: i32 },
     #[error("stopped with {done} of {count} {runs} done; resume with: {command}")]
     StoppedRuns { done: usize, count: u64, runs: &'static str, command: String, signal: i32 },
-    #[error("--{key} would replace the values of {key} in the sweep; give one of the two")]
-    SweptOption { key: &'static str },
+    #[error("--{option} would replace the values of {key} in the sweep; give one of the two")]
+    SweptOption { option: &'static str, key: &'static str },
     #[error("{}: cannot be drawn: {reason}", path.display())]
     Report { path: PathBuf, reason: String },
     #[error("the page cannot be made: {what}")]

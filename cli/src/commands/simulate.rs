@@ -9,6 +9,7 @@ use std::ops::ControlFlow;
 use lazygrid_results::animation;
 use lazygrid_sim::RunView;
 use lazygrid_sim::run::replicas::Replicas;
+use lazygrid_sim::run::run_args::RunArgs;
 use lazygrid_sim::run::sweep::SweepRuns;
 use lazygrid_sim::run::{Run, RunEnd};
 use lazygrid_sim::scenario::{Scenario, Sweep};
@@ -21,12 +22,7 @@ use crate::{print, progress, signals};
 
 pub(crate) fn run(args: &Simulate) -> Result<(), CliError> {
     if let Some(swept) = Sweep::read(&args.options.scenario, &args.sweep)? {
-        let own = [("seed", args.options.seed.is_some()), ("steps", args.options.steps.is_some())];
-        if let Some((key, _)) =
-            own.into_iter().find(|(key, is)| *is && swept.keys.iter().any(|k| k.path == *key))
-        {
-            return Err(CliError::SweptOption { key });
-        }
+        check_keys(&swept, &args.options)?;
         let count = args.replicas.unwrap_or(NonZeroU32::MIN);
         let run = |scenario: &Scenario| with_options(args, args.options.run(scenario.clone()));
         return sweep::run(&SweepRuns::new(swept, run, count), args);
@@ -35,6 +31,22 @@ pub(crate) fn run(args: &Simulate) -> Result<(), CliError> {
     match args.replicas {
         None => once(run, args),
         Some(count) => replicas::run(&Replicas { run, count }, args),
+    }
+}
+
+/// Refuses options that would replace the values of a key in all points.
+fn check_keys(swept: &Sweep, options: &RunArgs) -> Result<(), CliError> {
+    let own = [
+        ("seed", "seed", options.seed.is_some()),
+        ("steps", "steps", options.steps.is_some()),
+        ("series-every", "output.every", options.series_every.is_some()),
+        ("frames-every", "output.frames-every", options.frames_every.is_some()),
+        ("checkpoint-every", "output.checkpoint-every", options.checkpoint_every.is_some()),
+    ];
+    let is_swept = |key: &str| swept.keys.iter().any(|swept| swept.path == key);
+    match own.into_iter().find(|&(_, key, is_given)| is_given && is_swept(key)) {
+        Some((option, key, _)) => Err(CliError::SweptOption { option, key }),
+        None => Ok(()),
     }
 }
 

@@ -1,5 +1,6 @@
 //! Sweeps: scenarios with all combinations of values of some keys.
 
+use std::collections::HashSet;
 use std::ops::Range;
 use std::path::Path;
 
@@ -63,6 +64,7 @@ impl Sweep {
         if keys.is_empty() {
             return Ok(None);
         }
+        keys.iter().try_for_each(check_values).map_err(Error::Model)?;
         let text = without_section(text, file.get_ref());
         let Ok(file) = DeTable::parse(&text) else { return Ok(None) };
         let mut known = Vec::new();
@@ -231,6 +233,22 @@ fn spot(key: &SweptKey, known: &[KnownKey]) -> Result<(Range<usize>, bool), Stri
     Err(format!(
         "the scenario has no key '{path}' to sweep; the nearest is '{near}'; write a key with some value in the scenario first"
     ))
+}
+
+/// Refuses equal values, because their points would be the same run.
+fn check_values(key: &SweptKey) -> Result<(), String> {
+    let mut known = HashSet::new();
+    // Numbers are equal in any notation; strings, such as bits, keep their quotation marks.
+    let number = |value: &String| {
+        value.replace('_', "").parse::<f64>().map_or_else(|_| value.clone(), |x| x.to_string())
+    };
+    match key.values.iter().find(|value| !known.insert(number(value))) {
+        None => Ok(()),
+        Some(value) => {
+            let [path, value] = [&key.path, value].map(|text| excerpt(text.as_bytes()));
+            Err(format!("the sweep has the value {value} of {path} twice; remove one"))
+        }
+    }
 }
 
 fn disjoint(spots: Vec<(Range<usize>, bool)>) -> Result<Vec<(Range<usize>, bool)>, String> {

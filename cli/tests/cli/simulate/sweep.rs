@@ -144,9 +144,16 @@ fn sweeps_are_resumed_replaced_and_refused() {
         let run = simulate(&out, more).fails();
         assert!(run.err.contains(message), "{more:?}: {}", run.err);
     }
-    let run = simulate(&out, &["--sweep", "seed=1,2", "--seed", "3"]);
-    assert_eq!(run.code, Some(2), "{}", run.err);
-    assert!(run.err.contains("--seed would replace the values of seed"), "{}", run.err);
+    for (key, option) in [
+        ("seed", "--seed"),
+        ("steps", "--steps"),
+        ("output.every", "--series-every"),
+        ("output.frames-every", "--frames-every"),
+    ] {
+        let run = simulate(&out, &["--sweep", &format!("{key}=1,2"), option, "3"]);
+        assert_eq!(run.code, Some(2), "{}", run.err);
+        assert!(run.err.contains(&format!("{option} would replace the values of {key} in")), "{}", run.err);
+    }
     simulate(&out, &["--sweep", three, "--replicas", "2", "--resume"]).succeeds();
     assert_eq!(files(&out), files(&whole));
     simulate(&out, &["--sweep", two, "--replicas", "2", "--overwrite"]).succeeds();

@@ -52,6 +52,19 @@ fn section_is_read_and_leaves_no_trace() {
 }
 
 #[test]
+fn equal_values_are_refused() {
+    for (option, value) in [
+        ("time-step=1e-2,0.005,0.01", "0.01"),
+        ("transmitter.tx.bits=01,10,01", "\"01\""),
+        ("receiver.rx.center=[1, 0, 0],[1, 0, 0]", "[1, 0, 0]"),
+    ] {
+        let refused = sweep(TEXT, &[option]).unwrap_err();
+        assert!(refused.contains(&format!("has the value {value} of ")), "{option}: {refused}");
+    }
+    assert_eq!(sweep(TEXT, &["transmitter.tx.bits=01,001,1"]).unwrap().unwrap().points.len(), 3);
+}
+
+#[test]
 fn strings_stay_strings() {
     for (option, bits) in [("bits=0110,10", ["0110", "10"]), ("bits='11',\"00\"", ["11", "00"])] {
         let sweep = sweep(TEXT, &[&format!("transmitter.tx.{option}")]).unwrap().unwrap();
