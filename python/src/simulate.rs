@@ -178,7 +178,7 @@ pub(crate) fn simulate<'py>(
 ) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
     if options.threads.is_some() { fork::use_threads() } else { fork::use_global_threads() }?;
     let mut run = Run::new(parse_scenario(source)?, &options)?;
-    let advice = [run.scenario.warnings.clone(), run.scenario.late_releases()].concat();
+    let advice = [run.scenario.warnings.clone(), run.scenario.run_warnings()].concat();
     run.finish(py)?;
     Ok((run.dict(py)?, advice))
 }

@@ -71,8 +71,7 @@ pub struct Species {
     pub diffusion: NotNegative,
     #[serde(default)]
     pub drift: [Finite; 3],
-    #[serde(default)]
-    pub mass: One,
+    pub mass: Option<Spanned<Positive>>,
     #[serde(default)]
     pub thermal_speed: NotNegative,
     pub speed: Option<Spanned<NotNegative>>,
@@ -227,7 +226,7 @@ pub struct Membrane {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct ReceptorType {
     pub count: std::num::NonZeroU32,
-    pub ligands: Vec<Ligand>,
+    pub ligands: Spanned<Vec<Ligand>>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -273,12 +272,11 @@ pub enum Face {
 #[serde(rename_all = "kebab-case", deny_unknown_fields)]
 pub struct Output {
     pub every: Option<std::num::NonZeroU32>,
-    pub frames_every: Option<std::num::NonZeroU32>,
+    pub frames_every: Option<Spanned<std::num::NonZeroU32>>,
     #[serde(default)]
     pub frames: Vec<FrameFormat>,
     pub checkpoint_every: Option<std::num::NonZeroU32>,
-    #[serde(default)]
-    pub arrivals: bool,
+    pub arrivals: Option<Spanned<bool>>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -329,17 +327,6 @@ impl TryFrom<i64> for Dimensions {
             1..=3 => Ok(Self(value as usize)),
             _ => Err(format!("{value} dimensions are not 1, 2 or 3")),
         }
-    }
-}
-
-/// A positive number, 1 by default.
-#[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(transparent)]
-pub struct One(pub Positive);
-
-impl Default for One {
-    fn default() -> Self {
-        Self(Positive(1.0))
     }
 }
 

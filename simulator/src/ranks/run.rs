@@ -35,7 +35,7 @@ impl Run {
         communicator.agree(self.check_formats().map_err(|error| communicator.failure(error.to_string())))?;
         let is_first = communicator.rank() == 0;
         if is_first {
-            self.scenario.late_releases().iter().for_each(|message| log::warn!("{message}"));
+            self.scenario.run_warnings().iter().for_each(|message| log::warn!("{message}"));
         }
         let (mut simulation, mut files) = if self.resume {
             self.resume_distributed(communicator, detector)?

@@ -127,7 +127,7 @@ impl Run {
     ) -> Result<(RunEnd, AnySimulation), Error> {
         self.check_formats()?;
         if slot.place == 0 {
-            self.scenario.late_releases().iter().for_each(|message| log::warn!("{message}"));
+            self.scenario.run_warnings().iter().for_each(|message| log::warn!("{message}"));
         }
         let (mut simulation, mut files) =
             if self.resume { self.resume_run(slot)? } else { self.begin(slot)? };

@@ -57,7 +57,20 @@ impl RunArgs {
     /// # Errors
     /// See [`Scenario::read`].
     pub fn read(&self) -> Result<Run, Error> {
-        Ok(self.run(Scenario::read(&self.scenario)?))
+        let scenario = Scenario::read(&self.scenario)?;
+        self.warn_of_frames([&scenario]);
+        Ok(self.run(scenario))
+    }
+
+    /// Warns if [`frames_every`](Self::frames_every) has no effect, because no scenario writes frames.
+    pub fn warn_of_frames<'a>(&self, scenarios: impl IntoIterator<Item = &'a Scenario>) {
+        let writes = |scenario: &Scenario| scenario.output.xyz || scenario.output.npy;
+        if self.frames_every.is_some() && !scenarios.into_iter().any(writes) {
+            log::warn!(
+                "--frames-every has no effect, because the scenario writes no frames; set frames = [\"xyz\"] or [\"npy\"] in \
+                 its [output]"
+            );
+        }
     }
 
     /// Returns the run of a scenario with the overrides, as [`Run::new`] for other options.

@@ -4,6 +4,7 @@ mod flow_file;
 mod nearest;
 mod overrides;
 mod resolve;
+mod run_warnings;
 pub mod sweep;
 mod warnings;
 
@@ -17,7 +18,7 @@ use lazygrid_io::{excerpt, printed};
 
 use crate::memory::check_available;
 pub use crate::output::options::Output;
-use crate::{Error, Model, Transmitter};
+use crate::{Error, Model};
 
 #[derive(Clone, Debug)]
 pub struct Scenario {
@@ -64,25 +65,6 @@ impl Scenario {
             warnings.push(format!("{}: {more} more warnings", path.display()));
         }
         Ok(Self { model, steps, seed, output, text, warnings })
-    }
-
-    pub fn late_releases(&self) -> Vec<String> {
-        let end = f64::from(self.steps) * self.model.time_step;
-        let late = |t: &Transmitter| {
-            let (first, count) = t.after(self.steps, self.model.time_step)?;
-            let what = match count {
-                Some(1) => "has a release".to_owned(),
-                Some(count) => format!("has {count} releases"),
-                None => "begins to release".to_owned(),
-            };
-            Some(format!(
-                "transmitter {} {what} at or after {first} s, but the run ends at {end} s; make `steps` more than {}, or remove \
-                 these times",
-                excerpt(t.name.as_bytes()),
-                (first / self.model.time_step).ceil()
-            ))
-        };
-        self.model.transmitters.iter().filter_map(late).collect()
     }
 }
 

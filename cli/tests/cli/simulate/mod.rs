@@ -326,3 +326,25 @@ fn a_full_disk_shows_before_the_run() {
     let run = lazygrid(args).fails();
     assert!(run.err.contains("series.csv: cannot write: No space left on device"), "{}", run.err);
 }
+
+#[test]
+fn options_without_effect_are_warned_of() {
+    let scratch = Scratch::new();
+    let text = SCENARIO.replace("frames-every = 10\nframes = [\"xyz\", \"npy\"]\n", "");
+    let [bare, full] =
+        [("bare.toml", &text[..]), ("full.toml", SCENARIO)].map(|(name, text)| scratch.write(name, text));
+    let warns = |scenario: &str, more: &[&str], message: &str| {
+        let args = ["simulate", scenario, "--steps", "3", "--output", &scratch.path("out"), "--overwrite"];
+        let run = lazygrid(args.iter().chain(more)).succeeds();
+        run.err.lines().filter(|line| line.contains(message)).count()
+    };
+    let frames = "--frames-every has no effect";
+    assert_eq!(warns(&bare, &["--frames-every", "2"], frames), 1);
+    assert_eq!(warns(&bare, &["--frames-every", "2", "--sweep", "species.acid.diffusion=1,5"], frames), 1);
+    assert_eq!(warns(&full, &["--frames-every", "2"], frames), 0);
+    if has_gpu() {
+        let algorithm = "--algorithm naive has no effect";
+        assert_eq!(warns(&full, &["--backend", "gpu", "--algorithm", "naive"], algorithm), 1);
+        assert_eq!(warns(&full, &["--algorithm", "naive"], algorithm), 0);
+    }
+}

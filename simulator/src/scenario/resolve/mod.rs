@@ -1,6 +1,7 @@
 mod checks;
 mod chemotaxis;
 mod flow_field;
+mod idle;
 mod network_index;
 mod reactions;
 mod receivers;
@@ -50,7 +51,7 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
             Some(file::Contact::Separate) => Contact::Separate,
             Some(file::Contact::Elastic) => Contact::Elastic,
         },
-        logs_arrivals: file.output.arrivals,
+        logs_arrivals: file.output.arrivals.as_ref().is_some_and(|logs| *logs.get_ref()),
         ..Model::default()
     };
     model.flow = space::flow(file.flow.as_ref(), &model.boundary, directory)?;
@@ -147,10 +148,11 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
         let message = warnings::released_inside(transmitter, &model.receivers, &model.boundary);
         warnings.extend(message.map(|message| Problem::at(span, message)));
     }
+    warnings.extend(idle::keys(&file.species, &file.attractants, &file.output, &model));
     let every = file.output.every.map_or(1, Into::into);
     let output = Output {
         every,
-        frames_every: file.output.frames_every.map_or(every, Into::into),
+        frames_every: file.output.frames_every.as_ref().map_or(every, |every| (*every.get_ref()).into()),
         xyz: file.output.frames.contains(&file::FrameFormat::Xyz),
         npy: file.output.frames.contains(&file::FrameFormat::Npy),
         checkpoint_every: file.output.checkpoint_every.map(Into::into),
@@ -166,7 +168,7 @@ fn species(one: &file::Species, model: &Model) -> Result<Species, Problem> {
         radius: one.radius.as_ref().map_or(0.0, |radius| radius.get_ref().0 as f32),
         diffusion: one.diffusion.0,
         drift: one.drift.map(|Finite(v)| v),
-        mass: one.mass.0.0,
+        mass: one.mass.as_ref().map_or(1.0, |mass| mass.get_ref().0),
         thermal_speed: one.thermal_speed.0,
         speed: one.speed.as_ref().map_or(0.0, |speed| speed.get_ref().0),
         tumble_rate: one.tumble_rate.as_ref().map_or(0.0, |rate| rate.get_ref().0),

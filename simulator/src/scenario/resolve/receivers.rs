@@ -248,7 +248,12 @@ fn receptor_type(
     sees: &[bool],
 ) -> Result<ReceptorType, Problem> {
     let mut ligands: Vec<Ligand> = Vec::new();
-    for ligand in &kind.ligands {
+    if kind.ligands.get_ref().is_empty() {
+        let message =
+            "the list is empty, so that these receptors bind nothing; name a ligand, or remove the type";
+        return Err(Problem::at(kind.ligands.span(), message.to_owned()));
+    }
+    for ligand in kind.ligands.get_ref() {
         let species = names.get(&ligand.species)?;
         let (name, span) = (ligand.species.get_ref(), ligand.species.span());
         if !sees[species as usize] {

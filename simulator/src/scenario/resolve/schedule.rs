@@ -159,6 +159,10 @@ fn message(transmitter: &file::Transmitter, entries: usize) -> Result<Message, P
             // Counted before a vector is made, to bound its size.
             let mut bits = text.bytes().filter(|byte| b"01".contains(byte));
             let count = whole(bits.clone().count())?;
+            if count == 0 {
+                let message = "there are no bits, so that nothing is released; write some, or random-bits";
+                return Err(Problem::at(span, message.to_owned()));
+            }
             let mut symbol =
                 || bits.by_ref().take(width as usize).fold(0, |all, bit| 2 * all + u32::from(bit - b'0'));
             Symbols::Given((0..count).map(|_| symbol()).collect())

@@ -1,6 +1,7 @@
 mod chemotaxis;
 mod flow;
 mod gaps;
+mod idle;
 mod limits;
 mod network;
 mod rates;
@@ -233,11 +234,11 @@ fn likely_mistakes_are_warned_of() {
 #[test]
 fn releases_after_the_end_are_warned_of() {
     let mut scenario = parse(GOOD).unwrap();
-    let late = scenario.late_releases();
+    let late = scenario.run_warnings();
     assert_warns(&late, "tx has a release at or after 0.5 s");
     assert!(late[0].contains("the run ends at 0.01 s; make `steps` more than 500"), "{late:?}");
     scenario.steps = 501;
-    assert_eq!(scenario.late_releases(), [""; 0]);
+    assert_eq!(scenario.run_warnings(), [""; 0]);
 }
 
 #[test]
@@ -262,7 +263,7 @@ fn shipped_scenarios_are_valid() {
         }
         for scenario in scenarios {
             let name = path.display();
-            assert_eq!((scenario.late_releases(), scenario.warnings), (vec![], vec![]), "{name}");
+            assert_eq!((scenario.run_warnings(), scenario.warnings), (vec![], vec![]), "{name}");
             #[cfg(feature = "gpu")]
             crate::gpu::check(&scenario.model).unwrap_or_else(|error| panic!("{name}: {error}"));
         }
