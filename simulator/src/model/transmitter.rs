@@ -168,7 +168,7 @@ const LARGEST_NORMAL: f64 = 6.0;
 
 impl Shape {
     /// Bounds the distance of released particles from the center along each axis, in µm.
-    fn reach(self) -> [f64; 3] {
+    pub(crate) fn reach(self) -> [f64; 3] {
         match self {
             Self::Point => [0.0; 3],
             Self::Gaussian(width) => [LARGEST_NORMAL * f64::from(width); 3],

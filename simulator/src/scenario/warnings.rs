@@ -5,6 +5,7 @@ mod gaps;
 mod passage;
 mod resolution;
 mod rounding;
+mod shapes;
 mod transport;
 
 pub(super) use self::absorption::long_step_to_absorber;
@@ -14,6 +15,7 @@ pub(super) use self::gaps::{long_step_across_gap, long_step_between_walls, overl
 pub(super) use self::passage::{long_step_between_membranes, long_step_through};
 pub(super) use self::resolution::{rounded_receiver_steps, rounded_steps};
 pub(super) use self::rounding::{rounded_decays, rounded_reactions, rounded_tumbles, rounded_unbinding};
+pub(super) use self::shapes::misplaced_shape;
 pub(super) use self::transport::{
     drift_at_curved_wall, drift_at_plane_wall, drift_without_diffusion, frequent_tumbles,
     long_receiver_step_through, long_step_across_flow, swept_by_motion, unresolved_flow,

@@ -144,9 +144,13 @@ pub(super) fn resolve(file: File, directory: &Path) -> Result<Resolved, Problem>
         let message = warnings::many_collisions(&model, file.steps);
         warnings.extend(message.map(|message| Problem::at(contact.span(), message)));
     }
-    for (transmitter, span) in model.transmitters.iter().zip(spans) {
-        let message = warnings::released_inside(transmitter, &model.receivers, &model.boundary);
-        warnings.extend(message.map(|message| Problem::at(span, message)));
+    let of_sources = file.sources.iter().map(|source| source.equation.span());
+    for (transmitter, span) in model.transmitters.iter().zip(spans.into_iter().chain(of_sources)) {
+        let messages = [
+            warnings::released_inside(transmitter, &model.receivers, &model.boundary),
+            warnings::misplaced_shape(transmitter, &model.boundary),
+        ];
+        warnings.extend(messages.into_iter().flatten().map(|message| Problem::at(span.clone(), message)));
     }
     warnings.extend(idle::keys(&file.species, &file.attractants, &file.output, &model));
     let every = file.output.every.map_or(1, Into::into);

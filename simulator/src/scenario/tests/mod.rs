@@ -5,6 +5,7 @@ mod idle;
 mod limits;
 mod network;
 mod rates;
+mod shapes;
 mod surfaces;
 
 use super::*;
