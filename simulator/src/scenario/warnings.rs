@@ -1,4 +1,5 @@
 mod absorption;
+mod close_pairs;
 mod collisions;
 mod decays;
 mod gaps;

@@ -50,6 +50,19 @@ fn long_steps_across_gaps_are_warned_of() {
     }
 }
 
+/// The last two of 1331 receivers are 0.5 µm closer than the others, which are 5 µm apart.
+#[test]
+fn gaps_of_all_receivers_are_tested() {
+    let many = "[[receiver]]\nname = 'cell'\nkind = 'absorbing'\ncenter = [0, 0, 0]\nradius = 5\n\
+                lattice = { size = [165, 165, 165], places = [11, 11, 11] }\n";
+    let last = |x: f32| sphere("last", "'absorbing'", &format!("[{x}, 75, 75]"), "5");
+    let found = warnings("0.9", &(many.to_owned() + &last(89.5)), NO_DRIFT);
+    assert_warns(&found, "the gap of 4.500 µm between cell-1330 and last");
+    assert_eq!(warnings("0.9", &(many.to_owned() + &last(90.0)), NO_DRIFT), [""; 0]);
+    let found = warnings("0.9", &(many.to_owned() + &last(80.0)), NO_DRIFT);
+    assert_warns(&found, "last overlaps cell-1330, and both absorb the same particles");
+}
+
 #[test]
 fn long_steps_to_a_sphere_that_an_absorbing_wall_cuts_are_warned_of() {
     let wall = |face: &str| format!("[[receiver]]\nname = 'w'\nkind = 'wall'\nface = '{face}'\n");

@@ -1,4 +1,5 @@
 use super::below;
+use super::close_pairs::close_pairs;
 use crate::model::boundary::{Axis, Boundary};
 use crate::model::receiver::{Receiver, ReceiverKind, WallFace, signed_distance};
 use crate::model::{Flow, Model, Species, share_species};
@@ -9,8 +10,6 @@ use crate::model::{Flow, Model, Species, share_species};
 const LONG_IN_GAP: f64 = 0.4;
 /// Smaller gaps, in radii of the smaller sphere, are contacts: few particles reach them.
 const CONTACT: f64 = 0.03;
-/// Receivers that are tested against each other, in the order of the file.
-const MAX_TESTED: usize = 1000;
 /// Least drift across the gap of two walls, in D/L: weaker ones change a density by less than 2 %.
 const LEAST_DRIFT: f64 = 0.02;
 
@@ -51,10 +50,15 @@ pub(in crate::scenario) fn long_step_across_gap(model: &Model, species: usize) -
     for (k, receiver) in seen.iter().enumerate().filter(|(_, receiver)| is_surface(receiver)) {
         gaps.extend(walls.iter().filter_map(|wall| gap_to_wall(wall, (k, receiver), (species, one))));
         gaps.extend(gap_to_image(model, (k, receiver), species));
-        let tested = if k < MAX_TESTED { &seen[..k] } else { &[] };
-        let others = tested.iter().enumerate().filter(|(_, other)| is_surface(other));
-        gaps.extend(others.filter_map(|(l, other)| gap_between(model, [(l, other), (k, receiver)], species)));
     }
+    // Wider gaps are not too narrow for a step.
+    let widest = (2.0 * one.diffusion * model.time_step).sqrt() / LONG_IN_GAP;
+    let spheres: Vec<usize> = (0..seen.len()).filter(|&k| is_surface(seen[k])).collect();
+    let receivers: Vec<&Receiver> = spheres.iter().map(|&k| seen[k]).collect();
+    let pairs = close_pairs(&model.boundary, &receivers, widest).into_iter();
+    let of_pair =
+        |[k, l]: [usize; 2]| gap_between(model, [k, l].map(|at| (spheres[at], receivers[at])), species);
+    gaps.extend(pairs.filter_map(of_pair));
     let longest = |gap: &Gap| (LONG_IN_GAP * gap.length).powi(2) / (2.0 * gap.diffusion);
     let worst = gaps.iter().min_by(|a, b| longest(a).total_cmp(&longest(b)))?;
     (model.time_step > longest(worst)).then(|| {
@@ -166,28 +170,23 @@ pub(in crate::scenario) fn overlapping_absorbers(model: &Model) -> Option<(usize
     let absorbs = |one: &Receiver| {
         matches!(one.kind, ReceiverKind::Absorbing | ReceiverKind::Partial(_)) && !one.moves()
     };
-    let all: Vec<_> =
-        model.receivers.iter().enumerate().filter(|(_, one)| absorbs(one)).take(MAX_TESTED).collect();
-    let pair = |&(k, one): &(usize, &Receiver)| {
-        let shares = |other: &Receiver| share_species(&other.sees, &one.sees);
-        let overlaps = |&&(at, other): &&(usize, &Receiver)| {
-            let least = -(CONTACT as f32) * one.radius.min(other.radius);
-            let radii = one.radius + other.radius;
-            at < k
-                && shares(other)
-                && signed_distance(radii, one.center, &model.boundary, other.center) < least
-        };
-        let (_, other) = all.iter().find(overlaps)?;
-        Some((
-            k,
-            format!(
-                "{} overlaps {}, and both absorb the same particles: each takes its part of a step, so that steps that are long \
-             compared with the overlap are taken at a wrong rate; move them apart, or let them see different species",
-                one.name, other.name
-            ),
-        ))
+    let places: Vec<usize> = (0..model.receivers.len()).filter(|&k| absorbs(&model.receivers[k])).collect();
+    let all: Vec<&Receiver> = places.iter().map(|&k| &model.receivers[k]).collect();
+    let overlaps = |[other, one]: [&Receiver; 2]| {
+        let least = -(CONTACT as f32) * one.radius.min(other.radius);
+        let radii = one.radius + other.radius;
+        share_species(&other.sees, &one.sees)
+            && signed_distance(radii, one.center, &model.boundary, other.center) < least
     };
-    all.iter().find_map(pair)
+    let pairs = close_pairs(&model.boundary, &all, 0.0).into_iter();
+    let overlapping = pairs.filter(|pair| overlaps(pair.map(|k| all[k])));
+    let [other, one] = overlapping.min_by_key(|&[other, one]| [one, other])?;
+    let message = format!(
+        "{} overlaps {}, and both absorb the same particles: each takes its part of a step, so that steps that are long \
+         compared with the overlap are taken at a wrong rate; move them apart, or let them see different species",
+        all[one].name, all[other].name
+    );
+    Some((places[one], message))
 }
 
 /// A step with drift that reaches both of two walls is mirrored; see [`wall`](crate::motion::wall).
