@@ -169,13 +169,7 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
     }
 
     #[inline(always)]
-    fn level(
-        &mut self,
-        level: &LevelGrid,
-        at: usize,
-        search_radius: SearchRadius,
-        from: usize,
-    ) {
+    fn level(&mut self, level: &LevelGrid, at: usize, search_radius: SearchRadius, from: usize) {
         let [x, y, z, radius] = self.list.columns.sphere(at);
         let block = level.grid.block(self.vector, [x, y, z, search_radius.of(radius)]);
         let count = block.count();

@@ -68,7 +68,8 @@ fn candidates_of_two_sets_never_change_an_answer() {
 fn candidates_serve_no_other_sets_of_as_many_spheres() {
     for settings in settings(Skin::Fixed(0.5)) {
         for is_f64 in [false, true] {
-            let served = follow(settings.clone(), is_f64, |call| [Some(1000), Some(1100), None][call / 2 % 3]);
+            let served =
+                follow(settings.clone(), is_f64, |call| [Some(1000), Some(1100), None][call / 2 % 3]);
             assert!(served > 10, "{served} served");
         }
     }
