@@ -130,12 +130,18 @@ impl HitQueue {
 #[inline(always)]
 fn take<V: SimdWidth, S: Sink>(vector: V, input: ScanInput<'_>, found: VectorHits, sink: &mut S) {
     let (ScanInput { columns, test }, VectorHits { at, base, lanes }) = (input, found);
+    let (id, ids) = (columns.id(at), columns.ids(base));
     let hits = match test.is_plain() && lanes.certain == lanes.possible {
         true => lanes.certain,
-        false => decide(test, columns, at, base, lanes),
+        false => match sink.wanted(id, ids, lanes.possible) {
+            0 => 0,
+            possible => {
+                decide(test, columns, at, base, Lanes { certain: lanes.certain & possible, possible })
+            }
+        },
     };
     if hits != 0 {
-        sink.hits(vector, columns.id(at), columns.ids(base), hits);
+        sink.hits(vector, id, ids, hits);
     }
 }
 

@@ -40,6 +40,12 @@ pub(crate) trait Sink: Send + Sized {
 
     fn pair(&mut self, pair: Pair);
 
+    /// Returns the lanes that [`hits`](Self::hits) would not drop, so that no others are decided.
+    #[inline(always)]
+    fn wanted(&self, _id: u32, _ids: &[u32; MAX_LANES], lanes: u32) -> u32 {
+        lanes
+    }
+
     #[inline(always)]
     fn pairs_at(&mut self, pairs: &[Pair], order: &[u32]) {
         pairs.iter().for_each(|&pair| self.pair(pair_at(pair, order)));
@@ -283,6 +289,11 @@ impl Writer<'_, '_> {
 }
 
 impl Sink for Writer<'_, '_> {
+    #[inline(always)]
+    fn wanted(&self, id: u32, ids: &[u32; MAX_LANES], lanes: u32) -> u32 {
+        if self.counting { lanes } else { self.output.inside(id, ids, lanes) }
+    }
+
     #[inline(always)]
     fn hits<V: SimdWidth>(&mut self, vector: V, id: u32, ids: &[u32; MAX_LANES], lanes: u32) {
         if self.counting {

@@ -13,6 +13,8 @@ use crate::{Error, Neighbors, Order, PhaseTime, Settings};
 
 /// Maximum pairs of a streamed chunk of two sets, which is copied: 8 MiB.
 const MAX_STREAM_CHUNK: usize = 1 << 20;
+/// Number of searches for a sorted stream above which its parts may exceed the limit of a list.
+const MAX_RANGES: u64 = 16;
 /// Number of tiles among which threads divide the sort of pairs.
 const ORDER_TILES: usize = 128;
 
@@ -28,8 +30,8 @@ pub trait PairSource {
     /// Passes all pairs as one part, unless they exceed `limit`, and returns their number.
     fn list(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<u64, Error>;
 
-    /// Passes parts with ascending first indices, of at most `limit` pairs unless a single sphere, or the output of a
-    /// device, has more.
+    /// Passes parts with ascending first indices, of at most `limit` pairs unless a single sphere, the output of a
+    /// device, or a range of [`ranges`] has more.
     fn ascending(&mut self, limit: u64, take: ChunkConsumer<'_>) -> Result<(), Error>;
 
     fn unordered(&mut self, take: PairConsumer<'_>) -> Result<(), Error>;
@@ -252,8 +254,12 @@ fn join(chunks: &mut [Vec<Pair>], team: &Team, pairs: &mut Vec<Pair>) -> Result<
     })
 }
 
-/// Returns the largest consecutive index ranges of at most `most` pairs by `counts`, or of a single index.
+/// Returns the largest consecutive index ranges of at most `most` pairs by `counts`, or of a single index. If that would
+/// be more than 16 ranges, they have more pairs, up to a quarter of the number of spheres. This takes less memory than an
+/// index, and bounds the number of searches by the pairs per sphere.
 pub fn ranges(counts: &[u32], most: u64) -> impl Iterator<Item = Range<u32>> {
+    let found: u64 = counts.iter().map(|&count| u64::from(count)).sum();
+    let most = most.max((found / MAX_RANGES).min(counts.len() as u64 / 4));
     let mut from = 0;
     std::iter::from_fn(move || {
         let mut total = 0;
@@ -305,5 +311,7 @@ mod tests {
         assert_eq!(of(&[1, 1, 1, 1], 2), [0..2, 2..4]);
         assert_eq!(of(&[5, 0, 0, 3, 9, 1], 3), [0..1, 1..4, 4..5, 5..6]);
         assert_eq!(of(&[0, 0, 1], 0), [0..2, 2..3]);
+        assert_eq!(of(&[1; 400], 3).len(), 16);
+        assert_eq!(of(&[100; 400], 3).len(), 400);
     }
 }

@@ -242,6 +242,23 @@ mod tests {
         }
     }
 
+    #[test]
+    fn sorted_stream_of_a_small_limit_needs_few_searches() {
+        let spheres: Vec<_> = (0..4000).map(|k| Sphere::new([1.5 * k as f32, 0.0, 0.0], 1.0)).collect();
+        for max_pairs in [0, 1, 100] {
+            let settings = Settings { max_pairs, ..Settings::default() };
+            let mut detector = HostDetector::new(settings).expect("the settings are in range");
+            let (mut parts, mut streamed) = (0, Vec::new());
+            let found = detector.stream(&spheres, usize::MAX, |pairs| {
+                parts += 1;
+                streamed.extend_from_slice(pairs);
+                ControlFlow::Continue(())
+            });
+            assert_eq!((found, parts), (Ok(3999), 17), "{max_pairs}");
+            assert!(streamed.is_sorted() && streamed.len() == 3999, "{max_pairs}");
+        }
+    }
+
     fn is_done_here(n: usize, spacing: f32, algorithm: Algorithm) -> bool {
         let spheres: Vec<_> = (0..n).map(|k| Sphere::new([spacing * k as f32, 0.0, 0.0], 1.0)).collect();
         let settings =
