@@ -113,8 +113,8 @@ enum { LAZYGRID_ORDER_CANONICAL = 0, LAZYGRID_ORDER_UNORDERED = 1 };
 /*
  * The skin of the candidate list (Verlet list) that a detector may reuse between calls. Results never depend on it.
  * AUTO keeps a list if the displacements predict that it saves time; the prediction uses no clock. OFF rebuilds at each
- * call. FIXED keeps the pairs within `skin_distance` of touching until a sphere has moved by half of it; on the CPU
- * only with LAZYGRID_ALGORITHM_AUTO and _CELL_LIST.
+ * call. FIXED keeps the pairs within `skin_distance` of touching until a sphere has moved by half of it; only with
+ * LAZYGRID_ALGORITHM_AUTO and _CELL_LIST.
  */
 enum { LAZYGRID_SKIN_AUTO = 0, LAZYGRID_SKIN_OFF = 1, LAZYGRID_SKIN_FIXED = 2 };
 
@@ -155,7 +155,9 @@ typedef struct lazygrid_settings {
     uint32_t threads;         /* CPU threads; 0: all that the process may use, shared by all detectors */
     uint64_t max_pairs;       /* maximum length of a list, 8 bytes per pair; 0: 2^29. Counts and streams have no limit */
     double periodic[3];       /* the length of each periodic axis x, y, z; 0: unbounded */
-    uint32_t timeout_seconds; /* limit of each submission to the GPU; a call may have several; 0: ten minutes */
+    uint32_t timeout_seconds; /* limit of each submission to the GPU; a call may have several; 0: ten minutes. Searches
+                                 on the CPU have no limit: LAZYGRID_BACKEND_CPU refuses one, and with
+                                 LAZYGRID_BACKEND_AUTO it is unused if no GPU is found */
     int32_t skin;             /* LAZYGRID_SKIN_... */
     double skin_distance;     /* for LAZYGRID_SKIN_FIXED, 1e-14 to 1e17, in the unit of the spheres; otherwise 0 */
     const char *adapter;      /* a GPU by its index, or by a unique part of its name in UTF-8; or NULL */
@@ -363,13 +365,13 @@ LAZYGRID_API lazygrid_status lazygrid_neighbors(lazygrid_detector *detector, con
 
 /*
  * Passes the pairs to `consume` in chunks of at most `chunk`, 1 or more, and writes the number of delivered pairs.
- * Memory stays bounded. In canonical order each `max_pairs` pairs take another search. `context` is passed on
- * unchanged.
+ * Memory stays bounded. In canonical order each `max_pairs` pairs take another search; if that would be more than 16
+ * searches, parts are larger, up to a quarter of the number of spheres. `context` is passed on unchanged.
  */
 LAZYGRID_API lazygrid_status lazygrid_stream(lazygrid_detector *detector, const lazygrid_query *query, size_t chunk,
                                              lazygrid_pair_callback consume, void *context, uint64_t *delivered);
 
-/* Options of lazygrid_neighbor_list, combined by addition. */
+/* Options of lazygrid_neighbor_list, combined by addition. HALF and SELF do not affect two sets. */
 enum {
     LAZYGRID_LIST_HALF = 1, /* each pair once instead of twice: i < j, and one of two opposite images of a sphere */
     LAZYGRID_LIST_OPEN = 2, /* distances below the cutoff only, like ASE; without it touching counts */

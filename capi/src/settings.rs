@@ -153,6 +153,10 @@ impl CSettings {
         if self.timeout_seconds != 0 {
             config = config.timeout(std::time::Duration::from_secs(self.timeout_seconds.into()));
         }
+        #[cfg(not(feature = "gpu"))]
+        if self.timeout_seconds != 0 && choice(&BACKENDS, self.backend, "backend")? == Backend::Cpu {
+            return Err(engine::Error::TimeoutOnCpu { seconds: self.timeout_seconds.into() }.into());
+        }
         if self.adapter.is_null() {
             return Ok(config);
         }

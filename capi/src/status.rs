@@ -64,7 +64,10 @@ impl From<Error> for Failure {
     fn from(error: Error) -> Self {
         let status = match &error {
             Error::Input(_) | Error::SpeciesBuffer => INPUT,
-            Error::InvalidSetting { .. } | Error::NotOnBackend { .. } | Error::AdapterOnCpu { .. } => SETTING,
+            Error::InvalidSetting { .. }
+            | Error::NotOnBackend { .. }
+            | Error::AdapterOnCpu { .. }
+            | Error::TimeoutOnCpu { .. } => SETTING,
             Error::TooManyPairs { .. } => TOO_MANY_PAIRS,
             Error::OutOfMemory { .. } | Error::DeviceOutOfMemory { .. } => OUT_OF_MEMORY,
             Error::ThreadPool { .. } => THREADS,

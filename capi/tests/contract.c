@@ -198,6 +198,20 @@ static void every_algorithm_finds_the_same(void) {
     free(rows);
 }
 
+static void settings_without_effect_are_refused(void) {
+    lazygrid_settings settings = on_cpu();
+    lazygrid_detector *detector;
+    settings.timeout_seconds = 10;
+    CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_ERROR_SETTING && detector == NULL);
+    CHECK(says(lazygrid_last_error(NULL), "a timeout of 10 seconds limits searches on a GPU"));
+    settings = on_cpu();
+    settings.skin = LAZYGRID_SKIN_FIXED;
+    settings.skin_distance = 0.5;
+    settings.algorithm = LAZYGRID_ALGORITHM_NAIVE;
+    CHECK(lazygrid_create(&settings, &detector) == LAZYGRID_ERROR_SETTING && detector == NULL);
+    CHECK(says(lazygrid_last_error(NULL), "cell-list"));
+}
+
 static void too_many_pairs_come_with_their_number(void) {
     enum { COUNT = 1000 };
     float *rows = line(COUNT);
@@ -326,6 +340,7 @@ int main(void) {
     species_decide();
     boxes_are_periodic();
     every_algorithm_finds_the_same();
+    settings_without_effect_are_refused();
     too_many_pairs_come_with_their_number();
     bad_spheres_are_named();
     misuse_is_a_status();

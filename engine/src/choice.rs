@@ -15,6 +15,14 @@ pub(crate) fn resolve_backend(asked: Backend, adapter: Option<&AdapterId>) -> Re
     }
 }
 
+#[cfg(feature = "gpu")]
+pub(crate) fn check_timeout(resolved: Backend, timeout: Option<std::time::Duration>) -> Result<(), Error> {
+    match (resolved, timeout) {
+        (Backend::Cpu, Some(timeout)) => Err(Error::TimeoutOnCpu { seconds: timeout.as_secs_f64() }),
+        _ => Ok(()),
+    }
+}
+
 /// Returns the device and the reason, or `None` for the CPU. Calls `open` only if a GPU could run; its argument permits
 /// a software adapter.
 pub(crate) fn backend<D>(

@@ -102,14 +102,15 @@ impl Config {
         self
     }
 
-    /// The widest vector instructions to use on the CPU. Default: the widest available.
+    /// The widest vector instructions to use on the CPU. Searches on the GPU ignore it. Default: the widest available.
     pub fn simd(mut self, simd: Simd) -> Self {
         self.settings.simd = simd;
         self
     }
 
-    /// τ: cells with more than τ smaller spheres are refined (paper, section 3.2). Default: [`Settings::TAU`] on the
-    /// CPU, [`GpuConfig::TAU`](crate::gpu::GpuConfig::TAU) on the GPU.
+    /// τ: cells with more than τ smaller spheres are refined (paper, section 3.2). Only the algorithms
+    /// [`RecursiveGrid`](Algorithm::RecursiveGrid) and [`LazyGrid`](Algorithm::LazyGrid) refine cells; others ignore it.
+    /// Default: [`Settings::TAU`] on the CPU, [`GpuConfig::TAU`](crate::gpu::GpuConfig::TAU) on the GPU.
     pub fn tau(mut self, tau: u32) -> Self {
         #[cfg(feature = "gpu")]
         {
@@ -120,7 +121,8 @@ impl Config {
     }
 
     /// Cell size of the paper's grids as a multiple of the largest diameter, 0.5 to 16; the GPU raises values below 1.5
-    /// to 1.5. Default: [`Settings::CELL_RATIO`] on the CPU,
+    /// to 1.5. The algorithms [`Naive`](Algorithm::Naive), [`CellList`](Algorithm::CellList) and
+    /// [`Auto`](Algorithm::Auto) ignore it. Default: [`Settings::CELL_RATIO`] on the CPU,
     /// [`GpuConfig::CELL_RATIO`](crate::gpu::GpuConfig::CELL_RATIO) on the GPU.
     pub fn cell_ratio(mut self, ratio: f32) -> Self {
         #[cfg(feature = "gpu")]
@@ -154,8 +156,9 @@ impl Config {
     }
 
     /// Time limit of each submission to the GPU, after which the call returns
-    /// [`Error::Timeout`](crate::Error::Timeout). A call that is split or repeated has several submissions. Default:
-    /// ten minutes.
+    /// [`Error::Timeout`](crate::Error::Timeout). A call that is split or repeated has several submissions.
+    /// On the CPU it has no effect, but a [`cancel_flag`](Self::cancel_flag) has: [`Backend::Cpu`] with a timeout is an
+    /// error, and if [`Backend::Auto`] finds no GPU, the reason in the report says so. Default: ten minutes.
     #[cfg(feature = "gpu")]
     pub fn timeout(mut self, timeout: Duration) -> Self {
         self.timeout = Some(timeout);

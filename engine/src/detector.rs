@@ -40,7 +40,11 @@ fn finder(config: Config) -> Result<(BackendFinder, String), Error> {
         config.shared_device(software).map(|gpu| (gpu.adapter.name.clone(), gpu))
     };
     let asked = choice::resolve_backend(config.backend, config.adapter.as_ref())?;
-    let (gpu, reason) = choice::backend(asked, config.settings.algorithm, open)?;
+    choice::check_timeout(asked, config.timeout)?;
+    let (gpu, mut reason) = choice::backend(asked, config.settings.algorithm, open)?;
+    if gpu.is_none() && config.timeout.is_some() {
+        reason += ", where the timeout of GPU submissions has no effect";
+    }
     let backend: Box<dyn DetectorBackend> = match gpu {
         Some(gpu) if choice::is_per_call(asked, config.settings.algorithm) => {
             Box::new(AutoBackend::new(gpu, config)?)
@@ -65,8 +69,8 @@ impl Detector {
     /// # Errors
     /// [`Error::GpuUnavailable`] if a requested GPU cannot be used; [`Error::NotOnBackend`] if the backend lacks the
     /// algorithm; [`Error::InvalidSetting`]; [`Error::UnknownAdapter`]; [`Error::AdapterOnCpu`] if an adapter is named
-    /// for the CPU; [`Error::ThreadPool`]; [`Error::LimitExceeded`] for a table of interactions above a limit of the
-    /// device.
+    /// for the CPU, and [`Error::TimeoutOnCpu`] for a time limit; [`Error::ThreadPool`]; [`Error::LimitExceeded`] for a
+    /// table of interactions above a limit of the device.
     pub fn new(config: Config) -> Result<Self, Error> {
         let (finder, backend_reason) = finder(config)?;
         log::info!("{backend_reason}");
@@ -149,8 +153,9 @@ impl Detector {
     /// `consume` may stop the search with `ControlFlow::Break`.
     ///
     /// In canonical order the whole stream is sorted; each further [`Config::max_pairs`] pairs then cost one more
-    /// search. Unordered chunks arrive one at a time, possibly from another thread. `consume` must not wait for
-    /// work of the same rayon pool, because searching threads may wait for it; a detector with its own pool may search.
+    /// search. If that would be more than 16 searches, parts are larger, up to a quarter of the number of spheres.
+    /// Unordered chunks arrive one at a time, possibly from another thread. `consume` must not wait for work of the same
+    /// rayon pool, because searching threads may wait for it; a detector with its own pool may search.
     ///
     /// # Errors
     /// See [`count`](Self::count).

@@ -225,3 +225,16 @@ fn a_flag_ends_a_search_and_is_no_part_of_the_next() -> Result<(), Error> {
     }
     Ok(())
 }
+
+#[cfg(feature = "gpu")]
+#[test]
+fn timeout_on_the_cpu_is_refused_or_reported() -> Result<(), Error> {
+    let limited = |backend| Config::default().backend(backend).timeout(Duration::from_millis(1500));
+    let refused = Detector::new(limited(Backend::Cpu)).map(drop);
+    assert_eq!(refused, Err(Error::TimeoutOnCpu { seconds: 1.5 }));
+    let mut detector = Detector::new(limited(Backend::Auto).algorithm(Algorithm::HashGrid))?;
+    detector.count(&[Sphere::default()])?;
+    let reason = detector.report().reason;
+    assert!(reason.contains("the timeout of GPU submissions has no effect"), "{reason}");
+    Ok(())
+}

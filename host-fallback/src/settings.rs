@@ -28,7 +28,8 @@ pub enum Skin {
     /// list if searching is expected to be cheaper. Never reads a clock, so runs are reproducible.
     #[default]
     Auto,
-    /// A fixed distance. Candidates are the pairs with gaps up to it, until a sphere has moved by half of it.
+    /// A fixed distance. Candidates are the pairs with gaps up to it, until a sphere has moved by half of it. Algorithms
+    /// other than [`Auto`](Algorithm::Auto) and [`CellList`](Algorithm::CellList) keep no list and refuse it.
     Fixed(f64),
 }
 
@@ -80,10 +81,7 @@ impl Settings {
     }
 
     /// Refuses a fixed skin outside [`SKIN_RANGE`].
-    ///
-    /// # Errors
-    /// [`Error::InvalidSetting`], with the given number.
-    pub fn check_skin_range(&self) -> Result<(), Error> {
+    fn check_skin_range(&self) -> Result<(), Error> {
         match self.skin {
             Skin::Fixed(distance) if !SKIN_RANGE.contains(&(distance as f32)) => {
                 let range = "choose auto, off, or a distance from 1e-14 to 1e17";
@@ -93,7 +91,11 @@ impl Settings {
         }
     }
 
-    fn check_skin(&self) -> Result<(), Error> {
+    /// Refuses a fixed skin outside [`SKIN_RANGE`], or with an algorithm that keeps no candidates.
+    ///
+    /// # Errors
+    /// [`Error::InvalidSetting`], with the given number.
+    pub fn check_skin(&self) -> Result<(), Error> {
         self.check_skin_range()?;
         match self.skin {
             Skin::Fixed(distance) if !self.keeps_candidates() => {

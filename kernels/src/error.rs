@@ -150,6 +150,11 @@ pub enum Error {
     /// An adapter and the CPU backend were requested together.
     #[error("adapter '{adapter}' and the cpu backend exclude each other; omit one of them")]
     AdapterOnCpu { adapter: String },
+    /// A time limit and the CPU backend were requested together.
+    #[error(
+        "a timeout of {seconds} seconds limits searches on a GPU and has no effect with the cpu backend; omit one of them"
+    )]
+    TimeoutOnCpu { seconds: f64 },
     #[error(
         "no GPU adapter was found ({reason}); install a Vulkan, Metal or DirectX 12 driver, or use the CPU"
     )]

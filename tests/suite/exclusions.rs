@@ -107,7 +107,7 @@ fn pairs_across_two_sets() {
 #[test]
 fn candidate_lists_never_change_a_result() {
     let mut variants = variants::all();
-    variants.retain(|variant| variant.backend() == Backend::Gpu || variant.algorithm == Algorithm::CellList);
+    variants.retain(|variant| variant.algorithm == Algorithm::CellList);
     let moves = select(vec![0.0, 1e-3, 0.3]);
     check(90, (cases(), moves, select(variants)), |(mut scenario, moves, variant)| {
         let config = variant.settings().skin(skin_of(&scenario.spheres, 0.3));

@@ -11,7 +11,7 @@ use crate::properties::check;
 
 fn variants_with_candidates() -> Vec<DetectorVariant> {
     let mut variants = variants::all();
-    variants.retain(|variant| variant.backend() == Backend::Gpu || variant.algorithm == Algorithm::CellList);
+    variants.retain(|variant| variant.algorithm == Algorithm::CellList);
     variants
 }
 
@@ -132,5 +132,22 @@ fn skin_out_of_range_is_refused_alike_everywhere() {
                 assert!(Detector::new(config).is_ok(), "{variant}, {skin}");
             }
         }
+    }
+}
+
+#[test]
+fn fixed_skin_is_refused_by_algorithms_without_candidates() {
+    for variant in variants::each_algorithm() {
+        let refused = Detector::new(variant.settings().skin(Skin::Fixed(0.5))).map(drop);
+        if matches!(variant.algorithm, Algorithm::Auto | Algorithm::CellList) {
+            assert_eq!(refused, Ok(()), "{variant}");
+        } else {
+            let refused = refused.expect_err("no candidates").to_string();
+            assert!(
+                refused.starts_with("skin = 0.5") && refused.contains("cell-list"),
+                "{variant}: {refused}"
+            );
+        }
+        assert!(Detector::new(variant.settings().skin(Skin::Auto)).is_ok(), "{variant}");
     }
 }

@@ -118,7 +118,8 @@ fn config(variant: DetectorVariant) -> Config {
         (Backend::Cpu, Algorithm::Auto) | (Backend::Gpu, _) => Skin::Auto,
         _ => Skin::Off,
     };
-    variant.config(None).order(Order::Unordered).skin(skin).timeout(TIMEOUT)
+    let config = variant.config(None).order(Order::Unordered).skin(skin);
+    if variant.backend() == Backend::Gpu { config.timeout(TIMEOUT) } else { config }
 }
 
 impl fmt::Display for Contender {

@@ -91,7 +91,7 @@ impl DetectorVariant {
 
     /// Returns the configuration of a `Detector`, which uses subgroup operations whenever the device has them.
     pub fn config(&self, gpu: Option<&Gpu>) -> Config {
-        let mut config = Config::default().backend(self.backend()).algorithm(self.algorithm).timeout(TIMEOUT);
+        let mut config = Config::default().backend(self.backend()).algorithm(self.algorithm);
         if let Some(tau) = self.tau {
             config = config.tau(tau);
         }
@@ -103,10 +103,13 @@ impl DetectorVariant {
                 let config = config.simd(simd);
                 threads.map_or(config.clone(), |threads| config.threads(threads))
             }
-            TargetDevice::Gpu { .. } => match gpu.and_then(|gpu| gpu.adapter.clone()) {
-                Some(adapter) => config.adapter(adapter),
-                None => config,
-            },
+            TargetDevice::Gpu { .. } => {
+                let config = config.timeout(TIMEOUT);
+                match gpu.and_then(|gpu| gpu.adapter.clone()) {
+                    Some(adapter) => config.adapter(adapter),
+                    None => config,
+                }
+            }
         }
     }
 

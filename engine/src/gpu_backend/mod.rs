@@ -83,7 +83,7 @@ impl GpuBackend {
             candidates: None,
             phases: Vec::new(),
         };
-        settings.check_skin_range()?;
+        settings.check_skin()?;
         let mut session = GpuSession::new(gpu, gpu_config)?;
         let chooses = settings.skin == Skin::Auto && settings.keeps_candidates();
         let skin_controller = chooses.then(SkinController::default);

@@ -54,8 +54,7 @@ pub(super) fn variant(random: &mut Random, on_cpu: bool, on_gpu: bool) -> Detect
 }
 
 fn skin(random: &mut Random, variant: DetectorVariant, radius: f32) -> Skin {
-    let keeps = matches!(variant.target, TargetDevice::Gpu { .. })
-        || matches!(variant.algorithm, Algorithm::Auto | Algorithm::CellList);
+    let keeps = matches!(variant.algorithm, Algorithm::Auto | Algorithm::CellList);
     match random.below(12) {
         0 => Skin::Off,
         1..=6 => Skin::Auto,

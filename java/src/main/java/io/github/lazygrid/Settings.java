@@ -111,13 +111,20 @@ public final class Settings {
     }
 
     /**
-     * Sets the time limit of each submission to the GPU. A call that is split or repeated has several.
+     * Sets the time limit of each submission to the GPU. A call that is split or repeated has several. Searches on the
+     * CPU have no limit: {@link Backend#CPU} refuses one, and with {@link Backend#AUTO} it is unused if no GPU is found.
      *
-     * @param timeout in whole seconds, at least one; by default ten minutes
+     * @param timeout above zero, rounded up to whole seconds; by default ten minutes
      * @return these settings
+     * @throws IllegalArgumentException for a time that is not above zero, or beyond 2<sup>31</sup> seconds
      */
     public Settings timeout(Duration timeout) {
-        this.timeoutSeconds = (int) Math.max(1, Math.min(Integer.MAX_VALUE, timeout.toSeconds()));
+        long seconds = timeout.toSeconds() + (timeout.getNano() > 0 ? 1 : 0);
+        if (seconds < 1 || seconds > Integer.MAX_VALUE) {
+            throw new IllegalArgumentException(
+                "a timeout of " + timeout + " is out of range; give a time above zero and below 2^31 seconds");
+        }
+        this.timeoutSeconds = (int) seconds;
         return this;
     }
 
@@ -126,8 +133,12 @@ public final class Settings {
      *
      * @param adapter its number, or a part of its name that no other has; null, the default: the best one
      * @return these settings
+     * @throws IllegalArgumentException for a name with a zero character, which would end it
      */
     public Settings adapter(String adapter) {
+        if (adapter != null && adapter.indexOf('\0') >= 0) {
+            throw new IllegalArgumentException("the name of an adapter has a zero character; leave it out");
+        }
         this.adapter = adapter;
         return this;
     }

@@ -24,7 +24,7 @@ public record Skin(Kind kind, double distance) {
     public static final Skin OFF = new Skin(Kind.OFF, 0);
 
     /**
-     * Keeps the pairs with gaps up to this distance, until some sphere has moved by half of it. On the CPU only with
+     * Keeps the pairs with gaps up to this distance, until some sphere has moved by half of it. Only with
      * {@link Algorithm#AUTO} and {@link Algorithm#CELL_LIST}.
      *
      * @param distance in the unit of the spheres; 1e-14 to 1e17

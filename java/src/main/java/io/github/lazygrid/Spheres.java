@@ -270,7 +270,8 @@ public final class Spheres {
 
     private static ByteBuffer direct(int length, int size) {
         long bytes = (long) size * length;
-        if (bytes < 0 || bytes > Integer.MAX_VALUE) {
+        if (length < 0) throw new IllegalArgumentException(length + " values are less than 0");
+        if (bytes > Integer.MAX_VALUE) {
             throw new IllegalArgumentException(length + " values do not fit a buffer of less than 2 GiB");
         }
         return ByteBuffer.allocateDirect((int) bytes).order(ByteOrder.nativeOrder());

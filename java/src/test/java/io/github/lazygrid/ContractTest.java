@@ -9,6 +9,7 @@ import java.nio.FloatBuffer;
 import java.nio.IntBuffer;
 import java.nio.file.Files;
 import java.nio.file.Path;
+import java.time.Duration;
 import java.util.Arrays;
 import java.util.Locale;
 import java.util.Random;
@@ -86,6 +87,8 @@ public final class ContractTest {
             check(detector.count(none) == 0 && detector.pairs(none).remaining() == 0, "no spheres");
             check(detector.neighbors(none).offsets().remaining() == 1, "no lists");
         }
+        throwing(IllegalArgumentException.class, e -> e.getMessage().startsWith("-1 values"),
+            () -> Spheres.allocateFloats(-1), "negative length");
         throwing(IllegalArgumentException.class, e -> true, () -> Spheres.rows(FloatBuffer.allocate(4)), "heap");
         throwing(IllegalArgumentException.class, e -> true,
             () -> Spheres.rows(ByteBuffer.allocateDirect(16).asFloatBuffer()), "other order");
@@ -93,6 +96,18 @@ public final class ContractTest {
         FloatBuffer two = Spheres.allocateFloats(2);
         throwing(IllegalArgumentException.class, e -> e.getMessage().contains("z has 3"),
             () -> Spheres.columns(two, two, Spheres.allocateFloats(3), two), "lengths");
+    }
+
+    private static void settings() {
+        throwing(IllegalArgumentException.class, e -> e.getMessage().contains("zero character"),
+            () -> new Settings().adapter("a\0b"), "adapter with a zero");
+        for (Duration timeout : new Duration[] {Duration.ZERO, Duration.ofSeconds(-3), Duration.ofDays(40_000)}) {
+            throwing(IllegalArgumentException.class, e -> e.getMessage().contains("a timeout of " + timeout),
+                () -> new Settings().timeout(timeout), "timeout " + timeout);
+        }
+        check(new Settings().timeout(Duration.ofMillis(1500)).timeoutSeconds == 2, "a timeout is rounded up");
+        throwing(LazygridException.class, e -> e.getMessage().contains("a timeout of 1 seconds limits searches on a GPU"),
+            () -> new Detector(onCpu().timeout(Duration.ofMillis(1))), "timeout on the CPU");
     }
 
     private static void results() {
@@ -342,6 +357,7 @@ public final class ContractTest {
         check(NativeApi.callMethod().equals(arguments[0]), "called through " + NativeApi.callMethod());
         header(Path.of(arguments[1]));
         inputs();
+        settings();
         results();
         arbitraryScenes();
         streams();
