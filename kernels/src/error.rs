@@ -209,6 +209,9 @@ pub enum Error {
         "all {calls} call slots are in use, or this call failed; finish a call before beginning the next"
     )]
     TooManyInFlight { calls: usize },
+    /// A ticket of another session.
+    #[error("the ticket is that of another session; finish a call on the session that began it")]
+    ForeignTicket,
     #[error("the `{what}` buffer has {size} bytes, but needs {needed}")]
     BufferSize { what: &'static str, size: u64, needed: u64 },
     /// A given buffer lacks a usage.

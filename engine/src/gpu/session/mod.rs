@@ -78,7 +78,7 @@ impl QueuedCall {
 pub struct Ticket {
     number: u64,
     /// Lets the session notice a dropped ticket.
-    _held: Arc<()>,
+    held: Arc<()>,
 }
 
 impl GpuSession {
@@ -269,13 +269,13 @@ impl GpuSession {
         self.begun = number + 1;
         let held = Arc::new(());
         self.tickets[slot_of(number)] = Arc::downgrade(&held);
-        Ok(Ticket { number, _held: held })
+        Ok(Ticket { number, held })
     }
 
     /// Waits for a call and returns its pairs, unordered.
     ///
     /// # Errors
-    /// [`Error::TooManyPairs`] above `limit`, with the exact number, or an error of the device.
+    /// [`Error::TooManyPairs`] above `limit`, with the exact number; [`Error::ForeignTicket`]; an error of the device.
     pub fn finish(&mut self, ticket: Ticket, limit: u64) -> Result<&[Pair], Error> {
         pollster::block_on(self.collect(ticket, limit, Wait::Blocking))?;
         Ok(&self.pairs)
@@ -293,33 +293,35 @@ impl GpuSession {
     /// Waits for a call and returns its number of pairs.
     ///
     /// # Errors
-    /// An error of the device.
+    /// [`Error::ForeignTicket`], or an error of the device.
     pub fn finish_count(&mut self, ticket: Ticket) -> Result<u64, Error> {
+        let window = self.window_of(&ticket)?;
         self.forget_last();
-        pollster::block_on(self.finish_with_retries(ticket.number, self.window_of(&ticket), Wait::Blocking))
+        pollster::block_on(self.finish_with_retries(ticket.number, window, Wait::Blocking))
             .map(|outcome| outcome.found())
     }
 
-    fn window_of(&self, ticket: &Ticket) -> Range<u32> {
-        self.calls[ticket.number as usize % MAX_IN_FLIGHT].window.clone()
+    fn window_of(&self, ticket: &Ticket) -> Result<Range<u32>, Error> {
+        let slot = ticket.number as usize % MAX_IN_FLIGHT;
+        match std::ptr::eq(self.tickets[slot].as_ptr(), Arc::as_ptr(&ticket.held)) {
+            true => Ok(self.calls[slot].window.clone()),
+            false => Err(Error::ForeignTicket),
+        }
     }
 
     /// Passes the pairs of a call to `consume` in parts by ascending smaller index, unordered within a part. The output
     /// grows only if a single sphere has more pairs than its capacity.
     ///
     /// # Errors
-    /// An error of the device, which may be unable to hold the pairs of a single sphere.
+    /// [`Error::ForeignTicket`], or an error of the device, which may be unable to hold the pairs of a single sphere.
     pub fn finish_in_parts(
         &mut self,
         ticket: Ticket,
         mut consume: impl FnMut(&mut Vec<Pair>) -> ControlFlow<()>,
     ) -> Result<(), Error> {
+        let window = self.window_of(&ticket)?;
         self.forget_last();
-        let outcome = pollster::block_on(self.finish_with_retries(
-            ticket.number,
-            self.window_of(&ticket),
-            Wait::Blocking,
-        ))?;
+        let outcome = pollster::block_on(self.finish_with_retries(ticket.number, window, Wait::Blocking))?;
         let found = outcome.found();
         let is_read = found == self.pairs.len() as u64
             || pollster::block_on(self.copy_pairs(ticket.number, found, Wait::Blocking))?;
@@ -331,8 +333,8 @@ impl GpuSession {
     }
 
     async fn collect(&mut self, ticket: Ticket, limit: u64, wait: Wait) -> Result<(), Error> {
+        let (number, window) = (ticket.number, self.window_of(&ticket)?);
         self.forget_last();
-        let (number, window) = (ticket.number, self.window_of(&ticket));
         let mut found = self.finish_with_retries(number, window.clone(), wait).await?.found();
         if found > limit {
             self.pairs.clear();

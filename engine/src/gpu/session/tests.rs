@@ -314,3 +314,20 @@ fn abandoned_call_does_not_answer_a_later_one() {
     session.set_timeout(Duration::from_secs(600));
     assert_eq!(session.finish_count(long), Ok(25_000 * 24_999 / 2));
 }
+
+#[test]
+fn ticket_of_another_session_is_refused() {
+    let Some(gpu) = device_or_skip() else { return };
+    let mut sessions = [0, 1].map(|_| GpuSession::new(gpu.clone(), GpuConfig::default()).expect("made"));
+    let (all, few) = (spheres(), [Sphere::new([0.0; 3], 1.0); 2]);
+    let expected = finish(&mut sessions[0], &all).len() as u64;
+    let _ = finish(&mut sessions[1], &few);
+    let ticket = sessions[0].begin(Spheres::from(&all)).expect("begun");
+    let other = sessions[1].begin(Spheres::from(&few)).expect("begun");
+    assert_eq!(ticket.number, other.number);
+    let [first, second] = &mut sessions;
+    assert_eq!(second.finish_count(ticket), Err(Error::ForeignTicket));
+    assert_eq!(second.finish_count(other), Ok(1));
+    let ticket = first.begin(Spheres::from(&all)).expect("begun");
+    assert_eq!(first.finish_count(ticket), Ok(expected));
+}
