@@ -13,3 +13,4 @@ mod primitives;
 mod scale;
 mod session;
 mod skin;
+mod threads;
