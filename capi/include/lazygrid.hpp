@@ -428,6 +428,9 @@ public:
         given.max_pairs = settings.max_pairs;
         for (std::size_t axis = 0; axis < 3; axis++) given.periodic[axis] = settings.periodic[axis];
         given.timeout_seconds = settings.timeout.count();
+        if (settings.adapter.find('\0') != std::string::npos) {
+            detail::fail(LAZYGRID_ERROR_ARGUMENT, "the name of an adapter has a zero byte, which would end it; leave it out");
+        }
         given.adapter = settings.adapter.empty() ? nullptr : settings.adapter.c_str();
         given.interactions = settings.interactions == nullptr ? nullptr : settings.interactions->get();
         if (settings.interactions != nullptr && given.interactions == nullptr) {

@@ -136,6 +136,9 @@ void errors_are_exceptions() {
     CHECK(throws<lazygrid::InputError>([&] { detector.count(bad); }, "sphere 2"));
     settings.algorithm = lazygrid::Algorithm::lazy_grid;
     CHECK(throws<lazygrid::Error>([&] { lazygrid::Detector refused(settings); }, "does not run on the cpu backend"));
+    lazygrid::Settings cut;
+    cut.adapter = std::string("a\0b", 3);
+    CHECK(throws<lazygrid::Error>([&] { lazygrid::Detector refused(cut); }, "zero byte"));
     lazygrid::Detector other = std::move(detector);
     CHECK(other.count(line(3)) == 2);
     CHECK(throws<lazygrid::Error>([&] { detector.count(line(3)); }, "NULL"));

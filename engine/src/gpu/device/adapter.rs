@@ -95,7 +95,9 @@ impl AdapterId {
             places.iter().all(|&place| found[place].name == found[places[0]].name)
                 && !apis.iter().enumerate().any(is_repeated)
         };
-        if let Some(&place) = matches.first().filter(|_| is_one_gpu(&matches)) {
+        // A blank is a part of every name, also of an only one.
+        let is_blank = matches!(self, Self::Name(name) if name.trim().is_empty());
+        if let Some(&place) = matches.first().filter(|_| is_one_gpu(&matches) && !is_blank) {
             return Ok(place);
         }
         let one = |place: usize| format!("{place} {} ({})", found[place].name, found[place].api);
@@ -217,6 +219,9 @@ mod tests {
                 }
                 (found, expected) => panic!("{asked}: {found:?} instead of {expected:?}"),
             }
+        }
+        for blank in ["", " "] {
+            assert!(AdapterId::from(blank).place_in(&[card("Card 1")]).is_err(), "'{blank}'");
         }
         let twins = ["Card", "Card"].map(card);
         assert!(AdapterId::from("card").place_in(&twins).is_err());
