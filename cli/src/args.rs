@@ -134,19 +134,20 @@ pub(crate) struct Detect {
     /// Search algorithm; eager-grid and lazy-grid run on a GPU only
     #[arg(long, default_value_t, value_parser = one_of(Algorithm::ALL.iter().map(|algorithm| algorithm.name())).try_map(|name| name.parse::<Algorithm>()))]
     pub(crate) algorithm: Algorithm,
-    /// τ: number of smaller spheres above which a cell is split [default: the engine's]
+    /// τ of recursive-grid and lazy-grid: number of smaller spheres above which a cell is split [default: the engine's]
     #[arg(long, value_name = "N")]
     pub(crate) tau: Option<u32>,
-    /// Cell size as a multiple of the largest diameter, 0.5 to 16 [default: the engine's]
+    /// Cell size of grids, but not of cell-list, as a multiple of the largest diameter, 0.5 to 16 [default: the engine's]
     #[arg(long, value_name = "RATIO", value_parser = cell_ratio)]
     pub(crate) cell_ratio: Option<f32>,
-    /// Skin of the candidate list kept between frames: off, auto or a distance; it loses no pair [default: auto]
+    /// Skin of the candidate list kept between frames: off, auto or a distance, with auto and cell-list; it loses no pair
+    /// [default: auto]
     #[arg(long, value_name = "off|auto|DISTANCE", value_parser = skin)]
     pub(crate) skin: Option<Skin>,
     /// Threads of the CPU [default: all]
     #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<NonZeroUsize>,
-    /// Time limit of each submission to a GPU, in seconds [default: 600]
+    /// Time limit of each submission to a GPU, in seconds; without effect if auto runs on the CPU [default: 600]
     #[arg(long, value_name = "SECONDS", value_parser = seconds)]
     pub(crate) timeout: Option<Duration>,
     /// Output file of the pairs: .csv or .npy, optionally followed by .gz or .zst; - for standard output
@@ -276,7 +277,7 @@ pub(crate) struct Simulate {
     /// Backend of the run; the statistics are the same, but a GPU may round differently
     #[arg(long, default_value_t = Backend::Cpu, value_parser = one_of([Backend::Cpu, Backend::Gpu].map(Backend::name)).try_map(|name| name.parse::<Backend>()))]
     pub(crate) backend: Backend,
-    /// Pair search on the CPU; does not change the result
+    /// Pair search on the CPU, refused with --backend gpu; does not change the result
     #[arg(long, default_value_t, value_parser = one_of(ON_CPU.map(Algorithm::name)).try_map(|name| name.parse::<Algorithm>()))]
     pub(crate) algorithm: Algorithm,
     /// Threads of the CPU [default: all]

@@ -132,6 +132,7 @@ impl CliError {
                 | lazygrid::Error::NotOnBackend { .. }
                 | lazygrid::Error::AdapterOnCpu { .. },
             )
+            | Self::Simulation(lazygrid_sim::Error::AlgorithmOnGpu { .. })
             | Self::OutputIsInput { .. }
             | Self::SweptOption { .. }
             | Self::OutputFormat { .. }

@@ -49,6 +49,7 @@ pub(crate) fn engine(error: lazygrid::Error) -> PyErr {
         Error::InvalidSetting { .. }
         | Error::NotOnBackend { .. }
         | Error::AdapterOnCpu { .. }
+        | Error::TimeoutOnCpu { .. }
         | Error::UnknownAdapter { .. } => exception("SettingError", message, &[]),
         _ => exception("Error", message, &[]),
     }
@@ -139,7 +140,7 @@ pub(crate) fn simulator(error: lazygrid_sim::Error) -> PyErr {
     let message = error.to_string();
     match error {
         Error::Read { path, source } | Error::Write { path, source } => system(&source, &path, message),
-        Error::Scenario { .. } | Error::Model(_) | Error::NotOnGpu { .. } => {
+        Error::Scenario { .. } | Error::Model(_) | Error::NotOnGpu { .. } | Error::AlgorithmOnGpu { .. } => {
             exception("SettingError", message, &[])
         }
         Error::OutOfMemory { bytes, .. } | Error::TooLittleMemory { needed: bytes, .. } => {

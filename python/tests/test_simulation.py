@@ -249,6 +249,12 @@ def on_gpu() -> Simulation:
         pytest.skip(str(error))
 
 
+def test_algorithms_of_the_cpu_are_refused_on_a_gpu() -> None:
+    scenario = {"time-step": 1e-3, "steps": 1, "species": [{"name": "a", "radius": 0.1, "diffusion": 1.0}]}
+    with pytest.raises(lazygrid.SettingError, match="hash-grid searches on the CPU and has no effect"):
+        lazygrid.simulate(scenario, backend="gpu", algorithm="hash-grid")
+
+
 def test_gpu_runs_take_changes() -> None:
     run = on_gpu()
     run.step(3)

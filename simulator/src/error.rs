@@ -87,6 +87,8 @@ pub enum Error {
     },
     #[error("the GPU backend does not support {what}; choose the CPU")]
     NotOnGpu { what: String },
+    #[error("{algorithm} searches on the CPU and has no effect with the gpu backend; omit one of them")]
+    AlgorithmOnGpu { algorithm: lazygrid::Algorithm },
     #[error(
         "step {step}: {particles} particles have non-finite positions; shorten the time step or weaken the drift"
     )]

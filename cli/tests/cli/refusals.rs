@@ -245,3 +245,12 @@ fn billions_of_replicas_take_no_memory_and_obey_sigterm() {
     assert_eq!(output.status.code(), Some(143), "{said}");
     assert!(said.contains("stopped with 0 of 4294967295 replicas done"), "{said}");
 }
+
+#[test]
+fn algorithm_of_the_cpu_is_refused_by_a_run_on_the_gpu() {
+    let scratch = Scratch::new();
+    let (file, out) = (scratch.write("s.toml", &scenario("")), scratch.path("out"));
+    let args = ["simulate", &file, "-o", &out, "--backend", "gpu", "--algorithm", "hash-grid"];
+    let run = LAZYGRID.run(args);
+    assert!(run.code == Some(2) && run.err.contains("hash-grid searches on the CPU"), "{}", run.err);
+}

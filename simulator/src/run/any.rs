@@ -47,8 +47,8 @@ impl AnySimulation {
     /// `algorithm` is for the CPU.
     ///
     /// # Errors
-    /// See [`Simulation::resume`] or `GpuSimulation::resume`, [`Error::Detection`] without a GPU, and
-    /// [`Error::TooLittleMemory`] for the first release.
+    /// See [`Simulation::resume`] or `GpuSimulation::resume`, [`Error::Detection`] without a GPU,
+    /// [`Error::AlgorithmOnGpu`] for a named algorithm on a GPU, and [`Error::TooLittleMemory`] for the first release.
     pub fn begin(
         model: &Model,
         seed: u64,
@@ -56,6 +56,9 @@ impl AnySimulation {
         algorithm: Algorithm,
         state: Option<State>,
     ) -> Result<Self, Error> {
+        if backend == Backend::Gpu && algorithm != Algorithm::Auto {
+            return Err(Error::AlgorithmOnGpu { algorithm });
+        }
         if state.is_none() {
             check_largest_release(model, 0, Sharing::NONE)?;
         }
