@@ -1,5 +1,6 @@
 pub(crate) mod args;
 mod bench_scaling;
+mod failure;
 mod input;
 mod manifest;
 mod output;
@@ -22,11 +23,13 @@ use crate::command::output::{Target, write};
 use crate::command::summary::Summary;
 
 pub(crate) use bench_scaling::bench_scaling;
+pub(crate) use failure::Failure;
 pub(crate) use simulate::simulate;
 
 /// Collective.
-pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Error> {
-    let target = agree(world, Target::of(world, args).map_err(|message| refused(world, message)))?;
+pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Failure> {
+    let target = agree(world, Target::of(world, args).map_err(|message| refused(world, message)));
+    let target = target.map_err(Failure::Usage)?;
     let mut times = Times::default();
     let input = times.take("read", || input::read(world, args))?;
     let mut distributed = Distributed::new(world, config(args, input.space))?;
@@ -53,7 +56,7 @@ pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Er
     }
     let (report, space) = (distributed.report(), input.space);
     let summary = Summary { report, space, precision, files, times: times.0 };
-    print(world, &if args.json { summary.json() } else { summary.to_string() })
+    Ok(print(world, &if args.json { summary.json() } else { summary.to_string() })?)
 }
 
 fn config(args: &Detect, space: Space) -> Config {
@@ -63,7 +66,7 @@ fn config(args: &Detect, space: Space) -> Config {
         .backend(args.backend)
         .max_pairs(args.max_pairs);
     match args.threads {
-        Some(threads) => config.threads(threads),
+        Some(threads) => config.threads(threads.get()),
         None => config,
     }
 }

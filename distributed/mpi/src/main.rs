@@ -11,6 +11,7 @@ use lazygrid_mpi::agree_on;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives};
 
+use crate::command::Failure;
 use crate::command::args::{Args, Command};
 
 fn main() -> ExitCode {
@@ -27,18 +28,19 @@ fn main() -> ExitCode {
         Ok(args) => args,
         Err(code) => return code,
     };
-    let done = agree_on(&world, &args.command.shared()).and_then(|()| match args.command {
+    let agreed = agree_on(&world, &args.command.shared()).map_err(Failure::from);
+    let done = agreed.and_then(|()| match args.command {
         Command::Detect(args) => command::detect(&world, &args),
         Command::BenchScaling(args) => command::bench_scaling(&world, &args),
         Command::Simulate(args) => command::simulate(&world, &args),
     });
     match done {
         Ok(()) => ExitCode::SUCCESS,
-        Err(error) => {
+        Err(failure) => {
             if is_first {
-                say(&format!("error: {error}"));
+                say(&format!("error: {failure}"));
             }
-            ExitCode::FAILURE
+            failure.exit_code().into()
         }
     }
 }

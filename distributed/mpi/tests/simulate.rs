@@ -164,7 +164,7 @@ fn of_two(arguments: [&[&str]; 2], code: i32) -> String {
 }
 
 fn error_of_two(arguments: [&[&str]; 2]) -> String {
-    let said = of_two(arguments, 1);
+    let said = of_two(arguments, 2);
     let errors: Vec<_> = said.lines().filter(|line| line.starts_with("error: ")).collect();
     assert_eq!(errors.len(), 1, "{said}");
     errors[0].to_owned()
@@ -177,6 +177,23 @@ fn threads_may_be_given_to_some_ranks_only() {
     let base = [burst.to_str().unwrap(), "-o", output.to_str().unwrap(), "--steps", "1"];
     let given = [&base[..], &["--threads", "1"]].concat();
     of_two([&base, &given], 0);
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn signal_ends_a_run_with_a_checkpoint_and_its_exit_code() {
+    let directory = tempfile::tempdir().unwrap();
+    let (burst, output) = (scenario("burst"), directory.path().join("out"));
+    let rank = "timeout --preserve-status -s TERM 4 \"$0\" \"$@\"; echo \"code $?\"";
+    let ended = Command::new("mpirun")
+        .args(["--oversubscribe", "--timeout", "60", "-n", "2", "sh", "-c", rank])
+        .args([env!("CARGO_BIN_EXE_lazygrid-mpi"), "simulate", "--steps", "100000000", "-o"])
+        .args([&output, &burst])
+        .output()
+        .unwrap();
+    let [out, said] = [ended.stdout, ended.stderr].map(|text| String::from_utf8(text).unwrap());
+    assert_eq!(out.matches("code 143\n").count(), 2, "{out}{said}");
+    assert!(said.contains("error: stopped after ") && output.join("checkpoint").exists(), "{said}");
 }
 
 #[test]

@@ -14,8 +14,11 @@ use lazygrid_sim::run::run_args::RunArgs;
 /// All pairs of overlapping spheres, by many ranks.
 #[derive(Debug, Parser)]
 #[command(name = "lazygrid-mpi", version, arg_required_else_help = true)]
-#[command(after_help = "Exit code: 0 done; 1 bad input or failure; 2 wrong usage; 101 a rank panicked. \
-                        RUST_LOG=info says more on standard error.")]
+#[command(
+    after_help = "Exit code: 0 done; 1 bad input or failure; 2 wrong usage; 101 a rank panicked; 128 plus the \
+                        number of a signal that stopped simulate. \
+                        RUST_LOG=info says more on standard error."
+)]
 pub(crate) struct Args {
     #[command(subcommand)]
     pub(crate) command: Command,
@@ -72,8 +75,8 @@ pub(crate) struct Detect {
     #[arg(long, default_value_t, value_parser = backend())]
     pub(crate) backend: Backend,
     /// Threads of each rank [default: its share of the cores of its node]
-    #[arg(long, value_name = "N")]
-    pub(crate) threads: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<NonZeroUsize>,
     /// Output file of the pairs: .csv or .npy, optionally followed by .gz or .zst [default: count only]
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: Option<PathBuf>,
@@ -95,7 +98,7 @@ pub(crate) struct Detect {
     after_help = "Files are those of `lazygrid simulate`, and checkpoint.STEP.RANK, the particles of each
 rank. Any number of ranks and `lazygrid simulate` resume from them, and ranks resume from its
 checkpoint. Collisions (contact = \"separate\" and \"elastic\") cost rounds of messages in each
-step. SIGTERM stops a run with a checkpoint, and exit code 1.
+step. SIGTERM stops a run with a checkpoint, and exit code 143.
 
 Examples:
   mpirun -n 8 lazygrid-mpi simulate acid-base.toml
@@ -108,7 +111,7 @@ pub(crate) struct Simulate {
     #[arg(long, default_value_t = Backend::Cpu, value_parser = backend())]
     pub(crate) backend: Backend,
     /// Threads of each rank [default: its share of the cores of its node]
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = threads)]
     pub(crate) threads: Option<NonZeroUsize>,
 }
 
@@ -132,8 +135,8 @@ pub(crate) struct BenchScaling {
     #[arg(long, default_value_t, value_parser = backend())]
     pub(crate) backend: Backend,
     /// Threads of each rank [default: its share of the cores of its node]
-    #[arg(long, value_name = "N")]
-    pub(crate) threads: Option<usize>,
+    #[arg(long, value_name = "N", value_parser = threads)]
+    pub(crate) threads: Option<NonZeroUsize>,
 }
 
 #[derive(Clone, Copy, Debug, clap::ValueEnum)]
@@ -157,6 +160,11 @@ impl Scene {
             Self::Point => "point",
         }
     }
+}
+
+fn threads(text: &str) -> Result<NonZeroUsize, String> {
+    let expected = "expected a whole number above zero; leave it out to use the rank's share of the cores";
+    text.parse().map_err(|_| expected.to_owned())
 }
 
 fn backend() -> impl TypedValueParser<Value = Backend> {

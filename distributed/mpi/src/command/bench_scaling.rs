@@ -12,7 +12,7 @@ use serde_json::json;
 
 use super::args::{BenchScaling, Scene};
 use super::share::share;
-use super::{print, refused};
+use super::{Failure, print, refused};
 
 #[derive(Default)]
 struct Step {
@@ -24,12 +24,12 @@ struct Step {
 }
 
 /// Collective.
-pub(crate) fn bench_scaling(world: &SimpleCommunicator, args: &BenchScaling) -> Result<(), Error> {
+pub(crate) fn bench_scaling(world: &SimpleCommunicator, args: &BenchScaling) -> Result<(), Failure> {
     let ranks = world.size() as u64;
     let spheres = args.spheres.unwrap_or_else(|| args.per_rank.saturating_mul(ranks));
     let mut config = Config::default().ownership(Ownership::BALANCE).backend(args.backend);
     if let Some(threads) = args.threads {
-        config = config.threads(threads);
+        config = config.threads(threads.get());
     }
     let mut distributed = Distributed::new(world, config)?;
     let mut particles = own_part(world, args.scene, spheres)?;
@@ -43,7 +43,7 @@ pub(crate) fn bench_scaling(world: &SimpleCommunicator, args: &BenchScaling) -> 
     if world.rank() != 0 {
         return Ok(());
     }
-    print(world, &row(args, &first, &steps, distributed.report()))
+    Ok(print(world, &row(args, &first, &steps, distributed.report()))?)
 }
 
 fn step(

@@ -1,18 +1,19 @@
 use std::ops::ControlFlow;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
-use lazygrid_mpi::{Error, agree, threads};
+use lazygrid_mpi::{agree, threads};
 use lazygrid_sim::run::{Run, RunEnd};
 use log::LevelFilter;
+use mpi::collective::SystemOperation;
 use mpi::topology::SimpleCommunicator;
-use mpi::traits::Communicator;
+use mpi::traits::{Communicator, CommunicatorCollectives};
 
 use crate::command::args::Simulate;
-use crate::command::{print, refused};
+use crate::command::{Failure, print, refused};
 
 /// Collective.
-pub(crate) fn simulate(world: &SimpleCommunicator, args: &Simulate) -> Result<(), Error> {
+pub(crate) fn simulate(world: &SimpleCommunicator, args: &Simulate) -> Result<(), Failure> {
     let say = |error: &dyn std::fmt::Display| refused(world, error.to_string());
     let run = agree(world, read(world, args).map_err(|error| say(&error)))?;
     // Collective, so ranks with `--threads` call it, too.
@@ -22,8 +23,8 @@ pub(crate) fn simulate(world: &SimpleCommunicator, args: &Simulate) -> Result<()
     let asked = pool.map_err(|error| say(&error)).and_then(|()| signals().map_err(|error| say(&error)));
     let asked = agree(world, asked)?;
     let done = lazygrid_mpi::simulate(world, &run, |_| match asked.load(Ordering::Relaxed) {
-        true => ControlFlow::Break(()),
-        false => ControlFlow::Continue(()),
+        0 => ControlFlow::Continue(()),
+        _ => ControlFlow::Break(()),
     })?;
     let animated = (world.rank() == 0).then(|| lazygrid_results::animation::write(&run)).transpose();
     agree(world, animated.map_err(|error| say(&error)))?;
@@ -33,7 +34,10 @@ pub(crate) fn simulate(world: &SimpleCommunicator, args: &Simulate) -> Result<()
     match done.end {
         RunEnd::Finished => Ok(()),
         RunEnd::Stopped => {
-            Err(refused(world, format!("stopped after {} steps; continue with --resume", done.steps)))
+            // Not every rank need have received it.
+            let (own, mut signal) = (asked.load(Ordering::Relaxed) as i32, 0);
+            world.all_reduce_into(&own, &mut signal, SystemOperation::max());
+            Err(Failure::Stopped { steps: done.steps, signal })
         }
     }
 }
@@ -48,11 +52,12 @@ fn read(world: &SimpleCommunicator, args: &Simulate) -> Result<Run, lazygrid_sim
     run.map(|run| Run { backend: args.backend, ..run })
 }
 
-fn signals() -> std::io::Result<Arc<AtomicBool>> {
-    let asked = Arc::new(AtomicBool::new(false));
+/// Returns the number of the signal that asks to stop, or 0.
+fn signals() -> std::io::Result<Arc<AtomicUsize>> {
+    let asked = Arc::new(AtomicUsize::new(0));
     #[cfg(unix)]
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        signal_hook::flag::register(signal, Arc::clone(&asked))?;
+        signal_hook::flag::register_usize(signal, Arc::clone(&asked), signal as usize)?;
     }
     Ok(asked)
 }

@@ -143,7 +143,7 @@ fn an_input_error_is_printed_once_with_its_place_in_the_file() {
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 2);
     let said = error(2, directory.path(), &["missing.npy"], 1);
     assert!(said.contains("error: rank 0: missing.npy: cannot read: "), "{said}");
-    let said = error(2, directory.path(), &["bad.npy", "-o", "pairs.txt"], 1);
+    let said = error(2, directory.path(), &["bad.npy", "-o", "pairs.txt"], 2);
     assert!(said.contains("error: rank 0: pairs.txt: unknown output format"), "{said}");
     let said = error(2, directory.path(), &["bad.npy", "--gather"], 2);
     assert!(said.contains("--output <FILE>"), "{said}");
@@ -177,7 +177,7 @@ fn arguments_that_differ_between_ranks_are_refused_by_name() {
     let base = ["detect", "all.npy", "--backend", "cpu"];
     let with = |more: &[&'static str]| [&base[..], more].concat();
     let refused = |name: &str, other: &[&str]| {
-        let said = of_two(directory.path(), [&base, other], 1);
+        let said = of_two(directory.path(), [&base, other], 2);
         let expected = format!("error: the setting `{name}` is ");
         assert_eq!(said.matches(&expected).count(), 1, "{said}");
         assert!(said.contains(" on rank 0 and ") && said.contains(" on rank 1; "), "{said}");
@@ -195,11 +195,11 @@ fn arguments_that_differ_between_ranks_are_refused_by_name() {
     refused("command", &["bench-scaling", "--per-rank", "100"]);
     let output = with(&["-o", "pairs.npy"]);
     let gather = with(&["-o", "pairs.npy", "--gather"]);
-    let said = of_two(directory.path(), [&output, &gather], 1);
+    let said = of_two(directory.path(), [&output, &gather], 2);
     assert!(said.contains("error: the setting `--gather` is false on rank 0 and true on rank 1; "), "{said}");
     let bench_scaling = ["bench-scaling", "--per-rank", "100"];
     let said =
-        of_two(directory.path(), [&bench_scaling, &[&bench_scaling[..], &["--steps", "3"]].concat()], 1);
+        of_two(directory.path(), [&bench_scaling, &[&bench_scaling[..], &["--steps", "3"]].concat()], 2);
     assert!(said.contains("error: the setting `--steps` is 5 on rank 0 and 3 on rank 1; "), "{said}");
     let own = with(&["--threads", "2", "--max-pairs", "100000", "--json"]);
     of_two(directory.path(), [&base, &own], 0);
@@ -267,7 +267,7 @@ fn output_in_place_of_an_input_is_refused() {
         ("part-{rank}.npy", "part-1.npy", &["-o", "part-1.npy", "--gather"]),
         ("all.manifest.json", "all.manifest.json", &["--format", "npy", "-o", "all.npy"]),
     ] {
-        let said = error(2, directory.path(), &[&[file], arguments].concat(), 1);
+        let said = error(2, directory.path(), &[&[file], arguments].concat(), 2);
         assert!(said.contains(&format!(": {read}: the output ")), "{file} {arguments:?}: {said}");
         assert!(names.iter().all(|name| std::fs::read(at(name)).unwrap() == input), "{file} {arguments:?}");
     }
@@ -319,6 +319,27 @@ fn frame_after_the_only_one_is_refused_in_every_format() {
         let said = error(2, directory.path(), &[&arguments[..], &["1"]].concat(), 1);
         assert!(said.contains(&format!("{file}: there is no frame 1; ")), "{said}");
         stdout(2, directory.path(), &[&arguments[..], &["0"]].concat());
+    }
+}
+
+#[test]
+fn wrong_usage_has_the_exit_code_of_the_single_process() {
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::write(directory.path().join("all.npy"), npy(&spheres(30))).unwrap();
+    for (arguments, message) in [
+        (&["all.npy", "-o", "all.npy", "--gather"][..], "choose another --output"),
+        (&["all.npy", "-o", "pairs.txt"], "unknown output format"),
+        (&["all.npy", "--threads=0"], "expected a whole number above zero"),
+    ] {
+        // Each option may be given once, and `run` gives --threads.
+        let output = Command::new("mpirun")
+            .args(["--oversubscribe", "-n", "2", env!("CARGO_BIN_EXE_lazygrid-mpi"), "detect"])
+            .args(arguments)
+            .current_dir(directory.path())
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.code() == Some(2) && said.contains(message), "{arguments:?}: {said}");
     }
 }
 
