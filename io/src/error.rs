@@ -56,6 +56,15 @@ pub enum Error {
         path.display()
     )]
     UnknownFormat { path: PathBuf },
+    #[error(
+        "{}: the content is compressed by {program}, which is not read; decompress it first, or use gzip or Zstandard",
+        path.display()
+    )]
+    Compression {
+        path: PathBuf,
+        /// Program that decompresses it.
+        program: &'static str,
+    },
     #[error("{place}: expected {expected}, found {found}")]
     Syntax {
         place: Location,
@@ -93,8 +102,9 @@ pub enum Error {
     )]
     BoxEdges { place: Location, reason: Box<lazygrid::InputError> },
     #[error(
-        "{place}: the box is periodic along {axis} and its length there is {length}, no {rule} above zero; give \
-         lengths with --periodic X,Y,Z, or take space as unbounded with --periodic none"
+        "{place}: the box is periodic along {axis} and its length there is {}, no {rule} above zero; give \
+         lengths with --periodic X,Y,Z, or take space as unbounded with --periodic none",
+        short(*length)
     )]
     BoxLength {
         place: Location,
@@ -134,6 +144,7 @@ impl Error {
             | Self::Write { .. }
             | Self::RowCount { .. }
             | Self::UnknownFormat { .. }
+            | Self::Compression { .. }
             | Self::Radius { .. }
             | Self::Threads { .. } => None,
             Self::Syntax { place, .. }
@@ -169,6 +180,12 @@ fn remedy(species: Option<&str>) -> String {
         },
         None => "spheres without species; add a radius column".to_owned(),
     }
+}
+
+/// Returns a number, with an exponent if it has many digits.
+pub(crate) fn short(number: f64) -> String {
+    let digits = number.to_string();
+    if digits.len() > 24 { format!("{number:e}") } else { digits }
 }
 
 /// Returns bytes as short printable text.

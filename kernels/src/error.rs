@@ -11,7 +11,7 @@ pub enum InputError {
     #[error(
         "sphere {index} has center ({x}, {y}, {z}) and radius {r}: {count} of {total} spheres are invalid \
          (non-finite value or negative radius); fix or remove them",
-        x = .center[0], y = .center[1], z = .center[2], r = .radius
+        x = short(.center[0]), y = short(.center[1]), z = short(.center[2]), r = short(*.radius)
     )]
     Sphere {
         /// First invalid sphere.
@@ -56,14 +56,14 @@ pub enum InputError {
     SpeciesMissing,
     /// A periodic length that is not finite or not above 0.
     #[error(
-        "the length {length} of the periodic axis {axis} must be finite and above 0; omit the length of an unbounded axis"
+        "the length {} of the periodic axis {axis} must be finite and above 0; omit the length of an unbounded axis", short(*.length)
     )]
     PeriodicLength { axis: char, length: f64 },
     /// Cell vectors that do not span a box.
     #[error(
         "the cell vectors {} must be finite and independent, and their box at least 2^-24 as thick as its longest vector; omit \
          vectors along which space is not periodic",
-        .vectors.iter().flatten().map(|[x, y, z]| format!("({x}, {y}, {z})")).collect::<Vec<_>>().join(", ")
+        .vectors.iter().flatten().map(|vector| format!("({})", vector.map(short).join(", "))).collect::<Vec<_>>().join(", ")
     )]
     CellVectors { vectors: Box<[Option<[f64; 3]>; 3]> },
     /// More images within the cutoff than indices can name.
@@ -222,6 +222,12 @@ pub enum Error {
     SpeciesBuffer,
 }
 
+/// Numbers of many digits have an exponent.
+fn short(number: f64) -> String {
+    let digits = number.to_string();
+    if digits.len() > 24 { format!("{number:e}") } else { digits }
+}
+
 fn sets((first, second): &(usize, Option<usize>)) -> String {
     match second {
         None => format!("{first} spheres"),
@@ -269,5 +275,17 @@ mod tests {
             "hash-grid does not run on the gpu backend; choose auto, naive, array-grid, eager-grid, lazy-grid, \
              cell-list"
         );
+    }
+
+    #[test]
+    fn numbers_of_many_digits_have_an_exponent() {
+        let center = [1e300, -5e-324, 0.1];
+        let error = InputError::Sphere { index: 0, center, radius: f64::NAN, count: 1, total: 1 };
+        assert!(
+            error.to_string().starts_with("sphere 0 has center (1e300, -5e-324, 0.1) and radius NaN: "),
+            "{error}"
+        );
+        let error = InputError::PeriodicLength { axis: 'x', length: -1e300 };
+        assert!(error.to_string().starts_with("the length -1e300 of "), "{error}");
     }
 }

@@ -96,7 +96,7 @@ mod tests {
             "{flat}"
         );
         assert!(flat.contains("--periodic none"), "{flat}");
-        for (length, shown) in [(0.0, "0"), (1e39, "1000000000000000000000000000000000000000")] {
+        for (length, shown) in [(0.0, "0"), (1e39, "1e39")] {
             let flat = space([[4.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, length]], [true; 3]);
             assert_eq!(
                 flat.unwrap_err(),

@@ -103,7 +103,7 @@ impl Columns {
         let axes = [0, 1, 2].map(|axis| count(&[Column::Axis(axis), Column::Scaled(axis)]));
         let radii = count(&[Column::Radius, Column::Diameter]);
         if axes != [1; 3] || radii > 1 || count(&[Column::Species]) > 1 || count(&[Column::Id]) > 1 {
-            return Some("one column each for x, y, z, radius and species".to_owned());
+            return Some("one column each for x, y, z, species, id and either radius or diameter".to_owned());
         }
         let by_species = self.has(Column::Species) && context.species.any_given();
         if radii == 0 && !by_species {

@@ -1,25 +1,50 @@
 //! `key=value` pairs in the comment line of extended XYZ.
 
+struct Entry<'a> {
+    key: &'a [u8],
+    value: &'a [u8],
+    /// `true` if the value begins with a quote or bracket that is not closed.
+    is_open: bool,
+}
+
+impl Entry<'_> {
+    fn has_key(&self, key: &str) -> bool {
+        self.key.eq_ignore_ascii_case(key.as_bytes())
+    }
+}
+
 /// Ignores case, and removes quotes or brackets.
 pub(super) fn value_of<'a>(comment: &'a [u8], key: &str) -> Option<&'a [u8]> {
+    entries(comment).find(|entry| entry.has_key(key)).map(|entry| entry.value)
+}
+
+/// Returns the key whose quote or bracket is not closed.
+pub(super) fn unclosed<'k>(comment: &[u8], keys: &[&'k str]) -> Option<&'k str> {
+    let mut open = entries(comment).filter(|entry| entry.is_open);
+    open.find_map(|entry| keys.iter().copied().find(|key| entry.has_key(key)))
+}
+
+fn entries(comment: &[u8]) -> impl Iterator<Item = Entry<'_>> {
     let mut rest = comment;
-    loop {
-        rest = rest.trim_ascii_start();
-        if rest.is_empty() {
-            return None;
+    std::iter::from_fn(move || {
+        loop {
+            rest = rest.trim_ascii_start();
+            if rest.is_empty() {
+                return None;
+            }
+            let (key, tail) = token(rest, |b| b == b'=' || b.is_ascii_whitespace());
+            let Some(value) = tail.trim_ascii_start().strip_prefix(b"=") else {
+                // Skips a word without a value, or a stray `=`.
+                rest = if tail.len() < rest.len() { tail } else { &rest[1..] };
+                continue;
+            };
+            let value = value.trim_ascii_start();
+            let is_open = closing(value) == Some(None);
+            let (value, tail) = token(value, |b| b.is_ascii_whitespace());
+            rest = tail;
+            return Some(Entry { key, value, is_open });
         }
-        let (found, tail) = token(rest, |b| b == b'=' || b.is_ascii_whitespace());
-        let Some(value) = tail.trim_ascii_start().strip_prefix(b"=") else {
-            // Skips a word without a value, or a stray `=`.
-            rest = if tail.len() < rest.len() { tail } else { &rest[1..] };
-            continue;
-        };
-        let (value, tail) = token(value.trim_ascii_start(), |b| b.is_ascii_whitespace());
-        if found.eq_ignore_ascii_case(key.as_bytes()) {
-            return Some(value);
-        }
-        rest = tail;
-    }
+    })
 }
 
 pub(super) fn elements(value: &[u8]) -> impl Iterator<Item = &[u8]> {
@@ -28,18 +53,23 @@ pub(super) fn elements(value: &[u8]) -> impl Iterator<Item = &[u8]> {
 }
 
 fn token(text: &[u8], end: impl Fn(u8) -> bool) -> (&[u8], &[u8]) {
-    let (inside, closed) = match text.first() {
-        Some(&quote @ (b'"' | b'\'')) => (&text[1..], closing_quote(&text[1..], quote)),
-        Some(b'[') => (&text[1..], closing_bracket(text, [b'[', b']'])),
-        Some(b'{') => (&text[1..], closing_bracket(text, [b'{', b'}'])),
-        _ => {
+    match closing(text) {
+        None => {
             let length = text.iter().position(|&b| end(b)).unwrap_or(text.len());
-            return text.split_at(length);
+            text.split_at(length)
         }
-    };
-    match closed {
-        Some(at) => (&inside[..at], &inside[at + 1..]),
-        None => (inside, &[]),
+        Some(Some(at)) => (&text[1..][..at], &text[1..][at + 1..]),
+        Some(None) => (&text[1..], &[]),
+    }
+}
+
+/// Returns the place of the closing quote or bracket, counted after the first byte; `None` without an opening one.
+fn closing(text: &[u8]) -> Option<Option<usize>> {
+    match *text.first()? {
+        quote @ (b'"' | b'\'') => Some(closing_quote(&text[1..], quote)),
+        b'[' => Some(closing_bracket(text, [b'[', b']'])),
+        b'{' => Some(closing_bracket(text, [b'{', b'}'])),
+        _ => None,
     }
 }
 
@@ -85,6 +115,10 @@ mod tests {
         assert_eq!(value_of(b"pbc=\"T T", "pbc"), Some(&b"T T"[..]));
         assert_eq!(value_of(b"= == pbc =", "pbc"), Some(&b""[..]));
         assert_eq!(value_of(b"a=[[1, 2], [3]] pbc='T T F'", "pbc"), Some(&b"T T F"[..]));
+        let keys = ["Lattice", "pbc"];
+        assert_eq!(unclosed(b"title='it pbc=\"T T", &keys), None);
+        assert_eq!(unclosed(b"title=it's lattice=\"1 0 0 pbc=T", &keys), Some("Lattice"));
+        assert_eq!(unclosed(comment, &keys), None);
         assert_eq!(elements(b"[1, 0], [2 3]").collect::<Vec<_>>(), [b"1", b"0", b"2", b"3"]);
     }
 }

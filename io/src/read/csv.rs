@@ -12,6 +12,7 @@ use super::source::Source;
 use crate::error::Error;
 
 const SEPARATORS: [u8; 3] = *b",;\t";
+const HEADER: &str = "a header with x, y, z and r, radius or diameter";
 
 struct Csv {
     columns: Columns,
@@ -46,6 +47,11 @@ fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
                 }
                 _ => {
                     let table = table?;
+                    if (0..3).all(|axis| !table.columns.has(Column::Axis(axis))) {
+                        return Err(
+                            line.unexpected(format!("{HEADER}, separated by commas, semicolons or tabs"))
+                        );
+                    }
                     table.columns.check(line, context).map(|()| table)
                 }
             };
@@ -59,7 +65,7 @@ fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
         }
     }
     in_comment.unwrap_or_else(|| {
-        let (place, expected) = (lines.place(), "a header with x, y, z and r, radius or diameter".to_owned());
+        let (place, expected) = (lines.place(), HEADER.to_owned());
         Err(Error::Syntax { place, expected, found: "an empty file".to_owned() })
     })
 }

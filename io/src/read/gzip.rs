@@ -16,7 +16,7 @@ impl<R: BufRead> GzipReader<R> {
 impl<R: BufRead> Read for GzipReader<R> {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
         while let Some(member) = &mut self.member {
-            let read = member.read(buffer)?;
+            let read = member.read(buffer).map_err(damaged)?;
             if read > 0 || buffer.is_empty() {
                 return Ok(read);
             }
@@ -39,5 +39,17 @@ fn next_member<R: BufRead>(mut input: R) -> io::Result<Option<GzDecoder<R>>> {
         if is_member {
             return Ok(Some(GzDecoder::new(input)));
         }
+    }
+}
+
+/// Keeps errors of the system, such as of a disk.
+fn damaged(error: io::Error) -> io::Error {
+    use io::ErrorKind::{InvalidData, InvalidInput, UnexpectedEof};
+    match error.kind() {
+        UnexpectedEof => io::Error::new(UnexpectedEof, "the gzip data end early"),
+        kind @ (InvalidData | InvalidInput) if error.raw_os_error().is_none() => {
+            io::Error::new(kind, format!("the gzip data are damaged: {error}"))
+        }
+        _ => error,
     }
 }

@@ -14,7 +14,7 @@ use super::read_context::ReadContext;
 use super::rows::{AnnouncedRows, Table};
 use super::source::Source;
 use super::{Frame, RESERVE};
-use crate::error::{Error, Location};
+use crate::error::{Error, Location, short};
 
 pub(super) struct Lammps {
     pub(super) lines: Lines,
@@ -48,7 +48,11 @@ impl Lammps {
                 Some(b"NUMBER OF ATOMS") => head.atoms = Some(self.atoms()?),
                 Some(b"UNITS" | b"TIME") => drop(self.head_line()?),
                 Some(item) if item.starts_with(b"BOX BOUNDS") => {
-                    let (style, periodic, place) = (Style::of(item), periodic(item), line.place());
+                    let (style, place) = (Style::of(item), line.place());
+                    let periodic = match context.space {
+                        None => periodic(line, style.flags(item))?,
+                        Some(_) => [false; 3],
+                    };
                     head.bounds = Some(self.bounds(style, periodic, place)?);
                 }
                 Some(item) if item.starts_with(b"ATOMS") => {
@@ -100,7 +104,8 @@ impl Lammps {
 
     fn step(&mut self) -> Result<i64, Error> {
         let line = self.head_line()?;
-        lexical_core::parse(line.bytes.trim_ascii()).map_err(|_| line.unexpected("the time step"))
+        lexical_core::parse(line.bytes.trim_ascii())
+            .map_err(|_| line.unexpected("the time step, a whole number"))
     }
 
     fn atoms(&mut self) -> Result<u64, Error> {
@@ -116,18 +121,21 @@ impl Lammps {
             *place = line.place();
             let mut words = line.words();
             for value in &mut row[..style.width()] {
-                let word = words.next().ok_or_else(|| line.unexpected("the bounds of the box"))?;
+                let word = words.next().ok_or_else(|| line.unexpected(style.expected()))?;
                 *value = line.number("box bound", word)?;
+            }
+            if words.next().is_some() {
+                return Err(line.unexpected(style.expected()));
             }
             let [low, high, ..] = *row;
             if !matches!(style, Style::Edges) && high < low {
-                return Err(line.refuse("high", high.to_string().as_bytes(), RULE));
+                return Err(line.refuse("high", short(high).as_bytes(), RULE));
             }
         }
         let (corner, edges) = style.box_of(rows);
         if let Some(axis) = (0..3).find(|&axis| matches!(style, Style::Tilted) && edges[axis][axis] < 0.0) {
             let (column, value) =
-                ("high without the tilts".to_owned(), (corner[axis] + edges[axis][axis]).to_string());
+                ("high without the tilts".to_owned(), short(corner[axis] + edges[axis][axis]));
             return Err(Error::Value { place: places[axis].clone(), column, value, rule: RULE });
         }
         Ok(Bounds { corner, cell: Cell { edges, periodic }, place })
@@ -153,11 +161,24 @@ impl Table for Atoms {
     }
 }
 
-fn periodic(item: &[u8]) -> [bool; 3] {
-    let mut words = item.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty()).rev();
-    let mut last = || words.next() == Some(b"pp");
-    let [z, y, x] = [last(), last(), last()];
-    [x, y, z]
+/// Old dumps have no flags.
+fn periodic(line: Line<'_>, flags: &[u8]) -> Result<[bool; 3], Error> {
+    let words = flags.split(u8::is_ascii_whitespace).filter(|word| !word.is_empty());
+    let flags: Vec<_> = words.collect();
+    match flags.as_slice() {
+        [] => Ok([false; 3]),
+        &[x, y, z] if [x, y, z].iter().all(|flag| is_boundary(flag)) => {
+            Ok([x, y, z].map(|flag| flag == b"pp"))
+        }
+        _ => Err(line.unexpected(
+            "three boundary flags after BOX BOUNDS, such as pp pp ff, or none (or --periodic X,Y,Z or none)",
+        )),
+    }
+}
+
+/// Returns `true` for two of the letters for periodic, fixed, shrink-wrapped, and shrink-wrapped with a minimum.
+fn is_boundary(flag: &[u8]) -> bool {
+    flag == b"pp" || (flag.len() == 2 && flag.iter().all(|side| b"fsm".contains(side)))
 }
 
 #[derive(Clone, Copy)]
@@ -175,6 +196,23 @@ impl Style {
             rest if rest.starts_with(b" xy xz yz") => Self::Tilted,
             rest if rest.starts_with(b" abc origin") => Self::Edges,
             _ => Self::Orthogonal,
+        }
+    }
+
+    fn flags(self, item: &[u8]) -> &[u8] {
+        let form: &[u8] = match self {
+            Self::Orthogonal => b"BOX BOUNDS",
+            Self::Tilted => b"BOX BOUNDS xy xz yz",
+            Self::Edges => b"BOX BOUNDS abc origin",
+        };
+        &item[form.len()..]
+    }
+
+    fn expected(self) -> &'static str {
+        match self {
+            Self::Orthogonal => "the low and the high bound of an axis, two numbers",
+            Self::Tilted => "the low and the high bound of an axis and a tilt, three numbers",
+            Self::Edges => "a cell vector and a coordinate of the origin, four numbers",
         }
     }
 
@@ -211,7 +249,7 @@ impl Bounds {
             let number = if doubles { value } else { f64::from(value as f32) };
             row.center[axis] = number;
             if !number.is_finite() {
-                return Err(line.refuse(name, value.to_string().as_bytes(), rule_of(doubles)));
+                return Err(line.refuse(name, short(value).as_bytes(), rule_of(doubles)));
             }
             // A coordinate is known to half of the last digit of each field.
             let edges = self.cell.edges.iter().zip(parts).filter(|(edge, _)| edge[axis] != 0.0);

@@ -50,7 +50,7 @@ impl<'a> Line<'a> {
 
     pub(super) fn count(self, what: &str) -> Result<u64, Error> {
         let digits = self.bytes.trim_ascii();
-        lexical_core::parse(digits).map_err(|_| self.unexpected(what))
+        lexical_core::parse(digits).map_err(|_| self.unexpected(format!("{what}, a whole number")))
     }
 
     pub(super) fn number<F>(self, column: &str, field: &[u8]) -> Result<F, Error>
@@ -77,7 +77,11 @@ impl<'a> Line<'a> {
     pub(super) fn radius(self, column: &str, field: &[u8], doubles: bool) -> Result<f64, Error> {
         let radius = self.real(column, field, doubles)?;
         if radius < 0.0 {
-            return Err(self.refuse(column, field, "radii must not be negative"));
+            let rule = match column.eq_ignore_ascii_case("diameter") {
+                true => "diameters must not be negative",
+                false => "radii must not be negative",
+            };
+            return Err(self.refuse(column, field, rule));
         }
         Ok(radius)
     }

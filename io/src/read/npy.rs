@@ -19,7 +19,7 @@ use super::line::rule_of;
 use super::read_context::ReadContext;
 use super::source::Source;
 use super::{Frame, Precision};
-use crate::error::{Error, Position};
+use crate::error::{Error, Position, short};
 
 pub use self::array::ArrayFile;
 pub use self::npy_rows::NpyRows;
@@ -170,7 +170,7 @@ fn check(source: &Source, number: ArrayNumber<'_>, doubles: bool) -> Result<f64,
     } else {
         return Ok(value);
     };
-    let (column, value) = (column.to_owned(), written.to_string());
+    let (column, value) = (column.to_owned(), short(written));
     Err(Error::Value { place: source.at(Position::Row(row)), column, value, rule })
 }
 

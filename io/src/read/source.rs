@@ -23,9 +23,12 @@ impl Source {
         const ZSTANDARD: &[u8] = b"\x28\xB5\x2F\xFD";
         const BUFFER: usize = 1 << 18;
         // Zstandard files may begin with a frame to skip.
-        let is_skippable = |head: &[u8]| matches!(head, [0x50..=0x5F, 0x2A, 0x4D, 0x18]);
+        let is_skippable = |head: &[u8]| matches!(head, [0x50..=0x5F, 0x2A, 0x4D, 0x18, ..]);
         let mut source = Self::uncompressed(path, input, length);
-        let head = source.look(ZSTANDARD.len())?;
+        let head = source.look(6)?;
+        if let Some(program) = other_compression(&head) {
+            return Err(Error::Compression { path: path.to_owned(), program });
+        }
         let compressed = |source: &mut Self| {
             source.length = None;
             BufReader::with_capacity(BUFFER, std::mem::replace(&mut source.input, Box::new(io::empty())))
@@ -89,4 +92,11 @@ impl Source {
         let length = bytes.as_ref().len() as u64;
         Self::new(Path::new(name), Cursor::new(bytes), Some(length)).unwrap()
     }
+}
+
+/// Returns the program that compressed content with this head, of those that no reader decompresses.
+fn other_compression(head: &[u8]) -> Option<&'static str> {
+    let known: [(&[u8], _); 4] =
+        [(b"\xFD7zXZ\0", "xz"), (b"BZh", "bzip2"), (b"PK\x03\x04", "zip"), (b"\x04\x22\x4D\x18", "lz4")];
+    known.into_iter().find(|(magic, _)| head.starts_with(magic)).map(|(_, program)| program)
 }

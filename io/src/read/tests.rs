@@ -107,7 +107,7 @@ fn csv_refusals_name_line_and_value() {
         ),
         (
             "x,y,z,r,radius\n",
-            "a.csv, line 1: expected one column each for x, y, z, radius and species, found columns \
+            "a.csv, line 1: expected one column each for x, y, z, species, id and either radius or diameter, found columns \
              x, y, z, r, radius",
         ),
         ("x,y,z,r\n1,2,3,4\n1,2,O,4\n", "a.csv, line 3: z 'O' is not a number"),
@@ -163,7 +163,10 @@ fn xyz_frames_follow_one_another() {
 fn xyz_refusals_name_line_and_value() {
     let a = &[("A", 1.0)];
     for (text, message) in [
-        ("two\n", "a.xyz, line 1: expected the number of spheres of the next frame, found 'two'"),
+        (
+            "two\n",
+            "a.xyz, line 1: expected the number of spheres of the next frame, a whole number, found 'two'",
+        ),
         ("2\n", "a.xyz, line 1: the file ends after 1 of 2 lines of the frame's head"),
         ("2\n\nA 1 2 3\n", "a.xyz, line 3: the file ends after 1 of 2 spheres"),
         ("1\n\nA 1 2\n", "a.xyz, line 3: expected 4 fields (species, x, y, z), found 3: 'A 1 2'"),
@@ -179,11 +182,11 @@ fn xyz_refusals_name_line_and_value() {
         ),
         (
             "1\nProperties=species:S:1:radius:R:1\nA 3\n",
-            "a.xyz, line 2: expected a column `x`, found columns species, radius",
+            "a.xyz, line 2: expected coordinates as pos:R:3 in Properties, found columns species, radius",
         ),
         (
             "1\nProperties=pos:R:3:v:R:99999999999\n1 2 3\n",
-            "a.xyz, line 2: expected Properties=name:type:columns, such as pos:R:3:radius:R:1, found \
+            "a.xyz, line 2: expected Properties=name:type:columns with 1 to 1000 columns in all, found \
              'Properties=pos:R:3:v:R:99999999999'",
         ),
         ("99999999999999\n\nA 1 2 3\n", "a.xyz, line 3: the file ends after 1 of 99999999999999 spheres"),
@@ -245,8 +248,8 @@ fn lammps_refusals_name_line_and_value() {
     let finite = "values must be finite 32-bit floating-point numbers";
     for (text, message) in [
         ("hello".into(), "line 1: expected ITEM: TIMESTEP, NUMBER OF ATOMS, BOX BOUNDS or ATOMS, found 'hello'".into()),
-        ("ITEM: TIMESTEP\nsoon\n".into(), "line 2: expected the time step, found 'soon'".into()),
-        ("ITEM: TIMESTEP\n\n4\n".into(), "line 2: expected the time step, found a blank line".into()),
+        ("ITEM: TIMESTEP\nsoon\n".into(), "line 2: expected the time step, a whole number, found 'soon'".into()),
+        ("ITEM: TIMESTEP\n\n4\n".into(), "line 2: expected the time step, a whole number, found a blank line".into()),
         ("ITEM: TIMESTEP\n4\n".into(), "line 2: the file ends after 0 of 1 frame heads".into()),
         (
             "ITEM: ATOMS x y z radius\n".into(),
@@ -260,10 +263,14 @@ fn lammps_refusals_name_line_and_value() {
             dump("pp pp pp\n0 1\n1 0.5\n0 1", "x y z radius", "0 0 0 1"),
             "line 7: high is 0.5; the high bound of an axis must not be less than the low one, which comes first".into(),
         ),
+        (
+            "ITEM: NUMBER OF ATOMS\n-1\n".into(),
+            "line 2: expected the number of atoms, a whole number, found '-1'".into(),
+        ),
         (dump(cube, "x y radius", ""), "line 9: expected a column `z`, found columns x, y, radius".into()),
         (dump(cube, "x y z radius", "0 0 inf 1"), format!("line 10: z is inf; {finite}")),
-        (dump(cube, "x y z diameter", "0 0 0 -1"), "line 10: diameter is -1; radii must not be negative".into()),
-        (dump("pp\n0 1e308\n0 1\n0 1", "xs ys zs radius", "1 0 0 1"), format!("line 10: x is 1{}; {finite}", "0".repeat(59) + "…")),
+        (dump(cube, "x y z diameter", "0 0 0 -1"), "line 10: diameter is -1; diameters must not be negative".into()),
+        (dump("ff pp pp\n0 1e308\n0 1\n0 1", "xs ys zs radius", "1 0 0 1"), format!("line 10: x is 1e308; {finite}")),
         (dump(cube, "x y z radius", "0 0 0 1").replace("ATOMS\n1", "ATOMS\n2"), "line 10: the file ends after 1 of 2 atoms".into()),
     ] {
         assert_eq!(refusal("a.dump", text, &[]), format!("a.dump, {message}"));

@@ -5,14 +5,14 @@ use lazygrid::Space;
 
 use super::cell::Cell;
 use super::columns::{Column, Columns, Row};
-use super::comment::{elements, value_of};
+use super::comment::{elements, unclosed, value_of};
 use super::line::Line;
 use super::lines::Lines;
 use super::read_context::ReadContext;
 use super::rows::{AnnouncedRows, Table};
 use super::source::Source;
 use super::{Frame, RESERVE};
-use crate::error::Error;
+use crate::error::{Error, excerpt};
 
 pub(super) struct Xyz {
     pub(super) lines: Lines,
@@ -52,8 +52,15 @@ impl Table for Words {
 }
 
 fn columns(comment: Line<'_>, context: &ReadContext) -> Result<Columns, Error> {
+    if let Some(key) = unclosed(comment.bytes, &["Properties", "Lattice", "pbc"]) {
+        return Err(comment.unexpected(format!("a closing quote or bracket after the value of {key}=")));
+    }
     let columns = match value_of(comment.bytes, "Properties") {
-        Some(properties) => Columns::new(declared(comment, properties)?),
+        Some(properties) => {
+            let columns = Columns::new(declared(comment, properties)?);
+            check_properties(&columns, comment, context)?;
+            columns
+        }
         None => {
             let axes = ["x", "y", "z"].into_iter().enumerate().map(|(k, name)| (name, Column::Axis(k)));
             let plain = std::iter::once(("species", Column::Species)).chain(axes);
@@ -62,6 +69,25 @@ fn columns(comment: Line<'_>, context: &ReadContext) -> Result<Columns, Error> {
     };
     columns.check(comment, context)?;
     Ok(columns)
+}
+
+/// Names the properties that a reader of columns `x` and `r` does not find.
+fn check_properties(columns: &Columns, comment: Line<'_>, context: &ReadContext) -> Result<(), Error> {
+    let refuse = |expected: &str| {
+        let found = format!("columns {}", excerpt(columns.names().join(", ").as_bytes()));
+        Err(Error::Syntax { place: comment.place(), expected: expected.to_owned(), found })
+    };
+    if !columns.has(Column::Axis(0)) {
+        return refuse("coordinates as pos:R:3 in Properties");
+    }
+    let by_species = columns.has(Column::Species) && context.species.any_given();
+    match columns.has(Column::Radius) || columns.has(Column::Diameter) || by_species {
+        true => Ok(()),
+        false if columns.has(Column::Species) => {
+            refuse("radius:R:1 or diameter:R:1 in Properties, or radii by species (--radius SPECIES=R)")
+        }
+        false => refuse("radius:R:1 or diameter:R:1 in Properties"),
+    }
 }
 
 /// Parses triples of name, type and width: `species:S:1:pos:R:3:radius:R:1`.
@@ -75,7 +101,9 @@ fn declared(comment: Line<'_>, properties: &[u8]) -> Result<Vec<(String, Column)
         let name = String::from_utf8_lossy(name).into_owned();
         let width: usize = lexical_core::parse(width).map_err(|_| malformed())?;
         if width == 0 || width > MOST - columns.len() {
-            return Err(malformed());
+            return Err(
+                comment.unexpected(format!("Properties=name:type:columns with 1 to {MOST} columns in all"))
+            );
         }
         match (name.to_ascii_lowercase().as_str(), width) {
             ("pos", 3) => {

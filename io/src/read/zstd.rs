@@ -31,6 +31,8 @@ impl<R: BufRead> ZstdReader<R> {
                         return Err(io::ErrorKind::UnexpectedEof.into());
                     }
                 }
+                // Its own text is that of a debugger.
+                Err(FrameDecoderError::ReadFrameHeaderError(error)) => return Err(damaged(error)),
                 Err(error) => return Err(damaged(error)),
             }
         }

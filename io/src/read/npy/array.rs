@@ -4,7 +4,7 @@ use super::dictionary::Descr;
 use super::dtype::Dtype;
 use super::header::{describe, float_type, read_text};
 use super::{BLOCK, further_bytes, syntax};
-use crate::error::{Error, Position};
+use crate::error::{Error, Position, short};
 use crate::memory::refused;
 use crate::read::source::Source;
 
@@ -89,7 +89,7 @@ impl ArrayFile {
         Err(Error::Value {
             place: self.source.at(Position::File),
             column: format!("the number at {:?}", self.index(position)),
-            value: written.to_string(),
+            value: short(written),
             rule: "values must be finite 32-bit floating-point numbers",
         })
     }
@@ -167,7 +167,7 @@ mod tests {
             ),
             (file("<f4", "False", "(3,)", &nan), "the file ends after 2 of 3 numbers"),
             (file("<f4", "False", "(1,)", &nan), "further bytes"),
-            (file("<i4", "False", "(2,)", &nan), "'<i4'; convert it with .astype('f4')"),
+            (file("<i4", "False", "(2,)", &nan), "'<i4'; convert it with .astype('f8')"),
             (file("<f4", "False", "(99999999999, 99999999999)", &[]), "fits 64-bit lengths"),
             (b"PK".to_vec(), "expected a NumPy array"),
         ] {

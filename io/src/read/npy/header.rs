@@ -117,7 +117,8 @@ pub(super) fn describe<'a>(source: &Source, text: &'a [u8]) -> Result<Descriptio
 
 pub(super) fn float_type(source: &Source, descr: &[u8]) -> Result<Dtype, Error> {
     Dtype::parse(descr).filter(|kind| kind.class == DtypeKind::Float).ok_or_else(|| {
-        let found = format!("'{}'; convert it with .astype('f4')", excerpt(descr));
+        let wide = if descr.ends_with(b"f2") { "f4" } else { "f8" };
+        let found = format!("'{}'; convert it with .astype('{wide}')", excerpt(descr));
         syntax(source, "values of type f4 or f8", &found)
     })
 }

@@ -56,3 +56,30 @@ fn damaged_compression_is_an_error() {
         assert!(refused.starts_with(&format!("{name}: cannot read: ")), "{refused}");
     }
 }
+
+#[test]
+fn cut_or_foreign_compression_is_named() {
+    let text = "x,y,z,r\n1,2,3,0.5\n";
+    let cut = |whole: Vec<u8>, kept: usize| whole[..kept].to_vec();
+    let [zipped, packed] = [gzip(text.as_bytes()), zstd(text.as_bytes())];
+    for (bytes, message) in [
+        (cut(zipped.clone(), zipped.len() - 1), "a.csv: cannot read: the gzip data end early"),
+        (cut(zipped.clone(), 2), "a.csv: cannot read: the gzip data end early"),
+        (
+            [&zipped[..10], &[0xFF; 20]].concat(),
+            "a.csv: cannot read: the gzip data are damaged: corrupt deflate stream",
+        ),
+        ([&packed[..], b"junk"].concat(), "Zstandard data are damaged: Read wrong magic number: 0x6B6E756A"),
+        (
+            b"\xFD7zXZ\0\0\0".to_vec(),
+            "a.csv: the content is compressed by xz, which is not read; decompress it first",
+        ),
+        (b"BZh91AY".to_vec(), "compressed by bzip2"),
+        (b"PK\x03\x04\x14".to_vec(), "compressed by zip"),
+    ] {
+        let refused = refusal("a.csv", bytes, &[]);
+        assert!(refused.contains(message), "{refused}");
+    }
+    let refused = refusal("a.csv", cut(packed, 4), &[]);
+    assert!(!refused.contains("Error {"), "{refused}");
+}

@@ -55,6 +55,38 @@ fn lammps_bounds() {
 }
 
 #[test]
+fn lammps_bounds_that_would_lose_a_period_or_a_tilt_are_refused() {
+    for (bounds, message) in [
+        (
+            "pp pp\n0 1\n0 1\n0 1",
+            "line 5: expected three boundary flags after BOX BOUNDS, such as pp pp ff, or none",
+        ),
+        ("pp pp px\n0 1\n0 1\n0 1", "line 5: expected three boundary flags after BOX BOUNDS"),
+        ("PP PP PP\n0 1\n0 1\n0 1", "line 5: expected three boundary flags after BOX BOUNDS"),
+        (
+            "pp pp pp\n0 1 0.5\n0 1 0\n0 1 0",
+            "line 6: expected the low and the high bound of an axis, two numbers",
+        ),
+        (
+            "xy xz yz pp pp pp\n0 1\n0 1\n0 1",
+            "line 6: expected the low and the high bound of an axis and a tilt",
+        ),
+        (
+            "abc origin pp pp pp\n1 0 0\n0 1 0\n0 0 1",
+            "line 6: expected a cell vector and a coordinate of the origin",
+        ),
+    ] {
+        let text = dump(bounds, "x y z radius", "1 2 3 0.5");
+        let refused = refusal("a.dump", text.clone(), &[]);
+        assert!(refused.starts_with(&format!("a.dump, {message}")), "{refused}");
+        if bounds.lines().nth(1) == Some("0 1") && !bounds.starts_with("xy") {
+            let space = Some(Space::UNBOUNDED);
+            assert!(frames("a.dump", text, Options { space, ..Options::default() }).is_ok(), "{bounds}");
+        }
+    }
+}
+
+#[test]
 fn boxes_that_lean() {
     let skewed =
         |name: &str, text: String| frames(name, text, Options::default()).unwrap()[0].space.cell_vectors();

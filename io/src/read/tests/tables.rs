@@ -25,7 +25,18 @@ fn csv_with_other_separators_and_comments() {
             "# nothing\n",
             "a.csv, line 1: expected a header with x, y, z and r, radius or diameter, found an empty file",
         ),
-        ("1,2,3,4\n", "a.csv, line 1: expected a column `x`, found columns 1, 2, 3, 4"),
+        (
+            "1,2,3,4\n",
+            "a.csv, line 1: expected a header with x, y, z and r, radius or diameter, separated by commas, \
+             semicolons or tabs, found '1,2,3,4'",
+        ),
+        (
+            "x y z r\n1 2 3 4\n",
+            "a.csv, line 1: expected a header with x, y, z and r, radius or diameter, separated by commas, \
+             semicolons or tabs, found 'x y z r'",
+        ),
+        ("x,z,r\n1,2,3\n", "a.csv, line 1: expected a column `y`, found columns x, z, r"),
+        ("x,y,z,diameter\n1,2,3,-4\n", "a.csv, line 2: diameter is -4; diameters must not be negative"),
         ("x;y;z;r\n1,5;2;3;4\n", "a.csv, line 2: x '1,5' is not a number"),
         (
             "r,x,y,z,note\r1,2,3,4,a\r1,2,3,4,b\r",
@@ -39,10 +50,44 @@ fn csv_with_other_separators_and_comments() {
         ),
         (
             "x,y,z,r,diameter\n",
-            "a.csv, line 1: expected one column each for x, y, z, radius and species, found columns x, y, z, r, diameter",
+            "a.csv, line 1: expected one column each for x, y, z, species, id and either radius or diameter, found columns x, y, z, r, diameter",
         ),
     ] {
         assert_eq!(refusal("a.csv", text, &[]), message);
+    }
+}
+
+#[test]
+fn xyz_properties_without_coordinates_or_sizes_are_named() {
+    for (comment, message) in [
+        (
+            "Properties=x:R:1:y:R:1:z:R:1:r:R:1",
+            "expected coordinates as pos:R:3 in Properties, found columns x, y, z, r",
+        ),
+        (
+            "Properties=pos:R:2:radius:R:1",
+            "expected coordinates as pos:R:3 in Properties, found columns pos, pos, radius",
+        ),
+        (
+            "Properties=pos:R:3:r:R:1",
+            "expected radius:R:1 or diameter:R:1 in Properties, found columns x, y, z, r",
+        ),
+        (
+            "Properties=species:S:1:pos:R:3",
+            "expected radius:R:1 or diameter:R:1 in Properties, or radii by species (--radius SPECIES=R), found columns \
+             species, x, y, z",
+        ),
+        (
+            "Properties=pos:R:9999",
+            "expected Properties=name:type:columns with 1 to 1000 columns in all, found 'Properties=pos:R:9999'",
+        ),
+        (
+            "Lattice=\"1 0 0 0 1 0 0 0 1 Properties=pos:R:3",
+            "expected a closing quote or bracket after the value of Lattice=, found 'Lattice=\"1 0 0 0 1 0 0 0 1 Properties=pos:R:3'",
+        ),
+    ] {
+        let text = format!("1\n{comment}\n1 2 3 4\n");
+        assert_eq!(refusal("a.xyz", text, &[]), format!("a.xyz, line 2: {message}"));
     }
 }
 
