@@ -12,6 +12,9 @@ use pyo3::PyResult;
 use crate::error;
 use crate::fork::{self, Process};
 
+/// Most idle detectors of streams, each of which has its own threads.
+const MAX_IDLE_STREAMS: usize = 2;
+
 struct PooledDetector {
     detector: lazygrid::Detector,
     cancel: Arc<AtomicBool>,
@@ -171,7 +174,14 @@ impl Drop for DetectorLease {
         if self.has_searched {
             idle.report = leased.detector.report();
         }
-        idle.detectors(self.has_stream_config).push(leased);
+        let detectors = idle.detectors(self.has_stream_config);
+        if !self.has_stream_config || detectors.len() < MAX_IDLE_STREAMS {
+            detectors.push(leased);
+            return;
+        }
+        drop(idle);
+        // Ends its threads.
+        drop(leased);
     }
 }
 

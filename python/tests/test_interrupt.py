@@ -106,6 +106,37 @@ def test_open_streams_block_no_other_call() -> None:
     assert done.returncode == 0, done.stderr
 
 
+CLOSED_STREAMS = """
+import os, time
+import numpy as np
+import lazygrid
+
+rows = np.zeros((3000, 4), dtype=np.float32)
+detector = lazygrid.Detector(backend="cpu")
+streams = [detector.stream(rows, chunk=1000) for _ in range(8)]
+for stream in streams:
+    next(stream)
+assert len(os.listdir("/proc/self/task")) > 32
+for stream in streams:
+    stream.close()
+until = time.monotonic() + 20
+while len(os.listdir("/proc/self/task")) > 16 and time.monotonic() < until:
+    time.sleep(0.01)
+print(len(os.listdir("/proc/self/task")))
+assert len(next(iter(detector.stream(rows)))) == 65536
+"""
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self/task"), reason="threads are counted on Linux")
+def test_threads_of_closed_streams_end() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", CLOSED_STREAMS],
+        capture_output=True, text=True, check=False, timeout=120, env={**os.environ, "RAYON_NUM_THREADS": "4"},
+    )
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) <= 16, done.stdout
+
+
 def test_list_of_few_atoms_with_many_images_can_be_interrupted() -> None:
     class Atoms:
         positions, cell, pbc, numbers = np.random.default_rng(1).uniform(size=(2000, 3)), np.eye(3), True, np.ones(2000)
