@@ -134,10 +134,10 @@ pub(crate) fn pairs<'py>(
     let Some(out) = out else {
         return Ok(copied::<u32, 2>(py, [found.len(), 2], bytemuck::cast_slice(found))?.into_any());
     };
-    let refused = "`out` must be a writable array of numpy.uint32, in one piece, of shape (k, 2)";
-    let array = out.cast::<PyArray2<u32>>().map_err(|_| error::array(refused))?;
+    let refused = || error::array(refused_output(out));
+    let array = out.cast::<PyArray2<u32>>().map_err(|_| refused())?;
     if array.shape()[1] != 2 || !in_one_piece(array) {
-        return Err(error::array(refused));
+        return Err(refused());
     }
     let room = array.shape()[0];
     if room < found.len() {
@@ -145,10 +145,18 @@ pub(crate) fn pairs<'py>(
             format!("`out` has room for {room} pairs and {} were found; nothing was written", found.len());
         return Err(error::too_many(message, [found.len(), room]));
     }
-    let mut writable = array.try_readwrite().map_err(|_| error::array(refused))?;
+    let mut writable = array.try_readwrite().map_err(|_| refused())?;
     writable.as_slice_mut()?[..2 * found.len()].copy_from_slice(bytemuck::cast_slice(found));
     drop(writable);
     out.get_item(pyo3::types::PySlice::new(py, 0, found.len() as isize, 1))
+}
+
+fn refused_output(out: &Bound<'_, PyAny>) -> String {
+    let found = match out.cast::<PyUntypedArray>() {
+        Ok(array) => format!("{} of shape {:?}", array.dtype(), array.shape()),
+        Err(_) => out.get_type().to_string(),
+    };
+    format!("`out` must be a writable array of numpy.uint32, in one piece, of shape (k, 2); this is {found}")
 }
 
 /// Returns records of `width` numbers as rows of an array, without a copy if the array can own their memory.

@@ -10,9 +10,12 @@ use crate::exclusions::Exclusions;
 use crate::interactions::Interactions;
 use crate::interruptible::{Work, interruptible};
 use crate::pool::DetectorPool;
-use crate::settings::Settings;
+use crate::settings::{self, Settings};
 use crate::spheres::{Arguments, BorrowedQuery};
 use crate::{error, neighbors, report};
+
+/// Default maximum of pairs per array of a stream.
+const STREAM_CHUNK: usize = 65_536;
 
 /// Finds all pairs of overlapping spheres and reuses its buffers between calls.
 ///
@@ -53,10 +56,12 @@ use crate::{error, neighbors, report};
 /// skin
 ///     The skin of the candidate list kept between calls; no answer depends on it. ``"auto"`` keeps a list if spheres
 ///     move so little that this is expected to save time; ``"off"`` never does. A number, float64, keeps the pairs
-///     with gaps up to this distance, until a sphere has moved by half of it.
+///     with gaps up to this distance, until a sphere has moved by half of it; only with the algorithms ``"auto"`` and
+///     ``"cell-list"``.
 /// timeout
 ///     The time limit of each submission to the GPU in seconds, after which the call is an error; by default ten
-///     minutes. A call that is divided or repeated has several submissions.
+///     minutes. A call that is divided or repeated has several submissions. Searches on the CPU have no limit:
+///     ``backend="cpu"`` refuses one, and with ``backend="auto"`` it is unused if no GPU is found.
 ///
 /// Raises
 /// ------
@@ -84,15 +89,17 @@ impl Detector {
         py: Python<'_>,
         backend: &str,
         algorithm: &str,
-        threads: Option<usize>,
+        threads: Option<&Bound<'_, PyAny>>,
         periodic: Option<&Bound<'_, PyAny>>,
         order: &str,
         interactions: Option<&Bound<'_, Interactions>>,
-        max_pairs: Option<u64>,
+        max_pairs: Option<&Bound<'_, PyAny>>,
         adapter: Option<&Bound<'_, PyAny>>,
         skin: Option<&Bound<'_, PyAny>>,
         timeout: Option<f64>,
     ) -> PyResult<Self> {
+        let range = "choose at least one, or leave it unset";
+        let threads = threads.map(|threads| settings::whole(threads, "threads", range)).transpose()?;
         let config =
             Settings { backend, algorithm, threads, periodic, order, max_pairs, skin, timeout }.config()?;
         let config = match interactions {
@@ -101,7 +108,7 @@ impl Detector {
         };
         let config = match adapter {
             None => config,
-            Some(adapter) => config.adapter(crate::settings::adapter(adapter)?),
+            Some(adapter) => config.adapter(settings::adapter(adapter)?),
         };
         // A driver may need some time.
         let pool = py.detach(|| DetectorPool::new(config, threads))?;
@@ -243,7 +250,8 @@ impl Detector {
     /// open
     ///     If true, only distances below the cutoff count, as in ASE; else spheres that touch are neighbors.
     /// with_self
-    ///     If true, every sphere of one set is its own neighbor at distance zero.
+    ///     If true, every sphere of one set is its own neighbor at distance zero. Without effect on two
+    ///     sets.
     ///
     /// Returns
     /// -------
@@ -322,7 +330,8 @@ impl Detector {
     ///
     /// The spheres are copied first, so you may move them meanwhile and call the detector: a stream has threads of its
     /// own. In canonical order the detector holds up to ``max_pairs`` pairs, and searches again for every further
-    /// ``max_pairs``. Unordered chunks arrive as they are found, with at most four in memory.
+    /// ``max_pairs``; if that would be more than 16 searches, it holds more, up to a quarter of the number of spheres.
+    /// Unordered chunks arrive as they are found, with at most four in memory.
     ///
     /// >>> detector = lazygrid.Detector(order="unordered")
     /// >>> for pairs in detector.stream(spheres, chunk=1_000_000):
@@ -339,19 +348,22 @@ impl Detector {
     /// ------
     /// InputError, TypeError, OutOfMemory, KeyboardInterrupt
     ///     See :meth:`pairs`; errors about values at the first ``next``.
-    #[pyo3(signature = (spheres, second=None, *, chunk=65536, species=None, groups=None, exclusions=None))]
+    #[pyo3(signature = (spheres, second=None, *, chunk=None, species=None, groups=None, exclusions=None),
+           text_signature = "($self, spheres, second=None, *, chunk=65536, species=None, groups=None, exclusions=None)")]
     #[expect(clippy::too_many_arguments, reason = "keywords in Python")]
     fn stream<'py>(
         &self,
         spheres: &Bound<'py, PyAny>,
         second: Option<&Bound<'py, PyAny>>,
-        chunk: usize,
+        chunk: Option<&Bound<'py, PyAny>>,
         species: Option<&Bound<'py, PyAny>>,
         groups: Option<&Bound<'py, PyAny>>,
         exclusions: Option<&Bound<'py, Exclusions>>,
     ) -> PyResult<Chunks> {
+        let range = "choose at least one pair per chunk";
+        let chunk: usize = chunk.map_or(Ok(STREAM_CHUNK), |chunk| settings::whole(chunk, "chunk", range))?;
         if chunk == 0 {
-            return Err(error::setting("chunk = 0 is out of range; choose at least one pair per chunk"));
+            return Err(error::setting(format!("chunk = 0 is out of range; {range}")));
         }
         let borrowed = BorrowedQuery::new(Arguments { spheres, second, species, groups, exclusions })?;
         let lease = self.pool.lease_for_stream()?;
@@ -359,7 +371,8 @@ impl Detector {
     }
 
     /// Return an estimate of the bytes that the detector holds for this number of spheres, without the result.
-    fn memory_for(&self, spheres: u64) -> PyResult<u64> {
+    fn memory_for(&self, spheres: &Bound<'_, PyAny>) -> PyResult<u64> {
+        let spheres = settings::whole(spheres, "spheres", "choose a number from 0 to 2^32 - 2")?;
         Ok(self.pool.lease()?.memory_for(spheres))
     }
 

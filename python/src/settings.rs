@@ -14,7 +14,7 @@ pub(crate) struct Settings<'s> {
     pub(crate) threads: Option<usize>,
     pub(crate) periodic: Option<&'s Bound<'s, PyAny>>,
     pub(crate) order: &'s str,
-    pub(crate) max_pairs: Option<u64>,
+    pub(crate) max_pairs: Option<&'s Bound<'s, PyAny>>,
     pub(crate) skin: Option<&'s Bound<'s, PyAny>>,
     /// In seconds.
     pub(crate) timeout: Option<f64>,
@@ -29,7 +29,10 @@ impl Settings<'_> {
             .space(space(self.periodic)?)
             .skin(self.skin.map_or(Ok(Skin::Auto), skin)?);
         let config = self.threads.map_or(config.clone(), |threads| config.threads(threads));
-        let config = self.max_pairs.map_or(config.clone(), |most| config.max_pairs(most));
+        let config = match self.max_pairs {
+            None => config,
+            Some(most) => config.max_pairs(whole(most, "max_pairs", "choose a number from 0 to 2^64 - 1")?),
+        };
         match self.timeout {
             None => Ok(config),
             Some(_) if self.backend == Backend::Cpu.name() => Err(error::setting(
@@ -38,6 +41,18 @@ impl Settings<'_> {
             Some(seconds) => Ok(config.timeout(timeout(seconds)?)),
         }
     }
+}
+
+/// Reads a whole number; `range` says which one to choose.
+pub(crate) fn whole<T: for<'a, 'py> FromPyObject<'a, 'py, Error = PyErr>>(
+    given: &Bound<'_, PyAny>,
+    name: &str,
+    range: &str,
+) -> PyResult<T> {
+    given.extract::<T>().map_err(|error| match error.is_instance_of::<PyOverflowError>(given.py()) {
+        true => error::setting(format!("{name} = {given} is out of range; {range}")),
+        false => PyTypeError::new_err(format!("argument '{name}': {}", error.value(given.py()))),
+    })
 }
 
 fn timeout(seconds: f64) -> PyResult<Duration> {

@@ -291,6 +291,48 @@ def test_other_forms_are_refused(spheres: Rows) -> None:
         detector.pairs(spheres, cast=True)  # type: ignore[call-arg]
 
 
+class OnGpu:
+    """As arrays of libraries that offer no copy to the host."""
+
+    __cuda_array_interface__ = {"shape": (2, 4), "typestr": "<f4", "data": (4096, False), "version": 3}
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        (None, "`spheres` is of type NoneType where an array of shape (n, 4) is needed; give an array of NumPy"),
+        ({}, "`spheres` is of type dict where"),
+        (OnGpu(), "is of type OnGpu where an array of shape (n, 4) is needed; copy it from the GPU to the host"),
+        (np.array(1.0), "`spheres` has shape () where (n, 4) is needed"),
+        (fields(np.zeros((3, 4))), "has shape (3,) where (n, 4) is needed; give the fields of a structured array a as"),
+    ],
+)
+def test_what_is_no_array_is_named(given: Any, message: str) -> None:
+    with pytest.raises(lazygrid.InputError) as refused:
+        Detector(backend="cpu").pairs(given)
+    assert message in str(refused.value)
+
+
+def test_numbers_out_of_range_are_refused_by_name() -> None:
+    detector, rows = Detector(backend="cpu"), doubles(2, 10)
+    with pytest.raises(TypeError, match=r"`spheres\[1\]` is a whole number of 1329 bits, which float64 cannot hold"):
+        detector.pairs((rows[:, :3], 10**400))
+    for chunk in (-1, 0, 2**70):
+        with pytest.raises(lazygrid.SettingError, match=f"chunk = {chunk} is out of range; choose at least one"):
+            detector.stream(rows, chunk=chunk)
+    with pytest.raises(TypeError, match="argument 'chunk': 'float' object"):
+        detector.stream(rows, chunk=1.5)  # type: ignore[arg-type]
+    with pytest.raises(lazygrid.SettingError, match="spheres = -1 is out of range"):
+        detector.memory_for(-1)
+    for out, found in (
+        (np.zeros((9, 2), np.int64), r"this is int64 of shape \[9, 2\]"),
+        (np.zeros((9, 3), np.uint32), r"this is uint32 of shape \[9, 3\]"),
+        ([[0, 0]], "this is <class 'list'>"),
+    ):
+        with pytest.raises(lazygrid.InputError, match=f"`out` must be a writable array of numpy.uint32.*{found}"):
+            detector.pairs(rows, out=out)  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_masked_values_are_refused(kind: Any) -> None:
     detector, rows = Detector(backend="cpu"), doubles(9, 100).astype(kind)

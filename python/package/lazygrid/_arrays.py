@@ -29,9 +29,18 @@ def floats(given: Any, what: str, width: int) -> Floats:
     """``given``, of shape ``(n, width)`` or, if the width is 0, ``(n,)``, in a layout for Rust. Rounds nothing."""
     array = _array(given, what)
     shape = f"(n, {width})" if width else "(n,)"
+    if array.ndim == 0 and not isinstance(given, (np.ndarray, np.generic)):
+        on_gpu = hasattr(given, "__cuda_array_interface__")
+        remedy = "copy it from the GPU to the host" if on_gpu else "give an array of NumPy, or what NumPy reads as one"
+        kind = type(given).__name__
+        raise InputError(f"`{what}` is of type {kind} where an array of shape {shape} is needed; {remedy}")
     if array.ndim != (2 if width else 1) or (width and array.shape[1] != width):
-        points = width == 4 and array.ndim == 2 and array.shape[1] == 3
-        remedy = "; give points as a tuple (positions, radii)" if points else ""
+        remedy = ""
+        if width == 4 and array.ndim == 2 and array.shape[1] == 3:
+            remedy = "; give points as a tuple (positions, radii)"
+        elif array.dtype.names:
+            fields = ", ".join(f"a[{name!r}]" for name in array.dtype.names[:8])
+            remedy = f"; give the fields of a structured array a as a tuple of four columns, of {fields}"
         raise InputError(f"`{what}` has shape {array.shape} where {shape} is needed{remedy}")
     _check_type(array.dtype, what)
     size = array.dtype.itemsize
@@ -62,6 +71,8 @@ def radii(given: Any, what: str) -> float | Floats:
     array = _array(given, what)
     if array.ndim > 0:
         return floats(array, what, 0)
+    if isinstance(given, int) and array.dtype.kind == "O":
+        raise TypeError(f"`{what}` is a whole number of {given.bit_length()} bits, which float64 cannot hold")
     if array.dtype.kind not in "iuf":
         raise TypeError(f"`{what}` is {given!r}; give a number, or an array of shape (n,)")
     number = float(array)

@@ -72,10 +72,12 @@ class Detector:
     skin
         The skin of the candidate list kept between calls; no answer depends on it. ``"auto"`` keeps a list if spheres
         move so little that this is expected to save time; ``"off"`` never does. A number, float64, keeps the pairs
-        with gaps up to this distance, until a sphere has moved by half of it.
+        with gaps up to this distance, until a sphere has moved by half of it; only with the algorithms ``"auto"`` and
+        ``"cell-list"``.
     timeout
         The time limit of each submission to the GPU in seconds, after which the call is an error; by default ten
-        minutes. A call that is divided or repeated has several submissions.
+        minutes. A call that is divided or repeated has several submissions. Searches on the CPU have no limit:
+        ``backend="cpu"`` refuses one, and with ``backend="auto"`` it is unused if no GPU is found.
 
     Raises
     ------
@@ -222,7 +224,8 @@ class Detector:
         open
             If true, only distances below the cutoff count, as in ASE; else spheres that touch are neighbors.
         with_self
-            If true, every sphere of one set is its own neighbor at distance zero.
+            If true, every sphere of one set is its own neighbor at distance zero. Without effect on two
+            sets.
 
         Returns
         -------
@@ -273,7 +276,8 @@ class Detector:
 
         The spheres are copied first, so you may move them meanwhile and call the detector: a stream has threads of its
         own. In canonical order the detector holds up to ``max_pairs`` pairs, and searches again for every further
-        ``max_pairs``. Unordered chunks arrive as they are found, with at most four in memory.
+        ``max_pairs``; if that would be more than 16 searches, it holds more, up to a quarter of the number of spheres.
+        Unordered chunks arrive as they are found, with at most four in memory.
 
         >>> detector = lazygrid.Detector(order="unordered")
         >>> for pairs in detector.stream(spheres, chunk=1_000_000):
