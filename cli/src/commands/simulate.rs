@@ -6,7 +6,6 @@ mod sweep;
 use std::num::NonZeroU32;
 use std::ops::ControlFlow;
 
-use lazygrid::{Algorithm, Backend};
 use lazygrid_results::animation;
 use lazygrid_sim::RunView;
 use lazygrid_sim::run::replicas::Replicas;
@@ -22,12 +21,6 @@ use crate::signals::StopSignal;
 use crate::{print, progress, signals};
 
 pub(crate) fn run(args: &Simulate) -> Result<(), CliError> {
-    if args.backend == Backend::Gpu && args.algorithm != Algorithm::Auto {
-        log::warn!(
-            "--algorithm {} has no effect, because it is for the CPU, and the run is on the GPU",
-            args.algorithm
-        );
-    }
     if let Some(swept) = Sweep::read(&args.options.scenario, &args.sweep)? {
         check_keys(&swept, &args.options)?;
         args.options.warn_of_frames(swept.points.iter().map(|point| &point.scenario));
