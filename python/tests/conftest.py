@@ -22,7 +22,7 @@ def brute_force(rows: Rows | Doubles, periodic: Box = OPEN) -> npt.NDArray[np.ui
 
 def brute_force_across(a: Rows | Doubles, b: Rows | Doubles, periodic: Box = OPEN) -> npt.NDArray[np.uint32]:
     """All pairs of one sphere of each set by the definition, in float64, in canonical order."""
-    first, second = a.astype(np.float64), b.astype(np.float64)
+    first, second = wrapped(a, periodic), wrapped(b, periodic)
     difference = second[None, :, :3] - first[:, None, :3]
     for axis, length in enumerate(periodic):
         if length is not None:
@@ -30,6 +30,15 @@ def brute_force_across(a: Rows | Doubles, b: Rows | Doubles, periodic: Box = OPE
     x, y, z = np.moveaxis(difference, 2, 0)
     reach = first[:, None, 3] + second[None, :, 3]
     return np.argwhere(x * x + y * y + z * z <= reach * reach).astype(np.uint32)
+
+
+def wrapped(rows: Rows | Doubles, periodic: Box) -> Doubles:
+    """Float32 spheres within half a length of the origin, without rounding: differences of distant ones would round."""
+    wide = rows.astype(np.float64)
+    for axis, length in enumerate(periodic):
+        if length is not None and rows.dtype == np.float32:
+            wide[:, axis] -= length * np.round(wide[:, axis] / length)
+    return wide
 
 
 def brute_force_of_edges(rows: Rows | Doubles, edges: npt.NDArray[np.float64]) -> npt.NDArray[np.uint32]:

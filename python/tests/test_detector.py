@@ -57,6 +57,13 @@ def test_any_periodic_box(rows: Rows, lengths: tuple[float | None, float | None,
     np.testing.assert_array_equal(found, brute_force(rows, lengths))
 
 
+def test_subnormal_gaps_across_a_boundary_count() -> None:
+    for z, touches in (1.0, False), (1e-45, True):
+        rows = np.array([[0, 0, z, 0], [0, 0, 1e-45, 0]], dtype=np.float32)
+        found = Detector(backend="cpu", periodic=(None, None, 1)).pairs(rows)
+        assert len(found) == len(brute_force(rows, (None, None, 1.0))) == touches
+
+
 def test_boxes_that_lean() -> None:
     rows = scene(4, 300, box=5.0)
     edges = np.array([[5.0, 0.0, 0.0], [2.0, 5.0, 0.0], [-1.5, 2.5, 4.0]])
