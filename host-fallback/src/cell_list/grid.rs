@@ -3,6 +3,8 @@
 //! A grid with too many cells is folded: cells whose coordinates agree modulo the grid's size share a table entry.
 //! Folding adds comparisons, never pairs.
 
+use std::ops::Range;
+
 use glam::DVec3;
 
 use crate::compare::{Axes, SimdWidth};
@@ -54,6 +56,14 @@ impl CellRange {
     pub(crate) fn count(&self) -> [u32; 3] {
         let (a, b) = (self.first, self.last);
         [b[0] - a[0] + 1, b[1] - a[1] + 1, b[2] - a[2] + 1]
+    }
+
+    /// Returns the cells along x up to the end of a row, and those that wrap.
+    #[inline(always)]
+    pub(crate) fn row_parts(&self, size: [u32; 3]) -> [Range<u32>; 2] {
+        let (first, count) = (self.first[0], self.count()[0]);
+        let before = count.min(size[0] - first);
+        [first..first + before, 0..count - before]
     }
 
     #[inline(always)]
@@ -167,18 +177,25 @@ impl CellGrid {
     pub(crate) fn bounds(&self, cell: [u32; 3]) -> ([f32; 3], [f32; 3]) {
         let (mut low, mut high) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
         for axis in 0..3 {
-            let (at, cell_size) = (f64::from(cell[axis]) + self.axes.origin[axis], self.cell_sizes[axis]);
-            let lower = at * cell_size;
-            let slack =
-                (lower.abs() + cell_size + self.reach) * SINGLE_ROUNDING + f64::from(f32::MIN_POSITIVE);
+            let [from, to] = self.inner_part(axis, f64::from(cell[axis]) + self.axes.origin[axis]);
             if cell[axis] > 0 {
-                low[axis] = (lower + self.reach + slack) as f32;
+                low[axis] = from;
             }
             if cell[axis] + 1 < self.size[axis] {
-                high[axis] = (lower + cell_size - self.reach - slack) as f32;
+                high[axis] = to;
             }
         }
         (low, high)
+    }
+
+    /// Returns the part of a cell beginning at `at` cells, in the grid's coordinates, that no sphere of other cells
+    /// along the axis reaches.
+    #[inline(always)]
+    fn inner_part(&self, axis: usize, at: f64) -> [f32; 2] {
+        let cell_size = self.cell_sizes[axis];
+        let lower = at * cell_size;
+        let slack = (lower.abs() + cell_size + self.reach) * SINGLE_ROUNDING + f64::from(f32::MIN_POSITIVE);
+        [(lower + self.reach + slack) as f32, (lower + cell_size - self.reach - slack) as f32]
     }
 
     /// Returns `true` if no cell is adjacent to another cell both inside the box and across its boundary.
@@ -186,15 +203,13 @@ impl CellGrid {
         (0..3).all(|axis| !self.periodic[axis] || self.size[axis] != 2)
     }
 
-    /// Returns bounds within which a sphere, radius included, touches no sphere across a periodic boundary, with the
-    /// slack of [`bounds`](Self::bounds).
+    /// Returns bounds within which a sphere, radius included, touches no sphere across a periodic boundary.
     pub(crate) fn boundary_bounds(&self) -> ([f32; 3], [f32; 3]) {
         let (mut low, mut high) = ([f32::NEG_INFINITY; 3], [f32::INFINITY; 3]);
         for axis in (0..3).filter(|&axis| self.periodic[axis]) {
-            let half = -self.axes.origin[axis] * self.cell_sizes[axis];
-            let slack = (half + self.cell_sizes[axis] + self.reach) * SINGLE_ROUNDING;
-            let inner = (half - self.reach - slack - f64::from(f32::MIN_POSITIVE)) as f32;
-            (low[axis], high[axis]) = (-inner, inner);
+            // The box is symmetric about the origin.
+            let [from, _] = self.inner_part(axis, self.axes.origin[axis]);
+            (low[axis], high[axis]) = (from, -from);
         }
         (low, high)
     }

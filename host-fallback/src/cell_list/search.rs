@@ -201,14 +201,13 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
         }
         self.work_if_full();
         let own_row = level.grid.index([0, cell[1], cell[2]]);
-        let before = count[0].min(size[0] - first[0]);
-        let parts = [first[0]..first[0] + before, 0..count[0] - before];
+        let parts = block.row_parts(size);
         for z in 0..count[2] {
             for y in 0..count[1] {
                 let (y, z) = (wrap(first[1] + y, size[1]), wrap(first[2] + z, size[2]));
                 let is_adjacent = y.abs_diff(cell[1]) <= 1 && z.abs_diff(cell[2]) <= 1;
                 let row = level.grid.index([0, y, z]);
-                if row < own_row || (is_adjacent && before == count[0]) {
+                if row < own_row || (is_adjacent && parts[1].is_empty()) {
                     continue;
                 }
                 let row = level.base + row;
@@ -226,13 +225,13 @@ impl<V: SimdWidth, S: Sink> Finder<'_, V, S> {
     #[inline(always)]
     fn rows(&mut self, level: &LevelGrid, block: CellRange, at: usize, from: usize) {
         let (size, first, count) = (level.grid.size, block.first, block.count());
-        let before = count[0].min(size[0] - first[0]);
+        let parts = block.row_parts(size);
         for z in 0..count[2] {
             for y in 0..count[1] {
                 self.work_if_full();
                 let (y, z) = (wrap(first[1] + y, size[1]), wrap(first[2] + z, size[2]));
                 let row = level.base + level.grid.index([0, y, z]);
-                for cells in [first[0]..first[0] + before, 0..count[0] - before] {
+                for cells in &parts {
                     let start = self.list.starts[row + cells.start as usize].max(from as u32);
                     let end = self.list.starts[row + cells.end as usize];
                     self.runs.push(at as u32, start..end, true);
