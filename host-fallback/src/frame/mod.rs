@@ -104,10 +104,7 @@ impl SearchFrame {
 
     /// Returns `None` unless the space is triclinic.
     pub(crate) fn orthogonalization(&self) -> Option<&Orthogonalization> {
-        match &self.axes {
-            Axes::Orthogonal(_) => None,
-            Axes::Triclinic(cell) | Axes::TriclinicF32(cell) => Some(cell),
-        }
+        self.cell().map(|(cell, _)| cell)
     }
 
     /// Returns `true` if the frame represents spheres in `bounds` together with all that its map
@@ -226,8 +223,11 @@ impl SearchFrame {
     pub(crate) fn sphere(&self, [x, y, z, radius]: [f64; 4]) -> Sphere {
         let [x0, y0, z0] = self.origin;
         let center = [x - x0, y - y0, z - z0];
-        match &self.axes {
-            Axes::Orthogonal(axes) => {
+        let is_valid = (x + y + z).is_finite() && radius.is_finite() && radius >= 0.0;
+        // Spheres of other frames are checked by their bounds.
+        let is_checked = is_valid || !self.is_triclinic_f32();
+        match (&self.axes, self.cell()) {
+            (Axes::Orthogonal(axes), _) => {
                 let coordinate = |axis: usize| match axes[axis] {
                     None if self.is_trimmed => (center[axis] * self.scale).clamp(-1.0, 1.0) as f32,
                     None => (center[axis] * self.scale) as f32,
@@ -238,15 +238,8 @@ impl SearchFrame {
                 };
                 Sphere::new([0, 1, 2].map(coordinate), searched_radius(radius * self.scale))
             }
-            Axes::Triclinic(cell) => cell.sphere(center, radius, 2.0 * MAX_RADIUS),
-            Axes::TriclinicF32(cell) => {
-                // Spheres of other frames are checked by their bounds.
-                let is_valid = (x + y + z).is_finite() && radius.is_finite() && radius >= 0.0;
-                match is_valid {
-                    true => cell.sphere(center, radius, f64::from(f32::MAX)),
-                    false => Sphere::new([f32::NAN; 3], f32::NAN),
-                }
-            }
+            (_, Some((cell, limit))) if is_checked => cell.sphere(center, radius, limit),
+            _ => Sphere::new([f32::NAN; 3], f32::NAN),
         }
     }
 }
