@@ -42,6 +42,9 @@ pub use lazygrid_host::{
     CandidateListStats, ListOptions, NeighborList, Neighbors, NeighborsIter, Order, PhaseTime, RebuildReason,
     Simd, Skin, start_threads,
 };
+/// For messages about files; no part of the stable interface.
+#[doc(hidden)]
+pub use lazygrid_kernels::short;
 pub use lazygrid_kernels::{
     Algorithm, Backend, EffectiveRadius, Error, Exclusions, ImageVector, InputError, Interaction,
     Interactions, MAX_SPHERES, Pair, Query, Radii, Real, Space, Sphere, Spheres, Strided, UnknownName,

@@ -104,7 +104,7 @@ pub enum Error {
     #[error(
         "{place}: the box is periodic along {axis} and its length there is {}, no {rule} above zero; give \
          lengths with --periodic X,Y,Z, or take space as unbounded with --periodic none",
-        short(*length)
+        lazygrid::short(*length)
     )]
     BoxLength {
         place: Location,
@@ -180,12 +180,6 @@ fn remedy(species: Option<&str>) -> String {
         },
         None => "spheres without species; add a radius column".to_owned(),
     }
-}
-
-/// Returns a number, with an exponent if it has many digits.
-pub(crate) fn short(number: f64) -> String {
-    let digits = number.to_string();
-    if digits.len() > 24 { format!("{number:e}") } else { digits }
 }
 
 /// Returns bytes as short printable text.

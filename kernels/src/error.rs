@@ -222,8 +222,8 @@ pub enum Error {
     SpeciesBuffer,
 }
 
-/// Numbers of many digits have an exponent.
-fn short(number: f64) -> String {
+/// Returns a number for a message, with an exponent if it has many digits.
+pub fn short(number: f64) -> String {
     let digits = number.to_string();
     if digits.len() > 24 { format!("{number:e}") } else { digits }
 }

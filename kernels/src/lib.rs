@@ -15,6 +15,8 @@ pub mod wgsl;
 
 pub use algorithm::Algorithm;
 pub use backend::Backend;
+#[doc(hidden)]
+pub use error::short;
 pub use error::{Error, InputError};
 pub use limits::MAX_SPHERES;
 pub use memory::try_reserve;
@@ -29,6 +31,8 @@ pub use types::orthogonalization::nearest;
 pub use types::orthogonalization::{DistanceMap, Orthogonalization};
 pub use types::pair::Pair;
 pub use types::query::Query;
+#[doc(hidden)]
+pub use types::real::widened;
 pub use types::real::{Radii, Real, Strided};
 pub use types::space::Space;
 #[doc(hidden)]

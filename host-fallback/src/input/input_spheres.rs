@@ -1,6 +1,6 @@
 //! The spheres of a call in the caller's layout, and their map to the search frame.
 
-use lazygrid_kernels::{Space, SpeciesReach, SphereValues, Spheres, Strided};
+use lazygrid_kernels::{Space, SpeciesReach, SphereValues, Spheres, Strided, widened};
 
 use crate::compare::{SimdWidth, Xyzr};
 use crate::frame::{Bounds, FrameMap, SearchFrame};
@@ -17,7 +17,11 @@ pub(crate) struct InputSpheres<'a> {
 pub(crate) trait InputRows: Copy {
     fn prefetch(self, k: usize);
     fn get(self, k: usize) -> [f64; 4];
-    fn effective(self, k: usize, row: [f64; 4]) -> [f64; 4];
+
+    #[inline(always)]
+    fn effective(self, _: usize, row: [f64; 4]) -> [f64; 4] {
+        row
+    }
 }
 
 /// Callees are `#[inline(always)]`, as in a [`SimdTask`](crate::compare::SimdTask).
@@ -114,13 +118,7 @@ impl<T: Copy + Into<f64>> InputRows for &[[T; 4]] {
 
     #[inline(always)]
     fn get(self, k: usize) -> [f64; 4] {
-        let [x, y, z, radius] = self[k];
-        [x.into(), y.into(), z.into(), radius.into()]
-    }
-
-    #[inline(always)]
-    fn effective(self, _: usize, row: [f64; 4]) -> [f64; 4] {
-        row
+        widened(self[k])
     }
 }
 
@@ -132,13 +130,7 @@ impl<T: Copy + Into<f64>> InputRows for &Strided<'_, T> {
 
     #[inline(always)]
     fn get(self, k: usize) -> [f64; 4] {
-        let [x, y, z, radius] = Strided::get(self, k);
-        [x.into(), y.into(), z.into(), radius.into()]
-    }
-
-    #[inline(always)]
-    fn effective(self, _: usize, row: [f64; 4]) -> [f64; 4] {
-        row
+        widened(Strided::get(self, k))
     }
 }
 

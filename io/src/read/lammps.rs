@@ -4,7 +4,7 @@
 //! or `diameter`; species `type`, else `element`; groups `mol`. An axis is periodic if `BOX BOUNDS` says
 //! `pp`.
 
-use lazygrid::Space;
+use lazygrid::{Space, short};
 
 use super::cell::Cell;
 use super::columns::{Column, Columns, Row};
@@ -14,7 +14,7 @@ use super::read_context::ReadContext;
 use super::rows::{AnnouncedRows, Table};
 use super::source::Source;
 use super::{Frame, RESERVE};
-use crate::error::{Error, Location, short};
+use crate::error::{Error, Location};
 
 pub(super) struct Lammps {
     pub(super) lines: Lines,

@@ -19,7 +19,7 @@ use super::line::rule_of;
 use super::read_context::ReadContext;
 use super::source::Source;
 use super::{Frame, Precision};
-use crate::error::{Error, Position, short};
+use crate::error::{Error, Position};
 
 pub use self::array::ArrayFile;
 pub use self::npy_rows::NpyRows;
@@ -170,7 +170,7 @@ fn check(source: &Source, number: ArrayNumber<'_>, doubles: bool) -> Result<f64,
     } else {
         return Ok(value);
     };
-    let (column, value) = (column.to_owned(), short(written));
+    let (column, value) = (column.to_owned(), lazygrid::short(written));
     Err(Error::Value { place: source.at(Position::Row(row)), column, value, rule })
 }
 

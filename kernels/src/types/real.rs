@@ -72,6 +72,13 @@ pub enum Wide<'a> {
     F64(Strided<'a, f64>),
 }
 
+/// Widens numbers to `f64`. `array::map` is not always inlined.
+#[inline(always)]
+#[doc(hidden)]
+pub fn widened<T: Into<f64>>([x, y, z, radius]: [T; 4]) -> [f64; 4] {
+    [x.into(), y.into(), z.into(), radius.into()]
+}
+
 fn maybe<T>(values: &[T]) -> &[MaybeUninit<T>] {
     // SAFETY: `MaybeUninit<T>` has the layout of `T`, and a shared slice of it cannot be written through.
     unsafe { &*(std::ptr::from_ref(values) as *const [MaybeUninit<T>]) }
@@ -162,10 +169,7 @@ impl Wide<'_> {
     #[inline]
     pub(crate) fn get(&self, i: usize) -> [f64; 4] {
         match self {
-            Self::F32(spheres) => {
-                let [x, y, z, radius] = spheres.get(i);
-                [x.into(), y.into(), z.into(), radius.into()]
-            }
+            Self::F32(spheres) => widened(spheres.get(i)),
             Self::F64(spheres) => spheres.get(i),
         }
     }

@@ -1,7 +1,7 @@
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-use super::real::{Radii, Real, Strided, Wide};
+use super::real::{Radii, Real, Strided, Wide, widened};
 use crate::InputError;
 
 /// A sphere in the caller's length unit, 16 bytes, laid out as `[f32; 4]` = `x, y, z, r`.
@@ -174,10 +174,7 @@ impl<'a> Spheres<'a> {
         match self.layout {
             Layout::RowsF64(rows) => rows[i],
             Layout::Wide(wide) => wide.get(i),
-            Layout::Rows(_) | Layout::Columns(_) => {
-                let Sphere { center: Vec3 { x, y, z }, radius } = self.get(i);
-                [x.into(), y.into(), z.into(), radius.into()]
-            }
+            Layout::Rows(_) | Layout::Columns(_) => widened(bytemuck::cast::<Sphere, [f32; 4]>(self.get(i))),
         }
     }
 

@@ -4,7 +4,7 @@ use super::dictionary::Descr;
 use super::dtype::Dtype;
 use super::header::{describe, float_type, read_text};
 use super::{BLOCK, further_bytes, syntax};
-use crate::error::{Error, Position, short};
+use crate::error::{Error, Position};
 use crate::memory::refused;
 use crate::read::source::Source;
 
@@ -89,7 +89,7 @@ impl ArrayFile {
         Err(Error::Value {
             place: self.source.at(Position::File),
             column: format!("the number at {:?}", self.index(position)),
-            value: short(written),
+            value: lazygrid::short(written),
             rule: "values must be finite 32-bit floating-point numbers",
         })
     }
