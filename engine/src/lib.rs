@@ -42,6 +42,9 @@ pub use lazygrid_host::{
     CandidateListStats, ListOptions, NeighborList, Neighbors, NeighborsIter, Order, PhaseTime, RebuildReason,
     Simd, Skin, start_threads,
 };
+/// For the other crates of this repository; no part of the stable interface.
+#[doc(hidden)]
+pub use lazygrid_host::{check_thread_memory, thread_pool};
 /// For messages about files; no part of the stable interface.
 #[doc(hidden)]
 pub use lazygrid_kernels::short;

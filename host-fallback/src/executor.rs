@@ -2,7 +2,9 @@
 //!
 //! The first chunk of work that fails ends the work with its error.
 
+use std::collections::TryReserveError;
 use std::error::Error as _;
+use std::hint::black_box;
 use std::sync::OnceLock;
 use std::thread::available_parallelism;
 
@@ -15,6 +17,11 @@ use crate::Error;
 const MAX_THREADS_PER_CORE: usize = 4;
 /// Number of threads that a pool may always start.
 const MIN_MAX_THREADS: usize = 16;
+
+/// Bytes of the stack that Rust gives a thread, and of the pages that the C library maps for its thread-local values.
+const THREAD_MEMORY: usize = (2 << 20) + (1 << 18);
+/// glibc may serve smaller allocations from memory that it holds, in which threads cannot be started.
+const MIN_MAPPED: usize = (32 << 20) + 1;
 
 /// Below this number of spheres, waking threads takes as long as a light pass.
 pub(crate) const MIN_PARALLEL_SPHERES: usize = 1 << 14;
@@ -176,8 +183,40 @@ fn pool(asked: usize) -> Result<ThreadPool, Error> {
     if threads < asked {
         log::warn!("{asked} threads requested; starting {threads}, the limit for {cores} cores");
     }
+    thread_pool(threads)
+}
+
+/// Starts a pool of `threads` threads.
+///
+/// # Errors
+/// Returns [`Error::ThreadPool`] if the system refuses the threads or their memory.
+pub fn thread_pool(threads: usize) -> Result<ThreadPool, Error> {
+    check_thread_memory(threads)?;
     let built = ThreadPoolBuilder::new().num_threads(threads).build();
-    built.map_err(|error| Error::ThreadPool { threads, reason: error.to_string() })
+    let pool = built.map_err(|error| Error::ThreadPool { threads, reason: error.to_string() })?;
+    // The threads allocate their thread-local values now, while there is memory.
+    pool.broadcast(|_| ());
+    Ok(pool)
+}
+
+/// Checks that the process has memory for the stacks and the thread-local values of `threads` more threads. The C
+/// library ends the process if a thread cannot allocate these values.
+///
+/// # Errors
+/// Returns [`Error::ThreadPool`] if it has not.
+pub fn check_thread_memory(threads: usize) -> Result<(), Error> {
+    try_thread_memory(threads).map_err(|reason| Error::ThreadPool { threads, reason })
+}
+
+fn try_thread_memory(threads: usize) -> Result<(), String> {
+    let mut memory = Vec::<u8>::new();
+    let refused = |error: TryReserveError| error.to_string();
+    memory
+        .try_reserve_exact(threads.saturating_mul(THREAD_MEMORY).saturating_add(MIN_MAPPED))
+        .map_err(refused)?;
+    // The compiler could remove an allocation without a use.
+    black_box(&memory);
+    Ok(())
 }
 
 fn useful(asked: usize, cores: usize) -> usize {
@@ -198,10 +237,15 @@ pub fn start_threads() -> Result<(), Error> {
         return Ok(());
     }
     static STARTED: OnceLock<Result<(), String>> = OnceLock::new();
-    let started = STARTED.get_or_init(|| match ThreadPoolBuilder::new().build_global() {
-        // An error without a source: the pool runs already.
-        Err(error) if error.source().is_some() => Err(error.to_string()),
-        _ => Ok(()),
+    let started = STARTED.get_or_init(|| {
+        try_thread_memory(cores())?;
+        match ThreadPoolBuilder::new().build_global() {
+            Ok(()) => drop(rayon::broadcast(|_| ())),
+            Err(error) if error.source().is_some() => return Err(error.to_string()),
+            // The pool runs already.
+            Err(_) => {}
+        }
+        Ok(())
     });
     started.clone().map_err(|reason| Error::ThreadPool { threads: cores(), reason })
 }

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 
-use lazygrid::{Error, Exclusions, Pair, Query, Sphere, Spheres};
+use lazygrid::{Error, Exclusions, Pair, Query, Sphere, Spheres, check_thread_memory};
 use pyo3::prelude::*;
 
 use crate::fork::Process;
@@ -40,6 +40,7 @@ impl Chunks {
         let query = borrowed.query()?;
         let exclusions = borrowed.exclusions();
         let owned = py.detach(|| OwnedQuery::new(&query, exclusions)).map_err(error::engine)?;
+        check_thread_memory(1).map_err(error::engine)?;
         let stopper = lease.stopper();
         let (to, chunks) = sync_channel(AHEAD);
         let thread = thread::Builder::new().name("lazygrid stream".into());

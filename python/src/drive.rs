@@ -14,7 +14,7 @@ use std::path::PathBuf;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, TryLockError, Weak};
 use std::time::Instant;
 
-use lazygrid::{Algorithm, Backend};
+use lazygrid::{Algorithm, Backend, thread_pool};
 use lazygrid_sim::run::checkpoint::Checkpoint;
 use lazygrid_sim::run::replicas::seed_of;
 use lazygrid_sim::scenario::Scenario;
@@ -23,7 +23,7 @@ use numpy::ndarray::{ArrayView1, Ix1};
 use numpy::{Element, PyArray1, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::ThreadPool;
 
 use crate::error;
 use crate::fork::{self, Process};
@@ -84,10 +84,7 @@ impl SimulationCore {
             scenario.seed = seed_of(scenario.seed, replica);
         }
         scenario.model.logs_arrivals |= AnySimulation::can_log_arrivals(&scenario.model, backend);
-        let pool = threads.map(|threads| {
-            let pool = ThreadPoolBuilder::new().num_threads(threads).build();
-            pool.map_err(|error| error::simulator(Error::Threads { threads, reason: error.to_string() }))
-        });
+        let pool = threads.map(|threads| thread_pool(threads).map_err(error::engine));
         let pool = pool.transpose()?;
         let begun = py.detach(|| {
             let state = match checkpoint {

@@ -22,6 +22,7 @@ pub(crate) fn open(
         return Ok(Box::new(RegularFile { file: File::open(path)?, cancel }));
     }
     // Opening and reading wait for the other end. A thread that waits after a cancelled read ends with the process.
+    lazygrid::check_thread_memory(1).map_err(io::Error::other)?;
     let (to, blocks) = sync_channel(1);
     Builder::new().name("lazygrid read".into()).spawn(move || {
         if let Err(refused) = File::open(path).and_then(|file| send_blocks(file, &to)) {

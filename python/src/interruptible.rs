@@ -10,7 +10,7 @@ use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::thread::{self, Builder};
 use std::time::Duration;
 
-use lazygrid::Error;
+use lazygrid::{Error, check_thread_memory};
 use pyo3::prelude::*;
 
 /// At or above this number of spheres a call uses another thread. A smaller call takes milliseconds, or a second if all
@@ -44,6 +44,7 @@ pub(crate) fn interruptible<R: Send>(
 }
 
 pub(crate) fn poll_signals<R: Send>(cancel: &AtomicBool, work: impl FnOnce() -> R + Send) -> PyResult<R> {
+    check_thread_memory(1).map_err(crate::error::engine)?;
     thread::scope(|scope| {
         let (done, finished) = sync_channel(1);
         let worker = Builder::new().name("lazygrid".into()).spawn_scoped(scope, move || {

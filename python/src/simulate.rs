@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use lazygrid::{Algorithm, Backend};
+use lazygrid::{Algorithm, Backend, thread_pool};
 use lazygrid_sim::model::transmitter::Schedule;
 use lazygrid_sim::random::philox::Key;
 use lazygrid_sim::scenario::Scenario;
@@ -13,7 +13,7 @@ use numpy::PyArray1;
 use pyo3::exceptions::{PyOverflowError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict};
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::ThreadPool;
 
 use crate::arrays;
 use crate::interruptible::SIGNAL_POLL;
@@ -99,10 +99,7 @@ impl Run {
         let simulation = begun.map_err(error::simulator)?;
         let counts = vec![Vec::new(); series::names(&scenario.model).len()];
         check_series(&scenario, every, counts.len()).map_err(error::simulator)?;
-        let pool = options.threads.map(|threads| {
-            let pool = ThreadPoolBuilder::new().num_threads(threads).build();
-            pool.map_err(|error| error::simulator(Error::Threads { threads, reason: error.to_string() }))
-        });
+        let pool = options.threads.map(|threads| thread_pool(threads).map_err(error::engine));
         let (steps, frames, frames_every) = (Vec::new(), Vec::new(), options.frames_every);
         let pool = pool.transpose()?;
         Ok(Self { scenario, simulation, every, frames_every, steps, counts, frames, pool })

@@ -54,7 +54,10 @@ def under(more):
     resource.setrlimit(resource.RLIMIT_AS, before)
     os._exit(1 if refused() else 2 if few else 0)
 
-codes = [under(int(2**20 * 1.35**k)) for k in range(22)]
+# Limits of many sizes, and some with little more than the stack of a thread.
+limits = [2**20 * 1.35**k for k in range(22)]
+stacks = [2**21 + 2**15 * k for k in range(16)]
+codes = [under(int(limit)) for limit in stacks + limits]
 print(codes)
 sys.exit(not (set(codes) == {0, 2} and codes[-1] == 0))
 """

@@ -99,8 +99,6 @@ pub enum Error {
     },
     #[error("this build cannot write Arrow files; build it with --features arrow, or write the log as CSV")]
     NoArrow,
-    #[error("cannot start {threads} threads: {reason}; ask for fewer")]
-    Threads { threads: usize, reason: String },
     #[error("{}: cannot read: {source}", path.display())]
     Read { path: PathBuf, source: io::Error },
     #[error("{}: cannot write: {source}", path.display())]

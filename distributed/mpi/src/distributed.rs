@@ -1,13 +1,13 @@
 use std::ops::ControlFlow;
 
 use bytemuck::Pod;
-use lazygrid::{Detector, Order};
+use lazygrid::{Detector, Order, thread_pool};
 use lazygrid_ranks::{
     Communicator as _, Coordinate, Ghosts, LoadBalance, Migration, PairCounts, PairKind, Partitioner,
     RankBounds, Search, SphereWrapper, WrappedSphere, gather,
 };
 use mpi::traits::Communicator;
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::ThreadPool;
 
 use crate::communicator::{MpiCommunicator, try_reserved};
 use crate::id_check::IdCheck;
@@ -53,7 +53,8 @@ impl Distributed {
         let (rank, ranks) = (comm.rank(), comm.ranks());
         let made = search(&config, node, wrapper.clone(), [rank, ranks]);
         let threads = config.threads.unwrap_or_else(|| node.threads());
-        let made = made.and_then(|search| Ok((search, pool(threads)?)));
+        let made =
+            made.and_then(|search| Ok((search, thread_pool(threads).map_err(|error| error.to_string())?)));
         let (search, pool) = comm.agree(made.map_err(|message| Error::Detection { rank, message }))?;
         let (id_check, report) = (IdCheck::default(), Report::default());
         Ok(Self {
@@ -317,11 +318,4 @@ fn search(
     let search =
         made.and_then(|made| Search::new(made, ours(lazygrid::Config::default()), wrapper, rank, ranks));
     search.map_err(|error| error.to_string())
-}
-
-fn pool(threads: usize) -> Result<ThreadPool, String> {
-    ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|error| format!("could not start {threads} threads: {error}; ask for fewer"))
 }

@@ -13,6 +13,7 @@ use lazygrid_kernels::Pair;
 
 use super::sink::{ChunkTarget, ChunkedOutput, PairConsumer};
 use crate::Error;
+use crate::executor::check_thread_memory;
 
 /// Runs `search`, and `consume` on a new thread. Recycles `free_chunks`.
 pub(crate) fn deliver_unordered(
@@ -20,6 +21,7 @@ pub(crate) fn deliver_unordered(
     free_chunks: &mut Vec<Vec<Pair>>,
     search: impl FnOnce(&ChunkedOutput<'_>) -> Result<(), Error>,
 ) -> Result<(), Error> {
+    check_thread_memory(1)?;
     // With one waiting chunk per thread, no thread waits for a consumer that keeps up.
     let (sender, receiver) = sync_channel(rayon::current_num_threads());
     let end = sender.clone();

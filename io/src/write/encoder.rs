@@ -70,6 +70,7 @@ struct Zstandard {
 
 impl Zstandard {
     fn new(out: impl Write + Send + 'static) -> io::Result<Self> {
+        lazygrid::check_thread_memory(1).map_err(io::Error::other)?;
         let (source, into) = io::pipe()?;
         let into = buffered(into)?;
         let thread =

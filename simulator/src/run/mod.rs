@@ -115,7 +115,9 @@ impl Run {
     ) -> Result<(RunEnd, AnySimulation), Error> {
         match self.threads {
             None => self.run_here(ReplicaSlot::NONE, watch),
-            Some(threads) => pool(threads)?.install(|| self.run_here(ReplicaSlot::NONE, watch)),
+            Some(threads) => {
+                lazygrid::thread_pool(threads)?.install(|| self.run_here(ReplicaSlot::NONE, watch))
+            }
         }
     }
 
@@ -365,9 +367,4 @@ impl Run {
 
 fn intervals(output: Output) -> [u32; 3] {
     [output.every, output.frames_every, output.animation.map_or(0, |animation| animation.every)]
-}
-
-pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, Error> {
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-    pool.map_err(|error| Error::Threads { threads, reason: error.to_string() })
 }

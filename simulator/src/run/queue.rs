@@ -3,10 +3,10 @@ use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
-use lazygrid::Backend;
+use lazygrid::{Backend, check_thread_memory, thread_pool};
 
 use crate::run::replicas::{ReplicaResults, Replicas};
-use crate::run::{ReplicaSlot, RunEnd, pool};
+use crate::run::{ReplicaSlot, RunEnd};
 use crate::{AnySimulation, Error};
 
 pub(crate) fn at_once(groups: &[Replicas]) -> u32 {
@@ -33,8 +33,9 @@ pub(crate) fn run_all(
     let Some(first) = groups.first() else { return Ok(Vec::new()) };
     let (threads, at_once) = (threads(first), at_once(groups) as usize);
     // In a common pool, a worker that waits for its run would begin another run and delay the first.
-    let pools = (0..at_once).map(|k| pool(threads / at_once + usize::from(k < threads % at_once)));
-    let pools = pools.collect::<Result<Vec<_>, _>>().map_err(|error| (0, error))?;
+    let pools = (0..at_once).map(|k| thread_pool(threads / at_once + usize::from(k < threads % at_once)));
+    let pools = pools.collect::<Result<Vec<_>, _>>().map_err(|error| (0, error.into()))?;
+    check_thread_memory(at_once).map_err(|error| (0, error.into()))?;
     let queue = RunQueue::new(groups, at_once as u32);
     std::thread::scope(|scope| {
         for pool in &pools {

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use lazygrid_io::Error;
 use lazygrid_io::arguments::unused_radius;
 use lazygrid_io::read::{Frame, Frames};
-use rayon::{ThreadPool, ThreadPoolBuilder};
+use rayon::ThreadPool;
 use same_file::Handle;
 
 use crate::args::{Detect, STANDARD};
@@ -39,7 +39,7 @@ impl Input {
         let frames = Frames::new(&path, progress.wrap(input), length, args.options()?)?;
         let pool = args.threads.and_then(|threads| {
             let useful = std::thread::available_parallelism().map_or(threads, |cores| cores.min(threads));
-            ThreadPoolBuilder::new().num_threads(useful.get()).build().ok()
+            lazygrid::thread_pool(useful.get()).ok()
         });
         Ok(Self { path, frames, pool, read: 0, wanted: args.frame, progress })
     }
