@@ -2,7 +2,6 @@
 //!
 //! The first chunk of work that fails ends the work with its error.
 
-use std::collections::TryReserveError;
 use std::error::Error as _;
 use std::hint::black_box;
 use std::sync::OnceLock;
@@ -209,11 +208,10 @@ pub fn check_thread_memory(threads: usize) -> Result<(), Error> {
 }
 
 fn try_thread_memory(threads: usize) -> Result<(), String> {
+    let bytes = threads.saturating_mul(THREAD_MEMORY).saturating_add(MIN_MAPPED);
     let mut memory = Vec::<u8>::new();
-    let refused = |error: TryReserveError| error.to_string();
-    memory
-        .try_reserve_exact(threads.saturating_mul(THREAD_MEMORY).saturating_add(MIN_MAPPED))
-        .map_err(refused)?;
+    let refused = |_| format!("the system refused {bytes} bytes for their stacks");
+    memory.try_reserve_exact(bytes).map_err(refused)?;
     // The compiler could remove an allocation without a use.
     black_box(&memory);
     Ok(())
@@ -237,17 +235,20 @@ pub fn start_threads() -> Result<(), Error> {
         return Ok(());
     }
     static STARTED: OnceLock<Result<(), String>> = OnceLock::new();
-    let started = STARTED.get_or_init(|| {
-        try_thread_memory(cores())?;
-        match ThreadPoolBuilder::new().build_global() {
-            Ok(()) => drop(rayon::broadcast(|_| ())),
-            Err(error) if error.source().is_some() => return Err(error.to_string()),
-            // The pool runs already.
-            Err(_) => {}
+    let refused = |reason| Error::ThreadPool { threads: cores(), reason };
+    if STARTED.get().is_none() {
+        try_thread_memory(cores()).map_err(refused)?;
+    }
+    let started = STARTED.get_or_init(|| match ThreadPoolBuilder::new().build_global() {
+        Ok(()) => {
+            rayon::broadcast(|_| ());
+            Ok(())
         }
-        Ok(())
+        // An error without a source: the pool runs already.
+        Err(error) if error.source().is_none() => Ok(()),
+        Err(error) => Err(error.to_string()),
     });
-    started.clone().map_err(|reason| Error::ThreadPool { threads: cores(), reason })
+    started.clone().map_err(refused)
 }
 
 #[cfg(test)]
