@@ -27,9 +27,9 @@ pub fn species_radius(text: &str) -> Result<(String, f64), String> {
 ///
 /// # Errors
 /// Fails with a message for the user if a species is given twice.
-pub fn radii_by_species(given: &[(String, f64)]) -> Result<Radii, String> {
+pub fn radii_by_species(options: &[(String, f64)]) -> Result<Radii, String> {
     let mut radii = Radii::new();
-    for (species, radius) in given {
+    for (species, radius) in options {
         if let Some(first) = radii.insert(species.clone(), *radius) {
             let species = excerpt(species.as_bytes());
             return Err(format!("--radius {species} is given twice, as {first} and {radius}; give one"));

@@ -3,6 +3,7 @@ use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use lazygrid::MAX_SPHERES;
 use thiserror::Error;
 
 /// The location of a fault.
@@ -65,18 +66,18 @@ pub enum Error {
         /// Program that decompresses it.
         program: &'static str,
     },
-    #[error("{place}: expected {expected}, found {found}")]
+    #[error("{location}: expected {expected}, found {found}")]
     Syntax {
-        place: Location,
+        location: Location,
         expected: String,
         /// Text of the file.
         found: String,
     },
-    #[error("{place}: {column} '{text}' is not a number")]
-    Number { place: Location, column: String, text: String },
-    #[error("{place}: {column} is {value}; {rule}")]
+    #[error("{location}: {column} '{text}' is not a number")]
+    Number { location: Location, column: String, text: String },
+    #[error("{location}: {column} is {value}; {rule}")]
     Value {
-        place: Location,
+        location: Location,
         column: String,
         /// Text of the file.
         value: String,
@@ -86,58 +87,57 @@ pub enum Error {
         "the radius of species '{species}' is {radius}; radii must be finite in the precision that is read, and not negative"
     )]
     Radius { species: String, radius: f64 },
-    #[error("{place}: no radius column and no radius for {}", remedy(species.as_deref()))]
-    NoRadius { place: Location, species: Option<String> },
-    #[error("{place}: the file ends after {found} of {expected} {what}")]
+    #[error("{location}: no radius column and no radius for {}", remedy(species.as_deref()))]
+    NoRadius { location: Location, species: Option<String> },
+    #[error("{location}: the file ends after {found} of {expected} {what}")]
     Truncated {
-        place: Location,
+        location: Location,
         /// Plural noun.
         what: &'static str,
         found: u64,
         expected: u64,
     },
     #[error(
-        "{place}: the box cannot be periodic: {reason}; give lengths with --periodic X,Y,Z, or take space as unbounded with \
+        "{location}: the box cannot be periodic: {reason}; give lengths with --periodic X,Y,Z, or take space as unbounded with \
          --periodic none"
     )]
-    BoxEdges { place: Location, reason: Box<lazygrid::InputError> },
+    BoxVectors { location: Location, reason: Box<lazygrid::InputError> },
     #[error(
-        "{place}: the box is periodic along {axis} and its length there is {}, no {rule} above zero; give \
+        "{location}: the box is periodic along {axis} and its length there is {}, no {rule} above zero; give \
          lengths with --periodic X,Y,Z, or take space as unbounded with --periodic none",
         lazygrid::short(*length)
     )]
     BoxLength {
-        place: Location,
+        location: Location,
         axis: &'static str,
         length: f64,
         /// Kind of numbers.
         rule: &'static str,
     },
     #[error(
-        "{place}: molecule {serial} is listed a second time, first on line {first}; several listings in one \
+        "{location}: molecule {serial} is listed a second time, first on line {first}; several listings in one \
          file cannot be told apart: write one file per listing (Smoldyn's `incrementfile`)"
     )]
     RepeatedMolecule {
-        place: Location,
+        location: Location,
         serial: String,
         /// Line number.
         first: u64,
     },
-    #[error("{place}: the line is longer than {limit} bytes; is this a text file?")]
-    LineTooLong { place: Location, limit: usize },
+    #[error("{location}: the line is longer than {limit} bytes; is this a text file?")]
+    LineTooLong { location: Location, limit: usize },
     #[error("{}: cannot read: {reason}", path.display())]
     Threads { path: PathBuf, reason: Box<lazygrid::Error> },
-    #[error("{place}: no room for {spheres} spheres ({limit}); split the file")]
-    TooManySpheres {
-        place: Location,
-        spheres: u64,
-        /// Limited resource.
-        limit: &'static str,
-    },
+    #[error(
+        "{location}: {spheres} spheres exceed the {MAX_SPHERES} that 32-bit indices can name; split the file"
+    )]
+    TooManySpheres { location: Location, spheres: u64 },
+    #[error("{location}: memory for {spheres} spheres was refused; free memory or split the file")]
+    OutOfMemory { location: Location, spheres: u64 },
 }
 
 impl Error {
-    /// Returns the location, for callers that read a file in pieces.
+    /// Returns the location, for callers that read a file in ranges.
     pub fn location_mut(&mut self) -> Option<&mut Location> {
         match self {
             Self::Read { .. }
@@ -147,16 +147,17 @@ impl Error {
             | Self::Compression { .. }
             | Self::Radius { .. }
             | Self::Threads { .. } => None,
-            Self::Syntax { place, .. }
-            | Self::Number { place, .. }
-            | Self::Value { place, .. }
-            | Self::NoRadius { place, .. }
-            | Self::Truncated { place, .. }
-            | Self::BoxEdges { place, .. }
-            | Self::BoxLength { place, .. }
-            | Self::RepeatedMolecule { place, .. }
-            | Self::LineTooLong { place, .. }
-            | Self::TooManySpheres { place, .. } => Some(place),
+            Self::Syntax { location, .. }
+            | Self::Number { location, .. }
+            | Self::Value { location, .. }
+            | Self::NoRadius { location, .. }
+            | Self::Truncated { location, .. }
+            | Self::BoxVectors { location, .. }
+            | Self::BoxLength { location, .. }
+            | Self::RepeatedMolecule { location, .. }
+            | Self::LineTooLong { location, .. }
+            | Self::TooManySpheres { location, .. }
+            | Self::OutOfMemory { location, .. } => Some(location),
         }
     }
 }

@@ -121,12 +121,12 @@ impl Scene {
         Self::advance_by(Self::STEP, spheres, seed, step);
     }
 
-    /// Moves every sphere by `part` of its radius in a random direction.
-    pub fn advance_by(part: f32, spheres: &mut [Sphere], seed: u64, step: u32) {
+    /// Moves every sphere by `step_in_radii` times its radius in a random direction.
+    pub fn advance_by(step_in_radii: f32, spheres: &mut [Sphere], seed: u64, step: u32) {
         let mut rng = stream(seed, 1 + u64::from(step));
         for sphere in spheres {
             let direction: [f64; 3] = UnitSphere.sample(&mut rng);
-            sphere.center += glam::Vec3::from(direction.map(|d| d as f32)) * (part * sphere.radius);
+            sphere.center += glam::Vec3::from(direction.map(|d| d as f32)) * (step_in_radii * sphere.radius);
         }
     }
 
@@ -197,8 +197,8 @@ impl RadiusMix {
         let class = |count: usize, radius: f32| SizeGroup { count: count as f64, radius: radius.into() };
         match self {
             Self::EquallyOften(sizes) => {
-                let share = |k| (n + sizes.len() - 1 - k) / sizes.len();
-                sizes.iter().enumerate().map(|(k, &radius)| class(share(k), radius)).collect()
+                let count = |k| (n + sizes.len() - 1 - k) / sizes.len();
+                sizes.iter().enumerate().map(|(k, &radius)| class(count(k), radius)).collect()
             }
             Self::Two(mixture) => {
                 let count = mixture.among(n);

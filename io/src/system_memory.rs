@@ -95,7 +95,7 @@ fn address_space(limits: &str, status: &str) -> Option<u64> {
 }
 
 /// Covers groups of version 1 and 2 and their ancestors.
-fn control_group(own: &str, root: &Path) -> Option<u64> {
+fn control_group(memberships: &str, root: &Path) -> Option<u64> {
     let of_line = |line: &str| {
         let (controllers, path) = line.split_once(':')?.1.split_once(':')?;
         let (root, names) = match controllers {
@@ -109,7 +109,7 @@ fn control_group(own: &str, root: &Path) -> Option<u64> {
         let folders = folder.ancestors().take_while(|folder| folder.starts_with(&root));
         folders.filter_map(|folder| left(folder, names)).min()
     };
-    own.lines().filter_map(of_line).min()
+    memberships.lines().filter_map(of_line).min()
 }
 
 /// Counts inactive file pages as free.

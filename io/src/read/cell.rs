@@ -3,48 +3,48 @@ use lazygrid::Space;
 use crate::error::{Error, Location};
 
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Cell {
-    pub(super) edges: [[f64; 3]; 3],
+pub(super) struct SimulationCell {
+    pub(super) vectors: [[f64; 3]; 3],
     pub(super) periodic: [bool; 3],
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
-impl Cell {
+impl SimulationCell {
     /// For `doubles`, no component of a cell vector is negligible.
-    pub(super) fn space(&self, place: &Location, doubles: bool) -> Result<Space, Error> {
+    pub(super) fn space(&self, location: &Location, doubles: bool) -> Result<Space, Error> {
         let mut lengths = [None; 3];
         for k in (0..3).filter(|&k| self.periodic[k]) {
-            let edge = &self.edges[k];
-            let along = if *edge == [0.0; 3] { Some(k) } else { Self::axis_of(edge, doubles) };
+            let vector = &self.vectors[k];
+            let along = if *vector == [0.0; 3] { Some(k) } else { Self::axis_of(vector, doubles) };
             let Some(axis) = along.filter(|&axis| lengths[axis].is_none()) else {
-                return self.sheared(place);
+                return self.triclinic_space(location);
             };
-            let length = edge[axis].abs();
+            let length = vector[axis].abs();
             let (value, rule) = match doubles {
                 true => (length, "finite number"),
                 false => (f64::from(length as f32), "32-bit number"),
             };
             if !(value.is_finite() && value > 0.0) {
-                return Err(Error::BoxLength { place: place.clone(), axis: AXES[axis], length, rule });
+                return Err(Error::BoxLength { location: location.clone(), axis: AXES[axis], length, rule });
             }
             lengths[axis] = Some(length);
         }
         Ok(Space::periodic(lengths).unwrap_or_default())
     }
 
-    fn sheared(&self, place: &Location) -> Result<Space, Error> {
-        let repeats = |k: usize| self.periodic[k].then(|| self.edges[k]);
+    fn triclinic_space(&self, location: &Location) -> Result<Space, Error> {
+        let repeats = |k: usize| self.periodic[k].then(|| self.vectors[k]);
         Space::triclinic([0, 1, 2].map(repeats))
-            .map_err(|reason| Error::BoxEdges { place: place.clone(), reason: Box::new(reason) })
+            .map_err(|reason| Error::BoxVectors { location: location.clone(), reason: Box::new(reason) })
     }
 
     /// For `f32` spheres, ignores residues of rotations.
-    fn axis_of(edge: &[f64; 3], doubles: bool) -> Option<usize> {
+    fn axis_of(vector: &[f64; 3], doubles: bool) -> Option<usize> {
         const NEGLIGIBLE: f64 = 1.0 / (1 << 30) as f64;
-        let longest = (0..3).max_by(|&a, &b| edge[a].abs().total_cmp(&edge[b].abs()))?;
-        let others = (0..3).filter(|&axis| axis != longest).map(|axis| edge[axis].abs());
-        let limit = if doubles { 0.0 } else { NEGLIGIBLE * edge[longest].abs() };
+        let longest = (0..3).max_by(|&a, &b| vector[a].abs().total_cmp(&vector[b].abs()))?;
+        let others = (0..3).filter(|&axis| axis != longest).map(|axis| vector[axis].abs());
+        let limit = if doubles { 0.0 } else { NEGLIGIBLE * vector[longest].abs() };
         (others.fold(0.0, f64::max) <= limit).then_some(longest)
     }
 }
@@ -56,33 +56,33 @@ mod tests {
     use super::*;
     use crate::error::Position;
 
-    fn space(edges: [[f64; 3]; 3], periodic: [bool; 3]) -> Result<[Option<f64>; 3], String> {
-        let place = Location { path: Path::new("a.xyz").into(), at: Position::Line(2) };
-        let space = Cell { edges, periodic }.space(&place, false);
+    fn space(vectors: [[f64; 3]; 3], periodic: [bool; 3]) -> Result<[Option<f64>; 3], String> {
+        let location = Location { path: Path::new("a.xyz").into(), at: Position::Line(2) };
+        let space = SimulationCell { vectors, periodic }.space(&location, false);
         space.map(|space| space.lengths()).map_err(|error| error.to_string())
     }
 
     #[test]
-    fn edges_along_the_axes_are_lengths() {
+    fn cell_vectors_along_the_axes_are_lengths() {
         let (yes, no) = (true, false);
         let cube = [[4.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, 6.0]];
         assert_eq!(space(cube, [yes; 3]), Ok([Some(4.0), Some(5.0), Some(6.0)]));
         assert_eq!(space(cube, [yes, no, yes]), Ok([Some(4.0), None, Some(6.0)]));
         assert_eq!(space(cube, [no; 3]), Ok([None; 3]));
-        let turned = [[0.0, 4.0, 2.4e-16], [-5.0, 0.0, 0.0], [0.0, 0.0, 6.0]];
-        assert_eq!(space(turned, [yes; 3]), Ok([Some(5.0), Some(4.0), Some(6.0)]));
+        let rotated = [[0.0, 4.0, 2.4e-16], [-5.0, 0.0, 0.0], [0.0, 0.0, 6.0]];
+        assert_eq!(space(rotated, [yes; 3]), Ok([Some(5.0), Some(4.0), Some(6.0)]));
         let skewed = [[4.0, 0.0, 0.0], [0.0, 5.0, 0.0], [1.0, 2.0, 6.0]];
         assert_eq!(space(skewed, [yes, yes, no]), Ok([Some(4.0), Some(5.0), None]));
     }
 
     #[test]
-    fn edges_that_lean_are_taken_as_they_are() {
-        let place = Location { path: Path::new("a.xyz").into(), at: Position::Line(2) };
-        let edges = [[4.0, 0.0, 0.0], [1.5, 5.0, 0.0], [0.0, 1.0, 6.0]];
-        let space = |periodic| Cell { edges, periodic }.space(&place, false).unwrap();
-        let taken = edges.map(Some);
-        assert_eq!(space([true; 3]).cell_vectors(), taken);
-        assert_eq!(space([false, true, true]).cell_vectors(), [None, taken[1], taken[2]]);
+    fn tilted_cell_vectors_stay_unchanged() {
+        let location = Location { path: Path::new("a.xyz").into(), at: Position::Line(2) };
+        let vectors = [[4.0, 0.0, 0.0], [1.5, 5.0, 0.0], [0.0, 1.0, 6.0]];
+        let space = |periodic| SimulationCell { vectors, periodic }.space(&location, false).unwrap();
+        let expected = vectors.map(Some);
+        assert_eq!(space([true; 3]).cell_vectors(), expected);
+        assert_eq!(space([false, true, true]).cell_vectors(), [None, expected[1], expected[2]]);
         assert!(space([true, false, false]).triclinic_cell().is_none());
     }
 

@@ -57,7 +57,7 @@ pub(super) struct Scaled<'a> {
 }
 
 impl<'a> Scaled<'a> {
-    fn of(value: f64, (column, field): (usize, &'a [u8])) -> Self {
+    fn new(value: f64, (column, field): (usize, &'a [u8])) -> Self {
         let unit = digits(field).filter(|&(significant, _)| significant > SAFE_DIGITS);
         Self { value, unit: unit.map_or(f64::INFINITY, |(_, unit)| unit), field: Some((column, field)) }
     }
@@ -88,7 +88,7 @@ impl Columns {
     pub(super) fn check(&self, header: Line<'_>, context: &ReadContext) -> Result<(), Error> {
         let found = || format!("columns {}", excerpt(self.names.join(", ").as_bytes()));
         match self.lacks(context) {
-            Some(expected) => Err(Error::Syntax { place: header.place(), expected, found: found() }),
+            Some(expected) => Err(Error::Syntax { location: header.location(), expected, found: found() }),
             None => Ok(()),
         }
     }
@@ -105,7 +105,7 @@ impl Columns {
         if axes != [1; 3] || radii > 1 || count(&[Column::Species]) > 1 || count(&[Column::Id]) > 1 {
             return Some("one column each for x, y, z, species, id and either radius or diameter".to_owned());
         }
-        let by_species = self.has(Column::Species) && context.species.any_given();
+        let by_species = self.has(Column::Species) && context.species.has_radii();
         if radii == 0 && !by_species {
             let remedy =
                 if self.has(Column::Species) { ", or radii by species (--radius SPECIES=R)" } else { "" };
@@ -142,7 +142,7 @@ impl Columns {
                     value
                 }
                 Column::Scaled(axis) => {
-                    row.scaled[axis] = Scaled::of(line.number(name, field)?, (k, field));
+                    row.scaled[axis] = Scaled::new(line.number(name, field)?, (k, field));
                     continue;
                 }
                 Column::Species => {
@@ -174,7 +174,7 @@ impl Columns {
         let (width, names) = (self.names.len(), excerpt(self.names.join(", ").as_bytes()));
         let expected = format!("{width} fields ({names})");
         let found = format!("{found}: '{}'", excerpt(line.bytes));
-        Error::Syntax { place: line.place(), expected, found }
+        Error::Syntax { location: line.location(), expected, found }
     }
 }
 

@@ -63,7 +63,7 @@ fn token(text: &[u8], end: impl Fn(u8) -> bool) -> (&[u8], &[u8]) {
     }
 }
 
-/// Returns the place of the closing quote or bracket, counted after the first byte; `None` without an opening one.
+/// Returns the position of the closing quote or bracket, counted after the first byte; `None` without an opening one.
 fn closing(text: &[u8]) -> Option<Option<usize>> {
     match *text.first()? {
         quote @ (b'"' | b'\'') => Some(closing_quote(&text[1..], quote)),

@@ -33,13 +33,13 @@ fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
         // Old programs end lines by `\r` alone.
         if line.bytes.trim_ascii().contains(&b'\r') {
             return Err(Error::Syntax {
-                place: line.place(),
+                location: line.location(),
                 expected: "lines that end with \\n or \\r\\n".to_owned(),
                 found: "\\r within a line; convert the line ends, for example with tr '\\r' '\\n'".to_owned(),
             });
         }
         let Some(comment) = commented(line.bytes) else {
-            let table = Csv::of(line, line.bytes);
+            let table = Csv::from_header(line, line.bytes);
             return match in_comment {
                 Some(table) if !is_header(line.bytes) => {
                     lines.put_back();
@@ -57,7 +57,7 @@ fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
             };
         };
         if is_header(comment) {
-            let table = Csv::of(line, comment);
+            let table = Csv::from_header(line, comment);
             let table = table.and_then(|table| table.columns.check(line, context).map(|()| table));
             if table.is_ok() || !matches!(in_comment, Some(Ok(_))) {
                 in_comment = Some(table);
@@ -65,13 +65,13 @@ fn header(lines: &mut Lines, context: &ReadContext) -> Result<Csv, Error> {
         }
     }
     in_comment.unwrap_or_else(|| {
-        let (place, expected) = (lines.place(), HEADER.to_owned());
-        Err(Error::Syntax { place, expected, found: "an empty file".to_owned() })
+        let (location, expected) = (lines.location(), HEADER.to_owned());
+        Err(Error::Syntax { location, expected, found: "an empty file".to_owned() })
     })
 }
 
 impl Csv {
-    fn of(line: Line<'_>, header: &[u8]) -> Result<Self, Error> {
+    fn from_header(line: Line<'_>, header: &[u8]) -> Result<Self, Error> {
         let separator = separator(header);
         let columns = fields(line, header, separator)?.map(|field| {
             let name = String::from_utf8_lossy(field).to_lowercase();

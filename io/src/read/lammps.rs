@@ -6,7 +6,7 @@
 
 use lazygrid::{Space, short};
 
-use super::cell::Cell;
+use super::cell::SimulationCell;
 use super::columns::{Column, Columns, Row};
 use super::line::{Line, rule_of};
 use super::lines::Lines;
@@ -30,8 +30,8 @@ struct Head {
 
 struct Bounds {
     corner: [f64; 3],
-    cell: Cell,
-    place: Location,
+    cell: SimulationCell,
+    location: Location,
 }
 
 impl Lammps {
@@ -48,12 +48,12 @@ impl Lammps {
                 Some(b"NUMBER OF ATOMS") => head.atoms = Some(self.atoms()?),
                 Some(b"UNITS" | b"TIME") => drop(self.head_line()?),
                 Some(item) if item.starts_with(b"BOX BOUNDS") => {
-                    let (style, place) = (Style::of(item), line.place());
+                    let (style, location) = (Style::from_item(item), line.location());
                     let periodic = match context.space {
                         None => periodic(line, style.flags(item))?,
                         Some(_) => [false; 3],
                     };
-                    head.bounds = Some(self.bounds(style, periodic, place)?);
+                    head.bounds = Some(self.bounds(style, periodic, location)?);
                 }
                 Some(item) if item.starts_with(b"ATOMS") => {
                     let Some(atoms) = head.atoms else {
@@ -70,7 +70,7 @@ impl Lammps {
         }
         match head.begun {
             true => Err(Error::Truncated {
-                place: self.lines.place(),
+                location: self.lines.location(),
                 what: "frame heads",
                 found: 0,
                 expected: 1,
@@ -87,8 +87,8 @@ impl Lammps {
         context: &mut ReadContext,
     ) -> Result<Frame, Error> {
         let space = match (context.space, &head.bounds) {
-            (Some(given), _) => given,
-            (None, Some(bounds)) => bounds.cell.space(&bounds.place, context.doubles)?,
+            (Some(space), _) => space,
+            (None, Some(bounds)) => bounds.cell.space(&bounds.location, context.doubles)?,
             (None, None) => Space::UNBOUNDED,
         };
         let mut frame = Frame { step: head.step, space, ..Frame::with_capacity(atoms.min(RESERVE), context) };
@@ -112,13 +112,13 @@ impl Lammps {
         self.head_line()?.count("the number of atoms")
     }
 
-    fn bounds(&mut self, style: Style, periodic: [bool; 3], place: Location) -> Result<Bounds, Error> {
+    fn bounds(&mut self, style: Style, periodic: [bool; 3], location: Location) -> Result<Bounds, Error> {
         const RULE: &str = "the high bound of an axis must not be less than the low one, which comes first";
         let mut rows = [[0.0; 4]; 3];
-        let mut places = [(); 3].map(|()| place.clone());
-        for (row, place) in rows.iter_mut().zip(&mut places) {
+        let mut locations = [(); 3].map(|()| location.clone());
+        for (row, location) in rows.iter_mut().zip(&mut locations) {
             let line = self.head_line()?;
-            *place = line.place();
+            *location = line.location();
             let mut words = line.words();
             for value in &mut row[..style.width()] {
                 let word = words.next().ok_or_else(|| line.unexpected(style.expected()))?;
@@ -128,17 +128,17 @@ impl Lammps {
                 return Err(line.unexpected(style.expected()));
             }
             let [low, high, ..] = *row;
-            if !matches!(style, Style::Edges) && high < low {
+            if !matches!(style, Style::CellVectors) && high < low {
                 return Err(line.refuse("high", short(high).as_bytes(), RULE));
             }
         }
-        let (corner, edges) = style.box_of(rows);
-        if let Some(axis) = (0..3).find(|&axis| matches!(style, Style::Tilted) && edges[axis][axis] < 0.0) {
+        let (corner, vectors) = style.box_of(rows);
+        if let Some(axis) = (0..3).find(|&axis| matches!(style, Style::Tilted) && vectors[axis][axis] < 0.0) {
             let (column, value) =
-                ("high without the tilts".to_owned(), short(corner[axis] + edges[axis][axis]));
-            return Err(Error::Value { place: places[axis].clone(), column, value, rule: RULE });
+                ("high without the tilts".to_owned(), short(corner[axis] + vectors[axis][axis]));
+            return Err(Error::Value { location: locations[axis].clone(), column, value, rule: RULE });
         }
-        Ok(Bounds { corner, cell: Cell { edges, periodic }, place })
+        Ok(Bounds { corner, cell: SimulationCell { vectors, periodic }, location })
     }
 }
 
@@ -155,7 +155,7 @@ impl Table for Atoms {
     fn row<'a>(&self, line: Line<'a>, doubles: bool) -> Result<Option<Row<'a>>, Error> {
         let mut row = self.columns.row(line, line.words(), doubles)?;
         if let Some(bounds) = &self.scale {
-            bounds.place(line, &mut row, doubles)?;
+            bounds.set_center(line, &mut row, doubles)?;
         }
         Ok(Some(row))
     }
@@ -187,14 +187,14 @@ enum Style {
     /// `low high tilt` of the bounding box of a box tilted by xy, xz and yz.
     Tilted,
     /// `x y z origin`: a cell vector and a coordinate of the corner.
-    Edges,
+    CellVectors,
 }
 
 impl Style {
-    fn of(item: &[u8]) -> Self {
+    fn from_item(item: &[u8]) -> Self {
         match &item[b"BOX BOUNDS".len()..] {
             rest if rest.starts_with(b" xy xz yz") => Self::Tilted,
-            rest if rest.starts_with(b" abc origin") => Self::Edges,
+            rest if rest.starts_with(b" abc origin") => Self::CellVectors,
             _ => Self::Orthogonal,
         }
     }
@@ -203,7 +203,7 @@ impl Style {
         let form: &[u8] = match self {
             Self::Orthogonal => b"BOX BOUNDS",
             Self::Tilted => b"BOX BOUNDS xy xz yz",
-            Self::Edges => b"BOX BOUNDS abc origin",
+            Self::CellVectors => b"BOX BOUNDS abc origin",
         };
         &item[form.len()..]
     }
@@ -212,7 +212,7 @@ impl Style {
         match self {
             Self::Orthogonal => "the low and the high bound of an axis, two numbers",
             Self::Tilted => "the low and the high bound of an axis and a tilt, three numbers",
-            Self::Edges => "a cell vector and a coordinate of the origin, four numbers",
+            Self::CellVectors => "a cell vector and a coordinate of the origin, four numbers",
         }
     }
 
@@ -220,12 +220,12 @@ impl Style {
         match self {
             Self::Orthogonal => 2,
             Self::Tilted => 3,
-            Self::Edges => 4,
+            Self::CellVectors => 4,
         }
     }
 
     fn box_of(self, rows: [[f64; 4]; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
-        if let Self::Edges = self {
+        if let Self::CellVectors = self {
             return (rows.map(|row| row[3]), rows.map(|[x, y, z, _]| [x, y, z]));
         }
         let [xy, xz, yz] = rows.map(|row| row[2]);
@@ -241,10 +241,15 @@ impl Style {
 }
 
 impl Bounds {
-    fn place(&self, line: Line<'_>, row: &mut Row<'_>, doubles: bool) -> Result<(), Error> {
-        let parts = row.scaled;
+    fn set_center(&self, line: Line<'_>, row: &mut Row<'_>, doubles: bool) -> Result<(), Error> {
+        let fractions = row.scaled;
         for (axis, name) in ["x", "y", "z"].into_iter().enumerate() {
-            let steps = self.cell.edges.iter().zip(parts).map(|(edge, part)| edge[axis] * part.value);
+            let steps = self
+                .cell
+                .vectors
+                .iter()
+                .zip(fractions)
+                .map(|(vector, fraction)| vector[axis] * fraction.value);
             let value = self.corner[axis] + steps.sum::<f64>();
             let number = if doubles { value } else { f64::from(value as f32) };
             row.center[axis] = number;
@@ -252,10 +257,10 @@ impl Bounds {
                 return Err(line.refuse(name, short(value).as_bytes(), rule_of(doubles)));
             }
             // A coordinate is known to half of the last digit of each field.
-            let edges = self.cell.edges.iter().zip(parts).filter(|(edge, _)| edge[axis] != 0.0);
-            let units = edges.map(|(edge, part)| edge[axis].abs() * part.unit);
+            let vectors = self.cell.vectors.iter().zip(fractions).filter(|(vector, _)| vector[axis] != 0.0);
+            let units = vectors.map(|(vector, fraction)| vector[axis].abs() * fraction.unit);
             if row.rounded.is_none() && (value - number).abs() > 0.5 * units.sum::<f64>() {
-                row.rounded = parts[axis].field;
+                row.rounded = fractions[axis].field;
             }
         }
         Ok(())

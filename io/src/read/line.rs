@@ -19,7 +19,7 @@ pub(super) struct Line<'a> {
 pub const BYTE_ORDER_MARK: &[u8] = b"\xEF\xBB\xBF";
 
 impl<'a> Line<'a> {
-    pub(super) fn of(bytes: &'a [u8], number: u64, path: &'a Arc<Path>) -> Result<Self, Error> {
+    pub(super) fn new(bytes: &'a [u8], number: u64, path: &'a Arc<Path>) -> Result<Self, Error> {
         if bytes.len() > LONGEST_LINE {
             return Err(too_long(Location { path: path.clone(), at: Position::Line(number) }));
         }
@@ -36,7 +36,7 @@ impl<'a> Line<'a> {
         self.bytes.trim_ascii().is_empty()
     }
 
-    pub(super) fn place(self) -> Location {
+    pub(super) fn location(self) -> Location {
         Location { path: self.path.clone(), at: Position::Line(self.number) }
     }
 
@@ -45,7 +45,7 @@ impl<'a> Line<'a> {
             true => "a blank line".to_owned(),
             false => format!("'{}'", excerpt(self.bytes)),
         };
-        Error::Syntax { place: self.place(), expected: expected.into(), found }
+        Error::Syntax { location: self.location(), expected: expected.into(), found }
     }
 
     pub(super) fn count(self, what: &str) -> Result<u64, Error> {
@@ -62,7 +62,7 @@ impl<'a> Line<'a> {
             Ok(_) => Err(self.refuse(column, field, rule_of(size_of::<F>() > 4))),
             Err(_) => {
                 let (column, text) = (column.to_owned(), excerpt(field));
-                Err(Error::Number { place: self.place(), column, text })
+                Err(Error::Number { location: self.location(), column, text })
             }
         }
     }
@@ -89,7 +89,7 @@ impl<'a> Line<'a> {
     pub(super) fn id(self, field: &[u8]) -> Result<i64, Error> {
         let found = || format!("'{}'", excerpt(field));
         lexical_core::parse(field).map_err(|_| Error::Syntax {
-            place: self.place(),
+            location: self.location(),
             expected: "a whole number as id".to_owned(),
             found: found(),
         })
@@ -97,7 +97,7 @@ impl<'a> Line<'a> {
 
     pub(super) fn group(self, field: &[u8]) -> Result<u32, Error> {
         let refused = || Error::Syntax {
-            place: self.place(),
+            location: self.location(),
             expected: GROUPS.to_owned(),
             found: format!("'{}'", excerpt(field)),
         };
@@ -106,7 +106,7 @@ impl<'a> Line<'a> {
     }
 
     pub(super) fn refuse(self, column: &str, field: &[u8], rule: &'static str) -> Error {
-        Error::Value { place: self.place(), column: column.to_owned(), value: excerpt(field), rule }
+        Error::Value { location: self.location(), column: column.to_owned(), value: excerpt(field), rule }
     }
 }
 
@@ -127,8 +127,8 @@ pub(super) fn group_of(number: i128) -> Option<u32> {
     }
 }
 
-pub(super) fn too_long(place: Location) -> Error {
-    Error::LineTooLong { place, limit: LONGEST_LINE }
+pub(super) fn too_long(location: Location) -> Error {
+    Error::LineTooLong { location, limit: LONGEST_LINE }
 }
 
 #[cfg(test)]
@@ -138,7 +138,7 @@ mod tests {
     #[test]
     fn numbers_are_finite_and_whole_fields() {
         let path = Arc::from(Path::new("test"));
-        let line = Line::of(b"row", 1, &path).unwrap();
+        let line = Line::new(b"row", 1, &path).unwrap();
         for (field, value) in [("1", 1.0), ("+2.5", 2.5), ("-1e-3", -1e-3), (".5", 0.5), ("3.", 3.0)] {
             assert_eq!(line.number::<f32>("x", field.as_bytes()).unwrap(), value, "{field}");
         }

@@ -14,7 +14,7 @@ const FIRST_BLOCK: usize = 1 << 16;
 const SHARE: usize = 1 << 20;
 const LARGEST_BLOCK: usize = 32 << 20;
 /// Bytes per task, up to the end of a line.
-const PIECE: usize = 1 << 17;
+const MAX_BLOCK_BYTES: usize = 1 << 17;
 
 pub(super) struct Lines {
     source: Source,
@@ -79,7 +79,7 @@ impl Lines {
         if self.advance()? {
             Ok(self.line())
         } else {
-            Err(Error::Truncated { place: self.place(), what, found, expected })
+            Err(Error::Truncated { location: self.location(), what, found, expected })
         }
     }
 
@@ -91,7 +91,7 @@ impl Lines {
         self.number -= 1;
     }
 
-    pub(super) fn place(&self) -> Location {
+    pub(super) fn location(&self) -> Location {
         let at = if self.number == 0 { Position::File } else { Position::Line(self.number) };
         Location { path: self.source.path.clone(), at }
     }
@@ -109,19 +109,19 @@ impl Lines {
             let path = source.path.clone();
             let text =
                 Text { bytes: &buffer[unread.clone()], first: *number + 1, path: &path, ended: *ended };
-            let (pieces, lines, end) = text.cut(most);
+            let (blocks, lines, end) = text.cut(most);
             if lines == 0 && most > 0 && !*ended {
                 self.fill()?;
                 continue;
             }
             let parsed = if lines == most || *ended || failed.is_some() {
                 unread.start += end;
-                if pieces.len() > 1 {
+                if blocks.len() > 1 {
                     start_threads(&path)?;
-                    rayon::join(|| parse(&pieces), meanwhile).0
+                    rayon::join(|| parse(&blocks), meanwhile).0
                 } else {
                     meanwhile();
-                    parse(&pieces)
+                    parse(&blocks)
                 }
             } else {
                 let (rest, left) = (&text.bytes[end..], most - lines);
@@ -130,7 +130,7 @@ impl Lines {
                     meanwhile();
                     read_on(source, spare, rest, left)
                 };
-                let (parsed, read) = rayon::join(|| parse(&pieces), read_on);
+                let (parsed, read) = rayon::join(|| parse(&blocks), read_on);
                 std::mem::swap(buffer, spare);
                 *unread = 0..read.filled;
                 (*ended, *failed) = (read.ended, read.failed);
@@ -158,7 +158,7 @@ impl Lines {
             self.fill()?;
         };
         let start = self.unread.start;
-        let line = Line::of(&self.buffer[start..start + length], self.number + 1, &self.source.path)?;
+        let line = Line::new(&self.buffer[start..start + length], self.number + 1, &self.source.path)?;
         let before = length - line.bytes.len() - usize::from(self.buffer[..start + length].ends_with(b"\r"));
         let length_of_line = line.bytes.len();
         self.line = start + before..start + before + length_of_line;
@@ -196,10 +196,10 @@ struct Text<'a> {
 
 impl<'a> Text<'a> {
     fn cut(&self, most: u64) -> (Vec<LineBlock<'a>>, u64, usize) {
-        let (mut pieces, mut lines, mut at) = (Vec::new(), 0, 0);
+        let (mut blocks, mut lines, mut at) = (Vec::new(), 0, 0);
         while lines < most && at < self.bytes.len() {
             let rest = &self.bytes[at..];
-            let near = memrchr(b'\n', &rest[..rest.len().min(PIECE)]);
+            let near = memrchr(b'\n', &rest[..rest.len().min(MAX_BLOCK_BYTES)]);
             let end = near.or_else(|| memchr(b'\n', rest)).map(|end| end + 1);
             let Some(mut end) = end.or(self.ended.then_some(rest.len())) else { break };
             let mut within = memchr_iter(b'\n', &rest[..end]).count() as u64;
@@ -209,10 +209,10 @@ impl<'a> Text<'a> {
                 within = most - lines;
                 end = memchr_iter(b'\n', rest).nth(within as usize - 1).map_or(end, |end| end + 1);
             }
-            pieces.push(LineBlock { bytes: &rest[..end], first: self.first + lines, path: self.path });
+            blocks.push(LineBlock { bytes: &rest[..end], first: self.first + lines, path: self.path });
             (lines, at) = (lines + within, at + end);
         }
-        (pieces, lines, at)
+        (blocks, lines, at)
     }
 }
 
@@ -267,7 +267,7 @@ impl<'a> LineBlock<'a> {
             let end = memchr(b'\n', bytes);
             let line = &bytes[..end.unwrap_or(bytes.len())];
             bytes = end.map_or(&[], |end| &bytes[end + 1..]);
-            Some(Line::of(line, number, path))
+            Some(Line::new(line, number, path))
         })
     }
 

@@ -288,7 +288,7 @@ impl Frames {
     /// Opens a file.
     ///
     /// # Errors
-    /// [`Error::Read`]; [`Error::UnknownFormat`] if the format is neither given nor clear; [`Error::Radius`].
+    /// [`Error::Read`]; [`Error::UnknownFormat`] if the format is neither set nor clear; [`Error::Radius`].
     pub fn open(path: impl AsRef<Path>, options: Options) -> Result<Self, Error> {
         let path = path.as_ref();
         let (file, length) = open(path)?;

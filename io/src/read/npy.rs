@@ -40,8 +40,8 @@ fn read_body(source: &mut Source, header: &Header, context: &mut ReadContext) ->
     context.choose_precision(&header.layout);
     let mut frame = Frame::with_capacity(0, context);
     if source.length.is_some() {
-        let room = frame.try_reserve(header.rows as usize);
-        room.map_err(|_| header.too_many(source, "memory"))?;
+        let reserved = frame.try_reserve(header.rows as usize);
+        reserved.map_err(|_| header.out_of_memory(source))?;
     }
     match &header.layout {
         Layout::Plain(_) if context.ids => {
@@ -83,7 +83,7 @@ fn read_rows(source: &mut Source, header: &Header, spheres: &mut Vec<Sphere>) ->
     while (spheres.len() as u64) < rows {
         let start = spheres.len();
         let block = (rows - start as u64).min(BLOCK as u64) as usize;
-        spheres.try_reserve(block).map_err(|_| header.too_many(source, "memory"))?;
+        spheres.try_reserve(block).map_err(|_| header.out_of_memory(source))?;
         spheres.resize(start + block, Sphere::default());
         let bytes = bytemuck::cast_slice_mut(&mut spheres[start..]);
         let read = source.fill(bytes)?;
@@ -124,7 +124,7 @@ fn decode(
                 if fortran { (next % rows, (next / rows) as usize) } else { (next / 4, (next % 4) as usize) };
             let value = context.number(source, ArrayNumber::in_column(column, row, written))?;
             if column == 0 {
-                frame.try_reserve(1).map_err(|_| header.too_many(source, "memory"))?;
+                frame.try_reserve(1).map_err(|_| header.out_of_memory(source))?;
                 frame.push([0.0; 4]);
             }
             match &mut frame.doubles {
@@ -146,7 +146,7 @@ fn decode(
 impl ReadContext {
     fn choose_precision(&mut self, layout: &Layout) {
         if self.precision == Precision::Auto {
-            let takes_radii = layout.has_species() && !self.species.given_fit_f32();
+            let takes_radii = layout.has_species() && !self.species.radii_fit_f32();
             self.doubles = layout.has_f64() || takes_radii;
         }
     }
@@ -171,11 +171,11 @@ fn check(source: &Source, number: ArrayNumber<'_>, doubles: bool) -> Result<f64,
         return Ok(value);
     };
     let (column, value) = (column.to_owned(), lazygrid::short(written));
-    Err(Error::Value { place: source.at(Position::Row(row)), column, value, rule })
+    Err(Error::Value { location: source.at(Position::Row(row)), column, value, rule })
 }
 
 fn truncated(source: &Source, found: u64, expected: u64) -> Error {
-    Error::Truncated { place: source.at(Position::File), what: "rows", found, expected }
+    Error::Truncated { location: source.at(Position::File), what: "rows", found, expected }
 }
 
 fn further_bytes(source: &Source) -> Error {
@@ -183,5 +183,9 @@ fn further_bytes(source: &Source) -> Error {
 }
 
 fn syntax(source: &Source, expected: &str, found: &str) -> Error {
-    Error::Syntax { place: source.at(Position::File), expected: expected.to_owned(), found: found.to_owned() }
+    Error::Syntax {
+        location: source.at(Position::File),
+        expected: expected.to_owned(),
+        found: found.to_owned(),
+    }
 }

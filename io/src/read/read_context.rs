@@ -34,10 +34,10 @@ impl ReadContext {
         Ok(Self { species, space, ids, groups, precision, doubles, serials, rounding: None })
     }
 
-    pub(super) fn warn_of_rounding(&mut self, place: Location, column: &str, text: impl Display) {
+    pub(super) fn warn_of_rounding(&mut self, location: Location, column: &str, text: impl Display) {
         if self.rounding.is_none() {
             let warning = format!(
-                "{place}: {column} is {text}, more digits than the 32-bit numbers have that spheres are made of; it is \
+                "{location}: {column} is {text}, more digits than the 32-bit numbers have that spheres are made of; it is \
                  rounded, as later ones may be; if that matters, search 64-bit numbers (lazygrid detect --precision f64; in \
                  Python dtype='float64'), or move the origin near the spheres"
             );
@@ -48,7 +48,7 @@ impl ReadContext {
 
     pub(super) fn listed(&mut self, serials: &[(Serial, u64)], file: &Location) -> Result<(), Error> {
         let spheres = (self.serials.len() + serials.len()) as u64;
-        let refused = |_| Error::TooManySpheres { place: file.clone(), spheres, limit: "memory" };
+        let refused = |_| Error::OutOfMemory { location: file.clone(), spheres };
         self.serials.try_reserve(serials.len()).map_err(refused)?;
         for &(serial, line) in serials {
             if let Some(first) = self.serials.insert(serial, line) {
@@ -56,8 +56,8 @@ impl ReadContext {
                     (whole, None) => whole.to_string(),
                     (high, Some(low)) => format!("{high}.{low}"),
                 };
-                let place = Location { at: Position::Line(line), ..file.clone() };
-                return Err(Error::RepeatedMolecule { place, serial, first });
+                let location = Location { at: Position::Line(line), ..file.clone() };
+                return Err(Error::RepeatedMolecule { location, serial, first });
             }
         }
         Ok(())

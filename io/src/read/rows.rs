@@ -53,7 +53,9 @@ impl Lines {
     ) -> Result<(), Error> {
         let AnnouncedRows { what, count: expected } = announced;
         match self.up_to(expected, table, context, frame)? {
-            found if found < expected => Err(Error::Truncated { place: self.place(), what, found, expected }),
+            found if found < expected => {
+                Err(Error::Truncated { location: self.location(), what, found, expected })
+            }
             _ => Ok(()),
         }
     }
@@ -78,27 +80,32 @@ impl Lines {
         frame.begin(table, context);
         let &mut ReadContext { ids, groups, doubles, ref species, .. } = context;
         let defaults = RowDefaults { species: species.with_names(), ids, groups, doubles };
-        let parse = |pieces: &[LineBlock<'_>]| match pieces {
-            [piece] => vec![ParsedBlock::of(*piece, table, &defaults)],
-            _ => pieces.par_iter().map(|piece| ParsedBlock::of(*piece, table, &defaults)).collect::<Vec<_>>(),
+        let parse = |blocks: &[LineBlock<'_>]| match blocks {
+            [block] => vec![ParsedBlock::from_lines(*block, table, &defaults)],
+            _ => blocks
+                .par_iter()
+                .map(|block| ParsedBlock::from_lines(*block, table, &defaults))
+                .collect::<Vec<_>>(),
         };
-        let (mut parts, mut lines) = (Vec::new(), 0);
+        let (mut parsed_blocks, mut lines) = (Vec::new(), 0);
         loop {
-            let (place, mut added) = (self.place(), Ok(()));
-            let mut add = |parts: Vec<ParsedBlock>| {
-                parts.into_iter().try_for_each(|part| frame.add(part, table, context, &place))
+            let (location, mut added) = (self.location(), Ok(()));
+            let mut add = |parsed_blocks: Vec<ParsedBlock>| {
+                parsed_blocks
+                    .into_iter()
+                    .try_for_each(|parsed_block| frame.add(parsed_block, table, context, &location))
             };
             if lines == most {
-                return add(parts).map(|()| lines);
+                return add(parsed_blocks).map(|()| lines);
             }
-            let mut before = Some(parts);
+            let mut before = Some(parsed_blocks);
             let parsed = self.parse(most - lines, parse, || added = add(before.take().unwrap_or_default()));
             added.and_then(|()| add(before.unwrap_or_default()))?;
             let (next, more) = parsed?;
             if more == 0 {
                 return Ok(lines);
             }
-            (parts, lines) = (next, lines + more);
+            (parsed_blocks, lines) = (next, lines + more);
         }
     }
 }
@@ -111,28 +118,31 @@ struct RowDefaults {
 }
 
 impl ParsedBlock {
-    fn of(piece: LineBlock<'_>, table: &impl Table, defaults: &RowDefaults) -> Self {
-        let mut part = Self { species: defaults.species.with_names(), ..Self::default() };
+    fn from_lines(block: LineBlock<'_>, table: &impl Table, defaults: &RowDefaults) -> Self {
+        let mut parsed_block = Self { species: defaults.species.with_names(), ..Self::default() };
         // On refusal, the first row says so.
         let _ = match defaults.doubles {
-            true => part.doubles.try_reserve_exact(piece.rows()),
-            false => part.spheres.try_reserve_exact(piece.rows()),
+            true => parsed_block.doubles.try_reserve_exact(block.rows()),
+            false => parsed_block.spheres.try_reserve_exact(block.rows()),
         };
-        part.error = piece.lines().try_for_each(|line| part.push(line?, table, defaults)).err();
-        part
+        parsed_block.error =
+            block.lines().try_for_each(|line| parsed_block.push(line?, table, defaults)).err();
+        parsed_block
     }
 
     fn push(&mut self, line: Line<'_>, table: &impl Table, defaults: &RowDefaults) -> Result<(), Error> {
         let Some(row) = table.row(line, defaults.doubles)? else { return Ok(()) };
         let mut radius = row.radius;
         if let Some(name) = row.species {
-            let refused = |_| too_many(line, self.kinds.len());
-            let (kind, given) = self.species.intern(name).map_err(refused)?;
-            radius = given.or(radius);
+            let refused = |_| out_of_memory(line, self.kinds.len());
+            let (kind, species_radius) = self.species.intern(name).map_err(refused)?;
+            radius = species_radius.or(radius);
             try_push(&mut self.kinds, kind, line)?;
         }
-        let radius = radius
-            .ok_or_else(|| Error::NoRadius { place: line.place(), species: row.species.map(excerpt) })?;
+        let radius = radius.ok_or_else(|| Error::NoRadius {
+            location: line.location(),
+            species: row.species.map(excerpt),
+        })?;
         if let Some(id) = row.id {
             if table.has_serials() {
                 try_push(&mut self.serials, (serial(line, id)?, line.number), line)?;
@@ -145,7 +155,7 @@ impl ParsedBlock {
             try_push(&mut self.groups, line.group(group)?, line)?;
         }
         if let Some((column, field)) = row.rounded.filter(|_| self.rounded.is_none()) {
-            self.rounded = Some((line.place(), column, excerpt(field)));
+            self.rounded = Some((line.location(), column, excerpt(field)));
         }
         let [x, y, z] = row.center;
         match defaults.doubles {
@@ -156,11 +166,11 @@ impl ParsedBlock {
 }
 
 fn try_push<T>(all: &mut Vec<T>, value: T, line: Line<'_>) -> Result<(), Error> {
-    memory::try_push(all, value).map_err(|_| too_many(line, all.len()))
+    memory::try_push(all, value).map_err(|_| out_of_memory(line, all.len()))
 }
 
-fn too_many(line: Line<'_>, before: usize) -> Error {
-    Error::TooManySpheres { place: line.place(), spheres: before as u64 + 1, limit: "memory" }
+fn out_of_memory(line: Line<'_>, before: usize) -> Error {
+    Error::OutOfMemory { location: line.location(), spheres: before as u64 + 1 }
 }
 
 impl Frame {
@@ -179,41 +189,41 @@ impl Frame {
 
     fn add(
         &mut self,
-        part: ParsedBlock,
+        block: ParsedBlock,
         table: &impl Table,
         context: &mut ReadContext,
         last: &Location,
     ) -> Result<(), Error> {
-        let more = part.spheres.len() + part.doubles.len();
+        let more = block.spheres.len() + block.doubles.len();
         let spheres = (self.len() + more) as u64;
         let file = || Location { at: Position::File, ..last.clone() };
         if spheres > MAX_SPHERES {
-            return Err(Error::TooManySpheres { place: file(), spheres, limit: "32-bit indices" });
+            return Err(Error::TooManySpheres { location: file(), spheres });
         }
-        let no_room = |_| Error::TooManySpheres { place: file(), spheres, limit: "memory" };
-        self.try_reserve(more).map_err(no_room)?;
-        self.spheres.extend_from_slice(&part.spheres);
-        self.doubles.iter_mut().for_each(|doubles| doubles.extend_from_slice(&part.doubles));
-        if !part.kinds.is_empty() {
-            let ids = context.species.adopt(&part.species).map_err(no_room)?;
+        let refused = |_| Error::OutOfMemory { location: file(), spheres };
+        self.try_reserve(more).map_err(refused)?;
+        self.spheres.extend_from_slice(&block.spheres);
+        self.doubles.iter_mut().for_each(|doubles| doubles.extend_from_slice(&block.doubles));
+        if !block.kinds.is_empty() {
+            let ids = context.species.adopt(&block.species).map_err(refused)?;
             let species = self.species.get_or_insert_default();
-            species.try_reserve(part.kinds.len()).map_err(no_room)?;
-            species.extend(part.kinds.iter().map(|&kind| ids[kind as usize]));
+            species.try_reserve(block.kinds.len()).map_err(refused)?;
+            species.extend(block.kinds.iter().map(|&kind| ids[kind as usize]));
         }
         if context.ids {
             let ids = self.ids.get_or_insert_default();
-            ids.try_reserve(part.ids.len()).map_err(no_room)?;
-            ids.extend_from_slice(&part.ids);
+            ids.try_reserve(block.ids.len()).map_err(refused)?;
+            ids.extend_from_slice(&block.ids);
         }
         if context.groups {
             let groups = self.groups.get_or_insert_default();
-            groups.try_reserve(part.groups.len()).map_err(no_room)?;
-            groups.extend_from_slice(&part.groups);
+            groups.try_reserve(block.groups.len()).map_err(refused)?;
+            groups.extend_from_slice(&block.groups);
         }
-        context.listed(&part.serials, last)?;
-        if let Some((place, column, text)) = part.rounded {
-            context.warn_of_rounding(place, table.columns().name(column), text);
+        context.listed(&block.serials, last)?;
+        if let Some((location, column, text)) = block.rounded {
+            context.warn_of_rounding(location, table.columns().name(column), text);
         }
-        part.error.map_or(Ok(()), Err)
+        block.error.map_or(Ok(()), Err)
     }
 }

@@ -22,7 +22,7 @@ pub(super) fn read(source: Source, context: &mut ReadContext) -> Result<Frame, E
     if context.groups {
         let expected = "a format with groups, which --exclude-groups asks for".to_owned();
         let found = "molecules without groups, as Smoldyn lists them".to_owned();
-        return Err(Error::Syntax { place: lines.place(), expected, found });
+        return Err(Error::Syntax { location: lines.location(), expected, found });
     }
     lines.all_rows(&listing, context, &mut frame)?;
     Ok(frame)

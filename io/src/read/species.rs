@@ -18,17 +18,17 @@ pub struct Species {
     keys: Vec<Box<[u8]>>,
     radii: Vec<Option<f64>>,
     ids: HashMap<Box<[u8]>, u32>,
-    given: Arc<Radii>,
+    radii_by_name: Arc<Radii>,
     last: usize,
 }
 
 impl Species {
-    pub(super) fn new(given: Radii) -> Self {
-        Self { given: Arc::new(given), ..Self::default() }
+    pub(super) fn new(radii_by_name: Radii) -> Self {
+        Self { radii_by_name: Arc::new(radii_by_name), ..Self::default() }
     }
 
     pub(super) fn with_names(&self) -> Self {
-        Self { given: self.given.clone(), ..Self::default() }
+        Self { radii_by_name: self.radii_by_name.clone(), ..Self::default() }
     }
 
     /// Returns names by id.
@@ -36,18 +36,18 @@ impl Species {
         &self.names
     }
 
-    /// Returns names of given radii that no sphere has.
+    /// Returns names of `--radius` options that no sphere has.
     pub fn unused_radii(&self) -> impl Iterator<Item = &str> {
-        let met = |given: &str| self.names.iter().any(|name| name == given || bare(name) == given);
-        self.given.keys().map(String::as_str).filter(move |given| !met(given))
+        let met = |key: &str| self.names.iter().any(|name| name == key || bare(name) == key);
+        self.radii_by_name.keys().map(String::as_str).filter(move |key| !met(key))
     }
 
-    pub(super) fn any_given(&self) -> bool {
-        !self.given.is_empty()
+    pub(super) fn has_radii(&self) -> bool {
+        !self.radii_by_name.is_empty()
     }
 
-    pub(super) fn given_fit_f32(&self) -> bool {
-        self.given.values().all(|&radius| f64::from(radius as f32) == radius)
+    pub(super) fn radii_fit_f32(&self) -> bool {
+        self.radii_by_name.values().all(|&radius| f64::from(radius as f32) == radius)
     }
 
     pub(super) fn intern(&mut self, name: &[u8]) -> Result<(u32, Option<f64>), TryReserveError> {
@@ -61,10 +61,10 @@ impl Species {
         Ok((id, self.radii[self.last]))
     }
 
-    pub(super) fn adopt(&mut self, part: &Self) -> Result<Vec<u32>, TryReserveError> {
+    pub(super) fn adopt(&mut self, other: &Self) -> Result<Vec<u32>, TryReserveError> {
         let mut ids = Vec::new();
-        ids.try_reserve_exact(part.keys.len())?;
-        for name in &part.keys {
+        ids.try_reserve_exact(other.keys.len())?;
+        for name in &other.keys {
             ids.push(self.intern(name)?.0);
         }
         Ok(ids)
@@ -84,7 +84,8 @@ impl Species {
         self.ids.try_reserve(1)?;
         // A frame has fewer than 2³² new names.
         let id = self.names.len() as u32;
-        self.radii.push(self.given.get(&name).or_else(|| self.given.get(bare(&name))).copied());
+        self.radii
+            .push(self.radii_by_name.get(&name).or_else(|| self.radii_by_name.get(bare(&name))).copied());
         self.names.push(name);
         self.keys.push(listed);
         self.ids.insert(mapped, id);
@@ -102,8 +103,8 @@ mod tests {
 
     #[test]
     fn a_state_has_its_own_radius_or_that_of_the_bare_name() {
-        let given = [("acid", 0.1), ("acid(front)", 0.2), ("salt", 0.3)].map(|(n, r)| (n.to_owned(), r));
-        let mut species = Species::new(given.into());
+        let radii = [("acid", 0.1), ("acid(front)", 0.2), ("salt", 0.3)].map(|(n, r)| (n.to_owned(), r));
+        let mut species = Species::new(radii.into());
         assert_eq!(interned(&mut species, b"acid(solution)"), (0, Some(0.1)));
         assert_eq!(interned(&mut species, b"acid(front)"), (1, Some(0.2)));
         assert_eq!(interned(&mut species, b"water"), (2, None));

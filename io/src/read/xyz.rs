@@ -3,7 +3,7 @@
 
 use lazygrid::Space;
 
-use super::cell::Cell;
+use super::cell::SimulationCell;
 use super::columns::{Column, Columns, Row};
 use super::comment::{elements, unclosed, value_of};
 use super::line::Line;
@@ -29,7 +29,7 @@ impl Xyz {
         let comment = self.lines.required("lines of the frame's head", 1, 2)?;
         let columns = columns(comment, context)?;
         let space = match context.space {
-            Some(given) => given,
+            Some(space) => space,
             None => space(comment, context.doubles)?,
         };
         let step = value_of(comment.bytes, "Step").and_then(|step| lexical_core::parse(step).ok());
@@ -75,12 +75,12 @@ fn columns(comment: Line<'_>, context: &ReadContext) -> Result<Columns, Error> {
 fn check_properties(columns: &Columns, comment: Line<'_>, context: &ReadContext) -> Result<(), Error> {
     let refuse = |expected: &str| {
         let found = format!("columns {}", excerpt(columns.names().join(", ").as_bytes()));
-        Err(Error::Syntax { place: comment.place(), expected: expected.to_owned(), found })
+        Err(Error::Syntax { location: comment.location(), expected: expected.to_owned(), found })
     };
     if !columns.has(Column::Axis(0)) {
         return refuse("coordinates as pos:R:3 in Properties");
     }
-    let by_species = columns.has(Column::Species) && context.species.any_given();
+    let by_species = columns.has(Column::Species) && context.species.has_radii();
     match columns.has(Column::Radius) || columns.has(Column::Diameter) || by_species {
         true => Ok(()),
         false if columns.has(Column::Species) => {
@@ -94,8 +94,8 @@ fn check_properties(columns: &Columns, comment: Line<'_>, context: &ReadContext)
 fn declared(comment: Line<'_>, properties: &[u8]) -> Result<Vec<(String, Column)>, Error> {
     const MOST: usize = 1000;
     let malformed = || comment.unexpected("Properties=name:type:columns, such as pos:R:3:radius:R:1");
-    let parts: Vec<_> = properties.split(|&b| b == b':').collect();
-    let (triples, []) = parts.as_chunks::<3>() else { return Err(malformed()) };
+    let fields: Vec<_> = properties.split(|&b| b == b':').collect();
+    let (triples, []) = fields.as_chunks::<3>() else { return Err(malformed()) };
     let mut columns = Vec::new();
     for &[name, _type, width] in triples {
         let name = String::from_utf8_lossy(name).into_owned();
@@ -125,8 +125,8 @@ fn space(comment: Line<'_>, doubles: bool) -> Result<Space, Error> {
     let periodic = value_of(comment.bytes, "pbc").map(|value| flags(comment, value)).transpose()?;
     match (value_of(comment.bytes, "Lattice"), periodic) {
         (Some(lattice), periodic) => {
-            let (edges, periodic) = (edges(comment, lattice)?, periodic.unwrap_or([true; 3]));
-            Cell { edges, periodic }.space(&comment.place(), doubles)
+            let (vectors, periodic) = (vectors(comment, lattice)?, periodic.unwrap_or([true; 3]));
+            SimulationCell { vectors, periodic }.space(&comment.location(), doubles)
         }
         (None, Some([false, false, false]) | None) => Ok(Space::UNBOUNDED),
         (None, Some(_)) => {
@@ -136,7 +136,7 @@ fn space(comment: Line<'_>, doubles: bool) -> Result<Space, Error> {
     }
 }
 
-fn edges(comment: Line<'_>, lattice: &[u8]) -> Result<[[f64; 3]; 3], Error> {
+fn vectors(comment: Line<'_>, lattice: &[u8]) -> Result<[[f64; 3]; 3], Error> {
     let numbers = elements(lattice).map(|element| comment.number("Lattice", element));
     match *numbers.collect::<Result<Vec<f64>, Error>>()? {
         [ax, ay, az, bx, by, bz, cx, cy, cz] => Ok([[ax, ay, az], [bx, by, bz], [cx, cy, cz]]),

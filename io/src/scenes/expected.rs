@@ -21,23 +21,23 @@ impl PairCount {
     }
 }
 
-/// Returns the pairs of uniform spheres, `(count, radius)` per size, in a periodic cube with an edge of at
+/// Returns the pairs of uniform spheres, `(count, radius)` per size, in a periodic cube with sides of at
 /// least twice the largest sum of radii.
 pub fn periodic_box_pairs(sizes: &[(u64, f64)], volume: f64) -> PairCount {
     let classes: Vec<SizeGroup> =
         sizes.iter().map(|&(count, radius)| SizeGroup { count: count as f64, radius }).collect();
-    independent(&classes, |reach| 4.0 / 3.0 * PI * reach.powi(3) / volume)
+    independent(&classes, |cutoff| 4.0 / 3.0 * PI * cutoff.powi(3) / volume)
 }
 
 pub(super) fn pairs(classes: &[SizeGroup], cloud: CenterDistribution) -> PairCount {
-    let pairs = independent(classes, |reach| cloud.hit(reach));
+    let pairs = independent(classes, |cutoff| cloud.hit(cutoff));
     PairCount { variance: pairs.variance + shared(classes, cloud), ..pairs }
 }
 
 /// Returns the σ with `per_sphere` pairs per sphere; 0 if none exists.
 pub(super) fn sigma_for(classes: &[SizeGroup], per_sphere: f64) -> f64 {
     let wanted = per_sphere * classes.iter().map(|c| c.count).sum::<f64>();
-    let mean = |sigma| independent(classes, |reach| CenterDistribution::Normal { sigma }.hit(reach)).mean;
+    let mean = |sigma| independent(classes, |cutoff| CenterDistribution::Normal { sigma }.hit(cutoff)).mean;
     if mean(0.0) <= wanted {
         return 0.0;
     }
@@ -60,10 +60,10 @@ fn independent(classes: &[SizeGroup], hit: impl Fn(f64) -> f64) -> PairCount {
     let mut total = PairCount { mean: 0.0, variance: 0.0 };
     for (k, a) in classes.iter().enumerate() {
         for (l, b) in classes.iter().enumerate().take(k + 1) {
-            let ways = if k == l { a.count * (a.count - 1.0) / 2.0 } else { a.count * b.count };
+            let combinations = if k == l { a.count * (a.count - 1.0) / 2.0 } else { a.count * b.count };
             let p = hit(a.radius + b.radius);
-            total.mean += ways.max(0.0) * p;
-            total.variance += ways.max(0.0) * p * (1.0 - p);
+            total.mean += combinations.max(0.0) * p;
+            total.variance += combinations.max(0.0) * p * (1.0 - p);
         }
     }
     total
@@ -79,14 +79,14 @@ fn shared(classes: &[SizeGroup], cloud: CenterDistribution) -> f64 {
             // Products of distinct partners: all products, less the squares.
             let moments = cloud.average(|distance| {
                 let mut sum = 0.0;
-                let mut own = 0.0;
+                let mut same_partner = 0.0;
                 for (l, b) in classes.iter().enumerate() {
-                    let reach = a.radius + b.radius;
-                    let deviation = cloud.hit_at(distance, reach) - cloud.hit(reach);
+                    let cutoff = a.radius + b.radius;
+                    let deviation = cloud.hit_at(distance, cutoff) - cloud.hit(cutoff);
                     sum += partners(l) * deviation;
-                    own += partners(l) * deviation * deviation;
+                    same_partner += partners(l) * deviation * deviation;
                 }
-                sum * sum - own
+                sum * sum - same_partner
             });
             a.count * moments
         })
@@ -94,14 +94,14 @@ fn shared(classes: &[SizeGroup], cloud: CenterDistribution) -> f64 {
 }
 
 impl CenterDistribution {
-    fn hit(self, reach: f64) -> f64 {
+    fn hit(self, cutoff: f64) -> f64 {
         match self {
             Self::Ball { radius } => {
-                let u = reach / radius;
+                let u = cutoff / radius;
                 if u >= 2.0 { 1.0 } else { u.powi(3) - 9.0 / 16.0 * u.powi(4) + u.powi(6) / 32.0 }
             }
             Self::Normal { sigma } => {
-                let x = reach / (std::f64::consts::SQRT_2 * sigma);
+                let x = cutoff / (std::f64::consts::SQRT_2 * sigma);
                 if x > 10.0 {
                     return 1.0;
                 }
@@ -110,12 +110,12 @@ impl CenterDistribution {
         }
     }
 
-    /// Probability that a center is within `reach` of a point at `distance` from the middle.
-    fn hit_at(self, distance: f64, reach: f64) -> f64 {
+    /// Probability that a center is within `cutoff` of a point at `distance` from the middle.
+    fn hit_at(self, distance: f64, cutoff: f64) -> f64 {
         match self {
-            Self::Ball { radius } => lens(distance, reach, radius) / radius.powi(3),
+            Self::Ball { radius } => lens(distance, cutoff, radius) / radius.powi(3),
             Self::Normal { sigma } => {
-                let (near, far) = ((distance - reach) / sigma, (distance + reach) / sigma);
+                let (near, far) = ((distance - cutoff) / sigma, (distance + cutoff) / sigma);
                 let bell = |x: f64| libm::exp(-0.5 * x * x);
                 let erf = |x: f64| libm::erf(x * FRAC_1_SQRT_2);
                 0.5 * (erf(far) - erf(near)) - sigma / distance / (2.0 * PI).sqrt() * (bell(near) - bell(far))
@@ -166,9 +166,9 @@ mod tests {
     #[test]
     fn the_chance_about_a_point_averages_to_the_chance_of_a_pair() {
         for cloud in CLOUDS {
-            for reach in [0.1, 1.0, 2.5, 4.0, 5.9] {
-                let (mean, whole) = (cloud.average(|d| cloud.hit_at(d, reach)), cloud.hit(reach));
-                assert!((mean / whole - 1.0).abs() < 1e-4, "{cloud:?}, reach {reach}: {mean}, {whole}");
+            for cutoff in [0.1, 1.0, 2.5, 4.0, 5.9] {
+                let (mean, whole) = (cloud.average(|d| cloud.hit_at(d, cutoff)), cloud.hit(cutoff));
+                assert!((mean / whole - 1.0).abs() < 1e-4, "{cloud:?}, reach {cutoff}: {mean}, {whole}");
             }
         }
     }

@@ -2,8 +2,8 @@ use super::*;
 
 fn brute_force(spheres: &[Sphere]) -> u64 {
     let hit = |a: &Sphere, b: &Sphere| {
-        let reach = f64::from(a.radius) + f64::from(b.radius);
-        a.center.as_dvec3().distance_squared(b.center.as_dvec3()) <= reach * reach
+        let cutoff = f64::from(a.radius) + f64::from(b.radius);
+        a.center.as_dvec3().distance_squared(b.center.as_dvec3()) <= cutoff * cutoff
     };
     (0..spheres.len()).map(|i| spheres[i + 1..].iter().filter(|b| hit(&spheres[i], b)).count() as u64).sum()
 }
@@ -44,9 +44,9 @@ fn sizes_are_as_frequent_as_they_should_be_and_shuffled() {
         for class in &classes {
             let count = spheres.iter().filter(|s| f64::from(s.radius) == class.radius).count();
             assert_eq!(count as f64, class.count, "{scene}: {class:?}");
-            let share = n / classes.len();
+            let expected = n / classes.len();
             let equally_often = matches!(scene.sizes(), RadiusMix::EquallyOften(_));
-            assert!(!equally_often || count == share || count == share + 1, "{scene}: {class:?}");
+            assert!(!equally_often || count == expected || count == expected + 1, "{scene}: {class:?}");
         }
         let in_order = scene.sizes().radii(n);
         let moved = spheres.iter().zip(&in_order).filter(|(s, radius)| s.radius != **radius).count();
@@ -61,19 +61,19 @@ fn sizes_are_as_frequent_as_they_should_be_and_shuffled() {
 
 #[test]
 fn transceivers_are_as_many_and_as_large_as_asked_for() {
-    let of = |count, ratio, n| {
+    let large_and_small = |count, ratio, n| {
         let spheres = Scene::Transceivers(Transceivers { count, ratio }).spheres(n, 4);
         let large = spheres.iter().filter(|s| s.radius == 1.0).count();
         let small = spheres.iter().filter(|s| s.radius == 1.0 / ratio.max(1) as f32).count();
         assert!(spheres.iter().all(Sphere::is_valid));
         (large, small)
     };
-    assert_eq!(of(7, 20, 1000), (7, 993));
-    assert_eq!(of(1, 1000, 1000), (1, 999));
-    assert_eq!(of(0, 10, 1000), (0, 1000));
-    assert_eq!(of(5000, 10, 1000), (1000, 0));
-    assert_eq!(of(7, 1, 1000), (1000, 1000));
-    assert_eq!(of(7, 0, 1000), (1000, 1000));
+    assert_eq!(large_and_small(7, 20, 1000), (7, 993));
+    assert_eq!(large_and_small(1, 1000, 1000), (1, 999));
+    assert_eq!(large_and_small(0, 10, 1000), (0, 1000));
+    assert_eq!(large_and_small(5000, 10, 1000), (1000, 0));
+    assert_eq!(large_and_small(7, 1, 1000), (1000, 1000));
+    assert_eq!(large_and_small(7, 0, 1000), (1000, 1000));
     assert_eq!(Scene::ALL[5], Scene::Transceivers(Transceivers::default()));
 }
 
@@ -189,9 +189,9 @@ fn all_pairs_overlap_at_a_point() {
 
 #[test]
 fn periodic_box_by_hand() {
-    // Three pairs of reach 2, three of reach 3: (3·8 + 3·27)·(4π/3)/V.
+    // Three pairs with cutoff 2, three with cutoff 3: (3·8 + 3·27)·(4π/3)/V.
     let pairs = periodic_box_pairs(&[(3, 1.0), (1, 2.0)], 1000.0);
-    let p = |reach: f64| 4.0 / 3.0 * std::f64::consts::PI * reach.powi(3) / 1000.0;
+    let p = |cutoff: f64| 4.0 / 3.0 * std::f64::consts::PI * cutoff.powi(3) / 1000.0;
     assert!((pairs.mean - 3.0 * (p(2.0) + p(3.0))).abs() < 1e-12);
     let variance = 3.0 * (p(2.0) * (1.0 - p(2.0)) + p(3.0) * (1.0 - p(3.0)));
     assert!((pairs.variance - variance).abs() < 1e-12);

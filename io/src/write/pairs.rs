@@ -25,8 +25,8 @@ impl Output {
         match &self.path {
             None => Vec::new(),
             Some(path) if neighbors && self.format == TableFormat::Npy => {
-                let parts = ["offsets", "indices"].into_iter().chain(ids.then_some("ids"));
-                parts.map(|part| sibling(path, part)).collect()
+                let names = ["offsets", "indices"].into_iter().chain(ids.then_some("ids"));
+                names.map(|name| sibling(path, name)).collect()
             }
             Some(path) => vec![path.clone()],
         }
@@ -42,9 +42,9 @@ impl Output {
     }
 }
 
-fn sibling(path: &Path, part: &str) -> PathBuf {
+fn sibling(path: &Path, name: &str) -> PathBuf {
     let plain = path.with_file_name(uncompressed(path).file_name().unwrap_or_default());
-    let mut name = plain.with_extension(part).into_os_string();
+    let mut name = plain.with_extension(name).into_os_string();
     name.push(".npy");
     if plain != path {
         name.push(".");
@@ -92,8 +92,8 @@ impl<'a> PairFile<'a> {
                 add(&mut self.file, self.format, rows)
             }
             Some(ids) => pairs.chunks(1 << 16).try_for_each(|pairs| {
-                let of = |pair: &Pair| [ids[pair.i as usize], ids[pair.j as usize]];
-                let rows: Vec<[i64; 2]> = pairs.iter().map(of).collect();
+                let ids_of_pair = |pair: &Pair| [ids[pair.i as usize], ids[pair.j as usize]];
+                let rows: Vec<[i64; 2]> = pairs.iter().map(ids_of_pair).collect();
                 add(&mut self.file, self.format, &rows)
             }),
         }

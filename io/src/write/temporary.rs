@@ -136,29 +136,29 @@ mod tests {
     fn only_abandoned_files_are_removed() {
         let directory = tempfile::tempdir().unwrap();
         let at = |name: &str| directory.path().join(name);
-        let own = prefix();
-        let live = File::create(at(&format!("{own}abcdefghijk0.part"))).unwrap();
+        let own_prefix = prefix();
+        let live = File::create(at(&format!("{own_prefix}abcdefghijk0.part"))).unwrap();
         live.lock().unwrap();
-        let kept = [
-            format!("{own}abcdefghijk.part"),
-            format!("{own}abcdefghijk-.part"),
-            format!("{own}abcdefghijk0.csv"),
+        let retained = [
+            format!("{own_prefix}abcdefghijk.part"),
+            format!("{own_prefix}abcdefghijk-.part"),
+            format!("{own_prefix}abcdefghijk0.csv"),
             format!("{PREFIX}another.host-abcdefghijk0.part"),
             ".lazygrid-notes".to_owned(),
             "pairs.csv".to_owned(),
         ];
-        for name in &kept {
+        for name in &retained {
             fs::write(at(name), "mine").unwrap();
         }
-        fs::create_dir(at(&format!("{own}abcdefghijk2.part"))).unwrap();
-        fs::write(at(&format!("{own}abcdefghijk1.part")), "orphaned").unwrap();
+        fs::create_dir(at(&format!("{own_prefix}abcdefghijk2.part"))).unwrap();
+        fs::write(at(&format!("{own_prefix}abcdefghijk1.part")), "orphaned").unwrap();
         sweep(directory.path());
-        assert!(!at(&format!("{own}abcdefghijk1.part")).exists());
-        assert!(at(&format!("{own}abcdefghijk0.part")).exists());
-        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), kept.len() + 2);
+        assert!(!at(&format!("{own_prefix}abcdefghijk1.part")).exists());
+        assert!(at(&format!("{own_prefix}abcdefghijk0.part")).exists());
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), retained.len() + 2);
         drop(live);
         sweep(directory.path());
-        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), kept.len() + 1);
+        assert_eq!(fs::read_dir(directory.path()).unwrap().count(), retained.len() + 1);
     }
 
     #[test]

@@ -87,7 +87,7 @@ impl ArrayFile {
             return Ok(value);
         }
         Err(Error::Value {
-            place: self.source.at(Position::File),
+            location: self.source.at(Position::File),
             column: format!("the number at {:?}", self.index(position)),
             value: lazygrid::short(written),
             rule: "values must be finite 32-bit floating-point numbers",
@@ -125,7 +125,7 @@ impl ArrayFile {
 }
 
 fn truncated(source: &Source, found: u64, expected: u64) -> Error {
-    Error::Truncated { place: source.at(Position::File), what: "numbers", found, expected }
+    Error::Truncated { location: source.at(Position::File), what: "numbers", found, expected }
 }
 
 #[cfg(test)]

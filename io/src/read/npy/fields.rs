@@ -9,12 +9,12 @@ use crate::read::columns::{Column, Columns};
 use crate::read::line::{GROUPS, group_of};
 
 pub(super) struct Fields {
-    wanted: Vec<Location>,
+    wanted: Vec<SelectedField>,
     columns: Columns,
     width: usize,
 }
 
-struct Location {
+struct SelectedField {
     name: String,
     meaning: Column,
     kind: Dtype,
@@ -63,11 +63,11 @@ impl Fields {
                     _ => return refuse("coordinates and radii of type f4 or f8"),
                 }
                 columns.push((name.clone(), meaning));
-                wanted.push(Location { name, meaning, kind, start });
+                wanted.push(SelectedField { name, meaning, kind, start });
             }
             start += bytes as usize;
         }
-        wanted.retain(|place| place.meaning != Column::Other);
+        wanted.retain(|field| field.meaning != Column::Other);
         Ok(Self { wanted, columns: Columns::new(columns), width: start })
     }
 
@@ -97,15 +97,14 @@ impl Fields {
         }
         let rows = header.rows;
         // Requested columns exist even without rows.
-        self.make_room(0, frame, context).map_err(|_| header.too_many(source, "memory"))?;
+        self.try_reserve(0, frame, context).map_err(|_| header.out_of_memory(source))?;
         let most = (BLOCK / self.width).max(1) as u64;
         let mut bytes = vec![0; most.min(rows) as usize * self.width];
         let mut found = 0;
         while found < rows {
             let block = &mut bytes[..(rows - found).min(most) as usize * self.width];
             let read = source.fill(block)?;
-            self.make_room(read / self.width, frame, context)
-                .map_err(|_| header.too_many(source, "memory"))?;
+            self.try_reserve(read / self.width, frame, context).map_err(|_| header.out_of_memory(source))?;
             for bytes in block[..read].chunks_exact(self.width) {
                 self.push(StructuredRow { source, header, number: found, bytes }, frame, context)?;
                 found += 1;
@@ -117,7 +116,7 @@ impl Fields {
         Ok(())
     }
 
-    fn make_room(
+    fn try_reserve(
         &self,
         rows: usize,
         frame: &mut Frame,
@@ -143,8 +142,8 @@ impl Fields {
         context: &mut ReadContext,
     ) -> Result<(), Error> {
         let StructuredRow { source, header, number, bytes: row } = row;
-        let (mut center, mut radius, mut given) = ([0.0; 3], None, None);
-        for Location { name, meaning, kind, start } in &self.wanted {
+        let (mut center, mut radius, mut species_radius) = ([0.0; 3], None, None);
+        for SelectedField { name, meaning, kind, start } in &self.wanted {
             let bytes = &row[*start..start + kind.width];
             let mut float = |is_radius| {
                 let written = kind.float(bytes);
@@ -159,9 +158,9 @@ impl Fields {
                         DtypeKind::Signed | DtypeKind::Unsigned => kind.whole(bytes).to_string(),
                         _ => kind.text(bytes),
                     };
-                    let refused = |_| header.too_many(source, "memory");
+                    let refused = |_| header.out_of_memory(source);
                     let (id, by_species) = context.species.intern(name.as_bytes()).map_err(refused)?;
-                    given = by_species;
+                    species_radius = by_species;
                     frame.species.get_or_insert_default().push(id);
                 }
                 Column::Id if context.ids => {
@@ -179,8 +178,8 @@ impl Fields {
             }
         }
         let species = || frame.species.as_ref().and_then(|ids| ids.last());
-        let radius = given.or(radius).ok_or_else(|| Error::NoRadius {
-            place: source.at(Position::Row(number)),
+        let radius = species_radius.or(radius).ok_or_else(|| Error::NoRadius {
+            location: source.at(Position::Row(number)),
             species: species().map(|&id| excerpt(context.species.names()[id as usize].as_bytes())),
         })?;
         let [x, y, z] = center;

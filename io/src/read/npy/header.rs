@@ -80,7 +80,7 @@ impl Header {
 
     pub(super) fn check_count(&self, source: &Source) -> Result<(), Error> {
         if self.rows > MAX_SPHERES {
-            return Err(self.too_many(source, "32-bit indices"));
+            return Err(Error::TooManySpheres { location: source.at(Position::File), spheres: self.rows });
         }
         Ok(())
     }
@@ -103,8 +103,8 @@ impl Header {
         }
     }
 
-    pub(super) fn too_many(&self, source: &Source, limit: &'static str) -> Error {
-        Error::TooManySpheres { place: source.at(Position::File), spheres: self.rows, limit }
+    pub(super) fn out_of_memory(&self, source: &Source) -> Error {
+        Error::OutOfMemory { location: source.at(Position::File), spheres: self.rows }
     }
 }
 

@@ -41,7 +41,7 @@ impl NpyRows {
         self.header.rows
     }
 
-    /// Reads those of `rows` that exist.
+    /// Reads the existing rows of `rows`.
     ///
     /// # Errors
     /// Returns the errors of the iterator [`Frames`](super::super::Frames).
@@ -61,8 +61,8 @@ impl NpyRows {
         let mut source = Source::uncompressed(&path, file.take(length), Some(length));
         let mut context = ReadContext::new(options)?;
         let frame = read_body(&mut source, &header, &mut context).map_err(|mut error| {
-            if let Some(place) = error.location_mut()
-                && let Position::Row(row) = &mut place.at
+            if let Some(location) = error.location_mut()
+                && let Position::Row(row) = &mut location.at
             {
                 *row += first;
             }

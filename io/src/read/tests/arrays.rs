@@ -90,7 +90,7 @@ fn npy_refusals_name_row_and_value() {
         ),
         (
             npy(1, &header("<f4", false, 10_u64.pow(15)), &data),
-            "a.npy: no room for 1000000000000000 spheres (32-bit indices); split the file".into(),
+            "a.npy: 1000000000000000 spheres exceed the 4294967294 that 32-bit indices can name; split the file".into(),
         ),
         (with(6, f32::NAN), format!("a.npy, row 1: z is NaN; {finite}")),
         (with(3, -1.5), "a.npy, row 0: radius is -1.5; radii must not be negative".into()),

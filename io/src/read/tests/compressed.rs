@@ -60,7 +60,7 @@ fn damaged_compression_is_an_error() {
 #[test]
 fn cut_or_foreign_compression_is_named() {
     let text = "x,y,z,r\n1,2,3,0.5\n";
-    let cut = |whole: Vec<u8>, kept: usize| whole[..kept].to_vec();
+    let cut = |whole: Vec<u8>, length: usize| whole[..length].to_vec();
     let [zipped, packed] = [gzip(text.as_bytes()), zstd(text.as_bytes())];
     for (bytes, message) in [
         (cut(zipped.clone(), zipped.len() - 1), "a.csv: cannot read: the gzip data end early"),

@@ -150,8 +150,8 @@ fn cells_of_f64_spheres_are_as_written() {
         let text = format!("1\nProperties=pos:R:3:radius:R:1 Lattice=\"{numbers}\"\n0 0 0 1\n");
         doubles("a.xyz", text, &[]).map(|frame| frame.space)
     };
-    let edges = [[0.1, 0.0, 0.0], [1e-17, 0.2, 0.0], [0.0, 0.0, 0.3]].map(Some);
-    assert_eq!(lattice("0.1 0 0 1e-17 0.2 0 0 0 0.3").unwrap(), Space::triclinic(edges).unwrap());
+    let vectors = [[0.1, 0.0, 0.0], [1e-17, 0.2, 0.0], [0.0, 0.0, 0.3]].map(Some);
+    assert_eq!(lattice("0.1 0 0 1e-17 0.2 0 0 0 0.3").unwrap(), Space::triclinic(vectors).unwrap());
     let lengths = Space::periodic([Some(0.1), Some(1e300), Some(1e-300)]).unwrap();
     assert_eq!(lattice("0.1 0 0 0 -1e300 0 0 0 1e-300").unwrap(), lengths);
     let refused = lattice("0.1 0 0 0 0.2 0 0 0 0").unwrap_err().to_string();

@@ -90,15 +90,15 @@ fn lammps_bounds_that_would_lose_a_period_or_a_tilt_are_refused() {
 fn boxes_that_lean() {
     let skewed =
         |name: &str, text: String| frames(name, text, Options::default()).unwrap()[0].space.cell_vectors();
-    let edges = [[10.0, 0.0, 0.0], [2.0, 20.0, 0.0], [-1.0, 3.0, 30.0]].map(Some);
+    let vectors = [[10.0, 0.0, 0.0], [2.0, 20.0, 0.0], [-1.0, 3.0, 30.0]].map(Some);
     // LAMMPS writes the bounding box of the corners.
     let bounds = "xy xz yz pp pp pp\n-1 12 2\n-5 18 -1\n0 30 3";
     let dump_of = |bounds: &str| dump(bounds, "x y z radius", "1 2 3 0.5");
-    assert_eq!(skewed("a.dump", dump_of(bounds)), edges);
+    assert_eq!(skewed("a.dump", dump_of(bounds)), vectors);
     let slab = dump_of(&bounds.replace("pp pp pp", "pp pp ff"));
-    assert_eq!(skewed("a.dump", slab), [edges[0], edges[1], None]);
-    assert_eq!(skewed("a.dump", dump_of("abc origin pp pp pp\n10 0 0 1\n2 20 0 2\n-1 3 30 3")), edges);
-    assert_eq!(skewed("a.xyz", xyz("Lattice=\"10 0 0 2 20 0 -1 3 30\"")), edges);
+    assert_eq!(skewed("a.dump", slab), [vectors[0], vectors[1], None]);
+    assert_eq!(skewed("a.dump", dump_of("abc origin pp pp pp\n10 0 0 1\n2 20 0 2\n-1 3 30 3")), vectors);
+    assert_eq!(skewed("a.xyz", xyz("Lattice=\"10 0 0 2 20 0 -1 3 30\"")), vectors);
     let turned = [None, Some([1.0, 2.0, 3.0]), Some([0.0, 0.0, 5.0])];
     assert_eq!(skewed("a.xyz", xyz("Lattice=\"9 9 9 1 2 3 0 0 5\" pbc=\"F T T\"")), turned);
 }
