@@ -9,9 +9,9 @@ use crate::Error;
 /// On all ranks, the error of the first rank that failed.
 pub fn agree<T>(comm: &impl Communicator, result: Result<T, Error>) -> Result<T, Error> {
     let rank = comm.rank();
-    let own = if result.is_err() { rank } else { i32::MAX };
+    let failed_rank = if result.is_err() { rank } else { i32::MAX };
     let mut first = i32::MAX;
-    comm.all_reduce_into(&own, &mut first, SystemOperation::min());
+    comm.all_reduce_into(&failed_rank, &mut first, SystemOperation::min());
     if first == i32::MAX {
         return result;
     }

@@ -4,7 +4,7 @@ mod failure;
 mod input;
 mod manifest;
 mod output;
-mod share;
+mod rank_range;
 mod simulate;
 mod summary;
 mod text;
@@ -28,7 +28,7 @@ pub(crate) use simulate::simulate;
 
 /// Collective.
 pub(crate) fn detect(world: &SimpleCommunicator, args: &Detect) -> Result<(), Failure> {
-    let target = agree(world, Target::of(world, args).map_err(|message| refused(world, message)));
+    let target = agree(world, Target::from_args(world, args).map_err(|message| refused(world, message)));
     let target = target.map_err(Failure::Usage)?;
     let mut times = Times::default();
     let input = times.take("read", || input::read(world, args))?;
@@ -77,9 +77,9 @@ struct Times(Vec<(&'static str, Duration)>);
 impl Times {
     fn take<T>(&mut self, name: &'static str, work: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
         let begun = Instant::now();
-        let done = work();
+        let result = work();
         self.0.push((name, begun.elapsed()));
-        done
+        result
     }
 }
 

@@ -65,7 +65,7 @@ impl MpiCommunicator {
             // Copies the segments of a round, since offsets in a message have 32 bits.
             let ranks = 0..leaving.lengths().len();
             out.clear();
-            ranks.clone().for_each(|rank| out.extend_from_slice(&send[leaving.of(rank)]));
+            ranks.clone().for_each(|rank| out.extend_from_slice(&send[leaving.range(rank)]));
             into.resize(coming.total(), T::zeroed());
             self.message(
                 Outgoing { data: &out, segments: &leaving },
@@ -73,7 +73,7 @@ impl MpiCommunicator {
             );
             let mut next = 0;
             for rank in ranks {
-                let segment = coming.of(rank);
+                let segment = coming.range(rank);
                 let length = segment.len();
                 received[segment].copy_from_slice(&into[next..next + length]);
                 next += length;
@@ -127,10 +127,10 @@ impl RankCommunicator for MpiCommunicator {
         sums
     }
 
-    fn all_gather<T: Pod>(&mut self, what: &str, own: &[T]) -> Result<RankData<T>, Error> {
+    fn all_gather<T: Pod>(&mut self, what: &str, local: &[T]) -> Result<RankData<T>, Error> {
         let ranks = self.ranks() as usize;
         let mut counts = vec![0_u64; ranks];
-        self.comm.all_gather_into(&(own.len() as u64), &mut counts[..]);
+        self.comm.all_gather_into(&(local.len() as u64), &mut counts[..]);
         let total: u64 = counts.iter().sum();
         let needed = total * size_of::<T>() as u64;
         if needed > i32::MAX as u64 {
@@ -141,8 +141,8 @@ impl RankCommunicator for MpiCommunicator {
         let counts: Vec<usize> = counts.into_iter().map(|count| count as usize).collect();
         let bytes = byte_counts::<T>(&counts);
         let mut into = PartitionMut::new(bytes_mut(&mut all), &bytes[..], begins(&bytes));
-        self.comm.all_gather_varcount_into(bytes_of(own), &mut into);
-        self.count_sent(size_of_val(own) + size_of::<u64>(), ranks - 1);
+        self.comm.all_gather_varcount_into(bytes_of(local), &mut into);
+        self.count_sent(size_of_val(local) + size_of::<u64>(), ranks - 1);
         Ok((all, counts))
     }
 
@@ -152,22 +152,22 @@ impl RankCommunicator for MpiCommunicator {
         send: &[T],
         counts: &[usize],
     ) -> Result<RankData<T>, Error> {
-        let own = self.rank() as usize;
+        let rank = self.rank() as usize;
         let lengths: Vec<u64> = counts.iter().map(|&count| count as u64).collect();
-        let mut told = vec![0_u64; lengths.len()];
-        self.comm.all_to_all_into(&lengths[..], &mut told[..]);
+        let mut received_counts = vec![0_u64; lengths.len()];
+        self.comm.all_to_all_into(&lengths[..], &mut received_counts[..]);
         self.count_sent(size_of::<u64>(), lengths.len() - 1);
         let leaving = RankSegments::new(counts.to_vec());
-        let coming = RankSegments::new(told.iter().map(|&count| count as usize).collect());
-        let buffer = try_zeroed(what, told.iter().sum(), self.rank());
-        let (from_own, to_own) = (leaving.of(own), coming.of(own));
+        let coming = RankSegments::new(received_counts.iter().map(|&count| count as usize).collect());
+        let buffer = try_zeroed(what, received_counts.iter().sum(), self.rank());
+        let (from_self, to_self) = (leaving.range(rank), coming.range(rank));
         let lengths = coming.lengths().to_vec();
-        let (leaving, coming) = (leaving.without(own), coming.without(own));
-        let (asked, mut most) = ([leaving.most() as u64, buffer.is_err().into()], [0; 2]);
-        self.comm.all_reduce_into(&asked[..], &mut most[..], SystemOperation::max());
+        let (leaving, coming) = (leaving.without(rank), coming.without(rank));
+        let (local, mut most) = ([leaving.max_length() as u64, buffer.is_err().into()], [0; 2]);
+        self.comm.all_reduce_into(&local[..], &mut most[..], SystemOperation::max());
         let [most, refused] = most;
         let mut received = if refused > 0 { self.agree(buffer)? } else { buffer? };
-        received[to_own].copy_from_slice(&send[from_own]);
+        received[to_self].copy_from_slice(&send[from_self]);
         let outgoing = Outgoing { data: send, segments: &leaving };
         let incoming = Incoming { data: &mut received, segments: &coming };
         self.exchange_in_rounds(what, most, outgoing, incoming)?;
@@ -179,7 +179,7 @@ impl RankCommunicator for MpiCommunicator {
     }
 
     fn detector_failure(&self, error: lazygrid::Error) -> Error {
-        Error::of_detector(self.rank(), error)
+        Error::from_detector(self.rank(), error)
     }
 
     fn difference(&self, difference: Difference) -> Error {

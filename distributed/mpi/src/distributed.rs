@@ -48,7 +48,7 @@ impl Distributed {
         let mut comm = MpiCommunicator::new(communicator.duplicate(), config.message_limit);
         comm.agree(config.check(comm.ranks()))?;
         config.shared().agree(&mut comm)?;
-        let node = NodeRank::of(comm.comm());
+        let node = NodeRank::new(comm.comm());
         let wrapper = SphereWrapper::new(config.space, config.interactions.as_ref());
         let (rank, ranks) = (comm.rank(), comm.ranks());
         let made = search(&config, node, wrapper.clone(), [rank, ranks]);
@@ -92,8 +92,8 @@ impl Distributed {
         let spheres = particles.ids.len();
         let (counts, _) = self.comm.all_gather("counts", &[spheres as u64])?;
         let migration = Migration::identity(spheres, rank, self.comm.ranks());
-        let migration = self.comm.agree(migration.map_err(|error| Error::of_detector(rank, error)))?;
-        Ok(RebalanceReport { owned: LoadBalance::of(&counts), moved: 0, rebuilt: false, migration })
+        let migration = self.comm.agree(migration.map_err(|error| Error::from_detector(rank, error)))?;
+        Ok(RebalanceReport { owned: LoadBalance::from_counts(&counts), moved: 0, rebuilt: false, migration })
     }
 
     /// Moves further data, one element per sphere in the previous order. Returns the present order.
@@ -149,7 +149,7 @@ impl Distributed {
             self.pool.install(|| rayon::slice::ParallelSliceMut::par_sort_unstable(&mut list.pairs[..]));
         }
         self.pairs = list.pairs;
-        self.tell(prepared, counts)?;
+        self.update_report(prepared, counts)?;
         Ok(&self.pairs)
     }
 
@@ -162,8 +162,8 @@ impl Distributed {
         let search = &mut self.search;
         let found = self.pool.install(|| search.count(local.spheres, &prepared.ghosts));
         let rank = self.comm.rank();
-        let counts = self.comm.agree(found.map_err(|error| Error::of_detector(rank, error)))?;
-        self.tell(prepared, counts)?;
+        let counts = self.comm.agree(found.map_err(|error| Error::from_detector(rank, error)))?;
+        self.update_report(prepared, counts)?;
         Ok(self.report.pairs.total)
     }
 
@@ -185,7 +185,7 @@ impl Distributed {
             })
         });
         let counts = self.comm.agree(found)?.up_to(handed);
-        self.tell(prepared, counts)?;
+        self.update_report(prepared, counts)?;
         Ok(self.report.pairs.total)
     }
 
@@ -216,10 +216,10 @@ impl Distributed {
         wrapped: Result<Vec<WrappedSphere<T>>, lazygrid::Error>,
     ) -> Result<Vec<Vec<u32>>, Error> {
         let (rank, ranks) = (self.comm.rank(), self.comm.ranks());
-        let wrapped = self.comm.agree(wrapped.map_err(|error| Error::of_detector(rank, error)))?;
+        let wrapped = self.comm.agree(wrapped.map_err(|error| Error::from_detector(rank, error)))?;
         let bounds = RankBounds::gather(&mut self.comm, &wrapped)?;
         let leaving = self.pool.install(|| bounds.ghosts(rank, &wrapped, &self.wrapper));
-        let leaving = self.comm.agree(leaving.map_err(|error| Error::of_detector(rank, error)))?;
+        let leaving = self.comm.agree(leaving.map_err(|error| Error::from_detector(rank, error)))?;
         debug_assert_eq!(leaving.len(), ranks as usize);
         Ok(leaving)
     }
@@ -231,9 +231,9 @@ impl Distributed {
         mut consume: impl FnMut(&[GlobalPair]) -> ControlFlow<()> + Send,
     ) -> Result<PairCounts, Error> {
         let rank = self.comm.rank();
-        let own = |k: u32| SphereRef { id: local.ids[k as usize], rank, index: k };
+        let owned = |k: u32| SphereRef { id: local.ids[k as usize], rank, index: k };
         let other = |kind: PairKind, k: u32| match kind {
-            PairKind::Local => own(k),
+            PairKind::Local => owned(k),
             PairKind::WithGhost => {
                 let ghost = &ghosts.particles()[k as usize];
                 SphereRef { id: ghost.id, rank: ghosts.rank_of(k), index: ghost.index }
@@ -244,21 +244,22 @@ impl Distributed {
         let found = self.pool.install(|| {
             search.run(local.spheres, ghosts, |kind, found| {
                 pairs.clear();
-                pairs.extend(found.iter().map(|&[i, j]| GlobalPair::new(own(i), other(kind, j))));
+                pairs.extend(found.iter().map(|&[i, j]| GlobalPair::new(owned(i), other(kind, j))));
                 consume(&pairs)
             })
         });
-        found.map_err(|error| Error::of_detector(rank, error))
+        found.map_err(|error| Error::from_detector(rank, error))
     }
 
-    fn tell(&mut self, prepared: Prepared, counts: PairCounts) -> Result<(), Error> {
+    fn update_report(&mut self, prepared: Prepared, counts: PairCounts) -> Result<(), Error> {
         let ghosts = prepared.ghosts.particles().len() as u64;
-        let (told, _) = self.comm.all_gather("counts", &[[ghosts, counts.reported(), counts.elsewhere]])?;
-        let each = |k: usize| told.iter().map(|of| of[k]).collect::<Vec<_>>();
+        let (all_counts, _) =
+            self.comm.all_gather("counts", &[[ghosts, counts.reported(), counts.elsewhere]])?;
+        let each = |k: usize| all_counts.iter().map(|row| row[k]).collect::<Vec<_>>();
         self.report = Report {
-            owned: LoadBalance::of(&prepared.owned),
-            ghosts: LoadBalance::of(&each(0)),
-            pairs: LoadBalance::of(&each(1)),
+            owned: LoadBalance::from_counts(&prepared.owned),
+            ghosts: LoadBalance::from_counts(&each(0)),
+            pairs: LoadBalance::from_counts(&each(1)),
             elsewhere: each(2).iter().sum(),
             sent: self.comm.take_sent(),
             detector: self.search.detector().report().reason,
@@ -313,7 +314,7 @@ fn search(
     let ours = |detector: lazygrid::Config| {
         detector.space(config.space).interactions(config.interactions.clone()).order(Order::Unordered)
     };
-    let detector = node.device(config.backend).of(ours(config.detector.clone()), config.backend);
+    let detector = node.device(config.backend).apply_to(ours(config.detector.clone()), config.backend);
     let made = Detector::new(detector);
     let search =
         made.and_then(|made| Search::new(made, ours(lazygrid::Config::default()), wrapper, rank, ranks));

@@ -61,7 +61,7 @@ pub enum Error {
 }
 
 impl Error {
-    pub(crate) fn of_detector(rank: u32, error: lazygrid::Error) -> Self {
+    pub(crate) fn from_detector(rank: u32, error: lazygrid::Error) -> Self {
         match error {
             lazygrid::Error::OutOfMemory { what, bytes } => {
                 Self::OutOfMemory { rank, what: what.to_owned(), bytes }

@@ -27,7 +27,7 @@ pub(crate) struct OwnedCounts {
 
 impl OwnedCounts {
     fn new(summaries: &[IdSummary]) -> Result<Self, Error> {
-        let has = |is_f64: u64| move |of: &IdSummary| of.spheres > 0 && of.is_f64 == is_f64;
+        let has = |is_f64: u64| move |summary: &IdSummary| summary.spheres > 0 && summary.is_f64 == is_f64;
         let [first_f32, first_f64] = [0, 1].map(|is_f64| summaries.iter().position(has(is_f64)));
         if let (Some(other), Some(rank)) = (first_f32, first_f64) {
             let message =
@@ -53,12 +53,12 @@ impl IdCheck {
         comm: &mut MpiCommunicator,
         local: LocalSpheres<'_>,
     ) -> Result<OwnedCounts, Error> {
-        let own = IdSummary {
-            ids: Digest::of(local.ids.iter().copied()),
+        let summary = IdSummary {
+            ids: Digest::from_ids(local.ids.iter().copied()),
             spheres: local.ids.len() as u64,
             is_f64: local.spheres.is_f64().into(),
         };
-        let (summaries, _) = comm.all_gather("counts", &[own])?;
+        let (summaries, _) = comm.all_gather("counts", &[summary])?;
         // Fails on all ranks.
         let counts = OwnedCounts::new(&summaries)?;
         let digest = summaries.iter().fold(Digest::default(), |all, summary| all.join(summary.ids));
@@ -86,9 +86,11 @@ fn compare(comm: &mut MpiCommunicator, local: LocalSpheres<'_>) -> Result<(), Er
         met
     });
     let met = comm.agree(met)?;
-    let place = |record: &IdRecord| [(record.index >> 32) as u32, record.index as u32];
+    let rank_and_index = |record: &IdRecord| [(record.index >> 32) as u32, record.index as u32];
     let duplicate = match met.windows(2).find(|two| two[0].id == two[1].id) {
-        Some([one, other]) => Err(Error::DuplicateId { id: one.id, first: place(one), second: place(other) }),
+        Some([one, other]) => {
+            Err(Error::DuplicateId { id: one.id, first: rank_and_index(one), second: rank_and_index(other) })
+        }
         _ => Ok(()),
     };
     comm.agree(duplicate)

@@ -29,12 +29,12 @@ fn main() -> ExitCode {
         Err(code) => return code,
     };
     let agreed = agree_on(&world, &args.command.shared()).map_err(Failure::from);
-    let done = agreed.and_then(|()| match args.command {
+    let result = agreed.and_then(|()| match args.command {
         Command::Detect(args) => command::detect(&world, &args),
         Command::BenchScaling(args) => command::bench_scaling(&world, &args),
         Command::Simulate(args) => command::simulate(&world, &args),
     });
-    match done {
+    match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             if is_first {
@@ -57,10 +57,10 @@ fn all_parsed(world: &SimpleCommunicator, parsed: Result<Args, clap::Error>) -> 
         let _ = usage.print();
     }
     if refused.iter().all(|&refused| refused) {
-        let asked =
+        let is_help =
             |usage: &clap::Error| matches!(usage.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion);
-        let asked = parsed.as_ref().err().is_some_and(asked);
-        return Err(if asked { ExitCode::SUCCESS } else { ExitCode::from(2) });
+        let is_help = parsed.as_ref().err().is_some_and(is_help);
+        return Err(if is_help { ExitCode::SUCCESS } else { ExitCode::from(2) });
     }
     if is_first {
         let other = refused.iter().position(|&refused| !refused).unwrap_or_default();

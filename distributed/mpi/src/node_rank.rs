@@ -13,12 +13,12 @@ pub(crate) struct NodeRank {
 
 impl NodeRank {
     /// Collective.
-    pub(crate) fn of(comm: &SimpleCommunicator) -> Self {
+    pub(crate) fn new(comm: &SimpleCommunicator) -> Self {
         let node = comm.split_shared(comm.rank());
-        let own = cores_hash();
+        let local = cores_hash();
         let mut all = vec![0_u64; node.size() as usize];
-        node.all_gather_into(&own, &mut all[..]);
-        Self { rank: node.rank() as usize, sharing: all.iter().filter(|&&other| other == own).count() }
+        node.all_gather_into(&local, &mut all[..]);
+        Self { rank: node.rank() as usize, sharing: all.iter().filter(|&&other| other == local).count() }
     }
 
     pub(crate) fn threads(self) -> usize {
@@ -26,45 +26,45 @@ impl NodeRank {
         (cores / self.sharing.max(1)).max(1)
     }
 
-    pub(crate) fn device(self, asked: Backend) -> RankDevice {
-        match asked {
-            Backend::Auto | Backend::Gpu => rank_device(asked, self.rank, gpus()),
-            _ => RankDevice::Asked,
+    pub(crate) fn device(self, backend: Backend) -> RankDevice {
+        match backend {
+            Backend::Auto | Backend::Gpu => rank_device(backend, self.rank, gpus()),
+            _ => RankDevice::Requested,
         }
     }
 }
 
 /// Returns a rank's default number of threads, its share of the cores of its node. Collective.
 pub fn threads(communicator: &impl Communicator) -> usize {
-    NodeRank::of(&communicator.duplicate()).threads()
+    NodeRank::new(&communicator.duplicate()).threads()
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum RankDevice {
-    Asked,
+    Requested,
     Cpu,
     /// Index among hardware GPUs.
     Gpu(usize),
 }
 
 impl RankDevice {
-    pub(crate) fn of(self, detector: Config, asked: Backend) -> Config {
+    pub(crate) fn apply_to(self, detector: Config, backend: Backend) -> Config {
         match self {
-            Self::Asked => detector.backend(asked),
+            Self::Requested => detector.backend(backend),
             Self::Cpu => detector.backend(Backend::Cpu),
             #[cfg(feature = "gpu")]
-            Self::Gpu(index) => detector.backend(asked).adapter(index),
+            Self::Gpu(index) => detector.backend(backend).adapter(index),
             #[cfg(not(feature = "gpu"))]
-            Self::Gpu(_) => detector.backend(asked),
+            Self::Gpu(_) => detector.backend(backend),
         }
     }
 }
 
 /// Without a GPU of their own, ranks take the CPU, or share GPUs if only GPUs are allowed.
-fn rank_device(asked: Backend, rank: usize, gpus: usize) -> RankDevice {
-    match (asked, gpus) {
+fn rank_device(backend: Backend, rank: usize, gpus: usize) -> RankDevice {
+    match (backend, gpus) {
         // The detector reports missing GPUs.
-        (_, 0) => RankDevice::Asked,
+        (_, 0) => RankDevice::Requested,
         (Backend::Auto, gpus) if rank >= gpus => RankDevice::Cpu,
         (_, gpus) => RankDevice::Gpu(rank % gpus),
     }
@@ -98,14 +98,14 @@ mod tests {
 
     #[test]
     fn each_gpu_has_a_rank_of_its_own() {
-        let places = |asked, gpus| (0..4).map(|rank| rank_device(asked, rank, gpus)).collect::<Vec<_>>();
-        assert_eq!(places(Backend::Auto, 0), [RankDevice::Asked; 4]);
+        let devices = |backend, gpus| (0..4).map(|rank| rank_device(backend, rank, gpus)).collect::<Vec<_>>();
+        assert_eq!(devices(Backend::Auto, 0), [RankDevice::Requested; 4]);
         assert_eq!(
-            places(Backend::Auto, 2),
+            devices(Backend::Auto, 2),
             [RankDevice::Gpu(0), RankDevice::Gpu(1), RankDevice::Cpu, RankDevice::Cpu]
         );
         assert_eq!(
-            places(Backend::Gpu, 2),
+            devices(Backend::Gpu, 2),
             [RankDevice::Gpu(0), RankDevice::Gpu(1), RankDevice::Gpu(0), RankDevice::Gpu(1)]
         );
     }

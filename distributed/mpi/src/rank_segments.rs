@@ -22,11 +22,11 @@ impl RankSegments {
         self.lengths.iter().sum()
     }
 
-    pub(crate) fn most(&self) -> usize {
+    pub(crate) fn max_length(&self) -> usize {
         self.lengths.iter().copied().max().unwrap_or(0)
     }
 
-    pub(crate) fn of(&self, rank: usize) -> Range<usize> {
+    pub(crate) fn range(&self, rank: usize) -> Range<usize> {
         self.starts[rank]..self.starts[rank] + self.lengths[rank]
     }
 
@@ -51,14 +51,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn rounds_cut_each_part() {
-        let parts = RankSegments::new(vec![3, 0, 5]);
-        assert_eq!((parts.total(), parts.most(), parts.of(2)), (8, 5, 3..8));
+    fn rounds_cut_each_segment() {
+        let segments = RankSegments::new(vec![3, 0, 5]);
+        assert_eq!((segments.total(), segments.max_length(), segments.range(2)), (8, 5, 3..8));
         let rounds = MessageRounds::new(6, 3).unwrap();
-        let ranges = |round| (0..3).map(|k| parts.in_round(rounds, round).of(k)).collect::<Vec<_>>();
+        let ranges = |round| (0..3).map(|k| segments.in_round(rounds, round).range(k)).collect::<Vec<_>>();
         assert_eq!(ranges(0), [0..2, 3..3, 3..5]);
         assert_eq!(ranges(1), [2..3, 3..3, 5..7]);
         assert_eq!(ranges(2), [3..3, 3..3, 7..8]);
-        assert_eq!(parts.without(2).lengths(), [3, 0, 0]);
+        assert_eq!(segments.without(2).lengths(), [3, 0, 0]);
     }
 }

@@ -35,7 +35,7 @@ pub(crate) fn rebalance(
         log::info!("the partition was built, with an imbalance of {:.2}", owned.imbalance());
     }
     let migration = Migration::to_ranks(&ranks, comm.ranks());
-    let migration = comm.agree(migration.map_err(|error| Error::of_detector(rank, error)))?;
+    let migration = comm.agree(migration.map_err(|error| Error::from_detector(rank, error)))?;
     let moved = comm.all_reduce_sum(&[migration.sent_count(comm.rank()) as u64])[0];
     let came = migration.apply(comm, "spheres that change rank", |k| local.particle(k))?;
     let doubles = match columns.doubles {
@@ -54,7 +54,7 @@ fn assign<T: Coordinate>(
     bound: f64,
 ) -> Result<Assignment, Error> {
     let rank = comm.rank();
-    let wrapped = comm.agree(wrapped.map_err(|error| Error::of_detector(rank, error)))?;
+    let wrapped = comm.agree(wrapped.map_err(|error| Error::from_detector(rank, error)))?;
     partitioner.assign(comm, &wrapped, ids, bound)
 }
 
@@ -72,14 +72,14 @@ fn checked<'a>(
     let local = particles.local().map_err(|error| refuse(error.to_string()));
     let local = comm.agree(local.and_then(|local| local.check(rank, None).map(|()| local)))?;
     let has_spheres = !particles.ids.is_empty();
-    let own = [particles.species.is_some(), particles.doubles.is_some() && has_spheres];
-    let all = comm.all_reduce_sum(&own.map(u64::from));
+    let has_columns = [particles.species.is_some(), particles.doubles.is_some() && has_spheres];
+    let all = comm.all_reduce_sum(&has_columns.map(u64::from));
     let [species, doubles] = [all[0] > 0, all[1] > 0];
     let lacking = match has_spheres {
-        true if species && !own[0] => {
+        true if species && !has_columns[0] => {
             Some("the spheres have no species ids, but those of other ranks do; give all spheres species ids")
         }
-        true if doubles && !own[1] => {
+        true if doubles && !has_columns[1] => {
             Some("the spheres are f32, but those of other ranks f64; give all ranks one type")
         }
         _ => None,

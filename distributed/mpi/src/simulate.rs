@@ -32,7 +32,8 @@ pub fn simulate(
     watch: impl FnMut(u32) -> ControlFlow<()>,
 ) -> Result<Simulated, Error> {
     let comm = MpiCommunicator::new(communicator.duplicate(), Config::default().message_limit);
-    let detector = NodeRank::of(comm.comm()).device(run.backend).of(lazygrid::Config::default(), run.backend);
+    let detector =
+        NodeRank::new(comm.comm()).device(run.backend).apply_to(lazygrid::Config::default(), run.backend);
     let (end, mut simulation) = run.run_distributed(comm, detector, watch)?;
     let standing = simulation.gather(GatherFields { received: true, particles: false })?;
     let summary = run.summary(&standing);

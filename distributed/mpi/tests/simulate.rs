@@ -76,8 +76,8 @@ fn compare_at(path: &Path, [steps, frames_every]: [u32; 2], numbers: &[u32]) -> 
     let changes =
         Overrides { steps: Some(steps), frames_every: frames_every.try_into().ok(), ..Overrides::default() };
     let summary = alone(path, &one, &changes, false);
-    let (expected, stands) = (files(&one), state(&one));
-    assert!(expected["series.csv"].len() > 60 && !stands.particles.is_empty(), "{name}");
+    let (expected, final_state) = (files(&one), state(&one));
+    assert!(expected["series.csv"].len() > 60 && !final_state.particles.is_empty(), "{name}");
     std::fs::remove_dir_all(&one).unwrap();
     let arguments = ["--steps", &steps.to_string(), "--frames-every", &frames_every.to_string()];
     for &ranks in numbers {
@@ -87,10 +87,10 @@ fn compare_at(path: &Path, [steps, frames_every]: [u32; 2], numbers: &[u32]) -> 
         for (file, expected) in &expected {
             assert!(found[file] == *expected, "{file} of {name} on {ranks} ranks");
         }
-        assert!(state(&one) == stands, "{name} on {ranks} ranks");
+        assert!(state(&one) == final_state, "{name} on {ranks} ranks");
         std::fs::remove_dir_all(&one).unwrap();
     }
-    stands
+    final_state
 }
 
 #[test]
@@ -148,7 +148,7 @@ fn an_error_is_printed_once() {
     assert!(!Path::new(&at("out")).exists());
 }
 
-fn of_two(arguments: [&[&str]; 2], code: i32) -> String {
+fn run_two_ranks(arguments: [&[&str]; 2], code: i32) -> String {
     // Exit codes of ranks that Open MPI ends are unreliable.
     let command = env!("CARGO_BIN_EXE_lazygrid-mpi");
     let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", command, "simulate"];
@@ -164,7 +164,7 @@ fn of_two(arguments: [&[&str]; 2], code: i32) -> String {
 }
 
 fn error_of_two(arguments: [&[&str]; 2]) -> String {
-    let said = of_two(arguments, 2);
+    let said = run_two_ranks(arguments, 2);
     let errors: Vec<_> = said.lines().filter(|line| line.starts_with("error: ")).collect();
     assert_eq!(errors.len(), 1, "{said}");
     errors[0].to_owned()
@@ -175,8 +175,8 @@ fn threads_may_be_given_to_some_ranks_only() {
     let directory = tempfile::tempdir().unwrap();
     let (burst, output) = (scenario("burst"), directory.path().join("out"));
     let base = [burst.to_str().unwrap(), "-o", output.to_str().unwrap(), "--steps", "1"];
-    let given = [&base[..], &["--threads", "1"]].concat();
-    of_two([&base, &given], 0);
+    let with_threads = [&base[..], &["--threads", "1"]].concat();
+    run_two_ranks([&base, &with_threads], 0);
 }
 
 #[test]

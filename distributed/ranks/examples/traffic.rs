@@ -25,14 +25,14 @@ fn uniform(spheres: usize, sizes: i32) -> Vec<Sphere> {
     let mut random = Random(1);
     let radius = |k: usize| 0.5_f32.powi(k as i32 % sizes);
     let volume: f64 = (0..spheres).map(|k| 4.19 * f64::from(radius(k)).powi(3)).sum();
-    let edge = (volume / 0.05).cbrt() as f32;
-    (0..spheres).map(|k| Sphere::new([(); 3].map(|()| edge * random.next()), radius(k))).collect()
+    let side = (volume / 0.05).cbrt() as f32;
+    (0..spheres).map(|k| Sphere::new([(); 3].map(|()| side * random.next()), radius(k))).collect()
 }
 
 fn giant(spheres: usize) -> Vec<Sphere> {
     let mut all = uniform(spheres, 1);
-    let edge = (spheres as f32 * 4.19 / 0.05).cbrt();
-    all[spheres / 2] = Sphere::new([edge / 2.0; 3], edge / 4.0);
+    let side = (spheres as f32 * 4.19 / 0.05).cbrt();
+    all[spheres / 2] = Sphere::new([side / 2.0; 3], side / 4.0);
     all
 }
 

@@ -23,7 +23,7 @@ pub trait Communicator {
 
     fn all_reduce_sum(&mut self, values: &[u64]) -> Vec<u64>;
 
-    fn all_gather<T: Pod>(&mut self, what: &str, own: &[T]) -> Result<RankData<T>, Self::Error>;
+    fn all_gather<T: Pod>(&mut self, what: &str, local: &[T]) -> Result<RankData<T>, Self::Error>;
 
     /// Sends `counts[rank]` consecutive elements to each rank, and returns those for this rank.
     fn all_to_all_v<T: Pod>(
@@ -57,11 +57,11 @@ pub trait Communicator {
 pub fn gather<T: Pod, C: Communicator>(
     communicator: &mut C,
     what: &str,
-    own: &[T],
+    local: &[T],
 ) -> Result<Vec<T>, C::Error> {
     let mut counts = vec![0; communicator.ranks() as usize];
-    counts[0] = own.len();
-    communicator.all_to_all_v(what, own, &counts).map(|(all, _)| all)
+    counts[0] = local.len();
+    communicator.all_to_all_v(what, local, &counts).map(|(all, _)| all)
 }
 
 /// Sends each element to its rank, in order. Collective.

@@ -29,7 +29,7 @@ pub struct Digest {
 }
 
 impl Digest {
-    pub fn of(ids: impl IntoIterator<Item = u64>) -> Self {
+    pub fn from_ids(ids: impl IntoIterator<Item = u64>) -> Self {
         ids.into_iter().fold(Self::default(), |digest, id| {
             let one = mix(id ^ 0xA076_1D64_78BD_642F);
             let other = mix(one ^ 0xE703_7ED1_A0B4_28DB);
@@ -54,13 +54,13 @@ mod tests {
 
     #[test]
     fn digest_depends_on_the_set_only() {
-        let whole = Digest::of(0..1000);
-        assert_eq!(whole, Digest::of((0..1000).rev()));
-        assert_eq!(whole, Digest::of(0..300).join(Digest::of(300..1000)));
-        assert_ne!(whole, Digest::of(1..1001));
-        assert_ne!(whole, Digest::of((0..999).chain([0])));
-        assert_ne!(Digest::of([1, 4]), Digest::of([2, 3]));
-        assert_ne!(Digest::of([5, 5]), Digest::of([7, 7]));
+        let whole = Digest::from_ids(0..1000);
+        assert_eq!(whole, Digest::from_ids((0..1000).rev()));
+        assert_eq!(whole, Digest::from_ids(0..300).join(Digest::from_ids(300..1000)));
+        assert_ne!(whole, Digest::from_ids(1..1001));
+        assert_ne!(whole, Digest::from_ids((0..999).chain([0])));
+        assert_ne!(Digest::from_ids([1, 4]), Digest::from_ids([2, 3]));
+        assert_ne!(Digest::from_ids([5, 5]), Digest::from_ids([7, 7]));
     }
 
     #[test]

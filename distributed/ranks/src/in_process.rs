@@ -30,14 +30,14 @@ impl InProcessRanks {
     /// [`Error::OutOfMemory`].
     pub fn with_owners(owned: Vec<Vec<Particle>>, wrapper: SphereWrapper) -> Result<Self, Error> {
         let ranks = owned.len();
-        let wrap = |own: &Vec<Particle>| wrapper.wrap_all(own.iter().copied());
+        let wrap = |particles: &Vec<Particle>| wrapper.wrap_all(particles.iter().copied());
         let of_ranks: Vec<Vec<WrappedSphere>> = owned.iter().map(wrap).collect::<Result<_, _>>()?;
-        let all = RankBounds::new(of_ranks.iter().map(|own| ClassBounds::all_of(own)));
+        let all = RankBounds::new(of_ranks.iter().map(|wrapped| ClassBounds::all_of(wrapped)));
         let bounds = (0..ranks as u32).map(|rank| all.of_rank(rank).len() as u64).sum();
         let mut particles = vec![Vec::new(); ranks];
         let mut counts = vec![vec![0; ranks]; ranks];
-        for (from, own) in of_ranks.iter().enumerate() {
-            let sent = all.ghosts(from as u32, own, &wrapper)?;
+        for (from, wrapped) in of_ranks.iter().enumerate() {
+            let sent = all.ghosts(from as u32, wrapped, &wrapper)?;
             for (to, sent) in sent.into_iter().enumerate() {
                 counts[to][from] = sent.len();
                 particles[to].extend(sent.into_iter().map(|k| owned[from][k as usize]));
@@ -58,20 +58,24 @@ impl InProcessRanks {
         let chosen = particles.iter().filter(|particle| filter.takes(particle.id));
         let mut sample: Vec<_> = chosen.map(|particle| Sample::new(center(particle), particle.id)).collect();
         let partition = Partition::new(&mut sample, ranks);
-        let mut owned = vec![Vec::new(); partition.parts() as usize];
+        let mut owned = vec![Vec::new(); partition.domains() as usize];
         for particle in particles {
-            let own = &mut owned[partition.part_of(center(particle), tie_breaker(particle.id)) as usize];
-            own.push(Particle { index: own.len() as u32, ..*particle });
+            let domain = &mut owned[partition.domain_of(center(particle), tie_breaker(particle.id)) as usize];
+            domain.push(Particle { index: domain.len() as u32, ..*particle });
         }
         Self::with_owners(owned, wrapper)
     }
 
     pub fn owned(&self) -> LoadBalance {
-        LoadBalance::of(&self.owned.iter().map(|own| own.len() as u64).collect::<Vec<_>>())
+        LoadBalance::from_counts(
+            &self.owned.iter().map(|particles| particles.len() as u64).collect::<Vec<_>>(),
+        )
     }
 
     pub fn ghosts(&self) -> LoadBalance {
-        LoadBalance::of(&self.ghosts.iter().map(|ghosts| ghosts.particles().len() as u64).collect::<Vec<_>>())
+        LoadBalance::from_counts(
+            &self.ghosts.iter().map(|ghosts| ghosts.particles().len() as u64).collect::<Vec<_>>(),
+        )
     }
 
     pub fn bounds(&self) -> u64 {
@@ -106,8 +110,8 @@ impl InProcessRanks {
                     PairKind::Local => owned[j as usize].id,
                     PairKind::WithGhost => ghosts.particles()[j as usize].id,
                 };
-                let own = owned[i as usize].id;
-                [own.min(other), own.max(other)]
+                let id = owned[i as usize].id;
+                [id.min(other), id.max(other)]
             };
             pairs.extend(pairs_found.iter().map(ids));
             ControlFlow::Continue(())

@@ -9,7 +9,7 @@ impl LoadBalance {
     /// With few spheres per rank, this surplus is no imbalance.
     const SLACK: f64 = 64.0;
 
-    pub fn of(each: &[u64]) -> Self {
+    pub fn from_counts(each: &[u64]) -> Self {
         let most = each.iter().copied().max().unwrap_or(0);
         Self { total: each.iter().sum(), most, ranks: each.len() as u32 }
     }
@@ -36,13 +36,13 @@ mod tests {
 
     #[test]
     fn imbalance_ignores_a_few_spheres() {
-        let even = LoadBalance::of(&[1000, 1000, 1000, 1000]);
+        let even = LoadBalance::from_counts(&[1000, 1000, 1000, 1000]);
         assert_eq!((even.imbalance(), even.is_imbalanced(1.0, 1.0)), (1.0, false));
-        let uneven = LoadBalance::of(&[2000, 1000, 500, 500]);
+        let uneven = LoadBalance::from_counts(&[2000, 1000, 500, 500]);
         assert_eq!(uneven.imbalance(), 2.0);
         assert!(uneven.is_imbalanced(1.2, 1.0));
         assert!(!uneven.is_imbalanced(2.0, 1.0) && !uneven.is_imbalanced(1.2, 1.95));
-        assert!(!LoadBalance::of(&[7, 0, 0, 0]).is_imbalanced(1.0, 1.0));
-        assert_eq!(LoadBalance::of(&[]).imbalance(), 1.0);
+        assert!(!LoadBalance::from_counts(&[7, 0, 0, 0]).is_imbalanced(1.0, 1.0));
+        assert_eq!(LoadBalance::from_counts(&[]).imbalance(), 1.0);
     }
 }

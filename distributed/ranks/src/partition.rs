@@ -23,50 +23,55 @@ impl BisectionPlane {
 /// many steps. [Tie breakers](crate::tie_breaker) divide spheres of equal coordinates evenly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Partition {
-    parts: u32,
+    domains: u32,
     /// Plane of each region, then of its left side, then of its right side.
     planes: Vec<BisectionPlane>,
 }
 
 impl Partition {
     /// Divides the sample about equally, and reorders it.
-    pub fn new(sample: &mut [Sample], parts: u32) -> Self {
-        let parts = parts.max(1);
-        let mut planes = Vec::with_capacity(parts as usize - 1);
-        cut(sample, parts, &mut planes);
-        Self { parts, planes }
+    pub fn new(sample: &mut [Sample], domains: u32) -> Self {
+        let domains = domains.max(1);
+        let mut planes = Vec::with_capacity(domains as usize - 1);
+        cut(sample, domains, &mut planes);
+        Self { domains, planes }
     }
 
     /// Creates a partition from its [planes](Self::planes).
     ///
     /// # Errors
     /// [`Error::Planes`] for a wrong number of planes or an invalid axis.
-    pub fn from_planes(parts: u32, planes: Vec<BisectionPlane>) -> Result<Self, Error> {
-        let sound = planes.iter().all(|plane| plane.axis < 3) && planes.len() as u64 + 1 == u64::from(parts);
-        if sound { Ok(Self { parts, planes }) } else { Err(Error::Planes { planes: planes.len(), parts }) }
+    pub fn from_planes(domains: u32, planes: Vec<BisectionPlane>) -> Result<Self, Error> {
+        let sound =
+            planes.iter().all(|plane| plane.axis < 3) && planes.len() as u64 + 1 == u64::from(domains);
+        if sound {
+            Ok(Self { domains, planes })
+        } else {
+            Err(Error::Planes { planes: planes.len(), domains })
+        }
     }
 
     pub fn planes(&self) -> &[BisectionPlane] {
         &self.planes
     }
 
-    pub fn parts(&self) -> u32 {
-        self.parts
+    pub fn domains(&self) -> u32 {
+        self.domains
     }
 
     /// `center` is that of a [`WrappedSphere`](crate::WrappedSphere).
     #[inline]
-    pub fn part_of<T: Coordinate>(&self, center: [T; 3], tie_breaker: u64) -> u32 {
-        let (mut first, mut parts, mut node) = (0, self.parts, 0);
-        while parts > 1 {
+    pub fn domain_of<T: Coordinate>(&self, center: [T; 3], tie_breaker: u64) -> u32 {
+        let (mut first, mut domains, mut node) = (0, self.domains, 0);
+        while domains > 1 {
             let plane = &self.planes[node];
-            let left = parts / 2;
+            let left = domains / 2;
             if plane.is_left(center[plane.axis as usize].into(), tie_breaker) {
-                parts = left;
+                domains = left;
                 node += 1;
             } else {
                 first += left;
-                parts -= left;
+                domains -= left;
                 // Skips this plane and its left side.
                 node += left as usize;
             }
@@ -75,12 +80,12 @@ impl Partition {
     }
 }
 
-fn cut(sample: &mut [Sample], parts: u32, planes: &mut Vec<BisectionPlane>) {
-    if parts < 2 {
+fn cut(sample: &mut [Sample], domains: u32, planes: &mut Vec<BisectionPlane>) {
+    if domains < 2 {
         return;
     }
-    let left = parts / 2;
-    let middle = (sample.len() as u64 * u64::from(left) / u64::from(parts)) as usize;
+    let left = domains / 2;
+    let middle = (sample.len() as u64 * u64::from(left) / u64::from(domains)) as usize;
     let axis = widest(sample);
     let plane = match sample.is_empty() {
         true => BisectionPlane { at: 0.0, tie_breaker: 0, axis: 0 },
@@ -96,7 +101,7 @@ fn cut(sample: &mut [Sample], parts: u32, planes: &mut Vec<BisectionPlane>) {
     planes.push(plane);
     let (low, high) = sample.split_at_mut(middle);
     cut(low, left, planes);
-    cut(high, parts - left, planes);
+    cut(high, domains - left, planes);
 }
 
 fn widest(sample: &[Sample]) -> usize {
@@ -118,16 +123,16 @@ mod tests {
     use super::*;
     use crate::tie_breaker;
 
-    fn sizes(centers: &[Vec3], parts: u32) -> Vec<u64> {
+    fn sizes(centers: &[Vec3], domains: u32) -> Vec<u64> {
         let mut sample: Vec<_> =
             (0..).zip(centers).map(|(id, &center)| Sample::new(center.to_array(), id)).collect();
-        let partition = Partition::new(&mut sample, parts);
-        let copy = Partition::from_planes(parts, partition.planes().to_vec()).unwrap();
+        let partition = Partition::new(&mut sample, domains);
+        let copy = Partition::from_planes(domains, partition.planes().to_vec()).unwrap();
         assert_eq!(copy, partition);
-        let mut sizes = vec![0; parts as usize];
-        (0..)
-            .zip(centers)
-            .for_each(|(id, &center)| sizes[copy.part_of(center.to_array(), tie_breaker(id)) as usize] += 1);
+        let mut sizes = vec![0; domains as usize];
+        (0..).zip(centers).for_each(|(id, &center)| {
+            sizes[copy.domain_of(center.to_array(), tie_breaker(id)) as usize] += 1
+        });
         sizes
     }
 
@@ -138,11 +143,11 @@ mod tests {
         let point = vec![Vec3::splat(7.0); 1000];
         let zeros: Vec<_> = (0..1000).map(|k| Vec3::splat(if k % 2 == 0 { 0.0 } else { -0.0 })).collect();
         for centers in [&lattice, &point, &zeros] {
-            for parts in [1, 2, 3, 5, 8, 100, 512] {
-                let sizes = sizes(centers, parts);
+            for domains in [1, 2, 3, 5, 8, 100, 512] {
+                let sizes = sizes(centers, domains);
                 let (low, high) = (sizes.iter().min().unwrap(), sizes.iter().max().unwrap());
                 // Each plane above a part rounds to one sphere.
-                assert!(high - low <= 2, "{parts} parts of {low} to {high}");
+                assert!(high - low <= 2, "{domains} parts of {low} to {high}");
             }
         }
     }

@@ -58,13 +58,14 @@ fn owners<T: Coordinate, C: Communicator>(
     spheres: &[WrappedSphere<T>],
     ids: &[u64],
 ) -> Result<(Vec<u32>, LoadBalance), C::Error> {
-    let part = |(sphere, &id): (&WrappedSphere<T>, &u64)| partition.part_of(sphere.center, tie_breaker(id));
-    let parts = try_collect(spheres.len(), spheres.iter().zip(ids).map(part), "the ranks of spheres");
-    let parts = agree_on_memory(communicator, parts)?;
-    let mut counts = vec![0; partition.parts() as usize];
-    parts.iter().for_each(|&part| counts[part as usize] += 1);
-    let owned = LoadBalance::of(&communicator.all_reduce_sum(&counts));
-    Ok((parts, owned))
+    let owner =
+        |(sphere, &id): (&WrappedSphere<T>, &u64)| partition.domain_of(sphere.center, tie_breaker(id));
+    let owner_ranks = try_collect(spheres.len(), spheres.iter().zip(ids).map(owner), "the ranks of spheres");
+    let owner_ranks = agree_on_memory(communicator, owner_ranks)?;
+    let mut counts = vec![0; partition.domains() as usize];
+    owner_ranks.iter().for_each(|&rank| counts[rank as usize] += 1);
+    let owned = LoadBalance::from_counts(&communicator.all_reduce_sum(&counts));
+    Ok((owner_ranks, owned))
 }
 
 fn partition<T: Coordinate, C: Communicator>(

@@ -6,7 +6,7 @@ use crate::Coordinate;
 use crate::hash::{mix, tie_breaker};
 
 /// A part's size errs by about 1.1 %, the reciprocal square root.
-pub const SAMPLES_PER_PART: u64 = 8192;
+pub const SAMPLES_PER_DOMAIN: u64 = 8192;
 /// The rank that gathers the samples needs 64 MB.
 pub const MAX_SAMPLES: u64 = 1 << 21;
 
@@ -39,8 +39,8 @@ pub struct SampleFilter {
 }
 
 impl SampleFilter {
-    pub fn new(spheres: u64, parts: u32) -> Self {
-        let wanted = (SAMPLES_PER_PART * u64::from(parts)).min(MAX_SAMPLES);
+    pub fn new(spheres: u64, domains: u32) -> Self {
+        let wanted = (SAMPLES_PER_DOMAIN * u64::from(domains)).min(MAX_SAMPLES);
         let fraction = wanted as f64 / spheres.max(1) as f64;
         // The cast saturates: a fraction of 1 or more takes all.
         Self { largest: (fraction * 2_f64.powi(64)) as u64 }
@@ -59,13 +59,13 @@ mod tests {
 
     #[test]
     fn sample_has_the_requested_size() {
-        let taken = |spheres: u64, parts| {
-            let filter = SampleFilter::new(spheres, parts);
+        let taken = |spheres: u64, domains| {
+            let filter = SampleFilter::new(spheres, domains);
             (0..spheres).filter(|&id| filter.takes(id)).count() as u64
         };
         assert_eq!(taken(1000, 1), 1000);
-        assert_eq!(taken(2 * SAMPLES_PER_PART, 2), 2 * SAMPLES_PER_PART);
+        assert_eq!(taken(2 * SAMPLES_PER_DOMAIN, 2), 2 * SAMPLES_PER_DOMAIN);
         let few = taken(500_000, 2);
-        assert!(few.abs_diff(2 * SAMPLES_PER_PART) < 600, "{few}");
+        assert!(few.abs_diff(2 * SAMPLES_PER_DOMAIN) < 600, "{few}");
     }
 }

@@ -141,7 +141,7 @@ struct Classes {
 impl Classes {
     fn new(search: &Search, owned: Spheres<'_>, ghosts: &Ghosts) -> Result<Self, Error> {
         let (wrapper, species, doubles) = (&search.wrapper, owned.species(), ghosts.doubles());
-        let own = |k: usize| {
+        let local = |k: usize| {
             let species = species.map_or(0, |species| species[k]);
             match doubles {
                 Some(_) => wrapper.wrap_f64(owned.get_f64(k), species).class(),
@@ -158,7 +158,7 @@ impl Classes {
         let what = "the size classes of spheres";
         let particles = ghosts.particles();
         Ok(Self {
-            owned: try_collect(owned.len(), (0..owned.len()).map(own), what)?,
+            owned: try_collect(owned.len(), (0..owned.len()).map(local), what)?,
             ghosts: try_collect(particles.len(), (0..).zip(particles).map(ghost), what)?,
             rank: search.rank,
             ranks: search.ranks,
@@ -166,17 +166,17 @@ impl Classes {
     }
 
     #[inline]
-    fn reports(&self, [own, ghost]: [u32; 2]) -> bool {
-        let own = RankAndClass { rank: self.rank, class: self.owned[own as usize] };
-        becomes_ghost(self.ghosts[ghost as usize], own, self.ranks)
+    fn reports(&self, [local, ghost]: [u32; 2]) -> bool {
+        let local = RankAndClass { rank: self.rank, class: self.owned[local as usize] };
+        becomes_ghost(self.ghosts[ghost as usize], local, self.ranks)
     }
 
     fn all_report(&self) -> bool {
         // A sphere that is a ghost for the largest class is one for all others.
         let largest = self.owned.iter().max();
         largest.is_none_or(|&class| {
-            let own = RankAndClass { rank: self.rank, class };
-            self.ghosts.iter().all(|&ghost| becomes_ghost(ghost, own, self.ranks))
+            let local = RankAndClass { rank: self.rank, class };
+            self.ghosts.iter().all(|&ghost| becomes_ghost(ghost, local, self.ranks))
         })
     }
 }

@@ -91,16 +91,16 @@ impl Settings {
     /// # Errors
     /// [`Communicator::difference`] on all ranks for a difference; the communicator's.
     pub fn agree<C: Communicator>(&self, communicator: &mut C) -> Result<(), C::Error> {
-        let own: Vec<u64> = self.each.iter().map(|setting| setting.digest).collect();
-        let (all, counts) = communicator.all_gather("digests of settings", &own)?;
+        let digests: Vec<u64> = self.each.iter().map(|setting| setting.digest).collect();
+        let (all, counts) = communicator.all_gather("digests of settings", &digests)?;
         let of_ranks: Vec<&[u64]> = split(&all, &counts).collect();
-        let Some((place, other)) = first_difference(&of_ranks) else { return Ok(()) };
-        let at = |rank: usize| of_ranks[rank].get(place);
+        let Some((index, other)) = first_difference(&of_ranks) else { return Ok(()) };
+        let at = |rank: usize| of_ranks[rank].get(index);
         let differing = (0..of_ranks.len()).filter(|&rank| at(rank) != at(0)).count() as u32;
         let ranks = [0, other as u32];
         // Other programs may lack the setting.
-        let own = self.each.get(place).filter(|_| ranks.contains(&communicator.rank()));
-        let (name, text) = own.map_or(("", ""), |setting| (setting.name, &setting.text));
+        let local_setting = self.each.get(index).filter(|_| ranks.contains(&communicator.rank()));
+        let (name, text) = local_setting.map_or(("", ""), |setting| (setting.name, &setting.text));
         let names = communicator.all_gather("names of settings", name.as_bytes())?;
         let texts = communicator.all_gather("settings that differ", text.as_bytes())?;
         let [names, values] = [names, texts].map(|(bytes, counts)| {
@@ -119,17 +119,17 @@ impl Settings {
 fn split<'a, T>(all: &'a [T], counts: &'a [usize]) -> impl Iterator<Item = &'a [T]> {
     let mut rest = all;
     counts.iter().map(move |&count| {
-        let (own, others) = rest.split_at(count);
+        let (segment, others) = rest.split_at(count);
         rest = others;
-        own
+        segment
     })
 }
 
 fn first_difference(of_ranks: &[&[u64]]) -> Option<(usize, usize)> {
     let first = of_ranks.first()?;
-    let places = of_ranks.iter().map(|own| own.len()).max()?;
-    (0..places).find_map(|place| {
-        of_ranks.iter().position(|own| own.get(place) != first.get(place)).map(|rank| (place, rank))
+    let count = of_ranks.iter().map(|digests| digests.len()).max()?;
+    (0..count).find_map(|index| {
+        of_ranks.iter().position(|digests| digests.get(index) != first.get(index)).map(|rank| (index, rank))
     })
 }
 
@@ -153,8 +153,8 @@ fn describe(space: &Space) -> String {
         return "unbounded".to_owned();
     }
     let mut text = "periodic along".to_owned();
-    for edge in space.cell_vectors() {
-        let _ = match edge.map(|edge| edge.map(|length| length + 0.0)) {
+    for vector in space.cell_vectors() {
+        let _ = match vector.map(|vector| vector.map(|length| length + 0.0)) {
             Some([x, y, z]) => write!(text, " ({x}, {y}, {z})"),
             None => write!(text, " -"),
         };
@@ -182,12 +182,12 @@ mod tests {
 
     #[test]
     fn equal_settings_have_equal_digests() {
-        let sheared = |tilt: f64| {
-            let edges = [[4.0, 0.0, 0.0], [tilt, 4.0, 0.0], [1.0, 0.0, 4.0]];
-            Settings::new("1").with_space(&Space::triclinic(edges.map(Some)).unwrap())
+        let tilted = |tilt: f64| {
+            let vectors = [[4.0, 0.0, 0.0], [tilt, 4.0, 0.0], [1.0, 0.0, 4.0]];
+            Settings::new("1").with_space(&Space::triclinic(vectors.map(Some)).unwrap())
         };
-        assert_eq!(digest(sheared(0.0)), digest(sheared(-0.0)));
-        assert_ne!(digest(sheared(0.0)), digest(sheared(f64::from_bits(1))));
+        assert_eq!(digest(tilted(0.0)), digest(tilted(-0.0)));
+        assert_ne!(digest(tilted(0.0)), digest(tilted(f64::from_bits(1))));
         let within = |distance: f64| {
             let table = Interactions::new(1, Interaction::Within(distance)).unwrap();
             digest(Settings::new("1").with_interactions(Some(&table)))
@@ -205,10 +205,10 @@ mod tests {
 
     #[test]
     fn texts_that_are_cut_differently_have_different_digests() {
-        let of = |texts: &[&str]| sequence(texts.iter().flat_map(|text| words(text)));
+        let digest_of = |texts: &[&str]| sequence(texts.iter().flat_map(|text| words(text)));
         let texts: [&[&str]; 5] = [&["ab", "c"], &["a", "bc"], &["abc", ""], &["abc"], &["abc\0"]];
         for (k, one) in texts.iter().enumerate() {
-            assert!(texts[..k].iter().all(|other| of(other) != of(one)), "{one:?}");
+            assert!(texts[..k].iter().all(|other| digest_of(other) != digest_of(one)), "{one:?}");
         }
     }
 }

@@ -2,9 +2,9 @@
 ///
 /// ```
 /// # use lazygrid_ranks::SizeClass;
-/// assert_eq!(SizeClass::of(1.0), SizeClass::of(1.99));
-/// assert!(SizeClass::of(0.99) < SizeClass::of(1.0));
-/// assert_eq!(SizeClass::of(-0.0), SizeClass::of(1e-40));
+/// assert_eq!(SizeClass::from_radius(1.0), SizeClass::from_radius(1.99));
+/// assert!(SizeClass::from_radius(0.99) < SizeClass::from_radius(1.0));
+/// assert_eq!(SizeClass::from_radius(-0.0), SizeClass::from_radius(1e-40));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct SizeClass(u8);
@@ -14,7 +14,7 @@ impl SizeClass {
 
     /// `radius` must not be NaN or negative.
     #[inline]
-    pub fn of(radius: f32) -> Self {
+    pub fn from_radius(radius: f32) -> Self {
         // The cast drops the sign of −0.
         Self((radius.to_bits() >> 23) as u8)
     }

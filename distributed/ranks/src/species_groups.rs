@@ -48,7 +48,7 @@ impl SpeciesGroups {
 
     /// Unknown species have a group of their own.
     #[inline]
-    pub(crate) fn of(&self, species: u32) -> u32 {
+    pub(crate) fn group_of(&self, species: u32) -> u32 {
         self.groups.get(species as usize).copied().unwrap_or(self.count)
     }
 
@@ -102,11 +102,11 @@ mod tests {
     fn species_with_equal_partners_share_a_group() {
         let pairs = |one, other| touching(other == 0 && (one == 1 || one == 2));
         let groups = SpeciesGroups::new(&table(4, pairs), true);
-        assert_eq!([0, 1, 2, 3].map(|species| groups.of(species)), [0, 1, 1, 2]);
+        assert_eq!([0, 1, 2, 3].map(|species| groups.group_of(species)), [0, 1, 1, 2]);
         assert_eq!([(0, 1), (1, 0)].map(|(one, other)| groups.cutoff(one, other)), [Some(f64::INFINITY); 2]);
         assert_eq!([0, 1].map(|group| groups.cutoff(group, group)), [None; 2]);
         assert_eq!([0, 1, 2].map(|other| groups.cutoff(2, other)), [None; 3]);
-        assert!((0..4).all(|other| groups.cutoff(groups.of(9), other) == Some(f64::INFINITY)));
+        assert!((0..4).all(|other| groups.cutoff(groups.group_of(9), other) == Some(f64::INFINITY)));
     }
 
     #[test]
@@ -118,7 +118,7 @@ mod tests {
         };
         let table = table(4, distance);
         let groups = SpeciesGroups::new(&table, true);
-        assert_eq!([0, 1, 2, 3].map(|species| groups.of(species)), [0, 0, 1, 2]);
+        assert_eq!([0, 1, 2, 3].map(|species| groups.group_of(species)), [0, 0, 1, 2]);
         assert_eq!([0, 1, 2].map(|other| groups.cutoff(0, other)), [Some(1.6), Some(100.0), Some(100.0)]);
         assert_eq!(groups.cutoff(2, 2), Some(f64::INFINITY));
         let by_partners = SpeciesGroups::new(&table, false);
@@ -139,7 +139,7 @@ mod tests {
             let mut largest = HashMap::new();
             for (one, other) in (0..70).flat_map(|one| (0..=one).map(move |other| (one, other))) {
                 let Some(cutoff) = of_pair(one, other).cutoff(f64::INFINITY) else { continue };
-                let [a, b] = [one, other].map(|species| groups.of(species));
+                let [a, b] = [one, other].map(|species| groups.group_of(species));
                 for pair in [(a, b), (b, a)] {
                     let most = largest.entry(pair).or_insert(cutoff);
                     *most = cutoff.max(*most);

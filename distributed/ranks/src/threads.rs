@@ -76,25 +76,25 @@ impl Communicator for Thread {
         (0..values.len()).map(|k| all.iter().skip(k).step_by(values.len()).sum()).collect()
     }
 
-    fn all_gather<T: Pod>(&mut self, _: &str, own: &[T]) -> Result<RankData<T>, String> {
-        Ok(received(&self.to_all(bytemuck::cast_slice(own))))
+    fn all_gather<T: Pod>(&mut self, _: &str, local: &[T]) -> Result<RankData<T>, String> {
+        Ok(received(&self.to_all(bytemuck::cast_slice(local))))
     }
 
     fn all_to_all_v<T: Pod>(&mut self, _: &str, send: &[T], counts: &[usize]) -> Result<RankData<T>, String> {
         assert_eq!(counts.iter().sum::<usize>(), send.len());
         let mut rest = send;
-        let mut parts = Vec::new();
+        let mut segments = Vec::new();
         for &count in counts {
-            let (part, others) = rest.split_at(count);
-            parts.push(bytemuck::cast_slice(part).to_vec());
+            let (segment, others) = rest.split_at(count);
+            segments.push(bytemuck::cast_slice(segment).to_vec());
             rest = others;
         }
-        Ok(received(&self.trade(parts)))
+        Ok(received(&self.trade(segments)))
     }
 
     fn agree<T>(&self, result: Result<T, String>) -> Result<T, String> {
-        let own = result.as_ref().err().cloned().unwrap_or_default();
-        let all = self.to_all(own.as_bytes());
+        let message = result.as_ref().err().cloned().unwrap_or_default();
+        let all = self.to_all(message.as_bytes());
         match all.into_iter().find(|message| !message.is_empty()) {
             Some(message) => Err(String::from_utf8(message).expect("text")),
             None => result,

@@ -20,7 +20,7 @@ pub struct WrappedSphere<T = f32> {
 impl<T: Coordinate> WrappedSphere<T> {
     #[inline]
     pub fn class(&self) -> SizeClass {
-        SizeClass::of(self.radius.into() as f32)
+        SizeClass::from_radius(self.radius.into() as f32)
     }
 }
 
@@ -83,7 +83,7 @@ impl SphereWrapper {
             Some(table) => {
                 let reach = table.reaches.get(species as usize);
                 let radius = reach.map_or(sphere.radius, |reach| reach.effective.for_radius(sphere.radius));
-                (radius, table.groups.of(species))
+                (radius, table.groups.group_of(species))
             }
         };
         match &self.orthogonal {
@@ -113,7 +113,7 @@ impl SphereWrapper {
             None => (radius, 0),
             Some(table) => {
                 let reach = table.reaches.get(species as usize);
-                (reach.map_or(radius, |reach| reach.for_radius(radius)), table.groups.of(species))
+                (reach.map_or(radius, |reach| reach.for_radius(radius)), table.groups.group_of(species))
             }
         };
         let mut center = [x, y, z];
@@ -192,8 +192,8 @@ mod tests {
     #[test]
     fn cells_beyond_f32_have_orthogonalized_lengths_near_1() {
         for size in [1e-300, 1e-60, 1e60, 1e300] {
-            let edges = [[1.0, 0.0, 0.0], [0.4, 1.0, 0.0], [0.0, 0.0, 1.0]];
-            let space = Space::triclinic(edges.map(|edge| Some(edge.map(|x| x * size)))).unwrap();
+            let vectors = [[1.0, 0.0, 0.0], [0.4, 1.0, 0.0], [0.0, 0.0, 1.0]];
+            let space = Space::triclinic(vectors.map(|vector| Some(vector.map(|x| x * size)))).unwrap();
             let wrapper = SphereWrapper::new(space, None);
             assert!(wrapper.needs_f64(), "{size:e}");
             let lengths = wrapper.wrapped_space().lengths().into_iter().flatten();

@@ -15,7 +15,7 @@ use proptest::sample::select;
 #[derive(Clone, Debug)]
 enum Placement {
     Balanced,
-    Given(Vec<u32>),
+    Listed(Vec<u32>),
     Single(u32),
 }
 
@@ -38,7 +38,7 @@ const TABLES: [[Interaction; 6]; 3] = [
 impl Scene {
     fn ranks(&self, particles: &[Particle], wrapper: SphereWrapper) -> InProcessRanks {
         let owner = |k: usize| match &self.placement {
-            Placement::Given(words) => words[k % words.len()] % self.ranks,
+            Placement::Listed(words) => words[k % words.len()] % self.ranks,
             Placement::Single(word) => word % self.ranks,
             Placement::Balanced => 0,
         };
@@ -55,8 +55,9 @@ impl Scene {
     fn check(&self) {
         let particles = numbered(self.spheres.iter().copied());
         let ([x, y, z], [xy, xz, yz]) = (self.lengths, self.tilts);
-        let edges = [x.map(|x| [x, 0.0, 0.0]), y.map(|y| [xy, y, 0.0]), z.map(|z| [xz, yz, z])];
-        let space = Space::triclinic(edges.map(|edge| edge.map(|edge| edge.map(f64::from)))).unwrap();
+        let vectors = [x.map(|x| [x, 0.0, 0.0]), y.map(|y| [xy, y, 0.0]), z.map(|z| [xz, yz, z])];
+        let space =
+            Space::triclinic(vectors.map(|vector| vector.map(|vector| vector.map(f64::from)))).unwrap();
         let table = self.interactions.map(table);
         let mut config = Config::default().space(space).threads(1);
         if let Some(table) = &table {
@@ -105,7 +106,7 @@ fn scene() -> impl Strategy<Value = Scene> {
     let length = || prop_oneof![Just(None), select(vec![Some(6.0), Some(4.0), Some(2.5), Some(1e7)])];
     let placement = prop_oneof![
         2 => Just(Placement::Balanced),
-        2 => prop::collection::vec(any::<u32>(), 1..40).prop_map(Placement::Given),
+        2 => prop::collection::vec(any::<u32>(), 1..40).prop_map(Placement::Listed),
         1 => any::<u32>().prop_map(Placement::Single),
     ];
     let ranks = select(vec![1, 2, 3, 4, 5, 8, 13]);

@@ -54,12 +54,12 @@ fn by_ulps(number: f64, ulps: i64) -> f64 {
 fn tangent(random: &mut Random, space: &Space, scale: Scale, distance: Option<f64>) -> [Row; 2] {
     let Scale { unit, offset, images } = scale;
     let a = [0, 1, 2].map(|_| offset + 9.9 * unit * random.next_f64());
-    let way = [0, 1, 2].map(|_| random.next_f64() - 0.5);
+    let direction = [0, 1, 2].map(|_| random.next_f64() - 0.5);
     let sum = distance.unwrap_or(unit * (0.1 + 0.4 * random.next_f64()));
-    let mut b = [0, 1, 2].map(|k| a[k] + sum / length(way) * way[k]);
-    for edge in space.cell_vectors().into_iter().flatten() {
+    let mut b = [0, 1, 2].map(|k| a[k] + sum / length(direction) * direction[k]);
+    for vector in space.cell_vectors().into_iter().flatten() {
         let times = (images * (2.0 * random.next_f64() - 1.0)).round();
-        b = [0, 1, 2].map(|k| b[k] + times * edge[k]);
+        b = [0, 1, 2].map(|k| b[k] + times * vector[k]);
     }
     let ulps = (5.0 * random.next_f64()) as i64 - 2;
     if distance.is_some() {
@@ -92,8 +92,8 @@ fn spaces() -> Vec<Space> {
 }
 
 fn scaled(space: &Space, unit: f64) -> Space {
-    let edges = space.cell_vectors().map(|edge| edge.map(|edge| edge.map(|number| number * unit)));
-    Space::triclinic(edges).unwrap()
+    let vectors = space.cell_vectors().map(|vector| vector.map(|vector| vector.map(|number| number * unit)));
+    Space::triclinic(vectors).unwrap()
 }
 
 impl Scene {

@@ -34,7 +34,7 @@ enum Change {
     Resize(u32),
     Teleport(u64),
     Species,
-    Place(Placement),
+    SetPlacement(Placement),
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -99,16 +99,16 @@ impl Scene {
                     particles.extend((first..n.into()).map(particle));
                     particles.truncate(n as usize);
                 }
-                Change::Teleport(share) => particles
+                Change::Teleport(eighths) => particles
                     .iter_mut()
-                    .filter(|one| tie_breaker(one.id ^ stream) % 8 < share)
+                    .filter(|one| tie_breaker(one.id ^ stream) % 8 < eighths)
                     .for_each(|one| one.sphere.center = point(one.id, stream).into()),
                 Change::Species => {
                     particles
                         .iter_mut()
                         .for_each(|one| one.species = (tie_breaker(one.id ^ stream) % 3) as u32);
                 }
-                Change::Place(to) => placement = to,
+                Change::SetPlacement(to) => placement = to,
             }
             for call in 0..u64::from(calls) {
                 if let Change::Drift(_, by) = *change {
@@ -194,34 +194,34 @@ impl<C: Communicator<Error = String>> Rank<C> {
     fn call(&mut self, frame: &Frame) -> Result<Vec<[u64; 2]>, String> {
         let (rank, ranks) = (self.communicator.rank(), self.communicator.ranks());
         let mine = |one: &&Particle| owner(frame.placement, one.id, ranks) == rank;
-        let mut own: Vec<Particle> = frame.particles.iter().filter(mine).copied().collect();
+        let mut owned: Vec<Particle> = frame.particles.iter().filter(mine).copied().collect();
         if let (Placement::Rebalanced, None) = (frame.placement, frame.fails) {
-            let ids: Vec<u64> = own.iter().map(|one| one.id).collect();
-            let wrapped = self.wrapper.wrap_all(own.iter().copied()).unwrap();
+            let ids: Vec<u64> = owned.iter().map(|one| one.id).collect();
+            let wrapped = self.wrapper.wrap_all(owned.iter().copied()).unwrap();
             let assignment = self.partitioner.assign(&mut self.communicator, &wrapped, &ids, 1.2)?;
             let migration = Migration::to_ranks(&assignment.ranks, ranks).unwrap();
-            own = migration.apply(&mut self.communicator, "spheres", |k| own[k as usize])?;
+            owned = migration.apply(&mut self.communicator, "spheres", |k| owned[k as usize])?;
         }
-        let wrapped = self.wrapper.wrap_all(own.iter().copied()).unwrap();
+        let wrapped = self.wrapper.wrap_all(owned.iter().copied()).unwrap();
         let bounds = RankBounds::gather(&mut self.communicator, &wrapped)?;
         let leaving = bounds.ghosts(rank, &wrapped, &self.wrapper).unwrap();
-        let ghosts = Ghosts::exchange(&mut self.communicator, &leaving, |k| own[k as usize])?;
-        let mut spheres: Vec<Sphere> = own.iter().map(|one| one.sphere).collect();
+        let ghosts = Ghosts::exchange(&mut self.communicator, &leaving, |k| owned[k as usize])?;
+        let mut spheres: Vec<Sphere> = owned.iter().map(|one| one.sphere).collect();
         if let (Some(fail), Some(sphere)) = (frame.fails, spheres.last_mut())
             && fail.rank % ranks == rank
         {
             if fail.radius { sphere.radius = -1.0 } else { sphere.center.y = f32::NAN }
         }
-        let species: Vec<u32> = own.iter().map(|one| one.species).collect();
+        let species: Vec<u32> = owned.iter().map(|one| one.species).collect();
         let with = Spheres::from(&spheres).with_species(&species).unwrap();
         let mut pairs = Vec::new();
-        let found = self.search.run(with, &ghosts, |found, places| {
-            pairs.extend(places.iter().map(|&[i, j]| {
+        let found = self.search.run(with, &ghosts, |found, indices| {
+            pairs.extend(indices.iter().map(|&[i, j]| {
                 let other = match found {
-                    PairKind::Local => own[j as usize].id,
+                    PairKind::Local => owned[j as usize].id,
                     PairKind::WithGhost => ghosts.particles()[j as usize].id,
                 };
-                let one = own[i as usize].id;
+                let one = owned[i as usize].id;
                 [one.min(other), one.max(other)]
             }));
             ControlFlow::Continue(())
@@ -248,7 +248,7 @@ fn change() -> impl Strategy<Value = Change> {
         2 => select(vec![0, 1, 299, 420, 501, 620, 900, 1500, 1500]).prop_map(Change::Resize),
         1 => (1_u64..9).prop_map(Change::Teleport),
         1 => Just(Change::Species),
-        1 => placement.prop_map(Change::Place),
+        1 => placement.prop_map(Change::SetPlacement),
     ]
 }
 

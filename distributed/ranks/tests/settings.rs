@@ -5,9 +5,9 @@
 use lazygrid::{Interaction, Interactions, Space};
 use lazygrid_ranks::{Communicator, Settings, threads};
 
-fn compare(ranks: u32, of: impl Fn(u32) -> Settings + Sync) -> Option<String> {
+fn compare(ranks: u32, settings_of: impl Fn(u32) -> Settings + Sync) -> Option<String> {
     let compared = threads::on(ranks, |mut rank| {
-        let compared = of(rank.rank()).agree(&mut rank);
+        let compared = settings_of(rank.rank()).agree(&mut rank);
         // No rank gets a message of another call.
         assert_eq!(rank.all_reduce_sum(&[1]), [u64::from(ranks)]);
         compared
@@ -22,9 +22,9 @@ fn table(entries: &[(u32, u32, Interaction)]) -> Interactions {
     table
 }
 
-fn sheared(tilt: f64) -> Space {
-    let edges = [[10.0, 0.0, 0.0], [tilt, 10.0, 0.0], [0.0, 0.0, 10.0]];
-    Space::triclinic(edges.map(Some)).unwrap()
+fn tilted(tilt: f64) -> Space {
+    let vectors = [[10.0, 0.0, 0.0], [tilt, 10.0, 0.0], [0.0, 0.0, 10.0]];
+    Space::triclinic(vectors.map(Some)).unwrap()
 }
 
 #[test]
@@ -33,7 +33,7 @@ fn equal_settings_agree() {
     for ranks in [1, 2, 5] {
         let settings = |rank| {
             let zero = if rank % 2 == 0 { 0.0 } else { -0.0 };
-            Settings::new("1").with_space(&sheared(zero)).with_interactions(Some(&reacts)).with("steps", 3)
+            Settings::new("1").with_space(&tilted(zero)).with_interactions(Some(&reacts)).with("steps", 3)
         };
         assert_eq!(compare(ranks, settings), None);
     }
@@ -41,8 +41,8 @@ fn equal_settings_agree() {
 
 #[test]
 fn any_difference_is_named_with_two_ranks_and_their_values() {
-    let odd_one = |ranks: u32, odd: u32, of: &(dyn Fn(bool) -> Settings + Sync)| {
-        compare(ranks, |rank| of(rank == odd)).unwrap()
+    let odd_one = |ranks: u32, odd: u32, settings_of: &(dyn Fn(bool) -> Settings + Sync)| {
+        compare(ranks, |rank| settings_of(rank == odd)).unwrap()
     };
     let steps =
         |is_odd: bool| Settings::new("1").with("keep", true).with("steps", if is_odd { 7 } else { 8 });
@@ -73,8 +73,8 @@ fn any_difference_of_spaces_is_found() {
         Space::periodic([Some(10.0), Some(10.0), None]).unwrap(),
         Space::periodic([None, Some(10.0), Some(10.0)]).unwrap(),
         Space::periodic([Some(10.0), Some(10.0_f64.next_up()), Some(10.0)]).unwrap(),
-        sheared(1.0),
-        sheared(1.0_f64.next_down()),
+        tilted(1.0),
+        tilted(1.0_f64.next_down()),
     ];
     for (k, one) in spaces.iter().enumerate() {
         for other in &spaces[..k] {
@@ -97,8 +97,8 @@ fn any_difference_of_interactions_is_found() {
     ];
     for (k, one) in tables.iter().enumerate() {
         for other in &tables[..k] {
-            let of = |rank| if rank == 0 { one } else { other };
-            let said = compare(2, |rank| Settings::new("1").with_interactions(of(rank).as_ref()));
+            let table_of = |rank| if rank == 0 { one } else { other };
+            let said = compare(2, |rank| Settings::new("1").with_interactions(table_of(rank).as_ref()));
             assert!(
                 said.unwrap().starts_with("rank 0: the setting `interactions` is "),
                 "{one:?}, {other:?}"

@@ -12,15 +12,15 @@ use lazygrid_ranks::{LoadBalance, Particle, SphereWrapper};
 
 fn uniform(spheres: usize, radii: &[f32]) -> Vec<Sphere> {
     let mut random = Random(1);
-    let edge = (spheres as f32).cbrt() * 2.0;
-    let sphere = |k: usize| Sphere::new(random.point(edge), radii[k % radii.len()]);
+    let side = (spheres as f32).cbrt() * 2.0;
+    let sphere = |k: usize| Sphere::new(random.point(side), radii[k % radii.len()]);
     (0..spheres).map(sphere).collect()
 }
 
 fn giant(spheres: usize) -> Vec<Sphere> {
     let mut all = uniform(spheres, &[0.4]);
-    let edge = (spheres as f32).cbrt() * 2.0;
-    all[spheres / 2] = Sphere::new([edge / 2.0; 3], edge / 4.0);
+    let side = (spheres as f32).cbrt() * 2.0;
+    all[spheres / 2] = Sphere::new([side / 2.0; 3], side / 4.0);
     all
 }
 
@@ -35,7 +35,7 @@ fn found(in_process: &InProcessRanks, space: Space) -> (Vec<[u64; 2]>, LoadBalan
     let each: Vec<_> = found.iter().map(|rank| rank.pairs.len() as u64).collect();
     let mut pairs: Vec<_> = found.into_iter().flat_map(|rank| rank.pairs).collect();
     pairs.sort_unstable();
-    (pairs, LoadBalance::of(&each))
+    (pairs, LoadBalance::from_counts(&each))
 }
 
 #[test]
@@ -102,8 +102,11 @@ fn ghosts_are_near_domain_boundaries() {
         ("gaussian", gaussian(125_000), 2.5),
     ] {
         let in_process = InProcessRanks::balanced(&numbered(spheres), 8, SphereWrapper::default()).unwrap();
-        let part = in_process.ghosts().total as f64 / 125_000.0;
-        assert!(part <= most * near, "{name}: {part} of all are ghosts, where {near} are near a border");
+        let fraction = in_process.ghosts().total as f64 / 125_000.0;
+        assert!(
+            fraction <= most * near,
+            "{name}: {fraction} of all are ghosts, where {near} are near a border"
+        );
     }
 }
 
@@ -119,13 +122,13 @@ fn giant_becomes_a_ghost_and_spheres_in_it_do_not() {
 
 #[test]
 fn ghosts_go_only_to_ranks_with_a_partner_species() {
-    let mut crowd = uniform(2000, &[0.6]);
-    crowd.iter_mut().for_each(|sphere| sphere.center *= 0.3);
+    let mut cluster = uniform(2000, &[0.6]);
+    cluster.iter_mut().for_each(|sphere| sphere.center *= 0.3);
     let target = Sphere::new([3.5; 3], 0.7);
     let table = table([Never, Touch, Never, Never, Never, Never]);
     for (first, second) in [(0, 1), (1, 0)] {
         let mut owned = vec![Vec::new(); 2];
-        let mut particles = numbered(crowd.iter().copied().chain([target]));
+        let mut particles = numbered(cluster.iter().copied().chain([target]));
         let count = particles.len();
         for (k, particle) in particles.iter_mut().enumerate() {
             particle.species = u32::from(k + 1 == count);
@@ -134,9 +137,9 @@ fn ghosts_go_only_to_ranks_with_a_partner_species() {
             owned[rank].push(*particle);
         }
         let touches = |one: &&Particle| {
-            let reach = f64::from(one.sphere.radius + target.radius);
+            let cutoff = f64::from(one.sphere.radius + target.radius);
             one.species == 0
-                && Space::UNBOUNDED.distance_squared(one.sphere.center, target.center) <= reach * reach
+                && Space::UNBOUNDED.distance_squared(one.sphere.center, target.center) <= cutoff * cutoff
         };
         let near = owned[second].iter().filter(touches).count() as u64;
         assert!(near > 1);
@@ -156,13 +159,13 @@ fn ghosts_go_only_to_ranks_with_a_partner_species() {
 
 #[test]
 fn ghosts_are_within_the_distance_of_their_species() {
-    let crowd = uniform(8000, &[0.3]);
-    let (edge, distance) = (40.0, 8.0);
+    let cluster = uniform(8000, &[0.3]);
+    let (side, distance) = (40.0, 8.0);
     let interactions = [Within(0.05), Within(distance), Never, Never, Never, Never];
     let table = table(interactions);
-    for (target, is_near) in [(None, false), (Some(1.0), false), (Some(0.5 * edge), true)] {
+    for (target, is_near) in [(None, false), (Some(1.0), false), (Some(0.5 * side), true)] {
         let target = target.map(|x| Sphere::new([x; 3], 0.3));
-        let mut particles = numbered(crowd.iter().copied().chain(target));
+        let mut particles = numbered(cluster.iter().copied().chain(target));
         particles.iter_mut().for_each(|particle| particle.species = u32::from(particle.id == 8000));
         for space in [Space::UNBOUNDED, Space::periodic([None, Some(60.0), None]).unwrap()] {
             let ranks =

@@ -11,7 +11,7 @@ use mpi::traits::{Communicator, CommunicatorCollectives};
 use serde_json::json;
 
 use super::args::{BenchScaling, Scene};
-use super::share::share;
+use super::rank_range::rank_range;
 use super::{Failure, print, refused};
 
 #[derive(Default)]
@@ -32,7 +32,7 @@ pub(crate) fn bench_scaling(world: &SimpleCommunicator, args: &BenchScaling) -> 
         config = config.threads(threads.get());
     }
     let mut distributed = Distributed::new(world, config)?;
-    let mut particles = own_part(world, args.scene, spheres)?;
+    let mut particles = rank_spheres(world, args.scene, spheres)?;
     // Only the first step moves all spheres and allocates buffers.
     let first = step(world, &mut distributed, &mut particles)?;
     let mut steps = Vec::new();
@@ -64,15 +64,15 @@ fn step(
     Ok(Step { rebalance, search, moved: rebalanced.moved, sent })
 }
 
-fn slowest(world: &SimpleCommunicator, own: Duration) -> Duration {
+fn slowest(world: &SimpleCommunicator, local: Duration) -> Duration {
     let mut most = 0.0;
-    world.all_reduce_into(&own.as_secs_f64(), &mut most, SystemOperation::max());
+    world.all_reduce_into(&local.as_secs_f64(), &mut most, SystemOperation::max());
     Duration::from_secs_f64(most)
 }
 
 fn row(args: &BenchScaling, first: &Step, steps: &[Step], report: &Report) -> String {
     let spheres = report.owned.total.max(1) as f64;
-    let median = |of: fn(&Step) -> f64| median(steps.iter().map(of).collect());
+    let median = |value: fn(&Step) -> f64| median(steps.iter().map(value).collect());
     let object = json!({
         "ranks": report.owned.ranks,
         "scene": args.scene.name(),
@@ -101,19 +101,19 @@ fn median(mut values: Vec<f64>) -> Option<f64> {
 }
 
 /// Consecutive ids make the first step move almost all spheres.
-fn own_part(world: &SimpleCommunicator, scene: Scene, spheres: u64) -> Result<OwnedSpheres, Error> {
+fn rank_spheres(world: &SimpleCommunicator, scene: Scene, spheres: u64) -> Result<OwnedSpheres, Error> {
     let (rank, ranks) = (world.rank() as u64, world.size() as u64);
-    let ids = share(spheres, rank, ranks);
-    let mut own = Vec::new();
+    let ids = rank_range(spheres, rank, ranks);
+    let mut local = Vec::new();
     let bytes = (ids.end - ids.start).saturating_mul(size_of::<Sphere>() as u64);
-    let reserved = own.try_reserve_exact((ids.end - ids.start) as usize).map_err(|_| Error::OutOfMemory {
+    let reserved = local.try_reserve_exact((ids.end - ids.start) as usize).map_err(|_| Error::OutOfMemory {
         rank: rank as u32,
         what: "spheres".to_owned(),
         bytes,
     });
     agree(world, reserved)?;
-    own.extend(ids.clone().map(|id| sphere(scene, id, spheres)));
-    Ok(OwnedSpheres { spheres: own, ids: ids.collect(), ..OwnedSpheres::default() })
+    local.extend(ids.clone().map(|id| sphere(scene, id, spheres)));
+    Ok(OwnedSpheres { spheres: local, ids: ids.collect(), ..OwnedSpheres::default() })
 }
 
 /// Fills 5 % of a cube or of the middle of a cloud.
@@ -122,15 +122,15 @@ fn sphere(scene: Scene, id: u64, spheres: u64) -> Sphere {
         Scene::FiveSizes => 0.2 * (0..5).map(|k| 0.125_f64.powi(k)).sum::<f64>(),
         _ => 1.0,
     };
-    let edge = (spheres as f64 * 4.19 * cubes / 0.05).cbrt() as f32;
+    let side = (spheres as f64 * 4.19 * cubes / 0.05).cbrt() as f32;
     let cube = |scale: f32| Vec3::from([1, 2, 3].map(|axis| scale * (random(id, axis) - 0.5)));
     match scene {
-        Scene::Uniform => Sphere::new(cube(edge), 1.0),
-        Scene::FiveSizes => Sphere::new(cube(edge), 0.5_f32.powi((id % 5) as i32)),
+        Scene::Uniform => Sphere::new(cube(side), 1.0),
+        Scene::FiveSizes => Sphere::new(cube(side), 0.5_f32.powi((id % 5) as i32)),
         // The sum of four uniform numbers has a standard deviation of 0.58.
         Scene::Gaussian => {
             let sum = |axis: u64| (0..4).map(|k| random(id, 8 * axis + k) - 0.5).sum::<f32>();
-            Sphere::new(Vec3::from([1, 2, 3].map(sum)) * (edge / 1.45), 1.0)
+            Sphere::new(Vec3::from([1, 2, 3].map(sum)) * (side / 1.45), 1.0)
         }
         Scene::Point => Sphere::new(Vec3::ZERO, 1.0),
     }

@@ -11,7 +11,7 @@ use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives, Root};
 
 use super::args::Detect;
-use super::share::share;
+use super::rank_range::rank_range;
 use super::{refused, text};
 
 /// Replaced by the rank's index.
@@ -23,22 +23,23 @@ pub(crate) struct Input {
 }
 
 enum FileSplit {
-    Own(PathBuf),
+    PerRank(PathBuf),
     Whole,
     Rows(NpyRows),
     Lines(text::TextRows),
 }
 
 pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, Error> {
-    let split = agree(world, FileSplit::of(args, world.rank()).map_err(|message| refused(world, message)))?;
+    let split =
+        agree(world, FileSplit::from_args(args, world.rank()).map_err(|message| refused(world, message)))?;
     let (rank, ranks) = (world.rank() as u64, world.size() as u64);
     let frame = match split {
-        FileSplit::Own(path) => whole(&path, args),
+        FileSplit::PerRank(path) => whole(&path, args),
         FileSplit::Whole if rank == 0 => whole(&args.file, args),
         FileSplit::Whole => Ok((Frame::default(), None)),
         FileSplit::Rows(rows) => {
-            let own = share(rows.count(), rank, ranks);
-            let frame = rows.read(own, args.options()).map_err(|error| error.to_string());
+            let range = rank_range(rows.count(), rank, ranks);
+            let frame = rows.read(range, args.options()).map_err(|error| error.to_string());
             frame.map(|(frame, species)| (frame, Some(species)))
         }
         // All ranks must count lines before one may fail.
@@ -53,7 +54,7 @@ pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, E
     };
     let (frame, species) = agree(world, frame.map_err(|message| refused(world, message)))?;
     warn_of_radii(world, args, species.as_ref());
-    let space = common_space(world, own_file(args, world.rank()), frame.space)?;
+    let space = common_space(world, rank_input(args, world.rank()), frame.space)?;
     let count = frame.len();
     let first = before(world, count as u64);
     let mut ids = agree(world, try_reserved("ids", count as u64, rank as u32))?;
@@ -65,11 +66,11 @@ pub(crate) fn read(world: &SimpleCommunicator, args: &Detect) -> Result<Input, E
 
 /// Converts the spheres to `f64` if any rank has `f64` numbers. Collective.
 fn in_common_type(world: &SimpleCommunicator, mut frame: Frame) -> Result<Frame, Error> {
-    let (own, mut any) = (u8::from(frame.doubles.is_some()), 0_u8);
-    world.all_reduce_into(&own, &mut any, SystemOperation::max());
-    let count = if any > own { frame.spheres.len() as u64 } else { 0 };
+    let (local, mut any) = (u8::from(frame.doubles.is_some()), 0_u8);
+    world.all_reduce_into(&local, &mut any, SystemOperation::max());
+    let count = if any > local { frame.spheres.len() as u64 } else { 0 };
     let mut rows = agree(world, try_reserved("spheres", count, world.rank() as u32))?;
-    if any > own {
+    if any > local {
         let spheres = frame.as_spheres();
         rows.extend((0..spheres.len()).map(|k| spheres.get_f64(k)));
         (frame.spheres, frame.doubles) = (Vec::new(), Some(rows));
@@ -78,15 +79,15 @@ fn in_common_type(world: &SimpleCommunicator, mut frame: Frame) -> Result<Frame,
 }
 
 /// Returns `None` if all ranks read the same file.
-pub(crate) fn own_file(args: &Detect, rank: i32) -> Option<PathBuf> {
+pub(crate) fn rank_input(args: &Detect, rank: i32) -> Option<PathBuf> {
     let name = args.file.to_str().filter(|name| name.contains(RANK))?;
     Some(name.replace(RANK, &rank.to_string()).into())
 }
 
 impl FileSplit {
-    fn of(args: &Detect, rank: i32) -> Result<Self, String> {
-        if let Some(own) = own_file(args, rank) {
-            return Ok(Self::Own(own));
+    fn from_args(args: &Detect, rank: i32) -> Result<Self, String> {
+        if let Some(path) = rank_input(args, rank) {
+            return Ok(Self::PerRank(path));
         }
         let path = &args.file;
         let cannot = |error| format!("{}: cannot read: {error}", path.display());
@@ -105,7 +106,7 @@ impl FileSplit {
         let split = match known {
             _ if compressed || is_later => None,
             Some(Format::Npy) => NpyRows::open(path).map_err(|error| error.to_string())?.map(Self::Rows),
-            Some(Format::Csv) => text::TextRows::of(path).map_err(cannot)?.map(Self::Lines),
+            Some(Format::Csv) => text::TextRows::open(path).map_err(cannot)?.map(Self::Lines),
             // Only a reader of all lines of a Smoldyn listing sees a repeated serial number.
             _ => None,
         };
@@ -131,14 +132,14 @@ fn whole(path: &Path, args: &Detect) -> Result<(Frame, Option<Species>), String>
 }
 
 /// Collective.
-fn warn_of_radii(world: &SimpleCommunicator, args: &Detect, own: Option<&Species>) {
+fn warn_of_radii(world: &SimpleCommunicator, args: &Detect, local: Option<&Species>) {
     let radii = args.options().radii;
     // Open MPI refuses to reduce two empty vectors of Rust, which have the same address.
     if radii.is_empty() {
         return;
     }
-    let is_met = |given: &str| own.is_some_and(|own| own.unused_radii().all(|unused| unused != given));
-    let met: Vec<u8> = radii.keys().map(|given| u8::from(is_met(given))).collect();
+    let is_met = |name: &str| local.is_some_and(|local| local.unused_radii().all(|unused| unused != name));
+    let met: Vec<u8> = radii.keys().map(|name| u8::from(is_met(name))).collect();
     let mut met_by_any = vec![0_u8; met.len()];
     world.all_reduce_into(&met[..], &mut met_by_any[..], SystemOperation::max());
     if world.rank() == 0 {
@@ -148,18 +149,18 @@ fn warn_of_radii(world: &SimpleCommunicator, args: &Detect, own: Option<&Species
     }
 }
 
-fn common_space(world: &SimpleCommunicator, file: Option<PathBuf>, own: Space) -> Result<Space, Error> {
-    let mut edges = own.cell_vectors().map(|edge| edge.unwrap_or([0.0; 3]));
-    world.process_at_rank(0).broadcast_into(edges.as_flattened_mut());
-    let first = Space::triclinic(edges.map(|edge| (edge != [0.0; 3]).then_some(edge)));
+fn common_space(world: &SimpleCommunicator, file: Option<PathBuf>, local: Space) -> Result<Space, Error> {
+    let mut vectors = local.cell_vectors().map(|vector| vector.unwrap_or([0.0; 3]));
+    world.process_at_rank(0).broadcast_into(vectors.as_flattened_mut());
+    let first = Space::triclinic(vectors.map(|vector| (vector != [0.0; 3]).then_some(vector)));
     let first = first.map_err(|error| refused(world, error.to_string()));
     let agreed = first.and_then(|first| match file {
-        Some(path) if own != first => Err(refused(
+        Some(path) if local != first => Err(refused(
             world,
             format!(
                 "{}: the box {:?} is not that of rank 0, {:?}; give the lengths with --periodic X,Y,Z",
                 path.display(),
-                own.cell_vectors(),
+                local.cell_vectors(),
                 first.cell_vectors()
             ),
         )),
@@ -168,8 +169,8 @@ fn common_space(world: &SimpleCommunicator, file: Option<PathBuf>, own: Space) -
     agree(world, agreed)
 }
 
-fn before(world: &SimpleCommunicator, own: u64) -> u64 {
+fn before(world: &SimpleCommunicator, local: u64) -> u64 {
     let mut all = vec![0_u64; world.size() as usize];
-    world.all_gather_into(&own, &mut all[..]);
+    world.all_gather_into(&local, &mut all[..]);
     all.iter().take(world.rank() as usize).sum()
 }

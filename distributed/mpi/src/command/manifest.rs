@@ -13,7 +13,7 @@ pub(crate) fn write(
     let of_ranks: Vec<_> = (0..)
         .zip(pairs)
         .map(|(rank, pairs)| {
-            let file = target.of_rank(rank);
+            let file = target.rank_file(rank);
             // Relative, so that both can be moved.
             let name = file.file_name().unwrap_or_default().to_string_lossy();
             json!({ "rank": rank, "file": name, "pairs": pairs })

@@ -16,7 +16,7 @@ pub(crate) struct Target {
 }
 
 impl Target {
-    pub(crate) fn of(world: &SimpleCommunicator, args: &Detect) -> Result<Option<Self>, String> {
+    pub(crate) fn from_args(world: &SimpleCommunicator, args: &Detect) -> Result<Option<Self>, String> {
         let Some(path) = &args.output else { return Ok(None) };
         let Some(format) = TableFormat::from_extension(path) else {
             return Err(format!(
@@ -26,7 +26,7 @@ impl Target {
         };
         let target = Self { path: path.clone(), format, gather: args.gather };
         // Each rank compares only the file that it reads.
-        let input = input::own_file(args, world.rank()).unwrap_or_else(|| args.file.clone());
+        let input = input::rank_input(args, world.rank()).unwrap_or_else(|| args.file.clone());
         target.refuse_input(&input, world.size() as u32).map(|()| Some(target))
     }
 
@@ -44,14 +44,14 @@ impl Target {
         match self.gather {
             true => vec![self.path.clone()],
             false => {
-                let of_ranks = (0..ranks).map(|rank| self.of_rank(rank));
+                let of_ranks = (0..ranks).map(|rank| self.rank_file(rank));
                 std::iter::once(self.manifest()).chain(of_ranks).collect()
             }
         }
     }
 
     /// `pairs.3.npy.gz` for rank 3 of `pairs.npy.gz`.
-    pub(crate) fn of_rank(&self, rank: u32) -> PathBuf {
+    pub(crate) fn rank_file(&self, rank: u32) -> PathBuf {
         self.renamed(|stem, ending| format!("{stem}.{rank}{ending}"))
     }
 
@@ -89,7 +89,7 @@ pub(crate) fn write(
         };
         return agree(world, written).map(|()| vec![target.path.clone()]);
     }
-    let file = table(&target.of_rank(rank), target, &pairs, wide).and_then(AtomicFile::finish);
+    let file = table(&target.rank_file(rank), target, &pairs, wide).and_then(AtomicFile::finish);
     let file = agree(world, file.map_err(failed))?;
     let counts = distributed.gather(&[pairs.len() as u64])?;
     let manifest = (rank == 0)
@@ -135,7 +135,7 @@ mod tests {
     fn each_rank_has_a_file() {
         let names = |path: &str| {
             let target = Target { path: path.into(), format: TableFormat::Npy, gather: false };
-            [target.of_rank(3), target.manifest()].map(|path| path.to_str().unwrap().to_owned())
+            [target.rank_file(3), target.manifest()].map(|path| path.to_str().unwrap().to_owned())
         };
         assert_eq!(names("pairs.npy"), ["pairs.3.npy", "pairs.manifest.json"]);
         assert_eq!(names("a.csv/pairs.b.csv.gz"), ["a.csv/pairs.b.3.csv.gz", "a.csv/pairs.b.manifest.json"]);

@@ -17,27 +17,28 @@ pub(crate) fn simulate(world: &SimpleCommunicator, args: &Simulate) -> Result<()
     let say = |error: &dyn std::fmt::Display| refused(world, error.to_string());
     let run = agree(world, read(world, args).map_err(|error| say(&error)))?;
     // Collective, so ranks with `--threads` call it, too.
-    let share = threads(world);
-    let threads = args.threads.map_or(share, Into::into);
+    let default_threads = threads(world);
+    let threads = args.threads.map_or(default_threads, Into::into);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
-    let asked = pool.map_err(|error| say(&error)).and_then(|()| signals().map_err(|error| say(&error)));
-    let asked = agree(world, asked)?;
-    let done = lazygrid_mpi::simulate(world, &run, |_| match asked.load(Ordering::Relaxed) {
+    let signal_number =
+        pool.map_err(|error| say(&error)).and_then(|()| signals().map_err(|error| say(&error)));
+    let signal_number = agree(world, signal_number)?;
+    let result = lazygrid_mpi::simulate(world, &run, |_| match signal_number.load(Ordering::Relaxed) {
         0 => ControlFlow::Continue(()),
         _ => ControlFlow::Break(()),
     })?;
     let animated = (world.rank() == 0).then(|| lazygrid_results::animation::write(&run)).transpose();
     agree(world, animated.map_err(|error| say(&error)))?;
     if world.rank() == 0 {
-        print(world, &done.summary)?;
+        print(world, &result.summary)?;
     }
-    match done.end {
+    match result.end {
         RunEnd::Finished => Ok(()),
         RunEnd::Stopped => {
             // Not every rank need have received it.
-            let (own, mut signal) = (asked.load(Ordering::Relaxed) as i32, 0);
-            world.all_reduce_into(&own, &mut signal, SystemOperation::max());
-            Err(Failure::Stopped { steps: done.steps, signal })
+            let (local, mut signal) = (signal_number.load(Ordering::Relaxed) as i32, 0);
+            world.all_reduce_into(&local, &mut signal, SystemOperation::max());
+            Err(Failure::Stopped { steps: result.steps, signal })
         }
     }
 }
@@ -54,10 +55,10 @@ fn read(world: &SimpleCommunicator, args: &Simulate) -> Result<Run, lazygrid_sim
 
 /// Returns the number of the signal that asks to stop, or 0.
 fn signals() -> std::io::Result<Arc<AtomicUsize>> {
-    let asked = Arc::new(AtomicUsize::new(0));
+    let signal_number = Arc::new(AtomicUsize::new(0));
     #[cfg(unix)]
     for signal in [signal_hook::consts::SIGINT, signal_hook::consts::SIGTERM] {
-        signal_hook::flag::register_usize(signal, Arc::clone(&asked), signal as usize)?;
+        signal_hook::flag::register_usize(signal, Arc::clone(&signal_number), signal as usize)?;
     }
-    Ok(asked)
+    Ok(signal_number)
 }

@@ -7,7 +7,7 @@ use std::path::Path;
 use lazygrid_io::Position;
 use lazygrid_io::read::{BYTE_ORDER_MARK, Format, Frame, Frames, Options, Species};
 
-use super::share::share;
+use super::rank_range::rank_range;
 
 const LONGEST: u64 = 1 << 16;
 
@@ -27,7 +27,7 @@ pub(crate) struct RankLines {
 
 impl TextRows {
     /// Returns `None` if ranks must read the whole file.
-    pub(crate) fn of(path: &Path) -> io::Result<Option<Self>> {
+    pub(crate) fn open(path: &Path) -> io::Result<Option<Self>> {
         let end = path.metadata()?.len();
         let mut start = Vec::new();
         File::open(path)?.take(LONGEST).read_to_end(&mut start)?;
@@ -37,14 +37,14 @@ impl TextRows {
         }))
     }
 
-    /// Returns the lines that begin in a rank's share of the bytes.
+    /// Returns the lines that begin in a rank's range of the bytes.
     pub(crate) fn lines_of(&self, path: &Path, rank: u64, ranks: u64) -> Result<RankLines, String> {
         let from = self.head.len() as u64;
-        let own = share(self.end.saturating_sub(from), rank, ranks);
+        let range = rank_range(self.end.saturating_sub(from), rank, ranks);
         let read = || {
             let mut file = File::open(path)?;
-            let begin = line_from(&mut file, from, self.end, from + own.start)?;
-            let end = line_from(&mut file, from, self.end, from + own.end)?;
+            let begin = line_from(&mut file, from, self.end, from + range.start)?;
+            let end = line_from(&mut file, from, self.end, from + range.end)?;
             file.seek(SeekFrom::Start(begin))?;
             let mut bytes = Vec::new();
             bytes.try_reserve_exact((end - begin) as usize).map_err(|_| io::ErrorKind::OutOfMemory)?;
@@ -79,8 +79,8 @@ impl RankLines {
         let mut frames =
             Frames::new(path, input, Some(length), options).map_err(|error| error.to_string())?;
         let frame = frames.next().transpose().map_err(|mut error| {
-            if let Some(place) = error.location_mut()
-                && let Position::Line(line) = &mut place.at
+            if let Some(location) = error.location_mut()
+                && let Position::Line(line) = &mut location.at
                 && *line > head
             {
                 *line += before;
@@ -139,22 +139,23 @@ mod tests {
     }
 
     #[test]
-    fn pieces_are_whole_lines_and_all_of_them() {
+    fn rank_lines_are_whole_lines_and_cover_the_file() {
         let directory = tempfile::tempdir().unwrap();
         let path = directory.path().join("a.csv");
         for rows in ["", "1,2,3,4\n", "1,2,3,4\n5,6,7,8", "1,2,3,4\n\n55555,6,7,8\n9,9,9,9\n"] {
             std::fs::write(&path, format!("x,y,z,r\n{rows}")).unwrap();
             for ranks in 1..40 {
-                let rows_of_file = TextRows::of(&path).unwrap();
+                let rows_of_file = TextRows::open(&path).unwrap();
                 let Some(rows_of_file) = rows_of_file else {
                     assert!(rows.is_empty());
                     continue;
                 };
                 let of_ranks: Vec<_> =
                     (0..ranks).map(|rank| rows_of_file.lines_of(&path, rank, ranks).unwrap()).collect();
-                let together: Vec<u8> = of_ranks.iter().flat_map(|own| own.bytes.clone()).collect();
+                let together: Vec<u8> = of_ranks.iter().flat_map(|lines| lines.bytes.clone()).collect();
                 assert_eq!(String::from_utf8(together).unwrap(), rows);
-                let cut = of_ranks.iter().filter(|own| !own.bytes.is_empty() && !own.bytes.ends_with(b"\n"));
+                let cut =
+                    of_ranks.iter().filter(|lines| !lines.bytes.is_empty() && !lines.bytes.ends_with(b"\n"));
                 assert!(cut.count() <= usize::from(!rows.ends_with('\n')));
             }
         }

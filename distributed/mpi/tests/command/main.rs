@@ -50,8 +50,8 @@ fn npy(spheres: &[Sphere]) -> Vec<u8> {
     let text = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({}, 4), }}", spheres.len());
     let text = format!("{text:<117}\n");
     let rows = spheres.iter().flat_map(|s| [s.center.x, s.center.y, s.center.z, s.radius]);
-    let body: Vec<u8> = rows.flat_map(f32::to_le_bytes).collect();
-    [b"\x93NUMPY\x01\x00", &(text.len() as u16).to_le_bytes()[..], text.as_bytes(), &body].concat()
+    let data: Vec<u8> = rows.flat_map(f32::to_le_bytes).collect();
+    [b"\x93NUMPY\x01\x00", &(text.len() as u16).to_le_bytes()[..], text.as_bytes(), &data].concat()
 }
 
 fn rows(spheres: &[Sphere]) -> impl Iterator<Item = String> {
@@ -106,15 +106,15 @@ fn a_file_per_rank_and_a_manifest() {
     let manifest = std::fs::read(at("pairs.manifest.json")).unwrap();
     let manifest: serde_json::Value = serde_json::from_slice(&manifest).unwrap();
     let expected = pairs(&spheres, space);
-    for told in [&said["pairs"], &manifest["pairs"]] {
-        assert_eq!(told.as_u64(), Some(expected.len() as u64));
+    for reported in [&said["pairs"], &manifest["pairs"]] {
+        assert_eq!(reported.as_u64(), Some(expected.len() as u64));
     }
     assert_eq!((manifest["type"].as_str(), manifest["spheres"].as_u64()), (Some("u32"), Some(900)));
     let mut found = Vec::new();
     for file in manifest["files"].as_array().unwrap() {
         let bytes = std::fs::read(at(file["file"].as_str().unwrap())).unwrap();
-        let body = &bytes[10 + usize::from(bytes[8]) + 256 * usize::from(bytes[9])..];
-        let of_rank: Vec<[u32; 2]> = body
+        let data = &bytes[10 + usize::from(bytes[8]) + 256 * usize::from(bytes[9])..];
+        let of_rank: Vec<[u32; 2]> = data
             .chunks_exact(8)
             .map(|row| [0, 4].map(|k| u32::from_le_bytes(row[k..k + 4].try_into().unwrap())))
             .collect();
@@ -134,11 +134,11 @@ fn an_input_error_is_printed_once_with_its_place_in_the_file() {
     std::fs::write(at("bad.npy"), npy(&spheres)).unwrap();
     let table: String = rows(&spheres).collect();
     std::fs::write(at("bad.csv"), format!("x,y,z,r\n{table}")).unwrap();
-    for (file, place) in [("bad.npy", "bad.npy, row 250: "), ("bad.csv", "bad.csv, line 252: ")] {
+    for (file, location) in [("bad.npy", "bad.npy, row 250: "), ("bad.csv", "bad.csv, line 252: ")] {
         let said = error(3, directory.path(), &[file, "-o", "pairs.npy"], 1);
         let lines: Vec<_> = said.lines().filter(|line| line.starts_with("error: ")).collect();
         assert_eq!(lines.len(), 1, "{said}");
-        assert!(lines[0].starts_with(&format!("error: rank 2: {place}")), "{}", lines[0]);
+        assert!(lines[0].starts_with(&format!("error: rank 2: {location}")), "{}", lines[0]);
     }
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 2);
     let said = error(2, directory.path(), &["missing.npy"], 1);
@@ -149,7 +149,7 @@ fn an_input_error_is_printed_once_with_its_place_in_the_file() {
     assert!(said.contains("--output <FILE>"), "{said}");
 }
 
-fn of_two(directory: &Path, arguments: [&[&str]; 2], code: i32) -> String {
+fn run_two_ranks(directory: &Path, arguments: [&[&str]; 2], code: i32) -> String {
     // Exit codes of ranks that Open MPI ends are unreliable.
     let rank = ["-n", "1", "sh", "-c", "\"$0\" \"$@\"; echo \"code $?\"", env!("CARGO_BIN_EXE_lazygrid-mpi")];
     let [one, other] = arguments;
@@ -177,7 +177,7 @@ fn arguments_that_differ_between_ranks_are_refused_by_name() {
     let base = ["detect", "all.npy", "--backend", "cpu"];
     let with = |more: &[&'static str]| [&base[..], more].concat();
     let refused = |name: &str, other: &[&str]| {
-        let said = of_two(directory.path(), [&base, other], 2);
+        let said = run_two_ranks(directory.path(), [&base, other], 2);
         let expected = format!("error: the setting `{name}` is ");
         assert_eq!(said.matches(&expected).count(), 1, "{said}");
         assert!(said.contains(" on rank 0 and ") && said.contains(" on rank 1; "), "{said}");
@@ -195,14 +195,17 @@ fn arguments_that_differ_between_ranks_are_refused_by_name() {
     refused("command", &["bench-scaling", "--per-rank", "100"]);
     let output = with(&["-o", "pairs.npy"]);
     let gather = with(&["-o", "pairs.npy", "--gather"]);
-    let said = of_two(directory.path(), [&output, &gather], 2);
+    let said = run_two_ranks(directory.path(), [&output, &gather], 2);
     assert!(said.contains("error: the setting `--gather` is false on rank 0 and true on rank 1; "), "{said}");
     let bench_scaling = ["bench-scaling", "--per-rank", "100"];
-    let said =
-        of_two(directory.path(), [&bench_scaling, &[&bench_scaling[..], &["--steps", "3"]].concat()], 2);
+    let said = run_two_ranks(
+        directory.path(),
+        [&bench_scaling, &[&bench_scaling[..], &["--steps", "3"]].concat()],
+        2,
+    );
     assert!(said.contains("error: the setting `--steps` is 5 on rank 0 and 3 on rank 1; "), "{said}");
-    let own = with(&["--threads", "2", "--max-pairs", "100000", "--json"]);
-    of_two(directory.path(), [&base, &own], 0);
+    let with_options = with(&["--threads", "2", "--max-pairs", "100000", "--json"]);
+    run_two_ranks(directory.path(), [&base, &with_options], 0);
     assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 3);
 }
 
@@ -213,7 +216,7 @@ fn arguments_of_one_rank_that_are_no_command_end_all_ranks() {
     let base: &[&str] = &["detect", "all.npy", "--backend", "cpu"];
     for odd in [&["detect"][..], &["detect", "all.npy", "--perodic", "1,1,1"], &["--help"], &[]] {
         for (arguments, rank) in [([base, odd], 1), ([odd, base], 0)] {
-            let said = of_two(directory.path(), arguments, 2);
+            let said = run_two_ranks(directory.path(), arguments, 2);
             let expected = format!("error: rank {rank} has other arguments than rank {}; ", 1 - rank);
             assert_eq!(said.matches(&expected).count(), 1, "{odd:?}: {said}");
         }
@@ -350,13 +353,13 @@ fn full_disk_of_one_file_leaves_all_files_of_the_last_run() {
         let directory = tempfile::tempdir().unwrap();
         let at = |name: &str| directory.path().join(name);
         std::fs::write(at("all.npy"), npy(&spheres(60))).unwrap();
-        let kept =
+        let other_files =
             ["pairs.0.npy", "pairs.1.npy", "pairs.manifest.json"].into_iter().filter(|name| *name != full);
-        kept.clone().for_each(|name| std::fs::write(at(name), "of the last run").unwrap());
+        other_files.clone().for_each(|name| std::fs::write(at(name), "of the last run").unwrap());
         std::os::unix::fs::symlink("/dev/full", at(full)).unwrap();
         let said = error(2, directory.path(), &["all.npy", "-o", "pairs.npy"], 1);
         assert!(said.contains(&format!("{full}: cannot write: No space left on device")), "{said}");
-        for name in kept {
+        for name in other_files {
             assert_eq!(std::fs::read(at(name)).unwrap(), b"of the last run", "{name} after {full}");
         }
         assert_eq!(std::fs::read_dir(directory.path()).unwrap().count(), 4);
@@ -376,14 +379,14 @@ fn array_headers_of_any_spelling_are_read() {
     let fortran: Vec<f32> = (0..4).flat_map(columns).collect();
     let c: Vec<f32> = spheres.iter().flat_map(|s| [s.center.x, s.center.y, s.center.z, s.radius]).collect();
     let expected = csv(&pairs(&spheres, Space::UNBOUNDED));
-    for (text, body) in [
+    for (text, numbers) in [
         ("{'descr':'<f4','fortran_order':True,'shape':(300,4),}\n", &fortran),
         ("{\"descr\": '<f4', \"fortran_order\" : True, 'shape': (300, 4)}\n", &fortran),
         ("{\"shape\" : ( 300 , 4 ), 'descr': '<f4', 'fortran_order':False}", &c),
     ] {
-        let body: Vec<u8> = body.iter().copied().flat_map(f32::to_le_bytes).collect();
+        let numbers: Vec<u8> = numbers.iter().copied().flat_map(f32::to_le_bytes).collect();
         let length = (text.len() as u16).to_le_bytes();
-        let bytes = [b"\x93NUMPY\x01\x00", &length[..], text.as_bytes(), &body].concat();
+        let bytes = [b"\x93NUMPY\x01\x00", &length[..], text.as_bytes(), &numbers].concat();
         std::fs::write(directory.path().join("all.npy"), bytes).unwrap();
         stdout(3, directory.path(), &["all.npy", "-o", "pairs.csv", "--gather"]);
         let found = std::fs::read_to_string(directory.path().join("pairs.csv")).unwrap();

@@ -45,8 +45,8 @@ fn lines(rows: &[[f64; 4]], separator: &str) -> String {
 
 fn doubles(rows: &[[f64; 4]]) -> Vec<u8> {
     let text = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({}, 4), }}\n", rows.len());
-    let body: Vec<u8> = rows.as_flattened().iter().flat_map(|number| number.to_le_bytes()).collect();
-    [b"\x93NUMPY\x01\x00", &(text.len() as u16).to_le_bytes()[..], text.as_bytes(), &body].concat()
+    let data: Vec<u8> = rows.as_flattened().iter().flat_map(|number| number.to_le_bytes()).collect();
+    [b"\x93NUMPY\x01\x00", &(text.len() as u16).to_le_bytes()[..], text.as_bytes(), &data].concat()
 }
 
 fn detect(directory: &Path, ranks: usize, arguments: &[&str]) -> (Value, String) {

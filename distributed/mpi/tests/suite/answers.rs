@@ -9,18 +9,18 @@ use crate::scenes::{Scene, config, expected, gathered, id, local, sum};
 
 #[derive(Clone, Copy, Debug)]
 enum Placement {
-    InTurn,
-    OnTheLast,
+    RoundRobin,
+    LastRank,
     Balanced,
 }
 
 impl Placement {
-    const ALL: [Self; 3] = [Self::InTurn, Self::OnTheLast, Self::Balanced];
+    const ALL: [Self; 3] = [Self::RoundRobin, Self::LastRank, Self::Balanced];
 
-    fn part(self, scene: Scene, n: u64, rank: u32, ranks: u32) -> OwnedSpheres {
+    fn owned(self, scene: Scene, n: u64, rank: u32, ranks: u32) -> OwnedSpheres {
         match self {
-            Self::InTurn => scene.part(n, rank, |k| (k % u64::from(ranks)) as u32),
-            _ => scene.part(n, rank, |_| ranks - 1),
+            Self::RoundRobin => scene.owned(n, rank, |k| (k % u64::from(ranks)) as u32),
+            _ => scene.owned(n, rank, |_| ranks - 1),
         }
     }
 }
@@ -28,21 +28,21 @@ impl Placement {
 pub(crate) fn every_scene(world: &SimpleCommunicator) {
     let (rank, ranks) = (world.rank() as u32, world.size() as u32);
     for space in [Space::UNBOUNDED, Space::periodic([Some(30.0), None, Some(44.0)]).unwrap()] {
-        let mut kept = Distributed::new(world, config().space(space)).unwrap();
+        let mut unbalanced = Distributed::new(world, config().space(space)).unwrap();
         let balance = config().space(space).ownership(Ownership::BALANCE);
         let mut balanced = Distributed::new(world, balance).unwrap();
         for scene in Scene::ALL {
             for n in [0, 1, 7, if scene == Scene::Point { 300 } else { 2000 }] {
                 let expected = expected(&scene.all(n), space);
                 for placement in Placement::ALL {
-                    let mut particles = placement.part(scene, n, rank, ranks);
+                    let mut particles = placement.owned(scene, n, rank, ranks);
                     let distributed = match placement {
                         Placement::Balanced => {
                             let report = balanced.rebalance(&mut particles).unwrap();
                             assert_eq!(report.owned.total, n);
                             &mut balanced
                         }
-                        _ => &mut kept,
+                        _ => &mut unbalanced,
                     };
                     let found = gathered(world, distributed.pairs(local(&particles)).unwrap());
                     assert!(
@@ -82,7 +82,7 @@ pub(crate) fn interactions(world: &SimpleCommunicator) {
 
     let config = config().interactions(table).ownership(Ownership::BALANCE);
     let mut distributed = Distributed::new(world, config).unwrap();
-    let mut particles = Scene::FiveSizes.part(n, rank as u32, |k| (k % ranks) as u32);
+    let mut particles = Scene::FiveSizes.owned(n, rank as u32, |k| (k % ranks) as u32);
     particles.species = Some((0..n).filter(|k| k % ranks == rank).map(|k| (k % 3) as u32).collect());
     for _ in 0..2 {
         let found = gathered(world, distributed.pairs(local(&particles)).unwrap());
@@ -93,13 +93,13 @@ pub(crate) fn interactions(world: &SimpleCommunicator) {
 
 pub(crate) fn both_owners(world: &SimpleCommunicator) {
     let (rank, ranks) = (world.rank() as u32, world.size() as u32);
-    let particles = Scene::Gaussian.part(2000, rank, |k| (k % u64::from(ranks)) as u32);
+    let particles = Scene::Gaussian.owned(2000, rank, |k| (k % u64::from(ranks)) as u32);
     let mut once = Distributed::new(world, config()).unwrap();
     let pairs = once.pairs(local(&particles)).unwrap();
     for pair in pairs {
-        let own = [pair.a, pair.b].into_iter().filter(|end| end.rank == rank);
-        assert!(own.clone().count() > 0 && pair.a.id < pair.b.id);
-        own.for_each(|end| assert_eq!(particles.ids[end.index as usize], end.id));
+        let local = [pair.a, pair.b].into_iter().filter(|end| end.rank == rank);
+        assert!(local.clone().count() > 0 && pair.a.id < pair.b.id);
+        local.for_each(|end| assert_eq!(particles.ids[end.index as usize], end.id));
     }
     assert!(pairs.is_sorted_by(|a, b| a.ids() < b.ids()));
     let all = gathered(world, pairs);
@@ -113,7 +113,7 @@ pub(crate) fn both_owners(world: &SimpleCommunicator) {
 
 pub(crate) fn streams(world: &SimpleCommunicator) {
     let (rank, ranks) = (world.rank() as u32, world.size() as u32);
-    let particles = Scene::FiveSizes.part(2000, rank, |k| (k % u64::from(ranks)) as u32);
+    let particles = Scene::FiveSizes.owned(2000, rank, |k| (k % u64::from(ranks)) as u32);
     let mut distributed = Distributed::new(world, config().order(Order::Unordered)).unwrap();
     let listed = gathered(world, distributed.pairs(local(&particles)).unwrap());
     let mut streamed = Vec::new();
@@ -157,7 +157,7 @@ pub(crate) fn rounds(world: &SimpleCommunicator) {
             .delivery(Delivery::Owners)
             .message_limit(limit * u64::from(ranks));
         let mut distributed = Distributed::new(world, config).unwrap();
-        let mut particles = Scene::Uniform.part(2000, rank, |_| 0);
+        let mut particles = Scene::Uniform.owned(2000, rank, |_| 0);
         let moved = distributed.rebalance(&mut particles).unwrap().moved;
         assert_eq!(moved > 0, ranks > 1);
         let mut found = gathered(world, distributed.pairs(local(&particles)).unwrap());
@@ -171,7 +171,7 @@ pub(crate) fn bytes_of_few_ranks(world: &SimpleCommunicator) {
     let (rank, last) = (world.rank(), world.size() - 1);
     let mut distributed = Distributed::new(world, config()).unwrap();
     assert_eq!(distributed.gather::<u8>(&[]), Ok(Vec::new()));
-    let own: &[u8] = if rank == last { b"pairs" } else { b"" };
-    let all = distributed.gather(own).unwrap();
+    let bytes: &[u8] = if rank == last { b"pairs" } else { b"" };
+    let all = distributed.gather(bytes).unwrap();
     assert_eq!(all, if rank == 0 { b"pairs".to_vec() } else { Vec::new() });
 }

@@ -5,16 +5,16 @@ use mpi::traits::Communicator;
 
 use crate::scenes::{Scene, config, expected, gathered, local};
 
-fn part(world: &SimpleCommunicator) -> OwnedSpheres {
+fn owned(world: &SimpleCommunicator) -> OwnedSpheres {
     let ranks = world.size() as u64;
-    Scene::Uniform.part(900, world.rank() as u32, |k| (k % ranks) as u32)
+    Scene::Uniform.owned(900, world.rank() as u32, |k| (k % ranks) as u32)
 }
 
 fn refused(world: &SimpleCommunicator, odd: i32, [all, one]: [&Config; 2]) -> Error {
-    let own = if world.rank() == odd { one } else { all };
-    let error = Distributed::new(world, own.clone()).err().expect("ranks disagree");
+    let rank_config = if world.rank() == odd { one } else { all };
+    let error = Distributed::new(world, rank_config.clone()).err().expect("ranks disagree");
     let mut distributed = Distributed::new(world, config()).expect("ranks agree");
-    assert!(distributed.count(local(&part(world))).is_ok());
+    assert!(distributed.count(local(&owned(world))).is_ok());
     error
 }
 
@@ -66,16 +66,16 @@ fn program(world: &SimpleCommunicator) {
 
 pub(crate) fn own_settings(world: &SimpleCommunicator) {
     let detector = lazygrid::Config::default;
-    let own = match world.rank() % 4 {
+    let rank_config = match world.rank() % 4 {
         0 => config().detector(detector().algorithm(Algorithm::RecursiveGrid)).threads(2),
         1 => config().detector(detector().skin(Skin::Fixed(0.1)).tau(9)).max_pairs(1 << 20),
         2 => config().detector(detector().algorithm(Algorithm::Naive)).backend(Backend::Auto),
         _ => config().detector(detector().simd(lazygrid::Simd::Portable)),
     };
-    let mut distributed = Distributed::new(world, own).unwrap();
+    let mut distributed = Distributed::new(world, rank_config).unwrap();
     let expected = expected(&Scene::Uniform.all(900), Space::UNBOUNDED);
     for _ in 0..3 {
-        assert_eq!(gathered(world, distributed.pairs(local(&part(world))).unwrap()), expected);
+        assert_eq!(gathered(world, distributed.pairs(local(&owned(world))).unwrap()), expected);
     }
 }
 
@@ -85,7 +85,7 @@ pub(crate) fn detectors_own_table(world: &SimpleCommunicator) {
         lazygrid::Config::default().interactions(never).space(Space::periodic([Some(5.0); 3]).unwrap());
     let mut distributed = Distributed::new(world, config().detector(detector)).unwrap();
     let expected = expected(&Scene::Uniform.all(900), Space::UNBOUNDED);
-    assert_eq!(gathered(world, distributed.pairs(local(&part(world))).unwrap()), expected);
+    assert_eq!(gathered(world, distributed.pairs(local(&owned(world))).unwrap()), expected);
 }
 
 pub(crate) fn failures_of_one(world: &SimpleCommunicator) {

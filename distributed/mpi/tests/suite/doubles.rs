@@ -13,11 +13,11 @@ const COUNT: u64 = 600;
 fn row(k: u64, offset: f64) -> [f64; 4] {
     let number = |stream| f64::from(random(k / 2, stream)) + f64::from(random(k / 2, stream + 1)) * 1e-8;
     let center = [0, 2, 4].map(|stream| offset + 12.0 * number(stream));
-    let way = [6, 8, 10].map(|stream| number(stream) - 0.5);
+    let direction = [6, 8, 10].map(|stream| number(stream) - 0.5);
     if k.is_multiple_of(2) {
         return [center[0], center[1], center[2], 0.1 + 0.1 * number(12)];
     }
-    let other = [0, 1, 2].map(|axis| center[axis] + 0.7 * way[axis]);
+    let other = [0, 1, 2].map(|axis| center[axis] + 0.7 * direction[axis]);
     let [x, y, z] = [0, 1, 2].map(|axis| other[axis] - center[axis]);
     let rest = (x * x + y * y + z * z).sqrt() - row(k - 1, offset)[3];
     let ulps = [0, 1, 2, -1, -2][(k / 2 % 5) as usize];
@@ -35,7 +35,7 @@ fn expected<'a>(spheres: impl Into<Spheres<'a>>, space: Space) -> Vec<[u64; 2]> 
     pairs
 }
 
-fn part(world: &SimpleCommunicator, rows: &[[f64; 4]]) -> OwnedSpheres {
+fn owned(world: &SimpleCommunicator, rows: &[[f64; 4]]) -> OwnedSpheres {
     let (rank, ranks) = (world.rank() as u64, world.size() as u64);
     let mine = || (0..rows.len() as u64).filter(|k| k % ranks == rank);
     let doubles = Some(mine().map(|k| rows[k as usize]).collect());
@@ -61,7 +61,7 @@ pub(crate) fn answers(world: &SimpleCommunicator) {
         assert!(exact.len() > 100 && exact != expected(&narrow, space), "{space:?} at {offset:e}");
         let config = config().space(space).ownership(Ownership::BALANCE);
         let mut distributed = Distributed::new(world, config).unwrap();
-        let mut particles = part(world, &rows);
+        let mut particles = owned(world, &rows);
         for _ in 0..2 {
             let found = gathered(world, distributed.pairs(local(&particles)).unwrap());
             assert!(found == exact, "{space:?} at {offset:e}: {} pairs and not {}", found.len(), exact.len());
@@ -110,10 +110,10 @@ pub(crate) fn f32_across_other_boundaries(world: &SimpleCommunicator) {
         let radius = if 2.0 * f64::from(half) < apart { half.next_up() } else { half };
         let all = [x, other].map(|x| Sphere::new([x, 0.0, 0.0], radius));
         assert_eq!(expected(&all, space).len(), 1);
-        let own = (0..2).filter(|k| [0, last][*k as usize] == rank);
+        let indices = (0..2).filter(|k| [0, last][*k as usize] == rank);
         let particles = OwnedSpheres {
-            spheres: own.clone().map(|k| all[k as usize]).collect(),
-            ids: own.collect(),
+            spheres: indices.clone().map(|k| all[k as usize]).collect(),
+            ids: indices.collect(),
             ..OwnedSpheres::default()
         };
         assert_eq!(distributed.count(local(&particles)), Ok(1), "{all:?}");
@@ -123,7 +123,7 @@ pub(crate) fn f32_across_other_boundaries(world: &SimpleCommunicator) {
 pub(crate) fn both_types(world: &SimpleCommunicator) {
     let (rank, last) = (world.rank(), world.size() - 1);
     let rows: Vec<_> = (0..COUNT).map(|k| row(k, 0.0)).collect();
-    let mut particles = part(world, &rows);
+    let mut particles = owned(world, &rows);
     if rank == last {
         let rows = particles.doubles.take().unwrap();
         particles.spheres = rows.iter().map(|row| Sphere::from(row.map(|x| x as f32))).collect();

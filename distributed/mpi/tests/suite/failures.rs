@@ -10,9 +10,9 @@ pub(crate) fn panic(world: &SimpleCommunicator) {
     world.barrier();
 }
 
-fn part(world: &SimpleCommunicator, n: u64) -> OwnedSpheres {
+fn owned(world: &SimpleCommunicator, n: u64) -> OwnedSpheres {
     let ranks = world.size() as u64;
-    Scene::Uniform.part(n, world.rank() as u32, |k| (k % ranks) as u32)
+    Scene::Uniform.owned(n, world.rank() as u32, |k| (k % ranks) as u32)
 }
 
 pub(crate) fn bad_sphere(world: &SimpleCommunicator) {
@@ -23,7 +23,7 @@ pub(crate) fn bad_sphere(world: &SimpleCommunicator) {
         (Sphere::new([0.0; 3], -1.0), "-1"),
         (Sphere::new([0.0, f32::INFINITY, 0.0], 1.0), "inf"),
     ] {
-        let mut particles = part(world, 800);
+        let mut particles = owned(world, 800);
         if world.rank() as u32 == last {
             particles.spheres[3] = bad;
             particles.spheres[5] = bad;
@@ -40,16 +40,16 @@ pub(crate) fn bad_sphere(world: &SimpleCommunicator) {
         let before = particles.ids.clone();
         refused(distributed.rebalance(&mut particles).unwrap_err());
         assert_eq!(particles.ids, before);
-        assert!(distributed.count(local(&part(world, 800))).is_ok());
+        assert!(distributed.count(local(&owned(world, 800))).is_ok());
     }
 }
 
 pub(crate) fn duplicate_ids(world: &SimpleCommunicator) {
     let (rank, last) = (world.rank() as u32, world.size() as u32 - 1);
     let mut distributed = Distributed::new(world, config()).unwrap();
-    let mut particles = part(world, 800);
+    let mut particles = owned(world, 800);
     assert!(distributed.count(local(&particles)).is_ok());
-    let own = particles.ids.clone();
+    let ids = particles.ids.clone();
     if rank == 0 {
         particles.ids[1] = 77;
     }
@@ -65,7 +65,7 @@ pub(crate) fn duplicate_ids(world: &SimpleCommunicator) {
         text.starts_with(&format!("duplicate id 77: sphere 1 on rank 0 and sphere 4 on rank {last}; ")),
         "{text}"
     );
-    particles.ids = own;
+    particles.ids = ids;
     assert!(distributed.count(local(&particles)).is_ok());
 }
 
@@ -88,7 +88,7 @@ pub(crate) fn pairs_of_owners_above_the_limit(world: &SimpleCommunicator) {
 
 pub(crate) fn refusals(world: &SimpleCommunicator) {
     let (rank, last) = (world.rank() as u32, world.size() as u32 - 1);
-    let particles = part(world, 800);
+    let particles = owned(world, 800);
     let mut distributed = Distributed::new(world, config()).unwrap();
     let ids = if rank == last { &particles.ids[1..] } else { &particles.ids[..] };
     let Err(Error::Input { rank: named, index: None, message }) =
@@ -98,7 +98,7 @@ pub(crate) fn refusals(world: &SimpleCommunicator) {
     };
     assert!(named == last && message.contains("`ids`"), "{message}");
     let limit = |limit| config().max_pairs(limit);
-    let point = Scene::Point.part(400, rank, |k| (k % u64::from(last + 1)) as u32);
+    let point = Scene::Point.owned(400, rank, |k| (k % u64::from(last + 1)) as u32);
     let error = Distributed::new(world, limit(10)).unwrap().pairs(local(&point)).unwrap_err();
     let Error::TooManyPairs { rank: 0, found, limit: 10 } = error else { panic!("{error}") };
     assert!(found > 10);

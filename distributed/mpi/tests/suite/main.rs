@@ -7,10 +7,10 @@ mod answers;
 mod disagreements;
 mod doubles;
 mod failures;
+mod rebalancing;
 mod scale;
 mod scenes;
 mod sequences;
-mod settling;
 
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives};
@@ -27,8 +27,8 @@ const CASES: &[Case] = &[
     ("answers: f32 spheres across other boundaries", doubles::f32_across_other_boundaries),
     ("answers: messages in rounds", answers::rounds),
     ("answers: bytes that few ranks or none have", answers::bytes_of_few_ranks),
-    ("settling: what moved is found again", settling::follows),
-    ("settling: the parts are kept, and made again", settling::keeps_parts),
+    ("rebalancing: data moves with its spheres", rebalancing::moves_data),
+    ("rebalancing: a balanced partition is reused", rebalancing::reuses_partition),
     ("failures: one bad sphere", failures::bad_sphere),
     ("failures: ids that two spheres have", failures::duplicate_ids),
     ("failures: lengths, species and limits", failures::refusals),

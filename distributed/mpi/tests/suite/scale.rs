@@ -15,7 +15,7 @@ pub(crate) fn million(world: &SimpleCommunicator) {
     };
     for &scene in scenes {
         let mut distributed = Distributed::new(world, config().ownership(Ownership::BALANCE)).unwrap();
-        let mut particles = scene.part(MILLION, world.rank() as u32, |k| (k * ranks / MILLION) as u32);
+        let mut particles = scene.owned(MILLION, world.rank() as u32, |k| (k * ranks / MILLION) as u32);
         let report = distributed.rebalance(&mut particles).unwrap();
         assert!(
             report.rebuilt && report.owned.imbalance() <= 1.05,
@@ -23,8 +23,8 @@ pub(crate) fn million(world: &SimpleCommunicator) {
             report.owned.imbalance()
         );
         let found = distributed.pairs(local(&particles)).unwrap();
-        let (own, count) = (digest(found.iter().map(GlobalPair::ids)), found.len() as u64);
-        let found = (sum(world, count), sum_wrapping(world, own));
+        let (hash, count) = (digest(found.iter().map(GlobalPair::ids)), found.len() as u64);
+        let found = (sum(world, count), sum_wrapping(world, hash));
         assert_eq!(found, whole(world, scene), "{scene:?}");
         let report = distributed.report().clone();
         let ghosts = report.ghosts.total as f64 / MILLION as f64;
@@ -64,7 +64,7 @@ fn steady(
 }
 
 fn whole(world: &SimpleCommunicator, scene: Scene) -> (u64, u64) {
-    let (mut count, mut own) = (0, 0);
+    let (mut count, mut hash) = (0, 0);
     if world.rank() == 0 {
         let config = lazygrid::Config::default().backend(Backend::Cpu).order(lazygrid::Order::Unordered);
         let mut detector = Detector::new(config).unwrap();
@@ -74,9 +74,9 @@ fn whole(world: &SimpleCommunicator, scene: Scene) -> (u64, u64) {
             let (a, b) = (id(pair.i.into()), id(pair.j.into()));
             [a.min(b), a.max(b)]
         };
-        (count, own) = (pairs.len() as u64, digest(pairs.iter().map(ids)));
+        (count, hash) = (pairs.len() as u64, digest(pairs.iter().map(ids)));
     }
-    (sum(world, count), sum_wrapping(world, own))
+    (sum(world, count), sum_wrapping(world, hash))
 }
 
 fn sum_wrapping(world: &SimpleCommunicator, word: u64) -> u64 {
@@ -87,7 +87,7 @@ fn sum_wrapping(world: &SimpleCommunicator, word: u64) -> u64 {
 pub(crate) fn one_point(world: &SimpleCommunicator) {
     let (n, ranks) = (10_000_u64, world.size() as u32);
     let mut distributed = Distributed::new(world, config().ownership(Ownership::BALANCE)).unwrap();
-    let mut particles = Scene::Point.part(n, world.rank() as u32, |_| 0);
+    let mut particles = Scene::Point.owned(n, world.rank() as u32, |_| 0);
     let report = distributed.rebalance(&mut particles).unwrap();
     assert!(report.owned.imbalance() <= 1.05, "{}", report.owned.imbalance());
     assert_eq!(distributed.count(local(&particles)), Ok(n * (n - 1) / 2));

@@ -21,14 +21,14 @@ impl Scene {
         [Self::Uniform, Self::FiveSizes, Self::Giant, Self::Gaussian, Self::WideSizes, Self::Point];
 
     pub(crate) fn sphere(self, k: u64, n: u64) -> Sphere {
-        let edge = (n as f32).cbrt() * 4.0;
-        let cube = || [0, 1, 2].map(|axis| edge * (random(k, axis) - 0.5));
+        let side = (n as f32).cbrt() * 4.0;
+        let cube = || [0, 1, 2].map(|axis| side * (random(k, axis) - 0.5));
         match self {
             Self::Uniform => Sphere::new(cube(), 1.0),
             Self::FiveSizes => Sphere::new(cube(), 0.5_f32.powi(k as i32 % 5) * 1.5),
-            Self::Giant if k == n / 2 => Sphere::new([0.0; 3], edge / 4.0),
+            Self::Giant if k == n / 2 => Sphere::new([0.0; 3], side / 4.0),
             Self::Giant => Sphere::new(cube(), 0.8),
-            Self::Gaussian => Sphere::new([0, 1, 2].map(|axis| edge * 0.3 * normal(k, axis)), 0.8),
+            Self::Gaussian => Sphere::new([0, 1, 2].map(|axis| side * 0.3 * normal(k, axis)), 0.8),
             Self::WideSizes if k % 1000 == 7 => Sphere::new(cube(), 10.0),
             Self::WideSizes => Sphere::new(cube(), 10.0 * 10_f32.powf(-1.0 - 3.0 * random(k, 9))),
             Self::Point => Sphere::new([1.0, 2.0, 3.0], 0.5),
@@ -39,7 +39,7 @@ impl Scene {
         (0..n).map(|k| self.sphere(k, n)).collect()
     }
 
-    pub(crate) fn part(self, n: u64, rank: u32, owner: impl Fn(u64) -> u32) -> OwnedSpheres {
+    pub(crate) fn owned(self, n: u64, rank: u32, owner: impl Fn(u64) -> u32) -> OwnedSpheres {
         let mine = || (0..n).filter(|&k| owner(k) == rank);
         OwnedSpheres {
             spheres: mine().map(|k| self.sphere(k, n)).collect(),
@@ -86,13 +86,13 @@ pub(crate) fn expected(spheres: &[Sphere], space: Space) -> Vec<[u64; 2]> {
 }
 
 pub(crate) fn gathered(world: &SimpleCommunicator, pairs: &[GlobalPair]) -> Vec<[u64; 2]> {
-    let own: Vec<u64> = pairs.iter().flat_map(GlobalPair::ids).collect();
+    let local: Vec<u64> = pairs.iter().flat_map(GlobalPair::ids).collect();
     let mut counts = vec![0 as Count; world.size() as usize];
-    world.all_gather_into(&(own.len() as Count), &mut counts[..]);
+    world.all_gather_into(&(local.len() as Count), &mut counts[..]);
     let starts: Vec<Count> =
         counts.iter().scan(0, |next, count| Some(std::mem::replace(next, *next + count))).collect();
     let mut all = vec![0_u64; counts.iter().sum::<Count>() as usize];
-    world.all_gather_varcount_into(&own[..], &mut PartitionMut::new(&mut all[..], &counts[..], starts));
+    world.all_gather_varcount_into(&local[..], &mut PartitionMut::new(&mut all[..], &counts[..], starts));
     let mut all: Vec<[u64; 2]> = all.chunks_exact(2).map(|two| [two[0], two[1]]).collect();
     all.sort_unstable();
     all

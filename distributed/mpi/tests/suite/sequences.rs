@@ -74,13 +74,13 @@ impl World {
                 let (single, ranks) = (self.choose(2) == 0, self.ranks);
                 let rank = self.choose(ranks.into()) as u32;
                 let owner = |k: u32| if single { rank } else { (k ^ rank) % ranks };
-                (0..).zip(&mut self.owners).for_each(|(k, own)| *own = owner(k));
+                (0..).zip(&mut self.owners).for_each(|(k, rank)| *rank = owner(k));
             }
         }
         1
     }
 
-    fn part(&self, rank: u32, with_species: bool) -> OwnedSpheres {
+    fn owned(&self, rank: u32, with_species: bool) -> OwnedSpheres {
         let mine: Vec<usize> = (0..self.spheres.len()).filter(|&k| self.owners[k] == rank).collect();
         OwnedSpheres {
             spheres: mine.iter().map(|&k| self.spheres[k]).collect(),
@@ -169,10 +169,10 @@ fn run(world: &SimpleCommunicator, seed: u64, config: Config, space: Space, tabl
         let expected = all.expected(space, table);
         if all.choose(5) < 2 {
             let kind = all.choose(4);
-            fail(world, &mut distributed, &all.part(rank, table.is_some()), kind);
+            fail(world, &mut distributed, &all.owned(rank, table.is_some()), kind);
         }
         for repeat in 0..calls {
-            let mut particles = all.part(rank, table.is_some());
+            let mut particles = all.owned(rank, table.is_some());
             if all.choose(2) == 0 {
                 distributed.rebalance(&mut particles).unwrap();
             }

@@ -67,7 +67,7 @@ impl<T: Coordinate> ClassBounds<T> {
 
     #[inline]
     pub fn class(&self) -> SizeClass {
-        SizeClass::of(self.radius.into() as f32)
+        SizeClass::from_radius(self.radius.into() as f32)
     }
 
     #[inline]
@@ -97,8 +97,8 @@ impl<T: Coordinate> ClassBounds<T> {
     /// 3. Every operation is monotone, with or without rounding.
     /// 4. Radii of at least [`Coordinate::UNLIMITED`] limit no distance: larger `f32` radii are cut there.
     /// 5. The `f64` contact test computes as if exponents had no bounds. Here an overflowing sum of squares
-    ///    exceeds every reach with a finite square, and squares that may underflow are not used. In both
-    ///    cases no axis of touching spheres exceeds the reach by more than rounding, which the margin covers.
+    ///    exceeds every limit with a finite square, and squares that may underflow are not used. In both
+    ///    cases no axis of touching spheres exceeds the limit by more than rounding, which the margin covers.
     /// 6. Wrapped `f64` centers are exact. Radii have grown by more than the contact test rounds images
     ///    ([`SphereWrapper::wrap_f64`]).
     #[inline]
@@ -111,10 +111,10 @@ impl<T: Coordinate> ClassBounds<T> {
         let (x, y, z) = (gap(0), gap(1), gap(2));
         let is_limited = self.radius < T::UNLIMITED && other.radius < T::UNLIMITED;
         let radii = self.radius.into() + other.radius.into();
-        let reach = if is_limited { radii.min(cutoff) } else { cutoff };
-        let reach = (reach * MARGIN).next_up();
-        let is_near = x.max(y).max(z) <= reach;
-        is_near && (reach < MIN_SQUARED || x * x + y * y + z * z <= reach * reach)
+        let limit = if is_limited { radii.min(cutoff) } else { cutoff };
+        let limit = (limit * MARGIN).next_up();
+        let is_near = x.max(y).max(z) <= limit;
+        is_near && (limit < MIN_SQUARED || x * x + y * y + z * z <= limit * limit)
     }
 }
 

@@ -59,7 +59,7 @@ mod tests {
 
     #[test]
     fn larger_sphere_becomes_the_ghost() {
-        let sphere = |rank, radius| RankAndClass { rank, class: SizeClass::of(radius) };
+        let sphere = |rank, radius| RankAndClass { rank, class: SizeClass::from_radius(radius) };
         let becomes_ghost = |a, b| becomes_ghost(a, b, 8);
         for (a, b) in [(0, 1), (1, 0), (7, 3)] {
             assert!(becomes_ghost(sphere(a, 2.0), sphere(b, 1.0)));

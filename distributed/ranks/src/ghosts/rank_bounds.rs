@@ -33,8 +33,8 @@ impl<T: Coordinate> RankBounds<T> {
         communicator: &mut C,
         spheres: &[WrappedSphere<T>],
     ) -> Result<Self, C::Error> {
-        let own: Vec<_> = ClassBounds::all_of(spheres).iter().map(ClassBounds::message).collect();
-        let (bounds, counts) = communicator.all_gather("bounding boxes", &own)?;
+        let messages: Vec<_> = ClassBounds::all_of(spheres).iter().map(ClassBounds::message).collect();
+        let (bounds, counts) = communicator.all_gather("bounding boxes", &messages)?;
         let mut bounds = bounds.into_iter().map(ClassBounds::from_message);
         Ok(Self::new(counts.iter().map(|&count| bounds.by_ref().take(count).collect())))
     }

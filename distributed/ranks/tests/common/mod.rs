@@ -7,12 +7,12 @@ pub(crate) fn naive(particles: &[Particle], space: &Space, table: Option<&Intera
     let mut pairs = Vec::new();
     for (k, a) in particles.iter().enumerate() {
         for b in &particles[..k] {
-            let reach = match table.map_or(Interaction::Touch, |table| table.get(a.species, b.species)) {
+            let cutoff = match table.map_or(Interaction::Touch, |table| table.get(a.species, b.species)) {
                 Interaction::Never => continue,
                 Interaction::Touch => f64::from(a.sphere.radius) + f64::from(b.sphere.radius),
                 Interaction::Within(distance) => distance,
             };
-            if space.distance_squared(a.sphere.center, b.sphere.center) <= reach * reach {
+            if space.distance_squared(a.sphere.center, b.sphere.center) <= cutoff * cutoff {
                 pairs.push([a.id.min(b.id), a.id.max(b.id)]);
             }
         }
@@ -49,8 +49,8 @@ impl Random {
         (self.0 >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    pub(crate) fn point(&mut self, edge: f32) -> [f32; 3] {
-        [(); 3].map(|()| edge * self.next())
+    pub(crate) fn point(&mut self, side: f32) -> [f32; 3] {
+        [(); 3].map(|()| side * self.next())
     }
 
     pub(crate) fn normal(&mut self) -> f32 {

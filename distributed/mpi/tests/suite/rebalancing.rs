@@ -4,11 +4,11 @@ use mpi::traits::Communicator;
 
 use crate::scenes::{Scene, config, gathered, local, sum};
 
-pub(crate) fn follows(world: &SimpleCommunicator) {
+pub(crate) fn moves_data(world: &SimpleCommunicator) {
     let (rank, ranks) = (world.rank() as u32, world.size() as u32);
     for ownership in [Ownership::Keep, Ownership::BALANCE] {
         let mut distributed = Distributed::new(world, config().ownership(ownership)).unwrap();
-        let mut particles = Scene::Gaussian.part(3000, rank, |k| (k % u64::from(ranks)) as u32);
+        let mut particles = Scene::Gaussian.owned(3000, rank, |k| (k % u64::from(ranks)) as u32);
         let before = particles.clone();
         let report = distributed.rebalance(&mut particles).unwrap();
         let ids = distributed.migrate_data(&report.migration, &before.ids).unwrap();
@@ -28,10 +28,10 @@ pub(crate) fn follows(world: &SimpleCommunicator) {
     }
 }
 
-pub(crate) fn keeps_parts(world: &SimpleCommunicator) {
+pub(crate) fn reuses_partition(world: &SimpleCommunicator) {
     let (n, rank, ranks) = (20_000, world.rank() as u32, world.size() as u32);
     let mut distributed = Distributed::new(world, config().ownership(Ownership::BALANCE)).unwrap();
-    let mut particles = Scene::Uniform.part(n, rank, |_| 0);
+    let mut particles = Scene::Uniform.owned(n, rank, |_| 0);
     assert!(distributed.rebalance(&mut particles).unwrap().rebuilt);
     let again = distributed.rebalance(&mut particles).unwrap();
     assert_eq!((again.rebuilt, again.moved), (false, 0));
