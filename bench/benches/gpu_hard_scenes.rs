@@ -7,7 +7,7 @@ use std::time::Duration;
 use clap::Parser;
 use lazygrid::gpu::{Calibration, GpuConfig, GpuDevice, GpuPhase, GpuSession};
 use lazygrid::{Algorithm, Sphere, Spheres};
-use lazygrid_bench::measure::{markdown, provenance};
+use lazygrid_bench::measure::{QuickMode, markdown, provenance};
 use lazygrid_io::scenes::Scene;
 
 #[derive(Parser)]
@@ -37,11 +37,8 @@ struct Args {
     /// Rounds, after one to warm up
     #[arg(long, default_value_t = 5)]
     rounds: usize,
-    /// Check answers at small sizes instead of measuring (the default except in `cargo bench`)
-    #[arg(long)]
-    quick: bool,
-    #[arg(long, hide = true)]
-    bench: bool,
+    #[command(flatten)]
+    mode: QuickMode,
 }
 
 struct BenchScene {
@@ -51,7 +48,7 @@ struct BenchScene {
 }
 
 struct SceneRun<'a> {
-    given: &'a BenchScene,
+    scene: &'a BenchScene,
     algorithm: Algorithm,
     sort: &'static str,
     session: GpuSession,
@@ -61,7 +58,7 @@ struct SceneRun<'a> {
 
 impl SceneRun<'_> {
     fn run(&mut self, is_warm: bool) -> Result<(), Box<dyn Error>> {
-        let ticket = self.session.begin(Spheres::from(&self.given.spheres))?;
+        let ticket = self.session.begin(Spheres::from(&self.scene.spheres))?;
         self.pairs = self.session.finish_count(ticket)?;
         if is_warm {
             let timing_of = |phase: &GpuPhase| self.session.timings().iter().find(|t| t.name == phase.name());
@@ -80,21 +77,21 @@ impl SceneRun<'_> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = Args::parse();
-    if args.quick || !args.bench {
+    if args.mode.is_quick() {
         (args.n, args.burst, args.giant, args.rounds) = (2000, 500, 4.0, 1);
         args.baseline = Some(Algorithm::LazyGrid);
     }
-    let Some(own) = lazygrid_tests::device() else { return Ok(()) };
-    println!("{}\n\n{}\n", provenance(), own.adapter.name);
+    let Some(gpu) = lazygrid_tests::device() else { return Ok(()) };
+    println!("{}\n\n{}\n", provenance(), gpu.adapter.name);
     let mut scenes = scenes(&args);
     scenes.truncate(if args.uniform_only { 2 } else { scenes.len() });
     let mut runners = Vec::new();
-    for given in &scenes {
+    for scene in &scenes {
         for &radix_from in &args.radix_from {
-            runners.push(runner(&own, given, Algorithm::CellList, radix_from)?);
+            runners.push(runner(&gpu, scene, Algorithm::CellList, radix_from)?);
         }
-        if let Some(other) = args.baseline.filter(|_| given.is_uniform) {
-            runners.push(runner(&own, given, other, Calibration::RADIX_SORT_FROM)?);
+        if let Some(other) = args.baseline.filter(|_| scene.is_uniform) {
+            runners.push(runner(&gpu, scene, other, Calibration::RADIX_SORT_FROM)?);
         }
     }
     for round in 0..=args.rounds {
@@ -103,8 +100,8 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
         for (a, b) in runners.iter().zip(&runners[1..]) {
             // GPUs may decide pairs within 4 ulp of tangency differently.
-            if std::ptr::eq(a.given, b.given) && a.pairs.abs_diff(b.pairs) > 1 + a.pairs / 100_000 {
-                let (a, b, name) = (a.pairs, b.pairs, a.given.name);
+            if std::ptr::eq(a.scene, b.scene) && a.pairs.abs_diff(b.pairs) > 1 + a.pairs / 100_000 {
+                let (a, b, name) = (a.pairs, b.pairs, a.scene.name);
                 return Err(format!("{a} pairs and {b} in {name}").into());
             }
         }
@@ -114,21 +111,21 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn runner<'a>(
-    own: &GpuDevice,
-    given: &'a BenchScene,
+    gpu: &GpuDevice,
+    scene: &'a BenchScene,
     algorithm: Algorithm,
     radix_from: u32,
 ) -> Result<SceneRun<'a>, Box<dyn Error>> {
-    let pair_capacity = if given.name == "burst" { 24 } else { 4 } * given.spheres.len() as u32;
+    let pair_capacity = if scene.name == "burst" { 24 } else { 4 } * scene.spheres.len() as u32;
     let settings = GpuConfig::default()
         .algorithm(algorithm)
         .pair_capacity(pair_capacity)
         .radix_sort_from(radix_from)
         .timestamps(true);
-    let session = GpuSession::new(own.clone(), settings)?;
-    let is_counted = algorithm == Algorithm::CellList && given.spheres.len() < radix_from as usize;
+    let session = GpuSession::new(gpu.clone(), settings)?;
+    let is_counted = algorithm == Algorithm::CellList && scene.spheres.len() < radix_from as usize;
     let sort = if is_counted { "by counting" } else { "by radix" };
-    Ok(SceneRun { given, algorithm, sort, session, pairs: 0, stages: Vec::new() })
+    Ok(SceneRun { scene, algorithm, sort, session, pairs: 0, stages: Vec::new() })
 }
 
 fn scenes(args: &Args) -> Vec<BenchScene> {
@@ -141,13 +138,13 @@ fn scenes(args: &Args) -> Vec<BenchScene> {
     let far = |sphere: &Sphere| Sphere { center: sphere.center + glam::Vec3::X * 2.0 * args.gap, ..*sphere };
     let there: Vec<_> = Scene::Equal.spheres(args.n - args.n / 2, 2).iter().map(far).collect();
     clumps.extend(there);
-    let given = |name, spheres, is_uniform| BenchScene { name, spheres, is_uniform };
+    let bench_scene = |name, spheres, is_uniform| BenchScene { name, spheres, is_uniform };
     vec![
-        given("equal", equal, true),
-        given("five sizes", Scene::FiveSizes.spheres(args.n, 1), true),
-        given("one giant", giant, false),
-        given("two clumps", clumps, false),
-        given("burst", Scene::Burst.spheres(args.burst, 1), true),
+        bench_scene("equal", equal, true),
+        bench_scene("five sizes", Scene::FiveSizes.spheres(args.n, 1), true),
+        bench_scene("one giant", giant, false),
+        bench_scene("two clumps", clumps, false),
+        bench_scene("burst", Scene::Burst.spheres(args.burst, 1), true),
     ]
 }
 
@@ -158,14 +155,14 @@ fn table(runners: &[SceneRun<'_>]) -> String {
         .map(|runner| {
             let stages = runner.median().into_iter().map(|seconds| format!("{:.1}", seconds * 1e3));
             let is_cell_list = runner.algorithm == Algorithm::CellList;
-            let same = |other: &&SceneRun<'_>| is_cell_list && std::ptr::eq(other.given, runner.given);
+            let same = |other: &&SceneRun<'_>| is_cell_list && std::ptr::eq(other.scene, runner.scene);
             let other = runners.iter().filter(same).find(|other| other.algorithm != Algorithm::CellList);
             let is_base =
                 |base: &&SceneRun<'_>| base.algorithm == runner.algorithm && base.sort == runner.sort;
-            let has_same_size = |base: &&SceneRun<'_>| base.given.spheres.len() == runner.given.spheres.len();
+            let has_same_size = |base: &&SceneRun<'_>| base.scene.spheres.len() == runner.scene.spheres.len();
             let base = runners.iter().find(is_base).filter(|_| is_cell_list).filter(has_same_size);
             let ratio = |ratio: Option<f64>| ratio.map_or(String::new(), |ratio| format!("{ratio:.2}"));
-            [runner.given.name.to_owned(), runner.given.spheres.len().to_string()]
+            [runner.scene.name.to_owned(), runner.scene.spheres.len().to_string()]
                 .into_iter()
                 .chain([format!("{} {}", runner.algorithm, runner.sort), runner.pairs.to_string()])
                 .chain(stages)

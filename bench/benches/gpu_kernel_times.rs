@@ -7,7 +7,7 @@ use std::time::Instant;
 use clap::Parser;
 use lazygrid::gpu::{GpuConfig, GpuDetector, GpuDevice, GpuSpheres, Outcome, wgpu};
 use lazygrid::{Algorithm, Sphere};
-use lazygrid_bench::measure::{markdown, provenance};
+use lazygrid_bench::measure::{QuickMode, markdown, provenance};
 use lazygrid_check::device::{download, submit, upload, wait};
 use lazygrid_check::timing::bandwidth::{median, stamp, warm_up};
 use lazygrid_io::scenes::Scene;
@@ -30,18 +30,15 @@ struct Args {
     /// Only whole calls, without a table of kernels
     #[arg(long)]
     calls_only: bool,
-    /// Small sizes instead of measurements (the default except in `cargo bench`)
-    #[arg(long)]
-    quick: bool,
-    #[arg(long, hide = true)]
-    bench: bool,
+    #[command(flatten)]
+    mode: QuickMode,
 }
 
 /// Maximum number of calls until all capacities suffice.
 const TRIES: usize = 6;
 
-struct Call<'a> {
-    own: &'a GpuDevice,
+struct TimedCall<'a> {
+    gpu: &'a GpuDevice,
     detector: GpuDetector,
     input: GpuSpheres<'a>,
     queries: wgpu::QuerySet,
@@ -49,20 +46,20 @@ struct Call<'a> {
     pairs: u64,
 }
 
-impl<'a> Call<'a> {
+impl<'a> TimedCall<'a> {
     fn new(
-        own: &'a GpuDevice,
+        gpu: &'a GpuDevice,
         algorithm: Algorithm,
-        given: &'a wgpu::Buffer,
+        buffer: &'a wgpu::Buffer,
         n: u32,
     ) -> Result<Self, Box<dyn Error>> {
         let settings = GpuConfig::default().algorithm(algorithm).pair_capacity(n.max(1 << 20));
-        let mut detector = GpuDetector::new(&own.device, settings)?;
-        let input = GpuSpheres::new(given, n);
+        let mut detector = GpuDetector::new(&gpu.device, settings)?;
+        let input = GpuSpheres::new(buffer, n);
         let mut found = None;
         for _ in 0..TRIES {
-            let output = submit(own, |encoder| detector.encode(encoder, &input))?;
-            let outcome = download::<Outcome>(own, &output.outcome, 1)?[0];
+            let output = submit(gpu, |encoder| detector.encode(encoder, &input))?;
+            let outcome = download::<Outcome>(gpu, &output.outcome, 1)?[0];
             match outcome.overflow {
                 0 => {
                     found = Some(outcome.found());
@@ -79,7 +76,7 @@ impl<'a> Call<'a> {
         }
         let pairs = found.ok_or("capacities do not suffice")?;
         let count = detector.kernels().len() as u32 + 1;
-        let (queries, ticks) = own.with_error_scope("timestamps", 0, || {
+        let (queries, ticks) = gpu.with_error_scope("timestamps", 0, || {
             let queries = wgpu::QuerySetDescriptor { label: None, ty: wgpu::QueryType::Timestamp, count };
             let ticks = wgpu::BufferDescriptor {
                 label: None,
@@ -87,9 +84,9 @@ impl<'a> Call<'a> {
                 usage: wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC,
                 mapped_at_creation: false,
             };
-            (own.device.create_query_set(&queries), own.device.create_buffer(&ticks))
+            (gpu.device.create_query_set(&queries), gpu.device.create_buffer(&ticks))
         })?;
-        Ok(Self { own, detector, input, queries, ticks, pairs })
+        Ok(Self { gpu, detector, input, queries, ticks, pairs })
     }
 
     fn seconds(
@@ -97,13 +94,13 @@ impl<'a> Call<'a> {
         count: u32,
         record: impl FnOnce(&mut wgpu::CommandEncoder),
     ) -> Result<Vec<f64>, Box<dyn Error>> {
-        submit(self.own, |encoder| {
+        submit(self.gpu, |encoder| {
             record(encoder);
             encoder.resolve_query_set(&self.queries, 0..count, &self.ticks, 0);
             Ok(())
         })?;
-        let ticks = download::<u64>(self.own, &self.ticks, count as usize)?;
-        let period = f64::from(self.own.queue.get_timestamp_period()) * 1e-9;
+        let ticks = download::<u64>(self.gpu, &self.ticks, count as usize)?;
+        let period = f64::from(self.gpu.queue.get_timestamp_period()) * 1e-9;
         Ok(ticks.windows(2).map(|ends| ends[1].saturating_sub(ends[0]) as f64 * period).collect())
     }
 
@@ -119,8 +116,8 @@ impl<'a> Call<'a> {
 
     fn until_completion(&mut self) -> Result<f64, Box<dyn Error>> {
         let start = Instant::now();
-        submit(self.own, |encoder| self.detector.encode(encoder, &self.input))?;
-        wait(self.own)?;
+        submit(self.gpu, |encoder| self.detector.encode(encoder, &self.input))?;
+        wait(self.gpu)?;
         Ok(start.elapsed().as_secs_f64())
     }
 
@@ -132,13 +129,13 @@ impl<'a> Call<'a> {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = Args::parse();
-    if args.quick || !args.bench {
-        (args.quick, args.n, args.rounds) = (true, vec![300, 3000], 1);
+    if args.mode.is_quick() {
+        (args.n, args.rounds) = (vec![300, 3000], 1);
         args.algorithm = Algorithm::GPU.to_vec();
     }
-    let Some(own) = lazygrid_tests::device() else { return Ok(()) };
-    println!("{}\n\n{}, {}\n", provenance(), own.adapter.name, own.adapter.driver);
-    let has_stamps_inside = own.device.features().contains(wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES);
+    let Some(gpu) = lazygrid_tests::device() else { return Ok(()) };
+    println!("{}\n\n{}, {}\n", provenance(), gpu.adapter.name, gpu.adapter.driver);
+    let has_stamps_inside = gpu.device.features().contains(wgpu::Features::TIMESTAMP_QUERY_INSIDE_PASSES);
     if !has_stamps_inside {
         println!("SKIPPED: the device has no timestamps inside passes");
         return Ok(());
@@ -146,10 +143,10 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut calls = Vec::new();
     for (&scene, &n) in args.scene.iter().flat_map(|scene| args.n.iter().map(move |n| (scene, n))) {
         let spheres = scene.spheres(n, 1);
-        let given = upload::<Sphere>(&own, &spheres)?;
+        let buffer = upload::<Sphere>(&gpu, &spheres)?;
         for &algorithm in &args.algorithm {
             let name = format!("{scene}, {n} spheres, {algorithm}");
-            let call = Call::new(&own, algorithm, &given, n as u32);
+            let call = TimedCall::new(&gpu, algorithm, &buffer, n as u32);
             match call.and_then(|call| measure(&args, &name, n, call)) {
                 Ok(row) => calls.push(row),
                 Err(error) => println!("{name}: {error}\n"),
@@ -161,11 +158,16 @@ fn main() -> Result<(), Box<dyn Error>> {
     Ok(())
 }
 
-fn measure(args: &Args, name: &str, n: usize, mut call: Call<'_>) -> Result<Vec<String>, Box<dyn Error>> {
+fn measure(
+    args: &Args,
+    name: &str,
+    n: usize,
+    mut call: TimedCall<'_>,
+) -> Result<Vec<String>, Box<dyn Error>> {
     let names = call.detector.kernels();
     let (mut whole, mut waits, mut kernels) = (vec![], vec![], vec![vec![]; names.len()]);
     let start = Instant::now();
-    while !args.quick && start.elapsed() < warm_up(call.own) {
+    while !args.mode.is_quick() && start.elapsed() < warm_up(call.gpu) {
         call.whole()?;
     }
     for _ in 0..args.rounds {

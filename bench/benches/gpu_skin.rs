@@ -9,7 +9,7 @@ use lazygrid::gpu::{
     GpuConfig, GpuDetector, GpuDevice, GpuOutput, GpuSkinDetector, GpuSpheres, Outcome, wgpu,
 };
 use lazygrid::{Algorithm, Sphere};
-use lazygrid_bench::measure::{markdown, provenance};
+use lazygrid_bench::measure::{QuickMode, markdown, provenance};
 use lazygrid_check::device::{download, submit, upload, wait};
 use lazygrid_io::scenes::Scene;
 
@@ -31,11 +31,8 @@ struct Args {
     /// Steps, after one to warm up
     #[arg(long, default_value_t = 30)]
     steps: u32,
-    /// Check answers at small sizes instead of measuring (the default except in `cargo bench`)
-    #[arg(long)]
-    quick: bool,
-    #[arg(long, hide = true)]
-    bench: bool,
+    #[command(flatten)]
+    mode: QuickMode,
 }
 
 enum TimedDetector {
@@ -55,12 +52,12 @@ impl TimedDetector {
         }
     }
 
-    fn step(&mut self, own: &GpuDevice, input: &GpuSpheres<'_>) -> Result<(f64, u64), Box<dyn Error>> {
+    fn step(&mut self, gpu: &GpuDevice, input: &GpuSpheres<'_>) -> Result<(f64, u64), Box<dyn Error>> {
         let start = Instant::now();
-        let found = submit(own, |encoder| self.encode(encoder, input))?;
-        wait(own)?;
+        let found = submit(gpu, |encoder| self.encode(encoder, input))?;
+        wait(gpu)?;
         let seconds = start.elapsed().as_secs_f64();
-        let outcome = download::<Outcome>(own, &found.outcome, 1)?[0];
+        let outcome = download::<Outcome>(gpu, &found.outcome, 1)?[0];
         match outcome.overflow {
             0 => Ok((seconds, outcome.found())),
             _ => Err(format!("buffers are too small: {outcome:?}").into()),
@@ -70,21 +67,21 @@ impl TimedDetector {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = Args::parse();
-    if args.quick || !args.bench {
+    if args.mode.is_quick() {
         (args.n, args.steps) = (vec![300], 4);
     }
-    let Some(own) = lazygrid_tests::device() else { return Ok(()) };
-    println!("{}\n\n{}\n", provenance(), own.adapter.name);
+    let Some(gpu) = lazygrid_tests::device() else { return Ok(()) };
+    println!("{}\n\n{}\n", provenance(), gpu.adapter.name);
     let mut rows = Vec::new();
     for (&scene, &n) in args.scene.iter().flat_map(|scene| args.n.iter().map(move |n| (scene, n))) {
         for &step_length in &args.step_length {
-            let seconds = compare(&own, &args, scene, n, step_length)?;
+            let seconds = compare(&gpu, &args, scene, n, step_length)?;
             let per_sphere = |s: &f64| format!("{:.1} ({:.2})", s / n as f64 * 1e9, s / seconds[0]);
             let head = [scene.to_string(), n.to_string(), step_length.to_string()];
             rows.push(head.into_iter().chain(seconds.iter().map(per_sphere)).collect());
         }
     }
-    let skins = args.skin.iter().map(|part| format!("skin {part}"));
+    let skins = args.skin.iter().map(|fraction| format!("skin {fraction}"));
     let head: Vec<String> = ["scene", "spheres", "step in radii", "every step"]
         .map(str::to_owned)
         .into_iter()
@@ -96,7 +93,7 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn compare(
-    own: &GpuDevice,
+    gpu: &GpuDevice,
     args: &Args,
     scene: Scene,
     n: usize,
@@ -105,24 +102,24 @@ fn compare(
     let mut spheres = scene.spheres(n, 1);
     let settings =
         || GpuConfig::default().algorithm(Algorithm::CellList).pair_capacity((4 * n as u32).max(1 << 20));
-    let mut runners = vec![TimedDetector::EachStep(Box::new(GpuDetector::new(&own.device, settings())?))];
-    for part in &args.skin {
+    let mut runners = vec![TimedDetector::EachStep(Box::new(GpuDetector::new(&gpu.device, settings())?))];
+    for fraction in &args.skin {
         runners.push(TimedDetector::Candidates(Box::new(GpuSkinDetector::new(
-            &own.device,
+            &gpu.device,
             settings(),
-            2.0 * part,
+            2.0 * fraction,
         )?)));
     }
     let mut sums = vec![0.0; runners.len()];
     for step in 0..=args.steps {
-        let given = upload::<Sphere>(own, &spheres)?;
+        let buffer = upload::<Sphere>(gpu, &spheres)?;
         // The queue writes with the next submission, which would be the first detector's.
-        submit(own, |_| Ok(()))?;
-        wait(own)?;
-        let input = GpuSpheres::new(&given, n as u32);
+        submit(gpu, |_| Ok(()))?;
+        wait(gpu)?;
+        let input = GpuSpheres::new(&buffer, n as u32);
         let mut found = None;
         for (runner, sum) in runners.iter_mut().zip(&mut sums) {
-            let (seconds, pairs) = runner.step(own, &input)?;
+            let (seconds, pairs) = runner.step(gpu, &input)?;
             if *found.get_or_insert(pairs) != pairs {
                 return Err(format!("{pairs} pairs at step {step}, not {found:?}").into());
             }

@@ -16,8 +16,8 @@ struct Args {
     #[arg(long, default_value_t = Backend::Cpu)]
     backend: Backend,
     /// Parameters to vary, separated by commas
-    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [What::Tau, What::CellRatio, What::Crossover])]
-    what: Vec<What>,
+    #[arg(long, value_enum, value_delimiter = ',', default_values_t = [Parameter::Tau, Parameter::CellRatio, Parameter::Crossover])]
+    what: Vec<Parameter>,
     /// Values of τ, separated by commas
     #[arg(long, value_delimiter = ',', default_values_t = [0, 4, 8, 16, 32, 64, 128, 256])]
     tau: Vec<u32>,
@@ -38,7 +38,7 @@ struct Args {
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-enum What {
+enum Parameter {
     /// τ of the recursive grid; on the GPU, of LazyGrid at each cell ratio.
     Tau,
     /// Cell ratio (cell size over largest diameter) of the paper's grids.
@@ -62,12 +62,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         .install(|| args.what.iter().try_for_each(|&what| sweep(&args, what).map_err(|e| e.to_string())))?)
 }
 
-fn sweep(args: &Args, what: What) -> Result<(), Box<dyn Error>> {
+fn sweep(args: &Args, what: Parameter) -> Result<(), Box<dyn Error>> {
     match what {
-        What::Tau => tau(args),
-        What::CellRatio => cell_ratio(args),
-        What::Crossover => crossover(args),
-        What::Skin => skin(args),
+        Parameter::Tau => tau(args),
+        Parameter::CellRatio => cell_ratio(args),
+        Parameter::Crossover => crossover(args),
+        Parameter::Skin => skin(args),
     }
 }
 
@@ -119,8 +119,9 @@ fn skin(args: &Args) -> Result<(), Box<dyn Error>> {
         ContenderFactory::list("off", config(Skin::Off)),
         ContenderFactory::list("auto", config(Skin::Auto)),
     ];
-    let fixed =
-        |&part: &f32| ContenderFactory::list(part.to_string(), config(Skin::Fixed(f64::from(2.0 * part))));
+    let fixed = |&fraction: &f32| {
+        ContenderFactory::list(fraction.to_string(), config(Skin::Fixed(f64::from(2.0 * fraction))))
+    };
     contenders.extend(args.skin.iter().map(fixed));
     let step_length = args.options.step_length;
     println!(

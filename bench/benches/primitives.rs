@@ -4,7 +4,7 @@
 use std::error::Error;
 
 use clap::Parser;
-use lazygrid_bench::measure::{Spread, markdown, provenance};
+use lazygrid_bench::measure::{QuickMode, Spread, markdown, provenance};
 use lazygrid_check::timing::bandwidth::{GpuTimer, Measured};
 
 #[derive(Parser)]
@@ -22,21 +22,18 @@ struct Args {
     /// Use no subgroup operations
     #[arg(long)]
     no_subgroups: bool,
-    /// Check answers at small sizes instead of measuring (the default except in `cargo bench`)
-    #[arg(long)]
-    quick: bool,
-    #[arg(long, hide = true)]
-    bench: bool,
+    #[command(flatten)]
+    mode: QuickMode,
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut args = Args::parse();
-    if args.quick || !args.bench {
+    if args.mode.is_quick() {
         (args.n, args.rounds) = (vec![0, 1, 257, 20_000], 1);
     }
-    let Some(own) = lazygrid_tests::device() else { return Ok(()) };
-    let adapter = own.adapter.clone();
-    let watch = GpuTimer::new(own, args.rounds)?;
+    let Some(gpu) = lazygrid_tests::device() else { return Ok(()) };
+    let adapter = gpu.adapter.clone();
+    let watch = GpuTimer::new(gpu, args.rounds)?;
     let clock =
         if watch.has_gpu_timestamps() { "timestamps of the GPU" } else { "wall time, submission included" };
     println!("{}\n\n{}, {}; {clock}\n", provenance(), adapter.name, adapter.driver);
@@ -56,13 +53,13 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 fn row(what: &str, n: u32, measured: &Measured, copy: &Measured) -> Vec<String> {
-    let bandwidth = |m: &Measured| m.bytes as f64 / Spread::of(&m.times).median;
+    let bandwidth = |m: &Measured| m.bytes as f64 / Spread::from_values(&m.times).median;
     let milliseconds: Vec<f64> = measured.times.iter().map(|time| time * 1e3).collect();
     vec![
         what.to_owned(),
         n.to_string(),
-        Spread::of(&milliseconds).to_string(),
-        format!("{:.1}", f64::from(n) / Spread::of(&measured.times).median * 1e-6),
+        Spread::from_values(&milliseconds).to_string(),
+        format!("{:.1}", f64::from(n) / Spread::from_values(&measured.times).median * 1e-6),
         format!("{:.1}", measured.bytes as f64 * 1e-6),
         format!("{:.2}", bandwidth(measured) * 1e-9),
         format!("{:.0} %", 100.0 * bandwidth(measured) / bandwidth(copy)),

@@ -18,7 +18,7 @@ fn algorithms(criterion: &mut Criterion) {
     let gpus = if gpu::adapters().is_empty() { &[] } else { Algorithm::GPU };
     let on_gpu = gpus.iter().map(|&algorithm| (Backend::Gpu, algorithm));
     for (backend, algorithm) in on_cpu.chain(on_gpu) {
-        let of = match backend {
+        let name = match backend {
             Backend::Gpu => format!("{algorithm} on the GPU"),
             _ => algorithm.to_string(),
         };
@@ -26,7 +26,7 @@ fn algorithms(criterion: &mut Criterion) {
         let config = Config::default().backend(backend).algorithm(algorithm).skin(Skin::Off);
         for scene in [Scene::Equal, Scene::FiveSizes, Scene::Burst, Scene::BurstLinear] {
             let spheres = scene.spheres(N, SEED);
-            let mut group = criterion.benchmark_group(format!("{of}/{scene}"));
+            let mut group = criterion.benchmark_group(format!("{name}/{scene}"));
             group.sample_size(20).throughput(Throughput::Elements(N as u64));
             stages(&mut group, &config, &spheres);
             results(&mut group, &config, &spheres);

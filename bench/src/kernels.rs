@@ -93,30 +93,33 @@ pub struct Wanted {
 pub fn compile(adapter: &AdapterSummary, wanted: &Wanted) -> Result<Kernels, String> {
     let compiler = Compiler::open(&adapter.name, adapter.has_subgroups)?;
     let smallest = adapter.has_subgroups.then_some(adapter.subgroup_sizes[0]);
-    let own = Variant::for_device(smallest, adapter.workgroup_memory);
+    let device_variant = Variant::for_device(smallest, adapter.workgroup_memory);
     let mut compiled = Vec::new();
     let is_wanted =
         |kernel: &&&Kernel| wanted.only.is_empty() || wanted.only.iter().any(|name| name == kernel.name);
     for kernel in KERNELS.iter().filter(is_wanted) {
-        for variant in variants(kernel, own, wanted.all_variants) {
+        for variant in variants(kernel, device_variant, wanted.all_variants) {
             // The driver may crash the process.
             log::info!(
                 "{}: {}, {}",
                 adapter.name,
                 kernel.name,
-                label(variant, kernel.effective_variant(own))
+                label(variant, kernel.effective_variant(device_variant))
             );
-            compiled.push(compile_one(&compiler, kernel, variant, own, wanted.disassembly));
+            compiled.push(compile_one(&compiler, kernel, variant, device_variant, wanted.disassembly));
         }
     }
     let (name, driver) = (adapter.name.clone(), adapter.driver.clone());
     Ok(Kernels { adapter: name, driver, has_statistics: compiler.has_statistics(), compiled })
 }
 
-fn variants(kernel: &Kernel, own: Variant, all_variants: bool) -> Vec<Variant> {
-    let mut bases = vec![own];
+fn variants(kernel: &Kernel, device_variant: Variant, all_variants: bool) -> Vec<Variant> {
+    let mut bases = vec![device_variant];
     if all_variants {
-        bases.extend([Variant { subgroups: None, ..own }, Variant { reuse: true, ..own }]);
+        bases.extend([
+            Variant { subgroups: None, ..device_variant },
+            Variant { reuse: true, ..device_variant },
+        ]);
     }
     let mut found = Vec::new();
     for base in bases {
@@ -134,7 +137,7 @@ fn compile_one(
     compiler: &Compiler,
     kernel: &'static Kernel,
     variant: Variant,
-    own: Variant,
+    device_variant: Variant,
     with_texts: bool,
 ) -> Compiled {
     let mut workgroup_memory = 0;
@@ -147,15 +150,15 @@ fn compile_one(
         Ok(programs) => (programs, None),
         Err(reason) => (Vec::new(), Some(reason)),
     };
-    let variant = label(variant, kernel.effective_variant(own));
+    let variant = label(variant, kernel.effective_variant(device_variant));
     Compiled { kernel: kernel.name, variant, workgroup_memory, programs, error }
 }
 
-fn label(variant: Variant, own: Variant) -> String {
+fn label(variant: Variant, device_variant: Variant) -> String {
     let labels = [
         (variant.periodic, "periodic"),
         (variant.species, "species"),
-        (variant.subgroups != own.subgroups, "no subgroups"),
+        (variant.subgroups != device_variant.subgroups, "no subgroups"),
         (variant.reuse, "reused cells"),
     ];
     let labels: Vec<_> = labels.into_iter().filter_map(|(applies, label)| applies.then_some(label)).collect();

@@ -19,7 +19,7 @@ use lazygrid_check::checksum;
 use lazygrid_io::scenes::Scene;
 
 use finders::{Count, List, Stream};
-pub use options::Options;
+pub use options::{Options, QuickMode};
 pub use present::{Spread, markdown, provenance};
 
 #[derive(Clone, Copy, Debug)]
@@ -112,13 +112,13 @@ pub struct Timing {
 
 impl Timing {
     pub fn median(&self) -> f64 {
-        Spread::of(&self.nanos).median
+        Spread::from_values(&self.nanos).median
     }
 
     /// Returns a ratio per round.
     pub fn over(&self, other: &Self) -> Spread {
         let ratios: Vec<f64> = self.nanos.iter().zip(&other.nanos).map(|(a, b)| a / b).collect();
-        Spread::of(&ratios)
+        Spread::from_values(&ratios)
     }
 }
 
@@ -131,7 +131,7 @@ pub struct Digest {
 }
 
 impl Digest {
-    pub fn of(found: &Found<'_>) -> Self {
+    pub fn from_found(found: &Found<'_>) -> Self {
         match found {
             Found::Count(pairs) => Self { pairs: *pairs, sum: None },
             Found::Pairs(pairs) => Self { pairs: pairs.len() as u64, sum: Some(checksum(pairs)) },
@@ -154,7 +154,7 @@ pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timin
     for round in 0..=plan.rounds {
         let frames = motion.next_round();
         let mut expected = vec![None; frames.len()];
-        for k in turns(runs.len(), plan.seed.wrapping_add(round as u64)) {
+        for k in random_order(runs.len(), plan.seed.wrapping_add(round as u64)) {
             runs[k].play(plan, frames, &mut expected, &mut now)?;
         }
     }
@@ -162,10 +162,10 @@ pub fn compare(plan: &Plan, contenders: &[ContenderFactory]) -> Result<Vec<Timin
 }
 
 /// A random order: in a rotation, each contender would keep its predecessor.
-pub fn turns(count: usize, seed: u64) -> Vec<usize> {
-    let mut turns: Vec<usize> = (0..count).collect();
-    turns.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
-    turns
+pub fn random_order(count: usize, seed: u64) -> Vec<usize> {
+    let mut random_order: Vec<usize> = (0..count).collect();
+    random_order.shuffle(&mut ChaCha8Rng::seed_from_u64(seed));
+    random_order
 }
 
 struct MovingScene {
@@ -226,7 +226,7 @@ impl<'a> ContenderRun<'a> {
             let start = Instant::now();
             let found = black_box(self.search.run(black_box(now))?);
             let time = start.elapsed();
-            let digest = Digest::of(&found);
+            let digest = Digest::from_found(&found);
             let reference = expected[k].get_or_insert(digest);
             if !digest.agrees(reference) {
                 return Err(format!(
@@ -291,10 +291,12 @@ mod tests {
     fn all_contenders_run_and_predecessors_change() {
         let mut before_the_last = std::collections::BTreeSet::new();
         for seed in 0..50 {
-            let turns = turns(5, seed);
-            let place = |k| turns.iter().position(|&turn| turn == k).expect("each contender has a turn");
-            assert_eq!((turns.len(), (0..5).map(place).sum::<usize>()), (5, 10));
-            before_the_last.insert(place(4).checked_sub(1).map(|place| turns[place]));
+            let random_order = random_order(5, seed);
+            let position = |k| {
+                random_order.iter().position(|&contender| contender == k).expect("each contender has a turn")
+            };
+            assert_eq!((random_order.len(), (0..5).map(position).sum::<usize>()), (5, 10));
+            before_the_last.insert(position(4).checked_sub(1).map(|position| random_order[position]));
         }
         assert_eq!(before_the_last.len(), 5, "none and each of the other four");
     }

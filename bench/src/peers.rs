@@ -15,13 +15,13 @@ use lazygrid::Sphere;
 /// Decides in `f64` near tangency, as lazygrid does.
 #[inline]
 fn touch(a: &Sphere, b: &Sphere) -> bool {
-    let reach = a.radius + b.radius;
-    let gap = a.center.distance_squared(b.center) - reach * reach;
-    if gap.abs() > 1e-6 * reach * reach {
+    let cutoff = a.radius + b.radius;
+    let gap = a.center.distance_squared(b.center) - cutoff * cutoff;
+    if gap.abs() > 1e-6 * cutoff * cutoff {
         return gap < 0.0;
     }
-    let reach = f64::from(a.radius) + f64::from(b.radius);
-    a.center.as_dvec3().distance_squared(b.center.as_dvec3()) <= reach * reach
+    let cutoff = f64::from(a.radius) + f64::from(b.radius);
+    a.center.as_dvec3().distance_squared(b.center.as_dvec3()) <= cutoff * cutoff
 }
 
 /// A few ulp above the radius, so rounding loses no tangent pair.

@@ -99,8 +99,8 @@ fn interrupted_run_resumes() {
     let again = run("tau");
     assert!(!again.is_empty());
     assert!(again.iter().all(|row| first.contains(row)), "measured again");
-    let kept = folder.path().join("points");
-    let point = fs::read_dir(&kept).unwrap().next().unwrap().unwrap().path();
+    let points = folder.path().join("points");
+    let point = fs::read_dir(&points).unwrap().next().unwrap().unwrap().path();
     fs::write(&point, "cut off").unwrap();
     assert_eq!(run("point,tau").len(), first.len());
 }
@@ -182,9 +182,9 @@ fn wrong_answer_is_an_error_with_closed_output() {
     let args = ["figures", "--smoke", "--only", "point", "--out", path(folder.path())];
     bench(args).succeeds();
     let point = fs::read_dir(folder.path().join("points")).unwrap().next().unwrap().unwrap().path();
-    let mut kept: Value = serde_json::from_str(&fs::read_to_string(&point).unwrap()).unwrap();
-    kept["rows"][0]["status"] = "error".into();
-    fs::write(&point, kept.to_string()).unwrap();
+    let mut cached_point: Value = serde_json::from_str(&fs::read_to_string(&point).unwrap()).unwrap();
+    cached_point["rows"][0]["status"] = "error".into();
+    fs::write(&point, cached_point.to_string()).unwrap();
     assert_eq!(BENCH.run_with_closed_output(args).code, Some(1));
     assert!(bench(args).fails().out.contains("1 with a wrong answer"));
 }

@@ -44,13 +44,17 @@ fn amd_compiler_accepts_all_kernels() {
     for one in compiled {
         assert_eq!(one["error"], Value::Null, "{one}");
         let [program] = &one["programs"].as_array().unwrap()[..] else { panic!("not one program: {one}") };
-        let of = |name: &str| {
+        let value_of = |name: &str| {
             let statistics = program["statistics"].as_array().unwrap();
             let named = statistics.iter().find(|statistic| statistic["name"] == name);
             named.unwrap_or_else(|| panic!("{name} of {one}"))["value"].as_u64().unwrap()
         };
-        assert!(of("VGPRs") > 0 && of("Code size") > 0, "{one}");
+        assert!(value_of("VGPRs") > 0 && value_of("Code size") > 0, "{one}");
         // Spilled registers and indexed private arrays are slow on all GPUs.
-        assert_eq!([of("Spilled VGPRs"), of("Spilled SGPRs"), of("Scratch size")], [0; 3], "{one}");
+        assert_eq!(
+            [value_of("Spilled VGPRs"), value_of("Spilled SGPRs"), value_of("Scratch size")],
+            [0; 3],
+            "{one}"
+        );
     }
 }

@@ -64,9 +64,9 @@ fn rows_of(args: &Args, kind: Kind, answers: &mut Answers) -> Result<Vec<Vec<Str
     let row = |k: usize| {
         let over_first: Vec<f64> =
             samples[k].iter().zip(&samples[0]).map(|(s, first)| s.0.nanos / first.0.nanos).collect();
-        let median = |of: fn(&Sample) -> f64| {
-            let values: Vec<f64> = samples[k].iter().map(of).collect();
-            format!("{:.1}", Spread::of(&values).median)
+        let median = |value: fn(&Sample) -> f64| {
+            let values: Vec<f64> = samples[k].iter().map(value).collect();
+            format!("{:.1}", Spread::from_values(&values).median)
         };
         vec![
             scene.to_string(),
@@ -75,7 +75,7 @@ fn rows_of(args: &Args, kind: Kind, answers: &mut Answers) -> Result<Vec<Vec<Str
             sizes[k].to_string(),
             median(|s| s.0.first),
             median(|s| s.0.nanos),
-            Spread::of(&over_first).to_string(),
+            Spread::from_values(&over_first).to_string(),
             median(|s| s.0.bytes.unwrap_or(f64::NAN)),
             median(|s| s.1),
         ]

@@ -131,8 +131,8 @@ mod tests {
     const N: usize = 400;
     const STEPS: u32 = 300;
 
-    fn spread(of: impl Iterator<Item = Sphere>) -> f64 {
-        let squares: Vec<f64> = of.map(|sphere| f64::from(sphere.center.length_squared())).collect();
+    fn spread(spheres: impl Iterator<Item = Sphere>) -> f64 {
+        let squares: Vec<f64> = spheres.map(|sphere| f64::from(sphere.center.length_squared())).collect();
         squares.iter().sum::<f64>() / squares.len() as f64
     }
 
@@ -156,7 +156,7 @@ mod tests {
     fn burst_starts_as_a_ball_without_overlaps() {
         let model = model(4000).expect("the scenario");
         let Shape::Shell(_, radius) = model.transmitters[0].shape else { panic!("no ball") };
-        let begun = spheres(&begin(model, 1).expect("carriers find their places"));
+        let begun = spheres(&begin(model, 1).expect("positions for all carriers"));
         assert!(lazygrid::detect(&begun).expect("spheres").is_empty());
         let filled: f64 = begun.iter().map(|s| f64::from(s.radius).powi(3)).sum::<f64>();
         assert!((filled / f64::from(radius).powi(3) - FILLED).abs() < 1e-4);
@@ -165,11 +165,11 @@ mod tests {
         let all = spread(begun.iter().copied()) / uniform;
         assert!((1.0..1.12).contains(&all), "{all}");
         for size in 1..=10 {
-            let own = |s: &Sphere| (s.radius * 1000.0).round() as i32 == size;
-            let part = spread(begun.iter().copied().filter(own)) / uniform;
+            let has_size = |s: &Sphere| (s.radius * 1000.0).round() as i32 == size;
+            let relative = spread(begun.iter().copied().filter(has_size)) / uniform;
             assert!(
-                (part - all).abs() < 4.0 * (12.0_f64 / 175.0).sqrt() / 0.6 / 400.0_f64.sqrt(),
-                "{size}: {part}"
+                (relative - all).abs() < 4.0 * (12.0_f64 / 175.0).sqrt() / 0.6 / 400.0_f64.sqrt(),
+                "{size}: {relative}"
             );
         }
     }
@@ -178,7 +178,7 @@ mod tests {
     fn burst_from_one_point_spreads_to_the_initial_ball() {
         const STEPS: u32 = 1000;
         let mut model = model(N).expect("the scenario");
-        let mut from_ball = begin(model.clone(), 1).expect("carriers find their places");
+        let mut from_ball = begin(model.clone(), 1).expect("positions for all carriers");
         model.transmitters[0].shape = Shape::Point;
         let mut from_point = Simulation::new(model, 1, Algorithm::Auto).expect("a model");
         let ratio = |point: &Simulation, ball: &Simulation| {
@@ -196,10 +196,10 @@ mod tests {
     #[test]
     fn contact_spreads_equally_with_shorter_steps() {
         let model = model(N).expect("the scenario");
-        let begun = begin(model.clone(), 1).expect("carriers find their places");
+        let begun = begin(model.clone(), 1).expect("positions for all carriers");
         let from = spread(spheres(&begun).into_iter());
         let grown = |contact, shorter: u32| {
-            let of = |seed| {
+            let growth = |seed| {
                 let time_step = model.time_step / f64::from(shorter);
                 let model = Model { contact, time_step, ..model.clone() };
                 let mut burst =
@@ -207,7 +207,7 @@ mod tests {
                 (0..STEPS * shorter).for_each(|_| burst.step().expect("a step"));
                 spread(spheres(&burst).into_iter()) - from
             };
-            (1..=4).map(of).sum::<f64>() / 4.0
+            (1..=4).map(growth).sum::<f64>() / 4.0
         };
         let alone = grown(Contact::Ignore, 1);
         let [together, finer] = [1, 3].map(|shorter| grown(Contact::Separate, shorter));

@@ -31,12 +31,12 @@ pub struct Difference<'a> {
 
 pub fn circumstances(old: &Results, new: &Results) -> Vec<String> {
     let runs = |results: &Results| results.settings.runs.map_or("the default".to_owned(), |n| n.to_string());
-    let of = |results: &Results| {
+    let describe = |results: &Results| {
         let scale = format!("{:?}", results.settings.scale).to_lowercase();
         [results.environment.machine(), results.environment.graphics(), scale, runs(results)]
     };
     let names = ["machines", "GPU adapters", "scales", "numbers of runs"];
-    let both = names.into_iter().zip(of(old)).zip(of(new));
+    let both = names.into_iter().zip(describe(old)).zip(describe(new));
     let differing = both.filter(|((_, old), new)| old != new);
     differing.map(|((name, old), new)| format!("different {name}: {old} / {new}")).collect()
 }
@@ -44,20 +44,20 @@ pub fn circumstances(old: &Results, new: &Results) -> Vec<String> {
 /// A change is more than 5 % in medians or bytes. For times, the middle halves of the runs must also be
 /// disjoint.
 pub fn differences<'a>(old: &'a Results, new: &'a Results) -> Vec<Difference<'a>> {
-    let of = |row: &'a Row| match new.rows.iter().find(|n| n.matches(row)) {
+    let compared = |row: &'a Row| match new.rows.iter().find(|n| n.matches(row)) {
         Some(found) => difference(row, found),
         None if row.status == Status::Ok && was_to_measure(old, new, row) => {
             Some(Difference { old: row, new: None, ratio: f64::NAN, change: Change::Lost })
         }
         None => None,
     };
-    old.rows.iter().filter_map(of).collect()
+    old.rows.iter().filter_map(compared).collect()
 }
 
 fn was_to_measure(old: &Results, new: &Results, row: &Row) -> bool {
-    let asked = new.settings.only.iter().any(|figure| figure.name() == row.figure);
+    let is_requested = new.settings.only.iter().any(|figure| figure.name() == row.figure);
     let same_point = |n: &Row| n.figure == row.figure && n.scene == row.scene && n.n == row.n;
-    asked && (old.settings.scale == new.settings.scale || new.rows.iter().any(same_point))
+    is_requested && (old.settings.scale == new.settings.scale || new.rows.iter().any(same_point))
 }
 
 fn difference<'a>(old: &'a Row, new: &'a Row) -> Option<Difference<'a>> {
@@ -111,18 +111,18 @@ mod tests {
     fn only_changes_beyond_the_noise_count() {
         let old = row(&[1.0, 1.1, 1.2, 1.3, 1.4]);
         let change = |new: &Row| difference(&old, new).map(|d| d.change);
-        let of = |wall: &[f64]| change(&row(wall));
-        assert_eq!(of(&[1.05, 1.15, 1.3, 1.6, 1.7]), Some(Change::Same));
-        assert_eq!(of(&[1.5, 1.6, 1.7, 1.8, 1.9]), Some(Change::Slower));
-        assert_eq!(of(&[0.5, 0.6, 0.7, 0.7, 0.8]), Some(Change::Faster));
-        assert_eq!(of(&[9.0, 9.0, 9.0, 9.0]), Some(Change::TooFew));
-        assert_eq!(of(&[]), None);
+        let change_of = |wall: &[f64]| change(&row(wall));
+        assert_eq!(change_of(&[1.05, 1.15, 1.3, 1.6, 1.7]), Some(Change::Same));
+        assert_eq!(change_of(&[1.5, 1.6, 1.7, 1.8, 1.9]), Some(Change::Slower));
+        assert_eq!(change_of(&[0.5, 0.6, 0.7, 0.7, 0.8]), Some(Change::Faster));
+        assert_eq!(change_of(&[9.0, 9.0, 9.0, 9.0]), Some(Change::TooFew));
+        assert_eq!(change_of(&[]), None);
         assert_eq!(change(&Row { status: Status::Error, ..row(&[]) }), Some(Change::Broken));
         assert_eq!(change(&Row { status: Status::LeftOut, ..row(&[]) }), Some(Change::Lost));
         assert_eq!(change(&Row { status: Status::NotAvailable, ..row(&[]) }), Some(Change::Lost));
         for status in [Status::LeftOut, Status::NotAvailable, Status::Error] {
-            let of = |status| Row { status, ..row(&[]) };
-            let change = difference(&of(status), &of(Status::Error)).map(|d| d.change);
+            let with_status = |status| Row { status, ..row(&[]) };
+            let change = difference(&with_status(status), &with_status(Status::Error)).map(|d| d.change);
             assert_eq!(change, (status != Status::Error).then_some(Change::Broken));
         }
     }

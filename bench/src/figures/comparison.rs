@@ -9,7 +9,7 @@ use super::plan::DataPoint;
 use super::row::{Row, Status};
 use super::verify::Reference;
 use super::{Contender, Figure};
-use crate::measure::{ContenderFactory, Digest, Found, PairFinder, Spread, turns};
+use crate::measure::{ContenderFactory, Digest, Found, PairFinder, Spread, random_order};
 
 /// Factor of the time that an engine may use to reach `at_least` runs.
 const MAX_OVERTIME_FACTOR: u32 = 3;
@@ -104,8 +104,8 @@ impl<'a> Comparison<'a> {
             self.began.get_or_insert_with(Instant::now);
         }
         let (runs, limits, is_late) = (self.runs.len(), self.limits, self.is_late());
-        for turn in turns(runs, self.frames as u64) {
-            let run = &mut self.runs[turn];
+        for contender in random_order(runs, self.frames as u64) {
+            let run = &mut self.runs[contender];
             run.last = None;
             if warm_up || !run.is_done(limits, is_late) {
                 run.wake(self.point, spheres);
@@ -114,7 +114,7 @@ impl<'a> Comparison<'a> {
         }
         self.frames += 1;
         if self.runs.iter().any(|run| run.last.is_some()) {
-            let reference = Reference::of(spheres, self.point.species())?;
+            let reference = Reference::new(spheres, self.point.species())?;
             self.runs.iter_mut().for_each(|run| run.verify(&reference, spheres));
         }
         Ok(())
@@ -163,7 +163,7 @@ impl ContenderRun {
         let found = prepared.and_then(|()| search.run(black_box(spheres))).map(black_box);
         let time = start.elapsed();
         let digest = match found {
-            Ok(found) => Digest::of(&found),
+            Ok(found) => Digest::from_found(&found),
             Err(error) => return self.fail(error.as_ref()),
         };
         self.last = Some(digest);
@@ -183,7 +183,7 @@ impl ContenderRun {
         let verdict = match (reference.check(found), &mut self.search) {
             // GPUs may round differently.
             (Err(reason), Some(search)) if self.contender.rounds_freely() => match search.run(spheres) {
-                Ok(again) if Digest::of(&again) != found => {
+                Ok(again) if Digest::from_found(&again) != found => {
                     Err("a repeated search gave a different answer".to_owned())
                 }
                 Ok(Found::Pairs(pairs)) => reference.tangent(pairs),
@@ -229,10 +229,13 @@ impl ContenderRun {
 fn medians(runs: &[Vec<PhaseTime>]) -> Vec<(String, f64)> {
     let Some(first) = runs.first() else { return vec![] };
     let times = |name: &str| -> Vec<f64> {
-        let of = |run: &Vec<PhaseTime>| Some(run.iter().find(|p| p.name == name)?.time.as_secs_f64());
-        runs.iter().filter_map(of).collect()
+        let seconds = |run: &Vec<PhaseTime>| Some(run.iter().find(|p| p.name == name)?.time.as_secs_f64());
+        runs.iter().filter_map(seconds).collect()
     };
-    first.iter().map(|phase| (phase.name.to_owned(), Spread::of(&times(phase.name)).median)).collect()
+    first
+        .iter()
+        .map(|phase| (phase.name.to_owned(), Spread::from_values(&times(phase.name)).median))
+        .collect()
 }
 
 fn is_refusal(error: &(dyn Error + 'static)) -> bool {

@@ -7,7 +7,7 @@ pub(super) fn exponent(points: impl Iterator<Item = (f64, f64)>) -> Option<f64> 
         return None;
     }
     let count = logs.len() as f64;
-    let mean = |of: fn(&(f64, f64)) -> f64| logs.iter().map(of).sum::<f64>() / count;
+    let mean = |coordinate: fn(&(f64, f64)) -> f64| logs.iter().map(coordinate).sum::<f64>() / count;
     let (x, y) = (mean(|p| p.0), mean(|p| p.1));
     let (mut covariance, mut variance) = (0.0, 0.0);
     for (a, b) in &logs {

@@ -28,7 +28,7 @@ pub fn measure(contender: &str, scene: Scene, n: usize, steps: u32) -> Result<Sa
 pub(super) fn rows(point: &DataPoint, program: &Path) -> Result<Vec<Row>, Box<dyn Error>> {
     let mut spheres = point.scene.spheres(point.n, SEED);
     (0..point.runs as u32).for_each(|step| Scene::advance(&mut spheres, SEED, step));
-    let reference = Reference::of(&spheres, None)?;
+    let reference = Reference::new(&spheres, None)?;
     let row = |&contender: &Contender| {
         let mut row = Row::new(point, contender);
         if cfg!(not(feature = "bullet"))

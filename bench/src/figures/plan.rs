@@ -36,7 +36,7 @@ pub(super) enum SceneUpdate {
     Fresh,
     Species(SpeciesScene),
     Steps {
-        part: f32,
+        step_length: f32,
     },
     Simulated {
         steps: u32,
@@ -65,7 +65,7 @@ impl DataPoint {
     }
 
     pub(super) fn step_length(&self) -> f32 {
-        if let SceneUpdate::Steps { part } = self.update { part } else { Scene::STEP }
+        if let SceneUpdate::Steps { step_length } = self.update { step_length } else { Scene::STEP }
     }
 
     pub(super) fn name(&self) -> String {
@@ -102,14 +102,14 @@ impl DataPoint {
         match (self.figure, self.scene) {
             // Gives 0.1 rather than the nearest `f32`.
             (Figure::StepLength, _) => self.step_length().to_string().parse().ok(),
-            (Figure::Transceivers, Scene::Transceivers(of)) => Some(of.count.into()),
-            (Figure::SizeRatio, Scene::Transceivers(of)) => Some(of.ratio.into()),
+            (Figure::Transceivers, Scene::Transceivers(mixture)) => Some(mixture.count.into()),
+            (Figure::SizeRatio, Scene::Transceivers(mixture)) => Some(mixture.ratio.into()),
             (figure, _) => figure.varied().and_then(|_| contender.setting()),
         }
     }
 
     pub(super) fn weight(&self) -> f64 {
-        let share = match self.figure {
+        let factor = match self.figure {
             Figure::F5a | Figure::F5b => 4.0,
             // Trees are slow only occasionally and need many steps.
             Figure::F4 => 3.0,
@@ -117,7 +117,7 @@ impl DataPoint {
             Figure::StepLength => 0.5,
             _ => 1.0,
         };
-        share * self.contenders.len() as f64 * (self.n.max(1000) as f64 / 1000.0).powf(0.4)
+        factor * self.contenders.len() as f64 * (self.n.max(1000) as f64 / 1000.0).powf(0.4)
     }
 }
 
@@ -132,7 +132,7 @@ impl Settings {
 
     fn points_of(&self, figure: Figure) -> Vec<DataPoint> {
         let sizes = self.sizes(figure);
-        let of = |(scene, n): (Scene, usize)| {
+        let points_at = |(scene, n): (Scene, usize)| {
             self.updates(figure, n).into_iter().map(move |update| DataPoint {
                 figure,
                 scene,
@@ -143,7 +143,7 @@ impl Settings {
             })
         };
         let scenes = self.scenes(figure).into_iter();
-        scenes.flat_map(|scene| sizes.iter().map(move |&n| (scene, n))).flat_map(of).collect()
+        scenes.flat_map(|scene| sizes.iter().map(move |&n| (scene, n))).flat_map(points_at).collect()
     }
 
     fn updates(&self, figure: Figure, n: usize) -> Vec<SceneUpdate> {
@@ -155,10 +155,14 @@ impl Settings {
             }
             Figure::Memory => vec![SceneUpdate::Processes],
             Figure::F4 | Figure::Transceivers | Figure::SizeRatio => {
-                vec![SceneUpdate::Steps { part: Scene::STEP }]
+                vec![SceneUpdate::Steps { step_length: Scene::STEP }]
             }
-            Figure::Tau | Figure::Ratio | Figure::Threads => vec![SceneUpdate::Steps { part: Scene::STEP }],
-            Figure::StepLength => [0.001, 0.01, 0.1].map(|part| SceneUpdate::Steps { part }).into(),
+            Figure::Tau | Figure::Ratio | Figure::Threads => {
+                vec![SceneUpdate::Steps { step_length: Scene::STEP }]
+            }
+            Figure::StepLength => {
+                [0.001, 0.01, 0.1].map(|step_length| SceneUpdate::Steps { step_length }).into()
+            }
         }
     }
 
@@ -236,9 +240,9 @@ impl Settings {
 }
 
 fn mixtures(counts: &[u32], ratios: &[u32]) -> Vec<Scene> {
-    let of =
+    let with_ratio =
         |&ratio: &u32| counts.iter().map(move |&count| Scene::Transceivers(Transceivers { count, ratio }));
-    ratios.iter().flat_map(of).collect()
+    ratios.iter().flat_map(with_ratio).collect()
 }
 
 fn contenders(figure: Figure) -> Vec<Contender> {
@@ -286,20 +290,20 @@ fn contenders(figure: Figure) -> Vec<Contender> {
             .into(),
         Figure::Ratio => {
             let ratios = [0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0];
-            let of = |algorithm| {
+            let variants = |algorithm| {
                 ratios.map(|ratio| {
                     Contender::Lazygrid(DetectorVariant { cell_ratio: Some(ratio), ..on_cpu(algorithm) })
                 })
             };
-            grids.into_iter().flat_map(of).collect()
+            grids.into_iter().flat_map(variants).collect()
         }
         Figure::Threads => {
             let cores = std::thread::available_parallelism().map_or(1, usize::from);
             let threads = || std::iter::successors(Some(1), |t| Some(t * 2)).take_while(|&t| t < cores);
-            let of = |algorithm| {
+            let variants = |algorithm| {
                 threads().chain([cores]).map(move |threads| Contender::cpu(algorithm, Some(threads)))
             };
-            grids.into_iter().chain([Algorithm::CellList]).flat_map(of).collect()
+            grids.into_iter().chain([Algorithm::CellList]).flat_map(variants).collect()
         }
         Figure::Memory => Contender::for_memory(),
         Figure::Transceivers | Figure::SizeRatio => {
@@ -324,11 +328,11 @@ mod tests {
             let points = Settings { scale, only, runs: None, minutes: 1.0, seed: 1, command }.points();
             let files: BTreeSet<String> = points.iter().map(DataPoint::key).collect();
             assert_eq!(files.len(), points.len(), "{scale:?}");
-            let place = |point: &DataPoint, contender: Contender| {
+            let cell = |point: &DataPoint, contender: Contender| {
                 let setting = point.setting(contender).map(f64::to_bits);
                 (point.figure, point.kind(), point.n, setting, contender.to_string())
             };
-            let rows = || points.iter().flat_map(|p| p.contenders.iter().map(move |&e| place(p, e)));
+            let rows = || points.iter().flat_map(|p| p.contenders.iter().map(move |&e| cell(p, e)));
             assert_eq!(rows().count(), rows().collect::<BTreeSet<_>>().len(), "{scale:?}");
         }
     }

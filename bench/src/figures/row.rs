@@ -73,7 +73,7 @@ impl Row {
     }
 
     pub fn median(&self) -> f64 {
-        Spread::of(&self.wall).median
+        Spread::from_values(&self.wall).median
     }
 
     /// Returns the mean and the standard deviation in seconds.
@@ -103,10 +103,10 @@ pub(super) fn quartiles(values: &[f64]) -> (f64, f64) {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);
     let Some(last) = sorted.len().checked_sub(1) else { return (f64::NAN, f64::NAN) };
-    let at = |share: f64| {
-        let place = share * last as f64;
-        let (below, above) = (sorted[place.floor() as usize], sorted[place.ceil() as usize]);
-        below + (above - below) * place.fract()
+    let at = |fraction: f64| {
+        let position = fraction * last as f64;
+        let (below, above) = (sorted[position.floor() as usize], sorted[position.ceil() as usize]);
+        below + (above - below) * position.fract()
     };
     (at(0.25), at(0.75))
 }

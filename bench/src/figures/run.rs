@@ -58,7 +58,7 @@ pub fn run(
     let fingerprint = Fingerprint::new(settings, &environment, program);
     let path_of = |point: &DataPoint| cache.join(format!("{}.json", point.key()));
     let cached: Vec<Option<CachedPoint>> =
-        points.iter().map(|p| load(&path_of(p), &fingerprint.of(p))).collect();
+        points.iter().map(|p| load(&path_of(p), &fingerprint.for_point(p))).collect();
 
     let mut budget = TimeBudget::new(settings, &points, &cached);
     let (mut rows, mut seconds, mut missing) = (vec![], 0.0, vec![]);
@@ -73,10 +73,10 @@ pub fn run(
             }
             None => {
                 let began = Instant::now();
-                let rows = rows_of(point, settings, budget.share(point), &rows, program)?;
+                let rows = rows_of(point, settings, budget.time_limit(point), &rows, program)?;
                 budget.spent(point);
                 let new = CachedPoint {
-                    fingerprint: fingerprint.of(point),
+                    fingerprint: fingerprint.for_point(point),
                     seconds: began.elapsed().as_secs_f64(),
                     rows,
                 };
@@ -117,7 +117,7 @@ impl TimeBudget {
         self.end.saturating_duration_since(Instant::now())
     }
 
-    fn share(&self, point: &DataPoint) -> Duration {
+    fn time_limit(&self, point: &DataPoint) -> Duration {
         self.left().mul_f64((point.weight() / self.weight).clamp(0.0, 1.0))
     }
 
@@ -129,13 +129,13 @@ impl TimeBudget {
 fn rows_of(
     point: &DataPoint,
     settings: &Settings,
-    share: Duration,
+    time_limit: Duration,
     earlier: &[Row],
     program: &Path,
 ) -> Result<Vec<Row>, Box<dyn Error>> {
     let at_least = if settings.scale == RunScale::Full { 3 } else { 2 };
-    let time = share.mul_f64(MEASURED / point.contenders.len().max(1) as f64);
-    let limits = Limits { runs: point.runs, at_least: at_least.min(point.runs), time, in_all: share };
+    let time = time_limit.mul_f64(MEASURED / point.contenders.len().max(1) as f64);
+    let limits = Limits { runs: point.runs, at_least: at_least.min(point.runs), time, in_all: time_limit };
     let too_long = |contender: Contender| {
         let seconds = predicted(contender, point, earlier)?;
         let most = (MAX_TIME_FACTOR * time.as_secs_f64()).max(always_allowed_seconds(contender, point.scene));
@@ -154,10 +154,10 @@ fn rows_of(
             let sample = |k: usize, spheres: &mut Vec<_>| *spheres = point.sample(settings.seed + k as u64);
             run_comparison(Comparison::new(point, limits, left_out), 1, sample)
         }
-        SceneUpdate::Steps { part } => {
+        SceneUpdate::Steps { step_length } => {
             let sample = |k: usize, spheres: &mut Vec<_>| match k.checked_sub(1) {
                 None => *spheres = point.scene.spheres(point.n, settings.seed),
-                Some(step) => Scene::advance_by(part, spheres, settings.seed, step as u32),
+                Some(step) => Scene::advance_by(step_length, spheres, settings.seed, step as u32),
             };
             // Trees with a margin enlarge boxes in the second frame.
             let single = || {
@@ -232,7 +232,7 @@ impl Fingerprint {
         Self { common, lammps }
     }
 
-    fn of(&self, point: &DataPoint) -> String {
+    fn for_point(&self, point: &DataPoint) -> String {
         let Self { common, lammps } = self;
         match point.contenders.contains(&Contender::Lammps) {
             true => format!("{common}, {lammps}"),

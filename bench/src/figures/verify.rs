@@ -18,7 +18,7 @@ pub(super) struct Reference {
 }
 
 impl Reference {
-    pub(super) fn of(spheres: &[Sphere], species: Option<SpeciesScene>) -> Result<Self, Box<dyn Error>> {
+    pub(super) fn new(spheres: &[Sphere], species: Option<SpeciesScene>) -> Result<Self, Box<dyn Error>> {
         let naive =
             Config::default().backend(Backend::Cpu).algorithm(Algorithm::Naive).order(Order::Unordered);
         let contender = match (species, spheres.len()) {
@@ -29,7 +29,7 @@ impl Reference {
         let mut search = (contender.make)()?;
         search.prepare(spheres)?;
         let found = search.run(spheres)?;
-        let digest = Digest::of(&found);
+        let digest = Digest::from_found(&found);
         let pairs = match found {
             Found::Pairs(pairs) => pairs.to_vec(),
             Found::Count(_) => vec![],
@@ -60,7 +60,7 @@ impl Reference {
         difference(&self.input, &found, &expected, Tolerance::Tangent)
             .map_err(|text| format!("wrong answer: {text}"))?;
         let absent =
-            |from: &[Pair], of: &[Pair]| of.iter().filter(|p| from.binary_search(p).is_err()).count();
+            |from: &[Pair], pairs: &[Pair]| pairs.iter().filter(|p| from.binary_search(p).is_err()).count();
         Ok((absent(&found, &expected) + absent(&expected, &found)) as u64)
     }
 }
@@ -83,15 +83,16 @@ mod tests {
     #[test]
     fn only_tangent_pairs_may_differ() {
         let spheres = row();
-        let reference = Reference::of(&spheres, None).expect("valid spheres");
-        let of = |pairs: &[(u32, u32)]| pairs.iter().map(|&(i, j)| Pair::new(i, j)).collect::<Vec<_>>();
-        assert_eq!(reference.pairs, of(&[(2, 3)]));
-        assert_eq!(reference.tangent(&of(&[(2, 3)])), Ok(0));
-        assert_eq!(reference.tangent(&of(&[])), Ok(1));
-        assert_eq!(reference.tangent(&of(&[(2, 3), (1, 2)])), Ok(1));
-        assert_eq!(reference.tangent(&of(&[(1, 2)])), Ok(2));
+        let reference = Reference::new(&spheres, None).expect("valid spheres");
+        let pair_list =
+            |pairs: &[(u32, u32)]| pairs.iter().map(|&(i, j)| Pair::new(i, j)).collect::<Vec<_>>();
+        assert_eq!(reference.pairs, pair_list(&[(2, 3)]));
+        assert_eq!(reference.tangent(&pair_list(&[(2, 3)])), Ok(0));
+        assert_eq!(reference.tangent(&pair_list(&[])), Ok(1));
+        assert_eq!(reference.tangent(&pair_list(&[(2, 3), (1, 2)])), Ok(1));
+        assert_eq!(reference.tangent(&pair_list(&[(1, 2)])), Ok(2));
         let wrong = |pairs: &[(u32, u32)], fault| {
-            let verdict = reference.tangent(&of(pairs));
+            let verdict = reference.tangent(&pair_list(pairs));
             assert!(verdict.as_ref().is_err_and(|text| text.contains(fault)), "{pairs:?}: {verdict:?}");
         };
         wrong(&[(2, 3), (2, 3)], "2 pairs found, 1 expected; 1 duplicate, ");
@@ -102,13 +103,13 @@ mod tests {
     #[test]
     fn missing_pair_is_wrong() {
         let spheres = [0.0, 1.0].map(|x| Sphere::new([x, 0.0, 0.0], 1.0));
-        let reference = Reference::of(&spheres, None).expect("valid spheres");
+        let reference = Reference::new(&spheres, None).expect("valid spheres");
         let verdict = reference.tangent(&[]);
         let says = "wrong answer: 0 pairs found, 1 expected; 1 missing, first 0: ";
         assert!(verdict.as_ref().is_err_and(|text| text.starts_with(says)), "{verdict:?}");
-        let empty = Digest::of(&Found::Pairs(&[]));
+        let empty = Digest::from_found(&Found::Pairs(&[]));
         assert_eq!(reference.check(empty), Err("wrong answer: 0 pairs, expected 1".to_owned()));
-        let full = Digest::of(&Found::Pairs(&[Pair::new(0, 1)]));
+        let full = Digest::from_found(&Found::Pairs(&[Pair::new(0, 1)]));
         assert_eq!(reference.check(full), Ok(()));
     }
 }

@@ -106,7 +106,7 @@ impl Compiler {
         let pipeline = *made.pipeline.insert(pipelines[0]);
         match &self.executables {
             None => Ok(Vec::new()),
-            Some(asked) => executables(asked, pipeline, with_texts),
+            Some(extension) => executables(extension, pipeline, with_texts),
         }
     }
 
@@ -254,62 +254,62 @@ impl Drop for Made<'_> {
 }
 
 fn executables(
-    asked: &khr::pipeline_executable_properties::Device,
+    extension: &khr::pipeline_executable_properties::Device,
     pipeline: vk::Pipeline,
     with_texts: bool,
 ) -> Result<Vec<Program>, String> {
     let info = vk::PipelineInfoKHR::default().pipeline(pipeline);
     // SAFETY: the pipeline is alive, and its device has the feature.
-    let found = unsafe { asked.get_pipeline_executable_properties(&info) };
+    let found = unsafe { extension.get_pipeline_executable_properties(&info) };
     let found = found.map_err(failed("vkGetPipelineExecutablePropertiesKHR"))?;
     let one = |(index, properties): (u32, &vk::PipelineExecutablePropertiesKHR<'_>)| {
         let info = vk::PipelineExecutableInfoKHR::default().pipeline(pipeline).executable_index(index);
         // SAFETY: as before; the pipeline has an executable of this number and captured its statistics.
-        let statistics = unsafe { asked.get_pipeline_executable_statistics(&info) };
+        let statistics = unsafe { extension.get_pipeline_executable_statistics(&info) };
         let statistics = statistics.map_err(failed("vkGetPipelineExecutableStatisticsKHR"))?;
         Ok(Program {
             name: characters(&properties.name),
             subgroup: properties.subgroup_size,
             statistics: statistics.iter().map(statistic).collect(),
-            texts: if with_texts { texts(asked, &info)? } else { Vec::new() },
+            texts: if with_texts { texts(extension, &info)? } else { Vec::new() },
         })
     };
     (0..).zip(&found).map(one).collect()
 }
 
-fn statistic(of: &vk::PipelineExecutableStatisticKHR<'_>) -> Statistic {
+fn statistic(raw: &vk::PipelineExecutableStatisticKHR<'_>) -> Statistic {
     // SAFETY: the format names the active member of the union; any bits are valid for each member.
     let value = unsafe {
-        match of.format {
-            vk::PipelineExecutableStatisticFormatKHR::BOOL32 => Number::Whole(of.value.b32.into()),
-            vk::PipelineExecutableStatisticFormatKHR::INT64 => Number::Signed(of.value.i64),
-            vk::PipelineExecutableStatisticFormatKHR::UINT64 => Number::Whole(of.value.u64),
-            _ => Number::Real(of.value.f64),
+        match raw.format {
+            vk::PipelineExecutableStatisticFormatKHR::BOOL32 => Number::Whole(raw.value.b32.into()),
+            vk::PipelineExecutableStatisticFormatKHR::INT64 => Number::Signed(raw.value.i64),
+            vk::PipelineExecutableStatisticFormatKHR::UINT64 => Number::Whole(raw.value.u64),
+            _ => Number::Real(raw.value.f64),
         }
     };
-    Statistic { name: characters(&of.name), value }
+    Statistic { name: characters(&raw.name), value }
 }
 
 fn texts(
-    asked: &khr::pipeline_executable_properties::Device,
+    extension: &khr::pipeline_executable_properties::Device,
     info: &vk::PipelineExecutableInfoKHR<'_>,
 ) -> Result<Vec<Text>, String> {
     const CALL: &str = "vkGetPipelineExecutableInternalRepresentationsKHR";
     // SAFETY: the executable is alive and captured its representations. Without buffers, the call returns only sizes.
-    let sized = unsafe { asked.get_pipeline_executable_internal_representations(info) };
+    let sized = unsafe { extension.get_pipeline_executable_internal_representations(info) };
     let mut sized = sized.map_err(failed(CALL))?;
     let mut bytes: Vec<Vec<u8>> = sized.iter().map(|text| vec![0; text.data_size]).collect();
     for (text, bytes) in sized.iter_mut().zip(&mut bytes) {
         text.p_data = bytes.as_mut_ptr().cast();
     }
     let mut count = sized.len() as u32;
-    let get = asked.fp().get_pipeline_executable_internal_representations_khr;
+    let get = extension.fp().get_pipeline_executable_internal_representations_khr;
     // SAFETY: as before; each of the `count` structures has a buffer of its stated size, which outlives the call.
-    let result = unsafe { get(asked.device(), info, &mut count, sized.as_mut_ptr()) };
+    let result = unsafe { get(extension.device(), info, &mut count, sized.as_mut_ptr()) };
     result.result().map_err(failed(CALL))?;
-    let text = |(of, bytes): (&vk::PipelineExecutableInternalRepresentationKHR<'_>, Vec<u8>)| {
+    let text = |(representation, bytes): (&vk::PipelineExecutableInternalRepresentationKHR<'_>, Vec<u8>)| {
         let text = String::from_utf8_lossy(&bytes).trim_end_matches('\0').to_owned();
-        (of.is_text == vk::TRUE).then(|| Text { name: characters(&of.name), text })
+        (representation.is_text == vk::TRUE).then(|| Text { name: characters(&representation.name), text })
     };
     Ok(sized.iter().zip(bytes).filter_map(text).collect())
 }

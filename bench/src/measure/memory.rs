@@ -35,7 +35,7 @@ pub fn sample(
         let start = Instant::now();
         let answer = search.run(spheres)?;
         let nanos = start.elapsed().as_nanos() as f64 / n.max(1) as f64;
-        Ok((nanos, Digest::of(&answer)))
+        Ok((nanos, Digest::from_found(&answer)))
     };
     let (first, mut found) = timed(&mut *search, &spheres)?;
     let mut most = found.pairs;
@@ -52,7 +52,7 @@ pub fn sample(
     let used = before.zip(peak).map(|(before, peak)| peak - before - result);
     Ok(Sample {
         first,
-        nanos: if nanos.is_empty() { first } else { Spread::of(&nanos).median },
+        nanos: if nanos.is_empty() { first } else { Spread::from_values(&nanos).median },
         bytes: used.map(|bytes| bytes / n.max(1) as f64),
         pairs: found.pairs,
         sum: found.sum,

@@ -24,16 +24,29 @@ pub struct Options {
     /// Displacement of a sphere per step, in radii
     #[arg(long, default_value_t = Scene::STEP)]
     pub step_length: f32,
-    /// Check answers at a tiny size instead of measuring (the default except in `cargo bench`)
+    #[command(flatten)]
+    mode: QuickMode,
+}
+
+/// The choice between measurements and a quick check, which benchmark programs share.
+#[derive(Args, Clone, Debug)]
+pub struct QuickMode {
+    /// Check answers at small sizes instead of measuring (the default except in `cargo bench`)
     #[arg(long)]
-    pub quick: bool,
+    quick: bool,
     #[arg(long, hide = true)]
     bench: bool,
 }
 
-impl Options {
+impl QuickMode {
     pub fn is_quick(&self) -> bool {
         self.quick || !self.bench
+    }
+}
+
+impl Options {
+    pub fn is_quick(&self) -> bool {
+        self.mode.is_quick()
     }
 
     pub fn shrunk(self) -> Self {
@@ -42,9 +55,9 @@ impl Options {
 
     pub fn plans(&self) -> Vec<Plan> {
         let Self { rounds, steps, seed, step_length, .. } = *self;
-        let of = |scene: Scene| {
+        let plans_of_scene = |scene: Scene| {
             self.n.iter().map(move |&n| Plan { scene, n, seed, rounds, steps, step_length, fresh: false })
         };
-        self.scene.iter().flat_map(|&scene| of(scene)).collect()
+        self.scene.iter().flat_map(|&scene| plans_of_scene(scene)).collect()
     }
 }

@@ -10,7 +10,7 @@ pub struct Spread {
 }
 
 impl Spread {
-    pub fn of(values: &[f64]) -> Self {
+    pub fn from_values(values: &[f64]) -> Self {
         let mut sorted = values.to_vec();
         sorted.sort_by(f64::total_cmp);
         let at = |k: usize| sorted.get(k).copied().unwrap_or(f64::NAN);
@@ -62,9 +62,9 @@ mod tests {
 
     #[test]
     fn spread_of_few_values() {
-        assert_eq!(Spread::of(&[3.0, 1.0, 2.0]), Spread { median: 2.0, low: 1.0, high: 3.0 });
-        assert_eq!(Spread::of(&[4.0, 1.0]).median, 2.5);
-        assert!(Spread::of(&[]).median.is_nan());
+        assert_eq!(Spread::from_values(&[3.0, 1.0, 2.0]), Spread { median: 2.0, low: 1.0, high: 3.0 });
+        assert_eq!(Spread::from_values(&[4.0, 1.0]).median, 2.5);
+        assert!(Spread::from_values(&[]).median.is_nan());
     }
 
     #[test]

@@ -108,9 +108,9 @@ impl PairFinder for Bullet {
         let (mut pairs, mut found) = (std::ptr::null(), 0);
         // SAFETY: `spheres` are `n` rows of four floats (`Sphere` is `repr(C)`), as many as proxies, read only during
         // the call. `&mut self` lets one thread at a time use `world`, which is alive.
-        let done =
+        let succeeded =
             unsafe { lazygrid_bullet_step(self.world.as_ptr(), spheres.as_ptr(), n, &mut pairs, &mut found) };
-        if !done {
+        if !succeeded {
             return Err("Bullet ran out of memory".into());
         }
         if found == 0 {

@@ -16,24 +16,24 @@ const CLASSES: usize = 24;
 pub struct Tuning {
     /// Cell size over the largest diameter of a class, at least 0.25. Below 1.01, a sphere searches more than
     /// one cell in each direction.
-    pub edge: f32,
+    pub cell_ratio: f32,
     /// Ratio of the largest to the smallest size of a class, above 1.
     pub class: f32,
 }
 
 impl Tuning {
-    pub const DEFAULT: Self = Self { edge: 1.5, class: 4.0 };
+    pub const DEFAULT: Self = Self { cell_ratio: 1.5, class: 4.0 };
 
     /// Returns the fastest of [`tunings`], by the ratio to parry3d's refitted tree within rounds of `--mode
     /// yardstick --algorithm cell-list --output unordered --n 100000 --rounds 7 --steps 3` of the bench
     /// `peers`.
     pub fn best(scene: Scene) -> Self {
         match scene {
-            Scene::Equal => Self { edge: 2.5, ..Self::DEFAULT },
+            Scene::Equal => Self { cell_ratio: 2.5, ..Self::DEFAULT },
             // One class suffices: a cell of the largest spheres holds at most as many spheres as a vector
             // compares.
-            Scene::FiveSizes => Self { edge: 1.25, class: 32.0 },
-            Scene::Burst => Self { edge: 0.51, class: 4.0 },
+            Scene::FiveSizes => Self { cell_ratio: 1.25, class: 32.0 },
+            Scene::Burst => Self { cell_ratio: 0.51, class: 4.0 },
             // The default gives transceivers and carriers separate grids.
             Scene::BurstLinear | Scene::Point | Scene::Transceivers(_) => Self::DEFAULT,
         }
@@ -48,9 +48,9 @@ pub fn tunings(scene: Scene) -> Vec<ContenderFactory> {
     };
     let mut tunings = vec![];
     for &class in classes {
-        for edge in [0.51, 0.75, 1.01, 1.25, 1.5, 2.0, 2.5] {
-            let name = format!("plain cell list, edge {edge}, class {class}");
-            tunings.push(with(name, Tuning { edge, class }));
+        for cell_ratio in [0.51, 0.75, 1.01, 1.25, 1.5, 2.0, 2.5] {
+            let name = format!("plain cell list, edge {cell_ratio}, class {class}");
+            tunings.push(with(name, Tuning { cell_ratio, class }));
         }
     }
     tunings
@@ -76,7 +76,7 @@ pub(super) struct CellList {
 }
 
 impl CellList {
-    pub(super) fn of(scene: Scene) -> Self {
+    pub(super) fn from_scene(scene: Scene) -> Self {
         Self::new(Tuning::best(scene))
     }
 
@@ -136,7 +136,7 @@ impl CellList {
     fn find_plainly(&mut self, spheres: &[Sphere]) {
         self.pairs.clear();
         for class in &mut self.classes {
-            class.build(spheres, self.tuning.edge);
+            class.build(spheres, self.tuning.cell_ratio);
         }
         for (k, class) in self.classes.iter().enumerate() {
             class.pairs_within(&mut self.pairs);

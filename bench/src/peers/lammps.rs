@@ -45,8 +45,8 @@ pub fn tuned(name: impl Into<String>, step_length: f32) -> ContenderFactory {
 }
 
 pub fn skins() -> Vec<ContenderFactory> {
-    let of = |skin: f32| with(format!("LAMMPS, skin {skin}"), skin);
-    if is_named() { [0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0].map(of).into() } else { Vec::new() }
+    let with_skin = |skin: f32| with(format!("LAMMPS, skin {skin}"), skin);
+    if is_named() { [0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0].map(with_skin).into() } else { Vec::new() }
 }
 
 pub fn is_named() -> bool {
@@ -140,11 +140,11 @@ impl Lammps {
         let mut table = NamedTempFile::new()?;
         writeln!(table, "# energy 1\n\nONE\nN 2 R 0.000001 2.5\n\n1 0.000001 1.0 0.0\n2 2.5 1.0 0.0")?;
         table.flush()?;
-        let edge = spheres.iter().fold(1.0_f32, |edge, s| edge.max(s.center.abs().max_element()));
+        let bound = spheres.iter().fold(1.0_f32, |bound, s| bound.max(s.center.abs().max_element()));
         let (skin, file) = (self.skin, table.path().display());
         self.commands(&format!(
             "units lj\natom_style atomic\natom_modify map array\nboundary s s s\n\
-             region all block -{edge} {edge} -{edge} {edge} -{edge} {edge}\ncreate_box 1 all\nmass 1 1.0\n\
+             region all block -{bound} {bound} -{bound} {bound} -{bound} {bound}\ncreate_box 1 all\nmass 1 1.0\n\
              pair_style table linear 10\npair_coeff * * {file} ONE 2.0\n\
              neighbor {skin} bin\nneigh_modify every 1 delay 0 check yes\n\
              thermo 1\nthermo_style custom step pe\nthermo_modify norm no\n"
@@ -152,14 +152,14 @@ impl Lammps {
         let count = c_int::try_from(spheres.len())?;
         let ids: Vec<c_int> = (1..=count).collect();
         let types = vec![1; spheres.len()];
-        let places: Vec<c_double> =
+        let positions: Vec<c_double> =
             spheres.iter().flat_map(|sphere| sphere.center.to_array().map(f64::from)).collect();
         let (none, no_images) = (std::ptr::null(), std::ptr::null());
         // SAFETY: the type is that of `lammps_create_atoms` for ids of 4 bytes, as checked in `new`. There are as many
         // ids and types as atoms, and three coordinates per atom; velocities and images may be null.
         let made = unsafe {
             let create = self.library.get::<Create>(b"lammps_create_atoms\0")?;
-            create(self.handle, count, ids.as_ptr(), types.as_ptr(), places.as_ptr(), none, no_images, 1)
+            create(self.handle, count, ids.as_ptr(), types.as_ptr(), positions.as_ptr(), none, no_images, 1)
         };
         self.check()?;
         if made != count {
@@ -188,20 +188,20 @@ impl PairFinder for Lammps {
             Some(atoms) if atoms == spheres.len() => {}
             Some(_) => return Err("the number of spheres must not change, as LAMMPS's atoms are kept".into()),
         }
-        let [ids, places] = [self.extract(c"id")?, self.extract(c"x")?];
-        if ids.is_null() || places.is_null() {
+        let [ids, positions] = [self.extract(c"id")?, self.extract(c"x")?];
+        if ids.is_null() || positions.is_null() {
             return Err("LAMMPS returned no ids or coordinates of its atoms".into());
         }
         // SAFETY: `id` has one number from 1 to their count for each atom of this process, which has all atoms; the
         // array is not accessed otherwise during the call.
         let ids = unsafe { std::slice::from_raw_parts(ids.cast::<c_int>(), spheres.len()) };
         // SAFETY: `x` is an array of pointers to three coordinates for each atom.
-        let places =
-            unsafe { std::slice::from_raw_parts(places.cast::<*mut [c_double; 3]>(), spheres.len()) };
-        for (&id, &place) in ids.iter().zip(places) {
+        let positions =
+            unsafe { std::slice::from_raw_parts(positions.cast::<*mut [c_double; 3]>(), spheres.len()) };
+        for (&id, &position) in ids.iter().zip(positions) {
             let center = spheres[id as usize - 1].center.to_array().map(f64::from);
             // SAFETY: as above.
-            unsafe { place.write(center) };
+            unsafe { position.write(center) };
         }
         Ok(())
     }

@@ -19,10 +19,10 @@ use crate::measure::{ContenderFactory, Found, PairFinder};
 const SPLIT_ABOVE: usize = 256;
 /// Eight sibling leaves with fewer spheres in total are merged.
 const MERGE_BELOW: usize = 96;
-/// Smallest edge of a leaf over the mean diameter of its spheres; smaller leaves would have most spheres in common.
-const SMALLEST_EDGE: f32 = 2.0;
+/// Smallest side of a leaf over the mean diameter of its spheres; smaller leaves would have most spheres in common.
+const MIN_LEAF_SIDE: f32 = 2.0;
 const MAX_DEPTH: u32 = 20;
-/// Edge of the root cell over the extent of the spheres.
+/// Side of the root cell over the extent of the spheres.
 const ROOT_SCALE: f32 = 1.5;
 
 pub fn incremental() -> ContenderFactory {
@@ -36,7 +36,7 @@ struct Bounds {
 }
 
 impl Bounds {
-    fn of(sphere: &Sphere) -> Self {
+    fn from_sphere(sphere: &Sphere) -> Self {
         let half = Vec3::splat(half_extent(sphere));
         Self { low: sphere.center - half, high: sphere.center + half }
     }
@@ -116,7 +116,7 @@ struct Octree {
 impl PairFinder for Octree {
     fn run(&mut self, spheres: &[Sphere]) -> Result<Found<'_>, Box<dyn Error>> {
         mem::swap(&mut self.boxes, &mut self.before);
-        spheres.par_iter().map(Bounds::of).collect_into_vec(&mut self.boxes);
+        spheres.par_iter().map(Bounds::from_sphere).collect_into_vec(&mut self.boxes);
         let fits = |root: &Node| self.boxes.par_iter().all(|b| root.cell.contains(b));
         if self.before.len() == spheres.len() && self.nodes.first().is_some_and(fits) {
             self.update();
@@ -173,8 +173,8 @@ impl Octree {
                 });
                 entered
             })
-            .reduce(Vec::new, |mut all, mut some| {
-                all.append(&mut some);
+            .reduce(Vec::new, |mut all, mut more| {
+                all.append(&mut more);
                 all
             });
         for (leaf, k) in entered {
@@ -244,7 +244,7 @@ impl Octree {
         }
         let radii: f32 = members.iter().map(|&k| spheres[k as usize].radius).sum();
         let diameter = 2.0 * radii / members.len() as f32;
-        0.5 * (cell.high.x - cell.low.x) > SMALLEST_EDGE * diameter
+        0.5 * (cell.high.x - cell.low.x) > MIN_LEAF_SIDE * diameter
     }
 
     fn eight_leaves(&mut self, node: usize) -> usize {
@@ -252,8 +252,8 @@ impl Octree {
         let leaves = (0..8).map(|k| Node::leaf(cell.octant(k), depth));
         match self.free.pop() {
             Some(first) => {
-                for (place, leaf) in self.nodes[first..first + 8].iter_mut().zip(leaves) {
-                    *place = leaf;
+                for (node, leaf) in self.nodes[first..first + 8].iter_mut().zip(leaves) {
+                    *node = leaf;
                 }
                 first
             }

@@ -6,7 +6,7 @@ use super::touch;
 /// Searched distance over the largest diameter, above 1, so that rounding never skips a cell.
 const MARGIN: f32 = 1.01;
 /// Smallest cell size over the largest diameter.
-const SMALLEST_EDGE: f32 = 0.25;
+const MIN_CELL_RATIO: f32 = 0.25;
 /// Maximum number of cells per sphere, which limits empty cells in sparse scenes.
 const CELLS_PER_SPHERE: f32 = 4.0;
 /// Maximum number of rows of cells searched after a sphere's own row: the smallest cells require five cells in each
@@ -27,23 +27,23 @@ pub(super) struct SizeClassGrid {
     /// neighbors.
     starts: Vec<u32>,
     /// Largest distance of cells of touching spheres, and the number of empty layers.
-    reach: u32,
+    stencil_radius: u32,
     /// Spheres in the order of the previous step.
     members: Vec<Sphere>,
     keys: Vec<u32>,
     sorted: Vec<u32>,
     origin: Vec3,
-    per_edge: f32,
+    cells_per_length: f32,
     cells: UVec3,
     largest: f32,
 }
 
 impl SizeClassGrid {
     #[inline(always)]
-    pub(super) fn build(&mut self, spheres: &[Sphere], edge: f32) {
+    pub(super) fn build(&mut self, spheres: &[Sphere], cell_ratio: f32) {
         self.members.clear();
         self.members.extend(self.order.iter().map(|&k| spheres[k as usize]));
-        self.grid(edge);
+        self.grid(cell_ratio);
         let cells = self.cells.element_product() as usize;
         self.starts.clear();
         self.starts.resize(cells + 1, 0);
@@ -63,7 +63,7 @@ impl SizeClassGrid {
     }
 
     #[inline(always)]
-    fn grid(&mut self, edge: f32) {
+    fn grid(&mut self, cell_ratio: f32) {
         let (mut low, mut high) = (Vec3::INFINITY, Vec3::NEG_INFINITY);
         let mut largest = 0.0_f32;
         for sphere in &self.members {
@@ -75,23 +75,25 @@ impl SizeClassGrid {
         let most = (self.members.len() as f32 * CELLS_PER_SPHERE).max(27.0);
         let rounding = far * 1e-6;
         let diameter = 2.0 * MARGIN * largest + rounding;
-        let edge = 2.0 * edge.max(SMALLEST_EDGE) * largest + rounding;
-        let mut edge = edge.max(extent.max_element() / 1024.0);
-        let reach = |edge: f32| (diameter / edge).ceil().max(1.0);
-        let count = |edge: f32| (extent / edge).floor() + Vec3::splat(1.0 + 2.0 * reach(edge));
-        while count(edge).element_product() > most {
-            edge *= 1.1;
+        let cell_size = 2.0 * cell_ratio.max(MIN_CELL_RATIO) * largest + rounding;
+        let mut cell_size = cell_size.max(extent.max_element() / 1024.0);
+        let stencil_radius = |cell_size: f32| (diameter / cell_size).ceil().max(1.0);
+        let count = |cell_size: f32| {
+            (extent / cell_size).floor() + Vec3::splat(1.0 + 2.0 * stencil_radius(cell_size))
+        };
+        while count(cell_size).element_product() > most {
+            cell_size *= 1.1;
         }
-        (self.origin, self.per_edge, self.largest) = (low, 1.0 / edge, largest);
-        (self.cells, self.reach) = (count(edge).as_uvec3(), reach(edge) as u32);
+        (self.origin, self.cells_per_length, self.largest) = (low, 1.0 / cell_size, largest);
+        (self.cells, self.stencil_radius) = (count(cell_size).as_uvec3(), stencil_radius(cell_size) as u32);
     }
 
     /// Points outside belong to the border cells, which preserves adjacency.
     #[inline(always)]
     fn cell(&self, point: Vec3) -> UVec3 {
         // Negative values saturate to 0.
-        let cell = ((point - self.origin) * self.per_edge).as_uvec3();
-        cell.min(self.cells - UVec3::splat(1 + 2 * self.reach)) + UVec3::splat(self.reach)
+        let cell = ((point - self.origin) * self.cells_per_length).as_uvec3();
+        cell.min(self.cells - UVec3::splat(1 + 2 * self.stencil_radius)) + UVec3::splat(self.stencil_radius)
     }
 
     #[inline(always)]
@@ -107,9 +109,9 @@ impl SizeClassGrid {
         }
         self.sorted.resize(n, 0);
         for (k, sphere) in self.members.iter().enumerate().rev() {
-            let place = &mut self.starts[self.keys[k] as usize];
-            *place -= 1;
-            let at = *place as usize;
+            let end = &mut self.starts[self.keys[k] as usize];
+            *end -= 1;
+            let at = *end as usize;
             (self.x[at], self.y[at], self.z[at]) = sphere.center.into();
             self.r[at] = sphere.radius;
             self.sorted[at] = self.order[k];
@@ -120,29 +122,32 @@ impl SizeClassGrid {
     /// Compares each sphere with later spheres in its row and in the adjacent rows after it.
     #[inline(always)]
     pub(super) fn pairs_within(&self, pairs: &mut Vec<Pair>) {
-        let reach = self.reach as usize;
+        let stencil_radius = self.stencil_radius as usize;
         let row = self.cells.x as usize;
         let layer = row * self.cells.y as usize;
         let mut ahead = [0; ROWS];
         let mut count = 0;
-        for z in 0..=reach {
-            for y in if z == 0 { reach + 1 } else { 0 }..=2 * reach {
-                ahead[count] = z * layer + y * row - reach * row;
+        for z in 0..=stencil_radius {
+            for y in if z == 0 { stencil_radius + 1 } else { 0 }..=2 * stencil_radius {
+                ahead[count] = z * layer + y * row - stencil_radius * row;
                 count += 1;
             }
         }
-        for cell in reach * layer..self.starts.len() - 1 - reach * layer {
-            let own = self.starts[cell] as usize..self.starts[cell + 1] as usize;
-            if own.is_empty() {
+        for cell in stencil_radius * layer..self.starts.len() - 1 - stencil_radius * layer {
+            let members = self.starts[cell] as usize..self.starts[cell + 1] as usize;
+            if members.is_empty() {
                 continue;
             }
-            let end = self.starts[cell + reach + 1] as usize;
+            let end = self.starts[cell + stencil_radius + 1] as usize;
             let mut runs = [(0, 0); ROWS];
             for (run, ahead) in runs.iter_mut().zip(&ahead[..count]) {
                 let middle = cell + ahead;
-                *run = (self.starts[middle - reach] as usize, self.starts[middle + reach + 1] as usize);
+                *run = (
+                    self.starts[middle - stencil_radius] as usize,
+                    self.starts[middle + stencil_radius + 1] as usize,
+                );
             }
-            for at in own {
+            for at in members {
                 let (sphere, index) = (self.at(at), self.order[at]);
                 self.compare(&sphere, index, at + 1..end, pairs);
                 for &(start, end) in &runs[..count] {
@@ -173,9 +178,9 @@ impl SizeClassGrid {
     #[inline(always)]
     fn around(&self, sphere: &Sphere) -> (UVec3, UVec3) {
         // Larger than all rounding errors, here and in the cell of a center.
-        let reach = (sphere.radius + self.largest) * 1.0001 + sphere.center.abs().max_element() * 4e-7;
-        let reach = Vec3::splat(reach);
-        (self.cell(sphere.center - reach), self.cell(sphere.center + reach))
+        let cutoff = (sphere.radius + self.largest) * 1.0001 + sphere.center.abs().max_element() * 4e-7;
+        let cutoff = Vec3::splat(cutoff);
+        (self.cell(sphere.center - cutoff), self.cell(sphere.center + cutoff))
     }
 
     #[inline(always)]
@@ -194,9 +199,9 @@ impl SizeClassGrid {
                 near &= (1 << left) - 1;
             }
             while near != 0 {
-                let place = from + near.trailing_zeros() as usize;
-                if touch(sphere, &self.at(place)) {
-                    pairs.push(Pair::new(index, self.order[place]));
+                let other = from + near.trailing_zeros() as usize;
+                if touch(sphere, &self.at(other)) {
+                    pairs.push(Pair::new(index, self.order[other]));
                 }
                 near &= near - 1;
             }
@@ -214,8 +219,8 @@ impl SizeClassGrid {
         let mut overlaps = [0.0; LANES];
         for k in 0..LANES {
             let (dx, dy, dz) = (x[k] - sphere.center.x, y[k] - sphere.center.y, z[k] - sphere.center.z);
-            let reach = r[k] + sphere.radius;
-            overlaps[k] = reach * reach * 1.000_01 - (dx * dx + dy * dy + dz * dz);
+            let cutoff = r[k] + sphere.radius;
+            overlaps[k] = cutoff * cutoff * 1.000_01 - (dx * dx + dy * dy + dz * dz);
         }
         // A comparison per lane would compile to scalar code.
         let mut apart = 0;

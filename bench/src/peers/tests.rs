@@ -31,7 +31,7 @@ fn cell_list_handles_unusual_shapes() {
         let spheres: Vec<Sphere> = spheres;
         let digest = |contender: &ContenderFactory| {
             let mut search = (contender.make)().expect("made");
-            crate::measure::Digest::of(&search.run(&spheres).expect("found"))
+            crate::measure::Digest::from_found(&search.run(&spheres).expect("found"))
         };
         let expected = digest(&ContenderFactory::list("naive", reference.clone()));
         for contender in cell_list::tunings(Scene::FiveSizes) {
@@ -53,8 +53,10 @@ fn peers_follow_a_cloud_that_spreads_and_shrinks() {
     let mut searches: Vec<_> = searches.iter().map(|c| (c.make)().unwrap()).collect();
     for factor in [1.0, 1.2, 1.5, 0.5, 0.5, 0.3, 1.0, 2.0, 1.4] {
         spheres.iter_mut().for_each(|sphere| sphere.center *= factor);
-        let digests: Vec<_> =
-            searches.iter_mut().map(|s| crate::measure::Digest::of(&s.run(&spheres).unwrap())).collect();
+        let digests: Vec<_> = searches
+            .iter_mut()
+            .map(|s| crate::measure::Digest::from_found(&s.run(&spheres).unwrap()))
+            .collect();
         assert!(digests.iter().all(|d| d == &digests[0]), "factor {factor}: {digests:?}");
     }
 }
@@ -72,8 +74,10 @@ fn boxes_at_cell_borders_lose_no_pair() {
     ];
     let mut searches: Vec<_> = searches.iter().map(|c| (c.make)().unwrap()).collect();
     for step in 0..40 {
-        let digests: Vec<_> =
-            searches.iter_mut().map(|s| crate::measure::Digest::of(&s.run(&spheres).unwrap())).collect();
+        let digests: Vec<_> = searches
+            .iter_mut()
+            .map(|s| crate::measure::Digest::from_found(&s.run(&spheres).unwrap()))
+            .collect();
         assert!(digests.iter().all(|d| d == &digests[0]), "step {step}: {digests:?}");
         Scene::advance(&mut spheres, 6, step);
     }

@@ -30,8 +30,8 @@ pub fn tuned(name: impl Into<String>, scene: Scene, step_length: f32) -> Contend
 }
 
 pub fn skins(scene: Scene) -> Vec<ContenderFactory> {
-    let of = |skin: f32| with(format!("Verlet list, skin {skin}"), scene, skin);
-    [0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 2.5].map(of).into()
+    let with_skin = |skin: f32| with(format!("Verlet list, skin {skin}"), scene, skin);
+    [0.02, 0.05, 0.1, 0.25, 0.5, 1.0, 1.5, 2.0, 2.5].map(with_skin).into()
 }
 
 fn with(name: impl Into<String>, scene: Scene, skin: f32) -> ContenderFactory {
@@ -43,7 +43,7 @@ struct Verlet {
     list: CellList,
     wide: Vec<Sphere>,
     order: Vec<u32>,
-    place_of: Vec<u32>,
+    index_of: Vec<u32>,
     now: Vec<Sphere>,
     then: Vec<Sphere>,
     candidates: Vec<Pair>,
@@ -54,10 +54,10 @@ impl Verlet {
     fn new(scene: Scene, skin: f32) -> Self {
         Self {
             skin,
-            list: CellList::of(scene),
+            list: CellList::from_scene(scene),
             wide: vec![],
             order: vec![],
-            place_of: vec![],
+            index_of: vec![],
             now: vec![],
             then: vec![],
             candidates: vec![],
@@ -85,12 +85,12 @@ impl Verlet {
         self.candidates.clone_from(self.list.pairs_of(&self.wide));
         self.order.clear();
         self.order.extend(self.list.order());
-        self.place_of.resize(spheres.len(), 0);
-        for (place, &k) in (0..).zip(&self.order) {
-            self.place_of[k as usize] = place;
+        self.index_of.resize(spheres.len(), 0);
+        for (index, &k) in (0..).zip(&self.order) {
+            self.index_of[k as usize] = index;
         }
         for pair in &mut self.candidates {
-            *pair = Pair::new(self.place_of[pair.i as usize], self.place_of[pair.j as usize]);
+            *pair = Pair::new(self.index_of[pair.i as usize], self.index_of[pair.j as usize]);
         }
         self.now.clear();
         self.now.extend(self.order.iter().map(|&k| spheres[k as usize]));

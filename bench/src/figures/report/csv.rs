@@ -16,7 +16,7 @@ fn add(out: &mut String, row: &Row) {
     let number = |value: f64| if value.is_finite() { format!("{value:.9}") } else { String::new() };
     let optional = |value: Option<f64>| value.map_or_else(String::new, |value| value.to_string());
     let (mean, sd) = row.mean();
-    let wall = Spread::of(&row.wall);
+    let wall = Spread::from_values(&row.wall);
     let phases: Vec<String> = row.phases.iter().map(|(name, time)| format!("{name}={time:.9}")).collect();
     let cells = [
         quoted(&row.figure),
@@ -33,7 +33,7 @@ fn add(out: &mut String, row: &Row) {
         number(wall.median),
         number(wall.low),
         number(wall.high),
-        number(Spread::of(&row.gpu).median),
+        number(Spread::from_values(&row.gpu).median),
         optional(row.bytes),
         quoted(&phases.join(" ")),
         quoted(&row.reason),

@@ -32,8 +32,8 @@ pub(super) fn section(figure: Figure, rows: &[&Row], all: &[Row]) -> Result<Sect
 
 pub(super) fn species(rows: &[&Row]) -> Section {
     let table = |scene: SpeciesScene| {
-        let own: Vec<&Row> = rows.iter().copied().filter(|row| row.scene == scene.name()).collect();
-        let table = means(&own, &by_size(&own));
+        let scene_rows: Vec<&Row> = rows.iter().copied().filter(|row| row.scene == scene.name()).collect();
+        let table = means(&scene_rows, &by_size(&scene_rows));
         Table { caption: format!("{}: {}", scene.name(), table.caption), ..table }
     };
     let text = "Spheres of equal size. `rare-partner`: a burst of one species, with one sphere in a thousand of its \
@@ -73,13 +73,14 @@ const fn heading(figure: Figure) -> (&'static str, &'static str) {
 
 fn plots(figure: Figure, rows: &[&Row], equal: &[&Row]) -> Result<Vec<Plot>, Box<dyn Error>> {
     let (title, _) = heading(figure);
-    let (part, of): (_, fn(&Row) -> f64) = match figure {
+    let (unit, divisor): (_, fn(&Row) -> f64) = match figure {
         Figure::Point => ("pair", |row| row.pairs as f64),
         _ => ("sphere", |row| row.n as f64),
     };
     let dashed = if equal.is_empty() { "" } else { " Dashed: equal sizes, from figure 3a." };
-    let plot = |name: String, what: &str, caption: &str, of: fn(&Row) -> f64| {
-        let point = |row: &Row| PlotPoint::new(row.n as f64, row.mean().0, row.quartiles()).over(of(row));
+    let plot = |name: String, what: &str, caption: &str, divisor: fn(&Row) -> f64| {
+        let point =
+            |row: &Row| PlotPoint::new(row.n as f64, row.mean().0, row.quartiles()).over(divisor(row));
         let mut series = curves(rows, point, |_| false);
         let equal = curves(equal, point, |_| true).into_iter();
         series.extend(equal.map(|curve| Series { name: format!("{}, equal", curve.name), ..curve }));
@@ -94,15 +95,15 @@ fn plots(figure: Figure, rows: &[&Row], equal: &[&Row]) -> Result<Vec<Plot>, Box
         "Wall time until the pairs are in host memory.",
         |_| 1.0,
     )?;
-    let share = plot(
-        format!("figure-{figure}-per-{part}"),
-        &format!("mean time per {part}"),
+    let per_unit = plot(
+        format!("figure-{figure}-per-{unit}"),
+        &format!("mean time per {unit}"),
         &format!(
-            "The same times per {part}: a time in proportion to the number of {part}s is a horizontal line."
+            "The same times per {unit}: a time in proportion to the number of {unit}s is a horizontal line."
         ),
-        of,
+        divisor,
     )?;
-    Ok(whole.into_iter().chain(share).collect())
+    Ok(whole.into_iter().chain(per_unit).collect())
 }
 
 fn means(rows: &[&Row], columns: &[Column]) -> Table {
@@ -150,8 +151,8 @@ fn listed(phases: &[(String, f64)]) -> String {
     let has_waited = phases.iter().any(|(name, _)| name == "wait");
     let on_device = |name: &str| has_waited && gpu::GpuPhase::ALL.iter().any(|phase| phase.name() == name);
     let shown = |device: bool| {
-        let of = phases.iter().filter(move |(name, _)| on_device(name) == device);
-        of.map(|(name, seconds)| (name.as_str(), format!("{name} {}", time(*seconds))))
+        let selected = phases.iter().filter(move |(name, _)| on_device(name) == device);
+        selected.map(|(name, seconds)| (name.as_str(), format!("{name} {}", time(*seconds))))
     };
     let device: Vec<String> = shown(true).map(|(_, text)| text).collect();
     let host = shown(false).map(|(name, text)| match name {

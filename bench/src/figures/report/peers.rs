@@ -129,8 +129,8 @@ fn speed_up(rows: &[&Row], ours: &str) -> Result<Option<Plot>, Box<dyn Error>> {
         for (color, moment) in by_setting(rows, "s").into_iter().enumerate() {
             let now: Vec<&Row> = rows.iter().copied().filter(|row| moment.holds(row)).collect();
             let at = |n: usize| {
-                let of = |engine| find(&now, engine, Column::Size(n));
-                let times = Times::of(of(peer)?, of(ours)?)?;
+                let row_of = |engine| find(&now, engine, Column::Size(n));
+                let times = Times::new(row_of(peer)?, row_of(ours)?)?;
                 Some(PlotPoint::new(n as f64, times.total, times.quartiles()))
             };
             let name = format!("{}, {peer}", moment.name());

@@ -27,7 +27,7 @@ pub(super) struct Times {
 }
 
 impl Times {
-    pub(super) fn of(peer: &Row, ours: &Row) -> Option<Self> {
+    pub(super) fn new(peer: &Row, ours: &Row) -> Option<Self> {
         let both = || peer.wall.iter().zip(&ours.wall);
         let by_step: Vec<f64> = both().map(|(p, o)| p / o).collect();
         let (theirs, mine) = both().fold((0.0, 0.0), |(theirs, mine), (p, o)| (theirs + p, mine + o));
@@ -35,7 +35,7 @@ impl Times {
     }
 
     pub(super) fn median(&self) -> f64 {
-        Spread::of(&self.by_step).median
+        Spread::from_values(&self.by_step).median
     }
 
     pub(super) fn quartiles(&self) -> (f64, f64) {
@@ -43,14 +43,14 @@ impl Times {
     }
 
     fn is_even(&self) -> bool {
-        let Spread { low, high, .. } = Spread::of(&self.by_step);
+        let Spread { low, high, .. } = Spread::from_values(&self.by_step);
         NEAR.contains(&self.total) && low <= 1.0 && high >= 1.0
     }
 }
 
 impl fmt::Display for Times {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Spread { low, high, .. } = Spread::of(&self.by_step);
+        let Spread { low, high, .. } = Spread::from_values(&self.by_step);
         match self.by_step.len() {
             1 => write!(f, "{:.2} (1 step)", self.total),
             _ => write!(f, "{:.2} ({low:.2}–{high:.2})", self.total),
@@ -70,7 +70,7 @@ pub(super) fn table(what: &str, rows: &[&Row], columns: &[Column], ours: &str) -
     let others: Vec<&Row> = rows.iter().copied().filter(|row| !OURS.contains(&row.engine.as_str())).collect();
     let ratio = |peer: &Row| {
         let column = columns.iter().find(|column| column.holds(peer))?;
-        Some(Times::of(peer, find(rows, ours, *column)?)?.to_string())
+        Some(Times::new(peer, find(rows, ours, *column)?)?.to_string())
     };
     let caption = format!("{what}: {ours} is this many times as fast, in total (range of single steps)");
     let mut table = by_engine(caption, &others, columns, ratio);
@@ -107,7 +107,7 @@ fn ratios<'a>(
 ) -> impl Iterator<Item = (Column, Times)> + 'a {
     columns.iter().filter_map(move |&column| {
         let peer = find(rows, peer, column).filter(|row| row.status == Status::Ok)?;
-        Some((column, Times::of(peer, find(rows, ours, column)?)?))
+        Some((column, Times::new(peer, find(rows, ours, column)?)?))
     })
 }
 
@@ -130,8 +130,9 @@ fn verdict(what: &str, rows: &[&Row], columns: &[Column], pair: (&str, &str)) ->
 fn on_software(what: &str, rows: &[&Row], columns: &[Column], ours: &str) -> String {
     let measured = |column: &&Column| find(rows, ours, **column).is_some_and(|row| !row.wall.is_empty());
     let slower = |column: &&Column| {
-        let of = |peer| ratios(rows, std::slice::from_ref(*column), peer, ours).any(|(_, t)| t.total < 1.0);
-        peers(rows).into_iter().any(of)
+        let is_faster =
+            |peer| ratios(rows, std::slice::from_ref(*column), peer, ours).any(|(_, t)| t.total < 1.0);
+        peers(rows).into_iter().any(is_faster)
     };
     let all = columns.iter().filter(measured).count();
     let slower = columns.iter().filter(slower).count();

@@ -69,11 +69,11 @@ pub(super) fn groups<'a>(rows: &[&'a Row]) -> Vec<(&'a str, usize, String, Vec<&
     groups
 }
 
-fn distinct<'a>(rows: &[&'a Row], of: fn(&Row) -> &str) -> Vec<&'a str> {
+fn distinct<'a>(rows: &[&'a Row], name: fn(&Row) -> &str) -> Vec<&'a str> {
     let mut names = vec![];
     for row in rows {
-        if !names.contains(&of(row)) {
-            names.push(of(row));
+        if !names.contains(&name(row)) {
+            names.push(name(row));
         }
     }
     names
@@ -84,7 +84,7 @@ pub(super) fn find<'a>(rows: &[&'a Row], engine: &str, column: Column) -> Option
 }
 
 pub(super) fn median(times: &[f64]) -> Option<String> {
-    let median = Spread::of(times).median;
+    let median = Spread::from_values(times).median;
     let (factor, _) = unit(median);
     let (low, high) = quartiles(times);
     match times.len() {
@@ -160,11 +160,11 @@ pub(super) fn best_of_columns(table: &mut Table, rows: &[&Row], columns: &[Colum
 }
 
 pub(super) fn pairs(rows: &[&Row], columns: &[Column]) -> Vec<Cell> {
-    let of = |column: &Column| {
+    let cell = |column: &Column| {
         let found = rows.iter().find(|row| column.holds(row) && row.status == Status::Ok);
         Cell::plain(found.map_or("–".to_owned(), |row| row.pairs.to_string()))
     };
-    std::iter::once(Cell::plain("(pairs)")).chain(columns.iter().map(of)).collect()
+    std::iter::once(Cell::plain("(pairs)")).chain(columns.iter().map(cell)).collect()
 }
 
 pub(super) fn gpu_times(what: &str, rows: &[&Row], columns: &[Column]) -> Option<Table> {

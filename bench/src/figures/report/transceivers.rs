@@ -82,7 +82,7 @@ fn compared(what: &str, rows: &[&Row], columns: &[Column]) -> Table {
     let others: Vec<&Row> = rows.iter().copied().filter(|row| row.engine != OURS).collect();
     let ratio = |row: &Row| {
         let column = columns.iter().find(|column| column.holds(row))?;
-        let times = Times::of(row, find(rows, OURS, *column)?)?;
+        let times = Times::new(row, find(rows, OURS, *column)?)?;
         let (low, high) = times.quartiles();
         Some(format!("{:.2} ({low:.2}–{high:.2})", times.median()))
     };
@@ -94,8 +94,9 @@ fn compared(what: &str, rows: &[&Row], columns: &[Column]) -> Table {
 fn verdict(figure: Figure, what: &str, rows: &[&Row], columns: &[Column]) -> Option<Note> {
     let (mut faster, mut even, mut slower) = (vec![], vec![], vec![]);
     for &column in columns {
-        let of = |engine| find(rows, engine, column).filter(|row| row.status == Status::Ok);
-        let Some(times) = of(WITHOUT).zip(of(OURS)).and_then(|(peer, ours)| Times::of(peer, ours)) else {
+        let row_of = |engine| find(rows, engine, column).filter(|row| row.status == Status::Ok);
+        let Some(times) = row_of(WITHOUT).zip(row_of(OURS)).and_then(|(peer, ours)| Times::new(peer, ours))
+        else {
             continue;
         };
         let ratio = times.median();
@@ -164,11 +165,11 @@ mod tests {
 
     #[test]
     fn growth_is_fitted_to_the_logarithm_of_the_ratio() {
-        let of = |engine: &str, k: f64| {
+        let rows_of = |engine: &str, k: f64| {
             let time = |ratio: f64| (ratio.log2() + 1.0).powf(k);
             [1.0, 4.0, 32.0, 1024.0].map(|ratio| at(engine, ratio, &[time(ratio)]))
         };
-        let rows = [of(OURS, 0.8), of(WITHOUT, 2.0)].concat();
+        let rows = [rows_of(OURS, 0.8), rows_of(WITHOUT, 2.0)].concat();
         let rows: Vec<&Row> = rows.iter().collect();
         let note = growth("s", &rows).expect("a fit");
         assert!(note.text.contains("+ 1)^0.80, within the paper's bound of 1"), "{}", note.text);
