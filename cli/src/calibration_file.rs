@@ -62,7 +62,7 @@ pub(crate) fn check_writable() -> Result<(), CliError> {
     create_file().map(drop)
 }
 
-pub(crate) fn keep(measured: &Calibration) -> Result<PathBuf, CliError> {
+pub(crate) fn store(measured: &Calibration) -> Result<PathBuf, CliError> {
     let (path, mut file) = create_file()?;
     let mut all = load();
     all.retain(|known| known.adapter != measured.adapter);

@@ -25,21 +25,21 @@ use crate::error::CliError;
 ///
 /// The first argument is the program's name. Handles signals, and sets up the log.
 pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
-    let given: Vec<OsString> = args.into_iter().collect();
-    let result = match Args::try_parse_from(&given) {
+    let arguments: Vec<OsString> = args.into_iter().collect();
+    let result = match Args::try_parse_from(&arguments) {
         Ok(args) => {
             let log = env_logger::Env::default().default_filter_or("warn");
             let _ = env_logger::Builder::from_env(log).try_init();
             command(args.command)
         }
-        Err(said) if !said.use_stderr() => print_help(&said),
-        Err(said) => {
-            let text = said.render().to_string();
-            let _ = match with_short_arguments(&text, &given, 0) {
+        Err(usage) if !usage.use_stderr() => print_help(&usage),
+        Err(usage) => {
+            let text = usage.render().to_string();
+            let _ = match with_short_arguments(&text, &arguments, 0) {
                 Some(short) => write!(io::stderr(), "{short}"),
-                None => said.print(),
+                None => usage.print(),
             };
-            return said.exit_code() as u8;
+            return usage.exit_code() as u8;
         }
     };
     match result {
@@ -52,7 +52,7 @@ pub fn run(args: impl IntoIterator<Item = OsString>) -> u8 {
         }
         Err(failure) => {
             let text = failure.to_string();
-            let text = with_short_arguments(&text, &given, MAX_PATH_BYTES).unwrap_or(text);
+            let text = with_short_arguments(&text, &arguments, MAX_PATH_BYTES).unwrap_or(text);
             let _ = writeln!(io::stderr(), "error: {text}");
             failure.exit_code()
         }
@@ -80,9 +80,9 @@ fn with_short_arguments(message: &str, args: &[OsString], longest: usize) -> Opt
     (text != message).then_some(text)
 }
 
-fn print_help(said: &clap::Error) -> Result<(), CliError> {
+fn print_help(usage: &clap::Error) -> Result<(), CliError> {
     check_output()?;
-    said.print().and_then(|()| io::stdout().flush()).map_err(CliError::Stdout)
+    usage.print().and_then(|()| io::stdout().flush()).map_err(CliError::Stdout)
 }
 
 fn command(command: Command) -> Result<(), CliError> {

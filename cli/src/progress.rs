@@ -77,8 +77,8 @@ pub(crate) fn running(steps: u64) -> ProgressBar {
     bar
 }
 
-pub(crate) fn working(parts: u64) -> ProgressBar {
-    let bar = ProgressBar::new(parts);
+pub(crate) fn working(total_weight: u64) -> ProgressBar {
+    let bar = ProgressBar::new(total_weight);
     bar.with_style(style("{wide_bar} {percent}%, about {eta} left, {msg}"))
 }
 
@@ -149,9 +149,9 @@ mod tests {
         let shown = terminal.0.lock().unwrap().clone();
         assert!(shown.contains("searching 7 spheres") && shown.contains("500 B/"), "{shown}");
 
-        let done = Progress::hidden(None);
-        let bar = done.bar.clone();
-        drop(done);
+        let finished = Progress::hidden(None);
+        let bar = finished.bar.clone();
+        drop(finished);
         drop(progress);
         terminal.0.lock().unwrap().clear();
         show(&bar, target());

@@ -23,14 +23,14 @@ pub(crate) fn install_cleanup_handler() -> Result<(), CliError> {
 
 /// The first signal asks the command to stop, the second ends it.
 pub(crate) fn install_stop_handler() -> Result<StopSignal, CliError> {
-    let asked = StopSignal::default();
-    let told = asked.clone();
+    let stop_signal = StopSignal::default();
+    let handler_signal = stop_signal.clone();
     on_signal(move |signal| {
-        if told.0.swap(signal, Ordering::Relaxed) != 0 {
+        if handler_signal.0.swap(signal, Ordering::Relaxed) != 0 {
             end(signal);
         }
     })?;
-    Ok(asked)
+    Ok(stop_signal)
 }
 
 /// Handles signals in a thread; leaves SIGHUP alone if it is ignored, as under `nohup`.

@@ -31,9 +31,9 @@ impl Detect {
         if let Some((name, tilt, axis, _)) = of_unbounded {
             return Err(CliError::TiltOfUnboundedAxis { name, tilt, axis });
         }
-        let edges = [x.map(|x| [x, 0.0, 0.0]), y.map(|y| [xy, y, 0.0]), z.map(|z| [xz, yz, z])];
-        let sheared = Space::triclinic(edges);
-        sheared.map(Some).map_err(|error| CliError::Setting(error.into()))
+        let vectors = [x.map(|x| [x, 0.0, 0.0]), y.map(|y| [xy, y, 0.0]), z.map(|z| [xz, yz, z])];
+        let triclinic = Space::triclinic(vectors);
+        triclinic.map(Some).map_err(|error| CliError::Setting(error.into()))
     }
 
     pub(crate) fn output(&self) -> Result<Option<Output>, CliError> {
@@ -64,11 +64,11 @@ impl Detect {
         if !self.is_on_gpu() {
             return Ok(false);
         }
-        let own = match &self.adapter {
+        let gpu = match &self.adapter {
             Some(adapter) => GpuDevice::shared_adapter(adapter),
             None => GpuDevice::shared(SoftwareAdapter::Allow),
         };
-        own.map(|own| !own.adapter.is_hardware).map_err(CliError::Setting)
+        gpu.map(|gpu| !gpu.adapter.is_hardware).map_err(CliError::Setting)
     }
 
     pub(crate) fn config(&self) -> Result<Config, CliError> {

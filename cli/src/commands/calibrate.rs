@@ -13,16 +13,16 @@ const NEEDED: u64 = 576 << 20;
 
 pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), CliError> {
     check_memory("the calibration", NEEDED + memory_of_driver_threads())?;
-    let own = adapter.map_or_else(|| GpuDevice::shared(SoftwareAdapter::Allow), GpuDevice::shared_adapter);
-    let own = own.map_err(CliError::Calibration)?;
+    let gpu = adapter.map_or_else(|| GpuDevice::shared(SoftwareAdapter::Allow), GpuDevice::shared_adapter);
+    let gpu = gpu.map_err(CliError::Calibration)?;
     // Fails before measurements that take seconds.
     calibration_file::check_writable()?;
     let mut printer = Printer::default();
     printer.print(format!(
         "{}\n{}\n\nsizes  spheres       naive        grid\n",
-        own.adapter.name, own.adapter.driver
+        gpu.adapter.name, gpu.adapter.driver
     ));
-    let measured = gpu::calibrate(&own, |sample| {
+    let measured = gpu::calibrate(&gpu, |sample| {
         let mut row = format!("{:>5}{:>9}", sample.classes, sample.spheres);
         for time in [sample.naive, sample.grid] {
             let mut shown = String::new();
@@ -32,7 +32,7 @@ pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), CliError> {
         printer.print(row + "\n");
     });
     let measured = measured.map_err(CliError::Calibration)?;
-    let path = calibration_file::keep(&measured)?;
+    let path = calibration_file::store(&measured)?;
     let gpu::Crossover { naive_below, per_class, .. } = measured.crossover;
     let further = match per_class {
         0 => String::new(),
@@ -47,9 +47,9 @@ pub(crate) fn run(adapter: Option<&AdapterId>) -> Result<(), CliError> {
     printer.print(format!(
         "\nall pairs are tested of fewer than {naive_below} spheres{further};\ncell lists are sorted by radix from \
         {radix_sort_from} spheres on;\n{device}\n\n\
-        nanoseconds for each sphere: {search_ns:.3} to search, {keep_ns:.3} to keep where it was, {measure_ns:.3} to measure how far \
-        it has gone;\nfor each candidate: {find_ns:.3} to find, {test_ns:.3} to test; {call_us:.1} microseconds more for a call that \
-        keeps some\n\nkept in {}\n",
+        nanoseconds for each sphere: {search_ns:.3} to search, {keep_ns:.3} to store its reference position, {measure_ns:.3} to \
+        measure its displacement;\nfor each candidate: {find_ns:.3} to find, {test_ns:.3} to test; {call_us:.1} microseconds more for \
+        a call with a candidate list\n\nstored in {}\n",
         path.display()
     ));
     printer.finish()

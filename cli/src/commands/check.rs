@@ -50,13 +50,13 @@ pub(crate) fn run(args: &Check) -> Result<(), CliError> {
     std::panic::set_hook(Box::new(|panic| log::info!("{panic}")));
     let backends = u64::from(on_cpu) + u64::from(gpu.is_some());
     let fuzz = args.fuzz.map_or(0, |time| time.as_secs());
-    let parts = match args.seed {
+    let weight = match args.seed {
         Some(_) => 1,
         None => gpu.as_ref().map_or(0, |_| KERNELS) + backends * (SCENES + SPEEDS) + fuzz,
     };
-    let work = Work { args, gpu, on_cpu, bar: progress::working(parts) };
+    let work = Work { args, gpu, on_cpu, bar: progress::working(weight) };
     let mut report = Report::new(args, work.gpu.as_ref(), skipped);
-    let done = catch_panic(|| {
+    let result = catch_panic(|| {
         match args.seed {
             Some(seed) => work.repeat(seed, &mut report),
             None => work.all(&mut report),
@@ -64,7 +64,7 @@ pub(crate) fn run(args: &Check) -> Result<(), CliError> {
         Ok(())
     });
     work.bar.finish_and_clear();
-    if let Err(what) = done {
+    if let Err(what) = result {
         let name = "the check itself".to_owned();
         report.failure(FailedCase { name, what, ..FailedCase::default() });
     }
@@ -91,12 +91,12 @@ fn open(args: &Check) -> Result<Result<Option<Gpu>, String>, CliError> {
         }
         enough => enough?,
     }
-    let own = match &args.adapter {
+    let gpu = match &args.adapter {
         Some(adapter) => GpuDevice::shared_adapter(adapter),
         None => GpuDevice::shared(SoftwareAdapter::Allow),
     };
-    match own {
-        Ok(own) => Ok(Ok(Some(Gpu { own, adapter: args.adapter.clone() }))),
+    match gpu {
+        Ok(gpu) => Ok(Ok(Some(Gpu { own: gpu, adapter: args.adapter.clone() }))),
         Err(error @ Error::NoAdapter { .. }) if args.backend == Checked::All && args.adapter.is_none() => {
             Ok(Err(error.to_string()))
         }
@@ -158,8 +158,8 @@ impl Work<'_> {
         self.fuzz(report)
     }
 
-    fn step(&self, from: u64, parts: u64, [done, all]: [usize; 2], what: &str) {
-        self.bar.set_position(from + parts * done as u64 / all.max(1) as u64);
+    fn step(&self, from: u64, weight: u64, [done, all]: [usize; 2], what: &str) {
+        self.bar.set_position(from + weight * done as u64 / all.max(1) as u64);
         self.bar.set_message(what.to_owned());
     }
 
@@ -171,12 +171,12 @@ impl Work<'_> {
                 catch_panic(|| (check.run)(&gpu.own, self.args.effort()).map_err(|fault| fault.to_string()));
             if let Err(what) = checked {
                 let name = format!("{} ({})", check.name, check.kernels.join(", "));
-                self.tell(|| report.failure(FailedCase { name, what, ..FailedCase::default() }));
+                self.suspend_bar(|| report.failure(FailedCase { name, what, ..FailedCase::default() }));
             }
         }
         let kernels = CHECKS.iter().map(|check| check.kernels.len()).sum();
         self.bar.set_position(from + KERNELS);
-        self.tell(|| report.kernels(kernels, start.elapsed()));
+        self.suspend_bar(|| report.kernels(kernels, start.elapsed()));
     }
 
     fn scenes(&self, report: &mut Report) {
@@ -196,7 +196,7 @@ impl Work<'_> {
                 Ok(expected) => expected,
                 Err(what) => {
                     let (name, scenario) = (format!("{}: reference", case.name), Some(case.scenario.clone()));
-                    self.tell(|| {
+                    self.suspend_bar(|| {
                         report.failure(FailedCase { name, what, scenario, ..FailedCase::default() })
                     });
                     continue;
@@ -226,12 +226,14 @@ impl Work<'_> {
                 self.bar.set_message(format!("making small: {}", case.name));
                 let mut fault = case.failure(variant, self.gpu.as_ref(), what, TRIES);
                 fault.what += &format!("; wrong in {wrong} of {} scenes, this was the smallest", cases.len());
-                self.tell(|| report.failure(fault));
+                self.suspend_bar(|| report.failure(fault));
             }
         }
         self.bar.set_position(from + backends * SCENES);
         let skipped = [&left_out[..], &not_taken];
-        self.tell(|| report.scenes([cases.len(), on_gpu.len(), on_cpu.len()], skipped, start.elapsed()));
+        self.suspend_bar(|| {
+            report.scenes([cases.len(), on_gpu.len(), on_cpu.len()], skipped, start.elapsed())
+        });
     }
 
     fn fuzz(&self, report: &mut Report) {
@@ -246,7 +248,7 @@ impl Work<'_> {
             wrong += self.round(first + rounds, &mut tally, report);
             rounds += 1;
         }
-        self.tell(|| report.fuzz(first, rounds, &tally, start.elapsed()));
+        self.suspend_bar(|| report.fuzz(first, rounds, &tally, start.elapsed()));
     }
 
     fn round(&self, seed: u64, tally: &mut Tally, report: &mut Report) -> usize {
@@ -255,17 +257,17 @@ impl Work<'_> {
         let sequence = Sequence::drawn(seed, self.on_cpu, has_gpu).check(gpu, TRIES, tally);
         let faults: Vec<_> = round.into_iter().chain(sequence).collect();
         let wrong = faults.len();
-        faults.into_iter().for_each(|fault| self.tell(|| report.failure(fault)));
+        faults.into_iter().for_each(|fault| self.suspend_bar(|| report.failure(fault)));
         wrong
     }
 
     fn repeat(&self, seed: u64, report: &mut Report) {
         let (start, mut tally) = (Instant::now(), Tally::default());
         self.round(seed, &mut tally, report);
-        self.tell(|| report.fuzz(seed, 1, &tally, start.elapsed()));
+        self.suspend_bar(|| report.fuzz(seed, 1, &tally, start.elapsed()));
     }
 
-    fn tell(&self, say: impl FnOnce()) {
+    fn suspend_bar(&self, say: impl FnOnce()) {
         self.bar.suspend(say);
     }
 }

@@ -39,7 +39,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
         check_output()?;
     }
     let to_stdout = output.as_ref().is_some_and(|output| output.path.is_none());
-    let own_output = output.as_ref().is_some_and(has_number);
+    let has_frame_number = output.as_ref().is_some_and(has_number);
     // The output keeps its temporary name until no second frame appears.
     let (mut files, mut printer) = (Vec::new(), Printer::default());
     while let Some(IndexedFrame { number, mut frame, time }) = input.next()? {
@@ -55,7 +55,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
             input.in_pool(|| frame.sort_by_id()).map_err(refused)?;
         }
         refuse_too_little_memory(args, number, &frame, &frames)?;
-        let exclusions = excluded.as_mut().map(|excluded| excluded.of(&frame, number)).transpose()?;
+        let exclusions = excluded.as_mut().map(|excluded| excluded.exclusions(&frame, number)).transpose()?;
         let query = exclusions::query(&frame, exclusions.as_ref());
         let mut search = Search {
             args,
@@ -68,7 +68,7 @@ pub(crate) fn run(args: &Detect) -> Result<(), CliError> {
         };
         files = search.run(output.as_ref())?;
         let writing = search.writing;
-        if own_output || to_stdout {
+        if has_frame_number || to_stdout {
             AtomicFile::commit_all(files.drain(..))?;
         }
         let is_product = output.is_none();

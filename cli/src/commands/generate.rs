@@ -37,10 +37,10 @@ fn scene(args: &Generate) -> Result<Scene, CliError> {
         (Scene::Transceivers(_), Some(transceivers), _) if u64::from(transceivers) > args.spheres => {
             Err(CliError::TooManyTransceivers { transceivers, spheres: args.spheres })
         }
-        (Scene::Transceivers(Transceivers { count, ratio }), asked, larger) => {
+        (Scene::Transceivers(Transceivers { count, ratio }), requested_count, requested_ratio) => {
             Ok(Scene::Transceivers(Transceivers {
-                count: asked.unwrap_or(count),
-                ratio: larger.unwrap_or(ratio),
+                count: requested_count.unwrap_or(count),
+                ratio: requested_ratio.unwrap_or(ratio),
             }))
         }
         (scene, None, None) => Ok(scene),

@@ -14,7 +14,7 @@ use lazygrid_sim::run::sweep::SweepRuns;
 use lazygrid_sim::run::{Run, RunEnd};
 use lazygrid_sim::scenario::{Scenario, Sweep};
 
-use self::report::Done;
+use self::report::ReportInput;
 use crate::args::{ArrivalsFormat, Simulate};
 use crate::error::CliError;
 use crate::signals::StopSignal;
@@ -37,7 +37,7 @@ pub(crate) fn run(args: &Simulate) -> Result<(), CliError> {
 
 /// Refuses options that would replace the values of a key in all points.
 fn check_keys(swept: &Sweep, options: &RunArgs) -> Result<(), CliError> {
-    let own = [
+    let options_of_keys = [
         ("seed", "seed", options.seed.is_some()),
         ("steps", "steps", options.steps.is_some()),
         ("series-every", "output.every", options.series_every.is_some()),
@@ -45,7 +45,7 @@ fn check_keys(swept: &Sweep, options: &RunArgs) -> Result<(), CliError> {
         ("checkpoint-every", "output.checkpoint-every", options.checkpoint_every.is_some()),
     ];
     let is_swept = |key: &str| swept.keys.iter().any(|swept| swept.path == key);
-    match own.into_iter().find(|&(_, key, is_given)| is_given && is_swept(key)) {
+    match options_of_keys.into_iter().find(|&(_, key, is_given)| is_given && is_swept(key)) {
         Some((option, key, _)) => Err(CliError::SweptOption { option, key }),
         None => Ok(()),
     }
@@ -60,7 +60,7 @@ fn with_options(args: &Simulate, run: Run) -> Run {
 }
 
 fn once(run: Run, args: &Simulate) -> Result<(), CliError> {
-    let asked = signals::install_stop_handler()?;
+    let stop_signal = signals::install_stop_handler()?;
     let bar = progress::running(run.scenario.steps.into());
     let mut started = false;
     let (end, simulation) = run.run(|simulation| {
@@ -73,23 +73,23 @@ fn once(run: Run, args: &Simulate) -> Result<(), CliError> {
         bar.set_position(simulation.step_count().into());
         let particles: u64 = simulation.totals().present.iter().sum();
         bar.set_message(format!("{particles} particles"));
-        if asked.signal().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if stop_signal.signal().is_some() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     bar.finish_and_clear();
     animation::write(&run)?;
     if args.report && end == RunEnd::Finished {
-        let mean = report::of_one(&run)?;
+        let mean = report::mean_of_run(&run)?;
         let runs = vec![(run.scenario.seed, run.directory.clone())];
-        let command = command::of_report(args, &run, &run.path, None);
-        report::write(&Done { run: &run, mean: &mean, runs, command })?;
+        let command = command::report_command(args, &run, &run.path, None);
+        report::write(&ReportInput { run: &run, mean: &mean, runs, command })?;
     }
     let printed = print(run.summary(&simulation));
     match end {
         RunEnd::Finished => printed,
         RunEnd::Stopped => {
             let steps = simulation.step_count();
-            let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);
-            let command = command::goes_on(args, &run.directory, true);
+            let signal = stop_signal.signal().unwrap_or(StopSignal::CTRL_C);
+            let command = command::resume_command(args, &run.directory, true);
             Err(CliError::Stopped { steps, command, signal })
         }
     }

@@ -99,8 +99,8 @@ fn the_page_has_every_particle_of_every_frame() {
         let mut expected: Vec<(u32, [f32; 3])> = npy[end..]
             .chunks_exact(24)
             .map(|row| {
-                let place = [8, 12, 16].map(|at| f32::from_le_bytes(word(&row[at..at + 4])));
-                (u32::from_le_bytes(word(&row[4..8])), place)
+                let point = [8, 12, 16].map(|at| f32::from_le_bytes(word(&row[at..at + 4])));
+                (u32::from_le_bytes(word(&row[4..8])), point)
             })
             .collect();
         expected.sort_by_key(|&(species, _)| species);
@@ -109,11 +109,11 @@ fn the_page_has_every_particle_of_every_frame() {
         assert_eq!(frame["present"], expected.len());
         let bytes = from_base64(between(&page, &format!("id=\"frame-{}\">", step / 4), "</script>"));
         assert_eq!(bytes.len(), 6 * expected.len(), "step {step}");
-        for ((_, place), words) in expected.iter().zip(bytes.chunks_exact(6)) {
+        for ((_, point), words) in expected.iter().zip(bytes.chunks_exact(6)) {
             for k in 0..3 {
                 let [low, size] = ["low", "size"].map(|name| frame[name][k].as_f64().unwrap());
-                let part = f64::from(u16::from_le_bytes([words[2 * k], words[2 * k + 1]])) / 65_535.0;
-                let off = (low + part * size - f64::from(place[k])).abs();
+                let fraction = f64::from(u16::from_le_bytes([words[2 * k], words[2 * k + 1]])) / 65_535.0;
+                let off = (low + fraction * size - f64::from(point[k])).abs();
                 assert!(off < 1e-4, "axis {k} of step {step} is off by {off}");
             }
         }
@@ -164,15 +164,15 @@ fn moving_receivers_are_drawn_at_their_positions() {
 fn a_resumed_animation_is_the_same_and_a_thinned_one_says_so() {
     let scratch = Scratch::new();
     let whole = animated(&scratch, "whole", &[]);
-    let parts = animated(&scratch, "parts", &["--steps", "17"]);
+    let resumed = animated(&scratch, "parts", &["--steps", "17"]);
     let page = |out: &str| fs::read_to_string(format!("{out}/animation.html")).unwrap();
-    assert_eq!(scene(&page(&parts))["frames"].as_array().unwrap().len(), 18);
-    let frames = parts.clone() + "/animation.frames";
+    assert_eq!(scene(&page(&resumed))["frames"].as_array().unwrap().len(), 18);
+    let frames = resumed.clone() + "/animation.frames";
     fs::write(&frames, [fs::read(&frames).unwrap(), vec![1, 2, 3]].concat()).unwrap();
     animated(&scratch, "parts", &["--resume"]);
-    assert!(page(&parts) == page(&whole), "the page is another one");
+    assert!(page(&resumed) == page(&whole), "the page is another one");
     let scenario = scratch.path("clouds.toml");
-    let run = LAZYGRID.run(["simulate", &scenario, "--output", &parts, "--resume"]).fails();
+    let run = LAZYGRID.run(["simulate", &scenario, "--output", &resumed, "--resume"]).fails();
     assert!(run.err.contains("it has an animation; give --animate --animate-every 1"), "{}", run.err);
 
     let few = scene(&page(&animated(&scratch, "few", &["--animate-particles", "200"])));
@@ -187,7 +187,7 @@ const SIZE: [usize; 2] = [1000, 640];
 
 fn screenshot(browser: &str, scratch: &Scratch, page: &str, hash: &str, more: &[&str]) -> Vec<[u8; 3]> {
     let shot = scratch.path("shot.png");
-    let done = Command::new(browser)
+    let output = Command::new(browser)
         .args(["--headless", "--no-sandbox", "--hide-scrollbars", "--force-device-scale-factor=1"])
         .args(["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--virtual-time-budget=2000"])
         .arg(format!("--window-size={},{}", SIZE[0], SIZE[1]))
@@ -199,7 +199,7 @@ fn screenshot(browser: &str, scratch: &Scratch, page: &str, hash: &str, more: &[
         .stdin(Stdio::null())
         .output()
         .unwrap();
-    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     decoded(&fs::read(shot).unwrap(), SIZE)
 }
 
@@ -210,15 +210,15 @@ fn hued(pixels: &[[u8; 3]], like: [u8; 3]) -> usize {
 fn rows_of(pixels: &[[u8; 3]], like: [u8; 3]) -> Vec<usize> {
     let chroma = |[r, g, b]: [u8; 3]| {
         let mean = (f64::from(r) + f64::from(g) + f64::from(b)) / 3.0;
-        let parts = [r, g, b].map(|c| f64::from(c) - mean);
-        (parts, parts.iter().map(|c| c * c).sum::<f64>().sqrt())
+        let differences = [r, g, b].map(|c| f64::from(c) - mean);
+        (differences, differences.iter().map(|c| c * c).sum::<f64>().sqrt())
     };
     let (wanted, size) = chroma(like);
     let rows = pixels.chunks_exact(SIZE[0]).take(SIZE[1] - 60);
     let is_like = |pixel: &&[u8; 3]| {
-        let (own, own_size) = chroma(**pixel);
-        let product: f64 = own.iter().zip(&wanted).map(|(a, b)| a * b).sum();
-        own_size > 40.0 && product / (own_size * size) > 0.97
+        let (chromaticity, pixel_size) = chroma(**pixel);
+        let product: f64 = chromaticity.iter().zip(&wanted).map(|(a, b)| a * b).sum();
+        pixel_size > 40.0 && product / (pixel_size * size) > 0.97
     };
     let found =
         |(at, row): (usize, &'_ [[u8; 3]])| vec![at; row[..SIZE[0] - 360].iter().filter(is_like).count()];

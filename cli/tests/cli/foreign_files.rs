@@ -100,16 +100,16 @@ fn resumed_replicas_leave_files_of_others_alone() {
     let second = run.clone() + "/replica-0001/";
     fs::create_dir(&second).unwrap();
     for name in ["series.csv", "frame-000000002.npy", "bit-errors.csv"] {
-        let own = second.clone() + name;
-        fs::write(&own, "the work of years\n").unwrap();
+        let foreign = second.clone() + name;
+        fs::write(&foreign, "the work of years\n").unwrap();
         // A refused run must not claim the files.
         for _ in 0..2 {
             let said = simulate("2", &["--resume"]).fails().err;
             let message = format!("it holds a file {name} of no run that can be continued; move the file");
             assert!(said.contains(&message), "{said}");
-            assert_eq!(fs::read_to_string(&own).unwrap(), "the work of years\n");
+            assert_eq!(fs::read_to_string(&foreign).unwrap(), "the work of years\n");
         }
-        fs::remove_file(own).unwrap();
+        fs::remove_file(foreign).unwrap();
     }
     // A run that ends before its first checkpoint keeps its own files.
     let frame = second.clone() + "frame-000000000.npy";
@@ -177,9 +177,9 @@ fn report_replaces_own_files_with_other_line_ends() {
     };
     simulate("20", &[]).succeeds();
     let plots = fs::read_dir(run.clone() + "/plots").unwrap().map(|entry| entry.unwrap().path());
-    let parts =
+    let files =
         ["impulse-response.csv", "interference.csv", "bit-errors.csv", "by-symbol.csv", "report.html"];
-    for path in parts.map(|name| Path::new(&run).join(name)).into_iter().chain(plots) {
+    for path in files.map(|name| Path::new(&run).join(name)).into_iter().chain(plots) {
         let text = fs::read_to_string(&path).unwrap();
         fs::write(&path, text.replace('\n', "\r\n")).unwrap();
     }
@@ -215,25 +215,25 @@ fn resumed_run_refuses_reports_of_others_before_its_first_step() {
         }
         for name in names {
             let path = format!("{run}/{name}");
-            let own = fs::read(&path).unwrap();
+            let bytes = fs::read(&path).unwrap();
             fs::write(&path, "the work of years\n").unwrap();
             let before = files(&run);
             let said = simulate("21", &["--resume"]).fails().err;
             let name = name.rsplit_once("000/").or(name.rsplit_once("001/")).map_or(name, |(_, name)| name);
             assert!(said.contains(&format!("it holds a file {name} ")), "{said}");
             assert!(files(&run) == before, "{runs:?}, {name}: files have changed");
-            fs::write(&path, own).unwrap();
+            fs::write(&path, bytes).unwrap();
         }
         if k == 2 {
             let path = format!("{run}/point-0000/report.html");
-            let own = fs::read(&path).unwrap();
+            let bytes = fs::read(&path).unwrap();
             fs::write(&path, "the work of years\n").unwrap();
             let more = ["--resume", "--sweep", "transmitter.tx.release.0.count=5,6,7"];
             let args = ["simulate", &file, "--output", &run, "--report", "--steps", "20"];
             let said = LAZYGRID.run(args.iter().chain(&more)).fails().err;
             assert!(said.contains("it holds a file report.html "), "{said}");
             assert!(!Path::new(&format!("{run}/point-0002/checkpoint")).exists());
-            fs::write(&path, own).unwrap();
+            fs::write(&path, bytes).unwrap();
             fs::write(run.clone() + "/bit-errors.csv", "the work of years\n").unwrap();
         }
         let mine = scratch.write(&format!("run-{k}/plots/mine.svg"), "the work of years\n");
@@ -325,10 +325,10 @@ fn sweep_leaves_scenarios_of_others_alone() {
         LAZYGRID.run(["simulate", &file, "--output", &run, "--sweep", &values].iter().chain(more))
     };
     fs::create_dir_all(run.clone() + "/point-0001").unwrap();
-    let own = scratch.write("run/point-0001/scenario.toml", "the work of years\n");
+    let foreign = scratch.write("run/point-0001/scenario.toml", "the work of years\n");
     let is_left = |said: &str| {
         assert!(said.contains("it holds a file scenario.toml") && said.contains("--overwrite"), "{said}");
-        assert_eq!(fs::read_to_string(&own).unwrap(), "the work of years\n");
+        assert_eq!(fs::read_to_string(&foreign).unwrap(), "the work of years\n");
     };
     is_left(&sweep("1e-3,2e-3", &[]).fails().err);
     assert!(!fs::exists(run.clone() + "/points.csv").unwrap());
@@ -337,8 +337,8 @@ fn sweep_leaves_scenarios_of_others_alone() {
     sweep("1e-3", &["--overwrite"]).succeeds();
     is_left(&sweep("1e-3,2e-3", &["--resume"]).fails().err);
     sweep("1e-3,2e-3", &["--overwrite"]).succeeds();
-    assert!(fs::read_to_string(&own).unwrap().starts_with("steps = 2"));
+    assert!(fs::read_to_string(&foreign).unwrap().starts_with("steps = 2"));
     sweep("1e-3", &["--overwrite"]).succeeds();
-    assert!(!fs::exists(&own).unwrap());
+    assert!(!fs::exists(&foreign).unwrap());
     sweep("1e-3,2e-3", &["--resume"]).succeeds();
 }

@@ -93,7 +93,7 @@ fn an_adapter_is_chosen_by_index_or_by_name() {
 
 #[test]
 #[cfg(target_os = "linux")]
-fn the_calibration_is_kept_and_used() {
+fn the_calibration_is_stored_and_used() {
     if !has_gpu() {
         assert!(lazygrid(["calibrate"]).fails().err.contains("no GPU adapter"));
         return;
@@ -111,21 +111,21 @@ fn the_calibration_is_kept_and_used() {
     let file = scratch.path("cache/lazygrid/calibration.json");
     let run = LAZYGRID.run_with_cache(&cache, &["calibrate"]).succeeds();
     assert!(run.out.contains(&lazygrid::gpu::adapters()[0].name) && run.out.contains(&file), "{}", run.out);
-    let kept: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
-    let below = kept["calibrations"][0]["naive_below"].as_u64().unwrap();
-    assert!(kept["calibrations"][0]["skin"]["search_ns"].as_f64().unwrap() > 0.0, "{kept}");
+    let stored: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
+    let below = stored["calibrations"][0]["naive_below"].as_u64().unwrap();
+    assert!(stored["calibrations"][0]["skin"]["search_ns"].as_f64().unwrap() > 0.0, "{stored}");
     assert!(run.out.contains("nanoseconds for each sphere"), "{}", run.out);
     let (measured, _) = reason();
     assert!(measured.contains("(measured on this adapter)"), "{measured}");
-    let at = below + 2 * kept["calibrations"][0]["per_class"].as_u64().unwrap();
-    assert!(measured.contains(&format!(" {at} ")), "{measured}, {kept}");
+    let at = below + 2 * stored["calibrations"][0]["per_class"].as_u64().unwrap();
+    assert!(measured.contains(&format!(" {at} ")), "{measured}, {stored}");
 
     let other = fs::read_to_string(&file).unwrap().replace(env!("CARGO_PKG_VERSION"), "0.0.0");
     fs::write(&file, other).unwrap();
     assert!(reason().0.contains("not measured on this"));
     LAZYGRID.run_with_cache(&cache, &["calibrate"]).succeeds();
-    let kept: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
-    assert_eq!(kept["calibrations"].as_array().unwrap().len(), 1);
+    let stored: Value = serde_json::from_str(&fs::read_to_string(&file).unwrap()).unwrap();
+    assert_eq!(stored["calibrations"].as_array().unwrap().len(), 1);
 
     fs::write(&file, "{\"calibrations\": [{").unwrap();
     let (assumed, warning) = reason();

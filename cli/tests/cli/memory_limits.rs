@@ -107,13 +107,13 @@ fn commands_under_any_memory_limit_end_without_a_signal() {
 #[test]
 fn checkpoints_and_series_that_do_not_fit_are_refused() {
     let scratch = Scratch::new();
-    let crowd = scratch.write("crowd.toml", &BURST.replace("COUNT", "500000"));
+    let many_spheres = scratch.write("crowd.toml", &BURST.replace("COUNT", "500000"));
     let species: String = (0..4000).map(|k| format!("[[species]]\nname = \"S{k}\"\n")).collect();
     let wide = scratch.write("wide.toml", &format!("time-step = 1e-3\nsteps = 300\n{species}"));
     let [crowded, means] = ["crowded", "means"].map(|name| scratch.path(name));
-    let resume_crowd = ["simulate", &crowd, "--output", &crowded, "--threads", "1", "--steps", "0"];
+    let resume_many = ["simulate", &many_spheres, "--output", &crowded, "--threads", "1", "--steps", "0"];
     let replicas = ["simulate", &wide, "--output", &means, "--threads", "1", "--replicas", "2"];
-    for (command, refused) in [(&resume_crowd, "contents of the checkpoint"), (&replicas, "counts need")] {
+    for (command, refused) in [(&resume_many, "contents of the checkpoint"), (&replicas, "counts need")] {
         LAZYGRID.run(command).succeeds();
         let command = [&command[..], &["--resume"]].concat();
         let all: Vec<_> = (60..200).step_by(12).map(|limit| limited(limit, &command)).collect();

@@ -144,7 +144,7 @@ mod stopped {
     fn files_of_a_killed_run_are_removed_at_the_next_use_of_the_directory() {
         let scratch = Scratch::new();
         let file = scratch.write("ok.csv", SPHERES);
-        let own = scratch.write(".lazygrid-notes.part", "mine");
+        let foreign = scratch.write(".lazygrid-notes.part", "mine");
         let mut killed = begun(&scratch);
         let mut live = begun(&scratch);
         killed.kill().unwrap();
@@ -157,6 +157,6 @@ mod stopped {
         assert!(live.wait().unwrap().success());
         assert_eq!(table(&scratch.path("pairs.csv")), [[0, 1]]);
         assert_eq!(scratch.names(), [".lazygrid-notes.part", "ok.csv", "other.csv", "pairs.csv"]);
-        assert_eq!(fs::read_to_string(own).unwrap(), "mine");
+        assert_eq!(fs::read_to_string(foreign).unwrap(), "mine");
     }
 }

@@ -12,8 +12,8 @@ fn brute_force(spheres: &[Sphere], lengths: [Option<f64>; 3]) -> Vec<[u32; 2]> {
             let d = f64::from(a.center[axis]) - f64::from(b.center[axis]);
             lengths[axis].map_or(d, |length| d - length * (d / length).round())
         });
-        let reach = f64::from(a.radius) + f64::from(b.radius);
-        differences.into_iter().map(|d| d * d).sum::<f64>() <= reach * reach
+        let cutoff = f64::from(a.radius) + f64::from(b.radius);
+        differences.into_iter().map(|d| d * d).sum::<f64>() <= cutoff * cutoff
     };
     let n = spheres.len();
     let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| [i, j]));
@@ -97,16 +97,16 @@ fn a_box_may_change_from_frame_to_frame() {
     assert_eq!(counts, boxes.map(|lengths| brute_force(&spheres(), lengths).len()));
 }
 
-fn brute_force_of_edges(spheres: &[Sphere], edges: [[f64; 3]; 3]) -> Vec<[u32; 2]> {
+fn brute_force_of_vectors(spheres: &[Sphere], vectors: [[f64; 3]; 3]) -> Vec<[u32; 2]> {
     let steps = (0..343).map(|k| [k % 7 - 3, k / 7 % 7 - 3, k / 49 - 3].map(f64::from));
     let images: Vec<[f64; 3]> =
-        steps.map(|n| [0, 1, 2].map(|axis| (0..3).map(|edge| n[edge] * edges[edge][axis]).sum())).collect();
+        steps.map(|n| [0, 1, 2].map(|axis| (0..3).map(|k| n[k] * vectors[k][axis]).sum())).collect();
     let touch = |a: &Sphere, b: &Sphere| {
         let d = [0, 1, 2].map(|axis| f64::from(a.center[axis]) - f64::from(b.center[axis]));
-        let reach = f64::from(a.radius) + f64::from(b.radius);
+        let cutoff = f64::from(a.radius) + f64::from(b.radius);
         images
             .iter()
-            .any(|image| (0..3).map(|axis| (d[axis] + image[axis]).powi(2)).sum::<f64>() <= reach * reach)
+            .any(|image| (0..3).map(|axis| (d[axis] + image[axis]).powi(2)).sum::<f64>() <= cutoff * cutoff)
     };
     let n = spheres.len();
     let pairs = (0..n).flat_map(|i| (i + 1..n).map(move |j| [i, j]));
@@ -116,7 +116,8 @@ fn brute_force_of_edges(spheres: &[Sphere], edges: [[f64; 3]; 3]) -> Vec<[u32; 2
 #[test]
 fn a_box_that_leans_is_used_and_said() {
     let scratch = Scratch::new();
-    let expected = brute_force_of_edges(&spheres(), [[16.0, 0.0, 0.0], [2.0, 16.0, 0.0], [0.0, -3.0, 16.0]]);
+    let expected =
+        brute_force_of_vectors(&spheres(), [[16.0, 0.0, 0.0], [2.0, 16.0, 0.0], [0.0, -3.0, 16.0]]);
     assert_ne!(expected.len(), brute_force(&spheres(), [Some(16.0); 3]).len());
     let output = scratch.path("pairs.csv");
     for (name, text) in [

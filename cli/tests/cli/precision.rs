@@ -10,9 +10,9 @@ use serde_json::json;
 use crate::{LAZYGRID, detect};
 
 type Rows = Vec<[f64; 4]>;
-type Edges = [Option<[f64; 3]>; 3];
+type CellVectors = [Option<[f64; 3]>; 3];
 
-const UNBOUNDED: Edges = [None; 3];
+const UNBOUNDED: CellVectors = [None; 3];
 
 struct Random(u64);
 
@@ -27,18 +27,18 @@ fn dot([x, y, z]: [f64; 3]) -> f64 {
     x * x + y * y + z * z
 }
 
-fn image(a: &[f64; 4], b: &[f64; 4], edges: &Edges, s: [f64; 3]) -> [f64; 3] {
-    let e = edges.map(|edge| edge.unwrap_or_default());
+fn image(a: &[f64; 4], b: &[f64; 4], vectors: &CellVectors, s: [f64; 3]) -> [f64; 3] {
+    let e = vectors.map(|vector| vector.unwrap_or_default());
     [0, 1, 2].map(|k| (b[k] - a[k]) + (s[0] * e[0][k] + s[1] * e[1][k] + s[2] * e[2][k]))
 }
 
-fn brute_force(rows: &[[f64; 4]], edges: &Edges) -> Vec<[u32; 2]> {
+fn brute_force(rows: &[[f64; 4]], vectors: &CellVectors) -> Vec<[u32; 2]> {
     let multiples = (0..27).map(|k| [k % 3 - 1, k / 3 % 3 - 1, k / 9 - 1].map(f64::from));
-    let is_image = |s: &[f64; 3]| (0..3).all(|k| s[k] == 0.0 || edges[k].is_some());
+    let is_image = |s: &[f64; 3]| (0..3).all(|k| s[k] == 0.0 || vectors[k].is_some());
     let multiples: Vec<_> = multiples.filter(is_image).collect();
     let touch = |a: &[f64; 4], b: &[f64; 4]| {
-        let reach = a[3] + b[3];
-        multiples.iter().any(|&s| dot(image(a, b, edges, s)) <= reach * reach)
+        let cutoff = a[3] + b[3];
+        multiples.iter().any(|&s| dot(image(a, b, vectors, s)) <= cutoff * cutoff)
     };
     let pairs = (0..rows.len()).flat_map(|i| (i + 1..rows.len()).map(move |j| [i, j]));
     pairs.filter(|&[i, j]| touch(&rows[i], &rows[j])).map(|pair| pair.map(|k| k as u32)).collect()
@@ -49,26 +49,26 @@ fn in_f32(rows: &[[f64; 4]]) -> Rows {
 }
 
 /// Returns tangent pairs, and asserts that `f32` finds others.
-fn tangent(edges: &Edges, seed: u64) -> Rows {
+fn tangent(vectors: &CellVectors, seed: u64) -> Rows {
     let mut random = Random(seed);
     let mut rows = Rows::new();
     for k in 0..60 {
         let a = [0, 1, 2].map(|_| 9.9 * random.next());
         let radii = [0, 1].map(|_| 0.05 + 0.2 * random.next());
-        let way = [0, 1, 2].map(|_| random.next() - 0.5);
-        let scale = (radii[0] + radii[1]) / dot(way).sqrt();
-        let mut b = [0, 1, 2].map(|k| a[k] + scale * way[k]);
-        for edge in (0..3).filter_map(|axis| edges[axis].map(|edge| (axis, edge))) {
-            let (axis, edge) = edge;
-            let out = f64::from(u8::from(b[axis] < 0.0)) - f64::from(u8::from(b[axis] >= edge[axis]));
-            b = [0, 1, 2].map(|k| b[k] + out * edge[k]);
+        let direction = [0, 1, 2].map(|_| random.next() - 0.5);
+        let scale = (radii[0] + radii[1]) / dot(direction).sqrt();
+        let mut b = [0, 1, 2].map(|k| a[k] + scale * direction[k]);
+        for vector in (0..3).filter_map(|axis| vectors[axis].map(|vector| (axis, vector))) {
+            let (axis, vector) = vector;
+            let out = f64::from(u8::from(b[axis] < 0.0)) - f64::from(u8::from(b[axis] >= vector[axis]));
+            b = [0, 1, 2].map(|k| b[k] + out * vector[k]);
         }
         let bits = b[0].abs().to_bits().wrapping_add_signed(k % 5 - 2);
         b[0] = f64::from_bits(bits).copysign(b[0]);
         rows.push([a[0], a[1], a[2], radii[0]]);
         rows.push([b[0], b[1], b[2], radii[1]]);
     }
-    let (exact, rounded) = (brute_force(&rows, edges), brute_force(&in_f32(&rows), edges));
+    let (exact, rounded) = (brute_force(&rows, vectors), brute_force(&in_f32(&rows), vectors));
     assert!(exact.len() > 20 && exact != rounded, "{} pairs", exact.len());
     rows
 }
@@ -93,15 +93,15 @@ fn dump(rows: &[[f64; 4]], bounds: &str) -> String {
     format!("{head}ITEM: BOX BOUNDS {bounds}\nITEM: ATOMS x y z radius\n{}", lines(rows, " "))
 }
 
-fn array(descr: &str, shape: &str, body: Vec<u8>) -> Vec<u8> {
+fn array(descr: &str, shape: &str, data: Vec<u8>) -> Vec<u8> {
     let header = format!("{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}\n");
     let start = [b"\x93NUMPY\x01\x00", &(header.len() as u16).to_le_bytes()[..], header.as_bytes()].concat();
-    [start, body].concat()
+    [start, data].concat()
 }
 
 fn doubles(rows: &[[f64; 4]]) -> Vec<u8> {
-    let body = rows.as_flattened().iter().flat_map(|number| number.to_le_bytes()).collect();
-    array("'<f8'", &format!("({}, 4)", rows.len()), body)
+    let data = rows.as_flattened().iter().flat_map(|number| number.to_le_bytes()).collect();
+    array("'<f8'", &format!("({}, 4)", rows.len()), data)
 }
 
 fn check(scratch: &Scratch, file: &str, options: &[&str], expected: &[[u32; 2]]) {
@@ -159,24 +159,25 @@ fn spheres_in_boxes_are_decided_in_f64() {
     let slab = [orthogonal[0], orthogonal[1], None];
     let residue = [Some([10.1, 0.0, 0.0]), Some([1e-9, 10.3, 0.0]), Some([0.0, 0.0, high - long])];
     let tilted = [Some([10.1, 0.0, 0.0]), Some([0.7, 10.3, 0.0]), Some([0.0, 0.1, high - long])];
-    let lattice = |edges: &Edges| {
-        let numbers = edges.map(|edge| edge.unwrap_or([0.0, 0.0, 1.0]).map(|x| format!("{x:?}")).join(" "));
-        let pbc = edges.map(|edge| if edge.is_some() { "T" } else { "F" }).join(" ");
+    let lattice = |vectors: &CellVectors| {
+        let numbers =
+            vectors.map(|vector| vector.unwrap_or([0.0, 0.0, 1.0]).map(|x| format!("{x:?}")).join(" "));
+        let pbc = vectors.map(|vector| if vector.is_some() { "T" } else { "F" }).join(" ");
         format!("Lattice=\"{}\" pbc=\"{pbc}\"", numbers.join(" "))
     };
-    for (seed, edges) in (2..).zip([orthogonal, slab, residue, tilted]) {
-        let rows = tangent(&edges, seed);
-        let expected = brute_force(&rows, &edges);
-        let file = scratch.write("a.xyz", &xyz(&rows, &lattice(&edges)));
+    for (seed, vectors) in (2..).zip([orthogonal, slab, residue, tilted]) {
+        let rows = tangent(&vectors, seed);
+        let expected = brute_force(&rows, &vectors);
+        let file = scratch.write("a.xyz", &xyz(&rows, &lattice(&vectors)));
         check(&scratch, &file, &[], &expected);
-        let length = |k: usize| edges[k].map_or("-".to_owned(), |edge| format!("{:?}", edge[k]));
+        let length = |k: usize| vectors[k].map_or("-".to_owned(), |vector| format!("{:?}", vector[k]));
         let periodic = [0, 1, 2].map(length).join(",");
-        let part = |k: usize, axis: usize| edges[k].map_or(0.0, |edge| edge[axis]);
-        let tilt = format!("{:?},{:?},{:?}", part(1, 0), part(2, 0), part(2, 1));
+        let component = |k: usize, axis: usize| vectors[k].map_or(0.0, |vector| vector[axis]);
+        let tilt = format!("{:?},{:?},{:?}", component(1, 0), component(2, 0), component(2, 1));
         let file = scratch.path("a.npy");
         fs::write(&file, doubles(&rows)).unwrap();
         check(&scratch, &file, &["--periodic", &periodic, "--tilt", &tilt], &expected);
-        if edges == orthogonal {
+        if vectors == orthogonal {
             let bounds = format!("pp pp pp\n0 10.1\n0 10.3\n{long:?} {high:?}");
             let file = scratch.write("a.dump", &dump(&rows, &bounds));
             check(&scratch, &file, &[], &expected);

@@ -201,9 +201,9 @@ fn incomplete_files_of_a_killed_run_are_removed_by_the_next_one() {
     let run = scratch.path("run");
     LAZYGRID.run(["simulate", &file, "--output", &run]).succeeds();
     let left = scratch.write("run/.lazygrid-draft-aB3xY9", "half a checkpoint");
-    let kept = scratch.write("run/.draft-thesis", "mine");
+    let foreign = scratch.write("run/.draft-thesis", "mine");
     LAZYGRID.run(["simulate", &file, "--output", &run, "--resume", "--steps", "3"]).succeeds();
-    assert!(!fs::exists(left).unwrap() && fs::exists(kept).unwrap());
+    assert!(!fs::exists(left).unwrap() && fs::exists(foreign).unwrap());
 }
 
 #[test]

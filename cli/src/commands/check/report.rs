@@ -66,13 +66,13 @@ impl Report {
             Effort::Default => "",
             Effort::Full => " --full",
         };
-        report.keep("version", env!("CARGO_PKG_VERSION"));
-        report.keep("cpu", devices::cpu());
+        report.record("version", env!("CARGO_PKG_VERSION"));
+        report.record("cpu", devices::cpu());
         report.say(&format!("cpu        {}\n", devices::cpu()));
         match gpu.map(|gpu| &gpu.own.adapter) {
             Some(adapter) => {
                 let subgroups = devices::subgroups(adapter);
-                report.keep(
+                report.record(
                     "gpu",
                     json!({
                         "name": adapter.name, "driver": adapter.driver, "api": adapter.api,
@@ -88,10 +88,10 @@ impl Report {
                 report.say(&format!("gpu        {line}\n"));
             }
             None => {
-                report.keep("gpu", Value::Null);
+                report.record("gpu", Value::Null);
                 if let Some(reason) = skipped {
                     report.say(&format!("gpu        not checked: {reason}\n"));
-                    report.keep("gpu_skipped", reason);
+                    report.record("gpu_skipped", reason);
                 }
             }
         }
@@ -120,12 +120,12 @@ impl Report {
         }
     }
 
-    fn keep(&mut self, name: &str, value: impl Into<Value>) {
+    fn record(&mut self, name: &str, value: impl Into<Value>) {
         self.object.insert(name.to_owned(), value.into());
     }
 
     pub(super) fn kernels(&mut self, kernels: usize, time: Duration) {
-        self.keep("kernels", json!({ "checked": kernels, "seconds": time.as_secs_f64() }));
+        self.record("kernels", json!({ "checked": kernels, "seconds": time.as_secs_f64() }));
         self.say(&format!("kernels    {kernels} against sequential functions, {time:.1?}\n"));
     }
 
@@ -136,9 +136,9 @@ impl Report {
         time: Duration,
     ) {
         let object = |searches: &[(String, usize)]| -> Map<String, Value> {
-            searches.iter().map(|(way, searches)| (way.clone(), (*searches).into())).collect()
+            searches.iter().map(|(variant, searches)| (variant.clone(), (*searches).into())).collect()
         };
-        self.keep(
+        self.record(
             "scenes",
             json!({
                 "scenes": scenes, "ways_on_gpu": gpu, "ways_on_cpu": cpu, "left_out": object(left_out),
@@ -146,18 +146,22 @@ impl Report {
                 "seconds": time.as_secs_f64(),
             }),
         );
-        let ways = [(gpu, "gpu"), (cpu, "cpu")].into_iter().filter(|(ways, _)| *ways > 0);
-        let ways: Vec<String> = ways.map(|(ways, on)| format!("in {ways} ways on the {on}")).collect();
+        let variants = [(gpu, "gpu"), (cpu, "cpu")].into_iter().filter(|(variants, _)| *variants > 0);
+        let variants: Vec<String> =
+            variants.map(|(variants, on)| format!("in {variants} ways on the {on}")).collect();
         let listed = |why: &str, searches: &[(String, usize)]| match searches {
             [] => String::new(),
             _ => {
-                let each = searches.iter().map(|(way, searches)| format!("{searches} of {way}"));
+                let each = searches.iter().map(|(variant, searches)| format!("{searches} of {variant}"));
                 format!("; {why}: {}", each.collect::<Vec<_>>().join(", "))
             }
         };
         let left_out = listed("left out as too long", left_out);
         let not_taken = listed("left out as filtered on the host, with subgroups only", not_taken);
-        self.say(&format!("scenes     {scenes} {}, {time:.1?}{left_out}{not_taken}\n", ways.join(" and ")));
+        self.say(&format!(
+            "scenes     {scenes} {}, {time:.1?}{left_out}{not_taken}\n",
+            variants.join(" and ")
+        ));
     }
 
     pub(super) fn fuzz(&mut self, seed: u64, rounds: u64, tally: &Tally, time: Duration) {
@@ -165,7 +169,7 @@ impl Report {
         let of_sequences =
             json!({ "number": sequences, "calls": calls, "served": served, "refused": refused });
         let seconds = time.as_secs_f64();
-        self.keep(
+        self.record(
             "fuzz",
             json!({ "first_seed": seed, "rounds": rounds, "sequences": of_sequences, "seconds": seconds }),
         );
@@ -175,8 +179,8 @@ impl Report {
         ));
     }
 
-    pub(super) fn primitives(&mut self, own_clock: bool, rows: Vec<Primitive>) {
-        let clock = if own_clock { "the GPU's clock" } else { "wall time" };
+    pub(super) fn primitives(&mut self, has_gpu_clock: bool, rows: Vec<Primitive>) {
+        let clock = if has_gpu_clock { "the GPU's clock" } else { "wall time" };
         let mut text =
             format!("\n{:<15}{:>11}{:>12}{:>10}   of a copy, {clock}\n", "", "values", "ms", "GB/s");
         for Primitive { what, values, seconds, bandwidth, of_copy } in &rows {
@@ -197,7 +201,7 @@ impl Report {
                 })
             })
             .collect();
-        self.keep("primitives", json!({ "clock": clock, "rows": rows }));
+        self.record("primitives", json!({ "clock": clock, "rows": rows }));
         self.say(&text);
     }
 
@@ -311,10 +315,10 @@ impl Report {
         let [speeds, left_out, failed] =
             [&mut self.speeds, &mut self.left_out, &mut self.failures].map(std::mem::take);
         for (name, list) in [("speeds", speeds), ("left_out", left_out), ("failures", failed)] {
-            self.keep(name, list);
+            self.record(name, list);
         }
-        self.keep("seconds", time.as_secs_f64());
-        self.keep("ok", failures == 0);
+        self.record("seconds", time.as_secs_f64());
+        self.record("ok", failures == 0);
         if self.is_json {
             self.printer.print(format!("{}\n", Value::Object(self.object)));
         } else if failures == 0 {

@@ -65,10 +65,10 @@ fn primitives(work: &Work<'_>, gpu: &Gpu, report: &mut Report) {
         Ok((watch.has_gpu_timestamps(), rows))
     });
     match measured {
-        Ok((own_clock, rows)) => work.tell(|| report.primitives(own_clock, rows)),
+        Ok((has_gpu_clock, rows)) => work.suspend_bar(|| report.primitives(has_gpu_clock, rows)),
         Err(what) => {
             let name = "copy, scan and sort by the clock".to_owned();
-            work.tell(|| report.failure(FailedCase { name, what, ..FailedCase::default() }))
+            work.suspend_bar(|| report.failure(FailedCase { name, what, ..FailedCase::default() }))
         }
     }
 }
@@ -96,7 +96,7 @@ impl<'a> Race<'a> {
     }
 
     fn run(mut self, scenes: &[Scene], algorithms: &[Algorithm], report: &mut Report) {
-        self.work.tell(|| report.speeds_of(self.backend));
+        self.work.suspend_bar(|| report.speeds_of(self.backend));
         let mut sizes = speed::SIZES.to_vec();
         match self.work.args.effort() {
             Effort::Quick => sizes.truncate(1),
@@ -129,14 +129,14 @@ impl<'a> Race<'a> {
         }
         if let Some(why) = self.too_long(forecast(algorithm, &runner.times, n)) {
             runner.is_out = true;
-            return self.work.tell(|| report.left_out(called, &why));
+            return self.work.suspend_bar(|| report.left_out(called, &why));
         }
         if spheres.is_empty() {
             // The scene draws all radii first.
             let needed = n * (size_of::<Sphere>() + size_of::<f32>());
             if let Err(why) = speed::check_memory(needed as u64) {
                 runner.is_out = true;
-                return self.work.tell(|| report.left_out(called, &why));
+                return self.work.suspend_bar(|| report.left_out(called, &why));
             }
             *spheres = scene.spheres(n, 0);
         }
@@ -146,18 +146,18 @@ impl<'a> Race<'a> {
         match speed {
             Ok(speed) => {
                 runner.times.push((n, speed.seconds));
-                self.work.tell(|| report.speed(called, &speed))
+                self.work.suspend_bar(|| report.speed(called, &speed))
             }
             // An algorithm that never runs is a failure.
             Err(SkipReason::TooLarge(what)) if n > speed::SIZES[0] => {
                 runner.is_out = true;
-                self.work.tell(|| report.left_out(called, &what))
+                self.work.suspend_bar(|| report.left_out(called, &what))
             }
             Err(SkipReason::TooLarge(what) | SkipReason::Failed(what)) => {
                 runner.is_out = true;
                 let name = format!("{algorithm} on {}, {n} spheres, {scene}", self.backend);
                 let fault = FailedCase { name, what, ..FailedCase::default() };
-                self.work.tell(|| report.failure(fault))
+                self.work.suspend_bar(|| report.failure(fault))
             }
         }
     }

@@ -28,7 +28,7 @@ impl Excluded {
     }
 
     /// Requires ascending ids.
-    pub(crate) fn of(&mut self, frame: &Frame, number: usize) -> Result<Exclusions, CliError> {
+    pub(crate) fn exclusions(&mut self, frame: &Frame, number: usize) -> Result<Exclusions, CliError> {
         let refused = |reason: Error| CliError::Excluded {
             path: self.path.clone(),
             frame: number,

@@ -122,10 +122,10 @@ impl fmt::Display for Summary {
     }
 }
 
-fn candidates_object(kept: &lazygrid::CandidateListStats) -> Value {
+fn candidates_object(stats: &lazygrid::CandidateListStats) -> Value {
     json!({
-        "count": kept.count, "age": kept.age, "displacement_fraction": kept.displacement_fraction,
-        "rebuilt": kept.rebuilt.map(|why| why.to_string()),
+        "count": stats.count, "age": stats.age, "displacement_fraction": stats.displacement_fraction,
+        "rebuilt": stats.rebuilt.map(|why| why.to_string()),
     })
 }
 
@@ -144,11 +144,11 @@ pub(crate) fn cost_text(cost: &gpu::CallCost) -> String {
 
 fn lengths(space: Space) -> String {
     if space.triclinic_cell().is_some() {
-        let edges = space.cell_vectors().map(|edge| match edge {
+        let vectors = space.cell_vectors().map(|vector| match vector {
             None => "-".to_owned(),
             Some([x, y, z]) => format!("({x},{y},{z})"),
         });
-        return format!("along {}", edges.join(" "));
+        return format!("along {}", vectors.join(" "));
     }
     if !space.is_periodic() {
         return "none".to_owned();

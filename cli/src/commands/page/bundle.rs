@@ -29,7 +29,7 @@ pub(super) enum Limits {
 }
 
 impl Limits {
-    pub(super) fn of_device(self) -> DeviceLimits {
+    pub(super) fn device_limits(self) -> DeviceLimits {
         let mut limits = wgpu::Limits { max_storage_buffers_per_shader_stage: 16, ..wgpu::Limits::default() };
         if self == Self::Large {
             limits.max_storage_buffer_binding_size = 1 << 30;
@@ -170,7 +170,7 @@ fn size(bundle: &mut Bundle, spheres: u32) -> Result<Value, CliError> {
         }
         let mut of_limits = Vec::new();
         for limits in [Limits::Large, Limits::Default] {
-            let planner = Planner::new(config(algorithm), limits.of_device()).count_in_buffer(true);
+            let planner = Planner::new(config(algorithm), limits.device_limits()).count_in_buffer(true);
             match planner.plan(spheres) {
                 Ok(plan) => of_limits.push(bundle.add(&plan)?),
                 // Larger limits have a plan.
@@ -181,7 +181,7 @@ fn size(bundle: &mut Bundle, spheres: u32) -> Result<Value, CliError> {
         of_limits.dedup();
         calls.insert(algorithm.name().to_owned(), of_limits.into());
     }
-    let auto = Planner::new(config(Algorithm::Auto), Limits::Large.of_device())
+    let auto = Planner::new(config(Algorithm::Auto), Limits::Large.device_limits())
         .plan(spheres)
         .map_err(CliError::Setting)?
         .algorithm;

@@ -109,13 +109,13 @@ fn calls(bundle: &mut Bundle, scenario: &TestInput, capacity: u32, scene: &Value
         [1 << 12, 1 << 14, 1 << 17].into_iter().find(|&pairs| u64::from(pairs) >= most).unwrap_or(1 << 21);
     let mut calls = Vec::new();
     for &algorithm in Algorithm::GPU {
-        let ways: &[(&str, u32)] = match algorithm {
+        let sorts: &[(&str, u32)] = match algorithm {
             Algorithm::Naive if capacity > MOST_NAIVE => &[],
             Algorithm::Naive => &[("all pairs", 0)],
             Algorithm::CellList => &[("counting sort", u32::MAX), ("radix sort", 0)],
             _ => &[("radix sort", 0)],
         };
-        for &(way, radix_sort_from) in ways {
+        for &(sort, radix_sort_from) in sorts {
             let interactions = scenario.interactions().map_err(|error| CliError::Setting(error.into()))?;
             let config = GpuConfig::default()
                 .algorithm(algorithm)
@@ -123,14 +123,14 @@ fn calls(bundle: &mut Bundle, scenario: &TestInput, capacity: u32, scene: &Value
                 .interactions(interactions)
                 .pair_capacity(pairs)
                 .radix_sort_from(radix_sort_from);
-            let planner = Planner::new(config, Limits::Large.of_device()).count_in_buffer(true);
+            let planner = Planner::new(config, Limits::Large.device_limits()).count_in_buffer(true);
             let mut call = |planner: Planner| bundle.add(&planner.plan(capacity).map_err(CliError::Setting)?);
             let mut grown = vec![call(planner.clone())?];
             for entries in ENTRIES {
                 grown.push(call(planner.clone().min_entries(entries * capacity))?);
             }
             grown.dedup();
-            calls.push(json!({ "algorithm": algorithm.name(), "way": way, "calls": grown }));
+            calls.push(json!({ "algorithm": algorithm.name(), "way": sort, "calls": grown }));
         }
     }
     Ok(calls.into())

@@ -42,8 +42,8 @@ const fn uniform(name: &'static str, title: &'static str, radii: &'static [f32])
 impl Kind {
     pub(super) fn scale(&self, spheres: u32) -> f32 {
         let n = f64::from(spheres);
-        let mean = |of: &dyn Fn(f64) -> f64| -> f64 {
-            self.radii.iter().map(|&radius| of(radius.into())).sum::<f64>() / self.radii.len() as f64
+        let mean = |value: &dyn Fn(f64) -> f64| -> f64 {
+            self.radii.iter().map(|&radius| value(radius.into())).sum::<f64>() / self.radii.len() as f64
         };
         if self.is_burst {
             // For small radii, n / 2 · Σ p_a p_b (4π / 3) (r_a + r_b)³ / (4π σ²)^(3/2) pairs per sphere.
@@ -55,8 +55,8 @@ impl Kind {
         let giants = f64::from(self.giants) * f64::from(self.giant_radius).powi(3);
         let volume = 4.0 / 3.0 * std::f64::consts::PI * ((n - f64::from(self.giants)) * mean(&|r| r.powi(3)));
         // The giant takes space, but does not count as filling.
-        let edge = (volume / FILLING + giants * 8.0).cbrt();
-        (edge / 2.0 / HALF) as f32
+        let side = (volume / FILLING + giants * 8.0).cbrt();
+        (side / 2.0 / HALF) as f32
     }
 
     pub(super) fn spheres(&self, count: u32, scale: f32) -> Vec<Sphere> {
@@ -102,12 +102,12 @@ mod tests {
                 .iter()
                 .map(|s| 4.0 / 3.0 * std::f64::consts::PI * f64::from(s.radius).powi(3))
                 .sum();
-            let edge = 2.0 * HALF * f64::from(scale);
+            let side = 2.0 * HALF * f64::from(scale);
             if !kind.is_burst && kind.giants == 0 {
-                let filled = volume / edge.powi(3);
+                let filled = volume / side.powi(3);
                 assert!((0.8..1.2).contains(&(filled / FILLING)), "{}: {filled}", kind.name);
             }
-            let half = edge / 2.0;
+            let half = side / 2.0;
             let inside =
                 |s: &Sphere| s.center.to_array().iter().all(|&x| f64::from(x).abs() <= half * 1.000_001);
             assert!(kind.is_burst || spheres.iter().all(inside), "{} leaves its box", kind.name);

@@ -8,7 +8,12 @@ use lazygrid_sim::run::run_args::RunArgs;
 
 use crate::args::{ArrivalsFormat, Simulate};
 
-pub(crate) fn of_report(args: &Simulate, run: &Run, scenario: &Path, replicas: Option<NonZeroU32>) -> String {
+pub(crate) fn report_command(
+    args: &Simulate,
+    run: &Run,
+    scenario: &Path,
+    replicas: Option<NonZeroU32>,
+) -> String {
     let mut options = args.options.clone();
     (options.seed, options.steps) = (Some(run.scenario.seed), Some(run.scenario.steps));
     let mut command = Words::simulate(scenario, &run.directory);
@@ -19,7 +24,7 @@ pub(crate) fn of_report(args: &Simulate, run: &Run, scenario: &Path, replicas: O
 }
 
 /// Returns the command that continues a stopped run.
-pub(crate) fn goes_on(args: &Simulate, directory: &Path, is_begun: bool) -> String {
+pub(crate) fn resume_command(args: &Simulate, directory: &Path, is_begun: bool) -> String {
     let Simulate { ref options, replicas, ref sweep, report, .. } = *args;
     let mut command = Words::simulate(&options.scenario, directory);
     command.overrides(args, options);

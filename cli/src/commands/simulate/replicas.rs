@@ -11,25 +11,25 @@ use lazygrid_sim::run::replicas::{ReplicaResults, Replicas, seed_of};
 use lazygrid_sim::{AnySimulation, RunView};
 
 use super::command;
-use super::report::{self, Done};
+use super::report::{self, ReportInput};
 use crate::args::Simulate;
 use crate::error::CliError;
 use crate::signals::StopSignal;
 use crate::{print, progress, signals};
 
 pub(crate) fn run(replicas: &Replicas, args: &Simulate) -> Result<(), CliError> {
-    let asked = signals::install_stop_handler()?;
+    let stop_signal = signals::install_stop_handler()?;
     let count = replicas.count.get();
     let advance = Advance::new(progress::running(u64::from(count) * u64::from(replicas.run.scenario.steps)));
-    let is_cancelled = || asked.signal().is_some();
+    let is_cancelled = || stop_signal.signal().is_some();
     let replicated = replicas.run_unless(is_cancelled, |replica, simulation| {
         advance.see(0, replica, simulation);
         if is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     advance.bar.finish_and_clear();
     let stopped = |done: usize| {
-        let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);
-        let command = command::goes_on(args, &replicas.run.directory, replicas.is_begun());
+        let signal = stop_signal.signal().unwrap_or(StopSignal::CTRL_C);
+        let command = command::resume_command(args, &replicas.run.directory, replicas.is_begun());
         Err(CliError::StoppedRuns { done, count: count.into(), runs: "replicas", command, signal })
     };
     let Some(mut replicated) = replicated else { return stopped(0) };
@@ -38,7 +38,7 @@ pub(crate) fn run(replicas: &Replicas, args: &Simulate) -> Result<(), CliError> 
         animation::write(&replicas.replica(0))?;
     }
     if args.report && !replicated.done.is_empty() {
-        report::write(&done(args, replicas, &replicas.run.path, &replicated, &mean))?;
+        report::write(&report_input(args, replicas, &replicas.run.path, &replicated, &mean))?;
     }
     let printed = print(summary(replicas, &replicated, &mean));
     match replicated.end {
@@ -47,17 +47,17 @@ pub(crate) fn run(replicas: &Replicas, args: &Simulate) -> Result<(), CliError> 
     }
 }
 
-pub(crate) fn done<'a>(
+pub(crate) fn report_input<'a>(
     args: &Simulate,
     replicas: &'a Replicas,
     scenario: &Path,
     results: &ReplicaResults,
     mean: &'a MeanSeries,
-) -> Done<'a> {
+) -> ReportInput<'a> {
     let run = &replicas.run;
     let of = |&replica: &u32| (seed_of(run.scenario.seed, replica), replicas.directory_of(replica));
-    let command = command::of_report(args, run, scenario, Some(replicas.count));
-    Done { run, mean, runs: results.done.iter().map(of).collect(), command }
+    let command = command::report_command(args, run, scenario, Some(replicas.count));
+    ReportInput { run, mean, runs: results.done.iter().map(of).collect(), command }
 }
 
 pub(crate) struct Advance {

@@ -34,7 +34,7 @@ pub(super) const PLOTS: &[&str] = &[
     "impulse-responses-inside",
 ];
 
-pub(crate) struct Done<'a> {
+pub(crate) struct ReportInput<'a> {
     /// Holds the directory of the report.
     pub(crate) run: &'a Run,
     pub(crate) mean: &'a MeanSeries,
@@ -42,25 +42,25 @@ pub(crate) struct Done<'a> {
     pub(crate) command: String,
 }
 
-pub(crate) fn of_one(run: &Run) -> Result<MeanSeries, CliError> {
+pub(crate) fn mean_of_run(run: &Run) -> Result<MeanSeries, CliError> {
     let path = run.directory.join("series.csv");
     let mut mean = MeanSeries::default();
     mean.add(&Series::read(&path)?, &path)?;
     Ok(mean)
 }
 
-pub(crate) fn write(done: &Done<'_>) -> Result<Channels, CliError> {
-    let channels = channels(done)?;
-    let name = done.run.path.file_stem().unwrap_or_default().to_string_lossy();
+pub(crate) fn write(input: &ReportInput<'_>) -> Result<Channels, CliError> {
+    let channels = channels(input)?;
+    let name = input.run.path.file_stem().unwrap_or_default().to_string_lossy();
     let title = format!("lazygrid simulate: {name}");
-    let tables = tables(&channels, &done.run.scenario.model);
-    write_page(&done.run.directory, done.run.overwrite, title, tables, || sections::all(done, &channels))?;
+    let tables = tables(&channels, &input.run.scenario.model);
+    write_page(&input.run.directory, input.run.overwrite, title, tables, || sections::all(input, &channels))?;
     Ok(channels)
 }
 
-pub(crate) fn channels(done: &Done<'_>) -> Result<Channels, CliError> {
-    let (model, steps) = (&done.run.scenario.model, done.run.scenario.steps);
-    let runs = done.runs.iter().map(|(seed, directory)| (*seed, directory.as_path()));
+pub(crate) fn channels(input: &ReportInput<'_>) -> Result<Channels, CliError> {
+    let (model, steps) = (&input.run.scenario.model, input.run.scenario.steps);
+    let runs = input.runs.iter().map(|(seed, directory)| (*seed, directory.as_path()));
     Ok(Channels::of(model, steps, runs)?)
 }
 

@@ -6,7 +6,7 @@ use lazygrid_results::sweep::{SweepRow, write};
 use lazygrid_sim::run::RunEnd;
 use lazygrid_sim::run::sweep::SweepRuns;
 
-use super::replicas::{Advance, done};
+use super::replicas::{Advance, report_input};
 use super::{command, report};
 use crate::args::Simulate;
 use crate::error::CliError;
@@ -14,20 +14,20 @@ use crate::signals::StopSignal;
 use crate::{print, progress, signals};
 
 pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
-    let asked = signals::install_stop_handler()?;
+    let stop_signal = signals::install_stop_handler()?;
     let runs = || sweep.points.iter().map(|point| u64::from(point.count.get()));
     let steps =
         sweep.points.iter().zip(runs()).map(|(point, runs)| runs * u64::from(point.run.scenario.steps));
     let advance = Advance::new(progress::running(steps.fold(0, u64::saturating_add)));
-    let is_cancelled = || asked.signal().is_some();
+    let is_cancelled = || stop_signal.signal().is_some();
     let results = sweep.run(is_cancelled, |point, replica, simulation| {
         advance.see(point, replica, simulation);
         if is_cancelled() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     })?;
     advance.bar.finish_and_clear();
     let stopped = |done: usize| {
-        let signal = asked.signal().unwrap_or(StopSignal::CTRL_C);
-        let command = command::goes_on(args, &sweep.directory, true);
+        let signal = stop_signal.signal().unwrap_or(StopSignal::CTRL_C);
+        let command = command::resume_command(args, &sweep.directory, true);
         Err(CliError::StoppedRuns { done, count: runs().sum(), runs: "runs", command, signal })
     };
     let Some(mut results) = results else { return stopped(0) };
@@ -38,10 +38,10 @@ pub(crate) fn run(sweep: &SweepRuns, args: &Simulate) -> Result<(), CliError> {
             animation::write(&point.replica(0))?;
         }
         let scenario = point.run.directory.join("scenario.toml");
-        let all = done(args, point, &scenario, results, &mean);
-        let channels = match args.report && !all.runs.is_empty() {
-            true => report::write(&all)?,
-            false => report::channels(&all)?,
+        let input = report_input(args, point, &scenario, results, &mean);
+        let channels = match args.report && !input.runs.is_empty() {
+            true => report::write(&input)?,
+            false => report::channels(&input)?,
         };
         rows.push(SweepRow::new(values.clone(), &point.run.scenario.model, &mean, &channels));
         responses.push(channels.responses);

@@ -106,15 +106,15 @@ fn assert_arrivals_are_logged(backend: &str) {
 fn a_resumed_log_is_the_same_to_the_last_byte() {
     let scratch = Scratch::new();
     let scenario = scratch.write("s.toml", SCENARIO);
-    let [whole, parts] = ["whole", "parts"].map(|name| scratch.path(name));
+    let [whole, resumed] = ["whole", "parts"].map(|name| scratch.path(name));
     lazygrid(["simulate", &scenario, "--output", &whole, "--threads", "1"]).succeeds();
-    lazygrid(["simulate", &scenario, "--output", &parts, "--steps", "23"]).succeeds();
+    lazygrid(["simulate", &scenario, "--output", &resumed, "--steps", "23"]).succeeds();
     for name in ["arrivals.csv", "releases.csv"] {
-        let path = format!("{parts}/{name}");
+        let path = format!("{resumed}/{name}");
         std::fs::write(&path, std::fs::read_to_string(&path).unwrap() + "24,what a crash left").unwrap();
     }
-    lazygrid(["simulate", &scenario, "--output", &parts, "--resume"]).succeeds();
-    assert_eq!(files(&whole), files(&parts));
+    lazygrid(["simulate", &scenario, "--output", &resumed, "--resume"]).succeeds();
+    assert_eq!(files(&whole), files(&resumed));
     let silent = scratch.write("silent.toml", &SCENARIO.replace("arrivals = true\n", ""));
     lazygrid(["simulate", &silent, "--output", &scratch.path("silent")]).succeeds();
     assert!(

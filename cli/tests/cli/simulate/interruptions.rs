@@ -57,7 +57,7 @@ fn begun_with(output: Stdio, args: &[&str], file: &str) -> Endless {
 }
 
 #[test]
-fn an_interrupted_run_goes_on() {
+fn an_interrupted_run_resumes() {
     for (signal, code) in [("-INT", 130), ("-TERM", 143)] {
         let scratch = Scratch::new();
         let scenario = scratch.write("s.toml", SCENARIO);
@@ -93,8 +93,8 @@ fn stopped_before_the_seeds_are_written_leaves_no_table() {
         for table in ["mean.csv", "sweep.csv", "point-0000/mean.csv"] {
             assert!(!fs::exists(format!("{out}/{table}")).unwrap(), "{more:?}: {table}");
         }
-        let goes_on = if more.is_empty() { &[][..] } else { &["--resume"] };
-        lazygrid([&args[..], &["--replicas", "2"], more, goes_on].concat()).succeeds();
+        let resume = if more.is_empty() { &[][..] } else { &["--resume"] };
+        lazygrid([&args[..], &["--replicas", "2"], more, resume].concat()).succeeds();
     }
 }
 
@@ -136,8 +136,8 @@ fn printed_command_resumes_replicas_and_sweeps_with_their_options() {
         let ended = begun(&[&args[..], &rare, more].concat(), &out).end("-INT");
         let message = String::from_utf8(ended.stderr).unwrap();
         let (_, command) = message.split_once("resume with: ").unwrap();
-        let given = ["--seed 7 ", "--steps 100000000 ", "--series-every 1000000 ", "my out' "];
-        assert!(given.iter().all(|option| command.contains(option)), "{command}");
+        let options = ["--seed 7 ", "--steps 100000000 ", "--series-every 1000000 ", "my out' "];
+        assert!(options.iter().all(|option| command.contains(option)), "{command}");
         assert!(command.contains(&more.join(" ")), "{command}");
     }
 }
@@ -234,22 +234,22 @@ fn run_that_exceeds_a_limit_of_the_gpu_resumes_on_the_cpu() {
         let scratch = Scratch::new();
         let time = (f64::from(step) * 0.0078125).to_string();
         let scenario = scratch.write("s.toml", &MANY_MIRRORS.replace("BURST", &time));
-        let [whole, parts] = ["whole", "parts"].map(|name| scratch.path(name));
+        let [whole, resumed] = ["whole", "parts"].map(|name| scratch.path(name));
         let simulate =
             |out: &str, more: &[&str]| lazygrid(["simulate", &scenario, "--output", out].iter().chain(more));
-        let failed = simulate(&parts, &["--backend", "gpu"]).fails().err;
+        let failed = simulate(&resumed, &["--backend", "gpu"]).fails().err;
         assert!(failed.contains(&format!("step {step}: the number of surfaces within reach")), "{failed}");
         let remedy = format!("; --resume --backend cpu continues from the checkpoint of step {step}\n");
         assert!(failed.ends_with(&remedy), "{failed}");
-        assert_eq!(state(&parts).step, step);
-        simulate(&parts, &["--resume", "--backend", "cpu"]).succeeds();
+        assert_eq!(state(&resumed).step, step);
+        simulate(&resumed, &["--resume", "--backend", "cpu"]).succeeds();
         simulate(&whole, &[]).succeeds();
         for name in ["series.csv", "arrivals.csv", "releases.csv", "frames.xyz"] {
             let [found, expected] =
-                [&parts, &whole].map(|out| fs::read_to_string(format!("{out}/{name}")).unwrap());
+                [&resumed, &whole].map(|out| fs::read_to_string(format!("{out}/{name}")).unwrap());
             assert!(found == expected, "{name} after step {step}:\n{found}\nand not\n{expected}");
         }
-        assert_eq!(state(&parts), state(&whole));
-        assert!(state(&parts).totals.arrived[0][1] > 100);
+        assert_eq!(state(&resumed), state(&whole));
+        assert!(state(&resumed).totals.arrived[0][1] > 100);
     }
 }

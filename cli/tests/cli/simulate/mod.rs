@@ -57,7 +57,7 @@ frames = ["xyz", "npy"]
 "#;
 
 pub(crate) fn files(directory: &str) -> Vec<(String, Vec<u8>)> {
-    let of = |entry: std::io::Result<fs::DirEntry>| {
+    let contents_of = |entry: std::io::Result<fs::DirEntry>| {
         let entry = entry.expect("an entry");
         let name = entry.file_name().into_string().expect("a plain name");
         match entry.path().to_str() {
@@ -67,7 +67,7 @@ pub(crate) fn files(directory: &str) -> Vec<(String, Vec<u8>)> {
             _ => vec![(name, fs::read(entry.path()).expect("a file"))],
         }
     };
-    let mut files: Vec<_> = fs::read_dir(directory).expect("a directory").flat_map(of).collect();
+    let mut files: Vec<_> = fs::read_dir(directory).expect("a directory").flat_map(contents_of).collect();
     files.sort();
     files
 }
@@ -153,14 +153,14 @@ fn a_run_writes_the_files_of_the_scenario() {
 fn a_resumed_run_is_the_same_to_the_last_bit() {
     let scratch = Scratch::new();
     let scenario = scratch.write("s.toml", SCENARIO);
-    let [whole, parts] = ["whole", "parts"].map(|name| scratch.path(name));
+    let [whole, resumed] = ["whole", "parts"].map(|name| scratch.path(name));
     lazygrid(["simulate", &scenario, "--output", &whole]).succeeds();
-    lazygrid(["simulate", &scenario, "--output", &parts, "--steps", "17"]).succeeds();
-    let series = parts.clone() + "/series.csv";
+    lazygrid(["simulate", &scenario, "--output", &resumed, "--steps", "17"]).succeeds();
+    let series = resumed.clone() + "/series.csv";
     fs::write(&series, fs::read_to_string(&series).unwrap() + "18,half a li").unwrap();
-    lazygrid(["simulate", &scenario, "--output", &parts, "--steps", "31", "--resume"]).succeeds();
-    lazygrid(["simulate", &scenario, "--output", &parts, "--resume"]).succeeds();
-    assert_eq!(files(&whole), files(&parts));
+    lazygrid(["simulate", &scenario, "--output", &resumed, "--steps", "31", "--resume"]).succeeds();
+    lazygrid(["simulate", &scenario, "--output", &resumed, "--resume"]).succeeds();
+    assert_eq!(files(&whole), files(&resumed));
 }
 
 #[test]

@@ -79,25 +79,25 @@ fn channels_are_as_formulas_and_logs_say() {
     assert!(responses.len() > 50, "{} rows", responses.len());
     for row in responses.iter().filter(|row| number(row, "until") < 0.45) {
         let [from, until] = ["from", "until"].map(|name| number(row, name));
-        for (what, part) in [("part", arrived(until) - arrived(from)), ("so far", arrived(until))] {
+        for (what, fraction) in [("part", arrived(until) - arrived(from)), ("so far", arrived(until))] {
             let measured = number(row, &format!("{what} mean"));
-            let error = (part * (1.0 - part) / released).sqrt();
+            let error = (fraction * (1.0 - fraction) / released).sqrt();
             assert!(
-                (measured - part).abs() < 4.5 * error + 1e-3 * part,
-                "{what} until {until}: {measured}, not {part}"
+                (measured - fraction).abs() < 4.5 * error + 1e-3 * fraction,
+                "{what} until {until}: {measured}, not {fraction}"
             );
             let said = number(row, &format!("{what} error"));
             assert!(
-                part < 0.01 || (0.3..3.0).contains(&(said / error)),
+                fraction < 0.01 || (0.3..3.0).contains(&(said / error)),
                 "{what} until {until}: {said}, not {error}"
             );
         }
     }
     for row in table("interference.csv").iter().take(4) {
         let slot = number(row, "slot");
-        let part = arrived(0.2 * (slot + 1.0)) - arrived(0.2 * slot);
-        let error = (part / released).sqrt() * 2.0_f64.sqrt();
-        assert!((number(row, "part mean") - part).abs() < 4.0 * error, "{row:?}, not {part}");
+        let fraction = arrived(0.2 * (slot + 1.0)) - arrived(0.2 * slot);
+        let error = (fraction / released).sqrt() * 2.0_f64.sqrt();
+        assert!((number(row, "part mean") - fraction).abs() < 4.0 * error, "{row:?}, not {fraction}");
     }
     let errors = table("bit-errors.csv");
     let mut best = usize::MAX;
@@ -114,13 +114,13 @@ fn channels_are_as_formulas_and_logs_say() {
                 slots.push((symbol["symbol"] == "1", count));
             }
         }
-        let own: Vec<_> = errors.iter().filter(|row| number(row, "delay") == delay).collect();
+        let delay_rows: Vec<_> = errors.iter().filter(|row| number(row, "delay") == delay).collect();
         let mut expected: Vec<usize> = slots.iter().map(|slot| slot.1 + 1).chain([0]).collect();
         expected.sort_unstable();
         expected.dedup();
-        let thresholds: Vec<usize> = own.iter().map(|row| row["threshold"].parse().unwrap()).collect();
-        assert!(own.len() > 10 && thresholds == expected, "{thresholds:?}, not {expected:?}");
-        for (threshold, row) in thresholds.into_iter().zip(own) {
+        let thresholds: Vec<usize> = delay_rows.iter().map(|row| row["threshold"].parse().unwrap()).collect();
+        assert!(delay_rows.len() > 10 && thresholds == expected, "{thresholds:?}, not {expected:?}");
+        for (threshold, row) in thresholds.into_iter().zip(delay_rows) {
             let wrong = slots.iter().filter(|&&(bit, count)| (count >= threshold) != bit).count();
             assert_eq!(
                 (&row["errors"], &row["bits"][..]),
@@ -158,11 +158,11 @@ fn overwritten_run_leaves_no_file_of_its_report_and_animation() {
     assert_eq!(files(&out), files(&whole));
     assert!(!fs::exists(out.clone() + "/plots").unwrap());
     lazygrid(["simulate", &scenario, "--output", &out, "--overwrite", "--report"]).succeeds();
-    let own = out.clone() + "/plots/own.svg";
-    fs::write(&own, "<svg xmlns=\"http://www.w3.org/2000/svg\"/>").unwrap();
+    let foreign = out.clone() + "/plots/own.svg";
+    fs::write(&foreign, "<svg xmlns=\"http://www.w3.org/2000/svg\"/>").unwrap();
     lazygrid(["simulate", &scenario, "--output", &out, "--overwrite"]).succeeds();
     let plots = fs::read_dir(out + "/plots").unwrap().map(|entry| entry.unwrap().path());
-    assert!(plots.eq([std::path::Path::new(&own)]));
+    assert!(plots.eq([std::path::Path::new(&foreign)]));
 }
 
 #[test]
@@ -254,28 +254,29 @@ fn transparent_receivers_have_responses_and_bit_errors() {
     lazygrid(["simulate", &scenario, "--output", &out, "--replicas", "12", "--report"]).succeeds();
     let replicas = || (0..12).map(|k| format!("{out}/replica-{k:04}"));
     let table = |name: &str| rows(&format!("{out}/{name}"));
-    let bursts: f64 = replicas().flat_map(|own| rows(&(own + "/releases.csv"))).map(|_| 1.0).sum();
+    let bursts: f64 =
+        replicas().flat_map(|directory| rows(&(directory + "/releases.csv"))).map(|_| 1.0).sum();
     // Bins are one step long; rows are every 5 steps after a release.
     let responses: Vec<_> =
         table("impulse-response.csv").into_iter().filter(|row| !row["part mean"].is_empty()).collect();
     assert!(responses.len() > 10, "{} bins", responses.len());
     for row in responses.iter().filter(|row| number(row, "from") < 0.8) {
-        let part = inside(number(row, "from"));
-        let error = (part / (400.0 * bursts.min(60.0))).sqrt();
-        assert!((number(row, "part mean") - part).abs() < 4.0 * error + 1e-4, "{row:?}, not {part}");
+        let fraction = inside(number(row, "from"));
+        let error = (fraction / (400.0 * bursts.min(60.0))).sqrt();
+        assert!((number(row, "part mean") - fraction).abs() < 4.0 * error + 1e-4, "{row:?}, not {fraction}");
         assert!(row["so far mean"].is_empty());
     }
     for row in table("interference.csv").iter().take(3) {
         let from = 0.2 * number(row, "slot");
-        let part = (0..4).map(|k| inside(from + 0.05 * f64::from(k))).sum::<f64>() / 4.0;
-        assert!((number(row, "part mean") / part - 1.0).abs() < 0.1, "{row:?}, not {part}");
+        let fraction = (0..4).map(|k| inside(from + 0.05 * f64::from(k))).sum::<f64>() / 4.0;
+        assert!((number(row, "part mean") / fraction - 1.0).abs() < 0.1, "{row:?}, not {fraction}");
     }
     let errors = table("bit-errors.csv");
     for (detector, delay) in [("peak", 0.0), ("energy", 0.05), ("strength", 0.1)] {
         let mut slots = Vec::new();
-        for own in replicas() {
-            let series = rows(&(own.clone() + "/series.csv"));
-            for symbol in rows(&(own + "/symbols.csv")) {
+        for directory in replicas() {
+            let series = rows(&(directory.clone() + "/series.csv"));
+            for symbol in rows(&(directory + "/symbols.csv")) {
                 let begin = number(&symbol, "time") + delay;
                 // The row at the end has the burst of the next symbol.
                 let within = |time: f64| time > begin - 1e-9 && time < begin + 0.2 - 1e-9;
@@ -295,9 +296,10 @@ fn transparent_receivers_have_responses_and_bit_errors() {
                 }
             }
         }
-        let own = errors.iter().filter(|row| row["detector"] == detector && number(row, "delay") == delay);
+        let matching =
+            errors.iter().filter(|row| row["detector"] == detector && number(row, "delay") == delay);
         let mut thresholds = 0;
-        for row in own {
+        for row in matching {
             let threshold: u64 = row["threshold"].parse().unwrap();
             let wrong = slots.iter().filter(|&&(bit, seen)| (seen >= threshold) != bit).count();
             let expected = (wrong.to_string(), slots.len().to_string());
@@ -310,8 +312,8 @@ fn transparent_receivers_have_responses_and_bit_errors() {
     }
     let by_symbol = table("by-symbol.csv");
     let mean = |symbol: &str| {
-        let own = by_symbol.iter().filter(|row| row["symbol"] == symbol && number(row, "time") > 0.07);
-        own.map(|row| number(row, "count mean")).sum::<f64>()
+        let matching = by_symbol.iter().filter(|row| row["symbol"] == symbol && number(row, "time") > 0.07);
+        matching.map(|row| number(row, "count mean")).sum::<f64>()
     };
     assert!(mean("1") > 1.5 * mean("0"), "{} and {}", mean("1"), mean("0"));
     let report = fs::read_to_string(out.clone() + "/report.html").unwrap();
@@ -322,9 +324,9 @@ fn transparent_receivers_have_responses_and_bit_errors() {
         assert!(report.contains(&svg), "{name}");
     }
     let log = |out: &str| fs::read(format!("{out}/occupancy.csv")).unwrap();
-    let [whole, parts] = ["whole", "parts"].map(|name| scratch.path(name));
+    let [whole, resumed] = ["whole", "parts"].map(|name| scratch.path(name));
     lazygrid(["simulate", &scenario, "--output", &whole]).succeeds();
-    lazygrid(["simulate", &scenario, "--output", &parts, "--steps", "103"]).succeeds();
-    lazygrid(["simulate", &scenario, "--output", &parts, "--resume"]).succeeds();
-    assert_eq!(log(&whole), log(&parts));
+    lazygrid(["simulate", &scenario, "--output", &resumed, "--steps", "103"]).succeeds();
+    lazygrid(["simulate", &scenario, "--output", &resumed, "--resume"]).succeeds();
+    assert_eq!(log(&whole), log(&resumed));
 }

@@ -38,10 +38,10 @@ fn sweep_gives_the_closed_form_at_each_point() {
         let number = |name: &str| row[name].parse::<f64>().unwrap();
         let [distance, diffusion] = ["receiver.rx.center.x", "species.A.diffusion"].map(number);
         // (r/d)·erfc((d − r)/√(4Dt)) of 6000 particles in three replicas.
-        let part = 2.0 / distance * libm::erfc((distance - 2.0) / (4.0 * diffusion * 0.4).sqrt());
-        let error = (2000.0 * part * (1.0 - part) / 3.0).sqrt();
+        let fraction = 2.0 / distance * libm::erfc((distance - 2.0) / (4.0 * diffusion * 0.4).sqrt());
+        let error = (2000.0 * fraction * (1.0 - fraction) / 3.0).sqrt();
         let [mean, low, high] = ["rx:A", "rx:A low", "rx:A high"].map(number);
-        assert!((mean - 2000.0 * part).abs() < 4.0 * error, "{row:?}, not {}", 2000.0 * part);
+        assert!((mean - 2000.0 * fraction).abs() < 4.0 * error, "{row:?}, not {}", 2000.0 * fraction);
         assert!(low < mean && mean < high && number("replicas") == 3.0, "{row:?}");
     }
     let [point, alone] = [out.clone() + "/point-0002", scratch.path("alone")];
@@ -200,7 +200,7 @@ fn sweep_that_cannot_fit_is_refused_before_it_begins() {
 
 #[test]
 #[cfg(unix)]
-fn interrupted_sweep_goes_on() {
+fn interrupted_sweep_resumes() {
     let scratch = Scratch::new();
     let scenario = scratch.write("s.toml", SCENARIO);
     let [out, whole] = ["out", "whole"].map(|name| scratch.path(name));
@@ -213,7 +213,7 @@ fn interrupted_sweep_goes_on() {
     assert_eq!(ended.status.code(), Some(130), "{message}");
     let says =
         ["of 32 runs done; resume with: ", &format!("--sweep {sweep} "), "--replicas 4 ", " --resume\n"];
-    assert!(says.iter().all(|part| message.contains(part)), "{message}");
+    assert!(says.iter().all(|phrase| message.contains(phrase)), "{message}");
     lazygrid(args(&out).into_iter().chain(["--resume"])).succeeds();
     lazygrid(args(&whole)).succeeds();
     assert_eq!(files(&out), files(&whole));

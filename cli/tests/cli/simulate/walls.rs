@@ -11,9 +11,9 @@ fn shipped_wall_absorbs_by_the_closed_form() {
     for row in rows(&(out.clone() + "/series.csv")) {
         let [time, count] = ["time", "outlet:A"].map(|name| row[name].parse::<f64>().unwrap());
         // erfc(a/√(4Dt)), from 6 µm.
-        let part = if time > 0.0 { libm::erfc(6.0 / (400.0 * time).sqrt()) } else { 0.0 };
-        let error = (4000.0 * part * (1.0 - part)).sqrt();
-        assert!((count - 4000.0 * part).abs() <= 4.0 * error, "{row:?}, not {}", 4000.0 * part);
+        let fraction = if time > 0.0 { libm::erfc(6.0 / (400.0 * time).sqrt()) } else { 0.0 };
+        let error = (4000.0 * fraction * (1.0 - fraction)).sqrt();
+        assert!((count - 4000.0 * fraction).abs() <= 4.0 * error, "{row:?}, not {}", 4000.0 * fraction);
         let logged = arrivals.iter().filter(|row| row["time"].parse::<f64>().unwrap() <= time + 1e-9).count();
         assert_eq!(logged as f64, count);
     }

@@ -11,7 +11,7 @@ use lazygrid_io::write::AtomicFile;
 
 /// Returns `None` for species and cells without an option.
 pub(super) fn options(path: &Path, scenario: &TestInput) -> Option<String> {
-    let space = of_space(&scenario.space).filter(|_| scenario.mixture.is_none())?;
+    let space = space_options(&scenario.space).filter(|_| scenario.mixture.is_none())?;
     let mut options = format!("{space} --precision f32");
     if scenario.excluded.is_some() {
         options += &format!(" --exclude {}", excluded(path).display());
@@ -27,21 +27,22 @@ fn excluded(path: &Path) -> PathBuf {
     path.with_file_name(format!("{stem}-excluded.csv"))
 }
 
-fn of_space(space: &Space) -> Option<String> {
-    let edges = space.cell_vectors();
+fn space_options(space: &Space) -> Option<String> {
+    let vectors = space.cell_vectors();
     if !space.is_periodic() {
         return Some(" --periodic none".to_owned());
     }
-    // The diagonal must be positive, and the part above it zero.
-    let has_option =
-        |k: usize| edges[k].is_none_or(|edge| edge[k] > 0.0 && (k + 1..3).all(|axis| edge[axis] == 0.0));
+    // The diagonal must be positive, and the components above it zero.
+    let has_option = |k: usize| {
+        vectors[k].is_none_or(|vector| vector[k] > 0.0 && (k + 1..3).all(|axis| vector[axis] == 0.0))
+    };
     if !(0..3).all(has_option) {
         return None;
     }
-    let length = |k: usize| edges[k].map_or("-".to_owned(), |edge| format!("{:?}", edge[k]));
+    let length = |k: usize| vectors[k].map_or("-".to_owned(), |vector| format!("{:?}", vector[k]));
     let periodic = format!(" --periodic {}", [0, 1, 2].map(length).join(","));
-    let part = |k: usize, axis: usize| format!("{:?}", edges[k].map_or(0.0, |edge| edge[axis]));
-    let tilts = [part(1, 0), part(2, 0), part(2, 1)].join(",");
+    let component = |k: usize, axis: usize| format!("{:?}", vectors[k].map_or(0.0, |vector| vector[axis]));
+    let tilts = [component(1, 0), component(2, 0), component(2, 1)].join(",");
     Some(if space.triclinic_cell().is_some() { format!("{periodic} --tilt {tilts}") } else { periodic })
 }
 
@@ -50,7 +51,7 @@ pub(super) fn write(path: &Path, scenario: &TestInput, comments: &str) -> Result
     let mut comment = |line: &str| text += &format!("# {line}\n");
     comments.lines().for_each(&mut comment);
     if options(path, scenario).is_none() && scenario.space.is_periodic() {
-        comment("Space repeats along these edges:");
+        comment("Space repeats along these cell vectors:");
         for [x, y, z] in scenario.space.cell_vectors().into_iter().flatten() {
             comment(&format!("  {x:?} {y:?} {z:?}"));
         }

@@ -41,23 +41,26 @@ fn commands_reproduce_the_settings() {
     let scenario =
         TestInput { space: Space::periodic([Some(0.1), None, Some(1e-40)]).unwrap(), ..TestInput::default() };
     let plain = TestInput::default();
-    let of = |name, scenario, options| report.command(path, &fault(name, scenario, options));
+    let command_for = |name, scenario, options| report.command(path, &fault(name, scenario, options));
     assert_eq!(
-        of("soup: naive on cpu", Some(&scenario), " --backend cpu"),
+        command_for("soup: naive on cpu", Some(&scenario), " --backend cpu"),
         "lazygrid detect f.csv --backend cpu --periodic 0.1,-,1e-40 --precision f32"
     );
     assert_eq!(
-        of("fuzz seed 12: naive", Some(&plain), " --count"),
+        command_for("fuzz seed 12: naive", Some(&plain), " --count"),
         "lazygrid detect f.csv --count --periodic none --precision f32, or lazygrid check --backend all --seed 12"
     );
-    assert_eq!(of("fuzz seed 12: naive", Some(&scenario), ""), "lazygrid check --backend all --seed 12");
-    assert_eq!(of("radix sort", None, ""), "lazygrid check --backend all");
+    assert_eq!(
+        command_for("fuzz seed 12: naive", Some(&scenario), ""),
+        "lazygrid check --backend all --seed 12"
+    );
+    assert_eq!(command_for("radix sort", None, ""), "lazygrid check --backend all");
     let narrow = FailedCase { environment: "LAZYGRID_SIMD=avx2 ", ..fault("soup", Some(&plain), " --tau 1") };
     assert_eq!(
         report.command(path, &narrow),
         "LAZYGRID_SIMD=avx2 lazygrid detect f.csv --tau 1 --periodic none --precision f32"
     );
-    assert_eq!(of("soup: candidates kept", Some(&plain), ""), "lazygrid check --backend all");
+    assert_eq!(command_for("soup: candidates kept", Some(&plain), ""), "lazygrid check --backend all");
 }
 
 #[test]
@@ -72,11 +75,11 @@ fn triclinic_boxes_and_exclusions_are_shown() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("f.csv");
     let command = report.command(&path, &fault("soup: naive on cpu", Some(&skewed), " --backend cpu"));
-    let place = directory.path().display();
+    let folder = directory.path().display();
     let expected = format!(
-        "lazygrid detect {place}/f.csv --backend cpu --periodic 4.0,-,0.10000000149011612 \
+        "lazygrid detect {folder}/f.csv --backend cpu --periodic 4.0,-,0.10000000149011612 \
          --tilt 0.0,-1.5,1.0000000116860974e-7 --precision f32 \
-         --exclude {place}/f-excluded.csv --exclude-groups"
+         --exclude {folder}/f-excluded.csv --exclude-groups"
     );
     assert_eq!(command, expected);
     shown::write(&path, &skewed, &command).unwrap();
@@ -87,7 +90,7 @@ fn triclinic_boxes_and_exclusions_are_shown() {
         (skewed.spheres.clone(), Some(vec![1, Spheres::NO_GROUP, 2, 1]))
     );
     assert_eq!(pairs(directory.path().join("f-excluded.csv")).unwrap(), [(0, 2), (1, 3)]);
-    let [x, y, z] = [[1.0, 0.5, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]].map(|edge| Some(edge.into()));
+    let [x, y, z] = [[1.0, 0.5, 0.0], [0.0, 2.0, 0.0], [0.0, 0.0, 3.0]].map(|vector| Some(vector.into()));
     let any = TestInput { space: space([x, y, z]), ..skewed };
     let command = report.command(&path, &fault("soup: naive on cpu", Some(&any), " --backend cpu"));
     assert_eq!(command, "lazygrid check --backend cpu");
@@ -131,8 +134,8 @@ fn verdict_comes_before_a_closed_output() {
 #[test]
 fn scenes_that_a_variant_does_not_take_are_listed() {
     let mut report = Report::empty(true, "gpu");
-    let of = |name: &str, scenes| vec![(name.to_owned(), scenes)];
-    let (left_out, not_taken) = (of("naive on gpu", 3), of("lazy-grid on gpu", 24));
+    let searches = |name: &str, scenes| vec![(name.to_owned(), scenes)];
+    let (left_out, not_taken) = (searches("naive on gpu", 3), searches("lazy-grid on gpu", 24));
     report.scenes([90, 15, 0], [&left_out, &not_taken], Duration::ZERO);
     let scenes = &report.object["scenes"];
     assert_eq!(

@@ -16,9 +16,9 @@ pub(super) fn bit_errors(channels: &Channels, model: &Model) -> Result<Section, 
     section.text.push(
         "An absorbing receiver counts the arrivals in each slot, of the species that are sent and from any transmitter. A receiver with \
          a momentary count looks at it in each row of the series: at its peak, at its energy (the sum of squares) and at its strength \
-         (the sum). On–off keying is taken for 1 at a threshold and above, concentration shift keying for the next higher level at \
-         each of several thresholds; molecule shift keying for the species with the most. Slots begin with their symbols, or later by \
-         quarters of a symbol's time, up to two of these. Bars are 95 % intervals (Wilson), with errors of successive bits taken as \
+         (the sum). In on–off keying a slot reads as 1 if its count reaches the threshold; in concentration shift keying each \
+         threshold that it reaches raises the level by one; in molecule shift keying the species with the most counts wins. Slots \
+         begin with their symbols, or later by quarters of a symbol's time, up to two of these. Bars are 95 % intervals (Wilson), with errors of successive bits taken as \
          independent. Thresholds are the best for these very bits, so rates are a little too low if bits are few. `bit-errors.csv` has \
          all delays, and all thresholds at which errors may change."
             .to_owned(),
@@ -80,26 +80,31 @@ fn rate(errors: &BitErrors, wrong: u64) -> String {
 }
 
 /// The first delay, and the one with the fewest errors.
-fn shown(of: &[BitErrors]) -> impl Iterator<Item = &BitErrors> {
-    let found = of.iter().min_by(|a, b| a.least().total_cmp(&b.least()));
-    of.iter().take(1).chain(found.filter(|errors| errors.delay != of[0].delay))
+fn shown(by_delay: &[BitErrors]) -> impl Iterator<Item = &BitErrors> {
+    let found = by_delay.iter().min_by(|a, b| a.least().total_cmp(&b.least()));
+    by_delay.iter().take(1).chain(found.filter(|errors| errors.delay != by_delay[0].delay))
 }
 
-fn table_by_delay(of: &[BitErrors], name: &str, model: &Model) -> Table {
-    let least = of.iter().map(BitErrors::least).fold(f64::INFINITY, f64::min);
+fn table_by_delay(by_delay: &[BitErrors], name: &str, model: &Model) -> Table {
+    let least = by_delay.iter().map(BitErrors::least).fold(f64::INFINITY, f64::min);
     let row = |errors: &BitErrors| {
         let best = errors.best();
         let wrong = errors.at(&best).1;
         let delay = f64::from(errors.delay) * model.time_step;
-        let told = if best.is_empty() { "by species".to_owned() } else { spaced(&best) };
-        let cells =
-            [format!("{delay:.4} s"), told, wrong.to_string(), errors.bits.to_string(), rate(errors, wrong)];
+        let thresholds = if best.is_empty() { "by species".to_owned() } else { spaced(&best) };
+        let cells = [
+            format!("{delay:.4} s"),
+            thresholds,
+            wrong.to_string(),
+            errors.bits.to_string(),
+            rate(errors, wrong),
+        ];
         row_of(cells, errors.least() <= least)
     };
     Table {
         caption: format!("{name}: fewest errors by the delay of the slots"),
         header: ["delay", "thresholds", "errors", "bits", "rate"].map(str::to_owned).to_vec(),
-        rows: of.iter().map(row).collect(),
+        rows: by_delay.iter().map(row).collect(),
     }
 }
 

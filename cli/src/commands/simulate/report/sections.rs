@@ -8,14 +8,14 @@ use lazygrid_results::columns::{ColumnGroup, groups};
 use lazygrid_results::mean::{IntegerStats, RunningStats};
 use lazygrid_sim::Model;
 
-use super::Done;
+use super::ReportInput;
 use super::bit_errors::bit_errors;
 
 pub(super) const POINTS: usize = 400;
 
-pub(super) fn all(done: &Done<'_>, channels: &Channels) -> Result<Vec<Section>, Box<dyn Error>> {
-    let model = &done.run.scenario.model;
-    let mut sections = vec![head(done), series(done)?];
+pub(super) fn all(input: &ReportInput<'_>, channels: &Channels) -> Result<Vec<Section>, Box<dyn Error>> {
+    let model = &input.run.scenario.model;
+    let mut sections = vec![head(input), series(input)?];
     if !model.logs_arrivals && !model.receivers.is_empty() {
         let text = "`arrivals = true` in the scenario's `[output]` adds impulse responses, inter-symbol interference and bit errors of \
                     absorbing receivers to this report.";
@@ -65,27 +65,27 @@ fn by_symbol(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
     Ok(section)
 }
 
-fn head(done: &Done<'_>) -> Section {
-    let scenario = &done.run.scenario;
+fn head(input: &ReportInput<'_>) -> Section {
+    let scenario = &input.run.scenario;
     let time = f64::from(scenario.steps) * scenario.model.time_step;
     let rows = [
-        ("scenario", done.run.path.display().to_string()),
+        ("scenario", input.run.path.display().to_string()),
         ("steps", format!("{} of {} s, {time} s in all", scenario.steps, scenario.model.time_step)),
         ("seed", scenario.seed.to_string()),
-        ("replicas", done.runs.len().to_string()),
+        ("replicas", input.runs.len().to_string()),
         ("lazygrid", env!("CARGO_PKG_VERSION").to_owned()),
     ];
     let rows = rows.map(|(name, value)| vec![Cell::plain(name), Cell::plain(value)]).to_vec();
-    let mut text = vec![format!("```sh\n{}\n```", done.command)];
-    if done.runs.len() > 1 {
+    let mut text = vec![format!("```sh\n{}\n```", input.command)];
+    if input.runs.len() > 1 {
         text.push("Means over replicas; bars and ± are one standard error of the mean.".to_owned());
     }
     let table = Table { header: vec!["what".into(), "value".into()], rows, ..Table::default() };
     Section { title: "The run".into(), text, tables: vec![table], ..Section::default() }
 }
 
-fn series(done: &Done<'_>) -> Result<Section, Box<dyn Error>> {
-    let (model, mean) = (&done.run.scenario.model, done.mean);
+fn series(input: &ReportInput<'_>) -> Result<Section, Box<dyn Error>> {
+    let (model, mean) = (&input.run.scenario.model, input.mean);
     let mut section = Section { title: "Series".into(), ..Section::default() };
     for ColumnGroup { name, axis, columns } in groups(model) {
         let line = |(color, column): (usize, usize)| {
@@ -134,29 +134,30 @@ fn responses(channels: &Channels, model: &Model) -> Result<Section, Box<dyn Erro
         let name = link_name(response.link, model);
         if model.receivers[response.link.receiver].is_momentary() {
             let points =
-                response.parts.iter().enumerate().map(|(k, part)| point(k, part, 1.0, 0.5)).collect();
+                response.parts.iter().enumerate().map(|(k, fraction)| point(k, fraction, 1.0, 0.5)).collect();
             momentary.push(Series { name, points, dashed: false, color });
             continue;
         }
-        let density = response.parts.iter().enumerate().map(|(k, part)| point(k, part, stretch, 0.5));
+        let density = response.parts.iter().enumerate().map(|(k, fraction)| point(k, fraction, stretch, 0.5));
         densities.push(Series { name: name.clone(), points: density.collect(), dashed: false, color });
-        let cumulative = response.cumulative.iter().enumerate().map(|(k, part)| point(k, part, 1.0, 1.0));
+        let cumulative =
+            response.cumulative.iter().enumerate().map(|(k, fraction)| point(k, fraction, 1.0, 1.0));
         sums.push(Series { name: name.clone(), points: cumulative.collect(), dashed: false, color });
-        let seen = response.cumulative.iter().rposition(|part| part.count() > 0);
+        let seen = response.cumulative.iter().rposition(|fraction| fraction.count() > 0);
         if let Some(last) = seen {
-            let part = &response.cumulative[last];
+            let fraction = &response.cumulative[last];
             let until = (last + 1) as f64 * stretch;
-            let cells = [name, format!("{until:.4} s"), written(part.mean(), part.standard_error())];
+            let cells = [name, format!("{until:.4} s"), written(fraction.mean(), fraction.standard_error())];
             rows.push(cells.map(Cell::plain).to_vec());
         }
     }
     let time = "time since release, s";
     let density = "arrivals per particle and s";
     section.plots.extend(plot("impulse-response", "Impulse response", time, density, &densities)?);
-    let part = "part of the particles";
+    let axis = "part of the particles";
     let title = "Impulse response: part inside";
-    section.plots.extend(plot("impulse-response-inside", title, time, part, &momentary)?);
-    section.plots.extend(plot("arrived", "Part that has arrived", time, part, &sums)?);
+    section.plots.extend(plot("impulse-response-inside", title, time, axis, &momentary)?);
+    section.plots.extend(plot("arrived", "Part that has arrived", time, axis, &sums)?);
     section.tables.push(Table {
         caption: "part that has arrived".into(),
         header: vec!["way".into(), "within".into(), "part".into()],
@@ -173,15 +174,21 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
             .to_owned(),
     );
     let (mut all, mut rows) = (Vec::new(), Vec::new());
-    for (color, own) in channels.interference.iter().enumerate() {
-        let point =
-            |(slot, part): (usize, &RunningStats)| mark(slot as f64, part.mean(), part.standard_error());
-        let name = link_name(own.link, model);
-        let points = own.by_lag.iter().enumerate().map(point).collect();
+    for (color, interference) in channels.interference.iter().enumerate() {
+        let point = |(slot, fraction): (usize, &RunningStats)| {
+            mark(slot as f64, fraction.mean(), fraction.standard_error())
+        };
+        let name = link_name(interference.link, model);
+        let points = interference.by_lag.iter().enumerate().map(point).collect();
         all.push(Series { name: name.clone(), points, dashed: false, color });
         let mut cells = vec![Cell::plain(name)];
-        cells.extend(own.by_lag.iter().map(|part| Cell::plain(written(part.mean(), part.standard_error()))));
-        cells.push(Cell::plain(written(own.late.mean(), own.late.standard_error())));
+        cells.extend(
+            interference
+                .by_lag
+                .iter()
+                .map(|fraction| Cell::plain(written(fraction.mean(), fraction.standard_error()))),
+        );
+        cells.push(Cell::plain(written(interference.late.mean(), interference.late.standard_error())));
         rows.push(cells);
     }
     section.plots.extend(plot(
@@ -191,7 +198,7 @@ fn interference(channels: &Channels, model: &Model) -> Result<Section, Box<dyn E
         "part of the particles",
         &all,
     )?);
-    let lags = channels.interference.first().map_or(0, |own| own.by_lag.len());
+    let lags = channels.interference.first().map_or(0, |interference| interference.by_lag.len());
     let header = ["way".to_owned()].into_iter().chain((0..lags).map(|lag| lag.to_string()));
     section.tables.push(Table {
         caption: "part by slot, and how much of all that arrives in these slots is late".into(),

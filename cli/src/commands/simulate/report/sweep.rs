@@ -114,8 +114,12 @@ fn response_section(
                 true => (&mut momentary, 1.0),
                 false => (&mut densities, bin),
             };
-            let points = response.parts.iter().enumerate().map(|(k, part)| {
-                mark((k as f64 + 0.5) * bin, part.mean() / by, part.standard_error().map(|error| error / by))
+            let points = response.parts.iter().enumerate().map(|(k, fraction)| {
+                mark(
+                    (k as f64 + 0.5) * bin,
+                    fraction.mean() / by,
+                    fraction.standard_error().map(|error| error / by),
+                )
             });
             let name = format!("{}{}", link_name(response.link, model), others(sweep, values, usize::MAX));
             lines.push(Series { name, points: points.collect(), dashed: false, color: lines.len() });
