@@ -73,7 +73,7 @@ pub unsafe fn borrow<'a>(query: *const CQuery) -> Result<Query<'a>, Failure> {
         Query::new(first)
     } else {
         // SAFETY: by this function's condition.
-        let second = unsafe { CSpheres::borrow(second, "query.second") }.map_err(of_second)?;
+        let second = unsafe { CSpheres::borrow(second, "query.second") }.map_err(in_second_set)?;
         Query::new((first, second))
     };
     // SAFETY: by this function's condition.
@@ -81,7 +81,7 @@ pub unsafe fn borrow<'a>(query: *const CQuery) -> Result<Query<'a>, Failure> {
     Ok(exclusions.map_or(query, |exclusions| query.without(exclusions)))
 }
 
-fn of_second(Failure { status, message }: Failure) -> Failure {
+fn in_second_set(Failure { status, message }: Failure) -> Failure {
     Failure { status, message: format!("in the second set, {message}") }
 }
 
@@ -142,7 +142,8 @@ impl CSpheres {
 
     /// Returns `true` if the numbers, of type `T`, lie in rows `x, y, z, r` without gaps.
     fn is_rows<T>(&self) -> bool {
-        let is_at = |place: *const c_void, k: usize| place == self.x.wrapping_byte_add(k * size_of::<T>());
+        let is_at =
+            |address: *const c_void, k: usize| address == self.x.wrapping_byte_add(k * size_of::<T>());
         let row = 4 * size_of::<T>();
         let are_steps = self.step == row && self.r_step == row;
         are_steps && !self.x.is_null() && is_at(self.y, 1) && is_at(self.z, 2) && is_at(self.r, 3)

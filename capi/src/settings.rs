@@ -120,14 +120,14 @@ impl CSettings {
         if self.periodic != [0.0; 3] {
             return Err(Failure::setting(
                 "settings.periodic and settings.cell_vectors are both set; leave one of them 0, and give the length of a periodic \
-                 axis as an edge along it",
+                 axis as a cell vector along it",
             ));
         }
         // SAFETY: nine numbers by this function's condition.
         let numbers = unsafe { array(self.cell_vectors, 9, "settings.cell_vectors") }?;
-        let edge = |axis: usize| [numbers[3 * axis], numbers[3 * axis + 1], numbers[3 * axis + 2]];
-        let edge = |axis| (edge(axis) != [0.0; 3]).then(|| edge(axis));
-        Ok(Space::triclinic([0, 1, 2].map(edge))?)
+        let cell_vector = |axis: usize| [numbers[3 * axis], numbers[3 * axis + 1], numbers[3 * axis + 2]];
+        let cell_vector = |axis| (cell_vector(axis) != [0.0; 3]).then(|| cell_vector(axis));
+        Ok(Space::triclinic([0, 1, 2].map(cell_vector))?)
     }
 
     /// A distance without a fixed skin is an error.
@@ -175,7 +175,7 @@ impl CSettings {
 }
 
 fn choice<T: Copy>(values: &[T], number: i32, field: &str) -> Result<T, Failure> {
-    let value = usize::try_from(number).ok().and_then(|place| values.get(place));
+    let value = usize::try_from(number).ok().and_then(|index| values.get(index));
     value.copied().ok_or_else(|| {
         let last = values.len() - 1;
         Failure::argument(format!("settings.{field} is {number}; choose one of the numbers 0 to {last}"))

@@ -111,8 +111,8 @@ thread_local! {
 
 /// Like [`guarded`], for functions without a detector: a panic also replaces this thread's error message.
 pub fn guarded_without_detector(work: impl FnOnce() -> Status) -> Status {
-    let done = catch_unwind(AssertUnwindSafe(work));
-    done.unwrap_or_else(|_| keep(INTERNAL, PANICKED_WITHOUT_DETECTOR.to_owned()))
+    let result = catch_unwind(AssertUnwindSafe(work));
+    result.unwrap_or_else(|_| keep(INTERNAL, PANICKED_WITHOUT_DETECTOR.to_owned()))
 }
 
 /// Runs a function without a detector and stores its error message for this thread.

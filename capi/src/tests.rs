@@ -140,7 +140,7 @@ fn layouts() -> String {
 }
 
 fn numbers() -> Vec<(String, usize)> {
-    let of = |kind: &str, names: &[&str]| -> Vec<(String, usize)> {
+    let with_prefix = |kind: &str, names: &[&str]| -> Vec<(String, usize)> {
         let named = |name: &&str| format!("LAZYGRID_{kind}{}", name.to_uppercase().replace('-', "_"));
         names.iter().enumerate().map(|(number, name)| (named(name), number)).collect()
     };
@@ -148,12 +148,12 @@ fn numbers() -> Vec<(String, usize)> {
     let orders = ORDERS.map(|order| format!("{order:?}"));
     let skins = SKINS.map(|skin| format!("{:?}", skin(1.0)).replace("(1.0)", ""));
     [
-        of("", &statuses),
-        of("BACKEND_", &BACKENDS.map(|backend| backend.name())),
-        of("ALGORITHM_", &ALGORITHMS.map(|algorithm| algorithm.name())),
-        of("ORDER_", &orders.each_ref().map(String::as_str)),
-        of("SKIN_", &skins.each_ref().map(String::as_str)),
-        of("", &["never", "touch", "within"]),
+        with_prefix("", &statuses),
+        with_prefix("BACKEND_", &BACKENDS.map(|backend| backend.name())),
+        with_prefix("ALGORITHM_", &ALGORITHMS.map(|algorithm| algorithm.name())),
+        with_prefix("ORDER_", &orders.each_ref().map(String::as_str)),
+        with_prefix("SKIN_", &skins.each_ref().map(String::as_str)),
+        with_prefix("", &["never", "touch", "within"]),
         OPTIONS.iter().map(|(name, bit)| (format!("LAZYGRID_LIST_{name}"), *bit as usize)).collect(),
         vec![
             ("LAZYGRID_F32".to_owned(), F32 as usize),
@@ -168,8 +168,8 @@ fn numbers() -> Vec<(String, usize)> {
 }
 
 fn words() -> Vec<&'static str> {
-    let code = HEADER.split("/*").map(|part| part.split_once("*/").map_or(part, |(_, code)| code));
-    code.flat_map(|part| part.split(|c: char| !(c.is_alphanumeric() || c == '_'))).collect()
+    let code = HEADER.split("/*").map(|section| section.split_once("*/").map_or(section, |(_, code)| code));
+    code.flat_map(|section| section.split(|c: char| !(c.is_alphanumeric() || c == '_'))).collect()
 }
 
 #[test]

@@ -76,14 +76,14 @@ final class Octree implements NeighborSearch {
         return node.children[octant];
     }
 
-    private static void query(Node node, Particles particles, int i, float reach, Touch touch) {
+    private static void query(Node node, Particles particles, int i, float cutoff, Touch touch) {
         for (int axis = 0; axis < 3; axis++) {
             // A margin for the rounding of centers.
-            float wide = (node.half + reach) * 1.0001f + 1e-4f;
+            float wide = (node.half + cutoff) * 1.0001f + 1e-4f;
             if (Math.abs(particles.at(i, axis) - node.center[axis]) > wide) return;
         }
         if (node.children != null) {
-            for (Node child : node.children) query(child, particles, i, reach, touch);
+            for (Node child : node.children) query(child, particles, i, cutoff, touch);
             return;
         }
         for (int k = 0; k < node.count; k++) meet(particles, i, node.particles[k], touch);

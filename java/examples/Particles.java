@@ -7,12 +7,12 @@ final class Particles {
     final FloatBuffer rows;
 
     /** Particles at reproducible random positions in a cube. */
-    Particles(int count, float edge, FloatBuffer rows, long seed) {
+    Particles(int count, float side, FloatBuffer rows, long seed) {
         this.count = count;
         this.rows = rows;
         Random random = new Random(seed);
         for (int k = 0; k < count; k++) {
-            for (int axis = 0; axis < 3; axis++) rows.put(4 * k + axis, edge * random.nextFloat());
+            for (int axis = 0; axis < 3; axis++) rows.put(4 * k + axis, side * random.nextFloat());
             rows.put(4 * k + 3, 0.2f + 0.3f * random.nextFloat());
         }
     }
@@ -31,8 +31,8 @@ final class Particles {
             double d = (double) at(i, axis) - at(j, axis);
             squared += d * d;
         }
-        double reach = (double) radius(i) + radius(j);
-        return squared <= reach * reach;
+        double cutoff = (double) radius(i) + radius(j);
+        return squared <= cutoff * cutoff;
     }
 
     /** Moves every particle by a random step. */

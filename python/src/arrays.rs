@@ -24,42 +24,42 @@ use crate::error;
 /// # Errors
 /// `TypeError` for values that are not whole numbers; `InputError` for values out of range, and for another shape.
 pub(crate) fn whole<'py>(
-    given: &Bound<'py, PyAny>,
+    argument: &Bound<'py, PyAny>,
     name: impl Display,
 ) -> PyResult<PyReadonlyArray1<'py, u32>> {
-    of_type(given, name, "whole")
+    array_of_type(argument, name, "whole")
 }
 
 pub(crate) fn whole_pairs<'py>(
-    given: &Bound<'py, PyAny>,
+    argument: &Bound<'py, PyAny>,
     name: &str,
 ) -> PyResult<PyReadonlyArray2<'py, u32>> {
-    let checked = package(given.py())?.call_method1(intern!(given.py(), "pairs"), (given, name))?;
+    let checked = package(argument.py())?.call_method1(intern!(argument.py(), "pairs"), (argument, name))?;
     readable(checked.cast::<PyArray2<u32>>()?, name)
 }
 
-pub(crate) fn offsets<'py>(given: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArray1<'py, u64>> {
-    of_type(given, name, "offsets")
+pub(crate) fn offsets<'py>(argument: &Bound<'py, PyAny>, name: &str) -> PyResult<PyReadonlyArray1<'py, u64>> {
+    array_of_type(argument, name, "offsets")
 }
 
-fn of_type<'py, T: Element>(
-    given: &Bound<'py, PyAny>,
+fn array_of_type<'py, T: Element>(
+    argument: &Bound<'py, PyAny>,
     name: impl Display,
     copy: &str,
 ) -> PyResult<PyReadonlyArray1<'py, T>> {
-    if is_plain(given)
-        && let Ok(array) = given.cast::<PyArray1<T>>()
+    if is_plain(argument)
+        && let Ok(array) = argument.cast::<PyArray1<T>>()
         && in_one_piece(array)
     {
         return readable(array, name);
     }
-    let copied = package(given.py())?.call_method1(copy, (given, name.to_string()))?;
+    let copied = package(argument.py())?.call_method1(copy, (argument, name.to_string()))?;
     readable(copied.cast::<PyArray1<T>>()?, name)
 }
 
 /// Returns `false` for subclasses of arrays, which may be masked.
-pub(crate) fn is_plain(given: &Bound<'_, PyAny>) -> bool {
-    given.is_exact_instance_of::<PyUntypedArray>()
+pub(crate) fn is_plain(argument: &Bound<'_, PyAny>) -> bool {
+    argument.is_exact_instance_of::<PyUntypedArray>()
 }
 
 fn in_one_piece<T: Element, D: Dimension>(array: &Bound<'_, PyArray<T, D>>) -> bool {
@@ -139,11 +139,13 @@ pub(crate) fn pairs<'py>(
     if array.shape()[1] != 2 || !in_one_piece(array) {
         return Err(refused());
     }
-    let room = array.shape()[0];
-    if room < found.len() {
-        let message =
-            format!("`out` has room for {room} pairs and {} were found; nothing was written", found.len());
-        return Err(error::too_many(message, [found.len(), room]));
+    let capacity = array.shape()[0];
+    if capacity < found.len() {
+        let message = format!(
+            "`out` has room for {capacity} pairs and {} were found; nothing was written",
+            found.len()
+        );
+        return Err(error::too_many(message, [found.len(), capacity]));
     }
     let mut writable = array.try_readwrite().map_err(|_| refused())?;
     writable.as_slice_mut()?[..2 * found.len()].copy_from_slice(bytemuck::cast_slice(found));

@@ -176,7 +176,8 @@ impl OwnedSpheres {
 fn search(mut lease: DetectorLease, owned: &OwnedQuery, chunk: usize, to: &SyncSender<Sent>) {
     let mut refused = None;
     let send = |pairs: &[Pair]| {
-        let sent = try_collect(pairs.iter().copied(), "a chunk of pairs").map(|own| to.send(Ok(own)).is_ok());
+        let sent =
+            try_collect(pairs.iter().copied(), "a chunk of pairs").map(|chunk| to.send(Ok(chunk)).is_ok());
         match sent {
             Ok(true) => ControlFlow::Continue(()),
             Ok(false) => ControlFlow::Break(()),
@@ -186,7 +187,7 @@ fn search(mut lease: DetectorLease, owned: &OwnedQuery, chunk: usize, to: &SyncS
             }
         }
     };
-    let detector = lease.parts().0;
+    let detector = lease.detector_and_cancel().0;
     let streamed = owned.query().and_then(|query| detector.stream(query, chunk, send));
     // Lets a caller that sees the end use the detector again and read its report.
     drop(lease);

@@ -175,7 +175,7 @@ impl Detector {
         let query = borrowed.query()?;
         let mut lease = self.pool.lease()?;
         let can_hold_lock = lease.is_on_cpu();
-        let (detector, cancel) = lease.parts();
+        let (detector, cancel) = lease.detector_and_cancel();
         let found = interruptible(py, Work { spheres: query.len(), can_hold_lock }, cancel, || {
             detector.pairs(query)
         })?
@@ -218,7 +218,7 @@ impl Detector {
         let query = borrowed.query()?;
         let mut lease = self.pool.lease()?;
         let can_hold_lock = lease.is_on_cpu();
-        let (detector, cancel) = lease.parts();
+        let (detector, cancel) = lease.detector_and_cancel();
         let lists = interruptible(py, Work { spheres: query.len(), can_hold_lock }, cancel, || {
             detector.neighbors(query)
         })?
@@ -290,7 +290,7 @@ impl Detector {
         let spheres = if self.is_periodic { usize::MAX } else { query.len() };
         let work = Work { spheres, can_hold_lock: lease.is_on_cpu() };
         let is_single_threaded = lease.is_single_threaded();
-        let (detector, cancel) = lease.parts();
+        let (detector, cancel) = lease.detector_and_cancel();
         let found = interruptible(py, work, cancel, || detector.neighbor_list(query, options))?;
         neighbors::arrays(py, quantities, &found.map_err(error::engine)?, is_single_threaded)
     }
@@ -321,7 +321,7 @@ impl Detector {
         let query = borrowed.query()?;
         let mut lease = self.pool.lease()?;
         let can_hold_lock = lease.is_on_cpu();
-        let (detector, cancel) = lease.parts();
+        let (detector, cancel) = lease.detector_and_cancel();
         interruptible(py, Work { spheres: query.len(), can_hold_lock }, cancel, || detector.count(query))?
             .map_err(error::engine)
     }

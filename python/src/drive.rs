@@ -114,10 +114,10 @@ impl SimulationCore {
         let inner = &mut *inner;
         inner.detach()?;
         inner.arrivals.clear();
-        let done = inner.simulation.step_count();
-        let Some(end) = done.checked_add(steps) else {
+        let step = inner.simulation.step_count();
+        let Some(end) = step.checked_add(steps) else {
             return Err(error::setting(format!(
-                "steps = {steps} after {done} steps; a run has at most 2**32 - 1 steps"
+                "steps = {steps} after {step} steps; a run has at most 2**32 - 1 steps"
             )));
         };
         while inner.simulation.step_count() < end {
@@ -235,8 +235,9 @@ impl SimulationCore {
         }
         let arrivals = &inner.arrivals;
         let columns = PyDict::new(py);
-        let origin = |of: fn(lazygrid_sim::Origin) -> u32| {
-            let number = move |arrival: &Arrival| arrival.origin.map_or(-1, |origin| i64::from(of(origin)));
+        let origin = |field: fn(lazygrid_sim::Origin) -> u32| {
+            let number =
+                move |arrival: &Arrival| arrival.origin.map_or(-1, |origin| i64::from(field(origin)));
             PyArray1::from_iter(py, arrivals.iter().map(number))
         };
         columns.set_item("step", PyArray1::from_iter(py, arrivals.iter().map(|a| a.step)))?;
@@ -343,8 +344,8 @@ impl Inner {
                 None => self.simulation.advance(end - before),
             };
             // A GPU may have done steps before one that failed.
-            let done = before + 1..=self.simulation.step_count();
-            self.arrivals.extend(self.simulation.arrivals().iter().filter(|a| done.contains(&a.step)));
+            let new_steps = before + 1..=self.simulation.step_count();
+            self.arrivals.extend(self.simulation.arrivals().iter().filter(|a| new_steps.contains(&a.step)));
             advanced?;
         }
         Ok(())

@@ -46,8 +46,8 @@ impl Exclusions {
 impl Exclusions {
     #[new]
     fn new(py: Python<'_>, spheres: u32, pairs: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let given = arrays::whole_pairs(pairs, "pairs")?;
-        let pairs = given.as_slice()?.as_chunks::<2>().0;
+        let array = arrays::whole_pairs(pairs, "pairs")?;
+        let pairs = array.as_slice()?.as_chunks::<2>().0;
         Self::made(py, || lazygrid::Exclusions::new(spheres as usize, pairs.iter().map(|&[i, j]| (i, j))))
     }
 
@@ -66,8 +66,8 @@ impl Exclusions {
     ///     See the class.
     #[staticmethod]
     fn across(py: Python<'_>, first: u32, second: u32, pairs: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let given = arrays::whole_pairs(pairs, "pairs")?;
-        let pairs = given.as_slice()?.as_chunks::<2>().0.iter().map(|&[i, j]| (i, j));
+        let array = arrays::whole_pairs(pairs, "pairs")?;
+        let pairs = array.as_slice()?.as_chunks::<2>().0.iter().map(|&[i, j]| (i, j));
         Self::made(py, || lazygrid::Exclusions::across(first as usize, second as usize, pairs))
     }
 

@@ -20,8 +20,8 @@ use crate::arrays::{is_plain, package, readable};
 pub(crate) struct Name(pub(crate) &'static str, pub(crate) Option<usize>);
 
 impl Name {
-    pub(crate) fn member(self, part: usize) -> Self {
-        Self(self.0, Some(part))
+    pub(crate) fn member(self, index: usize) -> Self {
+        Self(self.0, Some(index))
     }
 }
 
@@ -29,7 +29,7 @@ impl fmt::Display for Name {
     fn fmt(&self, to: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.1 {
             None => to.write_str(self.0),
-            Some(part) => write!(to, "{}[{part}]", self.0),
+            Some(index) => write!(to, "{}[{index}]", self.0),
         }
     }
 }
@@ -51,29 +51,29 @@ impl<'py, D: Dimension> Floats<'py, D> {
     ///
     /// # Errors
     /// `TypeError` for values that are not `float32` or `float64`; `InputError` for another shape.
-    pub(crate) fn new(given: &Bound<'py, PyAny>, name: Name, width: usize) -> PyResult<Self> {
-        if let Some(array) = Self::in_place(given, name, width)? {
+    pub(crate) fn new(argument: &Bound<'py, PyAny>, name: Name, width: usize) -> PyResult<Self> {
+        if let Some(array) = Self::in_place(argument, name, width)? {
             return Ok(array);
         }
-        let py = given.py();
-        let read = package(py)?.call_method1(intern!(py, "floats"), (given, name.to_string(), width))?;
-        Self::of_package(&read, name, width)
+        let py = argument.py();
+        let read = package(py)?.call_method1(intern!(py, "floats"), (argument, name.to_string(), width))?;
+        Self::from_package(&read, name, width)
     }
 
-    fn of_package(read: &Bound<'py, PyAny>, name: Name, width: usize) -> PyResult<Self> {
+    fn from_package(read: &Bound<'py, PyAny>, name: Name, width: usize) -> PyResult<Self> {
         let array = Self::in_place(read, name, width)?;
         array.ok_or_else(|| crate::error::array(format!("`{name}` cannot be read as an array")))
     }
 
-    fn in_place(given: &Bound<'py, PyAny>, name: Name, width: usize) -> PyResult<Option<Self>> {
-        if !is_plain(given) {
+    fn in_place(argument: &Bound<'py, PyAny>, name: Name, width: usize) -> PyResult<Option<Self>> {
+        if !is_plain(argument) {
             return Ok(None);
         }
-        if let Ok(array) = given.cast::<PyArray<f32, D>>() {
+        if let Ok(array) = argument.cast::<PyArray<f32, D>>() {
             if is_readable(array, width) {
                 return Ok(Some(Self::F32(readable(array, name)?)));
             }
-        } else if let Ok(array) = given.cast::<PyArray<f64, D>>()
+        } else if let Ok(array) = argument.cast::<PyArray<f64, D>>()
             && is_readable(array, width)
         {
             return Ok(Some(Self::F64(readable(array, name)?)));
@@ -108,18 +108,18 @@ pub(crate) enum RadiiArg<'py> {
 
 impl<'py> RadiiArg<'py> {
     /// Reads a number or an array of shape `(n,)`. A number that `float64` cannot hold is a `TypeError`.
-    pub(crate) fn new(given: &Bound<'py, PyAny>, name: Name) -> PyResult<Self> {
-        if let Ok(number) = given.cast::<PyFloat>() {
+    pub(crate) fn new(argument: &Bound<'py, PyAny>, name: Name) -> PyResult<Self> {
+        if let Ok(number) = argument.cast::<PyFloat>() {
             return Ok(Self::One(number.extract()?));
         }
-        if let Some(array) = Floats::in_place(given, name, 0)? {
+        if let Some(array) = Floats::in_place(argument, name, 0)? {
             return Ok(Self::Each(array));
         }
-        let py = given.py();
-        let read = package(py)?.call_method1(intern!(py, "radii"), (given, name.to_string()))?;
+        let py = argument.py();
+        let read = package(py)?.call_method1(intern!(py, "radii"), (argument, name.to_string()))?;
         match read.cast::<PyFloat>() {
             Ok(number) => Ok(Self::One(number.extract()?)),
-            Err(_) => Ok(Self::Each(Floats::of_package(&read, name, 0)?)),
+            Err(_) => Ok(Self::Each(Floats::from_package(&read, name, 0)?)),
         }
     }
 }
@@ -133,11 +133,11 @@ pub(crate) struct Column<'a, T> {
 }
 
 impl<'a, T: Number> Column<'a, T> {
-    pub(crate) fn of_array(array: &'a PyReadonlyArray1<'_, T>) -> Self {
+    pub(crate) fn from_array(array: &'a PyReadonlyArray1<'_, T>) -> Self {
         Self::new(array, 0)
     }
 
-    pub(crate) fn of_table<const N: usize>(array: &'a PyReadonlyArray2<'_, T>) -> [Self; N] {
+    pub(crate) fn from_table<const N: usize>(array: &'a PyReadonlyArray2<'_, T>) -> [Self; N] {
         let stride = array.strides()[1] as usize / size_of::<T>();
         std::array::from_fn(|k| {
             assert!(k < array.shape()[1], "column {k} of {}", array.shape()[1]);

@@ -8,7 +8,7 @@ use pyo3::prelude::*;
 use crate::error;
 
 static STARTED: AtomicBool = AtomicBool::new(false);
-static GONE: AtomicBool = AtomicBool::new(false);
+static PARENT_STARTED: AtomicBool = AtomicBool::new(false);
 
 static COPIES: AtomicU32 = AtomicU32::new(0);
 
@@ -27,7 +27,7 @@ impl Process {
 
     /// Returns an `Error` in a copy of this process.
     pub(crate) fn check(self) -> PyResult<()> {
-        if self.is_current() { Ok(()) } else { Err(gone()) }
+        if self.is_current() { Ok(()) } else { Err(forked_process_error()) }
     }
 }
 
@@ -45,13 +45,13 @@ pub(crate) fn watch(module: &Bound<'_, PyModule>) -> PyResult<()> {
 #[pyfunction]
 fn forked() {
     COPIES.fetch_add(1, Ordering::Relaxed);
-    GONE.store(STARTED.load(Ordering::Relaxed), Ordering::Relaxed);
+    PARENT_STARTED.store(STARTED.load(Ordering::Relaxed), Ordering::Relaxed);
 }
 
 /// Records the use of threads; an `Error` in a forked process whose parent has used threads.
 pub(crate) fn use_threads() -> PyResult<()> {
-    if GONE.load(Ordering::Relaxed) {
-        return Err(gone());
+    if PARENT_STARTED.load(Ordering::Relaxed) {
+        return Err(forked_process_error());
     }
     STARTED.store(true, Ordering::Relaxed);
     Ok(())
@@ -64,7 +64,7 @@ pub(crate) fn use_global_threads() -> PyResult<()> {
     lazygrid::start_threads().map_err(error::engine)
 }
 
-fn gone() -> PyErr {
+fn forked_process_error() -> PyErr {
     error::other(
         "this process was copied (os.fork) from one in which lazygrid had started threads, which are not copied; let \
          multiprocessing start processes by \"spawn\" or \"forkserver\", or use Detector(threads=1) in both",

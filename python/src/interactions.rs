@@ -56,20 +56,20 @@ impl Interactions {
         self.lock().species()
     }
 
-    fn __setitem__(&self, of: (u32, u32), value: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
+    fn __setitem__(&self, pair: (u32, u32), value: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let value = interaction(value)?;
-        let set = self.lock().set(of.0, of.1, value);
+        let set = self.lock().set(pair.0, pair.1, value);
         set.map_err(refused)
     }
 
-    fn __getitem__<'py>(&self, py: Python<'py>, of: (u32, u32)) -> PyResult<Bound<'py, PyAny>> {
+    fn __getitem__<'py>(&self, py: Python<'py>, pair: (u32, u32)) -> PyResult<Bound<'py, PyAny>> {
         // Python objects are made without the lock, because that may run other code of Python.
         let interaction = {
             let table = self.lock();
             let count = table.species();
-            match [of.0, of.1].into_iter().find(|&id| id >= count) {
+            match [pair.0, pair.1].into_iter().find(|&id| id >= count) {
                 Some(id) => Err(lazygrid::InputError::SpeciesId { index: None, id, count }),
-                None => Ok(table.get(of.0, of.1)),
+                None => Ok(table.get(pair.0, pair.1)),
             }
         };
         match interaction.map_err(error::input)? {
@@ -89,12 +89,12 @@ fn refused(error: lazygrid::InputError) -> PyErr {
     error::engine(error.into())
 }
 
-fn interaction(given: Option<&Bound<'_, PyAny>>) -> PyResult<Interaction> {
-    let Some(given) = given else { return Ok(Interaction::Never) };
-    if given.extract::<&str>().is_ok_and(|word| word == "touch") {
+fn interaction(argument: Option<&Bound<'_, PyAny>>) -> PyResult<Interaction> {
+    let Some(argument) = argument else { return Ok(Interaction::Never) };
+    if argument.extract::<&str>().is_ok_and(|word| word == "touch") {
         return Ok(Interaction::Touch);
     }
-    let distance = given.extract::<f64>();
+    let distance = argument.extract::<f64>();
     distance.map(Interaction::Within).map_err(|_| {
         PyTypeError::new_err("an interaction is None (never), \"touch\" (within ri + rj) or a distance")
     })

@@ -46,11 +46,11 @@ pub(crate) fn interruptible<R: Send>(
 pub(crate) fn poll_signals<R: Send>(cancel: &AtomicBool, work: impl FnOnce() -> R + Send) -> PyResult<R> {
     check_thread_memory(1).map_err(crate::error::engine)?;
     thread::scope(|scope| {
-        let (done, finished) = sync_channel(1);
+        let (done_sender, finished) = sync_channel(1);
         let worker = Builder::new().name("lazygrid".into()).spawn_scoped(scope, move || {
             let result = work();
             // The receiver also notices a dropped sender.
-            let _ = done.send(());
+            let _ = done_sender.send(());
             result
         });
         let refused = |error: std::io::Error| Error::ThreadPool { threads: 1, reason: error.to_string() };

@@ -28,7 +28,7 @@ enum Cutoffs<'a> {
     /// The sum of both radii.
     Radii(&'a [f64]),
     /// A table by the kinds of both.
-    Kinds { of: &'a [u32], table: &'a [f64], count: usize },
+    Kinds { kinds: &'a [u32], table: &'a [f64], count: usize },
 }
 
 impl Cutoffs<'_> {
@@ -37,7 +37,7 @@ impl Cutoffs<'_> {
         match *self {
             Self::One(cutoff) => Spheres::points(positions, Radii::All(0.5 * cutoff)),
             Self::Radii(radii) => Spheres::points(positions, Radii::Each(radii)),
-            Self::Kinds { of, .. } => Spheres::points(positions, Radii::All(0.0))?.with_species(of),
+            Self::Kinds { kinds, .. } => Spheres::points(positions, Radii::All(0.0))?.with_species(kinds),
         }
     }
 
@@ -58,12 +58,12 @@ impl Cutoffs<'_> {
 
     /// Returns at least the largest cutoff.
     fn largest(&self) -> f64 {
-        let (of, factor) = match *self {
+        let (cutoffs, factor) = match *self {
             Self::One(cutoff) => return cutoff,
             Self::Radii(radii) => (radii, 2.0),
             Self::Kinds { table, .. } => (table, 1.0),
         };
-        factor * of.iter().copied().fold(0.0, f64::max)
+        factor * cutoffs.iter().copied().fold(0.0, f64::max)
     }
 
     fn table(&self) -> &[f64] {
@@ -182,14 +182,14 @@ impl<'py> Arrays<'py> {
         let [i, j] = [i, j].map(|array| array.map(Bound::into_any));
         let (distance, vector) = (distance.map(Bound::into_any), vector.map(Bound::into_any));
         let shift = shift.map(Bound::into_any);
-        let of = |quantity| match quantity {
+        let array_for = |quantity| match quantity {
             'i' => i.clone(),
             'j' => j.clone(),
             'd' => distance.clone(),
             'D' => vector.clone(),
             _ => shift.clone(),
         };
-        let all: Vec<_> = quantities.chars().filter_map(of).collect();
+        let all: Vec<_> = quantities.chars().filter_map(array_for).collect();
         match <[_; 1]>::try_from(all) {
             Ok([array]) => Ok(array),
             Err(all) => Ok(PyTuple::new(py, all)?.into_any()),
@@ -218,7 +218,7 @@ impl Threads {
     fn put<T: Send, U: Sync>(self, array: Option<&mut [T]>, values: &[U], value: impl Fn(&U) -> T + Sync) {
         let Some(array) = array else { return };
         let fill = |(array, values): (&mut [T], &[U])| {
-            array.iter_mut().zip(values).for_each(|(slot, from)| *slot = value(from));
+            array.iter_mut().zip(values).for_each(|(target, from)| *target = value(from));
         };
         match self {
             Self::Caller => fill((array, values)),
@@ -247,13 +247,13 @@ impl CutoffArg<'_> {
                 same_length("cutoff", radii.len(), atoms)?;
                 Ok(Cutoffs::Radii(radii.as_slice()?))
             }
-            Self::Kinds(of, table) => {
-                same_length("numbers", of.len(), atoms)?;
-                let (of, count) = (of.as_slice()?, table.shape()[0]);
-                if table.shape()[1] != count || of.iter().any(|&kind| kind as usize >= count) {
+            Self::Kinds(kinds, table) => {
+                same_length("numbers", kinds.len(), atoms)?;
+                let (kinds, count) = (kinds.as_slice()?, table.shape()[0]);
+                if table.shape()[1] != count || kinds.iter().any(|&kind| kind as usize >= count) {
                     return Err(error::array("the table of cutoffs does not have every kind"));
                 }
-                Ok(Cutoffs::Kinds { of, table: table.as_slice()?, count })
+                Ok(Cutoffs::Kinds { kinds, table: table.as_slice()?, count })
             }
         }
     }
@@ -310,7 +310,7 @@ pub(crate) fn neighbors_within<'py>(
     let options = options(quantities, if with_itself { wanted.with_self() } else { wanted })?;
     let detectors = detectors(cell, &cutoffs)?;
     let mut lease = detectors.lease()?;
-    let (detector, cancel) = lease.parts();
+    let (detector, cancel) = lease.detector_and_cancel();
     let spheres_of_work = comparable_spheres(positions.len(), &cell, cutoffs.largest());
     let work = Work { spheres: spheres_of_work, can_hold_lock: true };
     let found = interruptible(py, work, cancel, || detector.neighbor_list(spheres, options))?;

@@ -132,7 +132,7 @@ pub(crate) struct DetectorLease {
 }
 
 impl DetectorLease {
-    pub(crate) fn parts(&mut self) -> (&mut lazygrid::Detector, &AtomicBool) {
+    pub(crate) fn detector_and_cancel(&mut self) -> (&mut lazygrid::Detector, &AtomicBool) {
         self.has_searched = true;
         match self.detector.as_deref_mut() {
             Some(PooledDetector { detector, cancel }) => (detector, cancel),

@@ -52,7 +52,7 @@ type NamedFrame = (read::Frame, Vec<String>);
 struct State {
     frames: read::Frames,
     /// A frame that was read by a call whose warning was raised as an exception. The next call returns it.
-    kept: Option<NamedFrame>,
+    pending: Option<NamedFrame>,
     has_warned_of_rounding: bool,
     has_warned_of_radii: bool,
 }
@@ -119,7 +119,8 @@ impl Frames {
         let is_polled = length.is_none_or(|length| length >= MIN_POLLED_BYTES);
         let frames = interruptible(py, is_polled, &cancel, open)?.map_err(error::file)?;
         let format = frames.format();
-        let state = State { frames, kept: None, has_warned_of_rounding: false, has_warned_of_radii: false };
+        let state =
+            State { frames, pending: None, has_warned_of_rounding: false, has_warned_of_radii: false };
         let is_polled = AtomicBool::new(is_polled);
         Ok(Self { path, format, is_regular: length.is_some(), is_polled, cancel, state: Mutex::new(state) })
     }
@@ -133,7 +134,7 @@ impl Frames {
         let (read, warnings) = self.interruptible(py, || self.lock().read(&self.path))?;
         let read = read.map_err(error::file)?;
         if let Err(raised) = warnings.into_iter().try_for_each(|warning| warn(py, warning)) {
-            py.detach(|| self.lock().kept = read);
+            py.detach(|| self.lock().pending = read);
             return Err(raised);
         }
         let Some((frame, names)) = read else { return Ok(None) };
@@ -146,7 +147,7 @@ impl Frames {
         fork::use_threads()?;
         let at_end = || {
             let mut state = self.lock();
-            if state.kept.is_some() { Ok(false) } else { state.frames.at_end() }
+            if state.pending.is_some() { Ok(false) } else { state.frames.at_end() }
         };
         self.interruptible(py, at_end)?.map_err(error::file)
     }
@@ -188,8 +189,8 @@ impl Frames {
 impl State {
     /// Returns the next frame, and new warnings.
     fn read(&mut self, path: &Path) -> (Result<Option<NamedFrame>, Error>, Vec<String>) {
-        if let Some(kept) = self.kept.take() {
-            return (Ok(Some(kept)), Vec::new());
+        if let Some(pending) = self.pending.take() {
+            return (Ok(Some(pending)), Vec::new());
         }
         let frame = self.frames.next().transpose();
         let warnings = self.warnings(path, matches!(frame, Ok(None)));
@@ -218,12 +219,12 @@ fn warn(py: Python<'_>, warning: String) -> PyResult<()> {
 }
 
 /// Returns `true` for float64 and `false` for float32.
-fn is_float64(given: &Bound<'_, PyAny>) -> PyResult<bool> {
-    let py = given.py();
+fn is_float64(argument: &Bound<'_, PyAny>) -> PyResult<bool> {
+    let py = argument.py();
     let refused =
         |dtype: String| error::setting(format!("dtype = {dtype}; spheres are read as float32 or float64"));
-    let dtype = PyArrayDescr::new(py, given).map_err(|_| refused(given.to_string()))?;
-    match [numpy::dtype::<f64>(py), numpy::dtype::<f32>(py)].map(|own| dtype.is_equiv_to(&own)) {
+    let dtype = PyArrayDescr::new(py, argument).map_err(|_| refused(argument.to_string()))?;
+    match [numpy::dtype::<f64>(py), numpy::dtype::<f32>(py)].map(|supported| dtype.is_equiv_to(&supported)) {
         [true, _] => Ok(true),
         [_, true] => Ok(false),
         _ => Err(refused(dtype.to_string())),
@@ -258,10 +259,10 @@ fn interruptible<R: Send>(
 impl Frame {
     fn new(py: Python<'_>, frame: read::Frame, names: Vec<String>) -> PyResult<Self> {
         let is_triclinic = frame.space.triclinic_cell().is_some();
-        let (lengths, edges) = (frame.space.lengths(), frame.space.cell_vectors());
+        let (lengths, vectors) = (frame.space.lengths(), frame.space.cell_vectors());
         let [x, y, z] = [0, 1, 2].map(|k| match is_triclinic {
             false => lengths[k].map(CellVector::Length),
-            true => edges[k].map(|edge| CellVector::Vector(edge.into())),
+            true => vectors[k].map(|vector| CellVector::Vector(vector.into())),
         });
         let spheres = match frame.doubles {
             Some(doubles) => arrays::rows::<[f64; 4], f64>(py, doubles, 4)?.into_any().unbind(),

@@ -15,12 +15,12 @@ pub(crate) fn dict<'py>(py: Python<'py>, report: &Report) -> PyResult<Bound<'py,
         gpu.set_item("traffic_bytes", cost.traffic_bytes)?;
         Ok::<_, PyErr>(gpu)
     });
-    let candidates = report.candidates.as_ref().map(|kept| {
+    let candidates = report.candidates.as_ref().map(|stats| {
         let candidates = PyDict::new(py);
-        candidates.set_item("count", kept.count)?;
-        candidates.set_item("age", kept.age)?;
-        candidates.set_item("displacement_fraction", kept.displacement_fraction)?;
-        candidates.set_item("rebuilt", kept.rebuilt.map(|why| why.to_string()))?;
+        candidates.set_item("count", stats.count)?;
+        candidates.set_item("age", stats.age)?;
+        candidates.set_item("displacement_fraction", stats.displacement_fraction)?;
+        candidates.set_item("rebuilt", stats.rebuilt.map(|why| why.to_string()))?;
         Ok::<_, PyErr>(candidates)
     });
     let dict = PyDict::new(py);

@@ -45,13 +45,13 @@ impl Settings<'_> {
 
 /// Reads a whole number; `range` says which one to choose.
 pub(crate) fn whole<T: for<'a, 'py> FromPyObject<'a, 'py, Error = PyErr>>(
-    given: &Bound<'_, PyAny>,
+    argument: &Bound<'_, PyAny>,
     name: &str,
     range: &str,
 ) -> PyResult<T> {
-    given.extract::<T>().map_err(|error| match error.is_instance_of::<PyOverflowError>(given.py()) {
-        true => error::setting(format!("{name} = {given} is out of range; {range}")),
-        false => PyTypeError::new_err(format!("argument '{name}': {}", error.value(given.py()))),
+    argument.extract::<T>().map_err(|error| match error.is_instance_of::<PyOverflowError>(argument.py()) {
+        true => error::setting(format!("{name} = {argument} is out of range; {range}")),
+        false => PyTypeError::new_err(format!("argument '{name}': {}", error.value(argument.py()))),
     })
 }
 
@@ -71,8 +71,8 @@ fn order(name: &str) -> PyResult<Order> {
 }
 
 /// Reads `"auto"`, `"off"` or a distance.
-fn skin(given: &Bound<'_, PyAny>) -> PyResult<Skin> {
-    if let Ok(word) = given.extract::<&str>() {
+fn skin(argument: &Bound<'_, PyAny>) -> PyResult<Skin> {
+    if let Ok(word) = argument.extract::<&str>() {
         return match word {
             "auto" => Ok(Skin::Auto),
             "off" => Ok(Skin::Off),
@@ -82,16 +82,16 @@ fn skin(given: &Bound<'_, PyAny>) -> PyResult<Skin> {
         };
     }
     // Python takes `True` for the number 1.
-    match given.extract::<f64>() {
-        Ok(distance) if !given.is_instance_of::<PyBool>() => Ok(Skin::Fixed(distance)),
+    match argument.extract::<f64>() {
+        Ok(distance) if !argument.is_instance_of::<PyBool>() => Ok(Skin::Fixed(distance)),
         _ => Err(PyTypeError::new_err("a skin is \"auto\", \"off\" or a distance")),
     }
 }
 
 /// Reads a space from the length of each periodic axis, or from cell vectors; `None` for an unbounded axis.
 pub(crate) fn space(periodic: Option<&Bound<'_, PyAny>>) -> PyResult<Space> {
-    let Some(given) = periodic else { return Ok(Space::UNBOUNDED) };
-    let items = given.try_iter()?.collect::<PyResult<Vec<_>>>()?;
+    let Some(argument) = periodic else { return Ok(Space::UNBOUNDED) };
+    let items = argument.try_iter()?.collect::<PyResult<Vec<_>>>()?;
     let items: [_; 3] = items.try_into().map_err(|items: Vec<_>| {
         let count = items.len();
         PyTypeError::new_err(format!("periodic has {count} lengths where 3 are needed: (x, y, z)"))
@@ -100,14 +100,14 @@ pub(crate) fn space(periodic: Option<&Bound<'_, PyAny>>) -> PyResult<Space> {
     if let Ok(&[x, y, z]) = lengths.as_deref() {
         return Space::periodic([x, y, z]).map_err(error::input);
     }
-    let mut edges = [None; 3];
-    for (axis, (edge, item)) in edges.iter_mut().zip(&items).enumerate() {
-        *edge = match item.is_none() {
+    let mut vectors = [None; 3];
+    for (axis, (vector, item)) in vectors.iter_mut().zip(&items).enumerate() {
+        *vector = match item.is_none() {
             true => None,
             false => Some(cell_vector(item, axis).map_err(|error| refused_axis(item, axis, error))?),
         };
     }
-    Space::triclinic(edges).map_err(error::input)
+    Space::triclinic(vectors).map_err(error::input)
 }
 
 /// Reads the length of an axis, or a cell vector.
@@ -138,17 +138,17 @@ fn refused_axis(item: &Bound<'_, PyAny>, axis: usize, error: PyErr) -> PyErr {
 }
 
 /// Reads a GPU's index or a part of its name.
-pub(crate) fn adapter(given: &Bound<'_, PyAny>) -> PyResult<AdapterId> {
-    match given.extract::<usize>() {
+pub(crate) fn adapter(argument: &Bound<'_, PyAny>) -> PyResult<AdapterId> {
+    match argument.extract::<usize>() {
         Ok(index) => Ok(AdapterId::Index(index)),
-        Err(error) if error.is_instance_of::<PyOverflowError>(given.py()) => Err(error::setting(format!(
-            "adapter = {given} is out of range; give an index from 0, or a part of a name"
+        Err(error) if error.is_instance_of::<PyOverflowError>(argument.py()) => Err(error::setting(format!(
+            "adapter = {argument} is out of range; give an index from 0, or a part of a name"
         ))),
-        Err(_) => match given.extract::<&str>() {
+        Err(_) => match argument.extract::<&str>() {
             Ok(name) => Ok(AdapterId::from(name)),
-            Err(_) => {
-                Err(PyTypeError::new_err(format!("adapter is {given}; give an index, or a part of a name")))
-            }
+            Err(_) => Err(PyTypeError::new_err(format!(
+                "adapter is {argument}; give an index, or a part of a name"
+            ))),
         },
     }
 }

@@ -61,13 +61,13 @@ fn whole<T>(options: &Bound<'_, PyAny>, name: &str) -> PyResult<Option<T>>
 where
     Option<T>: for<'a, 'py> FromPyObject<'a, 'py, Error = PyErr>,
 {
-    let given = options.get_item(name)?;
-    given.extract().map_err(|error: PyErr| match error.is_instance_of::<PyOverflowError>(given.py()) {
+    let value = options.get_item(name)?;
+    value.extract().map_err(|error: PyErr| match error.is_instance_of::<PyOverflowError>(value.py()) {
         true => error::setting(format!(
-            "{name} = {given} is out of range; choose a whole number from 0 to 2**{} - 1",
+            "{name} = {value} is out of range; choose a whole number from 0 to 2**{} - 1",
             8 * size_of::<T>()
         )),
-        false => PyTypeError::new_err(format!("{name} is {given}; give a whole number")),
+        false => PyTypeError::new_err(format!("{name} is {value}; give a whole number")),
     })
 }
 
@@ -238,12 +238,12 @@ fn particles<'py>(py: Python<'py>, step: u32, particles: Particles) -> PyResult<
 /// The sent symbols, one per row, like `symbols.csv`.
 fn symbols<'py>(py: Python<'py>, model: &Model, seed: u64) -> PyResult<Bound<'py, PyDict>> {
     let (mut times, mut names, mut sent) = (Vec::new(), Vec::new(), Vec::new());
-    for (place, transmitter) in (0..).zip(&model.transmitters) {
+    for (index, transmitter) in (0..).zip(&model.transmitters) {
         let Schedule::Message(message) = &transmitter.schedule else { continue };
         for k in 0..message.symbols.len() {
             times.push(message.time_of(k));
             names.push(transmitter.name.clone());
-            sent.push(message.symbol(k, place, Key::new(seed)));
+            sent.push(message.symbol(k, index, Key::new(seed)));
         }
     }
     let columns = PyDict::new(py);

@@ -36,7 +36,7 @@ pub(crate) struct BorrowedQuery<'py> {
 impl<'py> BorrowedQuery<'py> {
     pub(crate) fn new(arguments: Arguments<'_, 'py>) -> PyResult<Self> {
         let Arguments { spheres, second, species, groups, exclusions } = arguments;
-        let exclusions = exclusions.map(|given| given.get().list());
+        let exclusions = exclusions.map(|argument| argument.get().list());
         let Some(second) = second else {
             let labels = [labels(species, Name("species", None))?, labels(groups, Name("groups", None))?];
             let first = BorrowedSpheres::new(spheres, Name("spheres", None), labels)?;
@@ -69,8 +69,8 @@ impl<'py> BorrowedQuery<'py> {
 
 type Labels<'py> = Option<PyReadonlyArray1<'py, u32>>;
 
-fn labels<'py>(given: Option<&Bound<'py, PyAny>>, name: Name) -> PyResult<Labels<'py>> {
-    given.map(|given| whole(given, name)).transpose()
+fn labels<'py>(argument: Option<&Bound<'py, PyAny>>, name: Name) -> PyResult<Labels<'py>> {
+    argument.map(|argument| whole(argument, name)).transpose()
 }
 
 /// [`whole`] returns contiguous arrays.
@@ -79,16 +79,19 @@ fn slice<'a>(labels: &'a Labels<'_>) -> Option<&'a [u32]> {
 }
 
 /// The labels of two sets: a tuple with an array or `None` for each.
-fn labels_of_two<'py>(given: Option<&Bound<'py, PyAny>>, name: &'static str) -> PyResult<[Labels<'py>; 2]> {
-    let Some(given) = given else { return Ok([None, None]) };
-    let Some(both) = given.cast::<PyTuple>().ok().filter(|tuple| tuple.len() == 2) else {
+fn labels_of_two<'py>(
+    argument: Option<&Bound<'py, PyAny>>,
+    name: &'static str,
+) -> PyResult<[Labels<'py>; 2]> {
+    let Some(argument) = argument else { return Ok([None, None]) };
+    let Some(both) = argument.cast::<PyTuple>().ok().filter(|tuple| tuple.len() == 2) else {
         return Err(PyTypeError::new_err(format!(
             "with a second set `{name}` must be a tuple of two, one for each set: an array or None"
         )));
     };
     let of_set = |set: usize| {
-        let given = both.get_item(set)?;
-        labels((!given.is_none()).then_some(&given), Name(name, Some(set)))
+        let argument = both.get_item(set)?;
+        labels((!argument.is_none()).then_some(&argument), Name(name, Some(set)))
     };
     Ok([of_set(0)?, of_set(1)?])
 }
@@ -114,16 +117,16 @@ enum Layout<'py, T: Number> {
 
 impl<'py> BorrowedSpheres<'py> {
     /// Borrows rows of shape `(n, 4)`, a tuple of four columns, or a tuple of positions and radii.
-    fn new(given: &Bound<'py, PyAny>, name: Name, [species, groups]: [Labels<'py>; 2]) -> PyResult<Self> {
-        let numbers = match given.cast::<PyTuple>() {
-            Err(_) => match Floats::new(given, name, 4)? {
+    fn new(argument: &Bound<'py, PyAny>, name: Name, [species, groups]: [Labels<'py>; 2]) -> PyResult<Self> {
+        let numbers = match argument.cast::<PyTuple>() {
+            Err(_) => match Floats::new(argument, name, 4)? {
                 Floats::F32(rows) => Numbers::F32(Layout::Rows(rows)),
                 Floats::F64(rows) => Numbers::F64(Layout::Rows(rows)),
             },
-            Ok(parts) if parts.len() == 4 => Numbers::of_columns(parts, name)?,
-            Ok(parts) if parts.len() == 2 => Numbers::of_points(parts, name)?,
-            Ok(parts) => {
-                let count = parts.len();
+            Ok(tuple) if tuple.len() == 4 => Numbers::from_columns(tuple, name)?,
+            Ok(tuple) if tuple.len() == 2 => Numbers::from_points(tuple, name)?,
+            Ok(tuple) => {
+                let count = tuple.len();
                 return Err(PyTypeError::new_err(format!(
                     "`{name}` is a tuple of {count}; give four columns (x, y, z, r), or (positions, radii)"
                 )));
@@ -143,24 +146,27 @@ impl<'py> BorrowedSpheres<'py> {
 }
 
 impl<'py> Numbers<'py> {
-    fn of_columns(parts: &Bound<'py, PyTuple>, name: Name) -> PyResult<Self> {
-        let column = |k: usize| Floats::<Ix1>::new(&parts.get_item(k)?, name.member(k), 0);
+    fn from_columns(tuple: &Bound<'py, PyTuple>, name: Name) -> PyResult<Self> {
+        let column = |k: usize| Floats::<Ix1>::new(&tuple.get_item(k)?, name.member(k), 0);
         match [column(0)?, column(1)?, column(2)?, column(3)?] {
             [Floats::F32(x), Floats::F32(y), Floats::F32(z), Floats::F32(r)] => {
-                Ok(Self::F32(Layout::of_columns([x, y, z, r], name)?))
+                Ok(Self::F32(Layout::from_columns([x, y, z, r], name)?))
             }
             [x, y, z, r] => {
                 let wide = |column: Floats<'py, Ix1>, k| column.widened(name.member(k));
-                Ok(Self::F64(Layout::of_columns([wide(x, 0)?, wide(y, 1)?, wide(z, 2)?, wide(r, 3)?], name)?))
+                Ok(Self::F64(Layout::from_columns(
+                    [wide(x, 0)?, wide(y, 1)?, wide(z, 2)?, wide(r, 3)?],
+                    name,
+                )?))
             }
         }
     }
 
-    fn of_points(parts: &Bound<'py, PyTuple>, name: Name) -> PyResult<Self> {
-        let of_points = name.member(0);
-        let points = Floats::<Ix2>::new(&parts.get_item(0)?, of_points, 3)?;
-        let of_radii = name.member(1);
-        Ok(match (points, RadiiArg::new(&parts.get_item(1)?, of_radii)?) {
+    fn from_points(tuple: &Bound<'py, PyTuple>, name: Name) -> PyResult<Self> {
+        let points_name = name.member(0);
+        let points = Floats::<Ix2>::new(&tuple.get_item(0)?, points_name, 3)?;
+        let radii_name = name.member(1);
+        Ok(match (points, RadiiArg::new(&tuple.get_item(1)?, radii_name)?) {
             (Floats::F32(points), RadiiArg::Each(Floats::F32(radii))) => {
                 Self::F32(Layout::Points(points, radii))
             }
@@ -169,17 +175,17 @@ impl<'py> Numbers<'py> {
                 Self::F32(Layout::EqualPoints(points, MaybeUninit::new(radius as f32)))
             }
             (points, RadiiArg::Each(radii)) => {
-                Self::F64(Layout::Points(points.widened(of_points)?, radii.widened(of_radii)?))
+                Self::F64(Layout::Points(points.widened(points_name)?, radii.widened(radii_name)?))
             }
             (points, RadiiArg::One(radius)) => {
-                Self::F64(Layout::EqualPoints(points.widened(of_points)?, MaybeUninit::new(radius)))
+                Self::F64(Layout::EqualPoints(points.widened(points_name)?, MaybeUninit::new(radius)))
             }
         })
     }
 }
 
 impl<'py, T: Number> Layout<'py, T> {
-    fn of_columns([x, y, z, r]: [PyReadonlyArray1<'py, T>; 4], name: Name) -> PyResult<Self> {
+    fn from_columns([x, y, z, r]: [PyReadonlyArray1<'py, T>; 4], name: Name) -> PyResult<Self> {
         let stride = x.strides()[0];
         if y.strides()[0] == stride && z.strides()[0] == stride {
             return Ok(Self::Columns([x, y, z, r]));
@@ -202,16 +208,16 @@ where
         match self {
             Self::Rows(rows) if rows.is_c_contiguous() => match rows.as_slice() {
                 Ok(values) => Ok(Spheres::from(values.as_chunks::<4>().0)),
-                Err(_) => strided(Column::of_table(rows), "r"),
+                Err(_) => strided(Column::from_table(rows), "r"),
             },
-            Self::Rows(rows) => strided(Column::of_table(rows), "r"),
-            Self::Columns(columns) => strided(columns.each_ref().map(Column::of_array), "r"),
+            Self::Rows(rows) => strided(Column::from_table(rows), "r"),
+            Self::Columns(columns) => strided(columns.each_ref().map(Column::from_array), "r"),
             Self::Points(points, radii) => {
-                let [x, y, z] = Column::of_table(points);
-                strided([x, y, z, Column::of_array(radii)], "radii")
+                let [x, y, z] = Column::from_table(points);
+                strided([x, y, z, Column::from_array(radii)], "radii")
             }
             Self::EqualPoints(points, radius) => {
-                let [x, y, z] = Column::of_table(points);
+                let [x, y, z] = Column::from_table(points);
                 let memory = std::slice::from_ref(radius);
                 strided([x, y, z, Column { memory, step: 0, rows: x.rows }], "radii")
             }

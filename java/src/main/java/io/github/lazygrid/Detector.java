@@ -33,13 +33,13 @@ import java.util.concurrent.atomic.AtomicBoolean;
  * detector keeps its memory until it is closed.
  */
 public final class Detector implements AutoCloseable {
-    /** The offset of results in {@link #places}: two addresses or numbers, or a {@code lazygrid_list}. */
+    /** The offset of results in {@link #callBuffer}: two addresses or numbers, or a {@code lazygrid_list}. */
     private static final int OUT = Query.SIZE;
 
     /** The query of a search, and its results. Allocated once, because a step must not allocate memory. */
-    private final ByteBuffer places = ByteBuffer.allocateDirect(OUT + 48).order(ByteOrder.nativeOrder());
-    private final long question = NativeApi.address(places, 1);
-    private final long first = question + OUT;
+    private final ByteBuffer callBuffer = ByteBuffer.allocateDirect(OUT + 48).order(ByteOrder.nativeOrder());
+    private final long queryAddress = NativeApi.address(callBuffer, 1);
+    private final long first = queryAddress + OUT;
     private final long second = first + Long.BYTES;
     private final AtomicBoolean isInUse = new AtomicBoolean();
     /** The detector's address; 0 when it is closed. */
@@ -62,8 +62,8 @@ public final class Detector implements AutoCloseable {
      *     Status#GPU_UNAVAILABLE} if a required GPU cannot be used
      */
     public Detector(Settings settings) {
-        try (NativeSettings given = new NativeSettings(settings)) {
-            check(NativeApi.create(given.address(), first), 0);
+        try (NativeSettings nativeSettings = new NativeSettings(settings)) {
+            check(NativeApi.create(nativeSettings.address(), first), 0);
         }
         detector = result(0);
     }
@@ -149,7 +149,7 @@ public final class Detector implements AutoCloseable {
     public long count(Query query) {
         enter(query);
         try {
-            int status = NativeApi.count(detector, question, first);
+            int status = NativeApi.count(detector, queryAddress, first);
             query.keep();
             check(status, detector);
             return result(0);
@@ -179,7 +179,7 @@ public final class Detector implements AutoCloseable {
     public Neighbors neighbors(Query query) {
         enter(query);
         try {
-            int status = NativeApi.neighbors(detector, question, first, second);
+            int status = NativeApi.neighbors(detector, queryAddress, first, second);
             query.keep();
             if (status == Status.TOO_MANY_PAIRS.ordinal()) throw tooMany(ResultBuffers.number(result(0)));
             check(status, detector);
@@ -215,7 +215,7 @@ public final class Detector implements AutoCloseable {
         int bits = options.stream().mapToInt(ListOption::bit).sum();
         enter(query);
         try {
-            int status = NativeApi.neighborList(detector, question, bits, first);
+            int status = NativeApi.neighborList(detector, queryAddress, bits, first);
             query.keep();
             if (status == Status.TOO_MANY_PAIRS.ordinal()) throw tooMany(result(0));
             check(status, detector);
@@ -262,7 +262,7 @@ public final class Detector implements AutoCloseable {
         try {
             // A thread of the library writes it; it is read after all have ended.
             Throwable[] thrown = new Throwable[1];
-            int status = NativeApi.stream(detector, question, chunk, (pairs, count) -> {
+            int status = NativeApi.stream(detector, queryAddress, chunk, (pairs, count) -> {
                 try {
                     return consumer.take(ResultBuffers.integers(pairs, 2 * count)) ? 0 : 1;
                 } catch (Throwable any) {
@@ -347,7 +347,7 @@ public final class Detector implements AutoCloseable {
 
     /** Returns the pairs of the query that {@link #enter(Query)} has written, in the detector's memory. */
     private IntBuffer findPairs(Query query) {
-        int status = NativeApi.pairs(detector, question, first, second);
+        int status = NativeApi.pairs(detector, queryAddress, first, second);
         query.keep();
         if (status == Status.TOO_MANY_PAIRS.ordinal()) throw tooMany(result(1));
         check(status, detector);
@@ -363,7 +363,7 @@ public final class Detector implements AutoCloseable {
         Objects.requireNonNull(query, "query");
         enter();
         try {
-            query.write(places, 0);
+            query.write(callBuffer, 0);
         } catch (IllegalStateException closed) {
             leave();
             throw closed;
@@ -395,6 +395,6 @@ public final class Detector implements AutoCloseable {
 
     /** Returns a number or address that the library has written. */
     private long result(int k) {
-        return places.getLong(OUT + Long.BYTES * k);
+        return callBuffer.getLong(OUT + Long.BYTES * k);
     }
 }

@@ -40,10 +40,10 @@ public final class Exclusions {
      */
     public static Exclusions of(int spheres, int... pairs) {
         check(spheres, "spheres");
-        IntBuffer given = direct(pairs);
+        IntBuffer buffer = direct(pairs);
         return new Exclusions(out -> {
-            int status = NativeApi.exclusionsCreate(spheres, NativeApi.address(given, Integer.BYTES), pairs.length / 2, out);
-            Reference.reachabilityFence(given);
+            int status = NativeApi.exclusionsCreate(spheres, NativeApi.address(buffer, Integer.BYTES), pairs.length / 2, out);
+            Reference.reachabilityFence(buffer);
             return status;
         });
     }
@@ -61,11 +61,11 @@ public final class Exclusions {
     public static Exclusions across(int first, int second, int... pairs) {
         check(first, "first");
         check(second, "second");
-        IntBuffer given = direct(pairs);
+        IntBuffer buffer = direct(pairs);
         return new Exclusions(out -> {
-            long at = NativeApi.address(given, Integer.BYTES);
+            long at = NativeApi.address(buffer, Integer.BYTES);
             int status = NativeApi.exclusionsAcross(first, second, at, pairs.length / 2, out);
-            Reference.reachabilityFence(given);
+            Reference.reachabilityFence(buffer);
             return status;
         });
     }
@@ -87,8 +87,10 @@ public final class Exclusions {
         Spheres.check(others, "indices");
         int rows = starts.remaining() - 1;
         if (rows < 0 || starts.get(starts.position() + rows) != others.remaining()) {
+            String last =
+                rows < 0 ? "there are no offsets" : "the last offset is " + starts.get(starts.position() + rows);
             throw new IllegalArgumentException(
-                "the last offset must be there and be the number of indices, " + others.remaining());
+                last + ", with " + others.remaining() + " indices; end the offsets with the number of indices");
         }
         return new Exclusions(out -> {
             long at = NativeApi.address(starts, Long.BYTES);

@@ -99,14 +99,15 @@ public final class Settings {
      * @throws IllegalArgumentException for a vector without exactly three components
      */
     public Settings cellVectors(double[] a, double[] b, double[] c) {
-        double[][] given = {a, b, c};
+        double[][] vectors = {a, b, c};
         for (int k = 0; k < 3; k++) {
-            given[k] = given[k] == null ? new double[3] : given[k].clone();
-            if (given[k].length != 3) {
-                throw new IllegalArgumentException("an edge has " + given[k].length + " components; give x, y and z");
+            vectors[k] = vectors[k] == null ? new double[3] : vectors[k].clone();
+            if (vectors[k].length != 3) {
+                throw new IllegalArgumentException(
+                    "a cell vector has " + vectors[k].length + " components; give x, y and z");
             }
         }
-        this.cellVectors = given;
+        this.cellVectors = vectors;
         return this;
     }
 

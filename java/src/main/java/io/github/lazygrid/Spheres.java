@@ -51,26 +51,26 @@ public final class Spheres {
     }
 
     private final int count;
-    /** The caller's buffers, kept while their addresses are in use. */
-    private final List<Buffer> kept;
+    /** The caller's buffers, retained while their addresses are in use. */
+    private final List<Buffer> buffers;
     private final ByteBuffer structure = ByteBuffer.allocateDirect(SIZE).order(ByteOrder.nativeOrder());
     private final long address = NativeApi.address(structure, 1);
 
     /** Steps are in numbers. */
-    private Spheres(int count, Precision precision, long[] xyzr, int step, int radiusStep, List<Buffer> kept) {
+    private Spheres(int count, Precision precision, long[] xyzr, int step, int radiusStep, List<Buffer> buffers) {
         this.count = count;
-        this.kept = kept;
+        this.buffers = buffers;
         structure.putLong(0, SIZE).putLong(COUNT, count).putInt(PRECISION, precision.ordinal());
         for (int k = 0; k < 4; k++) structure.putLong(X + Long.BYTES * k, xyzr[k]);
         structure.putLong(STEP, (long) precision.size * step).putLong(R_STEP, (long) precision.size * radiusStep);
     }
 
-    /** These spheres with a further buffer at a place of the structure. */
-    private Spheres(Spheres same, int place, IntBuffer values) {
+    /** These spheres with a further buffer at an offset of the structure. */
+    private Spheres(Spheres same, int offset, IntBuffer values) {
         count = same.count;
-        structure.put(0, same.structure, 0, SIZE).putLong(place, NativeApi.address(values, Integer.BYTES));
-        kept = new ArrayList<>(same.kept);
-        kept.add(values);
+        structure.put(0, same.structure, 0, SIZE).putLong(offset, NativeApi.address(values, Integer.BYTES));
+        buffers = new ArrayList<>(same.buffers);
+        buffers.add(values);
     }
 
     /**
@@ -81,7 +81,7 @@ public final class Spheres {
      * @throws IllegalArgumentException for another kind of buffer, or a number of values that 4 does not divide
      */
     public static Spheres rows(FloatBuffer rows) {
-        return ofRows(rows);
+        return fromRows(rows);
     }
 
     /**
@@ -92,11 +92,11 @@ public final class Spheres {
      * @throws IllegalArgumentException as {@link #rows(FloatBuffer)}
      */
     public static Spheres rows(DoubleBuffer rows) {
-        return ofRows(rows);
+        return fromRows(rows);
     }
 
-    private static Spheres ofRows(Buffer given) {
-        Buffer rows = interleaved(given, "rows", 4);
+    private static Spheres fromRows(Buffer source) {
+        Buffer rows = interleaved(source, "rows", 4);
         Precision precision = Precision.of(rows);
         long x = NativeApi.address(rows, precision.size);
         long[] xyzr = {x, x + precision.size, x + 2L * precision.size, x + 3L * precision.size};
@@ -114,7 +114,7 @@ public final class Spheres {
      * @throws IllegalArgumentException for another kind of buffer, or different lengths
      */
     public static Spheres columns(FloatBuffer x, FloatBuffer y, FloatBuffer z, FloatBuffer r) {
-        return ofColumns(x, y, z, r);
+        return fromColumns(x, y, z, r);
     }
 
     /**
@@ -128,21 +128,21 @@ public final class Spheres {
      * @throws IllegalArgumentException for another kind of buffer, or different lengths
      */
     public static Spheres columns(DoubleBuffer x, DoubleBuffer y, DoubleBuffer z, DoubleBuffer r) {
-        return ofColumns(x, y, z, r);
+        return fromColumns(x, y, z, r);
     }
 
-    private static Spheres ofColumns(Buffer... given) {
-        Precision precision = Precision.of(given[0]);
+    private static Spheres fromColumns(Buffer... source) {
+        Precision precision = Precision.of(source[0]);
         Buffer[] columns = new Buffer[4];
         long[] xyzr = new long[4];
         for (int k = 0; k < 4; k++) {
             String name = "xyzr".substring(k, k + 1);
-            check(given[k], name);
-            sameLength(name, given[k].remaining(), given[0].remaining());
-            columns[k] = given[k].duplicate();
+            check(source[k], name);
+            sameLength(name, source[k].remaining(), source[0].remaining());
+            columns[k] = source[k].duplicate();
             xyzr[k] = NativeApi.address(columns[k], precision.size);
         }
-        return new Spheres(given[0].remaining(), precision, xyzr, 1, 1, List.of(columns));
+        return new Spheres(source[0].remaining(), precision, xyzr, 1, 1, List.of(columns));
     }
 
     /**
@@ -155,7 +155,7 @@ public final class Spheres {
      * @throws IllegalArgumentException for another kind of buffer, or a number of values that 3 does not divide
      */
     public static Spheres points(FloatBuffer centers, float radius) {
-        return ofPoints(centers, allocateFloats(1).put(0, radius));
+        return fromPoints(centers, allocateFloats(1).put(0, radius));
     }
 
     /**
@@ -167,11 +167,11 @@ public final class Spheres {
      * @throws IllegalArgumentException as {@link #points(FloatBuffer, float)}
      */
     public static Spheres points(DoubleBuffer centers, double radius) {
-        return ofPoints(centers, allocateDoubles(1).put(0, radius));
+        return fromPoints(centers, allocateDoubles(1).put(0, radius));
     }
 
-    private static Spheres ofPoints(Buffer given, Buffer radius) {
-        Buffer centers = interleaved(given, "centers", 3);
+    private static Spheres fromPoints(Buffer source, Buffer radius) {
+        Buffer centers = interleaved(source, "centers", 3);
         Precision precision = Precision.of(centers);
         long x = NativeApi.address(centers, precision.size);
         long[] xyzr = {x, x + precision.size, x + 2L * precision.size, NativeApi.address(radius, precision.size)};
@@ -179,13 +179,13 @@ public final class Spheres {
     }
 
     /** A duplicate of a buffer with {@code each} values per sphere. */
-    private static Buffer interleaved(Buffer given, String name, int each) {
-        check(given, name);
-        if (given.remaining() % each != 0) {
+    private static Buffer interleaved(Buffer source, String name, int each) {
+        check(source, name);
+        if (source.remaining() % each != 0) {
             throw new IllegalArgumentException(
-                name + " have " + given.remaining() + " values; give " + each + " for each sphere");
+                name + " have " + source.remaining() + " values; give " + each + " for each sphere");
         }
-        return given.duplicate();
+        return source.duplicate();
     }
 
     /**
@@ -211,10 +211,10 @@ public final class Spheres {
         return withOneEach(groups, GROUPS, "groups");
     }
 
-    private Spheres withOneEach(IntBuffer values, int place, String name) {
+    private Spheres withOneEach(IntBuffer values, int offset, String name) {
         check(values, name);
         sameLength(name, values.remaining(), count);
-        return new Spheres(this, place, values.duplicate());
+        return new Spheres(this, offset, values.duplicate());
     }
 
     /**
@@ -258,14 +258,14 @@ public final class Spheres {
 
     /** The address of a {@code lazygrid_spheres}, valid until this is {@linkplain #keep kept}. */
     long address() {
-        kept.forEach(NativeApi::requireAlive);
+        buffers.forEach(NativeApi::requireAlive);
         return address;
     }
 
     /** Called after each use of the address, so that the memory of the structure is not freed before. */
     void keep() {
         Reference.reachabilityFence(structure);
-        Reference.reachabilityFence(kept);
+        Reference.reachabilityFence(buffers);
     }
 
     private static ByteBuffer direct(int length, int size) {

@@ -43,30 +43,30 @@ final class BoxesAndExclusions {
         return rows;
     }
 
-    /** Returns true if images up to four edges away touch. */
-    private static boolean touch(FloatBuffer rows, int i, int j, double[][] edges) {
-        double reach = (double) rows.get(4 * i + 3) + rows.get(4 * j + 3);
-        int far = edges == null ? 0 : 4;
+    /** Returns true if images up to four cell vectors away touch. */
+    private static boolean touch(FloatBuffer rows, int i, int j, double[][] vectors) {
+        double cutoff = (double) rows.get(4 * i + 3) + rows.get(4 * j + 3);
+        int far = vectors == null ? 0 : 4;
         for (int x = -far; x <= far; x++) {
             for (int y = -far; y <= far; y++) {
                 for (int z = -far; z <= far; z++) {
                     double squared = 0;
                     for (int axis = 0; axis < 3; axis++) {
                         double d = (double) rows.get(4 * i + axis) - rows.get(4 * j + axis);
-                        if (edges != null) d += x * edges[0][axis] + y * edges[1][axis] + z * edges[2][axis];
+                        if (vectors != null) d += x * vectors[0][axis] + y * vectors[1][axis] + z * vectors[2][axis];
                         squared += d * d;
                     }
-                    if (squared <= reach * reach) return true;
+                    if (squared <= cutoff * cutoff) return true;
                 }
             }
         }
         return false;
     }
 
-    private static List<int[]> plainLoop(FloatBuffer rows, double[][] edges) {
+    private static List<int[]> plainLoop(FloatBuffer rows, double[][] vectors) {
         List<int[]> pairs = new ArrayList<>();
         for (int i = 0; i < COUNT; i++) {
-            for (int j = i + 1; j < COUNT; j++) if (touch(rows, i, j, edges)) pairs.add(new int[] {i, j});
+            for (int j = i + 1; j < COUNT; j++) if (touch(rows, i, j, vectors)) pairs.add(new int[] {i, j});
         }
         return pairs;
     }
@@ -90,23 +90,23 @@ final class BoxesAndExclusions {
     private static void triclinic() {
         FloatBuffer rows = scene(1);
         for (int repeating = 1; repeating <= 3; repeating++) {
-            double[][] edges = new double[3][3];
-            for (int k = 0; k < repeating; k++) edges[k] = TRICLINIC[k];
-            List<int[]> expected = plainLoop(rows, edges);
+            double[][] vectors = new double[3][3];
+            for (int k = 0; k < repeating; k++) vectors[k] = TRICLINIC[k];
+            List<int[]> expected = plainLoop(rows, vectors);
             for (Algorithm algorithm : CPU) {
                 Settings settings = onCpu().algorithm(algorithm);
-                settings.cellVectors(edges[0], repeating > 1 ? edges[1] : null, repeating > 2 ? edges[2] : null);
+                settings.cellVectors(vectors[0], repeating > 1 ? vectors[1] : null, repeating > 2 ? vectors[2] : null);
                 try (Detector detector = new Detector(settings)) {
-                    same(detector, Spheres.rows(rows), expected, repeating + " edges, " + algorithm);
+                    same(detector, Spheres.rows(rows), expected, repeating + " vectors, " + algorithm);
                 }
             }
         }
     }
 
     private static void omitted() {
-        for (double[][] edges : new double[][][] {null, TRICLINIC}) {
+        for (double[][] vectors : new double[][][] {null, TRICLINIC}) {
             FloatBuffer rows = scene(2);
-            List<int[]> all = plainLoop(rows, edges), apart = new ArrayList<>(), rest = new ArrayList<>();
+            List<int[]> all = plainLoop(rows, vectors), apart = new ArrayList<>(), rest = new ArrayList<>();
             IntBuffer groups = Spheres.allocateInts(COUNT);
             for (int k = 0; k < COUNT; k++) groups.put(k, k % 5 == 4 ? Spheres.NO_GROUP : k % 5);
             List<int[]> listed = new ArrayList<>();
@@ -120,7 +120,7 @@ final class BoxesAndExclusions {
                 }
             }
             check(!rest.isEmpty() && rest.size() < apart.size() && apart.size() < all.size(), "some of each");
-            Settings settings = edges == null ? onCpu() : onCpu().cellVectors(edges[0], edges[1], edges[2]);
+            Settings settings = vectors == null ? onCpu() : onCpu().cellVectors(vectors[0], vectors[1], vectors[2]);
             try (Detector detector = new Detector(settings)) {
                 Spheres spheres = Spheres.rows(rows), grouped = spheres.withGroups(groups);
                 same(detector, grouped, apart, "groups");
@@ -179,10 +179,10 @@ final class BoxesAndExclusions {
         List<int[]> all = plainLoop(rows, null);
         Query query = Query.of(Spheres.rows(rows)).without(Exclusions.of(COUNT, flat(all)));
         try (Detector detector = new Detector(onCpu())) {
-            for (int turn = 0; turn < 5; turn++) {
+            for (int iteration = 0; iteration < 5; iteration++) {
                 for (int k = 0; k < 100; k++) Exclusions.of(COUNT, flat(all));
                 System.gc();
-                check(detector.count(query) == 0, "kept, turn " + turn);
+                check(detector.count(query) == 0, "kept, iteration " + iteration);
             }
         }
     }
@@ -196,7 +196,8 @@ final class BoxesAndExclusions {
             onCpu().periodic(1, 0, 0).cellVectors(new double[] {4, 0, 0}, null, null)).close());
         throwing(IllegalArgumentException.class, e -> true, () -> Exclusions.of(7, 0), "odd");
         throwing(IllegalArgumentException.class, e -> true, () -> Exclusions.of(-1), "negative");
-        throwing(IllegalArgumentException.class, e -> true, () -> onCpu().cellVectors(new double[2], null, null), "edge");
+        throwing(IllegalArgumentException.class, e -> true,
+            () -> onCpu().cellVectors(new double[2], null, null), "cell vector");
         Spheres spheres = Spheres.rows(scene(5));
         throwing(IllegalArgumentException.class, e -> e.getMessage().contains("groups has 2"),
             () -> spheres.withGroups(Spheres.allocateInts(2)), "groups");

@@ -133,7 +133,7 @@ public final class ContractTest {
     private static void arbitraryScenes() {
         Random random = new Random(1);
         try (Detector detector = new Detector(onCpu())) {
-            for (int turn = 0; turn < 20; turn++) {
+            for (int iteration = 0; iteration < 20; iteration++) {
                 int count = random.nextInt(300);
                 FloatBuffer rows = Spheres.allocateFloats(4 * count);
                 for (int k = 0; k < 4 * count; k++) rows.put(k, random.nextFloat() * (k % 4 == 3 ? 0.2f : 3));
@@ -145,7 +145,7 @@ public final class ContractTest {
                 }
                 StringBuilder found = new StringBuilder();
                 for (int index : detector.pairsAsArray(Spheres.rows(rows))) found.append(index).append(' ');
-                check(found.compareTo(expected) == 0, "scene " + turn);
+                check(found.compareTo(expected) == 0, "scene " + iteration);
             }
         }
     }
@@ -156,8 +156,8 @@ public final class ContractTest {
             double d = (double) a.get(4 * i + axis) - b.get(4 * j + axis);
             squared += d * d;
         }
-        double reach = (double) a.get(4 * i + 3) + b.get(4 * j + 3);
-        return squared <= reach * reach;
+        double cutoff = (double) a.get(4 * i + 3) + b.get(4 * j + 3);
+        return squared <= cutoff * cutoff;
     }
 
     private static void streams() {
@@ -261,7 +261,7 @@ public final class ContractTest {
             workers[k] = new Thread(() -> {
                 Spheres spheres = Spheres.rows(line(3000));
                 try (Detector detector = new Detector(onCpu())) {
-                    for (int turn = 0; turn < 5; turn++) right.addAndGet(detector.count(spheres) == 2999 ? 1 : 0);
+                    for (int call = 0; call < 5; call++) right.addAndGet(detector.count(spheres) == 2999 ? 1 : 0);
                 }
             });
             workers[k].start();
@@ -273,7 +273,7 @@ public final class ContractTest {
     /** An array has the pairs of its own call, although the next call of another thread reuses their memory. */
     private static void sharedDetector() throws InterruptedException {
         // The second call is short enough to end before the first array is copied.
-        int[] counts = {2000, 300}, turns = {10, 200};
+        int[] counts = {2000, 300}, iterations = {10, 200};
         AtomicLong right = new AtomicLong();
         try (Detector detector = new Detector(onCpu().threads(1))) {
             Thread[] workers = new Thread[counts.length];
@@ -282,9 +282,9 @@ public final class ContractTest {
                 for (int sphere = 0; sphere < counts[k]; sphere++) rows.put(4 * sphere + 3, 1);
                 Spheres spheres = Spheres.rows(rows);
                 int[] expected = detector.pairsAsArray(spheres);
-                int most = turns[k];
+                int most = iterations[k];
                 workers[k] = new Thread(() -> {
-                    for (int turn = 0; turn < most; turn++) {
+                    for (int iteration = 0; iteration < most; iteration++) {
                         if (Arrays.equals(whenFree(detector, spheres), expected)) right.incrementAndGet();
                     }
                 });

@@ -33,7 +33,7 @@ public final class MemoryLimits {
     private MemoryLimits() {}
 
     /** Returns true if the call succeeded. */
-    private static boolean done(Runnable call) {
+    private static boolean succeeds(Runnable call) {
         try {
             call.run();
             return true;
@@ -60,23 +60,23 @@ public final class MemoryLimits {
 
     private static void search(Settings settings, Query query) {
         try (Detector detector = new Detector(settings)) {
-            done(() -> check(detector.pairs(query).remaining() == 2 * EXPECTED, "pairs"));
+            succeeds(() -> check(detector.pairs(query).remaining() == 2 * EXPECTED, "pairs"));
             streamed = 0;
-            done(() -> {
+            succeeds(() -> {
                 detector.stream(query, 1000, pairs -> {
                     streamed += pairs.remaining() / 2;
                     return true;
                 });
                 check(streamed == EXPECTED, "streamed pairs");
             });
-            done(() -> check(detector.neighbors(query).offsets().get(COUNT) == 2 * EXPECTED, "neighbors"));
-            done(() -> check(detector.neighborList(query, Set.of(ListOption.DISTANCES)).length() > 0, "list"));
+            succeeds(() -> check(detector.neighbors(query).offsets().get(COUNT) == 2 * EXPECTED, "neighbors"));
+            succeeds(() -> check(detector.neighborList(query, Set.of(ListOption.DISTANCES)).length() > 0, "list"));
         }
     }
 
     private static void allCalls(Spheres spheres, Spheres mixture, Exclusions exclusions) {
-        done(() -> search(onCpu().threads(2), Query.of(spheres).without(exclusions)));
-        done(() -> {
+        succeeds(() -> search(onCpu().threads(2), Query.of(spheres).without(exclusions)));
+        succeeds(() -> {
             Settings table = onCpu().threads(2).interactions(new Interactions(SPECIES, Interaction.TOUCH));
             search(table, Query.of(mixture).without(exclusions));
         });

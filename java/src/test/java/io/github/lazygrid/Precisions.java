@@ -73,8 +73,8 @@ final class Precisions {
             double d = a.get(4 * i + axis) - b.get(4 * j + axis);
             squared += d * d;
         }
-        double reach = a.get(4 * i + 3) + b.get(4 * j + 3);
-        return squared <= reach * reach;
+        double cutoff = a.get(4 * i + 3) + b.get(4 * j + 3);
+        return squared <= cutoff * cutoff;
     }
 
     private static int[] plainLoop(DoubleBuffer a, DoubleBuffer b) {
@@ -143,9 +143,9 @@ final class Precisions {
         check(length - last == 2 * radius, "an exact difference");
         DoubleBuffer rows = direct(0, 0, 0, radius, last, 0, 0, radius);
         Spheres spheres = Spheres.rows(rows);
-        double[][] edges = {{length, 0, 0}, null, null};
+        double[][] vectors = {{length, 0, 0}, null, null};
         for (Settings settings : new Settings[] {
-            onCpu().periodic(length, 0, 0), onCpu().cellVectors(edges[0], edges[1], edges[2])
+            onCpu().periodic(length, 0, 0), onCpu().cellVectors(vectors[0], vectors[1], vectors[2])
         }) {
             try (Detector detector = new Detector(settings)) {
                 check(detector.count(spheres) == 1, "touching over the periodic boundary");

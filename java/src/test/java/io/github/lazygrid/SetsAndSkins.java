@@ -40,27 +40,27 @@ final class SetsAndSkins {
     private static void results() {
         Random random = new Random(2);
         try (Detector detector = new Detector(onCpu())) {
-            for (int turn = 0; turn < 20; turn++) {
+            for (int iteration = 0; iteration < 20; iteration++) {
                 int n = random.nextInt(300), m = random.nextInt(300);
                 FloatBuffer one = scene(random, n), other = scene(random, m);
                 Query query = Query.across(Spheres.rows(one), Spheres.rows(other));
                 int[] expected = IntStream.range(0, n).boxed().flatMapToInt(i -> IntStream.range(0, m)
                     .filter(j -> overlap(one, i, other, j)).flatMap(j -> IntStream.of(i, j))).toArray();
                 IntBuffer found = detector.pairs(query);
-                check(found.isReadOnly() && Arrays.equals(copy(found), expected), "scene " + turn);
-                check(detector.count(query) == expected.length / 2, "count of scene " + turn);
+                check(found.isReadOnly() && Arrays.equals(copy(found), expected), "scene " + iteration);
+                check(detector.count(query) == expected.length / 2, "count of scene " + iteration);
                 Neighbors lists = detector.neighbors(query);
                 int[] listed = IntStream.range(0, n).boxed()
                     .flatMapToInt(i -> Arrays.stream(copy(lists.neighborsOf(i))).flatMap(j -> IntStream.of(i, j)))
                     .toArray();
-                check(lists.offsets().remaining() == n + 1 && Arrays.equals(listed, expected), "lists of scene " + turn);
+                check(lists.offsets().remaining() == n + 1 && Arrays.equals(listed, expected), "lists " + iteration);
                 IntBuffer streamed = IntBuffer.allocate(expected.length);
                 long handed = detector.stream(query, 7, pairs -> {
                     check(pairs.remaining() <= 14, "chunk");
                     streamed.put(pairs);
                     return true;
                 });
-                check(handed == expected.length / 2 && Arrays.equals(streamed.array(), expected), "stream " + turn);
+                check(handed == expected.length / 2 && Arrays.equals(streamed.array(), expected), "stream " + iteration);
             }
         }
     }
@@ -110,7 +110,7 @@ final class SetsAndSkins {
     }
 
     private static void skins() {
-        int count = 3000, kept = 0;
+        int count = 3000, reused = 0;
         Random random = new Random(4);
         FloatBuffer rows = scene(random, count);
         for (int k = 0; k < 4 * count; k++) if (k % 4 != 3) rows.put(k, 4 * rows.get(k));
@@ -122,13 +122,13 @@ final class SetsAndSkins {
                 check(expected.length > 100 && off.reportJson().contains("\"candidates\":null"), "off");
                 check(Arrays.equals(auto.pairsAsArray(spheres), expected), "auto, step " + step);
                 check(Arrays.equals(fixed.pairsAsArray(spheres), expected), "fixed, step " + step);
-                if (fixed.reportJson().contains("\"rebuilt\":null")) kept++;
+                if (fixed.reportJson().contains("\"rebuilt\":null")) reused++;
                 for (int k = 0; k < 4 * count; k++) {
                     if (k % 4 != 3) rows.put(k, rows.get(k) + 0.02f * (random.nextFloat() - 0.5f));
                 }
             }
         }
-        check(kept >= 6, "kept in " + kept + " steps");
+        check(reused >= 6, "reused in " + reused + " steps");
     }
 
     private static void refusedSkins() {
