@@ -6,13 +6,13 @@ use lazygrid::gpu::{GpuDevice, wgpu};
 ///
 /// # Panics
 /// Panics if the adapter refuses the limits.
-pub(crate) fn limited(own: &GpuDevice, limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits) -> GpuDevice {
+pub(crate) fn limited(gpu: &GpuDevice, limits: impl FnOnce(wgpu::Limits) -> wgpu::Limits) -> GpuDevice {
     let instance = wgpu::Instance::new(wgpu::InstanceDescriptor::new_without_display_handle());
     let adapters = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::PRIMARY));
-    let same = adapters.into_iter().find(|adapter| adapter.get_info().name == own.adapter.name);
+    let same = adapters.into_iter().find(|adapter| adapter.get_info().name == gpu.adapter.name);
     let adapter = same.expect("the adapter");
     let descriptor = wgpu::DeviceDescriptor {
-        required_features: own.device.features(),
+        required_features: gpu.device.features(),
         required_limits: limits(adapter.limits()),
         ..Default::default()
     };

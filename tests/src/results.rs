@@ -17,9 +17,9 @@ pub fn streamed<'a>(
     chunk: usize,
 ) -> Result<Vec<Pair>, String> {
     let (mut pairs, mut longest) = (Vec::new(), 0);
-    let delivered = detector.stream(query, chunk, |part| {
-        longest = longest.max(part.len());
-        pairs.extend_from_slice(part);
+    let delivered = detector.stream(query, chunk, |chunk_pairs| {
+        longest = longest.max(chunk_pairs.len());
+        pairs.extend_from_slice(chunk_pairs);
         ControlFlow::Continue(())
     });
     match delivered.map_err(text)? {

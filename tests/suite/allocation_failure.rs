@@ -215,9 +215,9 @@ fn failed_allocation_is_an_error_wherever_it_occurs() {
     let _alone = ALONE.lock();
     let sizes = Scene::FiveSizes.spheres(1300, 41);
     let burst = Scene::Burst.spheres(1200, 42);
-    let mut crowd = Scene::Equal.spheres(1300, 43);
-    crowd.iter_mut().for_each(|sphere| sphere.center += 100.0);
-    crowd.push(Sphere::new([100.0; 3], 20.0));
+    let mut cluster = Scene::Equal.spheres(1300, 43);
+    cluster.iter_mut().for_each(|sphere| sphere.center += 100.0);
+    cluster.push(Sphere::new([100.0; 3], 20.0));
     let species: Vec<u32> = (0..3).cycle().take(sizes.len()).collect();
     let mut table = Interactions::new(3, Interaction::Touch).expect("three species");
     table.set(0, 1, Interaction::Within(0.5)).expect("a distance");
@@ -264,12 +264,12 @@ fn failed_allocation_is_an_error_wherever_it_occurs() {
                 }
             }
             walk(variant, &config(), Spheres::from(&burst), Refusal::After);
-            walk(variant, &few(), Spheres::from(&crowd), Refusal::After);
+            walk(variant, &few(), Spheres::from(&cluster), Refusal::After);
             walk(variant, &config().interactions(table.clone()), with_species, Refusal::After);
             walk(variant, &few().space(periodic), Spheres::from(&sizes), Refusal::After);
             // Limits from a page up, in steps of 30 %.
             let above = |k: usize| Refusal::Above((LARGE as f64 * 1.3_f64.powi(k as i32)) as usize);
-            walk(variant, &few(), Spheres::from(&crowd), above);
+            walk(variant, &few(), Spheres::from(&cluster), above);
         });
     }
 }

@@ -37,15 +37,15 @@ fn non_finite_or_negative_spheres_are_refused() {
         Sphere::new([0.0; 3], -f32::from_bits(1)),
     ];
     for wrong in bad {
-        for (n, places) in [(1, &[0][..]), (2, &[1]), (300, &[299]), (70_000, &[40_000, 40_001, 69_999])] {
+        for (n, indices) in [(1, &[0][..]), (2, &[1]), (300, &[299]), (70_000, &[40_000, 40_001, 69_999])] {
             let mut spheres = vec![good; n];
-            places.iter().for_each(|&at| spheres[at] = wrong);
+            indices.iter().for_each(|&at| spheres[at] = wrong);
             let Error::Input(InputError::Sphere { index, center, radius, count, total }) =
                 refusal(&Config::default(), (&spheres).into())
             else {
                 panic!("another error")
             };
-            assert_eq!((index, count, total), (places[0] as u32, places.len() as u64, n as u64));
+            assert_eq!((index, count, total), (indices[0] as u32, indices.len() as u64, n as u64));
             let numbers = [wrong.center.x, wrong.center.y, wrong.center.z, wrong.radius].map(f64::from);
             let [x, y, z] = center;
             assert_eq!(format!("{:?}", [x, y, z, radius]), format!("{numbers:?}"));
@@ -57,8 +57,8 @@ fn non_finite_or_negative_spheres_are_refused() {
 fn bad_sphere_message_names_index_value_and_count() {
     let spheres = [[0.0, 0.0, 0.0, 1.0], [4.5, 0.0, 0.0, -2.5], [0.0, f32::NAN, 0.0, 1.0]];
     let text = refusal(&Config::default(), spheres[..].into()).to_string();
-    for part in ["sphere 1", "4.5", "-2.5", "2 of 3"] {
-        assert!(text.contains(part), "'{part}' is not in: {text}");
+    for phrase in ["sphere 1", "4.5", "-2.5", "2 of 3"] {
+        assert!(text.contains(phrase), "'{phrase}' is not in: {text}");
     }
 }
 

@@ -27,13 +27,13 @@ pub(crate) fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Ra
             Some(&[a, b, c, r]) if k % 2 == 1 => {
                 let apart = [random.signed(), random.signed(), random.signed()];
                 let length = (apart[0] * apart[0] + apart[1] * apart[1] + apart[2] * apart[2]).sqrt();
-                let reach = (r + radius) / length;
-                let center = [a + apart[0] * reach, b + apart[1] * reach, c + apart[2] * reach];
+                let scale = (r + radius) / length;
+                let center = [a + apart[0] * scale, b + apart[1] * scale, c + apart[2] * scale];
                 let off = (k / 2 % 5) as i64 - 2;
-                let part = 1.0 + (off.signum() as f64) * 0.5_f64.powi(16 + (k / 20 % 12) as i32);
+                let factor = 1.0 + (off.signum() as f64) * 0.5_f64.powi(16 + (k / 20 % 12) as i32);
                 let radius = match k / 10 % 2 {
                     0 => f64::from_bits((radius.to_bits() as i64 + off).max(0) as u64),
-                    _ => radius * part,
+                    _ => radius * factor,
                 };
                 [center[0], center[1], center[2], radius]
             }
@@ -46,14 +46,14 @@ pub(crate) fn scene(count: usize, extent: f64, offset: [f64; 3], random: &mut Ra
 const NEAR: std::ops::RangeInclusive<i32> = -2..=2;
 
 fn images(space: &Space) -> Vec<[f64; 3]> {
-    let edges = space.cell_vectors();
-    let [counts_a, counts_b, counts_c] = edges.map(|edge| if edge.is_some() { NEAR } else { 0..=0 });
+    let vectors = space.cell_vectors();
+    let [counts_a, counts_b, counts_c] = vectors.map(|vector| if vector.is_some() { NEAR } else { 0..=0 });
     let mut images = Vec::new();
     for a in counts_a {
         for b in counts_b.clone() {
             for c in counts_c.clone() {
                 let counts = [a, b, c].map(f64::from);
-                let term = |k: usize, axis: usize| edges[k].map_or(0.0, |edge| counts[k] * edge[axis]);
+                let term = |k: usize, axis: usize| vectors[k].map_or(0.0, |vector| counts[k] * vector[axis]);
                 images.push([0, 1, 2].map(|axis| term(0, axis) + term(1, axis) + term(2, axis)));
             }
         }
@@ -77,12 +77,12 @@ pub(crate) fn oracle(spheres: &[[f64; 4]], space: &Space, table: Option<&Interac
     let mut pairs = Vec::new();
     for (j, b) in spheres.iter().enumerate() {
         for (i, a) in spheres[..j].iter().enumerate() {
-            let reach = match table.map(|table| table.get(i as u32 % 2, j as u32 % 2)) {
+            let cutoff = match table.map(|table| table.get(i as u32 % 2, j as u32 % 2)) {
                 None | Some(Interaction::Touch) => a[3] + b[3],
                 Some(Interaction::Within(distance)) => distance,
                 Some(Interaction::Never) => continue,
             };
-            if distance_squared(&images, *a, *b) <= reach * reach {
+            if distance_squared(&images, *a, *b) <= cutoff * cutoff {
                 pairs.push(Pair { i: i as u32, j: j as u32 });
             }
         }
@@ -96,14 +96,14 @@ fn spaces() -> [Space; 5] {
 }
 
 pub(crate) fn spaces_of(map: impl Fn(f64) -> f64) -> [Space; 5] {
-    let tilts = [[7.3, 0.0, 0.0], [2.9, 6.1, 0.0], [-1.7, 0.4, 5.9]].map(|edge| Some(edge.map(&map)));
+    let tilts = [[7.3, 0.0, 0.0], [2.9, 6.1, 0.0], [-1.7, 0.4, 5.9]].map(|vector| Some(vector.map(&map)));
     let periodic = |lengths: [Option<f64>; 3]| Space::periodic(lengths.map(|length| length.map(&map)));
     [
         Space::UNBOUNDED,
         periodic([Some(10.1), Some(8.0 / 3.0), None]).expect("lengths"),
         periodic([Some(10.0), Some(7.0), Some(6.5)]).expect("lengths"),
-        Space::triclinic(tilts).expect("edges"),
-        Space::triclinic([tilts[0], None, tilts[2]]).expect("edges"),
+        Space::triclinic(tilts).expect("cell vectors"),
+        Space::triclinic([tilts[0], None, tilts[2]]).expect("cell vectors"),
     ]
 }
 
@@ -180,7 +180,7 @@ fn two_sets_species_and_exclusions_are_decided_in_f64() {
         let all = oracle(&spheres, &space, Some(&table));
         let excluded: Vec<_> = all.iter().step_by(3).map(|pair| (pair.i, pair.j)).collect();
         let exclusions = Exclusions::new(200, excluded.iter().copied()).expect("of spheres");
-        let kept: Vec<Pair> =
+        let expected_pairs: Vec<Pair> =
             all.iter().filter(|pair| !excluded.contains(&(pair.i, pair.j))).copied().collect();
         let across: Vec<Pair> = all
             .iter()
@@ -195,7 +195,7 @@ fn two_sets_species_and_exclusions_are_decided_in_f64() {
             let config = variant.settings().space(space).interactions(table.clone());
             let mut detector = Detector::new(config).expect("a detector");
             variant.run(|| {
-                let among = agrees(&mut detector, Query::new(one).without(&exclusions), &kept);
+                let among = agrees(&mut detector, Query::new(one).without(&exclusions), &expected_pairs);
                 let across = agrees(&mut detector, Query::new((a, b)), &across);
                 among.and(across).unwrap_or_else(|text| panic!("{variant}, {space:?}: {text}"));
             });
@@ -216,7 +216,7 @@ fn candidates_of_f64_spheres_lose_no_pair() {
         let mut spheres = scene(900, 2.4, [1e7, 0.0, -1e7], &mut random);
         let mut steps = Vec::new();
         for step in 0..9 {
-            steps.push((Columns::of(&spheres), oracle(&spheres, &space, table)));
+            steps.push((Columns::from_rows(&spheres), oracle(&spheres, &space, table)));
             let far = if step == 5 { 0.2 } else { 0.002 };
             for sphere in &mut spheres {
                 (0..3).for_each(|axis| sphere[axis] += far * random.signed());
@@ -247,7 +247,7 @@ pub(crate) struct Columns {
 }
 
 impl Columns {
-    pub(crate) fn of(rows: &[[f64; 4]]) -> Self {
+    pub(crate) fn from_rows(rows: &[[f64; 4]]) -> Self {
         Self {
             rows: rows.to_vec(),
             centers: rows.iter().map(|[x, y, z, _]| [*x, *y, *z]).collect(),
@@ -282,15 +282,15 @@ pub(crate) fn serve(
         if found != expected {
             return Err(format!("step {step}: {} of {}", found.len(), expected.len()));
         }
-        served += u32::from(detector.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
+        served += u32::from(detector.report().candidates.is_some_and(|stats| stats.rebuilt.is_none()));
     }
     Ok(served)
 }
 
 #[test]
 fn calls_of_both_precisions_can_alternate() {
-    let edges = [Some([4.0, 0.0, 0.0]), Some([1.0, 4.0, 0.0]), Some([0.0, 1.0, 4.0])];
-    let space = Space::triclinic(edges).expect("edges");
+    let vectors = [Some([4.0, 0.0, 0.0]), Some([1.0, 4.0, 0.0]), Some([0.0, 1.0, 4.0])];
+    let space = Space::triclinic(vectors).expect("cell vectors");
     let narrow = [[0.0_f32, 0.0, 0.0, 0.5], [0.9, 0.0, 0.0, 0.5], [2.0, 2.0, 0.0, 0.1]];
     let wide = [[0.0_f64, 0.0, 0.0, 1e300], [0.9, 0.0, 0.0, 0.5], [2.0, 2.0, 0.0, 0.1]];
     for variant in variants::each_algorithm() {

@@ -99,8 +99,8 @@ fn all_kinds_of_results_agree() {
 #[test]
 fn pairs_across_two_sets() {
     let with = (cases(), 0.0..=1.0_f32, select(variants::all()));
-    check(150, with, |(scenario, part, variant)| {
-        two_sets::agrees(&scenario, two_sets::split_at(&scenario, part), variant)
+    check(150, with, |(scenario, fraction, variant)| {
+        two_sets::agrees(&scenario, two_sets::split_at(&scenario, fraction), variant)
     });
 }
 
@@ -154,14 +154,14 @@ fn exclusions_of_wrong_size_are_refused() {
 #[test]
 fn sessions_refuse_groups_and_triclinic_cells() {
     let Some(device) = lazygrid_tests::device() else { return };
-    let own = || device.clone();
+    let gpu = || device.clone();
     let spheres = [Sphere::new([0.0; 3], 1.0); 2];
-    let mut session = GpuSession::new(own(), GpuConfig::default()).expect("a session");
+    let mut session = GpuSession::new(gpu(), GpuConfig::default()).expect("a session");
     let grouped = Spheres::from(&spheres).with_groups(&[1, 1]).expect("two");
     let error = session.begin(grouped).expect_err("groups");
     assert!(error.to_string().contains("Detector"), "{error}");
-    let space = Space::triclinic([Some([1.0, 1.0, 0.0]), None, None]).expect("an edge");
-    let error = GpuSession::new(own(), GpuConfig::default().space(space)).expect_err("triclinic");
+    let space = Space::triclinic([Some([1.0, 1.0, 0.0]), None, None]).expect("a cell vector");
+    let error = GpuSession::new(gpu(), GpuConfig::default().space(space)).expect_err("triclinic");
     assert!(error.to_string().contains("Detector"), "{error}");
     assert!(Detector::new(Config::default().backend(Backend::Cpu).space(space)).is_ok());
 }

@@ -92,8 +92,8 @@ fn candidates_with_far_spheres_lose_no_pair() {
                 for (step, (spheres, expected)) in steps.iter().enumerate() {
                     let found = detector.pairs(spheres).expect("valid");
                     assert!(found == expected, "{variant}, {space:?}, step {step}: {}", found.len());
-                    let kept = detector.report().candidates;
-                    served += u32::from(kept.is_some_and(|kept| kept.rebuilt.is_none()));
+                    let candidates = detector.report().candidates;
+                    served += u32::from(candidates.is_some_and(|candidates| candidates.rebuilt.is_none()));
                 }
             });
             assert!(served >= 5, "{variant}, {space:?}: {served} of 12 calls were served");

@@ -171,14 +171,14 @@ fn species_that_never_pair() {
 fn sets_without_spheres_need_no_species() {
     let (none, ids): ([Sphere; 0], _) = ([], [0, 1]);
     let two = [Sphere::new([0.0; 3], 1.0), Sphere::new([1.0, 0.0, 0.0], 1.0)];
-    let given = Spheres::from(&two).with_species(&ids).expect("as many");
+    let spheres = Spheres::from(&two).with_species(&ids).expect("as many");
     for variant in variants::each_algorithm() {
         let table = Interactions::new(2, Interaction::Touch).expect("two species");
         let mut detector = Detector::new(variant.settings().interactions(table)).expect("a detector");
         assert_eq!(detector.pairs(Spheres::from(&none)).expect("no pairs").len(), 0, "{variant}");
-        assert_eq!(detector.count((given, Spheres::from(&none))), Ok(0), "{variant}");
-        assert_eq!(detector.count((Spheres::from(&none), given)), Ok(0), "{variant}");
-        assert_eq!(detector.count(given), Ok(1), "{variant}");
+        assert_eq!(detector.count((spheres, Spheres::from(&none))), Ok(0), "{variant}");
+        assert_eq!(detector.count((Spheres::from(&none), spheres)), Ok(0), "{variant}");
+        assert_eq!(detector.count(spheres), Ok(1), "{variant}");
         assert!(detector.count(&two).is_err(), "{variant}");
     }
 }

@@ -92,7 +92,7 @@ fn add_files(path: PathBuf, files: &mut Vec<PathBuf>) {
         for entry in fs::read_dir(path).expect("a folder of the workspace") {
             add_files(entry.expect("an entry").path(), files);
         }
-    } else if path.extension().is_some_and(|own| EXTENSIONS.iter().any(|extension| own == *extension)) {
+    } else if path.extension().is_some_and(|suffix| EXTENSIONS.iter().any(|extension| suffix == *extension)) {
         files.push(path);
     }
 }
@@ -128,7 +128,7 @@ fn unclear_openings(source: &str) -> usize {
 
 #[test]
 fn comments_begin_with_a_noun_or_a_verb() {
-    let is_source = |path: &Path| path.extension().is_some_and(|own| own == "rs" || own == "wgsl");
+    let is_source = |path: &Path| path.extension().is_some_and(|suffix| suffix == "rs" || suffix == "wgsl");
     let texts = texts();
     let sources = texts.iter().filter(|(path, _)| is_source(path));
     let unclear = sources.filter(|(_, text)| unclear_openings(text) > 0).map(|(path, _)| path);

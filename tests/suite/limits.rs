@@ -43,8 +43,8 @@ fn list_of_too_many_pairs_is_refused_with_its_count() {
         let Err(error) = detector.pairs(&spheres) else { panic!("{variant}: a list of {found} pairs") };
         assert_eq!(error, Error::TooManyPairs { found, limit }, "{variant}");
         let text = error.to_string();
-        for part in [&found.to_string(), "1048576", "max_pairs", "stream"] {
-            assert!(text.contains(part), "'{part}' is not in: {text}");
+        for phrase in [&found.to_string(), "1048576", "max_pairs", "stream"] {
+            assert!(text.contains(phrase), "'{phrase}' is not in: {text}");
         }
     }
 }

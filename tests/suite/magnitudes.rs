@@ -32,7 +32,7 @@ fn scene(count: usize, random: &mut Random) -> Vec<[f64; 4]> {
                 let (mut direction, length) = DIRECTIONS[k / 8 % 4];
                 direction.rotate_left(k % 3);
                 let steps = ((r + radius) / (length * QUANTUM)).ceil();
-                let [x, y, z] = direction.map(|part| part * steps * QUANTUM);
+                let [x, y, z] = direction.map(|component| component * steps * QUANTUM);
                 let overlap = (k / 2 % 5) as f64 - 2.0;
                 let radius = steps * length * QUANTUM - r + overlap * QUANTUM;
                 [a + x, b + y, c + z, radius.max(0.0)]
@@ -131,8 +131,8 @@ fn two_sets_groups_and_exclusions_of_any_magnitude_match_the_contract() {
         all.retain(|pair| !is_grouped(pair));
         let all: Vec<_> = all.iter().map(|pair| (pair.i, pair.j - SPLIT as u32)).collect();
         let exclusions = Exclusions::across(SPLIT, SPLIT, all.iter().step_by(3).copied()).expect("in range");
-        let kept = all.iter().filter(|&&(i, j)| !exclusions.contains(i, j));
-        let expected: Vec<_> = kept.map(|&(i, j)| Pair { i, j }).collect();
+        let remaining = all.iter().filter(|&&(i, j)| !exclusions.contains(i, j));
+        let expected: Vec<_> = remaining.map(|&(i, j)| Pair { i, j }).collect();
         assert!(grouped > 0 && expected.len() > 30, "{grouped} and {}", expected.len());
 
         let (spheres, space) = (magnitude.exact_spheres(&base), magnitude.spaces()[number]);
@@ -169,7 +169,7 @@ fn candidates_of_spheres_far_from_the_origin_lose_no_pair() {
         let mut steps = Vec::new();
         for step in 0..7 {
             let spheres = magnitude.spheres(&base);
-            steps.push((Columns::of(&spheres), oracle(&spheres, &space, None)));
+            steps.push((Columns::from_rows(&spheres), oracle(&spheres, &space, None)));
             let longest = if step == 3 { 0.2 } else { 0.002 };
             for sphere in &mut base {
                 (0..3).for_each(|axis| sphere[axis] += longest * random.signed());
@@ -233,13 +233,13 @@ fn sphere_that_leaves_the_range_of_candidates_is_refused() {
             for _ in 0..3 {
                 assert_eq!(detector.pairs(&spheres), Ok(&expected[..]), "{variant}");
             }
-            let kept = detector.report().candidates.expect("a list");
-            assert_eq!(kept.rebuilt, None, "{variant}");
-            let place = std::mem::replace(&mut spheres[7][0], 1e308);
+            let stats = detector.report().candidates.expect("a list");
+            assert_eq!(stats.rebuilt, None, "{variant}");
+            let coordinate = std::mem::replace(&mut spheres[7][0], 1e308);
             let refused = detector.count(&spheres);
             let is_named = matches!(refused, Err(Error::Input(InputError::CoordinateRange { .. })));
             assert!(is_named, "{variant}: {refused:?}");
-            spheres[7][0] = place;
+            spheres[7][0] = coordinate;
             assert_eq!(detector.pairs(&spheres), Ok(&expected[..]), "{variant}");
         });
     }

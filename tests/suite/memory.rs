@@ -159,7 +159,7 @@ fn memory_for_is_an_upper_bound_with_species() {
         let table = distances(species);
         for n in [0, 1, 10, 100, 1000, 5000] {
             let spheres = Scene::Equal.spheres(n, 37);
-            let calls = [1, 2].map(|part| (0..n as u32).map(|k| k % (species / part).max(1)).collect());
+            let calls = [1, 2].map(|divisor| (0..n as u32).map(|k| k % (species / divisor).max(1)).collect());
             for variant in on_cpu(variants::each_algorithm()) {
                 let (peak, bound) = repeated(|| {
                     measurement.start();
@@ -303,8 +303,8 @@ fn memory_for_includes_candidates() {
     let cell_list = |s: &DetectorVariant| s.algorithm == Algorithm::CellList;
     for variant in on_cpu(variants::each_algorithm()).filter(cell_list) {
         let mut most = 0;
-        for (skin, edge) in [(0.5, 24.0), (0.5, 20.0), (0.5, 12.0), (0.003, 1e-3)] {
-            let spheres = cube(N, edge);
+        for (skin, extent) in [(0.5, 24.0), (0.5, 20.0), (0.5, 12.0), (0.003, 1e-3)] {
+            let spheres = cube(N, extent);
             measurement.start();
             let config = variant.settings().skin(Skin::Fixed(skin));
             let mut detector = Detector::new(config).expect("a detector");
@@ -313,7 +313,7 @@ fn memory_for_includes_candidates() {
             }
             let peak = measurement.peak();
             let bound = variant.run(|| detector.memory_for(N as u64)) as usize + FIXED;
-            assert!(peak <= bound, "{variant}, {edge}: {peak} bytes exceed the bound of {bound}");
+            assert!(peak <= bound, "{variant}, {extent}: {peak} bytes exceed the bound of {bound}");
             most = most.max(if detector.report().candidates.is_some() { peak } else { 0 });
         }
         let detector = Detector::new(variant.settings().skin(Skin::Fixed(0.5))).expect("a detector");
@@ -322,9 +322,9 @@ fn memory_for_includes_candidates() {
     }
 }
 
-fn cube(n: usize, edge: f32) -> Vec<Sphere> {
+fn cube(n: usize, extent: f32) -> Vec<Sphere> {
     let side = (n as f32).cbrt().ceil() as usize;
-    let at = |k: usize| [k % side, k / side % side, k / side / side].map(|c| c as f32 * edge / side as f32);
+    let at = |k: usize| [k % side, k / side % side, k / side / side].map(|c| c as f32 * extent / side as f32);
     (0..n).map(|k| Sphere::new(at(k), 0.5)).collect()
 }
 

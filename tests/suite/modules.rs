@@ -36,8 +36,8 @@ fn code(source: &str) -> String {
             text.push_str("\"\"");
         } else if rest.starts_with("r\"") || rest.starts_with("r#\"") {
             let end = if rest.starts_with("r\"") { "\"" } else { "\"#" };
-            let body = &rest[1 + end.len()..];
-            rest = body.split_once(end).map_or("", |(_, after)| after);
+            let string = &rest[1 + end.len()..];
+            rest = string.split_once(end).map_or("", |(_, after)| after);
         } else if rest.starts_with("'\"'") || rest.starts_with("'\\\"'") {
             rest = rest.split_once("\"'").map_or("", |(_, after)| after);
         } else if let Some(after) = rest.strip_prefix("#[cfg(test)]") {
@@ -133,8 +133,8 @@ fn modules(folder: &Path, path: &[String], files: &mut Vec<(Vec<String>, PathBuf
         if entry.is_dir() && name != "bin" {
             modules(&entry, &[path, &[name]].concat(), files);
         } else if entry.extension().is_some_and(|extension| extension == "rs") {
-            let of = if name == "mod" || is_root { path.to_vec() } else { [path, &[name]].concat() };
-            files.push((of, entry));
+            let module = if name == "mod" || is_root { path.to_vec() } else { [path, &[name]].concat() };
+            files.push((module, entry));
         }
     }
 }

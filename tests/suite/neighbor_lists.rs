@@ -18,16 +18,16 @@ fn random(state: &mut u64) -> f64 {
 }
 
 fn scene(count: usize, space: &Space, radius: f64, state: &mut u64) -> Vec<[f64; 4]> {
-    let edges = space.cell_vectors();
+    let vectors = space.cell_vectors();
     let sphere = |k: usize| {
         let mut center = [0.0; 3];
-        for (axis, edge) in edges.iter().enumerate() {
-            let edge = edge.unwrap_or([0, 1, 2].map(|other| if other == axis { 3.0 } else { 0.0 }));
-            let mut part = 2.0 * random(state) - 0.5;
+        for (axis, vector) in vectors.iter().enumerate() {
+            let vector = vector.unwrap_or([0, 1, 2].map(|other| if other == axis { 3.0 } else { 0.0 }));
+            let mut fraction = 2.0 * random(state) - 0.5;
             if k.is_multiple_of(3) {
-                part = (4.0 * part).round() / 4.0;
+                fraction = (4.0 * fraction).round() / 4.0;
             }
-            (0..3).for_each(|axis| center[axis] += part * edge[axis]);
+            (0..3).for_each(|axis| center[axis] += fraction * vector[axis]);
         }
         let [x, y, z] = center;
         [x, y, z, radius * [1.0, 0.7, 0.2, 0.0][k % 4]]
@@ -38,34 +38,35 @@ fn scene(count: usize, space: &Space, radius: f64, state: &mut u64) -> Vec<[f64;
 /// Number of images in each direction along each cell vector that the oracle tests.
 const FAR: i32 = 7;
 
-/// `reach` returns the cutoff of a pair, or `None` if it never pairs.
+/// `cutoff` returns the cutoff of a pair, or `None` if it never pairs.
 fn oracle(
     rows: &[[f64; 4]],
     others: &[[f64; 4]],
     space: &Space,
     is_open: bool,
-    reach: impl Fn(usize, usize) -> Option<f64>,
+    cutoff: impl Fn(usize, usize) -> Option<f64>,
 ) -> Vec<Entry> {
-    let edges = space.cell_vectors();
-    let counts = edges.map(|edge| if edge.is_some() { -FAR..=FAR } else { 0..=0 });
+    let vectors = space.cell_vectors();
+    let counts = vectors.map(|vector| if vector.is_some() { -FAR..=FAR } else { 0..=0 });
     let mut entries = Vec::new();
     for (i, a) in rows.iter().enumerate() {
         for (j, b) in others.iter().enumerate() {
-            let Some(reach) = reach(i, j) else { continue };
+            let Some(cutoff) = cutoff(i, j) else { continue };
             let apart = [0, 1, 2].map(|axis| b[axis] - a[axis]);
             for p in counts[0].clone() {
                 for q in counts[1].clone() {
                     for r in counts[2].clone() {
                         let shift = [p, q, r];
                         let vector = [0, 1, 2].map(|axis| {
-                            let term =
-                                |k: usize| edges[k].map_or(0.0, |edge| f64::from(shift[k]) * edge[axis]);
+                            let term = |k: usize| {
+                                vectors[k].map_or(0.0, |vector| f64::from(shift[k]) * vector[axis])
+                            };
                             apart[axis] + (term(0) + term(1) + term(2))
                         });
                         let [x, y, z] = vector;
                         let squared = x * x + y * y + z * z;
                         let distance = squared.sqrt();
-                        if if is_open { distance < reach } else { squared <= reach * reach } {
+                        if if is_open { distance < cutoff } else { squared <= cutoff * cutoff } {
                             assert!(shift.iter().all(|count| count.abs() < FAR), "FAR is too small");
                             let pair = Pair { i: i as u32, j: j as u32 };
                             entries.push(Entry { pair, shift, vector, distance });
@@ -111,11 +112,12 @@ fn spaces() -> [Space; 8] {
         Space::UNBOUNDED,
         Space::periodic([Some(2.0); 3]).expect("lengths"),
         Space::periodic([None, Some(10.1), Some(1.3)]).expect("lengths"),
-        Space::triclinic(tilts).expect("edges"),
-        Space::triclinic([None, tilts[1], tilts[2]]).expect("edges"),
-        Space::triclinic(primitive).expect("edges"),
+        Space::triclinic(tilts).expect("cell vectors"),
+        Space::triclinic([None, tilts[1], tilts[2]]).expect("cell vectors"),
+        Space::triclinic(primitive).expect("cell vectors"),
         // Shifts are in units of these vectors, not of the lengths of the axes.
-        Space::triclinic([[0.0, -2.1, 0.0], [1.7, 0.0, 0.0], [0.0, 0.0, -1.3]].map(Some)).expect("edges"),
+        Space::triclinic([[0.0, -2.1, 0.0], [1.7, 0.0, 0.0], [0.0, 0.0, -1.3]].map(Some))
+            .expect("cell vectors"),
         Space::periodic([Some(40.0), Some(30.0), None]).expect("lengths"),
     ]
 }
@@ -128,9 +130,9 @@ fn all_images_within_the_cutoff_are_found() {
     for space in spaces() {
         for radius in RADII {
             let spheres = scene(11, &space, radius, &mut state);
-            let reach = |i: usize, j: usize| Some(spheres[i][3] + spheres[j][3]);
+            let cutoff = |i: usize, j: usize| Some(spheres[i][3] + spheres[j][3]);
             for is_open in [false, true] {
-                let all = oracle(&spheres, &spheres, &space, is_open, reach);
+                let all = oracle(&spheres, &spheres, &space, is_open, cutoff);
                 let full = ListOptions::full();
                 let [full, half] =
                     [full, ListOptions::half()].map(|options| if is_open { options.open() } else { options });
@@ -146,8 +148,9 @@ fn all_images_within_the_cutoff_are_found() {
                         without().filter(is_half).collect::<Vec<_>>(),
                         "{variant}, {space:?}"
                     );
-                    let own = |entry: &&Entry| !is_itself(entry) || spheres[entry.pair.i as usize][3] > 0.0;
-                    let with_self: Vec<Entry> = all.iter().filter(own).copied().collect();
+                    let is_expected =
+                        |entry: &&Entry| !is_itself(entry) || spheres[entry.pair.i as usize][3] > 0.0;
+                    let with_self: Vec<Entry> = all.iter().filter(is_expected).copied().collect();
                     assert_eq!(ask(full.with_self()), with_self, "{variant}, {space:?}, {radius}");
                 }
             }
@@ -190,13 +193,13 @@ fn species_groups_and_exclusions_hold_for_all_images() {
         let species: Vec<u32> = (0..12).map(|k| k % 3).collect();
         let groups: Vec<u32> = (0..12).map(|k| if k < 5 { 7 } else { Spheres::NO_GROUP }).collect();
         let excluded = Exclusions::new(12, [(0, 6), (7, 8), (9, 1)]).expect("pairs");
-        let reach = |i: usize, j: usize| match table.get(species[i], species[j]) {
+        let cutoff = |i: usize, j: usize| match table.get(species[i], species[j]) {
             _ if excluded.contains(i as u32, j as u32) || (i < 5 && j < 5) => None,
             Interaction::Within(distance) => Some(distance),
             Interaction::Touch => Some(spheres[i][3] + spheres[j][3]),
             _ => None,
         };
-        let all = oracle(&spheres, &spheres, &space, false, reach);
+        let all = oracle(&spheres, &spheres, &space, false, cutoff);
         let expected: Vec<Entry> = all.into_iter().filter(|entry| !is_itself(entry)).collect();
         let set = Spheres::from(&spheres).with_species(&species).and_then(|set| set.with_groups(&groups));
         let query = Query::new(set.expect("a set")).without(&excluded);
@@ -216,8 +219,8 @@ fn lists_far_from_the_origin() {
         for far in [1e3, 1e6, 1e9] {
             let mut spheres = scene(8, &space, 1.2, &mut state);
             spheres.iter_mut().for_each(|[x, y, z, _]| (*x, *y, *z) = (*x + far, *y - far, *z + 0.5 * far));
-            let reach = |i: usize, j: usize| Some(spheres[i][3] + spheres[j][3]);
-            let all = oracle(&spheres, &spheres, &space, false, reach);
+            let cutoff = |i: usize, j: usize| Some(spheres[i][3] + spheres[j][3]);
+            let all = oracle(&spheres, &spheres, &space, false, cutoff);
             let expected: Vec<Entry> = all.into_iter().filter(|entry| !is_itself(entry)).collect();
             let mut detector = Detector::new(Config::default().space(space)).expect("a detector");
             let found = entries(&mut detector, Query::new(&spheres), ListOptions::full()).expect("a list");
@@ -264,9 +267,9 @@ fn neighbor_lists_refuse_invalid_input() {
 
 #[test]
 fn cell_vectors_beyond_their_types_are_refused() {
-    let edges = [[1.0, 0.0, 0.0], [0.4, 1.0, 0.0], [-0.3, 0.2, 1.0]];
+    let vectors = [[1.0, 0.0, 0.0], [0.4, 1.0, 0.0], [-0.3, 0.2, 1.0]];
     for scale in [1.0, 1e-300, 1e300] {
-        let cell = edges.map(|edge: [f64; 3]| Some(edge.map(|number| number * scale)));
+        let cell = vectors.map(|vector: [f64; 3]| Some(vector.map(|number| number * scale)));
         for vectors in [cell, [cell[0], cell[1], None], [None, cell[1], None]] {
             let space = Space::triclinic(vectors).expect("a cell");
             let mut detector = Detector::new(Config::default().space(space)).expect("a detector");
@@ -274,13 +277,13 @@ fn cell_vectors_beyond_their_types_are_refused() {
                 let list = detector.neighbor_list(spheres, ListOptions::full().shifts());
                 list.map(|list| list.len())
             };
-            let reaches = [1e10, 1e19, 1e40, 1e155, 1e308, f64::MAX];
-            let reaches = reaches.into_iter().flat_map(|reach| [reach, reach * scale]);
-            for reach in reaches.filter(|reach| reach.is_finite() && *reach >= 1e10 * scale) {
-                let refused = list(&[[0.0, 0.0, 0.0, reach]]).expect_err("many images");
+            let cutoffs = [1e10, 1e19, 1e40, 1e155, 1e308, f64::MAX];
+            let cutoffs = cutoffs.into_iter().flat_map(|cutoff| [cutoff, cutoff * scale]);
+            for cutoff in cutoffs.filter(|cutoff| cutoff.is_finite() && *cutoff >= 1e10 * scale) {
+                let refused = list(&[[0.0, 0.0, 0.0, cutoff]]).expect_err("many images");
                 let is_named =
                     matches!(refused, Error::Input(InputError::Images { images, .. }) if images > 1e9);
-                assert!(is_named, "{vectors:?}, {reach:e}: {refused:?}");
+                assert!(is_named, "{vectors:?}, {cutoff:e}: {refused:?}");
                 let said = refused.to_string();
                 assert!(
                     said.contains("choose a smaller cutoff") && said.contains("wrap the coordinates"),

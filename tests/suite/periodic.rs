@@ -15,9 +15,9 @@ fn on_cpu() -> impl Iterator<Item = DetectorVariant> {
     variants::all().into_iter().filter(|variant| variant.backend() == Backend::Cpu)
 }
 
-fn uniform(n: usize, radii: &[f32], edge: f32, seed: u64) -> Vec<Sphere> {
+fn uniform(n: usize, radii: &[f32], side: f32, seed: u64) -> Vec<Sphere> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut coordinate = || (rng.next_u32() >> 8) as f32 * (edge / (1 << 24) as f32);
+    let mut coordinate = || (rng.next_u32() >> 8) as f32 * (side / (1 << 24) as f32);
     (0..n).map(|k| Sphere::new([coordinate(), coordinate(), coordinate()], radii[k % radii.len()])).collect()
 }
 
@@ -73,10 +73,10 @@ fn species_in_periodic_boxes_match_the_oracle() {
 
 #[test]
 fn the_oracle_agrees_with_all_images() {
-    for (k, edge) in [0.4_f32, 1.0, 3.0, 8.0].into_iter().enumerate() {
+    for (k, side) in [0.4_f32, 1.0, 3.0, 8.0].into_iter().enumerate() {
         for axes in 1..8 {
-            let lengths = [0, 1, 2].map(|axis| (axes >> axis & 1 == 1).then_some(edge));
-            let spheres = uniform(150, &[0.1, 0.0, 0.4, 2.0], edge, k as u64);
+            let lengths = [0, 1, 2].map(|axis| (axes >> axis & 1 == 1).then_some(side));
+            let spheres = uniform(150, &[0.1, 0.0, 0.4, 2.0], side, k as u64);
             let periodic = in_box(spheres, lengths);
             let expected = oracle_of_images(&periodic);
             assert_eq!(periodic.rounding_oracle(), expected, "{lengths:?}");
@@ -88,8 +88,8 @@ fn the_oracle_agrees_with_all_images() {
 #[test]
 fn full_periodic_lattice_has_three_contacts_per_site() {
     for (k, spacing) in [(3_usize, 0.5_f32), (4, 1.0), (10, 0.25), (21, 3.0)] {
-        let place = |at: usize| [at % k, at / k % k, at / k / k].map(|c| c as f32 * spacing);
-        let spheres: Vec<_> = (0..k * k * k).map(|at| Sphere::new(place(at), 0.5 * spacing)).collect();
+        let point = |at: usize| [at % k, at / k % k, at / k / k].map(|c| c as f32 * spacing);
+        let spheres: Vec<_> = (0..k * k * k).map(|at| Sphere::new(point(at), 0.5 * spacing)).collect();
         let space = Space::periodic([Some(f64::from(k as f32 * spacing)); 3]).expect("a box");
         for variant in on_cpu() {
             let mut detector = Detector::new(variant.settings().space(space)).expect("a detector");
@@ -107,9 +107,9 @@ fn large_boxes_give_identical_pairs() {
         (&[0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 3.0], [Some(8.0); 3], 8.0),
         (&[0.1, 0.01], [Some(2.0), Some(3.0), Some(2.5)], 10.0),
     ];
-    for (case, (radii, lengths, edge)) in cases.into_iter().enumerate() {
+    for (case, (radii, lengths, side)) in cases.into_iter().enumerate() {
         let n = if case == 3 { 6000 } else { 8000 };
-        let periodic = in_box(uniform(n, radii, edge, 7), lengths);
+        let periodic = in_box(uniform(n, radii, side, 7), lengths);
         let expected = periodic.rounding_oracle();
         assert!(expected.len() > n / 2, "{case}: {}", expected.len());
         verify_all(&periodic, &expected, &Config::default().tau(64))
@@ -130,13 +130,13 @@ fn large_boxes_give_identical_pairs() {
 #[test]
 fn uniform_boxes_by_the_formula() {
     const SEEDS: u64 = 5;
-    let (edge, radii) = (40.0_f32, [1.0_f32, 0.5, 0.25]);
+    let (side, radii) = (40.0_f32, [1.0_f32, 0.5, 0.25]);
     let sizes = radii.map(|radius| (3000_u64, f64::from(radius)));
-    let expected = periodic_box_pairs(&sizes, f64::from(edge).powi(3));
-    let space = Space::periodic([Some(f64::from(edge)); 3]).expect("a box");
+    let expected = periodic_box_pairs(&sizes, f64::from(side).powi(3));
+    let space = Space::periodic([Some(f64::from(side)); 3]).expect("a box");
     for variant in on_cpu().filter(|variant| variant.threads() == 2) {
         let mut detector = Detector::new(variant.settings().space(space)).expect("a detector");
-        let count = |seed| detector.count(&uniform(9000, &radii, edge, seed)).expect("a count");
+        let count = |seed| detector.count(&uniform(9000, &radii, side, seed)).expect("a count");
         let mean = (0..SEEDS).map(count).sum::<u64>() as f64 / SEEDS as f64;
         let error = (expected.variance / SEEDS as f64).sqrt();
         let off = (mean - expected.mean).abs();
@@ -149,7 +149,7 @@ fn all_kinds_of_results_agree() {
     let spheres = uniform(3000, &[0.3, 0.1], 10.0, 3);
     let periodic = in_box(spheres, [Some(5.0), Some(10.0), None]);
     let (expected, spheres) = (periodic.rounding_oracle(), &periodic.spheres);
-    let column = |of: fn(&Sphere) -> f32| spheres.iter().map(of).collect::<Vec<_>>();
+    let column = |value: fn(&Sphere) -> f32| spheres.iter().map(value).collect::<Vec<_>>();
     let (x, y) = (column(|s| s.center.x), column(|s| s.center.y));
     let (z, r) = (column(|s| s.center.z), column(|s| s.radius));
     let columns = Spheres::columns(&x, &y, &z, &r).expect("columns of one length");

@@ -119,17 +119,17 @@ pub(crate) fn one_of_each(scenario: &TestInput) -> impl Iterator<Item = Detector
 #[test]
 fn permuted_spheres_have_permuted_pairs() {
     let strategy = hard::any_spheres().prop_flat_map(|spheres| {
-        let places: Vec<u32> = (0..spheres.len() as u32).collect();
-        (Just(spheres), Just(places).prop_shuffle())
+        let order: Vec<u32> = (0..spheres.len() as u32).collect();
+        (Just(spheres), Just(order).prop_shuffle())
     });
-    check(64, strategy, |(spheres, places)| {
-        let permuted = TestInput::from(places.iter().map(|&at| spheres[at as usize]).collect::<Vec<_>>());
+    check(64, strategy, |(spheres, order)| {
+        let permuted = TestInput::from(order.iter().map(|&at| spheres[at as usize]).collect::<Vec<_>>());
         let original = TestInput::from(spheres);
         for variant in one_of_each(&original) {
             let back = variant
                 .find(&permuted, Config::default())?
                 .into_iter()
-                .map(|pair| lazygrid::Pair::new(places[pair.i as usize], places[pair.j as usize]));
+                .map(|pair| lazygrid::Pair::new(order[pair.i as usize], order[pair.j as usize]));
             let (back, direct) = (back.collect::<Vec<_>>(), variant.find(&original, Config::default())?);
             let same = lazygrid_tests::difference(&original, &back, &direct, variant.tolerance());
             same.map_err(|text| format!("{variant}: {text}"))?;

@@ -200,8 +200,8 @@ fn own_and_caller_threads_agree() {
     let expected = scenario.oracle();
     for &algorithm in Algorithm::CPU {
         for threads in THREADS {
-            let own = Config::default().algorithm(algorithm).threads(threads);
-            let mut detector = Detector::new(own).expect("threads");
+            let config = Config::default().algorithm(algorithm).threads(threads);
+            let mut detector = Detector::new(config).expect("threads");
             assert_eq!(detector.pairs(scenario.query()).expect("pairs"), expected, "{algorithm}, {threads}");
             let found = in_pool(1, || detector.count(scenario.query()));
             assert_eq!(found, Ok(expected.len() as u64), "{algorithm}, {threads}, called from another pool");

@@ -62,13 +62,13 @@ fn calls_after_errors_are_right() {
     let good = TestInput::from(lazygrid_io::scenes::Scene::FiveSizes.spheres(1000, 9));
     let mut bad = good.clone();
     bad.spheres[10].radius = f32::NAN;
-    let dense = TestInput::from(vec![lazygrid::Sphere::new([0.0; 3], 1.0); 400]);
+    let coincident = TestInput::from(vec![lazygrid::Sphere::new([0.0; 3], 1.0); 400]);
     for variant in variants::each_algorithm() {
         let limit = variant.own_pairs(&good, &good.oracle()).expect("its list").len() as u64;
         let mut detector = Detector::new(variant.settings().max_pairs(limit)).expect("a detector");
         for _ in 0..2 {
             assert!(detector.pairs(bad.query()).is_err(), "{variant}");
-            assert!(detector.pairs(dense.query()).is_err(), "{variant}");
+            assert!(detector.pairs(coincident.query()).is_err(), "{variant}");
             for call in [Call::Pairs, Call::Neighbors, Call::Stream, Call::Count] {
                 ask(variant, &mut detector, call, &good)
                     .unwrap_or_else(|text| panic!("{variant}, {call:?}: {text}"));

@@ -101,15 +101,15 @@ fn pairs_are_identical_at_each_step_for_any_number_of_threads() {
 
 /// Devices may flush these radii to zero, but not the distances.
 #[test]
-fn crowd_near_the_smallest_normal_number() {
+fn cluster_near_the_smallest_normal_number() {
     let pair = [lazygrid::Sphere::new([0.0; 3], 1e-38), lazygrid::Sphere::new([1.5e-38, 0.0, 0.0], 1e-38)];
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut unit = || (rng.next_u32() >> 8) as f32 / (1 << 24) as f32;
-    let mut place = || [unit(), unit(), unit(), unit()];
-    let crowd = (0..1000)
-        .map(|_| place())
+    let mut point = || [unit(), unit(), unit(), unit()];
+    let cluster = (0..1000)
+        .map(|_| point())
         .map(|[x, y, z, r]| lazygrid::Sphere::new([x, y, z].map(|x| (2.0 * x - 1.0) * 2e-38), r * 1.2e-38));
-    for spheres in [pair.to_vec(), crowd.collect()] {
+    for spheres in [pair.to_vec(), cluster.collect()] {
         let scenario = TestInput::from(spheres);
         let expected = scenario.oracle();
         assert!(!expected.is_empty());
@@ -123,9 +123,9 @@ fn crowd_near_the_smallest_normal_number() {
 #[test]
 fn full_lattice_has_one_pair_per_edge() {
     for (k, spacing) in [(2_usize, 1.0_f32), (9, 0.5), (21, 3.0)] {
-        let place = |at: usize| [at % k, at / k % k, at / k / k].map(|c| c as f32 * spacing - 7.0 * spacing);
+        let point = |at: usize| [at % k, at / k % k, at / k / k].map(|c| c as f32 * spacing - 7.0 * spacing);
         let spheres: Vec<_> =
-            (0..k * k * k).map(|at| lazygrid::Sphere::new(place(at), 0.5 * spacing)).collect();
+            (0..k * k * k).map(|at| lazygrid::Sphere::new(point(at), 0.5 * spacing)).collect();
         let scenario = TestInput::from(spheres);
         let edge = |i: usize, step: usize, along: usize| {
             (along + 1 < k).then(|| Pair { i: i as u32, j: (i + step) as u32 })

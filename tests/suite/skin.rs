@@ -17,12 +17,12 @@ fn variants_with_candidates() -> Vec<DetectorVariant> {
 
 fn matches_oracle_while_moving(
     scenario: &TestInput,
-    part: f32,
+    fraction: f32,
     moves: f32,
     variant: DetectorVariant,
 ) -> Result<(), String> {
     let mut scenario = scenario.clone();
-    let skin = skin_of(&scenario.spheres, part);
+    let skin = skin_of(&scenario.spheres, fraction);
     let order = if variant.threads() == 1 { Order::Unordered } else { Order::Canonical };
     let config = variant.settings().order(order).skin(skin);
     let config = scenario.config(config).map_err(|error| error.to_string())?;
@@ -44,7 +44,7 @@ fn matches_oracle_while_moving(
     })
 }
 
-fn parts() -> impl Strategy<Value = f32> {
+fn fractions() -> impl Strategy<Value = f32> {
     select(vec![0.0, 1e-6, 0.01, 0.3, 2.0, 1e3])
 }
 
@@ -58,9 +58,9 @@ fn arbitrary_spheres() {
         2 => hard::any_spheres().prop_map(TestInput::from),
         1 => hard::mixture(hard::any_spheres()),
     ];
-    let cases = (scenarios, parts(), moves(), select(variants_with_candidates()));
-    check(200, cases, |(scenario, part, moves, variant)| {
-        matches_oracle_while_moving(&scenario, part, moves, variant)
+    let cases = (scenarios, fractions(), moves(), select(variants_with_candidates()));
+    check(200, cases, |(scenario, fraction, moves, variant)| {
+        matches_oracle_while_moving(&scenario, fraction, moves, variant)
     });
 }
 
@@ -73,9 +73,9 @@ fn arbitrary_spheres_in_periodic_boxes() {
         periodic::giant(),
         periodic::mixture(),
     ];
-    let cases = (scenarios, parts(), moves(), select(variants_with_candidates()));
-    check(200, cases, |(scenario, part, moves, variant)| {
-        matches_oracle_while_moving(&scenario, part, moves, variant)
+    let cases = (scenarios, fractions(), moves(), select(variants_with_candidates()));
+    check(200, cases, |(scenario, fraction, moves, variant)| {
+        matches_oracle_while_moving(&scenario, fraction, moves, variant)
     });
 }
 
@@ -83,12 +83,13 @@ fn arbitrary_spheres_in_periodic_boxes() {
 fn running_simulations() {
     let mut variants = variants_with_candidates();
     variants.retain(|variant| variant.algorithm == Algorithm::CellList);
-    let both = |of: DetectorVariant| [(of, Skin::Auto), (of, Skin::Fixed(0.4))];
+    let both = |setting: DetectorVariant| [(setting, Skin::Auto), (setting, Skin::Fixed(0.4))];
     let settings: Vec<_> = variants.into_iter().flat_map(both).collect();
     for scene in Scene::ALL {
         let mut scenario = TestInput::from(scene.spheres(3000, 21));
-        let made =
-            |of: &(DetectorVariant, Skin)| Detector::new(of.0.settings().skin(of.1)).expect("a detector");
+        let made = |setting: &(DetectorVariant, Skin)| {
+            Detector::new(setting.0.settings().skin(setting.1)).expect("a detector")
+        };
         let has_few_sizes = matches!(scene, Scene::Equal | Scene::FiveSizes);
         let serves = |setting: &&(DetectorVariant, Skin)| {
             has_few_sizes || setting.0.backend() == Backend::Cpu || setting.1 != Skin::Auto
@@ -101,11 +102,12 @@ fn running_simulations() {
                 let found = detector.pairs(scenario.query()).expect("the scene is valid").to_vec();
                 difference(&scenario, &found, &expected, variant.tolerance())
                     .unwrap_or_else(|text| panic!("{scene}, {variant}, {skin:?}, step {step}: {text}"));
-                *served += u32::from(detector.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
+                *served +=
+                    u32::from(detector.report().candidates.is_some_and(|stats| stats.rebuilt.is_none()));
             }
             Scene::advance_by(0.01, &mut scenario.spheres, 21, step);
         }
-        let is_hardware = lazygrid_tests::device().is_some_and(|own| own.adapter.is_hardware);
+        let is_hardware = lazygrid_tests::device().is_some_and(|gpu| gpu.adapter.is_hardware);
         for ((variant, skin), _, served) in detectors {
             // On a fast GPU, a list of few spheres costs more than it saves.
             let may_decline = is_hardware && variant.backend() == Backend::Gpu && *skin == Skin::Auto;

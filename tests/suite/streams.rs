@@ -19,25 +19,25 @@ fn detector(algorithm: Algorithm, threads: usize) -> Detector {
 #[test]
 fn consumer_with_a_detector_of_its_own_pool_does_not_hang() {
     for algorithm in [Algorithm::CellList, Algorithm::HashGrid, Algorithm::Naive] {
-        let (done, results) = channel();
+        let (sender, results) = channel();
         thread::spawn(move || {
             let n = if algorithm == Algorithm::Naive { 20_000 } else { 60_000 };
             let mut spheres = Scene::Equal.spheres(n, 71);
             spheres.iter_mut().for_each(|sphere| sphere.radius *= 3.0);
             let inner = Scene::FiveSizes.spheres(30_000, 72);
-            let mut asked = detector(Algorithm::CellList, 2);
-            let expected = asked.count(&inner).expect("an answer");
+            let mut inner_detector = detector(Algorithm::CellList, 2);
+            let expected = inner_detector.count(&inner).expect("an answer");
             let mut outer = detector(algorithm, 2);
             let all = outer.count(&spheres).expect("an answer");
             let (mut pairs, mut calls) = (0, 0);
             let found = outer.stream(&spheres, 1 << 20, |chunk| {
                 if calls < 30 {
-                    assert_eq!(asked.count(&inner), Ok(expected));
+                    assert_eq!(inner_detector.count(&inner), Ok(expected));
                 }
                 (pairs, calls) = (pairs + chunk.len() as u64, calls + 1);
                 ControlFlow::Continue(())
             });
-            let _ = done.send((found, all, pairs, calls));
+            let _ = sender.send((found, all, pairs, calls));
         });
         let (found, all, pairs, calls) =
             results.recv_timeout(TIME_LIMIT).unwrap_or_else(|_| panic!("{algorithm}: the stream hangs"));

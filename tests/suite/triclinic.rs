@@ -20,17 +20,17 @@ fn agree(cases: u32, scenarios: impl Strategy<Value = TestInput>) {
     });
 }
 
-fn uniform(n: usize, radii: &[f32], edges: [Vec3; 3], seed: u64) -> Vec<Sphere> {
+fn uniform(n: usize, radii: &[f32], vectors: [Vec3; 3], seed: u64) -> Vec<Sphere> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut part = || (rng.next_u32() >> 8) as f32 / (1 << 24) as f32;
-    let mut place = || edges[0] * part() + edges[1] * part() + edges[2] * part();
-    (0..n).map(|k| Sphere::new(place(), radii[k % radii.len()])).collect()
+    let mut fraction = || (rng.next_u32() >> 8) as f32 / (1 << 24) as f32;
+    let mut point = || vectors[0] * fraction() + vectors[1] * fraction() + vectors[2] * fraction();
+    (0..n).map(|k| Sphere::new(point(), radii[k % radii.len()])).collect()
 }
 
-fn tilted_input(n: usize, radii: &[f32], edge: f32) -> TestInput {
-    let edges = tilted([Some(edge); 3], [0.4 * edge, -0.3 * edge, 0.2 * edge]);
-    let spheres = uniform(n, radii, edges.map(Option::unwrap_or_default), 5);
-    TestInput { space: families::space(edges), ..spheres.into() }
+fn tilted_input(n: usize, radii: &[f32], side: f32) -> TestInput {
+    let vectors = tilted([Some(side); 3], [0.4 * side, -0.3 * side, 0.2 * side]);
+    let spheres = uniform(n, radii, vectors.map(Option::unwrap_or_default), 5);
+    TestInput { space: families::space(vectors), ..spheres.into() }
 }
 
 #[test]
@@ -106,16 +106,16 @@ fn distance_matches_nearest_images() {
 
 #[test]
 fn tiny_distances_to_images_are_exact() {
-    let edges = [[10.0, 0.0, 0.0], [-0.25, 10.0, 0.0], [0.5, 1.0, 0.1]].map(Vec3::from);
-    let space = families::space(edges.map(Some));
+    let vectors = [[10.0, 0.0, 0.0], [-0.25, 10.0, 0.0], [0.5, 1.0, 0.1]].map(Vec3::from);
+    let space = families::space(vectors.map(Some));
     let tiny = f32::from_bits(3);
     for shifts in 0..27 {
         let shift = |k: u32| (shifts / 3_i32.pow(k) % 3 - 1) as f32;
-        let image: Vec3 = (0..3).map(|k| edges[k as usize] * shift(k)).sum();
+        let image: Vec3 = (0..3).map(|k| vectors[k as usize] * shift(k)).sum();
         let next = image + Vec3::new(tiny, -tiny, tiny);
         let apart = (next - image).as_dvec3().length_squared();
         // If the sum of cell vectors is not representable in `f32`, `image` is not an exact image.
-        let exact: glam::DVec3 = (0..3).map(|k| edges[k as usize].as_dvec3() * f64::from(shift(k))).sum();
+        let exact: glam::DVec3 = (0..3).map(|k| vectors[k as usize].as_dvec3() * f64::from(shift(k))).sum();
         if image.as_dvec3() == exact {
             assert_eq!(space.distance_squared(next, Vec3::ZERO), apart, "{image}");
         }
@@ -126,9 +126,9 @@ fn tiny_distances_to_images_are_exact() {
 fn tilts_by_whole_lengths_have_no_effect() {
     let spheres = uniform(800, &[0.4, 0.2], [Vec3::X * 8.0, Vec3::Y * 4.0, Vec3::Z * 6.0], 2);
     let orthogonal = Space::periodic([Some(8.0), Some(4.0), Some(6.0)]).expect("a box");
-    let edges = tilted([Some(8.0), Some(4.0), Some(6.0)], [16.0, -8.0, 12.0]);
+    let vectors = tilted([Some(8.0), Some(4.0), Some(6.0)], [16.0, -8.0, 12.0]);
     let [orthogonal, tilted_cell] =
-        [orthogonal, families::space(edges)].map(|space| TestInput { space, ..spheres.clone().into() });
+        [orthogonal, families::space(vectors)].map(|space| TestInput { space, ..spheres.clone().into() });
     let expected = orthogonal.oracle();
     assert!(expected.len() > 500);
     assert_eq!(tilted_cell.oracle(), expected);
@@ -142,8 +142,8 @@ fn large_boxes_give_identical_pairs() {
         (&[0.5, 0.25, 0.125, 0.06, 0.03], 16.0),
         (&[0.02, 0.02, 0.02, 0.02, 0.02, 0.02, 2.0], 8.0),
     ];
-    for (radii, edge) in cases {
-        let scenario = tilted_input(4000, radii, edge);
+    for (radii, side) in cases {
+        let scenario = tilted_input(4000, radii, side);
         let expected = scenario.oracle();
         assert!(expected.len() > 1000, "{}", expected.len());
         for variant in variants::all() {
@@ -183,8 +183,8 @@ fn all_kinds_of_results_agree() {
 #[test]
 fn pairs_across_two_sets() {
     let scenarios = prop_oneof![triclinic::soup(), triclinic::lattice(), triclinic::mixture()];
-    check(120, (scenarios, 0.0..=1.0_f32, select(variants::all())), |(scenario, part, variant)| {
-        two_sets::agrees(&scenario, two_sets::split_at(&scenario, part), variant)
+    check(120, (scenarios, 0.0..=1.0_f32, select(variants::all())), |(scenario, fraction, variant)| {
+        two_sets::agrees(&scenario, two_sets::split_at(&scenario, fraction), variant)
     });
 }
 
@@ -194,10 +194,10 @@ fn candidate_lists_never_change_a_result() {
         prop_oneof![triclinic::soup(), triclinic::lattice(), triclinic::mixture(), triclinic::directions()];
     let mut variants = variants::all();
     variants.retain(|variant| variant.algorithm == Algorithm::CellList);
-    let parts = select(vec![1e-6, 0.01, 0.3, 2.0]);
+    let skins = select(vec![1e-6, 0.01, 0.3, 2.0]);
     let moves = select(vec![0.0, 1e-3, 0.03, 0.5]);
-    check(120, (scenarios, parts, moves, select(variants)), |(mut scenario, part, moves, variant)| {
-        let config = variant.settings().skin(skin_of(&scenario.spheres, part));
+    check(120, (scenarios, skins, moves, select(variants)), |(mut scenario, skin, moves, variant)| {
+        let config = variant.settings().skin(skin_of(&scenario.spheres, skin));
         let config = scenario.config(config).map_err(|error| error.to_string())?;
         in_pool(variant.threads(), || {
             let mut detector = Detector::new(config).map_err(|error| error.to_string())?;
@@ -226,7 +226,7 @@ fn candidate_lists_are_reused() {
         for step in 0..8 {
             let found = detector.pairs(scenario.query()).expect("valid spheres").to_vec();
             assert!(found == scenario.oracle(), "{variant}, step {step}");
-            served += u32::from(detector.report().candidates.is_some_and(|kept| kept.rebuilt.is_none()));
+            served += u32::from(detector.report().candidates.is_some_and(|stats| stats.rebuilt.is_none()));
             walk(&mut scenario.spheres, 0.01, step);
         }
         assert!(served > 4, "{variant}: {served} of 8 calls were served");
@@ -235,11 +235,11 @@ fn candidate_lists_are_reused() {
 
 #[test]
 fn axis_parallel_vectors_are_lengths() {
-    let edges = [[3.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, 7.0]].map(Some);
-    let space = Space::triclinic(edges).expect("a box");
+    let vectors = [[3.0, 0.0, 0.0], [0.0, 5.0, 0.0], [0.0, 0.0, 7.0]].map(Some);
+    let space = Space::triclinic(vectors).expect("a box");
     assert_eq!(space, Space::periodic([Some(3.0), Some(5.0), Some(7.0)]).expect("a box"));
-    for edges in [[edges[1], edges[0], edges[2]], [Some([-3.0, 0.0, 0.0]), edges[1], None]] {
-        assert_eq!(Space::triclinic(edges).expect("a box").cell_vectors(), edges);
+    for vectors in [[vectors[1], vectors[0], vectors[2]], [Some([-3.0, 0.0, 0.0]), vectors[1], None]] {
+        assert_eq!(Space::triclinic(vectors).expect("a box").cell_vectors(), vectors);
     }
     assert_eq!(Space::triclinic([None; 3]), Ok(Space::UNBOUNDED));
     let slab = Space::triclinic([Some([2.0, 1.0, 0.0]), None, Some([0.0, 0.0, 1.0])]).expect("a slab");
@@ -250,7 +250,7 @@ fn axis_parallel_vectors_are_lengths() {
 #[test]
 fn dependent_cell_vectors_are_refused() {
     let along = Vec3::new(1.0, 1.0, 0.0);
-    for edges in [
+    for vectors in [
         [Some(along), Some(2.0 * along), None],
         [Some(along), Some(Vec3::X), Some(Vec3::Y)],
         [Some(along), Some(Vec3::ZERO), None],
@@ -258,8 +258,8 @@ fn dependent_cell_vectors_are_refused() {
         [Some(Vec3::new(1.0, f32::INFINITY, 0.0)), None, None],
         [Some(along), Some(Vec3::new(0.0, 1e9, 1.0)), None],
     ] {
-        let edges = edges.map(|edge| edge.map(|edge| edge.as_dvec3().to_array()));
-        let error = Space::triclinic(edges).expect_err("no box");
+        let vectors = vectors.map(|vector| vector.map(|vector| vector.as_dvec3().to_array()));
+        let error = Space::triclinic(vectors).expect_err("no box");
         assert!(matches!(error, InputError::CellVectors { .. }), "{error}");
     }
     let error = Space::triclinic([Some([1.0, 1.0, 0.0]), Some([2.0, 2.0, 0.0]), None])

@@ -14,8 +14,8 @@ use proptest::sample::select;
 use crate::doubles::Random;
 use crate::properties::check;
 
-pub(crate) fn split_at(scenario: &TestInput, part: f32) -> usize {
-    (part * scenario.spheres.len() as f32).round() as usize
+pub(crate) fn split_at(scenario: &TestInput, fraction: f32) -> usize {
+    (fraction * scenario.spheres.len() as f32).round() as usize
 }
 
 /// Exclusions within one set have no effect.
@@ -78,8 +78,8 @@ fn arbitrary_sets_match_the_oracle() {
         1 => periodic::giant(),
         1 => periodic::mixture(),
     ];
-    check(300, (scenarios, 0.0..=1.0_f32, select(variants::all())), |(scenario, part, variant)| {
-        agrees(&scenario, split_at(&scenario, part), variant)
+    check(300, (scenarios, 0.0..=1.0_f32, select(variants::all())), |(scenario, fraction, variant)| {
+        agrees(&scenario, split_at(&scenario, fraction), variant)
     });
 }
 
@@ -95,7 +95,7 @@ fn scenes_with_giants_in_either_set_match_the_oracle() {
         spheres.splice(0..0, giants.clone());
         let scenario = TestInput::from(spheres);
         for split in [0, 1, 20, 700, 1520] {
-            let is_tested = |of: &&DetectorVariant| of.backend() == Backend::Cpu || split == 20;
+            let is_tested = |variant: &&DetectorVariant| variant.backend() == Backend::Cpu || split == 20;
             for &variant in variants.iter().filter(is_tested) {
                 agrees(&scenario, split, variant).unwrap_or_else(|text| panic!("{scene}, {text}"));
             }
